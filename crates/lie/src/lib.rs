@@ -1,1 +1,26 @@
-//! stub
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(feature = "std"), no_std)]
+#![forbid(unsafe_code)]
+
+pub use nalgebra;
+
+mod error;
+mod group;
+mod scalar;
+pub mod series;
+mod skew;
+mod spatial;
+
+mod quaternion;
+mod se3;
+
+#[cfg(feature = "testing")]
+pub mod laws;
+
+pub use error::LieError;
+pub use group::{GroupAction, LieGroup, Manifold};
+pub use quaternion::{from_wxyz, from_xyzw, rotation_jacobian, rotation_jacobian_inverse};
+pub use scalar::{Coordinates, Scalar, real};
+pub use se3::Pose;
+pub use skew::{skew, vee};
+pub use spatial::{Twist, Wrench};

@@ -1,0 +1,24 @@
+//! Errors of this crate.
+
+/// What can be wrong with geometric input.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LieError {
+    /// A quaternion whose norm is not one within the stated tolerance.
+    #[error("quaternion norm {norm} differs from 1 by more than {tolerance}")]
+    NotUnit {
+        /// Norm found.
+        norm: f64,
+        /// Largest accepted difference from one.
+        tolerance: f64,
+    },
+    /// An increment outside the domain of the (Phi, Psi) chart, that is `|Phi| >= 1`.
+    #[error("increment too large for one step: |Phi| = {norm}, must be below 1")]
+    IncrementTooLarge {
+        /// `|Phi|`, the sine of half the rotation angle of the step.
+        norm: f64,
+    },
+    /// A value that is not finite.
+    #[error("value is not finite")]
+    NotFinite,
+}

@@ -1,0 +1,51 @@
+//! The one scalar bound and the one tangent-vector bound of the workspace.
+
+use core::fmt::Debug;
+use core::ops::{Add, Index, IndexMut, Mul, Neg, Sub};
+use nalgebra::{RealField, SVector};
+
+/// A real number that may carry derivatives: `f32`, `f64`, dual numbers.
+pub trait Scalar: RealField + Copy {}
+impl<T: RealField + Copy> Scalar for T {}
+
+/// A literal in any scalar type.
+#[inline(always)]
+pub fn real<T: Scalar>(value: f64) -> T {
+    nalgebra::convert(value)
+}
+
+/// A fixed number of real coordinates: the tangent vectors, inputs and parameters of the workspace.
+pub trait Coordinates<T: Scalar>:
+    Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Neg<Output = Self>
+    + Mul<T, Output = Self>
+    + Index<usize, Output = T>
+    + IndexMut<usize>
+{
+    /// Number of coordinates.
+    const DIM: usize;
+    /// The vector whose coordinate `i` is `component(i)`.
+    fn from_fn(component: impl FnMut(usize) -> T) -> Self;
+    /// The zero vector.
+    fn zero() -> Self {
+        Self::from_fn(|_| T::zero())
+    }
+    /// Euclidean norm of the coordinates, whatever their units.
+    fn euclidean_norm(&self) -> T {
+        let mut sum = T::zero();
+        for i in 0..Self::DIM {
+            sum += self[i] * self[i];
+        }
+        sum.sqrt()
+    }
+}
+
+impl<T: Scalar, const N: usize> Coordinates<T> for SVector<T, N> {
+    const DIM: usize = N;
+    fn from_fn(mut component: impl FnMut(usize) -> T) -> Self {
+        SVector::from_fn(|i, _| component(i))
+    }
+}
