@@ -14,6 +14,12 @@ pub fn real<T: Scalar>(value: f64) -> T {
     nalgebra::convert(value)
 }
 
+/// The value of a scalar, without its derivatives, for decisions and reports.
+#[inline(always)]
+pub fn value<T: Scalar>(scalar: T) -> f64 {
+    nalgebra::convert_unchecked(scalar)
+}
+
 /// A fixed number of real coordinates: the tangent vectors, inputs and parameters of the workspace.
 pub trait Coordinates<T: Scalar>:
     Copy
