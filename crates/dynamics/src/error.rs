@@ -10,8 +10,28 @@ pub enum DynamicsError {
     /// No mass distribution has these parameters.
     #[error("no body has these inertial parameters: relative margin of the pseudo-inertia {margin:e}")]
     NotRealizable {
-        /// Smallest eigenvalue of the normalised pseudo-inertia; positive inside.
+        /// [`InertialParameters::consistency_margin`](crate::InertialParameters::consistency_margin); positive inside.
         margin: f64,
+    },
+    /// An inertia tensor that is not symmetric.
+    #[error("inertia tensor is not symmetric: opposite entries differ by {difference} kg m^2")]
+    AsymmetricInertia {
+        /// Largest difference of opposite entries, kg m^2.
+        difference: f64,
+    },
+    /// A duration that is not positive.
+    #[error("duration of {duration_s} s is not positive")]
+    NotPositive {
+        /// Duration, s.
+        duration_s: f64,
+    },
+    /// The nearest consistent body was not found to full precision.
+    #[error("projection onto the consistent bodies stopped after {iterations} iterations at relative gap {gap:e}")]
+    ProjectionNotConverged {
+        /// Relative duality gap reached.
+        gap: f64,
+        /// Iterations done.
+        iterations: u32,
     },
     /// The implicit equations of a step did not converge.
     #[error(
