@@ -1,1 +1,27 @@
-//! stub
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(feature = "std"), no_std)]
+#![forbid(unsafe_code)]
+
+pub use nalgebra;
+pub use tumble_dynamics as dynamics;
+pub use tumble_lie as lie;
+
+mod error;
+#[cfg(feature = "std")]
+mod identify;
+mod linear_model;
+#[cfg(feature = "std")]
+mod motion;
+pub mod regressors;
+mod wrench_timing;
+
+pub use error::{Column, IdentificationError};
+#[cfg(feature = "std")]
+pub use identify::{
+    Estimate, Identification, Method, NodeResidual, Noise, Prediction, Prior, Settings, StandardDeviations, Validation,
+    Warning, identify, predict, validate,
+};
+pub use linear_model::LinearModel;
+#[cfg(feature = "std")]
+pub use motion::MotionSample;
+pub use wrench_timing::WrenchTiming;

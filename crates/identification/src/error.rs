@@ -1,0 +1,107 @@
+//! What can go wrong in identification, with the numbers needed to act on it.
+
+/// Errors of this crate.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum IdentificationError {
+    /// The data (and the prior, if any) leave some parameter directions undetermined.
+    #[error(
+        "only {rank} of {expected} parameter directions are determined \
+         (smallest relative singular value {smallest_singular_value:e}): excite the body more, or state a prior"
+    )]
+    NotExcited {
+        /// Number of determined directions.
+        rank: usize,
+        /// Number of parameters.
+        expected: usize,
+        /// Smallest singular value of the scaled square-root information, relative to the largest.
+        smallest_singular_value: f64,
+    },
+    /// A measurement, regressor, weight or prior is NaN or infinite.
+    #[error("row {row} of the block is not finite")]
+    NotFinite {
+        /// First offending row, from zero.
+        row: usize,
+    },
+    /// A standard deviation that is zero, negative or NaN.
+    #[error("standard deviation {value} of component {index} is not positive")]
+    NotPositive {
+        /// Component, from zero.
+        index: usize,
+        /// Offending value.
+        value: f64,
+    },
+    /// The mass or the length that sets the scale of the body is not a positive finite number.
+    #[error("body scale {mass_kg} kg, {length_m} m is not positive and finite")]
+    InvalidScale {
+        /// Offered mass.
+        mass_kg: f64,
+        /// Offered length.
+        length_m: f64,
+    },
+    /// The constrained solver did not reach the requested duality gap.
+    #[error("duality gap {duality_gap:e} after {iterations} iterations, above {tolerance:e}")]
+    NotConverged {
+        /// Iterations done.
+        iterations: usize,
+        /// Duality gap reached, in units of ½|R p − z|².
+        duality_gap: f64,
+        /// Duality gap asked for.
+        tolerance: f64,
+    },
+    /// The residual variance was asked for with no more rows than parameters.
+    #[error("{rows} rows leave no residual to judge {parameters} parameters by")]
+    NoResidual {
+        /// Rows received.
+        rows: usize,
+        /// Number of parameters.
+        parameters: usize,
+    },
+    /// Too few samples in equal steps to form a single row.
+    #[error("{samples} samples, too few: {needed} in equal steps without a gap are needed to form one row")]
+    TooFewSamples {
+        /// Samples given.
+        samples: usize,
+        /// Samples needed.
+        needed: usize,
+    },
+    /// Times that go back or repeat.
+    #[error("time of sample {index} is not after the one before")]
+    TimesNotIncreasing {
+        /// Offending sample, from zero.
+        index: usize,
+    },
+    /// A column the method needs is empty throughout.
+    #[error("the method needs {0}, which the record does not hold")]
+    MissingColumn(Column),
+    /// Validation of a result that holds no body.
+    #[error("there is no estimate to validate: the data determined {rank} of ten directions")]
+    NoEstimate {
+        /// Directions determined.
+        rank: usize,
+    },
+    /// A geometric error in the motion, such as half a turn between two poses of one row.
+    #[error(transparent)]
+    Lie(#[from] tumble_lie::LieError),
+}
+
+/// A column of a motion log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Column {
+    /// Force and torque.
+    Wrench,
+    /// Angular velocity.
+    Rate,
+    /// Velocity of the origin.
+    Velocity,
+}
+
+impl core::fmt::Display for Column {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Wrench => "wrenches (f_*, tau_*)",
+            Self::Rate => "angular velocities (w_*)",
+            Self::Velocity => "velocities (v_*)",
+        })
+    }
+}

@@ -1,0 +1,19 @@
+//! Models that are linear in their parameters.
+
+use crate::lie::Scalar;
+use nalgebra::{SMatrix, SVector};
+
+/// A measurement equation `regressor(sample) * parameters = output(sample)`.
+///
+/// Laws: `crate::laws::check_linear_model`. Tutorial: `tests/custom_regressor.rs`.
+///
+/// # Shape
+/// `ROWS` equations for each sample, `PARAMS` unknowns.
+pub trait LinearModel<T: Scalar, const ROWS: usize, const PARAMS: usize> {
+    /// What one evaluation needs.
+    type Sample;
+    /// The matrix that multiplies the parameters.
+    fn regressor(&self, sample: &Self::Sample) -> SMatrix<T, ROWS, PARAMS>;
+    /// The measured left side.
+    fn output(&self, sample: &Self::Sample) -> SVector<T, ROWS>;
+}
