@@ -5,14 +5,19 @@
 pub use tumble_lie as lie;
 pub use tumble_lie::nalgebra;
 
+mod convergence;
 mod error;
 mod free_flyer;
 mod inertia;
+mod integrators;
 mod state;
 mod system;
+mod variational_free_flyer;
 
 pub use error::DynamicsError;
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use inertia::{InertialParameters, PARAMETERS, pseudo_inertia};
+pub use integrators::{GaussLegendre4, LieEuler, MuntheKaas4, RungeKutta4};
 pub use state::RigidBodyState;
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
+pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
