@@ -1,9 +1,10 @@
 //! The dual-quaternion variational integrator of a free rigid body, specialised: no dual numbers, no allocation.
 
 use crate::error::{DynamicsError, number};
+use crate::free_flyer::{FreeFlyer, inverse_of_symmetric};
 use crate::inertia::InertialParameters;
 use crate::state::RigidBodyState;
-use crate::system::{Integrator, MechanicalSystem, RigidBody};
+use crate::system::Integrator;
 use tumble_lie::nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use tumble_lie::{Scalar, Twist, Wrench, real, skew};
 
@@ -162,7 +163,7 @@ fn increment<T: Scalar>(phi: Vector3<T>, p: &Vector3<T>, step_s: T) -> Result<In
     let cosine_squared = T::one() - square;
     let turn = UnitQuaternion::new_unchecked(Quaternion::from_parts(cosine_squared.sqrt(), phi));
     // d - Phi (Phi.d) = 2 P
-    let travel = (p + phi * (phi.dot(p) / cosine_squared)) * real(2.0);
+    let travel = (p + phi * (phi.dot(p) / cosine_squared)) * real::<T>(2.0);
     Ok(Increment { turn, travel })
 }
 
@@ -174,4 +175,25 @@ fn solve<T: Scalar>(matrix: &Matrix3<T>, right: &Vector3<T>) -> (Vector3<T>, T) 
     let determinant = c0.dot(&normal);
     let turned = c0.cross(right);
     (Vector3::new(right.dot(&normal), c2.dot(&turned), -c1.dot(&turned)) / determinant, determinant)
+}
+
+/// The dual-quaternion variational integrator as an [`Integrator`]: see [`variational_step`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct VariationalFreeFlyer;
+
+impl<T: Scalar> Integrator<FreeFlyer<T>> for VariationalFreeFlyer {
+    fn order(&self) -> u32 {
+        2
+    }
+    #[inline]
+    fn step(
+        &self,
+        system: &FreeFlyer<T>,
+        state: &RigidBodyState<T>,
+        wrench_body: &Wrench<T>,
+        _time_s: T,
+        step_s: T,
+    ) -> Result<RigidBodyState<T>, DynamicsError> {
+        variational_step(system.parameters(), state, wrench_body, step_s)
+    }
 }
