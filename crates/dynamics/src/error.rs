@@ -45,7 +45,34 @@ pub enum DynamicsError {
         /// Iterations done.
         iterations: u32,
     },
+    /// A body that turns too far in one step for the (Phi, Psi) chart of the variational integrator.
+    #[error(
+        "the step of {step_s} s is too long: the body turns so far that |Phi| = {norm}, which must stay below 0.707 \
+         (90 degrees)"
+    )]
+    StepTooLarge {
+        /// Step length, s.
+        step_s: f64,
+        /// `|Phi|`, the sine of half the rotation angle of the step.
+        norm: f64,
+    },
+    /// A body that travels too far in one step for the variational integrator, which couples travel and rotation.
+    #[error(
+        "the step of {step_s} s is too long: the body travels {travel_m} m, about twice its radius of gyration or more; \
+         shorten the step or use an inertial frame in which the body is slow"
+    )]
+    TravelTooLong {
+        /// Step length, s.
+        step_s: f64,
+        /// Travel of the centre of mass in the step, m.
+        travel_m: f64,
+    },
     /// A value that is not finite, or a step that is not positive where it must be.
     #[error("value is not finite")]
     NotFinite,
+}
+
+/// The value of a scalar, for an error message.
+pub(crate) fn number<T: tumble_lie::Scalar>(value: T) -> f64 {
+    tumble_lie::nalgebra::try_convert(value).unwrap_or(f64::NAN)
 }

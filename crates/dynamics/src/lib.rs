@@ -6,20 +6,25 @@ pub use tumble_lie as lie;
 pub use tumble_lie::nalgebra;
 
 mod composition;
+mod convergence;
 mod error;
 mod free_flyer;
 mod inertia;
+mod integrators;
 mod log_cholesky;
 mod parameter_vector;
 mod projection;
 mod solids;
 mod state;
 mod system;
+mod variational_free_flyer;
 
 pub use error::DynamicsError;
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};
+pub use integrators::{GaussLegendre4, LieEuler, MuntheKaas4, RungeKutta4};
 pub use log_cholesky::LogCholesky;
 pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, ParameterOrder};
 pub use state::RigidBodyState;
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
+pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};

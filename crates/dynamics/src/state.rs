@@ -36,4 +36,8 @@ impl<T: Scalar> Manifold for RigidBodyState<T> {
         let twist = (self.twist_body - base.twist_body).to_vector();
         SVector::from_fn(|i, _| if i < 6 { pose[i] } else { twist[i - 6] })
     }
+    fn increment_rate(xi: &SVector<T, 12>, velocity: &SVector<T, 12>) -> SVector<T, 12> {
+        let pose = Pose::increment_rate(&Vector6::from_fn(|i, _| xi[i]), &Vector6::from_fn(|i, _| velocity[i]));
+        SVector::from_fn(|i, _| if i < 6 { pose[i] } else { velocity[i] })
+    }
 }

@@ -18,6 +18,9 @@ pub trait Manifold: Clone + Debug {
     fn oplus(&self, xi: &Self::Tangent) -> Self;
     /// The increment that leads from `base` to `self`.
     fn ominus(&self, base: &Self) -> Self::Tangent;
+    /// The rate of `xi` at which `base.oplus(xi)` moves with the right-trivialised velocity `velocity`:
+    /// `base.oplus(xi + dt rate) = base.oplus(xi).oplus(dt velocity)` to first order, for every base.
+    fn increment_rate(xi: &Self::Tangent, velocity: &Self::Tangent) -> Self::Tangent;
 }
 
 /// A finite-dimensional Lie group with an exponential chart.
@@ -101,6 +104,9 @@ impl<G: LieGroup> Manifold for G {
     fn ominus(&self, base: &Self) -> Self::Tangent {
         base.between(self).log()
     }
+    fn increment_rate(xi: &Self::Tangent, velocity: &Self::Tangent) -> Self::Tangent {
+        G::right_jacobian_inverse(xi) * *velocity
+    }
 }
 
 impl<T: Scalar, const N: usize> Manifold for SVector<T, N> {
@@ -111,6 +117,9 @@ impl<T: Scalar, const N: usize> Manifold for SVector<T, N> {
     }
     fn ominus(&self, base: &Self) -> Self {
         self - base
+    }
+    fn increment_rate(_xi: &Self, velocity: &Self) -> Self {
+        *velocity
     }
 }
 
