@@ -221,7 +221,10 @@ fn powerset() -> Outcome {
             }
             let asking = std_features(&String::from_utf8_lossy(&output.stdout));
             if !asking.is_empty() {
-                return Outcome::Failed(format!("tumble-{library} without its default features uses {}", asking.join(", ")));
+                return Outcome::Failed(format!(
+                    "tumble-{library} without its default features uses {}",
+                    asking.join(", ")
+                ));
             }
         }
     }
@@ -262,27 +265,26 @@ fn real_data() -> Outcome {
 
 /// Builds the tumble three ways and compares what it prints.
 fn determinism() -> Outcome {
-    const UNOPTIMISED: [&str; 2] = ["profile.dev.opt-level=0", "profile.dev.package.\"*\".opt-level=0"];
-    let ways = [("opt-level-0", "debug", ""), ("opt-level-3", "release", ""), ("native", "release", "-C target-cpu=native")];
+    let package = match determinism_package() {
+        Ok(package) => package,
+        Err(error) => return Outcome::Failed(error.to_string()),
+    };
+    let ways =
+        [("opt-level-0", "debug", ""), ("opt-level-3", "release", ""), ("native", "release", "-C target-cpu=native")];
     let mut printed = Vec::new();
     for (way, folder, flags) in ways {
         let target = target_dir().join("determinism").join(way);
-        let mut build = cargo("build --quiet --package xtask --features determinism --bin determinism --target-dir");
-        build.arg(&target);
+        let mut build = cargo("build --quiet --manifest-path");
+        build.arg(package.join("Cargo.toml")).arg("--target-dir").arg(&target).env("RUSTFLAGS", flags);
         if folder == "release" {
             build.arg("--release");
-        } else {
-            build.args(UNOPTIMISED.iter().flat_map(|setting| ["--config", setting]));
-        }
-        if !flags.is_empty() {
-            build.env("RUSTFLAGS", flags);
         }
         if let Outcome::Failed(reason) = shell(&mut [build]) {
             return Outcome::Failed(reason);
         }
         match Command::new(target.join(folder).join("determinism")).output() {
             Ok(output) if output.status.success() && !output.stdout.is_empty() => {
-                print!("{way}: {}", String::from_utf8_lossy(&output.stdout));
+                println!("{way}: {}", String::from_utf8_lossy(&output.stdout).trim_end());
                 printed.push(output.stdout);
             }
             Ok(output) => return Outcome::Failed(format!("{way}: {}", String::from_utf8_lossy(&output.stderr))),
@@ -294,6 +296,32 @@ fn determinism() -> Outcome {
     } else {
         Outcome::Failed("the outputs differ".into())
     }
+}
+
+/// A package around the example `determinism` of `tumble-dynamics`, because an example of that crate would be built three times
+/// over with all its test dependencies. Its lock file is the workspace's.
+fn determinism_package() -> Result<PathBuf, Box<dyn std::error::Error>> {
+    let (root, folder) = (root(), target_dir().join("determinism/package"));
+    let example = root.join("crates/dynamics/examples/determinism.rs");
+    if !example.exists() {
+        return Err("crates/dynamics/examples/determinism.rs is missing".into());
+    }
+    std::fs::create_dir_all(&folder)?;
+    std::fs::copy(root.join("Cargo.lock"), folder.join("Cargo.lock"))?;
+    let nalgebra = std::fs::read_to_string(root.join("Cargo.toml"))?.parse::<toml::Table>()?["workspace"]["dependencies"]
+        ["nalgebra"]
+        .to_string();
+    let crates = root.join("crates");
+    let manifest = format!(
+        "[package]\nname = \"determinism\"\nedition = \"2024\"\n\n[workspace]\n\n[[bin]]\nname = \"determinism\"\n\
+         path = '{}'\n\n[dependencies]\nnalgebra = {nalgebra}\ntumble-lie.path = '{}'\ntumble-dynamics.path = '{}'\n\n\
+         [profile.dev]\ndebug = false\n",
+        example.display(),
+        crates.join("lie").display(),
+        crates.join("dynamics").display(),
+    );
+    std::fs::write(folder.join("Cargo.toml"), manifest)?;
+    Ok(folder)
 }
 
 fn tests_alone() -> Outcome {

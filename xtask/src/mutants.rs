@@ -81,13 +81,13 @@ pub fn run(part: &str) -> Result<bool, Box<dyn std::error::Error>> {
     let mut baselines: Vec<(&str, bool)> = Vec::new();
     let mut fates = Vec::new();
     for mutant in chosen {
-        let passes = match baselines.iter().find(|(test, _)| *test == mutant.test) {
-            Some((_, passes)) => *passes,
-            None => {
-                let passes = cargo_test(&copy, mutant.test, Phase::Run)?;
-                baselines.push((mutant.test, passes));
-                passes
-            }
+        let known = baselines.iter().find(|(test, _)| *test == mutant.test).map(|(_, passes)| *passes);
+        let passes = if let Some(passes) = known {
+            passes
+        } else {
+            let passes = cargo_test(&copy, mutant.test, Phase::Run)?;
+            baselines.push((mutant.test, passes));
+            passes
         };
         let start = Instant::now();
         let fate = if passes { try_mutant(mutant, &copy)? } else { Fate::TestAlreadyFails };

@@ -186,7 +186,8 @@ fn file_names(tree: &Tree) -> Vec<String> {
 
 fn machine_paths(tree: &Tree) -> Vec<String> {
     // In pieces, so that this file does not complain about itself.
-    const PATHS: &[&str] = &[concat!("/wo", "rk/"), concat!("/ro", "ot/"), concat!("/ho", "me/"), concat!("/Us", "ers/")];
+    const PATHS: &[&str] =
+        &[concat!("/wo", "rk/"), concat!("/ro", "ot/"), concat!("/ho", "me/"), concat!("/Us", "ers/")];
     let mut found = Vec::new();
     for (path, text) in tree.under("", "") {
         for (number, line) in (1..).zip(text.lines()) {
@@ -229,7 +230,9 @@ mod tests {
         ]);
         let found = file_names(&tree);
         assert_eq!(found.len(), 2, "{found:?}");
-        assert!(found[0].starts_with("crates/lie/src/groups/mod.rs") && found[1].starts_with("crates/lie/src/utils.rs"));
+        assert!(
+            found[0].starts_with("crates/lie/src/groups/mod.rs") && found[1].starts_with("crates/lie/src/utils.rs")
+        );
     }
 
     #[test]

@@ -157,7 +157,10 @@ mod tests {
 
     #[test]
     fn an_arrow_the_wrong_way_is_seen() {
-        let lie = package("tumble-lie", "[dev-dependencies]\ntumble-dynamics.workspace = true\ntumble-lie = { path = \".\" }");
+        let lie = package(
+            "tumble-lie",
+            "[dev-dependencies]\ntumble-dynamics.workspace = true\ntumble-lie = { path = \".\" }",
+        );
         let dynamics = package("tumble-dynamics", "[dependencies]\ntumble-lie.workspace = true");
         let tree = Tree::planted(&[("crates/lie/Cargo.toml", &lie), ("crates/dynamics/Cargo.toml", &dynamics)]);
         assert_eq!(arrows(&tree), ["crates/lie/Cargo.toml: tumble-lie may not depend on tumble-dynamics"]);

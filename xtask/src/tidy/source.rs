@@ -106,7 +106,9 @@ pub fn attributes(tree: &Tree) -> Vec<String> {
 /// Nothing unfinished, switched off or left over from debugging.
 pub fn unfinished(tree: &Tree) -> Vec<String> {
     const BANNED: &[&str] = &["todo!", "unimplemented!", "dbg!", "#[ignore"];
-    search(tree, "", |line| BANNED.iter().find(|banned| line.contains(**banned)).map(|banned| format!("holds {banned}")))
+    search(tree, "", |line| {
+        BANNED.iter().find(|banned| line.contains(**banned)).map(|banned| format!("holds {banned}"))
+    })
 }
 
 /// Library code that switches a lint against panics off says why.
@@ -228,6 +230,9 @@ mod tests {
     fn a_robot_in_a_library_is_seen() {
         let planted = ("crates/dynamics/src/inertia.rs", "/// As on the Astrobee.\n");
         let allowed = ("crates/astrobee/src/lib.rs", "//! Astrobee\n");
-        assert_eq!(robot_name(&Tree::planted(&[planted, allowed])), ["crates/dynamics/src/inertia.rs:1: names a robot"]);
+        assert_eq!(
+            robot_name(&Tree::planted(&[planted, allowed])),
+            ["crates/dynamics/src/inertia.rs:1: names a robot"]
+        );
     }
 }
