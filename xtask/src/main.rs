@@ -1,2 +1,47 @@
-//! stub
-fn main() {}
+//! Automation of the Tumble workspace: `cargo xtask <command>`.
+
+mod ci;
+mod command;
+mod mutants;
+mod tidy;
+
+use std::process::ExitCode;
+
+const USAGE: &str = "\
+cargo xtask <command>
+
+  ci [--full] [--only NAME]... [--list]   every check beyond `cargo test --workspace`
+  tidy                                    the rules a machine can hold
+  mutants [--only TEXT] [--list]          planted source changes; the tests must kill every one
+  bench [--json] ...                      speed on the frozen peer problems (target-cpu=native)
+  real-data [--data DIR] [--json] [--check]
+  study NAME ... | reproduce NAME ...     started in the release build of `studies`
+
+Exit 0: done. 1: a check failed. 2: bad input. 3: a target was missed.
+";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let Some((name, rest)) = arguments.split_first() else {
+        print!("{USAGE}");
+        return ExitCode::from(2);
+    };
+    match name.as_str() {
+        "ci" => ci::main(rest),
+        "tidy" => tidy::main(),
+        "mutants" => mutants::main(rest),
+        "bench" | "real-data" | "study" | "reproduce" => {
+            let mut studies = command::studies(name);
+            studies.args(&arguments);
+            command::forward(studies)
+        }
+        "help" | "--help" | "-h" => {
+            print!("{USAGE}");
+            ExitCode::SUCCESS
+        }
+        unknown => {
+            eprintln!("unknown command `{unknown}`\n\n{USAGE}");
+            ExitCode::from(2)
+        }
+    }
+}

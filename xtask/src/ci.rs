@@ -1,0 +1,372 @@
+//! `cargo xtask ci`: every check beyond `cargo test --workspace`.
+//!
+//! The steps share what they build. Commands that need the crates compiled say `--workspace`, because cargo then picks the same
+//! features of every dependency as the test command did; permutations of features are only type-checked.
+
+use std::path::PathBuf;
+use std::process::{Command, ExitCode};
+use std::time::Instant;
+
+use crate::command::{cargo, is_installed, line, root, studies, target_dir};
+use crate::{mutants, tidy};
+
+/// How a step ended.
+pub enum Outcome {
+    Ok,
+    Failed(String),
+    Skipped(String),
+}
+
+/// When a step runs without being named.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum When {
+    Always,
+    Full,
+}
+
+struct Step {
+    name: &'static str,
+    about: &'static str,
+    when: When,
+    run: fn() -> Outcome,
+}
+
+const fn always(name: &'static str, about: &'static str, run: fn() -> Outcome) -> Step {
+    Step { name, about, when: When::Always, run }
+}
+
+const fn full(name: &'static str, about: &'static str, run: fn() -> Outcome) -> Step {
+    Step { name, about, when: When::Full, run }
+}
+
+/// Cheap steps first, so that a slip shows early.
+const STEPS: &[Step] = &[
+    always("format", "cargo fmt", || shell(&mut [cargo("fmt --all --check")])),
+    always("tidy", "the rules a machine can hold", tidy::step),
+    always("clippy", "all targets, all features, warnings are errors", || {
+        shell(&mut [cargo("clippy --workspace --all-targets --all-features -- -D warnings")])
+    }),
+    always("docs", "rustdoc, warnings are errors", docs),
+    always("examples", "build and run every example", examples),
+    always("feature-tests", "tests behind features that are off by default", feature_tests),
+    always("powerset", "type-check no feature, each feature, all features; no std means no std", powerset),
+    always("package", "what would be published", || {
+        shell(&mut [cargo("package --workspace --no-verify --allow-dirty --quiet")])
+    }),
+    always("deny", "bans, licences, sources", deny),
+    always("real-data", "measured throws meet their targets", real_data),
+    always("determinism", "a long tumble is the same bytes at every optimisation level", determinism),
+    full("package-verify", "every package builds from what would be published", || {
+        shell(&mut [cargo("package --workspace --allow-dirty")])
+    }),
+    full("tests-alone", "the tests of each crate, built without the others' features", tests_alone),
+    full("tests-release", "all tests, optimised", || shell(&mut [cargo("test --workspace --release")])),
+    full("benches", "every benchmark compiles", || shell(&mut [cargo("bench --workspace --no-run")])),
+    full("minimum-rust", "the stated minimum compiler", minimum_rust),
+    full("mutants", "every planted source change is caught", || match mutants::run("") {
+        Ok(true) => Outcome::Ok,
+        Ok(false) => Outcome::Failed("see the table above".into()),
+        Err(error) => Outcome::Failed(error.to_string()),
+    }),
+];
+
+/// Packages that are published, each of which has a `--lib`, and whether they promise to build without the standard library.
+const LIBRARIES: &[(&str, bool)] =
+    &[("lie", true), ("dynamics", true), ("identification", true), ("planning", false), ("astrobee", false)];
+
+pub fn main(arguments: &[String]) -> ExitCode {
+    let (mut long, mut only, mut list) = (false, Vec::new(), false);
+    let mut rest = arguments.iter();
+    while let Some(argument) = rest.next() {
+        match argument.as_str() {
+            "--full" => long = true,
+            "--list" => list = true,
+            "--only" => match rest.next().filter(|name| STEPS.iter().any(|step| step.name == name.as_str())) {
+                Some(name) => only.push(name.as_str()),
+                None => return bad_input("--only wants the name of a step"),
+            },
+            unknown => return bad_input(&format!("unknown argument `{unknown}`")),
+        }
+    }
+    if list {
+        for step in STEPS {
+            println!("{:<16} {}{}", step.name, step.about, if step.when == When::Full { " (--full)" } else { "" });
+        }
+        return ExitCode::SUCCESS;
+    }
+
+    let mut rows = Vec::new();
+    for step in STEPS {
+        let wanted = if only.is_empty() { long || step.when == When::Always } else { only.contains(&step.name) };
+        if wanted {
+            println!("\n=== {}: {}", step.name, step.about);
+            let start = Instant::now();
+            let outcome = (step.run)();
+            let seconds = start.elapsed().as_secs_f64();
+            println!("=== {}: {} ({seconds:.1} s)", step.name, verdict(&outcome));
+            rows.push((step.name, seconds, outcome));
+        }
+    }
+
+    println!("\n{:<16} {:>8}  result", "step", "seconds");
+    for (name, seconds, outcome) in &rows {
+        println!("{name:<16} {seconds:>8.1}  {}", verdict(outcome));
+    }
+    println!("{:<16} {:>8.1}", "all", rows.iter().map(|row| row.1).sum::<f64>());
+    if rows.iter().any(|row| matches!(row.2, Outcome::Failed(_))) { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+}
+
+fn bad_input(message: &str) -> ExitCode {
+    eprintln!("{message}; `cargo xtask ci --list` names the steps");
+    ExitCode::from(2)
+}
+
+fn verdict(outcome: &Outcome) -> String {
+    match outcome {
+        Outcome::Ok => "ok".into(),
+        Outcome::Failed(reason) => format!("FAILED: {reason}"),
+        Outcome::Skipped(reason) => format!("skipped: {reason}"),
+    }
+}
+
+/// Runs all commands, also after one failed.
+fn shell(commands: &mut [Command]) -> Outcome {
+    let mut failed = Vec::new();
+    for command in commands {
+        println!("$ {}", line(command));
+        if !command.status().is_ok_and(|status| status.success()) {
+            failed.push(line(command));
+        }
+    }
+    if failed.is_empty() { Outcome::Ok } else { Outcome::Failed(failed.join("; ")) }
+}
+
+fn has(path: &str) -> bool {
+    root().join(path).exists()
+}
+
+/// The libraries that exist: folder name, and whether they promise `no_std`.
+fn libraries() -> impl Iterator<Item = (&'static str, bool)> {
+    LIBRARIES.iter().copied().filter(|(name, _)| has(&format!("crates/{name}")))
+}
+
+fn docs() -> Outcome {
+    let mut command = cargo("doc --workspace --no-deps --all-features");
+    command.env("RUSTDOCFLAGS", "-D warnings");
+    shell(&mut [command])
+}
+
+/// `crates/*/examples/*.rs`, by name.
+fn example_names() -> Vec<String> {
+    let mut names: Vec<String> = libraries()
+        .filter_map(|(name, _)| std::fs::read_dir(root().join("crates").join(name).join("examples")).ok())
+        .flatten()
+        .flatten()
+        .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".rs")?.to_owned()))
+        .collect();
+    names.sort();
+    names
+}
+
+fn examples() -> Outcome {
+    // Built with the features the test command used, then run as they lie: `cargo run --example` would build them again.
+    let mut commands = vec![cargo("build --workspace --examples")];
+    commands.extend(example_names().iter().map(|name| {
+        let mut command = Command::new(target_dir().join("debug/examples").join(name));
+        command.current_dir(root());
+        command
+    }));
+    shell(&mut commands)
+}
+
+fn feature_tests() -> Outcome {
+    const TEST: &str = "lmi_against_clarabel";
+    if !has(&format!("crates/identification/tests/{TEST}.rs")) {
+        return Outcome::Failed(format!("crates/identification/tests/{TEST}.rs is missing"));
+    }
+    // `--workspace` shares every dependency with the test command; naming the test keeps the others from being built again.
+    shell(&mut [cargo(&format!("test --workspace --features tumble-identification/clarabel-sdp --test {TEST}"))])
+}
+
+fn features_of(library: &str) -> Vec<String> {
+    let manifest = std::fs::read_to_string(root().join("crates").join(library).join("Cargo.toml")).unwrap_or_default();
+    let Ok(manifest) = manifest.parse::<toml::Table>() else { return Vec::new() };
+    let features = manifest.get("features").and_then(toml::Value::as_table);
+    features.into_iter().flat_map(toml::Table::keys).filter(|name| *name != "default").cloned().collect()
+}
+
+fn powerset() -> Outcome {
+    let mut commands = Vec::new();
+    for (library, _) in libraries() {
+        let check = format!("check --quiet --package tumble-{library} --lib");
+        commands.push(cargo(&format!("{check} --no-default-features")));
+        for feature in features_of(library) {
+            commands.push(cargo(&format!("{check} --no-default-features --features {feature}")));
+        }
+        commands.push(cargo(&format!("{check} --all-features")));
+    }
+    if let Outcome::Failed(reason) = shell(&mut commands) {
+        return Outcome::Failed(reason);
+    }
+    // The host has a standard library, so type-checking alone does not show that nothing asks for it.
+    for (library, no_std) in libraries() {
+        if no_std {
+            let mut tree = cargo(&format!(
+                "tree --package tumble-{library} --no-default-features --edges normal,features --prefix none"
+            ));
+            println!("$ {}", line(&tree));
+            let Ok(output) = tree.output() else { return Outcome::Failed("cargo tree does not start".into()) };
+            if !output.status.success() {
+                return Outcome::Failed(String::from_utf8_lossy(&output.stderr).into_owned());
+            }
+            let asking = std_features(&String::from_utf8_lossy(&output.stdout));
+            if !asking.is_empty() {
+                return Outcome::Failed(format!(
+                    "tumble-{library} without its default features uses {}",
+                    asking.join(", ")
+                ));
+            }
+        }
+    }
+    Outcome::Ok
+}
+
+/// Lines of `cargo tree --edges features` that turn a standard library on.
+fn std_features(tree: &str) -> Vec<String> {
+    tree.lines().filter(|line| line.trim_end_matches(" (*)").ends_with("feature \"std\"")).map(str::to_owned).collect()
+}
+
+fn deny() -> Outcome {
+    if !is_installed("cargo", "deny") {
+        return Outcome::Skipped("cargo-deny is not installed".into());
+    }
+    shell(&mut [cargo("deny --offline --all-features check bans licenses sources")])
+}
+
+/// `TUMBLE_DATA`, else the folder beside the checkout.
+fn data_folder() -> Option<PathBuf> {
+    let folder = std::env::var_os("TUMBLE_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
+    folder.is_dir().then_some(folder)
+}
+
+fn real_data() -> Outcome {
+    let set = |name: &str, value: &str| std::env::var(name).is_ok_and(|found| found == value);
+    let Some(folder) = data_folder() else {
+        return if set("CI", "true") || set("TUMBLE_REQUIRE_DATA", "1") {
+            Outcome::Failed("measured data are required here: set TUMBLE_DATA".into())
+        } else {
+            Outcome::Skipped("no measured data: set TUMBLE_DATA".into())
+        };
+    };
+    let mut command = studies("real-data");
+    command.env("TUMBLE_REQUIRE_DATA", "1").args(["real-data", "--check", "--data"]).arg(folder);
+    shell(&mut [command])
+}
+
+/// Builds the tumble three ways and compares what it prints.
+fn determinism() -> Outcome {
+    let package = match determinism_package() {
+        Ok(package) => package,
+        Err(error) => return Outcome::Failed(error.to_string()),
+    };
+    let ways =
+        [("opt-level-0", "debug", ""), ("opt-level-3", "release", ""), ("native", "release", "-C target-cpu=native")];
+    let mut printed = Vec::new();
+    for (way, folder, flags) in ways {
+        let target = target_dir().join("determinism").join(way);
+        let mut build = cargo("build --quiet --manifest-path");
+        build.arg(package.join("Cargo.toml")).arg("--target-dir").arg(&target).env("RUSTFLAGS", flags);
+        if folder == "release" {
+            build.arg("--release");
+        }
+        if let Outcome::Failed(reason) = shell(&mut [build]) {
+            return Outcome::Failed(reason);
+        }
+        match Command::new(target.join(folder).join("determinism")).output() {
+            Ok(output) if output.status.success() && !output.stdout.is_empty() => {
+                println!("{way}: {}", String::from_utf8_lossy(&output.stdout).trim_end());
+                printed.push(output.stdout);
+            }
+            Ok(output) => return Outcome::Failed(format!("{way}: {}", String::from_utf8_lossy(&output.stderr))),
+            Err(error) => return Outcome::Failed(format!("{way}: {error}")),
+        }
+    }
+    if printed.iter().all(|bytes| *bytes == printed[0]) {
+        Outcome::Ok
+    } else {
+        Outcome::Failed("the outputs differ".into())
+    }
+}
+
+/// A package around the example `determinism` of `tumble-dynamics`, because an example of that crate would be built three times
+/// over with all its test dependencies. Its lock file is the workspace's.
+fn determinism_package() -> Result<PathBuf, Box<dyn std::error::Error>> {
+    let (root, folder) = (root(), target_dir().join("determinism/package"));
+    let example = root.join("crates/dynamics/examples/determinism.rs");
+    if !example.exists() {
+        return Err("crates/dynamics/examples/determinism.rs is missing".into());
+    }
+    std::fs::create_dir_all(&folder)?;
+    std::fs::copy(root.join("Cargo.lock"), folder.join("Cargo.lock"))?;
+    let nalgebra = std::fs::read_to_string(root.join("Cargo.toml"))?.parse::<toml::Table>()?["workspace"]["dependencies"]
+        ["nalgebra"]
+        .to_string();
+    let crates = root.join("crates");
+    let manifest = format!(
+        "[package]\nname = \"determinism\"\nedition = \"2024\"\n\n[workspace]\n\n[[bin]]\nname = \"determinism\"\n\
+         path = '{}'\n\n[dependencies]\nnalgebra = {nalgebra}\ntumble-lie.path = '{}'\ntumble-dynamics.path = '{}'\n\n\
+         [profile.dev]\ndebug = false\n",
+        example.display(),
+        crates.join("lie").display(),
+        crates.join("dynamics").display(),
+    );
+    std::fs::write(folder.join("Cargo.toml"), manifest)?;
+    Ok(folder)
+}
+
+fn tests_alone() -> Outcome {
+    let mut commands: Vec<Command> =
+        libraries().map(|(name, _)| cargo(&format!("test --package tumble-{name}"))).collect();
+    shell(&mut commands)
+}
+
+fn minimum_rust() -> Outcome {
+    let manifest = std::fs::read_to_string(root().join("Cargo.toml")).unwrap_or_default();
+    let version = manifest.parse::<toml::Table>().ok().and_then(|manifest| {
+        Some(manifest.get("workspace")?.get("package")?.get("rust-version")?.as_str()?.to_owned())
+    });
+    let Some(version) = version else { return Outcome::Failed("Cargo.toml states no rust-version".into()) };
+    if !is_installed("cargo", &format!("+{version}")) {
+        return Outcome::Skipped(format!("Rust {version} is not installed"));
+    }
+    let mut check = Command::new("cargo");
+    check.current_dir(root()).arg(format!("+{version}")).args(["check", "--workspace", "--target-dir"]);
+    check.arg(target_dir().join("minimum-rust"));
+    shell(&mut [check])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn step_names_are_unique() {
+        for (index, step) in STEPS.iter().enumerate() {
+            assert!(STEPS[..index].iter().all(|other| other.name != step.name), "{}", step.name);
+        }
+    }
+
+    #[test]
+    fn a_failing_command_fails_its_step_and_the_next_one_still_runs() {
+        let mut commands = [cargo("no-such-subcommand"), cargo("--version")];
+        let Outcome::Failed(reason) = shell(&mut commands) else { panic!("a failing command passed") };
+        assert_eq!(reason, "cargo no-such-subcommand");
+    }
+
+    #[test]
+    fn a_standard_library_in_the_tree_is_seen() {
+        let tree = "nalgebra feature \"libm-force\"\nnalgebra feature \"std\" (*)\nsyn feature \"default\"";
+        assert_eq!(std_features(tree), ["nalgebra feature \"std\" (*)"]);
+        assert!(std_features("nalgebra feature \"macros\"").is_empty());
+    }
+}

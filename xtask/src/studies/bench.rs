@@ -1,0 +1,203 @@
+//! `cargo xtask bench`: timing and its output, one JSON object or one row of a table per item.
+
+use std::hint::black_box;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use serde_json::json;
+
+use crate::arguments::Arguments;
+use crate::{Failure, Problem};
+
+/// What the calibration takes on the idle machine on which the targets were measured.
+const IDLE_CALIBRATION_NS: f64 = 11.6;
+
+/// One line of output.
+pub struct Row {
+    pub problem: &'static str,
+    pub item: &'static str,
+    pub median_ns: f64,
+    pub p99_ns: f64,
+    /// How many calls were timed.
+    pub n: usize,
+    /// Named figures of the answers, found by code that shares nothing with what was timed.
+    pub quality: Vec<(&'static str, f64)>,
+    pub target_ns: Option<f64>,
+    /// nalgebra's SO(3) exponential just before: shows a loaded machine.
+    pub calibration_ns: f64,
+}
+
+/// The settings of a run and the place where rows go.
+pub struct Bench {
+    as_json: bool,
+    only: String,
+    /// How often each set of inputs is gone through.
+    pub sweeps: usize,
+    /// The folder of the frozen inputs, where there is one.
+    pub data: Option<PathBuf>,
+    calibration: Vec<Vector3<f64>>,
+}
+
+/// Runs every problem, or those whose name or item holds `--only`.
+pub fn run(arguments: &Arguments, problems: &[Problem]) -> Result<(), Failure> {
+    let mut generator = ChaCha8Rng::seed_from_u64(0);
+    let mut bench = Bench {
+        as_json: arguments.has("--json"),
+        only: arguments.value("--only").unwrap_or_default().to_owned(),
+        sweeps: arguments.number("--sweeps")?.unwrap_or(1001).max(1),
+        data: arguments.folder("--data", &["../shared/benchmarks/data"])?,
+        calibration: (0..1024).map(|_| Vector3::from_fn(|_, _| 1.8 * uniform(&mut generator))).collect(),
+    };
+    if !bench.as_json {
+        println!(
+            "{:<12} {:<28} {:>12} {:>12} {:>12} {:>8} {:>8}  quality",
+            "problem", "item", "median ns", "p99 ns", "target ns", "ratio", "load"
+        );
+    }
+    for (_, problem) in problems {
+        problem(&mut bench)?;
+    }
+    if !bench.as_json {
+        println!(
+            "\nratio: median / target, both at the load shown; load: calibration / {IDLE_CALIBRATION_NS} ns (idle: 1)"
+        );
+    }
+    Ok(())
+}
+
+/// Uniform in [-1, 1).
+pub fn uniform(generator: &mut ChaCha8Rng) -> f64 {
+    const UNIT: f64 = 1.0 / (1_u64 << 53) as f64;
+    2.0 * (generator.next_u64() >> 11) as f64 * UNIT - 1.0
+}
+
+/// The numbers of a CSV file of the frozen inputs, one row per line.
+pub fn numbers(path: &std::path::Path) -> Result<Vec<Vec<f64>>, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|error| Failure::file(path, error))?;
+    let lines = text.lines().filter(|line| !line.starts_with('#'));
+    let rows: Result<Vec<Vec<f64>>, _> = lines.map(|line| line.split(',').map(str::parse).collect()).collect();
+    rows.map_err(|error| Failure::file(path, error))
+}
+
+impl Bench {
+    /// Whether this item was asked for.
+    pub fn wants(&self, problem: &str, item: &str) -> bool {
+        problem.contains(&self.only) || item.contains(&self.only)
+    }
+
+    /// Times `call` on inputs 0..count, one clock reading per sweep; median and 99th percentile are over the sweeps' means.
+    pub fn sweep<T>(
+        &self,
+        problem: &'static str,
+        item: &'static str,
+        target_ns: Option<f64>,
+        count: usize,
+        quality: &[(&'static str, f64)],
+        call: impl FnMut(usize) -> T,
+    ) {
+        if self.wants(problem, item) {
+            let calibration_ns = self.calibrate();
+            let times = sweeps(self.sweeps, count, call);
+            let (median_ns, p99_ns) = (quantile(&times, 0.5), quantile(&times, 0.99));
+            let n = count * self.sweeps;
+            self.report(&Row {
+                problem,
+                item,
+                median_ns,
+                p99_ns,
+                n,
+                quality: quality.to_vec(),
+                target_ns,
+                calibration_ns,
+            });
+        }
+    }
+
+    /// How long nalgebra's SO(3) exponential takes now.
+    pub fn calibrate(&self) -> f64 {
+        quantile(&sweeps(101, self.calibration.len(), |i| UnitQuaternion::from_scaled_axis(self.calibration[i])), 0.5)
+    }
+
+    /// Prints a row, for a problem that times itself.
+    pub fn report(&self, row: &Row) {
+        let load = row.calibration_ns / IDLE_CALIBRATION_NS;
+        if self.as_json {
+            let quality: serde_json::Map<_, _> =
+                row.quality.iter().map(|(name, value)| ((*name).to_owned(), json!(value))).collect();
+            println!(
+                "{}",
+                json!({
+                    "problem": row.problem, "item": row.item, "median_ns": row.median_ns, "p99_ns": row.p99_ns, "n": row.n,
+                    "quality": quality, "target_ns": row.target_ns, "calibration_ns": row.calibration_ns,
+                })
+            );
+        } else {
+            let target = row.target_ns.map_or_else(String::new, |target| format!("{target:.2}"));
+            let ratio =
+                row.target_ns.map_or_else(String::new, |target| format!("{:.2}", row.median_ns / target / load));
+            let quality: Vec<String> = row.quality.iter().map(|(name, value)| format!("{name} {value:.3e}")).collect();
+            println!(
+                "{:<12} {:<28} {:>12.2} {:>12.2} {target:>12} {ratio:>8} {load:>8.2}  {}",
+                row.problem,
+                row.item,
+                row.median_ns,
+                row.p99_ns,
+                quality.join(", ")
+            );
+        }
+    }
+}
+
+/// Mean nanoseconds per call of each sweep, sorted; the first sweeps only warm up.
+fn sweeps<T>(count: usize, inputs: usize, mut call: impl FnMut(usize) -> T) -> Vec<f64> {
+    const WARM_UP: usize = 5;
+    let mut answers = Vec::with_capacity(inputs);
+    let mut times = Vec::with_capacity(count);
+    for sweep in 0..count + WARM_UP {
+        answers.clear();
+        let start = Instant::now();
+        answers.extend((0..inputs).map(|i| call(black_box(i))));
+        let elapsed = start.elapsed().as_nanos() as f64 / inputs as f64;
+        black_box(&answers);
+        if sweep >= WARM_UP {
+            times.push(elapsed);
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    times
+}
+
+/// The value below which this share of sorted values lies.
+pub fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let last = sorted.len().saturating_sub(1) as f64;
+    // Between zero and the last index, so the cast is exact.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let index = (share * last).round() as usize;
+    sorted.get(index).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_of_a_ramp() {
+        let ramp: Vec<f64> = (0..=100).map(f64::from).collect();
+        assert_eq!((quantile(&ramp, 0.5), quantile(&ramp, 0.99), quantile(&ramp, 1.0)), (50.0, 99.0, 100.0));
+        assert!(quantile(&[], 0.5).is_nan());
+    }
+
+    #[test]
+    fn every_sweep_is_timed_once() {
+        let mut calls = 0;
+        let times = sweeps(10, 3, |i| {
+            calls += 1;
+            i
+        });
+        assert_eq!((times.len(), calls), (10, 45));
+        assert!(times.iter().all(|time| *time >= 0.0));
+    }
+}
