@@ -119,7 +119,7 @@ impl<T: Scalar> FreeFlyer<T> {
 
 /// Adjugate over determinant of a symmetric 3x3 matrix; not finite where it is singular.
 #[inline]
-fn inverse_of_symmetric<T: Scalar>(m: &Matrix3<T>) -> Matrix3<T> {
+pub(crate) fn inverse_of_symmetric<T: Scalar>(m: &Matrix3<T>) -> Matrix3<T> {
     let (a11, a12, a13) = (m.m22 * m.m33 - m.m23 * m.m23, m.m13 * m.m23 - m.m12 * m.m33, m.m12 * m.m23 - m.m13 * m.m22);
     let (a22, a23, a33) = (m.m11 * m.m33 - m.m13 * m.m13, m.m12 * m.m13 - m.m11 * m.m23, m.m11 * m.m22 - m.m12 * m.m12);
     let determinant = m.m11 * a11 + m.m12 * a12 + m.m13 * a13;
