@@ -71,8 +71,3 @@ pub enum DynamicsError {
     #[error("value is not finite")]
     NotFinite,
 }
-
-/// The value of a scalar, for an error message.
-pub(crate) fn number<T: tumble_lie::Scalar>(value: T) -> f64 {
-    tumble_lie::nalgebra::try_convert(value).unwrap_or(f64::NAN)
-}

@@ -7,6 +7,8 @@ pub use tumble_lie::nalgebra;
 
 mod composition;
 mod convergence;
+#[cfg(feature = "dual")]
+mod discrete_lagrangian;
 mod error;
 mod free_flyer;
 mod inertia;
@@ -15,10 +17,13 @@ mod log_cholesky;
 mod parameter_vector;
 mod projection;
 mod solids;
+mod momentum;
 mod state;
 mod system;
 mod variational_free_flyer;
 
+#[cfg(feature = "dual")]
+pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
 pub use error::DynamicsError;
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};
@@ -26,5 +31,14 @@ pub use integrators::{GaussLegendre4, LieEuler, MuntheKaas4, RungeKutta4};
 pub use log_cholesky::LogCholesky;
 pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, ParameterOrder};
 pub use state::RigidBodyState;
+pub use inertia::{InertialParameters, PARAMETERS, pseudo_inertia};
+#[cfg(feature = "dual")]
+pub use integrators::Variational;
+pub use integrators::{GaussLegendre4, LieEuler, MuntheKaas4, RungeKutta4};
+pub use momentum::{
+    body_momentum, discrete_lagrangian, discrete_spatial_momentum, kinetic_energy, mass_matrix, momentum_at_end,
+    momentum_at_start, spatial_momentum, twist_of_momentum,
+};
+pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};

@@ -1,12 +1,12 @@
 //! The dual-quaternion variational integrator of a free rigid body, specialised: no dual numbers, no allocation.
 
-use crate::error::{DynamicsError, number};
+use crate::error::DynamicsError;
 use crate::free_flyer::{FreeFlyer, inverse_of_symmetric};
 use crate::inertia::InertialParameters;
 use crate::state::RigidBodyState;
 use crate::system::Integrator;
-use tumble_lie::nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use tumble_lie::{Scalar, Twist, Wrench, real, skew};
+use tumble_lie::nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
+use tumble_lie::{Increment, Scalar, Twist, Wrench, real, skew, value};
 
 /// Newton iterations after which a step counts as too long; two or three are usual.
 const MAX_ITERATIONS: u32 = 30;
@@ -52,8 +52,8 @@ pub fn variational_step<T: Scalar>(
     let momentum = (velocity + rate.cross(&com)) * mass + half_impulse;
     let angular_momentum = inertia * rate + half_angular_impulse;
 
-    let Increment { turn, travel } =
-        solve_increment(&inertia, &inertia_inverse, mass, &momentum, &angular_momentum, step_s)?;
+    let displacement = solve_increment(&inertia, &inertia_inverse, mass, &momentum, &angular_momentum, step_s)?.to_displacement();
+    let (turn, travel) = (displacement.rotation, displacement.translation.vector);
 
     // Coadjoint action: the momenta as seen from the new frame.
     let momentum_after = turn.inverse_transform_vector(&momentum) + half_impulse;
@@ -76,14 +76,6 @@ pub fn variational_step<T: Scalar>(
         ),
         twist_body: Twist::new(rate_after, velocity_after),
     })
-}
-
-/// Relative displacement of a step about the centre of mass.
-struct Increment<T: Scalar> {
-    /// Body at the start from body at the end.
-    turn: UnitQuaternion<T>,
-    /// Displacement of the centre of mass in the axes of the body at the start, m.
-    travel: Vector3<T>,
 }
 
 /// Solves `-D1 L_d = momenta` for the increment, about the centre of mass.
@@ -117,7 +109,7 @@ fn solve_increment<T: Scalar>(
             return Err(DynamicsError::NotFinite);
         }
         if square >= T::one() {
-            return Err(DynamicsError::StepTooLarge { step_s: number(step_s), norm: number(square.sqrt()) });
+            return Err(DynamicsError::StepTooLarge { step_s: value(step_s), norm: value(square.sqrt()) });
         }
         let a = (T::one() - square).sqrt();
         let per_a = T::one() / a;
@@ -140,31 +132,28 @@ fn solve_increment<T: Scalar>(
         last_update = update.norm_squared();
         if last_update <= phi.norm_squared() * negligible {
             if determinant <= T::zero() {
-                return Err(DynamicsError::TravelTooLong { step_s: number(step_s), travel_m: number(p.norm() * real(2.0)) });
+                return Err(DynamicsError::TravelTooLong { step_s: value(step_s), travel_m: value(p.norm() * real::<T>(2.0)) });
             }
             return increment(phi, &p, step_s);
         }
     }
     Err(DynamicsError::StepNotConverged {
-        step_s: number(step_s),
-        residual: number(last_update.sqrt()),
+        step_s: value(step_s),
+        residual: value(last_update.sqrt()),
         iterations: MAX_ITERATIONS,
     })
 }
 
-/// The displacement that belongs to a solution `Phi`.
+/// The increment that belongs to a solution `Phi`.
 #[inline(always)]
 fn increment<T: Scalar>(phi: Vector3<T>, p: &Vector3<T>, step_s: T) -> Result<Increment<T>, DynamicsError> {
     let square = phi.norm_squared();
     if square > real(0.5) {
         // Beyond a quarter turn the equations have a second, unphysical solution.
-        return Err(DynamicsError::StepTooLarge { step_s: number(step_s), norm: number(square.sqrt()) });
+        return Err(DynamicsError::StepTooLarge { step_s: value(step_s), norm: value(square.sqrt()) });
     }
-    let cosine_squared = T::one() - square;
-    let turn = UnitQuaternion::new_unchecked(Quaternion::from_parts(cosine_squared.sqrt(), phi));
-    // d - Phi (Phi.d) = 2 P
-    let travel = (p + phi * (phi.dot(p) / cosine_squared)) * real::<T>(2.0);
-    Ok(Increment { turn, travel })
+    let a = (T::one() - square).sqrt();
+    Ok(Increment::try_new(phi, p * a - phi.cross(p) + phi * (phi.dot(p) / a))?)
 }
 
 /// Solution of `matrix x = right` by Cramer's rule, and the determinant; not finite where it is zero.
@@ -195,5 +184,37 @@ impl<T: Scalar> Integrator<FreeFlyer<T>> for VariationalFreeFlyer {
         step_s: T,
     ) -> Result<RigidBodyState<T>, DynamicsError> {
         variational_step(system.parameters(), state, wrench_body, step_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tumble_lie::nalgebra::SVector;
+    use tumble_lie::Pose;
+
+    fn body_d() -> InertialParameters<f64> {
+        InertialParameters::about_origin(
+            5.0,
+            Vector3::new(0.05, 0.1, 0.05),
+            Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
+        )
+    }
+
+    #[test]
+    fn golden_step_of_body_d() {
+        let state = RigidBodyState {
+            world_from_body: Pose::identity(),
+            twist_body: Twist::new(Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.1, -0.05, 0.2)),
+        };
+        let wrench = Wrench::new(
+            Vector3::new(0.0, 0.4 * 0.5_f64.sin(), 0.6),
+            Vector3::new(1.0, 0.8 * 0.2_f64.sin(), 1.2 * 1.0_f64.sin()),
+        );
+        let after = variational_step(&body_d(), &state, &wrench, 0.05).unwrap().world_from_body;
+        let position = Vector3::new(0.005_283_125_378_2, -0.002_418_866_920_8, 0.010_271_726_217_7);
+        let attitude = SVector::from([0.007_519_424_067_6, -0.004_903_047_954_1, 0.012_627_953_504_2, 0.999_879_969_382_7]);
+        assert!((after.translation.vector - position).amax() < 1e-13, "{after:?}");
+        assert!((after.rotation.coords - attitude).amax() < 1e-13, "{after:?}");
     }
 }

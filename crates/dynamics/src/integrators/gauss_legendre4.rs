@@ -1,7 +1,7 @@
 use crate::convergence::Rest;
-use crate::error::{DynamicsError, number};
+use crate::error::DynamicsError;
 use crate::system::{Integrator, MechanicalSystem, ScalarOf, TangentOf};
-use tumble_lie::{Manifold, real};
+use tumble_lie::{Manifold, real, value};
 
 /// The implicit Gauss-Legendre method of order 4 (two stages), symmetric on every manifold.
 ///
@@ -52,8 +52,8 @@ impl<S: MechanicalSystem> Integrator<S> for GaussLegendre4 {
             }
         }
         Err(DynamicsError::StepNotConverged {
-            step_s: number(step_s),
-            residual: number(early_rest.last_change()).max(number(late_rest.last_change())),
+            step_s: value(step_s),
+            residual: value(early_rest.last_change()).max(value(late_rest.last_change())),
             iterations: MAX_ITERATIONS,
         })
     }

@@ -1,0 +1,71 @@
+//! What the generic variational integrator asks of a system (feature `dual`).
+
+use crate::free_flyer::FreeFlyer;
+use crate::inertia::InertialParameters;
+use crate::momentum::{discrete_lagrangian, kinetic_energy};
+use crate::system::MechanicalSystem;
+use tumble_lie::nalgebra::{SVector, Vector6, convert};
+use tumble_lie::{Increment, LieGroup, Pose, Scalar, Twist, Wrench, real};
+
+/// Configuration group of a system over the scalar `T`.
+pub type GroupOf<S, T> = <S as DiscreteLagrangian>::Group<T>;
+/// Left-trivialised velocity, or momentum, of a system over the scalar `T`.
+pub type VelocityOf<S, T> = <GroupOf<S, T> as LieGroup>::Tangent;
+
+/// A mechanical system on a Lie group given by its Lagrangian.
+///
+/// Written once, generic over the scalar; the integrator takes every derivative it needs by dual numbers.
+/// The system's state is any [`crate::LagrangianState`] on the same group.
+pub trait DiscreteLagrangian: MechanicalSystem {
+    /// Configuration group.
+    type Group<T: Scalar>: LieGroup<Scalar = T>;
+
+    /// The same configuration over another scalar.
+    fn lift<T: Scalar>(configuration: &GroupOf<Self, f64>) -> GroupOf<Self, T>;
+
+    /// Kinetic minus potential energy at a left-trivialised velocity, J.
+    fn lagrangian<T: Scalar>(&self, configuration: &GroupOf<Self, T>, velocity: &VelocityOf<Self, T>) -> T;
+
+    /// Approximate action between two configurations `step_s` apart, J s; not a number outside its domain.
+    ///
+    /// Unless given: the Lagrangian at the middle of the geodesic, of second order and symmetric.
+    fn discrete_lagrangian<T: Scalar>(&self, from: &GroupOf<Self, T>, to: &GroupOf<Self, T>, step_s: T) -> T {
+        let increment = LieGroup::log(&from.between(to));
+        let middle = from.compose(&<GroupOf<Self, T> as LieGroup>::exp(&(increment * real::<T>(0.5))));
+        self.lagrangian(&middle, &(increment * (T::one() / step_s))) * step_s
+    }
+
+    /// Left-trivialised force besides the potential's: the held input and what else acts on the system.
+    ///
+    /// Half of its impulse over a step acts at each end.
+    fn force(
+        &self,
+        time_s: f64,
+        configuration: &GroupOf<Self, f64>,
+        velocity: &VelocityOf<Self, f64>,
+        input: &Self::Input,
+    ) -> VelocityOf<Self, f64>;
+}
+
+fn lift_parameters<T: Scalar>(body: &InertialParameters<f64>) -> InertialParameters<T> {
+    InertialParameters::from_vector(&SVector::from_fn(|i, _| real(body.to_vector()[i])))
+}
+
+impl DiscreteLagrangian for FreeFlyer<f64> {
+    type Group<T: Scalar> = Pose<T>;
+    fn lift<T: Scalar>(world_from_body: &Pose<f64>) -> Pose<T> {
+        convert(*world_from_body)
+    }
+    fn lagrangian<T: Scalar>(&self, _world_from_body: &Pose<T>, twist_body: &Vector6<T>) -> T {
+        kinetic_energy(&lift_parameters(self.parameters()), &Twist::from(*twist_body))
+    }
+    /// `(2/h) [Phi; Psi]^T M [Phi; Psi]`, (5.16).
+    fn discrete_lagrangian<T: Scalar>(&self, from: &Pose<T>, to: &Pose<T>, step_s: T) -> T {
+        Increment::between(from, to).map_or(real(f64::NAN), |increment| {
+            discrete_lagrangian(&lift_parameters(self.parameters()), &increment, step_s)
+        })
+    }
+    fn force(&self, _: f64, _: &Pose<f64>, _: &Vector6<f64>, wrench_body: &Wrench<f64>) -> Vector6<f64> {
+        wrench_body.to_vector()
+    }
+}

@@ -1,0 +1,111 @@
+//! Energy and momentum maps of a free body, continuous and discrete.
+
+use crate::inertia::InertialParameters;
+use crate::state::RigidBodyState;
+use tumble_lie::nalgebra::{Matrix6, Vector3};
+use tumble_lie::{Increment, Pose, Scalar, Twist, Wrench, real, skew};
+
+/// Kinetic energy, J.
+#[inline]
+pub fn kinetic_energy<T: Scalar>(body: &InertialParameters<T>, twist_body: &Twist<T>) -> T {
+    twist_body.power(&body_momentum(body, twist_body)) * real(0.5)
+}
+
+/// Angular momentum about the body origin and linear momentum, `[J w + m c x v; m v + w x m c]`.
+///
+/// A momentum transforms as a wrench, whose type it shares.
+/// # Frame
+/// Body axes.
+/// # Units
+/// N m s, N s.
+#[inline]
+pub fn body_momentum<T: Scalar>(body: &InertialParameters<T>, twist_body: &Twist<T>) -> Wrench<T> {
+    let Twist { angular, linear } = twist_body;
+    let first_moment = &body.first_moment;
+    Wrench::new(
+        body.inertia_about_origin * angular + first_moment.cross(linear),
+        linear * body.mass + angular.cross(first_moment),
+    )
+}
+
+/// The twist of a body that has this momentum; not finite for a body without inertia.
+///
+/// # Frame
+/// Body axes, about the body origin.
+#[inline]
+pub fn twist_of_momentum<T: Scalar>(body: &InertialParameters<T>, momentum_body: &Wrench<T>) -> Twist<T> {
+    let com = body.center_of_mass();
+    let about_com = momentum_body.torque - com.cross(&momentum_body.force);
+    let angular = crate::free_flyer::inverse_of_symmetric(&body.inertia_about_com()) * about_com;
+    Twist::new(angular, momentum_body.force / body.mass - angular.cross(&com))
+}
+
+/// Momentum about the inertial origin: constant while no wrench acts.
+///
+/// # Frame
+/// Inertial axes, angular momentum about the inertial origin.
+#[inline]
+pub fn spatial_momentum<T: Scalar>(body: &InertialParameters<T>, state: &RigidBodyState<T>) -> Wrench<T> {
+    body_momentum(body, &state.twist_body).transformed_by(&state.world_from_body)
+}
+
+/// `M = [[J, m S(c)], [m S(c)^T, m I]]`, the matrix of [`body_momentum`].
+///
+/// # Shape
+/// 6x6, rows `[angular; linear]` momentum, columns `[angular; linear]` velocity.
+pub fn mass_matrix<T: Scalar>(body: &InertialParameters<T>) -> Matrix6<T> {
+    let coupling = skew(&body.first_moment);
+    let mut m = Matrix6::zeros();
+    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&body.inertia_about_origin);
+    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&coupling);
+    m.fixed_view_mut::<3, 3>(3, 0).copy_from(&coupling.transpose());
+    m.fixed_view_mut::<3, 3>(3, 3).fill_diagonal(body.mass);
+    m
+}
+
+/// The discrete Lagrangian of a free body, `(2/h) [Phi; Psi]^T M [Phi; Psi]`, J s.
+///
+/// # Source
+/// Thesis (5.16).
+pub fn discrete_lagrangian<T: Scalar>(body: &InertialParameters<T>, increment: &Increment<T>, step_s: T) -> T {
+    let rate = Twist::new(increment.phi(), increment.psi());
+    kinetic_energy(body, &rate) * (real::<T>(4.0) / step_s)
+}
+
+/// Discrete momentum at the start of an increment, `(2/h) [f_a0 Y + Phi x Y + f_b0 X + Psi x X; f_a0 X + Phi x X]`.
+///
+/// # Frame
+/// Axes of the body at the start, about its origin.
+/// # Source
+/// Thesis (5.17), (5.18).
+pub fn momentum_at_start<T: Scalar>(body: &InertialParameters<T>, increment: &Increment<T>, step_s: T) -> Wrench<T> {
+    let (phi, psi) = (increment.phi(), increment.psi());
+    let Wrench { torque: y, force: x } = body_momentum(body, &Twist::new(phi, psi));
+    let angular: Vector3<T> = y * increment.f_a0() + phi.cross(&y) + x * increment.f_b0() + psi.cross(&x);
+    Wrench::new(angular, x * increment.f_a0() + phi.cross(&x)) * (real::<T>(2.0) / step_s)
+}
+
+/// Discrete momentum at the end of an increment, `(2/h) [f_a0 Y - Phi x Y + f_b0 X - Psi x X; f_a0 X - Phi x X]`.
+///
+/// # Frame
+/// Axes of the body at the end, about its origin.
+/// # Source
+/// Thesis (5.17), (5.18).
+/// # Deviation
+/// `f_b0 = -Phi.Psi / sqrt(1 - Phi^2)` with one and the same index; (5.18) prints `Phi_k` under the root.
+pub fn momentum_at_end<T: Scalar>(body: &InertialParameters<T>, increment: &Increment<T>, step_s: T) -> Wrench<T> {
+    momentum_at_start(body, &increment.reversed(), -step_s)
+}
+
+/// Conserved spatial momentum of a discrete motion: that of the increment from `world_from_start`.
+///
+/// # Frame
+/// Inertial axes, about the inertial origin.
+pub fn discrete_spatial_momentum<T: Scalar>(
+    body: &InertialParameters<T>,
+    world_from_start: &Pose<T>,
+    increment: &Increment<T>,
+    step_s: T,
+) -> Wrench<T> {
+    momentum_at_start(body, increment, step_s).transformed_by(world_from_start)
+}
