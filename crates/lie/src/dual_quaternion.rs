@@ -5,9 +5,12 @@
 
 use crate::group::{GroupAction, LieGroup};
 use crate::scalar::{Scalar, real};
-use crate::se3::Pose;
+use crate::se3::{Pose, halves};
+use crate::series;
 use crate::spatial::Twist;
-use nalgebra::{DualQuaternion, Isometry3, Matrix6, Quaternion, UnitDualQuaternion, Vector3, Vector6};
+use nalgebra::{
+    DualQuaternion, Isometry3, Matrix6, Quaternion, Translation3, UnitDualQuaternion, UnitQuaternion, Vector3, Vector6,
+};
 
 /// The velocity of the body that moves along `pose(t)` with the time derivative `pose_rate`: `2 p* o pdot = w + eps v`.
 ///
@@ -34,6 +37,37 @@ pub fn rate_from_twist_body<T: Scalar>(pose: &UnitDualQuaternion<T>, twist_body:
         )
 }
 
+/// Scalar and vector part of the real, then of the dual half of `exp((phi + eps rho) / 2)`.
+///
+/// The dual half is the derivative of the real half along `rho`.
+#[inline(always)]
+pub(crate) fn exponential<T: Scalar>(xi: &Vector6<T>) -> ((T, Vector3<T>), (T, Vector3<T>)) {
+    let (phi, rho) = halves(xi);
+    let half = series::half_angle(phi.norm_squared());
+    let (k, dot) = (half.sinc * real(0.5), phi.dot(&rho));
+    ((half.cos, phi * k), (-(k * dot * real(0.5)), rho * k + phi * (half.sinc_rate * dot)))
+}
+
+/// The pose `p` stands for: `l = 2 vec(p_dual o p_real*)`.
+#[inline(always)]
+fn pose_of<T: Scalar>(p: &UnitDualQuaternion<T>) -> Pose<T> {
+    let (q, d) = (&p.real, &p.dual);
+    let (v, psi) = (Vector3::new(q.i, q.j, q.k), Vector3::new(d.i, d.j, d.k));
+    let l = psi * q.w - v * d.w + v.cross(&psi);
+    Isometry3::from_parts(Translation3::from(l * real::<T>(2.0)), UnitQuaternion::new_unchecked(*q))
+}
+
+/// Product of the quaternions `a` and `b`.
+#[inline(always)]
+fn product<T: Scalar>(a: &Quaternion<T>, b: &Quaternion<T>) -> Quaternion<T> {
+    Quaternion::new(
+        a.w * b.w - a.i * b.i - a.j * b.j - a.k * b.k,
+        a.w * b.i + a.i * b.w + a.j * b.k - a.k * b.j,
+        a.w * b.j - a.i * b.k + a.j * b.w + a.k * b.i,
+        a.w * b.k + a.i * b.j - a.j * b.i + a.k * b.w,
+    )
+}
+
 impl<T: Scalar> LieGroup for UnitDualQuaternion<T> {
     type Scalar = T;
     type Tangent = Vector6<T>;
@@ -41,37 +75,58 @@ impl<T: Scalar> LieGroup for UnitDualQuaternion<T> {
     fn identity() -> Self {
         UnitDualQuaternion::identity()
     }
+    #[inline]
     fn inverse(&self) -> Self {
         self.conjugate()
     }
+    #[inline]
+    fn compose(&self, other: &Self) -> Self {
+        UnitDualQuaternion::new_unchecked(DualQuaternion::from_real_and_dual(
+            product(&self.real, &other.real),
+            product(&self.real, &other.dual) + product(&self.dual, &other.real),
+        ))
+    }
+    #[inline]
     fn exp(xi: &Vector6<T>) -> Self {
-        UnitDualQuaternion::from_isometry(&<Isometry3<T> as LieGroup>::exp(xi))
+        let ((w, phi), (f_b0, psi)) = exponential(xi);
+        UnitDualQuaternion::new_unchecked(DualQuaternion::from_real_and_dual(
+            Quaternion::new(w, phi.x, phi.y, phi.z),
+            Quaternion::new(f_b0, psi.x, psi.y, psi.z),
+        ))
     }
+    #[inline]
     fn log(&self) -> Vector6<T> {
-        LieGroup::log(&self.to_isometry())
+        pose_of(self).log()
     }
+    #[inline]
     fn adjoint(&self) -> Matrix6<T> {
-        self.to_isometry().adjoint()
+        pose_of(self).adjoint()
     }
+    #[inline]
     fn coadjoint(&self) -> Matrix6<T> {
-        self.to_isometry().coadjoint()
+        pose_of(self).coadjoint()
     }
+    #[inline]
     fn bracket(a: &Vector6<T>, b: &Vector6<T>) -> Vector6<T> {
         Pose::bracket(a, b)
     }
+    #[inline]
     fn dual_bracket(a: &Vector6<T>, mu: &Vector6<T>) -> Vector6<T> {
         Pose::dual_bracket(a, mu)
     }
+    #[inline]
     fn right_jacobian(xi: &Vector6<T>) -> Matrix6<T> {
         Pose::right_jacobian(xi)
     }
+    #[inline]
     fn right_jacobian_inverse(xi: &Vector6<T>) -> Matrix6<T> {
         Pose::right_jacobian_inverse(xi)
     }
 }
 
 impl<T: Scalar> GroupAction<Vector3<T>> for UnitDualQuaternion<T> {
+    #[inline]
     fn act(&self, point: &Vector3<T>) -> Vector3<T> {
-        self.rotation() * point + self.translation().vector
+        pose_of(self).act(point)
     }
 }

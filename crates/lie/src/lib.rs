@@ -15,6 +15,7 @@ mod dual_quaternion;
 mod increment_chart;
 mod quaternion;
 mod se3;
+mod so3;
 
 #[cfg(feature = "testing")]
 pub mod laws;
@@ -23,8 +24,9 @@ pub use dual_quaternion::{rate_from_twist_body, twist_body_from_rate};
 pub use error::LieError;
 pub use group::{GroupAction, LieGroup, Manifold};
 pub use increment_chart::Increment;
-pub use quaternion::{from_wxyz, from_xyzw, rotation_jacobian, rotation_jacobian_inverse};
+pub use quaternion::{from_wxyz, from_xyzw};
 pub use scalar::{Coordinates, Scalar, real, value};
 pub use se3::Pose;
 pub use skew::{skew, vee};
+pub use so3::{rotation_jacobian, rotation_jacobian_inverse};
 pub use spatial::{Twist, Wrench};

@@ -1,10 +1,18 @@
 //! Unit quaternions (Hamilton) as a Lie group; component order appears only in the two constructors.
+//!
+//! | | |
+//! |---|---|
+//! | element | `q = w + v`, `q = world_from_body` turns body vectors into world vectors: `q o r o q*`; `q` and `-q` are one rotation |
+//! | tangent | rotation vector `phi = angle * axis`, rad |
+//! | exp | `w = cos(t/2)`, `v = sin(t/2) phi / t`, `t = norm(phi)` |
+//! | log | of the representative with `w >= 0`: angles up to half a turn |
+//! | Ad, ad, Jacobians | as SO(3) in every representation |
 
 use crate::error::LieError;
 use crate::group::{GroupAction, LieGroup};
 use crate::scalar::{Scalar, real};
 use crate::series;
-use crate::skew::skew;
+use crate::so3::{rotation_jacobian, rotation_jacobian_inverse};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// A rotation from quaternion components, scalar first.
@@ -31,29 +39,24 @@ pub fn from_xyzw(x: f64, y: f64, z: f64, w: f64, tolerance: f64) -> Result<UnitQ
     from_wxyz(w, x, y, z, tolerance)
 }
 
-/// Right Jacobian of the exponential of rotations, `I - a S + b S^2`.
-#[inline]
-pub fn rotation_jacobian<T: Scalar>(phi: &Vector3<T>) -> Matrix3<T> {
-    let (a, b) = series::jacobian(phi.norm_squared());
-    polynomial_in_skew(phi, T::one(), -a, b)
-}
-
-/// Inverse right Jacobian of the exponential of rotations, `I + S/2 + c S^2`.
-#[inline]
-pub fn rotation_jacobian_inverse<T: Scalar>(phi: &Vector3<T>) -> Matrix3<T> {
-    let (c, _) = series::inverse_jacobian_with_rate(phi.norm_squared());
-    polynomial_in_skew(phi, T::one(), real(0.5), c)
-}
-
-/// `unit I + first S(phi) + second S(phi)^2`.
+/// The unit quaternion with these parts.
 #[inline(always)]
-pub(crate) fn polynomial_in_skew<T: Scalar>(phi: &Vector3<T>, unit: T, first: T, second: T) -> Matrix3<T> {
-    let diagonal = unit - second * phi.norm_squared();
-    let mut m = phi * phi.transpose() * second + skew(phi) * first;
-    m.m11 += diagonal;
-    m.m22 += diagonal;
-    m.m33 += diagonal;
-    m
+pub(crate) fn unit<T: Scalar>(w: T, v: &Vector3<T>) -> UnitQuaternion<T> {
+    UnitQuaternion::new_unchecked(Quaternion::new(w, v.x, v.y, v.z))
+}
+
+/// `log(q)` and the coefficient `c` of its inverse Jacobian.
+///
+/// One Newton step of normalisation makes the result insensitive to the rounding that products collect.
+#[inline(always)]
+pub(crate) fn log_with_coefficient<T: Scalar>(q: &UnitQuaternion<T>) -> (Vector3<T>, T) {
+    let (x, y, z, w) = (q.i, q.j, q.k, q.w);
+    let per_norm = real::<T>(1.5) - real::<T>(0.5) * (x * x + y * y + (z * z + w * w));
+    let w = w * per_norm;
+    // q and -q are one rotation: take the representative with a non-negative scalar part.
+    let (w, per_norm) = if w < T::zero() { (-w, -per_norm) } else { (w, per_norm) };
+    let series::Logarithm { g, c } = series::logarithm(w);
+    (Vector3::new(x, y, z) * (g * per_norm * real(2.0)), c)
 }
 
 impl<T: Scalar> LieGroup for UnitQuaternion<T> {
@@ -63,57 +66,124 @@ impl<T: Scalar> LieGroup for UnitQuaternion<T> {
     fn identity() -> Self {
         UnitQuaternion::identity()
     }
+    #[inline]
     fn inverse(&self) -> Self {
-        UnitQuaternion::inverse(self)
+        self.conjugate()
+    }
+    #[inline]
+    fn compose(&self, other: &Self) -> Self {
+        let (a, b) = (self, other);
+        UnitQuaternion::new_unchecked(Quaternion::new(
+            a.w * b.w - a.i * b.i - a.j * b.j - a.k * b.k,
+            a.w * b.i + a.i * b.w + a.j * b.k - a.k * b.j,
+            a.w * b.j - a.i * b.k + a.j * b.w + a.k * b.i,
+            a.w * b.k + a.i * b.j - a.j * b.i + a.k * b.w,
+        ))
     }
     #[inline]
     fn exp(xi: &Vector3<T>) -> Self {
-        let (sinc, cos) = series::sinc_cos(xi.norm_squared() * real(0.25));
-        let v = xi * (sinc * real(0.5));
-        UnitQuaternion::new_unchecked(Quaternion::new(cos, v.x, v.y, v.z))
+        let half = series::half_angle(xi.norm_squared());
+        unit(half.cos, &(xi * (half.sinc * real(0.5))))
     }
     #[inline]
     fn log(&self) -> Vector3<T> {
-        let (v, w) = (self.imag(), self.w);
-        // q and -q are one rotation: take the representative with a non-negative scalar part.
-        let (v, w) = if w < T::zero() { (-v, -w) } else { (v, w) };
-        let n2 = v.norm_squared();
-        if n2 < real(1e-3) {
-            // 2 atan(n / w) / n
-            let x = n2 / (w * w);
-            let mut sum = T::zero();
-            for k in (0..8).rev() {
-                let c = if k % 2 == 0 { 1.0 } else { -1.0 } / f64::from(2 * k + 1);
-                sum = sum * x + real(c);
-            }
-            v * (sum * real(2.0) / w)
-        } else {
-            let n = n2.sqrt();
-            v * (n.atan2(w) * real(2.0) / n)
-        }
+        log_with_coefficient(self).0
     }
+    #[inline]
     fn adjoint(&self) -> Matrix3<T> {
-        self.to_rotation_matrix().into_inner()
+        let (x, y, z, w) = (self.i, self.j, self.k, self.w);
+        let (x2, y2, z2) = (x + x, y + y, z + z);
+        let (xx, yy, zz) = (x * x2, y * y2, z * z2);
+        let (xy, xz, yz) = (x * y2, x * z2, y * z2);
+        let (wx, wy, wz) = (w * x2, w * y2, w * z2);
+        let one = T::one();
+        Matrix3::new(
+            one - (yy + zz),
+            xy - wz,
+            xz + wy,
+            xy + wz,
+            one - (xx + zz),
+            yz - wx,
+            xz - wy,
+            yz + wx,
+            one - (xx + yy),
+        )
     }
+    #[inline]
     fn coadjoint(&self) -> Matrix3<T> {
         self.adjoint()
     }
+    #[inline]
     fn bracket(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
         a.cross(b)
     }
+    #[inline]
     fn dual_bracket(a: &Vector3<T>, mu: &Vector3<T>) -> Vector3<T> {
         mu.cross(a)
     }
+    #[inline]
     fn right_jacobian(xi: &Vector3<T>) -> Matrix3<T> {
         rotation_jacobian(xi)
     }
+    #[inline]
     fn right_jacobian_inverse(xi: &Vector3<T>) -> Matrix3<T> {
         rotation_jacobian_inverse(xi)
     }
 }
 
 impl<T: Scalar> GroupAction<Vector3<T>> for UnitQuaternion<T> {
+    #[inline]
     fn act(&self, point: &Vector3<T>) -> Vector3<T> {
-        self * point
+        let v = Vector3::new(self.i, self.j, self.k);
+        let twice = v.cross(point) * real::<T>(2.0);
+        point + twice * self.w + v.cross(&twice)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use nalgebra::Rotation3;
+
+    /// Golden rotation of the reference equations, appendix A.
+    #[test]
+    fn golden_exponential() {
+        let phi = Vector3::new(0.3, -0.4, 0.7);
+        let q = <UnitQuaternion<f64> as LieGroup>::exp(&phi);
+        let golden = from_xyzw(0.145417593292156, -0.193890124389541, 0.339307717681697, 0.908917276734777, 1e-14);
+        assert_relative_eq!(q, golden.unwrap(), epsilon = 1e-14);
+        let matrix = Matrix3::new(
+            0.694553784771693,
+            -0.673195363964368,
+            -0.253777544310365,
+            0.560415222956993,
+            0.727447992565511,
+            -0.395921956944134,
+            0.451142791073271,
+            0.132768294594592,
+            0.882520686451071,
+        );
+        assert_relative_eq!(q.adjoint(), matrix, epsilon = 1e-11);
+        let rotation = <Rotation3<f64> as LieGroup>::exp(&phi);
+        assert_relative_eq!(rotation.into_inner(), matrix, epsilon = 1e-11);
+        assert_relative_eq!(UnitQuaternion::from_rotation_matrix(&rotation), q, epsilon = 1e-14);
+    }
+
+    #[test]
+    fn golden_product() {
+        let product =
+            <UnitQuaternion<f64> as LieGroup>::exp(&Vector3::new(0.1, 0.2, -0.3))
+                .compose(&<UnitQuaternion<f64> as LieGroup>::exp(&Vector3::new(-0.4, 0.25, 0.15)));
+        let golden = from_wxyz(0.961224149020707, -0.120484475898974, 0.243789008759116, -0.045809885559940, 1e-14);
+        assert_relative_eq!(product, golden.unwrap(), epsilon = 1e-14);
+    }
+
+    #[test]
+    fn constructors_reject_what_is_not_a_rotation() {
+        assert!(matches!(from_wxyz(2.0, 0.0, 0.0, 0.0, 1e-3), Err(LieError::NotUnit { .. })));
+        assert!(matches!(from_wxyz(0.0, 0.0, 0.0, 0.0, 2.0), Err(LieError::NotUnit { .. })));
+        assert_eq!(from_xyzw(f64::NAN, 0.0, 0.0, 1.0, 1.0), Err(LieError::NotFinite));
+        assert_relative_eq!(from_wxyz(1.0005, 0.0, 0.0, 0.0, 1e-3).unwrap().norm(), 1.0);
     }
 }

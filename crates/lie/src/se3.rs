@@ -1,46 +1,88 @@
 //! SE(3) on `Isometry3` (unit quaternion and translation). Tangent order `[angular; linear]`.
+//!
+//! | | |
+//! |---|---|
+//! | element | `[R t; 0 1]` |
+//! | tangent | `[phi; rho]`, rad and m |
+//! | exp | rotation `exp(phi)`, translation `Jl(phi) rho` |
+//! | Ad, Ad* | `[R 0; S(t)R R]`, `[R S(t)R; 0 R]` |
+//! | ad | `[S(w) 0; S(v) S(w)]`, dual `[torque x w + force x v; force x w]` |
+//! | Jr | `[A 0; B A]`, `A` the right Jacobian of SO(3), `B` its derivative along `rho` |
+//!
+//! SE(3) is SO(3) over the dual numbers `phi + eps rho`: that gives the exponential and the lower left blocks.
 
+use crate::dual_quaternion::exponential;
 use crate::group::{GroupAction, LieGroup};
-use crate::quaternion::{polynomial_in_skew, rotation_jacobian};
+use crate::quaternion::{log_with_coefficient, unit};
 use crate::scalar::{Scalar, real};
 use crate::series;
-use crate::skew::skew;
-use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
+use crate::so3::{identity_plus, skew_plus_symmetric};
+use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, Vector3, Vector6};
 
 /// A rigid displacement; named by its frames, `world_from_body`.
 pub type Pose<T> = Isometry3<T>;
 
+/// The halves of a tangent.
 #[inline(always)]
-fn halves<T: Scalar>(xi: &Vector6<T>) -> (Vector3<T>, Vector3<T>) {
-    (Vector3::new(xi[0], xi[1], xi[2]), Vector3::new(xi[3], xi[4], xi[5]))
+pub(crate) fn halves<T: Scalar>(xi: &Vector6<T>) -> (Vector3<T>, Vector3<T>) {
+    let [[a, b, c, d, e, f]] = xi.data.0;
+    (Vector3::new(a, b, c), Vector3::new(d, e, f))
 }
 
+/// The tangent with these halves.
 #[inline(always)]
-fn joined<T: Scalar>(angular: &Vector3<T>, linear: &Vector3<T>) -> Vector6<T> {
+pub(crate) fn joined<T: Scalar>(angular: &Vector3<T>, linear: &Vector3<T>) -> Vector6<T> {
     Vector6::new(angular.x, angular.y, angular.z, linear.x, linear.y, linear.z)
 }
 
-/// `[[diagonal, 0], [lower, diagonal]]`
+/// `[diagonal 0; lower diagonal]`, blocks given by columns.
 #[inline(always)]
-fn block_lower<T: Scalar>(diagonal: &Matrix3<T>, lower: &Matrix3<T>) -> Matrix6<T> {
-    let mut m = Matrix6::zeros();
-    m.fixed_view_mut::<3, 3>(0, 0).copy_from(diagonal);
-    m.fixed_view_mut::<3, 3>(3, 3).copy_from(diagonal);
-    m.fixed_view_mut::<3, 3>(3, 0).copy_from(lower);
-    m
+fn block_lower<T: Scalar>(diagonal: &[[T; 3]; 3], lower: &[[T; 3]; 3]) -> Matrix6<T> {
+    let o = T::zero();
+    let [[a, b, c], [d, e, f], [g, h, i]] = *diagonal;
+    let [[j, k, l], [m, n, p], [q, r, s]] = *lower;
+    Matrix6::from([
+        [a, b, c, j, k, l],
+        [d, e, f, m, n, p],
+        [g, h, i, q, r, s],
+        [o, o, o, a, b, c],
+        [o, o, o, d, e, f],
+        [o, o, o, g, h, i],
+    ])
 }
 
-/// Directional derivative along `rho` of `unit I + f(s) S(phi) + g(s) S(phi)^2`, `s = |phi|^2`.
-///
-/// SE(3) is SO(3) over the dual numbers, so this is the lower left block of the Jacobians of SE(3).
+/// `[diagonal upper; 0 diagonal]`, blocks given by columns.
 #[inline(always)]
-fn derivative_of_polynomial<T: Scalar>(phi: &Vector3<T>, rho: &Vector3<T>, f: (T, T), g: (T, T)) -> Matrix3<T> {
+fn block_upper<T: Scalar>(diagonal: &[[T; 3]; 3], upper: &[[T; 3]; 3]) -> Matrix6<T> {
+    let o = T::zero();
+    let [[a, b, c], [d, e, f], [g, h, i]] = *diagonal;
+    let [[j, k, l], [m, n, p], [q, r, s]] = *upper;
+    Matrix6::from([
+        [a, b, c, o, o, o],
+        [d, e, f, o, o, o],
+        [g, h, i, o, o, o],
+        [j, k, l, a, b, c],
+        [m, n, p, d, e, f],
+        [q, r, s, g, h, i],
+    ])
+}
+
+/// Columns of `S(t) R`.
+#[inline(always)]
+fn moment_of<T: Scalar>(t: &Vector3<T>, rotation: &Matrix3<T>) -> [[T; 3]; 3] {
+    rotation.data.0.map(|[x, y, z]| [t.y * z - t.z * y, t.z * x - t.x * z, t.x * y - t.y * x])
+}
+
+/// The matrix `[A 0; B A]`, `A = I + f S + g S^2`, `B` the derivative of `A` along `rho`; `(f, f')`, `(g, g')` with the
+/// derivatives in `norm(phi)^2`.
+#[inline(always)]
+fn jacobian<T: Scalar>(phi: &Vector3<T>, rho: &Vector3<T>, f: (T, T), g: (T, T)) -> Matrix6<T> {
+    let half = real::<T>(0.5);
     let dot = phi.dot(rho);
-    let s_rate = dot * real(2.0);
-    let outer = phi * rho.transpose();
-    let mut m = polynomial_in_skew(phi, -g.0 * s_rate, f.1 * s_rate, g.1 * s_rate) + (outer + outer.transpose()) * g.0;
-    m += skew(rho) * f.0;
-    m
+    block_lower(
+        &identity_plus(&(phi * f.0), phi, &(phi * (g.0 * half))),
+        &skew_plus_symmetric(&(rho * f.0 + phi * (dot * f.1 * real(2.0))), phi, &(rho * g.0 + phi * (dot * g.1))),
+    )
 }
 
 impl<T: Scalar> LieGroup for Isometry3<T> {
@@ -50,69 +92,68 @@ impl<T: Scalar> LieGroup for Isometry3<T> {
     fn identity() -> Self {
         Isometry3::identity()
     }
+    #[inline]
     fn inverse(&self) -> Self {
-        Isometry3::inverse(self)
+        let rotation = self.rotation.conjugate();
+        Isometry3::from_parts(Translation3::from(-rotation.act(&self.translation.vector)), rotation)
     }
+    #[inline]
+    fn compose(&self, other: &Self) -> Self {
+        Isometry3::from_parts(
+            Translation3::from(self.act(&other.translation.vector)),
+            LieGroup::compose(&self.rotation, &other.rotation),
+        )
+    }
+    #[inline]
     fn exp(xi: &Vector6<T>) -> Self {
-        let (phi, rho) = halves(xi);
-        let rotation = <UnitQuaternion<T> as LieGroup>::exp(&phi);
-        Isometry3::from_parts(Translation3::from(rotation_jacobian(&-phi) * rho), rotation)
+        let ((w, phi), (f_b0, psi)) = exponential(xi);
+        let translation = psi * w - phi * f_b0 + phi.cross(&psi);
+        Isometry3::from_parts(Translation3::from(translation * real::<T>(2.0)), unit(w, &phi))
     }
+    #[inline]
     fn log(&self) -> Vector6<T> {
-        let phi = LieGroup::log(&self.rotation);
-        joined(&phi, &(crate::quaternion::rotation_jacobian_inverse(&-phi) * self.translation.vector))
+        let (phi, c) = log_with_coefficient(&self.rotation);
+        let t = self.translation.vector;
+        let turned = phi.cross(&t);
+        joined(&phi, &(t - turned * real::<T>(0.5) + phi.cross(&turned) * c))
     }
+    #[inline]
     fn adjoint(&self) -> Matrix6<T> {
-        let rotation = self.rotation.to_rotation_matrix().into_inner();
-        block_lower(&rotation, &(skew(&self.translation.vector) * rotation))
+        let rotation = self.rotation.adjoint();
+        block_lower(&rotation.data.0, &moment_of(&self.translation.vector, &rotation))
     }
+    #[inline]
     fn coadjoint(&self) -> Matrix6<T> {
-        let rotation = self.rotation.to_rotation_matrix().into_inner();
-        block_lower(&rotation, &(skew(&self.translation.vector) * rotation)).transpose_blocks()
+        let rotation = self.rotation.adjoint();
+        block_upper(&rotation.data.0, &moment_of(&self.translation.vector, &rotation))
     }
+    #[inline]
     fn bracket(a: &Vector6<T>, b: &Vector6<T>) -> Vector6<T> {
         let ((wa, va), (wb, vb)) = (halves(a), halves(b));
         joined(&wa.cross(&wb), &(wa.cross(&vb) + va.cross(&wb)))
     }
+    #[inline]
     fn dual_bracket(a: &Vector6<T>, mu: &Vector6<T>) -> Vector6<T> {
         let ((w, v), (torque, force)) = (halves(a), halves(mu));
         joined(&(torque.cross(&w) + force.cross(&v)), &force.cross(&w))
     }
+    #[inline]
     fn right_jacobian(xi: &Vector6<T>) -> Matrix6<T> {
         let (phi, rho) = halves(xi);
-        let ((a, b), (a_rate, b_rate)) = series::jacobian_with_rates(phi.norm_squared());
-        block_lower(
-            &polynomial_in_skew(&phi, T::one(), -a, b),
-            &derivative_of_polynomial(&phi, &rho, (-a, -a_rate), (b, b_rate)),
-        )
+        let j = series::jacobian(phi.norm_squared());
+        jacobian(&phi, &rho, (-j.a, -j.a_rate), (j.b, j.b_rate))
     }
+    #[inline]
     fn right_jacobian_inverse(xi: &Vector6<T>) -> Matrix6<T> {
         let (phi, rho) = halves(xi);
-        let c = series::inverse_jacobian_with_rate(phi.norm_squared());
-        let half = real::<T>(0.5);
-        block_lower(
-            &polynomial_in_skew(&phi, T::one(), half, c.0),
-            &derivative_of_polynomial(&phi, &rho, (half, T::zero()), c),
-        )
-    }
-}
-
-/// Swaps the off-diagonal 3x3 blocks: `Ad* = [[R, S(t) R], [0, R]]` from `Ad = [[R, 0], [S(t) R, R]]`.
-trait TransposeBlocks {
-    fn transpose_blocks(self) -> Self;
-}
-impl<T: Scalar> TransposeBlocks for Matrix6<T> {
-    fn transpose_blocks(mut self) -> Self {
-        let lower = self.fixed_view::<3, 3>(3, 0).into_owned();
-        let upper = self.fixed_view::<3, 3>(0, 3).into_owned();
-        self.fixed_view_mut::<3, 3>(0, 3).copy_from(&lower);
-        self.fixed_view_mut::<3, 3>(3, 0).copy_from(&upper);
-        self
+        let series::InverseJacobian { c, c_rate } = series::inverse_jacobian(phi.norm_squared());
+        jacobian(&phi, &rho, (real(0.5), T::zero()), (c, c_rate))
     }
 }
 
 impl<T: Scalar> GroupAction<Vector3<T>> for Isometry3<T> {
+    #[inline]
     fn act(&self, point: &Vector3<T>) -> Vector3<T> {
-        self.rotation * point + self.translation.vector
+        self.rotation.act(point) + self.translation.vector
     }
 }
