@@ -14,10 +14,10 @@ mod free_flyer;
 mod inertia;
 mod integrators;
 mod log_cholesky;
+mod momentum;
 mod parameter_vector;
 mod projection;
 mod solids;
-mod momentum;
 mod state;
 mod system;
 mod variational_free_flyer;
@@ -27,18 +27,15 @@ pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
 pub use error::DynamicsError;
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};
-pub use integrators::{GaussLegendre4, LieEuler, MuntheKaas4, RungeKutta4};
-pub use log_cholesky::LogCholesky;
-pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, ParameterOrder};
-pub use state::RigidBodyState;
-pub use inertia::{InertialParameters, PARAMETERS, pseudo_inertia};
 #[cfg(feature = "dual")]
 pub use integrators::Variational;
 pub use integrators::{GaussLegendre4, LieEuler, MuntheKaas4, RungeKutta4};
+pub use log_cholesky::LogCholesky;
 pub use momentum::{
     body_momentum, discrete_lagrangian, discrete_spatial_momentum, kinetic_energy, mass_matrix, momentum_at_end,
     momentum_at_start, spatial_momentum, twist_of_momentum,
 };
+pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, ParameterOrder};
 pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};

@@ -52,7 +52,8 @@ pub fn variational_step<T: Scalar>(
     let momentum = (velocity + rate.cross(&com)) * mass + half_impulse;
     let angular_momentum = inertia * rate + half_angular_impulse;
 
-    let displacement = solve_increment(&inertia, &inertia_inverse, mass, &momentum, &angular_momentum, step_s)?.to_displacement();
+    let displacement =
+        solve_increment(&inertia, &inertia_inverse, mass, &momentum, &angular_momentum, step_s)?.to_displacement();
     let (turn, travel) = (displacement.rotation, displacement.translation.vector);
 
     // Coadjoint action: the momenta as seen from the new frame.
@@ -100,8 +101,8 @@ fn solve_increment<T: Scalar>(
 
     // Start: the increment at constant rate, then one explicit correction by the gyroscopic and the coupling torque.
     let first = inertia_inverse * target;
-    let mut phi =
-        inertia_inverse * (target - first.cross(&target) + p * (first.dot(&p) * mass) + target * (first.norm_squared() * real(0.5)));
+    let mut phi = inertia_inverse
+        * (target - first.cross(&target) + p * (first.dot(&p) * mass) + target * (first.norm_squared() * real(0.5)));
     let mut last_update = T::zero();
     for _ in 0..MAX_ITERATIONS {
         let square = phi.norm_squared();
@@ -132,7 +133,10 @@ fn solve_increment<T: Scalar>(
         last_update = update.norm_squared();
         if last_update <= phi.norm_squared() * negligible {
             if determinant <= T::zero() {
-                return Err(DynamicsError::TravelTooLong { step_s: value(step_s), travel_m: value(p.norm() * real::<T>(2.0)) });
+                return Err(DynamicsError::TravelTooLong {
+                    step_s: value(step_s),
+                    travel_m: value(p.norm() * real::<T>(2.0)),
+                });
             }
             return increment(phi, &p, step_s);
         }
@@ -190,8 +194,8 @@ impl<T: Scalar> Integrator<FreeFlyer<T>> for VariationalFreeFlyer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tumble_lie::nalgebra::SVector;
     use tumble_lie::Pose;
+    use tumble_lie::nalgebra::SVector;
 
     fn body_d() -> InertialParameters<f64> {
         InertialParameters::about_origin(
@@ -213,7 +217,8 @@ mod tests {
         );
         let after = variational_step(&body_d(), &state, &wrench, 0.05).unwrap().world_from_body;
         let position = Vector3::new(0.005_283_125_378_2, -0.002_418_866_920_8, 0.010_271_726_217_7);
-        let attitude = SVector::from([0.007_519_424_067_6, -0.004_903_047_954_1, 0.012_627_953_504_2, 0.999_879_969_382_7]);
+        let attitude =
+            SVector::from([0.007_519_424_067_6, -0.004_903_047_954_1, 0.012_627_953_504_2, 0.999_879_969_382_7]);
         assert!((after.translation.vector - position).amax() < 1e-13, "{after:?}");
         assert!((after.rotation.coords - attitude).amax() < 1e-13, "{after:?}");
     }

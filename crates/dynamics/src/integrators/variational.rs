@@ -76,7 +76,11 @@ fn basis<T: Scalar, V: Coordinates<T>>(i: usize, amount: T) -> V {
 }
 
 /// The velocity `v + amount e_i` over the scalar `T`.
-fn perturbed_velocity<S: DiscreteLagrangian, T: Scalar>(v: &VelocityOf<S, f64>, i: usize, amount: T) -> VelocityOf<S, T> {
+fn perturbed_velocity<S: DiscreteLagrangian, T: Scalar>(
+    v: &VelocityOf<S, f64>,
+    i: usize,
+    amount: T,
+) -> VelocityOf<S, T> {
     VelocityOf::<S, T>::from_fn(|k| real::<T>(v[k]) + if k == i { amount } else { T::zero() })
 }
 
@@ -155,9 +159,8 @@ fn solve_start_equation<S: DiscreteLagrangian>(
 /// Solution of `J update = residual` by elimination with partial pivoting.
 fn newton_update<V: Coordinates<f64>>(residual: &V, jacobian: impl Fn(usize, usize) -> f64) -> V {
     let n = V::DIM;
-    let mut rows: Vec<Vec<f64>> = (0..n)
-        .map(|i| (0..n).map(|j| jacobian(i, j)).chain(core::iter::once(residual[i])).collect())
-        .collect();
+    let mut rows: Vec<Vec<f64>> =
+        (0..n).map(|i| (0..n).map(|j| jacobian(i, j)).chain(core::iter::once(residual[i])).collect()).collect();
     for k in 0..n {
         let pivot = (k..n).max_by(|&a, &b| rows[a][k].abs().total_cmp(&rows[b][k].abs())).unwrap_or(k);
         rows.swap(k, pivot);
