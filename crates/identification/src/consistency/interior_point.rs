@@ -342,3 +342,32 @@ fn relative_smallest(m: &Matrix4<f64>, s: &Vector4<f64>) -> f64 {
     }
     mean + spread * root
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body_scale::BodyScale;
+
+    #[test]
+    fn golden_projection_onto_the_closed_cone() {
+        let p0 = SVector::from([6.047, 0.6, 0.0, 0.0, 0.0153, 0.0, 0.0, 0.0517, 0.0, 0.0919]);
+        let expected = SVector::from([6.047, 0.6, 0.0, 0.0, 0.0236, 0.0, 0.0, 0.06, 0.0, 0.0836]);
+        let information = SquareRootInformation::from_square_root(&SMatrix::identity(), &p0).unwrap();
+        let cone = PseudoInertiaCone::with_relative_floor(BodyScale::of(&p0).unwrap(), 0.0);
+        let estimate = InteriorPoint::with_gap_tolerance(cone, 1e-14).solve(&information).unwrap();
+        assert!((estimate.parameters - expected).amax() < 1e-11, "{:e}", estimate.parameters - expected);
+        assert!((estimate.objective - 1.5 * 0.0083 * 0.0083).abs() < 1e-11 * 2e-4, "{:e}", estimate.objective);
+        assert!(estimate.margin > 0.0 && estimate.margin < 1e-10);
+    }
+
+    #[test]
+    fn eigenvalue_bound_is_safe_and_tight() {
+        let m = |a: f64| Matrix4::from_fn(|i, j| ComplexField::sin(a * (1.0 + (i * j + i + j) as f64)));
+        for k in 1..200 {
+            let m = m(0.37 * f64::from(k));
+            let exact = m.symmetric_eigenvalues().min();
+            let bound = relative_smallest(&m, &Vector4::repeat(1.0));
+            assert!(bound <= exact + 1e-12 && bound > exact - 1e-3 * m.norm(), "{k}: {bound} {exact}");
+        }
+    }
+}
