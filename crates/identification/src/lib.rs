@@ -1,4 +1,5 @@
 #![doc = include_str!("../README.md")]
+//! Mass, centre of mass and inertia of a rigid body from its measured motion.
 #![cfg_attr(not(feature = "std"), no_std)]
 #![forbid(unsafe_code)]
 
@@ -25,3 +26,18 @@ pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;
 pub use wrench_timing::WrenchTiming;
+
+mod body_scale;
+pub mod consistency;
+mod householder;
+mod jacobi;
+mod square_root_information;
+
+pub use body_scale::{BodyScale, PARAMETER_NAMES};
+#[cfg(feature = "clarabel-sdp")]
+pub use consistency::ClarabelSdp;
+pub use consistency::{
+    Barrier, BarrierNewton, ConstrainedEstimate, ConstrainedLeastSquares, FeasibleSet, InteriorPoint,
+    PseudoInertiaCone,
+};
+pub use square_root_information::{RANK_TOLERANCE, SquareRootInformation};

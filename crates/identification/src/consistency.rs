@@ -1,0 +1,105 @@
+//! Least squares under physical consistency: the estimate is the best body, not the best ten numbers.
+//!
+//! All scalars are `f64`: decisions are made here, derivatives do not flow through.
+
+mod barrier_newton;
+#[cfg(feature = "clarabel-sdp")]
+mod clarabel;
+mod interior_point;
+mod pseudo_inertia_cone;
+
+#[cfg(feature = "clarabel-sdp")]
+pub use clarabel::ClarabelSdp;
+pub use barrier_newton::BarrierNewton;
+pub use interior_point::InteriorPoint;
+pub use pseudo_inertia_cone::PseudoInertiaCone;
+
+use crate::error::IdentificationError;
+use crate::square_root_information::SquareRootInformation;
+use nalgebra::{SMatrix, SVector};
+
+/// Value and derivatives of a self-concordant barrier.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Barrier<const P: usize> {
+    /// φ(p), growing without bound towards the boundary.
+    pub value: f64,
+    /// ∂φ/∂p.
+    pub gradient: SVector<f64, P>,
+    /// ∂²φ/∂p².
+    pub hessian: SMatrix<f64, P, P>,
+}
+
+/// A closed convex set of parameters with a non-empty interior.
+///
+/// The pseudo-inertia cone, a box, or a set of yours; [`laws::check_feasible_set`](crate::laws::check_feasible_set)
+/// tells whether an implementation keeps its promises.
+pub trait FeasibleSet<const P: usize> {
+    /// Signed distance-like number, free of units: positive strictly inside, zero on the boundary, concave.
+    fn margin(&self, parameters: &SVector<f64, P>) -> f64;
+
+    /// Barrier and derivatives, `None` unless strictly inside.
+    fn barrier(&self, parameters: &SVector<f64, P>) -> Option<Barrier<P>>;
+
+    /// Bound ν on the squared Newton decrement of the barrier alone: the rank of the cone, the number of half-spaces.
+    fn barrier_parameter(&self) -> f64;
+
+    /// Some point well inside.
+    fn interior_point(&self) -> SVector<f64, P>;
+
+    /// Typical sizes of the parameters, to compare directions in like units.
+    fn magnitudes(&self) -> SVector<f64, P>;
+}
+
+/// The minimiser of ½|R p − z|² over a feasible set, with the proof of its quality.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ConstrainedEstimate<const P: usize> {
+    /// The estimate, strictly inside the set.
+    pub parameters: SVector<f64, P>,
+    /// [`FeasibleSet::margin`] of the estimate: positive.
+    pub margin: f64,
+    /// ½|R p − z|², the price of consistency in units of half a chi-square; zero where the constraint is inactive.
+    pub objective: f64,
+    /// Proven bound on `objective` minus the smallest possible one.
+    pub duality_gap: f64,
+    /// Iterations; zero where the unconstrained solution is inside.
+    pub iterations: usize,
+}
+
+impl<const P: usize> ConstrainedEstimate<P> {
+    /// Whether the set cut off the unconstrained solution.
+    pub fn is_active(&self) -> bool {
+        self.iterations > 0
+    }
+}
+
+/// A solver of min ½|R p − z|² over a convex set.
+pub trait ConstrainedLeastSquares<const P: usize> {
+    /// The constrained minimiser.
+    ///
+    /// # Errors
+    /// [`IdentificationError::NotExcited`] where R is singular: the minimiser is then not unique, and a solver would
+    /// invent the missing digits. State a prior. [`IdentificationError::NotConverged`] where the gap is not reached.
+    fn solve(&self, information: &SquareRootInformation<P>) -> Result<ConstrainedEstimate<P>, IdentificationError>;
+}
+
+/// Moves `parameters` towards `inside` by the smallest of a few tiny fractions that makes the margin positive.
+///
+/// An interior iterate can round onto the boundary when it is converted to parameters; this undoes it.
+pub(crate) fn pulled_inside<const P: usize>(
+    set: &dyn FeasibleSet<P>,
+    parameters: SVector<f64, P>,
+) -> (SVector<f64, P>, f64) {
+    let margin = set.margin(&parameters);
+    if margin > 0.0 {
+        return (parameters, margin);
+    }
+    let inside = set.interior_point();
+    let mut fraction = 1e-16;
+    let mut pulled = (parameters, margin);
+    while !(pulled.1 > 0.0) && fraction < 1.0 {
+        let candidate = parameters + (inside - parameters) * fraction;
+        pulled = (candidate, set.margin(&candidate));
+        fraction *= 4.0;
+    }
+    pulled
+}
