@@ -1,2 +1,56 @@
-//! stub
-fn main() {}
+//! The `tumble` command line.
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+use tumble_astrobee::AstrobeeError;
+use tumble_astrobee::cli::{Outcome, calibrate_wheel, identify};
+
+const EXAMPLES: &str = "\
+Examples:
+  tumble identify --demo                       simulate a flight, estimate, compare with the truth
+  tumble identify flight.csv                   mass, centre of mass and inertia from a log
+  tumble identify flight.csv --dry-run         what could this log tell, and how well?
+  tumble identify --template                   the columns of a log, with two valid rows
+  tumble calibrate-wheel cal_*.csv --out cal.toml
+  tumble identify --wheel throw.csv --calibration cal.toml";
+
+/// Mass, centre of mass and inertia of a free-flying robot, from its logs.
+#[derive(Parser)]
+#[command(name = "tumble", version, after_help = EXAMPLES, arg_required_else_help = false)]
+struct Tumble {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Inertial parameters from a log of poses and wrenches, or from a wheel-driven throw.
+    Identify(Box<identify::IdentifyArgs>),
+    /// Calibrates the wheel-driven throwing device from throws of itself and of a proof block.
+    CalibrateWheel(calibrate_wheel::CalibrateWheelArgs),
+}
+
+fn main() -> ExitCode {
+    let outcome = match Tumble::parse().command {
+        None => {
+            println!(
+                "tumble: what is this robot carrying?\n\n{EXAMPLES}\n\n`tumble help COMMAND` lists the options of a command."
+            );
+            return ExitCode::SUCCESS;
+        }
+        Some(Command::Identify(args)) => identify::run(&args),
+        Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
+    };
+    match outcome {
+        Ok(Outcome::Achieved) => ExitCode::SUCCESS,
+        Ok(Outcome::NotAchieved) => ExitCode::from(3),
+        Err(error) => {
+            report(&error);
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn report(error: &AstrobeeError) {
+    eprintln!("error[{}]: {error}\n  remedy: {}", error.code(), error.remedy());
+}

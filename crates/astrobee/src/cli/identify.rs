@@ -1,0 +1,316 @@
+//! `tumble identify`: from a log to mass, centre of mass and inertia.
+
+use super::{Outcome, print};
+use crate::log::{LogReader, TEMPLATE, seconds};
+use crate::output::{OutputFolder, write_file};
+use crate::report::{self, Context};
+use crate::{AstrobeeError, body_file, demo};
+use clap::{Args, ValueEnum};
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
+use tumble_dynamics::InertialParameters;
+use tumble_dynamics::nalgebra::Vector3;
+use tumble_identification::{
+    Identification, Method, MotionSample, Settings, WrenchTiming, identify, predict, validate,
+};
+
+/// Options of `tumble identify`.
+#[derive(Args)]
+#[allow(clippy::struct_excessive_bools)]
+pub struct IdentifyArgs {
+    /// The log (CSV; `--template` prints its columns).
+    log: Option<PathBuf>,
+    /// Simulate a flight with unknown cargo, add noise, estimate and compare with the truth.
+    #[arg(long, conflicts_with = "log")]
+    demo: bool,
+    /// Which simulated flight; another seed gives another cargo and other noise.
+    #[arg(long, default_value_t = 1, requires = "demo")]
+    seed: u64,
+    /// Print a valid log header with two rows, and stop.
+    #[arg(long, exclusive = true)]
+    template: bool,
+    /// Equations that tie motion to parameters.
+    #[arg(long, value_enum, default_value_t = MethodName::Auto)]
+    method: MethodName,
+    /// When the logged wrench acts: from its row to the next (held), or as a continuous wrench sampled there.
+    #[arg(long, value_enum, default_value_t = TimingName::Held)]
+    wrench: TimingName,
+    /// Gravitational acceleration in inertial axes, m/s^2.
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
+    gravity: Vector3<f64>,
+    /// Prior knowledge of the body (TOML: a body and its standard deviations); enters the estimate.
+    #[arg(long, value_name = "FILE")]
+    prior: Option<PathBuf>,
+    /// A body to compare with (TOML or JSON).
+    #[arg(long, value_name = "FILE", conflicts_with = "demo")]
+    reference: Option<PathBuf>,
+    /// Keep back the last part of the log and judge the estimate on it.
+    #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.25")]
+    holdout: Option<f64>,
+    /// Say what this log can answer and how well, without believing its wrench.
+    #[arg(long)]
+    dry_run: bool,
+    /// Put late rows in order and drop repeated times instead of refusing the log.
+    #[arg(long)]
+    reorder: bool,
+    /// Print one JSON object and nothing else on stdout.
+    #[arg(long)]
+    json: bool,
+    /// Write report.html, residual plots, result.json, body.toml and run.json into this new folder.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write the body to a file: .toml, .json, .urdf or .xml (MJCF).
+    #[arg(long, value_name = "FILE")]
+    export: Option<PathBuf>,
+    /// Replace outputs that exist.
+    #[arg(long)]
+    force: bool,
+    /// A wheel-driven throw instead of a log.
+    #[arg(long, value_name = "THROW", requires = "calibration", conflicts_with_all = ["log", "demo"])]
+    wheel: Option<PathBuf>,
+    /// Calibration of the throwing device, from `tumble calibrate-wheel`.
+    #[arg(long, value_name = "CAL", requires = "wheel")]
+    calibration: Option<PathBuf>,
+    /// Mass of the thrown object, kg; needed to take the device's share from the inertia.
+    #[arg(long, value_name = "KG", requires = "wheel")]
+    mass: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum MethodName {
+    /// Chosen from the columns and the noise found.
+    Auto,
+    /// Newton-Euler with measured rates, velocities or accelerations.
+    NewtonEuler,
+    /// Variational regressor, order 2, poses only.
+    Variational,
+    /// Extrapolated variational regressor, order 4, poses only.
+    Variational4,
+    /// Extrapolated variational regressor, order 6, poses only.
+    Variational6,
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Auto => Self::Auto,
+            MethodName::NewtonEuler => Self::NewtonEuler,
+            MethodName::Variational => Self::Variational,
+            MethodName::Variational4 => Self::Variational4,
+            MethodName::Variational6 => Self::Variational6,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum TimingName {
+    /// Constant in body axes until the next row.
+    Held,
+    /// A continuous wrench, sampled.
+    Sampled,
+}
+
+impl From<TimingName> for WrenchTiming {
+    fn from(name: TimingName) -> Self {
+        match name {
+            TimingName::Held => Self::Held,
+            TimingName::Sampled => Self::Sampled,
+        }
+    }
+}
+
+fn parse_vector(text: &str) -> Result<Vector3<f64>, String> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|part| part.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();
+    match numbers.as_deref() {
+        Some([x, y, z]) => Ok(Vector3::new(*x, *y, *z)),
+        _ => Err("three numbers are needed, such as 0,0,-9.81".to_owned()),
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`AstrobeeError`] for bad input; a log that cannot answer is [`Outcome::NotAchieved`].
+pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
+    if args.template {
+        print(TEMPLATE);
+        return Ok(Outcome::Achieved);
+    }
+    if let (Some(throw), Some(calibration)) = (&args.wheel, &args.calibration) {
+        return super::calibrate_wheel::identify_throw(throw, calibration, args.mass, args.json);
+    }
+    check_outputs(args)?;
+    let settings = Settings {
+        method: args.method.into(),
+        wrench_timing: args.wrench.into(),
+        gravity_world: args.gravity,
+        prior: args.prior.as_deref().map(body_file::read_prior).transpose()?,
+        ..Settings::default()
+    };
+    let log = Log::read(args)?;
+    if args.dry_run {
+        return dry_run(args, &log, &settings);
+    }
+    let found = log.identify(&settings)?;
+    let validation = match log.held_out() {
+        Some(rest) if found.estimate.is_some() => Some(validate(&found, rest, &settings)?),
+        _ => None,
+    };
+    let context = Context {
+        source: log.source.clone(),
+        reference: log.reference.as_ref().map(|(name, body)| (name.clone(), body)),
+        validation,
+        reader_warnings: log.warnings.clone(),
+        duration_s: log.duration_s,
+    };
+    deliver(args, &found, &context)
+}
+
+/// Refuses outputs that could not be written before any long work is done.
+fn check_outputs(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
+    for path in [&args.out, &args.export].into_iter().flatten() {
+        if path.exists() && !args.force {
+            return Err(AstrobeeError::OutputExists { path: path.clone() });
+        }
+    }
+    if let Some(share) = args.holdout.filter(|share| !(0.0 < *share && *share < 1.0)) {
+        return Err(AstrobeeError::BadOption {
+            message: format!("`--holdout {share}`: the share kept back lies between 0 and 1, such as 0.25"),
+        });
+    }
+    Ok(())
+}
+
+fn deliver(args: &IdentifyArgs, found: &Identification, context: &Context) -> Result<Outcome, AstrobeeError> {
+    for warning in report::warnings(found, context) {
+        eprintln!("warning: {warning}");
+    }
+    let json = serde_json::to_string(&report::json(found, context))
+        .map_err(|error| AstrobeeError::BadToml { path: PathBuf::from("result.json"), message: error.to_string() })?;
+    if args.json {
+        print(&format!("{json}\n"));
+    } else {
+        print(&report::table(found, context));
+    }
+    if let (Some(path), Some(estimate)) = (&args.export, &found.estimate) {
+        write_file(path, body_file::export(path, &estimate.parameters)?.as_bytes(), args.force)?;
+        eprintln!("wrote {}", path.display());
+    }
+    if let Some(path) = &args.out {
+        let folder = OutputFolder::create(path, args.force)?;
+        folder.write("result.json", &json)?;
+        if let Some(estimate) = &found.estimate {
+            folder.write("body.toml", &body_file::export(Path::new("body.toml"), &estimate.parameters)?)?;
+        }
+        report::write_page(&folder, found, context, &json)?;
+        folder.write("run.json", &run_record(args, &context.source))?;
+        eprintln!("wrote {}", folder.finish()?.join("report.html").display());
+    }
+    Ok(if found.estimate.is_some() && found.rank == 10 { Outcome::Achieved } else { Outcome::NotAchieved })
+}
+
+/// What is needed to repeat the run.
+fn run_record(args: &IdentifyArgs, source: &str) -> String {
+    let options: Vec<String> = std::env::args().skip(1).collect();
+    serde_json::json!({
+        "format": 1,
+        "version": env!("CARGO_PKG_VERSION"),
+        "commit": option_env!("TUMBLE_COMMIT"),
+        "command": "identify",
+        "configuration": options,
+        "seed": args.demo.then_some(args.seed),
+        "input": source,
+        "input_hash": args.log.as_deref().and_then(|path| crate::log::hash(path).ok()),
+    })
+    .to_string()
+}
+
+fn dry_run(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome, AstrobeeError> {
+    let prediction = predict(log.estimation_part(), settings, demo::WRENCH_NOISE)?;
+    for warning in &log.warnings {
+        eprintln!("warning: {warning}");
+    }
+    if args.json {
+        print(&format!("{}\n", report::prediction_json(&prediction, demo::WRENCH_NOISE)));
+    } else {
+        print(&report::prediction_table(&prediction, &log.source, demo::WRENCH_NOISE));
+    }
+    Ok(if prediction.rank == 10 { Outcome::Achieved } else { Outcome::NotAchieved })
+}
+
+/// A log in memory, or the demo, with what the report says about it.
+struct Log {
+    source: String,
+    record: Vec<MotionSample>,
+    kept_for_estimation: usize,
+    reference: Option<(String, InertialParameters<f64>)>,
+    warnings: Vec<String>,
+    duration_s: f64,
+}
+
+impl Log {
+    fn read(args: &IdentifyArgs) -> Result<Self, AstrobeeError> {
+        let mut warnings = Vec::new();
+        let (source, record, reference) = if args.demo {
+            let flight = demo::simulate(args.seed)?;
+            let source = format!(
+                "demo flight {}: simulated robot with cargo, {} s; noise {:.0e} rad, {:.0e} m, {:.0e} N m, {:.0e} N",
+                args.seed,
+                demo::DURATION_S,
+                demo::POSE_NOISE.0,
+                demo::POSE_NOISE.1,
+                demo::WRENCH_NOISE.0,
+                demo::WRENCH_NOISE.1
+            );
+            (source, flight.record, Some(("truth".to_owned(), flight.truth)))
+        } else {
+            let Some(path) = &args.log else {
+                return Err(AstrobeeError::BadOption { message: "no log: name a file, or use --demo".to_owned() });
+            };
+            let mut reader = LogReader::open(path, args.reorder)?;
+            let mut record = Vec::new();
+            while reader.read_chunk(&mut record, 100_000)? {
+                if std::io::stderr().is_terminal() {
+                    eprint!("\r{} rows read", record.len());
+                }
+            }
+            if !reader.ignored_columns.is_empty() {
+                warnings.push(format!("columns ignored: {}", reader.ignored_columns.join(", ")));
+            }
+            let (late, repeated) = reader.reordered();
+            if late + repeated > 0 {
+                warnings
+                    .push(format!("{late} rows came late and were put in order, {repeated} repeated times dropped"));
+            }
+            let reference = match &args.reference {
+                Some(path) => Some(("reference".to_owned(), body_file::read(path)?)),
+                None => None,
+            };
+            (path.display().to_string(), record, reference)
+        };
+        if record.is_empty() {
+            return Err(AstrobeeError::Empty { path: PathBuf::from(source), what: "data rows" });
+        }
+        let duration_s = match (record.first(), record.last()) {
+            (Some(first), Some(last)) => seconds(last.time_ns - first.time_ns),
+            _ => 0.0,
+        };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let kept_for_estimation =
+            args.holdout.map_or(record.len(), |share| (record.len() as f64 * (1.0 - share)).round() as usize);
+        Ok(Self { source, record, kept_for_estimation, reference, warnings, duration_s })
+    }
+
+    fn estimation_part(&self) -> &[MotionSample] {
+        self.record.get(..self.kept_for_estimation).unwrap_or(&self.record)
+    }
+
+    fn held_out(&self) -> Option<&[MotionSample]> {
+        self.record.get(self.kept_for_estimation..).filter(|rest| !rest.is_empty())
+    }
+
+    fn identify(&self, settings: &Settings) -> Result<Identification, AstrobeeError> {
+        Ok(identify(self.estimation_part(), settings)?)
+    }
+}

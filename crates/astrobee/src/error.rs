@@ -1,0 +1,227 @@
+//! Errors of the command line: each with a code, the place and the remedy. All codes stand in `docs/errors.md`.
+
+use std::path::PathBuf;
+
+/// What can go wrong between a user's files and a result.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AstrobeeError {
+    /// T001: a file cannot be read.
+    #[error("cannot read {path}: {source}")]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// T002: a file without a header or without data rows.
+    #[error("{path}: the file holds no {what}")]
+    Empty {
+        /// The file.
+        path: PathBuf,
+        /// What is missing: a header or data rows.
+        what: &'static str,
+    },
+    /// T003: a required column, or part of an optional group, is missing.
+    #[error("{path}: column `{column}` is missing{because}")]
+    MissingColumn {
+        /// The file.
+        path: PathBuf,
+        /// Missing column.
+        column: String,
+        /// Why it is needed.
+        because: &'static str,
+    },
+    /// T004: a column name stands twice in the header.
+    #[error("{path}: column `{column}` stands twice in the header")]
+    DuplicateColumn {
+        /// The file.
+        path: PathBuf,
+        /// Column name.
+        column: String,
+    },
+    /// T005: a cell that is not a finite number.
+    #[error("{path}, line {line}, column `{column}`: `{text}` is not a finite number")]
+    BadCell {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// Column name.
+        column: String,
+        /// What stands there (shortened).
+        text: String,
+    },
+    /// T006: a row with another number of cells than the header.
+    #[error("{path}, line {line}: {found} cells, the header has {expected}")]
+    RowLength {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// Cells found.
+        found: u64,
+        /// Cells in the header.
+        expected: u64,
+    },
+    /// T007: a quaternion that is not of unit norm.
+    #[error("{path}, line {line}, columns `q_*`: norm {norm} differs from 1 by more than {tolerance}")]
+    NotUnit {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// Norm found.
+        norm: f64,
+        /// Largest accepted difference.
+        tolerance: f64,
+    },
+    /// T008: a time that does not increase.
+    #[error("{path}, line {line}, column `t_s`: time {found_s} s does not come after {previous_s} s")]
+    TimeNotIncreasing {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// Time of the row before.
+        previous_s: f64,
+        /// Time of this row.
+        found_s: f64,
+    },
+    /// T009: a line longer than any sensible row.
+    #[error("{path}, line {line}: more than {limit} bytes in one row")]
+    RowTooLong {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// Largest accepted row.
+        limit: usize,
+    },
+    /// T010: an output that exists already.
+    #[error("{path} exists already")]
+    OutputExists {
+        /// The file or folder.
+        path: PathBuf,
+    },
+    /// T011: an output that cannot be written.
+    #[error("cannot write {path}: {source}")]
+    Unwritable {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// T012: a body, calibration or other TOML file that does not parse.
+    #[error("{path}: {message}")]
+    BadToml {
+        /// The file.
+        path: PathBuf,
+        /// Line, key and reason, as the parser says them.
+        message: String,
+    },
+    /// T013: a body that no mass distribution has.
+    #[error("{path}: no body has these parameters ({source})")]
+    ImpossibleBody {
+        /// The file.
+        path: PathBuf,
+        /// The margin missed.
+        source: tumble_dynamics::DynamicsError,
+    },
+    /// T014: options that do not fit together or have no value.
+    #[error("{message}")]
+    BadOption {
+        /// Which option, and why.
+        message: String,
+    },
+    /// T015: the estimator refuses the data.
+    #[error(transparent)]
+    Identification(#[from] tumble_identification::IdentificationError),
+    /// T016: the simulation behind the demo failed.
+    #[error(transparent)]
+    Dynamics(#[from] tumble_dynamics::DynamicsError),
+    /// T017: a picture cannot be drawn.
+    #[error("cannot draw {path}: {message}")]
+    Plot {
+        /// The picture.
+        path: PathBuf,
+        /// What the drawing library said.
+        message: String,
+    },
+    /// T018: a file format that is not supported.
+    #[error("{path}: unknown format; {known}")]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+        /// What is supported.
+        known: &'static str,
+    },
+    /// T019: a wheel throw that cannot be used.
+    #[error("{path}: {message}")]
+    Throw {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        message: String,
+    },
+}
+
+impl AstrobeeError {
+    /// The code under which `docs/errors.md` explains this error.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Unreadable { .. } => "T001",
+            Self::Empty { .. } => "T002",
+            Self::MissingColumn { .. } => "T003",
+            Self::DuplicateColumn { .. } => "T004",
+            Self::BadCell { .. } => "T005",
+            Self::RowLength { .. } => "T006",
+            Self::NotUnit { .. } => "T007",
+            Self::TimeNotIncreasing { .. } => "T008",
+            Self::RowTooLong { .. } => "T009",
+            Self::OutputExists { .. } => "T010",
+            Self::Unwritable { .. } => "T011",
+            Self::BadToml { .. } => "T012",
+            Self::ImpossibleBody { .. } => "T013",
+            Self::BadOption { .. } => "T014",
+            Self::Identification(_) => "T015",
+            Self::Dynamics(_) => "T016",
+            Self::Plot { .. } => "T017",
+            Self::UnknownFormat { .. } => "T018",
+            Self::Throw { .. } => "T019",
+        }
+    }
+
+    /// What the user can do about it.
+    pub fn remedy(&self) -> &'static str {
+        match self {
+            Self::Unreadable { .. } => "check the path and that you may read it",
+            Self::Empty { .. } => "`tumble identify --template` prints a header with two valid rows",
+            Self::MissingColumn { .. } => {
+                "`tumble identify --template` prints every column; rename or add the missing one"
+            }
+            Self::DuplicateColumn { .. } => "rename or remove one of the two columns",
+            Self::BadCell { .. } => "write a finite decimal number; leave the cell empty only in optional columns",
+            Self::RowLength { .. } => "the row may be torn: complete or remove it",
+            Self::NotUnit { .. } => "quaternions are Hamilton, scalar last (q_x q_y q_z q_w), of norm one",
+            Self::TimeNotIncreasing { .. } => {
+                "sort the log, or let `--reorder` put late rows in order and drop repeats"
+            }
+            Self::RowTooLong { .. } => "this does not look like a CSV log: check the file and its line ends",
+            Self::OutputExists { .. } => "name another place, or replace it with `--force`",
+            Self::Unwritable { .. } => "check that the folder exists and that you may write there",
+            Self::BadToml { .. } => {
+                "correct the named key; `tumble identify --demo --export body.toml` writes a valid example"
+            }
+            Self::ImpossibleBody { .. } => {
+                "mass must be positive and the principal inertias about the centre of mass must satisfy the triangle inequality"
+            }
+            Self::BadOption { .. } => "see `tumble help`",
+            Self::Identification(_) => "record more samples with motion and wrench about every axis",
+            Self::Dynamics(_) => "please report this with the seed",
+            Self::Plot { .. } => "leave out `--out`, or report this",
+            Self::UnknownFormat { .. } => "choose one of the named formats",
+            Self::Throw { .. } => "check the throw against the column description in `docs/wheel-throws.md`",
+        }
+    }
+}

@@ -1,0 +1,464 @@
+//! The CSV log: pose, optional rates and accelerations, wrench, against time.
+//!
+//! Rows are streamed; a log of any size is read in bounded memory.
+
+use crate::error::AstrobeeError;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+use tumble_dynamics::nalgebra::{Isometry3, Translation3, Vector3};
+use tumble_identification::MotionSample;
+use tumble_lie::Wrench;
+
+/// Largest accepted difference of a logged quaternion's norm from one; within it the quaternion is normalised.
+pub const QUATERNION_NORM_TOLERANCE: f64 = 0.01;
+/// No row of numbers is longer than this; a file without line ends must not fill the memory.
+const ROW_LIMIT_BYTES: usize = 65_536;
+/// How many rows `--reorder` holds back to put late ones in order.
+const REORDER_ROWS: usize = 4096;
+
+const REQUIRED: [&str; 8] = ["t_s", "p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w"];
+const VELOCITY: [&str; 3] = ["v_x", "v_y", "v_z"];
+const RATE: [&str; 3] = ["w_x", "w_y", "w_z"];
+const ACCELERATION: [&str; 3] = ["a_x", "a_y", "a_z"];
+const FORCE: [&str; 3] = ["f_x", "f_y", "f_z"];
+const TORQUE: [&str; 3] = ["tau_x", "tau_y", "tau_z"];
+
+/// What `tumble identify --template` prints: a header with every column and two valid rows.
+pub const TEMPLATE: &str = "\
+t_s,p_x,p_y,p_z,q_x,q_y,q_z,q_w,v_x,v_y,v_z,w_x,w_y,w_z,a_x,a_y,a_z,f_x,f_y,f_z,tau_x,tau_y,tau_z
+0.000,0,0,0,0,0,0,1,0,0,0,0,0,0,0.0104,0,0,0.1,0,0,0,0.002,0
+0.016,1.33e-6,0,0,0,0,0,1,0.000167,0,0,0,0.000208,0,0.0104,0,0,0.1,0,0,0,0.002,0
+";
+
+/// How the columns of one file are laid out.
+struct Layout {
+    required: [usize; 8],
+    velocity: Option<[usize; 3]>,
+    rate: Option<[usize; 3]>,
+    acceleration: Option<[usize; 3]>,
+    wrench: Option<[usize; 6]>,
+    names: Vec<String>,
+}
+
+impl Layout {
+    fn from_header(header: &csv::ByteRecord, path: &Path) -> Result<(Self, Vec<String>), AstrobeeError> {
+        let names: Vec<String> = header.iter().map(|cell| String::from_utf8_lossy(cell).trim().to_owned()).collect();
+        if names.iter().all(String::is_empty) {
+            return Err(AstrobeeError::Empty { path: path.into(), what: "header" });
+        }
+        for (i, name) in names.iter().enumerate() {
+            if !name.is_empty() && names[..i].contains(name) {
+                return Err(AstrobeeError::DuplicateColumn { path: path.into(), column: shortened(name) });
+            }
+        }
+        let find = |column: &str, because: &'static str| {
+            names.iter().position(|name| name == column).ok_or_else(|| AstrobeeError::MissingColumn {
+                path: path.into(),
+                column: column.to_owned(),
+                because,
+            })
+        };
+        let mut required = [0; 8];
+        for (slot, column) in required.iter_mut().zip(REQUIRED) {
+            *slot = find(column, "")?;
+        }
+        let velocity = group(&names, VELOCITY, &find)?;
+        let rate = group(&names, RATE, &find)?;
+        let acceleration = group(&names, ACCELERATION, &find)?;
+        let wrench = group(&names, [TORQUE[0], TORQUE[1], TORQUE[2], FORCE[0], FORCE[1], FORCE[2]], &find)?;
+        let known: Vec<&str> = [REQUIRED.as_slice(), &VELOCITY, &RATE, &ACCELERATION, &FORCE, &TORQUE].concat();
+        let ignored = names.iter().filter(|name| !known.contains(&name.as_str())).map(|name| shortened(name)).collect();
+        Ok((Self { required, velocity, rate, acceleration, wrench, names }, ignored))
+    }
+}
+
+/// An optional group of columns: all of it or none of it.
+fn group<const N: usize>(
+    names: &[String],
+    columns: [&str; N],
+    find: &dyn Fn(&str, &'static str) -> Result<usize, AstrobeeError>,
+) -> Result<Option<[usize; N]>, AstrobeeError> {
+    if !columns.iter().any(|column| names.iter().any(|name| name == column)) {
+        return Ok(None);
+    }
+    let mut indices = [0; N];
+    for (slot, column) in indices.iter_mut().zip(columns) {
+        *slot = find(column, ", but others of its group are there")?;
+    }
+    Ok(Some(indices))
+}
+
+fn shortened(text: &str) -> String {
+    const KEEP: usize = 40;
+    if text.chars().count() <= KEEP { text.to_owned() } else { text.chars().take(KEEP).chain("...".chars()).collect() }
+}
+
+/// Streams the samples of one log.
+pub struct LogReader {
+    path: PathBuf,
+    records: csv::Reader<BoundedRows<BufReader<File>>>,
+    record: csv::ByteRecord,
+    layout: Layout,
+    /// Columns that are not part of the format.
+    pub ignored_columns: Vec<String>,
+    reorder: Option<Reorder>,
+    previous_ns: Option<i64>,
+    ended: bool,
+}
+
+#[derive(Default)]
+struct Reorder {
+    held: BinaryHeap<Reverse<Stamped>>,
+    repeated: usize,
+    rows_late: usize,
+    newest_ns: Option<i64>,
+}
+
+/// A sample with its line, ordered by time, then line.
+struct Stamped {
+    line: u64,
+    sample: MotionSample,
+}
+impl PartialEq for Stamped {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+impl Eq for Stamped {}
+impl PartialOrd for Stamped {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Stamped {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        (self.sample.time_ns, self.line).cmp(&(other.sample.time_ns, other.line))
+    }
+}
+
+impl LogReader {
+    /// Opens a log and reads its header.
+    ///
+    /// # Errors
+    /// [`AstrobeeError`] for an unreadable or empty file and for missing or duplicate columns.
+    pub fn open(path: &Path, reorder: bool) -> Result<Self, AstrobeeError> {
+        let unreadable = |source| AstrobeeError::Unreadable { path: path.into(), source };
+        let file = File::open(path).map_err(unreadable)?;
+        if file.metadata().map_err(unreadable)?.is_dir() {
+            return Err(unreadable(std::io::Error::from(std::io::ErrorKind::IsADirectory)));
+        }
+        let mut records = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .quoting(false)
+            .comment(Some(b'#'))
+            .from_reader(BoundedRows::new(BufReader::new(file)));
+        let mut record = csv::ByteRecord::new();
+        if !read_row(&mut records, &mut record, path)? {
+            return Err(AstrobeeError::Empty { path: path.into(), what: "header" });
+        }
+        if let Some(first) = record.get(0).and_then(|cell| cell.strip_prefix("\u{feff}".as_bytes())) {
+            let cells: Vec<Vec<u8>> =
+                std::iter::once(first.to_vec()).chain(record.iter().skip(1).map(<[u8]>::to_vec)).collect();
+            record = csv::ByteRecord::from(cells);
+        }
+        let (layout, ignored_columns) = Layout::from_header(&record, path)?;
+        let reorder = reorder.then(Reorder::default);
+        Ok(Self {
+            path: path.into(),
+            records,
+            record,
+            layout,
+            ignored_columns,
+            reorder,
+            previous_ns: None,
+            ended: false,
+        })
+    }
+
+    /// Rows that came late and were put in order, rows with a repeated time that were dropped.
+    pub fn reordered(&self) -> (usize, usize) {
+        self.reorder.as_ref().map_or((0, 0), |r| (r.rows_late, r.repeated))
+    }
+
+    /// The next sample in time, `None` at the end.
+    ///
+    /// # Errors
+    /// [`AstrobeeError`] naming line and column.
+    pub fn next_sample(&mut self) -> Result<Option<MotionSample>, AstrobeeError> {
+        loop {
+            let Some(stamped) = self.next_in_order()? else { return Ok(None) };
+            let time_ns = stamped.sample.time_ns;
+            if let Some(previous_ns) = self.previous_ns.filter(|previous| time_ns <= *previous) {
+                if let Some(reorder) = self.reorder.as_mut().filter(|_| time_ns == previous_ns) {
+                    reorder.repeated += 1;
+                    continue;
+                }
+                return Err(AstrobeeError::TimeNotIncreasing {
+                    path: self.path.clone(),
+                    line: stamped.line,
+                    previous_s: seconds(previous_ns),
+                    found_s: seconds(time_ns),
+                });
+            }
+            self.previous_ns = Some(time_ns);
+            return Ok(Some(stamped.sample));
+        }
+    }
+
+    fn next_in_order(&mut self) -> Result<Option<Stamped>, AstrobeeError> {
+        if self.reorder.is_none() {
+            return self.next_row();
+        }
+        loop {
+            let full = self.reorder.as_ref().is_some_and(|r| r.held.len() >= REORDER_ROWS);
+            if full || self.ended {
+                return Ok(self.reorder.as_mut().and_then(|r| r.held.pop()).map(|Reverse(stamped)| stamped));
+            }
+            let row = self.next_row()?;
+            let Some(reorder) = self.reorder.as_mut() else { return Ok(row) };
+            match row {
+                Some(stamped) => {
+                    let time_ns = stamped.sample.time_ns;
+                    reorder.rows_late += usize::from(reorder.newest_ns.is_some_and(|newest| time_ns < newest));
+                    reorder.newest_ns = reorder.newest_ns.max(Some(time_ns));
+                    reorder.held.push(Reverse(stamped));
+                }
+                None => self.ended = true,
+            }
+        }
+    }
+
+    fn next_row(&mut self) -> Result<Option<Stamped>, AstrobeeError> {
+        if !read_row(&mut self.records, &mut self.record, &self.path)? {
+            return Ok(None);
+        }
+        let line = self.record.position().map_or(0, csv::Position::line);
+        let expected = self.layout.names.len() as u64;
+        let found = self.record.len() as u64;
+        if found != expected {
+            return Err(AstrobeeError::RowLength { path: self.path.clone(), line, found, expected });
+        }
+        let row = Row { path: &self.path, line, record: &self.record, names: &self.layout.names };
+        let at = &self.layout.required;
+        let time_ns = row.time_ns(at[0])?;
+        let position = Vector3::new(row.number(at[1])?, row.number(at[2])?, row.number(at[3])?);
+        let q = [row.number(at[4])?, row.number(at[5])?, row.number(at[6])?, row.number(at[7])?];
+        let world_from_body_rotation = tumble_lie::from_xyzw(q[0], q[1], q[2], q[3], QUATERNION_NORM_TOLERANCE)
+            .map_err(|_| AstrobeeError::NotUnit {
+                path: self.path.clone(),
+                line,
+                norm: q.iter().map(|c| c * c).sum::<f64>().sqrt(),
+                tolerance: QUATERNION_NORM_TOLERANCE,
+            })?;
+        let wrench = row.optional(self.layout.wrench)?;
+        let sample = MotionSample {
+            time_ns,
+            world_from_body: Isometry3::from_parts(Translation3::from(position), world_from_body_rotation),
+            velocity_origin_world: row.optional(self.layout.velocity)?.map(Vector3::from),
+            rate_body: row.optional(self.layout.rate)?.map(Vector3::from),
+            acceleration_origin_body: row.optional(self.layout.acceleration)?.map(Vector3::from),
+            wrench_body: wrench.map(|w| Wrench::new(Vector3::new(w[0], w[1], w[2]), Vector3::new(w[3], w[4], w[5]))),
+        };
+        Ok(Some(Stamped { line, sample }))
+    }
+
+    /// Appends up to `limit` samples to `samples`; `false` when the log has ended.
+    ///
+    /// # Errors
+    /// As [`LogReader::next_sample`].
+    pub fn read_chunk(&mut self, samples: &mut Vec<MotionSample>, limit: usize) -> Result<bool, AstrobeeError> {
+        for _ in 0..limit {
+            match self.next_sample()? {
+                Some(sample) => samples.push(sample),
+                None => return Ok(false),
+            }
+        }
+        Ok(true)
+    }
+}
+
+/// One row with what an error message needs.
+struct Row<'a> {
+    path: &'a Path,
+    line: u64,
+    record: &'a csv::ByteRecord,
+    names: &'a [String],
+}
+
+impl Row<'_> {
+    fn text(&self, column: usize) -> &[u8] {
+        self.record.get(column).unwrap_or_default().trim_ascii()
+    }
+    fn bad_cell(&self, column: usize) -> AstrobeeError {
+        AstrobeeError::BadCell {
+            path: self.path.into(),
+            line: self.line,
+            column: self.names.get(column).cloned().unwrap_or_default(),
+            text: shortened(&String::from_utf8_lossy(self.text(column))),
+        }
+    }
+    fn number(&self, column: usize) -> Result<f64, AstrobeeError> {
+        std::str::from_utf8(self.text(column))
+            .ok()
+            .and_then(|text| text.parse::<f64>().ok())
+            .filter(|value| value.is_finite())
+            .ok_or_else(|| self.bad_cell(column))
+    }
+    fn time_ns(&self, column: usize) -> Result<i64, AstrobeeError> {
+        std::str::from_utf8(self.text(column)).ok().and_then(parse_time_ns).ok_or_else(|| self.bad_cell(column))
+    }
+    /// An optional group: `None` where any of its cells is empty.
+    fn optional<const N: usize>(&self, columns: Option<[usize; N]>) -> Result<Option<[f64; N]>, AstrobeeError> {
+        let Some(columns) = columns else { return Ok(None) };
+        if columns.iter().any(|column| self.text(*column).is_empty()) {
+            return Ok(None);
+        }
+        let mut values = [0.0; N];
+        for (value, column) in values.iter_mut().zip(columns) {
+            *value = self.number(column)?;
+        }
+        Ok(Some(values))
+    }
+}
+
+fn read_row<R: Read>(
+    records: &mut csv::Reader<BoundedRows<R>>,
+    record: &mut csv::ByteRecord,
+    path: &Path,
+) -> Result<bool, AstrobeeError> {
+    let line = records.position().line();
+    let found = records.read_byte_record(record);
+    if records.get_ref().too_long {
+        return Err(AstrobeeError::RowTooLong { path: path.into(), line, limit: ROW_LIMIT_BYTES });
+    }
+    found.map_err(|error| AstrobeeError::Unreadable { path: path.into(), source: error.into() })
+}
+
+/// Ends the stream when a line grows beyond [`ROW_LIMIT_BYTES`], so that no line can fill the memory.
+struct BoundedRows<R> {
+    inner: R,
+    bytes_in_line: usize,
+    too_long: bool,
+}
+impl<R> BoundedRows<R> {
+    fn new(inner: R) -> Self {
+        Self { inner, bytes_in_line: 0, too_long: false }
+    }
+}
+impl<R: Read> Read for BoundedRows<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        if self.too_long {
+            return Ok(0);
+        }
+        let count = self.inner.read(buffer)?;
+        for line in buffer.get(..count).unwrap_or_default().split_inclusive(|byte| *byte == b'\n') {
+            self.bytes_in_line += line.len();
+            self.too_long |= self.bytes_in_line > ROW_LIMIT_BYTES;
+            if line.ends_with(b"\n") {
+                self.bytes_in_line = 0;
+            }
+        }
+        Ok(count)
+    }
+}
+
+/// A 64-bit FNV-1a hash of a file's bytes, hexadecimal: tells whether two runs read the same log.
+///
+/// # Errors
+/// [`AstrobeeError::Unreadable`].
+pub fn hash(path: &Path) -> Result<String, AstrobeeError> {
+    let unreadable = |source| AstrobeeError::Unreadable { path: path.into(), source };
+    let mut file = BufReader::new(File::open(path).map_err(unreadable)?);
+    let mut buffer = [0; 65_536];
+    let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
+    loop {
+        let count = file.read(&mut buffer).map_err(unreadable)?;
+        if count == 0 {
+            return Ok(format!("fnv1a64:{hash:016x}"));
+        }
+        for byte in buffer.iter().take(count) {
+            hash = (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3);
+        }
+    }
+}
+
+/// Seconds for people; never used for differences.
+#[allow(clippy::cast_precision_loss)]
+pub fn seconds(time_ns: i64) -> f64 {
+    time_ns as f64 * 1e-9
+}
+
+/// Decimal seconds to nanoseconds without a detour through a float; digits beyond the ninth are rounded.
+///
+/// `None` for anything that is not a decimal number or does not fit in 64 bits.
+pub fn parse_time_ns(text: &str) -> Option<i64> {
+    let (mantissa, exponent) = match text.find(['e', 'E']) {
+        Some(at) => (text.get(..at)?, text.get(at + 1..)?.parse::<i32>().ok()?),
+        None => (text, 0),
+    };
+    let (negative, digits) = match mantissa.strip_prefix('-') {
+        Some(rest) => (true, rest),
+        None => (false, mantissa.strip_prefix('+').unwrap_or(mantissa)),
+    };
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    if (whole.is_empty() && fraction.is_empty()) || !whole.bytes().chain(fraction.bytes()).all(|b| b.is_ascii_digit()) {
+        return None;
+    }
+    // value = digits * 10^-scale nanoseconds
+    let mut value: i128 = 0;
+    let mut scale = i64::try_from(fraction.len()).ok()? - i64::from(exponent) - 9;
+    for digit in whole.bytes().chain(fraction.bytes()) {
+        if value > i128::MAX / 100 {
+            // More than 36 significant digits: the rest is below a nanosecond or beyond 64 bits.
+            scale -= 1;
+            continue;
+        }
+        value = value * 10 + i128::from(digit - b'0');
+    }
+    if value == 0 {
+        return Some(0);
+    }
+    while scale < 0 {
+        value = value.checked_mul(10)?;
+        scale += 1;
+    }
+    let mut round_up = false;
+    while scale > 0 && value > 0 {
+        round_up = value % 10 >= 5;
+        value /= 10;
+        scale -= 1;
+    }
+    value += i128::from(round_up && scale == 0);
+    i64::try_from(if negative { -value } else { value }).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_exact_to_the_nanosecond() {
+        for (text, ns) in [
+            ("0", 0),
+            ("1700000000.123456789", 1_700_000_000_123_456_789),
+            ("-0.5", -500_000_000),
+            (".25", 250_000_000),
+            ("3.", 3_000_000_000),
+            ("1.5e-3", 1_500_000),
+            ("1.7e9", 1_700_000_000_000_000_000),
+            ("0.0000000005", 1),
+            ("0.0000000004999", 0),
+            ("0.99999999999999999999999999999999999999999999", 1_000_000_000),
+            ("+2", 2_000_000_000),
+        ] {
+            assert_eq!(parse_time_ns(text), Some(ns), "{text}");
+        }
+        for text in ["", ".", "-", "1e", "nan", "inf", "1e30", "99999999999", "1,5", "0x10", "1e-", "--1"] {
+            assert_eq!(parse_time_ns(text), None, "{text}");
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Files appear whole or not at all.
+
+use crate::error::AstrobeeError;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn unwritable(path: &Path) -> impl FnOnce(std::io::Error) -> AstrobeeError + '_ {
+    move |source| AstrobeeError::Unwritable { path: path.into(), source }
+}
+
+/// A sibling of `path` that no other process uses.
+fn partial_sibling(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(format!(".partial-{}", std::process::id()));
+    path.with_file_name(name)
+}
+
+/// Writes one file under a temporary name and renames it when complete.
+///
+/// # Errors
+/// [`AstrobeeError::OutputExists`] without `force`; [`AstrobeeError::Unwritable`].
+pub fn write_file(path: &Path, contents: &[u8], force: bool) -> Result<(), AstrobeeError> {
+    if path.exists() && !force {
+        return Err(AstrobeeError::OutputExists { path: path.into() });
+    }
+    let partial = partial_sibling(path);
+    let written = fs::write(&partial, contents).and_then(|()| fs::rename(&partial, path));
+    if written.is_err() {
+        // The partial file is worthless; that it may not exist is fine.
+        let _ = fs::remove_file(&partial);
+    }
+    written.map_err(unwritable(path))
+}
+
+/// A folder that appears under its name only when [`OutputFolder::finish`] is called; dropped before, it leaves nothing.
+pub struct OutputFolder {
+    path: PathBuf,
+    partial: PathBuf,
+    finished: bool,
+}
+
+impl OutputFolder {
+    /// Prepares `path`.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::OutputExists`] without `force`; [`AstrobeeError::Unwritable`].
+    pub fn create(path: &Path, force: bool) -> Result<Self, AstrobeeError> {
+        if path.file_name().is_none() {
+            return Err(AstrobeeError::BadOption {
+                message: format!("`--out {}` is not the name of a folder", path.display()),
+            });
+        }
+        if path.exists() && !force {
+            return Err(AstrobeeError::OutputExists { path: path.into() });
+        }
+        let partial = partial_sibling(path);
+        if partial.exists() {
+            fs::remove_dir_all(&partial).map_err(unwritable(&partial))?;
+        }
+        fs::create_dir_all(&partial).map_err(unwritable(path))?;
+        Ok(Self { path: path.into(), partial, finished: false })
+    }
+
+    /// Where a picture named `name` is drawn before the folder is finished.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.partial.join(name)
+    }
+
+    /// Writes one file into the folder.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::Unwritable`].
+    pub fn write(&self, name: &str, contents: &str) -> Result<(), AstrobeeError> {
+        let path = self.file(name);
+        fs::write(&path, contents).map_err(unwritable(&self.path))
+    }
+
+    /// Lets the folder appear under its name, in the place of an older one.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::Unwritable`]; the older folder is then still there.
+    pub fn finish(mut self) -> Result<PathBuf, AstrobeeError> {
+        let replaced = self.path.exists().then(|| {
+            let mut name = self.path.file_name().unwrap_or_default().to_os_string();
+            name.push(format!(".replaced-{}", std::process::id()));
+            self.path.with_file_name(name)
+        });
+        if let Some(old) = &replaced {
+            fs::rename(&self.path, old).map_err(unwritable(&self.path))?;
+        }
+        if let Err(source) = fs::rename(&self.partial, &self.path) {
+            if let Some(old) = &replaced {
+                let _ = fs::rename(old, &self.path);
+            }
+            return Err(AstrobeeError::Unwritable { path: self.path.clone(), source });
+        }
+        self.finished = true;
+        if let Some(old) = &replaced {
+            if old.is_dir() { fs::remove_dir_all(old) } else { fs::remove_file(old) }.map_err(unwritable(old))?;
+        }
+        Ok(self.path.clone())
+    }
+}
+
+impl Drop for OutputFolder {
+    fn drop(&mut self) {
+        if !self.finished {
+            // Nothing more can be done about a folder that cannot be removed.
+            let _ = fs::remove_dir_all(&self.partial);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scratch(name: &str) -> PathBuf {
+        let path = std::env::temp_dir().join(format!("tumble-output-{name}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&path);
+        fs::create_dir_all(&path).unwrap();
+        path
+    }
+
+    #[test]
+    fn an_unfinished_folder_leaves_nothing() {
+        let base = scratch("unfinished");
+        let folder = OutputFolder::create(&base.join("run"), false).unwrap();
+        folder.write("a.txt", "a").unwrap();
+        drop(folder);
+        assert_eq!(fs::read_dir(&base).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn an_existing_folder_is_refused_and_replaced_only_by_force() {
+        let base = scratch("existing");
+        let path = base.join("run");
+        let first = OutputFolder::create(&path, false).unwrap();
+        first.write("old.txt", "old").unwrap();
+        first.finish().unwrap();
+        assert!(matches!(OutputFolder::create(&path, false), Err(AstrobeeError::OutputExists { .. })));
+        let second = OutputFolder::create(&path, true).unwrap();
+        second.write("new.txt", "new").unwrap();
+        assert!(path.join("old.txt").exists(), "the old result stays until the new one is complete");
+        second.finish().unwrap();
+        assert!(path.join("new.txt").exists() && !path.join("old.txt").exists());
+        assert_eq!(fs::read_dir(&base).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_folder_below_a_file_cannot_be_written() {
+        let base = scratch("below-file");
+        fs::write(base.join("file"), "x").unwrap();
+        assert!(matches!(
+            OutputFolder::create(&base.join("file").join("run"), false),
+            Err(AstrobeeError::Unwritable { .. })
+        ));
+        assert!(matches!(
+            write_file(&base.join("file").join("body.toml"), b"x", false),
+            Err(AstrobeeError::Unwritable { .. })
+        ));
+    }
+}

@@ -1,0 +1,482 @@
+//! A result as people and programs read it: table, JSON, residual plots, one offline page.
+
+use crate::body_file::{BodyFile, rows};
+use crate::error::AstrobeeError;
+use crate::figure::{Curve, draw};
+use crate::log::seconds;
+use crate::output::OutputFolder;
+use serde::Serialize;
+use std::fmt::Write as _;
+use tumble_dynamics::InertialParameters;
+use tumble_dynamics::nalgebra::{Matrix3, Vector3};
+use tumble_identification::{
+    Estimate, Identification, Method, Prediction, StandardDeviations, Validation, WrenchTiming,
+};
+
+/// The name of a method on the command line and in JSON.
+pub fn method_name(method: Method) -> &'static str {
+    match method {
+        Method::Auto => "auto",
+        Method::NewtonEuler => "newton-euler",
+        Method::Variational => "variational",
+        Method::Variational4 => "variational4",
+        Method::Variational6 => "variational6",
+        _ => "unknown",
+    }
+}
+
+/// The name of a wrench timing on the command line and in JSON.
+pub fn timing_name(timing: WrenchTiming) -> &'static str {
+    match timing {
+        WrenchTiming::Held => "held",
+        WrenchTiming::Sampled => "sampled",
+    }
+}
+
+/// One of the ten numbers that people compare: mass, centre of mass, inertia about it.
+struct Quantity {
+    name: &'static str,
+    json: (&'static str, usize, usize),
+    unit: &'static str,
+    value: f64,
+    std: f64,
+}
+
+fn quantities(body: &InertialParameters<f64>, std: &StandardDeviations) -> Vec<Quantity> {
+    let (com, inertia) = (body.center_of_mass(), body.inertia_about_com());
+    let mut list =
+        vec![Quantity { name: "mass", json: ("mass", 0, 0), unit: "kg", value: body.mass, std: std.mass_kg }];
+    for (i, name) in ["centre of mass x", "centre of mass y", "centre of mass z"].into_iter().enumerate() {
+        list.push(Quantity { name, json: ("com", i, 0), unit: "m", value: com[i], std: std.center_of_mass_m[i] });
+    }
+    let entries = [("xx", 0, 0), ("yy", 1, 1), ("zz", 2, 2), ("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2)];
+    let names = ["inertia xx", "inertia yy", "inertia zz", "inertia xy", "inertia xz", "inertia yz"];
+    for (name, (_, i, j)) in names.into_iter().zip(entries) {
+        list.push(Quantity {
+            name,
+            json: ("inertia", i, j),
+            unit: "kg m^2",
+            value: inertia[(i, j)],
+            std: std.inertia_about_com_kg_m2[(i, j)],
+        });
+    }
+    list
+}
+
+/// `value` and `std` with two significant digits of the standard deviation.
+fn with_digits_of(value: f64, std: f64) -> (String, String) {
+    if !(std.is_finite() && std > 0.0) {
+        return (format!("{value:.6}"), "-".to_owned());
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let decimals = (1.0 - std.log10().floor()).clamp(0.0, 12.0) as usize;
+    (format!("{value:.decimals$}"), format!("{std:.decimals$}"))
+}
+
+/// What the command line adds to a library result.
+pub struct Context<'a> {
+    /// What was read: a file name, or the demo.
+    pub source: String,
+    /// A body to compare with: its name and parameters.
+    pub reference: Option<(String, &'a InertialParameters<f64>)>,
+    /// Judgement on the last part of the log.
+    pub validation: Option<Validation>,
+    /// Warnings of the reader, before those of the estimator.
+    pub reader_warnings: Vec<String>,
+    /// Duration of the record, s.
+    pub duration_s: f64,
+}
+
+/// All warnings in one list.
+pub fn warnings(found: &Identification, context: &Context) -> Vec<String> {
+    context.reader_warnings.iter().cloned().chain(found.warnings.iter().map(ToString::to_string)).collect()
+}
+
+/// The readable table with one-sigma and a verdict.
+pub fn table(found: &Identification, context: &Context) -> String {
+    let mut text = String::new();
+    let _ = writeln!(text, "{}", context.source);
+    let _ = writeln!(
+        text,
+        "  method {}, wrench {}, lag {}; {} samples used, {} rejected; {:.4} s steps, {:.1} s",
+        method_name(found.method),
+        timing_name(found.wrench_timing),
+        found.lag,
+        found.samples_used,
+        found.samples_rejected,
+        found.step_s,
+        context.duration_s,
+    );
+    let noise = &found.noise;
+    let _ = writeln!(
+        text,
+        "  noise found: wrench {:.1e} N m, {:.1e} N; poses {:.1e} m, {:.1e} rad\n",
+        noise.torque_n_m, noise.force_n, noise.position_m, noise.attitude_rad
+    );
+    if let Some(estimate) = &found.estimate {
+        let _ = write!(text, "{}", body_table(estimate, found, context));
+    }
+    let _ = write!(text, "{}", verdict(found, context));
+    text
+}
+
+fn body_table(estimate: &Estimate, found: &Identification, context: &Context) -> String {
+    let mut text = String::new();
+    let reference = context.reference.as_ref().map(|(name, body)| (name, quantities(body, &estimate.std)));
+    let _ = write!(text, "  {:<18}{:>16}{:>14}  {:<7}", "quantity", "estimate", "1 sigma", "unit");
+    if let Some((name, _)) = &reference {
+        let _ = write!(text, "{name:>14}{:>12}{:>14}", "error", "error/sigma");
+    }
+    let _ = writeln!(text);
+    for (i, q) in quantities(&estimate.parameters, &estimate.std).iter().enumerate() {
+        let (value, std) = if observable(found, q) { with_digits_of(q.value, q.std) } else { ("-".into(), "-".into()) };
+        let _ = write!(text, "  {:<18}{value:>16}{std:>14}  {:<7}", q.name, q.unit);
+        if let Some((_, truth)) = &reference {
+            let error = q.value - truth[i].value;
+            let (truth, _) = with_digits_of(truth[i].value, q.std);
+            let _ = write!(text, "{truth:>14}{error:>12.2e}{:>14.2}", error / q.std);
+        }
+        let _ = writeln!(text);
+    }
+    let _ = writeln!(
+        text,
+        "  inertia about the centre of mass, body axes; off-diagonals are minus the products of inertia\n"
+    );
+    text
+}
+
+/// Whether the data determine a quantity: at rank ten all of them.
+fn observable(found: &Identification, _quantity: &Quantity) -> bool {
+    found.rank == 10 || found.regularised.is_none()
+}
+
+fn verdict(found: &Identification, context: &Context) -> String {
+    let mut text = String::new();
+    match &found.estimate {
+        Some(estimate) => {
+            let margin = pseudo_inertia_min_eigenvalue(&estimate.parameters);
+            let worst = quantities(&estimate.parameters, &estimate.std)
+                .into_iter()
+                .map(|q| (relative_std(&estimate.parameters, &q), q.name))
+                .fold((0.0, ""), |a, b| if b.0 > a.0 { b } else { a });
+            let _ = writeln!(
+                text,
+                "verdict: all ten parameters identified (condition number {:.0}); weakest: {} to {:.2} % of the body's scale",
+                found.condition_number,
+                worst.1,
+                100.0 * worst.0
+            );
+            let constraint = if estimate.lmi_active { ", the consistency constraint is active" } else { "" };
+            let _ =
+                writeln!(text, "  physically consistent: smallest pseudo-inertia eigenvalue {margin:.3e}{constraint}");
+        }
+        None => {
+            let _ = writeln!(
+                text,
+                "verdict: this log does not determine the body: {} of 10 parameter directions",
+                found.rank
+            );
+            for direction in &found.null_directions {
+                let _ = writeln!(text, "  not determined: {direction}");
+            }
+            if let Some(completed) = &found.regularised {
+                let _ = writeln!(
+                    text,
+                    "  completed by a weak physical prior (not knowledge from this log): mass {:.3} kg; --json prints all of it",
+                    completed.parameters.mass
+                );
+            }
+        }
+    }
+    if let Some(v) = &context.validation {
+        let _ = writeln!(
+            text,
+            "  held-out part: {} nodes, residual {:.2e} N m, {:.2e} N; {:.2} times what noise and covariance predict; {:.2} % of the wrench explained",
+            v.nodes,
+            v.torque_rms_n_m,
+            v.force_rms_n,
+            v.normalised_rms,
+            100.0 * v.explained
+        );
+    }
+    text
+}
+
+/// One sigma relative to the body's own scale: mass, radius of gyration, mean principal inertia.
+fn relative_std(body: &InertialParameters<f64>, quantity: &Quantity) -> f64 {
+    let mean_inertia = body.inertia_about_com().trace() / 3.0;
+    match quantity.json.0 {
+        "mass" => quantity.std / body.mass,
+        "com" => quantity.std / (mean_inertia / body.mass).sqrt(),
+        _ => quantity.std / mean_inertia,
+    }
+}
+
+/// What `--dry-run` prints.
+pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f64, f64)) -> String {
+    let mut text = String::new();
+    let _ = writeln!(text, "{source}: what this log can answer");
+    let _ = writeln!(
+        text,
+        "  {} rows, rank {} of 10, condition number {:.1}; for a wrench noise of {:.1e} N m, {:.1e} N per sample:\n",
+        prediction.rows, prediction.rank, prediction.condition_number, wrench_noise.0, wrench_noise.1
+    );
+    match &prediction.std {
+        Some(std) => {
+            let unit_body = InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::identity());
+            let _ = writeln!(text, "  {:<18}{:>14}", "quantity", "1 sigma");
+            for q in quantities(&unit_body, std) {
+                let _ = writeln!(text, "  {:<18}{:>14.2e} {}", q.name, q.std, q.unit);
+            }
+            let _ = writeln!(text, "\nverdict: this log can determine all ten parameters");
+        }
+        None => {
+            let _ = writeln!(text, "verdict: this log cannot determine the body");
+            for direction in &prediction.null_directions {
+                let _ = writeln!(text, "  not determined: {direction}");
+            }
+        }
+    }
+    text
+}
+
+/// The object that `--dry-run --json` prints.
+pub fn prediction_json(prediction: &Prediction, wrench_noise: (f64, f64)) -> String {
+    serde_json::json!({
+        "format": 1,
+        "rows": prediction.rows,
+        "rank": prediction.rank,
+        "condition_number": Some(prediction.condition_number).filter(|c| c.is_finite()),
+        "null_directions": prediction.null_directions,
+        "assumed_noise": { "torque_n_m": wrench_noise.0, "force_n": wrench_noise.1 },
+        "std": prediction.std.as_ref().map(json_std),
+    })
+    .to_string()
+}
+
+fn json_std(std: &StandardDeviations) -> JsonStd {
+    JsonStd {
+        mass_kg: std.mass_kg,
+        com_m: std.center_of_mass_m.into(),
+        inertia_about_com_kg_m2: rows(&std.inertia_about_com_kg_m2),
+    }
+}
+
+/// Smallest eigenvalue of the pseudo-inertia, mixed units (kg m^2, kg m, kg) as the thesis has it.
+fn pseudo_inertia_min_eigenvalue(body: &InertialParameters<f64>) -> f64 {
+    tumble_dynamics::pseudo_inertia(body).symmetric_eigenvalues().min()
+}
+
+/// The object that `--json` prints; `docs/identify-json.md` describes it.
+#[derive(Serialize)]
+pub struct Json {
+    format: u32,
+    method: &'static str,
+    wrench_timing: &'static str,
+    samples_used: usize,
+    samples_rejected: usize,
+    #[serde(flatten)]
+    body: Option<JsonBody>,
+    #[serde(flatten)]
+    no_body: Option<JsonNoBody>,
+    rank: usize,
+    condition_number: Option<f64>,
+    null_directions: Vec<String>,
+    regularised: Option<JsonBody>,
+    noise: JsonNoise,
+    delay_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference: Option<JsonReference>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    holdout: Option<JsonHoldout>,
+    warnings: Vec<String>,
+}
+
+type NumberRows = [[Option<f64>; 3]; 3];
+
+#[derive(Serialize)]
+struct JsonBody {
+    mass_kg: f64,
+    com_m: [f64; 3],
+    inertia_about_com_kg_m2: [[f64; 3]; 3],
+    inertia_about_origin_kg_m2: [[f64; 3]; 3],
+    std: JsonStd,
+    pseudo_inertia_min_eigenvalue: f64,
+    lmi_active: bool,
+}
+
+#[derive(Serialize)]
+struct JsonStd {
+    mass_kg: f64,
+    com_m: [f64; 3],
+    inertia_about_com_kg_m2: [[f64; 3]; 3],
+}
+
+/// The same keys, all `null`.
+#[derive(Serialize, Default)]
+struct JsonNoBody {
+    mass_kg: Option<f64>,
+    com_m: [Option<f64>; 3],
+    inertia_about_com_kg_m2: NumberRows,
+    inertia_about_origin_kg_m2: NumberRows,
+    std: JsonNoStd,
+    pseudo_inertia_min_eigenvalue: Option<f64>,
+}
+
+#[derive(Serialize, Default)]
+struct JsonNoStd {
+    mass_kg: Option<f64>,
+    com_m: [Option<f64>; 3],
+    inertia_about_com_kg_m2: NumberRows,
+}
+
+#[derive(Serialize)]
+struct JsonNoise {
+    torque_n_m: f64,
+    force_n: f64,
+    position_m: f64,
+    attitude_rad: f64,
+}
+
+#[derive(Serialize)]
+struct JsonReference {
+    name: String,
+    body: BodyFile,
+    error_over_sigma: Vec<f64>,
+}
+
+#[derive(Serialize)]
+struct JsonHoldout {
+    nodes: usize,
+    torque_rms_n_m: f64,
+    force_rms_n: f64,
+    normalised_rms: f64,
+    explained: f64,
+}
+
+fn json_body(estimate: &Estimate) -> JsonBody {
+    let body = &estimate.parameters;
+    JsonBody {
+        mass_kg: body.mass,
+        com_m: body.center_of_mass().into(),
+        inertia_about_com_kg_m2: rows(&body.inertia_about_com()),
+        inertia_about_origin_kg_m2: rows(&body.inertia_about_origin),
+        std: json_std(&estimate.std),
+        pseudo_inertia_min_eigenvalue: pseudo_inertia_min_eigenvalue(body),
+        lmi_active: estimate.lmi_active,
+    }
+}
+
+/// The result as `contracts` readers expect it.
+pub fn json(found: &Identification, context: &Context) -> Json {
+    let reference = context.reference.as_ref().and_then(|(name, body)| {
+        let estimate = found.estimate.as_ref()?;
+        let truth = quantities(body, &estimate.std);
+        let errors = quantities(&estimate.parameters, &estimate.std)
+            .iter()
+            .zip(&truth)
+            .map(|(q, t)| (q.value - t.value) / q.std)
+            .collect();
+        Some(JsonReference { name: name.clone(), body: BodyFile::from(*body), error_over_sigma: errors })
+    });
+    Json {
+        format: 1,
+        method: method_name(found.method),
+        wrench_timing: timing_name(found.wrench_timing),
+        samples_used: found.samples_used,
+        samples_rejected: found.samples_rejected,
+        body: found.estimate.as_ref().map(json_body),
+        no_body: found.estimate.is_none().then(JsonNoBody::default),
+        rank: found.rank,
+        condition_number: Some(found.condition_number).filter(|c| c.is_finite()),
+        null_directions: found.null_directions.clone(),
+        regularised: found.regularised.as_ref().map(json_body),
+        noise: JsonNoise {
+            torque_n_m: found.noise.torque_n_m,
+            force_n: found.noise.force_n,
+            position_m: found.noise.position_m,
+            attitude_rad: found.noise.attitude_rad,
+        },
+        delay_s: None,
+        reference,
+        holdout: context.validation.map(|v| JsonHoldout {
+            nodes: v.nodes,
+            torque_rms_n_m: v.torque_rms_n_m,
+            force_rms_n: v.force_rms_n,
+            normalised_rms: v.normalised_rms,
+            explained: v.explained,
+        }),
+        warnings: warnings(found, context),
+    }
+}
+
+/// Draws the residual plots and writes the page that holds table and plots.
+///
+/// # Errors
+/// [`AstrobeeError`] when a picture or file cannot be written.
+pub fn write_page(
+    folder: &OutputFolder,
+    found: &Identification,
+    context: &Context,
+    json_text: &str,
+) -> Result<(), AstrobeeError> {
+    let start_ns = found.residuals.first().map_or(0, |r| r.time_ns);
+    let every = found.residuals.len().div_ceil(4000).max(1);
+    let curve = |name, pick: &dyn Fn(&tumble_identification::NodeResidual) -> f64| Curve {
+        name,
+        points: found.residuals.iter().step_by(every).map(|r| (seconds(r.time_ns - start_ns), pick(r))).collect(),
+    };
+    draw(
+        &folder.file("residual_force.svg"),
+        "Force residual (grey: 2 sigma of the noise found)",
+        "N",
+        &[curve("x", &|r| r.force.x), curve("y", &|r| r.force.y), curve("z", &|r| r.force.z)],
+        Some(2.0 * found.noise.force_n),
+    )?;
+    draw(
+        &folder.file("residual_torque.svg"),
+        "Torque residual (grey: 2 sigma of the noise found)",
+        "N m",
+        &[curve("x", &|r| r.torque.x), curve("y", &|r| r.torque.y), curve("z", &|r| r.torque.z)],
+        Some(2.0 * found.noise.torque_n_m),
+    )?;
+    let picture = |name: &str| -> Result<String, AstrobeeError> {
+        let path = folder.file(name);
+        std::fs::read_to_string(&path).map_err(|source| AstrobeeError::Unreadable { path, source })
+    };
+    let list: String = warnings(found, context).iter().map(|w| format!("<li>{}</li>\n", escaped(w))).collect();
+    let page = format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>tumble identify</title>\n\
+         <style>body{{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em}}pre{{background:#f4f4f4;\
+         padding:1em;overflow:auto}}svg{{max-width:100%;height:auto}}</style></head><body>\n\
+         <h1>Inertial parameters</h1>\n<pre>{}</pre>\n<h2>Warnings</h2>\n<ul>\n{list}</ul>\n\
+         <h2>Residuals</h2>\n{}\n{}\n<h2>Machine-readable</h2>\n<pre id=\"result\">{}</pre>\n</body></html>\n",
+        escaped(&table(found, context)),
+        picture("residual_force.svg")?,
+        picture("residual_torque.svg")?,
+        escaped(json_text),
+    );
+    folder.write("report.html", &page)
+}
+
+/// Text that cannot be read as markup.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_digits_of_sigma() {
+        assert_eq!(with_digits_of(9.581_234, 0.002_34), ("9.5812".into(), "0.0023".into()));
+        assert_eq!(with_digits_of(123.456, 12.0), ("123".into(), "12".into()));
+        assert_eq!(with_digits_of(1.0, f64::NAN).1, "-");
+    }
+
+    #[test]
+    fn markup_is_escaped() {
+        assert_eq!(escaped("<b> & \"q\""), "&lt;b&gt; &amp; &quot;q&quot;");
+    }
+}
