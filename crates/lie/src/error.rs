@@ -18,6 +18,12 @@ pub enum LieError {
         /// `|Phi|`, the sine of half the rotation angle of the step.
         norm: f64,
     },
+    /// Euler angle rates asked for where they do not exist.
+    #[error("Euler angle rates do not exist at pitch {pitch_rad} rad")]
+    GimbalLock {
+        /// Pitch, rad.
+        pitch_rad: f64,
+    },
     /// A value that is not finite.
     #[error("value is not finite")]
     NotFinite,

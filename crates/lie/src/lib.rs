@@ -3,6 +3,8 @@
 #![forbid(unsafe_code)]
 
 pub use nalgebra;
+#[cfg(feature = "dual")]
+pub use num_dual;
 
 mod error;
 mod group;
@@ -11,17 +13,24 @@ pub mod series;
 mod skew;
 mod spatial;
 
-mod dual_quaternion;
+pub mod dual_quaternion;
+mod euler;
 mod increment_chart;
-mod quaternion;
-mod se3;
-mod so3;
+pub mod quaternion;
+pub mod se2;
+pub mod se3;
+pub mod so2;
+pub mod so3;
+pub mod translation;
 
 #[cfg(feature = "testing")]
 pub mod laws;
+#[cfg(feature = "testing")]
+pub mod strategies;
 
 pub use dual_quaternion::{rate_from_twist_body, twist_body_from_rate};
 pub use error::LieError;
+pub use euler::EulerZyx;
 pub use group::{GroupAction, LieGroup, Manifold};
 pub use increment_chart::Increment;
 pub use quaternion::{from_wxyz, from_xyzw};

@@ -73,12 +73,13 @@ impl<T: Scalar> LieGroup for UnitQuaternion<T> {
     #[inline]
     fn compose(&self, other: &Self) -> Self {
         let (a, b) = (self, other);
-        UnitQuaternion::new_unchecked(Quaternion::new(
-            a.w * b.w - a.i * b.i - a.j * b.j - a.k * b.k,
-            a.w * b.i + a.i * b.w + a.j * b.k - a.k * b.j,
-            a.w * b.j - a.i * b.k + a.j * b.w + a.k * b.i,
-            a.w * b.k + a.i * b.j - a.j * b.i + a.k * b.w,
-        ))
+        let x = a.w * b.i + a.i * b.w + (a.j * b.k - a.k * b.j);
+        let y = a.w * b.j + a.j * b.w + (a.k * b.i - a.i * b.k);
+        let z = a.w * b.k + a.k * b.w + (a.i * b.j - a.j * b.i);
+        let w = a.w * b.w - a.i * b.i - (a.j * b.j + a.k * b.k);
+        // One Newton step of normalisation: rounding does not pile up over many products.
+        let per_norm = real::<T>(1.5) - real::<T>(0.5) * (x * x + y * y + (z * z + w * w));
+        UnitQuaternion::new_unchecked(Quaternion::new(w * per_norm, x * per_norm, y * per_norm, z * per_norm))
     }
     #[inline]
     fn exp(xi: &Vector3<T>) -> Self {
