@@ -9,6 +9,8 @@ mod composition;
 mod convergence;
 #[cfg(feature = "dual")]
 mod discrete_lagrangian;
+#[cfg(feature = "dual")]
+mod differentiate;
 mod error;
 mod free_flyer;
 mod inertia;
@@ -24,6 +26,8 @@ mod variational_free_flyer;
 
 #[cfg(feature = "dual")]
 pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
+#[cfg(feature = "dual")]
+pub use differentiate::{FreeFlyerStep, ParametricModel, StepLinearization, linearize};
 pub use error::DynamicsError;
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};
