@@ -2,8 +2,9 @@
 
 use crate::error::DynamicsError;
 use crate::free_flyer::FreeFlyer;
-use crate::inertia::{InertialParameters, PARAMETERS};
+use crate::inertia::InertialParameters;
 use crate::integrators::{GaussLegendre4, LieEuler, MuntheKaas4, RungeKutta4};
+use crate::parameter_vector::PARAMETERS;
 use crate::state::RigidBodyState;
 use crate::system::Integrator;
 use crate::variational_free_flyer::VariationalFreeFlyer;

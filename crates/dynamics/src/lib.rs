@@ -8,13 +8,15 @@ pub use tumble_lie::nalgebra;
 mod composition;
 mod convergence;
 #[cfg(feature = "dual")]
-mod discrete_lagrangian;
-#[cfg(feature = "dual")]
 mod differentiate;
+#[cfg(feature = "dual")]
+mod discrete_lagrangian;
 mod error;
 mod free_flyer;
 mod inertia;
 mod integrators;
+#[cfg(feature = "testing")]
+pub mod laws;
 mod log_cholesky;
 mod momentum;
 mod parameter_vector;
@@ -25,9 +27,9 @@ mod system;
 mod variational_free_flyer;
 
 #[cfg(feature = "dual")]
-pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
-#[cfg(feature = "dual")]
 pub use differentiate::{FreeFlyerStep, ParametricModel, StepLinearization, linearize};
+#[cfg(feature = "dual")]
+pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
 pub use error::DynamicsError;
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};

@@ -113,8 +113,10 @@ impl<T: Scalar> AboutCom<T> {
 
         // Start: the increment at constant rate, then one explicit correction by the gyroscopic and the coupling torque.
         let first = inertia_inverse * target;
-        let mut phi =
-            inertia_inverse * (target - first.cross(&target) + p * (first.dot(&p) * mass) + target * (first.norm_squared() * real(0.5)));
+        let mut phi = inertia_inverse
+            * (target - first.cross(&target)
+                + p * (first.dot(&p) * mass)
+                + target * (first.norm_squared() * real(0.5)));
         let mut last_update = T::zero();
         for _ in 0..MAX_ITERATIONS {
             let square = phi.norm_squared();
@@ -145,7 +147,10 @@ impl<T: Scalar> AboutCom<T> {
             last_update = update.norm_squared();
             if last_update <= phi.norm_squared() * negligible {
                 if determinant <= T::zero() {
-                    return Err(DynamicsError::TravelTooLong { step_s: value(step_s), travel_m: value(p.norm() * real::<T>(2.0)) });
+                    return Err(DynamicsError::TravelTooLong {
+                        step_s: value(step_s),
+                        travel_m: value(p.norm() * real::<T>(2.0)),
+                    });
                 }
                 return increment(phi, &p, step_s);
             }
@@ -275,7 +280,8 @@ mod tests {
         );
         let after = variational_step(&body_d(), &state, &wrench, 0.05).unwrap().world_from_body;
         let position = Vector3::new(0.005_283_125_378_2, -0.002_418_866_920_8, 0.010_271_726_217_7);
-        let attitude = SVector::from([0.007_519_424_067_6, -0.004_903_047_954_1, 0.012_627_953_504_2, 0.999_879_969_382_7]);
+        let attitude =
+            SVector::from([0.007_519_424_067_6, -0.004_903_047_954_1, 0.012_627_953_504_2, 0.999_879_969_382_7]);
         assert!((after.translation.vector - position).amax() < 1e-13, "{after:?}");
         assert!((after.rotation.coords - attitude).amax() < 1e-13, "{after:?}");
     }

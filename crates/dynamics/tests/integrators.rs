@@ -26,7 +26,12 @@ impl WrenchModel<f64> for Smooth {
 }
 
 /// State of a body whose centre of mass has the given motion.
-fn state_of_com(position: Vector3<f64>, turn: Vector3<f64>, velocity: Vector3<f64>, rate: Vector3<f64>) -> RigidBodyState<f64> {
+fn state_of_com(
+    position: Vector3<f64>,
+    turn: Vector3<f64>,
+    velocity: Vector3<f64>,
+    rate: Vector3<f64>,
+) -> RigidBodyState<f64> {
     let (attitude, com) = (UnitQuaternion::from_scaled_axis(turn), body_d().center_of_mass());
     RigidBodyState {
         world_from_body: Pose::from_parts(Translation3::from(position - attitude * com), attitude),
@@ -69,7 +74,8 @@ fn golden_convergence_of_the_variational_integrator() {
 
 fn observed_order(integrator: &impl Integrator<FreeFlyer<f64>>) -> f64 {
     let system = FreeFlyer::new(body_d());
-    let start = state_of_com(Vector3::zeros(), Vector3::zeros(), Vector3::new(0.3, -0.2, 0.1), Vector3::new(0.5, 0.8, -0.6));
+    let start =
+        state_of_com(Vector3::zeros(), Vector3::zeros(), Vector3::new(0.3, -0.2, 0.1), Vector3::new(0.5, 0.8, -0.6));
     let wrench = Wrench::new(Vector3::new(0.4, -0.3, 0.5), Vector3::new(1.0, 0.6, -0.8));
     let ends: Vec<_> = [80_u32, 160, 320]
         .iter()
@@ -95,13 +101,13 @@ fn every_integrator_has_its_order() {
 #[test]
 fn all_integrators_converge_to_the_same_motion() {
     let system = FreeFlyer::new(body_d());
-    let start = state_of_com(Vector3::zeros(), Vector3::zeros(), Vector3::new(0.3, -0.2, 0.1), Vector3::new(0.5, 0.8, -0.6));
+    let start =
+        state_of_com(Vector3::zeros(), Vector3::zeros(), Vector3::new(0.3, -0.2, 0.1), Vector3::new(0.5, 0.8, -0.6));
     let wrench = Wrench::new(Vector3::new(0.4, -0.3, 0.5), Vector3::new(1.0, 0.6, -0.8));
     let reference = run(&GaussLegendre4, &system, start, &wrench, 0.005, 800);
-    for end in [
-        run(&RungeKutta4, &system, start, &wrench, 0.005, 800),
-        run(&MuntheKaas4, &system, start, &wrench, 0.005, 800),
-    ] {
+    for end in
+        [run(&RungeKutta4, &system, start, &wrench, 0.005, 800), run(&MuntheKaas4, &system, start, &wrench, 0.005, 800)]
+    {
         assert!(end.ominus(&reference).norm() < 1e-8, "{}", end.ominus(&reference).norm());
     }
 }
@@ -151,7 +157,9 @@ fn a_million_steps_keep_momentum_energy_and_norm() {
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     let amplitude = energy_errors.iter().fold(0.0_f64, |a, e| a.max(e.abs()));
     let trend = mean(&energy_errors[500..]) - mean(&energy_errors[..500]);
-    println!("angular {angular_drift:e}, linear {linear_drift:e}, norm {norm_drift:e}, energy {amplitude:e}, trend {trend:e}");
+    println!(
+        "angular {angular_drift:e}, linear {linear_drift:e}, norm {norm_drift:e}, energy {amplitude:e}, trend {trend:e}"
+    );
     assert!(angular_drift < 1e-9, "{angular_drift:e}");
     assert!(linear_drift < 1e-9, "{linear_drift:e}");
     assert!(norm_drift < 1e-12, "{norm_drift:e}");
