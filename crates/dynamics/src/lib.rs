@@ -8,11 +8,15 @@ pub use tumble_lie::nalgebra;
 mod composition;
 mod convergence;
 #[cfg(feature = "dual")]
+mod differentiate;
+#[cfg(feature = "dual")]
 mod discrete_lagrangian;
 mod error;
 mod free_flyer;
 mod inertia;
 mod integrators;
+#[cfg(feature = "testing")]
+pub mod laws;
 mod log_cholesky;
 mod momentum;
 mod parameter_vector;
@@ -22,6 +26,8 @@ mod state;
 mod system;
 mod variational_free_flyer;
 
+#[cfg(feature = "dual")]
+pub use differentiate::{FreeFlyerStep, ParametricModel, StepLinearization, linearize};
 #[cfg(feature = "dual")]
 pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
 pub use error::DynamicsError;

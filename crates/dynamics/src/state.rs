@@ -1,7 +1,7 @@
 //! The state of one free rigid body, and of any system on a Lie group.
 
 use core::ops::{Add, Index, IndexMut, Mul, Neg, Sub};
-use tumble_lie::nalgebra::{SVector, Vector6};
+use tumble_lie::nalgebra::{SVector, Vector6, convert};
 use tumble_lie::{Coordinates, LieGroup, Manifold, Pose, Scalar, Twist};
 
 /// Pose and velocity of a rigid body.
@@ -20,6 +20,16 @@ impl<T: Scalar> RigidBodyState<T> {
     /// At the inertial origin, at rest.
     pub fn at_rest() -> Self {
         Self { world_from_body: Pose::identity(), twist_body: Twist::zero() }
+    }
+}
+
+impl RigidBodyState<f64> {
+    /// The same state over another scalar, with zero derivatives.
+    pub fn lifted<T: Scalar>(&self) -> RigidBodyState<T> {
+        RigidBodyState {
+            world_from_body: convert(self.world_from_body),
+            twist_body: convert::<Vector6<f64>, Vector6<T>>(self.twist_body.to_vector()).into(),
+        }
     }
 }
 

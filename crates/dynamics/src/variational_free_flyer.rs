@@ -1,12 +1,13 @@
 //! The dual-quaternion variational integrator of a free rigid body, specialised: no dual numbers, no allocation.
 
+use crate::convergence::Rest;
 use crate::error::DynamicsError;
-use crate::free_flyer::{FreeFlyer, inverse_of_symmetric};
+use crate::free_flyer::{FreeFlyer, FreeFlyerIn, inverse_of_symmetric};
 use crate::inertia::InertialParameters;
 use crate::state::RigidBodyState;
-use crate::system::Integrator;
-use tumble_lie::nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
-use tumble_lie::{Increment, Scalar, Twist, Wrench, real, skew, value};
+use crate::system::{Integrator, WrenchModel};
+use tumble_lie::nalgebra::{Matrix3, Translation3, UnitQuaternion, Vector3};
+use tumble_lie::{Increment, Pose, Scalar, Twist, Wrench, real, skew, value};
 
 /// Newton iterations after which a step counts as too long; two or three are usual.
 const MAX_ITERATIONS: u32 = 30;
@@ -38,114 +39,139 @@ pub fn variational_step<T: Scalar>(
     wrench_body: &Wrench<T>,
     step_s: T,
 ) -> Result<RigidBodyState<T>, DynamicsError> {
-    let half = real::<T>(0.5);
-    let half_step_s = step_s * half;
-    let mass = body.mass;
-    let com = body.center_of_mass();
-    let inertia = body.inertia_about_com();
-    let inertia_inverse = inverse_of_symmetric(&inertia);
-    let half_impulse = wrench_body.force * half_step_s;
-    let half_angular_impulse = (wrench_body.torque - com.cross(&wrench_body.force)) * half_step_s;
-
-    // Momenta about the centre of mass, body axes, just after the first half of the impulse.
-    let Twist { angular: rate, linear: velocity } = state.twist_body;
-    let momentum = (velocity + rate.cross(&com)) * mass + half_impulse;
-    let angular_momentum = inertia * rate + half_angular_impulse;
-
-    let displacement =
-        solve_increment(&inertia, &inertia_inverse, mass, &momentum, &angular_momentum, step_s)?.to_displacement();
-    let (turn, travel) = (displacement.rotation, displacement.translation.vector);
-
-    // Coadjoint action: the momenta as seen from the new frame.
-    let momentum_after = turn.inverse_transform_vector(&momentum) + half_impulse;
-    let angular_momentum_after =
-        turn.inverse_transform_vector(&(angular_momentum - travel.cross(&momentum))) + half_angular_impulse;
-    let rate_after = inertia_inverse * angular_momentum_after;
-    let velocity_after = momentum_after / mass - rate_after.cross(&com);
-
-    let attitude = state.world_from_body.rotation;
-    let product = attitude.into_inner() * turn.into_inner();
-    // The norm is one up to rounding, where the first Newton step of the inverse square root is exact.
-    let attitude_after = product * (real::<T>(1.5) - half * product.norm_squared());
-    // The origin travels with the centre of mass, and around it.
-    let com_turned = com - turn * com;
-    let position = state.world_from_body.translation.vector + attitude * (travel + com_turned);
-    Ok(RigidBodyState {
-        world_from_body: Isometry3::from_parts(
-            Translation3::from(position),
-            UnitQuaternion::new_unchecked(attitude_after),
-        ),
-        twist_body: Twist::new(rate_after, velocity_after),
-    })
+    let half_impulse = *wrench_body * (step_s * real(0.5));
+    let body = AboutCom::new(body);
+    Ok(body.carried(state, &half_impulse, step_s)?.kicked(&body, &half_impulse))
 }
 
-/// Solves `-D1 L_d = momenta` for the increment, about the centre of mass.
-///
-/// With `a = sqrt(1 - Phi^2)` and `P = h p / (2 m)` the force equation `a Psi + Phi x Psi = P` gives
-/// `Psi = a P - Phi x P + Phi (Phi.P) / a`, hence `f_b0 = -(Phi.P) / a^2`, and the torque equation becomes
-/// `a J Phi + Phi x J Phi + f_b0 m Psi = (h/2) angular momentum`.
-#[inline(always)]
-fn solve_increment<T: Scalar>(
-    inertia: &Matrix3<T>,
-    inertia_inverse: &Matrix3<T>,
+/// Mass properties split at the centre of mass.
+struct AboutCom<T: Scalar> {
     mass: T,
-    momentum: &Vector3<T>,
-    angular_momentum: &Vector3<T>,
-    step_s: T,
-) -> Result<Increment<T>, DynamicsError> {
-    let half_step_s = step_s * real(0.5);
-    let p = momentum * (half_step_s / mass);
-    let target = angular_momentum * half_step_s;
-    // Squared relative size of an update after which the next one is below rounding.
-    let negligible = T::default_epsilon() * real(1.0 / 256.0);
+    com: Vector3<T>,
+    inertia: Matrix3<T>,
+    inertia_inverse: Matrix3<T>,
+}
 
-    // Start: the increment at constant rate, then one explicit correction by the gyroscopic and the coupling torque.
-    let first = inertia_inverse * target;
-    let mut phi = inertia_inverse
-        * (target - first.cross(&target) + p * (first.dot(&p) * mass) + target * (first.norm_squared() * real(0.5)));
-    let mut last_update = T::zero();
-    for _ in 0..MAX_ITERATIONS {
-        let square = phi.norm_squared();
-        if !square.is_finite() {
-            return Err(DynamicsError::NotFinite);
-        }
-        if square >= T::one() {
-            return Err(DynamicsError::StepTooLarge { step_s: value(step_s), norm: value(square.sqrt()) });
-        }
-        let a = (T::one() - square).sqrt();
-        let per_a = T::one() / a;
-        let j_phi = inertia * phi;
-        let along = phi.dot(&p) * per_a;
-        let f_b0 = -along * per_a;
-        let m_psi = (p * a - phi.cross(&p) + phi * along) * mass;
-        let residual = j_phi * a + phi.cross(&j_phi) + m_psi * f_b0 - target;
+/// Pose at the end of a step and momenta about the centre of mass, body axes, before the impulse there.
+struct Carried<T: Scalar> {
+    world_from_body: Pose<T>,
+    angular_momentum: Vector3<T>,
+    momentum: Vector3<T>,
+}
 
-        // Rates along Phi: a' = -Phi / a, along' = P / a + Phi along / a^2.
-        let a_rate = -phi * per_a;
-        let along_rate = (p - a_rate * along) * per_a;
-        let f_b0_rate = (a_rate * (along * per_a) - along_rate) * per_a;
-        let mut jacobian = j_phi * a_rate.transpose() - skew(&j_phi) + skew(&phi) * inertia + inertia * a;
-        jacobian += m_psi * f_b0_rate.transpose()
-            + (skew(&p) + p * a_rate.transpose() + phi * along_rate.transpose()) * (f_b0 * mass)
-            + Matrix3::from_diagonal_element(along * f_b0 * mass);
-        let (update, determinant) = solve(&jacobian, &residual);
-        phi -= update;
-        last_update = update.norm_squared();
-        if last_update <= phi.norm_squared() * negligible {
-            if determinant <= T::zero() {
-                return Err(DynamicsError::TravelTooLong {
-                    step_s: value(step_s),
-                    travel_m: value(p.norm() * real::<T>(2.0)),
-                });
-            }
-            return increment(phi, &p, step_s);
-        }
+impl<T: Scalar> AboutCom<T> {
+    #[inline(always)]
+    fn new(body: &InertialParameters<T>) -> Self {
+        let inertia = body.inertia_about_com();
+        Self { mass: body.mass, com: body.center_of_mass(), inertia, inertia_inverse: inverse_of_symmetric(&inertia) }
     }
-    Err(DynamicsError::StepNotConverged {
-        step_s: value(step_s),
-        residual: value(last_update.sqrt()),
-        iterations: MAX_ITERATIONS,
-    })
+
+    /// The motion after `impulse` (about the body origin) at the start.
+    #[inline(always)]
+    fn carried(&self, state: &RigidBodyState<T>, impulse: &Wrench<T>, step_s: T) -> Result<Carried<T>, DynamicsError> {
+        let com = &self.com;
+        let Twist { angular: rate, linear: velocity } = &state.twist_body;
+        let momentum = (velocity + rate.cross(com)) * self.mass + impulse.force;
+        let angular_momentum = self.inertia * rate + impulse.torque - com.cross(&impulse.force);
+
+        let displacement = self.solve_increment(&momentum, &angular_momentum, step_s)?.to_displacement();
+        let (turn, travel) = (displacement.rotation, displacement.translation.vector);
+        let attitude = state.world_from_body.rotation;
+        let product = attitude.into_inner() * turn.into_inner();
+        // The norm is one up to rounding, where one Newton step of the inverse square root is exact.
+        let attitude_after = product * (real::<T>(1.5) - product.norm_squared() * real(0.5));
+        // The origin travels with the centre of mass and around it.
+        let position = state.world_from_body.translation.vector + attitude * (travel + (com - turn * com));
+        Ok(Carried {
+            world_from_body: Pose::from_parts(
+                Translation3::from(position),
+                UnitQuaternion::new_unchecked(attitude_after),
+            ),
+            angular_momentum: turn.inverse_transform_vector(&(angular_momentum - travel.cross(&momentum))),
+            momentum: turn.inverse_transform_vector(&momentum),
+        })
+    }
+
+    /// Solves `-D1 L_d = momenta` for the increment, about the centre of mass.
+    ///
+    /// With `a = sqrt(1 - Phi^2)` and `P = h p / (2 m)` the force equation `a Psi + Phi x Psi = P` gives
+    /// `Psi = a P - Phi x P + Phi (Phi.P) / a`, hence `f_b0 = -(Phi.P) / a^2`, and the torque equation becomes
+    /// `a J Phi + Phi x J Phi + f_b0 m Psi = (h/2) angular momentum`.
+    #[inline(always)]
+    fn solve_increment(
+        &self,
+        momentum: &Vector3<T>,
+        angular_momentum: &Vector3<T>,
+        step_s: T,
+    ) -> Result<Increment<T>, DynamicsError> {
+        let Self { mass, inertia, inertia_inverse, .. } = *self;
+        let half_step_s = step_s * real(0.5);
+        let p = momentum * (half_step_s / mass);
+        let target = angular_momentum * half_step_s;
+        // Squared relative size of an update after which the next one is below rounding.
+        let negligible = T::default_epsilon() * real(1.0 / 256.0);
+
+        // Start: the increment at constant rate, then one explicit correction by the gyroscopic and the coupling torque.
+        let first = inertia_inverse * target;
+        let mut phi = inertia_inverse
+            * (target - first.cross(&target)
+                + p * (first.dot(&p) * mass)
+                + target * (first.norm_squared() * real(0.5)));
+        let mut last_update = T::zero();
+        for _ in 0..MAX_ITERATIONS {
+            let square = phi.norm_squared();
+            if !square.is_finite() {
+                return Err(DynamicsError::NotFinite);
+            }
+            if square >= T::one() {
+                return Err(DynamicsError::StepTooLarge { step_s: value(step_s), norm: value(square.sqrt()) });
+            }
+            let a = (T::one() - square).sqrt();
+            let per_a = T::one() / a;
+            let j_phi = inertia * phi;
+            let along = phi.dot(&p) * per_a;
+            let f_b0 = -along * per_a;
+            let m_psi = (p * a - phi.cross(&p) + phi * along) * mass;
+            let residual = j_phi * a + phi.cross(&j_phi) + m_psi * f_b0 - target;
+
+            // Rates along Phi: a' = -Phi / a, along' = P / a + Phi along / a^2.
+            let a_rate = -phi * per_a;
+            let along_rate = (p - a_rate * along) * per_a;
+            let f_b0_rate = (a_rate * (along * per_a) - along_rate) * per_a;
+            let mut jacobian = j_phi * a_rate.transpose() - skew(&j_phi) + skew(&phi) * inertia + inertia * a;
+            jacobian += m_psi * f_b0_rate.transpose()
+                + (skew(&p) + p * a_rate.transpose() + phi * along_rate.transpose()) * (f_b0 * mass)
+                + Matrix3::from_diagonal_element(along * f_b0 * mass);
+            let (update, determinant) = solve(&jacobian, &residual);
+            phi -= update;
+            last_update = update.norm_squared();
+            if last_update <= phi.norm_squared() * negligible {
+                if determinant <= T::zero() {
+                    return Err(DynamicsError::TravelTooLong {
+                        step_s: value(step_s),
+                        travel_m: value(p.norm() * real::<T>(2.0)),
+                    });
+                }
+                return increment(phi, &p, step_s);
+            }
+        }
+        Err(DynamicsError::StepNotConverged {
+            step_s: value(step_s),
+            residual: value(last_update.sqrt()),
+            iterations: MAX_ITERATIONS,
+        })
+    }
+}
+
+impl<T: Scalar> Carried<T> {
+    /// The state after `impulse` (about the body origin) at the end.
+    #[inline(always)]
+    fn kicked(&self, body: &AboutCom<T>, impulse: &Wrench<T>) -> RigidBodyState<T> {
+        let angular_momentum = self.angular_momentum + impulse.torque - body.com.cross(&impulse.force);
+        let rate = body.inertia_inverse * angular_momentum;
+        let velocity = (self.momentum + impulse.force) / body.mass - rate.cross(&body.com);
+        RigidBodyState { world_from_body: self.world_from_body, twist_body: Twist::new(rate, velocity) }
+    }
 }
 
 /// The increment that belongs to a solution `Phi`.
@@ -191,10 +217,47 @@ impl<T: Scalar> Integrator<FreeFlyer<T>> for VariationalFreeFlyer {
     }
 }
 
+/// The environment's wrench is taken at both ends, half of the impulse each; where it depends on the velocity the end
+/// is implicit.
+impl<T: Scalar, E: WrenchModel<T>> Integrator<FreeFlyerIn<T, E>> for VariationalFreeFlyer {
+    fn order(&self) -> u32 {
+        2
+    }
+    fn step(
+        &self,
+        system: &FreeFlyerIn<T, E>,
+        state: &RigidBodyState<T>,
+        wrench_body: &Wrench<T>,
+        time_s: T,
+        step_s: T,
+    ) -> Result<RigidBodyState<T>, DynamicsError> {
+        let half_impulse = |time_s, state: &RigidBodyState<T>| {
+            (*wrench_body + system.environment.wrench_body(time_s, state)) * (step_s * real(0.5))
+        };
+        let body = AboutCom::new(system.body.parameters());
+        let impulse = half_impulse(time_s, state);
+        let carried = body.carried(state, &impulse, step_s)?;
+        let mut after = carried.kicked(&body, &impulse);
+        let mut rest = Rest::new();
+        for _ in 0..MAX_ITERATIONS {
+            let next = carried.kicked(&body, &half_impulse(time_s + step_s, &after));
+            let rested = rest.reached(&after.twist_body.to_vector(), &next.twist_body.to_vector());
+            after = next;
+            if rested {
+                return Ok(after);
+            }
+        }
+        Err(DynamicsError::StepNotConverged {
+            step_s: value(step_s),
+            residual: value(rest.last_change()),
+            iterations: MAX_ITERATIONS,
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tumble_lie::Pose;
     use tumble_lie::nalgebra::SVector;
 
     fn body_d() -> InertialParameters<f64> {

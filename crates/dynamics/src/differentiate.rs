@@ -1,0 +1,123 @@
+//! Exact derivatives of one step with respect to state, input and parameters (feature `dual`).
+
+use crate::error::DynamicsError;
+use crate::free_flyer::FreeFlyer;
+use crate::inertia::InertialParameters;
+use crate::integrators::{GaussLegendre4, LieEuler, MuntheKaas4, RungeKutta4};
+use crate::parameter_vector::PARAMETERS;
+use crate::state::RigidBodyState;
+use crate::system::Integrator;
+use crate::variational_free_flyer::VariationalFreeFlyer;
+use num_dual::Dual64;
+use tumble_lie::nalgebra::{SVector, Vector6};
+use tumble_lie::{Coordinates, Manifold, Scalar, real};
+
+/// A step that depends on parameters, written once for every scalar.
+pub trait ParametricModel {
+    /// State.
+    type State<T: Scalar>: Manifold<Scalar = T>;
+    /// Input held over the step.
+    type Input<T: Scalar>: Coordinates<T>;
+    /// Parameters.
+    type Parameters<T: Scalar>: Coordinates<T>;
+    /// The same state over another scalar.
+    fn lift<T: Scalar>(state: &Self::State<f64>) -> Self::State<T>;
+    /// The state `step_s` later.
+    ///
+    /// # Errors
+    /// [`DynamicsError`] where the step has no value.
+    fn step<T: Scalar>(
+        &self,
+        state: &Self::State<T>,
+        input: &Self::Input<T>,
+        parameters: &Self::Parameters<T>,
+        step_s: T,
+    ) -> Result<Self::State<T>, DynamicsError>;
+}
+
+type StateTangent<M> = <<M as ParametricModel>::State<f64> as Manifold>::Tangent;
+
+/// The end of a step and its first derivatives.
+///
+/// Columns: entry `j` of each list is the change of the end state, as an increment at the end, per unit of coordinate
+/// `j` of the increment of the start state, of the input, of the parameters.
+#[derive(Clone, Debug)]
+pub struct StepLinearization<M: ParametricModel> {
+    /// End of the step.
+    pub end: M::State<f64>,
+    /// One column per coordinate of the state's increment.
+    pub by_state: Vec<StateTangent<M>>,
+    /// One column per coordinate of the input.
+    pub by_input: Vec<StateTangent<M>>,
+    /// One column per parameter.
+    pub by_parameters: Vec<StateTangent<M>>,
+}
+
+/// Value and exact first derivatives of one step, by dual numbers.
+///
+/// # Errors
+/// Those of the step.
+/// # Source
+/// The matrices of the sensitivity recursion, thesis (6.8).
+pub fn linearize<M: ParametricModel>(
+    model: &M,
+    state: &M::State<f64>,
+    input: &M::Input<f64>,
+    parameters: &M::Parameters<f64>,
+    step_s: f64,
+) -> Result<StepLinearization<M>, DynamicsError> {
+    let end = model.step(state, input, parameters, step_s)?;
+    // Derivative along coordinate `j` of the stacked [state; input; parameters].
+    let column = |j: usize| -> Result<StateTangent<M>, DynamicsError> {
+        let seed = |i: usize| if i == j { Dual64::new(0.0, 1.0) } else { real(0.0) };
+        let start = M::lift::<Dual64>(state).oplus(&Coordinates::from_fn(seed));
+        let input_start = state_dimension::<M>();
+        let parameters_start = input_start + M::Input::<f64>::DIM;
+        let input = M::Input::<Dual64>::from_fn(|i| real::<Dual64>(input[i]) + seed(input_start + i));
+        let parameters =
+            M::Parameters::<Dual64>::from_fn(|i| real::<Dual64>(parameters[i]) + seed(parameters_start + i));
+        let moved = model.step(&start, &input, &parameters, real(step_s))?.ominus(&M::lift(&end));
+        Ok(Coordinates::from_fn(|i| moved[i].eps))
+    };
+    let (states, inputs) = (state_dimension::<M>(), M::Input::<f64>::DIM);
+    let columns = |range: core::ops::Range<usize>| range.map(column).collect::<Result<Vec<_>, _>>();
+    Ok(StepLinearization {
+        by_state: columns(0..states)?,
+        by_input: columns(states..states + inputs)?,
+        by_parameters: columns(states + inputs..states + inputs + M::Parameters::<f64>::DIM)?,
+        end,
+    })
+}
+
+fn state_dimension<M: ParametricModel>() -> usize {
+    <StateTangent<M> as Coordinates<f64>>::DIM
+}
+
+/// One step of a free body by a given integrator as a [`ParametricModel`]: the input is the held wrench
+/// `[torque; force]` in body axes, the parameters are those of [`InertialParameters::to_vector`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FreeFlyerStep<I>(pub I);
+
+macro_rules! free_flyer_steps {
+    ($($integrator:ty),*) => {$(
+        impl ParametricModel for FreeFlyerStep<$integrator> {
+            type State<T: Scalar> = RigidBodyState<T>;
+            type Input<T: Scalar> = Vector6<T>;
+            type Parameters<T: Scalar> = SVector<T, PARAMETERS>;
+            fn lift<T: Scalar>(state: &RigidBodyState<f64>) -> RigidBodyState<T> {
+                state.lifted()
+            }
+            fn step<T: Scalar>(
+                &self,
+                state: &RigidBodyState<T>,
+                wrench_body: &Vector6<T>,
+                parameters: &SVector<T, PARAMETERS>,
+                step_s: T,
+            ) -> Result<RigidBodyState<T>, DynamicsError> {
+                let body = FreeFlyer::new(InertialParameters::from_vector(parameters));
+                self.0.step(&body, state, &(*wrench_body).into(), T::zero(), step_s)
+            }
+        }
+    )*};
+}
+free_flyer_steps!(LieEuler, RungeKutta4, MuntheKaas4, GaussLegendre4, VariationalFreeFlyer);

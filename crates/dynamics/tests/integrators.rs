@@ -1,0 +1,168 @@
+//! The claims of the integrators on figures: golden convergence, observed orders, long runs, units.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use tumble_dynamics::lie::{Manifold, Pose, Twist, Wrench};
+use tumble_dynamics::nalgebra::{Matrix3, Translation3, UnitQuaternion, Vector3};
+use tumble_dynamics::*;
+
+/// Default body of section 5.4.
+fn body_d() -> InertialParameters<f64> {
+    InertialParameters::about_origin(
+        5.0,
+        Vector3::new(0.05, 0.1, 0.05),
+        Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
+    )
+}
+
+/// Smooth wrench of the golden run.
+struct Smooth;
+impl WrenchModel<f64> for Smooth {
+    fn wrench_body(&self, t: f64, _: &RigidBodyState<f64>) -> Wrench<f64> {
+        Wrench::new(
+            Vector3::new(0.5 * (1.1 * t).sin(), 0.4 * (0.7 * t + 0.5).sin(), 0.6 * (0.9 * t).cos()),
+            Vector3::new((0.8 * t).cos(), 0.8 * (1.3 * t + 0.2).sin(), 1.2 * (0.5 * t + 1.0).sin()),
+        )
+    }
+}
+
+/// State of a body whose centre of mass has the given motion.
+fn state_of_com(
+    position: Vector3<f64>,
+    turn: Vector3<f64>,
+    velocity: Vector3<f64>,
+    rate: Vector3<f64>,
+) -> RigidBodyState<f64> {
+    let (attitude, com) = (UnitQuaternion::from_scaled_axis(turn), body_d().center_of_mass());
+    RigidBodyState {
+        world_from_body: Pose::from_parts(Translation3::from(position - attitude * com), attitude),
+        twist_body: Twist::new(rate, attitude.inverse() * velocity - rate.cross(&com)),
+    }
+}
+
+fn run<S: MechanicalSystem<State = RigidBodyState<f64>, Input = Wrench<f64>>>(
+    integrator: &impl Integrator<S>,
+    system: &S,
+    mut state: RigidBodyState<f64>,
+    wrench: &Wrench<f64>,
+    step_s: f64,
+    steps: u32,
+) -> RigidBodyState<f64> {
+    for k in 0..steps {
+        state = integrator.step(system, &state, wrench, f64::from(k) * step_s, step_s).unwrap();
+    }
+    state
+}
+
+#[test]
+fn golden_convergence_of_the_variational_integrator() {
+    let start = state_of_com(
+        Vector3::new(0.1, 0.2, 0.3),
+        Vector3::new(0.3, -0.2, 0.5),
+        Vector3::new(0.1, -0.2, 0.05),
+        Vector3::new(0.2, -0.3, 0.4),
+    );
+    let system = FreeFlyerIn { body: FreeFlyer::new(body_d()), environment: Smooth };
+    let exact = run(&GaussLegendre4, &system, start, &Wrench::zero(), 0.0025, 2000);
+    for (step_s, steps, golden) in
+        [(0.1, 50, 8.69e-3), (0.05, 100, 2.155e-3), (0.025, 200, 5.376e-4), (0.0125, 400, 1.343e-4)]
+    {
+        let end = run(&VariationalFreeFlyer, &system, start, &Wrench::zero(), step_s, steps);
+        let error = (end.world_from_body.translation.vector - exact.world_from_body.translation.vector).norm();
+        assert!((error / golden - 1.0).abs() < 1e-3, "h = {step_s}: {error:e}, golden {golden:e}");
+    }
+}
+
+fn observed_order(integrator: &impl Integrator<FreeFlyer<f64>>) -> f64 {
+    let system = FreeFlyer::new(body_d());
+    let start =
+        state_of_com(Vector3::zeros(), Vector3::zeros(), Vector3::new(0.3, -0.2, 0.1), Vector3::new(0.5, 0.8, -0.6));
+    let wrench = Wrench::new(Vector3::new(0.4, -0.3, 0.5), Vector3::new(1.0, 0.6, -0.8));
+    let ends: Vec<_> = [80_u32, 160, 320]
+        .iter()
+        .map(|&steps| run(integrator, &system, start, &wrench, 4.0 / f64::from(steps), steps))
+        .collect();
+    (ends[0].ominus(&ends[1]).norm() / ends[1].ominus(&ends[2]).norm()).log2()
+}
+
+#[test]
+fn every_integrator_has_its_order() {
+    fn check(name: &str, integrator: &impl Integrator<FreeFlyer<f64>>) {
+        let (observed, claimed) = (observed_order(integrator), f64::from(integrator.order()));
+        assert!((observed - claimed).abs() < 0.2, "{name}: order {observed}, claimed {claimed}");
+    }
+    check("Lie-Euler", &LieEuler);
+    check("Runge-Kutta", &RungeKutta4);
+    check("Munthe-Kaas", &MuntheKaas4);
+    check("Gauss-Legendre", &GaussLegendre4);
+    check("variational, dual quaternions", &VariationalFreeFlyer);
+    check("variational, generic", &Variational);
+}
+
+#[test]
+fn all_integrators_converge_to_the_same_motion() {
+    let system = FreeFlyer::new(body_d());
+    let start =
+        state_of_com(Vector3::zeros(), Vector3::zeros(), Vector3::new(0.3, -0.2, 0.1), Vector3::new(0.5, 0.8, -0.6));
+    let wrench = Wrench::new(Vector3::new(0.4, -0.3, 0.5), Vector3::new(1.0, 0.6, -0.8));
+    let reference = run(&GaussLegendre4, &system, start, &wrench, 0.005, 800);
+    for end in
+        [run(&RungeKutta4, &system, start, &wrench, 0.005, 800), run(&MuntheKaas4, &system, start, &wrench, 0.005, 800)]
+    {
+        assert!(end.ominus(&reference).norm() < 1e-8, "{}", end.ominus(&reference).norm());
+    }
+}
+
+#[test]
+fn the_fast_step_equals_the_generic_one() {
+    let system = FreeFlyer::new(body_d());
+    let wrench = Wrench::new(Vector3::new(0.4, -0.3, 0.5), Vector3::new(1.0, 0.6, -0.8));
+    for step_s in [1e-3, 0.01, 0.05, 0.1, 0.4, -0.1] {
+        let mut fast = state_of_com(
+            Vector3::new(3.0, -2.0, 1.0),
+            Vector3::new(0.3, -0.2, 0.5),
+            Vector3::new(0.3, -0.2, 0.1),
+            Vector3::new(0.5, 0.8, -0.6),
+        );
+        for _ in 0..5 {
+            let generic = Variational.step(&system, &fast, &wrench, 0.0, step_s).unwrap();
+            fast = VariationalFreeFlyer.step(&system, &fast, &wrench, 0.0, step_s).unwrap();
+            let difference = fast.ominus(&generic).amax();
+            assert!(difference < 1e-12, "h = {step_s}: {difference:e}");
+        }
+    }
+}
+
+/// Problem 3 of the frozen benchmarks.
+#[test]
+fn a_million_steps_keep_momentum_energy_and_norm() {
+    let body = body_d();
+    let mut state = RigidBodyState {
+        twist_body: Twist::new(Vector3::new(0.5, 0.8, -0.6), Vector3::zeros()),
+        ..RigidBodyState::at_rest()
+    };
+    let initial = spatial_momentum(&body, &state);
+    let initial_energy_j = kinetic_energy(&body, &state.twist_body);
+    let (mut angular_drift, mut linear_drift, mut norm_drift) = (0.0_f64, 0.0_f64, 0.0_f64);
+    let mut energy_errors = Vec::new();
+    for _ in 0..1000 {
+        for _ in 0..1000 {
+            state = variational_step(&body, &state, &Wrench::zero(), 0.01).unwrap();
+        }
+        let now = spatial_momentum(&body, &state);
+        angular_drift = angular_drift.max((now.torque - initial.torque).norm() / initial.torque.norm());
+        linear_drift = linear_drift.max((now.force - initial.force).norm() / initial.force.norm());
+        norm_drift = norm_drift.max((state.world_from_body.rotation.norm() - 1.0).abs());
+        energy_errors.push(kinetic_energy(&body, &state.twist_body) / initial_energy_j - 1.0);
+    }
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    let amplitude = energy_errors.iter().fold(0.0_f64, |a, e| a.max(e.abs()));
+    let trend = mean(&energy_errors[500..]) - mean(&energy_errors[..500]);
+    println!(
+        "angular {angular_drift:e}, linear {linear_drift:e}, norm {norm_drift:e}, energy {amplitude:e}, trend {trend:e}"
+    );
+    assert!(angular_drift < 1e-9, "{angular_drift:e}");
+    assert!(linear_drift < 1e-9, "{linear_drift:e}");
+    assert!(norm_drift < 1e-12, "{norm_drift:e}");
+    assert!(amplitude < 1e-4, "{amplitude:e}");
+    assert!(trend.abs() < 0.1 * amplitude, "{trend:e} of {amplitude:e}");
+}
