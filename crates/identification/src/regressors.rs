@@ -2,7 +2,7 @@
 //!
 //! All give rows `[torque; force]` in body axes about the body origin and columns in Newton-Euler order
 //! ([`InertialParameters::to_vector`](crate::dynamics::InertialParameters::to_vector)); chapter 5 of the thesis orders its
-//! columns as [`DUAL_QUATERNION_ORDER`].
+//! columns as [`ParameterOrder::DualQuaternion`](crate::dynamics::ParameterOrder::DualQuaternion).
 
 mod finite_difference;
 mod newton_euler;
@@ -10,19 +10,13 @@ mod variational;
 
 pub use finite_difference::{FiniteDifference, StateSample};
 pub use newton_euler::{NewtonEuler, NewtonEulerSample, newton_euler};
-pub use variational::{
-    Extrapolation, PoseTriple, Variational, VariationalSample, variational, variational_extrapolated,
-};
+pub use variational::{Extrapolation, ObserverFrame, PoseTriple, Variational, VariationalSample, variational, variational_extrapolated};
 
 use crate::lie::Scalar;
 use nalgebra::{ArrayStorage, SMatrix, Vector3};
 
 /// A 6x10 regressor: rows `[torque; force]`, columns `[m, h, J11, J12, J13, J22, J23, J33]`.
 pub type Regressor<T> = SMatrix<T, 6, 10>;
-
-/// Column `i` of a chapter 5 regressor (5.29), `[J11, J12, J13, J22, J23, J33, h_x, h_y, h_z, m]`, is column
-/// `DUAL_QUATERNION_ORDER[i]` in Newton-Euler order (4.9).
-pub const DUAL_QUATERNION_ORDER: [usize; 10] = [4, 5, 6, 7, 8, 9, 1, 2, 3, 0];
 
 /// What of a motion enters a regressor: all of them share one pattern of columns and differ in these terms only.
 #[derive(Clone, Copy)]
