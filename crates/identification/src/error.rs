@@ -80,6 +80,57 @@ pub enum IdentificationError {
         /// Directions determined.
         rank: usize,
     },
+    /// A throw whose free fall is shorter than its averaging windows need, or too sparsely sampled.
+    #[error(
+        "free fall of {fall_s} s in {samples} samples, too short: {needed_s} s in {needed_samples} samples are needed"
+    )]
+    FallTooShort {
+        /// Free fall found, s.
+        fall_s: f64,
+        /// Samples in it.
+        samples: usize,
+        /// Free fall needed, s.
+        needed_s: f64,
+        /// Samples needed in it.
+        needed_samples: usize,
+    },
+    /// Samples missing in the free fall, across which the attitude is not known.
+    #[error("{gap_s} s without a sample after {time_s} s, within the free fall")]
+    GapInFall {
+        /// Last time before the gap, s.
+        time_s: f64,
+        /// Length of the gap, s.
+        gap_s: f64,
+    },
+    /// A gyro at the end of its range: the rate is not known.
+    #[error("rate {rate_rad_s} rad/s at {time_s} s, at or above the gyro's {full_scale_rad_s} rad/s: throw with less spin")]
+    GyroSaturated {
+        /// Time of the sample, s.
+        time_s: f64,
+        /// Largest component of the rate, rad/s.
+        rate_rad_s: f64,
+        /// Full scale, rad/s.
+        full_scale_rad_s: f64,
+    },
+    /// A wheel that hardly changes its speed in free fall, so that nothing scales the inertia.
+    #[error("the wheel's speed spans {span_rad_s} rad/s in free fall, {needed_rad_s} are needed: spin it up and down")]
+    WheelNotSpinning {
+        /// Largest less smallest speed, rad/s.
+        span_rad_s: f64,
+        /// Needed, rad/s.
+        needed_rad_s: f64,
+    },
+    /// No throw of a kind the calibration needs.
+    #[error("a calibration needs throws of the device alone and with the proof block: got {device} and {proof}")]
+    CalibrationIncomplete {
+        /// Throws of the device alone.
+        device: usize,
+        /// Throws of the device with the proof block.
+        proof: usize,
+    },
+    /// An error of a body.
+    #[error(transparent)]
+    Dynamics(#[from] tumble_dynamics::DynamicsError),
     /// A geometric error in the motion, such as half a turn between two poses of one row.
     #[error(transparent)]
     Lie(#[from] tumble_lie::LieError),

@@ -14,6 +14,8 @@ mod linear_model;
 #[cfg(feature = "std")]
 mod motion;
 pub mod regressors;
+#[cfg(feature = "std")]
+pub mod wheel;
 mod wrench_timing;
 
 pub use error::{Column, IdentificationError};

@@ -1,0 +1,123 @@
+//! The device that carries the wheel: its inertia, its centre of mass, the wheel's inertia.
+
+use super::ThrowSettings;
+use super::momentum_balance::FreeFallEstimate;
+use super::regressors::{parallel_axis, parallel_axis_derivative, symmetric_entries, two_bodies};
+use super::throw_record::ThrowRecord;
+use crate::IdentificationError;
+use tumble_dynamics::InertialParameters;
+use tumble_lie::nalgebra::{SMatrix, SVector};
+
+/// What [`calibrate`] learned about a device; written to and read from a calibration file.
+///
+/// `covariance` is that of `[device_inertia_ratio; device_com_m; wheel_inertia_kg_m2]`.
+/// # Frame
+/// Body axes of the device, positions from its inertial sensor, wheel along z.
+/// # Units
+/// As the names say; the inertia ratio is dimensionless.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+pub struct WheelCalibration {
+    /// Inertia of the wheel about its axis, kg m^2.
+    pub wheel_inertia_kg_m2: f64,
+    /// Mass of the device, wheel included, kg.
+    pub device_mass_kg: f64,
+    /// From the inertial sensor to the device's centre of mass, m.
+    pub device_com_m: [f64; 3],
+    /// `[X11, X12, X13, X22, X23, X33]`: inertia of the device about its centre of mass, wheel at rest included, in units
+    /// of the wheel's inertia.
+    pub device_inertia_ratio: [f64; 6],
+    /// See the type.
+    pub covariance: [[f64; 10]; 10],
+    /// How the throws were read, and how those of objects are read.
+    pub settings: ThrowSettings,
+}
+
+/// Learns a device from throws of it alone and throws of it with a block of known inertia, each kind averaged.
+///
+/// `proof_block` in the device's axes, the origin of no consequence. With `X` the inertia of the common body in units of
+/// the wheel's, `d` from one centre of mass to the other and `mu` the reduced mass, the wheel's inertia `j` is the least
+/// squares solution of `j (X - X_device) = I_block + mu (|d|^2 1 - d d^T)`.
+/// # Errors
+/// [`IdentificationError::CalibrationIncomplete`], those of [`FreeFallEstimate::from_throw`],
+/// [`IdentificationError::NotPositive`] for the masses (component 0: device, 1: block) and for a wheel inertia (2) that
+/// contradicts the block.
+pub fn calibrate(
+    device: &[ThrowRecord],
+    proof: &[ThrowRecord],
+    device_mass_kg: f64,
+    proof_block: &InertialParameters<f64>,
+    settings: &ThrowSettings,
+) -> Result<WheelCalibration, IdentificationError> {
+    if device.is_empty() || proof.is_empty() {
+        return Err(IdentificationError::CalibrationIncomplete { device: device.len(), proof: proof.len() });
+    }
+    for (index, value) in [device_mass_kg, proof_block.mass].into_iter().enumerate() {
+        if !(value.is_finite() && value > 0.0) {
+            return Err(IdentificationError::NotPositive { index, value });
+        }
+    }
+    let (device, device_covariance) = average(device, settings)?;
+    let (proof, proof_covariance) = average(proof, settings)?;
+
+    let (reduced_mass_kg, offset_by_com) = two_bodies(device_mass_kg, proof_block.mass);
+    let offset = (proof.fixed_rows::<3>(6) - device.fixed_rows::<3>(6)) * offset_by_com;
+    let ratio: SVector<f64, 6> = proof.fixed_rows::<6>(0) - device.fixed_rows::<6>(0);
+    let inertia = symmetric_entries(&proof_block.inertia_about_com()) + parallel_axis(&offset) * reduced_mass_kg;
+    // Off-diagonal entries stand twice in the matrix.
+    let twice = SVector::<f64, 6>::from([1.0, 2.0, 2.0, 1.0, 2.0, 1.0]);
+    let norm_squared = ratio.component_mul(&twice).dot(&ratio);
+    let wheel_inertia = ratio.component_mul(&twice).dot(&inertia) / norm_squared;
+    if !(wheel_inertia.is_finite() && wheel_inertia > 0.0) {
+        return Err(IdentificationError::NotPositive { index: 2, value: wheel_inertia });
+    }
+
+    // The wheel's inertia by the mean of the proof throws (and, with the other sign, of the device's).
+    let by_ratio = (inertia - ratio * (2.0 * wheel_inertia)).component_mul(&twice).transpose() / norm_squared;
+    let by_com = ratio.component_mul(&twice).transpose()
+        * parallel_axis_derivative(&offset)
+        * (reduced_mass_kg * offset_by_com / norm_squared);
+    let mut by_proof = SMatrix::<f64, 1, 9>::zeros();
+    by_proof.fixed_columns_mut::<6>(0).copy_from(&by_ratio);
+    by_proof.fixed_columns_mut::<3>(6).copy_from(&by_com);
+    let mut by_device = SMatrix::<f64, 10, 9>::identity();
+    by_device.row_mut(9).copy_from(&-by_proof);
+    let mut covariance = by_device * device_covariance * by_device.transpose();
+    covariance[(9, 9)] += (by_proof * proof_covariance * by_proof.transpose())[0];
+
+    Ok(WheelCalibration {
+        wheel_inertia_kg_m2: wheel_inertia,
+        device_mass_kg,
+        device_com_m: core::array::from_fn(|i| device[6 + i]),
+        device_inertia_ratio: core::array::from_fn(|i| device[i]),
+        covariance: covariance.into(),
+        settings: *settings,
+    })
+}
+
+/// Mean and covariance of `[inertia_ratio; lever_arm]` over throws.
+fn average(
+    throws: &[ThrowRecord],
+    settings: &ThrowSettings,
+) -> Result<(SVector<f64, 9>, SMatrix<f64, 9, 9>), IdentificationError> {
+    let (mut mean, mut covariance) = (SVector::zeros(), SMatrix::zeros());
+    let share = 1.0 / throws.len() as f64;
+    for throw in throws {
+        let (value, spread) = FreeFallEstimate::from_throw(throw, settings)?.stacked();
+        mean += value * share;
+        covariance += spread * (share * share);
+    }
+    Ok((mean, covariance))
+}
+
+impl FreeFallEstimate {
+    /// `[inertia_ratio; lever_arm]` and its covariance (the two come from different sensors).
+    pub(super) fn stacked(&self) -> (SVector<f64, 9>, SMatrix<f64, 9, 9>) {
+        let (mut value, mut covariance) = (SVector::<f64, 9>::zeros(), SMatrix::<f64, 9, 9>::zeros());
+        value.fixed_rows_mut::<6>(0).copy_from(&self.inertia_ratio);
+        value.fixed_rows_mut::<3>(6).copy_from(&self.lever_arm_m);
+        covariance.fixed_view_mut::<6, 6>(0, 0).copy_from(&self.inertia_ratio_covariance);
+        covariance.fixed_view_mut::<3, 3>(6, 6).copy_from(&self.lever_arm_covariance);
+        (value, covariance)
+    }
+}

@@ -1,0 +1,148 @@
+//! One throw of an object: what was thrown, less the device.
+
+use super::calibration::WheelCalibration;
+use super::momentum_balance::FreeFallEstimate;
+use super::regressors::{parallel_axis, parallel_axis_derivative, symmetric_entries, symmetric_matrix, two_bodies};
+use super::throw_record::{EndOfFall, ThrowRecord};
+use crate::IdentificationError;
+use tumble_dynamics::InertialParameters;
+use tumble_lie::nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+
+/// What one throw says about the body that was thrown.
+///
+/// # Frame
+/// Body axes of the device; positions from its inertial sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ThrowEstimate {
+    /// Inertia of device and object about their common centre of mass, wheel at rest included, kg m^2.
+    pub total_inertia_about_com: Matrix3<f64>,
+    /// Covariance of its `[11, 12, 13, 22, 23, 33]` entries, kg^2 m^4.
+    pub total_inertia_covariance: SMatrix<f64, 6, 6>,
+    /// Common centre of mass, m.
+    pub total_com_m: Vector3<f64>,
+    /// Covariance of the common centre of mass, m^2.
+    pub total_com_covariance: Matrix3<f64>,
+    /// The object alone, where its mass is known.
+    pub object: Option<ObjectEstimate>,
+    /// Last instant of free fall that was used, s.
+    pub end_s: f64,
+    /// Why the free fall ends there.
+    pub end: EndOfFall,
+    /// Averaging windows used.
+    pub windows: usize,
+}
+
+/// The object without the device.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ObjectEstimate {
+    /// The object, physically consistent; origin in the inertial sensor.
+    pub body: InertialParameters<f64>,
+    /// Whether the data asked for an inertia no body has, and the nearest one of a body stands here.
+    pub projected: bool,
+    /// Covariance of the inertia about the centre of mass, entries `[11, 12, 13, 22, 23, 33]`, kg^2 m^4.
+    pub inertia_covariance: SMatrix<f64, 6, 6>,
+    /// Covariance of the centre of mass, m^2.
+    pub com_covariance: Matrix3<f64>,
+    /// Principal inertias, ascending, kg m^2.
+    pub principal_inertia: Vector3<f64>,
+    /// One sigma of each, kg m^2.
+    pub principal_inertia_sigma: Vector3<f64>,
+    /// Principal axes in the columns, right-handed.
+    pub body_from_principal: Matrix3<f64>,
+}
+
+/// Identifies what was thrown; with its mass also the object without the device.
+///
+/// # Errors
+/// Those of [`FreeFallEstimate::from_throw`]; [`IdentificationError::NotPositive`] for the mass.
+pub fn identify_throw(
+    record: &ThrowRecord,
+    calibration: &WheelCalibration,
+    object_mass_kg: Option<f64>,
+) -> Result<ThrowEstimate, IdentificationError> {
+    let fall = FreeFallEstimate::from_throw(record, &calibration.settings)?;
+    let wheel = calibration.wheel_inertia_kg_m2;
+    let wheel_variance = calibration.covariance[9][9];
+    let total = fall.inertia_ratio * wheel;
+    Ok(ThrowEstimate {
+        total_inertia_about_com: symmetric_matrix(&total),
+        total_inertia_covariance: fall.inertia_ratio_covariance * (wheel * wheel)
+            + fall.inertia_ratio * fall.inertia_ratio.transpose() * wheel_variance,
+        total_com_m: fall.lever_arm_m,
+        total_com_covariance: fall.lever_arm_covariance,
+        object: object_mass_kg.map(|mass_kg| without_device(&fall, calibration, mass_kg)).transpose()?,
+        end_s: fall.end_s,
+        end: fall.end,
+        windows: fall.windows,
+    })
+}
+
+/// `j (X - X_device) - mu (|d|^2 1 - d d^T)`, with `d` from the device's centre of mass to the object's, `mu` the reduced
+/// mass: the total less the device less the two parallel-axis terms.
+fn without_device(
+    fall: &FreeFallEstimate,
+    calibration: &WheelCalibration,
+    mass_kg: f64,
+) -> Result<ObjectEstimate, IdentificationError> {
+    if !(mass_kg.is_finite() && mass_kg > 0.0) {
+        return Err(IdentificationError::NotPositive { index: 0, value: mass_kg });
+    }
+    let device_com = Vector3::from(calibration.device_com_m);
+    let wheel = calibration.wheel_inertia_kg_m2;
+    let (reduced_mass_kg, offset_by_com) = two_bodies(calibration.device_mass_kg, mass_kg);
+    let offset = (fall.lever_arm_m - device_com) * offset_by_com;
+    let ratio = fall.inertia_ratio - SVector::from(calibration.device_inertia_ratio);
+    let measured = symmetric_matrix(&(ratio * wheel - parallel_axis(&offset) * reduced_mass_kg));
+
+    // By [X; r] of the throw; by the device's with the opposite sign; by the wheel.
+    let (fall_value_covariance, calibration_covariance) =
+        (fall.stacked().1, SMatrix::<f64, 10, 10>::from(calibration.covariance));
+    let mut by_fall = SMatrix::<f64, 6, 9>::zeros();
+    by_fall.fixed_columns_mut::<6>(0).copy_from(&(SMatrix::<f64, 6, 6>::identity() * wheel));
+    let by_com = parallel_axis_derivative(&offset) * (-reduced_mass_kg * offset_by_com);
+    by_fall.fixed_columns_mut::<3>(6).copy_from(&by_com);
+    let mut by_calibration = SMatrix::<f64, 6, 10>::zeros();
+    by_calibration.fixed_columns_mut::<9>(0).copy_from(&-by_fall);
+    by_calibration.column_mut(9).copy_from(&ratio);
+    let inertia_covariance = by_fall * fall_value_covariance * by_fall.transpose()
+        + by_calibration * calibration_covariance * by_calibration.transpose();
+
+    let about_com = InertialParameters::about_com(mass_kg, Vector3::zeros(), measured);
+    let consistent = about_com.nearest_consistent()?;
+    let inertia = consistent.inertia_about_com();
+    let com = device_com + offset;
+    let device_com_covariance = calibration_covariance.fixed_view::<3, 3>(6, 6).into_owned();
+    // r_object = r + (m_device / m) (r - r_device)
+    let share = calibration.device_mass_kg / mass_kg;
+    let com_covariance =
+        fall.lever_arm_covariance * (1.0 + share).powi(2) + device_com_covariance * (share * share);
+
+    let (principal_inertia, body_from_principal) = principal(&inertia);
+    let principal_inertia_sigma = Vector3::from_fn(|i, _| {
+        let axis = body_from_principal.column(i).into_owned();
+        let gradient = symmetric_entries(&(axis * axis.transpose()))
+            .component_mul(&SVector::from([1.0, 2.0, 2.0, 1.0, 2.0, 1.0]));
+        (inertia_covariance * gradient).dot(&gradient).max(0.0).sqrt()
+    });
+    Ok(ObjectEstimate {
+        body: InertialParameters::about_com(mass_kg, com, inertia),
+        projected: !about_com.is_consistent(),
+        inertia_covariance,
+        com_covariance,
+        principal_inertia,
+        principal_inertia_sigma,
+        body_from_principal,
+    })
+}
+
+/// Principal values, ascending, with right-handed axes.
+fn principal(inertia: &Matrix3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
+    let eigen = inertia.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
+    let mut axes = Matrix3::from_columns(&order.map(|i| eigen.eigenvectors.column(i).into_owned()));
+    if axes.determinant() < 0.0 {
+        axes.neg_mut();
+    }
+    (Vector3::from(order.map(|i| eigen.eigenvalues[i])), axes)
+}
