@@ -240,7 +240,7 @@ fn deny() -> Outcome {
     if !is_installed("cargo", "deny") {
         return Outcome::Skipped("cargo-deny is not installed".into());
     }
-    shell(&mut [cargo("deny --offline --all-features check bans licenses sources")])
+    shell(&mut [cargo("deny check bans licenses sources")])
 }
 
 /// `TUMBLE_DATA`, else the folder beside the checkout.

@@ -24,7 +24,36 @@ struct Mutant {
 }
 
 /// The list grows with each issue.
-const MUTANTS: &[Mutant] = &[];
+const MUTANTS: &[Mutant] = &[
+    Mutant {
+        name: "increment: operands of the cross product swapped",
+        file: "crates/lie/src/increment_chart.rs",
+        original: "psi: (l * f_a0 + l.cross(&phi))",
+        replacement: "psi: (l * f_a0 + phi.cross(&l))",
+        test: "-p tumble-lie --lib",
+    },
+    Mutant {
+        name: "increment: sign of the dual scalar",
+        file: "crates/lie/src/increment_chart.rs",
+        original: "-self.phi.dot(&self.psi) / self.f_a0",
+        replacement: "self.phi.dot(&self.psi) / self.f_a0",
+        test: "-p tumble-lie --lib",
+    },
+    Mutant {
+        name: "increment: other cover half turned round",
+        file: "crates/lie/src/increment_chart.rs",
+        original: "{ (-w, -v) }",
+        replacement: "{ (-w, v) }",
+        test: "-p tumble-lie --lib",
+    },
+    Mutant {
+        name: "quaternion: scalar last read as scalar first",
+        file: "crates/lie/src/quaternion.rs",
+        original: "    from_wxyz(w, x, y, z, tolerance)",
+        replacement: "    from_wxyz(x, y, z, w, tolerance)",
+        test: "-p tumble-lie --lib",
+    },
+];
 
 /// A test that runs this long caught the change too: it does not end any more.
 const PATIENCE: Duration = Duration::from_secs(600);
@@ -33,7 +62,7 @@ pub fn main(arguments: &[String]) -> ExitCode {
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["--list"] => {
             for mutant in MUTANTS {
-                println!("{:<40} {}: cargo test {}", mutant.name, mutant.file, mutant.test);
+                println!("{:<52} {}: cargo test {}", mutant.name, mutant.file, mutant.test);
             }
             ExitCode::SUCCESS
         }
@@ -91,7 +120,7 @@ pub fn run(part: &str) -> Result<bool, Box<dyn std::error::Error>> {
         };
         let start = Instant::now();
         let fate = if passes { try_mutant(mutant, &copy)? } else { Fate::TestAlreadyFails };
-        println!("{:<40} {fate:?} ({:.0} s)", mutant.name, start.elapsed().as_secs_f64());
+        println!("{:<52} {fate:?} ({:.0} s)", mutant.name, start.elapsed().as_secs_f64());
         fates.push((mutant, fate));
     }
 
