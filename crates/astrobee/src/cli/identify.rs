@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::{
-    Identification, Method, MotionSample, Settings, WrenchTiming, identify, predict, validate,
+    Identification, IdentificationError, Method, MotionSample, Settings, WrenchTiming, identify, merge, predict, validate,
 };
 
 /// Options of `tumble identify`.
@@ -50,6 +50,9 @@ pub struct IdentifyArgs {
     /// Say what this log can answer and how well, without believing its wrench.
     #[arg(long)]
     dry_run: bool,
+    /// With --dry-run: noise of the wrench per sample, one sigma, N m and N.
+    #[arg(long, value_name = "TORQUE,FORCE", default_value = "1e-4,1e-3", value_parser = parse_noise)]
+    wrench_noise: (f64, f64),
     /// Put late rows in order and drop repeated times instead of refusing the log.
     #[arg(long)]
     reorder: bool,
@@ -128,6 +131,13 @@ fn parse_vector(text: &str) -> Result<Vector3<f64>, String> {
     }
 }
 
+fn parse_noise(text: &str) -> Result<(f64, f64), String> {
+    let positive = |part: &str| part.trim().parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite());
+    text.split_once(',')
+        .and_then(|(torque, force)| Some((positive(torque)?, positive(force)?)))
+        .ok_or_else(|| "two positive numbers are needed, such as 1e-4,1e-3".to_owned())
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -153,8 +163,8 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
         return dry_run(args, &log, &settings);
     }
     let found = log.identify(&settings)?;
-    let validation = match log.held_out() {
-        Some(rest) if found.estimate.is_some() => Some(validate(&found, rest, &settings)?),
+    let validation = match args.holdout {
+        Some(_) if found.estimate.is_some() => Some(validate(&found, &log.held_out()?, &settings)?),
         _ => None,
     };
     let context = Context {
@@ -227,90 +237,182 @@ fn run_record(args: &IdentifyArgs, source: &str) -> String {
 }
 
 fn dry_run(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome, AstrobeeError> {
-    let prediction = predict(log.estimation_part(), settings, demo::WRENCH_NOISE)?;
+    let mut prediction = None;
+    log.for_each_part(|record| {
+        if prediction.is_none() {
+            prediction = Some(predict(record, settings, args.wrench_noise)?);
+        }
+        Ok(())
+    })?;
+    let Some(prediction) = prediction else {
+        return Err(AstrobeeError::Empty { path: PathBuf::from(&log.source), what: "data rows" });
+    };
     for warning in &log.warnings {
         eprintln!("warning: {warning}");
     }
     if args.json {
-        print(&format!("{}\n", report::prediction_json(&prediction, demo::WRENCH_NOISE)));
+        print(&format!("{}\n", report::prediction_json(&prediction, args.wrench_noise)));
     } else {
-        print(&report::prediction_table(&prediction, &log.source, demo::WRENCH_NOISE));
+        print(&report::prediction_table(&prediction, &log.source, args.wrench_noise));
     }
     Ok(if prediction.rank == 10 { Outcome::Achieved } else { Outcome::NotAchieved })
 }
 
-/// A log in memory, or the demo, with what the report says about it.
+/// Rows held in memory at once; a longer log is identified part by part and the parts' information added.
+const ROWS_IN_MEMORY: usize = 200_000;
+
+/// A log or the demo, with what the report says about it.
 struct Log {
     source: String,
-    record: Vec<MotionSample>,
-    kept_for_estimation: usize,
+    rows: Rows,
+    /// Rows before the held-out part.
+    estimation_rows: usize,
     reference: Option<(String, InertialParameters<f64>)>,
     warnings: Vec<String>,
     duration_s: f64,
 }
 
+/// Where the samples are.
+enum Rows {
+    /// All of them, in memory.
+    Memory(Vec<MotionSample>),
+    /// Too many for the memory: checked once, read again when needed.
+    File { path: PathBuf, reorder: bool, count: usize },
+}
+
 impl Log {
     fn read(args: &IdentifyArgs) -> Result<Self, AstrobeeError> {
-        let mut warnings = Vec::new();
-        let (source, record, reference) = if args.demo {
-            let flight = demo::simulate(args.seed)?;
-            let source = format!(
-                "demo flight {}: simulated robot with cargo, {} s; noise {:.0e} rad, {:.0e} m, {:.0e} N m, {:.0e} N",
-                args.seed,
-                demo::DURATION_S,
-                demo::POSE_NOISE.0,
-                demo::POSE_NOISE.1,
-                demo::WRENCH_NOISE.0,
-                demo::WRENCH_NOISE.1
-            );
-            (source, flight.record, Some(("truth".to_owned(), flight.truth)))
-        } else {
-            let Some(path) = &args.log else {
-                return Err(AstrobeeError::BadOption { message: "no log: name a file, or use --demo".to_owned() });
-            };
-            let mut reader = LogReader::open(path, args.reorder)?;
-            let mut record = Vec::new();
-            while reader.read_chunk(&mut record, 100_000)? {
-                if std::io::stderr().is_terminal() {
-                    eprint!("\r{} rows read", record.len());
-                }
-            }
-            if !reader.ignored_columns.is_empty() {
-                warnings.push(format!("columns ignored: {}", reader.ignored_columns.join(", ")));
-            }
-            let (late, repeated) = reader.reordered();
-            if late + repeated > 0 {
-                warnings
-                    .push(format!("{late} rows came late and were put in order, {repeated} repeated times dropped"));
-            }
-            let reference = match &args.reference {
-                Some(path) => Some(("reference".to_owned(), body_file::read(path)?)),
-                None => None,
-            };
-            (path.display().to_string(), record, reference)
-        };
-        if record.is_empty() {
-            return Err(AstrobeeError::Empty { path: PathBuf::from(source), what: "data rows" });
-        }
-        let duration_s = match (record.first(), record.last()) {
-            (Some(first), Some(last)) => seconds(last.time_ns - first.time_ns),
-            _ => 0.0,
+        let mut log = if args.demo { Self::from_demo(args.seed)? } else { Self::from_file(args)? };
+        let count = match &log.rows {
+            Rows::Memory(record) => record.len(),
+            Rows::File { count, .. } => *count,
         };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let kept_for_estimation =
-            args.holdout.map_or(record.len(), |share| (record.len() as f64 * (1.0 - share)).round() as usize);
-        Ok(Self { source, record, kept_for_estimation, reference, warnings, duration_s })
+        let estimation_rows = args.holdout.map_or(count, |share| (count as f64 * (1.0 - share)).round() as usize);
+        log.estimation_rows = estimation_rows;
+        Ok(log)
     }
 
-    fn estimation_part(&self) -> &[MotionSample] {
-        self.record.get(..self.kept_for_estimation).unwrap_or(&self.record)
+    fn from_demo(seed: u64) -> Result<Self, AstrobeeError> {
+        let flight = demo::simulate(seed)?;
+        let source = format!(
+            "demo flight {seed}: simulated robot with cargo, {} s; noise {:.0e} rad, {:.0e} m, {:.0e} N m, {:.0e} N",
+            demo::DURATION_S,
+            demo::POSE_NOISE.0,
+            demo::POSE_NOISE.1,
+            demo::WRENCH_NOISE.0,
+            demo::WRENCH_NOISE.1
+        );
+        Ok(Self {
+            source,
+            rows: Rows::Memory(flight.record),
+            estimation_rows: 0,
+            reference: Some(("truth".to_owned(), flight.truth)),
+            warnings: Vec::new(),
+            duration_s: demo::DURATION_S,
+        })
     }
 
-    fn held_out(&self) -> Option<&[MotionSample]> {
-        self.record.get(self.kept_for_estimation..).filter(|rest| !rest.is_empty())
+    fn from_file(args: &IdentifyArgs) -> Result<Self, AstrobeeError> {
+        let Some(path) = &args.log else {
+            return Err(AstrobeeError::BadOption { message: "no log: name a file, or use --demo".to_owned() });
+        };
+        let reference = match &args.reference {
+            Some(path) => Some(("reference".to_owned(), body_file::read(path)?)),
+            None => None,
+        };
+        let mut reader = LogReader::open(path, args.reorder)?;
+        let mut record = Vec::new();
+        let mut more = reader.read_chunk(&mut record, ROWS_IN_MEMORY)?;
+        let (Some(first_ns), Some(mut last_ns)) =
+            (record.first().map(|s| s.time_ns), record.last().map(|s| s.time_ns))
+        else {
+            return Err(AstrobeeError::Empty { path: path.clone(), what: "data rows" });
+        };
+        let mut rows = Rows::Memory(record);
+        if more {
+            let mut count = ROWS_IN_MEMORY;
+            let mut chunk = Vec::new();
+            while more {
+                chunk.clear();
+                more = reader.read_chunk(&mut chunk, ROWS_IN_MEMORY)?;
+                count += chunk.len();
+                last_ns = chunk.last().map_or(last_ns, |s| s.time_ns);
+                progress(&format!("{count} rows checked"));
+            }
+            rows = Rows::File { path: path.clone(), reorder: args.reorder, count };
+        }
+        let mut warnings = Vec::new();
+        if !reader.ignored_columns.is_empty() {
+            warnings.push(format!("columns ignored: {}", reader.ignored_columns.join(", ")));
+        }
+        let (late, repeated) = reader.reordered();
+        if late + repeated > 0 {
+            warnings.push(format!("{late} rows came late and were put in order, {repeated} repeated times dropped"));
+        }
+        let duration_s = seconds(last_ns - first_ns);
+        Ok(Self { source: path.display().to_string(), rows, estimation_rows: 0, reference, warnings, duration_s })
+    }
+
+    /// Calls `part` for each stretch of the estimation rows that fits in memory.
+    fn for_each_part(
+        &self,
+        mut part: impl FnMut(&[MotionSample]) -> Result<(), AstrobeeError>,
+    ) -> Result<(), AstrobeeError> {
+        match &self.rows {
+            Rows::Memory(record) => part(record.get(..self.estimation_rows).unwrap_or(record)),
+            Rows::File { path, reorder, .. } => {
+                let mut reader = LogReader::open(path, *reorder)?;
+                let mut chunk = Vec::new();
+                let mut done = 0;
+                while done < self.estimation_rows {
+                    chunk.clear();
+                    let more = reader.read_chunk(&mut chunk, ROWS_IN_MEMORY.min(self.estimation_rows - done))?;
+                    done += chunk.len();
+                    part(&chunk)?;
+                    progress(&format!("{done} of {} rows", self.estimation_rows));
+                    if !more {
+                        break;
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// The rows kept back, at most as many as fit in memory.
+    fn held_out(&self) -> Result<Vec<MotionSample>, AstrobeeError> {
+        match &self.rows {
+            Rows::Memory(record) => Ok(record.get(self.estimation_rows..).unwrap_or_default().to_vec()),
+            Rows::File { path, reorder, .. } => {
+                let mut reader = LogReader::open(path, *reorder)?;
+                let mut rest = Vec::new();
+                for _ in 0..self.estimation_rows {
+                    reader.next_sample()?;
+                }
+                reader.read_chunk(&mut rest, ROWS_IN_MEMORY)?;
+                Ok(rest)
+            }
+        }
     }
 
     fn identify(&self, settings: &Settings) -> Result<Identification, AstrobeeError> {
-        Ok(identify(self.estimation_part(), settings)?)
+        let mut parts = Vec::new();
+        self.for_each_part(|record| {
+            match identify(record, settings) {
+                // The last few rows of a long log may be too few for a row of their own.
+                Err(IdentificationError::TooFewSamples { .. }) if !parts.is_empty() => {}
+                found => parts.push(found?),
+            }
+            Ok(())
+        })?;
+        Ok(merge(parts)?)
+    }
+}
+
+/// One line on stderr that replaces itself; silent in pipes.
+fn progress(text: &str) {
+    if std::io::stderr().is_terminal() {
+        eprint!("\r{text}   ");
     }
 }

@@ -1,0 +1,120 @@
+//! Link-time proof that the hot paths cannot panic.
+//!
+//! Built with the feature `check` and the profile `panic-free` (fat LTO, one codegen unit, unwinding), every kernel below
+//! that could panic leaves an undefined symbol and the link fails. With the feature `control` a kernel that can panic is
+//! added, and the link must fail. `cargo xtask ci --only panic-free` does both.
+//!
+//! Exceptions, with their reason: the constrained solver where the constraint binds (`InteriorPoint`), because its bounded
+//! iteration calls nalgebra's symmetric eigenvalue routine, which the linker cannot prove panic-free. It is covered by
+//! property tests instead.
+// The attribute expands to an extern block.
+#![cfg_attr(feature = "check", allow(unsafe_code))]
+
+use nalgebra::{Isometry3, SMatrix, SVector, UnitDualQuaternion, UnitQuaternion, Vector3, Vector6};
+use std::hint::black_box;
+use tumble_dynamics::{
+    BodyAcceleration, DynamicsError, FreeFlyer, InertialParameters, Integrator as _, MuntheKaas4, RigidBodyState,
+    VariationalFreeFlyer,
+};
+use tumble_identification::regressors::{ObserverFrame, PoseTriple, newton_euler, variational};
+use tumble_identification::{IdentificationError, SquareRootInformation};
+use tumble_lie::{GroupAction as _, LieGroup, Twist, Wrench};
+
+macro_rules! proven {
+    ($($(#[$meta:meta])* fn $name:ident($($argument:ident: $kind:ty),*) -> $result:ty $body:block)*) => {
+        $(
+            $(#[$meta])*
+            #[cfg_attr(feature = "check", no_panic::no_panic)]
+            #[inline(never)]
+            fn $name($($argument: $kind),*) -> $result $body
+        )*
+    };
+}
+
+type Quaternion = UnitQuaternion<f64>;
+type Pose = Isometry3<f64>;
+type DualQuaternion = UnitDualQuaternion<f64>;
+
+proven! {
+    fn quaternion_exp(xi: &Vector3<f64>) -> Quaternion { <Quaternion as LieGroup>::exp(xi) }
+    fn quaternion_log(q: &Quaternion) -> Vector3<f64> { LieGroup::log(q) }
+    fn quaternion_compose(a: &Quaternion, b: &Quaternion) -> Quaternion { a.compose(b) }
+    fn quaternion_act(q: &Quaternion, p: &Vector3<f64>) -> Vector3<f64> { q.act(p) }
+    fn quaternion_jacobian(xi: &Vector3<f64>) -> SMatrix<f64, 3, 3> { Quaternion::right_jacobian(xi) }
+    fn quaternion_jacobian_inverse(xi: &Vector3<f64>) -> SMatrix<f64, 3, 3> { Quaternion::right_jacobian_inverse(xi) }
+    fn pose_exp(xi: &Vector6<f64>) -> Pose { <Pose as LieGroup>::exp(xi) }
+    fn pose_log(g: &Pose) -> Vector6<f64> { LieGroup::log(g) }
+    fn pose_compose(a: &Pose, b: &Pose) -> Pose { a.compose(b) }
+    fn pose_inverse(g: &Pose) -> Pose { LieGroup::inverse(g) }
+    fn pose_act(g: &Pose, p: &Vector3<f64>) -> Vector3<f64> { g.act(p) }
+    fn pose_adjoint(g: &Pose) -> SMatrix<f64, 6, 6> { g.adjoint() }
+    fn pose_jacobian(xi: &Vector6<f64>) -> SMatrix<f64, 6, 6> { Pose::right_jacobian(xi) }
+    fn pose_jacobian_inverse(xi: &Vector6<f64>) -> SMatrix<f64, 6, 6> { Pose::right_jacobian_inverse(xi) }
+    fn dual_quaternion_exp(xi: &Vector6<f64>) -> DualQuaternion { <DualQuaternion as LieGroup>::exp(xi) }
+    fn dual_quaternion_log(g: &DualQuaternion) -> Vector6<f64> { LieGroup::log(g) }
+    fn dual_quaternion_compose(a: &DualQuaternion, b: &DualQuaternion) -> DualQuaternion { a.compose(b) }
+    fn inverse_dynamics(flyer: &FreeFlyer<f64>, twist: &Twist<f64>, acceleration: &BodyAcceleration<f64>) -> Wrench<f64> {
+        flyer.inverse(twist, acceleration)
+    }
+    fn forward_dynamics(flyer: &FreeFlyer<f64>, twist: &Twist<f64>, wrench: &Wrench<f64>) -> BodyAcceleration<f64> {
+        flyer.forward(twist, wrench)
+    }
+    fn variational_step(
+        flyer: &FreeFlyer<f64>, state: &RigidBodyState<f64>, wrench: &Wrench<f64>, step_s: f64
+    ) -> Result<RigidBodyState<f64>, DynamicsError> {
+        VariationalFreeFlyer.step(flyer, state, wrench, 0.0, step_s)
+    }
+    fn munthe_kaas_step(
+        flyer: &FreeFlyer<f64>, state: &RigidBodyState<f64>, wrench: &Wrench<f64>, step_s: f64
+    ) -> Result<RigidBodyState<f64>, DynamicsError> {
+        MuntheKaas4.step(flyer, state, wrench, 0.0, step_s)
+    }
+    fn newton_euler_regressor(twist: &Twist<f64>, acceleration: &BodyAcceleration<f64>) -> SMatrix<f64, 6, 10> {
+        newton_euler(&twist.angular, &acceleration.angular, &acceleration.origin)
+    }
+    fn variational_regressor(triple: &PoseTriple<f64>) -> SMatrix<f64, 6, 10> { variational(triple) }
+    fn square_root_update(
+        information: &mut SquareRootInformation<10>, block: &SMatrix<f64, 6, 10>, rhs: &SVector<f64, 6>
+    ) -> Result<(), IdentificationError> {
+        information.update(block, rhs)
+    }
+}
+
+#[cfg(feature = "control")]
+proven! {
+    fn control(values: &[f64], index: usize) -> f64 { values[index] }
+}
+
+fn main() {
+    // Arguments that the optimiser cannot see through.
+    let xi = black_box(Vector6::new(0.1, -0.2, 0.3, 0.4, -0.5, 0.6));
+    let phi = black_box(Vector3::new(0.1, -0.2, 0.3));
+    let q = quaternion_exp(&phi);
+    black_box((quaternion_log(&q), quaternion_compose(&q, &q), quaternion_act(&q, &phi)));
+    black_box((quaternion_jacobian(&phi), quaternion_jacobian_inverse(&phi)));
+    let g = pose_exp(&xi);
+    black_box((pose_log(&g), pose_compose(&g, &g), pose_inverse(&g), pose_act(&g, &phi), pose_adjoint(&g)));
+    black_box((pose_jacobian(&xi), pose_jacobian_inverse(&xi)));
+    let d = dual_quaternion_exp(&xi);
+    black_box((dual_quaternion_log(&d), dual_quaternion_compose(&d, &d)));
+
+    let flyer = black_box(FreeFlyer::new(InertialParameters::solid_box(5.0, [0.3, 0.2, 0.1])));
+    let mut state = RigidBodyState::at_rest();
+    state.twist_body = black_box(Twist::new(phi, phi));
+    let wrench = black_box(Wrench::new(phi, phi));
+    let acceleration = forward_dynamics(&flyer, &state.twist_body, &wrench);
+    black_box(inverse_dynamics(&flyer, &state.twist_body, &acceleration));
+    let first = variational_step(&flyer, &state, &wrench, 0.01);
+    let second = munthe_kaas_step(&flyer, &state, &wrench, 0.02);
+    let block = newton_euler_regressor(&state.twist_body, &acceleration);
+    let mut information = SquareRootInformation::<10>::new();
+    let updated = square_root_update(&mut information, &block, &wrench.to_vector());
+    if let (Ok(first), Ok(second)) = (first, second)
+        && let Ok(triple) = PoseTriple::try_new([&state.world_from_body, &first.world_from_body, &second.world_from_body], 0.01, 0.01, &ObserverFrame::inertial())
+    {
+        black_box(variational_regressor(&triple));
+    }
+    println!("panic-free kernels ran: update {}", if updated.is_ok() { "accepted" } else { "refused" });
+    #[cfg(feature = "control")]
+    println!("{}", control(black_box(&[1.0, 2.0]), black_box(1)));
+}
