@@ -98,13 +98,6 @@ impl<T: Scalar> LieGroup for Isometry3<T> {
         Isometry3::from_parts(Translation3::from(-rotation.act(&self.translation.vector)), rotation)
     }
     #[inline]
-    fn compose(&self, other: &Self) -> Self {
-        Isometry3::from_parts(
-            Translation3::from(self.act(&other.translation.vector)),
-            LieGroup::compose(&self.rotation, &other.rotation),
-        )
-    }
-    #[inline]
     fn exp(xi: &Vector6<T>) -> Self {
         let ((w, phi), (f_b0, psi)) = exponential(xi);
         let translation = psi * w - phi * f_b0 + phi.cross(&psi);
