@@ -2,8 +2,15 @@
 //!
 //! Each `check_*` returns the first broken law by name with its inputs.
 
+pub mod forces;
+pub mod inertia;
 pub mod integration;
 
+pub use forces::{
+    check_actuation, check_drag, check_gravity, check_inverse_dynamics, check_system, check_wrench_model,
+    check_wrench_sum,
+};
+pub use inertia::{InertiaOperations, InertiaSamples, check_inertia};
 pub use integration::{
     StepSample, check_energy, check_equivariance, check_momentum_map, check_order, check_parametric_model,
     check_reversible, check_stays_on_group, check_symplectic, check_symplectic_lagrangian, check_units,

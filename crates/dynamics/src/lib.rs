@@ -2,9 +2,12 @@
 #![cfg_attr(not(feature = "std"), no_std)]
 #![forbid(unsafe_code)]
 
+extern crate alloc;
+
 pub use tumble_lie as lie;
 pub use tumble_lie::nalgebra;
 
+mod actuation;
 mod composition;
 mod convergence;
 #[cfg(feature = "dual")]
@@ -20,6 +23,7 @@ pub mod laws;
 mod log_cholesky;
 mod momentum;
 mod parameter_vector;
+mod plant;
 mod projection;
 mod solids;
 mod state;
@@ -30,6 +34,16 @@ mod variational_free_flyer;
 pub use differentiate::{FreeFlyerStep, ParametricModel, StepLinearization, linearize};
 #[cfg(feature = "dual")]
 pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
+mod tracker;
+mod world;
+mod wrench_model;
+
+#[cfg(feature = "testing")]
+pub mod laws;
+#[cfg(feature = "testing")]
+pub mod strategies;
+
+pub use actuation::{Actuation, WrenchBox};
 pub use error::DynamicsError;
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};
@@ -45,3 +59,9 @@ pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, Paramet
 pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
+pub use plant::{SimulatedBody, SimulatedMeasurement};
+pub use state::RigidBodyState;
+pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
+pub use tracker::{PoseReference, PoseTracker};
+pub use world::{KeepInBox, ObstacleEllipsoid, World};
+pub use wrench_model::{ConstantBodyWrench, ConstantWorldWrench, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn};

@@ -80,7 +80,7 @@ impl LogCholesky<f64> {
         let u12 = (s.m12 - u13 * u23) / u22;
         let u11 = ComplexField::sqrt(s.m11 - u12 * u12 - u13 * u13);
         let log_extents = Vector3::new(u11, u22, u33).map(ComplexField::ln);
-        if !log_extents.iter().all(|value| value.is_finite()) {
+        if !log_extents.iter().all(ComplexField::is_finite) {
             return Err(failure);
         }
         Ok(Self {

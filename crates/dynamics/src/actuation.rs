@@ -1,0 +1,52 @@
+//! From a wanted wrench to a command, and what the command really gives (`f64`: a decision).
+
+use crate::error::DynamicsError;
+use tumble_lie::Wrench;
+use tumble_lie::nalgebra::Vector3;
+
+/// What turns wanted wrenches into commands of a machine.
+///
+/// Laws ([`check_actuation`](crate::laws::check_actuation), feature `testing`): a wrench inside the limits is realised;
+/// no limit is ever exceeded; what was realised can be realised again.
+pub trait Actuation {
+    /// What the machine is told: a wrench, nozzle openings, wheel torques.
+    type Command: Clone + core::fmt::Debug;
+    /// The command whose wrench is the wanted one, or the closest the machine can give.
+    ///
+    /// # Errors
+    /// [`DynamicsError::NotFinite`] for a wrench that is not; the machine's own otherwise.
+    fn allocate(&self, wrench_body: &Wrench<f64>) -> Result<Self::Command, DynamicsError>;
+    /// The wrench that a command gives: what saturation lets through.
+    fn realize(&self, command: &Self::Command) -> Wrench<f64>;
+}
+
+/// Independent symmetric limits on the components of torque and force.
+///
+/// Its command is the wrench itself, cut at the limits component by component.
+/// # Frame
+/// Body axes, torque about the body origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WrenchBox {
+    /// Largest torque about each axis, N m; not negative.
+    pub torque_limit: Vector3<f64>,
+    /// Largest force along each axis, N; not negative.
+    pub force_limit: Vector3<f64>,
+}
+
+/// Each component cut at plus and minus its limit.
+fn cut(v: &Vector3<f64>, limit: &Vector3<f64>) -> Vector3<f64> {
+    v.zip_map(limit, |component, bound| component.min(bound).max(-bound))
+}
+
+impl Actuation for WrenchBox {
+    type Command = Wrench<f64>;
+    fn allocate(&self, wrench_body: &Wrench<f64>) -> Result<Wrench<f64>, DynamicsError> {
+        if !wrench_body.to_vector().iter().all(|component| component.is_finite()) {
+            return Err(DynamicsError::NotFinite);
+        }
+        Ok(self.realize(wrench_body))
+    }
+    fn realize(&self, command: &Wrench<f64>) -> Wrench<f64> {
+        Wrench::new(cut(&command.torque, &self.torque_limit), cut(&command.force, &self.force_limit))
+    }
+}

@@ -1,0 +1,107 @@
+//! A simulated body behind the [`Plant`] interface (`f64`: it decides when to stop).
+
+use crate::actuation::Actuation;
+use crate::error::DynamicsError;
+use crate::state::RigidBodyState;
+use crate::system::{Integrator, MechanicalSystem, Plant};
+use tumble_lie::Wrench;
+use tumble_lie::nalgebra::ComplexField;
+
+/// What [`SimulatedBody`] reports after each advance, without noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SimulatedMeasurement {
+    /// Time since the start, ns.
+    pub time_ns: u64,
+    /// State at that time.
+    pub state: RigidBodyState<f64>,
+    /// The wrench that acted since the last report, after saturation, body axes.
+    pub realized_wrench_body: Wrench<f64>,
+}
+
+/// A body, an integrator and actuators: wanted wrenches go in, motion comes out.
+///
+/// The wanted wrench is allocated once per advance, and what saturation lets through is held in body axes. Time is
+/// kept in whole nanoseconds.
+#[derive(Clone, Copy, Debug)]
+pub struct SimulatedBody<S, I, A> {
+    system: S,
+    integrator: I,
+    actuation: A,
+    largest_step_ns: u64,
+    time_ns: u64,
+    state: RigidBodyState<f64>,
+}
+
+/// Seconds in a nanosecond.
+const NANOSECOND_S: f64 = 1e-9;
+
+/// Whole nanoseconds of a positive duration.
+fn nanoseconds(duration_s: f64) -> Result<u64, DynamicsError> {
+    let count = ComplexField::round(duration_s / NANOSECOND_S);
+    // up to 2^63 ns every value of the cast below is exact or rounded to an integer
+    if !(1.0..9.2e18).contains(&count) {
+        return Err(DynamicsError::NotPositive { duration_s });
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // range tested above
+    Ok(count as u64)
+}
+
+impl<S, I, A> SimulatedBody<S, I, A>
+where
+    S: MechanicalSystem<State = RigidBodyState<f64>, Input = Wrench<f64>>,
+    I: Integrator<S>,
+    A: Actuation,
+{
+    /// At `state`, integrated in equal steps no longer than `largest_step_s`.
+    ///
+    /// # Errors
+    /// [`DynamicsError::NotPositive`] for a step that is not at least a nanosecond.
+    pub fn try_new(
+        system: S,
+        integrator: I,
+        actuation: A,
+        state: RigidBodyState<f64>,
+        largest_step_s: f64,
+    ) -> Result<Self, DynamicsError> {
+        let largest_step_ns = nanoseconds(largest_step_s)?;
+        Ok(Self { system, integrator, actuation, largest_step_ns, time_ns: 0, state })
+    }
+
+    /// The true state.
+    pub fn state(&self) -> &RigidBodyState<f64> {
+        &self.state
+    }
+
+    /// Time since the start, s.
+    pub fn time_s(&self) -> f64 {
+        self.time_ns as f64 * NANOSECOND_S
+    }
+}
+
+impl<S, I, A> Plant for SimulatedBody<S, I, A>
+where
+    S: MechanicalSystem<State = RigidBodyState<f64>, Input = Wrench<f64>>,
+    I: Integrator<S>,
+    A: Actuation,
+{
+    /// Wanted wrench, body axes, torque about the body origin.
+    type Input = Wrench<f64>;
+    type Measurement = SimulatedMeasurement;
+    type Error = DynamicsError;
+
+    /// Leaves everything as it was where it fails.
+    fn advance(&mut self, wanted: &Wrench<f64>, duration_s: f64) -> Result<SimulatedMeasurement, DynamicsError> {
+        let duration_ns = nanoseconds(duration_s)?;
+        let realized_wrench_body = self.actuation.realize(&self.actuation.allocate(wanted)?);
+        let steps = duration_ns.div_ceil(self.largest_step_ns);
+        let step_s = duration_ns as f64 * NANOSECOND_S / steps as f64;
+        let (start_s, mut state) = (self.time_s(), self.state);
+        for step in 0..steps {
+            let time_s = start_s + step as f64 * step_s;
+            state = self.integrator.step(&self.system, &state, &realized_wrench_body, time_s, step_s)?;
+        }
+        self.state = state;
+        self.time_ns += duration_ns;
+        Ok(SimulatedMeasurement { time_ns: self.time_ns, state, realized_wrench_body })
+    }
+}

@@ -1,0 +1,32 @@
+//! What surrounds a body: plain data, no queries.
+
+use alloc::vec::Vec;
+use tumble_lie::Pose;
+use tumble_lie::nalgebra::Vector3;
+
+/// A box that the body may be in, edges along the inertial axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KeepInBox {
+    /// Least coordinates, inertial axes, m.
+    pub lower_world: Vector3<f64>,
+    /// Largest coordinates, inertial axes, m.
+    pub upper_world: Vector3<f64>,
+}
+
+/// An ellipsoid that the body must stay out of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObstacleEllipsoid {
+    /// Centre and axes.
+    pub world_from_ellipsoid: Pose<f64>,
+    /// Semi-axes, m.
+    pub semi_axes: Vector3<f64>,
+}
+
+/// Keep-in boxes (their union is allowed) and obstacles.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct World {
+    /// The union of these is where the body may be; empty means everywhere.
+    pub keep_in: Vec<KeepInBox>,
+    /// The body stays out of each.
+    pub obstacles: Vec<ObstacleEllipsoid>,
+}

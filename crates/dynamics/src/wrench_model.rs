@@ -1,0 +1,165 @@
+//! Wrenches from the environment, and their sums.
+//!
+//! A model is anything with [`WrenchModel`]; pairs, arrays, slices and references of models are models again.
+
+use crate::state::RigidBodyState;
+use crate::system::WrenchModel;
+use tumble_lie::nalgebra::Vector3;
+use tumble_lie::{Scalar, Wrench};
+
+/// Nothing acts.
+impl<T: Scalar> WrenchModel<T> for () {
+    fn wrench_body(&self, _time_s: T, _state: &RigidBodyState<T>) -> Wrench<T> {
+        Wrench::zero()
+    }
+}
+
+impl<T: Scalar, M: WrenchModel<T> + ?Sized> WrenchModel<T> for &M {
+    fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        (**self).wrench_body(time_s, state)
+    }
+}
+
+/// The sum of both.
+impl<T: Scalar, A: WrenchModel<T>, B: WrenchModel<T>> WrenchModel<T> for (A, B) {
+    fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        self.0.wrench_body(time_s, state) + self.1.wrench_body(time_s, state)
+    }
+}
+
+/// The sum of all, for example of `&dyn WrenchModel<T>`.
+impl<T: Scalar, M: WrenchModel<T>> WrenchModel<T> for [M] {
+    fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        self.iter().fold(Wrench::zero(), |sum, model| sum + model.wrench_body(time_s, state))
+    }
+}
+
+/// The sum of all.
+impl<T: Scalar, M: WrenchModel<T>, const N: usize> WrenchModel<T> for [M; N] {
+    fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        self.as_slice().wrench_body(time_s, state)
+    }
+}
+
+/// A closure `(time_s, state) -> wrench in body axes` as a model.
+///
+/// ```
+/// use tumble_dynamics::{RigidBodyState, WrenchFn, WrenchModel, lie::Wrench, nalgebra::Vector3};
+/// let pulse = WrenchFn(|time_s: f64, _: &RigidBodyState<f64>| {
+///     Wrench::new(Vector3::zeros(), Vector3::new(if time_s < 1.0 { 0.5 } else { 0.0 }, 0.0, 0.0))
+/// });
+/// assert_eq!(pulse.wrench_body(0.2, &RigidBodyState::at_rest()).force.x, 0.5);
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct WrenchFn<F>(pub F);
+
+impl<T: Scalar, F: Fn(T, &RigidBodyState<T>) -> Wrench<T>> WrenchModel<T> for WrenchFn<F> {
+    fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        (self.0)(time_s, state)
+    }
+}
+
+/// A wrench fixed in the body: a thruster that leaks, a cable.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConstantBodyWrench<T: Scalar> {
+    /// Body axes, torque about the body origin.
+    pub wrench_body: Wrench<T>,
+}
+
+impl<T: Scalar> WrenchModel<T> for ConstantBodyWrench<T> {
+    fn wrench_body(&self, _time_s: T, _state: &RigidBodyState<T>) -> Wrench<T> {
+        self.wrench_body
+    }
+}
+
+/// A force and torque of constant direction in the inertial frame, acting at the body origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConstantWorldWrench<T: Scalar> {
+    /// Inertial axes, torque about the body origin.
+    pub wrench_world: Wrench<T>,
+}
+
+impl<T: Scalar> WrenchModel<T> for ConstantWorldWrench<T> {
+    fn wrench_body(&self, _time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        let body_from_world = state.world_from_body.rotation.inverse();
+        Wrench::new(body_from_world * self.wrench_world.torque, body_from_world * self.wrench_world.force)
+    }
+}
+
+/// Uniform gravity; acts at the centre of mass, hence torque `h x g` about the body origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UniformGravity<T: Scalar> {
+    /// Mass of the body, kg.
+    pub mass: T,
+    /// First moment `m c` of the body, body axes, kg m.
+    pub first_moment: Vector3<T>,
+    /// Acceleration of free fall, inertial axes, m/s^2.
+    pub gravity_world: Vector3<T>,
+}
+
+impl<T: Scalar> WrenchModel<T> for UniformGravity<T> {
+    fn wrench_body(&self, _time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        let gravity_body = state.world_from_body.rotation.inverse() * self.gravity_world;
+        Wrench::new(self.first_moment.cross(&gravity_body), gravity_body * self.mass)
+    }
+}
+
+/// Velocity through a medium of the body point at `point`, body axes.
+fn velocity_through_medium<T: Scalar>(
+    state: &RigidBodyState<T>,
+    point: &Vector3<T>,
+    medium_velocity_world: &Vector3<T>,
+) -> Vector3<T> {
+    let medium_velocity_body = state.world_from_body.rotation.inverse() * medium_velocity_world;
+    state.twist_body.linear + state.twist_body.angular.cross(point) - medium_velocity_body
+}
+
+/// Drag proportional to velocity: slow motion in a viscous medium, an air bearing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinearDrag<T: Scalar> {
+    /// Where the force acts, body axes, m.
+    pub center_of_pressure: Vector3<T>,
+    /// Force per velocity of that point through the medium, N s/m.
+    pub force_coefficient: T,
+    /// Torque per angular velocity, N m s/rad.
+    pub torque_coefficient: T,
+    /// Velocity of the medium, inertial axes, m/s.
+    pub medium_velocity_world: Vector3<T>,
+}
+
+impl<T: Scalar> WrenchModel<T> for LinearDrag<T> {
+    fn wrench_body(&self, _time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        let velocity = velocity_through_medium(state, &self.center_of_pressure, &self.medium_velocity_world);
+        let force = velocity * -self.force_coefficient;
+        let torque = state.twist_body.angular * -self.torque_coefficient;
+        Wrench::new(torque + self.center_of_pressure.cross(&force), force)
+    }
+}
+
+/// Drag proportional to the square of velocity: fast motion in air.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QuadraticDrag<T: Scalar> {
+    /// Where the force acts, body axes, m.
+    pub center_of_pressure: Vector3<T>,
+    /// Force per squared velocity of that point through the medium, `1/2 rho C_d A`, N s^2/m^2.
+    pub force_coefficient: T,
+    /// Torque per squared angular velocity, N m s^2/rad^2.
+    pub torque_coefficient: T,
+    /// Velocity of the medium, inertial axes, m/s.
+    pub medium_velocity_world: Vector3<T>,
+}
+
+/// `|v| v`, with the right derivative (zero) at zero.
+fn signed_square<T: Scalar>(v: &Vector3<T>) -> Vector3<T> {
+    let square = v.norm_squared();
+    if square > T::zero() { v * square.sqrt() } else { v * T::zero() }
+}
+
+impl<T: Scalar> WrenchModel<T> for QuadraticDrag<T> {
+    fn wrench_body(&self, _time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        let velocity = velocity_through_medium(state, &self.center_of_pressure, &self.medium_velocity_world);
+        let force = signed_square(&velocity) * -self.force_coefficient;
+        let torque = signed_square(&state.twist_body.angular) * -self.torque_coefficient;
+        Wrench::new(torque + self.center_of_pressure.cross(&force), force)
+    }
+}
