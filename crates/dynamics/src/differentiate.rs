@@ -35,7 +35,8 @@ pub trait ParametricModel {
     ) -> Result<Self::State<T>, DynamicsError>;
 }
 
-type StateTangent<M> = <<M as ParametricModel>::State<f64> as Manifold>::Tangent;
+/// Increment of a model's state.
+pub type StateTangent<M> = <<M as ParametricModel>::State<f64> as Manifold>::Tangent;
 
 /// The end of a step and its first derivatives.
 ///

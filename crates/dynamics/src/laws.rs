@@ -12,7 +12,7 @@ pub use forces::{
 };
 pub use inertia::{InertiaOperations, InertiaSamples, check_inertia};
 pub use integration::{
-    StepSample, check_energy, check_equivariance, check_momentum_map, check_order, check_parametric_model,
-    check_reversible, check_stays_on_group, check_symplectic, check_symplectic_lagrangian, check_units,
+    ModelSample, StepSample, check_energy, check_equivariance, check_momentum_map, check_order, check_parametric_model,
+    check_reversible, check_stays_on_group, check_symplectic, check_symplectic_lagrangian, check_units, step_samples,
 };
 pub use tumble_lie::laws::{LawViolation, require};
