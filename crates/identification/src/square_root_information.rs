@@ -50,10 +50,7 @@ impl<const P: usize> SquareRootInformation<P> {
     ///
     /// # Errors
     /// [`IdentificationError::NotFinite`].
-    pub fn from_square_root(
-        factor: &SMatrix<f64, P, P>,
-        rhs: &SVector<f64, P>,
-    ) -> Result<Self, IdentificationError> {
+    pub fn from_square_root(factor: &SMatrix<f64, P, P>, rhs: &SVector<f64, P>) -> Result<Self, IdentificationError> {
         let mut information = Self::new();
         information.update(factor, rhs)?;
         Ok(information)
@@ -280,11 +277,7 @@ impl<const P: usize> SquareRootInformation<P> {
         if rank == P {
             return Ok(());
         }
-        Err(IdentificationError::NotExcited {
-            rank,
-            expected: P,
-            smallest_singular_value: relative(values[P - 1]),
-        })
+        Err(IdentificationError::NotExcited { rank, expected: P, smallest_singular_value: relative(values[P - 1]) })
     }
 
     /// `R · diag(magnitudes)`: columns in like units.
