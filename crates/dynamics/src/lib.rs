@@ -39,8 +39,6 @@ mod world;
 mod wrench_model;
 
 #[cfg(feature = "testing")]
-pub mod laws;
-#[cfg(feature = "testing")]
 pub mod strategies;
 
 pub use actuation::{Actuation, WrenchBox};
@@ -61,7 +59,6 @@ pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, Tange
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use plant::{SimulatedBody, SimulatedMeasurement};
 pub use state::RigidBodyState;
-pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use tracker::{PoseReference, PoseTracker};
 pub use world::{KeepInBox, ObstacleEllipsoid, World};
 pub use wrench_model::{ConstantBodyWrench, ConstantWorldWrench, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn};

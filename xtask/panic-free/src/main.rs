@@ -70,7 +70,7 @@ proven! {
         MuntheKaas4.step(flyer, state, wrench, 0.0, step_s)
     }
     fn newton_euler_regressor(twist: &Twist<f64>, acceleration: &BodyAcceleration<f64>) -> SMatrix<f64, 6, 10> {
-        newton_euler(&twist.angular, &acceleration.angular, &acceleration.origin)
+        newton_euler(&twist.angular, &acceleration.angular_acceleration_body, &acceleration.acceleration_origin_body)
     }
     fn variational_regressor(triple: &PoseTriple<f64>) -> SMatrix<f64, 6, 10> { variational(triple) }
     fn square_root_update(
