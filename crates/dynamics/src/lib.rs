@@ -58,7 +58,6 @@ pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use plant::{SimulatedBody, SimulatedMeasurement};
-pub use state::RigidBodyState;
 pub use tracker::{PoseReference, PoseTracker};
 pub use world::{KeepInBox, ObstacleEllipsoid, World};
 pub use wrench_model::{ConstantBodyWrench, ConstantWorldWrench, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn};

@@ -110,7 +110,12 @@ fn main() {
     let mut information = SquareRootInformation::<10>::new();
     let updated = square_root_update(&mut information, &block, &wrench.to_vector());
     if let (Ok(first), Ok(second)) = (first, second)
-        && let Ok(triple) = PoseTriple::try_new([&state.world_from_body, &first.world_from_body, &second.world_from_body], 0.01, 0.01, &ObserverFrame::inertial())
+        && let Ok(triple) = PoseTriple::try_new(
+            [&state.world_from_body, &first.world_from_body, &second.world_from_body],
+            0.01,
+            0.01,
+            &ObserverFrame::inertial(),
+        )
     {
         black_box(variational_regressor(&triple));
     }

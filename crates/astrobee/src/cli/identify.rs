@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::{
-    Identification, IdentificationError, Method, MotionSample, Settings, WrenchTiming, identify, merge, predict, validate,
+    Identification, IdentificationError, Method, MotionSample, Settings, WrenchTiming, identify, merge, predict,
+    validate,
 };
 
 /// Options of `tumble identify`.
@@ -324,8 +325,7 @@ impl Log {
         let mut reader = LogReader::open(path, args.reorder)?;
         let mut record = Vec::new();
         let mut more = reader.read_chunk(&mut record, ROWS_IN_MEMORY)?;
-        let (Some(first_ns), Some(mut last_ns)) =
-            (record.first().map(|s| s.time_ns), record.last().map(|s| s.time_ns))
+        let (Some(first_ns), Some(mut last_ns)) = (record.first().map(|s| s.time_ns), record.last().map(|s| s.time_ns))
         else {
             return Err(AstrobeeError::Empty { path: path.clone(), what: "data rows" });
         };
