@@ -47,7 +47,6 @@ pub use consistency::{
     Barrier, BarrierNewton, ConstrainedEstimate, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, PseudoInertiaCone,
 };
 pub use criteria::{AOptimality, ConditionNumber, DOptimality, EOptimality, OptimalityCriterion};
-pub use error::IdentificationError;
 pub use information::FisherInformation;
 pub use observability::{NullDirection, Observability};
 pub use square_root_information::{RANK_TOLERANCE, SquareRootInformation};
