@@ -57,17 +57,6 @@ fn pose_of<T: Scalar>(p: &UnitDualQuaternion<T>) -> Pose<T> {
     Isometry3::from_parts(Translation3::from(l * real::<T>(2.0)), UnitQuaternion::new_unchecked(*q))
 }
 
-/// Product of the quaternions `a` and `b`.
-#[inline(always)]
-fn product<T: Scalar>(a: &Quaternion<T>, b: &Quaternion<T>) -> Quaternion<T> {
-    Quaternion::new(
-        a.w * b.w - a.i * b.i - a.j * b.j - a.k * b.k,
-        a.w * b.i + a.i * b.w + a.j * b.k - a.k * b.j,
-        a.w * b.j - a.i * b.k + a.j * b.w + a.k * b.i,
-        a.w * b.k + a.i * b.j - a.j * b.i + a.k * b.w,
-    )
-}
-
 impl<T: Scalar> LieGroup for UnitDualQuaternion<T> {
     type Scalar = T;
     type Tangent = Vector6<T>;
@@ -78,13 +67,6 @@ impl<T: Scalar> LieGroup for UnitDualQuaternion<T> {
     #[inline]
     fn inverse(&self) -> Self {
         self.conjugate()
-    }
-    #[inline]
-    fn compose(&self, other: &Self) -> Self {
-        UnitDualQuaternion::new_unchecked(DualQuaternion::from_real_and_dual(
-            product(&self.real, &other.real),
-            product(&self.real, &other.dual) + product(&self.dual, &other.real),
-        ))
     }
     #[inline]
     fn exp(xi: &Vector6<T>) -> Self {
@@ -128,5 +110,46 @@ impl<T: Scalar> GroupAction<Vector3<T>> for UnitDualQuaternion<T> {
     #[inline]
     fn act(&self, point: &Vector3<T>) -> Vector3<T> {
         pose_of(self).act(point)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use num_dual::Dual64;
+
+    /// (5.4) from its own terms: `p = q + (eps/2) l o q`.
+    #[test]
+    fn pose_is_rotation_and_half_the_position() {
+        let xi = Vector6::new(0.3, -0.4, 0.7, 1.0, -2.0, 0.5);
+        let p = <UnitDualQuaternion<f64> as LieGroup>::exp(&xi);
+        let pose = <Isometry3<f64> as LieGroup>::exp(&xi);
+        assert_relative_eq!(p.real, pose.rotation.into_inner(), epsilon = 1e-15);
+        let l = Quaternion::from_imag(pose.translation.vector);
+        assert_relative_eq!(p.dual, l * pose.rotation.into_inner() * 0.5, epsilon = 1e-15);
+        assert_relative_eq!(p.to_isometry(), pose, epsilon = 1e-15);
+    }
+
+    /// (5.8): along `l(t)`, `q(t)` the twist is the body rate and the velocity of the origin in body axes.
+    #[test]
+    fn twist_of_a_moving_pose() {
+        let (w, v_world) = (Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.1, 0.7, -0.4));
+        let q = <UnitQuaternion<f64> as LieGroup>::exp(&Vector3::new(0.4, 0.9, -1.2));
+        let l = Vector3::new(1.0, -2.0, 3.0);
+        let t = Dual64::new(0.0, 1.0);
+        let moving = Isometry3::from_parts(
+            Translation3::from(l.zip_map(&v_world, |x, v| Dual64::from(x) + t * v)),
+            q.cast::<Dual64>() * <UnitQuaternion<Dual64> as LieGroup>::exp(&w.map(|x| t * x)),
+        );
+        let p = UnitDualQuaternion::from_isometry(&moving);
+        let derivative = |q: &Quaternion<Dual64>| Quaternion::from_vector(q.coords.map(|c| c.eps));
+        let rate = DualQuaternion::from_real_and_dual(derivative(&p.real), derivative(&p.dual));
+        let pose = UnitDualQuaternion::from_isometry(&Isometry3::from_parts(Translation3::from(l), q));
+        let twist = twist_body_from_rate(&pose, &rate);
+        assert_relative_eq!(twist.angular, w, epsilon = 1e-15);
+        assert_relative_eq!(twist.linear, q.inverse() * v_world, epsilon = 1e-15);
+        let back = rate_from_twist_body(&pose, &twist);
+        assert_relative_eq!(back, rate, epsilon = 1e-15);
     }
 }

@@ -128,3 +128,65 @@ pub fn logarithm<T: Scalar>(cos: T) -> Logarithm<T> {
     let [g, c] = polynomials(T::one() - cos, &tables::LOGARITHM);
     Logarithm { g, c }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    /// `sum (-1)^k s^k / (2k + first)!` and its derivative, summed from the smallest term.
+    fn taylor(s: f64, first: u32) -> (f64, f64) {
+        let factorial = |n: u32| (1..=n).map(f64::from).product::<f64>();
+        (0..40).rev().fold((0.0, 0.0), |(value, rate), k| {
+            let c = if k % 2 == 0 { 1.0 } else { -1.0 } / factorial(2 * k + first);
+            let n = k as i32;
+            let rate_term = if k == 0 { 0.0 } else { f64::from(k) * c * s.powi(n - 1) };
+            (value + c * s.powi(n), rate + rate_term)
+        })
+    }
+
+    /// Polynomials against Taylor sums, closed forms against both, on both sides of the end of the interval.
+    #[test]
+    fn functions_equal_their_taylor_series() {
+        for k in 0..=480 {
+            let s = f64::from(k) * 0.025;
+            let (h, j) = (half_angle(s), jacobian(s));
+            let tolerance = 2e-15;
+            assert_relative_eq!(h.sinc, taylor(s / 4.0, 1).0, epsilon = tolerance);
+            assert_relative_eq!(h.cos, taylor(s / 4.0, 0).0, epsilon = tolerance);
+            assert_relative_eq!(h.sinc_rate, taylor(s / 4.0, 1).1 / 4.0, epsilon = tolerance);
+            assert_relative_eq!(j.a, taylor(s, 2).0, epsilon = tolerance);
+            assert_relative_eq!(j.b, taylor(s, 3).0, epsilon = tolerance);
+            assert_relative_eq!(j.a_rate, taylor(s, 2).1, epsilon = tolerance);
+            assert_relative_eq!(j.b_rate, taylor(s, 3).1, epsilon = tolerance);
+        }
+    }
+
+    /// The inverse coefficient satisfies its defining identity
+    /// `(1 - s c) sinc(t/2) = cos(t/2)`, and its rate the derivative of that identity.
+    #[test]
+    fn inverse_coefficient_solves_its_identity() {
+        for k in 0..=480 {
+            let s = f64::from(k) * 0.025;
+            let (h, InverseJacobian { c, c_rate }) = (half_angle(s), inverse_jacobian(s));
+            assert_relative_eq!((1.0 - s * c) * h.sinc, h.cos, epsilon = 2e-15);
+            // d cos(t/2) / ds = -sinc(t/2) / 8
+            let rate = -(c + s * c_rate) * h.sinc + (1.0 - s * c) * h.sinc_rate;
+            assert_relative_eq!(rate, -h.sinc / 8.0, epsilon = 2e-15);
+        }
+        assert_eq!(inverse_jacobian(0.0_f64).c, 1.0 / 12.0);
+        assert_eq!(inverse_jacobian(0.0_f64).c_rate, 1.0 / 720.0);
+    }
+
+    #[test]
+    fn logarithm_equals_the_arc_cosine() {
+        for k in 0..=1000 {
+            let cos = f64::from(k) / 1000.0;
+            let h = cos.acos();
+            let Logarithm { g, c } = logarithm(cos);
+            assert_relative_eq!(g * (1.0 - cos * cos).sqrt(), h, epsilon = 1e-15);
+            assert_relative_eq!(c, inverse_jacobian(4.0 * h * h).c, epsilon = 1e-16);
+        }
+        assert_eq!(logarithm(1.0_f64).g, 1.0);
+    }
+}
