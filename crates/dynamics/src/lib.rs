@@ -23,13 +23,20 @@ pub mod laws;
 mod log_cholesky;
 mod momentum;
 mod parameter_vector;
+mod planar;
 mod plant;
 mod projection;
 mod solids;
 mod state;
+#[cfg(feature = "testing")]
+pub mod strategies;
 mod system;
+mod tracker;
 mod variational_free_flyer;
+mod world;
+mod wrench_model;
 
+pub use actuation::{Actuation, WrenchBox};
 #[cfg(feature = "dual")]
 pub use differentiate::{FreeFlyerStep, ParametricModel, StepLinearization, linearize};
 #[cfg(feature = "dual")]
@@ -54,10 +61,13 @@ pub use momentum::{
     momentum_at_start, spatial_momentum, twist_of_momentum,
 };
 pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, ParameterOrder};
+pub use planar::{PlanarAcceleration, PlanarBody, PlanarWrench};
+pub use plant::{SimulatedBody, SimulatedMeasurement};
 pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use plant::{SimulatedBody, SimulatedMeasurement};
 pub use tracker::{PoseReference, PoseTracker};
+pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use world::{KeepInBox, ObstacleEllipsoid, World};
 pub use wrench_model::{ConstantBodyWrench, ConstantWorldWrench, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn};

@@ -105,3 +105,57 @@ where
         Ok(SimulatedMeasurement { time_ns: self.time_ns, state, realized_wrench_body })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{FreeFlyer, InertialParameters, MuntheKaas4, WrenchBox};
+    use tumble_lie::nalgebra::Vector3;
+
+    fn plant(largest_step_s: f64) -> Result<SimulatedBody<FreeFlyer<f64>, MuntheKaas4, WrenchBox>, DynamicsError> {
+        let body = FreeFlyer::new(InertialParameters::solid_box(5.0, [0.3, 0.2, 0.1]));
+        let limits = WrenchBox { torque_limit: Vector3::repeat(0.1), force_limit: Vector3::repeat(0.5) };
+        let mut start = RigidBodyState::at_rest();
+        start.twist_body.angular = Vector3::new(0.3, -0.8, 0.5);
+        SimulatedBody::try_new(body, MuntheKaas4, limits, start, largest_step_s)
+    }
+
+    #[test]
+    fn saturates_and_keeps_time_in_whole_nanoseconds() {
+        let mut plant = plant(0.01).unwrap();
+        let wanted = Wrench::new(Vector3::new(0.05, -3.0, 0.0), Vector3::new(2.0, 0.1, -0.6));
+        let mut measured = plant.advance(&wanted, 0.1).unwrap();
+        assert_eq!(measured.realized_wrench_body.torque, Vector3::new(0.05, -0.1, 0.0));
+        assert_eq!(measured.realized_wrench_body.force, Vector3::new(0.5, 0.1, -0.5));
+        for _ in 1..1000 {
+            measured = plant.advance(&wanted, 0.1).unwrap();
+        }
+        assert_eq!(measured.time_ns, 100_000_000_000);
+        assert!((plant.time_s() - 100.0).abs() < 1e-12);
+        assert_eq!(plant.state(), &measured.state);
+    }
+
+    #[test]
+    fn the_largest_step_only_changes_the_accuracy() {
+        let wanted = Wrench::new(Vector3::new(0.05, -0.02, 0.03), Vector3::new(0.2, 0.1, -0.3));
+        // 0.25 s in three and in 250 steps
+        let coarse = plant(0.1).unwrap().advance(&wanted, 0.25).unwrap();
+        let fine = plant(0.001).unwrap().advance(&wanted, 0.25).unwrap();
+        let difference = (coarse.state.twist_body - fine.state.twist_body).to_vector().amax();
+        assert!(difference < 1e-6 && difference > 0.0, "{difference:e}");
+    }
+
+    #[test]
+    fn bad_input_is_an_error_and_changes_nothing() {
+        assert!(matches!(plant(0.0), Err(DynamicsError::NotPositive { .. })));
+        let mut plant = plant(0.01).unwrap();
+        let before = *plant.state();
+        for duration_s in [0.0, -1.0, 1e-12, f64::NAN, f64::INFINITY] {
+            let outcome = plant.advance(&Wrench::zero(), duration_s);
+            assert!(matches!(outcome, Err(DynamicsError::NotPositive { .. })), "{duration_s}");
+        }
+        let broken = Wrench::new(Vector3::repeat(f64::NAN), Vector3::zeros());
+        assert_eq!(plant.advance(&broken, 0.1), Err(DynamicsError::NotFinite));
+        assert_eq!((plant.state(), plant.time_s()), (&before, 0.0));
+    }
+}

@@ -163,3 +163,32 @@ impl<T: Scalar> WrenchModel<T> for QuadraticDrag<T> {
         Wrench::new(torque + self.center_of_pressure.cross(&force), force)
     }
 }
+
+#[cfg(all(test, feature = "dual"))]
+mod tests {
+    use super::*;
+    use num_dual::Dual64;
+    use tumble_lie::nalgebra::{ComplexField, Vector6};
+
+    #[test]
+    fn the_derivative_of_quadratic_drag_at_rest_is_zero_not_nan() {
+        let drag = QuadraticDrag::<Dual64> {
+            center_of_pressure: Vector3::new(0.1, 0.2, 0.3).map(Dual64::from),
+            force_coefficient: 0.4.into(),
+            torque_coefficient: 0.5.into(),
+            medium_velocity_world: Vector3::zeros(),
+        };
+        let mut state = RigidBodyState::<Dual64>::at_rest();
+        let mut velocity = Vector6::zeros();
+        velocity[4] = Dual64::new(0.0, 1.0);
+        state.twist_body = velocity.into();
+        let wrench = drag.wrench_body(Dual64::from(0.0), &state).to_vector();
+        assert!(wrench.iter().all(|component| component.re == 0.0 && component.eps == 0.0), "{wrench:?}");
+        // and right off rest: d(|v| v)/dv = 2 |v|
+        velocity[4] = Dual64::new(-3.0, 1.0);
+        state.twist_body = velocity.into();
+        let force = drag.wrench_body(Dual64::from(0.0), &state).force.y;
+        assert!((force.re - 0.4 * 9.0).abs() < 1e-14 && (force.eps + 0.4 * 6.0).abs() < 1e-14);
+        assert!(force.is_finite());
+    }
+}

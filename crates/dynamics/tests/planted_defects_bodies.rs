@@ -172,7 +172,9 @@ fn free_body_samples() -> Vec<(State, Wrench<f64>)> {
 }
 
 /// A free body with a broken field.
-struct BrokenBody(fn(&FreeFlyer<f64>, &State, &Wrench<f64>) -> Result<SVector<f64, 12>, DynamicsError>);
+struct BrokenBody(Field);
+
+type Field = fn(&FreeFlyer<f64>, &State, &Wrench<f64>) -> Result<SVector<f64, 12>, DynamicsError>;
 
 impl RigidBody for BrokenBody {
     type Scalar = f64;
