@@ -59,6 +59,17 @@ fn the_step_is_symplectic_on_every_group() {
 }
 
 #[test]
+fn a_turn_beyond_the_chart_is_an_error() {
+    let body = InertialParameters::about_origin(5.0, Vector3::new(0.05, 0.1, 0.05), top().0.inertia_about_pivot);
+    let start = RigidBodyState {
+        twist_body: Twist::new(Vector3::new(30.0, 0.0, 5.0), Vector3::zeros()),
+        ..RigidBodyState::at_rest()
+    };
+    let step = Variational.step(&FreeFlyer::new(body), &start, &Wrench::zero(), 0.0, 0.2);
+    assert!(matches!(step, Err(DynamicsError::StepNotConverged { .. })), "{step:?}");
+}
+
+#[test]
 fn explicit_methods_on_the_top_are_not_symplectic() {
     let (system, start) = top();
     for violation in [
