@@ -3,8 +3,11 @@
 use crate::free_flyer::FreeFlyer;
 use crate::inertia::InertialParameters;
 use crate::momentum::{discrete_lagrangian, kinetic_energy};
+use crate::oscillator::Oscillator;
+use crate::pivoted_body::PivotedBody;
+use crate::planar_body::PlanarBody;
 use crate::system::MechanicalSystem;
-use tumble_lie::nalgebra::{SVector, Vector6, convert};
+use tumble_lie::nalgebra::{Isometry2, SVector, Translation, UnitQuaternion, Vector1, Vector3, Vector6, convert};
 use tumble_lie::{Increment, LieGroup, Pose, Scalar, Twist, Wrench, real};
 
 /// Configuration group of a system over the scalar `T`.
@@ -67,5 +70,55 @@ impl DiscreteLagrangian for FreeFlyer<f64> {
     }
     fn force(&self, _: f64, _: &Pose<f64>, _: &Vector6<f64>, wrench_body: &Wrench<f64>) -> Vector6<f64> {
         wrench_body.to_vector()
+    }
+}
+
+impl DiscreteLagrangian for PlanarBody<f64> {
+    type Group<T: Scalar> = Isometry2<T>;
+    fn lift<T: Scalar>(world_from_body: &Isometry2<f64>) -> Isometry2<T> {
+        convert(*world_from_body)
+    }
+    fn lagrangian<T: Scalar>(&self, _world_from_body: &Isometry2<T>, velocity: &Vector3<T>) -> T {
+        PlanarBody::<T> {
+            mass_kg: real(self.mass_kg),
+            center_of_mass: self.center_of_mass.map(real),
+            inertia_about_com: real(self.inertia_about_com),
+        }
+        .kinetic_energy(velocity)
+    }
+    fn force(&self, _: f64, _: &Isometry2<f64>, _: &Vector3<f64>, wrench_body: &Vector3<f64>) -> Vector3<f64> {
+        *wrench_body
+    }
+}
+
+impl DiscreteLagrangian for PivotedBody<f64> {
+    type Group<T: Scalar> = UnitQuaternion<T>;
+    fn lift<T: Scalar>(world_from_body: &UnitQuaternion<f64>) -> UnitQuaternion<T> {
+        convert(*world_from_body)
+    }
+    fn lagrangian<T: Scalar>(&self, world_from_body: &UnitQuaternion<T>, rate_body: &Vector3<T>) -> T {
+        let body = PivotedBody::<T> {
+            inertia_about_pivot: self.inertia_about_pivot.map(real),
+            first_moment: self.first_moment.map(real),
+            gravity_world: self.gravity_world.map(real),
+        };
+        body.kinetic_energy(rate_body) - body.potential_energy(world_from_body)
+    }
+    fn force(&self, _: f64, _: &UnitQuaternion<f64>, _: &Vector3<f64>, torque_body: &Vector3<f64>) -> Vector3<f64> {
+        *torque_body
+    }
+}
+
+impl DiscreteLagrangian for Oscillator<f64> {
+    type Group<T: Scalar> = Translation<T, 1>;
+    fn lift<T: Scalar>(position: &Translation<f64, 1>) -> Translation<T, 1> {
+        convert(*position)
+    }
+    fn lagrangian<T: Scalar>(&self, position: &Translation<T, 1>, velocity: &Vector1<T>) -> T {
+        let body = Oscillator::<T> { mass_kg: real(self.mass_kg), stiffness_n_per_m: real(self.stiffness_n_per_m) };
+        body.kinetic_energy(velocity.x) - body.potential_energy(position.vector.x)
+    }
+    fn force(&self, _: f64, _: &Translation<f64, 1>, _: &Vector1<f64>, force: &Vector1<f64>) -> Vector1<f64> {
+        *force
     }
 }

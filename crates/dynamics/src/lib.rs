@@ -22,9 +22,12 @@ mod integrators;
 pub mod laws;
 mod log_cholesky;
 mod momentum;
+mod oscillator;
 mod parameter_vector;
 mod planar;
 mod plant;
+mod pivoted_body;
+mod planar_body;
 mod projection;
 mod solids;
 mod state;
@@ -60,9 +63,12 @@ pub use momentum::{
     body_momentum, discrete_lagrangian, discrete_spatial_momentum, kinetic_energy, mass_matrix, momentum_at_end,
     momentum_at_start, spatial_momentum, twist_of_momentum,
 };
+pub use oscillator::Oscillator;
 pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, ParameterOrder};
 pub use planar::{PlanarAcceleration, PlanarBody, PlanarWrench};
 pub use plant::{SimulatedBody, SimulatedMeasurement};
+pub use pivoted_body::PivotedBody;
+pub use planar_body::PlanarBody;
 pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};

@@ -111,6 +111,12 @@ impl<T: Scalar> AboutCom<T> {
         // Squared relative size of an update after which the next one is below rounding.
         let negligible = T::default_epsilon() * real(1.0 / 256.0);
 
+        let too_far =
+            || DynamicsError::TravelTooLong { step_s: value(step_s), travel_m: value(p.norm() * real::<T>(2.0)) };
+        // Travel takes `m P P^T` off the inertia that resists the turn; what remains must be positive definite.
+        if p.dot(&(inertia_inverse * p)) * mass >= T::one() {
+            return Err(too_far());
+        }
         // Start: the increment at constant rate, then one explicit correction by the gyroscopic and the coupling torque.
         let first = inertia_inverse * target;
         let mut phi = inertia_inverse
@@ -147,10 +153,7 @@ impl<T: Scalar> AboutCom<T> {
             last_update = update.norm_squared();
             if last_update <= phi.norm_squared() * negligible {
                 if determinant <= T::zero() {
-                    return Err(DynamicsError::TravelTooLong {
-                        step_s: value(step_s),
-                        travel_m: value(p.norm() * real::<T>(2.0)),
-                    });
+                    return Err(too_far());
                 }
                 return increment(phi, &p, step_s);
             }
@@ -258,6 +261,7 @@ impl<T: Scalar, E: WrenchModel<T>> Integrator<FreeFlyerIn<T, E>> for Variational
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::momentum::{body_momentum, momentum_at_end, momentum_at_start};
     use tumble_lie::nalgebra::SVector;
 
     fn body_d() -> InertialParameters<f64> {
@@ -284,5 +288,68 @@ mod tests {
             SVector::from([0.007_519_424_067_6, -0.004_903_047_954_1, 0.012_627_953_504_2, 0.999_879_969_382_7]);
         assert!((after.translation.vector - position).amax() < 1e-13, "{after:?}");
         assert!((after.rotation.coords - attitude).amax() < 1e-13, "{after:?}");
+    }
+
+    fn step(rate: Vector3<f64>, velocity: Vector3<f64>, step_s: f64) -> Result<RigidBodyState<f64>, DynamicsError> {
+        let state = RigidBodyState { twist_body: Twist::new(rate, velocity), ..RigidBodyState::at_rest() };
+        variational_step(&body_d(), &state, &Wrench::zero(), step_s)
+    }
+
+    #[test]
+    fn a_step_solves_the_printed_equations_about_the_origin() {
+        let (rate, velocity) = (Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.1, -0.05, 0.2));
+        for step_s in [1e-3, 0.05, 0.4, -0.3] {
+            let body = body_d();
+            let after = step(rate, velocity, step_s).unwrap();
+            let increment = Increment::between(&Pose::identity(), &after.world_from_body).unwrap();
+            let start =
+                momentum_at_start(&body, &increment, step_s) - body_momentum(&body, &Twist::new(rate, velocity));
+            let end = momentum_at_end(&body, &increment, step_s) - body_momentum(&body, &after.twist_body);
+            // the increment carries rounding of the pose, the momentum divides it by the step
+            assert!(start.to_vector().amax() < 1e-14 / step_s.abs(), "{start:?}");
+            assert!(end.to_vector().amax() < 1e-14 / step_s.abs(), "{end:?}");
+        }
+    }
+
+    #[test]
+    fn a_resting_body_rests() {
+        let after = step(Vector3::zeros(), Vector3::zeros(), 0.1).unwrap();
+        assert_eq!(after, RigidBodyState::at_rest());
+        assert_eq!(step(Vector3::new(0.1, 0.2, 0.3), Vector3::zeros(), 0.0).unwrap().world_from_body, Pose::identity());
+    }
+
+    #[test]
+    fn turns_of_a_quarter_and_more_are_too_large() {
+        let spin = |rate| {
+            let rate = Vector3::new(0.0, 0.0, rate);
+            step(rate, -rate.cross(&body_d().center_of_mass()), 0.1)
+        };
+        assert!(spin(9.0).is_ok());
+        for rate in [20.0, 50.0, 1e3, 1e9] {
+            assert!(matches!(
+                spin(rate),
+                Err(DynamicsError::StepTooLarge { .. } | DynamicsError::StepNotConverged { .. })
+            ));
+        }
+    }
+
+    #[test]
+    fn travel_beyond_the_radius_of_gyration_is_too_long() {
+        let fly = |velocity| step(Vector3::new(0.1, 0.2, 0.3), Vector3::new(velocity, 0.0, 0.0), 0.1);
+        assert!(fly(5.0).is_ok());
+        for velocity in [20.0, 1e3, 1e6] {
+            assert!(matches!(fly(velocity), Err(DynamicsError::TravelTooLong { .. })), "{:?}", fly(velocity));
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_is_an_error() {
+        let spin = Vector3::new(0.1, f64::NAN, 0.0);
+        assert_eq!(step(spin, Vector3::zeros(), 0.1), Err(DynamicsError::NotFinite));
+        assert_eq!(step(Vector3::zeros(), spin, 0.1), Err(DynamicsError::NotFinite));
+        assert_eq!(step(Vector3::zeros(), Vector3::zeros(), f64::INFINITY), Err(DynamicsError::NotFinite));
+        let point = InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::zeros());
+        let state = RigidBodyState::at_rest();
+        assert_eq!(variational_step(&point, &state, &Wrench::zero(), 0.1), Err(DynamicsError::NotFinite));
     }
 }

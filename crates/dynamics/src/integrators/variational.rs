@@ -164,10 +164,11 @@ fn newton_update<V: Coordinates<f64>>(residual: &V, jacobian: impl Fn(usize, usi
     for k in 0..n {
         let pivot = (k..n).max_by(|&a, &b| rows[a][k].abs().total_cmp(&rows[b][k].abs())).unwrap_or(k);
         rows.swap(k, pivot);
-        for i in (0..n).filter(|&i| i != k) {
-            let factor = rows[i][k] / rows[k][k];
-            for j in k..=n {
-                rows[i][j] -= factor * rows[k][j];
+        let pivot_row = rows[k].clone();
+        for (_, row) in rows.iter_mut().enumerate().filter(|&(i, _)| i != k) {
+            let factor = row[k] / pivot_row[k];
+            for (entry, above) in row.iter_mut().zip(&pivot_row) {
+                *entry -= factor * above;
             }
         }
     }
