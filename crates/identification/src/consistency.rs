@@ -95,11 +95,12 @@ pub(crate) fn pulled_inside<const P: usize>(
     }
     let inside = set.interior_point();
     let mut fraction = 1e-16;
-    let mut pulled = (parameters, margin);
-    while !(pulled.1 > 0.0) && fraction < 1.0 {
+    loop {
         let candidate = parameters + (inside - parameters) * fraction;
-        pulled = (candidate, set.margin(&candidate));
+        let margin = set.margin(&candidate);
+        if margin > 0.0 || fraction >= 1.0 {
+            return (candidate, margin);
+        }
         fraction *= 4.0;
     }
-    pulled
 }

@@ -127,7 +127,7 @@ pub fn check_constrained_solver<const P: usize>(
         };
         let p = estimate.parameters;
         let margin = set.margin(&p);
-        let inside = margin > 0.0 && estimate.margin == margin;
+        let inside = margin > 0.0 && (estimate.margin - margin).abs() <= 1e-12 * (1.0 + margin);
         require("estimate is strictly inside", problem, &margin, &estimate.margin, broken_unless(inside), 0.0)?;
         let objective = problem.objective(&p);
         let residual = (objective - estimate.objective).abs();
@@ -159,6 +159,9 @@ pub fn check_constrained_solver<const P: usize>(
     Ok(())
 }
 
+/// Regressor rows and outputs, divided by their standard deviations.
+pub type WhitenedBlock<const ROWS: usize, const P: usize> = (SMatrix<f64, ROWS, P>, SVector<f64, ROWS>);
+
 /// What a recursion reports after a sequence of whitened blocks: R, z and the residual sum of squares.
 pub type SquareRootOf<const P: usize> = (SMatrix<f64, P, P>, SVector<f64, P>, f64);
 
@@ -167,8 +170,8 @@ pub type SquareRootOf<const P: usize> = (SMatrix<f64, P, P>, SVector<f64, P>, f6
 /// # Errors
 /// The first broken law: `factor is upper triangular`, `equals batch`, `order independent`, `keeps the residual`.
 pub fn check_square_root_information<const ROWS: usize, const P: usize>(
-    recursion: &dyn Fn(&[(SMatrix<f64, ROWS, P>, SVector<f64, ROWS>)]) -> SquareRootOf<P>,
-    blocks: &[(SMatrix<f64, ROWS, P>, SVector<f64, ROWS>)],
+    recursion: &dyn Fn(&[WhitenedBlock<ROWS, P>]) -> SquareRootOf<P>,
+    blocks: &[WhitenedBlock<ROWS, P>],
     tolerance: f64,
 ) -> Result<(), LawViolation> {
     let (mut gram, mut moment, mut energy) = (SMatrix::<f64, P, P>::zeros(), SVector::<f64, P>::zeros(), 0.0);

@@ -107,15 +107,13 @@ impl<const P: usize> SquareRootInformation<P> {
         let mut rows = [[0.0; P]; ROWS];
         let mut outputs = [0.0; ROWS];
         for i in 0..ROWS {
-            // x − x is zero for finite x only; the sum over a row is finite exactly when all entries are.
-            let mut probe = rhs[i] - rhs[i];
-            for j in 0..P {
-                let value = block[(i, j)];
-                rows[i][j] = value;
-                probe += value - value;
-            }
             outputs[i] = rhs[i];
-            if probe != 0.0 {
+            let mut finite = rhs[i].is_finite();
+            for j in 0..P {
+                rows[i][j] = block[(i, j)];
+                finite &= rows[i][j].is_finite();
+            }
+            if !finite {
                 return Err(IdentificationError::NotFinite { row: i });
             }
         }
@@ -254,10 +252,10 @@ impl<const P: usize> SquareRootInformation<P> {
         for i in (0..P).rev() {
             let reciprocal = 1.0 / self.factor_rows[i][i];
             let mut row = [0.0; P];
-            for k in i + 1..P {
+            for (k, below) in inverse.iter().enumerate().skip(i + 1) {
                 let weight = self.factor_rows[i][k] * reciprocal;
-                for (r, below) in row.iter_mut().zip(&inverse[k]) {
-                    *r -= weight * below;
+                for (r, b) in row.iter_mut().zip(below) {
+                    *r -= weight * b;
                 }
             }
             row[i] = reciprocal;

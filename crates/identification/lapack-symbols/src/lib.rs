@@ -8,6 +8,8 @@
 #![allow(unsafe_code)]
 // The signatures and the safety contract (valid pointers, consistent dimensions) are those of the reference library.
 #![allow(clippy::too_many_arguments, clippy::missing_safety_doc)]
+// Negated comparisons catch NaN; loops over indices read like the formulas.
+#![allow(clippy::neg_cmp_op_on_partial_ord, clippy::needless_range_loop)]
 // Dimensions and flags arrive as C integers; they are sizes of small matrices.
 #![allow(clippy::cast_sign_loss, clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
 
@@ -66,7 +68,7 @@ struct ColumnMajor<T> {
 }
 impl<T: Copy> ColumnMajor<T> {
     unsafe fn new(p: *const T, ld: *const c_int) -> Self {
-        Self { p: p as *mut T, ld: unsafe { size(ld) } }
+        Self { p: p.cast_mut(), ld: unsafe { size(ld) } }
     }
     fn get(&self, i: usize, j: usize) -> T {
         unsafe { *self.p.add(i + j * self.ld) }
@@ -225,7 +227,7 @@ unsafe fn syr2k<T: Real>(
     ldc: *const c_int,
 ) {
     unsafe {
-        syr2k_any(uplo, trans, n, k, alpha, ColumnMajor::new(a, lda), Some(ColumnMajor::new(b, ldb)), beta, c, ldc)
+        syr2k_any(uplo, trans, n, k, alpha, ColumnMajor::new(a, lda), Some(ColumnMajor::new(b, ldb)), beta, c, ldc);
     }
 }
 unsafe fn potrf<T: Real>(uplo: *const c_char, n: *const c_int, a: *mut T, lda: *const c_int, info: *mut c_int) {

@@ -1,7 +1,6 @@
 //! The same problem handed to Clarabel's semidefinite cone (feature `clarabel-sdp`).
 //!
-//! Independent of [`InteriorPoint`](super::InteriorPoint): it works on RᵀR in the ten parameters themselves. The
-//! feature brings Clarabel's cone only; the final binary must link BLAS and LAPACK symbols of its own choice.
+//! Independent of [`InteriorPoint`](super::InteriorPoint) but for the definition of the cone. The feature brings Clarabel's cone only; the final binary must link BLAS and LAPACK symbols of its own choice.
 
 use super::{ConstrainedEstimate, ConstrainedLeastSquares, FeasibleSet, PseudoInertiaCone, pulled_inside};
 use crate::error::IdentificationError;
@@ -67,12 +66,22 @@ impl ConstrainedLeastSquares<10> for ClarabelSdp {
             .collect::<Vec<Vec<f64>>>();
         let mut solver = match self.form {
             Form::Quadratic => {
-                let hessian = factor.transpose() * factor / (scale * scale);
-                let linear = -(factor.transpose() * rhs) / (scale * scale);
-                let objective = sparse(10, 10, |i, j| if i <= j { hessian[(i, j)] } else { 0.0 });
-                let constraint = sparse(10, 10, |i, j| -cone_columns[j][i]);
-                let cones = [SupportedConeT::PSDTriangleConeT(4)];
-                DefaultSolver::new(&objective, linear.as_slice(), &constraint, &cone_offset, &cones, self.settings())
+                // Unknowns (p, y) with y = (R p − z) / scale: RᵀR would square the condition number.
+                let residual_rows = |i: usize, j: usize| match j {
+                    0..10 => factor[(i, j)] / scale,
+                    _ if j == i + 10 => -1.0,
+                    _ => 0.0,
+                };
+                let constraint = sparse(20, 20, |i, j| match (i, j) {
+                    (0..10, _) => residual_rows(i, j),
+                    (_, 0..10) => -cone_columns[j][i - 10],
+                    _ => 0.0,
+                });
+                let objective = sparse(20, 20, |i, j| if i == j && i >= 10 { 1.0 } else { 0.0 });
+                let mut offset: Vec<f64> = rhs.iter().map(|z| z / scale).collect();
+                offset.extend(&cone_offset);
+                let cones = [SupportedConeT::ZeroConeT(10), SupportedConeT::PSDTriangleConeT(4)];
+                DefaultSolver::new(&objective, &[0.0; 20], &constraint, &offset, &cones, self.settings())
             }
             Form::Epigraph => {
                 // Unknowns (p, s); rows of the 11×11 block, then those of the cone.
