@@ -8,9 +8,9 @@ mod clarabel;
 mod interior_point;
 mod pseudo_inertia_cone;
 
+pub use barrier_newton::BarrierNewton;
 #[cfg(feature = "clarabel-sdp")]
 pub use clarabel::ClarabelSdp;
-pub use barrier_newton::BarrierNewton;
 pub use interior_point::InteriorPoint;
 pub use pseudo_inertia_cone::PseudoInertiaCone;
 

@@ -33,13 +33,24 @@ mod body_scale;
 pub mod consistency;
 mod householder;
 mod jacobi;
+mod criteria;
+mod error;
+mod householder;
+mod information;
+mod jacobi;
+#[cfg(feature = "testing")]
+pub mod laws;
+mod observability;
 mod square_root_information;
 
 pub use body_scale::{BodyScale, PARAMETER_NAMES};
 #[cfg(feature = "clarabel-sdp")]
 pub use consistency::ClarabelSdp;
 pub use consistency::{
-    Barrier, BarrierNewton, ConstrainedEstimate, ConstrainedLeastSquares, FeasibleSet, InteriorPoint,
-    PseudoInertiaCone,
+    Barrier, BarrierNewton, ConstrainedEstimate, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, PseudoInertiaCone,
 };
+pub use criteria::{AOptimality, ConditionNumber, DOptimality, EOptimality, OptimalityCriterion};
+pub use error::IdentificationError;
+pub use information::FisherInformation;
+pub use observability::{NullDirection, Observability};
 pub use square_root_information::{RANK_TOLERANCE, SquareRootInformation};

@@ -50,10 +50,7 @@ impl<const P: usize> SquareRootInformation<P> {
     ///
     /// # Errors
     /// [`IdentificationError::NotFinite`].
-    pub fn from_square_root(
-        factor: &SMatrix<f64, P, P>,
-        rhs: &SVector<f64, P>,
-    ) -> Result<Self, IdentificationError> {
+    pub fn from_square_root(factor: &SMatrix<f64, P, P>, rhs: &SVector<f64, P>) -> Result<Self, IdentificationError> {
         let mut information = Self::new();
         information.update(factor, rhs)?;
         Ok(information)
@@ -280,15 +277,153 @@ impl<const P: usize> SquareRootInformation<P> {
         if rank == P {
             return Ok(());
         }
-        Err(IdentificationError::NotExcited {
-            rank,
-            expected: P,
-            smallest_singular_value: relative(values[P - 1]),
-        })
+        Err(IdentificationError::NotExcited { rank, expected: P, smallest_singular_value: relative(values[P - 1]) })
     }
 
     /// `R · diag(magnitudes)`: columns in like units.
     pub(crate) fn scaled_factor(&self, magnitudes: &SVector<f64, P>) -> SMatrix<f64, P, P> {
         SMatrix::from_fn(|i, j| self.factor_rows[i][j] * magnitudes[j])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Block = (SMatrix<f64, 6, 10>, SVector<f64, 6>);
+
+    /// Deterministic, irregular numbers of order one.
+    fn blocks(count: usize) -> Vec<Block> {
+        let wave = |k: usize| (1.7 * k as f64 + (0.3 * (k * k % 101) as f64).cos()).sin();
+        (0..count)
+            .map(|b| {
+                (
+                    SMatrix::from_fn(|i, j| wave(97 * b + 13 * i + 7 * j)),
+                    SVector::from_fn(|i, _| wave(1000 + 31 * b + i)),
+                )
+            })
+            .collect()
+    }
+
+    fn folded(blocks: &[Block]) -> SquareRootInformation<10> {
+        let mut information = SquareRootInformation::new();
+        for (block, rhs) in blocks {
+            information.update(block, rhs).unwrap();
+        }
+        information
+    }
+
+    fn ones() -> SVector<f64, 10> {
+        SVector::repeat(1.0)
+    }
+
+    #[test]
+    fn equals_batch_householder() {
+        for count in [2, 7, 100] {
+            let blocks = blocks(count);
+            let information = folded(&blocks);
+            let stack = nalgebra::DMatrix::from_fn(6 * count, 10, |i, j| blocks[i / 6].0[(i % 6, j)]);
+            let rhs = nalgebra::DVector::from_fn(6 * count, |i, _| blocks[i / 6].1[i % 6]);
+            let qr = stack.clone().qr();
+            let r = qr.r();
+            let mut z = rhs.clone();
+            qr.q_tr_mul(&mut z);
+            let factor = information.factor();
+            for i in 0..10 {
+                let sign = r[(i, i)].signum();
+                for j in 0..10 {
+                    let expected = if j < i { 0.0 } else { sign * r[(i, j)] };
+                    assert!((factor[(i, j)] - expected).abs() < 1e-13 * r.norm(), "{count} {i} {j}");
+                }
+                assert!((information.rhs()[i] - sign * z[i]).abs() < 1e-13 * rhs.norm());
+            }
+            let residual = z.rows(10, 6 * count - 10).norm_squared();
+            assert!((information.residual_sum_of_squares() - residual).abs() < 1e-13 * rhs.norm_squared());
+            assert_eq!(information.rows(), 6 * count);
+        }
+    }
+
+    #[test]
+    fn is_right_before_ten_rows_have_arrived() {
+        let blocks = blocks(2);
+        let information = folded(&blocks[..1]);
+        // The one block is reproduced: R'R = H'H, and any solution of the block has no misfit.
+        let (block, rhs) = &blocks[0];
+        assert!((information.factor().transpose() * information.factor() - block.transpose() * block).amax() < 1e-14);
+        assert!(information.residual_sum_of_squares() < 1e-28);
+        let some = block.transpose() * (block * block.transpose()).try_inverse().unwrap() * rhs;
+        assert!(information.objective(&some) < 1e-26);
+        match information.solve(&ones()) {
+            Err(IdentificationError::NotExcited { rank: 6, expected: 10, smallest_singular_value }) => {
+                assert!(smallest_singular_value < 1e-14);
+            }
+            other => panic!("{other:?}"),
+        }
+        assert!(matches!(
+            SquareRootInformation::<10>::new().solve(&ones()),
+            Err(IdentificationError::NotExcited { rank: 0, .. })
+        ));
+        assert_eq!(information.residual_variance(), Err(IdentificationError::NoResidual { rows: 6, parameters: 10 }));
+        // The two blocks together determine all.
+        assert!(folded(&blocks).solve(&ones()).is_ok());
+    }
+
+    #[test]
+    fn merge_equals_folding_everything() {
+        let blocks = blocks(9);
+        let whole = folded(&blocks);
+        let mut merged = folded(&blocks[..4]);
+        merged.merge(&folded(&blocks[4..]));
+        assert!((merged.factor() - whole.factor()).amax() < 1e-13);
+        assert!((merged.rhs() - whole.rhs()).amax() < 1e-13);
+        assert!((merged.residual_sum_of_squares() - whole.residual_sum_of_squares()).abs() < 1e-12);
+        assert_eq!(merged.rows(), whole.rows());
+    }
+
+    #[test]
+    fn prior_weighs_mean_and_measurement() {
+        let mut information = SquareRootInformation::<2>::new();
+        information.add_prior(&SVector::from([1.0, 7.0]), &SVector::from([2.0, f64::INFINITY])).unwrap();
+        assert_eq!(information.rows(), 1);
+        // A measurement 3 ± 1 of the first: (1/4 · 1 + 3) / (1/4 + 1) = 2.6; of the second only 5 ± 0.5.
+        information.update(&SMatrix::<f64, 2, 2>::new(1.0, 0.0, 0.0, 2.0), &SVector::from([3.0, 10.0])).unwrap();
+        let ones = SVector::repeat(1.0);
+        assert!((information.solve(&ones).unwrap() - SVector::from([2.6, 5.0])).amax() < 1e-14);
+        let covariance = information.covariance(&ones).unwrap();
+        assert!((covariance - SMatrix::<f64, 2, 2>::new(0.8, 0.0, 0.0, 0.25)).amax() < 1e-14);
+        // Residual: (2.6 − 1)²/4 + (3 − 2.6)² on one degree of freedom.
+        assert!((information.residual_variance().unwrap() - 0.8).abs() < 1e-14);
+        for value in [0.0, -1.0, f64::NAN] {
+            let refused = information.add_prior(&SVector::zeros(), &SVector::from([1.0, value]));
+            assert!(matches!(refused, Err(IdentificationError::NotPositive { index: 1, .. })));
+        }
+    }
+
+    #[test]
+    fn refuses_what_is_not_finite_and_stays_as_it_was() {
+        let mut information = folded(&blocks(3));
+        let before = information;
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let (mut block, rhs) = blocks(1)[0];
+            block[(4, 9)] = value;
+            assert_eq!(information.update(&block, &rhs), Err(IdentificationError::NotFinite { row: 4 }));
+            let (block, mut rhs) = blocks(1)[0];
+            rhs[2] = value;
+            assert_eq!(information.update(&block, &rhs), Err(IdentificationError::NotFinite { row: 2 }));
+            assert_eq!(information, before);
+        }
+    }
+
+    #[test]
+    fn rank_is_judged_in_like_units() {
+        // The second parameter is small, not undetermined: 1e-12 of the first in its own units.
+        let factor = SMatrix::<f64, 2, 2>::new(1.0, 0.0, 0.0, 1e-12);
+        let information = SquareRootInformation::from_square_root(&factor, &SVector::from([1.0, 1.0])).unwrap();
+        assert!(matches!(
+            information.solve(&SVector::from([1.0, 1.0])),
+            Err(IdentificationError::NotExcited { rank: 1, expected: 2, .. })
+        ));
+        let solution = information.solve(&SVector::from([1.0, 1e12])).unwrap();
+        assert!((solution - SVector::from([1.0, 1e12])).norm() < 1e-3);
     }
 }

@@ -23,8 +23,7 @@ const MAX_ITERATIONS: usize = 60;
 const STEP_FRACTION: f64 = 0.99;
 
 /// Upper triangle of a 4×4 matrix over [1, x, y, z], in the order of the parameters.
-const UPPER: [(usize, usize); 10] =
-    [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
+const UPPER: [(usize, usize); 10] = [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
 
 /// The library's solver for the pseudo-inertia cone: allocation-free, a few tens of microseconds where the cone binds,
 /// one microsecond where it does not.
@@ -82,7 +81,16 @@ impl InteriorPoint {
         let magnitudes = self.cone.magnitudes();
         let h = FRAC_1_SQRT_2;
         let normalized = [
-            x[0], h * x[1], h * x[2], h * x[3], x[7] + x[9], -h * x[5], -h * x[6], x[4] + x[9], -h * x[8], x[4] + x[7],
+            x[0],
+            h * x[1],
+            h * x[2],
+            h * x[3],
+            x[7] + x[9],
+            -h * x[5],
+            -h * x[6],
+            x[4] + x[9],
+            -h * x[8],
+            x[4] + x[7],
         ];
         self.cone.floor_parameters() + SVector::from(normalized).component_mul(&magnitudes)
     }
@@ -328,9 +336,8 @@ fn relative_smallest(m: &Matrix4<f64>, s: &Vector4<f64>) -> f64 {
     // With zero trace and unit norm: t⁴ − t²/2 − e3 t + e4.
     let e3 = square.dot(&a) / 3.0;
     let e4 = (0.5 - square.norm_squared()) / 4.0;
-    let mut root = -0.75_f64;
-    root = -ComplexField::sqrt(-root);
-    for _ in 0..4 {
+    let mut root = -ComplexField::sqrt(0.75);
+    for _ in 0..8 {
         let value = ((root * root - 0.5) * root - e3) * root + e4;
         if value <= 0.0 {
             break;
@@ -338,7 +345,11 @@ fn relative_smallest(m: &Matrix4<f64>, s: &Vector4<f64>) -> f64 {
         let slope = ((4.0 * root * root - 1.0) * root - e3) / value;
         let curvature = slope * slope - (12.0 * root * root - 1.0) / value;
         let discriminant = (3.0 * (4.0 * curvature - slope * slope)).max(0.0);
-        root -= 4.0 / (slope - ComplexField::sqrt(discriminant));
+        let rise = 4.0 / (ComplexField::sqrt(discriminant) - slope);
+        root += rise;
+        if rise < 1e-4 {
+            break;
+        }
     }
     mean + spread * root
 }
@@ -354,7 +365,7 @@ mod tests {
         let expected = SVector::from([6.047, 0.6, 0.0, 0.0, 0.0236, 0.0, 0.0, 0.06, 0.0, 0.0836]);
         let information = SquareRootInformation::from_square_root(&SMatrix::identity(), &p0).unwrap();
         let cone = PseudoInertiaCone::with_relative_floor(BodyScale::of(&p0).unwrap(), 0.0);
-        let estimate = InteriorPoint::with_gap_tolerance(cone, 1e-14).solve(&information).unwrap();
+        let estimate = InteriorPoint::with_gap_tolerance(cone, 1e-15).solve(&information).unwrap();
         assert!((estimate.parameters - expected).amax() < 1e-11, "{:e}", estimate.parameters - expected);
         assert!((estimate.objective - 1.5 * 0.0083 * 0.0083).abs() < 1e-11 * 2e-4, "{:e}", estimate.objective);
         assert!(estimate.margin > 0.0 && estimate.margin < 1e-10);

@@ -55,10 +55,22 @@ impl PseudoInertiaCone {
     pub fn pseudo_inertia(p: &SVector<f64, 10>) -> Matrix4<f64> {
         let half_trace = 0.5 * (p[4] + p[7] + p[9]);
         Matrix4::new(
-            half_trace - p[4], -p[5], -p[6], p[1],
-            -p[5], half_trace - p[7], -p[8], p[2],
-            -p[6], -p[8], half_trace - p[9], p[3],
-            p[1], p[2], p[3], p[0],
+            half_trace - p[4],
+            -p[5],
+            -p[6],
+            p[1],
+            -p[5],
+            half_trace - p[7],
+            -p[8],
+            p[2],
+            -p[6],
+            -p[8],
+            half_trace - p[9],
+            p[3],
+            p[1],
+            p[2],
+            p[3],
+            p[0],
         )
     }
 
@@ -66,9 +78,15 @@ impl PseudoInertiaCone {
     pub fn parameters(matrix: &Matrix4<f64>) -> SVector<f64, 10> {
         let p = matrix;
         SVector::from([
-            p[(3, 3)], p[(0, 3)], p[(1, 3)], p[(2, 3)],
-            p[(1, 1)] + p[(2, 2)], -p[(0, 1)], -p[(0, 2)],
-            p[(0, 0)] + p[(2, 2)], -p[(1, 2)],
+            p[(3, 3)],
+            p[(0, 3)],
+            p[(1, 3)],
+            p[(2, 3)],
+            p[(1, 1)] + p[(2, 2)],
+            -p[(0, 1)],
+            -p[(0, 2)],
+            p[(0, 0)] + p[(2, 2)],
+            -p[(1, 2)],
             p[(0, 0)] + p[(1, 1)],
         ])
     }
@@ -143,9 +161,8 @@ mod tests {
 
     #[test]
     fn golden_pseudo_inertia_of_body_d() {
-        let expected = Matrix4::new(
-            1.75, -0.1, -0.2, 0.25, -0.1, 1.25, -0.3, 0.5, -0.2, -0.3, 0.25, 0.25, 0.25, 0.5, 0.25, 5.0,
-        );
+        let expected =
+            Matrix4::new(1.75, -0.1, -0.2, 0.25, -0.1, 1.25, -0.3, 0.5, -0.2, -0.3, 0.25, 0.25, 0.25, 0.5, 0.25, 5.0);
         let p = PseudoInertiaCone::pseudo_inertia(&body_d());
         assert!((p - expected).amax() < 1e-15);
         assert!((PseudoInertiaCone::parameters(&p) - body_d()).amax() < 1e-15);
