@@ -180,7 +180,7 @@ impl fmt::Display for Warning {
             }
             Self::MissingValues { skipped } => write!(f, "{skipped} nodes skipped: a needed column is empty there"),
             Self::ZeroWrench => {
-                write!(f, "the wrench is zero throughout: mass and inertia are known up to a common factor only")
+                write!(f, "the wrench is zero throughout: the scale of the mass and that of the inertia stay unknown")
             }
             Self::NoisyPoses { position_m, attitude_rad, noise_share, lag } => write!(
                 f,

@@ -217,7 +217,7 @@ fn moment_covariance(
     let diagonal = truncated.diagonal();
     if diagonal.iter().all(|&d| d > 0.0) {
         let unit = diagonal.map(|d| 1.0 / d.sqrt());
-        let correlation = SMatrix::from_fn(|i, j| truncated[(i, j)] * unit[i] * unit[j]);
+        let correlation = SMatrix::<f64, 10, 10>::from_fn(|i, j| truncated[(i, j)] * unit[i] * unit[j]);
         if correlation.symmetric_eigenvalues().min() > 1e-6 {
             return truncated;
         }

@@ -316,7 +316,7 @@ fn momentum_regressor(
 }
 
 fn block_diagonal(rotation: &Matrix3<f64>) -> SMatrix<f64, 6, 6> {
-    let mut m = SMatrix::zeros();
+    let mut m = SMatrix::<f64, 6, 6>::zeros();
     m.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
     m.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation);
     m

@@ -27,7 +27,8 @@ pub(super) struct Judgement {
 }
 
 /// Counts the directions that data determine: above rounding, above the noise inside the regressor, and known to better
-/// than the body's own scale. A record without any wrench leaves the common factor of all parameters free.
+/// than the body's own scale. A record without any wrench leaves two scales free,
+/// that of the mass and that of the inertia about the centre of mass.
 pub(super) fn judge(fit: &Fit, zero_wrench: bool) -> Result<Judgement, IdentificationError> {
     let scale = if zero_wrench { fit.rough_scale } else { fit.scale() };
     let magnitudes = scale.parameter_magnitudes();
@@ -53,7 +54,7 @@ pub(super) fn judge(fit: &Fit, zero_wrench: bool) -> Result<Judgement, Identific
         noise_share = shares.take(rank).fold(0.0, f64::max);
     }
     if zero_wrench {
-        rank = rank.min(9);
+        rank = rank.min(8);
     }
     let tolerance = if rank < 10 && values[0] > 0.0 { (values[rank] / values[0]).max(RANK_TOLERANCE) } else { RANK_TOLERANCE };
     let observability = Observability::with_tolerance(&information, scale, tolerance);
