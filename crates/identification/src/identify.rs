@@ -2,12 +2,24 @@
 //!
 //! All scalars are `f64`: decisions are made here.
 
-use crate::WrenchTiming;
+mod fit;
+mod noise;
+mod rows;
+mod solution;
+mod timeline;
+
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::motion::MotionSample;
+use crate::weighted_least_squares::{WrenchRow, whitened};
+use crate::{Observability, WrenchTiming};
 use core::fmt;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
+use fit::{Fit, best_fit, rough_scale};
+use noise::SampleNoise;
+use rows::Scheme;
+use solution::{Judgement, constrained, judge, standard_deviations, weak_prior};
+use timeline::Timeline;
 
 /// Which equations tie the motion to the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -141,6 +153,11 @@ pub enum Warning {
     },
     /// The unconstrained solution was not a body; the consistency constraint moved it.
     ConstraintActive,
+    /// Windows skipped because the body turns by half a turn or more between two of their poses.
+    HalfTurns {
+        /// Windows skipped.
+        skipped: usize,
+    },
     /// Few rows: the covariance itself is uncertain.
     FewRows {
         /// Rows used.
@@ -163,7 +180,7 @@ impl fmt::Display for Warning {
             }
             Self::MissingValues { skipped } => write!(f, "{skipped} nodes skipped: a needed column is empty there"),
             Self::ZeroWrench => {
-                write!(f, "the wrench is zero throughout: mass and inertia are known up to a common factor only")
+                write!(f, "the wrench is zero throughout: the scale of the mass and that of the inertia stay unknown")
             }
             Self::NoisyPoses { position_m, attitude_rad, noise_share, lag } => write!(
                 f,
@@ -178,6 +195,9 @@ impl fmt::Display for Warning {
                  shorter step would reduce it",
                 100.0 * share
             ),
+            Self::HalfTurns { skipped } => {
+                write!(f, "{skipped} windows skipped: the body turns by half a turn or more between two poses")
+            }
             Self::ConstraintActive => {
                 write!(f, "the unconstrained solution is not a body; moved to the nearest consistent one")
             }
@@ -228,7 +248,9 @@ pub struct Prediction {
     pub condition_number: f64,
     /// Directions left free, in words.
     pub null_directions: Vec<String>,
-    /// Predicted standard deviations for the given wrench noise; `None` below rank ten.
+    /// Predicted covariance of the ten parameters for the given wrench noise; `None` below rank ten.
+    pub covariance: Option<SMatrix<f64, 10, 10>>,
+    /// Standard deviations derived from it; `None` too where neither wrenches nor a prior say what body it is.
     pub std: Option<StandardDeviations>,
     /// Rows the record gives.
     pub rows: usize,
@@ -249,17 +271,83 @@ pub struct Validation {
     pub explained: f64,
 }
 
+/// Fewer nodes than this leave the covariance uncertain.
+const FEW_NODES: usize = 20;
+/// Discretisation is worth a warning above this share of the standard deviation and this fraction of the body's scale.
+const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
+
 /// The body that explains a record.
 ///
+/// Poses alone serve; measured rates and velocities are used where the poses are too noisy. What the data do not
+/// determine is not invented: below rank ten there is no estimate unless a prior is asked for, and the directions left
+/// free are named.
+///
 /// # Errors
-/// [`IdentificationError::TooFewSamples`] where not one row can be formed; data that say too little are not an error
-/// but a result with its rank.
+/// [`IdentificationError::TooFewSamples`], [`IdentificationError::MissingColumn`] where not one row can be formed;
+/// [`IdentificationError::TimesNotIncreasing`], [`IdentificationError::NotFinite`] for a malformed record. Data that say
+/// too little are not an error but a result with its rank.
 pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identification, IdentificationError> {
-    let _ = settings;
-    Err(IdentificationError::TooFewSamples { samples: record.len(), needed: 3 })
+    let timeline = Timeline::try_new(record)?;
+    let noise = SampleNoise::estimate(record, &timeline, settings);
+    let fit = best_fit(record, &timeline, settings, &noise)?;
+    let zero_wrench = record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0);
+    let judgement = judge(&fit, zero_wrench)?;
+    let mut warnings = warnings_of(&timeline, &fit, &judgement, &noise);
+    if zero_wrench {
+        warnings.push(Warning::ZeroWrench);
+    }
+    let full_rank = judgement.observability.rank() == 10;
+    let mut information = if full_rank { judgement.determined } else { judgement.projected };
+    let (mut estimate, mut regularised) = (None, None);
+    if let Some(prior) = &settings.prior {
+        information.add_prior(&prior.mean.to_vector(), &prior.standard_deviation)?;
+        match constrained(&information, judgement.scale) {
+            Ok(found) => estimate = Some(found),
+            Err(IdentificationError::NotExcited { .. }) => {}
+            Err(error) => return Err(error),
+        }
+    } else if full_rank {
+        estimate = Some(constrained(&information, judgement.scale)?);
+    }
+    if !full_rank {
+        let prior = weak_prior(judgement.scale);
+        information.add_prior(&prior.mean.to_vector(), &prior.standard_deviation)?;
+        regularised = Some(constrained(&information, judgement.scale)?);
+    }
+    let body = estimate.or(regularised);
+    if estimate.is_some_and(|found| found.lmi_active) {
+        warnings.push(Warning::ConstraintActive);
+    }
+    let residuals = body.map_or_else(Vec::new, |body| residuals(&fit.rows.rows, &timeline, &body.parameters));
+    let (torque_residual, force_residual) = fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
+    let wrench_gain = fit.scheme.wrench_gain().sqrt();
+    Ok(Identification {
+        method: fit.scheme.method,
+        wrench_timing: settings.wrench_timing,
+        lag: fit.scheme.lag,
+        step_s: timeline.median_step_s(),
+        samples_used: fit.rows.used,
+        samples_rejected: record.len() - fit.rows.used,
+        rank: judgement.observability.rank(),
+        condition_number: judgement.observability.condition_number(),
+        null_directions: judgement.observability.null_directions().iter().map(ToString::to_string).collect(),
+        estimate,
+        regularised,
+        noise: Noise {
+            torque_n_m: torque_residual / wrench_gain,
+            force_n: force_residual / wrench_gain,
+            attitude_rad: noise.attitude_rad,
+            position_m: noise.position_m,
+        },
+        residuals,
+        warnings,
+    })
 }
 
-/// What the motion of a record can answer, given the noise of its wrench (torque, force; one standard deviation).
+/// What the motion of a record can answer, given the noise of its wrench (torque, force; one standard deviation of one
+/// sample). The record need not hold any wrench.
+///
+/// Poses are taken as exact: noise in them can only make matters worse.
 ///
 /// # Errors
 /// As [`identify`].
@@ -268,8 +356,34 @@ pub fn predict(
     settings: &Settings,
     wrench_noise: (f64, f64),
 ) -> Result<Prediction, IdentificationError> {
-    let _ = (settings, wrench_noise);
-    Err(IdentificationError::TooFewSamples { samples: record.len(), needed: 3 })
+    let timeline = Timeline::try_new(record)?;
+    let method = if settings.method == Method::Auto { Method::Variational4 } else { settings.method };
+    let mut scheme = Scheme::new(settings, method, settings.lag.unwrap_or(1));
+    scheme.wrench_optional = true;
+    let rows = scheme.rows(record, &timeline)?;
+    // Overlapping averages of white noise keep its density at low frequency, which is what a fit sees; where only a pair
+    // of rows in every stride is formed, each stands for more.
+    let share = (2.0 / scheme.stride() as f64).min(1.0).sqrt();
+    let information = whitened(&rows.rows, wrench_noise.0 * share, wrench_noise.1 * share)?;
+    let scale = match &settings.prior {
+        Some(prior) => crate::BodyScale::of(&prior.mean.to_vector())?,
+        None => rough_scale(&rows.rows)?,
+    };
+    let magnitudes = scale.parameter_magnitudes();
+    let observability = Observability::new(&information, scale);
+    let covariance = information.covariance(&magnitudes).ok();
+    let body = settings.prior.map(|prior| prior.mean.to_vector()).or_else(|| information.solve(&magnitudes).ok());
+    let std = covariance
+        .zip(body.filter(|body| body[0] > 0.0))
+        .map(|(covariance, body)| standard_deviations(&body, &covariance));
+    Ok(Prediction {
+        rank: observability.rank(),
+        condition_number: observability.condition_number(),
+        null_directions: observability.null_directions().iter().map(ToString::to_string).collect(),
+        covariance,
+        std,
+        rows: 6 * rows.rows.len(),
+    })
 }
 
 /// How well `found` explains another record of the same body.
@@ -281,6 +395,85 @@ pub fn validate(
     record: &[MotionSample],
     settings: &Settings,
 ) -> Result<Validation, IdentificationError> {
-    let _ = (found, settings);
-    Err(IdentificationError::TooFewSamples { samples: record.len(), needed: 3 })
+    let estimate = found.estimate.ok_or(IdentificationError::NoEstimate { rank: found.rank })?;
+    let timeline = Timeline::try_new(record)?;
+    let scheme = Scheme::new(settings, found.method, found.lag);
+    let rows = scheme.rows(record, &timeline)?;
+    let parameters = estimate.parameters.to_vector();
+    let gain = scheme.wrench_gain().sqrt();
+    let (torque_sigma, force_sigma) = (found.noise.torque_n_m * gain, found.noise.force_n * gain);
+    let (mut torque, mut force, mut normalised, mut applied) = (0.0, 0.0, 0.0, 0.0);
+    let whiten = Vector6::new(torque_sigma, torque_sigma, torque_sigma, force_sigma, force_sigma, force_sigma);
+    for row in &rows.rows {
+        let residual = row.regressor * parameters - row.wrench;
+        let spread = row.regressor * estimate.covariance * row.regressor.transpose();
+        torque += residual.fixed_rows::<3>(0).norm_squared();
+        force += residual.fixed_rows::<3>(3).norm_squared();
+        for i in 0..6 {
+            let variance = whiten[i] * whiten[i] + spread[(i, i)];
+            normalised += residual[i] * residual[i] / variance.max(f64::MIN_POSITIVE);
+            applied += row.wrench[i] * row.wrench[i] / variance.max(f64::MIN_POSITIVE);
+        }
+    }
+    let count = rows.rows.len() as f64;
+    Ok(Validation {
+        nodes: rows.rows.len(),
+        torque_rms_n_m: (torque / (3.0 * count)).sqrt(),
+        force_rms_n: (force / (3.0 * count)).sqrt(),
+        normalised_rms: (normalised / (6.0 * count)).sqrt(),
+        explained: 1.0 - normalised / applied,
+    })
+}
+
+fn residuals(rows: &[WrenchRow], timeline: &Timeline, body: &InertialParameters<f64>) -> Vec<NodeResidual> {
+    let parameters = body.to_vector();
+    rows.iter()
+        .map(|row| {
+            let residual = row.regressor * parameters - row.wrench;
+            NodeResidual {
+                time_ns: timeline.time_ns(row.index),
+                torque: residual.fixed_rows::<3>(0).into_owned(),
+                force: residual.fixed_rows::<3>(3).into_owned(),
+            }
+        })
+        .collect()
+}
+
+fn warnings_of(timeline: &Timeline, fit: &Fit, judgement: &Judgement, noise: &SampleNoise) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    let rows = &fit.rows;
+    if timeline.gaps > 0 {
+        warnings.push(Warning::Gaps { count: timeline.gaps, longest_s: timeline.longest_step_s });
+    }
+    if rows.skipped_unequal > 0 {
+        warnings.push(Warning::UnequalSteps { skipped: rows.skipped_unequal, windows: rows.windows });
+    }
+    if rows.skipped_missing > 0 {
+        warnings.push(Warning::MissingValues { skipped: rows.skipped_missing });
+    }
+    if rows.skipped_half_turn > 0 {
+        warnings.push(Warning::HalfTurns { skipped: rows.skipped_half_turn });
+    }
+    if fit.noisy {
+        warnings.push(Warning::NoisyPoses {
+            position_m: noise.position_m,
+            attitude_rad: noise.attitude_rad,
+            noise_share: judgement.noise_share,
+            lag: fit.scheme.lag,
+        });
+    }
+    if let Some(found) = &fit.least_squares {
+        let magnitudes = judgement.scale.parameter_magnitudes();
+        let share = (0..10)
+            .filter(|&i| fit.discretisation[i].abs() > VISIBLE_DISCRETISATION.1 * magnitudes[i])
+            .map(|i| fit.discretisation[i].abs() / found.covariance[(i, i)].sqrt())
+            .fold(0.0, f64::max);
+        if share > VISIBLE_DISCRETISATION.0 {
+            warnings.push(Warning::Discretisation { share });
+        }
+    }
+    if rows.rows.len() < FEW_NODES {
+        warnings.push(Warning::FewRows { rows: 6 * rows.rows.len() });
+    }
+    warnings
 }

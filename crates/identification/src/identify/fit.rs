@@ -1,0 +1,172 @@
+//! Which rows to fit: method and lag, chosen by predicted error.
+
+use super::noise::SampleNoise;
+use super::rows::{Rows, Scheme};
+use super::timeline::Timeline;
+use super::{Method, Settings};
+use crate::BodyScale;
+use crate::error::IdentificationError;
+use crate::motion::MotionSample;
+use crate::regressors::Regressor;
+use crate::weighted_least_squares::{RowNoise, WeightedLeastSquares, WrenchRow};
+use nalgebra::{ComplexField, SVector, Vector3};
+
+/// Lags tried where noise forbids the shortest.
+const LAGS: [usize; 13] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128];
+/// A bias below this fraction of the body's scale is rounding.
+const NEGLIGIBLE_BIAS: f64 = 1e-6;
+/// A bias above this fraction of the body's scale is never accepted without warning.
+const LARGE_BIAS: f64 = 0.01;
+/// Sides of the search for a body's length, m.
+const LENGTHS_M: (f64, f64) = (0.01, 10.0);
+
+/// Rows of one scheme and what they say.
+pub(super) struct Fit {
+    pub(super) scheme: Scheme,
+    pub(super) rows: Rows,
+    /// Rough scale of the body, from the sizes of wrench and acceleration.
+    pub(super) rough_scale: BodyScale,
+    pub(super) row_noise: RowNoise,
+    /// `None` where the rows do not determine ten parameters.
+    pub(super) least_squares: Option<WeightedLeastSquares>,
+    /// Error expected from discretisation, from the change with the lag.
+    pub(super) discretisation: SVector<f64, 10>,
+    /// Plain least squares at the shortest lag would be visibly biased by noise in the poses.
+    pub(super) noisy: bool,
+}
+
+impl Fit {
+    fn new(
+        scheme: Scheme,
+        record: &[MotionSample],
+        timeline: &Timeline,
+        noise: &SampleNoise,
+    ) -> Result<Self, IdentificationError> {
+        let rows = scheme.rows(record, timeline)?;
+        let rough_scale = rough_scale(&rows.rows)?;
+        let row_noise = noise.of_rows(&scheme, timeline.median_step_s());
+        let least_squares = match WeightedLeastSquares::fit(&rows.rows, rough_scale, &row_noise, scheme.lag > 1) {
+            Ok(found) => Some(found),
+            Err(IdentificationError::NotExcited { .. }) => None,
+            Err(error) => return Err(error),
+        };
+        Ok(Self {
+            scheme,
+            rows,
+            rough_scale,
+            row_noise,
+            least_squares,
+            discretisation: SVector::zeros(),
+            noisy: false,
+        })
+    }
+
+    /// Scale of the body found, or the rough one.
+    pub(super) fn scale(&self) -> BodyScale {
+        self.least_squares.as_ref().and_then(|found| BodyScale::of(&found.parameters).ok()).unwrap_or(self.rough_scale)
+    }
+
+    /// Bias that noise in the regressor gives plain least squares; none with instruments.
+    fn attenuation(&self) -> SVector<f64, 10> {
+        match &self.least_squares {
+            Some(found) if self.scheme.lag == 1 => found.attenuation(self.scale()),
+            _ => SVector::zeros(),
+        }
+    }
+
+    fn is_noisy(&self) -> bool {
+        let Some(found) = &self.least_squares else { return false };
+        let (bias, magnitudes) = (self.attenuation(), self.scale().parameter_magnitudes());
+        (0..10).any(|i| {
+            let (bias, size) = (bias[i].abs(), magnitudes[i]);
+            bias > LARGE_BIAS * size
+                || bias > NEGLIGIBLE_BIAS * size && bias * bias > 0.25 * found.covariance[(i, i)]
+        })
+    }
+
+    /// Carries the errors that are not noise into the covariance.
+    fn with_bias(mut self, longer: Option<&Self>) -> Self {
+        let attenuation = self.attenuation();
+        if let (Some(found), Some(other)) =
+            (&self.least_squares, longer.and_then(|longer| longer.least_squares.as_ref()))
+        {
+            let divisor = 2.0_f64.powi(self.scheme.order()) - 1.0;
+            self.discretisation = (other.parameters - found.parameters) / divisor;
+        }
+        if let Some(found) = &mut self.least_squares {
+            found.covariance +=
+                attenuation * attenuation.transpose() + self.discretisation * self.discretisation.transpose();
+        }
+        self
+    }
+
+    /// Sum of relative variances of the ten parameters.
+    fn predicted_error(&self) -> f64 {
+        let Some(found) = &self.least_squares else { return f64::INFINITY };
+        let Ok(scale) = BodyScale::of(&found.parameters) else { return f64::INFINITY };
+        let magnitudes = scale.parameter_magnitudes();
+        (0..10).map(|i| found.covariance[(i, i)] / (magnitudes[i] * magnitudes[i])).sum()
+    }
+}
+
+/// The fit whose predicted error is least, among the methods and lags that the settings leave open.
+///
+/// The shortest lag is taken where noise in the poses does not matter there.
+pub(super) fn best_fit(
+    record: &[MotionSample],
+    timeline: &Timeline,
+    settings: &Settings,
+    noise: &SampleNoise,
+) -> Result<Fit, IdentificationError> {
+    let automatic = settings.method == Method::Auto;
+    let method = if automatic { Method::Variational4 } else { settings.method };
+    let with_lag = |method, lag| {
+        let fit = |lag| Fit::new(Scheme::new(settings, method, lag), record, timeline, noise);
+        fit(lag).map(|found| found.with_bias(fit(2 * lag).ok().as_ref()))
+    };
+    let first = match with_lag(method, settings.lag.unwrap_or(1)) {
+        // Too short for the higher order.
+        Err(IdentificationError::TooFewSamples { .. }) if automatic => {
+            with_lag(Method::Variational, settings.lag.unwrap_or(1))?
+        }
+        other => other?,
+    };
+    let noisy = first.scheme.lag == 1 && first.is_noisy();
+    if settings.lag.is_some() || !noisy {
+        return Ok(Fit { noisy, ..first });
+    }
+    let mut methods = vec![first.scheme.method];
+    if automatic {
+        methods.push(Method::NewtonEuler);
+    }
+    let mut best = first;
+    for method in methods {
+        for lag in LAGS {
+            let reach = Scheme::new(settings, method, lag).reach();
+            if 8 * reach > timeline.len() {
+                break;
+            }
+            let Ok(candidate) = with_lag(method, lag) else { break };
+            if candidate.predicted_error() < best.predicted_error() {
+                best = candidate;
+            }
+        }
+    }
+    Ok(Fit { noisy, ..best })
+}
+
+/// Mass from force over acceleration, length from torque over force, or from accelerations where there is no torque.
+pub(super) fn rough_scale(rows: &[WrenchRow]) -> Result<BodyScale, IdentificationError> {
+    let rms = |f: &dyn Fn(&WrenchRow) -> Vector3<f64>| {
+        let sum: f64 = rows.iter().map(|row| f(row).norm_squared()).sum();
+        ComplexField::sqrt(sum / rows.len().max(1) as f64)
+    };
+    let column = |h: &Regressor<f64>, j: usize| Vector3::new(h[(3, j)], h[(4, j)], h[(5, j)]);
+    let force = rms(&|row| row.wrench.fixed_rows::<3>(3).into_owned());
+    let torque = rms(&|row| row.wrench.fixed_rows::<3>(0).into_owned());
+    let acceleration = rms(&|row| column(&row.regressor, 0));
+    let angular = rms(&|row| column(&row.regressor, 1) + column(&row.regressor, 2));
+    let ratio = |a: f64, b: f64, otherwise: f64| if a > 0.0 && b > 0.0 && (a / b).is_finite() { a / b } else { otherwise };
+    let length = ratio(torque, force, ratio(acceleration, angular, 0.3)).clamp(LENGTHS_M.0, LENGTHS_M.1);
+    BodyScale::try_new(ratio(force, acceleration, 1.0), length)
+}

@@ -1,0 +1,112 @@
+//! Noise of measured poses, rates and velocities, from differences so high that no motion is left in them.
+
+use super::rows::Scheme;
+use super::timeline::Timeline;
+use super::{Method, Settings};
+use crate::motion::MotionSample;
+use crate::weighted_least_squares::RowNoise;
+use nalgebra::{Matrix6, Vector3, Vector6};
+
+/// Fewer differences than this say nothing.
+const FEWEST: usize = 24;
+/// Median of the absolute value of a standard normal variable.
+const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_082;
+
+/// One standard deviation of each measured quantity, per sample and axis.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct SampleNoise {
+    pub(super) attitude_rad: f64,
+    pub(super) position_m: f64,
+    pub(super) rate_rad_s: f64,
+    pub(super) velocity_m_s: f64,
+}
+
+impl SampleNoise {
+    pub(super) fn estimate(record: &[MotionSample], timeline: &Timeline, settings: &Settings) -> Self {
+        let step_s = timeline.median_step_s();
+        let mut noise = Self::default();
+        // Second differences of poses; four more differences make six, whose squared coefficients add up to 924.
+        let scheme = Scheme::new(settings, Method::Variational, 1);
+        if let Ok(rows) = scheme.rows(record, timeline) {
+            let series: Vec<_> = rows
+                .rows
+                .iter()
+                .map(|row| {
+                    let h = &row.regressor;
+                    let acceleration = Vector6::new(h[(0, 4)], h[(1, 7)], h[(2, 9)], h[(3, 0)], h[(4, 0)], h[(5, 0)]);
+                    (row.index, acceleration, row.wrench)
+                })
+                .collect();
+            let (angular, linear) = unexplained(&series);
+            let gain = 924.0_f64.sqrt() / (step_s * step_s);
+            (noise.attitude_rad, noise.position_m) = (angular / gain, linear / gain);
+        }
+        // First differences of rates and velocities; four more make five: 252.
+        let series: Vec<_> = (0..timeline.len() - 1)
+            .filter(|&i| timeline.equal_steps(i, i + 1))
+            .filter_map(|i| {
+                let (a, b) = (&record[i], &record[i + 1]);
+                let rate = b.rate_body? - a.rate_body?;
+                let velocity = b.velocity_origin_world? - a.velocity_origin_world?;
+                let seen: Vector3<f64> = a.world_from_body.rotation.inverse_transform_vector(&velocity);
+                let change = Vector6::new(rate.x, rate.y, rate.z, seen.x, seen.y, seen.z);
+                Some((i, change, a.wrench_body?.to_vector()))
+            })
+            .collect();
+        let (angular, linear) = unexplained(&series);
+        (noise.rate_rad_s, noise.velocity_m_s) = (angular / 252.0_f64.sqrt(), linear / 252.0_f64.sqrt());
+        noise
+    }
+
+    /// What this noise does to the rows of a scheme.
+    pub(super) fn of_rows(&self, scheme: &Scheme, step_s: f64) -> RowNoise {
+        let (angular, linear, steps) = match scheme.method {
+            Method::NewtonEuler => (self.rate_rad_s, self.velocity_m_s, step_s),
+            _ => (self.attitude_rad, self.position_m, step_s * step_s),
+        };
+        let gain = scheme.noise_gain() / (steps * steps);
+        RowNoise {
+            correlation_length: 2 * scheme.reach(),
+            angular_acceleration_variance: angular * angular * gain,
+            acceleration_variance: linear * linear * gain,
+        }
+    }
+}
+
+/// Robust standard deviation (angular, linear) of fourth differences, less what differences of the wrench explain.
+///
+/// The wrench is the input, measured well: regressing the motion on it is not attenuated by noise in the motion.
+fn unexplained(series: &[(usize, Vector6<f64>, Vector6<f64>)]) -> (f64, f64) {
+    let difference = |window: &[(usize, Vector6<f64>, Vector6<f64>)]| match window {
+        [a, b, c, d, e] if e.0 - a.0 == 4 => {
+            let fourth = |f: fn(&(usize, Vector6<f64>, Vector6<f64>)) -> Vector6<f64>| {
+                f(a) - f(b) * 4.0 + f(c) * 6.0 - f(d) * 4.0 + f(e)
+            };
+            Some((fourth(|row| row.1), fourth(|row| row.2)))
+        }
+        _ => None,
+    };
+    let differences: Vec<_> = series.windows(5).filter_map(difference).collect();
+    if differences.len() < FEWEST {
+        return (0.0, 0.0);
+    }
+    let (mut cross, mut input) = (Matrix6::zeros(), Matrix6::zeros());
+    for (motion, wrench) in &differences {
+        cross += motion * wrench.transpose();
+        input += wrench * wrench.transpose();
+    }
+    let ridge = 1e-12 * input.trace();
+    let response = (input + Matrix6::identity() * ridge).try_inverse().map_or_else(Matrix6::zeros, |i| cross * i);
+    let (mut angular, mut linear) = (Vec::new(), Vec::new());
+    for (motion, wrench) in &differences {
+        let left = motion - response * wrench;
+        angular.extend(left.iter().take(3).map(|x| x.abs()));
+        linear.extend(left.iter().skip(3).map(|x| x.abs()));
+    }
+    (median(&mut angular) / MEDIAN_OF_NORMAL, median(&mut linear) / MEDIAN_OF_NORMAL)
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}

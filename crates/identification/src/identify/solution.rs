@@ -1,0 +1,151 @@
+//! From a fit to what may be said: rank, consistent body, derived standard deviations.
+
+use super::fit::Fit;
+use super::{Estimate, Prior, StandardDeviations};
+use crate::consistency::{ConstrainedLeastSquares, InteriorPoint, PseudoInertiaCone};
+use crate::dynamics::InertialParameters;
+use crate::error::IdentificationError;
+use crate::jacobi::singular_values;
+use crate::square_root_information::SquareRootInformation;
+use crate::weighted_least_squares::whitened;
+use crate::{BodyScale, Observability, RANK_TOLERANCE};
+use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, Vector3};
+
+/// A direction counts as determined when no more than this share of its signal is noise in the regressor.
+const LARGEST_NOISE_SHARE: f64 = 0.5;
+
+/// What the data of a fit determine.
+pub(super) struct Judgement {
+    pub(super) scale: BodyScale,
+    pub(super) observability: Observability,
+    /// The determined directions only, rows taken as independent.
+    pub(super) projected: SquareRootInformation<10>,
+    /// Solution and full covariance of the fit as information; meaningful at rank ten.
+    pub(super) determined: SquareRootInformation<10>,
+    /// Largest share of noise in the signal of a determined direction.
+    pub(super) noise_share: f64,
+}
+
+/// Counts the directions that data determine: above rounding, above the noise inside the regressor, and known to better
+/// than the body's own scale. A record without any wrench leaves two scales free,
+/// that of the mass and that of the inertia about the centre of mass.
+pub(super) fn judge(fit: &Fit, zero_wrench: bool) -> Result<Judgement, IdentificationError> {
+    let scale = if zero_wrench { fit.rough_scale } else { fit.scale() };
+    let magnitudes = scale.parameter_magnitudes();
+    let to_scaled = SMatrix::<f64, 10, 10>::from_diagonal(&magnitudes);
+    let information = match &fit.least_squares {
+        Some(found) => found.information,
+        None => whitened(&fit.rows.rows, scale.length_m(), 1.0)?,
+    };
+    let (values, right) = singular_values(information.factor() * to_scaled);
+    let mut rank = values.iter().take_while(|&&value| value > RANK_TOLERANCE * values[0]).count();
+    let mut noise_share: f64 = 0.0;
+    if let Some(found) = &fit.least_squares {
+        let noise = to_scaled * found.noise_information * to_scaled;
+        let covariance = SMatrix::from_fn(|i, j| found.covariance[(i, j)] / (magnitudes[i] * magnitudes[j]));
+        let shares = right.column_iter().zip(values.iter()).map(|(v, value)| (v.transpose() * noise * v).x / (value * value));
+        let variances = right.column_iter().map(|v| (v.transpose() * covariance * v).x);
+        let determined = shares
+            .clone()
+            .zip(variances)
+            .take_while(|(share, variance)| *share < LARGEST_NOISE_SHARE && (*variance < 1.0 || zero_wrench))
+            .count();
+        rank = rank.min(determined);
+        noise_share = shares.take(rank).fold(0.0, f64::max);
+    }
+    if zero_wrench {
+        rank = rank.min(8);
+    }
+    let tolerance = if rank < 10 && values[0] > 0.0 { (values[rank] / values[0]).max(RANK_TOLERANCE) } else { RANK_TOLERANCE };
+    let observability = Observability::with_tolerance(&information, scale, tolerance);
+    // Rows sigma_i v_i^T of the determined directions, their right-hand sides u_i^T z.
+    let (mut block, mut rhs) = (SMatrix::<f64, 10, 10>::zeros(), SVector::<f64, 10>::zeros());
+    for i in 0..rank {
+        let v = right.column(i);
+        for j in 0..10 {
+            block[(i, j)] = values[i] * v[j] / magnitudes[j];
+        }
+        rhs[i] = (information.factor() * to_scaled * v).dot(&information.rhs()) / values[i];
+    }
+    let projected = SquareRootInformation::from_square_root(&block, &rhs)?;
+    let determined = match &fit.least_squares {
+        Some(found) => from_covariance(&found.parameters, &found.covariance, &magnitudes)?,
+        None => SquareRootInformation::new(),
+    };
+    Ok(Judgement { scale, observability, projected, determined, noise_share })
+}
+
+/// Information of a Gaussian with this mean and covariance.
+fn from_covariance(
+    mean: &SVector<f64, 10>,
+    covariance: &SMatrix<f64, 10, 10>,
+    magnitudes: &SVector<f64, 10>,
+) -> Result<SquareRootInformation<10>, IdentificationError> {
+    let scaled = SMatrix::<f64, 10, 10>::from_fn(|i, j| covariance[(i, j)] / (magnitudes[i] * magnitudes[j]));
+    // Eigenvalues that rounding made too small would claim digits nobody has.
+    let eigen = scaled.symmetric_eigen();
+    let floor = 1e-15 * eigen.eigenvalues.amax();
+    let (mut factor, mut rhs) = (SMatrix::<f64, 10, 10>::zeros(), SVector::<f64, 10>::zeros());
+    for i in 0..10 {
+        let root = 1.0 / ComplexField::sqrt(eigen.eigenvalues[i].max(floor).max(f64::MIN_POSITIVE));
+        for j in 0..10 {
+            factor[(i, j)] = root * eigen.eigenvectors[(j, i)] / magnitudes[j];
+        }
+        rhs[i] = (0..10).map(|j| factor[(i, j)] * mean[j]).sum();
+    }
+    SquareRootInformation::from_square_root(&factor, &rhs)
+}
+
+/// The consistent body nearest to an information, with the covariance of the unconstrained solution.
+pub(super) fn constrained(
+    information: &SquareRootInformation<10>,
+    scale: BodyScale,
+) -> Result<Estimate, IdentificationError> {
+    let found = InteriorPoint::new(PseudoInertiaCone::new(scale)).solve(information)?;
+    let covariance = information.covariance(&scale.parameter_magnitudes())?;
+    let std = standard_deviations(&found.parameters, &covariance);
+    Ok(Estimate {
+        parameters: InertialParameters::from_vector(&found.parameters),
+        covariance,
+        std,
+        lmi_active: found.is_active(),
+    })
+}
+
+/// A sphere-like body about the origin, known to twice its own size: enough to make a rank-deficient problem solvable.
+pub(super) fn weak_prior(scale: BodyScale) -> Prior {
+    let (mass, length) = (scale.mass_kg(), scale.length_m());
+    let inertia = Matrix3::identity() * (2.0 / 3.0 * mass * length * length);
+    Prior {
+        mean: InertialParameters::about_origin(mass, Vector3::zeros(), inertia),
+        standard_deviation: scale.parameter_magnitudes() * 2.0,
+    }
+}
+
+/// Standard deviations of mass, centre of mass and inertia about it, to first order.
+pub(super) fn standard_deviations(parameters: &SVector<f64, 10>, covariance: &SMatrix<f64, 10, 10>) -> StandardDeviations {
+    let body = InertialParameters::from_vector(parameters);
+    let c = body.center_of_mass();
+    // d c = (d h - c d m) / m;  d J_C = d J - (2 c.d h I - d h c^T - c d h^T) + (|c|^2 I - c c^T) d m
+    let derived = |delta: &SVector<f64, 10>| {
+        let delta = InertialParameters::from_vector(delta);
+        let dh = delta.first_moment;
+        let center = (dh - c * delta.mass) / body.mass;
+        let about_com = delta.inertia_about_origin - Matrix3::identity() * (2.0 * c.dot(&dh))
+            + dh * c.transpose()
+            + c * dh.transpose()
+            + (Matrix3::identity() * c.norm_squared() - c * c.transpose()) * delta.mass;
+        InertialParameters { mass: delta.mass, first_moment: center, inertia_about_origin: about_com }.to_vector()
+    };
+    let mut jacobian = SMatrix::<f64, 10, 10>::zeros();
+    for i in 0..10 {
+        jacobian.set_column(i, &derived(&SVector::ith(i, 1.0)));
+    }
+    let variance = (jacobian * covariance * jacobian.transpose()).diagonal();
+    let std = InertialParameters::from_vector(&variance.map(|v| ComplexField::sqrt(v.max(0.0))));
+    StandardDeviations {
+        mass_kg: std.mass,
+        center_of_mass_m: std.first_moment,
+        inertia_about_com_kg_m2: std.inertia_about_origin,
+    }
+}
