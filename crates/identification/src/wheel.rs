@@ -33,6 +33,8 @@ pub use regressors::{lever_arm_regressor, momentum_regressor, torque_regressor, 
 pub use throw::{ObjectEstimate, ThrowEstimate, identify_throw};
 pub use throw_record::{EndOfFall, ThrowRecord, ThrowSample};
 
+use crate::IdentificationError;
+
 /// How a throw is read; one set for every object. The defaults are those of every figure this project reports.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
@@ -72,5 +74,32 @@ impl Default for ThrowSettings {
             gyro_full_scale_rad_s: 34.8,
             landing_jump_m_s2: 30.0,
         }
+    }
+}
+
+impl ThrowSettings {
+    /// Itself when every number is finite and positive; the start and the guard may be zero.
+    ///
+    /// # Errors
+    /// [`IdentificationError::NotPositive`] with the component in the order of the fields.
+    pub fn validated(self) -> Result<Self, IdentificationError> {
+        let fields = [
+            self.start_s,
+            self.window_s,
+            self.window_step_s,
+            self.end_guard_s,
+            self.rate_sigma_rad_s,
+            self.wheel_sigma_rad_s,
+            self.momentum_walk_rad_s,
+            self.gyro_full_scale_rad_s,
+            self.landing_jump_m_s2,
+        ];
+        for (index, value) in fields.into_iter().enumerate() {
+            let may_be_zero = [0, 3].contains(&index);
+            if !(value.is_finite() && (value > 0.0 || may_be_zero && value == 0.0)) {
+                return Err(IdentificationError::NotPositive { index, value });
+            }
+        }
+        Ok(self)
     }
 }
