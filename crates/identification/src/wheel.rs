@@ -57,7 +57,8 @@ pub struct ThrowSettings {
     pub momentum_walk_rad_s: f64,
     /// A rate this large or larger is saturated, rad/s.
     pub gyro_full_scale_rad_s: f64,
-    /// A jump of the specific force's size by more than this within [`ThrowSettings::window_s`] is the landing, m/s^2.
+    /// A jump of the specific force's size by more than this within [`ThrowSettings::window_s`] is the landing, m/s^2;
+    /// resonance with the wheel reaches half the default.
     pub landing_jump_m_s2: f64,
 }
 
@@ -68,11 +69,11 @@ impl Default for ThrowSettings {
             window_s: 0.02,
             window_step_s: 0.005,
             end_guard_s: 0.02,
-            rate_sigma_rad_s: 3e-3,
+            rate_sigma_rad_s: 4e-3,
             wheel_sigma_rad_s: 2.0,
             momentum_walk_rad_s: 45.0,
             gyro_full_scale_rad_s: 34.8,
-            landing_jump_m_s2: 30.0,
+            landing_jump_m_s2: 60.0,
         }
     }
 }
