@@ -12,3 +12,5 @@ pub mod output;
 pub mod report;
 
 pub use error::AstrobeeError;
+//! stub
+pub mod wheel_throw;

@@ -33,6 +33,8 @@ pub use regressors::{lever_arm_regressor, momentum_regressor, torque_regressor, 
 pub use throw::{ObjectEstimate, ThrowEstimate, identify_throw};
 pub use throw_record::{EndOfFall, ThrowRecord, ThrowSample};
 
+use crate::IdentificationError;
+
 /// How a throw is read; one set for every object. The defaults are those of every figure this project reports.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
@@ -55,7 +57,8 @@ pub struct ThrowSettings {
     pub momentum_walk_rad_s: f64,
     /// A rate this large or larger is saturated, rad/s.
     pub gyro_full_scale_rad_s: f64,
-    /// A jump of the specific force's size by more than this within [`ThrowSettings::window_s`] is the landing, m/s^2.
+    /// A jump of the specific force's size by more than this within [`ThrowSettings::window_s`] is the landing, m/s^2;
+    /// resonance with the wheel reaches half the default.
     pub landing_jump_m_s2: f64,
 }
 
@@ -66,11 +69,38 @@ impl Default for ThrowSettings {
             window_s: 0.02,
             window_step_s: 0.005,
             end_guard_s: 0.02,
-            rate_sigma_rad_s: 3e-3,
+            rate_sigma_rad_s: 4e-3,
             wheel_sigma_rad_s: 2.0,
             momentum_walk_rad_s: 45.0,
             gyro_full_scale_rad_s: 34.8,
-            landing_jump_m_s2: 30.0,
+            landing_jump_m_s2: 60.0,
         }
+    }
+}
+
+impl ThrowSettings {
+    /// Itself when every number is finite and positive; the start and the guard may be zero.
+    ///
+    /// # Errors
+    /// [`IdentificationError::NotPositive`] with the component in the order of the fields.
+    pub fn validated(self) -> Result<Self, IdentificationError> {
+        let fields = [
+            self.start_s,
+            self.window_s,
+            self.window_step_s,
+            self.end_guard_s,
+            self.rate_sigma_rad_s,
+            self.wheel_sigma_rad_s,
+            self.momentum_walk_rad_s,
+            self.gyro_full_scale_rad_s,
+            self.landing_jump_m_s2,
+        ];
+        for (index, value) in fields.into_iter().enumerate() {
+            let may_be_zero = [0, 3].contains(&index);
+            if !(value.is_finite() && (value > 0.0 || may_be_zero && value == 0.0)) {
+                return Err(IdentificationError::NotPositive { index, value });
+            }
+        }
+        Ok(self)
     }
 }

@@ -95,6 +95,31 @@ pub fn calibrate(
     })
 }
 
+impl WheelCalibration {
+    /// Itself when its numbers can be those of a device, for calibrations that come from outside.
+    ///
+    /// # Errors
+    /// [`IdentificationError::NotPositive`] (component 0: wheel inertia, 1: device mass, 2: a variance),
+    /// [`IdentificationError::NotFinite`] (row 0: centre of mass, 1: inertia, 2: covariance), those of
+    /// [`ThrowSettings::validated`].
+    pub fn validated(self) -> Result<Self, IdentificationError> {
+        let numbers = [&self.device_com_m[..], &self.device_inertia_ratio[..], self.covariance.as_flattened()];
+        if let Some(row) = numbers.iter().position(|numbers| numbers.iter().any(|number| !number.is_finite())) {
+            return Err(IdentificationError::NotFinite { row });
+        }
+        for (index, value) in [self.wheel_inertia_kg_m2, self.device_mass_kg].into_iter().enumerate() {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(IdentificationError::NotPositive { index, value });
+            }
+        }
+        if let Some(value) = (0..10).map(|i| self.covariance[i][i]).find(|variance| *variance < 0.0) {
+            return Err(IdentificationError::NotPositive { index: 2, value });
+        }
+        self.settings.validated()?;
+        Ok(self)
+    }
+}
+
 /// Mean and covariance of `[inertia_ratio; lever_arm]` over throws.
 fn average(
     throws: &[ThrowRecord],

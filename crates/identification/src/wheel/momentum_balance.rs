@@ -52,7 +52,7 @@ impl FreeFallEstimate {
     /// [`IdentificationError::GyroSaturated`], [`IdentificationError::WheelNotSpinning`],
     /// [`IdentificationError::NotExcited`] where the motion leaves a part of the inertia or of the lever arm open.
     pub fn from_throw(record: &ThrowRecord, settings: &ThrowSettings) -> Result<Self, IdentificationError> {
-        let fall = record.free_fall(settings)?;
+        let fall = record.free_fall(&settings.validated()?)?;
         let windows = windows(&fall, settings);
         let correlated = (CORRELATION_WINDOWS * settings.window_s / settings.window_step_s).ceil() as usize;
 

@@ -1,0 +1,275 @@
+//! Files of wheel-driven throws: one CSV per throw, one TOML per calibrated device.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use tumble_dynamics::InertialParameters;
+use tumble_identification::IdentificationError;
+use tumble_identification::wheel::{FreeFallEstimate, ThrowRecord, ThrowSample, ThrowSettings, WheelCalibration, calibrate};
+use tumble_lie::nalgebra::Vector3;
+
+/// Columns of a throw; a file may hold them in any order, and others.
+pub const THROW_COLUMNS: [&str; 8] =
+    ["t_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2", "wheel_rad_s"];
+/// Longest record read; half a second of free fall never comes near it.
+const MAX_SAMPLES: usize = 1_000_000;
+/// Version of the calibration file.
+const FORMAT: u32 = 1;
+
+/// What can be wrong with the files of a throw.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum WheelThrowError {
+    /// The file cannot be read.
+    #[error("{path}: {source}", path = path.display())]
+    Unreadable {
+        /// File.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file is not a table of equally long rows.
+    #[error("{path}: {source}", path = path.display())]
+    NotATable {
+        /// File.
+        path: PathBuf,
+        /// What the reader says, with the line.
+        source: csv::Error,
+    },
+    /// A column is missing.
+    #[error("{path}, line 1: column `{column}` is missing; a throw has {columns}", path = path.display(), columns = THROW_COLUMNS.join(", "))]
+    MissingColumn {
+        /// File.
+        path: PathBuf,
+        /// Column.
+        column: &'static str,
+    },
+    /// A column stands twice.
+    #[error("{path}, line 1: column `{column}` stands twice; keep one", path = path.display())]
+    DuplicateColumn {
+        /// File.
+        path: PathBuf,
+        /// Column.
+        column: &'static str,
+    },
+    /// A cell holds no finite number.
+    #[error("{path}, line {line}, column `{column}`: `{cell}` is not a finite number", path = path.display())]
+    NotANumber {
+        /// File.
+        path: PathBuf,
+        /// Line, from one.
+        line: u64,
+        /// Column.
+        column: &'static str,
+        /// The cell.
+        cell: String,
+    },
+    /// A time is not after the one before.
+    #[error("{path}, line {line}, column `t_s`: the time is not after the one before", path = path.display())]
+    TimesNotIncreasing {
+        /// File.
+        path: PathBuf,
+        /// Line, from one.
+        line: u64,
+    },
+    /// More rows than any throw has.
+    #[error("{path}: more than {limit} rows; cut the record to one throw", path = path.display())]
+    TooLong {
+        /// File.
+        path: PathBuf,
+        /// Most rows read.
+        limit: usize,
+    },
+    /// A calibration file that is none.
+    #[error("{path}: {source}", path = path.display())]
+    NotACalibration {
+        /// File.
+        path: PathBuf,
+        /// What the reader says, with line and key.
+        source: toml::de::Error,
+    },
+    /// A calibration file of another version.
+    #[error("{path}, key `format`: version {found}, this program reads {FORMAT}", path = path.display())]
+    UnknownFormat {
+        /// File.
+        path: PathBuf,
+        /// Version found.
+        found: u32,
+    },
+    /// A calibration throw whose file name says neither what was thrown.
+    #[error(
+        "{path}: begins with neither `cal_device` (device alone) nor `cal_proof` (with the proof block); rename it or \
+         name the kind",
+        path = path.display()
+    )]
+    UnknownKind {
+        /// File.
+        path: PathBuf,
+    },
+    /// A throw that cannot be identified.
+    #[error("{path}: {source}", path = path.display())]
+    NotIdentified {
+        /// File.
+        path: PathBuf,
+        /// Why.
+        source: IdentificationError,
+    },
+    /// Throws that do not make a calibration.
+    #[error(transparent)]
+    NotCalibrated(#[from] IdentificationError),
+}
+
+/// The bodies of a calibration. The defaults are those of the published throws (`delft_throws`).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CalibrationBodies {
+    /// Mass of the device, wheel included, kg. Default 0.10067.
+    pub device_mass_kg: f64,
+    /// Mass of the proof block, kg. Default 0.346.
+    pub proof_mass_kg: f64,
+    /// Sides of the proof block, a homogeneous cuboid, along the device's axes, m. Default 0.0600, 0.0700, 0.0302.
+    pub proof_sides_m: [f64; 3],
+}
+
+impl Default for CalibrationBodies {
+    fn default() -> Self {
+        Self { device_mass_kg: 0.10067, proof_mass_kg: 0.346, proof_sides_m: [0.0600, 0.0700, 0.0302] }
+    }
+}
+
+impl CalibrationBodies {
+    /// The proof block about its centre of mass.
+    pub fn proof_block(&self) -> InertialParameters<f64> {
+        InertialParameters::solid_box(self.proof_mass_kg, self.proof_sides_m)
+    }
+}
+
+/// What was thrown for a calibration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CalibrationKind {
+    /// The device alone: files `cal_device*`.
+    Device,
+    /// The device with the proof block: files `cal_proof*`.
+    Proof,
+}
+
+impl CalibrationKind {
+    /// By the beginning of the file name.
+    ///
+    /// # Errors
+    /// [`WheelThrowError::UnknownKind`].
+    pub fn of_file(path: &Path) -> Result<Self, WheelThrowError> {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        if name.starts_with("cal_device") {
+            Ok(Self::Device)
+        } else if name.starts_with("cal_proof") {
+            Ok(Self::Proof)
+        } else {
+            Err(WheelThrowError::UnknownKind { path: path.to_owned() })
+        }
+    }
+}
+
+/// Reads one throw.
+///
+/// # Errors
+/// Every kind of [`WheelThrowError`] that names a CSV file.
+pub fn read_throw(path: &Path) -> Result<ThrowRecord, WheelThrowError> {
+    let not_a_table = |source| WheelThrowError::NotATable { path: path.to_owned(), source };
+    let file = std::fs::File::open(path)
+        .map_err(|source| WheelThrowError::Unreadable { path: path.to_owned(), source })?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(std::io::BufReader::new(file));
+    let headers = reader.headers().map_err(not_a_table)?.clone();
+    let mut places = [0; THROW_COLUMNS.len()];
+    for (place, column) in places.iter_mut().zip(THROW_COLUMNS) {
+        let mut found = (0..headers.len()).filter(|i| headers[*i].trim_start_matches('\u{feff}') == column);
+        *place = found.next().ok_or_else(|| WheelThrowError::MissingColumn { path: path.to_owned(), column })?;
+        if found.next().is_some() {
+            return Err(WheelThrowError::DuplicateColumn { path: path.to_owned(), column });
+        }
+    }
+
+    let mut samples: Vec<ThrowSample> = Vec::new();
+    let mut row = csv::StringRecord::new();
+    while reader.read_record(&mut row).map_err(not_a_table)? {
+        let line = row.position().map_or(0, csv::Position::line);
+        let mut cells = [0.0; THROW_COLUMNS.len()];
+        for ((cell, place), column) in cells.iter_mut().zip(places).zip(THROW_COLUMNS) {
+            let text = row.get(place).unwrap_or_default();
+            *cell = text.parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| {
+                let cell = text.chars().take(40).collect();
+                WheelThrowError::NotANumber { path: path.to_owned(), line, column, cell }
+            })?;
+        }
+        let [time_s, wx, wy, wz, ax, ay, az, wheel_speed_rad_s] = cells;
+        if samples.last().is_some_and(|last| time_s <= last.time_s) {
+            return Err(WheelThrowError::TimesNotIncreasing { path: path.to_owned(), line });
+        }
+        if samples.len() == MAX_SAMPLES {
+            return Err(WheelThrowError::TooLong { path: path.to_owned(), limit: MAX_SAMPLES });
+        }
+        samples.push(ThrowSample {
+            time_s,
+            rate_body: Vector3::new(wx, wy, wz),
+            specific_force_body: Vector3::new(ax, ay, az),
+            wheel_speed_rad_s,
+        });
+    }
+    ThrowRecord::try_new(samples).map_err(|source| WheelThrowError::NotIdentified { path: path.to_owned(), source })
+}
+
+/// Reads throws of a device, alone and with the proof block, and calibrates it.
+///
+/// # Errors
+/// Those of [`read_throw`]; [`WheelThrowError::NotIdentified`] names the throw that cannot be used;
+/// [`WheelThrowError::NotCalibrated`].
+pub fn calibrate_files(
+    files: &[(CalibrationKind, PathBuf)],
+    bodies: &CalibrationBodies,
+    settings: &ThrowSettings,
+) -> Result<WheelCalibration, WheelThrowError> {
+    let (mut device, mut proof) = (Vec::new(), Vec::new());
+    for (kind, path) in files {
+        let throw = read_throw(path)?;
+        // What is wrong with one throw is said with its name; reading it twice costs milliseconds.
+        FreeFallEstimate::from_throw(&throw, settings)
+            .map_err(|source| WheelThrowError::NotIdentified { path: path.clone(), source })?;
+        match kind {
+            CalibrationKind::Device => device.push(throw),
+            CalibrationKind::Proof => proof.push(throw),
+        }
+    }
+    Ok(calibrate(&device, &proof, bodies.device_mass_kg, &bodies.proof_block(), settings)?)
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CalibrationFile {
+    format: u32,
+    calibration: WheelCalibration,
+}
+
+/// The text of a calibration file.
+///
+/// # Errors
+/// Where a number cannot be written.
+pub fn calibration_to_toml(calibration: &WheelCalibration) -> Result<String, toml::ser::Error> {
+    toml::to_string(&CalibrationFile { format: FORMAT, calibration: *calibration })
+}
+
+/// Reads a calibration file.
+///
+/// # Errors
+/// [`WheelThrowError::Unreadable`], [`WheelThrowError::NotACalibration`], [`WheelThrowError::UnknownFormat`],
+/// [`WheelThrowError::NotIdentified`] for numbers no device has.
+pub fn read_calibration(path: &Path) -> Result<WheelCalibration, WheelThrowError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| WheelThrowError::Unreadable { path: path.to_owned(), source })?;
+    let file: CalibrationFile = toml::from_str(&text)
+        .map_err(|source| WheelThrowError::NotACalibration { path: path.to_owned(), source })?;
+    if file.format != FORMAT {
+        return Err(WheelThrowError::UnknownFormat { path: path.to_owned(), found: file.format });
+    }
+    file.calibration
+        .validated()
+        .map_err(|source| WheelThrowError::NotIdentified { path: path.to_owned(), source })
+}

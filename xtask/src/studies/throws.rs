@@ -1,0 +1,222 @@
+//! `real-data`, set `delft_throws`: wheel-driven throws against bodies of known inertia.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use nalgebra::Vector3;
+use tumble_astrobee::wheel_throw::{CalibrationBodies, CalibrationKind, calibrate_files, read_throw};
+use tumble_identification::wheel::{ObjectEstimate, ThrowSettings, identify_throw};
+
+use crate::Failure;
+
+/// Name of the set and of its folder.
+pub const SET: &str = "delft_throws";
+/// Device with the proof block: a calibration throw reported like an object.
+const PROOF: &str = "cal_proof";
+/// The reference is known to one percent.
+const REFERENCE_SIGMA: f64 = 0.01;
+/// Largest mean error, percent, of the configurations that have a target.
+const MEAN_TARGETS: [(&str, f64); 4] = [("grid_empty", 1.6), ("grid_a", 1.8), ("grid_b", 2.0), (PROOF, 0.7)];
+/// Largest error of a single throw of an object with a target, percent.
+const THROW_TARGET: f64 = 4.0;
+
+/// A configuration's reference: mass, kg, and ascending principal inertias, kg m^2.
+struct Reference {
+    configuration: String,
+    mass_kg: f64,
+    principal_inertia: Vector3<f64>,
+}
+
+/// One line of the report.
+struct Summary {
+    mean_error_percent: f64,
+    max_error_percent: f64,
+    trace_scatter_percent: f64,
+    coverage_percent: f64,
+}
+
+/// Processes the throws in `folder`, prints one line per configuration; the targets missed, in words.
+pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
+    let references = references(folder)?;
+    let (throws, skipped) = throws(folder)?;
+    if skipped > 0 {
+        eprintln!("{SET}: {skipped} throws of the index have no file, skipped");
+    }
+    let of = |configuration: &str| throws.get(configuration).map_or(&[][..], Vec::as_slice);
+    let bodies = CalibrationBodies::default();
+    let files: Vec<(CalibrationKind, PathBuf)> = [("cal_device", CalibrationKind::Device), (PROOF, CalibrationKind::Proof)]
+        .into_iter()
+        .flat_map(|(name, kind)| of(name).iter().map(move |path| (kind, path.clone())))
+        .collect();
+    let calibration = calibrate_files(&files, &bodies, &ThrowSettings::default())
+        .map_err(|error| Failure::BadInput(error.to_string()))?;
+    eprintln!("{SET}: wheel inertia {:.4e} kg m^2, one sigma {:.1e}", calibration.wheel_inertia_kg_m2, calibration.covariance[9][9].sqrt());
+
+    let mut block = bodies.proof_block().inertia_about_com().diagonal();
+    block.as_mut_slice().sort_by(f64::total_cmp);
+    let proof = Reference { configuration: PROOF.to_owned(), mass_kg: bodies.proof_mass_kg, principal_inertia: block };
+    let mut missed = Vec::new();
+    for reference in references.iter().chain([&proof]) {
+        let configuration = reference.configuration.as_str();
+        let mut objects = Vec::new();
+        for path in of(configuration) {
+            let estimate = read_throw(path)
+                .map_err(|error| Failure::BadInput(error.to_string()))
+                .and_then(|throw| {
+                    identify_throw(&throw, &calibration, Some(reference.mass_kg)).map_err(|error| Failure::file(path, error))
+                });
+            match estimate {
+                Ok(estimate) => objects.extend(estimate.object),
+                Err(failure) => missed.push(format!("{configuration}: {failure:?}")),
+            }
+        }
+        let summary = summarize(&objects, reference);
+        print_line(configuration, objects.len(), summary.as_ref(), json);
+        let Some(target) = MEAN_TARGETS.iter().find(|(name, _)| *name == configuration).map(|(_, target)| *target) else {
+            continue;
+        };
+        let Some(summary) = summary else {
+            missed.push(format!("{configuration}: no throw"));
+            continue;
+        };
+        if summary.mean_error_percent > target {
+            missed.push(format!("{configuration}: mean error {:.2} %, target {target} %", summary.mean_error_percent));
+        }
+        if configuration != PROOF && summary.max_error_percent > THROW_TARGET {
+            let max = summary.max_error_percent;
+            missed.push(format!("{configuration}: a throw with error {max:.2} %, target {THROW_TARGET} %"));
+        }
+    }
+    Ok(missed)
+}
+
+/// Errors of the throws; `None` without throws.
+///
+/// The mean error is that of the throws, except for the proof block: a calibration averages its throws, so there it is
+/// the error of their average.
+fn summarize(objects: &[ObjectEstimate], reference: &Reference) -> Option<Summary> {
+    let n = objects.len() as f64;
+    let truth = &reference.principal_inertia;
+    let percent = |principal: &Vector3<f64>| 100.0 * (principal - truth).norm() / truth.norm();
+    let errors: Vec<f64> = objects.iter().map(|object| percent(&object.principal_inertia)).collect();
+    let max_error_percent = errors.iter().copied().reduce(f64::max)?;
+    let mean_error_percent = if reference.configuration == PROOF {
+        let inertias = objects.iter().map(|object| object.body.inertia_about_com());
+        let mut principal = (inertias.sum::<nalgebra::Matrix3<f64>>() / n).symmetric_eigenvalues();
+        principal.as_mut_slice().sort_by(f64::total_cmp);
+        let of_throws = errors.iter().sum::<f64>() / n;
+        eprintln!("{SET}: {PROOF}: mean error is that of the average of the throws; {of_throws:.2} % throw by throw");
+        percent(&principal)
+    } else {
+        errors.iter().sum::<f64>() / n
+    };
+    let traces: Vec<f64> = objects.iter().map(|object| object.principal_inertia.sum()).collect();
+    let mean_trace = traces.iter().sum::<f64>() / n;
+    let variance = traces.iter().map(|trace| (trace - mean_trace).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    let covered = objects.iter().flat_map(|object| (0..3).map(move |axis| (object, axis))).filter(|(object, axis)| {
+        let (error, sigma) = (object.principal_inertia[*axis] - truth[*axis], object.principal_inertia_sigma[*axis]);
+        error.abs() <= 2.0 * sigma.hypot(REFERENCE_SIGMA * truth[*axis])
+    });
+    Some(Summary {
+        mean_error_percent,
+        max_error_percent,
+        trace_scatter_percent: 100.0 * variance.sqrt() / mean_trace,
+        coverage_percent: 100.0 * covered.count() as f64 / (3.0 * n),
+    })
+}
+
+fn print_line(configuration: &str, n: usize, summary: Option<&Summary>, json: bool) {
+    let [mean, max, scatter, coverage] = summary.map_or([None; 4], |summary| {
+        [
+            Some(summary.mean_error_percent),
+            Some(summary.max_error_percent),
+            Some(summary.trace_scatter_percent),
+            Some(summary.coverage_percent),
+        ]
+    });
+    if json {
+        let line = serde_json::json!({
+            "dataset": SET,
+            "configuration": configuration,
+            "n": n,
+            "mean_error_percent": mean,
+            "max_error_percent": max,
+            "trace_scatter_percent": scatter,
+            "coverage_2sigma_percent": coverage,
+        });
+        println!("{line}");
+    } else if let (Some(mean), Some(max), Some(scatter), Some(coverage)) = (mean, max, scatter, coverage) {
+        println!(
+            "{SET}  {configuration:<12} {n:>3} throws  error mean {mean:5.2} % max {max:5.2} %  \
+             trace scatter {scatter:5.2} %  two sigma cover {coverage:5.1} %"
+        );
+    } else {
+        println!("{SET}  {configuration:<12}   0 throws");
+    }
+}
+
+/// Rows of `references.csv`.
+fn references(folder: &Path) -> Result<Vec<Reference>, Failure> {
+    let path = folder.join("references.csv");
+    let table = table(&path)?;
+    let wanted = ["mass_kg", "principal_inertia_1_kg_m2", "principal_inertia_2_kg_m2", "principal_inertia_3_kg_m2"];
+    table
+        .iter()
+        .map(|row| {
+            let text = |column: &str| {
+                row.get(column).ok_or_else(|| Failure::file(&path, format!("column `{column}` is missing")))
+            };
+            let mut numbers = [0.0; 4];
+            for (number, column) in numbers.iter_mut().zip(wanted) {
+                let cell = text(column)?;
+                *number = cell.parse().ok().filter(|value: &f64| *value > 0.0 && value.is_finite()).ok_or_else(|| {
+                    Failure::file(&path, format!("column `{column}`: `{cell}` is not a positive number"))
+                })?;
+            }
+            let [mass_kg, mut principal @ ..] = numbers;
+            principal.sort_by(f64::total_cmp);
+            Ok(Reference {
+                configuration: text("configuration")?.clone(),
+                mass_kg,
+                principal_inertia: Vector3::from(principal),
+            })
+        })
+        .collect()
+}
+
+/// Files by configuration: that of the index, else the name before the last underscore; and how many files of the index
+/// are not there.
+fn throws(folder: &Path) -> Result<(BTreeMap<String, Vec<PathBuf>>, usize), Failure> {
+    let index = folder.join("index.csv");
+    let indexed: BTreeMap<String, String> = if index.is_file() {
+        let rows = table(&index)?.into_iter();
+        rows.filter_map(|mut row| Some((row.remove("file")?, row.remove("configuration")?))).collect()
+    } else {
+        BTreeMap::new()
+    };
+    let skipped = indexed.keys().filter(|file| !folder.join(file).is_file()).count();
+    let entries = std::fs::read_dir(folder).map_err(|error| Failure::file(folder, error))?;
+    let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    files.sort();
+    let mut throws: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+    for path in files.into_iter().filter(|path| path.extension().is_some_and(|extension| extension == "csv")) {
+        let [name, stem] = [path.file_name(), path.file_stem()].map(|part| part.map(|part| part.to_string_lossy().into_owned()));
+        let configuration = name
+            .and_then(|name| indexed.get(&name).cloned())
+            .or_else(|| stem.and_then(|stem| stem.rsplit_once('_').map(|(configuration, _)| configuration.to_owned())));
+        if let Some(configuration) = configuration {
+            throws.entry(configuration).or_default().push(path);
+        }
+    }
+    Ok((throws, skipped))
+}
+
+/// A plain comma-separated table, rows as maps from column to cell.
+fn table(path: &Path) -> Result<Vec<BTreeMap<String, String>>, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|error| Failure::file(path, error))?;
+    let mut lines = text.lines().filter(|line| !line.trim().is_empty());
+    let columns: Vec<&str> = lines.next().unwrap_or_default().split(',').map(str::trim).collect();
+    Ok(lines
+        .map(|line| columns.iter().map(|column| (*column).to_owned()).zip(line.split(',').map(|cell| cell.trim().to_owned())).collect())
+        .collect())
+}
