@@ -308,17 +308,11 @@ fn determinism_package() -> Result<PathBuf, Box<dyn std::error::Error>> {
     }
     std::fs::create_dir_all(&folder)?;
     std::fs::copy(root.join("Cargo.lock"), folder.join("Cargo.lock"))?;
-    let nalgebra = std::fs::read_to_string(root.join("Cargo.toml"))?.parse::<toml::Table>()?["workspace"]["dependencies"]
-        ["nalgebra"]
-        .to_string();
-    let crates = root.join("crates");
     let manifest = format!(
         "[package]\nname = \"determinism\"\nedition = \"2024\"\n\n[workspace]\n\n[[bin]]\nname = \"determinism\"\n\
-         path = '{}'\n\n[dependencies]\nnalgebra = {nalgebra}\ntumble-lie.path = '{}'\ntumble-dynamics.path = '{}'\n\n\
-         [profile.dev]\ndebug = false\n",
+         path = '{}'\n\n[dependencies]\ntumble-dynamics.path = '{}'\n\n[profile.dev]\ndebug = false\n",
         example.display(),
-        crates.join("lie").display(),
-        crates.join("dynamics").display(),
+        root.join("crates/dynamics").display(),
     );
     std::fs::write(folder.join("Cargo.toml"), manifest)?;
     Ok(folder)

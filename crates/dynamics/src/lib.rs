@@ -44,14 +44,8 @@ pub use actuation::{Actuation, WrenchBox};
 pub use differentiate::{FreeFlyerStep, ParametricModel, StepLinearization, linearize};
 #[cfg(feature = "dual")]
 pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
-mod tracker;
-mod world;
-mod wrench_model;
 
-#[cfg(feature = "testing")]
-pub mod strategies;
 
-pub use actuation::{Actuation, WrenchBox};
 pub use error::DynamicsError;
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};
@@ -72,8 +66,6 @@ pub use planar_body::PlanarBody;
 pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
-pub use plant::{SimulatedBody, SimulatedMeasurement};
 pub use tracker::{PoseReference, PoseTracker};
-pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use world::{KeepInBox, ObstacleEllipsoid, World};
 pub use wrench_model::{ConstantBodyWrench, ConstantWorldWrench, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn};
