@@ -5,7 +5,7 @@ use crate::inertia::InertialParameters;
 use crate::momentum::{discrete_lagrangian, kinetic_energy};
 use crate::oscillator::Oscillator;
 use crate::pivoted_body::PivotedBody;
-use crate::planar_body::PlanarBody;
+use crate::planar::{PlanarBody, PlanarWrench};
 use crate::system::MechanicalSystem;
 use tumble_lie::nalgebra::{Isometry2, SVector, Translation, UnitQuaternion, Vector1, Vector3, Vector6, convert};
 use tumble_lie::{Increment, LieGroup, Pose, Scalar, Twist, Wrench, real};
@@ -80,14 +80,14 @@ impl DiscreteLagrangian for PlanarBody<f64> {
     }
     fn lagrangian<T: Scalar>(&self, _world_from_body: &Isometry2<T>, velocity: &Vector3<T>) -> T {
         PlanarBody::<T> {
-            mass_kg: real(self.mass_kg),
+            mass: real(self.mass),
             center_of_mass: self.center_of_mass.map(real),
             inertia_about_com: real(self.inertia_about_com),
         }
         .kinetic_energy(velocity)
     }
-    fn force(&self, _: f64, _: &Isometry2<f64>, _: &Vector3<f64>, wrench_body: &Vector3<f64>) -> Vector3<f64> {
-        *wrench_body
+    fn force(&self, _: f64, _: &Isometry2<f64>, _: &Vector3<f64>, wrench_body: &PlanarWrench<f64>) -> Vector3<f64> {
+        Vector3::new(wrench_body.torque, wrench_body.force.x, wrench_body.force.y)
     }
 }
 

@@ -27,7 +27,6 @@ mod parameter_vector;
 mod planar;
 mod plant;
 mod pivoted_body;
-mod planar_body;
 mod projection;
 mod solids;
 mod state;
@@ -62,7 +61,6 @@ pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, Paramet
 pub use planar::{PlanarAcceleration, PlanarBody, PlanarWrench};
 pub use plant::{SimulatedBody, SimulatedMeasurement};
 pub use pivoted_body::PivotedBody;
-pub use planar_body::PlanarBody;
 pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};

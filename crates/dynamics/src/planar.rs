@@ -3,7 +3,7 @@
 use crate::error::DynamicsError;
 use crate::state::{GroupState, GroupTangent};
 use crate::system::MechanicalSystem;
-use tumble_lie::Scalar;
+use tumble_lie::{Scalar, real};
 use tumble_lie::nalgebra::{ComplexField, Isometry2, Vector2, Vector3};
 
 /// Force in the plane and torque about the body origin.
@@ -60,6 +60,12 @@ impl<T: Scalar> PlanarBody<T> {
         let acceleration_origin_body = wrench_body.force / self.mass - turned(c) * angular_acceleration
             + c * (angular_velocity * angular_velocity);
         PlanarAcceleration { angular_acceleration, acceleration_origin_body }
+    }
+
+    /// Kinetic energy at the velocity `[omega; v_origin]`, J.
+    pub fn kinetic_energy(&self, velocity: &Vector3<T>) -> T {
+        let velocity_com = Vector2::new(velocity.y, velocity.z) + turned(&self.center_of_mass) * velocity.x;
+        (velocity_com.norm_squared() * self.mass + velocity.x * velocity.x * self.inertia_about_com) * real(0.5)
     }
 
     /// Wrench that gives this acceleration.
