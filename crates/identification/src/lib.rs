@@ -14,6 +14,7 @@ mod householder;
 #[cfg(feature = "std")]
 mod identify;
 mod information;
+mod jacobi;
 #[cfg(feature = "testing")]
 pub mod laws;
 mod linear_model;

@@ -397,16 +397,12 @@ impl Log {
     }
 
     fn identify(&self, settings: &Settings) -> Result<Identification, AstrobeeError> {
-        let mut parts = Vec::new();
+        let mut found = None;
         self.for_each_part(|record| {
-            match identify(record, settings) {
-                // The last few rows of a long log may be too few for a row of their own.
-                Err(IdentificationError::TooFewSamples { .. }) if !parts.is_empty() => {}
-                found => parts.push(found?),
-            }
+            found = Some(identify(record, settings)?);
             Ok(())
         })?;
-        Ok(merge(parts)?)
+        found.ok_or(AstrobeeError::Empty { path: PathBuf::from(&self.source), what: "data rows" })
     }
 }
 
