@@ -12,5 +12,4 @@ pub mod output;
 pub mod report;
 
 pub use error::AstrobeeError;
-//! stub
 pub mod wheel_throw;

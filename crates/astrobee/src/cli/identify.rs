@@ -10,10 +10,7 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
-use tumble_identification::{
-    Identification, IdentificationError, Method, MotionSample, Settings, WrenchTiming, identify, merge, predict,
-    validate,
-};
+use tumble_identification::{Identification, Method, MotionSample, Settings, WrenchTiming, identify, predict, validate};
 
 /// Options of `tumble identify`.
 #[derive(Args)]
