@@ -18,7 +18,7 @@ type Body = InertialParameters<f64>;
 fn in_turn<I, O>(c: &mut Criterion, name: &str, inputs: &[I], call: impl Fn(&I) -> O) {
     let mut next = inputs.iter().cycle();
     c.bench_function(name, |b| {
-        b.iter_batched(|| next.next().unwrap(), |input| call(black_box(input)), BatchSize::SmallInput)
+        b.iter_batched(|| next.next().unwrap(), |input| call(black_box(input)), BatchSize::SmallInput);
     });
 }
 
