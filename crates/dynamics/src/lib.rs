@@ -27,7 +27,6 @@ mod parameter_vector;
 mod pivoted_body;
 mod planar;
 mod plant;
-mod pivoted_body;
 mod projection;
 mod solids;
 mod state;
