@@ -330,4 +330,20 @@ mod tests {
             assert!(error < 1e-15 * (1.0 + offset) * (1.0 + offset) * 20.0, "{offset} {error}");
         }
     }
+
+    #[cfg(feature = "serde")]
+    #[test]
+    fn a_body_is_written_about_its_centre_of_mass_and_read_only_if_it_exists() {
+        let text = serde_json::to_string(&body_d()).unwrap();
+        assert!(text.starts_with(r#"{"mass_kg":5.0,"com_m":[0.05,0.1,0.05],"inertia_about_com_kg_m2":[["#), "{text}");
+        let back: InertialParameters<f64> = serde_json::from_str(&text).unwrap();
+        assert!((back.to_vector() - body_d().to_vector()).amax() < 1e-15);
+        // rows and columns are told apart by the symmetry test
+        let read = |text: &str| serde_json::from_str::<InertialParameters<f64>>(text).unwrap_err().to_string();
+        let lopsided = r#"{"mass_kg":1,"com_m":[0,0,0],"inertia_about_com_kg_m2":[[1,0.5,0],[0,1,0],[0,0,1]]}"#;
+        assert!(read(lopsided).contains("not symmetric"), "{}", read(lopsided));
+        let impossible = r#"{"mass_kg":1,"com_m":[0,0,0],"inertia_about_com_kg_m2":[[1,0,0],[0,1,0],[0,0,3]]}"#;
+        assert!(read(impossible).contains("no body has these"), "{}", read(impossible));
+        assert!(read(r#"{"mass_kg":1,"com":[0,0,0]}"#).contains("unknown field"));
+    }
 }

@@ -24,9 +24,9 @@ mod log_cholesky;
 mod momentum;
 mod oscillator;
 mod parameter_vector;
+mod pivoted_body;
 mod planar;
 mod plant;
-mod pivoted_body;
 mod projection;
 mod solids;
 mod state;
@@ -43,8 +43,6 @@ pub use actuation::{Actuation, WrenchBox};
 pub use differentiate::{FreeFlyerStep, ParametricModel, StepLinearization, linearize};
 #[cfg(feature = "dual")]
 pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
-
-
 pub use error::DynamicsError;
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};
@@ -58,12 +56,12 @@ pub use momentum::{
 };
 pub use oscillator::Oscillator;
 pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, ParameterOrder};
+pub use pivoted_body::PivotedBody;
 pub use planar::{PlanarAcceleration, PlanarBody, PlanarWrench};
 pub use plant::{SimulatedBody, SimulatedMeasurement};
-pub use pivoted_body::PivotedBody;
 pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
-pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use tracker::{PoseReference, PoseTracker};
+pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use world::{KeepInBox, ObstacleEllipsoid, World};
 pub use wrench_model::{ConstantBodyWrench, ConstantWorldWrench, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn};

@@ -3,8 +3,8 @@
 use crate::error::DynamicsError;
 use crate::state::{GroupState, GroupTangent};
 use crate::system::MechanicalSystem;
-use tumble_lie::{Scalar, real};
 use tumble_lie::nalgebra::{ComplexField, Isometry2, Vector2, Vector3};
+use tumble_lie::{Scalar, real};
 
 /// Force in the plane and torque about the body origin.
 ///
@@ -125,8 +125,14 @@ mod tests {
         SVector::from([x[3], x[4], x[5], a.x, a.y, acceleration.angular_acceleration])
     }
 
-    const GOLDEN: [f64; 6] =
-        [0.030192862605, 0.006682977270, 0.010441532053, 0.015442937978, -0.003994473825, 0.003993896108];
+    const GOLDEN: [f64; 6] = [
+        0.030_192_862_605,
+        0.006_682_977_270,
+        0.010_441_532_053,
+        0.015_442_937_978,
+        -0.003_994_473_825,
+        0.003_993_896_108,
+    ];
 
     #[test]
     fn golden_trajectory() {
@@ -172,5 +178,8 @@ mod tests {
         assert!((found.acceleration_origin_body - expected.acceleration_origin_body.xy()).amax() < 1e-14);
         let back = planar.inverse(w, &found);
         assert!((back.torque - wrench.torque).abs() < 1e-14 && (back.force - wrench.force).amax() < 1e-14);
+        let twist = Twist::new(Vector3::new(0.0, 0.0, w), Vector3::new(0.4, -0.3, 0.0));
+        let energy = crate::kinetic_energy(spatial.parameters(), &twist);
+        assert!((planar.kinetic_energy(&Vector3::new(w, 0.4, -0.3)) - energy).abs() < 1e-14);
     }
 }
