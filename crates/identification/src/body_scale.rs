@@ -64,3 +64,24 @@ impl BodyScale {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scale_of_a_ball_and_of_nonsense() {
+        // A uniform ball of radius r has radius of gyration √(3/5) r about its centre.
+        let j = 0.4 * 2.0 * 0.25;
+        let ball = SVector::from([2.0, 0.0, 0.0, 0.0, j, 0.0, 0.0, j, 0.0, j]);
+        let scale = BodyScale::of(&ball).unwrap();
+        assert!((scale.mass_kg() - 2.0).abs() < 1e-15 && (scale.length_m() - 0.15_f64.sqrt()).abs() < 1e-15);
+        assert_eq!(
+            BodyScale::of(&-ball),
+            Err(IdentificationError::InvalidScale { mass_kg: -2.0, length_m: 0.15_f64.sqrt() })
+        );
+        for (mass_kg, length_m) in [(0.0, 1.0), (1.0, -1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
+            assert!(matches!(BodyScale::try_new(mass_kg, length_m), Err(IdentificationError::InvalidScale { .. })));
+        }
+    }
+}

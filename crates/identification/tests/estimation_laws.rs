@@ -4,7 +4,9 @@
 use nalgebra::{SMatrix, SVector};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
-use tumble_identification::laws::{check_constrained_solver, check_feasible_set, check_square_root_information};
+use tumble_identification::laws::{
+    SquareRootOf, check_constrained_solver, check_feasible_set, check_square_root_information,
+};
 use tumble_identification::{
     Barrier, BarrierNewton, BodyScale, ConstrainedEstimate, ConstrainedLeastSquares, FeasibleSet, IdentificationError,
     InteriorPoint, PseudoInertiaCone, SquareRootInformation,
@@ -88,7 +90,7 @@ fn square_root_recursion_holds_its_laws() {
 #[test]
 fn square_root_laws_catch_planted_defects() {
     let blocks = random_blocks(&mut ChaCha8Rng::seed_from_u64(2), 20);
-    let run = |spoil: &dyn Fn(SquareRootInformation<10>, &Blocks) -> (SMatrix<f64, 10, 10>, Parameters, f64)| {
+    let run = |spoil: &dyn Fn(SquareRootInformation<10>, &Blocks) -> SquareRootOf<10>| {
         check_square_root_information(&|blocks| spoil(recursion(blocks), &blocks.to_vec()), &blocks, 1e-13)
     };
     let parts = |i: &SquareRootInformation<10>| (i.factor(), i.rhs(), i.residual_sum_of_squares());

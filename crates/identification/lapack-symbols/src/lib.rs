@@ -763,6 +763,8 @@ export!(f32, sgemm_ sgemv_ ssymv_ ssyrk_ ssyr2k_ spotrf_ spotrs_ sgesv_ sgesdd_ 
 export!(f64, dgemm_ dgemv_ dsymv_ dsyrk_ dsyr2k_ dpotrf_ dpotrs_ dgesv_ dgesdd_ dgesvd_ dsyevr_);
 
 #[cfg(test)]
+// The borrows of a call live as long as the call.
+#[allow(clippy::borrow_as_ptr)]
 mod tests {
     use super::*;
     use core::ptr::null;
@@ -802,14 +804,14 @@ mod tests {
         let mut y = [1.0, 1.0, 1.0];
         // SAFETY: a 3×3 array and two vectors of three.
         unsafe {
-            dgemv_(&flag(b'N'), &N, &N, &2.0, a.as_ptr(), &N, [1.0, 0.0, -1.0].as_ptr(), &1, &3.0, y.as_mut_ptr(), &1)
+            dgemv_(&flag(b'N'), &N, &N, &2.0, a.as_ptr(), &N, [1.0, 0.0, -1.0].as_ptr(), &1, &3.0, y.as_mut_ptr(), &1);
         };
         near(&y, &[-1.0, -1.0, -1.0]);
         // Only the named triangle may be read.
         let upper = [2.0, f64::NAN, f64::NAN, -1.0, 2.0, f64::NAN, 0.0, -1.0, 2.0];
         // SAFETY: as above.
         unsafe {
-            dsymv_(&flag(b'U'), &N, &1.0, upper.as_ptr(), &N, [1.0, 2.0, 3.0].as_ptr(), &1, &0.0, y.as_mut_ptr(), &1)
+            dsymv_(&flag(b'U'), &N, &1.0, upper.as_ptr(), &N, [1.0, 2.0, 3.0].as_ptr(), &1, &0.0, y.as_mut_ptr(), &1);
         };
         near(&y, &[0.0, 0.0, 4.0]);
     }
@@ -922,7 +924,9 @@ mod tests {
         near(&s, &[9.0, 0.0, 0.0]);
         let mut scaled = u;
         for (column, value) in scaled.chunks_mut(3).zip(s) {
-            column.iter_mut().for_each(|x| *x *= value);
+            for x in column {
+                *x *= value;
+            }
         }
         near(&multiply(&scaled, &vt, false), &original);
         near(&multiply(&u, &u, true), &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);

@@ -42,8 +42,9 @@ impl<const P: usize> ConstrainedLeastSquares<P> for BarrierNewton<'_, P> {
         let nu = self.set.barrier_parameter();
         let mut parameters = self.set.interior_point();
         let mut mu = information.objective(&parameters).max(self.gap_tolerance) / nu;
-        let mut duality_gap = f64::INFINITY;
+        let (mut duality_gap, mut reached) = (f64::INFINITY, 0);
         for iterations in 1..=MAX_ITERATIONS {
+            reached = iterations;
             let barrier = self.set.barrier(&parameters);
             let Some(barrier) = barrier else { break };
             let gradient = factor.transpose() * information.residual(&parameters) / mu + barrier.gradient;
@@ -64,10 +65,6 @@ impl<const P: usize> ConstrainedLeastSquares<P> for BarrierNewton<'_, P> {
             // The damped step of self-concordant theory: inside the set without a line search.
             parameters += step / (1.0 + decrement);
         }
-        Err(IdentificationError::NotConverged {
-            iterations: MAX_ITERATIONS,
-            duality_gap,
-            tolerance: self.gap_tolerance,
-        })
+        Err(IdentificationError::NotConverged { iterations: reached, duality_gap, tolerance: self.gap_tolerance })
     }
 }

@@ -111,8 +111,9 @@ impl ConstrainedLeastSquares<10> for InteriorPoint {
         }
         let normalized = self.normalized_information(information)?;
         let mut state = State::start(&normalized);
-        let mut duality_gap = f64::INFINITY;
+        let (mut duality_gap, mut reached) = (f64::INFINITY, 0);
         for iterations in 1..=MAX_ITERATIONS {
+            reached = iterations;
             duality_gap = state.duality_gap(&normalized);
             if duality_gap <= self.gap_tolerance {
                 let (parameters, margin) = pulled_inside(&self.cone, self.parameters(&state.primal));
@@ -123,11 +124,7 @@ impl ConstrainedLeastSquares<10> for InteriorPoint {
                 break;
             }
         }
-        Err(IdentificationError::NotConverged {
-            iterations: MAX_ITERATIONS,
-            duality_gap,
-            tolerance: self.gap_tolerance,
-        })
+        Err(IdentificationError::NotConverged { iterations: reached, duality_gap, tolerance: self.gap_tolerance })
     }
 }
 
@@ -196,8 +193,8 @@ impl State {
         let dual_step = -diagonal - primal_step;
         let length = longest_step(&primal_step, &dual_step).min(1.0);
         let mu = lambda.norm_squared() / 4.0;
-        let reached = (diagonal + primal_step * length).dot(&(diagonal + dual_step * length)) / 4.0;
-        let ratio = (reached / mu).clamp(0.0, 1.0);
+        let affine = (diagonal + primal_step * length).dot(&(diagonal + dual_step * length)) / 4.0;
+        let ratio = (affine / mu).clamp(0.0, 1.0);
         let target = ratio * ratio * ratio * mu;
 
         let product = primal_step * dual_step;
