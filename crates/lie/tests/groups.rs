@@ -97,6 +97,11 @@ fn at_and_beyond_half_a_turn() {
             let twist = Vector6::new(phi.x, phi.y, phi.z, 1.0, -2.0, 3.0);
             let (right, inverse) = (Pose::right_jacobian(&twist), Pose::right_jacobian_inverse(&twist));
             assert_relative_eq!(right * inverse, tumble_lie::nalgebra::Matrix6::identity(), epsilon = 1e-11);
+            laws::check_right_jacobian::<Pose<f64>>(&[twist], 1e-9).unwrap();
+            let moving = twist.map_with_location(|i, _, x| Dual64::new(x, if i == 1 { 1.0 } else { 0.0 }));
+            let at = <Pose<Dual64> as LieGroup>::exp(&twist.map(Dual64::from));
+            let rate = at.between(&<Pose<Dual64> as LieGroup>::exp(&moving)).log().map(|x| x.eps);
+            assert_relative_eq!(rate, right.column(1).into_owned(), epsilon = 1e-12);
             let both = <Pose<f64> as LieGroup>::exp(&(twist * 0.5));
             assert_relative_eq!(both * both, <Pose<f64> as LieGroup>::exp(&twist), epsilon = 1e-13);
         }
