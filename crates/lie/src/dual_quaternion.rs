@@ -1,7 +1,7 @@
 //! Unit dual quaternions as a Lie group: `p = q + (eps/2) l o q`, rotation `q`, position `l` in the outer frame.
 //!
 //! Tangent order `[angular; linear]`: `exp` is the exponential of the dual quaternion `(w + eps v) / 2`, so a unit dual
-//! quaternion and the [`Pose`](crate::Pose) it stands for have the same tangents, adjoints and Jacobians.
+//! quaternion and the [`Pose`] it stands for have the same tangents, adjoints and Jacobians.
 
 use crate::group::{GroupAction, LieGroup};
 use crate::scalar::{Scalar, real};

@@ -111,6 +111,7 @@ fn wrapped<T: Scalar>(angle: T) -> T {
 }
 
 #[cfg(test)]
+#[allow(clippy::unreadable_literal)]
 mod tests {
     use super::*;
     use approx::assert_relative_eq;

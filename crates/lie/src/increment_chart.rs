@@ -132,6 +132,7 @@ impl<T: Scalar> Increment<T> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unreadable_literal)]
 mod tests {
     use super::*;
     use crate::group::LieGroup;

@@ -134,6 +134,7 @@ impl<T: Scalar> GroupAction<Vector3<T>> for UnitQuaternion<T> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unreadable_literal)]
 mod tests {
     use super::*;
     use approx::assert_relative_eq;

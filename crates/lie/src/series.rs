@@ -130,6 +130,7 @@ pub fn logarithm<T: Scalar>(cos: T) -> Logarithm<T> {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp)] // exact at zero
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
@@ -139,7 +140,7 @@ mod tests {
         let factorial = |n: u32| (1..=n).map(f64::from).product::<f64>();
         (0..40).rev().fold((0.0, 0.0), |(value, rate), k| {
             let c = if k % 2 == 0 { 1.0 } else { -1.0 } / factorial(2 * k + first);
-            let n = k as i32;
+            let n = k.cast_signed();
             let rate_term = if k == 0 { 0.0 } else { f64::from(k) * c * s.powi(n - 1) };
             (value + c * s.powi(n), rate + rate_term)
         })

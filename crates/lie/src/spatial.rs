@@ -1,6 +1,7 @@
 //! Twists and wrenches with named halves. Order everywhere: `[angular; linear]`, `[torque; force]`.
 
 use crate::scalar::Scalar;
+use crate::se3::halves;
 use core::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 use nalgebra::{Isometry3, Vector3, Vector6};
 
@@ -36,7 +37,8 @@ macro_rules! spatial_vector {
         impl<T: Scalar> From<Vector6<T>> for $name<T> {
             #[inline(always)]
             fn from(v: Vector6<T>) -> Self {
-                Self::new(Vector3::new(v[0], v[1], v[2]), Vector3::new(v[3], v[4], v[5]))
+                let (first, second) = halves(&v);
+                Self::new(first, second)
             }
         }
         impl<T: Scalar> Add for $name<T> {

@@ -1,5 +1,5 @@
 //! Every group of this crate passes every law, over all regimes.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::cast_possible_truncation)]
 
 use approx::assert_relative_eq;
 use core::f64::consts::PI;
@@ -11,7 +11,7 @@ use tumble_lie::nalgebra::{
 };
 use tumble_lie::num_dual::Dual64;
 use tumble_lie::strategies::{self, points, tangents};
-use tumble_lie::{GroupAction, LieGroup, Pose, Scalar, Twist, Wrench};
+use tumble_lie::{EulerZyx, GroupAction, Increment, LieGroup, Pose, Scalar, Twist, Wrench};
 
 group_laws!(so2, UnitComplex<f64>, tangents::<Vector1<f64>>(1), dual = UnitComplex<Dual64>, points = points::<2>());
 group_laws!(se2, Isometry2<f64>, tangents::<Vector3<f64>>(1), dual = Isometry2<Dual64>, points = points::<2>());
@@ -97,6 +97,11 @@ fn at_and_beyond_half_a_turn() {
             let twist = Vector6::new(phi.x, phi.y, phi.z, 1.0, -2.0, 3.0);
             let (right, inverse) = (Pose::right_jacobian(&twist), Pose::right_jacobian_inverse(&twist));
             assert_relative_eq!(right * inverse, tumble_lie::nalgebra::Matrix6::identity(), epsilon = 1e-11);
+            laws::check_right_jacobian::<Pose<f64>>(&[twist], 1e-9).unwrap();
+            let moving = twist.map_with_location(|i, _, x| Dual64::new(x, if i == 1 { 1.0 } else { 0.0 }));
+            let at = <Pose<Dual64> as LieGroup>::exp(&twist.map(Dual64::from));
+            let rate = at.between(&<Pose<Dual64> as LieGroup>::exp(&moving)).log().map(|x| x.eps);
+            assert_relative_eq!(rate, right.column(1).into_owned(), epsilon = 1e-12);
             let both = <Pose<f64> as LieGroup>::exp(&(twist * 0.5));
             assert_relative_eq!(both * both, <Pose<f64> as LieGroup>::exp(&twist), epsilon = 1e-13);
         }
@@ -136,4 +141,33 @@ fn norms_after_ten_thousand_products() {
     assert!((product.real.norm() - 1.0).abs() < 1e-11);
     let orthogonality = product.real.dot(&product.dual);
     assert!(orthogonality.abs() < 1e-11 * product.dual.norm());
+}
+
+/// The bits of every operation on fixed inputs: equal on every processor and at every optimisation level.
+#[test]
+fn bits_are_the_same_everywhere() {
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    let mut add = |values: &[f64]| {
+        for byte in values.iter().flat_map(|x| x.to_bits().to_le_bytes()) {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    };
+    for k in 0..200_u32 {
+        let t = f64::from(k) * 0.02;
+        let xi = Vector6::new(t, -0.3 * t, 0.4 * t, 1.0 - t, t * t, -2.0);
+        let pose = <Pose<f64> as LieGroup>::exp(&xi);
+        let next = pose.compose(&pose.inverse().compose(&<Pose<f64> as LieGroup>::exp(&(xi * 0.3))));
+        let euler = EulerZyx::from_rotation(&pose.rotation);
+        let planar = <Isometry2<f64> as LieGroup>::exp(&Vector3::new(t, 1.0, -t));
+        add(pose.to_homogeneous().as_slice());
+        add(next.log().as_slice());
+        add(pose.adjoint().as_slice());
+        add(Pose::right_jacobian(&xi).as_slice());
+        add(Pose::right_jacobian_inverse(&xi).as_slice());
+        add(&[euler.roll, euler.pitch, euler.yaw]);
+        add(planar.log().as_slice());
+        add(dual_of(&pose).log().as_slice());
+        add(Increment::between(&pose, &next).unwrap().to_vector().as_slice());
+    }
+    assert_eq!(hash, 0x4ead_ccda_c344_d836, "{hash:#x}");
 }

@@ -1,5 +1,5 @@
 //! Each law catches its defect: a table of broken groups, and the laws that must (and alone may) break for each.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::cast_possible_truncation)]
 
 use core::cell::Cell;
 use core::ops::Mul;
