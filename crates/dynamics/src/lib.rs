@@ -27,6 +27,9 @@ mod parameter_vector;
 mod planar;
 mod plant;
 mod pivoted_body;
+mod pivoted_body;
+mod planar_body;
+mod plant;
 mod projection;
 mod solids;
 mod state;
@@ -45,6 +48,12 @@ pub use differentiate::{FreeFlyerStep, ParametricModel, StepLinearization, linea
 pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
 
 
+
+pub use actuation::{Actuation, WrenchBox};
+#[cfg(feature = "dual")]
+pub use differentiate::{FreeFlyerStep, ParametricModel, StateTangent, StepLinearization, linearize};
+#[cfg(feature = "dual")]
+pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
 pub use error::DynamicsError;
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};
@@ -64,6 +73,11 @@ pub use pivoted_body::PivotedBody;
 pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
+pub use planar_body::PlanarBody;
+pub use plant::{SimulatedBody, SimulatedMeasurement};
+pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
+pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use tracker::{PoseReference, PoseTracker};
+pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use world::{KeepInBox, ObstacleEllipsoid, World};
 pub use wrench_model::{ConstantBodyWrench, ConstantWorldWrench, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn};

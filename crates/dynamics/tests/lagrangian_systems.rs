@@ -131,9 +131,9 @@ fn the_variational_top_keeps_its_energy_and_its_momentum_about_the_vertical() {
         state = Variational.step(&system, &state, &Vector3::zeros(), 0.0, 0.02).unwrap();
         let error = (energy_j(&state) / energy_j(&start) - 1.0).abs();
         if k < 2000 {
-            early = early.max(error)
+            early = early.max(error);
         } else {
-            late = late.max(error)
+            late = late.max(error);
         }
         assert!((vertical(&state) - vertical(&start)).abs() < 1e-11);
     }
