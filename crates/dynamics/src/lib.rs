@@ -24,11 +24,8 @@ mod log_cholesky;
 mod momentum;
 mod oscillator;
 mod parameter_vector;
+mod pivoted_body;
 mod planar;
-mod plant;
-mod pivoted_body;
-mod pivoted_body;
-mod planar_body;
 mod plant;
 mod projection;
 mod solids;
@@ -40,14 +37,6 @@ mod tracker;
 mod variational_free_flyer;
 mod world;
 mod wrench_model;
-
-pub use actuation::{Actuation, WrenchBox};
-#[cfg(feature = "dual")]
-pub use differentiate::{FreeFlyerStep, ParametricModel, StepLinearization, linearize};
-#[cfg(feature = "dual")]
-pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
-
-
 
 pub use actuation::{Actuation, WrenchBox};
 #[cfg(feature = "dual")]
@@ -67,13 +56,8 @@ pub use momentum::{
 };
 pub use oscillator::Oscillator;
 pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, ParameterOrder};
-pub use planar::{PlanarAcceleration, PlanarBody, PlanarWrench};
-pub use plant::{SimulatedBody, SimulatedMeasurement};
 pub use pivoted_body::PivotedBody;
-pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
-pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
-pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
-pub use planar_body::PlanarBody;
+pub use planar::{PlanarAcceleration, PlanarBody, PlanarWrench};
 pub use plant::{SimulatedBody, SimulatedMeasurement};
 pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
