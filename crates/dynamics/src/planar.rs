@@ -3,8 +3,8 @@
 use crate::error::DynamicsError;
 use crate::state::{GroupState, GroupTangent};
 use crate::system::MechanicalSystem;
-use tumble_lie::{Scalar, real};
 use tumble_lie::nalgebra::{ComplexField, Isometry2, Vector2, Vector3};
+use tumble_lie::{Scalar, real};
 
 /// Force in the plane and torque about the body origin.
 ///
