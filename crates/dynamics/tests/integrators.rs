@@ -125,7 +125,7 @@ fn the_variational_step_in_an_environment_is_of_order_two_and_symmetric() {
 
 #[test]
 fn single_precision_converges_too() {
-    let parameters = InertialParameters::<f32>::from_vector(&body_d().to_vector().map(|x| x as f32));
+    let parameters = InertialParameters::<f32>::from_vector(&body_d().to_vector().cast());
     let start = RigidBodyState::<f32> {
         twist_body: Twist::new(Vector3::new(0.5, 0.8, -0.6), Vector3::new(0.1, 0.2, 0.3)),
         ..RigidBodyState::at_rest()
