@@ -8,7 +8,10 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use std::hint::black_box;
 use tumble_dynamics::lie::{Twist, Wrench};
 use tumble_dynamics::nalgebra::{Matrix3, Vector3};
-use tumble_dynamics::*;
+use tumble_dynamics::{
+    FreeFlyer, GaussLegendre4, InertialParameters, Integrator, LieEuler, MuntheKaas4, RigidBodyState, RungeKutta4,
+    Variational, VariationalFreeFlyer,
+};
 
 const STEPS: u32 = 1000;
 

@@ -45,3 +45,36 @@ impl<V> Rest<V> {
         self.last.euclidean_norm()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tumble_lie::nalgebra::Vector2;
+
+    /// Iterations until rest, none within a thousand.
+    fn iterations(start: Vector2<f64>, next: impl Fn(&Vector2<f64>) -> Vector2<f64>) -> Option<usize> {
+        let (mut x, mut rest) = (start, Rest::new());
+        (0..1000).find(|_| {
+            let moved = next(&x);
+            let rested = rest.reached(&x, &moved);
+            x = moved;
+            rested
+        })
+    }
+
+    #[test]
+    fn contractions_rest_whatever_their_units() {
+        // Newton's method for square roots in two units twenty decades apart
+        let root = |a: f64| move |x: f64| 0.5 * (x + a / x);
+        let (large, small) = (root(2e20), root(3e-20));
+        assert!(iterations(Vector2::new(1e10, 1e-10), |x| Vector2::new(large(x.x), small(x.y))).unwrap() < 12);
+        assert!(iterations(Vector2::new(1.0, -3.0), |x| Vector2::new(0.5 * x.y + 1.0, 0.4 * x.x - 1.0)).unwrap() < 120);
+    }
+
+    #[test]
+    fn divergence_and_cycles_never_rest() {
+        assert_eq!(iterations(Vector2::new(1.0, 2.0), |x| x * 1.5), None);
+        assert_eq!(iterations(Vector2::new(1.0, 2.0), |x| -x), None);
+        assert_eq!(iterations(Vector2::new(1.0, f64::NAN), |x| x * 0.5), None);
+    }
+}

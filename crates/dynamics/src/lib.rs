@@ -40,7 +40,7 @@ mod wrench_model;
 
 pub use actuation::{Actuation, WrenchBox};
 #[cfg(feature = "dual")]
-pub use differentiate::{FreeFlyerStep, ParametricModel, StepLinearization, linearize};
+pub use differentiate::{FreeFlyerStep, ParametricModel, StateTangent, StepLinearization, linearize};
 #[cfg(feature = "dual")]
 pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
 pub use error::DynamicsError;

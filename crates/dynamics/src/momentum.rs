@@ -109,3 +109,70 @@ pub fn discrete_spatial_momentum<T: Scalar>(
 ) -> Wrench<T> {
     momentum_at_start(body, increment, step_s).transformed_by(world_from_start)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tumble_lie::nalgebra::{Matrix3, SVector, Translation3, UnitQuaternion};
+
+    fn body_d() -> InertialParameters<f64> {
+        InertialParameters::about_origin(
+            5.0,
+            Vector3::new(0.05, 0.1, 0.05),
+            Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
+        )
+    }
+
+    #[test]
+    fn golden_discrete_impulse_of_body_d() {
+        let pose = |position: [f64; 3], turn: [f64; 3]| {
+            Pose::from_parts(Translation3::from(position), UnitQuaternion::from_scaled_axis(Vector3::from(turn)))
+        };
+        let poses = [
+            pose([0.0; 3], [0.0; 3]),
+            pose([0.01, -0.02, 0.015], [0.02, -0.01, 0.03]),
+            pose([0.022, -0.037, 0.034], [0.045, -0.012, 0.065]),
+        ];
+        let [before, after] = [(0, 1), (1, 2)].map(|(from, to)| Increment::between(&poses[from], &poses[to]).unwrap());
+        let (body, step_s) = (body_d(), 0.05);
+        let impulse = momentum_at_start(&body, &after, step_s) - momentum_at_end(&body, &before, step_s);
+        let golden = SVector::from([
+            4.040_765_412_799_70,
+            6.597_377_976_030_21,
+            7.206_264_355_677_76,
+            4.012_162_262_552_47,
+            5.660_215_866_213_14,
+            8.044_867_294_849_80,
+        ]);
+        assert!((impulse.to_vector() / step_s - golden).amax() < 1e-11, "{:?}", impulse.to_vector() / step_s);
+    }
+
+    #[test]
+    fn discrete_momenta_are_one_spatial_momentum() {
+        let body = body_d();
+        let start = Pose::from_parts(
+            Translation3::new(3.0, -2.0, 1.0),
+            UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -0.7, 0.2)),
+        );
+        let increment = Increment::try_new(Vector3::new(0.1, -0.2, 0.15), Vector3::new(0.05, 0.2, -0.1)).unwrap();
+        let at_start = discrete_spatial_momentum(&body, &start, &increment, 0.1).to_vector();
+        let at_end = momentum_at_end(&body, &increment, 0.1).transformed_by(&increment.step(&start)).to_vector();
+        assert!((at_start - at_end).amax() < 1e-13 * at_start.amax(), "{at_start:?} {at_end:?}");
+    }
+
+    #[test]
+    fn energy_momentum_and_mass_matrix_agree() {
+        let body = body_d();
+        let twist = Twist::new(Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.7, -0.3, 0.2));
+        let momentum = body_momentum(&body, &twist);
+        let by_matrix = mass_matrix(&body) * twist.to_vector();
+        assert!((momentum.to_vector() - by_matrix).amax() < 1e-15);
+        assert!((kinetic_energy(&body, &twist) - 0.5 * twist.to_vector().dot(&by_matrix)).abs() < 1e-15);
+        assert!((twist_of_momentum(&body, &momentum).to_vector() - twist.to_vector()).amax() < 1e-15);
+        // half the squared speed of every particle: the centre of mass and the turn about it
+        let velocity_com = twist.linear + twist.angular.cross(&body.center_of_mass());
+        let turning = twist.angular.dot(&(body.inertia_about_com() * twist.angular));
+        let expected = 0.5 * (body.mass * velocity_com.norm_squared() + turning);
+        assert!((kinetic_energy(&body, &twist) - expected).abs() < 1e-15);
+    }
+}

@@ -100,6 +100,49 @@ fn every_integrator_has_its_order() {
     check("variational, generic", &Variational);
 }
 
+/// Drag: the end of the step depends on the velocity there.
+#[test]
+fn the_variational_step_in_an_environment_is_of_order_two_and_symmetric() {
+    let drag = LinearDrag {
+        center_of_pressure: Vector3::new(0.1, -0.2, 0.3),
+        force_coefficient: 0.8,
+        torque_coefficient: 0.3,
+        medium_velocity_world: Vector3::new(0.2, 0.1, -0.3),
+    };
+    let system = FreeFlyerIn { body: FreeFlyer::new(body_d()), environment: drag };
+    let start = state_of_com(
+        Vector3::zeros(),
+        Vector3::new(0.3, -0.2, 0.5),
+        Vector3::new(0.3, -0.2, 0.1),
+        Vector3::new(0.5, 0.8, -0.6),
+    );
+    let wrench = Wrench::new(Vector3::new(0.4, -0.3, 0.5), Vector3::new(1.0, 0.6, -0.8));
+    check_order(&VariationalFreeFlyer, &system, &start, &wrench, 0.05, 40, 0.2).unwrap();
+    let end = VariationalFreeFlyer.step(&system, &start, &wrench, 0.0, 0.05).unwrap();
+    let back = VariationalFreeFlyer.step(&system, &end, &wrench, 0.05, -0.05).unwrap();
+    assert!(back.ominus(&start).amax() < 1e-14, "{}", back.ominus(&start));
+}
+
+#[test]
+fn single_precision_converges_too() {
+    let parameters = InertialParameters::<f32>::from_vector(&body_d().to_vector().cast());
+    let start = RigidBodyState::<f32> {
+        twist_body: Twist::new(Vector3::new(0.5, 0.8, -0.6), Vector3::new(0.1, 0.2, 0.3)),
+        ..RigidBodyState::at_rest()
+    };
+    let double = RigidBodyState::<f64> {
+        twist_body: Twist::from(start.twist_body.to_vector().map(f64::from)),
+        ..RigidBodyState::at_rest()
+    };
+    let end = variational_step(&parameters, &start, &Wrench::zero(), 0.05).unwrap();
+    let exact = variational_step(&body_d(), &double, &Wrench::zero(), 0.05).unwrap();
+    let found = end.world_from_body.translation.vector.map(f64::from);
+    assert!((found - exact.world_from_body.translation.vector).amax() < 1e-7);
+    assert!((end.twist_body.to_vector().map(f64::from) - exact.twist_body.to_vector()).amax() < 1e-6);
+    let implicit = GaussLegendre4.step(&FreeFlyer::new(parameters), &start, &Wrench::zero(), 0.0, 0.05).unwrap();
+    assert!((implicit.twist_body - end.twist_body).to_vector().amax() < 1e-3);
+}
+
 #[test]
 fn all_integrators_converge_to_the_same_motion() {
     let system = FreeFlyer::new(body_d());

@@ -34,7 +34,16 @@ fn the_order_is_two_on_every_group() {
     let (system, start) = oscillator();
     check_order(&Variational, &system, &start, &Vector1::new(0.5), 0.1, 30, 0.2).unwrap();
     let (system, start) = planar();
-    check_order(&Variational, &system, &start, &PlanarWrench { torque: 0.02, force: Vector2::new(0.3, -0.25) }, 0.1, 30, 0.2).unwrap();
+    check_order(
+        &Variational,
+        &system,
+        &start,
+        &PlanarWrench { torque: 0.02, force: Vector2::new(0.3, -0.25) },
+        0.1,
+        30,
+        0.2,
+    )
+    .unwrap();
     let (system, start) = top();
     check_order(&Variational, &system, &start, &Vector3::new(0.3, -0.2, 0.5), 0.05, 30, 0.2).unwrap();
 }
@@ -45,7 +54,15 @@ fn the_step_is_symplectic_on_every_group() {
         let (system, start) = oscillator();
         check_symplectic_lagrangian(&Variational, &system, &start, &Vector1::zeros(), step_s, 1e-8).unwrap();
         let (system, start) = planar();
-        check_symplectic_lagrangian(&Variational, &system, &start, &PlanarWrench { torque: 0.0, force: Vector2::zeros() }, step_s, 1e-8).unwrap();
+        check_symplectic_lagrangian(
+            &Variational,
+            &system,
+            &start,
+            &PlanarWrench { torque: 0.0, force: Vector2::zeros() },
+            step_s,
+            1e-8,
+        )
+        .unwrap();
         let (system, start) = top();
         check_symplectic_lagrangian(&Variational, &system, &start, &Vector3::zeros(), step_s, 1e-8).unwrap();
         let body = InertialParameters::about_origin(5.0, Vector3::new(0.05, 0.1, 0.05), system.inertia_about_pivot);
@@ -131,9 +148,9 @@ fn the_variational_top_keeps_its_energy_and_its_momentum_about_the_vertical() {
         state = Variational.step(&system, &state, &Vector3::zeros(), 0.0, 0.02).unwrap();
         let error = (energy_j(&state) / energy_j(&start) - 1.0).abs();
         if k < 2000 {
-            early = early.max(error)
+            early = early.max(error);
         } else {
-            late = late.max(error)
+            late = late.max(error);
         }
         assert!((vertical(&state) - vertical(&start)).abs() < 1e-11);
     }

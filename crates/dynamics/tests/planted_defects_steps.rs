@@ -150,6 +150,45 @@ fn the_printed_root_is_not_symplectic() {
     assert_breaks("momentum map", check_momentum_map(&Defect(PrintedSecondRoot), &[sample()], 10, 1e-10));
 }
 
+/// Exponential of the mean of the velocities at both ends, momentum carried over exactly: symmetric, of order two, keeps
+/// the momentum, and yet no discrete Lagrangian stands behind it.
+struct MeanVelocity;
+impl Planted for MeanVelocity {
+    fn step<T: Scalar>(
+        flyer: &FreeFlyer<T>,
+        state: &RigidBodyState<T>,
+        wrench: &Wrench<T>,
+        step_s: T,
+    ) -> Result<RigidBodyState<T>, DynamicsError> {
+        let body = flyer.parameters();
+        let half_impulse = *wrench * (step_s * real(0.5));
+        let momentum = body_momentum(body, &state.twist_body) + half_impulse;
+        let before = twist_of_momentum(body, &momentum);
+        let (mut after, mut increment) = (before, Pose::identity());
+        for _ in 0..60 {
+            increment = <Pose<T> as LieGroup>::exp(&((before + after) * (step_s * real(0.5))).to_vector());
+            after = twist_of_momentum(body, &momentum.transformed_by(&increment.inverse()));
+        }
+        Ok(RigidBodyState {
+            world_from_body: state.world_from_body * increment,
+            twist_body: after + twist_of_momentum(body, &half_impulse),
+        })
+    }
+}
+
+#[test]
+fn a_symmetric_step_that_keeps_the_momentum_is_unmasked_by_symplecticity_alone() {
+    let (defect, samples) = (Defect(MeanVelocity), [sample()]);
+    let displacement = Isometry3::new(Vector3::new(1.0, 2.0, 3.0), Vector3::new(0.3, 0.2, -0.4));
+    check_momentum_map(&defect, &samples, 100, 1e-12).unwrap();
+    check_reversible(&defect, &samples, 1e-11).unwrap();
+    check_equivariance(&defect, &[(sample(), displacement)], 1e-12).unwrap();
+    check_stays_on_group(&defect, &samples, 100, 1e-12).unwrap();
+    check_units(&defect, &samples, 1e-10).unwrap();
+    order(&defect).unwrap();
+    assert_breaks("symplectic", check_symplectic(&defect, &samples, 1e-10));
+}
+
 /// The increment multiplies the pose from the left.
 struct LeftForRight;
 impl Planted for LeftForRight {
