@@ -2,7 +2,7 @@
 
 use super::ThrowSettings;
 use super::regressors::{lever_arm_regressor, momentum_regressor, symmetric_matrix};
-use super::throw_record::{EndOfFall, FreeFall, ThrowRecord};
+use super::throw_record::{EndOfFall, FreeFall, ThrowRecord, ThrowSample};
 use crate::IdentificationError;
 use tumble_lie::nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use tumble_lie::LieGroup;
@@ -11,6 +11,8 @@ use tumble_lie::LieGroup;
 const REWEIGHTINGS: usize = 3;
 /// Relative eigenvalue of the scaled information below which a direction counts as not excited.
 const RANK_TOLERANCE: f64 = 1e-12;
+/// Root mean square rate that a tumbling body has about each axis, in standard deviations of the rate.
+const RATE_SIGMAS: f64 = 25.0;
 /// Windows whose errors may be correlated reach over this many window lengths.
 const CORRELATION_WINDOWS: f64 = 4.0;
 
@@ -53,6 +55,7 @@ impl FreeFallEstimate {
     /// [`IdentificationError::NotExcited`] where the motion leaves a part of the inertia or of the lever arm open.
     pub fn from_throw(record: &ThrowRecord, settings: &ThrowSettings) -> Result<Self, IdentificationError> {
         let fall = record.free_fall(&settings.validated()?)?;
+        check_tumbling(&fall, settings)?;
         let windows = windows(&fall, settings);
         let correlated = (CORRELATION_WINDOWS * settings.window_s / settings.window_step_s).ceil() as usize;
 
@@ -72,6 +75,23 @@ impl FreeFallEstimate {
             end: fall.end,
             windows: windows.len(),
         })
+    }
+}
+
+/// Refuses a motion whose rates stay in a plane or on a line but for their errors: a covariance cannot tell errors in the
+/// regressor from motion. Rates that span one, two, three directions determine three, five, six entries of the inertia.
+fn check_tumbling(fall: &FreeFall<'_>, settings: &ThrowSettings) -> Result<(), IdentificationError> {
+    let outer = |sum, sample: &ThrowSample| sum + sample.rate_body * sample.rate_body.transpose();
+    let mean_square = fall.samples.iter().fold(Matrix3::zeros(), outer) / fall.samples.len() as f64;
+    let rates = mean_square.symmetric_eigenvalues().map(|square| square.max(0.0).sqrt());
+    let directions = rates.iter().filter(|rate| **rate > RATE_SIGMAS * settings.rate_sigma_rad_s).count();
+    match [0, 3, 5].get(directions) {
+        Some(&rank) => Err(IdentificationError::NotExcited {
+            rank,
+            expected: 6,
+            smallest_singular_value: if rates.max() > 0.0 { rates.min() / rates.max() } else { 0.0 },
+        }),
+        None => Ok(()),
     }
 }
 
