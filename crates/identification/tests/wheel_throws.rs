@@ -16,7 +16,9 @@ use tumble_identification::wheel::{
 
 const WHEEL_INERTIA: f64 = 1.7e-6;
 const DEVICE_MASS: f64 = 0.1;
+/// The measured throws come at 2 kHz (averaged from 4 kHz).
 const STEP_S: f64 = 5e-4;
+const FINE_STEP_S: f64 = 2.5e-4;
 const SUBSTEPS: usize = 4;
 
 /// Speed of the wheel and its derivative: up and down between 0.16 s and 0.56 s on a slow idle.
@@ -72,13 +74,17 @@ impl Normal {
 }
 
 fn throw(body: &Thrown, rate: Vector3<f64>, noise: &Noise, seed: u64) -> Vec<ThrowSample> {
+    sampled_throw(body, rate, noise, seed, STEP_S)
+}
+
+fn sampled_throw(body: &Thrown, rate: Vector3<f64>, noise: &Noise, seed: u64, step_s: f64) -> Vec<ThrowSample> {
     let mut normal = Normal(ChaCha8Rng::seed_from_u64(seed));
     let mut rate = rate;
-    let count = (0.68 / STEP_S) as usize;
+    let count = (0.68 / step_s) as usize;
     let mut samples = Vec::with_capacity(count);
     for k in 0..count {
-        let start_s = -0.1 + k as f64 * STEP_S;
-        let torque = normal.vector() * (noise.walk * WHEEL_INERTIA / STEP_S.sqrt());
+        let start_s = -0.1 + k as f64 * step_s;
+        let torque = normal.vector() * (noise.walk * WHEEL_INERTIA / step_s.sqrt());
         let derivative = acceleration(&body.inertia, &rate, &torque, start_s);
         let specific_force = -(derivative.cross(&body.com) + rate.cross(&rate.cross(&body.com)));
         samples.push(ThrowSample {
@@ -87,7 +93,7 @@ fn throw(body: &Thrown, rate: Vector3<f64>, noise: &Noise, seed: u64) -> Vec<Thr
             specific_force_body: specific_force + normal.vector() * noise.accelerometer,
             wheel_speed_rad_s: wheel(start_s).0 + normal.next() * noise.wheel,
         });
-        let h = STEP_S / SUBSTEPS as f64;
+        let h = step_s / SUBSTEPS as f64;
         for substep in 0..SUBSTEPS {
             let t = start_s + substep as f64 * h;
             let f = |w: &Vector3<f64>, t| acceleration(&body.inertia, w, &torque, t);
@@ -149,8 +155,13 @@ fn objects() -> [InertialParameters<f64>; 3] {
 const RATES: [[f64; 3]; 4] = [[8.0, 10.0, -6.0], [-9.0, 5.0, 8.0], [6.0, -11.0, 5.0], [11.0, 7.0, 9.0]];
 
 fn calibration(noise: &Noise, seed: u64) -> WheelCalibration {
+    sampled_calibration(noise, seed, STEP_S)
+}
+
+fn sampled_calibration(noise: &Noise, seed: u64, step_s: f64) -> WheelCalibration {
     let many = |body: &Thrown, seed: u64| -> Vec<ThrowRecord> {
-        (0u64..).zip(RATES).map(|(i, rate)| record(body, rate, noise, seed + i)).collect()
+        let throws = (0u64..).zip(RATES).map(|(i, rate)| sampled_throw(body, rate.into(), noise, seed + i, step_s));
+        throws.map(|samples| ThrowRecord::try_new(samples).unwrap()).collect()
     };
     let (device, proof) = (many(&device(), seed), many(&with_device(&proof_block()), seed + 10));
     calibrate(&device, &proof, DEVICE_MASS, &proof_block(), &ThrowSettings::default()).unwrap()
@@ -160,29 +171,43 @@ fn relative(estimate: &Matrix3<f64>, truth: &Matrix3<f64>) -> f64 {
     (estimate - truth).norm() / truth.norm()
 }
 
-#[test]
-fn noise_free_throws_give_the_wheel_the_device_and_every_object() {
-    let calibration = calibration(&NOISELESS, 0);
-    let wheel_error = calibration.wheel_inertia_kg_m2 / WHEEL_INERTIA - 1.0;
-    assert!(wheel_error.abs() < 1e-6, "wheel inertia off by {wheel_error:e}");
+/// Noise-free throws: the errors of the wheel's inertia, of the worst object's inertia, total inertia (relative) and
+/// centre of mass (m).
+fn noise_free_errors(step_s: f64) -> [f64; 4] {
+    let calibration = sampled_calibration(&NOISELESS, 0, step_s);
     assert!((Vector3::from(calibration.device_com_m) - device().com).norm() < 1e-6);
+    let mut worst = [(calibration.wheel_inertia_kg_m2 / WHEEL_INERTIA - 1.0).abs(), 0.0, 0.0, 0.0];
     for (object, rate) in objects().iter().zip(RATES) {
-        let thrown = record(&with_device(object), rate, &NOISELESS, 1);
-        let estimate = identify_throw(&thrown, &calibration, Some(object.mass)).unwrap();
+        let thrown = sampled_throw(&with_device(object), rate.into(), &NOISELESS, 1, step_s);
+        let estimate = identify_throw(&ThrowRecord::try_new(thrown).unwrap(), &calibration, Some(object.mass)).unwrap();
         let found = estimate.object.unwrap();
-        let error = relative(&found.body.inertia_about_com(), &object.inertia_about_com());
-        // The attitude is integrated from rates 0.5 ms apart: 1e-6 is what this rule leaves at these rates.
-        assert!(error < 1e-6, "inertia off by {error:e}");
-        // The accelerometer needs dw, a central difference over 1 ms.
-        let com_error = (found.body.center_of_mass() - object.center_of_mass()).norm();
-        assert!(com_error < 1e-5, "centre of mass off by {com_error:e} m");
         let total = with_device(object).inertia + Matrix3::identity() * WHEEL_INERTIA;
-        assert!(relative(&estimate.total_inertia_about_com, &total) < 1e-6);
+        let errors = [
+            relative(&found.body.inertia_about_com(), &object.inertia_about_com()),
+            relative(&estimate.total_inertia_about_com, &total),
+            (found.body.center_of_mass() - object.center_of_mass()).norm(),
+        ];
+        for (worst, error) in worst[1..].iter_mut().zip(errors) {
+            *worst = worst.max(error);
+        }
         assert!(found.body.is_consistent() && !found.projected && estimate.end == EndOfFall::Record);
         let axes = found.body_from_principal;
         let diagonal = axes.transpose() * found.body.inertia_about_com() * axes;
         assert!((diagonal - Matrix3::from_diagonal(&found.principal_inertia)).amax() < 1e-9 * diagonal.amax());
         assert!((axes.determinant() - 1.0).abs() < 1e-12);
+    }
+    worst
+}
+
+/// Averaging costs nothing, for the balance holds at every instant; what is left is the attitude, integrated from
+/// samples (and for the centre of mass the central difference of the rate): second order in the sampling.
+#[test]
+fn noise_free_throws_give_the_wheel_the_device_and_every_object() {
+    let (coarse, fine) = (noise_free_errors(STEP_S), noise_free_errors(FINE_STEP_S));
+    println!("2 kHz {coarse:?}, 4 kHz {fine:?}");
+    for ((coarse, fine), limit) in coarse.into_iter().zip(fine).zip([1e-6, 1e-6, 1e-6, 1e-6]) {
+        assert!(fine < limit, "4 kHz: {fine:e}, limit {limit:e}");
+        assert!((3.0..5.0).contains(&(coarse / fine)), "2 kHz {coarse:e}, 4 kHz {fine:e}: not second order");
     }
 }
 
@@ -216,9 +241,9 @@ fn two_sigma_cover_what_they_say() {
     let share = |count: usize| 100.0 * count as f64 / f64::from(trials);
     let mean_score = nees / f64::from(trials);
     println!("inertia {:.1} %, centre of mass {:.1} %, mean squared score {mean_score:.2}", share(inertia), share(com));
-    assert!((88.0..99.5).contains(&share(inertia)), "inertia covered {:.1} %", share(inertia));
-    assert!((88.0..99.9).contains(&share(com)), "centre of mass covered {:.1} %", share(com));
-    assert!((0.6..1.6).contains(&mean_score), "mean squared score {mean_score:.2}");
+    assert!((90.0..98.5).contains(&share(inertia)), "inertia covered {:.1} %", share(inertia));
+    assert!((90.0..98.5).contains(&share(com)), "centre of mass covered {:.1} %", share(com));
+    assert!((0.7..1.5).contains(&mean_score), "mean squared score {mean_score:.2}");
 }
 
 type TorqueRegressor = fn(&Vector3<f64>, &Vector3<f64>) -> SMatrix<f64, 3, 6>;
@@ -269,12 +294,13 @@ fn a_throw_that_breaks_the_model_is_not_identified_as_the_truth() {
         let found = identify_throw(&thrown, calibration, Some(object.mass)).unwrap().object.unwrap();
         relative(&found.body.inertia_about_com(), &object.inertia_about_com())
     };
-    assert!(error(honest.clone(), &calibration) < 1e-6);
+    assert!(error(honest.clone(), &calibration) < 1e-5);
     let reversed = honest.iter().map(|s| ThrowSample { wheel_speed_rad_s: -s.wheel_speed_rad_s, ..*s }).collect();
     assert!(error(reversed, &calibration) > 0.1);
-    let late = honest.iter().zip(&honest[20..]).map(|(s, later)| {
-        ThrowSample { wheel_speed_rad_s: later.wheel_speed_rad_s, ..*s }
-    });
+    let late = honest
+        .iter()
+        .zip(&honest[20..])
+        .map(|(s, later)| ThrowSample { wheel_speed_rad_s: later.wheel_speed_rad_s, ..*s });
     assert!(error(late.collect(), &calibration) > 1e-3);
     // A parallel-axis term as of a device of another mass, and with the device's centre where the object's is.
     let heavy = WheelCalibration { device_mass_kg: 2.0 * DEVICE_MASS, ..calibration };
@@ -285,7 +311,8 @@ fn a_throw_that_breaks_the_model_is_not_identified_as_the_truth() {
 
 #[test]
 fn the_lever_arm_regressor_is_the_acceleration_of_a_point() {
-    let (rate, derivative, arm) = (Vector3::new(1.0, -2.0, 3.0), Vector3::new(0.5, 4.0, -1.0), Vector3::new(0.1, 0.2, -0.3));
+    let (rate, derivative, arm) =
+        (Vector3::new(1.0, -2.0, 3.0), Vector3::new(0.5, 4.0, -1.0), Vector3::new(0.1, 0.2, -0.3));
     let point = derivative.cross(&-arm) + rate.cross(&rate.cross(&-arm));
     assert!((lever_arm_regressor(&rate, &derivative) * arm - point).norm() < 1e-14);
 }
@@ -296,7 +323,7 @@ fn a_landing_ends_the_free_fall() {
     let calibration = calibration(&NOISELESS, 0);
     let mut samples = throw(&with_device(&object), RATES[1].into(), &NOISELESS, 1);
     for (k, sample) in samples.iter_mut().enumerate().filter(|(_, sample)| sample.time_s > 0.5) {
-        sample.specific_force_body += Vector3::new(20.0, -90.0, 30.0) * (1.0 - 0.001 * k as f64);
+        sample.specific_force_body += Vector3::new(20.0, -90.0, 30.0) * if k % 2 == 0 { 1.0 } else { 0.8 };
         sample.rate_body += Vector3::new(4.0, -8.0, 2.0) * (60.0 * (sample.time_s - 0.5)).sin();
     }
     let thrown = ThrowRecord::try_new(samples).unwrap();
