@@ -10,7 +10,6 @@ pub mod log;
 pub mod noise;
 pub mod output;
 pub mod report;
+pub mod wheel_throw;
 
 pub use error::AstrobeeError;
-//! stub
-pub mod wheel_throw;

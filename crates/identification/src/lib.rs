@@ -29,28 +29,6 @@ mod weighted_least_squares;
 pub mod wheel;
 mod wrench_timing;
 
-pub use error::{Column, IdentificationError};
-#[cfg(feature = "std")]
-pub use identify::{
-    Estimate, Identification, Method, NodeResidual, Noise, Prediction, Prior, Settings, StandardDeviations, Validation,
-    Warning, identify, predict, validate,
-};
-pub use linear_model::LinearModel;
-#[cfg(feature = "std")]
-pub use motion::MotionSample;
-pub use wrench_timing::WrenchTiming;
-
-mod body_scale;
-pub mod consistency;
-mod criteria;
-mod householder;
-mod information;
-mod jacobi;
-#[cfg(feature = "testing")]
-pub mod laws;
-mod observability;
-mod square_root_information;
-
 pub use body_scale::{BodyScale, PARAMETER_NAMES};
 #[cfg(feature = "clarabel-sdp")]
 pub use consistency::ClarabelSdp;
