@@ -10,6 +10,7 @@ pub mod log;
 pub mod noise;
 pub mod output;
 pub mod report;
+pub mod wheel_throw;
 
 pub use error::AstrobeeError;
 pub mod wheel_throw;

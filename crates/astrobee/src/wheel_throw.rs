@@ -273,3 +273,120 @@ pub fn read_calibration(path: &Path) -> Result<WheelCalibration, WheelThrowError
         .validated()
         .map_err(|source| WheelThrowError::NotIdentified { path: path.to_owned(), source })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = "t_s,wx_rad_s,wy_rad_s,wz_rad_s,ax_m_s2,ay_m_s2,az_m_s2,wheel_rad_s";
+
+    /// A file of this text, removed when dropped.
+    struct Written(PathBuf);
+
+    impl Written {
+        fn new(name: &str, text: &str) -> Self {
+            let path = std::env::temp_dir().join(format!("tumble-wheel-throw-{}-{name}", std::process::id()));
+            std::fs::write(&path, text).unwrap();
+            Self(path)
+        }
+    }
+
+    impl Drop for Written {
+        fn drop(&mut self) {
+            drop(std::fs::remove_file(&self.0));
+        }
+    }
+
+    fn read(name: &str, text: &str) -> Result<ThrowRecord, WheelThrowError> {
+        read_throw(&Written::new(name, text).0)
+    }
+
+    #[test]
+    fn columns_come_in_any_order_with_others_between() {
+        let text = "\u{feff}wheel_rad_s, note, t_s,wx_rad_s,wy_rad_s,wz_rad_s,ax_m_s2,ay_m_s2,az_m_s2\r\n\
+                    -5,x,0.1,1,2,3,4,5,6\r\n-6,y,0.2,1,2,3,4,5,6.5e0\r\n";
+        let record = read("order.csv", text).unwrap();
+        let last = record.samples()[1];
+        assert_eq!(record.samples().len(), 2);
+        assert_eq!((last.time_s, last.wheel_speed_rad_s), (0.2, -6.0));
+        assert_eq!(last.rate_body, Vector3::new(1.0, 2.0, 3.0));
+        assert_eq!(last.specific_force_body, Vector3::new(4.0, 5.0, 6.5));
+    }
+
+    #[test]
+    fn faulty_files_are_named_with_line_and_column() {
+        let row = "0.1,1,2,3,4,5,6,7";
+        let cases = [
+            ("empty.csv", String::new(), "line 1: column `t_s` is missing"),
+            ("missing.csv", format!("{}\n{row}", HEADER.replace("wz_rad_s", "wz")), "column `wz_rad_s` is missing"),
+            ("double.csv", format!("{HEADER},t_s\n{row},0"), "column `t_s` stands twice"),
+            ("text.csv", format!("{HEADER}\n{row}\n0.2,1,two,3,4,5,6,7"), "line 3, column `wy_rad_s`: `two`"),
+            ("nan.csv", format!("{HEADER}\n0.1,1,2,3,4,NaN,6,7"), "line 2, column `ay_m_s2`: `NaN`"),
+            ("inf.csv", format!("{HEADER}\n0.1,1,2,3,4,5,6,inf"), "line 2, column `wheel_rad_s`: `inf`"),
+            ("blank.csv", format!("{HEADER}\n0.1,,2,3,4,5,6,7"), "line 2, column `wx_rad_s`: ``"),
+            ("back.csv", format!("{HEADER}\n{row}\n0.05,1,2,3,4,5,6,7"), "line 3, column `t_s`"),
+            ("again.csv", format!("{HEADER}\n{row}\n{row}"), "line 3, column `t_s`"),
+            ("short-row.csv", format!("{HEADER}\n0.1,1,2"), "found record with 3 fields"),
+        ];
+        for (name, text, said) in cases {
+            let message = read(name, &text).unwrap_err().to_string();
+            assert!(message.contains(name) && message.contains(said), "{name}: {message}");
+        }
+        let absent = read_throw(Path::new("no/such/throw.csv")).unwrap_err();
+        assert!(matches!(absent, WheelThrowError::Unreadable { .. }), "{absent}");
+    }
+
+    #[test]
+    fn a_throw_that_cannot_calibrate_is_named() {
+        let file = Written::new("cal_device.csv", &format!("{HEADER}\n0.1,1,2,3,4,5,6,7\n"));
+        let files = [(CalibrationKind::Device, file.0.clone())];
+        let error = calibrate_files(&files, &CalibrationBodies::default(), &ThrowSettings::default()).unwrap_err();
+        assert!(error.to_string().contains("cal_device.csv: free fall"), "{error}");
+        let none = calibrate_files(&[], &CalibrationBodies::default(), &ThrowSettings::default()).unwrap_err();
+        assert!(matches!(none, WheelThrowError::NotCalibrated(IdentificationError::CalibrationIncomplete { .. })));
+    }
+
+    #[test]
+    fn the_file_name_says_what_was_thrown() {
+        let of = |name: &str| CalibrationKind::of_file(Path::new(name));
+        assert_eq!(of("some/cal_device_00119.csv").unwrap(), CalibrationKind::Device);
+        assert_eq!(of("cal_proof_00122.csv").unwrap(), CalibrationKind::Proof);
+        assert!(of("cal_device/grid_a_00133.csv").is_err());
+    }
+
+    #[test]
+    fn the_default_proof_block_is_the_published_one() {
+        let found = CalibrationBodies::default().proof_block().inertia_about_com().diagonal() * (12.0 / 0.346);
+        let [x, y, z] = [0.06_f64, 0.07, 0.0302].map(|side| side * side);
+        assert!((found - Vector3::new(z + y, z + x, x + y)).amax() < 1e-15);
+    }
+
+    #[test]
+    fn a_calibration_survives_its_file() {
+        let mut covariance = [[0.0; 10]; 10];
+        covariance[3][4] = 1.0 / 3.0;
+        let calibration = WheelCalibration {
+            wheel_inertia_kg_m2: 1.6852e-6,
+            device_mass_kg: 0.10067,
+            device_com_m: [0.1, -0.2, 1e-17],
+            device_inertia_ratio: [26.0, 0.5, -0.25, 44.0, 1.0 / 3.0, 54.0],
+            covariance,
+            settings: ThrowSettings::default(),
+        };
+        let text = calibration_to_toml(&calibration).unwrap();
+        assert_eq!(read_calibration(&Written::new("cal.toml", &text).0).unwrap(), calibration);
+
+        let faulty = |name: &str, from: &str, to: &str| {
+            assert!(text.contains(from), "{from} in\n{text}");
+            read_calibration(&Written::new(name, &text.replace(from, to)).0).unwrap_err()
+        };
+        let newer = faulty("newer.toml", "format = 1", "format = 2");
+        assert!(matches!(newer, WheelThrowError::UnknownFormat { found: 2, .. }), "{newer}");
+        let unknown = faulty("unknown.toml", "device_mass_kg", "device_mass_lb");
+        assert!(matches!(unknown, WheelThrowError::NotACalibration { .. }), "{unknown}");
+        for (name, from, to) in [("negative.toml", "mass_kg = 0", "mass_kg = -0"), ("step.toml", "step_s = 0.005", "step_s = 0.0")] {
+            let error = faulty(name, from, to);
+            assert!(matches!(error, WheelThrowError::NotIdentified { .. }), "{error}");
+        }
+    }
+}

@@ -103,7 +103,9 @@ pub enum IdentificationError {
         gap_s: f64,
     },
     /// A gyro at the end of its range: the rate is not known.
-    #[error("rate {rate_rad_s} rad/s at {time_s} s, at or above the gyro's {full_scale_rad_s} rad/s: throw with less spin")]
+    #[error(
+        "rate {rate_rad_s} rad/s at {time_s} s, at or above the gyro's {full_scale_rad_s} rad/s: throw with less spin"
+    )]
     GyroSaturated {
         /// Time of the sample, s.
         time_s: f64,

@@ -40,8 +40,9 @@ fn main() -> ExitCode {
     let result = match name {
         "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps"])
             .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
-        "real-data" => Arguments::parse(rest, &["--json", "--check"], &["--data"])
-            .and_then(|arguments| real_data::run(&arguments)),
+        "real-data" => {
+            Arguments::parse(rest, &["--json", "--check"], &["--data"]).and_then(|arguments| real_data::run(&arguments))
+        }
         unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
     };
     match result {

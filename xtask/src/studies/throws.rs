@@ -44,13 +44,18 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
     }
     let of = |configuration: &str| throws.get(configuration).map_or(&[][..], Vec::as_slice);
     let bodies = CalibrationBodies::default();
-    let files: Vec<(CalibrationKind, PathBuf)> = [("cal_device", CalibrationKind::Device), (PROOF, CalibrationKind::Proof)]
-        .into_iter()
-        .flat_map(|(name, kind)| of(name).iter().map(move |path| (kind, path.clone())))
-        .collect();
+    let files: Vec<(CalibrationKind, PathBuf)> =
+        [("cal_device", CalibrationKind::Device), (PROOF, CalibrationKind::Proof)]
+            .into_iter()
+            .flat_map(|(name, kind)| of(name).iter().map(move |path| (kind, path.clone())))
+            .collect();
     let calibration = calibrate_files(&files, &bodies, &ThrowSettings::default())
         .map_err(|error| Failure::BadInput(error.to_string()))?;
-    eprintln!("{SET}: wheel inertia {:.4e} kg m^2, one sigma {:.1e}", calibration.wheel_inertia_kg_m2, calibration.covariance[9][9].sqrt());
+    eprintln!(
+        "{SET}: wheel inertia {:.4e} kg m^2, one sigma {:.1e}",
+        calibration.wheel_inertia_kg_m2,
+        calibration.covariance[9][9].sqrt()
+    );
 
     let mut block = bodies.proof_block().inertia_about_com().diagonal();
     block.as_mut_slice().sort_by(f64::total_cmp);
@@ -60,11 +65,10 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
         let configuration = reference.configuration.as_str();
         let mut objects = Vec::new();
         for path in of(configuration) {
-            let estimate = read_throw(path)
-                .map_err(|error| Failure::BadInput(error.to_string()))
-                .and_then(|throw| {
-                    identify_throw(&throw, &calibration, Some(reference.mass_kg)).map_err(|error| Failure::file(path, error))
-                });
+            let estimate = read_throw(path).map_err(|error| Failure::BadInput(error.to_string())).and_then(|throw| {
+                identify_throw(&throw, &calibration, Some(reference.mass_kg))
+                    .map_err(|error| Failure::file(path, error))
+            });
             match estimate {
                 Ok(estimate) => objects.extend(estimate.object),
                 Err(failure) => missed.push(format!("{configuration}: {failure:?}")),
@@ -72,7 +76,8 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
         }
         let summary = summarize(&objects, reference);
         print_line(configuration, objects.len(), summary.as_ref(), json);
-        let Some(target) = MEAN_TARGETS.iter().find(|(name, _)| *name == configuration).map(|(_, target)| *target) else {
+        let Some(target) = MEAN_TARGETS.iter().find(|(name, _)| *name == configuration).map(|(_, target)| *target)
+        else {
             continue;
         };
         let Some(summary) = summary else {
@@ -169,9 +174,10 @@ fn references(folder: &Path) -> Result<Vec<Reference>, Failure> {
             let mut numbers = [0.0; 4];
             for (number, column) in numbers.iter_mut().zip(wanted) {
                 let cell = text(column)?;
-                *number = cell.parse().ok().filter(|value: &f64| *value > 0.0 && value.is_finite()).ok_or_else(|| {
-                    Failure::file(&path, format!("column `{column}`: `{cell}` is not a positive number"))
-                })?;
+                *number =
+                    cell.parse().ok().filter(|value: &f64| *value > 0.0 && value.is_finite()).ok_or_else(|| {
+                        Failure::file(&path, format!("column `{column}`: `{cell}` is not a positive number"))
+                    })?;
             }
             let [mass_kg, mut principal @ ..] = numbers;
             principal.sort_by(f64::total_cmp);
@@ -200,7 +206,8 @@ fn throws(folder: &Path) -> Result<(BTreeMap<String, Vec<PathBuf>>, usize), Fail
     files.sort();
     let mut throws: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
     for path in files.into_iter().filter(|path| path.extension().is_some_and(|extension| extension == "csv")) {
-        let [name, stem] = [path.file_name(), path.file_stem()].map(|part| part.map(|part| part.to_string_lossy().into_owned()));
+        let [name, stem] =
+            [path.file_name(), path.file_stem()].map(|part| part.map(|part| part.to_string_lossy().into_owned()));
         let configuration = name
             .and_then(|name| indexed.get(&name).cloned())
             .or_else(|| stem.and_then(|stem| stem.rsplit_once('_').map(|(configuration, _)| configuration.to_owned())));
@@ -217,6 +224,12 @@ fn table(path: &Path) -> Result<Vec<BTreeMap<String, String>>, Failure> {
     let mut lines = text.lines().filter(|line| !line.trim().is_empty());
     let columns: Vec<&str> = lines.next().unwrap_or_default().split(',').map(str::trim).collect();
     Ok(lines
-        .map(|line| columns.iter().map(|column| (*column).to_owned()).zip(line.split(',').map(|cell| cell.trim().to_owned())).collect())
+        .map(|line| {
+            columns
+                .iter()
+                .map(|column| (*column).to_owned())
+                .zip(line.split(',').map(|cell| cell.trim().to_owned()))
+                .collect()
+        })
         .collect())
 }

@@ -2,17 +2,19 @@
 
 use super::ThrowSettings;
 use super::regressors::{lever_arm_regressor, momentum_regressor, symmetric_matrix};
-use super::throw_record::{EndOfFall, FreeFall, ThrowRecord};
+use super::throw_record::{EndOfFall, FreeFall, ThrowRecord, ThrowSample};
 use crate::IdentificationError;
-use tumble_lie::nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use tumble_lie::LieGroup;
+use tumble_lie::nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector3};
 
 /// Passes over the momentum balance; each weights the rate errors with the inertia of the one before.
 const REWEIGHTINGS: usize = 3;
 /// Relative eigenvalue of the scaled information below which a direction counts as not excited.
 const RANK_TOLERANCE: f64 = 1e-12;
-/// Windows whose errors may be correlated reach over this many window lengths.
-const CORRELATION_WINDOWS: f64 = 4.0;
+/// Root mean square rate that a tumbling body has about each axis, in standard deviations of the rate.
+const RATE_SIGMAS: f64 = 25.0;
+/// Stretches of the fall that the covariance leaves out in turn.
+const BLOCKS: usize = 12;
 
 /// What one throw says by itself.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,8 +55,8 @@ impl FreeFallEstimate {
     /// [`IdentificationError::NotExcited`] where the motion leaves a part of the inertia or of the lever arm open.
     pub fn from_throw(record: &ThrowRecord, settings: &ThrowSettings) -> Result<Self, IdentificationError> {
         let fall = record.free_fall(&settings.validated()?)?;
+        check_tumbling(&fall, settings)?;
         let windows = windows(&fall, settings);
-        let correlated = (CORRELATION_WINDOWS * settings.window_s / settings.window_step_s).ceil() as usize;
 
         let mut inertia_ratio = SVector::zeros();
         for _ in 0..REWEIGHTINGS {
@@ -65,13 +67,30 @@ impl FreeFallEstimate {
         let lever_arm_m = solve(&lever_arm_rows)?;
         Ok(Self {
             inertia_ratio,
-            inertia_ratio_covariance: covariance(&rows, &inertia_ratio, correlated)?,
+            inertia_ratio_covariance: covariance(&rows)?,
             lever_arm_m,
-            lever_arm_covariance: covariance(&lever_arm_rows, &lever_arm_m, correlated)?,
+            lever_arm_covariance: covariance(&lever_arm_rows)?,
             end_s: fall.samples.last().map_or(0.0, |last| last.time_s),
             end: fall.end,
             windows: windows.len(),
         })
+    }
+}
+
+/// Refuses a motion whose rates stay in a plane or on a line but for their errors: a covariance cannot tell errors in the
+/// regressor from motion. Rates that span one, two, three directions determine three, five, six entries of the inertia.
+fn check_tumbling(fall: &FreeFall<'_>, settings: &ThrowSettings) -> Result<(), IdentificationError> {
+    let outer = |sum, sample: &ThrowSample| sum + sample.rate_body * sample.rate_body.transpose();
+    let mean_square = fall.samples.iter().fold(Matrix3::zeros(), outer) / fall.samples.len() as f64;
+    let rates = mean_square.symmetric_eigenvalues().map(|square| square.max(0.0).sqrt());
+    let directions = rates.iter().filter(|rate| **rate > RATE_SIGMAS * settings.rate_sigma_rad_s).count();
+    match [0, 3, 5].get(directions) {
+        Some(&rank) => Err(IdentificationError::NotExcited {
+            rank,
+            expected: 6,
+            smallest_singular_value: if rates.max() > 0.0 { rates.min() / rates.max() } else { 0.0 },
+        }),
+        None => Ok(()),
     }
 }
 
@@ -201,43 +220,30 @@ fn inverse_information<const N: usize>(
 }
 
 /// Least squares of `[A | y]`.
-fn solve<const N: usize, const M: usize>(
-    rows: &[SMatrix<f64, 3, M>],
-) -> Result<SVector<f64, N>, IdentificationError> {
-    let output = rows.iter().fold(SVector::<f64, N>::zeros(), |sum, row| {
-        sum + row.fixed_columns::<N>(0).transpose() * row.column(N)
-    });
+fn solve<const N: usize, const M: usize>(rows: &[SMatrix<f64, 3, M>]) -> Result<SVector<f64, N>, IdentificationError> {
+    let output = rows
+        .iter()
+        .fold(SVector::<f64, N>::zeros(), |sum, row| sum + row.fixed_columns::<N>(0).transpose() * row.column(N));
     Ok(inverse_information(&information(rows))? * output)
 }
 
-/// Covariance of [`solve`] that assumes nothing about the errors but that they forget: each window's pull on the
-/// estimate, paired with those of the windows up to `correlated` after it, weights falling linearly to zero.
+/// Covariance of [`solve`] that assumes nothing about the errors but that they are forgotten within a block: the spread
+/// of the estimates that each leave out one of [`BLOCKS`] stretches of the fall.
 ///
 /// # Source
-/// Newey and West, "A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance
-/// matrix", Econometrica 55 (1987), with their factor for the unknowns fitted.
+/// The delete-block jackknife: Kuensch, "The jackknife and the bootstrap for general stationary observations", Annals of
+/// Statistics 17 (1989).
 fn covariance<const N: usize, const M: usize>(
     rows: &[SMatrix<f64, 3, M>],
-    estimate: &SVector<f64, N>,
-    correlated: usize,
 ) -> Result<SMatrix<f64, N, N>, IdentificationError> {
-    let pulls: Vec<SVector<f64, N>> = rows
-        .iter()
-        .map(|row| {
-            let regressor = row.fixed_columns::<N>(0);
-            regressor.transpose() * (row.column(N) - regressor * estimate)
-        })
-        .collect();
-    let mut spread = SMatrix::<f64, N, N>::zeros();
-    for (k, pull) in pulls.iter().enumerate() {
-        spread += pull * pull.transpose();
-        for (lag, later) in pulls[k + 1..].iter().take(correlated).enumerate() {
-            let weight = 1.0 - (lag + 1) as f64 / (correlated + 1) as f64;
-            let pair = pull * later.transpose() * weight;
-            spread += pair + pair.transpose();
-        }
+    let block = rows.len().div_ceil(BLOCKS).max(1);
+    let mut estimates: Vec<SVector<f64, N>> = Vec::with_capacity(BLOCKS);
+    for start in (0..rows.len()).step_by(block) {
+        let kept = [&rows[..start], &rows[(start + block).min(rows.len())..]].concat();
+        estimates.push(solve(&kept)?);
     }
-    let inverse = inverse_information(&information(rows))?;
-    let freedom = (3 * rows.len()) as f64;
-    Ok(inverse * spread * inverse * (freedom / (freedom - N as f64)))
+    let count = estimates.len() as f64;
+    let mean = estimates.iter().sum::<SVector<f64, N>>() / count;
+    let outer = |sum, estimate: &SVector<f64, N>| sum + (estimate - mean) * (estimate - mean).transpose();
+    Ok(estimates.iter().fold(SMatrix::zeros(), outer) * ((count - 1.0) / count))
 }

@@ -114,14 +114,13 @@ fn without_device(
     let device_com_covariance = calibration_covariance.fixed_view::<3, 3>(6, 6).into_owned();
     // r_object = r + (m_device / m) (r - r_device)
     let share = calibration.device_mass_kg / mass_kg;
-    let com_covariance =
-        fall.lever_arm_covariance * (1.0 + share).powi(2) + device_com_covariance * (share * share);
+    let com_covariance = fall.lever_arm_covariance * (1.0 + share).powi(2) + device_com_covariance * (share * share);
 
     let (principal_inertia, body_from_principal) = principal(&inertia);
     let principal_inertia_sigma = Vector3::from_fn(|i, _| {
         let axis = body_from_principal.column(i).into_owned();
-        let gradient = symmetric_entries(&(axis * axis.transpose()))
-            .component_mul(&SVector::from([1.0, 2.0, 2.0, 1.0, 2.0, 1.0]));
+        let gradient =
+            symmetric_entries(&(axis * axis.transpose())).component_mul(&SVector::from([1.0, 2.0, 2.0, 1.0, 2.0, 1.0]));
         (inertia_covariance * gradient).dot(&gradient).max(0.0).sqrt()
     });
     Ok(ObjectEstimate {
