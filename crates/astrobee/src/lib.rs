@@ -13,4 +13,3 @@ pub mod report;
 pub mod wheel_throw;
 
 pub use error::AstrobeeError;
-pub mod wheel_throw;
