@@ -79,7 +79,8 @@ impl Default for ThrowSettings {
 }
 
 impl ThrowSettings {
-    /// Itself when every number is finite and positive; the start and the guard may be zero.
+    /// Itself when every number is finite and positive; the start and the guard may be zero, the step from window to
+    /// window at least a hundredth of the window.
     ///
     /// # Errors
     /// [`IdentificationError::NotPositive`] with the component in the order of the fields.
@@ -97,7 +98,8 @@ impl ThrowSettings {
         ];
         for (index, value) in fields.into_iter().enumerate() {
             let may_be_zero = [0, 3].contains(&index);
-            if !(value.is_finite() && (value > 0.0 || may_be_zero && value == 0.0)) {
+            let too_small = index == 2 && value < 0.01 * self.window_s;
+            if too_small || !(value.is_finite() && (value > 0.0 || may_be_zero && value == 0.0)) {
                 return Err(IdentificationError::NotPositive { index, value });
             }
         }

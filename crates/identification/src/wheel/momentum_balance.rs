@@ -111,10 +111,10 @@ fn windows(fall: &FreeFall<'_>, settings: &ThrowSettings) -> Vec<Window> {
 
     let (first_s, last_s) = (samples[0].time_s, samples[samples.len() - 1].time_s);
     let half_s = 0.5 * settings.window_s;
-    let count = ((last_s - first_s - settings.window_s) / settings.window_step_s) as usize + 1;
-    (0..count)
-        .map(|index| {
-            let center_s = first_s + half_s + index as f64 * settings.window_step_s;
+    let next = |center_s: &f64| Some(center_s + settings.window_step_s);
+    core::iter::successors(Some(first_s + half_s), next)
+        .take_while(|center_s| center_s + half_s <= last_s)
+        .map(|center_s| {
             let mut window = Window {
                 time_s: center_s,
                 momentum: SMatrix::zeros(),

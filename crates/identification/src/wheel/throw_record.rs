@@ -85,7 +85,7 @@ impl ThrowRecord {
                 fall_s: (end_s - begin_s).max(0.0),
                 samples: fall.len(),
                 needed_s,
-                needed_samples: (SAMPLES_PER_WINDOW as f64 * windows.max(needed_s / settings.window_s)).ceil() as usize,
+                needed_samples: SAMPLES_PER_WINDOW * WINDOWS,
             });
         }
         if let Some(gap) = fall.windows(2).find(|pair| pair[1].time_s - pair[0].time_s > 0.5 * settings.window_s) {
