@@ -157,13 +157,8 @@ pub enum AstrobeeError {
         known: &'static str,
     },
     /// T019: a wheel throw that cannot be used.
-    #[error("{path}: {message}")]
-    Throw {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        message: String,
-    },
+    #[error(transparent)]
+    Throw(#[from] crate::wheel_throw::WheelThrowError),
 }
 
 impl AstrobeeError {
@@ -188,7 +183,7 @@ impl AstrobeeError {
             Self::Dynamics(_) => "T016",
             Self::Plot { .. } => "T017",
             Self::UnknownFormat { .. } => "T018",
-            Self::Throw { .. } => "T019",
+            Self::Throw(_) => "T019",
         }
     }
 
@@ -221,7 +216,7 @@ impl AstrobeeError {
             Self::Dynamics(_) => "please report this with the seed",
             Self::Plot { .. } => "leave out `--out`, or report this",
             Self::UnknownFormat { .. } => "choose one of the named formats",
-            Self::Throw { .. } => "check the throw against the column description in `docs/wheel-throws.md`",
+            Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }
     }
 }
