@@ -8,7 +8,7 @@ use crate::BodyScale;
 use crate::error::IdentificationError;
 use crate::motion::MotionSample;
 use crate::regressors::Regressor;
-use crate::weighted_least_squares::{RowNoise, WeightedLeastSquares, WrenchRow};
+use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow};
 use nalgebra::{ComplexField, SVector, Vector3};
 
 /// Lags tried where noise forbids the shortest.
@@ -26,7 +26,6 @@ pub(super) struct Fit {
     pub(super) rows: Rows,
     /// Rough scale of the body, from the sizes of wrench and acceleration.
     pub(super) rough_scale: BodyScale,
-    pub(super) row_noise: RowNoise,
     /// `None` where the rows do not determine ten parameters.
     pub(super) least_squares: Option<WeightedLeastSquares>,
     /// Error expected from discretisation, from the change with the lag.
@@ -54,7 +53,6 @@ impl Fit {
             scheme,
             rows,
             rough_scale,
-            row_noise,
             least_squares,
             discretisation: SVector::zeros(),
             noisy: false,
@@ -141,14 +139,22 @@ pub(super) fn best_fit(
     }
     let mut best = first;
     for method in methods {
+        // The predicted error falls with the lag as noise averages out, then rises with discretisation.
+        let (mut last, mut rises) = (f64::INFINITY, 0);
         for lag in LAGS {
             let reach = Scheme::new(settings, method, lag).reach();
             if 8 * reach > timeline.len() {
                 break;
             }
             let Ok(candidate) = with_lag(method, lag) else { break };
-            if candidate.predicted_error() < best.predicted_error() {
+            let error = candidate.predicted_error();
+            rises = if error > last { rises + 1 } else { 0 };
+            last = error;
+            if error < best.predicted_error() {
                 best = candidate;
+            }
+            if rises == 2 {
+                break;
             }
         }
     }
