@@ -14,8 +14,8 @@ use crate::motion::MotionSample;
 use crate::weighted_least_squares::{WrenchRow, whitened};
 use crate::{Observability, WrenchTiming};
 use core::fmt;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use fit::{Fit, best_fit, rough_scale};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use noise::SampleNoise;
 use rows::Scheme;
 use solution::{Judgement, constrained, judge, standard_deviations, weak_prior};
@@ -318,8 +318,9 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
     if estimate.is_some_and(|found| found.lmi_active) {
         warnings.push(Warning::ConstraintActive);
     }
-    let residuals = body.map_or_else(Vec::new, |body| residuals(&fit.rows.rows, &timeline, &body.parameters));
-    let (torque_residual, force_residual) = fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
+    let residuals = body.map_or_else(Vec::new, |body| residuals(&fit.rows.all, &timeline, &body.parameters));
+    let (torque_residual, force_residual) =
+        fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
     let wrench_gain = fit.scheme.wrench_gain().sqrt();
     Ok(Identification {
         method: fit.scheme.method,
@@ -364,10 +365,10 @@ pub fn predict(
     // Overlapping averages of white noise keep its density at low frequency, which is what a fit sees; where only a pair
     // of rows in every stride is formed, each stands for more.
     let share = (2.0 / scheme.stride() as f64).min(1.0).sqrt();
-    let information = whitened(&rows.rows, wrench_noise.0 * share, wrench_noise.1 * share)?;
+    let information = whitened(&rows.all, wrench_noise.0 * share, wrench_noise.1 * share)?;
     let scale = match &settings.prior {
         Some(prior) => crate::BodyScale::of(&prior.mean.to_vector())?,
-        None => rough_scale(&rows.rows)?,
+        None => rough_scale(&rows.all)?,
     };
     let magnitudes = scale.parameter_magnitudes();
     let observability = Observability::new(&information, scale);
@@ -382,7 +383,7 @@ pub fn predict(
         null_directions: observability.null_directions().iter().map(ToString::to_string).collect(),
         covariance,
         std,
-        rows: 6 * rows.rows.len(),
+        rows: 6 * rows.all.len(),
     })
 }
 
@@ -404,7 +405,7 @@ pub fn validate(
     let (torque_sigma, force_sigma) = (found.noise.torque_n_m * gain, found.noise.force_n * gain);
     let (mut torque, mut force, mut normalised, mut applied) = (0.0, 0.0, 0.0, 0.0);
     let whiten = Vector6::new(torque_sigma, torque_sigma, torque_sigma, force_sigma, force_sigma, force_sigma);
-    for row in &rows.rows {
+    for row in &rows.all {
         let residual = row.regressor * parameters - row.wrench;
         let spread = row.regressor * estimate.covariance * row.regressor.transpose();
         torque += residual.fixed_rows::<3>(0).norm_squared();
@@ -415,9 +416,9 @@ pub fn validate(
             applied += row.wrench[i] * row.wrench[i] / variance.max(f64::MIN_POSITIVE);
         }
     }
-    let count = rows.rows.len() as f64;
+    let count = rows.all.len() as f64;
     Ok(Validation {
-        nodes: rows.rows.len(),
+        nodes: rows.all.len(),
         torque_rms_n_m: (torque / (3.0 * count)).sqrt(),
         force_rms_n: (force / (3.0 * count)).sqrt(),
         normalised_rms: (normalised / (6.0 * count)).sqrt(),
@@ -472,8 +473,8 @@ fn warnings_of(timeline: &Timeline, fit: &Fit, judgement: &Judgement, noise: &Sa
             warnings.push(Warning::Discretisation { share });
         }
     }
-    if rows.rows.len() < FEW_NODES {
-        warnings.push(Warning::FewRows { rows: 6 * rows.rows.len() });
+    if rows.all.len() < FEW_NODES {
+        warnings.push(Warning::FewRows { rows: 6 * rows.all.len() });
     }
     warnings
 }

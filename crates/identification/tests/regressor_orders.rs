@@ -1,5 +1,6 @@
 //! How fast each regressor converges on the exact motion of a body, and what breaks that.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
 mod exact_motion;
 
@@ -117,14 +118,18 @@ fn variational_data_give_the_parameters_back() {
 
 #[test]
 fn wrong_timing_costs_an_error_of_first_order() {
-    for (held, right, wrong) in [
-        (true, WrenchTiming::Held, WrenchTiming::Sampled),
-        (false, WrenchTiming::Sampled, WrenchTiming::Held),
-    ] {
-        let error = |timing, step_s| relative(&estimate(&record_d(step_s, held), Extrapolation::Order2, timing), &body_d());
+    for (held, right, wrong) in
+        [(true, WrenchTiming::Held, WrenchTiming::Sampled), (false, WrenchTiming::Sampled, WrenchTiming::Held)]
+    {
+        let error =
+            |timing, step_s| relative(&estimate(&record_d(step_s, held), Extrapolation::Order2, timing), &body_d());
         let found = STEPS_S.map(|step_s| error(wrong, step_s));
         let correct = STEPS_S.map(|step_s| error(right, step_s));
-        println!("held {held}: right {correct:?} order {}, wrong {found:?} order {}", order(&STEPS_S, &correct), order(&STEPS_S, &found));
+        println!(
+            "held {held}: right {correct:?} order {}, wrong {found:?} order {}",
+            order(&STEPS_S, &correct),
+            order(&STEPS_S, &found)
+        );
         if held {
             let observed = order(&STEPS_S[1..], &found[1..]);
             assert!((observed - 1.0).abs() < 0.2, "wrong timing: order {observed}, errors {found:?}");

@@ -42,21 +42,14 @@ impl Fit {
         noise: &SampleNoise,
     ) -> Result<Self, IdentificationError> {
         let rows = scheme.rows(record, timeline)?;
-        let rough_scale = rough_scale(&rows.rows)?;
+        let rough_scale = rough_scale(&rows.all)?;
         let row_noise = noise.of_rows(&scheme, timeline.median_step_s());
-        let least_squares = match WeightedLeastSquares::fit(&rows.rows, rough_scale, &row_noise, scheme.lag > 1) {
+        let least_squares = match WeightedLeastSquares::fit(&rows.all, rough_scale, &row_noise, scheme.lag > 1) {
             Ok(found) => Some(found),
             Err(IdentificationError::NotExcited { .. }) => None,
             Err(error) => return Err(error),
         };
-        Ok(Self {
-            scheme,
-            rows,
-            rough_scale,
-            least_squares,
-            discretisation: SVector::zeros(),
-            noisy: false,
-        })
+        Ok(Self { scheme, rows, rough_scale, least_squares, discretisation: SVector::zeros(), noisy: false })
     }
 
     /// Scale of the body found, or the rough one.
@@ -77,8 +70,7 @@ impl Fit {
         let (bias, magnitudes) = (self.attenuation(), self.scale().parameter_magnitudes());
         (0..10).any(|i| {
             let (bias, size) = (bias[i].abs(), magnitudes[i]);
-            bias > LARGE_BIAS * size
-                || bias > NEGLIGIBLE_BIAS * size && bias * bias > 0.25 * found.covariance[(i, i)]
+            bias > LARGE_BIAS * size || bias > NEGLIGIBLE_BIAS * size && bias * bias > 0.25 * found.covariance[(i, i)]
         })
     }
 
@@ -172,7 +164,8 @@ pub(super) fn rough_scale(rows: &[WrenchRow]) -> Result<BodyScale, Identificatio
     let torque = rms(&|row| row.wrench.fixed_rows::<3>(0).into_owned());
     let acceleration = rms(&|row| column(&row.regressor, 0));
     let angular = rms(&|row| column(&row.regressor, 1) + column(&row.regressor, 2));
-    let ratio = |a: f64, b: f64, otherwise: f64| if a > 0.0 && b > 0.0 && (a / b).is_finite() { a / b } else { otherwise };
+    let ratio =
+        |a: f64, b: f64, otherwise: f64| if a > 0.0 && b > 0.0 && (a / b).is_finite() { a / b } else { otherwise };
     let length = ratio(torque, force, ratio(acceleration, angular, 0.3)).clamp(LENGTHS_M.0, LENGTHS_M.1);
     BodyScale::try_new(ratio(force, acceleration, 1.0), length)
 }

@@ -186,7 +186,8 @@ pub fn errors(found: &InertialParameters<f64>, truth: &InertialParameters<f64>) 
 /// Slope of log error over log step.
 pub fn order(steps: &[f64], errors: &[f64]) -> f64 {
     let n = steps.len() as f64;
-    let (x, y): (Vec<f64>, Vec<f64>) = (steps.iter().map(|s| s.ln()).collect(), errors.iter().map(|e| e.ln()).collect());
+    let (x, y): (Vec<f64>, Vec<f64>) =
+        (steps.iter().map(|s| s.ln()).collect(), errors.iter().map(|e| e.ln()).collect());
     let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
     let (mut sxy, mut sxx) = (0.0, 0.0);
     for (a, b) in x.iter().zip(&y) {
