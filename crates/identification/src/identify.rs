@@ -146,6 +146,17 @@ pub enum Warning {
         /// Lag used, samples.
         lag: usize,
     },
+    /// Rates and velocities are noisy compared with their change over one row.
+    NoisyRates {
+        /// Estimated noise of the angular velocity, rad/s.
+        rate_rad_s: f64,
+        /// Estimated noise of the velocity, m/s.
+        velocity_m_s: f64,
+        /// Share of the regressor's signal, at the lag used, that is noise.
+        noise_share: f64,
+        /// Lag used, samples.
+        lag: usize,
+    },
     /// The error of discretisation is a visible part of the uncertainty (and is included in it).
     Discretisation {
         /// Largest ratio of discretisation error to total standard deviation over the ten parameters.
@@ -187,6 +198,12 @@ impl fmt::Display for Warning {
                 "poses look noisy ({position_m:.1e} m, {attitude_rad:.1e} rad): {:.1} % of the regression signal at lag \
                  {lag} is noise; rows of disjoint poses serve as instruments, and measured rates and velocities or the \
                  method maximum-likelihood would do better",
+                100.0 * noise_share
+            ),
+            Self::NoisyRates { rate_rad_s, velocity_m_s, noise_share, lag } => write!(
+                f,
+                "rates and velocities look noisy ({rate_rad_s:.1e} rad/s, {velocity_m_s:.1e} m/s): {:.1} % of the \
+                 regression signal at lag {lag} is noise; rows of disjoint samples serve as instruments",
                 100.0 * noise_share
             ),
             Self::Discretisation { share } => write!(
@@ -455,13 +472,14 @@ fn warnings_of(timeline: &Timeline, fit: &Fit, judgement: &Judgement, noise: &Sa
     if rows.skipped_half_turn > 0 {
         warnings.push(Warning::HalfTurns { skipped: rows.skipped_half_turn });
     }
-    if fit.noisy {
-        warnings.push(Warning::NoisyPoses {
-            position_m: noise.position_m,
-            attitude_rad: noise.attitude_rad,
-            noise_share: judgement.noise_share,
-            lag: fit.scheme.lag,
-        });
+    let (noise_share, lag) = (judgement.noise_share, fit.scheme.lag);
+    if fit.poses_noisy {
+        let SampleNoise { position_m, attitude_rad, .. } = *noise;
+        warnings.push(Warning::NoisyPoses { position_m, attitude_rad, noise_share, lag });
+    }
+    if fit.rates_noisy {
+        let SampleNoise { rate_rad_s, velocity_m_s, .. } = *noise;
+        warnings.push(Warning::NoisyRates { rate_rad_s, velocity_m_s, noise_share, lag });
     }
     if let Some(found) = &fit.least_squares {
         let magnitudes = judgement.scale.parameter_magnitudes();

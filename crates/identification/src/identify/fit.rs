@@ -30,8 +30,10 @@ pub(super) struct Fit {
     pub(super) least_squares: Option<WeightedLeastSquares>,
     /// Error expected from discretisation, from the change with the lag.
     pub(super) discretisation: SVector<f64, 10>,
-    /// Plain least squares at the shortest lag would be visibly biased by noise in the poses.
-    pub(super) noisy: bool,
+    /// Plain pose-only least squares at the shortest lag would be visibly biased by noise in the poses.
+    pub(super) poses_noisy: bool,
+    /// The same of rates and velocities, where they were asked for.
+    pub(super) rates_noisy: bool,
 }
 
 impl Fit {
@@ -49,7 +51,15 @@ impl Fit {
             Err(IdentificationError::NotExcited { .. }) => None,
             Err(error) => return Err(error),
         };
-        Ok(Self { scheme, rows, rough_scale, least_squares, discretisation: SVector::zeros(), noisy: false })
+        Ok(Self {
+            scheme,
+            rows,
+            rough_scale,
+            least_squares,
+            discretisation: SVector::zeros(),
+            poses_noisy: false,
+            rates_noisy: false,
+        })
     }
 
     /// Scale of the body found, or the rough one.
@@ -122,8 +132,10 @@ pub(super) fn best_fit(
         other => other?,
     };
     let noisy = first.scheme.lag == 1 && first.is_noisy();
+    let of_rates = first.scheme.method == Method::NewtonEuler;
+    let flagged = |fit: Fit| Fit { poses_noisy: noisy && !of_rates, rates_noisy: noisy && of_rates, ..fit };
     if settings.lag.is_some() || !noisy {
-        return Ok(Fit { noisy, ..first });
+        return Ok(flagged(first));
     }
     let mut methods = vec![first.scheme.method];
     if automatic {
@@ -150,7 +162,7 @@ pub(super) fn best_fit(
             }
         }
     }
-    Ok(Fit { noisy, ..best })
+    Ok(flagged(best))
 }
 
 /// Mass from force over acceleration, length from torque over force, or from accelerations where there is no torque.

@@ -82,9 +82,7 @@ type Response = (usize, Vector6<f64>, Vector6<f64>);
 fn unexplained(series: &[Response]) -> (f64, f64) {
     let difference = |window: &[Response]| match window {
         [a, b, c, d, e] if e.0 - a.0 == 4 => {
-            let fourth = |f: fn(&Response) -> Vector6<f64>| {
-                f(a) - f(b) * 4.0 + f(c) * 6.0 - f(d) * 4.0 + f(e)
-            };
+            let fourth = |f: fn(&Response) -> Vector6<f64>| f(a) - f(b) * 4.0 + f(c) * 6.0 - f(d) * 4.0 + f(e);
             Some((fourth(|row| row.1), fourth(|row| row.2)))
         }
         _ => None,

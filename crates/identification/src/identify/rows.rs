@@ -119,14 +119,8 @@ impl Scheme {
     /// Where the whole record gives not one row.
     pub(super) fn rows(&self, record: &[MotionSample], timeline: &Timeline) -> Result<Rows, IdentificationError> {
         let reach = self.reach();
-        let mut result = Rows {
-            all: Vec::new(),
-            windows: 0,
-            skipped_unequal: 0,
-            skipped_missing: 0,
-            skipped_half_turn: 0,
-            used: 0,
-        };
+        let mut result =
+            Rows { all: Vec::new(), windows: 0, skipped_unequal: 0, skipped_missing: 0, skipped_half_turn: 0, used: 0 };
         let (stride, mut used_until) = (self.stride(), 0);
         for node in reach..timeline.len().saturating_sub(reach) {
             if (node - reach) % stride > 1 {
