@@ -195,7 +195,7 @@ fn cubesat_record(seed: u64, samples: usize) -> (InertialParameters<f64>, Vec<Mo
 /// (`design/accuracy.md` 7). It must not be believed; a longer lag with instruments, or measured rates, must do.
 #[test]
 fn noisy_poses_are_noticed_and_answered() {
-    let (body, record) = cubesat_record(50, 3750);
+    let (body, record) = cubesat_record(50, 3000);
     let mut poses = record.clone();
     poses_only(&mut poses);
     let plain =

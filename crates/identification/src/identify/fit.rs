@@ -12,7 +12,8 @@ use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow};
 use nalgebra::{ComplexField, SVector, Vector3};
 
 /// Lags tried where noise forbids the shortest.
-const LAGS: [usize; 13] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128];
+/// Each but the last two has its double among them, which judges its discretisation.
+const LAGS: [usize; 15] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256];
 /// A bias below this fraction of the body's scale is rounding.
 const NEGLIGIBLE_BIAS: f64 = 1e-6;
 /// A bias above this fraction of the body's scale is never accepted without warning.
@@ -90,8 +91,7 @@ impl Fit {
         if let (Some(found), Some(other)) =
             (&self.least_squares, longer.and_then(|longer| longer.least_squares.as_ref()))
         {
-            let divisor = 2.0_f64.powi(self.scheme.order()) - 1.0;
-            self.discretisation = (other.parameters - found.parameters) / divisor;
+            self.discretisation = discretisation(&self.scheme, found, other);
         }
         if let Some(found) = &mut self.least_squares {
             found.covariance +=
@@ -99,14 +99,18 @@ impl Fit {
         }
         self
     }
+}
 
-    /// Sum of relative variances of the ten parameters.
-    fn predicted_error(&self) -> f64 {
-        let Some(found) = &self.least_squares else { return f64::INFINITY };
-        let Ok(scale) = BodyScale::of(&found.parameters) else { return f64::INFINITY };
-        let magnitudes = scale.parameter_magnitudes();
-        (0..10).map(|i| found.covariance[(i, i)] / (magnitudes[i] * magnitudes[i])).sum()
-    }
+/// Error of discretisation, from the change that twice the lag makes.
+fn discretisation(scheme: &Scheme, found: &WeightedLeastSquares, longer: &WeightedLeastSquares) -> SVector<f64, 10> {
+    (longer.parameters - found.parameters) / (2.0_f64.powi(scheme.order()) - 1.0)
+}
+
+/// Sum of relative mean squared errors of the ten parameters.
+fn predicted_error(found: &WeightedLeastSquares, bias: &SVector<f64, 10>) -> f64 {
+    let Ok(scale) = BodyScale::of(&found.parameters) else { return f64::INFINITY };
+    let magnitudes = scale.parameter_magnitudes();
+    (0..10).map(|i| (found.covariance[(i, i)] + bias[i] * bias[i]) / (magnitudes[i] * magnitudes[i])).sum()
 }
 
 /// The fit whose predicted error is least, among the methods and lags that the settings leave open.
@@ -141,28 +145,26 @@ pub(super) fn best_fit(
     if automatic {
         methods.push(Method::NewtonEuler);
     }
-    let mut best = first;
+    let least = first.least_squares.as_ref().map_or(f64::INFINITY, |found| predicted_error(found, &SVector::zeros()));
+    let mut best = (least, method, 1);
     for method in methods {
-        // The predicted error falls with the lag as noise averages out, then rises with discretisation.
-        let (mut last, mut rises) = (f64::INFINITY, 0);
-        for lag in LAGS {
-            let reach = Scheme::new(settings, method, lag).reach();
-            if 8 * reach > timeline.len() {
-                break;
-            }
-            let Ok(candidate) = with_lag(method, lag) else { break };
-            let error = candidate.predicted_error();
-            rises = if error > last { rises + 1 } else { 0 };
-            last = error;
-            if error < best.predicted_error() {
-                best = candidate;
-            }
-            if rises == 2 {
-                break;
+        let scheme = |lag| Scheme::new(settings, method, lag);
+        let fits: Vec<(usize, WeightedLeastSquares)> = LAGS
+            .into_iter()
+            .take_while(|&lag| 4 * scheme(lag).reach() <= timeline.len())
+            .map_while(|lag| Fit::new(scheme(lag), record, timeline, noise).ok().map(|fit| (lag, fit.least_squares)))
+            .filter_map(|(lag, found)| Some((lag, found?)))
+            .collect();
+        for (lag, found) in &fits {
+            let Some((_, longer)) = fits.iter().find(|(other, _)| *other == 2 * lag) else { continue };
+            let error = predicted_error(found, &discretisation(&scheme(*lag), found, longer));
+            if error < best.0 {
+                best = (error, method, *lag);
             }
         }
     }
-    Ok(flagged(best))
+    let (_, method, lag) = best;
+    if lag == 1 { Ok(flagged(first)) } else { with_lag(method, lag).map(flagged) }
 }
 
 /// Mass from force over acceleration, length from torque over force, or from accelerations where there is no torque.
