@@ -14,8 +14,8 @@ use crate::motion::MotionSample;
 use crate::weighted_least_squares::{WrenchRow, whitened};
 use crate::{Observability, WrenchTiming};
 use core::fmt;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use fit::{Fit, best_fit, rough_scale};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use noise::SampleNoise;
 use rows::Scheme;
 use solution::{Judgement, constrained, judge, standard_deviations, weak_prior};
@@ -146,6 +146,17 @@ pub enum Warning {
         /// Lag used, samples.
         lag: usize,
     },
+    /// Rates and velocities are noisy compared with their change over one row.
+    NoisyRates {
+        /// Estimated noise of the angular velocity, rad/s.
+        rate_rad_s: f64,
+        /// Estimated noise of the velocity, m/s.
+        velocity_m_s: f64,
+        /// Share of the regressor's signal, at the lag used, that is noise.
+        noise_share: f64,
+        /// Lag used, samples.
+        lag: usize,
+    },
     /// The error of discretisation is a visible part of the uncertainty (and is included in it).
     Discretisation {
         /// Largest ratio of discretisation error to total standard deviation over the ten parameters.
@@ -187,6 +198,12 @@ impl fmt::Display for Warning {
                 "poses look noisy ({position_m:.1e} m, {attitude_rad:.1e} rad): {:.1} % of the regression signal at lag \
                  {lag} is noise; rows of disjoint poses serve as instruments, and measured rates and velocities or the \
                  method maximum-likelihood would do better",
+                100.0 * noise_share
+            ),
+            Self::NoisyRates { rate_rad_s, velocity_m_s, noise_share, lag } => write!(
+                f,
+                "rates and velocities look noisy ({rate_rad_s:.1e} rad/s, {velocity_m_s:.1e} m/s): {:.1} % of the \
+                 regression signal at lag {lag} is noise; rows of disjoint samples serve as instruments",
                 100.0 * noise_share
             ),
             Self::Discretisation { share } => write!(
@@ -318,8 +335,9 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
     if estimate.is_some_and(|found| found.lmi_active) {
         warnings.push(Warning::ConstraintActive);
     }
-    let residuals = body.map_or_else(Vec::new, |body| residuals(&fit.rows.rows, &timeline, &body.parameters));
-    let (torque_residual, force_residual) = fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
+    let residuals = body.map_or_else(Vec::new, |body| residuals(&fit.rows.all, &timeline, &body.parameters));
+    let (torque_residual, force_residual) =
+        fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
     let wrench_gain = fit.scheme.wrench_gain().sqrt();
     Ok(Identification {
         method: fit.scheme.method,
@@ -364,10 +382,10 @@ pub fn predict(
     // Overlapping averages of white noise keep its density at low frequency, which is what a fit sees; where only a pair
     // of rows in every stride is formed, each stands for more.
     let share = (2.0 / scheme.stride() as f64).min(1.0).sqrt();
-    let information = whitened(&rows.rows, wrench_noise.0 * share, wrench_noise.1 * share)?;
+    let information = whitened(&rows.all, wrench_noise.0 * share, wrench_noise.1 * share)?;
     let scale = match &settings.prior {
         Some(prior) => crate::BodyScale::of(&prior.mean.to_vector())?,
-        None => rough_scale(&rows.rows)?,
+        None => rough_scale(&rows.all)?,
     };
     let magnitudes = scale.parameter_magnitudes();
     let observability = Observability::new(&information, scale);
@@ -382,7 +400,7 @@ pub fn predict(
         null_directions: observability.null_directions().iter().map(ToString::to_string).collect(),
         covariance,
         std,
-        rows: 6 * rows.rows.len(),
+        rows: 6 * rows.all.len(),
     })
 }
 
@@ -404,7 +422,7 @@ pub fn validate(
     let (torque_sigma, force_sigma) = (found.noise.torque_n_m * gain, found.noise.force_n * gain);
     let (mut torque, mut force, mut normalised, mut applied) = (0.0, 0.0, 0.0, 0.0);
     let whiten = Vector6::new(torque_sigma, torque_sigma, torque_sigma, force_sigma, force_sigma, force_sigma);
-    for row in &rows.rows {
+    for row in &rows.all {
         let residual = row.regressor * parameters - row.wrench;
         let spread = row.regressor * estimate.covariance * row.regressor.transpose();
         torque += residual.fixed_rows::<3>(0).norm_squared();
@@ -415,9 +433,9 @@ pub fn validate(
             applied += row.wrench[i] * row.wrench[i] / variance.max(f64::MIN_POSITIVE);
         }
     }
-    let count = rows.rows.len() as f64;
+    let count = rows.all.len() as f64;
     Ok(Validation {
-        nodes: rows.rows.len(),
+        nodes: rows.all.len(),
         torque_rms_n_m: (torque / (3.0 * count)).sqrt(),
         force_rms_n: (force / (3.0 * count)).sqrt(),
         normalised_rms: (normalised / (6.0 * count)).sqrt(),
@@ -454,13 +472,14 @@ fn warnings_of(timeline: &Timeline, fit: &Fit, judgement: &Judgement, noise: &Sa
     if rows.skipped_half_turn > 0 {
         warnings.push(Warning::HalfTurns { skipped: rows.skipped_half_turn });
     }
-    if fit.noisy {
-        warnings.push(Warning::NoisyPoses {
-            position_m: noise.position_m,
-            attitude_rad: noise.attitude_rad,
-            noise_share: judgement.noise_share,
-            lag: fit.scheme.lag,
-        });
+    let (noise_share, lag) = (judgement.noise_share, fit.scheme.lag);
+    if fit.poses_noisy {
+        let SampleNoise { position_m, attitude_rad, .. } = *noise;
+        warnings.push(Warning::NoisyPoses { position_m, attitude_rad, noise_share, lag });
+    }
+    if fit.rates_noisy {
+        let SampleNoise { rate_rad_s, velocity_m_s, .. } = *noise;
+        warnings.push(Warning::NoisyRates { rate_rad_s, velocity_m_s, noise_share, lag });
     }
     if let Some(found) = &fit.least_squares {
         let magnitudes = judgement.scale.parameter_magnitudes();
@@ -472,8 +491,8 @@ fn warnings_of(timeline: &Timeline, fit: &Fit, judgement: &Judgement, noise: &Sa
             warnings.push(Warning::Discretisation { share });
         }
     }
-    if rows.rows.len() < FEW_NODES {
-        warnings.push(Warning::FewRows { rows: 6 * rows.rows.len() });
+    if rows.all.len() < FEW_NODES {
+        warnings.push(Warning::FewRows { rows: 6 * rows.all.len() });
     }
     warnings
 }

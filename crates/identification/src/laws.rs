@@ -1,4 +1,8 @@
-//! Executable laws for feasible sets, constrained solvers and square-root recursions, yours included.
+//! Executable laws for feasible sets, constrained solvers, square-root recursions and linear models, yours included.
+
+mod linear_model;
+
+pub use linear_model::check_linear_model;
 
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet};
 use crate::square_root_information::SquareRootInformation;

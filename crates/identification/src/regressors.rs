@@ -10,7 +10,9 @@ mod variational;
 
 pub use finite_difference::{FiniteDifference, StateSample};
 pub use newton_euler::{NewtonEuler, NewtonEulerSample, newton_euler};
-pub use variational::{Extrapolation, ObserverFrame, PoseTriple, Variational, VariationalSample, variational, variational_extrapolated};
+pub use variational::{
+    Extrapolation, ObserverFrame, PoseTriple, Variational, VariationalSample, variational, variational_extrapolated,
+};
 
 use crate::lie::Scalar;
 use nalgebra::{ArrayStorage, SMatrix, Vector3};

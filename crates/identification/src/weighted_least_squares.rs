@@ -81,8 +81,10 @@ impl WeightedLeastSquares {
         for _ in 0..REWEIGHTINGS {
             let (t, f) = residual_sums(rows, &parameters);
             let per_group = |sum: f64| (freedom * sum / (3 * rows.len()) as f64).sqrt();
-            (torque, force) =
-                (per_group(t).max(floor * scale.length_m()).max(f64::MIN_POSITIVE.sqrt()), per_group(f).max(floor).max(f64::MIN_POSITIVE.sqrt()));
+            (torque, force) = (
+                per_group(t).max(floor * scale.length_m()).max(f64::MIN_POSITIVE.sqrt()),
+                per_group(f).max(floor).max(f64::MIN_POSITIVE.sqrt()),
+            );
             information = whitened(rows, torque, force)?;
             parameters = information.solve(&magnitudes)?;
         }
@@ -146,11 +148,7 @@ impl WeightedLeastSquares {
 ///
 /// # Errors
 /// [`IdentificationError::NotFinite`].
-pub fn whitened(
-    rows: &[WrenchRow],
-    torque: f64,
-    force: f64,
-) -> Result<SquareRootInformation<10>, IdentificationError> {
+pub fn whitened(rows: &[WrenchRow], torque: f64, force: f64) -> Result<SquareRootInformation<10>, IdentificationError> {
     let roots = weights(torque, force).map(f64::sqrt);
     let mut information = SquareRootInformation::new();
     for row in rows {
@@ -187,7 +185,9 @@ fn moment_covariance(
     let residuals: Vec<Vector6<f64>> = rows.iter().map(|row| row.regressor * parameters - row.wrench).collect();
     let near = |i: usize| {
         let index = rows[i].index;
-        (i + 1..rows.len()).take_while(move |&j| rows[j].index - index <= correlation_length).map(move |j| (j, rows[j].index - index))
+        (i + 1..rows.len())
+            .take_while(move |&j| rows[j].index - index <= correlation_length)
+            .map(move |j| (j, rows[j].index - index))
     };
     let mut autocovariance = vec![(Matrix6::<f64>::zeros(), 0_usize); correlation_length + 1];
     for i in 0..rows.len() {

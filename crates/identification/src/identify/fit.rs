@@ -8,11 +8,12 @@ use crate::BodyScale;
 use crate::error::IdentificationError;
 use crate::motion::MotionSample;
 use crate::regressors::Regressor;
-use crate::weighted_least_squares::{RowNoise, WeightedLeastSquares, WrenchRow};
+use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow};
 use nalgebra::{ComplexField, SVector, Vector3};
 
 /// Lags tried where noise forbids the shortest.
-const LAGS: [usize; 13] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128];
+/// Each but the last two has its double among them, which judges its discretisation.
+const LAGS: [usize; 15] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256];
 /// A bias below this fraction of the body's scale is rounding.
 const NEGLIGIBLE_BIAS: f64 = 1e-6;
 /// A bias above this fraction of the body's scale is never accepted without warning.
@@ -26,13 +27,14 @@ pub(super) struct Fit {
     pub(super) rows: Rows,
     /// Rough scale of the body, from the sizes of wrench and acceleration.
     pub(super) rough_scale: BodyScale,
-    pub(super) row_noise: RowNoise,
     /// `None` where the rows do not determine ten parameters.
     pub(super) least_squares: Option<WeightedLeastSquares>,
     /// Error expected from discretisation, from the change with the lag.
     pub(super) discretisation: SVector<f64, 10>,
-    /// Plain least squares at the shortest lag would be visibly biased by noise in the poses.
-    pub(super) noisy: bool,
+    /// Plain pose-only least squares at the shortest lag would be visibly biased by noise in the poses.
+    pub(super) poses_noisy: bool,
+    /// The same of rates and velocities, where they were asked for.
+    pub(super) rates_noisy: bool,
 }
 
 impl Fit {
@@ -43,9 +45,9 @@ impl Fit {
         noise: &SampleNoise,
     ) -> Result<Self, IdentificationError> {
         let rows = scheme.rows(record, timeline)?;
-        let rough_scale = rough_scale(&rows.rows)?;
+        let rough_scale = rough_scale(&rows.all)?;
         let row_noise = noise.of_rows(&scheme, timeline.median_step_s());
-        let least_squares = match WeightedLeastSquares::fit(&rows.rows, rough_scale, &row_noise, scheme.lag > 1) {
+        let least_squares = match WeightedLeastSquares::fit(&rows.all, rough_scale, &row_noise, scheme.lag > 1) {
             Ok(found) => Some(found),
             Err(IdentificationError::NotExcited { .. }) => None,
             Err(error) => return Err(error),
@@ -54,10 +56,10 @@ impl Fit {
             scheme,
             rows,
             rough_scale,
-            row_noise,
             least_squares,
             discretisation: SVector::zeros(),
-            noisy: false,
+            poses_noisy: false,
+            rates_noisy: false,
         })
     }
 
@@ -79,8 +81,7 @@ impl Fit {
         let (bias, magnitudes) = (self.attenuation(), self.scale().parameter_magnitudes());
         (0..10).any(|i| {
             let (bias, size) = (bias[i].abs(), magnitudes[i]);
-            bias > LARGE_BIAS * size
-                || bias > NEGLIGIBLE_BIAS * size && bias * bias > 0.25 * found.covariance[(i, i)]
+            bias > LARGE_BIAS * size || bias > NEGLIGIBLE_BIAS * size && bias * bias > 0.25 * found.covariance[(i, i)]
         })
     }
 
@@ -90,8 +91,7 @@ impl Fit {
         if let (Some(found), Some(other)) =
             (&self.least_squares, longer.and_then(|longer| longer.least_squares.as_ref()))
         {
-            let divisor = 2.0_f64.powi(self.scheme.order()) - 1.0;
-            self.discretisation = (other.parameters - found.parameters) / divisor;
+            self.discretisation = discretisation(&self.scheme, found, other);
         }
         if let Some(found) = &mut self.least_squares {
             found.covariance +=
@@ -99,14 +99,18 @@ impl Fit {
         }
         self
     }
+}
 
-    /// Sum of relative variances of the ten parameters.
-    fn predicted_error(&self) -> f64 {
-        let Some(found) = &self.least_squares else { return f64::INFINITY };
-        let Ok(scale) = BodyScale::of(&found.parameters) else { return f64::INFINITY };
-        let magnitudes = scale.parameter_magnitudes();
-        (0..10).map(|i| found.covariance[(i, i)] / (magnitudes[i] * magnitudes[i])).sum()
-    }
+/// Error of discretisation, from the change that twice the lag makes.
+fn discretisation(scheme: &Scheme, found: &WeightedLeastSquares, longer: &WeightedLeastSquares) -> SVector<f64, 10> {
+    (longer.parameters - found.parameters) / (2.0_f64.powi(scheme.order()) - 1.0)
+}
+
+/// Sum of relative mean squared errors of the ten parameters.
+fn predicted_error(found: &WeightedLeastSquares, bias: &SVector<f64, 10>) -> f64 {
+    let Ok(scale) = BodyScale::of(&found.parameters) else { return f64::INFINITY };
+    let magnitudes = scale.parameter_magnitudes();
+    (0..10).map(|i| (found.covariance[(i, i)] + bias[i] * bias[i]) / (magnitudes[i] * magnitudes[i])).sum()
 }
 
 /// The fit whose predicted error is least, among the methods and lags that the settings leave open.
@@ -132,27 +136,35 @@ pub(super) fn best_fit(
         other => other?,
     };
     let noisy = first.scheme.lag == 1 && first.is_noisy();
+    let of_rates = first.scheme.method == Method::NewtonEuler;
+    let flagged = |fit: Fit| Fit { poses_noisy: noisy && !of_rates, rates_noisy: noisy && of_rates, ..fit };
     if settings.lag.is_some() || !noisy {
-        return Ok(Fit { noisy, ..first });
+        return Ok(flagged(first));
     }
     let mut methods = vec![first.scheme.method];
     if automatic {
         methods.push(Method::NewtonEuler);
     }
-    let mut best = first;
+    let least = first.least_squares.as_ref().map_or(f64::INFINITY, |found| predicted_error(found, &SVector::zeros()));
+    let mut best = (least, method, 1);
     for method in methods {
-        for lag in LAGS {
-            let reach = Scheme::new(settings, method, lag).reach();
-            if 8 * reach > timeline.len() {
-                break;
-            }
-            let Ok(candidate) = with_lag(method, lag) else { break };
-            if candidate.predicted_error() < best.predicted_error() {
-                best = candidate;
+        let scheme = |lag| Scheme::new(settings, method, lag);
+        let fits: Vec<(usize, WeightedLeastSquares)> = LAGS
+            .into_iter()
+            .take_while(|&lag| 4 * scheme(lag).reach() <= timeline.len())
+            .map_while(|lag| Fit::new(scheme(lag), record, timeline, noise).ok().map(|fit| (lag, fit.least_squares)))
+            .filter_map(|(lag, found)| Some((lag, found?)))
+            .collect();
+        for (lag, found) in &fits {
+            let Some((_, longer)) = fits.iter().find(|(other, _)| *other == 2 * lag) else { continue };
+            let error = predicted_error(found, &discretisation(&scheme(*lag), found, longer));
+            if error < best.0 {
+                best = (error, method, *lag);
             }
         }
     }
-    Ok(Fit { noisy, ..best })
+    let (_, method, lag) = best;
+    if lag == 1 { Ok(flagged(first)) } else { with_lag(method, lag).map(flagged) }
 }
 
 /// Mass from force over acceleration, length from torque over force, or from accelerations where there is no torque.
@@ -166,7 +178,8 @@ pub(super) fn rough_scale(rows: &[WrenchRow]) -> Result<BodyScale, Identificatio
     let torque = rms(&|row| row.wrench.fixed_rows::<3>(0).into_owned());
     let acceleration = rms(&|row| column(&row.regressor, 0));
     let angular = rms(&|row| column(&row.regressor, 1) + column(&row.regressor, 2));
-    let ratio = |a: f64, b: f64, otherwise: f64| if a > 0.0 && b > 0.0 && (a / b).is_finite() { a / b } else { otherwise };
+    let ratio =
+        |a: f64, b: f64, otherwise: f64| if a > 0.0 && b > 0.0 && (a / b).is_finite() { a / b } else { otherwise };
     let length = ratio(torque, force, ratio(acceleration, angular, 0.3)).clamp(LENGTHS_M.0, LENGTHS_M.1);
     BodyScale::try_new(ratio(force, acceleration, 1.0), length)
 }

@@ -29,7 +29,7 @@ impl SampleNoise {
         let scheme = Scheme::new(settings, Method::Variational, 1);
         if let Ok(rows) = scheme.rows(record, timeline) {
             let series: Vec<_> = rows
-                .rows
+                .all
                 .iter()
                 .map(|row| {
                     let h = &row.regressor;
@@ -73,15 +73,16 @@ impl SampleNoise {
     }
 }
 
+/// Sample, motion `[angular; linear]`, wrench.
+type Response = (usize, Vector6<f64>, Vector6<f64>);
+
 /// Robust standard deviation (angular, linear) of fourth differences, less what differences of the wrench explain.
 ///
 /// The wrench is the input, measured well: regressing the motion on it is not attenuated by noise in the motion.
-fn unexplained(series: &[(usize, Vector6<f64>, Vector6<f64>)]) -> (f64, f64) {
-    let difference = |window: &[(usize, Vector6<f64>, Vector6<f64>)]| match window {
+fn unexplained(series: &[Response]) -> (f64, f64) {
+    let difference = |window: &[Response]| match window {
         [a, b, c, d, e] if e.0 - a.0 == 4 => {
-            let fourth = |f: fn(&(usize, Vector6<f64>, Vector6<f64>)) -> Vector6<f64>| {
-                f(a) - f(b) * 4.0 + f(c) * 6.0 - f(d) * 4.0 + f(e)
-            };
+            let fourth = |f: fn(&Response) -> Vector6<f64>| f(a) - f(b) * 4.0 + f(c) * 6.0 - f(d) * 4.0 + f(e);
             Some((fourth(|row| row.1), fourth(|row| row.2)))
         }
         _ => None,

@@ -1,11 +1,11 @@
 //! From samples to rows `regressor * parameters = wrench`.
 
-use super::{Method, Settings};
 use super::timeline::Timeline;
+use super::{Method, Settings};
 use crate::WrenchTiming;
 use crate::error::{Column, IdentificationError};
-use crate::lie::{Wrench, rotation_jacobian, skew};
 use crate::lie::{LieError, LieGroup};
+use crate::lie::{Wrench, rotation_jacobian, skew};
 use crate::motion::MotionSample;
 use crate::regressors::{Extrapolation, ObserverFrame, PoseTriple, Regressor, variational_extrapolated};
 use crate::weighted_least_squares::WrenchRow;
@@ -24,7 +24,7 @@ pub(super) struct Scheme {
 
 /// All rows of a record and what was left out.
 pub(super) struct Rows {
-    pub(super) rows: Vec<WrenchRow>,
+    pub(super) all: Vec<WrenchRow>,
     pub(super) windows: usize,
     pub(super) skipped_unequal: usize,
     pub(super) skipped_missing: usize,
@@ -119,14 +119,8 @@ impl Scheme {
     /// Where the whole record gives not one row.
     pub(super) fn rows(&self, record: &[MotionSample], timeline: &Timeline) -> Result<Rows, IdentificationError> {
         let reach = self.reach();
-        let mut result = Rows {
-            rows: Vec::new(),
-            windows: 0,
-            skipped_unequal: 0,
-            skipped_missing: 0,
-            skipped_half_turn: 0,
-            used: 0,
-        };
+        let mut result =
+            Rows { all: Vec::new(), windows: 0, skipped_unequal: 0, skipped_missing: 0, skipped_half_turn: 0, used: 0 };
         let (stride, mut used_until) = (self.stride(), 0);
         for node in reach..timeline.len().saturating_sub(reach) {
             if (node - reach) % stride > 1 {
@@ -139,7 +133,7 @@ impl Scheme {
             result.windows += 1;
             match self.row(record, timeline, node) {
                 Ok(row) => {
-                    result.rows.push(row);
+                    result.all.push(row);
                     result.used += (last + 1).saturating_sub(used_until.max(first));
                     used_until = last + 1;
                 }
@@ -148,7 +142,7 @@ impl Scheme {
                 Err(Skip::HalfTurn) => result.skipped_half_turn += 1,
             }
         }
-        if result.rows.is_empty() {
+        if result.all.is_empty() {
             return Err(self.reason(record, &result));
         }
         Ok(result)
@@ -261,7 +255,8 @@ impl Scheme {
             let (next_s, next_position) = seen(i + 1);
             let step_s = next_s - time_s;
             let (from, to) = (&window[i].world_from_body.rotation, &window[i + 1].world_from_body.rotation);
-            let wrench = |j: usize| window[j].wrench_body.or(self.wrench_optional.then(Wrench::zero)).ok_or(Skip::Missing);
+            let wrench =
+                |j: usize| window[j].wrench_body.or(self.wrench_optional.then(Wrench::zero)).ok_or(Skip::Missing);
             impulse += match self.wrench_timing {
                 WrenchTiming::Held => {
                     // Mean attitude over the step at constant rate: the left Jacobian of the turn.
@@ -309,8 +304,7 @@ fn momentum_regressor(
     regressor.fixed_view_mut::<3, 3>(0, 1).copy_from(&(skew(position) * turned - skew(velocity) * rotation));
     regressor.fixed_view_mut::<3, 3>(3, 1).copy_from(&turned);
     let (w, o) = (rate, 0.0);
-    let inertia =
-        SMatrix::<f64, 3, 6>::new(w.x, w.y, w.z, o, o, o, o, w.x, o, w.y, w.z, o, o, o, w.x, o, w.y, w.z);
+    let inertia = SMatrix::<f64, 3, 6>::new(w.x, w.y, w.z, o, o, o, o, w.x, o, w.y, w.z, o, o, o, w.x, o, w.y, w.z);
     regressor.fixed_view_mut::<3, 6>(0, 4).copy_from(&(rotation * inertia));
     regressor
 }

@@ -35,7 +35,7 @@ pub(super) fn judge(fit: &Fit, zero_wrench: bool) -> Result<Judgement, Identific
     let to_scaled = SMatrix::<f64, 10, 10>::from_diagonal(&magnitudes);
     let information = match &fit.least_squares {
         Some(found) => found.information,
-        None => whitened(&fit.rows.rows, scale.length_m(), 1.0)?,
+        None => whitened(&fit.rows.all, scale.length_m(), 1.0)?,
     };
     let (values, right) = singular_values(information.factor() * to_scaled);
     let mut rank = values.iter().take_while(|&&value| value > RANK_TOLERANCE * values[0]).count();
@@ -43,7 +43,8 @@ pub(super) fn judge(fit: &Fit, zero_wrench: bool) -> Result<Judgement, Identific
     if let Some(found) = &fit.least_squares {
         let noise = to_scaled * found.noise_information * to_scaled;
         let covariance = SMatrix::from_fn(|i, j| found.covariance[(i, j)] / (magnitudes[i] * magnitudes[j]));
-        let shares = right.column_iter().zip(values.iter()).map(|(v, value)| (v.transpose() * noise * v).x / (value * value));
+        let shares =
+            right.column_iter().zip(values.iter()).map(|(v, value)| (v.transpose() * noise * v).x / (value * value));
         let variances = right.column_iter().map(|v| (v.transpose() * covariance * v).x);
         let determined = shares
             .clone()
@@ -56,7 +57,8 @@ pub(super) fn judge(fit: &Fit, zero_wrench: bool) -> Result<Judgement, Identific
     if zero_wrench {
         rank = rank.min(8);
     }
-    let tolerance = if rank < 10 && values[0] > 0.0 { (values[rank] / values[0]).max(RANK_TOLERANCE) } else { RANK_TOLERANCE };
+    let tolerance =
+        if rank < 10 && values[0] > 0.0 { (values[rank] / values[0]).max(RANK_TOLERANCE) } else { RANK_TOLERANCE };
     let observability = Observability::with_tolerance(&information, scale, tolerance);
     // Rows sigma_i v_i^T of the determined directions, their right-hand sides u_i^T z.
     let (mut block, mut rhs) = (SMatrix::<f64, 10, 10>::zeros(), SVector::<f64, 10>::zeros());
@@ -123,7 +125,10 @@ pub(super) fn weak_prior(scale: BodyScale) -> Prior {
 }
 
 /// Standard deviations of mass, centre of mass and inertia about it, to first order.
-pub(super) fn standard_deviations(parameters: &SVector<f64, 10>, covariance: &SMatrix<f64, 10, 10>) -> StandardDeviations {
+pub(super) fn standard_deviations(
+    parameters: &SVector<f64, 10>,
+    covariance: &SMatrix<f64, 10, 10>,
+) -> StandardDeviations {
     let body = InertialParameters::from_vector(parameters);
     let c = body.center_of_mass();
     // d c = (d h - c d m) / m;  d J_C = d J - (2 c.d h I - d h c^T - c d h^T) + (|c|^2 I - c c^T) d m

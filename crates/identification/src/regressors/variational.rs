@@ -225,8 +225,8 @@ impl<T: Scalar, const LAGS: usize> LinearModel<T, 6, PARAMETERS> for Variational
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lie::LieGroup;
     use crate::dynamics::ParameterOrder;
+    use crate::lie::LieGroup;
     use nalgebra::UnitQuaternion;
 
     fn golden_triple(offset: Vector3<f64>) -> PoseTriple<f64> {
@@ -313,7 +313,9 @@ mod tests {
         let pose = |t: f64| {
             Pose::from_parts(Translation3::from(velocity * t + gravity * (t * t / 2.0)), UnitQuaternion::identity())
         };
-        let triple = PoseTriple::try_new([&pose(0.9), &pose(1.0), &pose(1.2)], 0.1, 0.2, &ObserverFrame::falling(gravity)).unwrap();
+        let triple =
+            PoseTriple::try_new([&pose(0.9), &pose(1.0), &pose(1.2)], 0.1, 0.2, &ObserverFrame::falling(gravity))
+                .unwrap();
         assert!(variational(&triple).amax() < 1e-12);
     }
 
