@@ -9,8 +9,10 @@ use tumble_lie::{LieGroup, Wrench};
 
 /// Sample time of the flight, s (62.5 Hz, the robot's control rate).
 pub const STEP_S: f64 = 0.016;
+/// Samples of the flight.
+const SAMPLES: u32 = 3750;
 /// Length of the flight, s.
-pub const DURATION_S: f64 = 60.0;
+pub const DURATION_S: f64 = SAMPLES as f64 * STEP_S;
 /// Noise of the logged wrench per sample, one sigma, N m and N.
 pub const WRENCH_NOISE: (f64, f64) = (1e-4, 1e-3);
 /// Noise of the logged poses per sample, one sigma, rad and m.
@@ -53,9 +55,7 @@ pub fn simulate(seed: u64) -> Result<Demo, DynamicsError> {
     let excitation = Multisine::new(&mut noise);
     let mut state = RigidBodyState::at_rest();
     let mut record = Vec::new();
-    #[allow(clippy::cast_possible_truncation)]
-    let samples = (DURATION_S / STEP_S) as u32;
-    for k in 0..samples {
+    for k in 0..SAMPLES {
         let time_s = f64::from(k) * STEP_S;
         let wrench = excitation.wrench(time_s);
         let measured_rotation =

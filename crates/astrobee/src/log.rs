@@ -373,7 +373,7 @@ impl<R: Read> Read for BoundedRows<R> {
 pub fn hash(path: &Path) -> Result<String, AstrobeeError> {
     let unreadable = |source| AstrobeeError::Unreadable { path: path.into(), source };
     let mut file = BufReader::new(File::open(path).map_err(unreadable)?);
-    let mut buffer = [0; 65_536];
+    let mut buffer = [0; 8192];
     let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
     loop {
         let count = file.read(&mut buffer).map_err(unreadable)?;

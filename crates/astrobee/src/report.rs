@@ -1,6 +1,6 @@
 //! A result as people and programs read it: table, JSON, residual plots, one offline page.
 
-use crate::body_file::{BodyFile, rows};
+use crate::body_file::BodyFile;
 use crate::error::AstrobeeError;
 use crate::figure::{Curve, draw};
 use crate::log::seconds;
@@ -8,9 +8,9 @@ use crate::output::OutputFolder;
 use serde::Serialize;
 use std::fmt::Write as _;
 use tumble_dynamics::InertialParameters;
-use tumble_dynamics::nalgebra::{Matrix3, Vector3};
+use tumble_dynamics::nalgebra::{Matrix3, SVector, Vector3};
 use tumble_identification::{
-    Estimate, Identification, Method, Prediction, StandardDeviations, Validation, WrenchTiming,
+    Estimate, Identification, Method, NullDirection, Prediction, StandardDeviations, Validation, WrenchTiming,
 };
 
 /// The name of a method on the command line and in JSON.
@@ -110,17 +110,19 @@ pub fn table(found: &Identification, context: &Context) -> String {
     let noise = &found.noise;
     let _ = writeln!(
         text,
-        "  noise found: wrench {:.1e} N m, {:.1e} N; poses {:.1e} m, {:.1e} rad\n",
+        "  residual like wrench noise of {:.1e} N m, {:.1e} N per sample; pose noise about {:.1e} m, {:.1e} rad\n",
         noise.torque_n_m, noise.force_n, noise.position_m, noise.attitude_rad
     );
-    if let Some(estimate) = &found.estimate {
-        let _ = write!(text, "{}", body_table(estimate, found, context));
+    match (&found.estimate, &found.regularised) {
+        (Some(estimate), _) => text += &body_table(estimate, &[true; 10], context),
+        (None, Some(completed)) => text += &body_table(completed, &determined(found, &completed.parameters), context),
+        (None, None) => {}
     }
     let _ = write!(text, "{}", verdict(found, context));
     text
 }
 
-fn body_table(estimate: &Estimate, found: &Identification, context: &Context) -> String {
+fn body_table(estimate: &Estimate, determined: &[bool], context: &Context) -> String {
     let mut text = String::new();
     let reference = context.reference.as_ref().map(|(name, body)| (name, quantities(body, &estimate.std)));
     let _ = write!(text, "  {:<18}{:>16}{:>14}  {:<7}", "quantity", "estimate", "1 sigma", "unit");
@@ -129,7 +131,11 @@ fn body_table(estimate: &Estimate, found: &Identification, context: &Context) ->
     }
     let _ = writeln!(text);
     for (i, q) in quantities(&estimate.parameters, &estimate.std).iter().enumerate() {
-        let (value, std) = if observable(found, q) { with_digits_of(q.value, q.std) } else { ("-".into(), "-".into()) };
+        if !determined[i] {
+            let _ = writeln!(text, "  {:<18}{:>16}{:>14}  {:<7}", q.name, "not determined", "-", q.unit);
+            continue;
+        }
+        let (value, std) = with_digits_of(q.value, q.std);
         let _ = write!(text, "  {:<18}{value:>16}{std:>14}  {:<7}", q.name, q.unit);
         if let Some((_, truth)) = &reference {
             let error = q.value - truth[i].value;
@@ -145,47 +151,72 @@ fn body_table(estimate: &Estimate, found: &Identification, context: &Context) ->
     text
 }
 
-/// Whether the data determine a quantity: at rank ten all of them.
-fn observable(found: &Identification, _quantity: &Quantity) -> bool {
-    found.rank == 10 || found.regularised.is_none()
+/// Which of the ten quantities the data determine: those that no null direction changes.
+fn determined(found: &Identification, body: &InertialParameters<f64>) -> Vec<bool> {
+    let values = |parameters: &SVector<f64, 10>| -> Vec<f64> {
+        let body = InertialParameters::from_vector(parameters);
+        quantities(&body, &NO_DEVIATIONS).into_iter().map(|q| q.value).collect()
+    };
+    let (center, length) = (body.to_vector(), found.scale.length_m());
+    let magnitude = |name: &str| match name {
+        "mass" => found.scale.mass_kg(),
+        "com" => length,
+        _ => found.scale.mass_kg() * length * length,
+    };
+    let mut result = vec![true; 10];
+    for direction in &found.null_directions {
+        let change = direction.parameters() * NUDGE;
+        let (plus, minus) = (values(&(center + change)), values(&(center - change)));
+        for (i, q) in quantities(body, &NO_DEVIATIONS).iter().enumerate() {
+            let slope = (plus[i] - minus[i]) / (2.0 * NUDGE * magnitude(q.json.0));
+            result[i] &= slope.abs() < LARGEST_SLOPE;
+        }
+    }
+    result
 }
+
+/// Step of the difference quotient along a null direction, in units of the body's scale.
+const NUDGE: f64 = 1e-4;
+/// A quantity that changes by less than this share of its scale along a null direction is determined.
+const LARGEST_SLOPE: f64 = 1e-3;
+const NO_DEVIATIONS: StandardDeviations = StandardDeviations {
+    mass_kg: 0.0,
+    center_of_mass_m: Vector3::new(0.0, 0.0, 0.0),
+    inertia_about_com_kg_m2: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+};
 
 fn verdict(found: &Identification, context: &Context) -> String {
     let mut text = String::new();
-    match &found.estimate {
-        Some(estimate) => {
-            let margin = pseudo_inertia_min_eigenvalue(&estimate.parameters);
-            let worst = quantities(&estimate.parameters, &estimate.std)
-                .into_iter()
-                .map(|q| (relative_std(&estimate.parameters, &q), q.name))
-                .fold((0.0, ""), |a, b| if b.0 > a.0 { b } else { a });
-            let _ = writeln!(
-                text,
-                "verdict: all ten parameters identified (condition number {:.0}); weakest: {} to {:.2} % of the body's scale",
-                found.condition_number,
-                worst.1,
-                100.0 * worst.0
-            );
-            let constraint = if estimate.lmi_active { ", the consistency constraint is active" } else { "" };
-            let _ =
-                writeln!(text, "  physically consistent: smallest pseudo-inertia eigenvalue {margin:.3e}{constraint}");
+    if let Some(estimate) = &found.estimate {
+        let margin = pseudo_inertia_min_eigenvalue(&estimate.parameters);
+        let worst = quantities(&estimate.parameters, &estimate.std)
+            .into_iter()
+            .map(|q| (relative_std(&estimate.parameters, &q), q.name))
+            .fold((0.0, ""), |a, b| if b.0 > a.0 { b } else { a });
+        let _ = writeln!(
+            text,
+            "verdict: all ten parameters identified (condition number {:.0}); weakest: {} to {:.2} % of the body's scale",
+            found.condition_number,
+            worst.1,
+            100.0 * worst.0
+        );
+        if found.rank < 10 {
+            let _ = writeln!(text, "  with the prior's help: the data alone determine {} of 10 directions", found.rank);
         }
-        None => {
+        let constraint = if estimate.lmi_active { ", the consistency constraint is active" } else { "" };
+        let _ = writeln!(text, "  physically consistent: smallest pseudo-inertia eigenvalue {margin:.3e}{constraint}");
+    } else {
+        let _ =
+            writeln!(text, "verdict: this log does not determine the body: {} of 10 parameter directions", found.rank);
+        for direction in &found.null_directions {
+            let _ = writeln!(text, "  not determined: {direction}");
+        }
+        if let Some(completed) = &found.regularised {
             let _ = writeln!(
                 text,
-                "verdict: this log does not determine the body: {} of 10 parameter directions",
-                found.rank
+                "  completed by a weak physical prior (not knowledge from this log): mass {:.3} kg; --json prints all of it",
+                completed.parameters.mass
             );
-            for direction in &found.null_directions {
-                let _ = writeln!(text, "  not determined: {direction}");
-            }
-            if let Some(completed) = &found.regularised {
-                let _ = writeln!(
-                    text,
-                    "  completed by a weak physical prior (not knowledge from this log): mass {:.3} kg; --json prints all of it",
-                    completed.parameters.mass
-                );
-            }
         }
     }
     if let Some(v) = &context.validation {
@@ -212,6 +243,10 @@ fn relative_std(body: &InertialParameters<f64>, quantity: &Quantity) -> f64 {
     }
 }
 
+fn words(directions: &[NullDirection]) -> Vec<String> {
+    directions.iter().map(ToString::to_string).collect()
+}
+
 /// What `--dry-run` prints.
 pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f64, f64)) -> String {
     let mut text = String::new();
@@ -221,20 +256,20 @@ pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f6
         "  {} rows, rank {} of 10, condition number {:.1}; for a wrench noise of {:.1e} N m, {:.1e} N per sample:\n",
         prediction.rows, prediction.rank, prediction.condition_number, wrench_noise.0, wrench_noise.1
     );
-    match &prediction.std {
-        Some(std) => {
-            let unit_body = InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::identity());
-            let _ = writeln!(text, "  {:<18}{:>14}", "quantity", "1 sigma");
-            for q in quantities(&unit_body, std) {
-                let _ = writeln!(text, "  {:<18}{:>14.2e} {}", q.name, q.std, q.unit);
-            }
-            let _ = writeln!(text, "\nverdict: this log can determine all ten parameters");
+    if let Some(std) = &prediction.std {
+        let unit_body = InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::identity());
+        let _ = writeln!(text, "  {:<18}{:>14}", "quantity", "1 sigma");
+        for q in quantities(&unit_body, std) {
+            let _ = writeln!(text, "  {:<18}{:>14.2e} {}", q.name, q.std, q.unit);
         }
-        None => {
-            let _ = writeln!(text, "verdict: this log cannot determine the body");
-            for direction in &prediction.null_directions {
-                let _ = writeln!(text, "  not determined: {direction}");
-            }
+        text.push('\n');
+    }
+    if prediction.rank == 10 {
+        let _ = writeln!(text, "verdict: the motion of this log can determine all ten parameters");
+    } else {
+        let _ = writeln!(text, "verdict: this log cannot determine the body");
+        for direction in &prediction.null_directions {
+            let _ = writeln!(text, "  not determined: {direction}");
         }
     }
     text
@@ -247,18 +282,18 @@ pub fn prediction_json(prediction: &Prediction, wrench_noise: (f64, f64)) -> Str
         "rows": prediction.rows,
         "rank": prediction.rank,
         "condition_number": Some(prediction.condition_number).filter(|c| c.is_finite()),
-        "null_directions": prediction.null_directions,
+        "null_directions": words(&prediction.null_directions),
         "assumed_noise": { "torque_n_m": wrench_noise.0, "force_n": wrench_noise.1 },
-        "std": prediction.std.as_ref().map(json_std),
+        "std": prediction.std.as_ref().map(|std| json_std(std, &Shown::ALL)),
     })
     .to_string()
 }
 
-fn json_std(std: &StandardDeviations) -> JsonStd {
+fn json_std(std: &StandardDeviations, shown: &Shown) -> JsonStd {
     JsonStd {
-        mass_kg: std.mass_kg,
-        com_m: std.center_of_mass_m.into(),
-        inertia_about_com_kg_m2: rows(&std.inertia_about_com_kg_m2),
+        mass_kg: shown.mass(std.mass_kg),
+        com_m: shown.com(&std.center_of_mass_m),
+        inertia_about_com_kg_m2: shown.inertia(&std.inertia_about_com_kg_m2),
     }
 }
 
@@ -277,8 +312,6 @@ pub struct Json {
     samples_rejected: usize,
     #[serde(flatten)]
     body: Option<JsonBody>,
-    #[serde(flatten)]
-    no_body: Option<JsonNoBody>,
     rank: usize,
     condition_number: Option<f64>,
     null_directions: Vec<String>,
@@ -294,37 +327,20 @@ pub struct Json {
 
 type NumberRows = [[Option<f64>; 3]; 3];
 
+/// A body; numbers that the data do not determine are `null`.
 #[derive(Serialize)]
 struct JsonBody {
-    mass_kg: f64,
-    com_m: [f64; 3],
-    inertia_about_com_kg_m2: [[f64; 3]; 3],
-    inertia_about_origin_kg_m2: [[f64; 3]; 3],
+    mass_kg: Option<f64>,
+    com_m: [Option<f64>; 3],
+    inertia_about_com_kg_m2: NumberRows,
+    inertia_about_origin_kg_m2: NumberRows,
     std: JsonStd,
-    pseudo_inertia_min_eigenvalue: f64,
+    pseudo_inertia_min_eigenvalue: Option<f64>,
     lmi_active: bool,
 }
 
 #[derive(Serialize)]
 struct JsonStd {
-    mass_kg: f64,
-    com_m: [f64; 3],
-    inertia_about_com_kg_m2: [[f64; 3]; 3],
-}
-
-/// The same keys, all `null`.
-#[derive(Serialize, Default)]
-struct JsonNoBody {
-    mass_kg: Option<f64>,
-    com_m: [Option<f64>; 3],
-    inertia_about_com_kg_m2: NumberRows,
-    inertia_about_origin_kg_m2: NumberRows,
-    std: JsonNoStd,
-    pseudo_inertia_min_eigenvalue: Option<f64>,
-}
-
-#[derive(Serialize, Default)]
-struct JsonNoStd {
     mass_kg: Option<f64>,
     com_m: [Option<f64>; 3],
     inertia_about_com_kg_m2: NumberRows,
@@ -354,15 +370,36 @@ struct JsonHoldout {
     explained: f64,
 }
 
-fn json_body(estimate: &Estimate) -> JsonBody {
+/// Which numbers of a body may be shown: mass, centre of mass, inertia entries in the order of [`quantities`].
+struct Shown<'a>(&'a [bool]);
+
+impl Shown<'_> {
+    const ALL: Shown<'static> = Shown(&[true; 10]);
+    fn mass(&self, value: f64) -> Option<f64> {
+        Some(value).filter(|_| self.0[0])
+    }
+    fn com(&self, value: &Vector3<f64>) -> [Option<f64>; 3] {
+        std::array::from_fn(|i| Some(value[i]).filter(|_| self.0[1 + i]))
+    }
+    fn inertia(&self, value: &Matrix3<f64>) -> NumberRows {
+        const PLACE: [[usize; 3]; 3] = [[4, 7, 8], [7, 5, 9], [8, 9, 6]];
+        std::array::from_fn(|i| std::array::from_fn(|j| Some(value[(i, j)]).filter(|_| self.0[PLACE[i][j]])))
+    }
+    fn all(&self) -> bool {
+        self.0.iter().all(|shown| *shown)
+    }
+}
+
+fn json_body(estimate: &Estimate, shown: &Shown) -> JsonBody {
     let body = &estimate.parameters;
+    let about_origin = if shown.all() { shown.inertia(&body.inertia_about_origin) } else { NumberRows::default() };
     JsonBody {
-        mass_kg: body.mass,
-        com_m: body.center_of_mass().into(),
-        inertia_about_com_kg_m2: rows(&body.inertia_about_com()),
-        inertia_about_origin_kg_m2: rows(&body.inertia_about_origin),
-        std: json_std(&estimate.std),
-        pseudo_inertia_min_eigenvalue: pseudo_inertia_min_eigenvalue(body),
+        mass_kg: shown.mass(body.mass),
+        com_m: shown.com(&body.center_of_mass()),
+        inertia_about_com_kg_m2: shown.inertia(&body.inertia_about_com()),
+        inertia_about_origin_kg_m2: about_origin,
+        std: json_std(&estimate.std, shown),
+        pseudo_inertia_min_eigenvalue: Some(pseudo_inertia_min_eigenvalue(body)).filter(|_| shown.all()),
         lmi_active: estimate.lmi_active,
     }
 }
@@ -385,12 +422,15 @@ pub fn json(found: &Identification, context: &Context) -> Json {
         wrench_timing: timing_name(found.wrench_timing),
         samples_used: found.samples_used,
         samples_rejected: found.samples_rejected,
-        body: found.estimate.as_ref().map(json_body),
-        no_body: found.estimate.is_none().then(JsonNoBody::default),
+        body: match (&found.estimate, &found.regularised) {
+            (Some(estimate), _) => Some(json_body(estimate, &Shown::ALL)),
+            (None, Some(completed)) => Some(json_body(completed, &Shown(&determined(found, &completed.parameters)))),
+            (None, None) => None,
+        },
         rank: found.rank,
         condition_number: Some(found.condition_number).filter(|c| c.is_finite()),
-        null_directions: found.null_directions.clone(),
-        regularised: found.regularised.as_ref().map(json_body),
+        null_directions: words(&found.null_directions),
+        regularised: found.regularised.as_ref().map(|body| json_body(body, &Shown::ALL)),
         noise: JsonNoise {
             torque_n_m: found.noise.torque_n_m,
             force_n: found.noise.force_n,
@@ -444,7 +484,8 @@ pub fn write_page(
         let path = folder.file(name);
         std::fs::read_to_string(&path).map_err(|source| AstrobeeError::Unreadable { path, source })
     };
-    let list: String = warnings(found, context).iter().map(|w| format!("<li>{}</li>\n", escaped(w))).collect();
+    let items: Vec<String> = warnings(found, context).iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
+    let list = items.join("\n");
     let page = format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>tumble identify</title>\n\
          <style>body{{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em}}pre{{background:#f4f4f4;\

@@ -3,6 +3,7 @@
 //! All scalars are `f64`: decisions are made here.
 
 mod fit;
+mod merge;
 mod noise;
 mod rows;
 mod solution;
@@ -12,14 +13,16 @@ use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::motion::MotionSample;
 use crate::weighted_least_squares::{WrenchRow, whitened};
-use crate::{Observability, WrenchTiming};
+use crate::{BodyScale, NullDirection, Observability, SquareRootInformation, WrenchTiming};
 use core::fmt;
 use fit::{Fit, best_fit, rough_scale};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use noise::SampleNoise;
 use rows::Scheme;
-use solution::{Judgement, constrained, judge, standard_deviations, weak_prior};
+use solution::{Judgement, Solution, judge, solve, standard_deviations};
 use timeline::Timeline;
+
+pub use merge::merge;
 
 /// Which equations tie the motion to the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -185,7 +188,7 @@ impl fmt::Display for Warning {
             Self::UnequalSteps { skipped, windows } => {
                 write!(f, "{skipped} of {windows} windows skipped: their steps differ by more than 1 %")?;
                 if 2 * skipped > windows {
-                    write!(f, "; most of the record is unused: the method maximum-likelihood uses true step lengths")?;
+                    write!(f, "; most of the record is unused: the method maximum-likelihood (not in this version) will use true step lengths; until then resample the log at equal steps")?;
                 }
                 Ok(())
             }
@@ -197,7 +200,7 @@ impl fmt::Display for Warning {
                 f,
                 "poses look noisy ({position_m:.1e} m, {attitude_rad:.1e} rad): {:.1} % of the regression signal at lag \
                  {lag} is noise; rows of disjoint poses serve as instruments, and measured rates and velocities or the \
-                 method maximum-likelihood would do better",
+                 method maximum-likelihood (not in this version) would do better; the stated sigma does not hold all of this noise",
                 100.0 * noise_share
             ),
             Self::NoisyRates { rate_rad_s, velocity_m_s, noise_share, lag } => write!(
@@ -242,8 +245,12 @@ pub struct Identification {
     pub rank: usize,
     /// Condition number of the whitened regressor, its columns in like units; infinite where the rank is below ten.
     pub condition_number: f64,
-    /// Directions the data leave free, in words.
-    pub null_directions: Vec<String>,
+    /// Directions the data leave free; displayed, they say so in words.
+    pub null_directions: Vec<NullDirection>,
+    /// What the data alone say, whitened, before prior and constraint; what [`merge`] adds up.
+    pub information: SquareRootInformation<10>,
+    /// Mass and length in whose units the ten parameters are compared.
+    pub scale: BodyScale,
     /// The body, where the data (and the prior asked for) determine it.
     pub estimate: Option<Estimate>,
     /// Below rank ten: the body completed by a weak physical prior, not knowledge from the data.
@@ -263,8 +270,8 @@ pub struct Prediction {
     pub rank: usize,
     /// Condition number of the regressor, its columns in like units.
     pub condition_number: f64,
-    /// Directions left free, in words.
-    pub null_directions: Vec<String>,
+    /// Directions left free; displayed, they say so in words.
+    pub null_directions: Vec<NullDirection>,
     /// Predicted covariance of the ten parameters for the given wrench noise; `None` below rank ten.
     pub covariance: Option<SMatrix<f64, 10, 10>>,
     /// Standard deviations derived from it; `None` too where neither wrenches nor a prior say what body it is.
@@ -314,23 +321,9 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
         warnings.push(Warning::ZeroWrench);
     }
     let full_rank = judgement.observability.rank() == 10;
-    let mut information = if full_rank { judgement.determined } else { judgement.projected };
-    let (mut estimate, mut regularised) = (None, None);
-    if let Some(prior) = &settings.prior {
-        information.add_prior(&prior.mean.to_vector(), &prior.standard_deviation)?;
-        match constrained(&information, judgement.scale) {
-            Ok(found) => estimate = Some(found),
-            Err(IdentificationError::NotExcited { .. }) => {}
-            Err(error) => return Err(error),
-        }
-    } else if full_rank {
-        estimate = Some(constrained(&information, judgement.scale)?);
-    }
-    if !full_rank {
-        let prior = weak_prior(judgement.scale);
-        information.add_prior(&prior.mean.to_vector(), &prior.standard_deviation)?;
-        regularised = Some(constrained(&information, judgement.scale)?);
-    }
+    let information = if full_rank { judgement.determined } else { judgement.projected };
+    let Solution { estimate, regularised } =
+        solve(information, judgement.scale, full_rank, settings.prior.as_ref())?;
     let body = estimate.or(regularised);
     if estimate.is_some_and(|found| found.lmi_active) {
         warnings.push(Warning::ConstraintActive);
@@ -348,7 +341,9 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
         samples_rejected: record.len() - fit.rows.used,
         rank: judgement.observability.rank(),
         condition_number: judgement.observability.condition_number(),
-        null_directions: judgement.observability.null_directions().iter().map(ToString::to_string).collect(),
+        null_directions: judgement.observability.null_directions().to_vec(),
+        information,
+        scale: judgement.scale,
         estimate,
         regularised,
         noise: Noise {
@@ -384,7 +379,7 @@ pub fn predict(
     let share = (2.0 / scheme.stride() as f64).min(1.0).sqrt();
     let information = whitened(&rows.all, wrench_noise.0 * share, wrench_noise.1 * share)?;
     let scale = match &settings.prior {
-        Some(prior) => crate::BodyScale::of(&prior.mean.to_vector())?,
+        Some(prior) => BodyScale::of(&prior.mean.to_vector())?,
         None => rough_scale(&rows.all)?,
     };
     let magnitudes = scale.parameter_magnitudes();
@@ -397,7 +392,7 @@ pub fn predict(
     Ok(Prediction {
         rank: observability.rank(),
         condition_number: observability.condition_number(),
-        null_directions: observability.null_directions().iter().map(ToString::to_string).collect(),
+        null_directions: observability.null_directions().to_vec(),
         covariance,
         std,
         rows: 6 * rows.all.len(),

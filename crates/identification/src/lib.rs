@@ -40,7 +40,7 @@ pub use error::{Column, IdentificationError};
 #[cfg(feature = "std")]
 pub use identify::{
     Estimate, Identification, Method, NodeResidual, Noise, Prediction, Prior, Settings, StandardDeviations, Validation,
-    Warning, identify, predict, validate,
+    Warning, identify, merge, predict, validate,
 };
 pub use information::FisherInformation;
 pub use linear_model::LinearModel;

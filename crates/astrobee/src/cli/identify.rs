@@ -10,7 +10,9 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
-use tumble_identification::{Identification, Method, MotionSample, Settings, WrenchTiming, identify, predict, validate};
+use tumble_identification::{
+    Identification, IdentificationError, Method, MotionSample, Settings, WrenchTiming, identify, merge, predict, validate,
+};
 
 /// Options of `tumble identify`.
 #[derive(Args)]
@@ -258,6 +260,8 @@ fn dry_run(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcom
 
 /// Rows held in memory at once; a longer log is identified part by part and the parts' information added.
 const ROWS_IN_MEMORY: usize = 200_000;
+/// Residuals kept for the plots from each part of a long log.
+const RESIDUALS_PER_PART: usize = 1000;
 
 /// A log or the demo, with what the report says about it.
 struct Log {
@@ -394,12 +398,30 @@ impl Log {
     }
 
     fn identify(&self, settings: &Settings) -> Result<Identification, AstrobeeError> {
-        let mut found = None;
+        if let Rows::Memory(_) = self.rows {
+            let mut found = None;
+            self.for_each_part(|record| {
+                found = Some(identify(record, settings)?);
+                Ok(())
+            })?;
+            return found.ok_or(AstrobeeError::Empty { path: PathBuf::from(&self.source), what: "data rows" });
+        }
+        let alone = Settings { prior: None, ..*settings };
+        let mut parts = Vec::new();
         self.for_each_part(|record| {
-            found = Some(identify(record, settings)?);
+            match identify(record, &alone) {
+                // The last few rows of a long log may be too few for a row of their own.
+                Err(IdentificationError::TooFewSamples { .. }) if !parts.is_empty() => {}
+                found => {
+                    let mut found = found?;
+                    let every = found.residuals.len().div_ceil(RESIDUALS_PER_PART).max(1);
+                    found.residuals = found.residuals.into_iter().step_by(every).collect();
+                    parts.push(found);
+                }
+            }
             Ok(())
         })?;
-        found.ok_or(AstrobeeError::Empty { path: PathBuf::from(&self.source), what: "data rows" })
+        Ok(merge(&parts, settings.prior.as_ref())?)
     }
 }
 

@@ -98,6 +98,38 @@ fn from_covariance(
     SquareRootInformation::from_square_root(&factor, &rhs)
 }
 
+/// The answers that an information allows.
+pub(super) struct Solution {
+    pub(super) estimate: Option<Estimate>,
+    pub(super) regularised: Option<Estimate>,
+}
+
+/// The body where data and prior determine it; below full rank also the one that a weak physical prior completes.
+pub(super) fn solve(
+    mut information: SquareRootInformation<10>,
+    scale: BodyScale,
+    full_rank: bool,
+    prior: Option<&Prior>,
+) -> Result<Solution, IdentificationError> {
+    let mut estimate = None;
+    if let Some(prior) = prior {
+        information.add_prior(&prior.mean.to_vector(), &prior.standard_deviation)?;
+    }
+    if full_rank || prior.is_some() {
+        estimate = match constrained(&information, scale) {
+            Err(IdentificationError::NotExcited { .. }) if !full_rank => None,
+            found => Some(found?),
+        };
+    }
+    let mut regularised = None;
+    if !full_rank {
+        let weak = weak_prior(scale);
+        information.add_prior(&weak.mean.to_vector(), &weak.standard_deviation)?;
+        regularised = Some(constrained(&information, scale)?);
+    }
+    Ok(Solution { estimate, regularised })
+}
+
 /// The consistent body nearest to an information, with the covariance of the unconstrained solution.
 pub(super) fn constrained(
     information: &SquareRootInformation<10>,

@@ -1,0 +1,101 @@
+//! One result from the stretches of a record that is too long to be taken at once.
+
+use super::solution::{Solution, solve};
+use super::{Identification, Noise, Prior, Warning};
+use crate::error::IdentificationError;
+use crate::{Observability, SquareRootInformation};
+
+/// The result of a whole record from the results of its stretches: their information adds up.
+///
+/// Each stretch is identified without a prior; the prior enters here, once. Method, lag and step are those of the stretch
+/// with the most samples; rows that would reach across a cut are lost, as across a gap.
+///
+/// # Errors
+/// [`IdentificationError::TooFewSamples`] without any stretch; [`IdentificationError::NotConverged`] of the constrained
+/// solution.
+pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identification, IdentificationError> {
+    let Some(main) = parts.iter().max_by_key(|part| (part.rank, part.samples_used)) else {
+        return Err(IdentificationError::TooFewSamples { samples: 0, needed: 3 });
+    };
+    // A stretch without any wrench has no noise level of its own to be weighted by.
+    let silent = |part: &Identification| part.warnings.contains(&Warning::ZeroWrench);
+    let all_silent = parts.iter().all(silent);
+    let mut information = SquareRootInformation::new();
+    for part in parts.iter().filter(|part| all_silent || !silent(part)) {
+        information.merge(&part.information);
+    }
+    let scale = main.scale;
+    let observability = Observability::new(&information, scale);
+    let rank = observability.rank();
+    let Solution { estimate, regularised } = solve(information, scale, rank == 10, prior)?;
+    let samples = |count: fn(&Identification) -> usize| parts.iter().map(count).sum::<usize>();
+    let mut warnings: Vec<Warning> = Vec::new();
+    for warning in parts.iter().flat_map(|part| &part.warnings) {
+        if *warning == Warning::ConstraintActive || (*warning == Warning::ZeroWrench && !all_silent) {
+            continue;
+        }
+        if !warnings.iter_mut().any(|known| known.absorb(warning)) {
+            warnings.push(*warning);
+        }
+    }
+    if estimate.is_some_and(|found| found.lmi_active) {
+        warnings.push(Warning::ConstraintActive);
+    }
+    let mean_square = |level: fn(&Noise) -> f64| {
+        let weighted: f64 = parts.iter().map(|part| part.samples_used as f64 * level(&part.noise).powi(2)).sum();
+        (weighted / (samples(|part| part.samples_used) as f64).max(1.0)).sqrt()
+    };
+    Ok(Identification {
+        method: main.method,
+        wrench_timing: main.wrench_timing,
+        lag: main.lag,
+        step_s: main.step_s,
+        samples_used: samples(|part| part.samples_used),
+        samples_rejected: samples(|part| part.samples_rejected),
+        rank,
+        condition_number: observability.condition_number(),
+        null_directions: observability.null_directions().to_vec(),
+        information,
+        scale,
+        estimate,
+        regularised,
+        noise: Noise {
+            torque_n_m: mean_square(|noise| noise.torque_n_m),
+            force_n: mean_square(|noise| noise.force_n),
+            attitude_rad: mean_square(|noise| noise.attitude_rad),
+            position_m: mean_square(|noise| noise.position_m),
+        },
+        residuals: parts.iter().flat_map(|part| part.residuals.iter().copied()).collect(),
+        warnings,
+    })
+}
+
+impl Warning {
+    /// Takes up another stretch's warning of the same kind: counts add, the worse number stays. `false` for other kinds.
+    fn absorb(&mut self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Gaps { count, longest_s }, Self::Gaps { count: more, longest_s: longer }) => {
+                *count += more;
+                *longest_s = longest_s.max(*longer);
+            }
+            (
+                Self::UnequalSteps { skipped, windows },
+                Self::UnequalSteps { skipped: more_skipped, windows: more_windows },
+            ) => {
+                *skipped += more_skipped;
+                *windows += more_windows;
+            }
+            (Self::MissingValues { skipped }, Self::MissingValues { skipped: more })
+            | (Self::HalfTurns { skipped }, Self::HalfTurns { skipped: more }) => *skipped += more,
+            (Self::NoisyPoses { noise_share, .. }, Self::NoisyPoses { noise_share: worse, .. })
+            | (Self::NoisyRates { noise_share, .. }, Self::NoisyRates { noise_share: worse, .. }) => {
+                *noise_share = noise_share.max(*worse);
+            }
+            (Self::Discretisation { share }, Self::Discretisation { share: worse }) => *share = share.max(*worse),
+            (Self::FewRows { rows }, Self::FewRows { rows: more }) => *rows += more,
+            (Self::ZeroWrench, Self::ZeroWrench) => {}
+            _ => return false,
+        }
+        true
+    }
+}
