@@ -62,7 +62,7 @@ impl DiscreteLagrangian for FreeFlyer<f64> {
     fn lagrangian<T: Scalar>(&self, _world_from_body: &Pose<T>, twist_body: &Vector6<T>) -> T {
         kinetic_energy(&lift_parameters(self.parameters()), &Twist::from(*twist_body))
     }
-    /// `(2/h) [Phi; Psi]^T M [Phi; Psi]`, (5.16).
+    /// `(2/h) [Phi; Psi]^T M [Phi; Psi]`, (5.14).
     fn discrete_lagrangian<T: Scalar>(&self, from: &Pose<T>, to: &Pose<T>, step_s: T) -> T {
         Increment::between(from, to).map_or(real(f64::NAN), |increment| {
             discrete_lagrangian(&lift_parameters(self.parameters()), &increment, step_s)

@@ -57,6 +57,10 @@ impl<T: Scalar> BodyAcceleration<T> {
 /// Everything in body axes, torque about the body origin, which need not be the centre of mass.
 /// # Source
 /// Thesis (2.4), (4.1).
+/// # Deviation
+/// The text after (2.7) calls `[w'; v']` the velocity of the generalised coordinates; it is their acceleration, and `v'`
+/// is the inertial acceleration of the origin in body axes (`tests/planted_defects_bodies.rs`,
+/// `defects_of_inverse_dynamics_are_caught_by_name`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FreeFlyer<T: Scalar> {
     parameters: InertialParameters<T>,

@@ -37,6 +37,9 @@ impl<T: Scalar> InertialParameters<T> {
     }
 
     /// From mass, centre of mass (body axes) and inertia about the centre of mass (body axes).
+    ///
+    /// # Source
+    /// Thesis (2.6).
     pub fn about_com(mass: T, center_of_mass: Vector3<T>, inertia_about_com: Matrix3<T>) -> Self {
         Self::about_origin(mass, center_of_mass, inertia_about_com + point_inertia(mass, &center_of_mass))
     }

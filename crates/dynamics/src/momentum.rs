@@ -6,6 +6,9 @@ use tumble_lie::nalgebra::{Matrix6, Vector3};
 use tumble_lie::{Increment, Pose, Scalar, Twist, Wrench, real, skew};
 
 /// Kinetic energy, J.
+///
+/// # Source
+/// Thesis (5.9), without the padding to eight rows.
 #[inline]
 pub fn kinetic_energy<T: Scalar>(body: &InertialParameters<T>, twist_body: &Twist<T>) -> T {
     twist_body.power(&body_momentum(body, twist_body)) * real(0.5)
@@ -53,6 +56,8 @@ pub fn spatial_momentum<T: Scalar>(body: &InertialParameters<T>, state: &RigidBo
 ///
 /// # Shape
 /// 6x6, rows `[angular; linear]` momentum, columns `[angular; linear]` velocity.
+/// # Source
+/// Thesis (2.8), (5.10).
 pub fn mass_matrix<T: Scalar>(body: &InertialParameters<T>) -> Matrix6<T> {
     let coupling = skew(&body.first_moment);
     let mut m = Matrix6::zeros();
@@ -66,7 +71,7 @@ pub fn mass_matrix<T: Scalar>(body: &InertialParameters<T>) -> Matrix6<T> {
 /// The discrete Lagrangian of a free body, `(2/h) [Phi; Psi]^T M [Phi; Psi]`, J s.
 ///
 /// # Source
-/// Thesis (5.16).
+/// Thesis (5.14).
 pub fn discrete_lagrangian<T: Scalar>(body: &InertialParameters<T>, increment: &Increment<T>, step_s: T) -> T {
     let rate = Twist::new(increment.phi(), increment.psi());
     kinetic_energy(body, &rate) * (real::<T>(4.0) / step_s)
@@ -77,7 +82,7 @@ pub fn discrete_lagrangian<T: Scalar>(body: &InertialParameters<T>, increment: &
 /// # Frame
 /// Axes of the body at the start, about its origin.
 /// # Source
-/// Thesis (5.17), (5.18).
+/// Thesis (5.17), (5.19).
 pub fn momentum_at_start<T: Scalar>(body: &InertialParameters<T>, increment: &Increment<T>, step_s: T) -> Wrench<T> {
     let (phi, psi) = (increment.phi(), increment.psi());
     let Wrench { torque: y, force: x } = body_momentum(body, &Twist::new(phi, psi));
@@ -90,7 +95,7 @@ pub fn momentum_at_start<T: Scalar>(body: &InertialParameters<T>, increment: &In
 /// # Frame
 /// Axes of the body at the end, about its origin.
 /// # Source
-/// Thesis (5.17), (5.18).
+/// Thesis (5.18), (5.20).
 /// # Deviation
 /// `f_b0 = -Phi.Psi / sqrt(1 - Phi^2)` with one and the same index; (5.18) prints `Phi_k` under the root.
 pub fn momentum_at_end<T: Scalar>(body: &InertialParameters<T>, increment: &Increment<T>, step_s: T) -> Wrench<T> {

@@ -39,6 +39,14 @@ pub struct RowNoise {
 /// With `instruments` the rows at the next node, whose poses are other poses, stand in for the noisy regressor on the
 /// left of the normal equations. Noise that is independent from sample to sample then averages out where plain least
 /// squares is attenuated.
+///
+/// # Source
+/// Thesis (2.20), (4.12).
+///
+/// # Deviation
+/// The print calls `Sigma^-1` the covariance of the wrench; it is the weight, and Sigma the covariance. The covariance of
+/// the estimate does not rest on independent rows, as the print does
+/// (`tests/identify_properties.rs`, `covariance_is_honest_under_wrench_noise`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightedLeastSquares {
     /// Whitened rows, taken as independent.

@@ -30,7 +30,7 @@ impl WrenchTiming {
     /// # Frame
     /// Body axes, about the body origin; each wrench in the body axes of its own time.
     /// # Source
-    /// Discrete impulse of (5.16)-(5.18); for held wrenches the integral of the input against the hat functions of the
+    /// Discrete impulse of (5.16)-(5.20); for held wrenches the integral of the input against the hat functions of the
     /// discrete action.
     pub fn node_wrench(
         self,

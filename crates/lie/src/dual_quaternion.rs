@@ -2,6 +2,11 @@
 //!
 //! Tangent order `[angular; linear]`: `exp` is the exponential of the dual quaternion `(w + eps v) / 2`, so a unit dual
 //! quaternion and the [`Pose`] it stands for have the same tangents, adjoints and Jacobians.
+//!
+//! # Source
+//! (5.1)-(5.6)
+//! # Deviation
+//! The first term of the product (5.3) is `q1a o q2a`, not the square of `q1a` (test `representations_agree`).
 
 use crate::group::{GroupAction, LieGroup};
 use crate::scalar::{Scalar, real};

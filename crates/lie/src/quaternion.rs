@@ -10,6 +10,11 @@
 //!
 //! Products are not normalised: rounding moves the norm by about 1e-16 each, 1e-12 after ten thousand;
 //! `UnitQuaternion::renormalize_fast` restores it.
+//!
+//! # Source
+//! (A.6)-(A.13)
+//! # Deviation
+//! Entry (1, 3) of the matrix in (A.13) lacks a factor two in its second product (test `golden_exponential`).
 
 use crate::error::LieError;
 use crate::group::{GroupAction, LieGroup};

@@ -10,6 +10,9 @@
 //! | Jr | `[A 0; B A]`, `A` the right Jacobian of SO(3), `B` its derivative along `rho` |
 //!
 //! SE(3) is SO(3) over the dual numbers `phi + eps rho`: that gives the exponential and the lower left blocks.
+//!
+//! # Source
+//! (A.14), (A.15)
 
 use crate::dual_quaternion::exponential;
 use crate::group::{GroupAction, LieGroup};

@@ -4,6 +4,9 @@ use crate::scalar::Scalar;
 use nalgebra::{Matrix3, Vector3};
 
 /// `S(a)` with `S(a) b = a x b`.
+///
+/// # Source
+/// (2.5)
 #[inline(always)]
 pub fn skew<T: Scalar>(a: &Vector3<T>) -> Matrix3<T> {
     let o = T::zero();

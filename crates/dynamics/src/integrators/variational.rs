@@ -16,7 +16,7 @@ const MAX_ITERATIONS: u32 = 50;
 /// `mu_{k+1} = D2 L_d(g_k, g_{k+1}) + (h/2) F_{k+1}`. First derivatives come from dual, second ones from hyper-dual
 /// numbers; the derivatives are left-trivialised.
 /// # Source
-/// Thesis (2.44)-(2.50).
+/// Thesis (2.44)-(2.51).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Variational;
 
