@@ -1,0 +1,227 @@
+//! Hot paths allocate nothing: every one of them is called a hundred thousand times under an allocator that counts.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(
+    unsafe_code,
+    reason = "an allocator that counts has to implement `GlobalAlloc`; it hands everything to the system's"
+)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::hint::black_box;
+
+use nalgebra::{
+    Isometry2, Isometry3, Rotation3, SMatrix, SVector, Translation3, UnitComplex, UnitDualQuaternion, UnitQuaternion,
+    Vector2, Vector3,
+};
+use tumble_identification::dynamics::strategies::{bodies, draws, poses, twists, wrenches};
+use tumble_identification::dynamics::{
+    FreeFlyer, GaussLegendre4, InertialParameters, Integrator, LieEuler, MuntheKaas4, RigidBodyState, RungeKutta4,
+    VariationalFreeFlyer,
+};
+use tumble_identification::lie::{Coordinates, GroupAction, Increment, LieGroup, Wrench};
+use tumble_identification::regressors::{
+    ObserverFrame, PoseTriple, newton_euler, variational, variational_extrapolated,
+};
+use tumble_identification::{
+    BodyScale, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, PseudoInertiaCone, SquareRootInformation,
+};
+
+#[path = "golden/problem4_hard.rs"]
+mod problem4_hard;
+
+const CALLS: usize = 100_000;
+
+/// Different inputs per path; the first round through them is the warm-up.
+const INPUTS: usize = 64;
+
+struct Counting;
+
+thread_local! {
+    // Of this thread only, so that what the test harness does beside it does not count.
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: both calls go to the system's allocator unchanged. `realloc` and `alloc_zeroed` are provided in terms of them.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// How often `calls` calls allocate, after one call on each input.
+fn allocations<T>(calls: usize, mut path: impl FnMut(usize) -> T) -> usize {
+    for i in 0..INPUTS {
+        black_box(path(i));
+    }
+    let before = ALLOCATIONS.get();
+    for call in 0..calls {
+        black_box(path(black_box(call % INPUTS)));
+    }
+    ALLOCATIONS.get() - before
+}
+
+fn assert_none<T>(name: &str, path: impl FnMut(usize) -> T) {
+    assert_eq!(allocations(CALLS, path), 0, "{name} allocates");
+}
+
+/// All operations of a group on elements near and far from the identity.
+fn group<G: LieGroup<Scalar = f64> + GroupAction<P>, P: Copy>(name: &str, points: &[P]) {
+    let tangents: Vec<G::Tangent> =
+        (0..INPUTS).map(|i| G::Tangent::from_fn(|j| 1.7 * ((7 * i + 3 * j + 1) as f64).sin())).collect();
+    let elements: Vec<G> = tangents.iter().map(G::exp).collect();
+    let next = |i: usize| (i + 1) % INPUTS;
+    let check = |operation: &str, count: usize| assert_eq!(count, 0, "{operation} of {name} allocates");
+    check("exp", allocations(CALLS, |i| G::exp(&tangents[i])));
+    check("log", allocations(CALLS, |i| elements[i].log()));
+    check("compose", allocations(CALLS, |i| elements[i].compose(&elements[next(i)])));
+    check("inverse", allocations(CALLS, |i| elements[i].inverse()));
+    check("between", allocations(CALLS, |i| elements[i].between(&elements[next(i)])));
+    check("interpolate", allocations(CALLS, |i| elements[i].interpolate(&elements[next(i)], 0.3)));
+    check("act", allocations(CALLS, |i| elements[i].act(&points[i])));
+    check("adjoint", allocations(CALLS, |i| elements[i].adjoint()));
+    check("coadjoint", allocations(CALLS, |i| elements[i].coadjoint()));
+    check("bracket", allocations(CALLS, |i| G::bracket(&tangents[i], &tangents[next(i)])));
+    check("dual bracket", allocations(CALLS, |i| G::dual_bracket(&tangents[i], &tangents[next(i)])));
+    check("right Jacobian", allocations(CALLS, |i| G::right_jacobian(&tangents[i])));
+    check("its inverse", allocations(CALLS, |i| G::right_jacobian_inverse(&tangents[i])));
+    check("left Jacobian", allocations(CALLS, |i| G::left_jacobian(&tangents[i])));
+    check("its inverse", allocations(CALLS, |i| G::left_jacobian_inverse(&tangents[i])));
+}
+
+#[test]
+fn control_an_allocation_is_counted() {
+    assert_eq!(allocations(CALLS, |i| Box::new(i)), CALLS);
+    // Growth goes through `realloc`.
+    assert_eq!(allocations(1, |i| (vec![i], Vec::<usize>::with_capacity(2).reserve(3))), 3);
+}
+
+#[test]
+fn lie_operations() {
+    let in_space: Vec<Vector3<f64>> = (0..INPUTS).map(|i| Vector3::new(i as f64, 1.0, -2.0)).collect();
+    let in_plane: Vec<Vector2<f64>> = in_space.iter().map(Vector3::xy).collect();
+    group::<UnitQuaternion<f64>, _>("SO(3), unit quaternion", &in_space);
+    group::<Rotation3<f64>, _>("SO(3), matrix", &in_space);
+    group::<Isometry3<f64>, _>("SE(3)", &in_space);
+    group::<UnitDualQuaternion<f64>, _>("SE(3), unit dual quaternion", &in_space);
+    group::<Translation3<f64>, _>("R^3", &in_space);
+    group::<UnitComplex<f64>, _>("SO(2)", &in_plane);
+    group::<Isometry2<f64>, _>("SE(2)", &in_plane);
+}
+
+#[test]
+fn increment_chart() {
+    let poses = draws(&poses(1.0), 1, INPUTS + 1);
+    let increments: Vec<Increment<f64>> =
+        poses.windows(2).map(|pair| Increment::between(&pair[0], &pair[1]).unwrap()).collect();
+    assert_none("Increment::between", |i| Increment::between(&poses[i], &poses[i + 1]).unwrap());
+    assert_none("Increment::step", |i| increments[i].step(&poses[i]));
+    assert_none("Increment::to_dual_quaternion", |i| increments[i].to_dual_quaternion());
+    assert_none("Increment::reversed", |i| increments[i].reversed());
+}
+
+fn ch5_body() -> InertialParameters<f64> {
+    InertialParameters::from_vector(&SVector::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0]))
+}
+
+#[test]
+fn dynamics_and_integrator_steps() {
+    let flyer = FreeFlyer::new(ch5_body());
+    let (twists, wrenches) = (draws(&twists(1.0, 1.0), 1, INPUTS), draws(&wrenches(1.0, 1.0), 2, INPUTS));
+    let accelerations: Vec<_> = (0..INPUTS).map(|i| flyer.forward(&twists[i], &wrenches[i])).collect();
+    assert_none("FreeFlyer::forward", |i| flyer.forward(&twists[i], &wrenches[i]));
+    assert_none("FreeFlyer::inverse", |i| flyer.inverse(&twists[i], &accelerations[i]));
+
+    fn step(
+        name: &str,
+        integrator: &impl Integrator<FreeFlyer<f64>>,
+        states: &[RigidBodyState<f64>],
+        wrenches: &[Wrench<f64>],
+    ) {
+        let flyer = FreeFlyer::new(ch5_body());
+        assert_none(name, |i| integrator.step(&flyer, &states[i], &wrenches[i], 0.0, 0.01).unwrap());
+    }
+    let states: Vec<_> =
+        twists.iter().map(|twist| RigidBodyState { twist_body: *twist, ..RigidBodyState::at_rest() }).collect();
+    step("VariationalFreeFlyer", &VariationalFreeFlyer, &states, &wrenches);
+    step("LieEuler", &LieEuler, &states, &wrenches);
+    step("RungeKutta4", &RungeKutta4, &states, &wrenches);
+    step("MuntheKaas4", &MuntheKaas4, &states, &wrenches);
+    step("GaussLegendre4", &GaussLegendre4, &states, &wrenches);
+}
+
+#[test]
+fn regressors() {
+    let (twists, wrenches) = (draws(&twists(1.0, 1.0), 3, INPUTS), draws(&wrenches(1.0, 1.0), 4, INPUTS));
+    let flyer = FreeFlyer::new(ch5_body());
+    assert_none("newton_euler", |i| {
+        let linear = &twists[(i + 1) % INPUTS].linear;
+        newton_euler(&twists[i].angular, &wrenches[i].torque, linear)
+    });
+
+    const STEP_S: f64 = 0.05;
+    let mut state = RigidBodyState { twist_body: twists[0], ..RigidBodyState::at_rest() };
+    let poses: Vec<_> = (0..INPUTS + 6)
+        .map(|i| {
+            state = VariationalFreeFlyer.step(&flyer, &state, &wrenches[i % INPUTS], 0.0, STEP_S).unwrap();
+            state.world_from_body
+        })
+        .collect();
+    let triple = |i: usize, lag: usize| {
+        let node = i + 3;
+        let step_s = STEP_S * lag as f64;
+        let at = [&poses[node - lag], &poses[node], &poses[node + lag]];
+        PoseTriple::try_new(at, step_s, step_s, &ObserverFrame::inertial()).unwrap()
+    };
+    assert_none("variational, order 2, from poses", |i| variational(&triple(i, 1)));
+    assert_none("variational, order 4, from poses", |i| variational_extrapolated(&[triple(i, 1), triple(i, 2)]));
+    assert_none("variational, order 6, from poses", |i| {
+        variational_extrapolated(&[triple(i, 1), triple(i, 2), triple(i, 3)])
+    });
+}
+
+#[test]
+fn square_root_information() {
+    let (twists, wrenches) = (draws(&twists(1.0, 1.0), 5, INPUTS), draws(&wrenches(1.0, 1.0), 6, INPUTS));
+    let blocks: Vec<SMatrix<f64, 6, 10>> =
+        (0..INPUTS).map(|i| newton_euler(&twists[i].angular, &wrenches[i].torque, &wrenches[i].force)).collect();
+    let right: Vec<SVector<f64, 6>> = blocks.iter().map(|block| block * ch5_body().to_vector()).collect();
+    let mut information = SquareRootInformation::<10>::new();
+    assert_none("SquareRootInformation::update", |i| information.update(&blocks[i], &right[i]).unwrap());
+
+    let scale = BodyScale::of(&ch5_body().to_vector()).unwrap();
+    let other = information;
+    let mut sum = SquareRootInformation::<10>::new();
+    assert_none("SquareRootInformation::merge", |_| sum.merge(&other));
+    assert_none("SquareRootInformation::solve", |_| information.solve(&scale.parameter_magnitudes()).unwrap());
+    assert_none("SquareRootInformation::covariance", |_| {
+        information.covariance(&scale.parameter_magnitudes()).unwrap()
+    });
+
+    let inactive = InteriorPoint::new(PseudoInertiaCone::new(scale));
+    assert!(!inactive.solve(&information).unwrap().is_active());
+    assert_none("InteriorPoint::solve, inactive", |_| inactive.solve(&information).unwrap());
+}
+
+#[test]
+fn constrained_solution_where_it_binds() {
+    let problems = problem4_hard::problems();
+    let solver = InteriorPoint::new(problem4_hard::cone());
+    assert!(problems.iter().all(|problem| solver.solve(problem).unwrap().is_active()));
+    assert_none("InteriorPoint::solve, binding", |i| solver.solve(&problems[i % problems.len()]).unwrap());
+}
+
+#[test]
+fn physical_consistency() {
+    let bodies = draws(&bodies(), 7, INPUTS);
+    let vectors: Vec<_> = bodies.iter().map(InertialParameters::to_vector).collect();
+    let cone = PseudoInertiaCone::new(BodyScale::of(&ch5_body().to_vector()).unwrap());
+    assert_none("InertialParameters::consistency_margin", |i| bodies[i].consistency_margin());
+    assert_none("PseudoInertiaCone::margin", |i| cone.margin(&vectors[i]));
+}
