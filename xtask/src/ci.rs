@@ -56,6 +56,7 @@ const STEPS: &[Step] = &[
     always("deny", "bans, licences, sources", deny),
     always("real-data", "measured throws meet their targets", real_data),
     always("determinism", "a long tumble is the same bytes at every optimisation level", determinism),
+    always("panic-free", "the link proves that the hot paths cannot panic, and refuses a control that can", panic_free),
     full("package-verify", "every package builds from what would be published", || {
         shell(&mut [cargo("package --workspace --allow-dirty")])
     }),
@@ -316,6 +317,29 @@ fn determinism_package() -> Result<PathBuf, Box<dyn std::error::Error>> {
     );
     std::fs::write(folder.join("Cargo.toml"), manifest)?;
     Ok(folder)
+}
+
+/// Links the kernels, then the kernels and a function that can panic: that link must fail, and for this reason.
+fn panic_free() -> Outcome {
+    let build = |feature: &str| {
+        let mut build = cargo(&format!("build --package panic-free --profile panic-free --features {feature}"));
+        build.arg("--target-dir").arg(target_dir().join("panic-free"));
+        build
+    };
+    if let Outcome::Failed(reason) = shell(&mut [build("check")]) {
+        return Outcome::Failed(reason);
+    }
+    let mut control = build("control");
+    println!("$ {} (must not link)", line(&control));
+    let Ok(output) = control.output() else { return Outcome::Failed("cargo does not start".into()) };
+    let said = String::from_utf8_lossy(&output.stderr);
+    if output.status.success() {
+        Outcome::Failed("a function that can panic was linked: the check proves nothing".into())
+    } else if !said.contains("detected panic in function `control`") {
+        Outcome::Failed(format!("the control failed for another reason: {said}"))
+    } else {
+        Outcome::Ok
+    }
 }
 
 fn tests_alone() -> Outcome {

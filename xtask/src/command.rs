@@ -26,11 +26,13 @@ pub fn is_installed(program: &str, argument: &str) -> bool {
     Command::new(program).arg(argument).arg("--version").output().is_ok_and(|output| output.status.success())
 }
 
-/// The `studies` program in a release build, ready for its own arguments; it runs where xtask was started, so that relative paths
-/// mean what they say. `bench` is built for this machine's processor, in a folder of its own so that the two builds do not
-/// evict each other.
+/// The `studies` program, optimised, ready for its own arguments; it runs where xtask was started, so that relative paths mean
+/// what they say. `bench` is built as criterion's benchmarks are, and for this machine's processor, in a folder of its own so
+/// that the two builds do not evict each other.
 pub fn studies(name: &str) -> Command {
-    let mut command = cargo("run --quiet --release --package xtask --features studies --bin studies");
+    let profile = if name == "bench" { "bench" } else { "release" };
+    let mut command = cargo("run --quiet --package xtask --features studies --bin studies --profile");
+    command.arg(profile);
     command.arg("--manifest-path").arg(root().join("Cargo.toml"));
     if let Ok(folder) = std::env::current_dir() {
         command.current_dir(folder);

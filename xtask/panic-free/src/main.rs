@@ -4,9 +4,11 @@
 //! that could panic leaves an undefined symbol and the link fails. With the feature `control` a kernel that can panic is
 //! added, and the link must fail. `cargo xtask ci --only panic-free` does both.
 //!
-//! Exceptions, with their reason: the constrained solver where the constraint binds (`InteriorPoint`), because its bounded
-//! iteration calls nalgebra's symmetric eigenvalue routine, which the linker cannot prove panic-free. It is covered by
-//! property tests instead.
+//! Exceptions, tried and refused by the link, each covered by property tests and by `tests/allocation_free.rs` instead:
+//! - solutions (`SquareRootInformation::solve`, `InteriorPoint::solve`), because the optimiser does not prove the indices of
+//!   the singular values that follow a failed test of rank;
+//! - margins of consistency (`InertialParameters::consistency_margin`, `PseudoInertiaCone::margin`), because they call
+//!   nalgebra's symmetric eigenvalue routine.
 // The attribute expands to an extern block.
 #![cfg_attr(feature = "check", allow(unsafe_code))]
 

@@ -25,9 +25,34 @@ pub struct Row {
     pub n: usize,
     /// Named figures of the answers, found by code that shares nothing with what was timed.
     pub quality: Vec<(&'static str, f64)>,
-    pub target_ns: Option<f64>,
+    pub goal: Goal,
     /// nalgebra's SO(3) exponential, measured just before: shows a loaded machine.
     pub calibration_ns: f64,
+}
+
+/// What a time is compared with.
+#[derive(Clone, Copy, Default)]
+pub struct Goal {
+    pub target_ns: Option<f64>,
+    /// The fastest peer of the same representation in `benchmarks/RESULTS.md`, and its time there.
+    pub peer: Option<(&'static str, f64)>,
+}
+
+impl Goal {
+    /// A peer's time and an allowance for what moves between runs.
+    pub fn beside(peer: &'static str, peer_ns: f64, allowance: f64) -> Self {
+        Self { target_ns: Some(peer_ns * allowance), peer: Some((peer, peer_ns)) }
+    }
+
+    /// A target of its own; the peer is shown beside it.
+    pub fn at(target_ns: f64, peer: &'static str, peer_ns: f64) -> Self {
+        Self { target_ns: Some(target_ns), peer: Some((peer, peer_ns)) }
+    }
+
+    /// No target; the peer is shown.
+    pub fn shown(peer: &'static str, peer_ns: f64) -> Self {
+        Self { target_ns: None, peer: Some((peer, peer_ns)) }
+    }
 }
 
 /// The settings of a run and the place where rows go.
@@ -53,8 +78,8 @@ pub fn run(arguments: &Arguments, problems: &[Problem]) -> Result<(), Failure> {
     };
     if !bench.as_json {
         println!(
-            "{:<12} {:<28} {:>12} {:>12} {:>12} {:>8} {:>8}  quality",
-            "problem", "item", "median ns", "p99 ns", "target ns", "ratio", "load"
+            "{:<12} {:<28} {:>11} {:>11} {:>10} {:>6} {:>5}  {:<22} quality",
+            "problem", "item", "median ns", "p99 ns", "target ns", "ratio", "load", "peer"
         );
     }
     for (_, problem) in problems {
@@ -62,7 +87,8 @@ pub fn run(arguments: &Arguments, problems: &[Problem]) -> Result<(), Failure> {
     }
     if !bench.as_json {
         println!(
-            "\nratio: median / target; load: calibration / {IDLE_CALIBRATION_NS} ns, above 1 on a slower or busy machine"
+            "\nload: calibration / {IDLE_CALIBRATION_NS} ns, above 1 on a slower or busy machine; ratio: median / load / target; \
+             peer: its time on the idle machine"
         );
     }
     Ok(())
@@ -93,7 +119,7 @@ impl Bench {
         &self,
         problem: &'static str,
         item: &'static str,
-        target_ns: Option<f64>,
+        goal: Goal,
         count: usize,
         quality: &[(&'static str, f64)],
         call: impl FnMut(usize) -> T,
@@ -103,16 +129,7 @@ impl Bench {
             let times = sweeps(self.sweeps, count, call);
             let (median_ns, p99_ns) = (quantile(&times, 0.5), quantile(&times, 0.99));
             let n = count * self.sweeps;
-            self.report(&Row {
-                problem,
-                item,
-                median_ns,
-                p99_ns,
-                n,
-                quality: quality.to_vec(),
-                target_ns,
-                calibration_ns,
-            });
+            self.report(&Row { problem, item, median_ns, p99_ns, n, quality: quality.to_vec(), goal, calibration_ns });
         }
     }
 
@@ -143,16 +160,17 @@ impl Bench {
                 "{}",
                 json!({
                     "problem": row.problem, "item": row.item, "median_ns": row.median_ns, "p99_ns": row.p99_ns, "n": row.n,
-                    "quality": quality, "target_ns": row.target_ns, "calibration_ns": row.calibration_ns,
+                    "quality": quality, "target_ns": row.goal.target_ns, "calibration_ns": row.calibration_ns,
                 })
             );
         } else {
-            let target = row.target_ns.map_or_else(String::new, |target| format!("{target:.2}"));
+            let target = row.goal.target_ns.map_or_else(String::new, |target| format!("{target:.1}"));
             let ratio =
-                row.target_ns.map_or_else(String::new, |target| format!("{:.2}", row.median_ns / target / load));
-            let quality: Vec<String> = row.quality.iter().map(|(name, value)| format!("{name} {value:.3e}")).collect();
+                row.goal.target_ns.map_or_else(String::new, |target| format!("{:.2}", row.median_ns / load / target));
+            let peer = row.goal.peer.map_or_else(String::new, |(name, ns)| format!("{name} {ns}"));
+            let quality: Vec<String> = row.quality.iter().map(|(name, value)| format!("{name} {value:.6e}")).collect();
             println!(
-                "{:<12} {:<28} {:>12.2} {:>12.2} {target:>12} {ratio:>8} {load:>8.2}  {}",
+                "{:<12} {:<28} {:>11.2} {:>11.2} {target:>10} {ratio:>6} {load:>5.2}  {peer:<22} {}",
                 row.problem,
                 row.item,
                 row.median_ns,
@@ -163,17 +181,20 @@ impl Bench {
     }
 }
 
-/// Mean nanoseconds per call of each sweep, sorted; the first sweeps only warm up.
+/// Mean nanoseconds per call of each sweep, sorted; the first sweeps only warm up. Answers go to slots that exist before.
 fn sweeps<T>(count: usize, inputs: usize, mut call: impl FnMut(usize) -> T) -> Vec<f64> {
     const WARM_UP: usize = 5;
-    let mut answers = Vec::with_capacity(inputs);
+    let mut answers: Vec<T> = (0..inputs).map(&mut call).collect();
     let mut times = Vec::with_capacity(count);
-    for sweep in 0..count + WARM_UP {
-        answers.clear();
+    for sweep in 1..count + WARM_UP {
+        // Hidden once per sweep, not once per call, which would cost a nanosecond each.
+        let call = black_box(&mut call);
         let start = Instant::now();
-        answers.extend((0..inputs).map(|i| call(black_box(i))));
+        for (i, answer) in answers.iter_mut().enumerate() {
+            *answer = call(i);
+        }
+        black_box(&mut answers);
         let elapsed = start.elapsed().as_nanos() as f64 / inputs as f64;
-        black_box(&answers);
         if sweep >= WARM_UP {
             times.push(elapsed);
         }

@@ -4,13 +4,15 @@
 //! is called, and 40 ns for the inverse Jacobian of SE(3).
 
 use lie::{GroupAction, LieGroup};
-use nalgebra::{Isometry3, Matrix3, Matrix4, Matrix6, SMatrix, UnitDualQuaternion, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{
+    Isometry3, Matrix3, Matrix4, Matrix6, Rotation3, SMatrix, UnitDualQuaternion, UnitQuaternion, Vector3, Vector6,
+};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use tumble_lie as lie;
 
 use crate::Failure;
-use crate::bench::{Bench, numbers, uniform};
+use crate::bench::{Bench, Goal, numbers, uniform};
 
 const PROBLEM: &str = "lie";
 const ALGEBRA: f64 = 1.1;
@@ -25,77 +27,107 @@ pub fn run(bench: &mut Bench) -> Result<(), Failure> {
     let phi: Vec<Vector3<f64>> = xi.iter().map(|xi| xi.fixed_rows::<3>(0).into_owned()).collect();
     let point: Vec<Vector3<f64>> = xi.iter().map(|xi| xi.fixed_rows::<3>(3).into_owned()).collect();
     let rotation: Vec<So3> = phi.iter().map(|phi| So3::from_scaled_axis(*phi)).collect();
+    let matrix: Vec<Rotation3<f64>> = phi.iter().map(<Rotation3<f64> as LieGroup>::exp).collect();
     let pose: Vec<Se3> = xi.iter().map(<Se3 as LieGroup>::exp).collect();
     let dual: Vec<DualQuaternion> = pose.iter().map(DualQuaternion::from_isometry).collect();
     let count = xi.len();
     let next = |i: usize| if i + 1 == count { 0 } else { i + 1 };
     let worst = |error: &dyn Fn(usize) -> f64| [("max_error", (0..count).map(error).fold(0.0, f64::max))];
-    let time = |item, peer_ns: f64, allowance: f64| (item, Some(peer_ns * allowance));
 
     // Each quality compares with nalgebra's own function or with a power series summed term by term.
-    let (item, target) = time("so3_exp", 11.6, TRIGONOMETRY);
+    let (item, goal) = ("so3_exp", Goal::beside("nalgebra", 11.6, TRIGONOMETRY));
     let quality = worst(&|i| (<So3 as LieGroup>::exp(&phi[i]).coords - So3::from_scaled_axis(phi[i]).coords).amax());
-    bench.sweep(PROBLEM, item, target, count, &quality, |i| <So3 as LieGroup>::exp(&phi[i]));
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| <So3 as LieGroup>::exp(&phi[i]));
 
-    let (item, target) = time("so3_log", 16.7, ALGEBRA);
+    let (item, goal) = ("so3_log", Goal::beside("sophus_lie", 16.7, ALGEBRA));
     let quality = worst(&|i| (LieGroup::log(&rotation[i]) - phi[i]).amax());
-    bench.sweep(PROBLEM, item, target, count, &quality, |i| LieGroup::log(&rotation[i]));
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| LieGroup::log(&rotation[i]));
 
-    let (item, target) = time("so3_compose", 3.01, ALGEBRA);
-    bench.sweep(PROBLEM, item, target, count, &[], |i| rotation[i].compose(&rotation[next(i)]));
+    let (item, goal) = ("so3_compose", Goal::beside("sophus-cpp", 3.01, ALGEBRA));
+    bench.sweep(PROBLEM, item, goal, count, &[], |i| rotation[i].compose(&rotation[next(i)]));
 
-    let (item, target) = time("so3_act", 2.04, ALGEBRA);
-    bench.sweep(PROBLEM, item, target, count, &[], |i| rotation[i].act(&point[i]));
+    let (item, goal) = ("so3_act", Goal::beside("sophus-cpp", 2.04, ALGEBRA));
+    bench.sweep(PROBLEM, item, goal, count, &[], |i| rotation[i].act(&point[i]));
 
-    let (item, target) = time("so3_left_jacobian", 21.0, TRIGONOMETRY);
+    let (item, goal) = ("so3_left_jacobian", Goal::beside("sophus_lie", 21.0, TRIGONOMETRY));
     let quality = worst(&|i| (So3::left_jacobian(&phi[i]) - jacobian_series(skew(&phi[i]))).amax());
-    bench.sweep(PROBLEM, item, target, count, &quality, |i| So3::left_jacobian(&phi[i]));
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| So3::left_jacobian(&phi[i]));
 
-    let (item, target) = time("so3_left_jacobian_inverse", 20.8, TRIGONOMETRY);
+    let (item, goal) = ("so3_left_jacobian_inverse", Goal::beside("manif-cpp", 20.8, TRIGONOMETRY));
     let quality =
         worst(&|i| (So3::left_jacobian_inverse(&phi[i]) * jacobian_series(skew(&phi[i])) - Matrix3::identity()).amax());
-    bench.sweep(PROBLEM, item, target, count, &quality, |i| So3::left_jacobian_inverse(&phi[i]));
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| So3::left_jacobian_inverse(&phi[i]));
 
-    let (item, target) = time("se3_exp", 36.0, TRIGONOMETRY);
+    let (item, goal) = ("se3_exp", Goal::beside("sophus_lie", 36.0, TRIGONOMETRY));
     let quality = worst(&|i| (pose[i].to_homogeneous() - exponential_series(twist_matrix(&xi[i]))).amax());
-    bench.sweep(PROBLEM, item, target, count, &quality, |i| <Se3 as LieGroup>::exp(&xi[i]));
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| <Se3 as LieGroup>::exp(&xi[i]));
 
-    let (item, target) = time("se3_log", 52.7, TRIGONOMETRY);
+    let (item, goal) = ("se3_log", Goal::beside("sophus_lie", 52.7, TRIGONOMETRY));
     let quality = worst(&|i| {
         let matrix = exponential_series(twist_matrix(&LieGroup::log(&pose[i])));
         (matrix - pose[i].to_homogeneous()).amax()
     });
-    bench.sweep(PROBLEM, item, target, count, &quality, |i| LieGroup::log(&pose[i]));
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| LieGroup::log(&pose[i]));
 
-    let (item, target) = time("se3_compose", 4.95, ALGEBRA);
-    bench.sweep(PROBLEM, item, target, count, &[], |i| pose[i].compose(&pose[next(i)]));
+    let (item, goal) = ("se3_compose", Goal::beside("sophus-cpp", 4.95, ALGEBRA));
+    bench.sweep(PROBLEM, item, goal, count, &[], |i| pose[i].compose(&pose[next(i)]));
 
-    let (item, target) = time("se3_inverse", 4.24, ALGEBRA);
-    bench.sweep(PROBLEM, item, target, count, &[], |i| LieGroup::inverse(&pose[i]));
+    let (item, goal) = ("se3_inverse", Goal::beside("nalgebra", 4.24, ALGEBRA));
+    bench.sweep(PROBLEM, item, goal, count, &[], |i| LieGroup::inverse(&pose[i]));
 
-    let (item, target) = time("se3_act", 2.31, ALGEBRA);
-    bench.sweep(PROBLEM, item, target, count, &[], |i| pose[i].act(&point[i]));
+    let (item, goal) = ("se3_act", Goal::beside("sophus-cpp", 2.31, ALGEBRA));
+    bench.sweep(PROBLEM, item, goal, count, &[], |i| pose[i].act(&point[i]));
 
-    let (item, target) = time("se3_adjoint", 7.79, ALGEBRA);
+    let (item, goal) = ("se3_adjoint", Goal::beside("sophus_lie", 7.79, ALGEBRA));
     let quality = worst(&|i| (pose[i].adjoint() - exponential_series(bracket_matrix(&xi[i]))).amax());
-    bench.sweep(PROBLEM, item, target, count, &quality, |i| pose[i].adjoint());
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| pose[i].adjoint());
 
-    let (item, target) = time("se3_left_jacobian", 71.0, TRIGONOMETRY);
+    let (item, goal) = ("se3_left_jacobian", Goal::beside("sophus-cpp", 71.0, TRIGONOMETRY));
     let quality = worst(&|i| (Se3::left_jacobian(&xi[i]) - jacobian_series(bracket_matrix(&xi[i]))).amax());
-    bench.sweep(PROBLEM, item, target, count, &quality, |i| Se3::left_jacobian(&xi[i]));
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| Se3::left_jacobian(&xi[i]));
 
     let quality = worst(&|i| {
         (Se3::left_jacobian_inverse(&xi[i]) * jacobian_series(bracket_matrix(&xi[i])) - Matrix6::identity()).amax()
     });
-    bench.sweep(PROBLEM, "se3_left_jacobian_inverse", Some(40.0), count, &quality, |i| {
+    bench.sweep(PROBLEM, "se3_left_jacobian_inverse", Goal::at(40.0, "sophus-cpp", 76.7), count, &quality, |i| {
         Se3::left_jacobian_inverse(&xi[i])
     });
 
+    // Pinocchio's representation: rotation matrices, right Jacobians.
+    let (item, goal) = ("so3_matrix_exp", Goal::beside("pinocchio-cpp", 19.0, TRIGONOMETRY));
+    let quality = worst(&|i| (matrix[i].matrix() - exponential_series(skew(&phi[i]))).amax());
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| <Rotation3<f64> as LieGroup>::exp(&phi[i]));
+
+    let (item, goal) = ("so3_matrix_log", Goal::beside("pinocchio-cpp", 99.4, TRIGONOMETRY));
+    let quality = worst(&|i| (LieGroup::log(&matrix[i]) - phi[i]).amax());
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| LieGroup::log(&matrix[i]));
+
+    let (item, goal) = ("so3_right_jacobian", Goal::beside("pinocchio-cpp", 24.1, TRIGONOMETRY));
+    let quality = worst(&|i| (So3::right_jacobian(&phi[i]) - jacobian_series(-skew(&phi[i]))).amax());
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| So3::right_jacobian(&phi[i]));
+
+    let (item, goal) = ("so3_right_jacobian_inverse", Goal::beside("pinocchio-cpp", 118.0, TRIGONOMETRY));
+    let quality = worst(&|i| {
+        (So3::right_jacobian_inverse(&phi[i]) * jacobian_series(-skew(&phi[i])) - Matrix3::identity()).amax()
+    });
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| So3::right_jacobian_inverse(&phi[i]));
+
+    let (item, goal) = ("se3_right_jacobian", Goal::beside("pinocchio-cpp", 71.3, TRIGONOMETRY));
+    let quality = worst(&|i| (Se3::right_jacobian(&xi[i]) - jacobian_series(-bracket_matrix(&xi[i]))).amax());
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| Se3::right_jacobian(&xi[i]));
+
+    let (item, goal) = ("se3_right_jacobian_inverse", Goal::at(40.0, "pinocchio-cpp", 149.0));
+    let quality = worst(&|i| {
+        (Se3::right_jacobian_inverse(&xi[i]) * jacobian_series(-bracket_matrix(&xi[i])) - Matrix6::identity()).amax()
+    });
+    bench.sweep(PROBLEM, item, goal, count, &quality, |i| Se3::right_jacobian_inverse(&xi[i]));
+
     // No peer has these.
-    bench.sweep(PROBLEM, "dual_quaternion_exp", None, count, &[], |i| <DualQuaternion as LieGroup>::exp(&xi[i]));
-    bench.sweep(PROBLEM, "dual_quaternion_log", None, count, &[], |i| LieGroup::log(&dual[i]));
-    bench.sweep(PROBLEM, "dual_quaternion_compose", None, count, &[], |i| dual[i].compose(&dual[next(i)]));
-    bench.sweep(PROBLEM, "dual_quaternion_act", None, count, &[], |i| dual[i].act(&point[i]));
+    let none = Goal::default();
+    bench.sweep(PROBLEM, "dual_quaternion_exp", none, count, &[], |i| <DualQuaternion as LieGroup>::exp(&xi[i]));
+    bench.sweep(PROBLEM, "dual_quaternion_log", none, count, &[], |i| LieGroup::log(&dual[i]));
+    bench.sweep(PROBLEM, "dual_quaternion_compose", none, count, &[], |i| dual[i].compose(&dual[next(i)]));
+    bench.sweep(PROBLEM, "dual_quaternion_act", none, count, &[], |i| dual[i].act(&point[i]));
     Ok(())
 }
 

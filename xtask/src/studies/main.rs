@@ -4,6 +4,9 @@
 
 mod arguments;
 mod bench;
+mod dynamics;
+mod ident_sdp;
+mod integrator;
 mod lie;
 mod real_data;
 mod throws;
@@ -32,7 +35,8 @@ impl Failure {
 /// A benchmark problem: its name in `benchmarks/PROBLEMS.md` and the module that runs it.
 type Problem = (&'static str, fn(&mut Bench) -> Result<(), Failure>);
 
-const PROBLEMS: &[Problem] = &[("lie", lie::run)];
+const PROBLEMS: &[Problem] =
+    &[("lie", lie::run), ("dynamics", dynamics::run), ("integrator", integrator::run), ("ident_sdp", ident_sdp::run)];
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
