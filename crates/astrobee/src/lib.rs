@@ -13,3 +13,8 @@ pub mod report;
 pub mod wheel_throw;
 
 pub use error::AstrobeeError;
+
+// The code of the workspace's README. Only rustdoc's test run reads the file, so that the published package does without.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct WorkspaceReadme;

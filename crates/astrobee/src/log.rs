@@ -439,6 +439,26 @@ pub fn parse_time_ns(text: &str) -> Option<i64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tumble_lie::nalgebra::Vector4;
+
+    #[test]
+    fn every_cell_lands_where_its_column_says() {
+        let path = std::env::temp_dir().join(format!("tumble-log-columns-{}.csv", std::process::id()));
+        let text = "f_z,q_w,q_x,q_y,q_z,t_s,p_z,p_x,p_y,tau_x,tau_y,tau_z,f_x,f_y,w_x,w_y,w_z\n\
+                    6,0.5,0.1,-0.7,0.5,1700000000.000000001,13,11,12,1,2,3,4,5,7,8,9\n";
+        std::fs::write(&path, text).unwrap();
+        let sample = LogReader::open(&path, false).unwrap().next_sample().unwrap().unwrap();
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(sample.time_ns, 1_700_000_000_000_000_001);
+        let pose = sample.world_from_body;
+        assert_eq!(pose.translation.vector, Vector3::new(11.0, 12.0, 13.0));
+        let (q, expected) = (pose.rotation.coords, Vector4::new(0.1, -0.7, 0.5, 0.5));
+        assert!((q - expected).amax() < 1e-15, "{q:?}");
+        let wrench = sample.wrench_body.unwrap();
+        assert_eq!((wrench.torque, wrench.force), (Vector3::new(1.0, 2.0, 3.0), Vector3::new(4.0, 5.0, 6.0)));
+        assert_eq!(sample.rate_body, Some(Vector3::new(7.0, 8.0, 9.0)));
+        assert_eq!((sample.velocity_origin_world, sample.acceleration_origin_body), (None, None));
+    }
 
     #[test]
     fn times_are_exact_to_the_nanosecond() {
