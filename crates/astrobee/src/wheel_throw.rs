@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use tumble_dynamics::InertialParameters;
 use tumble_identification::IdentificationError;
-use tumble_identification::wheel::{FreeFallEstimate, ThrowRecord, ThrowSample, ThrowSettings, WheelCalibration, calibrate};
+use tumble_identification::wheel::{
+    FreeFallEstimate, ThrowRecord, ThrowSample, ThrowSettings, WheelCalibration, calibrate,
+};
 use tumble_lie::nalgebra::Vector3;
 
 /// Columns of a throw; a file may hold them in any order, and others.
@@ -175,8 +177,8 @@ impl CalibrationKind {
 /// Every kind of [`WheelThrowError`] that names a CSV file.
 pub fn read_throw(path: &Path) -> Result<ThrowRecord, WheelThrowError> {
     let not_a_table = |source| WheelThrowError::NotATable { path: path.to_owned(), source };
-    let file = std::fs::File::open(path)
-        .map_err(|source| WheelThrowError::Unreadable { path: path.to_owned(), source })?;
+    let file =
+        std::fs::File::open(path).map_err(|source| WheelThrowError::Unreadable { path: path.to_owned(), source })?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(std::io::BufReader::new(file));
     let headers = reader.headers().map_err(not_a_table)?.clone();
     let mut places = [0; THROW_COLUMNS.len()];
@@ -264,14 +266,12 @@ pub fn calibration_to_toml(calibration: &WheelCalibration) -> Result<String, tom
 pub fn read_calibration(path: &Path) -> Result<WheelCalibration, WheelThrowError> {
     let text = std::fs::read_to_string(path)
         .map_err(|source| WheelThrowError::Unreadable { path: path.to_owned(), source })?;
-    let file: CalibrationFile = toml::from_str(&text)
-        .map_err(|source| WheelThrowError::NotACalibration { path: path.to_owned(), source })?;
+    let file: CalibrationFile =
+        toml::from_str(&text).map_err(|source| WheelThrowError::NotACalibration { path: path.to_owned(), source })?;
     if file.format != FORMAT {
         return Err(WheelThrowError::UnknownFormat { path: path.to_owned(), found: file.format });
     }
-    file.calibration
-        .validated()
-        .map_err(|source| WheelThrowError::NotIdentified { path: path.to_owned(), source })
+    file.calibration.validated().map_err(|source| WheelThrowError::NotIdentified { path: path.to_owned(), source })
 }
 
 #[cfg(test)]
@@ -384,7 +384,9 @@ mod tests {
         assert!(matches!(newer, WheelThrowError::UnknownFormat { found: 2, .. }), "{newer}");
         let unknown = faulty("unknown.toml", "device_mass_kg", "device_mass_lb");
         assert!(matches!(unknown, WheelThrowError::NotACalibration { .. }), "{unknown}");
-        for (name, from, to) in [("negative.toml", "mass_kg = 0", "mass_kg = -0"), ("step.toml", "step_s = 0.005", "step_s = 0.0")] {
+        for (name, from, to) in
+            [("negative.toml", "mass_kg = 0", "mass_kg = -0"), ("step.toml", "step_s = 0.005", "step_s = 0.0")]
+        {
             let error = faulty(name, from, to);
             assert!(matches!(error, WheelThrowError::NotIdentified { .. }), "{error}");
         }

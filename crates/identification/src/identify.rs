@@ -188,7 +188,10 @@ impl fmt::Display for Warning {
             Self::UnequalSteps { skipped, windows } => {
                 write!(f, "{skipped} of {windows} windows skipped: their steps differ by more than 1 %")?;
                 if 2 * skipped > windows {
-                    write!(f, "; most of the record is unused: the method maximum-likelihood (not in this version) will use true step lengths; until then resample the log at equal steps")?;
+                    write!(
+                        f,
+                        "; most of the record is unused: the method maximum-likelihood (not in this version) will use true step lengths; until then resample the log at equal steps"
+                    )?;
                 }
                 Ok(())
             }
@@ -322,8 +325,7 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
     }
     let full_rank = judgement.observability.rank() == 10;
     let information = if full_rank { judgement.determined } else { judgement.projected };
-    let Solution { estimate, regularised } =
-        solve(information, judgement.scale, full_rank, settings.prior.as_ref())?;
+    let Solution { estimate, regularised } = solve(information, judgement.scale, full_rank, settings.prior.as_ref())?;
     let body = estimate.or(regularised);
     if estimate.is_some_and(|found| found.lmi_active) {
         warnings.push(Warning::ConstraintActive);

@@ -97,7 +97,7 @@ fn group<G: LieGroup<Scalar = f64> + GroupAction<P>, P: Copy>(name: &str, points
 
 #[test]
 fn control_an_allocation_is_counted() {
-    assert_eq!(allocations(CALLS, |i| Box::new(i)), CALLS);
+    assert_eq!(allocations(CALLS, Box::new), CALLS);
     // Growth goes through `realloc`.
     assert_eq!(allocations(1, |i| (vec![i], Vec::<usize>::with_capacity(2).reserve(3))), 3);
 }
@@ -130,6 +130,16 @@ fn ch5_body() -> InertialParameters<f64> {
     InertialParameters::from_vector(&SVector::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0]))
 }
 
+fn step(
+    name: &str,
+    integrator: &impl Integrator<FreeFlyer<f64>>,
+    states: &[RigidBodyState<f64>],
+    wrenches: &[Wrench<f64>],
+) {
+    let flyer = FreeFlyer::new(ch5_body());
+    assert_none(name, |i| integrator.step(&flyer, &states[i], &wrenches[i], 0.0, 0.01).unwrap());
+}
+
 #[test]
 fn dynamics_and_integrator_steps() {
     let flyer = FreeFlyer::new(ch5_body());
@@ -138,15 +148,6 @@ fn dynamics_and_integrator_steps() {
     assert_none("FreeFlyer::forward", |i| flyer.forward(&twists[i], &wrenches[i]));
     assert_none("FreeFlyer::inverse", |i| flyer.inverse(&twists[i], &accelerations[i]));
 
-    fn step(
-        name: &str,
-        integrator: &impl Integrator<FreeFlyer<f64>>,
-        states: &[RigidBodyState<f64>],
-        wrenches: &[Wrench<f64>],
-    ) {
-        let flyer = FreeFlyer::new(ch5_body());
-        assert_none(name, |i| integrator.step(&flyer, &states[i], &wrenches[i], 0.0, 0.01).unwrap());
-    }
     let states: Vec<_> =
         twists.iter().map(|twist| RigidBodyState { twist_body: *twist, ..RigidBodyState::at_rest() }).collect();
     step("VariationalFreeFlyer", &VariationalFreeFlyer, &states, &wrenches);
@@ -158,6 +159,7 @@ fn dynamics_and_integrator_steps() {
 
 #[test]
 fn regressors() {
+    const STEP_S: f64 = 0.05;
     let (twists, wrenches) = (draws(&twists(1.0, 1.0), 3, INPUTS), draws(&wrenches(1.0, 1.0), 4, INPUTS));
     let flyer = FreeFlyer::new(ch5_body());
     assert_none("newton_euler", |i| {
@@ -165,7 +167,6 @@ fn regressors() {
         newton_euler(&twists[i].angular, &wrenches[i].torque, linear)
     });
 
-    const STEP_S: f64 = 0.05;
     let mut state = RigidBodyState { twist_body: twists[0], ..RigidBodyState::at_rest() };
     let poses: Vec<_> = (0..INPUTS + 6)
         .map(|i| {

@@ -286,7 +286,11 @@ fn what_the_data_do_not_say_is_not_invented() {
         found.rank
     );
     println!("free tumbling: {:?}", found.null_directions);
-    assert!(found.null_directions.iter().any(|words| words.to_string().contains("common factor")), "{:?}", found.null_directions);
+    assert!(
+        found.null_directions.iter().any(|words| words.to_string().contains("common factor")),
+        "{:?}",
+        found.null_directions
+    );
     check_consistent(&found);
 
     // Planar motion about z shows J33, J13, J23, the mass and the first moment, and nothing of the other inertias.

@@ -80,6 +80,8 @@ fn throw(body: &Thrown, rate: Vector3<f64>, noise: &Noise, seed: u64) -> Vec<Thr
 fn sampled_throw(body: &Thrown, rate: Vector3<f64>, noise: &Noise, seed: u64, step_s: f64) -> Vec<ThrowSample> {
     let mut normal = Normal(ChaCha8Rng::seed_from_u64(seed));
     let mut rate = rate;
+    // A few hundred.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let count = (0.68 / step_s) as usize;
     let mut samples = Vec::with_capacity(count);
     for k in 0..count {
@@ -221,10 +223,10 @@ fn without_a_mass_the_total_alone_is_given() {
 #[test]
 fn two_sigma_cover_what_they_say() {
     let (mut inertia, mut com, mut nees, mut trials) = (0, 0, 0.0, 0);
-    for seed in 0..100 {
+    for (case, seed) in (0..100).enumerate() {
         let calibration = calibration(&NOISY, 1000 * seed);
-        let object = &objects()[seed as usize % 3];
-        let thrown = record(&with_device(object), RATES[seed as usize % 4], &NOISY, 1000 * seed + 500);
+        let object = &objects()[case % 3];
+        let thrown = record(&with_device(object), RATES[case % 4], &NOISY, 1000 * seed + 500);
         let found = identify_throw(&thrown, &calibration, Some(object.mass)).unwrap().object.unwrap();
         let mut truth = object.inertia_about_com().symmetric_eigenvalues();
         truth.as_mut_slice().sort_by(f64::total_cmp);
@@ -361,7 +363,9 @@ fn what_cannot_be_identified_is_refused_with_numbers() {
     nan[3].rate_body.y = f64::NAN;
     assert!(matches!(read(nan), Err(IdentificationError::NotFinite { row: 3 })));
     let saturated = changed(|sample| sample.rate_body.x = (4.0 * sample.rate_body.x).clamp(-34.9, 34.9));
-    assert!(matches!(saturated, Err(IdentificationError::GyroSaturated { rate_rad_s, .. }) if rate_rad_s == 34.9));
+    assert!(
+        matches!(saturated, Err(IdentificationError::GyroSaturated { rate_rad_s, .. }) if (rate_rad_s - 34.9).abs() < 1e-12)
+    );
     let still = changed(|sample| sample.wheel_speed_rad_s = -200.0);
     assert!(matches!(still, Err(IdentificationError::WheelNotSpinning { span_rad_s, .. }) if span_rad_s == 0.0));
     let planar = changed(|sample| sample.rate_body = Vector3::new(0.0, 0.0, sample.rate_body.z));
@@ -389,8 +393,8 @@ fn every_object_reported_exists() {
     let calibration = calibration(&NOISELESS, 0);
     let plate = cuboid(0.3, [0.12, 0.16, 1e-4], [0.0, 0.0, 0.02], 0.4);
     let mut projected = 0;
-    for seed in 0..20 {
-        let thrown = record(&with_device(&plate), RATES[seed as usize % 4], &NOISY, seed);
+    for (case, seed) in (0..20).enumerate() {
+        let thrown = record(&with_device(&plate), RATES[case % 4], &NOISY, seed);
         let found = identify_throw(&thrown, &calibration, Some(plate.mass)).unwrap().object.unwrap();
         assert!(found.body.is_consistent());
         projected += usize::from(found.projected);

@@ -57,7 +57,7 @@ fn tumble(
         for (worst, drift) in worst.iter_mut().zip(now.drift_from(&start)) {
             *worst = worst.max(drift);
         }
-        diverged = !(now.energy <= 100.0 * start.energy);
+        diverged = !now.energy.is_finite() || now.energy > 100.0 * start.energy;
         if diverged {
             break;
         }

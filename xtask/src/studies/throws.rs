@@ -28,6 +28,7 @@ struct Reference {
 }
 
 /// One line of the report.
+#[allow(clippy::struct_field_names, reason = "the unit belongs in the name")]
 struct Summary {
     mean_error_percent: f64,
     max_error_percent: f64,

@@ -54,7 +54,8 @@ pub fn run(args: &CalibrateWheelArgs) -> Result<Outcome, AstrobeeError> {
     }
     files.extend(args.device.iter().map(|path| (CalibrationKind::Device, path.clone())));
     files.extend(args.proof.iter().map(|path| (CalibrationKind::Proof, path.clone())));
-    let positive = [args.device_mass, args.proof_mass].iter().chain(&args.proof_sides).all(|x| *x > 0.0 && x.is_finite());
+    let positive =
+        [args.device_mass, args.proof_mass].iter().chain(&args.proof_sides).all(|x| *x > 0.0 && x.is_finite());
     let &[x, y, z] = args.proof_sides.as_slice() else {
         return Err(AstrobeeError::BadOption { message: "`--proof-sides` takes three lengths".to_owned() });
     };
@@ -173,7 +174,10 @@ fn table(throw: &Path, found: &ThrowEstimate) -> String {
             let _ = writeln!(text, "\nverdict: inertia of device and object together; --mass KG takes the device away");
         }
     }
-    let _ = writeln!(text, "  the centre of mass is measured from the inertial sensor, in device axes; a throw does not tell the mass");
+    let _ = writeln!(
+        text,
+        "  the centre of mass is measured from the inertial sensor, in device axes; a throw does not tell the mass"
+    );
     text
 }
 

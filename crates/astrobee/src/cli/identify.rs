@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::{
-    Identification, IdentificationError, Method, MotionSample, Settings, WrenchTiming, identify, merge, predict, validate,
+    Identification, IdentificationError, Method, MotionSample, Settings, WrenchTiming, identify, merge, predict,
+    validate,
 };
 
 /// Options of `tumble identify`.
