@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::{Matrix3, SVector, Vector3};
 use tumble_identification::{
-    Estimate, Identification, Method, NullDirection, Prediction, StandardDeviations, Validation, WrenchTiming,
+    Estimate, Identification, Method, NullDirection, Prediction, StandardDeviations, Validation, Warning, WrenchTiming,
 };
 
 /// The name of a method on the command line and in JSON.
@@ -163,7 +163,10 @@ fn determined(found: &Identification, body: &InertialParameters<f64>) -> Vec<boo
         "com" => length,
         _ => found.scale.mass_kg() * length * length,
     };
-    let mut result = vec![true; 10];
+    // Without any wrench only ratios can be known: the centre of mass perhaps, no mass and no inertia.
+    let scale_known = !found.warnings.contains(&Warning::ZeroWrench);
+    let mut result: Vec<bool> =
+        quantities(body, &NO_DEVIATIONS).iter().map(|q| scale_known || q.json.0 == "com").collect();
     for direction in &found.null_directions {
         let change = direction.parameters() * NUDGE;
         let (plus, minus) = (values(&(center + change)), values(&(center - change)));

@@ -331,3 +331,50 @@ fn options_that_do_not_fit() {
     assert_eq!(nothing.status.code(), Some(0));
     assert!(stdout(&nothing).contains("tumble identify --demo"));
 }
+
+#[test]
+fn a_log_longer_than_the_memory_share_is_taken_part_by_part() {
+    // Translation only, so that the rows can be written in closed form: p = sin, f = m a.
+    let path = scratch("long").join("log.csv");
+    let rows: u32 = 200_600;
+    let mut text = format!("{HEADER}\n");
+    for k in 0..rows {
+        let t = 0.016 * f64::from(k);
+        let p = [(0.5 * t).sin(), 0.7 * (0.6 * t + 1.0).sin(), 0.4 * (0.7 * t).cos()];
+        let f = [-0.25 * p[0] * 5.0, -0.36 * p[1] * 5.0, -0.49 * p[2] * 5.0];
+        writeln!(text, "{t:.3},{},{},{},0,0,0,1,{},{},{},0,0,0", p[0], p[1], p[2], f[0], f[1], f[2]).unwrap();
+    }
+    fs::write(&path, text).unwrap();
+    let output = tumble(&["identify", path.to_str().unwrap(), "--wrench", "sampled", "--json"]);
+    fs::remove_file(&path).unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    let object = json(&output);
+    assert_eq!(object["samples_used"], rows);
+    assert_eq!(object["rank"], 4);
+    assert!((object["mass_kg"].as_f64().unwrap() / 5.0 - 1.0).abs() < 1e-3, "{}", object["mass_kg"]);
+    assert!(object["com_m"][0].as_f64().unwrap().abs() < 1e-3);
+    assert!(object["inertia_about_com_kg_m2"][0][0].is_null());
+}
+
+#[test]
+fn throws_and_calibrations_that_are_none() {
+    let folder = scratch("throws");
+    let file = |name: &str, text: &str| {
+        let path = folder.join(name);
+        fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let (stranger, empty) = (file("throw.csv", "t_s\n"), file("cal_device_1.csv", "t_s,wx_rad_s\n0,1\n"));
+    let calibration = file("cal.toml", "format = 1\n");
+    let out = folder.join("new.toml").to_str().unwrap().to_owned();
+    for arguments in [
+        vec!["calibrate-wheel", &stranger, "--out", &out],
+        vec!["calibrate-wheel", &empty, "--out", &out],
+        vec!["identify", "--wheel", &stranger, "--calibration", &calibration],
+    ] {
+        let output = tumble(&arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(stderr(&output).contains("error[T019]"), "{}", stderr(&output));
+    }
+    assert!(!Path::new(&out).exists());
+}
