@@ -2,8 +2,8 @@
 
 use crate::inertia::InertialParameters;
 use crate::state::RigidBodyState;
-use tumble_lie::nalgebra::{Matrix6, Vector3};
-use tumble_lie::{Increment, Pose, Scalar, Twist, Wrench, real, skew};
+use tumble_lie::nalgebra::Vector3;
+use tumble_lie::{Increment, Pose, Scalar, Twist, Wrench, real};
 
 /// Kinetic energy, J.
 ///
@@ -50,22 +50,6 @@ pub fn twist_of_momentum<T: Scalar>(body: &InertialParameters<T>, momentum_body:
 #[inline]
 pub fn spatial_momentum<T: Scalar>(body: &InertialParameters<T>, state: &RigidBodyState<T>) -> Wrench<T> {
     body_momentum(body, &state.twist_body).transformed_by(&state.world_from_body)
-}
-
-/// `M = [[J, m S(c)], [m S(c)^T, m I]]`, the matrix of [`body_momentum`].
-///
-/// # Shape
-/// 6x6, rows `[angular; linear]` momentum, columns `[angular; linear]` velocity.
-/// # Source
-/// Thesis (2.8), (5.10).
-pub fn mass_matrix<T: Scalar>(body: &InertialParameters<T>) -> Matrix6<T> {
-    let coupling = skew(&body.first_moment);
-    let mut m = Matrix6::zeros();
-    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&body.inertia_about_origin);
-    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&coupling);
-    m.fixed_view_mut::<3, 3>(3, 0).copy_from(&coupling.transpose());
-    m.fixed_view_mut::<3, 3>(3, 3).fill_diagonal(body.mass);
-    m
 }
 
 /// The discrete Lagrangian of a free body, `(2/h) [Phi; Psi]^T M [Phi; Psi]`, J s.
@@ -166,11 +150,11 @@ mod tests {
     }
 
     #[test]
-    fn energy_momentum_and_mass_matrix_agree() {
+    fn energy_momentum_and_spatial_inertia_agree() {
         let body = body_d();
         let twist = Twist::new(Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.7, -0.3, 0.2));
         let momentum = body_momentum(&body, &twist);
-        let by_matrix = mass_matrix(&body) * twist.to_vector();
+        let by_matrix = body.spatial_inertia() * twist.to_vector();
         assert!((momentum.to_vector() - by_matrix).amax() < 1e-15);
         assert!((kinetic_energy(&body, &twist) - 0.5 * twist.to_vector().dot(&by_matrix)).abs() < 1e-15);
         assert!((twist_of_momentum(&body, &momentum).to_vector() - twist.to_vector()).amax() < 1e-15);

@@ -3,9 +3,6 @@
 use crate::error::IdentificationError;
 use nalgebra::{ComplexField, SVector};
 
-/// Names of the ten parameters in Newton-Euler order (4.9).
-pub const PARAMETER_NAMES: [&str; 10] = ["m", "hx", "hy", "hz", "J11", "J12", "J13", "J22", "J23", "J33"];
-
 /// Characteristic mass and length of a body.
 ///
 /// Every tolerance of this crate is relative to it, so that scaling mass or length scales the answers and nothing else.

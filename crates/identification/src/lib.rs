@@ -29,7 +29,7 @@ mod weighted_least_squares;
 pub mod wheel;
 mod wrench_timing;
 
-pub use body_scale::{BodyScale, PARAMETER_NAMES};
+pub use body_scale::BodyScale;
 #[cfg(feature = "clarabel-sdp")]
 pub use consistency::ClarabelSdp;
 pub use consistency::{

@@ -1,6 +1,7 @@
 //! What a motion can and cannot tell apart, in words.
 
-use crate::body_scale::{BodyScale, PARAMETER_NAMES};
+use crate::body_scale::BodyScale;
+use crate::dynamics::PARAMETER_NAMES;
 use crate::consistency::PseudoInertiaCone;
 use crate::jacobi::singular_values;
 use crate::square_root_information::{RANK_TOLERANCE, SquareRootInformation};
@@ -129,9 +130,9 @@ impl fmt::Display for NullDirection {
         let largest = self.scaled.iamax();
         let mut others = self.scaled.iter().enumerate().filter(|&(k, value)| k != largest && value.abs() > NEGLIGIBLE);
         let what = match largest {
-            0 => "mass",
-            1..=3 => "first moment",
-            _ => "inertia",
+            0 => "",
+            1..=3 => "first moment ",
+            _ => "inertia ",
         };
         let name = PARAMETER_NAMES[largest];
         let Some(first) = others.next() else {
@@ -147,9 +148,9 @@ impl fmt::Display for NullDirection {
                 8 => "no rotation about y or z",
                 _ => "no rotation about z",
             };
-            return write!(f, "{what} {name} is not excited ({why})");
+            return write!(f, "{what}{name} is not excited ({why})");
         };
-        write!(f, "{what} {name} is exchangeable with")?;
+        write!(f, "{what}{name} is exchangeable with")?;
         let scale = self.scale.parameter_magnitudes();
         let unit = self.scaled[largest] * scale[largest];
         for (k, value) in core::iter::once(first).chain(others) {
@@ -224,12 +225,12 @@ mod tests {
         let found = judge(|b| *b, [0.0; 3], [1.0; 3], scale());
         assert_eq!((found.rank(), found.condition_number()), (4, f64::INFINITY));
         let expected = [
-            "inertia J11 is not excited (no rotation about x)",
-            "inertia J12 is not excited (no rotation about x or y)",
-            "inertia J13 is not excited (no rotation about x or z)",
-            "inertia J22 is not excited (no rotation about y)",
-            "inertia J23 is not excited (no rotation about y or z)",
-            "inertia J33 is not excited (no rotation about z)",
+            "inertia J_xx is not excited (no rotation about x)",
+            "inertia J_xy is not excited (no rotation about x or y)",
+            "inertia J_xz is not excited (no rotation about x or z)",
+            "inertia J_yy is not excited (no rotation about y)",
+            "inertia J_yz is not excited (no rotation about y or z)",
+            "inertia J_zz is not excited (no rotation about z)",
         ];
         assert_eq!(words(&found), expected);
     }
@@ -239,9 +240,9 @@ mod tests {
         let found = judge(|b| *b, [0.0, 0.0, 1.0], [1.0, 1.0, 0.0], scale());
         assert_eq!(found.rank(), 7);
         let expected = [
-            "inertia J11 is not excited (no rotation about x)",
-            "inertia J12 is not excited (no rotation about x or y)",
-            "inertia J22 is not excited (no rotation about y)",
+            "inertia J_xx is not excited (no rotation about x)",
+            "inertia J_xy is not excited (no rotation about x or y)",
+            "inertia J_yy is not excited (no rotation about y)",
         ];
         assert_eq!(words(&found), expected);
     }
@@ -250,7 +251,7 @@ mod tests {
     fn rotation_about_the_origin_leaves_the_mass() {
         let found = judge(|b| *b, [1.0; 3], [0.0; 3], scale());
         assert_eq!(found.rank(), 9);
-        assert_eq!(words(&found), ["mass m is not excited (no acceleration of the body origin)"]);
+        assert_eq!(words(&found), ["mass is not excited (no acceleration of the body origin)"]);
     }
 
     #[test]
@@ -281,7 +282,7 @@ mod tests {
         }
         let found = Observability::new(&information, scale());
         let words = words(&found);
-        assert!(words.iter().any(|w| w == "mass m is exchangeable with +4.000e-1 hx"), "{words:?}");
+        assert!(words.iter().any(|w| w == "mass is exchangeable with +4.000e-1 h_x"), "{words:?}");
     }
 
     #[test]
@@ -309,7 +310,7 @@ mod tests {
         // Two scales are open: that of mass and first moment, and that of the inertia about the centre of mass.
         assert_eq!(found.rank(), 8);
         let words = words(&found);
-        assert!(words.iter().any(|w| w.starts_with("mass m is exchangeable with")), "{words:?}");
+        assert!(words.iter().any(|w| w.starts_with("mass is exchangeable with")), "{words:?}");
         assert!(words.iter().any(|w| w.starts_with("the inertia is known up to a common factor only")), "{words:?}");
         let (point_mass, inertia) = (mass_at_center(&body), body - mass_at_center(&body));
         for truth in [point_mass, inertia] {

@@ -7,7 +7,7 @@ use crate::free_flyer::FreeFlyer;
 use crate::inertia::InertialParameters;
 use crate::integrators::GaussLegendre4;
 use crate::laws::{LawViolation, require};
-use crate::momentum::{body_momentum, kinetic_energy, mass_matrix, spatial_momentum};
+use crate::momentum::{body_momentum, kinetic_energy, spatial_momentum};
 use crate::parameter_vector::PARAMETERS;
 use crate::state::{LagrangianState, RigidBodyState};
 use crate::system::{Integrator, MechanicalSystem};
@@ -143,7 +143,7 @@ impl DerivativeAlong for StateJet {
 /// `Om` in the coordinates `(xi, twist)`: the momentum part pulled back by the mass matrix.
 fn two_form(body: &InertialParameters<f64>, twist_body: &Twist<f64>) -> SMatrix<f64, 12, 12> {
     let momentum = body_momentum(body, twist_body).to_vector();
-    let mass = mass_matrix(body);
+    let mass = body.spatial_inertia();
     let mut form = SMatrix::<f64, 12, 12>::zeros();
     form.fixed_view_mut::<6, 6>(0, 6).copy_from(&mass);
     form.fixed_view_mut::<6, 6>(6, 0).copy_from(&-mass);
