@@ -1,5 +1,7 @@
 //! The commands: options in, tables, JSON and files out.
 
+use crate::AstrobeeError;
+
 pub mod calibrate_wheel;
 pub mod identify;
 
@@ -12,9 +14,14 @@ pub enum Outcome {
     NotAchieved,
 }
 
-/// Prints to stdout; a closed pipe (`tumble ... | head`) is not an error.
-pub(crate) fn print(text: &str) {
+/// Prints to stdout; a closed pipe (`tumble ... | head`) is not an error, a full disk is.
+pub(crate) fn print(text: &str) -> Result<(), AstrobeeError> {
     use std::io::Write as _;
-    // Nobody is left to tell when stdout is closed.
-    let _ = std::io::stdout().lock().write_all(text.as_bytes());
+    let mut stdout = std::io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(AstrobeeError::Unwritable { path: "standard output".into(), source })
+        }
+        _ => Ok(()),
+    }
 }

@@ -1,6 +1,7 @@
 //! Errors of the command line: each with a code, the place and the remedy. All codes stand in `docs/errors.md`.
 
 use std::path::PathBuf;
+use tumble_identification::IdentificationError;
 
 /// What can go wrong between a user's files and a result.
 #[derive(Debug, thiserror::Error)]
@@ -104,6 +105,12 @@ pub enum AstrobeeError {
         /// The file or folder.
         path: PathBuf,
     },
+    /// T020: `--force` on something that is not an earlier result.
+    #[error("{path} is not a result folder of this program; `--force` replaces nothing else")]
+    NotAResult {
+        /// The file or folder.
+        path: PathBuf,
+    },
     /// T011: an output that cannot be written.
     #[error("cannot write {path}: {source}")]
     Unwritable {
@@ -136,7 +143,7 @@ pub enum AstrobeeError {
     },
     /// T015: the estimator refuses the data.
     #[error(transparent)]
-    Identification(#[from] tumble_identification::IdentificationError),
+    Identification(#[from] IdentificationError),
     /// T016: the simulation behind the demo failed.
     #[error(transparent)]
     Dynamics(#[from] tumble_dynamics::DynamicsError),
@@ -175,6 +182,7 @@ impl AstrobeeError {
             Self::TimeNotIncreasing { .. } => "T008",
             Self::RowTooLong { .. } => "T009",
             Self::OutputExists { .. } => "T010",
+            Self::NotAResult { .. } => "T020",
             Self::Unwritable { .. } => "T011",
             Self::BadToml { .. } => "T012",
             Self::ImpossibleBody { .. } => "T013",
@@ -204,6 +212,7 @@ impl AstrobeeError {
             }
             Self::RowTooLong { .. } => "this does not look like a CSV log: check the file and its line ends",
             Self::OutputExists { .. } => "name another place, or replace it with `--force`",
+            Self::NotAResult { .. } => "name a new folder, or remove this one yourself",
             Self::Unwritable { .. } => "check that the folder exists and that you may write there",
             Self::BadToml { .. } => {
                 "correct the named key; `tumble identify --demo --export body.toml` writes a valid example"
@@ -212,7 +221,16 @@ impl AstrobeeError {
                 "mass must be positive and the principal inertias about the centre of mass must satisfy the triangle inequality"
             }
             Self::BadOption { .. } => "see `tumble help`",
-            Self::Identification(_) => "record more samples with motion and wrench about every axis",
+            Self::Identification(error) => match error {
+                IdentificationError::MissingColumn(_) => "`tumble identify --template` prints every column",
+                IdentificationError::TooFewSamples { .. } => {
+                    "record more samples in equal steps; of a held-out part, keep back a larger share"
+                }
+                IdentificationError::NotConverged { .. } => {
+                    "the data contradict every body: check the sign and frame of the wrench and the units"
+                }
+                _ => "check units, signs and frames; record motion and wrench about every axis",
+            },
             Self::Dynamics(_) => "please report this with the seed",
             Self::Plot { .. } => "leave out `--out`, or report this",
             Self::UnknownFormat { .. } => "choose one of the named formats",

@@ -93,7 +93,9 @@ fn group<const N: usize>(
 
 fn shortened(text: &str) -> String {
     const KEEP: usize = 40;
-    if text.chars().count() <= KEEP { text.to_owned() } else { text.chars().take(KEEP).chain("...".chars()).collect() }
+    // Control characters must not reach a terminal.
+    let text: String = text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    if text.chars().count() <= KEEP { text } else { text.chars().take(KEEP).chain("...".chars()).collect() }
 }
 
 /// Streams the samples of one log.

@@ -32,6 +32,21 @@ pub fn write_file(path: &Path, contents: &[u8], force: bool) -> Result<(), Astro
     written.map_err(unwritable(path))
 }
 
+/// Whether `path` is a folder that this program wrote and nothing else lies in: only such a folder may be replaced.
+fn is_result_folder(path: &Path) -> bool {
+    let is_folder = path.symlink_metadata().is_ok_and(|data| data.is_dir());
+    let Ok(entries) = fs::read_dir(path) else { return false };
+    let mut names =
+        entries.map(|entry| entry.map(|e| e.file_name().to_string_lossy().into_owned()).unwrap_or_default());
+    is_folder && path.join(RUN_RECORD).is_file() && names.all(|name| RESULT_FILES.contains(&name.as_str()))
+}
+
+/// The file by which a result folder is known.
+pub const RUN_RECORD: &str = "run.json";
+/// Everything that lies in a result folder.
+const RESULT_FILES: [&str; 6] =
+    [RUN_RECORD, "result.json", "body.toml", "report.html", "residual_force.svg", "residual_torque.svg"];
+
 /// A folder that appears under its name only when [`OutputFolder::finish`] is called; dropped before, it leaves nothing.
 pub struct OutputFolder {
     path: PathBuf,
@@ -40,19 +55,30 @@ pub struct OutputFolder {
 }
 
 impl OutputFolder {
+    /// Whether a result may appear at `path`: nothing is there, or with `force` an earlier result.
+    ///
+    /// # Errors
+    /// As [`OutputFolder::create`].
+    pub fn check_place(path: &Path, force: bool) -> Result<(), AstrobeeError> {
+        if path.symlink_metadata().is_err() || (force && is_result_folder(path)) {
+            return Ok(());
+        }
+        let path = path.into();
+        Err(if force { AstrobeeError::NotAResult { path } } else { AstrobeeError::OutputExists { path } })
+    }
+
     /// Prepares `path`.
     ///
     /// # Errors
-    /// [`AstrobeeError::OutputExists`] without `force`; [`AstrobeeError::Unwritable`].
+    /// [`AstrobeeError::OutputExists`] without `force`; [`AstrobeeError::NotAResult`] with `force` for anything but an
+    /// earlier result; [`AstrobeeError::Unwritable`].
     pub fn create(path: &Path, force: bool) -> Result<Self, AstrobeeError> {
         if path.file_name().is_none() {
             return Err(AstrobeeError::BadOption {
                 message: format!("`--out {}` is not the name of a folder", path.display()),
             });
         }
-        if path.exists() && !force {
-            return Err(AstrobeeError::OutputExists { path: path.into() });
-        }
+        Self::check_place(path, force)?;
         let partial = partial_sibling(path);
         if partial.exists() {
             fs::remove_dir_all(&partial).map_err(unwritable(&partial))?;
@@ -136,15 +162,31 @@ mod tests {
         let base = scratch("existing");
         let path = base.join("run");
         let first = OutputFolder::create(&path, false).unwrap();
-        first.write("old.txt", "old").unwrap();
+        first.write("run.json", "{}").unwrap();
+        first.write("body.toml", "old").unwrap();
         first.finish().unwrap();
         assert!(matches!(OutputFolder::create(&path, false), Err(AstrobeeError::OutputExists { .. })));
         let second = OutputFolder::create(&path, true).unwrap();
-        second.write("new.txt", "new").unwrap();
-        assert!(path.join("old.txt").exists(), "the old result stays until the new one is complete");
+        second.write("run.json", "{}").unwrap();
+        assert!(path.join("body.toml").exists(), "the old result stays until the new one is complete");
         second.finish().unwrap();
-        assert!(path.join("new.txt").exists() && !path.join("old.txt").exists());
+        assert!(path.join("run.json").exists() && !path.join("body.toml").exists());
         assert_eq!(fs::read_dir(&base).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn force_never_replaces_what_is_not_a_result() {
+        let base = scratch("not-a-result");
+        let (file, notes, mixed) = (base.join("log.csv"), base.join("notes"), base.join("mixed"));
+        fs::write(&file, "data").unwrap();
+        fs::create_dir(&notes).unwrap();
+        fs::create_dir(&mixed).unwrap();
+        fs::write(mixed.join("run.json"), "{}").unwrap();
+        fs::write(mixed.join("thesis.tex"), "years of work").unwrap();
+        for path in [&file, &notes, &mixed, &base.join("."), &base.join("notes/..")] {
+            assert!(OutputFolder::create(path, true).is_err(), "{}", path.display());
+        }
+        assert!(fs::read_to_string(&file).unwrap() == "data" && mixed.join("thesis.tex").exists());
     }
 
     #[test]

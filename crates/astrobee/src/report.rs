@@ -7,10 +7,11 @@ use crate::log::seconds;
 use crate::output::OutputFolder;
 use serde::Serialize;
 use std::fmt::Write as _;
-use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::{Matrix3, SVector, Vector3};
+use tumble_dynamics::{InertialParameters, PARAMETER_NAMES, PARAMETER_UNITS};
 use tumble_identification::{
-    Estimate, Identification, Method, NullDirection, Prediction, StandardDeviations, Validation, Warning, WrenchTiming,
+    Estimate, Identification, Method, NullDirection, POOR_FIT, Prediction, StandardDeviations, Validation, Warning,
+    WrenchTiming,
 };
 
 /// The name of a method on the command line and in JSON.
@@ -163,10 +164,15 @@ fn determined(found: &Identification, body: &InertialParameters<f64>) -> Vec<boo
         "com" => length,
         _ => found.scale.mass_kg() * length * length,
     };
-    // Without any wrench only ratios can be known: the centre of mass perhaps, no mass and no inertia.
-    let scale_known = !found.warnings.contains(&Warning::ZeroWrench);
-    let mut result: Vec<bool> =
-        quantities(body, &NO_DEVIATIONS).iter().map(|q| scale_known || q.json.0 == "com").collect();
+    // Without any wrench only ratios can be known: the centre of mass perhaps, no mass and no inertia; without force no mass.
+    let (no_wrench, no_force) =
+        (found.warnings.contains(&Warning::ZeroWrench), found.warnings.contains(&Warning::SilentForce));
+    let scale_known = |kind: &str| match kind {
+        "mass" => !no_wrench && !no_force,
+        "com" => true,
+        _ => !no_wrench,
+    };
+    let mut result: Vec<bool> = quantities(body, &NO_DEVIATIONS).iter().map(|q| scale_known(q.json.0)).collect();
     for direction in &found.null_directions {
         let change = direction.parameters() * NUDGE;
         let (plus, minus) = (values(&(center + change)), values(&(center - change)));
@@ -188,21 +194,46 @@ const NO_DEVIATIONS: StandardDeviations = StandardDeviations {
     inertia_about_com_kg_m2: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 };
 
+/// Whether the data determine the body, the model fits them, and every number is known better than the body's own scale.
+pub fn is_identified(found: &Identification) -> bool {
+    let known = |estimate: &Estimate| worst_std(estimate).0 < 1.0;
+    found.rank == 10
+        && found.estimate.as_ref().is_some_and(known)
+        && found.explained.is_some_and(|share| share >= POOR_FIT)
+}
+
+/// The quantity known worst, relative to the body's own scale.
+fn worst_std(estimate: &Estimate) -> (f64, &'static str) {
+    quantities(&estimate.parameters, &estimate.std)
+        .into_iter()
+        .map(|q| (relative_std(&estimate.parameters, &q), q.name))
+        .fold((0.0, ""), |a, b| if b.0 > a.0 || b.0.is_nan() { b } else { a })
+}
+
 fn verdict(found: &Identification, context: &Context) -> String {
     let mut text = String::new();
     if let Some(estimate) = &found.estimate {
         let margin = pseudo_inertia_min_eigenvalue(&estimate.parameters);
-        let worst = quantities(&estimate.parameters, &estimate.std)
-            .into_iter()
-            .map(|q| (relative_std(&estimate.parameters, &q), q.name))
-            .fold((0.0, ""), |a, b| if b.0 > a.0 { b } else { a });
-        let _ = writeln!(
-            text,
-            "verdict: all ten parameters identified (condition number {:.0}); weakest: {} to {:.2} % of the body's scale",
-            found.condition_number,
-            worst.1,
-            100.0 * worst.0
-        );
+        let worst = worst_std(estimate);
+        if is_identified(found) {
+            let _ = writeln!(
+                text,
+                "verdict: all ten parameters identified (condition number {:.0}); weakest: {} to {:.2} % of the body's scale",
+                found.condition_number,
+                worst.1,
+                100.0 * worst.0
+            );
+        } else if found.explained.is_some_and(|share| share < POOR_FIT) {
+            let _ = writeln!(text, "verdict: no body explains this log; do not use the numbers above");
+        } else if found.rank == 10 {
+            let _ =
+                writeln!(text, "verdict: not identified; {} is not known to better than the body's own scale", worst.1);
+        } else {
+            let _ = writeln!(text, "verdict: not identified by the data alone");
+        }
+        if let Some(share) = found.explained {
+            let _ = writeln!(text, "  the body explains {:.3} % of the wrench", 100.0 * share);
+        }
         if found.rank < 10 {
             let _ = writeln!(text, "  with the prior's help: the data alone determine {} of 10 directions", found.rank);
         }
@@ -256,7 +287,7 @@ pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f6
     let _ = writeln!(text, "{source}: what this log can answer");
     let _ = writeln!(
         text,
-        "  {} rows, rank {} of 10, condition number {:.1}; for a wrench noise of {:.1e} N m, {:.1e} N per sample:\n",
+        "  {} equations, rank {} of 10, condition number {:.1}; poses taken as exact, wrench noise {:.1e} N m, {:.1e} N per sample:\n",
         prediction.rows, prediction.rank, prediction.condition_number, wrench_noise.0, wrench_noise.1
     );
     if let Some(std) = &prediction.std {
@@ -264,6 +295,23 @@ pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f6
         let _ = writeln!(text, "  {:<18}{:>14}", "quantity", "1 sigma");
         for q in quantities(&unit_body, std) {
             let _ = writeln!(text, "  {:<18}{:>14.2e} {}", q.name, q.std, q.unit);
+        }
+        text.push('\n');
+    }
+    if let (None, Some(covariance)) = (&prediction.std, &prediction.covariance) {
+        let _ = writeln!(
+            text,
+            "  {:<18}{:>14}   (no wrench and no prior: the body's size is not known)",
+            "parameter", "1 sigma"
+        );
+        for i in 0..10 {
+            let _ = writeln!(
+                text,
+                "  {:<18}{:>14.2e} {}",
+                PARAMETER_NAMES[i],
+                covariance[(i, i)].sqrt(),
+                PARAMETER_UNITS[i]
+            );
         }
         text.push('\n');
     }
@@ -319,6 +367,7 @@ pub struct Json {
     condition_number: Option<f64>,
     null_directions: Vec<String>,
     regularised: Option<JsonBody>,
+    explained: Option<f64>,
     noise: JsonNoise,
     delay_s: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -434,6 +483,7 @@ pub fn json(found: &Identification, context: &Context) -> Json {
         condition_number: Some(found.condition_number).filter(|c| c.is_finite()),
         null_directions: words(&found.null_directions),
         regularised: found.regularised.as_ref().map(|body| json_body(body, &Shown::ALL)),
+        explained: found.explained,
         noise: JsonNoise {
             torque_n_m: found.noise.torque_n_m,
             force_n: found.noise.force_n,
@@ -465,23 +515,27 @@ pub fn write_page(
 ) -> Result<(), AstrobeeError> {
     let start_ns = found.residuals.first().map_or(0, |r| r.time_ns);
     let every = found.residuals.len().div_ceil(4000).max(1);
+    let rms = |pick: &dyn Fn(&tumble_identification::NodeResidual) -> Vector3<f64>| {
+        let sum: f64 = found.residuals.iter().map(|r| pick(r).norm_squared()).sum();
+        (sum / (3 * found.residuals.len().max(1)) as f64).sqrt()
+    };
     let curve = |name, pick: &dyn Fn(&tumble_identification::NodeResidual) -> f64| Curve {
         name,
         points: found.residuals.iter().step_by(every).map(|r| (seconds(r.time_ns - start_ns), pick(r))).collect(),
     };
     draw(
         &folder.file("residual_force.svg"),
-        "Force residual (grey: 2 sigma of the noise found)",
+        "Force residual (grey: twice its rms)",
         "N",
         &[curve("x", &|r| r.force.x), curve("y", &|r| r.force.y), curve("z", &|r| r.force.z)],
-        Some(2.0 * found.noise.force_n),
+        Some(2.0 * rms(&|r| r.force)),
     )?;
     draw(
         &folder.file("residual_torque.svg"),
-        "Torque residual (grey: 2 sigma of the noise found)",
+        "Torque residual (grey: twice its rms)",
         "N m",
         &[curve("x", &|r| r.torque.x), curve("y", &|r| r.torque.y), curve("z", &|r| r.torque.z)],
-        Some(2.0 * found.noise.torque_n_m),
+        Some(2.0 * rms(&|r| r.torque)),
     )?;
     let picture = |name: &str| -> Result<String, AstrobeeError> {
         let path = folder.file(name);

@@ -308,6 +308,43 @@ fn logs_that_cannot_answer_exit_with_three_and_invent_nothing() {
 }
 
 #[test]
+fn a_log_that_means_something_else_is_not_believed() {
+    let folder = scratch("misfit");
+    let case = |name: &str, edit: &mut dyn FnMut(usize, &mut Vec<String>), options: &[&str]| {
+        let path = folder.join(name);
+        write_log(&path, usize::MAX, 0, edit);
+        let output = tumble(&[&["identify", path.to_str().unwrap(), "--json"], options].concat());
+        assert_eq!(output.status.code(), Some(3), "{name}: {}{}", stdout(&output), stderr(&output));
+        json(&output)
+    };
+    let negated = |text: &String| (-text.parse::<f64>().unwrap()).to_string();
+    let sign = case("sign.csv", &mut |_, cells| cells[8..].iter_mut().for_each(|c| *c = negated(c)), &[]);
+    assert!(sign["warnings"].to_string().contains("explains"), "{sign}");
+    case("scalar-first.csv", &mut |_, cells| cells[4..8].rotate_right(1), &[]);
+    case("conjugated.csv", &mut |_, cells| cells[4..7].iter_mut().for_each(|c| *c = negated(c)), &[]);
+    case("gravity.csv", &mut |_, _| {}, &["--gravity=0,0,-1"]);
+}
+
+#[test]
+fn force_replaces_results_and_nothing_else() {
+    let folder = scratch("force");
+    let log = folder.join("log.csv");
+    write_log(&log, usize::MAX, 0, |_, _| {});
+    let before = fs::read(&log).unwrap();
+    for option in ["--out", "--export"] {
+        let output = tumble(&["identify", log.to_str().unwrap(), option, log.to_str().unwrap(), "--force"]);
+        assert_eq!(output.status.code(), Some(2), "{option}: {}", stderr(&output));
+        assert_eq!(fs::read(&log).unwrap(), before, "{option}");
+    }
+    let notes = folder.join("notes");
+    fs::create_dir(&notes).unwrap();
+    fs::write(notes.join("thesis.tex"), "years of work").unwrap();
+    let output = tumble(&["identify", "--demo", "--out", notes.to_str().unwrap(), "--force"]);
+    assert!(stderr(&output).contains("error[T020]"), "{}", stderr(&output));
+    assert!(notes.join("thesis.tex").exists());
+}
+
+#[test]
 fn too_few_samples_are_refused_with_the_number_needed() {
     let path = scratch("few").join("log.csv");
     write_log(&path, 2, 0, |_, _| {});
@@ -322,6 +359,11 @@ fn options_that_do_not_fit() {
         vec!["identify", "--demo", "--gravity", "0,0"],
         vec!["identify", "--demo", "--method", "magic"],
         vec!["identify", "--seed", "3"],
+        vec!["identify", "log.csv", "--seed", "3"],
+        vec!["identify", "log.csv", "--calibration", "cal.toml"],
+        vec!["identify", "--demo", "--dry-run", "--out", "x"],
+        vec!["identify", "--wheel", "throw.csv", "--calibration", "cal.toml", "--out", "x"],
+        vec!["identify", "--wheel", "throw.csv"],
     ] {
         let output = tumble(&arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");

@@ -51,8 +51,8 @@ pub use integrators::Variational;
 pub use integrators::{GaussLegendre4, LieEuler, MuntheKaas4, RungeKutta4};
 pub use log_cholesky::LogCholesky;
 pub use momentum::{
-    body_momentum, discrete_lagrangian, discrete_spatial_momentum, kinetic_energy, momentum_at_end,
-    momentum_at_start, spatial_momentum, twist_of_momentum,
+    body_momentum, discrete_lagrangian, discrete_spatial_momentum, kinetic_energy, momentum_at_end, momentum_at_start,
+    spatial_momentum, twist_of_momentum,
 };
 pub use oscillator::Oscillator;
 pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, ParameterOrder};

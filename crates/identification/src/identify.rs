@@ -19,7 +19,7 @@ use fit::{Fit, best_fit, rough_scale};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use noise::SampleNoise;
 use rows::Scheme;
-use solution::{Judgement, Solution, judge, solve, standard_deviations};
+use solution::{Judgement, Silent, Solution, judge, solve, standard_deviations};
 use timeline::Timeline;
 
 pub use merge::merge;
@@ -138,6 +138,13 @@ pub enum Warning {
     },
     /// Every wrench in the record is zero: the scale of mass and inertia cannot be known.
     ZeroWrench,
+    /// The forces are zero or noise: the scale of the mass cannot be known.
+    SilentForce,
+    /// The best body explains too little of the wrench: the log does not mean what it is taken to mean.
+    PoorFit {
+        /// Share of the wrench's mean square that is explained.
+        explained: f64,
+    },
     /// The poses are noisy compared with the motion inside one row.
     NoisyPoses {
         /// Estimated position noise, m.
@@ -199,6 +206,13 @@ impl fmt::Display for Warning {
             Self::ZeroWrench => {
                 write!(f, "the wrench is zero throughout: the scale of the mass and that of the inertia stay unknown")
             }
+            Self::SilentForce => write!(f, "the force is zero or noise throughout: the mass cannot be known"),
+            Self::PoorFit { explained } => write!(
+                f,
+                "the best body explains {:.0} % of the wrench: check the sign, frame and timing of the wrench, the order and \
+                 direction of the quaternion, units, gravity, and delays",
+                100.0 * explained
+            ),
             Self::NoisyPoses { position_m, attitude_rad, noise_share, lag } => write!(
                 f,
                 "poses look noisy ({position_m:.1e} m, {attitude_rad:.1e} rad): {:.1} % of the regression signal at lag \
@@ -258,6 +272,8 @@ pub struct Identification {
     pub estimate: Option<Estimate>,
     /// Below rank ten: the body completed by a weak physical prior, not knowledge from the data.
     pub regularised: Option<Estimate>,
+    /// Share of the wrench's mean square (torque counted at the body's own length) that the estimate explains; at most one.
+    pub explained: Option<f64>,
     /// Noise found.
     pub noise: Noise,
     /// What the model leaves unexplained, node by node; empty without any estimate.
@@ -298,6 +314,10 @@ pub struct Validation {
     pub explained: f64,
 }
 
+/// An estimate that explains less than this share of the wrench is not believed.
+pub const POOR_FIT: f64 = 0.5;
+/// A force of which the best body explains less than this share is noise.
+const SILENT: f64 = 0.1;
 /// Fewer nodes than this leave the covariance uncertain.
 const FEW_NODES: usize = 20;
 /// Discretisation is worth a warning above this share of the standard deviation and this fraction of the body's scale.
@@ -318,10 +338,17 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
     let noise = SampleNoise::estimate(record, &timeline, settings);
     let fit = best_fit(record, &timeline, settings, &noise)?;
     let zero_wrench = record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0);
-    let judgement = judge(&fit, zero_wrench)?;
+    let silent = match (zero_wrench, fit.explained()) {
+        (true, _) => Silent::Wrench,
+        (false, Some((torque, force))) if force < SILENT && torque > POOR_FIT => Silent::Force,
+        _ => Silent::Nothing,
+    };
+    let judgement = judge(&fit, silent, settings.prior.as_ref())?;
     let mut warnings = warnings_of(&timeline, &fit, &judgement, &noise);
-    if zero_wrench {
-        warnings.push(Warning::ZeroWrench);
+    match silent {
+        Silent::Wrench => warnings.push(Warning::ZeroWrench),
+        Silent::Force => warnings.push(Warning::SilentForce),
+        Silent::Nothing => {}
     }
     let full_rank = judgement.observability.rank() == 10;
     let information = if full_rank { judgement.determined } else { judgement.projected };
@@ -331,6 +358,10 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
         warnings.push(Warning::ConstraintActive);
     }
     let residuals = body.map_or_else(Vec::new, |body| residuals(&fit.rows.all, &timeline, &body.parameters));
+    let explained = estimate.map(|found| explained(&fit.rows.all, &found.parameters, judgement.scale));
+    if let Some(explained) = explained.filter(|share| *share < POOR_FIT) {
+        warnings.push(Warning::PoorFit { explained });
+    }
     let (torque_residual, force_residual) =
         fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
     let wrench_gain = fit.scheme.wrench_gain().sqrt();
@@ -348,6 +379,7 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
         scale: judgement.scale,
         estimate,
         regularised,
+        explained,
         noise: Noise {
             torque_n_m: torque_residual / wrench_gain,
             force_n: force_residual / wrench_gain,
@@ -438,6 +470,18 @@ pub fn validate(
         normalised_rms: (normalised / (6.0 * count)).sqrt(),
         explained: 1.0 - normalised / applied,
     })
+}
+
+/// Share of the wrench's mean square that a body explains, torque counted at the body's own length.
+fn explained(rows: &[WrenchRow], body: &InertialParameters<f64>, scale: BodyScale) -> f64 {
+    let parameters = body.to_vector();
+    let size = |w: &Vector6<f64>| {
+        w.fixed_rows::<3>(0).norm_squared() / scale.length_m().powi(2) + w.fixed_rows::<3>(3).norm_squared()
+    };
+    let (left, all) = rows.iter().fold((0.0, 0.0), |(left, all), row| {
+        (left + size(&(row.regressor * parameters - row.wrench)), all + size(&row.wrench))
+    });
+    if all > 0.0 { 1.0 - left / all } else { 0.0 }
 }
 
 fn residuals(rows: &[WrenchRow], timeline: &Timeline, body: &InertialParameters<f64>) -> Vec<NodeResidual> {

@@ -1,8 +1,8 @@
 //! What a motion can and cannot tell apart, in words.
 
 use crate::body_scale::BodyScale;
-use crate::dynamics::PARAMETER_NAMES;
 use crate::consistency::PseudoInertiaCone;
+use crate::dynamics::PARAMETER_NAMES;
 use crate::jacobi::singular_values;
 use crate::square_root_information::{RANK_TOLERANCE, SquareRootInformation};
 use core::fmt;

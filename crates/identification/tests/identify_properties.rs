@@ -7,7 +7,7 @@ mod exact_motion;
 use exact_motion::{Multisine, Random, Run, body_d, errors, is_consistent};
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{LieGroup, Pose, Wrench};
-use tumble_identification::nalgebra::{Matrix3, SMatrix, Translation3, UnitQuaternion, Vector3};
+use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 use tumble_identification::{
     BodyScale, Column, Estimate, Identification, IdentificationError, Method, MotionSample, Prior, Settings, Warning,
     WrenchTiming, identify, merge, predict, validate,
@@ -335,8 +335,13 @@ fn gaps_and_unequal_steps_are_counted() {
         .enumerate()
         .map(|(k, s)| MotionSample { time_ns: s.time_ns + if k % 3 == 0 { 2_000_000 } else { 0 }, ..*s })
         .collect();
+    // Rates and velocities do not ask for equal steps; poses alone do.
+    let found = identify(&jitter, &Settings::default()).unwrap();
+    assert_eq!(found.method, Method::NewtonEuler);
+    let (mut jitter, mut half) = (jitter, whole);
+    poses_only(&mut jitter);
+    poses_only(&mut half);
     assert!(matches!(identify(&jitter, &Settings::default()), Err(IdentificationError::TooFewSamples { .. })));
-    let mut half = whole;
     half[..150].copy_from_slice(&jitter[..150]);
     let found = identify(&half, &Settings::default()).unwrap();
     let warning = found.warnings.iter().find(|w| matches!(w, Warning::UnequalSteps { .. })).unwrap();
@@ -406,4 +411,38 @@ fn the_parts_of_a_long_record_add_up_to_the_whole() {
         assert!((other / sigma - 1.0).abs() < 0.3, "{i}: sigma {sigma} {other}");
     }
     assert!(matches!(merge(&[], None), Err(IdentificationError::TooFewSamples { .. })));
+}
+
+#[test]
+fn torques_alone_tell_the_inertia_and_never_the_mass() {
+    for (torque_noise, force_noise) in [(0.0, 0.0), (1e-4, 1e-3)] {
+        let signal = Multisine::random(&mut Random::new(12), 0.5, 1.2, (0.5, 1.2), 3);
+        let wrench = |t: f64| Wrench::new(signal.at(t).torque, Vector3::zeros());
+        let mut record = Run::new(body_d(), &wrench, true).record();
+        noisy_wrench(&mut record, &mut Random::new(13), torque_noise, force_noise);
+        let found = identify(&record, &Settings::default()).unwrap();
+        assert!(found.rank == 9 && found.estimate.is_none(), "{} {:?}", found.rank, found.estimate);
+        assert!(found.warnings.contains(&Warning::SilentForce), "{:?}", found.warnings);
+        check_consistent(&found);
+        // With the mass told, the rest follows.
+        let mut standard_deviation = SVector::from_element(f64::INFINITY);
+        standard_deviation[0] = 0.05;
+        let prior = Some(Prior { mean: body_d(), standard_deviation });
+        let told = identify(&record, &Settings { prior, ..Settings::default() }).unwrap();
+        let estimate = told.estimate.unwrap();
+        let inertia = (estimate.parameters.inertia_about_com() - body_d().inertia_about_com()).amax();
+        assert!(inertia < 0.02 * body_d().inertia_about_com().amax(), "inertia off by {inertia}");
+    }
+}
+
+#[test]
+fn a_wrench_of_the_wrong_sign_is_a_poor_fit() {
+    let mut record = record_d(true);
+    for sample in &mut record {
+        sample.wrench_body = sample.wrench_body.map(|w| -w);
+    }
+    let found = identify(&record, &Settings::default()).unwrap();
+    check_consistent(&found);
+    assert!(found.explained.is_some_and(|share| share < 0.1), "{:?}", found.explained);
+    assert!(found.warnings.iter().any(|w| matches!(w, Warning::PoorFit { .. })), "{:?}", found.warnings);
 }

@@ -79,9 +79,12 @@ pub fn run(args: &CalibrateWheelArgs) -> Result<Outcome, AstrobeeError> {
         calibration.wheel_inertia_kg_m2,
         calibration.covariance[9][9].sqrt(),
         args.out.display()
-    ));
+    ))?;
     Ok(Outcome::Achieved)
 }
+
+/// An object this many times lighter or heavier than the device cannot be told from nothing, or from a wall.
+const LARGEST_MASS_RATIO: f64 = 1e3;
 
 /// Identifies one throw: what was thrown, and with `mass_kg` the object without the device.
 ///
@@ -94,6 +97,16 @@ pub fn identify_throw(
     as_json: bool,
 ) -> Result<Outcome, AstrobeeError> {
     let calibration = read_calibration(calibration)?;
+    let sensible = calibration.device_mass_kg / LARGEST_MASS_RATIO..=calibration.device_mass_kg * LARGEST_MASS_RATIO;
+    if let Some(mass_kg) = mass_kg.filter(|mass_kg| !sensible.contains(mass_kg)) {
+        return Err(AstrobeeError::BadOption {
+            message: format!(
+                "`--mass {mass_kg}`: the object's mass in kg, between {:.1e} and {:.1e} for this device",
+                sensible.start(),
+                sensible.end()
+            ),
+        });
+    }
     let record = read_throw(throw)?;
     let found = match identify(&record, &calibration, mass_kg) {
         Ok(found) => found,
@@ -104,9 +117,9 @@ pub fn identify_throw(
         Err(error) => return Err(error.into()),
     };
     if as_json {
-        print(&format!("{}\n", json(&found, record.samples().len(), mass_kg)));
+        print(&format!("{}\n", json(&found, record.samples().len(), mass_kg)))?;
     } else {
-        print(&table(throw, &found));
+        print(&table(throw, &found))?;
     }
     Ok(Outcome::Achieved)
 }
@@ -167,8 +180,15 @@ fn table(throw: &Path, found: &ThrowEstimate) -> String {
                     object.principal_inertia_sigma[i]
                 );
             }
-            let moved = if object.projected { "; moved to the nearest body that exists" } else { "" };
-            let _ = writeln!(text, "\nverdict: inertia and centre of mass of the object identified{moved}");
+            if object.projected {
+                let _ = writeln!(
+                    text,
+                    "\nverdict: the data ask for an inertia that no body of this mass has; the nearest one stands above. Check \
+                     --mass, the calibration and the sign of the wheel speed"
+                );
+            } else {
+                let _ = writeln!(text, "\nverdict: inertia and centre of mass of the object identified");
+            }
         }
         None => {
             let _ = writeln!(text, "\nverdict: inertia of device and object together; --mass KG takes the device away");
@@ -203,6 +223,7 @@ fn json(found: &ThrowEstimate, samples: usize, mass_kg: Option<f64>) -> String {
             "inertia_about_com_kg_m2": rows(&found.total_inertia_about_com),
         },
         "free_fall_end_s": found.end_s,
+        "projected": found.object.as_ref().map(|o| o.projected),
         "warnings": [],
     })
     .to_string()

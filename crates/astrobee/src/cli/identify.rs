@@ -2,7 +2,7 @@
 
 use super::{Outcome, print};
 use crate::log::{LogReader, TEMPLATE, seconds};
-use crate::output::{OutputFolder, write_file};
+use crate::output::{OutputFolder, RUN_RECORD, write_file};
 use crate::report::{self, Context};
 use crate::{AstrobeeError, body_file, demo};
 use clap::{Args, ValueEnum};
@@ -25,8 +25,8 @@ pub struct IdentifyArgs {
     #[arg(long, conflicts_with = "log")]
     demo: bool,
     /// Which simulated flight; another seed gives another cargo and other noise.
-    #[arg(long, default_value_t = 1, requires = "demo")]
-    seed: u64,
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
     /// Print a valid log header with two rows, and stop.
     #[arg(long, exclusive = true)]
     template: bool,
@@ -51,9 +51,9 @@ pub struct IdentifyArgs {
     /// Say what this log can answer and how well, without believing its wrench.
     #[arg(long)]
     dry_run: bool,
-    /// With --dry-run: noise of the wrench per sample, one sigma, N m and N.
-    #[arg(long, value_name = "TORQUE,FORCE", default_value = "1e-4,1e-3", value_parser = parse_noise)]
-    wrench_noise: (f64, f64),
+    /// With --dry-run: noise of the wrench per sample, one sigma, N m and N (default 1e-4,1e-3).
+    #[arg(long, value_name = "TORQUE,FORCE", value_parser = parse_noise)]
+    wrench_noise: Option<(f64, f64)>,
     /// Put late rows in order and drop repeated times instead of refusing the log.
     #[arg(long)]
     reorder: bool,
@@ -70,13 +70,13 @@ pub struct IdentifyArgs {
     #[arg(long)]
     force: bool,
     /// A wheel-driven throw instead of a log.
-    #[arg(long, value_name = "THROW", requires = "calibration", conflicts_with_all = ["log", "demo"])]
+    #[arg(long, value_name = "THROW", conflicts_with_all = ["log", "demo"])]
     wheel: Option<PathBuf>,
     /// Calibration of the throwing device, from `tumble calibrate-wheel`.
-    #[arg(long, value_name = "CAL", requires = "wheel")]
+    #[arg(long, value_name = "CAL")]
     calibration: Option<PathBuf>,
     /// Mass of the thrown object, kg; needed to take the device's share from the inertia.
-    #[arg(long, value_name = "KG", requires = "wheel")]
+    #[arg(long, value_name = "KG")]
     mass: Option<f64>,
 }
 
@@ -145,9 +145,10 @@ fn parse_noise(text: &str) -> Result<(f64, f64), String> {
 /// [`AstrobeeError`] for bad input; a log that cannot answer is [`Outcome::NotAchieved`].
 pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
     if args.template {
-        print(TEMPLATE);
+        print(TEMPLATE)?;
         return Ok(Outcome::Achieved);
     }
+    check_options(args)?;
     if let (Some(throw), Some(calibration)) = (&args.wheel, &args.calibration) {
         return super::calibrate_wheel::identify_throw(throw, calibration, args.mass, args.json);
     }
@@ -178,11 +179,49 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
     deliver(args, &found, &context)
 }
 
+/// Refuses options that would be ignored.
+fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
+    let output = args.out.is_some() || args.export.is_some();
+    let of_log = args.reference.is_some()
+        || args.prior.is_some()
+        || args.holdout.is_some()
+        || args.dry_run
+        || args.reorder
+        || args.gravity != Vector3::zeros();
+    let clash = [
+        (args.seed.is_some() && !args.demo, "`--seed` belongs to `--demo`"),
+        (args.wheel.is_none() && args.calibration.is_some(), "`--calibration` belongs to `--wheel`"),
+        (args.wheel.is_none() && args.mass.is_some(), "`--mass` belongs to `--wheel`"),
+        (args.wheel.is_some() && args.calibration.is_none(), "`--wheel` needs `--calibration`"),
+        (args.wheel.is_some() && (output || of_log), "`--wheel` takes `--calibration`, `--mass` and `--json` only"),
+        (
+            args.dry_run && (output || args.holdout.is_some()),
+            "`--dry-run` estimates no body: no `--out`, `--export`, `--holdout`",
+        ),
+        (args.wrench_noise.is_some() && !args.dry_run, "`--wrench-noise` belongs to `--dry-run`"),
+    ];
+    match clash.iter().find(|(clashes, _)| *clashes) {
+        Some((_, message)) => Err(AstrobeeError::BadOption { message: (*message).to_owned() }),
+        None => Ok(()),
+    }
+}
+
 /// Refuses outputs that could not be written before any long work is done.
 fn check_outputs(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
+    if let Some(path) = &args.out {
+        OutputFolder::check_place(path, args.force)?;
+    }
     for path in [&args.out, &args.export].into_iter().flatten() {
         if path.exists() && !args.force {
             return Err(AstrobeeError::OutputExists { path: path.clone() });
+        }
+        let inputs = [&args.log, &args.reference, &args.prior];
+        let same =
+            |input: &PathBuf| input.canonicalize().is_ok_and(|real| path.canonicalize().is_ok_and(|p| p == real));
+        if inputs.into_iter().flatten().any(same) {
+            return Err(AstrobeeError::BadOption {
+                message: format!("{} is an input of this run; write the result somewhere else", path.display()),
+            });
         }
     }
     if let Some(share) = args.holdout.filter(|share| !(0.0 < *share && *share < 1.0)) {
@@ -200,13 +239,17 @@ fn deliver(args: &IdentifyArgs, found: &Identification, context: &Context) -> Re
     let json = serde_json::to_string(&report::json(found, context))
         .map_err(|error| AstrobeeError::BadToml { path: PathBuf::from("result.json"), message: error.to_string() })?;
     if args.json {
-        print(&format!("{json}\n"));
+        print(&format!("{json}\n"))?;
     } else {
-        print(&report::table(found, context));
+        print(&report::table(found, context))?;
     }
-    if let (Some(path), Some(estimate)) = (&args.export, &found.estimate) {
-        write_file(path, body_file::export(path, &estimate.parameters)?.as_bytes(), args.force)?;
-        eprintln!("wrote {}", path.display());
+    match (&args.export, &found.estimate) {
+        (Some(path), Some(estimate)) => {
+            write_file(path, body_file::export(path, &estimate.parameters)?.as_bytes(), args.force)?;
+            eprintln!("wrote {}", path.display());
+        }
+        (Some(path), None) => eprintln!("warning: no body to export; {} is not written", path.display()),
+        (None, _) => {}
     }
     if let Some(path) = &args.out {
         let folder = OutputFolder::create(path, args.force)?;
@@ -215,10 +258,10 @@ fn deliver(args: &IdentifyArgs, found: &Identification, context: &Context) -> Re
             folder.write("body.toml", &body_file::export(Path::new("body.toml"), &estimate.parameters)?)?;
         }
         report::write_page(&folder, found, context, &json)?;
-        folder.write("run.json", &run_record(args, &context.source))?;
+        folder.write(RUN_RECORD, &run_record(args, &context.source))?;
         eprintln!("wrote {}", folder.finish()?.join("report.html").display());
     }
-    Ok(if found.estimate.is_some() && found.rank == 10 { Outcome::Achieved } else { Outcome::NotAchieved })
+    Ok(if report::is_identified(found) { Outcome::Achieved } else { Outcome::NotAchieved })
 }
 
 /// What is needed to repeat the run.
@@ -230,7 +273,7 @@ fn run_record(args: &IdentifyArgs, source: &str) -> String {
         "commit": option_env!("TUMBLE_COMMIT"),
         "command": "identify",
         "configuration": options,
-        "seed": args.demo.then_some(args.seed),
+        "seed": args.demo.then(|| args.seed.unwrap_or(DEMO_SEED)),
         "input": source,
         "input_hash": args.log.as_deref().and_then(|path| crate::log::hash(path).ok()),
     })
@@ -238,10 +281,11 @@ fn run_record(args: &IdentifyArgs, source: &str) -> String {
 }
 
 fn dry_run(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome, AstrobeeError> {
+    let wrench_noise = args.wrench_noise.unwrap_or(demo::WRENCH_NOISE);
     let mut prediction = None;
     log.for_each_part(|record| {
         if prediction.is_none() {
-            prediction = Some(predict(record, settings, args.wrench_noise)?);
+            prediction = Some(predict(record, settings, wrench_noise)?);
         }
         Ok(())
     })?;
@@ -252,12 +296,15 @@ fn dry_run(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcom
         eprintln!("warning: {warning}");
     }
     if args.json {
-        print(&format!("{}\n", report::prediction_json(&prediction, args.wrench_noise)));
+        print(&format!("{}\n", report::prediction_json(&prediction, wrench_noise)))?;
     } else {
-        print(&report::prediction_table(&prediction, &log.source, args.wrench_noise));
+        print(&report::prediction_table(&prediction, &log.source, wrench_noise))?;
     }
     Ok(if prediction.rank == 10 { Outcome::Achieved } else { Outcome::NotAchieved })
 }
+
+/// The flight that `--demo` shows unless told otherwise.
+const DEMO_SEED: u64 = 1;
 
 /// Rows held in memory at once; a longer log is identified part by part and the parts' information added.
 const ROWS_IN_MEMORY: usize = 200_000;
@@ -285,7 +332,7 @@ enum Rows {
 
 impl Log {
     fn read(args: &IdentifyArgs) -> Result<Self, AstrobeeError> {
-        let mut log = if args.demo { Self::from_demo(args.seed)? } else { Self::from_file(args)? };
+        let mut log = if args.demo { Self::from_demo(args.seed.unwrap_or(DEMO_SEED))? } else { Self::from_file(args)? };
         let count = match &log.rows {
             Rows::Memory(record) => record.len(),
             Rows::File { count, .. } => *count,

@@ -8,8 +8,8 @@ use crate::BodyScale;
 use crate::error::IdentificationError;
 use crate::motion::MotionSample;
 use crate::regressors::Regressor;
-use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow};
-use nalgebra::{ComplexField, SVector, Vector3};
+use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow, whitened};
+use nalgebra::{ComplexField, SVector, Vector3, Vector6};
 
 /// Lags tried where noise forbids the shortest.
 /// Each but the last two has its double among them, which judges its discretisation.
@@ -61,6 +61,25 @@ impl Fit {
             poses_noisy: false,
             rates_noisy: false,
         })
+    }
+
+    /// Shares of the mean squares of torque and force that the solution explains.
+    pub(super) fn explained(&self) -> Option<(f64, f64)> {
+        let scale = self.rough_scale;
+        let unweighted =
+            || whitened(&self.rows.all, scale.length_m(), 1.0).ok()?.solve(&scale.parameter_magnitudes()).ok();
+        let parameters = self.least_squares.as_ref().map(|found| found.parameters).or_else(unweighted)?;
+        let mut sums = [0.0; 4];
+        for row in &self.rows.all {
+            let residual = row.regressor * parameters - row.wrench;
+            let squares = |w: &Vector6<f64>| (w.fixed_rows::<3>(0).norm_squared(), w.fixed_rows::<3>(3).norm_squared());
+            let ((torque, force), (torque_left, force_left)) = (squares(&row.wrench), squares(&residual));
+            for (sum, term) in sums.iter_mut().zip([torque, force, torque_left, force_left]) {
+                *sum += term;
+            }
+        }
+        let share = |left: f64, all: f64| if all > 0.0 { 1.0 - left / all } else { 0.0 };
+        Some((share(sums[2], sums[0]), share(sums[3], sums[1])))
     }
 
     /// Scale of the body found, or the rough one.
@@ -131,7 +150,12 @@ pub(super) fn best_fit(
     let first = match with_lag(method, settings.lag.unwrap_or(1)) {
         // Too short for the higher order.
         Err(IdentificationError::TooFewSamples { .. }) if automatic => {
-            with_lag(Method::Variational, settings.lag.unwrap_or(1))?
+            with_lag(Method::Variational, settings.lag.unwrap_or(1))
+                .or_else(|error| with_lag(Method::NewtonEuler, settings.lag.unwrap_or(1)).map_err(|_| error))?
+        }
+        // Rates and velocities need no equal steps.
+        Ok(found) if automatic && 2 * found.rows.skipped_unequal > found.rows.windows => {
+            with_lag(Method::NewtonEuler, settings.lag.unwrap_or(1)).unwrap_or(found)
         }
         other => other?,
     };

@@ -59,6 +59,7 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
         scale,
         estimate,
         regularised,
+        explained: estimate.and_then(|_| parts.iter().filter_map(|part| part.explained).reduce(f64::min)),
         noise: Noise {
             torque_n_m: mean_square(|noise| noise.torque_n_m),
             force_n: mean_square(|noise| noise.force_n),
@@ -93,7 +94,8 @@ impl Warning {
             }
             (Self::Discretisation { share }, Self::Discretisation { share: worse }) => *share = share.max(*worse),
             (Self::FewRows { rows }, Self::FewRows { rows: more }) => *rows += more,
-            (Self::ZeroWrench, Self::ZeroWrench) => {}
+            (Self::PoorFit { explained }, Self::PoorFit { explained: worse }) => *explained = explained.min(*worse),
+            (Self::ZeroWrench, Self::ZeroWrench) | (Self::SilentForce, Self::SilentForce) => {}
             _ => return false,
         }
         true

@@ -14,6 +14,22 @@ use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, Vector3};
 /// A direction counts as determined when no more than this share of its signal is noise in the regressor.
 const LARGEST_NOISE_SHARE: f64 = 0.5;
 
+/// Below rank ten nothing is taken to be known better than this many times the body's own scale.
+const LARGEST_WEIGHT: f64 = 1e8;
+
+/// Duality gap that must do, relative to |z|^2, where the absolute one is out of reach of rounding.
+const RELATIVE_GAP: f64 = 1e-9;
+
+/// Which half of the wrench says nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Silent {
+    Nothing,
+    /// The force is zero or noise.
+    Force,
+    /// Every wrench is zero.
+    Wrench,
+}
+
 /// What the data of a fit determine.
 pub(super) struct Judgement {
     pub(super) scale: BodyScale,
@@ -27,10 +43,15 @@ pub(super) struct Judgement {
 }
 
 /// Counts the directions that data determine: above rounding, above the noise inside the regressor, and known to better
-/// than the body's own scale. A record without any wrench leaves two scales free,
-/// that of the mass and that of the inertia about the centre of mass.
-pub(super) fn judge(fit: &Fit, zero_wrench: bool) -> Result<Judgement, IdentificationError> {
-    let scale = if zero_wrench { fit.rough_scale } else { fit.scale() };
+/// than the body's own scale. A record without any wrench leaves two scales free, that of the mass and that of the inertia
+/// about the centre of mass; one without force (`Silent::Force`) that of the mass.
+pub(super) fn judge(fit: &Fit, silent: Silent, prior: Option<&Prior>) -> Result<Judgement, IdentificationError> {
+    let zero_wrench = silent == Silent::Wrench;
+    let scale = match prior {
+        Some(prior) => BodyScale::of(&prior.mean.to_vector())?,
+        None if zero_wrench => fit.rough_scale,
+        None => fit.scale(),
+    };
     let magnitudes = scale.parameter_magnitudes();
     let to_scaled = SMatrix::<f64, 10, 10>::from_diagonal(&magnitudes);
     let information = match &fit.least_squares {
@@ -54,20 +75,26 @@ pub(super) fn judge(fit: &Fit, zero_wrench: bool) -> Result<Judgement, Identific
         rank = rank.min(determined);
         noise_share = shares.take(rank).fold(0.0, f64::max);
     }
-    if zero_wrench {
-        rank = rank.min(8);
-    }
+    rank = rank.min(match silent {
+        // Rows that no weights make a fit of.
+        Silent::Nothing if fit.least_squares.is_none() => 9,
+        Silent::Nothing => 10,
+        Silent::Force => 9,
+        Silent::Wrench => 8,
+    });
     let tolerance =
         if rank < 10 && values[0] > 0.0 { (values[rank] / values[0]).max(RANK_TOLERANCE) } else { RANK_TOLERANCE };
     let observability = Observability::with_tolerance(&information, scale, tolerance);
-    // Rows sigma_i v_i^T of the determined directions, their right-hand sides u_i^T z.
+    // Rows sigma_i v_i^T of the determined directions, their right-hand sides u_i^T z. Data without noise must leave a
+    // weak prior its say in the others.
+    let ceiling = (LARGEST_WEIGHT / values[0].max(f64::MIN_POSITIVE)).min(1.0);
     let (mut block, mut rhs) = (SMatrix::<f64, 10, 10>::zeros(), SVector::<f64, 10>::zeros());
     for i in 0..rank {
         let v = right.column(i);
         for j in 0..10 {
-            block[(i, j)] = values[i] * v[j] / magnitudes[j];
+            block[(i, j)] = ceiling * values[i] * v[j] / magnitudes[j];
         }
-        rhs[i] = (information.factor() * to_scaled * v).dot(&information.rhs()) / values[i];
+        rhs[i] = ceiling * (information.factor() * to_scaled * v).dot(&information.rhs()) / values[i];
     }
     let projected = SquareRootInformation::from_square_root(&block, &rhs)?;
     let determined = match &fit.least_squares {
@@ -135,7 +162,15 @@ pub(super) fn constrained(
     information: &SquareRootInformation<10>,
     scale: BodyScale,
 ) -> Result<Estimate, IdentificationError> {
-    let found = InteriorPoint::new(PseudoInertiaCone::new(scale)).solve(information)?;
+    let cone = PseudoInertiaCone::new(scale);
+    let found = match InteriorPoint::new(cone).solve(information) {
+        // Data without noise that contradict every body: the objective is huge, and a gap small beside it must do.
+        Err(IdentificationError::NotConverged { .. }) => {
+            let relative = RELATIVE_GAP * information.rhs().norm_squared();
+            InteriorPoint::with_gap_tolerance(cone, relative).solve(information)?
+        }
+        found => found?,
+    };
     let covariance = information.covariance(&scale.parameter_magnitudes())?;
     let std = standard_deviations(&found.parameters, &covariance);
     Ok(Estimate {
