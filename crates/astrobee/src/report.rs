@@ -239,6 +239,8 @@ fn verdict(found: &Identification, context: &Context) -> String {
         }
         let constraint = if estimate.lmi_active { ", the consistency constraint is active" } else { "" };
         let _ = writeln!(text, "  physically consistent: smallest pseudo-inertia eigenvalue {margin:.3e}{constraint}");
+    } else if found.explained.is_some_and(|share| share < POOR_FIT) {
+        let _ = writeln!(text, "verdict: no body explains this log; see the warnings");
     } else {
         let _ =
             writeln!(text, "verdict: this log does not determine the body: {} of 10 parameter directions", found.rank);

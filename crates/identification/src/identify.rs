@@ -272,7 +272,8 @@ pub struct Identification {
     pub estimate: Option<Estimate>,
     /// Below rank ten: the body completed by a weak physical prior, not knowledge from the data.
     pub regularised: Option<Estimate>,
-    /// Share of the wrench's mean square (torque counted at the body's own length) that the estimate explains; at most one.
+    /// Share of the wrench's mean square (torque counted at the body's own length) that the estimate explains
+    /// (below rank ten: the fit without prior and constraint); at most one.
     pub explained: Option<f64>,
     /// Noise found.
     pub noise: Noise,
@@ -358,7 +359,12 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
         warnings.push(Warning::ConstraintActive);
     }
     let residuals = body.map_or_else(Vec::new, |body| residuals(&fit.rows.all, &timeline, &body.parameters));
-    let explained = estimate.map(|found| explained(&fit.rows.all, &found.parameters, judgement.scale));
+    // Below rank ten the unconstrained fit tells whether any body could explain the log.
+    let believed = estimate.map(|found| found.parameters).or_else(|| {
+        let fitted = fit.least_squares.as_ref().filter(|_| silent == Silent::Nothing)?;
+        Some(InertialParameters::from_vector(&fitted.parameters))
+    });
+    let explained = believed.map(|body| explained(&fit.rows.all, &body, judgement.scale));
     if let Some(explained) = explained.filter(|share| *share < POOR_FIT) {
         warnings.push(Warning::PoorFit { explained });
     }
