@@ -3,7 +3,8 @@
 //! Used instead of nalgebra's `svd`, whose vectors are wrong on ordinary inputs, and of eigenvalues of a Gram matrix,
 //! which lose the small singular values this crate is about.
 
-use nalgebra::{ComplexField, SMatrix, SVector};
+use crate::householder::sqrt;
+use nalgebra::{SMatrix, SVector};
 
 /// Sweeps after which the rotations stop; convergence takes four to eight.
 const MAX_SWEEPS: usize = 40;
@@ -30,8 +31,8 @@ pub(crate) fn orthogonalize_columns<const ROWS: usize, const COLS: usize>(
                 }
                 rotated = true;
                 let theta = (yy - xx) / (2.0 * xy);
-                let t = 1.0_f64.copysign(theta) / (theta.abs() + ComplexField::sqrt(1.0 + theta * theta));
-                let c = 1.0 / ComplexField::sqrt(1.0 + t * t);
+                let t = 1.0_f64.copysign(theta) / (theta.abs() + sqrt(1.0 + theta * theta));
+                let c = 1.0 / sqrt(1.0 + t * t);
                 rotate(x, y, c, c * t);
                 if let Some(v) = right.as_deref_mut() {
                     let (head, tail) = v.data.0.split_at_mut(q);
@@ -60,7 +61,7 @@ pub(crate) fn singular_values<const ROWS: usize, const COLS: usize>(
 ) -> (SVector<f64, COLS>, SMatrix<f64, COLS, COLS>) {
     let mut right = SMatrix::<f64, COLS, COLS>::identity();
     orthogonalize_columns(&mut a, Some(&mut right));
-    let mut values = SVector::<f64, COLS>::from_fn(|j, _| a.column(j).norm());
+    let mut values = SVector::<f64, COLS>::from_fn(|j, _| sqrt(a.column(j).norm_squared()));
     for j in 0..COLS {
         let largest = (j..COLS).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(j);
         values.swap_rows(j, largest);
