@@ -4,7 +4,7 @@ use super::{ConstrainedEstimate, ConstrainedLeastSquares, FeasibleSet, pulled_in
 use crate::error::IdentificationError;
 use crate::householder::sqrt;
 use crate::square_root_information::SquareRootInformation;
-use nalgebra::{SMatrix};
+use nalgebra::SMatrix;
 
 const DEFAULT_GAP: f64 = 1e-7;
 const MAX_ITERATIONS: usize = 500;

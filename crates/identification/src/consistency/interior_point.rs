@@ -160,8 +160,8 @@ impl State {
 
     /// One predictor-corrector step; `None` where rounding stops all progress.
     fn step(&mut self, information: &SquareRootInformation<10>) -> Option<()> {
-        let primal_root = smat(&self.primal).cholesky()?.l();
-        let dual_root = self.dual.cholesky()?.l();
+        let primal_root = lower_root(&smat(&self.primal))?;
+        let dual_root = lower_root(&self.dual)?;
         // Nesterov-Todd: with dual_rootᵀ primal_root = U Λ Vᵀ and N = Λ^-½ Uᵀ dual_rootᵀ, N X Nᵀ = N⁻ᵀ Z N⁻¹ = Λ.
         let mut left = dual_root.transpose() * primal_root;
         orthogonalize_columns(&mut left, None);
@@ -296,6 +296,24 @@ fn congruence(k: &Matrix4<f64>) -> [[f64; 10]; 10] {
         }
     }
     rows
+}
+
+/// Lower triangular L with L Lᵀ = a; `None` unless positive definite. nalgebra's takes libm's square root, see [`sqrt`].
+fn lower_root(a: &Matrix4<f64>) -> Option<Matrix4<f64>> {
+    let mut l = Matrix4::<f64>::zeros();
+    for j in 0..4 {
+        let pivot = a[(j, j)] - (0..j).map(|k| l[(j, k)] * l[(j, k)]).sum::<f64>();
+        if pivot.is_nan() || pivot <= 0.0 {
+            return None;
+        }
+        let root = sqrt(pivot);
+        let inverse = 1.0 / root;
+        l[(j, j)] = root;
+        for i in j + 1..4 {
+            l[(i, j)] = (a[(i, j)] - (0..j).map(|k| l[(i, k)] * l[(j, k)]).sum::<f64>()) * inverse;
+        }
+    }
+    Some(l)
 }
 
 /// Orthogonal and upper triangular factor of a well-conditioned matrix.
