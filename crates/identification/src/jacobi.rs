@@ -130,9 +130,9 @@ mod tests {
 
     #[test]
     fn recovers_eigenvalues_of_any_sign() {
-        for k in 0..50 {
-            let a =
-                SMatrix::<f64, 4, 4>::from_fn(|i, j| f64::from(k % 7) - ((k * (3 + i * j + i + j) as i32) % 11) as f64);
+        for k in 0..50_usize {
+            let entry = |i: usize, j: usize| (k % 7) as f64 - (k * (3 + i * j + i + j) % 11) as f64;
+            let a = SMatrix::<f64, 4, 4>::from_fn(entry);
             let sorted = |values: SVector<f64, 4>| {
                 let mut values = values.data.0[0];
                 values.sort_by(f64::total_cmp);
