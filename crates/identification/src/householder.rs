@@ -1,6 +1,16 @@
 //! Householder reflections that keep the zeros of a triangle: column j of [R; rows] meets only R_jj and the rows.
 
-use nalgebra::ComplexField;
+/// √x, correctly rounded and so the same number in every build.
+///
+/// [`ComplexField::sqrt`](nalgebra::ComplexField::sqrt) is libm's, which is the SSE instruction `sqrtsd` in inline
+/// assembly: in code compiled for AVX, and not preceded by `vzeroupper`, it costs a hundred nanoseconds.
+#[inline(always)]
+pub(crate) fn sqrt(x: f64) -> f64 {
+    #[cfg(feature = "std")]
+    return x.sqrt();
+    #[cfg(not(feature = "std"))]
+    return nalgebra::ComplexField::sqrt(x);
+}
 
 /// The reflection that folds `column` into the diagonal entry above it.
 #[derive(Debug, Clone, Copy)]
@@ -24,7 +34,7 @@ impl<const ROWS: usize> Reflection<ROWS> {
         if tail == 0.0 {
             return None;
         }
-        let norm = ComplexField::sqrt(diagonal * diagonal + tail);
+        let norm = sqrt(diagonal * diagonal + tail);
         Some(Self { column, diagonal, norm, inverse_norm: 1.0 / norm, inverse_sum: 1.0 / (diagonal + norm) })
     }
 

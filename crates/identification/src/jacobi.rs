@@ -3,7 +3,8 @@
 //! Used instead of nalgebra's `svd`, whose vectors are wrong on ordinary inputs, and of eigenvalues of a Gram matrix,
 //! which lose the small singular values this crate is about.
 
-use nalgebra::{ComplexField, SMatrix, SVector};
+use crate::householder::sqrt;
+use nalgebra::{SMatrix, SVector};
 
 /// Sweeps after which the rotations stop; convergence takes four to eight.
 const MAX_SWEEPS: usize = 40;
@@ -29,9 +30,7 @@ pub(crate) fn orthogonalize_columns<const ROWS: usize, const COLS: usize>(
                     continue;
                 }
                 rotated = true;
-                let theta = (yy - xx) / (2.0 * xy);
-                let t = 1.0_f64.copysign(theta) / (theta.abs() + ComplexField::sqrt(1.0 + theta * theta));
-                let c = 1.0 / ComplexField::sqrt(1.0 + t * t);
+                let (t, c) = rotation((yy - xx) / (2.0 * xy));
                 rotate(x, y, c, c * t);
                 if let Some(v) = right.as_deref_mut() {
                     let (head, tail) = v.data.0.split_at_mut(q);
@@ -47,6 +46,48 @@ pub(crate) fn orthogonalize_columns<const ROWS: usize, const COLS: usize>(
     }
 }
 
+/// Eigenvalues of a symmetric matrix in no particular order, by two-sided rotations.
+///
+/// nalgebra's take libm's square root, see [`sqrt`].
+pub(crate) fn symmetric_eigenvalues<const N: usize>(mut a: SMatrix<f64, N, N>) -> SVector<f64, N> {
+    let negligible = 0.1 * f64::EPSILON * sqrt(a.norm_squared());
+    for _ in 0..MAX_SWEEPS {
+        let mut rotated = false;
+        for p in 0..N {
+            for q in p + 1..N {
+                let off_diagonal = a[(p, q)];
+                if off_diagonal.abs() <= negligible {
+                    continue;
+                }
+                rotated = true;
+                let (t, c) = rotation((a[(q, q)] - a[(p, p)]) / (2.0 * off_diagonal));
+                let s = c * t;
+                a[(p, p)] -= t * off_diagonal;
+                a[(q, q)] += t * off_diagonal;
+                for k in 0..N {
+                    if k != p && k != q {
+                        let (x, y) = (a[(p.min(k), p.max(k))], a[(q.min(k), q.max(k))]);
+                        a[(p.min(k), p.max(k))] = c * x - s * y;
+                        a[(q.min(k), q.max(k))] = s * x + c * y;
+                    }
+                }
+                a[(p, q)] = 0.0;
+            }
+        }
+        if !rotated {
+            break;
+        }
+    }
+    a.diagonal()
+}
+
+/// Tangent and cosine of the rotation with cot 2φ = `theta`.
+#[inline(always)]
+fn rotation(theta: f64) -> (f64, f64) {
+    let t = 1.0_f64.copysign(theta) / (theta.abs() + sqrt(1.0 + theta * theta));
+    (t, 1.0 / sqrt(1.0 + t * t))
+}
+
 #[inline(always)]
 fn rotate<const N: usize>(x: &mut [f64; N], y: &mut [f64; N], c: f64, s: f64) {
     for (u, v) in x.iter_mut().zip(y) {
@@ -60,7 +101,7 @@ pub(crate) fn singular_values<const ROWS: usize, const COLS: usize>(
 ) -> (SVector<f64, COLS>, SMatrix<f64, COLS, COLS>) {
     let mut right = SMatrix::<f64, COLS, COLS>::identity();
     orthogonalize_columns(&mut a, Some(&mut right));
-    let mut values = SVector::<f64, COLS>::from_fn(|j, _| a.column(j).norm());
+    let mut values = SVector::<f64, COLS>::from_fn(|j, _| sqrt(a.column(j).norm_squared()));
     for j in 0..COLS {
         let largest = (j..COLS).max_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(j);
         values.swap_rows(j, largest);
@@ -85,6 +126,21 @@ mod tests {
             assert!((image.norm() - values[j]).abs() <= 1e-13 * values[j], "{j}: {} {}", image.norm(), values[j]);
         }
         assert!(values[0] > values[1] && values[1] > values[2] && values[2] > values[3] && values[3] > 0.0);
+    }
+
+    #[test]
+    fn recovers_eigenvalues_of_any_sign() {
+        for k in 0..50_usize {
+            let entry = |i: usize, j: usize| (k % 7) as f64 - (k * (3 + i * j + i + j) % 11) as f64;
+            let a = SMatrix::<f64, 4, 4>::from_fn(entry);
+            let sorted = |values: SVector<f64, 4>| {
+                let mut values = values.data.0[0];
+                values.sort_by(f64::total_cmp);
+                SVector::from(values)
+            };
+            let difference = sorted(symmetric_eigenvalues(a)) - sorted(a.symmetric_eigenvalues());
+            assert!(difference.amax() <= 1e-14 * a.norm(), "{k}: {difference}");
+        }
     }
 
     #[test]

@@ -2,8 +2,9 @@
 
 use super::{ConstrainedEstimate, ConstrainedLeastSquares, FeasibleSet, pulled_inside};
 use crate::error::IdentificationError;
+use crate::householder::sqrt;
 use crate::square_root_information::SquareRootInformation;
-use nalgebra::{ComplexField, SMatrix};
+use nalgebra::SMatrix;
 
 const DEFAULT_GAP: f64 = 1e-7;
 const MAX_ITERATIONS: usize = 500;
@@ -51,10 +52,10 @@ impl<const P: usize> ConstrainedLeastSquares<P> for BarrierNewton<'_, P> {
             let system: SMatrix<f64, P, P> = hessian / mu + barrier.hessian;
             let Some(cholesky) = system.cholesky() else { break };
             let step = -cholesky.solve(&gradient);
-            let decrement = ComplexField::sqrt(-gradient.dot(&step));
+            let decrement = sqrt(-gradient.dot(&step));
             if decrement < 0.1 {
                 // On the central path the gap is νμ; this close to it, at most (ν + √ν) μ.
-                duality_gap = (nu + ComplexField::sqrt(nu)) * mu;
+                duality_gap = (nu + sqrt(nu)) * mu;
                 if duality_gap <= self.gap_tolerance {
                     let (parameters, margin) = pulled_inside(self.set, parameters + step);
                     let objective = information.objective(&parameters);

@@ -7,11 +7,11 @@
 
 use super::{ConstrainedEstimate, ConstrainedLeastSquares, FeasibleSet, PseudoInertiaCone, pulled_inside};
 use crate::error::IdentificationError;
-use crate::householder::Reflection;
+use crate::householder::{Reflection, sqrt};
 use crate::jacobi::orthogonalize_columns;
 use crate::square_root_information::SquareRootInformation;
 use core::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
-use nalgebra::{ComplexField, Matrix4, SMatrix, SVector, Vector4};
+use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
 
 /// Duality gap at which a solution is accepted, in units of ½|R p − z|², half a chi-square.
 const DEFAULT_GAP: f64 = 1e-7;
@@ -144,7 +144,7 @@ impl State {
         let residual = information.residual(&SVector::from(primal));
         let image = SVector::from(information.back_substitute_transposed(svec(&inverse)));
         let weight = residual.dot(&image) / image.norm_squared();
-        let size = residual.norm() / image.norm();
+        let size = sqrt(residual.norm_squared() / image.norm_squared());
         Self { primal, dual: inverse * weight.max(0.1 * size) }
     }
 
@@ -160,16 +160,16 @@ impl State {
 
     /// One predictor-corrector step; `None` where rounding stops all progress.
     fn step(&mut self, information: &SquareRootInformation<10>) -> Option<()> {
-        let primal_root = smat(&self.primal).cholesky()?.l();
-        let dual_root = self.dual.cholesky()?.l();
+        let primal_root = lower_root(&smat(&self.primal))?;
+        let dual_root = lower_root(&self.dual)?;
         // Nesterov-Todd: with dual_rootᵀ primal_root = U Λ Vᵀ and N = Λ^-½ Uᵀ dual_rootᵀ, N X Nᵀ = N⁻ᵀ Z N⁻¹ = Λ.
         let mut left = dual_root.transpose() * primal_root;
         orthogonalize_columns(&mut left, None);
         let mut lambda = Vector4::zeros();
         for j in 0..4 {
             let square = left.column(j).norm_squared();
-            lambda[j] = ComplexField::sqrt(square);
-            left.column_mut(j).scale_mut(1.0 / (lambda[j] * ComplexField::sqrt(lambda[j])));
+            lambda[j] = sqrt(square);
+            left.column_mut(j).scale_mut(1.0 / (lambda[j] * sqrt(lambda[j])));
         }
         // N = (rotation · upper) · dual_rootᵀ = rotation · K with K upper triangular.
         let scaling = left.transpose();
@@ -180,7 +180,7 @@ impl State {
 
         let diagonal = Matrix4::from_diagonal(&lambda);
         let residual = information.residual(&SVector::from(self.primal));
-        let inverse_lambda_root = lambda.map(|l| 1.0 / ComplexField::sqrt(l));
+        let inverse_lambda_root = lambda.map(|l| 1.0 / sqrt(l));
         let to_scaled = |dx: &[f64; 10]| scaling * smat(dx) * scaling.transpose();
         let longest_step = |a: &Matrix4<f64>, b: &Matrix4<f64>| {
             let (a, b) = (relative_smallest(a, &inverse_lambda_root), relative_smallest(b, &inverse_lambda_root));
@@ -298,6 +298,24 @@ fn congruence(k: &Matrix4<f64>) -> [[f64; 10]; 10] {
     rows
 }
 
+/// Lower triangular L with L Lᵀ = a; `None` unless positive definite. nalgebra's takes libm's square root, see [`sqrt`].
+fn lower_root(a: &Matrix4<f64>) -> Option<Matrix4<f64>> {
+    let mut l = Matrix4::<f64>::zeros();
+    for j in 0..4 {
+        let pivot = a[(j, j)] - (0..j).map(|k| l[(j, k)] * l[(j, k)]).sum::<f64>();
+        if pivot.is_nan() || pivot <= 0.0 {
+            return None;
+        }
+        let root = sqrt(pivot);
+        let inverse = 1.0 / root;
+        l[(j, j)] = root;
+        for i in j + 1..4 {
+            l[(i, j)] = (a[(i, j)] - (0..j).map(|k| l[(i, k)] * l[(j, k)]).sum::<f64>()) * inverse;
+        }
+    }
+    Some(l)
+}
+
 /// Orthogonal and upper triangular factor of a well-conditioned matrix.
 fn gram_schmidt(a: &Matrix4<f64>) -> (Matrix4<f64>, Matrix4<f64>) {
     let (mut q, mut r) = (*a, Matrix4::zeros());
@@ -308,7 +326,7 @@ fn gram_schmidt(a: &Matrix4<f64>) -> (Matrix4<f64>, Matrix4<f64>) {
             let mut column = q.column_mut(j);
             column -= projection;
         }
-        r[(j, j)] = q.column(j).norm();
+        r[(j, j)] = sqrt(q.column(j).norm_squared());
         q.column_mut(j).scale_mut(1.0 / r[(j, j)]);
     }
     (q, r)
@@ -324,7 +342,7 @@ fn relative_smallest(m: &Matrix4<f64>, s: &Vector4<f64>) -> f64 {
     for i in 0..4 {
         a[(i, i)] -= mean;
     }
-    let spread = a.norm();
+    let spread = sqrt(a.norm_squared());
     if spread == 0.0 {
         return mean;
     }
@@ -333,7 +351,7 @@ fn relative_smallest(m: &Matrix4<f64>, s: &Vector4<f64>) -> f64 {
     // With zero trace and unit norm: t⁴ − t²/2 − e3 t + e4.
     let e3 = square.dot(&a) / 3.0;
     let e4 = (0.5 - square.norm_squared()) / 4.0;
-    let mut root = -ComplexField::sqrt(0.75);
+    let mut root = -sqrt(0.75);
     for _ in 0..8 {
         let value = ((root * root - 0.5) * root - e3) * root + e4;
         if value <= 0.0 {
@@ -342,7 +360,7 @@ fn relative_smallest(m: &Matrix4<f64>, s: &Vector4<f64>) -> f64 {
         let slope = ((4.0 * root * root - 1.0) * root - e3) / value;
         let curvature = slope * slope - (12.0 * root * root - 1.0) / value;
         let discriminant = (3.0 * (4.0 * curvature - slope * slope)).max(0.0);
-        let rise = 4.0 / (ComplexField::sqrt(discriminant) - slope);
+        let rise = 4.0 / (sqrt(discriminant) - slope);
         root += rise;
         if rise < 1e-4 {
             break;
@@ -370,7 +388,7 @@ mod tests {
 
     #[test]
     fn eigenvalue_bound_is_safe_and_tight() {
-        let m = |a: f64| Matrix4::from_fn(|i, j| ComplexField::sin(a * (1.0 + (i * j + i + j) as f64)));
+        let m = |a: f64| Matrix4::from_fn(|i, j| nalgebra::ComplexField::sin(a * (1.0 + (i * j + i + j) as f64)));
         for k in 1..200 {
             let m = m(0.37 * f64::from(k));
             let exact = m.symmetric_eigenvalues().min();

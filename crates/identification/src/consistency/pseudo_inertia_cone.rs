@@ -2,6 +2,7 @@
 
 use super::{Barrier, FeasibleSet};
 use crate::body_scale::BodyScale;
+use crate::jacobi::symmetric_eigenvalues;
 use nalgebra::{Matrix4, SMatrix, SVector};
 
 /// Relative floor of the pseudo-inertia when none is asked for.
@@ -114,7 +115,7 @@ impl PseudoInertiaCone {
 impl FeasibleSet<10> for PseudoInertiaCone {
     /// Smallest eigenvalue of D⁻¹ (P(p) − floor) D⁻¹.
     fn margin(&self, parameters: &SVector<f64, 10>) -> f64 {
-        self.normalized(parameters).symmetric_eigenvalues().min()
+        symmetric_eigenvalues(self.normalized(parameters)).min()
     }
 
     /// −log det of D⁻¹ (P(p) − floor) D⁻¹.
