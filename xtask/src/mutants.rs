@@ -82,9 +82,9 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-dynamics --lib",
     },
     Mutant {
-        name: "mass matrix: coupling block not transposed",
-        file: "crates/dynamics/src/momentum.rs",
-        original: "copy_from(&coupling.transpose())",
+        name: "spatial inertia: coupling block not transposed",
+        file: "crates/dynamics/src/inertia.rs",
+        original: "copy_from(&-coupling)",
         replacement: "copy_from(&coupling)",
         test: "-p tumble-dynamics --lib",
     },

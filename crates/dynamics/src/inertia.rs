@@ -79,6 +79,8 @@ impl<T: Scalar> InertialParameters<T> {
     ///
     /// # Shape
     /// 6x6, `[[J, S(h)], [-S(h), m I]]`, order `[angular; linear]`, about the body origin.
+    /// # Source
+    /// Thesis (2.8), (5.10), (5.11).
     pub fn spatial_inertia(&self) -> Matrix6<T> {
         let coupling = skew(&self.first_moment);
         let mut m = Matrix6::from_diagonal_element(self.mass);
