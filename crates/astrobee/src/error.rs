@@ -215,7 +215,7 @@ impl AstrobeeError {
             Self::NotAResult { .. } => "name a new folder, or remove this one yourself",
             Self::Unwritable { .. } => "check that the folder exists and that you may write there",
             Self::BadToml { .. } => {
-                "correct the named key; `tumble identify --demo --export body.toml` writes a valid example"
+                "correct the named key; `docs/log-format.md` shows body and prior files"
             }
             Self::ImpossibleBody { .. } => {
                 "mass must be positive and the principal inertias about the centre of mass must satisfy the triangle inequality"

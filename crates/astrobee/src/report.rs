@@ -458,7 +458,7 @@ fn json_body(estimate: &Estimate, shown: &Shown) -> JsonBody {
     }
 }
 
-/// The result as `contracts` readers expect it.
+/// The result as programs read it.
 pub fn json(found: &Identification, context: &Context) -> Json {
     let reference = context.reference.as_ref().and_then(|(name, body)| {
         let estimate = found.estimate.as_ref()?;
