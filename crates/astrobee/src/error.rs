@@ -214,9 +214,7 @@ impl AstrobeeError {
             Self::OutputExists { .. } => "name another place, or replace it with `--force`",
             Self::NotAResult { .. } => "name a new folder, or remove this one yourself",
             Self::Unwritable { .. } => "check that the folder exists and that you may write there",
-            Self::BadToml { .. } => {
-                "correct the named key; `docs/log-format.md` shows body and prior files"
-            }
+            Self::BadToml { .. } => "correct the named key; `docs/log-format.md` shows body and prior files",
             Self::ImpossibleBody { .. } => {
                 "mass must be positive and the principal inertias about the centre of mass must satisfy the triangle inequality"
             }

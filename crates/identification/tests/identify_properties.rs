@@ -430,6 +430,8 @@ fn torques_alone_tell_the_inertia_and_never_the_mass() {
         let prior = Some(Prior { mean: body_d(), standard_deviation });
         let told = identify(&record, &Settings { prior, ..Settings::default() }).unwrap();
         let estimate = told.estimate.unwrap();
+        let mass_error = (estimate.parameters.mass - body_d().mass).abs();
+        assert!(mass_error < 0.05, "mass off by {mass_error}, told to 0.05");
         let inertia = (estimate.parameters.inertia_about_com() - body_d().inertia_about_com()).amax();
         assert!(inertia < 0.02 * body_d().inertia_about_com().amax(), "inertia off by {inertia}");
     }

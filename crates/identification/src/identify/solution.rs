@@ -14,8 +14,9 @@ use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, Vector3};
 /// A direction counts as determined when no more than this share of its signal is noise in the regressor.
 const LARGEST_NOISE_SHARE: f64 = 0.5;
 
-/// Below rank ten nothing is taken to be known better than this many times the body's own scale.
-const LARGEST_WEIGHT: f64 = 1e8;
+/// Below rank ten nothing is taken to be known better than one part in this many of the body's own scale: the error of
+/// discretisation turns the directions left free by about so much, and must not outvote a prior in them.
+const LARGEST_WEIGHT: f64 = 1e4;
 
 /// Duality gap that must do, relative to |z|^2, where the absolute one is out of reach of rounding.
 const RELATIVE_GAP: f64 = 1e-9;
