@@ -31,6 +31,12 @@ pub enum IdentificationError {
         /// Offending value.
         value: f64,
     },
+    /// A probability that is not strictly between zero and one.
+    #[error("{value} is not a probability strictly between 0 and 1")]
+    NotAProbability {
+        /// Offending value.
+        value: f64,
+    },
     /// The mass or the length that sets the scale of the body is not a positive finite number.
     #[error("body scale {mass_kg} kg, {length_m} m is not positive and finite")]
     InvalidScale {

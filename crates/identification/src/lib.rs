@@ -21,6 +21,7 @@ mod linear_model;
 #[cfg(feature = "std")]
 mod motion;
 mod observability;
+pub mod recursive;
 pub mod regressors;
 mod square_root_information;
 #[cfg(feature = "std")]
