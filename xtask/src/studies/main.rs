@@ -5,6 +5,7 @@
 mod arguments;
 mod bench;
 mod dynamics;
+mod ekf_rls;
 mod ident_sdp;
 mod integrator;
 mod lie;
@@ -35,8 +36,13 @@ impl Failure {
 /// A benchmark problem: its name in `benchmarks/PROBLEMS.md` and the module that runs it.
 type Problem = (&'static str, fn(&mut Bench) -> Result<(), Failure>);
 
-const PROBLEMS: &[Problem] =
-    &[("lie", lie::run), ("dynamics", dynamics::run), ("integrator", integrator::run), ("ident_sdp", ident_sdp::run)];
+const PROBLEMS: &[Problem] = &[
+    ("lie", lie::run),
+    ("dynamics", dynamics::run),
+    ("integrator", integrator::run),
+    ("ident_sdp", ident_sdp::run),
+    ("ekf_rls", ekf_rls::run),
+];
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
