@@ -114,17 +114,15 @@ where
     fn update(&mut self, observation: &M::Observation) -> Result<Outcome<ROWS>, IdentificationError> {
         let model = &self.model;
         let state = model.propagate(&self.state, observation)?;
-        let covariance = model.predicted_covariance(&self.state, observation, &self.covariance);
+        let mut covariance = model.predicted_covariance(&self.state, observation, &self.covariance);
         let rows = Rows {
             sensitivity: model.sensitivity(&state, observation),
             residual: model.residual(&state, observation),
             standard_deviation: model.standard_deviation(observation),
         };
-        let (correction, outcome) = gated(&mut self.gate, &covariance, |p| rows.correct(p))?;
-        (self.state, self.covariance) = match correction {
-            Some(correction) => (state.oplus(&correction.step), correction.covariance),
-            None => (state, covariance),
-        };
+        let (step, outcome) = gated(&mut self.gate, &mut covariance, |p| rows.correct(p))?;
+        self.state = step.map_or(state, |step| state.oplus(&step));
+        self.covariance = covariance;
         Ok(outcome)
     }
 

@@ -65,10 +65,9 @@ impl<const N: usize, const ROWS: usize> KalmanFilter<N, ROWS> {
     #[inline]
     pub fn correct(&mut self, observation: &LinearObservation<ROWS, N>) -> Result<Outcome<ROWS>, IdentificationError> {
         let rows = observation.rows_about(&self.state);
-        let (correction, outcome) = gated(&mut self.gate, &self.covariance, |p| rows.correct(p))?;
-        if let Some(correction) = correction {
-            self.state += correction.step;
-            self.covariance = correction.covariance;
+        let (step, outcome) = gated(&mut self.gate, &mut self.covariance, |p| rows.correct(p))?;
+        if let Some(step) = step {
+            self.state += step;
         }
         Ok(outcome)
     }

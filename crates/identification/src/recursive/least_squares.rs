@@ -42,10 +42,9 @@ impl<const P: usize, const ROWS: usize> RecursiveEstimator<P, ROWS> for Recursiv
     #[inline]
     fn update(&mut self, observation: &Self::Observation) -> Result<Outcome<ROWS>, IdentificationError> {
         let rows = observation.rows_about(&self.parameters);
-        let (correction, outcome) = gated(&mut self.gate, &self.covariance, |p| rows.correct(p))?;
-        if let Some(correction) = correction {
-            self.parameters += correction.step;
-            self.covariance = correction.covariance;
+        let (step, outcome) = gated(&mut self.gate, &mut self.covariance, |p| rows.correct(p))?;
+        if let Some(step) = step {
+            self.parameters += step;
         }
         Ok(outcome)
     }

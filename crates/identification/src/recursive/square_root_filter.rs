@@ -1,6 +1,6 @@
 //! Recursive least squares on the square root of the information.
 
-use super::belief::{check_rows, measured_only, rows_of};
+use super::belief::{check_deviations, measured_only, rows_of};
 use super::{ChiSquareGate, Innovation, LinearObservation, Outcome, RecursiveEstimator, Verdict};
 use crate::error::IdentificationError;
 use crate::householder::sqrt;
@@ -51,9 +51,8 @@ impl<const P: usize, const ROWS: usize> RecursiveEstimator<P, ROWS> for SquareRo
     #[inline]
     fn update(&mut self, observation: &Self::Observation) -> Result<Outcome<ROWS>, IdentificationError> {
         let LinearObservation { regressor, output, standard_deviation } = observation;
-        let rows = rows_of(regressor);
+        check_deviations(standard_deviation)?;
         let residual = output - regressor * self.parameters;
-        check_rows(&rows, &residual, standard_deviation)?;
         let weight = standard_deviation.map(|s| 1.0 / s);
         let block = SMatrix::from_fn(|i, j| if weight[i] > 0.0 { weight[i] * regressor[(i, j)] } else { 0.0 });
         let rhs = SVector::from_fn(|i, _| if weight[i] > 0.0 { weight[i] * output[i] } else { 0.0 });

@@ -1,6 +1,6 @@
 //! The unscented Kalman filter: a model's derivatives are not needed, only the model.
 
-use super::belief::{Correction, check_rows, gated, measured_only, product_with_transpose};
+use super::belief::{Correction, check_deviations, gated, measured_only, product_with_transpose};
 use super::extended_kalman::FilterModel;
 use super::{ChiSquareGate, Innovation, Outcome, RecursiveEstimator};
 use crate::error::IdentificationError;
@@ -109,7 +109,7 @@ fn correct<M, S, const N: usize, const ROWS: usize, const P: usize>(
     model: &M,
     state: &S,
     observation: &M::Observation,
-    covariance: &SMatrix<f64, N, N>,
+    covariance: &mut SMatrix<f64, N, N>,
 ) -> Result<Correction<N, ROWS>, IdentificationError>
 where
     M: FilterModel<N, ROWS, P, State = S>,
@@ -118,7 +118,10 @@ where
     let standard_deviation = model.standard_deviation(observation);
     let residual_at = |state: &S| measured_only(&model.residual(state, observation), &standard_deviation);
     let center = residual_at(state);
-    check_rows(&[[0.0; N]; ROWS], &center, &standard_deviation)?;
+    check_deviations(&standard_deviation)?;
+    if let Some(row) = center.iter().position(|r| !r.is_finite()) {
+        return Err(IdentificationError::NotFinite { row });
+    }
     let weight = 1.0 / (2 * N) as f64;
     let mut mean = SVector::<f64, ROWS>::zeros();
     let (mut square, mut cross) = (SMatrix::<f64, ROWS, ROWS>::zeros(), SMatrix::<f64, N, ROWS>::zeros());
@@ -139,7 +142,7 @@ where
     }
     // Rows not measured have a zero row and column in S, hence in its root, and take no part.
     let lower = lower_root(&square);
-    let (mut step, mut covariance) = (SVector::zeros(), *covariance);
+    let mut step = SVector::zeros();
     let mut gains = SMatrix::<f64, N, ROWS>::zeros();
     let mut whitened = [0.0; ROWS];
     let (mut nis, mut determinant, mut degrees_of_freedom) = (0.0, 1.0, 0);
@@ -157,7 +160,7 @@ where
         gain /= pivot;
         whitened[i] = unexpected / pivot;
         step += gain * whitened[i];
-        covariance -= gain * gain.transpose();
+        *covariance -= gain * gain.transpose();
         gains.set_column(i, &gain);
         nis += whitened[i] * whitened[i];
         determinant *= pivot * pivot;
@@ -166,7 +169,7 @@ where
     let covariance_of_innovation = product_with_transpose(&lower);
     let innovation =
         Innovation { residual, covariance: covariance_of_innovation, nis, degrees_of_freedom, determinant };
-    Ok(Correction { step, covariance, innovation })
+    Ok(Correction { step, innovation })
 }
 
 impl<M, const N: usize, const ROWS: usize, const P: usize> RecursiveEstimator<P, ROWS>
@@ -177,13 +180,11 @@ where
     type Observation = M::Observation;
 
     fn update(&mut self, observation: &M::Observation) -> Result<Outcome<ROWS>, IdentificationError> {
-        let (state, covariance) = self.predict(observation)?;
+        let (state, mut covariance) = self.predict(observation)?;
         let model = &self.model;
-        let (correction, outcome) = gated(&mut self.gate, &covariance, |p| correct(model, &state, observation, p))?;
-        (self.state, self.covariance) = match correction {
-            Some(correction) => (state.oplus(&correction.step), correction.covariance),
-            None => (state, covariance),
-        };
+        let (step, outcome) = gated(&mut self.gate, &mut covariance, |p| correct(model, &state, observation, p))?;
+        self.state = step.map_or(state, |step| state.oplus(&step));
+        self.covariance = covariance;
         Ok(outcome)
     }
 
