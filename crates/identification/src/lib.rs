@@ -7,6 +7,8 @@ pub use tumble_dynamics as dynamics;
 pub use tumble_lie as lie;
 
 mod body_scale;
+#[cfg(feature = "std")]
+pub mod comparison;
 pub mod consistency;
 mod criteria;
 mod error;
@@ -22,7 +24,12 @@ mod linear_model;
 mod motion;
 mod observability;
 pub mod regressors;
+#[cfg(feature = "std")]
+mod savitzky_golay;
 mod square_root_information;
+#[cfg(feature = "std")]
+pub mod statistics;
+pub mod synchronize;
 #[cfg(feature = "std")]
 mod weighted_least_squares;
 #[cfg(feature = "std")]
@@ -47,6 +54,8 @@ pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;
 pub use observability::{NullDirection, Observability};
+#[cfg(feature = "std")]
+pub use savitzky_golay::{SavitzkyGolay, SmoothedMotion};
 pub use square_root_information::{RANK_TOLERANCE, SquareRootInformation};
 #[cfg(feature = "std")]
 pub use weighted_least_squares::{RowNoise, WeightedLeastSquares, WrenchRow, whitened};
