@@ -71,6 +71,14 @@ pub enum IdentificationError {
         /// Samples needed.
         needed: usize,
     },
+    /// A window with no more samples than the order of the polynomial to be fitted in it.
+    #[error("a window of {samples} samples is too short for a polynomial of order {order}")]
+    WindowTooShort {
+        /// Samples in the window.
+        samples: usize,
+        /// Order asked for.
+        order: usize,
+    },
     /// Times that go back or repeat.
     #[error("time of sample {index} is not after the one before")]
     TimesNotIncreasing {

@@ -7,6 +7,8 @@ pub use tumble_dynamics as dynamics;
 pub use tumble_lie as lie;
 
 mod body_scale;
+#[cfg(feature = "std")]
+pub mod comparison;
 pub mod consistency;
 mod criteria;
 mod error;
@@ -23,7 +25,12 @@ mod motion;
 mod observability;
 pub mod recursive;
 pub mod regressors;
+#[cfg(feature = "std")]
+mod savitzky_golay;
 mod square_root_information;
+#[cfg(feature = "std")]
+pub mod statistics;
+pub mod synchronize;
 #[cfg(feature = "std")]
 mod weighted_least_squares;
 #[cfg(feature = "std")]
@@ -48,6 +55,8 @@ pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;
 pub use observability::{NullDirection, Observability};
+#[cfg(feature = "std")]
+pub use savitzky_golay::{SavitzkyGolay, SmoothedMotion};
 pub use square_root_information::{RANK_TOLERANCE, SquareRootInformation};
 #[cfg(feature = "std")]
 pub use weighted_least_squares::{RowNoise, WeightedLeastSquares, WrenchRow, whitened};
