@@ -9,6 +9,7 @@ mod elimination;
 mod flow;
 mod nodes;
 mod noise;
+mod record;
 mod segment;
 
 pub use calibration::Nuisance;
@@ -21,10 +22,10 @@ use calibration::Calibration;
 use chain::{Chain, Sweep};
 use coordinates::Coordinates;
 use elimination::{Indefinite, Schur};
-use flow::Input;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use noise::Levels;
-use segment::{MEASUREMENTS, PARAMETERS, Robust, Sample};
+use record::Record;
+use segment::{MEASUREMENTS, PARAMETERS, Robust};
 
 /// Iterations after which an estimate that still moves is given up.
 const MAX_ITERATIONS: usize = 30;
@@ -32,10 +33,20 @@ const MAX_ITERATIONS: usize = 30;
 const SMALL_DECREMENT: f64 = 1e-4;
 /// Largest component of a node's step at convergence (rad, rad/s, m, m/s).
 const SMALL_STEP: f64 = 1e-3;
+/// Within so many squared standard deviations the levels of noise and outliers may be judged.
+const NEAR: f64 = 1e2;
 /// Samples of the longest segment.
 const LONGEST_SEGMENT: usize = 16;
-/// Fewest samples that are tried.
-const FEWEST_SAMPLES: usize = 8;
+/// Bounds on residual 3-vectors, in standard deviations.
+const HUBER: f64 = 2.5;
+const GATE: f64 = 4.5;
+/// Iteration from which the gate works in any case.
+const GATED: usize = 4;
+/// Mean square of a normal residual 3-vector under these bounds, over three.
+const CONSISTENCY: f64 = 0.957_918;
+/// Restricted-likelihood steps on one linearisation, and linearisations on which they are done.
+const ROUNDS: usize = 6;
+const REFINEMENTS: usize = 3;
 
 /// Maximum likelihood of the ten parameters from poses and wrenches that are both noisy; rates, velocities and
 /// accelerations are used where present.
@@ -139,83 +150,89 @@ impl MaximumLikelihood {
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
-        let samples = self.samples(record)?;
+        let record = Record::try_new(record, self.wrench_timing, self.robust)?;
         match Calibration::new(&self.nuisances).columns() {
-            0..=13 => self.run::<32>(&samples),
-            14..=21 => self.run::<40>(&samples),
-            _ => self.run::<56>(&samples),
+            0..=13 => self.run::<32>(&record),
+            14..=21 => self.run::<40>(&record),
+            _ => self.run::<56>(&record),
         }
     }
 
-    /// The record as the likelihood reads it.
-    fn samples(&self, record: &[MotionSample]) -> Result<Vec<Sample>, IdentificationError> {
-        use crate::error::Column;
-        if record.len() < FEWEST_SAMPLES {
-            return Err(IdentificationError::TooFewSamples { samples: record.len(), needed: FEWEST_SAMPLES });
-        }
-        if let Some(index) = record.windows(2).position(|pair| pair[1].time_ns <= pair[0].time_ns) {
-            return Err(IdentificationError::TimesNotIncreasing { index: index + 1 });
-        }
-        if let Some(row) = record.iter().position(|sample| !is_finite(sample)) {
-            return Err(IdentificationError::NotFinite { row });
-        }
-        // Held until another one is logged; before the first, the first.
-        let mut held = record
-            .iter()
-            .find_map(|sample| sample.wrench_body)
-            .ok_or(IdentificationError::MissingColumn(Column::Wrench))?;
-        let since = |k: usize| (record[k].time_ns - record[0].time_ns) as f64 * 1e-9;
-        let mut samples: Vec<Sample> = Vec::with_capacity(record.len());
-        for (k, sample) in record.iter().enumerate() {
-            held = sample.wrench_body.unwrap_or(held);
-            let next = (k + 1).min(record.len() - 1);
-            samples.push(Sample {
-                time_s: since(k),
-                step_s: (record[next].time_ns - sample.time_ns) as f64 * 1e-9,
-                input: Input { torque: held.torque, force: held.force, ..Input::default() },
-                position: sample.world_from_body.translation.vector,
-                world_from_body: sample.world_from_body.rotation,
-                velocity: sample.velocity_origin_world,
-                rate: sample.rate_body,
-                acceleration: sample.acceleration_origin_body,
-            });
-        }
-        Ok(samples)
-    }
-
-    fn run<const W: usize>(&self, samples: &[Sample]) -> Result<LikelihoodEstimate, IdentificationError> {
-        let mut levels = Levels::of(&self.noise.unwrap_or_default());
-        let length = self.segment_samples.unwrap_or(LONGEST_SEGMENT).max(1);
-        let step_s = median_step_s(samples);
+    fn run<const W: usize>(&self, record: &Record) -> Result<LikelihoodEstimate, IdentificationError> {
+        let (mut levels, prior) = match &self.noise {
+            Some(noise) => (Levels::of(noise), None),
+            None => {
+                let (levels, prior) = Levels::from_differences(record);
+                (levels, Some(prior))
+            }
+        };
+        let mut length = self.segment_samples.unwrap_or(LONGEST_SEGMENT).max(1);
         let mut eta = Coordinates::of(&self.start);
         let mut calibration = Calibration::new(&self.nuisances);
-        let starts: Vec<usize> = (0..samples.len()).step_by(length).collect();
-        let nodes = nodes::from_poses(samples, &starts, self.node_window_s, step_s, &eta.center);
-        let mut chain = Chain::<W>::new(samples, self.gravity_world, starts, nodes, &calibration);
-        let mut iterations: Vec<Iteration> = Vec::new();
-        let mut constrained = false;
+        let starts = record.segments(length);
+        let nodes = nodes::from_poses(record, &starts, self.node_window_s, &eta.center);
+        let mut chain = Chain::<W>::new(record, self.gravity_world, starts, nodes, &calibration);
+        let mut progress = Progress::default();
         loop {
-            let robust = self.robust.then_some(Robust { huber: 2.5, gate: f64::INFINITY });
+            let robust = self.robust.then(|| progress.robust());
             let sweep = chain.sweep(&eta, &calibration, &levels, robust);
-            let schur = chain.eliminate(&levels).map_err(not_excited)?;
-            let step = eta.step(&schur.information, &schur.gradient).ok_or(not_excited(Indefinite))?;
+            let mut schur = chain.eliminate(&levels).map_err(not_excited)?;
+            let cost = cost(&sweep, &levels);
+            let mut settled = true;
+            if let Some(prior) = prior.as_ref().filter(|_| progress.refines()) {
+                let consistency = if self.robust { CONSISTENCY } else { 1.0 };
+                settled = false;
+                for round in 0..ROUNDS {
+                    let Some(evidence) = chain.evidence(&schur, &levels) else { break };
+                    let change = levels.refine(&evidence, &sweep.tally, consistency, prior);
+                    schur = chain.eliminate(&levels).map_err(not_excited)?;
+                    if Levels::settled(change) {
+                        settled = round == 0;
+                        break;
+                    }
+                }
+                progress.refinements += 1;
+            }
+            let halved = progress.diverges();
+            let gradient = if halved { &schur.gradient * 0.5 } else { schur.gradient.clone() };
+            let step = eta.step(&schur.information, &gradient).ok_or(not_excited(Indefinite))?;
             let decrement = step.step.dot(&(&schur.information * &step.step));
             let largest_step = chain.follow(&schur, &step);
             eta = step.next;
-            constrained = step.constrained;
             calibration.advance(step.step.as_slice());
-            iterations.push(Iteration { cost: cost(&sweep, &levels), decrement, largest_defect: sweep.largest_defect });
-            if decrement < SMALL_DECREMENT && largest_step < SMALL_STEP {
-                break;
+            let gated = robust.is_none_or(|robust| robust.gate.is_finite());
+            progress.iterations.push(Iteration { cost, decrement, largest_defect: sweep.largest_defect });
+            let still = decrement < SMALL_DECREMENT && largest_step < SMALL_STEP;
+            let refined =
+                prior.is_none() || progress.refinements > 0 && (settled || progress.refinements >= REFINEMENTS);
+            if still && gated && refined {
+                let robust = self.robust.then(|| progress.robust());
+                let sweep = chain.sweep(&eta, &calibration, &levels, robust);
+                let schur = chain.eliminate(&levels).map_err(not_excited)?;
+                let cost = self::cost(&sweep, &levels);
+                return self.result(
+                    &chain,
+                    &eta,
+                    &calibration,
+                    &levels,
+                    cost,
+                    &schur,
+                    progress.iterations,
+                    step.constrained,
+                );
             }
-            if !decrement.is_finite() || iterations.len() >= MAX_ITERATIONS {
-                return Err(IdentificationError::LikelihoodNotConverged { iterations: iterations.len(), decrement });
+            let iterations = progress.iterations.len();
+            if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
+                return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
+            }
+            if self.segment_samples.is_none() && decrement < NEAR {
+                let wanted = segment_length(&levels, &eta, record.median_step_s);
+                if wanted < length {
+                    length = wanted;
+                    chain = chain.resegmented(length, &eta, &calibration);
+                }
             }
         }
-        let robust = self.robust.then_some(Robust { huber: 2.5, gate: f64::INFINITY });
-        let sweep = chain.sweep(&eta, &calibration, &levels, robust);
-        let schur = chain.eliminate(&levels).map_err(not_excited)?;
-        self.result(&chain, &eta, &calibration, &levels, cost(&sweep, &levels), &schur, iterations, constrained)
     }
 
     fn result<const W: usize>(
@@ -255,6 +272,45 @@ impl MaximumLikelihood {
     }
 }
 
+/// How far the iterations have come.
+#[derive(Default)]
+struct Progress {
+    iterations: Vec<Iteration>,
+    refinements: usize,
+}
+
+impl Progress {
+    fn near(&self) -> bool {
+        self.iterations.last().is_some_and(|last| last.decrement < NEAR)
+    }
+
+    fn robust(&self) -> Robust {
+        let gate = if self.near() || self.iterations.len() >= GATED { GATE } else { f64::INFINITY };
+        Robust { huber: HUBER, gate }
+    }
+
+    fn refines(&self) -> bool {
+        self.near() && self.refinements < REFINEMENTS
+    }
+
+    /// The decrement grew twice in a row.
+    fn diverges(&self) -> bool {
+        matches!(self.iterations.as_slice(), [.., a, b, c] if c.decrement > b.decrement && b.decrement > a.decrement)
+    }
+}
+
+/// A quarter of the time over which the wrench noise moves the body as far as the poses scatter.
+///
+/// # Source
+/// The time constant of the smoother, the smaller of that of position and that of attitude.
+fn segment_length(levels: &Levels, eta: &Coordinates, step_s: f64) -> usize {
+    let body = eta.body();
+    let ([torque, force], [position, attitude, ..]) = (levels.wrench, levels.measurements);
+    let linear = (position * body.mass / force).sqrt();
+    let angular = (attitude * body.inertia.trace() / 3.0 / torque).sqrt();
+    ((0.25 * linear.min(angular) / step_s).round() as usize).clamp(1, LONGEST_SEGMENT)
+}
+
 /// Weighted squares of all residuals, those of the wrench noise included.
 fn cost(sweep: &Sweep, levels: &Levels) -> f64 {
     let measured: f64 = (0..MEASUREMENTS).map(|g| sweep.tally.squares[g] / levels.measurements[g].powi(2)).sum();
@@ -263,22 +319,6 @@ fn cost(sweep: &Sweep, levels: &Levels) -> f64 {
 
 fn not_excited(_: Indefinite) -> IdentificationError {
     IdentificationError::NotExcited { rank: 9, expected: 10, smallest_singular_value: 0.0 }
-}
-
-fn is_finite(sample: &MotionSample) -> bool {
-    let pose = &sample.world_from_body;
-    let vectors = [sample.velocity_origin_world, sample.rate_body, sample.acceleration_origin_body];
-    let wrench = sample.wrench_body.map(|w| w.torque + w.force);
-    let all = |v: &Vector3<f64>| v.iter().all(|x| x.is_finite());
-    all(&pose.translation.vector)
-        && pose.rotation.coords.iter().all(|x| x.is_finite())
-        && vectors.into_iter().chain([wrench]).flatten().all(|v| all(&v))
-}
-
-fn median_step_s(samples: &[Sample]) -> f64 {
-    let mut steps: Vec<f64> = samples[..samples.len() - 1].iter().map(|sample| sample.step_s).collect();
-    let middle = steps.len() / 2;
-    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 #[cfg(test)]

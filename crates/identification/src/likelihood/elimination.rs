@@ -39,22 +39,6 @@ impl<const W: usize> Gain<W> {
     pub(crate) fn new() -> Self {
         Self { rows: [[0.0; W]; 6], factor: [[0.0; 6]; 6] }
     }
-
-    /// Covariance of the noise given everything else.
-    fn noise_covariance(&self) -> [[f64; 6]; 6] {
-        let l = &self.factor;
-        // Columns of L^-1.
-        let mut inverse = [[0.0; 6]; 6];
-        for j in 0..6 {
-            for i in j..6 {
-                let unit = if i == j { 1.0 } else { 0.0 };
-                inverse[i][j] = (unit - (j..i).map(|k| l[i][k] * inverse[k][j]).sum::<f64>()) / l[i][i];
-            }
-        }
-        core::array::from_fn(|i| {
-            core::array::from_fn(|j| (i.max(j)..6).map(|k| inverse[k][i] * inverse[k][j]).sum::<f64>())
-        })
-    }
 }
 
 /// The cost to go as a quadratic in `[x, eta, 1]`, lanes of the noise empty.
@@ -230,14 +214,13 @@ impl<const W: usize> CostToGo<W> {
             left(i, j)
         });
         let gradient = DVector::from_fn(columns, |i, _| -left(PARAMETERS + i, last));
-        let minimum = left(last, last);
         let mut first = y;
         for a in (0..12).rev() {
             for q in PARAMETERS..lanes {
                 first[a][q] = (y[a][q] - (a + 1..12).map(|i| l[i][a] * first[i][q]).sum::<f64>()) / l[a][a];
             }
         }
-        Ok(Schur { information, gradient, minimum, first, factor: l, log_determinant })
+        Ok(Schur { information, gradient, first, factor: l, log_determinant })
     }
 }
 
@@ -248,8 +231,6 @@ pub(crate) struct Schur<const W: usize> {
     pub(crate) information: DMatrix<f64>,
     /// g.
     pub(crate) gradient: DVector<f64>,
-    /// Value at d = 0 with states and noise at their best, twice.
-    pub(crate) minimum: f64,
     /// The first state follows as `x = -first [eta; 1]`.
     first: [[f64; W]; 12],
     factor: [[f64; 12]; 12],
@@ -291,4 +272,161 @@ pub(crate) fn forward<const W: usize>(
 
 fn inner<const W: usize>(a: &[f64; W], b: &[f64; W]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Sums over a chain that noise levels are judged by.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Evidence {
+    /// Weighted squares of residuals at the optimum, by group, in units of its standard deviation.
+    pub(crate) squares: [f64; MEASUREMENTS],
+    /// Degrees of freedom that the fit takes from each group.
+    pub(crate) absorbed: [f64; MEASUREMENTS],
+    /// The same of the wrench noise (torque, force).
+    pub(crate) wrench_squares: [f64; 2],
+    pub(crate) wrench_absorbed: [f64; 2],
+    /// Components of torque noise, and as many of force noise.
+    pub(crate) wrench_counted: f64,
+}
+
+/// Covariance of `[x, e, eta]` of one segment after another, and the optimum of the quadratic there.
+pub(crate) struct Posterior<const W: usize> {
+    covariance: Box<Square<W>>,
+    /// Optimum `[x, e, eta, 1]`.
+    optimum: [f64; W],
+    last: usize,
+}
+
+impl<const W: usize> Posterior<W> {
+    /// At the first segment; its noise is added by [`with_noise`](Self::with_noise).
+    pub(crate) fn new(schur: &Schur<W>) -> Option<Self> {
+        let columns = schur.gradient.len();
+        let last = PARAMETERS + columns;
+        let inverse = schur.information.clone().cholesky()?.inverse();
+        let step = &inverse * &schur.gradient;
+        let mut covariance = Box::new([[0.0; W]; W]);
+        for i in 0..columns {
+            for j in 0..columns {
+                covariance[PARAMETERS + i][PARAMETERS + j] = inverse[(i, j)];
+            }
+        }
+        // x = -A eta + noise of the state given the parameters.
+        let mut cross = [[0.0; W]; 12];
+        for (row, first) in cross.iter_mut().zip(&schur.first) {
+            for (factor, of_parameter) in first[PARAMETERS..last].iter().zip(&covariance[PARAMETERS..]) {
+                for (sum, value) in row.iter_mut().zip(of_parameter) {
+                    *sum -= factor * value;
+                }
+            }
+        }
+        let given = inverse_of_factored(&schur.factor);
+        for i in 0..12 {
+            for j in 0..12 {
+                let through: f64 = (PARAMETERS..last).map(|k| cross[i][k] * schur.first[j][k]).sum();
+                covariance[i][j] = given[i][j] - through;
+            }
+            for j in PARAMETERS..last {
+                covariance[i][j] = cross[i][j];
+                covariance[j][i] = cross[i][j];
+            }
+        }
+        let mut optimum = [0.0; W];
+        optimum[..12].copy_from_slice(&schur.first_state(step.as_slice()));
+        optimum[PARAMETERS..last].copy_from_slice(step.as_slice());
+        optimum[last] = 1.0;
+        Some(Self { covariance, optimum, last })
+    }
+
+    /// Adds the noise of the segment reached.
+    pub(crate) fn with_noise(&mut self, gain: &Gain<W>) {
+        let last = self.last;
+        self.optimum[NOISE..PARAMETERS].fill(0.0);
+        let noise = gain.rows.map(|row| -inner(&row, &self.optimum));
+        self.optimum[NOISE..PARAMETERS].copy_from_slice(&noise);
+        for row in self.covariance.iter_mut() {
+            row[NOISE..PARAMETERS].fill(0.0);
+        }
+        let mut cross = [[0.0; W]; 6];
+        for (row, gain) in cross.iter_mut().zip(&gain.rows) {
+            for k in (0..NOISE).chain(PARAMETERS..last) {
+                for q in 0..W {
+                    row[q] -= gain[k] * self.covariance[k][q];
+                }
+            }
+        }
+        let given = inverse_of_factored(&gain.factor);
+        for i in 0..6 {
+            let mut row = cross[i];
+            for j in 0..6 {
+                let through: f64 = (0..NOISE).chain(PARAMETERS..last).map(|k| cross[i][k] * gain.rows[j][k]).sum();
+                row[NOISE + j] = given[i][j] - through;
+            }
+            for k in (0..NOISE).chain(PARAMETERS..last) {
+                self.covariance[k][NOISE + i] = row[k];
+            }
+            self.covariance[NOISE + i] = row;
+        }
+    }
+
+    /// On to the next segment.
+    pub(crate) fn advance(&mut self, transition: &Tangent<W>) {
+        let last = self.last;
+        let transition = transition.as_flattened();
+        let mut cross = [[0.0; W]; 12];
+        for (row, step) in cross.iter_mut().zip(transition) {
+            for k in 0..last {
+                for q in 0..W {
+                    row[q] += step[k] * self.covariance[k][q];
+                }
+            }
+        }
+        for i in 0..12 {
+            for j in 0..12 {
+                self.covariance[i][j] = (0..last).map(|k| cross[i][k] * transition[j][k]).sum();
+            }
+            for k in PARAMETERS..last {
+                self.covariance[i][k] = cross[i][k];
+                self.covariance[k][i] = cross[i][k];
+            }
+        }
+        let next: [f64; 12] = core::array::from_fn(|i| inner(&transition[i], &self.optimum));
+        self.optimum[..12].copy_from_slice(&next);
+    }
+
+    /// Weighted squares of residuals at the optimum, and the trace of normal matrix times covariance, of one group.
+    pub(crate) fn contract(&self, packed: &[f64]) -> (f64, f64) {
+        let (mut square, mut trace) = (0.0, 0.0);
+        for i in 0..=self.last {
+            let row = &packed[packed_start(i, self.last + 1)..][..=self.last - i];
+            let (z, covariance) = (&self.optimum[i..], &self.covariance[i][i..]);
+            square -= row[0] * z[0] * z[0];
+            trace -= row[0] * covariance[0];
+            let (mut along, mut over) = (0.0, 0.0);
+            for ((value, z), c) in row.iter().zip(z).zip(covariance) {
+                along += value * z;
+                over += value * c;
+            }
+            square += 2.0 * along * z[0];
+            trace += 2.0 * over;
+        }
+        (square, trace)
+    }
+
+    /// Expected noise of the wrench, given the step of the optimum, and its variance.
+    pub(crate) fn noise(&self, i: usize) -> (f64, f64) {
+        (self.optimum[NOISE + i], self.covariance[NOISE + i][NOISE + i])
+    }
+}
+
+/// Inverse of `L L^T`.
+fn inverse_of_factored<const N: usize>(l: &[[f64; N]; N]) -> [[f64; N]; N] {
+    let mut inverse = [[0.0; N]; N];
+    for j in 0..N {
+        for i in j..N {
+            let unit = if i == j { 1.0 } else { 0.0 };
+            inverse[i][j] = (unit - (j..i).map(|k| l[i][k] * inverse[k][j]).sum::<f64>()) / l[i][i];
+        }
+    }
+    core::array::from_fn(|i| {
+        core::array::from_fn(|j| (i.max(j)..N).map(|k| inverse[k][i] * inverse[k][j]).sum::<f64>())
+    })
 }

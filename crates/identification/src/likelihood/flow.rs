@@ -145,6 +145,16 @@ impl Body {
         Step { next, turn, turned, acceleration: a0, jerk: a1, velocity_force, center_force }
     }
 
+    /// The state after a whole step, split where it must be.
+    pub(crate) fn over(&self, state: &State, input: &Input, gravity: &Vector3<f64>, step_s: f64) -> State {
+        let parts = self.parts(state, input, step_s);
+        let mut state = *state;
+        for part in 0..parts {
+            state = self.step(&state, &input.part(part, parts, step_s), gravity, step_s / parts as f64).next;
+        }
+        state
+    }
+
     pub(crate) fn angular_tangent(&self, rate: &Vector3<f64>, step: &Step, h: f64) -> AngularTangent {
         let (j, k) = (&self.inertia, &self.inverse);
         let (a0, a1) = (&step.acceleration, &step.jerk);

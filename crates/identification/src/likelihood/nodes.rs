@@ -1,20 +1,16 @@
 //! First states of segments from the measured poses alone.
 
 use super::flow::State;
+use super::record::Record;
 use super::segment::Sample;
 use crate::lie::{LieGroup, rotation_jacobian};
 use nalgebra::{Matrix4, SMatrix, UnitQuaternion, Vector3};
 
 /// Cubic least squares of position and rotation vector over `window_s` on each side of each node.
-pub(super) fn from_poses(
-    samples: &[Sample],
-    starts: &[usize],
-    window_s: f64,
-    step_s: f64,
-    center: &Vector3<f64>,
-) -> Vec<State> {
-    let reach = ((window_s / step_s).round() as usize).max(4);
-    starts.iter().map(|&node| from_window(samples, node, reach, 3.0 * window_s.max(4.0 * step_s), center)).collect()
+pub(super) fn from_poses(record: &Record, starts: &[usize], window_s: f64, center: &Vector3<f64>) -> Vec<State> {
+    let reach = ((window_s / record.median_step_s).round() as usize).max(4);
+    let longest_s = 3.0 * reach as f64 * record.median_step_s;
+    starts.iter().map(|&node| from_window(&record.samples, node, reach, longest_s, center)).collect()
 }
 
 /// The window holds `2 reach + 1` samples, moved inside the record at its ends, none of them across a long gap.
