@@ -105,7 +105,7 @@ impl<'a, const W: usize> Chain<'a, W> {
                     evidence.wrench_absorbed[i / 3] += precision * variance;
                 }
             }
-            posterior.advance(&self.transitions[j]);
+            posterior.advance(&self.gains[j], &self.transitions[j]);
         }
         Some(evidence)
     }
