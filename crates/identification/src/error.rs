@@ -55,6 +55,14 @@ pub enum IdentificationError {
         /// Duality gap asked for.
         tolerance: f64,
     },
+    /// The iterations of the likelihood did not settle.
+    #[error("the likelihood still moves after {iterations} iterations: last step squared {decrement:e} (in sigmas)")]
+    LikelihoodNotConverged {
+        /// Iterations done.
+        iterations: usize,
+        /// Squared length of the last step in standard deviations.
+        decrement: f64,
+    },
     /// The residual variance was asked for with no more rows than parameters.
     #[error("{rows} rows leave no residual to judge {parameters} parameters by")]
     NoResidual {

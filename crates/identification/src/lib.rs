@@ -19,6 +19,8 @@ mod information;
 mod jacobi;
 #[cfg(feature = "testing")]
 pub mod laws;
+#[cfg(feature = "std")]
+mod likelihood;
 mod linear_model;
 #[cfg(feature = "std")]
 mod motion;
@@ -51,6 +53,8 @@ pub use identify::{
     Validation, Warning, identify, merge, predict, validate,
 };
 pub use information::FisherInformation;
+#[cfg(feature = "std")]
+pub use likelihood::{Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate};
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;
