@@ -8,7 +8,7 @@ use exact_motion::{Multisine, Random, Run, errors};
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{LieGroup, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
-use tumble_identification::{MaximumLikelihood, MotionSample, LikelihoodEstimate};
+use tumble_identification::{LikelihoodEstimate, MaximumLikelihood, MotionSample};
 
 /// One standard deviation per sample and axis.
 #[derive(Clone, Copy)]
@@ -81,7 +81,9 @@ fn realistic_logs() {
             let record = log(body, duration_s, levels, 100 + seed);
             let start = std::time::Instant::now();
             let found = MaximumLikelihood::default().estimate(&record).unwrap();
-            for i in &found.iterations { println!("   {:.3e} {:.3e} {:.3e}", i.cost, i.decrement, i.largest_defect); }
+            for i in &found.iterations {
+                println!("   {:.3e} {:.3e} {:.3e}", i.cost, i.decrement, i.largest_defect);
+            }
             let [mass, center, inertia] = errors(&found.parameters, &body);
             let nees = nees(&found, &body);
             sum += nees;
@@ -93,7 +95,8 @@ fn realistic_logs() {
                 found.iterations.len(),
                 found.segment_samples,
                 found.active_axis.is_some(),
-                1e3 * start.elapsed().as_secs_f64(), found.noise
+                1e3 * start.elapsed().as_secs_f64(),
+                found.noise
             );
         }
         println!("mean NEES {}", sum / runs as f64);

@@ -5,9 +5,12 @@ use super::coordinates::{Coordinates, ParameterStep};
 use super::elimination::{CostToGo, Evidence, Gain, Indefinite, Posterior, Schur, Stage, forward};
 use super::flow::State;
 use super::noise::Levels;
-use super::record::Record;
+use super::record::{Record, median};
 use super::segment::{MEASUREMENTS, Model, NOISE, PARAMETERS, Robust, Rows, Tally, Tangent, normal_matrix, packed_len};
 use nalgebra::Vector3;
+
+/// Median of the square of a normal 3-vector.
+const MEDIAN_OF_SQUARE: f64 = 2.365_974;
 
 /// Everything a Gauss-Newton iteration changes, and its workspace.
 pub(super) struct Chain<'a, const W: usize> {
@@ -110,6 +113,16 @@ impl<'a, const W: usize> Chain<'a, W> {
         Some(evidence)
     }
 
+    /// Measurement levels that the residuals of the last sweep show, whatever a few of them do.
+    pub(super) fn residual_levels(&mut self, levels: &mut Levels) {
+        for &group in &self.groups {
+            let level = (median(&mut self.rows.squares[group]) / MEDIAN_OF_SQUARE).sqrt();
+            if level > 0.0 {
+                levels.measurements[group] = level;
+            }
+        }
+    }
+
     /// The same states cut into other segments.
     pub(super) fn resegmented(self, length: usize, eta: &Coordinates, calibration: &Calibration) -> Self {
         let starts = self.record.segments(length);
@@ -152,6 +165,9 @@ impl<'a, const W: usize> Chain<'a, W> {
             robust,
         };
         let mut sweep = Sweep::default();
+        for squares in &mut self.rows.squares {
+            squares.clear();
+        }
         let (length, count) = (packed_len(self.lanes), self.groups.len());
         for j in 0..self.starts.len() {
             let (range, last) = (self.starts[j]..self.end(j), j + 1 == self.starts.len());
