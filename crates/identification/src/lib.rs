@@ -54,7 +54,7 @@ pub use identify::{
 };
 pub use information::FisherInformation;
 #[cfg(feature = "std")]
-pub use likelihood::{Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate};
+pub use likelihood::{Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate, SegmentResidual};
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;
