@@ -5,6 +5,7 @@
 mod fit;
 mod merge;
 mod noise;
+mod recursion;
 mod rows;
 mod solution;
 mod timeline;
@@ -39,6 +40,14 @@ pub enum Method {
     Variational4,
     /// Extrapolated variational regressor of order 6, poses only.
     Variational6,
+    /// The rows of [`Method::Auto`] by recursive least squares in covariance form, in the order of time.
+    Rls,
+    /// The same by [`RecursiveSdp`](crate::recursive::RecursiveSdp).
+    RecursiveSdp,
+    /// Poses and what else was measured by an extended Kalman filter of motion and parameters.
+    Ekf,
+    /// The same by an unscented one.
+    Ukf,
 }
 
 /// What is known of the body beforehand: independent Gaussian knowledge of each of the ten parameters.
@@ -337,7 +346,9 @@ const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
 pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identification, IdentificationError> {
     let timeline = Timeline::try_new(record)?;
     let noise = SampleNoise::estimate(record, &timeline, settings);
-    let fit = best_fit(record, &timeline, settings, &noise)?;
+    let of_rows = Settings { method: settings.method.of_rows(), ..*settings };
+    let mut fit = best_fit(record, &timeline, &of_rows, &noise)?;
+    recursion::run(&mut fit, record, &timeline, settings, &noise)?;
     let zero_wrench = record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0);
     let silent = match (zero_wrench, fit.explained()) {
         (true, _) => Silent::Wrench,
@@ -372,7 +383,7 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
         fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
     let wrench_gain = fit.scheme.wrench_gain().sqrt();
     Ok(Identification {
-        method: fit.scheme.method,
+        method: if settings.method.is_recursive() { settings.method } else { fit.scheme.method },
         wrench_timing: settings.wrench_timing,
         lag: fit.scheme.lag,
         step_s: timeline.median_step_s(),

@@ -92,6 +92,14 @@ enum MethodName {
     Variational4,
     /// Extrapolated variational regressor, order 6, poses only.
     Variational6,
+    /// Recursive least squares in covariance form.
+    Rls,
+    /// Recursive least squares whose every answer is a body.
+    RecursiveSdp,
+    /// Extended Kalman filter of motion and parameters.
+    Ekf,
+    /// Unscented Kalman filter of motion and parameters.
+    Ukf,
 }
 
 impl From<MethodName> for Method {
@@ -102,6 +110,10 @@ impl From<MethodName> for Method {
             MethodName::Variational => Self::Variational,
             MethodName::Variational4 => Self::Variational4,
             MethodName::Variational6 => Self::Variational6,
+            MethodName::Rls => Self::Rls,
+            MethodName::RecursiveSdp => Self::RecursiveSdp,
+            MethodName::Ekf => Self::Ekf,
+            MethodName::Ukf => Self::Ukf,
         }
     }
 }
