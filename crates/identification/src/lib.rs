@@ -24,6 +24,8 @@ mod observability;
 pub mod regressors;
 mod square_root_information;
 #[cfg(feature = "std")]
+pub mod state_space;
+#[cfg(feature = "std")]
 mod weighted_least_squares;
 #[cfg(feature = "std")]
 pub mod wheel;

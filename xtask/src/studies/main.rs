@@ -4,12 +4,14 @@
 
 mod arguments;
 mod bench;
+mod brushless;
 mod dynamics;
 mod ident_sdp;
 mod integrator;
 mod lie;
 mod real_data;
 mod throws;
+mod thrust_imu;
 
 use std::process::ExitCode;
 
