@@ -33,6 +33,7 @@ mod square_root_information;
 #[cfg(feature = "std")]
 pub mod statistics;
 pub mod synchronize;
+pub mod state_space;
 #[cfg(feature = "std")]
 mod weighted_least_squares;
 #[cfg(feature = "std")]

@@ -4,6 +4,7 @@
 
 mod arguments;
 mod bench;
+mod brushless;
 mod dynamics;
 mod ekf_rls;
 mod ident_sdp;
@@ -11,6 +12,7 @@ mod integrator;
 mod lie;
 mod real_data;
 mod throws;
+mod thrust_imu;
 
 use std::process::ExitCode;
 
