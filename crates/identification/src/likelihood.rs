@@ -46,8 +46,10 @@ const GATED: usize = 4;
 /// Mean square of a normal residual 3-vector under these bounds, over three.
 const CONSISTENCY: f64 = 0.957_918;
 /// Restricted-likelihood steps on one linearisation, and linearisations on which they are done.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 3;
 const REFINEMENTS: usize = 3;
+/// Times that whole steps of delay are taken out.
+const DELAY_ROUNDS: usize = 3;
 /// A direction weaker than this fraction of the strongest is not shown.
 const SHOWN: f64 = 1e-12;
 
@@ -149,6 +151,15 @@ pub struct LikelihoodEstimate {
     pub residuals: Vec<SegmentResidual>,
     /// Poses given no weight, position or attitude.
     pub outliers: usize,
+    /// Whole steps of the delay, taken by pairing each wrench with the measurements so many rows later.
+    pub delay_steps: i64,
+}
+
+impl LikelihoodEstimate {
+    /// The delay, where it was asked for, s.
+    pub fn delay_s(&self) -> Option<f64> {
+        self.nuisances.iter().find(|found| found.nuisance == Nuisance::Delay).map(|found| found.value)
+    }
 }
 
 /// What the model leaves unexplained over one segment.
@@ -169,6 +180,30 @@ impl MaximumLikelihood {
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
+        let mut found = self.estimate_once(record)?;
+        // The rows are expanded to second order in the delay: whole steps of it are better taken by pairing other rows.
+        for _ in 0..DELAY_ROUNDS {
+            let (Some(delay), Some(step_s)) = (found.delay_s(), record::median_step_of(record)) else { break };
+            #[allow(clippy::cast_possible_truncation)] // saturates, and no such record is left
+            let steps = (delay / step_s).round() as i64;
+            let paired = record::shifted(record, steps, step_s);
+            if steps == found.delay_steps || paired.len() < record.len() / 2 {
+                break;
+            }
+            let (shifted, rows): (Vec<_>, Vec<_>) = paired.into_iter().unzip();
+            found = self.estimate_once(&shifted)?;
+            found.delay_steps = steps;
+            for residual in &mut found.residuals {
+                residual.first_sample = rows[residual.first_sample];
+            }
+            if let Some(estimate) = found.nuisances.iter_mut().find(|found| found.nuisance == Nuisance::Delay) {
+                estimate.value += steps as f64 * step_s;
+            }
+        }
+        Ok(found)
+    }
+
+    fn estimate_once(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
         match Calibration::new(&self.nuisances).columns() {
             0..=13 => self.run::<32>(&record),
@@ -317,6 +352,7 @@ impl MaximumLikelihood {
             iterations,
             segment_samples,
             residuals: residuals(chain),
+            delay_steps: 0,
             outliers: sweep.tally.rejected[POSITION].max(sweep.tally.rejected[ATTITUDE]),
         })
     }

@@ -308,6 +308,44 @@ fn scales_and_accelerometer_are_calibrated() {
     assert!((0.4..1.8).contains(&sum) && (4.0..16.5).contains(&of_body), "{sum} {of_body}");
 }
 
+/// Poses late by less than a step, by one and a half and by many.
+#[test]
+fn delays_are_found() {
+    for (late, runs) in [(1, 4), (6, 4), (25, 4)] {
+        let (mut sum, mut of_body) = (0.0, 0.0);
+        for seed in 0..runs {
+            let body = cubesat(seed);
+            let signal = Multisine::random(&mut Random::new(seed), 0.028, 0.28, (0.31, 2.83), 3);
+            // Held for four parts of a step.
+            let wrench = |t: f64| signal.at((t / 0.016 + 1e-6).floor() * 0.016);
+            let mut run = Run::new(body, &wrench, true);
+            (run.step_ns, run.substep_s, run.samples) = (4_000_000, 4e-3, 7600);
+            let fast = run.record();
+            let mut record: Vec<MotionSample> = (7..1900)
+                .map(|k| {
+                    let MotionSample { time_ns, wrench_body, .. } = fast[4 * k];
+                    MotionSample { time_ns, wrench_body, ..fast[4 * k - late] }
+                })
+                .collect();
+            add_noise(&mut record, REALISTIC, 800 + seed);
+            let found =
+                MaximumLikelihood { nuisances: vec![Nuisance::Delay], ..likelihood() }.estimate(&record).unwrap();
+            let error = found.delay_s().unwrap() - 4e-3 * late as f64;
+            sum += (error / found.nuisances[0].std).powi(2) / runs as f64;
+            of_body += nees_of(&found, &body) / runs as f64;
+            assert!(found.nuisances[0].std < 3e-4 && error.abs() < 1e-3, "{late}: {error}");
+            if seed == 0 {
+                let settings =
+                    Settings { method: Method::MaximumLikelihood, estimate_delay: true, ..Settings::default() };
+                assert_eq!(identify(&record, &settings).unwrap().delay_s, found.delay_s());
+            }
+        }
+        println!("{late}: mean square in sigmas {sum:.2}, NEES of the body {of_body:.1}");
+        // 99.9 % of a chi-square of four over four; 10 +- 7.4.
+        assert!(sum < 4.6 && of_body < 17.5, "{late}: {sum} {of_body}");
+    }
+}
+
 #[test]
 fn all_scales_at_once_are_refused() {
     let record = log(cubesat(1), 20.0, REALISTIC, 1);

@@ -211,6 +211,24 @@ fn is_finite(sample: &MotionSample) -> bool {
         && vectors.into_iter().chain([wrench]).flatten().all(|v| all(&v))
 }
 
+/// Median step of a record; `None` without a step.
+pub(super) fn median_step_of(record: &[MotionSample]) -> Option<f64> {
+    let mut steps: Vec<f64> = record.windows(2).map(|pair| (pair[1].time_ns - pair[0].time_ns) as f64 * 1e-9).collect();
+    (!steps.is_empty()).then(|| median(&mut steps))
+}
+
+/// Each wrench with what was measured `steps` rows later, and the wrench's own row; pairs whose times are not that far
+/// apart are left out.
+pub(super) fn shifted(record: &[MotionSample], steps: i64, step_s: f64) -> Vec<(MotionSample, usize)> {
+    let pair = |(k, wrench): (usize, &MotionSample)| {
+        let later = record.get(usize::try_from(i64::try_from(k).ok()?.checked_add(steps)?).ok()?)?;
+        let apart = (later.time_ns - wrench.time_ns) as f64 * 1e-9 - steps as f64 * step_s;
+        let paired = MotionSample { time_ns: wrench.time_ns, wrench_body: wrench.wrench_body, ..*later };
+        (apart.abs() < 0.25 * step_s).then_some((paired, k))
+    };
+    record.iter().enumerate().filter_map(pair).collect()
+}
+
 /// Median of a list that is not empty; zero of an empty one.
 pub(super) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
