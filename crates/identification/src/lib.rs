@@ -46,7 +46,10 @@ pub use identify::{
 };
 pub use information::FisherInformation;
 #[cfg(feature = "std")]
-pub use likelihood::{Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate};
+pub use likelihood::{
+    FixedLag, FixedLagSettings, FixedLagStep, Innovation, Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance,
+    NuisanceEstimate,
+};
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;

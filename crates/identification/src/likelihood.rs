@@ -11,8 +11,11 @@ mod nodes;
 mod noise;
 mod record;
 mod segment;
+mod stream;
+mod window;
 
 pub use calibration::Nuisance;
+pub use window::{FixedLag, FixedLagSettings, FixedLagStep, Innovation};
 
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -152,17 +155,27 @@ impl MaximumLikelihood {
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
         match Calibration::new(&self.nuisances).columns() {
-            0..=13 => self.run::<32>(&record),
-            14..=21 => self.run::<40>(&record),
-            _ => self.run::<56>(&record),
+            0..=13 => self.run::<32>(record),
+            14..=21 => self.run::<40>(record),
+            _ => self.run::<56>(record),
         }
     }
 
-    fn run<const W: usize>(&self, record: &Record) -> Result<LikelihoodEstimate, IdentificationError> {
+    fn run<const W: usize>(&self, record: Record) -> Result<LikelihoodEstimate, IdentificationError> {
+        let fit = self.fit::<W>(record, None)?;
+        self.result(&fit)
+    }
+
+    /// The optimum, with a prior about the start or without.
+    fn fit<const W: usize>(
+        &self,
+        record: Record,
+        weak: Option<&SVector<f64, 10>>,
+    ) -> Result<Fit<W>, IdentificationError> {
         let (mut levels, prior) = match &self.noise {
             Some(noise) => (Levels::of(noise), None),
             None => {
-                let (levels, prior) = Levels::from_differences(record);
+                let (levels, prior) = Levels::from_differences(&record);
                 (levels, Some(prior))
             }
         };
@@ -170,8 +183,11 @@ impl MaximumLikelihood {
         let mut eta = Coordinates::of(&self.start);
         let mut calibration = Calibration::new(&self.nuisances);
         let starts = record.segments(length);
-        let nodes = nodes::from_poses(record, &starts, self.node_window_s, &eta.center);
+        let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
         let mut chain = Chain::<W>::new(record, self.gravity_world, starts, nodes, &calibration);
+        if let Some(precision) = weak {
+            chain.add_prior(precision, &SVector::zeros());
+        }
         let mut progress = Progress::default();
         loop {
             let robust = self.robust.then(|| progress.robust());
@@ -210,23 +226,25 @@ impl MaximumLikelihood {
                 let sweep = chain.sweep(&eta, &calibration, &levels, robust);
                 let schur = chain.eliminate(&levels).map_err(not_excited)?;
                 let cost = self::cost(&sweep, &levels);
-                return self.result(
-                    &chain,
-                    &eta,
-                    &calibration,
-                    &levels,
+                let (iterations, constrained) = (progress.iterations, step.constrained);
+                return Ok(Fit {
+                    chain,
+                    eta,
+                    calibration,
+                    levels,
                     cost,
-                    &schur,
-                    progress.iterations,
-                    step.constrained,
-                );
+                    schur,
+                    iterations,
+                    constrained,
+                    segment_samples: length,
+                });
             }
             let iterations = progress.iterations.len();
             if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
                 return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
             }
             if self.segment_samples.is_none() && decrement < NEAR {
-                let wanted = segment_length(&levels, &eta, record.median_step_s);
+                let wanted = segment_length(&levels, &eta, chain.record.median_step_s);
                 if wanted < length {
                     length = wanted;
                     chain = chain.resegmented(length, &eta, &calibration);
@@ -235,17 +253,8 @@ impl MaximumLikelihood {
         }
     }
 
-    fn result<const W: usize>(
-        &self,
-        chain: &Chain<'_, W>,
-        eta: &Coordinates,
-        calibration: &Calibration,
-        levels: &Levels,
-        cost: f64,
-        schur: &Schur<W>,
-        iterations: Vec<Iteration>,
-        constrained: bool,
-    ) -> Result<LikelihoodEstimate, IdentificationError> {
+    fn result<const W: usize>(&self, fit: &Fit<W>) -> Result<LikelihoodEstimate, IdentificationError> {
+        let Fit { chain, eta, calibration, levels, schur, .. } = fit;
         let factor = schur.information.clone().cholesky().ok_or(not_excited(Indefinite))?;
         let covariance = factor.inverse();
         let by_eta = eta.parameters_by_eta();
@@ -262,14 +271,27 @@ impl MaximumLikelihood {
             unconstrained: parameters.to_vector() + by_eta * pull.fixed_rows::<10>(0),
             covariance: by_eta * body * by_eta.transpose(),
             std: body.diagonal().map(f64::sqrt),
-            active_axis: constrained.then(|| eta.thinnest_axis()),
+            active_axis: fit.constrained.then(|| eta.thinnest_axis()),
             nuisances: self.nuisances.iter().filter_map(nuisance).collect(),
             noise: levels.noise(&chain.groups),
-            cost,
-            iterations,
-            segment_samples: chain.starts.get(1).map_or(1, |second| *second),
+            cost: fit.cost,
+            iterations: fit.iterations.clone(),
+            segment_samples: fit.segment_samples,
         })
     }
+}
+
+/// Where the iterations ended.
+struct Fit<const W: usize> {
+    chain: Chain<W>,
+    eta: Coordinates,
+    calibration: Calibration,
+    levels: Levels,
+    cost: f64,
+    schur: Schur<W>,
+    iterations: Vec<Iteration>,
+    constrained: bool,
+    segment_samples: usize,
 }
 
 /// How far the iterations have come.

@@ -2,16 +2,18 @@
 
 use super::calibration::Calibration;
 use super::coordinates::{Coordinates, ParameterStep};
-use super::elimination::{CostToGo, Evidence, Gain, Indefinite, Posterior, Schur, Stage, forward};
+use super::elimination::{CostToGo, Evidence, Gain, Indefinite, Posterior, Schur, Square, Stage, forward, recenter};
 use super::flow::State;
 use super::noise::Levels;
-use super::record::Record;
-use super::segment::{MEASUREMENTS, Model, NOISE, PARAMETERS, Robust, Rows, Tally, Tangent, normal_matrix, packed_len};
-use nalgebra::Vector3;
+use super::record::{Doubt, Record};
+use super::segment::{
+    MEASUREMENTS, Model, NOISE, PARAMETERS, Robust, Rows, Sample, Tally, Tangent, normal_matrix, packed_len,
+};
+use nalgebra::{SVector, Vector3, Vector6};
 
 /// Everything a Gauss-Newton iteration changes, and its workspace.
-pub(super) struct Chain<'a, const W: usize> {
-    record: &'a Record,
+pub(super) struct Chain<const W: usize> {
+    pub(super) record: Record,
     gravity: Vector3<f64>,
     /// First sample of each segment.
     pub(super) starts: Vec<usize>,
@@ -24,6 +26,8 @@ pub(super) struct Chain<'a, const W: usize> {
     gains: Vec<Gain<W>>,
     rows: Rows<W>,
     cost_to_go: CostToGo<W>,
+    /// What is known of the first state and the parameters from before the chain, about the present nodes.
+    arrival: Box<Square<W>>,
     lanes: usize,
 }
 
@@ -37,9 +41,9 @@ pub(super) struct Sweep {
     pub(super) largest_defect: f64,
 }
 
-impl<'a, const W: usize> Chain<'a, W> {
+impl<const W: usize> Chain<W> {
     pub(super) fn new(
-        record: &'a Record,
+        record: Record,
         gravity: Vector3<f64>,
         starts: Vec<usize>,
         nodes: Vec<State>,
@@ -56,7 +60,6 @@ impl<'a, const W: usize> Chain<'a, W> {
         let groups: Vec<usize> = (0..MEASUREMENTS).filter(|&group| present[group]).collect();
         let lanes = PARAMETERS + calibration.columns() + 1;
         Self {
-            record,
             gravity,
             starts,
             nodes,
@@ -67,12 +70,14 @@ impl<'a, const W: usize> Chain<'a, W> {
             gains: vec![Gain::new(); segments],
             rows: Rows::new(),
             cost_to_go: CostToGo::new(lanes),
+            arrival: Box::new([[0.0; W]; W]),
             lanes,
+            record,
         }
     }
 
     /// End of segment `j`: one past its last sample.
-    fn end(&self, j: usize) -> usize {
+    pub(super) fn end(&self, j: usize) -> usize {
         self.starts.get(j + 1).copied().unwrap_or(self.record.samples.len())
     }
 
@@ -128,10 +133,9 @@ impl<'a, const W: usize> Chain<'a, W> {
                     body.over(&state, &calibration.input(&samples[k].input, held), &self.gravity, samples[k].step_s);
             }
         }
-        let (record, gravity) = (self.record, self.gravity);
-        drop(self);
-        let mut chain = Self::new(record, gravity, starts, nodes, calibration);
+        let mut chain = Self::new(self.record, self.gravity, starts, nodes, calibration);
         chain.noise = noise;
+        chain.arrival = self.arrival;
         chain
     }
 
@@ -143,6 +147,23 @@ impl<'a, const W: usize> Chain<'a, W> {
         levels: &Levels,
         robust: Option<Robust>,
     ) -> Sweep {
+        let mut sweep = Sweep::default();
+        for j in 0..self.starts.len() {
+            self.sweep_segment(j, eta, calibration, levels, robust, &mut sweep);
+        }
+        sweep
+    }
+
+    /// Rolls one segment out.
+    pub(super) fn sweep_segment(
+        &mut self,
+        j: usize,
+        eta: &Coordinates,
+        calibration: &Calibration,
+        levels: &Levels,
+        robust: Option<Robust>,
+        sweep: &mut Sweep,
+    ) {
         let model = Model {
             samples: &self.record.samples,
             gravity: self.gravity,
@@ -151,56 +172,68 @@ impl<'a, const W: usize> Chain<'a, W> {
             sigma: levels.measurements,
             robust,
         };
-        let mut sweep = Sweep::default();
         let (length, count) = (packed_len(self.lanes), self.groups.len());
-        for j in 0..self.starts.len() {
-            let (range, last) = (self.starts[j]..self.end(j), j + 1 == self.starts.len());
-            let precision = self.precision(j, levels);
-            let tangent = &mut self.transitions[j];
-            let end =
-                model.roll(&self.nodes[j], &self.noise[j], range, last, &mut self.rows, tangent, &mut sweep.tally);
-            let normals = &mut self.normals[j * count * length..][..count * length];
-            for (&group, packed) in self.groups.iter().zip(normals.chunks_exact_mut(length)) {
-                normal_matrix(&self.rows.groups[group], self.lanes, packed);
-            }
-            if !last {
-                let defect = end.difference(&self.nodes[j + 1]);
-                for (i, value) in defect.iter().enumerate() {
-                    tangent[i / 3][i % 3][self.lanes - 1] = *value;
-                    sweep.largest_defect = sweep.largest_defect.max(value.abs());
-                }
-            }
-            for (i, value) in self.noise[j].iter().enumerate() {
-                sweep.noise_squares[i / 3] += precision[i] * value * value;
+        let (range, last) = (self.starts[j]..self.end(j), j + 1 == self.starts.len());
+        let precision = self.precision(j, levels);
+        let tangent = &mut self.transitions[j];
+        let end = model.roll(&self.nodes[j], &self.noise[j], range, last, &mut self.rows, tangent, &mut sweep.tally);
+        let normals = &mut self.normals[j * count * length..][..count * length];
+        for (&group, packed) in self.groups.iter().zip(normals.chunks_exact_mut(length)) {
+            normal_matrix(&self.rows.groups[group], self.lanes, packed);
+        }
+        if !last {
+            let defect = end.difference(&self.nodes[j + 1]);
+            for (i, value) in defect.iter().enumerate() {
+                tangent[i / 3][i % 3][self.lanes - 1] = *value;
+                sweep.largest_defect = sweep.largest_defect.max(value.abs());
             }
         }
-        sweep
+        for (i, value) in self.noise[j].iter().enumerate() {
+            sweep.noise_squares[i / 3] += precision[i] * value * value;
+        }
     }
 
     /// Eliminates states and noise under these levels.
     pub(super) fn eliminate(&mut self, levels: &Levels) -> Result<Schur<W>, Indefinite> {
+        self.eliminate_first(self.starts.len(), levels)
+    }
+
+    /// The same as if the record ended with the first `segments`.
+    pub(super) fn eliminate_first(&mut self, segments: usize, levels: &Levels) -> Result<Schur<W>, Indefinite> {
         let (length, count) = (packed_len(self.lanes), self.groups.len());
-        let weights: Vec<f64> = self.groups.iter().map(|&group| levels.measurements[group].powi(-2)).collect();
+        let weights = self.weights(levels);
         self.cost_to_go.clear();
-        for j in (0..self.starts.len()).rev() {
+        for j in (0..segments).rev() {
             let stage = Stage {
                 normals: &self.normals[j * count * length..][..count * length],
-                weights: &weights,
+                weights: &weights[..count],
                 noise: &self.noise[j],
                 precision: &self.precision(j, levels),
-                transition: (j + 1 < self.starts.len()).then(|| self.transitions[j].as_flattened()),
+                transition: (j + 1 < segments).then(|| self.transitions[j].as_flattened()),
             };
             self.cost_to_go.eliminate(&stage, &mut self.gains[j])?;
         }
+        self.cost_to_go.add(&self.arrival);
         self.cost_to_go.finish()
+    }
+
+    /// Weights of the groups, in their order; the rest is not used.
+    fn weights(&self, levels: &Levels) -> [f64; MEASUREMENTS] {
+        let mut weights = [0.0; MEASUREMENTS];
+        for (weight, &group) in weights.iter_mut().zip(&self.groups) {
+            *weight = levels.measurements[group].powi(-2);
+        }
+        weights
     }
 
     /// Moves nodes and noise along with a step of the parameters; gives the largest component of a node's step.
     pub(super) fn follow(&mut self, schur: &Schur<W>, step: &ParameterStep) -> f64 {
         let (nodes, noise) = (&mut self.nodes, &mut self.noise);
         let mut largest: f64 = 0.0;
-        let step = step.step.as_slice();
-        forward(schur.first_state(step), step, &self.gains, &self.transitions, |j, z| {
+        let (moved, step) = (step.moved.as_slice(), step.step.as_slice());
+        let first = schur.first_state(step);
+        recenter(&mut self.arrival, &first, moved);
+        forward(first, step, &self.gains, &self.transitions, |j, z| {
             let change: [f64; 12] = core::array::from_fn(|i| z[i]);
             largest = change.iter().fold(largest, |largest, x| largest.max(x.abs()));
             nodes[j] = nodes[j].retracted(&change);
@@ -209,5 +242,103 @@ impl<'a, const W: usize> Chain<'a, W> {
             }
         });
         largest
+    }
+
+    /// Adds independent knowledge of the parameters; they lie `offset` beyond what was expected.
+    pub(super) fn add_prior(&mut self, precision: &SVector<f64, 10>, offset: &SVector<f64, 10>) {
+        let last = self.lanes - 1;
+        for (i, (value, offset)) in precision.iter().zip(offset).enumerate() {
+            self.arrival[PARAMETERS + i][PARAMETERS + i] += value;
+            self.arrival[PARAMETERS + i][last] += value * offset;
+            self.arrival[last][PARAMETERS + i] += value * offset;
+            self.arrival[last][last] += value * offset * offset;
+        }
+    }
+
+    /// Everything to come is predicted from here.
+    pub(super) fn end_state(&self, eta: &Coordinates, calibration: &Calibration) -> Option<State> {
+        let j = self.starts.len().checked_sub(1)?;
+        let body = eta.body();
+        let held = (Vector3::from_row_slice(&self.noise[j][..3]), Vector3::from_row_slice(&self.noise[j][3..]));
+        let mut state = self.nodes[j];
+        for sample in &self.record.samples[self.starts[j]..] {
+            state = body.over(&state, &calibration.input(&sample.input, held), &self.gravity, sample.step_s);
+        }
+        Some(state)
+    }
+
+    /// Appends a segment whose first state and parameters are known no better than the chain says.
+    pub(super) fn push(&mut self, node: State, samples: &[Sample], doubt: Option<Vector6<f64>>) {
+        let start = self.record.samples.len();
+        if let Some(variance) = doubt {
+            self.record.doubts.push(Doubt { sample: start, variance });
+        }
+        self.record.samples.extend_from_slice(samples);
+        self.starts.push(start);
+        self.nodes.push(node);
+        self.noise.push([0.0; 6]);
+        self.normals.resize(self.normals.len() + self.groups.len() * packed_len(self.lanes), 0.0);
+        self.transitions.push([[[0.0; W]; 3]; 4]);
+        self.gains.push(Gain::new());
+    }
+
+    /// Keeps the first `segments` only.
+    pub(super) fn truncate(&mut self, segments: usize) {
+        if let Some(&end) = self.starts.get(segments) {
+            self.record.samples.truncate(end);
+            self.record.doubts.retain(|doubt| doubt.sample < end);
+            self.starts.truncate(segments);
+            self.nodes.truncate(segments);
+            self.noise.truncate(segments);
+            self.normals.truncate(segments * self.groups.len() * packed_len(self.lanes));
+            self.transitions.truncate(segments);
+            self.gains.truncate(segments);
+        }
+    }
+
+    /// Sums up what the first `segments` say about the state they lead to, as last swept, and forgets them.
+    pub(super) fn marginalize(&mut self, segments: usize, levels: &Levels) -> Result<(), Indefinite> {
+        let (length, count) = (packed_len(self.lanes), self.groups.len());
+        let weights = self.weights(levels);
+        for j in 0..segments {
+            let stage = Stage {
+                normals: &self.normals[j * count * length..][..count * length],
+                weights: &weights[..count],
+                noise: &self.noise[j],
+                precision: &self.precision(j, levels),
+                transition: Some(self.transitions[j].as_flattened()),
+            };
+            self.cost_to_go.arrive(&stage, &mut self.arrival, &mut self.gains[j])?;
+        }
+        let end = self.end(segments - 1);
+        self.record.samples.drain(..end);
+        self.record.doubts.retain_mut(|doubt| {
+            let stays = doubt.sample >= end;
+            if stays {
+                doubt.sample -= end;
+            }
+            stays
+        });
+        self.starts.drain(..segments);
+        for start in &mut self.starts {
+            *start -= end;
+        }
+        self.nodes.drain(..segments);
+        self.noise.drain(..segments);
+        self.normals.drain(..segments * count * length);
+        self.transitions.drain(..segments);
+        self.gains.drain(..segments);
+        Ok(())
+    }
+
+    /// Gives memory back that only the chain's past needed.
+    pub(super) fn shrink(&mut self) {
+        self.record.samples.shrink_to_fit();
+        self.starts.shrink_to_fit();
+        self.nodes.shrink_to_fit();
+        self.noise.shrink_to_fit();
+        self.normals.shrink_to_fit();
+        self.transitions.shrink_to_fit();
+        self.gains.shrink_to_fit();
     }
 }

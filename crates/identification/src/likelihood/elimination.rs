@@ -4,7 +4,7 @@
 //! the module `segment`.
 
 use super::segment::{MEASUREMENTS, NOISE, PARAMETERS, Tangent, packed_start};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, SMatrix};
 
 /// A square matrix over lanes; only the first `lanes` rows and columns are used.
 pub(crate) type Square<const W: usize> = [[f64; W]; W];
@@ -184,6 +184,73 @@ impl<const W: usize> CostToGo<W> {
         Ok(())
     }
 
+    /// Adds what is known of the first state and the parameters from elsewhere.
+    pub(crate) fn add(&mut self, arrival: &Square<W>) {
+        for (row, known) in self.value.iter_mut().zip(arrival) {
+            for (sum, value) in row.iter_mut().zip(known) {
+                *sum += value;
+            }
+        }
+    }
+
+    /// Takes a quadratic in `[x, eta, 1]` over a stage to the state that follows it. Any cost to go is lost.
+    ///
+    /// # Source
+    /// `x = A^-1 (x' - B e - Gamma eta - d)` in the sum of both; then `e` is eliminated.
+    pub(crate) fn arrive(
+        &mut self,
+        stage: &Stage<'_, W>,
+        arrival: &mut Square<W>,
+        gain: &mut Gain<W>,
+    ) -> Result<(), Indefinite> {
+        let Some(transition) = stage.transition else { return Err(Indefinite) };
+        let lanes = self.lanes;
+        let by_state = SMatrix::<f64, 12, 12>::from_fn(|i, j| transition[i][j]);
+        let back = by_state.try_inverse().ok_or(Indefinite)?;
+        // x = F [x', e, eta, 1].
+        let mut before = [[0.0; W]; 12];
+        for (i, row) in before.iter_mut().enumerate() {
+            for (k, step) in transition.iter().enumerate() {
+                let factor = back[(i, k)];
+                row[k] = factor;
+                for q in NOISE..W {
+                    row[q] -= factor * step[q];
+                }
+            }
+        }
+        self.sum_up(stage);
+        for i in 0..lanes {
+            for j in i..lanes {
+                self.stage[i][j] += arrival[i][j];
+                self.stage[j][i] = self.stage[i][j];
+            }
+        }
+        for a in 0..lanes {
+            let value = &self.stage[a];
+            let mut row = *value;
+            row[..NOISE].fill(0.0);
+            for (factor, before) in value.iter().zip(&before) {
+                for q in 0..W {
+                    row[q] += factor * before[q];
+                }
+            }
+            self.product[a] = row;
+        }
+        for a in 0..lanes {
+            let mut row = if a < NOISE { [0.0; W] } else { self.product[a] };
+            for (before, product) in before.iter().zip(self.product.iter()) {
+                let factor = before[a];
+                for q in 0..W {
+                    row[q] += factor * product[q];
+                }
+            }
+            self.stage[a] = row;
+        }
+        self.eliminate_noise(gain)?;
+        *arrival = *self.value;
+        Ok(())
+    }
+
     /// Eliminates the first state: what the chain says about the parameters.
     pub(crate) fn finish(&self) -> Result<Schur<W>, Indefinite> {
         let (lanes, last, value) = (self.lanes, self.lanes - 1, &self.value);
@@ -214,23 +281,26 @@ impl<const W: usize> CostToGo<W> {
             left(i, j)
         });
         let gradient = DVector::from_fn(columns, |i, _| -left(PARAMETERS + i, last));
+        let constant = left(last, last);
         let mut first = y;
         for a in (0..12).rev() {
             for q in PARAMETERS..lanes {
                 first[a][q] = (y[a][q] - (a + 1..12).map(|i| l[i][a] * first[i][q]).sum::<f64>()) / l[a][a];
             }
         }
-        Ok(Schur { information, gradient, first, factor: l, log_determinant })
+        Ok(Schur { information, gradient, constant, first, factor: l, log_determinant })
     }
 }
 
-/// The quadratic in the parameters alone, `d^T S d / 2 - g^T d`.
+/// The quadratic in the parameters alone, `d^T S d - 2 g^T d + constant`.
 #[derive(Clone)]
 pub(crate) struct Schur<const W: usize> {
     /// S.
     pub(crate) information: DMatrix<f64>,
     /// g.
     pub(crate) gradient: DVector<f64>,
+    /// Weighted squares of all residuals when only states and noise follow.
+    pub(crate) constant: f64,
     /// The first state follows as `x = -first [eta; 1]`.
     first: [[f64; W]; 12],
     factor: [[f64; 12]; 12],
@@ -239,12 +309,33 @@ pub(crate) struct Schur<const W: usize> {
 }
 
 impl<const W: usize> Schur<W> {
+    /// Weighted squares of all residuals at the optimum of the quadratic; `None` where it has none.
+    pub(crate) fn least(&self) -> Option<f64> {
+        let step = self.information.clone().cholesky()?.solve(&self.gradient);
+        Some(self.constant - self.gradient.dot(&step))
+    }
+
     pub(crate) fn first_state(&self, step: &[f64]) -> [f64; 12] {
         core::array::from_fn(|a| {
             let row = &self.first[a][PARAMETERS..];
             -(row[step.len()] + step.iter().zip(row).map(|(d, x)| d * x).sum::<f64>())
         })
     }
+}
+
+/// A quadratic in `[x, eta, 1]` about a point that lies `state` and `parameters` further.
+pub(crate) fn recenter<const W: usize>(quadratic: &mut Square<W>, state: &[f64; 12], parameters: &[f64]) {
+    let last = PARAMETERS + parameters.len();
+    let mut step = [0.0; W];
+    step[..12].copy_from_slice(state);
+    step[PARAMETERS..last].copy_from_slice(parameters);
+    step[last] = 1.0;
+    let by_one: [f64; W] = core::array::from_fn(|a| if a <= last { inner(&quadratic[a], &step) } else { 0.0 });
+    for (row, value) in quadratic.iter_mut().zip(by_one) {
+        row[last] = value;
+    }
+    quadratic[last] = by_one;
+    quadratic[last][last] = inner(&by_one, &step);
 }
 
 /// Steps of states and noise that belong to a step of the parameters.

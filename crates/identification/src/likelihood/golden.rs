@@ -167,7 +167,7 @@ fn information_at_the_truth() {
     };
     let nodes = starts.iter().map(state).collect();
     let calibration = Calibration::new(&[]);
-    let mut chain = Chain::<32>::new(&samples, Vector3::zeros(), starts, nodes, &calibration);
+    let mut chain = Chain::<32>::new(samples, Vector3::zeros(), starts, nodes, &calibration);
     let levels = Levels::of(&known_noise());
     let sweep = chain.sweep(&Coordinates::of(&log.body), &calibration, &levels, None);
     let schur = chain.eliminate(&levels).unwrap();

@@ -1,0 +1,441 @@
+//! The likelihood of a log that never ends: the last few segments are free, everything before is one quadratic.
+
+use super::chain::Sweep;
+use super::coordinates::Coordinates;
+use super::elimination::Schur;
+use super::record::{Record, is_finite};
+use super::segment::{Robust, Sample};
+use super::stream::Stream;
+use super::{Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, not_excited};
+use crate::Noise;
+use crate::dynamics::InertialParameters;
+use crate::error::IdentificationError;
+use crate::lie::Wrench;
+use crate::motion::MotionSample;
+use nalgebra::{SMatrix, SVector, Vector3, Vector6};
+
+/// Rows at which any bootstrap ends.
+const MOST_ROWS: usize = 20_000;
+/// Fewest rows on which a bootstrap is tried.
+const FEWEST_ROWS: usize = 32;
+/// Relative uncertainty of mass and inertia, and that of the centre of mass by the radius of gyration, below which the
+/// bootstrap has found the body: the errors of linearisation are second order in it.
+const DETERMINED: f64 = 0.1;
+/// Standard deviations of the weak prior: ln m, centre of mass in m, inertia by the mean inertia of the start.
+const WEAK: (f64, f64, f64) = (1.5, 0.3, 2.0);
+/// Iterations at the end of the log.
+const LAST_ITERATIONS: usize = 10;
+
+/// How [`FixedLag`] works.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FixedLagSettings {
+    /// The likelihood; its noise levels, where not given, are those the bootstrap finds.
+    pub likelihood: MaximumLikelihood,
+    /// Segments that stay free. One segment and one iteration are the augmented error-state Kalman filter.
+    pub segments: usize,
+    /// Gauss-Newton iterations for each new segment.
+    pub iterations: usize,
+    /// Length of the stretch that is estimated as a batch before anything is given out, s.
+    pub bootstrap_s: f64,
+    /// Until then the bootstrap is prolonged where it does not determine all ten parameters, s. After it, or after
+    /// 20 000 rows, a weak prior about the start takes their place until the data do.
+    pub longest_bootstrap_s: f64,
+}
+
+impl Default for FixedLagSettings {
+    fn default() -> Self {
+        Self {
+            likelihood: MaximumLikelihood::default(),
+            segments: 4,
+            iterations: 2,
+            bootstrap_s: 3.0,
+            longest_bootstrap_s: 60.0,
+        }
+    }
+}
+
+/// What a segment says about the prediction made for it before it was read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Innovation {
+    /// Normalised innovation squared, summed over the samples of the segment, outliers included: chi-square with
+    /// [`degrees`](Self::degrees) degrees of freedom where model and noise levels hold.
+    pub nis: f64,
+    /// Numbers measured.
+    pub degrees: usize,
+    /// Vectors among them (of three numbers) that got no weight in the end.
+    pub rejected: usize,
+    /// Mean wrench that the segment asks for beyond the one logged.
+    pub wrench: Wrench<f64>,
+}
+
+/// The estimate after one more segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FixedLagStep {
+    /// Time of the last row read, ns.
+    pub time_ns: i64,
+    /// The most likely body that exists.
+    pub parameters: InertialParameters<f64>,
+    /// Covariance of [`InertialParameters::to_vector`], without the consistency constraint.
+    pub covariance: SMatrix<f64, 10, 10>,
+    /// One standard deviation of `[ln m, c, J_C (11, 12, 13, 22, 23, 33)]`.
+    pub std: SVector<f64, 10>,
+    /// Body axis along which the consistency constraint holds the body thick enough; `None` where it is not active.
+    pub active_axis: Option<Vector3<f64>>,
+    /// The data do not determine all ten parameters yet: a weak prior about the start is in the estimate.
+    pub regularised: bool,
+    /// `None` for the bootstrap.
+    pub innovation: Option<Innovation>,
+}
+
+/// Maximum likelihood in a window that slides over a log of any length, in constant memory.
+///
+/// The first seconds are estimated as a batch. From then on each segment of samples is predicted, the segments in the
+/// window are iterated together, and the oldest is summed up into a quadratic in the state it leads to and the parameters.
+///
+/// # Source
+/// The likelihood of [`MaximumLikelihood`], eliminated forward.
+pub struct FixedLag {
+    settings: FixedLagSettings,
+    phase: Phase,
+}
+
+enum Phase {
+    Bootstrap {
+        rows: Vec<MotionSample>,
+        /// Length at which to try, s.
+        next_s: f64,
+    },
+    Window(Box<dyn Sliding + Send>),
+}
+
+impl FixedLag {
+    /// Before the first row.
+    #[must_use]
+    pub fn new(settings: FixedLagSettings) -> Self {
+        let next_s = settings.bootstrap_s;
+        Self { settings, phase: Phase::Bootstrap { rows: Vec::new(), next_s } }
+    }
+
+    /// Takes the next row; gives an estimate whenever the bootstrap or a segment is complete.
+    ///
+    /// Rows are used two late (held wrench) or four late (sampled). The row that completes the bootstrap costs a batch
+    /// estimate.
+    ///
+    /// # Errors
+    /// [`IdentificationError::NotFinite`] and [`IdentificationError::TimesNotIncreasing`] for a row that cannot be used; it
+    /// is left out, the next may follow. [`IdentificationError::MissingColumn`] for a longest bootstrap without any wrench;
+    /// [`IdentificationError::LikelihoodNotConverged`].
+    pub fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
+        let (rows, next_s) = match &mut self.phase {
+            Phase::Window(window) => return window.push(row),
+            Phase::Bootstrap { rows, next_s } => (rows, next_s),
+        };
+        if !is_finite(&row) {
+            return Err(IdentificationError::NotFinite { row: rows.len() });
+        }
+        if rows.last().is_some_and(|last| row.time_ns <= last.time_ns) {
+            return Err(IdentificationError::TimesNotIncreasing { index: rows.len() });
+        }
+        rows.push(row);
+        let span_s = (row.time_ns - rows[0].time_ns) as f64 * 1e-9;
+        let full = rows.len() >= MOST_ROWS;
+        if !full && (span_s < *next_s || rows.len() < FEWEST_ROWS) {
+            return Ok(None);
+        }
+        let last = full || span_s >= self.settings.longest_bootstrap_s;
+        *next_s = (2.0 * span_s).min(self.settings.longest_bootstrap_s);
+        let Some((window, step)) = self.settings.bootstrap(rows, last)? else { return Ok(None) };
+        self.phase = Phase::Window(window);
+        Ok(Some(step))
+    }
+
+    /// Noise levels in use; `None` during the bootstrap.
+    #[must_use]
+    pub fn noise(&self) -> Option<Noise> {
+        match &self.phase {
+            Phase::Window(window) => Some(window.noise()),
+            Phase::Bootstrap { .. } => None,
+        }
+    }
+
+    /// The estimate from the whole log, its last rows included.
+    ///
+    /// # Errors
+    /// Those of [`MaximumLikelihood::estimate`]; [`IdentificationError::NotExcited`] where the data do not determine all
+    /// ten parameters.
+    pub fn finish(self) -> Result<LikelihoodEstimate, IdentificationError> {
+        match self.phase {
+            Phase::Window(window) => window.finish(),
+            Phase::Bootstrap { rows, .. } => self.settings.likelihood.estimate(&rows),
+        }
+    }
+}
+
+impl FixedLagSettings {
+    /// The batch estimate of the first rows, ready to slide; `None` where more rows should come first.
+    #[allow(clippy::type_complexity)]
+    fn bootstrap(
+        &self,
+        rows: &[MotionSample],
+        last: bool,
+    ) -> Result<Option<(Box<dyn Sliding + Send>, FixedLagStep)>, IdentificationError> {
+        match super::Calibration::new(&self.likelihood.nuisances).columns() {
+            0..=13 => self.bootstrap_with::<32>(rows, last),
+            14..=21 => self.bootstrap_with::<40>(rows, last),
+            _ => self.bootstrap_with::<56>(rows, last),
+        }
+    }
+
+    #[allow(clippy::type_complexity)]
+    fn bootstrap_with<const W: usize>(
+        &self,
+        rows: &[MotionSample],
+        last: bool,
+    ) -> Result<Option<(Box<dyn Sliding + Send>, FixedLagStep)>, IdentificationError> {
+        let likelihood = &self.likelihood;
+        let record = || Record::try_new(rows, likelihood.wrench_timing, likelihood.robust);
+        let found = record().and_then(|record| likelihood.fit::<W>(record, None));
+        let found = found.ok().filter(|fit| is_determined(&fit.eta, &fit.schur, None));
+        let (fit, weak) = match found {
+            Some(fit) => (fit, None),
+            None if last => {
+                let weak = Weak::about(&likelihood.start);
+                (likelihood.fit::<W>(record()?, Some(&weak.precision))?, Some(weak))
+            }
+            None => return Ok(None),
+        };
+        let stream = Stream::after(rows, &fit.chain.record, likelihood.wrench_timing);
+        let mut window = Window::<W> { settings: self.clone(), pending: Vec::new(), fit, stream, weak, rejected: 0 };
+        let step = window.step(None)?;
+        let complete = window.settle(rows.len() - Stream::late(likelihood.wrench_timing))?;
+        Ok(if complete { Some((Box::new(window), step)) } else { None })
+    }
+}
+
+/// A window of any width.
+trait Sliding {
+    fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError>;
+    fn noise(&self) -> Noise;
+    fn finish(self: Box<Self>) -> Result<LikelihoodEstimate, IdentificationError>;
+}
+
+/// Weak knowledge of the body, in use while there is nothing better.
+struct Weak {
+    start: Coordinates,
+    precision: SVector<f64, 10>,
+}
+
+impl Weak {
+    fn about(start: &InertialParameters<f64>) -> Self {
+        let start = Coordinates::of(start);
+        let inertia = WEAK.2 * start.inertia.trace() / 3.0;
+        let precision = SVector::from_fn(|i, _| match i {
+            0 => WEAK.0.powi(-2),
+            1..=3 => WEAK.1.powi(-2),
+            _ => inertia.powi(-2),
+        });
+        Self { start, precision }
+    }
+}
+
+/// Whether the data alone, without the weak prior in the information, determine the ten parameters well enough.
+fn is_determined<const W: usize>(eta: &Coordinates, schur: &Schur<W>, weak: Option<&Weak>) -> bool {
+    let mut information = schur.information.clone();
+    if let Some(weak) = weak {
+        for (i, value) in weak.precision.iter().enumerate() {
+            information[(i, i)] -= value;
+        }
+    }
+    let Some(factor) = information.cholesky() else { return false };
+    let variance = factor.inverse().diagonal();
+    let inertia = eta.inertia.trace() / 3.0;
+    let gyration = (inertia / eta.log_mass.exp()).sqrt();
+    variance.iter().take(10).enumerate().all(|(i, variance)| {
+        let size = match i {
+            0 => 1.0,
+            1..=3 => gyration,
+            _ => inertia,
+        };
+        *variance < (DETERMINED * size).powi(2)
+    })
+}
+
+struct Window<const W: usize> {
+    settings: FixedLagSettings,
+    fit: Fit<W>,
+    stream: Stream,
+    /// Samples of the segment that is not complete yet.
+    pending: Vec<Sample>,
+    weak: Option<Weak>,
+    /// Vectors rejected in segments summed up.
+    rejected: usize,
+}
+
+impl<const W: usize> Window<W> {
+    /// Leaves of the bootstrap what a window holds; `usable` of its samples will not come again. `false` if too few.
+    fn settle(&mut self, usable: usize) -> Result<bool, IdentificationError> {
+        let Fit { chain, levels, segment_samples: length, .. } = &mut self.fit;
+        let segments = chain.starts.len();
+        let is_complete = |j: &usize| {
+            let (start, end) = (chain.starts[*j], chain.end(*j));
+            end <= usable && (j + 1 < segments || end - start == *length || chain.record.doubt_at(start).is_some())
+        };
+        let complete = (0..segments).take_while(is_complete).count();
+        if complete == 0 {
+            return Ok(false);
+        }
+        self.pending.reserve(*length);
+        self.pending.extend_from_slice(&chain.record.samples[chain.end(complete - 1)..usable]);
+        chain.truncate(complete);
+        if let Some(surplus) = complete.checked_sub(self.settings.segments.max(1)).filter(|surplus| *surplus > 0) {
+            chain.marginalize(surplus, levels).map_err(not_excited)?;
+        }
+        chain.shrink();
+        Ok(true)
+    }
+
+    fn robust(&self, gate: f64) -> Option<Robust> {
+        self.settings.likelihood.robust.then_some(Robust { huber: HUBER, gate })
+    }
+
+    fn take(
+        &mut self,
+        (sample, doubt): (Sample, Option<Vector6<f64>>),
+    ) -> Result<Option<FixedLagStep>, IdentificationError> {
+        let mut step = None;
+        if doubt.is_some() && !self.pending.is_empty() {
+            step = Some(self.advance(None)?);
+        }
+        self.pending.push(sample);
+        if doubt.is_some() || self.pending.len() >= self.fit.segment_samples {
+            step = Some(self.advance(doubt)?);
+        }
+        Ok(step)
+    }
+
+    /// Takes the pending samples as the next segment.
+    fn advance(&mut self, doubt: Option<Vector6<f64>>) -> Result<FixedLagStep, IdentificationError> {
+        let gated = self.robust(GATE);
+        let Fit { chain, eta, calibration, levels, .. } = &mut self.fit;
+        let Some(node) = chain.end_state(eta, calibration) else { return Err(not_converged(f64::NAN)) };
+        chain.push(node, &self.pending, doubt);
+        self.pending.clear();
+        if chain.starts.len() > self.settings.segments.max(1) {
+            let mut sweep = Sweep::default();
+            chain.sweep_segment(0, eta, calibration, levels, gated, &mut sweep);
+            self.rejected += sweep.tally.rejected.iter().sum::<usize>();
+            chain.marginalize(1, levels).map_err(not_excited)?;
+        }
+        let mut innovation = None;
+        for iteration in 0..self.settings.iterations.max(1) {
+            // A prediction across a gap may miss everything: the gate must not shut before the first correction.
+            let robust = self.robust(if iteration == 0 { f64::INFINITY } else { GATE });
+            let Fit { chain, eta, calibration, levels, .. } = &mut self.fit;
+            let newest = chain.starts.len() - 1;
+            let mut sweep = Sweep::default();
+            for j in 0..newest {
+                chain.sweep_segment(j, eta, calibration, levels, robust, &mut sweep);
+            }
+            if iteration == 0 {
+                let mut raw = Sweep::default();
+                chain.sweep_segment(newest, eta, calibration, levels, None, &mut raw);
+                let after = chain.eliminate(levels).map_err(not_excited)?.least();
+                let before = chain.eliminate_first(newest, levels).map_err(not_excited)?.least();
+                let nis = after.zip(before).map(|(after, before)| after - before);
+                let measured = chain.groups.iter().map(|&group| raw.tally.counted[group]).sum::<usize>();
+                innovation = nis.map(|nis| Innovation { nis, degrees: 3 * measured, rejected: 0, wrench: Wrench::zero() });
+            }
+            let mut last = Sweep::default();
+            chain.sweep_segment(newest, eta, calibration, levels, robust, &mut last);
+            if let Some(innovation) = &mut innovation {
+                innovation.rejected = last.tally.rejected.iter().sum();
+            }
+            self.iterate()?;
+        }
+        if let (Some(innovation), Some(noise)) = (&mut innovation, self.fit.chain.noise.last()) {
+            innovation.wrench = Wrench::from(Vector6::from(*noise));
+        }
+        self.withdraw_prior();
+        self.step(innovation)
+    }
+
+    /// One Gauss-Newton step on the segments as swept; gives its squared length in standard deviations.
+    fn iterate(&mut self) -> Result<f64, IdentificationError> {
+        let Fit { chain, eta, calibration, levels, schur, constrained, .. } = &mut self.fit;
+        *schur = chain.eliminate(levels).map_err(not_excited)?;
+        let step = eta.step(&schur.information, &schur.gradient).ok_or_else(|| not_converged(f64::NAN))?;
+        let decrement = step.step.dot(&(&schur.information * &step.step));
+        if !decrement.is_finite() {
+            return Err(not_converged(decrement));
+        }
+        chain.follow(schur, &step);
+        *eta = step.next;
+        *constrained = step.constrained;
+        calibration.advance(step.step.as_slice());
+        Ok(decrement)
+    }
+
+    /// Takes the weak prior back as soon as the data do without it.
+    fn withdraw_prior(&mut self) {
+        let Fit { chain, eta, schur, .. } = &mut self.fit;
+        if let Some(weak) = self.weak.take_if(|weak| is_determined(eta, schur, Some(weak))) {
+            chain.add_prior(&-weak.precision, &eta.difference(&weak.start));
+        }
+    }
+
+    fn step(&self, innovation: Option<Innovation>) -> Result<FixedLagStep, IdentificationError> {
+        let Fit { eta, schur, constrained, .. } = &self.fit;
+        let factor = schur.information.clone().cholesky().ok_or_else(|| not_converged(f64::NAN))?;
+        let of_eta = factor.inverse().fixed_view::<10, 10>(0, 0).into_owned();
+        let by_eta = eta.parameters_by_eta();
+        Ok(FixedLagStep {
+            time_ns: self.stream.time_ns(),
+            parameters: eta.parameters(),
+            covariance: by_eta * of_eta * by_eta.transpose(),
+            std: of_eta.diagonal().map(f64::sqrt),
+            active_axis: constrained.then(|| eta.thinnest_axis()),
+            regularised: self.weak.is_some(),
+            innovation,
+        })
+    }
+}
+
+fn not_converged(decrement: f64) -> IdentificationError {
+    IdentificationError::LikelihoodNotConverged { iterations: 0, decrement }
+}
+
+impl<const W: usize> Sliding for Window<W> {
+    fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
+        let sample = self.stream.push(row)?;
+        self.take(sample)
+    }
+
+    fn noise(&self) -> Noise {
+        self.fit.levels.noise(&self.fit.chain.groups)
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<LikelihoodEstimate, IdentificationError> {
+        while let Some(sample) = self.stream.flush() {
+            self.take(sample)?;
+        }
+        if !self.pending.is_empty() {
+            self.advance(None)?;
+        }
+        if self.weak.is_some() {
+            return Err(IdentificationError::NotExcited { rank: 9, expected: 10, smallest_singular_value: 0.0 });
+        }
+        let robust = self.robust(GATE);
+        for _ in 0..LAST_ITERATIONS {
+            let Fit { chain, eta, calibration, levels, .. } = &mut self.fit;
+            chain.sweep(eta, calibration, levels, robust);
+            if self.iterate()? < SMALL_DECREMENT {
+                break;
+            }
+        }
+        let Fit { chain, eta, calibration, levels, schur, cost, .. } = &mut self.fit;
+        chain.sweep(eta, calibration, levels, robust);
+        *schur = chain.eliminate(levels).map_err(not_excited)?;
+        *cost = schur.constant;
+        self.settings.likelihood.result(&self.fit)
+    }
+}
