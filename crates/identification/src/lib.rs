@@ -48,7 +48,7 @@ pub use information::FisherInformation;
 #[cfg(feature = "std")]
 pub use likelihood::{
     FixedLag, FixedLagSettings, FixedLagStep, Innovation, Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance,
-    NuisanceEstimate,
+    NuisanceEstimate, SegmentResidual,
 };
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]

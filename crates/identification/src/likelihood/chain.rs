@@ -5,11 +5,14 @@ use super::coordinates::{Coordinates, ParameterStep};
 use super::elimination::{CostToGo, Evidence, Gain, Indefinite, Posterior, Schur, Square, Stage, forward, recenter};
 use super::flow::State;
 use super::noise::Levels;
-use super::record::{Doubt, Record};
+use super::record::{Doubt, Record, median};
 use super::segment::{
     MEASUREMENTS, Model, NOISE, PARAMETERS, Robust, Rows, Sample, Tally, Tangent, normal_matrix, packed_len,
 };
 use nalgebra::{SVector, Vector3, Vector6};
+
+/// Median of the square of a normal 3-vector.
+const MEDIAN_OF_SQUARE: f64 = 2.365_974;
 
 /// Everything a Gauss-Newton iteration changes, and its workspace.
 pub(super) struct Chain<const W: usize> {
@@ -110,9 +113,19 @@ impl<const W: usize> Chain<W> {
                     evidence.wrench_absorbed[i / 3] += precision * variance;
                 }
             }
-            posterior.advance(&self.transitions[j]);
+            posterior.advance(&self.gains[j], &self.transitions[j]);
         }
         Some(evidence)
+    }
+
+    /// Measurement levels that the residuals of the last sweep show, whatever a few of them do.
+    pub(super) fn residual_levels(&mut self, levels: &mut Levels) {
+        for &group in &self.groups {
+            let level = (median(&mut self.rows.squares[group]) / MEDIAN_OF_SQUARE).sqrt();
+            if level > 0.0 {
+                levels.measurements[group] = level;
+            }
+        }
     }
 
     /// The same states cut into other segments.
@@ -148,10 +161,17 @@ impl<const W: usize> Chain<W> {
         robust: Option<Robust>,
     ) -> Sweep {
         let mut sweep = Sweep::default();
+        self.forget_residuals();
         for j in 0..self.starts.len() {
             self.sweep_segment(j, eta, calibration, levels, robust, &mut sweep);
         }
         sweep
+    }
+
+    fn forget_residuals(&mut self) {
+        for squares in &mut self.rows.squares {
+            squares.clear();
+        }
     }
 
     /// Rolls one segment out.
@@ -269,6 +289,7 @@ impl<const W: usize> Chain<W> {
 
     /// Appends a segment whose first state and parameters are known no better than the chain says.
     pub(super) fn push(&mut self, node: State, samples: &[Sample], doubt: Option<Vector6<f64>>) {
+        self.forget_residuals();
         let start = self.record.samples.len();
         if let Some(variance) = doubt {
             self.record.doubts.push(Doubt { sample: start, variance });

@@ -432,10 +432,9 @@ impl<const W: usize> Sliding for Window<W> {
                 break;
             }
         }
-        let Fit { chain, eta, calibration, levels, schur, cost, .. } = &mut self.fit;
-        chain.sweep(eta, calibration, levels, robust);
+        let Fit { chain, eta, calibration, levels, schur, sweep, .. } = &mut self.fit;
+        *sweep = chain.sweep(eta, calibration, levels, robust);
         *schur = chain.eliminate(levels).map_err(not_excited)?;
-        *cost = schur.constant;
         self.settings.likelihood.result(&self.fit)
     }
 }
