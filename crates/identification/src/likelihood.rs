@@ -33,6 +33,8 @@ use segment::{ATTITUDE, MEASUREMENTS, PARAMETERS, POSITION, Robust};
 
 /// Iterations after which an estimate that still moves is given up.
 const MAX_ITERATIONS: usize = 30;
+/// Iterations under a weak prior.
+const WEAK_ITERATIONS: usize = 12;
 /// A step whose squared length in standard deviations is below this has converged: a hundredth of a sigma.
 const SMALL_DECREMENT: f64 = 1e-4;
 /// Largest component of a node's step at convergence (rad, rad/s, m, m/s).
@@ -240,7 +242,7 @@ impl MaximumLikelihood {
         let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
         let mut chain = Chain::<W>::new(record, self.gravity_world, starts, nodes, &calibration);
         if let Some(precision) = weak {
-            chain.add_prior(precision, &SVector::zeros());
+            chain.add_prior(precision);
         }
         let mut progress = Progress::default();
         loop {
@@ -280,7 +282,9 @@ impl MaximumLikelihood {
             let still = decrement < SMALL_DECREMENT && largest_step < SMALL_STEP;
             let refined =
                 prior.is_none() || progress.refinements > 0 && (settled || progress.refinements >= REFINEMENTS);
-            if still && gated && refined {
+            // Where the data say next to nothing the optimum is ill defined, and not needed: more data follow.
+            let enough = weak.is_some() && decrement.is_finite() && progress.iterations.len() >= WEAK_ITERATIONS;
+            if still && gated && refined || enough {
                 let robust = self.robust.then(|| progress.robust(prior.is_none()));
                 let sweep = chain.sweep(&eta, &calibration, &levels, robust);
                 let schur = chain.eliminate(&levels).map_err(not_excited)?;

@@ -264,14 +264,10 @@ impl<const W: usize> Chain<W> {
         largest
     }
 
-    /// Adds independent knowledge of the parameters; they lie `offset` beyond what was expected.
-    pub(super) fn add_prior(&mut self, precision: &SVector<f64, 10>, offset: &SVector<f64, 10>) {
-        let last = self.lanes - 1;
-        for (i, (value, offset)) in precision.iter().zip(offset).enumerate() {
+    /// Adds independent knowledge of the parameters, expected where they are now.
+    pub(super) fn add_prior(&mut self, precision: &SVector<f64, 10>) {
+        for (i, value) in precision.iter().enumerate() {
             self.arrival[PARAMETERS + i][PARAMETERS + i] += value;
-            self.arrival[PARAMETERS + i][last] += value * offset;
-            self.arrival[last][PARAMETERS + i] += value * offset;
-            self.arrival[last][last] += value * offset * offset;
         }
     }
 
@@ -285,6 +281,11 @@ impl<const W: usize> Chain<W> {
             state = body.over(&state, &calibration.input(&sample.input, held), &self.gravity, sample.step_s);
         }
         Some(state)
+    }
+
+    /// The wrench of the last segment is in doubt.
+    pub(super) fn ends_in_doubt(&self) -> bool {
+        self.starts.last().is_some_and(|&start| self.record.doubt_at(start).is_some())
     }
 
     /// Appends a segment whose first state and parameters are known no better than the chain says.

@@ -13,6 +13,11 @@ pub(super) fn from_poses(record: &Record, starts: &[usize], window_s: f64, cente
     starts.iter().map(|&node| from_window(&record.samples, node, reach, longest_s, center)).collect()
 }
 
+/// The first of a few samples, from all of them; `None` of too few.
+pub(super) fn from_segment(samples: &[Sample], center: &Vector3<f64>) -> Option<State> {
+    (samples.len() >= 8).then(|| from_window(samples, 0, samples.len(), f64::INFINITY, center))
+}
+
 /// The window holds `2 reach + 1` samples, moved inside the record at its ends, none of them across a long gap.
 fn from_window(samples: &[Sample], node: usize, reach: usize, longest_s: f64, center: &Vector3<f64>) -> State {
     let count = samples.len();

@@ -25,13 +25,16 @@ pub(super) struct Stream {
     present: usize,
     history: Vec<Vector6<f64>>,
     oldest: usize,
+    start_ns: i64,
     /// Rows seen.
     pub(super) count: usize,
 }
 
 impl Stream {
     /// Goes on after `rows`, of which `record` was made; the last [`late`](Self::late) of them are still to come as samples.
-    pub(super) fn after(rows: &[MotionSample], record: &Record, timing: WrenchTiming) -> Self {
+    ///
+    /// `forgotten`: rows seen before these.
+    pub(super) fn after(rows: &[MotionSample], forgotten: usize, record: &Record, timing: WrenchTiming) -> Self {
         let mut stream = Self {
             timing,
             gap_s: GAP * record.median_step_s,
@@ -42,7 +45,8 @@ impl Stream {
             present: 0,
             history: Vec::with_capacity(HISTORY),
             oldest: 0,
-            count: rows.len(),
+            start_ns: rows.first().map_or(0, |row| row.time_ns),
+            count: forgotten + rows.len(),
         };
         let mut held = rows.iter().find_map(|row| row.wrench_body).map_or_else(Vector6::zeros, |w| w.to_vector());
         let kept = rows.len().saturating_sub(Self::late(timing) + BEFORE);
@@ -135,7 +139,7 @@ impl Stream {
             doubt = Some(doubt.unwrap_or_else(Vector6::zeros) + change_variance(&self.history, lag));
         }
         let sample = Sample {
-            time_s: 0.0,
+            time_s: (row.time_ns - self.start_ns) as f64 * 1e-9,
             step_s,
             input: input(&wrenches[..count], &steps[..count], k - first, self.timing, self.gap_s),
             position: row.world_from_body.translation.vector,

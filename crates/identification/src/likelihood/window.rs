@@ -1,12 +1,11 @@
 //! The likelihood of a log that never ends: the last few segments are free, everything before is one quadratic.
 
+use super::calibration::Calibration;
 use super::chain::Sweep;
-use super::coordinates::Coordinates;
-use super::elimination::Schur;
 use super::record::{Record, is_finite};
 use super::segment::{Robust, Sample};
 use super::stream::Stream;
-use super::{Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, not_excited};
+use super::{Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, nodes, not_excited};
 use crate::Noise;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -37,8 +36,8 @@ pub struct FixedLagSettings {
     pub iterations: usize,
     /// Length of the stretch that is estimated as a batch before anything is given out, s.
     pub bootstrap_s: f64,
-    /// Until then the bootstrap is prolonged where it does not determine all ten parameters, s. After it, or after
-    /// 20 000 rows, a weak prior about the start takes their place until the data do.
+    /// Up to this the bootstrap is prolonged where it does not determine all ten parameters, s, but not beyond 20 000 rows.
+    /// Then a weak prior about the start fills in, the older half of the rows is forgotten, and the bootstrap goes on.
     pub longest_bootstrap_s: f64,
 }
 
@@ -81,7 +80,8 @@ pub struct FixedLagStep {
     pub std: SVector<f64, 10>,
     /// Body axis along which the consistency constraint holds the body thick enough; `None` where it is not active.
     pub active_axis: Option<Vector3<f64>>,
-    /// The data do not determine all ten parameters yet: a weak prior about the start is in the estimate.
+    /// The bootstrap does not determine all ten parameters yet: a weak prior about the start is in this estimate, and
+    /// nothing is carried over from it.
     pub regularised: bool,
     /// `None` for the bootstrap.
     pub innovation: Option<Innovation>,
@@ -104,6 +104,8 @@ enum Phase {
         rows: Vec<MotionSample>,
         /// Length at which to try, s.
         next_s: f64,
+        /// Rows forgotten.
+        forgotten: usize,
     },
     Window(Box<dyn Sliding + Send>),
 }
@@ -113,7 +115,7 @@ impl FixedLag {
     #[must_use]
     pub fn new(settings: FixedLagSettings) -> Self {
         let next_s = settings.bootstrap_s;
-        Self { settings, phase: Phase::Bootstrap { rows: Vec::new(), next_s } }
+        Self { settings, phase: Phase::Bootstrap { rows: Vec::new(), next_s, forgotten: 0 } }
     }
 
     /// Takes the next row; gives an estimate whenever the bootstrap or a segment is complete.
@@ -123,18 +125,19 @@ impl FixedLag {
     ///
     /// # Errors
     /// [`IdentificationError::NotFinite`] and [`IdentificationError::TimesNotIncreasing`] for a row that cannot be used; it
-    /// is left out, the next may follow. [`IdentificationError::MissingColumn`] for a longest bootstrap without any wrench;
+    /// is left out, the next may follow. [`IdentificationError::MissingColumn`] where a longest bootstrap holds no wrench;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
-        let (rows, next_s) = match &mut self.phase {
+        let (rows, next_s, forgotten) = match &mut self.phase {
             Phase::Window(window) => return window.push(row),
-            Phase::Bootstrap { rows, next_s } => (rows, next_s),
+            Phase::Bootstrap { rows, next_s, forgotten } => (rows, next_s, forgotten),
         };
+        let index = *forgotten + rows.len();
         if !is_finite(&row) {
-            return Err(IdentificationError::NotFinite { row: rows.len() });
+            return Err(IdentificationError::NotFinite { row: index });
         }
         if rows.last().is_some_and(|last| row.time_ns <= last.time_ns) {
-            return Err(IdentificationError::TimesNotIncreasing { index: rows.len() });
+            return Err(IdentificationError::TimesNotIncreasing { index });
         }
         rows.push(row);
         let span_s = (row.time_ns - rows[0].time_ns) as f64 * 1e-9;
@@ -142,11 +145,19 @@ impl FixedLag {
         if !full && (span_s < *next_s || rows.len() < FEWEST_ROWS) {
             return Ok(None);
         }
-        let last = full || span_s >= self.settings.longest_bootstrap_s;
-        *next_s = (2.0 * span_s).min(self.settings.longest_bootstrap_s);
-        let Some((window, step)) = self.settings.bootstrap(rows, last)? else { return Ok(None) };
-        self.phase = Phase::Window(window);
-        Ok(Some(step))
+        let limit_s = self.settings.longest_bootstrap_s;
+        *next_s = (2.0 * span_s).min(limit_s);
+        if let Some((window, step)) = self.settings.bootstrap(rows, *forgotten)? {
+            self.phase = Phase::Window(window);
+            return Ok(Some(step));
+        }
+        if !full && span_s < limit_s {
+            return Ok(None);
+        }
+        let step = self.settings.regularised(rows);
+        *forgotten += rows.len() / 2;
+        rows.drain(..rows.len() / 2);
+        step.map(Some)
     }
 
     /// Noise levels in use; `None` during the bootstrap.
@@ -158,7 +169,8 @@ impl FixedLag {
         }
     }
 
-    /// The estimate from the whole log, its last rows included.
+    /// The estimate from the whole log, its last rows included; from the rows not forgotten where the bootstrap never
+    /// determined the parameters.
     ///
     /// # Errors
     /// Those of [`MaximumLikelihood::estimate`]; [`IdentificationError::NotExcited`] where the data do not determine all
@@ -173,44 +185,47 @@ impl FixedLag {
 
 impl FixedLagSettings {
     /// The batch estimate of the first rows, ready to slide; `None` where more rows should come first.
-    #[allow(clippy::type_complexity)]
-    fn bootstrap(
-        &self,
-        rows: &[MotionSample],
-        last: bool,
-    ) -> Result<Option<(Box<dyn Sliding + Send>, FixedLagStep)>, IdentificationError> {
-        match super::Calibration::new(&self.likelihood.nuisances).columns() {
-            0..=13 => self.bootstrap_with::<32>(rows, last),
-            14..=21 => self.bootstrap_with::<40>(rows, last),
-            _ => self.bootstrap_with::<56>(rows, last),
+    fn bootstrap(&self, rows: &[MotionSample], forgotten: usize) -> Result<Option<Start>, IdentificationError> {
+        match Calibration::new(&self.likelihood.nuisances).columns() {
+            0..=13 => self.bootstrap_with::<32>(rows, forgotten),
+            14..=21 => self.bootstrap_with::<40>(rows, forgotten),
+            _ => self.bootstrap_with::<56>(rows, forgotten),
         }
     }
 
-    #[allow(clippy::type_complexity)]
     fn bootstrap_with<const W: usize>(
         &self,
         rows: &[MotionSample],
-        last: bool,
-    ) -> Result<Option<(Box<dyn Sliding + Send>, FixedLagStep)>, IdentificationError> {
-        let likelihood = &self.likelihood;
-        let record = || Record::try_new(rows, likelihood.wrench_timing, likelihood.robust);
-        let found = record().and_then(|record| likelihood.fit::<W>(record, None));
-        let found = found.ok().filter(|fit| is_determined(&fit.eta, &fit.schur, None));
-        let (fit, weak) = match found {
-            Some(fit) => (fit, None),
-            None if last => {
-                let weak = Weak::about(&likelihood.start);
-                (likelihood.fit::<W>(record()?, Some(&weak.precision))?, Some(weak))
-            }
-            None => return Ok(None),
-        };
-        let stream = Stream::after(rows, &fit.chain.record, likelihood.wrench_timing);
-        let mut window = Window::<W> { settings: self.clone(), pending: Vec::new(), fit, stream, weak, rejected: 0 };
+        forgotten: usize,
+    ) -> Result<Option<Start>, IdentificationError> {
+        let MaximumLikelihood { wrench_timing, robust, .. } = self.likelihood;
+        let fit = Record::try_new(rows, wrench_timing, robust).and_then(|record| self.likelihood.fit::<W>(record, None));
+        let Some(fit) = fit.ok().filter(is_determined) else { return Ok(None) };
+        let stream = Stream::after(rows, forgotten, &fit.chain.record, wrench_timing);
+        let mut window = Window::<W> { settings: self.clone(), pending: Vec::new(), fit, stream };
         let step = window.step(None)?;
-        let complete = window.settle(rows.len() - Stream::late(likelihood.wrench_timing))?;
-        Ok(if complete { Some((Box::new(window), step)) } else { None })
+        let complete = window.settle(rows.len() - Stream::late(wrench_timing))?;
+        Ok(complete.then(|| -> Start { (Box::new(window), step) }))
+    }
+
+    /// The batch estimate with a weak prior, nuisances left alone.
+    fn regularised(&self, rows: &[MotionSample]) -> Result<FixedLagStep, IdentificationError> {
+        let likelihood = MaximumLikelihood { nuisances: Vec::new(), ..self.likelihood.clone() };
+        let record = Record::try_new(rows, likelihood.wrench_timing, likelihood.robust)?;
+        let inertia = WEAK.2 * likelihood.start.inertia_about_com().trace() / 3.0;
+        let weak = SVector::from_fn(|i, _| match i {
+            0 => WEAK.0.powi(-2),
+            1..=3 => WEAK.1.powi(-2),
+            _ => inertia.powi(-2),
+        });
+        let fit = likelihood.fit::<32>(record, Some(&weak))?;
+        let step = FixedLagStep::of(&fit, rows.last().map_or(0, |row| row.time_ns), None)?;
+        Ok(FixedLagStep { regularised: true, ..step })
     }
 }
+
+/// A window that has been filled, and what filled it.
+type Start = (Box<dyn Sliding + Send>, FixedLagStep);
 
 /// A window of any width.
 trait Sliding {
@@ -219,37 +234,12 @@ trait Sliding {
     fn finish(self: Box<Self>) -> Result<LikelihoodEstimate, IdentificationError>;
 }
 
-/// Weak knowledge of the body, in use while there is nothing better.
-struct Weak {
-    start: Coordinates,
-    precision: SVector<f64, 10>,
-}
-
-impl Weak {
-    fn about(start: &InertialParameters<f64>) -> Self {
-        let start = Coordinates::of(start);
-        let inertia = WEAK.2 * start.inertia.trace() / 3.0;
-        let precision = SVector::from_fn(|i, _| match i {
-            0 => WEAK.0.powi(-2),
-            1..=3 => WEAK.1.powi(-2),
-            _ => inertia.powi(-2),
-        });
-        Self { start, precision }
-    }
-}
-
-/// Whether the data alone, without the weak prior in the information, determine the ten parameters well enough.
-fn is_determined<const W: usize>(eta: &Coordinates, schur: &Schur<W>, weak: Option<&Weak>) -> bool {
-    let mut information = schur.information.clone();
-    if let Some(weak) = weak {
-        for (i, value) in weak.precision.iter().enumerate() {
-            information[(i, i)] -= value;
-        }
-    }
-    let Some(factor) = information.cholesky() else { return false };
+/// Whether the ten parameters are known well enough to go on linearised.
+fn is_determined<const W: usize>(fit: &Fit<W>) -> bool {
+    let Some(factor) = fit.schur.information.clone().cholesky() else { return false };
     let variance = factor.inverse().diagonal();
-    let inertia = eta.inertia.trace() / 3.0;
-    let gyration = (inertia / eta.log_mass.exp()).sqrt();
+    let inertia = fit.eta.inertia.trace() / 3.0;
+    let gyration = (inertia / fit.eta.log_mass.exp()).sqrt();
     variance.iter().take(10).enumerate().all(|(i, variance)| {
         let size = match i {
             0 => 1.0,
@@ -266,9 +256,6 @@ struct Window<const W: usize> {
     stream: Stream,
     /// Samples of the segment that is not complete yet.
     pending: Vec<Sample>,
-    weak: Option<Weak>,
-    /// Vectors rejected in segments summed up.
-    rejected: usize,
 }
 
 impl<const W: usize> Window<W> {
@@ -317,13 +304,16 @@ impl<const W: usize> Window<W> {
     fn advance(&mut self, doubt: Option<Vector6<f64>>) -> Result<FixedLagStep, IdentificationError> {
         let gated = self.robust(GATE);
         let Fit { chain, eta, calibration, levels, .. } = &mut self.fit;
-        let Some(node) = chain.end_state(eta, calibration) else { return Err(not_converged(f64::NAN)) };
+        // After a doubtful wrench the poses know better where the body is.
+        let from_poses = chain.ends_in_doubt().then(|| nodes::from_segment(&self.pending, &eta.center)).flatten();
+        let Some(node) = from_poses.or_else(|| chain.end_state(eta, calibration)) else {
+            return Err(not_converged(f64::NAN));
+        };
         chain.push(node, &self.pending, doubt);
         self.pending.clear();
         if chain.starts.len() > self.settings.segments.max(1) {
             let mut sweep = Sweep::default();
             chain.sweep_segment(0, eta, calibration, levels, gated, &mut sweep);
-            self.rejected += sweep.tally.rejected.iter().sum::<usize>();
             chain.marginalize(1, levels).map_err(not_excited)?;
         }
         let mut innovation = None;
@@ -355,7 +345,6 @@ impl<const W: usize> Window<W> {
         if let (Some(innovation), Some(noise)) = (&mut innovation, self.fit.chain.noise.last()) {
             innovation.wrench = Wrench::from(Vector6::from(*noise));
         }
-        self.withdraw_prior();
         self.step(innovation)
     }
 
@@ -375,26 +364,28 @@ impl<const W: usize> Window<W> {
         Ok(decrement)
     }
 
-    /// Takes the weak prior back as soon as the data do without it.
-    fn withdraw_prior(&mut self) {
-        let Fit { chain, eta, schur, .. } = &mut self.fit;
-        if let Some(weak) = self.weak.take_if(|weak| is_determined(eta, schur, Some(weak))) {
-            chain.add_prior(&-weak.precision, &eta.difference(&weak.start));
-        }
-    }
-
     fn step(&self, innovation: Option<Innovation>) -> Result<FixedLagStep, IdentificationError> {
-        let Fit { eta, schur, constrained, .. } = &self.fit;
+        FixedLagStep::of(&self.fit, self.stream.time_ns(), innovation)
+    }
+}
+
+impl FixedLagStep {
+    fn of<const W: usize>(
+        fit: &Fit<W>,
+        time_ns: i64,
+        innovation: Option<Innovation>,
+    ) -> Result<Self, IdentificationError> {
+        let Fit { eta, schur, constrained, .. } = fit;
         let factor = schur.information.clone().cholesky().ok_or_else(|| not_converged(f64::NAN))?;
         let of_eta = factor.inverse().fixed_view::<10, 10>(0, 0).into_owned();
         let by_eta = eta.parameters_by_eta();
-        Ok(FixedLagStep {
-            time_ns: self.stream.time_ns(),
+        Ok(Self {
+            time_ns,
             parameters: eta.parameters(),
             covariance: by_eta * of_eta * by_eta.transpose(),
             std: of_eta.diagonal().map(f64::sqrt),
             active_axis: constrained.then(|| eta.thinnest_axis()),
-            regularised: self.weak.is_some(),
+            regularised: false,
             innovation,
         })
     }
@@ -420,9 +411,6 @@ impl<const W: usize> Sliding for Window<W> {
         }
         if !self.pending.is_empty() {
             self.advance(None)?;
-        }
-        if self.weak.is_some() {
-            return Err(IdentificationError::NotExcited { rank: 9, expected: 10, smallest_singular_value: 0.0 });
         }
         let robust = self.robust(GATE);
         for _ in 0..LAST_ITERATIONS {
