@@ -53,6 +53,8 @@ const CONSISTENCY: f64 = 0.957_918;
 /// Restricted-likelihood steps on one linearisation, and linearisations on which they are done.
 const ROUNDS: usize = 6;
 const REFINEMENTS: usize = 3;
+/// Times that whole steps of delay are taken out.
+const DELAY_ROUNDS: usize = 3;
 /// A direction weaker than this fraction of the strongest is not shown.
 const SHOWN: f64 = 1e-12;
 
@@ -154,6 +156,15 @@ pub struct LikelihoodEstimate {
     pub residuals: Vec<SegmentResidual>,
     /// Poses given no weight, position or attitude.
     pub outliers: usize,
+    /// Whole steps of the delay, taken by pairing each wrench with the measurements so many rows later.
+    pub delay_steps: i64,
+}
+
+impl LikelihoodEstimate {
+    /// The delay, where it was asked for, s.
+    pub fn delay_s(&self) -> Option<f64> {
+        self.nuisances.iter().find(|found| found.nuisance == Nuisance::Delay).map(|found| found.value)
+    }
 }
 
 /// What the model leaves unexplained over one segment.
@@ -174,6 +185,30 @@ impl MaximumLikelihood {
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
+        let mut found = self.estimate_once(record)?;
+        // The rows are expanded to second order in the delay: whole steps of it are better taken by pairing other rows.
+        for _ in 0..DELAY_ROUNDS {
+            let (Some(delay), Some(step_s)) = (found.delay_s(), record::median_step_of(record)) else { break };
+            #[allow(clippy::cast_possible_truncation)] // saturates, and no such record is left
+            let steps = (delay / step_s).round() as i64;
+            let paired = record::shifted(record, steps, step_s);
+            if steps == found.delay_steps || paired.len() < record.len() / 2 {
+                break;
+            }
+            let (shifted, rows): (Vec<_>, Vec<_>) = paired.into_iter().unzip();
+            found = self.estimate_once(&shifted)?;
+            found.delay_steps = steps;
+            for residual in &mut found.residuals {
+                residual.first_sample = rows[residual.first_sample];
+            }
+            if let Some(estimate) = found.nuisances.iter_mut().find(|found| found.nuisance == Nuisance::Delay) {
+                estimate.value += steps as f64 * step_s;
+            }
+        }
+        Ok(found)
+    }
+
+    fn estimate_once(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
         match Calibration::new(&self.nuisances).columns() {
             0..=13 => self.run::<32>(record),
@@ -203,7 +238,7 @@ impl MaximumLikelihood {
         for iteration in 1..=MAX_ITERATIONS {
             chain.sweep(&eta, &calibration, &levels, robust);
             let schur = chain.eliminate(&levels).map_err(not_excited)?;
-            let largest = chain.follow(&schur, &ParameterStep::none(&eta, schur.gradient.len()));
+            let largest = chain.follow(&ParameterStep::none(&eta, schur.gradient.len()));
             if largest < SMALL_STEP {
                 break;
             }
@@ -228,12 +263,11 @@ impl MaximumLikelihood {
         record: Record,
         weak: Option<&SVector<f64, 10>>,
     ) -> Result<Fit<W>, IdentificationError> {
-        let (mut levels, prior) = match &self.noise {
-            Some(noise) => (Levels::of(noise), None),
-            None => {
-                let (levels, prior) = Levels::from_differences(&record);
-                (levels, Some(prior))
-            }
+        let (mut levels, prior) = if let Some(noise) = &self.noise {
+            (Levels::of(noise), None)
+        } else {
+            let (levels, prior) = Levels::from_differences(&record);
+            (levels, Some(prior))
         };
         let mut length = self.segment_samples.unwrap_or(LONGEST_SEGMENT).max(1);
         let mut eta = Coordinates::of(&self.start);
@@ -274,7 +308,7 @@ impl MaximumLikelihood {
             let gradient = if halved { &schur.gradient * 0.5 } else { schur.gradient.clone() };
             let step = eta.step(&schur.information, &gradient).ok_or(not_excited(Indefinite))?;
             let decrement = step.step.dot(&(&schur.information * &step.step));
-            let largest_step = chain.follow(&schur, &step);
+            let largest_step = chain.follow(&step);
             eta = step.next;
             calibration.advance(step.step.as_slice());
             let gated = robust.is_none_or(|robust| robust.gate.is_finite());
@@ -342,6 +376,7 @@ impl MaximumLikelihood {
             iterations: fit.iterations.clone(),
             segment_samples: fit.segment_samples,
             residuals: residuals(chain),
+            delay_steps: 0,
             outliers: sweep.tally.rejected[POSITION].max(sweep.tally.rejected[ATTITUDE]),
         })
     }
@@ -354,7 +389,7 @@ struct Fit<const W: usize> {
     calibration: Calibration,
     levels: Levels,
     sweep: Sweep,
-    schur: Schur<W>,
+    schur: Schur,
     iterations: Vec<Iteration>,
     constrained: bool,
     segment_samples: usize,
@@ -399,7 +434,13 @@ fn segment_length(levels: &Levels, eta: &Coordinates, step_s: f64) -> usize {
     let ([torque, force], [position, attitude, ..]) = (levels.wrench, levels.measurements);
     let linear = (position * body.mass / force).sqrt();
     let angular = (attitude * body.inertia.trace() / 3.0 / torque).sqrt();
-    ((0.25 * linear.min(angular) / step_s).round() as usize).clamp(1, LONGEST_SEGMENT)
+    whole(0.25 * linear.min(angular) / step_s).clamp(1, LONGEST_SEGMENT)
+}
+
+/// The nearest whole number, none below zero.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+fn whole(x: f64) -> usize {
+    x.round() as usize
 }
 
 /// How a body fits a record.
@@ -412,7 +453,7 @@ pub(crate) struct Judged {
 
 /// The record would move the parameters by d = S^-1 g with covariance S^-1; with the stated covariance C of the parameters
 /// d^T (S^-1 + C)^-1 d is a chi-square.
-fn misfit<const W: usize>(schur: &Schur<W>, eta: &Coordinates, covariance: &SMatrix<f64, 10, 10>) -> Option<f64> {
+fn misfit(schur: &Schur, eta: &Coordinates, covariance: &SMatrix<f64, 10, 10>) -> Option<f64> {
     let by_eta = eta.parameters_by_eta().try_inverse()?;
     let covariance = by_eta * covariance * by_eta.transpose();
     let scale = covariance.diagonal().map(f64::sqrt);
@@ -451,3 +492,5 @@ fn not_excited(_: Indefinite) -> IdentificationError {
 
 #[cfg(test)]
 mod golden;
+#[cfg(test)]
+mod tangents;

@@ -2,8 +2,9 @@
 
 use super::calibration::Calibration;
 use super::coordinates::{Coordinates, ParameterStep};
-use super::elimination::{CostToGo, Evidence, Gain, Indefinite, Posterior, Schur, Square, Stage, forward, recenter};
+use super::elimination::{CostToGo, Evidence, First, Gain, Indefinite, Posterior, Schur, Square, Stage, forward, recenter};
 use super::flow::State;
+use super::nodes;
 use super::noise::Levels;
 use super::record::{Doubt, Record, median};
 use super::segment::{
@@ -27,6 +28,8 @@ pub(super) struct Chain<const W: usize> {
     normals: Vec<f64>,
     transitions: Vec<Tangent<W>>,
     gains: Vec<Gain<W>>,
+    /// Of segments that begin a stretch.
+    firsts: Vec<Option<First<W>>>,
     rows: Rows<W>,
     cost_to_go: CostToGo<W>,
     /// What is known of the first state and the parameters from before the chain, about the present nodes.
@@ -71,6 +74,7 @@ impl<const W: usize> Chain<W> {
             groups,
             transitions: vec![[[[0.0; W]; 3]; 4]; segments],
             gains: vec![Gain::new(); segments],
+            firsts: vec![None; segments],
             rows: Rows::new(),
             cost_to_go: CostToGo::new(lanes),
             arrival: Box::new([[0.0; W]; W]),
@@ -92,11 +96,14 @@ impl<const W: usize> Chain<W> {
     }
 
     /// What the last sweep and elimination say about the noise levels.
-    pub(super) fn evidence(&self, schur: &Schur<W>, levels: &Levels) -> Option<Evidence> {
+    pub(super) fn evidence(&self, schur: &Schur, levels: &Levels) -> Option<Evidence> {
         let (length, count) = (packed_len(self.lanes), self.groups.len());
         let mut evidence = Evidence::default();
-        let mut posterior = Posterior::new(schur)?;
+        let mut posterior = Posterior::<W>::new(schur)?;
         for j in 0..self.starts.len() {
+            if let Some(first) = &self.firsts[j] {
+                posterior.enter(first);
+            }
             posterior.with_noise(&self.gains[j]);
             let normals = &self.normals[j * count * length..][..count * length];
             for (&group, packed) in self.groups.iter().zip(normals.chunks_exact(length)) {
@@ -136,20 +143,25 @@ impl<const W: usize> Chain<W> {
         let (body, mut wanted) = (eta.body(), starts.iter().copied().peekable());
         for j in 0..self.starts.len() {
             let mut state = self.nodes[j];
-            let held = (Vector3::from_row_slice(&self.noise[j][..3]), Vector3::from_row_slice(&self.noise[j][3..]));
-            for k in self.starts[j]..self.end(j) {
+            for (k, sample) in samples.iter().enumerate().take(self.end(j)).skip(self.starts[j]) {
                 if wanted.next_if_eq(&k).is_some() {
                     nodes.push(state);
                     noise.push(self.noise[j]);
                 }
                 state =
-                    body.over(&state, &calibration.input(&samples[k].input, held), &self.gravity, samples[k].step_s);
+                    body.over(&state, &calibration.input(&sample.input, &self.noise[j]), &self.gravity, sample.step_s);
             }
         }
         let mut chain = Self::new(self.record, self.gravity, starts, nodes, calibration);
         chain.noise = noise;
         chain.arrival = self.arrival;
         chain
+    }
+
+    /// Whether segment `j` ends a stretch: nothing ties its end to the next segment.
+    fn is_last(&self, j: usize) -> bool {
+        let end = self.end(j);
+        end == self.record.samples.len() || self.record.breaks.binary_search(&end).is_ok()
     }
 
     /// Rolls every segment out and adds up what its residuals say.
@@ -160,22 +172,42 @@ impl<const W: usize> Chain<W> {
         levels: &Levels,
         robust: Option<Robust>,
     ) -> Sweep {
+        self.sweep_first(self.starts.len(), eta, calibration, levels, robust)
+    }
+
+    /// Rolls the first `segments` out.
+    pub(super) fn sweep_first(
+        &mut self,
+        segments: usize,
+        eta: &Coordinates,
+        calibration: &Calibration,
+        levels: &Levels,
+        robust: Option<Robust>,
+    ) -> Sweep {
         let mut sweep = Sweep::default();
-        self.forget_residuals();
-        for j in 0..self.starts.len() {
+        self.rows.restart();
+        for j in 0..segments {
             self.sweep_segment(j, eta, calibration, levels, robust, &mut sweep);
         }
+        sweep.tally = self.rows.tally;
         sweep
     }
 
-    fn forget_residuals(&mut self) {
-        for squares in &mut self.rows.squares {
-            squares.clear();
-        }
+    /// Rolls one segment out; gives what became of its residuals.
+    pub(super) fn sweep_alone(
+        &mut self,
+        j: usize,
+        eta: &Coordinates,
+        calibration: &Calibration,
+        levels: &Levels,
+        robust: Option<Robust>,
+    ) -> Tally {
+        self.rows.restart();
+        self.sweep_segment(j, eta, calibration, levels, robust, &mut Sweep::default());
+        self.rows.tally
     }
 
-    /// Rolls one segment out.
-    pub(super) fn sweep_segment(
+    fn sweep_segment(
         &mut self,
         j: usize,
         eta: &Coordinates,
@@ -193,10 +225,10 @@ impl<const W: usize> Chain<W> {
             robust,
         };
         let (length, count) = (packed_len(self.lanes), self.groups.len());
-        let (range, last) = (self.starts[j]..self.end(j), j + 1 == self.starts.len());
+        let (range, last) = (self.starts[j]..self.end(j), self.is_last(j));
         let precision = self.precision(j, levels);
         let tangent = &mut self.transitions[j];
-        let end = model.roll(&self.nodes[j], &self.noise[j], range, last, &mut self.rows, tangent, &mut sweep.tally);
+        let end = model.roll(&self.nodes[j], &self.noise[j], range, last, &mut self.rows, tangent);
         let normals = &mut self.normals[j * count * length..][..count * length];
         for (&group, packed) in self.groups.iter().zip(normals.chunks_exact_mut(length)) {
             normal_matrix(&self.rows.groups[group], self.lanes, packed);
@@ -214,27 +246,35 @@ impl<const W: usize> Chain<W> {
     }
 
     /// Eliminates states and noise under these levels.
-    pub(super) fn eliminate(&mut self, levels: &Levels) -> Result<Schur<W>, Indefinite> {
+    pub(super) fn eliminate(&mut self, levels: &Levels) -> Result<Schur, Indefinite> {
         self.eliminate_first(self.starts.len(), levels)
     }
 
     /// The same as if the record ended with the first `segments`.
-    pub(super) fn eliminate_first(&mut self, segments: usize, levels: &Levels) -> Result<Schur<W>, Indefinite> {
+    pub(super) fn eliminate_first(&mut self, segments: usize, levels: &Levels) -> Result<Schur, Indefinite> {
         let (length, count) = (packed_len(self.lanes), self.groups.len());
         let weights = self.weights(levels);
         self.cost_to_go.clear();
         for j in (0..segments).rev() {
+            let tied = j + 1 < segments && !self.is_last(j);
             let stage = Stage {
                 normals: &self.normals[j * count * length..][..count * length],
                 weights: &weights[..count],
                 noise: &self.noise[j],
                 precision: &self.precision(j, levels),
-                transition: (j + 1 < segments).then(|| self.transitions[j].as_flattened()),
+                transition: tied.then(|| self.transitions[j].as_flattened()),
             };
             self.cost_to_go.eliminate(&stage, &mut self.gains[j])?;
+            if j > 0 && self.is_last(j - 1) {
+                self.firsts[j] = Some(self.cost_to_go.release());
+            }
         }
         self.cost_to_go.add(&self.arrival);
-        self.cost_to_go.finish()
+        let first = self.cost_to_go.release();
+        if let Some(known) = self.firsts.first_mut() {
+            *known = Some(first);
+        }
+        Ok(self.cost_to_go.schur())
     }
 
     /// Weights of the groups, in their order; the rest is not used.
@@ -247,20 +287,21 @@ impl<const W: usize> Chain<W> {
     }
 
     /// Moves nodes and noise along with a step of the parameters; gives the largest component of a node's step.
-    pub(super) fn follow(&mut self, schur: &Schur<W>, step: &ParameterStep) -> f64 {
+    pub(super) fn follow(&mut self, step: &ParameterStep) -> f64 {
         let (nodes, noise) = (&mut self.nodes, &mut self.noise);
-        let mut largest: f64 = 0.0;
-        let (moved, step) = (step.moved.as_slice(), step.step.as_slice());
-        let first = schur.first_state(step);
-        recenter(&mut self.arrival, &first, moved);
-        forward(first, step, &self.gains, &self.transitions, |j, z| {
+        let (mut largest, mut first): (f64, _) = (0.0, [0.0; 12]);
+        forward(step.step.as_slice(), &self.firsts, &self.gains, &self.transitions, |j, z| {
             let change: [f64; 12] = core::array::from_fn(|i| z[i]);
+            if j == 0 {
+                first = change;
+            }
             largest = change.iter().fold(largest, |largest, x| largest.max(x.abs()));
             nodes[j] = nodes[j].retracted(&change);
             for (value, change) in noise[j].iter_mut().zip(&z[NOISE..PARAMETERS]) {
                 *value += change;
             }
         });
+        recenter(&mut self.arrival, &first, step.moved.as_slice());
         largest
     }
 
@@ -271,37 +312,42 @@ impl<const W: usize> Chain<W> {
         }
     }
 
-    /// Everything to come is predicted from here.
-    pub(super) fn end_state(&self, eta: &Coordinates, calibration: &Calibration) -> Option<State> {
-        let j = self.starts.len().checked_sub(1)?;
-        let body = eta.body();
-        let held = (Vector3::from_row_slice(&self.noise[j][..3]), Vector3::from_row_slice(&self.noise[j][3..]));
-        let mut state = self.nodes[j];
-        for sample in &self.record.samples[self.starts[j]..] {
-            state = body.over(&state, &calibration.input(&sample.input, held), &self.gravity, sample.step_s);
-        }
-        Some(state)
-    }
-
-    /// The wrench of the last segment is in doubt.
-    pub(super) fn ends_in_doubt(&self) -> bool {
-        self.starts.last().is_some_and(|&start| self.record.doubt_at(start).is_some())
-    }
-
-    /// Appends a segment whose first state and parameters are known no better than the chain says.
-    pub(super) fn push(&mut self, node: State, samples: &[Sample], doubt: Option<Vector6<f64>>) {
-        self.forget_residuals();
+    /// Appends a segment. Its first state is predicted, or, where nothing ties it to the chain, taken from its poses.
+    pub(super) fn push(
+        &mut self,
+        samples: &[Sample],
+        doubt: Option<Vector6<f64>>,
+        after_break: bool,
+        (eta, calibration): (&Coordinates, &Calibration),
+        node_window_s: f64,
+    ) {
         let start = self.record.samples.len();
         if let Some(variance) = doubt {
             self.record.doubts.push(Doubt { sample: start, variance });
         }
         self.record.samples.extend_from_slice(samples);
+        let predicted = match (self.starts.last(), self.nodes.last(), self.noise.last()) {
+            (Some(&from), Some(node), Some(noise)) if !after_break => {
+                let body = eta.body();
+                Some(self.record.samples[from..start].iter().fold(*node, |state, sample| {
+                    body.over(&state, &calibration.input(&sample.input, noise), &self.gravity, sample.step_s)
+                }))
+            }
+            _ => {
+                self.record.breaks.push(start);
+                None
+            }
+        };
         self.starts.push(start);
-        self.nodes.push(node);
+        match predicted {
+            Some(node) => self.nodes.push(node),
+            None => self.nodes.extend(nodes::from_poses(&self.record, &[start], node_window_s, &eta.center)),
+        }
         self.noise.push([0.0; 6]);
         self.normals.resize(self.normals.len() + self.groups.len() * packed_len(self.lanes), 0.0);
         self.transitions.push([[[0.0; W]; 3]; 4]);
         self.gains.push(Gain::new());
+        self.firsts.push(None);
     }
 
     /// Keeps the first `segments` only.
@@ -309,16 +355,18 @@ impl<const W: usize> Chain<W> {
         if let Some(&end) = self.starts.get(segments) {
             self.record.samples.truncate(end);
             self.record.doubts.retain(|doubt| doubt.sample < end);
+            self.record.breaks.retain(|first| *first < end);
             self.starts.truncate(segments);
             self.nodes.truncate(segments);
             self.noise.truncate(segments);
             self.normals.truncate(segments * self.groups.len() * packed_len(self.lanes));
             self.transitions.truncate(segments);
             self.gains.truncate(segments);
+            self.firsts.truncate(segments);
         }
     }
 
-    /// Sums up what the first `segments` say about the state they lead to, as last swept, and forgets them.
+    /// Sums up what the first `segments` say about what follows, as last swept, and forgets them.
     pub(super) fn marginalize(&mut self, segments: usize, levels: &Levels) -> Result<(), Indefinite> {
         let (length, count) = (packed_len(self.lanes), self.groups.len());
         let weights = self.weights(levels);
@@ -328,19 +376,20 @@ impl<const W: usize> Chain<W> {
                 weights: &weights[..count],
                 noise: &self.noise[j],
                 precision: &self.precision(j, levels),
-                transition: Some(self.transitions[j].as_flattened()),
+                transition: (!self.is_last(j)).then(|| self.transitions[j].as_flattened()),
             };
             self.cost_to_go.arrive(&stage, &mut self.arrival, &mut self.gains[j])?;
         }
-        let end = self.end(segments - 1);
+        let end = self.starts.get(segments).copied().unwrap_or(self.record.samples.len());
         self.record.samples.drain(..end);
-        self.record.doubts.retain_mut(|doubt| {
-            let stays = doubt.sample >= end;
-            if stays {
-                doubt.sample -= end;
-            }
-            stays
-        });
+        self.record.doubts.retain(|doubt| doubt.sample >= end);
+        for doubt in &mut self.record.doubts {
+            doubt.sample -= end;
+        }
+        self.record.breaks.retain(|first| *first > end);
+        for first in &mut self.record.breaks {
+            *first -= end;
+        }
         self.starts.drain(..segments);
         for start in &mut self.starts {
             *start -= end;
@@ -350,11 +399,13 @@ impl<const W: usize> Chain<W> {
         self.normals.drain(..segments * count * length);
         self.transitions.drain(..segments);
         self.gains.drain(..segments);
+        self.firsts.drain(..segments);
         Ok(())
     }
 
-    /// Gives memory back that only the chain's past needed.
+    /// Gives memory back that only the past of the chain needed.
     pub(super) fn shrink(&mut self) {
+        self.record.wrenches = Vec::new();
         self.record.samples.shrink_to_fit();
         self.starts.shrink_to_fit();
         self.nodes.shrink_to_fit();
@@ -362,5 +413,7 @@ impl<const W: usize> Chain<W> {
         self.normals.shrink_to_fit();
         self.transitions.shrink_to_fit();
         self.gains.shrink_to_fit();
+        self.firsts.shrink_to_fit();
+        self.rows = Rows::new();
     }
 }

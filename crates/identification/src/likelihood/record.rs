@@ -8,9 +8,11 @@ use crate::motion::MotionSample;
 use nalgebra::{Vector3, Vector6};
 
 /// Fewest samples that are tried.
-pub(super) const FEWEST_SAMPLES: usize = 8;
+const FEWEST_SAMPLES: usize = 8;
 /// A step longer than this many median steps is a gap: the wrench there is only guessed by the last one.
 pub(super) const GAP: f64 = 1.5;
+/// A gap longer than this is not bridged: the unknown course of the wrench within it would matter too.
+pub(super) const LONGEST_BRIDGE: f64 = 3.5;
 /// Distance from the running median, in robust standard deviations of such distances, at which a wrench is a spike.
 const SPIKE: f64 = 5.0 * 1.4826;
 /// Spikes more frequent than this are how the body is driven.
@@ -26,11 +28,15 @@ pub(super) struct Doubt {
 
 pub(super) struct Record {
     pub(super) samples: Vec<Sample>,
+    /// As logged, spikes replaced.
+    pub(super) wrenches: Vec<Vector6<f64>>,
     pub(super) median_step_s: f64,
     /// In ascending order of samples.
     pub(super) doubts: Vec<Doubt>,
     /// Distances from the running median beyond which a wrench is a spike.
     pub(super) spike_bounds: Vector6<f64>,
+    /// Samples after gaps that are not bridged, in ascending order.
+    pub(super) breaks: Vec<usize>,
 }
 
 impl Record {
@@ -64,8 +70,13 @@ impl Record {
         let median_step_s = median(&mut steps[..last].to_vec());
         let (mut doubts, spike_bounds) =
             if filter_spikes { spikes(&mut wrenches) } else { (Vec::new(), Vector6::repeat(f64::INFINITY)) };
+        let mut breaks = Vec::new();
         for (sample, step) in steps.iter().enumerate().filter(|(_, step)| **step > GAP * median_step_s) {
-            let lag = ((step / median_step_s).round() as usize).clamp(1, last);
+            if *step > LONGEST_BRIDGE * median_step_s {
+                breaks.push(sample + 1);
+                continue;
+            }
+            let lag = super::whole(step / median_step_s).clamp(1, last);
             doubts.push(Doubt { sample, variance: change_variance(&wrenches, lag) });
         }
         doubts.sort_by_key(|doubt| doubt.sample);
@@ -90,7 +101,14 @@ impl Record {
                 acceleration: sample.acceleration_origin_body,
             })
             .collect();
-        Ok(Self { samples, median_step_s, doubts, spike_bounds })
+        Ok(Self { samples, wrenches, median_step_s, doubts, spike_bounds, breaks })
+    }
+
+    /// The stretch without an unbridged gap that holds this sample.
+    pub(super) fn stretch(&self, sample: usize) -> core::ops::Range<usize> {
+        let next = self.breaks.partition_point(|&first| first <= sample);
+        let end = self.breaks.get(next).copied().unwrap_or(self.samples.len());
+        next.checked_sub(1).map_or(0, |before| self.breaks[before])..end
     }
 
     /// First samples of segments of `length` samples; a sample in doubt is a segment of its own.
@@ -100,7 +118,7 @@ impl Record {
         let mut next = 0;
         for k in 0..self.samples.len() {
             let doubted = doubts.next_if_eq(&k).is_some();
-            if k == next || doubted {
+            if k == next || doubted || self.breaks.binary_search(&k).is_ok() {
                 starts.push(k);
                 next = k + if doubted { 1 } else { length };
             }
@@ -138,7 +156,13 @@ pub(super) fn input(wrenches: &[Vector6<f64>], steps: &[f64], k: usize, timing: 
         _ => (here, Vector6::zeros()),
     };
     let half = |v: &Vector6<f64>, first: usize| Vector3::new(v[first], v[first + 1], v[first + 2]);
-    Input { torque: half(&mean, 0), force: half(&mean, 3), torque_slope: half(&slope, 0), force_slope: half(&slope, 3) }
+    Input {
+        torque: half(&mean, 0),
+        force: half(&mean, 3),
+        torque_slope: half(&slope, 0),
+        force_slope: half(&slope, 3),
+        ..Input::default()
+    }
 }
 
 /// Replaces rare spikes by the running median of five; what they were is the doubt that remains.
@@ -196,6 +220,24 @@ pub(super) fn is_finite(sample: &MotionSample) -> bool {
     all(&pose.translation.vector)
         && pose.rotation.coords.iter().all(|x| x.is_finite())
         && vectors.into_iter().chain([wrench]).flatten().all(|v| all(&v))
+}
+
+/// Median step of a record; `None` without a step.
+pub(super) fn median_step_of(record: &[MotionSample]) -> Option<f64> {
+    let mut steps: Vec<f64> = record.windows(2).map(|pair| (pair[1].time_ns - pair[0].time_ns) as f64 * 1e-9).collect();
+    (!steps.is_empty()).then(|| median(&mut steps))
+}
+
+/// Each wrench with what was measured `steps` rows later, and the wrench's own row; pairs whose times are not that far
+/// apart are left out.
+pub(super) fn shifted(record: &[MotionSample], steps: i64, step_s: f64) -> Vec<(MotionSample, usize)> {
+    let pair = |(k, wrench): (usize, &MotionSample)| {
+        let later = record.get(usize::try_from(i64::try_from(k).ok()?.checked_add(steps)?).ok()?)?;
+        let apart = (later.time_ns - wrench.time_ns) as f64 * 1e-9 - steps as f64 * step_s;
+        let paired = MotionSample { time_ns: wrench.time_ns, wrench_body: wrench.wrench_body, ..*later };
+        (apart.abs() < 0.25 * step_s).then_some((paired, k))
+    };
+    record.iter().enumerate().filter_map(pair).collect()
 }
 
 /// Median of a list that is not empty; zero of an empty one.

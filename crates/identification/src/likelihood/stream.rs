@@ -1,6 +1,6 @@
 //! A motion log row by row: the same samples as [`Record`](super::record::Record) makes of a whole one, a few rows late.
 
-use super::record::{GAP, Record, change_variance, input, is_finite, running_median};
+use super::record::{GAP, LONGEST_BRIDGE, Record, change_variance, input, is_finite, running_median};
 use super::segment::Sample;
 use crate::WrenchTiming;
 use crate::error::IdentificationError;
@@ -11,6 +11,16 @@ use nalgebra::Vector6;
 const BEFORE: usize = 3;
 /// Wrenches from which the uncertainty of a gap is taken.
 const HISTORY: usize = 512;
+
+/// A sample, and what the rows around it say of its wrench.
+#[derive(Clone, Copy)]
+pub(super) struct Read {
+    pub(super) sample: Sample,
+    /// Extra variance of the wrench.
+    pub(super) doubt: Option<Vector6<f64>>,
+    /// A gap that is not bridged comes before it.
+    pub(super) after_break: bool,
+}
 
 /// The last rows, and what the stretch before them said about steps and spikes.
 pub(super) struct Stream {
@@ -26,6 +36,7 @@ pub(super) struct Stream {
     history: Vec<Vector6<f64>>,
     oldest: usize,
     start_ns: i64,
+    after_break: bool,
     /// Rows seen.
     pub(super) count: usize,
 }
@@ -45,6 +56,7 @@ impl Stream {
             present: 0,
             history: Vec::with_capacity(HISTORY),
             oldest: 0,
+            after_break: false,
             start_ns: rows.first().map_or(0, |row| row.time_ns),
             count: forgotten + rows.len(),
         };
@@ -59,6 +71,7 @@ impl Stream {
             }
         }
         stream.present = stream.rows.len().saturating_sub(Self::late(timing));
+        stream.after_break = record.breaks.contains(&(rows.len() - Self::late(timing)));
         stream
     }
 
@@ -73,7 +86,7 @@ impl Stream {
     }
 
     /// Takes the next row; gives the sample that is complete now, with the extra variance of its wrench.
-    pub(super) fn push(&mut self, row: MotionSample) -> Result<(Sample, Option<Vector6<f64>>), IdentificationError> {
+    pub(super) fn push(&mut self, row: MotionSample) -> Result<Read, IdentificationError> {
         if !is_finite(&row) {
             return Err(IdentificationError::NotFinite { row: self.count });
         }
@@ -96,7 +109,7 @@ impl Stream {
     }
 
     /// The samples left when no more rows come.
-    pub(super) fn flush(&mut self) -> Option<(Sample, Option<Vector6<f64>>)> {
+    pub(super) fn flush(&mut self) -> Option<Read> {
         (self.present < self.rows.len()).then(|| self.sample())
     }
 
@@ -115,7 +128,7 @@ impl Stream {
     }
 
     /// The present row as a sample; the next one becomes the present one.
-    fn sample(&mut self) -> (Sample, Option<Vector6<f64>>) {
+    fn sample(&mut self) -> Read {
         let k = self.present;
         let first = k.saturating_sub(1);
         let end = self.rows.len().min(k + 3);
@@ -132,10 +145,12 @@ impl Stream {
         let count = end - first;
         let (row, step_s) = (&self.rows[k], steps[k - first]);
         let mut doubt = spike;
-        if step_s > self.gap_s {
+        let after_break = self.after_break;
+        self.after_break = step_s > LONGEST_BRIDGE * self.median_step_s;
+        if step_s > self.gap_s && !self.after_break {
             self.history.rotate_left(self.oldest);
             self.oldest = 0;
-            let lag = ((step_s / self.median_step_s).round() as usize).clamp(1, self.history.len() / 2);
+            let lag = super::whole(step_s / self.median_step_s).clamp(1, self.history.len() / 2);
             doubt = Some(doubt.unwrap_or_else(Vector6::zeros) + change_variance(&self.history, lag));
         }
         let sample = Sample {
@@ -149,7 +164,7 @@ impl Stream {
             acceleration: row.acceleration_origin_body,
         };
         self.present += 1;
-        (sample, doubt)
+        Read { sample, doubt, after_break }
     }
 
     fn without_spike(&self, k: usize) -> (Vector6<f64>, Option<Vector6<f64>>) {

@@ -1,11 +1,10 @@
 //! The likelihood of a log that never ends: the last few segments are free, everything before is one quadratic.
 
 use super::calibration::Calibration;
-use super::chain::Sweep;
 use super::record::{Record, is_finite};
 use super::segment::{Robust, Sample};
-use super::stream::Stream;
-use super::{Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, nodes, not_excited};
+use super::stream::{Read, Stream};
+use super::{Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, not_excited};
 use crate::Noise;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -202,7 +201,7 @@ impl FixedLagSettings {
         let fit = Record::try_new(rows, wrench_timing, robust).and_then(|record| self.likelihood.fit::<W>(record, None));
         let Some(fit) = fit.ok().filter(is_determined) else { return Ok(None) };
         let stream = Stream::after(rows, forgotten, &fit.chain.record, wrench_timing);
-        let mut window = Window::<W> { settings: self.clone(), pending: Vec::new(), fit, stream };
+        let mut window = Window::<W> { settings: self.clone(), pending: Vec::new(), after_break: false, fit, stream };
         let step = window.step(None)?;
         let complete = window.settle(rows.len() - Stream::late(wrench_timing))?;
         Ok(complete.then(|| -> Start { (Box::new(window), step) }))
@@ -256,6 +255,8 @@ struct Window<const W: usize> {
     stream: Stream,
     /// Samples of the segment that is not complete yet.
     pending: Vec<Sample>,
+    /// It comes after a gap that is not bridged.
+    after_break: bool,
 }
 
 impl<const W: usize> Window<W> {
@@ -272,7 +273,9 @@ impl<const W: usize> Window<W> {
             return Ok(false);
         }
         self.pending.reserve(*length);
-        self.pending.extend_from_slice(&chain.record.samples[chain.end(complete - 1)..usable]);
+        let next = chain.end(complete - 1);
+        self.pending.extend_from_slice(&chain.record.samples[next..usable]);
+        self.after_break = next < usable && chain.record.breaks.contains(&next);
         chain.truncate(complete);
         if let Some(surplus) = complete.checked_sub(self.settings.segments.max(1)).filter(|surplus| *surplus > 0) {
             chain.marginalize(surplus, levels).map_err(not_excited)?;
@@ -285,17 +288,17 @@ impl<const W: usize> Window<W> {
         self.settings.likelihood.robust.then_some(Robust { huber: HUBER, gate })
     }
 
-    fn take(
-        &mut self,
-        (sample, doubt): (Sample, Option<Vector6<f64>>),
-    ) -> Result<Option<FixedLagStep>, IdentificationError> {
+    fn take(&mut self, read: Read) -> Result<Option<FixedLagStep>, IdentificationError> {
         let mut step = None;
-        if doubt.is_some() && !self.pending.is_empty() {
+        if (read.doubt.is_some() || read.after_break) && !self.pending.is_empty() {
             step = Some(self.advance(None)?);
         }
-        self.pending.push(sample);
-        if doubt.is_some() || self.pending.len() >= self.fit.segment_samples {
-            step = Some(self.advance(doubt)?);
+        if self.pending.is_empty() {
+            self.after_break = read.after_break;
+        }
+        self.pending.push(read.sample);
+        if read.doubt.is_some() || self.pending.len() >= self.fit.segment_samples {
+            step = Some(self.advance(read.doubt)?);
         }
         Ok(step)
     }
@@ -303,17 +306,12 @@ impl<const W: usize> Window<W> {
     /// Takes the pending samples as the next segment.
     fn advance(&mut self, doubt: Option<Vector6<f64>>) -> Result<FixedLagStep, IdentificationError> {
         let gated = self.robust(GATE);
+        let node_window_s = self.settings.likelihood.node_window_s;
         let Fit { chain, eta, calibration, levels, .. } = &mut self.fit;
-        // After a doubtful wrench the poses know better where the body is.
-        let from_poses = chain.ends_in_doubt().then(|| nodes::from_segment(&self.pending, &eta.center)).flatten();
-        let Some(node) = from_poses.or_else(|| chain.end_state(eta, calibration)) else {
-            return Err(not_converged(f64::NAN));
-        };
-        chain.push(node, &self.pending, doubt);
+        chain.push(&self.pending, doubt, self.after_break, (eta, calibration), node_window_s);
         self.pending.clear();
         if chain.starts.len() > self.settings.segments.max(1) {
-            let mut sweep = Sweep::default();
-            chain.sweep_segment(0, eta, calibration, levels, gated, &mut sweep);
+            chain.sweep_alone(0, eta, calibration, levels, gated);
             chain.marginalize(1, levels).map_err(not_excited)?;
         }
         let mut innovation = None;
@@ -322,23 +320,24 @@ impl<const W: usize> Window<W> {
             let robust = self.robust(if iteration == 0 { f64::INFINITY } else { GATE });
             let Fit { chain, eta, calibration, levels, .. } = &mut self.fit;
             let newest = chain.starts.len() - 1;
-            let mut sweep = Sweep::default();
-            for j in 0..newest {
-                chain.sweep_segment(j, eta, calibration, levels, robust, &mut sweep);
-            }
+            chain.sweep_first(newest, eta, calibration, levels, robust);
             if iteration == 0 {
-                let mut raw = Sweep::default();
-                chain.sweep_segment(newest, eta, calibration, levels, None, &mut raw);
+                let raw = chain.sweep_alone(newest, eta, calibration, levels, None);
                 let after = chain.eliminate(levels).map_err(not_excited)?.least();
                 let before = chain.eliminate_first(newest, levels).map_err(not_excited)?.least();
-                let nis = after.zip(before).map(|(after, before)| after - before);
-                let measured = chain.groups.iter().map(|&group| raw.tally.counted[group]).sum::<usize>();
-                innovation = nis.map(|nis| Innovation { nis, degrees: 3 * measured, rejected: 0, wrench: Wrench::zero() });
+                let measured: usize = chain.groups.iter().map(|&group| raw.counted[group]).sum();
+                // A state that nothing predicts takes its share.
+                let degrees = (3 * measured).saturating_sub(if self.after_break { 12 } else { 0 });
+                innovation = after.zip(before).map(|(after, before)| Innovation {
+                    nis: after - before,
+                    degrees,
+                    rejected: 0,
+                    wrench: Wrench::zero(),
+                });
             }
-            let mut last = Sweep::default();
-            chain.sweep_segment(newest, eta, calibration, levels, robust, &mut last);
+            let newest = chain.sweep_alone(newest, eta, calibration, levels, robust);
             if let Some(innovation) = &mut innovation {
-                innovation.rejected = last.tally.rejected.iter().sum();
+                innovation.rejected = newest.rejected.iter().sum();
             }
             self.iterate()?;
         }
@@ -357,7 +356,7 @@ impl<const W: usize> Window<W> {
         if !decrement.is_finite() {
             return Err(not_converged(decrement));
         }
-        chain.follow(schur, &step);
+        chain.follow(&step);
         *eta = step.next;
         *constrained = step.constrained;
         calibration.advance(step.step.as_slice());
@@ -397,8 +396,8 @@ fn not_converged(decrement: f64) -> IdentificationError {
 
 impl<const W: usize> Sliding for Window<W> {
     fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
-        let sample = self.stream.push(row)?;
-        self.take(sample)
+        let read = self.stream.push(row)?;
+        self.take(read)
     }
 
     fn noise(&self) -> Noise {
@@ -406,8 +405,8 @@ impl<const W: usize> Sliding for Window<W> {
     }
 
     fn finish(mut self: Box<Self>) -> Result<LikelihoodEstimate, IdentificationError> {
-        while let Some(sample) = self.stream.flush() {
-            self.take(sample)?;
+        while let Some(read) = self.stream.flush() {
+            self.take(read)?;
         }
         if !self.pending.is_empty() {
             self.advance(None)?;
