@@ -72,11 +72,8 @@ fn log(duration_s: f64, seed: u64) -> Vec<MotionSample> {
 }
 
 fn settings() -> FixedLagSettings {
-    let likelihood = MaximumLikelihood {
-        noise: Some(CUBESAT.known()),
-        segment_samples: Some(16),
-        ..MaximumLikelihood::default()
-    };
+    let likelihood =
+        MaximumLikelihood { noise: Some(CUBESAT.known()), segment_samples: Some(16), ..MaximumLikelihood::default() };
     FixedLagSettings { likelihood, ..FixedLagSettings::default() }
 }
 
@@ -166,7 +163,11 @@ fn every_step_is_a_body() {
         assert!(steps.iter().all(|step| is_consistent(&step.parameters)), "seed {seed}");
         active += steps.iter().filter(|step| step.active_axis.is_some()).count();
         let last = steps.last().unwrap();
-        println!("{seed} {} active {active} {:.2}", steps.len(), ((eta(&last.parameters) - eta(&plate())).component_div(&last.std).norm_squared() / 10.0).sqrt());
+        println!(
+            "{seed} {} active {active} {:.2}",
+            steps.len(),
+            ((eta(&last.parameters) - eta(&plate())).component_div(&last.std).norm_squared() / 10.0).sqrt()
+        );
     }
     assert!(active > 0);
 }
@@ -178,7 +179,12 @@ fn survives_a_dropout() {
         record.retain(|row| !(20_000_000_000..22_000_000_000).contains(&row.time_ns));
         let batch = settings().likelihood.estimate(&record).unwrap();
         let (_, window) = slide(settings(), &record);
-        println!("dropout {seed}: {:.3} {:.2} batch {:.2}", apart(&window, &batch), nees(&window, &cubesat()), nees(&batch, &cubesat()));
+        println!(
+            "dropout {seed}: {:.3} {:.2} batch {:.2}",
+            apart(&window, &batch),
+            nees(&window, &cubesat()),
+            nees(&batch, &cubesat())
+        );
 
         assert!(apart(&window, &batch) < 0.15, "{}", apart(&window, &batch));
     }
@@ -199,7 +205,8 @@ fn survives_spikes() {
             }
         }
         let (steps, spiked) = slide(settings(), &record);
-        rejected += steps.iter().filter_map(|step| step.innovation).map(|innovation| innovation.rejected).sum::<usize>();
+        rejected +=
+            steps.iter().filter_map(|step| step.innovation).map(|innovation| innovation.rejected).sum::<usize>();
         clean_error += error_by_bound(&clean, &batch);
         spiked_error += error_by_bound(&spiked, &batch);
         println!("spikes {seed}: {:.3} {:.2} {rejected}", apart(&spiked, &clean), nees(&spiked, &cubesat()));

@@ -2,7 +2,9 @@
 
 use super::calibration::Calibration;
 use super::coordinates::{Coordinates, ParameterStep};
-use super::elimination::{CostToGo, Evidence, First, Gain, Indefinite, Posterior, Schur, Square, Stage, forward, recenter};
+use super::elimination::{
+    CostToGo, Evidence, First, Gain, Indefinite, Posterior, Schur, Square, Stage, forward, recenter,
+};
 use super::flow::State;
 use super::nodes;
 use super::noise::Levels;

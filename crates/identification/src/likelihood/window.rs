@@ -198,7 +198,8 @@ impl FixedLagSettings {
         forgotten: usize,
     ) -> Result<Option<Start>, IdentificationError> {
         let MaximumLikelihood { wrench_timing, robust, .. } = self.likelihood;
-        let fit = Record::try_new(rows, wrench_timing, robust).and_then(|record| self.likelihood.fit::<W>(record, None));
+        let fit =
+            Record::try_new(rows, wrench_timing, robust).and_then(|record| self.likelihood.fit::<W>(record, None));
         let Some(fit) = fit.ok().filter(is_determined) else { return Ok(None) };
         let stream = Stream::after(rows, forgotten, &fit.chain.record, wrench_timing);
         let mut window = Window::<W> { settings: self.clone(), pending: Vec::new(), after_break: false, fit, stream };
