@@ -9,8 +9,8 @@ use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{LieGroup, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
 use tumble_identification::{
-    FixedLag, FixedLagSettings, FixedLagStep, IdentificationError, LikelihoodEstimate, MaximumLikelihood, MotionSample,
-    Noise, WrenchTiming,
+    FixedLag, FixedLagSettings, FixedLagStep, IdentificationError, LikelihoodEstimate, LongRecord, MaximumLikelihood,
+    Method, MotionSample, Noise, Settings, Warning, WrenchTiming, identify,
 };
 
 const CUBESAT: Levels = Levels { pose: 1e-3, torque: 1e-4, force: 1e-3 };
@@ -282,4 +282,37 @@ fn rows_that_cannot_be_used_are_named_and_left_out() {
     }
     let (_, clean) = slide(settings(), &record);
     assert_eq!(window.finish().unwrap(), clean);
+}
+
+#[test]
+fn a_long_record_is_identified_like_a_short_one() {
+    let mut record = log(400.0, 11);
+    record.retain(|row| !(360_000_000_000..361_000_000_000).contains(&row.time_ns));
+    let whole = identify(&record, &Settings::default()).unwrap();
+    let mut long = LongRecord::try_new(&record, &Settings::default()).unwrap().expect("noisy poses");
+    for row in &record {
+        long.push(*row).unwrap();
+    }
+    let long = long.finish().unwrap();
+    assert_eq!((whole.method, long.method), (Method::MaximumLikelihood, Method::MaximumLikelihood));
+    let (batch, slid) = (whole.estimate.unwrap(), long.estimate.unwrap());
+    let scale = batch.covariance.diagonal().map(f64::sqrt);
+    let apart = (batch.parameters.to_vector() - slid.parameters.to_vector()).component_div(&scale).amax();
+    let sigmas = slid.covariance.diagonal().map(f64::sqrt).component_div(&scale);
+    println!("{apart} {sigmas} {:?} {:?}", whole.warnings, long.warnings);
+    println!("{:?} {:?} {} {}", whole.noise, long.noise, whole.samples_rejected, long.samples_rejected);
+    println!("{:?} {:?} {} {}", whole.explained, long.explained, whole.residuals.len(), long.residuals.len());
+    assert!(apart < 0.3, "{apart}");
+    assert!(sigmas.iter().all(|ratio| (0.8..1.25).contains(ratio)), "{sigmas}");
+    let slides = Warning::SlidingWindow { batch: 20_000, rows: record.len() };
+    assert!(long.warnings.contains(&slides), "{:?}", long.warnings);
+    assert!(long.warnings.iter().any(|warning| matches!(warning, Warning::Gaps { count: 1, .. })));
+    assert_eq!(long.samples_used + long.samples_rejected, record.len());
+    assert!((long.explained.unwrap() - whole.explained.unwrap()).abs() < 0.01);
+}
+
+#[test]
+fn a_long_record_asked_of_a_regression_is_left_to_it() {
+    let settings = Settings { method: Method::Variational4, ..Settings::default() };
+    assert!(LongRecord::try_new(&log(10.0, 1), &settings).unwrap().is_none());
 }
