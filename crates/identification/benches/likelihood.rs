@@ -11,7 +11,7 @@ use std::hint::black_box;
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{LieGroup, Wrench};
 use tumble_identification::nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use tumble_identification::{MaximumLikelihood, MotionSample};
+use tumble_identification::{FixedLag, FixedLagSettings, MaximumLikelihood, MotionSample};
 
 fn record(samples: usize) -> Vec<MotionSample> {
     let mut random = Random::new(7);
@@ -44,5 +44,36 @@ fn estimate(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, estimate);
+/// One step of the window: the segments of 16 samples it holds, iterated, and the oldest summed up.
+fn window(criterion: &mut Criterion) {
+    let record = record(8000);
+    let mut group = criterion.benchmark_group("fixed lag");
+    for (segments, iterations) in [(4, 2), (1, 1)] {
+        let likelihood = MaximumLikelihood { segment_samples: Some(16), ..MaximumLikelihood::default() };
+        let settings = FixedLagSettings { likelihood, segments, iterations, ..FixedLagSettings::default() };
+        let (mut rows, mut window) = (record.iter(), FixedLag::new(settings.clone()));
+        let bootstrap = 1000;
+        for row in rows.by_ref().take(bootstrap) {
+            window.push(*row).unwrap();
+        }
+        group.bench_function(format!("step of {segments} segments, {iterations} iterations"), |bencher| {
+            bencher.iter(|| {
+                for _ in 0..16 {
+                    let Some(row) = rows.next() else {
+                        window = FixedLag::new(settings.clone());
+                        rows = record.iter();
+                        for row in rows.by_ref().take(bootstrap) {
+                            window.push(*row).unwrap();
+                        }
+                        break;
+                    };
+                    black_box(window.push(*row).unwrap());
+                }
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, estimate, window);
 criterion_main!(benches);

@@ -4,6 +4,7 @@
 
 mod fit;
 mod likelihood;
+mod long;
 mod merge;
 mod noise;
 mod recursion;
@@ -25,6 +26,7 @@ use rows::Scheme;
 use solution::{Judgement, Silent, Solution, judge, solve, standard_deviations};
 use timeline::Timeline;
 
+pub use long::LongRecord;
 pub use merge::merge;
 
 /// Which equations tie the motion to the parameters.
@@ -202,6 +204,13 @@ pub enum Warning {
         /// Windows skipped.
         skipped: usize,
     },
+    /// The record is long: the likelihood took its first rows as a batch and slid over the rest.
+    SlidingWindow {
+        /// Rows of the batch.
+        batch: usize,
+        /// Rows in all.
+        rows: usize,
+    },
     /// Samples without a wrench, taken to act under the last one logged.
     HeldWrenches {
         /// How many.
@@ -262,6 +271,9 @@ impl fmt::Display for Warning {
             }
             Self::ConstraintActive => {
                 write!(f, "the unconstrained solution is not a body; moved to the nearest consistent one")
+            }
+            Self::SlidingWindow { batch, rows } => {
+                write!(f, "long log: noise levels from its first {batch} rows, then a sliding window over all {rows}")
             }
             Self::HeldWrenches { samples } => {
                 write!(f, "{samples} samples without a wrench: the last one logged is taken to act on")

@@ -50,12 +50,15 @@ pub use criteria::{AOptimality, ConditionNumber, DOptimality, EOptimality, Optim
 pub use error::{Column, IdentificationError};
 #[cfg(feature = "std")]
 pub use identify::{
-    Estimate, Identification, Method, NodeResidual, Noise, POOR_FIT, Prediction, Prior, Settings, StandardDeviations,
-    Validation, Warning, identify, merge, predict, validate,
+    Estimate, Identification, LongRecord, Method, NodeResidual, Noise, POOR_FIT, Prediction, Prior, Settings,
+    StandardDeviations, Validation, Warning, identify, merge, predict, validate,
 };
 pub use information::FisherInformation;
 #[cfg(feature = "std")]
-pub use likelihood::{Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate, SegmentResidual};
+pub use likelihood::{
+    FixedLag, FixedLagSettings, FixedLagStep, Innovation, Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance,
+    NuisanceEstimate, SegmentResidual,
+};
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;

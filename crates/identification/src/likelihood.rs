@@ -11,8 +11,11 @@ mod nodes;
 mod noise;
 mod record;
 mod segment;
+mod stream;
+mod window;
 
 pub use calibration::Nuisance;
+pub use window::{FixedLag, FixedLagSettings, FixedLagStep, Innovation};
 
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -30,6 +33,8 @@ use segment::{ATTITUDE, MEASUREMENTS, PARAMETERS, POSITION, Robust};
 
 /// Iterations after which an estimate that still moves is given up.
 const MAX_ITERATIONS: usize = 30;
+/// Iterations under a weak prior.
+const WEAK_ITERATIONS: usize = 12;
 /// A step whose squared length in standard deviations is below this has converged: a hundredth of a sigma.
 const SMALL_DECREMENT: f64 = 1e-4;
 /// Largest component of a node's step at convergence (rad, rad/s, m, m/s).
@@ -206,9 +211,9 @@ impl MaximumLikelihood {
     fn estimate_once(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
         match Calibration::new(&self.nuisances).columns() {
-            0..=13 => self.run::<32>(&record),
-            14..=21 => self.run::<40>(&record),
-            _ => self.run::<56>(&record),
+            0..=13 => self.run::<32>(record),
+            14..=21 => self.run::<40>(record),
+            _ => self.run::<56>(record),
         }
     }
 
@@ -228,7 +233,7 @@ impl MaximumLikelihood {
         let calibration = Calibration::new(&[]);
         let starts = record.segments(segment_length(&levels, &eta, record.median_step_s));
         let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
-        let mut chain = Chain::<32>::new(&record, self.gravity_world, starts, nodes, &calibration);
+        let mut chain = Chain::<32>::new(record, self.gravity_world, starts, nodes, &calibration);
         let robust = self.robust.then_some(Robust { huber: HUBER, gate: f64::INFINITY });
         for iteration in 1..=MAX_ITERATIONS {
             chain.sweep(&eta, &calibration, &levels, robust);
@@ -247,19 +252,32 @@ impl MaximumLikelihood {
         Ok(Judged { misfit, residuals: residuals(&chain) })
     }
 
-    fn run<const W: usize>(&self, record: &Record) -> Result<LikelihoodEstimate, IdentificationError> {
+    fn run<const W: usize>(&self, record: Record) -> Result<LikelihoodEstimate, IdentificationError> {
+        let fit = self.fit::<W>(record, None)?;
+        self.result(&fit)
+    }
+
+    /// The optimum, with a prior about the start or without.
+    fn fit<const W: usize>(
+        &self,
+        record: Record,
+        weak: Option<&SVector<f64, 10>>,
+    ) -> Result<Fit<W>, IdentificationError> {
         let (mut levels, prior) = if let Some(noise) = &self.noise {
             (Levels::of(noise), None)
         } else {
-            let (levels, prior) = Levels::from_differences(record);
+            let (levels, prior) = Levels::from_differences(&record);
             (levels, Some(prior))
         };
         let mut length = self.segment_samples.unwrap_or(LONGEST_SEGMENT).max(1);
         let mut eta = Coordinates::of(&self.start);
         let mut calibration = Calibration::new(&self.nuisances);
         let starts = record.segments(length);
-        let nodes = nodes::from_poses(record, &starts, self.node_window_s, &eta.center);
+        let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
         let mut chain = Chain::<W>::new(record, self.gravity_world, starts, nodes, &calibration);
+        if let Some(precision) = weak {
+            chain.add_prior(precision);
+        }
         let mut progress = Progress::default();
         loop {
             let robust = self.robust.then(|| progress.robust(prior.is_none()));
@@ -298,19 +316,31 @@ impl MaximumLikelihood {
             let still = decrement < SMALL_DECREMENT && largest_step < SMALL_STEP;
             let refined =
                 prior.is_none() || progress.refinements > 0 && (settled || progress.refinements >= REFINEMENTS);
-            if still && gated && refined {
+            // Where the data say next to nothing the optimum is ill defined, and not needed: more data follow.
+            let enough = weak.is_some() && decrement.is_finite() && progress.iterations.len() >= WEAK_ITERATIONS;
+            if still && gated && refined || enough {
                 let robust = self.robust.then(|| progress.robust(prior.is_none()));
                 let sweep = chain.sweep(&eta, &calibration, &levels, robust);
                 let schur = chain.eliminate(&levels).map_err(not_excited)?;
-                let outcome = (progress.iterations, length, step.constrained);
-                return self.result(&chain, (&eta, &calibration, &levels), &sweep, &schur, outcome);
+                let (iterations, constrained) = (progress.iterations, step.constrained);
+                return Ok(Fit {
+                    chain,
+                    eta,
+                    calibration,
+                    levels,
+                    sweep,
+                    schur,
+                    iterations,
+                    constrained,
+                    segment_samples: length,
+                });
             }
             let iterations = progress.iterations.len();
             if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
                 return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
             }
             if self.segment_samples.is_none() && decrement < NEAR {
-                let wanted = segment_length(&levels, &eta, record.median_step_s);
+                let wanted = segment_length(&levels, &eta, chain.record.median_step_s);
                 if wanted < length {
                     length = wanted;
                     chain = chain.resegmented(length, &eta, &calibration);
@@ -319,14 +349,8 @@ impl MaximumLikelihood {
         }
     }
 
-    fn result<const W: usize>(
-        &self,
-        chain: &Chain<'_, W>,
-        (eta, calibration, levels): (&Coordinates, &Calibration, &Levels),
-        sweep: &Sweep,
-        schur: &Schur,
-        (iterations, segment_samples, constrained): (Vec<Iteration>, usize, bool),
-    ) -> Result<LikelihoodEstimate, IdentificationError> {
+    fn result<const W: usize>(&self, fit: &Fit<W>) -> Result<LikelihoodEstimate, IdentificationError> {
+        let Fit { chain, eta, calibration, levels, sweep, schur, .. } = fit;
         let factor = schur.information.clone().cholesky().ok_or(not_excited(Indefinite))?;
         let covariance = factor.inverse();
         let by_eta = eta.parameters_by_eta();
@@ -343,19 +367,32 @@ impl MaximumLikelihood {
             unconstrained: parameters.to_vector() + by_eta * pull.fixed_rows::<10>(0),
             covariance: by_eta * body * by_eta.transpose(),
             std: body.diagonal().map(f64::sqrt),
-            active_axis: constrained.then(|| eta.thinnest_axis()),
+            active_axis: fit.constrained.then(|| eta.thinnest_axis()),
             nuisances: self.nuisances.iter().filter_map(nuisance).collect(),
             noise: levels.noise(&chain.groups),
             cost: cost(sweep, levels),
             log_determinant: schur.log_determinant
                 + factor.l_dirty().diagonal().iter().map(|x| 2.0 * x.ln()).sum::<f64>(),
-            iterations,
-            segment_samples,
+            iterations: fit.iterations.clone(),
+            segment_samples: fit.segment_samples,
             residuals: residuals(chain),
             delay_steps: 0,
             outliers: sweep.tally.rejected[POSITION].max(sweep.tally.rejected[ATTITUDE]),
         })
     }
+}
+
+/// Where the iterations ended.
+struct Fit<const W: usize> {
+    chain: Chain<W>,
+    eta: Coordinates,
+    calibration: Calibration,
+    levels: Levels,
+    sweep: Sweep,
+    schur: Schur,
+    iterations: Vec<Iteration>,
+    constrained: bool,
+    segment_samples: usize,
 }
 
 /// How far the iterations have come.
@@ -436,7 +473,7 @@ fn misfit(schur: &Schur, eta: &Coordinates, covariance: &SMatrix<f64, 10, 10>) -
 }
 
 /// Errors of the wrench, segment by segment.
-fn residuals<const W: usize>(chain: &Chain<'_, W>) -> Vec<SegmentResidual> {
+fn residuals<const W: usize>(chain: &Chain<W>) -> Vec<SegmentResidual> {
     let segments = chain.starts.iter().zip(&chain.noise);
     segments
         .map(|(&first_sample, noise)| SegmentResidual { first_sample, wrench: Wrench::from(SVector::from(*noise)) })

@@ -7,11 +7,12 @@ use crate::report::{self, Context};
 use crate::{AstrobeeError, body_file, demo};
 use clap::{Args, ValueEnum};
 use std::io::IsTerminal as _;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::{
-    Identification, IdentificationError, Method, MotionSample, Settings, WrenchTiming, identify, merge, predict,
+    Identification, IdentificationError, LongRecord, Method, MotionSample, Settings, WrenchTiming, identify, merge, predict,
     validate,
 };
 
@@ -299,10 +300,8 @@ fn dry_run(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcom
     let wrench_noise = args.wrench_noise.unwrap_or(demo::WRENCH_NOISE);
     let mut prediction = None;
     log.for_each_part(|record| {
-        if prediction.is_none() {
-            prediction = Some(predict(record, settings, wrench_noise)?);
-        }
-        Ok(())
+        prediction = Some(predict(record, settings, wrench_noise)?);
+        Ok(ControlFlow::Break(()))
     })?;
     let Some(prediction) = prediction else {
         return Err(AstrobeeError::Empty { path: PathBuf::from(&log.source), what: "data rows" });
@@ -418,13 +417,13 @@ impl Log {
         Ok(Self { source: path.display().to_string(), rows, estimation_rows: 0, reference, warnings, duration_s })
     }
 
-    /// Calls `part` for each stretch of the estimation rows that fits in memory.
+    /// Calls `part` for each stretch of the estimation rows that fits in memory, until it breaks off.
     fn for_each_part(
         &self,
-        mut part: impl FnMut(&[MotionSample]) -> Result<(), AstrobeeError>,
+        mut part: impl FnMut(&[MotionSample]) -> Result<ControlFlow<()>, AstrobeeError>,
     ) -> Result<(), AstrobeeError> {
         match &self.rows {
-            Rows::Memory(record) => part(record.get(..self.estimation_rows).unwrap_or(record)),
+            Rows::Memory(record) => part(record.get(..self.estimation_rows).unwrap_or(record)).map(|_| ()),
             Rows::File { path, reorder, .. } => {
                 let mut reader = LogReader::open(path, *reorder)?;
                 let mut chunk = Vec::new();
@@ -433,9 +432,9 @@ impl Log {
                     chunk.clear();
                     let more = reader.read_chunk(&mut chunk, ROWS_IN_MEMORY.min(self.estimation_rows - done))?;
                     done += chunk.len();
-                    part(&chunk)?;
+                    let flow = part(&chunk)?;
                     progress(&format!("{done} of {} rows", self.estimation_rows));
-                    if !more {
+                    if !more || flow.is_break() {
                         break;
                     }
                 }
@@ -461,11 +460,16 @@ impl Log {
     }
 
     fn identify(&self, settings: &Settings) -> Result<Identification, AstrobeeError> {
+        if self.estimation_rows > LongRecord::LONG
+            && let Some(found) = self.identify_long(settings)?
+        {
+            return Ok(found);
+        }
         if let Rows::Memory(_) = self.rows {
             let mut found = None;
             self.for_each_part(|record| {
                 found = Some(identify(record, settings)?);
-                Ok(())
+                Ok(ControlFlow::Continue(()))
             })?;
             return found.ok_or(AstrobeeError::Empty { path: PathBuf::from(&self.source), what: "data rows" });
         }
@@ -482,9 +486,31 @@ impl Log {
                     parts.push(found);
                 }
             }
-            Ok(())
+            Ok(ControlFlow::Continue(()))
         })?;
         Ok(merge(&parts, settings.prior.as_ref())?)
+    }
+
+    /// By likelihood in a sliding window; `None` where that has no answer.
+    fn identify_long(&self, settings: &Settings) -> Result<Option<Identification>, AstrobeeError> {
+        let mut long = None;
+        let slid = self.for_each_part(|record| {
+            if long.is_none() {
+                long = LongRecord::try_new(record, settings)?;
+            }
+            let Some(long) = &mut long else { return Ok(ControlFlow::Break(())) };
+            for row in record {
+                long.push(*row)?;
+            }
+            Ok(ControlFlow::Continue(()))
+        });
+        let found = slid.and_then(|()| Ok(long.map(LongRecord::finish).transpose()?));
+        match found {
+            Err(AstrobeeError::Identification(
+                IdentificationError::LikelihoodNotConverged { .. } | IdentificationError::NotExcited { .. },
+            )) => Ok(None),
+            found => found,
+        }
     }
 }
 
