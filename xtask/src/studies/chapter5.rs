@@ -195,8 +195,7 @@ struct Cell {
 }
 
 fn cell(body: &Body, disturbance: Disturbance, seeds: usize) -> Result<Cell, Failure> {
-    let mut cell =
-        Cell { rms: [[0.0; 3]; METHODS.len()], bound: [0.0; 3], validation: [[0.0; 2]; METHODS.len()] };
+    let mut cell = Cell { rms: [[0.0; 3]; METHODS.len()], bound: [0.0; 3], validation: [[0.0; 2]; METHODS.len()] };
     let n = seeds as f64;
     for seed in 0..seeds as u64 {
         let flight = flight(body, disturbance, 2 * SAMPLES - 1, seed);
@@ -248,11 +247,8 @@ fn recursion(body: &Body, disturbance: Disturbance, method: Method, seeds: usize
     let scale = BodyScale::of(&truth.to_vector()).map_err(study)?;
     let cone = PseudoInertiaCone::new(scale);
     let solver = InteriorPoint::new(cone);
-    let sizes = [
-        truth.to_vector().fixed_rows::<6>(4).norm(),
-        truth.center_of_mass().norm().max(f64::MIN_POSITIVE),
-        truth.mass,
-    ];
+    let sizes =
+        [truth.to_vector().fixed_rows::<6>(4).norm(), truth.center_of_mass().norm().max(f64::MIN_POSITIVE), truth.mass];
     let mut relative = vec![[[0.0; 3]; 2]; SAMPLES];
     let mut violations = vec![0.0; SAMPLES];
     for seed in 0..seeds as u64 {
@@ -348,12 +344,7 @@ fn index_of(time_s: f64) -> usize {
 const TABLE_5_1: [(&str, [f64; 3]); 3] =
     [("1", [20.9, 12.0, 218.0]), ("2", [1.92, 3.05, 20.1]), ("3", [1.06, 2.42, 9.12])];
 
-fn page(
-    seeds: usize,
-    cells: &Cells,
-    violations: &[(&str, Vec<f64>)],
-    figures: &Figures,
-) -> Result<String, Failure> {
+fn page(seeds: usize, cells: &Cells, violations: &[(&str, Vec<f64>)], figures: &Figures) -> Result<String, Failure> {
     let mut page = String::new();
     write_page(&mut page, seeds, cells, violations, figures).map_err(study)?;
     Ok(page)
@@ -380,15 +371,18 @@ fn write_page(
     writeln!(page, "| body | noise | {} |", METHODS.map(|(name, _)| name).join(" | "))?;
     writeln!(page, "|---|---|{}", "---|".repeat(METHODS.len()))?;
     for (body, disturbance, cell) in cells {
-        let columns: Vec<String> =
-            cell.rms.iter().map(|rms| triple(&ratios(rms, &cell.rms[VARIATIONAL]))).collect();
+        let columns: Vec<String> = cell.rms.iter().map(|rms| triple(&ratios(rms, &cell.rms[VARIATIONAL]))).collect();
         writeln!(page, "| {body} | {} | {} |", disturbance.name(), columns.join(" | "))?;
     }
     writeln!(page, "\n## Errors against the Cramer-Rao bound of the wrench noise, and without noise\n")?;
-    writeln!(page, "| body | none: order 2 | none: order 4 | none: order 6 | process: order 2 / bound | order 4 / bound | order 6 / bound | five-point / bound |")?;
+    writeln!(
+        page,
+        "| body | none: order 2 | none: order 4 | none: order 6 | process: order 2 / bound | order 4 / bound | order 6 / bound | five-point / bound |"
+    )?;
     writeln!(page, "|---|---|---|---|---|---|---|---|")?;
     for (name, ..) in cells.iter().filter(|(_, disturbance, _)| *disturbance == Disturbance::None) {
-        let (Some(exact), Some(noisy)) = (find(cells, name, Disturbance::None), find(cells, name, Disturbance::Process))
+        let (Some(exact), Some(noisy)) =
+            (find(cells, name, Disturbance::None), find(cells, name, Disturbance::Process))
         else {
             continue;
         };
@@ -406,7 +400,10 @@ fn write_page(
             over(4)
         )?;
     }
-    writeln!(page, "\n## Table 5.1\n\n| body | printed FD / V | forward / V here | forward-body / V here | forward-body / order 4 here |")?;
+    writeln!(
+        page,
+        "\n## Table 5.1\n\n| body | printed FD / V | forward / V here | forward-body / V here | forward-body / order 4 here |"
+    )?;
     writeln!(page, "|---|---|---|---|---|")?;
     for (name, printed) in TABLE_5_1 {
         if let Some(cell) = find(cells, name, Disturbance::Process) {
@@ -432,12 +429,7 @@ fn write_page(
 }
 
 /// What the thesis says, and whether it is so here.
-fn claims(
-    page: &mut String,
-    cells: &Cells,
-    violations: &[(&str, Vec<f64>)],
-    figures: &Figures,
-) -> std::fmt::Result {
+fn claims(page: &mut String, cells: &Cells, violations: &[(&str, Vec<f64>)], figures: &Figures) -> std::fmt::Result {
     let verdict = |holds: bool| if holds { "holds" } else { "does not hold" };
     let ten_times = |disturbance: Disturbance, index: usize| {
         let worst = find(cells, "D", disturbance).map_or([f64::NAN; 3], |c| ratios(&c.rms[index], &c.rms[VARIATIONAL]));
@@ -462,12 +454,11 @@ fn claims(
             .map(|(group, name)| {
                 let better = |k: &usize| v.relative[*k][1][group] < fd.relative[*k][1][group];
                 let last_worse = (0..SAMPLES).rev().find(|k| !better(k));
-                let text = match last_worse {
+                match last_worse {
                     Some(k) if k + 1 < SAMPLES => format!("{name} from {:.2} s on", (k + 1) as f64 * 0.05),
                     Some(_) => format!("{name} never for good"),
                     None => format!("{name} always"),
-                };
-                text
+                }
             })
             .collect();
         writeln!(
@@ -481,11 +472,13 @@ fn claims(
         let all: Vec<String> = METHODS
             .iter()
             .zip(&cell.validation)
-            .map(|((name, _), [torque, force])| format!("{name} {} and {}", short(torque / noise), short(force / noise)))
+            .map(|((name, _), [torque, force])| {
+                format!("{name} {} and {}", short(torque / noise), short(force / noise))
+            })
             .collect();
         writeln!(
             page,
-            "- Figure 5.4: residuals of torque and force over the next 30 s, in units of the wrench noise (1 is perfect): {}.",
+            "- Figure 5.4: residuals of torque and force over the next 30 s, in units of the wrench noise (1 is perfect; midpoint averages two wrenches): {}.",
             all.join("; ")
         )?;
     }
@@ -546,7 +539,9 @@ fn write(
     let pictures = "\n![](figure_5_2.svg)\n![](figure_5_3.svg)\n![](figure_5_4.svg)\n![](violations.svg)\n";
     let put = |name: &str, text: &str| folder.write(name, text).map_err(study);
     put("chapter5.md", &format!("{page}{pictures}"))?;
-    let mut table = String::from("body,noise,method,inertia_kg_m2,com_m,mass_kg,bound_inertia_kg_m2,bound_com_m,bound_mass_kg,residual_torque_n_m,residual_force_n\n");
+    let mut table = String::from(
+        "body,noise,method,inertia_kg_m2,com_m,mass_kg,bound_inertia_kg_m2,bound_com_m,bound_mass_kg,residual_torque_n_m,residual_force_n\n",
+    );
     for (name, disturbance, cell) in cells {
         for ((method, _), (rms, residual)) in METHODS.iter().zip(cell.rms.iter().zip(&cell.validation)) {
             let numbers: Vec<String> =

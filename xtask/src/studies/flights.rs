@@ -1,6 +1,7 @@
 //! Simulated logs with known truth: bodies, multisine wrenches, noise. The plant is Runge-Kutta about the centre of mass and
 //! shares nothing with the estimators.
 
+use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Quaternion, SVector, Translation3, UnitQuaternion, Vector3};
@@ -119,6 +120,8 @@ pub struct Noise {
     pub acceleration: Option<f64>,
     /// Density of the disturbance of velocity and rate in the plant, per root second.
     pub process: f64,
+    /// How long before its row's time what a row says of the motion was so, in fifths of a sample.
+    pub delay_fifths: usize,
 }
 
 /// One instant as it was.
@@ -129,7 +132,6 @@ pub struct Instant {
     pub rate_body: Vector3<f64>,
     pub rate_derivative_body: Vector3<f64>,
     pub acceleration_origin_body: Vector3<f64>,
-    pub wrench_body: Wrench<f64>,
 }
 
 /// What happened and what was logged of it.
@@ -157,7 +159,6 @@ pub fn fly(
     let inertia = body.parameters.inertia_about_com();
     let inverse = inertia.try_inverse().unwrap_or_default();
     let step_s = body.step_s;
-    let step_ns = (step_s * 1e9).round();
     let h = step_s / f64::from(SUBSTEPS);
     // Quaternion, rate, centre of mass, its velocity.
     let mut x = SVector::<f64, 13>::zeros();
@@ -174,30 +175,43 @@ pub fn fly(
         rate.fixed_rows_mut::<3>(10).copy_from(&(UnitQuaternion::new_normalize(q) * u.force / mass));
         rate
     };
-    let mut flight = Flight { truth: body.parameters, step_s, instants: Vec::new(), record: Vec::new() };
-    let mut time_ns = 0_i64;
-    for k in 0..samples {
-        let t = k as f64 * step_s;
-        let u = excitation.at(t);
+    let instant = |x: &SVector<f64, 13>, u: &Wrench<f64>| {
         let q = UnitQuaternion::new_normalize(Quaternion::from_vector(x.fixed_rows::<4>(0).into_owned()));
         let [w, r, v] = [4, 7, 10].map(|i| Vector3::new(x[i], x[i + 1], x[i + 2]));
-        let rate_derivative_body: Vector3<f64> = field(&x, &u).fixed_rows::<3>(4).into_owned();
-        let instant = Instant {
+        let rate_derivative_body: Vector3<f64> = field(x, u).fixed_rows::<3>(4).into_owned();
+        Instant {
             world_from_body: Pose::from_parts(Translation3::from(r - q * c), q),
             velocity_origin_world: v - q * w.cross(&c),
             rate_body: w,
             rate_derivative_body,
             acceleration_origin_body: u.force / mass - rate_derivative_body.cross(&c) - w.cross(&w.cross(&c)),
-            wrench_body: u,
-        };
-        flight.record.push(logged(&instant, time_ns, noise, random));
-        flight.instants.push(instant);
+        }
+    };
+    let mut flight = Flight { truth: body.parameters, step_s, instants: Vec::new(), record: Vec::new() };
+    // What was so at the latest substeps, the oldest first.
+    let mut past = VecDeque::new();
+    for k in 0..samples {
+        let t = k as f64 * step_s;
+        let u = excitation.at(t);
+        let now = instant(&x, &u);
+        past.push_back(now);
+        let seen = past.iter().rev().nth(noise.delay_fifths).or(past.front()).unwrap_or(&now);
+        #[allow(clippy::cast_possible_truncation, reason = "a whole number of nanoseconds")]
+        let time_ns = (t * 1e9).round() as i64;
+        flight.record.push(logged(seen, &u, time_ns, noise, random));
+        flight.instants.push(now);
         for i in 0..SUBSTEPS {
             let at = |fraction: f64| match timing {
                 WrenchTiming::Held => u,
                 WrenchTiming::Sampled => excitation.at(t + (f64::from(i) + fraction) * h),
             };
             let (u0, u1, u2) = (at(0.0), at(0.5), at(1.0));
+            if i > 0 && noise.delay_fifths > 0 {
+                past.push_back(instant(&x, &u0));
+            }
+            while past.len() > noise.delay_fifths + 1 {
+                past.pop_front();
+            }
             let k1 = field(&x, &u0);
             let k2 = field(&(x + k1 * (h / 2.0)), &u1);
             let k3 = field(&(x + k2 * (h / 2.0)), &u1);
@@ -214,14 +228,11 @@ pub fn fly(
                 }
             }
         }
-        #[allow(clippy::cast_possible_truncation, reason = "a whole number of nanoseconds")]
-        let step_ns = step_ns as i64;
-        time_ns += step_ns;
     }
     flight
 }
 
-fn logged(instant: &Instant, time_ns: i64, noise: &Noise, random: &mut Gaussian) -> MotionSample {
+fn logged(instant: &Instant, wrench: &Wrench<f64>, time_ns: i64, noise: &Noise, random: &mut Gaussian) -> MotionSample {
     let position = instant.world_from_body.translation.vector + random.vector(noise.position);
     let turn = <UnitQuaternion<f64> as LieGroup>::exp(&random.vector(noise.attitude));
     let mut measured = |truth: Vector3<f64>, sigma: Option<f64>| sigma.map(|sigma| truth + random.vector(sigma));
@@ -232,8 +243,8 @@ fn logged(instant: &Instant, time_ns: i64, noise: &Noise, random: &mut Gaussian)
         rate_body: measured(instant.rate_body, noise.rate),
         acceleration_origin_body: measured(instant.acceleration_origin_body, noise.acceleration),
         wrench_body: Some(Wrench::new(
-            instant.wrench_body.torque + random.vector(noise.torque),
-            instant.wrench_body.force + random.vector(noise.force),
+            wrench.torque + random.vector(noise.torque),
+            wrench.force + random.vector(noise.force),
         )),
     }
 }
@@ -304,10 +315,11 @@ mod tests {
             let mut random = Gaussian::from_seed(1);
             let excitation = Multisine::random(body, &mut random);
             let flight = fly(body, &excitation, WrenchTiming::Sampled, &Noise::default(), 300, &mut random);
-            for instant in &flight.instants {
-                let velocity = instant.world_from_body.rotation.inverse_transform_vector(&instant.velocity_origin_world);
+            for (k, instant) in flight.instants.iter().enumerate() {
+                let velocity =
+                    instant.world_from_body.rotation.inverse_transform_vector(&instant.velocity_origin_world);
                 let twist = Twist::new(instant.rate_body, velocity);
-                let found = FreeFlyer::new(body.parameters).forward(&twist, &instant.wrench_body);
+                let found = FreeFlyer::new(body.parameters).forward(&twist, &excitation.at(k as f64 * body.step_s));
                 assert!((found.angular_acceleration_body - instant.rate_derivative_body).amax() < 1e-12);
                 assert!((found.acceleration_origin_body - instant.acceleration_origin_body).amax() < 1e-12);
             }

@@ -8,6 +8,7 @@ mod chapter5;
 mod dynamics;
 mod flights;
 mod ident_sdp;
+mod identification;
 mod integrator;
 mod lie;
 mod plot;
@@ -44,7 +45,8 @@ const PROBLEMS: &[Problem] =
 /// What a result folder says about the run that wrote it.
 fn run_record(command: &str, configuration: &serde_json::Value) -> String {
     let commit = std::process::Command::new("git").args(["rev-parse", "HEAD"]).output().ok();
-    let commit = commit.filter(|output| output.status.success()).and_then(|output| String::from_utf8(output.stdout).ok());
+    let commit =
+        commit.filter(|output| output.status.success()).and_then(|output| String::from_utf8(output.stdout).ok());
     let record = serde_json::json!({
         "format": 1,
         "command": command,
@@ -69,6 +71,13 @@ fn main() -> ExitCode {
                 Arguments::parse(rest, &[], &["--out", "--runs"]).and_then(|arguments| chapter5::run(&arguments))
             }
             _ => Err(Failure::BadInput("reproduce what? `chapter5`".to_owned())),
+        },
+        "study" => match rest.split_first() {
+            Some((what, rest)) if what == "identification" => {
+                Arguments::parse(rest, &[], &["--cells", "--runs", "--out"])
+                    .and_then(|arguments| identification::run(&arguments))
+            }
+            _ => Err(Failure::BadInput("study what? `identification`".to_owned())),
         },
         unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
     };

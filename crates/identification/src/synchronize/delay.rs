@@ -44,9 +44,10 @@ impl Signals<6, 6, 6> {
     /// Wrench, the angular and linear acceleration in body axes that answers it, and the products of rates through which a
     /// turning body adds to both: for a rigid body the relation is exactly linear.
     ///
-    /// Accelerations come from the record's own columns, else from velocities, else from poses; angular ones from rates, else
-    /// from poses; differentiation is symmetric and delays nothing. Equal steps are needed: the longest run whose steps
-    /// agree to one percent is used.
+    /// Angular acceleration comes from rates, else from poses. Linear acceleration comes from velocities, else from poses; of a
+    /// sampled wrench from the accelerations, where there are some (of a held one an acceleration answers in steps, which tell
+    /// whole samples only). Differentiation is symmetric and delays nothing. Equal steps are needed: the longest run whose
+    /// steps agree to one percent is used.
     ///
     /// # Frame
     /// Body axes, about the body origin. `gravity_world` in inertial axes.
@@ -71,7 +72,9 @@ impl Signals<6, 6, 6> {
         };
         let poses: Vec<_> = run.iter().map(|sample| sample.world_from_body).collect();
         let (rates, velocities) = (column(|s| s.rate_body), column(|s| s.velocity_origin_world));
-        let measured: Option<Vec<_>> = inner.iter().map(|sample| sample.acceleration_origin_body).collect();
+        let held = timing == WrenchTiming::Held;
+        let measured: Option<Vec<_>> =
+            inner.iter().map(|sample| sample.acceleration_origin_body.filter(|_| !held)).collect();
         let products =
             |w: &Vector3<f64>| SVector::from([w.x * w.x, w.y * w.y, w.z * w.z, w.x * w.y, w.x * w.z, w.y * w.z]);
         let smoothed = if rates.is_none() || (velocities.is_none() && measured.is_none()) {
@@ -84,24 +87,19 @@ impl Signals<6, 6, 6> {
             |rates| rates[half..].iter().take(inner.len()).map(products).collect(),
         );
         let angular = rates.map_or_else(|| smoothed.iter().map(|m| m.rate_derivative_body).collect(), derivative);
-        // A logged acceleration is that just after the sample, as the held wrench; a differentiated one is centred.
         let in_body = |k: usize, world: &Vector3<f64>| {
             inner[k].world_from_body.rotation.inverse_transform_vector(&(world - gravity_world))
         };
-        let centred = measured.is_none();
         let linear: Vec<Vector3<f64>> = measured.unwrap_or_else(|| {
             let world: Vec<_> =
                 velocities.map_or_else(|| smoothed.iter().map(|m| m.acceleration_origin_world).collect(), derivative);
             world.iter().enumerate().map(|(k, a)| in_body(k, a)).collect()
         });
-        // A held wrench acts on average half a step after its row. An acceleration logged just after its row answers it at
-        // once, so it sits half a step later too; the mean of neighbours brings it back to the rows.
-        let held = timing == WrenchTiming::Held;
-        let linear = if held && !centred { means_of_neighbours(&linear) } else { linear };
         let stack = |a: &Vector3<f64>, b: &Vector3<f64>| SVector::from([a.x, a.y, a.z, b.x, b.y, b.z]);
         Ok(Self {
             step_s,
             input: inner.iter().filter_map(|s| s.wrench_body).map(|w| stack(&w.torque, &w.force)).collect(),
+            // A held wrench acts on average half a step after its row.
             input_offset_s: if held { 0.5 * step_s } else { 0.0 },
             output: angular.iter().zip(&linear).map(|(a, b)| stack(a, b)).collect(),
             covariates,
@@ -134,11 +132,6 @@ fn longest_equal_run(record: &[MotionSample]) -> (&[MotionSample], f64) {
     };
     let run = record.chunk_by(joined).max_by_key(|run| run.len()).unwrap_or_default();
     (run, median as f64 * 1e-9)
-}
-
-fn means_of_neighbours(samples: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    let before = samples.iter().take(1).chain(samples);
-    before.zip(samples).map(|(a, b)| (a + b) * 0.5).collect()
 }
 
 /// Width of the smoothing kernel, s: half its support is three times that. Motion is slow against it.
