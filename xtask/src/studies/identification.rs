@@ -247,7 +247,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let tests = (cell.tests)(runs, &mut progress)?;
         for test in &tests {
             println!(
-                "{} {:<24} {:<44} {:>10.4}  in {:.4} to {:.4}",
+                "{} {:<22} {:<40} {:>10.3e}  in {:.3e} to {:.3e}",
                 if test.passes() { "ok  " } else { "MISS" },
                 cell.name,
                 test.quantity,

@@ -185,6 +185,8 @@ struct Fit<const OUTPUTS: usize> {
     sensitivity: Vec<SVector<f64, OUTPUTS>>,
     /// Share of the whole change that this is.
     own_share: f64,
+    /// Orthonormal functions of time that the gains fit, one row each.
+    fitted: DMatrix<f64>,
 }
 
 impl<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize> Signals<INPUTS, OUTPUTS, COVARIATES> {
@@ -236,6 +238,7 @@ impl<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize> Signals
             -(0..INPUTS).map(|i| slopes[row][i] * gains[(i, o)] / sizes[i]).sum::<f64>()
         });
         let own = &change - &regressor * solver.solve(&regressor.tr_mul(&change));
+        let fitted = solver.l().solve_lower_triangular(&regressor.transpose())?;
         let to_rows = |m: &DMatrix<f64>| (0..rows).map(|r| SVector::from_fn(|o, _| m[(r, o)])).collect::<Vec<_>>();
         let share = |o: usize| own.column(o).norm_squared() / change.column(o).norm_squared().max(f64::MIN_POSITIVE);
         Some(Fit {
@@ -243,6 +246,7 @@ impl<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize> Signals
             own_share: (0..OUTPUTS).map(share).fold(0.0, f64::max),
             residuals: to_rows(&residuals),
             sensitivity: to_rows(&own),
+            fitted,
         })
     }
 }
@@ -322,7 +326,7 @@ pub fn delay<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize>
         }
     }
     let density = noise_density(&fit.residuals, reach);
-    let sigma_s = deviation(&fit, &density, reach, INPUTS + COVARIATES + 2) * signals.step_s;
+    let sigma_s = deviation(&fit, &density, reach) * signals.step_s;
     // The best shift must stand out from the ends of the range by more than the gains' freedom explains.
     let gain = |misfit: &SVector<f64, OUTPUTS>| {
         (0..OUTPUTS).filter(|&o| density[o] > 0.0).map(|o| (misfit[o] - fit.misfit[o]) / density[o]).sum::<f64>()
@@ -377,24 +381,30 @@ fn gauss_newton<const N: usize>(fit: &Fit<N>, density: &SVector<f64, N>) -> f64 
 }
 
 /// Standard deviation of the delay, samples.
-fn deviation<const N: usize>(fit: &Fit<N>, density: &SVector<f64, N>, reach: usize, fitted: usize) -> f64 {
+fn deviation<const N: usize>(fit: &Fit<N>, density: &SVector<f64, N>, reach: usize) -> f64 {
     let weights = weights(density);
+    let curvature = curvature(fit, &weights);
     let n = fit.residuals.len();
-    let weighted: Vec<SVector<f64, N>> = fit.sensitivity.iter().map(|s| s.component_mul(&weights)).collect();
-    // Autocovariance of the residual against that of the sensitivity, between all outputs.
-    let at_distance: Vec<f64> = (0..=(2 * reach).min(n - 1))
+    // For each distance: the autocovariance of the residual against that of the weighted sensitivity, between all outputs; and
+    // the share of it that the fit has taken away, as slow as it is: noise of the same frequencies is fitted with it.
+    let (kept, lost): (Vec<f64>, Vec<f64>) = (0..=(2 * reach).min(n - 1))
         .map(|lag| {
             let (mut covariance, mut sensitivity) = (SMatrix::<f64, N, N>::zeros(), SMatrix::<f64, N, N>::zeros());
+            let mut own = 0.0;
             for k in 0..n - lag {
+                let (now, later) = (fit.sensitivity[k].component_mul(&weights), fit.sensitivity[k + lag]);
                 covariance += fit.residuals[k] * fit.residuals[k + lag].transpose();
-                sensitivity += weighted[k] * weighted[k + lag].transpose();
+                sensitivity += now * later.component_mul(&weights).transpose();
+                own += now.dot(&later);
             }
-            covariance.dot(&sensitivity) / n as f64
+            let own = own / curvature;
+            let gains = fit.fitted.columns(0, n - lag).dot(&fit.fitted.columns(lag, n - lag));
+            (covariance.dot(&sensitivity) / n as f64, (gains + own / N as f64) * own / n as f64)
         })
-        .collect();
-    let variance = sum_over_distances(&at_distance, reach);
-    let freedom = n as f64 / n.saturating_sub(fitted).max(1) as f64;
-    (variance * freedom).sqrt() / curvature(fit, &weights)
+        .unzip();
+    let left = 1.0 - sum_over_distances(&lost, reach);
+    // Less than a tenth left says that the record is too short for any number of it.
+    if left < 0.1 { f64::INFINITY } else { (sum_over_distances(&kept, reach) / left).sqrt() / curvature }
 }
 
 #[cfg(test)]
