@@ -31,6 +31,12 @@ pub enum IdentificationError {
         /// Offending value.
         value: f64,
     },
+    /// A probability that is not strictly between zero and one.
+    #[error("{value} is not a probability strictly between 0 and 1")]
+    NotAProbability {
+        /// Offending value.
+        value: f64,
+    },
     /// The mass or the length that sets the scale of the body is not a positive finite number.
     #[error("body scale {mass_kg} kg, {length_m} m is not positive and finite")]
     InvalidScale {
@@ -48,6 +54,14 @@ pub enum IdentificationError {
         duality_gap: f64,
         /// Duality gap asked for.
         tolerance: f64,
+    },
+    /// The iterations of the likelihood did not settle.
+    #[error("the likelihood still moves after {iterations} iterations: last step squared {decrement:e} (in sigmas)")]
+    LikelihoodNotConverged {
+        /// Iterations done.
+        iterations: usize,
+        /// Squared length of the last step in standard deviations.
+        decrement: f64,
     },
     /// The residual variance was asked for with no more rows than parameters.
     #[error("{rows} rows leave no residual to judge {parameters} parameters by")]

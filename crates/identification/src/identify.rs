@@ -100,6 +100,12 @@ pub struct Noise {
     pub attitude_rad: f64,
     /// Position noise, m.
     pub position_m: f64,
+    /// Noise of the angular velocity, rad/s; zero where it was not measured or not used.
+    pub rate_rad_s: f64,
+    /// Noise of the velocity, m/s; zero where it was not measured or not used.
+    pub velocity_m_s: f64,
+    /// Noise of the acceleration, m/s^2; zero where it was not measured or not used.
+    pub acceleration_m_s2: f64,
 }
 
 /// What the model leaves unexplained at one node: wrench by the estimated body minus wrench applied.
@@ -391,6 +397,9 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
             force_n: force_residual / wrench_gain,
             attitude_rad: noise.attitude_rad,
             position_m: noise.position_m,
+            rate_rad_s: noise.rate_rad_s,
+            velocity_m_s: noise.velocity_m_s,
+            acceleration_m_s2: 0.0,
         },
         residuals,
         warnings,

@@ -20,10 +20,13 @@ mod information;
 mod jacobi;
 #[cfg(feature = "testing")]
 pub mod laws;
+#[cfg(feature = "std")]
+mod likelihood;
 mod linear_model;
 #[cfg(feature = "std")]
 mod motion;
 mod observability;
+pub mod recursive;
 pub mod regressors;
 #[cfg(feature = "std")]
 mod savitzky_golay;
@@ -52,6 +55,8 @@ pub use identify::{
     Validation, Warning, identify, merge, predict, validate,
 };
 pub use information::FisherInformation;
+#[cfg(feature = "std")]
+pub use likelihood::{Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate};
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;

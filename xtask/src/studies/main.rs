@@ -6,6 +6,7 @@ mod arguments;
 mod bench;
 mod chapter5;
 mod dynamics;
+mod ekf_rls;
 mod flights;
 mod ident_sdp;
 mod identification;
@@ -39,8 +40,13 @@ impl Failure {
 /// A benchmark problem: its name in `benchmarks/PROBLEMS.md` and the module that runs it.
 type Problem = (&'static str, fn(&mut Bench) -> Result<(), Failure>);
 
-const PROBLEMS: &[Problem] =
-    &[("lie", lie::run), ("dynamics", dynamics::run), ("integrator", integrator::run), ("ident_sdp", ident_sdp::run)];
+const PROBLEMS: &[Problem] = &[
+    ("lie", lie::run),
+    ("dynamics", dynamics::run),
+    ("integrator", integrator::run),
+    ("ident_sdp", ident_sdp::run),
+    ("ekf_rls", ekf_rls::run),
+];
 
 /// What a result folder says about the run that wrote it.
 fn run_record(command: &str, configuration: &serde_json::Value) -> String {

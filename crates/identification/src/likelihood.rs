@@ -1,0 +1,325 @@
+//! Maximum likelihood from noisy poses and noisy wrenches: multiple shooting with states and wrench noise eliminated.
+//!
+//! All scalars are `f64`, standard-library mathematics: this is estimation after the fact.
+
+mod calibration;
+mod chain;
+mod coordinates;
+mod elimination;
+mod flow;
+mod nodes;
+mod noise;
+mod record;
+mod segment;
+
+pub use calibration::Nuisance;
+
+use crate::dynamics::InertialParameters;
+use crate::error::IdentificationError;
+use crate::motion::MotionSample;
+use crate::{Noise, WrenchTiming};
+use calibration::Calibration;
+use chain::{Chain, Sweep};
+use coordinates::Coordinates;
+use elimination::{Indefinite, Schur};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use noise::Levels;
+use record::Record;
+use segment::{MEASUREMENTS, PARAMETERS, Robust};
+
+/// Iterations after which an estimate that still moves is given up.
+const MAX_ITERATIONS: usize = 30;
+/// A step whose squared length in standard deviations is below this has converged: a hundredth of a sigma.
+const SMALL_DECREMENT: f64 = 1e-4;
+/// Largest component of a node's step at convergence (rad, rad/s, m, m/s).
+const SMALL_STEP: f64 = 1e-3;
+/// Within so many squared standard deviations the levels of noise and outliers may be judged.
+const NEAR: f64 = 1e2;
+/// Samples of the longest segment.
+const LONGEST_SEGMENT: usize = 16;
+/// Bounds on residual 3-vectors, in standard deviations.
+const HUBER: f64 = 2.5;
+const GATE: f64 = 4.5;
+/// Iteration from which the gate works in any case.
+const GATED: usize = 4;
+/// Mean square of a normal residual 3-vector under these bounds, over three.
+const CONSISTENCY: f64 = 0.957_918;
+/// Restricted-likelihood steps on one linearisation, and linearisations on which they are done.
+const ROUNDS: usize = 6;
+const REFINEMENTS: usize = 3;
+
+/// Maximum likelihood of the ten parameters from poses and wrenches that are both noisy; rates, velocities and
+/// accelerations are used where present.
+///
+/// The record is cut into segments. Attitude, rate, centre of mass and velocity at each segment's start and one constant
+/// error of the wrench over each segment are unknowns beside the ten parameters; they are eliminated segment by segment.
+/// Gauss-Newton converges from a sphere of 10 kg: with the motion taken from the poses, one step of the flow is linear in
+/// 1/m and the inverse inertia.
+///
+/// # Source
+/// The likelihood of the model of thesis (2.4) with a held wrench; consistency as (5.35)-(5.38), about the centre of mass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MaximumLikelihood {
+    /// When the logged wrench acts.
+    pub wrench_timing: WrenchTiming,
+    /// Gravitational acceleration, inertial axes, m/s^2.
+    pub gravity_world: Vector3<f64>,
+    /// Noise of one sample and axis where it is known; `None` estimates all levels.
+    pub noise: Option<Noise>,
+    /// What to estimate beside the ten parameters.
+    pub nuisances: Vec<Nuisance>,
+    /// Whether outliers among the measurements lose their weight.
+    pub robust: bool,
+    /// Samples in a segment; `None` chooses from the noise found.
+    pub segment_samples: Option<usize>,
+    /// Poses within this time of a segment's start give its first guess, s.
+    pub node_window_s: f64,
+    /// Body to start from.
+    pub start: InertialParameters<f64>,
+}
+
+impl Default for MaximumLikelihood {
+    fn default() -> Self {
+        Self {
+            wrench_timing: WrenchTiming::default(),
+            gravity_world: Vector3::zeros(),
+            noise: None,
+            nuisances: Vec::new(),
+            robust: true,
+            segment_samples: None,
+            node_window_s: 0.6,
+            start: InertialParameters::about_com(10.0, Vector3::zeros(), Matrix3::identity() * 0.15),
+        }
+    }
+}
+
+/// One Gauss-Newton iteration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Iteration {
+    /// Weighted squares of all residuals before the step.
+    pub cost: f64,
+    /// Squared length of the parameter step in standard deviations.
+    pub decrement: f64,
+    /// Largest component by which a segment's end misses the next one's start (rad, rad/s, m, m/s).
+    pub largest_defect: f64,
+}
+
+/// Value found for a nuisance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NuisanceEstimate {
+    /// Which.
+    pub nuisance: Nuisance,
+    /// Its value.
+    pub value: f64,
+    /// One standard deviation.
+    pub std: f64,
+}
+
+/// What [`MaximumLikelihood::estimate`] found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LikelihoodEstimate {
+    /// The most likely body that exists.
+    pub parameters: InertialParameters<f64>,
+    /// Most likely parameters if they need not be a body, to first order about [`parameters`](Self::parameters); in the
+    /// order of [`InertialParameters::to_vector`].
+    pub unconstrained: SVector<f64, 10>,
+    /// Covariance of the ten parameters in that order, without the consistency constraint.
+    pub covariance: SMatrix<f64, 10, 10>,
+    /// One standard deviation of `[ln m, c, J_C (11, 12, 13, 22, 23, 33)]`.
+    pub std: SVector<f64, 10>,
+    /// Body axis along which the consistency constraint holds the body thick enough; `None` where it is not active.
+    pub active_axis: Option<Vector3<f64>>,
+    /// The nuisances asked for.
+    pub nuisances: Vec<NuisanceEstimate>,
+    /// Noise levels used.
+    pub noise: Noise,
+    /// Weighted squares of all residuals.
+    pub cost: f64,
+    /// What each iteration did.
+    pub iterations: Vec<Iteration>,
+    /// Samples in a segment.
+    pub segment_samples: usize,
+}
+
+impl MaximumLikelihood {
+    /// The most likely body for a record.
+    ///
+    /// # Errors
+    /// [`IdentificationError::TooFewSamples`], [`IdentificationError::TimesNotIncreasing`],
+    /// [`IdentificationError::MissingColumn`], [`IdentificationError::NotFinite`] for a record that cannot be used;
+    /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
+    /// [`IdentificationError::LikelihoodNotConverged`].
+    pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
+        let record = Record::try_new(record, self.wrench_timing, self.robust)?;
+        match Calibration::new(&self.nuisances).columns() {
+            0..=13 => self.run::<32>(&record),
+            14..=21 => self.run::<40>(&record),
+            _ => self.run::<56>(&record),
+        }
+    }
+
+    fn run<const W: usize>(&self, record: &Record) -> Result<LikelihoodEstimate, IdentificationError> {
+        let (mut levels, prior) = match &self.noise {
+            Some(noise) => (Levels::of(noise), None),
+            None => {
+                let (levels, prior) = Levels::from_differences(record);
+                (levels, Some(prior))
+            }
+        };
+        let mut length = self.segment_samples.unwrap_or(LONGEST_SEGMENT).max(1);
+        let mut eta = Coordinates::of(&self.start);
+        let mut calibration = Calibration::new(&self.nuisances);
+        let starts = record.segments(length);
+        let nodes = nodes::from_poses(record, &starts, self.node_window_s, &eta.center);
+        let mut chain = Chain::<W>::new(record, self.gravity_world, starts, nodes, &calibration);
+        let mut progress = Progress::default();
+        loop {
+            let robust = self.robust.then(|| progress.robust());
+            let sweep = chain.sweep(&eta, &calibration, &levels, robust);
+            let mut schur = chain.eliminate(&levels).map_err(not_excited)?;
+            let cost = cost(&sweep, &levels);
+            let mut settled = true;
+            if let Some(prior) = prior.as_ref().filter(|_| progress.refines()) {
+                let consistency = if self.robust { CONSISTENCY } else { 1.0 };
+                settled = false;
+                for round in 0..ROUNDS {
+                    let Some(evidence) = chain.evidence(&schur, &levels) else { break };
+                    let change = levels.refine(&evidence, &sweep.tally, consistency, prior);
+                    schur = chain.eliminate(&levels).map_err(not_excited)?;
+                    if Levels::settled(change) {
+                        settled = round == 0;
+                        break;
+                    }
+                }
+                progress.refinements += 1;
+            }
+            let halved = progress.diverges();
+            let gradient = if halved { &schur.gradient * 0.5 } else { schur.gradient.clone() };
+            let step = eta.step(&schur.information, &gradient).ok_or(not_excited(Indefinite))?;
+            let decrement = step.step.dot(&(&schur.information * &step.step));
+            let largest_step = chain.follow(&schur, &step);
+            eta = step.next;
+            calibration.advance(step.step.as_slice());
+            let gated = robust.is_none_or(|robust| robust.gate.is_finite());
+            progress.iterations.push(Iteration { cost, decrement, largest_defect: sweep.largest_defect });
+            let still = decrement < SMALL_DECREMENT && largest_step < SMALL_STEP;
+            let refined =
+                prior.is_none() || progress.refinements > 0 && (settled || progress.refinements >= REFINEMENTS);
+            if still && gated && refined {
+                let robust = self.robust.then(|| progress.robust());
+                let sweep = chain.sweep(&eta, &calibration, &levels, robust);
+                let schur = chain.eliminate(&levels).map_err(not_excited)?;
+                let cost = self::cost(&sweep, &levels);
+                return self.result(
+                    &chain,
+                    &eta,
+                    &calibration,
+                    &levels,
+                    cost,
+                    &schur,
+                    progress.iterations,
+                    step.constrained,
+                );
+            }
+            let iterations = progress.iterations.len();
+            if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
+                return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
+            }
+            if self.segment_samples.is_none() && decrement < NEAR {
+                let wanted = segment_length(&levels, &eta, record.median_step_s);
+                if wanted < length {
+                    length = wanted;
+                    chain = chain.resegmented(length, &eta, &calibration);
+                }
+            }
+        }
+    }
+
+    fn result<const W: usize>(
+        &self,
+        chain: &Chain<'_, W>,
+        eta: &Coordinates,
+        calibration: &Calibration,
+        levels: &Levels,
+        cost: f64,
+        schur: &Schur<W>,
+        iterations: Vec<Iteration>,
+        constrained: bool,
+    ) -> Result<LikelihoodEstimate, IdentificationError> {
+        let factor = schur.information.clone().cholesky().ok_or(not_excited(Indefinite))?;
+        let covariance = factor.inverse();
+        let by_eta = eta.parameters_by_eta();
+        let body = covariance.fixed_view::<10, 10>(0, 0).into_owned();
+        let pull = factor.solve(&schur.gradient);
+        let parameters = eta.parameters();
+        let nuisance = |&nuisance: &Nuisance| {
+            let column = calibration.lane(nuisance)? - PARAMETERS;
+            let std = covariance[(column, column)].sqrt();
+            Some(NuisanceEstimate { nuisance, value: calibration.value(nuisance), std })
+        };
+        Ok(LikelihoodEstimate {
+            parameters,
+            unconstrained: parameters.to_vector() + by_eta * pull.fixed_rows::<10>(0),
+            covariance: by_eta * body * by_eta.transpose(),
+            std: body.diagonal().map(f64::sqrt),
+            active_axis: constrained.then(|| eta.thinnest_axis()),
+            nuisances: self.nuisances.iter().filter_map(nuisance).collect(),
+            noise: levels.noise(&chain.groups),
+            cost,
+            iterations,
+            segment_samples: chain.starts.get(1).map_or(1, |second| *second),
+        })
+    }
+}
+
+/// How far the iterations have come.
+#[derive(Default)]
+struct Progress {
+    iterations: Vec<Iteration>,
+    refinements: usize,
+}
+
+impl Progress {
+    fn near(&self) -> bool {
+        self.iterations.last().is_some_and(|last| last.decrement < NEAR)
+    }
+
+    fn robust(&self) -> Robust {
+        let gate = if self.near() || self.iterations.len() >= GATED { GATE } else { f64::INFINITY };
+        Robust { huber: HUBER, gate }
+    }
+
+    fn refines(&self) -> bool {
+        self.near() && self.refinements < REFINEMENTS
+    }
+
+    /// The decrement grew twice in a row.
+    fn diverges(&self) -> bool {
+        matches!(self.iterations.as_slice(), [.., a, b, c] if c.decrement > b.decrement && b.decrement > a.decrement)
+    }
+}
+
+/// A quarter of the time over which the wrench noise moves the body as far as the poses scatter.
+///
+/// # Source
+/// The time constant of the smoother, the smaller of that of position and that of attitude.
+fn segment_length(levels: &Levels, eta: &Coordinates, step_s: f64) -> usize {
+    let body = eta.body();
+    let ([torque, force], [position, attitude, ..]) = (levels.wrench, levels.measurements);
+    let linear = (position * body.mass / force).sqrt();
+    let angular = (attitude * body.inertia.trace() / 3.0 / torque).sqrt();
+    ((0.25 * linear.min(angular) / step_s).round() as usize).clamp(1, LONGEST_SEGMENT)
+}
+
+/// Weighted squares of all residuals, those of the wrench noise included.
+fn cost(sweep: &Sweep, levels: &Levels) -> f64 {
+    let measured: f64 = (0..MEASUREMENTS).map(|g| sweep.tally.squares[g] / levels.measurements[g].powi(2)).sum();
+    measured + sweep.noise_squares.iter().sum::<f64>()
+}
+
+fn not_excited(_: Indefinite) -> IdentificationError {
+    IdentificationError::NotExcited { rank: 9, expected: 10, smallest_singular_value: 0.0 }
+}
+
+#[cfg(test)]
+mod golden;

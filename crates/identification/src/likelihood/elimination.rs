@@ -1,0 +1,447 @@
+//! States and wrench noise eliminated from a chain of segments, last to first: what is left is about the parameters.
+//!
+//! Each segment is a quadratic in `z = [x, e, eta, 1]`, the segments are tied by `x' = A x + B e + Gamma eta + d`. Lanes as in
+//! the module `segment`.
+
+use super::segment::{MEASUREMENTS, NOISE, PARAMETERS, Tangent, packed_start};
+use nalgebra::{DMatrix, DVector};
+
+/// A square matrix over lanes; only the first `lanes` rows and columns are used.
+pub(crate) type Square<const W: usize> = [[f64; W]; W];
+
+/// Pivot that was not positive: the data do not determine what was to be eliminated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Indefinite;
+
+/// Quadratic cost of one segment and the map to the next one.
+pub(crate) struct Stage<'a, const W: usize> {
+    /// Packed normal matrices of the groups present, one after the other.
+    pub(crate) normals: &'a [f64],
+    /// Weights of these groups, `1 / sigma^2`.
+    pub(crate) weights: &'a [f64],
+    /// Wrench noise at which the stage is linearised, and the precision of its prior.
+    pub(crate) noise: &'a [f64; 6],
+    pub(crate) precision: &'a [f64; 6],
+    /// Twelve rows `[A B Gamma d]`; `None` for the last segment.
+    pub(crate) transition: Option<&'a [[f64; W]]>,
+}
+
+/// What the forward pass needs of an eliminated stage.
+#[derive(Clone)]
+pub(crate) struct Gain<const W: usize> {
+    /// `e = -K [x; eta; 1]`, lanes of the noise empty.
+    pub(crate) rows: [[f64; W]; 6],
+    /// Lower Cholesky factor of the noise block.
+    factor: [[f64; 6]; 6],
+}
+
+impl<const W: usize> Gain<W> {
+    pub(crate) fn new() -> Self {
+        Self { rows: [[0.0; W]; 6], factor: [[0.0; 6]; 6] }
+    }
+}
+
+/// The cost to go as a quadratic in `[x, eta, 1]`, lanes of the noise empty.
+pub(crate) struct CostToGo<const W: usize> {
+    lanes: usize,
+    value: Box<Square<W>>,
+    stage: Box<Square<W>>,
+    product: Box<Square<W>>,
+    /// Sum of the log determinants of the blocks eliminated.
+    pub(crate) log_determinant: f64,
+}
+
+impl<const W: usize> CostToGo<W> {
+    pub(crate) fn new(lanes: usize) -> Self {
+        let zero = || Box::new([[0.0; W]; W]);
+        Self { lanes, value: zero(), stage: zero(), product: zero(), log_determinant: 0.0 }
+    }
+
+    /// The end of the chain: nothing comes after.
+    pub(crate) fn clear(&mut self) {
+        *self.value = [[0.0; W]; W];
+        self.log_determinant = 0.0;
+    }
+
+    /// Puts a stage before the chain eliminated so far.
+    pub(crate) fn eliminate(&mut self, stage: &Stage<'_, W>, gain: &mut Gain<W>) -> Result<(), Indefinite> {
+        self.sum_up(stage);
+        if let Some(transition) = stage.transition {
+            self.carry(transition);
+        }
+        self.eliminate_noise(gain)
+    }
+
+    /// The stage's own quadratic, upper triangle.
+    fn sum_up(&mut self, stage: &Stage<'_, W>) {
+        let (lanes, last) = (self.lanes, self.lanes - 1);
+        let length = stage.normals.len() / stage.weights.len().max(1);
+        for i in 0..lanes {
+            let row = &mut self.stage[i];
+            *row = [0.0; W];
+            let start = packed_start(i, lanes);
+            for (normals, weight) in stage.normals.chunks_exact(length).zip(stage.weights) {
+                for (sum, value) in row[i..lanes].iter_mut().zip(&normals[start..]) {
+                    *sum += weight * value;
+                }
+            }
+        }
+        for i in 0..6 {
+            let (noise, precision) = (stage.noise[i], stage.precision[i]);
+            self.stage[NOISE + i][NOISE + i] += precision;
+            self.stage[NOISE + i][last] += precision * noise;
+            self.stage[last][last] += precision * noise * noise;
+        }
+    }
+
+    /// Adds `F^T V F`.
+    fn carry(&mut self, transition: &[[f64; W]]) {
+        let lanes = self.lanes;
+        for a in (0..NOISE).chain(PARAMETERS..lanes) {
+            let value = &self.value[a];
+            let mut row = *value;
+            row[..PARAMETERS].fill(0.0);
+            for (factor, step) in value.iter().zip(transition) {
+                for q in 0..W {
+                    row[q] += factor * step[q];
+                }
+            }
+            self.product[a] = row;
+        }
+        for a in 0..lanes {
+            let row = &mut self.stage[a];
+            for (step, product) in transition.iter().zip(self.product.iter()) {
+                let factor = step[a];
+                for q in 0..W {
+                    row[q] += factor * product[q];
+                }
+            }
+            if a >= PARAMETERS {
+                for q in 0..W {
+                    row[q] += self.product[a][q];
+                }
+            }
+        }
+    }
+
+    fn eliminate_noise(&mut self, gain: &mut Gain<W>) -> Result<(), Indefinite> {
+        let lanes = self.lanes;
+        let mut l = [[0.0; 6]; 6];
+        for a in 0..6 {
+            for b in 0..=a {
+                let sum = self.stage[NOISE + b][NOISE + a] - (0..b).map(|i| l[a][i] * l[b][i]).sum::<f64>();
+                if a == b {
+                    if sum.is_nan() || sum <= 0.0 {
+                        return Err(Indefinite);
+                    }
+                    l[a][a] = sum.sqrt();
+                    self.log_determinant += sum.ln();
+                } else {
+                    l[a][b] = sum / l[b][b];
+                }
+            }
+        }
+        let mut y = [[0.0; W]; 6];
+        for a in 0..6 {
+            let mut row = self.stage[NOISE + a];
+            for q in 0..NOISE {
+                row[q] = self.stage[q][NOISE + a];
+            }
+            row[NOISE..PARAMETERS].fill(0.0);
+            for i in 0..a {
+                for q in 0..W {
+                    row[q] -= l[a][i] * y[i][q];
+                }
+            }
+            let inverse = 1.0 / l[a][a];
+            y[a] = row.map(|value| value * inverse);
+        }
+        for a in (0..lanes).filter(|a| !(NOISE..PARAMETERS).contains(a)) {
+            let mut row = self.stage[a];
+            row[NOISE..PARAMETERS].fill(0.0);
+            for y in &y {
+                for q in 0..W {
+                    row[q] -= y[a] * y[q];
+                }
+            }
+            // The lower triangle comes from the rows above.
+            for q in 0..a {
+                row[q] = self.value[q][a];
+            }
+            self.value[a] = row;
+        }
+        for a in (0..6).rev() {
+            let mut row = y[a];
+            for i in a + 1..6 {
+                for q in 0..W {
+                    row[q] -= l[i][a] * gain.rows[i][q];
+                }
+            }
+            let inverse = 1.0 / l[a][a];
+            gain.rows[a] = row.map(|value| value * inverse);
+        }
+        gain.factor = l;
+        Ok(())
+    }
+
+    /// Eliminates the first state: what the chain says about the parameters.
+    pub(crate) fn finish(&self) -> Result<Schur<W>, Indefinite> {
+        let (lanes, last, value) = (self.lanes, self.lanes - 1, &self.value);
+        let columns = last - PARAMETERS;
+        let (mut l, mut y, mut log_determinant) = ([[0.0; 12]; 12], [[0.0; W]; 12], self.log_determinant);
+        for a in 0..12 {
+            for b in 0..=a {
+                let sum = value[a][b] - (0..b).map(|i| l[a][i] * l[b][i]).sum::<f64>();
+                if a == b {
+                    if sum.is_nan() || sum <= 0.0 {
+                        return Err(Indefinite);
+                    }
+                    l[a][a] = sum.sqrt();
+                    log_determinant += sum.ln();
+                } else {
+                    l[a][b] = sum / l[b][b];
+                }
+            }
+        }
+        for a in 0..12 {
+            for q in PARAMETERS..lanes {
+                y[a][q] = (value[a][q] - (0..a).map(|i| l[a][i] * y[i][q]).sum::<f64>()) / l[a][a];
+            }
+        }
+        let left = |a: usize, b: usize| value[a][b] - (0..12).map(|i| y[i][a] * y[i][b]).sum::<f64>();
+        let information = DMatrix::from_fn(columns, columns, |i, j| {
+            let (i, j) = (PARAMETERS + i.min(j), PARAMETERS + i.max(j));
+            left(i, j)
+        });
+        let gradient = DVector::from_fn(columns, |i, _| -left(PARAMETERS + i, last));
+        let mut first = y;
+        for a in (0..12).rev() {
+            for q in PARAMETERS..lanes {
+                first[a][q] = (y[a][q] - (a + 1..12).map(|i| l[i][a] * first[i][q]).sum::<f64>()) / l[a][a];
+            }
+        }
+        Ok(Schur { information, gradient, first, factor: l, log_determinant })
+    }
+}
+
+/// The quadratic in the parameters alone, `d^T S d / 2 - g^T d`.
+#[derive(Clone)]
+pub(crate) struct Schur<const W: usize> {
+    /// S.
+    pub(crate) information: DMatrix<f64>,
+    /// g.
+    pub(crate) gradient: DVector<f64>,
+    /// The first state follows as `x = -first [eta; 1]`.
+    first: [[f64; W]; 12],
+    factor: [[f64; 12]; 12],
+    /// Of states and noise.
+    pub(crate) log_determinant: f64,
+}
+
+impl<const W: usize> Schur<W> {
+    pub(crate) fn first_state(&self, step: &[f64]) -> [f64; 12] {
+        core::array::from_fn(|a| {
+            let row = &self.first[a][PARAMETERS..];
+            -(row[step.len()] + step.iter().zip(row).map(|(d, x)| d * x).sum::<f64>())
+        })
+    }
+}
+
+/// Steps of states and noise that belong to a step of the parameters.
+pub(crate) fn forward<const W: usize>(
+    first: [f64; 12],
+    step: &[f64],
+    gains: &[Gain<W>],
+    transitions: &[Tangent<W>],
+    mut visit: impl FnMut(usize, &[f64; W]),
+) {
+    let last = PARAMETERS + step.len();
+    let mut z = [0.0; W];
+    z[PARAMETERS..last].copy_from_slice(step);
+    z[last] = 1.0;
+    z[..12].copy_from_slice(&first);
+    for (j, (gain, transition)) in gains.iter().zip(transitions).enumerate() {
+        z[NOISE..PARAMETERS].fill(0.0);
+        let noise = gain.rows.map(|row| -inner(&row, &z));
+        z[NOISE..PARAMETERS].copy_from_slice(&noise);
+        visit(j, &z);
+        let next = transition.map(|rows| rows.map(|row| inner(&row, &z)));
+        z[..12].copy_from_slice(next.as_flattened());
+    }
+}
+
+fn inner<const W: usize>(a: &[f64; W], b: &[f64; W]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Sums over a chain that noise levels are judged by.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Evidence {
+    /// Weighted squares of residuals at the optimum, by group, in units of its standard deviation.
+    pub(crate) squares: [f64; MEASUREMENTS],
+    /// Degrees of freedom that the fit takes from each group.
+    pub(crate) absorbed: [f64; MEASUREMENTS],
+    /// The same of the wrench noise (torque, force).
+    pub(crate) wrench_squares: [f64; 2],
+    pub(crate) wrench_absorbed: [f64; 2],
+    /// Components of torque noise, and as many of force noise.
+    pub(crate) wrench_counted: f64,
+}
+
+/// Covariance of `[x, e, eta]` of one segment after another, and the optimum of the quadratic there.
+pub(crate) struct Posterior<const W: usize> {
+    covariance: Box<Square<W>>,
+    /// Optimum `[x, e, eta, 1]`.
+    optimum: [f64; W],
+    last: usize,
+}
+
+impl<const W: usize> Posterior<W> {
+    /// At the first segment; its noise is added by [`with_noise`](Self::with_noise).
+    pub(crate) fn new(schur: &Schur<W>) -> Option<Self> {
+        let columns = schur.gradient.len();
+        let last = PARAMETERS + columns;
+        let inverse = schur.information.clone().cholesky()?.inverse();
+        let step = &inverse * &schur.gradient;
+        let mut covariance = Box::new([[0.0; W]; W]);
+        for i in 0..columns {
+            for j in 0..columns {
+                covariance[PARAMETERS + i][PARAMETERS + j] = inverse[(i, j)];
+            }
+        }
+        // x = -A eta + noise of the state given the parameters.
+        let mut cross = [[0.0; W]; 12];
+        for (row, first) in cross.iter_mut().zip(&schur.first) {
+            for (factor, of_parameter) in first[PARAMETERS..last].iter().zip(&covariance[PARAMETERS..]) {
+                for (sum, value) in row.iter_mut().zip(of_parameter) {
+                    *sum -= factor * value;
+                }
+            }
+        }
+        let given = inverse_of_factored(&schur.factor);
+        for i in 0..12 {
+            for j in 0..12 {
+                let through: f64 = (PARAMETERS..last).map(|k| cross[i][k] * schur.first[j][k]).sum();
+                covariance[i][j] = given[i][j] - through;
+            }
+            for j in PARAMETERS..last {
+                covariance[i][j] = cross[i][j];
+                covariance[j][i] = cross[i][j];
+            }
+        }
+        let mut optimum = [0.0; W];
+        optimum[..12].copy_from_slice(&schur.first_state(step.as_slice()));
+        optimum[PARAMETERS..last].copy_from_slice(step.as_slice());
+        optimum[last] = 1.0;
+        Some(Self { covariance, optimum, last })
+    }
+
+    /// Adds the noise of the segment reached.
+    pub(crate) fn with_noise(&mut self, gain: &Gain<W>) {
+        let last = self.last;
+        self.optimum[NOISE..PARAMETERS].fill(0.0);
+        let noise = gain.rows.map(|row| -inner(&row, &self.optimum));
+        self.optimum[NOISE..PARAMETERS].copy_from_slice(&noise);
+        for row in self.covariance.iter_mut() {
+            row[NOISE..PARAMETERS].fill(0.0);
+        }
+        let mut cross = [[0.0; W]; 6];
+        for (row, gain) in cross.iter_mut().zip(&gain.rows) {
+            for k in (0..NOISE).chain(PARAMETERS..last) {
+                for q in 0..W {
+                    row[q] -= gain[k] * self.covariance[k][q];
+                }
+            }
+        }
+        let given = inverse_of_factored(&gain.factor);
+        for i in 0..6 {
+            let mut row = cross[i];
+            for j in 0..6 {
+                let through: f64 = (0..NOISE).chain(PARAMETERS..last).map(|k| cross[i][k] * gain.rows[j][k]).sum();
+                row[NOISE + j] = given[i][j] - through;
+            }
+            for k in (0..NOISE).chain(PARAMETERS..last) {
+                self.covariance[k][NOISE + i] = row[k];
+            }
+            self.covariance[NOISE + i] = row;
+        }
+    }
+
+    /// On to the next segment.
+    ///
+    /// In closed loop, `x' = (A - B K) x + ...`, which is stable where the bare transition is not.
+    pub(crate) fn advance(&mut self, gain: &Gain<W>, transition: &Tangent<W>) {
+        let last = self.last;
+        let transition = transition.as_flattened();
+        let given = inverse_of_factored(&gain.factor);
+        let (mut closed, mut cross, mut spread) = ([[0.0; W]; 12], [[0.0; W]; 12], [[0.0; 6]; 12]);
+        for i in 0..12 {
+            closed[i] = transition[i];
+            let through = &transition[i][NOISE..PARAMETERS];
+            for (factor, row) in through.iter().zip(&gain.rows) {
+                for q in 0..W {
+                    closed[i][q] -= factor * row[q];
+                }
+            }
+            closed[i][NOISE..PARAMETERS].fill(0.0);
+            for k in (0..NOISE).chain(PARAMETERS..last) {
+                for q in 0..W {
+                    cross[i][q] += closed[i][k] * self.covariance[k][q];
+                }
+            }
+            spread[i] = core::array::from_fn(|j| through.iter().zip(&given).map(|(b, row)| b * row[j]).sum());
+        }
+        for i in 0..12 {
+            for j in 0..=i {
+                let noise: f64 = spread[i].iter().zip(&transition[j][NOISE..]).map(|(a, b)| a * b).sum();
+                let state: f64 = (0..NOISE).chain(PARAMETERS..last).map(|k| cross[i][k] * closed[j][k]).sum();
+                self.covariance[i][j] = state + noise;
+                self.covariance[j][i] = state + noise;
+            }
+            for k in PARAMETERS..last {
+                self.covariance[i][k] = cross[i][k];
+                self.covariance[k][i] = cross[i][k];
+            }
+        }
+        let next: [f64; 12] = core::array::from_fn(|i| inner(&transition[i], &self.optimum));
+        self.optimum[..12].copy_from_slice(&next);
+    }
+
+    /// Weighted squares of residuals at the optimum, and the trace of normal matrix times covariance, of one group.
+    pub(crate) fn contract(&self, packed: &[f64]) -> (f64, f64) {
+        let (mut square, mut trace) = (0.0, 0.0);
+        for i in 0..=self.last {
+            let row = &packed[packed_start(i, self.last + 1)..][..=self.last - i];
+            let (z, covariance) = (&self.optimum[i..], &self.covariance[i][i..]);
+            square -= row[0] * z[0] * z[0];
+            trace -= row[0] * covariance[0];
+            let (mut along, mut over) = (0.0, 0.0);
+            for ((value, z), c) in row.iter().zip(z).zip(covariance) {
+                along += value * z;
+                over += value * c;
+            }
+            square += 2.0 * along * z[0];
+            trace += 2.0 * over;
+        }
+        (square, trace)
+    }
+
+    /// Expected noise of the wrench, given the step of the optimum, and its variance.
+    pub(crate) fn noise(&self, i: usize) -> (f64, f64) {
+        (self.optimum[NOISE + i], self.covariance[NOISE + i][NOISE + i])
+    }
+}
+
+/// Inverse of `L L^T`.
+fn inverse_of_factored<const N: usize>(l: &[[f64; N]; N]) -> [[f64; N]; N] {
+    let mut inverse = [[0.0; N]; N];
+    for j in 0..N {
+        for i in j..N {
+            let unit = if i == j { 1.0 } else { 0.0 };
+            inverse[i][j] = (unit - (j..i).map(|k| l[i][k] * inverse[k][j]).sum::<f64>()) / l[i][i];
+        }
+    }
+    core::array::from_fn(|i| {
+        core::array::from_fn(|j| (i.max(j)..N).map(|k| inverse[k][i] * inverse[k][j]).sum::<f64>())
+    })
+}

@@ -1,0 +1,197 @@
+//! A motion log as the likelihood reads it: times, inputs, and the places where the logged wrench is in doubt.
+
+use super::flow::Input;
+use super::segment::Sample;
+use crate::WrenchTiming;
+use crate::error::{Column, IdentificationError};
+use crate::motion::MotionSample;
+use nalgebra::{Vector3, Vector6};
+
+/// Fewest samples that are tried.
+const FEWEST_SAMPLES: usize = 8;
+/// A step longer than this many median steps is a gap: the wrench there is only guessed by the last one.
+const GAP: f64 = 1.5;
+/// Distance from the running median, in robust standard deviations of such distances, at which a wrench is a spike.
+const SPIKE: f64 = 5.0 * 1.4826;
+/// Spikes more frequent than this are how the body is driven.
+const LARGEST_SPIKE_SHARE: f64 = 0.03;
+
+/// A sample whose wrench is less certain than the others'.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Doubt {
+    pub(super) sample: usize,
+    /// Variance beyond that of the noise, torque and force.
+    pub(super) variance: Vector6<f64>,
+}
+
+pub(super) struct Record {
+    pub(super) samples: Vec<Sample>,
+    pub(super) median_step_s: f64,
+    /// In ascending order of samples.
+    pub(super) doubts: Vec<Doubt>,
+}
+
+impl Record {
+    pub(super) fn try_new(
+        record: &[MotionSample],
+        timing: WrenchTiming,
+        filter_spikes: bool,
+    ) -> Result<Self, IdentificationError> {
+        if record.len() < FEWEST_SAMPLES {
+            return Err(IdentificationError::TooFewSamples { samples: record.len(), needed: FEWEST_SAMPLES });
+        }
+        if let Some(index) = record.windows(2).position(|pair| pair[1].time_ns <= pair[0].time_ns) {
+            return Err(IdentificationError::TimesNotIncreasing { index: index + 1 });
+        }
+        if let Some(row) = record.iter().position(|sample| !is_finite(sample)) {
+            return Err(IdentificationError::NotFinite { row });
+        }
+        // Held until another one is logged; before the first, the first.
+        let first = record.iter().find_map(|sample| sample.wrench_body);
+        let mut held = first.ok_or(IdentificationError::MissingColumn(Column::Wrench))?.to_vector();
+        let mut wrenches: Vec<Vector6<f64>> = record
+            .iter()
+            .map(|sample| {
+                held = sample.wrench_body.map_or(held, |wrench| wrench.to_vector());
+                held
+            })
+            .collect();
+        let between = |a: usize, b: usize| (record[b].time_ns - record[a].time_ns) as f64 * 1e-9;
+        let last = record.len() - 1;
+        let steps: Vec<f64> = (0..record.len()).map(|k| between(k, (k + 1).min(last))).collect();
+        let median_step_s = median(&mut steps[..last].to_vec());
+        let mut doubts = if filter_spikes { spikes(&mut wrenches) } else { Vec::new() };
+        for (sample, step) in steps.iter().enumerate().filter(|(_, step)| **step > GAP * median_step_s) {
+            let lag = ((step / median_step_s).round() as usize).clamp(1, last);
+            doubts.push(Doubt { sample, variance: change_variance(&wrenches, lag) });
+        }
+        doubts.sort_by_key(|doubt| doubt.sample);
+        doubts.dedup_by(|next, kept| {
+            let same = next.sample == kept.sample;
+            if same {
+                kept.variance += next.variance;
+            }
+            same
+        });
+        let samples = record
+            .iter()
+            .enumerate()
+            .map(|(k, sample)| Sample {
+                time_s: between(0, k),
+                step_s: steps[k],
+                input: input(&wrenches, &steps, k, timing, GAP * median_step_s),
+                position: sample.world_from_body.translation.vector,
+                world_from_body: sample.world_from_body.rotation,
+                velocity: sample.velocity_origin_world,
+                rate: sample.rate_body,
+                acceleration: sample.acceleration_origin_body,
+            })
+            .collect();
+        Ok(Self { samples, median_step_s, doubts })
+    }
+
+    /// First samples of segments of `length` samples; a sample in doubt is a segment of its own.
+    pub(super) fn segments(&self, length: usize) -> Vec<usize> {
+        let mut starts = Vec::new();
+        let mut doubts = self.doubts.iter().map(|doubt| doubt.sample).peekable();
+        let mut next = 0;
+        for k in 0..self.samples.len() {
+            let doubted = doubts.next_if_eq(&k).is_some();
+            if k == next || doubted {
+                starts.push(k);
+                next = k + if doubted { 1 } else { length };
+            }
+        }
+        starts
+    }
+
+    /// Extra variance of the wrench in the segment that starts at this sample.
+    pub(super) fn doubt_at(&self, sample: usize) -> Option<&Vector6<f64>> {
+        let found = self.doubts.binary_search_by_key(&sample, |doubt| doubt.sample).ok()?;
+        self.doubts.get(found).map(|doubt| &doubt.variance)
+    }
+}
+
+/// Mean wrench over the step after sample `k`, and its slope.
+///
+/// # Source
+/// Sampled: average over the cell of the cubic through four samples, or of the chord where one of them is missing.
+fn input(wrenches: &[Vector6<f64>], steps: &[f64], k: usize, timing: WrenchTiming, gap_s: f64) -> Input {
+    let here = wrenches[k];
+    let (mean, slope) = match (timing, wrenches.get(k + 1)) {
+        (WrenchTiming::Sampled, Some(next)) if steps[k] <= gap_s => {
+            let h = steps[k];
+            let like = |other: f64| (other / h - 1.0).abs() < 0.01;
+            let outer = k
+                .checked_sub(1)
+                .zip(wrenches.get(k + 2))
+                .filter(|(before, _)| like(steps[*before]) && like(steps[k + 1]));
+            let mean = match outer {
+                Some((before, after)) => ((here + next) * 13.0 - wrenches[before] - after) / 24.0,
+                None => (here + next) * 0.5,
+            };
+            (mean, (next - here) / h)
+        }
+        _ => (here, Vector6::zeros()),
+    };
+    let half = |v: &Vector6<f64>, first: usize| Vector3::new(v[first], v[first + 1], v[first + 2]);
+    Input { torque: half(&mean, 0), force: half(&mean, 3), torque_slope: half(&slope, 0), force_slope: half(&slope, 3) }
+}
+
+/// Replaces rare spikes by the running median of five; what they were is the doubt that remains.
+fn spikes(wrenches: &mut [Vector6<f64>]) -> Vec<Doubt> {
+    let original = wrenches.to_vec();
+    let mut doubts: Vec<Doubt> = Vec::new();
+    for axis in 0..6 {
+        let middle = |k: usize| {
+            let first = k.saturating_sub(2).min(original.len().saturating_sub(5));
+            let mut near: Vec<f64> = original[first..].iter().take(5).map(|wrench| wrench[axis]).collect();
+            median(&mut near)
+        };
+        let medians: Vec<f64> = (0..original.len()).map(middle).collect();
+        let away = |k: usize| (original[k][axis] - medians[k]).abs();
+        let bound = SPIKE * median(&mut (0..original.len()).map(away).collect::<Vec<_>>());
+        let found: Vec<usize> = (0..original.len()).filter(|&k| away(k) > bound).collect();
+        if bound == 0.0 || found.len() as f64 > LARGEST_SPIKE_SHARE * original.len() as f64 {
+            continue;
+        }
+        for sample in found {
+            let mut variance = Vector6::zeros();
+            variance[axis] = away(sample).powi(2);
+            wrenches[sample][axis] = medians[sample];
+            doubts.push(Doubt { sample, variance });
+        }
+    }
+    doubts
+}
+
+/// Half the mean square change of the wrench over `lag` samples, the same for the three axes of torque and of force.
+fn change_variance(wrenches: &[Vector6<f64>], lag: usize) -> Vector6<f64> {
+    let (mut torque, mut force) = (0.0, 0.0);
+    for (a, b) in wrenches.iter().zip(&wrenches[lag..]) {
+        let change = b - a;
+        torque += change.fixed_rows::<3>(0).norm_squared();
+        force += change.fixed_rows::<3>(3).norm_squared();
+    }
+    let pairs = 6.0 * (wrenches.len() - lag).max(1) as f64;
+    Vector6::from_fn(|i, _| if i < 3 { torque / pairs } else { force / pairs })
+}
+
+fn is_finite(sample: &MotionSample) -> bool {
+    let pose = &sample.world_from_body;
+    let vectors = [sample.velocity_origin_world, sample.rate_body, sample.acceleration_origin_body];
+    let wrench = sample.wrench_body.map(|w| w.torque + w.force);
+    let all = |v: &Vector3<f64>| v.iter().all(|x| x.is_finite());
+    all(&pose.translation.vector)
+        && pose.rotation.coords.iter().all(|x| x.is_finite())
+        && vectors.into_iter().chain([wrench]).flatten().all(|v| all(&v))
+}
+
+/// Median of a list that is not empty; zero of an empty one.
+pub(super) fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
