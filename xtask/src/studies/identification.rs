@@ -20,10 +20,11 @@ use crate::Failure;
 use crate::arguments::Arguments;
 use crate::chapter5::{self, Method};
 use crate::flights::{Errors, GROUPS, GroupCovariances, Multisine, Noise, chapter5_bodies, fly, free_flyers};
+use crate::likelihood;
 use crate::plot::{self, Curve, Scale};
 
 /// The chance with which a correct estimator may fail one cell.
-const CELL_CHANCE: f64 = 0.001;
+pub const CELL_CHANCE: f64 = 0.001;
 
 /// One figure of a cell and where it must lie.
 pub struct Test {
@@ -41,7 +42,7 @@ impl Test {
 }
 
 /// Told after each run how many there are in all.
-type Progress<'a> = dyn FnMut(usize) + 'a;
+pub type Progress<'a> = dyn FnMut(usize) + 'a;
 
 /// A cell: its name, its number of runs, and what it finds in the runs of the seeds `0..runs`.
 struct Cell {
@@ -53,6 +54,12 @@ struct Cell {
 const CELLS: &[Cell] = &[
     Cell { name: "chapter5 order 4", runs: 1000, tests: chapter5_order4 },
     Cell { name: "delay by correlation", runs: 200, tests: delay_by_correlation },
+    Cell { name: "noisy poses", runs: 500, tests: likelihood::noisy_poses },
+    Cell { name: "realistic log", runs: 100, tests: likelihood::realistic },
+    Cell { name: "coverage", runs: 1000, tests: likelihood::coverage },
+    Cell { name: "delay by likelihood", runs: 200, tests: likelihood::delay },
+    Cell { name: "relative force scale", runs: 200, tests: likelihood::relative_scale },
+    Cell { name: "accelerometer scale", runs: 200, tests: likelihood::accelerometer_scale },
 ];
 
 /// Errors of one run and the bound that belongs to its motion.

@@ -12,6 +12,7 @@ mod ident_sdp;
 mod identification;
 mod integrator;
 mod lie;
+mod likelihood;
 mod plot;
 mod real_data;
 mod throws;
