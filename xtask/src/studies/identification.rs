@@ -154,16 +154,19 @@ pub fn nees_test(label: &str, squares: impl Iterator<Item = f64>, dimension: f64
     }
 }
 
+/// Runs from which on the target of an rms error is taken as it is; fewer scatter more.
+const FULL_RUNS: f64 = 200.0;
+
 /// The rms of errors: at most `target`, for an estimator whose errors have the deviation `sigma` it states.
 pub fn rms_test(label: &str, errors: &[f64], sigma: f64, target: f64) -> Test {
     let n = errors.len() as f64;
-    let high = (target / sigma).max(rms_ratio_band(n, 1.0 - CELL_CHANCE).high);
-    let limits = Band { low: 0.0, high };
+    let scatter = |n: f64| rms_ratio_band(n, 1.0 - CELL_CHANCE).high;
+    let high = target * (scatter(n) / scatter(FULL_RUNS)).max(1.0);
     Test {
         quantity: format!("{label}: rms error"),
         value: (errors.iter().map(|e| e * e).sum::<f64>() / n).sqrt(),
-        limits: Band { low: 0.0, high: target },
-        chance: rms_ratio_failure(n, &limits),
+        limits: Band { low: 0.0, high },
+        chance: rms_ratio_failure(n, &Band { low: 0.0, high: high / sigma }),
     }
 }
 
@@ -240,7 +243,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Err(Failure::BadInput(format!("no cell is called `{wanted}`: {}", names.join(", "))));
     }
     let asked = arguments.number("--runs")?;
-    let mut results = Vec::new();
+    let (mut results, mut broken) = (Vec::new(), Vec::new());
     for cell in cells {
         let runs = asked.unwrap_or(cell.runs).max(2);
         let (mut done, mut told) = (0, 0);
@@ -251,7 +254,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
                 eprintln!("{}: {} of {all}", cell.name, done);
             }
         };
-        let tests = (cell.tests)(runs, &mut progress)?;
+        let tests = match (cell.tests)(runs, &mut progress) {
+            Ok(tests) => tests,
+            Err(Failure::TargetMissed(reason)) => {
+                println!("MISS {}: {reason}", cell.name);
+                broken.push(format!("{}: {reason}", cell.name));
+                continue;
+            }
+            Err(failure) => return Err(failure),
+        };
         for test in &tests {
             println!(
                 "{} {:<22} {:<40} {:>10.3e}  in {:.3e} to {:.3e}",
@@ -275,6 +286,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .flat_map(|(name, _, tests)| {
             tests.iter().filter(|test| !test.passes()).map(move |test| format!("{name}: {}", test.quantity))
         })
+        .chain(broken)
         .collect();
     if missed.is_empty() { Ok(()) } else { Err(Failure::TargetMissed(missed.join("\n"))) }
 }
@@ -370,13 +382,14 @@ mod tests {
         }
     }
 
-    /// The study itself, small: bands are those of its own number of runs.
+    /// The first cell, small: bands are those of its own number of runs.
     #[test]
     fn a_small_study_passes() {
-        for cell in CELLS {
-            for test in (cell.tests)(12, &mut |_| ()).unwrap() {
-                assert!(test.passes(), "{}: {} {} {}", cell.name, test.quantity, test.value, test.limits);
-            }
+        let mut runs = 0;
+        let tests = chapter5_order4(12, &mut |_| runs += 1).unwrap();
+        assert_eq!((runs, tests.len()), (48, 13));
+        for test in tests {
+            assert!(test.passes(), "{} {} {}", test.quantity, test.value, test.limits);
         }
     }
 }

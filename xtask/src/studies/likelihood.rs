@@ -85,8 +85,9 @@ pub fn noisy_poses(runs: usize, progress: &mut Progress) -> Result<Vec<Test>, Fa
     for (level_index, level) in [1e-3, 5e-3].into_iter().enumerate() {
         for (index, body) in bodies.iter().enumerate() {
             let noise = poses(level, WRENCH_NOISE[index]);
-            let (mut all, mut squares) = (Vec::new(), Vec::new());
+            let (mut all, mut squares, mut failures) = (Vec::new(), Vec::new(), 0);
             for run in 0..runs {
+                progress(parts * runs);
                 let seed = 10_000_000 + 1_000_000 * (level_index * bodies.len() + index) as u64 + run as u64;
                 let factor = 0.1 * 300.0_f64.powf(Gaussian::from_seed(!seed).uniform());
                 let settings = MaximumLikelihood {
@@ -99,15 +100,27 @@ pub fn noisy_poses(runs: usize, progress: &mut Progress) -> Result<Vec<Test>, Fa
                     ),
                     ..MaximumLikelihood::default()
                 };
-                let found = estimate(&settings, &flight(body, &noise, 30.0, seed).record, seed)?;
+                let found = match settings.estimate(&flight(body, &noise, 30.0, seed).record) {
+                    Ok(found) => found,
+                    Err(error) => {
+                        eprintln!("{} {level:.0e}, seed {seed}, guess {factor:.2} x: {error}", body.name);
+                        failures += 1;
+                        continue;
+                    }
+                };
                 squares.push(squared_error(&found, &body.parameters));
                 all.push(Run {
                     errors: Errors::of(&found.parameters.to_vector(), &body.parameters),
                     bound: joint_bound(body, &noise, 30.0, seed)?,
                 });
-                progress(parts * runs);
             }
             let label = format!("{} {level:.0e}", body.name);
+            tests.push(Test {
+                quantity: format!("{label}: failures to converge"),
+                value: f64::from(failures),
+                limits: Band { low: 0.0, high: 0.0 },
+                chance: 0.0,
+            });
             tests.push(pooled_test(&label, &all, 1.10, 2 * parts));
             tests.push(nees_test(&label, squares.into_iter(), 10.0, 2 * parts));
         }
