@@ -63,6 +63,16 @@ pub enum IdentificationError {
         /// Squared length of the last step in standard deviations.
         decrement: f64,
     },
+    /// The search for the maximum of a likelihood ended where it still rises.
+    #[error(
+        "the likelihood still promises to rise by {promise:e} (logarithm) after {iterations} steps; start elsewhere"
+    )]
+    LikelihoodNotMaximal {
+        /// Steps done.
+        iterations: usize,
+        /// Rise of the logarithm that its quadratic model promises.
+        promise: f64,
+    },
     /// The residual variance was asked for with no more rows than parameters.
     #[error("{rows} rows leave no residual to judge {parameters} parameters by")]
     NoResidual {

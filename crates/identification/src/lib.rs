@@ -34,6 +34,7 @@ mod square_root_information;
 #[cfg(feature = "std")]
 pub mod statistics;
 pub mod synchronize;
+pub mod state_space;
 #[cfg(feature = "std")]
 mod weighted_least_squares;
 #[cfg(feature = "std")]
@@ -56,7 +57,7 @@ pub use identify::{
 };
 pub use information::FisherInformation;
 #[cfg(feature = "std")]
-pub use likelihood::{Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate};
+pub use likelihood::{Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate, SegmentResidual};
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;

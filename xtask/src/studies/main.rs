@@ -4,6 +4,7 @@
 
 mod arguments;
 mod bench;
+mod brushless;
 mod chapter5;
 mod dynamics;
 mod ekf_rls;
@@ -16,6 +17,7 @@ mod likelihood;
 mod plot;
 mod real_data;
 mod throws;
+mod thrust_imu;
 
 use std::process::ExitCode;
 

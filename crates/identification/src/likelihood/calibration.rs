@@ -85,19 +85,22 @@ impl Calibration {
     }
 
     /// The wrench that acts: logged wrench by its scale, plus noise (torque, force).
-    pub(crate) fn input(&self, logged: &Input, noise: (Vector3<f64>, Vector3<f64>)) -> Input {
+    pub(crate) fn input(&self, logged: &Input, noise: &[f64; 6]) -> Input {
         let v = &self.values;
-        if v[1..7].iter().all(|&scale| scale == 0.0) {
-            return Input { torque: logged.torque + noise.0, force: logged.force + noise.1, ..*logged };
+        let torque_noise = Vector3::new(noise[0], noise[1], noise[2]);
+        let force_noise = Vector3::new(noise[3], noise[4], noise[5]);
+        let mut input = Input { torque_noise, force_noise, ..*logged };
+        if v[1..7].iter().any(|&scale| scale != 0.0) {
+            let force = Vector3::new(v[1].exp(), v[2].exp(), v[3].exp());
+            let torque = Vector3::new(v[4].exp(), v[5].exp(), v[6].exp());
+            input.torque.component_mul_assign(&torque);
+            input.force.component_mul_assign(&force);
+            input.torque_slope.component_mul_assign(&torque);
+            input.force_slope.component_mul_assign(&force);
         }
-        let force = Vector3::new(v[1].exp(), v[2].exp(), v[3].exp());
-        let torque = Vector3::new(v[4].exp(), v[5].exp(), v[6].exp());
-        Input {
-            torque: logged.torque.component_mul(&torque) + noise.0,
-            force: logged.force.component_mul(&force) + noise.1,
-            torque_slope: logged.torque_slope.component_mul(&torque),
-            force_slope: logged.force_slope.component_mul(&force),
-        }
+        input.torque += torque_noise;
+        input.force += force_noise;
+        input
     }
 
     /// Scale and bias of the measured acceleration.

@@ -65,18 +65,35 @@ pub(crate) struct Model<'a> {
     pub(crate) robust: Option<Robust>,
 }
 
-/// Residual rows of one segment, by group.
+/// Residuals by group: the rows of one segment, and what a whole sweep adds up.
 pub(crate) struct Rows<const W: usize> {
+    /// Of the last segment rolled out.
     pub(crate) groups: [Vec<[f64; W]>; MEASUREMENTS],
+    /// Squares of the residual 3-vectors of a whole sweep.
+    pub(crate) squares: [Vec<f64>; MEASUREMENTS],
+    /// Sums over them.
+    pub(crate) tally: Tally,
 }
 
 impl<const W: usize> Rows<W> {
     pub(crate) fn new() -> Self {
-        Self { groups: [const { Vec::new() }; MEASUREMENTS] }
+        Self {
+            groups: [const { Vec::new() }; MEASUREMENTS],
+            squares: [const { Vec::new() }; MEASUREMENTS],
+            tally: Tally::default(),
+        }
+    }
+
+    /// Before a sweep.
+    pub(crate) fn restart(&mut self) {
+        for squares in &mut self.squares {
+            squares.clear();
+        }
+        self.tally = Tally::default();
     }
 }
 
-/// Sums over residuals, by group.
+/// Sums over residual 3-vectors, by group.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
     /// Weighted squares of residuals, in their own units.
@@ -99,7 +116,6 @@ impl Model<'_> {
         last: bool,
         rows: &mut Rows<W>,
         tangent: &mut Tangent<W>,
-        tally: &mut Tally,
     ) -> State {
         *tangent = [[[0.0; W]; 3]; 4];
         for i in 0..12 {
@@ -108,7 +124,6 @@ impl Model<'_> {
         for group in &mut rows.groups {
             group.clear();
         }
-        let noise = (Vector3::new(noise[0], noise[1], noise[2]), Vector3::new(noise[3], noise[4], noise[5]));
         let (mut state, end) = (*start, samples.end);
         for k in samples {
             let sample = &self.samples[k];
@@ -120,17 +135,16 @@ impl Model<'_> {
                 let step = self.body.step(&state, &acting, &self.gravity, h);
                 let angular = self.body.angular_tangent(&state.rate, &step, h);
                 if part == 0 {
-                    Measured { model: self, state: &state, input: &input, noise, angular: &angular, tangent }.rows(
+                    Measured { model: self, state: &state, input: &input, angular: &angular, tangent }.rows(
                         sample,
                         &step.acceleration,
                         rows,
-                        tally,
                     );
                 }
                 if last && k + 1 == end {
                     return state;
                 }
-                self.propagate(&state, &acting, noise, &step, &angular, h, tangent);
+                self.propagate(&state, &acting, &step, &angular, h, tangent);
                 state = step.next;
             }
         }
@@ -141,7 +155,6 @@ impl Model<'_> {
         &self,
         state: &State,
         input: &Input,
-        noise: (Vector3<f64>, Vector3<f64>),
         step: &Step,
         angular: &AngularTangent,
         h: f64,
@@ -174,7 +187,7 @@ impl Model<'_> {
         add_columns(rate, NOISE + 3, &rate_by_force);
         add_columns(center, NOISE + 3, &center_by_force);
         add_columns(velocity, NOISE + 3, &velocity_by_force);
-        let (logged_torque, logged_force) = (input.torque - noise.0, input.force - noise.1);
+        let (logged_torque, logged_force) = (input.torque - input.torque_noise, input.force - input.force_noise);
         for axis in 0..3 {
             if let Some(lane) = self.calibration.lane(Nuisance::ForceScale(axis)) {
                 let by = logged_force[axis];
@@ -244,13 +257,12 @@ struct Measured<'a, const W: usize> {
     model: &'a Model<'a>,
     state: &'a State,
     input: &'a Input,
-    noise: (Vector3<f64>, Vector3<f64>),
     angular: &'a AngularTangent,
     tangent: &'a Tangent<W>,
 }
 
 impl<const W: usize> Measured<'_, W> {
-    fn rows(&self, sample: &Sample, alpha: &Vector3<f64>, rows: &mut Rows<W>, tally: &mut Tally) {
+    fn rows(&self, sample: &Sample, alpha: &Vector3<f64>, rows: &mut Rows<W>) {
         let Model { body, calibration, gravity, .. } = self.model;
         let State { world_from_body, rate, center, velocity } = self.state;
         let [attitude, angular, central, linear] = self.tangent;
@@ -258,8 +270,13 @@ impl<const W: usize> Measured<'_, W> {
         let (c, delay) = (&body.center, calibration.delay_s());
         let swept = rate.cross(c);
         let origin_velocity = velocity - rotation * swept;
-        let force = self.input.force - self.input.force_slope * (0.5 * sample.step_s);
-        let specific = force / body.mass - alpha.cross(c) - rate.cross(&swept);
+        // The wrench at the sample itself.
+        let acting = Input {
+            torque: self.input.torque - self.input.torque_slope * (0.5 * sample.step_s),
+            force: self.input.force - self.input.force_slope * (0.5 * sample.step_s),
+            ..*self.input
+        };
+        let specific = acting.force / body.mass - alpha.cross(c) - rate.cross(&swept);
         let origin_acceleration = rotation * specific + gravity;
         let lever = rotation * skew(c);
         let turning = rotation * skew(rate);
@@ -267,7 +284,7 @@ impl<const W: usize> Measured<'_, W> {
 
         let residual = center - rotation * c - origin_velocity * delay + origin_acceleration * (0.5 * delay * delay)
             - sample.position;
-        self.push(POSITION, &residual, rows, tally, |row| {
+        self.push(POSITION, &residual, rows, |row| {
             *row = *central;
             add_product(row, &lever, attitude);
             add_columns(row, CENTER, &-rotation);
@@ -285,7 +302,7 @@ impl<const W: usize> Measured<'_, W> {
         let lag = alpha * (0.5 * delay * delay) - rate * delay;
         let late = world_from_body * <UnitQuaternion<f64> as LieGroup>::exp(&lag);
         let residual = LieGroup::log(&(sample.world_from_body.conjugate() * late));
-        self.push(ATTITUDE, &residual, rows, tally, |row| {
+        self.push(ATTITUDE, &residual, rows, |row| {
             let inverse = rotation_jacobian_inverse(&residual);
             if delay == 0.0 {
                 add_product(row, &inverse, attitude);
@@ -301,7 +318,7 @@ impl<const W: usize> Measured<'_, W> {
 
         if let Some(measured) = sample.velocity {
             let residual = origin_velocity - origin_acceleration * delay - measured;
-            self.push(VELOCITY, &residual, rows, tally, |row| {
+            self.push(VELOCITY, &residual, rows, |row| {
                 *row = *linear;
                 add_product(row, &(rotation * skew(&swept)), attitude);
                 add_product(row, &lever, angular);
@@ -312,7 +329,7 @@ impl<const W: usize> Measured<'_, W> {
             });
         }
         if let Some(measured) = sample.rate {
-            self.push(RATE, &(rate - alpha * delay - measured), rows, tally, |row| {
+            self.push(RATE, &(rate - alpha * delay - measured), rows, |row| {
                 *row = *angular;
                 if let Some(lane) = delay_lane {
                     add_column(row, lane, &-alpha);
@@ -324,8 +341,8 @@ impl<const W: usize> Measured<'_, W> {
             let felt = specific + fall;
             let (scale, bias) = calibration.accelerometer();
             let residual = felt.component_mul(&scale) + bias - measured;
-            self.push(ACCELERATION, &residual, rows, tally, |row| {
-                self.accelerometer(row, alpha, &force, &fall, &felt, &scale);
+            self.push(ACCELERATION, &residual, rows, |row| {
+                self.accelerometer(row, alpha, &acting, &fall, &felt, &scale);
             });
         }
     }
@@ -334,13 +351,13 @@ impl<const W: usize> Measured<'_, W> {
         &self,
         row: &mut [[f64; W]; 3],
         alpha: &Vector3<f64>,
-        force: &Vector3<f64>,
+        acting: &Input,
         fall: &Vector3<f64>,
         felt: &Vector3<f64>,
         scale: &Vector3<f64>,
     ) {
         let Model { body, calibration, .. } = self.model;
-        let (w, c) = (&self.state.rate, &body.center);
+        let (w, c, force) = (&self.state.rate, &body.center, &acting.force);
         let by = &self.angular.acceleration;
         let lever = skew(c);
         let centripetal = c * w.transpose() * 2.0 - w * c.transpose() - Matrix3::identity() * w.dot(c);
@@ -356,10 +373,10 @@ impl<const W: usize> Measured<'_, W> {
         add_columns(row, INERTIA, &(lever * by.inertia));
         for axis in 0..3 {
             if let Some(lane) = calibration.lane(Nuisance::ForceScale(axis)) {
-                add_column(row, lane, &(by_force.column(axis) * (force[axis] - self.noise.1[axis])));
+                add_column(row, lane, &(by_force.column(axis) * (force[axis] - acting.force_noise[axis])));
             }
             if let Some(lane) = calibration.lane(Nuisance::TorqueScale(axis)) {
-                add_column(row, lane, &(by_torque.column(axis) * (self.input.torque[axis] - self.noise.0[axis])));
+                add_column(row, lane, &(by_torque.column(axis) * (acting.torque[axis] - acting.torque_noise[axis])));
             }
         }
         for axis in 0..3 {
@@ -376,26 +393,20 @@ impl<const W: usize> Measured<'_, W> {
     }
 
     /// Weighs a residual, and keeps its row unless it is rejected.
-    fn push(
-        &self,
-        group: usize,
-        residual: &Vector3<f64>,
-        rows: &mut Rows<W>,
-        tally: &mut Tally,
-        fill: impl FnOnce(&mut [[f64; W]; 3]),
-    ) {
+    fn push(&self, group: usize, residual: &Vector3<f64>, rows: &mut Rows<W>, fill: impl FnOnce(&mut [[f64; W]; 3])) {
         let square = residual.dot(residual);
+        rows.squares[group].push(square);
         let mut weight = 1.0;
         if let Some(robust) = self.model.robust {
             let size = square.sqrt() / self.model.sigma[group];
             if size > robust.gate {
-                tally.rejected[group] += 1;
+                rows.tally.rejected[group] += 1;
                 return;
             }
             weight = (robust.huber / size).min(1.0);
         }
-        tally.squares[group] += weight * square;
-        tally.counted[group] += 1;
+        rows.tally.squares[group] += weight * square;
+        rows.tally.counted[group] += 1;
         let mut row = [[0.0; W]; 3];
         fill(&mut row);
         let (root, last) = (weight.sqrt(), self.model.calibration.columns() + PARAMETERS);
