@@ -171,7 +171,7 @@ impl LogReader {
 
     /// Rows that came late and were put in order, rows with a repeated time that were dropped.
     pub fn reordered(&self) -> (usize, usize) {
-        self.reorder.as_ref().map_or((0, 0), |r| (r.ordering.late() as usize, r.repeated))
+        self.reorder.as_ref().map_or((0, 0), |r| (r.ordering.late(), r.repeated))
     }
 
     /// The next sample in time, `None` at the end.

@@ -12,6 +12,7 @@ pub mod comparison;
 pub mod consistency;
 mod criteria;
 mod error;
+mod excitation;
 mod householder;
 #[cfg(feature = "std")]
 mod identify;
@@ -48,6 +49,7 @@ pub use consistency::{
 };
 pub use criteria::{AOptimality, ConditionNumber, DOptimality, EOptimality, OptimalityCriterion};
 pub use error::{Column, IdentificationError};
+pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
 pub use identify::{
     Estimate, Identification, LongRecord, Method, NodeResidual, Noise, POOR_FIT, Prediction, Prior, Settings,

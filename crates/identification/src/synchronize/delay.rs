@@ -44,9 +44,10 @@ impl Signals<6, 6, 6> {
     /// Wrench, the angular and linear acceleration in body axes that answers it, and the products of rates through which a
     /// turning body adds to both: for a rigid body the relation is exactly linear.
     ///
-    /// Accelerations come from the record's own columns, else from velocities, else from poses; angular ones from rates, else
-    /// from poses; differentiation is symmetric and delays nothing. Equal steps are needed: the longest run whose steps
-    /// agree to one percent is used.
+    /// Angular acceleration comes from rates, else from poses. Linear acceleration comes from velocities, else from poses; of a
+    /// sampled wrench from the accelerations, where there are some (of a held one an acceleration answers in steps, which tell
+    /// whole samples only). Differentiation is symmetric and delays nothing. Equal steps are needed: the longest run whose
+    /// steps agree to one percent is used.
     ///
     /// # Frame
     /// Body axes, about the body origin. `gravity_world` in inertial axes.
@@ -71,7 +72,9 @@ impl Signals<6, 6, 6> {
         };
         let poses: Vec<_> = run.iter().map(|sample| sample.world_from_body).collect();
         let (rates, velocities) = (column(|s| s.rate_body), column(|s| s.velocity_origin_world));
-        let measured: Option<Vec<_>> = inner.iter().map(|sample| sample.acceleration_origin_body).collect();
+        let held = timing == WrenchTiming::Held;
+        let measured: Option<Vec<_>> =
+            inner.iter().map(|sample| sample.acceleration_origin_body.filter(|_| !held)).collect();
         let products =
             |w: &Vector3<f64>| SVector::from([w.x * w.x, w.y * w.y, w.z * w.z, w.x * w.y, w.x * w.z, w.y * w.z]);
         let smoothed = if rates.is_none() || (velocities.is_none() && measured.is_none()) {
@@ -84,24 +87,19 @@ impl Signals<6, 6, 6> {
             |rates| rates[half..].iter().take(inner.len()).map(products).collect(),
         );
         let angular = rates.map_or_else(|| smoothed.iter().map(|m| m.rate_derivative_body).collect(), derivative);
-        // A logged acceleration is that just after the sample, as the held wrench; a differentiated one is centred.
         let in_body = |k: usize, world: &Vector3<f64>| {
             inner[k].world_from_body.rotation.inverse_transform_vector(&(world - gravity_world))
         };
-        let centred = measured.is_none();
         let linear: Vec<Vector3<f64>> = measured.unwrap_or_else(|| {
             let world: Vec<_> =
                 velocities.map_or_else(|| smoothed.iter().map(|m| m.acceleration_origin_world).collect(), derivative);
             world.iter().enumerate().map(|(k, a)| in_body(k, a)).collect()
         });
-        // A held wrench acts on average half a step after its row. An acceleration logged just after its row answers it at
-        // once, so it sits half a step later too; the mean of neighbours brings it back to the rows.
-        let held = timing == WrenchTiming::Held;
-        let linear = if held && !centred { means_of_neighbours(&linear) } else { linear };
         let stack = |a: &Vector3<f64>, b: &Vector3<f64>| SVector::from([a.x, a.y, a.z, b.x, b.y, b.z]);
         Ok(Self {
             step_s,
             input: inner.iter().filter_map(|s| s.wrench_body).map(|w| stack(&w.torque, &w.force)).collect(),
+            // A held wrench acts on average half a step after its row.
             input_offset_s: if held { 0.5 * step_s } else { 0.0 },
             output: angular.iter().zip(&linear).map(|(a, b)| stack(a, b)).collect(),
             covariates,
@@ -134,11 +132,6 @@ fn longest_equal_run(record: &[MotionSample]) -> (&[MotionSample], f64) {
     };
     let run = record.chunk_by(joined).max_by_key(|run| run.len()).unwrap_or_default();
     (run, median as f64 * 1e-9)
-}
-
-fn means_of_neighbours(samples: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    let before = samples.iter().take(1).chain(samples);
-    before.zip(samples).map(|(a, b)| (a + b) * 0.5).collect()
 }
 
 /// Width of the smoothing kernel, s: half its support is three times that. Motion is slow against it.
@@ -192,6 +185,8 @@ struct Fit<const OUTPUTS: usize> {
     sensitivity: Vec<SVector<f64, OUTPUTS>>,
     /// Share of the whole change that this is.
     own_share: f64,
+    /// Orthonormal functions of time that the gains fit, one row each.
+    fitted: DMatrix<f64>,
 }
 
 impl<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize> Signals<INPUTS, OUTPUTS, COVARIATES> {
@@ -243,6 +238,7 @@ impl<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize> Signals
             -(0..INPUTS).map(|i| slopes[row][i] * gains[(i, o)] / sizes[i]).sum::<f64>()
         });
         let own = &change - &regressor * solver.solve(&regressor.tr_mul(&change));
+        let fitted = solver.l().solve_lower_triangular(&regressor.transpose())?;
         let to_rows = |m: &DMatrix<f64>| (0..rows).map(|r| SVector::from_fn(|o, _| m[(r, o)])).collect::<Vec<_>>();
         let share = |o: usize| own.column(o).norm_squared() / change.column(o).norm_squared().max(f64::MIN_POSITIVE);
         Some(Fit {
@@ -250,6 +246,7 @@ impl<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize> Signals
             own_share: (0..OUTPUTS).map(share).fold(0.0, f64::max),
             residuals: to_rows(&residuals),
             sensitivity: to_rows(&own),
+            fitted,
         })
     }
 }
@@ -329,7 +326,7 @@ pub fn delay<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize>
         }
     }
     let density = noise_density(&fit.residuals, reach);
-    let sigma_s = deviation(&fit, &density, reach, INPUTS + COVARIATES + 2) * signals.step_s;
+    let sigma_s = deviation(&fit, &density, reach) * signals.step_s;
     // The best shift must stand out from the ends of the range by more than the gains' freedom explains.
     let gain = |misfit: &SVector<f64, OUTPUTS>| {
         (0..OUTPUTS).filter(|&o| density[o] > 0.0).map(|o| (misfit[o] - fit.misfit[o]) / density[o]).sum::<f64>()
@@ -384,24 +381,30 @@ fn gauss_newton<const N: usize>(fit: &Fit<N>, density: &SVector<f64, N>) -> f64 
 }
 
 /// Standard deviation of the delay, samples.
-fn deviation<const N: usize>(fit: &Fit<N>, density: &SVector<f64, N>, reach: usize, fitted: usize) -> f64 {
+fn deviation<const N: usize>(fit: &Fit<N>, density: &SVector<f64, N>, reach: usize) -> f64 {
     let weights = weights(density);
+    let curvature = curvature(fit, &weights);
     let n = fit.residuals.len();
-    let weighted: Vec<SVector<f64, N>> = fit.sensitivity.iter().map(|s| s.component_mul(&weights)).collect();
-    // Autocovariance of the residual against that of the sensitivity, between all outputs.
-    let at_distance: Vec<f64> = (0..=(2 * reach).min(n - 1))
+    // For each distance: the autocovariance of the residual against that of the weighted sensitivity, between all outputs; and
+    // the share of it that the fit has taken away, as slow as it is: noise of the same frequencies is fitted with it.
+    let (kept, lost): (Vec<f64>, Vec<f64>) = (0..=(2 * reach).min(n - 1))
         .map(|lag| {
             let (mut covariance, mut sensitivity) = (SMatrix::<f64, N, N>::zeros(), SMatrix::<f64, N, N>::zeros());
+            let mut own = 0.0;
             for k in 0..n - lag {
+                let (now, later) = (fit.sensitivity[k].component_mul(&weights), fit.sensitivity[k + lag]);
                 covariance += fit.residuals[k] * fit.residuals[k + lag].transpose();
-                sensitivity += weighted[k] * weighted[k + lag].transpose();
+                sensitivity += now * later.component_mul(&weights).transpose();
+                own += now.dot(&later);
             }
-            covariance.dot(&sensitivity) / n as f64
+            let own = own / curvature;
+            let gains = fit.fitted.columns(0, n - lag).dot(&fit.fitted.columns(lag, n - lag));
+            (covariance.dot(&sensitivity) / n as f64, (gains + own / N as f64) * own / n as f64)
         })
-        .collect();
-    let variance = sum_over_distances(&at_distance, reach);
-    let freedom = n as f64 / n.saturating_sub(fitted).max(1) as f64;
-    (variance * freedom).sqrt() / curvature(fit, &weights)
+        .unzip();
+    let left = 1.0 - sum_over_distances(&lost, reach);
+    // Less than a tenth left says that the record is too short for any number of it.
+    if left < 0.1 { f64::INFINITY } else { (sum_over_distances(&kept, reach) / left).sqrt() / curvature }
 }
 
 #[cfg(test)]

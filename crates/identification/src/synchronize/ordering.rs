@@ -52,8 +52,8 @@ pub struct TimeOrdering<S, B: AsMut<[Option<Held<S>>]>> {
     arrivals: u64,
     newest_ns: Option<i64>,
     released_ns: Option<i64>,
-    late: u64,
-    violations: u64,
+    late: usize,
+    violations: usize,
     sample: PhantomData<S>,
 }
 
@@ -77,7 +77,7 @@ impl<S, B: AsMut<[Option<Held<S>>]>> TimeOrdering<S, B> {
 
     /// Takes a sample; hands out the earliest of all once the store is full.
     pub fn push(&mut self, time_ns: i64, sample: S) -> Option<Released<S>> {
-        self.late += u64::from(self.newest_ns.is_some_and(|newest| time_ns < newest));
+        self.late += usize::from(self.newest_ns.is_some_and(|newest| time_ns < newest));
         self.newest_ns = self.newest_ns.max(Some(time_ns));
         let mut entry = Held { time_ns, arrival: self.arrivals, sample };
         self.arrivals += 1;
@@ -109,7 +109,7 @@ impl<S, B: AsMut<[Option<Held<S>>]>> TimeOrdering<S, B> {
 
     fn release(&mut self, entry: Held<S>) -> Released<S> {
         let in_order = self.released_ns.is_none_or(|released| released <= entry.time_ns);
-        self.violations += u64::from(!in_order);
+        self.violations += usize::from(!in_order);
         self.released_ns = self.released_ns.max(Some(entry.time_ns));
         Released { time_ns: entry.time_ns, sample: entry.sample, in_order }
     }
@@ -120,12 +120,12 @@ impl<S, B: AsMut<[Option<Held<S>>]>> TimeOrdering<S, B> {
     }
 
     /// Samples that came after one of a later time.
-    pub fn late(&self) -> u64 {
+    pub fn late(&self) -> usize {
         self.late
     }
 
     /// Samples that came too late to be released in order.
-    pub fn violations(&self) -> u64 {
+    pub fn violations(&self) -> usize {
         self.violations
     }
 }
@@ -172,7 +172,7 @@ mod tests {
         TimeOrdering::new([const { None }; N])
     }
 
-    fn run<const N: usize>(times: &[i64]) -> (Vec<(i64, usize, bool)>, u64, u64) {
+    fn run<const N: usize>(times: &[i64]) -> (Vec<(i64, usize, bool)>, usize, usize) {
         let mut ordering = ordering::<N>();
         let mut out = Vec::new();
         for (i, &time_ns) in times.iter().enumerate() {
@@ -217,7 +217,7 @@ mod tests {
             let mut expected = 0;
             for &(time, _, in_order) in &out {
                 assert_eq!(in_order, time >= newest);
-                expected += u64::from(time < newest);
+                expected += usize::from(time < newest);
                 newest = newest.max(time);
             }
             assert_eq!(violations, expected);
