@@ -8,10 +8,11 @@
 //! | linear parameters drift, or a linear state is wanted | [`KalmanFilter`] |
 //! | the model is not linear | [`ExtendedKalmanFilter`], [`UnscentedKalmanFilter`] with a [`FilterModel`] |
 //!
-//! The models here: [`PrincipalMotion`], mass and principal moments from accelerations; [`JointMotion`], motion and ten
+//! [`ChangeDetector`] watches any of them for a body that is no longer the same. The models here: [`PrincipalMotion`], mass and principal moments from accelerations; [`JointMotion`], motion and ten
 //! parameters from poses and what else is measured. All scalars are `f64`: decisions are made here.
 
 mod belief;
+mod change_detection;
 mod chi_square_gate;
 mod extended_kalman;
 mod inverse_inertia;
@@ -24,6 +25,7 @@ mod sdp;
 mod square_root_filter;
 mod unscented_kalman;
 
+pub use change_detection::{Change, ChangeDetector, ChangeSettings, Watch};
 pub use chi_square_gate::{ChiSquareGate, chi_square_quantile};
 pub use extended_kalman::{DifferentiableModel, ExtendedKalmanFilter, FilterModel};
 pub use inverse_inertia::{InverseInertia, InverseInertiaSample};

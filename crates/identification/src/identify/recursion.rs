@@ -30,8 +30,8 @@ const POSE_FLOOR: f64 = 1e-7;
 const GATE: f64 = 0.9999;
 /// Wrench noise tried, as fractions of the residual of the rows, which noise in the poses may have inflated.
 const WRENCH_NOISE: [f64; 9] = [1.0, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4];
-/// Then torque and force apart by these factors, a pass linearised about the last one after each.
-const REFINEMENTS: [f64; 5] = [2.0, 2.0, 1.6, 1.3, 1.15];
+/// Then steps of these factors, together and apart, each with a pass linearised about the last one.
+const REFINEMENTS: [f64; 5] = [3.0, 3.0, 2.0, 1.5, 1.25];
 
 impl Method {
     pub(super) fn is_recursive(self) -> bool {
@@ -73,8 +73,9 @@ pub(super) fn run(
             joint.find_wrench_noise(&vague, &WRENCH_NOISE.map(|share| [share; 2]))?;
             let mut known = joint.extended(&vague)?.0;
             for factor in REFINEMENTS {
-                let up_and_down = [[factor, 1.0], [1.0 / factor, 1.0], [1.0, factor], [1.0, 1.0 / factor]];
-                joint.find_wrench_noise(&known.opened(), &up_and_down)?;
+                let (up, down) = (factor, 1.0 / factor);
+                let around = [[up, up], [down, down], [up, 1.0], [down, 1.0], [1.0, up], [1.0, down]];
+                joint.find_wrench_noise(&known.opened(), &around)?;
                 known = joint.extended(&known.opened())?.0.without(&known.opened());
             }
             if settings.method == Method::Ukf {
