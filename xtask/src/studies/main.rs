@@ -4,6 +4,7 @@
 
 mod arguments;
 mod bench;
+mod change_detection;
 mod dynamics;
 mod ekf_rls;
 mod ident_sdp;
@@ -53,6 +54,11 @@ fn main() -> ExitCode {
         "real-data" => {
             Arguments::parse(rest, &["--json", "--check"], &["--data"]).and_then(|arguments| real_data::run(&arguments))
         }
+        "study" => match rest.split_first() {
+            Some((study, rest)) if study == "change-detection" => Arguments::parse(rest, &[], &["--grasps", "--hours"])
+                .and_then(|arguments| change_detection::run(&arguments)),
+            _ => Err(Failure::BadInput("study change-detection is what there is".to_owned())),
+        },
         unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
     };
     match result {
