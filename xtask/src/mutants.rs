@@ -256,6 +256,48 @@ const MUTANTS: &[Mutant] = &[
         replacement: "    Some((text.parse::<f64>().ok()? * 1e9).round() as i64)",
         test: "-p tumble-astrobee --lib log",
     },
+    Mutant {
+        name: "recursive update: noise of the row left out of the innovation covariance",
+        file: "crates/identification/src/recursive/belief.rs",
+        original: "dot(h, &gain) + deviation * deviation;",
+        replacement: "dot(h, &gain) + deviation;",
+        test: "-p tumble-identification --test recursive_laws",
+    },
+    Mutant {
+        name: "gate: never lets go of a wrong belief",
+        file: "crates/identification/src/recursive/chi_square_gate.rs",
+        original: "self.rejections_in_a_row < self.patience",
+        replacement: "self.rejections_in_a_row < self.patience || nis > threshold",
+        test: "-p tumble-identification --test recursive_laws",
+    },
+    Mutant {
+        name: "gate: threshold of one degree of freedom more",
+        file: "crates/identification/src/recursive/chi_square_gate.rs",
+        original: "chi_square_quantile(probability, i + 1)",
+        replacement: "chi_square_quantile(probability, i + 2)",
+        test: "-p tumble-identification --test recursive_laws",
+    },
+    Mutant {
+        name: "recursive SDP: reports before it has solved",
+        file: "crates/identification/src/recursive/sdp.rs",
+        original: "self.estimate = best_body(&self.cone, &filter)?;",
+        replacement: "self.estimate = best_body(&self.cone, &self.filter)?;",
+        test: "-p tumble-identification --test recursive_laws",
+    },
+    Mutant {
+        name: "joint motion: w x v twice in the sensitivity of the accelerometer",
+        file: "crates/identification/src/recursive/joint_motion.rs",
+        original: "found.by_twist.fixed_view::<3, 3>(3, 0) - skew(&twist.linear)",
+        replacement: "found.by_twist.fixed_view::<3, 3>(3, 0) + skew(&twist.linear)",
+        test: "-p tumble-identification --lib recursive",
+    },
+    Mutant {
+        name: "change detection: evidence with the sign turned",
+        file: "crates/identification/src/recursive/change_detection.rs",
+        original: "seen.innovation.log_likelihood() - outcome.innovation.log_likelihood()",
+        replacement: "outcome.innovation.log_likelihood() - seen.innovation.log_likelihood()",
+        test: "-p tumble-identification --test recursive_changes",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

@@ -9,7 +9,7 @@ use tumble_identification::lie::{Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3, Vector6};
 use tumble_identification::{BodyScale, Estimate, Method, MotionSample, Settings, WrenchTiming, identify};
 
-fn astrobee_like() -> InertialParameters<f64> {
+fn cube_flyer() -> InertialParameters<f64> {
     InertialParameters::about_com(
         9.4,
         Vector3::new(0.031, -0.017, 0.052),
@@ -22,7 +22,7 @@ fn realistic(seed: u64, seconds: usize) -> Vec<MotionSample> {
     let mut random = Random::new(seed);
     let signal = Multisine::random(&mut random, 0.04, 0.4, (0.3, 3.0), 5);
     let wrench = |t: f64| signal.at(t);
-    let mut run = Run::new(astrobee_like(), &wrench, true);
+    let mut run = Run::new(cube_flyer(), &wrench, true);
     run.step_ns = 16_000_000;
     run.samples = seconds * 125 / 2;
     let mut record = run.record();
@@ -80,7 +80,7 @@ fn rows_in_the_order_of_time_give_what_the_batch_gives() {
 
 #[test]
 fn filters_of_the_joint_state_are_honest_on_a_realistic_log() {
-    let truth = astrobee_like();
+    let truth = cube_flyer();
     for method in [Method::Ekf, Method::Ukf] {
         let (mut sum, mut worst) = (0.0, [0.0_f64; 3]);
         // The sigma points cost ten times as much.

@@ -141,7 +141,7 @@ fn without(rows: &[Row]) -> Vec<Row> {
         .collect()
 }
 
-fn astrobee_like() -> Vector4<f64> {
+fn cube_flyer() -> Vector4<f64> {
     Vector4::new(9.58, 0.153, 0.143, 0.162)
 }
 
@@ -168,7 +168,7 @@ fn accelerations(seed: u64, count: usize, body: &PrincipalBody) -> Vec<Accelerat
 }
 
 fn true_body() -> PrincipalBody {
-    let p = astrobee_like();
+    let p = cube_flyer();
     PrincipalBody::try_new(p[0], Vector3::new(p[1], p[2], p[3])).unwrap()
 }
 
@@ -192,10 +192,10 @@ impl FeasibleSet<4> for PrincipalBodies {
         4.0
     }
     fn interior_point(&self) -> SVector<f64, 4> {
-        astrobee_like()
+        cube_flyer()
     }
     fn magnitudes(&self) -> SVector<f64, 4> {
-        astrobee_like()
+        cube_flyer()
     }
 }
 
@@ -214,7 +214,7 @@ fn nonlinear_filters_hold_the_laws_and_agree() {
         unscented.update(observation).unwrap();
     }
     let sigma = extended.covariance().diagonal().map(f64::sqrt);
-    let error = (extended.parameters() - astrobee_like()).component_div(&sigma);
+    let error = (extended.parameters() - cube_flyer()).component_div(&sigma);
     assert!(error.amax() < 4.0, "{error}");
     let apart = (extended.parameters() - unscented.parameters()).component_div(&sigma);
     assert!(apart.amax() < 0.5, "{apart}");

@@ -5,6 +5,7 @@
 mod arguments;
 mod bench;
 mod brushless;
+mod change_detection;
 mod chapter5;
 mod dynamics;
 mod ekf_rls;
@@ -86,7 +87,9 @@ fn main() -> ExitCode {
                 Arguments::parse(rest, &[], &["--cells", "--runs", "--out"])
                     .and_then(|arguments| identification::run(&arguments))
             }
-            _ => Err(Failure::BadInput("study what? `identification`".to_owned())),
+            Some((what, rest)) if what == "change-detection" => Arguments::parse(rest, &[], &["--grasps", "--hours"])
+                .and_then(|arguments| change_detection::run(&arguments)),
+            _ => Err(Failure::BadInput("study what? `identification`, `change-detection`".to_owned())),
         },
         unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
     };

@@ -72,20 +72,22 @@ impl<const N: usize, const ROWS: usize> Rows<N, ROWS> {
         let mut rows = rows_of(&self.sensitivity);
         let residual = measured_only(&self.residual, &self.standard_deviation);
         let mut columns = self.sensitivity.data.0;
-        for (i, row) in rows.iter_mut().enumerate() {
-            if self.standard_deviation[i] == f64::INFINITY {
-                *row = [0.0; N];
+        let [deviations] = self.standard_deviation.data.0;
+        for i in 0..ROWS {
+            if deviations[i] == f64::INFINITY {
+                rows[i] = [0.0; N];
                 for column in &mut columns {
                     column[i] = 0.0;
                 }
             }
         }
         let p = &mut covariance.data.0;
-        let (mut step, mut unexpected) = ([0.0; N], residual.data.0[0]);
+        let (mut step, [mut unexpected]) = ([0.0; N], residual.data.0);
         let mut innovation_covariance = [[0.0; ROWS]; ROWS];
         let (mut nis, mut determinant, mut degrees_of_freedom) = (0.0, 1.0, 0);
-        for (i, (h, deviation)) in rows.iter().zip(self.standard_deviation.iter()).enumerate() {
-            if *deviation == f64::INFINITY {
+        for i in 0..ROWS {
+            let (h, deviation) = (&rows[i], deviations[i]);
+            if deviation == f64::INFINITY {
                 innovation_covariance[i][i] = f64::INFINITY;
                 continue;
             }
