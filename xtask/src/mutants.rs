@@ -298,6 +298,55 @@ const MUTANTS: &[Mutant] = &[
         replacement: "outcome.innovation.log_likelihood() - seen.innovation.log_likelihood()",
         test: "-p tumble-identification --test recursive_changes",
     },
+    Mutant {
+        name: "time ordering: the newest leaves first",
+        file: "crates/identification/src/synchronize/ordering.rs",
+        original: "(Some(Some(a)), Some(Some(b))) => a.key() < b.key(),",
+        replacement: "(Some(Some(a)), Some(Some(b))) => a.key() > b.key(),",
+        test: "-p tumble-identification --lib synchronize::ordering",
+    },
+    Mutant {
+        name: "time ordering: a late sample is let go",
+        file: "crates/identification/src/synchronize/ordering.rs",
+        original: "        Some(self.release(entry))\n    }\n\n    /// Hands out",
+        replacement: "        Some(self.release(entry)).filter(|released| released.in_order)\n    }\n\n    /// Hands out",
+        test: "-p tumble-identification --lib synchronize::ordering",
+    },
+    Mutant {
+        name: "delay: half step of a held wrench on the wrong side",
+        file: "crates/identification/src/synchronize/delay.rs",
+        original: "k - offset - delay,",
+        replacement: "k + offset - delay,",
+        test: "-p tumble-identification --lib synchronize::delay",
+    },
+    Mutant {
+        name: "Savitzky-Golay: the pose is not fitted again about itself",
+        file: "crates/identification/src/savitzky_golay.rs",
+        original: "let [rest, rate, rate_derivative] = fit_about(&centre, window);",
+        replacement: "let [rest, rate, rate_derivative] = fit_about(&(centre * centre), window);",
+        test: "-p tumble-identification --lib savitzky_golay",
+    },
+    Mutant {
+        name: "Ljung-Box: the correction for distance lost",
+        file: "crates/identification/src/statistics.rs",
+        original: "n * (n + 2.0) * rho * rho / (n - (k + 1) as f64)",
+        replacement: "n * (n + 2.0) * rho * rho / n",
+        test: "-p tumble-identification --lib statistics",
+    },
+    Mutant {
+        name: "total least squares: noise of the columns forgotten",
+        file: "crates/identification/src/comparison/total_least_squares.rs",
+        original: "entry / noise[j]",
+        replacement: "entry / noise[j].max(1.0).min(1.0)",
+        test: "-p tumble-identification --lib comparison",
+    },
+    Mutant {
+        name: "excitation: pushes are never advised",
+        file: "crates/identification/src/excitation.rs",
+        original: "pushes.into_iter().chain(turns).chain(both)",
+        replacement: "turns.into_iter().chain(turns).chain(both).take(pushes.len() * 2)",
+        test: "-p tumble-identification --lib excitation",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.
