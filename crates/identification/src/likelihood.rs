@@ -51,7 +51,7 @@ const GATED: usize = 4;
 /// Mean square of a normal residual 3-vector under these bounds, over three.
 const CONSISTENCY: f64 = 0.957_918;
 /// Restricted-likelihood steps on one linearisation, and linearisations on which they are done.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 3;
 const REFINEMENTS: usize = 3;
 /// Times that whole steps of delay are taken out.
 const DELAY_ROUNDS: usize = 3;

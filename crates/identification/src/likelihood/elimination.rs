@@ -109,32 +109,26 @@ impl<const W: usize> CostToGo<W> {
         }
     }
 
-    /// Adds `F^T V F`.
+    /// Adds `F^T V F`, upper triangle.
     fn carry(&mut self, transition: &[[f64; W]]) {
         let lanes = self.lanes;
         for a in (0..NOISE).chain(PARAMETERS..lanes) {
             let value = &self.value[a];
             let mut row = *value;
             row[..PARAMETERS].fill(0.0);
+            let from = if a < NOISE { 0 } else { aligned(PARAMETERS) };
             for (factor, step) in value.iter().zip(transition) {
-                for q in 0..W {
-                    row[q] += factor * step[q];
-                }
+                add_scaled(&mut row[from..], *factor, &step[from..]);
             }
             self.product[a] = row;
         }
         for a in 0..lanes {
-            let row = &mut self.stage[a];
+            let (row, from) = (&mut self.stage[a], aligned(a));
             for (step, product) in transition.iter().zip(self.product.iter()) {
-                let factor = step[a];
-                for q in 0..W {
-                    row[q] += factor * product[q];
-                }
+                add_scaled(&mut row[from..], step[a], &product[from..]);
             }
             if a >= PARAMETERS {
-                for q in 0..W {
-                    row[q] += self.product[a][q];
-                }
+                add_scaled(&mut row[from..], 1.0, &self.product[a][from..]);
             }
         }
     }
@@ -174,10 +168,9 @@ impl<const W: usize> CostToGo<W> {
         for a in (0..lanes).filter(|a| !(NOISE..PARAMETERS).contains(a)) {
             let mut row = self.stage[a];
             row[NOISE..PARAMETERS].fill(0.0);
+            let from = aligned(a);
             for y in &y {
-                for q in 0..W {
-                    row[q] -= y[a] * y[q];
-                }
+                add_scaled(&mut row[from..], -y[a], &y[from..]);
             }
             // The lower triangle comes from the rows above.
             for q in 0..a {
@@ -406,6 +399,17 @@ pub(crate) fn forward<const W: usize>(
         visit(j, &z);
         let next = transition.map(|rows| rows.map(|row| inner(&row, &z)));
         z[..NOISE].copy_from_slice(next.as_flattened());
+    }
+}
+
+/// First lane of the block of eight that holds this one.
+fn aligned(lane: usize) -> usize {
+    lane / 8 * 8
+}
+
+fn add_scaled(sum: &mut [f64], factor: f64, row: &[f64]) {
+    for (sum, value) in sum.iter_mut().zip(row) {
+        *sum += factor * value;
     }
 }
 

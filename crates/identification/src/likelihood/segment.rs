@@ -454,16 +454,13 @@ fn add_column<const W: usize>(rows: &mut [[f64; W]; 3], lane: usize, v: &Vector3
 /// Upper triangle of the sum of `row^T row`, row after row, `lanes` columns.
 pub(crate) fn normal_matrix<const W: usize>(rows: &[[f64; W]], lanes: usize, packed: &mut [f64]) {
     const TALL: usize = 4;
-    const WIDE: usize = 8;
+    const WIDE: usize = 4;
     for top in (0..lanes).step_by(TALL) {
         for left in (top / WIDE * WIDE..lanes).step_by(WIDE) {
             let mut tile = [[0.0; WIDE]; TALL];
             for row in rows {
-                let (Some(factors), Some(values)) =
-                    (row[top..].first_chunk::<TALL>(), row[left..].first_chunk::<WIDE>())
-                else {
-                    continue;
-                };
+                let (factors, values) =
+                    (&row.as_chunks::<TALL>().0[top / TALL], &row.as_chunks::<WIDE>().0[left / WIDE]);
                 for (sums, factor) in tile.iter_mut().zip(factors) {
                     for (sum, value) in sums.iter_mut().zip(values) {
                         *sum += factor * value;
