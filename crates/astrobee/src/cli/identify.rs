@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::{
-    Identification, IdentificationError, LongRecord, Method, MotionSample, Settings, WrenchTiming, identify, merge, predict,
-    validate,
+    Identification, IdentificationError, LongRecord, Method, MotionSample, Settings, WrenchTiming, identify, merge,
+    predict, validate,
 };
 
 /// Options of `tumble identify`.
