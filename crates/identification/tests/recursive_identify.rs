@@ -1,5 +1,6 @@
 //! The recursive methods of `identify` on whole records.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
 mod exact_motion;
 
