@@ -17,7 +17,7 @@ struct DragSample {
 
 #[derive(Clone)]
 struct Drag {
-    drag: f64,
+    mean: f64,
     variance: f64,
     /// Variance of a measured force, N^2.
     noise: f64,
@@ -28,13 +28,13 @@ impl RecursiveEstimator<1, 1> for Drag {
     type Observation = DragSample;
 
     fn update(&mut self, sample: &DragSample) -> Result<Outcome<1>, IdentificationError> {
-        let residual = sample.force_n - self.drag * sample.speed_m_s;
+        let residual = sample.force_n - self.mean * sample.speed_m_s;
         if !residual.is_finite() {
             return Err(IdentificationError::NotFinite { row: 0 });
         }
         let expected = sample.speed_m_s * self.variance * sample.speed_m_s + self.noise;
         let gain = self.variance * sample.speed_m_s / expected;
-        self.drag += gain * residual;
+        self.mean += gain * residual;
         self.variance -= gain * sample.speed_m_s * self.variance;
         let innovation = Innovation {
             residual: SVector::from([residual]),
@@ -47,7 +47,7 @@ impl RecursiveEstimator<1, 1> for Drag {
     }
 
     fn parameters(&self) -> SVector<f64, 1> {
-        SVector::from([self.drag])
+        SVector::from([self.mean])
     }
 
     fn covariance(&self) -> SMatrix<f64, 1, 1> {
@@ -63,7 +63,7 @@ fn a_running_mean_of_ones_own() {
             DragSample { speed_m_s, force_n: 0.3 * speed_m_s + 0.01 * f64::from(7 * k % 11 - 5) }
         })
         .collect();
-    let start = Drag { drag: 0.0, variance: 100.0, noise: 1e-3 };
+    let start = Drag { mean: 0.0, variance: 100.0, noise: 1e-3 };
 
     // Step 2: the laws. What all samples together say is the prior and the normal equation.
     let information = 1.0 / start.variance + samples.iter().map(|s| s.speed_m_s.powi(2)).sum::<f64>() / start.noise;

@@ -1,5 +1,6 @@
 //! The recursive methods of `identify` on whole records.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
 mod exact_motion;
 
@@ -84,9 +85,9 @@ fn filters_of_the_joint_state_are_honest_on_a_realistic_log() {
     for method in [Method::Ekf, Method::Ukf] {
         let (mut sum, mut worst) = (0.0, [0.0_f64; 3]);
         // The sigma points cost ten times as much.
-        let runs = if method == Method::Ukf { 1 } else { 3 };
+        let runs = if method == Method::Ukf { 1 } else { 2 };
         for seed in 0..runs {
-            let record = realistic(seed, 30);
+            let record = realistic(seed, 20);
             let found = identify(&record, &Settings { method, ..Settings::default() }).unwrap();
             assert_eq!((found.method, found.rank), (method, 10), "seed {seed} {:?}", found.warnings);
             let estimate = found.estimate.unwrap();
@@ -98,8 +99,8 @@ fn filters_of_the_joint_state_are_honest_on_a_realistic_log() {
         }
         let mean = sum / runs as f64;
         println!("{method:?}: mean nees {mean:.2}, worst {worst:?}");
-        // 99.9 % of the mean of three chi-squares of ten degrees: 59.7 / 3; of one 29.6.
-        assert!(mean < if runs == 1 { 29.6 } else { 19.9 }, "{mean}");
+        // 99.9 % of the mean of two chi-squares of ten degrees: 45.3 / 2; of one 29.6.
+        assert!(mean < if runs == 1 { 29.6 } else { 22.7 }, "{mean}");
         assert!(worst[0] < 5e-3 && worst[1] < 5e-4 && worst[2] < 5e-3, "{worst:?}");
     }
 }

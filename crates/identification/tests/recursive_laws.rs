@@ -377,9 +377,9 @@ fn an_order_that_matters_is_caught() {
     let rows = rows(8, 30, 0.1);
     let broken = Broken { inner: least_squares(), defect: Defect::ForgetsFirst };
     let mut forwards = broken.clone();
-    rows.iter().for_each(|row| {
+    for row in &rows {
         forwards.update(row).unwrap();
-    });
+    }
     let batch = Some((forwards.parameters(), forwards.covariance()));
     let promises = EstimatorPromises { constant_parameters: true, batch, feasible_set: None };
     assert_eq!(broken_law(check_recursive_estimator(&broken, &rows, &promises, 1e-8)), "order independent");
@@ -563,9 +563,9 @@ fn spikes_cost_little_behind_a_gate() {
         let error = |gate: Option<ChiSquareGate>, rows: &[Row]| {
             let start = least_squares();
             let mut estimator = gate.map_or(start, |gate| start.with_gate(gate));
-            rows.iter().for_each(|row| {
+            for row in rows {
                 estimator.update(row).unwrap();
-            });
+            }
             (estimator.parameters() - truth).component_div(&cone().magnitudes()).norm_squared()
         };
         clean += error(None, &rows);

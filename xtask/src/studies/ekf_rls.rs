@@ -23,29 +23,23 @@ const ROW_DEVIATION: f64 = 0.02;
 const PRIOR_DEVIATION: f64 = 100.0;
 
 pub fn run(bench: &mut Bench) -> Result<(), Failure> {
-    match &bench.data {
-        Some(folder) => {
-            let path = folder.join("ekf_data.csv");
-            let rows = numbers(&path)?;
-            let observations = rows
-                .iter()
-                .map(|row| observation(row).ok_or_else(|| Failure::file(&path, "a row has other than 16 numbers")))
-                .collect::<Result<Vec<_>, _>>()?;
-            four_parameters(bench, &observations)?;
-            ten_parameters(bench, &ident_sdp::trajectory(folder)?)
-        }
-        None => {
-            eprintln!("skipped: the frozen data of problem 5 (--data DIR); only updates of random rows are timed");
-            let mut generator = ChaCha8Rng::seed_from_u64(5);
-            let rows: ident_sdp::Rows = (0..600)
-                .map(|_| {
-                    let block = SMatrix::from_fn(|_, _| uniform(&mut generator));
-                    (block, block * ch5_body().to_vector())
-                })
-                .collect();
-            ten_parameters(bench, &rows)
-        }
+    if let Some(folder) = &bench.data {
+        let path = folder.join("ekf_data.csv");
+        let rows = numbers(&path)?;
+        let observations = rows
+            .iter()
+            .map(|row| observation(row).ok_or_else(|| Failure::file(&path, "a row has other than 16 numbers")))
+            .collect::<Result<Vec<_>, _>>()?;
+        four_parameters(bench, &observations)?;
+        return ten_parameters(bench, &ident_sdp::trajectory(folder)?);
     }
+    eprintln!("skipped: the frozen data of problem 5 (--data DIR); only updates of random rows are timed");
+    let mut generator = ChaCha8Rng::seed_from_u64(5);
+    let mut random = || {
+        let block = SMatrix::from_fn(|_, _| uniform(&mut generator));
+        (block, block * ch5_body().to_vector())
+    };
+    ten_parameters(bench, &(0..600).map(|_| random()).collect())
 }
 
 fn failed(error: IdentificationError) -> Failure {
@@ -128,7 +122,7 @@ fn ten_parameters(bench: &Bench, rows: &ident_sdp::Rows) -> Result<(), Failure> 
     timed(bench, "square_root10", goal, filter, &observations)?;
     let cone = PseudoInertiaCone::with_absolute_floor(BodyScale::try_new(5.0, 0.8).map_err(failed)?, ident_sdp::FLOOR);
     let sdp = RecursiveSdp::try_with_prior(cone, zero, deviation).map_err(failed)?;
-    recursive_sdp(bench, sdp, &observations)
+    recursive_sdp(bench, &sdp, &observations)
 }
 
 fn timed<E>(
@@ -159,10 +153,10 @@ where
 /// Every update timed by itself: a few of the first ones meet the boundary, and the 99th percentile is about them.
 fn recursive_sdp(
     bench: &Bench,
-    start: RecursiveSdp<6>,
+    start: &RecursiveSdp<6>,
     observations: &[LinearObservation<6, 10>],
 ) -> Result<(), Failure> {
-    let (mut filter, mut outside, mut binding) = (start, 0, 0);
+    let (mut filter, mut outside, mut binding) = (*start, 0, 0);
     for observation in observations {
         filter.update(observation).map_err(failed)?;
         outside += u32::from(ident_sdp::smallest_eigenvalue(&filter.parameters()) <= 0.0);
@@ -177,7 +171,7 @@ fn recursive_sdp(
     let goal = Goal::at(4000.0, "clarabel", 268_000.0);
     bench.each(PROBLEM, "recursive_sdp", goal, observations.len(), &quality, |i| {
         if i == 0 {
-            filter = start;
+            filter = *start;
         }
         filter.update(&observations[i])
     });

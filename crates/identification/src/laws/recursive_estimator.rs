@@ -92,7 +92,7 @@ pub fn check_gate<E, const P: usize, const ROWS: usize>(
 where
     E: RecursiveEstimator<P, ROWS>,
 {
-    let (mut rejected, mut total, mut first) = (0, 0, None);
+    let (mut rejected, mut total, mut first) = (0_usize, 0_usize, None);
     for (mut estimator, observations) in runs {
         for (index, observation) in observations.iter().enumerate() {
             let outcome = succeeded(estimator.update(observation), index)?;

@@ -158,10 +158,7 @@ pub(super) fn product_with_transpose<const ROWS: usize>(lower: &[[f64; ROWS]; RO
     let mut product = [[0.0; ROWS]; ROWS];
     for i in 0..ROWS {
         for j in 0..=i {
-            let mut sum = 0.0;
-            for k in 0..=j {
-                sum += lower[i][k] * lower[j][k];
-            }
+            let sum: f64 = lower[i].iter().zip(&lower[j]).take(j + 1).map(|(a, b)| a * b).sum();
             product[i][j] = sum;
             product[j][i] = sum;
         }

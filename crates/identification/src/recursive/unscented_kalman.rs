@@ -50,10 +50,8 @@ fn lower_root<const N: usize>(a: &SMatrix<f64, N, N>) -> [[f64; N]; N] {
     let mut lower = [[0.0; N]; N];
     for i in 0..N {
         for j in 0..=i {
-            let mut sum = a[(i, j)];
-            for k in 0..j {
-                sum -= lower[i][k] * lower[j][k];
-            }
+            let known: f64 = lower[i].iter().zip(&lower[j]).take(j).map(|(a, b)| a * b).sum();
+            let sum = a[(i, j)] - known;
             lower[i][j] = if i == j {
                 sqrt(sum.max(0.0))
             } else if lower[j][j] > 0.0 {
@@ -73,7 +71,7 @@ fn for_each_sigma_point<const N: usize, E>(
 ) -> Result<(), E> {
     let (lower, spread) = (lower_root(covariance), sqrt(N as f64));
     for j in 0..N {
-        let increment = SVector::from_fn(|i, _| spread * lower[i][j]);
+        let increment = SVector::from(lower.map(|row| spread * row[j]));
         visit(&increment)?;
         visit(&-increment)?;
     }

@@ -68,8 +68,8 @@ impl Flight {
         let covariance = SMatrix::from_diagonal(&deviation.map(|s| s * s));
         let model = JointMotion { noise: noise(), gravity_world: Vector3::zeros() };
         let filter = ExtendedKalmanFilter::new(model, truth.oplus(&off), covariance);
-        // An hour.
-        let settings = ChangeSettings { spacing: 8, updates_between_false_alarms: 225_000.0 };
+        // Three hours.
+        let settings = ChangeSettings { spacing: 8, updates_between_false_alarms: 675_000.0 };
         let detector = ChangeDetector::try_new(filter, widened as fn(&Filter, u32) -> Filter, settings).unwrap();
         Self { rng, body, state: motion, updates: 0, force_n, detector }
     }
