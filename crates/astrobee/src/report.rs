@@ -23,6 +23,10 @@ pub fn method_name(method: Method) -> &'static str {
         Method::Variational4 => "variational4",
         Method::Variational6 => "variational6",
         Method::MaximumLikelihood => "maximum-likelihood",
+        Method::Rls => "rls",
+        Method::RecursiveSdp => "recursive-sdp",
+        Method::Ekf => "ekf",
+        Method::Ukf => "ukf",
         _ => "unknown",
     }
 }
@@ -493,7 +497,7 @@ pub fn json(found: &Identification, context: &Context) -> Json {
             position_m: found.noise.position_m,
             attitude_rad: found.noise.attitude_rad,
         },
-        delay_s: None,
+        delay_s: found.delay_s,
         reference,
         holdout: context.validation.map(|v| JsonHoldout {
             nodes: v.nodes,

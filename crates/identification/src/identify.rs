@@ -7,6 +7,7 @@ mod likelihood;
 mod long;
 mod merge;
 mod noise;
+mod recursion;
 mod rows;
 mod solution;
 mod timeline;
@@ -47,6 +48,14 @@ pub enum Method {
     /// [`MaximumLikelihood`](crate::MaximumLikelihood). Where it leaves a direction free, the best regression answers
     /// instead and says which.
     MaximumLikelihood,
+    /// The rows of [`Method::Auto`] by recursive least squares in covariance form, in the order of time.
+    Rls,
+    /// The same by [`RecursiveSdp`](crate::recursive::RecursiveSdp).
+    RecursiveSdp,
+    /// Poses and what else was measured by an extended Kalman filter of motion and parameters.
+    Ekf,
+    /// The same by an unscented one.
+    Ukf,
 }
 
 /// What is known of the body beforehand: independent Gaussian knowledge of each of the ten parameters.
@@ -376,10 +385,11 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
         return Ok(found);
     }
     let noise = SampleNoise::estimate(record, &timeline, settings);
-    let fit = match best_fit(record, &timeline, settings, &noise)? {
+    let mut fit = match best_fit(record, &timeline, settings, &noise)? {
         Best::Fit(fit) => *fit,
         Best::Likelihood(found) => return Ok(*found),
     };
+    recursion::run(&mut fit, record, &timeline, settings, &noise)?;
     let zero_wrench = record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0);
     let silent = match (zero_wrench, fit.explained()) {
         (true, _) => Silent::Wrench,
@@ -414,7 +424,7 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
         fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
     let wrench_gain = fit.scheme.wrench_gain().sqrt();
     Ok(Identification {
-        method: fit.scheme.method,
+        method: if settings.method.is_recursive() { settings.method } else { fit.scheme.method },
         wrench_timing: settings.wrench_timing,
         lag: fit.scheme.lag,
         step_s: timeline.median_step_s(),

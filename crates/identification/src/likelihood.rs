@@ -43,6 +43,8 @@ const SMALL_STEP: f64 = 1e-3;
 const NEAR: f64 = 1e2;
 /// Samples of the longest segment.
 const LONGEST_SEGMENT: usize = 16;
+/// Longest segment from a start that may be far off, s.
+const FIRST_SEGMENT_S: f64 = 0.3;
 /// Bounds on residual 3-vectors, in standard deviations.
 const HUBER: f64 = 2.5;
 const GATE: f64 = 4.5;
@@ -269,7 +271,8 @@ impl MaximumLikelihood {
             let (levels, prior) = Levels::from_differences(&record);
             (levels, Some(prior))
         };
-        let mut length = self.segment_samples.unwrap_or(LONGEST_SEGMENT).max(1);
+        let first = || whole(FIRST_SEGMENT_S / record.median_step_s).clamp(1, LONGEST_SEGMENT);
+        let mut length = self.segment_samples.unwrap_or_else(first).max(1);
         let mut eta = Coordinates::of(&self.start);
         let mut calibration = Calibration::new(&self.nuisances);
         let starts = record.segments(length);

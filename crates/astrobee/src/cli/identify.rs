@@ -95,6 +95,14 @@ enum MethodName {
     Variational6,
     /// Maximum likelihood from noisy poses and wrenches.
     MaximumLikelihood,
+    /// Recursive least squares in covariance form.
+    Rls,
+    /// Recursive least squares whose every answer is a body.
+    RecursiveSdp,
+    /// Extended Kalman filter of motion and parameters.
+    Ekf,
+    /// Unscented Kalman filter of motion and parameters.
+    Ukf,
 }
 
 impl From<MethodName> for Method {
@@ -106,6 +114,10 @@ impl From<MethodName> for Method {
             MethodName::Variational4 => Self::Variational4,
             MethodName::Variational6 => Self::Variational6,
             MethodName::MaximumLikelihood => Self::MaximumLikelihood,
+            MethodName::Rls => Self::Rls,
+            MethodName::RecursiveSdp => Self::RecursiveSdp,
+            MethodName::Ekf => Self::Ekf,
+            MethodName::Ukf => Self::Ukf,
         }
     }
 }

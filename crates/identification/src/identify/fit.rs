@@ -155,7 +155,8 @@ pub(super) fn best_fit(
     settings: &Settings,
     noise: &SampleNoise,
 ) -> Result<Best, IdentificationError> {
-    let automatic = matches!(settings.method, Method::Auto | Method::MaximumLikelihood);
+    let automatic =
+        matches!(settings.method, Method::Auto | Method::MaximumLikelihood) || settings.method.is_recursive();
     let method = if automatic { Method::Variational4 } else { settings.method };
     let with_lag = |method, lag| {
         let fit = |lag| Fit::new(Scheme::new(settings, method, lag), record, timeline, noise);
