@@ -220,15 +220,12 @@ impl<const W: usize> CostToGo<W> {
                 self.stage[j][i] = self.stage[i][j];
             }
         }
-        match stage.transition {
-            Some(transition) => {
-                self.change_state(transition)?;
-                self.eliminate_noise(gain)?;
-            }
-            None => {
-                self.eliminate_noise(gain)?;
-                self.release();
-            }
+        if let Some(transition) = stage.transition {
+            self.change_state(transition)?;
+            self.eliminate_noise(gain)?;
+        } else {
+            self.eliminate_noise(gain)?;
+            self.release();
         }
         *arrival = *self.value;
         Ok(())

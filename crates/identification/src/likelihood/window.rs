@@ -289,7 +289,7 @@ impl<const W: usize> Window<W> {
         self.settings.likelihood.robust.then_some(Robust { huber: HUBER, gate })
     }
 
-    fn take(&mut self, read: Read) -> Result<Option<FixedLagStep>, IdentificationError> {
+    fn take(&mut self, read: &Read) -> Result<Option<FixedLagStep>, IdentificationError> {
         let mut step = None;
         if (read.doubt.is_some() || read.after_break) && !self.pending.is_empty() {
             step = Some(self.advance(None)?);
@@ -398,7 +398,7 @@ fn not_converged(decrement: f64) -> IdentificationError {
 impl<const W: usize> Sliding for Window<W> {
     fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
         let read = self.stream.push(row)?;
-        self.take(read)
+        self.take(&read)
     }
 
     fn noise(&self) -> Noise {
@@ -407,7 +407,7 @@ impl<const W: usize> Sliding for Window<W> {
 
     fn finish(mut self: Box<Self>) -> Result<LikelihoodEstimate, IdentificationError> {
         while let Some(read) = self.stream.flush() {
-            self.take(read)?;
+            self.take(&read)?;
         }
         if !self.pending.is_empty() {
             self.advance(None)?;
