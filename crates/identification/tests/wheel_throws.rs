@@ -10,8 +10,8 @@ use tumble_identification::IdentificationError;
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use tumble_identification::wheel::{
-    EndOfFall, FreeFallEstimate, ThrowRecord, ThrowSample, ThrowSettings, WheelCalibration, calibrate, identify_throw,
-    lever_arm_regressor, momentum_regressor, torque_regressor, wheel_torque,
+    EndOfFall, FreeFallEstimate, SensorErrors, ThrowRecord, ThrowSample, ThrowSettings, WheelCalibration, calibrate,
+    gyro_factor, identify_throw, lever_arm_regressor, momentum_regressor, torque_regressor, wheel_delay, wheel_torque,
 };
 
 const WHEEL_INERTIA: f64 = 1.7e-6;
@@ -400,4 +400,36 @@ fn every_object_reported_exists() {
         projected += usize::from(found.projected);
     }
     assert!((3..=17).contains(&projected), "{projected} of 20 projected");
+}
+
+/// Sensors that err as the throws' own balance then says, no inertia known.
+#[test]
+fn throws_tell_the_scale_of_the_gyro_and_the_delay_of_the_wheel() {
+    let errors = SensorErrors { gyro_factor: [1.006, 0.995, 0.999], wheel_delay_s: 6e-4 };
+    let noise = Noise { walk: 20.0, ..NOISY };
+    let spoil = |record: ThrowRecord| {
+        let inverse = SensorErrors {
+            gyro_factor: errors.gyro_factor.map(|factor| 1.0 / factor),
+            wheel_delay_s: -errors.wheel_delay_s,
+        };
+        record.corrected(&inverse)
+    };
+    let bodies: Vec<Vec<ThrowRecord>> = (0u64..)
+        .zip([device(), with_device(&proof_block()), with_device(&objects()[0])])
+        .map(|(i, body)| {
+            (0u64..).zip(RATES).map(|(k, rate)| spoil(record(&body, rate, &noise, 50 + 10 * i + k))).collect()
+        })
+        .collect();
+    let bodies: Vec<&[ThrowRecord]> = bodies.iter().map(Vec::as_slice).collect();
+    let settings = ThrowSettings::default();
+    let (delay_s, sigma_s) = wheel_delay(&bodies, &settings).unwrap();
+    println!("delay {:.3} +- {:.3} ms", 1e3 * delay_s, 1e3 * sigma_s);
+    assert!(sigma_s < 2e-4 && (delay_s - errors.wheel_delay_s).abs() < 4.0 * sigma_s);
+    let (factor, covariance) = gyro_factor(&bodies, delay_s, &settings).unwrap();
+    for axis in 0..3 {
+        let sigma = covariance[(axis, axis)].sqrt();
+        println!("axis {axis}: {:.4} +- {sigma:.4}", factor[axis]);
+        assert!(sigma < 5e-3 && (factor[axis] - errors.gyro_factor[axis]).abs() < 4.0 * sigma);
+    }
+    assert!((factor.iter().sum::<f64>() - 3.0).abs() < 1e-12);
 }

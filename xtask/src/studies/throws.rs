@@ -4,13 +4,19 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use tumble_astrobee::wheel_throw::{CalibrationBodies, CalibrationKind, calibrate_files, read_throw};
-use tumble_identification::wheel::{ObjectEstimate, ThrowSettings, identify_throw};
+use tumble_astrobee::wheel_throw::{CalibrationBodies, read_throw};
+use tumble_identification::IdentificationError;
+use tumble_identification::wheel::{
+    FreeFallEstimate, ObjectEstimate, SensorErrors, ThrowRecord, ThrowSettings, calibrate, gyro_factor, identify_throw,
+    wheel_delay,
+};
 
 use crate::Failure;
 
 /// Name of the set and of its folder.
 pub const SET: &str = "delft_throws";
+/// The device alone.
+const DEVICE: &str = "cal_device";
 /// Device with the proof block: a calibration throw reported like an object.
 const PROOF: &str = "cal_proof";
 /// The reference is known to one percent.
@@ -43,15 +49,21 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
     if skipped > 0 {
         eprintln!("{SET}: {skipped} throws of the index have no file, skipped");
     }
-    let of = |configuration: &str| throws.get(configuration).map_or(&[][..], Vec::as_slice);
     let bodies = CalibrationBodies::default();
-    let files: Vec<(CalibrationKind, PathBuf)> =
-        [("cal_device", CalibrationKind::Device), (PROOF, CalibrationKind::Proof)]
-            .into_iter()
-            .flat_map(|(name, kind)| of(name).iter().map(move |path| (kind, path.clone())))
-            .collect();
-    let calibration = calibrate_files(&files, &bodies, &ThrowSettings::default())
-        .map_err(|error| Failure::BadInput(error.to_string()))?;
+    let settings = ThrowSettings::default();
+    let mut missed = Vec::new();
+    let records = records(&throws, &settings, &mut missed)?;
+    let (errors, records) = corrected(&records, &settings).map_err(|error| Failure::file(folder, error))?;
+    eprintln!(
+        "{SET}: wheel recorded {:.2} ms late; gyro reads {:.2} {:.2} {:.2} % low",
+        1e3 * errors.wheel_delay_s,
+        100.0 * (errors.gyro_factor[0] - 1.0),
+        100.0 * (errors.gyro_factor[1] - 1.0),
+        100.0 * (errors.gyro_factor[2] - 1.0),
+    );
+    let of = |configuration: &str| records.get(configuration).map_or(&[][..], Vec::as_slice);
+    let calibration = calibrate(of(DEVICE), of(PROOF), bodies.device_mass_kg, &bodies.proof_block(), &settings)
+        .map_err(|error| Failure::file(folder, error))?;
     eprintln!(
         "{SET}: wheel inertia {:.4e} kg m^2, one sigma {:.1e}",
         calibration.wheel_inertia_kg_m2,
@@ -61,18 +73,13 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
     let mut block = bodies.proof_block().inertia_about_com().diagonal();
     block.as_mut_slice().sort_by(f64::total_cmp);
     let proof = Reference { configuration: PROOF.to_owned(), mass_kg: bodies.proof_mass_kg, principal_inertia: block };
-    let mut missed = Vec::new();
     for reference in references.iter().chain([&proof]) {
         let configuration = reference.configuration.as_str();
         let mut objects = Vec::new();
-        for path in of(configuration) {
-            let estimate = read_throw(path).map_err(|error| Failure::BadInput(error.to_string())).and_then(|throw| {
-                identify_throw(&throw, &calibration, Some(reference.mass_kg))
-                    .map_err(|error| Failure::file(path, error))
-            });
-            match estimate {
+        for throw in of(configuration) {
+            match identify_throw(throw, &calibration, Some(reference.mass_kg)) {
                 Ok(estimate) => objects.extend(estimate.object),
-                Err(failure) => missed.push(format!("{configuration}: {failure:?}")),
+                Err(error) => missed.push(format!("{configuration}: {error}")),
             }
         }
         let summary = summarize(&objects, reference);
@@ -94,6 +101,46 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
         }
     }
     Ok(missed)
+}
+
+/// The throws that can be read as one, by configuration; the others are misses.
+fn records(
+    throws: &BTreeMap<String, Vec<PathBuf>>,
+    settings: &ThrowSettings,
+    missed: &mut Vec<String>,
+) -> Result<BTreeMap<String, Vec<ThrowRecord>>, Failure> {
+    let mut records: BTreeMap<String, Vec<ThrowRecord>> = BTreeMap::new();
+    for (configuration, paths) in throws {
+        for path in paths {
+            let record = read_throw(path).map_err(|error| Failure::BadInput(error.to_string()))?;
+            match FreeFallEstimate::from_throw(&record, settings) {
+                Ok(_) => records.entry(configuration.clone()).or_default().push(record),
+                Err(error) => missed.push(format!("{}: {error}", path.display())),
+            }
+        }
+    }
+    Ok(records)
+}
+
+/// The device's sensors by its own throws, none of which says what an object should be: the delay of the wheel's telemetry
+/// where the wheel matters most, in the throws of the calibration; the gyro's factors, which many motions must tell apart,
+/// in all throws.
+fn corrected(
+    records: &BTreeMap<String, Vec<ThrowRecord>>,
+    settings: &ThrowSettings,
+) -> Result<(SensorErrors, BTreeMap<String, Vec<ThrowRecord>>), IdentificationError> {
+    let of = |names: &[&str]| -> Vec<&[ThrowRecord]> {
+        names.iter().filter_map(|name| records.get(*name)).map(Vec::as_slice).collect()
+    };
+    let (wheel_delay_s, _) = wheel_delay(&of(&[DEVICE, PROOF]), settings)?;
+    let all: Vec<&[ThrowRecord]> = records.values().map(Vec::as_slice).collect();
+    let (gyro_factor, _) = gyro_factor(&all, wheel_delay_s, settings)?;
+    let errors = SensorErrors { gyro_factor, wheel_delay_s };
+    let corrected = records
+        .iter()
+        .map(|(name, throws)| (name.clone(), throws.iter().map(|throw| throw.corrected(&errors)).collect()))
+        .collect();
+    Ok((errors, corrected))
 }
 
 /// Errors of the throws; `None` without throws.
