@@ -408,11 +408,15 @@ fn throws_tell_the_scale_of_the_gyro_and_the_delay_of_the_wheel() {
     let errors = SensorErrors { gyro_factor: [1.006, 0.995, 0.999], wheel_delay_s: 6e-4 };
     let noise = Noise { walk: 20.0, ..NOISY };
     let spoil = |record: ThrowRecord| {
-        let inverse = SensorErrors {
-            gyro_factor: errors.gyro_factor.map(|factor| 1.0 / factor),
-            wheel_delay_s: -errors.wheel_delay_s,
+        let late = |sample: &ThrowSample| {
+            let now_and_then = [sample.time_s, sample.time_s - errors.wheel_delay_s].map(|time_s| wheel(time_s).0);
+            ThrowSample {
+                rate_body: sample.rate_body.component_div(&Vector3::from(errors.gyro_factor)),
+                wheel_speed_rad_s: sample.wheel_speed_rad_s + now_and_then[1] - now_and_then[0],
+                ..*sample
+            }
         };
-        record.corrected(&inverse)
+        ThrowRecord::try_new(record.samples().iter().map(late).collect()).unwrap()
     };
     let bodies: Vec<Vec<ThrowRecord>> = (0u64..)
         .zip([device(), with_device(&proof_block()), with_device(&objects()[0])])
