@@ -4,14 +4,20 @@ use super::ThrowSettings;
 use super::momentum_balance::{REWEIGHTINGS, solve, whitened_momentum, windows};
 use super::throw_record::{ThrowRecord, ThrowSample};
 use crate::IdentificationError;
-use tumble_lie::nalgebra::{SMatrix, SVector};
+use tumble_lie::nalgebra::{DMatrix, SMatrix, SVector};
 
 /// Scale of a gyro's axis as its maker states it: one standard deviation.
 const GYRO_FACTOR_SIGMA: f64 = 0.01;
 const GYRO_FACTOR_STEP: f64 = 2e-3;
 const WHEEL_DELAY_STEP_S: f64 = 2e-4;
-/// Newton steps; from a perfect sensor three suffice.
-const NEWTON_STEPS: usize = 4;
+/// Newton steps before the search gives up; from a perfect sensor a few suffice.
+const NEWTON_STEPS: usize = 30;
+/// Longest step of the search, in steps of the differences.
+const LONGEST_STEP: f64 = 3.0;
+/// The search ends with a step below this, in the same unit.
+const CLOSE: f64 = 0.02;
+/// Curvature that counts as none.
+const FLAT: f64 = 1e-6;
 
 /// How a device's sensors err.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +61,7 @@ impl ThrowRecord {
 /// about the inertias is known but that the throws of one entry of `bodies` are throws of one body.
 ///
 /// # Errors
-/// Those of [`super::FreeFallEstimate::from_throw`].
+/// Those of [`super::FreeFallEstimate::from_throw`], [`IdentificationError::LikelihoodNotMaximal`].
 pub fn wheel_delay(bodies: &[&[ThrowRecord]], settings: &ThrowSettings) -> Result<(f64, f64), IdentificationError> {
     let (delay, variance) = newton(SVector::from([0.0]), |delay: &SVector<f64, 1>| {
         let wheel_delay_s = delay[0] * WHEEL_DELAY_STEP_S;
@@ -68,7 +74,7 @@ pub fn wheel_delay(bodies: &[&[ThrowRecord]], settings: &ThrowSettings) -> Resul
 /// every axis beforehand good to one percent. The factors' mean is one: what is common to all axes a throw hardly shows.
 ///
 /// # Errors
-/// Those of [`super::FreeFallEstimate::from_throw`].
+/// Those of [`super::FreeFallEstimate::from_throw`], [`IdentificationError::LikelihoodNotMaximal`].
 pub fn gyro_factor(
     bodies: &[&[ThrowRecord]],
     wheel_delay_s: f64,
@@ -121,7 +127,7 @@ fn newton<const P: usize>(
 ) -> Result<(SVector<f64, P>, SMatrix<f64, P, P>), IdentificationError> {
     let unit = |axis: usize| SVector::<f64, P>::from_fn(|i, _| if i == axis { 1.0 } else { 0.0 });
     let mut at = start;
-    let mut covariance = SMatrix::zeros();
+    let mut promise = 0.0;
     for _ in 0..NEWTON_STEPS {
         let here = cost(&at)?;
         let mut ahead = [[0.0; 2]; P];
@@ -140,13 +146,17 @@ fn newton<const P: usize>(
                 curvature[(j, i)] = mixed;
             }
         }
-        let factor = curvature.cholesky().ok_or(IdentificationError::NotExcited {
-            rank: 0,
-            expected: P,
-            smallest_singular_value: 0.0,
-        })?;
-        at -= factor.solve(&gradient);
-        covariance = factor.inverse();
+        // Far from the minimum a logarithm curves down: uphill and downhill are then told by the size of the curvature.
+        let eigen = DMatrix::from_column_slice(P, P, curvature.as_slice()).symmetric_eigen();
+        let axes = SMatrix::<f64, P, P>::from_column_slice(eigen.eigenvectors.as_slice());
+        let sizes = SVector::<f64, P>::from_iterator(eigen.eigenvalues.iter().map(|value| value.abs().max(FLAT)));
+        let step = axes * (axes.transpose() * gradient).component_div(&sizes);
+        at -= step * (LONGEST_STEP / step.amax().max(LONGEST_STEP));
+        if step.amax() < CLOSE && eigen.eigenvalues.iter().all(|value| *value > FLAT) {
+            let inverse = SMatrix::<f64, P, P>::from_diagonal(&sizes.map(|size| 1.0 / size));
+            return Ok((at, axes * inverse * axes.transpose()));
+        }
+        promise = gradient.dot(&step);
     }
-    Ok((at, covariance))
+    Err(IdentificationError::LikelihoodNotMaximal { iterations: NEWTON_STEPS, promise })
 }
