@@ -215,6 +215,13 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --test wheel_throws",
     },
     Mutant {
+        name: "wheel: telemetry corrected the wrong way",
+        file: "crates/identification/src/wheel/sensor_errors.rs",
+        original: "wheel_speed(sample.time_s + errors.wheel_delay_s)",
+        replacement: "wheel_speed(sample.time_s - errors.wheel_delay_s)",
+        test: "-p tumble-identification --test wheel_throws",
+    },
+    Mutant {
         name: "state space: direct path of the inputs lost",
         file: "crates/identification/src/state_space/augmented_filter.rs",
         original: "-(row * self.columns + direct)",

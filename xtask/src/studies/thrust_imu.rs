@@ -158,7 +158,9 @@ impl Flight {
             .collect();
         let total: f64 = thrusts.iter().map(SVector::sum).sum();
         let scale = MASS_KG * self.specific_force_z.iter().sum::<f64>() / total;
-        thrusts.iter_mut().for_each(|thrust| *thrust *= scale);
+        for thrust in &mut thrusts {
+            *thrust *= scale;
+        }
         Ok(thrusts)
     }
 }
