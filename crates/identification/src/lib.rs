@@ -46,7 +46,9 @@ pub use identify::{
 };
 pub use information::FisherInformation;
 #[cfg(feature = "std")]
-pub use likelihood::{Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate};
+pub use likelihood::{
+    Exchange, Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate, NuisancePrior, Quantity, Verdict,
+};
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;

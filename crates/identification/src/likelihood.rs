@@ -5,14 +5,17 @@
 mod calibration;
 mod chain;
 mod coordinates;
+mod drive;
 mod elimination;
 mod flow;
+mod identifiability;
 mod nodes;
 mod noise;
 mod record;
 mod segment;
 
-pub use calibration::Nuisance;
+pub use calibration::{Nuisance, NuisancePrior};
+pub use identifiability::{Exchange, Quantity, Verdict};
 
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -22,15 +25,18 @@ use calibration::Calibration;
 use chain::{Chain, Sweep};
 use coordinates::Coordinates;
 use elimination::{Indefinite, Schur};
+use identifiability::{Identifiability, inflation};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use noise::Levels;
 use record::Record;
-use segment::{MEASUREMENTS, PARAMETERS, Robust};
+use segment::{MEASUREMENTS, Robust};
 
 /// Iterations after which an estimate that still moves is given up.
 const MAX_ITERATIONS: usize = 30;
 /// A step whose squared length in standard deviations is below this has converged: a hundredth of a sigma.
 const SMALL_DECREMENT: f64 = 1e-4;
+/// Longest delay that is believed, as a fraction of the record.
+const LONGEST_DELAY: f64 = 0.25;
 /// Largest component of a node's step at convergence (rad, rad/s, m, m/s).
 const SMALL_STEP: f64 = 1e-3;
 /// Within so many squared standard deviations the levels of noise and outliers may be judged.
@@ -68,6 +74,8 @@ pub struct MaximumLikelihood {
     pub noise: Option<Noise>,
     /// What to estimate beside the ten parameters.
     pub nuisances: Vec<Nuisance>,
+    /// What is known of them; those not named start where nothing is wrong.
+    pub nuisance_priors: Vec<NuisancePrior>,
     /// Whether outliers among the measurements lose their weight.
     pub robust: bool,
     /// Samples in a segment; `None` chooses from the noise found.
@@ -85,6 +93,7 @@ impl Default for MaximumLikelihood {
             gravity_world: Vector3::zeros(),
             noise: None,
             nuisances: Vec::new(),
+            nuisance_priors: Vec::new(),
             robust: true,
             segment_samples: None,
             node_window_s: 0.6,
@@ -104,15 +113,19 @@ pub struct Iteration {
     pub largest_defect: f64,
 }
 
-/// Value found for a nuisance.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What was found about a nuisance.
+#[derive(Clone, Debug, PartialEq)]
 pub struct NuisanceEstimate {
     /// Which.
     pub nuisance: Nuisance,
-    /// Its value.
-    pub value: f64,
-    /// One standard deviation.
-    pub std: f64,
+    /// Its value; `None` where the data do not determine it.
+    pub value: Option<f64>,
+    /// One standard deviation, where there is a value.
+    pub std: Option<f64>,
+    /// Whether the data alone determine it.
+    pub verdict: Verdict,
+    /// Factors by which estimating it raises the standard deviations of mass, centre of mass and inertia.
+    pub inflation: [f64; 3],
 }
 
 /// What [`MaximumLikelihood::estimate`] found.
@@ -131,6 +144,9 @@ pub struct LikelihoodEstimate {
     pub active_axis: Option<Vector3<f64>>,
     /// The nuisances asked for.
     pub nuisances: Vec<NuisanceEstimate>,
+    /// Combinations of them and the ten parameters that the data do not determine. Where there is one, the nuisances in it
+    /// are held near their expected values by a weak prior, and all standard deviations are those that this prior leaves.
+    pub exchanges: Vec<Exchange>,
     /// Noise levels used.
     pub noise: Noise,
     /// Weighted squares of all residuals.
@@ -151,14 +167,24 @@ impl MaximumLikelihood {
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
-        match Calibration::new(&self.nuisances).columns() {
-            0..=13 => self.run::<32>(&record),
-            14..=21 => self.run::<40>(&record),
-            _ => self.run::<56>(&record),
+        let mut nuisances = self.nuisances.clone();
+        let late = [Nuisance::Delay, Nuisance::ActuatorLag].iter().any(|late| nuisances.contains(late));
+        if late && record.samples.iter().any(|sample| sample.acceleration.is_some()) {
+            nuisances.push(Nuisance::AccelerationDelay);
+        }
+        let calibration = Calibration::new(&nuisances, &self.nuisance_priors);
+        match calibration.columns() {
+            0..=13 => self.run::<32>(&record, calibration),
+            14..=21 => self.run::<40>(&record, calibration),
+            _ => self.run::<56>(&record, calibration),
         }
     }
 
-    fn run<const W: usize>(&self, record: &Record) -> Result<LikelihoodEstimate, IdentificationError> {
+    fn run<const W: usize>(
+        &self,
+        record: &Record,
+        mut calibration: Calibration,
+    ) -> Result<LikelihoodEstimate, IdentificationError> {
         let (mut levels, prior) = match &self.noise {
             Some(noise) => (Levels::of(noise), None),
             None => {
@@ -168,15 +194,19 @@ impl MaximumLikelihood {
         };
         let mut length = self.segment_samples.unwrap_or(LONGEST_SEGMENT).max(1);
         let mut eta = Coordinates::of(&self.start);
-        let mut calibration = Calibration::new(&self.nuisances);
-        let starts = record.segments(length);
-        let nodes = nodes::from_poses(record, &starts, self.node_window_s, &eta.center);
-        let mut chain = Chain::<W>::new(record, self.gravity_world, starts, nodes, &calibration);
+        let longest_delay_s = LONGEST_DELAY * record.median_step_s * record.samples.len() as f64;
+        calibration.shift(record.median_step_s, longest_delay_s);
+        let from_poses = |length: usize, eta: &Coordinates, calibration: &Calibration| {
+            let starts = record.segments(length, calibration.shift_s());
+            let nodes = nodes::from_poses(record, &starts, self.node_window_s, &eta.center);
+            Chain::<W>::new(record, self.gravity_world, starts, nodes, calibration)
+        };
+        let mut chain = from_poses(length, &eta, &calibration);
         let mut progress = Progress::default();
         loop {
             let robust = self.robust.then(|| progress.robust());
             let sweep = chain.sweep(&eta, &calibration, &levels, robust);
-            let mut schur = chain.eliminate(&levels).map_err(not_excited)?;
+            let (mut schur, _) = eliminated(&mut chain, &calibration, &levels)?;
             let cost = cost(&sweep, &levels);
             let mut settled = true;
             if let Some(prior) = prior.as_ref().filter(|_| progress.refines()) {
@@ -185,7 +215,7 @@ impl MaximumLikelihood {
                 for round in 0..ROUNDS {
                     let Some(evidence) = chain.evidence(&schur, &levels) else { break };
                     let change = levels.refine(&evidence, &sweep.tally, consistency, prior);
-                    schur = chain.eliminate(&levels).map_err(not_excited)?;
+                    (schur, _) = eliminated(&mut chain, &calibration, &levels)?;
                     if Levels::settled(change) {
                         settled = round == 0;
                         break;
@@ -202,13 +232,14 @@ impl MaximumLikelihood {
             calibration.advance(step.step.as_slice());
             let gated = robust.is_none_or(|robust| robust.gate.is_finite());
             progress.iterations.push(Iteration { cost, decrement, largest_defect: sweep.largest_defect });
-            let still = decrement < SMALL_DECREMENT && largest_step < SMALL_STEP;
+            let shifted = calibration.shift(record.median_step_s, longest_delay_s);
+            let still = decrement < SMALL_DECREMENT && largest_step < SMALL_STEP && !shifted;
             let refined =
                 prior.is_none() || progress.refinements > 0 && (settled || progress.refinements >= REFINEMENTS);
             if still && gated && refined {
                 let robust = self.robust.then(|| progress.robust());
                 let sweep = chain.sweep(&eta, &calibration, &levels, robust);
-                let schur = chain.eliminate(&levels).map_err(not_excited)?;
+                let (schur, identifiability) = eliminated(&mut chain, &calibration, &levels)?;
                 let cost = self::cost(&sweep, &levels);
                 return self.result(
                     &chain,
@@ -217,6 +248,7 @@ impl MaximumLikelihood {
                     &levels,
                     cost,
                     &schur,
+                    identifiability,
                     progress.iterations,
                     step.constrained,
                 );
@@ -225,7 +257,9 @@ impl MaximumLikelihood {
             if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
                 return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
             }
-            if self.segment_samples.is_none() && decrement < NEAR {
+            if shifted {
+                chain = from_poses(length, &eta, &calibration);
+            } else if self.segment_samples.is_none() && decrement < NEAR {
                 let wanted = segment_length(&levels, &eta, record.median_step_s);
                 if wanted < length {
                     length = wanted;
@@ -243,6 +277,7 @@ impl MaximumLikelihood {
         levels: &Levels,
         cost: f64,
         schur: &Schur<W>,
+        identifiability: Identifiability,
         iterations: Vec<Iteration>,
         constrained: bool,
     ) -> Result<LikelihoodEstimate, IdentificationError> {
@@ -252,10 +287,18 @@ impl MaximumLikelihood {
         let body = covariance.fixed_view::<10, 10>(0, 0).into_owned();
         let pull = factor.solve(&schur.gradient);
         let parameters = eta.parameters();
-        let nuisance = |&nuisance: &Nuisance| {
-            let column = calibration.lane(nuisance)? - PARAMETERS;
-            let std = covariance[(column, column)].sqrt();
-            Some(NuisanceEstimate { nuisance, value: calibration.value(nuisance), std })
+        let nuisances = calibration.nuisances().iter().zip(identifiability.verdicts).enumerate();
+        let nuisance = |(index, (&nuisance, verdict)): (usize, (&Nuisance, Verdict))| {
+            let column = 10 + index;
+            let (value, std) = calibration.reported(index, covariance[(column, column)].sqrt());
+            let known = verdict == Verdict::Identifiable;
+            NuisanceEstimate {
+                nuisance,
+                value: known.then_some(value),
+                std: known.then_some(std),
+                verdict,
+                inflation: inflation(&schur.information, &covariance, column),
+            }
         };
         Ok(LikelihoodEstimate {
             parameters,
@@ -263,13 +306,26 @@ impl MaximumLikelihood {
             covariance: by_eta * body * by_eta.transpose(),
             std: body.diagonal().map(f64::sqrt),
             active_axis: constrained.then(|| eta.thinnest_axis()),
-            nuisances: self.nuisances.iter().filter_map(nuisance).collect(),
+            nuisances: nuisances.map(nuisance).collect(),
+            exchanges: identifiability.exchanges,
             noise: levels.noise(&chain.groups),
             cost,
             iterations,
-            segment_samples: chain.starts.get(1).map_or(1, |second| *second),
+            segment_samples: chain.starts.get(1).map_or(1, |second| second - chain.starts[0]),
         })
     }
+}
+
+/// The quadratic in the parameters, priors included, and what it determines without them.
+fn eliminated<const W: usize>(
+    chain: &mut Chain<'_, W>,
+    calibration: &Calibration,
+    levels: &Levels,
+) -> Result<(Schur<W>, Identifiability), IdentificationError> {
+    let mut schur = chain.eliminate(levels).map_err(not_excited)?;
+    let identifiability = Identifiability::new(&schur.information, calibration);
+    identifiability.hold(calibration, &mut schur.information, &mut schur.gradient);
+    Ok((schur, identifiability))
 }
 
 /// How far the iterations have come.

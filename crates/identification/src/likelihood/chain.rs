@@ -2,6 +2,7 @@
 
 use super::calibration::Calibration;
 use super::coordinates::{Coordinates, ParameterStep};
+use super::drive::{Drive, drives};
 use super::elimination::{CostToGo, Evidence, Gain, Indefinite, Posterior, Schur, Stage, forward};
 use super::flow::State;
 use super::noise::Levels;
@@ -13,6 +14,9 @@ use nalgebra::Vector3;
 pub(super) struct Chain<'a, const W: usize> {
     record: &'a Record,
     gravity: Vector3<f64>,
+    /// What acts on each sample, and the lag and shift that it is right for.
+    drives: Vec<Drive>,
+    drives_of: (Option<f64>, f64),
     /// First sample of each segment.
     pub(super) starts: Vec<usize>,
     pub(super) nodes: Vec<State>,
@@ -55,8 +59,11 @@ impl<'a, const W: usize> Chain<'a, W> {
         ];
         let groups: Vec<usize> = (0..MEASUREMENTS).filter(|&group| present[group]).collect();
         let lanes = PARAMETERS + calibration.columns() + 1;
+        let drives_of = (calibration.lag_s(), calibration.shift_s());
         Self {
             record,
+            drives: drives(samples, record.median_step_s, drives_of.0, drives_of.1),
+            drives_of,
             gravity,
             starts,
             nodes,
@@ -73,13 +80,13 @@ impl<'a, const W: usize> Chain<'a, W> {
 
     /// End of segment `j`: one past its last sample.
     fn end(&self, j: usize) -> usize {
-        self.starts.get(j + 1).copied().unwrap_or(self.record.samples.len())
+        self.starts.get(j + 1).copied().unwrap_or_else(|| self.record.rows(self.drives_of.1).end)
     }
 
     /// Of the prior of the wrench noise in segment `j`.
     fn precision(&self, j: usize, levels: &Levels) -> [f64; 6] {
         let samples = (self.end(j) - self.starts[j]) as f64;
-        let doubt = self.record.doubt_at(self.starts[j]);
+        let doubt = self.record.doubt_at(self.starts[j], self.drives_of.1);
         core::array::from_fn(|i| 1.0 / (levels.wrench[i / 3].powi(2) / samples + doubt.map_or(0.0, |extra| extra[i])))
     }
 
@@ -97,7 +104,7 @@ impl<'a, const W: usize> Chain<'a, W> {
                 evidence.squares[group] += weight * square;
                 evidence.absorbed[group] += weight * trace;
             }
-            if self.record.doubt_at(self.starts[j]).is_none() {
+            if self.record.doubt_at(self.starts[j], self.drives_of.1).is_none() {
                 evidence.wrench_counted += 3.0;
                 for (i, precision) in self.precision(j, levels).into_iter().enumerate() {
                     let (step, variance) = posterior.noise(i);
@@ -112,10 +119,11 @@ impl<'a, const W: usize> Chain<'a, W> {
 
     /// The same states cut into other segments.
     pub(super) fn resegmented(self, length: usize, eta: &Coordinates, calibration: &Calibration) -> Self {
-        let starts = self.record.segments(length);
+        let starts = self.record.segments(length, calibration.shift_s());
         let samples = &self.record.samples;
         let (mut nodes, mut noise) = (Vec::with_capacity(starts.len()), Vec::with_capacity(starts.len()));
         let (body, mut wanted) = (eta.body(), starts.iter().copied().peekable());
+        let gravity = self.gravity + calibration.slope();
         for j in 0..self.starts.len() {
             let mut state = self.nodes[j];
             let held = (Vector3::from_row_slice(&self.noise[j][..3]), Vector3::from_row_slice(&self.noise[j][3..]));
@@ -125,7 +133,7 @@ impl<'a, const W: usize> Chain<'a, W> {
                     noise.push(self.noise[j]);
                 }
                 state =
-                    body.over(&state, &calibration.input(&samples[k].input, held), &self.gravity, samples[k].step_s);
+                    body.over(&state, &calibration.input(&self.drives[k].input, held), &gravity, samples[k].step_s);
             }
         }
         let (record, gravity) = (self.record, self.gravity);
@@ -143,9 +151,15 @@ impl<'a, const W: usize> Chain<'a, W> {
         levels: &Levels,
         robust: Option<Robust>,
     ) -> Sweep {
+        let drives_of = (calibration.lag_s(), calibration.shift_s());
+        if self.drives_of != drives_of {
+            self.drives = drives(&self.record.samples, self.record.median_step_s, drives_of.0, drives_of.1);
+            self.drives_of = drives_of;
+        }
         let model = Model {
             samples: &self.record.samples,
-            gravity: self.gravity,
+            drives: &self.drives,
+            gravity: self.gravity + calibration.slope(),
             body: eta.body(),
             calibration,
             sigma: levels.measurements,

@@ -166,7 +166,7 @@ fn information_at_the_truth() {
         flow::State { world_from_body: q, rate, center: position + q * c, velocity: velocity + q * rate.cross(&c) }
     };
     let nodes = starts.iter().map(state).collect();
-    let calibration = Calibration::new(&[]);
+    let calibration = Calibration::new(&[], &[]);
     let mut chain = Chain::<32>::new(&samples, Vector3::zeros(), starts, nodes, &calibration);
     let levels = Levels::of(&known_noise());
     let sweep = chain.sweep(&Coordinates::of(&log.body), &calibration, &levels, None);
@@ -245,5 +245,6 @@ fn the_delay_can_be_estimated_too() {
     let with_delay = MaximumLikelihood { nuisances: vec![Nuisance::Delay], ..estimator(8) };
     let found = with_delay.estimate(&log().record).unwrap();
     close(&[found.parameters.mass], &[9.411_030_737_884], 1e-10);
-    close(&[found.nuisances[0].value, found.nuisances[0].std], &[5.89e-5, 1.32e-4], 5e-3);
+    let delay = &found.nuisances[0];
+    close(&[delay.value.unwrap(), delay.std.unwrap()], &[5.89e-5, 1.32e-4], 5e-3);
 }

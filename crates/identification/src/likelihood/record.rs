@@ -5,6 +5,7 @@ use super::segment::Sample;
 use crate::WrenchTiming;
 use crate::error::{Column, IdentificationError};
 use crate::motion::MotionSample;
+use core::ops::Range;
 use nalgebra::{Vector3, Vector6};
 
 /// Fewest samples that are tried.
@@ -90,13 +91,20 @@ impl Record {
         Ok(Self { samples, median_step_s, doubts })
     }
 
+    /// Rows that a logged wrench acts on when it is delayed by whole steps.
+    pub(super) fn rows(&self, shift_s: f64) -> Range<usize> {
+        let late = (shift_s / self.median_step_s).round();
+        let (late, count) = (late.abs() as usize, self.samples.len());
+        if shift_s < 0.0 { 0..count.saturating_sub(late) } else { late.min(count)..count }
+    }
+
     /// First samples of segments of `length` samples; a sample in doubt is a segment of its own.
-    pub(super) fn segments(&self, length: usize) -> Vec<usize> {
+    pub(super) fn segments(&self, length: usize, shift_s: f64) -> Vec<usize> {
         let mut starts = Vec::new();
-        let mut doubts = self.doubts.iter().map(|doubt| doubt.sample).peekable();
-        let mut next = 0;
-        for k in 0..self.samples.len() {
-            let doubted = doubts.next_if_eq(&k).is_some();
+        let rows = self.rows(shift_s);
+        let mut next = rows.start;
+        for k in rows {
+            let doubted = self.doubt_at(k, shift_s).is_some();
             if k == next || doubted {
                 starts.push(k);
                 next = k + if doubted { 1 } else { length };
@@ -106,7 +114,9 @@ impl Record {
     }
 
     /// Extra variance of the wrench in the segment that starts at this sample.
-    pub(super) fn doubt_at(&self, sample: usize) -> Option<&Vector6<f64>> {
+    pub(super) fn doubt_at(&self, sample: usize, shift_s: f64) -> Option<&Vector6<f64>> {
+        let late = (shift_s / self.median_step_s).round() as isize;
+        let sample = sample.checked_add_signed(-late)?;
         let found = self.doubts.binary_search_by_key(&sample, |doubt| doubt.sample).ok()?;
         self.doubts.get(found).map(|doubt| &doubt.variance)
     }
