@@ -379,3 +379,5 @@ fn not_excited(_: Indefinite) -> IdentificationError {
 
 #[cfg(test)]
 mod golden;
+#[cfg(test)]
+mod tangents;

@@ -1,6 +1,5 @@
 //! What else a log may get wrong, and the columns of the tangent that estimate it.
 
-use super::drive::Drive;
 use super::flow::Input;
 use super::segment::PARAMETERS;
 use core::fmt;
@@ -296,11 +295,6 @@ impl Calibration {
         self.values[0] - self.shift_s
     }
 
-    /// The same of the accelerations.
-    pub(crate) fn acceleration_delay_s(&self) -> f64 {
-        self.values[1]
-    }
-
     /// `None` where it is not estimated.
     pub(crate) fn lag_s(&self) -> Option<f64> {
         self.lanes[ACTUATOR_LAG].map(|_| self.values[ACTUATOR_LAG])
@@ -371,10 +365,10 @@ impl Calibration {
         }
     }
 
-    /// The logged wrench of which the acceleration of a row is the effect.
-    pub(crate) fn start(&self, drive: &Drive) -> Input {
-        let delay = self.acceleration_delay_s();
-        let start = &drive.start;
+    /// The logged wrench of which the acceleration of a row is the effect, from the one just after the row's time and its
+    /// difference quotient.
+    pub(crate) fn felt(&self, start: &Input) -> Input {
+        let delay = self.values[1];
         Input {
             torque: start.torque - start.torque_slope * delay,
             force: start.force - start.force_slope * delay,

@@ -18,7 +18,7 @@ pub(crate) struct Drive {
     pub(crate) by_lag: Input,
     /// Value just after the row's time, and its difference quotient to the row before.
     pub(crate) start: Input,
-    /// Derivative of the value by the lag.
+    /// Derivative of `start` by the lag.
     pub(crate) start_by_lag: Input,
 }
 
@@ -38,15 +38,16 @@ pub(crate) fn drives(samples: &[Sample], median_step_s: f64, lag_s: Option<f64>,
             over(samples, &pieces, from, start_s, sample.step_s, SAME_TIME * median_step_s)
         };
         let [value, by_lag] = piece.parts;
-        let quotient = before.map_or_else(Vector6::zeros, |(start, time_s): (Vector6<f64>, f64)| {
-            (value.start - start) / (sample.time_s - time_s)
+        let starts = [value.start, by_lag.start];
+        let quotients = before.map_or([Vector6::zeros(); 2], |(before, time_s): ([Vector6<f64>; 2], f64)| {
+            [0, 1].map(|i| (starts[i] - before[i]) / (sample.time_s - time_s))
         });
-        before = Some((value.start, sample.time_s));
+        before = Some((starts, sample.time_s));
         drives.push(Drive {
             input: input(&value.mean, &value.slope),
             by_lag: input(&by_lag.mean, &by_lag.slope),
-            start: input(&value.start, &quotient),
-            start_by_lag: input(&by_lag.start, &Vector6::zeros()),
+            start: input(&value.start, &quotients[0]),
+            start_by_lag: input(&by_lag.start, &quotients[1]),
         });
     }
     drives

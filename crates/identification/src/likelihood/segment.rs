@@ -369,7 +369,7 @@ impl<const W: usize> Measured<'_, W> {
         if let Some(measured) = sample.acceleration {
             let fall = world_from_body.inverse_transform_vector(gravity);
             let (scale, bias, position) = calibration.accelerometer();
-            let start = calibration.input(&calibration.start(drive), self.noise);
+            let start = calibration.input(&calibration.felt(&drive.start), self.noise);
             let torque = start.torque - c.cross(&start.force);
             let start_alpha = body.inverse * (torque - rate.cross(&(body.inertia * rate)));
             let arm = c - position;
@@ -402,7 +402,7 @@ impl<const W: usize> Measured<'_, W> {
         add_columns(row, CENTER, &(by_torque * skew(&start.force) + by_arm));
         add_column(row, PARAMETERS, &(start.force / -body.mass));
         add_columns(row, INERTIA, &(arm_cross * (by.inertia - body.inverse * by_inertia(change))));
-        calibration.input_columns(start, &drive.start_by_lag, |lane, column| {
+        calibration.input_columns(start, &calibration.felt(&drive.start_by_lag), |lane, column| {
             add_column(row, lane, &(by_torque * column.torque + by_force * column.force));
         });
         if let Some(lane) = calibration.lane(Nuisance::AccelerationDelay) {
