@@ -22,6 +22,7 @@ pub fn method_name(method: Method) -> &'static str {
         Method::Variational => "variational",
         Method::Variational4 => "variational4",
         Method::Variational6 => "variational6",
+        Method::MaximumLikelihood => "maximum-likelihood",
         _ => "unknown",
     }
 }

@@ -3,6 +3,7 @@
 //! All scalars are `f64`: decisions are made here.
 
 mod fit;
+mod likelihood;
 mod merge;
 mod noise;
 mod rows;
@@ -15,7 +16,8 @@ use crate::motion::MotionSample;
 use crate::weighted_least_squares::{WrenchRow, whitened};
 use crate::{BodyScale, NullDirection, Observability, SquareRootInformation, WrenchTiming};
 use core::fmt;
-use fit::{Fit, best_fit, rough_scale};
+use fit::{Best, Fit, best_fit, rough_scale};
+use likelihood::most_likely;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use noise::SampleNoise;
 use rows::Scheme;
@@ -39,6 +41,10 @@ pub enum Method {
     Variational4,
     /// Extrapolated variational regressor of order 6, poses only.
     Variational6,
+    /// Maximum likelihood from noisy poses (and rates, velocities, accelerations where present) and noisy wrenches:
+    /// [`MaximumLikelihood`](crate::MaximumLikelihood). Where it leaves a direction free, the best regression answers
+    /// instead and says which.
+    MaximumLikelihood,
 }
 
 /// What is known of the body beforehand: independent Gaussian knowledge of each of the ten parameters.
@@ -63,6 +69,8 @@ pub struct Settings {
     pub prior: Option<Prior>,
     /// Samples between the poses of one regression row; `None` chooses it from the noise found.
     pub lag: Option<usize>,
+    /// Whether the likelihood also estimates by how much everything measured lags behind the wrench.
+    pub estimate_delay: bool,
 }
 
 /// One standard deviation of each reported quantity.
@@ -185,6 +193,11 @@ pub enum Warning {
         /// Windows skipped.
         skipped: usize,
     },
+    /// Samples without a wrench, taken to act under the last one logged.
+    HeldWrenches {
+        /// How many.
+        samples: usize,
+    },
     /// Few rows: the covariance itself is uncertain.
     FewRows {
         /// Rows used.
@@ -201,10 +214,7 @@ impl fmt::Display for Warning {
             Self::UnequalSteps { skipped, windows } => {
                 write!(f, "{skipped} of {windows} windows skipped: their steps differ by more than 1 %")?;
                 if 2 * skipped > windows {
-                    write!(
-                        f,
-                        "; most of the record is unused: the method maximum-likelihood (not in this version) will use true step lengths; until then resample the log at equal steps"
-                    )?;
+                    write!(f, "; most of the record is unused: the method maximum-likelihood uses true step lengths")?;
                 }
                 Ok(())
             }
@@ -222,8 +232,8 @@ impl fmt::Display for Warning {
             Self::NoisyPoses { position_m, attitude_rad, noise_share, lag } => write!(
                 f,
                 "poses look noisy ({position_m:.1e} m, {attitude_rad:.1e} rad): {:.1} % of the regression signal at lag \
-                 {lag} is noise; rows of disjoint poses serve as instruments, and measured rates and velocities or the \
-                 method maximum-likelihood (not in this version) would do better; the stated sigma does not hold all of this noise",
+                 {lag} is noise; rows of disjoint poses serve as instruments, and the method maximum-likelihood would do better; \
+                 the stated sigma does not hold all of this noise",
                 100.0 * noise_share
             ),
             Self::NoisyRates { rate_rad_s, velocity_m_s, noise_share, lag } => write!(
@@ -244,6 +254,9 @@ impl fmt::Display for Warning {
             Self::ConstraintActive => {
                 write!(f, "the unconstrained solution is not a body; moved to the nearest consistent one")
             }
+            Self::HeldWrenches { samples } => {
+                write!(f, "{samples} samples without a wrench: the last one logged is taken to act on")
+            }
             Self::FewRows { rows } => write!(f, "only {rows} rows: the stated uncertainty is itself uncertain"),
         }
     }
@@ -256,7 +269,7 @@ pub struct Identification {
     pub method: Method,
     /// When the wrench was taken to act.
     pub wrench_timing: WrenchTiming,
-    /// Samples between the poses of one row.
+    /// Samples between the poses of one row; for the likelihood, samples that share one error of the wrench.
     pub lag: usize,
     /// Median step of the record, s.
     pub step_s: f64,
@@ -283,6 +296,8 @@ pub struct Identification {
     pub explained: Option<f64>,
     /// Noise found.
     pub noise: Noise,
+    /// Delay of everything measured against the wrench, where it was estimated, s.
+    pub delay_s: Option<f64>,
     /// What the model leaves unexplained, node by node; empty without any estimate.
     pub residuals: Vec<NodeResidual>,
     /// What a reader must know.
@@ -315,7 +330,8 @@ pub struct Validation {
     pub torque_rms_n_m: f64,
     /// Root mean square of the force residual, N.
     pub force_rms_n: f64,
-    /// Root mean square of the residual in units of what noise and covariance predict: near one when all is well.
+    /// Root mean square of the residual in units of what noise and covariance predict: near one when all is well. For the
+    /// likelihood the residual is the step from the estimate to the one the record itself would give.
     pub normalised_rms: f64,
     /// Share of the wrench's mean square that the body explains, from minus infinity to one.
     pub explained: f64,
@@ -342,8 +358,16 @@ const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
 /// too little are not an error but a result with its rank.
 pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identification, IdentificationError> {
     let timeline = Timeline::try_new(record)?;
+    if settings.method == Method::MaximumLikelihood {
+        if let Some(found) = most_likely(record, &timeline, settings)? {
+            return Ok(found);
+        }
+    }
     let noise = SampleNoise::estimate(record, &timeline, settings);
-    let fit = best_fit(record, &timeline, settings, &noise)?;
+    let fit = match best_fit(record, &timeline, settings, &noise)? {
+        Best::Fit(fit) => *fit,
+        Best::Likelihood(found) => return Ok(*found),
+    };
     let zero_wrench = record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0);
     let silent = match (zero_wrench, fit.explained()) {
         (true, _) => Silent::Wrench,
@@ -401,6 +425,7 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
             velocity_m_s: noise.velocity_m_s,
             acceleration_m_s2: 0.0,
         },
+        delay_s: None,
         residuals,
         warnings,
     })
@@ -419,7 +444,10 @@ pub fn predict(
     wrench_noise: (f64, f64),
 ) -> Result<Prediction, IdentificationError> {
     let timeline = Timeline::try_new(record)?;
-    let method = if settings.method == Method::Auto { Method::Variational4 } else { settings.method };
+    let method = match settings.method {
+        Method::Auto | Method::MaximumLikelihood => Method::Variational4,
+        method => method,
+    };
     let mut scheme = Scheme::new(settings, method, settings.lag.unwrap_or(1));
     scheme.wrench_optional = true;
     let rows = scheme.rows(record, &timeline)?;
@@ -458,6 +486,9 @@ pub fn validate(
     settings: &Settings,
 ) -> Result<Validation, IdentificationError> {
     let estimate = found.estimate.ok_or(IdentificationError::NoEstimate { rank: found.rank })?;
+    if found.method == Method::MaximumLikelihood {
+        return likelihood::validated(found, &estimate, record, settings);
+    }
     let timeline = Timeline::try_new(record)?;
     let scheme = Scheme::new(settings, found.method, found.lag);
     let rows = scheme.rows(record, &timeline)?;

@@ -19,17 +19,18 @@ pub use identifiability::{Exchange, Quantity, Verdict};
 
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
+use crate::lie::Wrench;
 use crate::motion::MotionSample;
 use crate::{Noise, WrenchTiming};
 use calibration::Calibration;
 use chain::{Chain, Sweep};
-use coordinates::Coordinates;
+use coordinates::{Coordinates, ParameterStep};
 use elimination::{Indefinite, Schur};
 use identifiability::{Identifiability, inflation};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use noise::Levels;
 use record::Record;
-use segment::{MEASUREMENTS, Robust};
+use segment::{ATTITUDE, MEASUREMENTS, POSITION, Robust};
 
 /// Iterations after which an estimate that still moves is given up.
 const MAX_ITERATIONS: usize = 30;
@@ -53,6 +54,8 @@ const CONSISTENCY: f64 = 0.957_918;
 /// Restricted-likelihood steps on one linearisation, and linearisations on which they are done.
 const ROUNDS: usize = 6;
 const REFINEMENTS: usize = 3;
+/// A direction weaker than this fraction of the strongest is not shown.
+const SHOWN: f64 = 1e-12;
 
 /// Maximum likelihood of the ten parameters from poses and wrenches that are both noisy; rates, velocities and
 /// accelerations are used where present.
@@ -151,10 +154,26 @@ pub struct LikelihoodEstimate {
     pub noise: Noise,
     /// Weighted squares of all residuals.
     pub cost: f64,
+    /// Log determinant of the information of all unknowns; with [`cost`](Self::cost) and the noise levels it gives the
+    /// restricted likelihood, by which noise models compare.
+    pub log_determinant: f64,
     /// What each iteration did.
     pub iterations: Vec<Iteration>,
     /// Samples in a segment.
     pub segment_samples: usize,
+    /// Wrench that the motion asks for beyond the one logged, in temporal order.
+    pub residuals: Vec<SegmentResidual>,
+    /// Poses given no weight, position or attitude.
+    pub outliers: usize,
+}
+
+/// What the model leaves unexplained over one segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SegmentResidual {
+    /// First sample of the segment.
+    pub first_sample: usize,
+    /// Constant wrench, body axes about the body origin.
+    pub wrench: Wrench<f64>,
 }
 
 impl MaximumLikelihood {
@@ -178,6 +197,41 @@ impl MaximumLikelihood {
             14..=21 => self.run::<40>(&record, calibration),
             _ => self.run::<56>(&record, calibration),
         }
+    }
+
+    /// How a given body fits a record: states and errors of the wrench are found for it as it is.
+    ///
+    /// # Errors
+    /// As [`estimate`](Self::estimate); the noise must be known.
+    pub(crate) fn judge(
+        &self,
+        record: &[MotionSample],
+        body: &InertialParameters<f64>,
+        covariance: &SMatrix<f64, 10, 10>,
+        noise: &Noise,
+    ) -> Result<Judged, IdentificationError> {
+        let record = Record::try_new(record, self.wrench_timing, self.robust)?;
+        let (eta, levels) = (Coordinates::of(body), Levels::of(noise));
+        let calibration = Calibration::new(&[], &[]);
+        let starts = record.segments(segment_length(&levels, &eta, record.median_step_s), 0.0);
+        let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
+        let mut chain = Chain::<32>::new(&record, self.gravity_world, starts, nodes, &calibration);
+        let robust = self.robust.then_some(Robust { huber: HUBER, gate: f64::INFINITY });
+        for iteration in 1..=MAX_ITERATIONS {
+            chain.sweep(&eta, &calibration, &levels, robust);
+            let schur = chain.eliminate(&levels).map_err(not_excited)?;
+            let largest = chain.follow(&schur, &ParameterStep::none(&eta, schur.gradient.len()));
+            if largest < SMALL_STEP {
+                break;
+            }
+            if iteration == MAX_ITERATIONS {
+                return Err(IdentificationError::LikelihoodNotConverged { iterations: iteration, decrement: largest });
+            }
+        }
+        chain.sweep(&eta, &calibration, &levels, robust);
+        let schur = chain.eliminate(&levels).map_err(not_excited)?;
+        let misfit = misfit(&schur, &eta, covariance).ok_or(not_excited(Indefinite))?;
+        Ok(Judged { misfit, residuals: residuals(&chain) })
     }
 
     fn run<const W: usize>(
@@ -204,12 +258,17 @@ impl MaximumLikelihood {
         let mut chain = from_poses(length, &eta, &calibration);
         let mut progress = Progress::default();
         loop {
-            let robust = self.robust.then(|| progress.robust());
+            let robust = self.robust.then(|| progress.robust(prior.is_none()));
             let sweep = chain.sweep(&eta, &calibration, &levels, robust);
             let (mut schur, _) = eliminated(&mut chain, &calibration, &levels)?;
             let cost = cost(&sweep, &levels);
             let mut settled = true;
-            if let Some(prior) = prior.as_ref().filter(|_| progress.refines()) {
+            if prior.is_some() && progress.near() && !progress.judged {
+                // Differences may miss what is not white; nothing may be called an outlier by their word alone.
+                chain.residual_levels(&mut levels);
+                progress.judged = true;
+                (schur, _) = eliminated(&mut chain, &calibration, &levels)?;
+            } else if let Some(prior) = prior.as_ref().filter(|_| progress.refines()) {
                 let consistency = if self.robust { CONSISTENCY } else { 1.0 };
                 settled = false;
                 for round in 0..ROUNDS {
@@ -237,21 +296,11 @@ impl MaximumLikelihood {
             let refined =
                 prior.is_none() || progress.refinements > 0 && (settled || progress.refinements >= REFINEMENTS);
             if still && gated && refined {
-                let robust = self.robust.then(|| progress.robust());
+                let robust = self.robust.then(|| progress.robust(prior.is_none()));
                 let sweep = chain.sweep(&eta, &calibration, &levels, robust);
                 let (schur, identifiability) = eliminated(&mut chain, &calibration, &levels)?;
-                let cost = self::cost(&sweep, &levels);
-                return self.result(
-                    &chain,
-                    &eta,
-                    &calibration,
-                    &levels,
-                    cost,
-                    &schur,
-                    identifiability,
-                    progress.iterations,
-                    step.constrained,
-                );
+                let outcome = (progress.iterations, length, step.constrained);
+                return self.result(&chain, &eta, &calibration, &levels, &sweep, &schur, identifiability, outcome);
             }
             let iterations = progress.iterations.len();
             if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
@@ -275,11 +324,10 @@ impl MaximumLikelihood {
         eta: &Coordinates,
         calibration: &Calibration,
         levels: &Levels,
-        cost: f64,
+        sweep: &Sweep,
         schur: &Schur<W>,
         identifiability: Identifiability,
-        iterations: Vec<Iteration>,
-        constrained: bool,
+        (iterations, segment_samples, constrained): (Vec<Iteration>, usize, bool),
     ) -> Result<LikelihoodEstimate, IdentificationError> {
         let factor = schur.information.clone().cholesky().ok_or(not_excited(Indefinite))?;
         let covariance = factor.inverse();
@@ -309,9 +357,13 @@ impl MaximumLikelihood {
             nuisances: nuisances.map(nuisance).collect(),
             exchanges: identifiability.exchanges,
             noise: levels.noise(&chain.groups),
-            cost,
+            cost: cost(sweep, levels),
+            log_determinant: schur.log_determinant
+                + factor.l_dirty().diagonal().iter().map(|x| 2.0 * x.ln()).sum::<f64>(),
             iterations,
-            segment_samples: chain.starts.get(1).map_or(1, |second| second - chain.starts[0]),
+            segment_samples,
+            residuals: residuals(chain),
+            outliers: sweep.tally.rejected[POSITION].max(sweep.tally.rejected[ATTITUDE]),
         })
     }
 }
@@ -333,6 +385,8 @@ fn eliminated<const W: usize>(
 struct Progress {
     iterations: Vec<Iteration>,
     refinements: usize,
+    /// Measurement levels have been taken from residuals.
+    judged: bool,
 }
 
 impl Progress {
@@ -340,13 +394,14 @@ impl Progress {
         self.iterations.last().is_some_and(|last| last.decrement < NEAR)
     }
 
-    fn robust(&self) -> Robust {
-        let gate = if self.near() || self.iterations.len() >= GATED { GATE } else { f64::INFINITY };
+    fn robust(&self, known_noise: bool) -> Robust {
+        let gated = (known_noise || self.judged) && (self.near() || self.iterations.len() >= GATED);
+        let gate = if gated { GATE } else { f64::INFINITY };
         Robust { huber: HUBER, gate }
     }
 
     fn refines(&self) -> bool {
-        self.near() && self.refinements < REFINEMENTS
+        self.judged && self.near() && self.refinements < REFINEMENTS
     }
 
     /// The decrement grew twice in a row.
@@ -365,6 +420,43 @@ fn segment_length(levels: &Levels, eta: &Coordinates, step_s: f64) -> usize {
     let linear = (position * body.mass / force).sqrt();
     let angular = (attitude * body.inertia.trace() / 3.0 / torque).sqrt();
     ((0.25 * linear.min(angular) / step_s).round() as usize).clamp(1, LONGEST_SEGMENT)
+}
+
+/// How a body fits a record.
+pub(crate) struct Judged {
+    /// Distance to the record's own estimate, in standard deviations of the difference, root mean square over the
+    /// directions that the record shows.
+    pub(crate) misfit: f64,
+    pub(crate) residuals: Vec<SegmentResidual>,
+}
+
+/// The record would move the parameters by d = S^-1 g with covariance S^-1; with the stated covariance C of the parameters
+/// d^T (S^-1 + C)^-1 d is a chi-square.
+fn misfit<const W: usize>(schur: &Schur<W>, eta: &Coordinates, covariance: &SMatrix<f64, 10, 10>) -> Option<f64> {
+    let by_eta = eta.parameters_by_eta().try_inverse()?;
+    let covariance = by_eta * covariance * by_eta.transpose();
+    let scale = covariance.diagonal().map(f64::sqrt);
+    let unit = SMatrix::<f64, 10, 10>::from_fn(|i, j| covariance[(i, j)] / (scale[i] * scale[j]));
+    let lower = SMatrix::<f64, 10, 10>::from_diagonal(&scale) * unit.cholesky()?.l();
+    let information = schur.information.fixed_view::<10, 10>(0, 0).into_owned();
+    let eigen = (lower.transpose() * information * lower).symmetric_eigen();
+    let gradient = eigen.eigenvectors.transpose() * lower.transpose() * schur.gradient.fixed_rows::<10>(0);
+    let (mut sum, mut shown) = (0.0, 0.0);
+    for (value, pull) in eigen.eigenvalues.iter().zip(gradient.iter()) {
+        if *value > SHOWN * eigen.eigenvalues.max() {
+            sum += pull * pull / (value + value * value);
+            shown += 1.0;
+        }
+    }
+    Some((sum / shown).sqrt())
+}
+
+/// Errors of the wrench, segment by segment.
+fn residuals<const W: usize>(chain: &Chain<'_, W>) -> Vec<SegmentResidual> {
+    let segments = chain.starts.iter().zip(&chain.noise);
+    segments
+        .map(|(&first_sample, noise)| SegmentResidual { first_sample, wrench: Wrench::from(SVector::from(*noise)) })
+        .collect()
 }
 
 /// Weighted squares of all residuals, those of the wrench noise included.

@@ -92,6 +92,8 @@ enum MethodName {
     Variational4,
     /// Extrapolated variational regressor, order 6, poses only.
     Variational6,
+    /// Maximum likelihood from noisy poses and wrenches.
+    MaximumLikelihood,
 }
 
 impl From<MethodName> for Method {
@@ -102,6 +104,7 @@ impl From<MethodName> for Method {
             MethodName::Variational => Self::Variational,
             MethodName::Variational4 => Self::Variational4,
             MethodName::Variational6 => Self::Variational6,
+            MethodName::MaximumLikelihood => Self::MaximumLikelihood,
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Which rows to fit: method and lag, chosen by predicted error.
 
+use super::likelihood::most_likely;
 use super::noise::SampleNoise;
 use super::rows::{Rows, Scheme};
 use super::timeline::Timeline;
-use super::{Method, Settings};
+use super::{Identification, Method, Settings};
 use crate::BodyScale;
 use crate::error::IdentificationError;
 use crate::motion::MotionSample;
@@ -132,16 +133,29 @@ fn predicted_error(found: &WeightedLeastSquares, bias: &SVector<f64, 10>) -> f64
     (0..10).map(|i| (found.covariance[(i, i)] + bias[i] * bias[i]) / (magnitudes[i] * magnitudes[i])).sum()
 }
 
+/// What [`best_fit`] chose.
+pub(super) enum Best {
+    Fit(Box<Fit>),
+    Likelihood(Box<Identification>),
+}
+
+impl From<Fit> for Best {
+    fn from(fit: Fit) -> Self {
+        Self::Fit(Box::new(fit))
+    }
+}
+
 /// The fit whose predicted error is least, among the methods and lags that the settings leave open.
 ///
-/// The shortest lag is taken where noise in the poses does not matter there.
+/// The shortest lag is taken where noise in the poses does not matter there. Where it does, and the method is open, the
+/// likelihood is asked first.
 pub(super) fn best_fit(
     record: &[MotionSample],
     timeline: &Timeline,
     settings: &Settings,
     noise: &SampleNoise,
-) -> Result<Fit, IdentificationError> {
-    let automatic = settings.method == Method::Auto;
+) -> Result<Best, IdentificationError> {
+    let automatic = matches!(settings.method, Method::Auto | Method::MaximumLikelihood);
     let method = if automatic { Method::Variational4 } else { settings.method };
     let with_lag = |method, lag| {
         let fit = |lag| Fit::new(Scheme::new(settings, method, lag), record, timeline, noise);
@@ -163,7 +177,12 @@ pub(super) fn best_fit(
     let of_rates = first.scheme.method == Method::NewtonEuler;
     let flagged = |fit: Fit| Fit { poses_noisy: noisy && !of_rates, rates_noisy: noisy && of_rates, ..fit };
     if settings.lag.is_some() || !noisy {
-        return Ok(flagged(first));
+        return Ok(flagged(first).into());
+    }
+    if settings.method == Method::Auto {
+        if let Some(found) = most_likely(record, timeline, settings)? {
+            return Ok(Best::Likelihood(Box::new(found)));
+        }
     }
     let mut methods = vec![first.scheme.method];
     if automatic {
@@ -188,7 +207,7 @@ pub(super) fn best_fit(
         }
     }
     let (_, method, lag) = best;
-    if lag == 1 { Ok(flagged(first)) } else { with_lag(method, lag).map(flagged) }
+    if lag == 1 { Ok(flagged(first).into()) } else { with_lag(method, lag).map(|fit| flagged(fit).into()) }
 }
 
 /// Mass from force over acceleration, length from torque over force, or from accelerations where there is no torque.

@@ -69,6 +69,7 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
             velocity_m_s: mean_square(|noise| noise.velocity_m_s),
             acceleration_m_s2: mean_square(|noise| noise.acceleration_m_s2),
         },
+        delay_s: main.delay_s,
         residuals: parts.iter().flat_map(|part| part.residuals.iter().copied()).collect(),
         warnings,
     })
@@ -96,6 +97,7 @@ impl Warning {
                 *noise_share = noise_share.max(*worse);
             }
             (Self::Discretisation { share }, Self::Discretisation { share: worse }) => *share = share.max(*worse),
+            (Self::HeldWrenches { samples }, Self::HeldWrenches { samples: more }) => *samples += more,
             (Self::FewRows { rows }, Self::FewRows { rows: more }) => *rows += more,
             (Self::PoorFit { explained }, Self::PoorFit { explained: worse }) => *explained = explained.min(*worse),
             (Self::ZeroWrench, Self::ZeroWrench) | (Self::SilentForce, Self::SilentForce) => {}

@@ -69,9 +69,7 @@ impl Nuisance {
             "accelerometer-bias" => &[AccelerometerBias(0), AccelerometerBias(1), AccelerometerBias(2)],
             "accelerometer-scale" => &[AccelerometerScale(0), AccelerometerScale(1), AccelerometerScale(2)],
             "accelerometer-position" => &[AccelerometerPosition(0), AccelerometerPosition(1), AccelerometerPosition(2)],
-            "bias-wrench" => {
-                &[BiasTorque(0), BiasTorque(1), BiasTorque(2), BiasForce(0), BiasForce(1), BiasForce(2)]
-            }
+            "bias-wrench" => &[BiasTorque(0), BiasTorque(1), BiasTorque(2), BiasForce(0), BiasForce(1), BiasForce(2)],
             "table-slope" => &[TableSlope(0), TableSlope(1)],
             "actuator-lag" => &[ActuatorLag],
             _ => return None,

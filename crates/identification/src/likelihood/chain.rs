@@ -6,9 +6,12 @@ use super::drive::{Drive, drives};
 use super::elimination::{CostToGo, Evidence, Gain, Indefinite, Posterior, Schur, Stage, forward};
 use super::flow::State;
 use super::noise::Levels;
-use super::record::Record;
+use super::record::{Record, median};
 use super::segment::{MEASUREMENTS, Model, NOISE, PARAMETERS, Robust, Rows, Tally, Tangent, normal_matrix, packed_len};
 use nalgebra::Vector3;
+
+/// Median of the square of a normal 3-vector.
+const MEDIAN_OF_SQUARE: f64 = 2.365_974;
 
 /// Everything a Gauss-Newton iteration changes, and its workspace.
 pub(super) struct Chain<'a, const W: usize> {
@@ -112,9 +115,19 @@ impl<'a, const W: usize> Chain<'a, W> {
                     evidence.wrench_absorbed[i / 3] += precision * variance;
                 }
             }
-            posterior.advance(&self.transitions[j]);
+            posterior.advance(&self.gains[j], &self.transitions[j]);
         }
         Some(evidence)
+    }
+
+    /// Measurement levels that the residuals of the last sweep show, whatever a few of them do.
+    pub(super) fn residual_levels(&mut self, levels: &mut Levels) {
+        for &group in &self.groups {
+            let level = (median(&mut self.rows.squares[group]) / MEDIAN_OF_SQUARE).sqrt();
+            if level > 0.0 {
+                levels.measurements[group] = level;
+            }
+        }
     }
 
     /// The same states cut into other segments.
@@ -132,8 +145,7 @@ impl<'a, const W: usize> Chain<'a, W> {
                     nodes.push(state);
                     noise.push(self.noise[j]);
                 }
-                state =
-                    body.over(&state, &calibration.input(&self.drives[k].input, held), &gravity, samples[k].step_s);
+                state = body.over(&state, &calibration.input(&self.drives[k].input, held), &gravity, samples[k].step_s);
             }
         }
         let (record, gravity) = (self.record, self.gravity);
@@ -166,6 +178,9 @@ impl<'a, const W: usize> Chain<'a, W> {
             robust,
         };
         let mut sweep = Sweep::default();
+        for squares in &mut self.rows.squares {
+            squares.clear();
+        }
         let (length, count) = (packed_len(self.lanes), self.groups.len());
         for j in 0..self.starts.len() {
             let (range, last) = (self.starts[j]..self.end(j), j + 1 == self.starts.len());

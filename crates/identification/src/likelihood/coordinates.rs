@@ -31,6 +31,13 @@ pub(crate) struct ParameterStep {
     pub(crate) constrained: bool,
 }
 
+impl ParameterStep {
+    /// Stays where it is.
+    pub(crate) fn none(at: &Coordinates, columns: usize) -> Self {
+        Self { next: *at, step: DVector::zeros(columns), constrained: false }
+    }
+}
+
 impl Coordinates {
     pub(crate) fn of(body: &InertialParameters<f64>) -> Self {
         Self { log_mass: body.mass.ln(), center: body.center_of_mass(), inertia: body.inertia_about_com() }
@@ -51,15 +58,14 @@ impl Coordinates {
             Matrix3::identity() * (2.0 * a.dot(b)) - a * b.transpose() - b * a.transpose()
         };
         let column = |i: usize| {
-            let (mut mass, mut moment, mut inertia) = (0.0, Vector3::zeros(), Matrix3::zeros());
-            match i {
-                0 => (mass, moment, inertia) = (m, c * m, parallel(&c, &c) * (0.5 * m)),
+            let (mass, moment, inertia) = match i {
+                0 => (m, c * m, parallel(&c, &c) * (0.5 * m)),
                 1..=3 => {
                     let axis = Vector3::ith(i - 1, 1.0);
-                    (moment, inertia) = (axis * m, parallel(&c, &axis) * m);
+                    (0.0, axis * m, parallel(&c, &axis) * m)
                 }
-                _ => inertia = unit(i - 4),
-            }
+                _ => (0.0, Vector3::zeros(), unit(i - 4)),
+            };
             InertialParameters { mass, first_moment: moment, inertia_about_origin: inertia }.to_vector()
         };
         SMatrix::from_columns(&core::array::from_fn::<SVector<f64, 10>, 10, _>(column))

@@ -103,11 +103,8 @@ fn responses(samples: &[Sample], lag_s: Option<f64>) -> Vec<Piece> {
         // w(t) = first - slope lag + slope t + away exp(-t / lag)
         let away = x - first + slope * lag;
         let d_away = dx + slope;
-        let mut value = Course {
-            mean: mean - slope * lag + away * part,
-            slope: slope + away * (12.0 / h * tilt),
-            start: x,
-        };
+        let mut value =
+            Course { mean: mean - slope * lag + away * part, slope: slope + away * (12.0 / h * tilt), start: x };
         let by_lag = Course {
             mean: d_away * part + away * d_mean - slope,
             slope: (d_away * tilt + away * d_tilt) * (12.0 / h),

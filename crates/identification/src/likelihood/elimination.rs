@@ -368,20 +368,35 @@ impl<const W: usize> Posterior<W> {
     }
 
     /// On to the next segment.
-    pub(crate) fn advance(&mut self, transition: &Tangent<W>) {
+    ///
+    /// In closed loop, `x' = (A - B K) x + ...`, which is stable where the bare transition is not.
+    pub(crate) fn advance(&mut self, gain: &Gain<W>, transition: &Tangent<W>) {
         let last = self.last;
         let transition = transition.as_flattened();
-        let mut cross = [[0.0; W]; 12];
-        for (row, step) in cross.iter_mut().zip(transition) {
-            for k in 0..last {
+        let given = inverse_of_factored(&gain.factor);
+        let (mut closed, mut cross, mut spread) = ([[0.0; W]; 12], [[0.0; W]; 12], [[0.0; 6]; 12]);
+        for i in 0..12 {
+            closed[i] = transition[i];
+            let through = &transition[i][NOISE..PARAMETERS];
+            for (factor, row) in through.iter().zip(&gain.rows) {
                 for q in 0..W {
-                    row[q] += step[k] * self.covariance[k][q];
+                    closed[i][q] -= factor * row[q];
                 }
             }
+            closed[i][NOISE..PARAMETERS].fill(0.0);
+            for k in (0..NOISE).chain(PARAMETERS..last) {
+                for q in 0..W {
+                    cross[i][q] += closed[i][k] * self.covariance[k][q];
+                }
+            }
+            spread[i] = core::array::from_fn(|j| through.iter().zip(&given).map(|(b, row)| b * row[j]).sum());
         }
         for i in 0..12 {
-            for j in 0..12 {
-                self.covariance[i][j] = (0..last).map(|k| cross[i][k] * transition[j][k]).sum();
+            for j in 0..=i {
+                let noise: f64 = spread[i].iter().zip(&transition[j][NOISE..]).map(|(a, b)| a * b).sum();
+                let state: f64 = (0..NOISE).chain(PARAMETERS..last).map(|k| cross[i][k] * closed[j][k]).sum();
+                self.covariance[i][j] = state + noise;
+                self.covariance[j][i] = state + noise;
             }
             for k in PARAMETERS..last {
                 self.covariance[i][k] = cross[i][k];

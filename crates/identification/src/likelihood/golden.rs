@@ -248,3 +248,44 @@ fn the_delay_can_be_estimated_too() {
     let delay = &found.nuisances[0];
     close(&[delay.value.unwrap(), delay.std.unwrap()], &[5.89e-5, 1.32e-4], 5e-3);
 }
+
+#[test]
+fn evidence_is_the_derivative_of_determinant_and_minimum() {
+    let log = log();
+    let record = golden_record(&log);
+    let starts = record.segments(8, 0.0);
+    let eta = Coordinates::of(&log.body);
+    let nodes = nodes::from_poses(&record, &starts, 0.6, &eta.center);
+    let calibration = Calibration::new(&[Nuisance::Delay], &[]);
+    let mut chain = Chain::<32>::new(&record, Vector3::zeros(), starts, nodes, &calibration);
+    let levels = Levels::of(&known_noise());
+    for _ in 0..2 {
+        chain.sweep(&eta, &calibration, &levels, None);
+        let schur = chain.eliminate(&levels).unwrap();
+        let step = eta.step(&schur.information, &schur.gradient).unwrap();
+        chain.follow(&schur, &step);
+    }
+    chain.sweep(&eta, &calibration, &levels, None);
+    let schur = chain.eliminate(&levels).unwrap();
+    let found = chain.evidence(&schur, &levels).unwrap();
+    println!("{found:?}");
+    let mut total = |levels: &Levels| {
+        let schur = chain.eliminate(levels).unwrap();
+        let diagonal = schur.information.clone().cholesky().unwrap().l().diagonal();
+        schur.log_determinant + 2.0 * diagonal.iter().map(|x| x.ln()).sum::<f64>()
+    };
+    // Derivative by the logarithm of the weight, that is by -2 ln sigma.
+    let small: f64 = 1e-4;
+    let mut derivative = |change: &dyn Fn(&mut Levels, f64)| {
+        let (mut up, mut down) = (levels, levels);
+        change(&mut up, small.exp());
+        change(&mut down, (-small).exp());
+        (total(&down) - total(&up)) / (4.0 * small)
+    };
+    for group in [0, 1] {
+        close(&[derivative(&|levels, factor| levels.measurements[group] *= factor)], &[found.absorbed[group]], 1e-6);
+    }
+    for i in 0..2 {
+        close(&[derivative(&|levels, factor| levels.wrench[i] *= factor)], &[found.wrench_absorbed[i]], 1e-6);
+    }
+}

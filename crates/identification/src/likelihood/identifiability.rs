@@ -130,9 +130,8 @@ impl Identifiability {
         }
         let unknown = |column: usize| calibration.nuisances()[column - 10].unknown_std();
         // Not even with everything else known.
-        let seen: Vec<usize> = (0..columns)
-            .filter(|&i| i < 10 || information[(i, i)] * unknown(i).powi(2) > 1.0)
-            .collect();
+        let seen: Vec<usize> =
+            (0..columns).filter(|&i| i < 10 || information[(i, i)] * unknown(i).powi(2) > 1.0).collect();
         let root = |i: usize| information[(i, i)].max(f64::MIN_POSITIVE).sqrt();
         let scaled = DMatrix::from_fn(seen.len(), seen.len(), |a, b| {
             information[(seen[a], seen[b])] / (root(seen[a]) * root(seen[b]))
@@ -170,7 +169,9 @@ impl Identifiability {
             if projector[(column, column)] > SMALLEST_SHARE {
                 let others = (0..columns).filter(|&other| {
                     let (here, there) = (projector[(column, column)], projector[(other, other)]);
-                    other != column && there > SMALLEST_SHARE && projector[(column, other)].powi(2) > 1e-3 * here * there
+                    other != column
+                        && there > SMALLEST_SHARE
+                        && projector[(column, other)].powi(2) > 1e-3 * here * there
                 });
                 return Verdict::NotSeparableFrom(
                     others.map(|other| Quantity::of_column(other, calibration)).collect(),

@@ -72,11 +72,13 @@ pub(crate) struct Model<'a> {
 /// Residual rows of one segment, by group.
 pub(crate) struct Rows<const W: usize> {
     pub(crate) groups: [Vec<[f64; W]>; MEASUREMENTS],
+    /// Squares of the residual 3-vectors of a whole sweep.
+    pub(crate) squares: [Vec<f64>; MEASUREMENTS],
 }
 
 impl<const W: usize> Rows<W> {
     pub(crate) fn new() -> Self {
-        Self { groups: [const { Vec::new() }; MEASUREMENTS] }
+        Self { groups: [const { Vec::new() }; MEASUREMENTS], squares: [const { Vec::new() }; MEASUREMENTS] }
     }
 }
 
@@ -444,6 +446,7 @@ impl<const W: usize> Measured<'_, W> {
         fill: impl FnOnce(&mut [[f64; W]; 3]),
     ) {
         let square = residual.dot(residual);
+        rows.squares[group].push(square);
         let mut weight = 1.0;
         if let Some(robust) = self.model.robust {
             let size = square.sqrt() / self.model.sigma[group];

@@ -115,8 +115,7 @@ impl Point {
         };
         let (mut rows, mut tangent) = (Rows::new(), [[[0.0; 56]; 3]; 4]);
         let range = SHIFT..SHIFT + ROWS;
-        let end =
-            model.roll(&self.state, &self.noise, range, false, &mut rows, &mut tangent, &mut Tally::default());
+        let end = model.roll(&self.state, &self.noise, range, false, &mut rows, &mut tangent, &mut Tally::default());
         (rows, tangent, end)
     }
 }
@@ -156,7 +155,13 @@ fn columns_are_central_differences() {
                 .map(|(up, down)| (up[last] - down[last]) / (2.0 * by))
                 .collect();
             // What is left of the delay is carried to first order.
-            let bound = if group == ACCELERATION { 3e-3 } else if group == RATE || group == VELOCITY { 2e-2 } else { 1e-2 };
+            let bound = if group == ACCELERATION {
+                3e-3
+            } else if group == RATE || group == VELOCITY {
+                2e-2
+            } else {
+                1e-2
+            };
             compare(["position", "attitude", "velocity", "rate", "acceleration"][group], &found, &expected, bound);
         }
     }

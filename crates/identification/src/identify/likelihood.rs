@@ -1,0 +1,144 @@
+//! The likelihood behind [`identify`](super::identify): used where poses are noisy, believed where all ten directions are
+//! determined.
+
+use super::solution::{Solution, from_covariance, solve};
+use super::timeline::Timeline;
+use super::{Estimate, FEW_NODES, Identification, Method, NodeResidual, POOR_FIT, Settings, Validation, Warning};
+use crate::error::IdentificationError;
+use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, Nuisance, SegmentResidual};
+use crate::motion::MotionSample;
+use crate::{BodyScale, Observability};
+use nalgebra::SMatrix;
+
+fn estimator(settings: &Settings) -> MaximumLikelihood {
+    MaximumLikelihood {
+        wrench_timing: settings.wrench_timing,
+        gravity_world: settings.gravity_world,
+        nuisances: if settings.estimate_delay { vec![Nuisance::Delay] } else { Vec::new() },
+        ..MaximumLikelihood::default()
+    }
+}
+
+/// `None` where the likelihood does not settle or leaves a direction free: the regressions then say which.
+pub(super) fn most_likely(
+    record: &[MotionSample],
+    timeline: &Timeline,
+    settings: &Settings,
+) -> Result<Option<Identification>, IdentificationError> {
+    let found = match estimator(settings).estimate(record) {
+        Ok(found) => found,
+        Err(
+            IdentificationError::NotExcited { .. }
+            | IdentificationError::LikelihoodNotConverged { .. }
+            | IdentificationError::TooFewSamples { .. },
+        ) => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    let Ok(scale) = BodyScale::of(&found.parameters.to_vector()) else { return Ok(None) };
+    let magnitudes = scale.parameter_magnitudes();
+    let like = SMatrix::<f64, 10, 10>::from_fn(|i, j| found.covariance[(i, j)] / (magnitudes[i] * magnitudes[j]));
+    // A direction is determined when it is known better than the body's own scale.
+    if like.symmetric_eigenvalues().max().partial_cmp(&1.0) != Some(core::cmp::Ordering::Less) {
+        return Ok(None);
+    }
+    let information = from_covariance(&found.unconstrained, &found.covariance, &magnitudes)?;
+    let Solution { mut estimate, regularised } = solve(information, scale, true, settings.prior.as_ref())?;
+    if let (Some(estimate), None) = (&mut estimate, &settings.prior) {
+        // The likelihood has met the constraint where it is not linear.
+        estimate.parameters = found.parameters;
+        estimate.lmi_active = found.active_axis.is_some();
+    }
+    let observability = Observability::new(&information, scale);
+    let residuals = residuals(&found, timeline);
+    let explained = explained(&found.residuals, record, scale);
+    let mut warnings = Vec::new();
+    if timeline.gaps > 0 {
+        warnings.push(Warning::Gaps { count: timeline.gaps, longest_s: timeline.longest_step_s });
+    }
+    let missing = record.iter().filter(|sample| sample.wrench_body.is_none()).count();
+    if missing > 0 {
+        warnings.push(Warning::HeldWrenches { samples: missing });
+    }
+    if estimate.is_some_and(|found| found.lmi_active) {
+        warnings.push(Warning::ConstraintActive);
+    }
+    if explained < POOR_FIT {
+        warnings.push(Warning::PoorFit { explained });
+    }
+    if record.len() < FEW_NODES {
+        warnings.push(Warning::FewRows { rows: 6 * record.len() });
+    }
+    Ok(Some(Identification {
+        method: Method::MaximumLikelihood,
+        wrench_timing: settings.wrench_timing,
+        lag: found.segment_samples,
+        step_s: timeline.median_step_s(),
+        samples_used: record.len() - found.outliers,
+        samples_rejected: found.outliers,
+        rank: 10,
+        condition_number: observability.condition_number(),
+        null_directions: Vec::new(),
+        information,
+        scale,
+        estimate,
+        regularised,
+        explained: Some(explained),
+        noise: found.noise,
+        delay_s: found.nuisances.first().and_then(|delay| delay.value),
+        residuals,
+        warnings,
+    }))
+}
+
+/// The wrench that the motion asks for beyond the one applied, segment by segment.
+fn residuals(found: &LikelihoodEstimate, timeline: &Timeline) -> Vec<NodeResidual> {
+    let node = |residual: &SegmentResidual| NodeResidual {
+        time_ns: timeline.time_ns(residual.first_sample),
+        torque: residual.wrench.torque,
+        force: residual.wrench.force,
+    };
+    found.residuals.iter().map(node).collect()
+}
+
+/// Share of the wrench's mean square that the body explains, torque counted at its own length.
+fn explained(residuals: &[SegmentResidual], record: &[MotionSample], scale: BodyScale) -> f64 {
+    let size = |torque: f64, force: f64| torque / scale.length_m().powi(2) + force;
+    let applied: f64 = record
+        .iter()
+        .filter_map(|sample| sample.wrench_body)
+        .map(|wrench| size(wrench.torque.norm_squared(), wrench.force.norm_squared()))
+        .sum();
+    let (torque, force) = mean_squares(residuals, record.len());
+    let left = size(torque, force) * record.len() as f64;
+    if applied > 0.0 { 1.0 - left / applied } else { 0.0 }
+}
+
+/// Squares of the torque and force residual, averaged over samples.
+fn mean_squares(residuals: &[SegmentResidual], samples: usize) -> (f64, f64) {
+    let (mut torque, mut force) = (0.0, 0.0);
+    for (i, residual) in residuals.iter().enumerate() {
+        let end = residuals.get(i + 1).map_or(samples, |next| next.first_sample);
+        let length = (end - residual.first_sample) as f64;
+        torque += length * residual.wrench.torque.norm_squared();
+        force += length * residual.wrench.force.norm_squared();
+    }
+    (torque / samples as f64, force / samples as f64)
+}
+
+/// How well a body found by likelihood fits another record.
+pub(super) fn validated(
+    found: &Identification,
+    estimate: &Estimate,
+    record: &[MotionSample],
+    settings: &Settings,
+) -> Result<Validation, IdentificationError> {
+    let judged = estimator(settings).judge(record, &estimate.parameters, &estimate.covariance, &found.noise)?;
+    let (torque, force) = mean_squares(&judged.residuals, record.len());
+    Ok(Validation {
+        nodes: judged.residuals.len(),
+        torque_rms_n_m: (torque / 3.0).sqrt(),
+        force_rms_n: (force / 3.0).sqrt(),
+        normalised_rms: judged.misfit,
+        explained: explained(&judged.residuals, record, found.scale),
+    })
+}
