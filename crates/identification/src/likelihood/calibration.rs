@@ -51,6 +51,11 @@ const TABLE_SLOPE: usize = 23;
 const ACTUATOR_LAG: usize = 26;
 /// Delay, in steps, beyond which whole steps are taken out of it: far enough from a half not to go back and forth.
 const LARGEST_DELAY: f64 = 0.6;
+/// Where delay and lag are both estimated, what tells them apart is the square of the lag: it must not change sign. Its
+/// start, the least it keeps in one iteration, and the length below which it is given up.
+const LAG_START_S: f64 = 0.05;
+const SMALLEST_LAG_RATIO: f64 = 0.25;
+const SHORTEST_LAG_S: f64 = 1e-3;
 /// Largest step of a delay or lag in one iteration, s.
 const LARGEST_TIME_STEP_S: f64 = 0.2;
 
@@ -204,6 +209,8 @@ pub(crate) struct Calibration {
     priors: Vec<(f64, f64)>,
     /// The part of the delay that the inputs are shifted by.
     shift_s: f64,
+    /// The lag was given up beside the delay.
+    without_lag: bool,
 }
 
 impl Calibration {
@@ -215,11 +222,14 @@ impl Calibration {
             nuisances: Vec::new(),
             priors: Vec::new(),
             shift_s: 0.0,
+            without_lag: false,
         };
         for &nuisance in nuisances {
             let Some(slot) = nuisance.slot().filter(|&slot| calibration.lanes[slot].is_none()) else { continue };
             let prior = priors.iter().find(|prior| prior.nuisance == nuisance);
-            let mean = prior.map_or(0.0, |prior| nuisance.coordinate(prior.mean));
+            let both = nuisance == Nuisance::ActuatorLag && nuisances.contains(&Nuisance::Delay);
+            let start = if both { LAG_START_S } else { 0.0 };
+            let mean = prior.map_or(start, |prior| nuisance.coordinate(prior.mean));
             calibration.values[slot] = mean;
             calibration.lanes[slot] = Some(PARAMETERS + calibration.columns());
             calibration.nuisances.push(nuisance);
@@ -259,18 +269,30 @@ impl Calibration {
             precision += nuisance.unknown_std().powi(-2);
         }
         let value = nuisance.slot().map_or(0.0, |slot| self.values[slot]);
+        if nuisance == Nuisance::ActuatorLag && self.without_lag {
+            precision += SHORTEST_LAG_S.powi(-4);
+            return (0.0, precision);
+        }
         (precision * (mean - value), precision)
     }
 
     /// Adds a step of all parameters to the nuisances among them.
     pub(crate) fn advance(&mut self, step: &[f64]) {
+        let delayed = self.lanes[0].is_some();
         for (slot, (value, lane)) in self.values.iter_mut().zip(self.lanes).enumerate() {
             if let Some(lane) = lane {
                 let is_time = [0, 1, ACTUATOR_LAG].contains(&slot);
                 let largest = if is_time { LARGEST_TIME_STEP_S } else { f64::INFINITY };
-                *value += step[lane - PARAMETERS].clamp(-largest, largest);
+                let moved = *value + step[lane - PARAMETERS].clamp(-largest, largest);
+                *value = if slot == ACTUATOR_LAG && delayed { moved.max(SMALLEST_LAG_RATIO * *value) } else { moved };
             }
         }
+        self.without_lag |= delayed && self.lag_s().is_some_and(|lag_s| lag_s < SHORTEST_LAG_S);
+    }
+
+    /// Delay and lag are both estimated, and the lag is too short to tell from a delay.
+    pub(crate) fn is_without_lag(&self) -> bool {
+        self.without_lag
     }
 
     /// Moves the whole steps of the delay into the shift of the inputs; whether it changed.

@@ -162,7 +162,22 @@ impl Identifiability {
                 exchanges.push(Exchange { parts });
             }
         }
+        let lag_and_delay = [Nuisance::ActuatorLag, Nuisance::Delay];
+        if calibration.is_without_lag() {
+            let part = core::f64::consts::FRAC_1_SQRT_2;
+            exchanges.push(Exchange {
+                parts: vec![
+                    (Quantity::Nuisance(Nuisance::ActuatorLag), part),
+                    (Quantity::Nuisance(Nuisance::Delay), -part),
+                ],
+            });
+        }
         let verdict = |column: usize| {
+            let nuisance = calibration.nuisances()[column - 10];
+            if calibration.is_without_lag() && lag_and_delay.contains(&nuisance) {
+                let others = lag_and_delay.into_iter().filter(|other| *other != nuisance);
+                return Verdict::NotSeparableFrom(others.map(Quantity::Nuisance).collect());
+            }
             if !seen.contains(&column) {
                 return Verdict::NotIdentifiable;
             }
