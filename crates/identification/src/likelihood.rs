@@ -306,7 +306,7 @@ impl MaximumLikelihood {
             if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
                 return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
             }
-            if shifted {
+            if shifted && record.segments(length, calibration.shift_s()) != chain.starts {
                 chain = from_poses(length, &eta, &calibration);
             } else if self.segment_samples.is_none() && decrement < NEAR {
                 let wanted = segment_length(&levels, &eta, record.median_step_s);

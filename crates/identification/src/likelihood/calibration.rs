@@ -1,5 +1,6 @@
 //! What else a log may get wrong, and the columns of the tangent that estimate it.
 
+use super::drive::Passage;
 use super::flow::Input;
 use super::segment::PARAMETERS;
 use core::fmt;
@@ -49,13 +50,17 @@ const BIAS_TORQUE: usize = 17;
 const BIAS_FORCE: usize = 20;
 const TABLE_SLOPE: usize = 23;
 const ACTUATOR_LAG: usize = 26;
-/// Delay, in steps, beyond which whole steps are taken out of it: far enough from a half not to go back and forth.
-const LARGEST_DELAY: f64 = 0.6;
+/// Delay, in steps, beyond which the inputs are shifted by all of it: what is left is expanded to second order only.
+const LARGEST_DELAY: f64 = 0.05;
 /// Where delay and lag are both estimated, what tells them apart is the square of the lag: it must not change sign. Its
-/// start, the least it keeps in one iteration, and the length below which it is given up.
+/// start, the least it keeps in one iteration, and the length in steps below which it is given up.
 const LAG_START_S: f64 = 0.05;
 const SMALLEST_LAG_RATIO: f64 = 0.25;
-const SHORTEST_LAG_S: f64 = 1e-3;
+const SHORTEST_LAG: f64 = 0.5;
+/// Precision, 1/s^2, that leaves a lag where it is.
+const HELD: f64 = 1e12;
+/// Steps between the delay of accelerations and its whole steps beyond which others are taken: not to go back and forth.
+const FAR_FROM_ROW: f64 = 0.6;
 /// Largest step of a delay or lag in one iteration, s.
 const LARGEST_TIME_STEP_S: f64 = 0.2;
 
@@ -209,6 +214,9 @@ pub(crate) struct Calibration {
     priors: Vec<(f64, f64)>,
     /// The part of the delay that the inputs are shifted by.
     shift_s: f64,
+    /// Whole steps of the delay of accelerations.
+    acceleration_rows: isize,
+    step_s: f64,
     /// The lag was given up beside the delay.
     without_lag: bool,
 }
@@ -222,6 +230,8 @@ impl Calibration {
             nuisances: Vec::new(),
             priors: Vec::new(),
             shift_s: 0.0,
+            acceleration_rows: 0,
+            step_s: 0.0,
             without_lag: false,
         };
         for &nuisance in nuisances {
@@ -257,8 +267,7 @@ impl Calibration {
     pub(crate) fn reported(&self, index: usize, std: f64) -> (f64, f64) {
         let nuisance = self.nuisances[index];
         let coordinate = nuisance.slot().map_or(0.0, |slot| self.values[slot]);
-        let shift = if nuisance == Nuisance::AccelerationDelay { self.shift_s } else { 0.0 };
-        nuisance.reported(coordinate + shift, std)
+        nuisance.reported(coordinate, std)
     }
 
     /// What pulls nuisance `index` towards its prior: gradient and precision.
@@ -270,7 +279,7 @@ impl Calibration {
         }
         let value = nuisance.slot().map_or(0.0, |slot| self.values[slot]);
         if nuisance == Nuisance::ActuatorLag && self.without_lag {
-            precision += SHORTEST_LAG_S.powi(-4);
+            precision += HELD;
             return (0.0, precision);
         }
         (precision * (mean - value), precision)
@@ -287,7 +296,7 @@ impl Calibration {
                 *value = if slot == ACTUATOR_LAG && delayed { moved.max(SMALLEST_LAG_RATIO * *value) } else { moved };
             }
         }
-        self.without_lag |= delayed && self.lag_s().is_some_and(|lag_s| lag_s < SHORTEST_LAG_S);
+        self.without_lag |= delayed && self.passage().lag_s.is_some_and(|lag_s| lag_s < SHORTEST_LAG * self.step_s);
     }
 
     /// Delay and lag are both estimated, and the lag is too short to tell from a delay.
@@ -295,14 +304,19 @@ impl Calibration {
         self.without_lag
     }
 
-    /// Moves the whole steps of the delay into the shift of the inputs; whether it changed.
+    /// Moves the delay into the shift of the inputs where it is not small any more; whether it did.
     pub(crate) fn shift(&mut self, step_s: f64, longest_s: f64) -> bool {
+        self.step_s = step_s;
+        let late = self.values[1].clamp(-longest_s, longest_s) / step_s;
+        if (late - self.acceleration_rows as f64).abs() > FAR_FROM_ROW {
+            self.acceleration_rows = late.round() as isize;
+        }
         if self.lanes[0].is_none() || (self.values[0] - self.shift_s).abs() <= LARGEST_DELAY * step_s {
             return false;
         }
         self.values[0] = self.values[0].clamp(-longest_s, longest_s);
         let before = self.shift_s;
-        self.shift_s = (self.values[0] / step_s).round() * step_s;
+        self.shift_s = self.values[0];
         self.shift_s != before
     }
 
@@ -315,9 +329,10 @@ impl Calibration {
         self.values[0] - self.shift_s
     }
 
-    /// `None` where it is not estimated.
-    pub(crate) fn lag_s(&self) -> Option<f64> {
-        self.lanes[ACTUATOR_LAG].map(|_| self.values[ACTUATOR_LAG])
+    /// What the logged wrench goes through.
+    pub(crate) fn passage(&self) -> Passage {
+        let lag_s = self.lanes[ACTUATOR_LAG].map(|_| self.values[ACTUATOR_LAG]);
+        Passage { lag_s, shift_s: self.shift_s, acceleration_rows: self.acceleration_rows }
     }
 
     fn vector(&self, first: usize) -> Vector3<f64> {
@@ -388,7 +403,7 @@ impl Calibration {
     /// The logged wrench of which the acceleration of a row is the effect, from the one just after the row's time and its
     /// difference quotient.
     pub(crate) fn felt(&self, start: &Input) -> Input {
-        let delay = self.values[1];
+        let delay = self.values[1] - self.acceleration_rows as f64 * self.step_s;
         Input {
             torque: start.torque - start.torque_slope * delay,
             force: start.force - start.force_slope * delay,

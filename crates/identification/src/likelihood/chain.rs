@@ -2,7 +2,7 @@
 
 use super::calibration::Calibration;
 use super::coordinates::{Coordinates, ParameterStep};
-use super::drive::{Drive, drives};
+use super::drive::{Drive, Passage, drives};
 use super::elimination::{CostToGo, Evidence, Gain, Indefinite, Posterior, Schur, Stage, forward};
 use super::flow::State;
 use super::noise::Levels;
@@ -17,9 +17,9 @@ const MEDIAN_OF_SQUARE: f64 = 2.365_974;
 pub(super) struct Chain<'a, const W: usize> {
     record: &'a Record,
     gravity: Vector3<f64>,
-    /// What acts on each sample, and the lag and shift that it is right for.
+    /// What acts on each sample after this passage.
     drives: Vec<Drive>,
-    drives_of: (Option<f64>, f64),
+    passage: Passage,
     /// First sample of each segment.
     pub(super) starts: Vec<usize>,
     pub(super) nodes: Vec<State>,
@@ -62,11 +62,11 @@ impl<'a, const W: usize> Chain<'a, W> {
         ];
         let groups: Vec<usize> = (0..MEASUREMENTS).filter(|&group| present[group]).collect();
         let lanes = PARAMETERS + calibration.columns() + 1;
-        let drives_of = (calibration.lag_s(), calibration.shift_s());
+        let passage = calibration.passage();
         Self {
             record,
-            drives: drives(samples, record.median_step_s, drives_of.0, drives_of.1),
-            drives_of,
+            drives: drives(samples, record.median_step_s, &passage),
+            passage,
             gravity,
             starts,
             nodes,
@@ -83,13 +83,13 @@ impl<'a, const W: usize> Chain<'a, W> {
 
     /// End of segment `j`: one past its last sample.
     fn end(&self, j: usize) -> usize {
-        self.starts.get(j + 1).copied().unwrap_or_else(|| self.record.rows(self.drives_of.1).end)
+        self.starts.get(j + 1).copied().unwrap_or_else(|| self.record.rows(self.passage.shift_s).end)
     }
 
     /// Of the prior of the wrench noise in segment `j`.
     fn precision(&self, j: usize, levels: &Levels) -> [f64; 6] {
         let samples = (self.end(j) - self.starts[j]) as f64;
-        let doubt = self.record.doubt_at(self.starts[j], self.drives_of.1);
+        let doubt = self.record.doubt_at(self.starts[j], self.passage.shift_s);
         core::array::from_fn(|i| 1.0 / (levels.wrench[i / 3].powi(2) / samples + doubt.map_or(0.0, |extra| extra[i])))
     }
 
@@ -107,7 +107,7 @@ impl<'a, const W: usize> Chain<'a, W> {
                 evidence.squares[group] += weight * square;
                 evidence.absorbed[group] += weight * trace;
             }
-            if self.record.doubt_at(self.starts[j], self.drives_of.1).is_none() {
+            if self.record.doubt_at(self.starts[j], self.passage.shift_s).is_none() {
                 evidence.wrench_counted += 3.0;
                 for (i, precision) in self.precision(j, levels).into_iter().enumerate() {
                     let (step, variance) = posterior.noise(i);
@@ -163,10 +163,10 @@ impl<'a, const W: usize> Chain<'a, W> {
         levels: &Levels,
         robust: Option<Robust>,
     ) -> Sweep {
-        let drives_of = (calibration.lag_s(), calibration.shift_s());
-        if self.drives_of != drives_of {
-            self.drives = drives(&self.record.samples, self.record.median_step_s, drives_of.0, drives_of.1);
-            self.drives_of = drives_of;
+        let passage = calibration.passage();
+        if self.passage != passage {
+            self.drives = drives(&self.record.samples, self.record.median_step_s, &passage);
+            self.passage = passage;
         }
         let model = Model {
             samples: &self.record.samples,

@@ -22,35 +22,48 @@ pub(crate) struct Drive {
     pub(crate) start_by_lag: Input,
 }
 
-/// Drives of all rows, through a lag where there is one, at times `shift_s` before the rows'.
-pub(crate) fn drives(samples: &[Sample], median_step_s: f64, lag_s: Option<f64>, shift_s: f64) -> Vec<Drive> {
+/// How the logged wrench becomes the one that acts.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub(crate) struct Passage {
+    /// First-order lag, s.
+    pub(crate) lag_s: Option<f64>,
+    /// Rows describe times this much before their stamps, s.
+    pub(crate) shift_s: f64,
+    /// Whole steps by which accelerations are late.
+    pub(crate) acceleration_rows: isize,
+}
+
+/// Drives of all rows.
+pub(crate) fn drives(samples: &[Sample], median_step_s: f64, passage: &Passage) -> Vec<Drive> {
+    let Passage { lag_s, shift_s, acceleration_rows } = *passage;
     let pieces = responses(samples, lag_s);
-    let mut drives: Vec<Drive> = Vec::with_capacity(samples.len());
-    let (mut from, mut before) = (0, None);
-    for sample in samples {
+    let last = samples.len().saturating_sub(1);
+    let felt = |row: usize| &pieces[row.saturating_add_signed(-acceleration_rows).min(last)].parts;
+    let mut from = 0;
+    let drive = |(row, sample): (usize, &Sample)| {
         let start_s = sample.time_s - shift_s;
-        while from + 1 < samples.len() && samples[from + 1].time_s <= start_s + SAME_TIME * median_step_s {
+        while from < last && samples[from + 1].time_s <= start_s + SAME_TIME * median_step_s {
             from += 1;
         }
-        let piece = if shift_s == 0.0 {
-            pieces[from]
+        let [value, by_lag] = if shift_s == 0.0 {
+            pieces[row].parts
         } else {
-            over(samples, &pieces, from, start_s, sample.step_s, SAME_TIME * median_step_s)
+            over(samples, &pieces, from, start_s, sample.step_s, SAME_TIME * median_step_s).parts
         };
-        let [value, by_lag] = piece.parts;
-        let starts = [value.start, by_lag.start];
-        let quotients = before.map_or([Vector6::zeros(); 2], |(before, time_s): ([Vector6<f64>; 2], f64)| {
-            [0, 1].map(|i| (starts[i] - before[i]) / (sample.time_s - time_s))
-        });
-        before = Some((starts, sample.time_s));
-        drives.push(Drive {
+        let before = row.saturating_sub(1);
+        let passed_s = (sample.time_s - samples[before].time_s).max(f64::MIN_POSITIVE);
+        let start = |part: usize| {
+            let now = felt(row)[part].start;
+            input(&now, &((now - felt(before)[part].start) / passed_s))
+        };
+        Drive {
             input: input(&value.mean, &value.slope),
             by_lag: input(&by_lag.mean, &by_lag.slope),
-            start: input(&value.start, &quotients[0]),
-            start_by_lag: input(&by_lag.start, &quotients[1]),
-        });
-    }
-    drives
+            start: start(0),
+            start_by_lag: start(1),
+        }
+    };
+    samples.iter().enumerate().map(drive).collect()
 }
 
 fn input(value: &Vector6<f64>, slope: &Vector6<f64>) -> Input {

@@ -93,8 +93,7 @@ impl Record {
 
     /// Rows that a logged wrench acts on when it is delayed by whole steps.
     pub(super) fn rows(&self, shift_s: f64) -> Range<usize> {
-        let late = (shift_s / self.median_step_s).round();
-        let (late, count) = (late.abs() as usize, self.samples.len());
+        let (late, count) = ((shift_s.abs() / self.median_step_s).ceil() as usize, self.samples.len());
         if shift_s < 0.0 { 0..count.saturating_sub(late) } else { late.min(count)..count }
     }
 
@@ -115,10 +114,13 @@ impl Record {
 
     /// Extra variance of the wrench in the segment that starts at this sample.
     pub(super) fn doubt_at(&self, sample: usize, shift_s: f64) -> Option<&Vector6<f64>> {
-        let late = (shift_s / self.median_step_s).round() as isize;
-        let sample = sample.checked_add_signed(-late)?;
-        let found = self.doubts.binary_search_by_key(&sample, |doubt| doubt.sample).ok()?;
-        self.doubts.get(found).map(|doubt| &doubt.variance)
+        let late = shift_s / self.median_step_s;
+        // A step between two logged ones is under both.
+        [late.ceil(), late.floor()].into_iter().find_map(|late| {
+            let sample = sample.checked_add_signed(-(late as isize))?;
+            let found = self.doubts.binary_search_by_key(&sample, |doubt| doubt.sample).ok()?;
+            self.doubts.get(found).map(|doubt| &doubt.variance)
+        })
     }
 }
 

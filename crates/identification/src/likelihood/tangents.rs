@@ -72,8 +72,8 @@ impl Point {
         for (i, value) in step[10..].iter_mut().enumerate() {
             *value = 0.05 + 0.01 * i as f64;
         }
-        step[10] = 0.3 * STEP_S;
-        step[11] = SHIFT as f64 * STEP_S;
+        step[10] = 1.3 * STEP_S;
+        step[11] = (SHIFT as f64 - 0.4) * STEP_S;
         *step.last_mut().unwrap() = 0.1;
         let lag = calibration.nuisances().iter().position(|n| *n == Nuisance::ActuatorLag).unwrap();
         step[10 + lag] = 0.03;
@@ -106,7 +106,7 @@ impl Point {
         let samples = samples();
         let model = Model {
             samples: &samples,
-            drives: &drives(&samples, STEP_S, self.calibration.lag_s(), self.calibration.shift_s()),
+            drives: &drives(&samples, STEP_S, &self.calibration.passage()),
             gravity: Vector3::new(0.1, -0.2, 0.3) + self.calibration.slope(),
             body: self.eta.body(),
             calibration: &self.calibration,
