@@ -358,10 +358,10 @@ const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
 /// too little are not an error but a result with its rank.
 pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identification, IdentificationError> {
     let timeline = Timeline::try_new(record)?;
-    if settings.method == Method::MaximumLikelihood {
-        if let Some(found) = most_likely(record, &timeline, settings)? {
-            return Ok(found);
-        }
+    if settings.method == Method::MaximumLikelihood
+        && let Some(found) = most_likely(record, &timeline, settings)?
+    {
+        return Ok(found);
     }
     let noise = SampleNoise::estimate(record, &timeline, settings);
     let fit = match best_fit(record, &timeline, settings, &noise)? {

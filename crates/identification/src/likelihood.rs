@@ -52,7 +52,7 @@ const GATED: usize = 4;
 /// Mean square of a normal residual 3-vector under these bounds, over three.
 const CONSISTENCY: f64 = 0.957_918;
 /// Restricted-likelihood steps on one linearisation, and linearisations on which they are done.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 3;
 const REFINEMENTS: usize = 3;
 /// A direction weaker than this fraction of the strongest is not shown.
 const SHOWN: f64 = 1e-12;
@@ -167,6 +167,13 @@ pub struct LikelihoodEstimate {
     pub outliers: usize,
 }
 
+impl LikelihoodEstimate {
+    /// The delay, where it was asked for and is determined, s.
+    pub fn delay_s(&self) -> Option<f64> {
+        self.nuisances.iter().find(|found| found.nuisance == Nuisance::Delay).and_then(|found| found.value)
+    }
+}
+
 /// What the model leaves unexplained over one segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SegmentResidual {
@@ -220,7 +227,7 @@ impl MaximumLikelihood {
         for iteration in 1..=MAX_ITERATIONS {
             chain.sweep(&eta, &calibration, &levels, robust);
             let schur = chain.eliminate(&levels).map_err(not_excited)?;
-            let largest = chain.follow(&schur, &ParameterStep::none(&eta, schur.gradient.len()));
+            let largest = chain.follow(&ParameterStep::none(&eta, schur.gradient.len()));
             if largest < SMALL_STEP {
                 break;
             }
@@ -239,12 +246,11 @@ impl MaximumLikelihood {
         record: &Record,
         mut calibration: Calibration,
     ) -> Result<LikelihoodEstimate, IdentificationError> {
-        let (mut levels, prior) = match &self.noise {
-            Some(noise) => (Levels::of(noise), None),
-            None => {
-                let (levels, prior) = Levels::from_differences(record);
-                (levels, Some(prior))
-            }
+        let (mut levels, prior) = if let Some(noise) = &self.noise {
+            (Levels::of(noise), None)
+        } else {
+            let (levels, prior) = Levels::from_differences(record);
+            (levels, Some(prior))
         };
         let mut length = self.segment_samples.unwrap_or(LONGEST_SEGMENT).max(1);
         let mut eta = Coordinates::of(&self.start);
@@ -286,7 +292,7 @@ impl MaximumLikelihood {
             let gradient = if halved { &schur.gradient * 0.5 } else { schur.gradient.clone() };
             let step = eta.step(&schur.information, &gradient).ok_or(not_excited(Indefinite))?;
             let decrement = step.step.dot(&(&schur.information * &step.step));
-            let largest_step = chain.follow(&schur, &step);
+            let largest_step = chain.follow(&step);
             eta = step.next;
             calibration.advance(step.step.as_slice());
             let gated = robust.is_none_or(|robust| robust.gate.is_finite());
@@ -300,7 +306,7 @@ impl MaximumLikelihood {
                 let sweep = chain.sweep(&eta, &calibration, &levels, robust);
                 let (schur, identifiability) = eliminated(&mut chain, &calibration, &levels)?;
                 let outcome = (progress.iterations, length, step.constrained);
-                return self.result(&chain, &eta, &calibration, &levels, &sweep, &schur, identifiability, outcome);
+                return self.result(&chain, (&eta, &calibration, &levels), &sweep, (&schur, identifiability), outcome);
             }
             let iterations = progress.iterations.len();
             if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
@@ -321,12 +327,9 @@ impl MaximumLikelihood {
     fn result<const W: usize>(
         &self,
         chain: &Chain<'_, W>,
-        eta: &Coordinates,
-        calibration: &Calibration,
-        levels: &Levels,
+        (eta, calibration, levels): (&Coordinates, &Calibration, &Levels),
         sweep: &Sweep,
-        schur: &Schur<W>,
-        identifiability: Identifiability,
+        (schur, identifiability): (&Schur, Identifiability),
         (iterations, segment_samples, constrained): (Vec<Iteration>, usize, bool),
     ) -> Result<LikelihoodEstimate, IdentificationError> {
         let factor = schur.information.clone().cholesky().ok_or(not_excited(Indefinite))?;
@@ -373,7 +376,7 @@ fn eliminated<const W: usize>(
     chain: &mut Chain<'_, W>,
     calibration: &Calibration,
     levels: &Levels,
-) -> Result<(Schur<W>, Identifiability), IdentificationError> {
+) -> Result<(Schur, Identifiability), IdentificationError> {
     let mut schur = chain.eliminate(levels).map_err(not_excited)?;
     let identifiability = Identifiability::new(&schur.information, calibration);
     identifiability.hold(calibration, &mut schur.information, &mut schur.gradient);
@@ -419,7 +422,13 @@ fn segment_length(levels: &Levels, eta: &Coordinates, step_s: f64) -> usize {
     let ([torque, force], [position, attitude, ..]) = (levels.wrench, levels.measurements);
     let linear = (position * body.mass / force).sqrt();
     let angular = (attitude * body.inertia.trace() / 3.0 / torque).sqrt();
-    ((0.25 * linear.min(angular) / step_s).round() as usize).clamp(1, LONGEST_SEGMENT)
+    whole(0.25 * linear.min(angular) / step_s).clamp(1, LONGEST_SEGMENT)
+}
+
+/// The nearest whole number, none below zero.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+fn whole(x: f64) -> usize {
+    x.round() as usize
 }
 
 /// How a body fits a record.
@@ -432,7 +441,7 @@ pub(crate) struct Judged {
 
 /// The record would move the parameters by d = S^-1 g with covariance S^-1; with the stated covariance C of the parameters
 /// d^T (S^-1 + C)^-1 d is a chi-square.
-fn misfit<const W: usize>(schur: &Schur<W>, eta: &Coordinates, covariance: &SMatrix<f64, 10, 10>) -> Option<f64> {
+fn misfit(schur: &Schur, eta: &Coordinates, covariance: &SMatrix<f64, 10, 10>) -> Option<f64> {
     let by_eta = eta.parameters_by_eta().try_inverse()?;
     let covariance = by_eta * covariance * by_eta.transpose();
     let scale = covariance.diagonal().map(f64::sqrt);

@@ -179,10 +179,10 @@ pub(super) fn best_fit(
     if settings.lag.is_some() || !noisy {
         return Ok(flagged(first).into());
     }
-    if settings.method == Method::Auto {
-        if let Some(found) = most_likely(record, timeline, settings)? {
-            return Ok(Best::Likelihood(Box::new(found)));
-        }
+    if settings.method == Method::Auto
+        && let Some(found) = most_likely(record, timeline, settings)?
+    {
+        return Ok(Best::Likelihood(Box::new(found)));
     }
     let mut methods = vec![first.scheme.method];
     if automatic {

@@ -73,7 +73,7 @@ pub(super) fn most_likely(
         wrench_timing: settings.wrench_timing,
         lag: found.segment_samples,
         step_s: timeline.median_step_s(),
-        samples_used: record.len() - found.outliers,
+        samples_used: record.len().saturating_sub(found.outliers),
         samples_rejected: found.outliers,
         rank: 10,
         condition_number: observability.condition_number(),
@@ -84,7 +84,7 @@ pub(super) fn most_likely(
         regularised,
         explained: Some(explained),
         noise: found.noise,
-        delay_s: found.nuisances.first().and_then(|delay| delay.value),
+        delay_s: found.delay_s(),
         residuals,
         warnings,
     }))

@@ -311,12 +311,15 @@ impl Calibration {
         if (late - self.acceleration_rows as f64).abs() > FAR_FROM_ROW {
             self.acceleration_rows = late.round() as isize;
         }
-        if self.lanes[0].is_none() || (self.values[0] - self.shift_s).abs() <= LARGEST_DELAY * step_s {
+        let limit_s = LARGEST_DELAY * step_s;
+        let back = self.shift_s != 0.0 && self.values[0].abs() < 0.5 * limit_s;
+        if self.lanes[0].is_none() || !back && (self.values[0] - self.shift_s).abs() <= limit_s {
             return false;
         }
         self.values[0] = self.values[0].clamp(-longest_s, longest_s);
         let before = self.shift_s;
-        self.shift_s = self.values[0];
+        // An unshifted record loses no row.
+        self.shift_s = if self.values[0].abs() < limit_s { 0.0 } else { self.values[0] };
         self.shift_s != before
     }
 
@@ -347,16 +350,19 @@ impl Calibration {
     /// The wrench that acts: logged wrench and its noise (torque, force) by their scale, plus the bias.
     ///
     /// The noise is one of the log, so that scaling wrench, mass and inertia together changes nothing.
-    pub(crate) fn input(&self, logged: &Input, noise: (Vector3<f64>, Vector3<f64>)) -> Input {
+    pub(crate) fn input(&self, logged: &Input, noise: &[f64; 6]) -> Input {
+        let mut input = *logged;
+        input.torque += Vector3::new(noise[0], noise[1], noise[2]);
+        input.force += Vector3::new(noise[3], noise[4], noise[5]);
         if self.nuisances.is_empty() {
-            return Input { torque: logged.torque + noise.0, force: logged.force + noise.1, ..*logged };
+            return input;
         }
         let (torque, force) = self.wrench_scale();
         Input {
-            torque: (logged.torque + noise.0).component_mul(&torque) + self.vector(BIAS_TORQUE),
-            force: (logged.force + noise.1).component_mul(&force) + self.vector(BIAS_FORCE),
-            torque_slope: logged.torque_slope.component_mul(&torque),
-            force_slope: logged.force_slope.component_mul(&force),
+            torque: input.torque.component_mul(&torque) + self.vector(BIAS_TORQUE),
+            force: input.force.component_mul(&force) + self.vector(BIAS_FORCE),
+            torque_slope: input.torque_slope.component_mul(&torque),
+            force_slope: input.force_slope.component_mul(&force),
         }
     }
 

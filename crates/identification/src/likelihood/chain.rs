@@ -3,7 +3,7 @@
 use super::calibration::Calibration;
 use super::coordinates::{Coordinates, ParameterStep};
 use super::drive::{Drive, Passage, drives};
-use super::elimination::{CostToGo, Evidence, Gain, Indefinite, Posterior, Schur, Stage, forward};
+use super::elimination::{CostToGo, Evidence, First, Gain, Indefinite, Posterior, Schur, Stage, forward};
 use super::flow::State;
 use super::noise::Levels;
 use super::record::{Record, median};
@@ -29,6 +29,8 @@ pub(super) struct Chain<'a, const W: usize> {
     normals: Vec<f64>,
     transitions: Vec<Tangent<W>>,
     gains: Vec<Gain<W>>,
+    /// Of segments that begin a stretch.
+    firsts: Vec<Option<First<W>>>,
     rows: Rows<W>,
     cost_to_go: CostToGo<W>,
     lanes: usize,
@@ -75,6 +77,7 @@ impl<'a, const W: usize> Chain<'a, W> {
             groups,
             transitions: vec![[[[0.0; W]; 3]; 4]; segments],
             gains: vec![Gain::new(); segments],
+            firsts: vec![None; segments],
             rows: Rows::new(),
             cost_to_go: CostToGo::new(lanes),
             lanes,
@@ -94,11 +97,14 @@ impl<'a, const W: usize> Chain<'a, W> {
     }
 
     /// What the last sweep and elimination say about the noise levels.
-    pub(super) fn evidence(&self, schur: &Schur<W>, levels: &Levels) -> Option<Evidence> {
+    pub(super) fn evidence(&self, schur: &Schur, levels: &Levels) -> Option<Evidence> {
         let (length, count) = (packed_len(self.lanes), self.groups.len());
         let mut evidence = Evidence::default();
-        let mut posterior = Posterior::new(schur)?;
+        let mut posterior = Posterior::<W>::new(schur)?;
         for j in 0..self.starts.len() {
+            if let Some(first) = &self.firsts[j] {
+                posterior.enter(first);
+            }
             posterior.with_noise(&self.gains[j]);
             let normals = &self.normals[j * count * length..][..count * length];
             for (&group, packed) in self.groups.iter().zip(normals.chunks_exact(length)) {
@@ -139,13 +145,13 @@ impl<'a, const W: usize> Chain<'a, W> {
         let gravity = self.gravity + calibration.slope();
         for j in 0..self.starts.len() {
             let mut state = self.nodes[j];
-            let held = (Vector3::from_row_slice(&self.noise[j][..3]), Vector3::from_row_slice(&self.noise[j][3..]));
-            for k in self.starts[j]..self.end(j) {
+            for (k, sample) in samples.iter().enumerate().take(self.end(j)).skip(self.starts[j]) {
                 if wanted.next_if_eq(&k).is_some() {
                     nodes.push(state);
                     noise.push(self.noise[j]);
                 }
-                state = body.over(&state, &calibration.input(&self.drives[k].input, held), &gravity, samples[k].step_s);
+                let input = calibration.input(&self.drives[k].input, &self.noise[j]);
+                state = body.over(&state, &input, &gravity, sample.step_s);
             }
         }
         let (record, gravity) = (self.record, self.gravity);
@@ -153,6 +159,12 @@ impl<'a, const W: usize> Chain<'a, W> {
         let mut chain = Self::new(record, gravity, starts, nodes, calibration);
         chain.noise = noise;
         chain
+    }
+
+    /// Whether segment `j` ends a stretch: nothing ties its end to the next segment.
+    fn is_last(&self, j: usize) -> bool {
+        let end = self.end(j);
+        end == self.record.rows(self.passage.shift_s).end || self.record.breaks.binary_search(&end).is_ok()
     }
 
     /// Rolls every segment out and adds up what its residuals say.
@@ -178,16 +190,13 @@ impl<'a, const W: usize> Chain<'a, W> {
             robust,
         };
         let mut sweep = Sweep::default();
-        for squares in &mut self.rows.squares {
-            squares.clear();
-        }
+        self.rows.restart();
         let (length, count) = (packed_len(self.lanes), self.groups.len());
         for j in 0..self.starts.len() {
-            let (range, last) = (self.starts[j]..self.end(j), j + 1 == self.starts.len());
+            let (range, last) = (self.starts[j]..self.end(j), self.is_last(j));
             let precision = self.precision(j, levels);
             let tangent = &mut self.transitions[j];
-            let end =
-                model.roll(&self.nodes[j], &self.noise[j], range, last, &mut self.rows, tangent, &mut sweep.tally);
+            let end = model.roll(&self.nodes[j], &self.noise[j], range, last, &mut self.rows, tangent);
             let normals = &mut self.normals[j * count * length..][..count * length];
             for (&group, packed) in self.groups.iter().zip(normals.chunks_exact_mut(length)) {
                 normal_matrix(&self.rows.groups[group], self.lanes, packed);
@@ -203,11 +212,12 @@ impl<'a, const W: usize> Chain<'a, W> {
                 sweep.noise_squares[i / 3] += precision[i] * value * value;
             }
         }
+        sweep.tally = self.rows.tally;
         sweep
     }
 
     /// Eliminates states and noise under these levels.
-    pub(super) fn eliminate(&mut self, levels: &Levels) -> Result<Schur<W>, Indefinite> {
+    pub(super) fn eliminate(&mut self, levels: &Levels) -> Result<Schur, Indefinite> {
         let (length, count) = (packed_len(self.lanes), self.groups.len());
         let weights: Vec<f64> = self.groups.iter().map(|&group| levels.measurements[group].powi(-2)).collect();
         self.cost_to_go.clear();
@@ -217,19 +227,22 @@ impl<'a, const W: usize> Chain<'a, W> {
                 weights: &weights,
                 noise: &self.noise[j],
                 precision: &self.precision(j, levels),
-                transition: (j + 1 < self.starts.len()).then(|| self.transitions[j].as_flattened()),
+                transition: (!self.is_last(j)).then(|| self.transitions[j].as_flattened()),
             };
             self.cost_to_go.eliminate(&stage, &mut self.gains[j])?;
+            if j == 0 || self.is_last(j - 1) {
+                self.firsts[j] = Some(self.cost_to_go.release());
+            }
         }
-        self.cost_to_go.finish()
+        Ok(self.cost_to_go.schur())
     }
 
     /// Moves nodes and noise along with a step of the parameters; gives the largest component of a node's step.
-    pub(super) fn follow(&mut self, schur: &Schur<W>, step: &ParameterStep) -> f64 {
+    pub(super) fn follow(&mut self, step: &ParameterStep) -> f64 {
         let (nodes, noise) = (&mut self.nodes, &mut self.noise);
         let mut largest: f64 = 0.0;
         let step = step.step.as_slice();
-        forward(schur.first_state(step), step, &self.gains, &self.transitions, |j, z| {
+        forward(step, &self.firsts, &self.gains, &self.transitions, |j, z| {
             let change: [f64; 12] = core::array::from_fn(|i| z[i]);
             largest = change.iter().fold(largest, |largest, x| largest.max(x.abs()));
             nodes[j] = nodes[j].retracted(&change);

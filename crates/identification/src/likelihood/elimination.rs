@@ -3,8 +3,13 @@
 //! Each segment is a quadratic in `z = [x, e, eta, 1]`, the segments are tied by `x' = A x + B e + Gamma eta + d`. Lanes as in
 //! the module `segment`.
 
+#![allow(clippy::needless_range_loop)] // lanes of several rows go together
+
 use super::segment::{MEASUREMENTS, NOISE, PARAMETERS, Tangent, packed_start};
 use nalgebra::{DMatrix, DVector};
+
+/// A pivot below this fraction of its diagonal entry is rounding.
+const ROUNDING: f64 = 1e-13;
 
 /// A square matrix over lanes; only the first `lanes` rows and columns are used.
 pub(crate) type Square<const W: usize> = [[f64; W]; W];
@@ -22,7 +27,7 @@ pub(crate) struct Stage<'a, const W: usize> {
     /// Wrench noise at which the stage is linearised, and the precision of its prior.
     pub(crate) noise: &'a [f64; 6],
     pub(crate) precision: &'a [f64; 6],
-    /// Twelve rows `[A B Gamma d]`; `None` for the last segment.
+    /// Twelve rows `[A B Gamma d]`; `None` for the last segment of a stretch.
     pub(crate) transition: Option<&'a [[f64; W]]>,
 }
 
@@ -66,8 +71,9 @@ impl<const W: usize> CostToGo<W> {
     /// Puts a stage before the chain eliminated so far.
     pub(crate) fn eliminate(&mut self, stage: &Stage<'_, W>, gain: &mut Gain<W>) -> Result<(), Indefinite> {
         self.sum_up(stage);
-        if let Some(transition) = stage.transition {
-            self.carry(transition);
+        match stage.transition {
+            Some(transition) => self.carry(transition),
+            None => self.add_parameters(),
         }
         self.eliminate_noise(gain)
     }
@@ -94,32 +100,35 @@ impl<const W: usize> CostToGo<W> {
         }
     }
 
-    /// Adds `F^T V F`.
+    /// Adds what a later stretch says about the parameters.
+    fn add_parameters(&mut self) {
+        for a in PARAMETERS..self.lanes {
+            for q in 0..W {
+                self.stage[a][q] += self.value[a][q];
+            }
+        }
+    }
+
+    /// Adds `F^T V F`, upper triangle.
     fn carry(&mut self, transition: &[[f64; W]]) {
         let lanes = self.lanes;
         for a in (0..NOISE).chain(PARAMETERS..lanes) {
             let value = &self.value[a];
             let mut row = *value;
             row[..PARAMETERS].fill(0.0);
+            let from = if a < NOISE { 0 } else { aligned(PARAMETERS) };
             for (factor, step) in value.iter().zip(transition) {
-                for q in 0..W {
-                    row[q] += factor * step[q];
-                }
+                add_scaled(&mut row[from..], *factor, &step[from..]);
             }
             self.product[a] = row;
         }
         for a in 0..lanes {
-            let row = &mut self.stage[a];
+            let (row, from) = (&mut self.stage[a], aligned(a));
             for (step, product) in transition.iter().zip(self.product.iter()) {
-                let factor = step[a];
-                for q in 0..W {
-                    row[q] += factor * product[q];
-                }
+                add_scaled(&mut row[from..], step[a], &product[from..]);
             }
             if a >= PARAMETERS {
-                for q in 0..W {
-                    row[q] += self.product[a][q];
-                }
+                add_scaled(&mut row[from..], 1.0, &self.product[a][from..]);
             }
         }
     }
@@ -159,10 +168,9 @@ impl<const W: usize> CostToGo<W> {
         for a in (0..lanes).filter(|a| !(NOISE..PARAMETERS).contains(a)) {
             let mut row = self.stage[a];
             row[NOISE..PARAMETERS].fill(0.0);
+            let from = aligned(a);
             for y in &y {
-                for q in 0..W {
-                    row[q] -= y[a] * y[q];
-                }
+                add_scaled(&mut row[from..], -y[a], &y[from..]);
             }
             // The lower triangle comes from the rows above.
             for q in 0..a {
@@ -184,73 +192,86 @@ impl<const W: usize> CostToGo<W> {
         Ok(())
     }
 
-    /// Eliminates the first state: what the chain says about the parameters.
-    pub(crate) fn finish(&self) -> Result<Schur<W>, Indefinite> {
-        let (lanes, last, value) = (self.lanes, self.lanes - 1, &self.value);
-        let columns = last - PARAMETERS;
-        let (mut l, mut y, mut log_determinant) = ([[0.0; 12]; 12], [[0.0; W]; 12], self.log_determinant);
+    /// Eliminates the first state of the chain; what comes before knows nothing of it.
+    pub(crate) fn release(&mut self) -> First<W> {
+        let (lanes, value) = (self.lanes, &mut self.value);
+        let (mut l, mut y) = ([[0.0; 12]; 12], [[0.0; W]; 12]);
         for a in 0..12 {
-            for b in 0..=a {
-                let sum = value[a][b] - (0..b).map(|i| l[a][i] * l[b][i]).sum::<f64>();
-                if a == b {
-                    if sum.is_nan() || sum <= 0.0 {
-                        return Err(Indefinite);
-                    }
-                    l[a][a] = sum.sqrt();
-                    log_determinant += sum.ln();
-                } else {
-                    l[a][b] = sum / l[b][b];
-                }
+            for b in 0..a {
+                l[a][b] = (value[a][b] - (0..b).map(|i| l[a][i] * l[b][i]).sum::<f64>()) / l[b][b];
             }
-        }
-        for a in 0..12 {
+            let pivot = value[a][a] - (0..a).map(|i| l[a][i] * l[a][i]).sum::<f64>();
+            // A direction that a few samples between two gaps do not show says nothing and stays where it is.
+            let shown = pivot > ROUNDING * value[a][a];
+            l[a][a] = if shown { pivot.sqrt() } else { f64::INFINITY };
+            self.log_determinant += if shown { pivot.ln() } else { 0.0 };
             for q in PARAMETERS..lanes {
                 y[a][q] = (value[a][q] - (0..a).map(|i| l[a][i] * y[i][q]).sum::<f64>()) / l[a][a];
             }
         }
-        let left = |a: usize, b: usize| value[a][b] - (0..12).map(|i| y[i][a] * y[i][b]).sum::<f64>();
-        let information = DMatrix::from_fn(columns, columns, |i, j| {
-            let (i, j) = (PARAMETERS + i.min(j), PARAMETERS + i.max(j));
-            left(i, j)
-        });
-        let gradient = DVector::from_fn(columns, |i, _| -left(PARAMETERS + i, last));
-        let mut first = y;
+        for a in 0..lanes {
+            let mut row = if a < PARAMETERS { [0.0; W] } else { value[a] };
+            row[..PARAMETERS].fill(0.0);
+            if a >= PARAMETERS {
+                for y in &y {
+                    for q in PARAMETERS..lanes {
+                        row[q] -= y[a] * y[q];
+                    }
+                }
+            }
+            value[a] = row;
+        }
+        let mut rows = y;
         for a in (0..12).rev() {
             for q in PARAMETERS..lanes {
-                first[a][q] = (y[a][q] - (a + 1..12).map(|i| l[i][a] * first[i][q]).sum::<f64>()) / l[a][a];
+                rows[a][q] = (y[a][q] - (a + 1..12).map(|i| l[i][a] * rows[i][q]).sum::<f64>()) / l[a][a];
             }
         }
-        Ok(Schur { information, gradient, first, factor: l, log_determinant })
+        First { rows, factor: l }
+    }
+
+    /// What the chain says about the parameters, once the first state is released.
+    pub(crate) fn schur(&self) -> Schur {
+        let last = self.lanes - 1;
+        let columns = last - PARAMETERS;
+        Schur {
+            information: DMatrix::from_fn(columns, columns, |i, j| {
+                self.value[PARAMETERS + i.min(j)][PARAMETERS + i.max(j)]
+            }),
+            gradient: DVector::from_fn(columns, |i, _| -self.value[PARAMETERS + i][last]),
+            log_determinant: self.log_determinant,
+        }
+    }
+}
+
+/// First state of a stretch as a function of the parameters.
+#[derive(Clone)]
+pub(crate) struct First<const W: usize> {
+    /// `x = -rows [eta; 1]`.
+    rows: [[f64; W]; 12],
+    factor: [[f64; 12]; 12],
+}
+
+impl<const W: usize> First<W> {
+    fn state(&self, z: &[f64; W]) -> [f64; 12] {
+        self.rows.map(|row| -row[PARAMETERS..].iter().zip(&z[PARAMETERS..]).map(|(a, b)| a * b).sum::<f64>())
     }
 }
 
 /// The quadratic in the parameters alone, `d^T S d / 2 - g^T d`.
-#[derive(Clone)]
-pub(crate) struct Schur<const W: usize> {
+pub(crate) struct Schur {
     /// S.
     pub(crate) information: DMatrix<f64>,
     /// g.
     pub(crate) gradient: DVector<f64>,
-    /// The first state follows as `x = -first [eta; 1]`.
-    first: [[f64; W]; 12],
-    factor: [[f64; 12]; 12],
     /// Of states and noise.
     pub(crate) log_determinant: f64,
 }
 
-impl<const W: usize> Schur<W> {
-    pub(crate) fn first_state(&self, step: &[f64]) -> [f64; 12] {
-        core::array::from_fn(|a| {
-            let row = &self.first[a][PARAMETERS..];
-            -(row[step.len()] + step.iter().zip(row).map(|(d, x)| d * x).sum::<f64>())
-        })
-    }
-}
-
 /// Steps of states and noise that belong to a step of the parameters.
 pub(crate) fn forward<const W: usize>(
-    first: [f64; 12],
     step: &[f64],
+    firsts: &[Option<First<W>>],
     gains: &[Gain<W>],
     transitions: &[Tangent<W>],
     mut visit: impl FnMut(usize, &[f64; W]),
@@ -259,14 +280,28 @@ pub(crate) fn forward<const W: usize>(
     let mut z = [0.0; W];
     z[PARAMETERS..last].copy_from_slice(step);
     z[last] = 1.0;
-    z[..12].copy_from_slice(&first);
-    for (j, (gain, transition)) in gains.iter().zip(transitions).enumerate() {
+    for (j, ((gain, transition), first)) in gains.iter().zip(transitions).zip(firsts).enumerate() {
         z[NOISE..PARAMETERS].fill(0.0);
+        if let Some(first) = first {
+            let state = first.state(&z);
+            z[..NOISE].copy_from_slice(&state);
+        }
         let noise = gain.rows.map(|row| -inner(&row, &z));
         z[NOISE..PARAMETERS].copy_from_slice(&noise);
         visit(j, &z);
         let next = transition.map(|rows| rows.map(|row| inner(&row, &z)));
-        z[..12].copy_from_slice(next.as_flattened());
+        z[..NOISE].copy_from_slice(next.as_flattened());
+    }
+}
+
+/// First lane of the block of eight that holds this one.
+fn aligned(lane: usize) -> usize {
+    lane / 8 * 8
+}
+
+fn add_scaled(sum: &mut [f64], factor: f64, row: &[f64]) {
+    for (sum, value) in sum.iter_mut().zip(row) {
+        *sum += factor * value;
     }
 }
 
@@ -297,8 +332,8 @@ pub(crate) struct Posterior<const W: usize> {
 }
 
 impl<const W: usize> Posterior<W> {
-    /// At the first segment; its noise is added by [`with_noise`](Self::with_noise).
-    pub(crate) fn new(schur: &Schur<W>) -> Option<Self> {
+    /// The parameters alone; `None` where they are not determined.
+    pub(crate) fn new(schur: &Schur) -> Option<Self> {
         let columns = schur.gradient.len();
         let last = PARAMETERS + columns;
         let inverse = schur.information.clone().cholesky()?.inverse();
@@ -309,31 +344,37 @@ impl<const W: usize> Posterior<W> {
                 covariance[PARAMETERS + i][PARAMETERS + j] = inverse[(i, j)];
             }
         }
+        let mut optimum = [0.0; W];
+        optimum[PARAMETERS..last].copy_from_slice(step.as_slice());
+        optimum[last] = 1.0;
+        Some(Self { covariance, optimum, last })
+    }
+
+    /// To the first state of a stretch.
+    pub(crate) fn enter(&mut self, first: &First<W>) {
+        let last = self.last;
         // x = -A eta + noise of the state given the parameters.
         let mut cross = [[0.0; W]; 12];
-        for (row, first) in cross.iter_mut().zip(&schur.first) {
-            for (factor, of_parameter) in first[PARAMETERS..last].iter().zip(&covariance[PARAMETERS..]) {
-                for (sum, value) in row.iter_mut().zip(of_parameter) {
+        for (row, first) in cross.iter_mut().zip(&first.rows) {
+            for (factor, of_parameter) in first[PARAMETERS..last].iter().zip(&self.covariance[PARAMETERS..]) {
+                for (sum, value) in row[PARAMETERS..].iter_mut().zip(&of_parameter[PARAMETERS..]) {
                     *sum -= factor * value;
                 }
             }
         }
-        let given = inverse_of_factored(&schur.factor);
+        let given = inverse_of_factored(&first.factor);
         for i in 0..12 {
             for j in 0..12 {
-                let through: f64 = (PARAMETERS..last).map(|k| cross[i][k] * schur.first[j][k]).sum();
-                covariance[i][j] = given[i][j] - through;
+                let through: f64 = (PARAMETERS..last).map(|k| cross[i][k] * first.rows[j][k]).sum();
+                self.covariance[i][j] = given[i][j] - through;
             }
             for j in PARAMETERS..last {
-                covariance[i][j] = cross[i][j];
-                covariance[j][i] = cross[i][j];
+                self.covariance[i][j] = cross[i][j];
+                self.covariance[j][i] = cross[i][j];
             }
         }
-        let mut optimum = [0.0; W];
-        optimum[..12].copy_from_slice(&schur.first_state(step.as_slice()));
-        optimum[PARAMETERS..last].copy_from_slice(step.as_slice());
-        optimum[last] = 1.0;
-        Some(Self { covariance, optimum, last })
+        let state = first.state(&self.optimum);
+        self.optimum[..NOISE].copy_from_slice(&state);
     }
 
     /// Adds the noise of the segment reached.

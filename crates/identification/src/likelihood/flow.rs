@@ -108,7 +108,7 @@ impl Body {
         let size = |v: &Vector3<f64>| (v.x * v.x + v.y * v.y + v.z * v.z).sqrt();
         let turn = size(&state.rate) * step_s + 0.5 * size(&acceleration) * step_s * step_s;
         // A diverging trial must not take forever.
-        if turn <= LARGEST_TURN { 1 } else { (turn / LARGEST_TURN).ceil().min(64.0) as usize }
+        if turn <= LARGEST_TURN { 1 } else { super::whole((turn / LARGEST_TURN).ceil().min(64.0)) }
     }
 
     /// # Source

@@ -9,11 +9,14 @@ use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector4};
 const STEP_S: f64 = 0.016;
 const SAMPLES: usize = 1500;
 
+/// Position, attitude, rate, velocity of the origin.
+type TrueState = (Vector3<f64>, UnitQuaternion<f64>, Vector3<f64>, Vector3<f64>);
+
 struct Truth {
     body: InertialParameters<f64>,
     record: Vec<MotionSample>,
     /// Poses, rates and origin velocities without noise.
-    states: Vec<(Vector3<f64>, UnitQuaternion<f64>, Vector3<f64>, Vector3<f64>)>,
+    states: Vec<TrueState>,
 }
 
 fn golden_body() -> InertialParameters<f64> {
@@ -263,7 +266,7 @@ fn evidence_is_the_derivative_of_determinant_and_minimum() {
         chain.sweep(&eta, &calibration, &levels, None);
         let schur = chain.eliminate(&levels).unwrap();
         let step = eta.step(&schur.information, &schur.gradient).unwrap();
-        chain.follow(&schur, &step);
+        chain.follow(&step);
     }
     chain.sweep(&eta, &calibration, &levels, None);
     let schur = chain.eliminate(&levels).unwrap();

@@ -2,31 +2,23 @@
 
 use super::flow::State;
 use super::record::Record;
-use super::segment::Sample;
 use crate::lie::{LieGroup, rotation_jacobian};
 use nalgebra::{Matrix4, SMatrix, UnitQuaternion, Vector3};
 
 /// Cubic least squares of position and rotation vector over `window_s` on each side of each node.
 pub(super) fn from_poses(record: &Record, starts: &[usize], window_s: f64, center: &Vector3<f64>) -> Vec<State> {
-    let reach = ((window_s / record.median_step_s).round() as usize).max(4);
-    let longest_s = 3.0 * reach as f64 * record.median_step_s;
-    starts.iter().map(|&node| from_window(&record.samples, node, reach, longest_s, center)).collect()
+    let reach = super::whole(window_s / record.median_step_s).max(4);
+    starts.iter().map(|&node| from_window(record, node, reach, center)).collect()
 }
 
-/// The window holds `2 reach + 1` samples, moved inside the record at its ends, none of them across a long gap.
-fn from_window(samples: &[Sample], node: usize, reach: usize, longest_s: f64, center: &Vector3<f64>) -> State {
-    let count = samples.len();
-    let mut first = node.saturating_sub(reach).min(count.saturating_sub(2 * reach + 1));
-    let mut end = (node + reach + 1).max(2 * reach + 1).min(count);
+/// The window holds `2 reach + 1` samples, moved inside the node's stretch at its ends.
+fn from_window(record: &Record, node: usize, reach: usize, center: &Vector3<f64>) -> State {
+    let samples = &record.samples;
+    let stretch = record.stretch(node);
     let here = &samples[node];
-    let away = |i: usize| (samples[i].time_s - here.time_s).abs() > longest_s;
-    while end - first > 8 && away(first) {
-        first += 1;
-    }
-    while end - first > 8 && away(end - 1) {
-        end -= 1;
-    }
-    let unit = samples[end - 1].time_s - samples[first].time_s;
+    let first = node.saturating_sub(reach).min(stretch.end.saturating_sub(2 * reach + 1)).max(stretch.start);
+    let end = (node + reach + 1).max(first + 2 * reach + 1).min(stretch.end);
+    let unit = (samples[end - 1].time_s - samples[first].time_s).max(record.median_step_s);
     let (mut normal, mut moment) = (Matrix4::<f64>::zeros(), SMatrix::<f64, 4, 6>::zeros());
     for sample in &samples[first..end] {
         let t = (sample.time_s - here.time_s) / unit;

@@ -5,7 +5,7 @@ use super::record::{Record, median};
 use super::segment::{ACCELERATION, ATTITUDE, MEASUREMENTS, POSITION, RATE, Sample, Tally, VELOCITY};
 use crate::Noise;
 use crate::lie::LieGroup;
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 
 /// Standard deviation over median absolute deviation of a normal variable.
 const NORMAL_PER_MEDIAN: f64 = 1.4826;
@@ -81,7 +81,8 @@ impl Levels {
         ] {
             measurements[group] = visible(&column(of), 3, 20.0);
         }
-        let (torques, forces): (Vec<_>, Vec<_>) = samples.iter().map(|s| (s.input.torque, s.input.force)).unzip();
+        let halves = |w: &Vector6<f64>| (Vector3::new(w[0], w[1], w[2]), Vector3::new(w[3], w[4], w[5]));
+        let (torques, forces): (Vec<_>, Vec<_>) = record.wrenches.iter().map(halves).unzip();
         let (mut level, mut freedom) = ([0.0; 2], [PRIOR_FREEDOM; 2]);
         let sizes = [size(&torques), size(&forces)];
         for (i, values) in [torques, forces].iter().enumerate() {

@@ -12,6 +12,8 @@ use nalgebra::{Vector3, Vector6};
 const FEWEST_SAMPLES: usize = 8;
 /// A step longer than this many median steps is a gap: the wrench there is only guessed by the last one.
 const GAP: f64 = 1.5;
+/// A gap longer than this is not bridged: the unknown course of the wrench within it would matter too.
+const LONGEST_BRIDGE: f64 = 3.5;
 /// Distance from the running median, in robust standard deviations of such distances, at which a wrench is a spike.
 const SPIKE: f64 = 5.0 * 1.4826;
 /// Spikes more frequent than this are how the body is driven.
@@ -27,9 +29,13 @@ pub(super) struct Doubt {
 
 pub(super) struct Record {
     pub(super) samples: Vec<Sample>,
+    /// As logged, spikes replaced.
+    pub(super) wrenches: Vec<Vector6<f64>>,
     pub(super) median_step_s: f64,
     /// In ascending order of samples.
     pub(super) doubts: Vec<Doubt>,
+    /// Samples after gaps that are not bridged, in ascending order.
+    pub(super) breaks: Vec<usize>,
 }
 
 impl Record {
@@ -62,8 +68,13 @@ impl Record {
         let steps: Vec<f64> = (0..record.len()).map(|k| between(k, (k + 1).min(last))).collect();
         let median_step_s = median(&mut steps[..last].to_vec());
         let mut doubts = if filter_spikes { spikes(&mut wrenches) } else { Vec::new() };
+        let mut breaks = Vec::new();
         for (sample, step) in steps.iter().enumerate().filter(|(_, step)| **step > GAP * median_step_s) {
-            let lag = ((step / median_step_s).round() as usize).clamp(1, last);
+            if *step > LONGEST_BRIDGE * median_step_s {
+                breaks.push(sample + 1);
+                continue;
+            }
+            let lag = super::whole(step / median_step_s).clamp(1, last);
             doubts.push(Doubt { sample, variance: change_variance(&wrenches, lag) });
         }
         doubts.sort_by_key(|doubt| doubt.sample);
@@ -88,7 +99,14 @@ impl Record {
                 acceleration: sample.acceleration_origin_body,
             })
             .collect();
-        Ok(Self { samples, median_step_s, doubts })
+        Ok(Self { samples, wrenches, median_step_s, doubts, breaks })
+    }
+
+    /// The stretch without an unbridged gap that holds this sample.
+    pub(super) fn stretch(&self, sample: usize) -> core::ops::Range<usize> {
+        let next = self.breaks.partition_point(|&first| first <= sample);
+        let end = self.breaks.get(next).copied().unwrap_or(self.samples.len());
+        next.checked_sub(1).map_or(0, |before| self.breaks[before])..end
     }
 
     /// Rows that a logged wrench acts on when it is delayed by whole steps.
@@ -104,7 +122,7 @@ impl Record {
         let mut next = rows.start;
         for k in rows {
             let doubted = self.doubt_at(k, shift_s).is_some();
-            if k == next || doubted {
+            if k == next || doubted || self.breaks.binary_search(&k).is_ok() {
                 starts.push(k);
                 next = k + if doubted { 1 } else { length };
             }
@@ -147,7 +165,13 @@ fn input(wrenches: &[Vector6<f64>], steps: &[f64], k: usize, timing: WrenchTimin
         _ => (here, Vector6::zeros()),
     };
     let half = |v: &Vector6<f64>, first: usize| Vector3::new(v[first], v[first + 1], v[first + 2]);
-    Input { torque: half(&mean, 0), force: half(&mean, 3), torque_slope: half(&slope, 0), force_slope: half(&slope, 3) }
+    Input {
+        torque: half(&mean, 0),
+        force: half(&mean, 3),
+        torque_slope: half(&slope, 0),
+        force_slope: half(&slope, 3),
+        ..Input::default()
+    }
 }
 
 /// Replaces rare spikes by the running median of five; what they were is the doubt that remains.

@@ -69,20 +69,35 @@ pub(crate) struct Model<'a> {
     pub(crate) robust: Option<Robust>,
 }
 
-/// Residual rows of one segment, by group.
+/// Residuals by group: the rows of one segment, and what a whole sweep adds up.
 pub(crate) struct Rows<const W: usize> {
+    /// Of the last segment rolled out.
     pub(crate) groups: [Vec<[f64; W]>; MEASUREMENTS],
     /// Squares of the residual 3-vectors of a whole sweep.
     pub(crate) squares: [Vec<f64>; MEASUREMENTS],
+    /// Sums over them.
+    pub(crate) tally: Tally,
 }
 
 impl<const W: usize> Rows<W> {
     pub(crate) fn new() -> Self {
-        Self { groups: [const { Vec::new() }; MEASUREMENTS], squares: [const { Vec::new() }; MEASUREMENTS] }
+        Self {
+            groups: [const { Vec::new() }; MEASUREMENTS],
+            squares: [const { Vec::new() }; MEASUREMENTS],
+            tally: Tally::default(),
+        }
+    }
+
+    /// Before a sweep.
+    pub(crate) fn restart(&mut self) {
+        for squares in &mut self.squares {
+            squares.clear();
+        }
+        self.tally = Tally::default();
     }
 }
 
-/// Sums over residuals, by group.
+/// Sums over residual 3-vectors, by group.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
     /// Weighted squares of residuals, in their own units.
@@ -105,7 +120,6 @@ impl Model<'_> {
         last: bool,
         rows: &mut Rows<W>,
         tangent: &mut Tangent<W>,
-        tally: &mut Tally,
     ) -> State {
         *tangent = [[[0.0; W]; 3]; 4];
         for i in 0..12 {
@@ -114,7 +128,6 @@ impl Model<'_> {
         for group in &mut rows.groups {
             group.clear();
         }
-        let noise = (Vector3::new(noise[0], noise[1], noise[2]), Vector3::new(noise[3], noise[4], noise[5]));
         let (mut state, end) = (*start, samples.end);
         for k in samples {
             let (sample, drive) = (&self.samples[k], &self.drives[k]);
@@ -131,7 +144,6 @@ impl Model<'_> {
                         drive,
                         &step.acceleration,
                         rows,
-                        tally,
                     );
                 }
                 if last && k + 1 == end {
@@ -293,13 +305,13 @@ struct Measured<'a, const W: usize> {
     model: &'a Model<'a>,
     state: &'a State,
     input: &'a Input,
-    noise: (Vector3<f64>, Vector3<f64>),
+    noise: &'a [f64; 6],
     angular: &'a AngularTangent,
     tangent: &'a Tangent<W>,
 }
 
 impl<const W: usize> Measured<'_, W> {
-    fn rows(&self, sample: &Sample, drive: &Drive, alpha: &Vector3<f64>, rows: &mut Rows<W>, tally: &mut Tally) {
+    fn rows(&self, sample: &Sample, drive: &Drive, alpha: &Vector3<f64>, rows: &mut Rows<W>) {
         let Model { body, calibration, gravity, .. } = self.model;
         let State { world_from_body, rate, center, velocity } = self.state;
         let [attitude, angular, central, linear] = self.tangent;
@@ -316,7 +328,7 @@ impl<const W: usize> Measured<'_, W> {
 
         let residual = center - rotation * c - origin_velocity * delay + origin_acceleration * (0.5 * delay * delay)
             - sample.position;
-        self.push(POSITION, &residual, rows, tally, |row| {
+        self.push(POSITION, &residual, rows, |row| {
             *row = *central;
             add_product(row, &lever, attitude);
             add_columns(row, CENTER, &-rotation);
@@ -334,7 +346,7 @@ impl<const W: usize> Measured<'_, W> {
         let lag = alpha * (0.5 * delay * delay) - rate * delay;
         let late = world_from_body * <UnitQuaternion<f64> as LieGroup>::exp(&lag);
         let residual = LieGroup::log(&(sample.world_from_body.conjugate() * late));
-        self.push(ATTITUDE, &residual, rows, tally, |row| {
+        self.push(ATTITUDE, &residual, rows, |row| {
             let inverse = rotation_jacobian_inverse(&residual);
             if delay == 0.0 {
                 add_product(row, &inverse, attitude);
@@ -350,7 +362,7 @@ impl<const W: usize> Measured<'_, W> {
 
         if let Some(measured) = sample.velocity {
             let residual = origin_velocity - origin_acceleration * delay - measured;
-            self.push(VELOCITY, &residual, rows, tally, |row| {
+            self.push(VELOCITY, &residual, rows, |row| {
                 *row = *linear;
                 add_product(row, &(rotation * skew(&swept)), attitude);
                 add_product(row, &lever, angular);
@@ -361,7 +373,7 @@ impl<const W: usize> Measured<'_, W> {
             });
         }
         if let Some(measured) = sample.rate {
-            self.push(RATE, &(rate - alpha * delay - measured), rows, tally, |row| {
+            self.push(RATE, &(rate - alpha * delay - measured), rows, |row| {
                 *row = *angular;
                 if let Some(lane) = delay_lane {
                     add_column(row, lane, &-alpha);
@@ -377,7 +389,7 @@ impl<const W: usize> Measured<'_, W> {
             let arm = c - position;
             let felt = start.force / body.mass - start_alpha.cross(&arm) - rate.cross(&rate.cross(&arm)) + fall;
             let residual = felt.component_mul(&scale) + bias - measured;
-            self.push(ACCELERATION, &residual, rows, tally, |row| {
+            self.push(ACCELERATION, &residual, rows, |row| {
                 let change = start_alpha - alpha;
                 let felt = Felt { start: &start, alpha: &start_alpha, change: &change, arm: &arm, fall: &fall, felt };
                 self.accelerometer(row, drive, &felt, &scale);
@@ -437,27 +449,20 @@ impl<const W: usize> Measured<'_, W> {
     }
 
     /// Weighs a residual, and keeps its row unless it is rejected.
-    fn push(
-        &self,
-        group: usize,
-        residual: &Vector3<f64>,
-        rows: &mut Rows<W>,
-        tally: &mut Tally,
-        fill: impl FnOnce(&mut [[f64; W]; 3]),
-    ) {
+    fn push(&self, group: usize, residual: &Vector3<f64>, rows: &mut Rows<W>, fill: impl FnOnce(&mut [[f64; W]; 3])) {
         let square = residual.dot(residual);
         rows.squares[group].push(square);
         let mut weight = 1.0;
         if let Some(robust) = self.model.robust {
             let size = square.sqrt() / self.model.sigma[group];
             if size > robust.gate {
-                tally.rejected[group] += 1;
+                rows.tally.rejected[group] += 1;
                 return;
             }
             weight = (robust.huber / size).min(1.0);
         }
-        tally.squares[group] += weight * square;
-        tally.counted[group] += 1;
+        rows.tally.squares[group] += weight * square;
+        rows.tally.counted[group] += 1;
         let mut row = [[0.0; W]; 3];
         fill(&mut row);
         let (root, last) = (weight.sqrt(), self.model.calibration.columns() + PARAMETERS);
@@ -505,16 +510,13 @@ fn add_column<const W: usize>(rows: &mut [[f64; W]; 3], lane: usize, v: &Vector3
 /// Upper triangle of the sum of `row^T row`, row after row, `lanes` columns.
 pub(crate) fn normal_matrix<const W: usize>(rows: &[[f64; W]], lanes: usize, packed: &mut [f64]) {
     const TALL: usize = 4;
-    const WIDE: usize = 8;
+    const WIDE: usize = 4;
     for top in (0..lanes).step_by(TALL) {
         for left in (top / WIDE * WIDE..lanes).step_by(WIDE) {
             let mut tile = [[0.0; WIDE]; TALL];
             for row in rows {
-                let (Some(factors), Some(values)) =
-                    (row[top..].first_chunk::<TALL>(), row[left..].first_chunk::<WIDE>())
-                else {
-                    continue;
-                };
+                let (factors, values) =
+                    (&row.as_chunks::<TALL>().0[top / TALL], &row.as_chunks::<WIDE>().0[left / WIDE]);
                 for (sums, factor) in tile.iter_mut().zip(factors) {
                     for (sum, value) in sums.iter_mut().zip(values) {
                         *sum += factor * value;

@@ -4,7 +4,7 @@ use super::calibration::{Calibration, Nuisance};
 use super::coordinates::Coordinates;
 use super::drive::drives;
 use super::flow::{Input, State};
-use super::segment::{ACCELERATION, MEASUREMENTS, Model, NOISE, PARAMETERS, RATE, Rows, Sample, Tally, VELOCITY};
+use super::segment::{ACCELERATION, MEASUREMENTS, Model, NOISE, PARAMETERS, RATE, Rows, Sample, VELOCITY};
 use crate::lie::LieGroup;
 use nalgebra::{DVector, Matrix3, UnitQuaternion, Vector3};
 
@@ -115,7 +115,7 @@ impl Point {
         };
         let (mut rows, mut tangent) = (Rows::new(), [[[0.0; 56]; 3]; 4]);
         let range = SHIFT..SHIFT + ROWS;
-        let end = model.roll(&self.state, &self.noise, range, false, &mut rows, &mut tangent, &mut Tally::default());
+        let end = model.roll(&self.state, &self.noise, range, false, &mut rows, &mut tangent);
         (rows, tangent, end)
     }
 }

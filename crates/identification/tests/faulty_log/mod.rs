@@ -202,12 +202,8 @@ impl Motion {
     fn at_rest(faulty: &Faulty) -> Self {
         let inertia = faulty.body.inertia_about_com();
         let arm = faulty.body.center_of_mass();
-        let state = State {
-            center: arm,
-            velocity: Vector3::zeros(),
-            attitude: Quaternion::identity(),
-            rate: Vector3::zeros(),
-        };
+        let state =
+            State { center: arm, velocity: Vector3::zeros(), attitude: Quaternion::identity(), rate: Vector3::zeros() };
         Self { mass: faulty.body.mass, arm, inertia, inverse: inertia.try_inverse().unwrap(), state }
     }
 
