@@ -493,7 +493,7 @@ pub fn json(found: &Identification, context: &Context) -> Json {
             position_m: found.noise.position_m,
             attitude_rad: found.noise.attitude_rad,
         },
-        delay_s: None,
+        delay_s: found.delay_s,
         reference,
         holdout: context.validation.map(|v| JsonHoldout {
             nodes: v.nodes,
