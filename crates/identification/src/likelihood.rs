@@ -220,7 +220,7 @@ impl MaximumLikelihood {
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
         let (eta, levels) = (Coordinates::of(body), Levels::of(noise));
         let calibration = Calibration::new(&[], &[]);
-        let starts = record.segments(segment_length(&levels, &eta, record.median_step_s), 0.0);
+        let starts = record.segments(segment_length(&levels, &eta, record.median_step_s), &drive::Passage::default());
         let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
         let mut chain = Chain::<32>::new(&record, self.gravity_world, starts, nodes, &calibration);
         let robust = self.robust.then_some(Robust { huber: HUBER, gate: f64::INFINITY });
@@ -257,7 +257,7 @@ impl MaximumLikelihood {
         let longest_delay_s = LONGEST_DELAY * record.median_step_s * record.samples.len() as f64;
         calibration.shift(record.median_step_s, longest_delay_s);
         let from_poses = |length: usize, eta: &Coordinates, calibration: &Calibration| {
-            let starts = record.segments(length, calibration.shift_s());
+            let starts = record.segments(length, &calibration.passage());
             let nodes = nodes::from_poses(record, &starts, self.node_window_s, &eta.center);
             Chain::<W>::new(record, self.gravity_world, starts, nodes, calibration)
         };
@@ -312,7 +312,7 @@ impl MaximumLikelihood {
             if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
                 return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
             }
-            if shifted && record.segments(length, calibration.shift_s()) != chain.starts {
+            if shifted && record.segments(length, &calibration.passage()) != chain.starts {
                 chain = from_poses(length, &eta, &calibration);
             } else if self.segment_samples.is_none() && decrement < NEAR {
                 let wanted = segment_length(&levels, &eta, record.median_step_s);

@@ -59,6 +59,8 @@ const SMALLEST_LAG_RATIO: f64 = 0.25;
 const SHORTEST_LAG: f64 = 0.5;
 /// Precision, 1/s^2, that leaves a lag where it is.
 const HELD: f64 = 1e12;
+/// Lags after which nothing is left of the state in which the log found the actuator.
+const SETTLING: f64 = 7.0;
 /// Steps between the delay of accelerations and its whole steps beyond which others are taken: not to go back and forth.
 const FAR_FROM_ROW: f64 = 0.6;
 /// Largest step of a delay or lag in one iteration, s.
@@ -216,6 +218,7 @@ pub(crate) struct Calibration {
     shift_s: f64,
     /// Whole steps of the delay of accelerations.
     acceleration_rows: isize,
+    settling_s: f64,
     step_s: f64,
     /// The lag was given up beside the delay.
     without_lag: bool,
@@ -231,6 +234,7 @@ impl Calibration {
             priors: Vec::new(),
             shift_s: 0.0,
             acceleration_rows: 0,
+            settling_s: 0.0,
             step_s: 0.0,
             without_lag: false,
         };
@@ -304,27 +308,29 @@ impl Calibration {
         self.without_lag
     }
 
-    /// Moves the delay into the shift of the inputs where it is not small any more; whether it did.
+    /// Moves the delay into the shift of the inputs where it is not small any more, and leaves out rows in which the lag
+    /// has not settled; whether the rows may have changed.
     pub(crate) fn shift(&mut self, step_s: f64, longest_s: f64) -> bool {
         self.step_s = step_s;
         let late = self.values[1].clamp(-longest_s, longest_s) / step_s;
         if (late - self.acceleration_rows as f64).abs() > FAR_FROM_ROW {
             self.acceleration_rows = late.round() as isize;
         }
+        let settling_s = SETTLING * self.values[ACTUATOR_LAG].clamp(0.0, longest_s / SETTLING);
+        let unsettled = settling_s > self.settling_s + step_s || settling_s < 0.5 * self.settling_s - step_s;
+        if unsettled {
+            self.settling_s = 1.1 * settling_s;
+        }
         let limit_s = LARGEST_DELAY * step_s;
         let back = self.shift_s != 0.0 && self.values[0].abs() < 0.5 * limit_s;
         if self.lanes[0].is_none() || !back && (self.values[0] - self.shift_s).abs() <= limit_s {
-            return false;
+            return unsettled;
         }
         self.values[0] = self.values[0].clamp(-longest_s, longest_s);
         let before = self.shift_s;
         // An unshifted record loses no row.
         self.shift_s = if self.values[0].abs() < limit_s { 0.0 } else { self.values[0] };
-        self.shift_s != before
-    }
-
-    pub(crate) fn shift_s(&self) -> f64 {
-        self.shift_s
+        unsettled || self.shift_s != before
     }
 
     /// What the shift leaves of the delay.
@@ -335,7 +341,7 @@ impl Calibration {
     /// What the logged wrench goes through.
     pub(crate) fn passage(&self) -> Passage {
         let lag_s = self.lanes[ACTUATOR_LAG].map(|_| self.values[ACTUATOR_LAG]);
-        Passage { lag_s, shift_s: self.shift_s, acceleration_rows: self.acceleration_rows }
+        Passage { lag_s, shift_s: self.shift_s, acceleration_rows: self.acceleration_rows, settling_s: self.settling_s }
     }
 
     fn vector(&self, first: usize) -> Vector3<f64> {

@@ -86,7 +86,7 @@ impl<'a, const W: usize> Chain<'a, W> {
 
     /// End of segment `j`: one past its last sample.
     fn end(&self, j: usize) -> usize {
-        self.starts.get(j + 1).copied().unwrap_or_else(|| self.record.rows(self.passage.shift_s).end)
+        self.starts.get(j + 1).copied().unwrap_or_else(|| self.record.rows(&self.passage).end)
     }
 
     /// Of the prior of the wrench noise in segment `j`.
@@ -138,7 +138,7 @@ impl<'a, const W: usize> Chain<'a, W> {
 
     /// The same states cut into other segments.
     pub(super) fn resegmented(self, length: usize, eta: &Coordinates, calibration: &Calibration) -> Self {
-        let starts = self.record.segments(length, calibration.shift_s());
+        let starts = self.record.segments(length, &calibration.passage());
         let samples = &self.record.samples;
         let (mut nodes, mut noise) = (Vec::with_capacity(starts.len()), Vec::with_capacity(starts.len()));
         let (body, mut wanted) = (eta.body(), starts.iter().copied().peekable());
@@ -164,7 +164,7 @@ impl<'a, const W: usize> Chain<'a, W> {
     /// Whether segment `j` ends a stretch: nothing ties its end to the next segment.
     fn is_last(&self, j: usize) -> bool {
         let end = self.end(j);
-        end == self.record.rows(self.passage.shift_s).end || self.record.breaks.binary_search(&end).is_ok()
+        end == self.record.rows(&self.passage).end || self.record.breaks.binary_search(&end).is_ok()
     }
 
     /// Rolls every segment out and adds up what its residuals say.

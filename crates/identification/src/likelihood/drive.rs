@@ -31,11 +31,13 @@ pub(crate) struct Passage {
     pub(crate) shift_s: f64,
     /// Whole steps by which accelerations are late.
     pub(crate) acceleration_rows: isize,
+    /// Time after the first command in which the lag forgets what was before it, s.
+    pub(crate) settling_s: f64,
 }
 
 /// Drives of all rows.
 pub(crate) fn drives(samples: &[Sample], median_step_s: f64, passage: &Passage) -> Vec<Drive> {
-    let Passage { lag_s, shift_s, acceleration_rows } = *passage;
+    let Passage { lag_s, shift_s, acceleration_rows, .. } = *passage;
     let pieces = responses(samples, lag_s);
     let last = samples.len().saturating_sub(1);
     let felt = |row: usize| &pieces[row.saturating_add_signed(-acceleration_rows).min(last)].parts;

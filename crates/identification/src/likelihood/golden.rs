@@ -256,7 +256,7 @@ fn the_delay_can_be_estimated_too() {
 fn evidence_is_the_derivative_of_determinant_and_minimum() {
     let log = log();
     let record = golden_record(&log);
-    let starts = record.segments(8, 0.0);
+    let starts = record.segments(8, &drive::Passage::default());
     let eta = Coordinates::of(&log.body);
     let nodes = nodes::from_poses(&record, &starts, 0.6, &eta.center);
     let calibration = Calibration::new(&[Nuisance::Delay], &[]);

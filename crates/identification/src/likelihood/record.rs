@@ -1,5 +1,6 @@
 //! A motion log as the likelihood reads it: times, inputs, and the places where the logged wrench is in doubt.
 
+use super::drive::Passage;
 use super::flow::Input;
 use super::segment::Sample;
 use crate::WrenchTiming;
@@ -109,19 +110,22 @@ impl Record {
         next.checked_sub(1).map_or(0, |before| self.breaks[before])..end
     }
 
-    /// Rows that a logged wrench acts on when it is delayed by whole steps.
-    pub(super) fn rows(&self, shift_s: f64) -> Range<usize> {
-        let (late, count) = ((shift_s.abs() / self.median_step_s).ceil() as usize, self.samples.len());
-        if shift_s < 0.0 { 0..count.saturating_sub(late) } else { late.min(count)..count }
+    /// Rows that a logged wrench acts on.
+    pub(super) fn rows(&self, passage: &Passage) -> Range<usize> {
+        let Passage { shift_s, settling_s, .. } = *passage;
+        let steps = |time_s: f64| super::whole((time_s / self.median_step_s).ceil());
+        let first = steps(shift_s.max(0.0) + settling_s);
+        let end = self.samples.len().saturating_sub(steps(-shift_s.min(0.0)));
+        first.min(end)..end
     }
 
     /// First samples of segments of `length` samples; a sample in doubt is a segment of its own.
-    pub(super) fn segments(&self, length: usize, shift_s: f64) -> Vec<usize> {
+    pub(super) fn segments(&self, length: usize, passage: &Passage) -> Vec<usize> {
         let mut starts = Vec::new();
-        let rows = self.rows(shift_s);
+        let rows = self.rows(passage);
         let mut next = rows.start;
         for k in rows {
-            let doubted = self.doubt_at(k, shift_s).is_some();
+            let doubted = self.doubt_at(k, passage.shift_s).is_some();
             if k == next || doubted || self.breaks.binary_search(&k).is_ok() {
                 starts.push(k);
                 next = k + if doubted { 1 } else { length };
