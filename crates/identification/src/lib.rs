@@ -47,8 +47,8 @@ pub use identify::{
 pub use information::FisherInformation;
 #[cfg(feature = "std")]
 pub use likelihood::{
-    Exchange, Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate, NuisancePrior, Quantity,
-    SegmentResidual, Verdict,
+    Exchange, Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate, NuisancePrior, Nuisances,
+    Quantity, SegmentResidual, Verdict,
 };
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]

@@ -14,7 +14,7 @@ mod noise;
 mod record;
 mod segment;
 
-pub use calibration::{Nuisance, NuisancePrior};
+pub use calibration::{Nuisance, NuisancePrior, Nuisances};
 pub use identifiability::{Exchange, Quantity, Verdict};
 
 use crate::dynamics::InertialParameters;

@@ -9,8 +9,8 @@ use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{LieGroup, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use tumble_identification::{
-    IdentificationError, LikelihoodEstimate, MaximumLikelihood, Method, MotionSample, Nuisance, Settings, Warning,
-    WrenchTiming, identify,
+    IdentificationError, LikelihoodEstimate, MaximumLikelihood, Method, MotionSample, Nuisance, Nuisances, Settings,
+    Warning, WrenchTiming, identify,
 };
 
 /// 99.9 % of a chi-square of ten.
@@ -337,8 +337,11 @@ fn delays_are_found() {
             of_body += nees_of(&found, &body) / runs as f64;
             assert!(std < 3e-4 && error.abs() < 1e-3, "{late}: {error}");
             if seed == 0 {
-                let settings =
-                    Settings { method: Method::MaximumLikelihood, estimate_delay: true, ..Settings::default() };
+                let settings = Settings {
+                    method: Method::MaximumLikelihood,
+                    estimate: Nuisances::of(&[Nuisance::Delay]),
+                    ..Settings::default()
+                };
                 assert_eq!(identify(&record, &settings).unwrap().delay_s, found.delay_s());
             }
         }

@@ -5,7 +5,7 @@ use super::solution::{Solution, from_covariance, solve};
 use super::timeline::Timeline;
 use super::{Estimate, FEW_NODES, Identification, Method, NodeResidual, POOR_FIT, Settings, Validation, Warning};
 use crate::error::IdentificationError;
-use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, Nuisance, SegmentResidual};
+use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, SegmentResidual};
 use crate::motion::MotionSample;
 use crate::{BodyScale, Observability};
 use nalgebra::SMatrix;
@@ -14,7 +14,7 @@ fn estimator(settings: &Settings) -> MaximumLikelihood {
     MaximumLikelihood {
         wrench_timing: settings.wrench_timing,
         gravity_world: settings.gravity_world,
-        nuisances: if settings.estimate_delay { vec![Nuisance::Delay] } else { Vec::new() },
+        nuisances: settings.estimate.iter().collect(),
         ..MaximumLikelihood::default()
     }
 }
@@ -85,6 +85,8 @@ pub(super) fn most_likely(
         explained: Some(explained),
         noise: found.noise,
         delay_s: found.delay_s(),
+        calibration: found.nuisances,
+        exchanges: found.exchanges,
         residuals,
         warnings,
     }))

