@@ -4,6 +4,7 @@
 
 mod arguments;
 mod bench;
+mod calibration;
 mod dynamics;
 mod ident_sdp;
 mod integrator;
@@ -41,14 +42,19 @@ const PROBLEMS: &[Problem] =
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let (name, rest) = words.split_first().map_or(("", &[][..]), |(name, rest)| (name.as_str(), rest));
-    let result = match name {
-        "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps"])
-            .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
-        "real-data" => {
-            Arguments::parse(rest, &["--json", "--check"], &["--data"]).and_then(|arguments| real_data::run(&arguments))
-        }
-        unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
-    };
+    let result =
+        match name {
+            "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps"])
+                .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
+            "real-data" => Arguments::parse(rest, &["--json", "--check"], &["--data"])
+                .and_then(|arguments| real_data::run(&arguments)),
+            "study" => match rest.split_first() {
+                Some((study, rest)) if study == "calibration" => Arguments::parse(rest, &[], &["--runs", "--only"])
+                    .and_then(|arguments| calibration::run(&arguments)),
+                _ => Err(Failure::BadInput("study what? `calibration`".to_owned())),
+            },
+            unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
+        };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::BadInput(reason)) => {
