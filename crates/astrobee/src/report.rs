@@ -10,8 +10,8 @@ use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::{Matrix3, SVector, Vector3};
 use tumble_dynamics::{InertialParameters, PARAMETER_NAMES, PARAMETER_UNITS};
 use tumble_identification::{
-    Estimate, Identification, Method, NullDirection, POOR_FIT, Prediction, StandardDeviations, Validation, Warning,
-    WrenchTiming,
+    Estimate, Identification, Method, NuisanceEstimate, NullDirection, POOR_FIT, Prediction, Quantity as Estimated,
+    StandardDeviations, Validation, Warning, WrenchTiming,
 };
 
 /// The name of a method on the command line and in JSON.
@@ -95,7 +95,9 @@ pub struct Context<'a> {
 
 /// All warnings in one list.
 pub fn warnings(found: &Identification, context: &Context) -> Vec<String> {
-    context.reader_warnings.iter().cloned().chain(found.warnings.iter().map(ToString::to_string)).collect()
+    let exchanges = found.exchanges.iter().map(ToString::to_string);
+    let own = found.warnings.iter().map(ToString::to_string).chain(exchanges);
+    context.reader_warnings.iter().cloned().chain(own).collect()
 }
 
 /// The readable table with one-sigma and a verdict.
@@ -121,11 +123,46 @@ pub fn table(found: &Identification, context: &Context) -> String {
         noise.torque_n_m, noise.force_n, noise.position_m, noise.attitude_rad
     );
     match (&found.estimate, &found.regularised) {
-        (Some(estimate), _) => text += &body_table(estimate, &[true; 10], context),
+        (Some(estimate), _) => text += &body_table(estimate, &separable(found), context),
         (None, Some(completed)) => text += &body_table(completed, &determined(found, &completed.parameters), context),
         (None, None) => {}
     }
+    text += &calibration_table(&found.calibration);
     let _ = write!(text, "{}", verdict(found, context));
+    text
+}
+
+/// Which of the ten quantities no nuisance can be exchanged with.
+fn separable(found: &Identification) -> [bool; 10] {
+    let mut separable = [true; 10];
+    for (quantity, _) in found.exchanges.iter().flat_map(|exchange| &exchange.parts) {
+        let place = match *quantity {
+            Estimated::Mass => Some(0),
+            Estimated::CenterOfMass(axis) => Some(1 + axis),
+            Estimated::Inertia(i, j) => [[4, 7, 8], [7, 5, 9], [8, 9, 6]].get(i).and_then(|row| row.get(j)).copied(),
+            _ => None,
+        };
+        if let Some(shown) = place.and_then(|place| separable.get_mut(place)) {
+            *shown = false;
+        }
+    }
+    separable
+}
+
+fn calibration_table(calibration: &[NuisanceEstimate]) -> String {
+    let mut text = String::new();
+    for found in calibration {
+        let name = found.nuisance.to_string();
+        let (value, std) = match (found.value, found.std) {
+            (Some(value), Some(std)) => with_digits_of(value, std),
+            _ => ("-".to_owned(), "-".to_owned()),
+        };
+        let unit = found.nuisance.unit();
+        let _ = writeln!(text, "  {name:<26}{value:>14}{std:>14}  {unit:<7}{}", found.verdict);
+    }
+    if !text.is_empty() {
+        text.push('\n');
+    }
     text
 }
 
@@ -378,6 +415,7 @@ pub struct Json {
     explained: Option<f64>,
     noise: JsonNoise,
     delay_s: Option<f64>,
+    calibration: Vec<JsonCalibration>,
     #[serde(skip_serializing_if = "Option::is_none")]
     reference: Option<JsonReference>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -438,6 +476,27 @@ fn used(noise: f64) -> Option<f64> {
     (noise > 0.0).then_some(noise)
 }
 
+#[derive(Serialize)]
+struct JsonCalibration {
+    quantity: &'static str,
+    axis: Option<&'static str>,
+    unit: &'static str,
+    value: Option<f64>,
+    sigma: Option<f64>,
+    verdict: String,
+}
+
+fn json_calibration(found: &NuisanceEstimate) -> JsonCalibration {
+    JsonCalibration {
+        quantity: found.nuisance.name(),
+        axis: found.nuisance.axis().and_then(|axis| ["x", "y", "z"].get(axis).copied()),
+        unit: found.nuisance.unit(),
+        value: found.value,
+        sigma: found.std,
+        verdict: found.verdict.to_string(),
+    }
+}
+
 /// Which numbers of a body may be shown: mass, centre of mass, inertia entries in the order of [`quantities`].
 struct Shown<'a>(&'a [bool]);
 
@@ -491,7 +550,7 @@ pub fn json(found: &Identification, context: &Context) -> Json {
         samples_used: found.samples_used,
         samples_rejected: found.samples_rejected,
         body: match (&found.estimate, &found.regularised) {
-            (Some(estimate), _) => Some(json_body(estimate, &Shown::ALL)),
+            (Some(estimate), _) => Some(json_body(estimate, &Shown(&separable(found)))),
             (None, Some(completed)) => Some(json_body(completed, &Shown(&determined(found, &completed.parameters)))),
             (None, None) => None,
         },
@@ -510,6 +569,7 @@ pub fn json(found: &Identification, context: &Context) -> Json {
             acceleration_m_s2: used(found.noise.acceleration_m_s2),
         },
         delay_s: found.delay_s,
+        calibration: found.calibration.iter().map(json_calibration).collect(),
         reference,
         holdout: context.validation.map(|v| JsonHoldout {
             nodes: v.nodes,

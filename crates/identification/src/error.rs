@@ -55,6 +55,9 @@ pub enum IdentificationError {
         /// Duality gap asked for.
         tolerance: f64,
     },
+    /// A delay or a lag was asked of an estimator that slides.
+    #[error("a delay or an actuator lag needs the whole record: estimate it from a part by the batch likelihood")]
+    NeedsWholeRecord,
     /// The iterations of the likelihood did not settle.
     #[error("the likelihood still moves after {iterations} iterations: last step squared {decrement:e} (in sigmas)")]
     LikelihoodNotConverged {

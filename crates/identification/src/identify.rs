@@ -14,6 +14,7 @@ mod timeline;
 
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
+use crate::likelihood::{Exchange, NuisanceEstimate, Nuisances};
 use crate::motion::MotionSample;
 use crate::weighted_least_squares::{WrenchRow, whitened};
 use crate::{BodyScale, NullDirection, Observability, SquareRootInformation, WrenchTiming};
@@ -80,8 +81,8 @@ pub struct Settings {
     pub prior: Option<Prior>,
     /// Samples between the poses of one regression row; `None` chooses it from the noise found.
     pub lag: Option<usize>,
-    /// Whether the likelihood also estimates by how much everything measured lags behind the wrench.
-    pub estimate_delay: bool,
+    /// What the likelihood estimates beside the ten parameters.
+    pub estimate: Nuisances,
 }
 
 /// One standard deviation of each reported quantity.
@@ -319,6 +320,10 @@ pub struct Identification {
     pub noise: Noise,
     /// Delay of everything measured against the wrench, where it was estimated, s.
     pub delay_s: Option<f64>,
+    /// What was asked for beside the ten parameters; empty unless by maximum likelihood.
+    pub calibration: Vec<NuisanceEstimate>,
+    /// What of it and of the ten parameters the data do not separate.
+    pub exchanges: Vec<Exchange>,
     /// What the model leaves unexplained, node by node; empty without any estimate.
     pub residuals: Vec<NodeResidual>,
     /// What a reader must know.
@@ -448,6 +453,8 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
             acceleration_m_s2: 0.0,
         },
         delay_s: None,
+        calibration: Vec::new(),
+        exchanges: Vec::new(),
         residuals,
         warnings,
     })

@@ -58,8 +58,8 @@ pub use identify::{
 pub use information::FisherInformation;
 #[cfg(feature = "std")]
 pub use likelihood::{
-    FixedLag, FixedLagSettings, FixedLagStep, Innovation, Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance,
-    NuisanceEstimate, SegmentResidual,
+    Exchange, FixedLag, FixedLagSettings, FixedLagStep, Innovation, Iteration, LikelihoodEstimate, MaximumLikelihood,
+    Nuisance, NuisanceEstimate, NuisancePrior, Nuisances, Quantity, SegmentResidual, Verdict,
 };
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]

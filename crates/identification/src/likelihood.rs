@@ -5,8 +5,10 @@
 mod calibration;
 mod chain;
 mod coordinates;
+mod drive;
 mod elimination;
 mod flow;
+mod identifiability;
 mod nodes;
 mod noise;
 mod record;
@@ -14,7 +16,8 @@ mod segment;
 mod stream;
 mod window;
 
-pub use calibration::Nuisance;
+pub use calibration::{Nuisance, NuisancePrior, Nuisances};
+pub use identifiability::{Exchange, Quantity, Verdict};
 pub use window::{FixedLag, FixedLagSettings, FixedLagStep, Innovation};
 
 use crate::dynamics::InertialParameters;
@@ -26,10 +29,11 @@ use calibration::Calibration;
 use chain::{Chain, Sweep};
 use coordinates::{Coordinates, ParameterStep};
 use elimination::{Indefinite, Schur};
+use identifiability::{Identifiability, inflation};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use noise::Levels;
 use record::Record;
-use segment::{ATTITUDE, MEASUREMENTS, PARAMETERS, POSITION, Robust};
+use segment::{ATTITUDE, MEASUREMENTS, POSITION, Robust};
 
 /// Iterations after which an estimate that still moves is given up.
 const MAX_ITERATIONS: usize = 30;
@@ -37,6 +41,8 @@ const MAX_ITERATIONS: usize = 30;
 const WEAK_ITERATIONS: usize = 12;
 /// A step whose squared length in standard deviations is below this has converged: a hundredth of a sigma.
 const SMALL_DECREMENT: f64 = 1e-4;
+/// Longest delay that is believed, as a fraction of the record.
+const LONGEST_DELAY: f64 = 0.25;
 /// Largest component of a node's step at convergence (rad, rad/s, m, m/s).
 const SMALL_STEP: f64 = 1e-3;
 /// Within so many squared standard deviations the levels of noise and outliers may be judged.
@@ -55,8 +61,6 @@ const CONSISTENCY: f64 = 0.957_918;
 /// Restricted-likelihood steps on one linearisation, and linearisations on which they are done.
 const ROUNDS: usize = 3;
 const REFINEMENTS: usize = 3;
-/// Times that whole steps of delay are taken out.
-const DELAY_ROUNDS: usize = 3;
 /// A direction weaker than this fraction of the strongest is not shown.
 const SHOWN: f64 = 1e-12;
 
@@ -80,6 +84,8 @@ pub struct MaximumLikelihood {
     pub noise: Option<Noise>,
     /// What to estimate beside the ten parameters.
     pub nuisances: Vec<Nuisance>,
+    /// What is known of them; those not named start where nothing is wrong.
+    pub nuisance_priors: Vec<NuisancePrior>,
     /// Whether outliers among the measurements lose their weight.
     pub robust: bool,
     /// Samples in a segment; `None` chooses from the noise found.
@@ -97,6 +103,7 @@ impl Default for MaximumLikelihood {
             gravity_world: Vector3::zeros(),
             noise: None,
             nuisances: Vec::new(),
+            nuisance_priors: Vec::new(),
             robust: true,
             segment_samples: None,
             node_window_s: 0.6,
@@ -116,15 +123,19 @@ pub struct Iteration {
     pub largest_defect: f64,
 }
 
-/// Value found for a nuisance.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What was found about a nuisance.
+#[derive(Clone, Debug, PartialEq)]
 pub struct NuisanceEstimate {
     /// Which.
     pub nuisance: Nuisance,
-    /// Its value.
-    pub value: f64,
-    /// One standard deviation.
-    pub std: f64,
+    /// Its value; `None` where the data do not determine it.
+    pub value: Option<f64>,
+    /// One standard deviation, where there is a value.
+    pub std: Option<f64>,
+    /// Whether the data alone determine it.
+    pub verdict: Verdict,
+    /// Factors by which estimating it raises the standard deviations of mass, centre of mass and inertia.
+    pub inflation: [f64; 3],
 }
 
 /// What [`MaximumLikelihood::estimate`] found.
@@ -143,6 +154,9 @@ pub struct LikelihoodEstimate {
     pub active_axis: Option<Vector3<f64>>,
     /// The nuisances asked for.
     pub nuisances: Vec<NuisanceEstimate>,
+    /// Combinations of them and the ten parameters that the data do not determine. Where there is one, the nuisances in it
+    /// are held near their expected values by a weak prior, and all standard deviations are those that this prior leaves.
+    pub exchanges: Vec<Exchange>,
     /// Noise levels used.
     pub noise: Noise,
     /// Weighted squares of all residuals.
@@ -158,14 +172,12 @@ pub struct LikelihoodEstimate {
     pub residuals: Vec<SegmentResidual>,
     /// Poses given no weight, position or attitude.
     pub outliers: usize,
-    /// Whole steps of the delay, taken by pairing each wrench with the measurements so many rows later.
-    pub delay_steps: i64,
 }
 
 impl LikelihoodEstimate {
-    /// The delay, where it was asked for, s.
+    /// The delay, where it was asked for and is determined, s.
     pub fn delay_s(&self) -> Option<f64> {
-        self.nuisances.iter().find(|found| found.nuisance == Nuisance::Delay).map(|found| found.value)
+        self.nuisances.iter().find(|found| found.nuisance == Nuisance::Delay).and_then(|found| found.value)
     }
 }
 
@@ -187,35 +199,12 @@ impl MaximumLikelihood {
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
-        let mut found = self.estimate_once(record)?;
-        // The rows are expanded to second order in the delay: whole steps of it are better taken by pairing other rows.
-        for _ in 0..DELAY_ROUNDS {
-            let (Some(delay), Some(step_s)) = (found.delay_s(), record::median_step_of(record)) else { break };
-            #[allow(clippy::cast_possible_truncation)] // saturates, and no such record is left
-            let steps = (delay / step_s).round() as i64;
-            let paired = record::shifted(record, steps, step_s);
-            if steps == found.delay_steps || paired.len() < record.len() / 2 {
-                break;
-            }
-            let (shifted, rows): (Vec<_>, Vec<_>) = paired.into_iter().unzip();
-            found = self.estimate_once(&shifted)?;
-            found.delay_steps = steps;
-            for residual in &mut found.residuals {
-                residual.first_sample = rows[residual.first_sample];
-            }
-            if let Some(estimate) = found.nuisances.iter_mut().find(|found| found.nuisance == Nuisance::Delay) {
-                estimate.value += steps as f64 * step_s;
-            }
-        }
-        Ok(found)
-    }
-
-    fn estimate_once(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
-        match Calibration::new(&self.nuisances).columns() {
-            0..=13 => self.run::<32>(record),
-            14..=21 => self.run::<40>(record),
-            _ => self.run::<56>(record),
+        let calibration = self.calibration(record.samples.iter().any(|sample| sample.acceleration.is_some()));
+        match calibration.columns() {
+            0..=13 => self.run::<32>(record, calibration),
+            14..=21 => self.run::<40>(record, calibration),
+            _ => self.run::<56>(record, calibration),
         }
     }
 
@@ -232,8 +221,8 @@ impl MaximumLikelihood {
     ) -> Result<Judged, IdentificationError> {
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
         let (eta, levels) = (Coordinates::of(body), Levels::of(noise));
-        let calibration = Calibration::new(&[]);
-        let starts = record.segments(segment_length(&levels, &eta, record.median_step_s));
+        let calibration = Calibration::new(&[], &[]);
+        let starts = record.segments(segment_length(&levels, &eta, record.median_step_s), &drive::Passage::default());
         let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
         let mut chain = Chain::<32>::new(record, self.gravity_world, starts, nodes, &calibration);
         let robust = self.robust.then_some(Robust { huber: HUBER, gate: f64::INFINITY });
@@ -254,15 +243,29 @@ impl MaximumLikelihood {
         Ok(Judged { misfit, residuals: residuals(&chain) })
     }
 
-    fn run<const W: usize>(&self, record: Record) -> Result<LikelihoodEstimate, IdentificationError> {
-        let fit = self.fit::<W>(record, None)?;
-        self.result(&fit)
+    /// The nuisances asked for, and where times are among them, that of the accelerometer, which may have its own.
+    fn calibration(&self, with_accelerations: bool) -> Calibration {
+        let mut nuisances = self.nuisances.clone();
+        let late = [Nuisance::Delay, Nuisance::ActuatorLag].iter().any(|late| nuisances.contains(late));
+        if late && with_accelerations {
+            nuisances.push(Nuisance::AccelerationDelay);
+        }
+        Calibration::new(&nuisances, &self.nuisance_priors)
+    }
+
+    fn run<const W: usize>(
+        &self,
+        record: Record,
+        calibration: Calibration,
+    ) -> Result<LikelihoodEstimate, IdentificationError> {
+        result(&self.fit::<W>(record, calibration, None)?)
     }
 
     /// The optimum, with a prior about the start or without.
     fn fit<const W: usize>(
         &self,
         record: Record,
+        mut calibration: Calibration,
         weak: Option<&SVector<f64, 10>>,
     ) -> Result<Fit<W>, IdentificationError> {
         let (mut levels, prior) = if let Some(noise) = &self.noise {
@@ -274,10 +277,15 @@ impl MaximumLikelihood {
         let first = || whole(FIRST_SEGMENT_S / record.median_step_s).clamp(1, LONGEST_SEGMENT);
         let mut length = self.segment_samples.unwrap_or_else(first).max(1);
         let mut eta = Coordinates::of(&self.start);
-        let mut calibration = Calibration::new(&self.nuisances);
-        let starts = record.segments(length);
-        let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
-        let mut chain = Chain::<W>::new(record, self.gravity_world, starts, nodes, &calibration);
+        let step_s = record.median_step_s;
+        let longest_delay_s = LONGEST_DELAY * step_s * record.samples.len() as f64;
+        calibration.shift(step_s, longest_delay_s);
+        let from_poses = |record: Record, length: usize, eta: &Coordinates, calibration: &Calibration| {
+            let starts = record.segments(length, &calibration.passage());
+            let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
+            Chain::<W>::new(record, self.gravity_world, starts, nodes, calibration)
+        };
+        let mut chain = from_poses(record, length, &eta, &calibration);
         if let Some(precision) = weak {
             chain.add_prior(precision);
         }
@@ -285,21 +293,21 @@ impl MaximumLikelihood {
         loop {
             let robust = self.robust.then(|| progress.robust(prior.is_none()));
             let sweep = chain.sweep(&eta, &calibration, &levels, robust);
-            let mut schur = chain.eliminate(&levels).map_err(not_excited)?;
+            let (mut schur, _) = eliminated(&mut chain, &calibration, &levels)?;
             let cost = cost(&sweep, &levels);
             let mut settled = true;
             if prior.is_some() && progress.near() && !progress.judged {
                 // Differences may miss what is not white; nothing may be called an outlier by their word alone.
                 chain.residual_levels(&mut levels);
                 progress.judged = true;
-                schur = chain.eliminate(&levels).map_err(not_excited)?;
+                (schur, _) = eliminated(&mut chain, &calibration, &levels)?;
             } else if let Some(prior) = prior.as_ref().filter(|_| progress.refines()) {
                 let consistency = if self.robust { CONSISTENCY } else { 1.0 };
                 settled = false;
                 for round in 0..ROUNDS {
                     let Some(evidence) = chain.evidence(&schur, &levels) else { break };
                     let change = levels.refine(&evidence, &sweep.tally, consistency, prior);
-                    schur = chain.eliminate(&levels).map_err(not_excited)?;
+                    (schur, _) = eliminated(&mut chain, &calibration, &levels)?;
                     if Levels::settled(change) {
                         settled = round == 0;
                         break;
@@ -316,7 +324,8 @@ impl MaximumLikelihood {
             calibration.advance(step.step.as_slice());
             let gated = robust.is_none_or(|robust| robust.gate.is_finite());
             progress.iterations.push(Iteration { cost, decrement, largest_defect: sweep.largest_defect });
-            let still = decrement < SMALL_DECREMENT && largest_step < SMALL_STEP;
+            let shifted = calibration.shift(step_s, longest_delay_s);
+            let still = decrement < SMALL_DECREMENT && largest_step < SMALL_STEP && !shifted;
             let refined =
                 prior.is_none() || progress.refinements > 0 && (settled || progress.refinements >= REFINEMENTS);
             // Where the data say next to nothing the optimum is ill defined, and not needed: more data follow.
@@ -324,7 +333,7 @@ impl MaximumLikelihood {
             if still && gated && refined || enough {
                 let robust = self.robust.then(|| progress.robust(prior.is_none()));
                 let sweep = chain.sweep(&eta, &calibration, &levels, robust);
-                let schur = chain.eliminate(&levels).map_err(not_excited)?;
+                let (schur, identifiability) = eliminated(&mut chain, &calibration, &levels)?;
                 let (iterations, constrained) = (progress.iterations, step.constrained);
                 return Ok(Fit {
                     chain,
@@ -333,6 +342,7 @@ impl MaximumLikelihood {
                     levels,
                     sweep,
                     schur,
+                    identifiability,
                     iterations,
                     constrained,
                     segment_samples: length,
@@ -342,8 +352,10 @@ impl MaximumLikelihood {
             if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
                 return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
             }
-            if self.segment_samples.is_none() && decrement < NEAR {
-                let wanted = segment_length(&levels, &eta, chain.record.median_step_s);
+            if shifted && chain.record.segments(length, &calibration.passage()) != chain.starts {
+                chain = from_poses(chain.record, length, &eta, &calibration);
+            } else if self.segment_samples.is_none() && decrement < NEAR {
+                let wanted = segment_length(&levels, &eta, step_s);
                 if wanted < length {
                     length = wanted;
                     chain = chain.resegmented(length, &eta, &calibration);
@@ -351,38 +363,45 @@ impl MaximumLikelihood {
             }
         }
     }
+}
 
-    fn result<const W: usize>(&self, fit: &Fit<W>) -> Result<LikelihoodEstimate, IdentificationError> {
-        let Fit { chain, eta, calibration, levels, sweep, schur, .. } = fit;
-        let factor = schur.information.clone().cholesky().ok_or(not_excited(Indefinite))?;
-        let covariance = factor.inverse();
-        let by_eta = eta.parameters_by_eta();
-        let body = covariance.fixed_view::<10, 10>(0, 0).into_owned();
-        let pull = factor.solve(&schur.gradient);
-        let parameters = eta.parameters();
-        let nuisance = |&nuisance: &Nuisance| {
-            let column = calibration.lane(nuisance)? - PARAMETERS;
-            let std = covariance[(column, column)].sqrt();
-            Some(NuisanceEstimate { nuisance, value: calibration.value(nuisance), std })
-        };
-        Ok(LikelihoodEstimate {
-            parameters,
-            unconstrained: parameters.to_vector() + by_eta * pull.fixed_rows::<10>(0),
-            covariance: by_eta * body * by_eta.transpose(),
-            std: body.diagonal().map(f64::sqrt),
-            active_axis: fit.constrained.then(|| eta.thinnest_axis()),
-            nuisances: self.nuisances.iter().filter_map(nuisance).collect(),
-            noise: levels.noise(&chain.groups),
-            cost: cost(sweep, levels),
-            log_determinant: schur.log_determinant
-                + factor.l_dirty().diagonal().iter().map(|x| 2.0 * x.ln()).sum::<f64>(),
-            iterations: fit.iterations.clone(),
-            segment_samples: fit.segment_samples,
-            residuals: residuals(chain),
-            delay_steps: 0,
-            outliers: sweep.tally.rejected[POSITION].max(sweep.tally.rejected[ATTITUDE]),
-        })
-    }
+fn result<const W: usize>(fit: &Fit<W>) -> Result<LikelihoodEstimate, IdentificationError> {
+    let Fit { chain, eta, calibration, levels, sweep, schur, identifiability, .. } = fit;
+    let factor = schur.information.clone().cholesky().ok_or(not_excited(Indefinite))?;
+    let covariance = factor.inverse();
+    let by_eta = eta.parameters_by_eta();
+    let body = covariance.fixed_view::<10, 10>(0, 0).into_owned();
+    let pull = factor.solve(&schur.gradient);
+    let parameters = eta.parameters();
+    let nuisances = calibration.nuisances().iter().zip(&identifiability.verdicts).enumerate();
+    let nuisance = |(index, (&nuisance, verdict)): (usize, (&Nuisance, &Verdict))| {
+        let column = 10 + index;
+        let (value, std) = calibration.reported(index, covariance[(column, column)].sqrt());
+        let known = *verdict == Verdict::Identifiable;
+        NuisanceEstimate {
+            nuisance,
+            value: known.then_some(value),
+            std: known.then_some(std),
+            verdict: verdict.clone(),
+            inflation: inflation(&schur.information, &covariance, column),
+        }
+    };
+    Ok(LikelihoodEstimate {
+        parameters,
+        unconstrained: parameters.to_vector() + by_eta * pull.fixed_rows::<10>(0),
+        covariance: by_eta * body * by_eta.transpose(),
+        std: body.diagonal().map(f64::sqrt),
+        active_axis: fit.constrained.then(|| eta.thinnest_axis()),
+        nuisances: nuisances.map(nuisance).collect(),
+        exchanges: identifiability.exchanges.clone(),
+        noise: levels.noise(&chain.groups),
+        cost: cost(sweep, levels),
+        log_determinant: schur.log_determinant + factor.l_dirty().diagonal().iter().map(|x| 2.0 * x.ln()).sum::<f64>(),
+        iterations: fit.iterations.clone(),
+        segment_samples: fit.segment_samples,
+        residuals: residuals(chain),
+        outliers: sweep.tally.rejected[POSITION].max(sweep.tally.rejected[ATTITUDE]),
+    })
 }
 
 /// Where the iterations ended.
@@ -393,9 +412,22 @@ struct Fit<const W: usize> {
     levels: Levels,
     sweep: Sweep,
     schur: Schur,
+    identifiability: Identifiability,
     iterations: Vec<Iteration>,
     constrained: bool,
     segment_samples: usize,
+}
+
+/// The quadratic in the parameters, priors included, and what it determines without them.
+fn eliminated<const W: usize>(
+    chain: &mut Chain<W>,
+    calibration: &Calibration,
+    levels: &Levels,
+) -> Result<(Schur, Identifiability), IdentificationError> {
+    let mut schur = chain.eliminate(levels).map_err(not_excited)?;
+    let identifiability = Identifiability::new(&schur.information, calibration);
+    identifiability.hold(calibration, &mut schur.information, &mut schur.gradient);
+    Ok((schur, identifiability))
 }
 
 /// How far the iterations have come.

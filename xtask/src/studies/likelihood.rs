@@ -311,9 +311,11 @@ fn calibrated(
                 found.push((format!("{:?}", nuisance.nuisance), Vec::new(), Vec::new(), 0.0));
             }
             let (_, errors, normalized, variance) = &mut found[index];
-            errors.push(nuisance.value - value);
-            normalized.push((nuisance.value - value) / nuisance.std);
-            *variance += nuisance.std * nuisance.std / runs as f64;
+            // Not determined counts as missed.
+            let (found, std) = nuisance.value.zip(nuisance.std).unwrap_or((f64::NAN, f64::NAN));
+            errors.push(found - value);
+            normalized.push((found - value) / std);
+            *variance += std * std / runs as f64;
         }
         progress(runs);
     }

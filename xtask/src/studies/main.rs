@@ -5,6 +5,7 @@
 mod arguments;
 mod bench;
 mod brushless;
+mod calibration;
 mod change_detection;
 mod chapter5;
 mod dynamics;
@@ -89,7 +90,10 @@ fn main() -> ExitCode {
             }
             Some((what, rest)) if what == "change-detection" => Arguments::parse(rest, &[], &["--grasps", "--hours"])
                 .and_then(|arguments| change_detection::run(&arguments)),
-            _ => Err(Failure::BadInput("study what? `identification`, `change-detection`".to_owned())),
+            Some((what, rest)) if what == "calibration" => {
+                Arguments::parse(rest, &[], &["--runs", "--only"]).and_then(|arguments| calibration::run(&arguments))
+            }
+            _ => Err(Failure::BadInput("study what? `identification`, `calibration`, `change-detection`".to_owned())),
         },
         unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
     };

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::{
-    Identification, IdentificationError, LongRecord, Method, MotionSample, Settings, WrenchTiming, identify, merge,
-    predict, validate,
+    Identification, IdentificationError, LongRecord, Method, MotionSample, Nuisance, Nuisances, Settings, WrenchTiming,
+    identify, merge, predict, validate,
 };
 
 /// Options of `tumble identify`.
@@ -43,6 +43,10 @@ pub struct IdentifyArgs {
     /// Prior knowledge of the body (TOML: a body and its standard deviations); enters the estimate.
     #[arg(long, value_name = "FILE")]
     prior: Option<PathBuf>,
+    /// What the maximum likelihood estimates besides the body: delay, force-scale, torque-scale, accelerometer-bias,
+    /// accelerometer-scale, accelerometer-position, bias-wrench, table-slope, actuator-lag.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_nuisance)]
+    estimate: Vec<Nuisances>,
     /// A body to compare with (TOML or JSON).
     #[arg(long, value_name = "FILE", conflicts_with = "demo")]
     reference: Option<PathBuf>,
@@ -148,6 +152,11 @@ fn parse_vector(text: &str) -> Result<Vector3<f64>, String> {
     }
 }
 
+fn parse_nuisance(text: &str) -> Result<Nuisances, String> {
+    let named = Nuisance::named(text.trim()).ok_or_else(|| format!("nothing called `{text}` can be estimated"))?;
+    Ok(Nuisances::of(named))
+}
+
 fn parse_noise(text: &str) -> Result<(f64, f64), String> {
     let positive = |part: &str| part.trim().parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite());
     text.split_once(',')
@@ -170,9 +179,11 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
     }
     check_outputs(args)?;
     let settings = Settings {
-        method: args.method.into(),
+        // Only the likelihood estimates anything besides the body.
+        method: if args.estimate.is_empty() { args.method.into() } else { Method::MaximumLikelihood },
         wrench_timing: args.wrench.into(),
         gravity_world: args.gravity,
+        estimate: args.estimate.iter().fold(Nuisances::default(), |all, some| all.and(*some)),
         prior: args.prior.as_deref().map(body_file::read_prior).transpose()?,
         ..Settings::default()
     };

@@ -7,7 +7,7 @@ use super::{
     Estimate, FEW_NODES, Identification, Method, NodeResidual, POOR_FIT, Prior, Settings, Validation, Warning,
 };
 use crate::error::IdentificationError;
-use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, Nuisance, SegmentResidual};
+use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, SegmentResidual};
 use crate::motion::MotionSample;
 use crate::{BodyScale, Observability, SquareRootInformation};
 use nalgebra::SMatrix;
@@ -16,7 +16,7 @@ pub(super) fn estimator(settings: &Settings) -> MaximumLikelihood {
     MaximumLikelihood {
         wrench_timing: settings.wrench_timing,
         gravity_world: settings.gravity_world,
-        nuisances: if settings.estimate_delay { vec![Nuisance::Delay] } else { Vec::new() },
+        nuisances: settings.estimate.iter().collect(),
         ..MaximumLikelihood::default()
     }
 }
@@ -77,6 +77,8 @@ pub(super) fn most_likely(
         explained: Some(explained),
         noise: found.noise,
         delay_s: found.delay_s(),
+        calibration: found.nuisances,
+        exchanges: found.exchanges,
         residuals,
         warnings,
     }))

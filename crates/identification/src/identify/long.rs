@@ -4,7 +4,7 @@ use super::likelihood::{Answer, estimator};
 use super::{Identification, Method, NodeResidual, POOR_FIT, Settings, Warning, identify};
 use crate::Observability;
 use crate::error::IdentificationError;
-use crate::likelihood::{FixedLag, FixedLagSettings, FixedLagStep, MaximumLikelihood};
+use crate::likelihood::{FixedLag, FixedLagSettings, FixedLagStep, MaximumLikelihood, Nuisances};
 use crate::motion::MotionSample;
 
 /// Rows from which noise levels, start and rank are taken.
@@ -43,13 +43,15 @@ impl LongRecord {
     pub const LONG: usize = 50_000;
 
     /// Judges the first rows (20 000 of them are enough). `None` where they are not the likelihood's to answer: another
-    /// method asked for or chosen, a direction left free, or a delay to be estimated. Such records are identified in
+    /// method asked for or chosen, a direction left free, or nuisances to be estimated. Such records are identified in
     /// stretches and [`merge`](super::merge)d.
     ///
     /// # Errors
     /// As [`identify`].
     pub fn try_new(first: &[MotionSample], settings: &Settings) -> Result<Option<Self>, IdentificationError> {
-        if settings.estimate_delay || !matches!(settings.method, Method::Auto | Method::MaximumLikelihood) {
+        if settings.estimate != Nuisances::default()
+            || !matches!(settings.method, Method::Auto | Method::MaximumLikelihood)
+        {
             return Ok(None);
         }
         let first = first.get(..FIRST_ROWS).unwrap_or(first);

@@ -70,6 +70,8 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
             acceleration_m_s2: mean_square(|noise| noise.acceleration_m_s2),
         },
         delay_s: main.delay_s,
+        calibration: main.calibration.clone(),
+        exchanges: main.exchanges.clone(),
         residuals: parts.iter().flat_map(|part| part.residuals.iter().copied()).collect(),
         warnings,
     })

@@ -2,6 +2,7 @@
 
 use super::calibration::Calibration;
 use super::coordinates::{Coordinates, ParameterStep};
+use super::drive::{Drive, Passage, drives};
 use super::elimination::{
     CostToGo, Evidence, First, Gain, Indefinite, Posterior, Schur, Square, Stage, forward, recenter,
 };
@@ -21,6 +22,9 @@ const MEDIAN_OF_SQUARE: f64 = 2.365_974;
 pub(super) struct Chain<const W: usize> {
     pub(super) record: Record,
     gravity: Vector3<f64>,
+    /// What acts on each sample after this passage.
+    drives: Vec<Drive>,
+    passage: Passage,
     /// First sample of each segment.
     pub(super) starts: Vec<usize>,
     pub(super) nodes: Vec<State>,
@@ -67,7 +71,10 @@ impl<const W: usize> Chain<W> {
         ];
         let groups: Vec<usize> = (0..MEASUREMENTS).filter(|&group| present[group]).collect();
         let lanes = PARAMETERS + calibration.columns() + 1;
+        let passage = calibration.passage();
         Self {
+            drives: drives(samples, record.median_step_s, &passage),
+            passage,
             gravity,
             starts,
             nodes,
@@ -87,13 +94,13 @@ impl<const W: usize> Chain<W> {
 
     /// End of segment `j`: one past its last sample.
     pub(super) fn end(&self, j: usize) -> usize {
-        self.starts.get(j + 1).copied().unwrap_or(self.record.samples.len())
+        self.starts.get(j + 1).copied().unwrap_or_else(|| self.record.rows(&self.passage).end)
     }
 
     /// Of the prior of the wrench noise in segment `j`.
     fn precision(&self, j: usize, levels: &Levels) -> [f64; 6] {
         let samples = (self.end(j) - self.starts[j]) as f64;
-        let doubt = self.record.doubt_at(self.starts[j]);
+        let doubt = self.record.doubt_at(self.starts[j], self.passage.shift_s);
         core::array::from_fn(|i| 1.0 / (levels.wrench[i / 3].powi(2) / samples + doubt.map_or(0.0, |extra| extra[i])))
     }
 
@@ -114,7 +121,7 @@ impl<const W: usize> Chain<W> {
                 evidence.squares[group] += weight * square;
                 evidence.absorbed[group] += weight * trace;
             }
-            if self.record.doubt_at(self.starts[j]).is_none() {
+            if self.record.doubt_at(self.starts[j], self.passage.shift_s).is_none() {
                 evidence.wrench_counted += 3.0;
                 for (i, precision) in self.precision(j, levels).into_iter().enumerate() {
                     let (step, variance) = posterior.noise(i);
@@ -139,10 +146,11 @@ impl<const W: usize> Chain<W> {
 
     /// The same states cut into other segments.
     pub(super) fn resegmented(self, length: usize, eta: &Coordinates, calibration: &Calibration) -> Self {
-        let starts = self.record.segments(length);
+        let starts = self.record.segments(length, &calibration.passage());
         let samples = &self.record.samples;
         let (mut nodes, mut noise) = (Vec::with_capacity(starts.len()), Vec::with_capacity(starts.len()));
         let (body, mut wanted) = (eta.body(), starts.iter().copied().peekable());
+        let gravity = self.gravity + calibration.slope();
         for j in 0..self.starts.len() {
             let mut state = self.nodes[j];
             for (k, sample) in samples.iter().enumerate().take(self.end(j)).skip(self.starts[j]) {
@@ -150,8 +158,8 @@ impl<const W: usize> Chain<W> {
                     nodes.push(state);
                     noise.push(self.noise[j]);
                 }
-                state =
-                    body.over(&state, &calibration.input(&sample.input, &self.noise[j]), &self.gravity, sample.step_s);
+                let input = calibration.input(&self.drives[k].input, &self.noise[j]);
+                state = body.over(&state, &input, &gravity, sample.step_s);
             }
         }
         let mut chain = Self::new(self.record, self.gravity, starts, nodes, calibration);
@@ -163,7 +171,7 @@ impl<const W: usize> Chain<W> {
     /// Whether segment `j` ends a stretch: nothing ties its end to the next segment.
     fn is_last(&self, j: usize) -> bool {
         let end = self.end(j);
-        end == self.record.samples.len() || self.record.breaks.binary_search(&end).is_ok()
+        end == self.record.rows(&self.passage).end || self.record.breaks.binary_search(&end).is_ok()
     }
 
     /// Rolls every segment out and adds up what its residuals say.
@@ -186,6 +194,11 @@ impl<const W: usize> Chain<W> {
         levels: &Levels,
         robust: Option<Robust>,
     ) -> Sweep {
+        let passage = calibration.passage();
+        if self.passage != passage {
+            self.drives = drives(&self.record.samples, self.record.median_step_s, &passage);
+            self.passage = passage;
+        }
         let mut sweep = Sweep::default();
         self.rows.restart();
         for j in 0..segments {
@@ -220,7 +233,8 @@ impl<const W: usize> Chain<W> {
     ) {
         let model = Model {
             samples: &self.record.samples,
-            gravity: self.gravity,
+            drives: &self.drives,
+            gravity: self.gravity + calibration.slope(),
             body: eta.body(),
             calibration,
             sigma: levels.measurements,
@@ -328,11 +342,16 @@ impl<const W: usize> Chain<W> {
             self.record.doubts.push(Doubt { sample: start, variance });
         }
         self.record.samples.extend_from_slice(samples);
+        // A drive looks back to the row before.
+        let before = start.saturating_sub(1);
+        let fresh = drives(&self.record.samples[before..], self.record.median_step_s, &self.passage);
+        self.drives.extend_from_slice(&fresh[start - before..]);
         let predicted = match (self.starts.last(), self.nodes.last(), self.noise.last()) {
             (Some(&from), Some(node), Some(noise)) if !after_break => {
-                let body = eta.body();
-                Some(self.record.samples[from..start].iter().fold(*node, |state, sample| {
-                    body.over(&state, &calibration.input(&sample.input, noise), &self.gravity, sample.step_s)
+                let (body, gravity) = (eta.body(), self.gravity + calibration.slope());
+                let rows = self.record.samples[from..start].iter().zip(&self.drives[from..start]);
+                Some(rows.fold(*node, |state, (sample, drive)| {
+                    body.over(&state, &calibration.input(&drive.input, noise), &gravity, sample.step_s)
                 }))
             }
             _ => {
@@ -356,6 +375,7 @@ impl<const W: usize> Chain<W> {
     pub(super) fn truncate(&mut self, segments: usize) {
         if let Some(&end) = self.starts.get(segments) {
             self.record.samples.truncate(end);
+            self.drives.truncate(end);
             self.record.doubts.retain(|doubt| doubt.sample < end);
             self.record.breaks.retain(|first| *first < end);
             self.starts.truncate(segments);
@@ -384,6 +404,7 @@ impl<const W: usize> Chain<W> {
         }
         let end = self.starts.get(segments).copied().unwrap_or(self.record.samples.len());
         self.record.samples.drain(..end);
+        self.drives.drain(..end);
         self.record.doubts.retain(|doubt| doubt.sample >= end);
         for doubt in &mut self.record.doubts {
             doubt.sample -= end;
@@ -409,6 +430,7 @@ impl<const W: usize> Chain<W> {
     pub(super) fn shrink(&mut self) {
         self.record.wrenches = Vec::new();
         self.record.samples.shrink_to_fit();
+        self.drives.shrink_to_fit();
         self.starts.shrink_to_fit();
         self.nodes.shrink_to_fit();
         self.noise.shrink_to_fit();

@@ -54,9 +54,6 @@ pub(crate) struct Input {
     pub(crate) force: Vector3<f64>,
     pub(crate) torque_slope: Vector3<f64>,
     pub(crate) force_slope: Vector3<f64>,
-    /// What of torque and force is error of the log.
-    pub(crate) torque_noise: Vector3<f64>,
-    pub(crate) force_noise: Vector3<f64>,
 }
 
 impl Input {
@@ -187,7 +184,7 @@ impl Body {
 }
 
 /// The matrix that takes (J11, J12, J13, J22, J23, J33) to `J v`.
-fn by_inertia(v: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
+pub(crate) fn by_inertia(v: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
     let o = 0.0;
     SMatrix::<f64, 3, 6>::new(v.x, v.y, v.z, o, o, o, o, v.x, o, v.y, v.z, o, o, o, v.x, o, v.y, v.z)
 }

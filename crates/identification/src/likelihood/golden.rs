@@ -169,7 +169,7 @@ fn information_at_the_truth() {
         flow::State { world_from_body: q, rate, center: position + q * c, velocity: velocity + q * rate.cross(&c) }
     };
     let nodes = starts.iter().map(state).collect();
-    let calibration = Calibration::new(&[]);
+    let calibration = Calibration::new(&[], &[]);
     let mut chain = Chain::<32>::new(samples, Vector3::zeros(), starts, nodes, &calibration);
     let levels = Levels::of(&known_noise());
     let sweep = chain.sweep(&Coordinates::of(&log.body), &calibration, &levels, None);
@@ -247,18 +247,20 @@ fn the_length_of_segments_does_not_matter() {
 fn the_delay_can_be_estimated_too() {
     let with_delay = MaximumLikelihood { nuisances: vec![Nuisance::Delay], ..estimator(8) };
     let found = with_delay.estimate(&log().record).unwrap();
-    close(&[found.parameters.mass], &[9.411_030_737_884], 1e-10);
-    close(&[found.nuisances[0].value, found.nuisances[0].std], &[5.89e-5, 1.32e-4], 5e-3);
+    // Its first steps take a larger delay out of the inputs: another way to the same optimum.
+    close(&[found.parameters.mass], &[9.411_030_737_884], 1e-9);
+    let delay = &found.nuisances[0];
+    close(&[delay.value.unwrap(), delay.std.unwrap()], &[5.89e-5, 1.32e-4], 5e-3);
 }
 
 #[test]
 fn evidence_is_the_derivative_of_determinant_and_minimum() {
     let log = log();
     let record = golden_record(&log);
-    let starts = record.segments(8);
+    let starts = record.segments(8, &drive::Passage::default());
     let eta = Coordinates::of(&log.body);
     let nodes = nodes::from_poses(&record, &starts, 0.6, &eta.center);
-    let calibration = Calibration::new(&[Nuisance::Delay]);
+    let calibration = Calibration::new(&[Nuisance::Delay], &[]);
     let mut chain = Chain::<32>::new(record, Vector3::zeros(), starts, nodes, &calibration);
     let levels = Levels::of(&known_noise());
     for _ in 0..2 {

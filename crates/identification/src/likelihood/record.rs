@@ -1,10 +1,12 @@
 //! A motion log as the likelihood reads it: times, inputs, and the places where the logged wrench is in doubt.
 
+use super::drive::Passage;
 use super::flow::Input;
 use super::segment::Sample;
 use crate::WrenchTiming;
 use crate::error::{Column, IdentificationError};
 use crate::motion::MotionSample;
+use core::ops::Range;
 use nalgebra::{Vector3, Vector6};
 
 /// Fewest samples that are tried.
@@ -111,13 +113,22 @@ impl Record {
         next.checked_sub(1).map_or(0, |before| self.breaks[before])..end
     }
 
+    /// Rows that a logged wrench acts on.
+    pub(super) fn rows(&self, passage: &Passage) -> Range<usize> {
+        let Passage { shift_s, settling_s, .. } = *passage;
+        let steps = |time_s: f64| super::whole((time_s / self.median_step_s).ceil());
+        let first = steps(shift_s.max(0.0) + settling_s);
+        let end = self.samples.len().saturating_sub(steps(-shift_s.min(0.0)));
+        first.min(end)..end
+    }
+
     /// First samples of segments of `length` samples; a sample in doubt is a segment of its own.
-    pub(super) fn segments(&self, length: usize) -> Vec<usize> {
+    pub(super) fn segments(&self, length: usize, passage: &Passage) -> Vec<usize> {
         let mut starts = Vec::new();
-        let mut doubts = self.doubts.iter().map(|doubt| doubt.sample).peekable();
-        let mut next = 0;
-        for k in 0..self.samples.len() {
-            let doubted = doubts.next_if_eq(&k).is_some();
+        let rows = self.rows(passage);
+        let mut next = rows.start;
+        for k in rows {
+            let doubted = self.doubt_at(k, passage.shift_s).is_some();
             if k == next || doubted || self.breaks.binary_search(&k).is_ok() {
                 starts.push(k);
                 next = k + if doubted { 1 } else { length };
@@ -127,9 +138,14 @@ impl Record {
     }
 
     /// Extra variance of the wrench in the segment that starts at this sample.
-    pub(super) fn doubt_at(&self, sample: usize) -> Option<&Vector6<f64>> {
-        let found = self.doubts.binary_search_by_key(&sample, |doubt| doubt.sample).ok()?;
-        self.doubts.get(found).map(|doubt| &doubt.variance)
+    pub(super) fn doubt_at(&self, sample: usize, shift_s: f64) -> Option<&Vector6<f64>> {
+        let late = shift_s / self.median_step_s;
+        // A step between two logged ones is under both.
+        [late.ceil(), late.floor()].into_iter().find_map(|late| {
+            let sample = sample.checked_add_signed(-(late as isize))?;
+            let found = self.doubts.binary_search_by_key(&sample, |doubt| doubt.sample).ok()?;
+            self.doubts.get(found).map(|doubt| &doubt.variance)
+        })
     }
 }
 
@@ -220,24 +236,6 @@ pub(super) fn is_finite(sample: &MotionSample) -> bool {
     all(&pose.translation.vector)
         && pose.rotation.coords.iter().all(|x| x.is_finite())
         && vectors.into_iter().chain([wrench]).flatten().all(|v| all(&v))
-}
-
-/// Median step of a record; `None` without a step.
-pub(super) fn median_step_of(record: &[MotionSample]) -> Option<f64> {
-    let mut steps: Vec<f64> = record.windows(2).map(|pair| (pair[1].time_ns - pair[0].time_ns) as f64 * 1e-9).collect();
-    (!steps.is_empty()).then(|| median(&mut steps))
-}
-
-/// Each wrench with what was measured `steps` rows later, and the wrench's own row; pairs whose times are not that far
-/// apart are left out.
-pub(super) fn shifted(record: &[MotionSample], steps: i64, step_s: f64) -> Vec<(MotionSample, usize)> {
-    let pair = |(k, wrench): (usize, &MotionSample)| {
-        let later = record.get(usize::try_from(i64::try_from(k).ok()?.checked_add(steps)?).ok()?)?;
-        let apart = (later.time_ns - wrench.time_ns) as f64 * 1e-9 - steps as f64 * step_s;
-        let paired = MotionSample { time_ns: wrench.time_ns, wrench_body: wrench.wrench_body, ..*later };
-        (apart.abs() < 0.25 * step_s).then_some((paired, k))
-    };
-    record.iter().enumerate().filter_map(pair).collect()
 }
 
 /// Median of a list that is not empty; zero of an empty one.

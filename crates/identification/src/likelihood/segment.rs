@@ -6,7 +6,8 @@
 //! defect) itself. `W` is the number of lanes, a multiple of eight; those past the last column stay zero.
 
 use super::calibration::{Calibration, Nuisance};
-use super::flow::{AngularTangent, Body, Input, State, Step};
+use super::drive::Drive;
+use super::flow::{AngularTangent, Body, Input, State, Step, by_inertia};
 use crate::lie::{LieGroup, rotation_jacobian, rotation_jacobian_inverse, skew};
 use core::ops::Range;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -57,6 +58,9 @@ pub(crate) struct Robust {
 #[derive(Clone, Copy)]
 pub(crate) struct Model<'a> {
     pub(crate) samples: &'a [Sample],
+    /// What acts on each of them.
+    pub(crate) drives: &'a [Drive],
+    /// All acceleration that is not by the wrench, inertial axes.
     pub(crate) gravity: Vector3<f64>,
     pub(crate) body: Body,
     pub(crate) calibration: &'a Calibration,
@@ -126,8 +130,8 @@ impl Model<'_> {
         }
         let (mut state, end) = (*start, samples.end);
         for k in samples {
-            let sample = &self.samples[k];
-            let input = self.calibration.input(&sample.input, noise);
+            let (sample, drive) = (&self.samples[k], &self.drives[k]);
+            let input = self.calibration.input(&drive.input, noise);
             let parts = self.body.parts(&state, &input, sample.step_s);
             let h = sample.step_s / parts as f64;
             for part in 0..parts {
@@ -135,8 +139,9 @@ impl Model<'_> {
                 let step = self.body.step(&state, &acting, &self.gravity, h);
                 let angular = self.body.angular_tangent(&state.rate, &step, h);
                 if part == 0 {
-                    Measured { model: self, state: &state, input: &input, angular: &angular, tangent }.rows(
+                    Measured { model: self, state: &state, input: &input, noise, angular: &angular, tangent }.rows(
                         sample,
+                        drive,
                         &step.acceleration,
                         rows,
                     );
@@ -145,6 +150,10 @@ impl Model<'_> {
                     return state;
                 }
                 self.propagate(&state, &acting, &step, &angular, h, tangent);
+                self.calibration.input_columns(&input, &drive.by_lag, |lane, column| {
+                    let column = column.part(part, parts, sample.step_s);
+                    self.add_input_column(&state, &column, &step, &angular, h, tangent, lane);
+                });
                 state = step.next;
             }
         }
@@ -181,25 +190,18 @@ impl Model<'_> {
         let lever = skew(&self.body.center);
         let (attitude_by_force, rate_by_force) = (-(attitude_by_torque * lever), -(rate_by_torque * lever));
         let (velocity_by_force, center_by_force) = (rotation * drive, rotation * (0.5 * reach));
-        add_columns(attitude, NOISE, &attitude_by_torque);
-        add_columns(rate, NOISE, &rate_by_torque);
-        add_columns(attitude, NOISE + 3, &attitude_by_force);
-        add_columns(rate, NOISE + 3, &rate_by_force);
-        add_columns(center, NOISE + 3, &center_by_force);
-        add_columns(velocity, NOISE + 3, &velocity_by_force);
-        let (logged_torque, logged_force) = (input.torque - input.torque_noise, input.force - input.force_noise);
+        let (torque_scale, force_scale) = self.calibration.wrench_scale();
+        let (by_torque, by_force) = (Matrix3::from_diagonal(&torque_scale), Matrix3::from_diagonal(&force_scale));
+        add_columns(attitude, NOISE, &(attitude_by_torque * by_torque));
+        add_columns(rate, NOISE, &(rate_by_torque * by_torque));
+        add_columns(attitude, NOISE + 3, &(attitude_by_force * by_force));
+        add_columns(rate, NOISE + 3, &(rate_by_force * by_force));
+        add_columns(center, NOISE + 3, &(center_by_force * by_force));
+        add_columns(velocity, NOISE + 3, &(velocity_by_force * by_force));
         for axis in 0..3 {
-            if let Some(lane) = self.calibration.lane(Nuisance::ForceScale(axis)) {
-                let by = logged_force[axis];
-                add_column(attitude, lane, &(attitude_by_force.column(axis) * by));
-                add_column(rate, lane, &(rate_by_force.column(axis) * by));
-                add_column(center, lane, &(center_by_force.column(axis) * by));
-                add_column(velocity, lane, &(velocity_by_force.column(axis) * by));
-            }
-            if let Some(lane) = self.calibration.lane(Nuisance::TorqueScale(axis)) {
-                let by = logged_torque[axis];
-                add_column(attitude, lane, &(attitude_by_torque.column(axis) * by));
-                add_column(rate, lane, &(rate_by_torque.column(axis) * by));
+            if let Some(lane) = self.calibration.lane(Nuisance::TableSlope(axis)) {
+                velocity[axis][lane] += h;
+                center[axis][lane] += 0.5 * h * h;
             }
         }
         let moment = skew(&input.force);
@@ -209,6 +211,39 @@ impl Model<'_> {
         add_columns(rate, INERTIA, &angular.rate.inertia);
         add_column(velocity, PARAMETERS, &(rotation * step.velocity_force * -drive));
         add_column(center, PARAMETERS, &(rotation * step.center_force * -reach));
+    }
+
+    /// What a change of the acting wrench does to the end of one step.
+    ///
+    /// In the direction in which mass, inertia and wrench grow alike this cancels the columns of mass and inertia to the
+    /// last digit.
+    fn add_input_column<const W: usize>(
+        &self,
+        state: &State,
+        change: &Input,
+        step: &Step,
+        angular: &AngularTangent,
+        h: f64,
+        tangent: &mut Tangent<W>,
+        lane: usize,
+    ) {
+        let (w, body) = (&state.rate, &self.body);
+        let force = change.force - change.force_slope * (0.5 * h);
+        let torque = change.torque - change.torque_slope * (0.5 * h) - body.center.cross(&force);
+        let torque_slope = change.torque_slope - body.center.cross(&change.force_slope);
+        let a0 = body.inverse * torque;
+        let a1 = body.inverse * torque_slope + angular.acceleration.rate * a0;
+        let turn = a0 * (h * h / 2.0) + a1 * (h * h * h / 6.0) + w.cross(&a0) * (h * h * h / 12.0);
+        let swept = w.cross(&force);
+        let first = swept + change.force_slope;
+        let second = step.acceleration.cross(&force) + w.cross(&swept) + w.cross(&change.force_slope) * 2.0;
+        let velocity_force = force + first * (h / 2.0) + second * (h * h / 6.0);
+        let center_force = force * 0.5 + first * (h / 6.0) + second * (h * h / 24.0);
+        let [attitude, rate, center, velocity] = tangent;
+        add_column(attitude, lane, &(rotation_jacobian(&step.turn) * turn));
+        add_column(rate, lane, &(a0 * h + a1 * (h * h / 2.0)));
+        add_column(center, lane, &(state.world_from_body * center_force * (h * h / body.mass)));
+        add_column(velocity, lane, &(state.world_from_body * velocity_force * (h / body.mass)));
     }
 }
 
@@ -252,17 +287,31 @@ impl Transition {
     }
 }
 
+/// What an accelerometer feels, and by what.
+struct Felt<'a> {
+    /// The wrench.
+    start: &'a Input,
+    /// Angular acceleration under it, and by how much it is more than the one the step begins with.
+    alpha: &'a Vector3<f64>,
+    change: &'a Vector3<f64>,
+    /// From the accelerometer to the centre of mass.
+    arm: &'a Vector3<f64>,
+    fall: &'a Vector3<f64>,
+    felt: Vector3<f64>,
+}
+
 /// Everything the rows of one sample depend on.
 struct Measured<'a, const W: usize> {
     model: &'a Model<'a>,
     state: &'a State,
     input: &'a Input,
+    noise: &'a [f64; 6],
     angular: &'a AngularTangent,
     tangent: &'a Tangent<W>,
 }
 
 impl<const W: usize> Measured<'_, W> {
-    fn rows(&self, sample: &Sample, alpha: &Vector3<f64>, rows: &mut Rows<W>) {
+    fn rows(&self, sample: &Sample, drive: &Drive, alpha: &Vector3<f64>, rows: &mut Rows<W>) {
         let Model { body, calibration, gravity, .. } = self.model;
         let State { world_from_body, rate, center, velocity } = self.state;
         let [attitude, angular, central, linear] = self.tangent;
@@ -270,13 +319,8 @@ impl<const W: usize> Measured<'_, W> {
         let (c, delay) = (&body.center, calibration.delay_s());
         let swept = rate.cross(c);
         let origin_velocity = velocity - rotation * swept;
-        // The wrench at the sample itself.
-        let acting = Input {
-            torque: self.input.torque - self.input.torque_slope * (0.5 * sample.step_s),
-            force: self.input.force - self.input.force_slope * (0.5 * sample.step_s),
-            ..*self.input
-        };
-        let specific = acting.force / body.mass - alpha.cross(c) - rate.cross(&swept);
+        let force = self.input.force - self.input.force_slope * (0.5 * sample.step_s);
+        let specific = force / body.mass - alpha.cross(c) - rate.cross(&swept);
         let origin_acceleration = rotation * specific + gravity;
         let lever = rotation * skew(c);
         let turning = rotation * skew(rate);
@@ -338,45 +382,57 @@ impl<const W: usize> Measured<'_, W> {
         }
         if let Some(measured) = sample.acceleration {
             let fall = world_from_body.inverse_transform_vector(gravity);
-            let felt = specific + fall;
-            let (scale, bias) = calibration.accelerometer();
+            let (scale, bias, position) = calibration.accelerometer();
+            let start = calibration.input(&calibration.felt(&drive.start), self.noise);
+            let torque = start.torque - c.cross(&start.force);
+            let start_alpha = body.inverse * (torque - rate.cross(&(body.inertia * rate)));
+            let arm = c - position;
+            let felt = start.force / body.mass - start_alpha.cross(&arm) - rate.cross(&rate.cross(&arm)) + fall;
             let residual = felt.component_mul(&scale) + bias - measured;
             self.push(ACCELERATION, &residual, rows, |row| {
-                self.accelerometer(row, alpha, &acting, &fall, &felt, &scale);
+                let change = start_alpha - alpha;
+                let felt = Felt { start: &start, alpha: &start_alpha, change: &change, arm: &arm, fall: &fall, felt };
+                self.accelerometer(row, drive, &felt, &scale);
             });
         }
     }
 
-    fn accelerometer(
-        &self,
-        row: &mut [[f64; W]; 3],
-        alpha: &Vector3<f64>,
-        acting: &Input,
-        fall: &Vector3<f64>,
-        felt: &Vector3<f64>,
-        scale: &Vector3<f64>,
-    ) {
+    fn accelerometer(&self, row: &mut [[f64; W]; 3], drive: &Drive, at: &Felt<'_>, scale: &Vector3<f64>) {
         let Model { body, calibration, .. } = self.model;
-        let (w, c, force) = (&self.state.rate, &body.center, &acting.force);
+        let Felt { start, alpha, change, arm, fall, felt } = at;
+        let (w, c) = (&self.state.rate, &body.center);
         let by = &self.angular.acceleration;
-        let lever = skew(c);
-        let centripetal = c * w.transpose() * 2.0 - w * c.transpose() - Matrix3::identity() * w.dot(c);
-        add_product(row, &(centripetal + lever * by.rate), &self.tangent[1]);
+        let arm_cross = skew(arm);
+        let centripetal = *arm * w.transpose() * 2.0 - w * arm.transpose() - Matrix3::identity() * w.dot(arm);
+        add_product(row, &(centripetal + arm_cross * by.rate), &self.tangent[1]);
         add_product(row, &skew(fall), &self.tangent[0]);
-        let by_torque = lever * by.torque;
-        let by_force = Matrix3::identity() / body.mass - by_torque * lever;
+        let by_torque = arm_cross * by.torque;
+        let by_force = Matrix3::identity() / body.mass - by_torque * skew(c);
         let turning = skew(w);
-        add_columns(row, NOISE, &by_torque);
-        add_columns(row, NOISE + 3, &by_force);
-        add_columns(row, CENTER, &(by_torque * skew(force) - skew(alpha) - turning * turning));
-        add_column(row, PARAMETERS, &(force / -body.mass));
-        add_columns(row, INERTIA, &(lever * by.inertia));
+        let by_arm = -skew(alpha) - turning * turning;
+        let (torque_scale, force_scale) = calibration.wrench_scale();
+        add_columns(row, NOISE, &(by_torque * Matrix3::from_diagonal(&torque_scale)));
+        add_columns(row, NOISE + 3, &(by_force * Matrix3::from_diagonal(&force_scale)));
+        add_columns(row, CENTER, &(by_torque * skew(&start.force) + by_arm));
+        add_column(row, PARAMETERS, &(start.force / -body.mass));
+        add_columns(row, INERTIA, &(arm_cross * (by.inertia - body.inverse * by_inertia(change))));
+        calibration.input_columns(start, &calibration.felt(&drive.start_by_lag), |lane, column| {
+            add_column(row, lane, &(by_torque * column.torque + by_force * column.force));
+        });
+        if let Some(lane) = calibration.lane(Nuisance::AccelerationDelay) {
+            let (torque, force) = (
+                drive.start.torque_slope.component_mul(&torque_scale),
+                drive.start.force_slope.component_mul(&force_scale),
+            );
+            add_column(row, lane, &-(by_torque * torque + by_force * force));
+        }
         for axis in 0..3 {
-            if let Some(lane) = calibration.lane(Nuisance::ForceScale(axis)) {
-                add_column(row, lane, &(by_force.column(axis) * (force[axis] - acting.force_noise[axis])));
+            if let Some(lane) = calibration.lane(Nuisance::AccelerometerPosition(axis)) {
+                add_column(row, lane, &-by_arm.column(axis));
             }
-            if let Some(lane) = calibration.lane(Nuisance::TorqueScale(axis)) {
-                add_column(row, lane, &(by_torque.column(axis) * (acting.torque[axis] - acting.torque_noise[axis])));
+            if let Some(lane) = calibration.lane(Nuisance::TableSlope(axis)) {
+                let axis = self.state.world_from_body.inverse_transform_vector(&Vector3::ith(axis, 1.0));
+                add_column(row, lane, &axis);
             }
         }
         for axis in 0..3 {

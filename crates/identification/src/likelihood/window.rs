@@ -1,10 +1,11 @@
 //! The likelihood of a log that never ends: the last few segments are free, everything before is one quadratic.
 
-use super::calibration::Calibration;
 use super::record::{Record, is_finite};
 use super::segment::{Robust, Sample};
 use super::stream::{Read, Stream};
-use super::{Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, not_excited};
+use super::{
+    Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, eliminated, not_excited, result,
+};
 use crate::Noise;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -125,8 +126,12 @@ impl FixedLag {
     /// # Errors
     /// [`IdentificationError::NotFinite`] and [`IdentificationError::TimesNotIncreasing`] for a row that cannot be used; it
     /// is left out, the next may follow. [`IdentificationError::MissingColumn`] where a longest bootstrap holds no wrench;
-    /// [`IdentificationError::LikelihoodNotConverged`].
+    /// [`IdentificationError::LikelihoodNotConverged`]; [`IdentificationError::NeedsWholeRecord`] where a delay or lag is
+    /// asked for.
     pub fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
+        if self.settings.likelihood.nuisances.iter().any(|nuisance| nuisance.is_a_time()) {
+            return Err(IdentificationError::NeedsWholeRecord);
+        }
         let (rows, next_s, forgotten) = match &mut self.phase {
             Phase::Window(window) => return window.push(row),
             Phase::Bootstrap { rows, next_s, forgotten } => (rows, next_s, forgotten),
@@ -185,7 +190,7 @@ impl FixedLag {
 impl FixedLagSettings {
     /// The batch estimate of the first rows, ready to slide; `None` where more rows should come first.
     fn bootstrap(&self, rows: &[MotionSample], forgotten: usize) -> Result<Option<Start>, IdentificationError> {
-        match Calibration::new(&self.likelihood.nuisances).columns() {
+        match self.likelihood.calibration(false).columns() {
             0..=13 => self.bootstrap_with::<32>(rows, forgotten),
             14..=21 => self.bootstrap_with::<40>(rows, forgotten),
             _ => self.bootstrap_with::<56>(rows, forgotten),
@@ -198,8 +203,9 @@ impl FixedLagSettings {
         forgotten: usize,
     ) -> Result<Option<Start>, IdentificationError> {
         let MaximumLikelihood { wrench_timing, robust, .. } = self.likelihood;
-        let fit =
-            Record::try_new(rows, wrench_timing, robust).and_then(|record| self.likelihood.fit::<W>(record, None));
+        let calibration = self.likelihood.calibration(false);
+        let fit = Record::try_new(rows, wrench_timing, robust)
+            .and_then(|record| self.likelihood.fit::<W>(record, calibration, None));
         let Some(fit) = fit.ok().filter(is_determined) else { return Ok(None) };
         let stream = Stream::after(rows, forgotten, &fit.chain.record, wrench_timing);
         let mut window = Window::<W> { settings: self.clone(), pending: Vec::new(), after_break: false, fit, stream };
@@ -218,7 +224,7 @@ impl FixedLagSettings {
             1..=3 => WEAK.1.powi(-2),
             _ => inertia.powi(-2),
         });
-        let fit = likelihood.fit::<32>(record, Some(&weak))?;
+        let fit = likelihood.fit::<32>(record, likelihood.calibration(false), Some(&weak))?;
         let step = FixedLagStep::of(&fit, rows.last().map_or(0, |row| row.time_ns), None)?;
         Ok(FixedLagStep { regularised: true, ..step })
     }
@@ -267,7 +273,7 @@ impl<const W: usize> Window<W> {
         let segments = chain.starts.len();
         let is_complete = |j: &usize| {
             let (start, end) = (chain.starts[*j], chain.end(*j));
-            end <= usable && (j + 1 < segments || end - start == *length || chain.record.doubt_at(start).is_some())
+            end <= usable && (j + 1 < segments || end - start == *length || chain.record.doubt_at(start, 0.0).is_some())
         };
         let complete = (0..segments).take_while(is_complete).count();
         if complete == 0 {
@@ -350,8 +356,8 @@ impl<const W: usize> Window<W> {
 
     /// One Gauss-Newton step on the segments as swept; gives its squared length in standard deviations.
     fn iterate(&mut self) -> Result<f64, IdentificationError> {
-        let Fit { chain, eta, calibration, levels, schur, constrained, .. } = &mut self.fit;
-        *schur = chain.eliminate(levels).map_err(not_excited)?;
+        let Fit { chain, eta, calibration, levels, schur, identifiability, constrained, .. } = &mut self.fit;
+        (*schur, *identifiability) = eliminated(chain, calibration, levels)?;
         let step = eta.step(&schur.information, &schur.gradient).ok_or_else(|| not_converged(f64::NAN))?;
         let decrement = step.step.dot(&(&schur.information * &step.step));
         if !decrement.is_finite() {
@@ -420,9 +426,9 @@ impl<const W: usize> Sliding for Window<W> {
                 break;
             }
         }
-        let Fit { chain, eta, calibration, levels, schur, sweep, .. } = &mut self.fit;
+        let Fit { chain, eta, calibration, levels, schur, identifiability, sweep, .. } = &mut self.fit;
         *sweep = chain.sweep(eta, calibration, levels, robust);
-        *schur = chain.eliminate(levels).map_err(not_excited)?;
-        self.settings.likelihood.result(&self.fit)
+        (*schur, *identifiability) = eliminated(chain, calibration, levels)?;
+        result(&self.fit)
     }
 }
