@@ -31,6 +31,7 @@ pub mod regressors;
 #[cfg(feature = "std")]
 mod savitzky_golay;
 mod square_root_information;
+#[cfg(feature = "std")]
 pub mod state_space;
 #[cfg(feature = "std")]
 pub mod statistics;
