@@ -33,6 +33,8 @@ mod savitzky_golay;
 mod square_root_information;
 pub mod state_space;
 #[cfg(feature = "std")]
+pub mod state_space;
+#[cfg(feature = "std")]
 pub mod statistics;
 pub mod synchronize;
 #[cfg(feature = "std")]
