@@ -271,7 +271,7 @@ impl Model {
             let thrusts = self.turn.thrusts(&self.curve_by_least_squares(lag_s)?, lag_s, 0.0)?;
             let [roll, pitch] = [(0, ROLL_ARM_M), (1, PITCH_ARM_M)].map(|(axis, arms)| {
                 let flight = &self.turn;
-                let rows = STRIDE..flight.times_s.len() - STRIDE;
+                let rows = STRIDE..flight.times_s.len().saturating_sub(STRIDE);
                 let torque = |k: usize| {
                     thrusts[k - STRIDE..=k + STRIDE].iter().map(|f| f.dot(&SVector::from(arms))).sum::<f64>()
                 };
