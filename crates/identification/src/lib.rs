@@ -31,10 +31,10 @@ pub mod regressors;
 #[cfg(feature = "std")]
 mod savitzky_golay;
 mod square_root_information;
+pub mod state_space;
 #[cfg(feature = "std")]
 pub mod statistics;
 pub mod synchronize;
-pub mod state_space;
 #[cfg(feature = "std")]
 mod weighted_least_squares;
 #[cfg(feature = "std")]
