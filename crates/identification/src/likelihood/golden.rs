@@ -293,3 +293,31 @@ fn evidence_is_the_derivative_of_determinant_and_minimum() {
         close(&[derivative(&|levels, factor| levels.wrench[i] *= factor)], &[found.wrench_absorbed[i]], 1e-6);
     }
 }
+
+#[test]
+fn what_is_summed_up_says_the_same_as_what_is_kept() {
+    let mut log = log();
+    // A gap that is bridged and one that is not.
+    log.record.retain(|row| row.time_ns != 16_000_000 * 333 && !(600..650).contains(&(row.time_ns / 16_000_000)));
+    let record = golden_record(&log);
+    let starts = record.segments(16);
+    let eta = Coordinates::of(&log.body);
+    let nodes = nodes::from_poses(&record, &starts, 0.6, &eta.center);
+    let calibration = Calibration::new(&[Nuisance::Delay]);
+    let mut chain = Chain::<32>::new(record, Vector3::zeros(), starts, nodes, &calibration);
+    assert_eq!(chain.record.breaks.len(), 1);
+    let levels = Levels::of(&known_noise());
+    chain.sweep(&eta, &calibration, &levels, None);
+    let kept = chain.eliminate(&levels).unwrap();
+    for segments in [1, 25, 40] {
+        chain.marginalize(segments, &levels).unwrap();
+        let summed = chain.eliminate(&levels).unwrap();
+        let scale = kept.information.diagonal().map(|x| 1.0 / x.sqrt());
+        let change = (&summed.information - &kept.information).component_mul(&(&scale * scale.transpose()));
+        assert!(change.amax() < 1e-7, "{segments}: {change}");
+        let pull = |schur: &elimination::Schur| schur.information.clone().cholesky().unwrap().solve(&schur.gradient);
+        let moved = (pull(&summed) - pull(&kept)).component_mul(&scale.map(|x| 1.0 / x));
+        assert!(moved.amax() < 1e-6 * pull(&kept).component_mul(&scale.map(|x| 1.0 / x)).amax(), "{segments}: {moved}");
+        close(&[summed.least().unwrap()], &[kept.least().unwrap()], 1e-7);
+    }
+}
