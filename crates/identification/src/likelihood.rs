@@ -306,7 +306,7 @@ impl MaximumLikelihood {
                 let sweep = chain.sweep(&eta, &calibration, &levels, robust);
                 let (schur, identifiability) = eliminated(&mut chain, &calibration, &levels)?;
                 let outcome = (progress.iterations, length, step.constrained);
-                return self.result(&chain, (&eta, &calibration, &levels), &sweep, (&schur, identifiability), outcome);
+                return Self::result(&chain, (&eta, &calibration, &levels), &sweep, (&schur, identifiability), outcome);
             }
             let iterations = progress.iterations.len();
             if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
@@ -325,7 +325,6 @@ impl MaximumLikelihood {
     }
 
     fn result<const W: usize>(
-        &self,
         chain: &Chain<'_, W>,
         (eta, calibration, levels): (&Coordinates, &Calibration, &Levels),
         sweep: &Sweep,
@@ -423,6 +422,12 @@ fn segment_length(levels: &Levels, eta: &Coordinates, step_s: f64) -> usize {
     let linear = (position * body.mass / force).sqrt();
     let angular = (attitude * body.inertia.trace() / 3.0 / torque).sqrt();
     whole(0.25 * linear.min(angular) / step_s).clamp(1, LONGEST_SEGMENT)
+}
+
+/// A whole number as an index.
+#[allow(clippy::cast_possible_truncation)] // saturates
+fn whole_signed(x: f64) -> isize {
+    x as isize
 }
 
 /// The nearest whole number, none below zero.
