@@ -55,6 +55,7 @@ const STEPS: &[Step] = &[
     }),
     always("deny", "bans, licences, sources", deny),
     always("real-data", "measured throws meet their targets", real_data),
+    always("studies", "the study of identification, reduced, with the bands of its own number of runs", reduced_study),
     always("determinism", "a long tumble is the same bytes at every optimisation level", determinism),
     always("panic-free", "the link proves that the hot paths cannot panic, and refuses a control that can", panic_free),
     full("package-verify", "every package builds from what would be published", || {
@@ -261,6 +262,13 @@ fn real_data() -> Outcome {
     };
     let mut command = studies("real-data");
     command.env("TUMBLE_REQUIRE_DATA", "1").args(["real-data", "--check", "--data"]).arg(folder);
+    shell(&mut [command])
+}
+
+/// Few runs of every cell; the long study is `cargo xtask study identification`.
+fn reduced_study() -> Outcome {
+    let mut command = studies("study");
+    command.args(["study", "identification", "--runs", "5"]);
     shell(&mut [command])
 }
 

@@ -3,13 +3,12 @@
 //! Rows are streamed; a log of any size is read in bounded memory.
 
 use crate::error::AstrobeeError;
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use tumble_dynamics::nalgebra::{Isometry3, Translation3, Vector3};
 use tumble_identification::MotionSample;
+use tumble_identification::synchronize::{Held, TimeOrdering};
 use tumble_lie::Wrench;
 
 /// Largest accepted difference of a logged quaternion's norm from one; within it the quaternion is normalised.
@@ -111,33 +110,22 @@ pub struct LogReader {
     ended: bool,
 }
 
-#[derive(Default)]
-struct Reorder {
-    held: BinaryHeap<Reverse<Stamped>>,
-    repeated: usize,
-    rows_late: usize,
-    newest_ns: Option<i64>,
-}
-
-/// A sample with its line, ordered by time, then line.
+/// A sample and the line it stood in.
 struct Stamped {
     line: u64,
     sample: MotionSample,
 }
-impl PartialEq for Stamped {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
+
+/// Late rows put in order, repeats of a time dropped.
+struct Reorder {
+    ordering: TimeOrdering<Stamped, Vec<Option<Held<Stamped>>>>,
+    repeated: usize,
 }
-impl Eq for Stamped {}
-impl PartialOrd for Stamped {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Stamped {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        (self.sample.time_ns, self.line).cmp(&(other.sample.time_ns, other.line))
+
+impl Default for Reorder {
+    fn default() -> Self {
+        let places = std::iter::repeat_with(|| None).take(REORDER_ROWS).collect();
+        Self { ordering: TimeOrdering::new(places), repeated: 0 }
     }
 }
 
@@ -183,7 +171,7 @@ impl LogReader {
 
     /// Rows that came late and were put in order, rows with a repeated time that were dropped.
     pub fn reordered(&self) -> (usize, usize) {
-        self.reorder.as_ref().map_or((0, 0), |r| (r.rows_late, r.repeated))
+        self.reorder.as_ref().map_or((0, 0), |r| (r.ordering.late(), r.repeated))
     }
 
     /// The next sample in time, `None` at the end.
@@ -212,24 +200,16 @@ impl LogReader {
     }
 
     fn next_in_order(&mut self) -> Result<Option<Stamped>, AstrobeeError> {
-        if self.reorder.is_none() {
-            return self.next_row();
-        }
         loop {
-            let full = self.reorder.as_ref().is_some_and(|r| r.held.len() >= REORDER_ROWS);
-            if full || self.ended {
-                return Ok(self.reorder.as_mut().and_then(|r| r.held.pop()).map(|Reverse(stamped)| stamped));
-            }
-            let row = self.next_row()?;
+            let row = if self.ended { None } else { self.next_row()? };
+            self.ended = row.is_none();
             let Some(reorder) = self.reorder.as_mut() else { return Ok(row) };
-            match row {
-                Some(stamped) => {
-                    let time_ns = stamped.sample.time_ns;
-                    reorder.rows_late += usize::from(reorder.newest_ns.is_some_and(|newest| time_ns < newest));
-                    reorder.newest_ns = reorder.newest_ns.max(Some(time_ns));
-                    reorder.held.push(Reverse(stamped));
-                }
-                None => self.ended = true,
+            let released = match row {
+                Some(stamped) => reorder.ordering.push(stamped.sample.time_ns, stamped),
+                None => reorder.ordering.flush(),
+            };
+            if released.is_some() || self.ended {
+                return Ok(released.map(|released| released.sample));
             }
         }
     }

@@ -23,6 +23,10 @@ pub fn method_name(method: Method) -> &'static str {
         Method::Variational4 => "variational4",
         Method::Variational6 => "variational6",
         Method::MaximumLikelihood => "maximum-likelihood",
+        Method::Rls => "rls",
+        Method::RecursiveSdp => "recursive-sdp",
+        Method::Ekf => "ekf",
+        Method::Ukf => "ukf",
         _ => "unknown",
     }
 }
@@ -102,9 +106,10 @@ pub fn table(found: &Identification, context: &Context) -> String {
     let _ = writeln!(text, "{}", context.source);
     let _ = writeln!(
         text,
-        "  method {}, wrench {}, lag {}; {} samples used, {} rejected; {:.4} s steps, {:.1} s",
+        "  method {}, wrench {}, {} {}; {} samples used, {} rejected; {:.4} s steps, {:.1} s",
         method_name(found.method),
         timing_name(found.wrench_timing),
+        if found.method == Method::MaximumLikelihood { "samples in a segment" } else { "lag" },
         found.lag,
         found.samples_used,
         found.samples_rejected,
@@ -445,6 +450,9 @@ struct JsonNoise {
     force_n: f64,
     position_m: f64,
     attitude_rad: f64,
+    rate_rad_s: Option<f64>,
+    velocity_m_s: Option<f64>,
+    acceleration_m_s2: Option<f64>,
 }
 
 #[derive(Serialize)]
@@ -461,6 +469,11 @@ struct JsonHoldout {
     force_rms_n: f64,
     normalised_rms: f64,
     explained: f64,
+}
+
+/// A noise level is zero where its column was not used.
+fn used(noise: f64) -> Option<f64> {
+    (noise > 0.0).then_some(noise)
 }
 
 #[derive(Serialize)]
@@ -551,6 +564,9 @@ pub fn json(found: &Identification, context: &Context) -> Json {
             force_n: found.noise.force_n,
             position_m: found.noise.position_m,
             attitude_rad: found.noise.attitude_rad,
+            rate_rad_s: used(found.noise.rate_rad_s),
+            velocity_m_s: used(found.noise.velocity_m_s),
+            acceleration_m_s2: used(found.noise.acceleration_m_s2),
         },
         delay_s: found.delay_s,
         calibration: found.calibration.iter().map(json_calibration).collect(),

@@ -8,10 +8,11 @@ mod exact_motion;
 use criterion::{Criterion, criterion_group, criterion_main};
 use exact_motion::{Multisine, Random, Run};
 use std::hint::black_box;
+use std::time::{Duration, Instant};
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{LieGroup, Wrench};
 use tumble_identification::nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use tumble_identification::{MaximumLikelihood, MotionSample};
+use tumble_identification::{FixedLag, FixedLagSettings, MaximumLikelihood, MotionSample};
 
 fn record(samples: usize) -> Vec<MotionSample> {
     let mut random = Random::new(7);
@@ -44,5 +45,36 @@ fn estimate(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, estimate);
+/// Rows before the first step that is timed.
+const BOOTSTRAP: usize = 1000;
+
+/// One step of the window: the segments of 16 samples it holds, iterated, and the oldest summed up.
+fn window(criterion: &mut Criterion) {
+    let record = record(8000);
+    let mut group = criterion.benchmark_group("fixed lag");
+    for (segments, iterations) in [(4, 2), (1, 1)] {
+        let likelihood = MaximumLikelihood { segment_samples: Some(16), ..MaximumLikelihood::default() };
+        let settings = FixedLagSettings { likelihood, segments, iterations, ..FixedLagSettings::default() };
+        group.bench_function(format!("step of {segments} segments, {iterations} iterations"), |bencher| {
+            bencher.iter_custom(|steps| {
+                let (mut took, mut done) = (Duration::ZERO, 0);
+                while done < steps {
+                    let mut window = FixedLag::new(settings.clone());
+                    for row in &record[..BOOTSTRAP] {
+                        window.push(*row).unwrap();
+                    }
+                    let begin = Instant::now();
+                    for row in record[BOOTSTRAP..].iter().take(16 * (steps - done) as usize) {
+                        done += u64::from(black_box(window.push(*row).unwrap()).is_some());
+                    }
+                    took += begin.elapsed();
+                }
+                took
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, estimate, window);
 criterion_main!(benches);

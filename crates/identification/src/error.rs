@@ -31,6 +31,12 @@ pub enum IdentificationError {
         /// Offending value.
         value: f64,
     },
+    /// A probability that is not strictly between zero and one.
+    #[error("{value} is not a probability strictly between 0 and 1")]
+    NotAProbability {
+        /// Offending value.
+        value: f64,
+    },
     /// The mass or the length that sets the scale of the body is not a positive finite number.
     #[error("body scale {mass_kg} kg, {length_m} m is not positive and finite")]
     InvalidScale {
@@ -49,6 +55,9 @@ pub enum IdentificationError {
         /// Duality gap asked for.
         tolerance: f64,
     },
+    /// A delay or a lag was asked of an estimator that slides.
+    #[error("a delay or an actuator lag needs the whole record: estimate it from a part by the batch likelihood")]
+    NeedsWholeRecord,
     /// The iterations of the likelihood did not settle.
     #[error("the likelihood still moves after {iterations} iterations: last step squared {decrement:e} (in sigmas)")]
     LikelihoodNotConverged {
@@ -56,6 +65,16 @@ pub enum IdentificationError {
         iterations: usize,
         /// Squared length of the last step in standard deviations.
         decrement: f64,
+    },
+    /// The search for the maximum of a likelihood ended where it still rises.
+    #[error(
+        "the likelihood still promises to rise by {promise:e} (logarithm) after {iterations} steps; start elsewhere"
+    )]
+    LikelihoodNotMaximal {
+        /// Steps done.
+        iterations: usize,
+        /// Rise of the logarithm that its quadratic model promises.
+        promise: f64,
     },
     /// The residual variance was asked for with no more rows than parameters.
     #[error("{rows} rows leave no residual to judge {parameters} parameters by")]
@@ -72,6 +91,14 @@ pub enum IdentificationError {
         samples: usize,
         /// Samples needed.
         needed: usize,
+    },
+    /// A window with no more samples than the order of the polynomial to be fitted in it.
+    #[error("a window of {samples} samples is too short for a polynomial of order {order}")]
+    WindowTooShort {
+        /// Samples in the window.
+        samples: usize,
+        /// Order asked for.
+        order: usize,
     },
     /// Times that go back or repeat.
     #[error("time of sample {index} is not after the one before")]

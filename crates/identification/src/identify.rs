@@ -4,8 +4,10 @@
 
 mod fit;
 mod likelihood;
+mod long;
 mod merge;
 mod noise;
+mod recursion;
 mod rows;
 mod solution;
 mod timeline;
@@ -25,6 +27,7 @@ use rows::Scheme;
 use solution::{Judgement, Silent, Solution, judge, solve, standard_deviations};
 use timeline::Timeline;
 
+pub use long::LongRecord;
 pub use merge::merge;
 
 /// Which equations tie the motion to the parameters.
@@ -46,6 +49,14 @@ pub enum Method {
     /// [`MaximumLikelihood`](crate::MaximumLikelihood). Where it leaves a direction free, the best regression answers
     /// instead and says which.
     MaximumLikelihood,
+    /// The rows of [`Method::Auto`] by recursive least squares in covariance form, in the order of time.
+    Rls,
+    /// The same by [`RecursiveSdp`](crate::recursive::RecursiveSdp).
+    RecursiveSdp,
+    /// Poses and what else was measured by an extended Kalman filter of motion and parameters.
+    Ekf,
+    /// The same by an unscented one.
+    Ukf,
 }
 
 /// What is known of the body beforehand: independent Gaussian knowledge of each of the ten parameters.
@@ -194,6 +205,13 @@ pub enum Warning {
         /// Windows skipped.
         skipped: usize,
     },
+    /// The record is long: the likelihood took its first rows as a batch and slid over the rest.
+    SlidingWindow {
+        /// Rows of the batch.
+        batch: usize,
+        /// Rows in all.
+        rows: usize,
+    },
     /// Samples without a wrench, taken to act under the last one logged.
     HeldWrenches {
         /// How many.
@@ -254,6 +272,9 @@ impl fmt::Display for Warning {
             }
             Self::ConstraintActive => {
                 write!(f, "the unconstrained solution is not a body; moved to the nearest consistent one")
+            }
+            Self::SlidingWindow { batch, rows } => {
+                write!(f, "long log: noise levels from its first {batch} rows, then a sliding window over all {rows}")
             }
             Self::HeldWrenches { samples } => {
                 write!(f, "{samples} samples without a wrench: the last one logged is taken to act on")
@@ -369,10 +390,11 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
         return Ok(found);
     }
     let noise = SampleNoise::estimate(record, &timeline, settings);
-    let fit = match best_fit(record, &timeline, settings, &noise)? {
+    let mut fit = match best_fit(record, &timeline, settings, &noise)? {
         Best::Fit(fit) => *fit,
         Best::Likelihood(found) => return Ok(*found),
     };
+    recursion::run(&mut fit, record, &timeline, settings, &noise)?;
     let zero_wrench = record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0);
     let silent = match (zero_wrench, fit.explained()) {
         (true, _) => Silent::Wrench,
@@ -407,7 +429,7 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
         fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
     let wrench_gain = fit.scheme.wrench_gain().sqrt();
     Ok(Identification {
-        method: fit.scheme.method,
+        method: if settings.method.is_recursive() { settings.method } else { fit.scheme.method },
         wrench_timing: settings.wrench_timing,
         lag: fit.scheme.lag,
         step_s: timeline.median_step_s(),

@@ -1,8 +1,10 @@
-//! Executable laws for feasible sets, constrained solvers, square-root recursions and linear models, yours included.
+//! Executable laws for feasible sets, constrained solvers, recursive estimators and linear models, yours included.
 
 mod linear_model;
+mod recursive_estimator;
 
 pub use linear_model::check_linear_model;
+pub use recursive_estimator::{EstimatorPromises, check_gate, check_recursive_estimator, check_unit_equivariance};
 
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet};
 use crate::square_root_information::SquareRootInformation;

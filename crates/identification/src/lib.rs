@@ -7,9 +7,12 @@ pub use tumble_dynamics as dynamics;
 pub use tumble_lie as lie;
 
 mod body_scale;
+#[cfg(feature = "std")]
+pub mod comparison;
 pub mod consistency;
 mod criteria;
 mod error;
+mod excitation;
 mod householder;
 #[cfg(feature = "std")]
 mod identify;
@@ -23,8 +26,15 @@ mod linear_model;
 #[cfg(feature = "std")]
 mod motion;
 mod observability;
+pub mod recursive;
 pub mod regressors;
+#[cfg(feature = "std")]
+mod savitzky_golay;
 mod square_root_information;
+pub mod state_space;
+#[cfg(feature = "std")]
+pub mod statistics;
+pub mod synchronize;
 #[cfg(feature = "std")]
 mod weighted_least_squares;
 #[cfg(feature = "std")]
@@ -39,21 +49,24 @@ pub use consistency::{
 };
 pub use criteria::{AOptimality, ConditionNumber, DOptimality, EOptimality, OptimalityCriterion};
 pub use error::{Column, IdentificationError};
+pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
 pub use identify::{
-    Estimate, Identification, Method, NodeResidual, Noise, POOR_FIT, Prediction, Prior, Settings, StandardDeviations,
-    Validation, Warning, identify, merge, predict, validate,
+    Estimate, Identification, LongRecord, Method, NodeResidual, Noise, POOR_FIT, Prediction, Prior, Settings,
+    StandardDeviations, Validation, Warning, identify, merge, predict, validate,
 };
 pub use information::FisherInformation;
 #[cfg(feature = "std")]
 pub use likelihood::{
-    Exchange, Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance, NuisanceEstimate, NuisancePrior, Nuisances,
-    Quantity, SegmentResidual, Verdict,
+    Exchange, FixedLag, FixedLagSettings, FixedLagStep, Innovation, Iteration, LikelihoodEstimate, MaximumLikelihood,
+    Nuisance, NuisanceEstimate, NuisancePrior, Nuisances, Quantity, SegmentResidual, Verdict,
 };
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;
 pub use observability::{NullDirection, Observability};
+#[cfg(feature = "std")]
+pub use savitzky_golay::{SavitzkyGolay, SmoothedMotion};
 pub use square_root_information::{RANK_TOLERANCE, SquareRootInformation};
 #[cfg(feature = "std")]
 pub use weighted_least_squares::{RowNoise, WeightedLeastSquares, WrenchRow, whitened};

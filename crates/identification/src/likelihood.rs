@@ -13,9 +13,12 @@ mod nodes;
 mod noise;
 mod record;
 mod segment;
+mod stream;
+mod window;
 
 pub use calibration::{Nuisance, NuisancePrior, Nuisances};
 pub use identifiability::{Exchange, Quantity, Verdict};
+pub use window::{FixedLag, FixedLagSettings, FixedLagStep, Innovation};
 
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -34,6 +37,8 @@ use segment::{ATTITUDE, MEASUREMENTS, POSITION, Robust};
 
 /// Iterations after which an estimate that still moves is given up.
 const MAX_ITERATIONS: usize = 30;
+/// Iterations under a weak prior.
+const WEAK_ITERATIONS: usize = 12;
 /// A step whose squared length in standard deviations is below this has converged: a hundredth of a sigma.
 const SMALL_DECREMENT: f64 = 1e-4;
 /// Longest delay that is believed, as a fraction of the record.
@@ -44,6 +49,8 @@ const SMALL_STEP: f64 = 1e-3;
 const NEAR: f64 = 1e2;
 /// Samples of the longest segment.
 const LONGEST_SEGMENT: usize = 16;
+/// Longest segment from a start that may be far off, s.
+const FIRST_SEGMENT_S: f64 = 0.3;
 /// Bounds on residual 3-vectors, in standard deviations.
 const HUBER: f64 = 2.5;
 const GATE: f64 = 4.5;
@@ -193,16 +200,11 @@ impl MaximumLikelihood {
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
-        let mut nuisances = self.nuisances.clone();
-        let late = [Nuisance::Delay, Nuisance::ActuatorLag].iter().any(|late| nuisances.contains(late));
-        if late && record.samples.iter().any(|sample| sample.acceleration.is_some()) {
-            nuisances.push(Nuisance::AccelerationDelay);
-        }
-        let calibration = Calibration::new(&nuisances, &self.nuisance_priors);
+        let calibration = self.calibration(record.samples.iter().any(|sample| sample.acceleration.is_some()));
         match calibration.columns() {
-            0..=13 => self.run::<32>(&record, calibration),
-            14..=21 => self.run::<40>(&record, calibration),
-            _ => self.run::<56>(&record, calibration),
+            0..=13 => self.run::<32>(record, calibration),
+            14..=21 => self.run::<40>(record, calibration),
+            _ => self.run::<56>(record, calibration),
         }
     }
 
@@ -222,7 +224,7 @@ impl MaximumLikelihood {
         let calibration = Calibration::new(&[], &[]);
         let starts = record.segments(segment_length(&levels, &eta, record.median_step_s), &drive::Passage::default());
         let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
-        let mut chain = Chain::<32>::new(&record, self.gravity_world, starts, nodes, &calibration);
+        let mut chain = Chain::<32>::new(record, self.gravity_world, starts, nodes, &calibration);
         let robust = self.robust.then_some(Robust { huber: HUBER, gate: f64::INFINITY });
         for iteration in 1..=MAX_ITERATIONS {
             chain.sweep(&eta, &calibration, &levels, robust);
@@ -241,27 +243,52 @@ impl MaximumLikelihood {
         Ok(Judged { misfit, residuals: residuals(&chain) })
     }
 
+    /// The nuisances asked for, and where times are among them, that of the accelerometer, which may have its own.
+    fn calibration(&self, with_accelerations: bool) -> Calibration {
+        let mut nuisances = self.nuisances.clone();
+        let late = [Nuisance::Delay, Nuisance::ActuatorLag].iter().any(|late| nuisances.contains(late));
+        if late && with_accelerations {
+            nuisances.push(Nuisance::AccelerationDelay);
+        }
+        Calibration::new(&nuisances, &self.nuisance_priors)
+    }
+
     fn run<const W: usize>(
         &self,
-        record: &Record,
-        mut calibration: Calibration,
+        record: Record,
+        calibration: Calibration,
     ) -> Result<LikelihoodEstimate, IdentificationError> {
+        result(&self.fit::<W>(record, calibration, None)?)
+    }
+
+    /// The optimum, with a prior about the start or without.
+    fn fit<const W: usize>(
+        &self,
+        record: Record,
+        mut calibration: Calibration,
+        weak: Option<&SVector<f64, 10>>,
+    ) -> Result<Fit<W>, IdentificationError> {
         let (mut levels, prior) = if let Some(noise) = &self.noise {
             (Levels::of(noise), None)
         } else {
-            let (levels, prior) = Levels::from_differences(record);
+            let (levels, prior) = Levels::from_differences(&record);
             (levels, Some(prior))
         };
-        let mut length = self.segment_samples.unwrap_or(LONGEST_SEGMENT).max(1);
+        let first = || whole(FIRST_SEGMENT_S / record.median_step_s).clamp(1, LONGEST_SEGMENT);
+        let mut length = self.segment_samples.unwrap_or_else(first).max(1);
         let mut eta = Coordinates::of(&self.start);
-        let longest_delay_s = LONGEST_DELAY * record.median_step_s * record.samples.len() as f64;
-        calibration.shift(record.median_step_s, longest_delay_s);
-        let from_poses = |length: usize, eta: &Coordinates, calibration: &Calibration| {
+        let step_s = record.median_step_s;
+        let longest_delay_s = LONGEST_DELAY * step_s * record.samples.len() as f64;
+        calibration.shift(step_s, longest_delay_s);
+        let from_poses = |record: Record, length: usize, eta: &Coordinates, calibration: &Calibration| {
             let starts = record.segments(length, &calibration.passage());
-            let nodes = nodes::from_poses(record, &starts, self.node_window_s, &eta.center);
+            let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
             Chain::<W>::new(record, self.gravity_world, starts, nodes, calibration)
         };
-        let mut chain = from_poses(length, &eta, &calibration);
+        let mut chain = from_poses(record, length, &eta, &calibration);
+        if let Some(precision) = weak {
+            chain.add_prior(precision);
+        }
         let mut progress = Progress::default();
         loop {
             let robust = self.robust.then(|| progress.robust(prior.is_none()));
@@ -297,25 +324,38 @@ impl MaximumLikelihood {
             calibration.advance(step.step.as_slice());
             let gated = robust.is_none_or(|robust| robust.gate.is_finite());
             progress.iterations.push(Iteration { cost, decrement, largest_defect: sweep.largest_defect });
-            let shifted = calibration.shift(record.median_step_s, longest_delay_s);
+            let shifted = calibration.shift(step_s, longest_delay_s);
             let still = decrement < SMALL_DECREMENT && largest_step < SMALL_STEP && !shifted;
             let refined =
                 prior.is_none() || progress.refinements > 0 && (settled || progress.refinements >= REFINEMENTS);
-            if still && gated && refined {
+            // Where the data say next to nothing the optimum is ill defined, and not needed: more data follow.
+            let enough = weak.is_some() && decrement.is_finite() && progress.iterations.len() >= WEAK_ITERATIONS;
+            if still && gated && refined || enough {
                 let robust = self.robust.then(|| progress.robust(prior.is_none()));
                 let sweep = chain.sweep(&eta, &calibration, &levels, robust);
                 let (schur, identifiability) = eliminated(&mut chain, &calibration, &levels)?;
-                let outcome = (progress.iterations, length, step.constrained);
-                return Self::result(&chain, (&eta, &calibration, &levels), &sweep, (&schur, identifiability), outcome);
+                let (iterations, constrained) = (progress.iterations, step.constrained);
+                return Ok(Fit {
+                    chain,
+                    eta,
+                    calibration,
+                    levels,
+                    sweep,
+                    schur,
+                    identifiability,
+                    iterations,
+                    constrained,
+                    segment_samples: length,
+                });
             }
             let iterations = progress.iterations.len();
             if !decrement.is_finite() || iterations >= MAX_ITERATIONS {
                 return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
             }
-            if shifted && record.segments(length, &calibration.passage()) != chain.starts {
-                chain = from_poses(length, &eta, &calibration);
+            if shifted && chain.record.segments(length, &calibration.passage()) != chain.starts {
+                chain = from_poses(chain.record, length, &eta, &calibration);
             } else if self.segment_samples.is_none() && decrement < NEAR {
-                let wanted = segment_length(&levels, &eta, record.median_step_s);
+                let wanted = segment_length(&levels, &eta, step_s);
                 if wanted < length {
                     length = wanted;
                     chain = chain.resegmented(length, &eta, &calibration);
@@ -323,56 +363,64 @@ impl MaximumLikelihood {
             }
         }
     }
+}
 
-    fn result<const W: usize>(
-        chain: &Chain<'_, W>,
-        (eta, calibration, levels): (&Coordinates, &Calibration, &Levels),
-        sweep: &Sweep,
-        (schur, identifiability): (&Schur, Identifiability),
-        (iterations, segment_samples, constrained): (Vec<Iteration>, usize, bool),
-    ) -> Result<LikelihoodEstimate, IdentificationError> {
-        let factor = schur.information.clone().cholesky().ok_or(not_excited(Indefinite))?;
-        let covariance = factor.inverse();
-        let by_eta = eta.parameters_by_eta();
-        let body = covariance.fixed_view::<10, 10>(0, 0).into_owned();
-        let pull = factor.solve(&schur.gradient);
-        let parameters = eta.parameters();
-        let nuisances = calibration.nuisances().iter().zip(identifiability.verdicts).enumerate();
-        let nuisance = |(index, (&nuisance, verdict)): (usize, (&Nuisance, Verdict))| {
-            let column = 10 + index;
-            let (value, std) = calibration.reported(index, covariance[(column, column)].sqrt());
-            let known = verdict == Verdict::Identifiable;
-            NuisanceEstimate {
-                nuisance,
-                value: known.then_some(value),
-                std: known.then_some(std),
-                verdict,
-                inflation: inflation(&schur.information, &covariance, column),
-            }
-        };
-        Ok(LikelihoodEstimate {
-            parameters,
-            unconstrained: parameters.to_vector() + by_eta * pull.fixed_rows::<10>(0),
-            covariance: by_eta * body * by_eta.transpose(),
-            std: body.diagonal().map(f64::sqrt),
-            active_axis: constrained.then(|| eta.thinnest_axis()),
-            nuisances: nuisances.map(nuisance).collect(),
-            exchanges: identifiability.exchanges,
-            noise: levels.noise(&chain.groups),
-            cost: cost(sweep, levels),
-            log_determinant: schur.log_determinant
-                + factor.l_dirty().diagonal().iter().map(|x| 2.0 * x.ln()).sum::<f64>(),
-            iterations,
-            segment_samples,
-            residuals: residuals(chain),
-            outliers: sweep.tally.rejected[POSITION].max(sweep.tally.rejected[ATTITUDE]),
-        })
-    }
+fn result<const W: usize>(fit: &Fit<W>) -> Result<LikelihoodEstimate, IdentificationError> {
+    let Fit { chain, eta, calibration, levels, sweep, schur, identifiability, .. } = fit;
+    let factor = schur.information.clone().cholesky().ok_or(not_excited(Indefinite))?;
+    let covariance = factor.inverse();
+    let by_eta = eta.parameters_by_eta();
+    let body = covariance.fixed_view::<10, 10>(0, 0).into_owned();
+    let pull = factor.solve(&schur.gradient);
+    let parameters = eta.parameters();
+    let nuisances = calibration.nuisances().iter().zip(&identifiability.verdicts).enumerate();
+    let nuisance = |(index, (&nuisance, verdict)): (usize, (&Nuisance, &Verdict))| {
+        let column = 10 + index;
+        let (value, std) = calibration.reported(index, covariance[(column, column)].sqrt());
+        let known = *verdict == Verdict::Identifiable;
+        NuisanceEstimate {
+            nuisance,
+            value: known.then_some(value),
+            std: known.then_some(std),
+            verdict: verdict.clone(),
+            inflation: inflation(&schur.information, &covariance, column),
+        }
+    };
+    Ok(LikelihoodEstimate {
+        parameters,
+        unconstrained: parameters.to_vector() + by_eta * pull.fixed_rows::<10>(0),
+        covariance: by_eta * body * by_eta.transpose(),
+        std: body.diagonal().map(f64::sqrt),
+        active_axis: fit.constrained.then(|| eta.thinnest_axis()),
+        nuisances: nuisances.map(nuisance).collect(),
+        exchanges: identifiability.exchanges.clone(),
+        noise: levels.noise(&chain.groups),
+        cost: cost(sweep, levels),
+        log_determinant: schur.log_determinant + factor.l_dirty().diagonal().iter().map(|x| 2.0 * x.ln()).sum::<f64>(),
+        iterations: fit.iterations.clone(),
+        segment_samples: fit.segment_samples,
+        residuals: residuals(chain),
+        outliers: sweep.tally.rejected[POSITION].max(sweep.tally.rejected[ATTITUDE]),
+    })
+}
+
+/// Where the iterations ended.
+struct Fit<const W: usize> {
+    chain: Chain<W>,
+    eta: Coordinates,
+    calibration: Calibration,
+    levels: Levels,
+    sweep: Sweep,
+    schur: Schur,
+    identifiability: Identifiability,
+    iterations: Vec<Iteration>,
+    constrained: bool,
+    segment_samples: usize,
 }
 
 /// The quadratic in the parameters, priors included, and what it determines without them.
 fn eliminated<const W: usize>(
-    chain: &mut Chain<'_, W>,
+    chain: &mut Chain<W>,
     calibration: &Calibration,
     levels: &Levels,
 ) -> Result<(Schur, Identifiability), IdentificationError> {
@@ -466,7 +514,7 @@ fn misfit(schur: &Schur, eta: &Coordinates, covariance: &SMatrix<f64, 10, 10>) -
 }
 
 /// Errors of the wrench, segment by segment.
-fn residuals<const W: usize>(chain: &Chain<'_, W>) -> Vec<SegmentResidual> {
+fn residuals<const W: usize>(chain: &Chain<W>) -> Vec<SegmentResidual> {
     let segments = chain.starts.iter().zip(&chain.noise);
     segments
         .map(|(&first_sample, noise)| SegmentResidual { first_sample, wrench: Wrench::from(SVector::from(*noise)) })

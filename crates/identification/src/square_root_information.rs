@@ -210,6 +210,13 @@ impl<const P: usize> SquareRootInformation<P> {
         Ok(self.residual_sum_of_squares / (self.rows - P) as f64)
     }
 
+    /// Multiplies what is known by `factor` ≤ 1 in the square root: the covariance by its inverse square.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        for value in self.factor_rows.iter_mut().flatten().chain(&mut self.rhs) {
+            *value *= factor;
+        }
+    }
+
     /// R⁻¹ w for a factor known to be nonsingular.
     pub(crate) fn back_substitute(&self, mut w: [f64; P]) -> [f64; P] {
         for i in (0..P).rev() {
@@ -232,7 +239,7 @@ impl<const P: usize> SquareRootInformation<P> {
         w
     }
 
-    fn inverse_factor(&self) -> SMatrix<f64, P, P> {
+    pub(crate) fn inverse_factor(&self) -> SMatrix<f64, P, P> {
         let mut inverse = SMatrix::<f64, P, P>::zeros();
         for j in 0..P {
             let mut unit = [0.0; P];

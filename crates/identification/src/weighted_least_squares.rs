@@ -233,12 +233,12 @@ fn moment_covariance(
     spread(&|distance| 1.0 - distance as f64 / (correlation_length + 1) as f64)
 }
 
-fn weights(torque: f64, force: f64) -> Vector6<f64> {
+pub(crate) fn weights(torque: f64, force: f64) -> Vector6<f64> {
     let (t, f) = (1.0 / (torque * torque), 1.0 / (force * force));
     Vector6::new(t, t, t, f, f, f)
 }
 
-fn scaled(weights: &Vector6<f64>, regressor: &Regressor<f64>) -> Regressor<f64> {
+pub(crate) fn scaled(weights: &Vector6<f64>, regressor: &Regressor<f64>) -> Regressor<f64> {
     SMatrix::from_fn(|i, j| weights[i] * regressor[(i, j)])
 }
 

@@ -15,10 +15,15 @@ use nalgebra::{
 };
 use tumble_identification::dynamics::strategies::{bodies, draws, poses, twists, wrenches};
 use tumble_identification::dynamics::{
-    FreeFlyer, GaussLegendre4, InertialParameters, Integrator, LieEuler, MuntheKaas4, RigidBodyState, RungeKutta4,
-    VariationalFreeFlyer,
+    FreeFlyer, GaussLegendre4, InertialParameters, Integrator, LieEuler, LogCholesky, MuntheKaas4, RigidBodyState,
+    RungeKutta4, VariationalFreeFlyer,
 };
 use tumble_identification::lie::{Coordinates, GroupAction, Increment, LieGroup, Wrench};
+use tumble_identification::recursive::{
+    AccelerationObservation, ChangeDetector, ChangeSettings, ChiSquareGate, ExtendedKalmanFilter, JointMotion,
+    JointObservation, JointState, KalmanFilter, LinearObservation, LinearProcess, MotionNoise, PrincipalBody,
+    PrincipalMotion, RecursiveEstimator, RecursiveLeastSquares, RecursiveSdp, SquareRootFilter, UnscentedKalmanFilter,
+};
 use tumble_identification::regressors::{
     ObserverFrame, PoseTriple, newton_euler, variational, variational_extrapolated,
 };
@@ -225,4 +230,86 @@ fn physical_consistency() {
     let cone = PseudoInertiaCone::new(BodyScale::of(&ch5_body().to_vector()).unwrap());
     assert_none("InertialParameters::consistency_margin", |i| bodies[i].consistency_margin());
     assert_none("PseudoInertiaCone::margin", |i| cone.margin(&vectors[i]));
+}
+
+#[test]
+fn recursive_estimators() {
+    let (twists, wrenches) = (draws(&twists(1.0, 1.0), 8, INPUTS), draws(&wrenches(1.0, 1.0), 9, INPUTS));
+    let observations: Vec<LinearObservation<6, 10>> = (0..INPUTS)
+        .map(|i| {
+            let regressor = newton_euler(&twists[i].angular, &wrenches[i].torque, &wrenches[i].force);
+            let output = regressor * ch5_body().to_vector();
+            LinearObservation { regressor, output, standard_deviation: SVector::repeat(0.1) }
+        })
+        .collect();
+    let gate = ChiSquareGate::try_new(0.99).unwrap();
+    let cone = PseudoInertiaCone::new(BodyScale::of(&ch5_body().to_vector()).unwrap());
+    let (mean, deviation) = (cone.interior_point(), cone.magnitudes() * 3.0);
+    let covariance = SMatrix::from_diagonal(&deviation.map(|s| s * s));
+    let mut filter = RecursiveLeastSquares::<10, 6>::new(mean, covariance).with_gate(gate);
+    assert_none("RecursiveLeastSquares", |i| filter.update(&observations[i]).unwrap());
+    let mut filter = SquareRootFilter::<10, 6>::try_new(mean, deviation).unwrap().with_gate(gate);
+    assert_none("SquareRootFilter", |i| filter.update(&observations[i]).unwrap());
+    let mut filter = RecursiveSdp::<6>::try_new(cone, 3.0).unwrap().with_gate(gate);
+    assert_none("RecursiveSdp", |i| filter.update(&observations[i]).unwrap());
+    let process = LinearProcess::random_walk(covariance * 1e-9);
+    let mut filter = KalmanFilter::<10, 6>::new(process, mean, covariance).with_gate(gate);
+    assert_none("KalmanFilter", |i| filter.update(&observations[i]).unwrap());
+
+    let seen: Vec<AccelerationObservation> = (0..INPUTS)
+        .map(|i| AccelerationObservation {
+            rate_body: twists[i].angular,
+            wrench_body: wrenches[i],
+            // A ball has no gyroscopic torque.
+            acceleration_body: Wrench::new(wrenches[i].torque / 0.2, wrenches[i].force / 9.0).to_vector(),
+            standard_deviation: SVector::repeat(0.1),
+        })
+        .collect();
+    let body = PrincipalBody::try_new(9.0, Vector3::repeat(0.2)).unwrap();
+    let (model, covariance) = (PrincipalMotion { drift: SVector::repeat(1e-6) }, SMatrix::identity() * 0.01);
+    let mut filter = ExtendedKalmanFilter::new(model, body, covariance).with_gate(gate);
+    assert_none("ExtendedKalmanFilter, four parameters", |i| filter.update(&seen[i]).unwrap());
+    let mut filter = UnscentedKalmanFilter::new(model, body, covariance).with_gate(gate);
+    assert_none("UnscentedKalmanFilter, four parameters", |i| filter.update(&seen[i]).unwrap());
+}
+
+#[test]
+fn joint_filters_and_the_detector_of_changes() {
+    // Each call costs thousands of times what a kernel does.
+    const CALLS: usize = 300;
+    let wrenches = draws(&wrenches(0.1, 1.0), 10, INPUTS);
+    let seen: Vec<JointObservation> = (0..INPUTS)
+        .map(|i| JointObservation {
+            step_s: 0.016,
+            wrench_body: wrenches[i],
+            world_from_body: Some(Isometry3::identity()),
+            rate_body: Some(Vector3::zeros()),
+            velocity_origin_world: None,
+            acceleration_origin_body: Some((Vector3::zeros(), wrenches[i])),
+        })
+        .collect();
+    let noise = MotionNoise {
+        attitude_rad: 1.0,
+        position_m: 1.0,
+        rate_rad_s: 1.0,
+        velocity_m_s: 1.0,
+        acceleration_m_s2: 1.0,
+        torque_n_m: 0.01,
+        force_n: 0.1,
+        drift: SVector::zeros(),
+    };
+    let model = JointMotion { noise, gravity_world: Vector3::new(0.0, 0.0, -0.1) };
+    let body = LogCholesky::try_from_parameters(&ch5_body()).unwrap();
+    let state = JointState { motion: RigidBodyState::at_rest(), body };
+    let covariance = SMatrix::identity() * 1e-4;
+    let gate = ChiSquareGate::try_new(0.99).unwrap();
+    let extended = ExtendedKalmanFilter::new(model, state, covariance).with_gate(gate);
+    let mut filter = extended;
+    assert_eq!(allocations(CALLS, |i| filter.update(&seen[i]).unwrap()), 0, "ExtendedKalmanFilter, joint");
+    let mut filter = UnscentedKalmanFilter::new(model, state, covariance).with_gate(gate);
+    assert_eq!(allocations(CALLS, |i| filter.update(&seen[i]).unwrap()), 0, "UnscentedKalmanFilter, joint");
+    let settings = ChangeSettings { spacing: 2, updates_between_false_alarms: 1e4 };
+    let widen = |filter: &ExtendedKalmanFilter<JointMotion, JointState, 22>, _| filter.after_a_jump_of_mass(0.1);
+    let mut detector = ChangeDetector::<_, _, 10, 4>::try_new(extended, widen, settings).unwrap();
+    assert_eq!(allocations(CALLS, |i| detector.update(&seen[i]).unwrap()), 0, "ChangeDetector");
 }

@@ -371,9 +371,15 @@ fn gaps_and_unequal_steps_are_counted() {
     let (mut jitter, mut half) = (jitter, whole);
     poses_only(&mut jitter);
     poses_only(&mut half);
-    assert!(matches!(identify(&jitter, &Settings::default()), Err(IdentificationError::TooFewSamples { .. })));
+    let regression = Settings { method: Method::Variational4, ..Settings::default() };
+    assert!(matches!(identify(&jitter, &regression), Err(IdentificationError::TooFewSamples { .. })));
     half[..150].copy_from_slice(&jitter[..150]);
-    let found = identify(&half, &Settings::default()).unwrap();
+    for record in [&jitter, &half] {
+        let found = identify(record, &Settings::default()).unwrap();
+        assert_eq!(found.method, Method::MaximumLikelihood);
+        assert!(errors(&found.estimate.unwrap().parameters, &body_d())[0] < 1e-2);
+    }
+    let found = identify(&half, &regression).unwrap();
     let warning = found.warnings.iter().find(|w| matches!(w, Warning::UnequalSteps { .. })).unwrap();
     assert!(warning.to_string().contains("maximum-likelihood"), "{warning}");
 }

@@ -10,8 +10,8 @@ use tumble_identification::IdentificationError;
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use tumble_identification::wheel::{
-    EndOfFall, FreeFallEstimate, ThrowRecord, ThrowSample, ThrowSettings, WheelCalibration, calibrate, identify_throw,
-    lever_arm_regressor, momentum_regressor, torque_regressor, wheel_torque,
+    EndOfFall, FreeFallEstimate, SensorErrors, ThrowRecord, ThrowSample, ThrowSettings, WheelCalibration, calibrate,
+    gyro_factor, identify_throw, lever_arm_regressor, momentum_regressor, torque_regressor, wheel_delay, wheel_torque,
 };
 
 const WHEEL_INERTIA: f64 = 1.7e-6;
@@ -400,4 +400,40 @@ fn every_object_reported_exists() {
         projected += usize::from(found.projected);
     }
     assert!((3..=17).contains(&projected), "{projected} of 20 projected");
+}
+
+/// Sensors that err as the throws' own balance then says, no inertia known.
+#[test]
+fn throws_tell_the_scale_of_the_gyro_and_the_delay_of_the_wheel() {
+    let errors = SensorErrors { gyro_factor: [1.006, 0.995, 0.999], wheel_delay_s: 6e-4 };
+    let noise = Noise { walk: 20.0, ..NOISY };
+    let spoil = |record: ThrowRecord| {
+        let late = |sample: &ThrowSample| {
+            let now_and_then = [sample.time_s, sample.time_s - errors.wheel_delay_s].map(|time_s| wheel(time_s).0);
+            ThrowSample {
+                rate_body: sample.rate_body.component_div(&Vector3::from(errors.gyro_factor)),
+                wheel_speed_rad_s: sample.wheel_speed_rad_s + now_and_then[1] - now_and_then[0],
+                ..*sample
+            }
+        };
+        ThrowRecord::try_new(record.samples().iter().map(late).collect()).unwrap()
+    };
+    let bodies: Vec<Vec<ThrowRecord>> = (0u64..)
+        .zip([device(), with_device(&proof_block()), with_device(&objects()[0])])
+        .map(|(i, body)| {
+            (0u64..).zip(RATES).map(|(k, rate)| spoil(record(&body, rate, &noise, 50 + 10 * i + k))).collect()
+        })
+        .collect();
+    let bodies: Vec<&[ThrowRecord]> = bodies.iter().map(Vec::as_slice).collect();
+    let settings = ThrowSettings::default();
+    let (delay_s, sigma_s) = wheel_delay(&bodies, &settings).unwrap();
+    println!("delay {:.3} +- {:.3} ms", 1e3 * delay_s, 1e3 * sigma_s);
+    assert!(sigma_s < 2e-4 && (delay_s - errors.wheel_delay_s).abs() < 4.0 * sigma_s);
+    let (factor, covariance) = gyro_factor(&bodies, delay_s, &settings).unwrap();
+    for axis in 0..3 {
+        let sigma = covariance[(axis, axis)].sqrt();
+        println!("axis {axis}: {:.4} +- {sigma:.4}", factor[axis]);
+        assert!(sigma < 5e-3 && (factor[axis] - errors.gyro_factor[axis]).abs() < 4.0 * sigma);
+    }
+    assert!((factor.iter().sum::<f64>() - 3.0).abs() < 1e-12);
 }

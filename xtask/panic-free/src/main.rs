@@ -18,6 +18,10 @@ use tumble_dynamics::{
     BodyAcceleration, DynamicsError, FreeFlyer, InertialParameters, Integrator as _, MuntheKaas4, RigidBodyState,
     VariationalFreeFlyer,
 };
+use tumble_identification::recursive::{
+    AccelerationObservation, ChiSquareGate, ExtendedKalmanFilter, KalmanFilter, LinearObservation, LinearProcess,
+    Outcome, PrincipalBody, PrincipalMotion, RecursiveEstimator as _, RecursiveLeastSquares, SquareRootFilter,
+};
 use tumble_identification::regressors::{ObserverFrame, PoseTriple, newton_euler, variational};
 use tumble_identification::{IdentificationError, SquareRootInformation};
 use tumble_lie::{GroupAction as _, LieGroup, Twist, Wrench};
@@ -80,6 +84,26 @@ proven! {
     ) -> Result<(), IdentificationError> {
         information.update(block, rhs)
     }
+    fn recursive_least_squares(
+        filter: &mut RecursiveLeastSquares<10, 6>, observation: &LinearObservation<6, 10>
+    ) -> Result<Outcome<6>, IdentificationError> {
+        filter.update(observation)
+    }
+    fn square_root_filter(
+        filter: &mut SquareRootFilter<10, 6>, observation: &LinearObservation<6, 10>
+    ) -> Result<Outcome<6>, IdentificationError> {
+        filter.update(observation)
+    }
+    fn kalman_filter(
+        filter: &mut KalmanFilter<10, 6>, observation: &LinearObservation<6, 10>
+    ) -> Result<Outcome<6>, IdentificationError> {
+        filter.update(observation)
+    }
+    fn extended_kalman_filter(
+        filter: &mut ExtendedKalmanFilter<PrincipalMotion, PrincipalBody, 4>, observation: &AccelerationObservation
+    ) -> Result<Outcome<6>, IdentificationError> {
+        filter.update(observation)
+    }
 }
 
 #[cfg(feature = "control")]
@@ -111,6 +135,36 @@ fn main() {
     let block = newton_euler_regressor(&state.twist_body, &acceleration);
     let mut information = SquareRootInformation::<10>::new();
     let updated = square_root_update(&mut information, &block, &wrench.to_vector());
+    let gate = ChiSquareGate::try_new(black_box(0.99)).ok();
+    let observation = LinearObservation {
+        regressor: block,
+        output: wrench.to_vector(),
+        standard_deviation: black_box(Vector6::repeat(0.1)),
+    };
+    let (mean, covariance) = black_box((SVector::<f64, 10>::zeros(), SMatrix::<f64, 10, 10>::identity()));
+    if let (Some(gate), Ok(filter), Ok(body)) = (
+        gate,
+        SquareRootFilter::try_new(mean, covariance.diagonal()),
+        PrincipalBody::try_new(black_box(5.0), Vector3::repeat(0.1)),
+    ) {
+        let mut least_squares = RecursiveLeastSquares::new(mean, covariance).with_gate(gate);
+        let mut kalman = KalmanFilter::new(LinearProcess::random_walk(covariance), mean, covariance).with_gate(gate);
+        let mut square_root = filter.with_gate(gate);
+        let model = PrincipalMotion { drift: SVector::repeat(1e-6) };
+        let mut extended = ExtendedKalmanFilter::new(model, body, SMatrix::identity()).with_gate(gate);
+        let seen = AccelerationObservation {
+            rate_body: phi,
+            wrench_body: wrench,
+            acceleration_body: xi,
+            standard_deviation: Vector6::repeat(0.1),
+        };
+        let _ = black_box((
+            recursive_least_squares(&mut least_squares, &observation),
+            square_root_filter(&mut square_root, &observation),
+            kalman_filter(&mut kalman, &observation),
+            extended_kalman_filter(&mut extended, &seen),
+        ));
+    }
     if let (Ok(first), Ok(second)) = (first, second)
         && let Ok(triple) = PoseTriple::try_new(
             [&state.world_from_body, &first.world_from_body, &second.world_from_body],

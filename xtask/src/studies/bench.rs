@@ -133,6 +133,34 @@ impl Bench {
         }
     }
 
+    /// Times every call by itself: median and 99th percentile are over the calls, and hold one clock reading each.
+    pub fn each<T>(
+        &self,
+        problem: &'static str,
+        item: &'static str,
+        goal: Goal,
+        count: usize,
+        quality: &[(&'static str, f64)],
+        mut call: impl FnMut(usize) -> T,
+    ) {
+        if self.wants(problem, item) {
+            let calibration_ns = self.calibrate();
+            let sweeps = self.sweeps.div_ceil(10);
+            let mut times = Vec::with_capacity(count * sweeps);
+            for _ in 0..sweeps {
+                for i in 0..count {
+                    let start = Instant::now();
+                    black_box(call(black_box(i)));
+                    times.push(start.elapsed().as_nanos() as f64);
+                }
+            }
+            times.sort_by(f64::total_cmp);
+            let (median_ns, p99_ns) = (quantile(&times, 0.5), quantile(&times, 0.99));
+            let n = times.len();
+            self.report(&Row { problem, item, median_ns, p99_ns, n, quality: quality.to_vec(), goal, calibration_ns });
+        }
+    }
+
     /// How long nalgebra's SO(3) exponential takes now.
     ///
     /// Written out with the platform's sine and cosine, as nalgebra has it unless `libm-force` is on: this workspace turns that on,

@@ -20,11 +20,11 @@ use crate::dynamics::ch5_body;
 const PROBLEM: &str = "ident_sdp";
 const STEP_S: f64 = 0.05;
 /// Smallest eigenvalue of the pseudo-inertia that the problem allows.
-const FLOOR: f64 = 1e-6;
+pub const FLOOR: f64 = 1e-6;
 /// The updates of the `hard` variant at which the floor binds: R by rows, z.
 const HARD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/identification/tests/golden/problem4_hard.csv");
 
-type Rows = Vec<(Regressor<f64>, SVector<f64, 6>)>;
+pub type Rows = Vec<(Regressor<f64>, SVector<f64, 6>)>;
 
 pub fn run(bench: &mut Bench) -> Result<(), Failure> {
     let solver = InteriorPoint::new(PseudoInertiaCone::with_absolute_floor(
@@ -127,7 +127,7 @@ fn binding(bench: &Bench, solver: &InteriorPoint) -> Result<(), Failure> {
 }
 
 /// Of the pseudo-inertia `[[tr(J)/2 I - J, h], [h, m]]`, columns `m, h, J11, J12, J13, J22, J23, J33`.
-fn smallest_eigenvalue(p: &SVector<f64, 10>) -> f64 {
+pub fn smallest_eigenvalue(p: &SVector<f64, 10>) -> f64 {
     let half = 0.5 * (p[4] + p[7] + p[9]);
     let columns = [
         [half - p[4], -p[5], -p[6], p[1]],
@@ -139,7 +139,7 @@ fn smallest_eigenvalue(p: &SVector<f64, 10>) -> f64 {
 }
 
 /// Variational regressors and noisy wrenches of samples 1 to 600.
-fn trajectory(folder: &Path) -> Result<Rows, Failure> {
+pub fn trajectory(folder: &Path) -> Result<Rows, Failure> {
     let path = folder.join("ident_traj.csv");
     let samples = numbers(&path)?;
     let short = || Failure::file(&path, "a row has other than 26 numbers");

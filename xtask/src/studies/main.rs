@@ -4,13 +4,22 @@
 
 mod arguments;
 mod bench;
+mod brushless;
 mod calibration;
+mod change_detection;
+mod chapter5;
 mod dynamics;
+mod ekf_rls;
+mod flights;
 mod ident_sdp;
+mod identification;
 mod integrator;
 mod lie;
+mod likelihood;
+mod plot;
 mod real_data;
 mod throws;
+mod thrust_imu;
 
 use std::process::ExitCode;
 
@@ -36,25 +45,58 @@ impl Failure {
 /// A benchmark problem: its name in `benchmarks/PROBLEMS.md` and the module that runs it.
 type Problem = (&'static str, fn(&mut Bench) -> Result<(), Failure>);
 
-const PROBLEMS: &[Problem] =
-    &[("lie", lie::run), ("dynamics", dynamics::run), ("integrator", integrator::run), ("ident_sdp", ident_sdp::run)];
+const PROBLEMS: &[Problem] = &[
+    ("lie", lie::run),
+    ("dynamics", dynamics::run),
+    ("integrator", integrator::run),
+    ("ident_sdp", ident_sdp::run),
+    ("ekf_rls", ekf_rls::run),
+];
+
+/// What a result folder says about the run that wrote it.
+fn run_record(command: &str, configuration: &serde_json::Value) -> String {
+    let commit = std::process::Command::new("git").args(["rev-parse", "HEAD"]).output().ok();
+    let commit =
+        commit.filter(|output| output.status.success()).and_then(|output| String::from_utf8(output.stdout).ok());
+    let record = serde_json::json!({
+        "format": 1,
+        "command": command,
+        "version": env!("CARGO_PKG_VERSION"),
+        "commit": commit.map(|text| text.trim().to_owned()),
+        "configuration": configuration,
+    });
+    format!("{record:#}\n")
+}
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let (name, rest) = words.split_first().map_or(("", &[][..]), |(name, rest)| (name.as_str(), rest));
-    let result =
-        match name {
-            "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps"])
-                .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
-            "real-data" => Arguments::parse(rest, &["--json", "--check"], &["--data"])
-                .and_then(|arguments| real_data::run(&arguments)),
-            "study" => match rest.split_first() {
-                Some((study, rest)) if study == "calibration" => Arguments::parse(rest, &[], &["--runs", "--only"])
-                    .and_then(|arguments| calibration::run(&arguments)),
-                _ => Err(Failure::BadInput("study what? `calibration`".to_owned())),
-            },
-            unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
-        };
+    let result = match name {
+        "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps"])
+            .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
+        "real-data" => {
+            Arguments::parse(rest, &["--json", "--check"], &["--data"]).and_then(|arguments| real_data::run(&arguments))
+        }
+        "reproduce" => match rest.split_first() {
+            Some((what, rest)) if what == "chapter5" => {
+                Arguments::parse(rest, &[], &["--out", "--runs"]).and_then(|arguments| chapter5::run(&arguments))
+            }
+            _ => Err(Failure::BadInput("reproduce what? `chapter5`".to_owned())),
+        },
+        "study" => match rest.split_first() {
+            Some((what, rest)) if what == "identification" => {
+                Arguments::parse(rest, &[], &["--cells", "--runs", "--out"])
+                    .and_then(|arguments| identification::run(&arguments))
+            }
+            Some((what, rest)) if what == "change-detection" => Arguments::parse(rest, &[], &["--grasps", "--hours"])
+                .and_then(|arguments| change_detection::run(&arguments)),
+            Some((what, rest)) if what == "calibration" => {
+                Arguments::parse(rest, &[], &["--runs", "--only"]).and_then(|arguments| calibration::run(&arguments))
+            }
+            _ => Err(Failure::BadInput("study what? `identification`, `calibration`, `change-detection`".to_owned())),
+        },
+        unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
+    };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::BadInput(reason)) => {

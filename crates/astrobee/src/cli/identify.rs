@@ -7,12 +7,13 @@ use crate::report::{self, Context};
 use crate::{AstrobeeError, body_file, demo};
 use clap::{Args, ValueEnum};
 use std::io::IsTerminal as _;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::{
-    Identification, IdentificationError, Method, MotionSample, Nuisance, Nuisances, Settings, WrenchTiming, identify,
-    merge, predict, validate,
+    Identification, IdentificationError, LongRecord, Method, MotionSample, Nuisance, Nuisances, Settings, WrenchTiming,
+    identify, merge, predict, validate,
 };
 
 /// Options of `tumble identify`.
@@ -98,6 +99,14 @@ enum MethodName {
     Variational6,
     /// Maximum likelihood from noisy poses and wrenches.
     MaximumLikelihood,
+    /// Recursive least squares in covariance form.
+    Rls,
+    /// Recursive least squares whose every answer is a body.
+    RecursiveSdp,
+    /// Extended Kalman filter of motion and parameters.
+    Ekf,
+    /// Unscented Kalman filter of motion and parameters.
+    Ukf,
 }
 
 impl From<MethodName> for Method {
@@ -109,6 +118,10 @@ impl From<MethodName> for Method {
             MethodName::Variational4 => Self::Variational4,
             MethodName::Variational6 => Self::Variational6,
             MethodName::MaximumLikelihood => Self::MaximumLikelihood,
+            MethodName::Rls => Self::Rls,
+            MethodName::RecursiveSdp => Self::RecursiveSdp,
+            MethodName::Ekf => Self::Ekf,
+            MethodName::Ukf => Self::Ukf,
         }
     }
 }
@@ -298,10 +311,8 @@ fn dry_run(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcom
     let wrench_noise = args.wrench_noise.unwrap_or(demo::WRENCH_NOISE);
     let mut prediction = None;
     log.for_each_part(|record| {
-        if prediction.is_none() {
-            prediction = Some(predict(record, settings, wrench_noise)?);
-        }
-        Ok(())
+        prediction = Some(predict(record, settings, wrench_noise)?);
+        Ok(ControlFlow::Break(()))
     })?;
     let Some(prediction) = prediction else {
         return Err(AstrobeeError::Empty { path: PathBuf::from(&log.source), what: "data rows" });
@@ -417,13 +428,13 @@ impl Log {
         Ok(Self { source: path.display().to_string(), rows, estimation_rows: 0, reference, warnings, duration_s })
     }
 
-    /// Calls `part` for each stretch of the estimation rows that fits in memory.
+    /// Calls `part` for each stretch of the estimation rows that fits in memory, until it breaks off.
     fn for_each_part(
         &self,
-        mut part: impl FnMut(&[MotionSample]) -> Result<(), AstrobeeError>,
+        mut part: impl FnMut(&[MotionSample]) -> Result<ControlFlow<()>, AstrobeeError>,
     ) -> Result<(), AstrobeeError> {
         match &self.rows {
-            Rows::Memory(record) => part(record.get(..self.estimation_rows).unwrap_or(record)),
+            Rows::Memory(record) => part(record.get(..self.estimation_rows).unwrap_or(record)).map(|_| ()),
             Rows::File { path, reorder, .. } => {
                 let mut reader = LogReader::open(path, *reorder)?;
                 let mut chunk = Vec::new();
@@ -432,9 +443,9 @@ impl Log {
                     chunk.clear();
                     let more = reader.read_chunk(&mut chunk, ROWS_IN_MEMORY.min(self.estimation_rows - done))?;
                     done += chunk.len();
-                    part(&chunk)?;
+                    let flow = part(&chunk)?;
                     progress(&format!("{done} of {} rows", self.estimation_rows));
-                    if !more {
+                    if !more || flow.is_break() {
                         break;
                     }
                 }
@@ -460,11 +471,16 @@ impl Log {
     }
 
     fn identify(&self, settings: &Settings) -> Result<Identification, AstrobeeError> {
+        if self.estimation_rows > LongRecord::LONG
+            && let Some(found) = self.identify_long(settings)?
+        {
+            return Ok(found);
+        }
         if let Rows::Memory(_) = self.rows {
             let mut found = None;
             self.for_each_part(|record| {
                 found = Some(identify(record, settings)?);
-                Ok(())
+                Ok(ControlFlow::Continue(()))
             })?;
             return found.ok_or(AstrobeeError::Empty { path: PathBuf::from(&self.source), what: "data rows" });
         }
@@ -481,9 +497,31 @@ impl Log {
                     parts.push(found);
                 }
             }
-            Ok(())
+            Ok(ControlFlow::Continue(()))
         })?;
         Ok(merge(&parts, settings.prior.as_ref())?)
+    }
+
+    /// By likelihood in a sliding window; `None` where that has no answer.
+    fn identify_long(&self, settings: &Settings) -> Result<Option<Identification>, AstrobeeError> {
+        let mut long = None;
+        let slid = self.for_each_part(|record| {
+            if long.is_none() {
+                long = LongRecord::try_new(record, settings)?;
+            }
+            let Some(long) = &mut long else { return Ok(ControlFlow::Break(())) };
+            for row in record {
+                long.push(*row)?;
+            }
+            Ok(ControlFlow::Continue(()))
+        });
+        let found = slid.and_then(|()| Ok(long.map(LongRecord::finish).transpose()?));
+        match found {
+            Err(AstrobeeError::Identification(
+                IdentificationError::LikelihoodNotConverged { .. } | IdentificationError::NotExcited { .. },
+            )) => Ok(None),
+            found => found,
+        }
     }
 }
 

@@ -147,15 +147,16 @@ impl From<Fit> for Best {
 
 /// The fit whose predicted error is least, among the methods and lags that the settings leave open.
 ///
-/// The shortest lag is taken where noise in the poses does not matter there. Where it does, and the method is open, the
-/// likelihood is asked first.
+/// The shortest lag is taken where noise in the poses does not matter there. Where it does, or the steps are too unequal for
+/// most rows, and the method is open, the likelihood is asked first.
 pub(super) fn best_fit(
     record: &[MotionSample],
     timeline: &Timeline,
     settings: &Settings,
     noise: &SampleNoise,
 ) -> Result<Best, IdentificationError> {
-    let automatic = matches!(settings.method, Method::Auto | Method::MaximumLikelihood);
+    let automatic =
+        matches!(settings.method, Method::Auto | Method::MaximumLikelihood) || settings.method.is_recursive();
     let method = if automatic { Method::Variational4 } else { settings.method };
     let with_lag = |method, lag| {
         let fit = |lag| Fit::new(Scheme::new(settings, method, lag), record, timeline, noise);
@@ -165,24 +166,36 @@ pub(super) fn best_fit(
         // Too short for the higher order.
         Err(IdentificationError::TooFewSamples { .. }) if automatic => {
             with_lag(Method::Variational, settings.lag.unwrap_or(1))
-                .or_else(|error| with_lag(Method::NewtonEuler, settings.lag.unwrap_or(1)).map_err(|_| error))?
+                .or_else(|error| with_lag(Method::NewtonEuler, settings.lag.unwrap_or(1)).map_err(|_| error))
         }
         // Rates and velocities need no equal steps.
         Ok(found) if automatic && 2 * found.rows.skipped_unequal > found.rows.windows => {
-            with_lag(Method::NewtonEuler, settings.lag.unwrap_or(1)).unwrap_or(found)
+            with_lag(Method::NewtonEuler, settings.lag.unwrap_or(1)).or(Ok(found))
         }
-        other => other?,
+        other => other,
+    };
+    let likelihood = || -> Result<Option<Best>, IdentificationError> {
+        let open = settings.method == Method::Auto;
+        let found = if open { most_likely(record, timeline, settings)? } else { None };
+        Ok(found.map(|found| Best::Likelihood(Box::new(found))))
+    };
+    let first = match first {
+        // Steps so unequal that no row is left.
+        Err(error @ IdentificationError::TooFewSamples { .. }) => return likelihood()?.ok_or(error),
+        first => first?,
     };
     let noisy = first.scheme.lag == 1 && first.is_noisy();
     let of_rates = first.scheme.method == Method::NewtonEuler;
     let flagged = |fit: Fit| Fit { poses_noisy: noisy && !of_rates, rates_noisy: noisy && of_rates, ..fit };
-    if settings.lag.is_some() || !noisy {
+    let mostly_unused = 2 * first.rows.skipped_unequal > first.rows.windows;
+    if settings.lag.is_some() || !noisy && !mostly_unused {
         return Ok(flagged(first).into());
     }
-    if settings.method == Method::Auto
-        && let Some(found) = most_likely(record, timeline, settings)?
-    {
-        return Ok(Best::Likelihood(Box::new(found)));
+    if let Some(found) = likelihood()? {
+        return Ok(found);
+    }
+    if !noisy {
+        return Ok(flagged(first).into());
     }
     let mut methods = vec![first.scheme.method];
     if automatic {

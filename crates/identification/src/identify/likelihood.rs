@@ -3,14 +3,16 @@
 
 use super::solution::{Solution, from_covariance, solve};
 use super::timeline::Timeline;
-use super::{Estimate, FEW_NODES, Identification, Method, NodeResidual, POOR_FIT, Settings, Validation, Warning};
+use super::{
+    Estimate, FEW_NODES, Identification, Method, NodeResidual, POOR_FIT, Prior, Settings, Validation, Warning,
+};
 use crate::error::IdentificationError;
 use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, SegmentResidual};
 use crate::motion::MotionSample;
-use crate::{BodyScale, Observability};
+use crate::{BodyScale, Observability, SquareRootInformation};
 use nalgebra::SMatrix;
 
-fn estimator(settings: &Settings) -> MaximumLikelihood {
+pub(super) fn estimator(settings: &Settings) -> MaximumLikelihood {
     MaximumLikelihood {
         wrench_timing: settings.wrench_timing,
         gravity_world: settings.gravity_world,
@@ -34,20 +36,10 @@ pub(super) fn most_likely(
         ) => return Ok(None),
         Err(error) => return Err(error),
     };
-    let Ok(scale) = BodyScale::of(&found.parameters.to_vector()) else { return Ok(None) };
-    let magnitudes = scale.parameter_magnitudes();
-    let like = SMatrix::<f64, 10, 10>::from_fn(|i, j| found.covariance[(i, j)] / (magnitudes[i] * magnitudes[j]));
-    // A direction is determined when it is known better than the body's own scale.
-    if like.symmetric_eigenvalues().max().partial_cmp(&1.0) != Some(core::cmp::Ordering::Less) {
+    let Some(Answer { scale, information, estimate, regularised }) = Answer::of(&found, settings.prior.as_ref())?
+    else {
         return Ok(None);
-    }
-    let information = from_covariance(&found.unconstrained, &found.covariance, &magnitudes)?;
-    let Solution { mut estimate, regularised } = solve(information, scale, true, settings.prior.as_ref())?;
-    if let (Some(estimate), None) = (&mut estimate, &settings.prior) {
-        // The likelihood has met the constraint where it is not linear.
-        estimate.parameters = found.parameters;
-        estimate.lmi_active = found.active_axis.is_some();
-    }
+    };
     let observability = Observability::new(&information, scale);
     let residuals = residuals(&found, timeline);
     let explained = explained(&found.residuals, record, scale);
@@ -90,6 +82,35 @@ pub(super) fn most_likely(
         residuals,
         warnings,
     }))
+}
+
+/// A likelihood's optimum in the terms of an [`Identification`].
+pub(super) struct Answer {
+    pub(super) scale: BodyScale,
+    pub(super) information: SquareRootInformation<10>,
+    pub(super) estimate: Option<Estimate>,
+    pub(super) regularised: Option<Estimate>,
+}
+
+impl Answer {
+    /// `None` where a direction is left free.
+    pub(super) fn of(found: &LikelihoodEstimate, prior: Option<&Prior>) -> Result<Option<Self>, IdentificationError> {
+        let Ok(scale) = BodyScale::of(&found.parameters.to_vector()) else { return Ok(None) };
+        let magnitudes = scale.parameter_magnitudes();
+        let like = SMatrix::<f64, 10, 10>::from_fn(|i, j| found.covariance[(i, j)] / (magnitudes[i] * magnitudes[j]));
+        // A direction is determined when it is known better than the body's own scale.
+        if like.symmetric_eigenvalues().max().partial_cmp(&1.0) != Some(core::cmp::Ordering::Less) {
+            return Ok(None);
+        }
+        let information = from_covariance(&found.unconstrained, &found.covariance, &magnitudes)?;
+        let Solution { mut estimate, regularised } = solve(information, scale, true, prior)?;
+        if let (Some(estimate), None) = (&mut estimate, prior) {
+            // The likelihood has met the constraint where it is not linear.
+            estimate.parameters = found.parameters;
+            estimate.lmi_active = found.active_axis.is_some();
+        }
+        Ok(Some(Self { scale, information, estimate, regularised }))
+    }
 }
 
 /// The wrench that the motion asks for beyond the one applied, segment by segment.

@@ -41,6 +41,8 @@ enum Skip {
 
 impl Scheme {
     pub(super) fn new(settings: &Settings, method: Method, lag: usize) -> Self {
+        // Filters have no rows of their own; they are judged by those of order 4.
+        let method = if method.is_recursive() { Method::Variational4 } else { method };
         Self {
             method,
             lag: lag.max(1),

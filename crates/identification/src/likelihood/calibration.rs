@@ -67,6 +67,11 @@ const FAR_FROM_ROW: f64 = 0.6;
 const LARGEST_TIME_STEP_S: f64 = 0.2;
 
 impl Nuisance {
+    /// Whether it moves the logged wrench in time.
+    pub(crate) fn is_a_time(self) -> bool {
+        matches!(self, Self::Delay | Self::AccelerationDelay | Self::ActuatorLag)
+    }
+
     /// The nuisances that go by one name: `delay`, `force-scale`, `torque-scale`, `accelerometer-bias`,
     /// `accelerometer-scale`, `accelerometer-position`, `bias-wrench`, `table-slope` (horizontal axes), `actuator-lag`.
     pub fn named(name: &str) -> Option<&'static [Self]> {

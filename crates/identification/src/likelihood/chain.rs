@@ -3,19 +3,24 @@
 use super::calibration::Calibration;
 use super::coordinates::{Coordinates, ParameterStep};
 use super::drive::{Drive, Passage, drives};
-use super::elimination::{CostToGo, Evidence, First, Gain, Indefinite, Posterior, Schur, Stage, forward};
+use super::elimination::{
+    CostToGo, Evidence, First, Gain, Indefinite, Posterior, Schur, Square, Stage, forward, recenter,
+};
 use super::flow::State;
+use super::nodes;
 use super::noise::Levels;
-use super::record::{Record, median};
-use super::segment::{MEASUREMENTS, Model, NOISE, PARAMETERS, Robust, Rows, Tally, Tangent, normal_matrix, packed_len};
-use nalgebra::Vector3;
+use super::record::{Doubt, Record, median};
+use super::segment::{
+    MEASUREMENTS, Model, NOISE, PARAMETERS, Robust, Rows, Sample, Tally, Tangent, normal_matrix, packed_len,
+};
+use nalgebra::{SVector, Vector3, Vector6};
 
 /// Median of the square of a normal 3-vector.
 const MEDIAN_OF_SQUARE: f64 = 2.365_974;
 
 /// Everything a Gauss-Newton iteration changes, and its workspace.
-pub(super) struct Chain<'a, const W: usize> {
-    record: &'a Record,
+pub(super) struct Chain<const W: usize> {
+    pub(super) record: Record,
     gravity: Vector3<f64>,
     /// What acts on each sample after this passage.
     drives: Vec<Drive>,
@@ -33,6 +38,8 @@ pub(super) struct Chain<'a, const W: usize> {
     firsts: Vec<Option<First<W>>>,
     rows: Rows<W>,
     cost_to_go: CostToGo<W>,
+    /// What is known of the first state and the parameters from before the chain, about the present nodes.
+    arrival: Box<Square<W>>,
     lanes: usize,
 }
 
@@ -46,9 +53,9 @@ pub(super) struct Sweep {
     pub(super) largest_defect: f64,
 }
 
-impl<'a, const W: usize> Chain<'a, W> {
+impl<const W: usize> Chain<W> {
     pub(super) fn new(
-        record: &'a Record,
+        record: Record,
         gravity: Vector3<f64>,
         starts: Vec<usize>,
         nodes: Vec<State>,
@@ -66,7 +73,6 @@ impl<'a, const W: usize> Chain<'a, W> {
         let lanes = PARAMETERS + calibration.columns() + 1;
         let passage = calibration.passage();
         Self {
-            record,
             drives: drives(samples, record.median_step_s, &passage),
             passage,
             gravity,
@@ -80,12 +86,14 @@ impl<'a, const W: usize> Chain<'a, W> {
             firsts: vec![None; segments],
             rows: Rows::new(),
             cost_to_go: CostToGo::new(lanes),
+            arrival: Box::new([[0.0; W]; W]),
             lanes,
+            record,
         }
     }
 
     /// End of segment `j`: one past its last sample.
-    fn end(&self, j: usize) -> usize {
+    pub(super) fn end(&self, j: usize) -> usize {
         self.starts.get(j + 1).copied().unwrap_or_else(|| self.record.rows(&self.passage).end)
     }
 
@@ -154,10 +162,9 @@ impl<'a, const W: usize> Chain<'a, W> {
                 state = body.over(&state, &input, &gravity, sample.step_s);
             }
         }
-        let (record, gravity) = (self.record, self.gravity);
-        drop(self);
-        let mut chain = Self::new(record, gravity, starts, nodes, calibration);
+        let mut chain = Self::new(self.record, self.gravity, starts, nodes, calibration);
         chain.noise = noise;
+        chain.arrival = self.arrival;
         chain
     }
 
@@ -175,11 +182,55 @@ impl<'a, const W: usize> Chain<'a, W> {
         levels: &Levels,
         robust: Option<Robust>,
     ) -> Sweep {
+        self.sweep_first(self.starts.len(), eta, calibration, levels, robust)
+    }
+
+    /// Rolls the first `segments` out.
+    pub(super) fn sweep_first(
+        &mut self,
+        segments: usize,
+        eta: &Coordinates,
+        calibration: &Calibration,
+        levels: &Levels,
+        robust: Option<Robust>,
+    ) -> Sweep {
         let passage = calibration.passage();
         if self.passage != passage {
             self.drives = drives(&self.record.samples, self.record.median_step_s, &passage);
             self.passage = passage;
         }
+        let mut sweep = Sweep::default();
+        self.rows.restart();
+        for j in 0..segments {
+            self.sweep_segment(j, eta, calibration, levels, robust, &mut sweep);
+        }
+        sweep.tally = self.rows.tally;
+        sweep
+    }
+
+    /// Rolls one segment out; gives what became of its residuals.
+    pub(super) fn sweep_alone(
+        &mut self,
+        j: usize,
+        eta: &Coordinates,
+        calibration: &Calibration,
+        levels: &Levels,
+        robust: Option<Robust>,
+    ) -> Tally {
+        self.rows.restart();
+        self.sweep_segment(j, eta, calibration, levels, robust, &mut Sweep::default());
+        self.rows.tally
+    }
+
+    fn sweep_segment(
+        &mut self,
+        j: usize,
+        eta: &Coordinates,
+        calibration: &Calibration,
+        levels: &Levels,
+        robust: Option<Robust>,
+        sweep: &mut Sweep,
+    ) {
         let model = Model {
             samples: &self.record.samples,
             drives: &self.drives,
@@ -189,67 +240,204 @@ impl<'a, const W: usize> Chain<'a, W> {
             sigma: levels.measurements,
             robust,
         };
-        let mut sweep = Sweep::default();
-        self.rows.restart();
         let (length, count) = (packed_len(self.lanes), self.groups.len());
-        for j in 0..self.starts.len() {
-            let (range, last) = (self.starts[j]..self.end(j), self.is_last(j));
-            let precision = self.precision(j, levels);
-            let tangent = &mut self.transitions[j];
-            let end = model.roll(&self.nodes[j], &self.noise[j], range, last, &mut self.rows, tangent);
-            let normals = &mut self.normals[j * count * length..][..count * length];
-            for (&group, packed) in self.groups.iter().zip(normals.chunks_exact_mut(length)) {
-                normal_matrix(&self.rows.groups[group], self.lanes, packed);
-            }
-            if !last {
-                let defect = end.difference(&self.nodes[j + 1]);
-                for (i, value) in defect.iter().enumerate() {
-                    tangent[i / 3][i % 3][self.lanes - 1] = *value;
-                    sweep.largest_defect = sweep.largest_defect.max(value.abs());
-                }
-            }
-            for (i, value) in self.noise[j].iter().enumerate() {
-                sweep.noise_squares[i / 3] += precision[i] * value * value;
+        let (range, last) = (self.starts[j]..self.end(j), self.is_last(j));
+        let precision = self.precision(j, levels);
+        let tangent = &mut self.transitions[j];
+        let end = model.roll(&self.nodes[j], &self.noise[j], range, last, &mut self.rows, tangent);
+        let normals = &mut self.normals[j * count * length..][..count * length];
+        for (&group, packed) in self.groups.iter().zip(normals.chunks_exact_mut(length)) {
+            normal_matrix(&self.rows.groups[group], self.lanes, packed);
+        }
+        if !last {
+            let defect = end.difference(&self.nodes[j + 1]);
+            for (i, value) in defect.iter().enumerate() {
+                tangent[i / 3][i % 3][self.lanes - 1] = *value;
+                sweep.largest_defect = sweep.largest_defect.max(value.abs());
             }
         }
-        sweep.tally = self.rows.tally;
-        sweep
+        for (i, value) in self.noise[j].iter().enumerate() {
+            sweep.noise_squares[i / 3] += precision[i] * value * value;
+        }
     }
 
     /// Eliminates states and noise under these levels.
     pub(super) fn eliminate(&mut self, levels: &Levels) -> Result<Schur, Indefinite> {
+        self.eliminate_first(self.starts.len(), levels)
+    }
+
+    /// The same as if the record ended with the first `segments`.
+    pub(super) fn eliminate_first(&mut self, segments: usize, levels: &Levels) -> Result<Schur, Indefinite> {
         let (length, count) = (packed_len(self.lanes), self.groups.len());
-        let weights: Vec<f64> = self.groups.iter().map(|&group| levels.measurements[group].powi(-2)).collect();
+        let weights = self.weights(levels);
         self.cost_to_go.clear();
-        for j in (0..self.starts.len()).rev() {
+        for j in (0..segments).rev() {
+            let tied = j + 1 < segments && !self.is_last(j);
             let stage = Stage {
                 normals: &self.normals[j * count * length..][..count * length],
-                weights: &weights,
+                weights: &weights[..count],
                 noise: &self.noise[j],
                 precision: &self.precision(j, levels),
-                transition: (!self.is_last(j)).then(|| self.transitions[j].as_flattened()),
+                transition: tied.then(|| self.transitions[j].as_flattened()),
             };
             self.cost_to_go.eliminate(&stage, &mut self.gains[j])?;
-            if j == 0 || self.is_last(j - 1) {
+            if j > 0 && self.is_last(j - 1) {
                 self.firsts[j] = Some(self.cost_to_go.release());
             }
         }
+        self.cost_to_go.add(&self.arrival);
+        let first = self.cost_to_go.release();
+        if let Some(known) = self.firsts.first_mut() {
+            *known = Some(first);
+        }
         Ok(self.cost_to_go.schur())
+    }
+
+    /// Weights of the groups, in their order; the rest is not used.
+    fn weights(&self, levels: &Levels) -> [f64; MEASUREMENTS] {
+        let mut weights = [0.0; MEASUREMENTS];
+        for (weight, &group) in weights.iter_mut().zip(&self.groups) {
+            *weight = levels.measurements[group].powi(-2);
+        }
+        weights
     }
 
     /// Moves nodes and noise along with a step of the parameters; gives the largest component of a node's step.
     pub(super) fn follow(&mut self, step: &ParameterStep) -> f64 {
         let (nodes, noise) = (&mut self.nodes, &mut self.noise);
-        let mut largest: f64 = 0.0;
-        let step = step.step.as_slice();
-        forward(step, &self.firsts, &self.gains, &self.transitions, |j, z| {
+        let (mut largest, mut first): (f64, _) = (0.0, [0.0; 12]);
+        forward(step.step.as_slice(), &self.firsts, &self.gains, &self.transitions, |j, z| {
             let change: [f64; 12] = core::array::from_fn(|i| z[i]);
+            if j == 0 {
+                first = change;
+            }
             largest = change.iter().fold(largest, |largest, x| largest.max(x.abs()));
             nodes[j] = nodes[j].retracted(&change);
             for (value, change) in noise[j].iter_mut().zip(&z[NOISE..PARAMETERS]) {
                 *value += change;
             }
         });
+        recenter(&mut self.arrival, &first, step.moved.as_slice());
         largest
+    }
+
+    /// Adds independent knowledge of the parameters, expected where they are now.
+    pub(super) fn add_prior(&mut self, precision: &SVector<f64, 10>) {
+        for (i, value) in precision.iter().enumerate() {
+            self.arrival[PARAMETERS + i][PARAMETERS + i] += value;
+        }
+    }
+
+    /// Appends a segment. Its first state is predicted, or, where nothing ties it to the chain, taken from its poses.
+    pub(super) fn push(
+        &mut self,
+        samples: &[Sample],
+        doubt: Option<Vector6<f64>>,
+        after_break: bool,
+        (eta, calibration): (&Coordinates, &Calibration),
+        node_window_s: f64,
+    ) {
+        let start = self.record.samples.len();
+        if let Some(variance) = doubt {
+            self.record.doubts.push(Doubt { sample: start, variance });
+        }
+        self.record.samples.extend_from_slice(samples);
+        // A drive looks back to the row before.
+        let before = start.saturating_sub(1);
+        let fresh = drives(&self.record.samples[before..], self.record.median_step_s, &self.passage);
+        self.drives.extend_from_slice(&fresh[start - before..]);
+        let predicted = match (self.starts.last(), self.nodes.last(), self.noise.last()) {
+            (Some(&from), Some(node), Some(noise)) if !after_break => {
+                let (body, gravity) = (eta.body(), self.gravity + calibration.slope());
+                let rows = self.record.samples[from..start].iter().zip(&self.drives[from..start]);
+                Some(rows.fold(*node, |state, (sample, drive)| {
+                    body.over(&state, &calibration.input(&drive.input, noise), &gravity, sample.step_s)
+                }))
+            }
+            _ => {
+                self.record.breaks.push(start);
+                None
+            }
+        };
+        self.starts.push(start);
+        match predicted {
+            Some(node) => self.nodes.push(node),
+            None => self.nodes.extend(nodes::from_poses(&self.record, &[start], node_window_s, &eta.center)),
+        }
+        self.noise.push([0.0; 6]);
+        self.normals.resize(self.normals.len() + self.groups.len() * packed_len(self.lanes), 0.0);
+        self.transitions.push([[[0.0; W]; 3]; 4]);
+        self.gains.push(Gain::new());
+        self.firsts.push(None);
+    }
+
+    /// Keeps the first `segments` only.
+    pub(super) fn truncate(&mut self, segments: usize) {
+        if let Some(&end) = self.starts.get(segments) {
+            self.record.samples.truncate(end);
+            self.drives.truncate(end);
+            self.record.doubts.retain(|doubt| doubt.sample < end);
+            self.record.breaks.retain(|first| *first < end);
+            self.starts.truncate(segments);
+            self.nodes.truncate(segments);
+            self.noise.truncate(segments);
+            self.normals.truncate(segments * self.groups.len() * packed_len(self.lanes));
+            self.transitions.truncate(segments);
+            self.gains.truncate(segments);
+            self.firsts.truncate(segments);
+        }
+    }
+
+    /// Sums up what the first `segments` say about what follows, as last swept, and forgets them.
+    pub(super) fn marginalize(&mut self, segments: usize, levels: &Levels) -> Result<(), Indefinite> {
+        let (length, count) = (packed_len(self.lanes), self.groups.len());
+        let weights = self.weights(levels);
+        for j in 0..segments {
+            let stage = Stage {
+                normals: &self.normals[j * count * length..][..count * length],
+                weights: &weights[..count],
+                noise: &self.noise[j],
+                precision: &self.precision(j, levels),
+                transition: (!self.is_last(j)).then(|| self.transitions[j].as_flattened()),
+            };
+            self.cost_to_go.arrive(&stage, &mut self.arrival, &mut self.gains[j])?;
+        }
+        let end = self.starts.get(segments).copied().unwrap_or(self.record.samples.len());
+        self.record.samples.drain(..end);
+        self.drives.drain(..end);
+        self.record.doubts.retain(|doubt| doubt.sample >= end);
+        for doubt in &mut self.record.doubts {
+            doubt.sample -= end;
+        }
+        self.record.breaks.retain(|first| *first > end);
+        for first in &mut self.record.breaks {
+            *first -= end;
+        }
+        self.starts.drain(..segments);
+        for start in &mut self.starts {
+            *start -= end;
+        }
+        self.nodes.drain(..segments);
+        self.noise.drain(..segments);
+        self.normals.drain(..segments * count * length);
+        self.transitions.drain(..segments);
+        self.gains.drain(..segments);
+        self.firsts.drain(..segments);
+        Ok(())
+    }
+
+    /// Gives memory back that only the past of the chain needed.
+    pub(super) fn shrink(&mut self) {
+        self.record.wrenches = Vec::new();
+        self.record.samples.shrink_to_fit();
+        self.drives.shrink_to_fit();
+        self.starts.shrink_to_fit();
+        self.nodes.shrink_to_fit();
+        self.noise.shrink_to_fit();
+        self.normals.shrink_to_fit();
+        self.transitions.shrink_to_fit();
+        self.gains.shrink_to_fit();
+        self.firsts.shrink_to_fit();
+        self.rows = Rows::new();
     }
 }

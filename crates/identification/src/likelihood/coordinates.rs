@@ -27,6 +27,8 @@ pub(crate) struct ParameterStep {
     pub(crate) next: Coordinates,
     /// The step on which states and noise are to follow.
     pub(crate) step: DVector<f64>,
+    /// How far the parameters went; differs from the step where it was a long one.
+    pub(crate) moved: DVector<f64>,
     /// The consistency constraint shortened it.
     pub(crate) constrained: bool,
 }
@@ -34,7 +36,7 @@ pub(crate) struct ParameterStep {
 impl ParameterStep {
     /// Stays where it is.
     pub(crate) fn none(at: &Coordinates, columns: usize) -> Self {
-        Self { next: *at, step: DVector::zeros(columns), constrained: false }
+        Self { next: *at, step: DVector::zeros(columns), moved: DVector::zeros(columns), constrained: false }
     }
 }
 
@@ -79,14 +81,17 @@ impl Coordinates {
         }
         let longest = step.iter().skip(4).take(6).fold(0.0, |longest: f64, x| longest.max(x.abs()));
         if step[0].abs() > LONG_STEP || longest > LONG_STEP * self.inertia.trace() / 3.0 {
-            return Some(ParameterStep { next: self.long_step(&step)?, step, constrained: false });
+            let next = self.long_step(&step)?;
+            let mut moved = step.clone();
+            moved.rows_mut(0, 10).copy_from(&next.difference(self));
+            return Some(ParameterStep { next, step, moved, constrained: false });
         }
         let next = self.advanced(&step);
         if slack(&next.inertia).symmetric_eigenvalues().min() > 0.0 {
-            return Some(ParameterStep { next, step, constrained: false });
+            return Some(ParameterStep { next, moved: step.clone(), step, constrained: false });
         }
         let step = self.constrained_step(information, gradient)?;
-        Some(ParameterStep { next: self.advanced(&step), step, constrained: true })
+        Some(ParameterStep { next: self.advanced(&step), moved: step.clone(), step, constrained: true })
     }
 
     pub(crate) fn advanced(&self, step: &DVector<f64>) -> Self {
@@ -95,6 +100,16 @@ impl Coordinates {
             center: self.center + Vector3::new(step[1], step[2], step[3]),
             inertia: self.inertia + symmetric(step.as_slice()),
         }
+    }
+
+    /// `self - base` in the order of eta.
+    pub(crate) fn difference(&self, base: &Self) -> SVector<f64, 10> {
+        let (center, inertia) = (self.center - base.center, self.inertia - base.inertia);
+        SVector::from_fn(|i, _| match i {
+            0 => self.log_mass - base.log_mass,
+            1..=3 => center[i - 1],
+            _ => inertia[UPPER[i - 4]],
+        })
     }
 
     /// A step in 1/m and J_C^-1, the coordinates in which one step of the flow is linear.

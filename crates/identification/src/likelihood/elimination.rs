@@ -6,7 +6,7 @@
 #![allow(clippy::needless_range_loop)] // lanes of several rows go together
 
 use super::segment::{MEASUREMENTS, NOISE, PARAMETERS, Tangent, packed_start};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, SMatrix};
 
 /// A pivot below this fraction of its diagonal entry is rounding.
 const ROUNDING: f64 = 1e-13;
@@ -192,6 +192,85 @@ impl<const W: usize> CostToGo<W> {
         Ok(())
     }
 
+    /// Adds what is known of the first state and the parameters from elsewhere.
+    pub(crate) fn add(&mut self, arrival: &Square<W>) {
+        for (row, known) in self.value.iter_mut().zip(arrival) {
+            for (sum, value) in row.iter_mut().zip(known) {
+                *sum += value;
+            }
+        }
+    }
+
+    /// Takes a quadratic in `[x, eta, 1]` over a stage to what follows it: to the next state, or to the parameters
+    /// alone where a stretch ends. Any cost to go is lost.
+    ///
+    /// # Source
+    /// `x = A^-1 (x' - B e - Gamma eta - d)` in the sum of both; then `e` is eliminated.
+    pub(crate) fn arrive(
+        &mut self,
+        stage: &Stage<'_, W>,
+        arrival: &mut Square<W>,
+        gain: &mut Gain<W>,
+    ) -> Result<(), Indefinite> {
+        let lanes = self.lanes;
+        self.sum_up(stage);
+        for i in 0..lanes {
+            for j in i..lanes {
+                self.stage[i][j] += arrival[i][j];
+                self.stage[j][i] = self.stage[i][j];
+            }
+        }
+        if let Some(transition) = stage.transition {
+            self.change_state(transition)?;
+            self.eliminate_noise(gain)?;
+        } else {
+            self.eliminate_noise(gain)?;
+            self.release();
+        }
+        *arrival = *self.value;
+        Ok(())
+    }
+
+    /// The stage in terms of the state it leads to.
+    fn change_state(&mut self, transition: &[[f64; W]]) -> Result<(), Indefinite> {
+        let lanes = self.lanes;
+        let by_state = SMatrix::<f64, 12, 12>::from_fn(|i, j| transition[i][j]);
+        let back = by_state.try_inverse().ok_or(Indefinite)?;
+        // x = F [x', e, eta, 1].
+        let mut before = [[0.0; W]; 12];
+        for (i, row) in before.iter_mut().enumerate() {
+            for (k, step) in transition.iter().enumerate() {
+                let factor = back[(i, k)];
+                row[k] = factor;
+                for q in NOISE..W {
+                    row[q] -= factor * step[q];
+                }
+            }
+        }
+        for a in 0..lanes {
+            let value = &self.stage[a];
+            let mut row = *value;
+            row[..NOISE].fill(0.0);
+            for (factor, before) in value.iter().zip(&before) {
+                for q in 0..W {
+                    row[q] += factor * before[q];
+                }
+            }
+            self.product[a] = row;
+        }
+        for a in 0..lanes {
+            let mut row = if a < NOISE { [0.0; W] } else { self.product[a] };
+            for (before, product) in before.iter().zip(self.product.iter()) {
+                let factor = before[a];
+                for q in 0..W {
+                    row[q] += factor * product[q];
+                }
+            }
+            self.stage[a] = row;
+        }
+        Ok(())
+    }
+
     /// Eliminates the first state of the chain; what comes before knows nothing of it.
     pub(crate) fn release(&mut self) -> First<W> {
         let (lanes, value) = (self.lanes, &mut self.value);
@@ -239,6 +318,7 @@ impl<const W: usize> CostToGo<W> {
                 self.value[PARAMETERS + i.min(j)][PARAMETERS + i.max(j)]
             }),
             gradient: DVector::from_fn(columns, |i, _| -self.value[PARAMETERS + i][last]),
+            constant: self.value[last][last],
             log_determinant: self.log_determinant,
         }
     }
@@ -258,14 +338,39 @@ impl<const W: usize> First<W> {
     }
 }
 
-/// The quadratic in the parameters alone, `d^T S d / 2 - g^T d`.
+/// The quadratic in the parameters alone, `d^T S d - 2 g^T d + constant`.
 pub(crate) struct Schur {
     /// S.
     pub(crate) information: DMatrix<f64>,
     /// g.
     pub(crate) gradient: DVector<f64>,
+    /// Weighted squares of all residuals when only states and noise follow.
+    pub(crate) constant: f64,
     /// Of states and noise.
     pub(crate) log_determinant: f64,
+}
+
+impl Schur {
+    /// Weighted squares of all residuals at the optimum; `None` where there is none.
+    pub(crate) fn least(&self) -> Option<f64> {
+        let step = self.information.clone().cholesky()?.solve(&self.gradient);
+        Some(self.constant - self.gradient.dot(&step))
+    }
+}
+
+/// A quadratic in `[x, eta, 1]` about a point that lies `state` and `parameters` further.
+pub(crate) fn recenter<const W: usize>(quadratic: &mut Square<W>, state: &[f64; 12], parameters: &[f64]) {
+    let last = PARAMETERS + parameters.len();
+    let mut step = [0.0; W];
+    step[..12].copy_from_slice(state);
+    step[PARAMETERS..last].copy_from_slice(parameters);
+    step[last] = 1.0;
+    let by_one: [f64; W] = core::array::from_fn(|a| if a <= last { inner(&quadratic[a], &step) } else { 0.0 });
+    for (row, value) in quadratic.iter_mut().zip(by_one) {
+        row[last] = value;
+    }
+    quadratic[last] = by_one;
+    quadratic[last][last] = inner(&by_one, &step);
 }
 
 /// Steps of states and noise that belong to a step of the parameters.

@@ -170,7 +170,7 @@ fn information_at_the_truth() {
     };
     let nodes = starts.iter().map(state).collect();
     let calibration = Calibration::new(&[], &[]);
-    let mut chain = Chain::<32>::new(&samples, Vector3::zeros(), starts, nodes, &calibration);
+    let mut chain = Chain::<32>::new(samples, Vector3::zeros(), starts, nodes, &calibration);
     let levels = Levels::of(&known_noise());
     let sweep = chain.sweep(&Coordinates::of(&log.body), &calibration, &levels, None);
     let schur = chain.eliminate(&levels).unwrap();
@@ -261,7 +261,7 @@ fn evidence_is_the_derivative_of_determinant_and_minimum() {
     let eta = Coordinates::of(&log.body);
     let nodes = nodes::from_poses(&record, &starts, 0.6, &eta.center);
     let calibration = Calibration::new(&[Nuisance::Delay], &[]);
-    let mut chain = Chain::<32>::new(&record, Vector3::zeros(), starts, nodes, &calibration);
+    let mut chain = Chain::<32>::new(record, Vector3::zeros(), starts, nodes, &calibration);
     let levels = Levels::of(&known_noise());
     for _ in 0..2 {
         chain.sweep(&eta, &calibration, &levels, None);

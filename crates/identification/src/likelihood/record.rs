@@ -12,9 +12,9 @@ use nalgebra::{Vector3, Vector6};
 /// Fewest samples that are tried.
 const FEWEST_SAMPLES: usize = 8;
 /// A step longer than this many median steps is a gap: the wrench there is only guessed by the last one.
-const GAP: f64 = 1.5;
+pub(super) const GAP: f64 = 1.5;
 /// A gap longer than this is not bridged: the unknown course of the wrench within it would matter too.
-const LONGEST_BRIDGE: f64 = 3.5;
+pub(super) const LONGEST_BRIDGE: f64 = 3.5;
 /// Distance from the running median, in robust standard deviations of such distances, at which a wrench is a spike.
 const SPIKE: f64 = 5.0 * 1.4826;
 /// Spikes more frequent than this are how the body is driven.
@@ -35,6 +35,8 @@ pub(super) struct Record {
     pub(super) median_step_s: f64,
     /// In ascending order of samples.
     pub(super) doubts: Vec<Doubt>,
+    /// Distances from the running median beyond which a wrench is a spike.
+    pub(super) spike_bounds: Vector6<f64>,
     /// Samples after gaps that are not bridged, in ascending order.
     pub(super) breaks: Vec<usize>,
 }
@@ -68,7 +70,8 @@ impl Record {
         let last = record.len() - 1;
         let steps: Vec<f64> = (0..record.len()).map(|k| between(k, (k + 1).min(last))).collect();
         let median_step_s = median(&mut steps[..last].to_vec());
-        let mut doubts = if filter_spikes { spikes(&mut wrenches) } else { Vec::new() };
+        let (mut doubts, spike_bounds) =
+            if filter_spikes { spikes(&mut wrenches) } else { (Vec::new(), Vector6::repeat(f64::INFINITY)) };
         let mut breaks = Vec::new();
         for (sample, step) in steps.iter().enumerate().filter(|(_, step)| **step > GAP * median_step_s) {
             if *step > LONGEST_BRIDGE * median_step_s {
@@ -100,7 +103,7 @@ impl Record {
                 acceleration: sample.acceleration_origin_body,
             })
             .collect();
-        Ok(Self { samples, wrenches, median_step_s, doubts, breaks })
+        Ok(Self { samples, wrenches, median_step_s, doubts, spike_bounds, breaks })
     }
 
     /// The stretch without an unbridged gap that holds this sample.
@@ -150,7 +153,7 @@ impl Record {
 ///
 /// # Source
 /// Sampled: average over the cell of the cubic through four samples, or of the chord where one of them is missing.
-fn input(wrenches: &[Vector6<f64>], steps: &[f64], k: usize, timing: WrenchTiming, gap_s: f64) -> Input {
+pub(super) fn input(wrenches: &[Vector6<f64>], steps: &[f64], k: usize, timing: WrenchTiming, gap_s: f64) -> Input {
     let here = wrenches[k];
     let (mean, slope) = match (timing, wrenches.get(k + 1)) {
         (WrenchTiming::Sampled, Some(next)) if steps[k] <= gap_s => {
@@ -173,22 +176,19 @@ fn input(wrenches: &[Vector6<f64>], steps: &[f64], k: usize, timing: WrenchTimin
 }
 
 /// Replaces rare spikes by the running median of five; what they were is the doubt that remains.
-fn spikes(wrenches: &mut [Vector6<f64>]) -> Vec<Doubt> {
+fn spikes(wrenches: &mut [Vector6<f64>]) -> (Vec<Doubt>, Vector6<f64>) {
+    let mut bounds = Vector6::repeat(f64::INFINITY);
     let original = wrenches.to_vec();
     let mut doubts: Vec<Doubt> = Vec::new();
     for axis in 0..6 {
-        let middle = |k: usize| {
-            let first = k.saturating_sub(2).min(original.len().saturating_sub(5));
-            let mut near: Vec<f64> = original[first..].iter().take(5).map(|wrench| wrench[axis]).collect();
-            median(&mut near)
-        };
-        let medians: Vec<f64> = (0..original.len()).map(middle).collect();
+        let medians: Vec<f64> = (0..original.len()).map(|k| running_median(&original, k, axis)).collect();
         let away = |k: usize| (original[k][axis] - medians[k]).abs();
         let bound = SPIKE * median(&mut (0..original.len()).map(away).collect::<Vec<_>>());
         let found: Vec<usize> = (0..original.len()).filter(|&k| away(k) > bound).collect();
         if bound == 0.0 || found.len() as f64 > LARGEST_SPIKE_SHARE * original.len() as f64 {
             continue;
         }
+        bounds[axis] = bound;
         for sample in found {
             let mut variance = Vector6::zeros();
             variance[axis] = away(sample).powi(2);
@@ -196,11 +196,22 @@ fn spikes(wrenches: &mut [Vector6<f64>]) -> Vec<Doubt> {
             doubts.push(Doubt { sample, variance });
         }
     }
-    doubts
+    (doubts, bounds)
+}
+
+/// Median of the five wrenches around sample `k`.
+pub(super) fn running_median(wrenches: &[Vector6<f64>], k: usize, axis: usize) -> f64 {
+    let first = k.saturating_sub(2).min(wrenches.len().saturating_sub(5));
+    let mut near = [0.0; 5];
+    let count = wrenches.len().min(5);
+    for (value, wrench) in near.iter_mut().zip(&wrenches[first..]) {
+        *value = wrench[axis];
+    }
+    median(&mut near[..count])
 }
 
 /// Half the mean square change of the wrench over `lag` samples, the same for the three axes of torque and of force.
-fn change_variance(wrenches: &[Vector6<f64>], lag: usize) -> Vector6<f64> {
+pub(super) fn change_variance(wrenches: &[Vector6<f64>], lag: usize) -> Vector6<f64> {
     let (mut torque, mut force) = (0.0, 0.0);
     for (a, b) in wrenches.iter().zip(&wrenches[lag..]) {
         let change = b - a;
@@ -211,7 +222,7 @@ fn change_variance(wrenches: &[Vector6<f64>], lag: usize) -> Vector6<f64> {
     Vector6::from_fn(|i, _| if i < 3 { torque / pairs } else { force / pairs })
 }
 
-fn is_finite(sample: &MotionSample) -> bool {
+pub(super) fn is_finite(sample: &MotionSample) -> bool {
     let pose = &sample.world_from_body;
     let vectors = [sample.velocity_origin_world, sample.rate_body, sample.acceleration_origin_body];
     let wrench = sample.wrench_body.map(|w| w.torque + w.force);

@@ -8,7 +8,7 @@ use tumble_lie::LieGroup;
 use tumble_lie::nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector3};
 
 /// Passes over the momentum balance; each weights the rate errors with the inertia of the one before.
-const REWEIGHTINGS: usize = 3;
+pub(super) const REWEIGHTINGS: usize = 3;
 /// Relative eigenvalue of the scaled information below which a direction counts as not excited.
 const RANK_TOLERANCE: f64 = 1e-12;
 /// Root mean square rate that a tumbling body has about each axis, in standard deviations of the rate.
@@ -37,7 +37,7 @@ pub struct FreeFallEstimate {
 }
 
 /// Both balances averaged over one window.
-struct Window {
+pub(super) struct Window {
     time_s: f64,
     /// `[R L(w) | -R e_z W]`, inertial axes: regressor and output of the angular momentum.
     momentum: SMatrix<f64, 3, 7>,
@@ -95,7 +95,7 @@ fn check_tumbling(fall: &FreeFall<'_>, settings: &ThrowSettings) -> Result<(), I
 }
 
 /// Raised-cosine averages of both balances along the fall.
-fn windows(fall: &FreeFall<'_>, settings: &ThrowSettings) -> Vec<Window> {
+pub(super) fn windows(fall: &FreeFall<'_>, settings: &ThrowSettings) -> Vec<Window> {
     let samples = fall.samples;
     let mut attitudes = Vec::with_capacity(samples.len());
     let mut attitude = Rotation3::identity();
@@ -156,7 +156,7 @@ fn windows(fall: &FreeFall<'_>, settings: &ThrowSettings) -> Vec<Window> {
 ///
 /// # Source
 /// de Jong, "The diffuse Kalman filter", Annals of Statistics 19 (1991).
-fn whitened_momentum(
+pub(super) fn whitened_momentum(
     windows: &[Window],
     inertia_ratio: &SVector<f64, 6>,
     settings: &ThrowSettings,
@@ -220,7 +220,9 @@ fn inverse_information<const N: usize>(
 }
 
 /// Least squares of `[A | y]`.
-fn solve<const N: usize, const M: usize>(rows: &[SMatrix<f64, 3, M>]) -> Result<SVector<f64, N>, IdentificationError> {
+pub(super) fn solve<const N: usize, const M: usize>(
+    rows: &[SMatrix<f64, 3, M>],
+) -> Result<SVector<f64, N>, IdentificationError> {
     let output = rows
         .iter()
         .fold(SVector::<f64, N>::zeros(), |sum, row| sum + row.fixed_columns::<N>(0).transpose() * row.column(N));

@@ -65,6 +65,11 @@ impl ThrowRecord {
         Ok(Self { samples })
     }
 
+    /// A record of samples known to be finite and in order.
+    pub(super) fn of_valid(samples: Vec<ThrowSample>) -> Self {
+        Self { samples }
+    }
+
     /// The samples.
     pub fn samples(&self) -> &[ThrowSample] {
         &self.samples

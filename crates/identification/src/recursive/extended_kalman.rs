@@ -1,0 +1,137 @@
+//! The extended Kalman filter, and what a model of a filter is.
+
+use super::belief::{Rows, gated, symmetric};
+use super::{ChiSquareGate, Outcome, RecursiveEstimator};
+use crate::error::IdentificationError;
+use crate::lie::Manifold;
+use nalgebra::{SMatrix, SVector};
+
+/// Motion and measurement of a state that `N` numbers move, with parameters of a body in it.
+///
+/// The state is a point of a manifold, so that attitudes stay attitudes; its coordinates are to be chosen such that every
+/// point is physical, so that no estimate need be repaired.
+///
+/// # Shape
+/// `N` coordinates of an increment of the state, at most `ROWS` measured numbers, `P` reported parameters.
+pub trait FilterModel<const N: usize, const ROWS: usize, const P: usize> {
+    /// What the filter knows.
+    type State: Manifold<Scalar = f64, Tangent = SVector<f64, N>> + Copy;
+    /// What one update needs: inputs and step since the last one, and measurements.
+    type Observation;
+
+    /// The state at the time of the observation.
+    ///
+    /// # Errors
+    /// Where the inputs are not finite.
+    fn propagate(
+        &self,
+        state: &Self::State,
+        observation: &Self::Observation,
+    ) -> Result<Self::State, IdentificationError>;
+
+    /// Covariance that the step to the observation adds; `state` before the step.
+    fn process_noise(&self, state: &Self::State, observation: &Self::Observation) -> SMatrix<f64, N, N>;
+
+    /// Measured minus predicted; anything in rows that were not measured.
+    fn residual(&self, state: &Self::State, observation: &Self::Observation) -> SVector<f64, ROWS>;
+
+    /// Standard deviation of each measured row; infinite in the others.
+    fn standard_deviation(&self, observation: &Self::Observation) -> SVector<f64, ROWS>;
+
+    /// The parameters of the body.
+    fn parameters(&self, state: &Self::State) -> SVector<f64, P>;
+
+    /// Derivative of [`parameters`](Self::parameters) along an increment of the state.
+    fn parameter_jacobian(&self, state: &Self::State) -> SMatrix<f64, P, N>;
+}
+
+/// A [`FilterModel`] that knows its derivatives.
+pub trait DifferentiableModel<const N: usize, const ROWS: usize, const P: usize>: FilterModel<N, ROWS, P> {
+    /// Φ P Φᵀ + Q of the step to the observation, about `state` before the step.
+    fn predicted_covariance(
+        &self,
+        state: &Self::State,
+        observation: &Self::Observation,
+        covariance: &SMatrix<f64, N, N>,
+    ) -> SMatrix<f64, N, N>;
+
+    /// −∂residual/∂increment, the change of the prediction along an increment of the state.
+    fn sensitivity(&self, state: &Self::State, observation: &Self::Observation) -> SMatrix<f64, ROWS, N>;
+}
+
+/// The Kalman filter of a linearised model.
+///
+/// # Source
+/// Thesis table A.2, (A.39), (A.40), (6.10), (6.11).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExtendedKalmanFilter<M, S, const N: usize> {
+    model: M,
+    state: S,
+    covariance: SMatrix<f64, N, N>,
+    gate: Option<ChiSquareGate>,
+}
+
+impl<M, S: Copy, const N: usize> ExtendedKalmanFilter<M, S, N> {
+    /// Starts from this knowledge; the covariance is that of an increment of the state. Accepts every observation.
+    pub fn new(model: M, state: S, covariance: SMatrix<f64, N, N>) -> Self {
+        Self { model, state, covariance, gate: None }
+    }
+
+    /// The same behind a gate.
+    pub fn with_gate(self, gate: ChiSquareGate) -> Self {
+        Self { gate: Some(gate), ..self }
+    }
+
+    /// The same with another covariance of the state.
+    pub fn with_state_covariance(self, covariance: SMatrix<f64, N, N>) -> Self {
+        Self { covariance, ..self }
+    }
+
+    /// The model.
+    pub fn model(&self) -> &M {
+        &self.model
+    }
+
+    /// The estimated state.
+    pub fn state(&self) -> S {
+        self.state
+    }
+
+    /// Covariance of an increment of the state.
+    pub fn state_covariance(&self) -> &SMatrix<f64, N, N> {
+        &self.covariance
+    }
+}
+
+impl<M, const N: usize, const ROWS: usize, const P: usize> RecursiveEstimator<P, ROWS>
+    for ExtendedKalmanFilter<M, M::State, N>
+where
+    M: DifferentiableModel<N, ROWS, P>,
+{
+    type Observation = M::Observation;
+
+    #[inline]
+    fn update(&mut self, observation: &M::Observation) -> Result<Outcome<ROWS>, IdentificationError> {
+        let model = &self.model;
+        let state = model.propagate(&self.state, observation)?;
+        let mut covariance = model.predicted_covariance(&self.state, observation, &self.covariance);
+        let rows = Rows {
+            sensitivity: model.sensitivity(&state, observation),
+            residual: model.residual(&state, observation),
+            standard_deviation: model.standard_deviation(observation),
+        };
+        let (step, outcome) = gated(&mut self.gate, &mut covariance, |p| rows.correct(p))?;
+        self.state = step.map_or(state, |step| state.oplus(&step));
+        self.covariance = covariance;
+        Ok(outcome)
+    }
+
+    fn parameters(&self) -> SVector<f64, P> {
+        self.model.parameters(&self.state)
+    }
+
+    fn covariance(&self) -> SMatrix<f64, P, P> {
+        let jacobian = self.model.parameter_jacobian(&self.state);
+        symmetric(&(jacobian * self.covariance * jacobian.transpose()))
+    }
+}
