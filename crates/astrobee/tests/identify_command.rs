@@ -420,3 +420,21 @@ fn throws_and_calibrations_that_are_none() {
     }
     assert!(!Path::new(&out).exists());
 }
+
+#[test]
+fn calibration_beside_the_body() {
+    let found = json(&tumble(&["identify", "--demo", "--estimate", "delay,accelerometer-bias", "--json"]));
+    let rows = found["calibration"].as_array().unwrap();
+    let row = |quantity: &str| rows.iter().find(|row| row["quantity"] == quantity).unwrap();
+    assert_eq!(row("delay")["value"], found["delay_s"]);
+    assert_eq!((&row("delay")["unit"], &row("delay")["verdict"]), (&"s".into(), &"identifiable".into()));
+    let bias = row("accelerometer-bias");
+    assert!(bias["value"].is_null() && bias["sigma"].is_null());
+    assert_eq!((&bias["axis"], &bias["verdict"]), (&"x".into(), &"not identifiable".into()));
+
+    let found = json(&tumble(&["identify", "--demo", "--estimate", "force-scale,torque-scale", "--json"]));
+    assert!(found["mass_kg"].is_null() && found["com_m"][0].is_number() && found["delay_s"].is_null());
+    let words = found["warnings"].to_string();
+    assert!(words.contains("the absolute wrench scale can never be known from motion alone"), "{words}");
+    assert_eq!(tumble(&["identify", "--demo", "--estimate", "charm"]).status.code(), Some(2));
+}

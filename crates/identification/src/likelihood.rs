@@ -472,6 +472,12 @@ fn segment_length(levels: &Levels, eta: &Coordinates, step_s: f64) -> usize {
     whole(0.25 * linear.min(angular) / step_s).clamp(1, LONGEST_SEGMENT)
 }
 
+/// A whole number as an index.
+#[allow(clippy::cast_possible_truncation)] // saturates
+fn whole_signed(x: f64) -> isize {
+    x as isize
+}
+
 /// The nearest whole number, none below zero.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
 fn whole(x: f64) -> usize {

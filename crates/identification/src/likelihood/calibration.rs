@@ -352,7 +352,7 @@ impl Calibration {
         self.step_s = step_s;
         let late = self.values[1].clamp(-longest_s, longest_s) / step_s;
         if (late - self.acceleration_rows as f64).abs() > FAR_FROM_ROW {
-            self.acceleration_rows = late.round() as isize;
+            self.acceleration_rows = super::whole_signed(late.round());
         }
         let settling_s = SETTLING * self.values[ACTUATOR_LAG].clamp(0.0, longest_s / SETTLING);
         let unsettled = settling_s > self.settling_s + step_s || settling_s < 0.5 * self.settling_s - step_s;
@@ -365,10 +365,9 @@ impl Calibration {
             return unsettled;
         }
         self.values[0] = self.values[0].clamp(-longest_s, longest_s);
-        let before = self.shift_s;
         // An unshifted record loses no row.
         self.shift_s = if self.values[0].abs() < limit_s { 0.0 } else { self.values[0] };
-        unsettled || self.shift_s != before
+        true
     }
 
     /// What the shift leaves of the delay.

@@ -142,7 +142,7 @@ impl Record {
         let late = shift_s / self.median_step_s;
         // A step between two logged ones is under both.
         [late.ceil(), late.floor()].into_iter().find_map(|late| {
-            let sample = sample.checked_add_signed(-(late as isize))?;
+            let sample = sample.checked_add_signed(-super::whole_signed(late))?;
             let found = self.doubts.binary_search_by_key(&sample, |doubt| doubt.sample).ok()?;
             self.doubts.get(found).map(|doubt| &doubt.variance)
         })
@@ -172,13 +172,7 @@ pub(super) fn input(wrenches: &[Vector6<f64>], steps: &[f64], k: usize, timing: 
         _ => (here, Vector6::zeros()),
     };
     let half = |v: &Vector6<f64>, first: usize| Vector3::new(v[first], v[first + 1], v[first + 2]);
-    Input {
-        torque: half(&mean, 0),
-        force: half(&mean, 3),
-        torque_slope: half(&slope, 0),
-        force_slope: half(&slope, 3),
-        ..Input::default()
-    }
+    Input { torque: half(&mean, 0), force: half(&mean, 3), torque_slope: half(&slope, 0), force_slope: half(&slope, 3) }
 }
 
 /// Replaces rare spikes by the running median of five; what they were is the doubt that remains.

@@ -152,7 +152,7 @@ impl Model<'_> {
                 self.propagate(&state, &acting, &step, &angular, h, tangent);
                 self.calibration.input_columns(&input, &drive.by_lag, |lane, column| {
                     let column = column.part(part, parts, sample.step_s);
-                    self.add_input_column(&state, &column, &step, &angular, h, tangent, lane);
+                    self.add_input_column((lane, &column), &state, &step, &angular, h, tangent);
                 });
                 state = step.next;
             }
@@ -219,13 +219,12 @@ impl Model<'_> {
     /// last digit.
     fn add_input_column<const W: usize>(
         &self,
+        (lane, change): (usize, &Input),
         state: &State,
-        change: &Input,
         step: &Step,
         angular: &AngularTangent,
         h: f64,
         tangent: &mut Tangent<W>,
-        lane: usize,
     ) {
         let (w, body) = (&state.rate, &self.body);
         let force = change.force - change.force_slope * (0.5 * h);
@@ -297,7 +296,7 @@ struct Felt<'a> {
     /// From the accelerometer to the centre of mass.
     arm: &'a Vector3<f64>,
     fall: &'a Vector3<f64>,
-    felt: Vector3<f64>,
+    all: Vector3<f64>,
 }
 
 /// Everything the rows of one sample depend on.
@@ -391,7 +390,8 @@ impl<const W: usize> Measured<'_, W> {
             let residual = felt.component_mul(&scale) + bias - measured;
             self.push(ACCELERATION, &residual, rows, |row| {
                 let change = start_alpha - alpha;
-                let felt = Felt { start: &start, alpha: &start_alpha, change: &change, arm: &arm, fall: &fall, felt };
+                let felt =
+                    Felt { start: &start, alpha: &start_alpha, change: &change, arm: &arm, fall: &fall, all: felt };
                 self.accelerometer(row, drive, &felt, &scale);
             });
         }
@@ -399,7 +399,7 @@ impl<const W: usize> Measured<'_, W> {
 
     fn accelerometer(&self, row: &mut [[f64; W]; 3], drive: &Drive, at: &Felt<'_>, scale: &Vector3<f64>) {
         let Model { body, calibration, .. } = self.model;
-        let Felt { start, alpha, change, arm, fall, felt } = at;
+        let Felt { start, alpha, change, arm, fall, all } = at;
         let (w, c) = (&self.state.rate, &body.center);
         let by = &self.angular.acceleration;
         let arm_cross = skew(arm);
@@ -443,7 +443,7 @@ impl<const W: usize> Measured<'_, W> {
                 row[axis][lane] = 1.0;
             }
             if let Some(lane) = calibration.lane(Nuisance::AccelerometerScale(axis)) {
-                row[axis][lane] = felt[axis];
+                row[axis][lane] = all[axis];
             }
         }
     }
