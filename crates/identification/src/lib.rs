@@ -31,7 +31,6 @@ pub mod regressors;
 #[cfg(feature = "std")]
 mod savitzky_golay;
 mod square_root_information;
-pub mod state_space;
 #[cfg(feature = "std")]
 pub mod state_space;
 #[cfg(feature = "std")]

@@ -352,14 +352,6 @@ fn delays_are_found() {
 }
 
 #[test]
-fn all_scales_at_once_are_refused() {
-    let record = log(cubesat(1), 20.0, REALISTIC, 1);
-    let nuisances = (0..3).flat_map(|axis| [Nuisance::ForceScale(axis), Nuisance::TorqueScale(axis)]).collect();
-    let found = MaximumLikelihood { nuisances, ..likelihood() }.estimate(&record);
-    assert!(matches!(found, Err(IdentificationError::NotExcited { .. })), "{found:?}");
-}
-
-#[test]
 fn what_the_data_do_not_say_is_left_to_the_regressions() {
     let settings = Settings { method: Method::MaximumLikelihood, ..Settings::default() };
     let body = cubesat(1);
