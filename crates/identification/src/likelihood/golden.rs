@@ -300,10 +300,10 @@ fn what_is_summed_up_says_the_same_as_what_is_kept() {
     // A gap that is bridged and one that is not.
     log.record.retain(|row| row.time_ns != 16_000_000 * 333 && !(600..650).contains(&(row.time_ns / 16_000_000)));
     let record = golden_record(&log);
-    let starts = record.segments(16);
+    let starts = record.segments(16, &drive::Passage::default());
     let eta = Coordinates::of(&log.body);
     let nodes = nodes::from_poses(&record, &starts, 0.6, &eta.center);
-    let calibration = Calibration::new(&[Nuisance::Delay]);
+    let calibration = Calibration::new(&[Nuisance::Delay], &[]);
     let mut chain = Chain::<32>::new(record, Vector3::zeros(), starts, nodes, &calibration);
     assert_eq!(chain.record.breaks.len(), 1);
     let levels = Levels::of(&known_noise());
