@@ -182,6 +182,12 @@ pub enum Column {
     Rate,
     /// Velocity of the origin.
     Velocity,
+    /// Position of the origin.
+    Position,
+    /// Attitude.
+    Attitude,
+    /// Acceleration of the origin.
+    Acceleration,
 }
 
 impl core::fmt::Display for Column {
@@ -190,6 +196,9 @@ impl core::fmt::Display for Column {
             Self::Wrench => "wrenches (f_*, tau_*)",
             Self::Rate => "angular velocities (w_*)",
             Self::Velocity => "velocities (v_*)",
+            Self::Position => "positions (p_*)",
+            Self::Attitude => "attitudes (q_*)",
+            Self::Acceleration => "accelerations (a_*)",
         })
     }
 }

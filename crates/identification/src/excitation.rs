@@ -99,6 +99,13 @@ pub struct WeakDirection {
     pub remedy: Remedy,
 }
 
+impl WeakDirection {
+    /// Finds the remedy for a direction.
+    pub fn new(direction: NullDirection, scale: BodyScale) -> Self {
+        Self { direction, remedy: remedy(&direction, scale) }
+    }
+}
+
 impl fmt::Display for WeakDirection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", self.direction, self.remedy)
@@ -121,7 +128,7 @@ impl ExcitationDiagnosis {
         let observability = Observability::with_tolerance(information, scale, tolerance);
         let mut weak = [None; 10];
         for (place, direction) in weak.iter_mut().zip(observability.null_directions()) {
-            *place = Some(WeakDirection { direction: *direction, remedy: remedy(direction, scale) });
+            *place = Some(WeakDirection::new(*direction, scale));
         }
         Self { weak }
     }

@@ -13,11 +13,13 @@ mod solution;
 mod timeline;
 
 use crate::dynamics::InertialParameters;
-use crate::error::IdentificationError;
+use crate::error::{Column, IdentificationError};
 use crate::likelihood::{Exchange, NuisanceEstimate, Nuisances};
 use crate::motion::MotionSample;
 use crate::weighted_least_squares::{WrenchRow, whitened};
-use crate::{BodyScale, NullDirection, Observability, SquareRootInformation, WrenchTiming};
+use crate::{
+    BodyScale, ExcitationDiagnosis, NullDirection, Observability, SquareRootInformation, WeakDirection, WrenchTiming,
+};
 use core::fmt;
 use fit::{Best, Fit, best_fit, rough_scale};
 use likelihood::most_likely;
@@ -222,6 +224,21 @@ pub enum Warning {
         /// Rows used.
         rows: usize,
     },
+    /// What a column leaves unexplained is not white: neighbouring errors are alike, and the standard deviations, which
+    /// assume that they are independent, are too small.
+    ColouredNoise {
+        /// Which column.
+        column: Column,
+        /// Factor by which standard deviations fall short where this column decides them.
+        sigma_inflation: f64,
+    },
+    /// The motion shows a direction of the parameters badly or not at all.
+    WeakExcitation {
+        /// What is not determined, and the simple motion that would show it.
+        direction: WeakDirection,
+        /// One standard deviation in units of the body's own scale; infinite where it is not determined.
+        std: f64,
+    },
 }
 
 impl fmt::Display for Warning {
@@ -278,6 +295,21 @@ impl fmt::Display for Warning {
             }
             Self::HeldWrenches { samples } => {
                 write!(f, "{samples} samples without a wrench: the last one logged is taken to act on")
+            }
+            Self::ColouredNoise { column, sigma_inflation } => write!(
+                f,
+                "what the {column} leave unexplained is not white noise: neighbouring errors are alike, and the stated sigma may \
+                 be too small by a factor of up to {sigma_inflation:.1}"
+            ),
+            Self::WeakExcitation { direction, std } if std.is_finite() => write!(
+                f,
+                "weakly excited (one sigma {:.0} % of the body's scale): {}; to see it better, {}",
+                100.0 * std,
+                direction.direction,
+                direction.remedy
+            ),
+            Self::WeakExcitation { direction, .. } => {
+                write!(f, "not excited: {}; to see it, {}", direction.direction, direction.remedy)
             }
             Self::FewRows { rows } => write!(f, "only {rows} rows: the stated uncertainty is itself uncertain"),
         }
@@ -369,6 +401,10 @@ pub const POOR_FIT: f64 = 0.5;
 const SILENT: f64 = 0.1;
 /// Fewer nodes than this leave the covariance uncertain.
 const FEW_NODES: usize = 20;
+/// A direction is weakly excited where one sigma is above this fraction of the body's scale.
+const WEAK_STD: f64 = 0.05;
+/// Colour of the noise is worth a warning above this inflation of sigma, and where chance does so less often than this.
+const VISIBLE_COLOUR: (f64, f64) = (1.2, 1e-4);
 /// Discretisation is worth a warning above this share of the standard deviation and this fraction of the body's scale.
 const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
 
@@ -383,6 +419,38 @@ const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
 /// [`IdentificationError::TimesNotIncreasing`], [`IdentificationError::NotFinite`] for a malformed record. Data that say
 /// too little are not an error but a result with its rank.
 pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identification, IdentificationError> {
+    let mut found = answer(record, settings)?;
+    let weak = weak_excitation(&found);
+    found.warnings.extend(weak);
+    Ok(found)
+}
+
+/// Directions that the motion shows badly or not at all, with the simple motion that would show each.
+fn weak_excitation(found: &Identification) -> Vec<Warning> {
+    // Without a wrench no motion helps.
+    if found.warnings.iter().any(|warning| matches!(warning, Warning::ZeroWrench | Warning::SilentForce)) {
+        return Vec::new();
+    }
+    if found.rank < 10 {
+        let weak = |direction: &NullDirection| Warning::WeakExcitation {
+            direction: WeakDirection::new(*direction, found.scale),
+            std: f64::INFINITY,
+        };
+        return found.null_directions.iter().map(weak).collect();
+    }
+    // Singular values of whitened rows in units of the body are one over standard deviations.
+    let values = *Observability::new(&found.information, found.scale).singular_values();
+    let tolerance = (1.0 / (WEAK_STD * values[0])).min(1.0);
+    let diagnosis = ExcitationDiagnosis::new(&found.information, found.scale, tolerance);
+    let determined = 10 - diagnosis.weak_directions().count();
+    diagnosis
+        .weak_directions()
+        .zip(values.iter().skip(determined))
+        .map(|(direction, value)| Warning::WeakExcitation { direction: *direction, std: 1.0 / value })
+        .collect()
+}
+
+fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification, IdentificationError> {
     let timeline = Timeline::try_new(record)?;
     if settings.method == Method::MaximumLikelihood
         && let Some(found) = most_likely(record, &timeline, settings)?

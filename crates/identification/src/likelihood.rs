@@ -21,9 +21,10 @@ pub use identifiability::{Exchange, Quantity, Verdict};
 pub use window::{FixedLag, FixedLagSettings, FixedLagStep, Innovation};
 
 use crate::dynamics::InertialParameters;
-use crate::error::IdentificationError;
+use crate::error::{Column, IdentificationError};
 use crate::lie::Wrench;
 use crate::motion::MotionSample;
+use crate::statistics::Whiteness;
 use crate::{Noise, WrenchTiming};
 use calibration::Calibration;
 use chain::{Chain, Sweep};
@@ -172,6 +173,8 @@ pub struct LikelihoodEstimate {
     pub residuals: Vec<SegmentResidual>,
     /// Poses given no weight, position or attitude.
     pub outliers: usize,
+    /// Whether what the measurements leave unexplained is white, column by column. The standard deviations assume it is.
+    pub whiteness: Vec<(Column, Whiteness)>,
 }
 
 impl LikelihoodEstimate {
@@ -401,6 +404,7 @@ fn result<const W: usize>(fit: &Fit<W>) -> Result<LikelihoodEstimate, Identifica
         segment_samples: fit.segment_samples,
         residuals: residuals(chain),
         outliers: sweep.tally.rejected[POSITION].max(sweep.tally.rejected[ATTITUDE]),
+        whiteness: chain.whiteness(levels),
     })
 }
 

@@ -338,6 +338,17 @@ fn what_the_data_do_not_say_is_not_invented() {
     println!("planar: rank {} {:?}", found.rank, found.null_directions);
     assert!(found.rank < 10 && found.estimate.is_none() && found.null_directions.len() == 10 - found.rank);
     assert!(found.condition_number.is_infinite());
+    // Each free direction comes with the motion that would show it, and it turns about another axis than z.
+    let remedies: Vec<String> = found
+        .warnings
+        .iter()
+        .filter_map(|w| match w {
+            Warning::WeakExcitation { direction, std } if std.is_infinite() => Some(direction.remedy.to_string()),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(remedies.len(), 10 - found.rank);
+    assert!(remedies.iter().all(|words| words.contains("body x") || words.contains("body y")), "{remedies:?}");
     let regularised = found.regularised.unwrap();
     assert!((regularised.parameters.mass - 5.0).abs() < 0.05, "{}", regularised.parameters.mass);
     check_consistent(&found);

@@ -9,7 +9,7 @@ use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{LieGroup, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use tumble_identification::{
-    IdentificationError, LikelihoodEstimate, MaximumLikelihood, Method, MotionSample, Nuisance, Nuisances, Settings,
+    Identification, LikelihoodEstimate, MaximumLikelihood, Method, MotionSample, Nuisance, Nuisances, Settings,
     Warning, WrenchTiming, identify,
 };
 
@@ -348,6 +348,27 @@ fn delays_are_found() {
         println!("{late}: mean square in sigmas {sum:.2}, NEES of the body {of_body:.1}");
         // 99.9 % of a chi-square of four over four; 10 +- 7.4.
         assert!(sum < 4.6 && of_body < 17.5, "{late}: {sum} {of_body}");
+    }
+}
+
+#[test]
+fn coloured_noise_is_noticed_and_white_noise_is_not() {
+    let coloured = |found: &Identification| {
+        found
+            .warnings
+            .iter()
+            .any(|w| matches!(w, Warning::ColouredNoise { sigma_inflation, .. } if *sigma_inflation > 1.2))
+    };
+    for seed in 0..6 {
+        let mut record = log(cubesat(seed), 30.0, REALISTIC, 900 + seed);
+        assert!(!coloured(&identify(&record, &Settings::default()).unwrap()), "{seed}");
+        // A localisation whose error wanders: half of it is still there at the next sample.
+        let (mut random, mut error) = (Random::new(seed), Vector3::zeros());
+        for sample in &mut record {
+            error = error * 0.5 + random.normal3(2e-3);
+            sample.world_from_body.translation.vector += error;
+        }
+        assert!(coloured(&identify(&record, &Settings::default()).unwrap()), "{seed}");
     }
 }
 

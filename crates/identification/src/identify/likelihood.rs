@@ -4,7 +4,8 @@
 use super::solution::{Solution, from_covariance, solve};
 use super::timeline::Timeline;
 use super::{
-    Estimate, FEW_NODES, Identification, Method, NodeResidual, POOR_FIT, Prior, Settings, Validation, Warning,
+    Estimate, FEW_NODES, Identification, Method, NodeResidual, POOR_FIT, Prior, Settings, VISIBLE_COLOUR, Validation,
+    Warning,
 };
 use crate::error::IdentificationError;
 use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, SegmentResidual};
@@ -56,6 +57,13 @@ pub(super) fn most_likely(
     }
     if explained < POOR_FIT {
         warnings.push(Warning::PoorFit { explained });
+    }
+    for (column, whiteness) in &found.whiteness {
+        let (inflation, chance) = VISIBLE_COLOUR;
+        let sigma_inflation = whiteness.sigma_inflation();
+        if sigma_inflation > inflation && !whiteness.is_white(chance) {
+            warnings.push(Warning::ColouredNoise { column: *column, sigma_inflation });
+        }
     }
     if record.len() < FEW_NODES {
         warnings.push(Warning::FewRows { rows: 6 * record.len() });

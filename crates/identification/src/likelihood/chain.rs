@@ -1,5 +1,6 @@
 //! The segments of one record: nodes, wrench noise, normal matrices, and one Gauss-Newton step of all of them.
 
+use super::GATE;
 use super::calibration::Calibration;
 use super::coordinates::{Coordinates, ParameterStep};
 use super::drive::{Drive, Passage, drives};
@@ -13,8 +14,15 @@ use super::record::{Doubt, Record, median};
 use super::segment::{
     MEASUREMENTS, Model, NOISE, PARAMETERS, Robust, Rows, Sample, Tally, Tangent, normal_matrix, packed_len,
 };
+use crate::error::Column;
+use crate::statistics::Whiteness;
 use nalgebra::{SVector, Vector3, Vector6};
 
+/// The columns of the measurement groups.
+const COLUMNS: [Column; MEASUREMENTS] =
+    [Column::Position, Column::Attitude, Column::Velocity, Column::Rate, Column::Acceleration];
+/// Residuals are compared with so many of their successors.
+const WHITENESS_DISTANCES: usize = 20;
 /// Median of the square of a normal 3-vector.
 const MEDIAN_OF_SQUARE: f64 = 2.365_974;
 
@@ -137,11 +145,26 @@ impl<const W: usize> Chain<W> {
     /// Measurement levels that the residuals of the last sweep show, whatever a few of them do.
     pub(super) fn residual_levels(&mut self, levels: &mut Levels) {
         for &group in &self.groups {
-            let level = (median(&mut self.rows.squares[group]) / MEDIAN_OF_SQUARE).sqrt();
+            let mut squares: Vec<f64> = self.rows.residuals[group].iter().map(Vector3::norm_squared).collect();
+            let level = (median(&mut squares) / MEDIAN_OF_SQUARE).sqrt();
             if level > 0.0 {
                 levels.measurements[group] = level;
             }
         }
+    }
+
+    /// Whether the residuals of the last sweep are white, group by group; outliers count as nothing.
+    pub(super) fn whiteness(&self, levels: &Levels) -> Vec<(Column, Whiteness)> {
+        let judged = |&group: &usize| {
+            let bound = (GATE * levels.measurements[group]).powi(2);
+            let axis = |i: usize| -> Vec<f64> {
+                let inlier = |r: &Vector3<f64>| if r.norm_squared() < bound { r[i] } else { 0.0 };
+                self.rows.residuals[group].iter().map(inlier).collect()
+            };
+            let [x, y, z] = [axis(0), axis(1), axis(2)];
+            Some((COLUMNS[group], Whiteness::of(&[&x, &y, &z], WHITENESS_DISTANCES, 0).ok()?))
+        };
+        self.groups.iter().filter_map(judged).collect()
     }
 
     /// The same states cut into other segments.

@@ -73,8 +73,8 @@ pub(crate) struct Model<'a> {
 pub(crate) struct Rows<const W: usize> {
     /// Of the last segment rolled out.
     pub(crate) groups: [Vec<[f64; W]>; MEASUREMENTS],
-    /// Squares of the residual 3-vectors of a whole sweep.
-    pub(crate) squares: [Vec<f64>; MEASUREMENTS],
+    /// Residual 3-vectors of a whole sweep.
+    pub(crate) residuals: [Vec<Vector3<f64>>; MEASUREMENTS],
     /// Sums over them.
     pub(crate) tally: Tally,
 }
@@ -83,15 +83,15 @@ impl<const W: usize> Rows<W> {
     pub(crate) fn new() -> Self {
         Self {
             groups: [const { Vec::new() }; MEASUREMENTS],
-            squares: [const { Vec::new() }; MEASUREMENTS],
+            residuals: [const { Vec::new() }; MEASUREMENTS],
             tally: Tally::default(),
         }
     }
 
     /// Before a sweep.
     pub(crate) fn restart(&mut self) {
-        for squares in &mut self.squares {
-            squares.clear();
+        for residuals in &mut self.residuals {
+            residuals.clear();
         }
         self.tally = Tally::default();
     }
@@ -451,7 +451,7 @@ impl<const W: usize> Measured<'_, W> {
     /// Weighs a residual, and keeps its row unless it is rejected.
     fn push(&self, group: usize, residual: &Vector3<f64>, rows: &mut Rows<W>, fill: impl FnOnce(&mut [[f64; W]; 3])) {
         let square = residual.dot(residual);
-        rows.squares[group].push(square);
+        rows.residuals[group].push(*residual);
         let mut weight = 1.0;
         if let Some(robust) = self.model.robust {
             let size = square.sqrt() / self.model.sigma[group];
