@@ -16,7 +16,7 @@ pub const DURATION_S: f64 = SAMPLES as f64 * STEP_S;
 /// Noise of the logged wrench per sample, one sigma, N m and N.
 pub const WRENCH_NOISE: (f64, f64) = (1e-4, 1e-3);
 /// Noise of the logged poses per sample, one sigma, rad and m.
-pub const POSE_NOISE: (f64, f64) = (1e-5, 1e-5);
+pub const POSE_NOISE: (f64, f64) = (1e-3, 1e-3);
 /// Integration steps per sample: the fourth-order error is then far below the noise.
 const SUBSTEPS: u32 = 4;
 
