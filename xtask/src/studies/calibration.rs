@@ -122,7 +122,7 @@ fn passes(cell: &Cell, runs: u64) -> Result<bool, Failure> {
         }
     }
     eprintln!();
-    let count = (runs as usize * cell.judged.len() - unknown) as f64;
+    let count = runs as f64 * cell.judged.len() as f64 - f64::from(unknown);
     let (rms, nees, coverage) = ((squares / count).sqrt(), normal / count, inside / count);
     // Chi-square by Wilson and Hilferty, binomial by the normal distribution; axes of one run counted as one.
     let independent = runs as f64;
