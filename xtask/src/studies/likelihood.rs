@@ -267,12 +267,12 @@ fn plant(record: &mut [MotionSample], planted: &[Planted]) {
             match nuisance {
                 Nuisance::ForceScale(axis) => {
                     if let Some(wrench) = &mut sample.wrench_body {
-                        wrench.force[*axis] *= (-value).exp();
+                        wrench.force[*axis] /= value;
                     }
                 }
                 Nuisance::AccelerometerScale(axis) => {
                     if let Some(acceleration) = &mut sample.acceleration_origin_body {
-                        acceleration[*axis] *= 1.0 + value;
+                        acceleration[*axis] *= value;
                     }
                 }
                 _ => {}
@@ -342,7 +342,7 @@ pub fn delay(runs: usize, progress: &mut Progress) -> Result<Vec<Test>, Failure>
 /// Scale of the force along y and z against x, 30 s.
 pub fn relative_scale(runs: usize, progress: &mut Progress) -> Result<Vec<Test>, Failure> {
     calibrated(runs, progress, 70_000_000, 30.0, 2e-3, &|random, _| {
-        [1, 2].map(|axis| Planted { nuisance: Nuisance::ForceScale(axis), value: 0.1 * random.normal() }).into()
+        [1, 2].map(|axis| Planted { nuisance: Nuisance::ForceScale(axis), value: (0.1 * random.normal()).exp() }).into()
     })
 }
 
@@ -350,7 +350,7 @@ pub fn relative_scale(runs: usize, progress: &mut Progress) -> Result<Vec<Test>,
 pub fn accelerometer_scale(runs: usize, progress: &mut Progress) -> Result<Vec<Test>, Failure> {
     calibrated(runs, progress, 80_000_000, 120.0, 8e-3, &|random, _| {
         [0, 1, 2]
-            .map(|axis| Planted { nuisance: Nuisance::AccelerometerScale(axis), value: 0.05 * random.normal() })
+            .map(|axis| Planted { nuisance: Nuisance::AccelerometerScale(axis), value: 1.0 + 0.05 * random.normal() })
             .into()
     })
 }
