@@ -52,6 +52,9 @@ const NEAR: f64 = 1e2;
 const LONGEST_SEGMENT: usize = 16;
 /// Longest segment from a start that may be far off, s.
 const FIRST_SEGMENT_S: f64 = 0.3;
+/// Largest turn by the logged torque over the first segments, rad: a start too light for it flies off beyond all tangents,
+/// one too heavy never does.
+const FIRST_TURN: f64 = 0.3;
 /// Bounds on residual 3-vectors, in standard deviations.
 const HUBER: f64 = 2.5;
 const GATE: f64 = 4.5;
@@ -279,18 +282,17 @@ impl MaximumLikelihood {
         };
         let first = || whole(FIRST_SEGMENT_S / record.median_step_s).clamp(1, LONGEST_SEGMENT);
         let mut length = self.segment_samples.unwrap_or_else(first).max(1);
-        let mut eta = Coordinates::of(&self.start);
         let step_s = record.median_step_s;
+        let start = Coordinates::of(&self.start);
+        let mut eta =
+            start.heavier(record.largest_torque(&start.center) * (length as f64 * step_s).powi(2) / FIRST_TURN);
         let longest_delay_s = LONGEST_DELAY * step_s * record.samples.len() as f64;
         calibration.shift(step_s, longest_delay_s);
-        let from_poses = |record: Record, length: usize, eta: &Coordinates, calibration: &Calibration| {
-            let starts = record.segments(length, &calibration.passage());
-            let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
-            Chain::<W>::new(record, self.gravity_world, starts, nodes, calibration)
-        };
-        let mut chain = from_poses(record, length, &eta, &calibration);
+        let starts = record.segments(length, &calibration.passage());
+        let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
+        let mut chain = Chain::<W>::new(record, self.gravity_world, starts, nodes, &calibration);
         if let Some(precision) = weak {
-            chain.add_prior(precision);
+            chain.add_prior(precision, &eta.difference(&start));
         }
         let mut progress = Progress::default();
         loop {
@@ -356,12 +358,13 @@ impl MaximumLikelihood {
                 return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
             }
             if shifted && chain.record.segments(length, &calibration.passage()) != chain.starts {
-                chain = from_poses(chain.record, length, &eta, &calibration);
+                // The states stay: thrown away, they would be judged by the gate as poor as they began.
+                chain = chain.resegmented(length, (&eta, &calibration), self.node_window_s);
             } else if self.segment_samples.is_none() && decrement < NEAR {
                 let wanted = segment_length(&levels, &eta, step_s);
                 if wanted < length {
                     length = wanted;
-                    chain = chain.resegmented(length, &eta, &calibration);
+                    chain = chain.resegmented(length, (&eta, &calibration), self.node_window_s);
                 }
             }
         }
