@@ -25,6 +25,7 @@ use crate::error::{Column, IdentificationError};
 use crate::lie::Wrench;
 use crate::motion::MotionSample;
 use crate::statistics::Whiteness;
+use crate::synchronize::{self, Signals};
 use crate::{Noise, WrenchTiming};
 use calibration::Calibration;
 use chain::{Chain, Sweep};
@@ -44,6 +45,9 @@ const WEAK_ITERATIONS: usize = 12;
 const SMALL_DECREMENT: f64 = 1e-4;
 /// Longest delay that is believed, as a fraction of the record.
 const LONGEST_DELAY: f64 = 0.25;
+/// Rows that are correlated for a start of the delay, and the longest delay looked for, s.
+const CORRELATED_ROWS: usize = 2000;
+const LONGEST_CORRELATED_S: f64 = 0.6;
 /// Largest component of a node's step at convergence (rad, rad/s, m, m/s).
 const SMALL_STEP: f64 = 1e-3;
 /// Within so many squared standard deviations the levels of noise and outliers may be judged.
@@ -205,8 +209,10 @@ impl MaximumLikelihood {
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
+        let delay_s = self.correlated_delay_s(record);
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
-        let calibration = self.calibration(record.samples.iter().any(|sample| sample.acceleration.is_some()));
+        let mut calibration = self.calibration(record.samples.iter().any(|sample| sample.acceleration.is_some()));
+        calibration.start_late(delay_s);
         match calibration.columns() {
             0..=13 => self.run::<32>(record, calibration),
             14..=21 => self.run::<40>(record, calibration),
@@ -247,6 +253,22 @@ impl MaximumLikelihood {
         let schur = chain.eliminate(&levels).map_err(not_excited)?;
         let misfit = misfit(&schur, &eta, covariance).ok_or(not_excited(Indefinite))?;
         Ok(Judged { misfit, residuals: residuals(&chain) })
+    }
+
+    /// Where a delay of several samples starts: the likelihood's own search reaches as far as the motion is straight. Zero
+    /// where the stretch that is driven most does not show it.
+    fn correlated_delay_s(&self, record: &[MotionSample]) -> f64 {
+        let known = self.nuisance_priors.iter().any(|prior| prior.nuisance == Nuisance::Delay);
+        if known || !self.nuisances.contains(&Nuisance::Delay) {
+            return 0.0;
+        }
+        let drive = |rows: &[MotionSample]| -> f64 {
+            rows.iter().filter_map(|row| row.wrench_body).map(|wrench| wrench.force.norm_squared()).sum()
+        };
+        let driven = record.chunks(CORRELATED_ROWS).max_by(|a, b| drive(a).total_cmp(&drive(b))).unwrap_or(record);
+        let found = Signals::from_record(driven, self.wrench_timing, &self.gravity_world)
+            .and_then(|signals| synchronize::delay(&signals, LONGEST_CORRELATED_S));
+        found.ok().filter(|found| found.verdict == Verdict::Identifiable).map_or(0.0, |found| found.delay_s)
     }
 
     /// The nuisances asked for, and where times are among them, that of the accelerometer, which may have its own.
