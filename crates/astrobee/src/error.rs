@@ -227,6 +227,10 @@ impl AstrobeeError {
                 IdentificationError::NotConverged { .. } => {
                     "the data contradict every body: check the sign and frame of the wrench and the units"
                 }
+                IdentificationError::LikelihoodNotConverged { .. } => {
+                    "check the timing of the wrench, units and frames; ask for fewer quantities beside the body, or take a regression: \
+                     `--method auto`"
+                }
                 _ => "check units, signs and frames; record motion and wrench about every axis",
             },
             Self::Dynamics(_) => "please report this with the seed",

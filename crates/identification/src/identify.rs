@@ -219,6 +219,17 @@ pub enum Warning {
         /// How many.
         samples: usize,
     },
+    /// The calibration asked for is missing: the likelihood, which alone estimates it, did not settle or left a direction
+    /// of the parameters free, and a regression answers in its place.
+    NotCalibrated {
+        /// Rows without it.
+        rows: usize,
+    },
+    /// The record is too long to be taken at once: the calibration is the weighted mean of that of its stretches.
+    CalibratedInStretches {
+        /// How many stretches show it.
+        stretches: usize,
+    },
     /// Few rows: the covariance itself is uncertain.
     FewRows {
         /// Rows used.
@@ -311,6 +322,15 @@ impl fmt::Display for Warning {
             Self::WeakExcitation { direction, .. } => {
                 write!(f, "not excited: {}; to see it, {}", direction.direction, direction.remedy)
             }
+            Self::NotCalibrated { rows } => write!(
+                f,
+                "what was asked for beside the body is not estimated on {rows} rows: the likelihood does not settle there or \
+                 leaves a direction free; ask for less of it, or record more varied motion"
+            ),
+            Self::CalibratedInStretches { stretches } => write!(
+                f,
+                "long log: what was asked for beside the body is the weighted mean over {stretches} stretches of it"
+            ),
             Self::FewRows { rows } => write!(f, "only {rows} rows: the stated uncertainty is itself uncertain"),
         }
     }
@@ -475,6 +495,9 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
         Silent::Wrench => warnings.push(Warning::ZeroWrench),
         Silent::Force => warnings.push(Warning::SilentForce),
         Silent::Nothing => {}
+    }
+    if settings.estimate != Nuisances::default() {
+        warnings.push(Warning::NotCalibrated { rows: record.len() });
     }
     let full_rank = judgement.observability.rank() == 10;
     let information = if full_rank { judgement.determined } else { judgement.projected };

@@ -25,6 +25,7 @@ use crate::error::{Column, IdentificationError};
 use crate::lie::Wrench;
 use crate::motion::MotionSample;
 use crate::statistics::Whiteness;
+use crate::synchronize::{self, Signals};
 use crate::{Noise, WrenchTiming};
 use calibration::Calibration;
 use chain::{Chain, Sweep};
@@ -44,6 +45,9 @@ const WEAK_ITERATIONS: usize = 12;
 const SMALL_DECREMENT: f64 = 1e-4;
 /// Longest delay that is believed, as a fraction of the record.
 const LONGEST_DELAY: f64 = 0.25;
+/// Rows that are correlated for a start of the delay, and the longest delay looked for, s.
+const CORRELATED_ROWS: usize = 2000;
+const LONGEST_CORRELATED_S: f64 = 0.6;
 /// Largest component of a node's step at convergence (rad, rad/s, m, m/s).
 const SMALL_STEP: f64 = 1e-3;
 /// Within so many squared standard deviations the levels of noise and outliers may be judged.
@@ -52,6 +56,9 @@ const NEAR: f64 = 1e2;
 const LONGEST_SEGMENT: usize = 16;
 /// Longest segment from a start that may be far off, s.
 const FIRST_SEGMENT_S: f64 = 0.3;
+/// Largest turn by the logged torque over the first segments, rad: a start too light for it flies off beyond all tangents,
+/// one too heavy never does.
+const FIRST_TURN: f64 = 0.3;
 /// Bounds on residual 3-vectors, in standard deviations.
 const HUBER: f64 = 2.5;
 const GATE: f64 = 4.5;
@@ -202,8 +209,10 @@ impl MaximumLikelihood {
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
+        let delay_s = self.correlated_delay_s(record);
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
-        let calibration = self.calibration(record.samples.iter().any(|sample| sample.acceleration.is_some()));
+        let mut calibration = self.calibration(record.samples.iter().any(|sample| sample.acceleration.is_some()));
+        calibration.start_late(delay_s);
         match calibration.columns() {
             0..=13 => self.run::<32>(record, calibration),
             14..=21 => self.run::<40>(record, calibration),
@@ -246,6 +255,22 @@ impl MaximumLikelihood {
         Ok(Judged { misfit, residuals: residuals(&chain) })
     }
 
+    /// Where a delay of several samples starts: the likelihood's own search reaches as far as the motion is straight. Zero
+    /// where the stretch that is driven most does not show it.
+    fn correlated_delay_s(&self, record: &[MotionSample]) -> f64 {
+        let known = self.nuisance_priors.iter().any(|prior| prior.nuisance == Nuisance::Delay);
+        if known || !self.nuisances.contains(&Nuisance::Delay) {
+            return 0.0;
+        }
+        let drive = |rows: &[MotionSample]| -> f64 {
+            rows.iter().filter_map(|row| row.wrench_body).map(|wrench| wrench.force.norm_squared()).sum()
+        };
+        let driven = record.chunks(CORRELATED_ROWS).max_by(|a, b| drive(a).total_cmp(&drive(b))).unwrap_or(record);
+        let found = Signals::from_record(driven, self.wrench_timing, &self.gravity_world)
+            .and_then(|signals| synchronize::delay(&signals, LONGEST_CORRELATED_S));
+        found.ok().filter(|found| found.verdict == Verdict::Identifiable).map_or(0.0, |found| found.delay_s)
+    }
+
     /// The nuisances asked for, and where times are among them, that of the accelerometer, which may have its own.
     fn calibration(&self, with_accelerations: bool) -> Calibration {
         let mut nuisances = self.nuisances.clone();
@@ -279,18 +304,17 @@ impl MaximumLikelihood {
         };
         let first = || whole(FIRST_SEGMENT_S / record.median_step_s).clamp(1, LONGEST_SEGMENT);
         let mut length = self.segment_samples.unwrap_or_else(first).max(1);
-        let mut eta = Coordinates::of(&self.start);
         let step_s = record.median_step_s;
+        let start = Coordinates::of(&self.start);
+        let mut eta =
+            start.heavier(record.largest_torque(&start.center) * (length as f64 * step_s).powi(2) / FIRST_TURN);
         let longest_delay_s = LONGEST_DELAY * step_s * record.samples.len() as f64;
         calibration.shift(step_s, longest_delay_s);
-        let from_poses = |record: Record, length: usize, eta: &Coordinates, calibration: &Calibration| {
-            let starts = record.segments(length, &calibration.passage());
-            let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
-            Chain::<W>::new(record, self.gravity_world, starts, nodes, calibration)
-        };
-        let mut chain = from_poses(record, length, &eta, &calibration);
+        let starts = record.segments(length, &calibration.passage());
+        let nodes = nodes::from_poses(&record, &starts, self.node_window_s, &eta.center);
+        let mut chain = Chain::<W>::new(record, self.gravity_world, starts, nodes, &calibration);
         if let Some(precision) = weak {
-            chain.add_prior(precision);
+            chain.add_prior(precision, &eta.difference(&start));
         }
         let mut progress = Progress::default();
         loop {
@@ -356,12 +380,13 @@ impl MaximumLikelihood {
                 return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
             }
             if shifted && chain.record.segments(length, &calibration.passage()) != chain.starts {
-                chain = from_poses(chain.record, length, &eta, &calibration);
+                // The states stay: thrown away, they would be judged by the gate as poor as they began.
+                chain = chain.resegmented(length, (&eta, &calibration), self.node_window_s);
             } else if self.segment_samples.is_none() && decrement < NEAR {
                 let wanted = segment_length(&levels, &eta, step_s);
                 if wanted < length {
                     length = wanted;
-                    chain = chain.resegmented(length, &eta, &calibration);
+                    chain = chain.resegmented(length, (&eta, &calibration), self.node_window_s);
                 }
             }
         }

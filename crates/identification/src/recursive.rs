@@ -26,7 +26,7 @@ mod square_root_filter;
 mod unscented_kalman;
 
 pub use change_detection::{Change, ChangeDetector, ChangeSettings, Watch};
-pub use chi_square_gate::{ChiSquareGate, chi_square_quantile};
+pub use chi_square_gate::ChiSquareGate;
 pub use extended_kalman::{DifferentiableModel, ExtendedKalmanFilter, FilterModel};
 pub use inverse_inertia::{InverseInertia, InverseInertiaSample};
 pub use joint_motion::{JointMotion, JointObservation, JointState, MotionNoise};

@@ -12,28 +12,6 @@ pub use ordering::{Held, Released, TimeOrdering};
 #[cfg(feature = "std")]
 pub use scale::{AxisScale, relative_scale};
 
-/// Whether data can tell a number, and if not, why.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum Verdict {
-    /// The data determine it; the standard deviation says how well.
-    Identifiable,
-    /// The motion does not show it.
-    NotIdentifiable,
-    /// Only together with the quantity named.
-    NotSeparableFrom(&'static str),
-}
-
-impl core::fmt::Display for Verdict {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Identifiable => f.write_str("identifiable"),
-            Self::NotIdentifiable => f.write_str("not identifiable from this motion"),
-            Self::NotSeparableFrom(other) => write!(f, "not separable from {other}"),
-        }
-    }
-}
-
 /// Sum over all distances, on either side, of products of correlation that `at_distance` holds for 0, 1, ...: a variance.
 ///
 /// Flat to the distance `reach` beyond which noise is independent and falling to zero at twice that, which is without bias;

@@ -10,7 +10,7 @@ use tumble_identification::lie::{LieGroup, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
 use tumble_identification::{
     FixedLag, FixedLagSettings, FixedLagStep, IdentificationError, LikelihoodEstimate, LongRecord, MaximumLikelihood,
-    Method, MotionSample, Noise, Settings, Warning, WrenchTiming, identify,
+    Method, MotionSample, Noise, Nuisance, Nuisances, Settings, Verdict, Warning, WrenchTiming, identify, merge,
 };
 
 const CUBESAT: Levels = Levels { pose: 1e-3, torque: 1e-4, force: 1e-3 };
@@ -287,6 +287,75 @@ fn a_long_record_is_identified_like_a_short_one() {
     assert!(long.warnings.iter().any(|warning| matches!(warning, Warning::Gaps { count: 1, .. })));
     assert_eq!(long.samples_used + long.samples_rejected, record.len());
     assert!((long.explained.unwrap() - whole.explained.unwrap()).abs() < 0.01);
+}
+
+#[test]
+fn constant_nuisances_slide_along() {
+    let nuisances = vec![Nuisance::ForceScale(1), Nuisance::ForceScale(2), Nuisance::BiasForce(0)];
+    let truth = [1.08, 0.95, 0.02];
+    let (mut squares, runs) = (0.0, 4);
+    for seed in 0..runs {
+        let mut record = log(60.0, 30 + seed);
+        for row in &mut record {
+            if let Some(wrench) = &mut row.wrench_body {
+                wrench.force.x -= truth[2];
+                wrench.force.y /= truth[0];
+                wrench.force.z /= truth[1];
+            }
+        }
+        let mut settings = settings();
+        settings.likelihood.nuisances.clone_from(&nuisances);
+        let batch = settings.likelihood.estimate(&record).unwrap();
+        let (_, slid) = slide(settings, &record);
+        for ((found, batch), truth) in slid.nuisances.iter().zip(&batch.nuisances).zip(truth) {
+            let (value, std) = found.value.zip(found.std).unwrap();
+            assert_eq!(found.verdict, Verdict::Identifiable);
+            assert!((value - batch.value.unwrap()).abs() < std, "{:?}: {value} {:?}", found.nuisance, batch.value);
+            assert!((0.8..1.25).contains(&(std / batch.std.unwrap())), "{:?}", found.nuisance);
+            squares += ((value - truth) / std).powi(2);
+        }
+        assert!(nees(&slid, &cubesat()) < 35.0);
+    }
+    // 99.9 % of a chi-square of twelve, both ends.
+    assert!((1.9..34.6).contains(&squares), "{squares}");
+}
+
+#[test]
+fn what_moves_the_wrench_in_time_needs_the_whole_record() {
+    let record = log(10.0, 1);
+    for late in [Nuisance::Delay, Nuisance::ActuatorLag] {
+        let mut settings = settings();
+        settings.likelihood.nuisances = vec![Nuisance::ForceScale(1), late];
+        let refused = FixedLag::new(settings).push(record[0]);
+        assert_eq!(refused.unwrap_err(), IdentificationError::NeedsWholeRecord);
+    }
+    let settings = Settings { estimate: Nuisances::of(&[Nuisance::Delay]), ..Settings::default() };
+    assert!(LongRecord::try_new(&record, &settings).unwrap().is_none());
+}
+
+#[test]
+fn stretches_are_calibrated_together() {
+    let delay = Nuisances::of(&[Nuisance::ForceScale(1)]);
+    let settings = Settings { method: Method::MaximumLikelihood, estimate: delay, ..Settings::default() };
+    let record = log(60.0, 5);
+    let whole = identify(&record, &settings).unwrap();
+    let mut parts: Vec<_> =
+        record.chunks(record.len() / 2 + 1).map(|part| identify(part, &settings).unwrap()).collect();
+    let merged = merge(&parts, None).unwrap();
+    let (one, all) = (&merged.calibration[0], &whole.calibration[0]);
+    let (ratio, apart) = (one.std.unwrap() / all.std.unwrap(), one.value.unwrap() - all.value.unwrap());
+    assert!((0.9..1.4).contains(&ratio) && apart.abs() < one.std.unwrap(), "{ratio} {apart}");
+    assert!(merged.warnings.contains(&Warning::CalibratedInStretches { stretches: 2 }), "{:?}", merged.warnings);
+
+    // A stretch that says nothing is no reason for silence.
+    let mut rest = log(5.0, 6);
+    for row in &mut rest {
+        row.wrench_body = Some(Wrench::zero());
+    }
+    parts.push(identify(&rest, &settings).unwrap());
+    let merged = merge(&parts, None).unwrap();
+    assert!((merged.calibration[0].value.unwrap() - one.value.unwrap()).abs() < 1e-12);
+    assert!(merged.warnings.contains(&Warning::NotCalibrated { rows: rest.len() }), "{:?}", merged.warnings);
 }
 
 #[test]

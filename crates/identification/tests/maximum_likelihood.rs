@@ -393,4 +393,11 @@ fn what_the_data_do_not_say_is_left_to_the_regressions() {
     add_noise(&mut record, REALISTIC, 2);
     let found = identify(&record, &settings).unwrap();
     assert!(found.rank < 10 && found.estimate.is_none(), "{} {:?}", found.rank, found.estimate);
+    assert!(!found.warnings.iter().any(|warning| matches!(warning, Warning::NotCalibrated { .. })));
+
+    // The calibration that was asked for goes missing with it, and that is said.
+    let estimate = Nuisances::of(&[Nuisance::Delay]);
+    let found = identify(&record, &Settings { estimate, ..settings }).unwrap();
+    assert!(found.calibration.is_empty());
+    assert!(found.warnings.contains(&Warning::NotCalibrated { rows: record.len() }), "{:?}", found.warnings);
 }

@@ -5,12 +5,13 @@
 mod exact_motion;
 
 use exact_motion::{Multisine, Random, Run, body_d};
+use tumble_identification::Verdict;
 use tumble_identification::comparison::instrumental_variables;
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{LieGroup, Pose};
 use tumble_identification::nalgebra::{Matrix3, SVector, Translation3, UnitQuaternion, Vector3};
 use tumble_identification::regressors::{ObserverFrame, PoseTriple, Regressor, variational};
-use tumble_identification::synchronize::{Signals, Verdict, delay};
+use tumble_identification::synchronize::{Signals, delay};
 use tumble_identification::{BodyScale, MotionSample, WrenchRow, WrenchTiming, whitened};
 
 /// The record as a localisation reports it that is `delay_samples` late (whole samples move, the wrench stays).

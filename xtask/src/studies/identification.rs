@@ -9,12 +9,13 @@ use nalgebra::SMatrix;
 use serde_json::json;
 use tumble_astrobee::noise::Gaussian;
 use tumble_astrobee::output::OutputFolder;
+use tumble_identification::Verdict;
 use tumble_identification::WrenchTiming;
 use tumble_identification::statistics::{
     Band, chance_of_any, coverage_band, effective_degrees_of_freedom, mean_square_band, normal_quantile,
     rms_ratio_band, rms_ratio_failure,
 };
-use tumble_identification::synchronize::{Signals, Verdict, delay};
+use tumble_identification::synchronize::{Signals, delay};
 
 use crate::Failure;
 use crate::arguments::Arguments;

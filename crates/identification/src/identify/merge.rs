@@ -3,11 +3,13 @@
 use super::solution::{Solution, solve};
 use super::{Identification, Noise, Prior, Warning};
 use crate::error::IdentificationError;
+use crate::likelihood::{Nuisance, NuisanceEstimate, Verdict};
 use crate::{Observability, SquareRootInformation};
 
 /// The result of a whole record from the results of its stretches: their information adds up.
 ///
-/// Each stretch is identified without a prior; the prior enters here, once. Method, lag and step are those of the stretch
+/// What was estimated beside the body is averaged, each stretch weighted by its own variance. Each stretch is identified without
+/// a prior; the prior enters here, once. Method, lag and step are those of the stretch
 /// with the most samples; rows that would reach across a cut are lost, as across a gap.
 ///
 /// # Errors
@@ -41,6 +43,10 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
     if estimate.is_some_and(|found| found.lmi_active) {
         warnings.push(Warning::ConstraintActive);
     }
+    let (calibration, stretches) = averaged(parts, main);
+    if stretches > 1 {
+        warnings.push(Warning::CalibratedInStretches { stretches });
+    }
     let mean_square = |level: fn(&Noise) -> f64| {
         let weighted: f64 = parts.iter().map(|part| part.samples_used as f64 * level(&part.noise).powi(2)).sum();
         (weighted / (samples(|part| part.samples_used) as f64).max(1.0)).sqrt()
@@ -69,12 +75,40 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
             velocity_m_s: mean_square(|noise| noise.velocity_m_s),
             acceleration_m_s2: mean_square(|noise| noise.acceleration_m_s2),
         },
-        delay_s: main.delay_s,
-        calibration: main.calibration.clone(),
+        delay_s: calibration.iter().find(|found| found.nuisance == Nuisance::Delay).and_then(|found| found.value),
+        calibration,
         exchanges: main.exchanges.clone(),
         residuals: parts.iter().flat_map(|part| part.residuals.iter().copied()).collect(),
         warnings,
     })
+}
+
+/// The calibration of all stretches, and how many of them have one.
+fn averaged(parts: &[Identification], main: &Identification) -> (Vec<NuisanceEstimate>, usize) {
+    let calibrated = || parts.iter().filter(|part| !part.calibration.is_empty());
+    let Some(like) = [main].into_iter().chain(calibrated()).find(|part| !part.calibration.is_empty()) else {
+        return (Vec::new(), 0);
+    };
+    let mean = |like: &NuisanceEstimate| {
+        let known = calibrated()
+            .filter_map(|part| part.calibration.iter().find(|found| found.nuisance == like.nuisance))
+            .filter_map(|found| found.value.zip(found.std));
+        let (weights, sum) = known.fold((0.0, 0.0), |(weights, sum), (value, std)| {
+            let weight = std.powi(-2);
+            (weights + weight, sum + weight * value)
+        });
+        if weights > 0.0 {
+            NuisanceEstimate {
+                value: Some(sum / weights),
+                std: Some(weights.sqrt().recip()),
+                verdict: Verdict::Identifiable,
+                ..like.clone()
+            }
+        } else {
+            like.clone()
+        }
+    };
+    (like.calibration.iter().map(mean).collect(), calibrated().count())
 }
 
 impl Warning {
@@ -100,7 +134,8 @@ impl Warning {
             }
             (Self::Discretisation { share }, Self::Discretisation { share: worse }) => *share = share.max(*worse),
             (Self::HeldWrenches { samples }, Self::HeldWrenches { samples: more }) => *samples += more,
-            (Self::FewRows { rows }, Self::FewRows { rows: more }) => *rows += more,
+            (Self::FewRows { rows }, Self::FewRows { rows: more })
+            | (Self::NotCalibrated { rows }, Self::NotCalibrated { rows: more }) => *rows += more,
             (Self::PoorFit { explained }, Self::PoorFit { explained: worse }) => *explained = explained.min(*worse),
             (Self::ZeroWrench, Self::ZeroWrench) | (Self::SilentForce, Self::SilentForce) => {}
             _ => return false,

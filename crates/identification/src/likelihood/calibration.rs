@@ -291,6 +291,14 @@ impl Calibration {
         calibration
     }
 
+    /// Starts delays where wrench and motion correlate best; a lag has its part in that.
+    pub(crate) fn start_late(&mut self, late_s: f64) {
+        if self.lanes[0].is_some() && late_s != 0.0 {
+            self.values[0] = late_s - self.values[ACTUATOR_LAG];
+            self.values[1] = self.values[0];
+        }
+    }
+
     /// Number of parameters, the ten of the body included.
     pub(crate) fn columns(&self) -> usize {
         10 + self.nuisances.len()

@@ -167,12 +167,20 @@ impl<const W: usize> Chain<W> {
         self.groups.iter().filter_map(judged).collect()
     }
 
-    /// The same states cut into other segments.
-    pub(super) fn resegmented(self, length: usize, eta: &Coordinates, calibration: &Calibration) -> Self {
+    /// The same states cut into other segments; those on rows that had none are taken from their poses.
+    pub(super) fn resegmented(
+        self,
+        length: usize,
+        (eta, calibration): (&Coordinates, &Calibration),
+        node_window_s: f64,
+    ) -> Self {
         let starts = self.record.segments(length, &calibration.passage());
         let samples = &self.record.samples;
-        let (mut nodes, mut noise) = (Vec::with_capacity(starts.len()), Vec::with_capacity(starts.len()));
-        let (body, mut wanted) = (eta.body(), starts.iter().copied().peekable());
+        let from_poses = |starts: &[usize]| nodes::from_poses(&self.record, starts, node_window_s, &eta.center);
+        let before = starts.partition_point(|start| self.starts.first().is_some_and(|first| start < first));
+        let mut nodes = from_poses(&starts[..before]);
+        let mut noise = vec![[0.0; 6]; before];
+        let (body, mut wanted) = (eta.body(), starts[before..].iter().copied().peekable());
         let gravity = self.gravity + calibration.slope();
         for j in 0..self.starts.len() {
             let mut state = self.nodes[j];
@@ -185,6 +193,8 @@ impl<const W: usize> Chain<W> {
                 state = body.over(&state, &input, &gravity, sample.step_s);
             }
         }
+        nodes.extend(from_poses(&starts[nodes.len()..]));
+        noise.resize(starts.len(), [0.0; 6]);
         let mut chain = Self::new(self.record, self.gravity, starts, nodes, calibration);
         chain.noise = noise;
         chain.arrival = self.arrival;
@@ -344,10 +354,14 @@ impl<const W: usize> Chain<W> {
         largest
     }
 
-    /// Adds independent knowledge of the parameters, expected where they are now.
-    pub(super) fn add_prior(&mut self, precision: &SVector<f64, 10>) {
-        for (i, value) in precision.iter().enumerate() {
+    /// Adds independent knowledge of the parameters, which are now this far from where they are expected.
+    pub(super) fn add_prior(&mut self, precision: &SVector<f64, 10>, away: &SVector<f64, 10>) {
+        let last = self.lanes - 1;
+        for (i, (value, away)) in precision.iter().zip(away.iter()).enumerate() {
             self.arrival[PARAMETERS + i][PARAMETERS + i] += value;
+            self.arrival[PARAMETERS + i][last] += value * away;
+            self.arrival[last][PARAMETERS + i] += value * away;
+            self.arrival[last][last] += value * away * away;
         }
     }
 

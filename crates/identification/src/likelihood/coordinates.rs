@@ -102,6 +102,12 @@ impl Coordinates {
         }
     }
 
+    /// The same with mass and inertia grown alike until no moment of inertia about the centre of mass is below this one.
+    pub(crate) fn heavier(&self, smallest_moment: f64) -> Self {
+        let factor = (smallest_moment / self.inertia.symmetric_eigenvalues().min()).max(1.0);
+        Self { log_mass: self.log_mass + factor.ln(), inertia: self.inertia * factor, ..*self }
+    }
+
     /// `self - base` in the order of eta.
     pub(crate) fn difference(&self, base: &Self) -> SVector<f64, 10> {
         let (center, inertia) = (self.center - base.center, self.inertia - base.inertia);

@@ -9,7 +9,7 @@ const SMALLEST_EIGENVALUE: f64 = 1e-9;
 /// Squared component of an undetermined direction below which a quantity has no part in it.
 const SMALLEST_SHARE: f64 = 1e-5;
 
-/// Something the likelihood estimates.
+/// Something that is estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Quantity {
@@ -21,6 +21,8 @@ pub enum Quantity {
     Inertia(usize, usize),
     /// A nuisance.
     Nuisance(Nuisance),
+    /// The factors between wrench and acceleration, where a delay is told without a body.
+    Gains,
 }
 
 impl Quantity {
@@ -43,11 +45,12 @@ impl Quantity {
             Self::CenterOfMass(_) => "centre of mass",
             Self::Inertia(..) => "inertia",
             Self::Nuisance(nuisance) => nuisance.name(),
+            Self::Gains => "the gains between wrench and motion",
         }
     }
 }
 
-/// Whether the record determines a nuisance.
+/// Whether data determine a quantity beside the body, and if not, why.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
     /// It does.

@@ -106,6 +106,12 @@ impl Record {
         Ok(Self { samples, wrenches, median_step_s, doubts, spike_bounds, breaks })
     }
 
+    /// Largest torque about this point.
+    pub(super) fn largest_torque(&self, center: &Vector3<f64>) -> f64 {
+        let about = |input: &Input| (input.torque - center.cross(&input.force)).norm();
+        self.samples.iter().map(|sample| about(&sample.input)).fold(0.0, f64::max)
+    }
+
     /// The stretch without an unbridged gap that holds this sample.
     pub(super) fn stretch(&self, sample: usize) -> core::ops::Range<usize> {
         let next = self.breaks.partition_point(|&first| first <= sample);

@@ -77,7 +77,7 @@ impl ChiSquareGate {
 /// The number that a chi-square variable exceeds with probability `1 - probability`; zero for no degrees of freedom.
 ///
 /// To about twelve digits for probabilities from 1e-9 to 1 - 1e-9.
-pub fn chi_square_quantile(probability: f64, degrees_of_freedom: usize) -> f64 {
+fn chi_square_quantile(probability: f64, degrees_of_freedom: usize) -> f64 {
     let freedom = degrees_of_freedom as f64;
     if degrees_of_freedom == 0 {
         return 0.0;

@@ -1,7 +1,8 @@
 //! The delay between wrench and measured motion, below the sample time.
 
-use super::{Verdict, sum_over_distances};
+use super::sum_over_distances;
 use crate::error::IdentificationError;
+use crate::likelihood::{Quantity, Verdict};
 use crate::motion::MotionSample;
 use crate::savitzky_golay::SavitzkyGolay;
 use crate::wrench_timing::WrenchTiming;
@@ -25,7 +26,7 @@ pub struct Signals<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: 
 }
 
 /// A delay and how well it is known.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Delay {
     /// The output describes what the input did this long before, s.
     pub delay_s: f64,
@@ -334,7 +335,7 @@ pub fn delay<const INPUTS: usize, const OUTPUTS: usize, const COVARIATES: usize>
     let chance = 10.0 + 5.0 * (2.0 * (INPUTS * OUTPUTS) as f64).sqrt();
     let seen = misfits.first().into_iter().chain(misfits.last()).all(|end| gain(end) > chance);
     let verdict = if fit.own_share < LEAST_OWN_SHARE {
-        Verdict::NotSeparableFrom("the gains between wrench and motion")
+        Verdict::NotSeparableFrom(vec![Quantity::Gains])
     } else if seen {
         Verdict::Identifiable
     } else {

@@ -1,11 +1,12 @@
 //! Apparent inverse mass of each axis: the scale between logged forces and measured accelerations.
 
-use super::{Verdict, sum_over_distances};
+use super::sum_over_distances;
 use crate::error::IdentificationError;
+use crate::likelihood::Verdict;
 use nalgebra::Vector3;
 
 /// What forces and accelerations along one body axis say about each other.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct AxisScale {
     /// `theta + theta'`: acceleration per unit of logged force, 1/kg; not a number where no force acted.
     pub inverse_mass_per_kg: f64,

@@ -8,7 +8,7 @@ use tumble_identification::nalgebra::{Matrix3, Quaternion, Translation3, UnitQua
 use tumble_identification::{LikelihoodEstimate, MotionSample, Noise, Nuisance};
 
 pub const STEP_S: f64 = 0.016;
-/// Steps before the first row, so that a delayed first row has something to describe.
+/// Fewest steps before the first row, so that a delayed first row has something to describe.
 const BEFORE: usize = 16;
 
 /// What is wrong with a log, and how it is made.
@@ -98,11 +98,12 @@ impl Faulty {
         let signal = Multisine::new(&mut random, self.band_hz);
         let count = (self.duration_s / STEP_S) as usize;
         let mut body = Motion::at_rest(self);
-        let start_s = -(BEFORE as f64) * STEP_S;
+        let before = BEFORE.max((self.delay_s / STEP_S) as usize + 2);
+        let start_s = -(before as f64) * STEP_S;
         let command = |k: usize| signal.at(start_s + k as f64 * STEP_S);
         let mut reached = command(0);
         let (mut rows, mut next) = (Vec::with_capacity(count), 0);
-        for k in 0..count + BEFORE {
+        for k in 0..count + before {
             let from_s = start_s + k as f64 * STEP_S;
             let acts = Acting { faulty: self, command: command(k), reached, from_s };
             let mut now_s = from_s;
@@ -120,7 +121,7 @@ impl Faulty {
             reached = acts.after_lag(from_s + STEP_S);
         }
         for (k, row) in rows.iter_mut().enumerate() {
-            let logged = command(k + BEFORE);
+            let logged = command(k + before);
             let level = 1e-3 * self.noise;
             row.world_from_body.translation.vector += random.normal3(level);
             row.world_from_body.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(level));
