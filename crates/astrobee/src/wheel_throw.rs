@@ -1,12 +1,13 @@
 //! Files of wheel-driven throws: one CSV per throw, one TOML per calibrated device.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use tumble_dynamics::InertialParameters;
 use tumble_identification::IdentificationError;
 use tumble_identification::wheel::{
-    FreeFallEstimate, ThrowRecord, ThrowSample, ThrowSettings, WheelCalibration, calibrate,
+    FreeFallEstimate, SensorErrors, ThrowRecord, ThrowSample, ThrowSettings, WheelCalibration, calibrate,
 };
 use tumble_lie::nalgebra::Vector3;
 
@@ -152,10 +153,12 @@ pub enum CalibrationKind {
     Device,
     /// The device with the proof block: files `cal_proof*`.
     Proof,
+    /// The device with anything else; serves only to learn how the sensors err.
+    Other,
 }
 
 impl CalibrationKind {
-    /// By the beginning of the file name.
+    /// By the beginning of the file name: device or proof block.
     ///
     /// # Errors
     /// [`WheelThrowError::UnknownKind`].
@@ -219,7 +222,9 @@ pub fn read_throw(path: &Path) -> Result<ThrowRecord, WheelThrowError> {
     ThrowRecord::try_new(samples).map_err(|source| WheelThrowError::NotIdentified { path: path.to_owned(), source })
 }
 
-/// Reads throws of a device, alone and with the proof block, and calibrates it.
+/// Reads throws of a device, alone and with the proof block, learns from them and from the others how its sensors err, and
+/// calibrates it. Throws of one [other](CalibrationKind::Other) body share their name up to the last underscore. Sensors
+/// about which the throws say nothing are taken as they read.
 ///
 /// # Errors
 /// Those of [`read_throw`]; [`WheelThrowError::NotIdentified`] names the throw that cannot be used;
@@ -230,6 +235,7 @@ pub fn calibrate_files(
     settings: &ThrowSettings,
 ) -> Result<WheelCalibration, WheelThrowError> {
     let (mut device, mut proof) = (Vec::new(), Vec::new());
+    let mut others: BTreeMap<String, Vec<ThrowRecord>> = BTreeMap::new();
     for (kind, path) in files {
         let throw = read_throw(path)?;
         // What is wrong with one throw is said with its name; reading it twice costs milliseconds.
@@ -238,9 +244,22 @@ pub fn calibrate_files(
         match kind {
             CalibrationKind::Device => device.push(throw),
             CalibrationKind::Proof => proof.push(throw),
+            CalibrationKind::Other => {
+                let name = path.file_stem().unwrap_or_default().to_string_lossy();
+                let body = name.rsplit_once('_').map_or(&*name, |(body, _)| body);
+                others.entry(body.to_owned()).or_default().push(throw);
+            }
         }
     }
-    Ok(calibrate(&device, &proof, bodies.device_mass_kg, &bodies.proof_block(), settings)?)
+    if device.is_empty() || proof.is_empty() {
+        return Err(IdentificationError::CalibrationIncomplete { device: device.len(), proof: proof.len() }.into());
+    }
+    let others: Vec<&[ThrowRecord]> = others.values().map(Vec::as_slice).collect();
+    let sensor_errors = match SensorErrors::from_throws(&[&device, &proof], &others, settings) {
+        Err(IdentificationError::LikelihoodNotMaximal { .. }) => SensorErrors::default(),
+        found => found?,
+    };
+    Ok(calibrate(&device, &proof, bodies.device_mass_kg, &bodies.proof_block(), &sensor_errors, settings)?)
 }
 
 #[derive(Serialize, Deserialize)]
@@ -371,6 +390,12 @@ mod tests {
             device_com_m: [0.1, -0.2, 1e-17],
             device_inertia_ratio: [26.0, 0.5, -0.25, 44.0, 1.0 / 3.0, 54.0],
             covariance,
+            sensor_errors: SensorErrors {
+                gyro_factor: [1.003, 0.997, 1.0],
+                gyro_factor_sigma: [1e-3, 2e-3, 1e-3],
+                wheel_delay_s: 2.3e-4,
+                wheel_delay_sigma_s: 1e-4,
+            },
             settings: ThrowSettings::default(),
         };
         let text = calibration_to_toml(&calibration).unwrap();

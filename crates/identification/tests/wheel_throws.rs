@@ -166,7 +166,8 @@ fn sampled_calibration(noise: &Noise, seed: u64, step_s: f64) -> WheelCalibratio
         throws.map(|samples| ThrowRecord::try_new(samples).unwrap()).collect()
     };
     let (device, proof) = (many(&device(), seed), many(&with_device(&proof_block()), seed + 10));
-    calibrate(&device, &proof, DEVICE_MASS, &proof_block(), &ThrowSettings::default()).unwrap()
+    calibrate(&device, &proof, DEVICE_MASS, &proof_block(), &SensorErrors::default(), &ThrowSettings::default())
+        .unwrap()
 }
 
 fn relative(estimate: &Matrix3<f64>, truth: &Matrix3<f64>) -> f64 {
@@ -374,9 +375,10 @@ fn what_cannot_be_identified_is_refused_with_numbers() {
     assert!(matches!(resting, Err(IdentificationError::NotExcited { rank: 0, .. })));
 
     let device = [record(&device(), RATES[0], &NOISELESS, 0)];
-    let incomplete = calibrate(&device, &[], DEVICE_MASS, &proof_block(), &settings);
+    let sound = SensorErrors::default();
+    let incomplete = calibrate(&device, &[], DEVICE_MASS, &proof_block(), &sound, &settings);
     assert_eq!(incomplete, Err(IdentificationError::CalibrationIncomplete { device: 1, proof: 0 }));
-    let massless = calibrate(&device, &device, 0.0, &proof_block(), &settings);
+    let massless = calibrate(&device, &device, 0.0, &proof_block(), &sound, &settings);
     assert_eq!(massless, Err(IdentificationError::NotPositive { index: 0, value: 0.0 }));
     let thrown = ThrowRecord::try_new(honest).unwrap();
     assert!(identify_throw(&thrown, &calibration(&NOISELESS, 0), Some(-1.0)).is_err());

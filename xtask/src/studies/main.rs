@@ -16,6 +16,7 @@ mod identification;
 mod integrator;
 mod lie;
 mod likelihood;
+mod plain_throws;
 mod plot;
 mod real_data;
 mod throws;

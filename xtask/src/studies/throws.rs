@@ -4,14 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use tumble_astrobee::wheel_throw::{CalibrationBodies, read_throw};
-use tumble_identification::IdentificationError;
-use tumble_identification::wheel::{
-    FreeFallEstimate, ObjectEstimate, SensorErrors, ThrowRecord, ThrowSettings, calibrate, gyro_factor, identify_throw,
-    wheel_delay,
-};
+use tumble_astrobee::wheel_throw::{CalibrationBodies, CalibrationKind, calibrate_files, read_throw};
+use tumble_identification::wheel::{FreeFallEstimate, ObjectEstimate, ThrowRecord, ThrowSettings, identify_throw};
 
 use crate::Failure;
+use crate::plain_throws::PlainDevice;
 
 /// Name of the set and of its folder.
 pub const SET: &str = "delft_throws";
@@ -21,11 +18,10 @@ const DEVICE: &str = "cal_device";
 const PROOF: &str = "cal_proof";
 /// The reference is known to one percent.
 const REFERENCE_SIGMA: f64 = 0.01;
-/// Mean errors, percent, of plain least squares on these throws (20 Hz zero-phase filter, differentiated rates), of the
-/// configurations that have a target.
-const PLAIN_MEANS: [(&str, f64); 3] = [("grid_empty", 1.37), ("grid_a", 1.58), ("grid_b", 1.93)];
-/// Largest mean error and scatter of the trace, percent; where one is missed, the mean must be below this share of plain
-/// least squares'.
+/// The configurations that have a target.
+const TARGETED: [&str; 3] = ["grid_empty", "grid_a", "grid_b"];
+/// Largest mean error and scatter of the trace, percent; where one is missed, the mean must be below this share of that of
+/// plain least squares on the same throws.
 const MEAN_TARGET: f64 = 1.5;
 const SCATTER_TARGET: f64 = 1.2;
 const SHARE_OF_PLAIN: f64 = 0.85;
@@ -63,40 +59,57 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
     let settings = ThrowSettings::default();
     let mut missed = Vec::new();
     let records = records(&throws, &settings, &mut missed)?;
-    let (errors, records) = corrected(&records, &settings).map_err(|error| Failure::file(folder, error))?;
+    // As `tumble calibrate-wheel` does it with `--throws`.
+    let files: Vec<(CalibrationKind, PathBuf)> = records
+        .iter()
+        .flat_map(|(configuration, throws)| {
+            let kind = match configuration.as_str() {
+                DEVICE => CalibrationKind::Device,
+                PROOF => CalibrationKind::Proof,
+                _ => CalibrationKind::Other,
+            };
+            throws.iter().map(move |(path, _)| (kind, path.clone()))
+        })
+        .collect();
+    let calibration = calibrate_files(&files, &bodies, &settings).map_err(|error| Failure::file(folder, error))?;
+    let of = |configuration: &str| -> Vec<ThrowRecord> {
+        records.get(configuration).into_iter().flatten().map(|(_, record)| record.clone()).collect()
+    };
+    let errors = &calibration.sensor_errors;
     eprintln!(
-        "{SET}: wheel recorded {:.2} ms late; gyro reads {:.2} {:.2} {:.2} % low",
+        "{SET}: wheel recorded {:.2} +- {:.2} ms late",
         1e3 * errors.wheel_delay_s,
-        100.0 * (errors.gyro_factor[0] - 1.0),
-        100.0 * (errors.gyro_factor[1] - 1.0),
-        100.0 * (errors.gyro_factor[2] - 1.0),
+        1e3 * errors.wheel_delay_sigma_s
     );
-    let of = |configuration: &str| records.get(configuration).map_or(&[][..], Vec::as_slice);
-    let calibration = calibrate(of(DEVICE), of(PROOF), bodies.device_mass_kg, &bodies.proof_block(), &settings)
-        .map_err(|error| Failure::file(folder, error))?;
+    for (axis, (factor, sigma)) in ["x", "y", "z"].iter().zip(errors.gyro_factor.iter().zip(errors.gyro_factor_sigma)) {
+        eprintln!("{SET}: gyro {axis} reads {:.2} +- {:.2} % low", 100.0 * (factor - 1.0), 100.0 * sigma);
+    }
     eprintln!(
         "{SET}: wheel inertia {:.4e} kg m^2, one sigma {:.1e}",
         calibration.wheel_inertia_kg_m2,
         calibration.covariance[9][9].sqrt()
     );
 
+    let plain_device = PlainDevice::calibrated(&of(DEVICE), &of(PROOF), &bodies);
     let mut block = bodies.proof_block().inertia_about_com().diagonal();
     block.as_mut_slice().sort_by(f64::total_cmp);
     let proof = Reference { configuration: PROOF.to_owned(), mass_kg: bodies.proof_mass_kg, principal_inertia: block };
     for reference in references.iter().chain([&proof]) {
         let configuration = reference.configuration.as_str();
         let mut objects = Vec::new();
-        for throw in of(configuration) {
+        let throws = of(configuration);
+        for throw in &throws {
             match identify_throw(throw, &calibration, Some(reference.mass_kg)) {
                 Ok(estimate) => objects.extend(estimate.object),
                 Err(error) => missed.push(format!("{configuration}: {error}")),
             }
         }
         let summary = summarize(&objects, reference);
-        print_line(configuration, objects.len(), summary.as_ref(), json);
-        let plain = PLAIN_MEANS.iter().find(|(name, _)| *name == configuration).map(|(_, mean)| *mean);
+        let plain = plain_device.as_ref().and_then(|device| plain_mean(device, &throws, reference));
+        print_line(configuration, objects.len(), summary.as_ref(), plain, json);
+        let targeted = TARGETED.contains(&configuration);
         let Some(summary) = summary else {
-            if plain.is_some() || configuration == PROOF {
+            if targeted || configuration == PROOF {
                 missed.push(format!("{configuration}: no throw"));
             }
             continue;
@@ -109,7 +122,7 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
         if configuration == PROOF && mean > PROOF_TARGET {
             missed.push(format!("{configuration}: mean error {mean:.2} %, target {PROOF_TARGET} %"));
         }
-        let Some(plain) = plain else {
+        let Some(plain) = plain.filter(|_| targeted) else {
             continue;
         };
         if mean > MEAN_TARGET || scatter > SCATTER_TARGET {
@@ -136,44 +149,31 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
     Ok(missed)
 }
 
+/// Error of principal inertias, percent.
+fn error_percent(principal: &Vector3<f64>, truth: &Vector3<f64>) -> f64 {
+    100.0 * (principal - truth).norm() / truth.norm()
+}
+
+/// A throw and its file.
+type Throw = (PathBuf, ThrowRecord);
+
 /// The throws that can be read as one, by configuration; the others are misses.
 fn records(
     throws: &BTreeMap<String, Vec<PathBuf>>,
     settings: &ThrowSettings,
     missed: &mut Vec<String>,
-) -> Result<BTreeMap<String, Vec<ThrowRecord>>, Failure> {
-    let mut records: BTreeMap<String, Vec<ThrowRecord>> = BTreeMap::new();
+) -> Result<BTreeMap<String, Vec<Throw>>, Failure> {
+    let mut records: BTreeMap<String, Vec<Throw>> = BTreeMap::new();
     for (configuration, paths) in throws {
         for path in paths {
             let record = read_throw(path).map_err(|error| Failure::BadInput(error.to_string()))?;
             match FreeFallEstimate::from_throw(&record, settings) {
-                Ok(_) => records.entry(configuration.clone()).or_default().push(record),
+                Ok(_) => records.entry(configuration.clone()).or_default().push((path.clone(), record)),
                 Err(error) => missed.push(format!("{}: {error}", path.display())),
             }
         }
     }
     Ok(records)
-}
-
-/// The device's sensors by its own throws, none of which says what an object should be: the delay of the wheel's telemetry
-/// where the wheel matters most, in the throws of the calibration; the gyro's factors, which many motions must tell apart,
-/// in all throws.
-fn corrected(
-    records: &BTreeMap<String, Vec<ThrowRecord>>,
-    settings: &ThrowSettings,
-) -> Result<(SensorErrors, BTreeMap<String, Vec<ThrowRecord>>), IdentificationError> {
-    let of = |names: &[&str]| -> Vec<&[ThrowRecord]> {
-        names.iter().filter_map(|name| records.get(*name)).map(Vec::as_slice).collect()
-    };
-    let (wheel_delay_s, _) = wheel_delay(&of(&[DEVICE, PROOF]), settings)?;
-    let all: Vec<&[ThrowRecord]> = records.values().map(Vec::as_slice).collect();
-    let (gyro_factor, _) = gyro_factor(&all, wheel_delay_s, settings)?;
-    let errors = SensorErrors { gyro_factor, wheel_delay_s };
-    let corrected = records
-        .iter()
-        .map(|(name, throws)| (name.clone(), throws.iter().map(|throw| throw.corrected(&errors)).collect()))
-        .collect();
-    Ok((errors, corrected))
 }
 
 /// Errors of the throws; `None` without throws.
@@ -183,7 +183,7 @@ fn corrected(
 fn summarize(objects: &[ObjectEstimate], reference: &Reference) -> Option<Summary> {
     let n = objects.len() as f64;
     let truth = &reference.principal_inertia;
-    let percent = |principal: &Vector3<f64>| 100.0 * (principal - truth).norm() / truth.norm();
+    let percent = |principal: &Vector3<f64>| error_percent(principal, truth);
     let errors: Vec<f64> = objects.iter().map(|object| percent(&object.principal_inertia)).collect();
     let max_error_percent = errors.iter().copied().reduce(f64::max)?;
     let mean_error_percent = if reference.configuration == PROOF {
@@ -211,7 +211,19 @@ fn summarize(objects: &[ObjectEstimate], reference: &Reference) -> Option<Summar
     })
 }
 
-fn print_line(configuration: &str, n: usize, summary: Option<&Summary>, json: bool) {
+/// Mean error, percent, of plain least squares on the throws.
+fn plain_mean(device: &PlainDevice, throws: &[ThrowRecord], reference: &Reference) -> Option<f64> {
+    let errors = throws
+        .iter()
+        .map(|throw| {
+            let principal = device.principal_inertia(throw, reference.mass_kg)?;
+            Some(error_percent(&principal, &reference.principal_inertia))
+        })
+        .collect::<Option<Vec<f64>>>()?;
+    (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64)
+}
+
+fn print_line(configuration: &str, n: usize, summary: Option<&Summary>, plain: Option<f64>, json: bool) {
     let [mean, max, scatter, coverage] = summary.map_or([None; 4], |summary| {
         [
             Some(summary.mean_error_percent),
@@ -229,12 +241,14 @@ fn print_line(configuration: &str, n: usize, summary: Option<&Summary>, json: bo
             "max_error_percent": max,
             "trace_scatter_percent": scatter,
             "coverage_2sigma_percent": coverage,
+            "plain_mean_error_percent": plain,
         });
         println!("{line}");
     } else if let (Some(mean), Some(max), Some(scatter), Some(coverage)) = (mean, max, scatter, coverage) {
         println!(
             "{SET}  {configuration:<12} {n:>3} throws  error mean {mean:5.2} % max {max:5.2} %  \
-             trace scatter {scatter:5.2} %  two sigma cover {coverage:5.1} %"
+             trace scatter {scatter:5.2} %  two sigma cover {coverage:5.1} %{}",
+            plain.map_or(String::new(), |plain| format!("  plain least squares mean {plain:5.2} %"))
         );
     } else {
         println!("{SET}  {configuration:<12}   0 throws");

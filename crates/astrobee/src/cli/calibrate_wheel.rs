@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use tumble_dynamics::nalgebra::{Matrix3, SMatrix, Vector3};
 use tumble_identification::IdentificationError;
-use tumble_identification::wheel::{ThrowEstimate, ThrowSettings, identify_throw as identify};
+use tumble_identification::wheel::{SensorErrors, ThrowEstimate, ThrowSettings, identify_throw as identify};
 
 /// Options of `tumble calibrate-wheel`.
 #[derive(Args)]
@@ -26,6 +26,10 @@ pub struct CalibrateWheelArgs {
     /// Throws of the device with the proof block, whatever their names.
     #[arg(long, value_name = "THROW", num_args = 1..)]
     proof: Vec<PathBuf>,
+    /// Throws of other bodies, which only help to learn how the sensors err; those of one body share their name up to the
+    /// last underscore.
+    #[arg(long = "throws", value_name = "THROW", num_args = 1..)]
+    others: Vec<PathBuf>,
     /// Mass of the device, kg.
     #[arg(long, value_name = "KG", default_value_t = CalibrationBodies::default().device_mass_kg)]
     device_mass: f64,
@@ -54,6 +58,7 @@ pub fn run(args: &CalibrateWheelArgs) -> Result<Outcome, AstrobeeError> {
     }
     files.extend(args.device.iter().map(|path| (CalibrationKind::Device, path.clone())));
     files.extend(args.proof.iter().map(|path| (CalibrationKind::Proof, path.clone())));
+    files.extend(args.others.iter().map(|path| (CalibrationKind::Other, path.clone())));
     let positive =
         [args.device_mass, args.proof_mass].iter().chain(&args.proof_sides).all(|x| *x > 0.0 && x.is_finite());
     let &[x, y, z] = args.proof_sides.as_slice() else {
@@ -73,14 +78,32 @@ pub fn run(args: &CalibrateWheelArgs) -> Result<Outcome, AstrobeeError> {
     write_file(&args.out, text.as_bytes(), args.force)?;
     let count = |kind| files.iter().filter(|(k, _)| *k == kind).count();
     print(&format!(
-        "{} device throws, {} proof throws\n  wheel inertia {:.4e} kg m^2, 1 sigma {:.1e}\nwrote {}\n",
+        "{} device throws, {} proof throws, {} others\n{}  wheel inertia {:.4e} kg m^2, 1 sigma {:.1e}\nwrote {}\n",
         count(CalibrationKind::Device),
         count(CalibrationKind::Proof),
+        count(CalibrationKind::Other),
+        sensors(&calibration.sensor_errors),
         calibration.wheel_inertia_kg_m2,
         calibration.covariance[9][9].sqrt(),
         args.out.display()
     ))?;
     Ok(Outcome::Achieved)
+}
+
+/// How the sensors err, for the eye.
+fn sensors(errors: &SensorErrors) -> String {
+    if *errors == SensorErrors::default() {
+        return "  sensors: the throws do not say how they err; taken as they read\n".to_owned();
+    }
+    let mut text = format!(
+        "  wheel speed {:.3} ms late, 1 sigma {:.3}\n",
+        1e3 * errors.wheel_delay_s,
+        1e3 * errors.wheel_delay_sigma_s
+    );
+    for (axis, (factor, sigma)) in ["x", "y", "z"].iter().zip(errors.gyro_factor.iter().zip(errors.gyro_factor_sigma)) {
+        let _ = writeln!(text, "  gyro {axis} times {factor:.5}, 1 sigma {sigma:.5}");
+    }
+    text
 }
 
 /// An object this many times lighter or heavier than the device cannot be told from nothing, or from a wall.

@@ -1,9 +1,9 @@
 //! The device that carries the wheel: its inertia, its centre of mass, the wheel's inertia.
 
-use super::ThrowSettings;
 use super::momentum_balance::FreeFallEstimate;
 use super::regressors::{parallel_axis, parallel_axis_derivative, symmetric_entries, two_bodies};
 use super::throw_record::ThrowRecord;
+use super::{SensorErrors, ThrowSettings};
 use crate::IdentificationError;
 use tumble_dynamics::InertialParameters;
 use tumble_lie::nalgebra::{SMatrix, SVector};
@@ -29,11 +29,15 @@ pub struct WheelCalibration {
     pub device_inertia_ratio: [f64; 6],
     /// See the type.
     pub covariance: [[f64; 10]; 10],
+    /// How the sensors err; taken out of the throws of the calibration, and of those of objects.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub sensor_errors: SensorErrors,
     /// How the throws were read, and how those of objects are read.
     pub settings: ThrowSettings,
 }
 
-/// Learns a device from throws of it alone and throws of it with a block of known inertia, each kind averaged.
+/// Learns a device from throws of it alone and throws of it with a block of known inertia, each kind averaged; the records
+/// as they were measured, by sensors that err so ([`SensorErrors::from_throws`]).
 ///
 /// `proof_block` in the device's axes, the origin of no consequence. With `X` the inertia of the common body in units of
 /// the wheel's, `d` from one centre of mass to the other and `mu` the reduced mass, the wheel's inertia `j` is the least
@@ -47,6 +51,7 @@ pub fn calibrate(
     proof: &[ThrowRecord],
     device_mass_kg: f64,
     proof_block: &InertialParameters<f64>,
+    sensor_errors: &SensorErrors,
     settings: &ThrowSettings,
 ) -> Result<WheelCalibration, IdentificationError> {
     if device.is_empty() || proof.is_empty() {
@@ -57,8 +62,8 @@ pub fn calibrate(
             return Err(IdentificationError::NotPositive { index, value });
         }
     }
-    let (device, device_covariance) = average(device, settings)?;
-    let (proof, proof_covariance) = average(proof, settings)?;
+    let (device, device_covariance) = average(device, sensor_errors, settings)?;
+    let (proof, proof_covariance) = average(proof, sensor_errors, settings)?;
 
     let (reduced_mass_kg, offset_by_com) = two_bodies(device_mass_kg, proof_block.mass);
     let offset = (proof.fixed_rows::<3>(6) - device.fixed_rows::<3>(6)) * offset_by_com;
@@ -91,6 +96,7 @@ pub fn calibrate(
         device_com_m: core::array::from_fn(|i| device[6 + i]),
         device_inertia_ratio: core::array::from_fn(|i| device[i]),
         covariance: covariance.into(),
+        sensor_errors: *sensor_errors,
         settings: *settings,
     })
 }
@@ -99,15 +105,19 @@ impl WheelCalibration {
     /// Itself when its numbers can be those of a device, for calibrations that come from outside.
     ///
     /// # Errors
-    /// [`IdentificationError::NotPositive`] (component 0: wheel inertia, 1: device mass, 2: a variance),
-    /// [`IdentificationError::NotFinite`] (row 0: centre of mass, 1: inertia, 2: covariance), those of
-    /// [`ThrowSettings::validated`].
+    /// [`IdentificationError::NotPositive`] (component 0: wheel inertia, 1: device mass, 2: a variance, 3 to 5: a gyro's
+    /// factor), [`IdentificationError::NotFinite`] (row 0: centre of mass, 1: inertia, 2: covariance, 3: sensors' errors),
+    /// those of [`ThrowSettings::validated`].
     pub fn validated(self) -> Result<Self, IdentificationError> {
-        let numbers = [&self.device_com_m[..], &self.device_inertia_ratio[..], self.covariance.as_flattened()];
+        let SensorErrors { gyro_factor, gyro_factor_sigma, wheel_delay_s, wheel_delay_sigma_s } = self.sensor_errors;
+        let [x, y, z] = gyro_factor_sigma;
+        let sensors = [wheel_delay_s, wheel_delay_sigma_s, x, y, z];
+        let numbers = [&self.device_com_m[..], &self.device_inertia_ratio, self.covariance.as_flattened(), &sensors];
         if let Some(row) = numbers.iter().position(|numbers| numbers.iter().any(|number| !number.is_finite())) {
             return Err(IdentificationError::NotFinite { row });
         }
-        for (index, value) in [self.wheel_inertia_kg_m2, self.device_mass_kg].into_iter().enumerate() {
+        let scales = [(0, self.wheel_inertia_kg_m2), (1, self.device_mass_kg)];
+        for (index, value) in scales.into_iter().chain((3..).zip(gyro_factor)) {
             if !(value.is_finite() && value > 0.0) {
                 return Err(IdentificationError::NotPositive { index, value });
             }
@@ -123,12 +133,13 @@ impl WheelCalibration {
 /// Mean and covariance of `[inertia_ratio; lever_arm]` over throws.
 fn average(
     throws: &[ThrowRecord],
+    sensor_errors: &SensorErrors,
     settings: &ThrowSettings,
 ) -> Result<(SVector<f64, 9>, SMatrix<f64, 9, 9>), IdentificationError> {
     let (mut mean, mut covariance) = (SVector::zeros(), SMatrix::zeros());
     let share = 1.0 / throws.len() as f64;
     for throw in throws {
-        let (value, spread) = FreeFallEstimate::from_throw(throw, settings)?.stacked();
+        let (value, spread) = FreeFallEstimate::from_reading(throw, sensor_errors, settings)?.stacked();
         mean += value * share;
         covariance += spread * (share * share);
     }

@@ -19,19 +19,43 @@ const CLOSE: f64 = 0.02;
 /// Curvature that counts as none.
 const FLAT: f64 = 1e-6;
 
-/// How a device's sensors err.
+/// How a device's sensors err, with one standard deviation each.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
 pub struct SensorErrors {
     /// What the rate about each axis is in units of the reading.
     pub gyro_factor: [f64; 3],
+    /// One sigma of the factors; zero where they were not estimated.
+    pub gyro_factor_sigma: [f64; 3],
     /// How much later than the rates the wheel's speed is recorded, s.
     pub wheel_delay_s: f64,
+    /// One sigma of the delay, s; zero where it was not estimated.
+    pub wheel_delay_sigma_s: f64,
 }
 
 impl Default for SensorErrors {
     /// Sensors without errors.
     fn default() -> Self {
-        Self { gyro_factor: [1.0; 3], wheel_delay_s: 0.0 }
+        Self { gyro_factor: [1.0; 3], gyro_factor_sigma: [0.0; 3], wheel_delay_s: 0.0, wheel_delay_sigma_s: 0.0 }
+    }
+}
+
+impl SensorErrors {
+    /// What the throws of a device say about its sensors: the [`wheel_delay`] by the throws of the calibration, where the
+    /// wheel matters most; the [`gyro_factor`], which many motions must tell apart, by those and all `others`. The throws of
+    /// one entry are throws of one body; nothing else is known about it.
+    ///
+    /// # Errors
+    /// Those of [`wheel_delay`] and [`gyro_factor`].
+    pub fn from_throws(
+        calibration: &[&[ThrowRecord]],
+        others: &[&[ThrowRecord]],
+        settings: &ThrowSettings,
+    ) -> Result<Self, IdentificationError> {
+        let (wheel_delay_s, wheel_delay_sigma_s) = wheel_delay(calibration, settings)?;
+        let (gyro_factor, covariance) = gyro_factor(&[calibration, others].concat(), wheel_delay_s, settings)?;
+        let gyro_factor_sigma = covariance.diagonal().map(f64::sqrt).into();
+        Ok(Self { gyro_factor, gyro_factor_sigma, wheel_delay_s, wheel_delay_sigma_s })
     }
 }
 
@@ -84,7 +108,8 @@ pub fn gyro_factor(
     let factor = |scaled: &SVector<f64, 2>| (relative * scaled).map(|change| 1.0 + change).into();
     let (scaled, covariance) = newton(SVector::zeros(), |scaled: &SVector<f64, 2>| {
         let prior = 0.5 * (relative * scaled / GYRO_FACTOR_SIGMA).norm_squared();
-        Ok(prior + misfit(bodies, &SensorErrors { gyro_factor: factor(scaled), wheel_delay_s }, settings)?)
+        let errors = SensorErrors { gyro_factor: factor(scaled), wheel_delay_s, ..SensorErrors::default() };
+        Ok(prior + misfit(bodies, &errors, settings)?)
     })?;
     Ok((factor(&scaled), relative * covariance * relative.transpose()))
 }
@@ -115,6 +140,9 @@ fn misfit(
             squares += (row.column(6) - row.fixed_columns::<6>(0) * inertia_ratio).norm_squared();
             count += 3.0;
         }
+    }
+    if count == 0.0 {
+        return Ok(0.0);
     }
     let overlap = (settings.window_s / settings.window_step_s).max(1.0);
     Ok(0.5 * count / overlap * (squares / count).ln())

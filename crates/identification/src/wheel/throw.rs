@@ -51,7 +51,7 @@ pub struct ObjectEstimate {
     pub body_from_principal: Matrix3<f64>,
 }
 
-/// Identifies what was thrown; with its mass also the object without the device.
+/// Identifies what was thrown, the record as it was measured; with its mass also the object without the device.
 ///
 /// # Errors
 /// Those of [`FreeFallEstimate::from_throw`]; [`IdentificationError::NotPositive`] for the mass.
@@ -60,7 +60,7 @@ pub fn identify_throw(
     calibration: &WheelCalibration,
     object_mass_kg: Option<f64>,
 ) -> Result<ThrowEstimate, IdentificationError> {
-    let fall = FreeFallEstimate::from_throw(record, &calibration.settings)?;
+    let fall = FreeFallEstimate::from_reading(record, &calibration.sensor_errors, &calibration.settings)?;
     let wheel = calibration.wheel_inertia_kg_m2;
     let wheel_variance = calibration.covariance[9][9];
     let total = fall.inertia_ratio * wheel;
