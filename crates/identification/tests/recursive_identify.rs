@@ -121,7 +121,11 @@ fn nothing_is_invented_without_a_wrench() {
 }
 
 /// Ten parameters by the joint filter on poses alone, from a start that knows the body to a part in a hundred.
-fn tracked(record: &[MotionSample], seed: u64, gate: Option<ChiSquareGate>) -> (SVector<f64, 10>, SMatrix<f64, 10, 10>) {
+fn tracked(
+    record: &[MotionSample],
+    seed: u64,
+    gate: Option<ChiSquareGate>,
+) -> (SVector<f64, 10>, SMatrix<f64, 10, 10>) {
     let noise = MotionNoise {
         attitude_rad: 1e-3,
         position_m: 1e-3,
@@ -194,19 +198,4 @@ fn the_gate_keeps_pose_spikes_out_of_the_joint_filter() {
     println!("rms in standard deviations: clean {clean:.3}, gated {gated:.3}, without a gate {open:.3}");
     assert!(gated < 1.1 * clean, "{gated} {clean}");
     assert!(open > 1.2 * clean, "spikes that do no harm test nothing: {open} {clean}");
-}
-
-#[test]
-fn nees_study_temporary() {
-    let truth = cube_flyer();
-    let mut all = Vec::new();
-    for seed in 0..40 {
-        let record = realistic(500 + seed, 20);
-        let found = identify(&record, &Settings { method: Method::Ekf, ..Settings::default() }).unwrap();
-        let estimate = found.estimate.unwrap();
-        all.push(nees(&estimate, &truth));
-        eprintln!("{seed} {:.2} {:?} t {:.2e} f {:.2e}", all[all.len() - 1], estimate.lmi_active, found.noise.torque_n_m, found.noise.force_n);
-    }
-    all.sort_by(f64::total_cmp);
-    println!("mean nees {:.2} {all:.1?}", all.iter().sum::<f64>() / 40.0);
 }

@@ -57,6 +57,9 @@ pub(super) fn most_likely(
     if explained < POOR_FIT {
         warnings.push(Warning::PoorFit { explained });
     }
+    if let Some(change) = &found.body_change {
+        warnings.extend(Warning::of_change(record, change, scale, explained));
+    }
     if record.len() < FEW_NODES {
         warnings.push(Warning::FewRows { rows: 6 * record.len() });
     }
