@@ -266,8 +266,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "recursive update: noise of the row left out of the innovation covariance",
         file: "crates/identification/src/recursive/belief.rs",
-        original: "dot(h, &gain) + deviation * deviation;",
-        replacement: "dot(h, &gain) + deviation;",
+        original: "remaining[i][i] += deviations[i] * deviations[i];",
+        replacement: "remaining[i][i] += deviations[i];",
         test: "-p tumble-identification --test recursive_laws",
     },
     Mutant {

@@ -7,6 +7,7 @@ mod likelihood;
 mod long;
 mod merge;
 mod noise;
+mod parts;
 mod recursion;
 mod rows;
 mod solution;
@@ -31,6 +32,7 @@ use timeline::Timeline;
 
 pub use long::LongRecord;
 pub use merge::merge;
+pub use parts::identify_parts;
 
 /// Which equations tie the motion to the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -230,6 +232,20 @@ pub enum Warning {
         /// How many stretches show it.
         stretches: usize,
     },
+    /// One body does not explain the record, two do: something was grasped, released or lost. The estimate is a mixture;
+    /// [`identify_parts`] takes the parts separately.
+    BodyChanged {
+        /// Likeliest time, ns.
+        time_ns: i64,
+        /// Last time that surely belongs to the body before, ns.
+        earliest_ns: i64,
+        /// First time that surely belongs to the body after, ns.
+        latest_ns: i64,
+        /// Mass that the part before asks for, to first order, kg.
+        mass_before_kg: f64,
+        /// Mass that the part after asks for, to first order, kg.
+        mass_after_kg: f64,
+    },
     /// Few rows: the covariance itself is uncertain.
     FewRows {
         /// Rows used.
@@ -330,6 +346,12 @@ impl fmt::Display for Warning {
             Self::CalibratedInStretches { stretches } => write!(
                 f,
                 "long log: what was asked for beside the body is the weighted mean over {stretches} stretches of it"
+            ),
+            Self::BodyChanged { time_ns, mass_before_kg, mass_after_kg, .. } => write!(
+                f,
+                "the body changed at about t = {:.2} s: mass {mass_before_kg:.4} -> {mass_after_kg:.4} kg; identify the parts \
+                 separately",
+                time_ns as f64 * 1e-9
             ),
             Self::FewRows { rows } => write!(f, "only {rows} rows: the stated uncertainty is itself uncertain"),
         }
@@ -515,6 +537,11 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
     let explained = believed.map(|body| explained(&fit.rows.all, &body, judgement.scale));
     if let Some(explained) = explained.filter(|share| *share < POOR_FIT) {
         warnings.push(Warning::PoorFit { explained });
+    }
+    if let (Some(body), Some(explained)) = (estimate, explained)
+        && let Some(change) = parts::body_change(&fit, &body.parameters.to_vector())
+    {
+        warnings.extend(Warning::of_change(record, &change, judgement.scale, explained));
     }
     let (torque_residual, force_residual) =
         fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));

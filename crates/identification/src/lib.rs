@@ -6,6 +6,8 @@ pub use nalgebra;
 pub use tumble_dynamics as dynamics;
 pub use tumble_lie as lie;
 
+#[cfg(feature = "std")]
+mod body_change;
 mod body_scale;
 #[cfg(feature = "std")]
 pub mod comparison;
@@ -54,13 +56,13 @@ pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
 pub use identify::{
     Estimate, Identification, LongRecord, Method, NodeResidual, Noise, POOR_FIT, Prediction, Prior, Settings,
-    StandardDeviations, Validation, Warning, identify, merge, predict, validate,
+    StandardDeviations, Validation, Warning, identify, identify_parts, merge, predict, validate,
 };
 pub use information::FisherInformation;
 #[cfg(feature = "std")]
 pub use likelihood::{
-    Exchange, FixedLag, FixedLagSettings, FixedLagStep, Innovation, Iteration, LikelihoodEstimate, MaximumLikelihood,
-    Nuisance, NuisanceEstimate, NuisancePrior, Nuisances, Quantity, SegmentResidual, Verdict,
+    BodyChange, Exchange, FixedLag, FixedLagSettings, FixedLagStep, Innovation, Iteration, LikelihoodEstimate,
+    MaximumLikelihood, Nuisance, NuisanceEstimate, NuisancePrior, Nuisances, Quantity, SegmentResidual, Verdict,
 };
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]

@@ -20,6 +20,7 @@ pub use calibration::{Nuisance, NuisancePrior, Nuisances};
 pub use identifiability::{Exchange, Quantity, Verdict};
 pub use window::{FixedLag, FixedLagSettings, FixedLagStep, Innovation};
 
+use crate::body_change::{CUTS, Quadratic, likeliest_cut};
 use crate::dynamics::InertialParameters;
 use crate::error::{Column, IdentificationError};
 use crate::lie::Wrench;
@@ -182,6 +183,24 @@ pub struct LikelihoodEstimate {
     pub outliers: usize,
     /// Whether what the measurements leave unexplained is white, column by column. The standard deviations assume it is.
     pub whiteness: Vec<(Column, Whiteness)>,
+    /// Where the record asks for one body before and another after; not looked for where nuisances were asked for, nor by
+    /// [`FixedLag`].
+    pub body_change: Option<BodyChange>,
+}
+
+/// A record that one body does not explain, and two do better than chance allows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyChange {
+    /// Last sample that surely belongs to the body before.
+    pub last_before: usize,
+    /// The likeliest first sample of the body after.
+    pub first_after: usize,
+    /// First sample that surely belongs to the body after.
+    pub first_sure: usize,
+    /// Parameters that the part before asks for, to first order.
+    pub before: SVector<f64, 10>,
+    /// Parameters that the part after asks for, to first order.
+    pub after: SVector<f64, 10>,
 }
 
 impl LikelihoodEstimate {
@@ -286,7 +305,10 @@ impl MaximumLikelihood {
         record: Record,
         calibration: Calibration,
     ) -> Result<LikelihoodEstimate, IdentificationError> {
-        result(&self.fit::<W>(record, calibration, None)?)
+        let mut fit = self.fit::<W>(record, calibration, None)?;
+        let found = result(&fit)?;
+        let body_change = if self.nuisances.is_empty() { body_change(&mut fit)? } else { None };
+        Ok(LikelihoodEstimate { body_change, ..found })
     }
 
     /// The optimum, with a prior about the start or without.
@@ -430,7 +452,30 @@ fn result<const W: usize>(fit: &Fit<W>) -> Result<LikelihoodEstimate, Identifica
         residuals: residuals(chain),
         outliers: sweep.tally.rejected[POSITION].max(sweep.tally.rejected[ATTITUDE]),
         whiteness: chain.whiteness(levels),
+        body_change: None,
     })
+}
+
+/// At the optimum: one more elimination.
+fn body_change<const W: usize>(fit: &mut Fit<W>) -> Result<Option<BodyChange>, IdentificationError> {
+    let Fit { chain, eta, levels, .. } = fit;
+    let every = chain.starts.len().div_ceil(CUTS).max(1);
+    let (whole, parts) = chain.eliminate_parts(every, levels).map_err(not_excited)?;
+    let quadratic = |schur: &Schur| Quadratic {
+        information: schur.information.fixed_view::<10, 10>(0, 0).into_owned(),
+        gradient: schur.gradient.fixed_rows::<10>(0).into_owned(),
+    };
+    let parts = parts.iter().map(|(segment, schur)| (*segment, quadratic(schur)));
+    let Some(cut) = likeliest_cut(&quadratic(&whole), parts, 1.0) else { return Ok(None) };
+    let (parameters, by_eta) = (eta.parameters().to_vector(), eta.parameters_by_eta());
+    let at = |segment: usize| chain.starts.get(segment).copied().unwrap_or(chain.record.samples.len());
+    Ok(Some(BodyChange {
+        last_before: at(cut.place - every),
+        first_after: at(cut.place),
+        first_sure: at(cut.place + every),
+        before: parameters + by_eta * cut.before,
+        after: parameters + by_eta * cut.after,
+    }))
 }
 
 /// Where the iterations ended.

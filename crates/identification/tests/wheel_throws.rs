@@ -407,7 +407,7 @@ fn every_object_reported_exists() {
 /// Sensors that err as the throws' own balance then says, no inertia known.
 #[test]
 fn throws_tell_the_scale_of_the_gyro_and_the_delay_of_the_wheel() {
-    let errors = SensorErrors { gyro_factor: [1.006, 0.995, 0.999], wheel_delay_s: 6e-4 };
+    let errors = SensorErrors { gyro_factor: [1.006, 0.995, 0.999], wheel_delay_s: 6e-4, ..SensorErrors::default() };
     let noise = Noise { walk: 20.0, ..NOISY };
     let spoil = |record: ThrowRecord| {
         let late = |sample: &ThrowSample| {

@@ -89,8 +89,10 @@ fn main() -> ExitCode {
                 Arguments::parse(rest, &[], &["--cells", "--runs", "--out"])
                     .and_then(|arguments| identification::run(&arguments))
             }
-            Some((what, rest)) if what == "change-detection" => Arguments::parse(rest, &[], &["--grasps", "--hours"])
-                .and_then(|arguments| change_detection::run(&arguments)),
+            Some((what, rest)) if what == "change-detection" => {
+                Arguments::parse(rest, &[], &["--grasps", "--hours", "--seed"])
+                    .and_then(|arguments| change_detection::run(&arguments))
+            }
             Some((what, rest)) if what == "calibration" => {
                 Arguments::parse(rest, &[], &["--runs", "--only"]).and_then(|arguments| calibration::run(&arguments))
             }

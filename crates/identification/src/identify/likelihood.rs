@@ -65,6 +65,9 @@ pub(super) fn most_likely(
             warnings.push(Warning::ColouredNoise { column: *column, sigma_inflation });
         }
     }
+    if let Some(change) = &found.body_change {
+        warnings.extend(Warning::of_change(record, change, scale, explained));
+    }
     if record.len() < FEW_NODES {
         warnings.push(Warning::FewRows { rows: 6 * record.len() });
     }

@@ -301,6 +301,31 @@ impl<const W: usize> Chain<W> {
 
     /// The same as if the record ended with the first `segments`.
     pub(super) fn eliminate_first(&mut self, segments: usize, levels: &Levels) -> Result<Schur, Indefinite> {
+        self.eliminate_past(segments, levels, |_, _| {})
+    }
+
+    /// What the record says as a whole, and by itself from every `every`th segment on: last to first.
+    pub(super) fn eliminate_parts(
+        &mut self,
+        every: usize,
+        levels: &Levels,
+    ) -> Result<(Schur, Vec<(usize, Schur)>), Indefinite> {
+        let mut parts = Vec::new();
+        let whole = self.eliminate_past(self.starts.len(), levels, |j, later| {
+            if j > 0 && j.is_multiple_of(every) {
+                parts.push((j, later.alone()));
+            }
+        })?;
+        Ok((whole, parts))
+    }
+
+    /// Shows what follows from each segment on as it is passed.
+    fn eliminate_past(
+        &mut self,
+        segments: usize,
+        levels: &Levels,
+        mut passed: impl FnMut(usize, &mut CostToGo<W>),
+    ) -> Result<Schur, Indefinite> {
         let (length, count) = (packed_len(self.lanes), self.groups.len());
         let weights = self.weights(levels);
         self.cost_to_go.clear();
@@ -317,6 +342,7 @@ impl<const W: usize> Chain<W> {
             if j > 0 && self.is_last(j - 1) {
                 self.firsts[j] = Some(self.cost_to_go.release());
             }
+            passed(j, &mut self.cost_to_go);
         }
         self.cost_to_go.add(&self.arrival);
         let first = self.cost_to_go.release();

@@ -309,6 +309,15 @@ impl<const W: usize> CostToGo<W> {
         First { rows, factor: l }
     }
 
+    /// What the chain eliminated so far says about the parameters by itself.
+    pub(crate) fn alone(&mut self) -> Schur {
+        let (value, log_determinant) = (self.value.clone(), self.log_determinant);
+        self.release();
+        let schur = self.schur();
+        (self.value, self.log_determinant) = (value, log_determinant);
+        schur
+    }
+
     /// What the chain says about the parameters, once the first state is released.
     pub(crate) fn schur(&self) -> Schur {
         let last = self.lanes - 1;

@@ -38,16 +38,6 @@ pub(super) fn rows_of<const N: usize, const ROWS: usize>(matrix: &SMatrix<f64, R
     matrix.transpose().data.0
 }
 
-/// In four lanes, which the processor adds at once.
-#[inline(always)]
-fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
-    let mut lanes = [0.0; 4];
-    for (k, (a, b)) in a.iter().zip(b).enumerate() {
-        lanes[k % 4] += a * b;
-    }
-    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
-}
-
 /// Σ columns[k] · weights[k].
 #[inline(always)]
 fn combination<const M: usize, const N: usize>(columns: &[[f64; M]; N], weights: &[f64; N]) -> [f64; M] {
@@ -60,9 +50,17 @@ fn combination<const M: usize, const N: usize>(columns: &[[f64; M]; N], weights:
     sum
 }
 
+/// target −= factor · row, in the fixed length that the processor takes in few steps.
+#[inline(always)]
+fn subtract<const M: usize>(target: &mut [f64; M], factor: f64, row: &[f64; M]) {
+    for (t, r) in target.iter_mut().zip(row) {
+        *t -= factor * r;
+    }
+}
+
 impl<const N: usize, const ROWS: usize> Rows<N, ROWS> {
-    /// The Kalman update, one scalar row after the other: no matrix is inverted, the covariance stays symmetric to the last
-    /// bit, and the factor of the innovation covariance falls out on the way.
+    /// The Kalman update by the factors S = L D Lᵀ: no matrix is inverted, the covariance is written once and stays symmetric
+    /// to the last bit. Column i of P Hᵀ L⁻ᵀ is the gain of row i after those before it.
     #[inline(always)]
     pub(super) fn correct(
         &self,
@@ -73,8 +71,9 @@ impl<const N: usize, const ROWS: usize> Rows<N, ROWS> {
         let residual = measured_only(&self.residual, &self.standard_deviation);
         let mut columns = self.sensitivity.data.0;
         let [deviations] = self.standard_deviation.data.0;
+        let measured = deviations.map(|deviation| deviation != f64::INFINITY);
         for i in 0..ROWS {
-            if deviations[i] == f64::INFINITY {
+            if !measured[i] {
                 rows[i] = [0.0; N];
                 for column in &mut columns {
                     column[i] = 0.0;
@@ -82,55 +81,55 @@ impl<const N: usize, const ROWS: usize> Rows<N, ROWS> {
             }
         }
         let p = &mut covariance.data.0;
+        let (mut gains, mut remaining) = ([[0.0; N]; ROWS], [[0.0; ROWS]; ROWS]);
+        for i in 0..ROWS {
+            if measured[i] {
+                gains[i] = combination(p, &rows[i]);
+                remaining[i] = combination(&columns, &gains[i]);
+                remaining[i][i] += deviations[i] * deviations[i];
+            }
+        }
+        let mut innovation_covariance = remaining;
+        for i in 0..ROWS {
+            for j in 0..i {
+                innovation_covariance[i][j] = remaining[j][i];
+            }
+            if !measured[i] {
+                innovation_covariance[i][i] = f64::INFINITY;
+            }
+        }
         let (mut step, [mut unexpected]) = ([0.0; N], residual.data.0);
-        let mut innovation_covariance = [[0.0; ROWS]; ROWS];
         let (mut nis, mut determinant, mut degrees_of_freedom) = (0.0, 1.0, 0);
         for i in 0..ROWS {
-            let (h, deviation) = (&rows[i], deviations[i]);
-            if deviation == f64::INFINITY {
-                innovation_covariance[i][i] = f64::INFINITY;
+            if !measured[i] {
                 continue;
             }
-            // P h / √s with P as the rows before left it.
-            let mut gain = combination(p, h);
-            let pivot = dot(h, &gain) + deviation * deviation;
-            let root = sqrt(pivot);
-            let inverse = 1.0 / root;
-            for g in &mut gain {
-                *g *= inverse;
-            }
-            for (column, gj) in p.iter_mut().zip(&gain) {
-                for (c, gk) in column.iter_mut().zip(&gain) {
-                    *c -= gj * gk;
-                }
-            }
-            // Column i of √S: nothing above the diagonal.
-            let mut shared = combination(&columns, &gain);
-            for (j, value) in shared.iter_mut().enumerate() {
-                if j < i {
-                    *value = 0.0;
-                }
-            }
-            shared[i] = root;
-            for (column, sj) in innovation_covariance.iter_mut().zip(&shared) {
-                for (c, sk) in column.iter_mut().zip(&shared) {
-                    *c += sj * sk;
-                }
-            }
-            let normalised = unexpected[i] * inverse;
+            let (pivot, gain, row, surprise) = (remaining[i][i], gains[i], remaining[i], unexpected[i]);
             // Whatever is not finite in a row has come to one of the two.
-            if !(pivot + normalised).is_finite() {
+            if !(pivot > 0.0 && (pivot + surprise).is_finite()) {
                 return Err(IdentificationError::NotFinite { row: i });
             }
-            for (u, s) in unexpected.iter_mut().zip(&shared) {
-                *u -= s * normalised;
+            let inverse = 1.0 / pivot;
+            for j in i + 1..ROWS {
+                let share = row[j] * inverse;
+                unexpected[j] -= share * surprise;
+                subtract(&mut gains[j], share, &gain);
+                subtract(&mut remaining[j], share, &row);
             }
-            for (s, g) in step.iter_mut().zip(&gain) {
-                *s += g * normalised;
-            }
-            nis += normalised * normalised;
+            let normalised = surprise * inverse;
+            subtract(&mut step, -normalised, &gain);
+            let root = sqrt(inverse);
+            gains[i] = gain.map(|g| g * root);
+            nis += surprise * normalised;
             determinant *= pivot;
             degrees_of_freedom += 1;
+        }
+        for (j, column) in p.iter_mut().enumerate() {
+            for (gain, measured) in gains.iter().zip(&measured) {
+                if *measured {
+                    subtract(column, gain[j], gain);
+                }
+            }
         }
         let covariance = SMatrix::from_data(ArrayStorage(innovation_covariance));
         let innovation = Innovation { residual, covariance, nis, degrees_of_freedom, determinant };

@@ -2,13 +2,15 @@
 
 use super::extended_kalman::{DifferentiableModel, FilterModel};
 use crate::error::IdentificationError;
+use crate::householder::sqrt;
 use crate::lie::{Manifold, Wrench};
-use nalgebra::{ComplexField, Matrix4, SMatrix, Vector3, Vector4, Vector6};
+use nalgebra::{Matrix4, SMatrix, Vector3, Vector4, Vector6};
 
 /// A body about its centre of mass in principal axes; as a state, any point of it exists.
 ///
-/// Its increments are logarithms of the mass and of the three second moments Σx = ∫x² dm (Ixx = Σy + Σz and so on): masses
-/// stay positive and moments keep the triangle inequalities, whatever a filter does.
+/// Increments x multiply the mass and the three second moments Σx = ∫x² dm (Ixx = Σy + Σz and so on) by x + √(1 + x²), which
+/// is exp x to second order, costs a root, and is never zero or negative: masses stay positive and moments keep the triangle
+/// inequalities, whatever a filter does.
 ///
 /// # Units
 /// kg, kg m^2.
@@ -76,16 +78,23 @@ impl Manifold for PrincipalBody {
 
     #[inline]
     fn oplus(&self, xi: &Vector4<f64>) -> Self {
-        Self { moments: self.moments.component_mul(&xi.map(ComplexField::exp)) }
+        Self { moments: self.moments.component_mul(&xi.map(growth)) }
     }
 
     fn ominus(&self, base: &Self) -> Vector4<f64> {
-        self.moments.zip_map(&base.moments, |a, b| ComplexField::ln(a / b))
+        self.moments.zip_map(&base.moments, |a, b| 0.5 * (a / b - b / a))
     }
 
-    fn increment_rate(_xi: &Vector4<f64>, velocity: &Vector4<f64>) -> Vector4<f64> {
-        *velocity
+    fn increment_rate(xi: &Vector4<f64>, velocity: &Vector4<f64>) -> Vector4<f64> {
+        xi.zip_map(velocity, |x, v| v * sqrt(1.0 + x * x))
     }
+}
+
+/// x + √(1 + x²), whose inverse is that of −x.
+#[inline(always)]
+fn growth(x: f64) -> f64 {
+    let up = x.abs() + sqrt(1.0 + x * x);
+    if x < 0.0 { 1.0 / up } else { up }
 }
 
 /// Accelerations measured under a known wrench.
@@ -229,6 +238,22 @@ mod tests {
         let covariance = Matrix4::from_diagonal(&Vector4::new(9.0, 2.5e-3, 1e-3, 4e-3));
         let back = jacobian * body.increment_covariance(&covariance) * jacobian.transpose();
         assert!((back - covariance).amax() < 1e-14);
+    }
+
+    #[test]
+    fn increments_of_any_size_lead_to_a_body_and_back() {
+        let body = PrincipalBody::try_new(9.58, Vector3::new(0.153, 0.143, 0.162)).unwrap();
+        for size in [1e-9, 0.3, 5.0, 1e9] {
+            let xi = Vector4::new(size, -size, 0.5 * size, -0.1 * size);
+            let there = body.oplus(&xi);
+            assert!(there.moments.iter().all(|x| *x > 0.0 && x.is_finite()), "{size}");
+            assert!((there.ominus(&body) - xi).amax() < 1e-14 * size.max(1.0), "{size}");
+        }
+        // Moving on from the increment is moving the increment at the stated rate.
+        let (xi, velocity) = (Vector4::new(0.4, -0.7, 0.1, 0.0), Vector4::new(0.3, 0.2, -0.5, 1.0));
+        let ahead = |time: f64| body.oplus(&xi).oplus(&(velocity * time)).ominus(&body);
+        let slope = (ahead(1e-5) - ahead(-1e-5)) / 2e-5;
+        assert!((slope - PrincipalBody::increment_rate(&xi, &velocity)).amax() < 1e-9);
     }
 
     #[test]
