@@ -241,6 +241,7 @@ const NO_DEVIATIONS: StandardDeviations = StandardDeviations {
 pub fn is_identified(found: &Identification) -> bool {
     let known = |estimate: &Estimate| worst_std(estimate).0 < 1.0;
     found.rank == 10
+        && separable(found).iter().all(|separable| *separable)
         && found.estimate.as_ref().is_some_and(known)
         && found.explained.is_some_and(|share| share >= POOR_FIT)
 }
@@ -268,6 +269,11 @@ fn verdict(found: &Identification, context: &Context) -> String {
             );
         } else if found.explained.is_some_and(|share| share < POOR_FIT) {
             let _ = writeln!(text, "verdict: no body explains this log; do not use the numbers above");
+        } else if !separable(found).iter().all(|separable| *separable) {
+            let _ = writeln!(
+                text,
+                "verdict: not identified; what was asked for beside the body is exchangeable with it (see the warnings): ask for less"
+            );
         } else if found.rank == 10 {
             let _ =
                 writeln!(text, "verdict: not identified; {} is not known to better than the body's own scale", worst.1);

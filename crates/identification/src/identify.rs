@@ -251,6 +251,24 @@ pub enum Warning {
         /// Rows used.
         rows: usize,
     },
+    /// The likelihood was asked for, or called for by the noise, and did not settle or explained too little.
+    LikelihoodFailed,
+    /// So many samples were rejected that they are not outliers.
+    ManyOutliers {
+        /// Samples rejected.
+        rejected: usize,
+        /// Of so many.
+        rows: usize,
+    },
+    /// The motion asks for wrenches that the log does not hold.
+    UnmodelledWrench {
+        /// Torque noise per sample that would explain the motion, N m.
+        torque_n_m: f64,
+        /// Force noise per sample that would explain it, N.
+        force_n: f64,
+        /// Largest ratio to the noise that the logged wrench shows by itself.
+        times: f64,
+    },
     /// What a column leaves unexplained is not white: neighbouring errors are alike, and the standard deviations, which
     /// assume that they are independent, are too small.
     ColouredNoise {
@@ -295,8 +313,7 @@ impl fmt::Display for Warning {
             Self::NoisyPoses { position_m, attitude_rad, noise_share, lag } => write!(
                 f,
                 "poses look noisy ({position_m:.1e} m, {attitude_rad:.1e} rad): {:.1} % of the regression signal at lag \
-                 {lag} is noise; rows of disjoint poses serve as instruments, and the method maximum-likelihood would do better; \
-                 the stated sigma does not hold all of this noise",
+                 {lag} is noise; rows of disjoint poses serve as instruments; the stated sigma does not hold all of this noise",
                 100.0 * noise_share
             ),
             Self::NoisyRates { rate_rad_s, velocity_m_s, noise_share, lag } => write!(
@@ -323,6 +340,23 @@ impl fmt::Display for Warning {
             Self::HeldWrenches { samples } => {
                 write!(f, "{samples} samples without a wrench: the last one logged is taken to act on")
             }
+            Self::LikelihoodFailed => write!(
+                f,
+                "maximum likelihood did not settle on this log or explains too little of it; a regression answers instead, and \
+                 noise in the poses may bias it beyond the stated sigma"
+            ),
+            Self::ManyOutliers { rejected, rows } => write!(
+                f,
+                "{rejected} of {rows} samples are rejected, too many for outliers: the body or its localisation may have changed; \
+                 look at the residuals and identify the parts separately"
+            ),
+            Self::UnmodelledWrench { torque_n_m, force_n, times } => write!(
+                f,
+                "the motion asks for wrench noise of {torque_n_m:.1e} N m, {force_n:.1e} N, {times:.0} times what the logged wrench \
+                 shows: if that is not the actuators' own noise, something is not in the model (delay, scale, lag or bias, which `estimate` \
+                 finds; wrench timing, gravity, drag, noise of the poses that wanders, a body that changes), and the stated sigma \
+                 does not hold it"
+            ),
             Self::ColouredNoise { column, sigma_inflation } => write!(
                 f,
                 "what the {column} leave unexplained is not white noise: neighbouring errors are alike, and the stated sigma may \
@@ -462,6 +496,13 @@ const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
 /// too little are not an error but a result with its rank.
 pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identification, IdentificationError> {
     let mut found = answer(record, settings)?;
+    // A regression that does not answer has not the last word.
+    let doubtful = found.rank < 10 || found.explained.is_some_and(|share| share < POOR_FIT);
+    let tried = found.warnings.contains(&Warning::LikelihoodFailed);
+    if settings.method == Method::Auto && found.method != Method::MaximumLikelihood && doubtful && !tried {
+        let likely = most_likely(record, &Timeline::try_new(record)?, settings)?;
+        found = likely.filter(|likely| likely.explained > Some(POOR_FIT) && likely.rank >= found.rank).unwrap_or(found);
+    }
     let weak = weak_excitation(&found);
     found.warnings.extend(weak);
     Ok(found)
@@ -469,8 +510,10 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
 
 /// Directions that the motion shows badly or not at all, with the simple motion that would show each.
 fn weak_excitation(found: &Identification) -> Vec<Warning> {
-    // Without a wrench no motion helps.
-    if found.warnings.iter().any(|warning| matches!(warning, Warning::ZeroWrench | Warning::SilentForce)) {
+    // Without a wrench, or with one that means something else, no motion helps.
+    let silent =
+        |warning: &Warning| matches!(warning, Warning::ZeroWrench | Warning::SilentForce | Warning::PoorFit { .. });
+    if found.warnings.iter().any(silent) {
         return Vec::new();
     }
     if found.rank < 10 {
@@ -517,6 +560,11 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
         Silent::Wrench => warnings.push(Warning::ZeroWrench),
         Silent::Force => warnings.push(Warning::SilentForce),
         Silent::Nothing => {}
+    }
+    if settings.method == Method::MaximumLikelihood
+        || settings.method == Method::Auto && settings.lag.is_none() && (fit.poses_noisy || fit.rates_noisy)
+    {
+        warnings.push(Warning::LikelihoodFailed);
     }
     if settings.estimate != Nuisances::default() {
         warnings.push(Warning::NotCalibrated { rows: record.len() });

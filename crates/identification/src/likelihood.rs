@@ -34,7 +34,7 @@ use coordinates::{Coordinates, ParameterStep};
 use elimination::{Indefinite, Schur};
 use identifiability::{Identifiability, inflation};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
-use noise::Levels;
+use noise::{Levels, WrenchPrior};
 use record::Record;
 use segment::{ATTITUDE, MEASUREMENTS, POSITION, Robust};
 
@@ -49,6 +49,10 @@ const LONGEST_DELAY: f64 = 0.25;
 /// Rows that are correlated for a start of the delay, and the longest delay looked for, s.
 const CORRELATED_ROWS: usize = 2000;
 const LONGEST_CORRELATED_S: f64 = 0.6;
+/// Standard deviations of the weak prior: ln m, centre of mass in m, inertia by the mean inertia of the start.
+const WEAK: (f64, f64, f64) = (1.5, 0.3, 2.0);
+/// Second window of the first guess, by the first.
+const SHORTER_WINDOW: f64 = 0.3;
 /// Largest component of a node's step at convergence (rad, rad/s, m, m/s).
 const SMALL_STEP: f64 = 1e-3;
 /// Within so many squared standard deviations the levels of noise and outliers may be judged.
@@ -168,6 +172,9 @@ pub struct LikelihoodEstimate {
     pub exchanges: Vec<Exchange>,
     /// Noise levels used.
     pub noise: Noise,
+    /// Noise that the logged wrenches show by themselves, sample against sample: N m and N. Far more in
+    /// [`noise`](Self::noise) is wrench that the log does not hold. Infinite where it shows none or was not looked for.
+    pub visible_wrench_noise: [f64; 2],
     /// Weighted squares of all residuals.
     pub cost: f64,
     /// Log determinant of the information of all unknowns; with [`cost`](Self::cost) and the noise levels it gives the
@@ -228,6 +235,17 @@ impl MaximumLikelihood {
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
+        match self.estimate_from_poses(record) {
+            // A body that turns far within the window of the first guess needs a shorter one.
+            Err(IdentificationError::NotExcited { .. } | IdentificationError::LikelihoodNotConverged { .. }) => {
+                let hasty = Self { node_window_s: self.node_window_s * SHORTER_WINDOW, ..self.clone() };
+                hasty.estimate_from_poses(record)
+            }
+            found => found,
+        }
+    }
+
+    fn estimate_from_poses(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
         let delay_s = self.correlated_delay_s(record);
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
         let mut calibration = self.calibration(record.samples.iter().any(|sample| sample.acceleration.is_some()));
@@ -298,6 +316,32 @@ impl MaximumLikelihood {
             nuisances.push(Nuisance::AccelerationDelay);
         }
         Calibration::new(&nuisances, &self.nuisance_priors)
+    }
+
+    /// The optimum held by a weak prior about the start, nuisances left alone, and that prior's precisions.
+    fn weakly_held(&self, record: Record) -> Result<(Fit<32>, SVector<f64, 10>), IdentificationError> {
+        let plain = Self { nuisances: Vec::new(), ..self.clone() };
+        let inertia = WEAK.2 * self.start.inertia_about_com().trace() / 3.0;
+        let precision = SVector::from_fn(|i, _| match i {
+            0 => WEAK.0.powi(-2),
+            1..=3 => WEAK.1.powi(-2),
+            _ => inertia.powi(-2),
+        });
+        let calibration = plain.calibration(false);
+        Ok((plain.fit::<32>(record, calibration, Some(&precision))?, precision))
+    }
+
+    /// The optimum for a record that does not determine everything, a weak prior about the start filling in, and the
+    /// information of the record alone about [`InertialParameters::to_vector`].
+    pub(crate) fn partial(
+        &self,
+        record: &[MotionSample],
+    ) -> Result<(LikelihoodEstimate, SMatrix<f64, 10, 10>), IdentificationError> {
+        let record = Record::try_new(record, self.wrench_timing, self.robust)?;
+        let (fit, precision) = self.weakly_held(record)?;
+        let by_parameters = fit.eta.parameters_by_eta().try_inverse().ok_or(not_excited(Indefinite))?;
+        let alone = fit.schur.information.fixed_view::<10, 10>(0, 0) - SMatrix::from_diagonal(&precision);
+        Ok((result(&fit)?, by_parameters.transpose() * alone * by_parameters))
     }
 
     fn run<const W: usize>(
@@ -395,6 +439,7 @@ impl MaximumLikelihood {
                     iterations,
                     constrained,
                     segment_samples: length,
+                    visible_wrench_noise: prior.as_ref().map_or([f64::INFINITY; 2], WrenchPrior::visible),
                 });
             }
             let iterations = progress.iterations.len();
@@ -445,6 +490,7 @@ fn result<const W: usize>(fit: &Fit<W>) -> Result<LikelihoodEstimate, Identifica
         nuisances: nuisances.map(nuisance).collect(),
         exchanges: identifiability.exchanges.clone(),
         noise: levels.noise(&chain.groups),
+        visible_wrench_noise: fit.visible_wrench_noise,
         cost: cost(sweep, levels),
         log_determinant: schur.log_determinant + factor.l_dirty().diagonal().iter().map(|x| 2.0 * x.ln()).sum::<f64>(),
         iterations: fit.iterations.clone(),
@@ -490,6 +536,7 @@ struct Fit<const W: usize> {
     iterations: Vec<Iteration>,
     constrained: bool,
     segment_samples: usize,
+    visible_wrench_noise: [f64; 2],
 }
 
 /// The quadratic in the parameters, priors included, and what it determines without them.

@@ -225,6 +225,11 @@ fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
             args.dry_run && (output || args.holdout.is_some()),
             "`--dry-run` estimates no body: no `--out`, `--export`, `--holdout`",
         ),
+        (
+            !args.estimate.is_empty() && !matches!(args.method, MethodName::Auto | MethodName::MaximumLikelihood),
+            "`--estimate` belongs to `--method maximum-likelihood` (or auto)",
+        ),
+        (!args.estimate.is_empty() && args.dry_run, "`--dry-run` estimates nothing: no `--estimate`"),
         (args.wrench_noise.is_some() && !args.dry_run, "`--wrench-noise` belongs to `--dry-run`"),
     ];
     match clash.iter().find(|(clashes, _)| *clashes) {

@@ -4,14 +4,24 @@
 use super::solution::{Solution, from_covariance, solve};
 use super::timeline::Timeline;
 use super::{
-    Estimate, FEW_NODES, Identification, Method, NodeResidual, POOR_FIT, Prior, Settings, VISIBLE_COLOUR, Validation,
-    Warning,
+    Estimate, FEW_NODES, Identification, Method, NodeResidual, Noise, POOR_FIT, Prior, Settings, VISIBLE_COLOUR,
+    Validation, Warning,
 };
 use crate::error::IdentificationError;
-use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, SegmentResidual};
+use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, Nuisances, SegmentResidual};
 use crate::motion::MotionSample;
 use crate::{BodyScale, Observability, SquareRootInformation};
 use nalgebra::SMatrix;
+
+/// A direction is determined where one sigma is below this fraction of the body's scale: nearer to it, noise of the wrench
+/// that the body does not feel passes for excitation.
+const DETERMINED: f64 = 0.2;
+/// A wrench whose noise is above this share of it is nothing but noise.
+const NOISE_ALONE: f64 = 0.5;
+/// More outliers than this share are not outliers.
+const MANY_OUTLIERS: f64 = 0.05;
+/// Wrench that the motion asks for, in units of the noise that the logged wrench shows, beyond which something is unmodelled.
+const UNMODELLED: f64 = 4.0;
 
 pub(super) fn estimator(settings: &Settings) -> MaximumLikelihood {
     MaximumLikelihood {
@@ -22,25 +32,63 @@ pub(super) fn estimator(settings: &Settings) -> MaximumLikelihood {
     }
 }
 
-/// `None` where the likelihood does not settle or leaves a direction free: the regressions then say which.
+/// `None` where the likelihood does not settle or explains too little: the regressions then answer.
 pub(super) fn most_likely(
     record: &[MotionSample],
     timeline: &Timeline,
     settings: &Settings,
 ) -> Result<Option<Identification>, IdentificationError> {
-    let found = match estimator(settings).estimate(record) {
-        Ok(found) => found,
-        Err(
-            IdentificationError::NotExcited { .. }
-            | IdentificationError::LikelihoodNotConverged { .. }
-            | IdentificationError::TooFewSamples { .. },
-        ) => return Ok(None),
+    let whole = match estimator(settings).estimate(record) {
+        Ok(found) => Answer::of(&found, settings.prior.as_ref())?.map(|answer| (found, answer)),
+        Err(error) if is_about_the_data(&error) => None,
         Err(error) => return Err(error),
     };
-    let Some(Answer { scale, information, estimate, regularised }) = Answer::of(&found, settings.prior.as_ref())?
-    else {
-        return Ok(None);
+    let whole = match whole {
+        Some(whole) => Some(whole),
+        // What was asked for beside the body needs all ten directions.
+        None if settings.estimate != Nuisances::default() => None,
+        None => match estimator(settings).partial(record) {
+            Ok((found, _)) if is_noise(record, &found) => None,
+            Ok((found, information)) => {
+                Answer::of_part(&found, &information, settings.prior.as_ref())?.map(|answer| (found, answer))
+            }
+            Err(error) if is_about_the_data(&error) => None,
+            Err(error) => return Err(error),
+        },
     };
+    let Some((found, answer)) = whole else { return Ok(None) };
+    let found = identification(found, answer, record, timeline, settings);
+    Ok((found.rank == 10 || found.explained >= Some(POOR_FIT)).then_some(found))
+}
+
+/// Whether the logged wrench is nothing but noise, torque and force.
+fn is_noise(record: &[MotionSample], found: &LikelihoodEstimate) -> bool {
+    let wrenches: Vec<_> = record.iter().filter_map(|sample| sample.wrench_body).collect();
+    let rms = |squares: f64| (squares / (3 * wrenches.len().max(1)) as f64).sqrt();
+    let torque = rms(wrenches.iter().map(|wrench| wrench.torque.norm_squared()).sum());
+    let force = rms(wrenches.iter().map(|wrench| wrench.force.norm_squared()).sum());
+    let seen = found.visible_wrench_noise.map(|level| if level.is_finite() { level } else { 0.0 });
+    seen[0] >= NOISE_ALONE * torque && seen[1] >= NOISE_ALONE * force
+}
+
+/// Whether another method may still answer.
+fn is_about_the_data(error: &IdentificationError) -> bool {
+    matches!(
+        error,
+        IdentificationError::NotExcited { .. }
+            | IdentificationError::LikelihoodNotConverged { .. }
+            | IdentificationError::TooFewSamples { .. }
+    )
+}
+
+fn identification(
+    found: LikelihoodEstimate,
+    answer: Answer,
+    record: &[MotionSample],
+    timeline: &Timeline,
+    settings: &Settings,
+) -> Identification {
+    let Answer { scale, information, estimate, regularised } = answer;
     let observability = Observability::new(&information, scale);
     let residuals = residuals(&found, timeline);
     let explained = explained(&found.residuals, record, scale);
@@ -51,6 +99,9 @@ pub(super) fn most_likely(
     let missing = record.iter().filter(|sample| sample.wrench_body.is_none()).count();
     if missing > 0 {
         warnings.push(Warning::HeldWrenches { samples: missing });
+    }
+    if found.outliers as f64 > MANY_OUTLIERS * record.len() as f64 {
+        warnings.push(Warning::ManyOutliers { rejected: found.outliers, rows: record.len() });
     }
     if estimate.is_some_and(|found| found.lmi_active) {
         warnings.push(Warning::ConstraintActive);
@@ -65,22 +116,28 @@ pub(super) fn most_likely(
             warnings.push(Warning::ColouredNoise { column: *column, sigma_inflation });
         }
     }
+    let Noise { torque_n_m, force_n, .. } = found.noise;
+    let beyond = [torque_n_m, force_n].into_iter().zip(found.visible_wrench_noise).map(|(asked, seen)| asked / seen);
+    let times = beyond.fold(0.0, f64::max);
+    if times > UNMODELLED {
+        warnings.push(Warning::UnmodelledWrench { torque_n_m, force_n, times });
+    }
     if let Some(change) = &found.body_change {
         warnings.extend(Warning::of_change(record, change, scale, explained));
     }
     if record.len() < FEW_NODES {
         warnings.push(Warning::FewRows { rows: 6 * record.len() });
     }
-    Ok(Some(Identification {
+    Identification {
         method: Method::MaximumLikelihood,
         wrench_timing: settings.wrench_timing,
         lag: found.segment_samples,
         step_s: timeline.median_step_s(),
         samples_used: record.len().saturating_sub(found.outliers),
         samples_rejected: found.outliers,
-        rank: 10,
+        rank: observability.rank(),
         condition_number: observability.condition_number(),
-        null_directions: Vec::new(),
+        null_directions: observability.null_directions().to_vec(),
         information,
         scale,
         estimate,
@@ -92,7 +149,7 @@ pub(super) fn most_likely(
         exchanges: found.exchanges,
         residuals,
         warnings,
-    }))
+    }
 }
 
 /// A likelihood's optimum in the terms of an [`Identification`].
@@ -109,8 +166,7 @@ impl Answer {
         let Ok(scale) = BodyScale::of(&found.parameters.to_vector()) else { return Ok(None) };
         let magnitudes = scale.parameter_magnitudes();
         let like = SMatrix::<f64, 10, 10>::from_fn(|i, j| found.covariance[(i, j)] / (magnitudes[i] * magnitudes[j]));
-        // A direction is determined when it is known better than the body's own scale.
-        if like.symmetric_eigenvalues().max().partial_cmp(&1.0) != Some(core::cmp::Ordering::Less) {
+        if like.symmetric_eigenvalues().max().partial_cmp(&DETERMINED.powi(2)) != Some(core::cmp::Ordering::Less) {
             return Ok(None);
         }
         let information = from_covariance(&found.unconstrained, &found.covariance, &magnitudes)?;
@@ -121,6 +177,30 @@ impl Answer {
             estimate.lmi_active = found.active_axis.is_some();
         }
         Ok(Some(Self { scale, information, estimate, regularised }))
+    }
+
+    /// The same where `information`, that of the record alone, leaves directions free; these are dropped from it.
+    fn of_part(
+        found: &LikelihoodEstimate,
+        information: &SMatrix<f64, 10, 10>,
+        prior: Option<&Prior>,
+    ) -> Result<Option<Self>, IdentificationError> {
+        let Ok(scale) = BodyScale::of(&found.parameters.to_vector()) else { return Ok(None) };
+        let magnitudes = scale.parameter_magnitudes();
+        let scaled = SMatrix::<f64, 10, 10>::from_fn(|i, j| information[(i, j)] * magnitudes[i] * magnitudes[j]);
+        let eigen = (0.5 * (scaled + scaled.transpose())).symmetric_eigen();
+        let (mut factor, mut rank) = (SMatrix::<f64, 10, 10>::zeros(), 0);
+        for i in 0..10 {
+            let value = eigen.eigenvalues[i];
+            if value > DETERMINED.powi(-2) {
+                let row = eigen.eigenvectors.column(i).component_div(&magnitudes) * value.sqrt();
+                factor.set_row(i, &row.transpose());
+                rank += 1;
+            }
+        }
+        let information = SquareRootInformation::from_square_root(&factor, &(factor * found.unconstrained))?;
+        let Solution { estimate, regularised } = solve(information, scale, rank == 10, prior)?;
+        Ok((rank > 0).then_some(Self { scale, information, estimate, regularised }))
     }
 }
 

@@ -37,6 +37,13 @@ pub(super) struct WrenchPrior {
     freedom: [f64; 2],
 }
 
+impl WrenchPrior {
+    /// Noise that the logged wrenches show by themselves; infinite where they show none.
+    pub(super) fn visible(&self) -> [f64; 2] {
+        core::array::from_fn(|i| if self.freedom[i] > 0.0 { self.level[i] } else { f64::INFINITY })
+    }
+}
+
 impl Levels {
     pub(super) fn of(noise: &Noise) -> Self {
         let or_one = |x: f64| if x > 0.0 { x } else { 1.0 };

@@ -20,8 +20,6 @@ const FEWEST_ROWS: usize = 32;
 /// Relative uncertainty of mass and inertia, and that of the centre of mass by the radius of gyration, below which the
 /// bootstrap has found the body: the errors of linearisation are second order in it.
 const DETERMINED: f64 = 0.1;
-/// Standard deviations of the weak prior: ln m, centre of mass in m, inertia by the mean inertia of the start.
-const WEAK: (f64, f64, f64) = (1.5, 0.3, 2.0);
 /// Iterations at the end of the log.
 const LAST_ITERATIONS: usize = 10;
 
@@ -216,15 +214,8 @@ impl FixedLagSettings {
 
     /// The batch estimate with a weak prior, nuisances left alone.
     fn regularised(&self, rows: &[MotionSample]) -> Result<FixedLagStep, IdentificationError> {
-        let likelihood = MaximumLikelihood { nuisances: Vec::new(), ..self.likelihood.clone() };
-        let record = Record::try_new(rows, likelihood.wrench_timing, likelihood.robust)?;
-        let inertia = WEAK.2 * likelihood.start.inertia_about_com().trace() / 3.0;
-        let weak = SVector::from_fn(|i, _| match i {
-            0 => WEAK.0.powi(-2),
-            1..=3 => WEAK.1.powi(-2),
-            _ => inertia.powi(-2),
-        });
-        let fit = likelihood.fit::<32>(record, likelihood.calibration(false), Some(&weak))?;
+        let MaximumLikelihood { wrench_timing, robust, .. } = self.likelihood;
+        let (fit, _) = self.likelihood.weakly_held(Record::try_new(rows, wrench_timing, robust)?)?;
         let step = FixedLagStep::of(&fit, rows.last().map_or(0, |row| row.time_ns), None)?;
         Ok(FixedLagStep { regularised: true, ..step })
     }
