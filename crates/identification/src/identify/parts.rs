@@ -53,7 +53,8 @@ pub struct Part {
 /// # Errors
 /// Those of [`identify`] of the whole record.
 pub fn identify_parts(record: &[MotionSample], settings: &Settings) -> Result<Vec<Part>, IdentificationError> {
-    let (mut parts, mut open) = (Vec::<Part>::new(), vec![0..record.len()]);
+    let whole = 0..record.len();
+    let (mut parts, mut open) = (Vec::<Part>::new(), vec![whole]);
     while let Some(samples) = open.pop() {
         let settings = if parts.is_empty() { *settings } else { Settings { prior: None, ..*settings } };
         let found = match identify(&record[samples.clone()], &settings) {
