@@ -309,7 +309,7 @@ fn joint_filters_and_the_detector_of_changes() {
     let mut filter = UnscentedKalmanFilter::new(model, state, covariance).with_gate(gate);
     assert_eq!(allocations(CALLS, |i| filter.update(&seen[i]).unwrap()), 0, "UnscentedKalmanFilter, joint");
     let settings = ChangeSettings { spacing: 2, updates_between_false_alarms: 1e4 };
-    let widen = |filter: &ExtendedKalmanFilter<JointMotion, JointState, 22>, _| filter.after_a_jump_of_mass(0.1, 0.03);
+    let widen = |filter: &ExtendedKalmanFilter<JointMotion, JointState, 22>, _| filter.after_a_jump_of_mass(0.1);
     let mut detector = ChangeDetector::<_, _, 10, 4>::try_new(extended, widen, settings).unwrap();
     assert_eq!(allocations(CALLS, |i| detector.update(&seen[i]).unwrap()), 0, "ChangeDetector");
 }

@@ -164,22 +164,18 @@ impl ExtendedKalmanFilter<JointMotion, JointState, 22> {
         self.widened_by(&SMatrix::from_diagonal(&standard_deviation.map(|s| s * s)))
     }
 
-    /// The same filter after a change of the mass alone, its logarithm by a jump of this mean and standard deviation, the
-    /// centre of mass and the inertia about it as before.
-    pub fn after_a_jump_of_mass(&self, mean: f64, standard_deviation: f64) -> Self {
+    /// The same filter after a change of the mass alone, its logarithm by a jump of this standard deviation, the centre of
+    /// mass and the inertia about it as before.
+    pub fn after_a_jump_of_mass(&self, standard_deviation: f64) -> Self {
         // The inertia about the centre of mass is proportional to the mass and to the square of the extents.
-        let mut state = self.state();
-        state.body.log_mass += mean;
-        state.body.log_extents.add_scalar_mut(-0.5 * mean);
-        state.body.shears *= ComplexField::exp(-0.5 * mean);
         let mut jump = SVector::<f64, 10>::zeros();
         jump[0] = 1.0;
         for i in 0..3 {
             jump[4 + i] = -0.5;
-            jump[7 + i] = -0.5 * state.body.shears[i];
+            jump[7 + i] = -0.5 * self.state().body.shears[i];
         }
         jump *= standard_deviation;
-        self.with_state(state).widened_by(&(jump * jump.transpose()))
+        self.widened_by(&(jump * jump.transpose()))
     }
 
     fn widened_by(&self, jump: &SMatrix<f64, 10, 10>) -> Self {

@@ -82,11 +82,6 @@ impl<M, S: Copy, const N: usize> ExtendedKalmanFilter<M, S, N> {
         Self { gate: Some(gate), ..self }
     }
 
-    /// The same at another state.
-    pub fn with_state(self, state: S) -> Self {
-        Self { state, ..self }
-    }
-
     /// The same with another covariance of the state.
     pub fn with_state_covariance(self, covariance: SMatrix<f64, N, N>) -> Self {
         Self { covariance, ..self }
