@@ -32,7 +32,7 @@ use timeline::Timeline;
 
 pub use long::LongRecord;
 pub use merge::merge;
-pub use parts::identify_parts;
+pub use parts::{Part, identify_parts};
 
 /// Which equations tie the motion to the parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

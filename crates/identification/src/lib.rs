@@ -55,7 +55,7 @@ pub use error::{Column, IdentificationError};
 pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
 pub use identify::{
-    Estimate, Identification, LongRecord, Method, NodeResidual, Noise, POOR_FIT, Prediction, Prior, Settings,
+    Estimate, Identification, LongRecord, Method, NodeResidual, Noise, POOR_FIT, Part, Prediction, Prior, Settings,
     StandardDeviations, Validation, Warning, identify, identify_parts, merge, predict, validate,
 };
 pub use information::FisherInformation;

@@ -133,8 +133,8 @@ fn a_change_within_a_log_is_told_and_the_parts_are_taken_apart() {
         let parts = identify_parts(&record, &Settings::default()).unwrap();
         assert_eq!(parts.len(), 2, "seed {seed}");
         for (part, factor) in parts.iter().zip([1.0, factor]) {
-            assert_eq!(changed(&part.warnings), None);
-            let estimate = part.estimate.unwrap();
+            assert_eq!(changed(&part.found.warnings), None);
+            let estimate = part.found.estimate.unwrap();
             let error = estimate.parameters.mass - 9.4 * factor;
             assert!(error.abs() < 4.5 * estimate.std.mass_kg && error.abs() < 0.01 * 9.4, "{error}");
         }
@@ -147,6 +147,6 @@ fn no_change_is_told_where_there_is_none() {
         let noise = if seed % 3 == 0 { 0.0 } else { 1e-3 };
         let record = log(50 + seed, 1200, 700, 1.0, noise);
         let parts = identify_parts(&record, &Settings::default()).unwrap();
-        assert_eq!(parts.iter().map(|part| changed(&part.warnings)).collect::<Vec<_>>(), [None], "seed {seed}");
+        assert_eq!(parts.iter().map(|part| changed(&part.found.warnings)).collect::<Vec<_>>(), [None], "seed {seed}");
     }
 }

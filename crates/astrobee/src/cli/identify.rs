@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::{
-    Identification, IdentificationError, LongRecord, Method, MotionSample, Nuisance, Nuisances, Settings, WrenchTiming,
-    identify, merge, predict, validate,
+    Identification, IdentificationError, LongRecord, Method, MotionSample, Nuisance, Nuisances, Part, Settings,
+    WrenchTiming, identify, identify_parts, merge, predict, validate,
 };
 
 /// Options of `tumble identify`.
@@ -53,6 +53,9 @@ pub struct IdentifyArgs {
     /// Keep back the last part of the log and judge the estimate on it.
     #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.25")]
     holdout: Option<f64>,
+    /// Where the body changed within the log, identify the parts before and after separately.
+    #[arg(long)]
+    split: bool,
     /// Say what this log can answer and how well, without believing its wrench.
     #[arg(long)]
     dry_run: bool,
@@ -191,6 +194,9 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
     if args.dry_run {
         return dry_run(args, &log, &settings);
     }
+    if args.split {
+        return split(args, &log, &settings);
+    }
     let found = log.identify(&settings)?;
     let validation = match args.holdout {
         Some(_) if found.estimate.is_some() => Some(validate(&found, &log.held_out()?, &settings)?),
@@ -213,6 +219,7 @@ fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
         || args.prior.is_some()
         || args.holdout.is_some()
         || args.dry_run
+        || args.split
         || args.reorder
         || args.gravity != Vector3::zeros();
     let clash = [
@@ -230,6 +237,10 @@ fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
             "`--estimate` belongs to `--method maximum-likelihood` (or auto)",
         ),
         (!args.estimate.is_empty() && args.dry_run, "`--dry-run` estimates nothing: no `--estimate`"),
+        (
+            args.split && (output || args.holdout.is_some() || args.dry_run),
+            "`--split` may find several bodies: no `--out`, `--export`, `--holdout`, `--dry-run`",
+        ),
         (args.wrench_noise.is_some() && !args.dry_run, "`--wrench-noise` belongs to `--dry-run`"),
     ];
     match clash.iter().find(|(clashes, _)| *clashes) {
@@ -294,6 +305,43 @@ fn deliver(args: &IdentifyArgs, found: &Identification, context: &Context) -> Re
         eprintln!("wrote {}", folder.finish()?.join("report.html").display());
     }
     Ok(if report::is_identified(found) { Outcome::Achieved } else { Outcome::NotAchieved })
+}
+
+/// Each part between changes of the body by itself.
+fn split(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome, AstrobeeError> {
+    let Rows::Memory(record) = &log.rows else {
+        return Err(AstrobeeError::BadOption {
+            message: format!("`--split` holds the whole log in memory: at most {ROWS_IN_MEMORY} rows"),
+        });
+    };
+    let parts = identify_parts(record, settings)?;
+    let (mut shown, mut identified) = (Vec::new(), true);
+    for (index, Part { samples, found }) in parts.iter().enumerate() {
+        let time_s = |sample: usize| record.get(sample).map_or(0.0, |row| seconds(row.time_ns));
+        let (start_s, end_s) = (time_s(samples.start), time_s(samples.end.saturating_sub(1)));
+        let context = Context {
+            source: format!("{}: part {} of {}, {start_s:.2} to {end_s:.2} s", log.source, index + 1, parts.len()),
+            reference: log.reference.as_ref().map(|(name, body)| (name.clone(), body)),
+            validation: None,
+            reader_warnings: if index == 0 { log.warnings.clone() } else { Vec::new() },
+            duration_s: end_s - start_s,
+        };
+        for warning in report::warnings(found, &context) {
+            eprintln!("warning: part {}: {warning}", index + 1);
+        }
+        identified &= report::is_identified(found);
+        if args.json {
+            shown.push(
+                serde_json::json!({ "start_s": start_s, "end_s": end_s, "result": report::json(found, &context) }),
+            );
+        } else {
+            print(&report::table(found, &context))?;
+        }
+    }
+    if args.json {
+        print(&format!("{}\n", serde_json::json!({ "format": 1, "parts": shown })))?;
+    }
+    Ok(if identified { Outcome::Achieved } else { Outcome::NotAchieved })
 }
 
 /// What is needed to repeat the run.

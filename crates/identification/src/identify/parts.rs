@@ -7,6 +7,7 @@ use crate::body_change::{CUTS, Quadratic, likeliest_cut};
 use crate::error::IdentificationError;
 use crate::likelihood::BodyChange;
 use crate::motion::MotionSample;
+use core::ops::Range;
 use nalgebra::{SMatrix, SVector, Vector6};
 
 /// A change of less than this share of mass, mass times length or inertia is drift or error of the model, not another body.
@@ -34,6 +35,15 @@ impl Warning {
     }
 }
 
+/// A part of a record in which the body stayed the same.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// Its samples.
+    pub samples: Range<usize>,
+    /// What they say.
+    pub found: Identification,
+}
+
 /// The parts of a record between changes of the body, in the order of time, each by [`identify`]; one part where nothing
 /// changed.
 ///
@@ -42,26 +52,24 @@ impl Warning {
 ///
 /// # Errors
 /// Those of [`identify`] of the whole record.
-pub fn identify_parts(
-    record: &[MotionSample],
-    settings: &Settings,
-) -> Result<Vec<Identification>, IdentificationError> {
-    let (mut parts, mut open) = (Vec::new(), vec![record]);
-    while let Some(part) = open.pop() {
+pub fn identify_parts(record: &[MotionSample], settings: &Settings) -> Result<Vec<Part>, IdentificationError> {
+    let whole = 0..record.len();
+    let (mut parts, mut open) = (Vec::<Part>::new(), vec![whole]);
+    while let Some(samples) = open.pop() {
         let settings = if parts.is_empty() { *settings } else { Settings { prior: None, ..*settings } };
-        let found = match identify(part, &settings) {
+        let found = match identify(&record[samples.clone()], &settings) {
             Ok(found) => found,
-            Err(error) if part.len() == record.len() => return Err(error),
+            Err(error) if samples.len() == record.len() => return Err(error),
             Err(_) => continue,
         };
         match found.warnings.iter().find_map(Warning::changed) {
             Some((earliest_ns, latest_ns)) if parts.len() + open.len() + 1 < MOST_PARTS => {
-                let end = part.partition_point(|sample| sample.time_ns <= earliest_ns);
-                let start = part.partition_point(|sample| sample.time_ns < latest_ns);
-                open.push(&part[start..]);
-                open.push(&part[..end]);
+                let end = record.partition_point(|sample| sample.time_ns <= earliest_ns);
+                let start = record.partition_point(|sample| sample.time_ns < latest_ns);
+                open.push(start..samples.end);
+                open.push(samples.start..end);
             }
-            _ => parts.push(found),
+            _ => parts.push(Part { samples, found }),
         }
     }
     Ok(parts)

@@ -30,12 +30,12 @@ fn noise() -> MotionNoise {
 }
 
 pub type Filter = ExtendedKalmanFilter<JointMotion, JointState, 22>;
-/// A window of two and a half seconds.
-pub type Detector = ChangeDetector<Filter, fn(&Filter, u32) -> Filter, 10, 40>;
+/// A window of nearly three seconds.
+pub type Detector = ChangeDetector<Filter, fn(&Filter, u32) -> Filter, 10, 36>;
 
-/// Mostly a change of the mass alone, which is what a grasp at the centre looks like first; every sixth one of everything.
+/// Mostly a change of the mass alone, which is what a grasp at the centre looks like first; every fourth one of everything.
 fn widened(filter: &Filter, candidate: u32) -> Filter {
-    if !candidate.is_multiple_of(6) {
+    if !candidate.is_multiple_of(4) {
         return filter.after_a_jump_of_mass(0.1);
     }
     filter.after_a_jump(&SVector::from([0.1, 5e-3, 5e-3, 5e-3, 0.05, 0.05, 0.05, 5e-3, 5e-3, 5e-3]))
@@ -68,8 +68,8 @@ impl Flight {
         let covariance = SMatrix::from_diagonal(&deviation.map(|s| s * s));
         let model = JointMotion { noise: noise(), gravity_world: Vector3::zeros() };
         let filter = ExtendedKalmanFilter::new(model, truth.oplus(&off), covariance);
-        // Two hours and a half.
-        let settings = ChangeSettings { spacing: 4, updates_between_false_alarms: 562_500.0 };
+        // Four hours.
+        let settings = ChangeSettings { spacing: 5, updates_between_false_alarms: 900_000.0 };
         let detector = ChangeDetector::try_new(filter, widened as fn(&Filter, u32) -> Filter, settings).unwrap();
         Self { rng, body, state: motion, updates: 0, force_n, detector }
     }
