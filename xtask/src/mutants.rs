@@ -215,6 +215,13 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --test wheel_throws",
     },
     Mutant {
+        name: "wheel: a throw identified as its sensors read",
+        file: "crates/identification/src/wheel/momentum_balance.rs",
+        original: "Self::from_throw(&record.corrected(errors), settings)",
+        replacement: "Self::from_throw(record, settings)",
+        test: "-p tumble-identification --test wheel_throws",
+    },
+    Mutant {
         name: "wheel: telemetry corrected the wrong way",
         file: "crates/identification/src/wheel/sensor_errors.rs",
         original: "wheel_speed(sample.time_s + errors.wheel_delay_s)",

@@ -401,6 +401,13 @@ mod tests {
         let text = calibration_to_toml(&calibration).unwrap();
         assert_eq!(read_calibration(&Written::new("cal.toml", &text).0).unwrap(), calibration);
 
+        // A file from before sensors were corrected: they are taken as they read.
+        let (before, rest) = text.split_once("[calibration.sensor_errors]").unwrap();
+        let (_, after) = rest.split_once("[calibration.settings]").unwrap();
+        let old = format!("{before}[calibration.settings]{after}");
+        let expected = WheelCalibration { sensor_errors: SensorErrors::default(), ..calibration };
+        assert_eq!(read_calibration(&Written::new("old.toml", &old).0).unwrap(), expected);
+
         let faulty = |name: &str, from: &str, to: &str| {
             assert!(text.contains(from), "{from} in\n{text}");
             read_calibration(&Written::new(name, &text.replace(from, to)).0).unwrap_err()
@@ -409,9 +416,11 @@ mod tests {
         assert!(matches!(newer, WheelThrowError::UnknownFormat { found: 2, .. }), "{newer}");
         let unknown = faulty("unknown.toml", "device_mass_kg", "device_mass_lb");
         assert!(matches!(unknown, WheelThrowError::NotACalibration { .. }), "{unknown}");
-        for (name, from, to) in
-            [("negative.toml", "mass_kg = 0", "mass_kg = -0"), ("step.toml", "step_s = 0.005", "step_s = 0.0")]
-        {
+        for (name, from, to) in [
+            ("negative.toml", "mass_kg = 0", "mass_kg = -0"),
+            ("step.toml", "step_s = 0.005", "step_s = 0.0"),
+            ("gyro.toml", "[1.003,", "[-1.003,"),
+        ] {
             let error = faulty(name, from, to);
             assert!(matches!(error, WheelThrowError::NotIdentified { .. }), "{error}");
         }

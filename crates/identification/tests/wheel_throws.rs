@@ -438,4 +438,23 @@ fn throws_tell_the_scale_of_the_gyro_and_the_delay_of_the_wheel() {
         assert!(sigma < 5e-3 && (factor[axis] - errors.gyro_factor[axis]).abs() < 4.0 * sigma);
     }
     assert!((factor.iter().sum::<f64>() - 3.0).abs() < 1e-12);
+
+    let found = SensorErrors::from_throws(&bodies[..2], &bodies[2..], &settings).unwrap();
+    assert!((found.wheel_delay_s - errors.wheel_delay_s).abs() < 4.0 * found.wheel_delay_sigma_s);
+
+    // Taken out wherever a throw is read: noise-free throws of such sensors, calibrated with and without knowing it.
+    let object = &objects()[0];
+    let many = |body: &Thrown| -> Vec<ThrowRecord> {
+        RATES.iter().map(|rate| spoil(record(body, *rate, &NOISELESS, 0))).collect()
+    };
+    let [device, proof, thrown] = [device(), with_device(&proof_block()), with_device(object)].map(|body| many(&body));
+    let error_with = |errors: &SensorErrors| {
+        let calibration = calibrate(&device, &proof, DEVICE_MASS, &proof_block(), errors, &settings).unwrap();
+        assert_eq!(calibration.sensor_errors, *errors);
+        let found = identify_throw(&thrown[0], &calibration, Some(object.mass)).unwrap().object.unwrap();
+        relative(&found.body.inertia_about_com(), &object.inertia_about_com())
+    };
+    let [as_read, corrected] = [SensorErrors::default(), errors].map(|errors| error_with(&errors));
+    println!("noise-free: {as_read:.2e} as read, {corrected:.2e} corrected");
+    assert!(as_read > 3e-3 && corrected < 1e-3);
 }

@@ -1,13 +1,14 @@
 //! Plain least squares on wheel-driven throws, the yardstick of `delft_throws`: each throw filtered at 20 Hz without phase
-//! (Butterworth of order four, there and back), differentiated, and its torque balance solved sample by sample.
+//! (Butterworth of order four, there and back), differentiated, and its torque balance solved sample by sample, over the
+//! same stretch of the fall as the estimator it is held against.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use tumble_astrobee::wheel_throw::CalibrationBodies;
-use tumble_identification::wheel::{ThrowRecord, lever_arm_regressor, torque_regressor, wheel_torque};
+use tumble_identification::wheel::{
+    FreeFallEstimate, ThrowRecord, ThrowSettings, lever_arm_regressor, torque_regressor, wheel_torque,
+};
 
 const CUTOFF_HZ: f64 = 20.0;
-/// Samples count from here, s: before it the wheel's telemetry is not valid.
-const START_S: f64 = 0.075;
 /// Record mirrored before and after it, in cycles of the cutoff.
 const MIRRORED_CYCLES: f64 = 2.0;
 /// Quality of the two second-order sections of a Butterworth filter of order four.
@@ -24,22 +25,28 @@ pub struct PlainDevice {
     device: Reading,
     device_mass_kg: f64,
     wheel_inertia_kg_m2: f64,
+    settings: ThrowSettings,
 }
 
 impl PlainDevice {
     /// By the means of the throws of the device alone and with the proof block; `None` where they determine nothing.
-    pub fn calibrated(device: &[ThrowRecord], proof: &[ThrowRecord], bodies: &CalibrationBodies) -> Option<Self> {
-        let (device, proof) = (mean(device)?, mean(proof)?);
+    pub fn calibrated(
+        device: &[ThrowRecord],
+        proof: &[ThrowRecord],
+        bodies: &CalibrationBodies,
+        settings: &ThrowSettings,
+    ) -> Option<Self> {
+        let (device, proof) = (mean(device, settings)?, mean(proof, settings)?);
         let block = bodies.proof_block().inertia_about_com();
         let added = block + joining(&device, &proof, bodies.device_mass_kg, bodies.proof_mass_kg);
         let ratio = proof.inertia_ratio - device.inertia_ratio;
         let wheel_inertia_kg_m2 = ratio.dot(&added) / ratio.norm_squared();
-        Some(Self { device, device_mass_kg: bodies.device_mass_kg, wheel_inertia_kg_m2 })
+        Some(Self { device, device_mass_kg: bodies.device_mass_kg, wheel_inertia_kg_m2, settings: *settings })
     }
 
     /// Principal inertias of the object of one throw, ascending, kg m^2.
     pub fn principal_inertia(&self, throw: &ThrowRecord, mass_kg: f64) -> Option<Vector3<f64>> {
-        let common = read(throw)?;
+        let common = read(throw, &self.settings)?;
         let inertia = (common.inertia_ratio - self.device.inertia_ratio) * self.wheel_inertia_kg_m2
             - joining(&self.device, &common, self.device_mass_kg, mass_kg);
         let mut principal = inertia.symmetric_eigenvalues();
@@ -56,8 +63,8 @@ fn joining(device: &Reading, common: &Reading, device_kg: f64, object_kg: f64) -
     about * (device_kg * object_kg / total_kg)
 }
 
-fn mean(throws: &[ThrowRecord]) -> Option<Reading> {
-    let readings = throws.iter().map(read).collect::<Option<Vec<_>>>()?;
+fn mean(throws: &[ThrowRecord], settings: &ThrowSettings) -> Option<Reading> {
+    let readings = throws.iter().map(|throw| read(throw, settings)).collect::<Option<Vec<_>>>()?;
     let n = readings.len() as f64;
     (n > 0.0).then(|| Reading {
         inertia_ratio: readings.iter().map(|reading| reading.inertia_ratio).sum::<Matrix3<f64>>() / n,
@@ -65,7 +72,8 @@ fn mean(throws: &[ThrowRecord]) -> Option<Reading> {
     })
 }
 
-fn read(throw: &ThrowRecord) -> Option<Reading> {
+fn read(throw: &ThrowRecord, settings: &ThrowSettings) -> Option<Reading> {
+    let stretch = settings.start_s..=FreeFallEstimate::from_throw(throw, settings).ok()?.end_s;
     let samples = throw.samples();
     let last = samples.len().checked_sub(1)?;
     let step_s = (samples[last].time_s - samples[0].time_s) / last as f64;
@@ -80,7 +88,7 @@ fn read(throw: &ThrowRecord) -> Option<Reading> {
 
     let (mut information, mut output) = (SMatrix::<f64, 6, 6>::zeros(), SVector::<f64, 6>::zeros());
     let (mut com_information, mut com_output) = (Matrix3::zeros(), Vector3::zeros());
-    for k in (1..last).filter(|k| samples[*k].time_s > START_S) {
+    for k in (1..last).filter(|k| stretch.contains(&samples[*k].time_s)) {
         let derivative = (filtered[k + 1] - filtered[k - 1]) / (samples[k + 1].time_s - samples[k - 1].time_s);
         let (rate, acceleration) = (vector(&filtered[k], 0), vector(&derivative, 0));
         let regressor = torque_regressor(&rate, &acceleration);

@@ -90,7 +90,7 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
         calibration.covariance[9][9].sqrt()
     );
 
-    let plain_device = PlainDevice::calibrated(&of(DEVICE), &of(PROOF), &bodies);
+    let plain_device = PlainDevice::calibrated(&of(DEVICE), &of(PROOF), &bodies, &settings);
     let mut block = bodies.proof_block().inertia_about_com().diagonal();
     block.as_mut_slice().sort_by(f64::total_cmp);
     let proof = Reference { configuration: PROOF.to_owned(), mass_kg: bodies.proof_mass_kg, principal_inertia: block };
