@@ -229,7 +229,7 @@ impl AstrobeeError {
                 }
                 IdentificationError::LikelihoodNotConverged { .. } => {
                     "check the timing of the wrench, units and frames; ask for fewer quantities beside the body, or take a regression: \
-                     `--method auto`"
+                     `--method variational4`"
                 }
                 _ => "check units, signs and frames; record motion and wrench about every axis",
             },

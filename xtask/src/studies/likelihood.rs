@@ -8,10 +8,12 @@ use tumble_identification::statistics::{
     rms_ratio_failure,
 };
 use tumble_identification::{
-    LikelihoodEstimate, MaximumLikelihood, MotionSample, Noise as Levels, Nuisance, WrenchTiming,
+    FixedLag, FixedLagSettings, LikelihoodEstimate, MaximumLikelihood, MotionSample, Noise as Levels, Nuisance,
+    WrenchTiming,
 };
 
 use crate::Failure;
+use crate::bench::{Bench, Goal};
 use crate::flights::{Body, Draws, Errors, Flight, GroupCovariances, Multisine, Noise, fly, free_flyers};
 use crate::identification::{CELL_CHANCE, Progress, Run, Test, honesty_tests, nees_test, pooled_test, rms_test};
 
@@ -353,6 +355,45 @@ pub fn accelerometer_scale(runs: usize, progress: &mut Progress) -> Result<Vec<T
             .map(|axis| Planted { nuisance: Nuisance::AccelerometerScale(axis), value: 1.0 + 0.05 * random.normal() })
             .into()
     })
+}
+
+const PROBLEM: &str = "likelihood";
+
+/// Whole records and one step of the sliding window: poses alone, levels of noise not given.
+pub fn bench(bench: &mut Bench) -> Result<(), Failure> {
+    let (body, noise) = (&free_flyers()[0], poses(1e-3, WRENCH_NOISE[0]));
+    let records = |rows: usize| flight(body, &noise, rows as f64 * body.step_s, 1).record;
+    let sweeps = bench.sweeps;
+    for (item, rows, target_ns) in [("poses_600", 600, 20e6), ("poses_20000", 20_000, 500e6)] {
+        if bench.wants(PROBLEM, item) {
+            let record = records(rows);
+            let settings = MaximumLikelihood::default();
+            let quality = [("nees", squared_error(&estimate(&settings, &record, 1)?, &body.parameters))];
+            // As many rows in all, whatever the length of a record.
+            bench.sweeps = (600 * sweeps).div_ceil(rows);
+            bench.each(PROBLEM, item, Goal { target_ns: Some(target_ns), peer: None }, 1, &quality, |_| {
+                settings.estimate(&record)
+            });
+        }
+    }
+    bench.sweeps = sweeps;
+    if bench.wants(PROBLEM, "window_step") {
+        const BOOTSTRAP: usize = 1000;
+        const SEGMENT: usize = 16;
+        const STEPS: usize = 10;
+        let record = records(BOOTSTRAP + SEGMENT * STEPS * sweeps.div_ceil(10) + SEGMENT);
+        let likelihood = MaximumLikelihood { segment_samples: Some(SEGMENT), ..MaximumLikelihood::default() };
+        let mut window = FixedLag::new(FixedLagSettings { likelihood, ..FixedLagSettings::default() });
+        let mut rows = record.iter();
+        for row in rows.by_ref().take(BOOTSTRAP) {
+            window.push(*row).map_err(|error| Failure::TargetMissed(format!("{PROBLEM}: {error}")))?;
+        }
+        let goal = Goal { target_ns: Some(600_000.0), peer: None };
+        bench.each(PROBLEM, "window_step", goal, STEPS, &[], |_| {
+            rows.by_ref().take(SEGMENT).map(|row| window.push(*row)).filter(|step| matches!(step, Ok(Some(_)))).count()
+        });
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -52,6 +52,7 @@ const PROBLEMS: &[Problem] = &[
     ("integrator", integrator::run),
     ("ident_sdp", ident_sdp::run),
     ("ekf_rls", ekf_rls::run),
+    ("likelihood", likelihood::bench),
 ];
 
 /// What a result folder says about the run that wrote it.
