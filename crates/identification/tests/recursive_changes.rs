@@ -1,6 +1,7 @@
 //! Changes of the body in flight: found in time, not imagined, and the split estimates are right. The long run is
 //! `cargo xtask study change-detection`.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
 mod change_scenario;
 mod exact_motion;
