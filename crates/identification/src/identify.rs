@@ -498,14 +498,21 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
     let mut found = answer(record, settings)?;
     // A regression that does not answer has not the last word.
     let doubtful = found.rank < 10 || found.explained.is_some_and(|share| share < POOR_FIT);
-    let tried = found.warnings.contains(&Warning::LikelihoodFailed);
+    let settled = |w: &Warning| matches!(w, Warning::LikelihoodFailed | Warning::ZeroWrench | Warning::SilentForce);
+    let tried = found.warnings.iter().any(settled);
     if settings.method == Method::Auto && found.method != Method::MaximumLikelihood && doubtful && !tried {
         let likely = most_likely(record, &Timeline::try_new(record)?, settings)?;
-        found = likely.filter(|likely| likely.explained > Some(POOR_FIT) && likely.rank >= found.rank).unwrap_or(found);
+        let better = |likely: &Identification| likely.explained > Some(POOR_FIT) && likely.rank >= found.rank;
+        found = likely.filter(|likely| better(likely) && leaves_noise_only(likely)).unwrap_or(found);
     }
     let weak = weak_excitation(&found);
     found.warnings.extend(weak);
     Ok(found)
+}
+
+/// Whether a likelihood has explained the motion, and not called it noise.
+fn leaves_noise_only(found: &Identification) -> bool {
+    !found.warnings.iter().any(|w| matches!(w, Warning::ColouredNoise { .. } | Warning::ManyOutliers { .. }))
 }
 
 /// Directions that the motion shows badly or not at all, with the simple motion that would show each.

@@ -5,7 +5,7 @@ use super::solution::{Solution, from_covariance, solve};
 use super::timeline::Timeline;
 use super::{
     Estimate, FEW_NODES, Identification, Method, NodeResidual, Noise, POOR_FIT, Prior, Settings, VISIBLE_COLOUR,
-    Validation, Warning,
+    Validation, Warning, leaves_noise_only,
 };
 use crate::error::IdentificationError;
 use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, Nuisances, SegmentResidual};
@@ -48,7 +48,7 @@ pub(super) fn most_likely(
         // What was asked for beside the body needs all ten directions.
         None if settings.estimate != Nuisances::default() => None,
         None => match estimator(settings).partial(record) {
-            Ok((found, _)) if is_noise(record, &found) => None,
+            Ok((found, _)) if is_noise(record, &found) || !has_settled(&found) => None,
             Ok((found, information)) => {
                 Answer::of_part(&found, &information, settings.prior.as_ref())?.map(|answer| (found, answer))
             }
@@ -58,7 +58,8 @@ pub(super) fn most_likely(
     };
     let Some((found, answer)) = whole else { return Ok(None) };
     let found = identification(found, answer, record, timeline, settings);
-    Ok((found.rank == 10 || found.explained >= Some(POOR_FIT)).then_some(found))
+    let trusted = found.explained >= Some(POOR_FIT) && leaves_noise_only(&found);
+    Ok((found.rank == 10 || trusted).then_some(found))
 }
 
 /// Whether the logged wrench is nothing but noise, torque and force.
@@ -69,6 +70,11 @@ fn is_noise(record: &[MotionSample], found: &LikelihoodEstimate) -> bool {
     let force = rms(wrenches.iter().map(|wrench| wrench.force.norm_squared()).sum());
     let seen = found.visible_wrench_noise.map(|level| if level.is_finite() { level } else { 0.0 });
     seen[0] >= NOISE_ALONE * torque && seen[1] >= NOISE_ALONE * force
+}
+
+/// Whether the parameters had come to rest, within a sigma, when a weak prior let the iterations end.
+fn has_settled(found: &LikelihoodEstimate) -> bool {
+    found.iterations.last().is_some_and(|last| last.decrement < 1.0)
 }
 
 /// Whether another method may still answer.
