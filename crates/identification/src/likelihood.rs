@@ -50,7 +50,7 @@ const LONGEST_DELAY: f64 = 0.25;
 const CORRELATED_ROWS: usize = 2000;
 const LONGEST_CORRELATED_S: f64 = 0.6;
 /// Standard deviations of the weak prior: ln m, centre of mass in m, inertia by the mean inertia of the start.
-const WEAK: (f64, f64, f64) = (1.5, 0.3, 2.0);
+const WEAK: (f64, f64, f64) = (1.5, 0.3, 0.5);
 /// Second window of the first guess, by the first.
 const SHORTER_WINDOW: f64 = 0.3;
 /// Largest component of a node's step at convergence (rad, rad/s, m, m/s).
@@ -394,7 +394,8 @@ impl MaximumLikelihood {
                 chain.residual_levels(&mut levels);
                 progress.judged = true;
                 (schur, _) = eliminated(&mut chain, &calibration, &levels)?;
-            } else if let Some(prior) = prior.as_ref().filter(|_| progress.refines()) {
+            // Directions that a weak prior holds would pass for noise.
+            } else if let Some(prior) = prior.as_ref().filter(|_| weak.is_none() && progress.refines()) {
                 let consistency = if self.robust { CONSISTENCY } else { 1.0 };
                 settled = false;
                 for round in 0..ROUNDS {
@@ -419,8 +420,9 @@ impl MaximumLikelihood {
             progress.iterations.push(Iteration { cost, decrement, largest_defect: sweep.largest_defect });
             let shifted = calibration.shift(step_s, longest_delay_s);
             let still = decrement < SMALL_DECREMENT && largest_step < SMALL_STEP && !shifted;
-            let refined =
-                prior.is_none() || progress.refinements > 0 && (settled || progress.refinements >= REFINEMENTS);
+            let refined = prior.is_none()
+                || weak.is_some()
+                || progress.refinements > 0 && (settled || progress.refinements >= REFINEMENTS);
             // Where the data say next to nothing the optimum is ill defined, and not needed: more data follow.
             let enough = weak.is_some() && decrement.is_finite() && progress.iterations.len() >= WEAK_ITERATIONS;
             if still && gated && refined || enough {

@@ -373,6 +373,37 @@ fn coloured_noise_is_noticed_and_white_noise_is_not() {
 }
 
 #[test]
+fn a_table_shows_what_planar_motion_can_show() {
+    let disc = InertialParameters::about_com(
+        11.7,
+        Vector3::new(-0.02, 0.045, 0.0),
+        Matrix3::from_diagonal(&Vector3::new(0.28, 0.18, 0.31)),
+    );
+    for seed in 0..6 {
+        let signal = Multisine::random(&mut Random::new(40 + seed), 0.03, 0.3, (0.31, 2.83), 3);
+        let planar = |t: f64| {
+            let w = signal.at(t);
+            Wrench::new(Vector3::new(0.0, 0.0, w.torque.z), Vector3::new(w.force.x, w.force.y, 0.0))
+        };
+        let mut run = Run::new(disc, &planar, true);
+        (run.step_ns, run.substep_s, run.samples) = (16_000_000, 4e-3, 2500);
+        let mut record = run.record();
+        add_noise(&mut record, REALISTIC, 50 + seed);
+        let found = identify(&record, &Settings::default()).unwrap();
+        assert_eq!(found.method, Method::MaximumLikelihood, "{seed}");
+        let known = found.estimate.or(found.regularised).unwrap();
+        let (mass, std) = (known.parameters.mass, known.std.mass_kg);
+        println!("{seed}: rank {}, mass {mass:.4} +- {std:.4}", found.rank);
+        assert!((mass - 11.7).abs() < 0.01 * 11.7, "{seed}: {mass} +- {std}");
+        let axis = known.parameters.inertia_about_com()[(2, 2)];
+        assert!((axis - 0.31).abs() < 0.01 * 0.31, "{seed}: {axis}");
+        // What is not shown is either named or known to be uncertain.
+        let loose = (0..2).all(|i| known.std.inertia_about_com_kg_m2[(i, i)] > 0.005);
+        assert!(found.rank < 10 || loose, "{seed}: {:?}", known.std);
+    }
+}
+
+#[test]
 fn what_the_data_do_not_say_is_left_to_the_regressions() {
     let settings = Settings { method: Method::MaximumLikelihood, ..Settings::default() };
     let body = cubesat(1);

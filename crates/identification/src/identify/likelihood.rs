@@ -57,7 +57,7 @@ pub(super) fn most_likely(
         },
     };
     let Some((found, answer)) = whole else { return Ok(None) };
-    let found = identification(found, answer, record, timeline, settings);
+    let found = identification(found, &answer, record, timeline, settings);
     let trusted = found.explained >= Some(POOR_FIT) && leaves_noise_only(&found);
     Ok((found.rank == 10 || trusted).then_some(found))
 }
@@ -72,9 +72,10 @@ fn is_noise(record: &[MotionSample], found: &LikelihoodEstimate) -> bool {
     seen[0] >= NOISE_ALONE * torque && seen[1] >= NOISE_ALONE * force
 }
 
-/// Whether the parameters had come to rest, within a sigma, when a weak prior let the iterations end.
+/// Whether the parameters had come to rest when a weak prior let the iterations end: within the scatter of ten, so that only
+/// what is not determined still drifts.
 fn has_settled(found: &LikelihoodEstimate) -> bool {
-    found.iterations.last().is_some_and(|last| last.decrement < 1.0)
+    found.iterations.last().is_some_and(|last| last.decrement < 10.0)
 }
 
 /// Whether another method may still answer.
@@ -89,12 +90,12 @@ fn is_about_the_data(error: &IdentificationError) -> bool {
 
 fn identification(
     found: LikelihoodEstimate,
-    answer: Answer,
+    answer: &Answer,
     record: &[MotionSample],
     timeline: &Timeline,
     settings: &Settings,
 ) -> Identification {
-    let Answer { scale, information, estimate, regularised } = answer;
+    let Answer { scale, information, estimate, regularised } = *answer;
     let observability = Observability::new(&information, scale);
     let residuals = residuals(&found, timeline);
     let explained = explained(&found.residuals, record, scale);
