@@ -306,7 +306,7 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
         Best::Fit(fit) => *fit,
         Best::Likelihood(found) => return Ok(*found),
     };
-    recursion::run(&mut fit, record, &timeline, settings, &noise)?;
+    recursion::run(&mut fit, record, settings, &noise)?;
     let zero_wrench = record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0);
     let silent = match (zero_wrench, fit.explained()) {
         (true, _) => Silent::Wrench,

@@ -159,6 +159,14 @@ fn identification(
     }
 }
 
+/// Whether one sigma of every direction is below a fraction of the body's scale.
+pub(super) fn is_known(found: &LikelihoodEstimate, fraction: f64) -> bool {
+    let Ok(scale) = BodyScale::of(&found.parameters.to_vector()) else { return false };
+    let magnitudes = scale.parameter_magnitudes();
+    let like = SMatrix::<f64, 10, 10>::from_fn(|i, j| found.covariance[(i, j)] / (magnitudes[i] * magnitudes[j]));
+    like.symmetric_eigenvalues().max() < fraction * fraction
+}
+
 /// A likelihood's optimum in the terms of an [`Identification`].
 pub(super) struct Answer {
     pub(super) scale: BodyScale,
@@ -172,8 +180,7 @@ impl Answer {
     pub(super) fn of(found: &LikelihoodEstimate, prior: Option<&Prior>) -> Result<Option<Self>, IdentificationError> {
         let Ok(scale) = BodyScale::of(&found.parameters.to_vector()) else { return Ok(None) };
         let magnitudes = scale.parameter_magnitudes();
-        let like = SMatrix::<f64, 10, 10>::from_fn(|i, j| found.covariance[(i, j)] / (magnitudes[i] * magnitudes[j]));
-        if like.symmetric_eigenvalues().max().partial_cmp(&DETERMINED.powi(2)) != Some(core::cmp::Ordering::Less) {
+        if !is_known(found, DETERMINED) {
             return Ok(None);
         }
         let information = from_covariance(&found.unconstrained, &found.covariance, &magnitudes)?;

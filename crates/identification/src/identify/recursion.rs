@@ -1,11 +1,12 @@
 //! The recursive estimators over a whole record.
 
 use super::fit::Fit;
+use super::likelihood::{estimator, is_known};
 use super::noise::SampleNoise;
 use super::rows::Scheme;
 use super::solution::weak_prior;
 use super::timeline::Timeline;
-use super::{Method, Settings};
+use super::{Method, Noise, Settings};
 use crate::WrenchTiming;
 use crate::body_scale::BodyScale;
 use crate::consistency::PseudoInertiaCone;
@@ -26,6 +27,9 @@ const VAGUE: f64 = 30.0;
 const RESOLUTION: f64 = 1e-5;
 /// Noise of a measured pose is not believed below this fraction of the body's length (or of a radian).
 const POSE_FLOOR: f64 = 1e-7;
+/// Length of the first rows that a filter begins with, s, and the fraction of the body's scale to which they must know it.
+const FIRST_SPAN_S: f64 = 3.0;
+const BEGUN: f64 = 0.1;
 /// Rejects only what is beyond doubt.
 const GATE: f64 = 0.9999;
 /// Wrench noise tried, as fractions of the residual of the rows, which noise in the poses may have inflated.
@@ -44,7 +48,6 @@ impl Method {
 pub(super) fn run(
     fit: &mut Fit,
     record: &[MotionSample],
-    timeline: &Timeline,
     settings: &Settings,
     noise: &SampleNoise,
 ) -> Result<(), IdentificationError> {
@@ -65,17 +68,26 @@ pub(super) fn run(
             widen_by_noise_in_rows(found, &fit.scheme, scale);
         }
         Method::Ekf | Method::Ukf => {
-            let mut joint = Joint::new(record, timeline, settings, noise, &fit.scheme, found, scale.length_m());
-            let vague = Knowledge {
-                chart: LogCholesky::try_from_parameters(&weak_prior(scale).mean)?,
-                covariance: SMatrix::from_diagonal(&chart_deviation(scale.length_m()).map(|s| s * s)),
+            let begun = begin(record, settings);
+            let begun_at = begun.as_ref().map_or(0, |begun| begun.rows);
+            let rest = &record[begun_at..];
+            let times = Timeline::try_new(rest)?;
+            let mut joint = Joint::new(rest, &times, settings, noise, &fit.scheme, found, scale.length_m());
+            let mut known = if let Some(Begun { noise, known, .. }) = begun {
+                joint.noise = MotionNoise { drift: joint.noise.drift, ..noise };
+                joint.extended(&known)?.0
+            } else {
+                let vague = Knowledge {
+                    chart: LogCholesky::try_from_parameters(&weak_prior(scale).mean)?,
+                    covariance: SMatrix::from_diagonal(&chart_deviation(scale.length_m()).map(|s| s * s)),
+                };
+                joint.find_wrench_noise(&vague, &WRENCH_NOISE.map(|share| [share; 2]));
+                joint.extended(&vague)?.0
             };
-            joint.find_wrench_noise(&vague, &WRENCH_NOISE.map(|share| [share; 2]))?;
-            let mut known = joint.extended(&vague)?.0;
             for factor in REFINEMENTS {
                 let (up, down) = (factor, 1.0 / factor);
                 let around = [[up, up], [down, down], [up, 1.0], [down, 1.0], [1.0, up], [1.0, down]];
-                joint.find_wrench_noise(&known.opened(), &around)?;
+                joint.find_wrench_noise(&known.opened(), &around);
                 known = joint.extended(&known.opened())?.0.without(&known.opened());
             }
             if settings.method == Method::Ukf {
@@ -93,6 +105,49 @@ pub(super) fn run(
         _ => {}
     }
     Ok(())
+}
+
+/// What the first rows say, told by the likelihood: a filter that begins with less is linearised too far off.
+struct Begun {
+    rows: usize,
+    noise: MotionNoise,
+    known: Knowledge,
+}
+
+/// The first seconds as a batch, longer and longer until they know the body to a tenth; `None` where half the record does not.
+fn begin(record: &[MotionSample], settings: &Settings) -> Option<Begun> {
+    let mut span_s = FIRST_SPAN_S;
+    loop {
+        #[allow(clippy::cast_possible_truncation)] // saturates
+        let until_ns = record.first()?.time_ns.saturating_add((span_s * 1e9) as i64);
+        let rows = record.partition_point(|sample| sample.time_ns < until_ns);
+        if 2 * rows > record.len() {
+            return None;
+        }
+        if let Ok((found, _)) = estimator(settings).partial(&record[..rows])
+            && is_known(&found, BEGUN)
+        {
+            let Noise { torque_n_m, force_n, attitude_rad, position_m, .. } = found.noise;
+            let floor = |level: f64, other: f64| if level > 0.0 { level } else { other };
+            let noise = MotionNoise {
+                attitude_rad,
+                position_m,
+                rate_rad_s: floor(found.noise.rate_rad_s, attitude_rad),
+                velocity_m_s: floor(found.noise.velocity_m_s, position_m),
+                acceleration_m_s2: floor(found.noise.acceleration_m_s2, position_m),
+                torque_n_m,
+                force_n,
+                drift: SVector::zeros(),
+            };
+            let model = JointMotion { noise, gravity_world: settings.gravity_world };
+            let chart = LogCholesky::try_from_parameters(&found.parameters).ok()?;
+            let state = JointState { motion: RigidBodyState::at_rest(), body: chart };
+            let by_chart = model.parameter_jacobian(&state).fixed_view::<10, 10>(0, 12).into_owned().try_inverse()?;
+            let covariance = by_chart * found.covariance * by_chart.transpose();
+            return Some(Begun { rows, noise, known: Knowledge { chart, covariance } });
+        }
+        span_s *= 2.0;
+    }
 }
 
 /// The rows in the order of time, each with the noise that the batch fit found in its kind.
@@ -241,18 +296,18 @@ impl Joint {
     }
 
     /// Multiplies the noise of torque and force by the most likely of `factors`, or leaves it.
-    fn find_wrench_noise(&mut self, known: &Knowledge, factors: &[[f64; 2]]) -> Result<(), IdentificationError> {
+    fn find_wrench_noise(&mut self, known: &Knowledge, factors: &[[f64; 2]]) {
         let (torque_n_m, force_n) = (self.noise.torque_n_m, self.noise.force_n);
         let (mut likeliest, mut most) = (self.noise, f64::NEG_INFINITY);
         for [torque, force] in core::iter::once(&[1.0, 1.0]).chain(factors) {
             self.noise = MotionNoise { torque_n_m: torque_n_m * torque, force_n: force_n * force, ..self.noise };
-            let (_, likelihood) = self.extended(known)?;
+            // A trial from which the filter flies off is not the likeliest.
+            let likelihood = self.extended(known).map_or(f64::NEG_INFINITY, |(_, likelihood)| likelihood);
             if likelihood > most {
                 (likeliest, most) = (self.noise, likelihood);
             }
         }
         self.noise = likeliest;
-        Ok(())
     }
 }
 
