@@ -177,7 +177,7 @@ fn survives_a_dropout() {
 
 #[test]
 fn survives_spikes() {
-    let (mut clean_error, mut spiked_error, mut rejected) = (0.0, 0.0, 0);
+    let (mut clean_error, mut spiked_error, mut rejected, mut spikes) = (0.0, 0.0, 0_usize, 0_usize);
     for seed in 0..6 {
         let mut record = log(60.0, 700 + seed);
         let batch = settings().likelihood.estimate(&record).unwrap();
@@ -185,6 +185,7 @@ fn survives_spikes() {
         let mut random = Random::new(900 + seed);
         for row in &mut record {
             if random.uniform(0.0, 1.0) < 0.01 {
+                spikes += 1;
                 row.world_from_body.translation.vector += random.direction() * 10e-3;
                 row.world_from_body.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&(random.direction() * 10e-3));
             }
@@ -196,7 +197,8 @@ fn survives_spikes() {
         spiked_error += error_by_bound(&spiked, &batch);
     }
     assert!(spiked_error.sqrt() < 1.1 * clean_error.sqrt(), "{spiked_error} {clean_error}");
-    assert!((300..650).contains(&rejected), "{rejected}");
+    // Those of the first seconds were the bootstrap's to reject.
+    assert!(rejected.abs_diff(spikes) < spikes / 5, "{rejected} of {spikes}");
 }
 
 /// A log that starts with the body at rest and no wrench.

@@ -19,7 +19,7 @@ const DETERMINED: f64 = 0.2;
 /// A wrench whose noise is above this share of it is nothing but noise.
 const NOISE_ALONE: f64 = 0.5;
 /// More outliers than this share are not outliers.
-const MANY_OUTLIERS: f64 = 0.05;
+pub(super) const MANY_OUTLIERS: f64 = 0.05;
 /// Wrench that the motion asks for, in units of the noise that the logged wrench shows, beyond which something is unmodelled.
 const UNMODELLED: f64 = 4.0;
 

@@ -1,6 +1,6 @@
 //! A record too long to be taken at once, by likelihood: a batch on its first rows, a sliding window over all of them.
 
-use super::likelihood::{Answer, estimator};
+use super::likelihood::{Answer, MANY_OUTLIERS, estimator};
 use super::{Identification, Method, NodeResidual, POOR_FIT, Settings, Warning, identify};
 use crate::Observability;
 use crate::error::IdentificationError;
@@ -143,6 +143,9 @@ impl LongRecord {
         }
         if estimate.is_some_and(|found| found.lmi_active) {
             warnings.push(Warning::ConstraintActive);
+        }
+        if self.rejected as f64 > MANY_OUTLIERS * self.rows as f64 {
+            warnings.push(Warning::ManyOutliers { rejected: self.rejected, rows: self.rows });
         }
         if explained < POOR_FIT {
             warnings.push(Warning::PoorFit { explained });

@@ -59,7 +59,7 @@ pub struct Innovation {
     pub nis: f64,
     /// Numbers measured.
     pub degrees: usize,
-    /// Vectors among them (of three numbers) that got no weight in the end.
+    /// Samples that got no weight in the end, by the column that lost most.
     pub rejected: usize,
     /// Mean wrench that the segment asks for beyond the one logged.
     pub wrench: Wrench<f64>,
@@ -335,7 +335,7 @@ impl<const W: usize> Window<W> {
             }
             let newest = chain.sweep_alone(newest, eta, calibration, levels, robust);
             if let Some(innovation) = &mut innovation {
-                innovation.rejected = newest.rejected.iter().sum();
+                innovation.rejected = newest.rejected.into_iter().max().unwrap_or(0);
             }
             self.iterate()?;
         }
