@@ -40,6 +40,8 @@ use segment::{ATTITUDE, MEASUREMENTS, POSITION, Robust};
 
 /// Iterations after which an estimate that still moves is given up.
 const MAX_ITERATIONS: usize = 30;
+/// Iterations after which rows and wrenches stay paired as they are.
+const ROWS_STAY: usize = 15;
 /// Iterations under a weak prior.
 const WEAK_ITERATIONS: usize = 12;
 /// A step whose squared length in standard deviations is below this has converged: a hundredth of a sigma.
@@ -418,7 +420,8 @@ impl MaximumLikelihood {
             calibration.advance(step.step.as_slice());
             let gated = robust.is_none_or(|robust| robust.gate.is_finite());
             progress.iterations.push(Iteration { cost, decrement, largest_defect: sweep.largest_defect });
-            let shifted = calibration.shift(step_s, longest_delay_s);
+            // Between two rows there is a place where each says that the other is nearer.
+            let shifted = progress.iterations.len() < ROWS_STAY && calibration.shift(step_s, longest_delay_s);
             let still = decrement < SMALL_DECREMENT && largest_step < SMALL_STEP && !shifted;
             let refined = prior.is_none()
                 || weak.is_some()

@@ -94,7 +94,7 @@ pub enum Warning {
         stretches: usize,
     },
     /// One body does not explain the record, two do: something was grasped, released or lost. The estimate is a mixture;
-    /// [`identify_parts`] takes the parts separately.
+    /// [`identify_parts`](crate::identify_parts) takes the parts separately.
     BodyChanged {
         /// Likeliest time, ns.
         time_ns: i64,
