@@ -31,6 +31,27 @@ pub enum IdentificationError {
         /// Offending value.
         value: f64,
     },
+    /// The period of a motion is not a positive finite time.
+    #[error("a period of {period_s} s is not positive and finite")]
+    InvalidPeriod {
+        /// Offending period.
+        period_s: f64,
+    },
+    /// A Fourier series without harmonics.
+    #[error("a Fourier series needs at least one harmonic")]
+    NoHarmonics,
+    /// Coefficients of another shape than the series has.
+    #[error("{rows} x {columns} coefficients, where the series has {expected_rows} x {expected_columns}")]
+    CoefficientShape {
+        /// Rows offered.
+        rows: usize,
+        /// Columns offered.
+        columns: usize,
+        /// Rows of the series: two per harmonic and one.
+        expected_rows: usize,
+        /// Columns of the series: three and the attitude's.
+        expected_columns: usize,
+    },
     /// A probability that is not strictly between zero and one.
     #[error("{value} is not a probability strictly between 0 and 1")]
     NotAProbability {

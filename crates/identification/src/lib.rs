@@ -14,7 +14,11 @@ pub mod comparison;
 pub mod consistency;
 mod criteria;
 mod error;
-mod excitation;
+pub mod excitation;
+#[cfg(feature = "std")]
+pub mod fourier;
+#[cfg(feature = "std")]
+pub mod harmonics;
 mod householder;
 #[cfg(feature = "std")]
 mod identify;
