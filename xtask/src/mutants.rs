@@ -384,7 +384,7 @@ const MUTANTS: &[Mutant] = &[
     },
     Mutant {
         name: "excitation: pushes are never advised",
-        file: "crates/identification/src/excitation.rs",
+        file: "crates/identification/src/excitation/diagnosis.rs",
         original: "pushes.into_iter().chain(turns).chain(both)",
         replacement: "turns.into_iter().chain(turns).chain(both).take(pushes.len() * 2)",
         test: "-p tumble-identification --lib excitation",
