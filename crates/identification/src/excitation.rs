@@ -6,7 +6,11 @@ mod criterion;
 mod design;
 mod diagnosis;
 #[cfg(feature = "std")]
+mod interior_point;
+#[cfg(feature = "std")]
 mod limits;
+#[cfg(feature = "std")]
+mod objective;
 #[cfg(feature = "std")]
 mod problem;
 
