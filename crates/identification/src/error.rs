@@ -52,6 +52,20 @@ pub enum IdentificationError {
         /// Columns of the series: three and the attitude's.
         expected_columns: usize,
     },
+    /// A period that is no whole number of samples.
+    #[error("a period of {period_s} s is no whole number of steps of {step_s} s")]
+    PeriodNotSampled {
+        /// Period, s.
+        period_s: f64,
+        /// Time from one sample to the next, s.
+        step_s: f64,
+    },
+    /// A motion whose attitude coordinates name no attitude: the quaternion zero.
+    #[error("the attitude of the motion is not defined at {time_s} s")]
+    AttitudeUndefined {
+        /// Where, s.
+        time_s: f64,
+    },
     /// A probability that is not strictly between zero and one.
     #[error("{value} is not a probability strictly between 0 and 1")]
     NotAProbability {
