@@ -54,13 +54,20 @@ pub enum IdentificationError {
         /// Columns of the series: three and the attitude's.
         expected_columns: usize,
     },
-    /// A period that is no whole number of samples.
-    #[error("a period of {period_s} s is no whole number of steps of {step_s} s")]
-    PeriodNotSampled {
-        /// Period, s.
+    /// A period that is not a whole number of steps, so that samples of different cycles do not meet.
+    #[error(
+        "a period of {period_s} s is not a whole number of steps of {step_s} s: \
+         take {nearest_period_s} s, or sample every {nearest_step_s} s"
+    )]
+    PeriodNotWhole {
+        /// Period stated.
         period_s: f64,
-        /// Time from one sample to the next, s.
+        /// Step of the record.
         step_s: f64,
+        /// Nearest period that fits the step.
+        nearest_period_s: f64,
+        /// Nearest step that fits the period.
+        nearest_step_s: f64,
     },
     /// A motion whose attitude coordinates name no attitude: the quaternion zero.
     #[error("the attitude of the motion is not defined at {time_s} s")]

@@ -76,7 +76,7 @@ pub struct Execution {
 /// # Frame
 /// World: that of `world_from_start`, in which the motion's coordinates start.
 /// # Errors
-/// [`IdentificationError::PeriodNotSampled`] for a period that is no whole number of steps;
+/// [`IdentificationError::PeriodNotWhole`] for a period that is no whole number of steps;
 /// [`IdentificationError::AttitudeUndefined`]; the plant's own.
 /// # Source
 /// Thesis 4.3.
@@ -123,13 +123,19 @@ where
 /// Samples in a period that starts anew on a sample.
 ///
 /// # Errors
-/// [`IdentificationError::PeriodNotSampled`].
+/// [`IdentificationError::PeriodNotWhole`].
 pub fn samples_per_period(period_s: f64, step_s: f64) -> Result<usize, IdentificationError> {
     let steps = period_s / step_s;
     let whole = steps.round();
     // f64 counts exactly far beyond any record that fits in memory.
     if !(1.0..1e9).contains(&whole) || (steps - whole).abs() > STEP_MISFIT {
-        return Err(IdentificationError::PeriodNotSampled { period_s, step_s });
+        let nearest = whole.max(1.0);
+        return Err(IdentificationError::PeriodNotWhole {
+            period_s,
+            step_s,
+            nearest_period_s: nearest * step_s,
+            nearest_step_s: period_s / nearest,
+        });
     }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // range tested above
     Ok(whole as usize)
@@ -254,7 +260,7 @@ mod tests {
     fn a_period_between_steps_is_refused() {
         for step_s in [0.03, 3.0, 0.0, -0.1, f64::NAN, f64::INFINITY, 1e-12] {
             let outcome = samples_per_period(10.0, step_s);
-            assert!(matches!(outcome, Err(IdentificationError::PeriodNotSampled { .. })), "{step_s}");
+            assert!(matches!(outcome, Err(IdentificationError::PeriodNotWhole { .. })), "{step_s}");
         }
         assert_eq!(samples_per_period(10.0, 0.01), Ok(1000));
         assert_eq!(samples_per_period(10.0, 1.0 / 3.0), Ok(30));
