@@ -74,6 +74,7 @@ pub enum IdentificationError {
     AttitudeUndefined {
         /// Where, s.
         time_s: f64,
+    },
     /// A limit that leaves a channel no room to move.
     #[error("the {limit} limit of {channel} is {value}: it admits no motion")]
     NoMotionWithinLimit {
