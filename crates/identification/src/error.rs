@@ -54,6 +54,40 @@ pub enum IdentificationError {
         /// Columns of the series: three and the attitude's.
         expected_columns: usize,
     },
+    /// Harmonics from a number to a smaller one.
+    #[error("harmonics from {first} to {last}: the last must not be below the first")]
+    HarmonicRange {
+        /// Smallest number of harmonics asked for.
+        first: usize,
+        /// Largest number asked for.
+        last: usize,
+    },
+    /// More harmonics than the samples of one period determine.
+    #[error("{harmonics} harmonics need more than {} samples in a period, there are {samples}", 2 * harmonics)]
+    TooManyHarmonics {
+        /// Harmonics asked for.
+        harmonics: usize,
+        /// Samples in a period.
+        samples: usize,
+    },
+    /// The first cycle starts at no time of the record.
+    #[error("cycles that start {start_s} s after the first sample: not a time within the record")]
+    InvalidStart {
+        /// Offending start.
+        start_s: f64,
+    },
+    /// Steps that differ by more than 1 %.
+    #[error(
+        "the step before sample {index} is {step_s} s where {typical_s} s is usual: cycles need equal steps, to 1 %"
+    )]
+    UnequalSteps {
+        /// Sample after the offending step, from zero.
+        index: usize,
+        /// Offending step.
+        step_s: f64,
+        /// Median step.
+        typical_s: f64,
+    },
     /// A period that is not a whole number of steps, so that samples of different cycles do not meet.
     #[error(
         "a period of {period_s} s is not a whole number of steps of {step_s} s: \
@@ -145,6 +179,30 @@ pub enum IdentificationError {
         expected_rows: usize,
         /// Columns needed.
         expected_columns: usize,
+    /// Fewer than two whole cycles to average.
+    #[error("{cycles:.2} cycles less {dropped} dropped: at least two whole cycles are needed")]
+    TooFewCycles {
+        /// Cycles in the record.
+        cycles: f64,
+        /// Of these to be dropped.
+        dropped: usize,
+    },
+    /// A row without a wrench where each row needs one.
+    #[error("sample {index} has no wrench: averaging over cycles needs one in every row")]
+    WrenchMissing {
+        /// First such sample, from zero.
+        index: usize,
+    },
+    /// A coordinate of the attitude that does not come back after a period.
+    #[error(
+        "attitude coordinate {coordinate} changes by {change} over one period: the motion turns on and is no Fourier series \
+         in this chart"
+    )]
+    NotPeriodic {
+        /// Coordinate of the chart, from zero.
+        coordinate: usize,
+        /// Its change.
+        change: f64,
     },
     /// A probability that is not strictly between zero and one.
     #[error("{value} is not a probability strictly between 0 and 1")]

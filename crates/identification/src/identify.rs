@@ -35,6 +35,7 @@ use timeline::Timeline;
 pub use long::LongRecord;
 pub use merge::merge;
 pub use parts::{Part, identify_parts};
+pub(crate) use solution::{constrained, from_covariance};
 pub use warning::Warning;
 
 /// Which equations tie the motion to the parameters.

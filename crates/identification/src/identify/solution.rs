@@ -106,7 +106,7 @@ pub(super) fn judge(fit: &Fit, silent: Silent, prior: Option<&Prior>) -> Result<
 }
 
 /// Information of a Gaussian with this mean and covariance.
-pub(super) fn from_covariance(
+pub(crate) fn from_covariance(
     mean: &SVector<f64, 10>,
     covariance: &SMatrix<f64, 10, 10>,
     magnitudes: &SVector<f64, 10>,
