@@ -139,14 +139,6 @@ pub enum IdentificationError {
         /// Harmonics.
         harmonics: usize,
     },
-    /// More harmonics than the samples can tell apart.
-    #[error("{harmonics} harmonics need more than {} samples per period, there are {samples}", 2 * harmonics)]
-    TooManyHarmonics {
-        /// Harmonics.
-        harmonics: usize,
-        /// Samples per period.
-        samples: usize,
-    },
     /// No start led to a motion that the criterion could judge.
     #[error("from none of {starts} starts came a motion that shows all parameters")]
     NoDesign {
@@ -158,13 +150,6 @@ pub enum IdentificationError {
     NotRealizable {
         /// Smallest size tried, of the motion's.
         smallest_scale: f64,
-    /// More harmonics than the samples of a period can tell apart.
-    #[error("{harmonics} harmonics need more than {} samples in a period, which has {samples}", 2 * .harmonics)]
-    TooManyHarmonics {
-        /// Harmonics asked for.
-        harmonics: usize,
-        /// Samples in the period.
-        samples: usize,
     },
     /// A table of a periodic record of another shape than its samples and channels have.
     #[error(
@@ -179,6 +164,7 @@ pub enum IdentificationError {
         expected_rows: usize,
         /// Columns needed.
         expected_columns: usize,
+    },
     /// Fewer than two whole cycles to average.
     #[error("{cycles:.2} cycles less {dropped} dropped: at least two whole cycles are needed")]
     TooFewCycles {
