@@ -54,6 +54,61 @@ pub enum IdentificationError {
         /// Columns of the series: three and the attitude's.
         expected_columns: usize,
     },
+    /// Harmonics from a number to a smaller one.
+    #[error("harmonics from {first} to {last}: the last must not be below the first")]
+    HarmonicRange {
+        /// Smallest number of harmonics asked for.
+        first: usize,
+        /// Largest number asked for.
+        last: usize,
+    },
+    /// More harmonics than the samples of one period determine.
+    #[error("{harmonics} harmonics need more than {} samples in a period, there are {samples}", 2 * harmonics)]
+    TooManyHarmonics {
+        /// Harmonics asked for.
+        harmonics: usize,
+        /// Samples in a period.
+        samples: usize,
+    },
+    /// The first cycle starts at no time of the record.
+    #[error("cycles that start {start_s} s after the first sample: not a time within the record")]
+    InvalidStart {
+        /// Offending start.
+        start_s: f64,
+    },
+    /// Steps that differ by more than 1 %.
+    #[error(
+        "the step before sample {index} is {step_s} s where {typical_s} s is usual: cycles need equal steps, to 1 %"
+    )]
+    UnequalSteps {
+        /// Sample after the offending step, from zero.
+        index: usize,
+        /// Offending step.
+        step_s: f64,
+        /// Median step.
+        typical_s: f64,
+    },
+    /// A period that is not a whole number of steps, so that samples of different cycles do not meet.
+    #[error(
+        "a period of {period_s} s is not a whole number of steps of {step_s} s: \
+         take {nearest_period_s} s, or sample every {nearest_step_s} s"
+    )]
+    PeriodNotWhole {
+        /// Period stated.
+        period_s: f64,
+        /// Step of the record.
+        step_s: f64,
+        /// Nearest period that fits the step.
+        nearest_period_s: f64,
+        /// Nearest step that fits the period.
+        nearest_step_s: f64,
+    },
+    /// A motion whose attitude coordinates name no attitude: the quaternion zero.
+    #[error("the attitude of the motion is not defined at {time_s} s")]
+    AttitudeUndefined {
+        /// Where, s.
+        time_s: f64,
+    },
     /// A limit that leaves a channel no room to move.
     #[error("the {limit} limit of {channel} is {value}: it admits no motion")]
     NoMotionWithinLimit {
@@ -84,14 +139,6 @@ pub enum IdentificationError {
         /// Harmonics.
         harmonics: usize,
     },
-    /// More harmonics than the samples can tell apart.
-    #[error("{harmonics} harmonics need more than {} samples per period, there are {samples}", 2 * harmonics)]
-    TooManyHarmonics {
-        /// Harmonics.
-        harmonics: usize,
-        /// Samples per period.
-        samples: usize,
-    },
     /// No start led to a motion that the criterion could judge.
     #[error("from none of {starts} starts came a motion that shows all parameters")]
     NoDesign {
@@ -103,6 +150,45 @@ pub enum IdentificationError {
     NotRealizable {
         /// Smallest size tried, of the motion's.
         smallest_scale: f64,
+    },
+    /// A table of a periodic record of another shape than its samples and channels have.
+    #[error(
+        "a table of {rows} x {columns} in a periodic record, where {expected_rows} x {expected_columns} are needed"
+    )]
+    RecordShape {
+        /// Rows offered.
+        rows: usize,
+        /// Columns offered.
+        columns: usize,
+        /// Rows needed: one per sample.
+        expected_rows: usize,
+        /// Columns needed.
+        expected_columns: usize,
+    },
+    /// Fewer than two whole cycles to average.
+    #[error("{cycles:.2} cycles less {dropped} dropped: at least two whole cycles are needed")]
+    TooFewCycles {
+        /// Cycles in the record.
+        cycles: f64,
+        /// Of these to be dropped.
+        dropped: usize,
+    },
+    /// A row without a wrench where each row needs one.
+    #[error("sample {index} has no wrench: averaging over cycles needs one in every row")]
+    WrenchMissing {
+        /// First such sample, from zero.
+        index: usize,
+    },
+    /// A coordinate of the attitude that does not come back after a period.
+    #[error(
+        "attitude coordinate {coordinate} changes by {change} over one period: the motion turns on and is no Fourier series \
+         in this chart"
+    )]
+    NotPeriodic {
+        /// Coordinate of the chart, from zero.
+        coordinate: usize,
+        /// Its change.
+        change: f64,
     },
     /// A probability that is not strictly between zero and one.
     #[error("{value} is not a probability strictly between 0 and 1")]

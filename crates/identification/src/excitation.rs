@@ -8,6 +8,7 @@ mod diagnosis;
 #[cfg(feature = "std")]
 mod interior_point;
 #[cfg(feature = "std")]
+mod execution;
 mod limits;
 #[cfg(feature = "std")]
 mod objective;
@@ -20,6 +21,7 @@ pub use criterion::{CriterionGradient, ExcitationCriterion, NormalizedCondition}
 pub use design::{ExcitationDesign, Utilization};
 pub use diagnosis::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
+pub use execution::{Execution, ExecutionSample, Saturation, execute, samples_per_period};
 pub use limits::{ChannelLimits, WrenchLimits};
 #[cfg(feature = "std")]
 pub use problem::{ExcitationProblem, LimitsHold, PlanarExcitation, SpaceExcitation};

@@ -22,17 +22,19 @@ use crate::weighted_least_squares::{WrenchRow, whitened};
 use crate::{
     BodyScale, ExcitationDiagnosis, NullDirection, Observability, SquareRootInformation, WeakDirection, WrenchTiming,
 };
-use fit::{Best, Fit, best_fit, rough_scale};
+pub(crate) use fit::rough_scale;
+use fit::{Best, Fit, best_fit};
 use likelihood::most_likely;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use noise::SampleNoise;
 use rows::Scheme;
-use solution::{Judgement, Silent, Solution, judge, solve, standard_deviations};
+use solution::{Judgement, Silent, Solution, judge, solve};
 use timeline::Timeline;
 
 pub use long::LongRecord;
 pub use merge::merge;
 pub use parts::{Part, identify_parts};
+pub(crate) use solution::{constrained, from_covariance, standard_deviations};
 pub use warning::Warning;
 
 /// Which equations tie the motion to the parameters.

@@ -1,7 +1,8 @@
 //! One period of a motion, averaged over its cycles.
 
-use crate::fourier::AttitudeChart;
-use nalgebra::{DMatrix, SVector};
+use crate::error::IdentificationError;
+use crate::fourier::{AttitudeChart, FourierMotion, MotionInstant};
+use nalgebra::{DMatrix, SVector, Vector3};
 
 /// One averaged period: what the Fourier fit, harmonic selection and both estimators work on.
 ///
@@ -18,8 +19,10 @@ pub struct PeriodicRecord {
     pub chart: AttitudeChart,
     /// N x (3 + channels of the chart): averaged position of the body origin and attitude, one row per sample.
     pub channels: DMatrix<f64>,
-    /// N x 6: averaged wrench `[torque; force]` less that of gravity, body axes, about the body origin.
+    /// N x 6: averaged wrench `[torque; force]` without that of gravity, body axes, about the body origin.
     pub wrenches: DMatrix<f64>,
+    /// Gravitational acceleration, axes of the coordinates, m/s^2.
+    pub gravity: Vector3<f64>,
     /// By how much later than the pose of its row a wrench counts, s: half a step where it is held, zero where sampled.
     pub wrench_offset_s: f64,
     /// Standard deviation of the noise of one averaged sample, channel by channel.
@@ -37,5 +40,33 @@ impl PeriodicRecord {
     /// Times of the samples, s.
     pub fn times_s(&self) -> Vec<f64> {
         (0..self.samples()).map(|i| self.period_s * i as f64 / self.samples() as f64).collect()
+    }
+
+    /// A motion at the times for which the wrenches count, accelerations less gravity: what the wrenches have to explain.
+    ///
+    /// # Errors
+    /// [`IdentificationError::NotFinite`] naming the sample where the quaternion passes through zero.
+    pub fn felt_motion(&self, motion: &FourierMotion) -> Result<Vec<MotionInstant>, IdentificationError> {
+        let times_s: Vec<f64> = self.times_s().iter().map(|time_s| time_s + self.wrench_offset_s).collect();
+        let [value, rate, acceleration] =
+            motion.basis().table(&times_s).map(|functions| (functions * motion.coefficients()).transpose());
+        let channels = value.nrows();
+        let at = |matrix: &DMatrix<f64>, i: usize| -> [f64; 7] {
+            core::array::from_fn(|channel| if channel < channels { matrix[(channel, i)] } else { 0.0 })
+        };
+        (0..times_s.len())
+            .map(|i| {
+                let (value, rate, acceleration) = (at(&value, i), at(&rate, i), at(&acceleration, i));
+                let mut instant = MotionInstant::from_channels(motion.chart(), &value, &rate, &acceleration)
+                    .ok_or(IdentificationError::NotFinite { row: i })?;
+                instant.acceleration_origin_world -= self.gravity;
+                Ok(instant)
+            })
+            .collect()
+    }
+
+    /// The averaged wrench of one sample.
+    pub fn wrench(&self, sample: usize) -> SVector<f64, 6> {
+        self.wrenches.fixed_view::<1, 6>(sample, 0).transpose()
     }
 }

@@ -106,7 +106,7 @@ pub(super) fn judge(fit: &Fit, silent: Silent, prior: Option<&Prior>) -> Result<
 }
 
 /// Information of a Gaussian with this mean and covariance.
-pub(super) fn from_covariance(
+pub(crate) fn from_covariance(
     mean: &SVector<f64, 10>,
     covariance: &SMatrix<f64, 10, 10>,
     magnitudes: &SVector<f64, 10>,
@@ -159,7 +159,7 @@ pub(super) fn solve(
 }
 
 /// The consistent body nearest to an information, with the covariance of the unconstrained solution.
-pub(super) fn constrained(
+pub(crate) fn constrained(
     information: &SquareRootInformation<10>,
     scale: BodyScale,
 ) -> Result<Estimate, IdentificationError> {
@@ -193,7 +193,7 @@ pub(super) fn weak_prior(scale: BodyScale) -> Prior {
 }
 
 /// Standard deviations of mass, centre of mass and inertia about it, to first order.
-pub(super) fn standard_deviations(
+pub(crate) fn standard_deviations(
     parameters: &SVector<f64, 10>,
     covariance: &SMatrix<f64, 10, 10>,
 ) -> StandardDeviations {
