@@ -3,6 +3,7 @@
 use crate::AstrobeeError;
 
 pub mod calibrate_wheel;
+pub mod excite;
 pub mod identify;
 
 /// How a command ended when nothing was wrong with its input.

@@ -38,7 +38,7 @@ pub fn measured(flown: &Execution, sigma: &NoiseTable, noise: &mut Gaussian) -> 
 }
 
 /// Nearest nanosecond; flights end long before 292 years.
-fn nanoseconds(time_s: f64) -> i64 {
+pub fn nanoseconds(time_s: f64) -> i64 {
     #[allow(clippy::cast_possible_truncation)]
     let time_ns = (time_s * 1e9).round() as i64;
     time_ns

@@ -2,7 +2,7 @@
 
 use crate::body_file::BodyFile;
 use crate::error::AstrobeeError;
-use crate::figure::{Curve, draw};
+use crate::figure::{Curve, Figure, SINCE_START};
 use crate::log::seconds;
 use crate::output::OutputFolder;
 use serde::Serialize;
@@ -332,6 +332,26 @@ fn words(directions: &[NullDirection]) -> Vec<String> {
     directions.iter().map(ToString::to_string).collect()
 }
 
+/// One sigma of each quantity; what is not determined stands so.
+pub fn sigma_table(std: &StandardDeviations) -> String {
+    let unit_body = InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::identity());
+    let mut text = format!("  {:<18}{:>14}\n", "quantity", "1 sigma");
+    for q in quantities(&unit_body, std) {
+        let _ = if q.std.is_finite() {
+            writeln!(text, "  {:<18}{:>14.2e} {}", q.name, q.std, q.unit)
+        } else {
+            writeln!(text, "  {:<18}{:>14}", q.name, "not determined")
+        };
+    }
+    text
+}
+
+/// One sigma of each quantity as `--json` has it; `null` for what is not determined.
+pub fn sigma_json(std: &StandardDeviations) -> serde_json::Value {
+    // A structure of numbers always has a JSON form.
+    serde_json::to_value(json_std(std, &Shown::ALL)).unwrap_or_default()
+}
+
 /// What `--dry-run` prints.
 pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f64, f64)) -> String {
     let mut text = String::new();
@@ -342,11 +362,7 @@ pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f6
         prediction.rows, prediction.rank, prediction.condition_number, wrench_noise.0, wrench_noise.1
     );
     if let Some(std) = &prediction.std {
-        let unit_body = InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::identity());
-        let _ = writeln!(text, "  {:<18}{:>14}", "quantity", "1 sigma");
-        for q in quantities(&unit_body, std) {
-            let _ = writeln!(text, "  {:<18}{:>14.2e} {}", q.name, q.std, q.unit);
-        }
+        text += &sigma_table(std);
         text.push('\n');
     }
     if let (None, Some(covariance)) = (&prediction.std, &prediction.covariance) {
@@ -608,20 +624,28 @@ pub fn write_page(
         name,
         points: found.residuals.iter().step_by(every).map(|r| (seconds(r.time_ns - start_ns), pick(r))).collect(),
     };
-    draw(
-        &folder.file("residual_force.svg"),
+    let residual = |title, y_label, curves, rms: f64| Figure {
+        title,
+        x_label: SINCE_START,
+        y_label,
+        curves,
+        band: Some(2.0 * rms),
+        equal_scales: false,
+    };
+    residual(
         "Force residual (grey: twice its rms)",
         "N",
-        &[curve("x", &|r| r.force.x), curve("y", &|r| r.force.y), curve("z", &|r| r.force.z)],
-        Some(2.0 * rms(&|r| r.force)),
-    )?;
-    draw(
-        &folder.file("residual_torque.svg"),
+        vec![curve("x", &|r| r.force.x), curve("y", &|r| r.force.y), curve("z", &|r| r.force.z)],
+        rms(&|r| r.force),
+    )
+    .draw(&folder.file("residual_force.svg"))?;
+    residual(
         "Torque residual (grey: twice its rms)",
         "N m",
-        &[curve("x", &|r| r.torque.x), curve("y", &|r| r.torque.y), curve("z", &|r| r.torque.z)],
-        Some(2.0 * rms(&|r| r.torque)),
-    )?;
+        vec![curve("x", &|r| r.torque.x), curve("y", &|r| r.torque.y), curve("z", &|r| r.torque.z)],
+        rms(&|r| r.torque),
+    )
+    .draw(&folder.file("residual_torque.svg"))?;
     let picture = |name: &str| -> Result<String, AstrobeeError> {
         let path = folder.file(name);
         std::fs::read_to_string(&path).map_err(|source| AstrobeeError::Unreadable { path, source })
