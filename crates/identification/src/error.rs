@@ -125,6 +125,27 @@ pub enum IdentificationError {
         coordinate: usize,
         /// Its change.
         change: f64,
+    /// More harmonics than the samples of a period can tell apart.
+    #[error("{harmonics} harmonics need more than {} samples in a period, which has {samples}", 2 * .harmonics)]
+    TooManyHarmonics {
+        /// Harmonics asked for.
+        harmonics: usize,
+        /// Samples in the period.
+        samples: usize,
+    },
+    /// A table of a periodic record of another shape than its samples and channels have.
+    #[error(
+        "a table of {rows} x {columns} in a periodic record, where {expected_rows} x {expected_columns} are needed"
+    )]
+    RecordShape {
+        /// Rows offered.
+        rows: usize,
+        /// Columns offered.
+        columns: usize,
+        /// Rows needed: one per sample.
+        expected_rows: usize,
+        /// Columns needed.
+        expected_columns: usize,
     },
     /// A probability that is not strictly between zero and one.
     #[error("{value} is not a probability strictly between 0 and 1")]

@@ -22,12 +22,14 @@ use crate::weighted_least_squares::{WrenchRow, whitened};
 use crate::{
     BodyScale, ExcitationDiagnosis, NullDirection, Observability, SquareRootInformation, WeakDirection, WrenchTiming,
 };
-use fit::{Best, Fit, best_fit, rough_scale};
+pub(crate) use fit::rough_scale;
+use fit::{Best, Fit, best_fit};
 use likelihood::most_likely;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use noise::SampleNoise;
 use rows::Scheme;
-use solution::{Judgement, Silent, Solution, judge, solve, standard_deviations};
+use solution::{Judgement, Silent, Solution, judge, solve};
+pub(crate) use solution::{constrained, standard_deviations};
 use timeline::Timeline;
 
 pub use long::LongRecord;

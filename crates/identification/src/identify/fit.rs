@@ -224,7 +224,7 @@ pub(super) fn best_fit(
 }
 
 /// Mass from force over acceleration, length from torque over force, or from accelerations where there is no torque.
-pub(super) fn rough_scale(rows: &[WrenchRow]) -> Result<BodyScale, IdentificationError> {
+pub(crate) fn rough_scale(rows: &[WrenchRow]) -> Result<BodyScale, IdentificationError> {
     let rms = |f: &dyn Fn(&WrenchRow) -> Vector3<f64>| {
         let sum: f64 = rows.iter().map(|row| f(row).norm_squared()).sum();
         ComplexField::sqrt(sum / rows.len().max(1) as f64)

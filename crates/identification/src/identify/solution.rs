@@ -193,7 +193,7 @@ pub(super) fn weak_prior(scale: BodyScale) -> Prior {
 }
 
 /// Standard deviations of mass, centre of mass and inertia about it, to first order.
-pub(super) fn standard_deviations(
+pub(crate) fn standard_deviations(
     parameters: &SVector<f64, 10>,
     covariance: &SMatrix<f64, 10, 10>,
 ) -> StandardDeviations {

@@ -1,0 +1,271 @@
+//! Maximum likelihood of one averaged period: all coefficients of the motion and the ten parameters at once.
+
+use super::PeriodicRecord;
+use super::joint_information::{BasisTable, JointInformation, WrenchRows, coefficient_std, squared_norm};
+use crate::dynamics::InertialParameters;
+use crate::error::IdentificationError;
+use crate::fourier::{FourierBasis, FourierMotion};
+use crate::identify::{constrained, rough_scale};
+use crate::jacobi::singular_values;
+use crate::weighted_least_squares::WrenchRow;
+use crate::{BodyScale, Estimate, RANK_TOLERANCE, SquareRootInformation};
+use nalgebra::{DMatrix, SVector};
+
+/// Iterations after which an estimate that still moves is given up.
+const MAX_ITERATIONS: usize = 30;
+/// A step of this squared length in standard deviations has converged: a thousandth of a sigma.
+const SMALL_DECREMENT: f64 = 1e-6;
+/// Halvings of one step.
+const HALVINGS: usize = 12;
+/// Changes below this fraction of a cost are rounding.
+const ROUNDING: f64 = 1e-12;
+/// No measurement is taken to be better than this fraction of the root mean square of its kind.
+const FLOOR: f64 = 1e-9;
+/// A direction counts as shown when no more than this share of its signal is noise of the poses.
+const LARGEST_NOISE_SHARE: f64 = 0.2;
+/// Samples at which that share is judged, at most about twice as many.
+const JUDGED_SAMPLES: usize = 256;
+
+/// The likeliest body and motion of a [`PeriodicRecord`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct PeriodicLikelihood {
+    /// The likeliest body that exists; its covariance is that of the ten parameters with the motion unknown too.
+    pub estimate: Estimate,
+    /// The likeliest motion.
+    pub motion: FourierMotion,
+    /// Weighted squares of all residuals, of poses and wrenches.
+    pub cost: f64,
+    /// Independent residuals less unknowns. The length of a quaternion is neither.
+    pub degrees_of_freedom: usize,
+    /// Iterations until the step was shorter than a thousandth of a standard deviation.
+    pub iterations: usize,
+}
+
+impl PeriodicLikelihood {
+    /// Cost per degree of freedom: one where noise and number of harmonics are as stated. Without meaning for data that
+    /// were said to have no noise.
+    pub fn reduced_chi_square(&self) -> f64 {
+        self.cost / self.degrees_of_freedom as f64
+    }
+}
+
+/// Minimises `sum |channels - series|^2 / channel variance + |wrench - gamma(series) pi|^2 / wrench variance` over all
+/// coefficients of the motion and the ten parameters pi, these kept physically consistent.
+///
+/// Starts from least squares on the Fourier fit, which noise in the poses biases; here the wrenches correct the motion.
+/// Each step folds the linearised equations into one triangle, eliminates the coefficients, solves for the body inside
+/// the cone of consistent ones and is shortened until the cost falls.
+///
+/// Standard deviations of zero are taken as 1e-9 of the root mean square of their kind.
+/// # Errors
+/// [`IdentificationError::TooManyHarmonics`], [`IdentificationError::RecordShape`], [`IdentificationError::NotFinite`],
+/// [`IdentificationError::NotPositive`] for a standard deviation that is negative or NaN,
+/// [`IdentificationError::NotExcited`] where the motion, less its noise, does not show all ten parameters,
+/// [`IdentificationError::LikelihoodNotConverged`].
+/// # Source
+/// Thesis (4.6), (4.12), (4.13).
+/// # Deviation
+/// The thesis keeps the motion of the Fourier fit; its error biases and scatters the parameters
+/// (`tests/periodic_likelihood.rs`, `attains_the_bound_where_least_squares_does_not`).
+pub fn maximum_likelihood(
+    record: &PeriodicRecord,
+    harmonics: usize,
+) -> Result<PeriodicLikelihood, IdentificationError> {
+    let problem = Problem::new(record, harmonics)?;
+    let (mut parameters, scale) = problem.least_squares()?;
+    let mut coefficients = problem.fit.clone();
+    let mut cost = problem.cost(&coefficients, &parameters);
+    let mut decrement = f64::INFINITY;
+    for iterations in 1..=MAX_ITERATIONS {
+        let mut information = problem.information(&coefficients, &parameters);
+        let estimate = constrained(&information.of_body()?, scale)?;
+        let found = estimate.parameters.to_vector();
+        let (change, step) = (information.coefficients(&found), found - parameters);
+        decrement = information.squared_length(&change, &step);
+        let steps = core::iter::successors(Some(1.0), |length: &f64| Some(0.5 * length)).take(HALVINGS);
+        let tried = steps.map(|length| {
+            let (coefficients, parameters) = (&coefficients + &change * length, parameters + step * length);
+            let cost = problem.cost(&coefficients, &parameters);
+            (cost, coefficients, parameters)
+        });
+        let small = decrement < SMALL_DECREMENT.max(ROUNDING * cost);
+        let limit = cost * (1.0 + ROUNDING) + SMALL_DECREMENT;
+        let Some((next_cost, next_coefficients, next_parameters)) = tried.into_iter().find(|next| next.0 <= limit)
+        else {
+            return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
+        };
+        (cost, coefficients, parameters) = (next_cost, next_coefficients, next_parameters);
+        if small {
+            return Ok(PeriodicLikelihood {
+                estimate: Estimate { parameters: InertialParameters::from_vector(&parameters), ..estimate },
+                motion: FourierMotion::try_new(problem.basis, record.chart, coefficients)?,
+                cost,
+                degrees_of_freedom: problem.degrees_of_freedom(),
+                iterations,
+            });
+        }
+    }
+    Err(IdentificationError::LikelihoodNotConverged { iterations: MAX_ITERATIONS, decrement })
+}
+
+/// A record, what is constant about it, and what its noise is taken to be.
+struct Problem<'a> {
+    record: &'a PeriodicRecord,
+    basis: FourierBasis,
+    wrench_std: SVector<f64, 6>,
+    /// The Fourier fit of the poses, one column per channel, and its standard deviations.
+    fit: DMatrix<f64>,
+    fit_std: DMatrix<f64>,
+    /// Weighted squares of what no coefficients explain.
+    unexplained: f64,
+    /// At the times of the wrenches.
+    table: BasisTable,
+}
+
+impl<'a> Problem<'a> {
+    fn new(record: &'a PeriodicRecord, harmonics: usize) -> Result<Self, IdentificationError> {
+        let (samples, channels) = (record.samples(), 3 + record.chart.channels());
+        let basis = FourierBasis::try_new(record.period_s, harmonics)?;
+        for (rows, columns, expected_columns) in [
+            (samples, record.channels.ncols(), channels),
+            (record.wrenches.nrows(), record.wrenches.ncols(), 6),
+            (samples, record.channel_std.len(), channels),
+        ] {
+            if (rows, columns) != (samples, expected_columns) {
+                let expected_rows = samples;
+                return Err(IdentificationError::RecordShape { rows, columns, expected_rows, expected_columns });
+            }
+        }
+        if 2 * harmonics >= samples {
+            return Err(IdentificationError::TooManyHarmonics { harmonics, samples });
+        }
+        let finite = |row: usize| {
+            record.channels.row(row).iter().chain(record.wrenches.row(row).iter()).all(|value| value.is_finite())
+        };
+        if let Some(row) = (0..samples).find(|&row| !finite(row)) {
+            return Err(IdentificationError::NotFinite { row });
+        }
+        let all_std = record.channel_std.iter().chain(record.wrench_std.iter());
+        if let Some((index, &value)) = all_std.enumerate().find(|(_, std)| !(**std >= 0.0 && std.is_finite())) {
+            return Err(IdentificationError::NotPositive { index, value });
+        }
+        let floor = |table: &DMatrix<f64>, columns: core::ops::Range<usize>| {
+            FLOOR * (table.columns_range(columns).norm_squared() / samples as f64).sqrt().max(FLOOR)
+        };
+        let wrench_floor = [floor(&record.wrenches, 0..3), floor(&record.wrenches, 3..6)];
+        let channel_floor = [floor(&record.channels, 0..3), floor(&record.channels, 3..channels)];
+        let std = record.channel_std.iter().enumerate();
+        let channel_std: Vec<f64> = std.map(|(c, std)| std.max(channel_floor[usize::from(c >= 3)])).collect();
+        let [values, ..] = basis.table(&record.times_s());
+        let fit = DMatrix::from_fn(basis.coefficients(), channels, |j, channel| {
+            values.column(j).dot(&record.channels.column(channel)) / squared_norm(&basis, samples, j)
+        });
+        let residuals = &record.channels - values * &fit;
+        let weighted =
+            residuals.column_iter().zip(&channel_std).map(|(column, std)| column.norm_squared() / std.powi(2));
+        let times_s = record.times_s().into_iter().map(|time_s| time_s + record.wrench_offset_s);
+        Ok(Self {
+            record,
+            wrench_std: SVector::from_fn(|i, _| record.wrench_std[i].max(wrench_floor[i / 3])),
+            unexplained: weighted.sum(),
+            fit,
+            fit_std: coefficient_std(&basis, samples, &channel_std),
+            table: BasisTable::new(&basis, times_s),
+            basis,
+        })
+    }
+
+    fn wrench(&self, sample: usize) -> SVector<f64, 6> {
+        SVector::from_fn(|i, _| self.record.wrenches[(sample, i)])
+    }
+
+    fn whitened_wrench(&self, sample: usize) -> SVector<f64, 6> {
+        self.wrench(sample).component_div(&self.wrench_std)
+    }
+
+    /// A channel holds one number per sample beside three of position and three of rotation, however many the chart has.
+    fn degrees_of_freedom(&self) -> usize {
+        (12 * self.record.samples()).saturating_sub(6 * self.basis.coefficients() + 10).max(1)
+    }
+
+    /// Infinite where a quaternion passes through zero.
+    fn cost(&self, coefficients: &DMatrix<f64>, parameters: &SVector<f64, 10>) -> f64 {
+        let poses = (coefficients - &self.fit).component_div(&self.fit_std).norm_squared();
+        let instants = self.table.instants(self.record.chart, coefficients).enumerate();
+        let wrenches = instants.map(|(i, (instant, _))| {
+            instant.map_or(f64::INFINITY, |instant| {
+                let residual = instant.regressor() * parameters - self.wrench(i);
+                residual.component_div(&self.wrench_std).norm_squared()
+            })
+        });
+        self.unexplained + poses + wrenches.sum::<f64>()
+    }
+
+    /// The equations about a motion and a body; the unknowns are changes of the coefficients, and the ten parameters.
+    fn information(&self, coefficients: &DMatrix<f64>, parameters: &SVector<f64, 10>) -> JointInformation {
+        let mut information = JointInformation::of_poses(&self.fit_std, &(&self.fit - coefficients));
+        for (i, (instant, functions)) in self.table.instants(self.record.chart, coefficients).enumerate() {
+            // Only motions of finite cost come here.
+            let Some(instant) = instant else { continue };
+            let rows = WrenchRows::new(&instant, parameters, &self.wrench_std);
+            information.add(&rows, functions, &self.whitened_wrench(i));
+        }
+        information
+    }
+
+    /// The consistent body that suits the Fourier fit best, and the scale of it.
+    fn least_squares(&self) -> Result<(SVector<f64, 10>, BodyScale), IdentificationError> {
+        let instants = self.table.instants(self.record.chart, &self.fit).enumerate();
+        let rows: Vec<WrenchRow> = instants
+            .filter_map(|(index, (instant, _))| {
+                Some(WrenchRow { index, regressor: instant?.regressor(), wrench: self.wrench(index) })
+            })
+            .collect();
+        let mut information = SquareRootInformation::new();
+        for row in &rows {
+            let mut regressor = row.regressor;
+            for (i, std) in self.wrench_std.iter().enumerate() {
+                regressor.row_mut(i).unscale_mut(*std);
+            }
+            information.update(&regressor, &row.wrench.component_div(&self.wrench_std))?;
+        }
+        let scale = rough_scale(&rows)?;
+        self.require_excited(&information, scale)?;
+        let parameters = constrained(&information, scale)?.parameters.to_vector();
+        Ok((parameters, BodyScale::of(&parameters)?))
+    }
+
+    /// Counts the directions that the motion shows, above rounding and above the noise in its poses.
+    fn require_excited(
+        &self,
+        information: &SquareRootInformation<10>,
+        scale: BodyScale,
+    ) -> Result<(), IdentificationError> {
+        let magnitudes = scale.parameter_magnitudes();
+        let (values, right) = singular_values(information.scaled_factor(&magnitudes));
+        let every = self.record.samples() / JUDGED_SAMPLES + 1;
+        let shown = |direction: usize| {
+            if values[direction] <= RANK_TOLERANCE * values[0] {
+                return false;
+            }
+            let body = right.column(direction).component_mul(&magnitudes);
+            let mut noise = 0.0;
+            for (instant, functions) in self.table.instants(self.record.chart, &self.fit).step_by(every) {
+                let Some(instant) = instant else { continue };
+                let rows = WrenchRows::new(&instant, &body, &self.wrench_std);
+                for (channel, std) in self.fit_std.column_iter().enumerate() {
+                    for (j, std) in std.iter().enumerate() {
+                        noise += rows.by_coefficient(channel, j, functions).norm_squared() * std * std;
+                    }
+                }
+            }
+            noise * (every as f64) < LARGEST_NOISE_SHARE * values[direction].powi(2)
+        };
+        let rank = (0..10).filter(|&direction| shown(direction)).count();
+        if rank == 10 {
+            return Ok(());
+        }
+        let smallest_singular_value = if values[0] > 0.0 { values[9] / values[0] } else { 0.0 };
+        Err(IdentificationError::NotExcited { rank, expected: 10, smallest_singular_value })
+    }
+}
