@@ -125,13 +125,6 @@ pub enum IdentificationError {
         coordinate: usize,
         /// Its change.
         change: f64,
-    /// More harmonics than the samples of a period can tell apart.
-    #[error("{harmonics} harmonics need more than {} samples in a period, which has {samples}", 2 * .harmonics)]
-    TooManyHarmonics {
-        /// Harmonics asked for.
-        harmonics: usize,
-        /// Samples in the period.
-        samples: usize,
     },
     /// A table of a periodic record of another shape than its samples and channels have.
     #[error(
