@@ -79,6 +79,7 @@ pub fn push_wrench(text: &mut String, wrench: &Wrench<f64>) {
 /// Numbers that read back to the same bits, a comma before each.
 pub fn push_numbers<'a>(text: &mut String, numbers: impl IntoIterator<Item = &'a f64>) {
     for number in numbers {
-        let _ = write!(text, ",{number}");
+        // `{:?}` writes small numbers with an exponent.
+        let _ = write!(text, ",{number:?}");
     }
 }

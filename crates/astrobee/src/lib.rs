@@ -8,6 +8,7 @@ mod error;
 pub mod excitation_file;
 pub mod figure;
 pub mod flight_log;
+pub mod harmonic_report;
 pub mod log;
 pub mod noise;
 pub mod output;

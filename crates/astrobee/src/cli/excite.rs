@@ -15,7 +15,7 @@ use std::time::Instant;
 use tumble_dynamics::nalgebra::{DMatrix, SVector, Vector3, Vector6};
 use tumble_dynamics::{FreeFlyer, InertialParameters, MuntheKaas4, PoseTracker, RigidBodyState, SimulatedBody};
 use tumble_identification::excitation::{
-    Channel, ChannelLimits, Execution, ExcitationDesign, ExcitationProblem, NormalizedCondition, PlanarExcitation,
+    Channel, ChannelLimits, ExcitationDesign, ExcitationProblem, Execution, NormalizedCondition, PlanarExcitation,
     Saturation, SpaceExcitation, Utilization, WrenchLimits, execute, samples_per_period,
 };
 use tumble_identification::fourier::{FourierBasis, FourierMotion};
@@ -141,7 +141,7 @@ impl CriterionName {
 /// V1's reward of a large motion, per root mean square of each channel, 1/m and 1/rad.
 const V1_REWARD: f64 = 20.0;
 /// The tracker's natural frequency, rad/s, and its largest share of the sampling rate.
-const TRACKER: (f64, f64) = (2.0, 0.1);
+const TRACKER: (f64, f64) = (4.0, 0.1);
 /// Longest integration step of the flight, s.
 const LARGEST_STEP_S: f64 = 0.01;
 /// Longest flight that is simulated, samples.
@@ -208,7 +208,8 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, AstrobeeError> {
         position_m: args.position_noise,
         ..Noise::default()
     };
-    let bound = cramer_rao(&designed.motion, &body, samples, args.cycles - 1, &noise).map_err(AstrobeeError::Excitation)?;
+    let bound =
+        cramer_rao(&designed.motion, &body, samples, args.cycles - 1, &noise).map_err(AstrobeeError::Excitation)?;
     let file = excitation_file(args, &designed, &body);
     let mut random = Gaussian::from_seed(args.seed);
     let flight = if args.fly {
@@ -285,11 +286,7 @@ fn channel_limits(args: &ExciteArgs) -> [ChannelLimits; 6] {
     [along(args.position.x), along(args.position.y), along(args.position.z), about, about, about]
 }
 
-fn design(
-    args: &ExciteArgs,
-    body: &InertialParameters<f64>,
-    samples: usize,
-) -> Result<Designed, IdentificationError> {
+fn design(args: &ExciteArgs, body: &InertialParameters<f64>, samples: usize) -> Result<Designed, IdentificationError> {
     let basis = FourierBasis::try_new(args.period, args.harmonics)?;
     let limits = channel_limits(args);
     let magnitudes = BodyScale::of(&body.to_vector())?.parameter_magnitudes();
