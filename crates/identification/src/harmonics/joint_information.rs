@@ -179,6 +179,22 @@ impl JointInformation {
         change
     }
 
+    /// Squared error of a whitened wrench that the uncertainty of the coefficients makes, the body being known.
+    pub(super) fn scatter(&self, rows: &WrenchRows, functions: &[Vec<f64>; 3]) -> f64 {
+        let count = self.coefficients;
+        let by_coefficient = |i| rows.by_coefficient(i / self.per_channel, i % self.per_channel, functions);
+        let mut derivatives: Vec<SVector<f64, 6>> = (0..count).map(by_coefficient).collect();
+        let mut squares = 0.0;
+        for (i, row) in self.triangle.chunks_exact(count + 11).take(count).enumerate() {
+            let unit = derivatives[i] / row[i];
+            squares += unit.norm_squared();
+            for (derivative, r) in derivatives[i + 1..].iter_mut().zip(&row[i + 1..]) {
+                *derivative -= unit * *r;
+            }
+        }
+        squares
+    }
+
     /// Squared length of a step of coefficients and parameters, in standard deviations.
     pub(super) fn squared_length(&self, coefficients: &DMatrix<f64>, parameters: &SVector<f64, 10>) -> f64 {
         let step: Vec<f64> = coefficients.iter().chain(parameters.iter()).copied().collect();
