@@ -1,5 +1,6 @@
 //! Maximum likelihood in coefficient space and the bound it attains.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
 mod exact_motion;
 
@@ -8,6 +9,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use tumble_identification::dynamics::{FreeFlyer, InertialParameters};
 use tumble_identification::fourier::{AttitudeChart, FourierBasis, FourierMotion};
 use tumble_identification::harmonics::{PeriodicLikelihood, PeriodicRecord, cramer_rao, maximum_likelihood};
+use tumble_identification::lie::{EulerZyx, Pose};
 use tumble_identification::nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3, Vector4};
 use tumble_identification::statistics::{Band, mean_square_band, normalized_squared_error, rms_ratio_band};
 use tumble_identification::{BodyScale, IdentificationError, Noise, SquareRootInformation, StandardDeviations};
@@ -39,17 +41,17 @@ fn excitation(seed: u64, harmonics: usize, angle_rad: f64, moving: [bool; 6]) ->
     let mut coefficients = &rest * DMatrix::from_fn(rest.ncols(), 6, |_, _| random.normal());
     let times_s: Vec<f64> = (0..500).map(|i| PERIOD_S * f64::from(i) / 500.0).collect();
     let [values, ..] = basis.table(&times_s);
-    for channel in 0..6 {
+    for (channel, moves) in moving.into_iter().enumerate() {
         let largest = (&values * coefficients.column(channel)).amax();
         let bound = if channel < 3 { 0.75 } else { angle_rad };
-        coefficients.column_mut(channel).scale_mut(if moving[channel] { bound / largest } else { 0.0 });
+        coefficients.column_mut(channel).scale_mut(if moves { bound / largest } else { 0.0 });
     }
     FourierMotion::try_new(basis, AttitudeChart::EulerZyx, coefficients).unwrap()
 }
 
 /// Wrench of a body on a motion by the equations of motion, not by a regressor.
 fn wrench(motion: &FourierMotion, body: &InertialParameters<f64>, time_s: f64) -> SVector<f64, 6> {
-    let reference = motion.at(time_s).unwrap().reference(&Default::default());
+    let reference = motion.at(time_s).unwrap().reference(&Pose::identity());
     FreeFlyer::new(*body).inverse(&reference.state.twist_body, &reference.acceleration).to_vector()
 }
 
@@ -173,7 +175,7 @@ fn both_charts_agree() {
     let mut channels = DMatrix::zeros(300, 7);
     let mut near = Vector4::w();
     for (i, row) in euler.channels.row_iter().enumerate() {
-        let angles = tumble_identification::lie::EulerZyx::new(row[3], row[4], row[5]);
+        let angles = EulerZyx::new(row[3], row[4], row[5]);
         near = AttitudeChart::Quaternion.coordinates(&angles.to_rotation(), &near);
         channels.row_mut(i).copy_from_slice(&[row[0], row[1], row[2], near.x, near.y, near.z, near.w]);
     }

@@ -56,7 +56,9 @@ impl WrenchRows {
         let mut by_channel = instant.sensitivities().map(|terms| by_terms * terms.fixed_rows::<WRENCH_TERMS>(0));
         for (i, std) in wrench_std.iter().enumerate() {
             regressor.row_mut(i).unscale_mut(*std);
-            by_channel.iter_mut().for_each(|block| block.row_mut(i).unscale_mut(*std));
+            for block in &mut by_channel {
+                block.row_mut(i).unscale_mut(*std);
+            }
         }
         Self { regressor, by_channel }
     }
@@ -250,16 +252,16 @@ mod tests {
             coefficients[(0, 5)] += 1.0;
             let table = BasisTable::new(&basis, core::iter::once(1.3));
             let rows = |coefficients: &DMatrix<f64>| {
-                let (instant, functions) = table.instants(chart, coefficients).next().unwrap();
-                (WrenchRows::new(&instant.unwrap(), &parameters, &std), functions)
+                let instant = table.instants(chart, coefficients).next().unwrap().0.unwrap();
+                WrenchRows::new(&instant, &parameters, &std)
             };
-            let (found, functions) = rows(&coefficients);
+            let (found, functions) = (rows(&coefficients), &table.0[0]);
             for channel in 0..coefficients.ncols() {
                 for index in 0..7 {
                     let wrench = |by: f64| {
                         let mut moved = coefficients.clone();
                         moved[(index, channel)] += by;
-                        rows(&moved).0.regressor * parameters
+                        rows(&moved).regressor * parameters
                     };
                     let expected = (wrench(1e-5) - wrench(-1e-5)) / 2e-5;
                     let error = (found.by_coefficient(channel, index, functions) - expected).amax();
