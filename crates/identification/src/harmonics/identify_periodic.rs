@@ -3,6 +3,7 @@
 use super::cycles::{Cycles, average_cycles};
 use super::fit::FourierFit;
 use super::least_squares::PeriodicLeastSquares;
+use super::likelihood::maximum_likelihood;
 use super::periodic_record::PeriodicRecord;
 use super::saturation::saturated_share;
 use super::selection::{HarmonicCandidate, SelectionRule, select_harmonics};
@@ -97,7 +98,7 @@ pub struct HarmonicIdentification {
     pub estimate: Estimate,
     /// What estimated it.
     pub estimator: HarmonicEstimator,
-    /// The fitted motion; its basis says the number of harmonics chosen.
+    /// The fitted motion, by the likelihood where that answers; its basis says the number of harmonics chosen.
     pub motion: crate::fourier::FourierMotion,
     /// The residuals of every number of harmonics tried.
     pub selection: Vec<HarmonicCandidate>,
@@ -141,9 +142,7 @@ pub fn identify_periodic(
 ) -> Result<HarmonicIdentification, IdentificationError> {
     let harmonics = settings.reference_harmonics..=settings.largest_harmonics;
     let cycles = average_cycles(samples, settings)?;
-    let (fit, selection) = select_harmonics(&cycles.record, harmonics, settings.selection)?;
-    let least_squares = PeriodicLeastSquares::fit(&cycles.record, &fit)?;
-    let mut estimate = consistent(&least_squares.parameters, &least_squares.covariance)?;
+    let (mut fit, selection) = select_harmonics(&cycles.record, harmonics, settings.selection)?;
     let saturation = saturated_share(samples, settings.limits.as_ref());
     let mut warnings = warnings_of(&cycles, settings);
     let chosen = fit.motion.basis().harmonics();
@@ -155,18 +154,25 @@ pub fn identify_periodic(
     }
     let saturated = saturation > settings.largest_saturation;
     let wanted = if saturated { HarmonicEstimator::TrajectoryLikelihood } else { settings.estimator };
+    let least_squares = PeriodicLeastSquares::fit(&cycles.record, &fit)
+        .and_then(|found| consistent(&found.parameters, &found.covariance, found.scale));
     let likely = match wanted {
-        HarmonicEstimator::LeastSquares => Some(estimate),
-        HarmonicEstimator::Likelihood => None,
-        HarmonicEstimator::TrajectoryLikelihood => most_likely(samples, settings, &estimate)?,
+        HarmonicEstimator::LeastSquares => None,
+        HarmonicEstimator::Likelihood => settled(maximum_likelihood(&cycles.record, chosen))?.map(|found| {
+            fit.motion = found.motion;
+            found.estimate
+        }),
+        HarmonicEstimator::TrajectoryLikelihood => {
+            settled(most_likely(samples, settings, least_squares.as_ref().ok()))?
+        }
     };
-    let estimator = if let Some(likely) = likely {
-        estimate = likely;
-        wanted
-    } else {
+    let (estimate, estimator) = match likely {
+        Some(estimate) => (estimate, wanted),
+        None => (least_squares?, HarmonicEstimator::LeastSquares),
+    };
+    if estimator != wanted {
         warnings.push(HarmonicWarning::LikelihoodFailed);
-        HarmonicEstimator::LeastSquares
-    };
+    }
     if saturated && estimator == HarmonicEstimator::TrajectoryLikelihood {
         warnings.push(HarmonicWarning::TrajectoryLikelihood);
     }
@@ -213,34 +219,40 @@ fn warnings_of(cycles: &Cycles, settings: &HarmonicSettings) -> Vec<HarmonicWarn
 fn consistent(
     parameters: &SVector<f64, 10>,
     covariance: &SMatrix<f64, 10, 10>,
+    scale: BodyScale,
 ) -> Result<Estimate, IdentificationError> {
-    let scale = BodyScale::of(parameters)?;
     constrained(&from_covariance(parameters, covariance, &scale.parameter_magnitudes())?, scale)
 }
 
-/// The trajectory likelihood, from the body that least squares found; `None` where it does not settle.
+/// The trajectory likelihood, from the body that least squares found.
 fn most_likely(
     samples: &[MotionSample],
     settings: &HarmonicSettings,
-    start: &Estimate,
-) -> Result<Option<Estimate>, IdentificationError> {
-    let likelihood = MaximumLikelihood {
+    start: Option<&Estimate>,
+) -> Result<Estimate, IdentificationError> {
+    let mut likelihood = MaximumLikelihood {
         wrench_timing: settings.wrench_timing,
         gravity_world: settings.gravity_world,
-        start: start.parameters,
         ..MaximumLikelihood::default()
     };
-    let found = match likelihood.estimate(samples) {
-        Err(IdentificationError::NotExcited { .. } | IdentificationError::LikelihoodNotConverged { .. }) => {
-            return Ok(None);
-        }
-        found => found?,
-    };
-    let mut estimate = consistent(&found.unconstrained, &found.covariance)?;
+    if let Some(start) = start {
+        likelihood.start = start.parameters;
+    }
+    let found = likelihood.estimate(samples)?;
+    let scale = BodyScale::of(&found.parameters.to_vector())?;
+    let mut estimate = consistent(&found.unconstrained, &found.covariance, scale)?;
     // The likelihood has met the constraint where it is not linear.
     estimate.parameters = found.parameters;
     estimate.lmi_active = found.active_axis.is_some();
-    Ok(Some(estimate))
+    Ok(estimate)
+}
+
+/// `None` where the data do not let a likelihood settle, so that least squares may still answer.
+fn settled<T>(found: Result<T, IdentificationError>) -> Result<Option<T>, IdentificationError> {
+    match found {
+        Err(IdentificationError::NotExcited { .. } | IdentificationError::LikelihoodNotConverged { .. }) => Ok(None),
+        found => found.map(Some),
+    }
 }
 
 /// Share of the wrench's mean square that a body explains, torque counted at its own length.
@@ -254,7 +266,9 @@ fn explained(
         wrench.fixed_rows::<3>(0).norm_squared() / (length_m * length_m) + wrench.fixed_rows::<3>(3).norm_squared()
     };
     let (mut left, mut applied) = (0.0, 0.0);
-    for (i, instant) in record.felt_motion(&fit.motion)?.iter().enumerate() {
+    let table = record.wrench_table(fit.motion.basis());
+    for (i, (instant, _)) in table.instants(record.chart, fit.motion.coefficients()).enumerate() {
+        let instant = instant.ok_or(IdentificationError::NotFinite { row: i })?;
         left += size(&(instant.regressor() * parameters - record.wrench(i)));
         applied += size(&record.wrench(i));
     }

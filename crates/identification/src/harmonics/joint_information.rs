@@ -7,7 +7,7 @@ use crate::fourier::{AttitudeChart, FourierBasis, MotionInstant};
 use crate::lie::skew;
 use crate::regressors::Regressor;
 use crate::square_root_information::SquareRootInformation;
-use nalgebra::{DMatrix, Matrix3, SMatrix, SVector};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
 /// Samples folded into the triangle at once: a block of so many times six rows stays in the nearest cache.
 const SAMPLES: usize = 4;
@@ -16,20 +16,24 @@ const ROWS: usize = 6 * SAMPLES;
 const WRENCH_TERMS: usize = 9;
 
 /// The basis functions at the times of the wrenches: values, first and second derivatives.
-pub(super) struct BasisTable(Vec<[Vec<f64>; 3]>);
+pub(super) struct BasisTable {
+    functions: Vec<[Vec<f64>; 3]>,
+    gravity: Vector3<f64>,
+}
 
 impl BasisTable {
-    pub(super) fn new(basis: &FourierBasis, times_s: impl Iterator<Item = f64>) -> Self {
-        Self(times_s.map(|time_s| basis.at(time_s)).collect())
+    pub(super) fn new(basis: &FourierBasis, times_s: impl Iterator<Item = f64>, gravity: Vector3<f64>) -> Self {
+        Self { functions: times_s.map(|time_s| basis.at(time_s)).collect(), gravity }
     }
 
-    /// Instants of the motion with these coefficients, one column per channel; none where a quaternion is zero.
+    /// Instants of the motion with these coefficients, one column per channel, accelerations less gravity: what a wrench
+    /// without gravity has to explain. None where a quaternion is zero.
     pub(super) fn instants<'a>(
         &'a self,
         chart: AttitudeChart,
         coefficients: &'a DMatrix<f64>,
     ) -> impl Iterator<Item = (Option<MotionInstant>, &'a [Vec<f64>; 3])> {
-        self.0.iter().map(move |functions| {
+        self.functions.iter().map(move |functions| {
             let [value, rate, acceleration] = functions.each_ref().map(|functions| {
                 let mut channels = [0.0; 7];
                 for (channel, column) in channels.iter_mut().zip(coefficients.column_iter()) {
@@ -37,7 +41,11 @@ impl BasisTable {
                 }
                 channels
             });
-            (MotionInstant::from_channels(chart, &value, &rate, &acceleration), functions)
+            let mut instant = MotionInstant::from_channels(chart, &value, &rate, &acceleration);
+            if let Some(instant) = &mut instant {
+                instant.acceleration_origin_world -= self.gravity;
+            }
+            (instant, functions)
         })
     }
 }
@@ -45,7 +53,7 @@ impl BasisTable {
 /// Six equations of one instant: derivatives of the whitened wrench by channels, by their rates and second derivatives.
 pub(super) struct WrenchRows {
     pub(super) regressor: Regressor<f64>,
-    by_channel: [SMatrix<f64, 6, 7>; 3],
+    pub(super) by_channel: [SMatrix<f64, 6, 7>; 3],
 }
 
 impl WrenchRows {
@@ -56,7 +64,9 @@ impl WrenchRows {
         let mut by_channel = instant.sensitivities().map(|terms| by_terms * terms.fixed_rows::<WRENCH_TERMS>(0));
         for (i, std) in wrench_std.iter().enumerate() {
             regressor.row_mut(i).unscale_mut(*std);
-            by_channel.iter_mut().for_each(|block| block.row_mut(i).unscale_mut(*std));
+            for block in &mut by_channel {
+                block.row_mut(i).unscale_mut(*std);
+            }
         }
         Self { regressor, by_channel }
     }
@@ -179,6 +189,22 @@ impl JointInformation {
         change
     }
 
+    /// Squared error of a whitened wrench that the uncertainty of the coefficients makes, the body being known.
+    pub(super) fn scatter(&self, rows: &WrenchRows, functions: &[Vec<f64>; 3]) -> f64 {
+        let count = self.coefficients;
+        let by_coefficient = |i| rows.by_coefficient(i / self.per_channel, i % self.per_channel, functions);
+        let mut derivatives: Vec<SVector<f64, 6>> = (0..count).map(by_coefficient).collect();
+        let mut squares = 0.0;
+        for (i, row) in self.triangle.chunks_exact(count + 11).take(count).enumerate() {
+            let unit = derivatives[i] / row[i];
+            squares += unit.norm_squared();
+            for (derivative, r) in derivatives[i + 1..].iter_mut().zip(&row[i + 1..]) {
+                *derivative -= unit * *r;
+            }
+        }
+        squares
+    }
+
     /// Squared length of a step of coefficients and parameters, in standard deviations.
     pub(super) fn squared_length(&self, coefficients: &DMatrix<f64>, parameters: &SVector<f64, 10>) -> f64 {
         let step: Vec<f64> = coefficients.iter().chain(parameters.iter()).copied().collect();
@@ -232,18 +258,18 @@ mod tests {
             let mut coefficients =
                 DMatrix::from_fn(7, 3 + chart.channels(), |j, c| 0.3 * (1.0 + 3.7 * j as f64 + 1.3 * c as f64).sin());
             coefficients[(0, 5)] += 1.0;
-            let table = BasisTable::new(&basis, core::iter::once(1.3));
+            let table = BasisTable::new(&basis, core::iter::once(1.3), Vector3::new(0.5, -1.0, 2.0));
             let rows = |coefficients: &DMatrix<f64>| {
-                let (instant, functions) = table.instants(chart, coefficients).next().unwrap();
-                (WrenchRows::new(&instant.unwrap(), &parameters, &std), functions)
+                let instant = table.instants(chart, coefficients).next().unwrap().0.unwrap();
+                WrenchRows::new(&instant, &parameters, &std)
             };
-            let (found, functions) = rows(&coefficients);
+            let (found, functions) = (rows(&coefficients), &table.0[0]);
             for channel in 0..coefficients.ncols() {
                 for index in 0..7 {
                     let wrench = |by: f64| {
                         let mut moved = coefficients.clone();
                         moved[(index, channel)] += by;
-                        rows(&moved).0.regressor * parameters
+                        rows(&moved).regressor * parameters
                     };
                     let expected = (wrench(1e-5) - wrench(-1e-5)) / 2e-5;
                     let error = (found.by_coefficient(channel, index, functions) - expected).amax();
