@@ -1,5 +1,7 @@
 //! What can go wrong in identification, with the numbers needed to act on it.
 
+use crate::excitation::{Channel, Limit};
+
 /// Errors of this crate.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -101,6 +103,68 @@ pub enum IdentificationError {
         /// Nearest step that fits the period.
         nearest_step_s: f64,
     },
+    /// A motion whose attitude coordinates name no attitude: the quaternion zero.
+    #[error("the attitude of the motion is not defined at {time_s} s")]
+    AttitudeUndefined {
+        /// Where, s.
+        time_s: f64,
+    },
+    /// A limit that leaves a channel no room to move.
+    #[error("the {limit} limit of {channel} is {value}: it admits no motion")]
+    NoMotionWithinLimit {
+        /// Channel.
+        channel: Channel,
+        /// Which of its limits.
+        limit: Limit,
+        /// Offending value.
+        value: f64,
+    },
+    /// A wrench limit that the zero wrench is not inside of.
+    #[error("half-space {half_space} of the wrench limits has the bound {bound}: it admits no motion")]
+    NoMotionWithinWrenchLimit {
+        /// Half-space, from zero.
+        half_space: usize,
+        /// Offending bound.
+        bound: f64,
+    },
+    /// A channel that may go any distance at any speed.
+    #[error("{channel} has no limit of workspace, rate or acceleration: a motion of it could grow without end")]
+    UnlimitedChannel {
+        /// Channel.
+        channel: Channel,
+    },
+    /// Too few harmonics for a motion from rest to rest.
+    #[error("{harmonics} harmonics leave no motion from rest to rest but standing still: two are needed")]
+    NoFreeCoefficients {
+        /// Harmonics.
+        harmonics: usize,
+    },
+    /// No start led to a motion that the criterion could judge.
+    #[error("from none of {starts} starts came a motion that shows all parameters")]
+    NoDesign {
+        /// Starts tried.
+        starts: usize,
+    },
+    /// An actuator that cannot give even the smallest wrenches of a motion.
+    #[error("the actuator gives the wrenches of the motion at no size, not even at {smallest_scale:e} of it")]
+    NotRealizable {
+        /// Smallest size tried, of the motion's.
+        smallest_scale: f64,
+    },
+    /// A table of a periodic record of another shape than its samples and channels have.
+    #[error(
+        "a table of {rows} x {columns} in a periodic record, where {expected_rows} x {expected_columns} are needed"
+    )]
+    RecordShape {
+        /// Rows offered.
+        rows: usize,
+        /// Columns offered.
+        columns: usize,
+        /// Rows needed: one per sample.
+        expected_rows: usize,
+        /// Columns needed.
+        expected_columns: usize,
+    },
     /// Fewer than two whole cycles to average.
     #[error("{cycles:.2} cycles less {dropped} dropped: at least two whole cycles are needed")]
     TooFewCycles {
@@ -125,20 +189,6 @@ pub enum IdentificationError {
         coordinate: usize,
         /// Its change.
         change: f64,
-    },
-    /// A table of a periodic record of another shape than its samples and channels have.
-    #[error(
-        "a table of {rows} x {columns} in a periodic record, where {expected_rows} x {expected_columns} are needed"
-    )]
-    RecordShape {
-        /// Rows offered.
-        rows: usize,
-        /// Columns offered.
-        columns: usize,
-        /// Rows needed: one per sample.
-        expected_rows: usize,
-        /// Columns needed.
-        expected_columns: usize,
     },
     /// A probability that is not strictly between zero and one.
     #[error("{value} is not a probability strictly between 0 and 1")]

@@ -54,7 +54,7 @@ pub use consistency::ClarabelSdp;
 pub use consistency::{
     Barrier, BarrierNewton, ConstrainedEstimate, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, PseudoInertiaCone,
 };
-pub use criteria::{AOptimality, ConditionNumber, DOptimality, EOptimality, OptimalityCriterion};
+pub use criteria::{AOptimality, ConditionNumber, DOptimality, EOptimality, InLikeUnits, OptimalityCriterion};
 pub use error::{Column, IdentificationError};
 pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
