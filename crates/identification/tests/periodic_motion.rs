@@ -177,7 +177,7 @@ fn quaternions_serve_as_coordinates() {
 }
 
 /// One hundred seeds: the normalised squared error has the mean ten within the band of one false alarm in a thousand. Counting the noise of
-/// the wrench alone, as the print does, the mean would be a hundred times larger.
+/// the wrench alone, as the print does, the mean would be thousands of times larger.
 #[test]
 fn covariance_is_honest_about_noise_in_the_motion() {
     let log = PeriodicLog { samples_per_cycle: 200, ..log(7) };
@@ -370,7 +370,7 @@ fn flown(seed: u64, limits: &WrenchBox, samples_per_cycle: usize) -> (Vec<Motion
 /// The wrench that acted explains the motion whatever the limits did to it; a short Fourier series does not.
 #[test]
 fn saturated_records_go_to_the_trajectory_likelihood() {
-    let limits = WrenchBox { torque_limit: Vector3::repeat(0.015), force_limit: Vector3::repeat(0.8) };
+    let limits = WrenchBox { torque_limit: Vector3::repeat(0.15), force_limit: Vector3::repeat(5.0) };
     let (samples, saturation, body) = flown(21, &limits, 200);
     let start = Pose::from_parts(Translation3::new(1.0, -2.0, 0.5), UnitQuaternion::new(Vector3::new(0.4, -0.9, 1.3)));
     let settings = HarmonicSettings { world_from_start: start, ..HarmonicSettings::new(10.0, 3) };
@@ -379,15 +379,13 @@ fn saturated_records_go_to_the_trajectory_likelihood() {
         (found.estimate.parameters.inertia_about_com() - truth).norm() / truth.norm()
     };
     let found = identify_periodic(&samples, &settings).unwrap();
-    println!("saturation {saturation} {} {:?}", found.saturation, found.warnings);
-    assert!(saturation > 0.1 && (found.saturation - saturation).abs() < 0.05);
+    assert!(saturation > 0.5 && (found.saturation - saturation).abs() < 0.05);
     assert_eq!(found.estimator, HarmonicEstimator::TrajectoryLikelihood);
     assert!(has(&found, |w| matches!(w, HarmonicWarning::TrajectoryLikelihood)));
     assert!(has(&found, |w| matches!(w, HarmonicWarning::Saturated { .. })));
     let kept = HarmonicSettings { largest_saturation: 1.0, estimator: HarmonicEstimator::LeastSquares, ..settings };
     let kept = identify_periodic(&samples, &kept).unwrap();
     assert_eq!(kept.estimator, HarmonicEstimator::LeastSquares);
-    println!("{} {}", error(&found), error(&kept));
     assert!(error(&found) < 0.02 && error(&found) < 0.5 * error(&kept), "{} {}", error(&found), error(&kept));
 }
 

@@ -180,7 +180,7 @@ pub fn identify_periodic(
         warnings.push(HarmonicWarning::ConstraintActive);
     }
     let explained = explained(&cycles.record, &fit, &estimate.parameters)?;
-    if explained < POOR_FIT {
+    if explained < POOR_FIT && estimator != HarmonicEstimator::TrajectoryLikelihood {
         warnings.push(HarmonicWarning::PoorFit { explained });
     }
     Ok(HarmonicIdentification {
