@@ -6,8 +6,12 @@ mod criterion;
 mod design;
 mod diagnosis;
 #[cfg(feature = "std")]
+mod interior_point;
+#[cfg(feature = "std")]
 mod execution;
 mod limits;
+#[cfg(feature = "std")]
+mod objective;
 #[cfg(feature = "std")]
 mod problem;
 
