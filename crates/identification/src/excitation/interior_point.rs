@@ -149,11 +149,8 @@ impl<'a> Limits<'a> {
             let parameters = wrench.limits.parameters();
             for (sample, functions) in self.table.samples().enumerate() {
                 let Some(instant) = instant(&channels(functions, &free)) else { continue };
-                let by_terms = wrench_by_terms(
-                    parameters,
-                    &instant.angular_velocity_body,
-                    &instant.acceleration_origin_body(),
-                );
+                let by_terms =
+                    wrench_by_terms(parameters, &instant.angular_velocity_body, &instant.acceleration_origin_body());
                 let by_channels = instant.sensitivities().map(|terms| by_terms * terms.fixed_rows::<9>(0));
                 let columns = self.moving.iter().zip(&self.scaling).enumerate();
                 for (part, (&channel, scaling)) in columns {
@@ -264,7 +261,8 @@ fn channel_rows(table: &RestTable, free: usize, limits: &ChannelLimits) -> (DMat
             if lower.is_infinite() && upper.is_infinite() {
                 continue;
             }
-            let half = if lower.is_infinite() || upper.is_infinite() { upper.min(-lower) } else { 0.5 * (upper - lower) };
+            let half =
+                if lower.is_infinite() || upper.is_infinite() { upper.min(-lower) } else { 0.5 * (upper - lower) };
             let row = DVector::from_iterator(free, functions.iter().map(|function| function[order] / half));
             gram.ger(1.0, &row, &row, 1.0);
             rows.rows.extend(row.iter());

@@ -3,8 +3,8 @@
 use super::criterion::ExcitationCriterion;
 use super::problem::ExcitationProblem;
 use crate::fourier::{AttitudeChart, FourierBasis, MotionInstant};
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use crate::regressors::Regressor;
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 
 /// One number for each of the six channels; those that do not move stay zero.
 pub(super) type Channels = [f64; 6];
@@ -178,11 +178,8 @@ fn add_outer<const N: usize>(sum: &mut SMatrix<f64, N, N>, row: &SVector<f64, N>
 /// the [`newton_euler`](crate::regressors::newton_euler) regressor.
 fn by_motion(rate: &Vector3<f64>, by: &Regressor<f64>) -> [Vector3<f64>; 3] {
     let at = |row: usize, column: usize| by[(row, column)];
-    let acceleration = Vector3::new(
-        at(3, 0) - at(2, 2) + at(1, 3),
-        at(4, 0) + at(2, 1) - at(0, 3),
-        at(5, 0) - at(1, 1) + at(0, 2),
-    );
+    let acceleration =
+        Vector3::new(at(3, 0) - at(2, 2) + at(1, 3), at(4, 0) + at(2, 1) - at(0, 3), at(5, 0) - at(1, 1) + at(0, 2));
     let turning = Vector3::new(
         at(5, 2) - at(4, 3) + at(0, 4) + at(1, 5) + at(2, 6),
         at(3, 3) - at(5, 1) + at(0, 5) + at(1, 7) + at(2, 8),
