@@ -390,11 +390,11 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --lib excitation",
     },
     Mutant {
-        name: "coefficient likelihood: centripetal derivative",
+        name: "coefficient likelihood: gravity forgotten in the motion",
         file: "crates/identification/src/harmonics/joint_information.rs",
-        original: "- h * w.transpose() * 2.0",
-        replacement: "- h * w.transpose()",
-        test: "-p tumble-identification --lib harmonics",
+        original: "instant.acceleration_origin_world -= self.gravity;",
+        replacement: "instant.acceleration_origin_world -= self.gravity * 0.0;",
+        test: "-p tumble-identification --test periodic_likelihood",
     },
     Mutant {
         name: "coefficient likelihood: wrenches taken at the times of the poses",

@@ -1,9 +1,9 @@
 //! How well a designed motion can show the parameters of a body, before it is flown.
 
-use super::joint_information::{BasisTable, JointInformation, WrenchRows, coefficient_std};
+use super::joint_information::{BasisTable, JointInformation, WrenchRows};
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::fourier::{AttitudeChart, FourierMotion};
+use crate::fourier::{AttitudeChart, FourierBasis, FourierMotion};
 use crate::identify::standard_deviations;
 use crate::jacobi::singular_values;
 use crate::{BodyScale, Noise, Observability, SquareRootInformation, StandardDeviations};
@@ -33,7 +33,7 @@ pub struct CramerRao {
 ///
 /// `noise` is that of one sample: torque, force, attitude and position; rates, velocities and accelerations do not enter.
 /// Attitude noise counts as noise of each Euler angle, or half of it of each component of the quaternion, as in a
-/// [`PeriodicRecord`](super::PeriodicRecord).
+/// [`PeriodicRecord`](super::PeriodicRecord). Gravity is not counted on.
 /// # Errors
 /// [`IdentificationError::TooManyHarmonics`]; [`IdentificationError::NotPositive`] for no cycles (index 0) or for noise that
 /// is negative or not finite (torque 1, force 2, attitude 3, position 4); [`IdentificationError::NotFinite`] naming the
@@ -95,6 +95,18 @@ pub fn cramer_rao(
         covariance,
         observability,
         information,
+    })
+}
+
+/// Standard deviations of the coefficients that averaged channels give, one column per channel: the columns of the basis are
+/// orthogonal over equal steps of one period.
+fn coefficient_std(basis: &FourierBasis, samples: usize, channel_std: &[f64]) -> DMatrix<f64> {
+    DMatrix::from_fn(basis.coefficients(), channel_std.len(), |j, channel| {
+        let squared_norm = match j {
+            0 => samples as f64,
+            _ => 0.5 * samples as f64 / basis.frequency_rad_s(1 + (j - 1) % basis.harmonics()).powi(2),
+        };
+        channel_std[channel] / squared_norm.sqrt()
     })
 }
 
