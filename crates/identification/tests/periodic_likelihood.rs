@@ -407,6 +407,13 @@ fn nonsense_is_refused() {
     assert_eq!(refused(bad, 3), IdentificationError::NotPositive { index: 4, value: -FRAC_1_SQRT_2 });
     let bad = PeriodicRecord { chart: AttitudeChart::Quaternion, ..good.clone() };
     assert!(matches!(refused(bad, 3), IdentificationError::RecordShape { columns: 6, expected_columns: 7, .. }));
+    let still = PeriodicRecord {
+        chart: AttitudeChart::Quaternion,
+        channels: DMatrix::zeros(100, 7),
+        channel_std: vec![0.01; 7],
+        ..good.clone()
+    };
+    assert_eq!(refused(still, 3), IdentificationError::NotFinite { row: 0 });
     let bad = PeriodicRecord { wrenches: DMatrix::zeros(99, 6), ..good };
     assert!(matches!(refused(bad, 3), IdentificationError::RecordShape { rows: 99, expected_rows: 100, .. }));
     let bound = |samples, cycles, noise: &Noise| cramer_rao(&motion, &load(), samples, cycles, noise).unwrap_err();

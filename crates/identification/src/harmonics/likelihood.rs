@@ -12,7 +12,7 @@ use crate::{BodyScale, Estimate, RANK_TOLERANCE, SquareRootInformation};
 use nalgebra::{DMatrix, SVector};
 
 /// Iterations after which an estimate that still moves is given up.
-const MAX_ITERATIONS: usize = 30;
+const MAX_ITERATIONS: usize = 60;
 /// A step of this squared length in standard deviations has converged: a thousandth of a sigma.
 const SMALL_DECREMENT: f64 = 1e-6;
 /// Halvings of one step.
@@ -58,7 +58,8 @@ impl PeriodicLikelihood {
 ///
 /// Standard deviations of zero are taken as 1e-9 of the root mean square of their kind.
 /// # Errors
-/// [`IdentificationError::TooManyHarmonics`], [`IdentificationError::RecordShape`], [`IdentificationError::NotFinite`],
+/// [`IdentificationError::TooManyHarmonics`], [`IdentificationError::RecordShape`], [`IdentificationError::NotFinite`]
+/// naming the sample, also where the fitted quaternion is zero,
 /// [`IdentificationError::NotPositive`] for a standard deviation that is negative or NaN,
 /// [`IdentificationError::NotExcited`] where the motion, less its noise, does not show all ten parameters,
 /// [`IdentificationError::LikelihoodNotConverged`].
@@ -186,10 +187,11 @@ impl Problem {
     fn least_squares(&self) -> Result<(SVector<f64, 10>, BodyScale), IdentificationError> {
         let instants = self.table.instants(self.record.chart, self.fit.motion.coefficients()).enumerate();
         let rows: Vec<WrenchRow> = instants
-            .filter_map(|(index, (instant, _))| {
-                Some(WrenchRow { index, regressor: instant?.regressor(), wrench: self.record.wrench(index) })
+            .map(|(index, (instant, _))| {
+                let regressor = instant.ok_or(IdentificationError::NotFinite { row: index })?.regressor();
+                Ok(WrenchRow { index, regressor, wrench: self.record.wrench(index) })
             })
-            .collect();
+            .collect::<Result<_, IdentificationError>>()?;
         let scale = rough_scale(&rows)?;
         self.require_excited(self.fit.motion.coefficients(), scale, None)?;
         let information = self.of_known_motion(self.fit.motion.coefficients())?;
