@@ -1,9 +1,9 @@
 //! How well a designed motion can show the parameters of a body, before it is flown.
 
-use super::joint_information::{BasisTable, JointInformation, WrenchRows};
+use super::joint_information::{BasisTable, JointInformation, WrenchRows, coefficient_std};
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::fourier::{AttitudeChart, FourierBasis, FourierMotion};
+use crate::fourier::{AttitudeChart, FourierMotion};
 use crate::identify::standard_deviations;
 use crate::jacobi::singular_values;
 use crate::{BodyScale, Noise, Observability, SquareRootInformation, StandardDeviations};
@@ -95,18 +95,6 @@ pub fn cramer_rao(
         covariance,
         observability,
         information,
-    })
-}
-
-/// Standard deviations of the coefficients that averaged channels give, one column per channel: the columns of the basis are
-/// orthogonal over equal steps of one period.
-fn coefficient_std(basis: &FourierBasis, samples: usize, channel_std: &[f64]) -> DMatrix<f64> {
-    DMatrix::from_fn(basis.coefficients(), channel_std.len(), |j, channel| {
-        let squared_norm = match j {
-            0 => samples as f64,
-            _ => 0.5 * samples as f64 / basis.frequency_rad_s(1 + (j - 1) % basis.harmonics()).powi(2),
-        };
-        channel_std[channel] / squared_norm.sqrt()
     })
 }
 

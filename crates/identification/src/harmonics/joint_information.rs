@@ -1,16 +1,19 @@
 //! What poses and wrenches of one period tell about the coefficients of a motion and the ten parameters of a body together:
 //! one triangle, whose lower right corner is what they tell about the body alone.
 
-use super::least_squares::wrench_by_motion;
+use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::fourier::{AttitudeChart, FourierBasis, MotionInstant};
+use crate::lie::skew;
 use crate::regressors::Regressor;
 use crate::square_root_information::SquareRootInformation;
-use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
 /// Samples folded into the triangle at once: a block of so many times six rows stays in the nearest cache.
 const SAMPLES: usize = 4;
 const ROWS: usize = 6 * SAMPLES;
+/// Motion terms on which a wrench depends: angular velocity, angular acceleration, acceleration of the origin.
+const WRENCH_TERMS: usize = 9;
 
 /// The basis functions at the times of the wrenches: values, first and second derivatives.
 pub(super) struct BasisTable {
@@ -19,13 +22,12 @@ pub(super) struct BasisTable {
 }
 
 impl BasisTable {
-    /// With the acceleration of gravity in the axes of the coordinates.
     pub(super) fn new(basis: &FourierBasis, times_s: impl Iterator<Item = f64>, gravity: Vector3<f64>) -> Self {
         Self { functions: times_s.map(|time_s| basis.at(time_s)).collect(), gravity }
     }
 
-    /// Instants of the motion with these coefficients, one column per channel, accelerations less gravity; none where a
-    /// quaternion is zero.
+    /// Instants of the motion with these coefficients, one column per channel, accelerations less gravity: what a wrench
+    /// without gravity has to explain. None where a quaternion is zero.
     pub(super) fn instants<'a>(
         &'a self,
         chart: AttitudeChart,
@@ -51,15 +53,15 @@ impl BasisTable {
 /// Six equations of one instant: derivatives of the whitened wrench by channels, by their rates and second derivatives.
 pub(super) struct WrenchRows {
     pub(super) regressor: Regressor<f64>,
-    by_channel: [SMatrix<f64, 6, 7>; 3],
+    pub(super) by_channel: [SMatrix<f64, 6, 7>; 3],
 }
 
 impl WrenchRows {
     /// Rows divided by the standard deviations of the wrench.
     pub(super) fn new(instant: &MotionInstant, parameters: &SVector<f64, 10>, wrench_std: &SVector<f64, 6>) -> Self {
-        let by_motion = wrench_by_motion(parameters, instant);
+        let by_terms = wrench_by_terms(instant, parameters);
         let mut regressor = instant.regressor();
-        let mut by_channel = instant.sensitivities().map(|sensitivity| by_motion * sensitivity);
+        let mut by_channel = instant.sensitivities().map(|terms| by_terms * terms.fixed_rows::<WRENCH_TERMS>(0));
         for (i, std) in wrench_std.iter().enumerate() {
             regressor.row_mut(i).unscale_mut(*std);
             for block in &mut by_channel {
@@ -76,6 +78,24 @@ impl WrenchRows {
             + rate.column(channel) * functions[1][index]
             + acceleration.column(channel) * functions[2][index]
     }
+}
+
+/// Derivative of a body's wrench `[torque; force]` by `[angular velocity; angular acceleration; acceleration of the origin]`.
+///
+/// # Source
+/// Thesis (4.8): `tau = J w' + w x J w + h x a`, `f = m a + w' x h + w x (w x h)`.
+fn wrench_by_terms(instant: &MotionInstant, parameters: &SVector<f64, 10>) -> SMatrix<f64, 6, WRENCH_TERMS> {
+    let body = InertialParameters::from_vector(parameters);
+    let (w, h, j) = (instant.angular_velocity_body, body.first_moment, body.inertia_about_origin);
+    let centripetal = Matrix3::from_diagonal_element(w.dot(&h)) + w * h.transpose() - h * w.transpose() * 2.0;
+    let mut by_terms = SMatrix::<f64, 6, WRENCH_TERMS>::zeros();
+    by_terms.fixed_view_mut::<3, 3>(0, 0).copy_from(&(skew(&w) * j - skew(&(j * w))));
+    by_terms.fixed_view_mut::<3, 3>(0, 3).copy_from(&j);
+    by_terms.fixed_view_mut::<3, 3>(0, 6).copy_from(&skew(&h));
+    by_terms.fixed_view_mut::<3, 3>(3, 0).copy_from(&centripetal);
+    by_terms.fixed_view_mut::<3, 3>(3, 3).copy_from(&-skew(&h));
+    by_terms.fixed_view_mut::<3, 3>(3, 6).copy_from(&Matrix3::from_diagonal_element(body.mass));
+    by_terms
 }
 
 /// Whitened equations `[coefficients, parameters | right-hand side]` as an upper triangle, folded in block by block.
@@ -205,6 +225,25 @@ fn dot(a: &[f64; ROWS], b: &[f64; ROWS]) -> f64 {
     (lanes[0] + lanes[2]) + (lanes[1] + lanes[3])
 }
 
+/// Standard deviations of the coefficients that averaged channels give, one column per channel.
+///
+/// # Source
+/// The columns of the basis are orthogonal over equal steps of one period: the fit by discrete Fourier transform is a
+/// sufficient statistic of the poses.
+pub(super) fn coefficient_std(basis: &FourierBasis, samples: usize, channel_std: &[f64]) -> DMatrix<f64> {
+    DMatrix::from_fn(basis.coefficients(), channel_std.len(), |j, channel| {
+        channel_std[channel] / squared_norm(basis, samples, j).sqrt()
+    })
+}
+
+/// Squared norm of basis function j over equal steps of one period.
+fn squared_norm(basis: &FourierBasis, samples: usize, j: usize) -> f64 {
+    match j {
+        0 => samples as f64,
+        _ => 0.5 * samples as f64 / basis.frequency_rad_s(1 + (j - 1) % basis.harmonics()).powi(2),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -219,12 +258,12 @@ mod tests {
             let mut coefficients =
                 DMatrix::from_fn(7, 3 + chart.channels(), |j, c| 0.3 * (1.0 + 3.7 * j as f64 + 1.3 * c as f64).sin());
             coefficients[(0, 5)] += 1.0;
-            let table = BasisTable::new(&basis, core::iter::once(1.3), Vector3::new(0.3, -1.0, 2.0));
+            let table = BasisTable::new(&basis, core::iter::once(1.3), Vector3::new(0.5, -1.0, 2.0));
             let rows = |coefficients: &DMatrix<f64>| {
                 let instant = table.instants(chart, coefficients).next().unwrap().0.unwrap();
                 WrenchRows::new(&instant, &parameters, &std)
             };
-            let (found, functions) = (rows(&coefficients), &table.functions[0]);
+            let (found, functions) = (rows(&coefficients), &table.0[0]);
             for channel in 0..coefficients.ncols() {
                 for index in 0..7 {
                     let wrench = |by: f64| {
