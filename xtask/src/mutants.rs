@@ -398,8 +398,8 @@ const MUTANTS: &[Mutant] = &[
     },
     Mutant {
         name: "coefficient likelihood: wrenches taken at the times of the poses",
-        file: "crates/identification/src/harmonics/likelihood.rs",
-        original: "time_s + record.wrench_offset_s",
+        file: "crates/identification/src/harmonics/periodic_record.rs",
+        original: "time_s + self.wrench_offset_s",
         replacement: "time_s",
         test: "-p tumble-identification --test periodic_likelihood",
     },
