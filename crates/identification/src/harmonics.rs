@@ -13,7 +13,6 @@ mod selection;
 mod warning;
 
 pub use cramer_rao::{CramerRao, cramer_rao};
-pub use likelihood::{PeriodicLikelihood, maximum_likelihood};
 pub use cycles::{Cycles, average_cycles};
 pub use fit::FourierFit;
 pub use identify_periodic::{HarmonicEstimator, HarmonicIdentification, HarmonicSettings, identify_periodic};

@@ -81,7 +81,16 @@ fn record(
         let noisy = wrench(motion, body, time_s + wrench_offset_s) + wrench_std.map(|std| std * random.normal());
         wrenches.row_mut(i).copy_from_slice(noisy.as_slice());
     }
-    PeriodicRecord { period_s, chart: motion.chart(), channels, wrenches, wrench_offset_s, channel_std, wrench_std }
+    PeriodicRecord {
+        period_s,
+        chart: motion.chart(),
+        channels,
+        wrenches,
+        gravity: Vector3::zeros(),
+        wrench_offset_s,
+        channel_std,
+        wrench_std,
+    }
 }
 
 /// Least squares on the Fourier fit of the poses, what the likelihood starts from, written independently of it.

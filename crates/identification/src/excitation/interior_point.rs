@@ -9,8 +9,10 @@ use super::problem::ExcitationProblem;
 use crate::lie::skew;
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3, Vector6};
 
-/// Iterations at most.
-const ITERATIONS: usize = 300;
+/// Factor from one barrier to the next.
+const BARRIER_STEP: f64 = 0.2;
+/// Squared Newton step, in units of the barrier and of the root of the number of limits, at which it is time for the next.
+const CENTERED: f64 = 0.2;
 /// Share of the way to the nearest limit that a step may go.
 const TO_THE_LIMIT: f64 = 0.99;
 
@@ -198,15 +200,22 @@ impl<'a> Limits<'a> {
     /// Adds `sum_j weight_j grad slack_j grad slack_j^T`, lower triangle.
     fn add_products(&self, weights: &[f64], hessian: &mut DMatrix<f64>) {
         let mut weights = weights.iter();
+        let mut block = vec![0.0; self.free * self.free];
         for (part, channel) in self.channels.iter().enumerate() {
-            let start = part * self.free;
+            block.fill(0.0);
             for row in channel.rows.chunks_exact(self.free) {
                 let (Some(lower), Some(upper)) = (weights.next(), weights.next()) else { return };
-                for (j, right) in row.iter().enumerate() {
+                for (column, right) in block.chunks_exact_mut(self.free).zip(row) {
                     let scaled = (lower + upper) * right;
-                    for (i, left) in row.iter().enumerate().skip(j) {
-                        hessian[(start + i, start + j)] += scaled * left;
+                    for (entry, left) in column.iter_mut().zip(row) {
+                        *entry += scaled * left;
                     }
+                }
+            }
+            let start = part * self.free;
+            for (column, block) in block.chunks_exact(self.free).enumerate() {
+                for (row, entry) in block.iter().enumerate().skip(column) {
+                    hessian[(start + row, start + column)] += entry;
                 }
             }
         }
@@ -295,19 +304,21 @@ fn wrench_by_terms(parameters: &SVector<f64, 10>, w: &Vector3<f64>, a: &Vector3<
 pub(super) struct Minimum {
     pub cost: f64,
     pub scaled: Vec<f64>,
-    pub iterations: usize,
 }
 
-/// Settings of one run.
+/// How far down to go: barrier terms, of the promised decrease at the start, at the beginning and at the end.
 #[derive(Clone, Copy)]
 pub(super) struct Effort {
-    pub iterations: usize,
-    /// Promised decrease at which to stop.
-    pub tolerance: f64,
+    first: f64,
+    last: f64,
+    iterations: usize,
 }
 
 impl Effort {
-    pub const FULL: Self = Self { iterations: ITERATIONS, tolerance: 1e-4 };
+    /// Along the middle of the feasible motions to the neighbourhood of a minimum.
+    pub const ROUGH: Self = Self { first: 1.0, last: 0.2, iterations: 60 };
+    /// From there to the minimum.
+    pub const FINE: Self = Self { first: 0.2, last: 5e-4, iterations: 300 };
 }
 
 /// Goes down from a strictly feasible start. `None` where the cost does not exist there.
@@ -336,10 +347,10 @@ pub(super) fn minimize(
     let mut trial_gradient = DVector::zeros(numbers);
     let mut cost = evaluate(limits, z.as_slice(), &mut gradient)?;
     let count = limits.count() as f64;
-    // The duality gap of a cost that halves when the motion grows to the limits.
+    // The promised decrease of a motion grown to twice the size; all barrier terms together weigh a share of it.
     let reference = gradient.dot(&z).abs().max(1e-3 * cost.abs()).max(f64::MIN_POSITIVE);
-    let mut barrier = 0.1 * reference / count;
-    let least = effort.tolerance * reference.min(1.0).max(1e-3) / count;
+    let mut barrier = effort.first * reference / count;
+    let least = effort.last * reference / count;
     let mut multipliers: Vec<f64> = slacks.iter().map(|slack| barrier / slack).collect();
     let mut hessian = DMatrix::identity(numbers, numbers) * (gradient.norm() / z.norm().max(1e-3));
     let mut fresh = true;
@@ -368,14 +379,12 @@ pub(super) fn minimize(
         };
         let direction = -cholesky.solve(&slope);
         let decrement = -slope.dot(&direction);
-        if decrement < 0.3 * barrier * count.sqrt() {
-            if barrier <= least && decrement < 0.1 * effort.tolerance * reference.min(1.0) {
+        if decrement < CENTERED * barrier * count.sqrt() {
+            if barrier <= least {
                 break;
             }
-            if barrier > least {
-                barrier = (0.2 * barrier).max(least);
-                continue;
-            }
+            barrier = (BARRIER_STEP * barrier).max(least);
+            continue;
         }
         limits.changes(&direction, &mut changes);
         let mut longest: f64 = 1.0;
@@ -412,7 +421,7 @@ pub(super) fn minimize(
                 if barrier <= least {
                     break;
                 }
-                barrier = (0.2 * barrier).max(least);
+                barrier = (BARRIER_STEP * barrier).max(least);
             }
             fresh = true;
             hessian = DMatrix::identity(numbers, numbers) * (gradient.norm() / z.norm().max(1e-3));
@@ -449,7 +458,7 @@ pub(super) fn minimize(
         core::mem::swap(&mut gradient, &mut trial_gradient);
         core::mem::swap(&mut slacks, &mut trial_slacks);
     }
-    Some(Minimum { cost, scaled: z.as_slice().to_vec(), iterations })
+    Some(Minimum { cost, scaled: z.as_slice().to_vec() })
 }
 
 /// Damped BFGS: stays positive definite whatever the cost's curvature.

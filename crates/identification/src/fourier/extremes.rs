@@ -69,6 +69,22 @@ impl FourierMotion {
         }))
     }
 
+    /// Largest value of `normal . [torque; force]`, an outer bound as of [`wrench_extremes`](Self::wrench_extremes).
+    pub(crate) fn largest_wrench_along(
+        &self,
+        normal: &SVector<f64, 6>,
+        parameters: &InertialParameters<f64>,
+    ) -> Option<f64> {
+        let packed = parameters.to_vector();
+        let [torque_bend, force_bend] = self.wrench_bends(parameters)?;
+        let [torque, force] = [normal.fixed_rows::<3>(0).norm(), normal.fixed_rows::<3>(3).norm()];
+        let along = |time_s: f64| {
+            let wrench = self.at(time_s).map(|instant| instant.regressor() * packed);
+            wrench.map_or(f64::INFINITY, |wrench| normal.dot(&wrench))
+        };
+        Some(self.supremum(along, torque * torque_bend + force * force_bend, WRENCH_RESOLUTION))
+    }
+
     /// Bounds on the second derivatives by time of torque and of force.
     fn wrench_bends(&self, parameters: &InertialParameters<f64>) -> Option<[f64; 2]> {
         let (channels, chart): (Vec<Series>, _) = (self.channels().collect(), self.chart());

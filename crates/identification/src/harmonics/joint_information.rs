@@ -263,7 +263,7 @@ mod tests {
                 let instant = table.instants(chart, coefficients).next().unwrap().0.unwrap();
                 WrenchRows::new(&instant, &parameters, &std)
             };
-            let (found, functions) = (rows(&coefficients), &table.0[0]);
+            let (found, functions) = (rows(&coefficients), &table.functions[0]);
             for channel in 0..coefficients.ncols() {
                 for index in 0..7 {
                     let wrench = |by: f64| {
