@@ -187,7 +187,7 @@ pub fn identify_periodic(
         warnings.push(HarmonicWarning::ConstraintActive);
     }
     let explained = explained(&cycles.record, &fit, &estimate.parameters)?;
-    if explained < POOR_FIT {
+    if explained < POOR_FIT && estimator != HarmonicEstimator::TrajectoryLikelihood {
         warnings.push(HarmonicWarning::PoorFit { explained });
     }
     Ok(HarmonicIdentification {
@@ -275,7 +275,7 @@ fn explained(
     let (mut left, mut applied) = (0.0, 0.0);
     let table = record.wrench_table(fit.motion.basis());
     for (i, (instant, _)) in table.instants(record.chart, fit.motion.coefficients()).enumerate() {
-        let instant = instant.ok_or(IdentificationError::NotFinite { row: i })?;
+        let instant = instant.ok_or(IdentificationError::AttitudeUndefined { time_s: record.time_s(i) })?;
         left += size(&(instant.regressor() * parameters - record.wrench(i)));
         applied += size(&record.wrench(i));
     }
