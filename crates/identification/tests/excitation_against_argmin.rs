@@ -1,6 +1,7 @@
 //! The default solver of the excitation design against the reference route: argmin's L-BFGS with quadratic penalties, on the
 //! same problem, with a cost and a gradient that share the regressor with the crate's and nothing else.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
 mod exact_motion;
 
@@ -68,7 +69,9 @@ impl<'a> Penalized<'a> {
     /// What the criterion says, of unit noise.
     fn judged(&self, instants: &[MotionInstant]) -> CriterionGradient<10> {
         let mut information = FisherInformation::new();
-        instants.iter().for_each(|instant| information.add(&instant.regressor()));
+        for instant in instants {
+            information.add(&instant.regressor());
+        }
         self.criterion.gradient(information.matrix(), &[0.0; 6]).unwrap()
     }
 
@@ -118,7 +121,7 @@ impl<'a> Penalized<'a> {
     }
 
     fn largest_excess(&self, numbers: &[f64]) -> f64 {
-        self.excess(numbers).iter().map(|excess| excess.amax()).fold(0.0, f64::max)
+        self.excess(numbers).iter().map(DMatrix::amax).fold(0.0, f64::max)
     }
 
     /// Random numbers that use four fifths of the limits.
@@ -128,7 +131,9 @@ impl<'a> Penalized<'a> {
         for (channel, numbers) in numbers.chunks_exact_mut(self.free()).enumerate() {
             let share = |order: usize| channels[order].column(channel).amax() / limits(channel)[order];
             let largest = (0..3).map(share).fold(0.0, f64::max);
-            numbers.iter_mut().for_each(|number| *number *= 0.8 / largest);
+            for number in numbers {
+                *number *= 0.8 / largest;
+            }
         }
         numbers
     }
@@ -144,7 +149,7 @@ impl CostFunction for Penalized<'_> {
     type Output = f64;
 
     fn cost(&self, numbers: &Self::Param) -> Result<f64, Error> {
-        let penalty: f64 = self.excess(numbers).iter().map(|excess| excess.norm_squared()).sum();
+        let penalty: f64 = self.excess(numbers).iter().map(DMatrix::norm_squared).sum();
         Ok(self.cost_without_penalty(numbers) + 0.5 * self.weight * penalty)
     }
 }
@@ -185,7 +190,9 @@ fn the_reference_gradient_is_the_derivative() {
     problem.weight = 10.0;
     let mut numbers = problem.start(&mut Random::new(3));
     // Outside some limits.
-    numbers.iter_mut().for_each(|number| *number *= 1.5);
+    for number in &mut numbers {
+        *number *= 1.5;
+    }
     let gradient = problem.gradient(&numbers).unwrap();
     for (i, stated) in gradient.iter().enumerate() {
         let at = |by: f64| {
