@@ -131,6 +131,8 @@ fn unidentified(
     rank: usize,
 ) -> Result<Outcome, AstrobeeError> {
     let free = motion.null_directions()?;
+    // The motion itself says more than its noisy record.
+    let rank = rank.min(10 - free.len());
     for warning in &log.warnings {
         eprintln!("warning: {warning}");
     }
