@@ -6,9 +6,9 @@ mod criterion;
 mod design;
 mod diagnosis;
 #[cfg(feature = "std")]
-mod interior_point;
-#[cfg(feature = "std")]
 mod execution;
+#[cfg(feature = "std")]
+mod interior_point;
 mod limits;
 #[cfg(feature = "std")]
 mod objective;

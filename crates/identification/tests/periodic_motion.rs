@@ -4,11 +4,8 @@
 
 mod periodic_log;
 
-use periodic_log::{PeriodicLog, Random, noise};
-use tumble_identification::dynamics::{
-    FreeFlyer, InertialParameters, MuntheKaas4, PoseTracker, RigidBodyState, SimulatedBody, WrenchBox,
-};
-use tumble_identification::excitation::execute;
+use periodic_log::{PeriodicLog, Random, flown, noise, noisy};
+use tumble_identification::dynamics::WrenchBox;
 use tumble_identification::fourier::{AttitudeChart, FourierBasis, FourierMotion};
 use tumble_identification::harmonics::{
     Cycles, FourierFit, HarmonicEstimator, HarmonicIdentification, HarmonicSettings, HarmonicWarning,
@@ -16,7 +13,7 @@ use tumble_identification::harmonics::{
     select_harmonics,
 };
 use tumble_identification::lie::{Pose, Wrench};
-use tumble_identification::nalgebra::{DMatrix, Matrix3, SVector, Translation3, UnitQuaternion, Vector3};
+use tumble_identification::nalgebra::{DMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 use tumble_identification::statistics::{coverage_band, mean_square_band, normalized_squared_error};
 use tumble_identification::{Column, IdentificationError, MotionSample, Noise, WrenchTiming};
 
@@ -340,39 +337,15 @@ fn saturation_is_seen_with_and_without_stated_limits() {
     }
 }
 
-/// A log of a motion flown with feedback, an unknown load and actuators that saturate; noise as ever.
-fn flown(seed: u64, limits: &WrenchBox, samples_per_cycle: usize) -> (Vec<MotionSample>, f64, InertialParameters<f64>) {
-    let mut random = Random::new(seed);
-    let (motion, body) = (random.motion(10.0, 3), random.load());
-    let assumed = FreeFlyer::new(InertialParameters::about_com(6.0, Vector3::zeros(), Matrix3::identity() * 0.06));
-    let start = Pose::from_parts(Translation3::new(1.0, -2.0, 0.5), UnitQuaternion::new(Vector3::new(0.4, -0.9, 1.3)));
-    let at_start = RigidBodyState { world_from_body: start, ..RigidBodyState::at_rest() };
-    let mut plant = SimulatedBody::try_new(FreeFlyer::new(body), MuntheKaas4, *limits, at_start, 0.02).unwrap();
-    let tracker = PoseTracker::critically_damped(assumed, 3.0, 3.0);
-    let step_s = 10.0 / samples_per_cycle as f64;
-    let flown = execute(&motion, &tracker, &mut plant, &start, 6, step_s).unwrap();
-    let samples = flown.samples.iter().map(|sample| {
-        let pose = start.inverse() * sample.state.world_from_body;
-        let position = pose.translation.vector + random.normal3(0.05);
-        let rotation = pose.rotation * UnitQuaternion::new(random.normal3(0.03));
-        MotionSample {
-            time_ns: (sample.time_s * 1e9).round() as i64,
-            world_from_body: start * Pose::from_parts(Translation3::from(position), rotation),
-            velocity_origin_world: None,
-            rate_body: None,
-            acceleration_origin_body: None,
-            wrench_body: Some(sample.realized_wrench_body),
-        }
-    });
-    (samples.collect(), flown.saturation.any, body)
-}
-
 /// The wrench that acted explains the motion whatever the limits did to it; a short Fourier series does not.
 #[test]
 fn saturated_records_go_to_the_trajectory_likelihood() {
     let limits = WrenchBox { torque_limit: Vector3::repeat(0.15), force_limit: Vector3::repeat(5.0) };
-    let (samples, saturation, body) = flown(21, &limits, 200);
+    let mut random = Random::new(21);
+    let (motion, body) = (random.motion(10.0, 3), random.load());
     let start = Pose::from_parts(Translation3::new(1.0, -2.0, 0.5), UnitQuaternion::new(Vector3::new(0.4, -0.9, 1.3)));
+    let (samples, saturation) = flown(&motion, &body, &limits, &start, (6, 200));
+    let samples = noisy(samples, &start, &Noise { torque_n_m: 0.0, force_n: 0.0, ..noise() }, 22);
     let settings = HarmonicSettings { world_from_start: start, ..HarmonicSettings::new(10.0, 3) };
     let error = |found: &HarmonicIdentification| {
         let truth = body.inertia_about_com();

@@ -182,10 +182,11 @@ impl<const P: usize> ExcitationProblem<P> {
                 (Limit::Acceleration, largest_acceleration / limits.acceleration, limits.acceleration),
             ];
             let channel = *channel;
-            shares
-                .into_iter()
-                .filter(|(.., limit)| limit.is_finite())
-                .map(move |(limit, share, _)| Utilization { channel, limit, share })
+            shares.into_iter().filter(|(.., limit)| limit.is_finite()).map(move |(limit, share, _)| Utilization {
+                channel,
+                limit,
+                share,
+            })
         };
         self.channels.iter().flat_map(of_channel).collect()
     }
