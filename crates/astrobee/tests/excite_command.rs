@@ -100,12 +100,12 @@ fn a_flight_is_identified_from_its_averaged_cycles() {
 #[test]
 fn a_saturated_flight_goes_to_the_trajectory_likelihood() {
     let folder = scratch("saturated");
-    let limits = ["--saturate", "--force-limit", "2.5", "--torque-limit", "0.1"];
+    let limits = ["--saturate", "--force-limit", "4.0", "--torque-limit", "0.2"];
     excite(&folder, &[&["--starts", "1", "--rate", "50", "--fly", "--out", "flight"], limits.as_slice()].concat());
     let summary: Value =
         serde_json::from_str(&fs::read_to_string(folder.join("flight/summary.json")).unwrap()).unwrap();
     let share = summary["flight"]["saturation"]["any"].as_f64().unwrap();
-    assert!((0.3..0.95).contains(&share), "{share}");
+    assert!((0.2..0.6).contains(&share), "{share}");
     // The same from the log: commanded otherwise than realised.
     let log = folder.join("flight/log.csv");
     let names = ["f_x", "f_y", "f_z", "tau_x", "tau_y", "tau_z"];
@@ -118,7 +118,7 @@ fn a_saturated_flight_goes_to_the_trajectory_likelihood() {
     let rows = lost[0].len();
     let at_limit = (0..rows).filter(|&row| lost.iter().any(|lost| lost[row] != 0.0)).count();
     assert!((at_limit as f64 / rows as f64 - share).abs() < 1e-12);
-    assert!(largest(&column(&log, "true_f_x")) <= 2.5 && largest(&column(&log, "true_tau_y")) <= 0.1);
+    assert!(largest(&column(&log, "true_f_x")) <= 4.0 && largest(&column(&log, "true_tau_y")) <= 0.2);
 
     let output = identify(&folder, &["--excitation", "flight/excitation.toml"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
@@ -207,14 +207,14 @@ fn folders_are_numbered_and_replaced_only_by_force() {
 fn bad_input_has_a_code_and_leaves_nothing() {
     let folder = scratch("bad");
     for (options, code, place) in [
-        (["--period", "10.03"].as_slice(), "T021", "whole number of steps"),
+        (["--period", "10.003"].as_slice(), "T021", "whole number of steps"),
         (&["--period", "nan"], "T014", "--period"),
         (&["--period", "0"], "T014", "--period"),
         (&["--rate", "inf"], "T014", "--rate"),
         (&["--cycles", "1"], "T014", "--cycles 1"),
         (&["--starts", "0"], "T014", "--starts 0"),
         (&["--harmonics", "1"], "T021", "1 harmonics"),
-        (&["--harmonics", "50"], "T021", "50 harmonics"),
+        (&["--harmonics", "500"], "T021", "500 harmonics"),
         (&["--speed", "0"], "T021", "rate limit of x is 0"),
         (&["--acceleration", "-0.1"], "T021", "acceleration limit of x is -0.1"),
         (&["--angle", "nan"], "T021", "roll"),
@@ -240,7 +240,12 @@ fn bad_input_has_a_code_and_leaves_nothing() {
 #[test]
 fn in_the_plane_nothing_else_moves_and_the_body_stays_open() {
     let folder = scratch("planar");
-    excite(&folder, &["--planar", "--starts", "1", "--rate", "20", "--cycles", "4", "--fly", "--out", "flight"]);
+    // A payload on the robot's centre leaves the flight in the plane.
+    let payload = "mass_kg = 1.0\ncom_m = [0.0, 0.0, 0.0]\n\
+                   inertia_about_com_kg_m2 = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]]\n";
+    fs::write(folder.join("payload.toml"), payload).unwrap();
+    let options = ["--planar", "--starts", "1", "--rate", "20", "--cycles", "4", "--fly", "--out", "flight"];
+    excite(&folder, &[options.as_slice(), &["--payload", "payload.toml"]].concat());
     let motion = folder.join("flight/motion.csv");
     for still in ["p_z", "v_z", "w_x", "w_y", "f_z"] {
         assert!(largest(&column(&motion, still)) < 1e-12, "{still}");
