@@ -140,7 +140,7 @@ impl HarmonicIdentification {
 /// Those of [`average_cycles`](super::average_cycles), [`select_harmonics`](super::select_harmonics) and
 /// [`PeriodicLeastSquares::fit`](super::PeriodicLeastSquares::fit).
 /// # Source
-/// Thesis 4.3, 4.4 and (4.20).
+/// Thesis 4.3 and 4.4; least squares is (4.12).
 pub fn identify_periodic(
     samples: &[MotionSample],
     settings: &HarmonicSettings,
