@@ -7,7 +7,11 @@ mod design;
 mod diagnosis;
 #[cfg(feature = "std")]
 mod execution;
+mod interior_point;
+#[cfg(feature = "std")]
 mod limits;
+#[cfg(feature = "std")]
+mod objective;
 #[cfg(feature = "std")]
 mod problem;
 

@@ -11,6 +11,7 @@ mod chapter5;
 mod dynamics;
 mod ekf_rls;
 mod flights;
+mod fourier;
 mod ident_sdp;
 mod identification;
 mod integrator;
@@ -52,6 +53,7 @@ const PROBLEMS: &[Problem] = &[
     ("integrator", integrator::run),
     ("ident_sdp", ident_sdp::run),
     ("ekf_rls", ekf_rls::run),
+    ("fourier", fourier::run),
     ("likelihood", likelihood::bench),
 ];
 

@@ -168,6 +168,26 @@ impl MotionInstant {
         [by_value, by_rate, by_acceleration]
     }
 
+    /// Derivatives by the channels, their rates and their second derivatives, from those by the angular velocity, the
+    /// angular acceleration and the acceleration of the origin: [`sensitivities`](Self::sensitivities), transposed, times
+    /// the latter, for a chart of three coordinates.
+    pub(crate) fn pull_back(&self, by_rate: &Vector3<f64>, by_turning: &Vector3<f64>, by_a: &Vector3<f64>) -> [[f64; 6]; 3] {
+        let [map, first, second] = &self.map;
+        let turn = by_rate.cross(&self.angular_velocity_body)
+            + by_turning.cross(&self.angular_acceleration_body)
+            + by_a.cross(&self.acceleration_origin_body());
+        let spin = by_turning.cross(&self.angular_velocity_body);
+        let by_value = map.tr_mul(&turn) + first.tr_mul(&(by_rate + spin)) + second.tr_mul(by_turning);
+        let by_first = map.tr_mul(&(by_rate + spin)) + first.tr_mul(by_turning) * 2.0;
+        let by_second = map.tr_mul(by_turning);
+        let by_linear = self.world_from_body.rotation.transform_vector(by_a);
+        [
+            [0.0, 0.0, 0.0, by_value.x, by_value.y, by_value.z],
+            [0.0, 0.0, 0.0, by_first.x, by_first.y, by_first.z],
+            [by_linear.x, by_linear.y, by_linear.z, by_second.x, by_second.y, by_second.z],
+        ]
+    }
+
     /// The motion terms that [`sensitivities`](Self::sensitivities) differentiates.
     pub fn terms(&self) -> SVector<f64, MOTION_TERMS> {
         let [w, turning] = [self.angular_velocity_body, self.angular_acceleration_body];
@@ -253,6 +273,20 @@ mod tests {
                     let error = (sensitivities[order].column(channel) - expected).amax();
                     assert!(error < 1e-8, "{chart:?} order {order} channel {channel}: {error:e}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn pull_back_is_the_transposed_sensitivities() {
+        let instant = instant(AttitudeChart::EulerZyx, &channels(AttitudeChart::EulerZyx, 0.4));
+        let by = SVector::<f64, MOTION_TERMS>::from_fn(|i, _| if i < 9 { 0.3 - 0.17 * i as f64 } else { 0.0 });
+        let part = |i: usize| by.fixed_rows::<3>(i).into_owned();
+        let found = instant.pull_back(&part(0), &part(3), &part(6));
+        for (found, sensitivity) in found.iter().zip(instant.sensitivities()) {
+            let expected = sensitivity.tr_mul(&by);
+            for (channel, found) in found.iter().enumerate() {
+                assert!((found - expected[channel]).abs() < 1e-14, "{found} {expected}");
             }
         }
     }
