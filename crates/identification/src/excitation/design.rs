@@ -79,13 +79,13 @@ impl<const P: usize> ExcitationProblem<P> {
             let cost = found.and_then(|found| {
                 let mut free = vec![[0.0; 6]; self.basis.coefficients() - 3];
                 limits.free_numbers(&found.scaled, &mut free);
-                let cost = found.cost; eprintln!("iterations {}", found.iterations);
+                let cost = found.cost;
                 if best.as_ref().is_none_or(|(least, _)| cost < *least) {
                     best = Some((cost, free));
                 }
                 Some(cost)
             });
-            eprintln!("{cost:?}");cost_per_start.push(cost);
+            cost_per_start.push(cost);
         }
         let (cost, free) = best.ok_or(IdentificationError::NoDesign { starts })?;
         let (information, _) = objective.information(&free).ok_or(IdentificationError::NoDesign { starts })?;

@@ -75,7 +75,7 @@ pub fn cramer_rao(
     let mut joint = JointInformation::of_poses(&std, &DMatrix::zeros(std.nrows(), std.ncols()));
     let mut known = SquareRootInformation::new();
     let times_s = (0..samples).map(|i| basis.period_s() * i as f64 / samples as f64);
-    let table = BasisTable::new(basis, times_s);
+    let table = BasisTable::new(basis, times_s, Vector3::zeros());
     for (row, (instant, functions)) in table.instants(motion.chart(), motion.coefficients()).enumerate() {
         let instant = instant.ok_or(IdentificationError::NotFinite { row })?;
         let rows = WrenchRows::new(&instant, &parameters, &wrench_std);

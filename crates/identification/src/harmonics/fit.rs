@@ -1,5 +1,6 @@
 //! The Fourier series nearest to one averaged period.
 
+use super::joint_information::coefficient_std;
 use super::periodic_record::PeriodicRecord;
 use crate::error::IdentificationError;
 use crate::fourier::{FourierBasis, FourierMotion};
@@ -53,6 +54,7 @@ impl FourierFit {
     /// [`IdentificationError::TooManyHarmonics`] unless the period has more than twice as many samples,
     /// [`IdentificationError::NoHarmonics`], [`IdentificationError::InvalidPeriod`], [`IdentificationError::NotFinite`].
     pub fn new(record: &PeriodicRecord, harmonics: usize) -> Result<Self, IdentificationError> {
+        record.validated()?;
         let samples = record.samples();
         let basis = FourierBasis::try_new(record.period_s, harmonics)?;
         if 2 * harmonics >= samples {
@@ -61,20 +63,17 @@ impl FourierFit {
         let circle = Circle::new(samples);
         let channels = record.channels.ncols();
         let mut coefficients = DMatrix::zeros(basis.coefficients(), channels);
-        let mut coefficient_std = coefficients.clone();
         for (channel, series) in record.channels.column_iter().enumerate() {
             let series: Vec<f64> = series.iter().copied().collect();
-            let mean_std = record.channel_std.get(channel).copied().unwrap_or(0.0) / (samples as f64).sqrt();
-            (coefficients[(0, channel)], coefficient_std[(0, channel)]) = (circle.amplitudes(&series, 0).0, mean_std);
+            coefficients[(0, channel)] = circle.amplitudes(&series, 0).0;
             for k in 1..=harmonics {
                 let frequency = basis.frequency_rad_s(k);
                 let (cosine, sine) = circle.amplitudes(&series, k);
                 coefficients[(k, channel)] = frequency * sine;
                 coefficients[(harmonics + k, channel)] = -frequency * cosine;
-                let std = core::f64::consts::SQRT_2 * frequency * mean_std;
-                (coefficient_std[(k, channel)], coefficient_std[(harmonics + k, channel)]) = (std, std);
             }
         }
+        let coefficient_std = coefficient_std(&basis, samples, &record.channel_std);
         Ok(Self { motion: FourierMotion::try_new(basis, record.chart, coefficients)?, coefficient_std })
     }
 }

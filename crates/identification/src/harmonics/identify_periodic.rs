@@ -3,6 +3,7 @@
 use super::cycles::{Cycles, average_cycles};
 use super::fit::FourierFit;
 use super::least_squares::PeriodicLeastSquares;
+use super::likelihood::maximum_likelihood;
 use super::periodic_record::PeriodicRecord;
 use super::saturation::saturated_share;
 use super::selection::{HarmonicCandidate, SelectionRule, select_harmonics};
@@ -97,7 +98,7 @@ pub struct HarmonicIdentification {
     pub estimate: Estimate,
     /// What estimated it.
     pub estimator: HarmonicEstimator,
-    /// The fitted motion; its basis says the number of harmonics chosen.
+    /// The fitted motion, by the likelihood where that answers; its basis says the number of harmonics chosen.
     pub motion: crate::fourier::FourierMotion,
     /// The residuals of every number of harmonics tried.
     pub selection: Vec<HarmonicCandidate>,
@@ -141,7 +142,7 @@ pub fn identify_periodic(
 ) -> Result<HarmonicIdentification, IdentificationError> {
     let harmonics = settings.reference_harmonics..=settings.largest_harmonics;
     let cycles = average_cycles(samples, settings)?;
-    let (fit, selection) = select_harmonics(&cycles.record, harmonics, settings.selection)?;
+    let (mut fit, selection) = select_harmonics(&cycles.record, harmonics, settings.selection)?;
     let least_squares = PeriodicLeastSquares::fit(&cycles.record, &fit)?;
     let mut estimate = consistent(&least_squares.parameters, &least_squares.covariance)?;
     let saturation = saturated_share(samples, settings.limits.as_ref());
@@ -157,7 +158,14 @@ pub fn identify_periodic(
     let wanted = if saturated { HarmonicEstimator::TrajectoryLikelihood } else { settings.estimator };
     let likely = match wanted {
         HarmonicEstimator::LeastSquares => Some(estimate),
-        HarmonicEstimator::Likelihood => None,
+        HarmonicEstimator::Likelihood => match maximum_likelihood(&cycles.record, chosen) {
+            Ok(found) => {
+                fit.motion = found.motion;
+                Some(found.estimate)
+            }
+            Err(error) if is_about_the_data(&error) => None,
+            Err(error) => return Err(error),
+        },
         HarmonicEstimator::TrajectoryLikelihood => most_likely(samples, settings, &estimate)?,
     };
     let estimator = if let Some(likely) = likely {
@@ -231,9 +239,7 @@ fn most_likely(
         ..MaximumLikelihood::default()
     };
     let found = match likelihood.estimate(samples) {
-        Err(IdentificationError::NotExcited { .. } | IdentificationError::LikelihoodNotConverged { .. }) => {
-            return Ok(None);
-        }
+        Err(error) if is_about_the_data(&error) => return Ok(None),
         found => found?,
     };
     let mut estimate = consistent(&found.unconstrained, &found.covariance)?;
@@ -241,6 +247,11 @@ fn most_likely(
     estimate.parameters = found.parameters;
     estimate.lmi_active = found.active_axis.is_some();
     Ok(Some(estimate))
+}
+
+/// Whether least squares may still answer.
+fn is_about_the_data(error: &IdentificationError) -> bool {
+    matches!(error, IdentificationError::NotExcited { .. } | IdentificationError::LikelihoodNotConverged { .. })
 }
 
 /// Share of the wrench's mean square that a body explains, torque counted at its own length.
@@ -254,7 +265,9 @@ fn explained(
         wrench.fixed_rows::<3>(0).norm_squared() / (length_m * length_m) + wrench.fixed_rows::<3>(3).norm_squared()
     };
     let (mut left, mut applied) = (0.0, 0.0);
-    for (i, instant) in record.felt_motion(&fit.motion)?.iter().enumerate() {
+    let table = record.wrench_table(fit.motion.basis());
+    for (i, (instant, _)) in table.instants(record.chart, fit.motion.coefficients()).enumerate() {
+        let instant = instant.ok_or(IdentificationError::NotFinite { row: i })?;
         left += size(&(instant.regressor() * parameters - record.wrench(i)));
         applied += size(&record.wrench(i));
     }

@@ -7,7 +7,7 @@ use crate::fourier::{AttitudeChart, FourierBasis, MotionInstant};
 use crate::lie::skew;
 use crate::regressors::Regressor;
 use crate::square_root_information::SquareRootInformation;
-use nalgebra::{DMatrix, Matrix3, SMatrix, SVector};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
 /// Samples folded into the triangle at once: a block of so many times six rows stays in the nearest cache.
 const SAMPLES: usize = 4;
@@ -16,20 +16,24 @@ const ROWS: usize = 6 * SAMPLES;
 const WRENCH_TERMS: usize = 9;
 
 /// The basis functions at the times of the wrenches: values, first and second derivatives.
-pub(super) struct BasisTable(Vec<[Vec<f64>; 3]>);
+pub(super) struct BasisTable {
+    functions: Vec<[Vec<f64>; 3]>,
+    gravity: Vector3<f64>,
+}
 
 impl BasisTable {
-    pub(super) fn new(basis: &FourierBasis, times_s: impl Iterator<Item = f64>) -> Self {
-        Self(times_s.map(|time_s| basis.at(time_s)).collect())
+    pub(super) fn new(basis: &FourierBasis, times_s: impl Iterator<Item = f64>, gravity: Vector3<f64>) -> Self {
+        Self { functions: times_s.map(|time_s| basis.at(time_s)).collect(), gravity }
     }
 
-    /// Instants of the motion with these coefficients, one column per channel; none where a quaternion is zero.
+    /// Instants of the motion with these coefficients, one column per channel, accelerations less gravity: what a wrench
+    /// without gravity has to explain. None where a quaternion is zero.
     pub(super) fn instants<'a>(
         &'a self,
         chart: AttitudeChart,
         coefficients: &'a DMatrix<f64>,
     ) -> impl Iterator<Item = (Option<MotionInstant>, &'a [Vec<f64>; 3])> {
-        self.0.iter().map(move |functions| {
+        self.functions.iter().map(move |functions| {
             let [value, rate, acceleration] = functions.each_ref().map(|functions| {
                 let mut channels = [0.0; 7];
                 for (channel, column) in channels.iter_mut().zip(coefficients.column_iter()) {
@@ -37,7 +41,11 @@ impl BasisTable {
                 }
                 channels
             });
-            (MotionInstant::from_channels(chart, &value, &rate, &acceleration), functions)
+            let mut instant = MotionInstant::from_channels(chart, &value, &rate, &acceleration);
+            if let Some(instant) = &mut instant {
+                instant.acceleration_origin_world -= self.gravity;
+            }
+            (instant, functions)
         })
     }
 }
@@ -45,7 +53,7 @@ impl BasisTable {
 /// Six equations of one instant: derivatives of the whitened wrench by channels, by their rates and second derivatives.
 pub(super) struct WrenchRows {
     pub(super) regressor: Regressor<f64>,
-    by_channel: [SMatrix<f64, 6, 7>; 3],
+    pub(super) by_channel: [SMatrix<f64, 6, 7>; 3],
 }
 
 impl WrenchRows {
@@ -232,7 +240,7 @@ mod tests {
             let mut coefficients =
                 DMatrix::from_fn(7, 3 + chart.channels(), |j, c| 0.3 * (1.0 + 3.7 * j as f64 + 1.3 * c as f64).sin());
             coefficients[(0, 5)] += 1.0;
-            let table = BasisTable::new(&basis, core::iter::once(1.3));
+            let table = BasisTable::new(&basis, core::iter::once(1.3), Vector3::new(0.5, -1.0, 2.0));
             let rows = |coefficients: &DMatrix<f64>| {
                 let (instant, functions) = table.instants(chart, coefficients).next().unwrap();
                 (WrenchRows::new(&instant.unwrap(), &parameters, &std), functions)

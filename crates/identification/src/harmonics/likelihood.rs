@@ -126,28 +126,9 @@ impl<'a> Problem<'a> {
     fn new(record: &'a PeriodicRecord, harmonics: usize) -> Result<Self, IdentificationError> {
         let (samples, channels) = (record.samples(), 3 + record.chart.channels());
         let basis = FourierBasis::try_new(record.period_s, harmonics)?;
-        for (rows, columns, expected_columns) in [
-            (samples, record.channels.ncols(), channels),
-            (record.wrenches.nrows(), record.wrenches.ncols(), 6),
-            (samples, record.channel_std.len(), channels),
-        ] {
-            if (rows, columns) != (samples, expected_columns) {
-                let expected_rows = samples;
-                return Err(IdentificationError::RecordShape { rows, columns, expected_rows, expected_columns });
-            }
-        }
+        record.validated()?;
         if 2 * harmonics >= samples {
             return Err(IdentificationError::TooManyHarmonics { harmonics, samples });
-        }
-        let finite = |row: usize| {
-            record.channels.row(row).iter().chain(record.wrenches.row(row).iter()).all(|value| value.is_finite())
-        };
-        if let Some(row) = (0..samples).find(|&row| !finite(row)) {
-            return Err(IdentificationError::NotFinite { row });
-        }
-        let all_std = record.channel_std.iter().chain(record.wrench_std.iter());
-        if let Some((index, &value)) = all_std.enumerate().find(|(_, std)| !(**std >= 0.0 && std.is_finite())) {
-            return Err(IdentificationError::NotPositive { index, value });
         }
         let floor = |table: &DMatrix<f64>, columns: core::ops::Range<usize>| {
             FLOOR * (table.columns_range(columns).norm_squared() / samples as f64).sqrt().max(FLOOR)
@@ -163,24 +144,19 @@ impl<'a> Problem<'a> {
         let residuals = &record.channels - values * &fit;
         let weighted =
             residuals.column_iter().zip(&channel_std).map(|(column, std)| column.norm_squared() / std.powi(2));
-        let times_s = record.times_s().into_iter().map(|time_s| time_s + record.wrench_offset_s);
         Ok(Self {
             record,
             wrench_std: SVector::from_fn(|i, _| record.wrench_std[i].max(wrench_floor[i / 3])),
             unexplained: weighted.sum(),
             fit,
             fit_std: coefficient_std(&basis, samples, &channel_std),
-            table: BasisTable::new(&basis, times_s),
+            table: record.wrench_table(&basis),
             basis,
         })
     }
 
-    fn wrench(&self, sample: usize) -> SVector<f64, 6> {
-        SVector::from_fn(|i, _| self.record.wrenches[(sample, i)])
-    }
-
     fn whitened_wrench(&self, sample: usize) -> SVector<f64, 6> {
-        self.wrench(sample).component_div(&self.wrench_std)
+        self.record.wrench(sample).component_div(&self.wrench_std)
     }
 
     /// A channel holds one number per sample beside three of position and three of rotation, however many the chart has.
@@ -194,7 +170,7 @@ impl<'a> Problem<'a> {
         let instants = self.table.instants(self.record.chart, coefficients).enumerate();
         let wrenches = instants.map(|(i, (instant, _))| {
             instant.map_or(f64::INFINITY, |instant| {
-                let residual = instant.regressor() * parameters - self.wrench(i);
+                let residual = instant.regressor() * parameters - self.record.wrench(i);
                 residual.component_div(&self.wrench_std).norm_squared()
             })
         });
@@ -218,7 +194,7 @@ impl<'a> Problem<'a> {
         let instants = self.table.instants(self.record.chart, &self.fit).enumerate();
         let rows: Vec<WrenchRow> = instants
             .filter_map(|(index, (instant, _))| {
-                Some(WrenchRow { index, regressor: instant?.regressor(), wrench: self.wrench(index) })
+                Some(WrenchRow { index, regressor: instant?.regressor(), wrench: self.record.wrench(index) })
             })
             .collect();
         let mut information = SquareRootInformation::new();

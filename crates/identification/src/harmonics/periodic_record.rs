@@ -1,7 +1,8 @@
 //! One period of a motion, averaged over its cycles.
 
+use super::joint_information::BasisTable;
 use crate::error::IdentificationError;
-use crate::fourier::{AttitudeChart, FourierMotion, MotionInstant};
+use crate::fourier::{AttitudeChart, FourierBasis};
 use nalgebra::{DMatrix, SVector, Vector3};
 
 /// One averaged period: what the Fourier fit, harmonic selection and both estimators work on.
@@ -42,27 +43,39 @@ impl PeriodicRecord {
         (0..self.samples()).map(|i| self.period_s * i as f64 / self.samples() as f64).collect()
     }
 
-    /// A motion at the times for which the wrenches count, accelerations less gravity: what the wrenches have to explain.
+    /// Refuses tables of different lengths, what is not finite, and standard deviations that are none.
     ///
     /// # Errors
-    /// [`IdentificationError::NotFinite`] naming the sample where the quaternion passes through zero.
-    pub fn felt_motion(&self, motion: &FourierMotion) -> Result<Vec<MotionInstant>, IdentificationError> {
-        let times_s: Vec<f64> = self.times_s().iter().map(|time_s| time_s + self.wrench_offset_s).collect();
-        let [value, rate, acceleration] =
-            motion.basis().table(&times_s).map(|functions| (functions * motion.coefficients()).transpose());
-        let channels = value.nrows();
-        let at = |matrix: &DMatrix<f64>, i: usize| -> [f64; 7] {
-            core::array::from_fn(|channel| if channel < channels { matrix[(channel, i)] } else { 0.0 })
+    /// [`IdentificationError::RecordShape`], [`IdentificationError::NotFinite`], [`IdentificationError::NotPositive`] for a
+    /// standard deviation that is negative or not finite.
+    pub(super) fn validated(&self) -> Result<(), IdentificationError> {
+        let (samples, channels) = (self.samples(), 3 + self.chart.channels());
+        for (rows, columns, expected_columns) in [
+            (samples, self.channels.ncols(), channels),
+            (self.wrenches.nrows(), self.wrenches.ncols(), 6),
+            (samples, self.channel_std.len(), channels),
+        ] {
+            if (rows, columns) != (samples, expected_columns) {
+                let expected_rows = samples;
+                return Err(IdentificationError::RecordShape { rows, columns, expected_rows, expected_columns });
+            }
+        }
+        let finite = |row: usize| {
+            self.channels.row(row).iter().chain(self.wrenches.row(row).iter()).all(|value| value.is_finite())
         };
-        (0..times_s.len())
-            .map(|i| {
-                let (value, rate, acceleration) = (at(&value, i), at(&rate, i), at(&acceleration, i));
-                let mut instant = MotionInstant::from_channels(motion.chart(), &value, &rate, &acceleration)
-                    .ok_or(IdentificationError::NotFinite { row: i })?;
-                instant.acceleration_origin_world -= self.gravity;
-                Ok(instant)
-            })
-            .collect()
+        if let Some(row) = (0..samples).find(|&row| !finite(row)) {
+            return Err(IdentificationError::NotFinite { row });
+        }
+        let all_std = self.channel_std.iter().chain(self.wrench_std.iter());
+        if let Some((index, &value)) = all_std.enumerate().find(|(_, std)| !(**std >= 0.0 && std.is_finite())) {
+            return Err(IdentificationError::NotPositive { index, value });
+        }
+        Ok(())
+    }
+
+    /// The basis functions at the times for which the wrenches count.
+    pub(super) fn wrench_table(&self, basis: &FourierBasis) -> BasisTable {
+        BasisTable::new(basis, self.times_s().iter().map(|time_s| time_s + self.wrench_offset_s), self.gravity)
     }
 
     /// The averaged wrench of one sample.
