@@ -389,6 +389,34 @@ const MUTANTS: &[Mutant] = &[
         replacement: "turns.into_iter().chain(turns).chain(both).take(pushes.len() * 2)",
         test: "-p tumble-identification --lib excitation",
     },
+    Mutant {
+        name: "coefficient likelihood: centripetal derivative",
+        file: "crates/identification/src/harmonics/joint_information.rs",
+        original: "- h * w.transpose() * 2.0",
+        replacement: "- h * w.transpose()",
+        test: "-p tumble-identification --lib harmonics",
+    },
+    Mutant {
+        name: "coefficient likelihood: wrenches taken at the times of the poses",
+        file: "crates/identification/src/harmonics/likelihood.rs",
+        original: "time_s + record.wrench_offset_s",
+        replacement: "time_s",
+        test: "-p tumble-identification --test periodic_likelihood",
+    },
+    Mutant {
+        name: "coefficient likelihood: noise taken for excitation",
+        file: "crates/identification/src/harmonics/likelihood.rs",
+        original: "const LARGEST_NOISE_SHARE: f64 = 0.1;",
+        replacement: "const LARGEST_NOISE_SHARE: f64 = 10.0;",
+        test: "-p tumble-identification --test periodic_likelihood",
+    },
+    Mutant {
+        name: "Cramer-Rao bound: cycles do not average",
+        file: "crates/identification/src/harmonics/cramer_rao.rs",
+        original: "(std / stated[0].sqrt())",
+        replacement: "(std)",
+        test: "-p tumble-identification --test periodic_likelihood",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

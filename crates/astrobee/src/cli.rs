@@ -3,7 +3,9 @@
 use crate::AstrobeeError;
 
 pub mod calibrate_wheel;
+pub mod excite;
 pub mod identify;
+mod identify_periodic;
 
 /// How a command ended when nothing was wrong with its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

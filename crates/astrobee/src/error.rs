@@ -166,6 +166,9 @@ pub enum AstrobeeError {
     /// T019: a wheel throw that cannot be used.
     #[error(transparent)]
     Throw(#[from] crate::wheel_throw::WheelThrowError),
+    /// T021: an excitation that cannot be designed or flown.
+    #[error("no such excitation: {0}")]
+    Excitation(IdentificationError),
 }
 
 impl AstrobeeError {
@@ -192,6 +195,7 @@ impl AstrobeeError {
             Self::Plot { .. } => "T017",
             Self::UnknownFormat { .. } => "T018",
             Self::Throw(_) => "T019",
+            Self::Excitation(_) => "T021",
         }
     }
 
@@ -236,6 +240,16 @@ impl AstrobeeError {
             Self::Dynamics(_) => "please report this with the seed",
             Self::Plot { .. } => "leave out `--out`, or report this",
             Self::UnknownFormat { .. } => "choose one of the named formats",
+            Self::Excitation(error) => match error {
+                IdentificationError::PeriodNotWhole { .. } => "change `--period` or `--rate` to the values named",
+                IdentificationError::TooManyHarmonics { .. } => "fewer `--harmonics`, or a higher `--rate`",
+                IdentificationError::NoFreeCoefficients { .. } => "`--harmonics 3`",
+                IdentificationError::NoMotionWithinLimit { .. } => "limits are positive, or inf",
+                IdentificationError::UnlimitedChannel { .. } => {
+                    "limit the workspace (`--position`, `--angle`), the rate or the acceleration"
+                }
+                _ => "more `--starts`, more `--harmonics`, or wider limits",
+            },
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }
     }

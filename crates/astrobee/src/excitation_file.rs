@@ -2,11 +2,13 @@
 
 use crate::body_file::BodyFile;
 use crate::error::AstrobeeError;
+use crate::log::QUATERNION_NORM_TOLERANCE;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
 use tumble_dynamics::nalgebra::DMatrix;
 use tumble_identification::fourier::{AttitudeChart, FourierBasis, FourierMotion};
+use tumble_lie::Pose;
 
 /// The only version of the format.
 const FORMAT: u32 = 1;
@@ -25,6 +27,8 @@ pub struct ExcitationFile {
     pub cycles: usize,
     /// Samples and control steps per second.
     pub rate_hz: f64,
+    /// Where the motion starts; the coefficients are in this frame. To be set to where the robot really started.
+    pub start: StartTable,
     /// Fourier coefficients `[a0, a_1 .. a_n, b_1 .. b_n]` of each channel.
     pub coefficients: Coefficients,
     /// What the motion was not to exceed; `inf` where there was no limit.
@@ -35,6 +39,16 @@ pub struct ExcitationFile {
     pub body: BodyFile,
     /// How it was designed.
     pub design: DesignTable,
+}
+
+/// A pose in the axes of the log.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StartTable {
+    /// Position of the body origin, m.
+    pub position_m: [f64; 3],
+    /// Attitude, Hamilton, body to inertial, scalar last.
+    pub quaternion_xyzw: [f64; 4],
 }
 
 /// Channels: position of the body origin in m, Euler angles in rad, in the frame in which the motion starts at zero.
@@ -154,13 +168,27 @@ impl ExcitationFile {
         FourierMotion::try_new(basis, AttitudeChart::EulerZyx, coefficients).map_err(|error| bad(error.to_string()))
     }
 
+    /// Pose of the frame of the coefficients in the axes of the log.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::BadToml`] naming `path` and the key.
+    pub fn world_from_start(&self, path: &Path) -> Result<Pose<f64>, AstrobeeError> {
+        let bad = |message: &str| AstrobeeError::BadToml { path: path.into(), message: message.to_owned() };
+        let [x, y, z, w] = self.start.quaternion_xyzw;
+        let rotation = tumble_lie::from_xyzw(x, y, z, w, QUATERNION_NORM_TOLERANCE)
+            .map_err(|_| bad("`start.quaternion_xyzw` is not of norm one"))?;
+        if !self.start.position_m.iter().all(|p| p.is_finite()) {
+            return Err(bad("`start.position_m` holds a number that is not finite"));
+        }
+        Ok(Pose::from_parts(self.start.position_m.into(), rotation))
+    }
+
     /// The text of the file.
     ///
     /// # Errors
     /// [`AstrobeeError::BadToml`] naming `path`.
     pub fn to_toml(&self, path: &Path) -> Result<String, AstrobeeError> {
-        toml::to_string(self)
-            .map_err(|error| AstrobeeError::BadToml { path: path.into(), message: error.to_string() })
+        toml::to_string(self).map_err(|error| AstrobeeError::BadToml { path: path.into(), message: error.to_string() })
     }
 
     /// Reads and checks a file.
@@ -168,7 +196,8 @@ impl ExcitationFile {
     /// # Errors
     /// [`AstrobeeError`] naming the file and the key.
     pub fn read(path: &Path) -> Result<Self, AstrobeeError> {
-        let text = fs::read_to_string(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
+        let text =
+            fs::read_to_string(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
         let bad = |message: String| AstrobeeError::BadToml { path: path.into(), message };
         let file: Self = toml::from_str(&text).map_err(|error| bad(error.to_string()))?;
         if file.format != FORMAT {
@@ -193,6 +222,7 @@ impl ExcitationFile {
             }
         }
         file.motion(path)?;
+        file.world_from_start(path)?;
         file.body.to_parameters(path)?;
         Ok(file)
     }
@@ -212,6 +242,7 @@ impl ExcitationFile {
             harmonics: motion.basis().harmonics(),
             cycles,
             rate_hz,
+            start: StartTable { position_m: [0.0; 3], quaternion_xyzw: [0.0, 0.0, 0.0, 1.0] },
             coefficients: Coefficients::of(motion),
             limits,
             noise,
@@ -273,6 +304,7 @@ mod tests {
             ("noise", "attitude_rad = 0.03", "attitude_rad = 0.0", "`noise.attitude_rad`"),
             ("limit", "force_n = 4.0", "force_n = -4.0", "`limits.force_n`"),
             ("key", "cycles = 10", "cycle = 10", "cycle"),
+            ("start", "[0.0, 0.0, 0.0, 1.0]", "[0.0, 0.0, 1.0, 1.0]", "`start.quaternion_xyzw`"),
             ("body", "mass_kg = 6.047", "mass_kg = -1.0", "no body"),
         ] {
             assert!(good.contains(from), "{from} not in {good}");

@@ -38,7 +38,7 @@ pub fn measured(flown: &Execution, sigma: &NoiseTable, noise: &mut Gaussian) -> 
 }
 
 /// Nearest nanosecond; flights end long before 292 years.
-fn nanoseconds(time_s: f64) -> i64 {
+pub fn nanoseconds(time_s: f64) -> i64 {
     #[allow(clippy::cast_possible_truncation)]
     let time_ns = (time_s * 1e9).round() as i64;
     time_ns
@@ -79,6 +79,7 @@ pub fn push_wrench(text: &mut String, wrench: &Wrench<f64>) {
 /// Numbers that read back to the same bits, a comma before each.
 pub fn push_numbers<'a>(text: &mut String, numbers: impl IntoIterator<Item = &'a f64>) {
     for number in numbers {
-        let _ = write!(text, ",{number}");
+        // `{:?}` writes small numbers with an exponent.
+        let _ = write!(text, ",{number:?}");
     }
 }

@@ -5,11 +5,15 @@ pub mod body_file;
 pub mod cli;
 pub mod demo;
 mod error;
+pub mod excitation_file;
 pub mod figure;
+pub mod flight_log;
+pub mod harmonic_report;
 pub mod log;
 pub mod noise;
 pub mod output;
 pub mod report;
+pub mod space_cobot;
 pub mod wheel_throw;
 
 pub use error::AstrobeeError;

@@ -25,6 +25,9 @@ const ACCELERATION: [&str; 3] = ["a_x", "a_y", "a_z"];
 const FORCE: [&str; 3] = ["f_x", "f_y", "f_z"];
 const TORQUE: [&str; 3] = ["tau_x", "tau_y", "tau_z"];
 
+/// Columns that a simulated flight adds for comparison; no estimate reads them.
+const SIMULATED: [&str; 2] = ["true_", "cmd_"];
+
 /// What `tumble identify --template` prints: a header with every column and two valid rows.
 pub const TEMPLATE: &str = "\
 t_s,p_x,p_y,p_z,q_x,q_y,q_z,q_w,v_x,v_y,v_z,w_x,w_y,w_z,a_x,a_y,a_z,f_x,f_y,f_z,tau_x,tau_y,tau_z
@@ -69,7 +72,9 @@ impl Layout {
         let acceleration = group(&names, ACCELERATION, &find)?;
         let wrench = group(&names, [TORQUE[0], TORQUE[1], TORQUE[2], FORCE[0], FORCE[1], FORCE[2]], &find)?;
         let known: Vec<&str> = [REQUIRED.as_slice(), &VELOCITY, &RATE, &ACCELERATION, &FORCE, &TORQUE].concat();
-        let ignored = names.iter().filter(|name| !known.contains(&name.as_str())).map(|name| shortened(name)).collect();
+        let of_the_format =
+            |name: &str| known.contains(&name) || SIMULATED.iter().any(|prefix| name.starts_with(prefix));
+        let ignored = names.iter().filter(|name| !of_the_format(name)).map(|name| shortened(name)).collect();
         Ok((Self { required, velocity, rate, acceleration, wrench, names }, ignored))
     }
 }

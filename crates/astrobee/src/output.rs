@@ -44,8 +44,41 @@ fn is_result_folder(path: &Path) -> bool {
 /// The file by which a result folder is known.
 pub const RUN_RECORD: &str = "run.json";
 /// Everything that lies in a result folder.
-const RESULT_FILES: [&str; 6] =
-    [RUN_RECORD, "result.json", "body.toml", "report.html", "residual_force.svg", "residual_torque.svg"];
+const RESULT_FILES: [&str; 22] = [
+    RUN_RECORD,
+    "result.json",
+    "body.toml",
+    "report.html",
+    "residual_force.svg",
+    "residual_torque.svg",
+    "harmonics.svg",
+    "summary.json",
+    "excitation.toml",
+    "motion.csv",
+    "log.csv",
+    "truth.toml",
+    "position.svg",
+    "attitude.svg",
+    "position_rate.svg",
+    "attitude_rate.svg",
+    "position_acceleration.svg",
+    "attitude_acceleration.svg",
+    "force.svg",
+    "torque.svg",
+    "path_xy.svg",
+    "path_xz.svg",
+];
+
+/// The first of `base`, `base-2`, `base-3`, ... where nothing is yet.
+pub fn unused(base: &Path) -> PathBuf {
+    let numbered = |number: u32| {
+        let mut name = base.as_os_str().to_os_string();
+        name.push(format!("-{number}"));
+        PathBuf::from(name)
+    };
+    let mut candidates = std::iter::once(base.to_path_buf()).chain((2..).map(numbered));
+    candidates.find(|path| path.symlink_metadata().is_err()).unwrap_or_else(|| base.to_path_buf())
+}
 
 /// A folder that appears under its name only when [`OutputFolder::finish`] is called; dropped before, it leaves nothing.
 pub struct OutputFolder {

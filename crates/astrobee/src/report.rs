@@ -2,7 +2,7 @@
 
 use crate::body_file::BodyFile;
 use crate::error::AstrobeeError;
-use crate::figure::{Curve, draw};
+use crate::figure::{Curve, Figure, SINCE_START};
 use crate::log::seconds;
 use crate::output::OutputFolder;
 use serde::Serialize;
@@ -10,8 +10,8 @@ use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::{Matrix3, SVector, Vector3};
 use tumble_dynamics::{InertialParameters, PARAMETER_NAMES, PARAMETER_UNITS};
 use tumble_identification::{
-    Estimate, Identification, Method, NuisanceEstimate, NullDirection, POOR_FIT, Prediction, Quantity as Estimated,
-    StandardDeviations, Validation, Warning, WrenchTiming,
+    Estimate, Identification, Method, NodeResidual, NuisanceEstimate, NullDirection, POOR_FIT, Prediction,
+    Quantity as Estimated, StandardDeviations, Validation, Warning, WrenchTiming,
 };
 
 /// The name of a method on the command line and in JSON.
@@ -166,7 +166,7 @@ fn calibration_table(calibration: &[NuisanceEstimate]) -> String {
     text
 }
 
-fn body_table(estimate: &Estimate, determined: &[bool], context: &Context) -> String {
+pub(crate) fn body_table(estimate: &Estimate, determined: &[bool], context: &Context) -> String {
     let mut text = String::new();
     let reference = context.reference.as_ref().map(|(name, body)| (name, quantities(body, &estimate.std)));
     let _ = write!(text, "  {:<18}{:>16}{:>14}  {:<7}", "quantity", "estimate", "1 sigma", "unit");
@@ -247,7 +247,7 @@ pub fn is_identified(found: &Identification) -> bool {
 }
 
 /// The quantity known worst, relative to the body's own scale.
-fn worst_std(estimate: &Estimate) -> (f64, &'static str) {
+pub(crate) fn worst_std(estimate: &Estimate) -> (f64, &'static str) {
     quantities(&estimate.parameters, &estimate.std)
         .into_iter()
         .map(|q| (relative_std(&estimate.parameters, &q), q.name))
@@ -328,8 +328,28 @@ fn relative_std(body: &InertialParameters<f64>, quantity: &Quantity) -> f64 {
     }
 }
 
-fn words(directions: &[NullDirection]) -> Vec<String> {
+pub(crate) fn words(directions: &[NullDirection]) -> Vec<String> {
     directions.iter().map(ToString::to_string).collect()
+}
+
+/// One sigma of each quantity; what is not determined stands so.
+pub fn sigma_table(std: &StandardDeviations) -> String {
+    let unit_body = InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::identity());
+    let mut text = format!("  {:<18}{:>14}\n", "quantity", "1 sigma");
+    for q in quantities(&unit_body, std) {
+        let _ = if q.std.is_finite() {
+            writeln!(text, "  {:<18}{:>14.2e} {}", q.name, q.std, q.unit)
+        } else {
+            writeln!(text, "  {:<18}{:>14}", q.name, "not determined")
+        };
+    }
+    text
+}
+
+/// One sigma of each quantity as `--json` has it; `null` for what is not determined.
+pub fn sigma_json(std: &StandardDeviations) -> serde_json::Value {
+    // A structure of numbers always has a JSON form.
+    serde_json::to_value(json_std(std, &Shown::ALL)).unwrap_or_default()
 }
 
 /// What `--dry-run` prints.
@@ -342,11 +362,7 @@ pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f6
         prediction.rows, prediction.rank, prediction.condition_number, wrench_noise.0, wrench_noise.1
     );
     if let Some(std) = &prediction.std {
-        let unit_body = InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::identity());
-        let _ = writeln!(text, "  {:<18}{:>14}", "quantity", "1 sigma");
-        for q in quantities(&unit_body, std) {
-            let _ = writeln!(text, "  {:<18}{:>14.2e} {}", q.name, q.std, q.unit);
-        }
+        text += &sigma_table(std);
         text.push('\n');
     }
     if let (None, Some(covariance)) = (&prediction.std, &prediction.covariance) {
@@ -400,7 +416,7 @@ fn json_std(std: &StandardDeviations, shown: &Shown) -> JsonStd {
 }
 
 /// Smallest eigenvalue of the pseudo-inertia, mixed units (kg m^2, kg m, kg) as the thesis has it.
-fn pseudo_inertia_min_eigenvalue(body: &InertialParameters<f64>) -> f64 {
+pub(crate) fn pseudo_inertia_min_eigenvalue(body: &InertialParameters<f64>) -> f64 {
     tumble_dynamics::pseudo_inertia(body).symmetric_eigenvalues().min()
 }
 
@@ -432,8 +448,8 @@ pub struct Json {
 type NumberRows = [[Option<f64>; 3]; 3];
 
 /// A body; numbers that the data do not determine are `null`.
-#[derive(Serialize)]
-struct JsonBody {
+#[derive(Serialize, Default)]
+pub(crate) struct JsonBody {
     mass_kg: Option<f64>,
     com_m: [Option<f64>; 3],
     inertia_about_com_kg_m2: NumberRows,
@@ -443,7 +459,7 @@ struct JsonBody {
     lmi_active: bool,
 }
 
-#[derive(Serialize)]
+#[derive(Serialize, Default)]
 struct JsonStd {
     mass_kg: Option<f64>,
     com_m: [Option<f64>; 3],
@@ -462,7 +478,7 @@ struct JsonNoise {
 }
 
 #[derive(Serialize)]
-struct JsonReference {
+pub(crate) struct JsonReference {
     name: String,
     body: BodyFile,
     error_over_sigma: Vec<f64>,
@@ -504,10 +520,10 @@ fn json_calibration(found: &NuisanceEstimate) -> JsonCalibration {
 }
 
 /// Which numbers of a body may be shown: mass, centre of mass, inertia entries in the order of [`quantities`].
-struct Shown<'a>(&'a [bool]);
+pub(crate) struct Shown<'a>(&'a [bool]);
 
 impl Shown<'_> {
-    const ALL: Shown<'static> = Shown(&[true; 10]);
+    pub(crate) const ALL: Shown<'static> = Shown(&[true; 10]);
     fn mass(&self, value: f64) -> Option<f64> {
         Some(value).filter(|_| self.0[0])
     }
@@ -523,7 +539,7 @@ impl Shown<'_> {
     }
 }
 
-fn json_body(estimate: &Estimate, shown: &Shown) -> JsonBody {
+pub(crate) fn json_body(estimate: &Estimate, shown: &Shown) -> JsonBody {
     let body = &estimate.parameters;
     let about_origin = if shown.all() { shown.inertia(&body.inertia_about_origin) } else { NumberRows::default() };
     JsonBody {
@@ -537,18 +553,17 @@ fn json_body(estimate: &Estimate, shown: &Shown) -> JsonBody {
     }
 }
 
+/// The body compared with, and the errors in sigmas.
+pub(crate) fn reference_json(estimate: &Estimate, context: &Context) -> Option<JsonReference> {
+    let (name, body) = context.reference.as_ref()?;
+    let truth = quantities(body, &estimate.std);
+    let found = quantities(&estimate.parameters, &estimate.std);
+    let error_over_sigma = found.iter().zip(&truth).map(|(q, t)| (q.value - t.value) / q.std).collect();
+    Some(JsonReference { name: name.clone(), body: BodyFile::from(*body), error_over_sigma })
+}
+
 /// The result as programs read it.
 pub fn json(found: &Identification, context: &Context) -> Json {
-    let reference = context.reference.as_ref().and_then(|(name, body)| {
-        let estimate = found.estimate.as_ref()?;
-        let truth = quantities(body, &estimate.std);
-        let errors = quantities(&estimate.parameters, &estimate.std)
-            .iter()
-            .zip(&truth)
-            .map(|(q, t)| (q.value - t.value) / q.std)
-            .collect();
-        Some(JsonReference { name: name.clone(), body: BodyFile::from(*body), error_over_sigma: errors })
-    });
     Json {
         format: 1,
         method: method_name(found.method),
@@ -576,7 +591,7 @@ pub fn json(found: &Identification, context: &Context) -> Json {
         },
         delay_s: found.delay_s,
         calibration: found.calibration.iter().map(json_calibration).collect(),
-        reference,
+        reference: found.estimate.as_ref().and_then(|estimate| reference_json(estimate, context)),
         holdout: context.validation.map(|v| JsonHoldout {
             nodes: v.nodes,
             torque_rms_n_m: v.torque_rms_n_m,
@@ -598,45 +613,54 @@ pub fn write_page(
     context: &Context,
     json_text: &str,
 ) -> Result<(), AstrobeeError> {
-    let start_ns = found.residuals.first().map_or(0, |r| r.time_ns);
-    let every = found.residuals.len().div_ceil(4000).max(1);
-    let rms = |pick: &dyn Fn(&tumble_identification::NodeResidual) -> Vector3<f64>| {
-        let sum: f64 = found.residuals.iter().map(|r| pick(r).norm_squared()).sum();
-        (sum / (3 * found.residuals.len().max(1)) as f64).sqrt()
-    };
-    let curve = |name, pick: &dyn Fn(&tumble_identification::NodeResidual) -> f64| Curve {
-        name,
-        points: found.residuals.iter().step_by(every).map(|r| (seconds(r.time_ns - start_ns), pick(r))).collect(),
-    };
-    draw(
-        &folder.file("residual_force.svg"),
-        "Force residual (grey: twice its rms)",
-        "N",
-        &[curve("x", &|r| r.force.x), curve("y", &|r| r.force.y), curve("z", &|r| r.force.z)],
-        Some(2.0 * rms(&|r| r.force)),
-    )?;
-    draw(
-        &folder.file("residual_torque.svg"),
-        "Torque residual (grey: twice its rms)",
-        "N m",
-        &[curve("x", &|r| r.torque.x), curve("y", &|r| r.torque.y), curve("z", &|r| r.torque.z)],
-        Some(2.0 * rms(&|r| r.torque)),
-    )?;
-    let picture = |name: &str| -> Result<String, AstrobeeError> {
+    draw_residuals(folder, &found.residuals)?;
+    let pictures = ["residual_force.svg", "residual_torque.svg"];
+    write_html(folder, &table(found, context), &warnings(found, context), &pictures, json_text)
+}
+
+/// Draws `residual_force.svg` and `residual_torque.svg`.
+pub(crate) fn draw_residuals(folder: &OutputFolder, residuals: &[NodeResidual]) -> Result<(), AstrobeeError> {
+    let start_ns = residuals.first().map_or(0, |r| r.time_ns);
+    let every = residuals.len().div_ceil(4000).max(1);
+    for (file, title, y_label, pick) in [
+        ("residual_force.svg", "Force residual (grey: twice its rms)", "N", (|r| r.force) as fn(&NodeResidual) -> _),
+        ("residual_torque.svg", "Torque residual (grey: twice its rms)", "N m", |r| r.torque),
+    ] {
+        let sum: f64 = residuals.iter().map(|r| pick(r).norm_squared()).sum();
+        let rms = (sum / (3 * residuals.len().max(1)) as f64).sqrt();
+        let curve = |(axis, name)| Curve {
+            name,
+            points: residuals.iter().step_by(every).map(|r| (seconds(r.time_ns - start_ns), pick(r)[axis])).collect(),
+        };
+        let curves = ["x", "y", "z"].into_iter().enumerate().map(curve).collect();
+        Figure { title, x_label: SINCE_START, y_label, curves, band: Some(2.0 * rms), equal_scales: false }
+            .draw(&folder.file(file))?;
+    }
+    Ok(())
+}
+
+/// One offline page of a table, warnings, pictures that lie in the folder, and the JSON object.
+pub(crate) fn write_html(
+    folder: &OutputFolder,
+    table: &str,
+    warnings: &[String],
+    pictures: &[&str],
+    json_text: &str,
+) -> Result<(), AstrobeeError> {
+    let picture = |name: &&str| -> Result<String, AstrobeeError> {
         let path = folder.file(name);
         std::fs::read_to_string(&path).map_err(|source| AstrobeeError::Unreadable { path, source })
     };
-    let items: Vec<String> = warnings(found, context).iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
+    let items: Vec<String> = warnings.iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
     let list = items.join("\n");
+    let pictures = pictures.iter().map(picture).collect::<Result<Vec<_>, _>>()?.join("\n");
     let page = format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>tumble identify</title>\n\
          <style>body{{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em}}pre{{background:#f4f4f4;\
          padding:1em;overflow:auto}}svg{{max-width:100%;height:auto}}</style></head><body>\n\
          <h1>Inertial parameters</h1>\n<pre>{}</pre>\n<h2>Warnings</h2>\n<ul>\n{list}</ul>\n\
-         <h2>Residuals</h2>\n{}\n{}\n<h2>Machine-readable</h2>\n<pre id=\"result\">{}</pre>\n</body></html>\n",
-        escaped(&table(found, context)),
-        picture("residual_force.svg")?,
-        picture("residual_torque.svg")?,
+         <h2>Residuals</h2>\n{pictures}\n<h2>Machine-readable</h2>\n<pre id=\"result\">{}</pre>\n</body></html>\n",
+        escaped(table),
         escaped(json_text),
     );
     folder.write("report.html", &page)

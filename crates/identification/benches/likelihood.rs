@@ -10,9 +10,11 @@ use exact_motion::{Multisine, Random, Run};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 use tumble_identification::dynamics::InertialParameters;
+use tumble_identification::fourier::{AttitudeChart, FourierBasis, FourierMotion};
+use tumble_identification::harmonics::{PeriodicRecord, cramer_rao, maximum_likelihood};
 use tumble_identification::lie::{LieGroup, Wrench};
-use tumble_identification::nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use tumble_identification::{FixedLag, FixedLagSettings, MaximumLikelihood, MotionSample};
+use tumble_identification::nalgebra::{DMatrix, Matrix3, SVector, UnitQuaternion, Vector3};
+use tumble_identification::{FixedLag, FixedLagSettings, MaximumLikelihood, MotionSample, Noise};
 
 fn record(samples: usize) -> Vec<MotionSample> {
     let mut random = Random::new(7);
@@ -76,5 +78,51 @@ fn window(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, estimate, window);
+/// One averaged period, all coefficients of the motion and the parameters at once.
+fn periodic(criterion: &mut Criterion) {
+    let body = InertialParameters::about_com(
+        7.2,
+        Vector3::new(0.03, -0.02, 0.04),
+        Matrix3::new(0.075, 0.012, -0.008, 0.012, 0.062, 0.015, -0.008, 0.015, 0.081),
+    );
+    let noise = Noise { torque_n_m: 0.001, force_n: 0.01, attitude_rad: 0.03, position_m: 0.05, ..Noise::default() };
+    let mut group = criterion.benchmark_group("one period");
+    group.sample_size(10);
+    for (samples, harmonics) in [(1000, 3), (6000, 10)] {
+        let mut random = Random::new(7);
+        let basis = FourierBasis::try_new(10.0, 3).unwrap();
+        let rest = basis.rest_to_rest();
+        let coefficients = &rest * DMatrix::from_fn(rest.ncols(), 6, |_, _| 0.3 * random.normal());
+        let motion = FourierMotion::try_new(basis, AttitudeChart::EulerZyx, coefficients).unwrap();
+        let channel_std = vec![0.016, 0.016, 0.016, 0.01, 0.01, 0.01];
+        let wrench_std = SVector::from([3e-4, 3e-4, 3e-4, 3e-3, 3e-3, 3e-3]);
+        let mut record = PeriodicRecord {
+            period_s: 10.0,
+            chart: motion.chart(),
+            channels: DMatrix::zeros(samples, 6),
+            wrenches: DMatrix::zeros(samples, 6),
+            wrench_offset_s: 0.0,
+            channel_std,
+            wrench_std,
+        };
+        for (i, time_s) in record.times_s().into_iter().enumerate() {
+            let [values, ..] = basis.at(time_s);
+            let wrench = motion.at(time_s).unwrap().regressor() * body.to_vector();
+            for c in 0..6 {
+                let channel: f64 = values.iter().zip(motion.coefficients().column(c).iter()).map(|(f, x)| f * x).sum();
+                record.channels[(i, c)] = channel + record.channel_std[c] * random.normal();
+                record.wrenches[(i, c)] = wrench[c] + record.wrench_std[c] * random.normal();
+            }
+        }
+        group.bench_function(format!("{samples} samples, {harmonics} harmonics"), |bencher| {
+            bencher.iter(|| maximum_likelihood(black_box(&record), harmonics).unwrap());
+        });
+        group.bench_function(format!("bound, {samples} samples"), |bencher| {
+            bencher.iter(|| cramer_rao(black_box(&motion), &body, samples, 9, &noise).unwrap());
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, estimate, window, periodic);
 criterion_main!(benches);

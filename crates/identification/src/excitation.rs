@@ -6,9 +6,9 @@ mod criterion;
 mod design;
 mod diagnosis;
 #[cfg(feature = "std")]
-mod execution;
 mod interior_point;
 #[cfg(feature = "std")]
+mod execution;
 mod limits;
 #[cfg(feature = "std")]
 mod objective;

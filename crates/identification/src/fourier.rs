@@ -4,8 +4,10 @@
 
 mod attitude;
 mod basis;
+mod extremes;
 mod motion;
 
 pub use attitude::AttitudeChart;
 pub use basis::FourierBasis;
+pub use extremes::ChannelExtremes;
 pub use motion::{FourierMotion, MOTION_TERMS, MotionInstant};

@@ -3,7 +3,7 @@
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
-use tumble_astrobee::cli::{Outcome, calibrate_wheel, identify};
+use tumble_astrobee::cli::{Outcome, calibrate_wheel, excite, identify};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -11,6 +11,8 @@ Examples:
   tumble identify flight.csv                   mass, centre of mass and inertia from a log
   tumble identify flight.csv --dry-run         what could this log tell, and how well?
   tumble identify --template                   the columns of a log, with two valid rows
+  tumble excite --fly                          design a motion that shows everything, and simulate its flight
+  tumble identify log.csv --excitation excitation.toml
   tumble calibrate-wheel cal_*.csv --out cal.toml
   tumble identify --wheel throw.csv --calibration cal.toml";
 
@@ -26,6 +28,8 @@ struct Tumble {
 enum Command {
     /// Inertial parameters from a log of poses and wrenches, or from a wheel-driven throw.
     Identify(Box<identify::IdentifyArgs>),
+    /// Designs a periodic motion that shows all inertial parameters, and simulates its flight.
+    Excite(Box<excite::ExciteArgs>),
     /// Calibrates the wheel-driven throwing device from throws of itself and of a proof block.
     CalibrateWheel(calibrate_wheel::CalibrateWheelArgs),
 }
@@ -39,6 +43,7 @@ fn main() -> ExitCode {
             return ExitCode::SUCCESS;
         }
         Some(Command::Identify(args)) => identify::run(&args),
+        Some(Command::Excite(args)) => excite::run(&args),
         Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
     };
     match outcome {

@@ -1,5 +1,6 @@
 //! `tumble identify`: from a log to mass, centre of mass and inertia.
 
+use super::identify_periodic::{self, Motion};
 use super::{Outcome, print};
 use crate::log::{LogReader, TEMPLATE, seconds};
 use crate::output::{OutputFolder, RUN_RECORD, write_file};
@@ -11,6 +12,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
+use tumble_identification::harmonics::HarmonicEstimator;
 use tumble_identification::{
     Identification, IdentificationError, LongRecord, Method, MotionSample, Nuisance, Nuisances, Part, Settings,
     WrenchTiming, identify, identify_parts, merge, predict, validate,
@@ -36,10 +38,10 @@ pub struct IdentifyArgs {
     method: MethodName,
     /// When the logged wrench acts: from its row to the next (held), or as a continuous wrench sampled there.
     #[arg(long, value_enum, default_value_t = TimingName::Held)]
-    wrench: TimingName,
+    pub(super) wrench: TimingName,
     /// Gravitational acceleration in inertial axes, m/s^2.
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
-    gravity: Vector3<f64>,
+    pub(super) gravity: Vector3<f64>,
     /// Prior knowledge of the body (TOML: a body and its standard deviations); enters the estimate.
     #[arg(long, value_name = "FILE")]
     prior: Option<PathBuf>,
@@ -50,6 +52,15 @@ pub struct IdentifyArgs {
     /// A body to compare with (TOML or JSON).
     #[arg(long, value_name = "FILE", conflicts_with = "demo")]
     reference: Option<PathBuf>,
+    /// The log holds cycles of this motion (excitation.toml of `tumble excite`): average them.
+    #[arg(long, value_name = "FILE", conflicts_with = "period")]
+    pub(super) excitation: Option<PathBuf>,
+    /// The log holds cycles of a motion of this period, s: average them.
+    #[arg(long, value_name = "S")]
+    pub(super) period: Option<f64>,
+    /// With --period: fewest harmonics to try (default 2).
+    #[arg(long, value_name = "N", requires = "period")]
+    pub(super) harmonics: Option<usize>,
     /// Keep back the last part of the log and judge the estimate on it.
     #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.25")]
     holdout: Option<f64>,
@@ -67,16 +78,16 @@ pub struct IdentifyArgs {
     reorder: bool,
     /// Print one JSON object and nothing else on stdout.
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
     /// Write report.html, residual plots, result.json, body.toml and run.json into this new folder.
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
     /// Write the body to a file: .toml, .json, .urdf or .xml (MJCF).
     #[arg(long, value_name = "FILE")]
-    export: Option<PathBuf>,
+    pub(super) export: Option<PathBuf>,
     /// Replace outputs that exist.
     #[arg(long)]
-    force: bool,
+    pub(super) force: bool,
     /// A wheel-driven throw instead of a log.
     #[arg(long, value_name = "THROW", conflicts_with_all = ["log", "demo"])]
     wheel: Option<PathBuf>,
@@ -88,7 +99,7 @@ pub struct IdentifyArgs {
     mass: Option<f64>,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 enum MethodName {
     /// Chosen from the columns and the noise found.
     Auto,
@@ -110,12 +121,28 @@ enum MethodName {
     Ekf,
     /// Unscented Kalman filter of motion and parameters.
     Ukf,
+    /// Averaged cycles of a periodic motion, weighted least squares with the derivatives of its Fourier series.
+    Fourier,
+    /// The same, maximum likelihood of the series and the parameters together.
+    FourierLikelihood,
+}
+
+impl MethodName {
+    /// What estimates from averaged cycles.
+    fn harmonic(self) -> Option<HarmonicEstimator> {
+        match self {
+            Self::Fourier => Some(HarmonicEstimator::LeastSquares),
+            Self::Auto | Self::FourierLikelihood => Some(HarmonicEstimator::Likelihood),
+            _ => None,
+        }
+    }
 }
 
 impl From<MethodName> for Method {
     fn from(name: MethodName) -> Self {
         match name {
-            MethodName::Auto => Self::Auto,
+            // The last two never come here: they need a period, and with one they are no such method.
+            MethodName::Auto | MethodName::Fourier | MethodName::FourierLikelihood => Self::Auto,
             MethodName::NewtonEuler => Self::NewtonEuler,
             MethodName::Variational => Self::Variational,
             MethodName::Variational4 => Self::Variational4,
@@ -130,7 +157,7 @@ impl From<MethodName> for Method {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum TimingName {
+pub(super) enum TimingName {
     /// Constant in body axes until the next row.
     Held,
     /// A continuous wrench, sampled.
@@ -190,7 +217,11 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
         prior: args.prior.as_deref().map(body_file::read_prior).transpose()?,
         ..Settings::default()
     };
+    let motion = Motion::of(args)?;
     let log = Log::read(args)?;
+    if let (Some(motion), Some(estimator)) = (&motion, args.method.harmonic()) {
+        return identify_periodic::run(args, motion, estimator, &log);
+    }
     if args.dry_run {
         return dry_run(args, &log, &settings);
     }
@@ -221,8 +252,27 @@ fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
         || args.dry_run
         || args.split
         || args.reorder
+        || args.excitation.is_some()
+        || args.period.is_some()
         || args.gravity != Vector3::zeros();
+    let periodic = args.excitation.is_some() || args.period.is_some();
+    let averages = matches!(args.method, MethodName::Fourier | MethodName::FourierLikelihood);
     let clash = [
+        (averages && !periodic, "`--method fourier` and `fourier-likelihood` need `--excitation` or `--period`"),
+        (
+            periodic && args.method.harmonic().is_none(),
+            "`--excitation` and `--period` belong to `--method fourier` or `fourier-likelihood`",
+        ),
+        (
+            periodic
+                && (args.demo
+                    || args.dry_run
+                    || args.split
+                    || args.prior.is_some()
+                    || args.holdout.is_some()
+                    || !args.estimate.is_empty()),
+            "averaged cycles take no `--demo`, `--dry-run`, `--split`, `--prior`, `--holdout`, `--estimate`",
+        ),
         (args.seed.is_some() && !args.demo, "`--seed` belongs to `--demo`"),
         (args.wheel.is_none() && args.calibration.is_some(), "`--calibration` belongs to `--wheel`"),
         (args.wheel.is_none() && args.mass.is_some(), "`--mass` belongs to `--wheel`"),
@@ -258,7 +308,7 @@ fn check_outputs(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
         if path.exists() && !args.force {
             return Err(AstrobeeError::OutputExists { path: path.clone() });
         }
-        let inputs = [&args.log, &args.reference, &args.prior];
+        let inputs = [&args.log, &args.reference, &args.prior, &args.excitation];
         let same =
             |input: &PathBuf| input.canonicalize().is_ok_and(|real| path.canonicalize().is_ok_and(|p| p == real));
         if inputs.into_iter().flatten().any(same) {
@@ -345,7 +395,7 @@ fn split(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome,
 }
 
 /// What is needed to repeat the run.
-fn run_record(args: &IdentifyArgs, source: &str) -> String {
+pub(super) fn run_record(args: &IdentifyArgs, source: &str) -> String {
     let options: Vec<String> = std::env::args().skip(1).collect();
     serde_json::json!({
         "format": 1,
@@ -390,18 +440,18 @@ const ROWS_IN_MEMORY: usize = 200_000;
 const RESIDUALS_PER_PART: usize = 1000;
 
 /// A log or the demo, with what the report says about it.
-struct Log {
-    source: String,
-    rows: Rows,
+pub(super) struct Log {
+    pub(super) source: String,
+    pub(super) rows: Rows,
     /// Rows before the held-out part.
     estimation_rows: usize,
-    reference: Option<(String, InertialParameters<f64>)>,
-    warnings: Vec<String>,
-    duration_s: f64,
+    pub(super) reference: Option<(String, InertialParameters<f64>)>,
+    pub(super) warnings: Vec<String>,
+    pub(super) duration_s: f64,
 }
 
 /// Where the samples are.
-enum Rows {
+pub(super) enum Rows {
     /// All of them, in memory.
     Memory(Vec<MotionSample>),
     /// Too many for the memory: checked once, read again when needed.

@@ -143,8 +143,6 @@ pub fn identify_periodic(
     let harmonics = settings.reference_harmonics..=settings.largest_harmonics;
     let cycles = average_cycles(samples, settings)?;
     let (mut fit, selection) = select_harmonics(&cycles.record, harmonics, settings.selection)?;
-    let least_squares = PeriodicLeastSquares::fit(&cycles.record, &fit)?;
-    let mut estimate = consistent(&least_squares.parameters, &least_squares.covariance)?;
     let saturation = saturated_share(samples, settings.limits.as_ref());
     let mut warnings = warnings_of(&cycles, settings);
     let chosen = fit.motion.basis().harmonics();
@@ -156,25 +154,25 @@ pub fn identify_periodic(
     }
     let saturated = saturation > settings.largest_saturation;
     let wanted = if saturated { HarmonicEstimator::TrajectoryLikelihood } else { settings.estimator };
+    let least_squares = PeriodicLeastSquares::fit(&cycles.record, &fit)
+        .and_then(|found| consistent(&found.parameters, &found.covariance, found.scale));
     let likely = match wanted {
-        HarmonicEstimator::LeastSquares => Some(estimate),
-        HarmonicEstimator::Likelihood => match maximum_likelihood(&cycles.record, chosen) {
-            Ok(found) => {
-                fit.motion = found.motion;
-                Some(found.estimate)
-            }
-            Err(error) if is_about_the_data(&error) => None,
-            Err(error) => return Err(error),
-        },
-        HarmonicEstimator::TrajectoryLikelihood => most_likely(samples, settings, &estimate)?,
+        HarmonicEstimator::LeastSquares => None,
+        HarmonicEstimator::Likelihood => settled(maximum_likelihood(&cycles.record, chosen))?.map(|found| {
+            fit.motion = found.motion;
+            found.estimate
+        }),
+        HarmonicEstimator::TrajectoryLikelihood => {
+            settled(most_likely(samples, settings, least_squares.as_ref().ok()))?
+        }
     };
-    let estimator = if let Some(likely) = likely {
-        estimate = likely;
-        wanted
-    } else {
+    let (estimate, estimator) = match likely {
+        Some(estimate) => (estimate, wanted),
+        None => (least_squares?, HarmonicEstimator::LeastSquares),
+    };
+    if estimator != wanted {
         warnings.push(HarmonicWarning::LikelihoodFailed);
-        HarmonicEstimator::LeastSquares
-    };
+    }
     if saturated && estimator == HarmonicEstimator::TrajectoryLikelihood {
         warnings.push(HarmonicWarning::TrajectoryLikelihood);
     }
@@ -221,37 +219,40 @@ fn warnings_of(cycles: &Cycles, settings: &HarmonicSettings) -> Vec<HarmonicWarn
 fn consistent(
     parameters: &SVector<f64, 10>,
     covariance: &SMatrix<f64, 10, 10>,
+    scale: BodyScale,
 ) -> Result<Estimate, IdentificationError> {
-    let scale = BodyScale::of(parameters)?;
     constrained(&from_covariance(parameters, covariance, &scale.parameter_magnitudes())?, scale)
 }
 
-/// The trajectory likelihood, from the body that least squares found; `None` where it does not settle.
+/// The trajectory likelihood, from the body that least squares found.
 fn most_likely(
     samples: &[MotionSample],
     settings: &HarmonicSettings,
-    start: &Estimate,
-) -> Result<Option<Estimate>, IdentificationError> {
-    let likelihood = MaximumLikelihood {
+    start: Option<&Estimate>,
+) -> Result<Estimate, IdentificationError> {
+    let mut likelihood = MaximumLikelihood {
         wrench_timing: settings.wrench_timing,
         gravity_world: settings.gravity_world,
-        start: start.parameters,
         ..MaximumLikelihood::default()
     };
-    let found = match likelihood.estimate(samples) {
-        Err(error) if is_about_the_data(&error) => return Ok(None),
-        found => found?,
-    };
-    let mut estimate = consistent(&found.unconstrained, &found.covariance)?;
+    if let Some(start) = start {
+        likelihood.start = start.parameters;
+    }
+    let found = likelihood.estimate(samples)?;
+    let scale = BodyScale::of(&found.parameters.to_vector())?;
+    let mut estimate = consistent(&found.unconstrained, &found.covariance, scale)?;
     // The likelihood has met the constraint where it is not linear.
     estimate.parameters = found.parameters;
     estimate.lmi_active = found.active_axis.is_some();
-    Ok(Some(estimate))
+    Ok(estimate)
 }
 
-/// Whether least squares may still answer.
-fn is_about_the_data(error: &IdentificationError) -> bool {
-    matches!(error, IdentificationError::NotExcited { .. } | IdentificationError::LikelihoodNotConverged { .. })
+/// `None` where the data do not let a likelihood settle, so that least squares may still answer.
+fn settled<T>(found: Result<T, IdentificationError>) -> Result<Option<T>, IdentificationError> {
+    match found {
+        Err(IdentificationError::NotExcited { .. } | IdentificationError::LikelihoodNotConverged { .. }) => Ok(None),
+        found => found.map(Some),
+    }
 }
 
 /// Share of the wrench's mean square that a body explains, torque counted at its own length.

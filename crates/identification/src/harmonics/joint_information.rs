@@ -64,7 +64,9 @@ impl WrenchRows {
         let mut by_channel = instant.sensitivities().map(|terms| by_terms * terms.fixed_rows::<WRENCH_TERMS>(0));
         for (i, std) in wrench_std.iter().enumerate() {
             regressor.row_mut(i).unscale_mut(*std);
-            by_channel.iter_mut().for_each(|block| block.row_mut(i).unscale_mut(*std));
+            for block in &mut by_channel {
+                block.row_mut(i).unscale_mut(*std);
+            }
         }
         Self { regressor, by_channel }
     }
@@ -187,6 +189,22 @@ impl JointInformation {
         change
     }
 
+    /// Squared error of a whitened wrench that the uncertainty of the coefficients makes, the body being known.
+    pub(super) fn scatter(&self, rows: &WrenchRows, functions: &[Vec<f64>; 3]) -> f64 {
+        let count = self.coefficients;
+        let by_coefficient = |i| rows.by_coefficient(i / self.per_channel, i % self.per_channel, functions);
+        let mut derivatives: Vec<SVector<f64, 6>> = (0..count).map(by_coefficient).collect();
+        let mut squares = 0.0;
+        for (i, row) in self.triangle.chunks_exact(count + 11).take(count).enumerate() {
+            let unit = derivatives[i] / row[i];
+            squares += unit.norm_squared();
+            for (derivative, r) in derivatives[i + 1..].iter_mut().zip(&row[i + 1..]) {
+                *derivative -= unit * *r;
+            }
+        }
+        squares
+    }
+
     /// Squared length of a step of coefficients and parameters, in standard deviations.
     pub(super) fn squared_length(&self, coefficients: &DMatrix<f64>, parameters: &SVector<f64, 10>) -> f64 {
         let step: Vec<f64> = coefficients.iter().chain(parameters.iter()).copied().collect();
@@ -242,16 +260,16 @@ mod tests {
             coefficients[(0, 5)] += 1.0;
             let table = BasisTable::new(&basis, core::iter::once(1.3), Vector3::new(0.5, -1.0, 2.0));
             let rows = |coefficients: &DMatrix<f64>| {
-                let (instant, functions) = table.instants(chart, coefficients).next().unwrap();
-                (WrenchRows::new(&instant.unwrap(), &parameters, &std), functions)
+                let instant = table.instants(chart, coefficients).next().unwrap().0.unwrap();
+                WrenchRows::new(&instant, &parameters, &std)
             };
-            let (found, functions) = rows(&coefficients);
+            let (found, functions) = (rows(&coefficients), &table.0[0]);
             for channel in 0..coefficients.ncols() {
                 for index in 0..7 {
                     let wrench = |by: f64| {
                         let mut moved = coefficients.clone();
                         moved[(index, channel)] += by;
-                        rows(&moved).0.regressor * parameters
+                        rows(&moved).regressor * parameters
                     };
                     let expected = (wrench(1e-5) - wrench(-1e-5)) / 2e-5;
                     let error = (found.by_coefficient(channel, index, functions) - expected).amax();

@@ -3,6 +3,7 @@
 use super::fit::FourierFit;
 use super::joint_information::{BasisTable, WrenchRows};
 use super::periodic_record::PeriodicRecord;
+use crate::body_scale::BodyScale;
 use crate::error::IdentificationError;
 use crate::identify::rough_scale;
 use crate::square_root_information::SquareRootInformation;
@@ -28,6 +29,10 @@ pub struct PeriodicLeastSquares {
     pub normalised_residual: f64,
     /// Root mean square of input power less rate of kinetic energy, W.
     pub power_residual_w: f64,
+    /// Mass and length in whose units the ten parameters are compared: those of the solution, or rough ones where it has none.
+    pub scale: BodyScale,
+    /// The two residuals that a body of nothing would leave.
+    pub(super) without_body: [f64; 2],
 }
 
 impl PeriodicLeastSquares {
@@ -39,6 +44,7 @@ impl PeriodicLeastSquares {
     pub fn fit(record: &PeriodicRecord, fit: &FourierFit) -> Result<Self, IdentificationError> {
         let solved = Solved::new(record, fit)?;
         let covariance = solved.covariance()?;
+        require_known(&covariance, solved.estimate.scale)?;
         Ok(Self { covariance, ..solved.estimate })
     }
 
@@ -79,23 +85,36 @@ impl<'a> Solved<'a> {
             }
             information.update(&regressor, &row.wrench.component_mul(&whiten))?;
         }
-        let magnitudes = rough_scale(&rows)?.parameter_magnitudes();
+        let scale = rough_scale(&rows)?;
+        let magnitudes = scale.parameter_magnitudes();
         let parameters = information.solve(&magnitudes)?;
-        let (mut squares, mut power_squares) = (0.0, 0.0);
+        if parameters == SVector::<f64, 10>::zeros() {
+            // Without any wrench two scales stay free: that of the mass and that of the inertia about the centre of mass.
+            return Err(IdentificationError::NotExcited { rank: 8, expected: 10, smallest_singular_value: 0.0 });
+        }
+        // Sums of squares of the wrench and of the power: left over, and altogether.
+        let (mut left, mut all) = ([0.0; 2], [0.0; 2]);
         let instants = table.instants(fit.motion.chart(), fit.motion.coefficients());
         for (row, instant) in rows.iter().zip(instants.filter_map(|(instant, _)| instant)) {
-            let residual = row.regressor * parameters - row.wrench;
-            squares += residual.component_mul(&whiten).norm_squared();
-            let power = instant.angular_velocity_body.dot(&residual.fixed_rows::<3>(0))
-                + instant.velocity_origin_body().dot(&residual.fixed_rows::<3>(3));
-            power_squares += power * power;
+            let twist = [instant.angular_velocity_body, instant.velocity_origin_body()];
+            let squares = |wrench: &SVector<f64, 6>| {
+                let power = twist[0].dot(&wrench.fixed_rows::<3>(0)) + twist[1].dot(&wrench.fixed_rows::<3>(3));
+                [wrench.component_mul(&whiten).norm_squared() / 6.0, power * power]
+            };
+            for (sums, wrench) in [(&mut left, row.regressor * parameters - row.wrench), (&mut all, row.wrench)] {
+                for (sum, square) in sums.iter_mut().zip(squares(&wrench)) {
+                    *sum += square / rows.len() as f64;
+                }
+            }
         }
-        let samples = rows.len() as f64;
+        let [normalised_residual, power_residual_w] = left.map(f64::sqrt);
         let estimate = PeriodicLeastSquares {
             parameters,
             covariance: SMatrix::zeros(),
-            normalised_residual: (squares / (6.0 * samples)).sqrt(),
-            power_residual_w: (power_squares / samples).sqrt(),
+            normalised_residual,
+            power_residual_w,
+            scale: BodyScale::of(&parameters).unwrap_or(scale),
+            without_body: all.map(f64::sqrt),
         };
         Ok(Self { record, fit, table, information, magnitudes, estimate })
     }
@@ -129,4 +148,17 @@ impl<'a> Solved<'a> {
         }
         Ok((covariance + covariance.transpose()) * 0.5)
     }
+}
+
+/// Refuses where one sigma of a direction is above the body's own scale: noise in the motion passes for motion there.
+fn require_known(covariance: &SMatrix<f64, 10, 10>, scale: BodyScale) -> Result<(), IdentificationError> {
+    let magnitudes = scale.parameter_magnitudes();
+    let like = SMatrix::<f64, 10, 10>::from_fn(|i, j| covariance[(i, j)] / (magnitudes[i] * magnitudes[j]));
+    let variances = like.symmetric_eigenvalues();
+    let rank = variances.iter().filter(|&&variance| variance < 1.0).count();
+    if rank == 10 {
+        return Ok(());
+    }
+    let smallest_singular_value = (variances.min().max(0.0) / variances.max()).sqrt();
+    Err(IdentificationError::NotExcited { rank, expected: 10, smallest_singular_value })
 }

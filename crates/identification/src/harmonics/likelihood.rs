@@ -22,9 +22,9 @@ const ROUNDING: f64 = 1e-12;
 /// No measurement is taken to be better than this fraction of the root mean square of its kind.
 const FLOOR: f64 = 1e-9;
 /// A direction counts as shown when no more than this share of its signal is noise of the poses.
-const LARGEST_NOISE_SHARE: f64 = 0.2;
+const LARGEST_NOISE_SHARE: f64 = 0.1;
 /// Samples at which that share is judged, at most about twice as many.
-const JUDGED_SAMPLES: usize = 256;
+const JUDGED_SAMPLES: usize = 64;
 
 /// The likeliest body and motion of a [`PeriodicRecord`].
 #[derive(Clone, Debug, PartialEq)]
@@ -75,27 +75,29 @@ pub fn maximum_likelihood(
     let (mut parameters, scale) = problem.least_squares()?;
     let mut coefficients = problem.fit.clone();
     let mut cost = problem.cost(&coefficients, &parameters);
-    let mut decrement = f64::INFINITY;
-    for iterations in 1..=MAX_ITERATIONS {
+    let mut iterations = 0;
+    loop {
+        iterations += 1;
         let mut information = problem.information(&coefficients, &parameters);
         let estimate = constrained(&information.of_body()?, scale)?;
         let found = estimate.parameters.to_vector();
         let (change, step) = (information.coefficients(&found), found - parameters);
-        decrement = information.squared_length(&change, &step);
-        let steps = core::iter::successors(Some(1.0), |length: &f64| Some(0.5 * length)).take(HALVINGS);
-        let tried = steps.map(|length| {
-            let (coefficients, parameters) = (&coefficients + &change * length, parameters + step * length);
-            let cost = problem.cost(&coefficients, &parameters);
-            (cost, coefficients, parameters)
-        });
-        let small = decrement < SMALL_DECREMENT.max(ROUNDING * cost);
+        let decrement = information.squared_length(&change, &step);
+        let lengths = core::iter::successors(Some(1.0), |length: &f64| Some(0.5 * length)).take(HALVINGS);
+        let mut steps = lengths.map(|length| (&coefficients + &change * length, parameters + step * length));
         let limit = cost * (1.0 + ROUNDING) + SMALL_DECREMENT;
-        let Some((next_cost, next_coefficients, next_parameters)) = tried.into_iter().find(|next| next.0 <= limit)
-        else {
-            return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement });
-        };
-        (cost, coefficients, parameters) = (next_cost, next_coefficients, next_parameters);
-        if small {
+        let next = steps.find(|(coefficients, parameters)| problem.cost(coefficients, parameters) <= limit);
+        let settled = decrement < SMALL_DECREMENT.max(ROUNDING * cost);
+        if settled || next.is_none() || iterations == MAX_ITERATIONS {
+            // Noise in the poses shows a direction that the motion does not, and leads anywhere along it.
+            problem.require_excited(&coefficients, scale, Some(&information))?;
+        }
+        match next {
+            Some(next) if settled || iterations < MAX_ITERATIONS => (coefficients, parameters) = next,
+            _ => return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement }),
+        }
+        cost = problem.cost(&coefficients, &parameters);
+        if settled {
             return Ok(PeriodicLikelihood {
                 estimate: Estimate { parameters: InertialParameters::from_vector(&parameters), ..estimate },
                 motion: FourierMotion::try_new(problem.basis, record.chart, coefficients)?,
@@ -105,7 +107,6 @@ pub fn maximum_likelihood(
             });
         }
     }
-    Err(IdentificationError::LikelihoodNotConverged { iterations: MAX_ITERATIONS, decrement })
 }
 
 /// A record, what is constant about it, and what its noise is taken to be.
@@ -197,45 +198,50 @@ impl<'a> Problem<'a> {
                 Some(WrenchRow { index, regressor: instant?.regressor(), wrench: self.record.wrench(index) })
             })
             .collect();
-        let mut information = SquareRootInformation::new();
-        for row in &rows {
-            let mut regressor = row.regressor;
-            for (i, std) in self.wrench_std.iter().enumerate() {
-                regressor.row_mut(i).unscale_mut(*std);
-            }
-            information.update(&regressor, &row.wrench.component_div(&self.wrench_std))?;
-        }
         let scale = rough_scale(&rows)?;
-        self.require_excited(&information, scale)?;
-        let parameters = constrained(&information, scale)?.parameters.to_vector();
+        self.require_excited(&self.fit, scale, None)?;
+        let parameters = constrained(&self.of_known_motion(&self.fit)?, scale)?.parameters.to_vector();
         Ok((parameters, BodyScale::of(&parameters)?))
     }
 
-    /// Counts the directions that the motion shows, above rounding and above the noise in its poses.
+    /// What the wrenches would say of the body if the motion were known.
+    fn of_known_motion(&self, coefficients: &DMatrix<f64>) -> Result<SquareRootInformation<10>, IdentificationError> {
+        let mut information = SquareRootInformation::new();
+        for (i, (instant, _)) in self.table.instants(self.record.chart, coefficients).enumerate() {
+            let Some(instant) = instant else { continue };
+            let mut regressor = instant.regressor();
+            for (row, std) in self.wrench_std.iter().enumerate() {
+                regressor.row_mut(row).unscale_mut(*std);
+            }
+            information.update(&regressor, &self.whitened_wrench(i))?;
+        }
+        Ok(information)
+    }
+
+    /// Counts the directions of the ten parameters that a motion shows, above rounding and, where the motion is known as
+    /// well as `joint` says, above what is noise in it.
     fn require_excited(
         &self,
-        information: &SquareRootInformation<10>,
+        coefficients: &DMatrix<f64>,
         scale: BodyScale,
+        joint: Option<&JointInformation>,
     ) -> Result<(), IdentificationError> {
         let magnitudes = scale.parameter_magnitudes();
+        let information = self.of_known_motion(coefficients)?;
         let (values, right) = singular_values(information.scaled_factor(&magnitudes));
         let every = self.record.samples() / JUDGED_SAMPLES + 1;
-        let shown = |direction: usize| {
-            if values[direction] <= RANK_TOLERANCE * values[0] {
-                return false;
-            }
+        let noise = |joint: &JointInformation, direction: usize| {
             let body = right.column(direction).component_mul(&magnitudes);
-            let mut noise = 0.0;
-            for (instant, functions) in self.table.instants(self.record.chart, &self.fit).step_by(every) {
-                let Some(instant) = instant else { continue };
-                let rows = WrenchRows::new(&instant, &body, &self.wrench_std);
-                for (channel, std) in self.fit_std.column_iter().enumerate() {
-                    for (j, std) in std.iter().enumerate() {
-                        noise += rows.by_coefficient(channel, j, functions).norm_squared() * std * std;
-                    }
-                }
-            }
-            noise * (every as f64) < LARGEST_NOISE_SHARE * values[direction].powi(2)
+            let instants = self.table.instants(self.record.chart, coefficients).step_by(every);
+            let scatter = instants.map(|(instant, functions)| {
+                let rows = instant.map(|instant| WrenchRows::new(&instant, &body, &self.wrench_std));
+                rows.map_or(0.0, |rows| joint.scatter(&rows, functions))
+            });
+            scatter.sum::<f64>() * every as f64
+        };
+        let shown = |direction: usize| {
+            values[direction] > RANK_TOLERANCE * values[0]
+                && joint.is_none_or(|joint| noise(joint, direction) < LARGEST_NOISE_SHARE * values[direction].powi(2))
         };
         let rank = (0..10).filter(|&direction| shown(direction)).count();
         if rank == 10 {

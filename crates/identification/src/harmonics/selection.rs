@@ -6,6 +6,9 @@ use super::periodic_record::PeriodicRecord;
 use crate::error::IdentificationError;
 use core::ops::RangeInclusive;
 
+/// A residual that is less by this share of the wrench or the power only is not less.
+const ROUNDING: f64 = 1e-9;
+
 /// What the number of harmonics is chosen by: the least of one of two residuals.
 ///
 /// Both work for the same reason: a harmonic that the motion has and the fit lacks leaves its wrench in the residual; one that
@@ -53,7 +56,7 @@ impl HarmonicCandidate {
     }
 }
 
-/// The fit with the least residual, and the residuals of all numbers of harmonics.
+/// The fit with the least residual, of equal ones that with the fewest harmonics, and the residuals of all numbers of harmonics.
 ///
 /// # Errors
 /// [`IdentificationError::HarmonicRange`] for an empty range, and those of [`FourierFit::new`] and
@@ -76,7 +79,12 @@ pub fn select_harmonics(
             power_residual_w: found.power_residual_w,
         };
         let residual = candidate.residual(rule);
-        if best.as_ref().is_none_or(|(least, _)| residual < *least) {
+        let rounding = ROUNDING
+            * match rule {
+                SelectionRule::LeastSquaresResidual => found.without_body[0],
+                SelectionRule::EnergyBalance => found.without_body[1],
+            };
+        if best.as_ref().is_none_or(|(least, _)| residual + rounding < *least) {
             best = Some((residual, fit));
         }
         table.push(candidate);

@@ -1,0 +1,183 @@
+//! `tumble identify LOG --excitation FILE`: the cycles of a periodic motion, averaged.
+
+use super::identify::{IdentifyArgs, Log, Rows, run_record};
+use super::{Outcome, print};
+use crate::excitation_file::ExcitationFile;
+use crate::harmonic_report as report;
+use crate::output::{OutputFolder, RUN_RECORD, write_file};
+use crate::report::Context;
+use crate::{AstrobeeError, body_file, space_cobot};
+use std::path::{Path, PathBuf};
+use tumble_identification::harmonics::{
+    HarmonicEstimator, HarmonicIdentification, HarmonicSettings, cramer_rao, identify_periodic,
+};
+use tumble_identification::{IdentificationError, MotionSample, Noise, NullDirection};
+
+/// Harmonics that are tried first where nothing says how many the motion has: the fewest that start and end at rest.
+const FEWEST_HARMONICS: usize = 2;
+
+/// What is known of the motion: its file, or its period and harmonics.
+pub(super) enum Motion {
+    /// `--excitation`.
+    File {
+        /// Where it was read.
+        path: PathBuf,
+        /// What it says.
+        file: Box<ExcitationFile>,
+    },
+    /// `--period` and `--harmonics`.
+    Period {
+        /// Period, s.
+        period_s: f64,
+        /// Fewest harmonics to try.
+        harmonics: usize,
+    },
+}
+
+impl Motion {
+    /// What the options say of it; `None` where they say nothing.
+    ///
+    /// # Errors
+    /// [`AstrobeeError`] for a bad file.
+    pub(super) fn of(args: &IdentifyArgs) -> Result<Option<Self>, AstrobeeError> {
+        let harmonics = args.harmonics.unwrap_or(FEWEST_HARMONICS);
+        Ok(match (&args.excitation, args.period) {
+            (Some(path), _) => Some(Self::File { path: path.clone(), file: Box::new(ExcitationFile::read(path)?) }),
+            (None, Some(period_s)) => Some(Self::Period { period_s, harmonics }),
+            (None, None) => None,
+        })
+    }
+
+    fn settings(&self) -> Result<HarmonicSettings, AstrobeeError> {
+        Ok(match self {
+            Self::File { path, file } => HarmonicSettings {
+                world_from_start: file.world_from_start(path)?,
+                limits: Some(space_cobot::wrench_box(file.limits.force_n, file.limits.torque_n_m)),
+                ..HarmonicSettings::new(file.period_s, file.harmonics)
+            },
+            Self::Period { period_s, harmonics } => HarmonicSettings::new(*period_s, *harmonics),
+        })
+    }
+
+    /// What this motion cannot show of any body, in words, where the motion is known.
+    fn null_directions(&self) -> Result<Vec<NullDirection>, AstrobeeError> {
+        let Self::File { path, file } = self else { return Ok(Vec::new()) };
+        let (motion, body) = (file.motion(path)?, file.body.to_parameters(path)?);
+        let noise = Noise {
+            torque_n_m: file.noise.torque_n_m,
+            force_n: file.noise.force_n,
+            attitude_rad: file.noise.attitude_rad,
+            position_m: file.noise.position_m,
+            ..Noise::default()
+        };
+        let bound = cramer_rao(&motion, &body, 4 * file.harmonics + 1, 1, &noise)?;
+        Ok(bound.observability.null_directions().to_vec())
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`AstrobeeError`] for bad input; a log that cannot answer is [`Outcome::NotAchieved`].
+pub(super) fn run(
+    args: &IdentifyArgs,
+    motion: &Motion,
+    estimator: HarmonicEstimator,
+    log: &Log,
+) -> Result<Outcome, AstrobeeError> {
+    let Rows::Memory(samples) = &log.rows else {
+        return Err(AstrobeeError::BadOption {
+            message: "a periodic motion is averaged in memory: this log is too long for that".to_owned(),
+        });
+    };
+    let mut settings = HarmonicSettings {
+        estimator,
+        wrench_timing: args.wrench.into(),
+        gravity_world: args.gravity,
+        ..motion.settings()?
+    };
+    settings.largest_harmonics = within_sampling(&settings, samples);
+    let found = match identify_periodic(samples, &settings) {
+        Err(IdentificationError::NotExcited { rank, .. }) => {
+            return unidentified(args, motion, &settings, log, samples.len(), rank);
+        }
+        found => found?,
+    };
+    let context = Context {
+        source: log.source.clone(),
+        reference: log.reference.as_ref().map(|(name, body)| (name.clone(), body)),
+        validation: None,
+        reader_warnings: log.warnings.clone(),
+        duration_s: log.duration_s,
+    };
+    deliver(args, &found, &settings, &context, samples.len())
+}
+
+/// The most harmonics that are tried, as far as the log's sampling can tell them apart.
+fn within_sampling(settings: &HarmonicSettings, samples: &[MotionSample]) -> usize {
+    let (Some(first), Some(last)) = (samples.first(), samples.last()) else { return settings.largest_harmonics };
+    let step_s = crate::log::seconds(last.time_ns - first.time_ns) / samples.len().saturating_sub(1).max(1) as f64;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+    let per_period = (settings.period_s / step_s).round() as usize;
+    settings.largest_harmonics.min(per_period.saturating_sub(1) / 2).max(settings.reference_harmonics)
+}
+
+fn unidentified(
+    args: &IdentifyArgs,
+    motion: &Motion,
+    settings: &HarmonicSettings,
+    log: &Log,
+    samples: usize,
+    rank: usize,
+) -> Result<Outcome, AstrobeeError> {
+    let free = motion.null_directions()?;
+    for warning in &log.warnings {
+        eprintln!("warning: {warning}");
+    }
+    if args.json {
+        print(&format!("{}\n", report::unidentified_json(settings, samples, rank, &free, &log.warnings)))?;
+    } else {
+        let mut text = format!(
+            "{}\nverdict: this motion does not determine the body: {rank} of 10 parameter directions\n",
+            log.source
+        );
+        for direction in free {
+            text += &format!("  not determined: {direction}\n");
+        }
+        print(&text)?;
+    }
+    if args.out.is_some() || args.export.is_some() {
+        eprintln!("warning: there is no body; nothing is written");
+    }
+    Ok(Outcome::NotAchieved)
+}
+
+fn deliver(
+    args: &IdentifyArgs,
+    found: &HarmonicIdentification,
+    settings: &HarmonicSettings,
+    context: &Context,
+    samples: usize,
+) -> Result<Outcome, AstrobeeError> {
+    let warnings = report::warnings(found, context);
+    for warning in &warnings {
+        eprintln!("warning: {warning}");
+    }
+    let json = report::json(found, settings, context, samples).to_string();
+    let table = report::table(found, settings, context, samples);
+    print(&if args.json { format!("{json}\n") } else { table.clone() })?;
+    let body = &found.estimate.parameters;
+    if let Some(path) = &args.export {
+        write_file(path, body_file::export(path, body)?.as_bytes(), args.force)?;
+        eprintln!("wrote {}", path.display());
+    }
+    if let Some(path) = &args.out {
+        let folder = OutputFolder::create(path, args.force)?;
+        folder.write("result.json", &json)?;
+        folder.write("body.toml", &body_file::export(Path::new("body.toml"), body)?)?;
+        report::write_page(&folder, found, &table, &warnings, &json)?;
+        folder.write(RUN_RECORD, &run_record(args, &context.source))?;
+        eprintln!("wrote {}", folder.finish()?.join("report.html").display());
+    }
+    Ok(if report::is_identified(found) { Outcome::Achieved } else { Outcome::NotAchieved })
+}
