@@ -1,12 +1,6 @@
 //! From cycles of a periodic motion to the parameters: averaging, Fourier fit, harmonic selection, estimation.
 
 mod cramer_rao;
-mod cycles;
-mod fit;
-mod identify_periodic;
-mod joint_information;
-mod least_squares;
-mod likelihood;
 mod joint_information;
 mod likelihood;
 mod cycles;
@@ -19,6 +13,7 @@ mod selection;
 mod warning;
 
 pub use cramer_rao::{CramerRao, cramer_rao};
+pub use likelihood::{PeriodicLikelihood, maximum_likelihood};
 pub use cycles::{Cycles, average_cycles};
 pub use fit::FourierFit;
 pub use identify_periodic::{HarmonicEstimator, HarmonicIdentification, HarmonicSettings, identify_periodic};
