@@ -29,6 +29,8 @@ pub const CYCLES: usize = 10;
 pub const STEP_S: f64 = 0.01;
 /// Workspace of the designs, m and rad.
 pub const WORKSPACE: [f64; 2] = [0.75, 0.8];
+/// Cost per degree of freedom below which a likelihood has harmonics enough.
+const EXPLAINED: f64 = 1.1;
 /// Samples per period that a design is judged by.
 const DESIGN_SAMPLES: usize = 100;
 /// Reward of V1 per root mean square of a channel.
@@ -125,7 +127,7 @@ pub type GroupErrors = [f64; 3];
 
 const NO_ANSWER: GroupErrors = [f64::INFINITY; 3];
 
-/// What errors are divided by.
+/// Inertia and mass by their own size.
 fn relative(found: &SVector<f64, 10>, truth: &InertialParameters<f64>) -> GroupErrors {
     let [inertia, center, mass] = Errors::of(found, truth).norms();
     [inertia / truth.to_vector().fixed_rows::<6>(4).norm(), center, mass / truth.mass]
@@ -134,7 +136,10 @@ fn relative(found: &SVector<f64, 10>, truth: &InertialParameters<f64>) -> GroupE
 /// Which estimators answer beside least squares.
 #[derive(Clone, Copy, Default)]
 pub struct Beside {
-    pub coefficients: bool,
+    /// The likelihood in coefficient space with the first of these numbers of harmonics that leaves nothing but noise, else the
+    /// last that answers.
+    pub coefficients: &'static [usize],
+    pub coefficients_as_chosen: bool,
     pub trajectory: bool,
 }
 
@@ -143,7 +148,7 @@ pub struct Beside {
 pub struct Outcome {
     /// Share of time with any component of the wrench at its limit.
     pub saturation: f64,
-    /// Share of the rms pose deviation from the motion: position in m, angle in rad.
+    /// Rms deviation from the motion: distance in m, angle in rad.
     pub deviation: [f64; 2],
     /// Least squares with 3, 4 .. 10 harmonics.
     pub by_harmonics: Vec<GroupErrors>,
@@ -154,8 +159,10 @@ pub struct Outcome {
     /// Parameters by least squares with the first of them, in the thesis's order (4.9), and the truth.
     pub least_squares: Option<SVector<f64, 10>>,
     pub truth: SVector<f64, 10>,
-    /// Likelihood in coefficient space with as many harmonics, where asked for.
+    /// Likelihood in coefficient space with harmonics enough to leave nothing but noise, where asked for.
     pub by_coefficients: Option<GroupErrors>,
+    /// The same with the number of harmonics that least squares chose, where asked for.
+    pub by_coefficients_as_chosen: Option<GroupErrors>,
     /// Likelihood of the trajectory with the wrench that acted, where asked for.
     pub by_trajectory: Option<GroupErrors>,
 }
@@ -204,7 +211,8 @@ pub fn process(
         chosen: [0; 2],
         least_squares: None,
         truth: load.to_vector(),
-        by_coefficients: beside.coefficients.then_some(NO_ANSWER),
+        by_coefficients: (!beside.coefficients.is_empty()).then_some(NO_ANSWER),
+        by_coefficients_as_chosen: beside.coefficients_as_chosen.then_some(NO_ANSWER),
         by_trajectory: beside.trajectory.then_some(NO_ANSWER),
     };
     if beside.trajectory {
@@ -215,12 +223,28 @@ pub fn process(
     // A body that turned over has no periodic Euler angles.
     let Ok(cycles) = average_cycles(&log, &settings) else { return Ok(outcome) };
     let _ = fourier(&cycles.record, load, &mut outcome);
-    if beside.coefficients {
+    if !beside.coefficients.is_empty() {
+        outcome.by_coefficients = Some(by_coefficients(&cycles.record, load, beside.coefficients));
+    }
+    if beside.coefficients_as_chosen {
         let found = maximum_likelihood(&cycles.record, outcome.chosen[0]).ok();
-        let found = found.map(|found| found.estimate.parameters.to_vector());
-        outcome.by_coefficients = Some(found.map_or(NO_ANSWER, |found| relative(&found, load)));
+        let found = found.map(|found| relative(&found.estimate.parameters.to_vector(), load));
+        outcome.by_coefficients_as_chosen = Some(found.unwrap_or(NO_ANSWER));
     }
     Ok(outcome)
+}
+
+fn by_coefficients(record: &PeriodicRecord, load: &InertialParameters<f64>, harmonics: &[usize]) -> GroupErrors {
+    let mut last = NO_ANSWER;
+    for &harmonics in harmonics {
+        if let Ok(found) = maximum_likelihood(record, harmonics) {
+            last = relative(&found.estimate.parameters.to_vector(), load);
+            if found.reduced_chi_square() < EXPLAINED {
+                break;
+            }
+        }
+    }
+    last
 }
 
 /// Least squares with every number of harmonics, and the choice among them.
