@@ -170,7 +170,7 @@ fn draw_panel(area: &DrawingArea<SVGBackend, plotters::coord::Shift>, panel: &Pa
         names => {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small whole number")]
             let name = names.get(x.round().max(0.0) as usize);
-            name.filter(|_| (x - x.round()).abs() < 1e-6).map_or_else(String::new, |(name, _)| name.clone())
+            name.filter(|_| *x > -0.5 && (x - x.round()).abs() < 1e-6).map_or_else(String::new, |(name, _)| name.clone())
         }
     };
     chart
@@ -205,7 +205,12 @@ fn draw_panel(area: &DrawingArea<SVGBackend, plotters::coord::Shift>, panel: &Pa
                     .label(format!("{heat} {value:.0}"))
                     .legend(move |(x, y)| Circle::new((x + 9, y), 4, colour.filled()));
             }
-            chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.3)).draw()?;
+            chart
+                .configure_series_labels()
+                .position(SeriesLabelPosition::UpperLeft)
+                .background_style(WHITE.mix(0.8))
+                .border_style(BLACK.mix(0.3))
+                .draw()?;
         }
         Marks::Boxes(boxes) => {
             for ((i, (_, values)), colour) in boxes.iter().enumerate().zip(COLOURS.iter().cycle()) {

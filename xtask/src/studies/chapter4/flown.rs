@@ -143,6 +143,13 @@ pub struct Beside {
     pub trajectory: bool,
 }
 
+impl Beside {
+    /// Without the likelihood in coefficient space unless it is wanted.
+    pub fn only_if(self, wanted: bool) -> Self {
+        if wanted { self } else { Self { trajectory: self.trajectory, ..Self::default() } }
+    }
+}
+
 /// What became of one flight.
 #[derive(Clone, Debug)]
 pub struct Outcome {
