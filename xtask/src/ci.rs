@@ -265,13 +265,13 @@ fn real_data() -> Outcome {
     shell(&mut [command])
 }
 
-/// Few runs of every cell, with the bands of their own number; one load and one motion of each criterion. The long studies are
-/// `cargo xtask study identification` and `reproduce chapter4`.
+/// Few runs of every cell, and two loads with two motions of each criterion, with the bands of their own number. The long studies
+/// are `cargo xtask study identification` and `reproduce chapter4`.
 fn reduced_studies() -> Outcome {
     let mut identification = studies("study");
     identification.args(["study", "identification", "--runs", "5"]);
     let mut chapter4 = studies("reproduce");
-    chapter4.args(["reproduce", "chapter4", "--runs", "1"]);
+    chapter4.args(["reproduce", "chapter4", "--runs", "2"]);
     shell(&mut [identification, chapter4])
 }
 
