@@ -235,6 +235,17 @@ impl AstrobeeError {
                     "check the timing of the wrench, units and frames; ask for fewer quantities beside the body, or take a regression: \
                      `--method variational4`"
                 }
+                IdentificationError::InvalidPeriod { .. } | IdentificationError::PeriodNotWhole { .. } => {
+                    "state the period that was flown with `--excitation` or `--period`, sampled a whole number of times"
+                }
+                IdentificationError::TooFewCycles { .. } => "fly more cycles, or state the period that was flown",
+                IdentificationError::TooManyHarmonics { .. } => "fewer harmonics, or a higher sampling rate",
+                IdentificationError::UnequalSteps { .. } | IdentificationError::WrenchMissing { .. } => {
+                    "averaging needs a wrench in every row at equal steps: leave out `--excitation` or `--period` for this log"
+                }
+                IdentificationError::NotPeriodic { .. } => {
+                    "state the period that was flown; of a robot that turns on and on, leave out `--excitation` or `--period`"
+                }
                 _ => "check units, signs and frames; record motion and wrench about every axis",
             },
             Self::Dynamics(_) => "please report this with the seed",

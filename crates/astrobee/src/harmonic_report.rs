@@ -28,9 +28,14 @@ pub fn warnings(found: &HarmonicIdentification, context: &Context) -> Vec<String
     context.reader_warnings.iter().cloned().chain(own).collect()
 }
 
-/// Whether the motion explains the wrench, and every number is known better than the body's own scale.
+/// Whether the body explains the wrench, and every number is known better than the body's own scale.
 pub fn is_identified(found: &HarmonicIdentification) -> bool {
-    found.explained >= POOR_FIT && worst_std(&found.estimate).0 < 1.0
+    !explains_nothing(found) && worst_std(&found.estimate).0 < 1.0
+}
+
+/// Whether the fitted motion contradicts the wrench; the trajectory likelihood does not rest on that motion.
+fn explains_nothing(found: &HarmonicIdentification) -> bool {
+    found.explained < POOR_FIT && found.estimator != HarmonicEstimator::TrajectoryLikelihood
 }
 
 /// Samples behind the estimate.
@@ -78,12 +83,19 @@ pub fn table(found: &HarmonicIdentification, settings: &HarmonicSettings, contex
         noise.position_m, noise.attitude_rad, noise.torque_n_m, noise.force_n
     );
     text += &body_table(&found.estimate, &[true; 10], context);
-    let _ = writeln!(text, "  {:<12}{:>22}{:>20}", "harmonics", "wrench residual/noise", "power residual, W");
+    let criteria = || found.selection.iter().filter_map(|candidate| candidate.information_criterion);
+    let least = criteria().fold(f64::INFINITY, f64::min);
+    let _ = writeln!(
+        text,
+        "  {:<12}{:>22}{:>20}{:>24}",
+        "harmonics", "wrench residual/noise", "power residual, W", "criterion above least"
+    );
     for candidate in &found.selection {
         let chosen = if candidate.harmonics == found.harmonics() { "  chosen" } else { "" };
+        let above = candidate.information_criterion.map_or("-".to_owned(), |value| format!("{:.1}", value - least));
         let _ = writeln!(
             text,
-            "  {:<12}{:>22.4}{:>20.3e}{chosen}",
+            "  {:<12}{:>22.4}{:>20.3e}{above:>24}{chosen}",
             candidate.harmonics, candidate.normalised_residual, candidate.power_residual_w
         );
     }
@@ -99,7 +111,7 @@ fn verdict(found: &HarmonicIdentification) -> String {
             condition_number(&found.estimate),
             100.0 * share
         )
-    } else if found.explained < POOR_FIT {
+    } else if explains_nothing(found) {
         "verdict: no body explains this log; do not use the numbers above\n".to_owned()
     } else {
         format!("verdict: not identified; {name} is not known to better than the body's own scale\n")
@@ -131,6 +143,7 @@ pub fn json(
                 "harmonics": candidate.harmonics,
                 "normalised_residual": candidate.normalised_residual,
                 "power_residual_w": candidate.power_residual_w,
+                "information_criterion": candidate.information_criterion,
             })
         })
         .collect();

@@ -101,6 +101,7 @@ fn periodic(criterion: &mut Criterion) {
             chart: motion.chart(),
             channels: DMatrix::zeros(samples, 6),
             wrenches: DMatrix::zeros(samples, 6),
+            gravity: Vector3::zeros(),
             wrench_offset_s: 0.0,
             channel_std,
             wrench_std,

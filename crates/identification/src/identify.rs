@@ -29,12 +29,12 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use noise::SampleNoise;
 use rows::Scheme;
 use solution::{Judgement, Silent, Solution, judge, solve};
-pub(crate) use solution::{constrained, from_covariance, standard_deviations};
 use timeline::Timeline;
 
 pub use long::LongRecord;
 pub use merge::merge;
 pub use parts::{Part, identify_parts};
+pub(crate) use solution::{constrained, from_covariance, standard_deviations};
 pub use warning::Warning;
 
 /// Which equations tie the motion to the parameters.

@@ -1,10 +1,10 @@
 //! From cycles of a periodic motion to the body: averaging, fit, selection, estimation, and what is said about bad records.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
 mod periodic_log;
 
-use periodic_log::{PeriodicLog, Random, noise};
+use periodic_log::{PeriodicLog, Random, flown, noise, noisy};
 use tumble_identification::dynamics::WrenchBox;
 use tumble_identification::fourier::{AttitudeChart, FourierBasis, FourierMotion};
 use tumble_identification::harmonics::{
@@ -12,7 +12,7 @@ use tumble_identification::harmonics::{
     PeriodicLeastSquares, PeriodicRecord, SelectionRule, average_cycles, identify_periodic, saturated_share,
     select_harmonics,
 };
-use tumble_identification::lie::Pose;
+use tumble_identification::lie::{Pose, Wrench};
 use tumble_identification::nalgebra::{DMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 use tumble_identification::statistics::{coverage_band, mean_square_band, normalized_squared_error};
 use tumble_identification::{Column, IdentificationError, MotionSample, Noise, WrenchTiming};
@@ -174,7 +174,7 @@ fn quaternions_serve_as_coordinates() {
 }
 
 /// One hundred seeds: the normalised squared error has the mean ten within the band of one false alarm in a thousand. Counting the noise of
-/// the wrench alone, as the print does, the mean would be a hundred times larger.
+/// the wrench alone, as the print does, the mean would be thousands of times larger.
 #[test]
 fn covariance_is_honest_about_noise_in_the_motion() {
     let log = PeriodicLog { samples_per_cycle: 200, ..log(7) };
@@ -268,11 +268,13 @@ fn a_transient_is_dropped_and_nothing_else() {
         assert_eq!((found.dropped, found.used, found.transient_remains), (forced, 10 - forced, false));
     }
     // Two always remain, and it is said.
-    with_transient(&mut samples, 5.0, 40.0);
-    let found = identify_periodic(&samples, &least_squares()).unwrap();
-    assert_eq!((found.cycles_used, found.cycles_dropped), (2, 8));
+    let samples = &mut samples[..800];
+    with_transient(samples, 20.0, 8.0);
+    let known = HarmonicSettings { noise: Some(noise()), ..least_squares() };
+    let found = identify_periodic(samples, &known).unwrap();
+    assert_eq!((found.cycles_used, found.cycles_dropped), (2, 2));
     assert!(has(&found, |w| matches!(w, HarmonicWarning::TransientRemains)));
-    assert!(has(&found, |w| matches!(w, HarmonicWarning::TransientDropped { cycles: 8 })));
+    assert!(has(&found, |w| matches!(w, HarmonicWarning::TransientDropped { cycles: 2 })));
 }
 
 #[test]
@@ -335,6 +337,31 @@ fn saturation_is_seen_with_and_without_stated_limits() {
     }
 }
 
+/// The wrench that acted explains the motion whatever the limits did to it; a short Fourier series does not.
+#[test]
+fn saturated_records_go_to_the_trajectory_likelihood() {
+    let limits = WrenchBox { torque_limit: Vector3::repeat(0.15), force_limit: Vector3::repeat(5.0) };
+    let mut random = Random::new(21);
+    let (motion, body) = (random.motion(10.0, 3), random.load());
+    let start = Pose::from_parts(Translation3::new(1.0, -2.0, 0.5), UnitQuaternion::new(Vector3::new(0.4, -0.9, 1.3)));
+    let (samples, saturation) = flown(&motion, &body, &limits, &start, (6, 200));
+    let samples = noisy(samples, &start, &Noise { torque_n_m: 0.0, force_n: 0.0, ..noise() }, 22);
+    let settings = HarmonicSettings { world_from_start: start, ..HarmonicSettings::new(10.0, 3) };
+    let error = |found: &HarmonicIdentification| {
+        let truth = body.inertia_about_com();
+        (found.estimate.parameters.inertia_about_com() - truth).norm() / truth.norm()
+    };
+    let found = identify_periodic(&samples, &settings).unwrap();
+    assert!(saturation > 0.5 && (found.saturation - saturation).abs() < 0.05);
+    assert_eq!(found.estimator, HarmonicEstimator::TrajectoryLikelihood);
+    assert!(has(&found, |w| matches!(w, HarmonicWarning::TrajectoryLikelihood)));
+    assert!(has(&found, |w| matches!(w, HarmonicWarning::Saturated { .. })));
+    let kept = HarmonicSettings { largest_saturation: 1.0, estimator: HarmonicEstimator::LeastSquares, ..settings };
+    let kept = identify_periodic(&samples, &kept).unwrap();
+    assert_eq!(kept.estimator, HarmonicEstimator::LeastSquares);
+    assert!(error(&found) < 0.02 && error(&found) < 0.5 * error(&kept), "{} {}", error(&found), error(&kept));
+}
+
 /// Twenty motions of three harmonics, five each with added ones up to the third (none) to the sixth; the study has two hundred.
 /// There the residual of the wrench always finds the limit, the one number per sample of the energy balance in 95 %.
 #[test]
@@ -350,7 +377,7 @@ fn both_rules_find_the_true_band_limit() {
             assert_eq!(table.len(), 8);
             let least = table.iter().map(|candidate| candidate.residual(rule)).fold(f64::INFINITY, f64::min);
             let chosen = fit.motion.basis().harmonics();
-            assert_eq!(table[chosen - 3].residual(rule), least);
+            assert!(table[chosen - 3].residual(rule) <= least);
             found += u8::from(chosen == limit);
         }
         let band = coverage_band(share, 20, 0.98);
@@ -437,10 +464,14 @@ fn bad_records_are_refused_with_what_would_do() {
     let mut without = samples.clone();
     without[321].wrench_body = None;
     assert_eq!(refused(&without, &settings()), IdentificationError::WrenchMissing { index: 321 });
-    without.iter_mut().for_each(|sample| sample.wrench_body = None);
+    for sample in &mut without {
+        sample.wrench_body = None;
+    }
     assert_eq!(refused(&without, &settings()), IdentificationError::MissingColumn(Column::Wrench));
     let mut silent = samples.clone();
-    silent.iter_mut().for_each(|sample| sample.wrench_body = sample.wrench_body.map(|wrench| wrench * 0.0));
+    for sample in &mut silent {
+        sample.wrench_body = Some(Wrench::zero());
+    }
     assert!(matches!(refused(&silent, &settings()), IdentificationError::NotExcited { .. }));
     let mut uneven = samples.clone();
     uneven[100].time_ns += 1_000_000;
@@ -461,6 +492,8 @@ fn bad_records_are_refused_with_what_would_do() {
     assert!(matches!(error, IdentificationError::NotPeriodic { .. }), "{error}");
     // Standing still shows nothing.
     let mut still = samples;
-    still.iter_mut().for_each(|sample| sample.world_from_body = Pose::identity());
+    for sample in &mut still {
+        sample.world_from_body = Pose::identity();
+    }
     assert!(matches!(refused(&still, &settings()), IdentificationError::NotExcited { .. }));
 }

@@ -11,6 +11,7 @@ mod chapter4;
 mod chapter5;
 mod dynamics;
 mod ekf_rls;
+mod excitation;
 mod flights;
 mod fourier;
 mod ident_sdp;
@@ -76,37 +77,41 @@ fn run_record(command: &str, configuration: &serde_json::Value) -> String {
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let (name, rest) = words.split_first().map_or(("", &[][..]), |(name, rest)| (name.as_str(), rest));
-    let result = match name {
-        "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps"])
-            .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
-        "real-data" => {
-            Arguments::parse(rest, &["--json", "--check"], &["--data"]).and_then(|arguments| real_data::run(&arguments))
-        }
-        "reproduce" => match rest.split_first() {
-            Some((what, rest)) if what == "chapter4" => {
-                Arguments::parse(rest, &[], &["--out", "--runs"]).and_then(|arguments| chapter4::run(&arguments))
-            }
-            Some((what, rest)) if what == "chapter5" => {
-                Arguments::parse(rest, &[], &["--out", "--runs"]).and_then(|arguments| chapter5::run(&arguments))
-            }
-            _ => Err(Failure::BadInput("reproduce what? `chapter4`, `chapter5`".to_owned())),
-        },
-        "study" => match rest.split_first() {
-            Some((what, rest)) if what == "identification" => {
-                Arguments::parse(rest, &[], &["--cells", "--runs", "--out"])
-                    .and_then(|arguments| identification::run(&arguments))
-            }
-            Some((what, rest)) if what == "change-detection" => {
-                Arguments::parse(rest, &[], &["--grasps", "--hours", "--seed"])
-                    .and_then(|arguments| change_detection::run(&arguments))
-            }
-            Some((what, rest)) if what == "calibration" => {
-                Arguments::parse(rest, &[], &["--runs", "--only"]).and_then(|arguments| calibration::run(&arguments))
-            }
-            _ => Err(Failure::BadInput("study what? `identification`, `calibration`, `change-detection`".to_owned())),
-        },
-        unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
-    };
+    let result =
+        match name {
+            "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps"])
+                .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
+            "real-data" => Arguments::parse(rest, &["--json", "--check"], &["--data"])
+                .and_then(|arguments| real_data::run(&arguments)),
+            "reproduce" => match rest.split_first() {
+                Some((what, rest)) if what == "chapter4" => {
+                    Arguments::parse(rest, &[], &["--out", "--runs"]).and_then(|arguments| chapter4::run(&arguments))
+                }
+                Some((what, rest)) if what == "chapter5" => {
+                    Arguments::parse(rest, &[], &["--out", "--runs"]).and_then(|arguments| chapter5::run(&arguments))
+                }
+                _ => Err(Failure::BadInput("reproduce what? `chapter4`, `chapter5`".to_owned())),
+            },
+            "study" => match rest.split_first() {
+                Some((what, rest)) if what == "identification" => {
+                    Arguments::parse(rest, &[], &["--cells", "--runs", "--out"])
+                        .and_then(|arguments| identification::run(&arguments))
+                }
+                Some((what, rest)) if what == "change-detection" => {
+                    Arguments::parse(rest, &[], &["--grasps", "--hours", "--seed"])
+                        .and_then(|arguments| change_detection::run(&arguments))
+                }
+                Some((what, rest)) if what == "calibration" => Arguments::parse(rest, &[], &["--runs", "--only"])
+                    .and_then(|arguments| calibration::run(&arguments)),
+                Some((what, rest)) if what == "excitation" => {
+                    Arguments::parse(rest, &[], &["--cases"]).and_then(|arguments| excitation::run(&arguments))
+                }
+                _ => Err(Failure::BadInput(
+                    "study what? `identification`, `calibration`, `change-detection`, `excitation`".to_owned(),
+                )),
+            },
+            unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
+        };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::BadInput(reason)) => {

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use tumble_identification::harmonics::{
     HarmonicEstimator, HarmonicIdentification, HarmonicSettings, cramer_rao, identify_periodic,
 };
-use tumble_identification::{IdentificationError, MotionSample, Noise, NullDirection};
+use tumble_identification::{IdentificationError, Noise, NullDirection};
 
 /// Harmonics that are tried first where nothing says how many the motion has: the fewest that start and end at rest.
 const FEWEST_HARMONICS: usize = 2;
@@ -90,13 +90,12 @@ pub(super) fn run(
             message: "a periodic motion is averaged in memory: this log is too long for that".to_owned(),
         });
     };
-    let mut settings = HarmonicSettings {
+    let settings = HarmonicSettings {
         estimator,
         wrench_timing: args.wrench.into(),
         gravity_world: args.gravity,
         ..motion.settings()?
     };
-    settings.largest_harmonics = within_sampling(&settings, samples);
     let found = match identify_periodic(samples, &settings) {
         Err(IdentificationError::NotExcited { rank, .. }) => {
             return unidentified(args, motion, &settings, log, samples.len(), rank);
@@ -113,15 +112,6 @@ pub(super) fn run(
     deliver(args, &found, &settings, &context, samples.len())
 }
 
-/// The most harmonics that are tried, as far as the log's sampling can tell them apart.
-fn within_sampling(settings: &HarmonicSettings, samples: &[MotionSample]) -> usize {
-    let (Some(first), Some(last)) = (samples.first(), samples.last()) else { return settings.largest_harmonics };
-    let step_s = crate::log::seconds(last.time_ns - first.time_ns) / samples.len().saturating_sub(1).max(1) as f64;
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-    let per_period = (settings.period_s / step_s).round() as usize;
-    settings.largest_harmonics.min(per_period.saturating_sub(1) / 2).max(settings.reference_harmonics)
-}
-
 fn unidentified(
     args: &IdentifyArgs,
     motion: &Motion,
@@ -131,6 +121,8 @@ fn unidentified(
     rank: usize,
 ) -> Result<Outcome, AstrobeeError> {
     let free = motion.null_directions()?;
+    // The motion itself says more than its noisy record.
+    let rank = rank.min(10 - free.len());
     for warning in &log.warnings {
         eprintln!("warning: {warning}");
     }

@@ -171,7 +171,12 @@ impl MotionInstant {
     /// Derivatives by the channels, their rates and their second derivatives, from those by the angular velocity, the
     /// angular acceleration and the acceleration of the origin: [`sensitivities`](Self::sensitivities), transposed, times
     /// the latter, for a chart of three coordinates.
-    pub(crate) fn pull_back(&self, by_rate: &Vector3<f64>, by_turning: &Vector3<f64>, by_a: &Vector3<f64>) -> [[f64; 6]; 3] {
+    pub(crate) fn pull_back(
+        &self,
+        by_rate: &Vector3<f64>,
+        by_turning: &Vector3<f64>,
+        by_a: &Vector3<f64>,
+    ) -> [[f64; 6]; 3] {
         let [map, first, second] = &self.map;
         let turn = by_rate.cross(&self.angular_velocity_body)
             + by_turning.cross(&self.angular_acceleration_body)

@@ -3,10 +3,9 @@
 use super::cycles::{Cycles, average_cycles};
 use super::fit::FourierFit;
 use super::least_squares::PeriodicLeastSquares;
-use super::likelihood::maximum_likelihood;
 use super::periodic_record::PeriodicRecord;
 use super::saturation::saturated_share;
-use super::selection::{HarmonicCandidate, SelectionRule, select_harmonics};
+use super::selection::{HarmonicCandidate, SelectionRule, likeliest_harmonics, select_harmonics};
 use super::warning::HarmonicWarning;
 use crate::body_scale::BodyScale;
 use crate::dynamics::{InertialParameters, WrenchBox};
@@ -20,7 +19,7 @@ use crate::{Estimate, Noise, POOR_FIT, WrenchTiming};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Harmonics tried beyond those of the reference unless told otherwise.
-const HARMONICS_BEYOND: usize = 7;
+const HARMONICS_BEYOND: usize = 17;
 /// Share of time at a limit beyond which the motion counts as no short Fourier series.
 const SATURATED: f64 = 0.01;
 
@@ -53,9 +52,9 @@ pub struct HarmonicSettings {
     pub gravity_world: Vector3<f64>,
     /// Harmonics of the reference motion: the fewest tried.
     pub reference_harmonics: usize,
-    /// The most harmonics tried.
+    /// The most harmonics tried, where the sampling allows so many.
     pub largest_harmonics: usize,
-    /// What the number of harmonics is chosen by.
+    /// What least squares chooses the number of harmonics by; the likelihoods have their own, see [`likeliest_harmonics`].
     pub selection: SelectionRule,
     /// Leading cycles to leave out; `None` finds the transient.
     pub dropped_cycles: Option<usize>,
@@ -70,7 +69,7 @@ pub struct HarmonicSettings {
 }
 
 impl HarmonicSettings {
-    /// For a reference motion of this period with this many harmonics; up to seven more are tried.
+    /// For a reference motion of this period with this many harmonics; up to seventeen more are tried.
     pub fn new(period_s: f64, reference_harmonics: usize) -> Self {
         Self {
             period_s,
@@ -140,15 +139,13 @@ pub fn identify_periodic(
     samples: &[MotionSample],
     settings: &HarmonicSettings,
 ) -> Result<HarmonicIdentification, IdentificationError> {
-    let harmonics = settings.reference_harmonics..=settings.largest_harmonics;
     let cycles = average_cycles(samples, settings)?;
-    let (mut fit, selection) = select_harmonics(&cycles.record, harmonics, settings.selection)?;
+    let sampled = cycles.record.samples().saturating_sub(1) / 2;
+    let largest = settings.largest_harmonics.min(sampled).max(settings.reference_harmonics);
+    let harmonics = settings.reference_harmonics..=largest;
+    let (mut fit, mut selection) = select_harmonics(&cycles.record, harmonics.clone(), settings.selection)?;
     let saturation = saturated_share(samples, settings.limits.as_ref());
     let mut warnings = warnings_of(&cycles, settings);
-    let chosen = fit.motion.basis().harmonics();
-    if chosen == settings.largest_harmonics && settings.largest_harmonics > settings.reference_harmonics {
-        warnings.push(HarmonicWarning::MoreHarmonics { harmonics: chosen });
-    }
     if saturation > 0.0 {
         warnings.push(HarmonicWarning::Saturated { share: saturation });
     }
@@ -158,10 +155,16 @@ pub fn identify_periodic(
         .and_then(|found| consistent(&found.parameters, &found.covariance, found.scale));
     let likely = match wanted {
         HarmonicEstimator::LeastSquares => None,
-        HarmonicEstimator::Likelihood => settled(maximum_likelihood(&cycles.record, chosen))?.map(|found| {
-            fit.motion = found.motion;
-            found.estimate
-        }),
+        HarmonicEstimator::Likelihood => {
+            settled(likeliest_harmonics(&cycles.record, harmonics))?.map(|(found, table)| {
+                for candidate in &mut selection {
+                    let likely = table.iter().find(|(harmonics, _)| *harmonics == candidate.harmonics);
+                    candidate.information_criterion = likely.map(|(_, criterion)| *criterion);
+                }
+                fit.motion = found.motion;
+                found.estimate
+            })
+        }
         HarmonicEstimator::TrajectoryLikelihood => {
             settled(most_likely(samples, settings, least_squares.as_ref().ok()))?
         }
@@ -170,6 +173,10 @@ pub fn identify_periodic(
         Some(estimate) => (estimate, wanted),
         None => (least_squares?, HarmonicEstimator::LeastSquares),
     };
+    let chosen = fit.motion.basis().harmonics();
+    if chosen == largest && largest > settings.reference_harmonics {
+        warnings.push(HarmonicWarning::MoreHarmonics { harmonics: chosen });
+    }
     if estimator != wanted {
         warnings.push(HarmonicWarning::LikelihoodFailed);
     }
@@ -180,7 +187,7 @@ pub fn identify_periodic(
         warnings.push(HarmonicWarning::ConstraintActive);
     }
     let explained = explained(&cycles.record, &fit, &estimate.parameters)?;
-    if explained < POOR_FIT {
+    if explained < POOR_FIT && estimator != HarmonicEstimator::TrajectoryLikelihood {
         warnings.push(HarmonicWarning::PoorFit { explained });
     }
     Ok(HarmonicIdentification {
@@ -268,7 +275,7 @@ fn explained(
     let (mut left, mut applied) = (0.0, 0.0);
     let table = record.wrench_table(fit.motion.basis());
     for (i, (instant, _)) in table.instants(record.chart, fit.motion.coefficients()).enumerate() {
-        let instant = instant.ok_or(IdentificationError::NotFinite { row: i })?;
+        let instant = instant.ok_or(IdentificationError::AttitudeUndefined { time_s: record.time_s(i) })?;
         left += size(&(instant.regressor() * parameters - record.wrench(i)));
         applied += size(&record.wrench(i));
     }

@@ -237,7 +237,7 @@ pub(super) fn coefficient_std(basis: &FourierBasis, samples: usize, channel_std:
 }
 
 /// Squared norm of basis function j over equal steps of one period.
-pub(super) fn squared_norm(basis: &FourierBasis, samples: usize, j: usize) -> f64 {
+fn squared_norm(basis: &FourierBasis, samples: usize, j: usize) -> f64 {
     match j {
         0 => samples as f64,
         _ => 0.5 * samples as f64 / basis.frequency_rad_s(1 + (j - 1) % basis.harmonics()).powi(2),
@@ -263,7 +263,7 @@ mod tests {
                 let instant = table.instants(chart, coefficients).next().unwrap().0.unwrap();
                 WrenchRows::new(&instant, &parameters, &std)
             };
-            let (found, functions) = (rows(&coefficients), &table.0[0]);
+            let (found, functions) = (rows(&coefficients), &table.functions[0]);
             for channel in 0..coefficients.ncols() {
                 for index in 0..7 {
                     let wrench = |by: f64| {

@@ -40,7 +40,7 @@ impl PeriodicLeastSquares {
     ///
     /// # Errors
     /// [`IdentificationError::NotExcited`] where the motion does not show all ten, or no wrench acts;
-    /// [`IdentificationError::NotFinite`]; [`IdentificationError::NotPositive`] for a standard deviation of the wrench.
+    /// [`IdentificationError::NotFinite`]; [`IdentificationError::AttitudeUndefined`]; [`IdentificationError::NotPositive`] for a standard deviation of the wrench.
     pub fn fit(record: &PeriodicRecord, fit: &FourierFit) -> Result<Self, IdentificationError> {
         let solved = Solved::new(record, fit)?;
         let covariance = solved.covariance()?;
@@ -72,7 +72,8 @@ impl<'a> Solved<'a> {
         let table = record.wrench_table(fit.motion.basis());
         let instants = table.instants(fit.motion.chart(), fit.motion.coefficients()).enumerate();
         let rows = instants.map(|(index, (instant, _))| {
-            let regressor = instant.ok_or(IdentificationError::NotFinite { row: index })?.regressor();
+            let regressor =
+                instant.ok_or(IdentificationError::AttitudeUndefined { time_s: record.time_s(index) })?.regressor();
             Ok(WrenchRow { index, regressor, wrench: record.wrench(index) })
         });
         let rows = rows.collect::<Result<Vec<_>, IdentificationError>>()?;

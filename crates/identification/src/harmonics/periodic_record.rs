@@ -40,7 +40,12 @@ impl PeriodicRecord {
 
     /// Times of the samples, s.
     pub fn times_s(&self) -> Vec<f64> {
-        (0..self.samples()).map(|i| self.period_s * i as f64 / self.samples() as f64).collect()
+        (0..self.samples()).map(|sample| self.time_s(sample)).collect()
+    }
+
+    /// Time of one sample, s.
+    pub(super) fn time_s(&self, sample: usize) -> f64 {
+        self.period_s * sample as f64 / self.samples() as f64
     }
 
     /// Refuses tables of different lengths, what is not finite, and standard deviations that are none.

@@ -4,10 +4,13 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use tumble_identification::dynamics::InertialParameters;
+use tumble_identification::dynamics::{
+    FreeFlyer, InertialParameters, MuntheKaas4, PoseTracker, RigidBodyState, SimulatedBody, WrenchBox,
+};
+use tumble_identification::excitation::execute;
 use tumble_identification::fourier::{AttitudeChart, FourierBasis, FourierMotion};
 use tumble_identification::lie::{EulerZyx, Pose, Wrench};
-use tumble_identification::nalgebra::{DMatrix, Matrix3, Translation3, Vector3, Vector6};
+use tumble_identification::nalgebra::{DMatrix, Matrix3, Translation3, Vector3};
 use tumble_identification::{MotionSample, Noise, WrenchTiming};
 
 /// Bounds on position and Euler angles, m and rad.
@@ -115,9 +118,7 @@ impl PeriodicLog {
         }
     }
 
-    /// Noise of attitudes is noise of their coordinates.
     pub fn samples(&self, seed: u64) -> Vec<MotionSample> {
-        let mut random = Random::new(seed);
         let gravity = self.world_from_start.rotation.inverse_transform_vector(&self.gravity_world);
         let period_s = self.motion.basis().period_s();
         let step_s = period_s / self.samples_per_cycle as f64;
@@ -126,28 +127,65 @@ impl PeriodicLog {
             .map(|i| {
                 let mut later = self.motion.at(i as f64 * step_s + lag_s).unwrap();
                 later.acceleration_origin_world -= gravity;
-                (self.motion.at(i as f64 * step_s).unwrap().world_from_body, later.regressor() * self.body.to_vector())
+                let wrench = Wrench::from(later.regressor() * self.body.to_vector());
+                (self.world_from_start * self.motion.at(i as f64 * step_s).unwrap().world_from_body, wrench)
             })
             .collect();
-        (0..self.cycles * self.samples_per_cycle)
-            .map(|row| {
-                let (pose, wrench) = &period[row % self.samples_per_cycle];
-                let angles = EulerZyx::from_rotation(&pose.rotation);
-                let turn = random.normal3(self.noise.attitude_rad);
-                let rotation =
-                    EulerZyx::new(angles.roll + turn.x, angles.pitch + turn.y, angles.yaw + turn.z).to_rotation();
-                let position = pose.translation.vector + random.normal3(self.noise.position_m);
-                let (torque, force) = (random.normal3(self.noise.torque_n_m), random.normal3(self.noise.force_n));
-                let wrench = wrench + Vector6::from_iterator(torque.iter().chain(force.iter()).copied());
-                MotionSample {
-                    time_ns: (row as f64 * step_s * 1e9).round() as i64,
-                    world_from_body: self.world_from_start * Pose::from_parts(Translation3::from(position), rotation),
-                    velocity_origin_world: None,
-                    rate_body: None,
-                    acceleration_origin_body: None,
-                    wrench_body: Some(Wrench::new(wrench.fixed_rows::<3>(0).into(), wrench.fixed_rows::<3>(3).into())),
-                }
-            })
-            .collect()
+        let rows = period.iter().cycle().take(self.cycles * self.samples_per_cycle).enumerate();
+        let exact = rows.map(|(row, (pose, wrench))| sample(row as f64 * step_s, *pose, *wrench));
+        noisy(exact.collect(), &self.world_from_start, &self.noise, seed)
     }
+}
+
+fn sample(time_s: f64, world_from_body: Pose<f64>, wrench: Wrench<f64>) -> MotionSample {
+    MotionSample {
+        time_ns: (time_s * 1e9).round() as i64,
+        world_from_body,
+        velocity_origin_world: None,
+        rate_body: None,
+        acceleration_origin_body: None,
+        wrench_body: Some(wrench),
+    }
+}
+
+/// Adds noise; that of attitudes to their Euler angles in the frame of the start.
+pub fn noisy(
+    mut samples: Vec<MotionSample>,
+    world_from_start: &Pose<f64>,
+    noise: &Noise,
+    seed: u64,
+) -> Vec<MotionSample> {
+    let mut random = Random::new(seed);
+    for sample in &mut samples {
+        let pose = world_from_start.inverse() * sample.world_from_body;
+        let angles = EulerZyx::from_rotation(&pose.rotation);
+        let turn = random.normal3(noise.attitude_rad);
+        let rotation = EulerZyx::new(angles.roll + turn.x, angles.pitch + turn.y, angles.yaw + turn.z).to_rotation();
+        let position = pose.translation.vector + random.normal3(noise.position_m);
+        sample.world_from_body = world_from_start * Pose::from_parts(Translation3::from(position), rotation);
+        let error = Wrench::new(random.normal3(noise.torque_n_m), random.normal3(noise.force_n));
+        sample.wrench_body = sample.wrench_body.map(|wrench| wrench + error);
+    }
+    samples
+}
+
+/// A motion flown with feedback and the feedforward of an empty free flyer, by a body that carries a load; without noise. And
+/// the share of time at a limit.
+pub fn flown(
+    motion: &FourierMotion,
+    body: &InertialParameters<f64>,
+    limits: &WrenchBox,
+    world_from_start: &Pose<f64>,
+    (cycles, samples_per_cycle): (usize, usize),
+) -> (Vec<MotionSample>, f64) {
+    let assumed = Matrix3::from_diagonal(&Vector3::new(0.0453, 0.0417, 0.0519));
+    let assumed = FreeFlyer::new(InertialParameters::about_com(6.047, Vector3::zeros(), assumed));
+    let at_start = RigidBodyState { world_from_body: *world_from_start, ..RigidBodyState::at_rest() };
+    let mut plant = SimulatedBody::try_new(FreeFlyer::new(*body), MuntheKaas4, *limits, at_start, 0.02).unwrap();
+    let tracker = PoseTracker::critically_damped(assumed, 3.0, 3.0);
+    let step_s = motion.basis().period_s() / samples_per_cycle as f64;
+    let flown = execute(motion, &tracker, &mut plant, world_from_start, cycles, step_s).unwrap();
+    let rows = flown.samples.iter();
+    let samples = rows.map(|row| sample(row.time_s, row.state.world_from_body, row.realized_wrench_body)).collect();
+    (samples, flown.saturation.any)
 }
