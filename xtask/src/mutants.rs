@@ -460,7 +460,6 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --test custom_criterion",
     },
     Mutant {
-        name: "coefficient likelihood: centripetal derivative",
         name: "coefficient likelihood: gravity forgotten in the motion",
         file: "crates/identification/src/harmonics/joint_information.rs",
         original: "instant.acceleration_origin_world -= self.gravity;",
