@@ -35,9 +35,11 @@ const TIGHT: [f64; 2] = [0.03, 0.03];
 const LONG_MOTIONS: usize = 2;
 /// The robot's limits in figures 4.5 and 4.7.
 const FORCE_LIMIT_N: f64 = 10.0;
-const TORQUE_PER_FORCE_M: f64 = 0.1;
+const TORQUE_LIMIT_N_M: f64 = 1.0;
 /// Wanted shares of saturation in figure 4.8.
 const SHARES: [f64; 5] = [0.1, 0.3, 0.4775, 0.6, 0.9];
+/// The same where the torque alone is limited: rotations are what the inertia is seen by.
+const TORQUE_SHARES: [f64; 2] = [0.3, 0.6];
 /// Loads whose tracked flights go to the likelihood in coefficient space: with many harmonics it takes seconds.
 pub const COEFFICIENT_LOADS: usize = 3;
 const LOAD_SEED: u64 = 2024;
@@ -46,8 +48,7 @@ const LOAD_SEED: u64 = 2024;
 pub struct Case {
     pub motion: usize,
     pub load: usize,
-    /// Limit of each component of the force; that of the torque is a tenth of it, per metre.
-    pub force_limit_n: f64,
+    pub limits: WrenchBox,
     pub outcome: Outcome,
 }
 
@@ -62,6 +63,8 @@ pub struct Study {
     pub boxed: [Vec<Case>; 2],
     /// V1 with limits that give the wanted share of saturation.
     pub shares: Vec<(f64, Vec<Case>)>,
+    /// The same with limits of the torque alone.
+    pub torque_shares: Vec<(f64, Vec<Case>)>,
     /// V1 with the long period, without limits.
     pub long: Vec<Case>,
     /// The first motions of V1, flown for as long a time as those.
@@ -79,44 +82,48 @@ struct Flights<'a> {
 }
 
 impl Flights<'_> {
-    /// All motions with all loads; the limits of the force are chosen case by case, infinite for none.
+    /// All motions with all loads, each with its limits.
     fn fly(
         &self,
         motions: &[FourierMotion],
-        limit: impl Fn(&FourierMotion, usize) -> Result<f64, IdentificationError> + Sync,
+        limits: impl Fn(&FourierMotion, usize) -> Result<WrenchBox, IdentificationError> + Sync,
     ) -> Result<Vec<Case>, Failure> {
         self.each(motions, |motion, load| {
-            let force_limit_n = limit(motion, load)?;
-            let body = &self.loads.bodies[load];
-            Ok((force_limit_n, flown::fly(motion, body, limits(force_limit_n), self.cycles)?, WrenchTiming::Held))
+            let limits = limits(motion, load)?;
+            Ok((limits, flown::fly(motion, &self.loads.bodies[load], limits, self.cycles)?, WrenchTiming::Held))
         })
     }
 
     fn each(
         &self,
         motions: &[FourierMotion],
-        flight: impl Fn(&FourierMotion, usize) -> Result<(f64, Execution, WrenchTiming), IdentificationError> + Sync,
+        flight: impl Fn(&FourierMotion, usize) -> Result<(WrenchBox, Execution, WrenchTiming), IdentificationError> + Sync,
     ) -> Result<Vec<Case>, Failure> {
         let start = Instant::now();
         let count = self.loads.bodies.len();
         let cases = in_parallel(motions.len() * count, |index| {
             let (motion, load) = (index / count, index % count);
-            let (force_limit_n, flight, timing) = flight(&motions[motion], load)?;
+            let (limits, flight, timing) = flight(&motions[motion], load)?;
             let seed = self.seed + 1000 * motion as u64 + load as u64;
             let body = &self.loads.bodies[load];
             let tracked = timing == WrenchTiming::Held;
             let beside = self.beside.only_if(!tracked || load < COEFFICIENT_LOADS);
-            let outcome = flown::process(&motions[motion], body, &flight, timing, beside, seed)?;
-            Ok(Case { motion, load, force_limit_n, outcome })
+            let outcome = flown::process(&motions[motion], body, &flight, timing, beside, seed);
+            Ok(Case { motion, load, limits, outcome })
         });
         eprintln!("chapter 4: {}: {} flights, {:.1} s", self.about, cases.len(), start.elapsed().as_secs_f64());
         cases.into_iter().collect::<Result<_, IdentificationError>>().map_err(study)
     }
 }
 
-/// The robot's limits by that of the force.
-fn limits(force_limit_n: f64) -> WrenchBox {
-    wrench_box(force_limit_n, TORQUE_PER_FORCE_M * force_limit_n)
+/// The robot's limits, larger or smaller.
+fn robot(scale: f64) -> WrenchBox {
+    wrench_box(scale * FORCE_LIMIT_N, scale * TORQUE_LIMIT_N_M)
+}
+
+/// The same of the torque alone.
+fn torque_only(scale: f64) -> WrenchBox {
+    wrench_box(f64::INFINITY, scale * TORQUE_LIMIT_N_M)
 }
 
 /// `work(0 .. count)` on all cores, in order.
@@ -141,20 +148,20 @@ fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// The limit of the force at which the share of saturation comes nearest to the wanted one; it falls as the limit rises, not
-/// always without jumps.
-fn limit_for(
+/// The limits at which the share of saturation comes nearest to the wanted one; it falls as they widen, not always without jumps.
+fn limits_for(
     motion: &FourierMotion,
     load: &InertialParameters<f64>,
+    limits: fn(f64) -> WrenchBox,
     share: f64,
-) -> Result<f64, IdentificationError> {
-    let (mut low, mut high) = (0.1 * FORCE_LIMIT_N, 10.0 * FORCE_LIMIT_N);
-    let mut nearest = (f64::INFINITY, high);
+) -> Result<WrenchBox, IdentificationError> {
+    let (mut low, mut high) = (0.02_f64, 10.0);
+    let mut nearest = (f64::INFINITY, limits(high));
     for _ in 0..14 {
         let middle = (low * high).sqrt();
         let reached = flown::fly(motion, load, limits(middle), CYCLES)?.saturation.any;
         if (reached - share).abs() < nearest.0 {
-            nearest = ((reached - share).abs(), middle);
+            nearest = ((reached - share).abs(), limits(middle));
         }
         if reached > share { low = middle } else { high = middle }
     }
@@ -175,7 +182,7 @@ fn fly_everything(loads: Loads) -> Result<Study, Failure> {
     let motions = MOTIONS.min(loads.bodies.len());
     let short = [designs(Criterion::V1, motions, false)?, designs(Criterion::V2, motions, false)?];
     let long = designs(Criterion::V1, motions.min(LONG_MOTIONS), true)?;
-    let free = |_: &FourierMotion, _| Ok(f64::INFINITY);
+    let unlimited = |_: &FourierMotion, _| Ok(flown::unlimited());
     let plain = Flights { loads: &loads, about: "", beside: Beside::default(), cycles: CYCLES, seed: 0 };
     // What the tracker makes of V2 has more harmonics.
     let [few, many] = [&[20, 40][..], &[40]];
@@ -185,37 +192,38 @@ fn fly_everything(loads: Loads) -> Result<Study, Failure> {
     let perfect = |motions: &[FourierMotion], about, seed| {
         Flights { about, beside, seed, ..plain }.each(motions, |motion, load| {
             let flight = flown::follow_exactly(motion, &loads.bodies[load], CYCLES)?;
-            Ok((f64::INFINITY, flight, WrenchTiming::Sampled))
+            Ok((flown::unlimited(), flight, WrenchTiming::Sampled))
         })
     };
     let perfect = [perfect(&short[0], "V1, perfect", 100_000)?, perfect(&short[1], "V2, perfect", 200_000)?];
     let all = Beside { coefficients: few, coefficients_as_chosen: true, trajectory: true };
     let likelihoods = Beside { coefficients: many, ..trajectory };
     let free = [
-        Flights { about: "V1, no limits", beside: all, seed: 300_000, ..plain }.fly(&short[0], free)?,
-        Flights { about: "V2, no limits", beside: likelihoods, seed: 400_000, ..plain }.fly(&short[1], free)?,
+        Flights { about: "V1, no limits", beside: all, seed: 300_000, ..plain }.fly(&short[0], unlimited)?,
+        Flights { about: "V2, no limits", beside: likelihoods, seed: 400_000, ..plain }.fly(&short[1], unlimited)?,
     ];
-    let boxed = |_: &FourierMotion, _| Ok(FORCE_LIMIT_N);
+    let boxed = |_: &FourierMotion, _| Ok(robot(1.0));
     let boxed = [
         Flights { about: "V1, limits", beside: trajectory, seed: 500_000, ..plain }.fly(&short[0], boxed)?,
         Flights { about: "V2, limits", beside: trajectory, seed: 600_000, ..plain }.fly(&short[1], boxed)?,
     ];
-    let mut shares = Vec::new();
-    for (index, share) in SHARES.into_iter().enumerate() {
-        let seed = 700_000 + 10_000 * index as u64;
-        let flights = Flights { about: "V1, chosen saturation", beside: trajectory, seed, ..plain };
-        shares.push((
-            share,
-            flights.fly(&short[0], |motion, load| limit_for(motion, &loads.bodies[load], share))?,
-        ));
-    }
-    let unlimited = |_: &FourierMotion, _| Ok(f64::INFINITY);
+    let chosen = |limits: fn(f64) -> WrenchBox, about, seed, shares: &[f64]| -> Result<Vec<_>, Failure> {
+        let at = |(index, share): (usize, &f64)| {
+            let flights = Flights { about, beside: trajectory, seed: seed + 10_000 * index as u64, ..plain };
+            let cases =
+                flights.fly(&short[0], |motion, load| limits_for(motion, &loads.bodies[load], limits, *share))?;
+            Ok((*share, cases))
+        };
+        shares.iter().enumerate().map(at).collect()
+    };
+    let shares = chosen(robot, "V1, chosen saturation", 700_000, &SHARES)?;
+    let torque_shares = chosen(torque_only, "V1, chosen saturation of the torque", 1_000_000, &TORQUE_SHARES)?;
     let coefficients = Beside { coefficients: &[12, 20], ..Beside::default() };
     let long = Flights { about: "V1, 60 s", beside: coefficients, seed: 800_000, ..plain }.fly(&long, unlimited)?;
     let first = &short[0][..motions.min(LONG_MOTIONS)];
     let cycles = 6 * CYCLES;
     let repeated = Flights { about: "V1, 10 s, as long", cycles, seed: 900_000, ..plain }.fly(first, unlimited)?;
-    Ok(Study { loads, perfect, free, boxed, shares, long, repeated })
+    Ok(Study { loads, perfect, free, boxed, shares, torque_shares, long, repeated })
 }
 
 /// Runs the study.

@@ -170,7 +170,8 @@ fn draw_panel(area: &DrawingArea<SVGBackend, plotters::coord::Shift>, panel: &Pa
         names => {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small whole number")]
             let name = names.get(x.round().max(0.0) as usize);
-            name.filter(|_| *x > -0.5 && (x - x.round()).abs() < 1e-6).map_or_else(String::new, |(name, _)| name.clone())
+            name.filter(|_| *x > -0.5 && (x - x.round()).abs() < 1e-6)
+                .map_or_else(String::new, |(name, _)| name.clone())
         }
     };
     chart
@@ -252,7 +253,8 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     let below = place.floor() as usize;
     let (low, high) = (sorted[below], sorted[(below + 1).min(last)]);
     let part = place - place.floor();
-    if part == 0.0 || low == high { low } else { low + part * (high - low) }
+    // Also between two infinities, whose difference is no number.
+    if part == 0.0 || low >= high { low } else { low + part * (high - low) }
 }
 
 #[cfg(test)]

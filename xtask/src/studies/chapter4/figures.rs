@@ -43,8 +43,7 @@ fn row(numbers: &[f64]) -> String {
 /// One load, motion of V1, the robot's limits.
 fn figure_4_4(folder: &OutputFolder, study: &Study) -> Result<(), Failure> {
     let Some(case) = study.boxed[0].first() else { return Ok(()) };
-    let mut text =
-        String::from("harmonics,mass_percent,com_mm,inertia_percent,residual_normalised,power_residual_w\n");
+    let mut text = String::from("harmonics,mass_percent,com_mm,inertia_percent,residual_normalised,power_residual_w\n");
     let mut curves: [Vec<(f64, f64)>; 4] = Default::default();
     for candidate in &case.outcome.candidates {
         let errors = in_units(case.outcome.with_harmonics(candidate.harmonics));
@@ -62,7 +61,11 @@ fn figure_4_4(folder: &OutputFolder, study: &Study) -> Result<(), Failure> {
         scale: Scale::Logarithmic,
         marks: Marks::Curves(vec![Curve { name: String::new(), points }]),
     });
-    plot::panels(&folder.file("figure_4_4.svg"), "Errors and residual by the number of harmonics", &panels.collect::<Vec<_>>())
+    plot::panels(
+        &folder.file("figure_4_4.svg"),
+        "Errors and residual by the number of harmonics",
+        &panels.collect::<Vec<_>>(),
+    )
 }
 
 fn figure_4_5(folder: &OutputFolder, study: &Study) -> Result<(), Failure> {
@@ -98,7 +101,11 @@ fn figure_4_5(folder: &OutputFolder, study: &Study) -> Result<(), Failure> {
         scale: Scale::Logarithmic,
         marks: Marks::Points { heat: "|n_filt - n_min|", points },
     });
-    plot::panels(&folder.file("figure_4_5.svg"), "Errors by the chosen number of harmonics", &panels.collect::<Vec<_>>())
+    plot::panels(
+        &folder.file("figure_4_5.svg"),
+        "Errors by the chosen number of harmonics",
+        &panels.collect::<Vec<_>>(),
+    )
 }
 
 fn boxes(folder: &OutputFolder, number: &str, names: [&str; 2], cases: [&Vec<Case>; 2]) -> Result<(), Failure> {
@@ -120,22 +127,19 @@ fn boxes(folder: &OutputFolder, number: &str, names: [&str; 2], cases: [&Vec<Cas
     let panels = GROUPS.iter().enumerate().map(|(index, (_, label, _))| {
         let of = |cases: &Vec<Case>| cases.iter().map(|case| in_units(case.outcome.errors())[index]).collect();
         let boxes = names.iter().zip(cases).map(|(name, cases)| ((*name).to_owned(), of(cases)));
-        Panel {
-                labels: ["", label],
-            scale: Scale::Logarithmic,
-            marks: Marks::Boxes(boxes.collect()),
-        }
+        Panel { labels: ["", label], scale: Scale::Logarithmic, marks: Marks::Boxes(boxes.collect()) }
     });
     let title = format!("Least squares: {} and {}", names[0], names[1]);
     plot::panels(&folder.file(&format!("figure_{number}.svg")), &title, &panels.collect::<Vec<_>>())
 }
 
 fn figure_4_8(folder: &OutputFolder, study: &Study) -> Result<(), Failure> {
-    let wanted = study.shares.iter().flat_map(|(share, cases)| cases.iter().map(|case| (Some(*share), case)));
+    let levels = study.shares.iter().chain(&study.torque_shares);
+    let wanted = levels.flat_map(|(share, cases)| cases.iter().map(|case| (Some(*share), case)));
     let all: Vec<(Option<f64>, &Case)> = study.free[0].iter().map(|case| (None, case)).chain(wanted).collect();
     let answered: Vec<_> = all.iter().filter(|(_, case)| case.outcome.errors()[0].is_finite()).collect();
     let mut text = String::from(
-        "wanted_share,saturation,force_limit_n,motion,load,mass_percent,com_mm,inertia_percent,mass_normalised,com_normalised,\
+        "wanted_share,saturation,force_limit_n,torque_limit_n_m,motion,load,mass_percent,com_mm,inertia_percent,mass_normalised,com_normalised,\
          inertia_normalised,trajectory_mass_percent,trajectory_com_mm,trajectory_inertia_percent\n",
     );
     let scaled: Vec<Vec<f64>> = (0..3)
@@ -145,10 +149,11 @@ fn figure_4_8(folder: &OutputFolder, study: &Study) -> Result<(), Failure> {
         let outcome = &case.outcome;
         let _ = writeln!(
             text,
-            "{},{:.4},{:.4},{},{},{},{},{}",
+            "{},{:.4},{:.4},{:.4},{},{},{},{},{}",
             share.unwrap_or(0.0),
             outcome.saturation,
-            case.force_limit_n,
+            case.limits.force_limit.x,
+            case.limits.torque_limit.x,
             case.motion,
             case.load,
             row(&in_units(outcome.errors())),
@@ -164,12 +169,16 @@ fn figure_4_8(folder: &OutputFolder, study: &Study) -> Result<(), Failure> {
             heat: 100.0 * share.unwrap_or(0.0),
         });
         Panel {
-                labels: ["saturated, % of the time", label],
+            labels: ["saturated, % of the time", label],
             scale: Scale::Linear,
             marks: Marks::Points { heat: "wanted, %", points: points.collect() },
         }
     });
-    plot::panels(&folder.file("figure_4_8.svg"), "Normalised errors (4.21) of least squares", &panels.collect::<Vec<_>>())
+    plot::panels(
+        &folder.file("figure_4_8.svg"),
+        "Normalised errors (4.21) of least squares",
+        &panels.collect::<Vec<_>>(),
+    )
 }
 
 const PARAMETERS: [&str; 10] = ["m", "c_x", "c_y", "c_z", "J_xx", "J_xy", "J_xz", "J_yy", "J_yz", "J_zz"];

@@ -9,8 +9,7 @@ use tumble_dynamics::{
     FreeFlyer, InertialParameters, MuntheKaas4, PoseTracker, RigidBodyState, SimulatedBody, WrenchBox,
 };
 use tumble_identification::excitation::{
-    ChannelLimits, Execution, ExecutionSample, NormalizedCondition, Saturation, SpaceExcitation,
-    execute,
+    ChannelLimits, Execution, ExecutionSample, NormalizedCondition, Saturation, SpaceExcitation, execute,
 };
 use tumble_identification::fourier::{FourierBasis, FourierMotion};
 use tumble_identification::harmonics::{
@@ -112,8 +111,9 @@ pub fn follow_exactly(
         })
         .collect();
     let later = |cycle: usize| {
-        let moved = move |sample: &ExecutionSample| {
-            ExecutionSample { time_s: sample.time_s + period_s * cycle as f64, ..*sample }
+        let moved = move |sample: &ExecutionSample| ExecutionSample {
+            time_s: sample.time_s + period_s * cycle as f64,
+            ..*sample
         };
         instants.iter().map(moved)
     };
@@ -201,7 +201,7 @@ pub fn process(
     timing: WrenchTiming,
     beside: Beside,
     seed: u64,
-) -> Result<Outcome, IdentificationError> {
+) -> Outcome {
     let log = measured(flown, &NOISE, &mut Gaussian::from_seed(seed));
     let settings = HarmonicSettings {
         wrench_timing: timing,
@@ -228,8 +228,10 @@ pub fn process(
         outcome.by_trajectory = Some(found.map_or(NO_ANSWER, |found| relative(&found.parameters.to_vector(), load)));
     }
     // A body that turned over has no periodic Euler angles.
-    let Ok(cycles) = average_cycles(&log, &settings) else { return Ok(outcome) };
-    let _ = fourier(&cycles.record, load, &mut outcome);
+    let Ok(cycles) = average_cycles(&log, &settings) else { return outcome };
+    if fourier(&cycles.record, load, &mut outcome).is_err() {
+        return outcome;
+    }
     if !beside.coefficients.is_empty() {
         outcome.by_coefficients = Some(by_coefficients(&cycles.record, load, beside.coefficients));
     }
@@ -238,7 +240,7 @@ pub fn process(
         let found = found.map(|found| relative(&found.estimate.parameters.to_vector(), load));
         outcome.by_coefficients_as_chosen = Some(found.unwrap_or(NO_ANSWER));
     }
-    Ok(outcome)
+    outcome
 }
 
 fn by_coefficients(record: &PeriodicRecord, load: &InertialParameters<f64>, harmonics: &[usize]) -> GroupErrors {
@@ -288,4 +290,3 @@ fn deviation(motion: &FourierMotion, flown: &Execution) -> [f64; 2] {
     }
     squares.map(|square: f64| (square / count).sqrt())
 }
-

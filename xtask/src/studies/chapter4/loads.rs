@@ -73,18 +73,15 @@ mod tests {
         let mut random = Gaussian::from_seed(5);
         let n = 20_000;
         let draws: Vec<_> = (0..n).map(|_| one(&mut random)).collect();
-        let moments = |value: &dyn Fn(&(f64, Vector3<f64>, Matrix3<f64>)) -> f64| {
-            let mean = draws.iter().map(value).sum::<f64>() / f64::from(n);
-            let variance = draws.iter().map(|draw| (value(draw) - mean).powi(2)).sum::<f64>() / f64::from(n);
-            [mean, variance.sqrt()]
+        let of = |value: usize| -> Vec<f64> {
+            draws.iter().map(|(mass, center, j)| [*mass, center.y, j[(2, 2)], j[(2, 0)]][value]).collect()
         };
-        let stated = [
-            (moments(&|draw| draw.0), [7.2, 0.5]),
-            (moments(&|draw| draw.1.y), [0.0, 0.04]),
-            (moments(&|draw| draw.2[(2, 2)]), [0.07, 0.015]),
-            (moments(&|draw| draw.2[(2, 0)]), [0.02, 0.05]),
-        ];
-        for (found, [mean, deviation]) in stated {
+        for (value, [mean, deviation]) in [[7.2, 0.5], [0.0, 0.04], [0.07, 0.015], [0.02, 0.05]].into_iter().enumerate()
+        {
+            let values = of(value);
+            let average = values.iter().sum::<f64>() / f64::from(n);
+            let variance = values.iter().map(|x| (x - average).powi(2)).sum::<f64>() / f64::from(n);
+            let found = [average, variance.sqrt()];
             // Four standard errors.
             let error = 4.0 * deviation / f64::from(n).sqrt();
             assert!((found[0] - mean).abs() < error && (found[1] - deviation).abs() < error, "{found:?} {mean}");

@@ -44,10 +44,9 @@ pub fn normalized(errors: &[f64]) -> Vec<f64> {
 /// Spearman's rank correlation; ties share their mean rank.
 pub fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
     let ranks = |values: &[f64]| -> Vec<f64> {
-        values
-            .iter()
-            .map(|x| values.iter().map(|y| f64::from(u8::from(y < x)) + 0.5 * f64::from(u8::from(y == x))).sum())
-            .collect()
+        // Half of those that are not larger and half of those that are smaller.
+        let below = |x: &f64| values.iter().map(|y| f64::from(u8::from(y < x)) + f64::from(u8::from(y <= x))).sum();
+        values.iter().map(below).collect()
     };
     let (a, b) = (ranks(a), ranks(b));
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
