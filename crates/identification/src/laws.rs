@@ -1,8 +1,13 @@
-//! Executable laws for feasible sets, constrained solvers, recursive estimators and linear models, yours included.
+//! Executable laws for feasible sets, constrained solvers, recursive estimators, linear models and criteria, yours
+//! included.
 
+mod criterion;
 mod linear_model;
 mod recursive_estimator;
 
+pub use criterion::{
+    check_change_of_units, check_excitation_criterion, check_more_information, check_optimality_criterion,
+};
 pub use linear_model::check_linear_model;
 pub use recursive_estimator::{EstimatorPromises, check_gate, check_recursive_estimator, check_unit_equivariance};
 

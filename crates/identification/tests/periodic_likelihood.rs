@@ -148,6 +148,19 @@ fn perfect_data_give_the_body_back() {
             let found = maximum_likelihood(&half, 3).unwrap();
             assert!(relative_error(&found, &body) < 2e-2, "{:e}", relative_error(&found, &body));
         }
+        // Weighed on the ground: the wrench carries the body as well.
+        let gravity = Vector3::new(0.5, -1.0, -9.0);
+        let mut weighed = PeriodicRecord { gravity, ..exact.clone() };
+        for (i, time_s) in weighed.times_s().into_iter().enumerate() {
+            let felt =
+                motion.at(time_s + offset_s).unwrap().world_from_body.rotation.inverse_transform_vector(&-gravity);
+            let support = [body.first_moment.cross(&felt), felt * body.mass];
+            for (component, value) in support.iter().flat_map(|vector| vector.iter()).enumerate() {
+                weighed.wrenches[(i, component)] += value;
+            }
+        }
+        let found = maximum_likelihood(&weighed, 3).unwrap();
+        assert!(relative_error(&found, &body) < 1e-9, "{:e}", relative_error(&found, &body));
         let late = PeriodicRecord { wrench_offset_s: 0.0, ..exact };
         assert!(relative_error(&maximum_likelihood(&late, 3).unwrap(), &body) > 1e-6);
     }
@@ -394,6 +407,13 @@ fn nonsense_is_refused() {
     assert_eq!(refused(bad, 3), IdentificationError::NotPositive { index: 4, value: -FRAC_1_SQRT_2 });
     let bad = PeriodicRecord { chart: AttitudeChart::Quaternion, ..good.clone() };
     assert!(matches!(refused(bad, 3), IdentificationError::RecordShape { columns: 6, expected_columns: 7, .. }));
+    let still = PeriodicRecord {
+        chart: AttitudeChart::Quaternion,
+        channels: DMatrix::zeros(100, 7),
+        channel_std: vec![0.01; 7],
+        ..good.clone()
+    };
+    assert_eq!(refused(still, 3), IdentificationError::NotFinite { row: 0 });
     let bad = PeriodicRecord { wrenches: DMatrix::zeros(99, 6), ..good };
     assert!(matches!(refused(bad, 3), IdentificationError::RecordShape { rows: 99, expected_rows: 100, .. }));
     let bound = |samples, cycles, noise: &Noise| cramer_rao(&motion, &load(), samples, cycles, noise).unwrap_err();

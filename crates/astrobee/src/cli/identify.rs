@@ -56,7 +56,7 @@ pub struct IdentifyArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "period")]
     pub(super) excitation: Option<PathBuf>,
     /// The log holds cycles of a motion of this period, s: average them.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
     pub(super) period: Option<f64>,
     /// With --period: fewest harmonics to try (default 2).
     #[arg(long, value_name = "N", requires = "period")]

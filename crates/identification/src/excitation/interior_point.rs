@@ -16,6 +16,9 @@ const CENTERED: f64 = 0.2;
 /// Share of the way to the nearest limit that a step may go.
 const TO_THE_LIMIT: f64 = 0.99;
 
+/// What stands for an infinite bound beside a finite one, in units of the latter: no step changes the distance to it.
+const NO_LIMIT: f64 = 1e50;
+
 /// Two-sided linear limits on one channel's numbers: `lower <= row . numbers <= upper`.
 struct ChannelRows {
     /// In the order of the problem's channels.
@@ -149,8 +152,7 @@ impl<'a> Limits<'a> {
             let parameters = wrench.limits.parameters();
             for (sample, functions) in self.table.samples().enumerate() {
                 let Some(instant) = instant(&channels(functions, &free)) else { continue };
-                let by_terms =
-                    wrench_by_terms(parameters, &instant.angular_velocity_body, &instant.acceleration_origin_body());
+                let by_terms = wrench_by_terms(parameters, &instant.angular_velocity_body);
                 let by_channels = instant.sensitivities().map(|terms| by_terms * terms.fixed_rows::<9>(0));
                 let columns = self.moving.iter().zip(&self.scaling).enumerate();
                 for (part, (&channel, scaling)) in columns {
@@ -266,8 +268,8 @@ fn channel_rows(table: &RestTable, free: usize, limits: &ChannelLimits) -> (DMat
             let row = DVector::from_iterator(free, functions.iter().map(|function| function[order] / half));
             gram.ger(1.0, &row, &row, 1.0);
             rows.rows.extend(row.iter());
-            rows.lower.push(lower / half);
-            rows.upper.push(upper / half);
+            rows.lower.push((lower / half).max(-NO_LIMIT));
+            rows.upper.push((upper / half).min(NO_LIMIT));
         }
     }
     gram /= rows.lower.len().max(1) as f64;
@@ -283,11 +285,9 @@ fn channel_rows(table: &RestTable, free: usize, limits: &ChannelLimits) -> (DMat
 }
 
 /// The wrench by `[angular velocity; angular acceleration; acceleration of the origin]`.
-fn wrench_by_terms(parameters: &SVector<f64, 10>, w: &Vector3<f64>, a: &Vector3<f64>) -> SMatrix<f64, 6, 9> {
-    let p = parameters;
+fn wrench_by_terms(p: &SVector<f64, 10>, w: &Vector3<f64>) -> SMatrix<f64, 6, 9> {
     let h = Vector3::new(p[1], p[2], p[3]);
     let inertia = Matrix3::new(p[4], p[5], p[6], p[5], p[7], p[8], p[6], p[8], p[9]);
-    let _ = a;
     let mut by = SMatrix::<f64, 6, 9>::zeros();
     by.fixed_view_mut::<3, 3>(0, 0).copy_from(&(skew(w) * inertia - skew(&(inertia * w))));
     by.fixed_view_mut::<3, 3>(0, 3).copy_from(&inertia);
@@ -403,9 +403,7 @@ pub(super) fn minimize(
             let trial = &z + &direction * length;
             if limits.slacks(trial.as_slice(), &mut trial_slacks) {
                 if let Some(trial_cost) = evaluate(limits, trial.as_slice(), &mut trial_gradient) {
-                    let barrier_change: f64 =
-                        barrier * slacks.iter().zip(&trial_slacks).map(|(s, t)| (t / s).ln()).sum::<f64>();
-                    let change = trial_cost - cost - barrier_change;
+                    let change = trial_cost - cost - barrier * log_growth(&slacks, &trial_slacks);
                     if change <= -1e-4 * length * decrement {
                         accepted = Some((trial, trial_cost));
                         break;
@@ -459,6 +457,15 @@ pub(super) fn minimize(
     Some(Minimum { cost, scaled: z.as_slice().to_vec() })
 }
 
+/// Sum of the logarithms of the ratios; one logarithm for several, few enough that no product overflows.
+fn log_growth(before: &[f64], after: &[f64]) -> f64 {
+    const TOGETHER: usize = 8;
+    let growth = |(before, after): (&[f64], &[f64])| {
+        before.iter().zip(after).map(|(before, after)| after / before).product::<f64>().ln()
+    };
+    before.chunks(TOGETHER).zip(after.chunks(TOGETHER)).map(growth).sum()
+}
+
 /// Damped BFGS: stays positive definite whatever the cost's curvature.
 fn update(hessian: &mut DMatrix<f64>, step: &DVector<f64>, mut difference: DVector<f64>, fresh: bool) {
     let curvature = step.dot(&difference);
@@ -478,4 +485,100 @@ fn update(hessian: &mut DMatrix<f64>, step: &DVector<f64>, mut difference: DVect
     let curvature = step.dot(&difference);
     hessian.ger(-1.0 / expected, &along, &along, 1.0);
     hessian.ger(1.0 / curvature, &difference, &difference, 1.0);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dynamics::InertialParameters;
+    use crate::excitation::{SpaceExcitation, WrenchLimits};
+    use crate::fourier::FourierBasis;
+
+    fn problem() -> SpaceExcitation {
+        let basis = FourierBasis::try_new(8.0, 3).unwrap();
+        let mut limits = [ChannelLimits::symmetric(0.3, 0.2, 0.15); 6];
+        limits[1] = ChannelLimits { lower: -0.1, upper: 0.4, rate: f64::INFINITY, acceleration: 0.3 };
+        limits[4] = ChannelLimits { upper: f64::INFINITY, ..ChannelLimits::symmetric(0.5, 0.4, f64::INFINITY) };
+        let inertia = Matrix3::new(0.3, 0.02, -0.03, 0.02, 0.25, 0.01, -0.03, 0.01, 0.4);
+        let body = InertialParameters::about_origin(7.0, Vector3::new(0.05, -0.02, 0.03), inertia);
+        let normal = |seed: f64| Vector6::from_fn(|i, _| (seed + 1.7 * i as f64).sin());
+        let half_spaces = vec![(normal(0.3), 0.9), (normal(2.0), 1.3)];
+        SpaceExcitation::try_new(basis, &limits, 20)
+            .unwrap()
+            .with_wrench_limits(WrenchLimits::try_new(&body, half_spaces).unwrap())
+    }
+
+    #[test]
+    fn changes_of_slacks_are_central_differences() {
+        let problem = problem();
+        let mut limits = Limits::new(&problem, 24);
+        let numbers = limits.numbers();
+        let at = DVector::from_fn(numbers, |i, _| 0.4 * (1.3 * i as f64).cos());
+        let direction = DVector::from_fn(numbers, |i, _| (0.7 * i as f64).sin());
+        let mut slacks = |step: f64| {
+            let mut found = Vec::new();
+            limits.slacks((&at + &direction * step).as_slice(), &mut found);
+            found
+        };
+        let (before, after) = (slacks(-1e-5), slacks(1e-5));
+        let mut changes = Vec::new();
+        limits.linearize(at.as_slice());
+        limits.changes(&direction, &mut changes);
+        assert_eq!((changes.len(), before.len()), (limits.count(), limits.count()));
+        // Gradients and products are of the same rows.
+        let factors: Vec<f64> = (0..changes.len()).map(|i| (0.2 * i as f64).cos()).collect();
+        let mut gradient = DVector::zeros(numbers);
+        limits.add_gradients(&factors, false, &mut gradient);
+        let mut products = DMatrix::zeros(numbers, numbers);
+        limits.add_products(&factors, &mut products);
+        products.fill_upper_triangle_with_lower_triangle();
+        let (mut along, mut twice) = (0.0, 0.0);
+        for (i, change) in changes.iter().enumerate() {
+            let expected = (after[i] - before[i]) / 2e-5;
+            if before[i] < 1e-3 * NO_LIMIT {
+                assert!((change - expected).abs() < 1e-9, "{i}: {change} {expected}");
+            }
+            along += factors[i] * change;
+            twice += factors[i] * change * change;
+        }
+        assert!((gradient.dot(&direction) - along).abs() < 1e-10 * along.abs().max(1.0));
+        assert!((direction.dot(&(products * &direction)) - twice).abs() < 1e-10 * twice.abs().max(1.0));
+    }
+
+    #[test]
+    fn logarithms_taken_together() {
+        let before: Vec<f64> = (0..21).map(|i| 1.0 + f64::from(i)).collect();
+        let after: Vec<f64> = before.iter().map(|x| x * x + 0.3).collect();
+        let expected: f64 = before.iter().zip(&after).map(|(before, after)| (after / before).ln()).sum();
+        assert!((log_growth(&before, &after) - expected).abs() < 1e-12);
+    }
+
+    /// The least of a convex cost under limits: a corner of one channel's workspace cannot be passed, the rest is free.
+    #[test]
+    fn goes_to_the_minimum_of_a_quadratic() {
+        let problem = problem();
+        let mut limits = Limits::new(&problem, 24);
+        // A target well inside: reached; the gradient by free numbers vanishes there.
+        let target: Vec<f64> = (0..limits.numbers()).map(|i| 0.05 * (1.0 + i as f64).sin()).collect();
+        let mut free_target = vec![[0.0; 6]; limits.free()];
+        limits.free_numbers(&target, &mut free_target);
+        let quadratic = |free: &[Channels], gradient: &mut [Channels]| {
+            let mut cost = 0.0;
+            for ((free, target), gradient) in free.iter().zip(&free_target).zip(gradient) {
+                for ((free, target), gradient) in free.iter().zip(target).zip(gradient) {
+                    *gradient = free - target;
+                    cost += 0.5 * *gradient * *gradient;
+                }
+            }
+            Some(cost)
+        };
+        let start: Vec<f64> = target.iter().rev().map(|x| -0.9 * x).collect();
+        let found = minimize(&mut limits, quadratic, &start, Effort::FINE).unwrap();
+        let initial = {
+            let (mut free, mut gradient) = (vec![[0.0; 6]; limits.free()], vec![[0.0; 6]; limits.free()]);
+            limits.free_numbers(&start, &mut free);
+            quadratic(&free, &mut gradient).unwrap()
+        };
+        assert!(found.cost < 1e-2 * initial, "{} {initial}", found.cost);
+    }
 }

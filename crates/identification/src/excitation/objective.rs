@@ -199,3 +199,91 @@ fn by_motion(rate: &Vector3<f64>, by: &Regressor<f64>) -> [Vector3<f64>; 3] {
     let products = Matrix3::new(2.0 * xx, xy, xz, xy, 2.0 * yy, yz, xz, yz, 2.0 * zz);
     [products * rate, turning, acceleration]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::excitation::{ChannelLimits, NormalizedCondition, PlanarExcitation, SpaceExcitation};
+    use crate::{AOptimality, ConditionNumber, DOptimality, EOptimality};
+
+    /// Some motion of the channels that move.
+    fn free<const P: usize>(problem: &ExcitationProblem<P>) -> Vec<Channels> {
+        let mut free = vec![[0.0; 6]; problem.basis.coefficients() - 3];
+        for (row, free) in free.iter_mut().enumerate() {
+            for (channel, _) in &problem.channels {
+                free[*channel as usize] = 0.3 * (1.9 * row as f64 + 2.3 * f64::from(*channel as u8)).sin();
+            }
+        }
+        free
+    }
+
+    fn gradient_is_central_differences<const P: usize>(
+        problem: &ExcitationProblem<P>,
+        criterion: &impl ExcitationCriterion<P>,
+    ) {
+        let free = free(problem);
+        let mut objective = Objective::new(problem, criterion);
+        let mut gradient = vec![[0.0; 6]; free.len()];
+        let cost = objective.gradient(&free, &mut gradient).unwrap();
+        assert_eq!(objective.cost(&free), Some(cost));
+        let scale = gradient.iter().flatten().fold(0.0_f64, |most, entry| most.max(entry.abs()));
+        for row in 0..free.len() {
+            for (channel, _) in &problem.channels {
+                let channel = *channel as usize;
+                let mut cost = |by: f64| {
+                    let mut free = free.clone();
+                    free[row][channel] += by;
+                    objective.cost(&free).unwrap()
+                };
+                let expected = (cost(1e-5) - cost(-1e-5)) / 2e-5;
+                let error = (gradient[row][channel] - expected).abs();
+                assert!(error < 1e-6 * scale, "row {row} channel {channel}: {} {expected}", gradient[row][channel]);
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_are_central_differences() {
+        let sigmas = Vector6::new(0.02, 0.03, 0.05, 0.4, 0.3, 0.2);
+        let reward = NormalizedCondition { rms_weights: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0] };
+        let basis = FourierBasis::try_new(7.0, 3).unwrap();
+        let limits = [ChannelLimits::within(1.0); 6];
+        let space = SpaceExcitation::try_new(basis, &limits, 15).unwrap().with_wrench_noise(sigmas).unwrap();
+        gradient_is_central_differences(&space, &DOptimality);
+        gradient_is_central_differences(&space, &AOptimality);
+        gradient_is_central_differences(&space, &EOptimality);
+        gradient_is_central_differences(&space, &ConditionNumber);
+        gradient_is_central_differences(&space, &reward);
+        let limits = [ChannelLimits::within(1.0); 3];
+        let plane = PlanarExcitation::try_new(basis, &limits, 15).unwrap().with_wrench_noise(sigmas).unwrap();
+        gradient_is_central_differences(&plane, &DOptimality);
+        gradient_is_central_differences(&plane, &AOptimality);
+        gradient_is_central_differences(&plane, &EOptimality);
+        gradient_is_central_differences(&plane, &ConditionNumber);
+        gradient_is_central_differences(&plane, &reward);
+    }
+
+    /// The information is that of the stacked regressor.
+    #[test]
+    fn information_is_the_sum_over_samples() {
+        let basis = FourierBasis::try_new(7.0, 3).unwrap();
+        let sigmas = Vector6::new(0.02, 0.03, 0.05, 0.4, 0.3, 0.2);
+        let limits = [ChannelLimits::within(1.0); 6];
+        let problem = SpaceExcitation::try_new(basis, &limits, 15).unwrap().with_wrench_noise(sigmas).unwrap();
+        let free = free(&problem);
+        let (found, rms) = Objective::new(&problem, &DOptimality).information(&free).unwrap();
+        let numbers = nalgebra::DMatrix::from_fn(free.len(), 6, |row, column| free[row][column]);
+        let coefficients = basis.rest_to_rest() * numbers;
+        let motion = crate::fourier::FourierMotion::try_new(basis, AttitudeChart::EulerZyx, coefficients).unwrap();
+        let mut expected = SMatrix::<f64, 10, 10>::zeros();
+        let mut square = 0.0;
+        for sample in 0..15 {
+            let instant = motion.at(7.0 * f64::from(sample) / 15.0).unwrap();
+            let whitened = SMatrix::from_diagonal(&sigmas.map(|sigma| 1.0 / sigma)) * instant.regressor();
+            expected += whitened.transpose() * whitened;
+            square += instant.world_from_body.translation.y.powi(2) / 15.0;
+        }
+        assert!((found - expected).amax() < 1e-12 * expected.amax());
+        assert!((rms[1] - square.sqrt()).abs() < 1e-14);
+    }
+}

@@ -33,7 +33,7 @@ pub struct CramerRao {
 ///
 /// `noise` is that of one sample: torque, force, attitude and position; rates, velocities and accelerations do not enter.
 /// Attitude noise counts as noise of each Euler angle, or half of it of each component of the quaternion, as in a
-/// [`PeriodicRecord`](super::PeriodicRecord).
+/// [`PeriodicRecord`](super::PeriodicRecord). Gravity is not counted on.
 /// # Errors
 /// [`IdentificationError::TooManyHarmonics`]; [`IdentificationError::NotPositive`] for no cycles (index 0) or for noise that
 /// is negative or not finite (torque 1, force 2, attitude 3, position 4); [`IdentificationError::NotFinite`] naming the

@@ -3,10 +3,10 @@
 use super::cycles::{Cycles, average_cycles};
 use super::fit::FourierFit;
 use super::least_squares::PeriodicLeastSquares;
-use super::likelihood::{PeriodicLikelihood, maximum_likelihood};
+use super::likelihood::PeriodicLikelihood;
 use super::periodic_record::PeriodicRecord;
 use super::saturation::saturated_share;
-use super::selection::{HarmonicCandidate, SelectionRule, select_harmonics};
+use super::selection::{HarmonicCandidate, SelectionRule, likeliest_harmonics, select_harmonics};
 use super::warning::HarmonicWarning;
 use crate::body_scale::BodyScale;
 use crate::dynamics::{InertialParameters, WrenchBox};
@@ -20,7 +20,7 @@ use crate::{Estimate, Noise, POOR_FIT, WrenchTiming};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Harmonics tried beyond those of the reference unless told otherwise.
-const HARMONICS_BEYOND: usize = 7;
+const HARMONICS_BEYOND: usize = 17;
 /// Share of time at a limit beyond which the motion counts as no short Fourier series.
 const SATURATED: f64 = 0.01;
 /// A residual of least squares so many times the expected one is unexpected.
@@ -58,9 +58,9 @@ pub struct HarmonicSettings {
     pub gravity_world: Vector3<f64>,
     /// Harmonics of the reference motion: the fewest tried.
     pub reference_harmonics: usize,
-    /// The most harmonics tried.
+    /// The most harmonics tried, where the sampling allows so many.
     pub largest_harmonics: usize,
-    /// What the number of harmonics is chosen by.
+    /// What least squares chooses the number of harmonics by; the likelihoods have their own, see [`likeliest_harmonics`].
     pub selection: SelectionRule,
     /// Leading cycles to leave out; `None` finds the transient.
     pub dropped_cycles: Option<usize>,
@@ -75,7 +75,7 @@ pub struct HarmonicSettings {
 }
 
 impl HarmonicSettings {
-    /// For a reference motion of this period with this many harmonics; up to seven more are tried.
+    /// For a reference motion of this period with this many harmonics; up to seventeen more are tried.
     pub fn new(period_s: f64, reference_harmonics: usize) -> Self {
         Self {
             period_s,
@@ -145,31 +145,31 @@ pub fn identify_periodic(
     samples: &[MotionSample],
     settings: &HarmonicSettings,
 ) -> Result<HarmonicIdentification, IdentificationError> {
-    let harmonics = settings.reference_harmonics..=settings.largest_harmonics;
     let cycles = average_cycles(samples, settings)?;
-    let (mut fit, selection) = select_harmonics(&cycles.record, harmonics, settings.selection)?;
+    let sampled = cycles.record.samples().saturating_sub(1) / 2;
+    let largest = settings.largest_harmonics.min(sampled).max(settings.reference_harmonics);
+    let harmonics = settings.reference_harmonics..=largest;
+    let (mut fit, mut selection) = select_harmonics(&cycles.record, harmonics.clone(), settings.selection)?;
     let saturation = saturated_share(samples, settings.limits.as_ref());
     let mut warnings = warnings_of(&cycles, settings);
-    let chosen = fit.motion.basis().harmonics();
-    if chosen == settings.largest_harmonics && settings.largest_harmonics > settings.reference_harmonics {
-        warnings.push(HarmonicWarning::MoreHarmonics { harmonics: chosen });
-    }
     if saturation > 0.0 {
         warnings.push(HarmonicWarning::Saturated { share: saturation });
     }
     let least_squares = PeriodicLeastSquares::fit(&cycles.record, &fit);
+    let saturated = saturation > settings.largest_saturation;
     let likely = match settings.estimator {
-        HarmonicEstimator::Likelihood if saturation <= settings.largest_saturation => {
-            settled(maximum_likelihood(&cycles.record, chosen))?
-        }
+        HarmonicEstimator::Likelihood if !saturated => settled(likeliest_harmonics(&cycles.record, harmonics))?,
         _ => None,
     };
-    let unexplained = likely.as_ref().map_or_else(|| beyond_noise(least_squares.as_ref().ok()), beyond_chance);
+    let unexplained = match &likely {
+        Some((found, _)) => beyond_chance(found),
+        None => beyond_noise(least_squares.as_ref().ok()),
+    };
     warnings.extend(unexplained.map(|times| HarmonicWarning::ShortSeries { times }));
     let plain = least_squares.and_then(|found| consistent(&found.parameters, &found.covariance, found.scale));
     // A series that is too short biases the likelihood more than least squares.
     let wanted = match settings.estimator {
-        _ if saturation > settings.largest_saturation => HarmonicEstimator::TrajectoryLikelihood,
+        _ if saturated => HarmonicEstimator::TrajectoryLikelihood,
         HarmonicEstimator::Likelihood if likely.is_none() || unexplained.is_some() => {
             HarmonicEstimator::TrajectoryLikelihood
         }
@@ -181,12 +181,20 @@ pub fn identify_periodic(
     };
     let (estimate, estimator) = match (wanted, trajectory, likely) {
         (HarmonicEstimator::TrajectoryLikelihood, Some(estimate), _) => (estimate, wanted),
-        (HarmonicEstimator::Likelihood, _, Some(found)) => {
+        (HarmonicEstimator::Likelihood, _, Some((found, table))) => {
+            for candidate in &mut selection {
+                let likely = table.iter().find(|(harmonics, _)| *harmonics == candidate.harmonics);
+                candidate.information_criterion = likely.map(|(_, criterion)| *criterion);
+            }
             fit.motion = found.motion;
             (found.estimate, wanted)
         }
         _ => (plain?, HarmonicEstimator::LeastSquares),
     };
+    let chosen = fit.motion.basis().harmonics();
+    if chosen == largest && largest > settings.reference_harmonics {
+        warnings.push(HarmonicWarning::MoreHarmonics { harmonics: chosen });
+    }
     if estimator == HarmonicEstimator::LeastSquares && settings.estimator != estimator {
         warnings.push(HarmonicWarning::LikelihoodFailed);
     }

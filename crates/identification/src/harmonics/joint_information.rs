@@ -237,7 +237,7 @@ pub(super) fn coefficient_std(basis: &FourierBasis, samples: usize, channel_std:
 }
 
 /// Squared norm of basis function j over equal steps of one period.
-pub(super) fn squared_norm(basis: &FourierBasis, samples: usize, j: usize) -> f64 {
+fn squared_norm(basis: &FourierBasis, samples: usize, j: usize) -> f64 {
     match j {
         0 => samples as f64,
         _ => 0.5 * samples as f64 / basis.frequency_rad_s(1 + (j - 1) % basis.harmonics()).powi(2),

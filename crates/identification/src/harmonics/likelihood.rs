@@ -1,10 +1,10 @@
 //! Maximum likelihood of one averaged period: all coefficients of the motion and the ten parameters at once.
 
-use super::PeriodicRecord;
-use super::joint_information::{BasisTable, JointInformation, WrenchRows, coefficient_std, squared_norm};
+use super::joint_information::{BasisTable, JointInformation, WrenchRows};
+use super::{FourierFit, PeriodicRecord};
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::fourier::{FourierBasis, FourierMotion};
+use crate::fourier::FourierMotion;
 use crate::identify::{constrained, rough_scale};
 use crate::jacobi::singular_values;
 use crate::weighted_least_squares::WrenchRow;
@@ -12,7 +12,7 @@ use crate::{BodyScale, Estimate, RANK_TOLERANCE, SquareRootInformation};
 use nalgebra::{DMatrix, SVector};
 
 /// Iterations after which an estimate that still moves is given up.
-const MAX_ITERATIONS: usize = 30;
+const MAX_ITERATIONS: usize = 60;
 /// A step of this squared length in standard deviations has converged: a thousandth of a sigma.
 const SMALL_DECREMENT: f64 = 1e-6;
 /// Halvings of one step.
@@ -58,7 +58,8 @@ impl PeriodicLikelihood {
 ///
 /// Standard deviations of zero are taken as 1e-9 of the root mean square of their kind.
 /// # Errors
-/// [`IdentificationError::TooManyHarmonics`], [`IdentificationError::RecordShape`], [`IdentificationError::NotFinite`],
+/// [`IdentificationError::TooManyHarmonics`], [`IdentificationError::RecordShape`], [`IdentificationError::NotFinite`]
+/// naming the sample, also where the fitted quaternion is zero,
 /// [`IdentificationError::NotPositive`] for a standard deviation that is negative or NaN,
 /// [`IdentificationError::NotExcited`] where the motion, less its noise, does not show all ten parameters,
 /// [`IdentificationError::LikelihoodNotConverged`].
@@ -73,7 +74,7 @@ pub fn maximum_likelihood(
 ) -> Result<PeriodicLikelihood, IdentificationError> {
     let problem = Problem::new(record, harmonics)?;
     let (mut parameters, scale) = problem.least_squares()?;
-    let mut coefficients = problem.fit.clone();
+    let mut coefficients = problem.fit.motion.coefficients().clone();
     let mut cost = problem.cost(&coefficients, &parameters);
     let mut iterations = 0;
     loop {
@@ -100,7 +101,7 @@ pub fn maximum_likelihood(
         if settled {
             return Ok(PeriodicLikelihood {
                 estimate: Estimate { parameters: InertialParameters::from_vector(&parameters), ..estimate },
-                motion: FourierMotion::try_new(problem.basis, record.chart, coefficients)?,
+                motion: FourierMotion::try_new(*problem.fit.motion.basis(), record.chart, coefficients)?,
                 cost,
                 degrees_of_freedom: problem.degrees_of_freedom(),
                 iterations,
@@ -110,69 +111,60 @@ pub fn maximum_likelihood(
 }
 
 /// A record, what is constant about it, and what its noise is taken to be.
-struct Problem<'a> {
-    record: &'a PeriodicRecord,
-    basis: FourierBasis,
-    wrench_std: SVector<f64, 6>,
-    /// The Fourier fit of the poses, one column per channel, and its standard deviations.
-    fit: DMatrix<f64>,
-    fit_std: DMatrix<f64>,
+struct Problem {
+    /// With standard deviations above their floors.
+    record: PeriodicRecord,
+    fit: FourierFit,
     /// Weighted squares of what no coefficients explain.
     unexplained: f64,
     /// At the times of the wrenches.
     table: BasisTable,
 }
 
-impl<'a> Problem<'a> {
-    fn new(record: &'a PeriodicRecord, harmonics: usize) -> Result<Self, IdentificationError> {
+impl Problem {
+    fn new(record: &PeriodicRecord, harmonics: usize) -> Result<Self, IdentificationError> {
         let (samples, channels) = (record.samples(), 3 + record.chart.channels());
-        let basis = FourierBasis::try_new(record.period_s, harmonics)?;
         record.validated()?;
-        if 2 * harmonics >= samples {
-            return Err(IdentificationError::TooManyHarmonics { harmonics, samples });
-        }
+        let mut record = record.clone();
         let floor = |table: &DMatrix<f64>, columns: core::ops::Range<usize>| {
             FLOOR * (table.columns_range(columns).norm_squared() / samples as f64).sqrt().max(FLOOR)
         };
-        let wrench_floor = [floor(&record.wrenches, 0..3), floor(&record.wrenches, 3..6)];
         let channel_floor = [floor(&record.channels, 0..3), floor(&record.channels, 3..channels)];
-        let std = record.channel_std.iter().enumerate();
-        let channel_std: Vec<f64> = std.map(|(c, std)| std.max(channel_floor[usize::from(c >= 3)])).collect();
+        for (channel, std) in record.channel_std.iter_mut().enumerate() {
+            *std = std.max(channel_floor[usize::from(channel >= 3)]);
+        }
+        let wrench_floor = [floor(&record.wrenches, 0..3), floor(&record.wrenches, 3..6)];
+        for (component, std) in record.wrench_std.iter_mut().enumerate() {
+            *std = std.max(wrench_floor[component / 3]);
+        }
+        let fit = FourierFit::new(&record, harmonics)?;
+        let basis = fit.motion.basis();
         let [values, ..] = basis.table(&record.times_s());
-        let fit = DMatrix::from_fn(basis.coefficients(), channels, |j, channel| {
-            values.column(j).dot(&record.channels.column(channel)) / squared_norm(&basis, samples, j)
-        });
-        let residuals = &record.channels - values * &fit;
-        let weighted =
-            residuals.column_iter().zip(&channel_std).map(|(column, std)| column.norm_squared() / std.powi(2));
-        Ok(Self {
-            record,
-            wrench_std: SVector::from_fn(|i, _| record.wrench_std[i].max(wrench_floor[i / 3])),
-            unexplained: weighted.sum(),
-            fit,
-            fit_std: coefficient_std(&basis, samples, &channel_std),
-            table: record.wrench_table(&basis),
-            basis,
-        })
+        let residuals = &record.channels - values * fit.motion.coefficients();
+        let channels = residuals.column_iter().zip(&record.channel_std);
+        let unexplained = channels.map(|(residual, std)| residual.norm_squared() / (std * std)).sum();
+        let table = record.wrench_table(basis);
+        Ok(Self { record, fit, unexplained, table })
     }
 
     fn whitened_wrench(&self, sample: usize) -> SVector<f64, 6> {
-        self.record.wrench(sample).component_div(&self.wrench_std)
+        self.record.wrench(sample).component_div(&self.record.wrench_std)
     }
 
     /// A channel holds one number per sample beside three of position and three of rotation, however many the chart has.
     fn degrees_of_freedom(&self) -> usize {
-        (12 * self.record.samples()).saturating_sub(6 * self.basis.coefficients() + 10).max(1)
+        (12 * self.record.samples()).saturating_sub(6 * self.fit.motion.basis().coefficients() + 10).max(1)
     }
 
     /// Infinite where a quaternion passes through zero.
     fn cost(&self, coefficients: &DMatrix<f64>, parameters: &SVector<f64, 10>) -> f64 {
-        let poses = (coefficients - &self.fit).component_div(&self.fit_std).norm_squared();
+        let poses =
+            (coefficients - self.fit.motion.coefficients()).component_div(&self.fit.coefficient_std).norm_squared();
         let instants = self.table.instants(self.record.chart, coefficients).enumerate();
         let wrenches = instants.map(|(i, (instant, _))| {
             instant.map_or(f64::INFINITY, |instant| {
                 let residual = instant.regressor() * parameters - self.record.wrench(i);
-                residual.component_div(&self.wrench_std).norm_squared()
+                residual.component_div(&self.record.wrench_std).norm_squared()
             })
         });
         self.unexplained + poses + wrenches.sum::<f64>()
@@ -180,11 +172,12 @@ impl<'a> Problem<'a> {
 
     /// The equations about a motion and a body; the unknowns are changes of the coefficients, and the ten parameters.
     fn information(&self, coefficients: &DMatrix<f64>, parameters: &SVector<f64, 10>) -> JointInformation {
-        let mut information = JointInformation::of_poses(&self.fit_std, &(&self.fit - coefficients));
+        let mut information =
+            JointInformation::of_poses(&self.fit.coefficient_std, &(self.fit.motion.coefficients() - coefficients));
         for (i, (instant, functions)) in self.table.instants(self.record.chart, coefficients).enumerate() {
             // Only motions of finite cost come here.
             let Some(instant) = instant else { continue };
-            let rows = WrenchRows::new(&instant, parameters, &self.wrench_std);
+            let rows = WrenchRows::new(&instant, parameters, &self.record.wrench_std);
             information.add(&rows, functions, &self.whitened_wrench(i));
         }
         information
@@ -192,15 +185,17 @@ impl<'a> Problem<'a> {
 
     /// The consistent body that suits the Fourier fit best, and the scale of it.
     fn least_squares(&self) -> Result<(SVector<f64, 10>, BodyScale), IdentificationError> {
-        let instants = self.table.instants(self.record.chart, &self.fit).enumerate();
+        let instants = self.table.instants(self.record.chart, self.fit.motion.coefficients()).enumerate();
         let rows: Vec<WrenchRow> = instants
-            .filter_map(|(index, (instant, _))| {
-                Some(WrenchRow { index, regressor: instant?.regressor(), wrench: self.record.wrench(index) })
+            .map(|(index, (instant, _))| {
+                let regressor = instant.ok_or(IdentificationError::NotFinite { row: index })?.regressor();
+                Ok(WrenchRow { index, regressor, wrench: self.record.wrench(index) })
             })
-            .collect();
+            .collect::<Result<_, IdentificationError>>()?;
         let scale = rough_scale(&rows)?;
-        self.require_excited(&self.fit, scale, None)?;
-        let parameters = constrained(&self.of_known_motion(&self.fit)?, scale)?.parameters.to_vector();
+        self.require_excited(self.fit.motion.coefficients(), scale, None)?;
+        let information = self.of_known_motion(self.fit.motion.coefficients())?;
+        let parameters = constrained(&information, scale)?.parameters.to_vector();
         Ok((parameters, BodyScale::of(&parameters)?))
     }
 
@@ -210,7 +205,7 @@ impl<'a> Problem<'a> {
         for (i, (instant, _)) in self.table.instants(self.record.chart, coefficients).enumerate() {
             let Some(instant) = instant else { continue };
             let mut regressor = instant.regressor();
-            for (row, std) in self.wrench_std.iter().enumerate() {
+            for (row, std) in self.record.wrench_std.iter().enumerate() {
                 regressor.row_mut(row).unscale_mut(*std);
             }
             information.update(&regressor, &self.whitened_wrench(i))?;
@@ -234,7 +229,7 @@ impl<'a> Problem<'a> {
             let body = right.column(direction).component_mul(&magnitudes);
             let instants = self.table.instants(self.record.chart, coefficients).step_by(every);
             let scatter = instants.map(|(instant, functions)| {
-                let rows = instant.map(|instant| WrenchRows::new(&instant, &body, &self.wrench_std));
+                let rows = instant.map(|instant| WrenchRows::new(&instant, &body, &self.record.wrench_std));
                 rows.map_or(0.0, |rows| joint.scatter(&rows, functions))
             });
             scatter.sum::<f64>() * every as f64

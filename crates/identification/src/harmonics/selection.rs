@@ -2,12 +2,17 @@
 
 use super::fit::FourierFit;
 use super::least_squares::PeriodicLeastSquares;
+use super::likelihood::{PeriodicLikelihood, maximum_likelihood};
 use super::periodic_record::PeriodicRecord;
 use crate::error::IdentificationError;
 use core::ops::RangeInclusive;
 
 /// A residual that is less by this share of the wrench or the power only is not less.
 const ROUNDING: f64 = 1e-9;
+/// Numbers of harmonics in a row that must not help before the likelihood stops to look for more: a motion may have odd ones only.
+const PATIENCE: usize = 4;
+/// Channels in which one more harmonic is free to move: three of position and three of rotation, however many the chart has.
+const FREE_CHANNELS: usize = 6;
 
 /// What the number of harmonics is chosen by: the least of one of two residuals.
 ///
@@ -44,6 +49,8 @@ pub struct HarmonicCandidate {
     pub normalised_residual: f64,
     /// Root mean square of input power less rate of kinetic energy, W.
     pub power_residual_w: f64,
+    /// Akaike's criterion of the likelihood with this number, where [`likeliest_harmonics`] looked at it.
+    pub information_criterion: Option<f64>,
 }
 
 impl HarmonicCandidate {
@@ -77,6 +84,7 @@ pub fn select_harmonics(
             harmonics,
             normalised_residual: found.normalised_residual,
             power_residual_w: found.power_residual_w,
+            information_criterion: None,
         };
         let residual = candidate.residual(rule);
         let rounding = ROUNDING
@@ -90,4 +98,38 @@ pub fn select_harmonics(
         table.push(candidate);
     }
     best.map(|(_, fit)| (fit, table)).ok_or(IdentificationError::HarmonicRange { first, last })
+}
+
+/// The likelihood whose number of harmonics predicts best: least Akaike's criterion, the weighted squares of all residuals plus
+/// two for each free coefficient. With it the criterion of each number tried, in ascending order of harmonics.
+///
+/// Least squares asks how many harmonics the poses alone can show, since each one brings their noise into the regressor. Here
+/// the wrenches correct the motion, a harmonic too many costs nearly nothing, and one too few biases the body: the motion that
+/// tracking a reference with the wrong body leaves has many small ones
+/// (`tests/periodic_motion.rs`, `the_likelihood_needs_the_harmonics_that_tracking_adds`). Looks no further after four in a row that do not help.
+///
+/// # Errors
+/// [`IdentificationError::HarmonicRange`] for an empty range; that of [`maximum_likelihood`] where it answers for no number.
+pub fn likeliest_harmonics(
+    record: &PeriodicRecord,
+    harmonics: RangeInclusive<usize>,
+) -> Result<(PeriodicLikelihood, Vec<(usize, f64)>), IdentificationError> {
+    let mut failure = IdentificationError::HarmonicRange { first: *harmonics.start(), last: *harmonics.end() };
+    let (mut best, mut table) = (None::<(usize, f64, PeriodicLikelihood)>, Vec::new());
+    for harmonics in harmonics {
+        if best.as_ref().is_some_and(|(chosen, ..)| harmonics > chosen + PATIENCE) {
+            break;
+        }
+        match maximum_likelihood(record, harmonics) {
+            Ok(found) => {
+                let criterion = found.cost + (2 * FREE_CHANNELS * found.motion.basis().coefficients()) as f64;
+                table.push((harmonics, criterion));
+                if best.as_ref().is_none_or(|(_, least, _)| criterion < *least) {
+                    best = Some((harmonics, criterion, found));
+                }
+            }
+            Err(error) => failure = error,
+        }
+    }
+    best.map(|(_, _, found)| (found, table)).ok_or(failure)
 }
