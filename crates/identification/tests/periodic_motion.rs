@@ -451,7 +451,7 @@ fn bad_records_are_refused_with_what_would_do() {
         let error = refused(&samples, &HarmonicSettings { start_s, ..settings() });
         assert!(matches!(error, IdentificationError::InvalidStart { .. }), "{error}");
     }
-    let error = refused(&samples, &with(|s| s.largest_harmonics = 100));
+    let error = refused(&samples, &with(|s| (s.reference_harmonics, s.largest_harmonics) = (100, 117)));
     assert_eq!(error, IdentificationError::TooManyHarmonics { harmonics: 100, samples: 200 });
     let error = refused(&samples, &with(|s| s.largest_harmonics = 2));
     assert_eq!(error, IdentificationError::HarmonicRange { first: 3, last: 2 });

@@ -147,7 +147,7 @@ pub fn identify_periodic(
 ) -> Result<HarmonicIdentification, IdentificationError> {
     let cycles = average_cycles(samples, settings)?;
     let sampled = cycles.record.samples().saturating_sub(1) / 2;
-    let largest = settings.largest_harmonics.min(sampled).max(settings.reference_harmonics);
+    let largest = settings.largest_harmonics.min(sampled.max(settings.reference_harmonics));
     let harmonics = settings.reference_harmonics..=largest;
     let (mut fit, mut selection) = select_harmonics(&cycles.record, harmonics.clone(), settings.selection)?;
     let saturation = saturated_share(samples, settings.limits.as_ref());
