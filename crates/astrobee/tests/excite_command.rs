@@ -100,7 +100,7 @@ fn a_flight_is_identified_from_its_averaged_cycles() {
 #[test]
 fn a_saturated_flight_goes_to_the_trajectory_likelihood() {
     let folder = scratch("saturated");
-    let limits = ["--saturate", "--force-limit", "4.0", "--torque-limit", "0.2"];
+    let limits = ["--saturate", "--acceleration", "0.5", "--force-limit", "4.0", "--torque-limit", "0.2"];
     excite(&folder, &[&["--starts", "1", "--rate", "50", "--fly", "--out", "flight"], limits.as_slice()].concat());
     let summary: Value =
         serde_json::from_str(&fs::read_to_string(folder.join("flight/summary.json")).unwrap()).unwrap();
