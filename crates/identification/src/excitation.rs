@@ -9,6 +9,7 @@ mod diagnosis;
 mod execution;
 #[cfg(feature = "std")]
 mod interior_point;
+#[cfg(feature = "std")]
 mod limits;
 #[cfg(feature = "std")]
 mod objective;
@@ -22,6 +23,7 @@ pub use design::{ExcitationDesign, Utilization};
 pub use diagnosis::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
 pub use execution::{Execution, ExecutionSample, Saturation, execute, samples_per_period};
+#[cfg(feature = "std")]
 pub use limits::{ChannelLimits, WrenchLimits};
 #[cfg(feature = "std")]
 pub use problem::{ExcitationProblem, LimitsHold, PlanarExcitation, SpaceExcitation};

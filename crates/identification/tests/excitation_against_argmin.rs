@@ -1,6 +1,7 @@
 //! The default solver of the excitation design against the reference route: argmin's L-BFGS with quadratic penalties, on the
 //! same problem, with a cost and a gradient that share the regressor with the crate's and nothing else.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
 mod exact_motion;
 
@@ -8,14 +9,16 @@ use argmin::core::{CostFunction, Error, Executor, Gradient, State};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 use exact_motion::Random;
-use tumble_identification::excitation::{ChannelLimits, ExcitationCriterion, LimitsHold, SpaceExcitation};
+use tumble_identification::excitation::{
+    ChannelLimits, CriterionGradient, ExcitationCriterion, LimitsHold, SpaceExcitation,
+};
 use tumble_identification::fourier::{AttitudeChart, FourierBasis, MOTION_TERMS, MotionInstant};
-use tumble_identification::nalgebra::{DMatrix, DVector, SMatrix, SVector};
+use tumble_identification::nalgebra::{DMatrix, DVector, SVector};
 use tumble_identification::regressors::{Regressor, newton_euler};
-use tumble_identification::{AOptimality, DOptimality, InLikeUnits};
+use tumble_identification::{AOptimality, DOptimality, FisherInformation, InLikeUnits};
 
 const SAMPLES: usize = 100;
-const STARTS: usize = 3;
+const STARTS: usize = 5;
 
 fn basis() -> FourierBasis {
     FourierBasis::try_new(10.0, 3).unwrap()
@@ -52,39 +55,52 @@ impl<'a> Penalized<'a> {
         self.tables.each_ref().map(|table| table * &numbers)
     }
 
-    /// The cost and its gradient, without penalty.
-    fn cost_and_gradient(&self, numbers: &[f64]) -> (f64, DVector<f64>) {
+    /// The motion at the samples.
+    fn instants(&self, numbers: &[f64]) -> Vec<MotionInstant> {
         let channels = self.channels(numbers);
         let instant = |sample: usize| {
             let [value, rate, acceleration] = channels.each_ref().map(|table| table.row(sample).transpose());
             let parts = [value.as_slice(), rate.as_slice(), acceleration.as_slice()];
             MotionInstant::from_channels(AttitudeChart::EulerZyx, parts[0], parts[1], parts[2]).unwrap()
         };
-        let mut information = SMatrix::<f64, 10, 10>::zeros();
-        for sample in 0..SAMPLES {
-            let regressor = instant(sample).regressor();
-            information += regressor.transpose() * regressor;
+        (0..SAMPLES).map(instant).collect()
+    }
+
+    /// What the criterion says, of unit noise.
+    fn judged(&self, instants: &[MotionInstant]) -> CriterionGradient<10> {
+        let mut information = FisherInformation::new();
+        for instant in instants {
+            information.add(&instant.regressor());
         }
-        let found = self.criterion.gradient(&information, &[0.0; 6]).unwrap();
+        self.criterion.gradient(information.matrix(), &[0.0; 6]).unwrap()
+    }
+
+    fn cost_without_penalty(&self, numbers: &[f64]) -> f64 {
+        self.judged(&self.instants(numbers)).cost
+    }
+
+    fn gradient_without_penalty(&self, numbers: &[f64]) -> DVector<f64> {
+        let instants = self.instants(numbers);
+        let by_information = self.judged(&instants).by_information;
         let mut by_channels = [0; 3].map(|_| DMatrix::zeros(SAMPLES, 6));
-        for sample in 0..SAMPLES {
-            let instant = instant(sample);
-            let by_regressor = instant.regressor() * found.by_information * 2.0;
-            // The regressor is quadratic in the terms: this difference is exact.
-            let by_terms = SVector::<f64, MOTION_TERMS>::from_fn(|term, _| {
+        for (sample, instant) in instants.iter().enumerate() {
+            let by_regressor = instant.regressor() * by_information * 2.0;
+            // The regressor is quadratic in its terms, so this difference is exact.
+            let mut by_terms = SVector::<f64, MOTION_TERMS>::zeros();
+            for term in 0..9 {
                 let moved = |by: f64| {
                     let mut terms = instant.terms();
                     terms[term] += by;
                     regressor(&terms)
                 };
-                by_regressor.dot(&(moved(1.0) - moved(-1.0))) / 2.0
-            });
+                by_terms[term] = by_regressor.dot(&(moved(1.0) - moved(-1.0))) / 2.0;
+            }
             for (by_channels, sensitivity) in by_channels.iter_mut().zip(instant.sensitivities()) {
                 let row = sensitivity.tr_mul(&by_terms).fixed_rows::<6>(0).transpose();
                 by_channels.row_mut(sample).copy_from(&row);
             }
         }
-        (found.cost, self.by_numbers(&by_channels))
+        self.by_numbers(&by_channels)
     }
 
     fn by_numbers(&self, by_channels: &[DMatrix<f64>; 3]) -> DVector<f64> {
@@ -105,7 +121,7 @@ impl<'a> Penalized<'a> {
     }
 
     fn largest_excess(&self, numbers: &[f64]) -> f64 {
-        self.excess(numbers).iter().map(|excess| excess.amax()).fold(0.0, f64::max)
+        self.excess(numbers).iter().map(DMatrix::amax).fold(0.0, f64::max)
     }
 
     /// Random numbers that use four fifths of the limits.
@@ -115,7 +131,9 @@ impl<'a> Penalized<'a> {
         for (channel, numbers) in numbers.chunks_exact_mut(self.free()).enumerate() {
             let share = |order: usize| channels[order].column(channel).amax() / limits(channel)[order];
             let largest = (0..3).map(share).fold(0.0, f64::max);
-            numbers.iter_mut().for_each(|number| *number *= 0.8 / largest);
+            for number in numbers {
+                *number *= 0.8 / largest;
+            }
         }
         numbers
     }
@@ -131,8 +149,8 @@ impl CostFunction for Penalized<'_> {
     type Output = f64;
 
     fn cost(&self, numbers: &Self::Param) -> Result<f64, Error> {
-        let penalty: f64 = self.excess(numbers).iter().map(|excess| excess.norm_squared()).sum();
-        Ok(self.cost_and_gradient(numbers).0 + 0.5 * self.weight * penalty)
+        let penalty: f64 = self.excess(numbers).iter().map(DMatrix::norm_squared).sum();
+        Ok(self.cost_without_penalty(numbers) + 0.5 * self.weight * penalty)
     }
 }
 
@@ -147,15 +165,15 @@ impl Gradient for Penalized<'_> {
                 column *= self.weight / limits(channel)[order];
             }
         }
-        let gradient = self.cost_and_gradient(numbers).1 + self.by_numbers(&by_channels);
+        let gradient = self.gradient_without_penalty(numbers) + self.by_numbers(&by_channels);
         Ok(gradient.as_slice().to_vec())
     }
 }
 
 /// Numbers that the reference route ends at.
-fn reference(criterion: &dyn ExcitationCriterion<10>, random: &mut Random) -> Vec<f64> {
+fn reference(criterion: &dyn ExcitationCriterion<10>, start: Vec<f64>) -> Vec<f64> {
     let mut problem = Penalized::new(criterion);
-    let mut numbers = problem.start(random);
+    let mut numbers = start;
     for weight in [1e1, 1e2, 1e3, 1e4] {
         problem.weight = weight;
         let solver = LBFGS::new(MoreThuenteLineSearch::new(), 10).with_tolerance_cost(1e-7).unwrap();
@@ -172,7 +190,9 @@ fn the_reference_gradient_is_the_derivative() {
     problem.weight = 10.0;
     let mut numbers = problem.start(&mut Random::new(3));
     // Outside some limits.
-    numbers.iter_mut().for_each(|number| *number *= 1.5);
+    for number in &mut numbers {
+        *number *= 1.5;
+    }
     let gradient = problem.gradient(&numbers).unwrap();
     for (i, stated) in gradient.iter().enumerate() {
         let at = |by: f64| {
@@ -185,38 +205,48 @@ fn the_reference_gradient_is_the_derivative() {
     }
 }
 
-fn compare(name: &str, criterion: &(impl ExcitationCriterion<10> + Clone), margin: f64) {
+/// The design, and the cost of the reference route from where it ended.
+fn design_and_polished(criterion: &impl ExcitationCriterion<10>) -> (f64, f64) {
     let problem = Penalized::new(criterion);
-    let mut random = Random::new(7);
-    let (mut best, mut overstepped) = (f64::INFINITY, 0.0_f64);
-    for _ in 0..STARTS {
-        let numbers = reference(criterion, &mut random);
-        let (cost, excess) = (problem.cost_and_gradient(&numbers).0, problem.largest_excess(&numbers));
-        println!("{name}: reference {cost:.4}, beyond the limits by {excess:.1e}");
-        best = best.min(cost);
-        overstepped = overstepped.max(excess);
-    }
-
     let channel_limits = std::array::from_fn(|channel| {
         let [workspace, rate, acceleration] = limits(channel);
         ChannelLimits::symmetric(workspace, rate, acceleration)
     });
     let excitation = SpaceExcitation::try_new(basis(), &channel_limits, SAMPLES).unwrap();
-    let excitation = excitation.with_limits_holding(LimitsHold::AtSamples);
-    let design = excitation.design(criterion, STARTS, 1).unwrap();
-    let numbers = basis().rest_to_rest().tr_mul(design.motion.coefficients());
-    let (cost, excess) = (problem.cost_and_gradient(numbers.as_slice()).0, problem.largest_excess(numbers.as_slice()));
-    println!("{name}: design {cost:.4}, beyond the limits by {excess:.1e}");
+    let design = excitation.with_limits_holding(LimitsHold::AtSamples).design(criterion, STARTS, 1).unwrap();
+    let numbers = basis().rest_to_rest().tr_mul(design.motion.coefficients()).as_slice().to_vec();
+    let cost = problem.cost_without_penalty(&numbers);
     assert!((cost - design.cost).abs() < 1e-9 * cost.abs(), "{cost} {}", design.cost);
-    assert!(cost < best + margin, "{cost} {best}");
-    // Penalties end outside, if only by a little; the design does not.
-    assert!(overstepped > 1e-6 && overstepped < 0.02, "{overstepped}");
-    assert!(excess == 0.0, "{excess}");
+    let excess = problem.largest_excess(&numbers);
+    assert!(excess == 0.0, "{excess:e}");
+
+    // Penalties step over the limits, if only by a little.
+    let polished = reference(criterion, numbers);
+    let excess = problem.largest_excess(&polished);
+    assert!(excess > 1e-6 && excess < 0.02, "{excess:e}");
+    (cost, problem.cost_without_penalty(&polished))
 }
 
 #[test]
-fn the_design_is_no_worse_than_the_reference() {
-    compare("D", &DOptimality, 0.05);
+fn the_reference_gains_little_from_where_the_design_ends() {
+    let (cost, polished) = design_and_polished(&DOptimality);
+    println!("D: {cost:.4}, polished {polished:.4}");
+    // Half a per cent of the variances in the geometric mean.
+    assert!(cost < polished + 0.05, "{cost} {polished}");
     let magnitudes = SVector::from([1.0, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1]);
-    compare("A", &InLikeUnits { criterion: AOptimality, magnitudes }, 0.05);
+    let (cost, polished) = design_and_polished(&InLikeUnits { criterion: AOptimality, magnitudes });
+    println!("A: {cost:.4}, polished {polished:.4}");
+    assert!(cost < 1.02 * polished, "{cost} {polished}");
+}
+
+#[test]
+fn the_design_is_as_good_as_the_reference_from_as_many_starts() {
+    let problem = Penalized::new(&DOptimality);
+    let mut random = Random::new(7);
+    let ends = (0..STARTS).map(|_| reference(&DOptimality, problem.start(&mut random)));
+    let best = ends.map(|numbers| problem.cost_without_penalty(&numbers)).fold(f64::INFINITY, f64::min);
+    let (cost, _) = design_and_polished(&DOptimality);
+    println!("D: {cost:.4}, reference {best:.4}");
+    // Both meet local optima: one per cent of the variances in the geometric mean.
+    assert!(cost < best + 0.1, "{cost} {best}");
 }

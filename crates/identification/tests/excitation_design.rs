@@ -1,5 +1,5 @@
 //! Designed motions: inside their limits at all times, from rest to rest, good, and refused where there is none.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::float_cmp)]
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -269,6 +269,8 @@ impl ExcitationCriterion<10> for Blind {
     }
 }
 
+type Change = fn(&mut ChannelLimits, f64);
+
 #[test]
 fn what_admits_no_motion_is_refused_by_name() {
     let refused = |limits: &[ChannelLimits; 6], harmonics: usize, samples: usize| {
@@ -278,7 +280,6 @@ fn what_admits_no_motion_is_refused_by_name() {
     assert_eq!(refused(&good, 1, 100), IdentificationError::NoFreeCoefficients { harmonics: 1 });
     assert_eq!(refused(&good, 5, 10), IdentificationError::TooManyHarmonics { harmonics: 5, samples: 10 });
     assert!(SpaceExcitation::try_new(basis(5), &good, 11).is_ok());
-    type Change = fn(&mut ChannelLimits, f64);
     let changes: [(Limit, Change, [f64; 3]); 4] = [
         (Limit::Lower, |limits, x| limits.lower = x, [0.0, 0.1, f64::NAN]),
         (Limit::Upper, |limits, x| limits.upper = x, [0.0, -0.1, f64::NAN]),

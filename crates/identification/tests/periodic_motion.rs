@@ -344,7 +344,7 @@ fn saturated_records_go_to_the_trajectory_likelihood() {
     let mut random = Random::new(21);
     let (motion, body) = (random.motion(10.0, 3), random.load());
     let start = Pose::from_parts(Translation3::new(1.0, -2.0, 0.5), UnitQuaternion::new(Vector3::new(0.4, -0.9, 1.3)));
-    let (samples, saturation) = flown(&motion, &body, &limits, &start, (6, 200));
+    let (samples, saturation) = flown(&motion, &body, &limits, &start, 3.0, (6, 200));
     let samples = noisy(samples, &start, &Noise { torque_n_m: 0.0, force_n: 0.0, ..noise() }, 22);
     let settings = HarmonicSettings { world_from_start: start, ..HarmonicSettings::new(10.0, 3) };
     let error = |found: &HarmonicIdentification| {

@@ -113,7 +113,8 @@ impl<const P: usize> ExcitationProblem<P> {
                 let Some(instant) = motion.at(time_s) else { return Ok(false) };
                 let wanted = instant.regressor() * parameters;
                 let realized = actuation.realize(&actuation.allocate(&Wrench::from(wanted))?).to_vector();
-                if !((realized - wanted).norm() <= 1e-9 * wanted.norm()) {
+                let is_given = (realized - wanted).norm() <= 1e-9 * wanted.norm();
+                if !is_given {
                     return Ok(false);
                 }
             }

@@ -106,14 +106,18 @@ impl<'a> Limits<'a> {
                 let value: f64 = row.iter().zip(numbers.iter()).map(|(a, b)| a * b).sum();
                 largest = largest.max(value / upper).max(value / lower);
             }
-            numbers.iter_mut().for_each(|number| *number *= share / largest);
+            for number in numbers {
+                *number *= share / largest;
+            }
         }
         let mut slacks = Vec::new();
         for _ in 0..60 {
             if self.wrench.is_none() || self.slacks(scaled, &mut slacks) {
                 return;
             }
-            scaled.iter_mut().for_each(|number| *number *= 0.8);
+            for number in scaled.iter_mut() {
+                *number *= 0.8;
+            }
         }
     }
 
@@ -401,13 +405,13 @@ pub(super) fn minimize(
         let mut accepted = None;
         for _ in 0..25 {
             let trial = &z + &direction * length;
-            if limits.slacks(trial.as_slice(), &mut trial_slacks) {
-                if let Some(trial_cost) = evaluate(limits, trial.as_slice(), &mut trial_gradient) {
-                    let change = trial_cost - cost - barrier * log_growth(&slacks, &trial_slacks);
-                    if change <= -1e-4 * length * decrement {
-                        accepted = Some((trial, trial_cost));
-                        break;
-                    }
+            if limits.slacks(trial.as_slice(), &mut trial_slacks)
+                && let Some(trial_cost) = evaluate(limits, trial.as_slice(), &mut trial_gradient)
+            {
+                let change = trial_cost - cost - barrier * log_growth(&slacks, &trial_slacks);
+                if change <= -1e-4 * length * decrement {
+                    accepted = Some((trial, trial_cost));
+                    break;
                 }
             }
             length *= 0.4;
@@ -430,18 +434,12 @@ pub(super) fn minimize(
             *multiplier = (*multiplier + longest_dual * step).clamp(1e-3 * barrier / trial, 1e3 * barrier / trial);
         }
         // Gradients of the Lagrangian before and after, with the new multipliers; what is linear cancels.
-        for (weight, multiplier) in weights.iter_mut().zip(&multipliers) {
-            *weight = -multiplier;
-        }
-        let mut difference = -gradient.clone();
+        let mut difference = -&gradient;
         if limits.wrench.is_some() {
-            for weight in &mut weights {
-                *weight = -*weight;
-            }
-            limits.add_gradients(&weights, true, &mut difference);
+            limits.add_gradients(&multipliers, true, &mut difference);
             limits.linearize(trial.as_slice());
-            for weight in &mut weights {
-                *weight = -*weight;
+            for (weight, multiplier) in weights.iter_mut().zip(&multipliers) {
+                *weight = -multiplier;
             }
             limits.add_gradients(&weights, true, &mut difference);
         }
@@ -475,7 +473,7 @@ fn update(hessian: &mut DMatrix<f64>, step: &DVector<f64>, mut difference: DVect
     }
     let along = &*hessian * step;
     let expected = step.dot(&along);
-    if !(expected > 0.0) {
+    if expected.is_nan() || expected <= 0.0 {
         return;
     }
     if curvature < 0.2 * expected {
@@ -553,7 +551,7 @@ mod tests {
         assert!((log_growth(&before, &after) - expected).abs() < 1e-12);
     }
 
-    /// The least of a convex cost under limits: a corner of one channel's workspace cannot be passed, the rest is free.
+    /// A cost whose minimum is inside all limits is followed there, up to what the last barrier pushes it aside.
     #[test]
     fn goes_to_the_minimum_of_a_quadratic() {
         let problem = problem();

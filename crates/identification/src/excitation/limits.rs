@@ -46,7 +46,7 @@ impl ChannelLimits {
             (Limit::Acceleration, self.acceleration),
         ];
         for (limit, size) in sizes {
-            if !(size > 0.0) {
+            if size.is_nan() || size <= 0.0 {
                 let value = if limit == Limit::Lower { self.lower } else { size };
                 return Err(IdentificationError::NoMotionWithinLimit { channel, limit, value });
             }
@@ -87,7 +87,7 @@ impl WrenchLimits {
             if !normal.iter().all(|component| component.is_finite()) {
                 return Err(IdentificationError::NotFinite { row: half_space });
             }
-            if !(*bound > 0.0) {
+            if bound.is_nan() || *bound <= 0.0 {
                 return Err(IdentificationError::NoMotionWithinWrenchLimit { half_space, bound: *bound });
             }
         }

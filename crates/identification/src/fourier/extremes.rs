@@ -87,29 +87,23 @@ impl FourierMotion {
 
     /// Bounds on the second derivatives by time of torque and of force.
     fn wrench_bends(&self, parameters: &InertialParameters<f64>) -> Option<[f64; 2]> {
-        let (channels, chart): (Vec<Series>, _) = (self.channels().collect(), self.chart());
+        let channels: Vec<Series> = self.channels().collect();
         let (position, attitude) = channels.split_at(3);
         let [_, _, acceleration @ ..] = norm::<5>(position);
-        let w: [f64; 4] = match (chart, attitude) {
-            (AttitudeChart::EulerZyx, [roll, pitch, yaw]) => {
-                let [roll, pitch, yaw] = [roll, pitch, yaw].map(|angle| angle.derivative().bounds::<4>());
-                // Body axes turn with roll, and the axis of yaw in them also with pitch.
-                let yawing = product(&turning(&pitch), &yaw);
-                let turned = product(&turning(&roll), &core::array::from_fn(|j| pitch[j] + yawing[j]));
-                core::array::from_fn(|j| roll[j] + turned[j])
-            }
-            _ => {
-                let q = norm(attitude);
-                let rates: Vec<Series> = attitude.iter().map(Series::derivative).collect();
-                let square = product(&q, &q);
-                let least = -self.supremum(
-                    |t| -attitude.iter().map(|component| component.at(t).powi(2)).sum::<f64>(),
-                    square[2],
-                    WRENCH_RESOLUTION,
-                );
-                // Twice the vector part of conj(q) o dq, over the squared length.
-                product(&product(&q, &norm(&rates)), &reciprocal(&square, least)?).map(|bound| 2.0 * bound)
-            }
+        let w = if let (AttitudeChart::EulerZyx, [roll, pitch, yaw]) = (self.chart(), attitude) {
+            let [roll, pitch, yaw] = [roll, pitch, yaw].map(|angle| angle.derivative().bounds::<4>());
+            // Body axes turn with roll, and the axis of yaw in them also with pitch.
+            let yawing = product(&turning(&pitch), &yaw);
+            let turned = product(&turning(&roll), &core::array::from_fn(|j| pitch[j] + yawing[j]));
+            core::array::from_fn(|j| roll[j] + turned[j])
+        } else {
+            let q = norm::<4>(attitude);
+            let rates: Vec<Series> = attitude.iter().map(Series::derivative).collect();
+            let square = product(&q, &q);
+            let minus_square = |t: f64| -attitude.iter().map(|component| component.at(t).powi(2)).sum::<f64>();
+            let least = -self.supremum(minus_square, square[2], WRENCH_RESOLUTION);
+            // Twice the vector part of conj(q) o dq, over the squared length.
+            product(&product(&q, &norm(&rates)), &reciprocal(&square, least)?).map(|bound| 2.0 * bound)
         };
         let [w0, w1, w2, w3] = w;
         let [.., a] = product(&turning(&[w0, w1, w2]), &acceleration);

@@ -3,6 +3,7 @@
 use super::cycles::{Cycles, average_cycles};
 use super::fit::FourierFit;
 use super::least_squares::PeriodicLeastSquares;
+use super::likelihood::PeriodicLikelihood;
 use super::periodic_record::PeriodicRecord;
 use super::saturation::saturated_share;
 use super::selection::{HarmonicCandidate, SelectionRule, likeliest_harmonics, select_harmonics};
@@ -22,13 +23,18 @@ use nalgebra::{SMatrix, SVector, Vector3};
 const HARMONICS_BEYOND: usize = 17;
 /// Share of time at a limit beyond which the motion counts as no short Fourier series.
 const SATURATED: f64 = 0.01;
+/// A residual of least squares so many times the expected one is unexpected.
+const UNEXPECTED: f64 = 2.0;
+/// A mean square so many standard deviations above one is not chance.
+const BEYOND_CHANCE: f64 = 6.0;
 
 /// What turns an averaged period, or the record behind it, into parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum HarmonicEstimator {
     /// Weighted least squares with the regressor of the fitted motion: the thesis's.
     LeastSquares,
-    /// Maximum likelihood of coefficients and parameters together: far more accurate where the noise of the poses limits.
+    /// Maximum likelihood of coefficients and parameters together: far more accurate where the noise of the poses limits. Where
+    /// the wrench asks for more harmonics than the series has, the trajectory likelihood answers.
     #[default]
     Likelihood,
     /// [`MaximumLikelihood`] on the whole record, sample by sample, with the wrench that acted; needs no periodic motion.
@@ -134,7 +140,7 @@ impl HarmonicIdentification {
 /// Those of [`average_cycles`](super::average_cycles), [`select_harmonics`](super::select_harmonics) and
 /// [`PeriodicLeastSquares::fit`](super::PeriodicLeastSquares::fit).
 /// # Source
-/// Thesis 4.3, 4.4 and (4.20).
+/// Thesis 4.3 and 4.4; least squares is (4.12).
 pub fn identify_periodic(
     samples: &[MotionSample],
     settings: &HarmonicSettings,
@@ -149,38 +155,50 @@ pub fn identify_periodic(
     if saturation > 0.0 {
         warnings.push(HarmonicWarning::Saturated { share: saturation });
     }
-    let saturated = saturation > settings.largest_saturation;
-    let wanted = if saturated { HarmonicEstimator::TrajectoryLikelihood } else { settings.estimator };
-    let least_squares = PeriodicLeastSquares::fit(&cycles.record, &fit)
-        .and_then(|found| consistent(&found.parameters, &found.covariance, found.scale));
-    let likely = match wanted {
-        HarmonicEstimator::LeastSquares => None,
-        HarmonicEstimator::Likelihood => {
+    let least_squares = PeriodicLeastSquares::fit(&cycles.record, &fit);
+    let likely = match settings.estimator {
+        HarmonicEstimator::Likelihood if saturation <= settings.largest_saturation => {
             settled(likeliest_harmonics(&cycles.record, harmonics))?.map(|(found, table)| {
                 for candidate in &mut selection {
                     let likely = table.iter().find(|(harmonics, _)| *harmonics == candidate.harmonics);
                     candidate.information_criterion = likely.map(|(_, criterion)| *criterion);
                 }
-                fit.motion = found.motion;
-                found.estimate
+                found
             })
         }
-        HarmonicEstimator::TrajectoryLikelihood => {
-            settled(most_likely(samples, settings, least_squares.as_ref().ok()))?
-        }
+        _ => None,
     };
-    let (estimate, estimator) = match likely {
-        Some(estimate) => (estimate, wanted),
-        None => (least_squares?, HarmonicEstimator::LeastSquares),
+    let unexplained = likely.as_ref().map_or_else(|| beyond_noise(least_squares.as_ref().ok()), beyond_chance);
+    warnings.extend(unexplained.map(|times| HarmonicWarning::ShortSeries { times }));
+    let plain = least_squares.and_then(|found| consistent(&found.parameters, &found.covariance, found.scale));
+    // A series that is too short biases the likelihood more than least squares.
+    let wanted = match settings.estimator {
+        _ if saturation > settings.largest_saturation => HarmonicEstimator::TrajectoryLikelihood,
+        HarmonicEstimator::Likelihood if likely.is_none() || unexplained.is_some() => {
+            HarmonicEstimator::TrajectoryLikelihood
+        }
+        asked_for => asked_for,
+    };
+    let trajectory = match wanted {
+        HarmonicEstimator::TrajectoryLikelihood => settled(most_likely(samples, settings, plain.as_ref().ok()))?,
+        _ => None,
+    };
+    let (estimate, estimator) = match (wanted, trajectory, likely) {
+        (HarmonicEstimator::TrajectoryLikelihood, Some(estimate), _) => (estimate, wanted),
+        (HarmonicEstimator::Likelihood, _, Some(found)) => {
+            fit.motion = found.motion;
+            (found.estimate, wanted)
+        }
+        _ => (plain?, HarmonicEstimator::LeastSquares),
     };
     let chosen = fit.motion.basis().harmonics();
     if chosen == largest && largest > settings.reference_harmonics {
         warnings.push(HarmonicWarning::MoreHarmonics { harmonics: chosen });
     }
-    if estimator != wanted {
+    if estimator == HarmonicEstimator::LeastSquares && settings.estimator != estimator {
         warnings.push(HarmonicWarning::LikelihoodFailed);
     }
-    if saturated && estimator == HarmonicEstimator::TrajectoryLikelihood {
+    if estimator == HarmonicEstimator::TrajectoryLikelihood && settings.estimator != estimator {
         warnings.push(HarmonicWarning::TrajectoryLikelihood);
     }
     if estimate.lmi_active {
@@ -260,6 +278,18 @@ fn settled<T>(found: Result<T, IdentificationError>) -> Result<Option<T>, Identi
         Err(IdentificationError::NotExcited { .. } | IdentificationError::LikelihoodNotConverged { .. }) => Ok(None),
         found => found.map(Some),
     }
+}
+
+/// By what factor the residual of least squares is above what noise lets expect, where it visibly is. Few coefficients make most of
+/// it, so that it scatters widely.
+fn beyond_noise(found: Option<&PeriodicLeastSquares>) -> Option<f64> {
+    found.map(|found| found.normalised_residual / found.expected_residual).filter(|times| *times > UNEXPECTED)
+}
+
+/// The same of the likelihood, where chance does not explain it.
+fn beyond_chance(found: &PeriodicLikelihood) -> Option<f64> {
+    let limit = 1.0 + BEYOND_CHANCE * (2.0 / found.degrees_of_freedom as f64).sqrt();
+    Some(found.reduced_chi_square()).filter(|ratio| *ratio > limit).map(f64::sqrt)
 }
 
 /// Share of the wrench's mean square that a body explains, torque counted at its own length.

@@ -27,6 +27,8 @@ pub struct PeriodicLeastSquares {
     pub covariance: SMatrix<f64, 10, 10>,
     /// Root mean square of the residual over its 6N components, each in units of the noise of the averaged wrench.
     pub normalised_residual: f64,
+    /// What the noise of wrench and motion lets expect of it.
+    pub expected_residual: f64,
     /// Root mean square of input power less rate of kinetic energy, W.
     pub power_residual_w: f64,
     /// Mass and length in whose units the ten parameters are compared: those of the solution, or rough ones where it has none.
@@ -43,9 +45,9 @@ impl PeriodicLeastSquares {
     /// [`IdentificationError::NotFinite`]; [`IdentificationError::AttitudeUndefined`]; [`IdentificationError::NotPositive`] for a standard deviation of the wrench.
     pub fn fit(record: &PeriodicRecord, fit: &FourierFit) -> Result<Self, IdentificationError> {
         let solved = Solved::new(record, fit)?;
-        let covariance = solved.covariance()?;
+        let (covariance, expected_residual) = solved.covariance()?;
         require_known(&covariance, solved.estimate.scale)?;
-        Ok(Self { covariance, ..solved.estimate })
+        Ok(Self { covariance, expected_residual, ..solved.estimate })
     }
 
     /// The same without the covariance, which stays zero: what the selection of harmonics compares.
@@ -113,6 +115,7 @@ impl<'a> Solved<'a> {
             parameters,
             covariance: SMatrix::zeros(),
             normalised_residual,
+            expected_residual: 1.0,
             power_residual_w,
             scale: BodyScale::of(&parameters).unwrap_or(scale),
             without_body: all.map(f64::sqrt),
@@ -121,11 +124,13 @@ impl<'a> Solved<'a> {
     }
 
     /// `A + K S K^T` with A the covariance from the noise of the wrench, S that of the coefficients and
-    /// `K = -A G^T W d(G p)/d(coefficients)`, summed up sample by sample.
-    fn covariance(&self) -> Result<SMatrix<f64, 10, 10>, IdentificationError> {
+    /// `K = -A G^T W d(G p)/d(coefficients)`, summed up sample by sample. And the root mean square of the whitened residual that
+    /// this noise makes.
+    fn covariance(&self) -> Result<(SMatrix<f64, 10, 10>, f64), IdentificationError> {
         let from_wrench = self.information.covariance(&self.magnitudes)?;
         let motion = &self.fit.motion;
         let channels = 3 + motion.chart().channels();
+        let mut noise = 0.0;
         let mut response = vec![SVector::<f64, 10>::zeros(); motion.basis().coefficients() * channels];
         for (instant, functions) in self.table.instants(motion.chart(), motion.coefficients()) {
             let Some(instant) = instant else { continue };
@@ -137,6 +142,8 @@ impl<'a> Solved<'a> {
                     for (block, functions) in by_channel.iter().zip(functions) {
                         *sum += block.column(channel) * functions[coefficient];
                     }
+                    let std = self.fit.coefficient_std[(coefficient, channel)];
+                    noise += rows.by_coefficient(channel, coefficient, functions).norm_squared() * std * std;
                 }
             }
         }
@@ -147,7 +154,8 @@ impl<'a> Solved<'a> {
                 covariance += response * response.transpose() * (std * std);
             }
         }
-        Ok((covariance + covariance.transpose()) * 0.5)
+        let expected_residual = (1.0 + noise / (6 * self.record.samples()) as f64).sqrt();
+        Ok(((covariance + covariance.transpose()) * 0.5, expected_residual))
     }
 }
 

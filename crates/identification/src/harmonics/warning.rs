@@ -40,7 +40,13 @@ pub enum HarmonicWarning {
         /// Share of time with any component of the wrench at its limit.
         share: f64,
     },
-    /// So much so that the motion is no short Fourier series: the trajectory likelihood answers, from the whole record and the
+    /// The wrench asks for more than the fitted series holds: the motion has more harmonics than were tried, or something is not in
+    /// the model.
+    ShortSeries {
+        /// Unexplained wrench, root mean square, by what noise lets expect.
+        times: f64,
+    },
+    /// The motion is no short Fourier series, by saturation or otherwise: the trajectory likelihood answers, from the whole record and the
     /// wrench that acted.
     TrajectoryLikelihood,
     /// The estimator asked for, or called for by saturation, gave no answer; least squares answers.
@@ -75,9 +81,14 @@ impl fmt::Display for HarmonicWarning {
                 write!(f, "the unconstrained solution is not a body; moved to the nearest consistent one")
             }
             Self::Saturated { share } => write!(f, "actuators at a limit for {:.1} % of the time", 100.0 * share),
+            Self::ShortSeries { times } => write!(
+                f,
+                "the fitted motion leaves {times:.1} times more of the wrench unexplained than noise does: it has more harmonics than were \
+                 tried, or something is not in the model, and the stated sigma of least squares does not hold it"
+            ),
             Self::TrajectoryLikelihood => write!(
                 f,
-                "saturation makes the motion no short Fourier series: the trajectory likelihood answers, with the wrench that acted"
+                "the motion is no short Fourier series: the trajectory likelihood answers, with the wrench that acted"
             ),
             Self::LikelihoodFailed => {
                 write!(

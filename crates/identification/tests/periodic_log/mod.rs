@@ -169,20 +169,21 @@ pub fn noisy(
     samples
 }
 
-/// A motion flown with feedback and the feedforward of an empty free flyer, by a body that carries a load; without noise. And
+/// A motion flown with feedback of this bandwidth and the feedforward of an empty free flyer, by a body that carries a load; without noise. And
 /// the share of time at a limit.
 pub fn flown(
     motion: &FourierMotion,
     body: &InertialParameters<f64>,
     limits: &WrenchBox,
     world_from_start: &Pose<f64>,
+    bandwidth_rad_s: f64,
     (cycles, samples_per_cycle): (usize, usize),
 ) -> (Vec<MotionSample>, f64) {
     let assumed = Matrix3::from_diagonal(&Vector3::new(0.0453, 0.0417, 0.0519));
     let assumed = FreeFlyer::new(InertialParameters::about_com(6.047, Vector3::zeros(), assumed));
     let at_start = RigidBodyState { world_from_body: *world_from_start, ..RigidBodyState::at_rest() };
     let mut plant = SimulatedBody::try_new(FreeFlyer::new(*body), MuntheKaas4, *limits, at_start, 0.02).unwrap();
-    let tracker = PoseTracker::critically_damped(assumed, 3.0, 3.0);
+    let tracker = PoseTracker::critically_damped(assumed, bandwidth_rad_s, bandwidth_rad_s);
     let step_s = motion.basis().period_s() / samples_per_cycle as f64;
     let flown = execute(motion, &tracker, &mut plant, world_from_start, cycles, step_s).unwrap();
     let rows = flown.samples.iter();
