@@ -7,6 +7,7 @@ mod loads;
 mod page;
 mod statistics;
 
+use std::panic::resume_unwind;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -77,7 +78,7 @@ struct Flights<'a> {
     about: &'static str,
     beside: Beside,
     cycles: usize,
-    /// Noise of case (i, j) starts from this seed.
+    /// Motion and load are added to it for the seed of the noise.
     seed: u64,
 }
 
@@ -142,7 +143,9 @@ fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T
             }
         };
         let handles: Vec<_> = (0..workers).map(|_| scope.spawn(one)).collect();
-        handles.into_iter().filter_map(|handle| handle.join().ok()).flatten().collect()
+        // A worker that panics is not a shorter result.
+        let finished = handles.into_iter().map(|handle| handle.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        finished.flatten().collect()
     });
     done.sort_by_key(|(index, _)| *index);
     done.into_iter().map(|(_, result)| result).collect()
