@@ -283,7 +283,8 @@ fn harmonics(text: &mut String, study: &Study) -> std::fmt::Result {
         text,
         "2. **More harmonics than the best number do not hurt (4.5.1, figure 4.5): {}.** Medians in %, mm, %: four or more too many \
          {} ({more_count} flights), at most one off {} ({near_count}), four or more too few {} ({fewer_count}); counted as holding \
-         up to {ALLOWED} times.",
+         up to {ALLOWED} times. The best number of one flight is in part luck, which flatters the flights that chose it, most of \
+         all in the mass.",
         verdict(holds),
         triple(more),
         triple(near),
