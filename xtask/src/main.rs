@@ -15,8 +15,9 @@ cargo xtask <command>
   mutants [--only TEXT] [--list]          planted source changes; the tests must kill every one
   bench [--json] ...                      speed on the frozen peer problems (target-cpu=native)
   real-data [--data DIR] [--json] [--check]
-  reproduce chapter5 [--runs N] [--out DIR]
+  reproduce chapter4 | chapter5 [--runs N] [--out DIR]
   study identification [--cells NAME] [--runs N] [--out DIR]
+  study excitation [--cases N]
 
 Exit 0: done. 1: a check failed. 2: bad input. 3: a target was missed.
 ";

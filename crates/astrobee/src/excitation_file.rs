@@ -217,7 +217,7 @@ impl ExcitationFile {
             }
         }
         for (key, value) in [("limits.force_n", limits.force_n), ("limits.torque_n_m", limits.torque_n_m)] {
-            if !(value > 0.0) {
+            if value.is_nan() || value <= 0.0 {
                 return Err(bad(format!("`{key}` is {value}; a limit is positive, or inf")));
             }
         }

@@ -15,7 +15,7 @@ pub fn body() -> InertialParameters<f64> {
 /// The largest force along each axis that is assumed of it, N.
 ///
 /// # Deviation
-/// Thesis 4.5 has limits and does not state them. These let a laden robot follow motions of 0.5 m/s^2 along all axes.
+/// Thesis 4.5 has limits and does not state them. These let a laden robot follow motions of 0.4 m/s^2 along all axes.
 pub const FORCE_LIMIT_N: f64 = 6.0;
 /// The largest torque about each axis that is assumed of it, N m; not the thesis's either.
 pub const TORQUE_LIMIT_N_M: f64 = 0.5;

@@ -270,6 +270,9 @@ impl Errors {
     }
 
     /// 2-norms, in the order of [`GROUPS`].
+    ///
+    /// # Source
+    /// Thesis (4.20).
     pub fn norms(&self) -> [f64; 3] {
         [self.inertia.norm(), self.center_of_mass.norm(), self.mass.abs()]
     }
@@ -329,6 +332,19 @@ mod tests {
             let velocity = (at(0) - at(4) + (at(3) - at(1)) * 8.0) / (12.0 * body.step_s);
             assert!((velocity - five[2].velocity_origin_world).amax() < 1e-4 * body.step_s, "{}", body.name);
         }
+    }
+
+    #[test]
+    fn errors_are_norms_of_the_groups() {
+        let truth = chapter5_bodies()[0].parameters;
+        let mut found = truth.to_vector();
+        // Twice the mass with the same first moment halves the centre of mass.
+        found[0] += truth.mass;
+        found[4] += 3.0;
+        found[9] -= 4.0;
+        let [inertia, center, mass] = Errors::of(&found, &truth).norms();
+        assert!((inertia - 5.0).abs() < 1e-12 && (mass - 5.0).abs() < 1e-12, "{inertia} {mass}");
+        assert!((center - 0.5 * truth.center_of_mass().norm()).abs() < 1e-12, "{center}");
     }
 
     #[test]

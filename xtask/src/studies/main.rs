@@ -7,6 +7,7 @@ mod bench;
 mod brushless;
 mod calibration;
 mod change_detection;
+mod chapter4;
 mod chapter5;
 mod dynamics;
 mod ekf_rls;
@@ -82,12 +83,15 @@ fn main() -> ExitCode {
                 .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
             "real-data" => Arguments::parse(rest, &["--json", "--check"], &["--data"])
                 .and_then(|arguments| real_data::run(&arguments)),
-            "reproduce" => match rest.split_first() {
-                Some((what, rest)) if what == "chapter5" => {
-                    Arguments::parse(rest, &[], &["--out", "--runs"]).and_then(|arguments| chapter5::run(&arguments))
+            "reproduce" => {
+                match rest.split_first() {
+                    Some((what, rest)) if what == "chapter4" => Arguments::parse(rest, &[], &["--out", "--runs"])
+                        .and_then(|arguments| chapter4::run(&arguments)),
+                    Some((what, rest)) if what == "chapter5" => Arguments::parse(rest, &[], &["--out", "--runs"])
+                        .and_then(|arguments| chapter5::run(&arguments)),
+                    _ => Err(Failure::BadInput("reproduce what? `chapter4`, `chapter5`".to_owned())),
                 }
-                _ => Err(Failure::BadInput("reproduce what? `chapter5`".to_owned())),
-            },
+            }
             "study" => match rest.split_first() {
                 Some((what, rest)) if what == "identification" => {
                     Arguments::parse(rest, &[], &["--cells", "--runs", "--out"])

@@ -63,7 +63,7 @@ pub struct ExciteArgs {
     #[arg(long, value_name = "RAD/S", default_value_t = 0.8, allow_hyphen_values = true)]
     angular_rate: f64,
     /// Largest acceleration along each axis, m/s^2.
-    #[arg(long, value_name = "M/S^2", default_value_t = 0.5, allow_hyphen_values = true)]
+    #[arg(long, value_name = "M/S^2", default_value_t = 0.4, allow_hyphen_values = true)]
     acceleration: f64,
     /// Largest second derivative of each Euler angle, rad/s^2.
     #[arg(long, value_name = "RAD/S^2", default_value_t = 0.8, allow_hyphen_values = true)]
@@ -278,7 +278,7 @@ fn check(args: &ExciteArgs) -> Result<(), AstrobeeError> {
         }
     }
     for (option, value) in [("--force-limit", args.force_limit), ("--torque-limit", args.torque_limit)] {
-        if !(value > 0.0) {
+        if value.is_nan() || value <= 0.0 {
             return Err(AstrobeeError::BadOption {
                 message: format!("`{option} {value}` admits no motion: a limit is positive, or inf"),
             });
@@ -474,7 +474,7 @@ fn draw(folder: &OutputFolder, limits: &LimitsTable, period: &FinePeriod) -> Res
         let points = |column: usize| period.times_s.iter().copied().zip(table.column(column).iter().copied()).collect();
         names.into_iter().enumerate().map(|(i, name)| Curve { name, points: shown(points(first + i)) }).collect()
     };
-    let one = |[x, y, z]: [f64; 3]| Some(x).filter(|x| *x == y && *x == z);
+    let one = |[x, y, z]: [f64; 3]| Some(x).filter(|x| [y, z].iter().all(|other| other.to_bits() == x.to_bits()));
     let (xyz, angles) = (["x", "y", "z"], ["roll", "pitch", "yaw"]);
     for (name, title, y_label, curves, band) in [
         ("position", "Position", "m", against_time(value, 0, xyz), one(limits.position_m)),

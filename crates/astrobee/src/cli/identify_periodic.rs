@@ -7,6 +7,7 @@ use crate::harmonic_report as report;
 use crate::output::{OutputFolder, RUN_RECORD, write_file};
 use crate::report::Context;
 use crate::{AstrobeeError, body_file, space_cobot};
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use tumble_identification::harmonics::{
     HarmonicEstimator, HarmonicIdentification, HarmonicSettings, cramer_rao, identify_periodic,
@@ -134,7 +135,7 @@ fn unidentified(
             log.source
         );
         for direction in free {
-            text += &format!("  not determined: {direction}\n");
+            let _ = writeln!(text, "  not determined: {direction}");
         }
         print(&text)?;
     }

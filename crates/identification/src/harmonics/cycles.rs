@@ -16,6 +16,8 @@ const UNEQUAL: f64 = 0.01;
 const DRIFT: f64 = 0.05;
 /// Cycles without which there is no scatter.
 const FEWEST_CYCLES: usize = 2;
+/// Harmonics beyond those of the reference at which cycles are compared.
+const BAND_BEYOND: usize = 7;
 /// Chance that a cycle like the others passes for a transient, or white noise for leakage.
 const FALSE_ALARM: f64 = 1e-4;
 /// Differences below this share of a channel's size are rounding.
@@ -67,7 +69,7 @@ pub fn average_cycles(samples: &[MotionSample], settings: &HarmonicSettings) -> 
     }
     let rows = &samples[first..first + cycles * period_samples];
     let series = Series::of(rows, period_samples, settings)?;
-    let harmonics = settings.largest_harmonics.min((period_samples - 1) / 4);
+    let harmonics = (settings.reference_harmonics + BAND_BEYOND).min((period_samples - 1) / 4);
     let bands: Vec<Band> = series.columns.iter().map(|column| Band::of(column, period_samples, harmonics)).collect();
     let differs = |cycle: usize| {
         let chance = FALSE_ALARM / bands.len() as f64;

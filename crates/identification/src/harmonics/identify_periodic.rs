@@ -147,7 +147,7 @@ pub fn identify_periodic(
 ) -> Result<HarmonicIdentification, IdentificationError> {
     let cycles = average_cycles(samples, settings)?;
     let sampled = cycles.record.samples().saturating_sub(1) / 2;
-    let largest = settings.largest_harmonics.min(sampled).max(settings.reference_harmonics);
+    let largest = settings.largest_harmonics.min(sampled.max(settings.reference_harmonics));
     let harmonics = settings.reference_harmonics..=largest;
     let (mut fit, mut selection) = select_harmonics(&cycles.record, harmonics.clone(), settings.selection)?;
     let saturation = saturated_share(samples, settings.limits.as_ref());
@@ -156,19 +156,15 @@ pub fn identify_periodic(
         warnings.push(HarmonicWarning::Saturated { share: saturation });
     }
     let least_squares = PeriodicLeastSquares::fit(&cycles.record, &fit);
+    let saturated = saturation > settings.largest_saturation;
     let likely = match settings.estimator {
-        HarmonicEstimator::Likelihood if saturation <= settings.largest_saturation => {
-            settled(likeliest_harmonics(&cycles.record, harmonics))?.map(|(found, table)| {
-                for candidate in &mut selection {
-                    let likely = table.iter().find(|(harmonics, _)| *harmonics == candidate.harmonics);
-                    candidate.information_criterion = likely.map(|(_, criterion)| *criterion);
-                }
-                found
-            })
-        }
+        HarmonicEstimator::Likelihood if !saturated => settled(likeliest_harmonics(&cycles.record, harmonics))?,
         _ => None,
     };
-    let unexplained = likely.as_ref().map_or_else(|| beyond_noise(least_squares.as_ref().ok()), beyond_chance);
+    let unexplained = match &likely {
+        Some((found, _)) => beyond_chance(found),
+        None => beyond_noise(least_squares.as_ref().ok()),
+    };
     warnings.extend(unexplained.map(|times| HarmonicWarning::ShortSeries { times }));
     let plain = least_squares.and_then(|found| {
         let times = beyond_noise(Some(&found)).unwrap_or(1.0);
@@ -176,7 +172,7 @@ pub fn identify_periodic(
     });
     // A series that is too short biases the likelihood more than least squares.
     let wanted = match settings.estimator {
-        _ if saturation > settings.largest_saturation => HarmonicEstimator::TrajectoryLikelihood,
+        _ if saturated => HarmonicEstimator::TrajectoryLikelihood,
         HarmonicEstimator::Likelihood if likely.is_none() || unexplained.is_some() => {
             HarmonicEstimator::TrajectoryLikelihood
         }
@@ -188,7 +184,11 @@ pub fn identify_periodic(
     };
     let (estimate, estimator) = match (wanted, trajectory, likely) {
         (HarmonicEstimator::TrajectoryLikelihood, Some(estimate), _) => (estimate, wanted),
-        (HarmonicEstimator::Likelihood, _, Some(found)) => {
+        (HarmonicEstimator::Likelihood, _, Some((found, table))) => {
+            for candidate in &mut selection {
+                let likely = table.iter().find(|(harmonics, _)| *harmonics == candidate.harmonics);
+                candidate.information_criterion = likely.map(|(_, criterion)| *criterion);
+            }
             fit.motion = found.motion;
             (found.estimate, wanted)
         }
