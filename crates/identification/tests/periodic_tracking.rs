@@ -6,7 +6,7 @@ mod periodic_log;
 
 use periodic_log::{Random, flown, noise, noisy};
 use tumble_identification::dynamics::{InertialParameters, WrenchBox};
-use tumble_identification::fourier::FourierMotion;
+use tumble_identification::fourier::{AttitudeChart, FourierMotion};
 use tumble_identification::harmonics::{
     HarmonicEstimator, HarmonicIdentification, HarmonicSettings, PeriodicRecord, average_cycles, cramer_rao,
     identify_periodic, likeliest_harmonics, maximum_likelihood,
@@ -125,4 +125,19 @@ fn the_bound_with_free_harmonics_is_that_of_a_flight() {
         assert!(free[0] > 0.7 && free[9] < 1.2, "{seed} {free:?}");
         assert!(held[9] > 1.2 && held.iter().zip(&free).all(|(held, free)| held > free), "{seed} {held:?} {free:?}");
     }
+}
+
+/// Four components of a quaternion hold three numbers of noise: counted as four, chance would not explain the residuals.
+#[test]
+fn the_likelihood_answers_in_quaternions_too() {
+    let flight = Flight::new(500);
+    let settings = HarmonicSettings { chart: AttitudeChart::Quaternion, ..flight.settings() };
+    let found = identify_periodic(&flight.samples, &settings).unwrap();
+    assert_eq!(found.estimator, HarmonicEstimator::Likelihood);
+    let attitude = found.noise.attitude_rad / flight_noise().attitude_rad;
+    // Of turns, less than of the angles that the noise is added to where pitch is steep.
+    assert!((0.9..1.02).contains(&attitude), "{attitude}");
+    let ratio = maximum_likelihood(&found.record, found.harmonics()).unwrap().reduced_chi_square();
+    assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
+    assert!(mean_square_band(10.0, 1, 0.9999).contains(flight.normalized_squared_error(&found.estimate)));
 }
