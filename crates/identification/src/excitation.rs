@@ -10,6 +10,8 @@ mod execution;
 #[cfg(feature = "std")]
 mod interior_point;
 #[cfg(feature = "std")]
+mod limit_samples;
+#[cfg(feature = "std")]
 mod limits;
 #[cfg(feature = "std")]
 mod objective;

@@ -2,7 +2,8 @@
 
 use super::channel::{Channel, Limit};
 use super::criterion::ExcitationCriterion;
-use super::interior_point::{Effort, Limits, Minimum, minimize};
+use super::interior_point::{Effort, Minimum, minimize};
+use super::limit_samples::Limits;
 use super::objective::{Channels, Objective};
 use super::problem::{ExcitationProblem, LimitsHold};
 use crate::dynamics::{Actuation, InertialParameters};
