@@ -32,7 +32,7 @@ impl Effort {
     /// Along the middle of the feasible motions to the neighbourhood of a minimum.
     pub const ROUGH: Self = Self { first: 1.0, last: 0.2, iterations: 60 };
     /// From there to the minimum.
-    pub const FINE: Self = Self { first: 0.2, last: 5e-4, iterations: 300 };
+    pub const FINE: Self = Self { first: 0.2, last: 1e-4, iterations: 300 };
 }
 
 /// Goes down from a strictly feasible start. `None` where the cost does not exist there.

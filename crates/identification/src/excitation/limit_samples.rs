@@ -30,8 +30,9 @@ struct StateLimit {
 /// Limits on the wrench, and what was found at the samples.
 struct WrenchSamples<'a> {
     parameters: &'a SVector<f64, 10>,
-    /// Half-spaces `normal . wrench <= 1`.
+    /// Half-spaces `normal . wrench <= share`.
     normals: Vec<Vector6<f64>>,
+    share: f64,
     instants: Vec<MotionInstant>,
     by_terms: Vec<SMatrix<f64, 6, WRENCH_TERMS>>,
 }
@@ -69,6 +70,7 @@ impl<'a> Limits<'a> {
         let wrench = problem.wrench_limits.as_ref().map(|limits| WrenchSamples {
             parameters: limits.parameters(),
             normals: limits.half_spaces().iter().map(|(normal, bound)| normal / *bound).collect(),
+            share: 1.0,
             instants: Vec::with_capacity(samples),
             by_terms: Vec::with_capacity(samples),
         });
@@ -106,6 +108,13 @@ impl<'a> Limits<'a> {
             .collect();
         limits.coefficients = limits.scaling.iter().map(|scaling| &rest * scaling).collect();
         limits
+    }
+
+    /// Lets the wrench use this share of its limits only.
+    pub fn keep_wrench_within(&mut self, share: f64) {
+        if let Some(wrench) = &mut self.wrench {
+            wrench.share = share;
+        }
     }
 
     /// Number of scaled numbers.
@@ -205,11 +214,13 @@ impl<'a> Limits<'a> {
             for functions in limits.table.samples() {
                 let found = channels(functions, free);
                 let first = slacks.len();
-                slacks.extend(limits.states.iter().map(|limit| 1.0 - found[limit.order][limit.channel] * limit.per_share));
+                slacks.extend(
+                    limits.states.iter().map(|limit| 1.0 - found[limit.order][limit.channel] * limit.per_share),
+                );
                 if let Some(wrench) = &mut limits.wrench {
                     let Some(instant) = instant(&found) else { return false };
                     let needed = instant.regressor() * wrench.parameters;
-                    slacks.extend(wrench.normals.iter().map(|normal| 1.0 - normal.dot(&needed)));
+                    slacks.extend(wrench.normals.iter().map(|normal| wrench.share - normal.dot(&needed)));
                     wrench.instants.push(instant);
                 }
                 let is_inside = slacks.iter().skip(first).all(|&slack| slack > 0.0);
@@ -412,9 +423,8 @@ impl Waves {
                 (1..=harmonics).map(|turns| Wave { amplitude: sign * amplitude(turns), is_sine: is_odd, turns });
             core::iter::once(constant).chain(of_sines).chain(of_cosines).collect()
         });
-        let angle = |sample: usize, turns: usize| {
-            core::f64::consts::TAU * ((sample * turns) % samples) as f64 / samples as f64
-        };
+        let angle =
+            |sample: usize, turns: usize| core::f64::consts::TAU * ((sample * turns) % samples) as f64 / samples as f64;
         let at_sample = |sample: usize| {
             let cosines = (0..frequencies).map(move |turns| angle(sample, turns).cos());
             cosines.chain((0..frequencies).map(move |turns| angle(sample, turns).sin()))
