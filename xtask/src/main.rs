@@ -17,7 +17,7 @@ cargo xtask <command>
   real-data [--data DIR] [--json] [--check]
   reproduce chapter4 | chapter5 [--runs N] [--out DIR]
   study identification [--cells NAME] [--runs N] [--out DIR]
-  study excitation [--cases N]
+  study excitation [--cases N] [--flights N]
 
 Exit 0: done. 1: a check failed. 2: bad input. 3: a target was missed.
 ";

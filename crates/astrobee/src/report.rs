@@ -332,16 +332,29 @@ pub(crate) fn words(directions: &[NullDirection]) -> Vec<String> {
     directions.iter().map(ToString::to_string).collect()
 }
 
-/// One sigma of each quantity; what is not determined stands so.
-pub fn sigma_table(std: &StandardDeviations) -> String {
+/// One sigma of each quantity, a column for each account of it with its heading; what is not determined stands so.
+pub fn sigma_table(columns: &[(&str, &StandardDeviations)]) -> String {
     let unit_body = InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::identity());
-    let mut text = format!("  {:<18}{:>14}\n", "quantity", "1 sigma");
-    for q in quantities(&unit_body, std) {
-        let _ = if q.std.is_finite() {
-            writeln!(text, "  {:<18}{:>14.2e} {}", q.name, q.std, q.unit)
-        } else {
-            writeln!(text, "  {:<18}{:>14}", q.name, "not determined")
-        };
+    let widths: Vec<usize> = columns.iter().map(|(heading, _)| 14.max(heading.len() + 2)).collect();
+    let mut text = format!("  {:<18}", "quantity");
+    for ((heading, _), width) in columns.iter().zip(&widths) {
+        let _ = write!(text, "{heading:>width$}");
+    }
+    text.push('\n');
+    let columns: Vec<_> = columns.iter().map(|(_, std)| quantities(&unit_body, std)).collect();
+    for (row, quantity) in columns.first().into_iter().flatten().enumerate() {
+        let _ = write!(text, "  {:<18}", quantity.name);
+        let mut unit = "";
+        for (column, width) in columns.iter().zip(&widths) {
+            let std = column[row].std;
+            let _ = if std.is_finite() {
+                unit = quantity.unit;
+                write!(text, "{std:>width$.2e}")
+            } else {
+                write!(text, "{:>width$}", "not determined")
+            };
+        }
+        let _ = writeln!(text, " {unit}");
     }
     text
 }
@@ -362,7 +375,7 @@ pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f6
         prediction.rows, prediction.rank, prediction.condition_number, wrench_noise.0, wrench_noise.1
     );
     if let Some(std) = &prediction.std {
-        text += &sigma_table(std);
+        text += &sigma_table(&[("1 sigma", std)]);
         text.push('\n');
     }
     if let (None, Some(covariance)) = (&prediction.std, &prediction.covariance) {

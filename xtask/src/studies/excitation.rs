@@ -5,6 +5,8 @@
 #[allow(clippy::unwrap_used, clippy::cast_possible_truncation)]
 mod periodic_log;
 
+mod feedback;
+
 use std::io::Write as _;
 
 use nalgebra::{SVector, Vector3, Vector6};
@@ -48,11 +50,13 @@ const ASKED: [(HarmonicEstimator, &str, [f64; 3]); 2] = [
     (HarmonicEstimator::Likelihood, "likelihood", [0.05, 0.02, 0.1]),
 ];
 
-/// Runs both parts and prints a table each; `--cases N` harmonic selections instead of 200.
+/// Runs three parts and prints a table each; `--cases N` harmonic selections instead of 200, `--flights N` flown motions in each
+/// cell instead of 50.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let cases = arguments.number("--cases")?.unwrap_or(200);
     let mut missed = accuracy()?;
     missed.extend(selection(cases)?);
+    missed.extend(feedback::run(arguments.number("--flights")?.unwrap_or(50))?);
     if missed.is_empty() { Ok(()) } else { Err(Failure::TargetMissed(missed.join(", "))) }
 }
 

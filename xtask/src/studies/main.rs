@@ -103,9 +103,8 @@ fn main() -> ExitCode {
                 }
                 Some((what, rest)) if what == "calibration" => Arguments::parse(rest, &[], &["--runs", "--only"])
                     .and_then(|arguments| calibration::run(&arguments)),
-                Some((what, rest)) if what == "excitation" => {
-                    Arguments::parse(rest, &[], &["--cases"]).and_then(|arguments| excitation::run(&arguments))
-                }
+                Some((what, rest)) if what == "excitation" => Arguments::parse(rest, &[], &["--cases", "--flights"])
+                    .and_then(|arguments| excitation::run(&arguments)),
                 _ => Err(Failure::BadInput(
                     "study what? `identification`, `calibration`, `change-detection`, `excitation`".to_owned(),
                 )),

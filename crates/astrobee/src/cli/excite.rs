@@ -148,6 +148,8 @@ const LARGEST_STEP_S: f64 = 0.01;
 const MOST_SAMPLES: usize = 2_000_000;
 /// Steps of one period in which peaks are found.
 const FINE_STEPS: usize = 4000;
+/// Harmonics that tracking with the wrong body adds.
+const HARMONICS_ADDED: usize = 10;
 /// Of which every so many is drawn.
 const DRAWN_EVERY: usize = 10;
 
@@ -167,6 +169,13 @@ struct Designed {
     cost_per_start: Vec<Option<f64>>,
     utilization: Vec<Utilization>,
     duration_s: f64,
+}
+
+/// What the motion can tell, flown exactly and with the harmonics left free that tracking may add.
+struct Bounds {
+    exact: CramerRao,
+    free: CramerRao,
+    free_harmonics: usize,
 }
 
 /// A simulated flight.
@@ -208,8 +217,12 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, AstrobeeError> {
         position_m: args.position_noise,
         ..Noise::default()
     };
-    let bound =
-        cramer_rao(&designed.motion, &body, samples, args.cycles - 1, &noise).map_err(AstrobeeError::Excitation)?;
+    let bound = |harmonics: usize| {
+        let motion = designed.motion.extended_to(harmonics);
+        cramer_rao(&motion, &body, samples, args.cycles - 1, &noise).map_err(AstrobeeError::Excitation)
+    };
+    let free_harmonics = (args.harmonics + HARMONICS_ADDED).min((samples - 1) / 2);
+    let bounds = Bounds { exact: bound(args.harmonics)?, free: bound(free_harmonics)?, free_harmonics };
     let file = excitation_file(args, &designed, &body);
     let mut random = Gaussian::from_seed(args.seed);
     let flight = if args.fly {
@@ -221,7 +234,7 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, AstrobeeError> {
     progress("");
 
     let period = FinePeriod::of(&designed.motion, &body);
-    let summary = summary(args, &designed, &bound, &period, flight.as_ref());
+    let summary = summary(args, &designed, &bounds, &period, flight.as_ref());
     let folder = OutputFolder::create(&place, args.force)?;
     folder.write("excitation.toml", &file.to_toml(&folder.file("excitation.toml"))?)?;
     folder.write("motion.csv", &motion_csv(&designed.motion, &body, samples))?;
@@ -239,7 +252,7 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, AstrobeeError> {
         printed["folder"] = place.display().to_string().into();
         print(&format!("{printed}\n"))?;
     } else {
-        print(&table(args, &designed, &bound, &period, flight.as_ref()))?;
+        print(&table(args, &designed, &bounds, &period, flight.as_ref()))?;
     }
     if flight.is_some() {
         let shown = place.display();
@@ -503,7 +516,7 @@ fn draw(folder: &OutputFolder, limits: &LimitsTable, period: &FinePeriod) -> Res
 fn summary(
     args: &ExciteArgs,
     designed: &Designed,
-    bound: &CramerRao,
+    bounds: &Bounds,
     period: &FinePeriod,
     flight: Option<&Flight>,
 ) -> serde_json::Value {
@@ -532,9 +545,11 @@ fn summary(
         "utilization": utilization,
         "peak_torque_n_m": period.largest_torque(),
         "peak_force_n": period.largest_force(),
-        "rank": bound.observability.rank(),
-        "predicted_std": report::sigma_json(&bound.std),
-        "predicted_std_exact_poses": report::sigma_json(&bound.std_of_known_motion),
+        "rank": bounds.exact.observability.rank(),
+        "predicted_std": report::sigma_json(&bounds.exact.std),
+        "predicted_std_exact_poses": report::sigma_json(&bounds.exact.std_of_known_motion),
+        "free_harmonics": bounds.free_harmonics,
+        "predicted_std_free_harmonics": report::sigma_json(&bounds.free.std),
         "flight": flight.map(|flight| {
             let Saturation { any, by_component } = flight.execution.saturation;
             serde_json::json!({
@@ -550,7 +565,7 @@ fn summary(
 fn table(
     args: &ExciteArgs,
     designed: &Designed,
-    bound: &CramerRao,
+    bounds: &Bounds,
     period: &FinePeriod,
     flight: Option<&Flight>,
 ) -> String {
@@ -609,7 +624,9 @@ fn table(
         args.force_noise,
         args.torque_noise
     );
-    text += &report::sigma_table(&bound.std);
+    let free = format!("with {} harmonics free", bounds.free_harmonics);
+    text += &report::sigma_table(&[("holding the motion exactly", &bounds.exact.std), (&free, &bounds.free.std)]);
+    text += "  a robot that does not know its load adds harmonics, which then have to be found from the same data\n";
     if let Some(flight) = flight {
         let Saturation { any, by_component } = flight.execution.saturation;
         let _ = writeln!(

@@ -31,6 +31,11 @@ impl FourierBasis {
         Ok(Self { period_s, harmonics })
     }
 
+    /// The same period with at least so many harmonics.
+    pub(super) fn extended_to(&self, harmonics: usize) -> Self {
+        Self { period_s: self.period_s, harmonics: harmonics.max(self.harmonics) }
+    }
+
     /// Time after which everything repeats, s.
     pub fn period_s(&self) -> f64 {
         self.period_s

@@ -70,6 +70,15 @@ impl FourierMotion {
         &self.coefficients
     }
 
+    /// The same motion as a series of so many harmonics, those beyond its own zero; never fewer than it has.
+    pub fn extended_to(&self, harmonics: usize) -> Self {
+        let (own, basis) = (self.basis.harmonics(), self.basis.extended_to(harmonics));
+        let mut coefficients = DMatrix::zeros(basis.coefficients(), self.coefficients.ncols());
+        coefficients.rows_mut(0, own + 1).copy_from(&self.coefficients.rows(0, own + 1));
+        coefficients.rows_mut(basis.harmonics() + 1, own).copy_from(&self.coefficients.rows(own + 1, own));
+        Self { basis, coefficients, ..*self }
+    }
+
     /// The motion at a time, s; `None` where the quaternion passes through zero.
     pub fn at(&self, time_s: f64) -> Option<MotionInstant> {
         let [value, rate, acceleration] =

@@ -89,6 +89,11 @@ pub fn average_cycles(samples: &[MotionSample], settings: &HarmonicSettings) -> 
         sample_std.push(variance.max(band.rounding).sqrt());
     }
     let pose_channels = series.columns.len() - 6;
+    if settings.chart == AttitudeChart::Quaternion {
+        // Three turns move four components: each by itself would count its part of them again in the likelihood's residuals.
+        let turning = &mut sample_std[3..pose_channels];
+        turning.fill(rms_by_axis(turning));
+    }
     let noise = match settings.noise {
         Some(noise) => {
             let given = [noise.position_m, noise.attitude_rad, noise.torque_n_m, noise.force_n];
@@ -342,15 +347,19 @@ fn stated(noise: &Noise, chart: AttitudeChart) -> Vec<f64> {
     std
 }
 
-/// Noise by axis: the root mean square over the axes.
+/// Root mean square over the three axes behind three components, or four of a quaternion.
+fn rms_by_axis(std: &[f64]) -> f64 {
+    (std.iter().map(|std| std * std).sum::<f64>() / 3.0).sqrt()
+}
+
+/// Noise by axis.
 fn found(std: &[f64], chart: AttitudeChart) -> Noise {
-    let rms = |std: &[f64]| (std.iter().map(|std| std * std).sum::<f64>() / 3.0).sqrt();
     let wrench = 3 + chart.channels();
     Noise {
-        position_m: rms(&std[..3]),
-        attitude_rad: turn_by_coordinate(chart) * rms(&std[3..wrench]),
-        torque_n_m: rms(&std[wrench..wrench + 3]),
-        force_n: rms(&std[wrench + 3..]),
+        position_m: rms_by_axis(&std[..3]),
+        attitude_rad: turn_by_coordinate(chart) * rms_by_axis(&std[3..6]),
+        torque_n_m: rms_by_axis(&std[wrench..wrench + 3]),
+        force_n: rms_by_axis(&std[wrench + 3..]),
         ..Noise::default()
     }
 }

@@ -166,7 +166,10 @@ pub fn identify_periodic(
         None => beyond_noise(least_squares.as_ref().ok()),
     };
     warnings.extend(unexplained.map(|times| HarmonicWarning::ShortSeries { times }));
-    let plain = least_squares.and_then(|found| consistent(&found.parameters, &found.covariance, found.scale));
+    let plain = least_squares.and_then(|found| {
+        let times = beyond_noise(Some(&found)).unwrap_or(1.0);
+        consistent(&found.parameters, &(found.covariance * (times * times)), found.scale)
+    });
     // A series that is too short biases the likelihood more than least squares.
     let wanted = match settings.estimator {
         _ if saturated => HarmonicEstimator::TrajectoryLikelihood,

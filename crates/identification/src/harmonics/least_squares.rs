@@ -14,6 +14,10 @@ use nalgebra::{SMatrix, SVector};
 ///
 /// Rows are weighted by the noise of the wrench alone. The noise of the pose is inside the regressor; through the coefficients
 /// of the series it is common to all rows, and usually it is what limits the estimate. The covariance holds both to first order.
+///
+/// It holds neither the harmonics that the motion has and the series lacks nor the bias that noise in a regressor brings. A motion
+/// flown by a robot that does not know its load has such harmonics, and the errors are then twice the stated sigmas and more, also
+/// where the residual does not show it (`cargo xtask study excitation`); [`maximum_likelihood`](super::maximum_likelihood) holds both.
 /// # Source
 /// Thesis (4.12), and (4.16) for the residual.
 /// # Deviation

@@ -16,7 +16,11 @@ const MAX_ITERATIONS: usize = 60;
 /// A step of this squared length in standard deviations has converged: a thousandth of a sigma.
 const SMALL_DECREMENT: f64 = 1e-6;
 /// Halvings of one step.
-const HALVINGS: usize = 12;
+const HALVINGS: i32 = 12;
+/// A cost known to this is good enough to compare numbers of harmonics, each of which must gain twelve.
+const SCOUTED: f64 = 0.1;
+/// Steps after which a number of harmonics is left for the next.
+const SCOUT_STEPS: usize = 4;
 /// Changes below this fraction of a cost are rounding.
 const ROUNDING: f64 = 1e-12;
 /// No measurement is taken to be better than this fraction of the root mean square of its kind.
@@ -73,45 +77,32 @@ pub fn maximum_likelihood(
     harmonics: usize,
 ) -> Result<PeriodicLikelihood, IdentificationError> {
     let problem = Problem::new(record, harmonics)?;
-    let (mut parameters, scale) = problem.least_squares()?;
-    let mut coefficients = problem.fit.motion.coefficients().clone();
-    let mut cost = problem.cost(&coefficients, &parameters);
-    let mut iterations = 0;
-    loop {
-        iterations += 1;
-        let mut information = problem.information(&coefficients, &parameters);
-        let estimate = constrained(&information.of_body()?, scale)?;
-        let found = estimate.parameters.to_vector();
-        let (change, step) = (information.coefficients(&found), found - parameters);
-        let decrement = information.squared_length(&change, &step);
-        let lengths = core::iter::successors(Some(1.0), |length: &f64| Some(0.5 * length)).take(HALVINGS);
-        let mut steps = lengths.map(|length| (&coefficients + &change * length, parameters + step * length));
-        let limit = cost * (1.0 + ROUNDING) + SMALL_DECREMENT;
-        let next = steps.find(|(coefficients, parameters)| problem.cost(coefficients, parameters) <= limit);
-        let settled = decrement < SMALL_DECREMENT.max(ROUNDING * cost);
-        if settled || next.is_none() || iterations == MAX_ITERATIONS {
-            // Noise in the poses shows a direction that the motion does not, and leads anywhere along it.
-            problem.require_excited(&coefficients, scale, Some(&information))?;
-        }
-        match next {
-            Some(next) if settled || iterations < MAX_ITERATIONS => (coefficients, parameters) = next,
-            _ => return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement }),
-        }
-        cost = problem.cost(&coefficients, &parameters);
-        if settled {
-            return Ok(PeriodicLikelihood {
-                estimate: Estimate { parameters: InertialParameters::from_vector(&parameters), ..estimate },
-                motion: FourierMotion::try_new(*problem.fit.motion.basis(), record.chart, coefficients)?,
-                cost,
-                degrees_of_freedom: problem.degrees_of_freedom(),
-                iterations,
-            });
-        }
-    }
+    let start = problem.least_squares()?;
+    problem.settle(start)
+}
+
+/// A motion and a body on the way to the likeliest.
+#[derive(Clone)]
+pub(super) struct Guess {
+    motion: FourierMotion,
+    parameters: SVector<f64, 10>,
+    /// In whose units the parameters are compared, the same all the way.
+    scale: BodyScale,
+    pub(super) cost: f64,
+}
+
+/// What the equations about a guess say.
+struct Step {
+    /// Along the step, shortened until the cost did not rise; `None` where it always does.
+    next: Option<Guess>,
+    /// Squared length of the whole step in standard deviations: by so much the cost of a linear problem falls.
+    decrement: f64,
+    estimate: Estimate,
+    information: JointInformation,
 }
 
 /// A record, what is constant about it, and what its noise is taken to be.
-struct Problem {
+pub(super) struct Problem {
     /// With standard deviations above their floors.
     record: PeriodicRecord,
     fit: FourierFit,
@@ -122,7 +113,7 @@ struct Problem {
 }
 
 impl Problem {
-    fn new(record: &PeriodicRecord, harmonics: usize) -> Result<Self, IdentificationError> {
+    pub(super) fn new(record: &PeriodicRecord, harmonics: usize) -> Result<Self, IdentificationError> {
         let (samples, channels) = (record.samples(), 3 + record.chart.channels());
         record.validated()?;
         let mut record = record.clone();
@@ -145,6 +136,85 @@ impl Problem {
         let unexplained = channels.map(|(residual, std)| residual.norm_squared() / (std * std)).sum();
         let table = record.wrench_table(basis);
         Ok(Self { record, fit, unexplained, table })
+    }
+
+    /// The least cost to about a tenth, from the solution of fewer harmonics, where there is one: mostly a step or two. Where it takes
+    /// more, a cost that is not yet the least; numbers so far from the data are none to choose.
+    pub(super) fn scout(&self, fewer: Option<&Guess>) -> Result<Guess, IdentificationError> {
+        let mut guess = match fewer {
+            Some(fewer) => self.guess(fewer.motion.extended_to(self.harmonics()), fewer.parameters, fewer.scale),
+            None => self.least_squares()?,
+        };
+        for _ in 0..SCOUT_STEPS {
+            let Step { next, decrement, .. } = self.step(&guess)?;
+            let Some(next) = next else { break };
+            // A cost that falls as that of a linear problem is at its least.
+            let unexpected = (guess.cost - next.cost - decrement).abs();
+            let arrived = unexpected.min(decrement) < SCOUTED.max(ROUNDING * guess.cost);
+            guess = next;
+            if arrived {
+                break;
+            }
+        }
+        Ok(guess)
+    }
+
+    /// The likeliest motion and body, from a guess.
+    pub(super) fn settle(&self, mut guess: Guess) -> Result<PeriodicLikelihood, IdentificationError> {
+        let mut iterations = 0;
+        loop {
+            iterations += 1;
+            let Step { next, decrement, estimate, information } = self.step(&guess)?;
+            let settled = decrement < SMALL_DECREMENT.max(ROUNDING * guess.cost);
+            if settled || next.is_none() || iterations == MAX_ITERATIONS {
+                // Noise in the poses shows a direction that the motion does not, and leads anywhere along it.
+                self.require_excited(guess.motion.coefficients(), guess.scale, Some(&information))?;
+            }
+            match next {
+                Some(next) if settled || iterations < MAX_ITERATIONS => guess = next,
+                _ => return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement }),
+            }
+            if settled {
+                return Ok(PeriodicLikelihood {
+                    estimate: Estimate { parameters: InertialParameters::from_vector(&guess.parameters), ..estimate },
+                    motion: guess.motion,
+                    cost: guess.cost,
+                    degrees_of_freedom: self.degrees_of_freedom(),
+                    iterations,
+                });
+            }
+        }
+    }
+
+    /// One step of Gauss and Newton.
+    fn step(&self, guess: &Guess) -> Result<Step, IdentificationError> {
+        let coefficients = guess.motion.coefficients();
+        let mut information = self.information(coefficients, &guess.parameters);
+        let estimate = constrained(&information.of_body()?, guess.scale)?;
+        let found = estimate.parameters.to_vector();
+        let (change, step) = (information.coefficients(&found), found - guess.parameters);
+        let decrement = information.squared_length(&change, &step);
+        let limit = guess.cost * (1.0 + ROUNDING) + SMALL_DECREMENT;
+        let mut next = None;
+        for halving in 0..HALVINGS {
+            let length = 0.5_f64.powi(halving);
+            let (basis, moved) = (*guess.motion.basis(), coefficients + &change * length);
+            let motion = FourierMotion::try_new(basis, self.record.chart, moved)?;
+            let tried = self.guess(motion, guess.parameters + step * length, guess.scale);
+            if tried.cost <= limit {
+                next = Some(tried);
+                break;
+            }
+        }
+        Ok(Step { next, decrement, estimate, information })
+    }
+
+    fn guess(&self, motion: FourierMotion, parameters: SVector<f64, 10>, scale: BodyScale) -> Guess {
+        Guess { cost: self.cost(motion.coefficients(), &parameters), motion, parameters, scale }
+    }
+
+    fn harmonics(&self) -> usize {
+        self.fit.motion.basis().harmonics()
     }
 
     fn whitened_wrench(&self, sample: usize) -> SVector<f64, 6> {
@@ -183,8 +253,8 @@ impl Problem {
         information
     }
 
-    /// The consistent body that suits the Fourier fit best, and the scale of it.
-    fn least_squares(&self) -> Result<(SVector<f64, 10>, BodyScale), IdentificationError> {
+    /// The Fourier fit with the consistent body that suits it best.
+    fn least_squares(&self) -> Result<Guess, IdentificationError> {
         let instants = self.table.instants(self.record.chart, self.fit.motion.coefficients()).enumerate();
         let rows: Vec<WrenchRow> = instants
             .map(|(index, (instant, _))| {
@@ -196,7 +266,7 @@ impl Problem {
         self.require_excited(self.fit.motion.coefficients(), scale, None)?;
         let information = self.of_known_motion(self.fit.motion.coefficients())?;
         let parameters = constrained(&information, scale)?.parameters.to_vector();
-        Ok((parameters, BodyScale::of(&parameters)?))
+        Ok(self.guess(self.fit.motion.clone(), parameters, BodyScale::of(&parameters)?))
     }
 
     /// What the wrenches would say of the body if the motion were known.

@@ -2,7 +2,7 @@
 
 use super::fit::FourierFit;
 use super::least_squares::PeriodicLeastSquares;
-use super::likelihood::{PeriodicLikelihood, maximum_likelihood};
+use super::likelihood::{Guess, PeriodicLikelihood, Problem};
 use super::periodic_record::PeriodicRecord;
 use crate::error::IdentificationError;
 use core::ops::RangeInclusive;
@@ -106,30 +106,43 @@ pub fn select_harmonics(
 /// Least squares asks how many harmonics the poses alone can show, since each one brings their noise into the regressor. Here
 /// the wrenches correct the motion, a harmonic too many costs nearly nothing, and one too few biases the body: the motion that
 /// tracking a reference with the wrong body leaves has many small ones
-/// (`tests/periodic_motion.rs`, `the_likelihood_needs_the_harmonics_that_tracking_adds`). Looks no further after four in a row that do not help.
+/// (`tests/periodic_tracking.rs`, `the_likelihood_needs_the_harmonics_that_tracking_adds`). Looks no further after four in a row that
+/// do not help.
 ///
+/// Each number starts from the solution of the one before and stops where the criterion is known to about a tenth; the best is then
+/// solved to the end (`the_scan_of_harmonics_finds_what_each_alone_finds`).
 /// # Errors
-/// [`IdentificationError::HarmonicRange`] for an empty range; that of [`maximum_likelihood`] where it answers for no number.
+/// [`IdentificationError::HarmonicRange`] for an empty range; those of [`maximum_likelihood`](super::maximum_likelihood) where no
+/// number has an answer, or the best has none.
 pub fn likeliest_harmonics(
     record: &PeriodicRecord,
     harmonics: RangeInclusive<usize>,
 ) -> Result<(PeriodicLikelihood, Vec<(usize, f64)>), IdentificationError> {
     let mut failure = IdentificationError::HarmonicRange { first: *harmonics.start(), last: *harmonics.end() };
-    let (mut best, mut table) = (None::<(usize, f64, PeriodicLikelihood)>, Vec::new());
+    let (mut best, mut fewer, mut table) = (None::<(usize, f64, Problem, Guess)>, None::<Guess>, Vec::new());
     for harmonics in harmonics {
         if best.as_ref().is_some_and(|(chosen, ..)| harmonics > chosen + PATIENCE) {
             break;
         }
-        match maximum_likelihood(record, harmonics) {
+        let problem = match Problem::new(record, harmonics) {
+            Ok(problem) => problem,
+            Err(error) => {
+                failure = error;
+                continue;
+            }
+        };
+        match problem.scout(fewer.as_ref()) {
             Ok(found) => {
-                let criterion = found.cost + (2 * FREE_CHANNELS * found.motion.basis().coefficients()) as f64;
+                let criterion = found.cost + (2 * FREE_CHANNELS * (2 * harmonics + 1)) as f64;
                 table.push((harmonics, criterion));
-                if best.as_ref().is_none_or(|(_, least, _)| criterion < *least) {
-                    best = Some((harmonics, criterion, found));
+                fewer = Some(found.clone());
+                if best.as_ref().is_none_or(|(_, least, ..)| criterion < *least) {
+                    best = Some((harmonics, criterion, problem, found));
                 }
             }
             Err(error) => failure = error,
         }
     }
-    best.map(|(_, _, found)| (found, table)).ok_or(failure)
+    let (_, _, problem, start) = best.ok_or(failure)?;
+    Ok((problem.settle(start)?, table))
 }

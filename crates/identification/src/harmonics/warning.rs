@@ -84,7 +84,7 @@ impl fmt::Display for HarmonicWarning {
             Self::ShortSeries { times } => write!(
                 f,
                 "the fitted motion leaves {times:.1} times more of the wrench unexplained than noise does: it has more harmonics than were \
-                 tried, or something is not in the model, and the stated sigma of least squares does not hold it"
+                 tried, or something is not in the model; least squares scales its sigma by as much as its own residual asks for"
             ),
             Self::TrajectoryLikelihood => write!(
                 f,
