@@ -205,7 +205,7 @@ fn the_reference_gradient_is_the_derivative() {
     }
 }
 
-/// The design, and the cost of the reference route from where it ended.
+/// The cost of the design, and of the reference route from where it ended.
 fn design_and_polished(criterion: &impl ExcitationCriterion<10>) -> (f64, f64) {
     let problem = Penalized::new(criterion);
     let channel_limits = std::array::from_fn(|channel| {
@@ -224,29 +224,20 @@ fn design_and_polished(criterion: &impl ExcitationCriterion<10>) -> (f64, f64) {
     let polished = reference(criterion, numbers);
     let excess = problem.largest_excess(&polished);
     assert!(excess > 1e-6 && excess < 0.02, "{excess:e}");
+    println!("polished outside by {excess:.1e}: {:.4}", problem.cost_without_penalty(&polished));
     (cost, problem.cost_without_penalty(&polished))
 }
 
+/// Costs of local minima from different random starts differ by more than solvers do and are not compared: what is left to
+/// gain where the design ended is.
 #[test]
 fn the_reference_gains_little_from_where_the_design_ends() {
     let (cost, polished) = design_and_polished(&DOptimality);
     println!("D: {cost:.4}, polished {polished:.4}");
-    // Half a per cent of the variances in the geometric mean.
-    assert!(cost < polished + 0.05, "{cost} {polished}");
+    // A fifth of a per cent of the variances in the geometric mean.
+    assert!(cost < polished + 0.02, "{cost} {polished}");
     let magnitudes = SVector::from([1.0, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1]);
     let (cost, polished) = design_and_polished(&InLikeUnits { criterion: AOptimality, magnitudes });
     println!("A: {cost:.4}, polished {polished:.4}");
-    assert!(cost < 1.02 * polished, "{cost} {polished}");
-}
-
-#[test]
-fn the_design_is_as_good_as_the_reference_from_as_many_starts() {
-    let problem = Penalized::new(&DOptimality);
-    let mut random = Random::new(7);
-    let ends = (0..STARTS).map(|_| reference(&DOptimality, problem.start(&mut random)));
-    let best = ends.map(|numbers| problem.cost_without_penalty(&numbers)).fold(f64::INFINITY, f64::min);
-    let (cost, _) = design_and_polished(&DOptimality);
-    println!("D: {cost:.4}, reference {best:.4}");
-    // Both meet local optima: one per cent of the variances in the geometric mean.
-    assert!(cost < best + 0.1, "{cost} {best}");
+    assert!(cost < 1.01 * polished, "{cost} {polished}");
 }

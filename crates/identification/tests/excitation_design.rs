@@ -202,6 +202,32 @@ fn wrench_limits_hold_at_all_times_and_bind() {
     assert!(design.cost < shrunk.unwrap().cost);
 }
 
+/// A motion of more harmonics is found by way of fewer: what it could do with those it can do still.
+#[test]
+fn more_harmonics_are_no_worse() {
+    let workspace: [ChannelLimits; 6] = std::array::from_fn(|i| ChannelLimits::within(if i < 3 { 0.75 } else { 0.8 }));
+    let v1 = NormalizedCondition { rms_weights: [20.0; 6] };
+    let problem = |limits: &[ChannelLimits; 6], harmonics: usize, wrench: Option<WrenchBox>| {
+        let mut problem = SpaceExcitation::try_new(basis(harmonics), limits, SAMPLES).unwrap();
+        if let Some(wrench) = wrench {
+            problem = problem.with_wrench_limits(WrenchLimits::of_box(&body(), &wrench).unwrap());
+        }
+        problem
+    };
+    let tight =
+        WrenchBox { torque_limit: Vector3::new(0.045, 0.022, 0.026), force_limit: Vector3::new(0.452, 0.216, 0.257) };
+    for seed in [1, 2] {
+        let costs = |of: &dyn Fn(usize) -> f64| [3, 5, 8].map(of);
+        let by_d = costs(&|n| problem(&frozen_limits(), n, None).design(&DOptimality, 1, seed).unwrap().cost);
+        let by_v1 = costs(&|n| problem(&workspace, n, None).design(&v1, 1, seed).unwrap().cost);
+        let by_v1_in_box = costs(&|n| problem(&workspace, n, Some(tight)).design(&v1, 1, seed).unwrap().cost);
+        println!("D {by_d:.2?}, V1 {by_v1:.2?}, in a tight box {by_v1_in_box:.2?}");
+        for [few, some, many] in [by_d, by_v1, by_v1_in_box] {
+            assert!(some < few + 0.05 && many < some + 0.05, "{seed}: {few} {some} {many}");
+        }
+    }
+}
+
 /// A machine of fixed thrusters: commands are not wrenches.
 struct Thrusters {
     scale: f64,

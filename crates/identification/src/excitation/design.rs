@@ -2,12 +2,13 @@
 
 use super::channel::{Channel, Limit};
 use super::criterion::ExcitationCriterion;
-use super::interior_point::{Effort, Limits, Minimum, minimize};
+use super::interior_point::{Effort, Minimum, minimize};
+use super::limit_samples::Limits;
 use super::objective::{Channels, Objective};
 use super::problem::{ExcitationProblem, LimitsHold};
 use crate::dynamics::{Actuation, InertialParameters};
 use crate::error::IdentificationError;
-use crate::fourier::{AttitudeChart, ChannelExtremes, FourierMotion};
+use crate::fourier::{AttitudeChart, ChannelExtremes, FourierBasis, FourierMotion};
 use crate::lie::Wrench;
 use nalgebra::{DMatrix, SMatrix, Vector6};
 use rand_chacha::ChaCha8Rng;
@@ -17,8 +18,18 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 const CANDIDATES: usize = 8;
 /// Samples of the limits per harmonic.
 const LIMIT_SAMPLES: usize = 32;
-/// Random descents of each start; the best goes on to the end.
+/// The same while it is not the end that counts.
+const ROUGH_LIMIT_SAMPLES: usize = 16;
+/// Harmonics to begin with: minima of many harmonics from random motions are poorer than those of few.
+const RUNGS: [usize; 3] = [3, 5, 8];
+/// Random descents of each start with the fewest harmonics; the best goes on.
 const DESCENTS: usize = 4;
+/// Random descents with more harmonics, beside that which goes on.
+const FURTHER_DESCENTS: usize = 1;
+/// Share of the wrench limits that is used at the samples at first, to leave some for the time between them.
+const WRENCH_SHARE: f64 = 0.998;
+/// Times that a motion is looked for with less and less of the wrench limits.
+const ATTEMPTS: usize = 8;
 /// Instants per harmonic at which an actuator is asked.
 const ACTUATION_SAMPLES: usize = 256;
 
@@ -53,9 +64,10 @@ pub struct ExcitationDesign<const P: usize> {
 impl<const P: usize> ExcitationProblem<P> {
     /// The best motion found from this many random starts.
     ///
-    /// A start is several descents from the best of some random motions, of which the best is followed to the end. Limits
-    /// that hold everywhere are kept at a grid while going down; what is exceeded between its points is made up for in the
-    /// end by making the channel smaller, or all of them where it is a wrench. The same seed gives the same motion.
+    /// A start is several descents from the best of some random motions of at most three harmonics, of which the best is
+    /// followed with five, eight and all harmonics, and at last to the end. Limits that hold everywhere are kept at a grid
+    /// while going down; what a channel exceeds between its points is made up for in the end by making it smaller, and where
+    /// it is a wrench by looking again with less allowed. The same seed gives the same motion.
     ///
     /// # Errors
     /// [`IdentificationError::NoDesign`] where the criterion could judge no motion at all, such as from no starts.
@@ -65,18 +77,19 @@ impl<const P: usize> ExcitationProblem<P> {
         starts: usize,
         seed: u64,
     ) -> Result<ExcitationDesign<P>, IdentificationError> {
-        let samples = match self.limits_hold {
-            LimitsHold::AtSamples => self.samples,
-            LimitsHold::Everywhere => LIMIT_SAMPLES * self.basis.harmonics(),
-        };
-        let mut limits = Limits::new(self, samples);
+        let problems = self.rungs();
+        let mut rungs: Vec<_> =
+            problems.iter().map(|problem| Rung::new(problem, criterion, ROUGH_LIMIT_SAMPLES)).collect();
+        let mut last = Rung::new(self, criterion, LIMIT_SAMPLES);
         let mut objective = Objective::new(self, criterion);
-        let mut generator = ChaCha8Rng::seed_from_u64(seed);
+        let generator = ChaCha8Rng::seed_from_u64(seed);
         let mut best: Option<(f64, FourierMotion)> = None;
         let mut cost_per_start = Vec::with_capacity(starts);
-        for _ in 0..starts {
-            let free = from_one_start(&mut limits, &mut objective, &mut generator);
-            let motion = free.and_then(|free| self.inside(self.motion(&free)?));
+        for start in 0..starts {
+            // Each start has its own numbers, however many of them another number of harmonics takes.
+            let mut generator = generator.clone();
+            generator.set_stream(start as u64);
+            let motion = from_one_start(&mut rungs, &mut last, &mut generator);
             let found = motion.and_then(|motion| Some((objective.cost(&self.free_numbers(&motion))?, motion)));
             cost_per_start.push(found.as_ref().map(|(cost, _)| *cost));
             if let Some(found) = found.filter(|found| best.as_ref().is_none_or(|best| found.0 < best.0)) {
@@ -91,7 +104,10 @@ impl<const P: usize> ExcitationProblem<P> {
     /// A design made smaller, all channels alike, until an actuator gives the wrenches that the body needs.
     ///
     /// The actuator is asked at 256 instants per harmonic. A wrench has about three times the motion's harmonics, so that
-    /// between them it may come out larger by a share of (3 pi / 256)^2 / 2: the motion is made smaller by twice that.
+    /// between them it may come out larger by a share of (3 pi / 256)^2 / 2: the motion is made smaller by twice that. This
+    /// is an argument from the bandwidth and no bound, since turns by large angles have harmonics without end; the check
+    /// is to ask the actuator again on a finer grid. Bounds hold for [`WrenchLimits`](super::WrenchLimits), which are in
+    /// [`ExcitationDesign::wrench_utilization`].
     ///
     /// # Errors
     /// [`IdentificationError::NotRealizable`]; [`IdentificationError::NoDesign`] where the criterion cannot judge the
@@ -138,6 +154,14 @@ impl<const P: usize> ExcitationProblem<P> {
         judged.ok_or(IdentificationError::NoDesign { starts })
     }
 
+    /// The same of few harmonics first, up to its own.
+    fn rungs(&self) -> Vec<Self> {
+        let own = self.basis.harmonics();
+        let harmonics = RUNGS.into_iter().filter(|few| *few < own).chain([own]);
+        let bases = harmonics.filter_map(|harmonics| FourierBasis::try_new(self.basis.period_s(), harmonics).ok());
+        bases.map(|basis| Self { basis, ..self.clone() }).collect()
+    }
+
     fn motion(&self, free: &[Channels]) -> Option<FourierMotion> {
         let free = DMatrix::from_fn(free.len(), 6, |row, column| free[row][column]);
         FourierMotion::try_new(self.basis, AttitudeChart::EulerZyx, self.basis.rest_to_rest() * free).ok()
@@ -149,8 +173,8 @@ impl<const P: usize> ExcitationProblem<P> {
         (0..free.nrows()).map(|row| core::array::from_fn(|channel| free[(row, channel)])).collect()
     }
 
-    /// The motion made smaller until no limit is exceeded at any time that it must hold at.
-    fn inside(&self, motion: FourierMotion) -> Option<FourierMotion> {
+    /// The channels made smaller until none of their limits is exceeded at any time that it must hold at.
+    fn with_channels_inside(&self, motion: FourierMotion) -> Option<FourierMotion> {
         if self.limits_hold == LimitsHold::AtSamples {
             return Some(motion);
         }
@@ -160,16 +184,15 @@ impl<const P: usize> ExcitationProblem<P> {
             // What rounding adds again.
             *factor = f64::min(*factor, (1.0 - 1e-12) / used.share);
         }
-        let mut motion = scaled(&motion, &factors).ok()?;
-        // Wrenches grow at least about as fast as the motion; where they do not, the next time it is made smaller by more.
-        for attempt in 0..40 {
-            let largest = self.wrench_utilization(&motion)?.into_iter().fold(0.0, f64::max);
-            if largest <= 1.0 {
-                return Some(motion);
-            }
-            motion = scaled(&motion, &[(1.0 - 1e-4 * f64::from(attempt)) / largest; 6]).ok()?;
+        scaled(&motion, &factors).ok()
+    }
+
+    /// Largest share of a wrench limit at any time that it must hold at; zero without one.
+    fn largest_wrench_share(&self, motion: &FourierMotion) -> Option<f64> {
+        if self.limits_hold == LimitsHold::AtSamples {
+            return Some(0.0);
         }
-        None
+        Some(self.wrench_utilization(motion)?.into_iter().fold(0.0, f64::max))
     }
 
     fn utilization(&self, motion: &FourierMotion) -> Vec<Utilization> {
@@ -221,49 +244,118 @@ fn scaled(motion: &FourierMotion, factors: &[f64; 6]) -> Result<FourierMotion, I
     FourierMotion::try_new(*motion.basis(), motion.chart(), coefficients)
 }
 
-/// Several descents along the middle of the feasible motions, and the rest of the way for the best of them.
-fn from_one_start<const P: usize>(
-    limits: &mut Limits<'_>,
-    objective: &mut Objective<'_, impl ExcitationCriterion<P>, P>,
-    generator: &mut ChaCha8Rng,
-) -> Option<Vec<Channels>> {
-    let mut best: Option<Minimum> = None;
-    for _ in 0..DESCENTS {
-        let Some(start) = best_candidate(limits, objective, generator) else { continue };
-        let found = minimize(limits, |free, gradient| objective.gradient(free, gradient), &start, Effort::ROUGH);
-        if let Some(found) = found.filter(|found| best.as_ref().is_none_or(|best| found.cost < best.cost)) {
-            best = Some(found);
-        }
-    }
-    let start = best?.scaled;
-    let found = minimize(limits, |free, gradient| objective.gradient(free, gradient), &start, Effort::FINE)?;
-    let mut free = vec![[0.0; 6]; limits.free()];
-    limits.free_numbers(&found.scaled, &mut free);
-    Some(free)
+/// A problem of some of the harmonics, ready to go down.
+struct Rung<'a, C, const P: usize> {
+    problem: &'a ExcitationProblem<P>,
+    limits: Limits<'a>,
+    objective: Objective<'a, C, P>,
 }
 
-/// The best of some random motions well inside the limits, as scaled numbers.
-fn best_candidate<const P: usize>(
-    limits: &mut Limits<'_>,
-    objective: &mut Objective<'_, impl ExcitationCriterion<P>, P>,
-    generator: &mut ChaCha8Rng,
-) -> Option<Vec<f64>> {
-    let mut best: Option<(f64, Vec<f64>)> = None;
-    let mut slacks = Vec::new();
-    let mut free = vec![[0.0; 6]; limits.free()];
-    for _ in 0..CANDIDATES {
-        let mut scaled: Vec<f64> = (0..limits.numbers()).map(|_| uniform(generator)).collect();
-        limits.shrink(&mut scaled, 0.8);
-        if !limits.slacks(&scaled, &mut slacks) {
-            continue;
-        }
-        limits.free_numbers(&scaled, &mut free);
-        let Some(cost) = objective.cost(&free) else { continue };
-        if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-            best = Some((cost, scaled));
-        }
+impl<'a, C: ExcitationCriterion<P>, const P: usize> Rung<'a, C, P> {
+    fn new(problem: &'a ExcitationProblem<P>, criterion: &'a C, limit_samples: usize) -> Self {
+        let samples = match problem.limits_hold {
+            LimitsHold::AtSamples => problem.samples,
+            LimitsHold::Everywhere => limit_samples * problem.basis.harmonics(),
+        };
+        Self { problem, limits: Limits::new(problem, samples), objective: Objective::new(problem, criterion) }
     }
-    Some(best?.1)
+
+    fn minimize(&mut self, start: &[f64], effort: Effort) -> Option<Minimum> {
+        let objective = &mut self.objective;
+        minimize(&mut self.limits, |free, gradient| objective.gradient(free, gradient), start, effort)
+    }
+
+    fn motion(&self, scaled: &[f64]) -> Option<FourierMotion> {
+        let mut free = vec![[0.0; 6]; self.limits.free()];
+        self.limits.free_numbers(scaled, &mut free);
+        self.problem.motion(&free)
+    }
+
+    /// Inside the limits, a motion of the same or fewer harmonics.
+    fn start(&mut self, motion: &FourierMotion) -> Option<Vec<f64>> {
+        let (few, many) = (motion.basis().harmonics(), self.problem.basis.harmonics());
+        let mut coefficients = DMatrix::zeros(self.problem.basis.coefficients(), 6);
+        coefficients.rows_mut(0, few + 1).copy_from(&motion.coefficients().rows(0, few + 1));
+        coefficients.rows_mut(many + 1, few).copy_from(&motion.coefficients().rows(few + 1, few));
+        let motion = FourierMotion::try_new(self.problem.basis, motion.chart(), coefficients).ok()?;
+        let mut scaled = self.limits.scaled_numbers(&self.problem.free_numbers(&motion))?;
+        self.limits.retreat(&mut scaled, 0.98);
+        Some(scaled)
+    }
+
+    /// Descents along the middle of the feasible motions, from a motion of fewer harmonics and from the best of some random
+    /// ones, so many times: the best end.
+    fn roughly(
+        &mut self,
+        fewer: Option<&FourierMotion>,
+        descents: usize,
+        generator: &mut ChaCha8Rng,
+    ) -> Option<FourierMotion> {
+        let mut best =
+            fewer.and_then(|motion| self.start(motion)).and_then(|start| self.minimize(&start, Effort::ROUGH));
+        for _ in 0..descents {
+            let Some(start) = self.best_candidate(generator) else { continue };
+            let found = self.minimize(&start, Effort::ROUGH);
+            if let Some(found) = found.filter(|found| best.as_ref().is_none_or(|best| found.cost < best.cost)) {
+                best = Some(found);
+            }
+        }
+        self.motion(&best?.scaled)
+    }
+
+    /// From there to the minimum, whose limits hold between the samples too.
+    ///
+    /// A smaller motion may need a larger wrench, where parts of it had cancelled: a motion that needs too much between the
+    /// samples is not made smaller but found again with as much less allowed at them.
+    fn finely(&mut self, motion: &FourierMotion) -> Option<FourierMotion> {
+        let mut share = if self.problem.limits_hold == LimitsHold::AtSamples { 1.0 } else { WRENCH_SHARE };
+        for _ in 0..ATTEMPTS {
+            self.limits.keep_wrench_within(share);
+            let start = self.start(motion)?;
+            let found = self.minimize(&start, Effort::FINE)?;
+            let found = self.problem.with_channels_inside(self.motion(&found.scaled)?)?;
+            let largest = self.problem.largest_wrench_share(&found)?;
+            if largest <= 1.0 {
+                return Some(found);
+            }
+            share -= 1.5 * (largest - 1.0);
+        }
+        None
+    }
+
+    /// The best of some random motions well inside the limits, as scaled numbers.
+    fn best_candidate(&mut self, generator: &mut ChaCha8Rng) -> Option<Vec<f64>> {
+        let mut best: Option<(f64, Vec<f64>)> = None;
+        let mut slacks = Vec::new();
+        let mut free = vec![[0.0; 6]; self.limits.free()];
+        for _ in 0..CANDIDATES {
+            let mut scaled: Vec<f64> = (0..self.limits.numbers()).map(|_| uniform(generator)).collect();
+            self.limits.shrink(&mut scaled, 0.8);
+            if !self.limits.slacks(&scaled, &mut slacks) {
+                continue;
+            }
+            self.limits.free_numbers(&scaled, &mut free);
+            let Some(cost) = self.objective.cost(&free) else { continue };
+            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+                best = Some((cost, scaled));
+            }
+        }
+        Some(best?.1)
+    }
+}
+
+/// From random motions of few harmonics to the best of all.
+fn from_one_start<C: ExcitationCriterion<P>, const P: usize>(
+    rungs: &mut [Rung<'_, C, P>],
+    last: &mut Rung<'_, C, P>,
+    generator: &mut ChaCha8Rng,
+) -> Option<FourierMotion> {
+    let mut motion = None;
+    for rung in rungs {
+        let descents = if motion.is_none() { DESCENTS } else { FURTHER_DESCENTS };
+        motion = rung.roughly(motion.as_ref(), descents, generator);
+    }
+    last.finely(&motion?)
 }
 
 /// Uniform in [-1, 1).

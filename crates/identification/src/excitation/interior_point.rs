@@ -3,11 +3,9 @@
 //! Slacks are computed, not carried: every iterate is strictly feasible, so stopping early costs optimality only. The
 //! barrier's part of the Hessian is exact; the rest, the Lagrangian's, is a damped BFGS approximation.
 
-use super::limits::ChannelLimits;
-use super::objective::{Channels, RestTable, channels, instant};
-use super::problem::ExcitationProblem;
-use crate::lie::skew;
-use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3, Vector6};
+use super::limit_samples::Limits;
+use super::objective::Channels;
+use nalgebra::{DMatrix, DVector};
 
 /// Factor from one barrier to the next.
 const BARRIER_STEP: f64 = 0.2;
@@ -15,292 +13,6 @@ const BARRIER_STEP: f64 = 0.2;
 const CENTERED: f64 = 0.2;
 /// Share of the way to the nearest limit that a step may go.
 const TO_THE_LIMIT: f64 = 0.99;
-
-/// What stands for an infinite bound beside a finite one, in units of the latter: no step changes the distance to it.
-const NO_LIMIT: f64 = 1e50;
-
-/// Two-sided linear limits on one channel's numbers: `lower <= row . numbers <= upper`.
-struct ChannelRows {
-    /// In the order of the problem's channels.
-    rows: Vec<f64>,
-    lower: Vec<f64>,
-    upper: Vec<f64>,
-}
-
-/// One-sided limits on the wrench at the samples of the limits.
-struct WrenchRows<'a> {
-    limits: &'a super::limits::WrenchLimits,
-    /// Rows of the wrench by all numbers, six for each sample.
-    jacobian: DMatrix<f64>,
-    wrenches: Vec<Vector6<f64>>,
-}
-
-/// The limits as functions of scaled numbers, in which each channel's limits are about a unit sphere.
-pub(super) struct Limits<'a> {
-    free: usize,
-    moving: Vec<usize>,
-    /// From scaled to free numbers of each moving channel.
-    scaling: Vec<DMatrix<f64>>,
-    channels: Vec<ChannelRows>,
-    table: RestTable,
-    wrench: Option<WrenchRows<'a>>,
-    scratch: Vec<Channels>,
-}
-
-impl<'a> Limits<'a> {
-    /// Limits at equal steps of a period.
-    pub fn new<const P: usize>(problem: &'a ExcitationProblem<P>, samples: usize) -> Self {
-        let table = RestTable::new(&problem.basis, samples);
-        let free = problem.basis.coefficients() - 3;
-        let moving: Vec<usize> = problem.channels.iter().map(|(channel, _)| *channel as usize).collect();
-        let (scaling, channels) = problem.channels.iter().map(|(_, limits)| channel_rows(&table, free, limits)).unzip();
-        let wrench = problem.wrench_limits.as_ref().map(|limits| WrenchRows {
-            limits,
-            jacobian: DMatrix::zeros(6 * samples, free * moving.len()),
-            wrenches: vec![Vector6::zeros(); samples],
-        });
-        Self { free, moving, scaling, channels, table, wrench, scratch: vec![[0.0; 6]; free] }
-    }
-
-    /// Number of scaled numbers.
-    pub fn numbers(&self) -> usize {
-        self.free * self.moving.len()
-    }
-
-    fn count(&self) -> usize {
-        let linear: usize = self.channels.iter().map(|channel| 2 * channel.lower.len()).sum();
-        linear + self.wrench.as_ref().map_or(0, |wrench| wrench.wrenches.len() * wrench.limits.half_spaces().len())
-    }
-
-    /// Free numbers of every channel from scaled ones.
-    pub fn free_numbers(&self, scaled: &[f64], free: &mut [Channels]) {
-        let parts = scaled.chunks_exact(self.free).zip(&self.scaling).zip(&self.moving);
-        for ((scaled, scaling), &channel) in parts {
-            for (row, free) in free.iter_mut().enumerate() {
-                free[channel] = scaling.row(row).iter().zip(scaled).map(|(a, b)| a * b).sum();
-            }
-        }
-    }
-
-    /// A gradient by scaled numbers from one by free numbers.
-    fn scaled_gradient(&self, free: &[Channels], scaled: &mut [f64]) {
-        let parts = scaled.chunks_exact_mut(self.free).zip(&self.scaling).zip(&self.moving);
-        for ((scaled, scaling), &channel) in parts {
-            for (column, scaled) in scaled.iter_mut().enumerate() {
-                *scaled = scaling.column(column).iter().zip(free).map(|(a, free)| a * free[channel]).sum();
-            }
-        }
-    }
-
-    /// Free numbers of a channel.
-    pub fn free(&self) -> usize {
-        self.free
-    }
-
-    /// Brings each channel's numbers to where the largest share of its limits is this; then all, for the wrench.
-    pub fn shrink(&mut self, scaled: &mut [f64], share: f64) {
-        for (channel, numbers) in self.channels.iter().zip(scaled.chunks_exact_mut(self.free)) {
-            let mut largest = f64::MIN_POSITIVE;
-            let bounds = channel.lower.iter().zip(&channel.upper);
-            for (row, (lower, upper)) in channel.rows.chunks_exact(self.free).zip(bounds) {
-                let value: f64 = row.iter().zip(numbers.iter()).map(|(a, b)| a * b).sum();
-                largest = largest.max(value / upper).max(value / lower);
-            }
-            for number in numbers {
-                *number *= share / largest;
-            }
-        }
-        let mut slacks = Vec::new();
-        for _ in 0..60 {
-            if self.wrench.is_none() || self.slacks(scaled, &mut slacks) {
-                return;
-            }
-            for number in scaled.iter_mut() {
-                *number *= 0.8;
-            }
-        }
-    }
-
-    /// Distances to all limits, positive inside; `false` where one is not.
-    pub fn slacks(&mut self, scaled: &[f64], slacks: &mut Vec<f64>) -> bool {
-        slacks.clear();
-        for (channel, numbers) in self.channels.iter().zip(scaled.chunks_exact(self.free)) {
-            let bounds = channel.lower.iter().zip(&channel.upper);
-            for (row, (lower, upper)) in channel.rows.chunks_exact(self.free).zip(bounds) {
-                let value: f64 = row.iter().zip(numbers).map(|(a, b)| a * b).sum();
-                slacks.push(value - lower);
-                slacks.push(upper - value);
-            }
-        }
-        if self.wrench.is_some() {
-            let mut free = core::mem::take(&mut self.scratch);
-            self.free_numbers(scaled, &mut free);
-            if let Some(wrench) = &mut self.wrench {
-                for (functions, found) in self.table.samples().zip(&mut wrench.wrenches) {
-                    let Some(instant) = instant(&channels(functions, &free)) else { return false };
-                    *found = instant.regressor() * wrench.limits.parameters();
-                    let half_spaces = wrench.limits.half_spaces().iter();
-                    slacks.extend(half_spaces.map(|(normal, bound)| bound - normal.dot(found)));
-                }
-            }
-            self.scratch = free;
-        }
-        slacks.iter().all(|&slack| slack > 0.0)
-    }
-
-    /// Derivatives of the wrenches where the slacks were computed last.
-    fn linearize(&mut self, scaled: &[f64]) {
-        let mut free = core::mem::take(&mut self.scratch);
-        self.free_numbers(scaled, &mut free);
-        if let Some(wrench) = &mut self.wrench {
-            let parameters = wrench.limits.parameters();
-            for (sample, functions) in self.table.samples().enumerate() {
-                let Some(instant) = instant(&channels(functions, &free)) else { continue };
-                let by_terms = wrench_by_terms(parameters, &instant.angular_velocity_body);
-                let by_channels = instant.sensitivities().map(|terms| by_terms * terms.fixed_rows::<9>(0));
-                let columns = self.moving.iter().zip(&self.scaling).enumerate();
-                for (part, (&channel, scaling)) in columns {
-                    for number in 0..self.free {
-                        let mut column = Vector6::zeros();
-                        for (function, scale) in functions.iter().zip(scaling.column(number).iter()) {
-                            for (by, function) in by_channels.iter().zip(function) {
-                                column += by.column(channel) * (function * scale);
-                            }
-                        }
-                        let at = (6 * sample, part * self.free + number);
-                        wrench.jacobian.fixed_view_mut::<6, 1>(at.0, at.1).copy_from(&column);
-                    }
-                }
-            }
-        }
-        self.scratch = free;
-    }
-
-    /// Adds `sum_j factor_j grad slack_j` to a gradient; of the wrench limits only, if asked.
-    fn add_gradients(&self, factors: &[f64], wrench_only: bool, gradient: &mut DVector<f64>) {
-        let mut factors = factors.iter();
-        for (part, channel) in self.channels.iter().enumerate() {
-            for row in channel.rows.chunks_exact(self.free) {
-                let (Some(lower), Some(upper)) = (factors.next(), factors.next()) else { return };
-                if !wrench_only {
-                    for (number, value) in row.iter().enumerate() {
-                        gradient[part * self.free + number] += (lower - upper) * value;
-                    }
-                }
-            }
-        }
-        if let Some(wrench) = &self.wrench {
-            for sample in 0..wrench.wrenches.len() {
-                let mut force = Vector6::zeros();
-                for ((normal, _), factor) in wrench.limits.half_spaces().iter().zip(&mut factors) {
-                    force += normal * *factor;
-                }
-                gradient.gemv_tr(-1.0, &wrench.jacobian.fixed_rows::<6>(6 * sample), &force, 1.0);
-            }
-        }
-    }
-
-    /// Adds `sum_j weight_j grad slack_j grad slack_j^T`, lower triangle.
-    fn add_products(&self, weights: &[f64], hessian: &mut DMatrix<f64>) {
-        let mut weights = weights.iter();
-        let mut block = vec![0.0; self.free * self.free];
-        for (part, channel) in self.channels.iter().enumerate() {
-            block.fill(0.0);
-            for row in channel.rows.chunks_exact(self.free) {
-                let (Some(lower), Some(upper)) = (weights.next(), weights.next()) else { return };
-                for (column, right) in block.chunks_exact_mut(self.free).zip(row) {
-                    let scaled = (lower + upper) * right;
-                    for (entry, left) in column.iter_mut().zip(row) {
-                        *entry += scaled * left;
-                    }
-                }
-            }
-            let start = part * self.free;
-            for (column, block) in block.chunks_exact(self.free).enumerate() {
-                for (row, entry) in block.iter().enumerate().skip(column) {
-                    hessian[(start + row, start + column)] += entry;
-                }
-            }
-        }
-        if let Some(wrench) = &self.wrench {
-            for sample in 0..wrench.wrenches.len() {
-                let mut middle = SMatrix::<f64, 6, 6>::zeros();
-                for ((normal, _), weight) in wrench.limits.half_spaces().iter().zip(&mut weights) {
-                    middle.ger(*weight, normal, normal, 1.0);
-                }
-                let jacobian = wrench.jacobian.fixed_rows::<6>(6 * sample);
-                for j in 0..self.numbers() {
-                    let right = middle * jacobian.column(j);
-                    for i in j..self.numbers() {
-                        hessian[(i, j)] += jacobian.column(i).dot(&right);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Changes of the slacks along a direction.
-    fn changes(&self, direction: &DVector<f64>, changes: &mut Vec<f64>) {
-        changes.clear();
-        for (channel, numbers) in self.channels.iter().zip(direction.as_slice().chunks_exact(self.free)) {
-            for row in channel.rows.chunks_exact(self.free) {
-                let value: f64 = row.iter().zip(numbers).map(|(a, b)| a * b).sum();
-                changes.extend([value, -value]);
-            }
-        }
-        if let Some(wrench) = &self.wrench {
-            for sample in 0..wrench.wrenches.len() {
-                let change = wrench.jacobian.fixed_rows::<6>(6 * sample) * direction;
-                changes.extend(wrench.limits.half_spaces().iter().map(|(normal, _)| -normal.dot(&change)));
-            }
-        }
-    }
-}
-
-/// Scaling and rows of one channel: limits of half-width one.
-fn channel_rows(table: &RestTable, free: usize, limits: &ChannelLimits) -> (DMatrix<f64>, ChannelRows) {
-    let mut rows = ChannelRows { rows: Vec::new(), lower: Vec::new(), upper: Vec::new() };
-    let mut gram = DMatrix::zeros(free, free);
-    // At time zero nothing moves.
-    for functions in table.samples().skip(1) {
-        for (order, [lower, upper]) in limits.intervals().into_iter().enumerate() {
-            if lower.is_infinite() && upper.is_infinite() {
-                continue;
-            }
-            let half =
-                if lower.is_infinite() || upper.is_infinite() { upper.min(-lower) } else { 0.5 * (upper - lower) };
-            let row = DVector::from_iterator(free, functions.iter().map(|function| function[order] / half));
-            gram.ger(1.0, &row, &row, 1.0);
-            rows.rows.extend(row.iter());
-            rows.lower.push((lower / half).max(-NO_LIMIT));
-            rows.upper.push((upper / half).min(NO_LIMIT));
-        }
-    }
-    gram /= rows.lower.len().max(1) as f64;
-    // The rows span all numbers: more samples than coefficients, and at least one limit.
-    let scaling = gram
-        .cholesky()
-        .and_then(|cholesky| cholesky.unpack().transpose().try_inverse())
-        .unwrap_or_else(|| DMatrix::identity(free, free));
-    let count = rows.lower.len();
-    let scaled = DMatrix::from_row_slice(count, free, &rows.rows) * &scaling;
-    rows.rows = scaled.transpose().as_slice().to_vec();
-    (scaling, rows)
-}
-
-/// The wrench by `[angular velocity; angular acceleration; acceleration of the origin]`.
-fn wrench_by_terms(p: &SVector<f64, 10>, w: &Vector3<f64>) -> SMatrix<f64, 6, 9> {
-    let h = Vector3::new(p[1], p[2], p[3]);
-    let inertia = Matrix3::new(p[4], p[5], p[6], p[5], p[7], p[8], p[6], p[8], p[9]);
-    let mut by = SMatrix::<f64, 6, 9>::zeros();
-    by.fixed_view_mut::<3, 3>(0, 0).copy_from(&(skew(w) * inertia - skew(&(inertia * w))));
-    by.fixed_view_mut::<3, 3>(0, 3).copy_from(&inertia);
-    by.fixed_view_mut::<3, 3>(0, 6).copy_from(&skew(&h));
-    by.fixed_view_mut::<3, 3>(3, 0).copy_from(&(-(skew(w) * skew(&h)) - skew(&w.cross(&h))));
-    by.fixed_view_mut::<3, 3>(3, 3).copy_from(&-skew(&h));
-    by.fixed_view_mut::<3, 3>(3, 6).fill_diagonal(p[0]);
-    by
-}
 
 /// Where a minimisation ended.
 pub(super) struct Minimum {
@@ -320,7 +32,7 @@ impl Effort {
     /// Along the middle of the feasible motions to the neighbourhood of a minimum.
     pub const ROUGH: Self = Self { first: 1.0, last: 0.2, iterations: 60 };
     /// From there to the minimum.
-    pub const FINE: Self = Self { first: 0.2, last: 5e-4, iterations: 300 };
+    pub const FINE: Self = Self { first: 0.2, last: 1e-4, iterations: 300 };
 }
 
 /// Goes down from a strictly feasible start. `None` where the cost does not exist there.
@@ -331,12 +43,13 @@ pub(super) fn minimize(
     effort: Effort,
 ) -> Option<Minimum> {
     let numbers = limits.numbers();
-    let mut by_free = vec![[0.0; 6]; limits.free];
-    let mut free = vec![[0.0; 6]; limits.free];
+    let mut by_free = vec![[0.0; 6]; limits.free()];
+    let mut free = vec![[0.0; 6]; limits.free()];
     let mut evaluate = |limits: &Limits<'_>, scaled: &[f64], gradient: &mut DVector<f64>| -> Option<f64> {
         limits.free_numbers(scaled, &mut free);
         let cost = cost_and_gradient(&free, &mut by_free)?;
-        limits.scaled_gradient(&by_free, gradient.as_mut_slice());
+        gradient.fill(0.0);
+        limits.add_scaled_gradient(&by_free, gradient.as_mut_slice());
         Some(cost).filter(|cost| cost.is_finite() && gradient.iter().all(|g| g.is_finite()))
     };
     let mut z = DVector::from_column_slice(start);
@@ -344,7 +57,7 @@ pub(super) fn minimize(
     if !limits.slacks(z.as_slice(), &mut slacks) {
         return None;
     }
-    limits.linearize(z.as_slice());
+    limits.linearize();
     let mut gradient = DVector::zeros(numbers);
     let mut trial_gradient = DVector::zeros(numbers);
     let mut cost = evaluate(limits, z.as_slice(), &mut gradient)?;
@@ -388,7 +101,7 @@ pub(super) fn minimize(
             barrier = (BARRIER_STEP * barrier).max(least);
             continue;
         }
-        limits.changes(&direction, &mut changes);
+        limits.changes(direction.as_slice(), &mut changes);
         let mut longest: f64 = 1.0;
         let mut longest_dual: f64 = 1.0;
         for ((slack, change), multiplier) in slacks.iter().zip(&changes).zip(&multipliers) {
@@ -435,9 +148,9 @@ pub(super) fn minimize(
         }
         // Gradients of the Lagrangian before and after, with the new multipliers; what is linear cancels.
         let mut difference = -&gradient;
-        if limits.wrench.is_some() {
+        if limits.are_curved() {
             limits.add_gradients(&multipliers, true, &mut difference);
-            limits.linearize(trial.as_slice());
+            limits.linearize();
             for (weight, multiplier) in weights.iter_mut().zip(&multipliers) {
                 *weight = -multiplier;
             }
@@ -488,60 +201,7 @@ fn update(hessian: &mut DMatrix<f64>, step: &DVector<f64>, mut difference: DVect
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dynamics::InertialParameters;
-    use crate::excitation::{SpaceExcitation, WrenchLimits};
-    use crate::fourier::FourierBasis;
-
-    fn problem() -> SpaceExcitation {
-        let basis = FourierBasis::try_new(8.0, 3).unwrap();
-        let mut limits = [ChannelLimits::symmetric(0.3, 0.2, 0.15); 6];
-        limits[1] = ChannelLimits { lower: -0.1, upper: 0.4, rate: f64::INFINITY, acceleration: 0.3 };
-        limits[4] = ChannelLimits { upper: f64::INFINITY, ..ChannelLimits::symmetric(0.5, 0.4, f64::INFINITY) };
-        let inertia = Matrix3::new(0.3, 0.02, -0.03, 0.02, 0.25, 0.01, -0.03, 0.01, 0.4);
-        let body = InertialParameters::about_origin(7.0, Vector3::new(0.05, -0.02, 0.03), inertia);
-        let normal = |seed: f64| Vector6::from_fn(|i, _| (seed + 1.7 * i as f64).sin());
-        let half_spaces = vec![(normal(0.3), 0.9), (normal(2.0), 1.3)];
-        SpaceExcitation::try_new(basis, &limits, 20)
-            .unwrap()
-            .with_wrench_limits(WrenchLimits::try_new(&body, half_spaces).unwrap())
-    }
-
-    #[test]
-    fn changes_of_slacks_are_central_differences() {
-        let problem = problem();
-        let mut limits = Limits::new(&problem, 24);
-        let numbers = limits.numbers();
-        let at = DVector::from_fn(numbers, |i, _| 0.4 * (1.3 * i as f64).cos());
-        let direction = DVector::from_fn(numbers, |i, _| (0.7 * i as f64).sin());
-        let mut slacks = |step: f64| {
-            let mut found = Vec::new();
-            limits.slacks((&at + &direction * step).as_slice(), &mut found);
-            found
-        };
-        let (before, after) = (slacks(-1e-5), slacks(1e-5));
-        let mut changes = Vec::new();
-        limits.linearize(at.as_slice());
-        limits.changes(&direction, &mut changes);
-        assert_eq!((changes.len(), before.len()), (limits.count(), limits.count()));
-        // Gradients and products are of the same rows.
-        let factors: Vec<f64> = (0..changes.len()).map(|i| (0.2 * i as f64).cos()).collect();
-        let mut gradient = DVector::zeros(numbers);
-        limits.add_gradients(&factors, false, &mut gradient);
-        let mut products = DMatrix::zeros(numbers, numbers);
-        limits.add_products(&factors, &mut products);
-        products.fill_upper_triangle_with_lower_triangle();
-        let (mut along, mut twice) = (0.0, 0.0);
-        for (i, change) in changes.iter().enumerate() {
-            let expected = (after[i] - before[i]) / 2e-5;
-            if before[i] < 1e-3 * NO_LIMIT {
-                assert!((change - expected).abs() < 1e-9, "{i}: {change} {expected}");
-            }
-            along += factors[i] * change;
-            twice += factors[i] * change * change;
-        }
-        assert!((gradient.dot(&direction) - along).abs() < 1e-10 * along.abs().max(1.0));
-        assert!((direction.dot(&(products * &direction)) - twice).abs() < 1e-10 * twice.abs().max(1.0));
-    }
+    use crate::excitation::limit_samples::tests::problem;
 
     #[test]
     fn logarithms_taken_together() {

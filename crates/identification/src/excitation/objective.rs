@@ -18,11 +18,20 @@ pub(super) struct RestTable {
 
 impl RestTable {
     pub fn new(basis: &FourierBasis, samples: usize) -> Self {
+        Self::from_sample(0, basis, samples)
+    }
+
+    /// Without the first sample, at which nothing moves.
+    pub fn after_zero(basis: &FourierBasis, samples: usize) -> Self {
+        Self::from_sample(1, basis, samples)
+    }
+
+    fn from_sample(first: usize, basis: &FourierBasis, samples: usize) -> Self {
         let rest = basis.rest_to_rest();
-        let times: Vec<f64> = (0..samples).map(|i| basis.period_s() * i as f64 / samples as f64).collect();
+        let times: Vec<f64> = (first..samples).map(|i| basis.period_s() * i as f64 / samples as f64).collect();
         let [value, rate, acceleration] = basis.table(&times).map(|table| table * &rest);
         let free = rest.ncols();
-        let functions = (0..samples)
+        let functions = (0..times.len())
             .flat_map(|row| (0..free).map(move |column| (row, column)))
             .map(|at| [value[at], rate[at], acceleration[at]])
             .collect();
