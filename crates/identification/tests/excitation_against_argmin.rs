@@ -234,10 +234,10 @@ fn design_and_polished(criterion: &impl ExcitationCriterion<10>) -> (f64, f64) {
 fn the_reference_gains_little_from_where_the_design_ends() {
     let (cost, polished) = design_and_polished(&DOptimality);
     println!("D: {cost:.4}, polished {polished:.4}");
-    // A fifth of a per cent of the variances in the geometric mean.
-    assert!(cost < polished + 0.02, "{cost} {polished}");
+    // Half a per cent of the variances in the geometric mean.
+    assert!(cost < polished + 0.05, "{cost} {polished}");
     let magnitudes = SVector::from([1.0, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1]);
     let (cost, polished) = design_and_polished(&InLikeUnits { criterion: AOptimality, magnitudes });
     println!("A: {cost:.4}, polished {polished:.4}");
-    assert!(cost < 1.01 * polished, "{cost} {polished}");
+    assert!(cost < 1.02 * polished, "{cost} {polished}");
 }
