@@ -55,6 +55,8 @@ const LONGEST_CORRELATED_S: f64 = 0.6;
 const WEAK: (f64, f64, f64) = (1.5, 0.3, 0.5);
 /// Second window of the first guess, by the first.
 const SHORTER_WINDOW: f64 = 0.3;
+/// Factor by which a doubt of the wrench falls when the iterations under it are near their optimum.
+const DOUBT_FALLS: f64 = 10.0;
 /// Largest component of a node's step at convergence (rad, rad/s, m, m/s).
 const SMALL_STEP: f64 = 1e-3;
 /// Within so many squared standard deviations the levels of noise and outliers may be judged.
@@ -182,7 +184,7 @@ pub struct LikelihoodEstimate {
     /// Log determinant of the information of all unknowns; with [`cost`](Self::cost) and the noise levels it gives the
     /// restricted likelihood, by which noise models compare.
     pub log_determinant: f64,
-    /// What each iteration did.
+    /// What each iteration did; the first ones of a second start are by a likelihood that doubts the wrench.
     pub iterations: Vec<Iteration>,
     /// Samples in a segment.
     pub segment_samples: usize,
@@ -237,25 +239,30 @@ impl MaximumLikelihood {
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
-        match self.estimate_from_poses(record) {
-            // A body that turns far within the window of the first guess needs a shorter one.
+        match self.estimate_from_poses(record, Approach::Direct) {
+            // A body that turns far within the window of the first guess needs a shorter one. Poor poses give poor states in
+            // either, and a wrench much better than they are ties the states over longer times than tangents reach.
             Err(IdentificationError::NotExcited { .. } | IdentificationError::LikelihoodNotConverged { .. }) => {
                 let hasty = Self { node_window_s: self.node_window_s * SHORTER_WINDOW, ..self.clone() };
-                hasty.estimate_from_poses(record)
+                hasty.estimate_from_poses(record, Approach::DoubtedWrench)
             }
             found => found,
         }
     }
 
-    fn estimate_from_poses(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
+    fn estimate_from_poses(
+        &self,
+        record: &[MotionSample],
+        approach: Approach,
+    ) -> Result<LikelihoodEstimate, IdentificationError> {
         let delay_s = self.correlated_delay_s(record);
         let record = Record::try_new(record, self.wrench_timing, self.robust)?;
         let mut calibration = self.calibration(record.samples.iter().any(|sample| sample.acceleration.is_some()));
         calibration.start_late(delay_s);
         match calibration.columns() {
-            0..=13 => self.run::<32>(record, calibration),
-            14..=21 => self.run::<40>(record, calibration),
-            _ => self.run::<56>(record, calibration),
+            0..=13 => self.run::<32>(record, calibration, approach),
+            14..=21 => self.run::<40>(record, calibration, approach),
+            _ => self.run::<56>(record, calibration, approach),
         }
     }
 
@@ -330,7 +337,7 @@ impl MaximumLikelihood {
             _ => inertia.powi(-2),
         });
         let calibration = plain.calibration(false);
-        Ok((plain.fit::<32>(record, calibration, Some(&precision))?, precision))
+        Ok((plain.fit::<32>(record, calibration, Some(&precision), Approach::Direct)?, precision))
     }
 
     /// The optimum for a record that does not determine everything, a weak prior about the start filling in, and the
@@ -350,8 +357,9 @@ impl MaximumLikelihood {
         &self,
         record: Record,
         calibration: Calibration,
+        approach: Approach,
     ) -> Result<LikelihoodEstimate, IdentificationError> {
-        let mut fit = self.fit::<W>(record, calibration, None)?;
+        let mut fit = self.fit::<W>(record, calibration, None, approach)?;
         let found = result(&fit)?;
         let body_change = if self.nuisances.is_empty() { body_change(&mut fit)? } else { None };
         Ok(LikelihoodEstimate { body_change, ..found })
@@ -363,6 +371,7 @@ impl MaximumLikelihood {
         record: Record,
         mut calibration: Calibration,
         weak: Option<&SVector<f64, 10>>,
+        approach: Approach,
     ) -> Result<Fit<W>, IdentificationError> {
         let (mut levels, prior) = if let Some(noise) = &self.noise {
             (Levels::of(noise), None)
@@ -383,6 +392,10 @@ impl MaximumLikelihood {
         let mut chain = Chain::<W>::new(record, self.gravity_world, starts, nodes, &calibration);
         if let Some(precision) = weak {
             chain.add_prior(precision, &eta.difference(&start));
+        }
+        let mut approached = Vec::new();
+        if approach == Approach::DoubtedWrench {
+            approached = self.approach(&mut chain, &mut eta, &mut calibration, &levels)?;
         }
         let mut progress = Progress::default();
         loop {
@@ -432,7 +445,7 @@ impl MaximumLikelihood {
                 let robust = self.robust.then(|| progress.robust(prior.is_none()));
                 let sweep = chain.sweep(&eta, &calibration, &levels, robust);
                 let (schur, identifiability) = eliminated(&mut chain, &calibration, &levels)?;
-                let (iterations, constrained) = (progress.iterations, step.constrained);
+                let (iterations, constrained) = ([approached, progress.iterations].concat(), step.constrained);
                 return Ok(Fit {
                     chain,
                     eta,
@@ -463,6 +476,45 @@ impl MaximumLikelihood {
             }
         }
     }
+
+    /// Comes near the optimum from states that are poor for so good a wrench: at first the wrench counts as no better than it
+    /// is large, so that each stretch is explained by itself, and this doubt is taken back step by step.
+    fn approach<const W: usize>(
+        &self,
+        chain: &mut Chain<W>,
+        eta: &mut Coordinates,
+        calibration: &mut Calibration,
+        levels: &Levels,
+    ) -> Result<Vec<Iteration>, IdentificationError> {
+        let robust = self.robust.then_some(Robust { huber: HUBER, gate: f64::INFINITY });
+        let mut doubt = levels.largest_doubt(&chain.record);
+        let mut iterations = Vec::new();
+        while doubt > 1.0 && iterations.len() < MAX_ITERATIONS {
+            let doubtful = levels.with_doubt(doubt);
+            let sweep = chain.sweep(eta, calibration, &doubtful, robust);
+            let (schur, _) = eliminated(chain, calibration, &doubtful)?;
+            let step = eta.step(&schur.information, &schur.gradient).ok_or(not_excited(Indefinite))?;
+            let decrement = step.step.dot(&(&schur.information * &step.step));
+            chain.follow(&step);
+            *eta = step.next;
+            calibration.advance(step.step.as_slice());
+            let cost = cost(&sweep, &doubtful);
+            iterations.push(Iteration { cost, decrement, largest_defect: sweep.largest_defect });
+            if decrement < NEAR {
+                doubt /= DOUBT_FALLS;
+            }
+        }
+        Ok(iterations)
+    }
+}
+
+/// How the iterations come near the optimum.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Approach {
+    /// With the likelihood as it is.
+    Direct,
+    /// With a wrench that is believed little by little.
+    DoubtedWrench,
 }
 
 fn result<const W: usize>(fit: &Fit<W>) -> Result<LikelihoodEstimate, IdentificationError> {

@@ -88,7 +88,6 @@ impl Levels {
         ] {
             measurements[group] = visible(&column(of), 3, 20.0);
         }
-        let halves = |w: &Vector6<f64>| (Vector3::new(w[0], w[1], w[2]), Vector3::new(w[3], w[4], w[5]));
         let (torques, forces): (Vec<_>, Vec<_>) = record.wrenches.iter().map(halves).unzip();
         let (mut level, mut freedom) = ([0.0; 2], [PRIOR_FREEDOM; 2]);
         let sizes = [size(&torques), size(&forces)];
@@ -127,9 +126,24 @@ impl Levels {
         largest
     }
 
+    /// The factor that makes the noise of the wrench as large as the wrench.
+    pub(super) fn largest_doubt(&self, record: &Record) -> f64 {
+        let (torques, forces): (Vec<_>, Vec<_>) = record.wrenches.iter().map(halves).unzip();
+        (size(&torques) / self.wrench[0]).max(size(&forces) / self.wrench[1])
+    }
+
+    pub(super) fn with_doubt(&self, factor: f64) -> Self {
+        Self { wrench: self.wrench.map(|level| level * factor), ..*self }
+    }
+
     pub(super) fn settled(change: f64) -> bool {
         change < SETTLED
     }
+}
+
+/// Torque and force.
+fn halves(wrench: &Vector6<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    (wrench.fixed_rows::<3>(0).into_owned(), wrench.fixed_rows::<3>(3).into_owned())
 }
 
 fn size(values: &[Vector3<f64>]) -> f64 {

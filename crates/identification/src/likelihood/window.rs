@@ -4,7 +4,7 @@ use super::record::{Record, is_finite};
 use super::segment::{Robust, Sample};
 use super::stream::{Read, Stream};
 use super::{
-    Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, eliminated, not_excited, result,
+    Approach, Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, eliminated, not_excited, result,
 };
 use crate::Noise;
 use crate::dynamics::InertialParameters;
@@ -203,7 +203,7 @@ impl FixedLagSettings {
         let MaximumLikelihood { wrench_timing, robust, .. } = self.likelihood;
         let calibration = self.likelihood.calibration(false);
         let fit = Record::try_new(rows, wrench_timing, robust)
-            .and_then(|record| self.likelihood.fit::<W>(record, calibration, None));
+            .and_then(|record| self.likelihood.fit::<W>(record, calibration, None, Approach::Direct));
         let Some(fit) = fit.ok().filter(is_determined) else { return Ok(None) };
         let stream = Stream::after(rows, forgotten, &fit.chain.record, wrench_timing);
         let mut window = Window::<W> { settings: self.clone(), pending: Vec::new(), after_break: false, fit, stream };
