@@ -319,6 +319,28 @@ mod tests {
         }
     }
 
+    /// Of a body that only turns, so that no acceleration of the origin hides what turning bends.
+    #[test]
+    fn wrenches_bend_no_more_than_their_bounds() {
+        let packed = body().to_vector();
+        for motion in motions() {
+            let mut coefficients = motion.coefficients().clone();
+            coefficients.columns_mut(0, 3).fill(0.0);
+            let motion = FourierMotion::try_new(*motion.basis(), motion.chart(), coefficients).unwrap();
+            let bounds = motion.wrench_bends(&body()).unwrap();
+            let (count, step_s) = (100 * motion.basis().harmonics(), 1e-4 * motion.basis().period_s());
+            let wrench = |time_s: f64| motion.at(time_s).unwrap().regressor() * packed;
+            let bend = |i: usize| {
+                let time_s = motion.basis().period_s() * i as f64 / count as f64;
+                (wrench(time_s + step_s) - wrench(time_s) * 2.0 + wrench(time_s - step_s)) / (step_s * step_s)
+            };
+            let found = (0..count).map(bend).fold([0.0_f64; 2], |most, bend| {
+                [most[0].max(bend.fixed_rows::<3>(0).norm()), most[1].max(bend.fixed_rows::<3>(3).norm())]
+            });
+            assert!(found[0] < bounds[0] && found[1] < bounds[1], "{found:?} {bounds:?}");
+        }
+    }
+
     #[test]
     fn wrenches_stay_inside_their_bounds_and_reach_them() {
         let packed = body().to_vector();
