@@ -470,7 +470,7 @@ const MUTANTS: &[Mutant] = &[
         name: "coefficient likelihood: wrenches taken at the times of the poses",
         file: "crates/identification/src/harmonics/periodic_record.rs",
         original: "time_s + self.wrench_offset_s",
-        replacement: "time_s",
+        replacement: "time_s + 0.0 * self.wrench_offset_s",
         test: "-p tumble-identification --test periodic_likelihood",
     },
     Mutant {
