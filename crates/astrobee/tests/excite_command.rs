@@ -166,6 +166,36 @@ fn a_log_with_cycles_that_cannot_be_averaged_answers_as_a_whole() {
 }
 
 #[test]
+fn a_file_that_is_not_of_the_log_is_noticed() {
+    let folder = scratch("other-file");
+    let cycles = ["--starts", "1", "--rate", "20", "--cycles", "5"];
+    excite(&folder, &[cycles.as_slice(), &["--fly", "--out", "flight"]].concat());
+    excite(&folder, &[cycles.as_slice(), &["--seed", "7", "--out", "other"]].concat());
+    let own = fs::read_to_string(folder.join("flight/excitation.toml")).unwrap();
+    fs::write(folder.join("rate.toml"), own.replace("rate_hz = 20.0", "rate_hz = 40.0")).unwrap();
+    for (file, expected) in [
+        ("flight/excitation.toml", [false, false]),
+        ("other/excitation.toml", [true, false]),
+        ("rate.toml", [false, true]),
+    ] {
+        let output = identify(&folder, &["--excitation", file]);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(0), "{file}: {message}");
+        let found = ["does not follow this motion", "the log holds 5 cycles at 20.0000 Hz"];
+        assert_eq!(found.map(|text| message.contains(text)), expected, "{file}: {message}");
+    }
+    // The sample that closes the last cycle is no remainder.
+    let log = folder.join("flight/log.csv");
+    let text = fs::read_to_string(&log).unwrap();
+    let mut last: Vec<String> = text.lines().last().unwrap().split(',').map(str::to_owned).collect();
+    last[0] = "50".to_owned();
+    fs::write(&log, format!("{text}{}\n", last.join(","))).unwrap();
+    let output = identify(&folder, &["--excitation", "flight/excitation.toml"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(!stderr(&output).contains("1 samples"), "{}", stderr(&output));
+}
+
+#[test]
 fn the_motion_keeps_the_limits_that_were_asked_for() {
     let folder = scratch("limits");
     let limits = [
