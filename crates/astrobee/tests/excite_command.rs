@@ -166,6 +166,20 @@ fn a_log_with_cycles_that_cannot_be_averaged_answers_as_a_whole() {
 }
 
 #[test]
+fn a_saturated_flight_that_turns_on_and_on_answers_as_a_whole() {
+    let folder = scratch("tumbling");
+    let weak = ["--saturate", "--torque-limit", "0.01", "--rate", "50", "--cycles", "6", "--starts", "1"];
+    excite(&folder, &[weak.as_slice(), &["--fly", "--out", "flight"]].concat());
+    let output = identify(&folder, &["--excitation", "flight/excitation.toml"]);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert!(message.contains("the motion turns on"), "{message}");
+    let found = json(&output);
+    assert_eq!(found["method"], "maximum-likelihood");
+    assert_within_sigmas(&found, 3.0);
+}
+
+#[test]
 fn a_file_that_is_not_of_the_log_is_noticed() {
     let folder = scratch("other-file");
     let cycles = ["--starts", "1", "--rate", "20", "--cycles", "5"];

@@ -166,7 +166,7 @@ pub enum IdentificationError {
         expected_columns: usize,
     },
     /// More samples in a period than any motion is sampled with.
-    #[error("{samples:e} samples in a period of {period_s} s at steps of {step_s} s: at most {largest}")]
+    #[error("{samples:e} samples in a period of {period_s} s at steps of {step_s:e} s: at most {largest}")]
     TooManySamples {
         /// Period.
         period_s: f64,
