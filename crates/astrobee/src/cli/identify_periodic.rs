@@ -107,7 +107,7 @@ impl Motion {
             {
                 warnings.push(format!(
                     "the log does not follow this motion: the first {} harmonics of the {group} differ by {:.0} % of its size \
-                     (root mean square); check the file, its `start`, and where the cycles of the log begin",
+                     (root mean square); check the file, its `start`, where the cycles of the log begin, and whether actuators were at their limits",
                     file.harmonics,
                     100.0 * share
                 ));
