@@ -32,7 +32,7 @@ pub struct ExciteArgs {
     /// Period of the motion, s.
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     period: f64,
-    /// Harmonics of each channel: 2 to 30; the search takes seconds up to 8, a minute and more from 20.
+    /// Harmonics of each channel: 2 to 30; a start takes some seconds with 12, ten or more with 30.
     #[arg(long, value_name = "N", default_value_t = 3)]
     harmonics: usize,
     /// What the motion is to make small.
