@@ -119,6 +119,14 @@ pub enum AstrobeeError {
         /// What the operating system said.
         source: std::io::Error,
     },
+    /// T012: an `excitation.toml` that does not parse or does not describe a motion.
+    #[error("{path}: {message}")]
+    BadExcitation {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong: a key, or what the parser said.
+        message: String,
+    },
     /// T012: a body, calibration or other TOML file that does not parse.
     #[error("{path}: {message}")]
     BadToml {
@@ -166,6 +174,18 @@ pub enum AstrobeeError {
     /// T019: a wheel throw that cannot be used.
     #[error(transparent)]
     Throw(#[from] crate::wheel_throw::WheelThrowError),
+    /// T021: a search that would not end in any time worth waiting for.
+    #[error("`{option} {count}`: at most {most}, since {because}")]
+    SearchTooLong {
+        /// Option.
+        option: &'static str,
+        /// What was asked for.
+        count: usize,
+        /// Most that is searched.
+        most: usize,
+        /// What makes it long.
+        because: &'static str,
+    },
     /// T021: an excitation that cannot be designed or flown.
     #[error("no such excitation: {0}")]
     Excitation(IdentificationError),
@@ -187,7 +207,7 @@ impl AstrobeeError {
             Self::OutputExists { .. } => "T010",
             Self::NotAResult { .. } => "T020",
             Self::Unwritable { .. } => "T011",
-            Self::BadToml { .. } => "T012",
+            Self::BadToml { .. } | Self::BadExcitation { .. } => "T012",
             Self::ImpossibleBody { .. } => "T013",
             Self::BadOption { .. } => "T014",
             Self::Identification(_) => "T015",
@@ -195,7 +215,7 @@ impl AstrobeeError {
             Self::Plot { .. } => "T017",
             Self::UnknownFormat { .. } => "T018",
             Self::Throw(_) => "T019",
-            Self::Excitation(_) => "T021",
+            Self::Excitation(_) | Self::SearchTooLong { .. } => "T021",
         }
     }
 
@@ -219,10 +239,13 @@ impl AstrobeeError {
             Self::NotAResult { .. } => "name a new folder, or remove this one yourself",
             Self::Unwritable { .. } => "check that the folder exists and that you may write there",
             Self::BadToml { .. } => "correct the named key; `docs/log-format.md` shows body and prior files",
+            Self::BadExcitation { .. } => "correct the named key; `docs/excitation.md` shows an excitation file",
             Self::ImpossibleBody { .. } => {
                 "mass must be positive and the principal inertias about the centre of mass must satisfy the triangle inequality"
             }
-            Self::BadOption { .. } => "see `tumble help`",
+            Self::BadOption { .. } => {
+                "correct or leave out the option named; `tumble identify --help` and `tumble excite --help` explain each"
+            }
             Self::Identification(error) => match error {
                 IdentificationError::MissingColumn(_) => "`tumble identify --template` prints every column",
                 IdentificationError::TooFewSamples { .. } => {
@@ -251,15 +274,23 @@ impl AstrobeeError {
             Self::Dynamics(_) => "please report this with the seed",
             Self::Plot { .. } => "leave out `--out`, or report this",
             Self::UnknownFormat { .. } => "choose one of the named formats",
+            Self::SearchTooLong { .. } => {
+                "a number within the bound; three starts and three to eight harmonics show almost all"
+            }
             Self::Excitation(error) => match error {
+                IdentificationError::TooManySamples { .. } => "a shorter `--period`, or a lower `--rate`",
                 IdentificationError::PeriodNotWhole { .. } => "change `--period` or `--rate` to the values named",
                 IdentificationError::TooManyHarmonics { .. } => "fewer `--harmonics`, or a higher `--rate`",
-                IdentificationError::NoFreeCoefficients { .. } => "`--harmonics 3`",
+                IdentificationError::NoFreeCoefficients { .. } => "two `--harmonics` or more, such as 3",
                 IdentificationError::NoMotionWithinLimit { .. } => "limits are positive, or inf",
                 IdentificationError::UnlimitedChannel { .. } => {
                     "limit the workspace (`--position`, `--angle`), the rate or the acceleration"
                 }
-                _ => "more `--starts`, more `--harmonics`, or wider limits",
+                IdentificationError::NoDesign { .. } => {
+                    "more `--starts` or `--harmonics`; limits of the size of the robot's own: much tighter in one channel, or wider by \
+                     orders of magnitude than in another, they leave numbers that cannot be compared"
+                }
+                _ => "more `--starts`, more `--harmonics`, or other limits",
             },
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::Path;
 use tumble_dynamics::nalgebra::DMatrix;
+use tumble_identification::excitation::samples_per_period;
 use tumble_identification::fourier::{AttitudeChart, FourierBasis, FourierMotion};
 use tumble_lie::Pose;
 
@@ -146,20 +147,23 @@ impl ExcitationFile {
     /// The motion.
     ///
     /// # Errors
-    /// [`AstrobeeError::BadToml`] naming `path` and the key.
+    /// [`AstrobeeError::BadExcitation`] naming `path` and the key.
     pub fn motion(&self, path: &Path) -> Result<FourierMotion, AstrobeeError> {
-        let bad = |message: String| AstrobeeError::BadToml { path: path.into(), message };
+        let bad = |message: String| AstrobeeError::BadExcitation { path: path.into(), message };
+        // Before anything is made of that size.
+        let needed = self.harmonics.saturating_mul(2).saturating_add(1);
+        for (name, column) in self.coefficients.columns() {
+            if column.len() != needed {
+                return Err(bad(format!(
+                    "`coefficients.{name}` has {} numbers; {} harmonics need {needed}",
+                    column.len(),
+                    self.harmonics,
+                )));
+            }
+        }
         let basis = FourierBasis::try_new(self.period_s, self.harmonics).map_err(|error| bad(error.to_string()))?;
         let mut coefficients = DMatrix::zeros(basis.coefficients(), 6);
         for (i, (name, column)) in self.coefficients.columns().into_iter().enumerate() {
-            if column.len() != basis.coefficients() {
-                return Err(bad(format!(
-                    "`coefficients.{name}` has {} numbers; {} harmonics need {}",
-                    column.len(),
-                    self.harmonics,
-                    basis.coefficients()
-                )));
-            }
             if !column.iter().all(|c| c.is_finite()) {
                 return Err(bad(format!("`coefficients.{name}` holds a number that is not finite")));
             }
@@ -171,9 +175,9 @@ impl ExcitationFile {
     /// Pose of the frame of the coefficients in the axes of the log.
     ///
     /// # Errors
-    /// [`AstrobeeError::BadToml`] naming `path` and the key.
+    /// [`AstrobeeError::BadExcitation`] naming `path` and the key.
     pub fn world_from_start(&self, path: &Path) -> Result<Pose<f64>, AstrobeeError> {
-        let bad = |message: &str| AstrobeeError::BadToml { path: path.into(), message: message.to_owned() };
+        let bad = |message: &str| AstrobeeError::BadExcitation { path: path.into(), message: message.to_owned() };
         let [x, y, z, w] = self.start.quaternion_xyzw;
         let rotation = tumble_lie::from_xyzw(x, y, z, w, QUATERNION_NORM_TOLERANCE)
             .map_err(|_| bad("`start.quaternion_xyzw` is not of norm one"))?;
@@ -186,9 +190,10 @@ impl ExcitationFile {
     /// The text of the file.
     ///
     /// # Errors
-    /// [`AstrobeeError::BadToml`] naming `path`.
+    /// [`AstrobeeError::BadExcitation`] naming `path`.
     pub fn to_toml(&self, path: &Path) -> Result<String, AstrobeeError> {
-        toml::to_string(self).map_err(|error| AstrobeeError::BadToml { path: path.into(), message: error.to_string() })
+        toml::to_string(self)
+            .map_err(|error| AstrobeeError::BadExcitation { path: path.into(), message: error.to_string() })
     }
 
     /// Reads and checks a file.
@@ -198,7 +203,7 @@ impl ExcitationFile {
     pub fn read(path: &Path) -> Result<Self, AstrobeeError> {
         let text =
             fs::read_to_string(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
-        let bad = |message: String| AstrobeeError::BadToml { path: path.into(), message };
+        let bad = |message: String| AstrobeeError::BadExcitation { path: path.into(), message };
         let file: Self = toml::from_str(&text).map_err(|error| bad(error.to_string()))?;
         if file.format != FORMAT {
             return Err(bad(format!("`format` is {}; this program reads {FORMAT}", file.format)));
@@ -221,7 +226,12 @@ impl ExcitationFile {
                 return Err(bad(format!("`{key}` is {value}; a limit is positive, or inf")));
             }
         }
+        if file.cycles == 0 {
+            return Err(bad("`cycles` is 0; a flight has cycles".to_owned()));
+        }
         file.motion(path)?;
+        samples_per_period(file.period_s, 1.0 / file.rate_hz)
+            .map_err(|error| bad(format!("`period_s`, `rate_hz`: {error}")))?;
         file.world_from_start(path)?;
         file.body.to_parameters(path)?;
         Ok(file)
@@ -299,7 +309,12 @@ mod tests {
         for (name, from, to, expected) in [
             ("format", "format = 1", "format = 2", "`format` is 2"),
             ("harmonics", "harmonics = 3", "harmonics = 4", "`coefficients.x` has 7 numbers"),
+            ("huge harmonics", "harmonics = 3", "harmonics = 999999999999", "`coefficients.x` has 7 numbers"),
+            ("no harmonics", "harmonics = 3", "harmonics = 0", "`coefficients.x` has 7 numbers"),
             ("period", "period_s = 10.0", "period_s = -1.0", "-1"),
+            ("long period", "period_s = 10.0", "period_s = 1e300", "`rate_hz`"),
+            ("no cycles", "cycles = 10", "cycles = 0", "`cycles`"),
+            ("high rate", "rate_hz = 100.0", "rate_hz = 1e12", "`rate_hz`"),
             ("rate", "rate_hz = 100.0", "rate_hz = nan", "`rate_hz`"),
             ("noise", "attitude_rad = 0.03", "attitude_rad = 0.0", "`noise.attitude_rad`"),
             ("limit", "force_n = 4.0", "force_n = -4.0", "`limits.force_n`"),

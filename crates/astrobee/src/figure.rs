@@ -77,7 +77,8 @@ impl Figure<'_> {
             .x_desc(self.x_label)
             .y_desc(self.y_label)
             .light_line_style(WHITE)
-            .y_label_formatter(&|y| format!("{y:.2e}"))
+            // Zero comes out of the ticks as rounding.
+            .y_label_formatter(&|y| format!("{:.2e}", if y.abs() < 1e-9 * (high - low) { 0.0 } else { *y }))
             .draw()?;
         if let Some(band) = band {
             chart.draw_series(std::iter::once(Rectangle::new(

@@ -10,7 +10,7 @@ use crate::report::{
 };
 use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::SMatrix;
-use tumble_identification::harmonics::{HarmonicEstimator, HarmonicIdentification, HarmonicSettings};
+use tumble_identification::harmonics::{HarmonicEstimator, HarmonicIdentification, HarmonicSettings, HarmonicWarning};
 use tumble_identification::{BodyScale, Estimate, NodeResidual, NullDirection, POOR_FIT};
 
 /// The name of an estimator on the command line and in JSON.
@@ -24,7 +24,9 @@ pub fn estimator_name(estimator: HarmonicEstimator) -> &'static str {
 
 /// All warnings in one list.
 pub fn warnings(found: &HarmonicIdentification, context: &Context) -> Vec<String> {
-    let own = found.warnings.iter().map(ToString::to_string);
+    // A single sample closes the last cycle.
+    let closing = |warning: &&HarmonicWarning| **warning == HarmonicWarning::Remainder { samples: 1 };
+    let own = found.warnings.iter().filter(|warning| !closing(warning)).map(ToString::to_string);
     context.reader_warnings.iter().cloned().chain(own).collect()
 }
 

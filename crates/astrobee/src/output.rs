@@ -3,16 +3,48 @@
 use crate::error::AstrobeeError;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 fn unwritable(path: &Path) -> impl FnOnce(std::io::Error) -> AstrobeeError + '_ {
     move |source| AstrobeeError::Unwritable { path: path.into(), source }
 }
 
+/// What follows the name of an unfinished output, before the number of its process.
+const PARTIAL: &str = ".partial-";
+/// An unfinished output is left over after this long, where processes cannot be asked for.
+const STALE: Duration = Duration::from_secs(24 * 3600);
+
 /// A sibling of `path` that no other process uses.
 fn partial_sibling(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(format!(".partial-{}", std::process::id()));
+    name.push(format!("{PARTIAL}{}", std::process::id()));
     path.with_file_name(name)
+}
+
+/// Removes the unfinished folders of `path` that processes left which were ended; what cannot be removed stays.
+fn remove_stale_partials(path: &Path) {
+    let Some(name) = path.file_name().and_then(|name| name.to_str()) else { return };
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let process = |entry: &fs::DirEntry| -> Option<u32> {
+        entry.file_name().to_str()?.strip_prefix(name)?.strip_prefix(PARTIAL)?.parse().ok()
+    };
+    for entry in fs::read_dir(parent).into_iter().flatten().flatten() {
+        // Of links not even the target.
+        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+        if is_folder && process(&entry).is_some_and(|process| is_over(process, &entry)) {
+            let _ = fs::remove_dir_all(entry.path());
+        }
+    }
+}
+
+/// Whether the process that wrote `entry` is no more; where that cannot be asked, whether it is long ago.
+fn is_over(process: u32, entry: &fs::DirEntry) -> bool {
+    let processes = Path::new("/proc");
+    if processes.join("self").exists() {
+        return !processes.join(process.to_string()).exists();
+    }
+    let written = entry.metadata().and_then(|data| data.modified());
+    written.is_ok_and(|written| written.elapsed().is_ok_and(|age| age > STALE))
 }
 
 /// Writes one file under a temporary name and renames it when complete.
@@ -112,6 +144,7 @@ impl OutputFolder {
             });
         }
         Self::check_place(path, force)?;
+        remove_stale_partials(path);
         let partial = partial_sibling(path);
         if partial.exists() {
             fs::remove_dir_all(&partial).map_err(unwritable(&partial))?;
@@ -188,6 +221,29 @@ mod tests {
         folder.write("a.txt", "a").unwrap();
         drop(folder);
         assert_eq!(fs::read_dir(&base).unwrap().count(), 0);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn what_ended_processes_left_is_removed() {
+        let base = scratch("stale");
+        // No process has the largest number; the first process always runs.
+        let stale = [format!("run.partial-{}", u32::MAX), format!("run.partial-{}", u32::MAX - 1)];
+        let kept = [
+            "run.partial-1".to_owned(),
+            "run.partial-notes".to_owned(),
+            format!("other.partial-{}", u32::MAX),
+            "run.replaced-4294967295".to_owned(),
+        ];
+        for name in stale.iter().chain(&kept) {
+            fs::create_dir(base.join(name)).unwrap();
+            fs::write(base.join(name).join("log.csv"), "torn").unwrap();
+        }
+        let file = base.join("run.partial-4294967290");
+        fs::write(&file, "a file is no folder").unwrap();
+        drop(OutputFolder::create(&base.join("run"), false).unwrap());
+        assert!(stale.iter().all(|name| !base.join(name).exists()));
+        assert!(kept.iter().all(|name| base.join(name).join("log.csv").exists()) && file.exists());
     }
 
     #[test]

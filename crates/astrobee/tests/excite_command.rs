@@ -141,6 +141,75 @@ fn a_saturated_flight_goes_to_the_trajectory_likelihood() {
 }
 
 #[test]
+fn a_log_with_cycles_that_cannot_be_averaged_answers_as_a_whole() {
+    let folder = scratch("torn");
+    excite(&folder, &["--starts", "1", "--rate", "20", "--cycles", "5", "--fly", "--out", "flight"]);
+    let log = folder.join("flight/log.csv");
+    let text = fs::read_to_string(&log).unwrap();
+    // A row got lost.
+    let torn: Vec<&str> = text.lines().enumerate().filter(|(row, _)| *row != 333).map(|(_, line)| line).collect();
+    fs::write(&log, torn.join("\n") + "\n").unwrap();
+    let excitation = ["--excitation", "flight/excitation.toml"];
+    for options in [&excitation, &["--period", "10"]] {
+        let output = identify(&folder, options);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(0), "{message}");
+        assert!(message.contains("cannot be averaged") && message.contains("sample 332"), "{message}");
+        let found = json(&output);
+        assert_eq!(found["method"], "maximum-likelihood");
+        assert!(found["warnings"].to_string().contains("cannot be averaged"));
+        assert_within_sigmas(&found, 3.0);
+    }
+    let output = identify(&folder, &[excitation.as_slice(), &["--method", "fourier"]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("error[T015]"), "{}", stderr(&output));
+}
+
+#[test]
+fn a_saturated_flight_that_turns_on_and_on_answers_as_a_whole() {
+    let folder = scratch("tumbling");
+    let weak = ["--saturate", "--torque-limit", "0.01", "--rate", "50", "--cycles", "6", "--starts", "1"];
+    excite(&folder, &[weak.as_slice(), &["--fly", "--out", "flight"]].concat());
+    let output = identify(&folder, &["--excitation", "flight/excitation.toml"]);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert!(message.contains("the motion turns on"), "{message}");
+    let found = json(&output);
+    assert_eq!(found["method"], "maximum-likelihood");
+    assert_within_sigmas(&found, 3.0);
+}
+
+#[test]
+fn a_file_that_is_not_of_the_log_is_noticed() {
+    let folder = scratch("other-file");
+    let cycles = ["--starts", "1", "--rate", "20", "--cycles", "5"];
+    excite(&folder, &[cycles.as_slice(), &["--fly", "--out", "flight"]].concat());
+    excite(&folder, &[cycles.as_slice(), &["--seed", "7", "--out", "other"]].concat());
+    let own = fs::read_to_string(folder.join("flight/excitation.toml")).unwrap();
+    fs::write(folder.join("rate.toml"), own.replace("rate_hz = 20.0", "rate_hz = 40.0")).unwrap();
+    for (file, expected) in [
+        ("flight/excitation.toml", [false, false]),
+        ("other/excitation.toml", [true, false]),
+        ("rate.toml", [false, true]),
+    ] {
+        let output = identify(&folder, &["--excitation", file]);
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(0), "{file}: {message}");
+        let found = ["does not follow this motion", "the log holds 5 cycles at 20.0000 Hz"];
+        assert_eq!(found.map(|text| message.contains(text)), expected, "{file}: {message}");
+    }
+    // The sample that closes the last cycle is no remainder.
+    let log = folder.join("flight/log.csv");
+    let text = fs::read_to_string(&log).unwrap();
+    let mut last: Vec<String> = text.lines().last().unwrap().split(',').map(str::to_owned).collect();
+    last[0] = "50".to_owned();
+    fs::write(&log, format!("{text}{}\n", last.join(","))).unwrap();
+    let output = identify(&folder, &["--excitation", "flight/excitation.toml"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(!stderr(&output).contains("1 samples"), "{}", stderr(&output));
+}
+
+#[test]
 fn the_motion_keeps_the_limits_that_were_asked_for() {
     let folder = scratch("limits");
     let limits = [
@@ -225,7 +294,13 @@ fn bad_input_has_a_code_and_leaves_nothing() {
         (&["--cycles", "1"], "T014", "--cycles 1"),
         (&["--starts", "0"], "T014", "--starts 0"),
         (&["--harmonics", "1"], "T021", "1 harmonics"),
-        (&["--harmonics", "500"], "T021", "500 harmonics"),
+        (&["--harmonics", "0"], "T021", "two are needed"),
+        (&["--harmonics", "20", "--rate", "1"], "T021", "20 harmonics"),
+        (&["--harmonics", "31"], "T021", "at most 30"),
+        (&["--starts", "100000"], "T021", "at most 1000"),
+        (&["--period", "1e9"], "T021", "at most 1000000"),
+        (&["--rate", "1e9"], "T021", "at most 1000000"),
+        (&["--position=-1"], "T021", "of x is -1:"),
         (&["--speed", "0"], "T021", "rate limit of x is 0"),
         (&["--acceleration", "-0.1"], "T021", "acceleration limit of x is -0.1"),
         (&["--angle", "nan"], "T021", "roll"),
@@ -284,6 +359,8 @@ fn identify_refuses_what_does_not_fit_a_periodic_motion() {
     assert_eq!(small(&folder, &["--fly", "--out", "flight"]).status.code(), Some(0));
     let good = fs::read_to_string(folder.join("flight/excitation.toml")).unwrap();
     fs::write(folder.join("broken.toml"), good.replace("harmonics = 2", "harmonics = 3")).unwrap();
+    fs::write(folder.join("huge.toml"), good.replace("harmonics = 2", "harmonics = 999999999999")).unwrap();
+    fs::write(folder.join("key.toml"), good.replace("cycles = 3", "cycle = 3")).unwrap();
     fs::write(folder.join("later.toml"), good.replace("format = 1", "format = 9")).unwrap();
     let excitation = ["--excitation", "flight/excitation.toml"];
     for (options, code, place) in [
@@ -296,6 +373,10 @@ fn identify_refuses_what_does_not_fit_a_periodic_motion() {
         (&["--period", "10.03"], "T015", "10.03"),
         (&["--period", "20"], "T015", "cycles"),
         (&["--period", "-1"], "T015", "-1"),
+        (&["--period", "10", "--harmonics", "0"], "T014", "--harmonics 0"),
+        (&["--period", "10", "--estimate", "bias-wrench"], "T014", "--estimate"),
+        (&["--excitation", "huge.toml"], "T012", "coefficients.x"),
+        (&["--excitation", "key.toml"], "T012", "docs/excitation.md"),
         (&["--period", "10", "--harmonics", "50"], "T015", "50 harmonics"),
         (&[excitation[0], excitation[1], "--out", "flight"], "T010", "flight"),
     ] {

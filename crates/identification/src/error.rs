@@ -165,6 +165,18 @@ pub enum IdentificationError {
         /// Columns needed.
         expected_columns: usize,
     },
+    /// More samples in a period than any motion is sampled with.
+    #[error("{samples:e} samples in a period of {period_s} s at steps of {step_s:e} s: at most {largest}")]
+    TooManySamples {
+        /// Period.
+        period_s: f64,
+        /// Step.
+        step_s: f64,
+        /// Samples in a period.
+        samples: f64,
+        /// Most samples in a period.
+        largest: usize,
+    },
     /// Fewer than two whole cycles to average.
     #[error("{cycles:.2} cycles less {dropped} dropped: at least two whole cycles are needed")]
     TooFewCycles {

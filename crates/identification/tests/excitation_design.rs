@@ -143,7 +143,9 @@ fn as_good_as_a_general_solver() {
     let problem = SpaceExcitation::try_new(basis(3), &frozen_limits(), SAMPLES)
         .unwrap()
         .with_limits_holding(LimitsHold::AtSamples);
-    let design = problem.design(&DOptimality, 2, 60).unwrap();
+    let mut reported = Vec::new();
+    let design = problem.design_reporting(&DOptimality, 2, 60, |costs| reported.push(costs.to_vec())).unwrap();
+    assert_eq!(reported, [&design.cost_per_start[..1], &design.cost_per_start[..]], "after each start, those so far");
     assert!(design.cost < -22.11, "{}", design.cost);
     // By another way: a triangular factor of the stacked regressor.
     let mut stacked = DMatrix::zeros(6 * SAMPLES, 10);

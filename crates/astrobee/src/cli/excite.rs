@@ -32,13 +32,13 @@ pub struct ExciteArgs {
     /// Period of the motion, s.
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     period: f64,
-    /// Harmonics of each channel; two at least.
+    /// Harmonics of each channel: 2 to 30; a start takes some seconds with 12, ten or more with 30.
     #[arg(long, value_name = "N", default_value_t = 3)]
     harmonics: usize,
     /// What the motion is to make small.
     #[arg(long, value_enum, default_value_t = CriterionName::D)]
     criterion: CriterionName,
-    /// Random starts of the search.
+    /// Random starts of the search: 1 to 1000.
     #[arg(long, value_name = "N", default_value_t = 3)]
     starts: usize,
     /// Seed of the starts, of the random payload and of the noise.
@@ -122,7 +122,7 @@ enum CriterionName {
     A,
     /// Largest error.
     E,
-    /// Condition number of the information.
+    /// Condition number of the information; ignores size (a motion of centimetres may win): prefer v1 or d.
     Condition,
 }
 
@@ -146,6 +146,11 @@ const TRACKER: (f64, f64) = (4.0, 0.1);
 const LARGEST_STEP_S: f64 = 0.01;
 /// Longest flight that is simulated, samples.
 const MOST_SAMPLES: usize = 2_000_000;
+/// Most harmonics and starts that are searched.
+const MOST_HARMONICS: usize = 30;
+const MOST_STARTS: usize = 1000;
+/// A search is heard of where nothing replaces lines, too, when it has taken this long, s.
+const SILENCE_S: f64 = 5.0;
 /// Steps of one period in which peaks are found.
 const FINE_STEPS: usize = 4000;
 /// Harmonics that tracking with the wrong body adds.
@@ -208,7 +213,7 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, AstrobeeError> {
     };
     let body = args.body.as_deref().map_or_else(|| Ok(space_cobot::body()), body_file::read)?;
     let payload = args.payload.as_deref().map(body_file::read).transpose()?;
-    progress(&format!("searching from {} starts ...", args.starts));
+    progress(&format!("searching from {} start{} ...", args.starts, if args.starts == 1 { "" } else { "s" }));
     let designed = design(args, &body, samples).map_err(AstrobeeError::Excitation)?;
     let noise = Noise {
         torque_n_m: args.torque_noise,
@@ -284,6 +289,14 @@ fn check(args: &ExciteArgs) -> Result<(), AstrobeeError> {
             });
         }
     }
+    for (option, count, most, because) in [
+        ("--harmonics", args.harmonics, MOST_HARMONICS, "the time of a start grows with more than their square"),
+        ("--starts", args.starts, MOST_STARTS, "each start is a search of its own"),
+    ] {
+        if count > most {
+            return Err(AstrobeeError::SearchTooLong { option, count, most, because });
+        }
+    }
     for (option, count, least) in [("--starts", args.starts, 1), ("--cycles", args.cycles, 2)] {
         if count < least {
             return Err(AstrobeeError::BadOption { message: format!("`{option} {count}`: at least {least}") });
@@ -300,6 +313,9 @@ fn channel_limits(args: &ExciteArgs) -> [ChannelLimits; 6] {
 }
 
 fn design(args: &ExciteArgs, body: &InertialParameters<f64>, samples: usize) -> Result<Designed, IdentificationError> {
+    if args.harmonics < 2 {
+        return Err(IdentificationError::NoFreeCoefficients { harmonics: args.harmonics });
+    }
     let basis = FourierBasis::try_new(args.period, args.harmonics)?;
     let limits = channel_limits(args);
     let magnitudes = BodyScale::of(&body.to_vector())?.parameter_magnitudes();
@@ -327,13 +343,29 @@ fn search<const P: usize>(
     }
     let started = Instant::now();
     let (starts, seed) = (args.starts, args.seed);
+    let report = |costs: &[Option<f64>]| {
+        let least = costs.iter().flatten().copied().reduce(f64::min).map_or("none".to_owned(), significant);
+        let text = format!("start {} of {starts} searched, least cost {least}", costs.len());
+        if !std::io::stderr().is_terminal() && started.elapsed().as_secs_f64() > SILENCE_S {
+            eprintln!("{text}");
+        }
+        progress(&text);
+    };
     let found = match args.criterion {
-        CriterionName::V1 => problem.design(&NormalizedCondition { rms_weights: [V1_REWARD; 6] }, starts, seed),
-        CriterionName::D => problem.design(&InLikeUnits { criterion: DOptimality, magnitudes }, starts, seed),
-        CriterionName::A => problem.design(&InLikeUnits { criterion: AOptimality, magnitudes }, starts, seed),
-        CriterionName::E => problem.design(&InLikeUnits { criterion: EOptimality, magnitudes }, starts, seed),
+        CriterionName::V1 => {
+            problem.design_reporting(&NormalizedCondition { rms_weights: [V1_REWARD; 6] }, starts, seed, report)
+        }
+        CriterionName::D => {
+            problem.design_reporting(&InLikeUnits { criterion: DOptimality, magnitudes }, starts, seed, report)
+        }
+        CriterionName::A => {
+            problem.design_reporting(&InLikeUnits { criterion: AOptimality, magnitudes }, starts, seed, report)
+        }
+        CriterionName::E => {
+            problem.design_reporting(&InLikeUnits { criterion: EOptimality, magnitudes }, starts, seed, report)
+        }
         CriterionName::Condition => {
-            problem.design(&InLikeUnits { criterion: ConditionNumber, magnitudes }, starts, seed)
+            problem.design_reporting(&InLikeUnits { criterion: ConditionNumber, magnitudes }, starts, seed, report)
         }
     };
     let ExcitationDesign { motion, cost, cost_per_start, utilization, .. } = found?;
@@ -581,8 +613,8 @@ fn table(
         1e3 * designed.duration_s
     );
     let costs: Vec<String> =
-        designed.cost_per_start.iter().map(|cost| cost.map_or("none".to_owned(), |c| format!("{c:.4}"))).collect();
-    let _ = writeln!(text, "  cost {:.4}; from each start: {}\n", designed.cost, costs.join(", "));
+        designed.cost_per_start.iter().map(|cost| cost.map_or("none".to_owned(), significant)).collect();
+    let _ = writeln!(text, "  cost {}; from each start: {}\n", significant(designed.cost), costs.join(", "));
     let [value, rate, acceleration] = &period.channels;
     let _ = writeln!(
         text,
@@ -616,8 +648,9 @@ fn table(
     );
     let _ = writeln!(
         text,
-        "predicted from {} cycles at {} Hz, pose noise {} m, {} rad, wrench noise {} N, {} N m:",
+        "predicted from {} cycle{} at {} Hz, pose noise {} m, {} rad, wrench noise {} N, {} N m:",
         args.cycles - 1,
+        if args.cycles == 2 { "" } else { "s" },
         args.rate,
         args.position_noise,
         args.attitude_noise,
@@ -646,6 +679,11 @@ fn table(
     text
 }
 
+/// A cost to some digits, however small: criteria a and e are squares of small numbers.
+fn significant(cost: f64) -> String {
+    if cost == 0.0 || cost.abs() >= 0.1 { format!("{cost:.4}") } else { format!("{cost:.4e}") }
+}
+
 /// What is needed to repeat the run.
 fn run_record(args: &ExciteArgs) -> String {
     let hash = |path: &Option<PathBuf>| path.as_deref().and_then(|path| crate::log::hash(path).ok());
@@ -665,6 +703,6 @@ fn run_record(args: &ExciteArgs) -> String {
 /// One line on stderr that replaces itself; silent in pipes.
 fn progress(text: &str) {
     if std::io::stderr().is_terminal() {
-        eprint!("\r{text:<40}{}", if text.is_empty() { "\r" } else { "" });
+        eprint!("\r{text:<60}{}", if text.is_empty() { "\r" } else { "" });
     }
 }

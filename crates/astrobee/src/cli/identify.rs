@@ -218,9 +218,16 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
         ..Settings::default()
     };
     let motion = Motion::of(args)?;
-    let log = Log::read(args)?;
+    let mut log = Log::read(args)?;
     if let (Some(motion), Some(estimator)) = (&motion, args.method.harmonic()) {
-        return identify_periodic::run(args, motion, estimator, &log);
+        match identify_periodic::run(args, motion, estimator, &log) {
+            Err(AstrobeeError::Identification(reason)) if without_cycles(estimator, &reason) => {
+                log.warnings.push(format!(
+                    "the cycles of this log cannot be averaged ({reason}): the whole log answers, as without a period"
+                ));
+            }
+            answered => return answered,
+        }
     }
     if args.dry_run {
         return dry_run(args, &log, &settings);
@@ -243,6 +250,21 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
     deliver(args, &found, &context)
 }
 
+/// Whether a log with cycles that cannot be averaged, for this reason, may still answer sample by sample.
+///
+/// A period that does not fit the log is a wrong statement, and least squares needs the averages: these stay errors.
+fn without_cycles(estimator: HarmonicEstimator, reason: &IdentificationError) -> bool {
+    estimator == HarmonicEstimator::Likelihood
+        && matches!(
+            reason,
+            IdentificationError::NotPeriodic { .. }
+                | IdentificationError::UnequalSteps { .. }
+                | IdentificationError::WrenchMissing { .. }
+                | IdentificationError::NotConverged { .. }
+                | IdentificationError::LikelihoodNotConverged { .. }
+        )
+}
+
 /// Refuses options that would be ignored.
 fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
     let output = args.out.is_some() || args.export.is_some();
@@ -261,17 +283,26 @@ fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
         (averages && !periodic, "`--method fourier` and `fourier-likelihood` need `--excitation` or `--period`"),
         (
             periodic && args.method.harmonic().is_none(),
-            "`--excitation` and `--period` belong to `--method fourier` or `fourier-likelihood`",
+            "`--excitation` and `--period` belong to `--method fourier`, `fourier-likelihood` or auto; leave them out for another method",
+        ),
+        (args.harmonics == Some(0), "`--harmonics 0`: a motion has one at least"),
+        (periodic && args.demo, "`--demo` is no periodic motion: leave out `--excitation` or `--period`"),
+        (
+            periodic && args.dry_run,
+            "averaged cycles take no `--dry-run`; it works without `--excitation` or `--period`",
+        ),
+        (periodic && args.split, "averaged cycles take no `--split`; it works without `--excitation` or `--period`"),
+        (
+            periodic && args.prior.is_some(),
+            "averaged cycles take no `--prior`; it works without `--excitation` or `--period`",
         ),
         (
-            periodic
-                && (args.demo
-                    || args.dry_run
-                    || args.split
-                    || args.prior.is_some()
-                    || args.holdout.is_some()
-                    || !args.estimate.is_empty()),
-            "averaged cycles take no `--demo`, `--dry-run`, `--split`, `--prior`, `--holdout`, `--estimate`",
+            periodic && args.holdout.is_some(),
+            "averaged cycles take no `--holdout`; it works without `--excitation` or `--period`",
+        ),
+        (
+            periodic && !args.estimate.is_empty(),
+            "averaged cycles take no `--estimate`; without `--excitation` or `--period` it works, as in `--estimate bias-wrench`",
         ),
         (args.seed.is_some() && !args.demo, "`--seed` belongs to `--demo`"),
         (args.wheel.is_none() && args.calibration.is_some(), "`--calibration` belongs to `--wheel`"),

@@ -8,7 +8,9 @@ use crate::output::{OutputFolder, RUN_RECORD, write_file};
 use crate::report::Context;
 use crate::{AstrobeeError, body_file, space_cobot};
 use std::fmt::Write as _;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+use tumble_identification::fourier::FourierMotion;
 use tumble_identification::harmonics::{
     HarmonicEstimator, HarmonicIdentification, HarmonicSettings, cramer_rao, identify_periodic,
 };
@@ -16,6 +18,30 @@ use tumble_identification::{IdentificationError, Noise, NullDirection};
 
 /// Harmonics that are tried first where nothing says how many the motion has: the fewest that start and end at rest.
 const FEWEST_HARMONICS: usize = 2;
+
+/// Relative difference of sampling rates that is none.
+const RATE_MISFIT: f64 = 0.01;
+/// Differences from the motion above this share of its size are more than a payload's.
+const OFF_COURSE: f64 = 0.3;
+
+/// Root mean square of the difference between two motions over that of the first, in some channels and at the harmonics of
+/// the first: where the channels are zero is no matter. `None` where the channels do not move.
+fn relative_difference(wanted: &FourierMotion, flown: &FourierMotion, channels: Range<usize>) -> Option<f64> {
+    let (few, many) = (wanted.basis().harmonics(), flown.basis().harmonics());
+    let (mut size, mut difference) = (0.0, 0.0);
+    for channel in channels {
+        for harmonic in 1..=few.min(many) {
+            // Coefficients are of the rate; of the value they are smaller with every harmonic.
+            let weight = 1.0 / (harmonic * harmonic) as f64;
+            for (row, flown_row) in [(harmonic, harmonic), (few + harmonic, many + harmonic)] {
+                let one = wanted.coefficients()[(row, channel)];
+                size += weight * one * one;
+                difference += weight * (flown.coefficients()[(flown_row, channel)] - one).powi(2);
+            }
+        }
+    }
+    (size > 0.0).then(|| (difference / size).sqrt())
+}
 
 /// What is known of the motion: its file, or its period and harmonics.
 pub(super) enum Motion {
@@ -58,6 +84,36 @@ impl Motion {
             },
             Self::Period { period_s, harmonics } => HarmonicSettings::new(*period_s, *harmonics),
         })
+    }
+
+    /// Where the log says otherwise than the file, in words.
+    fn contradictions(&self, found: &HarmonicIdentification, samples: usize) -> Result<Vec<String>, AstrobeeError> {
+        let Self::File { path, file } = self else { return Ok(Vec::new()) };
+        let mut warnings = Vec::new();
+        let per_cycle = found.record.samples();
+        let (rate_hz, cycles) = (per_cycle as f64 / file.period_s, samples / per_cycle.max(1));
+        if (rate_hz - file.rate_hz).abs() > RATE_MISFIT * file.rate_hz || cycles != file.cycles {
+            warnings.push(format!(
+                "the log holds {cycles} cycles at {rate_hz:.4} Hz, {} states {} at {} Hz",
+                path.display(),
+                file.cycles,
+                file.rate_hz
+            ));
+        }
+        let wanted = file.motion(path)?;
+        for (group, first) in [("position", 0), ("attitude", 3)] {
+            if let Some(share) =
+                relative_difference(&wanted, &found.motion, first..first + 3).filter(|s| *s > OFF_COURSE)
+            {
+                warnings.push(format!(
+                    "the log does not follow this motion: the first {} harmonics of the {group} differ by {:.0} % of its size \
+                     (root mean square); check the file, its `start`, where the cycles of the log begin, and whether actuators were at their limits",
+                    file.harmonics,
+                    100.0 * share
+                ));
+            }
+        }
+        Ok(warnings)
     }
 
     /// What this motion cannot show of any body, in words, where the motion is known.
@@ -103,11 +159,13 @@ pub(super) fn run(
         }
         found => found?,
     };
+    let mut reader_warnings = log.warnings.clone();
+    reader_warnings.extend(motion.contradictions(&found, samples.len())?);
     let context = Context {
         source: log.source.clone(),
         reference: log.reference.as_ref().map(|(name, body)| (name.clone(), body)),
         validation: None,
-        reader_warnings: log.warnings.clone(),
+        reader_warnings,
         duration_s: log.duration_s,
     };
     deliver(args, &found, &settings, &context, samples.len())

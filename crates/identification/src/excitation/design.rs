@@ -77,6 +77,20 @@ impl<const P: usize> ExcitationProblem<P> {
         starts: usize,
         seed: u64,
     ) -> Result<ExcitationDesign<P>, IdentificationError> {
+        self.design_reporting(criterion, starts, seed, |_| {})
+    }
+
+    /// The same, telling `report` after each start the cost reached from each so far: many harmonics take long.
+    ///
+    /// # Errors
+    /// As [`design`](Self::design).
+    pub fn design_reporting(
+        &self,
+        criterion: &impl ExcitationCriterion<P>,
+        starts: usize,
+        seed: u64,
+        mut report: impl FnMut(&[Option<f64>]),
+    ) -> Result<ExcitationDesign<P>, IdentificationError> {
         let problems = self.rungs();
         let mut rungs: Vec<_> =
             problems.iter().map(|problem| Rung::new(problem, criterion, ROUGH_LIMIT_SAMPLES)).collect();
@@ -84,7 +98,7 @@ impl<const P: usize> ExcitationProblem<P> {
         let mut objective = Objective::new(self, criterion);
         let generator = ChaCha8Rng::seed_from_u64(seed);
         let mut best: Option<(f64, FourierMotion)> = None;
-        let mut cost_per_start = Vec::with_capacity(starts);
+        let mut cost_per_start = Vec::new();
         for start in 0..starts {
             // Each start has its own numbers, however many of them another number of harmonics takes.
             let mut generator = generator.clone();
@@ -92,6 +106,7 @@ impl<const P: usize> ExcitationProblem<P> {
             let motion = from_one_start(&mut rungs, &mut last, &mut generator);
             let found = motion.and_then(|motion| Some((objective.cost(&self.free_numbers(&motion))?, motion)));
             cost_per_start.push(found.as_ref().map(|(cost, _)| *cost));
+            report(&cost_per_start);
             if let Some(found) = found.filter(|found| best.as_ref().is_none_or(|best| found.0 < best.0)) {
                 best = Some(found);
             }

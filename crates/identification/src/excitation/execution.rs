@@ -120,15 +120,21 @@ where
     Ok(Execution { samples, samples_per_cycle, saturation })
 }
 
+/// Most samples in a period: a minute at more than 10 kHz.
+const MOST_SAMPLES: usize = 1_000_000;
+
 /// Samples in a period that starts anew on a sample.
 ///
 /// # Errors
-/// [`IdentificationError::PeriodNotWhole`].
+/// [`IdentificationError::PeriodNotWhole`]; [`IdentificationError::TooManySamples`] above a million.
 pub fn samples_per_period(period_s: f64, step_s: f64) -> Result<usize, IdentificationError> {
     let steps = period_s / step_s;
     let whole = steps.round();
-    // f64 counts exactly far beyond any record that fits in memory.
-    if !(1.0..1e9).contains(&whole) || (steps - whole).abs() > STEP_MISFIT {
+    let most = MOST_SAMPLES as f64;
+    if whole.is_finite() && whole > most {
+        return Err(IdentificationError::TooManySamples { period_s, step_s, samples: whole, largest: MOST_SAMPLES });
+    }
+    if !(1.0..=most).contains(&whole) || (steps - whole).abs() > STEP_MISFIT {
         let nearest = whole.max(1.0);
         return Err(IdentificationError::PeriodNotWhole {
             period_s,
@@ -258,10 +264,12 @@ mod tests {
 
     #[test]
     fn a_period_between_steps_is_refused() {
-        for step_s in [0.03, 3.0, 0.0, -0.1, f64::NAN, f64::INFINITY, 1e-12] {
+        for step_s in [0.03, 3.0, 0.0, -0.1, f64::NAN, f64::INFINITY] {
             let outcome = samples_per_period(10.0, step_s);
             assert!(matches!(outcome, Err(IdentificationError::PeriodNotWhole { .. })), "{step_s}");
         }
+        let outcome = samples_per_period(10.0, 1e-12);
+        assert!(matches!(outcome, Err(IdentificationError::TooManySamples { .. })), "{outcome:?}");
         assert_eq!(samples_per_period(10.0, 0.01), Ok(1000));
         assert_eq!(samples_per_period(10.0, 1.0 / 3.0), Ok(30));
     }

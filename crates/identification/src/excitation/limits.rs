@@ -40,8 +40,9 @@ impl ChannelLimits {
     /// Refuses what leaves no room, and what leaves the channel without a limit.
     pub(super) fn validated(&self, channel: Channel) -> Result<(), IdentificationError> {
         let sizes = [
-            (Limit::Lower, -self.lower),
+            // Of a workspace that is the same to both sides the upper end is the number that was stated.
             (Limit::Upper, self.upper),
+            (Limit::Lower, -self.lower),
             (Limit::Rate, self.rate),
             (Limit::Acceleration, self.acceleration),
         ];
