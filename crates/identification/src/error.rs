@@ -181,7 +181,9 @@ pub enum IdentificationError {
         needed: usize,
     },
     /// A likelihood with so many samples and harmonics that it would take minutes.
-    #[error("the likelihood of {samples} samples with {harmonics} harmonics is too much work, after {work:.1e} multiplications")]
+    #[error(
+        "the likelihood of {samples} samples with {harmonics} harmonics is too much work, after {work:.1e} multiplications"
+    )]
     SeriesTooLong {
         /// Harmonics that would have been next.
         harmonics: usize,

@@ -67,7 +67,12 @@ pub fn average_cycles(samples: &[MotionSample], settings: &HarmonicSettings) -> 
         let whole = (samples.len() - first) as f64 / period_samples as f64;
         let dropped = forced.unwrap_or(0);
         let needed = dropped.saturating_add(FEWEST_CYCLES).saturating_mul(period_samples);
-        return Err(IdentificationError::TooFewCycles { cycles: whole, dropped, samples: samples.len() - first, needed });
+        return Err(IdentificationError::TooFewCycles {
+            cycles: whole,
+            dropped,
+            samples: samples.len() - first,
+            needed,
+        });
     }
     let rows = &samples[first..first + cycles * period_samples];
     let series = Series::of(rows, period_samples, settings)?;

@@ -3,19 +3,20 @@
 use super::cycles::{Cycles, average_cycles};
 use super::fit::FourierFit;
 use super::least_squares::PeriodicLeastSquares;
-use super::likelihood::{MAX_ITERATIONS, PeriodicLikelihood, maximum_likelihood, require_shown, step_work};
+use super::likelihood::{PeriodicLikelihood, require_shown};
 use super::periodic_record::PeriodicRecord;
 use super::saturation::saturated_share;
-use super::selection::{HarmonicCandidate, LARGEST_WORK, SelectionRule, likeliest_harmonics, select_harmonics};
+use super::selection::{HarmonicCandidate, SelectionRule, likeliest_harmonics, select_harmonics};
 use super::warning::HarmonicWarning;
 use crate::body_scale::BodyScale;
 use crate::dynamics::{InertialParameters, WrenchBox};
 use crate::error::IdentificationError;
 use crate::fourier::AttitudeChart;
-use crate::identify::{constrained, from_covariance};
+use crate::identify::{constrained, from_covariance, standard_deviations};
 use crate::lie::Pose;
 use crate::motion::MotionSample;
 use crate::{Estimate, Identification, Method, Noise, POOR_FIT, Settings, WrenchTiming, identify};
+use core::ops::RangeInclusive;
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Harmonics tried beyond those of the reference unless told otherwise.
@@ -200,14 +201,14 @@ pub fn identify_periodic(
             (found.estimate, wanted)
         }
         _ => {
-            let found = least_squares?;
-            let (covariance, times) = widened(&found, &cycles.record, fit.motion.basis().harmonics());
-            if let Some(times) = times {
+            let (estimate, unexplained) =
+                judged(&least_squares?, &cycles.record, fit.motion.basis().harmonics()..=largest)?;
+            if let Some(times) = unexplained {
                 warnings.retain(|warning| !matches!(warning, HarmonicWarning::ShortSeries { .. }));
                 warnings.push(HarmonicWarning::ShortSeries { times });
                 warnings.push(HarmonicWarning::Widened);
             }
-            (consistent(&found.parameters, &covariance, found.scale)?, HarmonicEstimator::LeastSquares)
+            (estimate, HarmonicEstimator::LeastSquares)
         }
     };
     let chosen = fit.motion.basis().harmonics();
@@ -292,27 +293,31 @@ fn consistent(
     constrained(&from_covariance(parameters, covariance, &scale.parameter_magnitudes())?, scale)
 }
 
-/// Covariance of least squares, and by how much more than chance the wrench is unexplained, where it is. Then its covariance grows by
-/// the residual, and by the difference from the likelihood with as many harmonics.
-fn widened(
+/// The body of least squares, and by how much more than chance its harmonics leave unexplained, where they do: judged by the
+/// likelihood with as many, which knows what residual to expect. Then the covariance grows by the residual of least squares and by
+/// its difference from the likelihood with the harmonics that predict best, an estimate of its error
+/// (`tests/periodic_bounds.rs`, `least_squares_says_when_it_is_off`).
+fn judged(
     found: &PeriodicLeastSquares,
     record: &PeriodicRecord,
-    harmonics: usize,
-) -> (SMatrix<f64, 10, 10>, Option<f64>) {
-    let likely = (MAX_ITERATIONS as f64 * step_work(record, harmonics) < LARGEST_WORK)
-        .then(|| maximum_likelihood(record, harmonics))
-        .and_then(Result::ok);
-    let by_likelihood = likely.as_ref().and_then(beyond_chance);
-    let by_residual = Some(found.normalised_residual / found.expected_residual).filter(|times| *times > UNEXPECTED);
-    let Some(times) = [by_likelihood, by_residual].into_iter().flatten().reduce(f64::max) else {
-        return (found.covariance, None);
-    };
-    let mut covariance = found.covariance * (found.normalised_residual / found.expected_residual).max(1.0).powi(2);
-    if let Some(likely) = likely {
-        let apart = found.parameters - likely.estimate.parameters.to_vector();
-        covariance += apart * apart.transpose();
+    harmonics: RangeInclusive<usize>,
+) -> Result<(Estimate, Option<f64>), IdentificationError> {
+    let fewest = *harmonics.start();
+    let with_as_many = likeliest_harmonics(record, fewest..=fewest).ok().map(|(likely, _)| likely);
+    let by_residual = found.normalised_residual / found.expected_residual;
+    let by_likelihood = with_as_many.as_ref().and_then(beyond_chance);
+    let unexplained = by_likelihood.or(Some(by_residual).filter(|times| *times > UNEXPECTED));
+    let growth = if unexplained.is_some() { by_residual.max(1.0).powi(2) } else { 1.0 };
+    let mut estimate = consistent(&found.parameters, &(found.covariance * growth), found.scale)?;
+    if unexplained.is_some() {
+        let best = likeliest_harmonics(record, harmonics).ok().map(|(likely, _)| likely).or(with_as_many);
+        if let Some(likely) = best {
+            let apart = estimate.parameters.to_vector() - likely.estimate.parameters.to_vector();
+            estimate.covariance += apart * apart.transpose();
+            estimate.std = standard_deviations(&estimate.parameters.to_vector(), &estimate.covariance);
+        }
     }
-    (covariance, Some(times))
+    Ok((estimate, unexplained))
 }
 
 /// The trajectory likelihood, which answers with a body, or is an error.

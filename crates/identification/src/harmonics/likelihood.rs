@@ -12,7 +12,7 @@ use crate::{BodyScale, Estimate, RANK_TOLERANCE, SquareRootInformation};
 use nalgebra::{DMatrix, SVector};
 
 /// Iterations after which an estimate that still moves is given up.
-pub(super) const MAX_ITERATIONS: usize = 60;
+const MAX_ITERATIONS: usize = 60;
 /// A step of this squared length in standard deviations has converged: a thousandth of a sigma.
 const SMALL_DECREMENT: f64 = 1e-6;
 /// Halvings of one step.

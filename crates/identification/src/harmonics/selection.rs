@@ -15,9 +15,11 @@ const PATIENCE: usize = 4;
 const FREE_CHANNELS: usize = 6;
 
 /// Multiplications after which [`likeliest_harmonics`] gives up: about three seconds of one core.
-pub const LARGEST_WORK: f64 = 8e9;
-/// Iterations from the best of the scan, which is within a tenth of its least cost.
-const FINAL_ITERATIONS: usize = 20;
+pub const LARGEST_WORK: f64 = 1.2e10;
+/// Steps that must be affordable for a number of harmonics to be tried.
+const AFFORDABLE_STEPS: f64 = 4.0;
+/// Fewest and most iterations from the best of the scan, which is within a tenth of its least cost.
+const FINAL_ITERATIONS: [f64; 2] = [8.0, 40.0];
 /// A cost per degree of freedom above this is unexplained beyond doubt.
 const UNEXPLAINED: f64 = 4.0;
 
@@ -137,7 +139,7 @@ pub fn likeliest_harmonics(
         if best.as_ref().is_some_and(|(chosen, ..)| harmonics > chosen + PATIENCE) {
             break;
         }
-        if work + step_work(record, harmonics) > LARGEST_WORK {
+        if work + AFFORDABLE_STEPS * step_work(record, harmonics) > LARGEST_WORK {
             return Err(IdentificationError::SeriesTooLong { harmonics, samples: record.samples(), work });
         }
         let problem = match Problem::new(record, harmonics) {
@@ -164,8 +166,11 @@ pub fn likeliest_harmonics(
             Err(error) => failure = error,
         }
     }
-    let (_, _, problem, start) = best.ok_or(failure)?;
-    Ok((problem.settle(start, FINAL_ITERATIONS)?, table))
+    let (chosen, _, problem, start) = best.ok_or(failure)?;
+    let left = (LARGEST_WORK - work) / step_work(record, chosen);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a handful
+    let iterations = left.clamp(FINAL_ITERATIONS[0], FINAL_ITERATIONS[1]) as usize;
+    Ok((problem.settle(start, iterations)?, table))
 }
 
 /// Whether costs per degree of freedom that go on to fall as over the last numbers of harmonics stay too large.
