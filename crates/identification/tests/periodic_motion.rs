@@ -469,7 +469,7 @@ fn bad_records_are_refused_with_what_would_do() {
     }
     match refused(&samples, &with(|s| s.period_s = 20.0)) {
         IdentificationError::TooFewCycles { cycles, dropped: 0, samples: 600, needed: 800 } => {
-            assert!((cycles - 1.5).abs() < 1e-9)
+            assert!((cycles - 1.5).abs() < 1e-9);
         }
         other => panic!("{other}"),
     }
