@@ -262,6 +262,9 @@ impl AstrobeeError {
                     "state the period that was flown with `--excitation` or `--period`, sampled a whole number of times"
                 }
                 IdentificationError::TooFewCycles { .. } => "fly more cycles, or state the period that was flown",
+                IdentificationError::NoHarmonics => {
+                    "state with `--harmonics` how many the reference motion has: one or more"
+                }
                 IdentificationError::TooManyHarmonics { .. } => "fewer harmonics, or a higher sampling rate",
                 IdentificationError::UnequalSteps { .. } | IdentificationError::WrenchMissing { .. } => {
                     "averaging needs a wrench in every row at equal steps: leave out `--excitation` or `--period` for this log"

@@ -27,7 +27,8 @@ pub fn warnings(found: &HarmonicIdentification, context: &Context) -> Vec<String
     // A single sample closes the last cycle.
     let closing = |warning: &&HarmonicWarning| **warning == HarmonicWarning::Remainder { samples: 1 };
     let own = found.warnings.iter().filter(|warning| !closing(warning)).map(ToString::to_string);
-    context.reader_warnings.iter().cloned().chain(own).collect()
+    let of_trajectory = found.trajectory.iter().flat_map(|found| &found.warnings).map(ToString::to_string);
+    context.reader_warnings.iter().cloned().chain(own).chain(of_trajectory).collect()
 }
 
 /// Whether the body explains the wrench, and every number is known better than the body's own scale.
@@ -35,9 +36,9 @@ pub fn is_identified(found: &HarmonicIdentification) -> bool {
     !explains_nothing(found) && worst_std(&found.estimate).0 < 1.0
 }
 
-/// Whether the fitted motion contradicts the wrench; the trajectory likelihood does not rest on that motion.
+/// Whether the motion contradicts the wrench.
 fn explains_nothing(found: &HarmonicIdentification) -> bool {
-    found.explained < POOR_FIT && found.estimator != HarmonicEstimator::TrajectoryLikelihood
+    found.explained < POOR_FIT
 }
 
 /// Samples behind the estimate.
@@ -121,7 +122,7 @@ fn verdict(found: &HarmonicIdentification) -> String {
     let constraint = if found.estimate.lmi_active { ", the consistency constraint is active" } else { "" };
     let _ = writeln!(
         text,
-        "  the body explains {:.3} % of the averaged wrench\n  \
+        "  the body explains {:.3} % of the wrench\n  \
          physically consistent: smallest pseudo-inertia eigenvalue {:.3e}{constraint}",
         100.0 * found.explained,
         pseudo_inertia_min_eigenvalue(&found.estimate.parameters)

@@ -40,7 +40,7 @@ pub enum IdentificationError {
         period_s: f64,
     },
     /// A Fourier series without harmonics.
-    #[error("a Fourier series needs at least one harmonic")]
+    #[error("a Fourier series needs at least one harmonic: state how many the reference motion has")]
     NoHarmonics,
     /// Coefficients of another shape than the series has.
     #[error("{rows} x {columns} coefficients, where the series has {expected_rows} x {expected_columns}")]
@@ -178,12 +178,43 @@ pub enum IdentificationError {
         largest: usize,
     },
     /// Fewer than two whole cycles to average.
-    #[error("{cycles:.2} cycles less {dropped} dropped: at least two whole cycles are needed")]
+    #[error(
+        "{samples} samples from the start are {cycles:.4} cycles, {dropped} of them to be dropped: at least two whole cycles must remain, \
+         {needed} samples in all"
+    )]
     TooFewCycles {
-        /// Cycles in the record.
+        /// Cycles in the record, from the start of the first.
         cycles: f64,
         /// Of these to be dropped.
         dropped: usize,
+        /// Samples from the start of the first cycle.
+        samples: usize,
+        /// Samples that would do.
+        needed: usize,
+    },
+    /// A likelihood with so many samples and harmonics that it would take minutes.
+    #[error(
+        "the likelihood of {samples} samples with {harmonics} harmonics is too much work, after {work:.1e} multiplications"
+    )]
+    SeriesTooLong {
+        /// Harmonics that would have been next.
+        harmonics: usize,
+        /// Samples in a period.
+        samples: usize,
+        /// Multiplications done.
+        work: f64,
+    },
+    /// More harmonics hardly help, and what they leave is no noise.
+    #[error(
+        "a series of {harmonics} harmonics leaves {reduced_chi_square:.1} times the variance of the noise, and more harmonics hardly help"
+    )]
+    NoSeriesExplains {
+        /// Harmonics tried last.
+        harmonics: usize,
+        /// Weighted squares of the residuals per degree of freedom.
+        reduced_chi_square: f64,
+        /// Multiplications done.
+        work: f64,
     },
     /// A row without a wrench where each row needs one.
     #[error("sample {index} has no wrench: averaging over cycles needs one in every row")]

@@ -20,5 +20,5 @@ pub use least_squares::PeriodicLeastSquares;
 pub use likelihood::{PeriodicLikelihood, maximum_likelihood};
 pub use periodic_record::PeriodicRecord;
 pub use saturation::saturated_share;
-pub use selection::{HarmonicCandidate, SelectionRule, likeliest_harmonics, select_harmonics};
+pub use selection::{HarmonicCandidate, LARGEST_WORK, SelectionRule, likeliest_harmonics, select_harmonics};
 pub use warning::HarmonicWarning;

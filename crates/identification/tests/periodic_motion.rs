@@ -468,7 +468,9 @@ fn bad_records_are_refused_with_what_would_do() {
         other => panic!("{other}"),
     }
     match refused(&samples, &with(|s| s.period_s = 20.0)) {
-        IdentificationError::TooFewCycles { cycles, dropped: 0 } => assert!((cycles - 1.5).abs() < 1e-9),
+        IdentificationError::TooFewCycles { cycles, dropped: 0, samples: 600, needed: 800 } => {
+            assert!((cycles - 1.5).abs() < 1e-9);
+        }
         other => panic!("{other}"),
     }
     let too_few = |error| matches!(error, IdentificationError::TooFewCycles { .. });

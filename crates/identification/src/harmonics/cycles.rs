@@ -65,7 +65,14 @@ pub fn average_cycles(samples: &[MotionSample], settings: &HarmonicSettings) -> 
     let kept = cycles.saturating_sub(forced.unwrap_or(0));
     if kept < FEWEST_CYCLES {
         let whole = (samples.len() - first) as f64 / period_samples as f64;
-        return Err(IdentificationError::TooFewCycles { cycles: whole, dropped: forced.unwrap_or(0) });
+        let dropped = forced.unwrap_or(0);
+        let needed = dropped.saturating_add(FEWEST_CYCLES).saturating_mul(period_samples);
+        return Err(IdentificationError::TooFewCycles {
+            cycles: whole,
+            dropped,
+            samples: samples.len() - first,
+            needed,
+        });
     }
     let rows = &samples[first..first + cycles * period_samples];
     let series = Series::of(rows, period_samples, settings)?;
@@ -167,7 +174,9 @@ impl Span {
         let step_s = seconds(&rows[0], &rows[rows.len() - 1]) / (rows.len() - 1).max(1) as f64;
         let whole = rows.len() as f64 * step_s / period_s;
         if rows.len() < 3 || whole < 1.0 {
-            return Err(IdentificationError::TooFewCycles { cycles: whole, dropped: 0 });
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+            let needed = FEWEST_CYCLES.saturating_mul((period_s / typical_s).round() as usize);
+            return Err(IdentificationError::TooFewCycles { cycles: whole, dropped: 0, samples: rows.len(), needed });
         }
         let period_samples = (period_s / step_s).round().max(1.0);
         if (period_samples * step_s - period_s).abs() * whole.floor() > DRIFT * step_s {

@@ -3,7 +3,7 @@
 use super::cycles::{Cycles, average_cycles};
 use super::fit::FourierFit;
 use super::least_squares::PeriodicLeastSquares;
-use super::likelihood::PeriodicLikelihood;
+use super::likelihood::{PeriodicLikelihood, require_shown};
 use super::periodic_record::PeriodicRecord;
 use super::saturation::saturated_share;
 use super::selection::{HarmonicCandidate, SelectionRule, likeliest_harmonics, select_harmonics};
@@ -12,21 +12,24 @@ use crate::body_scale::BodyScale;
 use crate::dynamics::{InertialParameters, WrenchBox};
 use crate::error::IdentificationError;
 use crate::fourier::AttitudeChart;
-use crate::identify::{constrained, from_covariance};
+use crate::identify::{constrained, from_covariance, standard_deviations};
 use crate::lie::Pose;
-use crate::likelihood::MaximumLikelihood;
 use crate::motion::MotionSample;
-use crate::{Estimate, Noise, POOR_FIT, WrenchTiming};
+use crate::{Estimate, Identification, Method, Noise, POOR_FIT, Settings, WrenchTiming, identify};
+use core::ops::RangeInclusive;
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Harmonics tried beyond those of the reference unless told otherwise.
 const HARMONICS_BEYOND: usize = 17;
 /// Share of time at a limit beyond which the motion counts as no short Fourier series.
 const SATURATED: f64 = 0.01;
-/// A residual of least squares so many times the expected one is unexpected.
+/// A residual of least squares so many times the expected one is unexpected: few coefficients make most of it, so that it scatters widely.
 const UNEXPECTED: f64 = 2.0;
 /// A mean square so many standard deviations above one is not chance.
 const BEYOND_CHANCE: f64 = 6.0;
+/// Cycles that differ at the harmonics by so many times the white noise are no cycles of one motion; where a transient remains, less
+/// is enough.
+const NO_CYCLES: [f64; 2] = [10.0, 3.0];
 
 /// What turns an averaged period, or the record behind it, into parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -37,7 +40,8 @@ pub enum HarmonicEstimator {
     /// the wrench asks for more harmonics than the series has, the trajectory likelihood answers.
     #[default]
     Likelihood,
-    /// [`MaximumLikelihood`] on the whole record, sample by sample, with the wrench that acted; needs no periodic motion.
+    /// [`identify`] with [`Method::MaximumLikelihood`] on the whole record, sample by sample, with the wrench that acted; needs no
+    /// periodic motion.
     TrajectoryLikelihood,
 }
 
@@ -117,9 +121,11 @@ pub struct HarmonicIdentification {
     pub noise: Noise,
     /// Share of time with any component of the wrench at its limit.
     pub saturation: f64,
-    /// Share of the averaged wrench's mean square (torque counted at the body's own length) that the estimate explains with the
-    /// fitted motion.
+    /// Share of the wrench's mean square (torque counted at the body's own length) that the estimate explains: of the averaged
+    /// wrench with the fitted motion, or of the whole record's where the trajectory likelihood answers.
     pub explained: f64,
+    /// All that the trajectory likelihood says, its warnings too, where it answers.
+    pub trajectory: Option<Identification>,
     /// What a reader must know.
     pub warnings: Vec<HarmonicWarning>,
 }
@@ -134,17 +140,22 @@ impl HarmonicIdentification {
 /// The body that explains several cycles of a periodic motion.
 ///
 /// Cycles are averaged, a Fourier series fitted, the number of its harmonics chosen, and the parameters estimated; the answer is
-/// always a body that exists.
+/// always a body that exists. Where the likelihood of the series has no answer that chance lets expect, that of the trajectory
+/// answers, and what it refuses is refused.
 ///
 /// # Errors
-/// Those of [`average_cycles`](super::average_cycles), [`select_harmonics`](super::select_harmonics) and
-/// [`PeriodicLeastSquares::fit`](super::PeriodicLeastSquares::fit).
+/// Those of [`average_cycles`](super::average_cycles), [`select_harmonics`](super::select_harmonics),
+/// [`PeriodicLeastSquares::fit`](super::PeriodicLeastSquares::fit) and, where the trajectory likelihood answers, [`identify`];
+/// [`IdentificationError::NotExcited`] where it leaves a direction free.
 /// # Source
 /// Thesis 4.3 and 4.4; least squares is (4.12).
 pub fn identify_periodic(
     samples: &[MotionSample],
     settings: &HarmonicSettings,
 ) -> Result<HarmonicIdentification, IdentificationError> {
+    if settings.reference_harmonics == 0 {
+        return Err(IdentificationError::NoHarmonics);
+    }
     let cycles = average_cycles(samples, settings)?;
     let sampled = cycles.record.samples().saturating_sub(1) / 2;
     let largest = settings.largest_harmonics.min(sampled.max(settings.reference_harmonics));
@@ -156,35 +167,32 @@ pub fn identify_periodic(
         warnings.push(HarmonicWarning::Saturated { share: saturation });
     }
     let least_squares = PeriodicLeastSquares::fit(&cycles.record, &fit);
-    let saturated = saturation > settings.largest_saturation;
-    let likely = match settings.estimator {
-        HarmonicEstimator::Likelihood if !saturated => settled(likeliest_harmonics(&cycles.record, harmonics))?,
-        _ => None,
-    };
-    let unexplained = match &likely {
-        Some((found, _)) => beyond_chance(found),
-        None => beyond_noise(least_squares.as_ref().ok()),
-    };
-    warnings.extend(unexplained.map(|times| HarmonicWarning::ShortSeries { times }));
-    let plain = least_squares.and_then(|found| {
-        let times = beyond_noise(Some(&found)).unwrap_or(1.0);
-        consistent(&found.parameters, &(found.covariance * (times * times)), found.scale)
-    });
-    // A series that is too short biases the likelihood more than least squares.
-    let wanted = match settings.estimator {
-        _ if saturated => HarmonicEstimator::TrajectoryLikelihood,
-        HarmonicEstimator::Likelihood if likely.is_none() || unexplained.is_some() => {
-            HarmonicEstimator::TrajectoryLikelihood
-        }
+    let mut wanted = match settings.estimator {
+        _ if saturation > settings.largest_saturation => HarmonicEstimator::TrajectoryLikelihood,
+        HarmonicEstimator::Likelihood if are_no_cycles(&cycles) => HarmonicEstimator::TrajectoryLikelihood,
         asked_for => asked_for,
     };
+    let mut likely = None;
+    if wanted == HarmonicEstimator::Likelihood {
+        if matches!(least_squares, Err(IdentificationError::NotExcited { .. })) {
+            // Noise may hide from least squares what a likelihood still sees; a direction that does not move it does not.
+            require_shown(&cycles.record, settings.reference_harmonics)?;
+        }
+        let found = likeliest_harmonics(&cycles.record, harmonics);
+        warnings.extend(unexplained(&found));
+        likely = found.ok().filter(|(found, _)| beyond_chance(found).is_none());
+        if likely.is_none() {
+            // A series that is too short biases the likelihood more than least squares.
+            wanted = HarmonicEstimator::TrajectoryLikelihood;
+        }
+    }
     let trajectory = match wanted {
-        HarmonicEstimator::TrajectoryLikelihood => settled(most_likely(samples, settings, plain.as_ref().ok()))?,
+        HarmonicEstimator::TrajectoryLikelihood => settled(most_likely(samples, settings))?,
         _ => None,
     };
-    let (estimate, estimator) = match (wanted, trajectory, likely) {
-        (HarmonicEstimator::TrajectoryLikelihood, Some(estimate), _) => (estimate, wanted),
-        (HarmonicEstimator::Likelihood, _, Some((found, table))) => {
+    let (estimate, estimator) = match (&trajectory, likely) {
+        (Some((_, estimate)), _) => (*estimate, wanted),
+        (_, Some((found, table))) => {
             for candidate in &mut selection {
                 let likely = table.iter().find(|(harmonics, _)| *harmonics == candidate.harmonics);
                 candidate.information_criterion = likely.map(|(_, criterion)| *criterion);
@@ -192,7 +200,16 @@ pub fn identify_periodic(
             fit.motion = found.motion;
             (found.estimate, wanted)
         }
-        _ => (plain?, HarmonicEstimator::LeastSquares),
+        _ => {
+            let (estimate, unexplained) =
+                judged(&least_squares?, &cycles.record, fit.motion.basis().harmonics()..=largest)?;
+            if let Some(times) = unexplained {
+                warnings.retain(|warning| !matches!(warning, HarmonicWarning::ShortSeries { .. }));
+                warnings.push(HarmonicWarning::ShortSeries { times });
+                warnings.push(HarmonicWarning::Widened);
+            }
+            (estimate, HarmonicEstimator::LeastSquares)
+        }
     };
     let chosen = fit.motion.basis().harmonics();
     if chosen == largest && largest > settings.reference_harmonics {
@@ -207,8 +224,12 @@ pub fn identify_periodic(
     if estimate.lmi_active {
         warnings.push(HarmonicWarning::ConstraintActive);
     }
-    let explained = explained(&cycles.record, &fit, &estimate.parameters)?;
-    if explained < POOR_FIT && estimator != HarmonicEstimator::TrajectoryLikelihood {
+    let trajectory = trajectory.map(|(found, _)| found);
+    let explained = match trajectory.as_ref().and_then(|found| found.explained) {
+        Some(explained) => explained,
+        None => explained(&cycles.record, &fit, &estimate.parameters)?,
+    };
+    if explained < POOR_FIT {
         warnings.push(HarmonicWarning::PoorFit { explained });
     }
     Ok(HarmonicIdentification {
@@ -222,8 +243,28 @@ pub fn identify_periodic(
         noise: cycles.noise,
         saturation,
         explained,
+        trajectory,
         warnings,
     })
+}
+
+/// Whether cycles differ so much that their average is no cycle.
+fn are_no_cycles(cycles: &Cycles) -> bool {
+    cycles.leakage.is_some_and(|ratio| ratio > NO_CYCLES[usize::from(cycles.transient_remains)])
+}
+
+/// Why the likelihood of the series does not answer, where the reader may act on it.
+fn unexplained<T>(found: &Result<(PeriodicLikelihood, T), IdentificationError>) -> Option<HarmonicWarning> {
+    match found {
+        Ok((found, _)) => beyond_chance(found).map(|times| HarmonicWarning::ShortSeries { times }),
+        Err(IdentificationError::NoSeriesExplains { reduced_chi_square, .. }) => {
+            Some(HarmonicWarning::ShortSeries { times: reduced_chi_square.sqrt() })
+        }
+        Err(IdentificationError::SeriesTooLong { harmonics, samples, .. }) => {
+            Some(HarmonicWarning::SeriesTooLong { harmonics: *harmonics, samples: *samples })
+        }
+        Err(_) => None,
+    }
 }
 
 fn warnings_of(cycles: &Cycles, settings: &HarmonicSettings) -> Vec<HarmonicWarning> {
@@ -252,44 +293,66 @@ fn consistent(
     constrained(&from_covariance(parameters, covariance, &scale.parameter_magnitudes())?, scale)
 }
 
-/// The trajectory likelihood, from the body that least squares found.
+/// The body of least squares, and by how much more than chance its harmonics leave unexplained, where they do: judged by the
+/// likelihood with as many, which knows what residual to expect. Then the covariance grows by the residual of least squares and by
+/// its difference from the likelihood with the harmonics that predict best, an estimate of its error
+/// (`tests/periodic_bounds.rs`, `least_squares_says_when_it_is_off`).
+fn judged(
+    found: &PeriodicLeastSquares,
+    record: &PeriodicRecord,
+    harmonics: RangeInclusive<usize>,
+) -> Result<(Estimate, Option<f64>), IdentificationError> {
+    let fewest = *harmonics.start();
+    let with_as_many = likeliest_harmonics(record, fewest..=fewest).ok().map(|(likely, _)| likely);
+    let by_residual = found.normalised_residual / found.expected_residual;
+    let by_likelihood = with_as_many.as_ref().and_then(beyond_chance);
+    let unexplained = by_likelihood.or(Some(by_residual).filter(|times| *times > UNEXPECTED));
+    let growth = if unexplained.is_some() { by_residual.max(1.0).powi(2) } else { 1.0 };
+    let mut estimate = consistent(&found.parameters, &(found.covariance * growth), found.scale)?;
+    if unexplained.is_some() {
+        let best = likeliest_harmonics(record, harmonics).ok().map(|(likely, _)| likely).or(with_as_many);
+        if let Some(likely) = best {
+            let apart = estimate.parameters.to_vector() - likely.estimate.parameters.to_vector();
+            estimate.covariance += apart * apart.transpose();
+            estimate.std = standard_deviations(&estimate.parameters.to_vector(), &estimate.covariance);
+        }
+    }
+    Ok((estimate, unexplained))
+}
+
+/// The trajectory likelihood, which answers with a body, or is an error.
 fn most_likely(
     samples: &[MotionSample],
     settings: &HarmonicSettings,
-    start: Option<&Estimate>,
-) -> Result<Estimate, IdentificationError> {
-    let mut likelihood = MaximumLikelihood {
+) -> Result<(Identification, Estimate), IdentificationError> {
+    let likelihood = Settings {
+        method: Method::MaximumLikelihood,
         wrench_timing: settings.wrench_timing,
         gravity_world: settings.gravity_world,
-        ..MaximumLikelihood::default()
+        ..Settings::default()
     };
-    if let Some(start) = start {
-        likelihood.start = start.parameters;
+    let found = identify(samples, &likelihood)?;
+    let refused = found.explained.is_some_and(|share| share < POOR_FIT);
+    match found.estimate {
+        Some(estimate) if found.method == Method::MaximumLikelihood || refused => Ok((found, estimate)),
+        // A regression on single samples says less than one on the average.
+        Some(_) => Err(IdentificationError::LikelihoodNotConverged { iterations: 0, decrement: f64::INFINITY }),
+        None => {
+            let smallest_singular_value = found.condition_number.recip();
+            Err(IdentificationError::NotExcited { rank: found.rank, expected: 10, smallest_singular_value })
+        }
     }
-    let found = likelihood.estimate(samples)?;
-    let scale = BodyScale::of(&found.parameters.to_vector())?;
-    let mut estimate = consistent(&found.unconstrained, &found.covariance, scale)?;
-    // The likelihood has met the constraint where it is not linear.
-    estimate.parameters = found.parameters;
-    estimate.lmi_active = found.active_axis.is_some();
-    Ok(estimate)
 }
 
-/// `None` where the data do not let a likelihood settle, so that least squares may still answer.
+/// `None` where the likelihood does not settle, so that least squares may still answer.
 fn settled<T>(found: Result<T, IdentificationError>) -> Result<Option<T>, IdentificationError> {
     match found {
-        Err(IdentificationError::NotExcited { .. } | IdentificationError::LikelihoodNotConverged { .. }) => Ok(None),
+        Err(IdentificationError::LikelihoodNotConverged { .. }) => Ok(None),
         found => found.map(Some),
     }
 }
 
-/// By what factor the residual of least squares is above what noise lets expect, where it visibly is. Few coefficients make most of
-/// it, so that it scatters widely.
-fn beyond_noise(found: Option<&PeriodicLeastSquares>) -> Option<f64> {
-    found.map(|found| found.normalised_residual / found.expected_residual).filter(|times| *times > UNEXPECTED)
-}
-
-/// The same of the likelihood, where chance does not explain it.
+/// By what factor the residual of the likelihood is above what noise lets expect, where chance does not explain it.
 fn beyond_chance(found: &PeriodicLikelihood) -> Option<f64> {
     let limit = 1.0 + BEYOND_CHANCE * (2.0 / found.degrees_of_freedom as f64).sqrt();
     Some(found.reduced_chi_square()).filter(|ratio| *ratio > limit).map(f64::sqrt)

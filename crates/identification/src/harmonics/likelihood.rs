@@ -78,7 +78,23 @@ pub fn maximum_likelihood(
 ) -> Result<PeriodicLikelihood, IdentificationError> {
     let problem = Problem::new(record, harmonics)?;
     let start = problem.least_squares()?;
-    problem.settle(start)
+    problem.settle(start, MAX_ITERATIONS)
+}
+
+/// Work of one step of [`maximum_likelihood`], in multiplications: six rows a sample, folded into a triangle of all unknowns.
+pub(super) fn step_work(record: &PeriodicRecord, harmonics: usize) -> f64 {
+    let unknowns = ((3 + record.chart.channels()) * (2 * harmonics + 1) + 10) as f64;
+    6.0 * record.samples() as f64 * unknowns * unknowns
+}
+
+/// Refuses where the motion of the Fourier fit, less its noise, does not show all ten parameters: what [`maximum_likelihood`] asks at its
+/// end, for the work of one step.
+pub(super) fn require_shown(record: &PeriodicRecord, harmonics: usize) -> Result<(), IdentificationError> {
+    let problem = Problem::new(record, harmonics)?;
+    let guess = problem.least_squares()?;
+    let mut information = problem.information(guess.motion.coefficients(), &guess.parameters);
+    information.of_body()?;
+    problem.require_excited(guess.motion.coefficients(), guess.scale, Some(&information))
 }
 
 /// A motion and a body on the way to the likeliest.
@@ -140,12 +156,13 @@ impl Problem {
 
     /// The least cost to about a tenth, from the solution of fewer harmonics, where there is one: mostly a step or two. Where it takes
     /// more, a cost that is not yet the least; numbers so far from the data are none to choose.
-    pub(super) fn scout(&self, fewer: Option<&Guess>) -> Result<Guess, IdentificationError> {
+    pub(super) fn scout(&self, fewer: Option<&Guess>, work: &mut f64) -> Result<Guess, IdentificationError> {
         let mut guess = match fewer {
             Some(fewer) => self.guess(fewer.motion.extended_to(self.harmonics()), fewer.parameters, fewer.scale),
             None => self.least_squares()?,
         };
         for _ in 0..SCOUT_STEPS {
+            *work += step_work(&self.record, self.harmonics());
             let Step { next, decrement, .. } = self.step(&guess)?;
             let Some(next) = next else { break };
             // A cost that falls as that of a linear problem is at its least.
@@ -159,19 +176,24 @@ impl Problem {
         Ok(guess)
     }
 
+    /// Cost of a guess per degree of freedom.
+    pub(super) fn reduced_chi_square(&self, guess: &Guess) -> f64 {
+        guess.cost / self.degrees_of_freedom() as f64
+    }
+
     /// The likeliest motion and body, from a guess.
-    pub(super) fn settle(&self, mut guess: Guess) -> Result<PeriodicLikelihood, IdentificationError> {
+    pub(super) fn settle(&self, mut guess: Guess, most: usize) -> Result<PeriodicLikelihood, IdentificationError> {
         let mut iterations = 0;
         loop {
             iterations += 1;
             let Step { next, decrement, estimate, information } = self.step(&guess)?;
             let settled = decrement < SMALL_DECREMENT.max(ROUNDING * guess.cost);
-            if settled || next.is_none() || iterations == MAX_ITERATIONS {
+            if settled || next.is_none() || iterations == most {
                 // Noise in the poses shows a direction that the motion does not, and leads anywhere along it.
                 self.require_excited(guess.motion.coefficients(), guess.scale, Some(&information))?;
             }
             match next {
-                Some(next) if settled || iterations < MAX_ITERATIONS => guess = next,
+                Some(next) if settled || iterations < most => guess = next,
                 _ => return Err(IdentificationError::LikelihoodNotConverged { iterations, decrement }),
             }
             if settled {

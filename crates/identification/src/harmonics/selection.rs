@@ -2,7 +2,7 @@
 
 use super::fit::FourierFit;
 use super::least_squares::PeriodicLeastSquares;
-use super::likelihood::{Guess, PeriodicLikelihood, Problem};
+use super::likelihood::{Guess, PeriodicLikelihood, Problem, step_work};
 use super::periodic_record::PeriodicRecord;
 use crate::error::IdentificationError;
 use core::ops::RangeInclusive;
@@ -13,6 +13,15 @@ const ROUNDING: f64 = 1e-9;
 const PATIENCE: usize = 4;
 /// Channels in which one more harmonic is free to move: three of position and three of rotation, however many the chart has.
 const FREE_CHANNELS: usize = 6;
+
+/// Multiplications after which [`likeliest_harmonics`] gives up: about three seconds of one core.
+pub const LARGEST_WORK: f64 = 1.2e10;
+/// Steps that must be affordable for a number of harmonics to be tried.
+const AFFORDABLE_STEPS: f64 = 4.0;
+/// Fewest and most iterations from the best of the scan, which is within a tenth of its least cost.
+const FINAL_ITERATIONS: [f64; 2] = [8.0, 40.0];
+/// A cost per degree of freedom above this is unexplained beyond doubt.
+const UNEXPLAINED: f64 = 4.0;
 
 /// What the number of harmonics is chosen by: the least of one of two residuals.
 ///
@@ -111,18 +120,27 @@ pub fn select_harmonics(
 ///
 /// Each number starts from the solution of the one before and stops where the criterion is known to about a tenth; the best is then
 /// solved to the end (`the_scan_of_harmonics_finds_what_each_alone_finds`).
+///
+/// The work of a step grows with the samples and with the square of the harmonics. The scan ends without an answer before it has
+/// spent [`LARGEST_WORK`], and where the cost falls so slowly that at this pace the last number would not explain the record either.
 /// # Errors
-/// [`IdentificationError::HarmonicRange`] for an empty range; those of [`maximum_likelihood`](super::maximum_likelihood) where no
-/// number has an answer, or the best has none.
+/// [`IdentificationError::HarmonicRange`] for an empty range; [`IdentificationError::SeriesTooLong`] and
+/// [`IdentificationError::NoSeriesExplains`] for a scan that ended early; those of
+/// [`maximum_likelihood`](super::maximum_likelihood) where no number has an answer, or the best has none.
 pub fn likeliest_harmonics(
     record: &PeriodicRecord,
     harmonics: RangeInclusive<usize>,
 ) -> Result<(PeriodicLikelihood, Vec<(usize, f64)>), IdentificationError> {
-    let mut failure = IdentificationError::HarmonicRange { first: *harmonics.start(), last: *harmonics.end() };
+    let last = *harmonics.end();
+    let mut failure = IdentificationError::HarmonicRange { first: *harmonics.start(), last };
     let (mut best, mut fewer, mut table) = (None::<(usize, f64, Problem, Guess)>, None::<Guess>, Vec::new());
+    let (mut work, mut costs) = (0.0, Vec::new());
     for harmonics in harmonics {
         if best.as_ref().is_some_and(|(chosen, ..)| harmonics > chosen + PATIENCE) {
             break;
+        }
+        if work + AFFORDABLE_STEPS * step_work(record, harmonics) > LARGEST_WORK {
+            return Err(IdentificationError::SeriesTooLong { harmonics, samples: record.samples(), work });
         }
         let problem = match Problem::new(record, harmonics) {
             Ok(problem) => problem,
@@ -131,8 +149,13 @@ pub fn likeliest_harmonics(
                 continue;
             }
         };
-        match problem.scout(fewer.as_ref()) {
+        match problem.scout(fewer.as_ref(), &mut work) {
             Ok(found) => {
+                let reduced_chi_square = problem.reduced_chi_square(&found);
+                costs.push(reduced_chi_square);
+                if remains_unexplained(&costs, last - harmonics) {
+                    return Err(IdentificationError::NoSeriesExplains { harmonics, reduced_chi_square, work });
+                }
                 let criterion = found.cost + (2 * FREE_CHANNELS * (2 * harmonics + 1)) as f64;
                 table.push((harmonics, criterion));
                 fewer = Some(found.clone());
@@ -143,6 +166,16 @@ pub fn likeliest_harmonics(
             Err(error) => failure = error,
         }
     }
-    let (_, _, problem, start) = best.ok_or(failure)?;
-    Ok((problem.settle(start)?, table))
+    let (chosen, _, problem, start) = best.ok_or(failure)?;
+    let left = (LARGEST_WORK - work) / step_work(record, chosen);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a handful
+    let iterations = left.clamp(FINAL_ITERATIONS[0], FINAL_ITERATIONS[1]) as usize;
+    Ok((problem.settle(start, iterations)?, table))
+}
+
+/// Whether costs per degree of freedom that go on to fall as over the last numbers of harmonics stay too large.
+fn remains_unexplained(costs: &[f64], left: usize) -> bool {
+    let [.., before, _, _, _, now] = costs else { return false };
+    let expected = now * (now / before).min(1.0).powf(left as f64 / PATIENCE as f64);
+    expected > UNEXPLAINED
 }

@@ -46,6 +46,15 @@ pub enum HarmonicWarning {
         /// Unexplained wrench, root mean square, by what noise lets expect.
         times: f64,
     },
+    /// Least squares answers with a sigma that holds what it leaves unexplained too.
+    Widened,
+    /// So many samples and harmonics that the likelihood of the series would take minutes.
+    SeriesTooLong {
+        /// Harmonics that would have been next.
+        harmonics: usize,
+        /// Samples in a period.
+        samples: usize,
+    },
     /// The motion is no short Fourier series, by saturation or otherwise: the trajectory likelihood answers, from the whole record and the
     /// wrench that acted.
     TrajectoryLikelihood,
@@ -84,11 +93,20 @@ impl fmt::Display for HarmonicWarning {
             Self::ShortSeries { times } => write!(
                 f,
                 "the fitted motion leaves {times:.1} times more of the wrench unexplained than noise does: it has more harmonics than were \
-                 tried, or something is not in the model; least squares scales its sigma by as much as its own residual asks for"
+                 fitted, or something is not in the model"
+            ),
+            Self::Widened => write!(
+                f,
+                "sigma of least squares is widened by its residual and by its difference from the likelihood: an estimate, no bound"
+            ),
+            Self::SeriesTooLong { harmonics, samples } => write!(
+                f,
+                "the likelihood of the series was left at {harmonics} harmonics of {samples} samples: too much work; state fewer \
+                 harmonics or log at a lower rate to have it"
             ),
             Self::TrajectoryLikelihood => write!(
                 f,
-                "the motion is no short Fourier series: the trajectory likelihood answers, with the wrench that acted"
+                "no short Fourier series answers for this record: the trajectory likelihood does, with the wrench that acted"
             ),
             Self::LikelihoodFailed => {
                 write!(
