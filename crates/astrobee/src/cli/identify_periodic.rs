@@ -171,6 +171,10 @@ pub(super) fn run(
     deliver(args, &found, &settings, &context, samples.len())
 }
 
+/// What may be wrong where nothing says that the motion leaves a parameter open.
+const CONTRADICTED: &str = "nothing says that this motion leaves a parameter open: check the sign, frame and timing of the wrench, gravity, units, and \
+     whether a constant wrench acts that is not logged (without `--excitation` and `--period`: `--estimate bias-wrench`)";
+
 fn unidentified(
     args: &IdentifyArgs,
     motion: &Motion,
@@ -182,14 +186,18 @@ fn unidentified(
     let free = motion.null_directions()?;
     // The motion itself says more than its noisy record.
     let rank = rank.min(10 - free.len());
-    for warning in &log.warnings {
+    let mut warnings = log.warnings.clone();
+    if free.is_empty() {
+        warnings.push(CONTRADICTED.to_owned());
+    }
+    for warning in &warnings {
         eprintln!("warning: {warning}");
     }
     if args.json {
-        print(&format!("{}\n", report::unidentified_json(settings, samples, rank, &free, &log.warnings)))?;
+        print(&format!("{}\n", report::unidentified_json(settings, samples, rank, &free, &warnings)))?;
     } else {
         let mut text = format!(
-            "{}\nverdict: this motion does not determine the body: {rank} of 10 parameter directions\n",
+            "{}\nverdict: this log does not determine the body: {rank} of 10 parameter directions\n",
             log.source
         );
         for direction in free {
