@@ -12,7 +12,10 @@ pub mod harmonic_report;
 pub mod log;
 pub mod noise;
 pub mod output;
+pub mod propulsion;
+pub mod recording;
 pub mod report;
+pub mod sensing;
 pub mod space_cobot;
 pub mod wheel_throw;
 
