@@ -1,5 +1,5 @@
 //! Force allocation and its inverse against vectors of the flown software, the laws of actuation, and what the thesis prints.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::float_cmp, missing_docs)]
 
 use nalgebra::{SMatrix, Vector3};
 use std::collections::HashMap;
