@@ -103,6 +103,12 @@ fn columns_in_any_order_give_the_same_and_one_command_feeds_the_other() {
     assert_eq!(allocated.stdout, tumble(&["allocate", "-"], &windows).stdout);
 
     let allocated = table(&allocated);
+    for (component, wanted, counts) in
+        [("fx", 0.1, 2e-3), ("tx", 0.001, 3e-4), ("ty", -0.002, 3e-4), ("tz", 0.003, 3e-4)]
+    {
+        let given = column(&allocated, &format!("r{component}"))[0];
+        assert!((given - wanted).abs() < counts, "{component}: {given}");
+    }
     let mut openings = format!("{OPENINGS}\n");
     for module in 0..2 {
         write!(openings, "{},261.79938779914943", module + 1).unwrap();
