@@ -276,6 +276,7 @@ fn what_saturation_gave_need_not_be_given_again() {
             }
             saturated += 1;
             let given = allocation.realize(&steps.flaps);
+            assert!(excess(mode, &steps.flaps.openings_rad, &given) <= 0.0, "{steps:?}");
             let again_steps = allocation.allocate_steps(&given).unwrap();
             let again = allocation.realize(&again_steps.flaps);
             let change = (again.force - given.force).norm();
