@@ -7,6 +7,17 @@
 //! body axes: x forward, y starboard, z towards the deck, origin at the geometric centre.
 
 pub mod constants;
+mod driver;
+mod impeller;
+mod pid;
+mod plant;
+mod servo;
+mod stand_in;
+
+pub use driver::{ByteTrims, CommandWatchdog, Robot};
+pub use impeller::{IMPELLER_INERTIA_KG_M2, Impeller, SPEED_COMMAND_RATE_RAD_S2};
+pub use plant::{GyroscopicSign, PropulsionPlant, PropulsionSettings, PropulsionStep};
+pub use servo::Servo;
 
 /// How fast the impellers turn, as the flight software names it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
