@@ -1,8 +1,9 @@
 //! The propulsion hardware: commands go in, the wrench on the body comes out, 0.016 s at a time.
 
 use super::impeller::Impeller;
+use super::nozzle::wrench_of_thrusts;
 use super::servo::Servo;
-use super::{ImpellerMode, PropulsionCommand, stand_in};
+use super::{ImpellerMode, InverseAllocation, PropulsionCommand};
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_lie::Wrench;
 
@@ -77,24 +78,38 @@ impl PropulsionPlant {
 
     /// One period of 0.016 s under a command, the body turning at `rate_body` (rad/s).
     pub fn step(&mut self, command: &PropulsionCommand, rate_body: &Vector3<f64>) -> PropulsionStep {
-        let flaps: [f64; 12] = core::array::from_fn(|i| self.servos[i].step(command.nozzles[i]));
-        let module_wrenches_body = core::array::from_fn(|module| {
-            let impeller = &mut self.impellers[module];
-            impeller.step(command.impeller_speeds[module], self.settings.supply_v);
-            let module_flaps = core::array::from_fn(|i| flaps[6 * module + i]);
-            let thrusts = stand_in::thrusts(module, impeller.speed_rad_s(), &module_flaps)
-                .map(|t| t * self.settings.thrust_factor);
-            let axis = Vector3::new(0.0, IMPELLER_AXES_Y[module], 0.0);
-            let coupling = rate_body.cross(&axis) * impeller.momentum_n_m_s();
-            let gyroscopic = match self.settings.gyroscopic_sign {
-                GyroscopicSign::Physical => -coupling,
-                GyroscopicSign::AsSimulatedUpstream => coupling,
-            };
-            let jets = stand_in::wrench(module, &thrusts);
-            Wrench::new(jets.torque - axis * impeller.torque_n_m() + gyroscopic, jets.force)
-        });
+        let mut flaps_rad = [0.0; 12];
+        for ((flap_rad, servo), byte) in flaps_rad.iter_mut().zip(&mut self.servos).zip(command.nozzles) {
+            *flap_rad = servo.step(byte);
+        }
+        for (impeller, byte) in self.impellers.iter_mut().zip(command.impeller_speeds) {
+            impeller.step(byte, self.settings.supply_v);
+        }
+        let speeds_rad_s = self.impellers.each_ref().map(Impeller::speed_rad_s);
+        let flows = InverseAllocation::default().flow_of_openings(speeds_rad_s, &flaps_rad);
+        let [starboard, port] = flows.map(|flow| flow.thrusts_n.map(|thrust_n| self.settings.thrust_factor * thrust_n));
+        let [s0, s1, s2, s3, s4, s5] = starboard;
+        let [p0, p1, p2, p3, p4, p5] = port;
+        let mut module_wrenches_body = [
+            wrench_of_thrusts(&[s0, s1, s2, s3, s4, s5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            wrench_of_thrusts(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p0, p1, p2, p3, p4, p5]),
+        ];
+        for ((wrench, impeller), axis_y) in module_wrenches_body.iter_mut().zip(&self.impellers).zip(IMPELLER_AXES_Y) {
+            wrench.torque += self.impeller_torque_body(impeller, axis_y, rate_body);
+        }
         let [starboard, port] = module_wrenches_body;
         PropulsionStep { wrench_body: starboard + port, module_wrenches_body }
+    }
+
+    /// Torque of one impeller on the body: the reaction to its motor, and that of its momentum on a body that turns.
+    fn impeller_torque_body(&self, impeller: &Impeller, axis_y: f64, rate_body: &Vector3<f64>) -> Vector3<f64> {
+        let axis = Vector3::new(0.0, axis_y, 0.0);
+        let coupling = rate_body.cross(&axis) * impeller.momentum_n_m_s();
+        let reaction = axis * -impeller.torque_n_m();
+        match self.settings.gyroscopic_sign {
+            GyroscopicSign::Physical => reaction - coupling,
+            GyroscopicSign::AsSimulatedUpstream => reaction + coupling,
+        }
     }
 
     /// Settings; the supply voltage may change in flight.
@@ -107,7 +122,7 @@ impl PropulsionPlant {
         &self.impellers
     }
 
-    /// The servos, in the order of [`NOZZLES`](super::constants::NOZZLES).
+    /// The servos, in the order of [`constants::NOZZLES`](super::constants::NOZZLES).
     pub fn servos(&self) -> &[Servo; 12] {
         &self.servos
     }

@@ -51,7 +51,7 @@ impl Servo {
         self.flap_rad()
     }
 
-    /// Angle of the flaps from the closed stop, rad; a hair beyond [`FLAP_TRAVEL_RAD`] is possible by the play.
+    /// Angle of the flaps from the closed stop, rad; the play leaves up to 1.7e-4 rad at either stop.
     pub fn flap_rad(&self) -> f64 {
         self.geared_rad * (GEAR_RATIO / SERVO_PER_FLAP)
     }
