@@ -21,6 +21,7 @@ mod lie;
 mod likelihood;
 mod plain_throws;
 mod plot;
+mod propulsion_dynamics;
 mod real_data;
 mod throws;
 mod thrust_imu;
