@@ -176,3 +176,33 @@ impl FlightLimits {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bodies::BodyConfiguration;
+
+    #[test]
+    fn limits_follow_site_and_facing() {
+        let iss = FlightMode::Nominal.limits(FlightSite::Iss);
+        assert_eq!([iss.position_tolerance_m, iss.attitude_tolerance_rad], [0.25, 0.3491]);
+        assert_eq!(FlightMode::Nominal.limits(FlightSite::Granite).position_tolerance_m, 0.2);
+        assert_eq!(FlightMode::Difficult.limits(FlightSite::Mgtf).acceleration_m_s2, 0.04);
+        assert_eq!(FlightMode::Precision.limits(FlightSite::Mgtf).speed_m_s, 0.2);
+        let sideways = iss.without_face_forward();
+        assert_eq!(sideways.acceleration_m_s2, 0.008_75);
+        assert_eq!(sideways.angular_acceleration_rad_s2, 0.087_25);
+        assert_eq!(sideways.speed_m_s, iss.speed_m_s);
+        for mode in FlightMode::ALL {
+            assert_eq!(mode.impellers() == ImpellerMode::Off, mode == FlightMode::Off, "{}", mode.name());
+        }
+    }
+
+    #[test]
+    fn the_nominal_acceleration_asks_for_0_168_newton() {
+        let (body, limits) = (BodyConfiguration::Iss.parameters(), FlightMode::Nominal.limits(FlightSite::Iss));
+        assert!((body.mass * limits.acceleration_m_s2 - 0.168).abs() < 5e-4);
+        let torque = body.inertia_about_com()[(2, 2)] * limits.angular_acceleration_rad_s2;
+        assert!((torque - 0.0283).abs() < 5e-5);
+    }
+}
