@@ -20,6 +20,7 @@ pub mod recording;
 pub mod report;
 pub mod sensing;
 pub mod space_cobot;
+pub mod spheres;
 pub mod wheel_throw;
 
 pub use error::AstrobeeError;
