@@ -1,5 +1,5 @@
 //! The propulsion hardware against NASA's simulation of it, open loop, and against the allocation that commands it.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::float_cmp)]
 
 use tumble_astrobee::propulsion::{
     ForceAllocation, GyroscopicSign, IMPELLER_INERTIA_KG_M2, ImpellerMode, PropulsionCommand, PropulsionPlant,

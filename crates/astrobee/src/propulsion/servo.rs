@@ -79,6 +79,7 @@ mod tests {
     }
 
     #[test]
+    #[allow(clippy::float_cmp)] // exactly at rest
     fn a_step_has_two_samples_of_dead_time_and_overshoots_by_a_seventh() {
         let shares = response(128, 300);
         assert!(shares[..2].iter().all(|share| *share == 0.0), "{:?}", &shares[..4]);
@@ -98,6 +99,7 @@ mod tests {
     }
 
     #[test]
+    #[allow(clippy::float_cmp)] // copied or clamped, never computed
     fn play_holds_the_flap_while_the_shaft_turns_back() {
         let mut servo = Servo { shaft_rad: 20.0, geared_rad: 20.0 + HALF_BACKLASH_RAD, ..Servo::default() };
         servo.shaft_rad -= HALF_BACKLASH_RAD;
