@@ -1,9 +1,10 @@
 //! The propulsion hardware against NASA's simulation of it, open loop, and against the allocation that commands it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::float_cmp)]
 
+use tumble_astrobee::propulsion::inverse::wrench_of_flow;
 use tumble_astrobee::propulsion::{
-    ForceAllocation, GyroscopicSign, IMPELLER_INERTIA_KG_M2, ImpellerMode, PropulsionCommand, PropulsionPlant,
-    PropulsionSettings,
+    ForceAllocation, GyroscopicSign, IMPELLER_INERTIA_KG_M2, ImpellerMode, InverseAllocation, PropulsionCommand,
+    PropulsionPlant, PropulsionSettings,
 };
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_lie::Wrench;
@@ -21,6 +22,7 @@ fn largest_differences(table: &str, settings: PropulsionSettings) -> [f64; 4] {
     for run in rows.chunk_by(|a, b| a[0] == b[0]) {
         let mut plant = PropulsionPlant::new(settings);
         let mut step = |row: &[f64]| {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // bytes in the file
             let byte = |i: usize| row[i] as u8;
             let command = PropulsionCommand {
                 impeller_speeds: [byte(impeller), byte(impeller + 1)],
@@ -86,7 +88,7 @@ fn settled_wrench(mode: ImpellerMode, command: &PropulsionCommand) -> Wrench<f64
     for step in 0..2_000 {
         let output = plant.step(command, &Vector3::zeros());
         if step >= 1_900 {
-            sum = sum + output.wrench_body;
+            sum += output.wrench_body;
         }
     }
     Wrench::new(sum.torque / 100.0, sum.force / 100.0)
@@ -100,9 +102,9 @@ fn the_hardware_gives_more_than_the_allocation_believes() {
     let delivered = |torque: [f64; 3], force: [f64; 3]| {
         let allocated = allocation.allocate_steps(&Wrench::new(torque.into(), force.into())).unwrap();
         // exact openings and the exact speed of the mode: bytes would hide the difference
-        let hardware = tumble_astrobee::propulsion::InverseAllocation::default();
+        let hardware = InverseAllocation::default();
         let flows = hardware.flow_of_openings([mode.speed_rad_s(); 2], &allocated.flaps.openings_rad);
-        let exact = tumble_astrobee::propulsion::inverse::wrench_of_flow(&flows);
+        let exact = wrench_of_flow(&flows);
         let settled = settled_wrench(mode, &allocated.bytes);
         (exact, settled)
     };
