@@ -555,7 +555,7 @@ const MUTANTS: &[Mutant] = &[
         file: "crates/astrobee/src/propulsion/impeller.rs",
         original: ".min(supply_v).max(-supply_v)",
         replacement: "",
-        test: "-p tumble-astrobee --test propulsion_plant",
+        test: "-p tumble-astrobee --lib",
     },
     Mutant {
         name: "driver: trims from one end only",

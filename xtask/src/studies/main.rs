@@ -60,6 +60,7 @@ const PROBLEMS: &[Problem] = &[
     ("fourier", fourier::run),
     ("likelihood", likelihood::bench),
     ("allocation", allocation::run),
+    ("propulsion", propulsion_dynamics::bench),
 ];
 
 /// What a result folder says about the run that wrote it.

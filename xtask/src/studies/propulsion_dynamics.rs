@@ -1,11 +1,13 @@
-//! `real-data`, set `astrobee`: time histories of the propulsion hardware, six runs open loop, against NASA's simulation.
+//! `real-data`, set `astrobee`: time histories of the propulsion hardware, six runs open loop, against NASA's simulation;
+//! and what one step of it takes.
 
 use std::path::Path;
 
 use nalgebra::Vector3;
-use tumble_astrobee::propulsion::{PropulsionCommand, PropulsionPlant, PropulsionSettings};
+use tumble_astrobee::propulsion::{ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings};
 
 use crate::Failure;
+use crate::bench::{Bench, Goal};
 use crate::real_data::{Measured, columns};
 
 /// Name of the set and of its folder.
@@ -93,4 +95,18 @@ fn advance(plant: &mut PropulsionPlant, row: &Row) -> [tumble_lie::Wrench<f64>; 
         PropulsionCommand { impeller_speeds: [byte(6), byte(7)], nozzles: std::array::from_fn(|i| byte(8 + i)) };
     plant.settings_mut().supply_v = row[2];
     plant.step(&command, &Vector3::new(row[3], row[4], row[5])).module_wrenches_body
+}
+
+/// Benchmark of one step of both modules, the nozzles moving all the time.
+#[allow(clippy::unnecessary_wraps)] // the shape of a problem
+pub fn bench(bench: &mut Bench) -> Result<(), Failure> {
+    let mut plant = PropulsionPlant::spun_up(PropulsionSettings::PHYSICAL, ImpellerMode::Nominal);
+    let rate_body = Vector3::new(0.1, -0.05, 0.2);
+    let goal = Goal { target_ns: Some(1000.0), peer: None };
+    bench.sweep("propulsion", "plant_step", goal, 256, &[], |i| {
+        #[allow(clippy::cast_possible_truncation)] // below 256
+        let nozzles = std::array::from_fn(|nozzle| ((i + 20 * nozzle) % 256) as u8);
+        plant.step(&PropulsionCommand { impeller_speeds: [207; 2], nozzles }, &rate_body)
+    });
+    Ok(())
 }
