@@ -598,6 +598,8 @@ const MUTANTS: &[Mutant] = &[
         original: "Wrench::new(torque + center_of_mass_body.cross(&force), force)",
         replacement: "Wrench::new(torque - center_of_mass_body.cross(&force), force)",
         test: "-p tumble-astrobee --lib",
+    },
+    Mutant {
         name: "propulsion: thrust along the outflow",
         file: "crates/astrobee/src/propulsion/nozzle.rs",
         original: "py * ox - px * oy, -ox, -oy, -oz]",
