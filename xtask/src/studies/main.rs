@@ -22,6 +22,7 @@ mod lie;
 mod likelihood;
 mod plain_throws;
 mod plot;
+mod propulsion_dynamics;
 mod real_data;
 mod throws;
 mod thrust_imu;
@@ -59,6 +60,7 @@ const PROBLEMS: &[Problem] = &[
     ("fourier", fourier::run),
     ("likelihood", likelihood::bench),
     ("allocation", allocation::run),
+    ("propulsion", propulsion_dynamics::bench),
 ];
 
 /// What a result folder says about the run that wrote it.
