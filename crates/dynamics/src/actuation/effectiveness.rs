@@ -59,11 +59,7 @@ pub(super) fn right_inverse<const R: usize, const N: usize>(
 
 /// All numbers finite, or an error.
 pub(super) fn finite<const R: usize>(wanted: SVector<f64, R>) -> Result<SVector<f64, R>, DynamicsError> {
-    if wanted.iter().all(ComplexField::is_finite) {
-        Ok(wanted)
-    } else {
-        Err(DynamicsError::NotFinite)
-    }
+    if wanted.iter().all(ComplexField::is_finite) { Ok(wanted) } else { Err(DynamicsError::NotFinite) }
 }
 
 /// A commanded value within its limits, which hold zero; what is no number is nothing.
