@@ -120,13 +120,10 @@ fn fuzz(name: &str, seconds: u32) -> Result<u64, String> {
     println!("$ {}", line(&command));
     let output = command.output().map_err(|error| error.to_string())?;
     let said = String::from_utf8_lossy(&output.stderr);
-    match runs(&said).filter(|_| output.status.success()) {
-        Some(runs) => Ok(runs),
-        None => {
-            eprintln!("{said}");
-            Err("FOUND or not built: see above".into())
-        }
-    }
+    runs(&said).filter(|_| output.status.success()).ok_or_else(|| {
+        eprintln!("{said}");
+        "FOUND or not built: see above".into()
+    })
 }
 
 /// The count in libFuzzer's last line, `Done 123 runs in 4 second(s)`.
