@@ -22,6 +22,7 @@ pub mod report;
 pub mod sensing;
 pub mod space_cobot;
 pub mod spheres;
+mod text_file;
 pub mod wheel_throw;
 
 pub use error::AstrobeeError;

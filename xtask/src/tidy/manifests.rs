@@ -59,6 +59,12 @@ pub fn manifests(tree: &Tree) -> Vec<Manifest<'_>> {
         .filter_map(|(path, text)| {
             let table: Table = text.parse().ok()?;
             let package = table.get("package")?;
+            // a package that is its own workspace, like the fuzz targets, is none of this one's
+            let is_alone =
+                table.contains_key("workspace") && package.get("publish").and_then(Value::as_bool) == Some(false);
+            if is_alone {
+                return None;
+            }
             Some(Manifest {
                 path,
                 folder: path.trim_end_matches("Cargo.toml"),
@@ -206,6 +212,14 @@ mod tests {
         assert_eq!(xtask("studies = [\"dep:tumble-lie\"]", optional), 0);
         assert_eq!(xtask("default = [\"studies\"]\nstudies = [\"dep:tumble-lie\"]", optional), 1);
         assert_eq!(xtask("studies = []", "{ workspace = true }"), 1);
+    }
+
+    #[test]
+    fn only_an_unpublished_package_can_be_a_workspace_of_its_own() {
+        let package =
+            |more: &str| format!("[package]\nname = \"fuzz\"\n{more}\n[workspace]\n[dependencies]\nlibm = \"0.2\"\n");
+        let found = |more: &str| inherited(&Tree::planted(&[("fuzz/Cargo.toml", &package(more))])).len();
+        assert_eq!((found("publish = false"), found("")), (0, 2));
     }
 
     #[test]
