@@ -138,12 +138,13 @@ pub fn inherited(tree: &Tree) -> Vec<String> {
 /// Neither the default build nor the tests compile C or link a system library.
 pub fn only_rust(tree: &Tree) -> Vec<String> {
     const BUILDERS: &[&str] = &["cc", "cmake", "pkg-config", "bindgen", "vcpkg", "autotools"];
-    /// Crates called `-sys` that are declarations of an operating system, in Rust.
-    const DECLARATIONS: &[&str] = &["windows-sys", "linux-raw-sys", "js-sys", "web-sys", "core-foundation-sys"];
+    /// Crates called `-sys` that are Rust: declarations of an operating system, or a library written anew.
+    const IN_RUST: &[&str] =
+        &["windows-sys", "linux-raw-sys", "js-sys", "web-sys", "core-foundation-sys", "libbz2-rs-sys"];
     let mut found = Vec::new();
     for (build, lines) in [("default build", &tree.default_build), ("test build", &tree.test_build)] {
         for name in lines.lines().filter_map(|line| line.split_whitespace().next()) {
-            if BUILDERS.contains(&name) || (name.ends_with("-sys") && !DECLARATIONS.contains(&name)) {
+            if BUILDERS.contains(&name) || (name.ends_with("-sys") && !IN_RUST.contains(&name)) {
                 found.push(format!("the {build} uses {name}"));
             }
         }
