@@ -189,6 +189,20 @@ pub enum AstrobeeError {
     /// T021: an excitation that cannot be designed or flown.
     #[error("no such excitation: {0}")]
     Excitation(IdentificationError),
+    /// T025: a sensing setting out of its range.
+    #[error("sensing: `{key}` is {value}, it must be {lowest} to {highest}{rule}")]
+    SensingOutOfRange {
+        /// The key, with its tables.
+        key: &'static str,
+        /// Value found.
+        value: f64,
+        /// Least accepted.
+        lowest: f64,
+        /// Largest accepted.
+        highest: f64,
+        /// What else is asked of it.
+        rule: &'static str,
+    },
 }
 
 impl AstrobeeError {
@@ -216,6 +230,7 @@ impl AstrobeeError {
             Self::UnknownFormat { .. } => "T018",
             Self::Throw(_) => "T019",
             Self::Excitation(_) | Self::SearchTooLong { .. } => "T021",
+            Self::SensingOutOfRange { .. } => "T025",
         }
     }
 
@@ -295,6 +310,7 @@ impl AstrobeeError {
                 }
                 _ => "more `--starts`, more `--harmonics`, or other limits",
             },
+            Self::SensingOutOfRange { .. } => "`docs/sensing.md` lists every key with unit and range",
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }
     }

@@ -3,6 +3,19 @@
 //! Truth goes in at the inertial unit's rate as [`TrueMotion`]; what the flight software would publish comes out as
 //! [`LocalizationEstimate`], each with the time it speaks of and the time it arrives.
 
+mod flight_filter;
+mod imu;
+mod localization;
+mod settings;
+
+pub use flight_filter::{AccelerometerFilter, GyroFilter};
+pub use imu::{ImuChain, ImuModel, ImuSample};
+pub use localization::Localization;
+pub use settings::{
+    FaultSettings, ImuSettings, Interval, Jump, JumpSettings, LocalizationSettings, PoseErrorSettings, SensingPreset,
+    SensorErrors, TimingSettings,
+};
+
 use tumble_dynamics::RigidBodyState;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_lie::Pose;
