@@ -1,4 +1,6 @@
 //! The International Space Station: volumes of 2020-09-04 and the obstacle sets of RATTLE.
+// Numbers as the files write them.
+#![allow(clippy::unreadable_literal)]
 
 use super::{Listed, NamedPose};
 
