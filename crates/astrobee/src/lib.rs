@@ -1,13 +1,16 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+pub mod bodies;
 pub mod body_file;
 pub mod cli;
 pub mod demo;
 mod error;
 pub mod excitation_file;
 pub mod figure;
+pub mod flight_controller;
 pub mod flight_log;
+pub mod flight_modes;
 pub mod harmonic_report;
 pub mod log;
 pub mod noise;

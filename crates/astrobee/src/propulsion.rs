@@ -6,7 +6,24 @@
 //! Module 0 is starboard (+y, "PM1", nozzles 0 to 5), module 1 is port (-y, "PM2", nozzles 6 to 11). Everything is in
 //! body axes: x forward, y starboard, z towards the deck, origin at the geometric centre.
 
+pub mod allocation;
+pub mod blower;
 pub mod constants;
+mod driver;
+mod impeller;
+pub mod inverse;
+pub mod nozzle;
+mod pid;
+mod plant;
+mod servo;
+
+pub use allocation::{Allocation, ForceAllocation, QuantizedAllocation};
+pub use driver::{ByteTrims, CommandWatchdog, Robot};
+pub use impeller::{IMPELLER_INERTIA_KG_M2, Impeller, SPEED_COMMAND_RATE_RAD_S2};
+pub use inverse::{AreaTable, Belief, FlapCommand, InverseAllocation};
+pub use nozzle::{Module, PositivityShift};
+pub use plant::{GyroscopicSign, PropulsionPlant, PropulsionSettings, PropulsionStep};
+pub use servo::Servo;
 
 /// How fast the impellers turn, as the flight software names it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
