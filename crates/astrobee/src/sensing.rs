@@ -3,13 +3,15 @@
 //! Truth goes in at the inertial unit's rate as [`TrueMotion`]; what the flight software would publish comes out as
 //! [`LocalizationEstimate`], each with the time it speaks of and the time it arrives.
 
+mod faults;
 mod flight_filter;
 mod imu;
 mod localization;
 mod settings;
+mod streams;
 
 pub use flight_filter::{AccelerometerFilter, GyroFilter};
-pub use imu::{ImuChain, ImuModel, ImuSample};
+pub use imu::{FilteredImu, ImuBias, ImuChain, ImuModel, ImuSample};
 pub use localization::Localization;
 pub use settings::{
     FaultSettings, ImuSettings, Interval, Jump, JumpSettings, LocalizationSettings, PoseErrorSettings, SensingPreset,

@@ -1,6 +1,7 @@
 //! What the sensors suffer from, as scenarios write it.
 
 use crate::AstrobeeError;
+use core::f64::consts::PI;
 use serde::{Deserialize, Serialize};
 
 /// Everything about localisation and inertial unit; a key that is left out has its [`SensingPreset::Nominal`] value.
@@ -63,7 +64,7 @@ pub struct SensorErrors {
     pub bias_walk: f64,
     /// Standard deviation of the fast part of the bias, a first-order Markov process, `U`.
     pub markov_sigma: f64,
-    /// Its correlation time, s, above 0 and at most 1000.
+    /// Its correlation time, s, 0.001 to 1000.
     pub markov_time_s: f64,
 }
 
@@ -156,14 +157,14 @@ pub struct Jump {
 }
 
 /// Loss of visual features by fast motion, and the jumps that follow.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct JumpSettings {
-    /// Jumps per second while a threshold is exceeded, at most 100; 0 is never.
+    /// Jumps per second while a threshold is exceeded and none is under way, at most 100; 0 is never.
     pub rate_hz: f64,
-    /// Threshold of the magnitude of the true angular rate, rad/s, 0 or more.
+    /// Threshold of the magnitude of the true angular rate, rad/s, 0 or more; `inf` is never exceeded.
     pub rate_threshold_rad_s: f64,
-    /// Threshold of the magnitude of the true acceleration of the origin, m/s^2, 0 or more.
+    /// Threshold of the magnitude of the true acceleration of the origin, m/s^2, 0 or more; `inf` is never exceeded.
     pub acceleration_threshold_m_s2: f64,
     /// Size in position, m, in a random direction, at most 100.
     pub position_m: f64,
@@ -201,7 +202,8 @@ impl SensingPreset {
     }
 }
 
-const DEG: f64 = core::f64::consts::PI / 180.0;
+/// Degree, rad.
+const DEG: f64 = PI / 180.0;
 /// Thousandth of the standard gravity, m/s^2.
 const MILLI_G: f64 = 9.806_65e-3;
 
@@ -341,9 +343,37 @@ impl LocalizationSettings {
         }
     }
 
-    /// The flights of the thesis.
+    /// What the thesis reports of its flights (6.5.1 to 6.5.4): the scale anomaly of table 6.5, 0.16 s between force and
+    /// acceleration, late and lost messages, jumps under fast motion.
+    ///
+    /// Sizes that the thesis shows in pictures only are read off in order of magnitude.
     pub fn thesis_flight() -> Self {
-        Self { acceleration_factor: [1.774, 1.0201, 1.2088], ..Self::nominal() }
+        Self {
+            acceleration_factor: [1.774, 1.0201, 1.2088],
+            timing: TimingSettings {
+                latency_ms: 20.0,
+                arrival_jitter_ms: 40.0,
+                hidden_latency_ms: 16,
+                ..TimingSettings::default()
+            },
+            faults: FaultSettings {
+                drop_probability: 0.1,
+                burst_rate_hz: 0.1,
+                burst_duration_s: 0.3,
+                random_jumps: JumpSettings {
+                    rate_hz: 0.2,
+                    rate_threshold_rad_s: 0.15,
+                    acceleration_threshold_m_s2: 0.03,
+                    position_m: 0.05,
+                    attitude_rad: 0.05,
+                    rate_rad_s: 0.05,
+                    duration_s: 0.2,
+                    recovery_s: 0.5,
+                },
+                ..FaultSettings::default()
+            },
+            ..Self::nominal()
+        }
     }
 
     /// Whether every value lies in its range.
@@ -351,6 +381,195 @@ impl LocalizationSettings {
     /// # Errors
     /// [`AstrobeeError::SensingOutOfRange`] naming the key.
     pub fn check(&self) -> Result<(), AstrobeeError> {
+        vector("gravity_world_m_s2", self.gravity_world_m_s2, -20.0, 20.0)?;
+        vector("acceleration_factor", self.acceleration_factor, 0.1, 10.0)?;
+        self.imu.check()?;
+        self.pose.check()?;
+        self.timing.check(self.imu.sample_interval_ms)?;
+        self.faults.check()
+    }
+}
+
+impl ImuSettings {
+    /// Time between samples, s.
+    pub(super) fn step_s(&self) -> f64 {
+        1e-3 * f64::from(self.sample_interval_ms)
+    }
+
+    fn check(&self) -> Result<(), AstrobeeError> {
+        if self.sample_interval_ms != 8 && self.sample_interval_ms != 16 {
+            return Err(AstrobeeError::SensingOutOfRange {
+                key: "imu.sample_interval_ms",
+                value: f64::from(self.sample_interval_ms),
+                lowest: 8.0,
+                highest: 16.0,
+                rule: " and nothing in between",
+            });
+        }
+        vector("imu.lever_arm_body_m", self.lever_arm_body_m, -1.0, 1.0)?;
+        within("imu.bias_following_time_s", self.bias_following_time_s, 0.0, 1000.0)?;
+        for (errors, keys) in [(&self.accelerometer, &ACCELEROMETER_KEYS), (&self.gyro, &GYRO_KEYS)] {
+            let [range, resolution, scale, misalignment, noise, bias, walk, markov, markov_time] = *keys;
+            within(range, errors.range, f64::MIN_POSITIVE, f64::INFINITY)?;
+            within(resolution, errors.resolution, 0.0, LARGEST_ERROR)?;
+            within(scale, errors.scale_sigma, 0.0, 0.5)?;
+            within(misalignment, errors.misalignment_sigma_rad, 0.0, 0.5)?;
+            within(noise, errors.noise_density, 0.0, LARGEST_ERROR)?;
+            within(bias, errors.bias_sigma, 0.0, LARGEST_ERROR)?;
+            within(walk, errors.bias_walk, 0.0, LARGEST_ERROR)?;
+            within(markov, errors.markov_sigma, 0.0, LARGEST_ERROR)?;
+            within(markov_time, errors.markov_time_s, 1e-3, 1000.0)?;
+        }
         Ok(())
     }
+}
+
+impl PoseErrorSettings {
+    fn check(&self) -> Result<(), AstrobeeError> {
+        within("pose.position_noise_m", self.position_noise_m, 0.0, 1.0)?;
+        within("pose.attitude_noise_rad", self.attitude_noise_rad, 0.0, 1.0)?;
+        within("pose.velocity_noise_m_s", self.velocity_noise_m_s, 0.0, 1.0)?;
+        within("pose.position_drift_m", self.position_drift_m, 0.0, 1.0)?;
+        within("pose.attitude_drift_rad", self.attitude_drift_rad, 0.0, 1.0)?;
+        within("pose.velocity_drift_m_s", self.velocity_drift_m_s, 0.0, 1.0)?;
+        within("pose.drift_time_s", self.drift_time_s, 0.1, 1e4)
+    }
+}
+
+impl TimingSettings {
+    /// Time between estimates, s.
+    pub(super) fn step_s(&self) -> f64 {
+        1e-3 * f64::from(self.publish_interval_ms)
+    }
+
+    /// Estimates that can be on their way at once, each sent twice, where the reader asks at least once a second.
+    pub(super) fn most_on_the_way(&self) -> usize {
+        let longest_ms = self.latency_ms + LONGEST_ARRIVAL_JITTER_MS + 1000.0;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: at most 4000 / 8")]
+        let at_once = (longest_ms / f64::from(self.publish_interval_ms)) as usize;
+        2 * (at_once + 2)
+    }
+
+    fn check(&self, sample_interval_ms: u32) -> Result<(), AstrobeeError> {
+        let whole = |key, value: u32, lowest: u32| {
+            if value >= lowest && value <= 1000 && value.is_multiple_of(sample_interval_ms) {
+                return Ok(());
+            }
+            Err(AstrobeeError::SensingOutOfRange {
+                key,
+                value: f64::from(value),
+                lowest: f64::from(lowest),
+                highest: 1000.0,
+                rule: ", a whole number of `imu.sample_interval_ms`",
+            })
+        };
+        whole("timing.publish_interval_ms", self.publish_interval_ms, sample_interval_ms)?;
+        whole("timing.hidden_latency_ms", self.hidden_latency_ms, 0)?;
+        within("timing.latency_ms", self.latency_ms, 0.0, 2000.0)?;
+        within("timing.arrival_jitter_ms", self.arrival_jitter_ms, 0.0, 200.0)?;
+        within("timing.stamp_jitter_ms", self.stamp_jitter_ms, 0.0, 50.0)
+    }
+}
+
+impl FaultSettings {
+    fn check(&self) -> Result<(), AstrobeeError> {
+        within("faults.drop_probability", self.drop_probability, 0.0, 1.0)?;
+        within("faults.burst_rate_hz", self.burst_rate_hz, 0.0, 10.0)?;
+        within("faults.burst_duration_s", self.burst_duration_s, 0.0, 60.0)?;
+        within("faults.duplicate_probability", self.duplicate_probability, 0.0, 1.0)?;
+        for interval in &self.outages {
+            within("faults.outages.start_s", interval.start_s, 0.0, LONGEST_S)?;
+            within("faults.outages.duration_s", interval.duration_s, 0.0, LONGEST_S)?;
+        }
+        for interval in &self.freezes {
+            within("faults.freezes.start_s", interval.start_s, 0.0, LONGEST_S)?;
+            within("faults.freezes.duration_s", interval.duration_s, 0.0, LONGEST_S)?;
+        }
+        for jump in &self.jumps {
+            within("faults.jumps.start_s", jump.start_s, 0.0, LONGEST_S)?;
+            within("faults.jumps.duration_s", jump.duration_s, 0.0, LONGEST_S)?;
+            within("faults.jumps.recovery_s", jump.recovery_s, 0.0, LONGEST_S)?;
+            vector("faults.jumps.position_m", jump.position_m, -100.0, 100.0)?;
+            vector("faults.jumps.attitude_rad", jump.attitude_rad, -PI, PI)?;
+            vector("faults.jumps.velocity_m_s", jump.velocity_m_s, -10.0, 10.0)?;
+            vector("faults.jumps.rate_rad_s", jump.rate_rad_s, -10.0, 10.0)?;
+        }
+        let random = &self.random_jumps;
+        within("faults.random_jumps.rate_hz", random.rate_hz, 0.0, 100.0)?;
+        within("faults.random_jumps.rate_threshold_rad_s", random.rate_threshold_rad_s, 0.0, f64::INFINITY)?;
+        within(
+            "faults.random_jumps.acceleration_threshold_m_s2",
+            random.acceleration_threshold_m_s2,
+            0.0,
+            f64::INFINITY,
+        )?;
+        within("faults.random_jumps.position_m", random.position_m, 0.0, 100.0)?;
+        within("faults.random_jumps.attitude_rad", random.attitude_rad, 0.0, PI)?;
+        within("faults.random_jumps.rate_rad_s", random.rate_rad_s, 0.0, 10.0)?;
+        within("faults.random_jumps.duration_s", random.duration_s, 0.0, 600.0)?;
+        within("faults.random_jumps.recovery_s", random.recovery_s, 0.0, 600.0)
+    }
+}
+
+impl Default for JumpSettings {
+    fn default() -> Self {
+        Self {
+            rate_hz: 0.0,
+            rate_threshold_rad_s: f64::INFINITY,
+            acceleration_threshold_m_s2: f64::INFINITY,
+            position_m: 0.0,
+            attitude_rad: 0.0,
+            rate_rad_s: 0.0,
+            duration_s: 0.0,
+            recovery_s: 0.0,
+        }
+    }
+}
+
+/// Jitter of the arrival is cut here, ms.
+pub(super) const LONGEST_ARRIVAL_JITTER_MS: f64 = 1000.0;
+/// Largest accepted error of a sensor, in the unit of its signal.
+const LARGEST_ERROR: f64 = 100.0;
+/// Latest accepted time in a schedule, s: a month.
+const LONGEST_S: f64 = 2_678_400.0;
+
+const ACCELEROMETER_KEYS: [&str; 9] = [
+    "imu.accelerometer.range",
+    "imu.accelerometer.resolution",
+    "imu.accelerometer.scale_sigma",
+    "imu.accelerometer.misalignment_sigma_rad",
+    "imu.accelerometer.noise_density",
+    "imu.accelerometer.bias_sigma",
+    "imu.accelerometer.bias_walk",
+    "imu.accelerometer.markov_sigma",
+    "imu.accelerometer.markov_time_s",
+];
+const GYRO_KEYS: [&str; 9] = [
+    "imu.gyro.range",
+    "imu.gyro.resolution",
+    "imu.gyro.scale_sigma",
+    "imu.gyro.misalignment_sigma_rad",
+    "imu.gyro.noise_density",
+    "imu.gyro.bias_sigma",
+    "imu.gyro.bias_walk",
+    "imu.gyro.markov_sigma",
+    "imu.gyro.markov_time_s",
+];
+
+/// Whether a value lies in its range; not a number does not.
+fn within(key: &'static str, value: f64, lowest: f64, highest: f64) -> Result<(), AstrobeeError> {
+    if value >= lowest && value <= highest {
+        return Ok(());
+    }
+    Err(AstrobeeError::SensingOutOfRange { key, value, lowest, highest, rule: "" })
+}
+
+fn vector(key: &'static str, values: [f64; 3], lowest: f64, highest: f64) -> Result<(), AstrobeeError> {
+    values.into_iter().try_for_each(|value| within(key, value, lowest, highest))
+}
+
+/// Milliseconds to the nearest nanosecond.
+#[allow(clippy::cast_possible_truncation, reason = "the cast saturates")]
+pub(super) fn nanoseconds(ms: f64) -> i64 {
+    libm::round(ms * 1e6) as i64
 }
