@@ -6,6 +6,8 @@ pub mod calibrate_wheel;
 pub mod excite;
 pub mod identify;
 mod identify_periodic;
+pub mod scenario;
+pub mod simulate;
 
 /// How a command ended when nothing was wrong with its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -337,8 +337,12 @@ impl AstrobeeError {
             },
             Self::SensingOutOfRange { .. } => "`docs/sensing.md` lists every key with unit and range",
             Self::BadScenario { .. } => "correct the named key; `docs/scenarios.md` describes every one",
-            Self::NoSuchScenario { .. } => "`tumble scenario list` prints the embedded ones; `tumble scenario show NAME` prints one to start from",
-            Self::Simulator(_) => "check start, body and payload times of the scenario; a wrench far beyond the robot's makes it too fast",
+            Self::NoSuchScenario { .. } => {
+                "`tumble scenario list` prints the embedded ones; `tumble scenario show NAME` prints one to start from"
+            }
+            Self::Simulator(_) => {
+                "check start, body and payload times of the scenario; a wrench far beyond the robot's makes it too fast"
+            }
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }
     }

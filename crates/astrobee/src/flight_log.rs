@@ -147,11 +147,7 @@ impl<W: std::io::Write> Recorder<W> {
     ///
     /// # Errors
     /// What the operating system said.
-    pub fn record(
-        &mut self,
-        period: &SimulatorMeasurement,
-        arrived: &[LocalizationEstimate],
-    ) -> std::io::Result<()> {
+    pub fn record(&mut self, period: &SimulatorMeasurement, arrived: &[LocalizationEstimate]) -> std::io::Result<()> {
         if self.periods.len() == REMEMBERED {
             self.periods.pop_front();
         }

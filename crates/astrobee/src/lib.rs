@@ -18,6 +18,7 @@ pub mod output;
 pub mod propulsion;
 pub mod recording;
 pub mod report;
+pub mod scenario;
 pub mod sensing;
 pub mod simulator;
 pub mod space_cobot;

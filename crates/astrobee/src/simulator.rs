@@ -21,8 +21,8 @@ pub use payload::{Grasp, PayloadMotion, ReleasedPayload, planar_part};
 pub use surroundings::{Event, Surroundings, TimedEvent};
 
 use crate::AstrobeeError;
-pub use crate::propulsion::constants::CONTROL_PERIOD_S;
 use crate::propulsion::PropulsionCommand;
+pub use crate::propulsion::constants::CONTROL_PERIOD_S;
 use crate::sensing::{Localization, LocalizationEstimate, TrueMotion};
 use crate::worlds::WorldPreset;
 use tumble_dynamics::nalgebra::Vector3;
@@ -144,6 +144,8 @@ pub struct SimulatorMeasurement {
     pub realized_wrench_body: Wrench<f64>,
     /// What the modules were told; zero where none are simulated.
     pub command: PropulsionCommand,
+    /// Whether the propulsion was at a limit.
+    pub saturated: bool,
 }
 
 /// The simulated robot; see the [module](self).
@@ -396,6 +398,7 @@ impl AstrobeeSimulator {
             believed_wrench_body: self.confined(&made.believed_wrench_body),
             realized_wrench_body: sum * (1.0 / SUBSTEPS as f64),
             command: made.command,
+            saturated: made.saturated,
         })
     }
 }
@@ -427,7 +430,8 @@ impl Plant for AstrobeeSimulator {
 fn in_plane(state: &RigidBodyState<f64>) -> Result<RigidBodyState<f64>, SimulatorError> {
     let rotation = state.world_from_body.rotation;
     let (angular, linear) = (state.twist_body.angular, state.twist_body.linear);
-    let excess = [rotation.i, rotation.j, angular.x, angular.y, linear.z].into_iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let excess =
+        [rotation.i, rotation.j, angular.x, angular.y, linear.z].into_iter().fold(0.0_f64, |a, b| a.max(b.abs()));
     if excess.is_nan() || excess > TILT_TOLERANCE {
         return Err(SimulatorError::OutOfPlane { excess });
     }
@@ -454,8 +458,5 @@ pub fn extrapolated(motion: &TrueMotion, after_ns: i64) -> RigidBodyState<f64> {
     .twist_rate_body(&twist);
     let increment = (twist * after_s + rate * (0.5 * after_s * after_s)).to_vector();
     let turn = <tumble_lie::Pose<f64> as LieGroup>::exp(&increment);
-    RigidBodyState {
-        world_from_body: motion.state.world_from_body * turn,
-        twist_body: twist + rate * after_s,
-    }
+    RigidBodyState { world_from_body: motion.state.world_from_body * turn, twist_body: twist + rate * after_s }
 }

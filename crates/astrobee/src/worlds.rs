@@ -41,10 +41,7 @@ impl NamedPose {
     pub fn world_from_body(&self) -> Pose<f64> {
         let [x, y, z, w] = self.quaternion_xyzw;
         let rotation = Quaternion::new(w, x, y, z);
-        Pose::from_parts(
-            Translation3::from(Vector3::from(self.position_m)),
-            UnitQuaternion::new_normalize(rotation),
-        )
+        Pose::from_parts(Translation3::from(Vector3::from(self.position_m)), UnitQuaternion::new_normalize(rotation))
     }
 }
 

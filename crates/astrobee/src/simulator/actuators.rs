@@ -31,6 +31,7 @@ pub(super) struct Made {
     pub believed_wrench_body: Wrench<f64>,
     pub realized_wrench_body: Wrench<f64>,
     pub command: PropulsionCommand,
+    pub saturated: bool,
 }
 
 impl Actuators {
@@ -49,13 +50,15 @@ impl Actuators {
             Self::Exact => return Err(DynamicsError::NotFinite.into()),
             Self::Limited(limits) => limits.realize(&limits.allocate(wanted)?),
             Self::Hardware { allocation, plant } => {
-                let command = allocation.allocate(wanted)?;
+                let steps = allocation.0.allocate_steps(wanted)?;
+                let command = steps.bytes;
                 // What the robot can know: what its bytes give in steady flow.
                 let believed = wrench_of_flow(&InverseAllocation::default().flow_of_bytes(&command));
                 return Ok(Made {
                     believed_wrench_body: believed,
                     realized_wrench_body: plant.step(&command, rate_body).wrench_body,
                     command,
+                    saturated: steps.limits.is_saturated(),
                 });
             }
         };
@@ -63,6 +66,7 @@ impl Actuators {
             believed_wrench_body: realized,
             realized_wrench_body: realized,
             command: PropulsionCommand::default(),
+            saturated: realized != *wanted,
         })
     }
 }

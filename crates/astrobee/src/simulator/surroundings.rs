@@ -123,6 +123,11 @@ impl Surroundings {
         }
     }
 
+    /// What is not as it should be.
+    pub fn events_of(around: &Self) -> impl Iterator<Item = Event> {
+        Self::changes(&Self::default(), around).into_iter().flatten()
+    }
+
     /// What turned `before` into `after`, in no more than one event for each field.
     pub(super) fn changes(before: &Self, after: &Self) -> [Option<Event>; 6] {
         let flag = |was: bool, is: bool, left: Event, back: Event| match (was, is) {
@@ -141,12 +146,7 @@ impl Surroundings {
             index(before.keep_out, after.keep_out, |index| Event::EnteredKeepOut { index }, Event::LeftKeepOut),
             index(before.obstacle, after.obstacle, |index| Event::HitObstacle { index }, Event::LeftObstacle),
             flag(before.too_fast, after.too_fast, Event::TooFast, Event::SlowAgain),
-            flag(
-                before.turning_too_fast,
-                after.turning_too_fast,
-                Event::TurningTooFast,
-                Event::TurningSlowlyAgain,
-            ),
+            flag(before.turning_too_fast, after.turning_too_fast, Event::TurningTooFast, Event::TurningSlowlyAgain),
         ]
     }
 }

@@ -11,11 +11,8 @@ pub const TABLE_HALF_WIDTH_M: f64 = 0.75;
 pub const KEEP_IN: [f64; 6] = [-1.0, -1.0, -2.0, 1.0, 1.0, 0.0];
 
 /// Provenance of all sets: rattle-iros-2022 (93d2f99), as tabulated for its granite mode.
-pub const DEFAULT_OBSTACLES: [Listed; 3] = [
-    ([0.15, 0.15, 5.0], [0.3, 0.3, 0.0]),
-    ([0.2, 0.2, 5.0], [-0.25, -0.1, 0.0]),
-    ([0.2, 0.05, 5.0], [0.5, 0.5, 0.0]),
-];
+pub const DEFAULT_OBSTACLES: [Listed; 3] =
+    [([0.15, 0.15, 5.0], [0.3, 0.3, 0.0]), ([0.2, 0.2, 5.0], [-0.25, -0.1, 0.0]), ([0.2, 0.05, 5.0], [0.5, 0.5, 0.0])];
 /// The set of the full runs.
 pub const ROOM: [Listed; 4] = [
     ([0.7, 0.1, 5.0], [-0.3, 0.0, 0.0]),
@@ -38,9 +35,5 @@ pub const POSES: [NamedPose; 6] = [
     NamedPose { name: "C", position_m: [0.4, -0.4, -0.76], quaternion_xyzw: [0.0, 0.0, 1.0, 0.0] },
     NamedPose { name: "regulation", position_m: [0.0, 0.6, -0.7], quaternion_xyzw: [0.0, 0.0, -0.7071, 0.7071] },
     NamedPose { name: "start", position_m: [0.0, 0.0, -0.7], quaternion_xyzw: LEVEL },
-    NamedPose {
-        name: "berth",
-        position_m: [-0.825 + 0.0992632 + 0.1, 0.288 + 0.254, -0.675],
-        quaternion_xyzw: LEVEL,
-    },
+    NamedPose { name: "berth", position_m: [-0.825 + 0.0992632 + 0.1, 0.288 + 0.254, -0.675], quaternion_xyzw: LEVEL },
 ];
