@@ -22,6 +22,7 @@ pub mod scenario;
 pub mod sensing;
 pub mod simulator;
 pub mod space_cobot;
+pub mod spheres;
 pub mod wheel_throw;
 pub mod worlds;
 
