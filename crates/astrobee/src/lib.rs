@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+pub mod air_drag;
 pub mod bodies;
 pub mod body_file;
 pub mod cli;

@@ -95,7 +95,7 @@ fn group<const N: usize>(
     Ok(Some(indices))
 }
 
-fn shortened(text: &str) -> String {
+pub(crate) fn shortened(text: &str) -> String {
     const KEEP: usize = 40;
     // Control characters must not reach a terminal.
     let text: String = text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
@@ -269,15 +269,15 @@ impl LogReader {
 }
 
 /// One row with what an error message needs.
-struct Row<'a> {
-    path: &'a Path,
-    line: u64,
-    record: &'a csv::ByteRecord,
-    names: &'a [String],
+pub(crate) struct Row<'a> {
+    pub(crate) path: &'a Path,
+    pub(crate) line: u64,
+    pub(crate) record: &'a csv::ByteRecord,
+    pub(crate) names: &'a [String],
 }
 
 impl Row<'_> {
-    fn text(&self, column: usize) -> &[u8] {
+    pub(crate) fn text(&self, column: usize) -> &[u8] {
         self.record.get(column).unwrap_or_default().trim_ascii()
     }
     fn bad_cell(&self, column: usize) -> AstrobeeError {
@@ -288,7 +288,7 @@ impl Row<'_> {
             text: shortened(&String::from_utf8_lossy(self.text(column))),
         }
     }
-    fn number(&self, column: usize) -> Result<f64, AstrobeeError> {
+    pub(crate) fn number(&self, column: usize) -> Result<f64, AstrobeeError> {
         std::str::from_utf8(self.text(column))
             .ok()
             .and_then(|text| text.parse::<f64>().ok())
@@ -312,7 +312,7 @@ impl Row<'_> {
     }
 }
 
-fn read_row<R: Read>(
+pub(crate) fn read_row<R: Read>(
     records: &mut csv::Reader<BoundedRows<R>>,
     record: &mut csv::ByteRecord,
     path: &Path,
@@ -326,13 +326,13 @@ fn read_row<R: Read>(
 }
 
 /// Ends the stream when a line grows beyond [`ROW_LIMIT_BYTES`], so that no line can fill the memory.
-struct BoundedRows<R> {
+pub(crate) struct BoundedRows<R> {
     inner: R,
     bytes_in_line: usize,
     too_long: bool,
 }
 impl<R> BoundedRows<R> {
-    fn new(inner: R) -> Self {
+    pub(crate) fn new(inner: R) -> Self {
         Self { inner, bytes_in_line: 0, too_long: false }
     }
 }

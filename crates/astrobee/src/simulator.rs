@@ -114,19 +114,6 @@ impl SimulatorSettings {
     }
 }
 
-/// Drag of the robot in still air, as NASA's simulation has it: no torque.
-///
-/// # Source
-/// `gazebo_model_plugin_drag`: coefficient 1.05, area 0.092903 m^2, density 1.225 kg/m^3.
-pub fn cabin_drag() -> QuadraticDrag<f64> {
-    QuadraticDrag {
-        center_of_pressure: Vector3::zeros(),
-        force_coefficient: 0.5 * 1.05 * 0.092_903 * 1.225,
-        torque_coefficient: 0.0,
-        medium_velocity_world: Vector3::zeros(),
-    }
-}
-
 /// What happened in a control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SimulatorMeasurement {

@@ -3,7 +3,7 @@
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
-use tumble_astrobee::cli::{Outcome, calibrate_wheel, excite, identify, scenario, simulate};
+use tumble_astrobee::cli::{Outcome, allocate, calibrate_wheel, excite, identify, realize, scenario, simulate};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -15,7 +15,8 @@ Examples:
   tumble identify log.csv --excitation excitation.toml
   tumble simulate iss-excite                   fly a scenario; `tumble scenario list` names them
   tumble calibrate-wheel cal_*.csv --out cal.toml
-  tumble identify --wheel throw.csv --calibration cal.toml";
+  tumble identify --wheel throw.csv --calibration cal.toml
+  tumble allocate wrenches.csv                 wanted wrenches to nozzle bytes, and what these give";
 
 /// Mass, centre of mass and inertia of a free-flying robot, from its logs.
 #[derive(Parser)]
@@ -37,6 +38,10 @@ enum Command {
     Scenario(scenario::ScenarioArgs),
     /// Calibrates the wheel-driven throwing device from throws of itself and of a proof block.
     CalibrateWheel(calibrate_wheel::CalibrateWheelArgs),
+    /// Allocates wanted wrenches to Astrobee's twelve nozzles as its flight software does.
+    Allocate(allocate::AllocateArgs),
+    /// Computes the thrust and wrench that a propulsion module of Astrobee gives at its flap angles.
+    Realize(realize::RealizeArgs),
 }
 
 fn main() -> ExitCode {
@@ -52,6 +57,8 @@ fn main() -> ExitCode {
         Some(Command::Simulate(args)) => simulate::run(&args),
         Some(Command::Scenario(args)) => scenario::run(&args),
         Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
+        Some(Command::Allocate(args)) => allocate::run(&args),
+        Some(Command::Realize(args)) => realize::run(&args),
     };
     match outcome {
         Ok(Outcome::Achieved) => ExitCode::SUCCESS,

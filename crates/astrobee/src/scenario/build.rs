@@ -4,6 +4,7 @@ use super::{
     BodyTable, ControllerName, FORMAT, LONGEST_S, PayloadMotionName, PayloadTable, PropulsionName, ScenarioSource,
 };
 use crate::AstrobeeError;
+use crate::air_drag::air_drag;
 use crate::bodies::BodyConfiguration;
 use crate::body_file::{self, BodyFile};
 use crate::excitation_file::ExcitationFile;
@@ -15,7 +16,7 @@ use crate::sensing::{Localization, SensingPreset};
 use crate::simulator::{
     Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, Controller, Drive, Event,
     FlownController, Grasp, Multisine, PayloadMotion, Reference, SimulatorMeasurement, SimulatorSettings, Surroundings,
-    Waypoint, cabin_drag,
+    Waypoint, air_drag,
 };
 use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
 use crate::{flight_log, space_cobot};
@@ -179,7 +180,7 @@ impl ScenarioSource {
             robot_radius_m: radius_m,
             speed_limit_m_s: self.limit("limits.speed_m_s", scenario.limits.and_then(|limits| limits.speed_m_s))?,
             rate_limit_rad_s: self.limit("limits.rate_rad_s", scenario.limits.and_then(|limits| limits.rate_rad_s))?,
-            drag: scenario.propulsion.drag.then(cabin_drag),
+            drag: scenario.propulsion.drag.then(air_drag),
             actuators: self.actuators(impellers, &belief)?,
             sensors: Some(self.sensors(place, impellers)?),
         };
