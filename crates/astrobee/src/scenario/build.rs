@@ -16,7 +16,7 @@ use crate::sensing::{Localization, SensingPreset};
 use crate::simulator::{
     Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, Controller, Drive, Event,
     FlownController, Grasp, Multisine, PayloadMotion, Reference, SimulatorMeasurement, SimulatorSettings, Surroundings,
-    Waypoint, air_drag,
+    Waypoint,
 };
 use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
 use crate::{flight_log, space_cobot};
