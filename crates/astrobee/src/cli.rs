@@ -8,9 +8,9 @@ mod columns;
 pub mod excite;
 pub mod identify;
 mod identify_periodic;
+pub mod realize;
 pub mod scenario;
 pub mod simulate;
-pub mod realize;
 
 /// How a command ended when nothing was wrong with its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -146,7 +146,8 @@ fn what_is_wrong_is_named_with_its_line() {
     ] {
         assert!(good.contains(from), "{from}");
         let text = good.replacen(from, to, 1);
-        let outcome = ScenarioSource::parse(Path::new("bad.toml"), &text).and_then(|source| source.flight().map(|_| ()));
+        let outcome =
+            ScenarioSource::parse(Path::new("bad.toml"), &text).and_then(|source| source.flight().map(|_| ()));
         let message = outcome.unwrap_err().to_string();
         assert!(message.contains(place) && message.contains(expected), "{to}: {message}");
     }

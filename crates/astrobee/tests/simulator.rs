@@ -46,8 +46,7 @@ fn difference(a: &Wrench<f64>, b: &Wrench<f64>) -> f64 {
 
 #[test]
 fn momentum_is_kept_over_a_hundred_thousand_steps() {
-    let mut robot =
-        AstrobeeSimulator::try_new(SimulatorSettings::ideal(WorldPreset::Open, tumbling())).unwrap();
+    let mut robot = AstrobeeSimulator::try_new(SimulatorSettings::ideal(WorldPreset::Open, tumbling())).unwrap();
     let before = robot.spatial_momentum();
     for _ in 0..1000 {
         // A hundred periods of two steps each.
@@ -62,8 +61,7 @@ fn momentum_is_kept_over_a_hundred_thousand_steps() {
 #[test]
 fn it_follows_a_fourth_order_integrator_under_changing_wrenches() {
     let body = WorldPreset::Open.body();
-    let mut robot =
-        AstrobeeSimulator::try_new(SimulatorSettings::ideal(WorldPreset::Open, tumbling())).unwrap();
+    let mut robot = AstrobeeSimulator::try_new(SimulatorSettings::ideal(WorldPreset::Open, tumbling())).unwrap();
     let (flyer, mut exact) = (FreeFlyer::new(body), tumbling());
     for k in 0..1000 {
         let phase = 0.02 * f64::from(k);
@@ -107,7 +105,8 @@ fn momentum_is_kept_through_grasp_and_release() {
                 momentum
             }
         };
-        let apart = planar_only(spatial_momentum(&released.payload, &released.state)) + planar_only(robot.spatial_momentum());
+        let apart =
+            planar_only(spatial_momentum(&released.payload, &released.state)) + planar_only(robot.spatial_momentum());
         assert!(difference(&apart, &planar_only(held)) < 1e-12, "{place:?}");
         assert_eq!(robot.state().twist_body, twist, "the robot does not feel the release");
         let events: Vec<Event> = robot.events().iter().map(|event| event.event).collect();
@@ -117,8 +116,7 @@ fn momentum_is_kept_through_grasp_and_release() {
 
 #[test]
 fn a_payload_that_moves_with_the_robot_brings_its_own_momentum() {
-    let mut robot =
-        AstrobeeSimulator::try_new(SimulatorSettings::ideal(WorldPreset::Open, tumbling())).unwrap();
+    let mut robot = AstrobeeSimulator::try_new(SimulatorSettings::ideal(WorldPreset::Open, tumbling())).unwrap();
     let grasp = grasp();
     let before = robot.spatial_momentum();
     // The velocity of a body fixed to the robot, from the pose and the twist by hand.
@@ -185,8 +183,7 @@ fn a_leaning_start_on_the_table_and_odd_durations_are_refused() {
         let refused = AstrobeeSimulator::try_new(SimulatorSettings::ideal(WorldPreset::Granite, start));
         assert!(matches!(refused.err(), Some(SimulatorError::OutOfPlane { .. })));
     }
-    let mut robot =
-        AstrobeeSimulator::try_new(SimulatorSettings::ideal(WorldPreset::Open, tumbling())).unwrap();
+    let mut robot = AstrobeeSimulator::try_new(SimulatorSettings::ideal(WorldPreset::Open, tumbling())).unwrap();
     for duration_s in [0.0, -0.016, 0.01, 0.02, f64::NAN, f64::INFINITY] {
         assert!(robot.advance(&Wrench::zero(), duration_s).is_err(), "{duration_s}");
     }
@@ -234,8 +231,7 @@ fn complete(seed: u64) -> AstrobeeSimulator {
     let mut settings = SimulatorSettings::ideal(WorldPreset::Iss, start);
     let mode = ImpellerMode::Nominal;
     settings.drag = Some(tumble_astrobee::air_drag::air_drag());
-    settings.actuators =
-        Actuators::hardware(mode, settings.body.center_of_mass(), PropulsionSettings::PHYSICAL);
+    settings.actuators = Actuators::hardware(mode, settings.body.center_of_mass(), PropulsionSettings::PHYSICAL);
     settings.sensors = Some(Localization::new(&SensingPreset::Nominal.settings(), seed, mode).unwrap());
     AstrobeeSimulator::try_new(settings).unwrap()
 }
@@ -268,10 +264,8 @@ fn a_row_pairs_pose_acceleration_and_wrench_of_one_instant() {
     let perfect = SensingPreset::Perfect.settings();
     settings.sensors = Some(Localization::new(&perfect, 1, ImpellerMode::Nominal).unwrap());
     let flyer = FreeFlyer::new(settings.body);
-    settings.actuators = Actuators::Limited(WrenchBox {
-        torque_limit: Vector3::repeat(0.01),
-        force_limit: Vector3::repeat(0.1),
-    });
+    settings.actuators =
+        Actuators::Limited(WrenchBox { torque_limit: Vector3::repeat(0.01), force_limit: Vector3::repeat(0.1) });
     let mut robot = AstrobeeSimulator::try_new(settings).unwrap();
     for k in 0..20 {
         let asked = wrench([0.02, 0.001 * f64::from(k), 0.0], [0.05, -0.3, 0.01 * f64::from(k)]);

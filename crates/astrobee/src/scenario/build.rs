@@ -340,7 +340,7 @@ impl ScenarioSource {
         };
         let world_from_body = self.pose(place, &written)?;
         let around = Surroundings::of(world, place.table_half_width_m(), &world_from_body.translation.vector, radius_m);
-        for event in Surroundings::events_of(&around) {
+        if let Some(event) = Surroundings::events_of(&around).next() {
             let what = match event {
                 Event::HitObstacle { index } => format!("inside obstacle {index}"),
                 Event::EnteredKeepOut { index } => format!("inside keep-out box {index}"),

@@ -15,7 +15,8 @@ pub(super) fn of_key(text: &str, wanted: &str) -> (usize, usize) {
         let trimmed = line.trim_start();
         let column = line.chars().count() - trimmed.chars().count() + 1;
         let path = if trimmed.starts_with('[') {
-            table = trimmed.trim_matches(|c: char| c == '[' || c == ']' || c.is_whitespace()).to_owned();
+            let name = trimmed.trim_matches(|c: char| c == '[' || c == ']' || c.is_whitespace());
+            name.clone_into(&mut table);
             table.clone()
         } else if let Some((key, _)) = trimmed.split_once('=').filter(|_| !trimmed.starts_with('#')) {
             let key = key.trim();

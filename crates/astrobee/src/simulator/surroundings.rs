@@ -10,6 +10,7 @@ use tumble_dynamics::{AlignedBox, ObstacleEllipsoid, World};
 /// Against an ellipsoid the test is approximate: the semi-axes grow by the radius, which is exact along the axes
 /// and lets the sphere come a little too near in between.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools)] // each stands for a limit of its own
 pub struct Surroundings {
     /// The origin is in no keep-in box.
     pub outside_keep_in: bool,
