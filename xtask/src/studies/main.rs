@@ -24,6 +24,7 @@ mod plain_throws;
 mod plot;
 mod propulsion_dynamics;
 mod real_data;
+mod simulator;
 mod throws;
 mod thrust_imu;
 
@@ -60,6 +61,7 @@ const PROBLEMS: &[Problem] = &[
     ("fourier", fourier::run),
     ("likelihood", likelihood::bench),
     ("allocation", allocation::run),
+    ("simulator", simulator::run),
 ];
 
 /// What a result folder says about the run that wrote it.
