@@ -886,6 +886,41 @@ const MUTANTS: &[Mutant] = &[
         replacement: "if bytes.len() > LIMIT_BYTES + 1 {",
         test: "-p tumble-astrobee --test corruption_sweep",
     },
+    Mutant {
+        name: "payload: at rest, yet with the robot's momentum",
+        file: "crates/astrobee/src/simulator/payload.rs",
+        original: "&body_momentum(robot, twist_body))",
+        replacement: "&body_momentum(&(*robot + *payload), twist_body))",
+        test: "-p tumble-astrobee --test simulator",
+    },
+    Mutant {
+        name: "payload: grasp pose turned round when it is attached",
+        file: "crates/astrobee/src/simulator.rs",
+        original: "grasp.payload.transformed_by(&grasp.robot_from_payload)",
+        replacement: "grasp.payload.transformed_by(&grasp.robot_from_payload.inverse())",
+        test: "-p tumble-astrobee --test simulator",
+    },
+    Mutant {
+        name: "payload: released with the robot's twist instead of its own",
+        file: "crates/astrobee/src/simulator/payload.rs",
+        original: "robot.twist_body.transformed_by(&grasp.robot_from_payload.inverse())",
+        replacement: "robot.twist_body",
+        test: "-p tumble-astrobee --test simulator",
+    },
+    Mutant {
+        name: "payload: the body stays laden after the release",
+        file: "crates/astrobee/src/simulator.rs",
+        original: "        self.take_load(None);\n        self.push_event(Event::PayloadReleased);",
+        replacement: "        self.held = None;\n        self.push_event(Event::PayloadReleased);",
+        test: "-p tumble-astrobee --test simulator",
+    },
+    Mutant {
+        name: "table: first moment out of the plane kept",
+        file: "crates/astrobee/src/simulator/payload.rs",
+        original: "Vector3::new(body.first_moment.x, body.first_moment.y, 0.0)",
+        replacement: "body.first_moment",
+        test: "-p tumble-astrobee --test simulator",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

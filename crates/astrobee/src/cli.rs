@@ -9,6 +9,8 @@ pub mod excite;
 pub mod identify;
 mod identify_periodic;
 pub mod realize;
+pub mod scenario;
+pub mod simulate;
 
 /// How a command ended when nothing was wrong with its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

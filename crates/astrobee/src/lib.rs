@@ -19,11 +19,14 @@ pub mod output;
 pub mod propulsion;
 pub mod recording;
 pub mod report;
+pub mod scenario;
 pub mod sensing;
+pub mod simulator;
 pub mod space_cobot;
 pub mod spheres;
 mod text_file;
 pub mod wheel_throw;
+pub mod worlds;
 
 pub use error::AstrobeeError;
 

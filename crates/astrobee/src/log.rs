@@ -28,7 +28,7 @@ const FORCE: [&str; 3] = ["f_x", "f_y", "f_z"];
 const TORQUE: [&str; 3] = ["tau_x", "tau_y", "tau_z"];
 
 /// Columns that a simulated flight adds for comparison; no estimate reads them.
-const SIMULATED: [&str; 2] = ["true_", "cmd_"];
+const SIMULATED: [&str; 6] = ["true_", "cmd_", "est_", "sigma_", "plan_revision", "belief_revision"];
 
 /// What `tumble identify --template` prints: a header with every column and two valid rows.
 pub const TEMPLATE: &str = "\
