@@ -1,5 +1,6 @@
 //! What the sensors suffer from: every figure of `docs/sensing.md` and every source of error, by its statistics.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::float_cmp, reason = "settings and unchanged numbers are equal to the bit")]
 #![allow(
     unsafe_code,
     reason = "an allocator that counts has to implement `GlobalAlloc`; it hands everything to the system's"
@@ -203,8 +204,8 @@ mod inertial_unit {
                 let (k, s) = (tap / per_interval, (tap % per_interval) as f64 / per_interval as f64);
                 if s == 0.0 { knots[k] } else { knots[k] * (1.0 - s) + knots[k + 1] * s }
             };
-            for k in 0..40 {
-                let found = imu.measure(&accelerating(0, Vector3::new(0.0, knots[k], 0.0))).specific_force_sensor.x;
+            for (k, &knot) in knots.iter().enumerate() {
+                let found = imu.measure(&accelerating(0, Vector3::new(0.0, knot, 0.0))).specific_force_sensor.x;
                 let newest = k * per_interval;
                 if newest >= 64 {
                     let expected = (0..64).map(|tap| fine(newest - tap)).sum::<f64>() / 64.0;
@@ -981,6 +982,11 @@ mod seeds {
 mod settings {
     use super::*;
 
+    #[derive(serde::Deserialize)]
+    struct Named {
+        sensing: SensingPreset,
+    }
+
     #[test]
     fn presets_are_valid_and_survive_a_file() {
         for preset in [SensingPreset::Perfect, SensingPreset::Nominal, SensingPreset::ThesisFlight] {
@@ -990,10 +996,6 @@ mod settings {
             assert_eq!(toml::from_str::<LocalizationSettings>(&text).unwrap(), settings);
         }
         assert_eq!(toml::from_str::<LocalizationSettings>("").unwrap(), LocalizationSettings::nominal());
-        #[derive(serde::Deserialize)]
-        struct Named {
-            sensing: SensingPreset,
-        }
         let named: Named = toml::from_str("sensing = \"thesis-flight\"").unwrap();
         assert_eq!(named.sensing, SensingPreset::ThesisFlight);
     }
