@@ -23,6 +23,19 @@ pub const FULLY_OPEN_COUNTS: f64 = 254.999_985;
 /// Body axes. [`Actuation`] and every wrench here have their torque about the body origin; the flight software's commands have it
 /// about the centre of mass: [`ForceAllocation::about_origin`], [`ForceAllocation::about_center_of_mass`]. The allocation itself does
 /// not depend on the centre of mass ([`thrusts_of_wrench`]).
+/// # Example
+/// ```
+/// use tumble_astrobee::propulsion::{ForceAllocation, ImpellerMode};
+/// use tumble_dynamics::{Actuation as _, nalgebra::Vector3};
+/// use tumble_lie::Wrench;
+///
+/// let allocation = ForceAllocation::new(ImpellerMode::Nominal, Vector3::new(0.004, 0.0, -0.003));
+/// let wanted = allocation.about_origin(&Wrench::new(Vector3::zeros(), Vector3::new(0.1, 0.0, 0.0)));
+/// let steps = allocation.allocate_steps(&wanted)?;
+/// assert!(steps.limits.is_exact());
+/// assert!((allocation.realize(&steps.flaps) - wanted).to_vector().amax() < 1e-9);
+/// # Ok::<(), tumble_dynamics::DynamicsError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceAllocation {
     /// Impeller speed of both modules.
