@@ -658,8 +658,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "propulsion: bytes rounded",
         file: "crates/astrobee/src/propulsion/allocation.rs",
-        original: "allocation.counts[i] as u8",
-        replacement: "allocation.counts[i].round() as u8",
+        original: "counts as u8",
+        replacement: "counts.round() as u8",
         test: "-p tumble-astrobee --test propulsion",
     },
     Mutant {
