@@ -186,6 +186,28 @@ pub enum AstrobeeError {
         /// What makes it long.
         because: &'static str,
     },
+    /// T028: a recording of a kind that is not read.
+    #[error("no recording that can be read: {reason}")]
+    UnknownRecording {
+        /// What it is, or what it is not.
+        reason: String,
+    },
+    /// T029: a message that the flight needs and that is not decoded.
+    #[error("topic {topic}: {source}")]
+    BadMessage {
+        /// Topic.
+        topic: String,
+        /// What is wrong with it.
+        source: crate::recording::messages::MessageError,
+    },
+    /// T030: a recording that holds no flight, or several.
+    #[error("{path}: {reason}")]
+    NoFlight {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what is missing.
+        reason: String,
+    },
     /// T021: an excitation that cannot be designed or flown.
     #[error("no such excitation: {0}")]
     Excitation(IdentificationError),
@@ -216,6 +238,9 @@ impl AstrobeeError {
             Self::UnknownFormat { .. } => "T018",
             Self::Throw(_) => "T019",
             Self::Excitation(_) | Self::SearchTooLong { .. } => "T021",
+            Self::UnknownRecording { .. } => "T028",
+            Self::BadMessage { .. } => "T029",
+            Self::NoFlight { .. } => "T030",
         }
     }
 
@@ -280,6 +305,13 @@ impl AstrobeeError {
             Self::SearchTooLong { .. } => {
                 "a number within the bound; three starts and three to eight harmonics show almost all"
             }
+            Self::UnknownRecording { .. } => {
+                "ROS 1 bags of version 2.0 and MCAP files are read; `rosbag fix` and `ros2 bag convert` make them of others"
+            }
+            Self::BadMessage { .. } => {
+                "record with message definitions that `docs/recordings.md` lists, or convert the log to CSV"
+            }
+            Self::NoFlight { .. } => "`docs/recordings.md` says which topics make a flight",
             Self::Excitation(error) => match error {
                 IdentificationError::TooManySamples { .. } => "a shorter `--period`, or a lower `--rate`",
                 IdentificationError::PeriodNotWhole { .. } => "change `--period` or `--rate` to the values named",
