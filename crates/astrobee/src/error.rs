@@ -189,6 +189,20 @@ pub enum AstrobeeError {
     /// T021: an excitation that cannot be designed or flown.
     #[error("no such excitation: {0}")]
     Excitation(IdentificationError),
+    /// T031: a file that does not begin as files of its format do.
+    #[error("{path}: this is not {format}")]
+    NotThisFormat {
+        /// The file.
+        path: PathBuf,
+        /// What was expected.
+        format: &'static str,
+    },
+    /// T032: a ROS 2 database.
+    #[error("{path}: a ROS 2 database holds no message definitions and is not read")]
+    Database {
+        /// The file.
+        path: PathBuf,
+    },
 }
 
 impl AstrobeeError {
@@ -216,6 +230,8 @@ impl AstrobeeError {
             Self::UnknownFormat { .. } => "T018",
             Self::Throw(_) => "T019",
             Self::Excitation(_) | Self::SearchTooLong { .. } => "T021",
+            Self::NotThisFormat { .. } => "T031",
+            Self::Database { .. } => "T032",
         }
     }
 
@@ -295,6 +311,11 @@ impl AstrobeeError {
                 }
                 _ => "more `--starts`, more `--harmonics`, or other limits",
             },
+            Self::NotThisFormat { .. } => "check the file; logs are CSV, TUM, ROS 1 bag or MCAP",
+            Self::Database { .. } => {
+                "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \
+                 storage_id: mcap, all_topics: true}]` in mcap.yaml"
+            }
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }
     }

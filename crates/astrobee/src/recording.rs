@@ -4,6 +4,8 @@
 //! those who know the type. Damage ends or interrupts a scan but never loses what stands before it: the
 //! [`ScanReport`] says what was left out and where.
 
+pub mod mcap_reader;
+
 /// How the payload of a message is encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
