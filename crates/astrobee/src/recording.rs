@@ -7,6 +7,7 @@
 pub mod bag;
 pub mod messages;
 pub mod wire;
+pub mod mcap_reader;
 
 /// How the payload of a message is encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
