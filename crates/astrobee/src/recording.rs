@@ -5,9 +5,9 @@
 //! [`ScanReport`] says what was left out and where.
 
 pub mod bag;
+pub mod mcap_reader;
 pub mod messages;
 pub mod wire;
-pub mod mcap_reader;
 
 /// How the payload of a message is encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -69,35 +69,48 @@ pub fn scan(
     }
     let mut scan = Scan { report: ScanReport::default(), connections: Connections::default(), each, stopped: false };
     let (mut header, mut data, mut content) = (Vec::new(), Vec::new(), Vec::new());
+    let mut doubtful_before = false;
     while !scan.stopped {
         let offset = source.at;
-        match source.record(&mut header, &mut data) {
-            Ok(true) => {}
-            Ok(false) => break,
-            Err(damage) => {
-                let torn_chunk = matches!(damage, Damage::Torn) && !data.is_empty();
-                scan.lose(offset, source.reason(damage), true);
-                // What stands before the tear is intact.
-                if torn_chunk && let Some(fields) = Fields::of(&header) {
-                    match fields.op() {
-                        Some(op::CHUNK) => scan.torn_chunk(offset, &fields, &data, &mut content),
-                        _ => {}
-                    }
+        let read = source.record(&mut header, &mut data);
+        let doubt = match read {
+            Ok(Found::End) => break,
+            Ok(Found::Whole) => None,
+            Ok(Found::Doubtful(reason)) => Some(reason),
+            Ok(Found::TooLong { bytes }) => {
+                scan.lose(offset, format!("a record of {bytes} bytes; at most {MOST_DATA_BYTES} are read"), false);
+                continue;
+            }
+            Err(reason) => {
+                scan.lose(offset, reason, true);
+                // Empty unless the header was read.
+                if let (false, Some(fields)) = (data.is_empty(), Fields::of(&header)) {
+                    scan.torn_chunk(offset, &fields, &data, &mut content);
                 }
                 break;
             }
-        }
-        let Some(fields) = Fields::of(&header) else {
-            scan.lose(offset, "a record header that is no list of fields".to_owned(), false);
-            continue;
         };
+        if let Some(reason) = doubt {
+            // One header may be damaged and its lengths good; two in a row, and this is no longer the edge of a record.
+            scan.lose(offset, reason.to_owned(), doubtful_before);
+            if doubtful_before {
+                break;
+            }
+            doubtful_before = true;
+            continue;
+        }
+        doubtful_before = false;
+        let Some(fields) = Fields::of(&header) else { continue };
         match fields.op() {
             Some(op::CHUNK) => scan.chunk(offset, &fields, &data, &mut content),
             Some(op::BAG_HEADER) => {
                 if let Some(encryptor) = fields.get(b"encryptor").filter(|name| !name.is_empty()) {
                     return Err(AstrobeeError::UnknownRecording {
                         path: path.into(),
-                        reason: format!("an encrypted bag ({}); decrypt it with `rosbag decrypt`", encryptor.escape_ascii()),
+                        reason: format!(
+                            "an encrypted bag ({}); decrypt it with `rosbag decrypt`",
+                            encryptor.escape_ascii()
+                        ),
                     });
                 }
             }
@@ -108,21 +121,16 @@ pub fn scan(
     Ok(scan.report)
 }
 
-/// What ends the walk from record to record.
-enum Damage {
-    /// The file ends within a record.
-    Torn,
-    /// A length beyond its limit.
-    Length { what: &'static str, bytes: u64, limit: u64 },
-}
-
-impl Damage {
-    fn reason(&self) -> String {
-        match self {
-            Self::Torn => "the file ends within this record".to_owned(),
-            Self::Length { what, bytes, limit } => format!("{what} of {bytes} bytes; at most {limit} are read"),
-        }
-    }
+/// What stands at the place reached.
+enum Found {
+    /// A record, or one that no one reads (the index), passed over.
+    Whole,
+    /// The clean end of the file.
+    End,
+    /// Something whose lengths are good but whose header says nothing known.
+    Doubtful(&'static str),
+    /// A record longer than is read, passed over.
+    TooLong { bytes: u64 },
 }
 
 /// The file, with the place reached.
@@ -157,54 +165,53 @@ impl<R: Read> Source<R> {
     }
 
     /// A length of four bytes; `None` at the clean end of the file.
-    fn length(&mut self) -> Result<Option<u64>, Damage> {
+    fn length(&mut self) -> Result<Option<u64>, String> {
         let mut bytes = Vec::with_capacity(4);
-        let whole = self.fill(&mut bytes, 4);
+        self.fill(&mut bytes, 4);
         match <[u8; 4]>::try_from(bytes.as_slice()) {
             Ok(bytes) => Ok(Some(u64::from(u32::from_le_bytes(bytes)))),
-            Err(_) if !whole && bytes.is_empty() && self.failure.is_none() => Ok(None),
-            Err(_) => Err(Damage::Torn),
+            Err(_) if bytes.is_empty() && self.failure.is_none() => Ok(None),
+            Err(_) => Err(self.torn()),
         }
     }
 
-    /// Reads the next record; `false` at the end. Data that no one reads (the index) is passed over.
-    fn record(&mut self, header: &mut Vec<u8>, data: &mut Vec<u8>) -> Result<bool, Damage> {
+    /// Reads the next record.
+    ///
+    /// # Errors
+    /// Why the file ends within it; `data` then holds what there is of them.
+    fn record(&mut self, header: &mut Vec<u8>, data: &mut Vec<u8>) -> Result<Found, String> {
         data.clear();
-        let Some(length) = self.length()? else { return Ok(false) };
-        within("a record header", length, MOST_HEADER_BYTES)?;
-        if !self.fill(header, length) {
-            return Err(Damage::Torn);
+        let Some(length) = self.length()? else { return Ok(Found::End) };
+        header.clear();
+        let read_header = length <= MOST_HEADER_BYTES;
+        if !(if read_header { self.fill(header, length) } else { self.skip(length) }) {
+            return Err(self.torn());
         }
-        let length = self.length()?.ok_or(Damage::Torn)?;
-        let kind = Fields::of(header).and_then(|fields| fields.op());
-        let whole = match kind {
-            Some(op::INDEX | op::CHUNK_INFO | op::BAG_HEADER) => self.skip(length),
-            Some(op::CONNECTION) => {
-                within("a connection", length, MOST_CONNECTION_BYTES)?;
-                self.fill(data, length)
-            }
-            Some(op::CHUNK | op::MESSAGE) => {
-                within("a record", length, MOST_DATA_BYTES)?;
-                self.fill(data, length)
-            }
-            _ => {
-                within("a record", length, MOST_DATA_BYTES)?;
-                self.skip(length)
-            }
+        let Some(bytes) = self.length()? else { return Err(self.torn()) };
+        let fields = Fields::of(header).filter(|_| read_header);
+        let kind = fields.as_ref().and_then(Fields::op);
+        let most = match kind {
+            Some(op::CHUNK | op::MESSAGE) => MOST_DATA_BYTES,
+            Some(op::CONNECTION) => MOST_CONNECTION_BYTES,
+            _ => 0,
         };
-        if whole { Ok(true) } else { Err(Damage::Torn) }
+        if !(if bytes <= most { self.fill(data, bytes) } else { self.skip(bytes) }) {
+            return Err(self.torn());
+        }
+        Ok(match kind {
+            Some(op::CHUNK | op::MESSAGE | op::CONNECTION) if bytes > most => Found::TooLong { bytes },
+            Some(op::MESSAGE..=op::CONNECTION) => Found::Whole,
+            Some(_) => Found::Doubtful("a record of an unknown kind"),
+            None => Found::Doubtful("a record header that is no list of fields with a kind"),
+        })
     }
 
-    fn reason(&mut self, damage: Damage) -> String {
+    fn torn(&mut self) -> String {
         match self.failure.take() {
             Some(error) => format!("cannot be read: {error}"),
-            None => damage.reason(),
+            None => "the file ends within this record".to_owned(),
         }
     }
-}
-
-fn within(what: &'static str, bytes: u64, limit: u64) -> Result<(), Damage> {
-    if bytes > limit { Err(Damage::Length { what, bytes, limit }) } else { Ok(()) }
 }
 
 /// The fields of a record header, checked to fill it exactly.
@@ -290,8 +297,7 @@ impl Connections {
         if self.by_number.len() >= MOST_CONNECTIONS || self.name_bytes > MOST_NAME_BYTES {
             return Err("more connections than are read (65536, 16 MiB of names)");
         }
-        let connection =
-            Connection { topic: topic.to_owned(), type_name: type_name.to_owned(), md5: md5.to_owned() };
+        let connection = Connection { topic: topic.to_owned(), type_name: type_name.to_owned(), md5: md5.to_owned() };
         self.by_number.insert(number, connection);
         Ok(())
     }
@@ -351,36 +357,48 @@ impl Scan<'_> {
         }
     }
 
-    /// The first part of a chunk: what of it is complete is handed on, and where it ends has been said.
+    /// The first part of a chunk: what of it is complete is handed on; where the file ends has been said.
     fn torn_chunk(&mut self, offset: u64, fields: &Fields<'_>, data: &[u8], content: &mut Vec<u8>) {
-        let before = (self.report.losses.len(), self.report.loss_count);
+        if fields.op() != Some(op::CHUNK) {
+            return;
+        }
+        let said = (self.report.losses.len(), self.report.loss_count);
         if fields.get(b"compression") == Some(b"none") {
             self.records(offset, data);
-        } else if decompress(fields, data, content).is_err() {
-            // Blocks are handed out whole; what comes out before the tear is good.
-            let content = std::mem::take(content);
-            self.records(offset, &content);
+        } else {
+            // It must end too early; blocks come out whole, so that what comes out is good.
+            let _ = decompress(fields, data, content);
+            self.records(offset, content);
         }
-        self.report.losses.truncate(before.0);
-        self.report.loss_count = before.1;
+        self.report.losses.truncate(said.0);
+        self.report.loss_count = said.1;
     }
 
     /// The records of a chunk.
     fn records(&mut self, offset: u64, content: &[u8]) {
         let mut rest = content;
+        let mut doubtful_before = false;
         while !rest.is_empty() && !self.stopped {
             let at = content.len() - rest.len();
             let record = split_counted(rest).and_then(|(header, behind)| Some((header, split_counted(behind)?)));
             let Some((header, (data, behind))) = record else {
-                return self.lose(offset, format!("the chunk's record at its byte {at} reaches beyond the chunk"), false);
+                return self.lose(
+                    offset,
+                    format!("byte {at} of the chunk: this record reaches beyond the chunk"),
+                    false,
+                );
             };
-            match Fields::of(header) {
-                Some(fields) => self.record(offset, &fields, data),
-                None => {
-                    self.lose(offset, format!("the chunk's record at its byte {at} has no list of fields"), false);
-                }
-            }
             rest = behind;
+            let fields = Fields::of(header);
+            let doubtful = fields.as_ref().and_then(Fields::op).is_none();
+            match fields {
+                Some(fields) if !doubtful => self.record(offset, &fields, data),
+                _ => self.lose(offset, format!("byte {at} of the chunk: no list of fields with a kind"), false),
+            }
+            if doubtful && doubtful_before {
+                return;
+            }
+            doubtful_before = doubtful;
         }
     }
 }
@@ -396,15 +414,18 @@ fn decompress(fields: &Fields<'_>, data: &[u8], content: &mut Vec<u8>) -> Result
     let read = match fields.get(b"compression") {
         Some(b"bz2") => bzip2::read::BzDecoder::new(data).take(declared + 1).read_to_end(content),
         Some(b"lz4") => lz4_flex::frame::FrameDecoder::new(data).take(declared + 1).read_to_end(content),
-        Some(other) => return Err(format!("a chunk compressed by `{}`; none, bz2 and lz4 are read", other.escape_ascii())),
+        Some(other) => {
+            return Err(format!("a chunk compressed by `{}`; none, bz2 and lz4 are read", other.escape_ascii()));
+        }
         None => return Err("a chunk that does not say how it is compressed".to_owned()),
     };
     let name = fields.text(b"compression").unwrap_or_default();
     match read {
         Err(error) => Err(format!("the chunk does not decompress as {name}: {error}")),
-        Ok(_) if content.len() as u64 != declared => {
-            Err(format!("the chunk is said to hold {declared} bytes, its {name} data hold {}", more(content.len(), declared)))
-        }
+        Ok(_) if content.len() as u64 != declared => Err(format!(
+            "the chunk is said to hold {declared} bytes, its {name} data hold {}",
+            more(content.len(), declared)
+        )),
         Ok(_) => Ok(()),
     }
 }
