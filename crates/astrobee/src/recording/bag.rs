@@ -114,6 +114,7 @@ pub fn scan(
                     });
                 }
             }
+            Some(op::INDEX | op::CHUNK_INFO) => {}
             _ => scan.record(offset, &fields, &data),
         }
     }
@@ -200,7 +201,8 @@ impl<R: Read> Source<R> {
         }
         Ok(match kind {
             Some(op::CHUNK | op::MESSAGE | op::CONNECTION) if bytes > most => Found::TooLong { bytes },
-            Some(op::MESSAGE..=op::CONNECTION) => Found::Whole,
+            Some(op::CHUNK | op::MESSAGE | op::CONNECTION) => Found::Whole,
+            Some(_) if fields.is_some_and(|fields| fields.are_passed_over()) => Found::Whole,
             Some(_) => Found::Doubtful("a record of an unknown kind"),
             None => Found::Doubtful("a record header that is no list of fields with a kind"),
         })
@@ -246,6 +248,17 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// Whether this is really one of the records that nobody reads, and no other whose kind is damaged.
+    fn are_passed_over(&self) -> bool {
+        let own = match self.op() {
+            Some(op::BAG_HEADER) => "index_pos",
+            Some(op::INDEX) => "count",
+            Some(op::CHUNK_INFO) => "chunk_pos",
+            _ => return false,
+        };
+        self.get(own.as_bytes()).is_some()
+    }
+
     fn u32(&self, name: &[u8]) -> Option<u32> {
         Some(u32::from_le_bytes(self.get(name)?.try_into().ok()?))
     }
@@ -286,13 +299,13 @@ impl Connections {
     fn note(&mut self, fields: &Fields<'_>, data: &[u8]) -> Result<(), &'static str> {
         const INCOMPLETE: &str = "a connection without number, topic, type or md5 sum";
         let number = fields.u32(b"conn").ok_or(INCOMPLETE)?;
+        let topic = fields.text(b"topic").ok_or(INCOMPLETE)?;
+        let described = Fields::of(data).ok_or("a connection that is no list of fields")?;
+        let type_name = described.text(b"type").ok_or(INCOMPLETE)?;
+        let md5 = described.text(b"md5sum").ok_or(INCOMPLETE)?;
         if self.by_number.contains_key(&number) {
             return Ok(());
         }
-        let described = Fields::of(data).ok_or("a connection that is no list of fields")?;
-        let topic = fields.text(b"topic").ok_or(INCOMPLETE)?;
-        let type_name = described.text(b"type").ok_or(INCOMPLETE)?;
-        let md5 = described.text(b"md5sum").ok_or(INCOMPLETE)?;
         self.name_bytes = self.name_bytes.saturating_add(topic.len() + type_name.len() + md5.len());
         if self.by_number.len() >= MOST_CONNECTIONS || self.name_bytes > MOST_NAME_BYTES {
             return Err("more connections than are read (65536, 16 MiB of names)");
@@ -342,8 +355,7 @@ impl Scan<'_> {
                 self.report.messages += 1;
                 self.stopped = (self.each)(&message).is_break();
             }
-            Some(op::INDEX | op::CHUNK_INFO) => {}
-            _ => self.lose(offset, "a record of an unknown kind".to_owned(), false),
+            _ => self.lose(offset, "a record of a kind that does not belong here".to_owned(), false),
         }
     }
 
