@@ -4,7 +4,12 @@
 //! those who know the type. Damage ends or interrupts a scan but never loses what stands before it: the
 //! [`ScanReport`] says what was left out and where.
 
+pub mod bag;
+pub mod foxglove;
 pub mod mcap_reader;
+pub mod mcap_writer;
+pub mod messages;
+pub mod wire;
 
 /// How the payload of a message is encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -13,10 +13,9 @@ use super::{Encoding, Loss, RawMessage, ScanReport};
 use crate::AstrobeeError;
 use crc32fast::Hasher;
 use std::collections::HashMap;
-use std::io::{BufReader, Read};
+use std::io::{BufRead, BufReader, Read};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
 
 /// What every MCAP file begins and ends with.
 pub const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
@@ -38,37 +37,38 @@ mod kind {
 
 const CUT_SHORT: &str = "the file ends within this record";
 
-/// Hands every message of an MCAP file on, in the order of the file, until `each` breaks.
+/// Hands every message of an MCAP file on, in the order of the file, until `visit` breaks.
 ///
 /// # Errors
-/// [`AstrobeeError::NotThisFormat`] where the file does not begin like MCAP; [`AstrobeeError::Unreadable`] where the
-/// operating system refuses. Damage is no error: the report says it.
-pub fn scan(
-    reader: &mut dyn Read,
-    path: &Path,
-    each: &mut dyn FnMut(&RawMessage<'_>) -> ControlFlow<()>,
+/// [`AstrobeeError::UnknownRecording`] where the file does not begin like MCAP. Damage, and a file that the operating
+/// system stops giving, are no errors: the report says them.
+pub fn scan<R: Read>(
+    reader: R,
+    visit: &mut dyn FnMut(RawMessage<'_>) -> ControlFlow<()>,
 ) -> Result<ScanReport, AstrobeeError> {
-    let unreadable = |source| AstrobeeError::Unreadable { path: path.into(), source };
     let mut source = Source { inner: BufReader::with_capacity(1 << 16, reader), offset: 0, data_crc: Hasher::new() };
     let mut magic = Vec::new();
-    source.read(MAGIC.len() as u64, &mut magic).map_err(unreadable)?;
+    let begun = source.read(MAGIC.len() as u64, &mut magic);
     if magic != MAGIC {
-        return Err(AstrobeeError::NotThisFormat { path: path.into(), format: "MCAP" });
+        let reason = begun.err().map_or("it does not begin as MCAP files do".to_owned(), |error| error.to_string());
+        return Err(AstrobeeError::UnknownRecording { reason });
     }
-    let mut scan = Scan { topics: Topics::default(), report: ScanReport::default(), each };
-    let _ = scan.records(&mut source).map_err(unreadable)?;
+    let mut scan = Scan { topics: Topics::default(), report: ScanReport::default(), visit };
+    if let Err(error) = scan.records(&mut source) {
+        scan.report.lose(Loss { offset: source.offset, reason: error.to_string(), ends_the_scan: true });
+    }
     scan.report.bytes = source.offset;
     Ok(scan.report)
 }
 
 /// The file, with the place and the check sum of what has been read.
-struct Source<'a> {
-    inner: BufReader<&'a mut dyn Read>,
+struct Source<R> {
+    inner: BufReader<R>,
     offset: u64,
     data_crc: Hasher,
 }
 
-impl Source<'_> {
+impl<R: Read> Source<R> {
     /// Replaces `body` by the next `length` bytes, or by fewer where the file ends.
     fn read(&mut self, length: u64, body: &mut Vec<u8>) -> std::io::Result<bool> {
         body.clear();
@@ -80,16 +80,16 @@ impl Source<'_> {
 
     /// Passes over `length` bytes; `false` where the file ends before.
     fn skip(&mut self, length: u64) -> std::io::Result<bool> {
-        let mut block = [0; 8192];
         let mut left = length;
         while left > 0 {
-            let most = usize::try_from(left).unwrap_or(usize::MAX).min(block.len());
-            let Some(part) = block.get_mut(..most) else { break };
-            let count = self.inner.read(part)?;
-            if count == 0 {
+            let block = self.inner.fill_buf()?;
+            let passed = block.get(..usize::try_from(left).unwrap_or(usize::MAX)).unwrap_or(block);
+            if passed.is_empty() {
                 return Ok(false);
             }
-            self.data_crc.update(part.get(..count).unwrap_or_default());
+            self.data_crc.update(passed);
+            let count = passed.len();
+            self.inner.consume(count);
             self.offset += count as u64;
             left -= count as u64;
         }
@@ -167,7 +167,7 @@ impl Topics {
 struct Scan<'a> {
     topics: Topics,
     report: ScanReport,
-    each: &'a mut dyn FnMut(&RawMessage<'_>) -> ControlFlow<()>,
+    visit: &'a mut dyn FnMut(RawMessage<'_>) -> ControlFlow<()>,
 }
 
 impl Scan<'_> {
@@ -176,7 +176,7 @@ impl Scan<'_> {
     }
 
     /// The records of the file, after the magic.
-    fn records(&mut self, source: &mut Source<'_>) -> std::io::Result<ControlFlow<()>> {
+    fn records<R: Read>(&mut self, source: &mut Source<R>) -> std::io::Result<ControlFlow<()>> {
         let (mut body, mut expanded) = (Vec::new(), Vec::new());
         loop {
             let offset = source.offset;
@@ -266,7 +266,7 @@ impl Scan<'_> {
             return ControlFlow::Continue(());
         };
         self.report.messages += 1;
-        (self.each)(&RawMessage {
+        (self.visit)(RawMessage {
             topic: &topic.name,
             type_name: &topic.type_name,
             md5: &topic.md5,
