@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use tumble_dynamics::World;
 use tumble_lie::Pose;
-use tumble_lie::nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use tumble_lie::nalgebra::{UnitQuaternion, Vector3};
 
 /// The frame in which everything is measured.
 pub const WORLD_FRAME: &str = "world";
@@ -134,8 +134,8 @@ fn stamped(time_ns: i64) -> String {
     format!("{{\"sec\":{},\"nsec\":{}}}", time_ns.div_euclid(1_000_000_000), time_ns.rem_euclid(1_000_000_000))
 }
 
-/// `{"x":..,..}` of as many names as numbers; the numbers read back to the same bits.
-fn named<'a>(names: &[&str], numbers: impl IntoIterator<Item = &'a f64>) -> String {
+/// Numbers under their names, `{"x":..,..}`; they read back to the same bits.
+pub fn flat<'a>(names: &[&str], numbers: impl IntoIterator<Item = &'a f64>) -> String {
     let mut text = String::from("{");
     for (name, number) in names.iter().zip(numbers) {
         let comma = if text.len() > 1 { "," } else { "" };
@@ -157,7 +157,7 @@ pub fn pose_in_frame(time_ns: i64, position: &[f64; 3], xyzw: &[f64; 4]) -> Stri
 }
 
 fn pose_text(position: &[f64; 3], xyzw: &[f64; 4]) -> String {
-    format!("{{\"position\":{},\"orientation\":{}}}", named(&XYZ, position), named(&XYZW, xyzw))
+    format!("{{\"position\":{},\"orientation\":{}}}", flat(&XYZ, position), flat(&XYZW, xyzw))
 }
 
 /// The body in the world as `foxglove.FrameTransforms`.
@@ -166,8 +166,8 @@ pub fn body_transform(time_ns: i64, position: &[f64; 3], xyzw: &[f64; 4]) -> Str
         "{{\"transforms\":[{{\"timestamp\":{},\"parent_frame_id\":\"{WORLD_FRAME}\",\"child_frame_id\":\"{BODY_FRAME}\",\
          \"translation\":{},\"rotation\":{}}}]}}",
         stamped(time_ns),
-        named(&XYZ, position),
-        named(&XYZW, xyzw)
+        flat(&XYZ, position),
+        flat(&XYZW, xyzw)
     )
 }
 
@@ -177,8 +177,8 @@ pub fn world_scene(time_ns: i64, world: &World) -> String {
     const OBSTACLE_COLOR: [f64; 4] = [0.9, 0.3, 0.2, 0.7];
     let solid = |pose: &Pose<f64>, size: &Vector3<f64>, color: &[f64; 4]| {
         let (position, xyzw) = (pose.translation.vector.into(), pose.rotation.coords.into());
-        let (pose, size) = (pose_text(&position, &xyzw), named(&XYZ, size));
-        format!("{{\"pose\":{pose},\"size\":{size},\"color\":{}}}", named(&["r", "g", "b", "a"], color))
+        let (pose, size) = (pose_text(&position, &xyzw), flat(&XYZ, size));
+        format!("{{\"pose\":{pose},\"size\":{size},\"color\":{}}}", flat(&["r", "g", "b", "a"], color))
     };
     let boxes = world.keep_in.iter().map(|keep_in| {
         let center = (keep_in.lower_world + keep_in.upper_world) * 0.5;
@@ -205,11 +205,6 @@ pub fn world_scene(time_ns: i64, world: &World) -> String {
     )
 }
 
-/// Numbers under their names, flat.
-pub fn flat<'a>(names: &[&str], numbers: impl IntoIterator<Item = &'a f64>) -> String {
-    named(names, numbers)
-}
-
 /// Position and quaternion (x, y, z, w) of a `foxglove.PoseInFrame`.
 pub fn read_pose(payload: &[u8]) -> Option<([f64; 3], [f64; 4])> {
     let message: Value = serde_json::from_slice(payload).ok()?;
@@ -228,10 +223,4 @@ fn read<const N: usize>(object: &Value, names: &[&str; N]) -> Option<[f64; N]> {
         *number = object.get(*name)?.as_f64()?;
     }
     Some(numbers)
-}
-
-/// The pose that [`read_pose`] gives, where its quaternion is one.
-pub fn rigid_pose(position: [f64; 3], xyzw: [f64; 4]) -> Option<Pose<f64>> {
-    let rotation = UnitQuaternion::try_new(Quaternion::from_vector(xyzw.into()), 0.5)?;
-    Some(Pose::from_parts(Vector3::from(position).into(), rotation))
 }

@@ -13,7 +13,7 @@ use super::{Encoding, Loss, RawMessage, ScanReport};
 use crate::AstrobeeError;
 use crc32fast::Hasher;
 use std::collections::HashMap;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -82,7 +82,10 @@ impl<R: Read> Source<R> {
     fn skip(&mut self, length: u64) -> std::io::Result<bool> {
         let mut left = length;
         while left > 0 {
-            let block = self.inner.fill_buf()?;
+            let block = match self.inner.fill_buf() {
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                block => block?,
+            };
             let passed = block.get(..usize::try_from(left).unwrap_or(usize::MAX)).unwrap_or(block);
             if passed.is_empty() {
                 return Ok(false);
