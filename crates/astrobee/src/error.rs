@@ -215,13 +215,15 @@ pub enum AstrobeeError {
     /// T021: an excitation that cannot be designed or flown.
     #[error("no such excitation: {0}")]
     Excitation(IdentificationError),
-    /// T031: a file that does not begin as files of its format do.
-    #[error("{path}: this is not {format}")]
-    NotThisFormat {
-        /// The file.
+    /// T031: something that the format asked for cannot hold.
+    #[error("{path}: {format} cannot hold {what}")]
+    NotHeld {
+        /// The file that was to be written.
         path: PathBuf,
-        /// What was expected.
+        /// Its format.
         format: &'static str,
+        /// What does not go in.
+        what: &'static str,
     },
     /// T032: a ROS 2 database.
     #[error("{path}: a ROS 2 database holds no message definitions and is not read")]
@@ -259,7 +261,7 @@ impl AstrobeeError {
             Self::UnknownRecording { .. } => "T028",
             Self::BadMessage { .. } => "T029",
             Self::NoFlight { .. } => "T030",
-            Self::NotThisFormat { .. } => "T031",
+            Self::NotHeld { .. } => "T031",
             Self::Database { .. } => "T032",
         }
     }
@@ -347,7 +349,7 @@ impl AstrobeeError {
                 }
                 _ => "more `--starts`, more `--harmonics`, or other limits",
             },
-            Self::NotThisFormat { .. } => "check the file; logs are CSV, TUM, ROS 1 bag or MCAP",
+            Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
             Self::Database { .. } => {
                 "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \
                  storage_id: mcap, all_topics: true}]` in mcap.yaml"

@@ -18,7 +18,7 @@ const ROW_LIMIT_BYTES: usize = 65_536;
 /// How many rows `--reorder` holds back to put late ones in order.
 const REORDER_ROWS: usize = 4096;
 
-const REQUIRED: [&str; 8] = ["t_s", "p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w"];
+pub(crate) const REQUIRED: [&str; 8] = ["t_s", "p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w"];
 const VELOCITY: [&str; 3] = ["v_x", "v_y", "v_z"];
 const RATE: [&str; 3] = ["w_x", "w_y", "w_z"];
 const ACCELERATION: [&str; 3] = ["a_x", "a_y", "a_z"];
@@ -95,7 +95,7 @@ fn group<const N: usize>(
     Ok(Some(indices))
 }
 
-fn shortened(text: &str) -> String {
+pub(crate) fn shortened(text: &str) -> String {
     const KEEP: usize = 40;
     // Control characters must not reach a terminal.
     let text: String = text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
@@ -312,7 +312,7 @@ impl Row<'_> {
     }
 }
 
-fn read_row<R: Read>(
+pub(crate) fn read_row<R: Read>(
     records: &mut csv::Reader<BoundedRows<R>>,
     record: &mut csv::ByteRecord,
     path: &Path,
@@ -326,13 +326,13 @@ fn read_row<R: Read>(
 }
 
 /// Ends the stream when a line grows beyond [`ROW_LIMIT_BYTES`], so that no line can fill the memory.
-struct BoundedRows<R> {
+pub(crate) struct BoundedRows<R> {
     inner: R,
     bytes_in_line: usize,
     too_long: bool,
 }
 impl<R> BoundedRows<R> {
-    fn new(inner: R) -> Self {
+    pub(crate) fn new(inner: R) -> Self {
         Self { inner, bytes_in_line: 0, too_long: false }
     }
 }

@@ -5,8 +5,13 @@
 //! [`ScanReport`] says what was left out and where.
 
 pub mod bag;
+pub mod foxglove;
+pub mod mcap_log;
 pub mod mcap_reader;
+pub mod mcap_writer;
 pub mod messages;
+pub mod rows;
+pub mod tum;
 pub mod wire;
 
 /// How the payload of a message is encoded.
