@@ -187,18 +187,14 @@ pub enum AstrobeeError {
         because: &'static str,
     },
     /// T028: a recording of a kind that is not read.
-    #[error("{path}: {reason}")]
+    #[error("no recording that can be read: {reason}")]
     UnknownRecording {
-        /// The file.
-        path: PathBuf,
-        /// What it is.
+        /// What it is, or what it is not.
         reason: String,
     },
     /// T029: a message that the flight needs and that is not decoded.
-    #[error("{path}, topic {topic}: {source}")]
+    #[error("topic {topic}: {source}")]
     BadMessage {
-        /// The file.
-        path: PathBuf,
         /// Topic.
         topic: String,
         /// What is wrong with it.
