@@ -3,6 +3,7 @@
 use crate::AstrobeeError;
 
 pub mod calibrate_wheel;
+pub mod convert;
 pub mod excite;
 pub mod identify;
 mod identify_periodic;

@@ -3,7 +3,7 @@
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
-use tumble_astrobee::cli::{Outcome, calibrate_wheel, excite, identify};
+use tumble_astrobee::cli::{Outcome, calibrate_wheel, convert, excite, identify};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -14,7 +14,8 @@ Examples:
   tumble excite --fly                          design a motion that shows everything, and simulate its flight
   tumble identify log.csv --excitation excitation.toml
   tumble calibrate-wheel cal_*.csv --out cal.toml
-  tumble identify --wheel throw.csv --calibration cal.toml";
+  tumble identify --wheel throw.csv --calibration cal.toml
+  tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler";
 
 /// Mass, centre of mass and inertia of a free-flying robot, from its logs.
 #[derive(Parser)]
@@ -32,6 +33,8 @@ enum Command {
     Excite(Box<excite::ExciteArgs>),
     /// Calibrates the wheel-driven throwing device from throws of itself and of a proof block.
     CalibrateWheel(calibrate_wheel::CalibrateWheelArgs),
+    /// One log format into another: CSV, TUM, MCAP, and ROS 1 bags into these.
+    Convert(convert::ConvertArgs),
 }
 
 fn main() -> ExitCode {
@@ -45,6 +48,7 @@ fn main() -> ExitCode {
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Excite(args)) => excite::run(&args),
         Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
+        Some(Command::Convert(args)) => convert::run(&args),
     };
     match outcome {
         Ok(Outcome::Achieved) => ExitCode::SUCCESS,
