@@ -187,14 +187,18 @@ pub enum AstrobeeError {
         because: &'static str,
     },
     /// T028: a recording of a kind that is not read.
-    #[error("no recording that can be read: {reason}")]
+    #[error("{path}: {reason}")]
     UnknownRecording {
-        /// What it is, or what it is not.
+        /// The file.
+        path: PathBuf,
+        /// What it is.
         reason: String,
     },
     /// T029: a message that the flight needs and that is not decoded.
-    #[error("topic {topic}: {source}")]
+    #[error("{path}, topic {topic}: {source}")]
     BadMessage {
+        /// The file.
+        path: PathBuf,
         /// Topic.
         topic: String,
         /// What is wrong with it.
@@ -211,7 +215,7 @@ pub enum AstrobeeError {
     /// T021: an excitation that cannot be designed or flown.
     #[error("no such excitation: {0}")]
     Excitation(IdentificationError),
-    /// T031: something that the format asked for cannot hold.
+    /// T032: something that the format asked for cannot hold.
     #[error("{path}: {format} cannot hold {what}")]
     NotHeld {
         /// The file that was to be written.
@@ -220,6 +224,14 @@ pub enum AstrobeeError {
         format: &'static str,
         /// What does not go in.
         what: &'static str,
+    },
+    /// T031: a file that does not begin as files of its format do.
+    #[error("{path}: this is not {format}")]
+    NotThisFormat {
+        /// The file.
+        path: PathBuf,
+        /// What was expected.
+        format: &'static str,
     },
     /// T032: a ROS 2 database.
     #[error("{path}: a ROS 2 database holds no message definitions and is not read")]
@@ -257,8 +269,8 @@ impl AstrobeeError {
             Self::UnknownRecording { .. } => "T028",
             Self::BadMessage { .. } => "T029",
             Self::NoFlight { .. } => "T030",
-            Self::NotHeld { .. } => "T031",
-            Self::Database { .. } => "T032",
+            Self::NotThisFormat { .. } => "T031",
+            Self::Database { .. } | Self::NotHeld { .. } => "T032",
         }
     }
 
@@ -345,6 +357,7 @@ impl AstrobeeError {
                 }
                 _ => "more `--starts`, more `--harmonics`, or other limits",
             },
+            Self::NotThisFormat { .. } => "check the file; logs are CSV, TUM, ROS 1 bag or MCAP",
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
             Self::Database { .. } => {
                 "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \

@@ -6,7 +6,15 @@
 //! Module 0 is starboard (+y, "PM1", nozzles 0 to 5), module 1 is port (-y, "PM2", nozzles 6 to 11). Everything is in
 //! body axes: x forward, y starboard, z towards the deck, origin at the geometric centre.
 
+pub mod allocation;
+pub mod blower;
 pub mod constants;
+pub mod inverse;
+pub mod nozzle;
+
+pub use allocation::{Allocation, ForceAllocation, QuantizedAllocation};
+pub use inverse::{AreaTable, Belief, FlapCommand, InverseAllocation};
+pub use nozzle::{Module, PositivityShift};
 
 /// How fast the impellers turn, as the flight software names it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -404,7 +404,8 @@ impl<'a> Message<'a> {
 /// Decodes a message of a known type; `None` for every other type and for encodings without a field layout.
 ///
 /// A message of ROS 1 is told by type and md5 sum, one of ROS 2 (and of ROS 1 where the recording keeps no sum) by the type
-/// alone: then the newest definition must fit the payload to the byte.
+/// alone: then the newest definition must fit the payload to the byte. (That does not tell the oldest `FlightMode` from the
+/// newest, which has another tolerance at the place of the collision radius.)
 ///
 /// # Errors
 /// [`MessageError`] for an unknown definition or a payload that does not hold the fields.

@@ -1,0 +1,185 @@
+//! From a wanted wrench to nozzle openings and bytes, as the flight software does it.
+
+use super::blower::{LARGEST_THRUST_RATIO, pressure_coefficient_of_thrust, pressure_pa};
+use super::constants::{FLAP_TRAVEL_RAD, NOZZLE_COUNTS};
+use super::inverse::{Belief, FlapCommand, InverseAllocation, wrench_of_flow};
+use super::nozzle::{Module, PositivityShift, thrusts_of_wrench};
+use super::{ImpellerMode, PropulsionCommand};
+use nalgebra::Vector3;
+use tumble_dynamics::{Actuation, DynamicsError};
+use tumble_lie::Wrench;
+
+/// What a fully open nozzle counts before truncation: 255 in 32-bit arithmetic, so that its byte is 254.
+///
+/// The flight software of 2021 sent 255. The flap stands 0.0044 rad before its stop.
+pub const FULLY_OPEN_COUNTS: f64 = 254.999_985;
+
+/// Allocation of a wrench to the twelve nozzles at one impeller mode.
+///
+/// Its [`Actuation`] is the one before quantisation: commands are flap angles. What an opening gives is what `inverse` says.
+/// # Frame
+/// Body axes. [`Actuation`] and every wrench here have their torque about the body origin; the flight software's commands have it
+/// about the centre of mass: [`ForceAllocation::about_origin`], [`ForceAllocation::about_center_of_mass`]. The allocation itself does
+/// not depend on the centre of mass ([`thrusts_of_wrench`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ForceAllocation {
+    /// Impeller speed of both modules.
+    pub mode: ImpellerMode,
+    /// Centre of mass, body axes, m: the reference point of the flight software's torques.
+    pub center_of_mass_body: Vector3<f64>,
+    /// What makes thrusts positive.
+    pub shift: PositivityShift,
+    /// What commands give back.
+    pub inverse: InverseAllocation,
+}
+
+/// Every step from a wrench to bytes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Allocation {
+    /// Thrust asked of each nozzle, N.
+    pub thrusts_n: [f64; 12],
+    /// Sum of thrust over discharge coefficient of each module, N.
+    pub thrust_totals_n: [f64; 2],
+    /// Pressure coefficient from the table, of each module; zero with impellers off.
+    pub pressure_coefficients: [f64; 2],
+    /// Pressure above ambient, Pa, of each module.
+    pub pressures_pa: [f64; 2],
+    /// Flap angles, and the mode.
+    pub flaps: FlapCommand,
+    /// Flap angles in counts, before truncation: 0 to [`FULLY_OPEN_COUNTS`].
+    pub counts: [f64; 12],
+    /// What is sent.
+    pub bytes: PropulsionCommand,
+    /// Where the machine cannot do what is asked.
+    pub limits: Limits,
+}
+
+/// Where an allocation meets the limits of the machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Limits {
+    /// Nozzles at their open stop.
+    pub fully_open: [bool; 12],
+    /// Nozzles whose thrust is not zero but smaller than the smallest opening gives, 2e-5 N, or negative: they stay closed.
+    pub held_closed: [bool; 12],
+    /// Modules asked for more than the table of thrusts holds.
+    pub past_table: [bool; 2],
+}
+
+impl Limits {
+    /// Whether a flap stands at its open stop or a module is asked for more than it can give: the wrench is missed widely.
+    pub fn is_saturated(&self) -> bool {
+        self.fully_open.contains(&true) || self.past_table.contains(&true)
+    }
+
+    /// Whether every thrust asked for is given, up to rounding.
+    pub fn is_exact(&self) -> bool {
+        !self.is_saturated() && !self.held_closed.contains(&true)
+    }
+}
+
+impl ForceAllocation {
+    /// As flown, believing what the allocation believes.
+    pub fn new(mode: ImpellerMode, center_of_mass_body: Vector3<f64>) -> Self {
+        let inverse = InverseAllocation { belief: Belief::Allocation, ..InverseAllocation::default() };
+        Self { mode, center_of_mass_body, shift: PositivityShift::default(), inverse }
+    }
+
+    /// A wrench with its torque about the centre of mass, taken about the body origin.
+    pub fn about_origin(&self, wrench_about_com: &Wrench<f64>) -> Wrench<f64> {
+        let Wrench { torque, force } = *wrench_about_com;
+        Wrench::new(torque + self.center_of_mass_body.cross(&force), force)
+    }
+
+    /// A wrench with its torque about the body origin, taken about the centre of mass.
+    pub fn about_center_of_mass(&self, wrench_body: &Wrench<f64>) -> Wrench<f64> {
+        let Wrench { torque, force } = *wrench_body;
+        Wrench::new(torque - self.center_of_mass_body.cross(&force), force)
+    }
+
+    /// All steps from a wrench about the body origin to bytes.
+    ///
+    /// With impellers off every nozzle opens fully, as flown, and nothing flows.
+    /// # Errors
+    /// [`DynamicsError::NotFinite`] for a wrench that is not finite or whose thrusts are not.
+    /// # Source
+    /// (6.14)-(6.18)
+    pub fn allocate_steps(&self, wrench_body: &Wrench<f64>) -> Result<Allocation, DynamicsError> {
+        let thrusts_n = self.shift.apply(&thrusts_of_wrench(wrench_body));
+        let mut allocation = Allocation {
+            thrusts_n,
+            thrust_totals_n: [0.0; 2],
+            pressure_coefficients: [0.0; 2],
+            pressures_pa: [0.0; 2],
+            flaps: FlapCommand { mode: self.mode, openings_rad: [FLAP_TRAVEL_RAD; 12] },
+            counts: [FULLY_OPEN_COUNTS; 12],
+            bytes: PropulsionCommand { impeller_speeds: [self.mode.speed_byte(); 2], nozzles: [0; 12] },
+            limits: Limits::default(),
+        };
+        let speed_rad_s = self.mode.speed_rad_s();
+        for (m, module) in Module::ALL.into_iter().enumerate() {
+            let nozzles = module.nozzles();
+            let own = |i: usize| 6 * m + i;
+            let total: f64 = (0..6).map(|i| thrusts_n[own(i)] / nozzles[i].discharge_coefficient).sum();
+            if !total.is_finite() {
+                return Err(DynamicsError::NotFinite);
+            }
+            allocation.thrust_totals_n[m] = total;
+            if self.mode == ImpellerMode::Off {
+                continue;
+            }
+            let ratio = total / (speed_rad_s * speed_rad_s);
+            let pressure_coefficient = pressure_coefficient_of_thrust(ratio);
+            let pressure_pa = pressure_pa(speed_rad_s, pressure_coefficient);
+            allocation.pressure_coefficients[m] = pressure_coefficient;
+            allocation.pressures_pa[m] = pressure_pa;
+            allocation.limits.past_table[m] = ratio > LARGEST_THRUST_RATIO;
+            for (i, nozzle) in nozzles.iter().enumerate() {
+                let area_m2 = nozzle.area_of_thrust_m2(thrusts_n[own(i)], pressure_pa);
+                let opening_rad = nozzle.opening_rad(area_m2);
+                allocation.flaps.openings_rad[own(i)] = opening_rad;
+                allocation.counts[own(i)] = (opening_rad * (NOZZLE_COUNTS / FLAP_TRAVEL_RAD)).min(FULLY_OPEN_COUNTS);
+                allocation.limits.held_closed[own(i)] = opening_rad <= 0.0 && thrusts_n[own(i)] != 0.0;
+            }
+        }
+        for i in 0..12 {
+            allocation.limits.fully_open[i] = allocation.flaps.openings_rad[i] >= FLAP_TRAVEL_RAD;
+            // truncated towards zero as sent; never above 254
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            let byte = allocation.counts[i] as u8;
+            allocation.bytes.nozzles[i] = byte;
+        }
+        Ok(allocation)
+    }
+}
+
+impl Actuation for ForceAllocation {
+    type Command = FlapCommand;
+
+    fn allocate(&self, wrench_body: &Wrench<f64>) -> Result<FlapCommand, DynamicsError> {
+        Ok(self.allocate_steps(wrench_body)?.flaps)
+    }
+
+    fn realize(&self, command: &FlapCommand) -> Wrench<f64> {
+        let speeds = [command.mode.speed_rad_s(); 2];
+        wrench_of_flow(&self.inverse.flow_of_openings(speeds, &command.openings_rad))
+    }
+}
+
+/// The same allocation with bytes for commands: what the robot is really told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct QuantizedAllocation(
+    /// Before quantisation.
+    pub ForceAllocation,
+);
+
+impl Actuation for QuantizedAllocation {
+    type Command = PropulsionCommand;
+
+    fn allocate(&self, wrench_body: &Wrench<f64>) -> Result<PropulsionCommand, DynamicsError> {
+        Ok(self.0.allocate_steps(wrench_body)?.bytes)
+    }
+
+    fn realize(&self, command: &PropulsionCommand) -> Wrench<f64> {
+        wrench_of_flow(&self.0.inverse.flow_of_bytes(command))
+    }
+}
