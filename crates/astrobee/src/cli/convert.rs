@@ -92,7 +92,8 @@ fn open(path: &Path) -> Result<File, AstrobeeError> {
 pub fn run(args: &ConvertArgs) -> Result<Outcome, AstrobeeError> {
     let is_stdout = args.output.as_os_str() == "-";
     let Some(format) = args.to.or_else(|| Format::of(&args.output)) else {
-        let known = if is_stdout { "say `--to csv` or `--to tum`" } else { "say `--to csv`, `--to mcap` or `--to tum`" };
+        let known =
+            if is_stdout { "say `--to csv` or `--to tum`" } else { "say `--to csv`, `--to mcap` or `--to tum`" };
         return Err(AstrobeeError::UnknownFormat { path: args.output.clone(), known });
     };
     let input = Input::of(&args.input)?;

@@ -77,7 +77,8 @@ impl Schema {
 
     /// `tumble.Wrench`: force, N, and torque about the body origin, N m, body axes.
     pub fn wrench() -> Self {
-        let axis = |what: &str, unit: &str| json!({"type": "number", "description": format!("{what}, body axes, {unit}")});
+        let axis =
+            |what: &str, unit: &str| json!({"type": "number", "description": format!("{what}, body axes, {unit}")});
         let (force, torque) = (|| axis("force", "N"), || axis("torque about the body origin", "N m"));
         let fields = json!({"f_x": force(), "f_y": force(), "f_z": force(),
             "tau_x": torque(), "tau_y": torque(), "tau_z": torque()});

@@ -296,13 +296,9 @@ struct Row {
 
 impl Row {
     /// Takes cells with their places; a row ends where the time changes or a cell comes a second time.
-    fn take(
-        &mut self,
-        time_ns: i64,
-        cells: Vec<(usize, Cell)>,
-        sink: &mut dyn RowSink,
-    ) -> Result<(), AstrobeeError> {
-        let comes_again = cells.iter().any(|(place, _)| self.cells.get(*place).is_some_and(|cell| *cell != Cell::Empty));
+    fn take(&mut self, time_ns: i64, cells: Vec<(usize, Cell)>, sink: &mut dyn RowSink) -> Result<(), AstrobeeError> {
+        let comes_again =
+            cells.iter().any(|(place, _)| self.cells.get(*place).is_some_and(|cell| *cell != Cell::Empty));
         if comes_again || self.time_ns.is_some_and(|current| current != time_ns) {
             self.hand_on(sink)?;
         }
