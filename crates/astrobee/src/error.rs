@@ -187,18 +187,14 @@ pub enum AstrobeeError {
         because: &'static str,
     },
     /// T028: a recording of a kind that is not read.
-    #[error("{path}: {reason}")]
+    #[error("no recording that can be read: {reason}")]
     UnknownRecording {
-        /// The file.
-        path: PathBuf,
-        /// What it is.
+        /// What it is, or what it is not.
         reason: String,
     },
     /// T029: a message that the flight needs and that is not decoded.
-    #[error("{path}, topic {topic}: {source}")]
+    #[error("topic {topic}: {source}")]
     BadMessage {
-        /// The file.
-        path: PathBuf,
         /// Topic.
         topic: String,
         /// What is wrong with it.
@@ -215,7 +211,7 @@ pub enum AstrobeeError {
     /// T021: an excitation that cannot be designed or flown.
     #[error("no such excitation: {0}")]
     Excitation(IdentificationError),
-    /// T032: something that the format asked for cannot hold.
+    /// T031: something that the format asked for cannot hold.
     #[error("{path}: {format} cannot hold {what}")]
     NotHeld {
         /// The file that was to be written.
@@ -225,15 +221,7 @@ pub enum AstrobeeError {
         /// What does not go in.
         what: &'static str,
     },
-    /// T031: a file that does not begin as files of its format do.
-    #[error("{path}: this is not {format}")]
-    NotThisFormat {
-        /// The file.
-        path: PathBuf,
-        /// What was expected.
-        format: &'static str,
-    },
-    /// T032: a ROS 2 database.
+    /// T031: a ROS 2 database.
     #[error("{path}: a ROS 2 database holds no message definitions and is not read")]
     Database {
         /// The file.
@@ -269,8 +257,7 @@ impl AstrobeeError {
             Self::UnknownRecording { .. } => "T028",
             Self::BadMessage { .. } => "T029",
             Self::NoFlight { .. } => "T030",
-            Self::NotThisFormat { .. } => "T031",
-            Self::Database { .. } | Self::NotHeld { .. } => "T032",
+            Self::Database { .. } | Self::NotHeld { .. } => "T031",
         }
     }
 
@@ -357,7 +344,6 @@ impl AstrobeeError {
                 }
                 _ => "more `--starts`, more `--harmonics`, or other limits",
             },
-            Self::NotThisFormat { .. } => "check the file; logs are CSV, TUM, ROS 1 bag or MCAP",
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
             Self::Database { .. } => {
                 "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \

@@ -171,7 +171,7 @@ fn read(input: &Input, path: &Path, sink: &mut dyn RowSink) -> Result<(), Astrob
 }
 
 fn read_mcap(path: &Path, sink: &mut dyn RowSink) -> Result<(), AstrobeeError> {
-    let (log, report) = McapLog::survey(&mut open(path)?, path)?;
+    let (log, report) = McapLog::survey(open(path)?)?;
     say_losses(path, &report);
     if log.unread > 0 {
         eprintln!("warning: {}: {} messages do not hold what their type says", path.display(), log.unread);
@@ -179,7 +179,7 @@ fn read_mcap(path: &Path, sink: &mut dyn RowSink) -> Result<(), AstrobeeError> {
     if log.columns.is_empty() {
         return Err(AstrobeeError::Empty { path: path.into(), what: "topic of a log" });
     }
-    let without_pose = log.rows(&mut open(path)?, path, sink)?;
+    let without_pose = log.rows(open(path)?, sink)?;
     if without_pose > 0 {
         eprintln!("warning: {}: {without_pose} rows without a pose are left out", path.display());
     }

@@ -9,7 +9,6 @@ use crate::AstrobeeError;
 use std::collections::HashMap;
 use std::io::{BufReader, Read};
 use std::ops::ControlFlow;
-use std::path::Path;
 
 /// What every bag begins with.
 pub const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
@@ -39,18 +38,17 @@ mod op {
     pub const CONNECTION: u8 = 7;
 }
 
-/// Hands every message of a bag on, in the order of the file, until `each` breaks.
+/// Hands every message of a bag on, in the order of the file, until `visit` breaks.
 ///
 /// A damaged record, or a chunk that does not decompress, is left out and the scan goes on behind it; where a length cannot
 /// be believed nothing behind it can be found, and the scan ends. Of a torn file everything before the tear is handed on.
 ///
 /// # Errors
-/// [`AstrobeeError::NotThisFormat`] where the file does not begin like a bag; [`AstrobeeError::UnknownRecording`] for
-/// other versions and encrypted bags.
-pub fn scan(
-    reader: &mut dyn Read,
-    path: &Path,
-    each: &mut dyn FnMut(&RawMessage<'_>) -> ControlFlow<()>,
+/// [`AstrobeeError::UnknownRecording`] where the file does not begin like a bag, for other versions and encrypted bags.
+/// Damage, and a file that the operating system stops giving, are no errors: the report says them.
+pub fn scan<R: Read>(
+    reader: R,
+    visit: &mut dyn FnMut(RawMessage<'_>) -> ControlFlow<()>,
 ) -> Result<ScanReport, AstrobeeError> {
     let mut source = Source { reader: BufReader::with_capacity(BUFFER_BYTES, reader), at: 0, failure: None };
     let mut first = Vec::new();
@@ -58,16 +56,15 @@ pub fn scan(
     if first != MAGIC {
         return Err(match first.strip_prefix(ANY_VERSION) {
             Some(version) => AstrobeeError::UnknownRecording {
-                path: path.into(),
                 reason: format!(
                     "a ROS bag of version {}; version 2.0 is read (ROS writes it since 2010: `rosbag fix OLD NEW`)",
                     version.escape_ascii().to_string().trim_end_matches("\\n")
                 ),
             },
-            None => AstrobeeError::NotThisFormat { path: path.into(), format: "a ROS 1 bag" },
+            None => AstrobeeError::UnknownRecording { reason: "it does not begin as ROS 1 bags do".to_owned() },
         });
     }
-    let mut scan = Scan { report: ScanReport::default(), connections: Connections::default(), each, stopped: false };
+    let mut scan = Scan { report: ScanReport::default(), connections: Connections::default(), visit, stopped: false };
     let (mut header, mut data, mut content) = (Vec::new(), Vec::new(), Vec::new());
     let mut doubtful_before = false;
     while !scan.stopped {
@@ -106,7 +103,6 @@ pub fn scan(
             Some(op::BAG_HEADER) => {
                 if let Some(encryptor) = fields.get(b"encryptor").filter(|name| !name.is_empty()) {
                     return Err(AstrobeeError::UnknownRecording {
-                        path: path.into(),
                         reason: format!(
                             "an encrypted bag ({}); decrypt it with `rosbag decrypt`",
                             encryptor.escape_ascii()
@@ -320,7 +316,7 @@ impl Connections {
 struct Scan<'v> {
     report: ScanReport,
     connections: Connections,
-    each: &'v mut dyn FnMut(&RawMessage<'_>) -> ControlFlow<()>,
+    visit: &'v mut dyn FnMut(RawMessage<'_>) -> ControlFlow<()>,
     stopped: bool,
 }
 
@@ -353,7 +349,7 @@ impl Scan<'_> {
                     payload: data,
                 };
                 self.report.messages += 1;
-                self.stopped = (self.each)(&message).is_break();
+                self.stopped = (self.visit)(message).is_break();
             }
             _ => self.lose(offset, "a record of a kind that does not belong here".to_owned(), false),
         }

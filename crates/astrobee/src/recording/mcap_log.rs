@@ -12,7 +12,6 @@ use crate::AstrobeeError;
 use std::collections::HashMap;
 use std::io::{Read, Write};
 use std::ops::ControlFlow;
-use std::path::Path;
 
 /// Columns of a pose, after their prefix.
 const POSE: [&str; 7] = ["p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w"];
@@ -229,12 +228,12 @@ impl McapLog {
     ///
     /// # Errors
     /// As [`mcap_reader::scan`].
-    pub fn survey(reader: &mut dyn Read, path: &Path) -> Result<(Self, ScanReport), AstrobeeError> {
+    pub fn survey<R: Read>(reader: R) -> Result<(Self, ScanReport), AstrobeeError> {
         let mut log = Self::default();
         let mut places = HashMap::new();
-        let report = mcap_reader::scan(reader, path, &mut |message| {
-            if let Some(carries) = carries(message) {
-                let Some(cells) = cells(message, &carries) else {
+        let report = mcap_reader::scan(reader, &mut |message| {
+            if let Some(carries) = carries(&message) {
+                let Some(cells) = cells(&message, &carries) else {
                     log.unread += 1;
                     return ControlFlow::Continue(());
                 };
@@ -260,14 +259,14 @@ impl McapLog {
     ///
     /// # Errors
     /// As [`mcap_reader::scan`], or from `sink`.
-    pub fn rows(&self, reader: &mut dyn Read, path: &Path, sink: &mut dyn RowSink) -> Result<u64, AstrobeeError> {
+    pub fn rows<R: Read>(&self, reader: R, sink: &mut dyn RowSink) -> Result<u64, AstrobeeError> {
         let places: HashMap<&str, usize> = self.columns.iter().map(String::as_str).zip(0..).collect();
         let pose = places.get(POSE[0]).copied();
         sink.begin(&self.columns)?;
         let mut row = Row { time_ns: None, cells: vec![Cell::Empty; self.columns.len()], pose, left_out: 0 };
         let mut refused = None;
-        mcap_reader::scan(reader, path, &mut |message| {
-            let Some(cells) = carries(message).and_then(|carries| cells(message, &carries)) else {
+        mcap_reader::scan(reader, &mut |message| {
+            let Some(cells) = carries(&message).and_then(|carries| cells(&message, &carries)) else {
                 return ControlFlow::Continue(());
             };
             let cells = cells.into_iter().filter_map(|(name, cell)| Some((*places.get(name.as_str())?, cell)));

@@ -16,7 +16,6 @@ use std::collections::HashMap;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
 
 /// What every MCAP file begins and ends with.
 pub const MAGIC: [u8; 8] = *b"\x89MCAP0\r\n";
@@ -39,22 +38,23 @@ mod kind {
 
 const CUT_SHORT: &str = "the file ends within this record";
 
-/// Hands every message of an MCAP file on, in the order of the file, until `each` breaks.
+/// Hands every message of an MCAP file on, in the order of the file, until `visit` breaks.
 ///
 /// # Errors
-/// [`AstrobeeError::NotThisFormat`] where the file does not begin like MCAP. Damage, and a file that the operating system
-/// stops giving, are no errors: the report says them.
-pub fn scan(
-    reader: &mut dyn Read,
-    path: &Path,
-    each: &mut dyn FnMut(&RawMessage<'_>) -> ControlFlow<()>,
+/// [`AstrobeeError::UnknownRecording`] where the file does not begin like MCAP. Damage, and a file that the operating
+/// system stops giving, are no errors: the report says them.
+pub fn scan<R: Read>(
+    reader: R,
+    visit: &mut dyn FnMut(RawMessage<'_>) -> ControlFlow<()>,
 ) -> Result<ScanReport, AstrobeeError> {
     let mut source = Source { inner: BufReader::with_capacity(1 << 16, reader), offset: 0, data_crc: Hasher::new() };
     let mut magic = Vec::new();
-    if source.read(MAGIC.len() as u64, &mut magic).is_err() || magic != MAGIC {
-        return Err(AstrobeeError::NotThisFormat { path: path.into(), format: "MCAP" });
+    let begun = source.read(MAGIC.len() as u64, &mut magic);
+    if magic != MAGIC {
+        let reason = begun.err().map_or("it does not begin as MCAP files do".to_owned(), |error| error.to_string());
+        return Err(AstrobeeError::UnknownRecording { reason });
     }
-    let mut scan = Scan { topics: Topics::default(), report: ScanReport::default(), each };
+    let mut scan = Scan { topics: Topics::default(), report: ScanReport::default(), visit };
     if let Err(error) = scan.records(&mut source) {
         scan.report.lose(Loss { offset: source.offset, reason: error.to_string(), ends_the_scan: true });
     }
@@ -63,13 +63,13 @@ pub fn scan(
 }
 
 /// The file, with the place and the check sum of what has been read.
-struct Source<'a> {
-    inner: BufReader<&'a mut dyn Read>,
+struct Source<R> {
+    inner: BufReader<R>,
     offset: u64,
     data_crc: Hasher,
 }
 
-impl Source<'_> {
+impl<R: Read> Source<R> {
     /// Replaces `body` by the next `length` bytes, or by fewer where the file ends.
     fn read(&mut self, length: u64, body: &mut Vec<u8>) -> std::io::Result<bool> {
         body.clear();
@@ -171,7 +171,7 @@ impl Topics {
 struct Scan<'a> {
     topics: Topics,
     report: ScanReport,
-    each: &'a mut dyn FnMut(&RawMessage<'_>) -> ControlFlow<()>,
+    visit: &'a mut dyn FnMut(RawMessage<'_>) -> ControlFlow<()>,
 }
 
 impl Scan<'_> {
@@ -180,7 +180,7 @@ impl Scan<'_> {
     }
 
     /// The records of the file, after the magic.
-    fn records(&mut self, source: &mut Source<'_>) -> std::io::Result<ControlFlow<()>> {
+    fn records<R: Read>(&mut self, source: &mut Source<R>) -> std::io::Result<ControlFlow<()>> {
         let (mut body, mut expanded) = (Vec::new(), Vec::new());
         loop {
             let offset = source.offset;
@@ -283,7 +283,7 @@ impl Scan<'_> {
             return ControlFlow::Continue(());
         };
         self.report.messages += 1;
-        (self.each)(&RawMessage {
+        (self.visit)(RawMessage {
             topic: &topic.name,
             type_name: &topic.type_name,
             md5: &topic.md5,
