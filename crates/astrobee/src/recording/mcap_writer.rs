@@ -34,7 +34,7 @@ impl<W: Write> McapWriter<W> {
             .compression(None)
             .chunk_size(Some(MOST_CHUNK_BYTES))
             .disable_seeking(true)
-            .library(concat!("tumble ", env!("CARGO_PKG_VERSION")));
+            .library("tumble");
         let inner = options.create(NoSeek::new(out)).map_err(refused)?;
         Ok(Self { inner, chunk_began_ns: None })
     }
