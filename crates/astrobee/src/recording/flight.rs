@@ -3,6 +3,7 @@
 //! Two passes over the file: the first counts what is there and decides what is used, the second decodes it, puts it in
 //! order of its stamps and hands out one [`MotionSample`] for every pose. Memory is bounded, whatever the file's size.
 
+use super::mcap_log::{MEASURED_POSE, MEASURED_WRENCH, Measured, MeasuredColumns};
 use super::messages::{self, EkfState, Message, MessageError, PmcCommand};
 use super::{RawMessage, ScanReport, scan_file};
 use crate::AstrobeeError;
@@ -77,6 +78,12 @@ impl Plan {
     /// # Errors
     /// [`AstrobeeError::NoFlight`] where nothing moves, or several robots do and none is named.
     pub fn of(topics: &Topics, robot: Option<&str>, path: &Path) -> Result<Self, AstrobeeError> {
+        // A log of ours holds one robot.
+        let is = |topic: &str, type_name: &str| topics.get(topic).is_some_and(|found| found.type_name == type_name);
+        if is(MEASURED_POSE, "foxglove.PoseInFrame") {
+            let wrench = is(MEASURED_WRENCH, "tumble.Wrench").then(|| MEASURED_WRENCH.to_owned());
+            return Ok(Self { motion: MEASURED_POSE.to_owned(), wrench, ..Self::default() });
+        }
         let robot = robot.map(|name| name.trim_matches('/'));
         let named = |topic: &str| robot.is_none_or(|robot| namespace(topic) == robot);
         let of_type = |type_name: &str| -> Vec<&String> {
@@ -293,6 +300,7 @@ struct Assembler<'p> {
     ordering: TimeOrdering<Event, Vec<Option<Held<Event>>>>,
     tally: Tally,
     motion_frame: String,
+    columns: MeasuredColumns,
     center_of_mass: Vector3<f64>,
     bytes: Option<PropulsionCommand>,
     speeds: Option<[u8; 2]>,
@@ -310,6 +318,7 @@ impl<'p> Assembler<'p> {
             ordering: TimeOrdering::new(std::iter::repeat_with(|| None).take(REORDER_MESSAGES).collect()),
             tally: Tally::default(),
             motion_frame: String::new(),
+            columns: MeasuredColumns::default(),
             center_of_mass: Vector3::zeros(),
             bytes: None,
             speeds: None,
@@ -320,6 +329,14 @@ impl<'p> Assembler<'p> {
 
     /// Takes a message of the file; hands out a sample when one is complete.
     fn take(&mut self, raw: &RawMessage<'_>) -> Result<Option<MotionSample>, AstrobeeError> {
+        if self.plan.motion == MEASURED_POSE {
+            let event = match self.columns.take(raw, &mut self.tally.undecoded) {
+                Some(Measured::Motion(sample)) => Event::Motion(*sample),
+                Some(Measured::Wrench(wrench)) => Event::Wrench(wrench),
+                None => return Ok(None),
+            };
+            return Ok(self.push(raw.log_time_ns, event));
+        }
         if self.plan.part(raw.topic).is_none() {
             return Ok(None);
         }
@@ -340,14 +357,19 @@ impl<'p> Assembler<'p> {
             time_ns = raw.log_time_ns;
         }
         let Some(event) = self.event(&message, time_ns)? else { return Ok(None) };
-        Ok(match self.ordering.push(time_ns, event) {
+        Ok(self.push(time_ns, event))
+    }
+
+    /// Puts an event in its place; hands out a sample when one is complete.
+    fn push(&mut self, time_ns: i64, event: Event) -> Option<MotionSample> {
+        match self.ordering.push(time_ns, event) {
             Some(released) if released.in_order => self.advance(released.time_ns, released.sample),
             Some(_) => {
                 self.tally.too_late += 1;
                 None
             }
             None => None,
-        })
+        }
     }
 
     /// The next sample after the last message, until `None`.
