@@ -19,6 +19,7 @@ mod identification;
 mod integrator;
 mod lie;
 mod likelihood;
+mod mcap_scan;
 mod plain_throws;
 mod plot;
 mod real_data;
@@ -57,6 +58,7 @@ const PROBLEMS: &[Problem] = &[
     ("ekf_rls", ekf_rls::run),
     ("fourier", fourier::run),
     ("likelihood", likelihood::bench),
+    ("recordings", mcap_scan::run),
 ];
 
 /// What a result folder says about the run that wrote it.

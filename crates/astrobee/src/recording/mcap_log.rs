@@ -126,7 +126,8 @@ impl<W: Write> RowSink for McapSink<W> {
             return Err(AstrobeeError::NotHeld { path: "output".into(), format: "MCAP", what });
         }
         let poses: Vec<Option<[f64; 7]>> = self.poses.iter().map(|topic| numbers(cells, &topic.columns)).collect();
-        let wrenches: Vec<Option<[f64; 6]>> = self.wrenches.iter().map(|topic| numbers(cells, &topic.columns)).collect();
+        let wrenches: Vec<Option<[f64; 6]>> =
+            self.wrenches.iter().map(|topic| numbers(cells, &topic.columns)).collect();
         let mut taken = vec![false; cells.len()];
         let whole_poses = self.poses.iter().zip(&poses).filter(|(_, pose)| pose.is_some()).map(|(topic, _)| topic);
         let whole_wrenches = self.wrenches.iter().zip(&wrenches).filter(|(_, wrench)| wrench.is_some());

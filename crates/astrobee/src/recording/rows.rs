@@ -1,10 +1,10 @@
 //! A log of any format as rows of named columns: what `tumble convert` hands from a reader to a writer.
 
+use super::flight::FlightReader;
 use crate::AstrobeeError;
 use crate::log::{BoundedRows, parse_time_ns, read_row, shortened};
 use std::fs::File;
 use std::io::{BufReader, Write};
-use super::flight::FlightReader;
 use std::path::Path;
 use tumble_lie::nalgebra::Vector3;
 
