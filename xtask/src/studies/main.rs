@@ -2,6 +2,7 @@
 //!
 //! To add a benchmark problem: a module with `pub fn run(bench: &mut Bench) -> Result<(), Failure>` and a line in [`PROBLEMS`].
 
+mod allocation;
 mod arguments;
 mod bench;
 mod brushless;
@@ -22,6 +23,7 @@ mod likelihood;
 mod mcap_scan;
 mod plain_throws;
 mod plot;
+mod propulsion_dynamics;
 mod real_data;
 mod throws;
 mod thrust_imu;
@@ -59,6 +61,8 @@ const PROBLEMS: &[Problem] = &[
     ("fourier", fourier::run),
     ("likelihood", likelihood::bench),
     ("recordings", mcap_scan::run),
+    ("allocation", allocation::run),
+    ("propulsion", propulsion_dynamics::bench),
 ];
 
 /// What a result folder says about the run that wrote it.

@@ -85,7 +85,7 @@ impl<W: Write> McapSink<W> {
     }
 
     /// Where all of `names` stand, if they do.
-    fn group<const N: usize>(&self, names: [String; N]) -> Option<Vec<usize>> {
+    fn group(&self, names: &[String]) -> Option<Vec<usize>> {
         names.iter().map(|name| self.columns.iter().position(|column| column == name)).collect()
     }
 }
@@ -104,7 +104,7 @@ impl<W: Write> RowSink for McapSink<W> {
     fn begin(&mut self, columns: &[String]) -> Result<(), AstrobeeError> {
         self.columns = columns.to_vec();
         for (source, prefix) in SOURCES {
-            if let Some(columns) = self.group(prefixed(prefix, POSE)) {
+            if let Some(columns) = self.group(&prefixed(prefix, POSE)) {
                 let channel = self.open(source, "pose", &Schema::pose_in_frame())?;
                 self.poses.push(Topic { channel, columns });
                 if prefix.is_empty() {
@@ -112,7 +112,7 @@ impl<W: Write> RowSink for McapSink<W> {
                     self.transforms = Some(self.writer.channel(TRANSFORMS, &schema).map_err(unwritable)?);
                 }
             }
-            if let Some(columns) = self.group(prefixed(prefix, WRENCH)) {
+            if let Some(columns) = self.group(&prefixed(prefix, WRENCH)) {
                 let channel = self.open(source, "wrench", &Schema::wrench())?;
                 self.wrenches.push(Topic { channel, columns });
             }
@@ -178,13 +178,13 @@ impl<W: Write> McapSink<W> {
             if message.is_empty() {
                 continue;
             }
-            let channel = match self.others.iter().find(|(name, _)| *name == of) {
-                Some((_, channel)) => *channel,
-                None => {
-                    let channel = self.open(of, "columns", &Schema::columns())?;
-                    self.others.push((of, channel));
-                    channel
-                }
+            let known = self.others.iter().find(|(name, _)| *name == of).map(|(_, channel)| *channel);
+            let channel = if let Some(channel) = known {
+                channel
+            } else {
+                let channel = self.open(of, "columns", &Schema::columns())?;
+                self.others.push((of, channel));
+                channel
             };
             let message = serde_json::Value::Object(message).to_string();
             self.writer.write(channel, time_ns, &message).map_err(unwritable)?;
