@@ -197,7 +197,7 @@ pub fn table(topics: &Topics, plan: &Plan) -> String {
 /// What happened on the way from messages to samples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// Messages that came after one of a later stamp and were put in order.
+    /// Poses that came after one of a later stamp and were put in order.
     pub late: usize,
     /// Messages too late for that, left out.
     pub too_late: usize,
@@ -228,7 +228,7 @@ impl Tally {
     pub fn warnings(&self, plan: &Plan, topics: &Topics) -> Vec<String> {
         let mut said = Vec::new();
         let counts = [
-            (self.late, "messages came late and were put in order"),
+            (self.late, "poses came late and were put in order"),
             (self.too_late, "messages came too late to be put in order and were left out"),
             (self.repeated, "poses repeated a time and were dropped"),
             (self.invalid, "poses are marked lost or invalid and were left out"),
@@ -293,6 +293,7 @@ struct Assembler<'p> {
     ordering: TimeOrdering<Event, Vec<Option<Held<Event>>>>,
     tally: Tally,
     motion_frame: String,
+    newest_motion_ns: Option<i64>,
     center_of_mass: Vector3<f64>,
     bytes: Option<PropulsionCommand>,
     speeds: Option<[u8; 2]>,
@@ -310,6 +311,7 @@ impl<'p> Assembler<'p> {
             ordering: TimeOrdering::new(std::iter::repeat_with(|| None).take(REORDER_MESSAGES).collect()),
             tally: Tally::default(),
             motion_frame: String::new(),
+            newest_motion_ns: None,
             center_of_mass: Vector3::zeros(),
             bytes: None,
             speeds: None,
@@ -340,6 +342,10 @@ impl<'p> Assembler<'p> {
             time_ns = raw.log_time_ns;
         }
         let Some(event) = self.event(&message, time_ns)? else { return Ok(None) };
+        if let Event::Motion(_) = event {
+            self.tally.late += usize::from(self.newest_motion_ns.is_some_and(|newest| time_ns < newest));
+            self.newest_motion_ns = self.newest_motion_ns.max(Some(time_ns));
+        }
         Ok(match self.ordering.push(time_ns, event) {
             Some(released) if released.in_order => self.advance(released.time_ns, released.sample),
             Some(_) => {
@@ -641,6 +647,5 @@ fn stream(path: &Path, plan: &Plan, sender: &SyncSender<Sent>) -> Result<Tally, 
         }
     }
     let _ = sender.send(Sent::Samples(batch));
-    let late = assembler.ordering.late().saturating_sub(assembler.tally.too_late);
-    Ok(Tally { late, report, ..assembler.tally })
+    Ok(Tally { report, ..assembler.tally })
 }
