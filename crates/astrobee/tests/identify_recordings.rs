@@ -1,5 +1,6 @@
 //! From a recorded flight to the body: a simulated robot, pushed by what its nozzle bytes give, recorded as a bag.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::cast_possible_wrap, clippy::needless_range_loop)]
 
 use std::f64::consts::TAU;
 use std::fs;

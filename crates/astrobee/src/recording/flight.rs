@@ -3,7 +3,7 @@
 //! Two passes over the file: the first counts what is there and decides what is used, the second decodes it, puts it in
 //! order of its stamps and hands out one [`MotionSample`] for every pose. Memory is bounded, whatever the file's size.
 
-use super::messages::{self, EkfState, Message, MessageError, PmcCommand};
+use super::messages::{self, Message, MessageError, PmcCommand};
 use super::{RawMessage, ScanReport, scan_file};
 use crate::AstrobeeError;
 use crate::log::{QUATERNION_NORM_TOLERANCE, seconds, shortened};
@@ -274,6 +274,7 @@ impl Tally {
 }
 
 /// A decoded message in its place in time.
+#[derive(Clone, Copy)]
 enum Event {
     Motion(MotionSample),
     /// Body axes, about the origin.
@@ -372,9 +373,20 @@ impl<'p> Assembler<'p> {
 
     fn event(&mut self, message: &Message<'_>, time_ns: i64) -> Result<Option<Event>, AstrobeeError> {
         let motion = match message {
-            Message::EkfState(state) => self.state(state, time_ns),
+            Message::EkfState(state) if state.confidence == CONFIDENCE_LOST || state.status == STATUS_INVALID => {
+                self.tally.invalid += 1;
+                return Ok(None);
+            }
+            Message::EkfState(state) => {
+                pose(time_ns, &state.pose.position, &state.pose.orientation).map(|sample| MotionSample {
+                    velocity_origin_world: Some(state.velocity),
+                    rate_body: Some(state.omega),
+                    acceleration_origin_body: Some(state.accel),
+                    ..sample
+                })
+            }
             Message::Odometry(m) => {
-                self.motion_frame = m.header.frame_id.to_owned();
+                m.header.frame_id.clone_into(&mut self.motion_frame);
                 let sample = pose(time_ns, &m.pose.position, &m.pose.orientation);
                 sample.map(|sample| MotionSample {
                     velocity_origin_world: Some(sample.world_from_body.rotation * m.twist.linear),
@@ -383,39 +395,19 @@ impl<'p> Assembler<'p> {
                 })
             }
             Message::PoseStamped(m) => {
-                self.motion_frame = m.header.frame_id.to_owned();
+                m.header.frame_id.clone_into(&mut self.motion_frame);
                 pose(time_ns, &m.pose.position, &m.pose.orientation)
             }
             other => return self.other_event(other),
         };
-        let finite = |v: &Option<Vector3<f64>>| v.is_none_or(|v| v.iter().all(|x| x.is_finite()));
+        let finite = |v: &Option<Vector3<f64>>| v.as_ref().is_none_or(is_finite);
         let motion = motion.filter(|sample| {
             finite(&sample.velocity_origin_world)
                 && finite(&sample.rate_body)
                 && finite(&sample.acceleration_origin_body)
         });
-        if motion.is_none() {
-            self.tally.impossible += 1;
-        }
-        // A state that says itself that it is lost is counted as that.
-        if let Message::EkfState(state) = message
-            && (state.confidence == CONFIDENCE_LOST || state.status == STATUS_INVALID)
-        {
-            self.tally.impossible -= usize::from(motion.is_none());
-            self.tally.invalid += 1;
-            return Ok(None);
-        }
+        self.tally.impossible += usize::from(motion.is_none());
         Ok(motion.map(Event::Motion))
-    }
-
-    fn state(&mut self, state: &EkfState<'_>, time_ns: i64) -> Option<MotionSample> {
-        let sample = pose(time_ns, &state.pose.position, &state.pose.orientation)?;
-        Some(MotionSample {
-            velocity_origin_world: Some(state.velocity),
-            rate_body: Some(state.omega),
-            acceleration_origin_body: Some(state.accel),
-            ..sample
-        })
     }
 
     fn other_event(&mut self, message: &Message<'_>) -> Result<Option<Event>, AstrobeeError> {
