@@ -2,11 +2,14 @@
 
 use crate::AstrobeeError;
 
+pub mod allocate;
 pub mod calibrate_wheel;
+mod columns;
 pub mod convert;
 pub mod excite;
 pub mod identify;
 mod identify_periodic;
+pub mod realize;
 
 /// How a command ended when nothing was wrong with its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -53,6 +53,20 @@ pub enum AstrobeeError {
         /// What stands there (shortened).
         text: String,
     },
+    /// T022: a number that its column cannot hold.
+    #[error("{path}, line {line}, column `{column}`: {value:?}, but {allowed}")]
+    OutOfRange {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// Column name.
+        column: String,
+        /// What stands there.
+        value: f64,
+        /// What the column holds.
+        allowed: &'static str,
+    },
     /// T006: a row with another number of cells than the header.
     #[error("{path}, line {line}: {found} cells, the header has {expected}")]
     RowLength {
@@ -227,6 +241,20 @@ pub enum AstrobeeError {
         /// The file.
         path: PathBuf,
     },
+    /// T025: a sensing setting out of its range.
+    #[error("sensing: `{key}` is {value}, it must be {lowest} to {highest}{rule}")]
+    SensingOutOfRange {
+        /// The key, with its tables.
+        key: &'static str,
+        /// Value found.
+        value: f64,
+        /// Least accepted.
+        lowest: f64,
+        /// Largest accepted.
+        highest: f64,
+        /// What else is asked of it.
+        rule: &'static str,
+    },
 }
 
 impl AstrobeeError {
@@ -239,6 +267,7 @@ impl AstrobeeError {
             Self::DuplicateColumn { .. } => "T004",
             Self::BadCell { .. } => "T005",
             Self::RowLength { .. } => "T006",
+            Self::OutOfRange { .. } => "T022",
             Self::NotUnit { .. } => "T007",
             Self::TimeNotIncreasing { .. } => "T008",
             Self::RowTooLong { .. } => "T009",
@@ -259,6 +288,7 @@ impl AstrobeeError {
             Self::NoFlight { .. } => "T030",
             Self::NotHeld { .. } => "T031",
             Self::Database { .. } => "T032",
+            Self::SensingOutOfRange { .. } => "T025",
         }
     }
 
@@ -268,11 +298,15 @@ impl AstrobeeError {
             Self::Unreadable { .. } => "check the path and that you may read it",
             Self::Empty { .. } => "`tumble identify --template` prints a header with two valid rows",
             Self::MissingColumn { .. } => {
-                "`tumble identify --template` prints every column; rename or add the missing one"
+                "rename or add the missing one: `tumble identify --template` prints every column of a log, the `--help` of other commands \
+                 theirs"
             }
             Self::DuplicateColumn { .. } => "rename or remove one of the two columns",
             Self::BadCell { .. } => "write a finite decimal number; leave the cell empty only in optional columns",
             Self::RowLength { .. } => "the row may be torn: complete or remove it",
+            Self::OutOfRange { .. } => {
+                "correct the row; the command's `--help` says what each column holds, and its units"
+            }
             Self::NotUnit { .. } => "quaternions are Hamilton, scalar last (q_x q_y q_z q_w), of norm one",
             Self::TimeNotIncreasing { .. } => {
                 "sort the log, or let `--reorder` put late rows in order and drop repeats"
@@ -350,6 +384,7 @@ impl AstrobeeError {
                 "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \
                  storage_id: mcap, all_topics: true}]` in mcap.yaml"
             }
+            Self::SensingOutOfRange { .. } => "`docs/sensing.md` lists every key with unit and range",
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }
     }

@@ -1,13 +1,17 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+pub mod air_drag;
+pub mod bodies;
 pub mod body_file;
 pub mod cli;
 pub mod demo;
 mod error;
 pub mod excitation_file;
 pub mod figure;
+pub mod flight_controller;
 pub mod flight_log;
+pub mod flight_modes;
 pub mod harmonic_report;
 pub mod log;
 pub mod noise;
@@ -17,6 +21,7 @@ pub mod recording;
 pub mod report;
 pub mod sensing;
 pub mod space_cobot;
+pub mod spheres;
 pub mod wheel_throw;
 
 pub use error::AstrobeeError;

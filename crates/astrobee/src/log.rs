@@ -338,15 +338,15 @@ impl SampleReader {
 }
 
 /// One row with what an error message needs.
-struct Row<'a> {
-    path: &'a Path,
-    line: u64,
-    record: &'a csv::ByteRecord,
-    names: &'a [String],
+pub(crate) struct Row<'a> {
+    pub(crate) path: &'a Path,
+    pub(crate) line: u64,
+    pub(crate) record: &'a csv::ByteRecord,
+    pub(crate) names: &'a [String],
 }
 
 impl Row<'_> {
-    fn text(&self, column: usize) -> &[u8] {
+    pub(crate) fn text(&self, column: usize) -> &[u8] {
         self.record.get(column).unwrap_or_default().trim_ascii()
     }
     fn bad_cell(&self, column: usize) -> AstrobeeError {
@@ -357,7 +357,7 @@ impl Row<'_> {
             text: shortened(&String::from_utf8_lossy(self.text(column))),
         }
     }
-    fn number(&self, column: usize) -> Result<f64, AstrobeeError> {
+    pub(crate) fn number(&self, column: usize) -> Result<f64, AstrobeeError> {
         std::str::from_utf8(self.text(column))
             .ok()
             .and_then(|text| text.parse::<f64>().ok())

@@ -9,12 +9,21 @@
 pub mod allocation;
 pub mod blower;
 pub mod constants;
+mod driver;
+mod impeller;
 pub mod inverse;
 pub mod nozzle;
+mod pid;
+mod plant;
+mod servo;
 
 pub use allocation::{Allocation, ForceAllocation, QuantizedAllocation};
+pub use driver::{ByteTrims, CommandWatchdog, Robot};
+pub use impeller::{IMPELLER_INERTIA_KG_M2, Impeller, SPEED_COMMAND_RATE_RAD_S2};
 pub use inverse::{AreaTable, Belief, FlapCommand, InverseAllocation};
 pub use nozzle::{Module, PositivityShift};
+pub use plant::{GyroscopicSign, PropulsionPlant, PropulsionSettings, PropulsionStep};
+pub use servo::Servo;
 
 /// How fast the impellers turn, as the flight software names it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Space CoBot, the free-flyer of thesis chapter 4: the robot that is meant where none is named.
 
-use tumble_dynamics::nalgebra::{Matrix3, Vector3};
-use tumble_dynamics::{InertialParameters, WrenchBox};
+use tumble_dynamics::nalgebra::{Matrix3, UnitVector3, Vector3};
+use tumble_dynamics::{DynamicsError, InertialParameters, Rotor, RotorSet, WrenchBox};
 
 /// Its body without payload.
 ///
@@ -23,4 +23,81 @@ pub const TORQUE_LIMIT_N_M: f64 = 0.5;
 /// The same limits on all axes.
 pub fn wrench_box(force_limit_n: f64, torque_limit_n_m: f64) -> WrenchBox {
     WrenchBox { torque_limit: Vector3::repeat(torque_limit_n_m), force_limit: Vector3::repeat(force_limit_n) }
+}
+
+/// Distance of each rotor from the centre, m.
+///
+/// # Deviation
+/// The published design (Roque and Ventura 2016, arXiv:1602.03573) has six tilted rotors around the body; arm, thrust, drag
+/// and speed here are ours, large enough for [`FORCE_LIMIT_N`] or [`TORQUE_LIMIT_N_M`] about any one axis.
+pub const ROTOR_ARM_M: f64 = 0.2;
+/// Largest thrust of a rotor, N; ours.
+pub const ROTOR_THRUST_N: f64 = 2.5;
+/// Speed at that thrust, rad/s; ours.
+pub const ROTOR_SPEED_RAD_S: f64 = 1500.0;
+/// Drag torque of a rotor over its thrust, m; ours.
+pub const ROTOR_DRAG_M: f64 = 0.01;
+
+/// Six rotors, 60 degrees apart, tilted about their arms to alternate sides and turning alternate ways.
+///
+/// The tilt of `atan(sqrt 2)`, 54.7 degrees, makes the sum of squared efforts for a force the same in all directions.
+/// # Frame
+/// Body axes, rotors in the x-y plane.
+/// # Errors
+/// None with these numbers.
+pub fn rotors() -> Result<RotorSet<6>, DynamicsError> {
+    let third = libm::sqrt(1.0 / 3.0);
+    let thrust_coefficient = ROTOR_THRUST_N / (ROTOR_SPEED_RAD_S * ROTOR_SPEED_RAD_S);
+    // cosine and sine of the arms, whole turns of 60 degrees
+    let half_root = libm::sqrt(3.0) / 2.0;
+    let arms = [(1.0, 0.0), (0.5, half_root), (-0.5, half_root), (-1.0, 0.0), (-0.5, -half_root), (0.5, -half_root)];
+    RotorSet::try_new(core::array::from_fn(|i| {
+        let ((x, y), side) = (arms[i], if i % 2 == 0 { 1.0 } else { -1.0 });
+        let tilt = libm::sqrt(2.0) * third * side;
+        Rotor {
+            position_body: Vector3::new(x, y, 0.0) * ROTOR_ARM_M,
+            axis_body: UnitVector3::new_normalize(Vector3::new(-y * tilt, x * tilt, third)),
+            thrust_coefficient,
+            drag_coefficient: side * ROTOR_DRAG_M * thrust_coefficient,
+            largest_speed_rad_s: ROTOR_SPEED_RAD_S,
+        }
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use tumble_dynamics::Actuation;
+    use tumble_dynamics::lie::Wrench;
+    use tumble_dynamics::nalgebra::Vector6;
+
+    fn efforts(wrench: Vector6<f64>) -> Vector6<f64> {
+        rotors().unwrap().allocate(&Wrench::from(wrench)).unwrap().map(|speed| {
+            let part = speed / ROTOR_SPEED_RAD_S;
+            part * part.abs()
+        })
+    }
+
+    #[test]
+    fn force_costs_the_same_in_all_directions() {
+        // by hand: efforts of f / (6 F cos tilt) along z, six of them; sum of squares f^2 / (6 F^2 cos^2), cos^2 = 1/3
+        let expected = FORCE_LIMIT_N * FORCE_LIMIT_N / (2.0 * ROTOR_THRUST_N * ROTOR_THRUST_N);
+        for force in [Vector3::x(), Vector3::y(), Vector3::z(), Vector3::new(0.48, -0.6, 0.64)] {
+            let wrench = Wrench::new(Vector3::zeros(), force * FORCE_LIMIT_N);
+            let cost = efforts(wrench.to_vector()).norm_squared();
+            assert!((cost - expected).abs() < 1e-12, "{force}: {cost}");
+        }
+    }
+
+    #[test]
+    fn each_assumed_limit_is_within_reach() {
+        for axis in 0..6 {
+            let size = if axis < 3 { TORQUE_LIMIT_N_M } else { FORCE_LIMIT_N };
+            let wanted = Vector6::from_fn(|row, _| if row == axis { size } else { 0.0 });
+            let rotors = rotors().unwrap();
+            let given = rotors.realize(&rotors.allocate(&Wrench::from(wanted)).unwrap()).to_vector();
+            assert!((given - wanted).amax() < 1e-12, "{given}");
+        }
+    }
 }

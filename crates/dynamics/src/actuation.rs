@@ -1,5 +1,14 @@
 //! From a wanted wrench to a command, and what the command really gives (`f64`: a decision).
 
+mod effectiveness;
+mod reaction_wheels;
+mod rotors;
+mod thrusters;
+
+pub use reaction_wheels::{ReactionWheel, ReactionWheels};
+pub use rotors::{Rotor, RotorSet};
+pub use thrusters::{PulseTiming, PulsedThrusters, Thruster, ThrusterSet};
+
 use crate::error::DynamicsError;
 use tumble_lie::Wrench;
 use tumble_lie::nalgebra::Vector3;

@@ -67,6 +67,21 @@ pub enum DynamicsError {
         /// Travel of the centre of mass in the step, m.
         travel_m: f64,
     },
+    /// An actuator that cannot be.
+    #[error("actuator {index} has a limit or coefficient that is not positive, or a number that is not finite")]
+    InvalidActuator {
+        /// Its place in the set, from zero.
+        index: usize,
+    },
+    /// Actuators that cannot give every wrench they should.
+    #[error(
+        "the actuators together cannot give component {component} of the wrench in both directions (0 to 2 torque x y z, \
+         3 to 5 force x y z) independently of the others"
+    )]
+    OutOfReach {
+        /// Index into `[torque; force]`.
+        component: usize,
+    },
     /// A value that is not finite, or a step that is not positive where it must be.
     #[error("value is not finite")]
     NotFinite,

@@ -38,7 +38,10 @@ mod variational_free_flyer;
 mod world;
 mod wrench_model;
 
-pub use actuation::{Actuation, WrenchBox};
+pub use actuation::{
+    Actuation, PulseTiming, PulsedThrusters, ReactionWheel, ReactionWheels, Rotor, RotorSet, Thruster, ThrusterSet,
+    WrenchBox,
+};
 #[cfg(feature = "dual")]
 pub use differentiate::{FreeFlyerStep, ParametricModel, StateTangent, StepLinearization, linearize};
 #[cfg(feature = "dual")]

@@ -2,6 +2,7 @@
 //!
 //! To add a benchmark problem: a module with `pub fn run(bench: &mut Bench) -> Result<(), Failure>` and a line in [`PROBLEMS`].
 
+mod allocation;
 mod arguments;
 mod bench;
 mod brushless;
@@ -21,6 +22,7 @@ mod lie;
 mod likelihood;
 mod plain_throws;
 mod plot;
+mod propulsion_dynamics;
 mod real_data;
 mod throws;
 mod thrust_imu;
@@ -57,6 +59,8 @@ const PROBLEMS: &[Problem] = &[
     ("ekf_rls", ekf_rls::run),
     ("fourier", fourier::run),
     ("likelihood", likelihood::bench),
+    ("allocation", allocation::run),
+    ("propulsion", propulsion_dynamics::bench),
 ];
 
 /// What a result folder says about the run that wrote it.

@@ -3,7 +3,7 @@
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
-use tumble_astrobee::cli::{Outcome, calibrate_wheel, convert, excite, identify};
+use tumble_astrobee::cli::{Outcome, allocate, calibrate_wheel, convert, excite, identify, realize};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -15,6 +15,7 @@ Examples:
   tumble identify log.csv --excitation excitation.toml
   tumble calibrate-wheel cal_*.csv --out cal.toml
   tumble identify --wheel throw.csv --calibration cal.toml
+  tumble allocate wrenches.csv                 wanted wrenches to nozzle bytes, and what these give
   tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler";
 
 /// Mass, centre of mass and inertia of a free-flying robot, from its logs.
@@ -35,6 +36,10 @@ enum Command {
     CalibrateWheel(calibrate_wheel::CalibrateWheelArgs),
     /// One log format into another: CSV, TUM, MCAP, and ROS 1 bags into these.
     Convert(convert::ConvertArgs),
+    /// Allocates wanted wrenches to Astrobee's twelve nozzles as its flight software does.
+    Allocate(allocate::AllocateArgs),
+    /// Computes the thrust and wrench that a propulsion module of Astrobee gives at its flap angles.
+    Realize(realize::RealizeArgs),
 }
 
 fn main() -> ExitCode {
@@ -49,6 +54,8 @@ fn main() -> ExitCode {
         Some(Command::Excite(args)) => excite::run(&args),
         Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
+        Some(Command::Allocate(args)) => allocate::run(&args),
+        Some(Command::Realize(args)) => realize::run(&args),
     };
     match outcome {
         Ok(Outcome::Achieved) => ExitCode::SUCCESS,

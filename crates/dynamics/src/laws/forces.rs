@@ -185,7 +185,7 @@ pub fn check_gravity(
 /// "limits are never exceeded", by any command allocated or any of `commands`; "what lies inside the limits is
 /// realised"; "what was realised can be realised again"; "a wrench that is not finite is refused".
 ///
-/// `inside` are wrenches that the machine can give, `wanted` any wrenches. `excess` is by how much a command or the
+/// `inside` are wrenches that the machine can give (of reaction wheels: torques without force), `wanted` any wrenches. `excess` is by how much a command or the
 /// wrench it gives exceeds the machine's limits (nozzle thrusts not negative, openings at most full); not positive when
 /// all hold.
 /// # Errors
@@ -233,8 +233,13 @@ pub fn check_actuation<A: Actuation>(
         let error = (again - realized).to_vector().amax() / scale(&[realized.to_vector()]);
         require(law, wrench, &realized, &again, error, tolerance)?;
     }
-    let broken = Wrench::new(Vector3::new(0.0, f64::NAN, 0.0), Vector3::zeros());
-    let outcome = actuation.allocate(&broken);
-    let error = if outcome.is_err() { 0.0 } else { f64::INFINITY };
-    require("a wrench that is not finite is refused", &broken, &"an error", &outcome, error, 0.0)
+    // each component, for a machine may well look at some of them only
+    for (component, broken) in (0..6).flat_map(|i| [f64::NAN, f64::INFINITY, f64::NEG_INFINITY].map(|value| (i, value)))
+    {
+        let broken = Wrench::from(Vector6::from_fn(|row, _| if row == component { broken } else { 0.0 }));
+        let outcome = actuation.allocate(&broken);
+        let error = if outcome.is_err() { 0.0 } else { f64::INFINITY };
+        require("a wrench that is not finite is refused", &broken, &"an error", &outcome, error, 0.0)?;
+    }
+    Ok(())
 }

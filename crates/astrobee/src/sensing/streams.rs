@@ -1,0 +1,67 @@
+//! One stream of noise per source, so that switching one off changes no other.
+
+use super::imu::TriadSources;
+use crate::noise::Gaussian;
+
+/// What draws numbers. The numbers are part of the results: never renumber.
+#[derive(Clone, Copy)]
+pub(super) enum Source {
+    AccelerometerScale = 0,
+    AccelerometerMisalignment = 1,
+    AccelerometerNoise = 2,
+    AccelerometerBias = 3,
+    AccelerometerWalk = 4,
+    AccelerometerFast = 5,
+    GyroScale = 6,
+    GyroMisalignment = 7,
+    GyroNoise = 8,
+    GyroBias = 9,
+    GyroWalk = 10,
+    GyroFast = 11,
+    PositionNoise = 12,
+    AttitudeNoise = 13,
+    VelocityNoise = 14,
+    PositionDrift = 15,
+    AttitudeDrift = 16,
+    VelocityDrift = 17,
+    StampJitter = 18,
+    ArrivalJitter = 19,
+    DuplicateArrival = 20,
+    Drops = 21,
+    Bursts = 22,
+    Duplicates = 23,
+    Jumps = 24,
+}
+
+impl Source {
+    pub(super) const ACCELEROMETER: TriadSources = TriadSources {
+        scale: Self::AccelerometerScale,
+        misalignment: Self::AccelerometerMisalignment,
+        noise: Self::AccelerometerNoise,
+        bias: Self::AccelerometerBias,
+        walk: Self::AccelerometerWalk,
+        fast: Self::AccelerometerFast,
+    };
+    pub(super) const GYRO: TriadSources = TriadSources {
+        scale: Self::GyroScale,
+        misalignment: Self::GyroMisalignment,
+        noise: Self::GyroNoise,
+        bias: Self::GyroBias,
+        walk: Self::GyroWalk,
+        fast: Self::GyroFast,
+    };
+}
+
+/// The stream of a source: seeds are spread so that neighbouring seeds and sources share nothing.
+pub(super) fn stream(seed: u64, source: Source) -> Gaussian {
+    let mixed = spread(seed) ^ (source as u64);
+    Gaussian::from_seed(spread(mixed))
+}
+
+/// A bijection of 64 bits whose every output bit depends on every input bit.
+fn spread(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    x ^ (x >> 31)
+}
