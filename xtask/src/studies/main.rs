@@ -24,6 +24,7 @@ mod plain_throws;
 mod plot;
 mod propulsion_dynamics;
 mod real_data;
+mod recording;
 mod throws;
 mod thrust_imu;
 
@@ -61,6 +62,7 @@ const PROBLEMS: &[Problem] = &[
     ("likelihood", likelihood::bench),
     ("allocation", allocation::run),
     ("propulsion", propulsion_dynamics::bench),
+    ("recording", recording::run),
 ];
 
 /// What a result folder says about the run that wrote it.
