@@ -4,8 +4,8 @@ use crate::AstrobeeError;
 
 pub mod allocate;
 pub mod calibrate_wheel;
-pub mod convert;
 mod columns;
+pub mod convert;
 pub mod excite;
 pub mod identify;
 mod identify_periodic;

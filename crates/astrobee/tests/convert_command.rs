@@ -121,7 +121,7 @@ fn what_cannot_be_converted_leaves_nothing() {
     std::fs::write(folder.join("long.tum"), format!("0 1 2 3 0 0 0 1\n{}\n", "1 ".repeat(4000))).unwrap();
     std::fs::write(folder.join("there.csv"), "mine").unwrap();
     let before = names(&folder);
-    let said = fails(&folder, "convert log.db3 out.csv", "T031");
+    let said = fails(&folder, "convert log.db3 out.csv", "T032");
     assert!(said.contains("ros2 bag convert") && said.contains("storage_id: mcap"), "{said}");
     for to in ["out.csv", "out.mcap", "out.tum"] {
         assert!(fails(&folder, &format!("convert torn.csv {to}"), "T006").contains("line 5"));

@@ -25,6 +25,7 @@ mod plain_throws;
 mod plot;
 mod propulsion_dynamics;
 mod real_data;
+mod recording;
 mod throws;
 mod thrust_imu;
 
@@ -60,9 +61,10 @@ const PROBLEMS: &[Problem] = &[
     ("ekf_rls", ekf_rls::run),
     ("fourier", fourier::run),
     ("likelihood", likelihood::bench),
-    ("recordings", mcap_scan::run),
+    ("mcap", mcap_scan::run),
     ("allocation", allocation::run),
     ("propulsion", propulsion_dynamics::bench),
+    ("recording", recording::run),
 ];
 
 /// What a result folder says about the run that wrote it.

@@ -62,7 +62,7 @@ fn file(compression: &str) -> (Vec<u8>, usize, u64) {
 /// Runs the items.
 pub fn run(bench: &mut Bench) -> Result<(), Failure> {
     for (compression, item) in [("", "MCAP scan, 16 MiB plain"), ("lz4", "MCAP scan, 16 MiB lz4")] {
-        if !bench.wants("recordings", item) {
+        if !bench.wants("recording", item) {
             continue;
         }
         let (bytes, content, messages) = file(compression);
@@ -77,7 +77,7 @@ pub fn run(bench: &mut Bench) -> Result<(), Failure> {
         let (found, lost) = count();
         let goal = Goal { target_ns: Some(content as f64 * MOST_NS_PER_BYTE), peer: None };
         let quality = [("missing", messages as f64 - found as f64), ("losses", lost as f64)];
-        bench.each("recordings", item, goal, 1, &quality, |_| count());
+        bench.each("recording", item, goal, 1, &quality, |_| count());
     }
     Ok(())
 }

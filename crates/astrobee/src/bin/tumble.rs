@@ -15,8 +15,8 @@ Examples:
   tumble identify log.csv --excitation excitation.toml
   tumble calibrate-wheel cal_*.csv --out cal.toml
   tumble identify --wheel throw.csv --calibration cal.toml
-  tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler
-  tumble allocate wrenches.csv                 wanted wrenches to nozzle bytes, and what these give";
+  tumble allocate wrenches.csv                 wanted wrenches to nozzle bytes, and what these give
+  tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler";
 
 /// Mass, centre of mass and inertia of a free-flying robot, from its logs.
 #[derive(Parser)]

@@ -4,7 +4,7 @@
 //! order of its stamps and hands out one [`MotionSample`] for every pose. Memory is bounded, whatever the file's size.
 
 use super::mcap_log::{MEASURED_POSE, MEASURED_WRENCH, Measured, MeasuredColumns};
-use super::messages::{self, EkfState, Message, MessageError, PmcCommand};
+use super::messages::{self, Message, MessageError, PmcCommand};
 use super::{RawMessage, ScanReport, scan_file};
 use crate::AstrobeeError;
 use crate::log::{QUATERNION_NORM_TOLERANCE, seconds, shortened};
@@ -204,7 +204,7 @@ pub fn table(topics: &Topics, plan: &Plan) -> String {
 /// What happened on the way from messages to samples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// Messages that came after one of a later stamp and were put in order.
+    /// Poses that came after one of a later stamp and were put in order.
     pub late: usize,
     /// Messages too late for that, left out.
     pub too_late: usize,
@@ -235,7 +235,7 @@ impl Tally {
     pub fn warnings(&self, plan: &Plan, topics: &Topics) -> Vec<String> {
         let mut said = Vec::new();
         let counts = [
-            (self.late, "messages came late and were put in order"),
+            (self.late, "poses came late and were put in order"),
             (self.too_late, "messages came too late to be put in order and were left out"),
             (self.repeated, "poses repeated a time and were dropped"),
             (self.invalid, "poses are marked lost or invalid and were left out"),
@@ -281,6 +281,7 @@ impl Tally {
 }
 
 /// A decoded message in its place in time.
+#[derive(Clone, Copy)]
 enum Event {
     Motion(MotionSample),
     /// Body axes, about the origin.
@@ -301,6 +302,7 @@ struct Assembler<'p> {
     tally: Tally,
     motion_frame: String,
     columns: MeasuredColumns,
+    newest_motion_ns: Option<i64>,
     center_of_mass: Vector3<f64>,
     bytes: Option<PropulsionCommand>,
     speeds: Option<[u8; 2]>,
@@ -319,6 +321,7 @@ impl<'p> Assembler<'p> {
             tally: Tally::default(),
             motion_frame: String::new(),
             columns: MeasuredColumns::default(),
+            newest_motion_ns: None,
             center_of_mass: Vector3::zeros(),
             bytes: None,
             speeds: None,
@@ -362,6 +365,10 @@ impl<'p> Assembler<'p> {
 
     /// Puts an event in its place; hands out a sample when one is complete.
     fn push(&mut self, time_ns: i64, event: Event) -> Option<MotionSample> {
+        if let Event::Motion(_) = event {
+            self.tally.late += usize::from(self.newest_motion_ns.is_some_and(|newest| time_ns < newest));
+            self.newest_motion_ns = self.newest_motion_ns.max(Some(time_ns));
+        }
         match self.ordering.push(time_ns, event) {
             Some(released) if released.in_order => self.advance(released.time_ns, released.sample),
             Some(_) => {
@@ -388,9 +395,20 @@ impl<'p> Assembler<'p> {
 
     fn event(&mut self, message: &Message<'_>, time_ns: i64) -> Result<Option<Event>, AstrobeeError> {
         let motion = match message {
-            Message::EkfState(state) => self.state(state, time_ns),
+            Message::EkfState(state) if state.confidence == CONFIDENCE_LOST || state.status == STATUS_INVALID => {
+                self.tally.invalid += 1;
+                return Ok(None);
+            }
+            Message::EkfState(state) => {
+                pose(time_ns, &state.pose.position, &state.pose.orientation).map(|sample| MotionSample {
+                    velocity_origin_world: Some(state.velocity),
+                    rate_body: Some(state.omega),
+                    acceleration_origin_body: Some(state.accel),
+                    ..sample
+                })
+            }
             Message::Odometry(m) => {
-                self.motion_frame = m.header.frame_id.to_owned();
+                m.header.frame_id.clone_into(&mut self.motion_frame);
                 let sample = pose(time_ns, &m.pose.position, &m.pose.orientation);
                 sample.map(|sample| MotionSample {
                     velocity_origin_world: Some(sample.world_from_body.rotation * m.twist.linear),
@@ -399,39 +417,19 @@ impl<'p> Assembler<'p> {
                 })
             }
             Message::PoseStamped(m) => {
-                self.motion_frame = m.header.frame_id.to_owned();
+                m.header.frame_id.clone_into(&mut self.motion_frame);
                 pose(time_ns, &m.pose.position, &m.pose.orientation)
             }
             other => return self.other_event(other),
         };
-        let finite = |v: &Option<Vector3<f64>>| v.is_none_or(|v| v.iter().all(|x| x.is_finite()));
+        let finite = |v: &Option<Vector3<f64>>| v.as_ref().is_none_or(is_finite);
         let motion = motion.filter(|sample| {
             finite(&sample.velocity_origin_world)
                 && finite(&sample.rate_body)
                 && finite(&sample.acceleration_origin_body)
         });
-        if motion.is_none() {
-            self.tally.impossible += 1;
-        }
-        // A state that says itself that it is lost is counted as that.
-        if let Message::EkfState(state) = message
-            && (state.confidence == CONFIDENCE_LOST || state.status == STATUS_INVALID)
-        {
-            self.tally.impossible -= usize::from(motion.is_none());
-            self.tally.invalid += 1;
-            return Ok(None);
-        }
+        self.tally.impossible += usize::from(motion.is_none());
         Ok(motion.map(Event::Motion))
-    }
-
-    fn state(&mut self, state: &EkfState<'_>, time_ns: i64) -> Option<MotionSample> {
-        let sample = pose(time_ns, &state.pose.position, &state.pose.orientation)?;
-        Some(MotionSample {
-            velocity_origin_world: Some(state.velocity),
-            rate_body: Some(state.omega),
-            acceleration_origin_body: Some(state.accel),
-            ..sample
-        })
     }
 
     fn other_event(&mut self, message: &Message<'_>) -> Result<Option<Event>, AstrobeeError> {
@@ -663,6 +661,5 @@ fn stream(path: &Path, plan: &Plan, sender: &SyncSender<Sent>) -> Result<Tally, 
         }
     }
     let _ = sender.send(Sent::Samples(batch));
-    let late = assembler.ordering.late().saturating_sub(assembler.tally.too_late);
-    Ok(Tally { late, report, ..assembler.tally })
+    Ok(Tally { report, ..assembler.tally })
 }
