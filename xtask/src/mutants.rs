@@ -591,6 +591,8 @@ const MUTANTS: &[Mutant] = &[
         original: "if time_ns < 0 { \"-\" } else { \"\" }",
         replacement: "\"\"",
         test: "-p tumble-astrobee --test convert_command",
+    },
+    Mutant {
         name: "propulsion: reaction torque of the impellers turned round",
         file: "crates/astrobee/src/propulsion/plant.rs",
         original: "let reaction = axis * -impeller.torque_n_m();",
