@@ -272,7 +272,7 @@ pub enum AstrobeeError {
         /// What does not go in.
         what: &'static str,
     },
-    /// T031: a ROS 2 database.
+    /// T032: a ROS 2 database.
     #[error("{path}: a ROS 2 database holds no message definitions and is not read")]
     Database {
         /// The file.
@@ -312,7 +312,8 @@ impl AstrobeeError {
             Self::UnknownRecording { .. } => "T028",
             Self::BadMessage { .. } => "T029",
             Self::NoFlight { .. } => "T030",
-            Self::Database { .. } | Self::NotHeld { .. } => "T031",
+            Self::NotHeld { .. } => "T031",
+            Self::Database { .. } => "T032",
         }
     }
 

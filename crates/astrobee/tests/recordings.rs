@@ -449,7 +449,7 @@ fn huge_text_and_counts_in_messages_take_no_memory() {
         log_time_ns: 0,
         payload,
     };
-    let (_, largest) = largest_allocation(|| {
+    let ((), largest) = largest_allocation(|| {
         for (type_name, _) in KNOWN {
             assert!(decode(&raw(type_name, &payload)).unwrap().is_err());
             assert!(decode(&raw(type_name, &sequence)).unwrap().is_err());

@@ -5,9 +5,9 @@ use crate::AstrobeeError;
 use crate::log::shortened;
 use crate::output::OutputFile;
 use crate::recording::mcap_log::{McapLog, McapSink};
-use crate::recording::rows::{CsvSink, RowSink, read_csv};
+use crate::recording::rows::{CsvSink, RowSink, read_csv, read_flight};
 use crate::recording::tum::{self, TumSink};
-use crate::recording::{ScanReport, mcap_reader};
+use crate::recording::{self, Container, ScanReport};
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
@@ -22,6 +22,9 @@ pub struct ConvertArgs {
     /// Format to write; otherwise the extension of OUTPUT says it: .csv, .mcap, .tum or .txt (TUM).
     #[arg(long, value_enum)]
     pub to: Option<Format>,
+    /// Which robot's flight, where a bag or an MCAP file holds several.
+    #[arg(long, value_name = "NAMESPACE")]
+    pub robot: Option<String>,
     /// Replace OUTPUT where it exists.
     #[arg(long)]
     pub force: bool,
@@ -53,20 +56,17 @@ impl Format {
 enum Input {
     Csv,
     Tum,
-    Mcap,
+    Recording(Container),
 }
 
 impl Input {
     fn of(path: &Path) -> Result<Self, AstrobeeError> {
         const HEAD_BYTES: u64 = 4096;
+        if let Some(container) = recording::container(path)? {
+            return Ok(Self::Recording(container));
+        }
         let mut head = Vec::new();
         open(path)?.take(HEAD_BYTES).read_to_end(&mut head).map_err(unreadable(path))?;
-        if head.starts_with(&mcap_reader::MAGIC) {
-            return Ok(Self::Mcap);
-        }
-        if head.starts_with(b"SQLite format 3\0") {
-            return Err(AstrobeeError::Database { path: path.into() });
-        }
         let text = String::from_utf8_lossy(&head);
         let first = text.lines().find(|line| !line.trim().is_empty() && !line.starts_with('#'));
         Ok(if first.is_some_and(tum::is_first_line) { Self::Tum } else { Self::Csv })
@@ -103,7 +103,7 @@ pub fn run(args: &ConvertArgs) -> Result<Outcome, AstrobeeError> {
             return Err(AstrobeeError::UnknownFormat { path: args.output.clone(), known });
         }
         let mut out = BufWriter::new(std::io::stdout().lock());
-        match convert(&input, &args.input, format, &mut out).and_then(|()| out.flush().map_err(refused)) {
+        match convert(&input, args, format, &mut out).and_then(|()| out.flush().map_err(refused)) {
             // A closed pipe (`tumble convert ... - | head`) is not an error.
             Err(AstrobeeError::Unwritable { source, .. }) if source.kind() == ErrorKind::BrokenPipe => {
                 // What is still buffered has nowhere to go.
@@ -114,7 +114,7 @@ pub fn run(args: &ConvertArgs) -> Result<Outcome, AstrobeeError> {
         }
     } else {
         OutputFile::create(&args.output, args.force).and_then(|mut out| {
-            convert(&input, &args.input, format, &mut out)?;
+            convert(&input, args, format, &mut out)?;
             out.finish()
         })
     };
@@ -134,17 +134,17 @@ fn placed(error: AstrobeeError, output: &Path) -> AstrobeeError {
     }
 }
 
-fn convert(input: &Input, path: &Path, format: Format, out: &mut dyn Write) -> Result<(), AstrobeeError> {
+fn convert(input: &Input, args: &ConvertArgs, format: Format, out: &mut dyn Write) -> Result<(), AstrobeeError> {
     match format {
-        Format::Csv => read(input, path, &mut CsvSink::new(out)),
+        Format::Csv => read(input, args, &mut CsvSink::new(out)),
         Format::Mcap => {
             let mut sink = McapSink::new(out)?;
-            read(input, path, &mut sink)?;
+            read(input, args, &mut sink)?;
             sink.finish().map(|_| ())
         }
         Format::Tum => {
             let mut sink = TumSink::new(out);
-            read(input, path, &mut sink)?;
+            read(input, args, &mut sink)?;
             say_left_out(&sink);
             Ok(())
         }
@@ -162,22 +162,30 @@ fn say_left_out<W: Write>(sink: &TumSink<W>) {
     }
 }
 
-fn read(input: &Input, path: &Path, sink: &mut dyn RowSink) -> Result<(), AstrobeeError> {
+fn read(input: &Input, args: &ConvertArgs, sink: &mut dyn RowSink) -> Result<(), AstrobeeError> {
+    let path = &args.input;
     match input {
-        Input::Csv => read_csv(path, sink),
-        Input::Tum => tum::read(path, sink),
-        Input::Mcap => read_mcap(path, sink),
+        Input::Csv => return read_csv(path, sink),
+        Input::Tum => return tum::read(path, sink),
+        Input::Recording(Container::Mcap) => {
+            // A log of ours keeps every column; of what others record, the flight is assembled.
+            let (log, report) = McapLog::survey(open(path)?)?;
+            if !log.columns.is_empty() {
+                say_losses(path, &report);
+                return read_mcap(path, &log, sink);
+            }
+        }
+        Input::Recording(Container::Bag) => {}
     }
+    for warning in read_flight(path, args.robot.as_deref(), sink)? {
+        eprintln!("warning: {}: {warning}", path.display());
+    }
+    Ok(())
 }
 
-fn read_mcap(path: &Path, sink: &mut dyn RowSink) -> Result<(), AstrobeeError> {
-    let (log, report) = McapLog::survey(open(path)?)?;
-    say_losses(path, &report);
+fn read_mcap(path: &Path, log: &McapLog, sink: &mut dyn RowSink) -> Result<(), AstrobeeError> {
     if log.unread > 0 {
         eprintln!("warning: {}: {} messages do not hold what their type says", path.display(), log.unread);
-    }
-    if log.columns.is_empty() {
-        return Err(AstrobeeError::Empty { path: path.into(), what: "topic of a log" });
     }
     let without_pose = log.rows(open(path)?, sink)?;
     if without_pose > 0 {

@@ -3,7 +3,8 @@
 //! Two passes over the file: the first counts what is there and decides what is used, the second decodes it, puts it in
 //! order of its stamps and hands out one [`MotionSample`] for every pose. Memory is bounded, whatever the file's size.
 
-use super::messages::{self, EkfState, Message, MessageError, PmcCommand};
+use super::mcap_log::{MEASURED_POSE, MEASURED_WRENCH, Measured, MeasuredColumns};
+use super::messages::{self, Message, MessageError, PmcCommand};
 use super::{RawMessage, ScanReport, scan_file};
 use crate::AstrobeeError;
 use crate::log::{QUATERNION_NORM_TOLERANCE, seconds, shortened};
@@ -77,6 +78,12 @@ impl Plan {
     /// # Errors
     /// [`AstrobeeError::NoFlight`] where nothing moves, or several robots do and none is named.
     pub fn of(topics: &Topics, robot: Option<&str>, path: &Path) -> Result<Self, AstrobeeError> {
+        // A log of ours holds one robot.
+        let is = |topic: &str, type_name: &str| topics.get(topic).is_some_and(|found| found.type_name == type_name);
+        if is(MEASURED_POSE, "foxglove.PoseInFrame") {
+            let wrench = is(MEASURED_WRENCH, "tumble.Wrench").then(|| MEASURED_WRENCH.to_owned());
+            return Ok(Self { motion: MEASURED_POSE.to_owned(), wrench, ..Self::default() });
+        }
         let robot = robot.map(|name| name.trim_matches('/'));
         let named = |topic: &str| robot.is_none_or(|robot| namespace(topic) == robot);
         let of_type = |type_name: &str| -> Vec<&String> {
@@ -197,7 +204,7 @@ pub fn table(topics: &Topics, plan: &Plan) -> String {
 /// What happened on the way from messages to samples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// Messages that came after one of a later stamp and were put in order.
+    /// Poses that came after one of a later stamp and were put in order.
     pub late: usize,
     /// Messages too late for that, left out.
     pub too_late: usize,
@@ -228,7 +235,7 @@ impl Tally {
     pub fn warnings(&self, plan: &Plan, topics: &Topics) -> Vec<String> {
         let mut said = Vec::new();
         let counts = [
-            (self.late, "messages came late and were put in order"),
+            (self.late, "poses came late and were put in order"),
             (self.too_late, "messages came too late to be put in order and were left out"),
             (self.repeated, "poses repeated a time and were dropped"),
             (self.invalid, "poses are marked lost or invalid and were left out"),
@@ -274,6 +281,7 @@ impl Tally {
 }
 
 /// A decoded message in its place in time.
+#[derive(Clone, Copy)]
 enum Event {
     Motion(MotionSample),
     /// Body axes, about the origin.
@@ -293,6 +301,8 @@ struct Assembler<'p> {
     ordering: TimeOrdering<Event, Vec<Option<Held<Event>>>>,
     tally: Tally,
     motion_frame: String,
+    columns: MeasuredColumns,
+    newest_motion_ns: Option<i64>,
     center_of_mass: Vector3<f64>,
     bytes: Option<PropulsionCommand>,
     speeds: Option<[u8; 2]>,
@@ -310,6 +320,8 @@ impl<'p> Assembler<'p> {
             ordering: TimeOrdering::new(std::iter::repeat_with(|| None).take(REORDER_MESSAGES).collect()),
             tally: Tally::default(),
             motion_frame: String::new(),
+            columns: MeasuredColumns::default(),
+            newest_motion_ns: None,
             center_of_mass: Vector3::zeros(),
             bytes: None,
             speeds: None,
@@ -320,6 +332,14 @@ impl<'p> Assembler<'p> {
 
     /// Takes a message of the file; hands out a sample when one is complete.
     fn take(&mut self, raw: &RawMessage<'_>) -> Result<Option<MotionSample>, AstrobeeError> {
+        if self.plan.motion == MEASURED_POSE {
+            let event = match self.columns.take(raw, &mut self.tally.undecoded) {
+                Some(Measured::Motion(sample)) => Event::Motion(*sample),
+                Some(Measured::Wrench(wrench)) => Event::Wrench(wrench),
+                None => return Ok(None),
+            };
+            return Ok(self.push(raw.log_time_ns, event));
+        }
         if self.plan.part(raw.topic).is_none() {
             return Ok(None);
         }
@@ -340,14 +360,23 @@ impl<'p> Assembler<'p> {
             time_ns = raw.log_time_ns;
         }
         let Some(event) = self.event(&message, time_ns)? else { return Ok(None) };
-        Ok(match self.ordering.push(time_ns, event) {
+        Ok(self.push(time_ns, event))
+    }
+
+    /// Puts an event in its place; hands out a sample when one is complete.
+    fn push(&mut self, time_ns: i64, event: Event) -> Option<MotionSample> {
+        if let Event::Motion(_) = event {
+            self.tally.late += usize::from(self.newest_motion_ns.is_some_and(|newest| time_ns < newest));
+            self.newest_motion_ns = self.newest_motion_ns.max(Some(time_ns));
+        }
+        match self.ordering.push(time_ns, event) {
             Some(released) if released.in_order => self.advance(released.time_ns, released.sample),
             Some(_) => {
                 self.tally.too_late += 1;
                 None
             }
             None => None,
-        })
+        }
     }
 
     /// The next sample after the last message, until `None`.
@@ -366,9 +395,20 @@ impl<'p> Assembler<'p> {
 
     fn event(&mut self, message: &Message<'_>, time_ns: i64) -> Result<Option<Event>, AstrobeeError> {
         let motion = match message {
-            Message::EkfState(state) => self.state(state, time_ns),
+            Message::EkfState(state) if state.confidence == CONFIDENCE_LOST || state.status == STATUS_INVALID => {
+                self.tally.invalid += 1;
+                return Ok(None);
+            }
+            Message::EkfState(state) => {
+                pose(time_ns, &state.pose.position, &state.pose.orientation).map(|sample| MotionSample {
+                    velocity_origin_world: Some(state.velocity),
+                    rate_body: Some(state.omega),
+                    acceleration_origin_body: Some(state.accel),
+                    ..sample
+                })
+            }
             Message::Odometry(m) => {
-                self.motion_frame = m.header.frame_id.to_owned();
+                m.header.frame_id.clone_into(&mut self.motion_frame);
                 let sample = pose(time_ns, &m.pose.position, &m.pose.orientation);
                 sample.map(|sample| MotionSample {
                     velocity_origin_world: Some(sample.world_from_body.rotation * m.twist.linear),
@@ -377,39 +417,19 @@ impl<'p> Assembler<'p> {
                 })
             }
             Message::PoseStamped(m) => {
-                self.motion_frame = m.header.frame_id.to_owned();
+                m.header.frame_id.clone_into(&mut self.motion_frame);
                 pose(time_ns, &m.pose.position, &m.pose.orientation)
             }
             other => return self.other_event(other),
         };
-        let finite = |v: &Option<Vector3<f64>>| v.is_none_or(|v| v.iter().all(|x| x.is_finite()));
+        let finite = |v: &Option<Vector3<f64>>| v.as_ref().is_none_or(is_finite);
         let motion = motion.filter(|sample| {
             finite(&sample.velocity_origin_world)
                 && finite(&sample.rate_body)
                 && finite(&sample.acceleration_origin_body)
         });
-        if motion.is_none() {
-            self.tally.impossible += 1;
-        }
-        // A state that says itself that it is lost is counted as that.
-        if let Message::EkfState(state) = message
-            && (state.confidence == CONFIDENCE_LOST || state.status == STATUS_INVALID)
-        {
-            self.tally.impossible -= usize::from(motion.is_none());
-            self.tally.invalid += 1;
-            return Ok(None);
-        }
+        self.tally.impossible += usize::from(motion.is_none());
         Ok(motion.map(Event::Motion))
-    }
-
-    fn state(&mut self, state: &EkfState<'_>, time_ns: i64) -> Option<MotionSample> {
-        let sample = pose(time_ns, &state.pose.position, &state.pose.orientation)?;
-        Some(MotionSample {
-            velocity_origin_world: Some(state.velocity),
-            rate_body: Some(state.omega),
-            acceleration_origin_body: Some(state.accel),
-            ..sample
-        })
     }
 
     fn other_event(&mut self, message: &Message<'_>) -> Result<Option<Event>, AstrobeeError> {
@@ -641,6 +661,5 @@ fn stream(path: &Path, plan: &Plan, sender: &SyncSender<Sent>) -> Result<Tally, 
         }
     }
     let _ = sender.send(Sent::Samples(batch));
-    let late = assembler.ordering.late().saturating_sub(assembler.tally.too_late);
-    Ok(Tally { late, report, ..assembler.tally })
+    Ok(Tally { report, ..assembler.tally })
 }

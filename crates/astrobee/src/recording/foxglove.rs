@@ -91,17 +91,19 @@ impl Schema {
     }
 }
 
-fn object(properties: Value) -> Value {
+fn object(properties: impl Into<Value>) -> Value {
+    let properties = properties.into();
     json!({"type": "object", "properties": properties})
 }
-fn array(items: Value) -> Value {
+fn array(items: impl Into<Value>) -> Value {
+    let items = items.into();
     json!({"type": "array", "items": items})
 }
 fn text() -> Value {
     json!({"type": "string"})
 }
 fn numbers(names: &[&str]) -> Value {
-    object(names.iter().map(|name| ((*name).to_owned(), json!({"type": "number"}))).collect())
+    object(names.iter().map(|name| ((*name).to_owned(), json!({"type": "number"}))).collect::<Value>())
 }
 fn vector() -> Value {
     numbers(&["x", "y", "z"])

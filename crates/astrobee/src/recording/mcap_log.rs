@@ -9,9 +9,13 @@ use super::mcap_writer::{Channel, McapWriter};
 use super::rows::{Cell, RowSink, unwritable};
 use super::{Encoding, RawMessage, ScanReport};
 use crate::AstrobeeError;
+use crate::log::QUATERNION_NORM_TOLERANCE;
 use std::collections::HashMap;
 use std::io::{Read, Write};
 use std::ops::ControlFlow;
+use tumble_identification::MotionSample;
+use tumble_lie::nalgebra::Vector3;
+use tumble_lie::{Pose, Wrench};
 
 /// Columns of a pose, after their prefix.
 const POSE: [&str; 7] = ["p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w"];
@@ -27,6 +31,8 @@ const MOST_COLUMNS: usize = 4096;
 pub const MEASURED_POSE: &str = "/measured/pose";
 /// Topic of the wrench on the body, held from each stamp to the next.
 pub const MEASURED_WRENCH: &str = "/measured/wrench";
+/// Topic of everything else that was measured.
+pub const MEASURED_COLUMNS: &str = "/measured/columns";
 /// Topic of the body's frame.
 pub const TRANSFORMS: &str = "/tf";
 
@@ -79,7 +85,7 @@ impl<W: Write> McapSink<W> {
     }
 
     /// Where all of `names` stand, if they do.
-    fn group<const N: usize>(&self, names: [String; N]) -> Option<Vec<usize>> {
+    fn group(&self, names: &[String]) -> Option<Vec<usize>> {
         names.iter().map(|name| self.columns.iter().position(|column| column == name)).collect()
     }
 }
@@ -98,7 +104,7 @@ impl<W: Write> RowSink for McapSink<W> {
     fn begin(&mut self, columns: &[String]) -> Result<(), AstrobeeError> {
         self.columns = columns.to_vec();
         for (source, prefix) in SOURCES {
-            if let Some(columns) = self.group(prefixed(prefix, POSE)) {
+            if let Some(columns) = self.group(&prefixed(prefix, POSE)) {
                 let channel = self.open(source, "pose", &Schema::pose_in_frame())?;
                 self.poses.push(Topic { channel, columns });
                 if prefix.is_empty() {
@@ -106,7 +112,7 @@ impl<W: Write> RowSink for McapSink<W> {
                     self.transforms = Some(self.writer.channel(TRANSFORMS, &schema).map_err(unwritable)?);
                 }
             }
-            if let Some(columns) = self.group(prefixed(prefix, WRENCH)) {
+            if let Some(columns) = self.group(&prefixed(prefix, WRENCH)) {
                 let channel = self.open(source, "wrench", &Schema::wrench())?;
                 self.wrenches.push(Topic { channel, columns });
             }
@@ -119,27 +125,43 @@ impl<W: Write> RowSink for McapSink<W> {
             let what = "times before zero";
             return Err(AstrobeeError::NotHeld { path: "output".into(), format: "MCAP", what });
         }
-        let mut written = vec![false; cells.len()];
-        let mut mark = |places: &[usize]| places.iter().for_each(|&place| written[place] = true);
+        let poses: Vec<Option<[f64; 7]>> = self.poses.iter().map(|topic| numbers(cells, &topic.columns)).collect();
+        let wrenches: Vec<Option<[f64; 6]>> =
+            self.wrenches.iter().map(|topic| numbers(cells, &topic.columns)).collect();
+        let mut taken = vec![false; cells.len()];
+        let whole_poses = self.poses.iter().zip(&poses).filter(|(_, pose)| pose.is_some()).map(|(topic, _)| topic);
+        let whole_wrenches = self.wrenches.iter().zip(&wrenches).filter(|(_, wrench)| wrench.is_some());
+        for place in whole_poses.chain(whole_wrenches.map(|(topic, _)| topic)).flat_map(|topic| &topic.columns) {
+            if let Some(taken) = taken.get_mut(*place) {
+                *taken = true;
+            }
+        }
+        // Before the pose, so that who reads on knows rates and accelerations when it comes.
+        self.columns_of_row(time_ns, cells, &taken)?;
         let measured = self.columns.iter().position(|column| column == POSE[0]);
-        for topic in &self.poses {
-            let Some([x, y, z, xyzw @ ..]) = numbers::<7>(cells, &topic.columns) else { continue };
+        for (topic, pose) in self.poses.iter().zip(poses) {
+            let Some([x, y, z, xyzw @ ..]) = pose else { continue };
             let message = foxglove::pose_in_frame(time_ns, &[x, y, z], &xyzw);
             self.writer.write(topic.channel, time_ns, &message).map_err(unwritable)?;
             if let Some(channel) = self.transforms.filter(|_| topic.columns.first().copied() == measured) {
                 let message = foxglove::body_transform(time_ns, &[x, y, z], &xyzw);
                 self.writer.write(channel, time_ns, &message).map_err(unwritable)?;
             }
-            mark(&topic.columns);
         }
-        for topic in &self.wrenches {
-            let Some(wrench) = numbers::<6>(cells, &topic.columns) else { continue };
+        for (topic, wrench) in self.wrenches.iter().zip(wrenches) {
+            let Some(wrench) = wrench else { continue };
             self.writer.write(topic.channel, time_ns, &foxglove::flat(&WRENCH, &wrench)).map_err(unwritable)?;
-            mark(&topic.columns);
         }
+        Ok(())
+    }
+}
+
+impl<W: Write> McapSink<W> {
+    /// Writes the cells of a row that are not `taken` by a pose or a wrench.
+    fn columns_of_row(&mut self, time_ns: i64, cells: &[Cell], taken: &[bool]) -> Result<(), AstrobeeError> {
         for (of, _) in SOURCES {
             let mut message = serde_json::Map::new();
-            for ((column, cell), _) in self.columns.iter().zip(cells).zip(&written).filter(|(_, written)| !**written) {
+            for ((column, cell), _) in self.columns.iter().zip(cells).zip(taken).filter(|(_, taken)| !**taken) {
                 if source(column).0 != of {
                     continue;
                 }
@@ -156,13 +178,13 @@ impl<W: Write> RowSink for McapSink<W> {
             if message.is_empty() {
                 continue;
             }
-            let channel = match self.others.iter().find(|(name, _)| *name == of) {
-                Some((_, channel)) => *channel,
-                None => {
-                    let channel = self.open(of, "columns", &Schema::columns())?;
-                    self.others.push((of, channel));
-                    channel
-                }
+            let known = self.others.iter().find(|(name, _)| *name == of).map(|(_, channel)| *channel);
+            let channel = if let Some(channel) = known {
+                channel
+            } else {
+                let channel = self.open(of, "columns", &Schema::columns())?;
+                self.others.push((of, channel));
+                channel
             };
             let message = serde_json::Value::Object(message).to_string();
             self.writer.write(channel, time_ns, &message).map_err(unwritable)?;
@@ -319,5 +341,64 @@ impl Row {
         }
         self.cells.fill(Cell::Empty);
         Ok(())
+    }
+}
+
+/// What a log of ours says of the motion and its cause, for the assembly of a flight.
+pub(crate) enum Measured {
+    Motion(Box<MotionSample>),
+    Wrench(Wrench<f64>),
+}
+
+/// Rates and accelerations of a row, which come before its pose.
+#[derive(Default)]
+pub(crate) struct MeasuredColumns {
+    time_ns: i64,
+    velocity: Option<Vector3<f64>>,
+    rate: Option<Vector3<f64>>,
+    acceleration: Option<Vector3<f64>>,
+}
+
+impl MeasuredColumns {
+    /// Reads a message on a measured topic: `None` for rates and the like, which wait for their pose, and for messages
+    /// that do not hold what their type says; those are counted in `unread`.
+    pub(crate) fn take(&mut self, message: &RawMessage<'_>, unread: &mut usize) -> Option<Measured> {
+        let payload = message.payload;
+        match carries(message)? {
+            Carries::Pose("") => {
+                let sample = foxglove::read_pose(payload).and_then(|(position, [x, y, z, w])| {
+                    let rotation = tumble_lie::from_xyzw(x, y, z, w, QUATERNION_NORM_TOLERANCE).ok()?;
+                    let beside = std::mem::take(self);
+                    let same_row = beside.time_ns == message.log_time_ns;
+                    Some(Box::new(MotionSample {
+                        time_ns: message.log_time_ns,
+                        world_from_body: Pose::from_parts(Vector3::from(position).into(), rotation),
+                        velocity_origin_world: beside.velocity.filter(|_| same_row),
+                        rate_body: beside.rate.filter(|_| same_row),
+                        acceleration_origin_body: beside.acceleration.filter(|_| same_row),
+                        wrench_body: None,
+                    }))
+                });
+                *unread += usize::from(sample.is_none());
+                sample.map(Measured::Motion)
+            }
+            Carries::Wrench("") => {
+                let wrench = foxglove::read_flat(payload, &WRENCH);
+                *unread += usize::from(wrench.is_none());
+                let [force @ .., x, y, z] = wrench?;
+                Some(Measured::Wrench(Wrench::new(Vector3::new(x, y, z), force.into())))
+            }
+            Carries::Columns if message.topic == MEASURED_COLUMNS => {
+                let vector = |names: [&str; 3]| foxglove::read_flat(payload, &names).map(Vector3::from);
+                *self = Self {
+                    time_ns: message.log_time_ns,
+                    velocity: vector(["v_x", "v_y", "v_z"]),
+                    rate: vector(["w_x", "w_y", "w_z"]),
+                    acceleration: vector(["a_x", "a_y", "a_z"]),
+                };
+                None
+            }
+            _ => None,
+        }
     }
 }

@@ -223,7 +223,7 @@ impl Scan<'_> {
                 _ if !complete => ControlFlow::Continue(()),
                 kind::DATA_END => {
                     let stated = Fields(&body).u32();
-                    if stated.is_none() || stated.is_some_and(|crc| crc != 0 && crc != crc_before) {
+                    if stated.is_none_or(|crc| crc != 0 && crc != crc_before) {
                         self.lose(offset, "the check sum of all that stands before differs", false);
                     }
                     ControlFlow::Continue(())
@@ -373,7 +373,7 @@ impl<'a> Chunk<'a> {
         let most = self.expanded_length + 1;
         // The decoders are checked with damaged chunks, but are not ours: a panic in one must cost this chunk only.
         let done = catch_unwind(AssertUnwindSafe(|| match self.compression {
-            "" => return Ok(true),
+            "" => Ok(true),
             "lz4" => lz4_flex::frame::FrameDecoder::new(self.records)
                 .take(most)
                 .read_to_end(expanded)

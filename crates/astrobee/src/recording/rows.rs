@@ -1,10 +1,12 @@
 //! A log of any format as rows of named columns: what `tumble convert` hands from a reader to a writer.
 
+use super::flight::FlightReader;
 use crate::AstrobeeError;
 use crate::log::{BoundedRows, parse_time_ns, read_row, shortened};
 use std::fs::File;
 use std::io::{BufReader, Write};
 use std::path::Path;
+use tumble_lie::nalgebra::Vector3;
 
 /// One cell of a row.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -92,6 +94,36 @@ pub fn read_csv(path: &Path, sink: &mut dyn RowSink) -> Result<(), AstrobeeError
         sink.row(time_ns.unwrap_or_default(), &cells)?;
     }
     Ok(())
+}
+
+/// Streams the flight of a robot from a recording; gives what a user should know about it.
+///
+/// # Errors
+/// As [`FlightReader`], or from `sink`.
+pub fn read_flight(path: &Path, robot: Option<&str>, sink: &mut dyn RowSink) -> Result<Vec<String>, AstrobeeError> {
+    const COLUMNS: [&str; 22] = [
+        "p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w", "v_x", "v_y", "v_z", "w_x", "w_y", "w_z", "a_x", "a_y", "a_z",
+        "f_x", "f_y", "f_z", "tau_x", "tau_y", "tau_z",
+    ];
+    let mut flight = FlightReader::open(path, robot)?;
+    sink.begin(&COLUMNS.map(str::to_owned))?;
+    let vector = |v: Option<Vector3<f64>>| match v {
+        Some(v) => [v.x, v.y, v.z].map(Cell::Number),
+        None => [const { Cell::Empty }; 3],
+    };
+    let mut cells = Vec::with_capacity(COLUMNS.len());
+    while let Some(sample) = flight.next_sample()? {
+        let pose = &sample.world_from_body;
+        cells.clear();
+        cells.extend(pose.translation.vector.iter().chain(&pose.rotation.coords).map(|number| Cell::Number(*number)));
+        cells.extend(vector(sample.velocity_origin_world));
+        cells.extend(vector(sample.rate_body));
+        cells.extend(vector(sample.acceleration_origin_body));
+        cells.extend(vector(sample.wrench_body.map(|wrench| wrench.force)));
+        cells.extend(vector(sample.wrench_body.map(|wrench| wrench.torque)));
+        sink.row(sample.time_ns, &cells)?;
+    }
+    Ok(flight.tally().map_or_else(Vec::new, |tally| tally.warnings(&flight.plan, &flight.topics)))
 }
 
 /// Writes a CSV log, `t_s` first.
