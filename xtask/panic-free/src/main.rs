@@ -167,7 +167,8 @@ fn main() {
     }
     let mut plant = black_box(PropulsionPlant::spun_up(PropulsionSettings::PHYSICAL, ImpellerMode::Nominal));
     black_box(propulsion_step(&mut plant, &black_box(PropulsionCommand::default()), &phi));
-    let mut controller = black_box(FlightController::new(BodyConfiguration::Iss.parameters(), ControlGains::of(FlightSite::Iss)));
+    let mut controller =
+        black_box(FlightController::new(BodyConfiguration::Iss.parameters(), ControlGains::of(FlightSite::Iss)));
     let estimate = black_box(LocalizationEstimate {
         stamp_ns: 0,
         arrival_ns: 0,

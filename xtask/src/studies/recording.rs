@@ -67,8 +67,7 @@ impl Read for Repeated<'_> {
 }
 
 /// The shape of both scans.
-type Scan =
-    fn(Repeated, &mut dyn FnMut(RawMessage) -> ControlFlow<()>) -> Result<ScanReport, AstrobeeError>;
+type Scan = fn(Repeated, &mut dyn FnMut(RawMessage) -> ControlFlow<()>) -> Result<ScanReport, AstrobeeError>;
 
 /// A part of a file and how many messages it holds.
 type Part = (Vec<u8>, usize);
