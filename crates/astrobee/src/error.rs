@@ -203,6 +203,29 @@ pub enum AstrobeeError {
         /// What else is asked of it.
         rule: &'static str,
     },
+    /// T026: a scenario that does not parse, or asks for something impossible.
+    #[error("{path}, line {line}, column {column}: {message}")]
+    BadScenario {
+        /// The file, or the name of an embedded scenario.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: usize,
+        /// Column, counted from one.
+        column: usize,
+        /// The key, and what is wrong with it.
+        message: String,
+    },
+    /// T026: a scenario that neither exists as a file nor is embedded.
+    #[error("there is no scenario `{name}`, neither as a file nor embedded{nearest}")]
+    NoSuchScenario {
+        /// What was asked for.
+        name: String,
+        /// "; did you mean ...", or nothing.
+        nearest: String,
+    },
+    /// T027: the simulator refuses.
+    #[error(transparent)]
+    Simulator(#[from] crate::simulator::SimulatorError),
 }
 
 impl AstrobeeError {
@@ -230,6 +253,8 @@ impl AstrobeeError {
             Self::UnknownFormat { .. } => "T018",
             Self::Throw(_) => "T019",
             Self::Excitation(_) | Self::SearchTooLong { .. } => "T021",
+            Self::BadScenario { .. } | Self::NoSuchScenario { .. } => "T026",
+            Self::Simulator(_) => "T027",
             Self::SensingOutOfRange { .. } => "T025",
         }
     }
@@ -311,6 +336,9 @@ impl AstrobeeError {
                 _ => "more `--starts`, more `--harmonics`, or other limits",
             },
             Self::SensingOutOfRange { .. } => "`docs/sensing.md` lists every key with unit and range",
+            Self::BadScenario { .. } => "correct the named key; `docs/scenarios.md` describes every one",
+            Self::NoSuchScenario { .. } => "`tumble scenario list` prints the embedded ones; `tumble scenario show NAME` prints one to start from",
+            Self::Simulator(_) => "check start, body and payload times of the scenario; a wrench far beyond the robot's makes it too fast",
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }
     }

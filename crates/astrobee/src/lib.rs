@@ -19,9 +19,11 @@ pub mod propulsion;
 pub mod recording;
 pub mod report;
 pub mod sensing;
+pub mod simulator;
 pub mod space_cobot;
 pub mod spheres;
 pub mod wheel_throw;
+pub mod worlds;
 
 pub use error::AstrobeeError;
 

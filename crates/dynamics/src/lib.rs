@@ -66,5 +66,5 @@ pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use tracker::{PoseReference, PoseTracker};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
-pub use world::{KeepInBox, ObstacleEllipsoid, World};
+pub use world::{AlignedBox, ObstacleEllipsoid, World};
 pub use wrench_model::{ConstantBodyWrench, ConstantWorldWrench, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn};

@@ -1,0 +1,266 @@
+//! What asks for wrenches: a controller that follows a reference, and wrenches added to it.
+
+use crate::noise::Gaussian;
+use crate::sensing::LocalizationEstimate;
+use std::f64::consts::TAU;
+use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
+use tumble_dynamics::{BodyAcceleration, PoseReference, PoseTracker, RigidBodyState};
+use tumble_identification::fourier::FourierMotion;
+use tumble_lie::{LieGroup, Pose, Twist, Wrench};
+
+/// Where the robot should be at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Waypoint {
+    /// Time since the start, s.
+    pub time_s: f64,
+    /// Pose at that time, at rest.
+    pub world_from_body: Pose<f64>,
+}
+
+/// Where the robot should be.
+#[derive(Clone, Debug)]
+pub enum Reference {
+    /// Always here.
+    Hold(Pose<f64>),
+    /// From rest to rest along straight lines, turning about one axis per leg; before the first waypoint at it, after the
+    /// last at that. Times increase.
+    Path(Vec<Waypoint>),
+    /// A designed periodic motion that starts here.
+    Periodic {
+        /// The motion.
+        motion: Box<FourierMotion>,
+        /// Where it starts.
+        world_from_start: Pose<f64>,
+    },
+}
+
+/// Progress along a leg, `10 s^3 - 15 s^4 + 6 s^5`: value, first and second derivative.
+fn smooth(s: f64) -> [f64; 3] {
+    let square = s * s;
+    [
+        square * s * (10.0 + s * (6.0 * s - 15.0)),
+        square * (30.0 + s * (30.0 * s - 60.0)),
+        s * (60.0 + s * (120.0 * s - 180.0)),
+    ]
+}
+
+fn at_rest(world_from_body: Pose<f64>) -> PoseReference {
+    PoseReference {
+        state: RigidBodyState { world_from_body, twist_body: Twist::zero() },
+        acceleration: BodyAcceleration {
+            angular_acceleration_body: Vector3::zeros(),
+            acceleration_origin_body: Vector3::zeros(),
+        },
+    }
+}
+
+/// On the way from one waypoint to the next.
+fn between(from: &Waypoint, to: &Waypoint, time_s: f64) -> PoseReference {
+    let duration_s = to.time_s - from.time_s;
+    let [progress, slope, bend] = smooth((time_s - from.time_s) / duration_s);
+    let (rate, rate_change) = (slope / duration_s, bend / (duration_s * duration_s));
+    let (start, end) = (&from.world_from_body, &to.world_from_body);
+    let travel_world = end.translation.vector - start.translation.vector;
+    let turn: Vector3<f64> = LieGroup::log(&(start.rotation.inverse() * end.rotation));
+    let rotation = start.rotation * <UnitQuaternion<f64> as LieGroup>::exp(&(turn * progress));
+    let position = start.translation.vector + travel_world * progress;
+    let travel_body = rotation.inverse() * travel_world;
+    PoseReference {
+        state: RigidBodyState {
+            world_from_body: Pose::from_parts(position.into(), rotation),
+            twist_body: Twist::new(turn * rate, travel_body * rate),
+        },
+        acceleration: BodyAcceleration {
+            angular_acceleration_body: turn * rate_change,
+            acceleration_origin_body: travel_body * rate_change,
+        },
+    }
+}
+
+impl Reference {
+    /// The reference at a time; `None` where a periodic motion has no attitude, or a path no waypoint.
+    pub fn at(&self, time_s: f64) -> Option<PoseReference> {
+        match self {
+            Self::Hold(pose) => Some(at_rest(*pose)),
+            Self::Path(waypoints) => {
+                let next = waypoints.partition_point(|waypoint| waypoint.time_s <= time_s);
+                match (next.checked_sub(1).and_then(|last| waypoints.get(last)), waypoints.get(next)) {
+                    (Some(from), Some(to)) => Some(between(from, to, time_s)),
+                    (Some(only), None) | (None, Some(only)) => Some(at_rest(only.world_from_body)),
+                    (None, None) => None,
+                }
+            }
+            Self::Periodic { motion, world_from_start } => Some(motion.at(time_s)?.reference(world_from_start)),
+        }
+    }
+}
+
+/// A sum of sines on every axis, all of different frequencies, with random phases.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Multisine {
+    /// `[torque; force]`: amplitude of each sine.
+    amplitudes: [f64; 6],
+    /// Angular frequency and phase of each sine of each axis.
+    sines: Vec<[(f64, f64); 6]>,
+}
+
+impl Multisine {
+    /// `tones` sines per axis whose amplitudes add up to `peak` (`[torque; force]`), the lowest at `lowest_hz`, the others of
+    /// all axes evenly spaced above it up to `highest_hz`.
+    pub fn new(peak: &Wrench<f64>, tones: usize, lowest_hz: f64, highest_hz: f64, seed: u64) -> Self {
+        let mut random = Gaussian::from_seed(seed);
+        let last = (6 * tones).saturating_sub(1).max(1) as f64;
+        let spacing_hz = (highest_hz - lowest_hz) / last;
+        let sine = |tone: usize, axis: usize, random: &mut Gaussian| {
+            let hz = lowest_hz + spacing_hz * (6 * tone + axis) as f64;
+            (TAU * hz, TAU * random.uniform())
+        };
+        let sines = (0..tones).map(|tone| std::array::from_fn(|axis| sine(tone, axis, &mut random))).collect();
+        let peak = peak.to_vector();
+        Self { amplitudes: std::array::from_fn(|axis| peak[axis] / tones.max(1) as f64), sines }
+    }
+
+    /// The wrench at a time, body axes.
+    pub fn wrench(&self, time_s: f64) -> Wrench<f64> {
+        let mut sum = [0.0; 6];
+        for tone in &self.sines {
+            for (axis, (omega, phase)) in tone.iter().enumerate() {
+                sum[axis] += self.amplitudes[axis] * libm::sin(omega * time_s + phase);
+            }
+        }
+        Wrench::new(Vector3::new(sum[0], sum[1], sum[2]), Vector3::new(sum[3], sum[4], sum[5]))
+    }
+}
+
+/// A wrench that no controller asks for, body axes, torque about the body origin.
+#[derive(Clone, Debug, Default)]
+pub enum AddedWrench {
+    /// None.
+    #[default]
+    Nothing,
+    /// Always the same.
+    Constant(Wrench<f64>),
+    /// Each from its time (ns, increasing) to the next; nothing before the first and, where the last time is the
+    /// end, zero from there on.
+    Sequence(Vec<(i64, Wrench<f64>)>),
+    /// Sines.
+    Multisine(Multisine),
+}
+
+impl AddedWrench {
+    /// The wrench at a time.
+    pub fn at(&self, time_ns: i64) -> Wrench<f64> {
+        match self {
+            Self::Nothing => Wrench::zero(),
+            Self::Constant(wrench) => *wrench,
+            Self::Sequence(rows) => {
+                let next = rows.partition_point(|(from_ns, _)| *from_ns <= time_ns);
+                next.checked_sub(1).and_then(|last| rows.get(last)).map_or_else(Wrench::zero, |(_, wrench)| *wrench)
+            }
+            Self::Multisine(sines) => sines.wrench(time_ns as f64 * 1e-9),
+        }
+    }
+}
+
+/// What follows a reference.
+#[derive(Clone, Debug)]
+pub enum Controller {
+    /// Computed torque with a nominal body.
+    Tracker(PoseTracker),
+}
+
+/// What drives the robot: the controller's wrench and the added one.
+#[derive(Clone, Debug, Default)]
+pub struct Drive {
+    /// A controller and what it follows.
+    pub tracking: Option<(Controller, Reference)>,
+    /// Added to that.
+    pub added: AddedWrench,
+}
+
+impl Drive {
+    /// The wrench to ask for at a time, from the newest estimate; without one the controller waits.
+    pub fn wanted(&mut self, time_ns: i64, estimate: Option<&LocalizationEstimate>) -> Wrench<f64> {
+        let time_s = time_ns as f64 * 1e-9;
+        let mut wanted = self.added.at(time_ns);
+        if let (Some((controller, reference)), Some(estimate)) = (&mut self.tracking, estimate)
+            && let Some(reference) = reference.at(time_s)
+        {
+            wanted += match controller {
+                Controller::Tracker(tracker) => tracker.wrench_body(&believed_state(estimate), &reference),
+            };
+        }
+        wanted
+    }
+}
+
+/// The state that an estimate describes.
+fn believed_state(estimate: &LocalizationEstimate) -> RigidBodyState<f64> {
+    let world_from_body = estimate.world_from_body;
+    let linear = world_from_body.rotation.inverse() * estimate.velocity_origin_world;
+    RigidBodyState { world_from_body, twist_body: Twist::new(estimate.rate_body, linear) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn path() -> Reference {
+        let pose = |x: f64, y: f64, turn: Vector3<f64>| {
+            Pose::from_parts(Vector3::new(x, y, 0.3).into(), <UnitQuaternion<f64> as LieGroup>::exp(&turn))
+        };
+        Reference::Path(vec![
+            Waypoint { time_s: 1.0, world_from_body: pose(0.0, 0.0, Vector3::zeros()) },
+            Waypoint { time_s: 5.0, world_from_body: pose(1.0, -0.5, Vector3::new(0.2, -0.8, 0.4)) },
+            Waypoint { time_s: 9.0, world_from_body: pose(1.5, 0.5, Vector3::new(-0.9, 0.1, 0.3)) },
+        ])
+    }
+
+    #[test]
+    fn twist_and_acceleration_are_the_derivatives_of_the_path() {
+        let path = path();
+        for time_s in [0.5, 1.7, 3.0, 4.9, 5.0, 6.2, 8.8, 9.5] {
+            let h = 1e-5;
+            let [before, now, after] = [-h, 0.0, h].map(|d| path.at(time_s + d).unwrap());
+            let pose = |r: &PoseReference| r.state.world_from_body;
+            // Central difference in the axes of the middle pose.
+            let ahead: Twist<f64> = LieGroup::log(&pose(&now).inv_mul(&pose(&after))).into();
+            let behind: Twist<f64> = LieGroup::log(&pose(&now).inv_mul(&pose(&before))).into();
+            let twist = (ahead - behind) * (0.5 / h);
+            assert!((twist - now.state.twist_body).to_vector().amax() < 1e-8, "{time_s}");
+            let rate = (after.state.twist_body - before.state.twist_body) * (0.5 / h);
+            let found = BodyAcceleration::from_twist_rate_body(&now.state.twist_body, &rate);
+            let expected = &now.acceleration;
+            assert!((found.acceleration_origin_body - expected.acceleration_origin_body).amax() < 1e-5, "{time_s}");
+            assert!((found.angular_acceleration_body - expected.angular_acceleration_body).amax() < 1e-5, "{time_s}");
+        }
+        let end = path.at(20.0).unwrap();
+        assert!((end.state.world_from_body.translation.vector - Vector3::new(1.5, 0.5, 0.3)).amax() < 1e-15);
+    }
+
+    #[test]
+    fn a_sequence_holds_each_wrench_until_the_next() {
+        let push = |x: f64| Wrench::new(Vector3::zeros(), Vector3::new(x, 0.0, 0.0));
+        let sequence = AddedWrench::Sequence(vec![(100, push(1.0)), (200, push(2.0))]);
+        let found = [0, 99, 100, 199, 200, 10_000].map(|t| sequence.at(t).force.x);
+        assert!(found.iter().zip([0.0, 0.0, 1.0, 1.0, 2.0, 2.0]).all(|(a, b)| (a - b).abs() < 1e-15));
+    }
+
+    #[test]
+    fn a_multisine_stays_below_its_peak_and_reaches_into_it() {
+        let peak = Wrench::new(Vector3::new(0.01, 0.02, 0.03), Vector3::new(0.4, 0.2, 0.1));
+        let sines = Multisine::new(&peak, 3, 0.05, 0.4, 9);
+        let mut largest = [0.0_f64; 6];
+        for i in 0..20_000 {
+            let wrench = sines.wrench(f64::from(i) * 0.05).to_vector();
+            for (axis, largest) in largest.iter_mut().enumerate() {
+                *largest = largest.max(wrench[axis].abs());
+            }
+        }
+        for (axis, largest) in largest.into_iter().enumerate() {
+            let share = largest / peak.to_vector()[axis];
+            assert!((0.9..=1.0).contains(&share), "{axis}: {share}");
+        }
+        assert_ne!(sines, Multisine::new(&peak, 3, 0.05, 0.4, 10));
+    }
+}
