@@ -35,6 +35,11 @@ pub const TABLE_6_7: [f64; 6] = [0.045, 0.022, 0.026, 0.452, 0.216, 0.257];
 /// Limits of its planner, the same table, to which the informative wrench reaches.
 pub const PLANNER: [f64; 6] = [0.05, 0.05, 0.05, 0.1, 0.1, 0.1];
 
+/// Limits of the local planner in its public code: they differ from the printed ones.
+pub const PLANNER_CODE: [f64; 6] = [0.015, 0.015, 0.015, 0.15, 0.15, 0.15];
+/// Peaks that saturate nothing: a third of those.
+pub const QUIET: [f64; 6] = [0.005, 0.005, 0.005, 0.05, 0.05, 0.05];
+
 /// The robot as the flights have it.
 pub fn body() -> InertialParameters<f64> {
     BodyConfiguration::Iss.parameters()
@@ -79,6 +84,10 @@ impl Plan {
 
     pub fn within_table_6_7(self) -> Self {
         Self { limits: Some(TABLE_6_7), ..self }
+    }
+
+    pub fn with_peak(self, peak: [f64; 6]) -> Self {
+        Self { peak, ..self }
     }
 }
 
@@ -286,7 +295,7 @@ pub fn measured(flown: &Flown) -> Measured {
 /// Noise of the filtered sensors further apart than this is independent, samples.
 pub const CORRELATION_LENGTH: usize = 60;
 /// Delays are sought up to here, s.
-pub const LARGEST_DELAY_S: f64 = 0.4;
+pub const LARGEST_DELAY_S: f64 = 0.35;
 
 /// The delay of a measured vector behind wrenches, over all axes, s: estimate and its standard deviation.
 pub fn delay_behind(wrenches: &[Wrench<f64>], output: &[Vector3<f64>]) -> Result<[f64; 2], Failure> {
@@ -300,6 +309,32 @@ pub fn delay_behind(wrenches: &[Wrench<f64>], output: &[Vector3<f64>]) -> Result
     };
     let found = delay(&signals, LARGEST_DELAY_S).map_err(study)?;
     Ok([found.delay_s, found.sigma_s])
+}
+
+/// What is known of a motion: acceleration, of whichever point, and angular acceleration, by period.
+pub struct Motion {
+    pub acceleration: Vec<Vector3<f64>>,
+    pub angular_acceleration: Vec<Vector3<f64>>,
+}
+
+/// As the thesis: what is published, the rate differentiated.
+pub fn published(flown: &Flown) -> Motion {
+    let measured = measured(flown);
+    Motion { angular_acceleration: differentiated(&measured.rate), acceleration: measured.acceleration }
+}
+
+/// Seed of the flight on which delays are found for all others.
+const CALIBRATION: u64 = 9_000;
+
+/// Delays of `[angular, linear]` acceleration behind wrenches of a source, s, found once on a flight that saturates nothing.
+pub fn calibrated(
+    sensors: &LocalizationSettings,
+    source: Source,
+    motion: fn(&Flown) -> Motion,
+) -> Result<[f64; 2], Failure> {
+    let flown = fly(&Plan::new(sensors.clone(), 60.0).with_peak(QUIET), CALIBRATION)?;
+    let (wrenches, motion) = (source.wrenches(&flown), motion(&flown));
+    Ok([delay_behind(&wrenches, &motion.angular_acceleration)?[0], delay_behind(&wrenches, &motion.acceleration)?[0]])
 }
 
 /// Central differences, zero at the ends.

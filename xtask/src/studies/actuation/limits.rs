@@ -4,14 +4,12 @@ use tumble_astrobee::noise::Gaussian;
 use tumble_astrobee::propulsion::{ForceAllocation, ImpellerMode};
 use tumble_lie::Wrench;
 
-use super::flight::{PLANNER, TABLE_6_7, body};
+use super::flight::{PLANNER, PLANNER_CODE, TABLE_6_7, body};
 use super::{Section, Size, csv, study};
 use crate::Failure;
 
 /// Names of components, in the order of wrenches.
 pub const COMPONENTS: [&str; 6] = ["tx", "ty", "tz", "fx", "fy", "fz"];
-/// Limits of the local planner in its public code, torque and force: they differ from the printed ones.
-const PLANNER_CODE: [f64; 6] = [0.015, 0.015, 0.015, 0.15, 0.15, 0.15];
 
 /// Allocation at the robot's own centre of mass; wrenches about it, as commands are.
 struct Reach(ForceAllocation);

@@ -9,16 +9,14 @@ use tumble_identification::synchronize::relative_scale;
 
 use super::delays::{TABLE_6_5, projected};
 use super::flight::{
-    self, CORRELATION_LENGTH, Flown, Hardware, PLANNER, Plan, STEP_S, Source, body, delay_behind, delayed, measured,
-    through_the_chain, without_errors,
+    self, CORRELATION_LENGTH, Flown, Hardware, PLANNER, PLANNER_CODE, Plan, QUIET, STEP_S, Source, body, calibrated,
+    delayed, measured, published, through_the_chain, without_errors,
 };
 use super::{Section, Size, Spread, csv, curve, study};
 use crate::Failure;
 use crate::chapter4::in_parallel;
 
 const SECONDS: f64 = 60.0;
-/// The peaks of the planner that saturate nothing.
-const QUIET: f64 = 0.25;
 
 /// Factor of each axis by (6.13), and its predicted standard deviation.
 type Factors = [[f64; 2]; 3];
@@ -47,13 +45,11 @@ const PROCESSINGS: [(&str, Processing); 5] = [
     ("bytes through model of servos and sensors", Processing::ThroughTheChain),
 ];
 
-fn processed(flown: &Flown, acceleration: &[Vector3<f64>], plan: &Plan, how: Processing) -> Result<Vec<Vector3<f64>>, Failure> {
+/// `delay_s` is that of the source.
+fn processed(flown: &Flown, delay_s: f64, plan: &Plan, how: Processing) -> Result<Vec<Vector3<f64>>, Failure> {
     match how {
         Processing::AsLogged(source) => Ok(projected(source, flown)),
-        Processing::Delayed(source) => {
-            let [delay_s, _] = delay_behind(&source.wrenches(flown), acceleration)?;
-            Ok(delayed(&projected(source, flown), delay_s))
-        }
+        Processing::Delayed(source) => Ok(delayed(&projected(source, flown), delay_s)),
         Processing::ThroughTheChain => {
             through_the_chain(&Source::Replayed.wrenches(flown), &without_errors(&plan.sensors))
         }
@@ -61,12 +57,19 @@ fn processed(flown: &Flown, acceleration: &[Vector3<f64>], plan: &Plan, how: Pro
 }
 
 fn recovered(plan: &Plan, flights: usize) -> Result<Vec<[Factors; PROCESSINGS.len()]>, Failure> {
+    let delays = PROCESSINGS
+        .iter()
+        .map(|(_, how)| match how {
+            Processing::Delayed(source) => Ok(calibrated(&plan.sensors, *source, published)?[1]),
+            _ => Ok(0.0),
+        })
+        .collect::<Result<Vec<f64>, Failure>>()?;
     let one = |seed: usize| {
         let flown = flight::fly(plan, seed as u64)?;
         let acceleration = measured(&flown).acceleration;
         let mut all = [[[0.0; 2]; 3]; PROCESSINGS.len()];
-        for (found, (_, how)) in all.iter_mut().zip(PROCESSINGS) {
-            *found = factors(&processed(&flown, &acceleration, plan, how)?, &acceleration)?;
+        for ((found, (_, how)), delay_s) in all.iter_mut().zip(PROCESSINGS).zip(&delays) {
+            *found = factors(&processed(&flown, *delay_s, plan, how)?, &acceleration)?;
         }
         Ok(all)
     };
@@ -106,9 +109,9 @@ fn effects() -> Vec<Effect> {
             imu.flight_filter = true;
             imu.sample_interval_ms = 16;
         })),
-        Effect { name: "saturation alone, full planner limits", hardware: Hardware::Flaps(Belief::Allocation), sensors: perfect(), loud: true },
-        quiet("everything physical at once, noise and losses too, quarter of the planner limits", plant(1.0), everything.clone()),
-        Effect { name: "the same at full planner limits", hardware: plant(1.0), sensors: everything, loud: true },
+        Effect { name: "saturation alone, planner limits of table 6.7", hardware: Hardware::Flaps(Belief::Allocation), sensors: perfect(), loud: true },
+        quiet("everything physical at once, noise and losses too", plant(1.0), everything.clone()),
+        Effect { name: "the same at the planner limits of table 6.7", hardware: plant(1.0), sensors: everything, loud: true },
     ]
 }
 
@@ -136,7 +139,10 @@ pub fn section(size: Size) -> Result<Section, Failure> {
 
     let plan = Plan::new(LocalizationSettings::thesis_flight(), SECONDS);
     let mut rows = Vec::new();
-    for (session, plan) in [("limits of the planner only", plan.clone()), ("within table 6.7", plan.within_table_6_7())] {
+    for (session, plan) in [
+        ("planner limits of table 6.7", plan.clone()),
+        ("planner limits of the public code", plan.with_peak(PLANNER_CODE)),
+    ] {
         let found = recovered(&plan, size.flights)?;
         section.line(format!(
             "\nFlights with the factors {}, {}, {} built into the published acceleration, {session}; (6.13) per flight, z: mean less truth in \
@@ -161,7 +167,7 @@ pub fn section(size: Size) -> Result<Section, Failure> {
             rows.push((session, *how, spread, ratio));
         }
         section.tables.push((
-            if session.starts_with("limits") { "table_6_5_planner.csv" } else { "table_6_5_limited.csv" },
+            if session.ends_with("code") { "table_6_5_code.csv" } else { "table_6_5_planner.csv" },
             csv(
                 "flight,processing,factor_x,factor_y,factor_z,sigma_x,sigma_y,sigma_z",
                 found.iter().enumerate().flat_map(|(flight, all)| {
@@ -190,7 +196,7 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     let few = size.flights.div_ceil(2).max(2);
     let (mut most, mut most_apart): (f64, f64) = (0.0, 1.0);
     for effect in effects() {
-        let peak = if effect.loud { PLANNER } else { PLANNER.map(|p| QUIET * p) };
+        let peak = if effect.loud { PLANNER } else { QUIET };
         let plan = Plan { hardware: effect.hardware, peak, ..Plan::new(effect.sensors, SECONDS) };
         let one = |seed: usize| {
             let flown = flight::fly(&plan, seed as u64)?;
@@ -230,7 +236,7 @@ pub fn section(size: Size) -> Result<Section, Failure> {
         ),
     );
 
-    picture(&mut section, &Plan::new(LocalizationSettings::thesis_flight(), SECONDS).within_table_6_7())?;
+    picture(&mut section, &Plan::new(LocalizationSettings::thesis_flight(), SECONDS).with_peak(PLANNER_CODE))?;
     Ok(section)
 }
 
