@@ -8,7 +8,7 @@ use std::process::{Command, ExitCode};
 use std::time::Instant;
 
 use crate::command::{cargo, is_installed, line, root, studies, target_dir};
-use crate::{mutants, tidy};
+use crate::{fuzz, mutants, tidy};
 
 /// How a step ended.
 pub enum Outcome {
@@ -65,6 +65,7 @@ const STEPS: &[Step] = &[
     full("tests-release", "all tests, optimised", || shell(&mut [cargo("test --workspace --release")])),
     full("benches", "every benchmark compiles", || shell(&mut [cargo("bench --workspace --no-run")])),
     full("minimum-rust", "the stated minimum compiler", minimum_rust),
+    full("fuzz", "every parser, half a minute of a fuzzer's bytes", || fuzz::run(30, &[])),
     full("mutants", "every planted source change is caught", || match mutants::run("") {
         Ok(true) => Outcome::Ok,
         Ok(false) => Outcome::Failed("see the table above".into()),

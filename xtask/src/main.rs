@@ -2,6 +2,7 @@
 
 mod ci;
 mod command;
+mod fuzz;
 mod mutants;
 mod tidy;
 
@@ -13,6 +14,7 @@ cargo xtask <command>
   ci [--full] [--only NAME]... [--list]   every check beyond `cargo test --workspace`
   tidy                                    the rules a machine can hold
   mutants [--only TEXT] [--list]          planted source changes; the tests must kill every one
+  fuzz [--seconds N] [TARGET]...           the parsers, on bytes that a fuzzer makes up (cargo-fuzz, nightly compiler)
   bench [--json] ...                      speed on the frozen peer problems (target-cpu=native)
   real-data [--data DIR] [--json] [--check]
   reproduce chapter4 | chapter5 [--runs N] [--out DIR]
@@ -33,6 +35,7 @@ fn main() -> ExitCode {
         "ci" => ci::main(rest),
         "tidy" => tidy::main(),
         "mutants" => mutants::main(rest),
+        "fuzz" => fuzz::main(rest),
         "bench" | "real-data" | "study" | "reproduce" => {
             let mut studies = command::studies(name);
             studies.args(&arguments);

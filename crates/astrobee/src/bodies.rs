@@ -41,3 +41,34 @@ impl BodyConfiguration {
         InertialParameters::about_com(mass, Vector3::from(center_of_mass), inertia_about_com)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tumble_dynamics::nalgebra::Vector3;
+
+    #[test]
+    fn every_body_can_exist() {
+        for configuration in BodyConfiguration::ALL {
+            assert!(configuration.parameters().is_strictly_consistent(), "{configuration:?}");
+        }
+    }
+
+    #[test]
+    fn the_granite_entry_is_the_simulated_robot_on_its_carriage() {
+        let [granite, robot, carriage] =
+            [BodyConfiguration::Granite, BodyConfiguration::Gazebo, BodyConfiguration::GazeboCarriage]
+                .map(BodyConfiguration::parameters);
+        assert!((granite.mass - robot.mass - carriage.mass).abs() < 1e-12);
+        let about_z = |body: &InertialParameters<f64>| body.inertia_about_com()[(2, 2)];
+        assert!((about_z(&granite) - about_z(&robot) - about_z(&carriage)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_inertia_of_the_station_is_about_the_centre_of_mass() {
+        let iss = BodyConfiguration::Iss.parameters();
+        let diagonal = iss.inertia_about_com().diagonal();
+        assert!((diagonal - Vector3::new(0.153_427_995, 0.142_714_05, 0.162_302_759)).norm() < 1e-15);
+        assert!((iss.center_of_mass().x - 0.003_713_818).abs() < 1e-17);
+    }
+}

@@ -1,8 +1,8 @@
 //! Bodies as files: TOML and JSON in and out, URDF and MJCF out.
 
 use crate::error::AstrobeeError;
+use crate::text_file::{self, printable};
 use serde::{Deserialize, Serialize};
-use std::fs;
 use std::path::Path;
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::{Matrix3, SVector, Vector3};
@@ -58,13 +58,20 @@ impl BodyFile {
 /// # Errors
 /// [`AstrobeeError`] naming the file and the key.
 pub fn read(path: &Path) -> Result<InertialParameters<f64>, AstrobeeError> {
-    let text = fs::read_to_string(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
+    parse(&text_file::read(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?, path)
+}
+
+/// A body from the text of the file `path`.
+///
+/// # Errors
+/// As [`read`].
+pub fn parse(text: &str, path: &Path) -> Result<InertialParameters<f64>, AstrobeeError> {
     let body: BodyFile = if extension(path) == "json" {
-        serde_json::from_str(&text)
-            .map_err(|error| AstrobeeError::BadToml { path: path.into(), message: error.to_string() })?
+        serde_json::from_str(text)
+            .map_err(|error| AstrobeeError::BadToml { path: path.into(), message: printable(&error.to_string()) })?
     } else {
-        toml::from_str(&text)
-            .map_err(|error| AstrobeeError::BadToml { path: path.into(), message: error.to_string() })?
+        toml::from_str(text)
+            .map_err(|error| AstrobeeError::BadToml { path: path.into(), message: printable(&error.to_string()) })?
     };
     body.to_parameters(path)
 }
@@ -91,9 +98,9 @@ struct PriorFile {
 /// # Errors
 /// [`AstrobeeError`] naming the file and the key.
 pub fn read_prior(path: &Path) -> Result<Prior, AstrobeeError> {
-    let text = fs::read_to_string(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
+    let text = text_file::read(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
     let bad = |message: String| AstrobeeError::BadToml { path: path.into(), message };
-    let file: PriorFile = toml::from_str(&text).map_err(|error| bad(error.to_string()))?;
+    let file: PriorFile = toml::from_str(&text).map_err(|error| bad(printable(&error.to_string())))?;
     for (key, std) in [
         ("mass_std_kg", file.mass_std_kg),
         ("com_std_m", file.com_std_m),
@@ -166,6 +173,7 @@ fn mjcf(body: &BodyFile) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     fn body() -> InertialParameters<f64> {
         InertialParameters::about_com(

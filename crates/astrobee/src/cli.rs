@@ -2,10 +2,15 @@
 
 use crate::AstrobeeError;
 
+pub mod allocate;
 pub mod calibrate_wheel;
+mod columns;
 pub mod excite;
 pub mod identify;
 mod identify_periodic;
+pub mod realize;
+pub mod scenario;
+pub mod simulate;
 
 /// How a command ended when nothing was wrong with its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -53,6 +53,20 @@ pub enum AstrobeeError {
         /// What stands there (shortened).
         text: String,
     },
+    /// T022: a number that its column cannot hold.
+    #[error("{path}, line {line}, column `{column}`: {value:?}, but {allowed}")]
+    OutOfRange {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: u64,
+        /// Column name.
+        column: String,
+        /// What stands there.
+        value: f64,
+        /// What the column holds.
+        allowed: &'static str,
+    },
     /// T006: a row with another number of cells than the header.
     #[error("{path}, line {line}: {found} cells, the header has {expected}")]
     RowLength {
@@ -238,6 +252,7 @@ impl AstrobeeError {
             Self::DuplicateColumn { .. } => "T004",
             Self::BadCell { .. } => "T005",
             Self::RowLength { .. } => "T006",
+            Self::OutOfRange { .. } => "T022",
             Self::NotUnit { .. } => "T007",
             Self::TimeNotIncreasing { .. } => "T008",
             Self::RowTooLong { .. } => "T009",
@@ -265,11 +280,15 @@ impl AstrobeeError {
             Self::Unreadable { .. } => "check the path and that you may read it",
             Self::Empty { .. } => "`tumble identify --template` prints a header with two valid rows",
             Self::MissingColumn { .. } => {
-                "`tumble identify --template` prints every column; rename or add the missing one"
+                "rename or add the missing one: `tumble identify --template` prints every column of a log, the `--help` of other commands \
+                 theirs"
             }
             Self::DuplicateColumn { .. } => "rename or remove one of the two columns",
             Self::BadCell { .. } => "write a finite decimal number; leave the cell empty only in optional columns",
             Self::RowLength { .. } => "the row may be torn: complete or remove it",
+            Self::OutOfRange { .. } => {
+                "correct the row; the command's `--help` says what each column holds, and its units"
+            }
             Self::NotUnit { .. } => "quaternions are Hamilton, scalar last (q_x q_y q_z q_w), of norm one",
             Self::TimeNotIncreasing { .. } => {
                 "sort the log, or let `--reorder` put late rows in order and drop repeats"
@@ -337,8 +356,12 @@ impl AstrobeeError {
             },
             Self::SensingOutOfRange { .. } => "`docs/sensing.md` lists every key with unit and range",
             Self::BadScenario { .. } => "correct the named key; `docs/scenarios.md` describes every one",
-            Self::NoSuchScenario { .. } => "`tumble scenario list` prints the embedded ones; `tumble scenario show NAME` prints one to start from",
-            Self::Simulator(_) => "check start, body and payload times of the scenario; a wrench far beyond the robot's makes it too fast",
+            Self::NoSuchScenario { .. } => {
+                "`tumble scenario list` prints the embedded ones; `tumble scenario show NAME` prints one to start from"
+            }
+            Self::Simulator(_) => {
+                "check start, body and payload times of the scenario; a wrench far beyond the robot's makes it too fast"
+            }
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }
     }

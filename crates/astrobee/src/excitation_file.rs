@@ -3,8 +3,8 @@
 use crate::body_file::BodyFile;
 use crate::error::AstrobeeError;
 use crate::log::QUATERNION_NORM_TOLERANCE;
+use crate::text_file::{self, printable};
 use serde::{Deserialize, Serialize};
-use std::fs;
 use std::path::Path;
 use tumble_dynamics::nalgebra::DMatrix;
 use tumble_identification::excitation::samples_per_period;
@@ -201,10 +201,17 @@ impl ExcitationFile {
     /// # Errors
     /// [`AstrobeeError`] naming the file and the key.
     pub fn read(path: &Path) -> Result<Self, AstrobeeError> {
-        let text =
-            fs::read_to_string(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
+        let text = text_file::read(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// Checks the text of the file `path`.
+    ///
+    /// # Errors
+    /// As [`ExcitationFile::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Self, AstrobeeError> {
         let bad = |message: String| AstrobeeError::BadExcitation { path: path.into(), message };
-        let file: Self = toml::from_str(&text).map_err(|error| bad(error.to_string()))?;
+        let file: Self = toml::from_str(text).map_err(|error| bad(printable(&error.to_string())))?;
         if file.format != FORMAT {
             return Err(bad(format!("`format` is {}; this program reads {FORMAT}", file.format)));
         }
@@ -266,6 +273,7 @@ impl ExcitationFile {
 mod tests {
     use super::*;
     use crate::space_cobot;
+    use std::fs;
 
     fn file() -> ExcitationFile {
         let basis = FourierBasis::try_new(10.0, 3).unwrap();

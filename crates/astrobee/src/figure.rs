@@ -41,12 +41,22 @@ impl Figure<'_> {
     /// # Errors
     /// [`AstrobeeError::Plot`].
     pub fn draw(&self, path: &Path) -> Result<(), AstrobeeError> {
-        self.try_draw(path).map_err(|error| AstrobeeError::Plot { path: path.into(), message: error.to_string() })
+        self.draw_with_outlines(path, &[])
     }
 
-    fn try_draw(&self, path: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    /// Draws the picture as SVG above filled grey outlines, which it makes room for.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::Plot`].
+    pub fn draw_with_outlines(&self, path: &Path, outlines: &[Vec<(f64, f64)>]) -> Result<(), AstrobeeError> {
+        self.try_draw(path, outlines)
+            .map_err(|error| AstrobeeError::Plot { path: path.into(), message: error.to_string() })
+    }
+
+    fn try_draw(&self, path: &Path, outlines: &[Vec<(f64, f64)>]) -> Result<(), Box<dyn std::error::Error>> {
         let finite = |p: &&(f64, f64)| p.0.is_finite() && p.1.is_finite();
-        let points = || self.curves.iter().flat_map(|c| c.points.iter()).filter(finite);
+        let curves = self.curves.iter().map(|curve| &curve.points);
+        let points = || curves.clone().chain(outlines).flatten().filter(finite);
         let band = self.band.filter(|b| b.is_finite());
         let (mut low, mut high) = points().fold((0.0_f64, 0.0_f64), |(l, h), p| (l.min(p.1), h.max(p.1)));
         if let Some(band) = band {
@@ -85,6 +95,9 @@ impl Figure<'_> {
                 [(start, -band), (end, band)],
                 RGBColor(0, 0, 0).mix(0.08).filled(),
             )))?;
+        }
+        for outline in outlines {
+            chart.draw_series(std::iter::once(Polygon::new(outline.clone(), RGBColor(0, 0, 0).mix(0.2).filled())))?;
         }
         for (curve, colour) in self.curves.iter().zip(COLOURS) {
             chart

@@ -2,6 +2,9 @@
 
 use crate::excitation_file::NoiseTable;
 use crate::noise::Gaussian;
+use crate::sensing::{LocalizationEstimate, TrueMotion};
+use crate::simulator::{CONTROL_PERIOD_NS, SimulatorMeasurement, extrapolated};
+use std::collections::VecDeque;
 use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::{Isometry3, UnitQuaternion};
 use tumble_identification::MotionSample;
@@ -78,8 +81,138 @@ pub fn push_wrench(text: &mut String, wrench: &Wrench<f64>) {
 
 /// Numbers that read back to the same bits, a comma before each.
 pub fn push_numbers<'a>(text: &mut String, numbers: impl IntoIterator<Item = &'a f64>) {
+    let mut digits = ryu::Buffer::new();
     for number in numbers {
-        // `{:?}` writes small numbers with an exponent.
-        let _ = write!(text, ",{number:?}");
+        text.push(',');
+        text.push_str(digits.format(*number));
     }
+}
+
+/// The columns of a simulated flight with sensors, measured ones first.
+const RECORDER_HEADER: &str = "t_s,p_x,p_y,p_z,q_x,q_y,q_z,q_w,v_x,v_y,v_z,w_x,w_y,w_z,a_x,a_y,a_z,\
+f_x,f_y,f_z,tau_x,tau_y,tau_z,\
+true_p_x,true_p_y,true_p_z,true_q_x,true_q_y,true_q_z,true_q_w,\
+true_v_x,true_v_y,true_v_z,true_w_x,true_w_y,true_w_z,true_a_x,true_a_y,true_a_z,\
+true_f_x,true_f_y,true_f_z,true_tau_x,true_tau_y,true_tau_z,\
+cmd_f_x,cmd_f_y,cmd_f_z,cmd_tau_x,cmd_tau_y,cmd_tau_z\n";
+
+/// No estimate arrives later than this after its stamp (latency and jitter have limits), ns.
+const LATEST_ARRIVAL_NS: i64 = 3_200_000_000;
+/// Control periods that are remembered for estimates that are still on their way: more than [`LATEST_ARRIVAL_NS`].
+const REMEMBERED: usize = 256;
+
+/// What is remembered of a control period.
+#[derive(Clone, Copy)]
+struct Period {
+    start: TrueMotion,
+    believed_wrench_body: Wrench<f64>,
+    realized_wrench_body: Wrench<f64>,
+    wanted_wrench_body: Wrench<f64>,
+}
+
+/// Writes the log of a simulated flight: a row for each estimate, in order of their stamps.
+///
+/// Wrenches are those of the control period in which the stamp lies. An estimate that repeats a stamp, or whose stamp lies
+/// outside the flight, is left out and counted.
+pub struct Recorder<W: std::io::Write> {
+    out: W,
+    row: String,
+    periods: VecDeque<Period>,
+    /// Sorted by stamp.
+    waiting: VecDeque<LocalizationEstimate>,
+    last_stamp_ns: Option<i64>,
+    rows: u64,
+    left_out: u64,
+}
+
+impl<W: std::io::Write> Recorder<W> {
+    /// Writes the header.
+    ///
+    /// # Errors
+    /// What the operating system said.
+    pub fn new(mut out: W) -> std::io::Result<Self> {
+        out.write_all(RECORDER_HEADER.as_bytes())?;
+        Ok(Self {
+            out,
+            row: String::with_capacity(2048),
+            periods: VecDeque::with_capacity(REMEMBERED),
+            waiting: VecDeque::with_capacity(2 * REMEMBERED),
+            last_stamp_ns: None,
+            rows: 0,
+            left_out: 0,
+        })
+    }
+
+    /// Takes a control period and the estimates that arrived in it.
+    ///
+    /// # Errors
+    /// What the operating system said.
+    pub fn record(&mut self, period: &SimulatorMeasurement, arrived: &[LocalizationEstimate]) -> std::io::Result<()> {
+        if self.periods.len() == REMEMBERED {
+            self.periods.pop_front();
+        }
+        self.periods.push_back(Period {
+            start: period.start,
+            believed_wrench_body: period.believed_wrench_body,
+            realized_wrench_body: period.realized_wrench_body,
+            wanted_wrench_body: period.wanted_wrench_body,
+        });
+        for estimate in arrived {
+            let place = self.waiting.partition_point(|waiting| waiting.stamp_ns <= estimate.stamp_ns);
+            self.waiting.insert(place, *estimate);
+        }
+        self.write_until(period.end.time_ns - LATEST_ARRIVAL_NS)
+    }
+
+    /// Writes what still waits; the rows written and the estimates left out.
+    ///
+    /// # Errors
+    /// What the operating system said.
+    pub fn finish(mut self) -> std::io::Result<(u64, u64)> {
+        self.write_until(i64::MAX)?;
+        self.out.flush()?;
+        Ok((self.rows, self.left_out))
+    }
+
+    fn write_until(&mut self, stamp_ns: i64) -> std::io::Result<()> {
+        while let Some(estimate) = self.waiting.front().copied().filter(|next| next.stamp_ns <= stamp_ns) {
+            self.waiting.pop_front();
+            match self.period_of(estimate.stamp_ns) {
+                Some(period) if self.last_stamp_ns.is_none_or(|last| last < estimate.stamp_ns) => {
+                    self.last_stamp_ns = Some(estimate.stamp_ns);
+                    self.rows += 1;
+                    self.row.clear();
+                    push_row(&mut self.row, &estimate, &period);
+                    self.out.write_all(self.row.as_bytes())?;
+                }
+                _ => self.left_out += 1,
+            }
+        }
+        Ok(())
+    }
+
+    /// The remembered period in which a time lies.
+    fn period_of(&self, time_ns: i64) -> Option<Period> {
+        let first_ns = self.periods.front()?.start.time_ns;
+        let index = usize::try_from((time_ns - first_ns).div_euclid(CONTROL_PERIOD_NS)).ok()?;
+        self.periods.get(index).copied()
+    }
+}
+
+fn push_row(row: &mut String, estimate: &LocalizationEstimate, period: &Period) {
+    // Writing to a string cannot fail.
+    let _ = write!(row, "{}.{:09}", estimate.stamp_ns / 1_000_000_000, estimate.stamp_ns % 1_000_000_000);
+    push_pose(row, &estimate.world_from_body);
+    push_numbers(row, &estimate.velocity_origin_world);
+    push_numbers(row, &estimate.rate_body);
+    push_numbers(row, &estimate.acceleration_origin_body);
+    push_wrench(row, &period.believed_wrench_body);
+    let truth = extrapolated(&period.start, estimate.stamp_ns - period.start.time_ns);
+    push_pose(row, &truth.world_from_body);
+    push_numbers(row, &(truth.world_from_body.rotation * truth.twist_body.linear));
+    push_numbers(row, &truth.twist_body.angular);
+    push_numbers(row, &period.start.acceleration_origin_body);
+    push_wrench(row, &period.realized_wrench_body);
+    push_wrench(row, &period.wanted_wrench_body);
+    row.push('\n');
 }

@@ -130,38 +130,31 @@ impl FlightMode {
     }
 
     /// Its limits at a site.
+    #[allow(clippy::approx_constant)] // the configured decimals, not the angles they round
     pub fn limits(self, site: FlightSite) -> FlightLimits {
-        let ([speed_m_s, acceleration_m_s2, rate_rad_s, angular_acceleration_rad_s2], position, attitude) = match self {
-            Self::Off => ([1.0, 1.0, 3.1415, 0.175], 0.1, 0.1745),
-            Self::Nominal => {
-                ([0.2, 0.0175, 0.1745, 0.1745], if site == FlightSite::Granite { 0.2 } else { 0.25 }, 0.3491)
-            }
-            Self::Difficult => ([0.4, 0.02, 0.5236, 0.25], 0.2, 0.3490),
-            Self::Quiet => ([0.02, 0.002, 0.0174, 0.0174], 0.1, 0.1745),
-            Self::Precision => ([0.02, 0.01, 0.1745, 0.1745], 0.1, 0.1745),
+        let [speed_m_s, acceleration_m_s2, rate_rad_s, angular_acceleration_rad_s2] = match (self, site) {
+            (Self::Off, _) => [1.0, 1.0, 3.1415, 0.175],
+            (Self::Nominal | Self::Precision, FlightSite::Mgtf) => [0.2, 0.02, 0.1745, 0.1745],
+            (Self::Difficult, FlightSite::Mgtf) => [0.4, 0.04, 0.5236, 0.5236],
+            (Self::Nominal, _) => [0.2, 0.0175, 0.1745, 0.1745],
+            (Self::Difficult, _) => [0.4, 0.02, 0.5236, 0.25],
+            (Self::Quiet, _) => [0.02, 0.002, 0.0174, 0.0174],
+            (Self::Precision, _) => [0.02, 0.01, 0.1745, 0.1745],
         };
-        let mut limits = FlightLimits {
+        let [position_tolerance_m, attitude_tolerance_rad] = match (self, site) {
+            (Self::Nominal, FlightSite::Granite) => [0.2, 0.3491],
+            (Self::Nominal, _) => [0.25, 0.3491],
+            (Self::Difficult, _) => [0.2, 0.3490],
+            (Self::Off | Self::Quiet | Self::Precision, _) => [0.1, 0.1745],
+        };
+        FlightLimits {
             speed_m_s,
             acceleration_m_s2,
             rate_rad_s,
             angular_acceleration_rad_s2,
-            position_tolerance_m: position,
-            attitude_tolerance_rad: attitude,
-        };
-        if site == FlightSite::Mgtf {
-            match self {
-                Self::Nominal | Self::Precision => {
-                    (limits.speed_m_s, limits.acceleration_m_s2) = (0.2, 0.02);
-                    (limits.rate_rad_s, limits.angular_acceleration_rad_s2) = (0.1745, 0.1745);
-                }
-                Self::Difficult => {
-                    (limits.speed_m_s, limits.acceleration_m_s2) = (0.4, 0.04);
-                    (limits.rate_rad_s, limits.angular_acceleration_rad_s2) = (0.5236, 0.5236);
-                }
-                Self::Off | Self::Quiet => {}
-            }
+            position_tolerance_m,
+            attitude_tolerance_rad,
         }
-        limits
     }
 }
 
@@ -174,5 +167,36 @@ impl FlightLimits {
             angular_acceleration_rad_s2: 0.5 * self.angular_acceleration_rad_s2,
             ..self
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bodies::BodyConfiguration;
+
+    #[test]
+    #[allow(clippy::float_cmp)] // copies
+    fn limits_follow_site_and_facing() {
+        let iss = FlightMode::Nominal.limits(FlightSite::Iss);
+        assert_eq!([iss.position_tolerance_m, iss.attitude_tolerance_rad], [0.25, 0.3491]);
+        assert_eq!(FlightMode::Nominal.limits(FlightSite::Granite).position_tolerance_m, 0.2);
+        assert_eq!(FlightMode::Difficult.limits(FlightSite::Mgtf).acceleration_m_s2, 0.04);
+        assert_eq!(FlightMode::Precision.limits(FlightSite::Mgtf).speed_m_s, 0.2);
+        let sideways = iss.without_face_forward();
+        assert_eq!(sideways.acceleration_m_s2, 0.008_75);
+        assert_eq!(sideways.angular_acceleration_rad_s2, 0.087_25);
+        assert_eq!(sideways.speed_m_s, iss.speed_m_s);
+        for mode in FlightMode::ALL {
+            assert_eq!(mode.impellers() == ImpellerMode::Off, mode == FlightMode::Off, "{}", mode.name());
+        }
+    }
+
+    #[test]
+    fn the_nominal_acceleration_asks_for_0_168_newton() {
+        let (body, limits) = (BodyConfiguration::Iss.parameters(), FlightMode::Nominal.limits(FlightSite::Iss));
+        assert!((body.mass * limits.acceleration_m_s2 - 0.168).abs() < 5e-4);
+        let torque = body.inertia_about_com()[(2, 2)] * limits.angular_acceleration_rad_s2;
+        assert!((torque - 0.0283).abs() < 5e-5);
     }
 }

@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+pub mod air_drag;
 pub mod bodies;
 pub mod body_file;
 pub mod cli;
@@ -18,10 +19,12 @@ pub mod output;
 pub mod propulsion;
 pub mod recording;
 pub mod report;
+pub mod scenario;
 pub mod sensing;
 pub mod simulator;
 pub mod space_cobot;
 pub mod spheres;
+mod text_file;
 pub mod wheel_throw;
 pub mod worlds;
 

@@ -3,6 +3,8 @@
 //! Rows are streamed; a log of any size is read in bounded memory.
 
 use crate::error::AstrobeeError;
+use crate::text_file::printable;
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -14,7 +16,7 @@ use tumble_lie::Wrench;
 /// Largest accepted difference of a logged quaternion's norm from one; within it the quaternion is normalised.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 0.01;
 /// No row of numbers is longer than this; a file without line ends must not fill the memory.
-const ROW_LIMIT_BYTES: usize = 65_536;
+pub(crate) const ROW_LIMIT_BYTES: usize = 65_536;
 /// How many rows `--reorder` holds back to put late ones in order.
 const REORDER_ROWS: usize = 4096;
 
@@ -26,7 +28,7 @@ const FORCE: [&str; 3] = ["f_x", "f_y", "f_z"];
 const TORQUE: [&str; 3] = ["tau_x", "tau_y", "tau_z"];
 
 /// Columns that a simulated flight adds for comparison; no estimate reads them.
-const SIMULATED: [&str; 2] = ["true_", "cmd_"];
+const SIMULATED: [&str; 6] = ["true_", "cmd_", "est_", "sigma_", "plan_revision", "belief_revision"];
 
 /// What `tumble identify --template` prints: a header with every column and two valid rows.
 pub const TEMPLATE: &str = "\
@@ -51,8 +53,10 @@ impl Layout {
         if names.iter().all(String::is_empty) {
             return Err(AstrobeeError::Empty { path: path.into(), what: "header" });
         }
-        for (i, name) in names.iter().enumerate() {
-            if !name.is_empty() && names[..i].contains(name) {
+        // a set: a header may have tens of thousands of columns
+        let mut seen = HashSet::new();
+        for name in &names {
+            if !name.is_empty() && !seen.insert(name.as_str()) {
                 return Err(AstrobeeError::DuplicateColumn { path: path.into(), column: shortened(name) });
             }
         }
@@ -95,17 +99,17 @@ fn group<const N: usize>(
     Ok(Some(indices))
 }
 
-fn shortened(text: &str) -> String {
+/// A cell as a message may quote it.
+pub(crate) fn shortened(text: &str) -> String {
     const KEEP: usize = 40;
-    // Control characters must not reach a terminal.
-    let text: String = text.chars().map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect();
+    let text = printable(text);
     if text.chars().count() <= KEEP { text } else { text.chars().take(KEEP).chain("...".chars()).collect() }
 }
 
 /// Streams the samples of one log.
-pub struct LogReader {
+pub struct LogReader<R = File> {
     path: PathBuf,
-    records: csv::Reader<BoundedRows<BufReader<File>>>,
+    records: csv::Reader<BoundedRows<BufReader<R>>>,
     record: csv::ByteRecord,
     layout: Layout,
     /// Columns that are not part of the format.
@@ -134,7 +138,7 @@ impl Default for Reorder {
     }
 }
 
-impl LogReader {
+impl LogReader<File> {
     /// Opens a log and reads its header.
     ///
     /// # Errors
@@ -145,12 +149,22 @@ impl LogReader {
         if file.metadata().map_err(unreadable)?.is_dir() {
             return Err(unreadable(std::io::Error::from(std::io::ErrorKind::IsADirectory)));
         }
+        Self::from_reader(file, path, reorder)
+    }
+}
+
+impl<R: Read> LogReader<R> {
+    /// Reads the header of the log that `source` yields; `path` is its name in errors.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`].
+    pub fn from_reader(source: R, path: &Path, reorder: bool) -> Result<Self, AstrobeeError> {
         let mut records = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
             .quoting(false)
             .comment(Some(b'#'))
-            .from_reader(BoundedRows::new(BufReader::new(file)));
+            .from_reader(BoundedRows::new(BufReader::new(source)));
         let mut record = csv::ByteRecord::new();
         if !read_row(&mut records, &mut record, path)? {
             return Err(AstrobeeError::Empty { path: path.into(), what: "header" });
@@ -269,15 +283,15 @@ impl LogReader {
 }
 
 /// One row with what an error message needs.
-struct Row<'a> {
-    path: &'a Path,
-    line: u64,
-    record: &'a csv::ByteRecord,
-    names: &'a [String],
+pub(crate) struct Row<'a> {
+    pub(crate) path: &'a Path,
+    pub(crate) line: u64,
+    pub(crate) record: &'a csv::ByteRecord,
+    pub(crate) names: &'a [String],
 }
 
 impl Row<'_> {
-    fn text(&self, column: usize) -> &[u8] {
+    pub(crate) fn text(&self, column: usize) -> &[u8] {
         self.record.get(column).unwrap_or_default().trim_ascii()
     }
     fn bad_cell(&self, column: usize) -> AstrobeeError {
@@ -288,7 +302,7 @@ impl Row<'_> {
             text: shortened(&String::from_utf8_lossy(self.text(column))),
         }
     }
-    fn number(&self, column: usize) -> Result<f64, AstrobeeError> {
+    pub(crate) fn number(&self, column: usize) -> Result<f64, AstrobeeError> {
         std::str::from_utf8(self.text(column))
             .ok()
             .and_then(|text| text.parse::<f64>().ok())
@@ -312,7 +326,7 @@ impl Row<'_> {
     }
 }
 
-fn read_row<R: Read>(
+pub(crate) fn read_row<R: Read>(
     records: &mut csv::Reader<BoundedRows<R>>,
     record: &mut csv::ByteRecord,
     path: &Path,
@@ -326,13 +340,14 @@ fn read_row<R: Read>(
 }
 
 /// Ends the stream when a line grows beyond [`ROW_LIMIT_BYTES`], so that no line can fill the memory.
-struct BoundedRows<R> {
+pub(crate) struct BoundedRows<R> {
     inner: R,
     bytes_in_line: usize,
-    too_long: bool,
+    /// A line was too long, and the stream has ended there.
+    pub(crate) too_long: bool,
 }
 impl<R> BoundedRows<R> {
-    fn new(inner: R) -> Self {
+    pub(crate) fn new(inner: R) -> Self {
         Self { inner, bytes_in_line: 0, too_long: false }
     }
 }

@@ -76,7 +76,7 @@ fn is_result_folder(path: &Path) -> bool {
 /// The file by which a result folder is known.
 pub const RUN_RECORD: &str = "run.json";
 /// Everything that lies in a result folder.
-const RESULT_FILES: [&str; 22] = [
+const RESULT_FILES: [&str; 30] = [
     RUN_RECORD,
     "result.json",
     "body.toml",
@@ -99,6 +99,14 @@ const RESULT_FILES: [&str; 22] = [
     "torque.svg",
     "path_xy.svg",
     "path_xz.svg",
+    "scenario.toml",
+    "timings.json",
+    "force_x.svg",
+    "force_y.svg",
+    "force_z.svg",
+    "torque_x.svg",
+    "torque_y.svg",
+    "torque_z.svg",
 ];
 
 /// The first of `base`, `base-2`, `base-3`, ... where nothing is yet.

@@ -2,6 +2,28 @@
 //!
 //! Truth goes in at the inertial unit's rate as [`TrueMotion`]; what the flight software would publish comes out as
 //! [`LocalizationEstimate`], each with the time it speaks of and the time it arrives.
+//!
+//! ```rust
+//! use tumble_astrobee::propulsion::ImpellerMode;
+//! use tumble_astrobee::sensing::{Localization, SensingPreset, TrueMotion};
+//! use tumble_dynamics::{RigidBodyState, nalgebra::Vector3};
+//!
+//! let settings = SensingPreset::Nominal.settings();
+//! let mut localization = Localization::new(&settings, 42, ImpellerMode::Nominal)?;
+//! for step in 0..100 {
+//!     let truth = TrueMotion {
+//!         time_ns: step * 8_000_000,
+//!         state: RigidBodyState::at_rest(),
+//!         acceleration_origin_body: Vector3::zeros(),
+//!         angular_acceleration_body: Vector3::zeros(),
+//!     };
+//!     localization.observe(&truth);
+//!     while let Some(estimate) = localization.arrived(truth.time_ns) {
+//!         println!("{} ns: {}", estimate.stamp_ns, estimate.world_from_body);
+//!     }
+//! }
+//! # Ok::<(), tumble_astrobee::AstrobeeError>(())
+//! ```
 
 mod faults;
 mod flight_filter;
@@ -29,9 +51,9 @@ pub struct TrueMotion {
     pub time_ns: i64,
     /// Pose and body twist (of the body origin).
     pub state: RigidBodyState<f64>,
-    /// Acceleration of the body origin without gravity, body axes, m/s^2.
+    /// Acceleration of the body origin without gravity, body axes, m/s^2; where it jumps, the mean of both sides.
     pub acceleration_origin_body: Vector3<f64>,
-    /// Angular acceleration, body axes, rad/s^2.
+    /// Angular acceleration, body axes, rad/s^2; where it jumps, the mean of both sides.
     pub angular_acceleration_body: Vector3<f64>,
 }
 

@@ -16,12 +16,13 @@ mod payload;
 mod surroundings;
 
 pub use actuators::Actuators;
-pub use drive::{AddedWrench, Controller, Drive, Multisine, Reference, Waypoint};
+pub use drive::{AddedWrench, Controller, Drive, FlownController, Multisine, Reference, Waypoint};
 pub use payload::{Grasp, PayloadMotion, ReleasedPayload, planar_part};
 pub use surroundings::{Event, Surroundings, TimedEvent};
 
 use crate::AstrobeeError;
 use crate::propulsion::PropulsionCommand;
+pub use crate::propulsion::constants::CONTROL_PERIOD_S;
 use crate::sensing::{Localization, LocalizationEstimate, TrueMotion};
 use crate::worlds::WorldPreset;
 use tumble_dynamics::nalgebra::Vector3;
@@ -33,8 +34,6 @@ use tumble_lie::{LieGroup, Wrench};
 
 /// Control period, ns (62.5 Hz).
 pub const CONTROL_PERIOD_NS: i64 = 16_000_000;
-/// Control period, s.
-pub const CONTROL_PERIOD_S: f64 = 0.016;
 /// Time between two looks of the sensors and integration step, ns (125 Hz).
 const SUBSTEP_NS: i64 = 8_000_000;
 const SUBSTEP_S: f64 = 0.008;
@@ -84,6 +83,10 @@ pub struct SimulatorSettings {
     pub table_half_width_m: Option<f64>,
     /// Radius of the sphere that stands for the robot, m.
     pub robot_radius_m: f64,
+    /// Speed above which an event says so, m/s.
+    pub speed_limit_m_s: f64,
+    /// Angular rate above which an event says so, rad/s.
+    pub rate_limit_rad_s: f64,
     /// Air drag.
     pub drag: Option<QuadraticDrag<f64>>,
     /// How wrenches are made.
@@ -102,23 +105,12 @@ impl SimulatorSettings {
             world: place.volumes(),
             table_half_width_m: place.table_half_width_m(),
             robot_radius_m: crate::worlds::ROBOT_RADIUS_M,
+            speed_limit_m_s: f64::INFINITY,
+            rate_limit_rad_s: f64::INFINITY,
             drag: None,
             actuators: Actuators::Exact,
             sensors: None,
         }
-    }
-}
-
-/// Drag of the robot in still air, as NASA's simulation has it: no torque.
-///
-/// # Source
-/// `gazebo_model_plugin_drag`: coefficient 1.05, area 0.092903 m^2, density 1.225 kg/m^3.
-pub fn cabin_drag() -> QuadraticDrag<f64> {
-    QuadraticDrag {
-        center_of_pressure: Vector3::zeros(),
-        force_coefficient: 0.5 * 1.05 * 0.092_903 * 1.225,
-        torque_coefficient: 0.0,
-        medium_velocity_world: Vector3::zeros(),
     }
 }
 
@@ -139,6 +131,8 @@ pub struct SimulatorMeasurement {
     pub realized_wrench_body: Wrench<f64>,
     /// What the modules were told; zero where none are simulated.
     pub command: PropulsionCommand,
+    /// Whether the propulsion was at a limit.
+    pub saturated: bool,
 }
 
 /// The simulated robot; see the [module](self).
@@ -164,6 +158,8 @@ pub struct AstrobeeSimulator {
     world: World,
     table_half_width_m: Option<f64>,
     robot_radius_m: f64,
+    speed_limit_m_s: f64,
+    rate_limit_rad_s: f64,
     drag: Option<QuadraticDrag<f64>>,
     actuators: Actuators,
     sensors: Option<Localization>,
@@ -191,7 +187,6 @@ impl AstrobeeSimulator {
         if planar {
             state = in_plane(&start)?;
         }
-        let around = Surroundings::of(&world, table_half_width_m, &state.world_from_body.translation.vector, robot_radius_m);
         let mut simulator = Self {
             robot: body,
             flyer: FreeFlyer::new(body),
@@ -200,6 +195,8 @@ impl AstrobeeSimulator {
             world,
             table_half_width_m,
             robot_radius_m,
+            speed_limit_m_s: settings.speed_limit_m_s,
+            rate_limit_rad_s: settings.rate_limit_rad_s,
             drag: settings.drag,
             actuators: settings.actuators,
             sensors: settings.sensors,
@@ -212,7 +209,7 @@ impl AstrobeeSimulator {
             events_lost: 0,
         };
         simulator.take_load(None);
-        simulator.note(around);
+        simulator.look_around();
         Ok(simulator)
     }
 
@@ -305,10 +302,16 @@ impl AstrobeeSimulator {
     }
 
     /// Records what changed around the body.
-    fn note(&mut self, around: Surroundings) {
-        let before = self.around;
-        self.around = around;
-        for event in Surroundings::changes(&before, &around).into_iter().flatten() {
+    fn look_around(&mut self) {
+        let RigidBodyState { world_from_body, twist_body } = &self.state;
+        let position = &world_from_body.translation.vector;
+        let after = Surroundings {
+            too_fast: twist_body.linear.norm() > self.speed_limit_m_s,
+            turning_too_fast: twist_body.angular.norm() > self.rate_limit_rad_s,
+            ..Surroundings::of(&self.world, self.table_half_width_m, position, self.robot_radius_m)
+        };
+        let before = std::mem::replace(&mut self.around, after);
+        for event in Surroundings::changes(&before, &after).into_iter().flatten() {
             self.push_event(event);
         }
     }
@@ -372,8 +375,7 @@ impl AstrobeeSimulator {
                 }
             }
         }
-        let position = self.state.world_from_body.translation.vector;
-        self.note(Surroundings::of(&self.world, self.table_half_width_m, &position, self.robot_radius_m));
+        self.look_around();
         let end = self.truth(&last);
         Ok(SimulatorMeasurement {
             start: start.unwrap_or(end),
@@ -383,6 +385,7 @@ impl AstrobeeSimulator {
             believed_wrench_body: self.confined(&made.believed_wrench_body),
             realized_wrench_body: sum * (1.0 / SUBSTEPS as f64),
             command: made.command,
+            saturated: made.saturated,
         })
     }
 }
@@ -414,7 +417,8 @@ impl Plant for AstrobeeSimulator {
 fn in_plane(state: &RigidBodyState<f64>) -> Result<RigidBodyState<f64>, SimulatorError> {
     let rotation = state.world_from_body.rotation;
     let (angular, linear) = (state.twist_body.angular, state.twist_body.linear);
-    let excess = [rotation.i, rotation.j, angular.x, angular.y, linear.z].into_iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let excess =
+        [rotation.i, rotation.j, angular.x, angular.y, linear.z].into_iter().fold(0.0_f64, |a, b| a.max(b.abs()));
     if excess.is_nan() || excess > TILT_TOLERANCE {
         return Err(SimulatorError::OutOfPlane { excess });
     }
@@ -441,8 +445,5 @@ pub fn extrapolated(motion: &TrueMotion, after_ns: i64) -> RigidBodyState<f64> {
     .twist_rate_body(&twist);
     let increment = (twist * after_s + rate * (0.5 * after_s * after_s)).to_vector();
     let turn = <tumble_lie::Pose<f64> as LieGroup>::exp(&increment);
-    RigidBodyState {
-        world_from_body: motion.state.world_from_body * turn,
-        twist_body: twist + rate * after_s,
-    }
+    RigidBodyState { world_from_body: motion.state.world_from_body * turn, twist_body: twist + rate * after_s }
 }

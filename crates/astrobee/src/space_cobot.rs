@@ -82,9 +82,9 @@ mod tests {
     #[test]
     fn force_costs_the_same_in_all_directions() {
         // by hand: efforts of f / (6 F cos tilt) along z, six of them; sum of squares f^2 / (6 F^2 cos^2), cos^2 = 1/3
-        let expected = FORCE_LIMIT_N * FORCE_LIMIT_N / (2.0 * ROTOR_THRUST_N * ROTOR_THRUST_N);
+        let expected = 9.0 / (2.0 * ROTOR_THRUST_N * ROTOR_THRUST_N);
         for force in [Vector3::x(), Vector3::y(), Vector3::z(), Vector3::new(0.48, -0.6, 0.64)] {
-            let wrench = Wrench::new(Vector3::zeros(), force * FORCE_LIMIT_N);
+            let wrench = Wrench::new(Vector3::zeros(), force * 3.0);
             let cost = efforts(wrench.to_vector()).norm_squared();
             assert!((cost - expected).abs() < 1e-12, "{force}: {cost}");
         }

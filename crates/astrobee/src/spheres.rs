@@ -72,7 +72,7 @@ mod tests {
             let thrusts = set.allocate(&wrench).unwrap();
             let turn = [wrench.torque.y, wrench.torque.z, wrench.torque.x].map(|torque| torque / LEVER_M);
             for axis in 0..3 {
-                let shares = [(wrench.force[axis] + turn[axis]) / 2.0, (wrench.force[axis] - turn[axis]) / 2.0];
+                let shares = [1.0, -1.0].map(|end| f64::midpoint(wrench.force[axis], end * turn[axis]));
                 for (end, share) in shares.into_iter().enumerate() {
                     assert!((thrusts[4 * axis + end] - share.max(0.0)).abs() < 1e-14, "{wrench:?}: {thrusts}");
                     assert!((thrusts[4 * axis + 2 + end] - (-share).max(0.0)).abs() < 1e-14, "{wrench:?}: {thrusts}");

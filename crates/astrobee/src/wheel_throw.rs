@@ -1,8 +1,11 @@
 //! Files of wheel-driven throws: one CSV per throw, one TOML per calibrated device.
 
 use std::collections::BTreeMap;
+use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use crate::log::{BoundedRows, ROW_LIMIT_BYTES, shortened};
+use crate::text_file::{self, printable};
 use serde::{Deserialize, Serialize};
 use tumble_dynamics::InertialParameters;
 use tumble_identification::IdentificationError;
@@ -75,6 +78,16 @@ pub enum WheelThrowError {
         /// Line, from one.
         line: u64,
     },
+    /// A line longer than any row of a throw.
+    #[error("{path}, line {line}: longer than {limit} bytes; this is no table of numbers", path = path.display())]
+    LineTooLong {
+        /// File.
+        path: PathBuf,
+        /// Line, from one.
+        line: u64,
+        /// Most bytes in a line.
+        limit: usize,
+    },
     /// More rows than any throw has.
     #[error("{path}: more than {limit} rows; cut the record to one throw", path = path.display())]
     TooLong {
@@ -84,7 +97,7 @@ pub enum WheelThrowError {
         limit: usize,
     },
     /// A calibration file that is none.
-    #[error("{path}: {source}", path = path.display())]
+    #[error("{path}: {message}", path = path.display(), message = printable(&source.to_string()))]
     NotACalibration {
         /// File.
         path: PathBuf,
@@ -179,11 +192,32 @@ impl CalibrationKind {
 /// # Errors
 /// Every kind of [`WheelThrowError`] that names a CSV file.
 pub fn read_throw(path: &Path) -> Result<ThrowRecord, WheelThrowError> {
-    let not_a_table = |source| WheelThrowError::NotATable { path: path.to_owned(), source };
     let file =
         std::fs::File::open(path).map_err(|source| WheelThrowError::Unreadable { path: path.to_owned(), source })?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(std::io::BufReader::new(file));
-    let headers = reader.headers().map_err(not_a_table)?.clone();
+    parse_throw(file, path)
+}
+
+/// Reads one throw from `source`; `path` is its name in errors.
+///
+/// # Errors
+/// As [`read_throw`].
+pub fn parse_throw(source: impl Read, path: &Path) -> Result<ThrowRecord, WheelThrowError> {
+    // numbers need no quotes, and a quote left open would swallow the rest of the file
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .quoting(false)
+        .trim(csv::Trim::All)
+        .from_reader(BoundedRows::new(BufReader::new(source)));
+    let mut next = |row: &mut csv::StringRecord| {
+        let line = reader.position().line();
+        let found = reader.read_record(row);
+        if reader.get_ref().too_long {
+            return Err(WheelThrowError::LineTooLong { path: path.to_owned(), line, limit: ROW_LIMIT_BYTES });
+        }
+        found.map_err(|source| WheelThrowError::NotATable { path: path.to_owned(), source })
+    };
+    let mut headers = csv::StringRecord::new();
+    next(&mut headers)?;
     let mut places = [0; THROW_COLUMNS.len()];
     for (place, column) in places.iter_mut().zip(THROW_COLUMNS) {
         let mut found = (0..headers.len()).filter(|i| headers[*i].trim_start_matches('\u{feff}') == column);
@@ -195,14 +229,13 @@ pub fn read_throw(path: &Path) -> Result<ThrowRecord, WheelThrowError> {
 
     let mut samples: Vec<ThrowSample> = Vec::new();
     let mut row = csv::StringRecord::new();
-    while reader.read_record(&mut row).map_err(not_a_table)? {
+    while next(&mut row)? {
         let line = row.position().map_or(0, csv::Position::line);
         let mut cells = [0.0; THROW_COLUMNS.len()];
         for ((cell, place), column) in cells.iter_mut().zip(places).zip(THROW_COLUMNS) {
             let text = row.get(place).unwrap_or_default();
             *cell = text.parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| {
-                let cell = text.chars().take(40).collect();
-                WheelThrowError::NotANumber { path: path.to_owned(), line, column, cell }
+                WheelThrowError::NotANumber { path: path.to_owned(), line, column, cell: shortened(text) }
             })?;
         }
         let [time_s, wx, wy, wz, ax, ay, az, wheel_speed_rad_s] = cells;
@@ -283,8 +316,7 @@ pub fn calibration_to_toml(calibration: &WheelCalibration) -> Result<String, tom
 /// [`WheelThrowError::Unreadable`], [`WheelThrowError::NotACalibration`], [`WheelThrowError::UnknownFormat`],
 /// [`WheelThrowError::NotIdentified`] for numbers no device has.
 pub fn read_calibration(path: &Path) -> Result<WheelCalibration, WheelThrowError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|source| WheelThrowError::Unreadable { path: path.to_owned(), source })?;
+    let text = text_file::read(path).map_err(|source| WheelThrowError::Unreadable { path: path.to_owned(), source })?;
     let file: CalibrationFile =
         toml::from_str(&text).map_err(|source| WheelThrowError::NotACalibration { path: path.to_owned(), source })?;
     if file.format != FORMAT {

@@ -14,9 +14,10 @@
 
 use nalgebra::{Isometry3, SMatrix, SVector, UnitDualQuaternion, UnitQuaternion, Vector3, Vector6};
 use std::hint::black_box;
+use tumble_astrobee::propulsion::{FlapCommand, ForceAllocation, ImpellerMode, PropulsionCommand, QuantizedAllocation};
 use tumble_dynamics::{
-    BodyAcceleration, DynamicsError, FreeFlyer, InertialParameters, Integrator as _, MuntheKaas4, RigidBodyState,
-    VariationalFreeFlyer,
+    Actuation as _, BodyAcceleration, DynamicsError, FreeFlyer, InertialParameters, Integrator as _, MuntheKaas4,
+    RigidBodyState, VariationalFreeFlyer,
 };
 use tumble_identification::recursive::{
     AccelerationObservation, ChiSquareGate, ExtendedKalmanFilter, KalmanFilter, LinearObservation, LinearProcess,
@@ -75,6 +76,18 @@ proven! {
     ) -> Result<RigidBodyState<f64>, DynamicsError> {
         MuntheKaas4.step(flyer, state, wrench, 0.0, step_s)
     }
+    fn allocate_flaps(allocation: &ForceAllocation, wrench: &Wrench<f64>) -> Result<FlapCommand, DynamicsError> {
+        allocation.allocate(wrench)
+    }
+    fn realize_flaps(allocation: &ForceAllocation, command: &FlapCommand) -> Wrench<f64> { allocation.realize(command) }
+    fn allocate_bytes(
+        allocation: &QuantizedAllocation, wrench: &Wrench<f64>
+    ) -> Result<PropulsionCommand, DynamicsError> {
+        allocation.allocate(wrench)
+    }
+    fn realize_bytes(allocation: &QuantizedAllocation, command: &PropulsionCommand) -> Wrench<f64> {
+        allocation.realize(command)
+    }
     fn newton_euler_regressor(twist: &Twist<f64>, acceleration: &BodyAcceleration<f64>) -> SMatrix<f64, 6, 10> {
         newton_euler(&twist.angular, &acceleration.angular_acceleration_body, &acceleration.acceleration_origin_body)
     }
@@ -132,6 +145,11 @@ fn main() {
     black_box(inverse_dynamics(&flyer, &state.twist_body, &acceleration));
     let first = variational_step(&flyer, &state, &wrench, 0.01);
     let second = munthe_kaas_step(&flyer, &state, &wrench, 0.02);
+    let allocation = black_box(ForceAllocation::new(ImpellerMode::Nominal, phi));
+    let quantized = black_box(QuantizedAllocation(allocation));
+    if let (Ok(flaps), Ok(bytes)) = (allocate_flaps(&allocation, &wrench), allocate_bytes(&quantized, &wrench)) {
+        black_box((realize_flaps(&allocation, &flaps), realize_bytes(&quantized, &bytes)));
+    }
     let block = newton_euler_regressor(&state.twist_body, &acceleration);
     let mut information = SquareRootInformation::<10>::new();
     let updated = square_root_update(&mut information, &block, &wrench.to_vector());

@@ -24,9 +24,9 @@ use crate::arguments::Arguments;
 use crate::plot::{self, Curve, Scale};
 
 /// Flights of each condition where `--flights` says nothing.
-const FLIGHTS: usize = 24;
+const FLIGHTS: usize = 48;
 /// Draws for each mean over random wrenches, per flight.
-const DRAWS_PER_FLIGHT: usize = 5_000;
+const DRAWS_PER_FLIGHT: usize = 2_500;
 
 /// A picture of curves.
 pub struct Picture {

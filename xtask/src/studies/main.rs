@@ -3,6 +3,7 @@
 //! To add a benchmark problem: a module with `pub fn run(bench: &mut Bench) -> Result<(), Failure>` and a line in [`PROBLEMS`].
 
 mod actuation;
+mod allocation;
 mod arguments;
 mod bench;
 mod brushless;
@@ -22,7 +23,9 @@ mod lie;
 mod likelihood;
 mod plain_throws;
 mod plot;
+mod propulsion_dynamics;
 mod real_data;
+mod simulator;
 mod throws;
 mod thrust_imu;
 
@@ -58,6 +61,9 @@ const PROBLEMS: &[Problem] = &[
     ("ekf_rls", ekf_rls::run),
     ("fourier", fourier::run),
     ("likelihood", likelihood::bench),
+    ("allocation", allocation::run),
+    ("propulsion", propulsion_dynamics::bench),
+    ("simulator", simulator::run),
 ];
 
 /// What a result folder says about the run that wrote it.

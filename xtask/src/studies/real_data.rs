@@ -3,13 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use crate::arguments::Arguments;
-use crate::{Failure, brushless, throws, thrust_imu};
+use crate::{Failure, allocation, brushless, propulsion_dynamics, throws, thrust_imu};
 
 /// A set: its folder and what processes it, which returns the targets it missed.
 type Set = (&'static str, fn(&Path, bool) -> Result<Vec<String>, Failure>);
 
-const SETS: &[Set] =
-    &[(throws::SET, throws::run), (brushless::SET, brushless::run), (thrust_imu::SET, thrust_imu::run)];
+const SETS: &[Set] = &[
+    (throws::SET, throws::run),
+    (brushless::SET, brushless::run),
+    (thrust_imu::SET, thrust_imu::run),
+    (allocation::SET, allocation::real_data),
+    (propulsion_dynamics::SET, propulsion_dynamics::run),
+];
 
 /// Runs every set found in the data folder: `--data`, else `TUMBLE_DATA`, else `../shared/data`.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {

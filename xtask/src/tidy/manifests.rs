@@ -59,6 +59,12 @@ pub fn manifests(tree: &Tree) -> Vec<Manifest<'_>> {
         .filter_map(|(path, text)| {
             let table: Table = text.parse().ok()?;
             let package = table.get("package")?;
+            // a package that is its own workspace, like the fuzz targets, is none of this one's
+            let is_alone =
+                table.contains_key("workspace") && package.get("publish").and_then(Value::as_bool) == Some(false);
+            if is_alone {
+                return None;
+            }
             Some(Manifest {
                 path,
                 folder: path.trim_end_matches("Cargo.toml"),
@@ -132,12 +138,13 @@ pub fn inherited(tree: &Tree) -> Vec<String> {
 /// Neither the default build nor the tests compile C or link a system library.
 pub fn only_rust(tree: &Tree) -> Vec<String> {
     const BUILDERS: &[&str] = &["cc", "cmake", "pkg-config", "bindgen", "vcpkg", "autotools"];
-    /// Crates called `-sys` that are declarations of an operating system, in Rust.
-    const DECLARATIONS: &[&str] = &["windows-sys", "linux-raw-sys", "js-sys", "web-sys", "core-foundation-sys"];
+    /// Crates called `-sys` that are Rust: declarations of an operating system, or a library written anew.
+    const IN_RUST: &[&str] =
+        &["windows-sys", "linux-raw-sys", "js-sys", "web-sys", "core-foundation-sys", "libbz2-rs-sys"];
     let mut found = Vec::new();
     for (build, lines) in [("default build", &tree.default_build), ("test build", &tree.test_build)] {
         for name in lines.lines().filter_map(|line| line.split_whitespace().next()) {
-            if BUILDERS.contains(&name) || (name.ends_with("-sys") && !DECLARATIONS.contains(&name)) {
+            if BUILDERS.contains(&name) || (name.ends_with("-sys") && !IN_RUST.contains(&name)) {
                 found.push(format!("the {build} uses {name}"));
             }
         }
@@ -206,6 +213,14 @@ mod tests {
         assert_eq!(xtask("studies = [\"dep:tumble-lie\"]", optional), 0);
         assert_eq!(xtask("default = [\"studies\"]\nstudies = [\"dep:tumble-lie\"]", optional), 1);
         assert_eq!(xtask("studies = []", "{ workspace = true }"), 1);
+    }
+
+    #[test]
+    fn only_an_unpublished_package_can_be_a_workspace_of_its_own() {
+        let package =
+            |more: &str| format!("[package]\nname = \"fuzz\"\n{more}\n[workspace]\n[dependencies]\nlibm = \"0.2\"\n");
+        let found = |more: &str| inherited(&Tree::planted(&[("fuzz/Cargo.toml", &package(more))])).len();
+        assert_eq!((found("publish = false"), found("")), (0, 2));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
-use tumble_astrobee::cli::{Outcome, calibrate_wheel, excite, identify};
+use tumble_astrobee::cli::{Outcome, allocate, calibrate_wheel, excite, identify, realize, scenario, simulate};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -13,8 +13,10 @@ Examples:
   tumble identify --template                   the columns of a log, with two valid rows
   tumble excite --fly                          design a motion that shows everything, and simulate its flight
   tumble identify log.csv --excitation excitation.toml
+  tumble simulate iss-excite                   fly a scenario; `tumble scenario list` names them
   tumble calibrate-wheel cal_*.csv --out cal.toml
-  tumble identify --wheel throw.csv --calibration cal.toml";
+  tumble identify --wheel throw.csv --calibration cal.toml
+  tumble allocate wrenches.csv                 wanted wrenches to nozzle bytes, and what these give";
 
 /// Mass, centre of mass and inertia of a free-flying robot, from its logs.
 #[derive(Parser)]
@@ -30,8 +32,16 @@ enum Command {
     Identify(Box<identify::IdentifyArgs>),
     /// Designs a periodic motion that shows all inertial parameters, and simulates its flight.
     Excite(Box<excite::ExciteArgs>),
+    /// Flies a scenario and writes its log: measured, true and commanded.
+    Simulate(simulate::SimulateArgs),
+    /// Lists and shows the scenarios that come with the program.
+    Scenario(scenario::ScenarioArgs),
     /// Calibrates the wheel-driven throwing device from throws of itself and of a proof block.
     CalibrateWheel(calibrate_wheel::CalibrateWheelArgs),
+    /// Allocates wanted wrenches to Astrobee's twelve nozzles as its flight software does.
+    Allocate(allocate::AllocateArgs),
+    /// Computes the thrust and wrench that a propulsion module of Astrobee gives at its flap angles.
+    Realize(realize::RealizeArgs),
 }
 
 fn main() -> ExitCode {
@@ -44,7 +54,11 @@ fn main() -> ExitCode {
         }
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Excite(args)) => excite::run(&args),
+        Some(Command::Simulate(args)) => simulate::run(&args),
+        Some(Command::Scenario(args)) => scenario::run(&args),
         Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
+        Some(Command::Allocate(args)) => allocate::run(&args),
+        Some(Command::Realize(args)) => realize::run(&args),
     };
     match outcome {
         Ok(Outcome::Achieved) => ExitCode::SUCCESS,

@@ -701,7 +701,7 @@ fn run_record(args: &ExciteArgs) -> String {
 }
 
 /// One line on stderr that replaces itself; silent in pipes.
-fn progress(text: &str) {
+pub(super) fn progress(text: &str) {
     if std::io::stderr().is_terminal() {
         eprint!("\r{text:<60}{}", if text.is_empty() { "\r" } else { "" });
     }

@@ -17,6 +17,8 @@ pub const FULLY_OPEN_COUNTS: f64 = 254.999_985;
 /// Allocation of a wrench to the twelve nozzles at one impeller mode.
 ///
 /// Its [`Actuation`] is the one before quantisation: commands are flap angles. What an opening gives is what `inverse` says.
+/// Where a wrench saturates ([`Limits::is_saturated`]), each flap is cut by itself: what is given is not the nearest wrench,
+/// and wanted again it may saturate again, into another (test `what_saturation_gave_need_not_be_given_again`).
 /// # Frame
 /// Body axes. [`Actuation`] and every wrench here have their torque about the body origin; the flight software's commands have it
 /// about the centre of mass: [`ForceAllocation::about_origin`], [`ForceAllocation::about_center_of_mass`]. The allocation itself does

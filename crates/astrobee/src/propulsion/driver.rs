@@ -117,3 +117,48 @@ impl CommandWatchdog {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn trims_narrow_the_range_from_both_ends_in_integers() {
+        let full = PropulsionCommand { impeller_speeds: [166; 2], nozzles: [255; 12] };
+        let closed = PropulsionCommand { nozzles: [0; 12], ..full };
+        for robot in Robot::ALL {
+            let trims = ByteTrims::of(robot);
+            for nozzle in 0..12 {
+                assert!(trims.low[nozzle] <= 64 && trims.high[nozzle] <= 64, "limits of the driver");
+                assert_eq!(trims.apply(&full).nozzles[nozzle], 255 - trims.high[nozzle], "{robot:?} {nozzle}");
+                assert_eq!(trims.apply(&closed).nozzles[nozzle], trims.low[nozzle], "{robot:?} {nozzle}");
+            }
+            assert_eq!(trims.apply(&full).impeller_speeds, [166; 2]);
+        }
+        let half = PropulsionCommand { nozzles: [128; 12], ..full };
+        assert_eq!(ByteTrims::of(Robot::Honey).apply(&half), half);
+        // starboard 2: low 5, high 5; 128 * 245 / 255 = 122.98 truncated, + 5
+        assert_eq!(ByteTrims::of(Robot::Bsharp).apply(&half).nozzles[1], 127);
+        // port 2 of Queen: high 10; 128 * 245 / 255
+        assert_eq!(ByteTrims::of(Robot::Queen).apply(&half).nozzles[7], 122);
+        assert_eq!(ByteTrims::of(Robot::Melissa).apply(&half).nozzles[8], 129);
+        assert_eq!(
+            ByteTrims::of(Robot::Bumble).apply(&full).nozzles,
+            [255, 255, 255, 255, 255, 255, 250, 255, 250, 250, 255, 255]
+        );
+    }
+
+    #[test]
+    fn silence_shuts_the_propulsion_down() {
+        let command = PropulsionCommand { impeller_speeds: [207; 2], nozzles: [40; 12] };
+        for (mut watchdog, nozzle) in [(CommandWatchdog::of_hardware(), 128), (CommandWatchdog::of_simulation(), 0)] {
+            let shut_down = PropulsionCommand { impeller_speeds: [0; 2], nozzles: [nozzle; 12] };
+            assert_eq!(watchdog.command(0), shut_down, "nothing came yet");
+            watchdog.receive(1_000, &command);
+            assert_eq!(watchdog.command(1_000 + CommandWatchdog::TIMEOUT_NS), command);
+            assert_eq!(watchdog.command(1_001 + CommandWatchdog::TIMEOUT_NS), shut_down);
+            let patient = watchdog.with_timeout_ns(2_000_000_000);
+            assert_eq!(patient.command(1_001 + CommandWatchdog::TIMEOUT_NS), command);
+        }
+    }
+}

@@ -77,3 +77,49 @@ impl Impeller {
         IMPELLER_INERTIA_KG_M2 * self.speed_rad_s
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::ImpellerMode;
+    use super::*;
+
+    const SUPPLY_V: f64 = 14.0;
+
+    #[test]
+    fn spin_up_takes_13_to_17_seconds_and_a_tenth_of_an_ampere_afterwards() {
+        let modes = [ImpellerMode::Quiet, ImpellerMode::Nominal, ImpellerMode::Aggressive];
+        let stated = [(12.7, 0.066, 209.5708), (15.1, 0.082, 261.3323), (16.6, 0.092, 292.8942)];
+        for (mode, (stated_s, stated_a, stated_rad_s)) in modes.into_iter().zip(stated) {
+            let mut impeller = Impeller::default();
+            let mut last_outside = 0;
+            for step in 1..=10_000 {
+                let before = impeller.speed_command_rad_s();
+                impeller.step(mode.speed_byte(), SUPPLY_V);
+                let change = impeller.speed_command_rad_s() - before;
+                assert!(change <= 0.335_103_23, "rate limit: {change}");
+                if (impeller.speed_rad_s() - stated_rad_s).abs() > 0.1 {
+                    last_outside = step;
+                }
+            }
+            let settled_s = f64::from(last_outside) * CONTROL_PERIOD_S;
+            assert!((impeller.speed_rad_s() - stated_rad_s).abs() < 1e-4, "{mode:?}");
+            assert!((impeller.current_a() - stated_a).abs() < 5e-4, "{mode:?}: {}", impeller.current_a());
+            assert!((settled_s - stated_s).abs() < 0.1, "{mode:?}: {settled_s}");
+            let spun_up = Impeller::spun_up(mode.speed_byte());
+            assert!((spun_up.speed_rad_s() - impeller.speed_rad_s()).abs() < 1e-6, "{mode:?}");
+            assert!((spun_up.pid.integral - impeller.pid.integral).abs() < 1e-3, "{mode:?}");
+        }
+    }
+
+    #[test]
+    fn a_weak_supply_limits_the_speed() {
+        let mut impeller = Impeller::default();
+        for _ in 0..10_000 {
+            impeller.step(232, 5.0);
+        }
+        // 5 V = n / ks + R c n / kt
+        let expected =
+            5.0 / (1.0 / SPEED_CONSTANT_RAD_S_V + RESISTANCE_OHM * VISCOUS_FRICTION_N_M_S / TORQUE_CONSTANT_N_M_A);
+        assert!((impeller.speed_rad_s() - expected).abs() < 1e-6, "{}", impeller.speed_rad_s());
+    }
+}

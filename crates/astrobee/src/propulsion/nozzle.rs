@@ -30,6 +30,15 @@ impl Module {
         }
     }
 
+    /// The wrench about the body origin of its six thrusts, N.
+    pub fn wrench_of_thrusts(self, thrusts_n: &[f64; 6]) -> Wrench<f64> {
+        let [a, b, c, d, e, f, g, h, i, j, k, l] = WRENCH_PER_THRUST;
+        match self {
+            Self::Starboard => sum_of_wrenches(&[a, b, c, d, e, f], thrusts_n),
+            Self::Port => sum_of_wrenches(&[g, h, i, j, k, l], thrusts_n),
+        }
+    }
+
     /// Its own leak area, m^2.
     pub fn leak_area_m2(self) -> f64 {
         let [starboard, port] = LEAK_AREAS_M2;
@@ -86,7 +95,7 @@ impl Nozzle {
 }
 
 /// Column by column the wrench about the body origin per thrust.
-pub(super) const WRENCH_PER_THRUST: [[f64; 6]; 12] = {
+const WRENCH_PER_THRUST: [[f64; 6]; 12] = {
     let mut columns = [[0.0; 6]; 12];
     let mut i = 0;
     while i < 12 {
@@ -113,8 +122,12 @@ const GRAM: [f64; 6] = {
 
 /// The wrench about the body origin of twelve thrusts, N.
 pub fn wrench_of_thrusts(thrusts_n: &[f64; 12]) -> Wrench<f64> {
+    sum_of_wrenches(&WRENCH_PER_THRUST, thrusts_n)
+}
+
+fn sum_of_wrenches(wrench_per_thrust: &[[f64; 6]], thrusts_n: &[f64]) -> Wrench<f64> {
     let mut sum = [0.0; 6];
-    for (column, thrust) in WRENCH_PER_THRUST.iter().zip(thrusts_n) {
+    for (column, thrust) in wrench_per_thrust.iter().zip(thrusts_n) {
         for (entry, per_thrust) in sum.iter_mut().zip(column) {
             *entry += per_thrust * thrust;
         }
@@ -183,7 +196,9 @@ impl PositivityShift {
             Self::Thesis => {
                 if thrusts_n.iter().any(|thrust| *thrust < 0.0) {
                     let least = thrusts_n.iter().map(|thrust| thrust.abs()).fold(f64::INFINITY, f64::min);
-                    shifted.iter_mut().for_each(|thrust| *thrust += least);
+                    for thrust in &mut shifted {
+                        *thrust += least;
+                    }
                 }
             }
         }

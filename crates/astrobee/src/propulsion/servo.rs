@@ -66,3 +66,48 @@ impl Servo {
         self.current_a
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Flap angles of a closed servo under one byte, as a share of what the byte asks for.
+    fn response(byte: u8, steps: usize) -> Vec<f64> {
+        let mut servo = Servo::default();
+        let wanted = f64::from(byte) * FLAP_TRAVEL_RAD / NOZZLE_COUNTS;
+        (0..steps).map(|_| servo.step(byte) / wanted).collect()
+    }
+
+    #[test]
+    #[allow(clippy::float_cmp)] // exactly at rest
+    fn a_step_has_two_samples_of_dead_time_and_overshoots_by_a_seventh() {
+        let shares = response(128, 300);
+        assert!(shares[..2].iter().all(|share| *share == 0.0), "{:?}", &shares[..4]);
+        let reached = |share: f64| shares.iter().position(|reached| *reached >= share).unwrap() + 1;
+        assert_eq!([reached(0.10), reached(0.63), reached(0.90)], [3, 4, 5]);
+        let overshoot = shares.iter().fold(0.0, |most: f64, share| most.max(*share)) - 1.0;
+        assert!((overshoot - 0.14).abs() < 0.01, "{overshoot}");
+        assert!((shares[299] - 1.0).abs() < 0.02, "{}", shares[299]);
+    }
+
+    #[test]
+    fn a_full_range_step_peaks_at_24_rad_s_and_stays_within_the_stops() {
+        let angles: Vec<f64> = response(255, 300).iter().map(|share| share * FLAP_TRAVEL_RAD).collect();
+        let peak = angles.windows(2).map(|pair| (pair[1] - pair[0]) / CONTROL_PERIOD_S).fold(0.0, f64::max);
+        assert!((peak - 24.0).abs() < 0.5, "{peak}");
+        assert!(angles.iter().all(|angle| (0.0..=FLAP_TRAVEL_RAD).contains(angle)));
+    }
+
+    #[test]
+    #[allow(clippy::float_cmp)] // copied or clamped, never computed
+    fn play_holds_the_flap_while_the_shaft_turns_back() {
+        let mut servo = Servo { shaft_rad: 20.0, geared_rad: 20.0 + HALF_BACKLASH_RAD, ..Servo::default() };
+        servo.shaft_rad -= HALF_BACKLASH_RAD;
+        servo.step(0);
+        assert_eq!(servo.geared_rad, 20.0, "pulled along at the end of the play");
+        let mut servo = Servo { shaft_rad: 20.0, geared_rad: 20.0 - HALF_BACKLASH_RAD, ..Servo::default() };
+        servo.shaft_rad -= HALF_BACKLASH_RAD;
+        servo.step(0);
+        assert_eq!(servo.geared_rad, 20.0 - HALF_BACKLASH_RAD, "left alone within it");
+    }
+}

@@ -1,5 +1,6 @@
 //! What asks for wrenches: a controller that follows a reference, and wrenches added to it.
 
+use crate::flight_controller::{ControlOrder, FlightController, Setpoint};
 use crate::noise::Gaussian;
 use crate::sensing::LocalizationEstimate;
 use std::f64::consts::TAU;
@@ -164,9 +165,52 @@ impl AddedWrench {
 
 /// What follows a reference.
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)] // one per flight, never moved
 pub enum Controller {
     /// Computed torque with a nominal body.
     Tracker(PoseTracker),
+    /// As flown.
+    Flown(FlownController),
+}
+
+/// The flown controller between its messages: it computes once for each estimate.
+#[derive(Clone, Debug)]
+pub struct FlownController {
+    controller: FlightController,
+    last_stamp_ns: Option<i64>,
+    wrench_body: Wrench<f64>,
+}
+
+impl FlownController {
+    /// Before the first estimate.
+    pub fn new(controller: FlightController) -> Self {
+        Self { controller, last_stamp_ns: None, wrench_body: Wrench::zero() }
+    }
+
+    fn wrench_body(&mut self, time_ns: i64, estimate: &LocalizationEstimate, wanted: &PoseReference) -> Wrench<f64> {
+        if self.last_stamp_ns != Some(estimate.stamp_ns) {
+            self.last_stamp_ns = Some(estimate.stamp_ns);
+            let setpoint = setpoint(time_ns, wanted);
+            let order = ControlOrder::Follow { current: setpoint, next: setpoint };
+            let command = self.controller.step(estimate, &order);
+            self.wrench_body = command.wrench_body(&self.controller.body().center_of_mass());
+        }
+        self.wrench_body
+    }
+}
+
+/// A reference as the flown controller takes it.
+fn setpoint(time_ns: i64, wanted: &PoseReference) -> Setpoint {
+    let PoseReference { state: RigidBodyState { world_from_body, twist_body }, acceleration } = wanted;
+    let world_from_axes = world_from_body.rotation;
+    Setpoint {
+        time_ns,
+        world_from_body: *world_from_body,
+        velocity_world: world_from_axes * twist_body.linear,
+        rate_body: twist_body.angular,
+        acceleration_world: world_from_axes * acceleration.acceleration_origin_body,
+        angular_acceleration_body: acceleration.angular_acceleration_body,
+    }
 }
 
 /// What drives the robot: the controller's wrench and the added one.
@@ -188,6 +232,7 @@ impl Drive {
         {
             wanted += match controller {
                 Controller::Tracker(tracker) => tracker.wrench_body(&believed_state(estimate), &reference),
+                Controller::Flown(flown) => flown.wrench_body(time_ns, estimate, &reference),
             };
         }
         wanted

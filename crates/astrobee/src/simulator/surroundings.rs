@@ -10,6 +10,7 @@ use tumble_dynamics::{AlignedBox, ObstacleEllipsoid, World};
 /// Against an ellipsoid the test is approximate: the semi-axes grow by the radius, which is exact along the axes
 /// and lets the sphere come a little too near in between.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools)] // each stands for a limit of its own
 pub struct Surroundings {
     /// The origin is in no keep-in box.
     pub outside_keep_in: bool,
@@ -19,6 +20,10 @@ pub struct Surroundings {
     pub keep_out: Option<usize>,
     /// The first obstacle touched.
     pub obstacle: Option<usize>,
+    /// The origin moves faster than it should; looked at by the simulator only.
+    pub too_fast: bool,
+    /// The body turns faster than it should; looked at by the simulator only.
+    pub turning_too_fast: bool,
 }
 
 /// Something that happened.
@@ -47,6 +52,14 @@ pub enum Event {
     },
     /// It is clear of obstacles again.
     LeftObstacle,
+    /// The speed limit was passed.
+    TooFast,
+    /// The speed is within its limit again.
+    SlowAgain,
+    /// The limit of the angular rate was passed.
+    TurningTooFast,
+    /// The angular rate is within its limit again.
+    TurningSlowlyAgain,
     /// A payload was taken hold of.
     PayloadAttached,
     /// The payload was let go.
@@ -56,7 +69,15 @@ pub enum Event {
 impl Event {
     /// Whether it should not have happened.
     pub fn is_violation(self) -> bool {
-        matches!(self, Self::LeftKeepIn | Self::LeftTable | Self::EnteredKeepOut { .. } | Self::HitObstacle { .. })
+        matches!(
+            self,
+            Self::LeftKeepIn
+                | Self::LeftTable
+                | Self::EnteredKeepOut { .. }
+                | Self::HitObstacle { .. }
+                | Self::TooFast
+                | Self::TurningTooFast
+        )
     }
 }
 
@@ -71,6 +92,10 @@ impl fmt::Display for Event {
             Self::LeftKeepOut => write!(f, "clear of keep-out boxes"),
             Self::HitObstacle { index } => write!(f, "hit obstacle {index}"),
             Self::LeftObstacle => write!(f, "clear of obstacles"),
+            Self::TooFast => write!(f, "faster than the limit"),
+            Self::SlowAgain => write!(f, "within the speed limit again"),
+            Self::TurningTooFast => write!(f, "turning faster than the limit"),
+            Self::TurningSlowlyAgain => write!(f, "turning within the limit again"),
             Self::PayloadAttached => write!(f, "payload attached"),
             Self::PayloadReleased => write!(f, "payload released"),
         }
@@ -95,11 +120,17 @@ impl Surroundings {
             off_table: table_half_width_m.is_some_and(|half| p.x.abs().max(p.y.abs()) > half),
             keep_out: world.keep_out.iter().position(|b| distance(b, p) <= radius_m),
             obstacle: world.obstacles.iter().position(|obstacle| touches(obstacle, p, radius_m)),
+            ..Self::default()
         }
     }
 
-    /// What turned `before` into `after`, in no more than one event for each of the four.
-    pub(super) fn changes(before: &Self, after: &Self) -> [Option<Event>; 4] {
+    /// What is not as it should be.
+    pub fn events_of(around: &Self) -> impl Iterator<Item = Event> {
+        Self::changes(&Self::default(), around).into_iter().flatten()
+    }
+
+    /// What turned `before` into `after`, in no more than one event for each field.
+    pub(super) fn changes(before: &Self, after: &Self) -> [Option<Event>; 6] {
         let flag = |was: bool, is: bool, left: Event, back: Event| match (was, is) {
             (false, true) => Some(left),
             (true, false) => Some(back),
@@ -115,6 +146,8 @@ impl Surroundings {
             flag(before.off_table, after.off_table, Event::LeftTable, Event::BackOnTable),
             index(before.keep_out, after.keep_out, |index| Event::EnteredKeepOut { index }, Event::LeftKeepOut),
             index(before.obstacle, after.obstacle, |index| Event::HitObstacle { index }, Event::LeftObstacle),
+            flag(before.too_fast, after.too_fast, Event::TooFast, Event::SlowAgain),
+            flag(before.turning_too_fast, after.turning_too_fast, Event::TurningTooFast, Event::TurningSlowlyAgain),
         ]
     }
 }

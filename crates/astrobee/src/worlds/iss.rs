@@ -3,6 +3,7 @@
 #![allow(clippy::unreadable_literal)]
 
 use super::{Listed, NamedPose};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Keep-out boxes, `x1 y1 z1 x2 y2 z2`, m; corners in the file's order.
 ///
@@ -71,8 +72,8 @@ pub const LETTERS: [Listed; 10] = [
 /// Joins [`SLALOM`] half-way.
 pub const ASTRONAUT: [Listed; 1] = [([0.2, 0.2, 0.6], [11.4, -8.3, 4.7])];
 
-/// Minus a quarter turn about z.
-const TO_MINUS_Y: [f64; 4] = [0.0, 0.0, -0.7071, 0.7071];
+/// Minus a quarter turn about z; the source writes 0.7071.
+const TO_MINUS_Y: [f64; 4] = [0.0, 0.0, -FRAC_1_SQRT_2, FRAC_1_SQRT_2];
 const LEVEL: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 const ROLLED_OVER: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 

@@ -24,7 +24,7 @@ pub(super) fn spanning_columns<const R: usize, const N: usize>(
     let mut rest = *effectiveness;
     let mut spanned = SMatrix::<f64, R, R>::zeros();
     let mut chosen = [0; R];
-    for count in 0..R {
+    for (count, place) in chosen.iter_mut().enumerate() {
         let (mut best, mut size) = (0, 0.0);
         for (index, column) in rest.column_iter().enumerate() {
             if column.norm() > size {
@@ -39,7 +39,7 @@ pub(super) fn spanning_columns<const R: usize, const N: usize>(
         let direction = rest.column(best) / size;
         spanned.set_column(count, &direction);
         rest -= direction * (direction.transpose() * rest);
-        chosen[count] = best;
+        *place = best;
     }
     Ok(chosen)
 }
@@ -59,11 +59,7 @@ pub(super) fn right_inverse<const R: usize, const N: usize>(
 
 /// All numbers finite, or an error.
 pub(super) fn finite<const R: usize>(wanted: SVector<f64, R>) -> Result<SVector<f64, R>, DynamicsError> {
-    if wanted.iter().all(|component| ComplexField::is_finite(component)) {
-        Ok(wanted)
-    } else {
-        Err(DynamicsError::NotFinite)
-    }
+    if wanted.iter().all(ComplexField::is_finite) { Ok(wanted) } else { Err(DynamicsError::NotFinite) }
 }
 
 /// A commanded value within its limits, which hold zero; what is no number is nothing.

@@ -60,7 +60,7 @@ impl<const N: usize> RotorSet<N> {
         for (index, rotor) in rotors.iter().enumerate() {
             let wrench = rotor.wrench_body().to_vector();
             let pushes = rotor.thrust_coefficient > 0.0 && rotor.largest_speed_rad_s > 0.0;
-            if !(wrench.iter().all(|component| component.is_finite()) && pushes) {
+            if !(wrench.iter().all(ComplexField::is_finite) && pushes) {
                 return Err(DynamicsError::InvalidActuator { index });
             }
             effectiveness.set_column(index, &wrench);

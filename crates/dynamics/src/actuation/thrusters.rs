@@ -59,7 +59,7 @@ impl<const N: usize> ThrusterSet<N> {
         let mut effectiveness = SMatrix::<f64, 6, N>::zeros();
         for (index, thruster) in thrusters.iter().enumerate() {
             let wrench = thruster.wrench_body().to_vector();
-            if !(wrench.iter().all(|component| component.is_finite()) && thruster.largest_thrust_n > 0.0) {
+            if !(wrench.iter().all(ComplexField::is_finite) && thruster.largest_thrust_n > 0.0) {
                 return Err(DynamicsError::InvalidActuator { index });
             }
             effectiveness.set_column(index, &wrench);

@@ -110,7 +110,7 @@ pub struct Flown {
     pub estimates: Vec<LocalizationEstimate>,
 }
 
-/// Makes the wrench of a period.
+/// Makes the wrench of a period: as the simulator's own hardware does, or a part of it alone.
 struct Maker {
     allocation: ForceAllocation,
     hardware: Hardware,
@@ -276,6 +276,8 @@ pub fn without_errors(sensors: &LocalizationSettings) -> LocalizationSettings {
 pub struct Measured {
     pub acceleration: Vec<Vector3<f64>>,
     pub rate: Vec<Vector3<f64>>,
+    /// Whether an estimate speaks of this very time.
+    pub known: Vec<bool>,
 }
 
 pub fn measured(flown: &Flown) -> Measured {
@@ -289,7 +291,12 @@ pub fn measured(flown: &Flown) -> Measured {
         of(before).lerp(&of(after), share.clamp(0.0, 1.0))
     };
     let all = |of| flown.periods.iter().map(|period| at(period.time_ns, of)).collect();
-    Measured { acceleration: all(|e| e.acceleration_origin_body), rate: all(|e| e.rate_body) }
+    let known = |period: &Period| sorted.binary_search_by_key(&period.time_ns, |estimate| estimate.stamp_ns).is_ok();
+    Measured {
+        acceleration: all(|e| e.acceleration_origin_body),
+        rate: all(|e| e.rate_body),
+        known: flown.periods.iter().map(known).collect(),
+    }
 }
 
 /// Noise of the filtered sensors further apart than this is independent, samples.

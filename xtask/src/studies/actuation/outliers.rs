@@ -36,20 +36,32 @@ struct Condition {
     name: &'static str,
     source: Source,
     losses: bool,
+    /// Whether the inertial unit sits where it does, or at the origin.
+    lever_arm: bool,
     /// Rejections in a row before the gate doubts its estimate; the thesis's never does.
     patience: u32,
 }
 
-const CONDITIONS: [Condition; 4] = [
-    Condition { name: "as the thesis: losses, full inverse", source: Source::FullInverse, losses: true, patience: u32::MAX },
-    Condition { name: "gate that doubts itself after 5 rejections in a row", source: Source::FullInverse, losses: true, patience: 5 },
-    Condition { name: "no losses", source: Source::FullInverse, losses: false, patience: u32::MAX },
-    Condition { name: "no losses, servos replayed", source: Source::Replayed, losses: false, patience: u32::MAX },
+const CONDITIONS: [Condition; 5] = [
+    Condition { name: "as the thesis: losses, full inverse", source: Source::FullInverse, losses: true, lever_arm: true, patience: u32::MAX },
+    Condition { name: "gate that doubts itself after 5 rejections in a row", source: Source::FullInverse, losses: true, lever_arm: true, patience: 5 },
+    Condition { name: "no losses", source: Source::FullInverse, losses: false, lever_arm: true, patience: u32::MAX },
+    Condition { name: "no losses, servos replayed", source: Source::Replayed, losses: false, lever_arm: true, patience: u32::MAX },
+    Condition {
+        name: "no losses, servos replayed, inertial unit at the origin",
+        source: Source::Replayed,
+        losses: false,
+        lever_arm: false,
+        patience: u32::MAX,
+    },
 ];
 
-fn sensors(size_rad_s: Option<f64>, losses: bool) -> LocalizationSettings {
-    let thesis = LocalizationSettings { acceleration_factor: [1.0; 3], ..LocalizationSettings::thesis_flight() };
-    let faults = if losses { thesis.faults.clone() } else { FaultSettings::default() };
+fn sensors(size_rad_s: Option<f64>, condition: &Condition) -> LocalizationSettings {
+    let mut thesis = LocalizationSettings { acceleration_factor: [1.0; 3], ..LocalizationSettings::thesis_flight() };
+    if !condition.lever_arm {
+        thesis.imu.lever_arm_body_m = [0.0; 3];
+    }
+    let faults = if condition.losses { thesis.faults.clone() } else { FaultSettings::default() };
     let jumps = thesis.faults.random_jumps;
     let random_jumps = size_rad_s.map_or_else(JumpSettings::default, |rate_rad_s| JumpSettings { rate_rad_s, ..jumps });
     LocalizationSettings { faults: FaultSettings { random_jumps, ..faults }, ..thesis }
@@ -128,7 +140,7 @@ struct Counts {
 
 /// One condition, one flight, every size.
 fn flight(condition: &Condition, sizes: &[f64], delays_s: [f64; 2], seed: u64) -> Result<Vec<Counts>, Failure> {
-    let plan = |size| Plan::new(sensors(size, condition.losses), SECONDS).within_table_6_7();
+    let plan = |size| Plan::new(sensors(size, condition), SECONDS).within_table_6_7();
     // Sources of noise have their own streams: without jumps the flight is the same one.
     let clean = rows(&flight::fly(&plan(None), seed)?, condition.source, delays_s);
     let sigma = deviation(&clean);
@@ -170,7 +182,7 @@ fn written(hits: [usize; 2]) -> String {
 pub fn section(size: Size) -> Result<Section, Failure> {
     let mut section = Section::default();
     let fly_all = |condition: &Condition, sizes: &[f64]| -> Result<Vec<Vec<Counts>>, Failure> {
-        let delays_s = calibrated(&sensors(None, false), condition.source, published)?;
+        let delays_s = calibrated(&sensors(None, &Condition { losses: false, ..*condition }), condition.source, published)?;
         in_parallel(size.flights, |seed| flight(condition, sizes, delays_s, seed as u64)).into_iter().collect()
     };
     section.line(format!(
@@ -240,9 +252,9 @@ pub fn section(size: Size) -> Result<Section, Failure> {
 
     // The picture: the flight with most jumps.
     let busiest = (0..found.len()).max_by_key(|&i| found[i][PRESET].edges[1]).unwrap_or(0) as u64;
-    let shown = flight::fly(&Plan::new(sensors(Some(SIZES_RAD_S[PRESET]), true), SECONDS).within_table_6_7(), busiest)?;
+    let shown = flight::fly(&Plan::new(sensors(Some(SIZES_RAD_S[PRESET]), &CONDITIONS[0]), SECONDS).within_table_6_7(), busiest)?;
     let angular = differentiated(&measured(&shown).rate);
-    let healthy = flight::fly(&Plan::new(sensors(None, true), SECONDS).within_table_6_7(), busiest)?;
+    let healthy = flight::fly(&Plan::new(sensors(None, &CONDITIONS[0]), SECONDS).within_table_6_7(), busiest)?;
     let quiet = differentiated(&measured(&healthy).rate);
     let line = |values: &[Vector3<f64>]| values.iter().enumerate().map(|(k, a)| (k as f64 * STEP_S, a.z)).collect::<Vec<_>>();
     section.tables.push((

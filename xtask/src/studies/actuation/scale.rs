@@ -9,7 +9,7 @@ use tumble_identification::synchronize::relative_scale;
 
 use super::delays::{TABLE_6_5, projected};
 use super::flight::{
-    self, CORRELATION_LENGTH, Flown, Hardware, PLANNER, PLANNER_CODE, Plan, QUIET, STEP_S, Source, body, calibrated,
+    self, CORRELATION_LENGTH, Flown, Hardware, Measured, PLANNER, PLANNER_CODE, Plan, QUIET, STEP_S, Source, body, calibrated,
     delayed, measured, published, through_the_chain, without_errors,
 };
 use super::{Section, Size, Spread, csv, curve, study};
@@ -21,11 +21,15 @@ const SECONDS: f64 = 60.0;
 /// Factor of each axis by (6.13), and its predicted standard deviation.
 type Factors = [[f64; 2]; 3];
 
-/// (6.13) with these projected accelerations.
-fn factors(projected: &[Vector3<f64>], acceleration: &[Vector3<f64>]) -> Result<Factors, Failure> {
+/// (6.13) with these projected accelerations. Rows between estimates count for nothing: a straight line across a burst of losses is too
+/// flat, by almost one percent of the factor in all.
+fn factors(projected: &[Vector3<f64>], measured: &Measured) -> Result<Factors, Failure> {
     let mass = body().mass;
-    let forces: Vec<Vector3<f64>> = projected.iter().map(|a| a * mass).collect();
-    let axes = relative_scale(&forces, acceleration, CORRELATION_LENGTH).map_err(study)?;
+    let known = |(value, known): (Vector3<f64>, &bool)| if *known { value } else { Vector3::zeros() };
+    let forces: Vec<Vector3<f64>> = projected.iter().map(|a| a * mass).zip(&measured.known).map(known).collect();
+    let accelerations: Vec<Vector3<f64>> =
+        measured.acceleration.iter().copied().zip(&measured.known).map(known).collect();
+    let axes = relative_scale(&forces, &accelerations, CORRELATION_LENGTH).map_err(study)?;
     Ok(axes.map(|axis| [axis.factor(mass), axis.sigma_per_kg * mass]))
 }
 
@@ -66,10 +70,10 @@ fn recovered(plan: &Plan, flights: usize) -> Result<Vec<[Factors; PROCESSINGS.le
         .collect::<Result<Vec<f64>, Failure>>()?;
     let one = |seed: usize| {
         let flown = flight::fly(plan, seed as u64)?;
-        let acceleration = measured(&flown).acceleration;
+        let measured = measured(&flown);
         let mut all = [[[0.0; 2]; 3]; PROCESSINGS.len()];
         for ((found, (_, how)), delay_s) in all.iter_mut().zip(PROCESSINGS).zip(&delays) {
-            *found = factors(&processed(&flown, *delay_s, plan, how)?, &acceleration)?;
+            *found = factors(&processed(&flown, *delay_s, plan, how)?, &measured)?;
         }
         Ok(all)
     };
@@ -111,7 +115,8 @@ fn effects() -> Vec<Effect> {
         })),
         Effect { name: "saturation alone, planner limits of table 6.7", hardware: Hardware::Flaps(Belief::Allocation), sensors: perfect(), loud: true },
         quiet("everything physical at once, noise and losses too", plant(1.0), everything.clone()),
-        Effect { name: "the same at the planner limits of table 6.7", hardware: plant(1.0), sensors: everything, loud: true },
+        Effect { name: "the same at the planner limits of table 6.7", hardware: plant(1.0), sensors: everything.clone(), loud: true },
+        Effect { name: "the same with a thrust 2.5 times as large (hypothetical)", hardware: plant(2.5), sensors: everything, loud: true },
     ]
 }
 
@@ -164,7 +169,7 @@ pub fn section(size: Size) -> Result<Section, Failure> {
                 z.map(|z| format!("{z:+.1}")).join(", "),
                 ratio.map(|r| format!("{r:.4}")).join(", "),
             ]);
-            rows.push((session, *how, spread, ratio));
+            rows.push((session, *how, spread, sigma, ratio));
         }
         section.tables.push((
             if session.ends_with("code") { "table_6_5_code.csv" } else { "table_6_5_planner.csv" },
@@ -180,12 +185,25 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     }
     section.line("");
     let worst = |wanted: fn(Processing) -> bool| {
-        let ratios = rows.iter().filter(|row| wanted(row.1)).flat_map(|row| row.3);
+        let ratios = rows.iter().filter(|row| wanted(row.1)).flat_map(|row| row.4);
         ratios.map(|ratio| (ratio - 1.0).abs()).fold(0.0, f64::max)
     };
     let modelled = worst(|how| matches!(how, Processing::ThroughTheChain));
     let logged = worst(|how| matches!(how, Processing::AsLogged(_)));
-    section.must(modelled < 0.005, &format!("with servos and sensors modelled the factors come back to {:.2} %", 100.0 * modelled));
+    let within = rows.iter().filter(|row| matches!(row.1, Processing::ThroughTheChain)).all(|(_, _, spread, sigma, _)| {
+        (0..3).all(|axis| {
+            let chance = 3.5 * sigma[axis] / (spread[axis].count as f64).sqrt();
+            (spread[axis].mean - TABLE_6_5[axis]).abs() < 0.005 * TABLE_6_5[axis] + chance
+        })
+    });
+    section.must(
+        within,
+        &format!(
+            "with servos and sensors modelled the factors come back to {:.2} % at worst: half a percent and 3.5 predicted standard deviations of the mean are \
+             allowed",
+            100.0 * modelled
+        ),
+    );
     section.must(
         logged > 4.0 * modelled,
         &format!("ignoring saturation and delay costs up to {:.1} % of a factor", 100.0 * logged),
@@ -194,13 +212,13 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     section.line("\nWhat could make an axis look scaled whose factor is one: (6.13) as logged, commanded force:");
     section.columns(&["effect", "x", "y", "z", "saturated"]);
     let few = size.flights.div_ceil(2).max(2);
-    let (mut most, mut most_apart): (f64, f64) = (0.0, 1.0);
+    let (mut most, mut combined): (f64, [f64; 3]) = (0.0, [f64::NAN; 3]);
     for effect in effects() {
         let peak = if effect.loud { PLANNER } else { QUIET };
         let plan = Plan { hardware: effect.hardware, peak, ..Plan::new(effect.sensors, SECONDS) };
         let one = |seed: usize| {
             let flown = flight::fly(&plan, seed as u64)?;
-            let found = factors(&projected(Source::Commanded, &flown), &measured(&flown).acceleration)?;
+            let found = factors(&projected(Source::Commanded, &flown), &measured(&flown))?;
             let saturated = flown.periods.iter().filter(|p| p.saturated).count() as f64 / flown.periods.len() as f64;
             Ok((found.map(|f| f[0]), saturated))
         };
@@ -211,8 +229,7 @@ pub fn section(size: Size) -> Result<Section, Failure> {
         if physical {
             most = spread.iter().map(|s| s.mean).fold(most, f64::max);
         }
-        let means = spread.map(|s| s.mean);
-        most_apart = most_apart.max(apart(&means));
+        combined = spread.map(|s| s.mean);
         section.row(&[
             effect.name.to_owned(),
             format!("{:.3}", spread[0]),
@@ -222,17 +239,21 @@ pub fn section(size: Size) -> Result<Section, Failure> {
         ]);
     }
     for (name, factor) in computed() {
-        most_apart = most_apart.max(apart(&factor));
         section.row(&[name, format!("{:.3}", factor[0]), format!("{:.3}", factor[1]), format!("{:.3}", factor[2]), "computed".to_owned()]);
     }
     section.line("");
     section.printed(
-        "not explained by any known effect",
+        "not explained by any one known effect",
         &format!(
-            "the factors of table 6.5. Effects of the robot as built raise a factor to {most:.3} at most and delays and saturation lower it; what raises it \
-             more (thrust factor, mass, impeller speed) is the same on every axis. The printed factors are {:.2} apart between axes, the effects above \
-             {most_apart:.2} at most. A cause that knows axes is needed, such as a wrong constant per nozzle group.",
-            apart(&TABLE_6_5)
+            "the factors of table 6.5. Effects of the robot as built raise a factor to {most:.3} at most; delay and lever arm lower or blur it; what raises it more \
+             (thrust factor, mass, impeller speed) is the same on every axis, and the printed factors are {:.2} apart. What knows axes is saturation of a \
+             commanded force (6.5.2 divides the commanded one): the nozzles along x are the widest and saturate least. It lowers every factor; together with a \
+             uniform excess of thrust of 2.5 it would look like {:.2}, {:.2}, {:.2}, x ahead as printed. No source for such an excess on the flown robot is known: \
+             this is a possibility, not a finding.",
+            apart(&TABLE_6_5),
+            combined[0],
+            combined[1],
+            combined[2]
         ),
     );
 

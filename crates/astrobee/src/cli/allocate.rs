@@ -1,0 +1,100 @@
+//! `tumble allocate`: from wanted wrenches to what the propulsion modules are told, and what that gives.
+
+use super::Outcome;
+use super::columns::{Columns, NumberRow, Rows, Written, numbered, outcome};
+use crate::AstrobeeError;
+use crate::propulsion::{AreaTable, ForceAllocation, ImpellerMode, PositivityShift, QuantizedAllocation};
+use clap::Args;
+use std::path::PathBuf;
+use tumble_dynamics::Actuation as _;
+use tumble_dynamics::nalgebra::Vector3;
+use tumble_lie::Wrench;
+
+const WANTED: [&str; 10] = ["mode", "fx", "fy", "fz", "tx", "ty", "tz", "comx", "comy", "comz"];
+
+/// Options of `tumble allocate`.
+#[derive(Args)]
+#[command(after_help = "\
+Input: CSV with the columns mode,fx,fy,fz,tx,ty,tz,comx,comy,comz in any order; others are named on stderr and ignored. The mode
+is that of the impellers, 0 off, 1 quiet, 2 nominal, 3 aggressive; force in N, torque in N m about the centre of mass, centre of mass
+in m, body axes (x forward, y starboard, z down).
+
+Output: these columns, then, of the twelve nozzles (1 to 6 on module 1, starboard) and the two modules: thrust thr, N; pressure
+coefficient cdp; pressure dp, Pa; flap angle from the closed stop dtheta, rad; the same in counts servof; the byte sent servo. Last the
+wrench rfx,rfy,rfz,rtx,rty,rtz that these bytes give, N and N m, torque about the centre of mass as asked for, if the impellers turn at
+their mode's speed and both modules leak as module 1 does: what the allocation believes. What the hardware gives: `tumble realize`.
+
+Example: printf 'mode,fx,fy,fz,tx,ty,tz,comx,comy,comz\\n2,0.1,0,0,0,0,0,0,0,0\\n' | tumble allocate -")]
+pub struct AllocateArgs {
+    /// Wanted wrenches (CSV), or - for standard input.
+    wrenches: PathBuf,
+    /// Make thrusts positive as the thesis prints it, which misses the wrench where a thrust stays negative.
+    #[arg(long)]
+    thesis_shift: bool,
+    /// Cut the table of pressure over area at the largest thrust as the thesis does: overstates saturated commands.
+    #[arg(long)]
+    thesis_table: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`AstrobeeError`] for bad input, naming its line; the rows before it are written.
+pub fn run(args: &AllocateArgs) -> Result<Outcome, AstrobeeError> {
+    let mut wrenches = Columns::open(&args.wrenches, &WANTED)?;
+    outcome(allocate_rows(args, &mut wrenches))
+}
+
+fn allocate_rows(args: &AllocateArgs, wrenches: &mut Columns<10>) -> Result<(), Written> {
+    let names = WANTED.map(str::to_owned).into_iter();
+    let names = names.chain(numbered("thr", 12)).chain(numbered("cdp", 2)).chain(numbered("dp", 2));
+    let names = names.chain(numbered("dtheta", 12)).chain(numbered("servof", 12)).chain(numbered("servo", 12));
+    let names = names.chain(["rfx", "rfy", "rfz", "rtx", "rty", "rtz"].map(str::to_owned));
+    let mut rows = Rows::start(&names.collect::<Vec<_>>())?;
+    let written = loop {
+        match wrenches.next_row() {
+            Ok(Some(row)) => {
+                if let Err(error) = allocate_row(args, &row, &mut rows) {
+                    break Err(error);
+                }
+            }
+            Ok(None) => break Ok(()),
+            Err(error) => break Err(error.into()),
+        }
+    };
+    rows.finish()?;
+    written
+}
+
+fn allocate_row(args: &AllocateArgs, row: &NumberRow<'_, 10>, rows: &mut Rows) -> Result<(), Written> {
+    let [number, fx, fy, fz, tx, ty, tz, x, y, z] = row.values;
+    let mode = ImpellerMode::ALL.into_iter().find(|mode| f64::from(mode.number()).total_cmp(&number).is_eq());
+    let mode = mode.ok_or_else(|| row.out_of_range(0, "an impeller mode is 0, 1, 2 or 3"))?;
+    let mut allocation = ForceAllocation::new(mode, Vector3::new(x, y, z));
+    if args.thesis_shift {
+        allocation.shift = PositivityShift::Thesis;
+    }
+    if args.thesis_table {
+        allocation.inverse.table = AreaTable::Thesis;
+    }
+    let wanted = Wrench::new(Vector3::new(tx, ty, tz), Vector3::new(fx, fy, fz));
+    let steps = allocation.allocate_steps(&allocation.about_origin(&wanted)).map_err(|_| {
+        // the only numbers that are finite and have thrusts that are not
+        let largest = (1..10).max_by(|a, b| row.values[*a].abs().total_cmp(&row.values[*b].abs()));
+        row.out_of_range(largest.unwrap_or(1), "wrench and centre of mass must be small enough to compute thrusts with")
+    })?;
+    let realized = QuantizedAllocation(allocation).realize(&steps.bytes);
+    let Wrench { torque, force } = allocation.about_center_of_mass(&realized);
+    for cell in row.texts() {
+        rows.text(cell);
+    }
+    rows.numbers(&steps.thrusts_n);
+    rows.numbers(&steps.pressure_coefficients);
+    rows.numbers(&steps.pressures_pa);
+    rows.numbers(&steps.flaps.openings_rad);
+    rows.numbers(&steps.counts);
+    rows.numbers(&steps.bytes.nozzles.map(f64::from));
+    rows.numbers(force.as_slice());
+    rows.numbers(torque.as_slice());
+    rows.end_row()
+}

@@ -1,0 +1,223 @@
+//! Tables of numbers, streamed: named columns in, rows out.
+
+use crate::AstrobeeError;
+use crate::log::{BoundedRows, Row, read_row, shortened};
+use std::fs::File;
+use std::io::{BufWriter, ErrorKind, Read, StdoutLock, Write as _};
+use std::path::{Path, PathBuf};
+
+/// Reads the columns of these names from a CSV file, whatever their order and whatever stands beside them.
+pub(super) struct Columns<const N: usize> {
+    path: PathBuf,
+    records: csv::Reader<BoundedRows<Box<dyn Read>>>,
+    record: csv::ByteRecord,
+    /// All names of the header.
+    names: Vec<String>,
+    /// Where the wanted columns stand.
+    places: [usize; N],
+    any_row: bool,
+}
+
+impl<const N: usize> Columns<N> {
+    /// Opens a file, or standard input where it is `-`, and reads the header; columns of other names are named on stderr.
+    ///
+    /// # Errors
+    /// [`AstrobeeError`] for an unreadable or empty file, a missing column and one that stands twice.
+    pub(super) fn open(path: &Path, wanted: &[&str; N]) -> Result<Self, AstrobeeError> {
+        let unreadable = |source| AstrobeeError::Unreadable { path: path.into(), source };
+        let (path, input): (PathBuf, Box<dyn Read>) = if path == Path::new("-") {
+            ("standard input".into(), Box::new(std::io::stdin().lock()))
+        } else {
+            let file = File::open(path).map_err(unreadable)?;
+            if file.metadata().map_err(unreadable)?.is_dir() {
+                return Err(unreadable(ErrorKind::IsADirectory.into()));
+            }
+            (path.into(), Box::new(file))
+        };
+        let mut records = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .flexible(true)
+            .quoting(false)
+            .comment(Some(b'#'))
+            .buffer_capacity(1 << 16)
+            .from_reader(BoundedRows::new(input));
+        let mut record = csv::ByteRecord::new();
+        if !read_row(&mut records, &mut record, &path)? {
+            return Err(AstrobeeError::Empty { path, what: "header" });
+        }
+        let cells = record.iter().map(|cell| String::from_utf8_lossy(cell).trim().to_owned());
+        let mut names: Vec<String> = cells.collect();
+        if let Some(first) = names.first_mut() {
+            *first = first.trim_start_matches('\u{feff}').to_owned();
+        }
+        let mut places = [0; N];
+        for (place, column) in places.iter_mut().zip(wanted) {
+            let mut found = names.iter().enumerate().filter(|(_, name)| name == column);
+            let column = (*column).to_owned();
+            *place = match (found.next(), found.next()) {
+                (Some((at, _)), None) => at,
+                (None, _) => return Err(AstrobeeError::MissingColumn { path, column, because: "" }),
+                _ => return Err(AstrobeeError::DuplicateColumn { path, column }),
+            };
+        }
+        let others: Vec<String> = (0..names.len())
+            .filter(|at| !places.contains(at))
+            .filter_map(|at| names.get(at).map(|name| shortened(name)))
+            .collect();
+        if !others.is_empty() {
+            eprintln!("columns ignored: {}", others.join(", "));
+        }
+        Ok(Self { path, records, record, names, places, any_row: false })
+    }
+
+    /// The next row, `None` at the end.
+    ///
+    /// # Errors
+    /// [`AstrobeeError`] naming line and column; a file without rows.
+    pub(super) fn next_row(&mut self) -> Result<Option<NumberRow<'_, N>>, AstrobeeError> {
+        if !read_row(&mut self.records, &mut self.record, &self.path)? {
+            return if self.any_row {
+                Ok(None)
+            } else {
+                Err(AstrobeeError::Empty { path: self.path.clone(), what: "data rows" })
+            };
+        }
+        self.any_row = true;
+        let line = self.record.position().map_or(0, csv::Position::line);
+        let (found, expected) = (self.record.len() as u64, self.names.len() as u64);
+        if found != expected {
+            return Err(AstrobeeError::RowLength { path: self.path.clone(), line, found, expected });
+        }
+        let row = Row { path: &self.path, line, record: &self.record, names: &self.names };
+        let mut values = [0.0; N];
+        for (value, place) in values.iter_mut().zip(self.places) {
+            *value = row.number(place)?;
+        }
+        Ok(Some(NumberRow { values, row, places: self.places }))
+    }
+}
+
+/// The numbers of one row.
+pub(super) struct NumberRow<'a, const N: usize> {
+    /// In the order in which the columns were asked for.
+    pub(super) values: [f64; N],
+    row: Row<'a>,
+    places: [usize; N],
+}
+
+impl<const N: usize> NumberRow<'_, N> {
+    /// The cells as they stand.
+    pub(super) fn texts(&self) -> [&[u8]; N] {
+        self.places.map(|place| self.row.text(place))
+    }
+
+    /// The error that the number of a column is none of the allowed ones.
+    pub(super) fn out_of_range(&self, column: usize, allowed: &'static str) -> AstrobeeError {
+        let name = self.places.get(column).and_then(|place| self.row.names.get(*place));
+        AstrobeeError::OutOfRange {
+            path: self.row.path.into(),
+            line: self.row.line,
+            column: name.cloned().unwrap_or_default(),
+            value: self.values.get(column).copied().unwrap_or(f64::NAN),
+            allowed,
+        }
+    }
+}
+
+/// Writes rows to stdout.
+pub(super) struct Rows {
+    out: BufWriter<StdoutLock<'static>>,
+    line: Vec<u8>,
+    digits: ryu::Buffer,
+}
+
+impl Rows {
+    /// Starts a table with its header.
+    ///
+    /// # Errors
+    /// As [`Rows::end_row`].
+    pub(super) fn start(header: &[String]) -> Result<Self, Written> {
+        let out = BufWriter::with_capacity(1 << 16, std::io::stdout().lock());
+        let mut rows = Self { out, line: Vec::new(), digits: ryu::Buffer::new() };
+        for name in header {
+            rows.text(name.as_bytes());
+        }
+        rows.end_row()?;
+        Ok(rows)
+    }
+
+    /// Adds a cell.
+    pub(super) fn text(&mut self, cell: &[u8]) {
+        if !self.line.is_empty() {
+            self.line.push(b',');
+        }
+        self.line.extend_from_slice(cell);
+    }
+
+    /// Adds finite numbers, in as few digits as tell them from their neighbours.
+    pub(super) fn numbers(&mut self, values: &[f64]) {
+        for value in values {
+            if !self.line.is_empty() {
+                self.line.push(b',');
+            }
+            let digits = self.digits.format_finite(*value);
+            self.line.extend_from_slice(digits.strip_suffix(".0").unwrap_or(digits).as_bytes());
+        }
+    }
+
+    /// Ends the row.
+    ///
+    /// # Errors
+    /// [`Written`].
+    pub(super) fn end_row(&mut self) -> Result<(), Written> {
+        self.line.push(b'\n');
+        let written = self.out.write_all(&self.line);
+        self.line.clear();
+        written.map_err(Written::from)
+    }
+
+    /// Writes what is still held back.
+    ///
+    /// # Errors
+    /// [`Written`].
+    pub(super) fn finish(mut self) -> Result<(), Written> {
+        self.out.flush().map_err(Written::from)
+    }
+}
+
+/// Why a table ended early.
+pub(super) enum Written {
+    /// Nobody reads on (`tumble ... | head`): not an error.
+    Closed,
+    /// An error of input or output.
+    Failed(AstrobeeError),
+}
+
+impl From<std::io::Error> for Written {
+    fn from(source: std::io::Error) -> Self {
+        if source.kind() == ErrorKind::BrokenPipe {
+            Self::Closed
+        } else {
+            Self::Failed(AstrobeeError::Unwritable { path: "standard output".into(), source })
+        }
+    }
+}
+
+impl From<AstrobeeError> for Written {
+    fn from(error: AstrobeeError) -> Self {
+        Self::Failed(error)
+    }
+}
+
+/// How a command ends whose table ended so.
+pub(super) fn outcome(written: Result<(), Written>) -> Result<super::Outcome, AstrobeeError> {
+    match written {
+        Ok(()) | Err(Written::Closed) => Ok(super::Outcome::Achieved),
+        Err(Written::Failed(error)) => Err(error),
+    }
+}
+
+/// The names of numbered columns, counted from one.
+pub(super) fn numbered(prefix: &str, count: usize) -> impl Iterator<Item = String> {
+    (1..=count).map(move |i| format!("{prefix}{i}"))
+}

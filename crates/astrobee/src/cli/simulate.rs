@@ -1,0 +1,332 @@
+//! `tumble simulate`: flies a scenario and writes its log.
+
+use super::excite::progress;
+use super::{Outcome, print};
+use crate::body_file::{self, BodyFile};
+use crate::figure::{Curve, Figure, SINCE_START};
+use crate::flight_log::Recorder;
+use crate::output::{OutputFolder, RUN_RECORD, unused};
+use crate::scenario::{Flight, ScenarioSource};
+use crate::simulator::{SimulatorMeasurement, TimedEvent};
+use crate::{AstrobeeError, log};
+use clap::Args;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use tumble_dynamics::nalgebra::Vector3;
+use tumble_dynamics::{InertialParameters, ObstacleEllipsoid};
+use tumble_lie::LieGroup;
+
+/// Options of `tumble simulate`.
+#[derive(Args)]
+pub struct SimulateArgs {
+    /// A scenario file, or the name of an embedded one (`tumble scenario list`).
+    scenario: String,
+    /// Instead of the scenario's seed.
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Instead of the scenario's length, s.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    duration: Option<f64>,
+    /// Folder to write [default: tumble-out/simulate-SCENARIO-SEED, numbered where it exists].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Replace an earlier result.
+    #[arg(long)]
+    force: bool,
+    /// Print one JSON object and nothing else on stdout.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Points of a curve in a picture.
+const DRAWN: i64 = 2000;
+/// Points of the outline of an obstacle.
+const OUTLINE: usize = 72;
+/// Control periods between two looks at the progress.
+const BETWEEN_LOOKS: i64 = 20_000;
+
+/// What is counted and drawn while the robot flies.
+struct Flown {
+    periods: i64,
+    saturated: i64,
+    distance_m: f64,
+    top_speed_m_s: f64,
+    largest_force_error_n: f64,
+    impulse_n_s: f64,
+    /// Every so many periods.
+    drawn: Vec<SimulatorMeasurement>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`AstrobeeError`] for bad input.
+pub fn run(args: &SimulateArgs) -> Result<Outcome, AstrobeeError> {
+    let mut source = ScenarioSource::find(&args.scenario)?;
+    if let Some(seed) = args.seed {
+        source.scenario.seed = seed;
+    }
+    if let Some(duration_s) = args.duration {
+        source.scenario.duration_s = duration_s;
+    }
+    let mut flight = source.flight()?;
+    let (name, seed) = (source.scenario.name.clone(), source.scenario.seed);
+    let place = match &args.out {
+        Some(path) => {
+            OutputFolder::check_place(path, args.force)?;
+            path.clone()
+        }
+        None => unused(&Path::new("tumble-out").join(format!("simulate-{name}-{seed}"))),
+    };
+    let folder = OutputFolder::create(&place, args.force)?;
+    let log_path = folder.file("log.csv");
+    let unwritable = |source| AstrobeeError::Unwritable { path: log_path.clone(), source };
+    let file = File::create(&log_path).map_err(unwritable)?;
+    let mut recorder = Recorder::new(BufWriter::with_capacity(1 << 16, file)).map_err(unwritable)?;
+
+    let clock = Instant::now();
+    let flown = fly(&mut flight, |flight, measured| {
+        recorder.record(measured, flight.simulator.estimates()).map_err(unwritable)
+    })?;
+    let (rows, left_out) = recorder.finish().map_err(unwritable)?;
+    let wall_s = clock.elapsed().as_secs_f64();
+    progress("");
+
+    let truth = flight.simulator.body();
+    let summary = summary(&source, &flight, &flown, (rows, left_out), &truth);
+    let speed = flight.duration_ns as f64 * 1e-9 / wall_s.max(1e-9);
+    folder.write("scenario.toml", &source.to_toml()?)?;
+    folder.write("truth.toml", &body_file::export(Path::new("truth.toml"), &truth)?)?;
+    folder.write("summary.json", &format!("{summary:#}\n"))?;
+    let timings = serde_json::json!({ "format": 1, "wall_s": wall_s, "speed_over_real_time": speed });
+    folder.write("timings.json", &format!("{timings:#}\n"))?;
+    folder.write(RUN_RECORD, &run_record(&source, &folder)?)?;
+    draw(&folder, &flight, &flown)?;
+    let place = folder.finish()?;
+    if args.json {
+        let mut printed = summary;
+        printed["speed_over_real_time"] = speed.into();
+        printed["folder"] = place.display().to_string().into();
+        print(&format!("{printed}\n"))?;
+    } else {
+        print(&table(&source, &flight, &flown, (rows, left_out), speed))?;
+    }
+    let shown = place.display();
+    eprintln!("wrote {shown}; next: tumble identify {shown}/log.csv --reference {shown}/truth.toml");
+    Ok(Outcome::Achieved)
+}
+
+/// Flies to the end; `each` sees every control period.
+fn fly(
+    flight: &mut Flight,
+    mut each: impl FnMut(&Flight, &SimulatorMeasurement) -> Result<(), AstrobeeError>,
+) -> Result<Flown, AstrobeeError> {
+    let periods = flight.duration_ns / crate::simulator::CONTROL_PERIOD_NS;
+    let drawn_every = periods / DRAWN + 1;
+    let mut flown = Flown {
+        periods,
+        saturated: 0,
+        distance_m: 0.0,
+        top_speed_m_s: 0.0,
+        largest_force_error_n: 0.0,
+        impulse_n_s: 0.0,
+        drawn: Vec::new(),
+    };
+    let mut index = 0;
+    while let Some(measured) = flight.step()? {
+        if index % BETWEEN_LOOKS == 0 {
+            progress(&format!("flying: {} of {} s ...", index * 2 / 125, periods * 2 / 125));
+        }
+        let [from, to] = [&measured.start, &measured.end].map(|motion| motion.state.world_from_body.translation.vector);
+        flown.distance_m += (to - from).norm();
+        flown.top_speed_m_s = flown.top_speed_m_s.max(measured.end.state.twist_body.linear.norm());
+        flown.saturated += i64::from(measured.saturated);
+        let force_error = (measured.realized_wrench_body.force - measured.believed_wrench_body.force).norm();
+        flown.largest_force_error_n = flown.largest_force_error_n.max(force_error);
+        flown.impulse_n_s += measured.realized_wrench_body.force.norm() * crate::simulator::CONTROL_PERIOD_S;
+        if index % drawn_every == 0 {
+            flown.drawn.push(measured);
+        }
+        each(flight, &measured)?;
+        index += 1;
+    }
+    Ok(flown)
+}
+
+/// Distance and angle from the goal in the end.
+fn to_goal(flight: &Flight) -> Option<(f64, f64)> {
+    let error = flight.goal?.inv_mul(&flight.simulator.state().world_from_body);
+    let turn: Vector3<f64> = LieGroup::log(&error.rotation);
+    Some((error.translation.vector.norm(), turn.norm()))
+}
+
+fn seconds(event: &TimedEvent) -> f64 {
+    event.time_ns as f64 * 1e-9
+}
+
+fn summary(
+    source: &ScenarioSource,
+    flight: &Flight,
+    flown: &Flown,
+    (rows, left_out): (u64, u64),
+    truth: &InertialParameters<f64>,
+) -> serde_json::Value {
+    let events: Vec<serde_json::Value> = flight
+        .simulator
+        .events()
+        .iter()
+        .map(|event| {
+            serde_json::json!({
+                "t_s": seconds(event),
+                "event": event.event.to_string(),
+                "violation": event.event.is_violation(),
+            })
+        })
+        .collect();
+    serde_json::json!({
+        "format": 1,
+        "scenario": source.scenario.name,
+        "seed": source.scenario.seed,
+        "world": flight.place.name(),
+        "degrees_of_freedom": if flight.place.is_planar() { 3 } else { 6 },
+        "duration_s": flight.duration_ns as f64 * 1e-9,
+        "rows": rows,
+        "estimates_left_out": left_out,
+        "distance_m": flown.distance_m,
+        "top_speed_m_s": flown.top_speed_m_s,
+        "impulse_n_s": flown.impulse_n_s,
+        "saturated_share": flown.saturated as f64 / flown.periods as f64,
+        "largest_force_error_n": flown.largest_force_error_n,
+        "to_goal": to_goal(flight).map(|(distance_m, angle_rad)| {
+            serde_json::json!({ "distance_m": distance_m, "angle_rad": angle_rad })
+        }),
+        "events": events,
+        "events_not_listed": flight.simulator.events_lost(),
+        "truth": BodyFile::from(truth),
+    })
+}
+
+fn table(source: &ScenarioSource, flight: &Flight, flown: &Flown, (rows, left_out): (u64, u64), speed: f64) -> String {
+    let mut text = String::new();
+    let Flown { periods, saturated, distance_m, top_speed_m_s, impulse_n_s, largest_force_error_n, .. } = flown;
+    let _ = writeln!(text, "scenario {}, seed {}", source.scenario.name, source.scenario.seed);
+    let mut line = |what: &str, value: String| {
+        let _ = writeln!(text, "  {what:<28}{value}");
+    };
+    let freedom = if flight.place.is_planar() { "x, y and yaw" } else { "six degrees of freedom" };
+    line("world", format!("{} ({freedom})", flight.place.name()));
+    line("duration", format!("{:.3} s, {speed:.0} x real time", flight.duration_ns as f64 * 1e-9));
+    line(
+        "rows of the log",
+        format!("{rows}{}", if left_out > 0 { format!(" ({left_out} estimates left out)") } else { String::new() }),
+    );
+    line("distance", format!("{distance_m:.3} m, up to {top_speed_m_s:.3} m/s"));
+    line("impulse", format!("{impulse_n_s:.3} N s"));
+    line("propulsion at its limits", format!("{:.1} % of the time", 100.0 * *saturated as f64 / *periods as f64));
+    line("largest force error", format!("{largest_force_error_n:.4} N between applied and believed"));
+    if let Some((distance, angle)) = to_goal(flight) {
+        line("from the goal", format!("{distance:.3} m, {angle:.3} rad"));
+    }
+    let events = flight.simulator.events();
+    line("events", if events.is_empty() { "none".to_owned() } else { events.len().to_string() });
+    for event in events {
+        let _ = writeln!(text, "    {:>9.3} s  {}", seconds(event), event.event);
+    }
+    if flight.simulator.events_lost() > 0 {
+        let _ = writeln!(text, "    and {} more", flight.simulator.events_lost());
+    }
+    text
+}
+
+/// What is needed to repeat the run.
+fn run_record(source: &ScenarioSource, folder: &OutputFolder) -> Result<String, AstrobeeError> {
+    let options: Vec<String> = std::env::args().skip(1).collect();
+    Ok(serde_json::json!({
+        "format": 1,
+        "version": env!("CARGO_PKG_VERSION"),
+        "commit": option_env!("TUMBLE_COMMIT"),
+        "command": "simulate",
+        "configuration": options,
+        "seed": source.scenario.seed,
+        "input_hash": { "scenario": log::hash(&folder.file("scenario.toml"))? },
+    })
+    .to_string())
+}
+
+/// Pictures: motion, wrenches, the way seen from above.
+fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), AstrobeeError> {
+    let curve = |name: &'static str, value: &dyn Fn(&SimulatorMeasurement) -> f64| Curve {
+        name,
+        points: flown.drawn.iter().map(|m| (m.start.time_ns as f64 * 1e-9, value(m))).collect(),
+    };
+    let three = |value: &dyn Fn(&SimulatorMeasurement) -> Vector3<f64>| {
+        vec![curve("x", &|m| value(m).x), curve("y", &|m| value(m).y), curve("z", &|m| value(m).z)]
+    };
+    let first = flown.drawn.first().map(|m| m.start.state.world_from_body).unwrap_or_default();
+    let origin = first.translation.vector;
+    let travelled = |m: &SimulatorMeasurement| m.start.state.world_from_body.translation.vector - origin;
+    let turned = |m: &SimulatorMeasurement| -> Vector3<f64> {
+        LieGroup::log(&(first.rotation.inverse() * m.start.state.world_from_body.rotation))
+    };
+    let mut figures = vec![
+        ("position.svg", "Position from the start, world axes", "m", three(&travelled)),
+        ("attitude.svg", "Rotation vector from the start", "rad", three(&turned)),
+    ];
+    for (axis, force, torque) in
+        [(0, "force_x.svg", "torque_x.svg"), (1, "force_y.svg", "torque_y.svg"), (2, "force_z.svg", "torque_z.svg")]
+    {
+        figures.push((
+            force,
+            "Force, body axes",
+            "N",
+            vec![
+                curve("wanted", &|m| m.wanted_wrench_body.force[axis]),
+                curve("believed", &|m| m.believed_wrench_body.force[axis]),
+                curve("applied", &|m| m.realized_wrench_body.force[axis]),
+            ],
+        ));
+        figures.push((
+            torque,
+            "Torque about the body origin",
+            "N m",
+            vec![
+                curve("wanted", &|m| m.wanted_wrench_body.torque[axis]),
+                curve("believed", &|m| m.believed_wrench_body.torque[axis]),
+                curve("applied", &|m| m.realized_wrench_body.torque[axis]),
+            ],
+        ));
+    }
+    for (name, title, y_label, curves) in figures {
+        Figure { title, x_label: SINCE_START, y_label, curves, band: None, equal_scales: false }
+            .draw(&folder.file(name))?;
+    }
+    let path = flown.drawn.iter().map(|m| (travelled(m).x, travelled(m).y)).collect();
+    let outlines: Vec<Vec<(f64, f64)>> = flight.obstacles.iter().map(|obstacle| outline(obstacle, &origin)).collect();
+    Figure {
+        title: "From above (grey: obstacles)",
+        x_label: "x from the start, m",
+        y_label: "y from the start, m",
+        curves: vec![Curve { name: "body origin", points: path }],
+        band: None,
+        equal_scales: true,
+    }
+    .draw_with_outlines(&folder.file("path_xy.svg"), &outlines)
+}
+
+/// The shadow of an ellipsoid on the x-y plane: where its surface normal is level.
+fn outline(obstacle: &ObstacleEllipsoid, origin: &Vector3<f64>) -> Vec<(f64, f64)> {
+    let rotation = obstacle.world_from_ellipsoid.rotation;
+    let squares = obstacle.semi_axes.component_mul(&obstacle.semi_axes);
+    let point = |i: usize| {
+        let angle = std::f64::consts::TAU * i as f64 / OUTLINE as f64;
+        let normal = rotation.inverse() * Vector3::new(angle.cos(), angle.sin(), 0.0);
+        let scaled = squares.component_mul(&normal);
+        let local = scaled / normal.dot(&scaled).sqrt();
+        let world = obstacle.world_from_ellipsoid.translation.vector + rotation * local - origin;
+        (world.x, world.y)
+    };
+    (0..=OUTLINE).map(point).collect()
+}

@@ -1,0 +1,608 @@
+//! From a scenario to a robot that flies.
+
+use super::{
+    BodyTable, ControllerName, FORMAT, LONGEST_S, PayloadMotionName, PayloadTable, PropulsionName, ScenarioSource,
+};
+use crate::AstrobeeError;
+use crate::air_drag::air_drag;
+use crate::bodies::BodyConfiguration;
+use crate::body_file::{self, BodyFile};
+use crate::excitation_file::ExcitationFile;
+use crate::flight_controller::FlightController;
+use crate::flight_modes::{ControlGains, FlightMode};
+use crate::log::QUATERNION_NORM_TOLERANCE;
+use crate::propulsion::{ImpellerMode, PropulsionSettings};
+use crate::sensing::{Localization, SensingPreset};
+use crate::simulator::{
+    Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, Controller, Drive, Event,
+    FlownController, Grasp, Multisine, PayloadMotion, Reference, SimulatorMeasurement, SimulatorSettings, Surroundings,
+    Waypoint,
+};
+use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
+use crate::{flight_log, space_cobot};
+use std::path::{Path, PathBuf};
+use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
+use tumble_dynamics::{
+    FreeFlyer, InertialParameters, ObstacleEllipsoid, Plant, PoseTracker, RigidBodyState, World, WrenchBox,
+};
+use tumble_lie::{Pose, Twist, Wrench};
+
+/// Natural frequencies of the tracker unless given, rad/s: rotation and position.
+const TRACKER_RAD_S: (f64, f64) = (1.0, 0.5);
+/// Most sines per axis.
+const MOST_TONES: usize = 50;
+/// Most rows of a file of wrenches: a day of control periods.
+const MOST_WRENCHES: usize = 5_400_000;
+/// What the seed of the phases differs by from that of the sensors.
+const PHASES: u64 = 0x5068_6173_6573;
+
+/// A payload is taken hold of or let go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PayloadChange {
+    /// Taken hold of.
+    Attach(Grasp, PayloadMotion),
+    /// Let go.
+    Release,
+}
+
+/// A robot that flies a scenario.
+pub struct Flight {
+    /// The robot and its world.
+    pub simulator: AstrobeeSimulator,
+    /// What asks for wrenches.
+    pub drive: Drive,
+    /// Where the robot is to be in the end.
+    pub goal: Option<Pose<f64>>,
+    /// Where it flies.
+    pub place: WorldPreset,
+    /// What is in its way, for pictures.
+    pub obstacles: Vec<ObstacleEllipsoid>,
+    /// Its length in whole control periods, ns.
+    pub duration_ns: i64,
+    payload_changes: Vec<(i64, PayloadChange)>,
+    estimate: Option<crate::sensing::LocalizationEstimate>,
+}
+
+impl Flight {
+    /// One control period; `None` at the end.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::Simulator`].
+    pub fn step(&mut self) -> Result<Option<SimulatorMeasurement>, AstrobeeError> {
+        let time_ns = self.simulator.time_ns();
+        if time_ns >= self.duration_ns {
+            return Ok(None);
+        }
+        while let Some((_, change)) = self.payload_changes.first().filter(|(due_ns, _)| *due_ns <= time_ns) {
+            match change {
+                PayloadChange::Attach(grasp, motion) => self.simulator.attach(*grasp, *motion)?,
+                PayloadChange::Release => drop(self.simulator.release()?),
+            }
+            self.payload_changes.remove(0);
+        }
+        let wanted = self.drive.wanted(time_ns, self.estimate.as_ref());
+        let measured = self.simulator.advance(&wanted, CONTROL_PERIOD_S)?;
+        self.estimate = measured.estimate;
+        Ok(Some(measured))
+    }
+}
+
+/// A pose in any of the tables that hold one.
+struct WrittenPose<'a> {
+    key: &'a str,
+    point: Option<&'a str>,
+    position_m: Option<[f64; 3]>,
+    quaternion_xyzw: Option<[f64; 4]>,
+    /// Attitude where none is written.
+    otherwise: UnitQuaternion<f64>,
+}
+
+/// A body in any of the tables that hold one.
+struct WrittenBody<'a> {
+    key: &'a str,
+    preset: Option<&'a str>,
+    file: Option<&'a Path>,
+    mass_kg: Option<f64>,
+    com_m: Option<[f64; 3]>,
+    inertia: Option<[[f64; 3]; 3]>,
+}
+
+impl<'a> WrittenBody<'a> {
+    fn of(key: &'a str, table: &'a BodyTable) -> Self {
+        Self {
+            key,
+            preset: table.preset.as_deref(),
+            file: table.file.as_deref(),
+            mass_kg: table.mass_kg,
+            com_m: table.com_m,
+            inertia: table.inertia_about_com_kg_m2,
+        }
+    }
+}
+
+impl ScenarioSource {
+    /// The robot at the start of this scenario, everything checked.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::BadScenario`] with the key and its place; the errors of files that it names.
+    pub fn flight(&self) -> Result<Flight, AstrobeeError> {
+        let scenario = &self.scenario;
+        if scenario.format != FORMAT {
+            return Err(
+                self.bad("format", &format!("{} is not a version this program reads; {FORMAT} is", scenario.format))
+            );
+        }
+        let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if scenario.name.is_empty() || scenario.name.len() > 64 || !scenario.name.chars().all(allowed) {
+            return Err(self.bad("name", "1 to 64 letters, digits, `-` and `_`: it names a folder"));
+        }
+        let periods = libm::round(scenario.duration_s / CONTROL_PERIOD_S);
+        if !(scenario.duration_s > 0.0 && scenario.duration_s <= LONGEST_S && periods >= 1.0) {
+            let message = format!("{}: at least {CONTROL_PERIOD_S} s and at most {LONGEST_S} s", scenario.duration_s);
+            return Err(self.bad("duration_s", &message));
+        }
+        #[allow(clippy::cast_possible_truncation)] // tested above
+        let duration_ns = periods as i64 * CONTROL_PERIOD_NS;
+        let place =
+            self.named("world", &scenario.world, WorldPreset::from_name, WorldPreset::ALL.map(WorldPreset::name))?;
+        let mode = self.flight_mode()?;
+        let radius_m = self.positive("robot_radius_m", scenario.robot_radius_m, ROBOT_RADIUS_M)?;
+        let body = match &scenario.body {
+            Some(table) => self.body(&WrittenBody::of("body", table))?,
+            None => place.body(),
+        };
+        let belief = match &scenario.belief {
+            Some(table) => self.body(&WrittenBody::of("belief", table))?,
+            None => body,
+        };
+        let world = self.world(place)?;
+        let start = self.start(place, &world, radius_m)?;
+        let goal = match &scenario.goal {
+            Some(table) => Some(self.pose(
+                place,
+                &WrittenPose {
+                    key: "goal",
+                    point: table.point.as_deref(),
+                    position_m: table.position_m,
+                    quaternion_xyzw: table.quaternion_xyzw,
+                    otherwise: start.world_from_body.rotation,
+                },
+            )?),
+            None => None,
+        };
+        let impellers = mode.impellers();
+        let settings = SimulatorSettings {
+            body,
+            start,
+            planar: place.is_planar(),
+            world: world.clone(),
+            table_half_width_m: place.table_half_width_m(),
+            robot_radius_m: radius_m,
+            speed_limit_m_s: self.limit("limits.speed_m_s", scenario.limits.and_then(|limits| limits.speed_m_s))?,
+            rate_limit_rad_s: self.limit("limits.rate_rad_s", scenario.limits.and_then(|limits| limits.rate_rad_s))?,
+            drag: scenario.propulsion.drag.then(air_drag),
+            actuators: self.actuators(impellers, &belief)?,
+            sensors: Some(self.sensors(place, impellers)?),
+        };
+        let simulator = AstrobeeSimulator::try_new(settings).map_err(|error| self.bad("start", &error.to_string()))?;
+        Ok(Flight {
+            drive: self.drive(place, &start, &belief, duration_ns)?,
+            simulator,
+            goal,
+            place,
+            obstacles: world.obstacles,
+            duration_ns,
+            payload_changes: self.payload_changes(duration_ns)?,
+            estimate: None,
+        })
+    }
+
+    /// One of a few names.
+    fn named<T, const N: usize>(
+        &self,
+        key: &str,
+        name: &str,
+        find: impl Fn(&str) -> Option<T>,
+        names: [&'static str; N],
+    ) -> Result<T, AstrobeeError> {
+        find(name).ok_or_else(|| {
+            let near = super::place::suggestion(name, names.into_iter());
+            self.bad(key, &format!("`{name}` is none of {}{near}", names.join(", ")))
+        })
+    }
+
+    fn flight_mode(&self) -> Result<FlightMode, AstrobeeError> {
+        let Some(name) = &self.scenario.flight_mode else { return Ok(FlightMode::default()) };
+        let find = |name: &str| FlightMode::ALL.into_iter().find(|mode| mode.name() == name);
+        self.named("flight_mode", name, find, FlightMode::ALL.map(FlightMode::name))
+    }
+
+    fn positive(&self, key: &str, value: Option<f64>, otherwise: f64) -> Result<f64, AstrobeeError> {
+        let value = value.unwrap_or(otherwise);
+        if value > 0.0 && value.is_finite() {
+            Ok(value)
+        } else {
+            Err(self.bad(key, &format!("{value}: positive and finite")))
+        }
+    }
+
+    /// A limit; without one nothing is too much.
+    fn limit(&self, key: &str, value: Option<f64>) -> Result<f64, AstrobeeError> {
+        match value {
+            Some(_) => self.positive(key, value, 0.0),
+            None => Ok(f64::INFINITY),
+        }
+    }
+
+    fn finite(&self, key: &str, values: [f64; 3]) -> Result<Vector3<f64>, AstrobeeError> {
+        if values.iter().all(|value| value.is_finite()) {
+            Ok(Vector3::from(values))
+        } else {
+            Err(self.bad(key, "every number must be finite"))
+        }
+    }
+
+    fn rotation(&self, key: &str, [x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, AstrobeeError> {
+        tumble_lie::from_xyzw(x, y, z, w, QUATERNION_NORM_TOLERANCE).map_err(|_| {
+            let norm = [x, y, z, w].iter().map(|c| c * c).sum::<f64>();
+            self.bad(key, &format!("norm {:.6}; x, y, z, w of norm 1 are needed", libm::sqrt(norm)))
+        })
+    }
+
+    fn pose(&self, place: WorldPreset, written: &WrittenPose) -> Result<Pose<f64>, AstrobeeError> {
+        let key = |name: &str| format!("{}.{name}", written.key);
+        match (written.point, written.position_m) {
+            (Some(_), Some(_)) => Err(self.bad(&key("position_m"), "a named `point` has its position")),
+            (None, None) => Err(self.bad(written.key, "`point` or `position_m` is needed")),
+            (Some(name), None) => {
+                let mut pose = place.pose(name).ok_or_else(|| {
+                    let names: Vec<&str> = place.poses().iter().map(|pose| pose.name).collect();
+                    let near = super::place::suggestion(name, names.iter().copied());
+                    self.bad(&key("point"), &format!("`{name}` is none of: {}{near}", names.join(", ")))
+                })?;
+                if let Some(quaternion) = written.quaternion_xyzw {
+                    pose.rotation = self.rotation(&key("quaternion_xyzw"), quaternion)?;
+                }
+                Ok(pose)
+            }
+            (None, Some(position)) => {
+                let rotation = match written.quaternion_xyzw {
+                    Some(quaternion) => self.rotation(&key("quaternion_xyzw"), quaternion)?,
+                    None => written.otherwise,
+                };
+                Ok(Pose::from_parts(self.finite(&key("position_m"), position)?.into(), rotation))
+            }
+        }
+    }
+
+    fn body(&self, written: &WrittenBody) -> Result<InertialParameters<f64>, AstrobeeError> {
+        let inline = (written.mass_kg, written.com_m, written.inertia);
+        match (written.preset, written.file, inline) {
+            (Some(name), None, (None, None, None)) => {
+                let find = |name: &str| match name {
+                    "iss" => Some(BodyConfiguration::Iss.parameters()),
+                    "granite" => Some(BodyConfiguration::Granite.parameters()),
+                    "mgtf" => Some(BodyConfiguration::Mgtf.parameters()),
+                    "gazebo" => Some(BodyConfiguration::Gazebo.parameters()),
+                    "space-cobot" => Some(space_cobot::body()),
+                    _ => None,
+                };
+                let names = ["iss", "granite", "mgtf", "gazebo", "space-cobot"];
+                self.named(&format!("{}.preset", written.key), name, find, names)
+            }
+            (None, Some(file), (None, None, None)) => body_file::read(&self.folder().join(file)),
+            (None, None, (Some(mass_kg), com_m, Some(inertia_about_com_kg_m2))) => {
+                let com_m = com_m.unwrap_or_default();
+                self.finite(&format!("{}.com_m", written.key), com_m)?;
+                BodyFile { mass_kg, com_m, inertia_about_com_kg_m2 }
+                    .to_parameters(&self.path)
+                    .map_err(|error| self.bad(&format!("{}.mass_kg", written.key), &error.to_string()))
+            }
+            _ => Err(self.bad(
+                written.key,
+                "a body is one of: `preset`; `file`; `mass_kg` and `inertia_about_com_kg_m2` (and `com_m`)",
+            )),
+        }
+    }
+
+    fn world(&self, place: WorldPreset) -> Result<World, AstrobeeError> {
+        let mut world = place.volumes();
+        if let Some(set) = self.scenario.obstacle_set {
+            world.obstacles = place.obstacles(set).ok_or_else(|| {
+                self.bad("obstacle_set", &format!("{set}: there are sets 0 to {}", OBSTACLE_SETS - 1))
+            })?;
+        }
+        for table in &self.scenario.obstacles {
+            let semi_axes = self.finite("obstacles.semi_axes_m", table.semi_axes_m)?;
+            if semi_axes.min() <= 0.0 {
+                return Err(self.bad("obstacles.semi_axes_m", "every semi-axis must be positive"));
+            }
+            let rotation = match table.quaternion_xyzw {
+                Some(quaternion) => self.rotation("obstacles.quaternion_xyzw", quaternion)?,
+                None => UnitQuaternion::identity(),
+            };
+            let center = self.finite("obstacles.center_m", table.center_m)?;
+            world
+                .obstacles
+                .push(ObstacleEllipsoid { world_from_ellipsoid: Pose::from_parts(center.into(), rotation), semi_axes });
+        }
+        Ok(world)
+    }
+
+    fn start(&self, place: WorldPreset, world: &World, radius_m: f64) -> Result<RigidBodyState<f64>, AstrobeeError> {
+        let table = &self.scenario.start;
+        let written = WrittenPose {
+            key: "start",
+            point: table.point.as_deref(),
+            position_m: table.position_m,
+            quaternion_xyzw: table.quaternion_xyzw,
+            otherwise: UnitQuaternion::identity(),
+        };
+        let world_from_body = self.pose(place, &written)?;
+        let around = Surroundings::of(world, place.table_half_width_m(), &world_from_body.translation.vector, radius_m);
+        if let Some(event) = Surroundings::events_of(&around).next() {
+            let what = match event {
+                Event::HitObstacle { index } => format!("inside obstacle {index}"),
+                Event::EnteredKeepOut { index } => format!("inside keep-out box {index}"),
+                Event::LeftTable => "beyond the edge of the table".to_owned(),
+                _ => "outside the keep-in volume".to_owned(),
+            };
+            return Err(self.bad("start", &format!("the robot starts {what}")));
+        }
+        let velocity_world = self.finite("start.velocity_m_s", table.velocity_m_s.unwrap_or_default())?;
+        let rate_body = self.finite("start.rate_rad_s", table.rate_rad_s.unwrap_or_default())?;
+        let twist_body = Twist::new(rate_body, world_from_body.rotation.inverse() * velocity_world);
+        Ok(RigidBodyState { world_from_body, twist_body })
+    }
+
+    fn actuators(&self, mode: ImpellerMode, belief: &InertialParameters<f64>) -> Result<Actuators, AstrobeeError> {
+        let table = &self.scenario.propulsion;
+        let foreign =
+            |key: &str, kind: &str| self.bad(&format!("propulsion.{key}"), &format!("only with `kind = \"{kind}\"`"));
+        if table.kind != PropulsionName::Limited {
+            if table.force_limit_n.is_some() {
+                return Err(foreign("force_limit_n", "limited"));
+            }
+            if table.torque_limit_n_m.is_some() {
+                return Err(foreign("torque_limit_n_m", "limited"));
+            }
+        }
+        if table.kind != PropulsionName::Plant {
+            if table.thrust_factor.is_some() {
+                return Err(foreign("thrust_factor", "plant"));
+            }
+            if table.supply_v.is_some() {
+                return Err(foreign("supply_v", "plant"));
+            }
+        }
+        let limit = |key: &str, limit: Option<[f64; 3]>| {
+            let limit = limit.ok_or_else(|| self.bad("propulsion", &format!("`{key}` is needed with `limited`")))?;
+            // Infinite is no limit.
+            if limit.iter().all(|component| *component >= 0.0) {
+                Ok(Vector3::from(limit))
+            } else {
+                Err(self.bad(&format!("propulsion.{key}"), "a limit is not negative"))
+            }
+        };
+        Ok(match table.kind {
+            PropulsionName::Exact => Actuators::Exact,
+            PropulsionName::Limited => Actuators::Limited(WrenchBox {
+                torque_limit: limit("torque_limit_n_m", table.torque_limit_n_m)?,
+                force_limit: limit("force_limit_n", table.force_limit_n)?,
+            }),
+            PropulsionName::Plant => {
+                let physical = PropulsionSettings::PHYSICAL;
+                let settings = PropulsionSettings {
+                    thrust_factor: self.positive(
+                        "propulsion.thrust_factor",
+                        table.thrust_factor,
+                        physical.thrust_factor,
+                    )?,
+                    supply_v: self.positive("propulsion.supply_v", table.supply_v, physical.supply_v)?,
+                    ..physical
+                };
+                Actuators::hardware(mode, belief.center_of_mass(), settings)
+            }
+        })
+    }
+
+    fn sensors(&self, place: WorldPreset, mode: ImpellerMode) -> Result<Localization, AstrobeeError> {
+        let table = &self.scenario.sensing;
+        let mut settings = match (&table.preset, &table.settings) {
+            (Some(_), Some(_)) => return Err(self.bad("sensing.settings", "a preset has its settings: one of both")),
+            (preset, None) => preset.unwrap_or(SensingPreset::Nominal).settings(),
+            (None, Some(settings)) => settings.clone(),
+        };
+        settings.gravity_world_m_s2 = place.gravity_m_s2();
+        Localization::new(&settings, self.scenario.seed, mode)
+            .map_err(|error| self.bad("sensing.settings", &error.to_string()))
+    }
+
+    fn payload_changes(&self, duration_ns: i64) -> Result<Vec<(i64, PayloadChange)>, AstrobeeError> {
+        let Some(table) = &self.scenario.payload else { return Ok(Vec::new()) };
+        let PayloadTable { attach_s, release_s, .. } = *table;
+        let written = WrittenBody {
+            key: "payload",
+            preset: None,
+            file: table.file.as_deref(),
+            mass_kg: table.mass_kg,
+            com_m: table.com_m,
+            inertia: table.inertia_about_com_kg_m2,
+        };
+        let rotation = match table.grasp_quaternion_xyzw {
+            Some(quaternion) => self.rotation("payload.grasp_quaternion_xyzw", quaternion)?,
+            None => UnitQuaternion::identity(),
+        };
+        let position = self.finite("payload.grasp_position_m", table.grasp_position_m)?;
+        let grasp =
+            Grasp { payload: self.body(&written)?, robot_from_payload: Pose::from_parts(position.into(), rotation) };
+        let end_s = duration_ns as f64 * 1e-9;
+        if !(0.0..end_s).contains(&attach_s) {
+            return Err(self.bad("payload.attach_s", &format!("{attach_s}: 0 or later, before the end at {end_s} s")));
+        }
+        let motion = match table.motion {
+            None | Some(PayloadMotionName::WithRobot) => PayloadMotion::WithRobot,
+            Some(PayloadMotionName::AtRest) => PayloadMotion::AtRest,
+        };
+        let mut changes = vec![(flight_log::nanoseconds(attach_s), PayloadChange::Attach(grasp, motion))];
+        if let Some(release_s) = release_s {
+            if !(release_s > attach_s && release_s < end_s) {
+                let message = format!("{release_s}: after `attach_s`, before the end at {end_s} s");
+                return Err(self.bad("payload.release_s", &message));
+            }
+            changes.push((flight_log::nanoseconds(release_s), PayloadChange::Release));
+        }
+        Ok(changes)
+    }
+
+    fn drive(
+        &self,
+        place: WorldPreset,
+        start: &RigidBodyState<f64>,
+        belief: &InertialParameters<f64>,
+        duration_ns: i64,
+    ) -> Result<Drive, AstrobeeError> {
+        let table = &self.scenario.drive;
+        let controller = match table.controller.unwrap_or_default() {
+            ControllerName::None => None,
+            ControllerName::Tracker => {
+                let rotation =
+                    self.positive("drive.tracker_rotation_rad_s", table.tracker_rotation_rad_s, TRACKER_RAD_S.0)?;
+                let position =
+                    self.positive("drive.tracker_position_rad_s", table.tracker_position_rad_s, TRACKER_RAD_S.1)?;
+                Some(Controller::Tracker(PoseTracker::critically_damped(FreeFlyer::new(*belief), rotation, position)))
+            }
+            ControllerName::Flown => {
+                let gains = ControlGains::of(place.site());
+                Some(Controller::Flown(FlownController::new(FlightController::new(*belief, gains))))
+            }
+        };
+        if controller.is_none() && (table.excitation.is_some() || !table.waypoints.is_empty()) {
+            return Err(self.bad("drive.controller", "waypoints and an excitation need a controller that follows them"));
+        }
+        let tracking = match controller {
+            Some(controller) => Some((controller, self.reference(place, start)?)),
+            None => None,
+        };
+        Ok(Drive { tracking, added: self.added(duration_ns)? })
+    }
+
+    fn reference(&self, place: WorldPreset, start: &RigidBodyState<f64>) -> Result<Reference, AstrobeeError> {
+        let table = &self.scenario.drive;
+        let from = start.world_from_body;
+        if let Some(file) = &table.excitation {
+            if !table.waypoints.is_empty() {
+                return Err(self.bad("drive.excitation", "either an excitation or waypoints"));
+            }
+            let path: PathBuf = self.folder().join(file);
+            let motion = Box::new(ExcitationFile::read(&path)?.motion(&path)?);
+            return Ok(Reference::Periodic { motion, world_from_start: from });
+        }
+        if table.waypoints.is_empty() {
+            return Ok(Reference::Hold(from));
+        }
+        let mut path = vec![Waypoint { time_s: 0.0, world_from_body: from }];
+        let mut last = Waypoint { time_s: 0.0, world_from_body: from };
+        for waypoint in &table.waypoints {
+            if !(waypoint.time_s > last.time_s && waypoint.time_s <= LONGEST_S) {
+                return Err(self.bad("drive.waypoints.time_s", "times begin after 0 and increase"));
+            }
+            let world_from_body = self.pose(
+                place,
+                &WrittenPose {
+                    key: "drive.waypoints",
+                    point: waypoint.point.as_deref(),
+                    position_m: waypoint.position_m,
+                    quaternion_xyzw: waypoint.quaternion_xyzw,
+                    otherwise: last.world_from_body.rotation,
+                },
+            )?;
+            last = Waypoint { time_s: waypoint.time_s, world_from_body };
+            path.push(last);
+        }
+        Ok(Reference::Path(path))
+    }
+
+    fn added(&self, duration_ns: i64) -> Result<AddedWrench, AstrobeeError> {
+        let table = &self.scenario.drive;
+        let wrench = |key: &str, force_n: [f64; 3], torque_n_m: [f64; 3]| {
+            Ok::<_, AstrobeeError>(Wrench::new(
+                self.finite(&format!("{key}.torque_n_m"), torque_n_m)?,
+                self.finite(&format!("{key}.force_n"), force_n)?,
+            ))
+        };
+        match (&table.constant, &table.wrenches, &table.multisine) {
+            (None, None, None) => Ok(AddedWrench::Nothing),
+            (Some(table), None, None) => {
+                Ok(AddedWrench::Constant(wrench("drive.constant", table.force_n, table.torque_n_m)?))
+            }
+            (None, Some(file), None) => {
+                read_wrenches(&self.folder().join(file), duration_ns).map(AddedWrench::Sequence)
+            }
+            (None, None, Some(table)) => {
+                if !(1..=MOST_TONES).contains(&table.tones) {
+                    return Err(self.bad("drive.multisine.tones", &format!("{}: 1 to {MOST_TONES}", table.tones)));
+                }
+                let lowest_hz = self.positive("drive.multisine.lowest_hz", Some(table.lowest_hz), 0.0)?;
+                let nyquist_hz = 0.5 / CONTROL_PERIOD_S;
+                if !(table.highest_hz > lowest_hz && table.highest_hz < nyquist_hz) {
+                    let message = format!("{}: above `lowest_hz`, below {nyquist_hz} Hz", table.highest_hz);
+                    return Err(self.bad("drive.multisine.highest_hz", &message));
+                }
+                let peak = wrench("drive.multisine", table.force_n, table.torque_n_m)?;
+                let seed = self.scenario.seed ^ PHASES;
+                Ok(AddedWrench::Multisine(Multisine::new(&peak, table.tones, lowest_hz, table.highest_hz, seed)))
+            }
+            _ => Err(self.bad("drive", "one of `constant`, `wrenches` and `multisine`")),
+        }
+    }
+}
+
+/// The columns of a file of wrenches.
+const WRENCH_COLUMNS: [&str; 7] = ["t_s", "f_x", "f_y", "f_z", "tau_x", "tau_y", "tau_z"];
+
+/// A file of wrenches: `t_s` and six columns, each row held until the next; those of a log will do.
+fn read_wrenches(path: &Path, duration_ns: i64) -> Result<Vec<(i64, Wrench<f64>)>, AstrobeeError> {
+    let unreadable = |error: csv::Error| AstrobeeError::BadToml { path: path.into(), message: error.to_string() };
+    let file = std::fs::File::open(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
+    let mut reader = csv::Reader::from_reader(file);
+    let header = reader.headers().map_err(unreadable)?.clone();
+    let mut columns = [0; 7];
+    for (slot, name) in columns.iter_mut().zip(WRENCH_COLUMNS) {
+        *slot = header.iter().position(|cell| cell.trim() == name).ok_or_else(|| AstrobeeError::MissingColumn {
+            path: path.into(),
+            column: name.to_owned(),
+            because: ": a file of wrenches has `t_s`, `f_*` and `tau_*`",
+        })?;
+    }
+    let mut rows: Vec<(i64, Wrench<f64>)> = Vec::new();
+    for (number, record) in reader.records().enumerate() {
+        let record = record.map_err(unreadable)?;
+        let line = record.position().map_or(number as u64 + 2, csv::Position::line);
+        let mut cells = [0.0; 7];
+        for ((cell, &column), name) in cells.iter_mut().zip(&columns).zip(WRENCH_COLUMNS) {
+            let text = record.get(column).unwrap_or("").trim();
+            *cell =
+                text.parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| AstrobeeError::BadCell {
+                    path: path.into(),
+                    line,
+                    column: name.to_owned(),
+                    text: text.chars().take(40).collect(),
+                })?;
+        }
+        let [time_s, force @ .., tau_x, tau_y, tau_z] = cells;
+        let time_ns = flight_log::nanoseconds(time_s);
+        if let Some((last_ns, _)) = rows.last().filter(|(last_ns, _)| *last_ns >= time_ns) {
+            let previous_s = *last_ns as f64 * 1e-9;
+            return Err(AstrobeeError::TimeNotIncreasing { path: path.into(), line, previous_s, found_s: time_s });
+        }
+        if time_ns >= duration_ns || rows.len() >= MOST_WRENCHES {
+            break;
+        }
+        rows.push((time_ns, Wrench::new(Vector3::new(tau_x, tau_y, tau_z), Vector3::from(force))));
+    }
+    if rows.is_empty() {
+        return Err(AstrobeeError::Empty { path: path.into(), what: "data rows" });
+    }
+    Ok(rows)
+}

@@ -1,0 +1,49 @@
+//! Scenarios that come with the program.
+
+/// A scenario that needs no file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Embedded {
+    /// Its name.
+    pub name: &'static str,
+    /// Its text.
+    pub text: &'static str,
+}
+
+macro_rules! embedded {
+    ($($name:literal),* $(,)?) => {
+        [$(Embedded { name: $name, text: include_str!(concat!($name, ".toml")) }),*]
+    };
+}
+
+/// All of them.
+pub const EMBEDDED: [Embedded; 10] = embedded![
+    "iss-hold",
+    "iss-excite",
+    "iss-payload",
+    "iss-catch",
+    "iss-slalom",
+    "iss-thesis-sensors",
+    "granite-hold",
+    "granite-excite",
+    "granite-room",
+    "open-tumble",
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::ScenarioSource;
+    use std::path::Path;
+
+    #[test]
+    fn each_flies_under_its_name_and_survives_being_written() {
+        for embedded in EMBEDDED {
+            let source = ScenarioSource::parse(Path::new(embedded.name), embedded.text).unwrap();
+            assert_eq!(source.scenario.name, embedded.name);
+            assert!(source.scenario.description.is_some());
+            source.flight().unwrap();
+            let again = ScenarioSource::parse(Path::new("again"), &source.to_toml().unwrap()).unwrap();
+            assert_eq!(again.scenario, source.scenario);
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! Where in a text an error is, and what may have been meant.
+
+/// Line and column, counted from one, of a byte offset.
+pub(super) fn of_offset(text: &str, offset: usize) -> (usize, usize) {
+    let before = text.get(..offset).unwrap_or(text);
+    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+    (before.matches('\n').count() + 1, before.get(line_start..).unwrap_or("").chars().count() + 1)
+}
+
+/// Line and column of a dotted key; of its table where the key itself is not written, of the start where neither is.
+pub(super) fn of_key(text: &str, wanted: &str) -> (usize, usize) {
+    let mut table = String::new();
+    let (mut best, mut found) = (0, (1, 1));
+    for (number, line) in text.lines().enumerate() {
+        let trimmed = line.trim_start();
+        let column = line.chars().count() - trimmed.chars().count() + 1;
+        let path = if trimmed.starts_with('[') {
+            let name = trimmed.trim_matches(|c: char| c == '[' || c == ']' || c.is_whitespace());
+            name.clone_into(&mut table);
+            table.clone()
+        } else if let Some((key, _)) = trimmed.split_once('=').filter(|_| !trimmed.starts_with('#')) {
+            let key = key.trim();
+            if table.is_empty() { key.to_owned() } else { format!("{table}.{key}") }
+        } else {
+            continue;
+        };
+        let matches = wanted == path || wanted.strip_prefix(&path).is_some_and(|rest| rest.starts_with('.'));
+        if matches && path.len() > best {
+            (best, found) = (path.len(), (number + 1, column));
+        }
+    }
+    found
+}
+
+/// "; did you mean `...`?" where one of the candidates is near, else nothing.
+pub(super) fn suggestion<'a>(unknown: &str, candidates: impl Iterator<Item = &'a str>) -> String {
+    let near = candidates
+        .map(|candidate| (strsim::damerau_levenshtein(unknown, candidate), candidate))
+        .min_by_key(|(distance, _)| *distance);
+    match near {
+        Some((distance, candidate)) if distance <= 2 + unknown.chars().count() / 3 => {
+            format!("; did you mean `{candidate}`?")
+        }
+        _ => String::new(),
+    }
+}
+
+/// The parser's message, cut to one line, with the nearest of the names it lists.
+pub(super) fn with_suggestion(message: &str) -> String {
+    let message = message.replace('\n', " ");
+    if !message.starts_with("unknown ") {
+        return message;
+    }
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let Some(unknown) = quoted.next() else { return message.clone() };
+    format!("{message}{}", suggestion(unknown, quoted))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "format = 1\n\n[start]\n  point = \"A\"\n\n[[drive.waypoints]]\ntime_s = 3\n# goal = 1\n";
+
+    #[test]
+    fn keys_are_found_and_else_their_tables() {
+        assert_eq!(of_key(TEXT, "format"), (1, 1));
+        assert_eq!(of_key(TEXT, "start.point"), (4, 3));
+        assert_eq!(of_key(TEXT, "start.rate_rad_s"), (3, 1));
+        assert_eq!(of_key(TEXT, "drive.waypoints.time_s"), (7, 1));
+        assert_eq!(of_key(TEXT, "goal"), (1, 1));
+        assert_eq!(of_offset(TEXT, 0), (1, 1));
+        assert_eq!(of_offset(TEXT, TEXT.find("point").unwrap()), (4, 3));
+        assert_eq!(of_offset(TEXT, 10_000), (9, 1));
+    }
+
+    #[test]
+    fn the_nearest_name_is_suggested_if_it_is_near() {
+        let message = with_suggestion("unknown field `durration_s`, expected one of `format`, `duration_s`, `seed`");
+        assert!(message.ends_with("; did you mean `duration_s`?"), "{message}");
+        assert_eq!(
+            with_suggestion("unknown field `xyzzy`, expected `format`"),
+            "unknown field `xyzzy`, expected `format`"
+        );
+        assert_eq!(with_suggestion("missing field `name`"), "missing field `name`");
+    }
+}

@@ -1,0 +1,358 @@
+//! Damaged and hostile CSV and TOML files: never a panic, no memory for an unchecked length, what is intact is read, and the
+//! line that is not is named.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[path = "support/corruption.rs"]
+mod corruption;
+#[path = "../../../fuzz/src/lib.rs"]
+mod fuzz;
+
+use corruption::{Damage, sweep};
+use std::fs;
+use std::io::{Read, Write as _};
+use std::path::{Path, PathBuf};
+use tumble_astrobee::log::{LogReader, TEMPLATE};
+use tumble_astrobee::wheel_throw::{parse_throw, read_calibration};
+use tumble_astrobee::{AstrobeeError, body_file, excitation_file::ExcitationFile};
+use tumble_identification::MotionSample;
+
+/// Seeds of the fuzz targets, and whatever a fuzzer found once.
+fn seeds() -> Vec<(&'static str, fuzz::Target, PathBuf)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds");
+    let of = |(name, target): (&'static str, fuzz::Target)| {
+        let files = fs::read_dir(folder.join(name)).unwrap();
+        files.map(move |file| (name, target, file.unwrap().path())).collect::<Vec<_>>()
+    };
+    fuzz::TARGETS.into_iter().flat_map(of).collect()
+}
+
+#[test]
+fn every_seed_keeps_the_promises_of_its_target() {
+    for (name, target, path) in seeds() {
+        println!("{name}: {}", path.display());
+        target(&fs::read(path).unwrap());
+    }
+    assert!(fuzz::TARGETS.iter().all(|(name, _)| seeds().iter().any(|(with_seed, ..)| with_seed == name)));
+}
+
+#[test]
+fn damaged_seeds_keep_the_promises_of_their_targets() {
+    for (_, target, path) in seeds() {
+        let bytes = fs::read(path).unwrap();
+        let checked = sweep(&bytes[..bytes.len().min(2000)], |damaged, _| target(damaged));
+        assert!(checked >= 3 * bytes.len().min(2000), "{checked}");
+    }
+}
+
+/// The samples before the first error, and the error.
+fn read_log(bytes: impl Read) -> (Vec<MotionSample>, Option<AstrobeeError>) {
+    let mut samples = Vec::new();
+    let outcome = LogReader::from_reader(bytes, Path::new("log.csv"), false)
+        .and_then(|mut reader| reader.read_chunk(&mut samples, usize::MAX));
+    (samples, outcome.err())
+}
+
+/// Line of a byte, from one.
+fn line_of(bytes: &[u8], at: usize) -> usize {
+    1 + bytes[..at].iter().filter(|byte| **byte == b'\n').count()
+}
+
+/// The line that a message names.
+fn line_named(message: &str) -> Option<usize> {
+    let (_, rest) = message.split_once("line ").or_else(|| message.split_once("line: "))?;
+    rest.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
+}
+
+/// A table of numbers: everything before the damage is read, and an error is the damaged line's or its neighbour's.
+fn check_table<T: PartialEq + std::fmt::Debug>(
+    reference: &[u8],
+    damage: Damage,
+    whole: &[T],
+    found: &[T],
+    error: Option<String>,
+) {
+    let line = line_of(reference, damage.intact_bytes());
+    // lines before the damaged one, without the header
+    let intact = line.saturating_sub(2);
+    if let Some(message) = error {
+        match line_named(&message) {
+            Some(named) => assert!((line..=line + 1).contains(&named), "{message}: line {line} is damaged"),
+            None => {
+                assert!(line == 1 && message.contains("column") || damage == Damage::Cut { length: 0 }, "{message}")
+            }
+        }
+    } else {
+        assert!(line > 1 || damage != Damage::Cut { length: 0 });
+        assert!(found.len() + 2 >= whole.len() || matches!(damage, Damage::Cut { .. }));
+        assert_eq!(found[..intact.min(found.len())], whole[..intact], "{damage:?}");
+    }
+}
+
+#[test]
+fn a_damaged_log_is_read_up_to_the_damage() {
+    let mut text = TEMPLATE.to_owned();
+    for row in 2..5 {
+        text += &format!("0.0{row},1,2.5,-3,0,0,0,1,0,0,0,0,0,0,0.0104,0,0,0.{row},0,0,0,0.002,0\n");
+    }
+    let (whole, error) = read_log(text.as_bytes());
+    assert!(whole.len() == 5 && error.is_none(), "{error:?}");
+    sweep(text.as_bytes(), |damaged, damage| {
+        let (found, error) = read_log(damaged);
+        // a streaming reader hands out what it read before the error
+        let intact = line_of(text.as_bytes(), damage.intact_bytes()).saturating_sub(2);
+        if error.is_some() && intact > 0 {
+            assert_eq!(found[..intact], whole[..intact]);
+        }
+        check_table(text.as_bytes(), damage, &whole, &found, error.map(|error| error.to_string()));
+    });
+}
+
+#[test]
+fn a_damaged_throw_names_the_damage() {
+    let mut text = "t_s,wx_rad_s,wy_rad_s,wz_rad_s,ax_m_s2,ay_m_s2,az_m_s2,wheel_rad_s\n".to_owned();
+    for row in 1..6 {
+        text += &format!("0.{row},1.5,-2,3e0,0.25,{row},6,700.{row}\n");
+    }
+    let whole = parse_throw(text.as_bytes(), Path::new("throw.csv")).unwrap();
+    sweep(text.as_bytes(), |damaged, damage| {
+        let (found, error) = match parse_throw(damaged, Path::new("throw.csv")) {
+            Ok(record) => (record.samples().to_vec(), None),
+            Err(error) => (Vec::new(), Some(error.to_string())),
+        };
+        check_table(text.as_bytes(), damage, whole.samples(), &found, error);
+    });
+}
+
+/// Endlessly the same bytes, and how many were taken.
+struct Endless<'a> {
+    pattern: &'a [u8],
+    taken: usize,
+}
+
+impl Read for Endless<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        for byte in &mut *buffer {
+            *byte = self.pattern[self.taken % self.pattern.len()];
+            self.taken += 1;
+        }
+        Ok(buffer.len())
+    }
+}
+
+fn endless(pattern: &[u8]) -> Endless<'_> {
+    Endless { pattern, taken: 0 }
+}
+
+const THROW_HEADER: &str = "t_s,wx_rad_s,wy_rad_s,wz_rad_s,ax_m_s2,ay_m_s2,az_m_s2,wheel_rad_s\n";
+
+#[test]
+fn a_line_without_end_is_refused_after_a_few_kilobytes() {
+    let limit = 1 << 20;
+    for pattern in [b"0".as_slice(), b",", b"#", b"\"", b"a,", b"\0", b"\xff", b"1e999,", b" "] {
+        let mut source = endless(pattern);
+        let (_, error) = read_log(&mut source);
+        let error = error.unwrap();
+        assert!(matches!(error, AstrobeeError::RowTooLong { line: 1, .. }), "{pattern:?}: {error}");
+        assert!(source.taken < limit, "{pattern:?}: {} bytes read", source.taken);
+
+        let mut source = endless(pattern);
+        let (samples, error) = read_log(TEMPLATE.as_bytes().chain(&mut source));
+        let error = error.unwrap();
+        assert!(matches!(error, AstrobeeError::RowTooLong { line: 4, .. }), "{pattern:?}: {error}");
+        assert!(samples.len() == 2 && source.taken < limit);
+
+        let mut source = endless(pattern);
+        let error = parse_throw(THROW_HEADER.as_bytes().chain(&mut source), Path::new("throw.csv")).unwrap_err();
+        assert!(error.to_string().contains("throw.csv, line 2: longer than 65536 bytes"), "{pattern:?}: {error}");
+        assert!(source.taken < limit);
+    }
+}
+
+#[test]
+fn an_open_quote_swallows_nothing() {
+    let rows = format!("{THROW_HEADER}\"0.1,1,2,3,4,5,6,7\n0.2,1,2,3,4,5,6,7\n");
+    let message = parse_throw(rows.as_bytes(), Path::new("throw.csv")).unwrap_err().to_string();
+    assert!(message.contains("line 2, column `t_s`: `\"0.1`"), "{message}");
+}
+
+#[test]
+fn a_throw_without_end_is_refused() {
+    struct Rows(u64, Vec<u8>);
+    impl Read for Rows {
+        fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+            if self.1.is_empty() {
+                self.0 += 1;
+                self.1 = format!("{},1,2,3,4,5,6,7\n", self.0).into_bytes();
+            }
+            let count = self.1.len().min(buffer.len());
+            buffer[..count].copy_from_slice(&self.1[..count]);
+            self.1.drain(..count);
+            Ok(count)
+        }
+    }
+    let rows = THROW_HEADER.as_bytes().chain(Rows(0, Vec::new()));
+    let error = parse_throw(rows, Path::new("throw.csv")).unwrap_err().to_string();
+    assert!(error.contains("more than 1000000 rows"), "{error}");
+}
+
+#[test]
+fn a_million_columns_are_refused() {
+    let columns: Vec<String> = (0..1_000_000).map(|i| format!("c{i}")).collect();
+    let (_, error) = read_log(columns.join(",").as_bytes());
+    assert!(matches!(error, Some(AstrobeeError::RowTooLong { line: 1, .. })), "{error:?}");
+    // as many as a line may hold are looked through at once, not each against each
+    let few = columns[..9000].join(",");
+    let (_, error) = read_log(few.as_bytes());
+    assert!(matches!(&error, Some(AstrobeeError::MissingColumn { column, .. }) if column == "t_s"), "{error:?}");
+    // a row of a million cells below a good header
+    let row = vec!["1"; 1_000_000].join(",");
+    let (samples, error) = read_log(format!("{TEMPLATE}{row}\n").as_bytes());
+    assert!(matches!(error, Some(AstrobeeError::RowTooLong { line: 4, .. })), "{error:?}");
+    assert_eq!(samples.len(), 2);
+}
+
+#[test]
+fn cells_that_are_no_numbers_are_named() {
+    let cells = [
+        b"1e999".as_slice(),
+        b"-1e999",
+        b"\0",
+        b"1\x002",
+        b"\xff\xfe",
+        b"\xed\xa0\x80", // a lone surrogate
+        b"18446744073709551616e300",
+        b"0x10",
+        b"1_000",
+        b"\x1b[2J",
+    ];
+    let row = TEMPLATE.lines().nth(2).unwrap();
+    for cell in cells {
+        for column in [0, 1, 4, 17] {
+            let mut bytes = TEMPLATE.as_bytes().to_vec();
+            for (i, good) in row.split(',').enumerate() {
+                bytes.extend(if i == column { cell } else { good.as_bytes() });
+                bytes.push(b',');
+            }
+            bytes.pop();
+            let (samples, error) = read_log(bytes.as_slice());
+            let message = error.unwrap().to_string();
+            let name = TEMPLATE.split(',').nth(column).unwrap();
+            assert!(message.contains("line 4") && message.contains(name), "{message}");
+            assert!(!message.contains(char::is_control), "{message:?}");
+            assert_eq!(samples.len(), 2);
+        }
+        let mut bytes = THROW_HEADER.as_bytes().to_vec();
+        bytes.extend([b"0.1,1,2,3,4,5,6,", cell].concat());
+        let message = parse_throw(bytes.as_slice(), Path::new("throw.csv")).unwrap_err().to_string();
+        assert!(message.contains("line 2") || message.contains("record 1"), "{message}");
+        assert!(!message.contains(char::is_control), "{message:?}");
+    }
+}
+
+#[test]
+fn times_that_cannot_be_are_named() {
+    let row = TEMPLATE.lines().nth(2).unwrap().split_once(',').unwrap().1;
+    for time in ["1e2147483647", "-1e-2147483648", "9223372036.854775808", "18446744073709551616", &"9".repeat(30_000)]
+    {
+        let (samples, error) = read_log(format!("{TEMPLATE}{time},{row}\n").as_bytes());
+        // the second is zero, and comes too late
+        let message = error.unwrap().to_string();
+        assert!(message.contains("line 4") && samples.len() == 2, "{message}");
+    }
+}
+
+/// A file of its own for each test.
+fn scratch(name: &str, bytes: &[u8]) -> PathBuf {
+    let path = std::env::temp_dir().join(format!("tumble-hostile-{}-{name}", std::process::id()));
+    fs::write(&path, bytes).unwrap();
+    path
+}
+
+/// What each reader of TOML says to this text.
+fn refusals(name: &str, bytes: &[u8]) -> [String; 4] {
+    let path = scratch(name, bytes);
+    let said = [
+        body_file::read(&path).unwrap_err().to_string(),
+        body_file::read_prior(&path).unwrap_err().to_string(),
+        ExcitationFile::read(&path).unwrap_err().to_string(),
+        read_calibration(&path).unwrap_err().to_string(),
+    ];
+    fs::remove_file(&path).unwrap();
+    for message in &said {
+        assert!(message.contains(name), "{message}");
+        assert!(!message.contains(|c: char| c != '\n' && c.is_control()), "{message:?}");
+        assert!(message.len() < 100_000, "{} bytes of message", message.len());
+    }
+    said
+}
+
+#[test]
+fn toml_of_any_size_is_refused_before_it_is_read() {
+    // a terabyte that takes no place on the disk
+    let path = scratch("sparse.toml", b"mass_kg = 1\n");
+    let file = fs::OpenOptions::new().write(true).open(&path).unwrap();
+    if file.set_len(1 << 40).is_err() {
+        file.set_len(1 << 30).unwrap();
+    }
+    drop(file);
+    for message in [
+        body_file::read(&path).unwrap_err().to_string(),
+        body_file::read_prior(&path).unwrap_err().to_string(),
+        ExcitationFile::read(&path).unwrap_err().to_string(),
+        read_calibration(&path).unwrap_err().to_string(),
+    ] {
+        assert!(message.contains("longer than 1048576 bytes"), "{message}");
+    }
+    fs::remove_file(&path).unwrap();
+}
+
+#[test]
+fn deep_toml_is_refused() {
+    let depth = 10_000;
+    let arrays = format!("mass_kg = {}1{}\n", "[".repeat(depth), "]".repeat(depth));
+    refusals("arrays.toml", arrays.as_bytes());
+    refusals("open.toml", format!("mass_kg = {}", "[".repeat(depth)).as_bytes());
+    let tables = format!("mass_kg = {}1{}\n", "{a = ".repeat(depth), "}".repeat(depth));
+    refusals("tables.toml", tables.as_bytes());
+    refusals("dotted.toml", format!("{}a = 1\n", "a.".repeat(depth)).as_bytes());
+    refusals("header.toml", format!("[{}a]\nb = 1\n", "a.".repeat(depth)).as_bytes());
+    let json = scratch("deep.json", "[".repeat(depth).as_bytes());
+    assert!(body_file::read(&json).unwrap_err().to_string().contains("deep.json"));
+    fs::remove_file(&json).unwrap();
+}
+
+#[test]
+fn toml_that_is_no_text_is_refused_with_its_line() {
+    for bytes in [b"mass_kg = 1\ncom_m = \xff".as_slice(), b"mass_kg = 1\n\xed\xa0\x80 = 2"] {
+        for message in refusals("bytes.toml", bytes) {
+            assert!(message.contains("line 2"), "{message}");
+        }
+    }
+    // a lone surrogate written as an escape, a zero, an escape sequence for the terminal
+    for text in ["mass_kg = \"\\ud800\"", "mass_kg = \"\0\"", "mass_kg = 1\0", "\u{1b}[2J = 1", "mass_kg = '\u{1b}[2J'"]
+    {
+        refusals("text.toml", text.as_bytes());
+    }
+}
+
+#[test]
+fn toml_numbers_beyond_any_are_refused() {
+    let body = |mass: &str| {
+        format!("mass_kg = {mass}\ncom_m = [0, 0, 0]\ninertia_about_com_kg_m2 = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n")
+    };
+    for mass in ["1e999", "-1e999", "inf", "nan", "18446744073709551616", "99999999999999999999999999"] {
+        refusals("numbers.toml", body(mass).as_bytes());
+    }
+    let path = scratch("good.toml", body("1.0").as_bytes());
+    assert!((body_file::read(&path).unwrap().mass - 1.0).abs() < 1e-15);
+    fs::remove_file(&path).unwrap();
+}
+
+#[test]
+fn toml_with_a_hundred_thousand_keys_is_refused() {
+    let mut text = Vec::new();
+    for i in 0..100_000 {
+        writeln!(text, "k{i} = 1").unwrap();
+    }
+    refusals("keys.toml", &text[..1 << 20]);
+}

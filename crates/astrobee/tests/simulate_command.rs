@@ -1,0 +1,196 @@
+//! `tumble simulate` and `tumble scenario` as a user meets them.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tumble_astrobee::scenario::ScenarioSource;
+
+fn tumble_in(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tumble")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {}", stderr(output)))
+}
+
+fn scratch(name: &str) -> PathBuf {
+    let path = std::env::temp_dir().join(format!("tumble-simulate-{name}-{}", std::process::id()));
+    let _ = fs::remove_dir_all(&path);
+    fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn shown(folder: &Path, name: &str) -> String {
+    let output = tumble_in(folder, &["scenario", "show", name]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn a_flight_is_identified_by_the_step_that_is_named_next() {
+    let folder = scratch("end-to-end");
+    let output = tumble_in(&folder, &["simulate", "iss-excite", "--duration", "60"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let said = stderr(&output);
+    let next = said.split("next: tumble ").nth(1).unwrap().trim();
+    let words: Vec<&str> = next.split(' ').chain(["--json"]).collect();
+    let found = json(&tumble_in(&folder, &words));
+    assert_eq!(found["rank"], 10);
+    let mass = found["mass_kg"].as_f64().unwrap();
+    // The inverse allocation and the hardware differ by as much.
+    assert!((mass / 9.5838 - 1.0).abs() < 0.02, "{mass}");
+    let inertia = found["inertia_about_com_kg_m2"][2][2].as_f64().unwrap();
+    assert!((inertia / 0.1623 - 1.0).abs() < 0.02, "{inertia}");
+}
+
+#[test]
+fn an_ideal_flight_is_identified_exactly() {
+    let folder = scratch("ideal");
+    let text = shown(&folder, "iss-excite");
+    let text = text.split("[sensing").next().unwrap().to_owned()
+        + "[propulsion]\nkind = \"exact\"\n\n[sensing]\npreset = \"perfect\"\n";
+    fs::write(folder.join("ideal.toml"), text).unwrap();
+    let output = tumble_in(&folder, &["simulate", "ideal.toml", "--duration", "40", "--out", "flight"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let words = ["identify", "flight/log.csv", "--reference", "flight/truth.toml", "--json"];
+    let found = json(&tumble_in(&folder, &words));
+    assert!((found["mass_kg"].as_f64().unwrap() / 9.583_788_668 - 1.0).abs() < 1e-6, "{found}");
+    for (axis, expected) in [0.003_713_818, -0.000_326_347, -0.002_532_192].into_iter().enumerate() {
+        assert!((found["com_m"][axis].as_f64().unwrap() - expected).abs() < 1e-7, "{found}");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_files_and_a_folder_is_not_replaced_unasked() {
+    let folder = scratch("seed");
+    let fly = |seed: &str| {
+        let output = tumble_in(&folder, &["simulate", "iss-slalom", "--duration", "4", "--seed", seed, "--json"]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        folder.join(json(&output)["folder"].as_str().unwrap())
+    };
+    let (first, second, other) = (fly("5"), fly("5"), fly("6"));
+    assert!(first.ends_with("tumble-out/simulate-iss-slalom-5") && second.ends_with("simulate-iss-slalom-5-2"));
+    for name in ["log.csv", "scenario.toml", "truth.toml", "summary.json", "run.json", "path_xy.svg", "force_x.svg"] {
+        let bytes = fs::read(first.join(name)).unwrap();
+        assert_eq!(bytes, fs::read(second.join(name)).unwrap(), "{name}");
+    }
+    assert_ne!(fs::read(first.join("log.csv")).unwrap(), fs::read(other.join("log.csv")).unwrap());
+    assert!(first.join("timings.json").exists());
+    // What was written can be flown again.
+    let again = ["simulate", "tumble-out/simulate-iss-slalom-5/scenario.toml", "--out", "again"];
+    assert_eq!(tumble_in(&folder, &again).status.code(), Some(0));
+    assert_eq!(fs::read(first.join("log.csv")).unwrap(), fs::read(folder.join("again/log.csv")).unwrap());
+    let refused = tumble_in(&folder, &again);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(stderr(&refused).contains("T010"));
+    assert_eq!(tumble_in(&folder, &[again.as_slice(), &["--force"]].concat()).status.code(), Some(0));
+}
+
+#[test]
+fn embedded_scenarios_are_listed_and_shown() {
+    let folder = scratch("list");
+    let listed = String::from_utf8(tumble_in(&folder, &["scenario", "list"]).stdout).unwrap();
+    assert!(listed.lines().count() >= 8);
+    for line in listed.lines() {
+        let name = line.split_whitespace().next().unwrap();
+        assert!(shown(&folder, name).contains(&format!("name = \"{name}\"")));
+    }
+    let unknown = tumble_in(&folder, &["scenario", "show", "iss-hodl"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(stderr(&unknown).contains("did you mean `iss-hold`?"), "{}", stderr(&unknown));
+}
+
+#[test]
+fn events_of_a_flight_through_an_obstacle_are_reported() {
+    let folder = scratch("events");
+    let text = "format = 1\nname = \"crash\"\nworld = \"granite\"\nduration_s = 8\n[start]\npoint = \"start\"\nvelocity_m_s = [0.2, 0, 0]\n\
+                [drive]\ncontroller = \"none\"\n[[obstacles]]\ncenter_m = [0.5, 0, -0.7]\nsemi_axes_m = [0.1, 0.1, 0.1]\n";
+    fs::write(folder.join("crash.toml"), text).unwrap();
+    let output = tumble_in(&folder, &["simulate", "crash.toml", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let found = json(&output);
+    let events: Vec<&str> =
+        found["events"].as_array().unwrap().iter().map(|event| event["event"].as_str().unwrap()).collect();
+    let expected = ["hit obstacle 0", "left the table", "clear of obstacles", "left the keep-in volume"];
+    assert_eq!(events, expected);
+    assert_eq!(found["degrees_of_freedom"], 3);
+}
+
+#[test]
+fn what_is_wrong_is_named_with_its_line() {
+    let good = "format = 1\nname = \"x\"\nworld = \"iss\"\nduration_s = 10.0\n\n[body]\nmass_kg = 9.0\n\
+                inertia_about_com_kg_m2 = [[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]\n\n[start]\nposition_m = [10.9, -6.65, 4.9]\n\
+                quaternion_xyzw = [0, 0, 0, 1]\n\n[drive]\ncontroller = \"flown\"\n";
+    ScenarioSource::parse(Path::new("good.toml"), good).unwrap().flight().unwrap();
+    for (from, to, place, expected) in [
+        ("duration_s", "durration_s", "line 4, column 1", "did you mean `duration_s`?"),
+        ("format = 1", "format = 2", "line 1, column 1", "2"),
+        ("10.0", "-1.0", "line 4", "-1"),
+        ("10.0", "1e9", "line 4", "at most 86400"),
+        ("10.0", "nan", "line 4", "duration_s"),
+        ("mass_kg = 9.0", "mass_kg = -9.0", "line 7", "no body has these parameters"),
+        ("mass_kg = 9.0", "masss_kg = 9.0", "line 7", "did you mean `mass_kg`?"),
+        ("-6.65", "-1.0", "line 10", "keep-in"),
+        ("-6.65, 4.9", "-6.65, inf", "line 11", "finite"),
+        ("[0, 0, 0, 1]", "[0, 0, 0.5, 1]", "line 12", "norm 1.118034"),
+        ("\"flown\"", "\"flow\"", "line 15, column 14", "did you mean `flown`?"),
+        ("\"iss\"", "\"isss\"", "line 3", "did you mean `iss`?"),
+        ("\"x\"", "\"../x\"", "line 2", "folder"),
+        ("world = \"iss\"", "world = \"iss\"\nobstacle_set = 9", "line 4", "sets 0 to 4"),
+    ] {
+        assert!(good.contains(from), "{from}");
+        let text = good.replacen(from, to, 1);
+        let outcome =
+            ScenarioSource::parse(Path::new("bad.toml"), &text).and_then(|source| source.flight().map(|_| ()));
+        let message = outcome.unwrap_err().to_string();
+        assert!(message.contains(place) && message.contains(expected), "{to}: {message}");
+    }
+    let inside = good.replacen("duration_s = 10.0\n", "duration_s = 10.0\nobstacle_set = 1\n", 1).replacen(
+        "[10.9, -6.65, 4.9]",
+        "[10.3, -8.4, 4.9]",
+        1,
+    );
+    let outcome = ScenarioSource::parse(Path::new("bad.toml"), &inside).and_then(|source| source.flight().map(|_| ()));
+    assert!(outcome.unwrap_err().to_string().contains("inside obstacle 0"));
+}
+
+/// The table names in the text and the fields that the parser lists for each.
+#[test]
+fn every_key_is_documented() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/scenarios.md");
+    // The published package comes without the documents of the repository.
+    let Ok(documented) = fs::read_to_string(path) else { return };
+    let head = "format = 1\nname = \"x\"\nworld = \"open\"\nduration_s = 1\n";
+    let start = "[start]\nposition_m = [0, 0, 0]\n";
+    let mut keys = 0;
+    for text in [
+        format!("{head}zzz = 1\n{start}"),
+        format!("{head}{start}zzz = 1\n"),
+        format!("{head}{start}[body]\nzzz = 1\n"),
+        format!("{head}{start}[payload]\nzzz = 1\n"),
+        format!("{head}{start}[goal]\nzzz = 1\n"),
+        format!("{head}{start}[drive]\nzzz = 1\n"),
+        format!("{head}{start}[drive.constant]\nzzz = 1\n"),
+        format!("{head}{start}[drive.multisine]\nzzz = 1\n"),
+        format!("{head}{start}[[drive.waypoints]]\nzzz = 1\n"),
+        format!("{head}{start}[propulsion]\nzzz = 1\n"),
+        format!("{head}{start}[sensing]\nzzz = 1\n"),
+        format!("{head}{start}[limits]\nzzz = 1\n"),
+        format!("{head}{start}[[obstacles]]\nzzz = 1\n"),
+    ] {
+        let message = ScenarioSource::parse(Path::new("x"), &text).unwrap_err().to_string();
+        let (_, listed) = message.split_once("expected ").expect(&message);
+        for key in listed.split('`').skip(1).step_by(2) {
+            let named = [format!("`{key}`"), format!("[{key}]"), format!(".{key}]"), format!("`{key} ")];
+            assert!(named.iter().any(|name| documented.contains(name.as_str())), "{key} is not in docs/scenarios.md");
+            keys += 1;
+        }
+    }
+    assert!(keys > 50, "{keys}");
+}

@@ -1,0 +1,107 @@
+//! What every parser promises of any bytes. The fuzz targets call these functions, and so does a test with the seeds.
+
+use std::path::Path;
+use tumble_astrobee::body_file;
+use tumble_astrobee::excitation_file::ExcitationFile;
+use tumble_astrobee::log::LogReader;
+use tumble_astrobee::wheel_throw::parse_throw;
+
+/// A promise about any bytes.
+pub type Target = fn(&[u8]);
+
+/// All targets by name.
+pub const TARGETS: [(&str, Target); 4] = [
+    ("csv_log", csv_log),
+    ("wheel_throw", wheel_throw),
+    ("body_toml", body_toml),
+    ("excitation_toml", excitation_toml),
+];
+
+/// An error is a message with the name of the file and no control characters but line ends.
+fn is_said(message: &str, name: &str) {
+    assert!(message.contains(name), "{message}");
+    assert!(message.chars().all(|c| c == '\n' || !c.is_control()), "{message:?}");
+}
+
+/// The samples of a log are finite and ordered, whether or not late rows are put in order.
+pub fn csv_log(data: &[u8]) {
+    for reorder in [false, true] {
+        let mut reader = match LogReader::from_reader(data, Path::new("log.csv"), reorder) {
+            Ok(reader) => reader,
+            Err(error) => return is_said(&error.to_string(), "log.csv"),
+        };
+        let mut last = None;
+        loop {
+            let sample = match reader.next_sample() {
+                Ok(Some(sample)) => sample,
+                Ok(None) => break,
+                Err(error) => {
+                    let message = error.to_string();
+                    is_said(&message, "log.csv");
+                    assert!(message.contains("line "), "{message}");
+                    break;
+                }
+            };
+            assert!(last.is_none_or(|last| last < sample.time_ns));
+            last = Some(sample.time_ns);
+            assert!((sample.world_from_body.rotation.norm() - 1.0).abs() < 1e-12);
+            let vectors = [
+                Some(sample.world_from_body.translation.vector),
+                sample.velocity_origin_world,
+                sample.rate_body,
+                sample.acceleration_origin_body,
+                sample.wrench_body.map(|wrench| wrench.force),
+                sample.wrench_body.map(|wrench| wrench.torque),
+            ];
+            assert!(vectors.iter().flatten().all(|vector| vector.iter().all(|c| c.is_finite())));
+        }
+    }
+}
+
+/// The samples of a throw are finite and ordered.
+pub fn wheel_throw(data: &[u8]) {
+    match parse_throw(data, Path::new("throw.csv")) {
+        Ok(record) => {
+            assert!(record.samples().windows(2).all(|pair| pair[0].time_s < pair[1].time_s));
+            for sample in record.samples() {
+                assert!(sample.rate_body.iter().chain(&sample.specific_force_body).all(|c| c.is_finite()));
+                assert!(sample.time_s.is_finite() && sample.wheel_speed_rad_s.is_finite());
+            }
+        }
+        Err(error) => is_said(&error.to_string(), "throw.csv"),
+    }
+}
+
+/// A body that is read is one that can be, and is read again as it was written.
+pub fn body_toml(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    for name in ["body.toml", "body.json"] {
+        match body_file::parse(text, Path::new(name)) {
+            Ok(body) => {
+                assert!(body.is_strictly_consistent());
+                let written = body_file::export(Path::new(name), &body).expect("a body is written");
+                let again = body_file::parse(&written, Path::new(name));
+                // a body on the very edge may fall off it by rounding
+                if let Ok(again) = again {
+                    assert_eq!(again.mass.to_bits(), body.mass.to_bits());
+                }
+            }
+            Err(error) => is_said(&error.to_string(), name),
+        }
+    }
+}
+
+/// An excitation that is read can be flown: it is a motion, and is read again as it was written.
+pub fn excitation_toml(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    let path = Path::new("excitation.toml");
+    match ExcitationFile::parse(text, path) {
+        Ok(file) => {
+            file.motion(path).expect("a motion");
+            file.world_from_start(path).expect("a start");
+            let written = file.to_toml(path).expect("a text");
+            ExcitationFile::parse(&written, path).expect("the text of an excitation is one");
+        }
+        Err(error) => is_said(&error.to_string(), "excitation.toml"),
+    }
+}
