@@ -33,18 +33,30 @@ fn causes() -> Vec<Cause> {
         imu: ImuSettings { moving_average, flight_filter, ..perfect.imu.clone() },
         ..perfect.clone()
     };
-    let mut hidden = perfect.clone();
-    hidden.timing.hidden_latency_ms = 16;
     let plant = Hardware::Plant(PropulsionSettings::PHYSICAL);
     let all = without_errors(&LocalizationSettings::thesis_flight());
     vec![
         Cause { name: "nothing", expected_ms: 0.0, hardware: Hardware::Exact, sensors: perfect.clone() },
-        Cause { name: "average of 64 samples in the inertial unit", expected_ms: 15.8, hardware: Hardware::Exact, sensors: imu(true, false) },
-        Cause { name: "accelerometer filter", expected_ms: 113.9, hardware: Hardware::Exact, sensors: imu(false, true) },
-        Cause { name: "bytes, no servo", expected_ms: 0.0, hardware: Hardware::Bytes(Belief::Hardware), sensors: perfect.clone() },
+        Cause {
+            name: "average of 64 samples in the inertial unit",
+            expected_ms: 15.8,
+            hardware: Hardware::Exact,
+            sensors: imu(true, false),
+        },
+        Cause {
+            name: "accelerometer filter",
+            expected_ms: 113.9,
+            hardware: Hardware::Exact,
+            sensors: imu(false, true),
+        },
+        Cause {
+            name: "bytes, no servo",
+            expected_ms: 0.0,
+            hardware: Hardware::Bytes(Belief::Hardware),
+            sensors: perfect.clone(),
+        },
         Cause { name: "servos, flaps, impellers", expected_ms: f64::NAN, hardware: plant, sensors: perfect },
-        Cause { name: "age of the content at its stamp (`thesis-flight`)", expected_ms: 16.0, hardware: Hardware::Exact, sensors: hidden },
-        Cause { name: "all of these", expected_ms: f64::NAN, hardware: plant, sensors: all },
+        Cause { name: "the three together (`thesis-flight`)", expected_ms: f64::NAN, hardware: plant, sensors: all },
     ]
 }
 
@@ -57,9 +69,8 @@ fn cross_correlation(input: &[f64], output: &[f64]) -> f64 {
     let correlation = |shift: usize| {
         let (a, b) = (&input[..n], &output[shift..shift + n]);
         let (ma, mb) = (mean(a), mean(b));
-        let product = |x: &[f64], mx: f64, y: &[f64], my: f64| -> f64 {
-            x.iter().zip(y).map(|(p, q)| (p - mx) * (q - my)).sum()
-        };
+        let product =
+            |x: &[f64], mx: f64, y: &[f64], my: f64| -> f64 { x.iter().zip(y).map(|(p, q)| (p - mx) * (q - my)).sum() };
         product(a, ma, b, mb) / (product(a, ma, a, ma) * product(b, mb, b, mb)).sqrt()
     };
     let best = (0..=largest).max_by(|&a, &b| correlation(a).total_cmp(&correlation(b))).unwrap_or(0);
@@ -117,9 +128,13 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     );
     let near = delays.iter().filter(|(expected, _)| !expected.is_nan()).all(|(e, ms)| (ms.mean - e - 2.0).abs() < 4.0);
     section.must(near, "each measured delay is that of its filter, from 2 ms below to 6 ms above");
-    let sum: f64 = delays[1..delays.len() - 1].iter().filter(|(e, _)| e.is_nan() || *e > 0.0).map(|(_, ms)| ms.mean).sum();
+    let sum: f64 =
+        delays[1..delays.len() - 1].iter().filter(|(e, _)| e.is_nan() || *e > 0.0).map(|(_, ms)| ms.mean).sum();
     let total = delays[delays.len() - 1].1.mean;
-    section.must((sum - total).abs() < 15.0, &format!("the causes add up: {sum:.1} ms against {total:.1} ms together"));
+    section.must(
+        (sum - total).abs() < 8.0,
+        &format!("the causes add up: {sum:.1} ms, which counts the held wrench twice, against {total:.1} ms together"),
+    );
 
     let plan = Plan::new(LocalizationSettings::thesis_flight(), SECONDS).with_peak(PLANNER_CODE);
     section.line("\nFlights as the thesis's (`thesis-flight`: noise, losses, jitter, jumps, factors of table 6.5; planner limits of the public code, 0.15 N and 0.015 N m):");
@@ -129,15 +144,19 @@ pub fn section(size: Size) -> Result<Section, Failure> {
         let found = all(&plan, source, size.flights)?;
         let ms = Spread::of(found.iter().map(|f| f.delay_s)).times(1e3);
         let sigma = Spread::of(found.iter().map(|f| f.sigma_s)).times(1e3);
-        let whole = [0, 1, 2].map(|i| format!("{:.0}", Spread::of(found.iter().map(|f| f.correlation_s[i])).times(1e3)));
+        let whole =
+            [0, 1, 2].map(|i| format!("{:.0}", Spread::of(found.iter().map(|f| f.correlation_s[i])).times(1e3)));
         replayed = ms.mean;
         if source == Source::Commanded {
             commanded = ms.mean;
             section.tables.push((
                 "figure_6_18_delays.csv",
-                csv("delay_s,sigma_s,correlation_x_s,correlation_y_s,correlation_z_s", found.iter().map(|f| {
-                    vec![f.delay_s, f.sigma_s, f.correlation_s[0], f.correlation_s[1], f.correlation_s[2]]
-                })),
+                csv(
+                    "delay_s,sigma_s,correlation_x_s,correlation_y_s,correlation_z_s",
+                    found.iter().map(|f| {
+                        vec![f.delay_s, f.sigma_s, f.correlation_s[0], f.correlation_s[1], f.correlation_s[2]]
+                    }),
+                ),
             ));
         }
         section.row(&[source.name().to_owned(), format!("{ms:.1}"), format!("{:.1}", sigma.mean), whole.join(", ")]);
@@ -150,7 +169,7 @@ pub fn section(size: Size) -> Result<Section, Failure> {
         &format!(
             "a delay of 0.16 s \"likely due to the localization algorithm\": the fixed filters in front of it give {sensors:.0} ms and need no graph, servos and \
              flaps give {servos:.0} ms more. Behind the commanded wrench {commanded:.0} ms are measured here, {replayed:.0} ms behind the wrench that acts; the printed value \
-             lies in between. Of these 16 ms are the age that the preset assumes."
+             lies in between."
         ),
     );
 
@@ -163,14 +182,19 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     let scaled: Vec<Vector3<f64>> = plain.iter().map(|a| a.component_mul(&Vector3::from(TABLE_6_5))).collect();
     let processed = delayed(&scaled, delay_s);
     let shown = 1250..2187;
-    let line = |values: &[Vector3<f64>]| shown.clone().map(|k| (k as f64 * STEP_S, 1e3 * values[k].x)).collect::<Vec<_>>();
+    let line =
+        |values: &[Vector3<f64>]| shown.clone().map(|k| (k as f64 * STEP_S, 1e3 * values[k].x)).collect::<Vec<_>>();
     let rows = shown.clone().map(|k| vec![k as f64 * STEP_S, acceleration[k].x, plain[k].x, processed[k].x]);
     section.tables.push(("figure_6_18.csv", csv("time_s,measured_x_m_s2,projected_x_m_s2,processed_x_m_s2", rows)));
     section.draw(
         "figure_6_18.svg",
         "Acceleration along x: measured, projected before and after scaling and delay (flight 0)",
         ["time, s", "acceleration, mm/s^2"],
-        vec![curve("projected", line(&plain)), curve("projected, scaled and delayed", line(&processed)), curve("measured", line(&acceleration))],
+        vec![
+            curve("projected", line(&plain)),
+            curve("projected, scaled and delayed", line(&processed)),
+            curve("measured", line(&acceleration)),
+        ],
     );
     Ok(section)
 }

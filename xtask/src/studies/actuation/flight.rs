@@ -1,6 +1,7 @@
 //! Flights of the study: informative wrenches, the propulsion hardware, the simulator and its sensors.
 
 use nalgebra::{SVector, Vector3};
+use tumble_astrobee::air_drag::air_drag;
 use tumble_astrobee::bodies::BodyConfiguration;
 use tumble_astrobee::propulsion::inverse::wrench_of_flow;
 use tumble_astrobee::propulsion::{
@@ -10,7 +11,7 @@ use tumble_astrobee::propulsion::{
 use tumble_astrobee::sensing::{
     FaultSettings, Localization, LocalizationEstimate, LocalizationSettings, SensorErrors, TimingSettings, TrueMotion,
 };
-use tumble_astrobee::simulator::{AstrobeeSimulator, Multisine, SimulatorSettings, cabin_drag};
+use tumble_astrobee::simulator::{AstrobeeSimulator, Multisine, SimulatorSettings};
 use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::{
     Actuation, BodyAcceleration, FreeFlyer, InertialParameters, Plant, PoseReference, PoseTracker, RigidBodyState,
@@ -73,13 +74,7 @@ pub struct Plan {
 impl Plan {
     /// Peaks of the planner, propulsion as built, these sensors.
     pub fn new(sensors: LocalizationSettings, seconds: f64) -> Self {
-        Self {
-            hardware: Hardware::Plant(PropulsionSettings::PHYSICAL),
-            sensors,
-            peak: PLANNER,
-            limits: None,
-            seconds,
-        }
+        Self { hardware: Hardware::Plant(PropulsionSettings::PHYSICAL), sensors, peak: PLANNER, limits: None, seconds }
     }
 
     pub fn within_table_6_7(self) -> Self {
@@ -158,7 +153,7 @@ pub fn fly(plan: &Plan, seed: u64) -> Result<Flown, Failure> {
     };
     let sensors = Localization::new(&plan.sensors, seed, MODE).map_err(study)?;
     let mut robot = AstrobeeSimulator::try_new(SimulatorSettings {
-        drag: Some(cabin_drag()),
+        drag: Some(air_drag()),
         sensors: Some(sensors),
         ..SimulatorSettings::ideal(WorldPreset::Iss, state)
     })
@@ -235,7 +230,10 @@ impl Source {
 }
 
 /// What the sensors would publish, without errors of theirs, of a body that answers these wrenches: acceleration by period.
-pub fn through_the_chain(wrenches: &[Wrench<f64>], sensors: &LocalizationSettings) -> Result<Vec<Vector3<f64>>, Failure> {
+pub fn through_the_chain(
+    wrenches: &[Wrench<f64>],
+    sensors: &LocalizationSettings,
+) -> Result<Vec<Vector3<f64>>, Failure> {
     let quiet = without_errors(sensors);
     let mut chain = Localization::new(&quiet, 0, MODE).map_err(study)?;
     let body = body();
@@ -358,7 +356,11 @@ pub fn delayed(values: &[Vector3<f64>], delay_s: f64) -> Vec<Vector3<f64>> {
     (0..values.len())
         .map(|k| {
             let place = (k as f64 - shift).clamp(0.0, (values.len() - 1) as f64);
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between zero and the last index")]
+            #[allow(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "between zero and the last index"
+            )]
             let below = place.floor() as usize;
             let above = (below + 1).min(values.len() - 1);
             values[below].lerp(&values[above], place - place.floor())

@@ -62,7 +62,9 @@ fn along(component: usize, sign: f64) -> [f64; 6] {
 
 pub fn section(size: Size) -> Result<Section, Failure> {
     let mut section = Section::default();
-    section.line("Largest single components that no flap at its stop cuts, +/-, about the flight centre of mass, N and N m:");
+    section.line(
+        "Largest single components that no flap at its stop cuts, +/-, about the flight centre of mass, N and N m:",
+    );
     section.columns(&["mode", "fx", "fy", "fz", "tx", "ty", "tz"]);
     let modes = [ImpellerMode::Quiet, ImpellerMode::Nominal, ImpellerMode::Aggressive];
     let mut reach = Vec::new();
@@ -86,7 +88,8 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     // At the origin as centre of mass, as the reference tabulates.
     let at_origin = Reach(ForceAllocation::new(ImpellerMode::Aggressive, nalgebra::Vector3::zeros()));
     let fx = [at_origin.largest(along(3, 1.0))?, at_origin.largest(along(3, -1.0))?];
-    section.line(format!("\nWith the centre of mass at the origin mode 3 reaches fx = {:.4} / {:.4} N.\n", fx[0], fx[1]));
+    section
+        .line(format!("\nWith the centre of mass at the origin mode 3 reaches fx = {:.4} / {:.4} N.\n", fx[0], fx[1]));
     section.must(
         (fx[0] - 0.3995).abs() < 1e-4 && (fx[1] - 0.4067).abs() < 1e-4,
         "these are the limits found by running NASA's allocation (+0.3995, -0.4067 N)",
@@ -109,7 +112,12 @@ pub fn section(size: Size) -> Result<Section, Failure> {
         ));
     }
     section.line("\nAll components at once:");
-    section.columns(&["box", "mode", "share of the box that is reached", "largest factor on the box that is all reached"]);
+    section.columns(&[
+        "box",
+        "mode",
+        "share of the box that is reached",
+        "largest factor on the box that is all reached",
+    ]);
     let mut random = Gaussian::from_seed(67);
     let mut rows = Vec::new();
     for (about, limits) in
@@ -143,9 +151,10 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     );
     let header = "mode,component,limit_positive,limit_negative,controller_limit,planner_limit";
     let singles = reach.iter().zip(modes).flat_map(|(limits, mode)| {
-        limits.iter().enumerate().map(move |(c, pair)| {
-            vec![f64::from(mode.number()), c as f64, pair[0], pair[1], TABLE_6_7[c], PLANNER[c]]
-        })
+        limits
+            .iter()
+            .enumerate()
+            .map(move |(c, pair)| vec![f64::from(mode.number()), c as f64, pair[0], pair[1], TABLE_6_7[c], PLANNER[c]])
     });
     section.tables.push(("table_6_7_reach.csv", csv(header, singles)));
     section.tables.push(("table_6_7_boxes.csv", csv("mode,share_reached,largest_factor", rows)));

@@ -145,7 +145,8 @@ fn batches(messages: &[Message], keep: bool) -> Sorted {
         if waiting.iter().any(|queue| queue.len() < BATCH) {
             continue;
         }
-        let mut batch: Vec<i64> = waiting.iter_mut().flat_map(|queue| queue.drain(..BATCH).collect::<Vec<_>>()).collect();
+        let mut batch: Vec<i64> =
+            waiting.iter_mut().flat_map(|queue| queue.drain(..BATCH).collect::<Vec<_>>()).collect();
         batch.sort_unstable();
         let overlap = stored.last().is_some_and(|last| batch[0] < *last);
         if overlap {
@@ -201,7 +202,14 @@ pub fn section(size: Size) -> Result<Section, Failure> {
          {START_UP_S} s both streams lose {:.0} % and are up to {START_UP_DELAY_S} s late more. Nominal {NOMINAL_HZ} Hz.",
         100.0 * START_UP_LOSS,
     ));
-    section.columns(&["stream", "Hz, start-up", "Hz, later", "seconds below 60 Hz, later", "lost, all", "out of order as they arrive"]);
+    section.columns(&[
+        "stream",
+        "Hz, start-up",
+        "Hz, later",
+        "seconds below 60 Hz, later",
+        "lost, all",
+        "out of order as they arrive",
+    ]);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small whole number")]
     let start_up = START_UP_S as usize;
     let rate = |stream: usize, from: usize, to: usize| {
@@ -211,9 +219,8 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     let later = (start_up + 1, SECONDS - 1);
     let slow = |stream: usize| {
         let seconds = later.1 - later.0;
-        let share = |f: &Flight| {
-            f.rates[stream][later.0..later.1].iter().filter(|&&n| n < 60).count() as f64 / seconds as f64
-        };
+        let share =
+            |f: &Flight| f.rates[stream][later.0..later.1].iter().filter(|&&n| n < 60).count() as f64 / seconds as f64;
         Spread::of(flights.iter().map(share)).times(100.0)
     };
     for (stream, name) in [(0, "CTL"), (1, "EKF")] {

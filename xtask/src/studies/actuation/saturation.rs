@@ -109,8 +109,9 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     let delays = delays(&plan.sensors)?;
     let mut all = Vec::new();
     for (name, plan) in &sessions {
-        let found =
-            in_parallel(size.flights, |seed| found(plan, &delays, seed as u64)).into_iter().collect::<Result<Vec<_>, Failure>>()?;
+        let found = in_parallel(size.flights, |seed| found(plan, &delays, seed as u64))
+            .into_iter()
+            .collect::<Result<Vec<_>, Failure>>()?;
         section.row(&[
             (*name).to_owned(),
             format!("{:.1} %", Spread::of(found.iter().map(|f| f.saturated)).times(100.0)),
@@ -149,7 +150,10 @@ pub fn section(size: Size) -> Result<Section, Failure> {
         sessions
             .iter()
             .enumerate()
-            .map(|(s, (name, _))| format!("{name} {}", [0, 1, 2, 3].map(|source| format!("{:.2} %", rms(s, 0, source))).join(" / ")))
+            .map(|(s, (name, _))| format!(
+                "{name} {}",
+                [0, 1, 2, 3].map(|source| format!("{:.2} %", rms(s, 0, source))).join(" / ")
+            ))
             .collect::<Vec<_>>()
             .join("; ")
     ));
@@ -162,13 +166,15 @@ pub fn section(size: Size) -> Result<Section, Failure> {
             rms(0, 0, 2)
         ),
     );
-    section.must(
-        rms(0, 0, 3) < 0.3,
-        &format!("first session: with the servos replayed {:.2} % are left", rms(0, 0, 3)),
-    );
+    section
+        .must(rms(0, 0, 3) < 0.3, &format!("first session: with the servos replayed {:.2} % are left", rms(0, 0, 3)));
     section.must(
         rms(0, 0, 2) < rms(0, 0, 1),
-        &format!("first session: the full inverse is better than the thesis's ({:.2} % against {:.2} %)", rms(0, 0, 2), rms(0, 0, 1)),
+        &format!(
+            "first session: the full inverse is better than the thesis's ({:.2} % against {:.2} %)",
+            rms(0, 0, 2),
+            rms(0, 0, 1)
+        ),
     );
     let share = |session: usize| 100.0 * Spread::of(all[session].iter().map(|f| f.saturated)).mean;
     let missed = |session: usize| 100.0 * Spread::of(all[session].iter().map(|f| f.missed_z)).mean;
@@ -190,25 +196,42 @@ pub fn section(size: Size) -> Result<Section, Failure> {
         let flown = flight::fly(plan, 0)?;
         let [commanded, thesis, full, _] = Source::ALL.map(|source| source.wrenches(&flown));
         let shown = 1250..2187;
-        let line = |w: &[Wrench<f64>]| shown.clone().map(|k| (k as f64 * STEP_S, 1e3 * w[k].torque.z)).collect::<Vec<_>>();
+        let line =
+            |w: &[Wrench<f64>]| shown.clone().map(|k| (k as f64 * STEP_S, 1e3 * w[k].torque.z)).collect::<Vec<_>>();
         let rows = shown.clone().map(|k| {
-            vec![k as f64 * STEP_S, commanded[k].torque.z, thesis[k].torque.z, full[k].torque.z, f64::from(u8::from(flown.periods[k].saturated))]
+            vec![
+                k as f64 * STEP_S,
+                commanded[k].torque.z,
+                thesis[k].torque.z,
+                full[k].torque.z,
+                f64::from(u8::from(flown.periods[k].saturated)),
+            ]
         });
-        let files = [("figure_6_23_left.csv", "figure_6_23_left.svg"), ("figure_6_23_right.csv", "figure_6_23_right.svg")];
+        let files =
+            [("figure_6_23_left.csv", "figure_6_23_left.svg"), ("figure_6_23_right.csv", "figure_6_23_right.svg")];
         let titles = ["Torque about z, first session (flight 0)", "Torque about z within table 6.7 (flight 0)"];
-        section.tables.push((files[i].0, csv("time_s,commanded_n_m,thesis_inverse_n_m,full_inverse_n_m,saturated", rows)));
+        section
+            .tables
+            .push((files[i].0, csv("time_s,commanded_n_m,thesis_inverse_n_m,full_inverse_n_m,saturated", rows)));
         section.draw(
             files[i].1,
             titles[i],
             ["time, s", "torque, mN m"],
-            vec![curve("commanded", line(&commanded)), curve("after saturation, full inverse", line(&full)), curve("after saturation, thesis's inverse", line(&thesis))],
+            vec![
+                curve("commanded", line(&commanded)),
+                curve("after saturation, full inverse", line(&full)),
+                curve("after saturation, thesis's inverse", line(&thesis)),
+            ],
         );
     }
     let header = "session,motion,wrench,error_m_percent,error_ixx_percent,error_iyy_percent,error_izz_percent";
     let rows = all.iter().enumerate().flat_map(|(s, found)| {
         found.iter().flat_map(move |f| {
             f.errors.iter().enumerate().flat_map(move |(m, by_source)| {
-                by_source.iter().enumerate().map(move |(w, e)| vec![s as f64, m as f64, w as f64, e[0], e[1], e[2], e[3]])
+                by_source
+                    .iter()
+                    .enumerate()
+                    .map(move |(w, e)| vec![s as f64, m as f64, w as f64, e[0], e[1], e[2], e[3]])
             })
         })
     });

@@ -9,8 +9,8 @@ use tumble_identification::synchronize::relative_scale;
 
 use super::delays::{TABLE_6_5, projected};
 use super::flight::{
-    self, CORRELATION_LENGTH, Flown, Hardware, Measured, PLANNER, PLANNER_CODE, Plan, QUIET, STEP_S, Source, body, calibrated,
-    delayed, measured, published, through_the_chain, without_errors,
+    self, CORRELATION_LENGTH, Flown, Hardware, Measured, PLANNER, PLANNER_CODE, Plan, QUIET, STEP_S, Source, body,
+    calibrated, delayed, measured, published, through_the_chain, without_errors,
 };
 use super::{Section, Size, Spread, csv, curve, study};
 use crate::Failure;
@@ -105,18 +105,41 @@ fn effects() -> Vec<Effect> {
         quiet("servos, impellers, leak, bytes", plant(1.0), perfect()),
         quiet("the same with upstream's factor 1.25", plant(1.25), perfect()),
         quiet("the same with 1.25 and every wrench applied twice (upstream since 2023)", plant(2.5), perfect()),
-        quiet("lever arm of the inertial unit, alpha x r left in", Hardware::Exact, imu(&|imu| {
-            imu.lever_arm_body_m = ImuSettings::default().lever_arm_body_m;
-        })),
+        quiet(
+            "lever arm of the inertial unit, alpha x r left in",
+            Hardware::Exact,
+            imu(&|imu| {
+                imu.lever_arm_body_m = ImuSettings::default().lever_arm_body_m;
+            }),
+        ),
         quiet("accelerometer filter, not accounted for", Hardware::Exact, imu(&|imu| imu.flight_filter = true)),
-        quiet("the same filter fed at 62.5 Hz", Hardware::Exact, imu(&|imu| {
-            imu.flight_filter = true;
-            imu.sample_interval_ms = 16;
-        })),
-        Effect { name: "saturation alone, planner limits of table 6.7", hardware: Hardware::Flaps(Belief::Allocation), sensors: perfect(), loud: true },
+        quiet(
+            "the same filter fed at 62.5 Hz",
+            Hardware::Exact,
+            imu(&|imu| {
+                imu.flight_filter = true;
+                imu.sample_interval_ms = 16;
+            }),
+        ),
+        Effect {
+            name: "saturation alone, planner limits of table 6.7",
+            hardware: Hardware::Flaps(Belief::Allocation),
+            sensors: perfect(),
+            loud: true,
+        },
         quiet("everything physical at once, noise and losses too", plant(1.0), everything.clone()),
-        Effect { name: "the same at the planner limits of table 6.7", hardware: plant(1.0), sensors: everything.clone(), loud: true },
-        Effect { name: "the same with a thrust 2.5 times as large (hypothetical)", hardware: plant(2.5), sensors: everything, loud: true },
+        Effect {
+            name: "the same at the planner limits of table 6.7",
+            hardware: plant(1.0),
+            sensors: everything.clone(),
+            loud: true,
+        },
+        Effect {
+            name: "the same with a thrust 2.5 times as large (hypothetical)",
+            hardware: plant(2.5),
+            sensors: everything,
+            loud: true,
+        },
     ]
 }
 
@@ -130,9 +153,18 @@ fn computed() -> Vec<(String, [f64; 3])> {
     });
     vec![
         ("robot of 9.0877 kg (simulation) taken for 9.5838 kg".to_owned(), [lighter; 3]),
-        ("impellers in mode 3, commands allocated for mode 2".to_owned(), [ratio(ImpellerMode::Aggressive, ImpellerMode::Nominal); 3]),
-        ("impellers in mode 2, commands allocated for mode 1".to_owned(), [ratio(ImpellerMode::Nominal, ImpellerMode::Quiet); 3]),
-        ("impellers in mode 3, commands allocated for mode 1".to_owned(), [ratio(ImpellerMode::Aggressive, ImpellerMode::Quiet); 3]),
+        (
+            "impellers in mode 3, commands allocated for mode 2".to_owned(),
+            [ratio(ImpellerMode::Aggressive, ImpellerMode::Nominal); 3],
+        ),
+        (
+            "impellers in mode 2, commands allocated for mode 1".to_owned(),
+            [ratio(ImpellerMode::Nominal, ImpellerMode::Quiet); 3],
+        ),
+        (
+            "impellers in mode 3, commands allocated for mode 1".to_owned(),
+            [ratio(ImpellerMode::Aggressive, ImpellerMode::Quiet); 3],
+        ),
         ("every discharge coefficient really one, pressure unchanged (upper bound)".to_owned(), perfect_nozzles),
     ]
 }
@@ -190,12 +222,13 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     };
     let modelled = worst(|how| matches!(how, Processing::ThroughTheChain));
     let logged = worst(|how| matches!(how, Processing::AsLogged(_)));
-    let within = rows.iter().filter(|row| matches!(row.1, Processing::ThroughTheChain)).all(|(_, _, spread, sigma, _)| {
-        (0..3).all(|axis| {
-            let chance = 3.5 * sigma[axis] / (spread[axis].count as f64).sqrt();
-            (spread[axis].mean - TABLE_6_5[axis]).abs() < 0.005 * TABLE_6_5[axis] + chance
-        })
-    });
+    let within =
+        rows.iter().filter(|row| matches!(row.1, Processing::ThroughTheChain)).all(|(_, _, spread, sigma, _)| {
+            (0..3).all(|axis| {
+                let chance = 3.5 * sigma[axis] / (spread[axis].count as f64).sqrt();
+                (spread[axis].mean - TABLE_6_5[axis]).abs() < 0.005 * TABLE_6_5[axis] + chance
+            })
+        });
     section.must(
         within,
         &format!(
@@ -239,7 +272,13 @@ pub fn section(size: Size) -> Result<Section, Failure> {
         ]);
     }
     for (name, factor) in computed() {
-        section.row(&[name, format!("{:.3}", factor[0]), format!("{:.3}", factor[1]), format!("{:.3}", factor[2]), "computed".to_owned()]);
+        section.row(&[
+            name,
+            format!("{:.3}", factor[0]),
+            format!("{:.3}", factor[1]),
+            format!("{:.3}", factor[2]),
+            "computed".to_owned(),
+        ]);
     }
     section.line("");
     section.printed(
@@ -272,7 +311,14 @@ fn readings(section: &mut Section, mass: f64) {
         "(6.12) adds theta' to theta = 1/m = {:.4} 1/kg. Read so, the printed values are no robot; read as the factor (theta + theta') m they are:",
         1.0 / mass
     ));
-    section.columns(&["axis", "printed", "as theta' in 1/kg: factor", "apparent mass, kg", "as factor: theta', 1/kg", "apparent mass, kg"]);
+    section.columns(&[
+        "axis",
+        "printed",
+        "as theta' in 1/kg: factor",
+        "apparent mass, kg",
+        "as factor: theta', 1/kg",
+        "apparent mass, kg",
+    ]);
     for (axis, printed) in ["x", "y", "z"].iter().zip(TABLE_6_5) {
         section.row(&[
             (*axis).to_owned(),

@@ -77,7 +77,8 @@ pub fn section(size: Size) -> Result<Section, Failure> {
             (ratio, pressure_coefficient_of_thrust(ratio))
         })
         .collect();
-    let most_open = NOZZLES[6..].iter().map(|n| n.discharge_coefficient * n.area_m2(FLAP_OPEN_RAD - FLAP_CLOSED_RAD)).sum::<f64>();
+    let most_open =
+        NOZZLES[6..].iter().map(|n| n.discharge_coefficient * n.area_m2(FLAP_OPEN_RAD - FLAP_CLOSED_RAD)).sum::<f64>();
     let right = |end: f64| -> Vec<(f64, f64)> {
         let pressure = |open: f64| {
             let area = (open + ALLOCATED_LEAK_AREA_M2).min(end);
@@ -104,7 +105,13 @@ pub fn section(size: Size) -> Result<Section, Failure> {
         "\nThe public code of the thesis's authors lists 79 rows from 79.15 to 22.56 Pa: the same curve, cut at the same place.",
     );
     section.columns(&[
-        "commands", "mode", "saturated", "of these past the end", "largest force error, N", "mean, N", "largest torque error, N m",
+        "commands",
+        "mode",
+        "saturated",
+        "of these past the end",
+        "largest force error, N",
+        "mean, N",
+        "largest torque error, N m",
         "largest where unsaturated, N",
     ]);
     let mut random = Gaussian::from_seed(622);
@@ -133,7 +140,9 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     );
     section.must(
         (0.045..0.1).contains(&largest),
-        &format!("saturated, the cut table overstates a force by up to {largest:.3} N (0.061 N over NASA's own vectors)"),
+        &format!(
+            "saturated, the cut table overstates a force by up to {largest:.3} N (0.061 N over NASA's own vectors)"
+        ),
     );
     section.printed(
         "holds with a gap",
@@ -173,14 +182,26 @@ fn constants(section: &mut Section) {
     let deg = f64::to_degrees;
     let speeds: Vec<String> = ImpellerMode::ALL.iter().map(|mode| format!("{:.5}", mode.speed_rad_s())).collect();
     let rows = [
-        ("N", format!("{} rad/s", speeds.join(", ")), "impeller speed of modes 0 to 3; the thesis writes 293.12 RPM, it is rad/s"),
+        (
+            "N",
+            format!("{} rad/s", speeds.join(", ")),
+            "impeller speed of modes 0 to 3; the thesis writes 293.12 RPM, it is rad/s",
+        ),
         ("d", format!("{IMPELLER_DIAMETER_M} m"), "impeller diameter"),
         ("h", format!("{IMPELLER_HEIGHT_M:.8} m"), "height of its trailing edge"),
         ("rho", format!("{AIR_DENSITY_KG_M3} kg/m^3"), "air density"),
-        ("A_0", format!("{}, {} m^2", LEAK_AREAS_M2[0], LEAK_AREAS_M2[1]), "leak area of modules 1, 2; the thesis lists one"),
+        (
+            "A_0",
+            format!("{}, {} m^2", LEAK_AREAS_M2[0], LEAK_AREAS_M2[1]),
+            "leak area of modules 1, 2; the thesis lists one",
+        ),
         ("H", format!("{FLAP_INTAKE_HEIGHT_M:.8} m"), "nozzle intake height per flap"),
         ("L", format!("{FLAP_LENGTH_M:.8} m"), "flap length"),
-        ("theta", format!("{:.2} to {:.2} deg", deg(FLAP_CLOSED_RAD), deg(FLAP_OPEN_RAD)), "flap angle, closed to open"),
+        (
+            "theta",
+            format!("{:.2} to {:.2} deg", deg(FLAP_CLOSED_RAD), deg(FLAP_OPEN_RAD)),
+            "flap angle, closed to open",
+        ),
     ];
     for (symbol, value, meaning) in rows {
         section.row(&[symbol.to_owned(), value, meaning.to_owned()]);
@@ -188,7 +209,12 @@ fn constants(section: &mut Section) {
     section.columns(&["nozzle", "air leaves", "position, m", "W, m", "C_d"]);
     for (i, nozzle) in NOZZLES.iter().enumerate() {
         let axis = |v: [f64; 3]| {
-            ["x", "y", "z"].iter().zip(v).filter(|(_, c)| *c != 0.0).map(|(n, c)| format!("{}{n}", if c > 0.0 { "+" } else { "-" })).collect::<String>()
+            ["x", "y", "z"]
+                .iter()
+                .zip(v)
+                .filter(|(_, c)| *c != 0.0)
+                .map(|(n, c)| format!("{}{n}", if c > 0.0 { "+" } else { "-" }))
+                .collect::<String>()
         };
         let position = nozzle.position_body_m.map(|c| format!("{c:.6}")).join(", ");
         section.row(&[
