@@ -1,20 +1,25 @@
 //! What every parser promises of any bytes. The fuzz targets call these functions, and so does a test with the seeds.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use tumble_astrobee::body_file;
 use tumble_astrobee::excitation_file::ExcitationFile;
 use tumble_astrobee::log::LogReader;
+use tumble_astrobee::recording::{Encoding, RawMessage, ScanReport, bag, mcap_reader, messages};
 use tumble_astrobee::wheel_throw::parse_throw;
 
 /// A promise about any bytes.
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 4] = [
+pub const TARGETS: [(&str, Target); 7] = [
     ("csv_log", csv_log),
     ("wheel_throw", wheel_throw),
     ("body_toml", body_toml),
     ("excitation_toml", excitation_toml),
+    ("bag", bag),
+    ("mcap", mcap),
+    ("message", message),
 ];
 
 /// An error is a message with the name of the file and no control characters but line ends.
@@ -104,4 +109,74 @@ pub fn excitation_toml(data: &[u8]) {
         }
         Err(error) => is_said(&error.to_string(), "excitation.toml"),
     }
+}
+
+/// A recording is scanned to some place in it; what it hands on is counted, and its messages decode or say why not.
+fn recording(data: &[u8], scanned: Result<ScanReport, tumble_astrobee::AstrobeeError>, handed_on: u64) {
+    match scanned {
+        Ok(report) => {
+            assert_eq!(report.messages, handed_on);
+            assert!(report.bytes <= data.len() as u64, "{report:?}");
+            assert!(report.losses.len() <= ScanReport::MOST_LOSSES && report.losses.len() as u64 <= report.loss_count);
+            assert!(report.losses.iter().all(|loss| loss.offset <= data.len() as u64), "{report:?}");
+        }
+        Err(error) => is_said(&error.to_string(), ""),
+    }
+}
+
+/// A message decodes, always to the same, or says why not.
+fn decodes(raw: &RawMessage<'_>) {
+    match messages::decode(raw) {
+        None => {}
+        // numbers may be NaN, so the text is compared
+        Some(Ok(message)) => {
+            let again = messages::decode(raw).and_then(Result::ok);
+            assert_eq!(again.map(|again| format!("{again:?}")), Some(format!("{message:?}")));
+        }
+        Some(Err(error)) => is_said(&error.to_string(), ""),
+    }
+}
+
+/// A ROS 1 bag.
+pub fn bag(data: &[u8]) {
+    let mut count = 0;
+    let scanned = bag::scan(data, &mut |raw| {
+        count += 1;
+        decodes(&raw);
+        ControlFlow::Continue(())
+    });
+    recording(data, scanned, count);
+}
+
+/// An MCAP file.
+pub fn mcap(data: &[u8]) {
+    let mut count = 0;
+    let scanned = mcap_reader::scan(data, &mut |raw| {
+        count += 1;
+        decodes(&raw);
+        ControlFlow::Continue(())
+    });
+    recording(data, scanned, count);
+}
+
+/// One message: the first byte picks its type and encoding.
+pub fn message(data: &[u8]) {
+    const TYPES: [&str; 11] = [
+        "ff_msgs/EkfState",
+        "ff_msgs/FamCommand",
+        "ff_hw_msgs/PmcCommand",
+        "ff_hw_msgs/PmcTelemetry",
+        "ff_msgs/FlightMode",
+        "geometry_msgs/InertiaStamped",
+        "sensor_msgs/Imu",
+        "geometry_msgs/PoseStamped",
+        "geometry_msgs/TwistStamped",
+        "geometry_msgs/WrenchStamped",
+        "nav_msgs/Odometry",
+    ];
+    let Some((pick, payload)) = data.split_first() else { return };
+    let pick = usize::from(*pick);
+    let encoding = if pick / TYPES.len() % 2 == 0 { Encoding::Ros1 } else { Encoding::Cdr };
+    let type_name = TYPES[pick % TYPES.len()];
+    decodes(&RawMessage { topic: "/t", type_name, md5: "", encoding, log_time_ns: 0, payload });
 }

@@ -5,6 +5,7 @@ use crate::AstrobeeError;
 pub mod allocate;
 pub mod calibrate_wheel;
 mod columns;
+pub mod convert;
 pub mod excite;
 pub mod identify;
 mod identify_periodic;

@@ -200,6 +200,28 @@ pub enum AstrobeeError {
         /// What makes it long.
         because: &'static str,
     },
+    /// T028: a recording of a kind that is not read.
+    #[error("no recording that can be read: {reason}")]
+    UnknownRecording {
+        /// What it is, or what it is not.
+        reason: String,
+    },
+    /// T029: a message that the flight needs and that is not decoded.
+    #[error("topic {topic}: {source}")]
+    BadMessage {
+        /// Topic.
+        topic: String,
+        /// What is wrong with it.
+        source: crate::recording::messages::MessageError,
+    },
+    /// T030: a recording that holds no flight, or several.
+    #[error("{path}: {reason}")]
+    NoFlight {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what is missing.
+        reason: String,
+    },
     /// T021: an excitation that cannot be designed or flown.
     #[error("no such excitation: {0}")]
     Excitation(IdentificationError),
@@ -240,6 +262,22 @@ pub enum AstrobeeError {
     /// T027: the simulator refuses.
     #[error(transparent)]
     Simulator(#[from] crate::simulator::SimulatorError),
+    /// T031: something that the format asked for cannot hold.
+    #[error("{path}: {format} cannot hold {what}")]
+    NotHeld {
+        /// The file that was to be written.
+        path: PathBuf,
+        /// Its format.
+        format: &'static str,
+        /// What does not go in.
+        what: &'static str,
+    },
+    /// T032: a ROS 2 database.
+    #[error("{path}: a ROS 2 database holds no message definitions and is not read")]
+    Database {
+        /// The file.
+        path: PathBuf,
+    },
 }
 
 impl AstrobeeError {
@@ -271,6 +309,11 @@ impl AstrobeeError {
             Self::BadScenario { .. } | Self::NoSuchScenario { .. } => "T026",
             Self::Simulator(_) => "T027",
             Self::SensingOutOfRange { .. } => "T025",
+            Self::UnknownRecording { .. } => "T028",
+            Self::BadMessage { .. } => "T029",
+            Self::NoFlight { .. } => "T030",
+            Self::NotHeld { .. } => "T031",
+            Self::Database { .. } => "T032",
         }
     }
 
@@ -339,6 +382,13 @@ impl AstrobeeError {
             Self::SearchTooLong { .. } => {
                 "a number within the bound; three starts and three to eight harmonics show almost all"
             }
+            Self::UnknownRecording { .. } => {
+                "ROS 1 bags of version 2.0 and MCAP files are read; `rosbag fix` and `ros2 bag convert` make them of others"
+            }
+            Self::BadMessage { .. } => {
+                "record with message definitions that `docs/recordings.md` lists, or convert the log to CSV"
+            }
+            Self::NoFlight { .. } => "`docs/recordings.md` says which topics make a flight",
             Self::Excitation(error) => match error {
                 IdentificationError::TooManySamples { .. } => "a shorter `--period`, or a lower `--rate`",
                 IdentificationError::PeriodNotWhole { .. } => "change `--period` or `--rate` to the values named",
@@ -361,6 +411,11 @@ impl AstrobeeError {
             }
             Self::Simulator(_) => {
                 "check start, body and payload times of the scenario; a wrench far beyond the robot's makes it too fast"
+            }
+            Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
+            Self::Database { .. } => {
+                "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \
+                 storage_id: mcap, all_topics: true}]` in mcap.yaml"
             }
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }

@@ -20,8 +20,6 @@ pub const FORCE_LIMIT_N: f64 = 100.0;
 pub const POSITION_INTEGRAL_LIMIT: f64 = 0.1;
 /// Largest output of the attitude integral, per axis.
 pub const ATTITUDE_INTEGRAL_LIMIT: f64 = 0.5;
-/// Oldest first setpoint of a plan that is accepted, s.
-pub const SETPOINT_AGE_LIMIT_S: f64 = 0.5;
 /// Stop commands in a row, before the present one, that the stopped status takes.
 const STOPS_BEFORE_STOPPED: u8 = 4;
 

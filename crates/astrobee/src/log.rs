@@ -3,6 +3,7 @@
 //! Rows are streamed; a log of any size is read in bounded memory.
 
 use crate::error::AstrobeeError;
+use crate::recording::{self, flight::FlightReader};
 use crate::text_file::printable;
 use std::collections::HashSet;
 use std::fs::File;
@@ -20,7 +21,7 @@ pub(crate) const ROW_LIMIT_BYTES: usize = 65_536;
 /// How many rows `--reorder` holds back to put late ones in order.
 const REORDER_ROWS: usize = 4096;
 
-const REQUIRED: [&str; 8] = ["t_s", "p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w"];
+pub(crate) const REQUIRED: [&str; 8] = ["t_s", "p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w"];
 const VELOCITY: [&str; 3] = ["v_x", "v_y", "v_z"];
 const RATE: [&str; 3] = ["w_x", "w_y", "w_z"];
 const ACCELERATION: [&str; 3] = ["a_x", "a_y", "a_z"];
@@ -267,10 +268,60 @@ impl<R: Read> LogReader<R> {
         Ok(Some(Stamped { line, sample }))
     }
 
+    /// What a user should know about the rows read so far.
+    fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if !self.ignored_columns.is_empty() {
+            warnings.push(format!("columns ignored: {}", self.ignored_columns.join(", ")));
+        }
+        let (late, repeated) = self.reordered();
+        if late + repeated > 0 {
+            warnings.push(format!("{late} rows came late and were put in order, {repeated} repeated times dropped"));
+        }
+        warnings
+    }
+}
+
+/// Streams the samples of a log of any kind.
+pub enum SampleReader {
+    /// Rows of a CSV log.
+    Rows(Box<LogReader>),
+    /// A robot's flight in a bag or an MCAP file.
+    Flight(Box<FlightReader>),
+}
+
+impl SampleReader {
+    /// Opens a log; what kind it is, its first bytes say. `reorder` is for rows (recordings are always put in order),
+    /// `robot` for recordings.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`] and [`FlightReader::open`].
+    pub fn open(path: &Path, reorder: bool, robot: Option<&str>) -> Result<Self, AstrobeeError> {
+        Ok(match (recording::container(path)?, robot) {
+            (Some(_), _) => Self::Flight(Box::new(FlightReader::open(path, robot)?)),
+            (None, None) => Self::Rows(Box::new(LogReader::open(path, reorder)?)),
+            (None, Some(_)) => {
+                let message = "`--robot` chooses among the robots of a bag or an MCAP file".to_owned();
+                return Err(AstrobeeError::BadOption { message });
+            }
+        })
+    }
+
+    /// The next sample in time, `None` at the end.
+    ///
+    /// # Errors
+    /// As [`LogReader::next_sample`] and [`FlightReader::next_sample`].
+    pub fn next_sample(&mut self) -> Result<Option<MotionSample>, AstrobeeError> {
+        match self {
+            Self::Rows(rows) => rows.next_sample(),
+            Self::Flight(flight) => flight.next_sample(),
+        }
+    }
+
     /// Appends up to `limit` samples to `samples`; `false` when the log has ended.
     ///
     /// # Errors
-    /// As [`LogReader::next_sample`].
+    /// As [`SampleReader::next_sample`].
     pub fn read_chunk(&mut self, samples: &mut Vec<MotionSample>, limit: usize) -> Result<bool, AstrobeeError> {
         for _ in 0..limit {
             match self.next_sample()? {
@@ -279,6 +330,24 @@ impl<R: Read> LogReader<R> {
             }
         }
         Ok(true)
+    }
+
+    /// What a recording holds and what of it is used, for people; empty for rows.
+    pub fn contents(&self) -> String {
+        match self {
+            Self::Rows(_) => String::new(),
+            Self::Flight(flight) => recording::flight::table(&flight.topics, &flight.plan),
+        }
+    }
+
+    /// What a user should know about what has been read, complete at the end.
+    pub fn warnings(&self) -> Vec<String> {
+        match self {
+            Self::Rows(rows) => rows.warnings(),
+            Self::Flight(flight) => {
+                flight.tally().map_or_else(Vec::new, |tally| tally.warnings(&flight.plan, &flight.topics))
+            }
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::error::AstrobeeError;
 use std::fs;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -62,6 +63,53 @@ pub fn write_file(path: &Path, contents: &[u8], force: bool) -> Result<(), Astro
         let _ = fs::remove_file(&partial);
     }
     written.map_err(unwritable(path))
+}
+
+/// A file that is written bit by bit and appears under its name only when [`OutputFile::finish`] is called; dropped
+/// before, it leaves nothing.
+pub struct OutputFile {
+    path: PathBuf,
+    partial: PathBuf,
+    file: BufWriter<fs::File>,
+}
+
+impl OutputFile {
+    /// Begins to write.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::OutputExists`] without `force`; [`AstrobeeError::Unwritable`].
+    pub fn create(path: &Path, force: bool) -> Result<Self, AstrobeeError> {
+        if path.exists() && !force {
+            return Err(AstrobeeError::OutputExists { path: path.into() });
+        }
+        let partial = partial_sibling(path);
+        let file = fs::File::create(&partial).map_err(unwritable(path))?;
+        Ok(Self { path: path.into(), partial, file: BufWriter::new(file) })
+    }
+
+    /// Lets the file appear under its name.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::Unwritable`]; an older file is then still there.
+    pub fn finish(mut self) -> Result<(), AstrobeeError> {
+        self.file.flush().and_then(|()| fs::rename(&self.partial, &self.path)).map_err(unwritable(&self.path))
+    }
+}
+
+impl Write for OutputFile {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.file.write(bytes)
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for OutputFile {
+    fn drop(&mut self) {
+        // Finished, it is no longer there under this name.
+        let _ = fs::remove_file(&self.partial);
+    }
 }
 
 /// Whether `path` is a folder that this program wrote and nothing else lies in: only such a folder may be replaced.

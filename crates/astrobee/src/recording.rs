@@ -4,6 +4,92 @@
 //! those who know the type. Damage ends or interrupts a scan but never loses what stands before it: the
 //! [`ScanReport`] says what was left out and where.
 
+pub mod bag;
+pub mod flight;
+pub mod foxglove;
+pub mod mcap_log;
+pub mod mcap_reader;
+pub mod mcap_writer;
+pub mod messages;
+pub mod rows;
+pub mod tum;
+pub mod wire;
+
+use crate::AstrobeeError;
+use std::fs::File;
+use std::io::{Read as _, Seek as _};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// A kind of recording, told by the first bytes of the file and not by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Container {
+    /// ROS 1 bag, of any version.
+    Bag,
+    /// MCAP.
+    Mcap,
+}
+
+/// The kind of recording that begins with these bytes (sixteen are enough); `None` for everything else, such as CSV.
+///
+/// # Errors
+/// [`AstrobeeError::Database`] for a ROS 2 database.
+fn container_of(head: &[u8], path: &Path) -> Result<Option<Container>, AstrobeeError> {
+    if head.starts_with(b"SQLite format 3\0") {
+        return Err(AstrobeeError::Database { path: path.into() });
+    }
+    Ok(if head.starts_with(b"#ROSBAG ") {
+        Some(Container::Bag)
+    } else if head.starts_with(&mcap_reader::MAGIC) {
+        Some(Container::Mcap)
+    } else {
+        None
+    })
+}
+
+/// Opens a file and tells what it is, from its beginning.
+fn open(path: &Path) -> Result<(File, Option<Container>), AstrobeeError> {
+    let unreadable = |source| AstrobeeError::Unreadable { path: path.into(), source };
+    let mut file = File::open(path).map_err(unreadable)?;
+    if file.metadata().map_err(unreadable)?.is_dir() {
+        return Err(unreadable(std::io::ErrorKind::IsADirectory.into()));
+    }
+    let mut head = Vec::new();
+    file.by_ref().take(16).read_to_end(&mut head).map_err(unreadable)?;
+    file.rewind().map_err(unreadable)?;
+    Ok((file, container_of(&head, path)?))
+}
+
+/// The kind of recording that a file is; `None` for everything else, such as CSV and what cannot be read twice.
+///
+/// # Errors
+/// [`AstrobeeError::Database`] for a ROS 2 database.
+pub fn container(path: &Path) -> Result<Option<Container>, AstrobeeError> {
+    match open(path) {
+        Ok((_, container)) => Ok(container),
+        // Whoever opens it as something else says why it cannot be read.
+        Err(AstrobeeError::Unreadable { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// Hands every message of a bag or an MCAP file on, in the order of the file, until `visit` breaks.
+///
+/// # Errors
+/// [`AstrobeeError`] for a file that cannot be opened or is no recording; damage is said in the report.
+pub fn scan_file(
+    path: &Path,
+    visit: &mut dyn FnMut(RawMessage<'_>) -> ControlFlow<()>,
+) -> Result<ScanReport, AstrobeeError> {
+    match open(path)? {
+        (file, Some(Container::Bag)) => bag::scan(file, visit),
+        (file, Some(Container::Mcap)) => mcap_reader::scan(file, visit),
+        (_, None) => {
+            Err(AstrobeeError::UnknownRecording { reason: format!("{} is neither a bag nor MCAP", path.display()) })
+        }
+    }
+}
+
 /// How the payload of a message is encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {

@@ -47,8 +47,12 @@ fn damaged_seeds_keep_the_promises_of_their_targets() {
 /// The samples before the first error, and the error.
 fn read_log(bytes: impl Read) -> (Vec<MotionSample>, Option<AstrobeeError>) {
     let mut samples = Vec::new();
-    let outcome = LogReader::from_reader(bytes, Path::new("log.csv"), false)
-        .and_then(|mut reader| reader.read_chunk(&mut samples, usize::MAX));
+    let outcome = LogReader::from_reader(bytes, Path::new("log.csv"), false).and_then(|mut reader| {
+        while let Some(sample) = reader.next_sample()? {
+            samples.push(sample);
+        }
+        Ok(())
+    });
     (samples, outcome.err())
 }
 

@@ -5,9 +5,10 @@ use std::path::Path;
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use tumble_astrobee::propulsion::constants::{FLAP_TRAVEL_RAD, NOZZLE_COUNTS, NOZZLES, Nozzle};
 use tumble_astrobee::propulsion::nozzle::thrusts_of_wrench;
 use tumble_astrobee::propulsion::{
-    Allocation, AreaTable, ForceAllocation, ImpellerMode, InverseAllocation, Module, QuantizedAllocation,
+    Allocation, AreaTable, ForceAllocation, ImpellerMode, InverseAllocation, Module, QuantizedAllocation, blower,
 };
 use tumble_dynamics::Actuation as _;
 use tumble_lie::Wrench;
@@ -79,6 +80,16 @@ fn difference<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     largest(a.iter().zip(b).map(|(a, b)| (a - b).abs()))
 }
 
+/// What the steepest count of the widest nozzle gives, N, under the pressure with all others shut.
+fn thrust_of_a_count_n(mode: ImpellerMode) -> f64 {
+    let pressure_pa = blower::pressure_pa(mode.speed_rad_s(), blower::pressure_coefficient_of_thrust(0.0));
+    let thrust = |nozzle: &Nozzle| {
+        let area_m2 = nozzle.area_m2(FLAP_TRAVEL_RAD) - nozzle.area_m2(FLAP_TRAVEL_RAD * (1.0 - 1.0 / NOZZLE_COUNTS));
+        nozzle.thrust_n(area_m2, pressure_pa)
+    };
+    largest(NOZZLES.iter().map(thrust))
+}
+
 /// Everything in `fam_vectors.csv`.
 fn vectors(path: &Path) -> Result<Vec<Figure>, Failure> {
     let wanted = columns(path, &WRENCH)?;
@@ -119,6 +130,11 @@ fn vectors(path: &Path) -> Result<Vec<Figure>, Failure> {
     let round_trip = |row: usize| {
         let (allocation, wrench, step) = &steps[row];
         (allocation.realize(&step.flaps) - *wrench).to_vector().amax()
+    };
+    let in_bytes = |row: usize| {
+        let (allocation, wrench, step) = &steps[row];
+        let given = QuantizedAllocation(*allocation).realize(&step.bytes);
+        (given.force - wrench.force).amax() / thrust_of_a_count_n(allocation.mode)
     };
     let thesis_table = |row: usize| {
         let (allocation, _, step) = &steps[row];
@@ -173,6 +189,7 @@ fn vectors(path: &Path) -> Result<Vec<Figure>, Failure> {
             at_most: f64::INFINITY,
         },
         Figure::at_most(file, "round trip of these, N and N m", over(&round_trip, &exact), 1e-9),
+        Figure::at_most(file, "the same in bytes, thrusts of one count", over(&in_bytes, &exact), 1.0),
         Figure {
             file,
             quantity: "force that the thesis's table adds, N".to_owned(),

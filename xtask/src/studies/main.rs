@@ -21,10 +21,12 @@ mod identification;
 mod integrator;
 mod lie;
 mod likelihood;
+mod mcap_scan;
 mod plain_throws;
 mod plot;
 mod propulsion_dynamics;
 mod real_data;
+mod recording;
 mod simulator;
 mod throws;
 mod thrust_imu;
@@ -61,9 +63,11 @@ const PROBLEMS: &[Problem] = &[
     ("ekf_rls", ekf_rls::run),
     ("fourier", fourier::run),
     ("likelihood", likelihood::bench),
+    ("mcap", mcap_scan::run),
     ("allocation", allocation::run),
     ("propulsion", propulsion_dynamics::bench),
     ("simulator", simulator::run),
+    ("recording", recording::run),
 ];
 
 /// What a result folder says about the run that wrote it.

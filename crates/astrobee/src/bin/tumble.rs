@@ -3,7 +3,9 @@
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
-use tumble_astrobee::cli::{Outcome, allocate, calibrate_wheel, excite, identify, realize, scenario, simulate};
+use tumble_astrobee::cli::{
+    Outcome, allocate, calibrate_wheel, convert, excite, identify, realize, scenario, simulate,
+};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -16,6 +18,7 @@ Examples:
   tumble simulate iss-excite                   fly a scenario; `tumble scenario list` names them
   tumble calibrate-wheel cal_*.csv --out cal.toml
   tumble identify --wheel throw.csv --calibration cal.toml
+  tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler
   tumble allocate wrenches.csv                 wanted wrenches to nozzle bytes, and what these give";
 
 /// Mass, centre of mass and inertia of a free-flying robot, from its logs.
@@ -42,6 +45,8 @@ enum Command {
     Allocate(allocate::AllocateArgs),
     /// Computes the thrust and wrench that a propulsion module of Astrobee gives at its flap angles.
     Realize(realize::RealizeArgs),
+    /// One log format into another: CSV, TUM, MCAP, and ROS 1 bags into these.
+    Convert(convert::ConvertArgs),
 }
 
 fn main() -> ExitCode {
@@ -59,6 +64,7 @@ fn main() -> ExitCode {
         Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
         Some(Command::Allocate(args)) => allocate::run(&args),
         Some(Command::Realize(args)) => realize::run(&args),
+        Some(Command::Convert(args)) => convert::run(&args),
     };
     match outcome {
         Ok(Outcome::Achieved) => ExitCode::SUCCESS,

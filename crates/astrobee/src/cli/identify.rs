@@ -2,7 +2,7 @@
 
 use super::identify_periodic::{self, Motion};
 use super::{Outcome, print};
-use crate::log::{LogReader, TEMPLATE, seconds};
+use crate::log::{SampleReader, TEMPLATE, seconds};
 use crate::output::{OutputFolder, RUN_RECORD, write_file};
 use crate::report::{self, Context};
 use crate::{AstrobeeError, body_file, demo};
@@ -22,7 +22,7 @@ use tumble_identification::{
 #[derive(Args)]
 #[allow(clippy::struct_excessive_bools)]
 pub struct IdentifyArgs {
-    /// The log (CSV; `--template` prints its columns).
+    /// The log: CSV (`--template` prints its columns), ROS 1 bag or MCAP.
     log: Option<PathBuf>,
     /// Simulate a flight with unknown cargo, add noise, estimate and compare with the truth.
     #[arg(long, conflicts_with = "log")]
@@ -76,6 +76,9 @@ pub struct IdentifyArgs {
     /// Put late rows in order and drop repeated times instead of refusing the log.
     #[arg(long)]
     reorder: bool,
+    /// Of a bag or MCAP file with several robots: the namespace of the one to identify.
+    #[arg(long, value_name = "NAMESPACE")]
+    robot: Option<String>,
     /// Print one JSON object and nothing else on stdout.
     #[arg(long)]
     pub(super) json: bool,
@@ -274,6 +277,7 @@ fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
         || args.dry_run
         || args.split
         || args.reorder
+        || args.robot.is_some()
         || args.excitation.is_some()
         || args.period.is_some()
         || args.gravity != Vector3::zeros();
@@ -304,6 +308,7 @@ fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
             periodic && !args.estimate.is_empty(),
             "averaged cycles take no `--estimate`; without `--excitation` or `--period` it works, as in `--estimate bias-wrench`",
         ),
+        (args.robot.is_some() && args.log.is_none(), "`--robot` chooses among the robots of a bag or an MCAP file"),
         (args.seed.is_some() && !args.demo, "`--seed` belongs to `--demo`"),
         (args.wheel.is_none() && args.calibration.is_some(), "`--calibration` belongs to `--wheel`"),
         (args.wheel.is_none() && args.mass.is_some(), "`--mass` belongs to `--wheel`"),
@@ -486,7 +491,7 @@ pub(super) enum Rows {
     /// All of them, in memory.
     Memory(Vec<MotionSample>),
     /// Too many for the memory: checked once, read again when needed.
-    File { path: PathBuf, reorder: bool, count: usize },
+    File { path: PathBuf, reorder: bool, robot: Option<String>, count: usize },
 }
 
 impl Log {
@@ -530,7 +535,8 @@ impl Log {
             Some(path) => Some(("reference".to_owned(), body_file::read(path)?)),
             None => None,
         };
-        let mut reader = LogReader::open(path, args.reorder)?;
+        let mut reader = SampleReader::open(path, args.reorder, args.robot.as_deref())?;
+        eprint!("{}", reader.contents());
         let mut record = Vec::new();
         let mut more = reader.read_chunk(&mut record, ROWS_IN_MEMORY)?;
         let (Some(first_ns), Some(mut last_ns)) = (record.first().map(|s| s.time_ns), record.last().map(|s| s.time_ns))
@@ -548,16 +554,9 @@ impl Log {
                 last_ns = chunk.last().map_or(last_ns, |s| s.time_ns);
                 progress(&format!("{count} rows checked"));
             }
-            rows = Rows::File { path: path.clone(), reorder: args.reorder, count };
+            rows = Rows::File { path: path.clone(), reorder: args.reorder, robot: args.robot.clone(), count };
         }
-        let mut warnings = Vec::new();
-        if !reader.ignored_columns.is_empty() {
-            warnings.push(format!("columns ignored: {}", reader.ignored_columns.join(", ")));
-        }
-        let (late, repeated) = reader.reordered();
-        if late + repeated > 0 {
-            warnings.push(format!("{late} rows came late and were put in order, {repeated} repeated times dropped"));
-        }
+        let warnings = reader.warnings();
         let duration_s = seconds(last_ns - first_ns);
         Ok(Self { source: path.display().to_string(), rows, estimation_rows: 0, reference, warnings, duration_s })
     }
@@ -569,8 +568,8 @@ impl Log {
     ) -> Result<(), AstrobeeError> {
         match &self.rows {
             Rows::Memory(record) => part(record.get(..self.estimation_rows).unwrap_or(record)).map(|_| ()),
-            Rows::File { path, reorder, .. } => {
-                let mut reader = LogReader::open(path, *reorder)?;
+            Rows::File { path, reorder, robot, .. } => {
+                let mut reader = SampleReader::open(path, *reorder, robot.as_deref())?;
                 let mut chunk = Vec::new();
                 let mut done = 0;
                 while done < self.estimation_rows {
@@ -592,8 +591,8 @@ impl Log {
     fn held_out(&self) -> Result<Vec<MotionSample>, AstrobeeError> {
         match &self.rows {
             Rows::Memory(record) => Ok(record.get(self.estimation_rows..).unwrap_or_default().to_vec()),
-            Rows::File { path, reorder, .. } => {
-                let mut reader = LogReader::open(path, *reorder)?;
+            Rows::File { path, reorder, robot, .. } => {
+                let mut reader = SampleReader::open(path, *reorder, robot.as_deref())?;
                 let mut rest = Vec::new();
                 for _ in 0..self.estimation_rows {
                     reader.next_sample()?;

@@ -1,9 +1,9 @@
 //! From a wanted wrench to nozzle openings and bytes, as the flight software does it.
 
 use super::blower::{LARGEST_THRUST_RATIO, pressure_coefficient_of_thrust, pressure_pa};
-use super::constants::{FLAP_TRAVEL_RAD, NOZZLE_COUNTS};
+use super::constants::{FLAP_TRAVEL_RAD, NOZZLE_COUNTS, Nozzle};
 use super::inverse::{Belief, FlapCommand, InverseAllocation, wrench_of_flow};
-use super::nozzle::{Module, PositivityShift, thrusts_of_wrench};
+use super::nozzle::{Module, PositivityShift, joined, of_modules, thrusts_of_wrench};
 use super::{ImpellerMode, PropulsionCommand};
 use nalgebra::Vector3;
 use tumble_dynamics::{Actuation, DynamicsError};
@@ -23,6 +23,19 @@ pub const FULLY_OPEN_COUNTS: f64 = 254.999_985;
 /// Body axes. [`Actuation`] and every wrench here have their torque about the body origin; the flight software's commands have it
 /// about the centre of mass: [`ForceAllocation::about_origin`], [`ForceAllocation::about_center_of_mass`]. The allocation itself does
 /// not depend on the centre of mass ([`thrusts_of_wrench`]).
+/// # Example
+/// ```
+/// use tumble_astrobee::propulsion::{ForceAllocation, ImpellerMode};
+/// use tumble_dynamics::{Actuation as _, nalgebra::Vector3};
+/// use tumble_lie::Wrench;
+///
+/// let allocation = ForceAllocation::new(ImpellerMode::Nominal, Vector3::new(0.004, 0.0, -0.003));
+/// let wanted = allocation.about_origin(&Wrench::new(Vector3::zeros(), Vector3::new(0.1, 0.0, 0.0)));
+/// let steps = allocation.allocate_steps(&wanted)?;
+/// assert!(steps.limits.is_exact());
+/// assert!((allocation.realize(&steps.flaps) - wanted).to_vector().amax() < 1e-9);
+/// # Ok::<(), tumble_dynamics::DynamicsError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceAllocation {
     /// Impeller speed of both modules.
@@ -107,51 +120,72 @@ impl ForceAllocation {
     /// (6.14)-(6.18)
     pub fn allocate_steps(&self, wrench_body: &Wrench<f64>) -> Result<Allocation, DynamicsError> {
         let thrusts_n = self.shift.apply(&thrusts_of_wrench(wrench_body));
-        let mut allocation = Allocation {
+        let [starboard_n, port_n] = of_modules(thrusts_n);
+        let modules = [self.module(Module::Starboard, &starboard_n)?, self.module(Module::Port, &port_n)?];
+        let openings_rad = joined(modules.map(|module| module.openings_rad));
+        let counts =
+            openings_rad.map(|opening_rad| (opening_rad * (NOZZLE_COUNTS / FLAP_TRAVEL_RAD)).min(FULLY_OPEN_COUNTS));
+        let mut held_closed = thrusts_n.map(|thrust| thrust != 0.0);
+        for (held, opening_rad) in held_closed.iter_mut().zip(openings_rad) {
+            *held &= opening_rad <= 0.0;
+        }
+        // truncated towards zero as sent; never above 254
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let nozzles = counts.map(|counts| counts as u8);
+        Ok(Allocation {
             thrusts_n,
-            thrust_totals_n: [0.0; 2],
-            pressure_coefficients: [0.0; 2],
-            pressures_pa: [0.0; 2],
-            flaps: FlapCommand { mode: self.mode, openings_rad: [FLAP_TRAVEL_RAD; 12] },
-            counts: [FULLY_OPEN_COUNTS; 12],
-            bytes: PropulsionCommand { impeller_speeds: [self.mode.speed_byte(); 2], nozzles: [0; 12] },
-            limits: Limits::default(),
-        };
-        let speed_rad_s = self.mode.speed_rad_s();
-        for (m, module) in Module::ALL.into_iter().enumerate() {
-            let nozzles = module.nozzles();
-            let own = |i: usize| 6 * m + i;
-            let total: f64 = (0..6).map(|i| thrusts_n[own(i)] / nozzles[i].discharge_coefficient).sum();
-            if !total.is_finite() {
-                return Err(DynamicsError::NotFinite);
-            }
-            allocation.thrust_totals_n[m] = total;
-            if self.mode == ImpellerMode::Off {
-                continue;
-            }
-            let ratio = total / (speed_rad_s * speed_rad_s);
-            let pressure_coefficient = pressure_coefficient_of_thrust(ratio);
-            let pressure_pa = pressure_pa(speed_rad_s, pressure_coefficient);
-            allocation.pressure_coefficients[m] = pressure_coefficient;
-            allocation.pressures_pa[m] = pressure_pa;
-            allocation.limits.past_table[m] = ratio > LARGEST_THRUST_RATIO;
-            for (i, nozzle) in nozzles.iter().enumerate() {
-                let area_m2 = nozzle.area_of_thrust_m2(thrusts_n[own(i)], pressure_pa);
-                let opening_rad = nozzle.opening_rad(area_m2);
-                allocation.flaps.openings_rad[own(i)] = opening_rad;
-                allocation.counts[own(i)] = (opening_rad * (NOZZLE_COUNTS / FLAP_TRAVEL_RAD)).min(FULLY_OPEN_COUNTS);
-                allocation.limits.held_closed[own(i)] = opening_rad <= 0.0 && thrusts_n[own(i)] != 0.0;
-            }
-        }
-        for i in 0..12 {
-            allocation.limits.fully_open[i] = allocation.flaps.openings_rad[i] >= FLAP_TRAVEL_RAD;
-            // truncated towards zero as sent; never above 254
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-            let byte = allocation.counts[i] as u8;
-            allocation.bytes.nozzles[i] = byte;
-        }
-        Ok(allocation)
+            thrust_totals_n: modules.map(|module| module.thrust_total_n),
+            pressure_coefficients: modules.map(|module| module.pressure_coefficient),
+            pressures_pa: modules.map(|module| module.pressure_pa),
+            flaps: FlapCommand { mode: self.mode, openings_rad },
+            counts,
+            bytes: PropulsionCommand { impeller_speeds: [self.mode.speed_byte(); 2], nozzles },
+            limits: Limits {
+                fully_open: openings_rad.map(|opening_rad| opening_rad >= FLAP_TRAVEL_RAD),
+                held_closed,
+                past_table: modules.map(|module| module.is_past_table),
+            },
+        })
     }
+
+    /// The share of one module.
+    fn module(&self, module: Module, thrusts_n: &[f64; 6]) -> Result<ModuleAllocation, DynamicsError> {
+        let nozzles = module.nozzles();
+        let over_coefficient = |(thrust, nozzle): (&f64, &Nozzle)| thrust / nozzle.discharge_coefficient;
+        let thrust_total_n: f64 = thrusts_n.iter().zip(nozzles).map(over_coefficient).sum();
+        if !thrust_total_n.is_finite() {
+            return Err(DynamicsError::NotFinite);
+        }
+        let mut share = ModuleAllocation {
+            thrust_total_n,
+            pressure_coefficient: 0.0,
+            pressure_pa: 0.0,
+            openings_rad: [FLAP_TRAVEL_RAD; 6],
+            is_past_table: false,
+        };
+        if self.mode == ImpellerMode::Off {
+            return Ok(share);
+        }
+        let speed_rad_s = self.mode.speed_rad_s();
+        let ratio = thrust_total_n / (speed_rad_s * speed_rad_s);
+        share.pressure_coefficient = pressure_coefficient_of_thrust(ratio);
+        share.pressure_pa = pressure_pa(speed_rad_s, share.pressure_coefficient);
+        share.is_past_table = ratio > LARGEST_THRUST_RATIO;
+        for ((opening_rad, nozzle), thrust_n) in share.openings_rad.iter_mut().zip(nozzles).zip(thrusts_n) {
+            *opening_rad = nozzle.opening_rad(nozzle.area_of_thrust_m2(*thrust_n, share.pressure_pa));
+        }
+        Ok(share)
+    }
+}
+
+/// One module's share of an allocation.
+#[derive(Clone, Copy)]
+struct ModuleAllocation {
+    thrust_total_n: f64,
+    pressure_coefficient: f64,
+    pressure_pa: f64,
+    openings_rad: [f64; 6],
+    is_past_table: bool,
 }
 
 impl Actuation for ForceAllocation {

@@ -5,7 +5,7 @@ use super::blower::{
     pressure_pa,
 };
 use super::constants::{FLAP_TRAVEL_RAD, NOZZLE_COUNTS, speed_of_byte_rad_s};
-use super::nozzle::{Module, wrench_of_thrusts};
+use super::nozzle::{Module, joined, of_modules, wrench_of_thrusts};
 use super::{ImpellerMode, PropulsionCommand};
 use tumble_lie::Wrench;
 
@@ -87,11 +87,10 @@ impl InverseAllocation {
     ///
     /// An angle outside the travel is taken at the nearer stop.
     pub fn flow_of_openings(&self, speeds_rad_s: [f64; 2], openings_rad: &[f64; 12]) -> [ModuleFlow; 2] {
-        let [a, b, c, d, e, f, g, h, i, j, k, l] = *openings_rad;
-        let [starboard, port] = speeds_rad_s;
+        let ([starboard_rad, port_rad], [starboard_speed, port_speed]) = (of_modules(*openings_rad), speeds_rad_s);
         [
-            self.module(Module::Starboard, starboard, &[a, b, c, d, e, f]),
-            self.module(Module::Port, port, &[g, h, i, j, k, l]),
+            self.module(Module::Starboard, starboard_speed, &starboard_rad),
+            self.module(Module::Port, port_speed, &port_rad),
         ]
     }
 
@@ -141,8 +140,7 @@ impl InverseAllocation {
 /// # Frame
 /// Body axes, torque about the body origin.
 pub fn wrench_of_flow(modules: &[ModuleFlow; 2]) -> Wrench<f64> {
-    let [[a, b, c, d, e, f], [g, h, i, j, k, l]] = modules.map(|module| module.thrusts_n);
-    wrench_of_thrusts(&[a, b, c, d, e, f, g, h, i, j, k, l])
+    wrench_of_thrusts(&joined(modules.map(|module| module.thrusts_n)))
 }
 
 /// Flap angle from the closed stop that a nozzle byte asks for, rad.

@@ -120,6 +120,16 @@ const GRAM: [f64; 6] = {
     sums
 };
 
+/// The values of both modules' nozzles in one.
+pub(super) fn joined<T>([[a, b, c, d, e, f], [g, h, i, j, k, l]]: [[T; 6]; 2]) -> [T; 12] {
+    [a, b, c, d, e, f, g, h, i, j, k, l]
+}
+
+/// The values of each module's nozzles.
+pub(super) fn of_modules<T>([a, b, c, d, e, f, g, h, i, j, k, l]: [T; 12]) -> [[T; 6]; 2] {
+    [[a, b, c, d, e, f], [g, h, i, j, k, l]]
+}
+
 /// The wrench about the body origin of twelve thrusts, N.
 pub fn wrench_of_thrusts(thrusts_n: &[f64; 12]) -> Wrench<f64> {
     sum_of_wrenches(&WRENCH_PER_THRUST, thrusts_n)
@@ -187,9 +197,12 @@ impl PositivityShift {
         match self {
             Self::AxisGroups => {
                 for group in AXIS_GROUPS {
-                    let least = group.map(|i| thrusts_n[i]).into_iter().fold(0.0, f64::min);
+                    let own = group.iter().filter_map(|i| thrusts_n.get(*i).copied());
+                    let least = own.fold(0.0, f64::min);
                     for i in group {
-                        shifted[i] -= least;
+                        if let Some(thrust) = shifted.get_mut(i) {
+                            *thrust -= least;
+                        }
                     }
                 }
             }

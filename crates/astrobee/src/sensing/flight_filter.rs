@@ -32,9 +32,9 @@ impl AccelerometerFilter {
         let numerator = |divisor, second, third| Some(Numerator { divisor, second, third });
         let numerator = match mode {
             ImpellerMode::Off => None,
-            ImpellerMode::Quiet => numerator(5957.169629, 3.208_223_739_5, 4.624_671_218_5),
-            ImpellerMode::Nominal => numerator(8092.181701, 3.999_637_218_2, 6.998_911_654_6),
-            ImpellerMode::Aggressive => numerator(9170.351272, 4.399_296_753_0, 8.197_890_258_9),
+            ImpellerMode::Quiet => numerator(5_957.169_629, 3.208_223_739_5, 4.624_671_218_5),
+            ImpellerMode::Nominal => numerator(8_092.181_701, 3.999_637_218_2, 6.998_911_654_6),
+            ImpellerMode::Aggressive => numerator(9_170.351_272, 4.399_296_753_0, 8.197_890_258_9),
         };
         Self { numerator, inputs: [Vector3::zeros(); 5], outputs: [Vector3::zeros(); 3], started: false }
     }
@@ -108,8 +108,9 @@ mod tests {
         let omega = TAU * frequency_hz / RATE_HZ;
         let settle = 500;
         // Whole periods, so that sine and cosine are orthogonal.
-        let samples = (f64::from(20_000) * omega / TAU).ceil() / (omega / TAU);
-        let samples = samples.round() as u32;
+        let cycles_per_sample = omega / TAU;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "little more than 20 000")]
+        let samples = ((20_000.0 * cycles_per_sample).ceil() / cycles_per_sample).round() as u32;
         let mut sum = Complex::new(0.0, 0.0);
         for k in 0..settle + samples {
             let y = update(Vector3::repeat((omega * f64::from(k)).sin())).y;
@@ -145,8 +146,10 @@ mod tests {
         unnormalised(frequency_hz) / unnormalised(0.0)
     }
 
+    type Response<'a> = &'a dyn Fn(f64) -> Complex<f64>;
+
     /// `-d(phase)/d(omega)`, s.
-    fn group_delay_s(response: &dyn Fn(f64) -> Complex<f64>, frequency_hz: f64) -> f64 {
+    fn group_delay_s(response: Response, frequency_hz: f64) -> f64 {
         let half = 1e-3 * frequency_hz.max(0.1);
         -(response(frequency_hz + half) / response(frequency_hz - half)).arg() / (TAU * 2.0 * half)
     }
@@ -188,7 +191,7 @@ mod tests {
     #[test]
     fn golden_delays_at_rest_and_at_1_hz() {
         for (mode, notch_hz) in MODES {
-            let cases: [(&dyn Fn(f64) -> Complex<f64>, &dyn Fn(f64) -> Complex<f64>, f64, f64); 2] = [
+            let cases: [(Response, Response, f64, f64); 2] = [
                 (&|f| accelerometer(mode, f), &|f| designed(3, notch_hz, f), 0.1139, 0.121),
                 (&|f| gyro(mode, f), &|f| designed(1, notch_hz, f), 0.0610, 0.056),
             ];
