@@ -12,7 +12,7 @@ mod saturation;
 mod scale;
 mod tables;
 
-use std::fmt;
+use std::fmt::{self, Write as _};
 use std::path::Path;
 use std::time::Instant;
 
@@ -173,9 +173,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let began = Instant::now();
         let section = part(size)?;
         eprintln!("actuation: {title}: {:.1} s", began.elapsed().as_secs_f64());
-        text.push_str(&format!("\n## {title}\n\n{}", section.text));
+        write!(text, "\n## {title}\n\n{}", section.text).map_err(study)?;
         for picture in &section.pictures {
-            text.push_str(&format!("\n![]({})", picture.name));
+            write!(text, "\n![]({})", picture.name).map_err(study)?;
         }
         text.push('\n');
         sections.push(section);

@@ -86,20 +86,20 @@ pub fn projected(source: Source, flown: &Flown) -> Vec<Vector3<f64>> {
     source.wrenches(flown).iter().map(|wrench| wrench.force / body().mass).collect()
 }
 
-/// Delays of acceleration and rate-derivative of a flight, s, with the standard deviation of the first.
+/// The delay of a flight's acceleration by this library with its standard deviation, and by correlation of each axis, s.
 struct Found {
-    delay_s: f64,
-    sigma_s: f64,
-    correlation_s: [f64; 3],
+    delay: f64,
+    sigma: f64,
+    correlation: [f64; 3],
 }
 
 fn found(plan: &Plan, source: Source, seed: u64) -> Result<Found, Failure> {
     let flown = flight::fly(plan, seed)?;
     let acceleration = measured(&flown).acceleration;
-    let [delay_s, sigma_s] = delay_behind(&source.wrenches(&flown), &acceleration)?;
+    let [delay, sigma] = delay_behind(&source.wrenches(&flown), &acceleration)?;
     let projected = projected(source, &flown);
-    let correlation_s = [0, 1, 2].map(|i| cross_correlation(&axis(&projected, i), &axis(&acceleration, i)));
-    Ok(Found { delay_s, sigma_s, correlation_s })
+    let correlation = [0, 1, 2].map(|i| cross_correlation(&axis(&projected, i), &axis(&acceleration, i)));
+    Ok(Found { delay, sigma, correlation })
 }
 
 fn all(plan: &Plan, source: Source, flights: usize) -> Result<Vec<Found>, Failure> {
@@ -117,7 +117,7 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     let mut delays = Vec::new();
     for cause in causes() {
         let plan = Plan { hardware: cause.hardware, ..Plan::new(cause.sensors, SECONDS).with_peak(QUIET) };
-        let ms = Spread::of(all(&plan, Source::Commanded, few)?.iter().map(|f| f.delay_s)).times(1e3);
+        let ms = Spread::of(all(&plan, Source::Commanded, few)?.iter().map(|f| f.delay)).times(1e3);
         let expected = if cause.expected_ms.is_nan() { "-".to_owned() } else { format!("{:.1}", cause.expected_ms) };
         section.row(&[cause.name.to_owned(), expected, format!("{ms:.1}")]);
         delays.push((cause.expected_ms, ms));
@@ -142,10 +142,9 @@ pub fn section(size: Size) -> Result<Section, Failure> {
     let [mut commanded, mut replayed] = [f64::NAN; 2];
     for source in [Source::Commanded, Source::Replayed] {
         let found = all(&plan, source, size.flights)?;
-        let ms = Spread::of(found.iter().map(|f| f.delay_s)).times(1e3);
-        let sigma = Spread::of(found.iter().map(|f| f.sigma_s)).times(1e3);
-        let whole =
-            [0, 1, 2].map(|i| format!("{:.0}", Spread::of(found.iter().map(|f| f.correlation_s[i])).times(1e3)));
+        let ms = Spread::of(found.iter().map(|f| f.delay)).times(1e3);
+        let sigma = Spread::of(found.iter().map(|f| f.sigma)).times(1e3);
+        let whole = [0, 1, 2].map(|i| format!("{:.0}", Spread::of(found.iter().map(|f| f.correlation[i])).times(1e3)));
         replayed = ms.mean;
         if source == Source::Commanded {
             commanded = ms.mean;
@@ -153,9 +152,7 @@ pub fn section(size: Size) -> Result<Section, Failure> {
                 "figure_6_18_delays.csv",
                 csv(
                     "delay_s,sigma_s,correlation_x_s,correlation_y_s,correlation_z_s",
-                    found.iter().map(|f| {
-                        vec![f.delay_s, f.sigma_s, f.correlation_s[0], f.correlation_s[1], f.correlation_s[2]]
-                    }),
+                    found.iter().map(|f| vec![f.delay, f.sigma, f.correlation[0], f.correlation[1], f.correlation[2]]),
                 ),
             ));
         }

@@ -321,11 +321,11 @@ mod tests {
     use super::*;
 
     fn messages(stamps: &[i64]) -> Vec<Message> {
-        let message = |(i, stamp): (usize, &i64)| {
+        let message = |(i, stamp): (i64, &i64)| {
             let stream = if i % 2 == 0 { Stream::Command } else { Stream::Estimate };
-            Message { stamp_ns: *stamp, arrival_ns: i as i64 * STEP_NS, stream }
+            Message { stamp_ns: *stamp, arrival_ns: i * STEP_NS, stream }
         };
-        stamps.iter().enumerate().map(message).collect()
+        (0..).zip(stamps).map(message).collect()
     }
 
     #[test]

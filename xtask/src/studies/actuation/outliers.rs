@@ -146,14 +146,15 @@ fn estimate(rows: &Rows, deviation: &Vector6<f64>, gate: Option<ChiSquareGate>) 
         filter = filter.with_gate(gate);
     }
     let mut rejected = vec![false; rows.wrenches.len()];
-    for k in MARGIN..rows.wrenches.len() - MARGIN {
+    let last = rows.wrenches.len() - MARGIN;
+    for (k, rejected) in rejected.iter_mut().enumerate().take(last).skip(MARGIN) {
         let sample = InverseInertiaSample { wrench: rows.wrenches[k], acceleration: rows.accelerations[k] };
         let observation = LinearObservation {
             regressor: InverseInertia.regressor(&sample),
             output: InverseInertia.output(&sample),
             standard_deviation: *deviation,
         };
-        rejected[k] = !filter.update(&observation).map_err(study)?.is_accepted();
+        *rejected = !filter.update(&observation).map_err(study)?.is_accepted();
     }
     let found: SVector<f64, 4> = filter.parameters();
     let body = body();

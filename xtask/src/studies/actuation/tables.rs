@@ -10,6 +10,7 @@ use tumble_astrobee::propulsion::constants::{
     AIR_DENSITY_KG_M3, FLAP_CLOSED_RAD, FLAP_INTAKE_HEIGHT_M, FLAP_LENGTH_M, FLAP_OPEN_RAD, IMPELLER_DIAMETER_M,
     IMPELLER_HEIGHT_M, LEAK_AREAS_M2, NOZZLES,
 };
+use tumble_astrobee::propulsion::inverse::ModuleFlow;
 use tumble_astrobee::propulsion::{AreaTable, Belief, ForceAllocation, ImpellerMode, InverseAllocation};
 use tumble_dynamics::Actuation;
 use tumble_lie::Wrench;
@@ -53,7 +54,7 @@ fn cost(mode: ImpellerMode, [force, torque]: [f64; 2], draws: usize, random: &mu
         }
         cost.saturated += 1;
         let flows = full.inverse.flow_of_openings([mode.speed_rad_s(); 2], &steps.flaps.openings_rad);
-        cost.past_end += usize::from(flows.iter().any(|flow| flow.is_past_largest_thrust()));
+        cost.past_end += usize::from(flows.iter().any(ModuleFlow::is_past_largest_thrust));
         cost.largest_n = cost.largest_n.max(miss.force.amax());
         cost.largest_torque_n_m = cost.largest_torque_n_m.max(miss.torque.amax());
         cost.mean_n += miss.force.norm();
@@ -208,18 +209,15 @@ fn constants(section: &mut Section) {
     }
     section.columns(&["nozzle", "air leaves", "position, m", "W, m", "C_d"]);
     for (i, nozzle) in NOZZLES.iter().enumerate() {
-        let axis = |v: [f64; 3]| {
-            ["x", "y", "z"]
-                .iter()
-                .zip(v)
-                .filter(|(_, c)| *c != 0.0)
-                .map(|(n, c)| format!("{}{n}", if c > 0.0 { "+" } else { "-" }))
-                .collect::<String>()
-        };
+        let (direction, sign) = ["x", "y", "z"]
+            .into_iter()
+            .zip(nozzle.outflow_body)
+            .find(|(_, component)| *component != 0.0)
+            .map_or(("", ""), |(name, component)| (name, if component > 0.0 { "+" } else { "-" }));
         let position = nozzle.position_body_m.map(|c| format!("{c:.6}")).join(", ");
         section.row(&[
             format!("{} {}", i + 1, nozzle.name),
-            axis(nozzle.outflow_body),
+            format!("{sign}{direction}"),
             position,
             format!("{:.5}", nozzle.width_m),
             format!("{}", nozzle.discharge_coefficient),
