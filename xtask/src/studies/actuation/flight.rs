@@ -229,32 +229,38 @@ impl Source {
     }
 }
 
-/// What the sensors would publish, without errors of theirs, of a body that answers these wrenches: acceleration by period.
-pub fn through_the_chain(
-    wrenches: &[Wrench<f64>],
-    sensors: &LocalizationSettings,
-) -> Result<Vec<Vector3<f64>>, Failure> {
-    let quiet = without_errors(sensors);
-    let mut chain = Localization::new(&quiet, 0, MODE).map_err(study)?;
+/// What the sensors would publish, without errors of theirs, of a body that answers these wrenches about its centre of mass.
+pub fn through_the_chain(wrenches: &[Wrench<f64>], sensors: &LocalizationSettings) -> Result<Motion, Failure> {
+    let mut chain = Localization::new(&without_errors(sensors), 0, MODE).map_err(study)?;
     let body = body();
     let com = body.center_of_mass();
-    let inertia = body.inertia_about_com();
-    let mut published = Vec::with_capacity(wrenches.len());
-    for (wrench, k) in wrenches.iter().zip(0_i64..) {
-        let angular = inertia.diagonal().zip_map(&wrench.torque, |moment, torque| torque / moment);
-        let truth = TrueMotion {
-            time_ns: k * STEP_NS,
-            state: RigidBodyState { world_from_body: Pose::identity(), twist_body: Twist::zero() },
-            acceleration_origin_body: wrench.force / body.mass - angular.cross(&com),
-            angular_acceleration_body: angular,
-        };
-        chain.observe(&truth);
-        chain.observe(&TrueMotion { time_ns: truth.time_ns + STEP_NS / 2, ..truth });
+    let moments = body.inertia_about_com().diagonal();
+    let mut rate = Vector3::zeros();
+    let (mut acceleration, mut rates) = (Vec::with_capacity(wrenches.len()), Vec::with_capacity(wrenches.len()));
+    let mut time_ns = 0;
+    for wrench in wrenches {
+        let angular = wrench.torque.component_div(&moments);
+        for _ in 0..2 {
+            chain.observe(&TrueMotion {
+                time_ns,
+                state: RigidBodyState {
+                    world_from_body: Pose::identity(),
+                    twist_body: Twist::new(rate, Vector3::zeros()),
+                },
+                acceleration_origin_body: wrench.force / body.mass
+                    - angular.cross(&com)
+                    - rate.cross(&rate.cross(&com)),
+                angular_acceleration_body: angular,
+            });
+            time_ns += STEP_NS / 2;
+            rate += angular * (0.5 * STEP_S);
+        }
         while let Some(estimate) = chain.arrived(i64::MAX) {
-            published.push(estimate.acceleration_origin_body);
+            acceleration.push(estimate.acceleration_origin_body);
+            rates.push(estimate.rate_body);
         }
     }
-    Ok(published)
+    Ok(Motion { acceleration, angular_acceleration: differentiated(&rates) })
 }
 
 /// The delays and filters of sensors, nothing random, no factor.

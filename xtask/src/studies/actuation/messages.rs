@@ -238,7 +238,13 @@ pub fn section(size: Size) -> Result<Section, Failure> {
         Spread::of(flights.iter().map(|f| f.before[0])).times(100.0),
         flights.iter().map(|f| f.oldest_s).fold(0.0, f64::max),
     ));
-    section.columns(&["sorting", "out of order", "messages lost", "age when handed out, mean, s", "largest, s"]);
+    section.columns(&[
+        "sorting",
+        "out of order",
+        "messages never handed out",
+        "age when handed out, mean, s",
+        "largest, s",
+    ]);
     let row = |section: &mut Section, name: String, of: &dyn Fn(&Flight) -> &Sorted| {
         section.row(&[
             name,

@@ -10,7 +10,7 @@ use tumble_identification::synchronize::relative_scale;
 use super::delays::{TABLE_6_5, projected};
 use super::flight::{
     self, CORRELATION_LENGTH, Flown, Hardware, Measured, PLANNER, PLANNER_CODE, Plan, QUIET, STEP_S, Source, body,
-    calibrated, delayed, measured, published, through_the_chain, without_errors,
+    calibrated, delayed, measured, published, through_the_chain,
 };
 use super::{Section, Size, Spread, csv, curve, study};
 use crate::Failure;
@@ -55,7 +55,7 @@ fn processed(flown: &Flown, delay_s: f64, plan: &Plan, how: Processing) -> Resul
         Processing::AsLogged(source) => Ok(projected(source, flown)),
         Processing::Delayed(source) => Ok(delayed(&projected(source, flown), delay_s)),
         Processing::ThroughTheChain => {
-            through_the_chain(&Source::Replayed.wrenches(flown), &without_errors(&plan.sensors))
+            Ok(through_the_chain(&Source::Replayed.wrenches(flown), &plan.sensors)?.acceleration)
         }
     }
 }
@@ -287,12 +287,19 @@ pub fn section(size: Size) -> Result<Section, Failure> {
             "the factors of table 6.5. Effects of the robot as built raise a factor to {most:.3} at most; delay and lever arm lower or blur it; what raises it more \
              (thrust factor, mass, impeller speed) is the same on every axis, and the printed factors are {:.2} apart. What knows axes is saturation of a \
              commanded force (6.5.2 divides the commanded one): the nozzles along x are the widest and saturate least. It lowers every factor; together with a \
-             uniform excess of thrust of 2.5 it would look like {:.2}, {:.2}, {:.2}, x ahead as printed. No source for such an excess on the flown robot is known: \
+             uniform excess of thrust of 2.5 it would look like {:.2}, {:.2}, {:.2}, {}. No source for such an excess on the flown robot is known: \
              this is a possibility, not a finding.",
             apart(&TABLE_6_5),
             combined[0],
             combined[1],
-            combined[2]
+            combined[2],
+            if combined[0] < combined[1].max(combined[2]) {
+                "in another order than printed"
+            } else if combined[2] < combined[1] {
+                "x ahead as printed, y and z the other way round"
+            } else {
+                "in the printed order"
+            }
         ),
     );
 
