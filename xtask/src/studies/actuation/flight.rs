@@ -229,14 +229,18 @@ impl Source {
     }
 }
 
-/// What the sensors would publish, without errors of theirs, of a body that answers these wrenches about its centre of mass.
-pub fn through_the_chain(wrenches: &[Wrench<f64>], sensors: &LocalizationSettings) -> Result<Motion, Failure> {
+/// Wrenches about the centre of mass as they show in what the sensors would publish without errors of theirs: the accelerations of a
+/// body that answers them, averaged, filtered and differentiated, times mass and moments.
+pub fn through_the_chain(
+    wrenches: &[Wrench<f64>],
+    sensors: &LocalizationSettings,
+) -> Result<Vec<Wrench<f64>>, Failure> {
     let mut chain = Localization::new(&without_errors(sensors), 0, MODE).map_err(study)?;
     let body = body();
     let com = body.center_of_mass();
     let moments = body.inertia_about_com().diagonal();
     let mut rate = Vector3::zeros();
-    let (mut acceleration, mut rates) = (Vec::with_capacity(wrenches.len()), Vec::with_capacity(wrenches.len()));
+    let (mut forces, mut rates) = (Vec::with_capacity(wrenches.len()), Vec::with_capacity(wrenches.len()));
     let mut time_ns = 0;
     for wrench in wrenches {
         let angular = wrench.torque.component_div(&moments);
@@ -256,11 +260,12 @@ pub fn through_the_chain(wrenches: &[Wrench<f64>], sensors: &LocalizationSetting
             rate += angular * (0.5 * STEP_S);
         }
         while let Some(estimate) = chain.arrived(i64::MAX) {
-            acceleration.push(estimate.acceleration_origin_body);
+            forces.push(estimate.acceleration_origin_body * body.mass);
             rates.push(estimate.rate_body);
         }
     }
-    Ok(Motion { acceleration, angular_acceleration: differentiated(&rates) })
+    let torques = differentiated(&rates).into_iter().map(|alpha| alpha.component_mul(&moments));
+    Ok(torques.zip(forces).map(|(torque, force)| Wrench::new(torque, force)).collect())
 }
 
 /// The delays and filters of sensors, nothing random, no factor.

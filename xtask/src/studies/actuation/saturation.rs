@@ -6,6 +6,7 @@ use tumble_lie::Wrench;
 
 use super::flight::{
     self, Flown, Motion, PLANNER_CODE, Plan, STEP_S, Source, body, calibrated, delayed, measured, published,
+    through_the_chain,
 };
 use super::{Section, Size, Spread, csv, curve};
 use crate::Failure;
@@ -58,6 +59,8 @@ struct Found {
     missed_z: f64,
     /// With exact and with published motion, by source.
     errors: [[[f64; 4]; 4]; 2],
+    /// With published motion and the replayed wrench filtered as the sensors are.
+    filtered: [f64; 4],
     fastest_rad_s: f64,
 }
 
@@ -76,7 +79,7 @@ fn delays(sensors: &LocalizationSettings) -> Result<Delays, Failure> {
 
 fn found(plan: &Plan, delays: &Delays, seed: u64) -> Result<Found, Failure> {
     let flown = flight::fly(plan, seed)?;
-    let [commanded, _, realised, _] = Source::ALL.map(|source| source.wrenches(&flown));
+    let [commanded, _, realised, replayed] = Source::ALL.map(|source| source.wrenches(&flown));
     let square = |of: &dyn Fn(usize) -> f64| (0..commanded.len()).map(|k| of(k) * of(k)).sum::<f64>().sqrt();
     let mut errors_of = [[[0.0; 4]; 4]; 2];
     for ((errors_of, motion), delays) in errors_of.iter_mut().zip(MOTIONS).zip(delays) {
@@ -85,7 +88,9 @@ fn found(plan: &Plan, delays: &Delays, seed: u64) -> Result<Found, Failure> {
             *errors_of = errors(&source.wrenches(&flown), &motion, *delay);
         }
     }
+    let filtered = through_the_chain(&replayed, &plan.sensors)?;
     Ok(Found {
+        filtered: errors(&filtered, &published(&flown), [0.0; 2]),
         saturated: flown.periods.iter().filter(|p| p.saturated).count() as f64 / flown.periods.len() as f64,
         missed_z: square(&|k| commanded[k].torque.z - realised[k].torque.z) / square(&|k| commanded[k].torque.z),
         errors: errors_of,
@@ -137,6 +142,14 @@ pub fn section(size: Size) -> Result<Section, Failure> {
                 });
                 section.row(&[vec![(*name).to_owned(), source.name().to_owned()], cells.to_vec()].concat());
             }
+            if m == 1 {
+                let cells = [0, 1, 2, 3].map(|p| {
+                    let spread = Spread::of(found.iter().map(|f| f.filtered[p]));
+                    format!("{:+.2} ± {:.2}", spread.mean, spread.sigma)
+                });
+                let name = (*name).to_owned();
+                section.row(&[vec![name, "servos and sensors' filters replayed".to_owned()], cells.to_vec()].concat());
+            }
         }
     }
     section.line("");
@@ -174,6 +187,18 @@ pub fn section(size: Size) -> Result<Section, Failure> {
             "first session: the full inverse is better than the thesis's ({:.2} % against {:.2} %)",
             rms(0, 0, 2),
             rms(0, 0, 1)
+        ),
+    );
+    let moments = |of: &dyn Fn(&Found) -> [f64; 4]| {
+        let bias = |p: usize| Spread::of(all[0].iter().map(|f| of(f)[p])).mean.abs();
+        (1..4).map(bias).fold(0.0, f64::max)
+    };
+    let (shifted, filtered) = (moments(&|f| f.errors[1][3]), moments(&|f| f.filtered));
+    section.must(
+        filtered < 0.4 && filtered < shifted,
+        &format!(
+            "first session, published motion: a wrench that is shifted leaves a bias of up to {shifted:.2} % in the moments, one filtered as the sensors are \
+             {filtered:.2} %"
         ),
     );
     let share = |session: usize| 100.0 * Spread::of(all[session].iter().map(|f| f.saturated)).mean;

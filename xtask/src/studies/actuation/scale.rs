@@ -55,7 +55,8 @@ fn processed(flown: &Flown, delay_s: f64, plan: &Plan, how: Processing) -> Resul
         Processing::AsLogged(source) => Ok(projected(source, flown)),
         Processing::Delayed(source) => Ok(delayed(&projected(source, flown), delay_s)),
         Processing::ThroughTheChain => {
-            Ok(through_the_chain(&Source::Replayed.wrenches(flown), &plan.sensors)?.acceleration)
+            let wrenches = through_the_chain(&Source::Replayed.wrenches(flown), &plan.sensors)?;
+            Ok(wrenches.iter().map(|wrench| wrench.force / body().mass).collect())
         }
     }
 }
