@@ -176,7 +176,7 @@ pub fn message(data: &[u8]) {
     ];
     let Some((pick, payload)) = data.split_first() else { return };
     let pick = usize::from(*pick);
-    let encoding = if pick / TYPES.len() % 2 == 0 { Encoding::Ros1 } else { Encoding::Cdr };
+    let encoding = if (pick / TYPES.len()).is_multiple_of(2) { Encoding::Ros1 } else { Encoding::Cdr };
     let type_name = TYPES[pick % TYPES.len()];
     decodes(&RawMessage { topic: "/t", type_name, md5: "", encoding, log_time_ns: 0, payload });
 }

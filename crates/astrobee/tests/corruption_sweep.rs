@@ -8,6 +8,7 @@ mod corruption;
 mod fuzz;
 
 use corruption::{Damage, sweep};
+use std::fmt::Write as _;
 use std::fs;
 use std::io::{Read, Write as _};
 use std::path::{Path, PathBuf};
@@ -58,7 +59,7 @@ fn read_log(bytes: impl Read) -> (Vec<MotionSample>, Option<AstrobeeError>) {
 
 /// Line of a byte, from one.
 fn line_of(bytes: &[u8], at: usize) -> usize {
-    1 + bytes[..at].iter().filter(|byte| **byte == b'\n').count()
+    bytes[..at].split(|byte| *byte == b'\n').count()
 }
 
 /// The line that a message names.
@@ -82,7 +83,7 @@ fn check_table<T: PartialEq + std::fmt::Debug>(
         match line_named(&message) {
             Some(named) => assert!((line..=line + 1).contains(&named), "{message}: line {line} is damaged"),
             None => {
-                assert!(line == 1 && message.contains("column") || damage == Damage::Cut { length: 0 }, "{message}")
+                assert!(line == 1 && message.contains("column") || damage == Damage::Cut { length: 0 }, "{message}");
             }
         }
     } else {
@@ -96,7 +97,7 @@ fn check_table<T: PartialEq + std::fmt::Debug>(
 fn a_damaged_log_is_read_up_to_the_damage() {
     let mut text = TEMPLATE.to_owned();
     for row in 2..5 {
-        text += &format!("0.0{row},1,2.5,-3,0,0,0,1,0,0,0,0,0,0,0.0104,0,0,0.{row},0,0,0,0.002,0\n");
+        let _ = writeln!(text, "0.0{row},1,2.5,-3,0,0,0,1,0,0,0,0,0,0,0.0104,0,0,0.{row},0,0,0,0.002,0");
     }
     let (whole, error) = read_log(text.as_bytes());
     assert!(whole.len() == 5 && error.is_none(), "{error:?}");
@@ -115,7 +116,7 @@ fn a_damaged_log_is_read_up_to_the_damage() {
 fn a_damaged_throw_names_the_damage() {
     let mut text = "t_s,wx_rad_s,wy_rad_s,wz_rad_s,ax_m_s2,ay_m_s2,az_m_s2,wheel_rad_s\n".to_owned();
     for row in 1..6 {
-        text += &format!("0.{row},1.5,-2,3e0,0.25,{row},6,700.{row}\n");
+        let _ = writeln!(text, "0.{row},1.5,-2,3e0,0.25,{row},6,700.{row}");
     }
     let whole = parse_throw(text.as_bytes(), Path::new("throw.csv")).unwrap();
     sweep(text.as_bytes(), |damaged, damage| {

@@ -151,14 +151,7 @@ fn files_of_another_library_are_read_field_by_field() {
 /// that the other library wrote behind each.
 fn complete_before(bytes: &[u8], messages: &[Kept], by_chunk: bool) -> Vec<usize> {
     let mut ends = Vec::new();
-    if !by_chunk {
-        let mut from = 0;
-        for message in messages {
-            let place = bytes[from..].windows(message.payload.len()).position(|part| part == message.payload);
-            from += place.unwrap() + message.payload.len();
-            ends.push(from);
-        }
-    } else {
+    if by_chunk {
         let (mut at, mut chunk_end) = (MAGIC.len(), 0);
         while at + 9 < bytes.len() {
             let length = usize::try_from(u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap())).unwrap();
@@ -173,6 +166,13 @@ fn complete_before(bytes: &[u8], messages: &[Kept], by_chunk: bool) -> Vec<usize
                 _ => {}
             }
             at += 9 + length;
+        }
+    } else {
+        let mut from = 0;
+        for message in messages {
+            let place = bytes[from..].windows(message.payload.len()).position(|part| part == message.payload);
+            from += place.unwrap() + message.payload.len();
+            ends.push(from);
         }
     }
     assert_eq!(ends.len(), messages.len());
@@ -471,7 +471,7 @@ fn zip_bombs_stop_at_the_size_that_the_chunk_states() {
 fn a_million_channels_and_schemas_take_bounded_memory() {
     let mut bytes = file(&[]);
     for n in 0..1_000_000_u32 {
-        let id = (n % 65_536) as u16;
+        let id = u16::try_from(n % 65_536).unwrap();
         bytes.extend(schema(id, &format!("s/{n}"), ""));
         bytes.extend(channel(id, id, &format!("/{n}"), "json", &[]));
     }

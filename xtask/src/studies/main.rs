@@ -63,7 +63,6 @@ const PROBLEMS: &[Problem] = &[
     ("ekf_rls", ekf_rls::run),
     ("fourier", fourier::run),
     ("likelihood", likelihood::bench),
-    ("mcap", mcap_scan::run),
     ("allocation", allocation::run),
     ("propulsion", propulsion_dynamics::bench),
     ("simulator", simulator::run),

@@ -57,6 +57,7 @@ pub fn run(bench: &mut Bench) -> Result<(), Failure> {
             calibration_ns,
         });
     }
+    crate::mcap_scan::run(bench);
     Ok(())
 }
 
