@@ -1,10 +1,8 @@
 //! How a wanted wrench becomes a real one.
 
 use super::SimulatorError;
-use crate::propulsion::inverse::wrench_of_flow;
 use crate::propulsion::{
-    ForceAllocation, ImpellerMode, InverseAllocation, PropulsionCommand, PropulsionPlant, PropulsionSettings,
-    QuantizedAllocation,
+    ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings, QuantizedAllocation,
 };
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_dynamics::{Actuation, DynamicsError, WrenchBox};
@@ -23,6 +21,8 @@ pub enum Actuators {
         allocation: QuantizedAllocation,
         /// From bytes to the wrench that acts.
         plant: PropulsionPlant,
+        /// The same as the robot knows it: [`PropulsionSettings::PHYSICAL`], whatever the hardware is.
+        known: PropulsionPlant,
     },
 }
 
@@ -40,6 +40,7 @@ impl Actuators {
         Self::Hardware {
             allocation: QuantizedAllocation(ForceAllocation::new(mode, center_of_mass_body)),
             plant: PropulsionPlant::spun_up(settings, mode),
+            known: PropulsionPlant::spun_up(PropulsionSettings::PHYSICAL, mode),
         }
     }
 
@@ -49,13 +50,12 @@ impl Actuators {
             Self::Exact if wanted.to_vector().iter().all(|x| x.is_finite()) => *wanted,
             Self::Exact => return Err(DynamicsError::NotFinite.into()),
             Self::Limited(limits) => limits.realize(&limits.allocate(wanted)?),
-            Self::Hardware { allocation, plant } => {
+            Self::Hardware { allocation, plant, known } => {
                 let steps = allocation.0.allocate_steps(wanted)?;
                 let command = steps.bytes;
-                // What the robot can know: what its bytes give in steady flow.
-                let believed = wrench_of_flow(&InverseAllocation::default().flow_of_bytes(&command));
                 return Ok(Made {
-                    believed_wrench_body: believed,
+                    // What the robot can know: what its bytes make of servos and impellers as they are on paper.
+                    believed_wrench_body: known.step(&command, &Vector3::zeros()).wrench_body,
                     realized_wrench_body: plant.step(&command, rate_body).wrench_body,
                     command,
                     saturated: steps.limits.is_saturated(),
