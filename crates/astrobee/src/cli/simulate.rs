@@ -35,7 +35,7 @@ pub struct SimulateArgs {
     /// A scenario file, or the name of an embedded one (`tumble scenario list`).
     scenario: String,
     /// All random numbers follow from it; instead of the scenario's.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u64>,
     /// Length of the flight, s, at most 86400; instead of the scenario's.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
@@ -330,7 +330,7 @@ fn run_record(source: &ScenarioSource, folder: &OutputFolder) -> Result<String, 
     .to_string())
 }
 
-/// Pictures: motion, wrenches, the way seen from above.
+/// Pictures: motion, wrenches, the way in the x-y plane.
 fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), AstrobeeError> {
     let curve = |name: &'static str, value: &dyn Fn(&SimulatorMeasurement) -> f64| Curve {
         name,
@@ -349,12 +349,14 @@ fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), Ast
         ("position.svg", "Position from the start, world axes", "m", three(&travelled)),
         ("attitude.svg", "Rotation vector from the start", "rad", three(&turned)),
     ];
-    for (axis, force, torque) in
-        [(0, "force_x.svg", "torque_x.svg"), (1, "force_y.svg", "torque_y.svg"), (2, "force_z.svg", "torque_z.svg")]
-    {
+    for (axis, force, force_title, torque, torque_title) in [
+        (0, "force_x.svg", "Force along body x", "torque_x.svg", "Torque about body x, through the origin"),
+        (1, "force_y.svg", "Force along body y", "torque_y.svg", "Torque about body y, through the origin"),
+        (2, "force_z.svg", "Force along body z", "torque_z.svg", "Torque about body z, through the origin"),
+    ] {
         figures.push((
             force,
-            "Force, body axes",
+            force_title,
             "N",
             vec![
                 curve("wanted", &|m| m.wanted_wrench_body.force[axis]),
@@ -364,7 +366,7 @@ fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), Ast
         ));
         figures.push((
             torque,
-            "Torque about the body origin",
+            torque_title,
             "N m",
             vec![
                 curve("wanted", &|m| m.wanted_wrench_body.torque[axis]),
@@ -381,7 +383,7 @@ fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), Ast
     let outlines: Vec<Vec<(f64, f64)>> =
         flight.world.obstacles.iter().map(|obstacle| outline(obstacle, &origin)).collect();
     Figure {
-        title: "From above (grey: obstacles)",
+        title: "Way in the x-y plane of the world (grey: obstacles)",
         x_label: "x from the start, m",
         y_label: "y from the start, m",
         curves: vec![Curve { name: "body origin", points: path }],

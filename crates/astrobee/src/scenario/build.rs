@@ -417,8 +417,12 @@ impl ScenarioSource {
             (None, Some(settings)) => settings.clone(),
         };
         settings.gravity_world_m_s2 = place.gravity_m_s2();
-        Localization::new(&settings, self.scenario.seed, mode)
-            .map_err(|error| self.bad("sensing.settings", &error.to_string()))
+        Localization::new(&settings, self.scenario.seed, mode).map_err(|error| match error {
+            AstrobeeError::SensingOutOfRange { key, .. } => {
+                self.bad(&format!("sensing.settings.{key}"), &error.to_string())
+            }
+            other => other,
+        })
     }
 
     fn payload_changes(&self, duration_ns: i64) -> Result<Vec<(i64, PayloadChange)>, AstrobeeError> {

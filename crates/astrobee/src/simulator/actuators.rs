@@ -135,3 +135,61 @@ impl Actuators {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use tumble_dynamics::{PulseTiming, Thruster, ThrusterSet};
+
+    /// Pulses of 20 of 24 ticks, in steps of 16: open for 16, then 4 and 8 of the next, then its other 12.
+    #[test]
+    fn a_pulse_is_drawn_out_over_the_steps_it_lasts() {
+        let timing = PulseTiming { ticks_per_period: 24, shortest_ticks: 2 };
+        let valves = spheres::thrusters().unwrap();
+        let set: [Thruster; 12] = *valves.thrusters.thrusters();
+        let mut train = PulseTrain::new(PulsedThrusters { thrusters: ThrusterSet::try_new(set).unwrap(), timing }, 16);
+        let thrust = 20.0 / 24.0 * 2.0 * spheres::THRUST_N;
+        let wanted = Wrench::new(Vector3::zeros(), Vector3::new(thrust, 0.0, 0.0));
+        for open in [16.0, 12.0, 12.0, 16.0, 12.0, 12.0] {
+            let (given, at_limit) = train.step(&wanted).unwrap();
+            assert!((given.force.x - 2.0 * spheres::THRUST_N * open / 16.0).abs() < 1e-15, "{given:?}");
+            assert!(!at_limit && given.torque.amax() < 1e-15 && given.force.yz().amax() < 1e-15);
+        }
+    }
+
+    /// Two periods of the valves are 25 steps: their impulse is that of the pulses, whatever is wanted in between.
+    #[test]
+    fn no_impulse_is_lost_where_periods_do_not_divide() {
+        let valves = spheres::thrusters().unwrap();
+        let Actuators::Pulsed(mut train) = Actuators::spheres().unwrap() else { unreachable!() };
+        let wanted = |k: i32| {
+            let phase = f64::from(k);
+            Wrench::new(Vector3::new(0.003, -0.002, 0.001) * phase.cos(), Vector3::new(0.05, 0.03, -0.07) * phase.sin())
+        };
+        let total = (0..25).fold(Wrench::zero(), |sum, k| sum + train.step(&wanted(k)).unwrap().0);
+        // The second period begins within step 12.
+        let pulses = [0, 12].map(|k| valves.realize(&valves.allocate(&wanted(k)).unwrap()));
+        let expected = (pulses[0] + pulses[1]) * 12.5;
+        assert!((total + expected * -1.0).to_vector().amax() < 1e-12, "{total:?} {expected:?}");
+        assert!(expected.force.norm() > 0.1);
+    }
+
+    #[test]
+    fn what_cannot_be_given_is_said() {
+        let nothing = Vector3::zeros();
+        for mut actuators in [Actuators::spheres().unwrap(), Actuators::Rotors(crate::space_cobot::rotors().unwrap())] {
+            let small = Wrench::new(Vector3::zeros(), Vector3::new(0.1, 0.0, 0.0));
+            let made = actuators.step(&small, &nothing).unwrap();
+            assert!(!made.saturated && made.believed_wrench_body == made.realized_wrench_body);
+        }
+        for mut actuators in [Actuators::spheres().unwrap(), Actuators::Rotors(crate::space_cobot::rotors().unwrap())] {
+            let large = Wrench::new(Vector3::zeros(), Vector3::new(100.0, 0.0, 0.0));
+            let made = actuators.step(&large, &nothing).unwrap();
+            assert!(made.saturated && made.realized_wrench_body.force.x < 20.0);
+            let bad = Wrench::new(Vector3::zeros(), Vector3::new(f64::NAN, 0.0, 0.0));
+            let Actuators::Rotors(_) = actuators else { continue };
+            assert!(actuators.step(&bad, &nothing).is_err());
+        }
+    }
+}
