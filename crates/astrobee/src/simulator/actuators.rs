@@ -162,7 +162,7 @@ mod tests {
     #[test]
     fn no_impulse_is_lost_where_periods_do_not_divide() {
         let valves = spheres::thrusters().unwrap();
-        let Actuators::Pulsed(mut train) = Actuators::spheres().unwrap() else { unreachable!() };
+        let mut train = PulseTrain::new(valves, spheres::TICKS_PER_FLIGHT_STEP);
         let wanted = |k: i32| {
             let phase = f64::from(k);
             Wrench::new(Vector3::new(0.003, -0.002, 0.001) * phase.cos(), Vector3::new(0.05, 0.03, -0.07) * phase.sin())
