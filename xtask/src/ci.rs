@@ -55,7 +55,7 @@ const STEPS: &[Step] = &[
     }),
     always("deny", "bans, licences, sources", deny),
     always("real-data", "measured throws meet their targets", real_data),
-    always("studies", "the studies of identification and of chapter 4, reduced", reduced_studies),
+    always("studies", "the studies of identification, of chapter 4 and of actuation, reduced", reduced_studies),
     always("determinism", "a long tumble is the same bytes at every optimisation level", determinism),
     always("panic-free", "the link proves that the hot paths cannot panic, and refuses a control that can", panic_free),
     full("package-verify", "every package builds from what would be published", || {
@@ -266,14 +266,16 @@ fn real_data() -> Outcome {
     shell(&mut [command])
 }
 
-/// Few runs of every cell, and two loads with two motions of each criterion, with the bands of their own number. The long studies
-/// are `cargo xtask study identification` and `reproduce chapter4`.
+/// Few runs of every cell, two loads with two motions of each criterion, and two flights of each condition, with the bands of their
+/// own number. The long studies are `cargo xtask study identification`, `reproduce chapter4` and `reproduce actuation`.
 fn reduced_studies() -> Outcome {
     let mut identification = studies("study");
     identification.args(["study", "identification", "--runs", "5"]);
     let mut chapter4 = studies("reproduce");
     chapter4.args(["reproduce", "chapter4", "--runs", "2"]);
-    shell(&mut [identification, chapter4])
+    let mut actuation = studies("reproduce");
+    actuation.args(["reproduce", "actuation", "--flights", "2"]);
+    shell(&mut [identification, chapter4, actuation])
 }
 
 /// Builds the tumble three ways and compares what it prints.
