@@ -9,7 +9,8 @@ use std::process::{Command, Output};
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::noise::Gaussian;
 use tumble_astrobee::propulsion::{
-    ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings, constants::speed_of_byte_rad_s,
+    ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings,
+    constants::speed_of_byte_rad_s,
 };
 use tumble_astrobee::recording::flight::FlightReader;
 use tumble_dynamics::nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};

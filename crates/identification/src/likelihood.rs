@@ -603,7 +603,8 @@ fn scatter<const W: usize>(fit: &mut Fit<W>) -> Result<f64, IdentificationError>
         let half = lower.solve_lower_triangular(&schur.information)?;
         Some((lower.solve_lower_triangular(&half.transpose())?, lower.solve_lower_triangular(&schur.gradient)?))
     };
-    let Some(sums) = parts.iter().map(|(_, part)| part).chain([&whole]).map(whitened).collect::<Option<Vec<_>>>() else {
+    let Some(sums) = parts.iter().map(|(_, part)| part).chain([&whole]).map(whitened).collect::<Option<Vec<_>>>()
+    else {
         return Ok(1.0);
     };
     let Some((_, all)) = sums.last() else { return Ok(1.0) };

@@ -30,12 +30,7 @@ impl PropulsionReplay {
     ///
     /// `speeds` are the measured speeds of the impellers in counts; those of the command where there are none. `None` where the
     /// command follows the last one so soon that the servos see it in their next period only.
-    pub fn take(
-        &mut self,
-        time_ns: i64,
-        command: PropulsionCommand,
-        speeds: Option<[u8; 2]>,
-    ) -> Option<Wrench<f64>> {
+    pub fn take(&mut self, time_ns: i64, command: PropulsionCommand, speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
         let running = self.running.get_or_insert_with(|| Running {
             plant: PropulsionPlant::settled(PropulsionSettings::PHYSICAL, &command),
             command,
