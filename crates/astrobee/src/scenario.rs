@@ -6,11 +6,13 @@ mod build;
 mod embedded;
 mod place;
 
-pub use build::{Flight, PayloadChange};
+pub use build::{Flight, PayloadChange, read_wrenches};
 pub use embedded::{EMBEDDED, Embedded};
 
 use crate::AstrobeeError;
+use crate::log::shortened;
 use crate::sensing::{LocalizationSettings, SensingPreset};
+use crate::text_file::{self, printable};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -366,13 +368,12 @@ impl ScenarioSource {
             return match embedded {
                 Some(embedded) => Self::parse(path, embedded.text),
                 None => Err(AstrobeeError::NoSuchScenario {
-                    name: name.to_owned(),
+                    name: shortened(name),
                     nearest: place::suggestion(name, EMBEDDED.iter().map(|embedded| embedded.name)),
                 }),
             };
         }
-        let text =
-            fs::read_to_string(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
+        let text = text_file::read(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
         Self::parse(path, &text)
     }
 
@@ -383,7 +384,7 @@ impl ScenarioSource {
     pub fn parse(path: &Path, text: &str) -> Result<Self, AstrobeeError> {
         let scenario = toml::from_str(text).map_err(|error| {
             let (line, column) = place::of_offset(text, error.span().map_or(0, |span| span.start));
-            let message = place::with_suggestion(error.message());
+            let message = place::with_suggestion(&printable(error.message()));
             AstrobeeError::BadScenario { path: path.into(), line, column, message }
         })?;
         Ok(Self { path: path.into(), text: text.to_owned(), scenario })
@@ -397,6 +398,7 @@ impl ScenarioSource {
     /// That a key has an impossible value.
     fn bad(&self, key: &str, message: &str) -> AstrobeeError {
         let (line, column) = place::of_key(&self.text, key);
+        let message = printable(message);
         AstrobeeError::BadScenario { path: self.path.clone(), line, column, message: format!("`{key}`: {message}") }
     }
 
