@@ -18,6 +18,7 @@ cargo xtask <command>
   bench [--json] ...                      speed on the frozen peer problems (target-cpu=native)
   real-data [--data DIR] [--json] [--check]
   reproduce chapter4 | chapter5 [--runs N] [--out DIR]
+  reproduce actuation [--flights N] [--out DIR]
   study identification [--cells NAME] [--runs N] [--out DIR]
   study excitation [--cases N] [--flights N]
 

@@ -128,7 +128,7 @@ fn torque_only(scale: f64) -> WrenchBox {
 }
 
 /// `work(0 .. count)` on all cores, in order.
-fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+pub fn in_parallel<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
     let workers = std::thread::available_parallelism().map_or(1, usize::from);
     let mut done: Vec<(usize, T)> = std::thread::scope(|scope| {

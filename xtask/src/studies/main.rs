@@ -2,6 +2,7 @@
 //!
 //! To add a benchmark problem: a module with `pub fn run(bench: &mut Bench) -> Result<(), Failure>` and a line in [`PROBLEMS`].
 
+mod actuation;
 mod allocation;
 mod arguments;
 mod bench;
@@ -20,7 +21,6 @@ mod identification;
 mod integrator;
 mod lie;
 mod likelihood;
-mod mcap_scan;
 mod plain_throws;
 mod plot;
 mod propulsion_dynamics;
@@ -98,7 +98,9 @@ fn main() -> ExitCode {
                         .and_then(|arguments| chapter4::run(&arguments)),
                     Some((what, rest)) if what == "chapter5" => Arguments::parse(rest, &[], &["--out", "--runs"])
                         .and_then(|arguments| chapter5::run(&arguments)),
-                    _ => Err(Failure::BadInput("reproduce what? `chapter4`, `chapter5`".to_owned())),
+                    Some((what, rest)) if what == "actuation" => Arguments::parse(rest, &[], &["--out", "--flights"])
+                        .and_then(|arguments| actuation::run(&arguments)),
+                    _ => Err(Failure::BadInput("reproduce what? `chapter4`, `chapter5`, `actuation`".to_owned())),
                 }
             }
             "study" => match rest.split_first() {
