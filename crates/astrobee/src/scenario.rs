@@ -6,10 +6,11 @@ mod build;
 mod embedded;
 mod place;
 
-pub use build::{Flight, PayloadChange};
+pub use build::{Flight, PayloadChange, read_wrenches};
 pub use embedded::{EMBEDDED, Embedded};
 
 use crate::AstrobeeError;
+use crate::log::shortened;
 use crate::sensing::{LocalizationSettings, SensingPreset};
 use crate::text_file::{self, printable};
 use serde::{Deserialize, Serialize};
@@ -387,7 +388,7 @@ impl ScenarioSource {
             return match embedded {
                 Some(embedded) => Self::parse(path, embedded.text),
                 None => Err(AstrobeeError::NoSuchScenario {
-                    name: name.to_owned(),
+                    name: shortened(name),
                     nearest: place::suggestion(name, EMBEDDED.iter().map(|embedded| embedded.name)),
                 }),
             };
