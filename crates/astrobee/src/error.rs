@@ -345,9 +345,7 @@ impl AstrobeeError {
             Self::ImpossibleBody { .. } => {
                 "mass must be positive and the principal inertias about the centre of mass must satisfy the triangle inequality"
             }
-            Self::BadOption { .. } => {
-                "correct or leave out the option named; `tumble identify --help` and `tumble excite --help` explain each"
-            }
+            Self::BadOption { .. } => "correct or leave out the option named; `tumble help COMMAND` explains each",
             Self::Identification(error) => match error {
                 IdentificationError::MissingColumn(_) => "`tumble identify --template` prints every column",
                 IdentificationError::TooFewSamples { .. } => {

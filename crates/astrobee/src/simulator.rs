@@ -15,7 +15,7 @@ mod drive;
 mod payload;
 mod surroundings;
 
-pub use actuators::Actuators;
+pub use actuators::{Actuators, PulseTrain};
 pub use drive::{AddedWrench, Controller, Drive, FlownController, Multisine, Reference, Waypoint};
 pub use payload::{Grasp, PayloadMotion, ReleasedPayload, planar_part};
 pub use surroundings::{Event, Surroundings, TimedEvent};

@@ -19,7 +19,7 @@ use crate::simulator::{
     Waypoint,
 };
 use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
-use crate::{flight_log, space_cobot};
+use crate::{flight_log, space_cobot, spheres};
 use std::path::{Path, PathBuf};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{
@@ -55,8 +55,8 @@ pub struct Flight {
     pub goal: Option<Pose<f64>>,
     /// Where it flies.
     pub place: WorldPreset,
-    /// What is in its way, for pictures.
-    pub obstacles: Vec<ObstacleEllipsoid>,
+    /// Volumes and obstacles, for pictures.
+    pub world: World,
     /// Its length in whole control periods, ns.
     pub duration_ns: i64,
     payload_changes: Vec<(i64, PayloadChange)>,
@@ -190,7 +190,7 @@ impl ScenarioSource {
             simulator,
             goal,
             place,
-            obstacles: world.obstacles,
+            world,
             duration_ns,
             payload_changes: self.payload_changes(duration_ns)?,
             estimate: None,
@@ -285,9 +285,10 @@ impl ScenarioSource {
                     "mgtf" => Some(BodyConfiguration::Mgtf.parameters()),
                     "gazebo" => Some(BodyConfiguration::Gazebo.parameters()),
                     "space-cobot" => Some(space_cobot::body()),
+                    "spheres" => Some(spheres::body()),
                     _ => None,
                 };
-                let names = ["iss", "granite", "mgtf", "gazebo", "space-cobot"];
+                let names = ["iss", "granite", "mgtf", "gazebo", "space-cobot", "spheres"];
                 self.named(&format!("{}.preset", written.key), name, find, names)
             }
             (None, Some(file), (None, None, None)) => body_file::read(&self.folder().join(file)),
@@ -386,6 +387,8 @@ impl ScenarioSource {
         };
         Ok(match table.kind {
             PropulsionName::Exact => Actuators::Exact,
+            PropulsionName::Spheres => Actuators::spheres()?,
+            PropulsionName::SpaceCobot => Actuators::Rotors(space_cobot::rotors()?),
             PropulsionName::Limited => Actuators::Limited(WrenchBox {
                 torque_limit: limit("torque_limit_n_m", table.torque_limit_n_m)?,
                 force_limit: limit("force_limit_n", table.force_limit_n)?,
@@ -414,8 +417,12 @@ impl ScenarioSource {
             (None, Some(settings)) => settings.clone(),
         };
         settings.gravity_world_m_s2 = place.gravity_m_s2();
-        Localization::new(&settings, self.scenario.seed, mode)
-            .map_err(|error| self.bad("sensing.settings", &error.to_string()))
+        Localization::new(&settings, self.scenario.seed, mode).map_err(|error| match error {
+            AstrobeeError::SensingOutOfRange { key, .. } => {
+                self.bad(&format!("sensing.settings.{key}"), &error.to_string())
+            }
+            other => other,
+        })
     }
 
     fn payload_changes(&self, duration_ns: i64) -> Result<Vec<(i64, PayloadChange)>, AstrobeeError> {
