@@ -222,6 +222,16 @@ pub enum AstrobeeError {
         /// What was found and what is missing.
         reason: String,
     },
+    /// T030: a damaged recording of which no flight is left.
+    #[error("{path}: {reason}; {}", report.summary().unwrap_or_default())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is missing.
+        reason: String,
+        /// What was lost.
+        report: Box<crate::recording::ScanReport>,
+    },
     /// T021: an excitation that cannot be designed or flown.
     #[error("no such excitation: {0}")]
     Excitation(IdentificationError),
@@ -311,7 +321,7 @@ impl AstrobeeError {
             Self::SensingOutOfRange { .. } => "T025",
             Self::UnknownRecording { .. } => "T028",
             Self::BadMessage { .. } => "T029",
-            Self::NoFlight { .. } => "T030",
+            Self::NoFlight { .. } | Self::Damaged { .. } => "T030",
             Self::NotHeld { .. } => "T031",
             Self::Database { .. } => "T032",
         }
@@ -347,7 +357,10 @@ impl AstrobeeError {
             }
             Self::BadOption { .. } => "correct or leave out the option named; `tumble help COMMAND` explains each",
             Self::Identification(error) => match error {
-                IdentificationError::MissingColumn(_) => "`tumble identify --template` prints every column",
+                IdentificationError::MissingColumn(_) => {
+                    "`tumble identify --template` prints every column of a CSV log; `docs/recordings.md` says which topics of a recording \
+                     give what"
+                }
                 IdentificationError::TooFewSamples { .. } => {
                     "record more samples in equal steps; of a held-out part, keep back a larger share"
                 }
@@ -386,7 +399,10 @@ impl AstrobeeError {
             Self::BadMessage { .. } => {
                 "record with message definitions that `docs/recordings.md` lists, or convert the log to CSV"
             }
-            Self::NoFlight { .. } => "`docs/recordings.md` says which topics make a flight",
+            Self::Damaged { .. } => {
+                "copy the recording again from where it was made; `rosbag reindex` or `mcap recover` may save more of it"
+            }
+            Self::NoFlight { .. } => "`docs/recordings.md` says which topics make a flight, and how each must be encoded",
             Self::Excitation(error) => match error {
                 IdentificationError::TooManySamples { .. } => "a shorter `--period`, or a lower `--rate`",
                 IdentificationError::PeriodNotWhole { .. } => "change `--period` or `--rate` to the values named",

@@ -332,6 +332,11 @@ impl SampleReader {
         Ok(true)
     }
 
+    /// Whether it is a recording without any wrench of its robot.
+    pub fn lacks_wrench(&self) -> bool {
+        matches!(self, Self::Flight(flight) if flight.plan.wrench.is_none())
+    }
+
     /// What a recording holds and what of it is used, for people; empty for rows.
     pub fn contents(&self) -> String {
         match self {

@@ -5,7 +5,7 @@ use super::{Outcome, print};
 use crate::log::{SampleReader, TEMPLATE, seconds};
 use crate::output::{OutputFolder, RUN_RECORD, write_file};
 use crate::report::{self, Context};
-use crate::{AstrobeeError, body_file, demo};
+use crate::{AstrobeeError, body_file, demo, recording};
 use clap::{Args, ValueEnum};
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
@@ -537,6 +537,10 @@ impl Log {
         };
         let mut reader = SampleReader::open(path, args.reorder, args.robot.as_deref())?;
         eprint!("{}", reader.contents());
+        if reader.lacks_wrench() && !args.dry_run {
+            let reason = format!("no wrench is recorded for this robot: {}", recording::flight::WRENCH_TOPICS);
+            return Err(AstrobeeError::NoFlight { path: path.clone(), reason });
+        }
         let mut record = Vec::new();
         let mut more = reader.read_chunk(&mut record, ROWS_IN_MEMORY)?;
         let (Some(first_ns), Some(mut last_ns)) = (record.first().map(|s| s.time_ns), record.last().map(|s| s.time_ns))
