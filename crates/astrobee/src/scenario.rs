@@ -289,6 +289,9 @@ pub struct PropulsionTable {
     /// With `plant`: supply of the impeller motors, V.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub supply_v: Option<f64>,
+    /// With `plant`: standard deviation of each nozzle's thrust about what the robot knows, as a share; drawn by the seed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thrust_sigma: Option<f64>,
     /// Whether the cabin's air brakes the robot.
     #[serde(default)]
     pub drag: bool,

@@ -121,8 +121,7 @@ fn expected() -> Vec<Value> {
 
 #[test]
 fn files_of_another_library_are_read_field_by_field() {
-    for (name, bytes, count) in
-        [("none", PLAIN, 15), ("lz4", LZ4, 15), ("zstd", ZSTD, 5), ("unchunked", UNCHUNKED, 5)]
+    for (name, bytes, count) in [("none", PLAIN, 15), ("lz4", LZ4, 15), ("zstd", ZSTD, 5), ("unchunked", UNCHUNKED, 5)]
     {
         let (report, kept) = scan(bytes);
         assert_eq!((report.loss_count, report.bytes), (0, bytes.len() as u64), "{name}: {:?}", report.losses);

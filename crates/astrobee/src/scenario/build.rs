@@ -11,6 +11,7 @@ use crate::excitation_file::ExcitationFile;
 use crate::flight_controller::FlightController;
 use crate::flight_modes::{ControlGains, FlightMode};
 use crate::log::QUATERNION_NORM_TOLERANCE;
+use crate::noise::Gaussian;
 use crate::propulsion::{ImpellerMode, PropulsionSettings};
 use crate::sensing::{Localization, SensingPreset};
 use crate::simulator::{
@@ -33,8 +34,11 @@ const TRACKER_RAD_S: (f64, f64) = (1.0, 0.5);
 const MOST_TONES: usize = 50;
 /// Most rows of a file of wrenches: a day of control periods.
 const MOST_WRENCHES: usize = 5_400_000;
-/// What the seed of the phases differs by from that of the sensors.
+/// What the seeds of the phases and of the nozzles differ by from that of the sensors.
 const PHASES: u64 = 0x5068_6173_6573;
+const NOZZLES: u64 = 0x4e6f_7a7a_6c65;
+/// Beyond this a nozzle could pull.
+const LARGEST_THRUST_SIGMA: f64 = 0.1;
 
 /// A payload is taken hold of or let go.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -375,6 +379,9 @@ impl ScenarioSource {
             if table.supply_v.is_some() {
                 return Err(foreign("supply_v", "plant"));
             }
+            if table.thrust_sigma.is_some() {
+                return Err(foreign("thrust_sigma", "plant"));
+            }
         }
         let limit = |key: &str, limit: Option<[f64; 3]>| {
             let limit = limit.ok_or_else(|| self.bad("propulsion", &format!("`{key}` is needed with `limited`")))?;
@@ -395,7 +402,13 @@ impl ScenarioSource {
             }),
             PropulsionName::Plant => {
                 let physical = PropulsionSettings::PHYSICAL;
+                let thrust_sigma = table.thrust_sigma.unwrap_or(0.0);
+                if !(0.0..=LARGEST_THRUST_SIGMA).contains(&thrust_sigma) {
+                    return Err(self.bad("propulsion.thrust_sigma", "it lies between 0 and 0.1"));
+                }
+                let mut variation = Gaussian::from_seed(self.scenario.seed ^ NOZZLES);
                 let settings = PropulsionSettings {
+                    nozzle_factors: physical.nozzle_factors.map(|factor| factor + thrust_sigma * variation.normal()),
                     thrust_factor: self.positive(
                         "propulsion.thrust_factor",
                         table.thrust_factor,

@@ -1,10 +1,8 @@
 //! How a wanted wrench becomes a real one.
 
 use super::SimulatorError;
-use crate::propulsion::inverse::wrench_of_flow;
 use crate::propulsion::{
-    ForceAllocation, ImpellerMode, InverseAllocation, PropulsionCommand, PropulsionPlant, PropulsionSettings,
-    QuantizedAllocation,
+    ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings, QuantizedAllocation,
 };
 use crate::spheres;
 use tumble_dynamics::nalgebra::{SVector, Vector3};
@@ -31,6 +29,8 @@ pub enum Actuators {
         allocation: QuantizedAllocation,
         /// From bytes to the wrench that acts.
         plant: PropulsionPlant,
+        /// The same as the robot knows it: [`PropulsionSettings::PHYSICAL`], whatever the hardware is.
+        known: PropulsionPlant,
     },
 }
 
@@ -88,6 +88,7 @@ impl Actuators {
         Self::Hardware {
             allocation: QuantizedAllocation(ForceAllocation::new(mode, center_of_mass_body)),
             plant: PropulsionPlant::spun_up(settings, mode),
+            known: PropulsionPlant::spun_up(PropulsionSettings::PHYSICAL, mode),
         }
     }
 
@@ -114,13 +115,12 @@ impl Actuators {
                 let at_limit = |(speed, rotor): (&f64, &Rotor)| speed.abs() >= rotor.largest_speed_rad_s * AT_LIMIT;
                 (rotors.realize(&speeds), speeds.iter().zip(rotors.rotors()).any(at_limit))
             }
-            Self::Hardware { allocation, plant } => {
+            Self::Hardware { allocation, plant, known } => {
                 let steps = allocation.0.allocate_steps(wanted)?;
                 let command = steps.bytes;
-                // What the robot can know: what its bytes give in steady flow.
-                let believed = wrench_of_flow(&InverseAllocation::default().flow_of_bytes(&command));
                 return Ok(Made {
-                    believed_wrench_body: believed,
+                    // What the robot can know: what its bytes make of servos and impellers as they are on paper.
+                    believed_wrench_body: known.step(&command, &Vector3::zeros()).wrench_body,
                     realized_wrench_body: plant.step(&command, rate_body).wrench_body,
                     command,
                     saturated: steps.limits.is_saturated(),
@@ -162,7 +162,7 @@ mod tests {
     #[test]
     fn no_impulse_is_lost_where_periods_do_not_divide() {
         let valves = spheres::thrusters().unwrap();
-        let Actuators::Pulsed(mut train) = Actuators::spheres().unwrap() else { unreachable!() };
+        let mut train = PulseTrain::new(valves, spheres::TICKS_PER_FLIGHT_STEP);
         let wanted = |k: i32| {
             let phase = f64::from(k);
             Wrench::new(Vector3::new(0.003, -0.002, 0.001) * phase.cos(), Vector3::new(0.05, 0.03, -0.07) * phase.sin())
