@@ -396,7 +396,8 @@ fn what_cannot_be_used_is_refused_by_name() {
     let other = bag(&[("/gnc/ekf", (EKF.0, "0123456789abcdef0123456789abcdef"))], &vec![(0, START_NS, state)]);
     refused(&other, &[], "T029", &["0123456789abcdef0123456789abcdef", EKF.1, "ff_msgs/EkfState"]);
     refused(&bag(&[("/x", ("a/B", "c"))], &vec![(0, START_NS, vec![])]), &[], "T030", &["no topic"]);
-    let alone = bag(&[("/gnc/ekf", EKF)], &(0..50).map(|n| (0, START_NS, ros1::ekf_state(&flight.states[n], 0))).collect());
+    let alone =
+        bag(&[("/gnc/ekf", EKF)], &(0..50).map(|n| (0, START_NS, ros1::ekf_state(&flight.states[n], 0))).collect());
     refused(&alone, &[], "T030", &["no wrench", "PmcCommand", "FamCommand", "WrenchStamped"]);
     let mut undecodable = ros1::ekf_state(&flight.states[0], 0);
     undecodable[12..16].fill(0xff);
@@ -427,7 +428,9 @@ fn of_a_damaged_recording_without_a_flight_every_loss_is_said() {
     for (name, bytes, says) in cases {
         let path = folder.join(name);
         fs::write(&path, bytes).unwrap();
-        for line in [vec!["identify", path.to_str().unwrap()], vec!["convert", path.to_str().unwrap(), "-", "--to", "csv"]] {
+        for line in
+            [vec!["identify", path.to_str().unwrap()], vec!["convert", path.to_str().unwrap(), "-", "--to", "csv"]]
+        {
             let output = tumble(&line);
             let said = text(&output.stderr);
             assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0), "{said}");

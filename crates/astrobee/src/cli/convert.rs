@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use crate::AstrobeeError;
-use crate::log::shortened;
+use crate::log::{cut_warning, shortened};
 use crate::output::OutputFile;
 use crate::recording::mcap_log::{McapLog, McapSink};
 use crate::recording::rows::{CsvSink, RowSink, read_csv, read_flight};
@@ -164,6 +164,11 @@ fn say_left_out<W: Write>(sink: &TumSink<W>) {
 
 fn read(input: &Input, args: &ConvertArgs, sink: &mut dyn RowSink) -> Result<(), AstrobeeError> {
     let path = &args.input;
+    if matches!(input, Input::Csv | Input::Tum)
+        && let Some(warning) = cut_warning(path)
+    {
+        eprintln!("warning: {}: {warning}", path.display());
+    }
     match input {
         Input::Csv => return read_csv(path, sink),
         Input::Tum => return tum::read(path, sink),

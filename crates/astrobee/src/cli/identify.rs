@@ -537,16 +537,16 @@ impl Log {
         };
         let mut reader = SampleReader::open(path, args.reorder, args.robot.as_deref())?;
         eprint!("{}", reader.contents());
-        if reader.lacks_wrench() && !args.dry_run {
-            let reason = format!("no wrench is recorded for this robot: {}", recording::flight::WRENCH_TOPICS);
-            return Err(AstrobeeError::NoFlight { path: path.clone(), reason });
-        }
         let mut record = Vec::new();
         let mut more = reader.read_chunk(&mut record, ROWS_IN_MEMORY)?;
         let (Some(first_ns), Some(mut last_ns)) = (record.first().map(|s| s.time_ns), record.last().map(|s| s.time_ns))
         else {
             return Err(AstrobeeError::Empty { path: path.clone(), what: "data rows" });
         };
+        if reader.lacks_wrench() && !args.dry_run {
+            let reason = format!("no wrench is recorded for this robot: {}", recording::flight::WRENCH_TOPICS);
+            return Err(AstrobeeError::NoFlight { path: path.clone(), reason });
+        }
         let mut rows = Rows::Memory(record);
         if more {
             let mut count = ROWS_IN_MEMORY;

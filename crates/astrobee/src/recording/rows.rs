@@ -104,7 +104,8 @@ pub fn read_flight(path: &Path, robot: Option<&str>, sink: &mut dyn RowSink) -> 
     let mut flight = FlightReader::open(path, robot)?;
     let held = flight.columns();
     let mut columns: Vec<String> = ["p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w"].map(str::to_owned).into();
-    let vectors = [("v", held.velocity), ("w", held.rate), ("a", held.acceleration), ("f", held.wrench), ("tau", held.wrench)];
+    let vectors =
+        [("v", held.velocity), ("w", held.rate), ("a", held.acceleration), ("f", held.wrench), ("tau", held.wrench)];
     for (name, _) in vectors.iter().filter(|(_, is_held)| *is_held) {
         columns.extend(["x", "y", "z"].map(|axis| format!("{name}_{axis}")));
     }
