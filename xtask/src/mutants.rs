@@ -1057,8 +1057,36 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "CSV: lines of any length",
         file: "crates/astrobee/src/log.rs",
-        original: "self.too_long |= self.bytes_in_line > ROW_LIMIT_BYTES;",
-        replacement: "self.too_long |= self.bytes_in_line > ROW_LIMIT_BYTES << 8;",
+        original: "if self.bytes_in_line > ROW_LIMIT_BYTES {",
+        replacement: "if self.bytes_in_line > ROW_LIMIT_BYTES << 8 {",
+        test: "-p tumble-astrobee --test corruption_sweep",
+    },
+    Mutant {
+        name: "CSV: lines counted without comments",
+        file: "crates/astrobee/src/log.rs",
+        original: "record.set_position(Some(position.set_line(line).clone()));",
+        replacement: "let _ = position.set_line(line);",
+        test: "-p tumble-astrobee --lib log",
+    },
+    Mutant {
+        name: "scenario: control characters reach the terminal",
+        file: "crates/astrobee/src/scenario.rs",
+        original: "place::with_suggestion(&printable(error.message()))",
+        replacement: "place::with_suggestion(error.message())",
+        test: "-p tumble-astrobee --test corruption_sweep",
+    },
+    Mutant {
+        name: "scenario: read whole, whatever its size",
+        file: "crates/astrobee/src/scenario.rs",
+        original: "text_file::read(path)",
+        replacement: "fs::read_to_string(path)",
+        test: "-p tumble-astrobee --test corruption_sweep",
+    },
+    Mutant {
+        name: "table of wrenches: times through a float",
+        file: "crates/astrobee/src/scenario/build.rs",
+        original: "let time_ns = row.time_ns(time)?;",
+        replacement: "let time_ns = flight_log::nanoseconds(row.number(time)? as f32 as f64);",
         test: "-p tumble-astrobee --test corruption_sweep",
     },
     Mutant {
