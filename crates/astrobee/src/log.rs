@@ -7,7 +7,7 @@ use crate::recording::{self, flight::FlightReader};
 use crate::text_file::printable;
 use std::collections::{HashSet, VecDeque};
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufRead as _, BufReader, Read, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 use tumble_dynamics::nalgebra::{Isometry3, Translation3, Vector3};
 use tumble_identification::MotionSample;
@@ -117,6 +117,8 @@ pub struct LogReader<R = File> {
     pub ignored_columns: Vec<String>,
     reorder: Option<Reorder>,
     previous_ns: Option<i64>,
+    /// Of the row read last.
+    line: u64,
     ended: bool,
 }
 
@@ -185,6 +187,7 @@ impl<R: Read> LogReader<R> {
             ignored_columns,
             reorder,
             previous_ns: None,
+            line: 1,
             ended: false,
         })
     }
@@ -239,6 +242,7 @@ impl<R: Read> LogReader<R> {
             return Ok(None);
         }
         let line = self.record.position().map_or(0, csv::Position::line);
+        self.line = line;
         let expected = self.layout.names.len() as u64;
         let found = self.record.len() as u64;
         if found != expected {
@@ -268,9 +272,17 @@ impl<R: Read> LogReader<R> {
         Ok(Some(Stamped { line, sample }))
     }
 
+    /// The line at whose end the file ends without ending the line, once it has been read.
+    fn cut_line(&self) -> Option<u64> {
+        (self.ended && self.records.get_ref().ends_within_a_line()).then_some(self.line)
+    }
+
     /// What a user should know about the rows read so far.
     fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
+        if let Some(line) = self.cut_line() {
+            warnings.push(cut(line));
+        }
         if !self.ignored_columns.is_empty() {
             warnings.push(format!("columns ignored: {}", self.ignored_columns.join(", ")));
         }
@@ -330,6 +342,11 @@ impl SampleReader {
             }
         }
         Ok(true)
+    }
+
+    /// Whether it is a recording without any wrench of its robot.
+    pub fn lacks_wrench(&self) -> bool {
+        matches!(self, Self::Flight(flight) if flight.plan.wrench.is_none())
     }
 
     /// What a recording holds and what of it is used, for people; empty for rows.
@@ -462,6 +479,39 @@ impl<R: Read> Read for BoundedRows<R> {
             }
         }
         Ok(count)
+    }
+}
+
+impl<R> BoundedRows<R> {
+    /// Whether what has been handed on ends without a line end.
+    pub(crate) fn ends_within_a_line(&self) -> bool {
+        self.bytes_in_line > 0
+    }
+}
+
+/// That the last line may have been cut.
+fn cut(line: u64) -> String {
+    format!("line {line} has no line end: the file may be cut there, and its last number be shorter than it was")
+}
+
+/// The same of a file of lines, where it is so.
+pub(crate) fn cut_warning(path: &Path) -> Option<String> {
+    let mut file = File::open(path).ok()?;
+    file.seek(SeekFrom::End(-1)).ok()?;
+    let mut last = [0];
+    file.read_exact(&mut last).ok()?;
+    if last == *b"\n" {
+        return None;
+    }
+    file.rewind().ok()?;
+    let mut reader = BufReader::new(file);
+    let mut line = 1;
+    loop {
+        let block = reader.fill_buf().ok().filter(|block| !block.is_empty());
+        let Some(block) = block else { return Some(cut(line)) };
+        line += block.iter().filter(|byte| **byte == b'\n').count() as u64;
+        let count = block.len();
+        reader.consume(count);
     }
 }
 

@@ -404,7 +404,7 @@ impl ScenarioSource {
     pub fn parse(path: &Path, text: &str) -> Result<Self, AstrobeeError> {
         let scenario = toml::from_str(text).map_err(|error| {
             let (line, column) = place::of_offset(text, error.span().map_or(0, |span| span.start));
-            let message = printable(&place::with_suggestion(error.message()));
+            let message = place::with_suggestion(&printable(error.message()));
             AstrobeeError::BadScenario { path: path.into(), line, column, message }
         })?;
         Ok(Self { path: path.into(), text: text.to_owned(), scenario })

@@ -56,10 +56,10 @@ impl<R: Read, const N: usize> Columns<R, N> {
         if !read_row(&mut records, &mut record, path)? {
             return Err(AstrobeeError::Empty { path: path.into(), what: "header" });
         }
-        let cells = record.iter().map(|cell| String::from_utf8_lossy(cell).trim().to_owned());
+        let cells = record.iter().map(|cell| String::from_utf8_lossy(cell).trim().trim_matches('"').to_owned());
         let mut names: Vec<String> = cells.collect();
         if let Some(first) = names.first_mut() {
-            *first = first.trim_start_matches('\u{feff}').to_owned();
+            *first = first.trim_start_matches('\u{feff}').trim_matches('"').to_owned();
         }
         let mut places = [0; N];
         for (place, column) in places.iter_mut().zip(wanted) {
@@ -130,7 +130,10 @@ impl<const N: usize> NumberRow<'_, N> {
             path: self.row.path.into(),
             line: self.row.line,
             column: name.cloned().unwrap_or_default(),
-            value: self.values.get(column).copied().unwrap_or(f64::NAN),
+            text: self
+                .places
+                .get(column)
+                .map_or_else(String::new, |at| shortened(&String::from_utf8_lossy(self.row.text(*at)))),
             allowed,
         }
     }
@@ -144,7 +147,7 @@ pub(super) struct Rows<W: Write> {
 }
 
 impl<W: Write> Rows<W> {
-    /// Starts a table with its header.
+    /// Starts a table with its header, which comes out with the first row.
     ///
     /// # Errors
     /// As [`Rows::end_row`].
@@ -154,26 +157,30 @@ impl<W: Write> Rows<W> {
         for name in header {
             rows.text(name.as_bytes());
         }
-        rows.end_row()?;
+        // Written with the first row: a table without rows has no header.
+        rows.line.push(b'\n');
         Ok(rows)
     }
 
     /// Adds a cell.
     pub(super) fn text(&mut self, cell: &[u8]) {
-        if !self.line.is_empty() {
-            self.line.push(b',');
-        }
+        self.separate();
         self.line.extend_from_slice(cell);
     }
 
     /// Adds numbers, in as few digits as tell them from their neighbours.
     pub(super) fn numbers(&mut self, values: &[f64]) {
         for value in values {
-            if !self.line.is_empty() {
-                self.line.push(b',');
-            }
+            self.separate();
             let digits = self.digits.format(*value);
             self.line.extend_from_slice(digits.strip_suffix(".0").unwrap_or(digits).as_bytes());
+        }
+    }
+
+    /// A comma, but for the first cell of a row.
+    fn separate(&mut self) {
+        if self.line.last().is_some_and(|byte| *byte != b'\n') {
+            self.line.push(b',');
         }
     }
 

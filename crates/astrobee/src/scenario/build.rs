@@ -16,8 +16,8 @@ use crate::propulsion::{ImpellerMode, PropulsionSettings};
 use crate::sensing::{Localization, SensingPreset};
 use crate::simulator::{
     Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, Controller, Drive, Event,
-    FlownController, Grasp, Multisine, PayloadMotion, Reference, SimulatorMeasurement, SimulatorSettings, Surroundings,
-    Waypoint,
+    FlownController, Grasp, Multisine, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
+    SimulatorSettings, Surroundings, Waypoint,
 };
 use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
 use crate::{flight_log, space_cobot, spheres};
@@ -34,6 +34,10 @@ use tumble_lie::{Pose, Twist, Wrench};
 const TRACKER_RAD_S: (f64, f64) = (1.0, 0.5);
 /// Most sines per axis.
 const MOST_TONES: usize = 50;
+/// Most obstacles besides those of the place, each looked at in every period.
+const MOST_OBSTACLES: usize = 1000;
+/// Most waypoints.
+const MOST_WAYPOINTS: usize = 10_000;
 /// Most rows of a file of wrenches: a day of control periods.
 const MOST_WRENCHES: usize = 5_400_000;
 /// What the seeds of the phases and of the nozzles differ by from that of the sensors.
@@ -143,7 +147,7 @@ impl ScenarioSource {
             return Err(self.bad("name", "1 to 64 letters, digits, `-` and `_`: it names a folder"));
         }
         let periods = libm::round(scenario.duration_s / CONTROL_PERIOD_S);
-        if !(scenario.duration_s > 0.0 && scenario.duration_s <= LONGEST_S && periods >= 1.0) {
+        if !(CONTROL_PERIOD_S..=LONGEST_S).contains(&scenario.duration_s) {
             let message = format!("{}: at least {CONTROL_PERIOD_S} s and at most {LONGEST_S} s", scenario.duration_s);
             return Err(self.bad("duration_s", &message));
         }
@@ -190,7 +194,10 @@ impl ScenarioSource {
             actuators: self.actuators(impellers, &belief)?,
             sensors: Some(self.sensors(place, impellers)?),
         };
-        let simulator = AstrobeeSimulator::try_new(settings).map_err(|error| self.bad("start", &error.to_string()))?;
+        let simulator = AstrobeeSimulator::try_new(settings).map_err(|error| {
+            let is_of_body = matches!(error, SimulatorError::Dynamics(_)) && scenario.body.is_some();
+            self.bad(if is_of_body { "body" } else { "start" }, &error.to_string())
+        })?;
         Ok(Flight {
             drive: self.drive(place, &start, &belief, duration_ns)?,
             simulator,
@@ -318,6 +325,10 @@ impl ScenarioSource {
             world.obstacles = place.obstacles(set).ok_or_else(|| {
                 self.bad("obstacle_set", &format!("{set}: there are sets 0 to {}", OBSTACLE_SETS - 1))
             })?;
+        }
+        let count = self.scenario.obstacles.len();
+        if count > MOST_OBSTACLES {
+            return Err(self.bad("obstacles", &format!("{count}: at most {MOST_OBSTACLES}")));
         }
         for table in &self.scenario.obstacles {
             let semi_axes = self.finite("obstacles.semi_axes_m", table.semi_axes_m)?;
@@ -522,6 +533,10 @@ impl ScenarioSource {
         }
         if table.waypoints.is_empty() {
             return Ok(Reference::Hold(from));
+        }
+        let count = table.waypoints.len();
+        if count > MOST_WAYPOINTS {
+            return Err(self.bad("drive.waypoints", &format!("{count}: at most {MOST_WAYPOINTS}")));
         }
         let mut path = vec![Waypoint { time_s: 0.0, world_from_body: from }];
         let mut last = Waypoint { time_s: 0.0, world_from_body: from };
