@@ -56,7 +56,7 @@ const STEPS: &[Step] = &[
     always("deny", "bans, licences, sources", deny),
     always("real-data", "measured throws meet their targets", real_data),
     always("studies", "the studies of identification, of chapter 4 and of actuation, reduced", reduced_studies),
-    always("determinism", "a long tumble is the same bytes at every optimisation level", determinism),
+    always("determinism", "long tumbles and a flight are the same bytes at every optimisation level", determinism),
     always("panic-free", "the link proves that the hot paths cannot panic, and refuses a control that can", panic_free),
     full("package-verify", "every package builds from what would be published", || {
         shell(&mut [cargo("package --workspace --allow-dirty")])
@@ -278,7 +278,10 @@ fn reduced_studies() -> Outcome {
     shell(&mut [identification, chapter4, actuation])
 }
 
-/// Builds the tumble three ways and compares what it prints.
+/// The examples that print hashes: crate and example.
+const HASHES: [(&str, &str); 2] = [("dynamics", "determinism"), ("astrobee", "same_bytes")];
+
+/// Builds them three ways and compares what they print.
 fn determinism() -> Outcome {
     let package = match determinism_package() {
         Ok(package) => package,
@@ -297,14 +300,16 @@ fn determinism() -> Outcome {
         if let Outcome::Failed(reason) = shell(&mut [build]) {
             return Outcome::Failed(reason);
         }
-        match Command::new(target.join(folder).join("determinism")).output() {
-            Ok(output) if output.status.success() && !output.stdout.is_empty() => {
-                println!("{way}: {}", String::from_utf8_lossy(&output.stdout).trim_end());
-                printed.push(output.stdout);
+        let mut hashes = Vec::new();
+        for (_, example) in HASHES {
+            match Command::new(target.join(folder).join(example)).output() {
+                Ok(output) if output.status.success() && !output.stdout.is_empty() => hashes.extend(output.stdout),
+                Ok(output) => return Outcome::Failed(format!("{way}: {}", String::from_utf8_lossy(&output.stderr))),
+                Err(error) => return Outcome::Failed(format!("{way}: {error}")),
             }
-            Ok(output) => return Outcome::Failed(format!("{way}: {}", String::from_utf8_lossy(&output.stderr))),
-            Err(error) => return Outcome::Failed(format!("{way}: {error}")),
         }
+        println!("{way}:\n{}", String::from_utf8_lossy(&hashes).trim_end());
+        printed.push(hashes);
     }
     if printed.iter().all(|bytes| *bytes == printed[0]) {
         Outcome::Ok
@@ -313,22 +318,26 @@ fn determinism() -> Outcome {
     }
 }
 
-/// A package around the example `determinism` of `tumble-dynamics`, because an example of that crate would be built three times
-/// over with all its test dependencies. Its lock file is the workspace's.
+/// A package around [`HASHES`], because examples of the crates would be built three times over with all their test dependencies,
+/// and the robot with its command line. Its lock file is the workspace's.
 fn determinism_package() -> Result<PathBuf, Box<dyn std::error::Error>> {
     let (root, folder) = (root(), target_dir().join("determinism/package"));
-    let example = root.join("crates/dynamics/examples/determinism.rs");
-    if !example.exists() {
-        return Err("crates/dynamics/examples/determinism.rs is missing".into());
-    }
     std::fs::create_dir_all(&folder)?;
     std::fs::copy(root.join("Cargo.lock"), folder.join("Cargo.lock"))?;
-    let manifest = format!(
-        "[package]\nname = \"determinism\"\nedition = \"2024\"\n\n[workspace]\n\n[[bin]]\nname = \"determinism\"\n\
-         path = '{}'\n\n[dependencies]\ntumble-dynamics.path = '{}'\n\n[profile.dev]\ndebug = false\n",
-        example.display(),
-        root.join("crates/dynamics").display(),
-    );
+    let mut manifest = "[package]\nname = \"determinism\"\nedition = \"2024\"\n\n[workspace]\n\n".to_owned();
+    for (library, example) in HASHES {
+        let path = root.join(format!("crates/{library}/examples/{example}.rs"));
+        if !path.exists() {
+            return Err(format!("{} is missing", path.display()).into());
+        }
+        manifest += &format!("[[bin]]\nname = \"{example}\"\npath = '{}'\n\n", path.display());
+    }
+    manifest += "[profile.dev]\ndebug = false\n\n";
+    for library in ["lie", "dynamics", "astrobee"] {
+        let path = root.join("crates").join(library);
+        manifest +=
+            &format!("[dependencies.tumble-{library}]\npath = '{}'\ndefault-features = false\n\n", path.display());
+    }
     std::fs::write(folder.join("Cargo.toml"), manifest)?;
     Ok(folder)
 }

@@ -186,6 +186,7 @@ pub enum AstrobeeError {
         known: &'static str,
     },
     /// T019: a wheel throw that cannot be used.
+    #[cfg(feature = "cli")]
     #[error(transparent)]
     Throw(#[from] crate::wheel_throw::WheelThrowError),
     /// T021: a search that would not end in any time worth waiting for.
@@ -207,6 +208,7 @@ pub enum AstrobeeError {
         reason: String,
     },
     /// T029: a message that the flight needs and that is not decoded.
+    #[cfg(feature = "cli")]
     #[error("topic {topic}: {source}")]
     BadMessage {
         /// Topic.
@@ -304,12 +306,14 @@ impl AstrobeeError {
             Self::Dynamics(_) => "T016",
             Self::Plot { .. } => "T017",
             Self::UnknownFormat { .. } => "T018",
+            #[cfg(feature = "cli")]
             Self::Throw(_) => "T019",
             Self::Excitation(_) | Self::SearchTooLong { .. } => "T021",
             Self::BadScenario { .. } | Self::NoSuchScenario { .. } => "T026",
             Self::Simulator(_) => "T027",
             Self::SensingOutOfRange { .. } => "T025",
             Self::UnknownRecording { .. } => "T028",
+            #[cfg(feature = "cli")]
             Self::BadMessage { .. } => "T029",
             Self::NoFlight { .. } => "T030",
             Self::NotHeld { .. } => "T031",
@@ -345,9 +349,7 @@ impl AstrobeeError {
             Self::ImpossibleBody { .. } => {
                 "mass must be positive and the principal inertias about the centre of mass must satisfy the triangle inequality"
             }
-            Self::BadOption { .. } => {
-                "correct or leave out the option named; `tumble identify --help` and `tumble excite --help` explain each"
-            }
+            Self::BadOption { .. } => "correct or leave out the option named; `tumble help COMMAND` explains each",
             Self::Identification(error) => match error {
                 IdentificationError::MissingColumn(_) => "`tumble identify --template` prints every column",
                 IdentificationError::TooFewSamples { .. } => {
@@ -385,6 +387,7 @@ impl AstrobeeError {
             Self::UnknownRecording { .. } => {
                 "ROS 1 bags of version 2.0 and MCAP files are read; `rosbag fix` and `ros2 bag convert` make them of others"
             }
+            #[cfg(feature = "cli")]
             Self::BadMessage { .. } => {
                 "record with message definitions that `docs/recordings.md` lists, or convert the log to CSV"
             }
@@ -417,6 +420,7 @@ impl AstrobeeError {
                 "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \
                  storage_id: mcap, all_topics: true}]` in mcap.yaml"
             }
+            #[cfg(feature = "cli")]
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }
     }

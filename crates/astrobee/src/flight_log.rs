@@ -108,11 +108,23 @@ struct Period {
     believed_wrench_body: Wrench<f64>,
     realized_wrench_body: Wrench<f64>,
     wanted_wrench_body: Wrench<f64>,
+    /// Of what was believed and realised before, from the start of the flight.
+    impulses: [Wrench<f64>; 2],
+}
+
+impl Period {
+    /// Impulses up to a time in the period.
+    fn impulses_at(&self, time_ns: i64) -> [Wrench<f64>; 2] {
+        let since_s = (time_ns - self.start.time_ns) as f64 * 1e-9;
+        let [believed, realized] = self.impulses;
+        [believed + self.believed_wrench_body * since_s, realized + self.realized_wrench_body * since_s]
+    }
 }
 
 /// Writes the log of a simulated flight: a row for each estimate, in order of their stamps.
 ///
-/// Wrenches are those of the control period in which the stamp lies. An estimate that repeats a stamp, or whose stamp lies
+/// Believed and realised wrenches are means until the next row, so that a row's impulse is what acted up to it, whatever is
+/// lost or stamped late; of the last row, those of its control period, as are the wanted ones. An estimate that repeats a stamp, or whose stamp lies
 /// outside the flight, is left out and counted.
 pub struct Recorder<W: std::io::Write> {
     out: W,
@@ -120,7 +132,8 @@ pub struct Recorder<W: std::io::Write> {
     periods: VecDeque<Period>,
     /// Sorted by stamp.
     waiting: VecDeque<LocalizationEstimate>,
-    last_stamp_ns: Option<i64>,
+    /// The row that the next one ends.
+    open: Option<(LocalizationEstimate, Period)>,
     rows: u64,
     left_out: u64,
 }
@@ -137,7 +150,7 @@ impl<W: std::io::Write> Recorder<W> {
             row: String::with_capacity(2048),
             periods: VecDeque::with_capacity(REMEMBERED),
             waiting: VecDeque::with_capacity(2 * REMEMBERED),
-            last_stamp_ns: None,
+            open: None,
             rows: 0,
             left_out: 0,
         })
@@ -148,10 +161,12 @@ impl<W: std::io::Write> Recorder<W> {
     /// # Errors
     /// What the operating system said.
     pub fn record(&mut self, period: &SimulatorMeasurement, arrived: &[LocalizationEstimate]) -> std::io::Result<()> {
+        let impulses = self.periods.back().map_or([Wrench::zero(); 2], |last| last.impulses_at(period.start.time_ns));
         if self.periods.len() == REMEMBERED {
             self.periods.pop_front();
         }
         self.periods.push_back(Period {
+            impulses,
             start: period.start,
             believed_wrench_body: period.believed_wrench_body,
             realized_wrench_body: period.realized_wrench_body,
@@ -170,6 +185,9 @@ impl<W: std::io::Write> Recorder<W> {
     /// What the operating system said.
     pub fn finish(mut self) -> std::io::Result<(u64, u64)> {
         self.write_until(i64::MAX)?;
+        if let Some((estimate, period)) = self.open.take() {
+            self.write_row(&estimate, &period, [period.believed_wrench_body, period.realized_wrench_body])?;
+        }
         self.out.flush()?;
         Ok((self.rows, self.left_out))
     }
@@ -178,17 +196,30 @@ impl<W: std::io::Write> Recorder<W> {
         while let Some(estimate) = self.waiting.front().copied().filter(|next| next.stamp_ns <= stamp_ns) {
             self.waiting.pop_front();
             match self.period_of(estimate.stamp_ns) {
-                Some(period) if self.last_stamp_ns.is_none_or(|last| last < estimate.stamp_ns) => {
-                    self.last_stamp_ns = Some(estimate.stamp_ns);
-                    self.rows += 1;
-                    self.row.clear();
-                    push_row(&mut self.row, &estimate, &period);
-                    self.out.write_all(self.row.as_bytes())?;
+                Some(period) if self.open.as_ref().is_none_or(|(last, _)| last.stamp_ns < estimate.stamp_ns) => {
+                    if let Some((ended, of)) = self.open.replace((estimate, period)) {
+                        let (from, to) = (of.impulses_at(ended.stamp_ns), period.impulses_at(estimate.stamp_ns));
+                        let rate_hz = 1e9 / (estimate.stamp_ns - ended.stamp_ns) as f64;
+                        let [believed, realized] = [0, 1].map(|i| (to[i] - from[i]) * rate_hz);
+                        self.write_row(&ended, &of, [believed, realized])?;
+                    }
                 }
                 _ => self.left_out += 1,
             }
         }
         Ok(())
+    }
+
+    fn write_row(
+        &mut self,
+        estimate: &LocalizationEstimate,
+        period: &Period,
+        wrenches: [Wrench<f64>; 2],
+    ) -> std::io::Result<()> {
+        self.rows += 1;
+        self.row.clear();
+        push_row(&mut self.row, estimate, period, wrenches);
+        self.out.write_all(self.row.as_bytes())
     }
 
     /// The remembered period in which a time lies.
@@ -199,20 +230,21 @@ impl<W: std::io::Write> Recorder<W> {
     }
 }
 
-fn push_row(row: &mut String, estimate: &LocalizationEstimate, period: &Period) {
+fn push_row(row: &mut String, estimate: &LocalizationEstimate, period: &Period, wrenches: [Wrench<f64>; 2]) {
+    let [believed, realized] = wrenches;
     // Writing to a string cannot fail.
     let _ = write!(row, "{}.{:09}", estimate.stamp_ns / 1_000_000_000, estimate.stamp_ns % 1_000_000_000);
     push_pose(row, &estimate.world_from_body);
     push_numbers(row, &estimate.velocity_origin_world);
     push_numbers(row, &estimate.rate_body);
     push_numbers(row, &estimate.acceleration_origin_body);
-    push_wrench(row, &period.believed_wrench_body);
+    push_wrench(row, &believed);
     let truth = extrapolated(&period.start, estimate.stamp_ns - period.start.time_ns);
     push_pose(row, &truth.world_from_body);
     push_numbers(row, &(truth.world_from_body.rotation * truth.twist_body.linear));
     push_numbers(row, &truth.twist_body.angular);
     push_numbers(row, &period.start.acceleration_origin_body);
-    push_wrench(row, &period.realized_wrench_body);
+    push_wrench(row, &realized);
     push_wrench(row, &period.wanted_wrench_body);
     row.push('\n');
 }

@@ -3,28 +3,42 @@
 
 pub mod air_drag;
 pub mod bodies;
+#[cfg(feature = "cli")]
 pub mod body_file;
+#[cfg(feature = "cli")]
 pub mod cli;
+#[cfg(feature = "cli")]
 pub mod demo;
 mod error;
+#[cfg(feature = "cli")]
 pub mod excitation_file;
+#[cfg(feature = "cli")]
 pub mod figure;
 pub mod flight_controller;
+#[cfg(feature = "cli")]
 pub mod flight_log;
 pub mod flight_modes;
+#[cfg(feature = "cli")]
 pub mod harmonic_report;
+#[cfg(feature = "cli")]
 pub mod log;
 pub mod noise;
+#[cfg(feature = "cli")]
 pub mod output;
 pub mod propulsion;
+#[cfg(feature = "cli")]
 pub mod recording;
+#[cfg(feature = "cli")]
 pub mod report;
+#[cfg(feature = "cli")]
 pub mod scenario;
 pub mod sensing;
 pub mod simulator;
 pub mod space_cobot;
 pub mod spheres;
+#[cfg(feature = "cli")]
 mod text_file;
+#[cfg(feature = "cli")]
 pub mod wheel_throw;
 pub mod worlds;
 

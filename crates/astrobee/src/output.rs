@@ -124,7 +124,7 @@ fn is_result_folder(path: &Path) -> bool {
 /// The file by which a result folder is known.
 pub const RUN_RECORD: &str = "run.json";
 /// Everything that lies in a result folder.
-const RESULT_FILES: [&str; 30] = [
+const RESULT_FILES: [&str; 31] = [
     RUN_RECORD,
     "result.json",
     "body.toml",
@@ -136,6 +136,7 @@ const RESULT_FILES: [&str; 30] = [
     "excitation.toml",
     "motion.csv",
     "log.csv",
+    "log.mcap",
     "truth.toml",
     "position.svg",
     "attitude.svg",

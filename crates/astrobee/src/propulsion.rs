@@ -15,6 +15,7 @@ pub mod inverse;
 pub mod nozzle;
 mod pid;
 mod plant;
+mod replay;
 mod servo;
 
 pub use allocation::{Allocation, ForceAllocation, QuantizedAllocation};
@@ -23,6 +24,7 @@ pub use impeller::{IMPELLER_INERTIA_KG_M2, Impeller, SPEED_COMMAND_RATE_RAD_S2};
 pub use inverse::{AreaTable, Belief, FlapCommand, InverseAllocation};
 pub use nozzle::{Module, PositivityShift};
 pub use plant::{GyroscopicSign, PropulsionPlant, PropulsionSettings, PropulsionStep};
+pub use replay::PropulsionReplay;
 pub use servo::Servo;
 
 /// How fast the impellers turn, as the flight software names it.

@@ -11,6 +11,7 @@ pub use embedded::{EMBEDDED, Embedded};
 
 use crate::AstrobeeError;
 use crate::sensing::{LocalizationSettings, SensingPreset};
+use crate::text_file::{self, printable};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -86,7 +87,7 @@ fn first_seed() -> u64 {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodyTable {
-    /// `iss`, `granite`, `mgtf`, `gazebo` or `space-cobot`.
+    /// `iss`, `granite`, `mgtf`, `gazebo`, `space-cobot` or `spheres`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<String>,
     /// A body file, relative to the scenario's folder.
@@ -273,7 +274,7 @@ pub struct WaypointTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PropulsionTable {
-    /// `plant`, `limited` or `exact`.
+    /// `plant`, `spheres`, `space-cobot`, `limited` or `exact`.
     #[serde(default)]
     pub kind: PropulsionName,
     /// With `limited`: largest force along each body axis, N.
@@ -288,6 +289,9 @@ pub struct PropulsionTable {
     /// With `plant`: supply of the impeller motors, V.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub supply_v: Option<f64>,
+    /// With `plant`: standard deviation of each nozzle's thrust about what the robot knows, as a share; drawn by the seed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thrust_sigma: Option<f64>,
     /// Whether the cabin's air brakes the robot.
     #[serde(default)]
     pub drag: bool,
@@ -300,10 +304,27 @@ pub enum PropulsionName {
     /// Allocation to bytes, servos, impellers, nozzles.
     #[default]
     Plant,
+    /// Twelve valves that open for pulses.
+    Spheres,
+    /// Six tilted rotors.
+    SpaceCobot,
     /// A box of limits.
     Limited,
     /// Whatever is wanted.
     Exact,
+}
+
+impl PropulsionName {
+    /// In a few words.
+    pub fn describe(self) -> &'static str {
+        match self {
+            Self::Plant => "nozzles, servos and impellers",
+            Self::Spheres => "twelve pulsed thrusters",
+            Self::SpaceCobot => "six rotors",
+            Self::Limited => "whatever is wanted within limits",
+            Self::Exact => "whatever is wanted",
+        }
+    }
 }
 
 /// What measures: a preset, or all settings.
@@ -371,8 +392,7 @@ impl ScenarioSource {
                 }),
             };
         }
-        let text =
-            fs::read_to_string(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
+        let text = text_file::read(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
         Self::parse(path, &text)
     }
 
@@ -383,7 +403,7 @@ impl ScenarioSource {
     pub fn parse(path: &Path, text: &str) -> Result<Self, AstrobeeError> {
         let scenario = toml::from_str(text).map_err(|error| {
             let (line, column) = place::of_offset(text, error.span().map_or(0, |span| span.start));
-            let message = place::with_suggestion(error.message());
+            let message = printable(&place::with_suggestion(error.message()));
             AstrobeeError::BadScenario { path: path.into(), line, column, message }
         })?;
         Ok(Self { path: path.into(), text: text.to_owned(), scenario })
@@ -397,7 +417,8 @@ impl ScenarioSource {
     /// That a key has an impossible value.
     fn bad(&self, key: &str, message: &str) -> AstrobeeError {
         let (line, column) = place::of_key(&self.text, key);
-        AstrobeeError::BadScenario { path: self.path.clone(), line, column, message: format!("`{key}`: {message}") }
+        let message = printable(&format!("`{key}`: {message}")).replace('\n', " ");
+        AstrobeeError::BadScenario { path: self.path.clone(), line, column, message }
     }
 
     /// The scenario as TOML with the files it names made absolute: a valid scenario wherever it lies.

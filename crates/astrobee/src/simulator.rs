@@ -15,7 +15,7 @@ mod drive;
 mod payload;
 mod surroundings;
 
-pub use actuators::Actuators;
+pub use actuators::{Actuators, PulseTrain};
 pub use drive::{AddedWrench, Controller, Drive, FlownController, Multisine, Reference, Waypoint};
 pub use payload::{Grasp, PayloadMotion, ReleasedPayload, planar_part};
 pub use surroundings::{Event, Surroundings, TimedEvent};
@@ -125,7 +125,7 @@ pub struct SimulatorMeasurement {
     pub estimate: Option<LocalizationEstimate>,
     /// Wrench asked for.
     pub wanted_wrench_body: Wrench<f64>,
-    /// What the robot believes it applied: the inverse allocation of its command.
+    /// What the robot believes it applied: its commands through the propulsion as it is on paper.
     pub believed_wrench_body: Wrench<f64>,
     /// Mean of what really acted: propulsion and drag; on the table the part in the plane.
     pub realized_wrench_body: Wrench<f64>,

@@ -10,9 +10,19 @@ use std::cell::Cell;
 use std::hint::black_box;
 
 use nalgebra::Vector3;
-use tumble_astrobee::propulsion::{ForceAllocation, ImpellerMode, PositivityShift, QuantizedAllocation};
-use tumble_dynamics::Actuation as _;
-use tumble_dynamics::strategies::{draws, wrenches};
+use tumble_astrobee::bodies::BodyConfiguration;
+use tumble_astrobee::flight_controller::{ControlOrder, FlightController, Setpoint};
+use tumble_astrobee::flight_log::Recorder;
+use tumble_astrobee::flight_modes::{ControlGains, FlightSite};
+use tumble_astrobee::propulsion::{
+    ForceAllocation, ImpellerMode, PositivityShift, PropulsionCommand, PropulsionPlant, PropulsionSettings,
+    QuantizedAllocation,
+};
+use tumble_astrobee::scenario::{ControllerName, ScenarioSource};
+use tumble_astrobee::sensing::{Confidence, Jump, Localization, LocalizationEstimate, SensingPreset, TrueMotion};
+use tumble_dynamics::strategies::{draws, poses, wrenches};
+use tumble_dynamics::{Actuation as _, RigidBodyState};
+use tumble_lie::Twist;
 
 const CALLS: usize = 100_000;
 const INPUTS: usize = 64;
@@ -61,5 +71,101 @@ fn force_allocation_and_its_inverse() {
             assert_eq!(allocations(|i| allocation.realize(&allocation.allocate(&wanted[i]).unwrap())), 0);
             assert_eq!(allocations(|i| quantized.realize(&quantized.allocate(&wanted[i]).unwrap())), 0);
         }
+    }
+}
+
+#[test]
+fn propulsion_plant() {
+    let mut plant = PropulsionPlant::new(PropulsionSettings::PHYSICAL);
+    let rate_body = Vector3::new(0.1, -0.2, 0.3);
+    let command = |i: usize| PropulsionCommand {
+        impeller_speeds: [207; 2],
+        nozzles: std::array::from_fn(|nozzle| u8::try_from((40 * i + 23 * nozzle) % 256).unwrap()),
+    };
+    assert_eq!(allocations(|i| plant.step(&command(i), &rate_body)), 0);
+    assert!(plant.impellers().iter().all(|impeller| impeller.speed_rad_s() > 200.0), "it ran");
+}
+
+#[test]
+fn flight_controller() {
+    let gains = ControlGains::of(FlightSite::Iss);
+    let mut controller = FlightController::new(BodyConfiguration::Iss.parameters(), gains);
+    let poses = draws(&poses(1.0), 2, INPUTS);
+    let mut time_ns = 0;
+    let mut asked_n = 0.0;
+    let call = |i: usize| {
+        time_ns += 16_000_000;
+        let estimate = LocalizationEstimate {
+            stamp_ns: time_ns,
+            arrival_ns: time_ns,
+            world_from_body: poses[i],
+            velocity_origin_world: Vector3::new(0.1, 0.0, -0.1),
+            rate_body: Vector3::new(0.0, 0.1, -0.1),
+            acceleration_origin_body: Vector3::zeros(),
+            confidence: Confidence::Good,
+        };
+        let setpoint = Setpoint::at_rest(time_ns, poses[0]);
+        let order = match i % 4 {
+            0 => ControlOrder::Idle,
+            1 => ControlOrder::Stop,
+            _ => ControlOrder::Follow { current: setpoint, next: setpoint },
+        };
+        asked_n += controller.step(&estimate, &order).wrench_about_com.force.norm();
+    };
+    assert_eq!(allocations(call), 0);
+    assert!(asked_n > 0.0, "it ran");
+}
+
+#[test]
+fn sensors_from_the_first_observation_on() {
+    let mut settings = SensingPreset::ThesisFlight.settings();
+    settings.timing.hidden_latency_ms = 200;
+    settings.timing.latency_ms = 2000.0;
+    settings.faults.duplicate_probability = 0.5;
+    settings.faults.jumps.push(Jump { start_s: 1.0, duration_s: 1.0, ..Jump::default() });
+    let mut localization = Localization::new(&settings, 1, ImpellerMode::Nominal).unwrap();
+    let truth = |k: i64| TrueMotion {
+        time_ns: 16_000_000 * k,
+        state: RigidBodyState { twist_body: Twist::new(Vector3::x(), Vector3::y()), ..RigidBodyState::at_rest() },
+        acceleration_origin_body: Vector3::x(),
+        angular_acceleration_body: Vector3::zeros(),
+    };
+    let before = ALLOCATIONS.get();
+    let mut read = 0;
+    for k in 0..20_000 {
+        localization.observe(&truth(k));
+        while localization.arrived(16_000_000 * k).is_some() {
+            read += 1;
+        }
+    }
+    // The second half is read by nobody.
+    (20_000..40_000).for_each(|k| localization.observe(&truth(k)));
+    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert!(read > 20_000 && localization.unread() > 0);
+}
+
+/// Hardware, drag, sensors, a payload taken and let go, either controller, and the log.
+#[test]
+fn a_simulated_flight_and_its_log() {
+    for (controller, sensing) in
+        [(ControllerName::Tracker, SensingPreset::Nominal), (ControllerName::Flown, SensingPreset::ThesisFlight)]
+    {
+        let mut source = ScenarioSource::find("iss-payload").unwrap();
+        let scenario = &mut source.scenario;
+        scenario.duration_s = 320.0;
+        scenario.drive.controller = Some(controller);
+        scenario.propulsion.drag = true;
+        let payload = scenario.payload.as_mut().unwrap();
+        (payload.attach_s, payload.release_s) = (40.0, Some(200.0));
+        scenario.sensing.preset = Some(sensing);
+        let mut flight = source.flight().unwrap();
+        let mut recorder = Recorder::new(std::io::sink()).unwrap();
+        let before = ALLOCATIONS.get();
+        while let Some(measured) = flight.step().unwrap() {
+            recorder.record(&measured, flight.simulator.estimates()).unwrap();
+        }
+        assert_eq!(ALLOCATIONS.get() - before, 0, "{controller:?}");
+        let (rows, _) = recorder.finish().unwrap();
+        assert!(rows > 10_000 && flight.simulator.events().len() > 1, "it ran: {rows} rows");
     }
 }

@@ -1,4 +1,4 @@
-//! From a recorded flight to the body: a simulated robot, pushed by what its nozzle bytes give, recorded as a bag.
+//! From a recorded flight to the body: a simulated robot, pushed by what its servos make of its nozzle bytes, recorded as a bag.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 #![allow(clippy::cast_possible_wrap, clippy::needless_range_loop)]
 
@@ -8,8 +8,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::noise::Gaussian;
-use tumble_astrobee::propulsion::inverse::wrench_of_flow;
-use tumble_astrobee::propulsion::{ForceAllocation, ImpellerMode, InverseAllocation, PropulsionCommand};
+use tumble_astrobee::propulsion::{
+    ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings,
+    constants::speed_of_byte_rad_s,
+};
 use tumble_astrobee::recording::flight::FlightReader;
 use tumble_dynamics::nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 use tumble_dynamics::{FreeFlyer, InertialParameters, Integrator as _, MuntheKaas4, RigidBodyState};
@@ -34,11 +36,9 @@ struct Flight {
     body: InertialParameters<f64>,
     states: Vec<State>,
     commands: Vec<PropulsionCommand>,
+    /// What acted from each command on.
+    realized: Vec<Wrench<f64>>,
     wanted: Vec<Wrench<f64>>,
-}
-
-fn realized(command: &PropulsionCommand) -> Wrench<f64> {
-    wrench_of_flow(&InverseAllocation::default().flow_of_bytes(command))
 }
 
 /// Sines of distinct frequencies on all six axes, at times beyond what the nozzles give.
@@ -66,6 +66,7 @@ fn fly() -> Flight {
     let mut noise = Gaussian::from_seed(11);
     let mut state = RigidBodyState::at_rest();
     let (mut states, mut commands, mut asked) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut plant, mut realized) = (None, Vec::new());
     let mut acting = Wrench::zero();
     let step = |state: &mut RigidBodyState<f64>, wrench: &Wrench<f64>, ns: i64| {
         for _ in 0..2 {
@@ -87,12 +88,14 @@ fn fly() -> Flight {
         let wrench = wanted(time_ns as f64 * 1e-9);
         let command = allocation.allocate_steps(&wrench).unwrap().bytes;
         step(&mut state, &acting, COMMAND_DELAY_NS);
-        acting = realized(&command);
+        let plant = plant.get_or_insert_with(|| PropulsionPlant::settled(PropulsionSettings::PHYSICAL, &command));
+        acting = plant.step_at_speeds(&command, command.impeller_speeds.map(speed_of_byte_rad_s));
+        realized.push(acting);
         step(&mut state, &acting, STEP_NS - COMMAND_DELAY_NS);
         commands.push(command);
         asked.push(wrench);
     }
-    Flight { body, states, commands, wanted: asked }
+    Flight { body, states, commands, realized, wanted: asked }
 }
 
 fn time(time_ns: i64) -> u64 {
@@ -201,7 +204,7 @@ fn the_wrench_of_an_interval_is_its_impulse() {
     assert_eq!(samples[0].wrench_body, None);
     assert_eq!(warnings, ["1 samples have no command of their interval, and no wrench"]);
     for k in 1..SAMPLES - 1 {
-        let (before, after) = (realized(&flight.commands[k - 1]), realized(&flight.commands[k]));
+        let (before, after) = (flight.realized[k - 1], flight.realized[k]);
         let share = COMMAND_DELAY_NS as f64 / STEP_NS as f64;
         let found = samples[k].wrench_body.unwrap();
         let force = before.force * share + after.force * (1.0 - share);

@@ -1,13 +1,7 @@
 //! What the sensors suffer from: every figure of `docs/sensing.md` and every source of error, by its statistics.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 #![allow(clippy::float_cmp, reason = "settings and unchanged numbers are equal to the bit")]
-#![allow(
-    unsafe_code,
-    reason = "an allocator that counts has to implement `GlobalAlloc`; it hands everything to the system's"
-)]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::propulsion::ImpellerMode;
 use tumble_astrobee::sensing::{
@@ -1086,54 +1080,5 @@ mod settings {
             error.to_string(),
             "sensing: `timing.publish_interval_ms` is 20, it must be 8 to 1000, a whole number of `imu.sample_interval_ms`"
         );
-    }
-}
-
-mod allocations {
-    use super::*;
-
-    struct Counting;
-
-    thread_local! {
-        // Of this thread only, so that what the test harness does beside it does not count.
-        static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-    }
-
-    // SAFETY: both calls go to the system's allocator unchanged.
-    unsafe impl GlobalAlloc for Counting {
-        unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-            ALLOCATIONS.with(|count| count.set(count.get() + 1));
-            unsafe { System.alloc(layout) }
-        }
-        unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-            unsafe { System.dealloc(pointer, layout) }
-        }
-    }
-
-    #[global_allocator]
-    static ALLOCATOR: Counting = Counting;
-
-    #[test]
-    fn none_from_the_first_observation_on() {
-        let mut settings = SensingPreset::ThesisFlight.settings();
-        settings.timing.hidden_latency_ms = 200;
-        settings.timing.latency_ms = 2000.0;
-        settings.faults.duplicate_probability = 0.5;
-        settings.faults.jumps.push(Jump { start_s: 1.0, duration_s: 1.0, ..Jump::default() });
-        let mut localization = Localization::new(&settings, 1, MODE).unwrap();
-        let before = ALLOCATIONS.get();
-        let mut read = 0;
-        for k in 0..20_000 {
-            localization.observe(&swing(k * 16 * MS));
-            while localization.arrived(k * 16 * MS).is_some() {
-                read += 1;
-            }
-        }
-        // The second half is read by nobody.
-        for k in 20_000..40_000 {
-            localization.observe(&swing(k * 16 * MS));
-        }
-        assert_eq!(ALLOCATIONS.get() - before, 0);
-        assert!(read > 20_000 && localization.unread() > 0);
     }
 }

@@ -113,13 +113,96 @@ fn events_of_a_flight_through_an_obstacle_are_reported() {
                 [drive]\ncontroller = \"none\"\n[[obstacles]]\ncenter_m = [0.5, 0, -0.7]\nsemi_axes_m = [0.1, 0.1, 0.1]\n";
     fs::write(folder.join("crash.toml"), text).unwrap();
     let output = tumble_in(&folder, &["simulate", "crash.toml", "--json"]);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    assert!(stderr(&output).contains("not as it should be: hit obstacle 0 at 1.264 s (3 such events)"));
     let found = json(&output);
     let events: Vec<&str> =
         found["events"].as_array().unwrap().iter().map(|event| event["event"].as_str().unwrap()).collect();
     let expected = ["hit obstacle 0", "left the table", "clear of obstacles", "left the keep-in volume"];
     assert_eq!(events, expected);
     assert_eq!(found["degrees_of_freedom"], 3);
+    // The same flight ends in time.
+    let output = tumble_in(&folder, &["simulate", "crash.toml", "--duration", "1"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+}
+
+#[test]
+fn a_duration_that_cannot_be_flown_is_refused_before_anything_is_written() {
+    let folder = scratch("duration");
+    for duration in ["0", "-1", "0.01", "86400.1", "1e300", "nan", "inf"] {
+        let output = tumble_in(&folder, &["simulate", "iss-hold", "--duration", duration]);
+        assert_eq!(output.status.code(), Some(2), "{duration}");
+        let said = stderr(&output);
+        assert!(said.contains("error[T014]: `--duration ") && said.contains("at most 86400 s"), "{said}");
+    }
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 0);
+}
+
+/// A row of an MCAP file: topic, time, content.
+fn messages(path: &Path) -> Vec<(String, u64, Vec<u8>)> {
+    let bytes = fs::read(path).unwrap();
+    let message = |message: Result<mcap::Message<'_>, mcap::McapError>| {
+        let message = message.unwrap();
+        (message.channel.topic.clone(), message.log_time, message.data.into_owned())
+    };
+    mcap::MessageStream::new(&bytes).unwrap().map(message).collect()
+}
+
+#[test]
+fn the_mcap_log_is_the_converted_csv_and_the_world() {
+    let folder = scratch("mcap");
+    let output = tumble_in(&folder, &["simulate", "iss-slalom", "--duration", "3", "--mcap", "--out", "flight"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(tumble_in(&folder, &["convert", "flight/log.csv", "again.mcap"]).status.success());
+    let mut written = messages(&folder.join("flight/log.mcap"));
+    let (topic, time, scene) = written.remove(0);
+    assert_eq!(written, messages(&folder.join("again.mcap")));
+    assert!(written.len() > 1000 && written.iter().all(|(topic, ..)| topic != "/world"));
+
+    assert_eq!((topic.as_str(), time), ("/world", 0));
+    let scene: Value = serde_json::from_slice(&scene).unwrap();
+    let world = ScenarioSource::find("iss-slalom").unwrap().flight().unwrap().world;
+    let part = |entity: usize, solids: &str| scene["entities"][entity][solids].as_array().unwrap().clone();
+    let vector = |value: &Value| ["x", "y", "z"].map(|axis| value[axis].as_f64().unwrap());
+    for (boxes, drawn) in [(&world.keep_in, part(0, "cubes")), (&world.keep_out, part(1, "cubes"))] {
+        assert!(!boxes.is_empty() && boxes.len() == drawn.len());
+        for (volume, cube) in boxes.iter().zip(drawn) {
+            let (center, size) = (vector(&cube["pose"]["position"]), vector(&cube["size"]));
+            for axis in 0..3 {
+                assert!((center[axis] - 0.5 * size[axis] - volume.lower_world[axis]).abs() < 1e-12);
+                assert!((center[axis] + 0.5 * size[axis] - volume.upper_world[axis]).abs() < 1e-12);
+            }
+        }
+    }
+    let drawn = part(2, "spheres");
+    assert!(!drawn.is_empty() && drawn.len() == world.obstacles.len());
+    for (obstacle, sphere) in world.obstacles.iter().zip(drawn) {
+        let (center, size) = (vector(&sphere["pose"]["position"]), vector(&sphere["size"]));
+        let expected = obstacle.world_from_ellipsoid.translation.vector;
+        assert!((0..3).all(|axis| center[axis].to_bits() == expected[axis].to_bits()));
+        assert!((0..3).all(|axis| size[axis].to_bits() == (2.0 * obstacle.semi_axes[axis]).to_bits()));
+    }
+}
+
+#[test]
+fn flights_of_other_robots_are_identified_from_either_log() {
+    let folder = scratch("robots");
+    for (scenario, mass_kg, inertia_xx) in
+        [("spheres-excite", 4.3, 0.112 * 0.0965 / 0.48), ("space-cobot-excite", 8.047, 0.062_814_6)]
+    {
+        let output = tumble_in(&folder, &["simulate", scenario, "--duration", "60", "--mcap", "--out", scenario]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let identified = |log: &str| json(&tumble_in(&folder, &["identify", &format!("{scenario}/{log}"), "--json"]));
+        let (from_csv, from_mcap) = (identified("log.csv"), identified("log.mcap"));
+        assert_eq!(from_csv["rank"], 10);
+        for (pointer, truth) in [("/mass_kg", mass_kg), ("/inertia_about_com_kg_m2/0/0", inertia_xx)] {
+            let number = |found: &Value, at: &str| found.pointer(at).and_then(Value::as_f64).unwrap();
+            let (estimate, sigma) = (number(&from_csv, pointer), number(&from_csv, &format!("/std{pointer}")));
+            assert!((estimate - truth).abs() < 4.0 * sigma, "{scenario}{pointer}: {estimate} +- {sigma}, not {truth}");
+            assert!(sigma < 0.003 * truth, "{scenario}{pointer}: {sigma}");
+            assert!((number(&from_mcap, pointer) / estimate - 1.0).abs() < 1e-9, "{scenario}{pointer}");
+        }
+    }
 }
 
 #[test]
@@ -136,19 +219,27 @@ fn what_is_wrong_is_named_with_its_line() {
         ("10.0", "nan", "line 4", "duration_s"),
         ("mass_kg = 9.0", "mass_kg = -9.0", "line 7", "no body has these parameters"),
         ("mass_kg = 9.0", "masss_kg = 9.0", "line 7", "did you mean `mass_kg`?"),
-        ("-6.65", "-1.0", "line 10", "keep-in"),
+        ("-6.65", "-20.0", "line 10", "keep-in"),
         ("-6.65, 4.9", "-6.65, inf", "line 11", "finite"),
         ("[0, 0, 0, 1]", "[0, 0, 0.5, 1]", "line 12", "norm 1.118034"),
         ("\"flown\"", "\"flow\"", "line 15, column 14", "did you mean `flown`?"),
         ("\"iss\"", "\"isss\"", "line 3", "did you mean `iss`?"),
         ("\"x\"", "\"../x\"", "line 2", "folder"),
         ("world = \"iss\"", "world = \"iss\"\nobstacle_set = 9", "line 4", "sets 0 to 4"),
+        ("\"iss\"", "\"i\\u001b[31ms\\ns\"", "line 3", "`i\u{fffd}[31ms s` is none of"),
+        ("\"flown\"", "\"flown\"\n[sensing.settings.imu]\nsample_interval_ms = 9", "line 17, column 1", "it must be 8"),
+        (
+            "\"flown\"",
+            "\"tracker\"\n[propulsion]\nkind = \"spheres\"\nsupply_v = 12",
+            "line 18",
+            "only with `kind = \"plant\"`",
+        ),
     ] {
         assert!(good.contains(from), "{from}");
         let text = good.replacen(from, to, 1);
         let outcome =
             ScenarioSource::parse(Path::new("bad.toml"), &text).and_then(|source| source.flight().map(|_| ()));
-        let message = outcome.unwrap_err().to_string();
+        let message = outcome.err().unwrap_or_else(|| panic!("accepted: {to}")).to_string();
         assert!(message.contains(place) && message.contains(expected), "{to}: {message}");
     }
     let inside = good.replacen("duration_s = 10.0\n", "duration_s = 10.0\nobstacle_set = 1\n", 1).replacen(

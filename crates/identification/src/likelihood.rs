@@ -25,7 +25,7 @@ use crate::dynamics::InertialParameters;
 use crate::error::{Column, IdentificationError};
 use crate::lie::Wrench;
 use crate::motion::MotionSample;
-use crate::statistics::Whiteness;
+use crate::statistics::{Whiteness, chi_square_exceedance};
 use crate::synchronize::{self, Signals};
 use crate::{Noise, WrenchTiming};
 use calibration::Calibration;
@@ -33,7 +33,7 @@ use chain::{Chain, Sweep};
 use coordinates::{Coordinates, ParameterStep};
 use elimination::{Indefinite, Schur};
 use identifiability::{Identifiability, inflation};
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
 use noise::{Levels, WrenchPrior};
 use record::Record;
 use segment::{ATTITUDE, MEASUREMENTS, POSITION, Robust};
@@ -78,6 +78,9 @@ const CONSISTENCY: f64 = 0.957_918;
 /// Restricted-likelihood steps on one linearisation, and linearisations on which they are done.
 const ROUNDS: usize = 3;
 const REFINEMENTS: usize = 3;
+/// Parts whose pulls are compared at most, and what scatter counts: above this factor, where chance does so less often.
+const SCATTER_PARTS: usize = 24;
+const VISIBLE_SCATTER: (f64, f64) = (1.2, 1e-4);
 /// A direction weaker than this fraction of the strongest is not shown.
 const SHOWN: f64 = 1e-12;
 
@@ -197,6 +200,9 @@ pub struct LikelihoodEstimate {
     /// Where the record asks for one body before and another after; not looked for where nuisances were asked for, nor by
     /// [`FixedLag`].
     pub body_change: Option<BodyChange>,
+    /// By what factor the parts of the record pull at the parameters more than the standard deviations, which take noise for
+    /// white, allow; one where that is chance, and by [`FixedLag`], which does not look for it.
+    pub scatter: f64,
 }
 
 /// A record that one body does not explain, and two do better than chance allows.
@@ -364,7 +370,7 @@ impl MaximumLikelihood {
         let mut fit = self.fit::<W>(record, calibration, None, approach)?;
         let found = result(&fit)?;
         let body_change = if self.nuisances.is_empty() { body_change(&mut fit)? } else { None };
-        Ok(LikelihoodEstimate { body_change, ..found })
+        Ok(LikelihoodEstimate { body_change, scatter: scatter(&mut fit)?, ..found })
     }
 
     /// The optimum, with a prior about the start or without.
@@ -558,6 +564,7 @@ fn result<const W: usize>(fit: &Fit<W>) -> Result<LikelihoodEstimate, Identifica
         outliers: sweep.tally.rejected[POSITION].max(sweep.tally.rejected[ATTITUDE]),
         whiteness: chain.whiteness(levels),
         body_change: None,
+        scatter: 1.0,
     })
 }
 
@@ -582,6 +589,48 @@ fn body_change<const W: usize>(fit: &mut Fit<W>) -> Result<Option<BodyChange>, I
         after: parameters + by_eta * cut.after,
         deviation: (by_eta * cut.covariance * by_eta.transpose()).diagonal().map(f64::sqrt),
     }))
+}
+
+/// By what factor the pulls of parts of the record at the parameters exceed what their information allows: one more
+/// elimination, and the largest factor over parts of several lengths, of which the longest hold noise that wanders slowly.
+///
+/// # Source
+/// Batch means of the score: the trace of the sandwich covariance of White (1982) over that of the information.
+fn scatter<const W: usize>(fit: &mut Fit<W>) -> Result<f64, IdentificationError> {
+    let every = fit.chain.starts.len().div_ceil(SCATTER_PARTS).max(1);
+    let (whole, parts) = fit.chain.eliminate_parts(every, &fit.levels).map_err(not_excited)?;
+    let Some(factor) = whole.information.clone().cholesky() else { return Ok(1.0) };
+    let (lower, n) = (factor.l(), whole.gradient.len());
+    // In steps in which the information of the whole is the identity; from the last part to the whole.
+    let whitened = |schur: &Schur| {
+        let half = lower.solve_lower_triangular(&schur.information)?;
+        Some((lower.solve_lower_triangular(&half.transpose())?, lower.solve_lower_triangular(&schur.gradient)?))
+    };
+    let Some(sums) = parts.iter().map(|(_, part)| part).chain([&whole]).map(whitened).collect::<Option<Vec<_>>>()
+    else {
+        return Ok(1.0);
+    };
+    let Some((_, all)) = sums.last() else { return Ok(1.0) };
+    let mut largest: f64 = 1.0;
+    for length in [1, 2, 4] {
+        let mut before = (DMatrix::zeros(n, n), DVector::zeros(n));
+        let (mut squares, mut mean, mut half_variance) = (0.0, 0.0, 0.0);
+        // The whole closes the earliest part, whatever its length.
+        for sum in sums.iter().rev().step_by(length).collect::<Vec<_>>().into_iter().rev() {
+            let (share, pull) = (&sum.0 - &before.0, &sum.1 - &before.1);
+            let expected = &share - &share * &share;
+            squares += (pull - &share * all).norm_squared();
+            mean += expected.trace();
+            half_variance += expected.norm_squared();
+            before = sum.clone();
+        }
+        let (ratio, freedom) = (squares / mean, mean * mean / half_variance);
+        let by_chance = chi_square_exceedance(freedom, ratio * freedom);
+        if ratio.sqrt() > VISIBLE_SCATTER.0 && by_chance < VISIBLE_SCATTER.1 {
+            largest = largest.max(ratio.sqrt());
+        }
+    }
+    Ok(largest)
 }
 
 /// Where the iterations ended.

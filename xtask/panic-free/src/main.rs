@@ -14,7 +14,14 @@
 
 use nalgebra::{Isometry3, SMatrix, SVector, UnitDualQuaternion, UnitQuaternion, Vector3, Vector6};
 use std::hint::black_box;
-use tumble_astrobee::propulsion::{FlapCommand, ForceAllocation, ImpellerMode, PropulsionCommand, QuantizedAllocation};
+use tumble_astrobee::bodies::BodyConfiguration;
+use tumble_astrobee::flight_controller::{ControlOrder, FlightCommand, FlightController, Setpoint};
+use tumble_astrobee::flight_modes::{ControlGains, FlightSite};
+use tumble_astrobee::propulsion::{
+    FlapCommand, ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings, PropulsionStep,
+    QuantizedAllocation,
+};
+use tumble_astrobee::sensing::{Confidence, LocalizationEstimate};
 use tumble_dynamics::{
     Actuation as _, BodyAcceleration, DynamicsError, FreeFlyer, InertialParameters, Integrator as _, MuntheKaas4,
     RigidBodyState, VariationalFreeFlyer,
@@ -88,6 +95,14 @@ proven! {
     fn realize_bytes(allocation: &QuantizedAllocation, command: &PropulsionCommand) -> Wrench<f64> {
         allocation.realize(command)
     }
+    fn propulsion_step(plant: &mut PropulsionPlant, command: &PropulsionCommand, rate: &Vector3<f64>) -> PropulsionStep {
+        plant.step(command, rate)
+    }
+    fn flight_controller(
+        controller: &mut FlightController, estimate: &LocalizationEstimate, order: &ControlOrder
+    ) -> FlightCommand {
+        controller.step(estimate, order)
+    }
     fn newton_euler_regressor(twist: &Twist<f64>, acceleration: &BodyAcceleration<f64>) -> SMatrix<f64, 6, 10> {
         newton_euler(&twist.angular, &acceleration.angular_acceleration_body, &acceleration.acceleration_origin_body)
     }
@@ -150,6 +165,22 @@ fn main() {
     if let (Ok(flaps), Ok(bytes)) = (allocate_flaps(&allocation, &wrench), allocate_bytes(&quantized, &wrench)) {
         black_box((realize_flaps(&allocation, &flaps), realize_bytes(&quantized, &bytes)));
     }
+    let mut plant = black_box(PropulsionPlant::spun_up(PropulsionSettings::PHYSICAL, ImpellerMode::Nominal));
+    black_box(propulsion_step(&mut plant, &black_box(PropulsionCommand::default()), &phi));
+    let mut controller =
+        black_box(FlightController::new(BodyConfiguration::Iss.parameters(), ControlGains::of(FlightSite::Iss)));
+    let estimate = black_box(LocalizationEstimate {
+        stamp_ns: 0,
+        arrival_ns: 0,
+        world_from_body: g,
+        velocity_origin_world: phi,
+        rate_body: phi,
+        acceleration_origin_body: phi,
+        confidence: Confidence::Good,
+    });
+    let setpoint = Setpoint::at_rest(0, g);
+    let order = black_box(ControlOrder::Follow { current: setpoint, next: setpoint });
+    black_box(flight_controller(&mut controller, &estimate, &order));
     let block = newton_euler_regressor(&state.twist_body, &acceleration);
     let mut information = SquareRootInformation::<10>::new();
     let updated = square_root_update(&mut information, &block, &wrench.to_vector());

@@ -21,7 +21,6 @@ mod identification;
 mod integrator;
 mod lie;
 mod likelihood;
-mod mcap_scan;
 mod plain_throws;
 mod plot;
 mod propulsion_dynamics;

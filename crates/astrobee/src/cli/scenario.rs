@@ -37,6 +37,7 @@ pub fn run(args: &ScenarioArgs) -> Result<Outcome, AstrobeeError> {
                 let _ = writeln!(text, "{:<20}{}", embedded.name, scenario.description.unwrap_or_default());
             }
             print(&text)?;
+            eprintln!("next: tumble simulate NAME, or tumble scenario show NAME > my.toml");
         }
         ScenarioCommand::Show { name } => {
             let source = ScenarioSource::find(name)?;

@@ -6,8 +6,10 @@ use crate::body_file::{self, BodyFile};
 use crate::figure::{Curve, Figure, SINCE_START};
 use crate::flight_log::Recorder;
 use crate::output::{OutputFolder, RUN_RECORD, unused};
-use crate::scenario::{Flight, ScenarioSource};
-use crate::simulator::{SimulatorMeasurement, TimedEvent};
+use crate::recording::mcap_log::McapSink;
+use crate::recording::rows::read_csv;
+use crate::scenario::{Flight, LONGEST_S, ScenarioSource};
+use crate::simulator::{CONTROL_PERIOD_S, Event, SimulatorMeasurement, TimedEvent};
 use crate::{AstrobeeError, log};
 use clap::Args;
 use std::fmt::Write as _;
@@ -16,18 +18,26 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tumble_dynamics::nalgebra::Vector3;
-use tumble_dynamics::{InertialParameters, ObstacleEllipsoid};
+use tumble_dynamics::{InertialParameters, ObstacleEllipsoid, World};
 use tumble_lie::LieGroup;
 
 /// Options of `tumble simulate`.
 #[derive(Args)]
+#[command(after_help = "\
+Exit codes: 0; 2 for an error; 3 where the flight is complete but left its volume or table, hit an obstacle or passed a limit
+(the events say which and when). docs/scenarios.md describes scenario files and what is written.
+
+Examples:
+  tumble simulate iss-excite                   then: tumble identify tumble-out/simulate-iss-excite-1/log.csv
+  tumble simulate iss-slalom --seed 7 --mcap   another draw of all errors; with a log for Foxglove
+  tumble scenario show iss-excite > my.toml    a scenario to change; then: tumble simulate my.toml")]
 pub struct SimulateArgs {
     /// A scenario file, or the name of an embedded one (`tumble scenario list`).
     scenario: String,
-    /// Instead of the scenario's seed.
-    #[arg(long, value_name = "N")]
+    /// All random numbers follow from it; instead of the scenario's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u64>,
-    /// Instead of the scenario's length, s.
+    /// Length of the flight, s, at most 86400; instead of the scenario's.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     duration: Option<f64>,
     /// Folder to write [default: tumble-out/simulate-SCENARIO-SEED, numbered where it exists].
@@ -36,6 +46,9 @@ pub struct SimulateArgs {
     /// Replace an earlier result.
     #[arg(long)]
     force: bool,
+    /// Also write log.mcap, for Foxglove and the like: the log twice as large again, and the world.
+    #[arg(long)]
+    mcap: bool,
     /// Print one JSON object and nothing else on stdout.
     #[arg(long)]
     json: bool,
@@ -70,6 +83,11 @@ pub fn run(args: &SimulateArgs) -> Result<Outcome, AstrobeeError> {
         source.scenario.seed = seed;
     }
     if let Some(duration_s) = args.duration {
+        // Without this the scenario, which may be right, would be blamed.
+        if !(CONTROL_PERIOD_S..=LONGEST_S).contains(&duration_s) {
+            let message = format!("`--duration {duration_s}`: at least {CONTROL_PERIOD_S} s and at most {LONGEST_S} s");
+            return Err(AstrobeeError::BadOption { message });
+        }
         source.scenario.duration_s = duration_s;
     }
     let mut flight = source.flight()?;
@@ -93,6 +111,10 @@ pub fn run(args: &SimulateArgs) -> Result<Outcome, AstrobeeError> {
     })?;
     let (rows, left_out) = recorder.finish().map_err(unwritable)?;
     let wall_s = clock.elapsed().as_secs_f64();
+    if args.mcap {
+        progress("writing log.mcap ...");
+        write_mcap(&log_path, &folder.file("log.mcap"), &flight.world)?;
+    }
     progress("");
 
     let truth = flight.simulator.body();
@@ -114,9 +136,47 @@ pub fn run(args: &SimulateArgs) -> Result<Outcome, AstrobeeError> {
     } else {
         print(&table(&source, &flight, &flown, (rows, left_out), speed))?;
     }
+    say_next(&place, &flight);
+    let violations: Vec<&TimedEvent> =
+        flight.simulator.events().iter().filter(|event| event.event.is_violation()).collect();
+    let Some(first) = violations.first() else { return Ok(Outcome::Achieved) };
+    let more = if violations.len() > 1 { format!(" ({} such events)", violations.len()) } else { String::new() };
+    eprintln!("not as it should be: {} at {:.3} s{more}", first.event, seconds(first));
+    Ok(Outcome::NotAchieved)
+}
+
+/// The log as `tumble convert` writes it, and the world.
+fn write_mcap(log: &Path, path: &Path, world: &World) -> Result<(), AstrobeeError> {
+    let unwritable = |source| AstrobeeError::Unwritable { path: path.into(), source };
+    let file = File::create(path).map_err(unwritable)?;
+    let mut sink = McapSink::new(BufWriter::with_capacity(1 << 16, file))?;
+    sink.world(world)?;
+    read_csv(log, &mut sink)?;
+    sink.finish().map(drop).map_err(|error| match error {
+        AstrobeeError::Unwritable { source, .. } => unwritable(source),
+        other => other,
+    })
+}
+
+/// Says where the result is, what to do with it, and what it cannot show.
+fn say_next(place: &Path, flight: &Flight) {
     let shown = place.display();
-    eprintln!("wrote {shown}; next: tumble identify {shown}/log.csv --reference {shown}/truth.toml");
-    Ok(Outcome::Achieved)
+    let changed = flight.simulator.events().iter().any(|event| match event.event {
+        Event::PayloadAttached => event.time_ns > 0,
+        Event::PayloadReleased => true,
+        _ => false,
+    });
+    let split = if changed { " --split" } else { "" };
+    eprintln!("wrote {shown}; next: tumble identify {shown}/log.csv --reference {shown}/truth.toml{split}");
+    if changed {
+        eprintln!("note: the body changed in flight; truth.toml is the one at the end, `--split` looks for the others");
+    }
+    if flight.place.is_planar() {
+        eprintln!(
+            "note: motion on a table shows the mass, x and y of its centre and the inertia about z at most; identify says \
+             that the rest is not determined"
+        );
+    }
 }
 
 /// Flies to the end; `each` sees every control period.
@@ -146,7 +206,7 @@ fn fly(
         flown.saturated += i64::from(measured.saturated);
         let force_error = (measured.realized_wrench_body.force - measured.believed_wrench_body.force).norm();
         flown.largest_force_error_n = flown.largest_force_error_n.max(force_error);
-        flown.impulse_n_s += measured.realized_wrench_body.force.norm() * crate::simulator::CONTROL_PERIOD_S;
+        flown.impulse_n_s += measured.realized_wrench_body.force.norm() * CONTROL_PERIOD_S;
         if index % drawn_every == 0 {
             flown.drawn.push(measured);
         }
@@ -210,6 +270,7 @@ fn summary(
 }
 
 fn table(source: &ScenarioSource, flight: &Flight, flown: &Flown, (rows, left_out): (u64, u64), speed: f64) -> String {
+    let truth = flight.simulator.body();
     let mut text = String::new();
     let Flown { periods, saturated, distance_m, top_speed_m_s, impulse_n_s, largest_force_error_n, .. } = flown;
     let _ = writeln!(text, "scenario {}, seed {}", source.scenario.name, source.scenario.seed);
@@ -223,17 +284,30 @@ fn table(source: &ScenarioSource, flight: &Flight, flown: &Flown, (rows, left_ou
         "rows of the log",
         format!("{rows}{}", if left_out > 0 { format!(" ({left_out} estimates left out)") } else { String::new() }),
     );
-    line("distance", format!("{distance_m:.3} m, up to {top_speed_m_s:.3} m/s"));
-    line("impulse", format!("{impulse_n_s:.3} N s"));
-    line("propulsion at its limits", format!("{:.1} % of the time", 100.0 * *saturated as f64 / *periods as f64));
-    line("largest force error", format!("{largest_force_error_n:.4} N between applied and believed"));
+    line("way flown", format!("{distance_m:.3} m, up to {top_speed_m_s:.3} m/s"));
+    line("impulse of the force", format!("{impulse_n_s:.3} N s"));
+    line("body at the end", format!("{:.3} kg (truth.toml)", truth.mass));
+    line(
+        "propulsion",
+        format!(
+            "{} (drag: {})",
+            source.scenario.propulsion.kind.describe(),
+            if source.scenario.propulsion.drag { "yes" } else { "no" }
+        ),
+    );
+    line("at its limits", format!("{:.1} % of the time", 100.0 * *saturated as f64 / *periods as f64));
+    line(
+        "largest force error",
+        format!("{largest_force_error_n:.4} N, applied less what the robot believes it applied"),
+    );
     if let Some((distance, angle)) = to_goal(flight) {
         line("from the goal", format!("{distance:.3} m, {angle:.3} rad"));
     }
     let events = flight.simulator.events();
     line("events", if events.is_empty() { "none".to_owned() } else { events.len().to_string() });
     for event in events {
-        let _ = writeln!(text, "    {:>9.3} s  {}", seconds(event), event.event);
+        let mark = if event.event.is_violation() { "  <- should not happen" } else { "" };
+        let _ = writeln!(text, "    {:>9.3} s  {}{mark}", seconds(event), event.event);
     }
     if flight.simulator.events_lost() > 0 {
         let _ = writeln!(text, "    and {} more", flight.simulator.events_lost());
@@ -256,7 +330,7 @@ fn run_record(source: &ScenarioSource, folder: &OutputFolder) -> Result<String, 
     .to_string())
 }
 
-/// Pictures: motion, wrenches, the way seen from above.
+/// Pictures: motion, wrenches, the way in the x-y plane.
 fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), AstrobeeError> {
     let curve = |name: &'static str, value: &dyn Fn(&SimulatorMeasurement) -> f64| Curve {
         name,
@@ -275,12 +349,14 @@ fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), Ast
         ("position.svg", "Position from the start, world axes", "m", three(&travelled)),
         ("attitude.svg", "Rotation vector from the start", "rad", three(&turned)),
     ];
-    for (axis, force, torque) in
-        [(0, "force_x.svg", "torque_x.svg"), (1, "force_y.svg", "torque_y.svg"), (2, "force_z.svg", "torque_z.svg")]
-    {
+    for (axis, force, force_title, torque, torque_title) in [
+        (0, "force_x.svg", "Force along body x", "torque_x.svg", "Torque about body x, through the origin"),
+        (1, "force_y.svg", "Force along body y", "torque_y.svg", "Torque about body y, through the origin"),
+        (2, "force_z.svg", "Force along body z", "torque_z.svg", "Torque about body z, through the origin"),
+    ] {
         figures.push((
             force,
-            "Force, body axes",
+            force_title,
             "N",
             vec![
                 curve("wanted", &|m| m.wanted_wrench_body.force[axis]),
@@ -290,7 +366,7 @@ fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), Ast
         ));
         figures.push((
             torque,
-            "Torque about the body origin",
+            torque_title,
             "N m",
             vec![
                 curve("wanted", &|m| m.wanted_wrench_body.torque[axis]),
@@ -304,9 +380,10 @@ fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), Ast
             .draw(&folder.file(name))?;
     }
     let path = flown.drawn.iter().map(|m| (travelled(m).x, travelled(m).y)).collect();
-    let outlines: Vec<Vec<(f64, f64)>> = flight.obstacles.iter().map(|obstacle| outline(obstacle, &origin)).collect();
+    let outlines: Vec<Vec<(f64, f64)>> =
+        flight.world.obstacles.iter().map(|obstacle| outline(obstacle, &origin)).collect();
     Figure {
-        title: "From above (grey: obstacles)",
+        title: "Way in the x-y plane of the world (grey: obstacles)",
         x_label: "x from the start, m",
         y_label: "y from the start, m",
         curves: vec![Curve { name: "body origin", points: path }],

@@ -1,7 +1,7 @@
 //! The propulsion hardware: commands go in, the wrench on the body comes out, 0.016 s at a time.
 
 use super::impeller::Impeller;
-use super::nozzle::wrench_of_thrusts;
+use super::nozzle::{joined, wrench_of_thrusts};
 use super::servo::Servo;
 use super::{ImpellerMode, InverseAllocation, PropulsionCommand};
 use tumble_dynamics::nalgebra::Vector3;
@@ -22,6 +22,8 @@ pub enum GyroscopicSign {
 pub struct PropulsionSettings {
     /// Factor on every nozzle's thrust.
     pub thrust_factor: f64,
+    /// Factor on each nozzle's thrust on top, in the order of [`constants::NOZZLES`](super::constants::NOZZLES).
+    pub nozzle_factors: [f64; 12],
     /// Supply of the impeller motors, V.
     pub supply_v: f64,
     /// Sign of the coupling of impellers and body rate.
@@ -30,10 +32,15 @@ pub struct PropulsionSettings {
 
 impl PropulsionSettings {
     /// Thrust as the pressure makes it, 14 V, the physical reaction of the impellers.
-    pub const PHYSICAL: Self = Self { thrust_factor: 1.0, supply_v: 14.0, gyroscopic_sign: GyroscopicSign::Physical };
+    pub const PHYSICAL: Self = Self {
+        thrust_factor: 1.0,
+        nozzle_factors: [1.0; 12],
+        supply_v: 14.0,
+        gyroscopic_sign: GyroscopicSign::Physical,
+    };
     /// As NASA's simulation: thrust tuned by 1.25, and its sign of the gyroscopic term.
     pub const AS_SIMULATED_UPSTREAM: Self =
-        Self { thrust_factor: 1.25, supply_v: 14.0, gyroscopic_sign: GyroscopicSign::AsSimulatedUpstream };
+        Self { thrust_factor: 1.25, gyroscopic_sign: GyroscopicSign::AsSimulatedUpstream, ..Self::PHYSICAL };
 }
 
 impl Default for PropulsionSettings {
@@ -62,6 +69,8 @@ pub struct PropulsionPlant {
     impellers: [Impeller; 2],
 }
 
+/// Periods after which the flaps stand where a command wants them, up to the play of the gears.
+const SETTLING_STEPS: usize = 300;
 /// Axis of each impeller, body y: they turn against each other.
 const IMPELLER_AXES_Y: [f64; 2] = [1.0, -1.0];
 
@@ -76,20 +85,51 @@ impl PropulsionPlant {
         Self { impellers: [Impeller::spun_up(mode.speed_byte()); 2], ..Self::new(settings) }
     }
 
-    /// One period of 0.016 s under a command, the body turning at `rate_body` (rad/s).
-    pub fn step(&mut self, command: &PropulsionCommand, rate_body: &Vector3<f64>) -> PropulsionStep {
+    /// As a command has left it after a while: impellers turning steadily at its speeds, flaps where it wants them.
+    pub fn settled(settings: PropulsionSettings, command: &PropulsionCommand) -> Self {
+        let impellers = command.impeller_speeds.map(Impeller::spun_up);
+        let mut plant = Self { impellers, ..Self::new(settings) };
+        for (servo, byte) in plant.servos.iter_mut().zip(command.nozzles) {
+            for _ in 0..SETTLING_STEPS {
+                servo.step(byte);
+            }
+        }
+        plant
+    }
+
+    /// One period of 0.016 s under a command while the impellers turn at speeds that were measured, rad/s; the wrench of the
+    /// nozzles on the body, torque about the body origin.
+    pub fn step_at_speeds(&mut self, command: &PropulsionCommand, speeds_rad_s: [f64; 2]) -> Wrench<f64> {
+        let flaps_rad = self.step_servos(command);
+        wrench_of_thrusts(&self.thrusts_n(speeds_rad_s, &flaps_rad))
+    }
+
+    fn step_servos(&mut self, command: &PropulsionCommand) -> [f64; 12] {
         let mut flaps_rad = [0.0; 12];
         for ((flap_rad, servo), byte) in flaps_rad.iter_mut().zip(&mut self.servos).zip(command.nozzles) {
             *flap_rad = servo.step(byte);
         }
+        flaps_rad
+    }
+
+    /// Thrust of each nozzle.
+    fn thrusts_n(&self, speeds_rad_s: [f64; 2], flaps_rad: &[f64; 12]) -> [f64; 12] {
+        let flows = InverseAllocation::default().flow_of_openings(speeds_rad_s, flaps_rad);
+        let mut thrusts_n = joined(flows.map(|flow| flow.thrusts_n));
+        for (thrust_n, factor) in thrusts_n.iter_mut().zip(self.settings.nozzle_factors) {
+            *thrust_n *= self.settings.thrust_factor * factor;
+        }
+        thrusts_n
+    }
+
+    /// One period of 0.016 s under a command, the body turning at `rate_body` (rad/s).
+    pub fn step(&mut self, command: &PropulsionCommand, rate_body: &Vector3<f64>) -> PropulsionStep {
+        let flaps_rad = self.step_servos(command);
         for (impeller, byte) in self.impellers.iter_mut().zip(command.impeller_speeds) {
             impeller.step(byte, self.settings.supply_v);
         }
         let speeds_rad_s = self.impellers.each_ref().map(Impeller::speed_rad_s);
-        let flows = InverseAllocation::default().flow_of_openings(speeds_rad_s, &flaps_rad);
-        let [starboard, port] = flows.map(|flow| flow.thrusts_n.map(|thrust_n| self.settings.thrust_factor * thrust_n));
-        let [s0, s1, s2, s3, s4, s5] = starboard;
-        let [p0, p1, p2, p3, p4, p5] = port;
+        let [s0, s1, s2, s3, s4, s5, p0, p1, p2, p3, p4, p5] = self.thrusts_n(speeds_rad_s, &flaps_rad);
         let mut module_wrenches_body = [
             wrench_of_thrusts(&[s0, s1, s2, s3, s4, s5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
             wrench_of_thrusts(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p0, p1, p2, p3, p4, p5]),

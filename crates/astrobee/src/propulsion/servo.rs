@@ -39,7 +39,9 @@ impl Servo {
     /// One period of 0.016 s under a nozzle byte; returns the flap angle from the closed stop in this period, rad.
     pub fn step(&mut self, byte: u8) -> f64 {
         // the play follows the shaft before the shaft moves: one of the two periods of dead time
-        self.geared_rad = self.geared_rad.clamp(self.shaft_rad - HALF_BACKLASH_RAD, self.shaft_rad + HALF_BACKLASH_RAD);
+        // (not `clamp`, which panics where the ends of the play are no numbers)
+        self.geared_rad = self.geared_rad.max(self.shaft_rad - HALF_BACKLASH_RAD);
+        self.geared_rad = self.geared_rad.min(self.shaft_rad + HALF_BACKLASH_RAD);
         let wanted_rad = f64::from(byte) * (SERVO_RANGE_RAD / NOZZLE_COUNTS);
         let voltage = self.pid.step(&GAINS, wanted_rad - GEAR_RATIO * self.geared_rad);
         self.current_a = (voltage - MOTOR_CONSTANT * self.shaft_rate_rad_s) / RESISTANCE_OHM;

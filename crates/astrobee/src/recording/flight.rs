@@ -8,8 +8,7 @@ use super::messages::{self, Message, MessageError, PmcCommand};
 use super::{RawMessage, ScanReport, scan_file};
 use crate::AstrobeeError;
 use crate::log::{QUATERNION_NORM_TOLERANCE, seconds, shortened};
-use crate::propulsion::inverse::wrench_of_flow;
-use crate::propulsion::{InverseAllocation, PropulsionCommand};
+use crate::propulsion::{PropulsionCommand, PropulsionReplay};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
@@ -304,7 +303,7 @@ struct Assembler<'p> {
     columns: MeasuredColumns,
     newest_motion_ns: Option<i64>,
     center_of_mass: Vector3<f64>,
-    bytes: Option<PropulsionCommand>,
+    nozzles: PropulsionReplay,
     speeds: Option<[u8; 2]>,
     /// The wrench that acts, and until when.
     acting: Option<(Wrench<f64>, i64)>,
@@ -323,7 +322,7 @@ impl<'p> Assembler<'p> {
             columns: MeasuredColumns::default(),
             newest_motion_ns: None,
             center_of_mass: Vector3::zeros(),
-            bytes: None,
+            nozzles: PropulsionReplay::default(),
             speeds: None,
             acting: None,
             pending: None,
@@ -466,6 +465,7 @@ impl<'p> Assembler<'p> {
 
     /// Goes on to an event, in order of time; hands out the sample whose interval it ends.
     fn advance(&mut self, time_ns: i64, event: Event) -> Option<MotionSample> {
+        self.replay_until(time_ns);
         if let Event::Motion(sample) = event {
             if self.pending.as_ref().is_some_and(|(pending, ..)| pending.time_ns == time_ns) {
                 self.tally.repeated += 1;
@@ -494,18 +494,16 @@ impl<'p> Assembler<'p> {
             }
             Event::CenterOfMass(center_of_mass) => self.center_of_mass = center_of_mass,
             Event::Bytes(bytes) => {
-                self.bytes = Some(bytes);
-                let realized = self.realized(bytes);
-                self.hold(realized, time_ns);
+                let acting = self.nozzles.take(time_ns, bytes, self.speeds);
+                if let Some(wrench) = acting.or(self.acting.map(|(wrench, _)| wrench)) {
+                    self.hold(wrench, time_ns);
+                }
             }
             Event::Speeds(speeds) => {
                 // The simulator's telemetry stays at zero; a robot's does not.
                 if self.speeds.is_some() || speeds.iter().any(|speed| *speed > 0) {
                     self.speeds = Some(speeds);
                     self.tally.measured_speed = true;
-                }
-                if let (Some(bytes), Some((_, until))) = (self.bytes, self.acting) {
-                    self.acting = Some((self.realized(bytes), until));
                 }
             }
             Event::Motion(_) => {}
@@ -517,9 +515,18 @@ impl<'p> Assembler<'p> {
         self.acting = Some((wrench, time_ns.saturating_add(LONGEST_HOLD_NS)));
     }
 
-    fn realized(&self, bytes: PropulsionCommand) -> Wrench<f64> {
-        let command = PropulsionCommand { impeller_speeds: self.speeds.unwrap_or(bytes.impeller_speeds), ..bytes };
-        wrench_of_flow(&InverseAllocation::default().flow_of_bytes(&command))
+    /// What the servos do by themselves while commands hold.
+    fn replay_until(&mut self, time_ns: i64) {
+        while let (Some((_, until)), Some(overdue_ns)) = (self.acting, self.nozzles.overdue_ns()) {
+            if overdue_ns > time_ns.min(until) {
+                if until < time_ns {
+                    self.nozzles.silence();
+                }
+                return;
+            }
+            self.add_up(overdue_ns);
+            self.acting = self.nozzles.go_on(self.speeds).map(|wrench| (wrench, until));
+        }
     }
 
     /// Adds what acts to the impulse of the running interval, up to a time.

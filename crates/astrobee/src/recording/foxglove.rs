@@ -5,7 +5,7 @@
 
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use tumble_dynamics::World;
+use tumble_dynamics::{AlignedBox, World};
 use tumble_lie::Pose;
 use tumble_lie::nalgebra::{UnitQuaternion, Vector3};
 
@@ -174,24 +174,29 @@ pub fn body_transform(time_ns: i64, position: &[f64; 3], xyzw: &[f64; 4]) -> Str
     )
 }
 
-/// Keep-in boxes and obstacles as a `foxglove.SceneUpdate`, to stay until replaced.
+/// Keep-in boxes, keep-out boxes and obstacles as a `foxglove.SceneUpdate`, to stay until replaced.
 pub fn world_scene(time_ns: i64, world: &World) -> String {
-    const BOX_COLOR: [f64; 4] = [0.2, 0.6, 1.0, 0.08];
+    const KEEP_IN_COLOR: [f64; 4] = [0.2, 0.6, 1.0, 0.08];
+    const KEEP_OUT_COLOR: [f64; 4] = [1.0, 0.6, 0.1, 0.25];
     const OBSTACLE_COLOR: [f64; 4] = [0.9, 0.3, 0.2, 0.7];
     let solid = |pose: &Pose<f64>, size: &Vector3<f64>, color: &[f64; 4]| {
         let (position, xyzw) = (pose.translation.vector.into(), pose.rotation.coords.into());
         let (pose, size) = (pose_text(&position, &xyzw), flat(&XYZ, size));
         format!("{{\"pose\":{pose},\"size\":{size},\"color\":{}}}", flat(&["r", "g", "b", "a"], color))
     };
-    let boxes = world.keep_in.iter().map(|keep_in| {
-        let center = (keep_in.lower_world + keep_in.upper_world) * 0.5;
-        let pose = Pose::from_parts(center.into(), UnitQuaternion::identity());
-        solid(&pose, &(keep_in.upper_world - keep_in.lower_world), &BOX_COLOR)
-    });
-    let obstacles = world
+    let boxes = |boxes: &[AlignedBox], color: &[f64; 4]| {
+        let cube = |volume: &AlignedBox| {
+            let center = (volume.lower_world + volume.upper_world) * 0.5;
+            let pose = Pose::from_parts(center.into(), UnitQuaternion::identity());
+            solid(&pose, &(volume.upper_world - volume.lower_world), color)
+        };
+        boxes.iter().map(cube).collect::<Vec<_>>().join(",")
+    };
+    let obstacles: Vec<String> = world
         .obstacles
         .iter()
-        .map(|obstacle| solid(&obstacle.world_from_ellipsoid, &(obstacle.semi_axes * 2.0), &OBSTACLE_COLOR));
+        .map(|obstacle| solid(&obstacle.world_from_ellipsoid, &(obstacle.semi_axes * 2.0), &OBSTACLE_COLOR))
+        .collect();
     let entity = |id: &str, cubes: &str, spheres: &str| {
         format!(
             "{{\"timestamp\":{},\"frame_id\":\"{WORLD_FRAME}\",\"id\":\"{id}\",\"lifetime\":{{\"sec\":0,\"nsec\":0}},\
@@ -200,11 +205,11 @@ pub fn world_scene(time_ns: i64, world: &World) -> String {
             stamped(time_ns)
         )
     };
-    let joined = |parts: Vec<String>| parts.join(",");
     format!(
-        "{{\"deletions\":[],\"entities\":[{},{}]}}",
-        entity("keep_in", &joined(boxes.collect()), ""),
-        entity("obstacles", "", &joined(obstacles.collect()))
+        "{{\"deletions\":[],\"entities\":[{},{},{}]}}",
+        entity("keep_in", &boxes(&world.keep_in, &KEEP_IN_COLOR), ""),
+        entity("keep_out", &boxes(&world.keep_out, &KEEP_OUT_COLOR), ""),
+        entity("obstacles", "", &obstacles.join(","))
     )
 }
 

@@ -13,6 +13,7 @@ use crate::log::QUATERNION_NORM_TOLERANCE;
 use std::collections::HashMap;
 use std::io::{Read, Write};
 use std::ops::ControlFlow;
+use tumble_dynamics::World;
 use tumble_identification::MotionSample;
 use tumble_lie::nalgebra::Vector3;
 use tumble_lie::{Pose, Wrench};
@@ -35,6 +36,8 @@ pub const MEASURED_WRENCH: &str = "/measured/wrench";
 pub const MEASURED_COLUMNS: &str = "/measured/columns";
 /// Topic of the body's frame.
 pub const TRANSFORMS: &str = "/tf";
+/// Topic of the volumes and obstacles.
+pub const WORLD: &str = "/world";
 
 /// Source and prefix of a column.
 fn source(column: &str) -> (&'static str, &'static str) {
@@ -70,6 +73,15 @@ impl<W: Write> McapSink<W> {
         let writer = McapWriter::new(out).map_err(unwritable)?;
         let (poses, wrenches, others) = (Vec::new(), Vec::new(), Vec::new());
         Ok(Self { writer, columns: Vec::new(), poses, wrenches, others, transforms: None })
+    }
+
+    /// Draws the world, once, before the first row.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::Unwritable`].
+    pub fn world(&mut self, world: &World) -> Result<(), AstrobeeError> {
+        let channel = self.writer.channel(WORLD, &Schema::scene_update()).map_err(unwritable)?;
+        self.writer.write(channel, 0, &foxglove::world_scene(0, world)).map_err(unwritable)
     }
 
     /// Ends the file and gives back what was written to.

@@ -11,6 +11,7 @@ use crate::excitation_file::ExcitationFile;
 use crate::flight_controller::FlightController;
 use crate::flight_modes::{ControlGains, FlightMode};
 use crate::log::QUATERNION_NORM_TOLERANCE;
+use crate::noise::Gaussian;
 use crate::propulsion::{ImpellerMode, PropulsionSettings};
 use crate::sensing::{Localization, SensingPreset};
 use crate::simulator::{
@@ -19,7 +20,7 @@ use crate::simulator::{
     Waypoint,
 };
 use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
-use crate::{flight_log, space_cobot};
+use crate::{flight_log, space_cobot, spheres};
 use std::path::{Path, PathBuf};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{
@@ -33,8 +34,11 @@ const TRACKER_RAD_S: (f64, f64) = (1.0, 0.5);
 const MOST_TONES: usize = 50;
 /// Most rows of a file of wrenches: a day of control periods.
 const MOST_WRENCHES: usize = 5_400_000;
-/// What the seed of the phases differs by from that of the sensors.
+/// What the seeds of the phases and of the nozzles differ by from that of the sensors.
 const PHASES: u64 = 0x5068_6173_6573;
+const NOZZLES: u64 = 0x4e6f_7a7a_6c65;
+/// Beyond this a nozzle could pull.
+const LARGEST_THRUST_SIGMA: f64 = 0.1;
 
 /// A payload is taken hold of or let go.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,8 +59,8 @@ pub struct Flight {
     pub goal: Option<Pose<f64>>,
     /// Where it flies.
     pub place: WorldPreset,
-    /// What is in its way, for pictures.
-    pub obstacles: Vec<ObstacleEllipsoid>,
+    /// Volumes and obstacles, for pictures.
+    pub world: World,
     /// Its length in whole control periods, ns.
     pub duration_ns: i64,
     payload_changes: Vec<(i64, PayloadChange)>,
@@ -190,7 +194,7 @@ impl ScenarioSource {
             simulator,
             goal,
             place,
-            obstacles: world.obstacles,
+            world,
             duration_ns,
             payload_changes: self.payload_changes(duration_ns)?,
             estimate: None,
@@ -285,9 +289,10 @@ impl ScenarioSource {
                     "mgtf" => Some(BodyConfiguration::Mgtf.parameters()),
                     "gazebo" => Some(BodyConfiguration::Gazebo.parameters()),
                     "space-cobot" => Some(space_cobot::body()),
+                    "spheres" => Some(spheres::body()),
                     _ => None,
                 };
-                let names = ["iss", "granite", "mgtf", "gazebo", "space-cobot"];
+                let names = ["iss", "granite", "mgtf", "gazebo", "space-cobot", "spheres"];
                 self.named(&format!("{}.preset", written.key), name, find, names)
             }
             (None, Some(file), (None, None, None)) => body_file::read(&self.folder().join(file)),
@@ -374,6 +379,9 @@ impl ScenarioSource {
             if table.supply_v.is_some() {
                 return Err(foreign("supply_v", "plant"));
             }
+            if table.thrust_sigma.is_some() {
+                return Err(foreign("thrust_sigma", "plant"));
+            }
         }
         let limit = |key: &str, limit: Option<[f64; 3]>| {
             let limit = limit.ok_or_else(|| self.bad("propulsion", &format!("`{key}` is needed with `limited`")))?;
@@ -386,13 +394,21 @@ impl ScenarioSource {
         };
         Ok(match table.kind {
             PropulsionName::Exact => Actuators::Exact,
+            PropulsionName::Spheres => Actuators::spheres()?,
+            PropulsionName::SpaceCobot => Actuators::Rotors(space_cobot::rotors()?),
             PropulsionName::Limited => Actuators::Limited(WrenchBox {
                 torque_limit: limit("torque_limit_n_m", table.torque_limit_n_m)?,
                 force_limit: limit("force_limit_n", table.force_limit_n)?,
             }),
             PropulsionName::Plant => {
                 let physical = PropulsionSettings::PHYSICAL;
+                let thrust_sigma = table.thrust_sigma.unwrap_or(0.0);
+                if !(0.0..=LARGEST_THRUST_SIGMA).contains(&thrust_sigma) {
+                    return Err(self.bad("propulsion.thrust_sigma", "it lies between 0 and 0.1"));
+                }
+                let mut variation = Gaussian::from_seed(self.scenario.seed ^ NOZZLES);
                 let settings = PropulsionSettings {
+                    nozzle_factors: physical.nozzle_factors.map(|factor| factor + thrust_sigma * variation.normal()),
                     thrust_factor: self.positive(
                         "propulsion.thrust_factor",
                         table.thrust_factor,
@@ -414,8 +430,12 @@ impl ScenarioSource {
             (None, Some(settings)) => settings.clone(),
         };
         settings.gravity_world_m_s2 = place.gravity_m_s2();
-        Localization::new(&settings, self.scenario.seed, mode)
-            .map_err(|error| self.bad("sensing.settings", &error.to_string()))
+        Localization::new(&settings, self.scenario.seed, mode).map_err(|error| match error {
+            AstrobeeError::SensingOutOfRange { key, .. } => {
+                self.bad(&format!("sensing.settings.{key}"), &error.to_string())
+            }
+            other => other,
+        })
     }
 
     fn payload_changes(&self, duration_ns: i64) -> Result<Vec<(i64, PayloadChange)>, AstrobeeError> {

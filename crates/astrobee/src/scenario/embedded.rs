@@ -16,7 +16,7 @@ macro_rules! embedded {
 }
 
 /// All of them.
-pub const EMBEDDED: [Embedded; 10] = embedded![
+pub const EMBEDDED: [Embedded; 12] = embedded![
     "iss-hold",
     "iss-excite",
     "iss-payload",
@@ -27,6 +27,8 @@ pub const EMBEDDED: [Embedded; 10] = embedded![
     "granite-excite",
     "granite-room",
     "open-tumble",
+    "spheres-excite",
+    "space-cobot-excite",
 ];
 
 #[cfg(test)]

@@ -304,7 +304,8 @@ mod tests {
         }
         for (axis, largest) in largest.into_iter().enumerate() {
             let share = largest / peak.to_vector()[axis];
-            assert!((0.9..=1.0).contains(&share), "{axis}: {share}");
+            // The worst phases of three evenly spaced sines leave sqrt(5)/3 of the sum of their amplitudes.
+            assert!((0.745..=1.0).contains(&share), "{axis}: {share}");
         }
         assert_ne!(sines, Multisine::new(&peak, 3, 0.05, 0.4, 10));
     }

@@ -7,9 +7,10 @@ use super::{
     Estimate, FEW_NODES, Identification, Method, NodeResidual, Noise, POOR_FIT, Prior, Settings, VISIBLE_COLOUR,
     Validation, Warning, leaves_noise_only,
 };
-use crate::error::IdentificationError;
+use crate::error::{Column, IdentificationError};
 use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, Nuisances, SegmentResidual};
 use crate::motion::MotionSample;
+use crate::statistics::Whiteness;
 use crate::{BodyScale, Observability, SquareRootInformation};
 use nalgebra::SMatrix;
 
@@ -39,7 +40,11 @@ pub(super) fn most_likely(
     settings: &Settings,
 ) -> Result<Option<Identification>, IdentificationError> {
     let whole = match estimator(settings).estimate(record) {
-        Ok(found) => Answer::of(&found, settings.prior.as_ref())?.map(|answer| (found, answer)),
+        Ok(found) => {
+            let (mut found, left_out) = believable(found, record, settings);
+            widen(&mut found);
+            Answer::of(&found, settings.prior.as_ref())?.map(|answer| (found, answer, left_out))
+        }
         Err(error) if is_about_the_data(&error) => None,
         Err(error) => return Err(error),
     };
@@ -50,16 +55,58 @@ pub(super) fn most_likely(
         None => match estimator(settings).partial(record) {
             Ok((found, _)) if is_noise(record, &found) || !has_settled(&found) => None,
             Ok((found, information)) => {
-                Answer::of_part(&found, &information, settings.prior.as_ref())?.map(|answer| (found, answer))
+                Answer::of_part(&found, &information, settings.prior.as_ref())?.map(|answer| (found, answer, None))
             }
             Err(error) if is_about_the_data(&error) => None,
             Err(error) => return Err(error),
         },
     };
-    let Some((found, answer)) = whole else { return Ok(None) };
-    let found = identification(found, &answer, record, timeline, settings);
+    let Some((found, answer, left_out)) = whole else { return Ok(None) };
+    let mut found = identification(found, &answer, record, timeline, settings);
+    found.warnings.extend(left_out.map(|column| Warning::PosesAlone { column }));
     let trusted = found.explained >= Some(POOR_FIT) && leaves_noise_only(&found);
     Ok((found.rank == 10 || trusted).then_some(found))
+}
+
+/// Whether a column leaves noise unexplained that is visibly not white.
+fn is_coloured(whiteness: &Whiteness) -> bool {
+    let (inflation, chance) = VISIBLE_COLOUR;
+    whiteness.sigma_inflation() > inflation && !whiteness.is_white(chance)
+}
+
+/// The answer of the poses alone where their noise is white and that of a column beside them is not, with that column.
+///
+/// Filters, biases and errors of scale make measured rates and accelerations wrong in ways that no noise level describes.
+/// What was asked for beside the body may be about just these, and keeps them.
+fn believable(
+    found: LikelihoodEstimate,
+    record: &[MotionSample],
+    settings: &Settings,
+) -> (LikelihoodEstimate, Option<Column>) {
+    let is_of_poses = |column: Column| matches!(column, Column::Position | Column::Attitude);
+    let coloured = found.whiteness.iter().find(|(column, whiteness)| !is_of_poses(*column) && is_coloured(whiteness));
+    let Some(&(column, _)) = coloured.filter(|_| settings.estimate == Nuisances::default()) else {
+        return (found, None);
+    };
+    let poses = |sample: &MotionSample| MotionSample {
+        velocity_origin_world: None,
+        rate_body: None,
+        acceleration_origin_body: None,
+        ..*sample
+    };
+    let poses: Vec<MotionSample> = record.iter().map(poses).collect();
+    match estimator(settings).estimate(&poses) {
+        Ok(alone) if is_known(&alone, DETERMINED) && !alone.whiteness.iter().any(|(_, w)| is_coloured(w)) => {
+            (alone, Some(column))
+        }
+        _ => (found, None),
+    }
+}
+
+/// Widens what is stated where the parts of the record contradict each other beyond it.
+fn widen(found: &mut LikelihoodEstimate) {
+    found.covariance *= found.scatter * found.scatter;
+    found.std *= found.scatter;
 }
 
 /// Whether the logged wrench is nothing but noise, torque and force.
@@ -117,11 +164,12 @@ fn identification(
         warnings.push(Warning::PoorFit { explained });
     }
     for (column, whiteness) in &found.whiteness {
-        let (inflation, chance) = VISIBLE_COLOUR;
-        let sigma_inflation = whiteness.sigma_inflation();
-        if sigma_inflation > inflation && !whiteness.is_white(chance) {
-            warnings.push(Warning::ColouredNoise { column: *column, sigma_inflation });
+        if is_coloured(whiteness) {
+            warnings.push(Warning::ColouredNoise { column: *column, sigma_inflation: whiteness.sigma_inflation() });
         }
+    }
+    if found.scatter > 1.0 {
+        warnings.push(Warning::WidenedSigma { factor: found.scatter });
     }
     let Noise { torque_n_m, force_n, .. } = found.noise;
     let beyond = [torque_n_m, force_n].into_iter().zip(found.visible_wrench_noise).map(|(asked, seen)| asked / seen);

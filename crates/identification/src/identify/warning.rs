@@ -160,6 +160,16 @@ pub enum Warning {
         /// Factor by which standard deviations fall short where this column decides them.
         sigma_inflation: f64,
     },
+    /// Parts of the record pull at the parameters more than white noise would: all standard deviations are widened.
+    WidenedSigma {
+        /// By this factor.
+        factor: f64,
+    },
+    /// Measured velocities, rates and accelerations are left out: their errors are not white noise, those of the poses are.
+    PosesAlone {
+        /// A column that says so.
+        column: Column,
+    },
     /// The motion shows a direction of the parameters badly or not at all.
     WeakExcitation {
         /// What is not determined, and the simple motion that would show it.
@@ -268,6 +278,16 @@ impl fmt::Display for Warning {
                 f,
                 "what the {column} leave unexplained is not white noise: neighbouring errors are alike, and the stated sigma may \
                  be too small by a factor of up to {sigma_inflation:.1}"
+            ),
+            Self::WidenedSigma { factor } => write!(
+                f,
+                "the parts of this log contradict each other {factor:.1} times as much as white noise would: the stated sigma is \
+                 widened by that factor"
+            ),
+            Self::PosesAlone { column } => write!(
+                f,
+                "the poses alone answer: measured velocities, rates and accelerations are left out, for what the {column} leave \
+                 unexplained is not white noise (filters, biases and errors of scale do that)"
             ),
             Self::WeakExcitation { direction, std } if std.is_finite() => write!(
                 f,

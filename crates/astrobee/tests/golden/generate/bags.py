@@ -150,7 +150,11 @@ class Maker:
         if node == 4:
             length = int(self.random.integers(0, 4))
             values.append(length)
-        made = [self.value(element, values) for _ in range(length)]
+        made = [self.value(element, values) for _ in range(min(length, 6))]
+        # The rest of a long array in few digits, each with its own value: the files stay small.
+        while len(made) < length:
+            made.append(int(self.random.integers(-4000, 4000)) / 8)
+            values.append(repr(made[-1]))
         if int(element[0]) == 1 and element[1][0] != "string":
             made = np.array(made, dtype=element[1][0])
         return made
@@ -166,17 +170,17 @@ class Maker:
 
 
 TOPICS = [
-    ("/bumble/gnc/ekf", "ff_msgs/EkfState", 2),
-    ("/bumble/gnc/ctl/command", "ff_msgs/FamCommand", 2),
-    ("/bumble/hw/pmc/command", "ff_hw_msgs/PmcCommand", 3),
-    ("/bumble/hw/pmc/telemetry", "ff_hw_msgs/PmcTelemetry", 3),
+    ("/bumble/gnc/ekf", "ff_msgs/EkfState", 1),
+    ("/bumble/gnc/ctl/command", "ff_msgs/FamCommand", 1),
+    ("/bumble/hw/pmc/command", "ff_hw_msgs/PmcCommand", 2),
+    ("/bumble/hw/pmc/telemetry", "ff_hw_msgs/PmcTelemetry", 2),
     ("/bumble/hw/imu", "sensor_msgs/Imu", 1),
     ("/bumble/mob/inertia", "geometry_msgs/InertiaStamped", 1),
-    ("/bumble/loc/pose", "geometry_msgs/PoseStamped", 2),
+    ("/bumble/loc/pose", "geometry_msgs/PoseStamped", 1),
     ("/bumble/loc/twist", "geometry_msgs/TwistStamped", 1),
-    ("/wrench", "geometry_msgs/WrenchStamped", 2),
+    ("/wrench", "geometry_msgs/WrenchStamped", 1),
     ("/odom", "nav_msgs/Odometry", 1),
-    ("/rosout", "std_msgs/String", 2),
+    ("/rosout", "std_msgs/String", 1),
 ]
 
 

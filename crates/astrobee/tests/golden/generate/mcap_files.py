@@ -94,7 +94,7 @@ def definition(kind):
 def main(folder):
     begin_ns = 1_700_000_000_000_000_123
     messages = []
-    for step in range(5):
+    for step in range(3):
         for n, (topic, kind) in enumerate(TOPICS):
             stamp = begin_ns + step * 16_000_000 + n * 1_000
             # Every fourth is recorded late, after later ones.
@@ -105,7 +105,7 @@ def main(folder):
         with open(folder / f"ros2_{name}.mcap", "wb") as out:
             writer = Writer(
                 out,
-                chunk_size=2000,
+                chunk_size=1000,
                 compression=compression,
                 use_chunking=name != "unchunked",
                 enable_data_crcs=name in ("none", "unchunked"),
@@ -117,7 +117,7 @@ def main(folder):
             for topic, kind in TOPICS:
                 schema = writer.register_schema(name=kind, encoding="ros2msg", data=definition(kind).encode())
                 channels[topic] = writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema)
-            kept = messages if name in ("none", "lz4") else messages[:10]
+            kept = messages if name in ("none", "lz4") else messages[:5]
             for topic, kind, log, item in kept:
                 payload = bytes(store.serialize_cdr(item, kind))
                 writer.add_message(channel_id=channels[topic], log_time=log, publish_time=log, data=payload)

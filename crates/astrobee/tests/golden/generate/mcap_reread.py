@@ -1,4 +1,4 @@
-"""Reads an MCAP log that `tumble convert` wrote with the Python library `mcap`, and compares it with the CSV it was made of.
+"""Reads an MCAP log that `tumble convert` or `tumble simulate --mcap` wrote with the Python library `mcap`, and compares it with the CSV it was made of.
 
 Not needed to build or test. Needs Python 3.11 with `pip install mcap==1.6.0`; run as
 
@@ -43,7 +43,7 @@ def nanoseconds(text):
 
 
 mcap, csv = sys.argv[1:]
-found, kinds = {}, {}
+found, kinds, world = {}, {}, {}
 with open(mcap, "rb") as file:
     reader = make_reader(file, validate_crcs=True)
     for schema, channel, message in reader.iter_messages(log_time_order=False):
@@ -51,6 +51,20 @@ with open(mcap, "rb") as file:
         assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
         check_fields(content, json.loads(schema.data), channel.topic)
         kinds[schema.name] = kinds.get(schema.name, 0) + 1
+        if channel.topic == "/world":
+            assert (message.log_time, content["deletions"]) == (0, []), channel.topic
+            scene = {entity.pop("id"): entity for entity in content["entities"]}
+            assert list(scene) == ["keep_in", "keep_out", "obstacles"], list(scene)
+            for name, entity in scene.items():
+                assert (stamp(entity["timestamp"]), entity["frame_id"], stamp(entity["lifetime"])) == (0, "world", 0)
+                solids = entity.pop("spheres" if name == "obstacles" else "cubes")
+                assert not any(value for value in entity.values() if isinstance(value, list)), name
+                for solid in solids:
+                    assert min(solid["size"].values()) > 0, (name, solid)
+                    assert abs(sum(q * q for q in solid["pose"]["orientation"].values()) - 1) < 1e-12, (name, solid)
+                    assert all(0 <= part <= 1 for part in solid["color"].values()), (name, solid)
+                world[name] = solids
+            continue
         row = found.setdefault(message.log_time, {})
         if channel.topic == "/tf":
             (transform,) = content["transforms"]
@@ -91,4 +105,7 @@ with open(csv) as file:
             assert float(text).hex() == float(written[name]).hex(), (time, name, text, written[name])
         count += len(cells)
 assert not found
+for name, solids in world.items():
+    for solid in solids:
+        print(name, *solid["pose"]["position"].values(), *solid["size"].values())
 print(f"{count} cells equal to the bit; messages: {kinds}; {len(chunks)} chunks of at most {longest * 1e-9:.3f} s")
