@@ -507,7 +507,9 @@ pub(crate) fn cut_warning(path: &Path) -> Option<String> {
     loop {
         let block = reader.fill_buf().ok().filter(|block| !block.is_empty());
         let Some(block) = block else { return Some(cut(line)) };
-        line += block.iter().filter(|byte| **byte == b'\n').count() as u64;
+        for byte in block {
+            line += u64::from(*byte == b'\n');
+        }
         let count = block.len();
         reader.consume(count);
     }
