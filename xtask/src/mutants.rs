@@ -623,9 +623,16 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "propulsion: a module's nozzles taken by the other",
         file: "crates/astrobee/src/propulsion/plant.rs",
-        original: "let [starboard, port] = flows.map(",
-        replacement: "let [port, starboard] = flows.map(",
+        original: "let mut thrusts_n = joined(flows.map(|flow| flow.thrusts_n));",
+        replacement: "let [starboard, port] = flows.map(|flow| flow.thrusts_n); let mut thrusts_n = joined([port, starboard]);",
         test: "-p tumble-astrobee --test propulsion_plant",
+    },
+    Mutant {
+        name: "flights: servos do not wait for a late command",
+        file: "crates/astrobee/src/propulsion/replay.rs",
+        original: "running.stepped_ns.saturating_add(PERIOD_NS + PERIOD_NS / 2)",
+        replacement: "running.stepped_ns.saturating_add(PERIOD_NS)",
+        test: "-p tumble-astrobee --lib replay",
     },
     Mutant {
         name: "servo: play after the shaft has moved",
@@ -1071,7 +1078,7 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "scenario: control characters reach the terminal",
         file: "crates/astrobee/src/scenario.rs",
-        original: "place::with_suggestion(&printable(error.message()))",
+        original: "printable(&place::with_suggestion(error.message()))",
         replacement: "place::with_suggestion(error.message())",
         test: "-p tumble-astrobee --test corruption_sweep",
     },

@@ -237,6 +237,13 @@ const NO_DEVIATIONS: StandardDeviations = StandardDeviations {
     inertia_about_com_kg_m2: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 };
 
+/// Whether what answers is not what the numbers need: a bias beyond the stated sigma, another method in the place of the one asked
+/// for.
+fn is_doubtful(found: &Identification) -> bool {
+    let doubtful = |w: &Warning| matches!(w, Warning::BiasedByNoise { .. } | Warning::FilterDiverged { .. });
+    found.warnings.iter().any(doubtful)
+}
+
 /// Whether the data determine the body, the model fits them, and every number is known better than the body's own scale.
 pub fn is_identified(found: &Identification) -> bool {
     let known = |estimate: &Estimate| worst_std(estimate).0 < 1.0;
@@ -244,6 +251,7 @@ pub fn is_identified(found: &Identification) -> bool {
         && separable(found).iter().all(|separable| *separable)
         && found.estimate.as_ref().is_some_and(known)
         && found.explained.is_some_and(|share| share >= POOR_FIT)
+        && !is_doubtful(found)
 }
 
 /// The quantity known worst, relative to the body's own scale.
@@ -269,6 +277,12 @@ fn verdict(found: &Identification, context: &Context) -> String {
             );
         } else if found.explained.is_some_and(|share| share < POOR_FIT) {
             let _ = writeln!(text, "verdict: no body explains this log; do not use the numbers above");
+        } else if is_doubtful(found) {
+            let _ = writeln!(
+                text,
+                "verdict: not identified; the numbers above are an answer with an error beyond the sigma of its noise (see the warnings): \
+                 record a stronger excitation, or try `--method maximum-likelihood --estimate delay,actuator-lag`"
+            );
         } else if !separable(found).iter().all(|separable| *separable) {
             let _ = writeln!(
                 text,

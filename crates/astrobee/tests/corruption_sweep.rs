@@ -200,8 +200,10 @@ fn a_damaged_table_of_wrenches_names_the_damage() {
 
 #[test]
 fn wrenches_end_where_the_flight_does() {
-    let rows = |count: u32| (0..count).map(|t| format!("{t},1,2,3,4,5,6\n")).collect::<String>();
-    let text = format!("t_s,f_x,f_y,f_z,tau_x,tau_y,tau_z\n{}", rows(100));
+    let mut text = "t_s,f_x,f_y,f_z,tau_x,tau_y,tau_z\n".to_owned();
+    for time_s in 0..100 {
+        let _ = writeln!(text, "{time_s},1,2,3,4,5,6");
+    }
     let read = read_wrenches(text.as_bytes(), Path::new("w.csv"), 7_000_000_000).unwrap();
     assert_eq!((read.len(), read[6].0), (7, 6_000_000_000));
     // the time of a row is read to the nanosecond
@@ -250,7 +252,7 @@ fn hostile_scenarios_are_refused_briefly() {
     let long = "x".repeat(1 << 20);
     for name in [long.as_str(), "\\u001b[2J", "a\\u0007b", "\\u0000"] {
         scenario_refusal(&format!("\"{name}\" = 1"));
-        scenario_refusal(&SCENARIO.replace("\"a\"", &format!("\"{name}\"")).replace("open", &format!("{name}")));
+        scenario_refusal(&SCENARIO.replace("\"a\"", &format!("\"{name}\"")).replace("open", name));
         scenario_refusal(&format!("{}{START}", SCENARIO.replace("open", name)));
         scenario_refusal(&format!("{SCENARIO}flight_mode = \"{name}\"\n{START}"));
         scenario_refusal(&format!("{SCENARIO}[start]\npoint = \"{name}\"\n"));

@@ -229,6 +229,9 @@ pub struct Validation {
 pub const POOR_FIT: f64 = 0.5;
 /// A force of which the best body explains less than this share is noise.
 const SILENT: f64 = 0.1;
+/// Tilt and lift below this share of the motion in the plane, and below so many times the noise of the poses, are none.
+const OUT_OF_PLANE: f64 = 0.02;
+const BEYOND_NOISE: f64 = 3.0;
 /// Fewer nodes than this leave the covariance uncertain.
 const FEW_NODES: usize = 20;
 /// A direction is weakly excited where one sigma is above this fraction of the body's scale.
@@ -252,7 +255,12 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
     let mut found = answer(record, settings)?;
     // A regression that does not answer has not the last word.
     let doubtful = found.rank < 10 || found.explained.is_some_and(|share| share < POOR_FIT);
-    let settled = |w: &Warning| matches!(w, Warning::LikelihoodFailed | Warning::ZeroWrench | Warning::SilentForce);
+    let settled = |w: &Warning| {
+        matches!(
+            w,
+            Warning::LikelihoodFailed | Warning::ZeroWrench | Warning::SilentForce | Warning::UnfollowedForce { .. }
+        )
+    };
     let tried = found.warnings.iter().any(settled);
     if settings.method == Method::Auto && found.method != Method::MaximumLikelihood && doubtful && !tried {
         let likely = most_likely(record, &Timeline::try_new(record)?, settings)?;
@@ -272,8 +280,16 @@ fn leaves_noise_only(found: &Identification) -> bool {
 /// Directions that the motion shows badly or not at all, with the simple motion that would show each.
 fn weak_excitation(found: &Identification) -> Vec<Warning> {
     // Without a wrench, or with one that means something else, no motion helps.
-    let silent =
-        |warning: &Warning| matches!(warning, Warning::ZeroWrench | Warning::SilentForce | Warning::PoorFit { .. });
+    let silent = |warning: &Warning| {
+        matches!(
+            warning,
+            Warning::ZeroWrench
+                | Warning::SilentForce
+                | Warning::UnfollowedForce { .. }
+                | Warning::PoorFit { .. }
+                | Warning::PlanarMotion { .. }
+        )
+    };
     if found.warnings.iter().any(silent) {
         return Vec::new();
     }
@@ -308,7 +324,7 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
         Best::Fit(fit) => *fit,
         Best::Likelihood(found) => return Ok(*found),
     };
-    recursion::run(&mut fit, record, settings, &noise)?;
+    let diverged_ns = recursion::run(&mut fit, record, settings, &noise)?;
     let zero_wrench = record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0);
     let silent = match (zero_wrench, fit.explained()) {
         (true, _) => Silent::Wrench,
@@ -317,15 +333,22 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
     };
     let judgement = judge(&fit, silent, settings.prior.as_ref())?;
     let mut warnings = warnings_of(&timeline, &fit, &judgement, &noise);
+    warnings.extend(diverged_ns.map(|time_ns| Warning::FilterDiverged { time_ns }));
     match silent {
         Silent::Wrench => warnings.push(Warning::ZeroWrench),
-        Silent::Force => warnings.push(Warning::SilentForce),
+        Silent::Force if is_noise(record) => warnings.push(Warning::SilentForce),
+        Silent::Force => {
+            warnings.push(Warning::UnfollowedForce { explained: fit.explained().map_or(0.0, |(_, force)| force) });
+        }
         Silent::Nothing => {}
     }
     if settings.method == Method::MaximumLikelihood
         || settings.method == Method::Auto && settings.lag.is_none() && (fit.poses_noisy || fit.rates_noisy)
     {
         warnings.push(Warning::LikelihoodFailed);
+    }
+    if fit.coloured > 0.0 && !settings.method.is_recursive() {
+        warnings.push(Warning::BiasedByNoise { deviations: fit.coloured });
     }
     if settings.estimate != Nuisances::default() {
         warnings.push(Warning::NotCalibrated { rows: record.len() });
@@ -347,6 +370,12 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
     if let Some(explained) = explained.filter(|share| *share < POOR_FIT) {
         warnings.push(Warning::PoorFit { explained });
     }
+    let unexplained = |w: &Warning| {
+        matches!(w, Warning::PoorFit { .. } | Warning::UnfollowedForce { .. } | Warning::LikelihoodFailed)
+    };
+    if warnings.iter().any(unexplained) {
+        warnings.extend(planar_motion(record, &noise).map(|normal_world| Warning::PlanarMotion { normal_world }));
+    }
     if let (Some(body), Some(explained)) = (estimate, explained)
         && let Some(change) = parts::body_change(&fit, &body.parameters.to_vector())
     {
@@ -356,7 +385,11 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
         fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
     let wrench_gain = fit.scheme.wrench_gain().sqrt();
     Ok(Identification {
-        method: if settings.method.is_recursive() { settings.method } else { fit.scheme.method },
+        method: if settings.method.is_recursive() && diverged_ns.is_none() {
+            settings.method
+        } else {
+            fit.scheme.method
+        },
         wrench_timing: settings.wrench_timing,
         lag: fit.scheme.lag,
         step_s: timeline.median_step_s(),
@@ -385,6 +418,47 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
         residuals,
         warnings,
     })
+}
+
+/// Whether the logged force is nothing but white noise: its change from sample to sample is as large as itself.
+fn is_noise(record: &[MotionSample]) -> bool {
+    let forces: Vec<Vector3<f64>> = record.iter().filter_map(|sample| Some(sample.wrench_body?.force)).collect();
+    let mean_square = |sum: f64, count: usize| sum / count.max(1) as f64;
+    let mean = forces.iter().sum::<Vector3<f64>>() / forces.len().max(1) as f64;
+    let size = mean_square(forces.iter().map(|force| (force - mean).norm_squared()).sum(), forces.len());
+    let change = mean_square(forces.windows(2).map(|pair| (pair[1] - pair[0]).norm_squared()).sum(), forces.len());
+    // White noise: twice.
+    change >= size
+}
+
+/// The normal of the plane to which a motion is confined within the noise of the poses; `None` for a free motion, and for one
+/// that does not turn.
+fn planar_motion(record: &[MotionSample], noise: &SampleNoise) -> Option<Vector3<f64>> {
+    let first = record.first()?.world_from_body;
+    let turns = |sample: &MotionSample| {
+        let turn = (sample.world_from_body.rotation * first.rotation.inverse()).into_inner();
+        turn.imag() * (2.0 * turn.w.signum())
+    };
+    let count = record.len() as f64;
+    let spread = |values: &dyn Fn(&MotionSample) -> Vector3<f64>| -> Matrix3<f64> {
+        let mean = record.iter().map(values).sum::<Vector3<f64>>() / count;
+        record.iter().map(|sample| values(sample) - mean).map(|apart| apart * apart.transpose()).sum::<Matrix3<f64>>()
+            / count
+    };
+    let (turning, moving) =
+        (spread(&turns), spread(&|sample: &MotionSample| sample.world_from_body.translation.vector));
+    let eigen = turning.symmetric_eigen();
+    let largest = eigen.eigenvalues.imax();
+    let normal: Vector3<f64> = eigen.eigenvectors.column(largest).into_owned();
+    let about = eigen.eigenvalues[largest].sqrt();
+    let tilt = (turning.trace() - eigen.eigenvalues[largest]).max(0.0).sqrt();
+    let along = normal.dot(&(moving * normal)).max(0.0).sqrt();
+    let across = (moving.trace() - along * along).max(0.0).sqrt();
+    let within = |off: f64, in_plane: f64, noise: f64| off < OUT_OF_PLANE * in_plane + BEYOND_NOISE * noise;
+    let planar = within(tilt, about, noise.attitude_rad) && within(along, across, noise.position_m);
+    // Noise alone is not a motion.
+    let moves = about > 4.0 * BEYOND_NOISE * noise.attitude_rad && across > 4.0 * BEYOND_NOISE * noise.position_m;
+    (planar && moves).then(|| if normal.sum() < 0.0 { -normal } else { normal })
 }
 
 /// What the motion of a record can answer, given the noise of its wrench (torque, force; one standard deviation of one

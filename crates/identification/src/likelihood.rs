@@ -218,6 +218,8 @@ pub struct BodyChange {
     pub before: SVector<f64, 10>,
     /// Parameters that the part after asks for, to first order.
     pub after: SVector<f64, 10>,
+    /// Standard deviations of `after - before`, widened by what neighbouring stretches of the record disagree.
+    pub deviation: SVector<f64, 10>,
 }
 
 impl LikelihoodEstimate {
@@ -585,6 +587,7 @@ fn body_change<const W: usize>(fit: &mut Fit<W>) -> Result<Option<BodyChange>, I
         first_sure: at(cut.place + every),
         before: parameters + by_eta * cut.before,
         after: parameters + by_eta * cut.after,
+        deviation: (by_eta * cut.covariance * by_eta.transpose()).diagonal().map(f64::sqrt),
     }))
 }
 

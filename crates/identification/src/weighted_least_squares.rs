@@ -38,7 +38,7 @@ pub struct RowNoise {
 ///
 /// With `instruments` the rows at the next node, whose poses are other poses, stand in for the noisy regressor on the
 /// left of the normal equations. Noise that is independent from sample to sample then averages out where plain least
-/// squares is attenuated.
+/// squares is attenuated. Whether it is shows by how far the solution moves with the rows `instruments` nodes away.
 ///
 /// # Source
 /// Thesis (2.20), (4.12).
@@ -55,6 +55,9 @@ pub struct WeightedLeastSquares {
     pub parameters: SVector<f64, 10>,
     /// Its covariance.
     pub covariance: SMatrix<f64, 10, 10>,
+    /// By how much the solution moves with instruments so far away that noise which is alike over some samples averages out
+    /// too: an error to be expected, where it is more than chance. Zero without instruments.
+    pub instrument_shift: SVector<f64, 10>,
     /// What noise in the regressors adds to the information matrix on average; subtract it to see the signal.
     pub noise_information: SMatrix<f64, 10, 10>,
     /// Standard deviation of the torque residual of a row, N m.
@@ -78,7 +81,7 @@ impl WeightedLeastSquares {
         rows: &[WrenchRow],
         scale: BodyScale,
         noise: &RowNoise,
-        instruments: bool,
+        instruments: Option<usize>,
     ) -> Result<Self, IdentificationError> {
         let magnitudes = scale.parameter_magnitudes();
         let (mut torque, mut force) = (scale.length_m(), 1.0);
@@ -100,32 +103,35 @@ impl WeightedLeastSquares {
         let position: HashMap<usize, usize> = rows.iter().enumerate().map(|(i, row)| (row.index, i)).collect();
         let at = |index: Option<usize>| index.and_then(|index| position.get(&index)).map(|&i| &rows[i].regressor);
         // The left factor of the normal equations for each row: its own regressor, or those of its neighbours.
-        let left: Vec<Regressor<f64>> = rows
-            .iter()
-            .map(|row| {
-                if !instruments {
-                    return row.regressor;
-                }
-                let mut sum = Regressor::zeros();
-                for neighbour in [at(row.index.checked_sub(1)), at(Some(row.index + 1))].into_iter().flatten() {
-                    sum += neighbour;
-                }
-                sum
-            })
-            .map(|regressor| scaled(&weights, &regressor))
-            .collect();
+        let left_with = |apart: Option<usize>| -> Vec<Regressor<f64>> {
+            let of_row = |row: &WrenchRow| {
+                let Some(apart) = apart else { return scaled(&weights, &row.regressor) };
+                let neighbours = [at(row.index.checked_sub(apart)), at(Some(row.index + apart))];
+                scaled(&weights, &neighbours.into_iter().flatten().fold(Regressor::zeros(), |sum, other| sum + other))
+            };
+            rows.iter().map(of_row).collect()
+        };
         let to_scaled = SMatrix::<f64, 10, 10>::from_diagonal(&magnitudes);
-        let mut normal = SMatrix::<f64, 10, 10>::zeros();
-        let mut moment = SVector::<f64, 10>::zeros();
-        for (left, row) in left.iter().zip(rows) {
-            normal += left.transpose() * row.regressor;
-            moment += left.transpose() * row.wrench;
-        }
+        let solved = |left: &[Regressor<f64>]| {
+            let mut normal = SMatrix::<f64, 10, 10>::zeros();
+            let mut moment = SVector::<f64, 10>::zeros();
+            for (left, row) in left.iter().zip(rows) {
+                normal += left.transpose() * row.regressor;
+                moment += left.transpose() * row.wrench;
+            }
+            let inverse = to_scaled * (to_scaled * normal * to_scaled).try_inverse()? * to_scaled;
+            Some((inverse, inverse * moment))
+        };
         let not_excited =
             IdentificationError::NotExcited { rank: 9, expected: 10, smallest_singular_value: f64::MIN_POSITIVE };
-        let inverse = to_scaled * (to_scaled * normal * to_scaled).try_inverse().ok_or(not_excited)? * to_scaled;
-        if instruments {
-            parameters = inverse * moment;
+        let left = left_with(instruments.map(|_| 1));
+        let (inverse, solution) = solved(&left).ok_or(not_excited)?;
+        let mut instrument_shift = SVector::zeros();
+        if let Some(apart) = instruments {
+            parameters = solution;
+            if let Some((_, far)) = solved(&left_with(Some(apart))) {
+                instrument_shift = far - solution;
+            }
         }
         let spread = moment_covariance(rows, &left, &parameters, noise.correlation_length, freedom);
         let covariance = inverse * spread * inverse.transpose();
@@ -136,6 +142,7 @@ impl WeightedLeastSquares {
             information,
             parameters,
             covariance,
+            instrument_shift,
             noise_information: per_row * rows.len() as f64,
             torque_residual: torque,
             force_residual: force,
@@ -260,4 +267,43 @@ fn rms(rows: &[WrenchRow], wrench: impl Fn(&WrenchRow) -> Vector6<f64>, length_m
         })
         .sum();
     (sum / (6 * rows.len().max(1)) as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Largest shift of the instruments in standard deviations; the noise of one acceleration is `memory` times the last.
+    fn shift(seed: u64, memory: f64) -> f64 {
+        let mut state = seed;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        };
+        let body = SVector::<f64, 10>::from_column_slice(&[9.4, 0.3, -0.2, 0.5, 0.2, 0.0, 0.0, 0.18, 0.0, 0.19]);
+        let mut noise = Vector6::<f64>::zeros();
+        let rows: Vec<WrenchRow> = (0..4000_usize)
+            .map(|index| {
+                let wave = |k: usize| (index as f64 * (0.011 + 0.007 * k as f64) + k as f64).sin();
+                let triple = |first: usize| Vector3::new(wave(first), wave(first + 1), wave(first + 2));
+                let (rate, angular, linear) = (triple(0) * 0.3, triple(3) * 0.1, triple(6) * 0.05);
+                noise = noise * memory + Vector6::from_fn(|_, _| uniform()) * (0.05 * (1.0 - memory * memory).sqrt());
+                let seen =
+                    newton_euler(&rate, &(angular + noise.fixed_rows::<3>(0)), &(linear + noise.fixed_rows::<3>(3)));
+                WrenchRow { index, regressor: seen, wrench: newton_euler(&rate, &angular, &linear) * body }
+            })
+            .collect();
+        let scale = BodyScale::try_new(9.0, 0.15).unwrap();
+        let row_noise = RowNoise { correlation_length: 24, ..RowNoise::default() };
+        let found = WeightedLeastSquares::fit(&rows, scale, &row_noise, Some(12)).unwrap();
+        (0..10).map(|i| found.instrument_shift[i].abs() / found.covariance[(i, i)].sqrt()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn instruments_further_away_tell_noise_that_is_alike_from_sample_to_sample() {
+        for seed in 1..6 {
+            let (white, coloured) = (shift(seed, 0.0), shift(seed, 0.9));
+            assert!(white < 3.0 && coloured > 3.0, "{white} {coloured}");
+        }
+    }
 }

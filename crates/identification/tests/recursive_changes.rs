@@ -143,6 +143,16 @@ fn a_change_within_a_log_is_told_and_the_parts_are_taken_apart() {
 }
 
 #[test]
+fn a_change_too_small_to_matter_is_not_told() {
+    for seed in 0..3 {
+        // Half a percent: seen by exact poses, of no use to anybody.
+        let record = log(80 + seed, 1200, 600, 1.005, if seed == 0 { 0.0 } else { 1e-3 });
+        let found = identify(&record, &Settings::default()).unwrap();
+        assert_eq!(changed(&found.warnings), None, "seed {seed}");
+    }
+}
+
+#[test]
 fn no_change_is_told_where_there_is_none() {
     for seed in 0..6 {
         let noise = if seed % 3 == 0 { 0.0 } else { 1e-3 };

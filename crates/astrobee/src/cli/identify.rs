@@ -449,7 +449,7 @@ pub(super) fn run_record(args: &IdentifyArgs, source: &str) -> String {
 fn dry_run(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome, AstrobeeError> {
     let wrench_noise = args.wrench_noise.unwrap_or(demo::WRENCH_NOISE);
     let mut prediction = None;
-    log.for_each_part(|record| {
+    log.for_each_part(ROWS_IN_MEMORY, |record| {
         prediction = Some(predict(record, settings, wrench_noise)?);
         Ok(ControlFlow::Break(()))
     })?;
@@ -565,20 +565,28 @@ impl Log {
         Ok(Self { source: path.display().to_string(), rows, estimation_rows: 0, reference, warnings, duration_s })
     }
 
-    /// Calls `part` for each stretch of the estimation rows that fits in memory, until it breaks off.
+    /// Calls `part` for each stretch of at most so many estimation rows, until it breaks off.
     fn for_each_part(
         &self,
+        rows_at_once: usize,
         mut part: impl FnMut(&[MotionSample]) -> Result<ControlFlow<()>, AstrobeeError>,
     ) -> Result<(), AstrobeeError> {
         match &self.rows {
-            Rows::Memory(record) => part(record.get(..self.estimation_rows).unwrap_or(record)).map(|_| ()),
+            Rows::Memory(record) => {
+                for stretch in record.get(..self.estimation_rows).unwrap_or(record).chunks(rows_at_once) {
+                    if part(stretch)?.is_break() {
+                        break;
+                    }
+                }
+                Ok(())
+            }
             Rows::File { path, reorder, robot, .. } => {
                 let mut reader = SampleReader::open(path, *reorder, robot.as_deref())?;
                 let mut chunk = Vec::new();
                 let mut done = 0;
                 while done < self.estimation_rows {
                     chunk.clear();
-                    let more = reader.read_chunk(&mut chunk, ROWS_IN_MEMORY.min(self.estimation_rows - done))?;
+                    let more = reader.read_chunk(&mut chunk, rows_at_once.min(self.estimation_rows - done))?;
                     done += chunk.len();
                     let flow = part(&chunk)?;
                     progress(&format!("{done} of {} rows", self.estimation_rows));
@@ -613,9 +621,12 @@ impl Log {
         {
             return Ok(found);
         }
-        if let Rows::Memory(_) = self.rows {
+        // What a likelihood holds of a row is much larger than the row.
+        let likely = matches!(settings.method, Method::Auto | Method::MaximumLikelihood);
+        let rows_at_once = if likely { LongRecord::LONG } else { ROWS_IN_MEMORY };
+        if self.estimation_rows <= rows_at_once {
             let mut found = None;
-            self.for_each_part(|record| {
+            self.for_each_part(rows_at_once, |record| {
                 found = Some(identify(record, settings)?);
                 Ok(ControlFlow::Continue(()))
             })?;
@@ -623,7 +634,7 @@ impl Log {
         }
         let alone = Settings { prior: None, ..*settings };
         let mut parts = Vec::new();
-        self.for_each_part(|record| {
+        self.for_each_part(rows_at_once, |record| {
             match identify(record, &alone) {
                 // The last few rows of a long log may be too few for a row of their own.
                 Err(IdentificationError::TooFewSamples { .. }) if !parts.is_empty() => {}
@@ -642,7 +653,7 @@ impl Log {
     /// By likelihood in a sliding window; `None` where that has no answer.
     fn identify_long(&self, settings: &Settings) -> Result<Option<Identification>, AstrobeeError> {
         let mut long = None;
-        let slid = self.for_each_part(|record| {
+        let slid = self.for_each_part(ROWS_IN_MEMORY, |record| {
             if long.is_none() {
                 long = LongRecord::try_new(record, settings)?;
             }

@@ -19,6 +19,9 @@ const LAGS: [usize; 15] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 
 const NEGLIGIBLE_BIAS: f64 = 1e-6;
 /// A bias above this fraction of the body's scale is never accepted without warning.
 const LARGE_BIAS: f64 = 0.01;
+/// A solution moved by other instruments is no chance above so many standard deviations, and of consequence above this
+/// fraction of the body's scale.
+const VISIBLE_SHIFT: (f64, f64) = (3.0, 0.02);
 /// Sides of the search for a body's length, m.
 const LENGTHS_M: (f64, f64) = (0.01, 10.0);
 
@@ -32,6 +35,9 @@ pub(super) struct Fit {
     pub(super) least_squares: Option<WeightedLeastSquares>,
     /// Error expected from discretisation, from the change with the lag.
     pub(super) discretisation: SVector<f64, 10>,
+    /// Error expected from noise of the poses that is not white, in standard deviations of the parameter that it moves most;
+    /// zero where it is chance or of no consequence.
+    pub(super) coloured: f64,
     /// Plain pose-only least squares at the shortest lag would be visibly biased by noise in the poses.
     pub(super) poses_noisy: bool,
     /// The same of rates and velocities, where they were asked for.
@@ -48,7 +54,7 @@ impl Fit {
         let rows = scheme.rows(record, timeline)?;
         let rough_scale = rough_scale(&rows.all)?;
         let row_noise = noise.of_rows(&scheme, timeline.median_step_s());
-        let least_squares = match WeightedLeastSquares::fit(&rows.all, rough_scale, &row_noise, scheme.lag > 1) {
+        let least_squares = match WeightedLeastSquares::fit(&rows.all, rough_scale, &row_noise, scheme.instruments()) {
             Ok(found) => Some(found),
             Err(IdentificationError::NotExcited { .. }) => None,
             Err(error) => return Err(error),
@@ -59,6 +65,7 @@ impl Fit {
             rough_scale,
             least_squares,
             discretisation: SVector::zeros(),
+            coloured: 0.0,
             poses_noisy: false,
             rates_noisy: false,
         })
@@ -113,7 +120,15 @@ impl Fit {
         {
             self.discretisation = discretisation(&self.scheme, found, other);
         }
+        let magnitudes = self.scale().parameter_magnitudes();
         if let Some(found) = &mut self.least_squares {
+            let shift = found.instrument_shift;
+            let visible = |i: &usize| shift[*i].abs() > VISIBLE_SHIFT.1 * magnitudes[*i];
+            let most = (0..10).filter(visible).map(|i| shift[i].abs() / found.covariance[(i, i)].sqrt());
+            self.coloured = Some(most.fold(0.0, f64::max)).filter(|most| *most > VISIBLE_SHIFT.0).unwrap_or(0.0);
+            if self.coloured > 0.0 {
+                found.covariance += shift * shift.transpose();
+            }
             found.covariance +=
                 attenuation * attenuation.transpose() + self.discretisation * self.discretisation.transpose();
         }

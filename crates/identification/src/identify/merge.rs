@@ -137,7 +137,17 @@ impl Warning {
             (Self::FewRows { rows }, Self::FewRows { rows: more })
             | (Self::NotCalibrated { rows }, Self::NotCalibrated { rows: more }) => *rows += more,
             (Self::PoorFit { explained }, Self::PoorFit { explained: worse }) => *explained = explained.min(*worse),
-            (Self::ZeroWrench, Self::ZeroWrench) | (Self::SilentForce, Self::SilentForce) => {}
+            (Self::UnfollowedForce { explained }, Self::UnfollowedForce { explained: worse }) => {
+                *explained = explained.min(*worse);
+            }
+            (Self::BiasedByNoise { deviations }, Self::BiasedByNoise { deviations: worse }) => {
+                *deviations = deviations.max(*worse);
+            }
+            (Self::FilterDiverged { .. }, Self::FilterDiverged { .. })
+            | (Self::PlanarMotion { .. }, Self::PlanarMotion { .. })
+            | (Self::LikelihoodFailed, Self::LikelihoodFailed)
+            | (Self::ZeroWrench, Self::ZeroWrench)
+            | (Self::SilentForce, Self::SilentForce) => {}
             _ => return false,
         }
         true

@@ -10,8 +10,11 @@ use crate::motion::MotionSample;
 use core::ops::Range;
 use nalgebra::{SMatrix, SVector, Vector6};
 
-/// A change of less than this share of mass, mass times length or inertia is drift or error of the model, not another body.
-const OTHER_BODY: f64 = 0.01;
+/// A change of less than this share of mass, mass times length or inertia is no other body: delays and lags of actuators and
+/// sensors that nobody modelled look like as much, and no controller would notice.
+const OTHER_BODY: f64 = 0.02;
+/// A change counts for what it surely is: less so many standard deviations.
+const SURELY: f64 = 3.0;
 /// Most parts that a record is taken into.
 const MOST_PARTS: usize = 16;
 
@@ -23,7 +26,8 @@ impl Warning {
         scale: BodyScale,
         explained: f64,
     ) -> Option<Self> {
-        let size = (change.after - change.before).component_div(&scale.parameter_magnitudes()).amax();
+        let surely = (change.after - change.before).abs() - change.deviation * SURELY;
+        let size = surely.component_div(&scale.parameter_magnitudes()).max();
         let time_ns = |sample: usize| record.get(sample).or(record.last()).map_or(0, |sample| sample.time_ns);
         (size > OTHER_BODY && explained > POOR_FIT).then(|| Self::BodyChanged {
             time_ns: time_ns(change.first_after),
@@ -117,5 +121,6 @@ pub(super) fn body_change(fit: &Fit, parameters: &SVector<f64, 10>) -> Option<Bo
         first_sure: at(cut.place + every),
         before: parameters + cut.before,
         after: parameters + cut.after,
+        deviation: cut.covariance.diagonal().map(f64::sqrt),
     })
 }

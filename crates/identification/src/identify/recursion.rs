@@ -44,15 +44,16 @@ impl Method {
 }
 
 /// Puts the end of a recursion over the record in the place of the batch solution; where that does not exist, the rows do
-/// not determine ten parameters and a recursion would only repeat its prior.
+/// not determine ten parameters and a recursion would only repeat its prior. Where a filter flies off the batch solution stays,
+/// and the time of the sample is returned.
 pub(super) fn run(
     fit: &mut Fit,
     record: &[MotionSample],
     settings: &Settings,
     noise: &SampleNoise,
-) -> Result<(), IdentificationError> {
+) -> Result<Option<i64>, IdentificationError> {
     let scale = fit.scale();
-    let Some(found) = &mut fit.least_squares else { return Ok(()) };
+    let Some(found) = &mut fit.least_squares else { return Ok(None) };
     match settings.method {
         Method::Rls => {
             let prior = weak_prior(scale);
@@ -67,43 +68,68 @@ pub(super) fn run(
             replace_by(found, start, &observations(&fit.rows.all, found, 0.0))?;
             widen_by_noise_in_rows(found, &fit.scheme, scale);
         }
-        Method::Ekf | Method::Ukf => {
-            let begun = begin(record, settings);
-            let begun_at = begun.as_ref().map_or(0, |begun| begun.rows);
-            let rest = &record[begun_at..];
-            let times = Timeline::try_new(rest)?;
-            let mut joint = Joint::new(rest, &times, settings, noise, &fit.scheme, found, scale.length_m());
-            let mut known = if let Some(Begun { noise, known, .. }) = begun {
-                joint.noise = MotionNoise { drift: joint.noise.drift, ..noise };
-                joint.extended(&known)?.0
-            } else {
-                let vague = Knowledge {
-                    chart: LogCholesky::try_from_parameters(&weak_prior(scale).mean)?,
-                    covariance: SMatrix::from_diagonal(&chart_deviation(scale.length_m()).map(|s| s * s)),
-                };
-                joint.find_wrench_noise(&vague, &WRENCH_NOISE.map(|share| [share; 2]));
-                joint.extended(&vague)?.0
-            };
-            for factor in REFINEMENTS {
-                let (up, down) = (factor, 1.0 / factor);
-                let around = [[up, up], [down, down], [up, 1.0], [down, 1.0], [1.0, up], [1.0, down]];
-                joint.find_wrench_noise(&known.opened(), &around);
-                known = joint.extended(&known.opened())?.0.without(&known.opened());
-            }
-            if settings.method == Method::Ukf {
-                known = joint.unscented(&known.opened())?.without(&known.opened());
-            }
-            let model = joint.model();
-            let state = JointState { motion: joint.start, body: known.chart };
-            let jacobian = model.parameter_jacobian(&state).fixed_view::<10, 10>(0, 12).into_owned();
-            found.parameters = model.parameters(&state);
-            found.covariance = jacobian * known.covariance * jacobian.transpose();
-            // The filter works with true steps and with noise in the poses.
-            fit.discretisation = SVector::zeros();
-            (fit.poses_noisy, fit.rates_noisy) = (false, false);
-        }
+        Method::Ekf | Method::Ukf => match filtered(fit, record, settings, noise) {
+            Ok(()) => {}
+            Err(Flown::Off { time_ns }) => return Ok(Some(time_ns)),
+            Err(Flown::Into(error)) => return Err(error),
+        },
         _ => {}
     }
+    Ok(None)
+}
+
+/// The end of a filter that did not reach the end of the record.
+enum Flown {
+    /// The state or its covariance was lost at this sample.
+    Off {
+        time_ns: i64,
+    },
+    Into(IdentificationError),
+}
+
+impl From<IdentificationError> for Flown {
+    fn from(error: IdentificationError) -> Self {
+        Self::Into(error)
+    }
+}
+
+/// The joint filter of motion and parameters in the place of the batch solution.
+fn filtered(fit: &mut Fit, record: &[MotionSample], settings: &Settings, noise: &SampleNoise) -> Result<(), Flown> {
+    let scale = fit.scale();
+    let Some(found) = &mut fit.least_squares else { return Ok(()) };
+    let begun = begin(record, settings);
+    let begun_at = begun.as_ref().map_or(0, |begun| begun.rows);
+    let rest = &record[begun_at..];
+    let times = Timeline::try_new(rest)?;
+    let mut joint = Joint::new(rest, &times, settings, noise, &fit.scheme, found, scale.length_m());
+    let mut known = if let Some(Begun { noise, known, .. }) = begun {
+        joint.noise = MotionNoise { drift: joint.noise.drift, ..noise };
+        joint.extended(&known)?.0
+    } else {
+        let vague = Knowledge {
+            chart: LogCholesky::try_from_parameters(&weak_prior(scale).mean).map_err(IdentificationError::from)?,
+            covariance: SMatrix::from_diagonal(&chart_deviation(scale.length_m()).map(|s| s * s)),
+        };
+        joint.find_wrench_noise(&vague, &WRENCH_NOISE.map(|share| [share; 2]));
+        joint.extended(&vague)?.0
+    };
+    for factor in REFINEMENTS {
+        let (up, down) = (factor, 1.0 / factor);
+        let around = [[up, up], [down, down], [up, 1.0], [down, 1.0], [1.0, up], [1.0, down]];
+        joint.find_wrench_noise(&known.opened(), &around);
+        known = joint.extended(&known.opened())?.0.without(&known.opened());
+    }
+    if settings.method == Method::Ukf {
+        known = joint.unscented(&known.opened())?.without(&known.opened());
+    }
+    let model = joint.model();
+    let state = JointState { motion: joint.start, body: known.chart };
+    let jacobian = model.parameter_jacobian(&state).fixed_view::<10, 10>(0, 12).into_owned();
+    found.parameters = model.parameters(&state);
+    found.covariance = jacobian * known.covariance * jacobian.transpose();
+    // The filter works with true steps and with noise in the poses.
+    fit.discretisation = SVector::zeros();
+    (fit.poses_noisy, fit.rates_noisy) = (false, false);
     Ok(())
 }
 
@@ -193,6 +219,7 @@ fn chart_deviation(length_m: f64) -> SVector<f64, 10> {
 /// A record as the joint filter takes it.
 struct Joint {
     observations: Vec<JointObservation>,
+    times_ns: Vec<i64>,
     start: RigidBodyState<f64>,
     start_deviation: SVector<f64, 12>,
     noise: MotionNoise,
@@ -256,7 +283,8 @@ impl Joint {
             })
             .collect();
         let start = RigidBodyState { world_from_body: first.world_from_body, twist_body };
-        Self { observations, start, start_deviation, noise, gravity_world: settings.gravity_world }
+        let times_ns = record[1..].iter().map(|sample| sample.time_ns).collect();
+        Self { observations, times_ns, start, start_deviation, noise, gravity_world: settings.gravity_world }
     }
 
     fn model(&self) -> JointMotion {
@@ -274,23 +302,24 @@ impl Joint {
     }
 
     /// What is known of the body at the end of the record, and the likelihood of all innovations.
-    fn extended(&self, known: &Knowledge) -> Result<(Knowledge, f64), IdentificationError> {
+    fn extended(&self, known: &Knowledge) -> Result<(Knowledge, f64), Flown> {
         let (state, covariance) = self.beginning(known);
         let gate = ChiSquareGate::try_new(GATE)?;
         let mut filter = ExtendedKalmanFilter::new(self.model(), state, covariance).with_gate(gate);
         let mut likelihood = 0.0;
-        for observation in &self.observations {
-            likelihood += filter.update(observation)?.innovation.log_likelihood();
+        for (observation, time_ns) in self.observations.iter().zip(&self.times_ns) {
+            let update = filter.update(observation).map_err(|error| flown(error, *time_ns))?;
+            likelihood += update.innovation.log_likelihood();
         }
         Ok((Knowledge::of(&filter.state(), filter.state_covariance()), likelihood))
     }
 
-    fn unscented(&self, known: &Knowledge) -> Result<Knowledge, IdentificationError> {
+    fn unscented(&self, known: &Knowledge) -> Result<Knowledge, Flown> {
         let (state, covariance) = self.beginning(known);
         let gate = ChiSquareGate::try_new(GATE)?;
         let mut filter = UnscentedKalmanFilter::new(self.model(), state, covariance).with_gate(gate);
-        for observation in &self.observations {
-            filter.update(observation)?;
+        for (observation, time_ns) in self.observations.iter().zip(&self.times_ns) {
+            filter.update(observation).map_err(|error| flown(error, *time_ns))?;
         }
         Ok(Knowledge::of(&filter.state(), filter.state_covariance()))
     }
@@ -308,6 +337,14 @@ impl Joint {
             }
         }
         self.noise = likeliest;
+    }
+}
+
+/// A record is finite and a filter begins with a covariance: what is neither, a filter made so.
+fn flown(error: IdentificationError, time_ns: i64) -> Flown {
+    match error {
+        IdentificationError::NotFinite { .. } | IdentificationError::NotPositive { .. } => Flown::Off { time_ns },
+        error => Flown::Into(error),
     }
 }
 

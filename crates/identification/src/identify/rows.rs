@@ -83,6 +83,12 @@ impl Scheme {
         (self.lag / 4).max(1)
     }
 
+    /// Nodes from a row to those whose rows, other poses of nearly the same motion, tell whether the noise of neighbouring
+    /// samples is alike. `None` where a row needs no instruments.
+    pub(super) fn instruments(&self) -> Option<usize> {
+        (self.lag > 1).then(|| (self.lag / 2).max(1))
+    }
+
     /// Variance gain from one sample of noise to the second difference (pose methods) or difference (Newton-Euler)
     /// in a row, times the step to the fourth or second power.
     pub(super) fn noise_gain(&self) -> f64 {

@@ -3,6 +3,7 @@
 use crate::WeakDirection;
 use crate::error::Column;
 use core::fmt;
+use nalgebra::Vector3;
 
 /// Things a reader of the result must know.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,6 +115,27 @@ pub enum Warning {
     },
     /// The likelihood was asked for, or called for by the noise, and did not settle or explained too little.
     LikelihoodFailed,
+    /// The noise of the poses is alike over neighbouring samples, the instruments of a regression fail, and its answer is
+    /// biased.
+    BiasedByNoise {
+        /// By how many standard deviations the answer moves with other instruments.
+        deviations: f64,
+    },
+    /// The filter asked for flew off; a regression answers in its place.
+    FilterDiverged {
+        /// Time of the sample at which it did, ns.
+        time_ns: i64,
+    },
+    /// The forces logged are not noise, but the motion does not follow them.
+    UnfollowedForce {
+        /// Share of the mean square of the force that the best body explains.
+        explained: f64,
+    },
+    /// The motion is confined to a plane, as on an air bearing.
+    PlanarMotion {
+        /// Normal of the plane, world axes, unit length.
+        normal_world: Vector3<f64>,
+    },
     /// So many samples were rejected that they are not outliers.
     ManyOutliers {
         /// Samples rejected.
@@ -216,6 +238,30 @@ impl fmt::Display for Warning {
                 "maximum likelihood did not settle on this log or explains too little of it; a regression answers instead, and \
                  noise in the poses may bias it beyond the stated sigma"
             ),
+            Self::BiasedByNoise { deviations } => write!(
+                f,
+                "errors of neighbouring poses or velocities are alike (an onboard filter, wandering localisation): with rows further \
+                 apart the regression moves by {deviations:.0} sigma (included in the stated one), and more may be hidden; not an \
+                 identification: fly a stronger excitation, or let the likelihood estimate the filter's delay"
+            ),
+            Self::FilterDiverged { time_ns } => write!(
+                f,
+                "the filter diverged at t = {:.3} s; a regression answers instead: use the method maximum-likelihood",
+                time_ns as f64 * 1e-9
+            ),
+            Self::UnfollowedForce { explained } => write!(
+                f,
+                "the logged force is not noise, but the best body explains {:.0} % of it: gaps, jumps or a delay of the localisation \
+                 hide what it does; the mass is not known from this log",
+                100.0 * explained
+            ),
+            Self::PlanarMotion { normal_world: n } => write!(
+                f,
+                "the motion is confined to the plane with the normal ({:.2}, {:.2}, {:.2}), as on an air bearing: forces and torques \
+                 that the table takes up move nothing, and a free body explains them badly; such a log can show no more than the \
+                 mass, the centre of mass in the plane and the inertia about the normal",
+                n.x, n.y, n.z
+            ),
             Self::ManyOutliers { rejected, rows } => write!(
                 f,
                 "{rejected} of {rows} samples are rejected, too many for outliers: the body or its localisation may have changed; \
@@ -236,7 +282,7 @@ impl fmt::Display for Warning {
             Self::WidenedSigma { factor } => write!(
                 f,
                 "the parts of this log contradict each other {factor:.1} times as much as white noise would: the stated sigma is \
-                 widened by that factor"
+                 widened by that factor, and errors that wander as slowly as the motion does may still lie beyond it"
             ),
             Self::PosesAlone { column } => write!(
                 f,
