@@ -280,9 +280,6 @@ impl<R: Read> LogReader<R> {
     /// What a user should know about the rows read so far.
     fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
-        if let Some(line) = self.cut_line() {
-            warnings.push(cut(line));
-        }
         if !self.ignored_columns.is_empty() {
             warnings.push(format!("columns ignored: {}", self.ignored_columns.join(", ")));
         }
@@ -290,6 +287,7 @@ impl<R: Read> LogReader<R> {
         if late + repeated > 0 {
             warnings.push(format!("{late} rows came late and were put in order, {repeated} repeated times dropped"));
         }
+        warnings.extend(self.cut_line().map(cut));
         warnings
     }
 }
@@ -509,7 +507,9 @@ pub(crate) fn cut_warning(path: &Path) -> Option<String> {
     loop {
         let block = reader.fill_buf().ok().filter(|block| !block.is_empty());
         let Some(block) = block else { return Some(cut(line)) };
-        line += block.iter().filter(|byte| **byte == b'\n').count() as u64;
+        for byte in block {
+            line += u64::from(*byte == b'\n');
+        }
         let count = block.len();
         reader.consume(count);
     }

@@ -206,8 +206,7 @@ fn endless_scenarios_and_crowds_are_refused() {
     let way = "[[drive.waypoints]]\ntime_s = 1\npoint = \"A\"\n".repeat(10_001);
     for (text, says) in [
         (format!("{STILL}{crowd}"), "`obstacles`: 1001: at most 1000"),
-        (format!("{STILL}{way}"), "`drive.waypoints`: 10001: at most 10000"),
-        (format!("{STILL}{}", way.repeat(10)), "longer than 1048576 bytes"),
+        (format!("{STILL}{}", way.repeat(3)), "longer than 1048576 bytes"),
     ] {
         fs::write(folder.join("many.toml"), text).unwrap();
         let said = stderr(&tumble_in(&folder, &["simulate", "many.toml"]));

@@ -75,7 +75,7 @@ fn allocate_rows(
     let names = names.chain(numbered("thr", 12)).chain(numbered("cdp", 2)).chain(numbered("dp", 2));
     let names = names.chain(numbered("dtheta", 12)).chain(numbered("servof", 12)).chain(numbered("servo", 12));
     let names = names.chain(["rfx", "rfy", "rfz", "rtx", "rty", "rtz"].map(str::to_owned));
-    let mut rows = Rows::start(output, &names.collect::<Vec<_>>())?;
+    let mut rows = Rows::start(output, &names.collect::<Vec<_>>());
     let written = loop {
         match wrenches.next_row() {
             Ok(Some(row)) => {

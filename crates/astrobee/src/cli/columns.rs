@@ -148,10 +148,7 @@ pub(super) struct Rows<W: Write> {
 
 impl<W: Write> Rows<W> {
     /// Starts a table with its header, which comes out with the first row.
-    ///
-    /// # Errors
-    /// As [`Rows::end_row`].
-    pub(super) fn start(out: W, header: &[String]) -> Result<Self, Written> {
+    pub(super) fn start(out: W, header: &[String]) -> Self {
         let out = BufWriter::with_capacity(1 << 16, out);
         let mut rows = Self { out, line: Vec::new(), digits: ryu::Buffer::new() };
         for name in header {
@@ -159,7 +156,7 @@ impl<W: Write> Rows<W> {
         }
         // Written with the first row: a table without rows has no header.
         rows.line.push(b'\n');
-        Ok(rows)
+        rows
     }
 
     /// Adds a cell.

@@ -67,7 +67,7 @@ fn realize_rows(
 ) -> Result<(), Written> {
     let names = OPENINGS.into_iter().chain(["cdp", "dp"]).map(str::to_owned).chain(numbered("thrust", 6));
     let names = names.chain(["fx", "fy", "fz", "tx", "ty", "tz"].map(str::to_owned));
-    let mut rows = Rows::start(output, &names.collect::<Vec<_>>())?;
+    let mut rows = Rows::start(output, &names.collect::<Vec<_>>());
     let written = loop {
         match openings.next_row() {
             Ok(Some(row)) => {

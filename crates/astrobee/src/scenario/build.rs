@@ -36,8 +36,6 @@ const TRACKER_RAD_S: (f64, f64) = (1.0, 0.5);
 const MOST_TONES: usize = 50;
 /// Most obstacles besides those of the place, each looked at in every period.
 const MOST_OBSTACLES: usize = 1000;
-/// Most waypoints.
-const MOST_WAYPOINTS: usize = 10_000;
 /// Most rows of a file of wrenches: a day of control periods.
 const MOST_WRENCHES: usize = 5_400_000;
 /// What the seeds of the phases and of the nozzles differ by from that of the sensors.
@@ -533,10 +531,6 @@ impl ScenarioSource {
         }
         if table.waypoints.is_empty() {
             return Ok(Reference::Hold(from));
-        }
-        let count = table.waypoints.len();
-        if count > MOST_WAYPOINTS {
-            return Err(self.bad("drive.waypoints", &format!("{count}: at most {MOST_WAYPOINTS}")));
         }
         let mut path = vec![Waypoint { time_s: 0.0, world_from_body: from }];
         let mut last = Waypoint { time_s: 0.0, world_from_body: from };
