@@ -237,8 +237,7 @@ const NO_DEVIATIONS: StandardDeviations = StandardDeviations {
     inertia_about_com_kg_m2: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 };
 
-/// Whether what answers is not what the numbers need: a bias beyond the stated sigma, another method in the place of the one asked
-/// for.
+/// Whether the answer has a bias beyond the noise, or stands in the place of a filter that diverged.
 fn is_doubtful(found: &Identification) -> bool {
     let doubtful = |w: &Warning| matches!(w, Warning::BiasedByNoise { .. } | Warning::FilterDiverged { .. });
     found.warnings.iter().any(doubtful)
@@ -277,6 +276,11 @@ fn verdict(found: &Identification, context: &Context) -> String {
             );
         } else if found.explained.is_some_and(|share| share < POOR_FIT) {
             let _ = writeln!(text, "verdict: no body explains this log; do not use the numbers above");
+        } else if found.warnings.iter().any(|w| matches!(w, Warning::FilterDiverged { .. })) {
+            let _ = writeln!(
+                text,
+                "verdict: not identified; the filter asked for diverged, the numbers above are a regression's"
+            );
         } else if is_doubtful(found) {
             let _ = writeln!(
                 text,
