@@ -2,17 +2,20 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
-use tumble_astrobee::body_file;
+use tumble_astrobee::cli::{allocate, realize};
 use tumble_astrobee::excitation_file::ExcitationFile;
 use tumble_astrobee::log::LogReader;
+use tumble_astrobee::propulsion::{AreaTable, PositivityShift};
 use tumble_astrobee::recording::{Encoding, RawMessage, ScanReport, bag, mcap_reader, messages};
+use tumble_astrobee::scenario::{ScenarioSource, read_wrenches};
 use tumble_astrobee::wheel_throw::parse_throw;
+use tumble_astrobee::{AstrobeeError, body_file};
 
 /// A promise about any bytes.
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 7] = [
+pub const TARGETS: [(&str, Target); 11] = [
     ("csv_log", csv_log),
     ("wheel_throw", wheel_throw),
     ("body_toml", body_toml),
@@ -20,6 +23,10 @@ pub const TARGETS: [(&str, Target); 7] = [
     ("bag", bag),
     ("mcap", mcap),
     ("message", message),
+    ("scenario", scenario),
+    ("wrenches", wrenches),
+    ("allocate", allocate_table),
+    ("realize", realize_table),
 ];
 
 /// An error is a message with the name of the file and no control characters but line ends.
@@ -112,7 +119,7 @@ pub fn excitation_toml(data: &[u8]) {
 }
 
 /// A recording is scanned to some place in it; what it hands on is counted, and its messages decode or say why not.
-fn recording(data: &[u8], scanned: Result<ScanReport, tumble_astrobee::AstrobeeError>, handed_on: u64) {
+fn recording(data: &[u8], scanned: Result<ScanReport, AstrobeeError>, handed_on: u64) {
     match scanned {
         Ok(report) => {
             assert_eq!(report.messages, handed_on);
@@ -179,4 +186,84 @@ pub fn message(data: &[u8]) {
     let encoding = if (pick / TYPES.len()).is_multiple_of(2) { Encoding::Ros1 } else { Encoding::Cdr };
     let type_name = TYPES[pick % TYPES.len()];
     decodes(&RawMessage { topic: "/t", type_name, md5: "", encoding, log_time_ns: 0, payload });
+}
+
+/// A scenario is read again as it was written, and flies: what is measured are numbers.
+pub fn scenario(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    let source = match ScenarioSource::parse(Path::new("scenario.toml"), text) {
+        Ok(source) => source,
+        Err(error) => {
+            let message = error.to_string();
+            assert!(message.starts_with("scenario.toml, line "), "{message}");
+            return is_said(&message, "scenario.toml");
+        }
+    };
+    let told = &source.scenario;
+    let bodies = [&told.body, &told.belief].into_iter().flatten().filter_map(|body| body.file.as_ref());
+    let payload = told.payload.as_ref().and_then(|payload| payload.file.as_ref());
+    if bodies.chain(payload).chain(&told.drive.excitation).chain(&told.drive.wrenches).next().is_some() {
+        // this program's own files are none of a scenario's business
+        return;
+    }
+    let written = source.to_toml().expect("a scenario is written");
+    let again = ScenarioSource::parse(Path::new("scenario.toml"), &written).expect("what is written is a scenario");
+    // numbers may be NaN, so the text is compared
+    assert_eq!(again.to_toml().expect("a scenario is written"), written);
+    let flown = source.flight().and_then(|mut flight| {
+        for _ in 0..3 {
+            let Some(measured) = flight.step()? else { break };
+            let (pose, twist) = (measured.end.state.world_from_body, measured.end.state.twist_body);
+            assert!(pose.translation.vector.iter().chain(twist.to_vector().iter()).all(|c| c.is_finite()));
+        }
+        Ok(())
+    });
+    if let Err(error) = flown {
+        is_said(&error.to_string(), "");
+    }
+}
+
+/// The wrenches of a table are finite, ordered and before the end.
+pub fn wrenches(data: &[u8]) {
+    let end_ns = 100_000_000_000;
+    match read_wrenches(data, Path::new("wrenches.csv"), end_ns) {
+        Ok(rows) => {
+            assert!(rows.windows(2).all(|pair| pair[0].0 < pair[1].0));
+            assert!(rows.iter().all(|(time_ns, wrench)| {
+                *time_ns < end_ns && wrench.force.iter().chain(&wrench.torque).all(|c| c.is_finite())
+            }));
+        }
+        Err(error) => is_said(&error.to_string(), "wrenches.csv"),
+    }
+}
+
+/// Every row of a table is answered by one of finite numbers, up to the first that cannot be.
+fn table(data: &[u8], run: impl Fn(&Path, &[u8], &mut Vec<u8>, &mut Vec<u8>) -> Result<(), AstrobeeError>) {
+    let (mut output, mut warnings) = (Vec::new(), Vec::new());
+    if let Err(error) = run(Path::new("table.csv"), data, &mut output, &mut warnings) {
+        is_said(&error.to_string(), "table.csv");
+    }
+    is_said(&String::from_utf8_lossy(&warnings), "");
+    let output = String::from_utf8(output).expect("text");
+    let mut lines = output.lines();
+    let columns = lines.next().map_or(0, |header| header.split(',').count());
+    for line in lines {
+        assert_eq!(line.split(',').count(), columns, "{line}");
+        assert!(line.split(',').all(|cell| cell.parse().is_ok_and(f64::is_finite)), "{line}");
+    }
+}
+
+/// Wanted wrenches.
+pub fn allocate_table(data: &[u8]) {
+    for (shift, areas) in [(PositivityShift::AxisGroups, AreaTable::Full), (PositivityShift::Thesis, AreaTable::Thesis)]
+    {
+        table(data, |path, input, output, warnings| allocate::table(shift, areas, path, input, output, warnings));
+    }
+}
+
+/// Impeller speeds and flap angles.
+pub fn realize_table(data: &[u8]) {
+    for areas in [AreaTable::Full, AreaTable::Thesis] {
+        table(data, |path, input, output, warnings| realize::table(areas, path, input, output, warnings));
+    }
 }

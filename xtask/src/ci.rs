@@ -3,6 +3,7 @@
 //! The steps share what they build. Commands that need the crates compiled say `--workspace`, because cargo then picks the same
 //! features of every dependency as the test command did; permutations of features are only type-checked.
 
+use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::time::Instant;
@@ -330,13 +331,16 @@ fn determinism_package() -> Result<PathBuf, Box<dyn std::error::Error>> {
         if !path.exists() {
             return Err(format!("{} is missing", path.display()).into());
         }
-        manifest += &format!("[[bin]]\nname = \"{example}\"\npath = '{}'\n\n", path.display());
+        let _ = writeln!(manifest, "[[bin]]\nname = \"{example}\"\npath = '{}'\n", path.display());
     }
     manifest += "[profile.dev]\ndebug = false\n\n";
     for library in ["lie", "dynamics", "astrobee"] {
         let path = root.join("crates").join(library);
-        manifest +=
-            &format!("[dependencies.tumble-{library}]\npath = '{}'\ndefault-features = false\n\n", path.display());
+        let _ = writeln!(
+            manifest,
+            "[dependencies.tumble-{library}]\npath = '{}'\ndefault-features = false\n",
+            path.display()
+        );
     }
     std::fs::write(folder.join("Cargo.toml"), manifest)?;
     Ok(folder)

@@ -623,9 +623,16 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "propulsion: a module's nozzles taken by the other",
         file: "crates/astrobee/src/propulsion/plant.rs",
-        original: "let [starboard, port] = flows.map(",
-        replacement: "let [port, starboard] = flows.map(",
+        original: "let mut thrusts_n = joined(flows.map(|flow| flow.thrusts_n));",
+        replacement: "let [starboard, port] = flows.map(|flow| flow.thrusts_n); let mut thrusts_n = joined([port, starboard]);",
         test: "-p tumble-astrobee --test propulsion_plant",
+    },
+    Mutant {
+        name: "flights: servos do not wait for a late command",
+        file: "crates/astrobee/src/propulsion/replay.rs",
+        original: "running.stepped_ns.saturating_add(PERIOD_NS + PERIOD_NS / 2)",
+        replacement: "running.stepped_ns.saturating_add(PERIOD_NS)",
+        test: "-p tumble-astrobee --lib replay",
     },
     Mutant {
         name: "servo: play after the shaft has moved",
@@ -1057,8 +1064,36 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "CSV: lines of any length",
         file: "crates/astrobee/src/log.rs",
-        original: "self.too_long |= self.bytes_in_line > ROW_LIMIT_BYTES;",
-        replacement: "self.too_long |= self.bytes_in_line > ROW_LIMIT_BYTES << 8;",
+        original: "if self.bytes_in_line > ROW_LIMIT_BYTES {",
+        replacement: "if self.bytes_in_line > ROW_LIMIT_BYTES << 8 {",
+        test: "-p tumble-astrobee --test corruption_sweep",
+    },
+    Mutant {
+        name: "CSV: lines counted without comments",
+        file: "crates/astrobee/src/log.rs",
+        original: "record.set_position(Some(position.set_line(line).clone()));",
+        replacement: "let _ = position.set_line(line);",
+        test: "-p tumble-astrobee --lib log",
+    },
+    Mutant {
+        name: "scenario: control characters reach the terminal",
+        file: "crates/astrobee/src/scenario.rs",
+        original: "printable(&place::with_suggestion(error.message()))",
+        replacement: "place::with_suggestion(error.message())",
+        test: "-p tumble-astrobee --test corruption_sweep",
+    },
+    Mutant {
+        name: "scenario: read whole, whatever its size",
+        file: "crates/astrobee/src/scenario.rs",
+        original: "text_file::read(path)",
+        replacement: "fs::read_to_string(path)",
+        test: "-p tumble-astrobee --test corruption_sweep",
+    },
+    Mutant {
+        name: "table of wrenches: times through a float",
+        file: "crates/astrobee/src/scenario/build.rs",
+        original: "let time_ns = row.time_ns(time)?;",
+        replacement: "let time_ns = flight_log::nanoseconds(row.number(time)? as f32 as f64);",
         test: "-p tumble-astrobee --test corruption_sweep",
     },
     Mutant {

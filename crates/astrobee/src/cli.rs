@@ -23,7 +23,10 @@ pub enum Outcome {
 }
 
 /// Prints to stdout; a closed pipe (`tumble ... | head`) is not an error, a full disk is.
-pub(crate) fn print(text: &str) -> Result<(), AstrobeeError> {
+///
+/// # Errors
+/// [`AstrobeeError::Unwritable`].
+pub fn print(text: &str) -> Result<(), AstrobeeError> {
     use std::io::Write as _;
     let mut stdout = std::io::stdout().lock();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {

@@ -54,7 +54,7 @@ pub enum AstrobeeError {
         text: String,
     },
     /// T022: a number that its column cannot hold.
-    #[error("{path}, line {line}, column `{column}`: {value:?}, but {allowed}")]
+    #[error("{path}, line {line}, column `{column}`: {text}, but {allowed}")]
     OutOfRange {
         /// The file.
         path: PathBuf,
@@ -63,7 +63,7 @@ pub enum AstrobeeError {
         /// Column name.
         column: String,
         /// What stands there.
-        value: f64,
+        text: String,
         /// What the column holds.
         allowed: &'static str,
     },
@@ -224,6 +224,16 @@ pub enum AstrobeeError {
         /// What was found and what is missing.
         reason: String,
     },
+    /// T030: a damaged recording of which no flight is left.
+    #[error("{path}: {reason}; {}", report.summary().unwrap_or_default())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is missing.
+        reason: String,
+        /// What was lost.
+        report: Box<crate::recording::ScanReport>,
+    },
     /// T021: an excitation that cannot be designed or flown.
     #[error("no such excitation: {0}")]
     Excitation(IdentificationError),
@@ -315,7 +325,7 @@ impl AstrobeeError {
             Self::UnknownRecording { .. } => "T028",
             #[cfg(feature = "cli")]
             Self::BadMessage { .. } => "T029",
-            Self::NoFlight { .. } => "T030",
+            Self::NoFlight { .. } | Self::Damaged { .. } => "T030",
             Self::NotHeld { .. } => "T031",
             Self::Database { .. } => "T032",
         }
@@ -324,11 +334,17 @@ impl AstrobeeError {
     /// What the user can do about it.
     pub fn remedy(&self) -> &'static str {
         match self {
+            Self::Unreadable { source, .. } if source.kind() == std::io::ErrorKind::FileTooLarge => {
+                "name the file that was meant: what people write by hand has at most 1 MiB, long tables are CSV"
+            }
             Self::Unreadable { .. } => "check the path and that you may read it",
-            Self::Empty { .. } => "`tumble identify --template` prints a header with two valid rows",
-            Self::MissingColumn { .. } => {
-                "rename or add the missing one: `tumble identify --template` prints every column of a log, the `--help` of other commands \
+            Self::Empty { .. } => {
+                "write a header and rows: `tumble identify --template` prints those of a log, the `--help` of `allocate` and `realize` \
                  theirs"
+            }
+            Self::MissingColumn { .. } => {
+                "rename or add the missing one: `tumble identify --template` prints every column of a log, the `--help` of `allocate` and \
+                 `realize` theirs"
             }
             Self::DuplicateColumn { .. } => "rename or remove one of the two columns",
             Self::BadCell { .. } => "write a finite decimal number; leave the cell empty only in optional columns",
@@ -351,7 +367,10 @@ impl AstrobeeError {
             }
             Self::BadOption { .. } => "correct or leave out the option named; `tumble help COMMAND` explains each",
             Self::Identification(error) => match error {
-                IdentificationError::MissingColumn(_) => "`tumble identify --template` prints every column",
+                IdentificationError::MissingColumn(_) => {
+                    "`tumble identify --template` prints every column of a CSV log; `docs/recordings.md` says which topics of a recording \
+                     give what"
+                }
                 IdentificationError::TooFewSamples { .. } => {
                     "record more samples in equal steps; of a held-out part, keep back a larger share"
                 }
@@ -391,7 +410,12 @@ impl AstrobeeError {
             Self::BadMessage { .. } => {
                 "record with message definitions that `docs/recordings.md` lists, or convert the log to CSV"
             }
-            Self::NoFlight { .. } => "`docs/recordings.md` says which topics make a flight",
+            Self::Damaged { .. } => {
+                "copy the recording again from where it was made; `rosbag reindex` or `mcap recover` may save more of it"
+            }
+            Self::NoFlight { .. } => {
+                "`docs/recordings.md` says which topics make a flight, and how each must be encoded"
+            }
             Self::Excitation(error) => match error {
                 IdentificationError::TooManySamples { .. } => "a shorter `--period`, or a lower `--rate`",
                 IdentificationError::PeriodNotWhole { .. } => "change `--period` or `--rate` to the values named",
@@ -413,7 +437,8 @@ impl AstrobeeError {
                 "`tumble scenario list` prints the embedded ones; `tumble scenario show NAME` prints one to start from"
             }
             Self::Simulator(_) => {
-                "check start, body and payload times of the scenario; a wrench far beyond the robot's makes it too fast"
+                "a scenario's `body`, `payload`, `start` and `drive` must fit: a wrench far beyond what the mass and inertia bear makes it \
+                 too fast within one step; `docs/scenarios.md` describes every key"
             }
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
             Self::Database { .. } => {

@@ -5,9 +5,9 @@
 use crate::error::AstrobeeError;
 use crate::recording::{self, flight::FlightReader};
 use crate::text_file::printable;
-use std::collections::HashSet;
+use std::collections::{HashSet, VecDeque};
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufRead as _, BufReader, Read, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 use tumble_dynamics::nalgebra::{Isometry3, Translation3, Vector3};
 use tumble_identification::MotionSample;
@@ -117,6 +117,8 @@ pub struct LogReader<R = File> {
     pub ignored_columns: Vec<String>,
     reorder: Option<Reorder>,
     previous_ns: Option<i64>,
+    /// Of the row read last.
+    line: u64,
     ended: bool,
 }
 
@@ -185,6 +187,7 @@ impl<R: Read> LogReader<R> {
             ignored_columns,
             reorder,
             previous_ns: None,
+            line: 1,
             ended: false,
         })
     }
@@ -239,6 +242,7 @@ impl<R: Read> LogReader<R> {
             return Ok(None);
         }
         let line = self.record.position().map_or(0, csv::Position::line);
+        self.line = line;
         let expected = self.layout.names.len() as u64;
         let found = self.record.len() as u64;
         if found != expected {
@@ -268,9 +272,17 @@ impl<R: Read> LogReader<R> {
         Ok(Some(Stamped { line, sample }))
     }
 
+    /// The line at whose end the file ends without ending the line, once it has been read.
+    fn cut_line(&self) -> Option<u64> {
+        (self.ended && self.records.get_ref().ends_within_a_line()).then_some(self.line)
+    }
+
     /// What a user should know about the rows read so far.
     fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
+        if let Some(line) = self.cut_line() {
+            warnings.push(cut(line));
+        }
         if !self.ignored_columns.is_empty() {
             warnings.push(format!("columns ignored: {}", self.ignored_columns.join(", ")));
         }
@@ -332,6 +344,11 @@ impl SampleReader {
         Ok(true)
     }
 
+    /// Whether it is a recording without any wrench of its robot.
+    pub fn lacks_wrench(&self) -> bool {
+        matches!(self, Self::Flight(flight) if flight.plan.wrench.is_none())
+    }
+
     /// What a recording holds and what of it is used, for people; empty for rows.
     pub fn contents(&self) -> String {
         match self {
@@ -378,7 +395,7 @@ impl Row<'_> {
             .filter(|value| value.is_finite())
             .ok_or_else(|| self.bad_cell(column))
     }
-    fn time_ns(&self, column: usize) -> Result<i64, AstrobeeError> {
+    pub(crate) fn time_ns(&self, column: usize) -> Result<i64, AstrobeeError> {
         std::str::from_utf8(self.text(column)).ok().and_then(parse_time_ns).ok_or_else(|| self.bad_cell(column))
     }
     /// An optional group: `None` where any of its cells is empty.
@@ -395,45 +412,106 @@ impl Row<'_> {
     }
 }
 
+/// The next row, at the line it stands in; `false` at the end.
 pub(crate) fn read_row<R: Read>(
     records: &mut csv::Reader<BoundedRows<R>>,
     record: &mut csv::ByteRecord,
     path: &Path,
 ) -> Result<bool, AstrobeeError> {
-    let line = records.position().line();
     let found = records.read_byte_record(record);
-    if records.get_ref().too_long {
+    if let Some(line) = records.get_ref().too_long {
         return Err(AstrobeeError::RowTooLong { path: path.into(), line, limit: ROW_LIMIT_BYTES });
+    }
+    let line = line_read(records);
+    if let Some(position) = record.position().cloned().as_mut() {
+        record.set_position(Some(position.set_line(line).clone()));
     }
     found.map_err(|error| AstrobeeError::Unreadable { path: path.into(), source: error.into() })
 }
 
-/// Ends the stream when a line grows beyond [`ROW_LIMIT_BYTES`], so that no line can fill the memory.
+/// The line of the row read last. The reader's own count is that of the comments and empty lines before it, and one too small
+/// behind `\r\n`.
+pub(crate) fn line_read<R: Read>(records: &mut csv::Reader<BoundedRows<R>>) -> u64 {
+    let end = records.position().byte();
+    records.get_mut().line_before(end)
+}
+
+/// Counts lines, and ends the stream when one grows beyond [`ROW_LIMIT_BYTES`], so that no line can fill the memory.
 pub(crate) struct BoundedRows<R> {
     inner: R,
     bytes_in_line: usize,
-    /// A line was too long, and the stream has ended there.
-    pub(crate) too_long: bool,
+    bytes: u64,
+    /// Where the line ends are that were handed on and not asked about yet.
+    line_ends: VecDeque<u64>,
+    /// How many line ends there were before these.
+    lines: u64,
+    /// A line was too long, this one, and the stream has ended there.
+    pub(crate) too_long: Option<u64>,
 }
 impl<R> BoundedRows<R> {
     pub(crate) fn new(inner: R) -> Self {
-        Self { inner, bytes_in_line: 0, too_long: false }
+        Self { inner, bytes_in_line: 0, bytes: 0, line_ends: VecDeque::new(), lines: 0, too_long: None }
+    }
+    /// Line of the row that ends, line end and all, before this byte; none before that is asked about again.
+    fn line_before(&mut self, end: u64) -> u64 {
+        while self.line_ends.front().is_some_and(|at| *at + 1 < end) {
+            self.line_ends.pop_front();
+            self.lines += 1;
+        }
+        self.lines + 1
     }
 }
 impl<R: Read> Read for BoundedRows<R> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        if self.too_long {
+        if self.too_long.is_some() {
             return Ok(0);
         }
         let count = self.inner.read(buffer)?;
         for line in buffer.get(..count).unwrap_or_default().split_inclusive(|byte| *byte == b'\n') {
+            self.bytes += line.len() as u64;
             self.bytes_in_line += line.len();
-            self.too_long |= self.bytes_in_line > ROW_LIMIT_BYTES;
+            if self.bytes_in_line > ROW_LIMIT_BYTES {
+                self.too_long.get_or_insert(self.lines + self.line_ends.len() as u64 + 1);
+            }
             if line.ends_with(b"\n") {
                 self.bytes_in_line = 0;
+                self.line_ends.push_back(self.bytes - 1);
             }
         }
         Ok(count)
+    }
+}
+
+impl<R> BoundedRows<R> {
+    /// Whether what has been handed on ends without a line end.
+    pub(crate) fn ends_within_a_line(&self) -> bool {
+        self.bytes_in_line > 0
+    }
+}
+
+/// That the last line may have been cut.
+fn cut(line: u64) -> String {
+    format!("line {line} has no line end: the file may be cut there, and its last number be shorter than it was")
+}
+
+/// The same of a file of lines, where it is so.
+pub(crate) fn cut_warning(path: &Path) -> Option<String> {
+    let mut file = File::open(path).ok()?;
+    file.seek(SeekFrom::End(-1)).ok()?;
+    let mut last = [0];
+    file.read_exact(&mut last).ok()?;
+    if last == *b"\n" {
+        return None;
+    }
+    file.rewind().ok()?;
+    let mut reader = BufReader::new(file);
+    let mut line = 1;
+    loop {
+        let block = reader.fill_buf().ok().filter(|block| !block.is_empty());
+        let Some(block) = block else { return Some(cut(line)) };
+        line += block.iter().filter(|byte| **byte == b'\n').count() as u64;
+        let count = block.len();
+        reader.consume(count);
     }
 }
 
@@ -529,6 +607,31 @@ mod tests {
         assert_eq!((wrench.torque, wrench.force), (Vector3::new(1.0, 2.0, 3.0), Vector3::new(4.0, 5.0, 6.0)));
         assert_eq!(sample.rate_body, Some(Vector3::new(7.0, 8.0, 9.0)));
         assert_eq!((sample.velocity_origin_world, sample.acceleration_origin_body), (None, None));
+    }
+
+    #[test]
+    fn rows_are_named_by_the_line_they_stand_in() {
+        for (text, stand_in) in [
+            ("a,b\n1,2\n3,4\n", [1, 2, 3]),
+            ("a,b\r\n1,2\r\n3,4", [1, 2, 3]),
+            ("\n# what\n\na,b\n# why\n# how\n1,2\n\n\n3,4", [4, 7, 10]),
+            ("\r\n# what\r\n\r\na,b\r\n# why\r\n# how\r\n1,2\r\n\r\n\r\n3,4\r\n\r\n", [4, 7, 10]),
+        ] {
+            for capacity in [1, 2, 3, 7, 64] {
+                let mut records = csv::ReaderBuilder::new()
+                    .has_headers(false)
+                    .quoting(false)
+                    .comment(Some(b'#'))
+                    .buffer_capacity(capacity)
+                    .from_reader(BoundedRows::new(text.as_bytes()));
+                let (mut record, mut lines) = (csv::ByteRecord::new(), Vec::new());
+                while read_row(&mut records, &mut record, Path::new("rows.csv")).unwrap() {
+                    lines.push(record.position().unwrap().line());
+                }
+                assert_eq!(lines, stand_in, "{text:?} in steps of {capacity}");
+                assert!(records.get_ref().line_ends.len() <= capacity + 2);
+            }
+        }
     }
 
     #[test]

@@ -112,13 +112,16 @@ impl Drop for OutputFile {
     }
 }
 
-/// Whether `path` is a folder that this program wrote and nothing else lies in: only such a folder may be replaced.
+/// Whether `path` is a folder in which nothing lies but what this program wrote, or nothing at all: only such a folder may
+/// be replaced.
 fn is_result_folder(path: &Path) -> bool {
     let is_folder = path.symlink_metadata().is_ok_and(|data| data.is_dir());
     let Ok(entries) = fs::read_dir(path) else { return false };
     let mut names =
         entries.map(|entry| entry.map(|e| e.file_name().to_string_lossy().into_owned()).unwrap_or_default());
-    is_folder && path.join(RUN_RECORD).is_file() && names.all(|name| RESULT_FILES.contains(&name.as_str()))
+    let is_empty = || fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
+    is_folder
+        && (path.join(RUN_RECORD).is_file() && names.all(|name| RESULT_FILES.contains(&name.as_str())) || is_empty())
 }
 
 /// The file by which a result folder is known.
@@ -207,7 +210,8 @@ impl OutputFolder {
             fs::remove_dir_all(&partial).map_err(unwritable(&partial))?;
         }
         fs::create_dir_all(&partial).map_err(unwritable(path))?;
-        Ok(Self { path: path.into(), partial, finished: false })
+        // Without a slash at the end, which would be doubled in the names of the files.
+        Ok(Self { path: path.components().collect(), partial, finished: false })
     }
 
     /// Where a picture named `name` is drawn before the folder is finished.
@@ -326,6 +330,7 @@ mod tests {
         let (file, notes, mixed) = (base.join("log.csv"), base.join("notes"), base.join("mixed"));
         fs::write(&file, "data").unwrap();
         fs::create_dir(&notes).unwrap();
+        fs::write(notes.join("todo.txt"), "much").unwrap();
         fs::create_dir(&mixed).unwrap();
         fs::write(mixed.join("run.json"), "{}").unwrap();
         fs::write(mixed.join("thesis.tex"), "years of work").unwrap();
@@ -333,6 +338,18 @@ mod tests {
             assert!(OutputFolder::create(path, true).is_err(), "{}", path.display());
         }
         assert!(fs::read_to_string(&file).unwrap() == "data" && mixed.join("thesis.tex").exists());
+    }
+
+    #[test]
+    fn force_takes_an_empty_folder() {
+        let base = scratch("empty");
+        let path = base.join("run");
+        fs::create_dir(&path).unwrap();
+        assert!(matches!(OutputFolder::create(&path, false), Err(AstrobeeError::OutputExists { .. })));
+        let folder = OutputFolder::create(&base.join("run/"), true).unwrap();
+        folder.write("run.json", "{}").unwrap();
+        assert_eq!(folder.finish().unwrap().as_os_str(), path.as_os_str());
+        assert!(path.join("run.json").exists());
     }
 
     #[test]

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::{Matrix3, SVector, Vector3};
 use tumble_dynamics::{InertialParameters, PARAMETER_NAMES, PARAMETER_UNITS};
 use tumble_identification::{
-    Estimate, Identification, Method, NodeResidual, NuisanceEstimate, NullDirection, POOR_FIT, Prediction,
+    Column, Estimate, Identification, Method, NodeResidual, NuisanceEstimate, NullDirection, POOR_FIT, Prediction,
     Quantity as Estimated, StandardDeviations, Validation, Warning, WrenchTiming,
 };
 
@@ -237,9 +237,23 @@ const NO_DEVIATIONS: StandardDeviations = StandardDeviations {
     inertia_about_com_kg_m2: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 };
 
-/// Whether the answer has a bias beyond the noise, or stands in the place of a filter that diverged.
+/// Poses whose errors wander make sigma too small by more than this: no bound is left, for what wanders as slowly as the robot moves
+/// biases the answer.
+const WANDERING: f64 = 2.0;
+
+/// Whether what answers is not what the numbers need: a bias beyond the stated sigma, poses that wander, another method in the
+/// place of the one asked for.
 fn is_doubtful(found: &Identification) -> bool {
-    let doubtful = |w: &Warning| matches!(w, Warning::BiasedByNoise { .. } | Warning::FilterDiverged { .. });
+    let noisy = found.warnings.iter().any(|w| matches!(w, Warning::NoisyPoses { .. }));
+    let doubtful = |w: &Warning| match w {
+        Warning::BiasedByNoise { .. } | Warning::FilterDiverged { .. } => true,
+        Warning::ColouredNoise { column: Column::Position | Column::Attitude, sigma_inflation } => {
+            *sigma_inflation > WANDERING
+        }
+        // a regression in the place of the likelihood, its rows noisy
+        Warning::LikelihoodFailed => noisy,
+        _ => false,
+    };
     found.warnings.iter().any(doubtful)
 }
 

@@ -6,10 +6,11 @@ mod build;
 mod embedded;
 mod place;
 
-pub use build::{Flight, PayloadChange};
+pub use build::{Flight, PayloadChange, read_wrenches};
 pub use embedded::{EMBEDDED, Embedded};
 
 use crate::AstrobeeError;
+use crate::log::shortened;
 use crate::sensing::{LocalizationSettings, SensingPreset};
 use crate::text_file::{self, printable};
 use serde::{Deserialize, Serialize};
@@ -387,7 +388,7 @@ impl ScenarioSource {
             return match embedded {
                 Some(embedded) => Self::parse(path, embedded.text),
                 None => Err(AstrobeeError::NoSuchScenario {
-                    name: name.to_owned(),
+                    name: shortened(name),
                     nearest: place::suggestion(name, EMBEDDED.iter().map(|embedded| embedded.name)),
                 }),
             };
@@ -403,7 +404,7 @@ impl ScenarioSource {
     pub fn parse(path: &Path, text: &str) -> Result<Self, AstrobeeError> {
         let scenario = toml::from_str(text).map_err(|error| {
             let (line, column) = place::of_offset(text, error.span().map_or(0, |span| span.start));
-            let message = printable(&place::with_suggestion(error.message()));
+            let message = place::with_suggestion(&printable(error.message()));
             AstrobeeError::BadScenario { path: path.into(), line, column, message }
         })?;
         Ok(Self { path: path.into(), text: text.to_owned(), scenario })

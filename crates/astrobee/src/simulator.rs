@@ -64,8 +64,10 @@ pub enum SimulatorError {
     /// A payload is to be released where none is held.
     #[error("no payload is held")]
     NoPayload,
-    /// The integrator refused a step: the body is much too fast.
-    #[error(transparent)]
+    /// The integrator refused a step: the body is much too fast, or has an absurd mass.
+    #[error(
+        "the motion cannot be computed ({0}): too large a wrench (`drive`), or too fast a start, for the mass and inertia of `body`"
+    )]
     Dynamics(#[from] DynamicsError),
 }
 

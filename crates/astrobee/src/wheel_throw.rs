@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use crate::log::{BoundedRows, ROW_LIMIT_BYTES, shortened};
+use crate::log::{BoundedRows, ROW_LIMIT_BYTES, line_read, shortened};
 use crate::text_file::{self, printable};
 use serde::{Deserialize, Serialize};
 use tumble_dynamics::InertialParameters;
@@ -209,12 +209,12 @@ pub fn parse_throw(source: impl Read, path: &Path) -> Result<ThrowRecord, WheelT
         .trim(csv::Trim::All)
         .from_reader(BoundedRows::new(BufReader::new(source)));
     let mut next = |row: &mut csv::StringRecord| {
-        let line = reader.position().line();
         let found = reader.read_record(row);
-        if reader.get_ref().too_long {
+        if let Some(line) = reader.get_ref().too_long {
             return Err(WheelThrowError::LineTooLong { path: path.to_owned(), line, limit: ROW_LIMIT_BYTES });
         }
-        found.map_err(|source| WheelThrowError::NotATable { path: path.to_owned(), source })
+        let found = found.map_err(|source| WheelThrowError::NotATable { path: path.to_owned(), source })?;
+        Ok(found.then(|| line_read(&mut reader)))
     };
     let mut headers = csv::StringRecord::new();
     next(&mut headers)?;
@@ -229,8 +229,7 @@ pub fn parse_throw(source: impl Read, path: &Path) -> Result<ThrowRecord, WheelT
 
     let mut samples: Vec<ThrowSample> = Vec::new();
     let mut row = csv::StringRecord::new();
-    while next(&mut row)? {
-        let line = row.position().map_or(0, csv::Position::line);
+    while let Some(line) = next(&mut row)? {
         let mut cells = [0.0; THROW_COLUMNS.len()];
         for ((cell, place), column) in cells.iter_mut().zip(places).zip(THROW_COLUMNS) {
             let text = row.get(place).unwrap_or_default();

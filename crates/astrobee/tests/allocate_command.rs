@@ -205,6 +205,25 @@ fn errors_name_code_place_and_remedy() {
 }
 
 #[test]
+fn a_table_begins_with_its_first_row_and_quoted_names_are_names() {
+    for (command, header) in [("allocate", WANTED), ("realize", OPENINGS)] {
+        let cells = header.split(',').count();
+        let bad = tumble(&[command, "-"], &format!("{header}\n7{}\n", ",0".repeat(cells - 1)));
+        assert_eq!((bad.status.code(), bad.stdout.len()), (Some(2), 0), "{}", stderr(&bad));
+        assert!(stderr(&bad).contains(": 7, but "), "{}", stderr(&bad));
+        let empty = tumble(&[command, "-"], &format!("{header}\n"));
+        assert_eq!(empty.stdout.len(), 0);
+        assert!(stderr(&empty).contains("`--help` of `allocate` and `realize`"), "{}", stderr(&empty));
+        let row = format!("1{}\n", ",0".repeat(cells - 1));
+        let plain = tumble(&[command, "-"], &format!("{header}\n{row}{row}"));
+        let quoted: Vec<String> = header.split(',').map(|name| format!("\"{name}\"")).collect();
+        let quoted = tumble(&[command, "-"], &format!("\u{feff}{}\n{row}{row}", quoted.join(",")));
+        assert!(plain.status.success() && plain.stdout == quoted.stdout, "{}", stderr(&quoted));
+        assert_eq!(String::from_utf8(plain.stdout).unwrap().lines().count(), 3);
+    }
+}
+
+#[test]
 fn a_reader_that_leaves_is_no_error() {
     let mut child = Command::new(env!("CARGO_BIN_EXE_tumble"))
         .args(["allocate", "-"])

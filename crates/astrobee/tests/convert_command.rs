@@ -72,6 +72,19 @@ fn csv_through_mcap_keeps_every_number() {
 }
 
 #[test]
+fn a_cut_last_line_is_said() {
+    let folder = scratch("cut");
+    let pose = "0 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 1";
+    for (name, text, line) in [("log.csv", LOG.trim_end(), 4), ("poses.tum", pose, 2)] {
+        std::fs::write(folder.join(name), text).unwrap();
+        let (_, said) = succeeds(&folder, &format!("convert {name} - --to csv"));
+        assert!(said.contains(&format!("line {line} has no line end")), "{said}");
+        std::fs::write(folder.join(name), format!("{text}\n")).unwrap();
+        assert_eq!(succeeds(&folder, &format!("convert {name} - --to csv")).1, "");
+    }
+}
+
+#[test]
 fn tum_holds_poses_and_says_what_it_does_not() {
     let folder = scratch("tum");
     std::fs::write(folder.join("log.csv"), LOG).unwrap();

@@ -12,7 +12,10 @@ use std::fmt::Write as _;
 use std::fs;
 use std::io::{Read, Write as _};
 use std::path::{Path, PathBuf};
+use tumble_astrobee::cli::{allocate, realize};
 use tumble_astrobee::log::{LogReader, TEMPLATE};
+use tumble_astrobee::propulsion::{AreaTable, PositivityShift};
+use tumble_astrobee::scenario::{EMBEDDED, ScenarioSource, read_wrenches};
 use tumble_astrobee::wheel_throw::{parse_throw, read_calibration};
 use tumble_astrobee::{AstrobeeError, body_file, excitation_file::ExcitationFile};
 use tumble_identification::MotionSample;
@@ -128,6 +131,175 @@ fn a_damaged_throw_names_the_damage() {
     });
 }
 
+const WRENCHES: &str = include_str!("../../../fuzz/seeds/wrenches/steps.csv");
+const WANTED: &str = include_str!("../../../fuzz/seeds/allocate/wrenches.csv");
+const OPENINGS: &str = include_str!("../../../fuzz/seeds/realize/openings.csv");
+
+/// The lines that a command writes to stdout before the first error, and the error.
+fn allocated(input: impl Read) -> (Vec<String>, Option<AstrobeeError>) {
+    let mut output = Vec::new();
+    let (shift, areas, path) = (PositivityShift::AxisGroups, AreaTable::Full, Path::new("table.csv"));
+    let outcome = allocate::table(shift, areas, path, input, &mut output, &mut std::io::sink());
+    (String::from_utf8(output).unwrap().lines().map(str::to_owned).collect(), outcome.err())
+}
+
+/// As [`allocated`].
+fn realized(input: impl Read) -> (Vec<String>, Option<AstrobeeError>) {
+    let mut output = Vec::new();
+    let outcome = realize::table(AreaTable::Full, Path::new("table.csv"), input, &mut output, &mut std::io::sink());
+    (String::from_utf8(output).unwrap().lines().map(str::to_owned).collect(), outcome.err())
+}
+
+#[test]
+fn a_damaged_table_is_answered_up_to_the_damage() {
+    type Command = fn(&[u8]) -> (Vec<String>, Option<AstrobeeError>);
+    let commands: [(&str, Command); 2] = [(WANTED, |bytes| allocated(bytes)), (OPENINGS, |bytes| realized(bytes))];
+    for (text, run) in commands {
+        let (whole, error) = run(text.as_bytes());
+        assert!(whole.len() == text.lines().count() && error.is_none(), "{error:?}");
+        sweep(text.as_bytes(), |damaged, damage| {
+            let (found, error) = run(damaged);
+            let line = line_of(text.as_bytes(), damage.intact_bytes());
+            // the header of the answer, and what stood in whole lines before the damage
+            let intact = line - 1;
+            assert!(intact == 0 || found.len() >= intact && found[..intact] == whole[..intact], "{damage:?}");
+            match error.map(|error| error.to_string()) {
+                Some(message) => match line_named(&message) {
+                    Some(named) => assert!((line..=line + 1).contains(&named), "{message}: line {line} is damaged"),
+                    None => assert!(line <= 2, "{message}"),
+                },
+                None => assert!(found.len() >= whole.len() - 1 || matches!(damage, Damage::Cut { .. }), "{damage:?}"),
+            }
+        });
+    }
+}
+
+#[test]
+fn a_damaged_table_of_wrenches_names_the_damage() {
+    let read = |bytes: &[u8]| read_wrenches(bytes, Path::new("wrenches.csv"), 1_000_000_000_000);
+    let whole = read(WRENCHES.as_bytes()).unwrap();
+    assert_eq!(whole.len(), 3);
+    sweep(WRENCHES.as_bytes(), |damaged, damage| {
+        let line = line_of(WRENCHES.as_bytes(), damage.intact_bytes());
+        match read(damaged) {
+            // one line of these is a comment, so that the row behind a line is up to two on
+            Ok(found) => {
+                let intact = line.saturating_sub(2).saturating_sub(usize::from(line > 3));
+                assert!(found.len() >= intact && found[..intact] == whole[..intact], "{damage:?}");
+            }
+            Err(error) => {
+                let message = error.to_string();
+                match line_named(&message) {
+                    Some(named) => assert!((line..=line + 2).contains(&named), "{message}: line {line} is damaged"),
+                    None => assert!(line <= 2, "{message}"),
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn wrenches_end_where_the_flight_does() {
+    let mut text = "t_s,f_x,f_y,f_z,tau_x,tau_y,tau_z\n".to_owned();
+    for time_s in 0..100 {
+        let _ = writeln!(text, "{time_s},1,2,3,4,5,6");
+    }
+    let read = read_wrenches(text.as_bytes(), Path::new("w.csv"), 7_000_000_000).unwrap();
+    assert_eq!((read.len(), read[6].0), (7, 6_000_000_000));
+    // the time of a row is read to the nanosecond
+    let text = "tau_x,tau_y,tau_z,f_x,f_y,f_z,t_s\n1,2,3,4,5,6,1.000000001\n";
+    let read = read_wrenches(text.as_bytes(), Path::new("w.csv"), 7_000_000_000).unwrap();
+    assert_eq!(read[0].0, 1_000_000_001);
+    assert_eq!(read[0].1.to_vector().as_slice(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+}
+
+#[test]
+fn a_damaged_scenario_names_its_place() {
+    let texts = EMBEDDED.iter().map(|embedded| embedded.text);
+    for text in texts.chain([include_str!("../../../fuzz/seeds/scenario/everything.toml")]) {
+        ScenarioSource::parse(Path::new("scenario.toml"), text).unwrap().flight().unwrap();
+        sweep(text.as_bytes(), |damaged, damage| {
+            let Ok(text) = std::str::from_utf8(damaged) else { return };
+            let Err(error) = ScenarioSource::parse(Path::new("scenario.toml"), text) else { return };
+            let message = error.to_string();
+            assert!(!message.contains(char::is_control), "{message:?}");
+            let line = line_named(&message).unwrap();
+            assert!((1..=text.lines().count() + 1).contains(&line), "{damage:?}: {message}");
+        });
+    }
+}
+
+/// What is said to a scenario that is one of the hostile.
+fn scenario_refusal(text: &str) -> String {
+    let source = ScenarioSource::parse(Path::new("scenario.toml"), text);
+    let message = source.and_then(|source| source.flight()).err().unwrap().to_string();
+    assert!(message.starts_with("scenario.toml, line ") && message.len() < 10_000, "{message}");
+    assert!(!message.contains(char::is_control), "{message:?}");
+    message
+}
+
+const SCENARIO: &str = "format = 1\nname = \"a\"\nworld = \"open\"\nduration_s = 9\n";
+const START: &str = "[start]\nposition_m = [0, 0, 0]\n";
+
+#[test]
+fn hostile_scenarios_are_refused_briefly() {
+    let depth = 10_000;
+    scenario_refusal(&format!("format = {}1{}", "[".repeat(depth), "]".repeat(depth)));
+    scenario_refusal(&format!("format = {}", "{a = ".repeat(depth)));
+    scenario_refusal(&format!("[{}a]\n", "drive.".repeat(depth)));
+    scenario_refusal(&format!("{}a = 1\n", "start.".repeat(depth)));
+    // names and keys of a megabyte, and such as would tell the terminal what to do
+    let long = "x".repeat(1 << 20);
+    for name in [long.as_str(), "\\u001b[2J", "a\\u0007b", "\\u0000"] {
+        scenario_refusal(&format!("\"{name}\" = 1"));
+        scenario_refusal(&SCENARIO.replace("\"a\"", &format!("\"{name}\"")).replace("open", name));
+        scenario_refusal(&format!("{}{START}", SCENARIO.replace("open", name)));
+        scenario_refusal(&format!("{SCENARIO}flight_mode = \"{name}\"\n{START}"));
+        scenario_refusal(&format!("{SCENARIO}[start]\npoint = \"{name}\"\n"));
+        scenario_refusal(&format!("{SCENARIO}{START}[body]\npreset = \"{name}\"\n"));
+        scenario_refusal(&format!("{SCENARIO}{START}[drive]\ncontroller = \"{name}\"\n"));
+        scenario_refusal(&format!("{SCENARIO}{START}[sensing.settings.\"{name}\"]\n"));
+    }
+    // numbers beyond any, at every place that takes one
+    for number in ["1e999", "-1e999", "inf", "nan", "-1", "18446744073709551616"] {
+        scenario_refusal(&format!("{}{START}", SCENARIO.replace('9', number)));
+        let triple = format!("[{number}, {number}, 1e999]");
+        for table in [
+            format!("[start]\nposition_m = {triple}"),
+            format!("{START}rate_rad_s = {triple}"),
+            format!("{START}[goal]\nposition_m = {triple}"),
+            format!("{START}[limits]\nspeed_m_s = {number}").replace("18446744073709551616", "-2"),
+            format!("{START}[body]\nmass_kg = 1\ninertia_about_com_kg_m2 = [{triple}, {triple}, {triple}]"),
+            format!("{START}[drive.constant]\nforce_n = {triple}"),
+            format!("{START}[[drive.waypoints]]\ntime_s = {number}\nposition_m = [0, 0, 0]"),
+            format!("{START}[[obstacles]]\ncenter_m = {triple}\nsemi_axes_m = [1, 1, 1]"),
+            format!("{START}[payload]\ngrasp_position_m = {triple}"),
+        ] {
+            scenario_refusal(&format!("{SCENARIO}{table}\n"));
+        }
+    }
+    scenario_refusal(&format!(
+        "{SCENARIO}{START}[drive.multisine]\nforce_n = [0, 0, 0]\ntorque_n_m = [0, 0, 0]\n\
+         tones = 9223372036854775807\nlowest_hz = 0.1\nhighest_hz = 0.2\n"
+    ));
+}
+
+#[test]
+fn a_million_waypoints_are_flown() {
+    let mut text = format!("{SCENARIO}{START}[drive]\nwaypoints = [\n");
+    for i in 1..=1_000_000 {
+        let _ = writeln!(text, "{{time_s={}e-6,position_m=[0,0,0]}},", 8 * i);
+    }
+    text += "]\n";
+    let mut flight = ScenarioSource::parse(Path::new("scenario.toml"), &text).unwrap().flight().unwrap();
+    assert!(flight.step().unwrap().is_some());
+    // but not from a file, which nobody wrote
+    let path = scratch("waypoints.toml", text.as_bytes());
+    let message = ScenarioSource::find(path.to_str().unwrap()).unwrap_err().to_string();
+    assert!(message.contains("longer than 1048576 bytes"), "{message}");
+    fs::remove_file(&path).unwrap();
+}
+
 /// Endlessly the same bytes, and how many were taken.
 struct Endless<'a> {
     pattern: &'a [u8],
@@ -165,6 +337,24 @@ fn a_line_without_end_is_refused_after_a_few_kilobytes() {
         let error = error.unwrap();
         assert!(matches!(error, AstrobeeError::RowTooLong { line: 4, .. }), "{pattern:?}: {error}");
         assert!(samples.len() == 2 && source.taken < limit);
+
+        let header = WRENCHES.lines().next().unwrap().as_bytes();
+        for begin in [b"".as_slice(), header, b"t_s,f_x,f_y,f_z,tau_x,tau_y,tau_z\n"] {
+            let mut source = endless(pattern);
+            let error = read_wrenches(begin.chain(&mut source), Path::new("w.csv"), i64::MAX).unwrap_err();
+            assert!(matches!(error, AstrobeeError::RowTooLong { .. }), "{pattern:?}: {error}");
+            assert!(source.taken < limit);
+        }
+        for (table, run) in [
+            (WANTED, &(|source| allocated(source)) as &dyn Fn(Box<dyn Read>) -> _),
+            (OPENINGS, &|source| realized(source)),
+        ] {
+            let begin: &'static [u8] = table.as_bytes();
+            let endless_pattern: Vec<u8> = pattern.iter().copied().cycle().take(limit).collect();
+            let (lines, error) = run(Box::new(begin.chain(std::io::Cursor::new(endless_pattern))));
+            assert!(matches!(error, Some(AstrobeeError::RowTooLong { .. })), "{pattern:?}: {error:?}");
+            assert_eq!(lines.len(), table.lines().count());
+        }
 
         let mut source = endless(pattern);
         let error = parse_throw(THROW_HEADER.as_bytes().chain(&mut source), Path::new("throw.csv")).unwrap_err();

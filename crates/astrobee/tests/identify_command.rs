@@ -283,6 +283,8 @@ fn gaps_and_unknown_columns_are_named_not_hidden() {
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let warnings = json(&output)["warnings"].to_string();
     assert!(warnings.contains("battery") && warnings.contains("1 gap"), "{warnings}");
+    // The last line was written without its end.
+    assert!(warnings.contains(&format!("line {} has no line end", kept.len())), "{warnings}");
 }
 
 #[test]

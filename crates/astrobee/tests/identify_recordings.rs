@@ -396,10 +396,49 @@ fn what_cannot_be_used_is_refused_by_name() {
     let other = bag(&[("/gnc/ekf", (EKF.0, "0123456789abcdef0123456789abcdef"))], &vec![(0, START_NS, state)]);
     refused(&other, &[], "T029", &["0123456789abcdef0123456789abcdef", EKF.1, "ff_msgs/EkfState"]);
     refused(&bag(&[("/x", ("a/B", "c"))], &vec![(0, START_NS, vec![])]), &[], "T030", &["no topic"]);
+    let alone =
+        bag(&[("/gnc/ekf", EKF)], &(0..50).map(|n| (0, START_NS, ros1::ekf_state(&flight.states[n], 0))).collect());
+    refused(&alone, &[], "T030", &["no wrench", "PmcCommand", "FamCommand", "WrenchStamped"]);
+    let mut undecodable = ros1::ekf_state(&flight.states[0], 0);
+    undecodable[12..16].fill(0xff);
+    let undecodable = bag(&[("/gnc/ekf", EKF)], &(0..1000).map(|n| (0, START_NS + n, undecodable.clone())).collect());
+    refused(&undecodable, &[], "T030", &["1000 messages do not hold their fields"]);
     refused(b"t_s\n", &["--robot", "bumble"], "T014", &["--robot"]);
     // With a robot named, its streams are read and no other's.
     fs::write(&path, &two).unwrap();
     assert_eq!(read(&path, Some("/honey/")).unwrap().0.len(), 1);
+}
+
+#[test]
+fn of_a_damaged_recording_without_a_flight_every_loss_is_said() {
+    let folder = scratch("damaged");
+    let whole = bag(&[("/gnc/ekf", EKF)], &vec![(0, START_NS, ros1::ekf_state(&fly().states[0], 0))]);
+    let begin = |rest: &[u8]| [&whole[..13], rest].concat();
+    let mut connections = BagWriter::new(Compression::None, 1 << 20);
+    for number in 0..65_540 {
+        connections.connection(number, &format!("/topic/{number}"), "a/B", "0123456789abcdef0123456789abcdef");
+    }
+    // Bytes after the magic; what the losses say, first and by their count.
+    let cases = [
+        ("zeros", begin(&[0; 500]), "damaged in 2 places, the first: byte 13: a record header"),
+        ("random", begin(&[0x5b; 500]), "damaged in one place: byte 13: the file ends"),
+        ("length", begin(&[&[0xff; 4][..], &[1; 99]].concat()), "damaged in one place: byte 13: the file ends"),
+        ("connections", connections.finish(), "damaged in 4 places, the first: byte "),
+    ];
+    for (name, bytes, says) in cases {
+        let path = folder.join(name);
+        fs::write(&path, bytes).unwrap();
+        for line in
+            [vec!["identify", path.to_str().unwrap()], vec!["convert", path.to_str().unwrap(), "-", "--to", "csv"]]
+        {
+            let output = tumble(&line);
+            let said = text(&output.stderr);
+            assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0), "{said}");
+            let error = said.lines().position(|line| line.contains("error[T030]") && line.contains(says));
+            let warning = said.lines().position(|line| line.starts_with("warning: ") && line.contains("byte "));
+            assert!(error.is_some() && warning.is_some() && warning < error, "{name}: {said}");
+        }
+    }
 }
 
 #[test]

@@ -467,6 +467,19 @@ fn zip_bombs_stop_at_the_size_that_the_chunk_states() {
 }
 
 #[test]
+fn many_small_zip_bombs_are_no_large_one() {
+    let bombs: Vec<Vec<u8>> = (0..100).map(|_| chunk("zstd", 16 << 20, 0, &zstd_bomb(128, 10))).collect();
+    let bytes = finished(&bombs);
+    let report = hostile(&bytes, 33 << 20);
+    // 128 MiB, and 200 times the file.
+    let most = (128 << 20) + 200 * bytes.len() as u64;
+    assert!(report.expanded_bytes <= most && report.expanded_bytes >= 128 << 20, "{report:?}");
+    let read = report.expanded_bytes >> 24;
+    assert!(read <= 14, "{read}");
+    assert_eq!(report.losses[usize::try_from(read).unwrap()].reason.matches("200 times").count(), 1, "{report:?}");
+}
+
+#[test]
 fn a_million_channels_and_schemas_take_bounded_memory() {
     let mut bytes = file(&[]);
     for n in 0..1_000_000_u32 {

@@ -420,6 +420,24 @@ fn zip_bombs_stop_at_the_size_that_the_chunk_declares() {
 }
 
 #[test]
+fn many_small_zip_bombs_are_no_large_one() {
+    let packed = Compression::Bz2.compress(&vec![0; 16 << 20]);
+    let mut bytes = bag::MAGIC.to_vec();
+    for _ in 0..100 {
+        let fields: [(&[u8], &[u8]); 3] =
+            [(b"op", &[5]), (b"compression", b"bz2"), (b"size", &(16_u32 << 20).to_le_bytes())];
+        bytes.extend(BagWriter::header(&fields));
+        bytes.extend(u32::try_from(packed.len()).unwrap().to_le_bytes());
+        bytes.extend(&packed);
+    }
+    let (report, _) = hostile(&bytes, 33 << 20);
+    // 128 MiB, and 200 times the file, which is next to nothing.
+    assert_eq!(report.expanded_bytes, 128 << 20);
+    let left_out = report.losses.iter().filter(|loss| loss.reason.contains("200 times")).count();
+    assert!(left_out >= 7 && report.loss_count >= 92 && !report.losses[15].ends_the_scan, "{report:?}");
+}
+
+#[test]
 fn a_million_topics_take_bounded_memory() {
     let mut writer = BagWriter::new(Compression::Lz4, 1 << 20);
     for number in 0..1_000_000 {

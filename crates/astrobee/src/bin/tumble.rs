@@ -1,10 +1,11 @@
 //! The `tumble` command line.
 
 use clap::{Parser, Subcommand};
+use std::io::IsTerminal as _;
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::cli::{
-    Outcome, allocate, calibrate_wheel, convert, excite, identify, realize, scenario, simulate,
+    Outcome, allocate, calibrate_wheel, convert, excite, identify, print, realize, scenario, simulate,
 };
 
 const EXAMPLES: &str = "\
@@ -50,13 +51,21 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let outcome = match Tumble::parse().command {
-        None => {
-            println!(
-                "tumble: what is this robot carrying?\n\n{EXAMPLES}\n\n`tumble help COMMAND` lists the options of a command."
-            );
-            return ExitCode::SUCCESS;
+    let parsed = match Tumble::try_parse() {
+        Ok(parsed) => parsed,
+        Err(refusal) if refusal.use_stderr() => refusal.exit(),
+        // Help and version, which clap would print without a word of a full disk.
+        Err(help) => {
+            let text = help.render();
+            let text = if std::io::stdout().is_terminal() { text.ansi().to_string() } else { text.to_string() };
+            return ended(print(&text).map(|()| Outcome::Achieved));
         }
+    };
+    ended(match parsed.command {
+        None => print(&format!(
+            "tumble: what is this robot carrying?\n\n{EXAMPLES}\n\n`tumble help COMMAND` lists the options of a command.\n"
+        ))
+        .map(|()| Outcome::Achieved),
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Excite(args)) => excite::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
@@ -65,7 +74,10 @@ fn main() -> ExitCode {
         Some(Command::Allocate(args)) => allocate::run(&args),
         Some(Command::Realize(args)) => realize::run(&args),
         Some(Command::Convert(args)) => convert::run(&args),
-    };
+    })
+}
+
+fn ended(outcome: Result<Outcome, AstrobeeError>) -> ExitCode {
     match outcome {
         Ok(Outcome::Achieved) => ExitCode::SUCCESS,
         Ok(Outcome::NotAchieved) => ExitCode::from(3),
@@ -77,5 +89,8 @@ fn main() -> ExitCode {
 }
 
 fn report(error: &AstrobeeError) {
+    if let AstrobeeError::Damaged { path, report, .. } = error {
+        eprint!("{}", report.table(path));
+    }
     eprintln!("error[{}]: {error}\n  remedy: {}", error.code(), error.remedy());
 }

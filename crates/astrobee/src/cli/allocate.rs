@@ -1,11 +1,12 @@
 //! `tumble allocate`: from wanted wrenches to what the propulsion modules are told, and what that gives.
 
 use super::Outcome;
-use super::columns::{Columns, NumberRow, Rows, Written, numbered, outcome};
+use super::columns::{Columns, NumberRow, Rows, Written, numbered, open, outcome};
 use crate::AstrobeeError;
 use crate::propulsion::{AreaTable, ForceAllocation, ImpellerMode, PositivityShift, QuantizedAllocation};
 use clap::Args;
-use std::path::PathBuf;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
 use tumble_dynamics::Actuation as _;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_lie::Wrench;
@@ -41,20 +42,44 @@ pub struct AllocateArgs {
 /// # Errors
 /// [`AstrobeeError`] for bad input, naming its line; the rows before it are written.
 pub fn run(args: &AllocateArgs) -> Result<Outcome, AstrobeeError> {
-    let mut wrenches = Columns::open(&args.wrenches, &WANTED)?;
-    outcome(allocate_rows(args, &mut wrenches))
+    let (path, input) = open(&args.wrenches)?;
+    let shift = if args.thesis_shift { PositivityShift::Thesis } else { PositivityShift::AxisGroups };
+    let areas = if args.thesis_table { AreaTable::Thesis } else { AreaTable::Full };
+    table(shift, areas, &path, input, std::io::stdout().lock(), &mut std::io::stderr())?;
+    Ok(Outcome::Achieved)
 }
 
-fn allocate_rows(args: &AllocateArgs, wrenches: &mut Columns<10>) -> Result<(), Written> {
+/// From a table of wrenches to one of allocations; `path` names the input in messages.
+///
+/// # Errors
+/// As [`run`].
+pub fn table(
+    shift: PositivityShift,
+    areas: AreaTable,
+    path: &Path,
+    input: impl Read,
+    output: impl Write,
+    warnings: &mut impl Write,
+) -> Result<(), AstrobeeError> {
+    let mut wrenches = Columns::new(input, path, &WANTED, warnings)?;
+    outcome(allocate_rows(shift, areas, &mut wrenches, output))
+}
+
+fn allocate_rows(
+    shift: PositivityShift,
+    areas: AreaTable,
+    wrenches: &mut Columns<impl Read, 10>,
+    output: impl Write,
+) -> Result<(), Written> {
     let names = WANTED.map(str::to_owned).into_iter();
     let names = names.chain(numbered("thr", 12)).chain(numbered("cdp", 2)).chain(numbered("dp", 2));
     let names = names.chain(numbered("dtheta", 12)).chain(numbered("servof", 12)).chain(numbered("servo", 12));
     let names = names.chain(["rfx", "rfy", "rfz", "rtx", "rty", "rtz"].map(str::to_owned));
-    let mut rows = Rows::start(&names.collect::<Vec<_>>())?;
+    let mut rows = Rows::start(output, &names.collect::<Vec<_>>())?;
     let written = loop {
         match wrenches.next_row() {
             Ok(Some(row)) => {
-                if let Err(error) = allocate_row(args, &row, &mut rows) {
+                if let Err(error) = allocate_row(shift, areas, &row, &mut rows) {
                     break Err(error);
                 }
             }
@@ -66,17 +91,18 @@ fn allocate_rows(args: &AllocateArgs, wrenches: &mut Columns<10>) -> Result<(), 
     written
 }
 
-fn allocate_row(args: &AllocateArgs, row: &NumberRow<'_, 10>, rows: &mut Rows) -> Result<(), Written> {
+fn allocate_row(
+    shift: PositivityShift,
+    areas: AreaTable,
+    row: &NumberRow<'_, 10>,
+    rows: &mut Rows<impl Write>,
+) -> Result<(), Written> {
     let [number, fx, fy, fz, tx, ty, tz, x, y, z] = row.values;
     let mode = ImpellerMode::ALL.into_iter().find(|mode| f64::from(mode.number()).total_cmp(&number).is_eq());
     let mode = mode.ok_or_else(|| row.out_of_range(0, "an impeller mode is 0, 1, 2 or 3"))?;
     let mut allocation = ForceAllocation::new(mode, Vector3::new(x, y, z));
-    if args.thesis_shift {
-        allocation.shift = PositivityShift::Thesis;
-    }
-    if args.thesis_table {
-        allocation.inverse.table = AreaTable::Thesis;
-    }
+    allocation.shift = shift;
+    allocation.inverse.table = areas;
     let wanted = Wrench::new(Vector3::new(tx, ty, tz), Vector3::new(fx, fy, fz));
     let steps = allocation.allocate_steps(&allocation.about_origin(&wanted)).map_err(|_| {
         // the only numbers that are finite and have thrusts that are not

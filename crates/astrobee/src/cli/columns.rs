@@ -3,13 +3,29 @@
 use crate::AstrobeeError;
 use crate::log::{BoundedRows, Row, read_row, shortened};
 use std::fs::File;
-use std::io::{BufWriter, ErrorKind, Read, StdoutLock, Write as _};
+use std::io::{BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
+/// Opens a file, or standard input where it is `-`, with its name for messages.
+///
+/// # Errors
+/// [`AstrobeeError::Unreadable`].
+pub(super) fn open(path: &Path) -> Result<(PathBuf, Box<dyn Read>), AstrobeeError> {
+    if path == Path::new("-") {
+        return Ok(("standard input".into(), Box::new(std::io::stdin().lock())));
+    }
+    let unreadable = |source| AstrobeeError::Unreadable { path: path.into(), source };
+    let file = File::open(path).map_err(unreadable)?;
+    if file.metadata().map_err(unreadable)?.is_dir() {
+        return Err(unreadable(ErrorKind::IsADirectory.into()));
+    }
+    Ok((path.into(), Box::new(file)))
+}
+
 /// Reads the columns of these names from a CSV file, whatever their order and whatever stands beside them.
-pub(super) struct Columns<const N: usize> {
+pub(super) struct Columns<R, const N: usize> {
     path: PathBuf,
-    records: csv::Reader<BoundedRows<Box<dyn Read>>>,
+    records: csv::Reader<BoundedRows<R>>,
     record: csv::ByteRecord,
     /// All names of the header.
     names: Vec<String>,
@@ -18,22 +34,17 @@ pub(super) struct Columns<const N: usize> {
     any_row: bool,
 }
 
-impl<const N: usize> Columns<N> {
-    /// Opens a file, or standard input where it is `-`, and reads the header; columns of other names are named on stderr.
+impl<R: Read, const N: usize> Columns<R, N> {
+    /// Reads the header; columns of other names are named in `warnings` and ignored.
     ///
     /// # Errors
     /// [`AstrobeeError`] for an unreadable or empty file, a missing column and one that stands twice.
-    pub(super) fn open(path: &Path, wanted: &[&str; N]) -> Result<Self, AstrobeeError> {
-        let unreadable = |source| AstrobeeError::Unreadable { path: path.into(), source };
-        let (path, input): (PathBuf, Box<dyn Read>) = if path == Path::new("-") {
-            ("standard input".into(), Box::new(std::io::stdin().lock()))
-        } else {
-            let file = File::open(path).map_err(unreadable)?;
-            if file.metadata().map_err(unreadable)?.is_dir() {
-                return Err(unreadable(ErrorKind::IsADirectory.into()));
-            }
-            (path.into(), Box::new(file))
-        };
+    pub(super) fn new(
+        input: R,
+        path: &Path,
+        wanted: &[&str; N],
+        warnings: &mut impl Write,
+    ) -> Result<Self, AstrobeeError> {
         let mut records = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
@@ -42,13 +53,13 @@ impl<const N: usize> Columns<N> {
             .buffer_capacity(1 << 16)
             .from_reader(BoundedRows::new(input));
         let mut record = csv::ByteRecord::new();
-        if !read_row(&mut records, &mut record, &path)? {
-            return Err(AstrobeeError::Empty { path, what: "header" });
+        if !read_row(&mut records, &mut record, path)? {
+            return Err(AstrobeeError::Empty { path: path.into(), what: "header" });
         }
-        let cells = record.iter().map(|cell| String::from_utf8_lossy(cell).trim().to_owned());
+        let cells = record.iter().map(|cell| String::from_utf8_lossy(cell).trim().trim_matches('"').to_owned());
         let mut names: Vec<String> = cells.collect();
         if let Some(first) = names.first_mut() {
-            *first = first.trim_start_matches('\u{feff}').to_owned();
+            *first = first.trim_start_matches('\u{feff}').trim_matches('"').to_owned();
         }
         let mut places = [0; N];
         for (place, column) in places.iter_mut().zip(wanted) {
@@ -56,8 +67,8 @@ impl<const N: usize> Columns<N> {
             let column = (*column).to_owned();
             *place = match (found.next(), found.next()) {
                 (Some((at, _)), None) => at,
-                (None, _) => return Err(AstrobeeError::MissingColumn { path, column, because: "" }),
-                _ => return Err(AstrobeeError::DuplicateColumn { path, column }),
+                (None, _) => return Err(AstrobeeError::MissingColumn { path: path.into(), column, because: "" }),
+                _ => return Err(AstrobeeError::DuplicateColumn { path: path.into(), column }),
             };
         }
         let others: Vec<String> = (0..names.len())
@@ -65,9 +76,10 @@ impl<const N: usize> Columns<N> {
             .filter_map(|at| names.get(at).map(|name| shortened(name)))
             .collect();
         if !others.is_empty() {
-            eprintln!("columns ignored: {}", others.join(", "));
+            // that nobody can be told is no reason to stop
+            let _ = writeln!(warnings, "columns ignored: {}", others.join(", "));
         }
-        Ok(Self { path, records, record, names, places, any_row: false })
+        Ok(Self { path: path.into(), records, record, names, places, any_row: false })
     }
 
     /// The next row, `None` at the end.
@@ -118,50 +130,57 @@ impl<const N: usize> NumberRow<'_, N> {
             path: self.row.path.into(),
             line: self.row.line,
             column: name.cloned().unwrap_or_default(),
-            value: self.values.get(column).copied().unwrap_or(f64::NAN),
+            text: self
+                .places
+                .get(column)
+                .map_or_else(String::new, |at| shortened(&String::from_utf8_lossy(self.row.text(*at)))),
             allowed,
         }
     }
 }
 
-/// Writes rows to stdout.
-pub(super) struct Rows {
-    out: BufWriter<StdoutLock<'static>>,
+/// Writes rows.
+pub(super) struct Rows<W: Write> {
+    out: BufWriter<W>,
     line: Vec<u8>,
     digits: ryu::Buffer,
 }
 
-impl Rows {
-    /// Starts a table with its header.
+impl<W: Write> Rows<W> {
+    /// Starts a table with its header, which comes out with the first row.
     ///
     /// # Errors
     /// As [`Rows::end_row`].
-    pub(super) fn start(header: &[String]) -> Result<Self, Written> {
-        let out = BufWriter::with_capacity(1 << 16, std::io::stdout().lock());
+    pub(super) fn start(out: W, header: &[String]) -> Result<Self, Written> {
+        let out = BufWriter::with_capacity(1 << 16, out);
         let mut rows = Self { out, line: Vec::new(), digits: ryu::Buffer::new() };
         for name in header {
             rows.text(name.as_bytes());
         }
-        rows.end_row()?;
+        // Written with the first row: a table without rows has no header.
+        rows.line.push(b'\n');
         Ok(rows)
     }
 
     /// Adds a cell.
     pub(super) fn text(&mut self, cell: &[u8]) {
-        if !self.line.is_empty() {
-            self.line.push(b',');
-        }
+        self.separate();
         self.line.extend_from_slice(cell);
     }
 
-    /// Adds finite numbers, in as few digits as tell them from their neighbours.
+    /// Adds numbers, in as few digits as tell them from their neighbours.
     pub(super) fn numbers(&mut self, values: &[f64]) {
         for value in values {
-            if !self.line.is_empty() {
-                self.line.push(b',');
-            }
-            let digits = self.digits.format_finite(*value);
+            self.separate();
+            let digits = self.digits.format(*value);
             self.line.extend_from_slice(digits.strip_suffix(".0").unwrap_or(digits).as_bytes());
+        }
+    }
+
+    /// A comma, but for the first cell of a row.
+    fn separate(&mut self) {
+        if self.line.last().is_some_and(|byte| *byte != b'\n') {
+            self.line.push(b',');
         }
     }
 
@@ -210,9 +229,9 @@ impl From<AstrobeeError> for Written {
 }
 
 /// How a command ends whose table ended so.
-pub(super) fn outcome(written: Result<(), Written>) -> Result<super::Outcome, AstrobeeError> {
+pub(super) fn outcome(written: Result<(), Written>) -> Result<(), AstrobeeError> {
     match written {
-        Ok(()) | Err(Written::Closed) => Ok(super::Outcome::Achieved),
+        Ok(()) | Err(Written::Closed) => Ok(()),
         Err(Written::Failed(error)) => Err(error),
     }
 }

@@ -2,12 +2,12 @@
 
 use super::Outcome;
 use crate::AstrobeeError;
-use crate::log::shortened;
+use crate::log::{cut_warning, shortened};
 use crate::output::OutputFile;
 use crate::recording::mcap_log::{McapLog, McapSink};
 use crate::recording::rows::{CsvSink, RowSink, read_csv, read_flight};
 use crate::recording::tum::{self, TumSink};
-use crate::recording::{self, Container, ScanReport};
+use crate::recording::{self, Container};
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
@@ -164,6 +164,11 @@ fn say_left_out<W: Write>(sink: &TumSink<W>) {
 
 fn read(input: &Input, args: &ConvertArgs, sink: &mut dyn RowSink) -> Result<(), AstrobeeError> {
     let path = &args.input;
+    if matches!(input, Input::Csv | Input::Tum)
+        && let Some(warning) = cut_warning(path)
+    {
+        eprintln!("warning: {}: {warning}", path.display());
+    }
     match input {
         Input::Csv => return read_csv(path, sink),
         Input::Tum => return tum::read(path, sink),
@@ -171,7 +176,7 @@ fn read(input: &Input, args: &ConvertArgs, sink: &mut dyn RowSink) -> Result<(),
             // A log of ours keeps every column; of what others record, the flight is assembled.
             let (log, report) = McapLog::survey(open(path)?)?;
             if !log.columns.is_empty() {
-                say_losses(path, &report);
+                eprint!("{}", report.table(path));
                 return read_mcap(path, &log, sink);
             }
         }
@@ -192,16 +197,4 @@ fn read_mcap(path: &Path, log: &McapLog, sink: &mut dyn RowSink) -> Result<(), A
         eprintln!("warning: {}: {without_pose} rows without a pose are left out", path.display());
     }
     Ok(())
-}
-
-/// Says what a recording lost.
-fn say_losses(path: &Path, report: &ScanReport) {
-    for loss in &report.losses {
-        let end = if loss.ends_the_scan { "; nothing after it is read" } else { "" };
-        eprintln!("warning: {}, byte {}: {}{end}", path.display(), loss.offset, loss.reason);
-    }
-    let more = report.loss_count.saturating_sub(report.losses.len() as u64);
-    if more > 0 {
-        eprintln!("warning: {}: {more} more places", path.display());
-    }
 }

@@ -5,7 +5,7 @@ use super::{Outcome, print};
 use crate::log::{SampleReader, TEMPLATE, seconds};
 use crate::output::{OutputFolder, RUN_RECORD, write_file};
 use crate::report::{self, Context};
-use crate::{AstrobeeError, body_file, demo};
+use crate::{AstrobeeError, body_file, demo, recording};
 use clap::{Args, ValueEnum};
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
@@ -543,6 +543,10 @@ impl Log {
         else {
             return Err(AstrobeeError::Empty { path: path.clone(), what: "data rows" });
         };
+        if reader.lacks_wrench() && !args.dry_run {
+            let reason = format!("no wrench is recorded for this robot: {}", recording::flight::WRENCH_TOPICS);
+            return Err(AstrobeeError::NoFlight { path: path.clone(), reason });
+        }
         let mut rows = Rows::Memory(record);
         if more {
             let mut count = ROWS_IN_MEMORY;

@@ -1,12 +1,13 @@
 //! `tumble realize`: from flap angles and impeller speeds to the thrust that the hardware gives.
 
 use super::Outcome;
-use super::columns::{Columns, NumberRow, Rows, Written, numbered, outcome};
+use super::columns::{Columns, NumberRow, Rows, Written, numbered, open, outcome};
 use crate::AstrobeeError;
 use crate::propulsion::constants::FLAP_TRAVEL_RAD;
 use crate::propulsion::{AreaTable, InverseAllocation, Module};
 use clap::Args;
-use std::path::PathBuf;
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
 
 const OPENINGS: [&str; 8] = ["pm", "N", "dtheta1", "dtheta2", "dtheta3", "dtheta4", "dtheta5", "dtheta6"];
 /// By how much an angle may pass its stop, rad: tables of 32-bit numbers round it up.
@@ -37,16 +38,36 @@ pub struct RealizeArgs {
 /// # Errors
 /// [`AstrobeeError`] for bad input, naming its line; the rows before it are written.
 pub fn run(args: &RealizeArgs) -> Result<Outcome, AstrobeeError> {
-    let mut openings = Columns::open(&args.openings, &OPENINGS)?;
-    outcome(realize_rows(args, &mut openings))
+    let (path, input) = open(&args.openings)?;
+    let areas = if args.thesis_table { AreaTable::Thesis } else { AreaTable::Full };
+    table(areas, &path, input, std::io::stdout().lock(), &mut std::io::stderr())?;
+    Ok(Outcome::Achieved)
 }
 
-fn realize_rows(args: &RealizeArgs, openings: &mut Columns<8>) -> Result<(), Written> {
-    let table = if args.thesis_table { AreaTable::Thesis } else { AreaTable::Full };
-    let inverse = InverseAllocation { table, ..InverseAllocation::default() };
+/// From a table of openings to one of thrusts; `path` names the input in messages.
+///
+/// # Errors
+/// As [`run`].
+pub fn table(
+    areas: AreaTable,
+    path: &Path,
+    input: impl Read,
+    output: impl Write,
+    warnings: &mut impl Write,
+) -> Result<(), AstrobeeError> {
+    let mut openings = Columns::new(input, path, &OPENINGS, warnings)?;
+    let inverse = InverseAllocation { table: areas, ..InverseAllocation::default() };
+    outcome(realize_rows(inverse, &mut openings, output))
+}
+
+fn realize_rows(
+    inverse: InverseAllocation,
+    openings: &mut Columns<impl Read, 8>,
+    output: impl Write,
+) -> Result<(), Written> {
     let names = OPENINGS.into_iter().chain(["cdp", "dp"]).map(str::to_owned).chain(numbered("thrust", 6));
     let names = names.chain(["fx", "fy", "fz", "tx", "ty", "tz"].map(str::to_owned));
-    let mut rows = Rows::start(&names.collect::<Vec<_>>())?;
+    let mut rows = Rows::start(output, &names.collect::<Vec<_>>())?;
     let written = loop {
         match openings.next_row() {
             Ok(Some(row)) => {
@@ -62,7 +83,7 @@ fn realize_rows(args: &RealizeArgs, openings: &mut Columns<8>) -> Result<(), Wri
     written
 }
 
-fn realize_row(inverse: InverseAllocation, row: &NumberRow<'_, 8>, rows: &mut Rows) -> Result<(), Written> {
+fn realize_row(inverse: InverseAllocation, row: &NumberRow<'_, 8>, rows: &mut Rows<impl Write>) -> Result<(), Written> {
     let [number, speed_rad_s, openings_rad @ ..] = row.values;
     let module = if number.total_cmp(&1.0).is_eq() {
         Module::Starboard

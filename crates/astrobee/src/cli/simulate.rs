@@ -14,9 +14,9 @@ use crate::{AstrobeeError, log};
 use clap::Args;
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, IsTerminal as _};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_dynamics::{InertialParameters, ObstacleEllipsoid, World};
 use tumble_lie::LieGroup;
@@ -25,7 +25,7 @@ use tumble_lie::LieGroup;
 #[derive(Args)]
 #[command(after_help = "\
 Exit codes: 0; 2 for an error; 3 where the flight is complete but left its volume or table, hit an obstacle or passed a limit
-(the events say which and when). docs/scenarios.md describes scenario files and what is written.
+(the events say which and when), or where its log holds no row. docs/scenarios.md describes scenario files and what is written.
 
 Examples:
   tumble simulate iss-excite                   then: tumble identify tumble-out/simulate-iss-excite-1/log.csv
@@ -60,6 +60,9 @@ const DRAWN: i64 = 2000;
 const OUTLINE: usize = 72;
 /// Control periods between two looks at the progress.
 const BETWEEN_LOOKS: i64 = 20_000;
+
+/// Time between two lines of progress where there is no terminal whose line could change.
+const BETWEEN_LINES: Duration = Duration::from_secs(5);
 
 /// What is counted and drawn while the robot flies.
 struct Flown {
@@ -136,6 +139,14 @@ pub fn run(args: &SimulateArgs) -> Result<Outcome, AstrobeeError> {
     } else {
         print(&table(&source, &flight, &flown, (rows, left_out), speed))?;
     }
+    if rows == 0 {
+        eprintln!(
+            "wrote {}; not as it should be: the log holds no row, since no estimate of the {left_out} or none at all arrived in time; \
+             fly longer, or correct `sensing`",
+            place.display()
+        );
+        return Ok(Outcome::NotAchieved);
+    }
     say_next(&place, &flight);
     let violations: Vec<&TimedEvent> =
         flight.simulator.events().iter().filter(|event| event.event.is_violation()).collect();
@@ -196,9 +207,15 @@ fn fly(
         drawn: Vec::new(),
     };
     let mut index = 0;
+    let mut said = Instant::now();
     while let Some(measured) = flight.step()? {
         if index % BETWEEN_LOOKS == 0 {
-            progress(&format!("flying: {} of {} s ...", index * 2 / 125, periods * 2 / 125));
+            let text = format!("flying: {} of {} s ...", index * 2 / 125, periods * 2 / 125);
+            progress(&text);
+            if !std::io::stderr().is_terminal() && said.elapsed() >= BETWEEN_LINES {
+                eprintln!("{text}");
+                said = Instant::now();
+            }
         }
         let [from, to] = [&measured.start, &measured.end].map(|motion| motion.state.world_from_body.translation.vector);
         flown.distance_m += (to - from).norm();
@@ -224,7 +241,7 @@ fn to_goal(flight: &Flight) -> Option<(f64, f64)> {
 }
 
 fn seconds(event: &TimedEvent) -> f64 {
-    event.time_ns as f64 * 1e-9
+    event.time_ns as f64 / 1e9
 }
 
 fn summary(
@@ -252,7 +269,8 @@ fn summary(
         "seed": source.scenario.seed,
         "world": flight.place.name(),
         "degrees_of_freedom": if flight.place.is_planar() { 3 } else { 6 },
-        "duration_s": flight.duration_ns as f64 * 1e-9,
+        "duration_s": flight.duration_ns as f64 / 1e9,
+        "duration_asked_s": source.scenario.duration_s,
         "rows": rows,
         "estimates_left_out": left_out,
         "distance_m": flown.distance_m,
@@ -279,7 +297,13 @@ fn table(source: &ScenarioSource, flight: &Flight, flown: &Flown, (rows, left_ou
     };
     let freedom = if flight.place.is_planar() { "x, y and yaw" } else { "six degrees of freedom" };
     line("world", format!("{} ({freedom})", flight.place.name()));
-    line("duration", format!("{:.3} s, {speed:.0} x real time", flight.duration_ns as f64 * 1e-9));
+    let (asked_s, flown_s) = (source.scenario.duration_s, flight.duration_ns as f64 / 1e9);
+    let rounded = if (asked_s - flown_s).abs() > 1e-9 {
+        format!(" (asked for {asked_s} s; flown are whole periods of {CONTROL_PERIOD_S} s)")
+    } else {
+        String::new()
+    };
+    line("duration", format!("{flown_s:.3} s, {speed:.0} x real time{rounded}"));
     line(
         "rows of the log",
         format!("{rows}{}", if left_out > 0 { format!(" ({left_out} estimates left out)") } else { String::new() }),

@@ -359,7 +359,7 @@ impl Scan<'_> {
         if fields.get(b"compression") == Some(b"none") {
             return self.records(offset, data);
         }
-        match decompress(fields, data, content) {
+        match self.decompress(offset, fields, data, content) {
             Ok(()) => self.records(offset, content),
             Err(reason) => self.lose(offset, reason, false),
         }
@@ -375,11 +375,25 @@ impl Scan<'_> {
             self.records(offset, data);
         } else {
             // It must end too early; blocks come out whole, so that what comes out is good.
-            let _ = decompress(fields, data, content);
+            let _ = self.decompress(offset, fields, data, content);
             self.records(offset, content);
         }
         self.report.losses.truncate(said.0);
         self.report.loss_count = said.1;
+    }
+
+    /// As [`decompress`], unless the file has become too much already.
+    fn decompress(
+        &mut self,
+        offset: u64,
+        fields: &Fields<'_>,
+        data: &[u8],
+        content: &mut Vec<u8>,
+    ) -> Result<(), String> {
+        content.clear();
+        let declared = fields.u32(b"size").map(u64::from).filter(|bytes| *bytes <= MOST_DATA_BYTES);
+        self.report.expand(offset + data.len() as u64, declared.unwrap_or(0))?;
+        decompress(fields, data, content)
     }
 
     /// The records of a chunk.

@@ -29,6 +29,10 @@ const BATCHES: usize = 4;
 /// Topics listed in a table.
 const MOST_TOPICS_SHOWN: usize = 40;
 
+/// What gives a wrench.
+pub(crate) const WRENCH_TOPICS: &str = "of an Astrobee (ff_msgs/EkfState) ff_hw_msgs/PmcCommand on hw/pmc/command or ff_msgs/FamCommand on \
+                                        gnc/ctl/command is needed, of others geometry_msgs/WrenchStamped";
+
 /// One topic of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Topic {
@@ -233,13 +237,9 @@ impl Tally {
     /// What a user should know, one sentence each.
     pub fn warnings(&self, plan: &Plan, topics: &Topics) -> Vec<String> {
         let mut said = Vec::new();
+        said.extend(self.left_out());
         let counts = [
             (self.late, "poses came late and were put in order"),
-            (self.too_late, "messages came too late to be put in order and were left out"),
-            (self.repeated, "poses repeated a time and were dropped"),
-            (self.invalid, "poses are marked lost or invalid and were left out"),
-            (self.impossible, "poses are not finite or not of unit norm and were left out"),
-            (self.undecoded, "messages do not hold their fields and were left out"),
             (self.unstamped, "messages have no stamp and were taken at the time of recording"),
             (self.other_modules, "commands are not for two modules and were left out"),
         ];
@@ -248,7 +248,7 @@ impl Tally {
             topic.as_ref().and_then(|topic| topics.get(topic)).map_or("", |topic| topic.type_name.as_str())
         };
         if plan.wrench.is_none() {
-            said.push("no wrench is recorded for this robot".to_owned());
+            said.push(format!("no wrench is recorded for this robot: {WRENCH_TOPICS}"));
         } else if self.without_wrench > 0 {
             said.push(format!("{} samples have no command of their interval, and no wrench", self.without_wrench));
         }
@@ -268,14 +268,20 @@ impl Tally {
             }
             _ => {}
         }
-        if self.report.loss_count > 0 {
-            let first = self.report.losses.first().map_or(String::new(), |loss| {
-                let behind = if loss.ends_the_scan { "; everything behind is lost" } else { "" };
-                format!(": byte {}: {}{behind}", loss.offset, loss.reason)
-            });
-            said.push(format!("the file is damaged in {} places{first}", self.report.loss_count));
-        }
+        said.extend(self.report.summary());
         said
+    }
+
+    /// Messages left out, and why.
+    fn left_out(&self) -> impl Iterator<Item = String> {
+        let counts = [
+            (self.too_late, "messages came too late to be put in order and were left out"),
+            (self.repeated, "poses repeated a time and were dropped"),
+            (self.invalid, "poses are marked lost or invalid and were left out"),
+            (self.impossible, "poses are not finite or not of unit norm and were left out"),
+            (self.undecoded, "messages do not hold their fields and were left out"),
+        ];
+        counts.into_iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}"))
     }
 }
 
@@ -576,6 +582,20 @@ fn command_bytes(command: &PmcCommand<'_>) -> Option<PropulsionCommand> {
     })
 }
 
+/// What the samples of a flight can hold besides the pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools)]
+pub struct HeldColumns {
+    /// Velocity of the body origin.
+    pub velocity: bool,
+    /// Angular rate.
+    pub rate: bool,
+    /// Acceleration of the body origin.
+    pub acceleration: bool,
+    /// A wrench.
+    pub wrench: bool,
+}
+
 /// What the reading thread sends.
 enum Sent {
     Samples(Vec<MotionSample>),
@@ -599,8 +619,8 @@ impl FlightReader {
     /// # Errors
     /// [`AstrobeeError`] for a file that is no recording, holds no flight, or several without a robot being named.
     pub fn open(path: &Path, robot: Option<&str>) -> Result<Self, AstrobeeError> {
-        let (topics, _) = survey(path)?;
-        let plan = Plan::of(&topics, robot, path)?;
+        let (topics, report) = survey(path)?;
+        let plan = Plan::of(&topics, robot, path).map_err(|error| damaged(error, &report))?;
         let (sender, receiver) = sync_channel(BATCHES);
         let (path, used) = (PathBuf::from(path), plan.clone());
         // A scan hands out and a reader asks: a thread between them, a few batches ahead.
@@ -612,11 +632,23 @@ impl FlightReader {
         Ok(Self { topics, plan, receiver, batch: Vec::new().into_iter(), tally: None })
     }
 
+    /// What its samples can hold besides the pose, as the types of its topics say.
+    pub fn columns(&self) -> HeldColumns {
+        let motion = self.topics.get(&self.plan.motion).map_or("", |topic| topic.type_name.as_str());
+        let is_pose_only = motion == "geometry_msgs/PoseStamped";
+        HeldColumns {
+            velocity: !is_pose_only,
+            rate: !is_pose_only,
+            acceleration: !matches!(motion, "geometry_msgs/PoseStamped" | "nav_msgs/Odometry"),
+            wrench: self.plan.wrench.is_some(),
+        }
+    }
+
     /// The next sample in time, `None` at the end.
     ///
     /// # Errors
     /// [`AstrobeeError::BadMessage`] for a definition that is not known, [`AstrobeeError::NoFlight`] for a wrench in a frame
-    /// that is not the body's.
+    /// that is not the body's, and at the end where not one pose could be used; then [`AstrobeeError::Damaged`] if the file is.
     pub fn next_sample(&mut self) -> Result<Option<MotionSample>, AstrobeeError> {
         loop {
             if let Some(sample) = self.batch.next() {
@@ -668,5 +700,22 @@ fn stream(path: &Path, plan: &Plan, sender: &SyncSender<Sent>) -> Result<Tally, 
         }
     }
     let _ = sender.send(Sent::Samples(batch));
-    Ok(Tally { report, ..assembler.tally })
+    let tally = assembler.tally;
+    if tally.samples == 0 {
+        let why: Vec<String> = tally.left_out().collect();
+        let why = if why.is_empty() { "their encoding is not known".to_owned() } else { why.join("; ") };
+        let reason = format!("no pose on {} that can be used: {why}", shortened(&plan.motion));
+        return Err(damaged(AstrobeeError::NoFlight { path: path.into(), reason }, &report));
+    }
+    Ok(Tally { report, ..tally })
+}
+
+/// That there is no flight, with what the file lost where it did.
+fn damaged(error: AstrobeeError, report: &ScanReport) -> AstrobeeError {
+    match error {
+        AstrobeeError::NoFlight { path, reason } if report.loss_count > 0 => {
+            AstrobeeError::Damaged { path, reason, report: Box::new(report.clone()) }
+        }
+        other => other,
+    }
 }

@@ -303,6 +303,13 @@ impl Scan<'_> {
         };
         // One that the file cuts short is said by the caller, and given as far as it goes.
         let is_whole = complete && chunk.records.len() as u64 == chunk.stated_length;
+        if !chunk.compression.is_empty() && chunk.expanded_length <= MOST_RECORD_BYTES {
+            let end = offset + body.len() as u64;
+            if let Err(reason) = self.report.expand(end, chunk.expanded_length) {
+                self.lose(offset, reason, false);
+                return ControlFlow::Continue(());
+            }
+        }
         let records = match chunk.expand(expanded) {
             Ok(records) => records,
             Err(reason) if is_whole => {

@@ -10,17 +10,19 @@ use crate::body_file::{self, BodyFile};
 use crate::excitation_file::ExcitationFile;
 use crate::flight_controller::FlightController;
 use crate::flight_modes::{ControlGains, FlightMode};
-use crate::log::QUATERNION_NORM_TOLERANCE;
+use crate::log::{BoundedRows, QUATERNION_NORM_TOLERANCE, Row, read_row, seconds, shortened};
 use crate::noise::Gaussian;
 use crate::propulsion::{ImpellerMode, PropulsionSettings};
 use crate::sensing::{Localization, SensingPreset};
 use crate::simulator::{
     Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, Controller, Drive, Event,
-    FlownController, Grasp, Multisine, PayloadMotion, Reference, SimulatorMeasurement, SimulatorSettings, Surroundings,
-    Waypoint,
+    FlownController, Grasp, Multisine, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
+    SimulatorSettings, Surroundings, Waypoint,
 };
 use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
 use crate::{flight_log, space_cobot, spheres};
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{
@@ -32,6 +34,10 @@ use tumble_lie::{Pose, Twist, Wrench};
 const TRACKER_RAD_S: (f64, f64) = (1.0, 0.5);
 /// Most sines per axis.
 const MOST_TONES: usize = 50;
+/// Most obstacles besides those of the place, each looked at in every period.
+const MOST_OBSTACLES: usize = 1000;
+/// Most waypoints.
+const MOST_WAYPOINTS: usize = 10_000;
 /// Most rows of a file of wrenches: a day of control periods.
 const MOST_WRENCHES: usize = 5_400_000;
 /// What the seeds of the phases and of the nozzles differ by from that of the sensors.
@@ -141,7 +147,7 @@ impl ScenarioSource {
             return Err(self.bad("name", "1 to 64 letters, digits, `-` and `_`: it names a folder"));
         }
         let periods = libm::round(scenario.duration_s / CONTROL_PERIOD_S);
-        if !(scenario.duration_s > 0.0 && scenario.duration_s <= LONGEST_S && periods >= 1.0) {
+        if !(CONTROL_PERIOD_S..=LONGEST_S).contains(&scenario.duration_s) {
             let message = format!("{}: at least {CONTROL_PERIOD_S} s and at most {LONGEST_S} s", scenario.duration_s);
             return Err(self.bad("duration_s", &message));
         }
@@ -188,7 +194,10 @@ impl ScenarioSource {
             actuators: self.actuators(impellers, &belief)?,
             sensors: Some(self.sensors(place, impellers)?),
         };
-        let simulator = AstrobeeSimulator::try_new(settings).map_err(|error| self.bad("start", &error.to_string()))?;
+        let simulator = AstrobeeSimulator::try_new(settings).map_err(|error| {
+            let is_of_body = matches!(error, SimulatorError::Dynamics(_)) && scenario.body.is_some();
+            self.bad(if is_of_body { "body" } else { "start" }, &error.to_string())
+        })?;
         Ok(Flight {
             drive: self.drive(place, &start, &belief, duration_ns)?,
             simulator,
@@ -211,7 +220,7 @@ impl ScenarioSource {
     ) -> Result<T, AstrobeeError> {
         find(name).ok_or_else(|| {
             let near = super::place::suggestion(name, names.into_iter());
-            self.bad(key, &format!("`{name}` is none of {}{near}", names.join(", ")))
+            self.bad(key, &format!("`{}` is none of {}{near}", shortened(name), names.join(", ")))
         })
     }
 
@@ -262,7 +271,7 @@ impl ScenarioSource {
                 let mut pose = place.pose(name).ok_or_else(|| {
                     let names: Vec<&str> = place.poses().iter().map(|pose| pose.name).collect();
                     let near = super::place::suggestion(name, names.iter().copied());
-                    self.bad(&key("point"), &format!("`{name}` is none of: {}{near}", names.join(", ")))
+                    self.bad(&key("point"), &format!("`{}` is none of: {}{near}", shortened(name), names.join(", ")))
                 })?;
                 if let Some(quaternion) = written.quaternion_xyzw {
                     pose.rotation = self.rotation(&key("quaternion_xyzw"), quaternion)?;
@@ -316,6 +325,10 @@ impl ScenarioSource {
             world.obstacles = place.obstacles(set).ok_or_else(|| {
                 self.bad("obstacle_set", &format!("{set}: there are sets 0 to {}", OBSTACLE_SETS - 1))
             })?;
+        }
+        let count = self.scenario.obstacles.len();
+        if count > MOST_OBSTACLES {
+            return Err(self.bad("obstacles", &format!("{count}: at most {MOST_OBSTACLES}")));
         }
         for table in &self.scenario.obstacles {
             let semi_axes = self.finite("obstacles.semi_axes_m", table.semi_axes_m)?;
@@ -521,6 +534,10 @@ impl ScenarioSource {
         if table.waypoints.is_empty() {
             return Ok(Reference::Hold(from));
         }
+        let count = table.waypoints.len();
+        if count > MOST_WAYPOINTS {
+            return Err(self.bad("drive.waypoints", &format!("{count}: at most {MOST_WAYPOINTS}")));
+        }
         let mut path = vec![Waypoint { time_s: 0.0, world_from_body: from }];
         let mut last = Waypoint { time_s: 0.0, world_from_body: from };
         for waypoint in &table.waypoints {
@@ -557,7 +574,10 @@ impl ScenarioSource {
                 Ok(AddedWrench::Constant(wrench("drive.constant", table.force_n, table.torque_n_m)?))
             }
             (None, Some(file), None) => {
-                read_wrenches(&self.folder().join(file), duration_ns).map(AddedWrench::Sequence)
+                let path = self.folder().join(file);
+                let source =
+                    File::open(&path).map_err(|source| AstrobeeError::Unreadable { path: path.clone(), source })?;
+                read_wrenches(source, &path, duration_ns).map(AddedWrench::Sequence)
             }
             (None, None, Some(table)) => {
                 if !(1..=MOST_TONES).contains(&table.tones) {
@@ -581,45 +601,62 @@ impl ScenarioSource {
 /// The columns of a file of wrenches.
 const WRENCH_COLUMNS: [&str; 7] = ["t_s", "f_x", "f_y", "f_z", "tau_x", "tau_y", "tau_z"];
 
-/// A file of wrenches: `t_s` and six columns, each row held until the next; those of a log will do.
-fn read_wrenches(path: &Path, duration_ns: i64) -> Result<Vec<(i64, Wrench<f64>)>, AstrobeeError> {
-    let unreadable = |error: csv::Error| AstrobeeError::BadToml { path: path.into(), message: error.to_string() };
-    let file = std::fs::File::open(path).map_err(|source| AstrobeeError::Unreadable { path: path.into(), source })?;
-    let mut reader = csv::Reader::from_reader(file);
-    let header = reader.headers().map_err(unreadable)?.clone();
+/// A table of wrenches before `duration_ns`: `t_s` and six columns, each row held until the next; those of a log will do.
+///
+/// # Errors
+/// [`AstrobeeError`] with the line; `path` names the table.
+pub fn read_wrenches(
+    source: impl Read,
+    path: &Path,
+    duration_ns: i64,
+) -> Result<Vec<(i64, Wrench<f64>)>, AstrobeeError> {
+    let mut records = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .quoting(false)
+        .comment(Some(b'#'))
+        .from_reader(BoundedRows::new(source));
+    let mut record = csv::ByteRecord::new();
+    if !read_row(&mut records, &mut record, path)? {
+        return Err(AstrobeeError::Empty { path: path.into(), what: "header" });
+    }
+    let cell_text = |cell: &[u8]| String::from_utf8_lossy(cell).trim_start_matches('\u{feff}').trim().to_owned();
+    let names: Vec<String> = record.iter().map(cell_text).collect();
     let mut columns = [0; 7];
-    for (slot, name) in columns.iter_mut().zip(WRENCH_COLUMNS) {
-        *slot = header.iter().position(|cell| cell.trim() == name).ok_or_else(|| AstrobeeError::MissingColumn {
+    for (slot, column) in columns.iter_mut().zip(WRENCH_COLUMNS) {
+        *slot = names.iter().position(|name| name == column).ok_or_else(|| AstrobeeError::MissingColumn {
             path: path.into(),
-            column: name.to_owned(),
+            column: column.to_owned(),
             because: ": a file of wrenches has `t_s`, `f_*` and `tau_*`",
         })?;
     }
+    let [time, force @ .., tau_x, tau_y, tau_z] = columns;
     let mut rows: Vec<(i64, Wrench<f64>)> = Vec::new();
-    for (number, record) in reader.records().enumerate() {
-        let record = record.map_err(unreadable)?;
-        let line = record.position().map_or(number as u64 + 2, csv::Position::line);
-        let mut cells = [0.0; 7];
-        for ((cell, &column), name) in cells.iter_mut().zip(&columns).zip(WRENCH_COLUMNS) {
-            let text = record.get(column).unwrap_or("").trim();
-            *cell =
-                text.parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| AstrobeeError::BadCell {
-                    path: path.into(),
-                    line,
-                    column: name.to_owned(),
-                    text: text.chars().take(40).collect(),
-                })?;
+    while read_row(&mut records, &mut record, path)? {
+        let line = record.position().map_or(0, csv::Position::line);
+        let (found, expected) = (record.len() as u64, names.len() as u64);
+        if found != expected {
+            return Err(AstrobeeError::RowLength { path: path.into(), line, found, expected });
         }
-        let [time_s, force @ .., tau_x, tau_y, tau_z] = cells;
-        let time_ns = flight_log::nanoseconds(time_s);
+        let row = Row { path, line, record: &record, names: &names };
+        let time_ns = row.time_ns(time)?;
         if let Some((last_ns, _)) = rows.last().filter(|(last_ns, _)| *last_ns >= time_ns) {
-            let previous_s = *last_ns as f64 * 1e-9;
-            return Err(AstrobeeError::TimeNotIncreasing { path: path.into(), line, previous_s, found_s: time_s });
+            let (previous_s, found_s) = (seconds(*last_ns), seconds(time_ns));
+            return Err(AstrobeeError::TimeNotIncreasing { path: path.into(), line, previous_s, found_s });
         }
-        if time_ns >= duration_ns || rows.len() >= MOST_WRENCHES {
+        if time_ns >= duration_ns {
             break;
         }
-        rows.push((time_ns, Wrench::new(Vector3::new(tau_x, tau_y, tau_z), Vector3::from(force))));
+        if rows.len() >= MOST_WRENCHES {
+            let message = format!("line {line}: more than {MOST_WRENCHES} rows before the end of the flight");
+            let source = io::Error::new(io::ErrorKind::FileTooLarge, message);
+            return Err(AstrobeeError::Unreadable { path: path.into(), source });
+        }
+        let vector = |columns: [usize; 3]| -> Result<Vector3<f64>, AstrobeeError> {
+            let [x, y, z] = columns;
+            Ok(Vector3::new(row.number(x)?, row.number(y)?, row.number(z)?))
+        };
+        rows.push((time_ns, Wrench::new(vector([tau_x, tau_y, tau_z])?, vector(force)?)));
     }
     if rows.is_empty() {
         return Err(AstrobeeError::Empty { path: path.into(), what: "data rows" });

@@ -1,5 +1,11 @@
 //! Where in a text an error is, and what may have been meant.
 
+/// No name is longer.
+const LONGEST_NAME_BYTES: usize = 64;
+
+/// No message of the parser is longer, unless it quotes what is no name; characters.
+const LONGEST_MESSAGE: usize = 4000;
+
 /// Line and column, counted from one, of a byte offset.
 pub(super) fn of_offset(text: &str, offset: usize) -> (usize, usize) {
     let before = text.get(..offset).unwrap_or(text);
@@ -34,6 +40,10 @@ pub(super) fn of_key(text: &str, wanted: &str) -> (usize, usize) {
 
 /// "; did you mean `...`?" where one of the candidates is near, else nothing.
 pub(super) fn suggestion<'a>(unknown: &str, candidates: impl Iterator<Item = &'a str>) -> String {
+    // a comparison costs the product of the lengths
+    if unknown.len() > LONGEST_NAME_BYTES {
+        return String::new();
+    }
     let near = candidates
         .map(|candidate| (strsim::damerau_levenshtein(unknown, candidate), candidate))
         .min_by_key(|(distance, _)| *distance);
@@ -47,7 +57,11 @@ pub(super) fn suggestion<'a>(unknown: &str, candidates: impl Iterator<Item = &'a
 
 /// The parser's message, cut to one line, with the nearest of the names it lists.
 pub(super) fn with_suggestion(message: &str) -> String {
-    let message = message.replace('\n', " ");
+    let mut message = message.replace('\n', " ");
+    if let Some((end, _)) = message.char_indices().nth(LONGEST_MESSAGE) {
+        message.truncate(end);
+        message.push_str("...");
+    }
     if !message.starts_with("unknown ") {
         return message;
     }

@@ -282,7 +282,7 @@ impl fmt::Display for Warning {
             Self::WidenedSigma { factor } => write!(
                 f,
                 "the parts of this log contradict each other {factor:.1} times as much as white noise would: the stated sigma is \
-                 widened by that factor"
+                 widened by that factor, and errors that wander as slowly as the motion does may still lie beyond it"
             ),
             Self::PosesAlone { column } => write!(
                 f,
