@@ -290,6 +290,11 @@ fn verdict(found: &Identification, context: &Context) -> String {
             );
         } else if found.explained.is_some_and(|share| share < POOR_FIT) {
             let _ = writeln!(text, "verdict: no body explains this log; do not use the numbers above");
+        } else if found.warnings.iter().any(|w| matches!(w, Warning::FilterDiverged { .. })) {
+            let _ = writeln!(
+                text,
+                "verdict: not identified; the filter asked for diverged, the numbers above are a regression's"
+            );
         } else if is_doubtful(found) {
             let _ = writeln!(
                 text,

@@ -88,7 +88,8 @@ fn disagreement<I>(whole: &Quadratic, parts: &[(I, Quadratic)]) -> f64 {
         let middle = ratios.len() / 2;
         (ratios.len() >= FEWEST_PAIRS).then(|| *ratios.select_nth_unstable_by(middle, f64::total_cmp).1)
     };
-    [1, 2, 4].into_iter().filter_map(median).fold(1.0, f64::max)
+    let shortest = tails.len().div_ceil(CUTS);
+    [1, 2, 4].into_iter().filter_map(|length| median(length * shortest)).fold(1.0, f64::max)
 }
 
 impl core::ops::Sub for Quadratic {

@@ -229,9 +229,11 @@ pub struct Validation {
 pub const POOR_FIT: f64 = 0.5;
 /// A force of which the best body explains less than this share is noise.
 const SILENT: f64 = 0.1;
-/// Tilt and lift below this share of the motion in the plane, and below so many times the noise of the poses, are none.
-const OUT_OF_PLANE: f64 = 0.02;
-const BEYOND_NOISE: f64 = 3.0;
+/// Root mean squares of a motion in a plane: tilt and lift of a robot on a table are no larger than what its localisation
+/// wanders, and its turn is larger than that.
+const LARGEST_TILT_RAD: f64 = 0.02;
+const LARGEST_LIFT_M: f64 = 0.05;
+const SMALLEST_TURN_RAD: f64 = 0.04;
 /// Fewer nodes than this leave the covariance uncertain.
 const FEW_NODES: usize = 20;
 /// A direction is weakly excited where one sigma is above this fraction of the body's scale.
@@ -374,7 +376,7 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
         matches!(w, Warning::PoorFit { .. } | Warning::UnfollowedForce { .. } | Warning::LikelihoodFailed)
     };
     if warnings.iter().any(unexplained) {
-        warnings.extend(planar_motion(record, &noise).map(|normal_world| Warning::PlanarMotion { normal_world }));
+        warnings.extend(planar_motion(record).map(|normal_world| Warning::PlanarMotion { normal_world }));
     }
     if let (Some(body), Some(explained)) = (estimate, explained)
         && let Some(change) = parts::body_change(&fit, &body.parameters.to_vector())
@@ -431,9 +433,9 @@ fn is_noise(record: &[MotionSample]) -> bool {
     change >= size
 }
 
-/// The normal of the plane to which a motion is confined within the noise of the poses; `None` for a free motion, and for one
+/// The normal of the plane to which a motion is confined within what localisation wanders; `None` for a free motion, and for one
 /// that does not turn.
-fn planar_motion(record: &[MotionSample], noise: &SampleNoise) -> Option<Vector3<f64>> {
+fn planar_motion(record: &[MotionSample]) -> Option<Vector3<f64>> {
     let first = record.first()?.world_from_body;
     let turns = |sample: &MotionSample| {
         let turn = (sample.world_from_body.rotation * first.rotation.inverse()).into_inner();
@@ -454,10 +456,9 @@ fn planar_motion(record: &[MotionSample], noise: &SampleNoise) -> Option<Vector3
     let tilt = (turning.trace() - eigen.eigenvalues[largest]).max(0.0).sqrt();
     let along = normal.dot(&(moving * normal)).max(0.0).sqrt();
     let across = (moving.trace() - along * along).max(0.0).sqrt();
-    let within = |off: f64, in_plane: f64, noise: f64| off < OUT_OF_PLANE * in_plane + BEYOND_NOISE * noise;
-    let planar = within(tilt, about, noise.attitude_rad) && within(along, across, noise.position_m);
-    // Noise alone is not a motion.
-    let moves = about > 4.0 * BEYOND_NOISE * noise.attitude_rad && across > 4.0 * BEYOND_NOISE * noise.position_m;
+    let planar = tilt < LARGEST_TILT_RAD.min(about / 4.0) && along < LARGEST_LIFT_M.min(across);
+    // A turn of less is no motion.
+    let moves = about > SMALLEST_TURN_RAD;
     (planar && moves).then(|| if normal.sum() < 0.0 { -normal } else { normal })
 }
 
@@ -612,4 +613,52 @@ fn warnings_of(timeline: &Timeline, fit: &Fit, judgement: &Judgement, noise: &Sa
         warnings.push(Warning::FewRows { rows: 6 * rows.all.len() });
     }
     warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lie::Pose;
+    use nalgebra::UnitQuaternion;
+
+    /// Turns of half a radian about z with shares of it about x, moves in x and y with a share of it in z, pushed by `force`.
+    fn record(tilt: f64, lift: f64, force: impl Fn(f64) -> f64) -> Vec<MotionSample> {
+        let sample = |i: i32| {
+            let t = 0.016 * f64::from(i);
+            let turn = Vector3::new(tilt * (0.9 * t).sin(), 0.0, (0.4 * t).sin()) * 0.5;
+            let place = Vector3::new((0.3 * t).sin(), (0.5 * t).cos(), lift * (0.7 * t).sin());
+            MotionSample {
+                time_ns: i64::from(i) * 16_000_000,
+                world_from_body: Pose::from_parts(place.into(), UnitQuaternion::from_scaled_axis(turn)),
+                velocity_origin_world: None,
+                rate_body: None,
+                acceleration_origin_body: None,
+                wrench_body: Some(crate::lie::Wrench::new(Vector3::zeros(), Vector3::x() * force(t))),
+            }
+        };
+        (0..2000).map(sample).collect()
+    }
+
+    #[test]
+    fn motion_on_a_table_is_planar_and_free_flight_is_not() {
+        let normal = planar_motion(&record(0.01, 0.01, |_| 0.0)).unwrap();
+        assert!((normal - Vector3::z()).norm() < 0.02, "{normal}");
+        assert_eq!(planar_motion(&record(0.5, 0.01, |_| 0.0)), None);
+        assert_eq!(planar_motion(&record(0.01, 0.5, |_| 0.0)), None);
+    }
+
+    #[test]
+    fn a_force_is_noise_where_neighbours_differ_as_much_as_any_two() {
+        let mut state = 1_u64;
+        let white: Vec<f64> = (0..2000)
+            .map(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 11) as f64 / (1_u64 << 53) as f64
+            })
+            .collect();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let at = |t: f64| white[(t / 0.016).round() as usize];
+        assert!(is_noise(&record(0.5, 0.5, at)) && is_noise(&record(0.5, 0.5, |_| 0.0)));
+        assert!(!is_noise(&record(0.5, 0.5, |t| 0.4 * (2.0 * t).sin() + 0.05 * at(t))));
+    }
 }

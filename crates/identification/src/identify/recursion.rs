@@ -395,3 +395,50 @@ fn acceleration_noise(record: &[MotionSample]) -> f64 {
     }
     if count == 0 { 0.0 } else { (sum / (20.0 * f64::from(count))).sqrt() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lie::Pose;
+    use crate::square_root_information::SquareRootInformation;
+
+    #[test]
+    fn a_filter_that_flies_off_says_when() {
+        let wrench = Wrench::new(Vector3::zeros(), Vector3::x() * 0.1);
+        let sample = |i: i64| MotionSample {
+            time_ns: i * 16_000_000,
+            world_from_body: Pose::identity(),
+            velocity_origin_world: None,
+            rate_body: None,
+            acceleration_origin_body: None,
+            wrench_body: Some(wrench),
+        };
+        let mut record: Vec<MotionSample> = (0..20).map(sample).collect();
+        let settings = Settings::default();
+        let scheme = Scheme::new(&settings, Method::Ekf, 1);
+        let found = WeightedLeastSquares {
+            information: SquareRootInformation::new(),
+            parameters: SVector::zeros(),
+            covariance: SMatrix::identity(),
+            instrument_shift: SVector::zeros(),
+            noise_information: SMatrix::zeros(),
+            torque_residual: 1e-3,
+            force_residual: 1e-2,
+        };
+        let noise = SampleNoise { attitude_rad: 1e-3, position_m: 1e-3, rate_rad_s: 0.0, velocity_m_s: 0.0 };
+        let scale = BodyScale::try_new(9.0, 0.15).unwrap();
+        let known = Knowledge {
+            chart: LogCholesky::try_from_parameters(&weak_prior(scale).mean).unwrap(),
+            covariance: SMatrix::from_diagonal(&chart_deviation(0.15).map(|s| s * s)),
+        };
+        let run = |record: &[MotionSample]| {
+            let times = Timeline::try_new(record).unwrap();
+            Joint::new(record, &times, &settings, &noise, &scheme, &found, 0.15).extended(&known)
+        };
+        assert!(run(&record).is_ok());
+        // The wrench of sample 11 acts until sample 12.
+        record[11].wrench_body = Some(wrench * f64::NAN);
+        let Err(Flown::Off { time_ns }) = run(&record) else { panic!("no end") };
+        assert_eq!(time_ns, record[12].time_ns);
+    }
+}
