@@ -1078,7 +1078,7 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "scenario: control characters reach the terminal",
         file: "crates/astrobee/src/scenario.rs",
-        original: "printable(&place::with_suggestion(error.message()))",
+        original: "place::with_suggestion(&printable(error.message()))",
         replacement: "place::with_suggestion(error.message())",
         test: "-p tumble-astrobee --test corruption_sweep",
     },
