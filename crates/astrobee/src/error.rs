@@ -225,6 +225,7 @@ pub enum AstrobeeError {
         reason: String,
     },
     /// T030: a damaged recording of which no flight is left.
+    #[cfg(feature = "cli")]
     #[error("{path}: {reason}; {}", report.summary().unwrap_or_default())]
     Damaged {
         /// The file.
@@ -325,7 +326,9 @@ impl AstrobeeError {
             Self::UnknownRecording { .. } => "T028",
             #[cfg(feature = "cli")]
             Self::BadMessage { .. } => "T029",
-            Self::NoFlight { .. } | Self::Damaged { .. } => "T030",
+            Self::NoFlight { .. } => "T030",
+            #[cfg(feature = "cli")]
+            Self::Damaged { .. } => "T030",
             Self::NotHeld { .. } => "T031",
             Self::Database { .. } => "T032",
         }
@@ -410,6 +413,7 @@ impl AstrobeeError {
             Self::BadMessage { .. } => {
                 "record with message definitions that `docs/recordings.md` lists, or convert the log to CSV"
             }
+            #[cfg(feature = "cli")]
             Self::Damaged { .. } => {
                 "copy the recording again from where it was made; `rosbag reindex` or `mcap recover` may save more of it"
             }
