@@ -1,0 +1,135 @@
+//! What a body may hit, and exactly when.
+
+mod ellipsoid;
+
+pub use ellipsoid::Ellipsoid;
+
+use crate::error::PlanningError;
+use crate::motion::BodyArc;
+use nalgebra::Vector3;
+use tumble_lie::Pose;
+
+/// What stands in the way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Blocker {
+    /// The obstacle with this index.
+    Obstacle(usize),
+    /// The keep-out box with this index.
+    KeepOut(usize),
+    /// The end of the volume that the keep-in boxes allow.
+    KeepIn,
+}
+
+/// How far a body is from what it may hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clearance {
+    /// Distance, m: zero at contact, negative inside, infinite in an empty world.
+    pub distance_m: f64,
+    /// What is nearest.
+    pub nearest: Option<Blocker>,
+}
+
+/// The first contact of a motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// Time since the start of the motion, s.
+    pub time_s: f64,
+    /// What is hit.
+    pub blocker: Blocker,
+}
+
+/// Everything a body may hit. Times are those of the mission, so that what moves or appears later can be there.
+///
+/// # Laws
+/// `laws::check_collision_world`: the clearance changes by no more than the body's origin moves at a constant attitude, at
+/// any one time; a motion reported free has no pose of negative clearance; a contact reported is one.
+pub trait CollisionWorld {
+    /// What moves.
+    type Body: ?Sized;
+
+    /// Distance of `body` at a pose and time.
+    ///
+    /// # Errors
+    /// What the back end cannot answer. Never a silent "free".
+    fn clearance(
+        &self,
+        body: &Self::Body,
+        world_from_body: &Pose<f64>,
+        time_s: f64,
+    ) -> Result<Clearance, PlanningError>;
+
+    /// First time at which `body`, moving along `arc` from the mission time `start_s` on, comes nearer than `margin_m` to
+    /// anything; `None` where it certainly never does.
+    ///
+    /// # Errors
+    /// What the back end cannot answer. Never a silent "free".
+    fn first_contact(
+        &self,
+        body: &Self::Body,
+        arc: &BodyArc,
+        start_s: f64,
+        margin_m: f64,
+    ) -> Result<Option<Contact>, PlanningError>;
+
+    /// Largest distance of a point of the body from its origin, m.
+    fn reach_m(&self, body: &Self::Body) -> f64;
+}
+
+/// One ellipsoid of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyEllipsoid {
+    /// Centre and axes.
+    pub body_from_ellipsoid: Pose<f64>,
+    /// Semi-axes, m.
+    pub semi_axes: Vector3<f64>,
+}
+
+/// A body as the union of ellipsoids.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyShape {
+    parts: Vec<BodyEllipsoid>,
+}
+
+impl BodyShape {
+    /// A union of ellipsoids.
+    ///
+    /// # Errors
+    /// No parts, or semi-axes that are not positive and finite.
+    pub fn try_new(parts: Vec<BodyEllipsoid>) -> Result<Self, PlanningError> {
+        if parts.is_empty() {
+            return Err(PlanningError::NoBody);
+        }
+        for part in &parts {
+            for semi_axis in &part.semi_axes {
+                crate::error::positive("a semi-axis of the body", *semi_axis)?;
+            }
+            for coordinate in &part.body_from_ellipsoid.translation.vector {
+                crate::error::finite("the centre of a part of the body", *coordinate)?;
+            }
+        }
+        Ok(Self { parts })
+    }
+
+    /// A sphere about the body origin.
+    ///
+    /// # Errors
+    /// A radius that is not positive and finite.
+    pub fn sphere(radius_m: f64) -> Result<Self, PlanningError> {
+        Self::try_new(vec![BodyEllipsoid {
+            body_from_ellipsoid: Pose::identity(),
+            semi_axes: Vector3::repeat(radius_m),
+        }])
+    }
+
+    /// The parts.
+    pub fn parts(&self) -> &[BodyEllipsoid] {
+        &self.parts
+    }
+
+    /// Radius of the smallest sphere about the body origin that holds every part's bounding sphere, m.
+    pub fn bounding_radius_m(&self) -> f64 {
+        let reach = |part: &BodyEllipsoid| part.body_from_ellipsoid.translation.vector.norm() + part.semi_axes.max();
+        self.parts.iter().map(reach).fold(0.0, f64::max)
+    }
+}

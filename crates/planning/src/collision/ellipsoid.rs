@@ -1,0 +1,81 @@
+//! An ellipsoid somewhere in the world.
+
+use super::BodyEllipsoid;
+use crate::error::{PlanningError, finite, positive};
+use nalgebra::{Matrix3, Vector3};
+use tumble_lie::Pose;
+
+/// A solid ellipsoid, kept in the two forms that every test here uses: its factor `L` (columns are semi-axes as vectors, so
+/// that the solid is `center + L s`, `|s| <= 1`) and its centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ellipsoid {
+    center: Vector3<f64>,
+    factor: Matrix3<f64>,
+    semi_axes: Vector3<f64>,
+}
+
+impl Ellipsoid {
+    /// The ellipsoid with this centre and these axes.
+    ///
+    /// # Errors
+    /// Semi-axes that are not positive, numbers that are not finite.
+    pub fn try_new(world_from_ellipsoid: &Pose<f64>, semi_axes: &Vector3<f64>) -> Result<Self, PlanningError> {
+        for semi_axis in semi_axes {
+            positive("a semi-axis", *semi_axis)?;
+        }
+        for coordinate in &world_from_ellipsoid.translation.vector {
+            finite("the centre of an ellipsoid", *coordinate)?;
+        }
+        for component in &world_from_ellipsoid.rotation.coords {
+            finite("the attitude of an ellipsoid", *component)?;
+        }
+        Ok(Self::posed(world_from_ellipsoid, semi_axes))
+    }
+
+    /// The same without a check, for numbers that were checked before.
+    pub(crate) fn posed(world_from_ellipsoid: &Pose<f64>, semi_axes: &Vector3<f64>) -> Self {
+        let mut factor = *world_from_ellipsoid.rotation.to_rotation_matrix().matrix();
+        for (mut column, semi_axis) in factor.column_iter_mut().zip(semi_axes) {
+            column *= *semi_axis;
+        }
+        Self { center: world_from_ellipsoid.translation.vector, factor, semi_axes: *semi_axes }
+    }
+
+    /// A part of a body at a pose of the body.
+    pub fn of_body(part: &BodyEllipsoid, world_from_body: &Pose<f64>) -> Self {
+        Self::posed(&(world_from_body * part.body_from_ellipsoid), &part.semi_axes)
+    }
+
+    /// Its centre, world axes, m.
+    pub fn center(&self) -> &Vector3<f64> {
+        &self.center
+    }
+
+    /// `L`: columns are the semi-axes as vectors, world axes, m.
+    pub fn factor(&self) -> &Matrix3<f64> {
+        &self.factor
+    }
+
+    /// Semi-axes, m.
+    pub fn semi_axes(&self) -> &Vector3<f64> {
+        &self.semi_axes
+    }
+
+    /// How far the solid reaches along `direction` from its centre: `|L' direction|`.
+    #[inline]
+    pub fn support(&self, direction: &Vector3<f64>) -> f64 {
+        self.factor.tr_mul(direction).norm()
+    }
+
+    /// The point of the solid that lies farthest along `direction` (not zero).
+    #[inline]
+    pub fn support_point(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+        let pulled_back = self.factor.tr_mul(direction);
+        self.center + self.factor * (pulled_back / pulled_back.norm())
+    }
+
+    /// Half the extent along each world axis, m.
+    pub fn half_extent(&self) -> Vector3<f64> {
+        Vector3::from_fn(|axis, _| self.factor.row(axis).norm())
+    }
+}

@@ -1,0 +1,182 @@
+//! Long plans around obstacles: a kinodynamic planner that says how far from optimal it is.
+
+use crate::belief::{ModelBelief, Plan};
+use crate::budget::Budget;
+use crate::collision::{Blocker, CollisionWorld};
+use crate::error::PlanningError;
+use crate::motion::{ArcPath, TranslationState};
+use nalgebra::{UnitQuaternion, Vector3};
+use tumble_dynamics::AlignedBox;
+
+/// Where the body may be, how fast, and how hard it may be pushed. All in world axes, per axis.
+///
+/// On a table the box has no height: its least and largest z are those of the start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionLimits {
+    /// Where the body origin may be.
+    pub position: AlignedBox,
+    /// Largest speed along each axis, m/s.
+    pub speed_m_s: Vector3<f64>,
+    /// Largest force along each axis, N. World axes: for a body that turns, what is admissible in every attitude.
+    pub force_n: Vector3<f64>,
+    /// Largest torque about each body axis, N m; only for plans that turn.
+    pub torque_n_m: Vector3<f64>,
+    /// Largest turning rate, rad/s; only for plans that turn.
+    pub rate_rad_s: f64,
+}
+
+/// Where to arrive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GoalRegion {
+    /// Centre, world axes, m.
+    pub position: Vector3<f64>,
+    /// How far from the centre is near enough, m; zero for exactly there.
+    pub radius_m: f64,
+    /// How fast one may be on arrival, m/s (norm); zero for at rest.
+    pub speed_m_s: f64,
+    /// The attitude to arrive with; any where absent.
+    pub attitude: Option<UnitQuaternion<f64>>,
+}
+
+/// What is to be least.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Objective {
+    /// The duration, s.
+    Duration,
+    /// The impulse, N s: the integral of the sum of the force's absolute components.
+    Impulse,
+}
+
+/// When a planner may end before its budget does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Until {
+    /// The first plan that holds.
+    FirstPlan,
+    /// The cost meets the lower bound, or the budget ends.
+    BudgetSpent,
+}
+
+/// A planning problem.
+#[derive(Debug)]
+pub struct GlobalRequest<'a, W: CollisionWorld + ?Sized> {
+    /// What may be hit.
+    pub world: &'a W,
+    /// What moves.
+    pub body: &'a W::Body,
+    /// Where it starts.
+    pub start: TranslationState,
+    /// Attitude at the start; the rate there is zero.
+    pub attitude: UnitQuaternion<f64>,
+    /// Mission time of the start, s.
+    pub start_s: f64,
+    /// Where to.
+    pub goal: GoalRegion,
+    /// What the motion keeps within.
+    pub limits: MotionLimits,
+    /// What the body is taken for; its mass turns force into acceleration.
+    pub belief: &'a ModelBelief,
+    /// What is to be least.
+    pub objective: Objective,
+    /// Distance kept from everything, m.
+    pub margin_m: f64,
+    /// When to end.
+    pub until: Until,
+    /// All chance follows from it.
+    pub seed: u64,
+}
+
+/// Why there is no plan.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Obstruction {
+    /// The body touches something where it starts.
+    StartBlocked {
+        /// What.
+        blocker: Blocker,
+        /// Its signed distance there, m.
+        clearance_m: f64,
+    },
+    /// Every point of the goal region is blocked.
+    GoalBlocked {
+        /// What covers its centre.
+        blocker: Blocker,
+        /// Signed distance at the centre, m.
+        clearance_m: f64,
+    },
+    /// No way leads from the start to the goal.
+    Enclosed {
+        /// What walls the start off, each once.
+        blockers: Vec<Blocker>,
+    },
+    /// Start or goal lies outside the limits of position or speed.
+    OutsideLimits {
+        /// Which of the two, and which limit.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// The limit.
+        limit: f64,
+    },
+    /// A limit that allows no motion along an axis on which the goal is away.
+    LimitTooSmall {
+        /// Which limit.
+        what: &'static str,
+        /// 0 to 2.
+        axis: usize,
+        /// Its value.
+        value: f64,
+    },
+}
+
+/// How a planner ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Status {
+    /// The plan's cost is the least there is, to the tolerance of the planner.
+    Optimal,
+    /// There is a plan; the budget, or the wish for a first plan, ended the search.
+    Feasible,
+    /// There certainly is none.
+    Infeasible(Obstruction),
+    /// None was found within the budget; what stood most in the way.
+    BudgetSpent(Vec<Blocker>),
+}
+
+/// A plan's cost at the time it was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Improvement {
+    /// Units spent by then.
+    pub units: u64,
+    /// Cost: s or N s.
+    pub cost: f64,
+}
+
+/// A planner's answer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GlobalAnswer {
+    /// How it ended.
+    pub status: Status,
+    /// The best plan.
+    pub plan: Option<Plan<ArcPath>>,
+    /// Its cost, s or N s; infinite without a plan.
+    pub cost: f64,
+    /// No plan costs less; infinite where there is none.
+    pub lower_bound: f64,
+    /// Units spent.
+    pub units: u64,
+    /// Each plan that was better than all before it.
+    pub history: Vec<Improvement>,
+    /// The search tree's edges, for drawing: two positions each, m.
+    pub tree: Vec<[Vector3<f64>; 2]>,
+}
+
+/// A planner of long motions.
+///
+/// # Laws
+/// `laws::check_global_planner`.
+pub trait GlobalPlanner<W: CollisionWorld + ?Sized> {
+    /// Answers a request; the same request and budget give the same answer.
+    ///
+    /// # Errors
+    /// Ill-posed requests, and what the world cannot answer. That there is no plan is an answer.
+    fn plan(&mut self, request: &GlobalRequest<'_, W>, budget: &mut dyn Budget) -> Result<GlobalAnswer, PlanningError>;
+}

@@ -1,0 +1,19 @@
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+pub use nalgebra;
+pub use tumble_dynamics as dynamics;
+pub use tumble_identification as identification;
+pub use tumble_lie as lie;
+
+mod belief;
+mod budget;
+pub mod collision;
+mod error;
+pub mod global;
+mod motion;
+
+pub use belief::{ModelBelief, Plan};
+pub use budget::{Budget, Units};
+pub use error::PlanningError;
+pub use motion::{ArcPath, BodyArc, COEFFICIENTS, TranslationState};
