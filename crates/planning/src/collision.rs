@@ -72,6 +72,13 @@ pub trait CollisionWorld {
         margin_m: f64,
     ) -> Result<Option<Contact>, PlanningError>;
 
+    /// True where nothing moves, appears or vanishes from this mission time on, so that a motion found free stays free
+    /// when it begins later; false where that is not known.
+    fn is_still_from(&self, time_s: f64) -> bool {
+        let _ = time_s;
+        false
+    }
+
     /// Largest distance of a point of the body from its origin, m.
     fn reach_m(&self, body: &Self::Body) -> f64;
 }

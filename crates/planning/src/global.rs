@@ -1,5 +1,9 @@
 //! Long plans around obstacles: a kinodynamic planner that says how far from optimal it is.
 
+mod flight_planner;
+
+pub use flight_planner::{FlightPlanner, FlightPlannerSettings};
+
 use crate::belief::{ModelBelief, Plan};
 use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};

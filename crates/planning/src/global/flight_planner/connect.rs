@@ -221,17 +221,7 @@ impl Connect {
             chain.push(branch.node);
             index = branch.parent;
         }
-        flight.arcs.clear();
-        for pair in chain.windows(2).rev() {
-            if let [to, from] = pair {
-                if !search.append_edge(from, to, &mut flight.arcs) {
-                    return Ok(false);
-                }
-            }
-        }
-        flight.duration_s = flight.arcs.iter().map(|arc| arc.duration_s).sum();
-        flight.cost = search.cost(&flight.arcs);
-        Ok(true)
+        Ok(search.assemble(&chain, flight))
     }
 
     /// The edges of both trees, for drawing.
@@ -257,9 +247,7 @@ fn travel_s<W: CollisionWorld + ?Sized>(search: &Search<'_, '_, W>, from: &Node,
 
 /// A state at rest, anywhere within the limits.
 fn sample<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>) -> Node {
-    let bounds = search.limits.position;
-    let (lower, upper) = (bounds.lower_world, bounds.upper_world);
-    let position = lower.zip_map(&upper, |lower, upper| lower + (upper - lower) * search.chance.uniform());
+    let position = search.position();
     Node { translation: TranslationState::at_rest(position), attitude: search.request.attitude }
 }
 

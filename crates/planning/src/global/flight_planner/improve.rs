@@ -153,7 +153,7 @@ fn within_limits(state: &TranslationState, limits: &TranslationLimits) -> Transl
 }
 
 /// The state with its position and velocity brought into the goal region.
-fn within_goal(state: &TranslationState, goal: &GoalRegion, limits: &TranslationLimits) -> TranslationState {
+pub(super) fn within_goal(state: &TranslationState, goal: &GoalRegion, limits: &TranslationLimits) -> TranslationState {
     let state = within_limits(state, limits);
     TranslationState {
         position: goal.position + within_ball(state.position - goal.position, goal.radius_m),

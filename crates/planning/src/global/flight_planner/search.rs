@@ -7,7 +7,9 @@ use crate::collision::{Blocker, CollisionWorld};
 use crate::error::PlanningError;
 use crate::global::{GlobalRequest, Improvement, Objective, Until};
 use crate::motion::BodyArc;
-use crate::steering::{TranslationLimits, least_time_to_goal_s, steer};
+use crate::steering::{TranslationLimits, steer};
+use nalgebra::Vector3;
+use tumble_dynamics::AlignedBox;
 
 /// Why a search stops.
 pub(super) enum End {
@@ -38,6 +40,8 @@ pub(super) struct Search<'a, 'r, W: CollisionWorld + ?Sized> {
     pub history: Vec<Improvement>,
     pub blocked: Vec<(Blocker, u64)>,
     pub units: u64,
+    /// Where states are drawn from.
+    room: AlignedBox,
     budget: &'a mut dyn Budget,
 }
 
@@ -60,6 +64,7 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
             history: Vec::new(),
             blocked: Vec::new(),
             units: 0,
+            room: room(request, &limits),
             budget,
         }
     }
@@ -95,7 +100,9 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
 
     /// Least time from a node to the goal, whatever stands between.
     pub fn least_time_to_goal_s(&self, from: &Node) -> f64 {
-        least_time_to_goal_s(&from.translation, &self.request.goal, &self.limits)
+        let goal = &self.request.goal;
+        let way = (goal.position - from.translation.position).abs().add_scalar(-goal.radius_m);
+        way.component_div(&self.limits.speed_m_s).max().max(0.0)
     }
 
     /// Appends the edge between two nodes to `arcs`; false where there is none.
@@ -106,6 +113,33 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         let Some(steering) = steer(&from.translation, &to.translation, &self.limits) else { return false };
         arcs.extend(steering.arcs(from.attitude));
         true
+    }
+
+    /// Makes a flight of a chain of nodes that runs from its end to its start; false where an edge is missing.
+    pub fn assemble(&self, backwards: &[Node], flight: &mut Flight) -> bool {
+        flight.arcs.clear();
+        for pair in backwards.windows(2).rev() {
+            if let [to, from] = pair
+                && !self.append_edge(from, to, &mut flight.arcs)
+            {
+                return false;
+            }
+        }
+        self.rate(flight);
+        true
+    }
+
+    /// Sets a flight's duration and cost by its arcs.
+    pub fn rate(&self, flight: &mut Flight) {
+        flight.duration_s = flight.arcs.iter().map(|arc| arc.duration_s).sum();
+        flight.cost = self.cost(&flight.arcs);
+    }
+
+    /// A position within the limits, uniform; where they are infinite, about start and goal.
+    pub fn position(&mut self) -> Vector3<f64> {
+        let room = self.room;
+        let chance = &mut self.chance;
+        room.lower_world.zip_map(&room.upper_world, |lower, upper| lower + (upper - lower) * chance.uniform())
     }
 
     /// First time since their start at which the arcs, flown from `start_s` after the start of the plan, hit anything.
@@ -156,5 +190,17 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
             return Err(End::Optimal);
         }
         if self.request.until == Until::FirstPlan { Err(End::Stopped) } else { Ok(()) }
+    }
+}
+
+/// The box of the limits; sides that are infinite lie as far beyond start and goal as these are apart.
+fn room<W: CollisionWorld + ?Sized>(request: &GlobalRequest<'_, W>, limits: &TranslationLimits) -> AlignedBox {
+    let (start, goal) = (request.start.position, request.goal.position);
+    let beyond = f64::sqrt((goal - start).norm_squared()) + 2.0 * request.world.reach_m(request.body);
+    let (lower, upper) = (limits.position.lower_world, limits.position.upper_world);
+    let near = |side: f64, near: f64| if side.is_finite() { side } else { near };
+    AlignedBox {
+        lower_world: lower.zip_map(&start.inf(&goal), |side, least| near(side, least - beyond)),
+        upper_world: upper.zip_map(&start.sup(&goal), |side, largest| near(side, largest + beyond)),
     }
 }
