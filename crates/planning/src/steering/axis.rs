@@ -91,8 +91,8 @@ impl Axis {
     pub fn new(ends: Ends) -> Option<Self> {
         let Ends { position: [p0, p1], velocity: [v0, v1], speed, acceleration } = ends;
         let fastest = speed * (1.0 + SPEED_TOLERANCE);
-        let is_finite = (p1 - p0).is_finite();
-        if !is_finite || !(v0.abs() <= fastest && v1.abs() <= fastest) {
+        let is_within = (p1 - p0).is_finite() && v0.abs() <= fastest && v1.abs() <= fastest;
+        if !is_within {
             return None;
         }
         if acceleration > 0.0 {
@@ -110,7 +110,7 @@ impl Axis {
         } else {
             let slack = ROUNDINGS * (p0.abs() + p1.abs());
             let surplus = if (p1 - p0).abs() <= slack { 0.0 } else { p1 - p0 };
-            let is_drift = v0 == v1 && (surplus == 0.0 || surplus * v0 > 0.0);
+            let is_drift = v0 - v1 == 0.0 && (surplus == 0.0 || surplus * v0 > 0.0);
             is_drift.then_some(Self { ends, low: v0, high: v0, direct_s: 0.0, surplus, slack })
         }
     }
@@ -173,6 +173,7 @@ impl Axis {
     /// The motion in a duration that exists: of all, the one with the least peak speed and the least impulse. A faster or
     /// slower coast would miss the displacement, and whatever peaks lower stays below the same bang-coast-bang.
     #[inline]
+    #[expect(clippy::float_cmp, reason = "these very durations have a known coast")]
     pub fn motion(&self, durations: &Durations, duration_s: f64) -> AxisMotion {
         let Ends { position, velocity: [v0, v1], speed, acceleration } = self.ends;
         let coast = if duration_s == durations.least_s {

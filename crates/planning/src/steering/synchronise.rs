@@ -78,7 +78,7 @@ fn common(axes: &Axes, duration_s: f64) -> f64 {
     let raise = |duration_s: f64, (_, durations): &(Axis, Durations)| durations.at_least(duration_s);
     let once = axes.iter().fold(duration_s, raise);
     let twice = axes.iter().fold(once, raise);
-    if twice == once {
+    if twice <= once {
         return once;
     }
     axes.iter().fold(axes.iter().fold(twice, raise), raise)
@@ -109,7 +109,7 @@ pub fn steer_in(
     duration_s: f64,
 ) -> Option<Steering> {
     let axes = axes(from, to, limits)?;
-    if common(&axes, duration_s) == duration_s { synchronised(&axes, duration_s, limits) } else { None }
+    if common(&axes, duration_s) <= duration_s { synchronised(&axes, duration_s, limits) } else { None }
 }
 
 /// The axes' motions in a duration that all allow, merged.
