@@ -1,5 +1,11 @@
 //! Long plans around obstacles: a kinodynamic planner that says how far from optimal it is.
 
+mod bound;
+mod diagnosis;
+
+pub use bound::{Reachability, RouteBound};
+pub use diagnosis::diagnose;
+
 use crate::belief::{ModelBelief, Plan};
 use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};
