@@ -113,14 +113,12 @@ impl Connect {
         target: &Node,
     ) -> Result<Growth, End> {
         let mut nearest = None;
-        let mut least_s = f64::INFINITY;
+        let mut least = f64::INFINITY;
         for (index, branch) in self.tree(side).iter().enumerate() {
-            let time_s = match side {
-                Side::Start => travel_s(search, &branch.node, target),
-                Side::Goal => travel_s(search, target, &branch.node),
-            };
-            if time_s < least_s {
-                least_s = time_s;
+            let way = target.translation.position - branch.node.translation.position;
+            let square = way.component_div(&search.limits.speed_m_s).norm_squared();
+            if square < least {
+                least = square;
                 nearest = Some((index, *branch));
             }
         }
