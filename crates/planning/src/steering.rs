@@ -9,8 +9,10 @@
 //! Derived here; the double integrator's bang-coast-bang is classical.
 
 mod axis;
+mod goal;
 mod synchronise;
 
+pub use goal::{least_time_to_goal_s, steer_to_goal};
 pub use synchronise::{PIECES, Piece, Steering, least_time_s, steer, steer_in};
 
 use crate::error::{PlanningError, positive};

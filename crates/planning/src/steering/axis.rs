@@ -6,10 +6,10 @@
 //! another `c`. So existence and the motion both follow from one quadratic.
 
 /// Relative error that a boundary state may carry without being taken for another problem: some roundings.
-const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
+pub(super) const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
 
 /// How far a boundary speed may lie beyond the limit, relative to it, and still count as on it.
-const SPEED_TOLERANCE: f64 = 1e-12;
+pub(super) const SPEED_TOLERANCE: f64 = 1e-12;
 
 /// The two ends along one axis, and the limits between them.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +53,7 @@ pub(super) struct Durations {
 }
 
 impl Durations {
-    const NONE: Self = Self { least_s: f64::INFINITY, least_coast: 0.0, gap_s: [f64::INFINITY; 2], gap_coast: 0.0 };
+    pub const NONE: Self = Self { least_s: f64::INFINITY, least_coast: 0.0, gap_s: [f64::INFINITY; 2], gap_coast: 0.0 };
 
     /// The least feasible duration that is not below `duration_s`.
     #[inline]
@@ -206,9 +206,10 @@ impl Axis {
     fn coast(&self, duration_s: f64) -> f64 {
         let acceleration = self.ends.acceleration;
         let spare_s = (duration_s - self.direct_s).max(0.0);
+        // What rounding alone leaves missing has no root: the farthest speed that the time allows is then the answer.
         let beyond = |missing: f64| {
-            let product = acceleration * missing;
             let sum = acceleration * spare_s;
+            let product = (acceleration * missing).min(0.25 * sum * sum);
             2.0 * product / (sum + f64::sqrt((sum * sum - 4.0 * product).max(0.0)))
         };
         let (below, above) = (self.low * spare_s - self.surplus, self.surplus - self.high * spare_s);
@@ -263,4 +264,31 @@ impl AxisMotion {
     pub fn velocity_change(&self) -> f64 {
         (self.coast - self.velocity[0]).abs() + (self.velocity[1] - self.coast).abs()
     }
+}
+
+/// An end of the displacements reached in a time, and how it changes with the last speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BandEnd {
+    /// m.
+    pub displacement: f64,
+    /// Its derivative with respect to the last speed, s; never negative.
+    pub slope_s: f64,
+}
+
+/// Least and largest displacement between two speeds in a duration that is not below the least between them.
+#[inline]
+pub(super) fn band([v0, v1]: [f64; 2], speed: f64, acceleration: f64, duration_s: f64) -> [BandEnd; 2] {
+    let end = |sign: f64| {
+        let (v0, v1) = (sign * v0, sign * v1);
+        if acceleration <= 0.0 {
+            return BandEnd { displacement: sign * (v0 * duration_s), slope_s: 0.0 };
+        }
+        let peak = (0.5 * (acceleration * duration_s + v0 + v1)).min(speed).max(v0).max(v1);
+        let rise_s = (peak - v0) / acceleration;
+        let fall_s = (peak - v1) / acceleration;
+        let coast_s = (duration_s - rise_s - fall_s).max(0.0);
+        let displacement = 0.5 * ((v0 + peak) * rise_s + (peak + v1) * fall_s) + peak * coast_s;
+        BandEnd { displacement: sign * displacement, slope_s: fall_s }
+    };
+    [end(-1.0), end(1.0)]
 }
