@@ -11,6 +11,9 @@ pub(super) const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
 /// How far a boundary speed may lie beyond the limit, relative to it, and still count as on it.
 pub(super) const SPEED_TOLERANCE: f64 = 1e-12;
 
+/// Relative change of the least time from which on a surplus within rounding counts as none.
+const SENSITIVITY: f64 = 1e-12;
+
 /// The two ends along one axis, and the limits between them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ends {
@@ -100,12 +103,15 @@ impl Axis {
             let displacement = 0.5 * (v0 + v1) * direct_s;
             let slack = ROUNDINGS * (p0.abs() + p1.abs() + (v0 * v0 + v1 * v1) / acceleration);
             let (low, high) = (v0.min(v1), v0.max(v1));
-            // Against two equal directions the least time jumps at zero: what rounding cannot tell from zero is zero there.
-            let surplus = match (p1 - p0) - displacement {
-                surplus if surplus > 0.0 && high < 0.0 && surplus <= slack => 0.0,
-                surplus if surplus < 0.0 && low > 0.0 && surplus >= -slack => 0.0,
-                surplus => surplus,
+            // Where the motion has to stop on its way, the least time jumps at zero or leaves it like a square root: what
+            // rounding cannot tell from zero is zero there.
+            let is_lost = |surplus: f64, high: f64| {
+                surplus > 0.0
+                    && surplus <= slack
+                    && (high <= 0.0 || direct_s > 0.0 && surplus > SENSITIVITY * high * direct_s)
             };
+            let surplus = (p1 - p0) - displacement;
+            let surplus = if is_lost(surplus, high) || is_lost(-surplus, -low) { 0.0 } else { surplus };
             Some(Self { ends, low, high, direct_s, surplus, slack })
         } else {
             let slack = ROUNDINGS * (p0.abs() + p1.abs());
