@@ -6,13 +6,10 @@
 //! another `c`. So existence and the motion both follow from one quadratic.
 
 /// Relative error that a boundary state may carry without being taken for another problem: some roundings.
-pub(super) const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
+pub(super) const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 
 /// How far a boundary speed may lie beyond the limit, relative to it, and still count as on it.
 pub(super) const SPEED_TOLERANCE: f64 = 1e-12;
-
-/// Relative change of the least time from which on a surplus within rounding counts as none.
-const SENSITIVITY: f64 = 1e-12;
 
 /// The two ends along one axis, and the limits between them.
 #[derive(Clone, Copy, Debug)]
@@ -40,6 +37,8 @@ pub(super) struct Axis {
     surplus: f64,
     /// What rounding of the ends can change it by, m.
     slack: f64,
+    /// What rounding of the ends can change the direct time by, s.
+    slack_s: f64,
 }
 
 /// Durations in which a motion exists: from `least_s` on, but for the open gap.
@@ -101,30 +100,25 @@ impl Axis {
         if acceleration > 0.0 {
             let direct_s = (v1 - v0).abs() / acceleration;
             let displacement = 0.5 * (v0 + v1) * direct_s;
-            let slack = ROUNDINGS * (p0.abs() + p1.abs() + (v0 * v0 + v1 * v1) / acceleration);
+            let fastest = v0.abs().max(v1.abs());
+            let slack_s = ROUNDINGS * fastest / acceleration;
+            let slack = ROUNDINGS * p0.abs().max(p1.abs()) + fastest * slack_s;
             let (low, high) = (v0.min(v1), v0.max(v1));
-            // Where the motion has to stop on its way, the least time jumps at zero or leaves it like a square root: what
-            // rounding cannot tell from zero is zero there.
-            let is_lost = |surplus: f64, high: f64| {
-                surplus > 0.0
-                    && surplus <= slack
-                    && (high <= 0.0 || direct_s > 0.0 && surplus > SENSITIVITY * high * direct_s)
-            };
             let surplus = (p1 - p0) - displacement;
-            let surplus = if is_lost(surplus, high) || is_lost(-surplus, -low) { 0.0 } else { surplus };
-            Some(Self { ends, low, high, direct_s, surplus, slack })
+            Some(Self { ends, low, high, direct_s, surplus, slack, slack_s })
         } else {
-            let slack = ROUNDINGS * (p0.abs() + p1.abs());
+            let slack = ROUNDINGS * p0.abs().max(p1.abs());
             let surplus = if (p1 - p0).abs() <= slack { 0.0 } else { p1 - p0 };
             let is_drift = v0 - v1 == 0.0 && (surplus == 0.0 || surplus * v0 > 0.0);
-            is_drift.then_some(Self { ends, low: v0, high: v0, direct_s: 0.0, surplus, slack })
+            is_drift.then_some(Self { ends, low: v0, high: v0, direct_s: 0.0, surplus, slack, slack_s: 0.0 })
         }
     }
 
-    /// Both limits from the ends that it takes to be upwards: sign, and what is then the higher and lower speed and surplus.
+    /// The same seen so that the surplus is positive: the sign of that, and what are then the higher and the lower speed and
+    /// the surplus. Without a surplus the motion is its own mirror image, and speeds upwards are the ones with a gap.
     #[inline]
     fn upwards(&self) -> (f64, f64, f64, f64) {
-        let is_down = self.surplus < 0.0 || (self.surplus == 0.0 && self.high < 0.0);
+        let is_down = if self.surplus.abs() <= self.slack { self.high < 0.0 } else { self.surplus < 0.0 };
         if is_down { (-1.0, -self.low, -self.high, -self.surplus) } else { (1.0, self.high, self.low, self.surplus) }
     }
 
@@ -136,25 +130,27 @@ impl Axis {
         if acceleration <= 0.0 {
             return self.drift(high, surplus, sign);
         }
+        // Where the motion has to stop on its way, the least time jumps as the surplus leaves zero, and gaps may close at a
+        // point. So what rounding cannot tell from feasible counts as feasible, at the price of that rounding.
+        let sure = (surplus - self.slack).max(0.0);
         // The peak p with p^2 = high^2 + a surplus; its excess over `high` without cancellation.
-        let peak = f64::sqrt(high * high + acceleration * surplus);
+        let peak = f64::sqrt(high * high + acceleration * sure);
         let (least_coast, beyond_s) = if peak <= speed {
-            let excess = if high > 0.0 { acceleration * surplus / (high + peak) } else { peak - high };
+            let excess = if high > 0.0 { acceleration * sure / (high + peak) } else { peak - high };
             (peak, 2.0 * excess / acceleration)
         } else {
             let excess = (speed - high).max(0.0);
-            (speed, (surplus + excess * excess / acceleration) / speed)
+            (speed, (sure + excess * excess / acceleration) / speed)
         };
-        let mut durations =
-            Durations { least_s: self.direct_s + beyond_s, least_coast: sign * least_coast, ..Durations::NONE };
+        let least_s = (self.direct_s + (beyond_s - self.slack_s)).max(0.0);
+        let mut durations = Durations { least_s, least_coast: sign * least_coast, ..Durations::NONE };
         // Both speeds point along the displacement: to use more time one must slow down, and below rest one comes back.
         if low > 0.0 {
-            let turned = low * low - acceleration * surplus;
+            let given = (surplus + self.slack).max(0.0);
+            let turned = low * low - acceleration * given;
             if turned > 0.0 {
-                let given = acceleration * (surplus + self.slack);
-                let slowest = f64::sqrt((low * low - given).max(0.0));
                 let turn = f64::sqrt(turned);
-                let until_s = self.direct_s + 2.0 * given / ((low + slowest) * acceleration);
+                let until_s = self.direct_s + 2.0 * given / (low + turn);
                 let from_s = self.direct_s + 2.0 * (low + turn) / acceleration;
                 if until_s < from_s {
                     durations.gap_s = [until_s.max(durations.least_s), from_s];
@@ -171,7 +167,7 @@ impl Axis {
         if velocity == 0.0 {
             return Durations { least_s: 0.0, ..Durations::NONE };
         }
-        let least_s = surplus / velocity;
+        let least_s = (surplus - self.slack).max(0.0) / velocity;
         let until_s = (surplus + self.slack) / velocity;
         Durations { least_s, least_coast: sign * velocity, gap_s: [until_s, f64::INFINITY], gap_coast: 0.0 }
     }
