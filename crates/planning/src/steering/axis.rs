@@ -172,6 +172,29 @@ impl Axis {
         Durations { least_s, least_coast: sign * velocity, gap_s: [until_s, f64::INFINITY], gap_coast: 0.0 }
     }
 
+    /// Least change of velocity of a motion that takes at most `latest_s`; infinite where there is none.
+    ///
+    /// The coast slows down as the time grows. Either it enters the band between the two speeds, and then their difference
+    /// suffices, or it has to be on the other side of rest, and then it only comes nearer to rest.
+    #[inline]
+    pub fn least_change(&self, durations: &Durations, latest_s: f64) -> f64 {
+        let (_, high, low, surplus) = self.upwards();
+        let unhurried_s = match surplus {
+            surplus if surplus <= self.slack => self.direct_s,
+            surplus if high > 0.0 => self.direct_s + surplus / high,
+            _ => f64::INFINITY,
+        };
+        if latest_s < durations.least_s {
+            f64::INFINITY
+        } else if unhurried_s <= latest_s && unhurried_s.is_finite() {
+            high - low
+        } else if latest_s.is_finite() {
+            self.motion(durations, latest_s).velocity_change()
+        } else {
+            -high - low
+        }
+    }
+
     /// The motion in a duration that exists: of all, the one with the least peak speed and the least impulse. A faster or
     /// slower coast would miss the displacement, and whatever peaks lower stays below the same bang-coast-bang.
     #[inline]

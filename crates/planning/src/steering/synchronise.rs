@@ -54,11 +54,11 @@ impl Steering {
 }
 
 /// The problem along each axis with its feasible durations.
-type Axes = ([Axis; 3], [Durations; 3]);
+pub(super) type Axes = ([Axis; 3], [Durations; 3]);
 
 /// Splits a problem into its axes; `None` where one of them has no motion at all.
 #[inline]
-fn axes(from: &TranslationState, to: &TranslationState, limits: &TranslationLimits) -> Option<Axes> {
+pub(super) fn axes(from: &TranslationState, to: &TranslationState, limits: &TranslationLimits) -> Option<Axes> {
     let axis = |index: usize| {
         Axis::new(Ends {
             position: [from.position[index], to.position[index]],
