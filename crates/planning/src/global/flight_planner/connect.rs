@@ -154,7 +154,7 @@ impl Connect {
             Side::Start => (&branch.node, target),
             Side::Goal => (target, &branch.node),
         };
-        if !search.append_edge(from, to, arcs) {
+        if !search.append_edge(from, to, arcs)? {
             return Ok(Some(Blocked { position: None }));
         }
         let duration_s: f64 = arcs.iter().map(|arc| arc.duration_s).sum();
@@ -204,7 +204,7 @@ impl Connect {
         while let Some(branch) = next.and_then(|index| self.goal.get(index)).copied() {
             let Some(from) = self.start.get(joint).copied() else { return Ok(false) };
             self.arcs.clear();
-            if !search.append_edge(&from.node, &branch.node, &mut self.arcs) {
+            if !search.append_edge(&from.node, &branch.node, &mut self.arcs)? {
                 return Ok(false);
             }
             if !search.is_still && !search.is_free(&self.arcs, from.at_s)? {
@@ -219,7 +219,7 @@ impl Connect {
             chain.push(branch.node);
             index = branch.parent;
         }
-        Ok(search.assemble(&chain, flight))
+        search.assemble(&chain, flight)
     }
 
     /// The edges of both trees, for drawing.
