@@ -76,15 +76,16 @@ impl FlightPlanner {
     ) -> Result<(), End> {
         self.first_plan(search, seeds)?;
         search.offer(&self.flight)?;
-        self.improve(search, CANDIDATE_UNITS)?;
+        self.improve.run(search, &mut self.flight, CANDIDATE_UNITS)?;
         loop {
             if let Some(best) = &search.best {
                 self.flight.clone_from(best);
             }
-            self.improve(search, BEST_UNITS)?;
+            self.improve.run(search, &mut self.flight, BEST_UNITS)?;
             let goal = self.goal(search)?;
             if self.connect.find(search, goal, &[], CANDIDATE_UNITS, &mut self.flight)? {
-                self.improve(search, CANDIDATE_UNITS)?;
+                search.offer(&self.flight)?;
+                self.improve.run(search, &mut self.flight, CANDIDATE_UNITS)?;
             }
             if self.explore.run(search, &mut self.flight, EXPLORE_UNITS)? {
                 search.offer(&self.flight)?;
@@ -138,13 +139,6 @@ impl FlightPlanner {
         }
         search.rate(flight);
         Ok(true)
-    }
-
-    /// Improves the flight and offers what came of it, even where the budget ended it.
-    fn improve<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>, units: u64) -> Result<(), End> {
-        let improved = self.improve.run(search, &mut self.flight, units);
-        search.offer(&self.flight)?;
-        improved
     }
 
     /// A state at rest in the goal region, its centre where that is free.
