@@ -1,13 +1,11 @@
 //! The planner: plans that hold by checks that share nothing with it, bounds, proofs, replanning, turning through a gap.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use tumble_planning::collision::{
-    Blocker, BodyEllipsoid, BodyShape, CollisionWorld, EllipsoidWorld, MovingObstacle,
-};
+use tumble_planning::collision::{Blocker, BodyEllipsoid, BodyShape, CollisionWorld, EllipsoidWorld, MovingObstacle};
 use tumble_planning::dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World};
 use tumble_planning::global::{
-    FlightPlanner, GlobalAnswer, GlobalPlanner, GlobalRequest, GoalRegion, MotionLimits, Objective, Obstruction,
-    Replanning, Status, UnderWay, Until,
+    FlightPlanner, FlightPlannerSettings, GlobalAnswer, GlobalPlanner, GlobalRequest, GoalRegion, MotionLimits,
+    Objective, Obstruction, Replanning, Status, UnderWay, Until,
 };
 use tumble_planning::lie::Pose;
 use tumble_planning::{ArcPath, ModelBelief, TranslationState, Units};
@@ -45,12 +43,7 @@ fn request<'a>(
         start: TranslationState::at_rest(Vector3::new(10.8, -9.6, 4.8)),
         attitude: UnitQuaternion::identity(),
         start_s: 0.0,
-        goal: GoalRegion {
-            position: Vector3::new(10.8, -7.75, 5.2),
-            radius_m: 0.2,
-            speed_m_s: 0.05,
-            attitude: None,
-        },
+        goal: GoalRegion { position: Vector3::new(10.8, -7.75, 5.2), radius_m: 0.2, speed_m_s: 0.05, attitude: None },
         limits: MotionLimits {
             position: AlignedBox {
                 lower_world: Vector3::new(10.3, -9.8, 4.2),
@@ -178,19 +171,20 @@ fn what_cannot_be_is_recognised_with_what_blocks() {
         other => panic!("{other:?}"),
     }
     // With too little work for the proof: what stood in the way.
-    let answer = FlightPlanner::default().plan(&request(&closed, &body, &belief), &mut Units::new(50)).expect("an answer");
+    let answer =
+        FlightPlanner::default().plan(&request(&closed, &body, &belief), &mut Units::new(50)).expect("an answer");
     assert_eq!(answer.status, Status::BudgetSpent(vec![Blocker::Obstacle(0)]));
     assert!(answer.plan.is_none() && answer.cost.is_infinite());
     let inside = world(vec![obstacle([10.8, -9.6, 4.9], [0.2; 3])]);
-    let answer = FlightPlanner::default().plan(&request(&inside, &body, &belief), &mut Units::new(50)).expect("an answer");
+    let answer =
+        FlightPlanner::default().plan(&request(&inside, &body, &belief), &mut Units::new(50)).expect("an answer");
     assert!(matches!(answer.status, Status::Infeasible(Obstruction::StartBlocked { .. })), "{:?}", answer.status);
 }
 
 #[test]
 fn a_table_has_no_height_and_a_blocked_centre_is_no_blocked_region() {
     let (body, belief) = (BodyShape::sphere(0.15).expect("a body"), belief());
-    let obstacles =
-        vec![obstacle([0.3, 0.3, 0.0], [0.15, 0.15, 5.0]), obstacle([-0.25, -0.1, 0.0], [0.2, 0.2, 5.0])];
+    let obstacles = vec![obstacle([0.3, 0.3, 0.0], [0.15, 0.15, 5.0]), obstacle([-0.25, -0.1, 0.0], [0.2, 0.2, 5.0])];
     let world = world(obstacles.clone());
     let mut request = request(&world, &body, &belief);
     request.start = TranslationState::at_rest(Vector3::new(0.0, 0.6, -0.76));
@@ -271,4 +265,26 @@ fn a_body_turns_through_a_gap_that_its_bounding_ball_does_not_fit() {
     let ball = BodyShape::sphere(payload.bounding_radius_m()).expect("a body");
     let answer = planner.plan(&GlobalRequest { body: &ball, ..request }, &mut Units::new(300_000)).expect("an answer");
     assert!(matches!(answer.status, Status::Infeasible(Obstruction::Enclosed { .. })), "{:?}", answer.status);
+}
+
+#[test]
+fn least_impulse_takes_its_time_and_less_impulse() {
+    let (walls, body, belief) = (slalom(), BodyShape::sphere(0.15).expect("a body"), belief());
+    let world = world(walls.clone());
+    let fast = request(&world, &body, &belief);
+    let thrifty = GlobalRequest { objective: Objective::Impulse, ..request(&world, &body, &belief) };
+    let settings = FlightPlannerSettings { longest_s: 120.0, ..FlightPlannerSettings::default() };
+    let mut planner = FlightPlanner::new(settings);
+    let impulse = |path: &ArcPath| {
+        let push = |arc: &tumble_planning::BodyArc| arc.translation(0.0).1.abs().sum() * arc.duration_s * MASS_KG;
+        path.arcs().iter().map(push).sum::<f64>()
+    };
+    let fast_answer = planner.plan(&fast, &mut Units::new(3000)).expect("an answer");
+    let answer = planner.plan(&thrifty, &mut Units::new(3000)).expect("an answer");
+    assert!(check_path(path(&answer), &thrifty, &walls, 0.15) >= -1e-9);
+    assert!((impulse(path(&answer)) - answer.cost).abs() < 1e-9);
+    assert!(answer.cost < 0.6 * impulse(path(&fast_answer)), "{} {}", answer.cost, impulse(path(&fast_answer)));
+    assert!(path(&answer).duration_s() <= 120.0 + 1e-9);
+    assert!(answer.history.windows(2).all(|pair| pair[1].cost < pair[0].cost));
+    assert!(answer.lower_bound <= answer.cost);
 }

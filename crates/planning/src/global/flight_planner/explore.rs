@@ -92,7 +92,9 @@ impl Explore {
         self.candidates.clear();
         for (index, branch) in self.branches.iter().enumerate() {
             let way = node.translation.position - branch.node.translation.position;
-            if branch.at_s + way.abs().zip_map(&speed, |way, speed| if way > 0.0 { way / speed } else { 0.0 }).max() >= latest_s {
+            if branch.at_s + way.abs().zip_map(&speed, |way, speed| if way > 0.0 { way / speed } else { 0.0 }).max()
+                >= latest_s
+            {
                 continue;
             }
             let at_s = branch.at_s + least_time_s(&branch.node.translation, &node.translation, &search.limits);

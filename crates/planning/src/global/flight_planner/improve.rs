@@ -3,7 +3,7 @@
 use super::flight::{Cut, Flight, Node};
 use super::search::{End, Search};
 use crate::collision::CollisionWorld;
-use crate::global::GoalRegion;
+use crate::global::{GoalRegion, Objective};
 use crate::motion::{BodyArc, TranslationState};
 use crate::steering::{TranslationLimits, least_time_s};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -115,21 +115,27 @@ impl Improve {
             least_s += least_time_s(&here.translation, &next.translation, &search.limits);
             here = next;
         }
+        let is_fast = search.request.objective == Objective::Duration;
         let least_gain = LEAST_GAIN * flight.cost;
-        if least_s >= old_s - least_gain {
+        let latest_s = old_s + if is_fast { 0.0 } else { (search.longest_s - flight.duration_s).max(0.0) };
+        if !(least_s <= latest_s) || is_fast && least_s >= old_s - least_gain {
             return Ok(());
         }
+        // The impulse is less with more time: up to three times the least, where the plan may last that long.
+        let stretch = if is_fast { 1.0 } else { search.chance.between(1.0, (latest_s / least_s).min(3.0)) };
         let middle = &mut self.middle;
         middle.clear();
         let mut here = &from.node;
         for next in &self.states {
-            if !search.append_edge(here, next, middle)? {
+            if !search.append_slowly(here, next, stretch, middle)? {
                 return Ok(());
             }
             here = next;
         }
         let new_s: f64 = middle.iter().map(|arc| arc.duration_s).sum();
-        if new_s >= old_s - least_gain || !search.is_free(middle, from.time_s)? {
+        let old_cost = if is_fast { old_s } else { flight.between(from, to).map(|arc| search.cost(&[arc])).sum() };
+        let is_gain = search.cost(middle) < old_cost - least_gain && new_s <= latest_s;
+        if !is_gain || !search.is_free(middle, from.time_s)? {
             return Ok(());
         }
         if let Some(to) = to.filter(|_| !search.is_still) {

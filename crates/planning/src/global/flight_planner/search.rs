@@ -1,5 +1,6 @@
 //! One search: the request, what it has spent, what stood in its way, and the best plan so far.
 
+use super::FlightPlannerSettings;
 use super::chance::Chance;
 use super::flight::{Flight, Node};
 use crate::budget::Budget;
@@ -7,7 +8,7 @@ use crate::collision::{Blocker, CollisionWorld};
 use crate::error::PlanningError;
 use crate::global::{GlobalRequest, Improvement, Objective, Obstruction, Reachability, RouteBound, Until};
 use crate::motion::BodyArc;
-use crate::steering::{TranslationLimits, least_time_to_goal_s, slew, steer, steer_in};
+use crate::steering::{TranslationLimits, least_time_s, least_time_to_goal_s, slew, steer, steer_in};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tumble_dynamics::AlignedBox;
 
@@ -39,6 +40,8 @@ pub(super) struct Search<'a, 'r, W: CollisionWorld + ?Sized> {
     pub may_turn: bool,
     /// Share of the lower bound by which an optimal plan may exceed it.
     tolerance: f64,
+    /// Longest duration of a plan of least impulse, s.
+    pub longest_s: f64,
     bound: RouteBound<'a, W>,
     /// Units that the next refinement of the bound may take.
     refinement_units: u64,
@@ -85,7 +88,7 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
     /// Numbers that are no limits, or not finite.
     pub fn new(
         request: &'a GlobalRequest<'r, W>,
-        tolerance: f64,
+        settings: &FlightPlannerSettings,
         budget: &'a mut dyn Budget,
     ) -> Result<Self, PlanningError> {
         let parameters = request.belief.parameters();
@@ -97,7 +100,8 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
             chance: Chance::new(request.seed),
             is_still: request.world.is_still_from(request.start_s),
             may_turn: can_turn && !request.world.is_round(request.body),
-            tolerance,
+            tolerance: settings.tolerance,
+            longest_s: settings.longest_s,
             bound: RouteBound::new(request)?,
             refinement_units: FIRST_REFINEMENT_UNITS,
             best: None,
@@ -209,6 +213,18 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         };
         let Some(pieces) = turn.along(&steering) else { return Ok(false) };
         arcs.extend(pieces);
+        Ok(true)
+    }
+
+    /// The same stretched in time, at a constant attitude; false also where there is no motion of that duration.
+    pub fn append_slowly(&self, from: &Node, to: &Node, stretch: f64, arcs: &mut Vec<BodyArc>) -> Result<bool, End> {
+        if stretch <= 1.0 || from.attitude != to.attitude {
+            return self.append_edge(from, to, arcs);
+        }
+        let (from_state, to_state) = (&from.translation, &to.translation);
+        let duration_s = stretch * least_time_s(from_state, to_state, &self.limits);
+        let Some(steering) = steer_in(from_state, to_state, &self.limits, duration_s) else { return Ok(false) };
+        arcs.extend(steering.arcs(from.attitude));
         Ok(true)
     }
 
