@@ -288,3 +288,30 @@ fn least_impulse_takes_its_time_and_less_impulse() {
     assert!(answer.history.windows(2).all(|pair| pair[1].cost < pair[0].cost));
     assert!(answer.lower_bound <= answer.cost);
 }
+
+/// What crosses the way at its own time is passed before or after, and the plan says so by its mission times.
+#[test]
+fn a_door_that_moves_is_passed_at_the_right_time() {
+    let (body, belief) = (BodyShape::sphere(0.15).expect("a body"), belief());
+    // A wall that slides out of the way along z: still closed when the fastest plan would pass.
+    let wall = obstacle([10.75, -8.6, 4.75], [1.5, 0.05, 0.8]);
+    let door = MovingObstacle::at_rest(wall).drifting(Vector3::new(0.0, 0.0, 0.03), 0.0);
+    let world = EllipsoidWorld::new(&World::default()).and_then(|world| world.with_obstacle(door)).expect("a world");
+    for start_s in [0.0, 500.0] {
+        let request = GlobalRequest { start_s, seed: 4, ..request(&world, &body, &belief) };
+        let answer = FlightPlanner::default().plan(&request, &mut Units::new(4000)).expect("an answer");
+        check_path(path(&answer), &request, &[], 0.15);
+        let mut time_s = 0.0;
+        while time_s < path(&answer).duration_s() {
+            let (arc, within_s) = path(&answer).at(time_s).expect("an arc");
+            let mut there = wall;
+            there.world_from_ellipsoid.translation.vector.z += 0.03 * (start_s + time_s);
+            let distance_m = distance_to_ellipsoid(&arc.translation(within_s).0.position, &there);
+            assert!(distance_m >= 0.15 - 1e-9, "{distance_m} at {time_s} s");
+            time_s += 0.02;
+        }
+        if start_s > 0.0 {
+            assert_eq!(answer.status, Status::Optimal);
+        }
+    }
+}

@@ -64,10 +64,10 @@ impl Connect {
         let mut side = Side::Start;
         let mut target = self.plant(search, goal, seeds)?;
         loop {
-            if let Growth::Reached(index) | Growth::Advanced(index) = self.extend(search, side, &target)? {
-                if self.joins(search, side, index, flight)? {
-                    return Ok(true);
-                }
+            if let Growth::Reached(index) | Growth::Advanced(index) = self.extend(search, side, &target)?
+                && self.joins(search, side, index, flight)?
+            {
+                return Ok(true);
             }
             if search.units >= last {
                 return Ok(false);
@@ -106,7 +106,7 @@ impl Connect {
         side: Side,
         node: &Node,
     ) -> Result<bool, End> {
-        let Some((parent, branch)) = self.tree(side).iter().copied().enumerate().last() else { return Ok(false) };
+        let Some((parent, branch)) = self.tree(side).iter().copied().enumerate().next_back() else { return Ok(false) };
         let is_free = self.edge(search, side, &branch, node)?.is_none();
         if is_free {
             self.push(search, side, parent, node);

@@ -53,7 +53,7 @@ impl Explore {
         let last = search.units.saturating_add(units);
         let mut refused = 0;
         while search.units < last {
-            let Some((node, to_goal_s)) = self.sample(search) else {
+            let Some((node, to_goal_s)) = Self::sample(search) else {
                 refused += 1;
                 if refused % REFUSED_PER_UNIT == 0 {
                     search.spend(1)?;
@@ -69,7 +69,7 @@ impl Explore {
     }
 
     /// A state that may lie on a better plan than the best one, with its least time to the goal.
-    fn sample<W: CollisionWorld + ?Sized>(&self, search: &mut Search<'_, '_, W>) -> Option<(Node, f64)> {
+    fn sample<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>) -> Option<(Node, f64)> {
         let speed = search.limits.speed_m_s;
         let velocity = search.chance.in_cube().component_mul(&speed);
         let position = search.position();

@@ -71,7 +71,7 @@ impl Improve {
         let end = match to {
             Some(to) => to.node,
             None => match flight.end() {
-                Some(end) => self.arrival(search, &end),
+                Some(end) => Self::arrival(search, &end),
                 None => return Ok(()),
             },
         };
@@ -87,7 +87,7 @@ impl Improve {
     }
 
     /// Another state within the goal region, near the present one.
-    fn arrival<W: CollisionWorld + ?Sized>(&self, search: &mut Search<'_, '_, W>, end: &Node) -> Node {
+    fn arrival<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>, end: &Node) -> Node {
         let goal = &search.request.goal;
         let chance = &mut search.chance;
         let position =
@@ -118,7 +118,7 @@ impl Improve {
         let is_fast = search.request.objective == Objective::Duration;
         let least_gain = LEAST_GAIN * flight.cost;
         let latest_s = old_s + if is_fast { 0.0 } else { (search.longest_s - flight.duration_s).max(0.0) };
-        if !(least_s <= latest_s) || is_fast && least_s >= old_s - least_gain {
+        if least_s > latest_s || is_fast && least_s >= old_s - least_gain {
             return Ok(());
         }
         // The impulse is less with more time: up to three times the least, where the plan may last that long.
