@@ -1,6 +1,7 @@
 //! What a body may hit, and exactly when.
 
 mod aligned_box;
+mod conservative;
 mod distance;
 mod ellipsoid;
 mod half_space;
@@ -12,6 +13,7 @@ mod sweep;
 mod world;
 
 pub use aligned_box::{ellipsoid_to_box, sphere_to_box};
+pub use conservative::conservative_first_contact;
 pub use distance::{Distance, distance, distance_from_hint};
 pub use ellipsoid::Ellipsoid;
 pub use half_space::{HalfSpace, ellipsoid_to_half_space, sphere_to_half_space};

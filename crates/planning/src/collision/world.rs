@@ -155,6 +155,11 @@ impl Entry {
         self.appear_s <= time_s && time_s <= self.vanish_s
     }
 
+    /// There from this time on for ever, and at rest.
+    fn lasts_from(&self, time_s: f64) -> bool {
+        self.appear_s <= time_s && self.vanish_s >= f64::INFINITY && self.motion.is_none()
+    }
+
     /// Where the reference point is.
     #[inline]
     fn reference_at(&self, time_s: f64) -> Vector3<f64> {
@@ -274,6 +279,34 @@ impl EllipsoidWorld {
     pub fn obstacle_count(&self) -> usize {
         self.obstacles
     }
+
+    /// What is nearest to a body at a pose, of the entries that count.
+    fn nearest(
+        &self,
+        body: &BodyShape,
+        world_from_body: &Pose<f64>,
+        time_s: f64,
+        counts: impl Fn(&Entry) -> bool,
+    ) -> Result<Clearance, PlanningError> {
+        let numbers = world_from_body.translation.vector.sum() + world_from_body.rotation.coords.sum();
+        finite("the sum of a pose's numbers", numbers)?;
+        let mut nearest = Clearance { distance_m: f64::INFINITY, nearest: None };
+        for part in body.parts() {
+            let part = PosedPart::new(part, world_from_body);
+            let half_extent = part.half_extent();
+            for entry in self.entries.iter().filter(|entry| counts(entry)) {
+                let relative = part.center() - entry.reference_at(time_s);
+                let bound_m = box_gap(&(relative - half_extent), &(relative + half_extent), &entry.extent);
+                if bound_m < nearest.distance_m {
+                    let distance_m = part.distance_m(&entry.solid, &relative);
+                    if distance_m < nearest.distance_m {
+                        nearest = Clearance { distance_m, nearest: Some(entry.blocker) };
+                    }
+                }
+            }
+        }
+        Ok(nearest)
+    }
 }
 
 impl CollisionWorld for EllipsoidWorld {
@@ -286,24 +319,7 @@ impl CollisionWorld for EllipsoidWorld {
         time_s: f64,
     ) -> Result<Clearance, PlanningError> {
         finite("the mission time", time_s)?;
-        let numbers = world_from_body.translation.vector.sum() + world_from_body.rotation.coords.sum();
-        finite("the sum of a pose's numbers", numbers)?;
-        let mut nearest = Clearance { distance_m: f64::INFINITY, nearest: None };
-        for part in body.parts() {
-            let part = PosedPart::new(part, world_from_body);
-            let half_extent = part.half_extent();
-            for entry in self.entries.iter().filter(|entry| entry.is_present(time_s)) {
-                let relative = part.center() - entry.reference_at(time_s);
-                let bound_m = box_gap(&(relative - half_extent), &(relative + half_extent), &entry.extent);
-                if bound_m < nearest.distance_m {
-                    let distance_m = part.distance_m(&entry.solid, &relative);
-                    if distance_m < nearest.distance_m {
-                        nearest = Clearance { distance_m, nearest: Some(entry.blocker) };
-                    }
-                }
-            }
-        }
-        Ok(nearest)
+        self.nearest(body, world_from_body, time_s, |entry| entry.is_present(time_s))
     }
 
     /// First time at which `body` comes nearer than `margin_m` to anything.
@@ -352,6 +368,21 @@ impl CollisionWorld for EllipsoidWorld {
             }
         }
         Ok(first)
+    }
+
+    fn is_still_from(&self, time_s: f64) -> bool {
+        // What has vanished by then does not count.
+        self.entries.iter().all(|entry| entry.vanish_s < time_s || entry.lasts_from(time_s))
+    }
+
+    fn lasting_clearance(
+        &self,
+        body: &BodyShape,
+        world_from_body: &Pose<f64>,
+        from_s: f64,
+    ) -> Result<Clearance, PlanningError> {
+        finite("the mission time", from_s)?;
+        self.nearest(body, world_from_body, from_s, |entry| entry.lasts_from(from_s))
     }
 
     fn reach_m(&self, body: &BodyShape) -> f64 {
