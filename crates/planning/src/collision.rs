@@ -7,7 +7,7 @@ mod ellipsoid;
 mod half_space;
 mod keep_in;
 mod obstacle;
-mod polynomial;
+pub(crate) mod polynomial;
 mod sphere;
 mod sweep;
 mod world;

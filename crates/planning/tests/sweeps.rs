@@ -1,6 +1,7 @@
 //! The continuous test against dense sampling by an independent distance.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+#[allow(dead_code)]
 mod sweep_oracle;
 
 use sweep_oracle::Draws;

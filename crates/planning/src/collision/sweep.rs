@@ -158,35 +158,37 @@ impl Approach<'_> {
         let mut waiting = 0_usize;
         let mut is_hit_at_end = false;
         for _ in 0..PLANES {
-            while proven_s >= open_s && !is_hit_at_end {
-                waiting = waiting.checked_sub(1)?;
-                (proven_s, open_s) = *later.get(waiting)?;
-            }
             let begin_s = proven_s;
             let Some((_, last)) = self.proves(&self.normal(begin_s), begin_s, begin_s, open_s) else {
                 return Some(begin_s);
             };
             proven_s = last;
-            if proven_s >= open_s || (is_hit_at_end && proven_s - begin_s >= 0.5 * (open_s - begin_s)) {
-                continue;
-            }
-            let ahead_s = 0.5 * (proven_s + open_s);
-            match self.proves(&self.normal(ahead_s), ahead_s, proven_s, open_s) {
-                None => {
-                    open_s = ahead_s;
-                    is_hit_at_end = true;
-                    waiting = 0;
-                }
-                Some((first, last)) if first <= proven_s => proven_s = last,
-                Some(_) if is_hit_at_end => {}
-                Some((first, last)) if last >= open_s => open_s = first,
-                Some((first, last)) => {
-                    if let Some(slot) = later.get_mut(waiting) {
-                        *slot = (last, open_s);
-                        waiting += 1;
-                        open_s = first;
+            // On the way to a known contact a plane ahead is worth its price only where this one does not get on.
+            if proven_s < open_s && !(is_hit_at_end && proven_s - begin_s >= 0.5 * (open_s - begin_s)) {
+                let ahead_s = 0.5 * (proven_s + open_s);
+                match self.proves(&self.normal(ahead_s), ahead_s, proven_s, open_s) {
+                    None => {
+                        open_s = ahead_s;
+                        is_hit_at_end = true;
+                    }
+                    Some((first, last)) if first <= proven_s => proven_s = last,
+                    Some(_) if is_hit_at_end => {}
+                    Some((first, last)) if last >= open_s => open_s = first,
+                    Some((first, last)) => {
+                        if let Some(slot) = later.get_mut(waiting) {
+                            *slot = (last, open_s);
+                            waiting += 1;
+                            open_s = first;
+                        }
                     }
                 }
+            }
+            if proven_s >= open_s {
+                if is_hit_at_end {
+                    return Some(open_s);
+                }
+                waiting = waiting.checked_sub(1)?;
+                (proven_s, open_s) = *later.get(waiting)?;
             }
         }
         Some(proven_s)
