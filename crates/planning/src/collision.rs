@@ -1,6 +1,8 @@
 //! What a body may hit, and exactly when.
 
 mod aligned_box;
+mod batch;
+mod broad_phase;
 mod conservative;
 mod distance;
 mod ellipsoid;

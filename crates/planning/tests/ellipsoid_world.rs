@@ -241,3 +241,96 @@ fn impossible_worlds_and_questions_are_refused_by_index() {
     assert!(world.clearance(&body, &Pose::translation(f64::NAN, 0.0, 0.0), 0.0).is_err());
     assert!(world.clearance(&body, &Pose::identity(), f64::NAN).is_err());
 }
+
+/// A crowd of obstacles: most at rest, some moving, some there for a time, with boxes and walls.
+fn crowd(draws: &mut Draws, count: usize) -> (World, Vec<MovingObstacle>) {
+    let half = 3.0;
+    let data = World {
+        keep_in: vec![AlignedBox::between(Vector3::repeat(-half), Vector3::repeat(half))],
+        keep_out: vec![AlignedBox::between(Vector3::repeat(2.0), Vector3::repeat(2.5))],
+        obstacles: Vec::new(),
+    };
+    let obstacle = |index: usize| {
+        let ellipsoid = ObstacleEllipsoid {
+            world_from_ellipsoid: Pose::from_parts(draws.vector(half).into(), draws.attitude()),
+            semi_axes: draws.semi_axes(0.3, 10.0),
+        };
+        let obstacle = MovingObstacle::at_rest(ellipsoid);
+        match index % 10 {
+            3 => obstacle.drifting(draws.vector(0.5), 1.0),
+            7 => obstacle.present(draws.within(-2.0, 1.0), draws.within(1.0, 4.0)),
+            _ => obstacle,
+        }
+    };
+    (data, (0..count).map(obstacle).collect())
+}
+
+#[test]
+fn many_obstacles_answer_as_each_alone() {
+    for count in [5, 60, 500] {
+        let mut draws = Draws::new(21);
+        let (data, obstacles) = crowd(&mut draws, count);
+        let boxes = EllipsoidWorld::new(&data).unwrap();
+        let nothing = EllipsoidWorld::new(&World::default()).unwrap();
+        let all = boxes.clone().with_obstacles(obstacles.iter().copied()).unwrap();
+        assert_eq!(all.obstacle_count(), count);
+        let alone: Vec<EllipsoidWorld> =
+            obstacles.iter().map(|it| nothing.clone().with_obstacle(*it).unwrap()).collect();
+        let mut hits = 0;
+        for _ in 0..40 {
+            let case = draws.case();
+            let body = case.body();
+            let pose = Pose::from_parts(draws.vector(3.0).into(), draws.attitude());
+            let mut expected = boxes.clearance(&body, &pose, 1.5).unwrap();
+            let mut expected_s = boxes.first_contact(&body, &case.arc, 0.0, 0.01).unwrap();
+            for (index, world) in alone.iter().enumerate() {
+                let clearance = world.clearance(&body, &pose, 1.5).unwrap();
+                if clearance.distance_m < expected.distance_m {
+                    expected.distance_m = clearance.distance_m;
+                    expected.nearest = Some(Blocker::Obstacle(index));
+                }
+                if let Some(mut contact) = world.first_contact(&body, &case.arc, 0.0, 0.01).unwrap() {
+                    contact.blocker = Blocker::Obstacle(index);
+                    if expected_s.is_none_or(|it| (contact.time_s, contact.blocker) < (it.time_s, it.blocker)) {
+                        expected_s = Some(contact);
+                    }
+                }
+            }
+            assert_eq!(all.clearance(&body, &pose, 1.5).unwrap(), expected);
+            let found = all.first_contact(&body, &case.arc, 0.0, 0.01).unwrap();
+            hits += usize::from(found.is_some());
+            // The windows differ, and with them the last digits.
+            match (found, expected_s) {
+                (None, None) => {}
+                (Some(a), Some(b)) => assert!((a.time_s - b.time_s).abs() < 1e-9, "{a:?} {b:?}"),
+                answers => panic!("{answers:?}"),
+            }
+        }
+        assert!(hits > 5, "{count}: {hits}");
+    }
+}
+
+#[test]
+fn batches_answer_as_single_queries() {
+    let mut draws = Draws::new(22);
+    for count in [0, 3, 10, 40, 100] {
+        let (data, obstacles) = crowd(&mut draws, count);
+        let world = EllipsoidWorld::new(&data).unwrap().with_obstacles(obstacles.iter().copied()).unwrap();
+        let mut poses: Vec<Pose<f64>> =
+            (0..300).map(|_| Pose::from_parts(draws.vector(3.1).into(), draws.attitude())).collect();
+        // In the very middle of an obstacle as well.
+        poses.extend(obstacles.iter().map(|it| it.ellipsoid.world_from_ellipsoid));
+        let mut found = Vec::new();
+        for body in [BodyShape::sphere(0.1).unwrap(), draws.case().body(), draws.case().body()] {
+            for limit_m in [f64::INFINITY, 0.05, -0.05] {
+                world.clearances(&body, &poses, 1.5, limit_m, &mut found).unwrap();
+                assert_eq!(found.len(), poses.len());
+                for (pose, found_m) in poses.iter().zip(&found) {
+                    let alone_m = world.clearance(&body, pose, 1.5).unwrap().distance_m.min(limit_m);
+                    assert!((alone_m - found_m).abs() <= 1e-13 || alone_m == *found_m, "{alone_m} {found_m}");
+                }
+            }
+        }
+        assert!(world.clearances(&BodyShape::sphere(0.1).unwrap(), &poses, f64::NAN, 0.0, &mut found).is_err());
+    }
+}

@@ -52,6 +52,20 @@ impl Solid {
         Self::Ellipsoid(AxedEllipsoid::new(solid))
     }
 
+    /// Takes an offset from an ellipsoid's centre to the space where it is a unit ball.
+    pub fn to_ball(&self) -> Option<Matrix3<f64>> {
+        match self {
+            Self::Ellipsoid(ellipsoid) => {
+                let mut to_ball = ellipsoid.axes.transpose();
+                for (mut row, semi_axis) in to_ball.row_iter_mut().zip(&ellipsoid.semi_axes) {
+                    row /= *semi_axis;
+                }
+                Some(to_ball)
+            }
+            Self::Box(_) => None,
+        }
+    }
+
     /// Support function about the reference point.
     #[inline]
     pub fn support(&self, normal: &Vector3<f64>) -> f64 {

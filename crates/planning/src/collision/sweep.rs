@@ -29,10 +29,10 @@ const STRETCHES: usize = 16;
 pub(super) struct MovingPart<'a> {
     /// Position of the part's centre; of the body origin where the part turns.
     pub path: [Vector3<f64>; COEFFICIENTS],
-    /// Degree of the path.
-    pub degree: usize,
     /// Half the extent along each world axis about the path, at any time.
     pub half_extent: Vector3<f64>,
+    /// Least and largest coordinates on the whole arc, or beyond.
+    pub swept: (Vector3<f64>, Vector3<f64>),
     shape: Shape<'a>,
 }
 
@@ -70,13 +70,8 @@ impl<'a> MovingPart<'a> {
             let shape = Shape::Turning { part, arc, factor };
             (shape, Vector3::repeat(reach_m))
         };
-        Self { degree: degree(&path), path, half_extent, shape }
-    }
-
-    /// Least and largest coordinates on the way from 0 to `duration_s`, or beyond.
-    pub fn swept_box(&self, duration_s: f64) -> (Vector3<f64>, Vector3<f64>) {
-        let (lower, upper) = path_box(&self.path, self.degree, duration_s);
-        (lower - self.half_extent, upper + self.half_extent)
+        let (lower, upper) = path_box(&path, degree(&path), arc.duration_s);
+        Self { path, half_extent, swept: (lower - half_extent, upper + half_extent), shape }
     }
 }
 
