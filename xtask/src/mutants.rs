@@ -1152,6 +1152,62 @@ const MUTANTS: &[Mutant] = &[
         replacement: "body.first_moment",
         test: "-p tumble-astrobee --test simulator",
     },
+    Mutant {
+        name: "continuous test: the bound of a turn added",
+        file: "crates/planning/src/collision/sweep.rs",
+        original: "clearance[2] -= 0.5 * bend * rate_rad_s * rate_rad_s;",
+        replacement: "clearance[2] += 0.5 * bend * rate_rad_s * rate_rad_s;",
+        test: "-p tumble-planning --test sweeps",
+    },
+    Mutant {
+        name: "continuous test: slope of a turn turned round",
+        file: "crates/planning/src/collision/sweep.rs",
+        original: "*clearance += rise * angle;",
+        replacement: "*clearance -= rise * angle;",
+        test: "-p tumble-planning --test sweeps",
+    },
+    Mutant {
+        name: "continuous test: way backwards not mirrored",
+        file: "crates/planning/src/collision/sweep.rs",
+        original: "*coefficient = -*coefficient;",
+        replacement: "*coefficient = 1.0 * *coefficient;",
+        test: "-p tumble-planning --test sweeps",
+    },
+    Mutant {
+        name: "continuous test: the second root for the first",
+        file: "crates/planning/src/collision/polynomial.rs",
+        original: "2.0 * value / (f64::sqrt(discriminant) - slope)",
+        replacement: "2.0 * value / (-f64::sqrt(discriminant) - slope)",
+        test: "-p tumble-planning --test sweeps",
+    },
+    Mutant {
+        name: "collision world: moving obstacle without its own clock",
+        file: "crates/planning/src/collision/world.rs",
+        original: "COEFFICIENTS - 1, start_s - motion.since_s)",
+        replacement: "COEFFICIENTS - 1, start_s)",
+        test: "-p tumble-planning --test ellipsoid_world",
+    },
+    Mutant {
+        name: "collision world: appearing in the arc's time",
+        file: "crates/planning/src/collision/world.rs",
+        original: "f64::max(0.0, entry.appear_s - start_s)",
+        replacement: "f64::max(0.0, entry.appear_s)",
+        test: "-p tumble-planning --test ellipsoid_world",
+    },
+    Mutant {
+        name: "broad phase: the last box of a leaf lost",
+        file: "crates/planning/src/collision/broad_phase.rs",
+        original: "end: first + boxes.len(), is_leaf",
+        replacement: "end: first + boxes.len() - 1, is_leaf",
+        test: "-p tumble-planning --test ellipsoid_world",
+    },
+    Mutant {
+        name: "batch of poses: radius left out of what is worth asking",
+        file: "crates/planning/src/collision/batch.rs",
+        original: "f64::min(*clearance_m + radius_m, upper_m)",
+        replacement: "f64::min(*clearance_m, upper_m)",
+        test: "-p tumble-planning --test ellipsoid_world",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.
