@@ -1,5 +1,7 @@
 //! The route bound against exact and brute-force optima: never above, close where it can be, no way denied that exists.
 
+#![expect(clippy::unwrap_used, reason = "a test")]
+
 use std::collections::BTreeMap;
 
 use proptest::prelude::*;
@@ -637,6 +639,6 @@ fn the_inscribed_ball_lies_inside_a_part() {
         let inside = part.body_from_ellipsoid.inverse_transform_point(&point.into()).coords;
         assert!(inside.component_div(&part.semi_axes).norm() <= 1.0 + 1e-12);
     }
-    assert_eq!(BodyShape::try_new(vec![away]).unwrap().inscribed_radius_m(), 0.0);
-    assert_eq!(BodyShape::sphere(0.16).unwrap().inscribed_radius_m(), 0.16);
+    assert!(BodyShape::try_new(vec![away]).unwrap().inscribed_radius_m() <= 0.0);
+    assert!((BodyShape::sphere(0.16).unwrap().inscribed_radius_m() - 0.16).abs() < 1e-15);
 }
