@@ -1152,6 +1152,62 @@ const MUTANTS: &[Mutant] = &[
         replacement: "body.first_moment",
         test: "-p tumble-astrobee --test simulator",
     },
+    Mutant {
+        name: "bound: a step counted too many",
+        file: "crates/planning/src/global/bound.rs",
+        original: "(depth_s + f64::from(steps - 1) * edge_s)",
+        replacement: "(depth_s + f64::from(steps) * edge_s)",
+        test: "-p tumble-planning --test bounds",
+    },
+    Mutant {
+        name: "bound: cells blocked by their centre alone",
+        file: "crates/planning/src/global/bound/survey.rs",
+        original: "if upper + half_diagonal_m < margin_m {",
+        replacement: "if upper < margin_m {",
+        test: "-p tumble-planning --test bounds",
+    },
+    Mutant {
+        name: "bound: cells free by their centre alone",
+        file: "crates/planning/src/global/bound/survey.rs",
+        original: "} else if lower - half_diagonal_m >= margin_m {",
+        replacement: "} else if lower >= margin_m {",
+        test: "-p tumble-planning --test bounds",
+    },
+    Mutant {
+        name: "bound: clearance of the coarser grid taken over as it is",
+        file: "crates/planning/src/global/bound/survey.rs",
+        original: "        [lower - away, upper + away]",
+        replacement: "        [lower, upper - away]",
+        test: "-p tumble-planning --test bounds",
+    },
+    Mutant {
+        name: "bound: a turn beyond the goal although the goal lies farther",
+        file: "crates/planning/src/global/bound/turning.rs",
+        original: "                if near <= beyond {",
+        replacement: "                if near <= -beyond.abs() {",
+        test: "-p tumble-planning --test bounds",
+    },
+    Mutant {
+        name: "bound: way back from a turn as long as the way out",
+        file: "crates/planning/src/global/bound/turning.rs",
+        original: "farthest_m - self.sign * metric.goal[axis] - metric.radius_m)",
+        replacement: "farthest_m + self.sign * metric.goal[axis] + metric.radius_m)",
+        test: "-p tumble-planning --test bounds",
+    },
+    Mutant {
+        name: "bound: time of the obstacles there are now instead of what lasts",
+        file: "crates/planning/src/global/bound/survey.rs",
+        original: "request.world.lasting_clearance(request.body, &world_from_body, request.start_s)?",
+        replacement: "request.world.clearance(request.body, &world_from_body, request.start_s)?",
+        test: "-p tumble-planning --test bounds",
+    },
+    Mutant {
+        name: "bound: twice what is lost in speeding up",
+        file: "crates/planning/src/global/bound/least_time.rs",
+        original: "/ (2.0 * acceleration);\n        length + lost",
+        replacement: "/ acceleration;\n        length + lost",
+        test: "-p tumble-planning --lib",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.
