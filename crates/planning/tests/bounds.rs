@@ -223,16 +223,37 @@ fn converges_to_the_closed_form_past_a_wall_with_a_slit() {
 
 #[test]
 fn a_forced_turn_costs_its_stop() {
-    // At unit speed and acceleration, y goes two out and two back, resting at the top: 2 (2 + 1) s. The wall is so thin
-    // that x passes while y is within 0.01 of the top.
-    let mut table = Table::new(vec![block([-0.02, 0.02], [-9.0, 2.0])], [-1.0, 0.0], [1.0, 0.0]);
-    table.acceleration_m_s2 = 1.0;
-    let request = table.request();
-    let bound = refined(&request, 5);
-    let least_s = bound.least_duration_s();
-    assert!(least_s <= 6.0 + 0.1 && least_s > 5.7, "{least_s}");
-    // The same without what is lost in turning: 4 s of way and 1 s for the start and the stop.
-    assert!(least_s > 5.0 + 0.5);
+    // At unit speed and acceleration, y goes out to two and back, resting at the top: each way takes its length and 1 s. The
+    // wall is so thin that x passes while y is within 0.01 of the top. In all four directions.
+    for (from, to) in [(0.0, 0.0), (-0.5, 1.0), (1.0, -0.5)] {
+        let best_s = (2.0 - from) + 1.0 + (2.0 - to) + 1.0;
+        for is_mirrored in [false, true] {
+            for is_swapped in [false, true] {
+                let place = |x: f64, y: f64| {
+                    let y = if is_mirrored { -y } else { y };
+                    if is_swapped { [y, x] } else { [x, y] }
+                };
+                let (low, high) = (place(-0.02, -9.0), place(0.02, 2.0));
+                let span = |axis: usize| [low[axis].min(high[axis]), low[axis].max(high[axis])];
+                let wall = block(span(0), span(1));
+                let mut table = Table::new(vec![wall], place(-1.0, from), place(1.0, to));
+                table.acceleration_m_s2 = 1.0;
+                let least_s = refined(&table.request(), 5).least_duration_s();
+                assert!(least_s <= best_s + 0.1 && least_s > best_s - 0.3, "{least_s} {best_s}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_straight_way_costs_its_length_and_its_start() {
+    // 3.9 m at unit speed, half a second lost in starting; the goal may be passed at full speed.
+    let mut table = Table::new(Vec::new(), [-2.0, 0.1], [2.0, 0.1]);
+    (table.acceleration_m_s2, table.goal_radius_m) = (1.0, 0.1);
+    let mut request = table.request();
+    request.goal.speed_m_s = 2.0;
+    let least_s = refined(&request, 3).least_duration_s();
+    assert!((least_s - 4.4).abs() < 1e-9, "{least_s}");
 }
 
 /// A random table of boxes with start and goal free.
