@@ -508,3 +508,39 @@ fn a_turn_without_torque_or_without_an_angle() {
     assert!(slew(&from, &to, &inertia, &MotionLimits { rate_rad_s: f64::NAN, ..powerless }).is_err());
     assert!(slew(&from, &to, &-inertia, &powerless).is_err());
 }
+
+/// Whatever the numbers, there is an answer, and a finite one where there is a motion.
+#[test]
+fn no_number_panics() {
+    let special =
+        [0.0, -0.0, 1.0, -1.0, 0.1, f64::MIN_POSITIVE, 5e-324, 1e-160, 1e160, f64::MAX, f64::INFINITY, f64::NAN];
+    let mut random = ChaCha8Rng::seed_from_u64(10);
+    let mut draw = || match random.next_u32() as usize % 64 {
+        index if index < special.len() => special[index],
+        index if index % 2 == 0 => 1.0,
+        _ => 0.1,
+    };
+    let mut found = 0;
+    for _ in 0..200_000 {
+        let mut vector = || Vector3::from_fn(|_, _| draw());
+        let from = TranslationState { position: vector(), velocity: vector() };
+        let to = TranslationState { position: vector(), velocity: vector() };
+        let position = AlignedBox { lower_world: vector(), upper_world: vector() };
+        let limits = TranslationLimits { position, speed_m_s: vector(), acceleration_m_s2: vector() };
+        let goal = GoalRegion { position: vector(), radius_m: draw(), speed_m_s: draw(), attitude: None };
+        let least_s = least_time_s(&from, &to, &limits);
+        assert!(least_s >= 0.0);
+        assert!(least_time_to_goal_s(&from, &goal, &limits) >= 0.0);
+        for motion in
+            [steer(&from, &to, &limits), steer_in(&from, &to, &limits, draw()), steer_to_goal(&from, &goal, &limits)]
+        {
+            if let Some(motion) = motion {
+                found += 1;
+                assert!(motion.duration_s().is_finite() && motion.pieces().iter().all(|piece| piece.duration_s > 0.0));
+            }
+        }
+        let _ = least_velocity_change_m_s(&from, &to, &limits, draw());
+        let _ = motion_limits().translation(draw());
+    }
+    assert!(found > 1_000, "{found}");
+}

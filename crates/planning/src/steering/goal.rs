@@ -8,13 +8,13 @@ use crate::motion::TranslationState;
 use nalgebra::Vector3;
 
 /// Halvings of the duration in search of the least in which the region is reached.
-const HALVINGS: usize = 20;
+const HALVINGS: usize = 16;
 
 /// Steps of the search for the velocity to arrive with, per duration.
 const STEPS: usize = 12;
 
 /// Relative width of the bracket of durations that ends the search.
-const RESOLUTION: f64 = 1e-6;
+const RESOLUTION: f64 = 1e-4;
 
 /// How far inside the region's limits an arrival is sought, relative to them.
 const MARGIN: f64 = 1e-12;
@@ -209,7 +209,12 @@ fn arrival(
             return None;
         }
         let downhill = uphill / -steepness;
-        let corner = reachable(downhill * (speed / f64::sqrt(downhill.norm_squared())));
+        let corner = downhill * (speed / f64::sqrt(downhill.norm_squared()));
+        // The miss is convex in the velocity: its tangent at the corner bounds it from below over the whole ball.
+        if 0.5 * offset.norm_squared() + uphill.dot(&(corner - velocity)) > 0.5 * goal.radius_m * goal.radius_m {
+            return None;
+        }
+        let corner = reachable(corner);
         velocity += (corner - velocity) * (2.0 / (step as f64 + 2.0));
     }
     None
