@@ -1152,6 +1152,62 @@ const MUTANTS: &[Mutant] = &[
         replacement: "body.first_moment",
         test: "-p tumble-astrobee --test simulator",
     },
+    Mutant {
+        name: "steering: durations without a gap",
+        file: "crates/planning/src/steering/axis.rs",
+        original: "if low > 0.0 {",
+        replacement: "if low > f64::MAX {",
+        test: "-p tumble-planning --test steering",
+    },
+    Mutant {
+        name: "steering: displacement of the direct change of speed",
+        file: "crates/planning/src/steering/axis.rs",
+        original: "let displacement = 0.5 * (v0 + v1) * direct_s;",
+        replacement: "let displacement = 0.5 * (v0 - v1) * direct_s;",
+        test: "-p tumble-planning --test steering",
+    },
+    Mutant {
+        name: "steering: coast on the wrong side of the lower speed",
+        file: "crates/planning/src/steering/axis.rs",
+        original: "self.low - beyond(below)",
+        replacement: "self.low + beyond(below)",
+        test: "-p tumble-planning --test steering",
+    },
+    Mutant {
+        name: "steering: turn before the coast forgotten",
+        file: "crates/planning/src/steering/axis.rs",
+        original: "include(p0 - 0.5 * v0 * v0 / self.acceleration[0]);",
+        replacement: "include(p0);",
+        test: "-p tumble-planning --test steering",
+    },
+    Mutant {
+        name: "steering: rounding may hide an isolated duration",
+        file: "crates/planning/src/steering/axis.rs",
+        original: "let sure = (surplus - self.slack).max(0.0);",
+        replacement: "let sure = surplus;",
+        test: "-p tumble-planning --test steering",
+    },
+    Mutant {
+        name: "goal bound: room before the region is overshot",
+        file: "crates/planning/src/steering/goal.rs",
+        original: "let left = forward * forward - 2.0 * acceleration * given;",
+        replacement: "let left = forward * forward - acceleration * given;",
+        test: "-p tumble-planning --test steering",
+    },
+    Mutant {
+        name: "least impulse: patience without a stop",
+        file: "crates/planning/src/steering/axis.rs",
+        original: "            -high - low\n",
+        replacement: "            high - low\n",
+        test: "-p tumble-planning --test steering",
+    },
+    Mutant {
+        name: "slew: no centripetal torque",
+        file: "crates/planning/src/steering/slew.rs",
+        original: "let left = self.limit[axis] - squared_rate * self.centripetal[axis];",
+        replacement: "let left = self.limit[axis];",
+        test: "-p tumble-planning --test steering",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

@@ -525,7 +525,7 @@ fn no_number_panics() {
         let mut vector = || Vector3::from_fn(|_, _| draw());
         let from = TranslationState { position: vector(), velocity: vector() };
         let to = TranslationState { position: vector(), velocity: vector() };
-        let position = AlignedBox { lower_world: vector(), upper_world: vector() };
+        let position = AlignedBox { lower_world: -vector() * 2.0, upper_world: vector() * 2.0 };
         let limits = TranslationLimits { position, speed_m_s: vector(), acceleration_m_s2: vector() };
         let goal = GoalRegion { position: vector(), radius_m: draw(), speed_m_s: draw(), attitude: None };
         let least_s = least_time_s(&from, &to, &limits);
