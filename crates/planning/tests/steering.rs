@@ -289,7 +289,7 @@ fn reversing_time_scaling_and_widening_do_what_they_must() {
         let (from, to) = (state(&mut random, 1.0, &limits), state(&mut random, 1.0, &limits));
         let least_s = least_time_s(&from, &to, &limits);
         assert!(same(least_time_s(&reversed(&to), &reversed(&from), &limits), least_s), "{from:?} {to:?}");
-        let [length, time] = [0, 1].map(|_| f64::powi(10.0, random.next_u32() as i32 % 8));
+        let [length, time] = [0, 1].map(|_| [1.0, 1e1, 1e2, 1e3, 1e5, 1e7, 1e9, 1e-6][random.next_u32() as usize % 8]);
         let scaled = |state: &TranslationState| TranslationState {
             position: state.position * length,
             velocity: state.velocity * (length / time),
@@ -531,16 +531,42 @@ fn no_number_panics() {
         let least_s = least_time_s(&from, &to, &limits);
         assert!(least_s >= 0.0);
         assert!(least_time_to_goal_s(&from, &goal, &limits) >= 0.0);
-        for motion in
-            [steer(&from, &to, &limits), steer_in(&from, &to, &limits, draw()), steer_to_goal(&from, &goal, &limits)]
-        {
-            if let Some(motion) = motion {
-                found += 1;
-                assert!(motion.duration_s().is_finite() && motion.pieces().iter().all(|piece| piece.duration_s > 0.0));
-            }
+        let motions =
+            [steer(&from, &to, &limits), steer_in(&from, &to, &limits, draw()), steer_to_goal(&from, &goal, &limits)];
+        for motion in motions.iter().flatten() {
+            found += 1;
+            assert!(motion.duration_s().is_finite() && motion.pieces().iter().all(|piece| piece.duration_s > 0.0));
         }
         let _ = least_velocity_change_m_s(&from, &to, &limits, draw());
         let _ = motion_limits().translation(draw());
     }
     assert!(found > 1_000, "{found}");
+}
+
+/// Along one axis the bound to a region is the least over the states of the region, by a grid of them.
+#[test]
+fn along_one_axis_the_bound_to_a_region_is_attained() {
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let limits = limits();
+    for _ in 0..300 {
+        let from = along_x(coordinate(&mut random, 1.0), coordinate(&mut random, 0.1));
+        let (radius_m, speed_m_s) = (coordinate(&mut random, 0.3).abs(), coordinate(&mut random, 0.1).abs());
+        let goal = GoalRegion { position: Vector3::zeros(), radius_m, speed_m_s, attitude: None };
+        let bound_s = least_time_to_goal_s(&from, &goal, &limits);
+        let is_inside = from.position.norm() <= radius_m && from.velocity.norm() <= speed_m_s;
+        let mut least_s = if is_inside { 0.0 } else { f64::INFINITY };
+        for place in -100..=100 {
+            for pace in -50..=50 {
+                let to = along_x(radius_m * f64::from(place) / 100.0, speed_m_s * f64::from(pace) / 50.0);
+                least_s = least_s.min(least_time_s(&from, &to, &limits));
+            }
+        }
+        assert!(bound_s <= least_s * (1.0 + 1e-12), "{bound_s} {least_s} {from:?} {goal:?}");
+        // One step of the grid: a hundredth of the radius at some speed, or a fiftieth of the speed.
+        let step_s = f64::sqrt(4.0 * radius_m / 100.0 / limits.acceleration_m_s2.x)
+            + speed_m_s / 50.0 / limits.acceleration_m_s2.x;
+        assert!(least_s <= bound_s + step_s + 1e-12, "{bound_s} {least_s} {from:?} {goal:?}");
+        let steering = steer_to_goal(&from, &goal, &limits).unwrap();
+        assert!(steering.duration_s() <= bound_s * (1.0 + 2e-4) + 1e-9, "{} {bound_s}", steering.duration_s());
+    }
 }
