@@ -1206,7 +1206,7 @@ const MUTANTS: &[Mutant] = &[
         file: "crates/planning/src/steering/slew.rs",
         original: "let left = self.limit[axis] - squared_rate * self.centripetal[axis];",
         replacement: "let left = self.limit[axis];",
-        test: "-p tumble-planning --test steering",
+        test: "-p tumble-planning --test slew",
     },
 ];
 
