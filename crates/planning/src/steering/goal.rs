@@ -136,7 +136,8 @@ pub fn least_time_to_goal_s(from: &TranslationState, goal: &GoalRegion, limits: 
         let slack = axis::ROUNDINGS * (position.abs() + center.abs() + goal.radius_m);
         Reach::new(from.velocity[index], center - position, goal, [speed, acceleration], slack).durations()
     };
-    let axes = common(&[along(0), along(1), along(2)], 0.0);
+    let [x, y, z] = [along(0), along(1), along(2)];
+    let axes = common(&[x, y, z], 0.0);
     let wanted = goal.position - from.position;
     let distance = f64::sqrt(wanted.norm_squared());
     let is_region = goal.radius_m > 0.0 || goal.speed_m_s > 0.0;
@@ -150,7 +151,7 @@ pub fn least_time_to_goal_s(from: &TranslationState, goal: &GoalRegion, limits: 
     let velocity = from.velocity.dot(&direction);
     let most = [most(&limits.speed_m_s) * (1.0 + 1e-15), most(&limits.acceleration_m_s2) * (1.0 + 1e-15)];
     let sight = Reach::new(velocity, distance, goal, most, slack).durations();
-    common(&[along(0), along(1), along(2), sight], axes)
+    common(&[x, y, z, sight], axes)
 }
 
 /// A motion into the region within all limits, of a duration near the least; `None` where none was found.
