@@ -70,7 +70,7 @@ pub(super) fn length(v: &Vector3<f64>) -> f64 {
 #[inline]
 pub(super) fn unit(v: &Vector3<f64>) -> Option<Vector3<f64>> {
     let length = length(v);
-    (length > 0.0 && length < f64::INFINITY).then(|| v / length)
+    (length > 0.0 && length < f64::INFINITY).then(|| v * (1.0 / length))
 }
 
 /// `matrix^-1 right` for a symmetric matrix, where it can be inverted.
@@ -79,7 +79,7 @@ fn solve_symmetric(matrix: &Matrix3<f64>, right: &Vector3<f64>) -> Option<Vector
     let [x, y, z] = [0, 1, 2].map(|column| Vector3::from(matrix.column(column)));
     let (yz, zx, xy) = (y.cross(&z), z.cross(&x), x.cross(&y));
     let determinant = x.dot(&yz);
-    (determinant > 0.0).then(|| Vector3::new(yz.dot(right), zx.dot(right), xy.dot(right)) / determinant)
+    (determinant > 0.0).then(|| Vector3::new(yz.dot(right), zx.dot(right), xy.dot(right)) * (1.0 / determinant))
 }
 
 /// Two ellipsoids and what every evaluation of the slab needs.
@@ -124,7 +124,8 @@ impl<'a> Pair<'a> {
     fn slab(&self, normal: Vector3<f64>) -> Slab {
         let [on_a, on_b] = [self.a, self.b].map(|body| body.factor().tr_mul(&normal));
         let heights = [length(&on_a), length(&on_b)];
-        let points = [self.a.factor() * (on_a / heights[0]), self.b.factor() * (on_b / heights[1])];
+        let points =
+            [self.a.factor() * (on_a * (1.0 / heights[0])), self.b.factor() * (on_b * (1.0 / heights[1]))];
         Slab {
             normal,
             width_m: normal.dot(&self.offset) - heights[0] - heights[1],
@@ -140,7 +141,7 @@ impl<'a> Pair<'a> {
         let along = self.slab(unit(&self.offset).unwrap_or_else(Vector3::x));
         // Both heights replaced by quadratic bounds that touch at this normal: the maximum moves to a wider slab.
         let [first, second] = self.shapes;
-        let mut curvature = first / along.heights[0] + second / along.heights[1];
+        let mut curvature = first * (1.0 / along.heights[0]) + second * (1.0 / along.heights[1]);
         for axis in 0..3 {
             curvature[(axis, axis)] += along.width_m.max(0.0);
         }
@@ -188,25 +189,28 @@ impl<'a> Pair<'a> {
     }
 
     fn finish(&self, start: Slab) -> Distance {
-        let mut best = self.widest(start);
+        let mut best = self.widest(start, f64::NEG_INFINITY);
         if best.width_m <= 0.0 {
-            // The depth has several local minima: the directions of all axes are candidates, turned towards b.
-            for axis in 0..6 {
-                let body = if axis < 3 { self.a } else { self.b };
-                let along = Vector3::from(body.factor().column(axis % 3));
-                let Some(normal) = unit(&if along.dot(&self.offset) < 0.0 { -along } else { along }) else { continue };
-                let found = self.widest(self.slab(normal));
-                if found.width_m > best.width_m {
-                    best = found;
+            // The depth has several local minima: near the short axes of either body, turned towards b.
+            for body in [self.a, self.b] {
+                let longest = body.semi_axes().imax();
+                for axis in (0..3).filter(|axis| *axis != longest) {
+                    let along = Vector3::from(body.factor().column(axis));
+                    let towards = if along.dot(&self.offset) < 0.0 { -along } else { along };
+                    let Some(normal) = unit(&towards) else { continue };
+                    let found = self.widest(self.slab(normal), best.width_m);
+                    if found.width_m > best.width_m {
+                        best = found;
+                    }
                 }
             }
         }
         self.answer(&best)
     }
 
-    /// Climbs to the widest slab near this one.
+    /// Climbs to the widest slab near this one; gives up where it will not be wider than `at_least_m`.
     #[inline]
-    fn widest(&self, start: Slab) -> Slab {
+    fn widest(&self, start: Slab, at_least_m: f64) -> Slab {
         let mut slab = start;
         let noise = 4.0 * f64::EPSILON * (length(&self.offset) + slab.heights[0] + slab.heights[1]);
         for _ in 0..STEPS {
@@ -217,6 +221,10 @@ impl<'a> Pair<'a> {
             }
             let Some(step) = self.step(&slab, &slope) else { break };
             let rise = slope.dot(&step);
+            // Newton's model promises half of this.
+            if slab.width_m + 4.0 * rise < at_least_m {
+                break;
+            }
             let mut fraction = 1.0;
             let mut next = None;
             while fraction > 1e-6 {
@@ -234,6 +242,10 @@ impl<'a> Pair<'a> {
                 }
                 _ => break,
             }
+            // A depth has no second bound to close; the error left is the square of this.
+            if slab.width_m < 0.0 && rise < 1e-12 * -slab.width_m {
+                break;
+            }
         }
         slab
     }
@@ -241,8 +253,8 @@ impl<'a> Pair<'a> {
     /// Newton's step along the sphere, or one along a direction of ascent where the slab is not concave there.
     #[inline]
     fn step(&self, slab: &Slab, slope: &Vector3<f64>) -> Option<Vector3<f64>> {
-        let curvature = (self.shapes[0] - slab.points[0] * slab.points[0].transpose()) / slab.heights[0]
-            + (self.shapes[1] - slab.points[1] * slab.points[1].transpose()) / slab.heights[1];
+        let curvature = (self.shapes[0] - slab.points[0] * slab.points[0].transpose()) * (1.0 / slab.heights[0])
+            + (self.shapes[1] - slab.points[1] * slab.points[1].transpose()) * (1.0 / slab.heights[1]);
         // Along the normal the curvature vanishes; any positive number there keeps the matrix regular and the step tangent.
         let trace = curvature.trace();
         let solve = |width: f64| {
@@ -259,7 +271,8 @@ impl<'a> Pair<'a> {
         let minors = 0.5 * (trace * trace - curvature.norm_squared());
         let root = f64::sqrt((trace * trace - 4.0 * minors).max(0.0));
         let smallest = 2.0 * minors.max(0.0) / (trace + root);
-        solve(slab.width_m.max(-0.9 * smallest))
+        // Newton's step also where the top is nearly flat; elsewhere one of bounded length.
+        solve(if slab.width_m > -0.999 * smallest { slab.width_m } else { -0.9 * smallest })
     }
 
     #[inline]

@@ -41,14 +41,15 @@ pub fn ellipsoid_to_point(a: &Ellipsoid, point: &Vector3<f64>) -> Distance {
 /// of its left side climbs to the root from below, because that function is concave.
 pub fn ellipsoid_to_sphere(a: &Ellipsoid, b: &Sphere) -> Distance {
     let (factor, semi_axes, offset) = (a.factor(), a.semi_axes(), b.center - a.center());
-    let local = factor.tr_mul(&offset).component_div(semi_axes);
+    let inverse = semi_axes.map(|semi_axis| 1.0 / semi_axis);
+    let local = factor.tr_mul(&offset).component_mul(&inverse);
     let normal = Vector3::from(outward_normal(&(*semi_axes).into(), &local.into()));
     let pulled_back = normal.component_mul(semi_axes);
     let height = length(&pulled_back);
-    let on_surface = pulled_back.component_mul(semi_axes) / height;
+    let on_surface = pulled_back.component_mul(semi_axes) * (1.0 / height);
     let width = normal.dot(&local) - height;
     let to_center = if width > 0.0 { length(&(local - on_surface)) } else { width };
-    let world = |v: &Vector3<f64>| factor * v.component_div(semi_axes);
+    let world = |v: &Vector3<f64>| factor * v.component_mul(&inverse);
     let normal = world(&normal);
     Distance {
         distance_m: to_center - b.radius_m,
@@ -74,6 +75,10 @@ pub(super) fn outward_normal<const N: usize>(semi_axes: &[f64; N], point: &[f64;
             break;
         }
         root = next;
+        // The error left is the square of this.
+        if ratio < 1.0 + 1e-9 {
+            break;
+        }
     }
     secular.normal(root, sum, 1.0)
 }
@@ -174,7 +179,7 @@ impl<'a, const N: usize> Secular<'a, N> {
         for component in normal {
             squares += component * component;
         }
-        let norm = f64::sqrt(squares);
-        normal.map(|component| component / norm)
+        let inverse = 1.0 / f64::sqrt(squares);
+        normal.map(|component| component * inverse)
     }
 }
