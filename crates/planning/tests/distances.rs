@@ -277,6 +277,11 @@ fn distances_move_and_scale_with_the_bodies() {
         let (here, there) = (distance(&a, &b), distance(&there_a, &there_b));
         let error = (there.distance_m - scale * here.distance_m).abs();
         assert!(error < 1e-10 * scale + 1e-14, "{scale} {here:?} {there:?}");
+        // Any hint, also one from behind or none.
+        for hint in [draws.direction(), -here.normal, Vector3::zeros()] {
+            let hinted = distance_from_hint(&a, &b, &hint);
+            assert!((hinted.distance_m - here.distance_m).abs() < 1e-11, "{here:?} {hinted:?}");
+        }
         let swapped = distance(&b, &a);
         assert!((swapped.distance_m - here.distance_m).abs() < 1e-11, "{here:?} {swapped:?}");
         let point = draws.vector(2.0);
@@ -388,6 +393,19 @@ fn depth_in_a_box_is_the_least_translation_apart() {
         let round = Ellipsoid::try_new(&Pose::identity(), &Vector3::repeat(0.5)).unwrap();
         let (by_sphere, by_ellipsoid) = (sphere_to_box(&ball, &b).distance_m, ellipsoid_to_box(&round, &b).distance_m);
         assert!((by_sphere - by_ellipsoid).abs() < 1e-12, "{by_sphere} {by_ellipsoid}");
+    }
+}
+
+/// A box without any side is everywhere: no translation leads out of it.
+#[test]
+fn a_box_without_sides_has_no_outside() {
+    let everywhere =
+        AlignedBox { lower_world: Vector3::repeat(f64::NEG_INFINITY), upper_world: Vector3::repeat(f64::INFINITY) };
+    let a = Ellipsoid::try_new(&Pose::identity(), &Vector3::new(1.0, 2.0, 3.0)).unwrap();
+    let ball = Sphere { center: Vector3::zeros(), radius_m: 1.0 };
+    for found in [ellipsoid_to_box(&a, &everywhere), sphere_to_box(&ball, &everywhere)] {
+        assert_eq!((found.distance_m, found.lower_bound_m), (f64::NEG_INFINITY, f64::NEG_INFINITY));
+        assert!((found.normal.norm() - 1.0).abs() < 1e-15);
     }
 }
 

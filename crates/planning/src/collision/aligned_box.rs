@@ -38,7 +38,7 @@ struct Slab {
 /// separating translation over all faces, edges and corners where they overlap.
 ///
 /// # Shape
-/// Sides of the box may be infinite; lower not above upper.
+/// Sides of the box may be infinite; lower not above upper. In a box without any side the distance is minus infinity.
 pub fn ellipsoid_to_box(a: &Ellipsoid, b: &AlignedBox) -> Distance {
     let problem = Problem {
         body: a,
@@ -58,18 +58,19 @@ pub fn sphere_to_box(a: &Sphere, b: &AlignedBox) -> Distance {
     let (normal, to_center, point_on_b) = if apart > 0.0 {
         (offset / apart, apart, nearest)
     } else {
-        let (mut normal, mut width) = (Vector3::x(), f64::NEG_INFINITY);
+        let (mut normal, mut width, mut point_on_b) = (Vector3::x(), f64::NEG_INFINITY, a.center);
         for axis in 0..3 {
             for (sign, side) in [(1.0, b.lower_world[axis]), (-1.0, b.upper_world[axis])] {
                 let gap = sign * (side - a.center[axis]);
                 if gap > width {
                     width = gap;
-                    normal = Vector3::zeros();
+                    (normal, point_on_b) = (Vector3::zeros(), a.center);
                     normal[axis] = sign;
+                    point_on_b[axis] = side;
                 }
             }
         }
-        (normal, width, a.center + normal * width)
+        (normal, width, point_on_b)
     };
     let distance_m = to_center - a.radius_m;
     Distance {
@@ -226,7 +227,7 @@ impl Problem<'_> {
                 self.upper[axis]
             }
         });
-        let terms = slab.normal.component_mul(&on_box).abs().sum() + slab.height;
+        let terms = slab.normal.component_mul(&on_box).abs().sum() + self.body.semi_axes().max();
         Distance {
             distance_m: if slab.width_m > 0.0 { length(&(on_box - on_body)) } else { slab.width_m },
             lower_bound_m: slab.width_m - 16.0 * f64::EPSILON * terms,

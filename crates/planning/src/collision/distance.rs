@@ -38,21 +38,16 @@ impl Distance {
 /// suffices as a translation of b along `normal`, while a shorter one is not excluded.
 pub fn distance(a: &Ellipsoid, b: &Ellipsoid) -> Distance {
     let pair = Pair::new(a, b);
-    let start = pair.start();
-    pair.finish(start)
+    pair.finish(pair.start(), None)
 }
 
 /// The same, from the normal of a similar pose; faster where the hint is good, the same answer where it is not.
 pub fn distance_from_hint(a: &Ellipsoid, b: &Ellipsoid, normal_hint: &Vector3<f64>) -> Distance {
     let pair = Pair::new(a, b);
-    let start = match unit(normal_hint) {
-        Some(normal) => {
-            let slab = pair.slab(normal);
-            if slab.width_m > 0.0 { slab } else { pair.start() }
-        }
-        None => pair.start(),
-    };
-    pair.finish(start)
+    match unit(normal_hint).map(|normal| pair.slab(normal)) {
+        Some(hint) if hint.width_m > 0.0 => pair.finish(hint, None),
+        hint => pair.finish(pair.start(), hint),
+    }
 }
 
 /// Newton steps before the bounds are returned as they are.
@@ -90,6 +85,8 @@ struct Pair<'a> {
     offset: Vector3<f64>,
     /// `L L'` of each.
     shapes: [Matrix3<f64>; 2],
+    /// How far rounding can move the width of a slab, m.
+    noise_m: f64,
 }
 
 /// The slab across a normal.
@@ -106,6 +103,10 @@ struct Slab {
 }
 
 impl Slab {
+    fn or_wider(self, other: Self) -> Self {
+        if other.width_m > self.width_m { other } else { self }
+    }
+
     /// The gradient along the sphere.
     #[inline]
     fn slope(&self) -> Vector3<f64> {
@@ -117,15 +118,16 @@ impl<'a> Pair<'a> {
     #[inline]
     fn new(a: &'a Ellipsoid, b: &'a Ellipsoid) -> Self {
         let shapes = [a, b].map(|body| body.factor() * body.factor().transpose());
-        Self { a, b, offset: b.center() - a.center(), shapes }
+        let offset = b.center() - a.center();
+        let noise_m = 8.0 * f64::EPSILON * (length(&offset) + a.semi_axes().max() + b.semi_axes().max());
+        Self { a, b, offset, shapes, noise_m }
     }
 
     #[inline]
     fn slab(&self, normal: Vector3<f64>) -> Slab {
         let [on_a, on_b] = [self.a, self.b].map(|body| body.factor().tr_mul(&normal));
         let heights = [length(&on_a), length(&on_b)];
-        let points =
-            [self.a.factor() * (on_a * (1.0 / heights[0])), self.b.factor() * (on_b * (1.0 / heights[1]))];
+        let points = [self.a.factor() * (on_a * (1.0 / heights[0])), self.b.factor() * (on_b * (1.0 / heights[1]))];
         Slab {
             normal,
             width_m: normal.dot(&self.offset) - heights[0] - heights[1],
@@ -164,10 +166,7 @@ impl<'a> Pair<'a> {
             let Some(normal) = solve_symmetric(&mixed, &self.offset) else { break };
             let [on_a, on_b] = [self.a, self.b].map(|body| length(&body.factor().tr_mul(&normal)));
             if let Some(normal) = unit(&normal) {
-                let slab = self.slab(normal);
-                if slab.width_m > best.width_m {
-                    best = slab;
-                }
+                best = best.or_wider(self.slab(normal));
             }
             let (inside_a, inside_b) = ((1.0 - share) * on_a, share * on_b);
             // A point of both bodies was found, or a plane between them.
@@ -188,20 +187,23 @@ impl<'a> Pair<'a> {
         best
     }
 
-    fn finish(&self, start: Slab) -> Distance {
+    fn finish(&self, start: Slab, hint: Option<Slab>) -> Distance {
         let mut best = self.widest(start, f64::NEG_INFINITY);
         if best.width_m <= 0.0 {
+            if let Some(hint) = hint {
+                best = best.or_wider(self.widest(hint, best.width_m));
+            }
             // The depth has several local minima: near the short axes of either body, turned towards b.
             for body in [self.a, self.b] {
-                let longest = body.semi_axes().imax();
-                for axis in (0..3).filter(|axis| *axis != longest) {
-                    let along = Vector3::from(body.factor().column(axis));
+                for (along, semi_axis) in body.factor().column_iter().zip(body.semi_axes()) {
+                    // Across the longest axis no translation is shortest, but for a sphere, where the first search suffices.
+                    if *semi_axis >= body.semi_axes().max() {
+                        continue;
+                    }
+                    let along = Vector3::from(along);
                     let towards = if along.dot(&self.offset) < 0.0 { -along } else { along };
                     let Some(normal) = unit(&towards) else { continue };
-                    let found = self.widest(self.slab(normal), best.width_m);
-                    if found.width_m > best.width_m {
-                        best = found;
-                    }
+                    best = best.or_wider(self.widest(self.slab(normal), best.width_m));
                 }
             }
         }
@@ -212,7 +214,7 @@ impl<'a> Pair<'a> {
     #[inline]
     fn widest(&self, start: Slab, at_least_m: f64) -> Slab {
         let mut slab = start;
-        let noise = 4.0 * f64::EPSILON * (length(&self.offset) + slab.heights[0] + slab.heights[1]);
+        let noise = 0.5 * self.noise_m;
         for _ in 0..STEPS {
             let slope = slab.slope();
             let residual = RESIDUAL * slab.width_m.abs() + noise;
@@ -277,11 +279,10 @@ impl<'a> Pair<'a> {
 
     #[inline]
     fn answer(&self, slab: &Slab) -> Distance {
-        let noise = 8.0 * f64::EPSILON * (length(&self.offset) + slab.heights[0] + slab.heights[1]);
         let distance_m = if slab.width_m > 0.0 { length(&slab.between) } else { slab.width_m };
         Distance {
             distance_m,
-            lower_bound_m: slab.width_m - noise,
+            lower_bound_m: slab.width_m - self.noise_m,
             normal: slab.normal,
             point_on_a: self.a.center() + slab.points[0],
             point_on_b: self.b.center() - slab.points[1],

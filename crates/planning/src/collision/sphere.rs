@@ -53,7 +53,7 @@ pub fn ellipsoid_to_sphere(a: &Ellipsoid, b: &Sphere) -> Distance {
     let normal = world(&normal);
     Distance {
         distance_m: to_center - b.radius_m,
-        lower_bound_m: width - b.radius_m - 16.0 * f64::EPSILON * (length(&local) + height + b.radius_m),
+        lower_bound_m: width - b.radius_m - 16.0 * f64::EPSILON * (length(&local) + semi_axes.max() + b.radius_m),
         normal,
         point_on_a: a.center() + world(&on_surface),
         point_on_b: b.center - normal * b.radius_m,
