@@ -1167,10 +1167,10 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-planning --test distances",
     },
     Mutant {
-        name: "distance: depth searched away from the other body",
+        name: "distance: rounding counted the wrong way",
         file: "crates/planning/src/collision/distance.rs",
-        original: "if along.dot(&self.offset) < 0.0 { -along } else { along }",
-        replacement: "if along.dot(&self.offset) > 0.0 { -along } else { along }",
+        original: "let noise_m = 8.0 * f64::EPSILON",
+        replacement: "let noise_m = -8.0 * f64::EPSILON",
         test: "-p tumble-planning --test distances",
     },
     Mutant {

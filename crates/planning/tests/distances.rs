@@ -295,6 +295,14 @@ fn distances_move_and_scale_with_the_bodies() {
     }
 }
 
+/// From behind two balls the slope vanishes: a search that starts there stays.
+#[test]
+fn a_hint_from_behind_is_not_believed() {
+    let ball = |x: f64| Ellipsoid::try_new(&Pose::translation(x, 0.0, 0.0), &Vector3::repeat(1.0)).unwrap();
+    let found = distance_from_hint(&ball(0.0), &ball(4.0), &-Vector3::x());
+    assert!((found.distance_m - 2.0).abs() < 1e-15, "{found:?}");
+}
+
 /// Scales 1e-3 to 1e3 without a rotation: every answer of every kind.
 #[test]
 fn no_hidden_length() {
