@@ -1207,6 +1207,8 @@ const MUTANTS: &[Mutant] = &[
         original: "let left = self.limit[axis] - squared_rate * self.centripetal[axis];",
         replacement: "let left = self.limit[axis];",
         test: "-p tumble-planning --test slew",
+    },
+    Mutant {
         name: "distance: curvature of the second body with the wrong sign",
         file: "crates/planning/src/collision/distance.rs",
         original: "            + (self.shapes[1] -",

@@ -1,18 +1,27 @@
 //! What a body may hit, and exactly when.
 
 mod aligned_box;
+mod batch;
+mod broad_phase;
+mod conservative;
 mod distance;
 mod ellipsoid;
 mod half_space;
 mod keep_in;
+mod obstacle;
+pub(crate) mod polynomial;
 mod sphere;
+mod sweep;
+mod world;
 
 pub use aligned_box::{ellipsoid_to_box, sphere_to_box};
+pub use conservative::conservative_first_contact;
 pub use distance::{Distance, distance, distance_from_hint};
 pub use ellipsoid::Ellipsoid;
 pub use half_space::{HalfSpace, ellipsoid_to_half_space, sphere_to_half_space};
 pub use keep_in::{KEEP_IN_GAP_M, keep_in_complement};
 pub use sphere::{Sphere, ellipsoid_to_point, ellipsoid_to_sphere, sphere_to_sphere};
+pub use world::{EllipsoidWorld, MovingObstacle};
 
 use crate::error::PlanningError;
 use crate::motion::BodyArc;
@@ -82,6 +91,29 @@ pub trait CollisionWorld {
         margin_m: f64,
     ) -> Result<Option<Contact>, PlanningError>;
 
+    /// True where nothing moves, appears or vanishes from this mission time on, so that a motion found free stays free
+    /// when it begins later; false where that is not known.
+    fn is_still_from(&self, _time_s: f64) -> bool {
+        false
+    }
+
+    /// Clearance from what is there at every time from `from_s` on and never moves: an upper bound of the clearance at
+    /// any such time. Only this may prove that no way exists, or how long the shortest one is at least.
+    ///
+    /// A world that never changes answers `self.clearance(body, world_from_body, from_s)`. The default knows of nothing
+    /// that lasts: infinite, which is always true and proves nothing.
+    ///
+    /// # Errors
+    /// What the back end cannot answer.
+    fn lasting_clearance(
+        &self,
+        _body: &Self::Body,
+        _world_from_body: &Pose<f64>,
+        _from_s: f64,
+    ) -> Result<Clearance, PlanningError> {
+        Ok(Clearance { distance_m: f64::INFINITY, nearest: None })
+    }
+
     /// Largest distance of a point of the body from its origin, m.
     fn reach_m(&self, body: &Self::Body) -> f64;
 }
@@ -135,6 +167,16 @@ impl BodyShape {
     /// The parts.
     pub fn parts(&self) -> &[BodyEllipsoid] {
         &self.parts
+    }
+
+    /// Radius of a ball about the body origin that lies inside one part, m; zero where no part holds the origin. Whatever
+    /// blocks this ball blocks the body in every attitude.
+    pub fn inscribed_radius_m(&self) -> f64 {
+        let inscribed = |part: &BodyEllipsoid| {
+            let origin = part.body_from_ellipsoid.inverse().translation.vector;
+            (1.0 - f64::sqrt(origin.component_div(&part.semi_axes).norm_squared())) * part.semi_axes.min()
+        };
+        self.parts.iter().map(inscribed).fold(0.0, f64::max)
     }
 
     /// Radius of the smallest sphere about the body origin that holds every part's bounding sphere, m.
