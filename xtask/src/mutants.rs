@@ -1207,6 +1207,8 @@ const MUTANTS: &[Mutant] = &[
         original: "/ (2.0 * acceleration);\n        length + lost",
         replacement: "/ acceleration;\n        length + lost",
         test: "-p tumble-planning --lib",
+    },
+    Mutant {
         name: "steering: durations without a gap",
         file: "crates/planning/src/steering/axis.rs",
         original: "if low > 0.0 {",
