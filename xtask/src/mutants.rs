@@ -1207,6 +1207,8 @@ const MUTANTS: &[Mutant] = &[
         original: "/ (2.0 * acceleration);\n        length + lost",
         replacement: "/ acceleration;\n        length + lost",
         test: "-p tumble-planning --lib",
+    },
+    Mutant {
         name: "steering: durations without a gap",
         file: "crates/planning/src/steering/axis.rs",
         original: "if low > 0.0 {",
@@ -1261,6 +1263,8 @@ const MUTANTS: &[Mutant] = &[
         original: "let left = self.limit[axis] - squared_rate * self.centripetal[axis];",
         replacement: "let left = self.limit[axis];",
         test: "-p tumble-planning --test slew",
+    },
+    Mutant {
         name: "distance: curvature of the second body with the wrong sign",
         file: "crates/planning/src/collision/distance.rs",
         original: "            + (self.shapes[1] -",

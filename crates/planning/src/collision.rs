@@ -1,18 +1,27 @@
 //! What a body may hit, and exactly when.
 
 mod aligned_box;
+mod batch;
+mod broad_phase;
+mod conservative;
 mod distance;
 mod ellipsoid;
 mod half_space;
 mod keep_in;
+mod obstacle;
+pub(crate) mod polynomial;
 mod sphere;
+mod sweep;
+mod world;
 
 pub use aligned_box::{ellipsoid_to_box, sphere_to_box};
+pub use conservative::conservative_first_contact;
 pub use distance::{Distance, distance, distance_from_hint};
 pub use ellipsoid::Ellipsoid;
 pub use half_space::{HalfSpace, ellipsoid_to_half_space, sphere_to_half_space};
 pub use keep_in::{KEEP_IN_GAP_M, keep_in_complement};
 pub use sphere::{Sphere, ellipsoid_to_point, ellipsoid_to_sphere, sphere_to_sphere};
+pub use world::{EllipsoidWorld, MovingObstacle};
 
 use crate::error::PlanningError;
 use crate::motion::BodyArc;
@@ -81,6 +90,12 @@ pub trait CollisionWorld {
         start_s: f64,
         margin_m: f64,
     ) -> Result<Option<Contact>, PlanningError>;
+
+    /// True where nothing moves, appears or vanishes from this mission time on, so that a motion found free stays free
+    /// when it begins later; false where that is not known.
+    fn is_still_from(&self, _time_s: f64) -> bool {
+        false
+    }
 
     /// Clearance from what is there at every time from `from_s` on and never moves: an upper bound of the clearance at
     /// any such time, which changes by no more than the origin moves. Only this may prove that no way exists, or how long the

@@ -2,9 +2,11 @@
 
 mod bound;
 mod diagnosis;
+mod flight_planner;
 
 pub use bound::{Reachability, RouteBound};
 pub use diagnosis::diagnose;
+pub use flight_planner::{FlightPlanner, FlightPlannerSettings};
 
 use crate::belief::{ModelBelief, Plan};
 use crate::budget::Budget;
