@@ -98,7 +98,8 @@ pub trait CollisionWorld {
     }
 
     /// Clearance from what is there at every time from `from_s` on and never moves: an upper bound of the clearance at
-    /// any such time. Only this may prove that no way exists, or how long the shortest one is at least.
+    /// any such time, which changes by no more than the origin moves. Only this may prove that no way exists, or how long the
+    /// shortest one is at least.
     ///
     /// A world that never changes answers `self.clearance(body, world_from_body, from_s)`. The default knows of nothing
     /// that lasts: infinite, which is always true and proves nothing.

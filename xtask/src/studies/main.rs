@@ -13,6 +13,7 @@ mod chapter4;
 mod chapter5;
 mod dynamics;
 mod ekf_rls;
+mod ellipsoid_distance;
 mod excitation;
 mod flights;
 mod fourier;
@@ -67,6 +68,7 @@ const PROBLEMS: &[Problem] = &[
     ("propulsion", propulsion_dynamics::bench),
     ("simulator", simulator::run),
     ("recording", recording::run),
+    ("ellipsoid-distance", ellipsoid_distance::run),
     ("sweep", sweep::run),
 ];
 
