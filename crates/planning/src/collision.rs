@@ -1,17 +1,21 @@
 //! What a body may hit, and exactly when.
 
 mod aligned_box;
+mod batch;
+mod broad_phase;
+mod conservative;
 mod distance;
 mod ellipsoid;
 mod half_space;
 mod keep_in;
 mod obstacle;
-mod polynomial;
+pub(crate) mod polynomial;
 mod sphere;
 mod sweep;
 mod world;
 
 pub use aligned_box::{ellipsoid_to_box, sphere_to_box};
+pub use conservative::conservative_first_contact;
 pub use distance::{Distance, distance, distance_from_hint};
 pub use ellipsoid::Ellipsoid;
 pub use half_space::{HalfSpace, ellipsoid_to_half_space, sphere_to_half_space};
@@ -99,7 +103,8 @@ pub trait CollisionWorld {
     }
 
     /// Clearance from what is there at every time from `from_s` on and never moves: an upper bound of the clearance at
-    /// any such time. Only this may prove that no way exists, or how long the shortest one is at least.
+    /// any such time, which changes by no more than the origin moves. Only this may prove that no way exists, or how long the
+    /// shortest one is at least.
     ///
     /// A world that never changes answers `self.clearance(body, world_from_body, from_s)`. The default knows of nothing
     /// that lasts: infinite, which is always true and proves nothing.

@@ -11,6 +11,8 @@ mod budget;
 pub mod collision;
 mod error;
 pub mod global;
+#[cfg(feature = "testing")]
+pub mod laws;
 mod motion;
 pub mod steering;
 

@@ -13,6 +13,7 @@ mod chapter4;
 mod chapter5;
 mod dynamics;
 mod ekf_rls;
+mod ellipsoid_distance;
 mod excitation;
 mod flights;
 mod fourier;
@@ -27,6 +28,7 @@ mod propulsion_dynamics;
 mod real_data;
 mod recording;
 mod simulator;
+mod sweep;
 mod throws;
 mod thrust_imu;
 
@@ -66,6 +68,8 @@ const PROBLEMS: &[Problem] = &[
     ("propulsion", propulsion_dynamics::bench),
     ("simulator", simulator::run),
     ("recording", recording::run),
+    ("ellipsoid-distance", ellipsoid_distance::run),
+    ("sweep", sweep::run),
 ];
 
 /// What a result folder says about the run that wrote it.
@@ -116,8 +120,12 @@ fn main() -> ExitCode {
                     .and_then(|arguments| calibration::run(&arguments)),
                 Some((what, rest)) if what == "excitation" => Arguments::parse(rest, &[], &["--cases", "--flights"])
                     .and_then(|arguments| excitation::run(&arguments)),
+                Some((what, rest)) if what == "sweep" => {
+                    Arguments::parse(rest, &[], &["--runs", "--samples", "--seed"])
+                        .and_then(|arguments| sweep::study(&arguments))
+                }
                 _ => Err(Failure::BadInput(
-                    "study what? `identification`, `calibration`, `change-detection`, `excitation`".to_owned(),
+                    "study what? `identification`, `calibration`, `change-detection`, `excitation`, `sweep`".to_owned(),
                 )),
             },
             unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),

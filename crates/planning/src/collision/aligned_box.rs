@@ -5,7 +5,7 @@
 //! The right feature is found by adding sides that are passed and dropping those that pull; the plane proves the answer.
 
 use super::distance::{Distance, length};
-use super::sphere::outward_normal;
+use super::sphere::{normal_across, outward_normal};
 use super::{Ellipsoid, Sphere};
 use nalgebra::{Matrix3, Vector3};
 use tumble_dynamics::AlignedBox;
@@ -38,7 +38,7 @@ struct Slab {
 /// separating translation over all faces, edges and corners where they overlap.
 ///
 /// # Shape
-/// Sides of the box may be infinite; lower not above upper.
+/// Sides of the box may be infinite; lower not above upper. In a box without any side the distance is minus infinity.
 pub fn ellipsoid_to_box(a: &Ellipsoid, b: &AlignedBox) -> Distance {
     let problem = Problem {
         body: a,
@@ -58,18 +58,19 @@ pub fn sphere_to_box(a: &Sphere, b: &AlignedBox) -> Distance {
     let (normal, to_center, point_on_b) = if apart > 0.0 {
         (offset / apart, apart, nearest)
     } else {
-        let (mut normal, mut width) = (Vector3::x(), f64::NEG_INFINITY);
+        let (mut normal, mut width, mut point_on_b) = (Vector3::x(), f64::NEG_INFINITY, a.center);
         for axis in 0..3 {
             for (sign, side) in [(1.0, b.lower_world[axis]), (-1.0, b.upper_world[axis])] {
                 let gap = sign * (side - a.center[axis]);
                 if gap > width {
                     width = gap;
-                    normal = Vector3::zeros();
+                    (normal, point_on_b) = (Vector3::zeros(), a.center);
                     normal[axis] = sign;
+                    point_on_b[axis] = side;
                 }
             }
         }
-        (normal, width, a.center + normal * width)
+        (normal, width, point_on_b)
     };
     let distance_m = to_center - a.radius_m;
     Distance {
@@ -103,43 +104,48 @@ impl Problem<'_> {
         }
     }
 
-    /// The normal at the point of the ellipsoid nearest to a feature that is extended without end.
-    fn normal(&self, sides: &[Side; 3]) -> Option<Vector3<f64>> {
-        let mut fixed = [0; 3];
-        let mut count = 0;
-        for axis in 0..3 {
-            if sides[axis] != Side::Between {
-                fixed[count] = axis;
-                count += 1;
+    /// The normal at the point of the ellipsoid nearest to a feature that is extended without end; `across`: nearest among
+    /// those on the other side of the ellipsoid, where there is one.
+    #[inline]
+    fn normal(&self, sides: [Side; 3], across: bool) -> Option<Vector3<f64>> {
+        let at = Vector3::from_fn(|axis, _| self.at(axis, sides[axis]));
+        let sign = |axis: usize| if sides[axis] == Side::Lower { 1.0 } else { -1.0 };
+        match sides.map(|side| side != Side::Between) {
+            [true, true, true] => {
+                let semi_axes = (*self.body.semi_axes()).into();
+                let local = self.body.factor().tr_mul(&at).component_div(self.body.semi_axes()).into();
+                let outward =
+                    if across { normal_across(&semi_axes, &local)? } else { outward_normal(&semi_axes, &local) };
+                Some(self.body.factor() * Vector3::from(outward).component_div(self.body.semi_axes()))
             }
+            [true, true, false] => self.normal_to_edge(&at, 0, 1, across),
+            [true, false, true] => self.normal_to_edge(&at, 0, 2, across),
+            [false, true, true] => self.normal_to_edge(&at, 1, 2, across),
+            _ if across => None,
+            [true, false, false] => Some(Vector3::x() * sign(0)),
+            [false, true, false] => Some(Vector3::y() * sign(1)),
+            [false, false, true] => Some(Vector3::z() * sign(2)),
+            [false, false, false] => None,
         }
+    }
+
+    /// The ellipsoid seen along an edge is an ellipse in the plane of axes i and j, the edge a point.
+    #[inline]
+    fn normal_to_edge(&self, at: &Vector3<f64>, i: usize, j: usize, across: bool) -> Option<Vector3<f64>> {
+        let (ii, ij, jj) = (self.shape[(i, i)], self.shape[(i, j)], self.shape[(j, j)]);
+        let (mean, half) = (0.5 * (ii + jj), 0.5 * (ii - jj));
+        let radius = f64::sqrt(half * half + ij * ij);
+        let major = mean + radius;
+        let minor = ((ii * jj - ij * ij) / major).max(f64::MIN_POSITIVE);
+        let (x, y) = if half >= 0.0 { (half + radius, ij) } else { (ij, radius - half) };
+        let norm = f64::sqrt(x * x + y * y);
+        let (x, y) = if norm > 0.0 { (x / norm, y / norm) } else { (1.0, 0.0) };
+        let semi_axes = [f64::sqrt(major), f64::sqrt(minor)];
+        let local = [x * at[i] + y * at[j], x * at[j] - y * at[i]];
+        let [u, v] = if across { normal_across(&semi_axes, &local)? } else { outward_normal(&semi_axes, &local) };
         let mut normal = Vector3::zeros();
-        match count {
-            0 => return None,
-            1 => normal[fixed[0]] = if sides[fixed[0]] == Side::Lower { 1.0 } else { -1.0 },
-            2 => {
-                let [i, j, _] = fixed;
-                let (ii, ij, jj) = (self.shape[(i, i)], self.shape[(i, j)], self.shape[(j, j)]);
-                let (mean, half) = (0.5 * (ii + jj), 0.5 * (ii - jj));
-                let radius = f64::sqrt(half * half + ij * ij);
-                let major = mean + radius;
-                let minor = ((ii * jj - ij * ij) / major).max(f64::MIN_POSITIVE);
-                let (x, y) = if half >= 0.0 { (half + radius, ij) } else { (ij, radius - half) };
-                let norm = f64::sqrt(x * x + y * y);
-                let (x, y) = if norm > 0.0 { (x / norm, y / norm) } else { (1.0, 0.0) };
-                let (p, q) = (self.at(i, sides[i]), self.at(j, sides[j]));
-                let [u, v] = outward_normal(&[f64::sqrt(major), f64::sqrt(minor)], &[x * p + y * q, x * q - y * p]);
-                normal[i] = x * u - y * v;
-                normal[j] = y * u + x * v;
-            }
-            _ => {
-                let corner = Vector3::from_fn(|axis, _| self.at(axis, sides[axis]));
-                let semi_axes = self.body.semi_axes();
-                let local = self.body.factor().tr_mul(&corner).component_div(semi_axes);
-                let outward = Vector3::from(outward_normal(&(*semi_axes).into(), &local.into()));
-                normal = self.body.factor() * outward.component_div(semi_axes);
-            }
-        }
+        normal[i] = x * u - y * v;
+        normal[j] = y * u + x * v;
         Some(normal)
     }
 
@@ -154,7 +160,7 @@ impl Problem<'_> {
             }
         }
         for _ in 0..8 {
-            let slab = self.slab(self.normal(&sides)?);
+            let slab = self.slab(self.normal(sides, false)?);
             if slab.width_m <= 0.0 {
                 return None;
             }
@@ -179,17 +185,27 @@ impl Problem<'_> {
     }
 
     /// The widest slab of all features: every slab is a lower bound, and the nearest feature is among them.
+    ///
+    /// Where the bodies overlap, the locally widest slabs belong to features too: each has at most two.
     fn best_of_all(&self) -> Slab {
         const SIDES: [Side; 3] = [Side::Lower, Side::Between, Side::Upper];
-        let mut best = Slab { normal: Vector3::x(), height: self.shape[(0, 0)], width_m: f64::NEG_INFINITY };
-        for x in SIDES {
-            for y in SIDES {
-                for z in SIDES {
-                    let sides = [x, y, z];
-                    if (0..3).any(|axis| self.at(axis, sides[axis]).is_infinite()) {
-                        continue;
-                    }
-                    let Some(normal) = self.normal(&sides) else { continue };
+        let mut best = Slab { normal: Vector3::x(), height: f64::sqrt(self.shape[(0, 0)]), width_m: f64::NEG_INFINITY };
+        for free in [2, 1, 0] {
+            for sides in SIDES.iter().flat_map(|x| SIDES.iter().flat_map(|y| SIDES.iter().map(|z| [*x, *y, *z]))) {
+                let between = sides.iter().filter(|side| **side == Side::Between).count();
+                let at = Vector3::from_fn(|axis, _| self.at(axis, sides[axis]));
+                if between != free || at.amax() == f64::INFINITY {
+                    continue;
+                }
+                let Some(nearest) = self.normal(sides, false) else { continue };
+                let slab = self.slab(nearest);
+                if slab.width_m > best.width_m {
+                    best = slab;
+                }
+                // No slab is wider than the one to the feature alone.
+                if nearest.dot(&at) - slab.height > best.width_m
+                    && let Some(normal) = self.normal(sides, true)
+                {
                     let slab = self.slab(normal);
                     if slab.width_m > best.width_m {
                         best = slab;
@@ -211,7 +227,7 @@ impl Problem<'_> {
                 self.upper[axis]
             }
         });
-        let terms = slab.normal.component_mul(&on_box).abs().sum() + slab.height;
+        let terms = slab.normal.component_mul(&on_box).abs().sum() + self.body.semi_axes().max();
         Distance {
             distance_m: if slab.width_m > 0.0 { length(&(on_box - on_body)) } else { slab.width_m },
             lower_bound_m: slab.width_m - 16.0 * f64::EPSILON * terms,

@@ -38,21 +38,16 @@ impl Distance {
 /// suffices as a translation of b along `normal`, while a shorter one is not excluded.
 pub fn distance(a: &Ellipsoid, b: &Ellipsoid) -> Distance {
     let pair = Pair::new(a, b);
-    let start = pair.start();
-    pair.finish(start)
+    pair.finish(pair.start(), None)
 }
 
 /// The same, from the normal of a similar pose; faster where the hint is good, the same answer where it is not.
 pub fn distance_from_hint(a: &Ellipsoid, b: &Ellipsoid, normal_hint: &Vector3<f64>) -> Distance {
     let pair = Pair::new(a, b);
-    let start = match unit(normal_hint) {
-        Some(normal) => {
-            let slab = pair.slab(normal);
-            if slab.width_m > 0.0 { slab } else { pair.start() }
-        }
-        None => pair.start(),
-    };
-    pair.finish(start)
+    match unit(normal_hint).map(|normal| pair.slab(normal)) {
+        Some(hint) if hint.width_m > 0.0 => pair.finish(hint, None),
+        hint => pair.finish(pair.start(), hint),
+    }
 }
 
 /// Newton steps before the bounds are returned as they are.
@@ -70,7 +65,7 @@ pub(super) fn length(v: &Vector3<f64>) -> f64 {
 #[inline]
 pub(super) fn unit(v: &Vector3<f64>) -> Option<Vector3<f64>> {
     let length = length(v);
-    (length > 0.0 && length < f64::INFINITY).then(|| v / length)
+    (length > 0.0 && length < f64::INFINITY).then(|| v * (1.0 / length))
 }
 
 /// `matrix^-1 right` for a symmetric matrix, where it can be inverted.
@@ -79,7 +74,7 @@ fn solve_symmetric(matrix: &Matrix3<f64>, right: &Vector3<f64>) -> Option<Vector
     let [x, y, z] = [0, 1, 2].map(|column| Vector3::from(matrix.column(column)));
     let (yz, zx, xy) = (y.cross(&z), z.cross(&x), x.cross(&y));
     let determinant = x.dot(&yz);
-    (determinant > 0.0).then(|| Vector3::new(yz.dot(right), zx.dot(right), xy.dot(right)) / determinant)
+    (determinant > 0.0).then(|| Vector3::new(yz.dot(right), zx.dot(right), xy.dot(right)) * (1.0 / determinant))
 }
 
 /// Two ellipsoids and what every evaluation of the slab needs.
@@ -90,6 +85,8 @@ struct Pair<'a> {
     offset: Vector3<f64>,
     /// `L L'` of each.
     shapes: [Matrix3<f64>; 2],
+    /// How far rounding can move the width of a slab, m.
+    noise_m: f64,
 }
 
 /// The slab across a normal.
@@ -106,6 +103,10 @@ struct Slab {
 }
 
 impl Slab {
+    fn or_wider(self, other: Self) -> Self {
+        if other.width_m > self.width_m { other } else { self }
+    }
+
     /// The gradient along the sphere.
     #[inline]
     fn slope(&self) -> Vector3<f64> {
@@ -117,14 +118,16 @@ impl<'a> Pair<'a> {
     #[inline]
     fn new(a: &'a Ellipsoid, b: &'a Ellipsoid) -> Self {
         let shapes = [a, b].map(|body| body.factor() * body.factor().transpose());
-        Self { a, b, offset: b.center() - a.center(), shapes }
+        let offset = b.center() - a.center();
+        let noise_m = 8.0 * f64::EPSILON * (length(&offset) + a.semi_axes().max() + b.semi_axes().max());
+        Self { a, b, offset, shapes, noise_m }
     }
 
     #[inline]
     fn slab(&self, normal: Vector3<f64>) -> Slab {
         let [on_a, on_b] = [self.a, self.b].map(|body| body.factor().tr_mul(&normal));
         let heights = [length(&on_a), length(&on_b)];
-        let points = [self.a.factor() * (on_a / heights[0]), self.b.factor() * (on_b / heights[1])];
+        let points = [self.a.factor() * (on_a * (1.0 / heights[0])), self.b.factor() * (on_b * (1.0 / heights[1]))];
         Slab {
             normal,
             width_m: normal.dot(&self.offset) - heights[0] - heights[1],
@@ -140,7 +143,7 @@ impl<'a> Pair<'a> {
         let along = self.slab(unit(&self.offset).unwrap_or_else(Vector3::x));
         // Both heights replaced by quadratic bounds that touch at this normal: the maximum moves to a wider slab.
         let [first, second] = self.shapes;
-        let mut curvature = first / along.heights[0] + second / along.heights[1];
+        let mut curvature = first * (1.0 / along.heights[0]) + second * (1.0 / along.heights[1]);
         for axis in 0..3 {
             curvature[(axis, axis)] += along.width_m.max(0.0);
         }
@@ -163,10 +166,7 @@ impl<'a> Pair<'a> {
             let Some(normal) = solve_symmetric(&mixed, &self.offset) else { break };
             let [on_a, on_b] = [self.a, self.b].map(|body| length(&body.factor().tr_mul(&normal)));
             if let Some(normal) = unit(&normal) {
-                let slab = self.slab(normal);
-                if slab.width_m > best.width_m {
-                    best = slab;
-                }
+                best = best.or_wider(self.slab(normal));
             }
             let (inside_a, inside_b) = ((1.0 - share) * on_a, share * on_b);
             // A point of both bodies was found, or a plane between them.
@@ -187,28 +187,34 @@ impl<'a> Pair<'a> {
         best
     }
 
-    fn finish(&self, start: Slab) -> Distance {
-        let mut best = self.widest(start);
+    fn finish(&self, start: Slab, hint: Option<Slab>) -> Distance {
+        let mut best = self.widest(start, f64::NEG_INFINITY);
         if best.width_m <= 0.0 {
-            // The depth has several local minima: the directions of all axes are candidates, turned towards b.
-            for axis in 0..6 {
-                let body = if axis < 3 { self.a } else { self.b };
-                let along = Vector3::from(body.factor().column(axis % 3));
-                let Some(normal) = unit(&if along.dot(&self.offset) < 0.0 { -along } else { along }) else { continue };
-                let found = self.widest(self.slab(normal));
-                if found.width_m > best.width_m {
-                    best = found;
+            if let Some(hint) = hint {
+                best = best.or_wider(self.widest(hint, best.width_m));
+            }
+            // The depth has several local minima: near the short axes of either body, turned towards b.
+            for body in [self.a, self.b] {
+                for (along, semi_axis) in body.factor().column_iter().zip(body.semi_axes()) {
+                    // Across the longest axis no translation is shortest, but for a sphere, where the first search suffices.
+                    if *semi_axis >= body.semi_axes().max() {
+                        continue;
+                    }
+                    let along = Vector3::from(along);
+                    let towards = if along.dot(&self.offset) < 0.0 { -along } else { along };
+                    let Some(normal) = unit(&towards) else { continue };
+                    best = best.or_wider(self.widest(self.slab(normal), best.width_m));
                 }
             }
         }
         self.answer(&best)
     }
 
-    /// Climbs to the widest slab near this one.
+    /// Climbs to the widest slab near this one; gives up where it will not be wider than `at_least_m`.
     #[inline]
-    fn widest(&self, start: Slab) -> Slab {
+    fn widest(&self, start: Slab, at_least_m: f64) -> Slab {
         let mut slab = start;
-        let noise = 4.0 * f64::EPSILON * (length(&self.offset) + slab.heights[0] + slab.heights[1]);
+        let noise = 0.5 * self.noise_m;
         for _ in 0..STEPS {
             let slope = slab.slope();
             let residual = RESIDUAL * slab.width_m.abs() + noise;
@@ -217,6 +223,10 @@ impl<'a> Pair<'a> {
             }
             let Some(step) = self.step(&slab, &slope) else { break };
             let rise = slope.dot(&step);
+            // Newton's model promises half of this.
+            if slab.width_m + 4.0 * rise < at_least_m {
+                break;
+            }
             let mut fraction = 1.0;
             let mut next = None;
             while fraction > 1e-6 {
@@ -234,6 +244,10 @@ impl<'a> Pair<'a> {
                 }
                 _ => break,
             }
+            // A depth has no second bound to close; the error left is the square of this.
+            if slab.width_m < 0.0 && rise < 1e-12 * -slab.width_m {
+                break;
+            }
         }
         slab
     }
@@ -241,8 +255,8 @@ impl<'a> Pair<'a> {
     /// Newton's step along the sphere, or one along a direction of ascent where the slab is not concave there.
     #[inline]
     fn step(&self, slab: &Slab, slope: &Vector3<f64>) -> Option<Vector3<f64>> {
-        let curvature = (self.shapes[0] - slab.points[0] * slab.points[0].transpose()) / slab.heights[0]
-            + (self.shapes[1] - slab.points[1] * slab.points[1].transpose()) / slab.heights[1];
+        let curvature = (self.shapes[0] - slab.points[0] * slab.points[0].transpose()) * (1.0 / slab.heights[0])
+            + (self.shapes[1] - slab.points[1] * slab.points[1].transpose()) * (1.0 / slab.heights[1]);
         // Along the normal the curvature vanishes; any positive number there keeps the matrix regular and the step tangent.
         let trace = curvature.trace();
         let solve = |width: f64| {
@@ -259,16 +273,16 @@ impl<'a> Pair<'a> {
         let minors = 0.5 * (trace * trace - curvature.norm_squared());
         let root = f64::sqrt((trace * trace - 4.0 * minors).max(0.0));
         let smallest = 2.0 * minors.max(0.0) / (trace + root);
-        solve(slab.width_m.max(-0.9 * smallest))
+        // Newton's step also where the top is nearly flat; elsewhere one of bounded length.
+        solve(if slab.width_m > -0.999 * smallest { slab.width_m } else { -0.9 * smallest })
     }
 
     #[inline]
     fn answer(&self, slab: &Slab) -> Distance {
-        let noise = 8.0 * f64::EPSILON * (length(&self.offset) + slab.heights[0] + slab.heights[1]);
         let distance_m = if slab.width_m > 0.0 { length(&slab.between) } else { slab.width_m };
         Distance {
             distance_m,
-            lower_bound_m: slab.width_m - noise,
+            lower_bound_m: slab.width_m - self.noise_m,
             normal: slab.normal,
             point_on_a: self.a.center() + slab.points[0],
             point_on_b: self.b.center() - slab.points[1],

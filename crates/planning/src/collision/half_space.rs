@@ -14,7 +14,8 @@ pub struct HalfSpace {
 }
 
 impl HalfSpace {
-    fn to(self, center: &Vector3<f64>, height: f64, reach: Vector3<f64>) -> Distance {
+    /// Of a body that reaches `height` along the normal, at this point from its centre, and nowhere farther than `largest`.
+    fn to(self, center: &Vector3<f64>, height: f64, reach: Vector3<f64>, largest: f64) -> Distance {
         let normal = self.inward.into_inner();
         let along = normal.dot(center);
         let distance_m = self.offset_m - along - height;
@@ -23,7 +24,7 @@ impl HalfSpace {
         let terms = normal.component_mul(center).abs().sum();
         Distance {
             distance_m,
-            lower_bound_m: distance_m - 8.0 * f64::EPSILON * (self.offset_m.abs() + terms + height),
+            lower_bound_m: distance_m - 8.0 * f64::EPSILON * (self.offset_m.abs() + terms + largest),
             normal,
             point_on_a,
             point_on_b: point_on_a + normal * distance_m,
@@ -35,10 +36,10 @@ impl HalfSpace {
 pub fn ellipsoid_to_half_space(a: &Ellipsoid, b: &HalfSpace) -> Distance {
     let pulled_back = a.factor().tr_mul(&b.inward);
     let height = f64::sqrt(pulled_back.norm_squared());
-    b.to(a.center(), height, a.factor() * (pulled_back / height))
+    b.to(a.center(), height, a.factor() * (pulled_back / height), a.semi_axes().max())
 }
 
 /// Signed distance of a sphere and a half-space, inside as well.
 pub fn sphere_to_half_space(a: &Sphere, b: &HalfSpace) -> Distance {
-    b.to(&a.center, a.radius_m, b.inward.into_inner() * a.radius_m)
+    b.to(&a.center, a.radius_m, b.inward.into_inner() * a.radius_m, a.radius_m)
 }

@@ -52,6 +52,20 @@ impl Solid {
         Self::Ellipsoid(AxedEllipsoid::new(solid))
     }
 
+    /// Takes an offset from an ellipsoid's centre to the space where it is a unit ball.
+    pub fn to_ball(&self) -> Option<Matrix3<f64>> {
+        match self {
+            Self::Ellipsoid(ellipsoid) => {
+                let mut to_ball = ellipsoid.axes.transpose();
+                for (mut row, semi_axis) in to_ball.row_iter_mut().zip(&ellipsoid.semi_axes) {
+                    row /= *semi_axis;
+                }
+                Some(to_ball)
+            }
+            Self::Box(_) => None,
+        }
+    }
+
     /// Support function about the reference point.
     #[inline]
     pub fn support(&self, normal: &Vector3<f64>) -> f64 {
@@ -100,6 +114,18 @@ impl Solid {
         match self {
             Self::Ellipsoid(ellipsoid) => ellipsoid.normal_to_point(point),
             Self::Box(aligned) => -sphere_to_box(&Sphere { center: *point, radius_m: 0.0 }, aligned).normal,
+        }
+    }
+
+    /// True where an ellipsoid certainly shares a point with the obstacle: one between the centres, or the point of the box
+    /// nearest to the centre. Cheap; deep overlaps need no distance.
+    pub fn clearly_meets(&self, other: &Ellipsoid) -> bool {
+        match self {
+            Self::Ellipsoid(AxedEllipsoid { solid, .. }) => {
+                // Each covers a share of the way between the centres.
+                1.0 / solid.gauge(other.center()) + 1.0 / other.gauge(other.center()) > 1.0
+            }
+            Self::Box(_) => other.gauge(&self.offset(other.center())) < 1.0,
         }
     }
 

@@ -4,7 +4,7 @@ use crate::motion::COEFFICIENTS;
 use nalgebra::Vector3;
 
 /// Numbers that can be coefficients here.
-pub(super) trait Coefficient: Copy + core::ops::Add<Output = Self> + core::ops::Mul<f64, Output = Self> {}
+pub(crate) trait Coefficient: Copy + core::ops::Add<Output = Self> + core::ops::Mul<f64, Output = Self> {}
 impl Coefficient for f64 {}
 impl Coefficient for Vector3<f64> {}
 
@@ -23,7 +23,7 @@ const TO_BERNSTEIN: [[f64; COEFFICIENTS]; COEFFICIENTS] = [
 
 /// Coefficients in powers of `time - shift`.
 #[inline]
-pub(super) fn about<C: Coefficient>(coefficients: &[C; COEFFICIENTS], degree: usize, shift: f64) -> [C; COEFFICIENTS] {
+pub(crate) fn about<C: Coefficient>(coefficients: &[C; COEFFICIENTS], degree: usize, shift: f64) -> [C; COEFFICIENTS] {
     let mut shifted = *coefficients;
     if degree <= 2 {
         let [first, second, third, ..] = *coefficients;
@@ -180,8 +180,8 @@ mod tests {
             let near = stays_positive(&about(&c, degree, 0.9 * first), degree, 1.0);
             assert!((near - 0.1 * first).abs() < 1e-9, "{roots:?}: {near}");
         }
-        assert_eq!(stays_positive(&[1.0, -1.0, 0.3, 0.0, 0.0, 0.0], 2, 9.0), 9.0);
-        assert_eq!(stays_positive(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0], 5, 9.0), 9.0);
+        assert!(stays_positive(&[1.0, -1.0, 0.3, 0.0, 0.0, 0.0], 2, 9.0) >= 9.0);
+        assert!(stays_positive(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0], 5, 9.0) >= 9.0);
     }
 
     #[test]

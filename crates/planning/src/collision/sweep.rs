@@ -29,10 +29,10 @@ const STRETCHES: usize = 16;
 pub(super) struct MovingPart<'a> {
     /// Position of the part's centre; of the body origin where the part turns.
     pub path: [Vector3<f64>; COEFFICIENTS],
-    /// Degree of the path.
-    pub degree: usize,
     /// Half the extent along each world axis about the path, at any time.
     pub half_extent: Vector3<f64>,
+    /// Least and largest coordinates on the whole arc, or beyond.
+    pub swept: (Vector3<f64>, Vector3<f64>),
     shape: Shape<'a>,
 }
 
@@ -70,13 +70,8 @@ impl<'a> MovingPart<'a> {
             let shape = Shape::Turning { part, arc, factor };
             (shape, Vector3::repeat(reach_m))
         };
-        Self { degree: degree(&path), path, half_extent, shape }
-    }
-
-    /// Least and largest coordinates on the way from 0 to `duration_s`, or beyond.
-    pub fn swept_box(&self, duration_s: f64) -> (Vector3<f64>, Vector3<f64>) {
-        let (lower, upper) = path_box(&self.path, self.degree, duration_s);
-        (lower - self.half_extent, upper + self.half_extent)
+        let (lower, upper) = path_box(&path, degree(&path), arc.duration_s);
+        Self { path, half_extent, swept: (lower - half_extent, upper + half_extent), shape }
     }
 }
 
@@ -158,35 +153,37 @@ impl Approach<'_> {
         let mut waiting = 0_usize;
         let mut is_hit_at_end = false;
         for _ in 0..PLANES {
-            while proven_s >= open_s && !is_hit_at_end {
-                waiting = waiting.checked_sub(1)?;
-                (proven_s, open_s) = *later.get(waiting)?;
-            }
             let begin_s = proven_s;
-            let Some((_, last)) = self.proves(&self.normal(begin_s), begin_s, begin_s, open_s) else {
+            let Some((_, last)) = self.best_proves(begin_s, begin_s, open_s) else {
                 return Some(begin_s);
             };
             proven_s = last;
-            if proven_s >= open_s || (is_hit_at_end && proven_s - begin_s >= 0.5 * (open_s - begin_s)) {
-                continue;
-            }
-            let ahead_s = 0.5 * (proven_s + open_s);
-            match self.proves(&self.normal(ahead_s), ahead_s, proven_s, open_s) {
-                None => {
-                    open_s = ahead_s;
-                    is_hit_at_end = true;
-                    waiting = 0;
-                }
-                Some((first, last)) if first <= proven_s => proven_s = last,
-                Some(_) if is_hit_at_end => {}
-                Some((first, last)) if last >= open_s => open_s = first,
-                Some((first, last)) => {
-                    if let Some(slot) = later.get_mut(waiting) {
-                        *slot = (last, open_s);
-                        waiting += 1;
-                        open_s = first;
+            // On the way to a known contact a plane ahead is worth its price only where this one does not get on.
+            if proven_s < open_s && !(is_hit_at_end && proven_s - begin_s >= 0.5 * (open_s - begin_s)) {
+                let ahead_s = 0.5 * (proven_s + open_s);
+                match self.best_proves(ahead_s, proven_s, open_s) {
+                    None => {
+                        open_s = ahead_s;
+                        is_hit_at_end = true;
+                    }
+                    Some((first, last)) if first <= proven_s => proven_s = last,
+                    Some(_) if is_hit_at_end => {}
+                    Some((first, last)) if last >= open_s => open_s = first,
+                    Some((first, last)) => {
+                        if let Some(slot) = later.get_mut(waiting) {
+                            *slot = (last, open_s);
+                            waiting += 1;
+                            open_s = first;
+                        }
                     }
                 }
+            }
+            if proven_s >= open_s {
+                if is_hit_at_end {
+                    return Some(open_s);
+                }
+                waiting = waiting.checked_sub(1)?;
+                (proven_s, open_s) = *later.get(waiting)?;
             }
         }
         Some(proven_s)
@@ -224,17 +221,22 @@ impl Approach<'_> {
         time_s
     }
 
-    /// The normal of the best plane at a time, from the obstacle to the part.
-    fn normal(&self, time_s: f64) -> Vector3<f64> {
+    /// What the best plane at a time proves free of `[from_s, to_s]`; none where there is a contact at that time.
+    fn best_proves(&self, time_s: f64, from_s: f64, to_s: f64) -> Proven {
         let relative = self.relative(time_s);
-        match &self.part.shape {
+        let normal = match &self.part.shape {
             Shape::Sphere { .. } => self.solid.normal_to_point(&relative),
-            Shape::Level { solid } => self.solid.distance(&solid.moved_to(relative)).normal,
+            Shape::Level { solid } => self.normal_to(&solid.moved_to(relative))?,
             Shape::Turning { part, arc, .. } => {
-                let solid = Ellipsoid::of_body(part, &arc.pose(time_s));
-                self.solid.distance(&solid.moved_to(relative)).normal
+                self.normal_to(&Ellipsoid::of_body(part, &arc.pose(time_s)).moved_to(relative))?
             }
-        }
+        };
+        self.proves(&normal, time_s, from_s, to_s)
+    }
+
+    /// The normal of the best plane to an ellipsoid; none where the two share a point that is found at once.
+    fn normal_to(&self, solid: &Ellipsoid) -> Option<Vector3<f64>> {
+        (!self.solid.clearly_meets(solid)).then(|| self.solid.distance(solid).normal)
     }
 
     /// The part of `[from_s, to_s]` about `time_s` that the plane with this normal, placed at `time_s`, proves free; none

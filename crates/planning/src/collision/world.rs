@@ -1,5 +1,6 @@
 //! The world of ellipsoids and boxes: what a body may hit, at rest or moving, there always or for a time.
 
+use super::broad_phase::BoxTree;
 use super::obstacle::Solid;
 use super::sweep::{MovingPart, degree, first_contact, path_box};
 use super::{
@@ -63,13 +64,13 @@ struct Motion {
 
 /// One obstacle, keep-out box, or box of the complement of what is kept in.
 #[derive(Clone, Debug)]
-struct Entry {
+pub(super) struct Entry {
     blocker: Blocker,
-    solid: Solid,
+    pub solid: Solid,
     /// Where the solid's reference point is, at rest or when its motion begins.
     reference: Vector3<f64>,
     /// The solid's box about its reference point.
-    extent: AlignedBox,
+    pub extent: AlignedBox,
     motion: Option<Motion>,
     appear_s: f64,
     vanish_s: f64,
@@ -80,9 +81,17 @@ struct Entry {
 /// Distances to what is kept in are those to the boxes that fill its complement: exact wherever the body is inside.
 #[derive(Clone, Debug)]
 pub struct EllipsoidWorld {
+    /// Boxes first, then obstacles by their index.
     entries: Vec<Entry>,
-    obstacles: usize,
+    boxes: usize,
+    /// Entries that every query looks at.
+    always: Vec<usize>,
+    /// The obstacles at rest, where they are many.
+    tree: BoxTree,
 }
+
+/// From so many obstacles at rest on the tree is faster than looking at each one's box.
+const MANY: usize = 48;
 
 /// The error of a part of a world.
 fn invalid(part: &'static str, index: usize, what: &'static str, value: f64) -> PlanningError {
@@ -151,20 +160,26 @@ impl Entry {
         })
     }
 
-    fn is_present(&self, time_s: f64) -> bool {
+    pub fn is_present(&self, time_s: f64) -> bool {
         self.appear_s <= time_s && time_s <= self.vanish_s
     }
 
-    /// True where it neither moves, nor appears or vanishes from that time on.
-    fn is_still_from(&self, time_s: f64) -> bool {
-        let is_gone = self.vanish_s < time_s;
-        let stays = self.motion.is_none() && self.appear_s <= time_s && self.vanish_s == f64::INFINITY;
-        is_gone || stays
+    /// There from this time on for ever, and at rest.
+    fn lasts_from(&self, time_s: f64) -> bool {
+        self.appear_s <= time_s && self.vanish_s >= f64::INFINITY && self.motion.is_none()
+    }
+
+    /// Its box where it is, at rest.
+    fn placed_box(&self) -> AlignedBox {
+        AlignedBox {
+            lower_world: self.extent.lower_world + self.reference,
+            upper_world: self.extent.upper_world + self.reference,
+        }
     }
 
     /// Where the reference point is.
     #[inline]
-    fn reference_at(&self, time_s: f64) -> Vector3<f64> {
+    pub fn reference_at(&self, time_s: f64) -> Vector3<f64> {
         match &self.motion {
             None => self.reference,
             Some(motion) => {
@@ -172,6 +187,30 @@ impl Entry {
                 self.reference + motion.displacement.iter().rev().fold(Vector3::zeros(), along)
             }
         }
+    }
+
+    /// First contact of a part of a body within a window of the arc's time.
+    fn first_contact(
+        &self,
+        part: &MovingPart<'_>,
+        duration_s: f64,
+        start_s: f64,
+        margin_m: f64,
+        window_s: (f64, f64),
+    ) -> Option<Contact> {
+        let path = self.seen(&part.path, start_s);
+        let (lower, upper) = if self.motion.is_none() {
+            (part.swept.0 - self.reference, part.swept.1 - self.reference)
+        } else {
+            let (lower, upper) = path_box(&path, degree(&path), duration_s);
+            (lower - part.half_extent, upper + part.half_extent)
+        };
+        if box_gap(&lower, &upper, &self.extent) > margin_m {
+            return None;
+        }
+        let scale_m = part.path[0].amax() + self.reference.amax();
+        let time_s = first_contact(part, &self.solid, &path, scale_m, margin_m, window_s)?;
+        Some(Contact { time_s, blocker: self.blocker })
     }
 
     /// A path, in powers of the time since the mission time `start_s`, as the reference point sees it.
@@ -190,13 +229,13 @@ impl Entry {
 
 /// A part of a body at a pose.
 #[derive(Clone, Copy, Debug)]
-enum PosedPart {
+pub(super) enum PosedPart {
     Ball(Sphere),
     Ellipsoid(Ellipsoid),
 }
 
 impl PosedPart {
-    fn new(part: &BodyEllipsoid, world_from_body: &Pose<f64>) -> Self {
+    pub fn new(part: &BodyEllipsoid, world_from_body: &Pose<f64>) -> Self {
         let radius_m = part.semi_axes.max();
         if part.semi_axes.min() >= radius_m {
             let offset = part.body_from_ellipsoid.translation.vector;
@@ -229,7 +268,7 @@ impl PosedPart {
 }
 
 /// The signed distance of two boxes is not below this.
-fn box_gap(lower: &Vector3<f64>, upper: &Vector3<f64>, other: &AlignedBox) -> f64 {
+pub(super) fn box_gap(lower: &Vector3<f64>, upper: &Vector3<f64>, other: &AlignedBox) -> f64 {
     let gap = (lower - other.upper_world).sup(&(other.lower_world - upper));
     let apart = f64::sqrt(gap.sup(&Vector3::zeros()).norm_squared());
     if apart > 0.0 { apart } else { gap.max() }
@@ -249,8 +288,9 @@ impl EllipsoidWorld {
         }
         let keep_out = world.keep_out.iter().enumerate().map(|(index, aligned)| (Blocker::KeepOut(index), *aligned));
         let keep_in = keep_in_complement(&world.keep_in).into_iter().map(|aligned| (Blocker::KeepIn, aligned));
-        let entries = keep_out.chain(keep_in).map(|(blocker, aligned)| Entry::aligned(blocker, aligned)).collect();
-        let world_of_boxes = Self { entries, obstacles: 0 };
+        let entries: Vec<Entry> =
+            keep_out.chain(keep_in).map(|(blocker, aligned)| Entry::aligned(blocker, aligned)).collect();
+        let world_of_boxes = Self { boxes: entries.len(), entries, always: Vec::new(), tree: BoxTree::default() };
         world_of_boxes.with_obstacles(world.obstacles.iter().map(|ellipsoid| MovingObstacle::at_rest(*ellipsoid)))
     }
 
@@ -271,43 +311,77 @@ impl EllipsoidWorld {
         obstacles: impl IntoIterator<Item = MovingObstacle>,
     ) -> Result<Self, PlanningError> {
         for obstacle in obstacles {
-            self.entries.push(Entry::ellipsoid(self.obstacles, &obstacle)?);
-            self.obstacles += 1;
+            self.entries.push(Entry::ellipsoid(self.obstacle_count(), &obstacle)?);
         }
+        let is_placed = |entry: &Entry| entry.motion.is_none() && matches!(entry.blocker, Blocker::Obstacle(_));
+        let (mut placed, mut always) = (Vec::new(), Vec::new());
+        for (index, entry) in self.entries.iter().enumerate() {
+            if is_placed(entry) { placed.push((index, entry.placed_box())) } else { always.push(index) }
+        }
+        if placed.len() < MANY {
+            always = (0..self.entries.len()).collect();
+            placed.clear();
+        }
+        (self.always, self.tree) = (always, BoxTree::new(&placed));
         Ok(self)
     }
 
     /// How many obstacles there are.
     pub fn obstacle_count(&self) -> usize {
-        self.obstacles
+        self.entries.len() - self.boxes
     }
-}
 
-impl EllipsoidWorld {
-    /// Clearance from the entries that count.
-    fn clearance_from(
+    /// All that can be hit.
+    pub(super) fn boxes_and_ellipsoids(&self) -> (&[Entry], &[Entry]) {
+        self.entries.split_at(self.boxes.min(self.entries.len()))
+    }
+
+    /// What is nearest to a part, of the entries that count, if it is nearer than a limit.
+    pub(super) fn nearest_to(
+        &self,
+        part: &PosedPart,
+        time_s: f64,
+        limit_m: f64,
+        counts: impl Fn(&Entry) -> bool,
+    ) -> Option<(f64, Blocker)> {
+        let half_extent = part.half_extent();
+        let mut nearest_m = limit_m;
+        let mut nearest = None;
+        let mut look = |index: &usize| {
+            if let Some(entry) = self.entries.get(*index).filter(|entry| counts(entry)) {
+                let relative = part.center() - entry.reference_at(time_s);
+                let bound_m = box_gap(&(relative - half_extent), &(relative + half_extent), &entry.extent);
+                if bound_m < nearest_m {
+                    let distance_m = part.distance_m(&entry.solid, &relative);
+                    if distance_m < nearest_m {
+                        nearest_m = distance_m;
+                        nearest = Some((distance_m, entry.blocker));
+                    }
+                }
+            }
+            nearest_m
+        };
+        let limit_m = self.always.iter().fold(limit_m, |_, index| look(index));
+        let (lower, upper) = (part.center() - half_extent, part.center() + half_extent);
+        self.tree.visit(&lower, &upper, limit_m, true, |index| look(&index));
+        nearest
+    }
+
+    /// What is nearest to a body at a pose, of the entries that count.
+    fn nearest(
         &self,
         body: &BodyShape,
         world_from_body: &Pose<f64>,
         time_s: f64,
         counts: impl Fn(&Entry) -> bool,
     ) -> Result<Clearance, PlanningError> {
-        finite("the mission time", time_s)?;
         let numbers = world_from_body.translation.vector.sum() + world_from_body.rotation.coords.sum();
         finite("the sum of a pose's numbers", numbers)?;
         let mut nearest = Clearance { distance_m: f64::INFINITY, nearest: None };
         for part in body.parts() {
             let part = PosedPart::new(part, world_from_body);
-            let half_extent = part.half_extent();
-            for entry in self.entries.iter().filter(|entry| counts(entry)) {
-                let relative = part.center() - entry.reference_at(time_s);
-                let bound_m = box_gap(&(relative - half_extent), &(relative + half_extent), &entry.extent);
-                if bound_m < nearest.distance_m {
-                    let distance_m = part.distance_m(&entry.solid, &relative);
-                    if distance_m < nearest.distance_m {
-                        nearest = Clearance { distance_m, nearest: Some(entry.blocker) };
-                    }
-                }
+            if let Some((distance_m, blocker)) = self.nearest_to(&part, time_s, nearest.distance_m, &counts) {
+                nearest = Clearance { distance_m, nearest: Some(blocker) };
             }
         }
         Ok(nearest)
@@ -323,29 +397,8 @@ impl CollisionWorld for EllipsoidWorld {
         world_from_body: &Pose<f64>,
         time_s: f64,
     ) -> Result<Clearance, PlanningError> {
-        self.clearance_from(body, world_from_body, time_s, |entry| entry.is_present(time_s))
-    }
-
-    fn lasting_clearance(
-        &self,
-        body: &BodyShape,
-        world_from_body: &Pose<f64>,
-        from_s: f64,
-    ) -> Result<Clearance, PlanningError> {
-        self.clearance_from(body, world_from_body, from_s, |entry| {
-            entry.is_present(from_s) && entry.is_still_from(from_s)
-        })
-    }
-
-    fn is_still_from(&self, time_s: f64) -> bool {
-        self.entries.iter().all(|entry| entry.is_still_from(time_s))
-    }
-
-    fn is_round(&self, body: &BodyShape) -> bool {
-        body.parts().iter().all(|part| {
-            part.body_from_ellipsoid.translation.vector == Vector3::zeros()
-                && part.semi_axes.min() >= part.semi_axes.max()
-        })
+        finite("the mission time", time_s)?;
+        self.nearest(body, world_from_body, time_s, |entry| entry.is_present(time_s))
     }
 
     /// First time at which `body` comes nearer than `margin_m` to anything.
@@ -368,32 +421,52 @@ impl CollisionWorld for EllipsoidWorld {
         let mut end_s = arc.duration_s;
         for part in body.parts() {
             let part = MovingPart::new(part, arc);
-            let (lower, upper) = part.swept_box(arc.duration_s);
-            for entry in &self.entries {
-                let from_s = f64::max(0.0, entry.appear_s - start_s);
-                let to_s = f64::min(end_s, entry.vanish_s - start_s);
-                if from_s > to_s {
-                    continue;
+            let mut look = |index: &usize| {
+                if let Some(entry) = self.entries.get(*index) {
+                    let window_s = (f64::max(0.0, entry.appear_s - start_s), f64::min(end_s, entry.vanish_s - start_s));
+                    if window_s.0 <= window_s.1 {
+                        let found = entry.first_contact(&part, arc.duration_s, start_s, margin_m, window_s);
+                        // Of what is hit at the same time the first of all counts.
+                        let is_earlier = |contact: &Contact| {
+                            first.is_none_or(|first| (contact.time_s, contact.blocker) < (first.time_s, first.blocker))
+                        };
+                        if let Some(contact) = found.filter(is_earlier) {
+                            first = Some(contact);
+                            end_s = contact.time_s;
+                        }
+                    }
                 }
-                let path = entry.seen(&part.path, start_s);
-                let (lower, upper) = if entry.motion.is_none() {
-                    (lower - entry.reference, upper - entry.reference)
-                } else {
-                    let (lower, upper) = path_box(&path, degree(&path), arc.duration_s);
-                    (lower - part.half_extent, upper + part.half_extent)
-                };
-                if box_gap(&lower, &upper, &entry.extent) > margin_m {
-                    continue;
-                }
-                let scale_m = part.path[0].amax() + entry.reference.amax();
-                let found = first_contact(&part, &entry.solid, &path, scale_m, margin_m, (from_s, to_s));
-                if let Some(time_s) = found.filter(|time_s| first.is_none_or(|first| *time_s < first.time_s)) {
-                    first = Some(Contact { time_s, blocker: entry.blocker });
-                    end_s = time_s;
-                }
+                margin_m
+            };
+            for index in &self.always {
+                look(index);
             }
+            let (lower, upper) = part.swept;
+            self.tree.visit(&lower, &upper, margin_m, false, |index| look(&index));
         }
         Ok(first)
+    }
+
+    fn is_still_from(&self, time_s: f64) -> bool {
+        // What has vanished by then does not count.
+        self.entries.iter().all(|entry| entry.vanish_s < time_s || entry.lasts_from(time_s))
+    }
+
+    fn lasting_clearance(
+        &self,
+        body: &BodyShape,
+        world_from_body: &Pose<f64>,
+        from_s: f64,
+    ) -> Result<Clearance, PlanningError> {
+        finite("the mission time", from_s)?;
+        self.nearest(body, world_from_body, from_s, |entry| entry.lasts_from(from_s))
+    }
+
+    fn is_round(&self, body: &BodyShape) -> bool {
+        body.parts().iter().all(|part| {
+            part.body_from_ellipsoid.translation.vector == Vector3::zeros()
+                && part.semi_axes.min() >= part.semi_axes.max()
+        })
     }
 
     fn reach_m(&self, body: &BodyShape) -> f64 {

@@ -43,7 +43,7 @@ fn outside_limits<W: CollisionWorld + ?Sized>(
     let acceleration = acceleration_m_s2(&limits.force_n, request.belief.parameters().mass)?;
     for axis in 0..3 {
         let (lower, upper) = (limits.position.lower_world[axis], limits.position.upper_world[axis]);
-        if !(lower <= upper) {
+        if lower > upper || lower.is_nan() || upper.is_nan() {
             return Err(PlanningError::EmptyBox { what: "the position limit", axis, lower, upper });
         }
         let largest = not_negative("a speed limit", limits.speed_m_s[axis])?;

@@ -8,13 +8,16 @@ use crate::motion::TranslationState;
 use nalgebra::Vector3;
 
 /// Halvings of the duration in search of the least in which the region is reached.
-const HALVINGS: usize = 20;
+const HALVINGS: usize = 16;
+
+/// Parts of the way from the bound to a known duration that are tried first.
+const PARTS: [f64; 7] = [0.0, 0.5e-4, 0.5e-3, 0.5e-2, 0.03, 0.1, 0.3];
 
 /// Steps of the search for the velocity to arrive with, per duration.
 const STEPS: usize = 12;
 
 /// Relative width of the bracket of durations that ends the search.
-const RESOLUTION: f64 = 1e-6;
+const RESOLUTION: f64 = 1e-4;
 
 /// How far inside the region's limits an arrival is sought, relative to them.
 const MARGIN: f64 = 1e-12;
@@ -34,12 +37,28 @@ struct Reach {
 }
 
 impl Reach {
+    /// From a velocity to the region whose centre lies at a displacement, within these limits of speed and acceleration.
+    fn new(velocity: f64, center: f64, goal: &GoalRegion, [speed, acceleration]: [f64; 2], slack: f64) -> Self {
+        Self {
+            velocity,
+            displacement: [center - goal.radius_m, center + goal.radius_m],
+            arrival: goal.speed_m_s.min(speed),
+            speed,
+            acceleration,
+            slack,
+        }
+    }
+
     /// Durations in which some state of the interval is reached.
     ///
     /// The states reached in a time are a convex set, so those with an admissible arrival speed lie in an interval of
     /// displacements; a motion exists where it meets the region's. Its upper end belongs to the highest arrival speed.
     fn durations(&self) -> Durations {
         let Self { velocity, acceleration, arrival, slack, displacement: [least, most], .. } = *self;
+        let is_within = velocity.abs() <= self.speed * (1.0 + axis::SPEED_TOLERANCE);
+        if !is_within {
+            return Durations::NONE;
+        }
         if acceleration <= 0.0 {
             return self.drift();
         }
@@ -108,28 +127,31 @@ impl Reach {
 /// Lower bound on the duration of any motion from a state into the region within the limits of speed and acceleration, s;
 /// infinite where there is none. The position box is not looked at.
 ///
-/// Each axis is asked for the interval of positions and speeds that the region spans along it; exact for a region that is a
-/// state of rest.
+/// Each axis, and the line towards the centre, is asked for the interval of positions and speeds that the region spans along
+/// it; exact for a region that is a state of rest.
 pub fn least_time_to_goal_s(from: &TranslationState, goal: &GoalRegion, limits: &TranslationLimits) -> f64 {
-    let durations = |index: usize| {
+    let along = |index: usize| {
         let (position, center) = (from.position[index], goal.position[index]);
-        let speed = limits.speed_m_s[index];
-        let velocity = from.velocity[index];
-        let is_within = velocity.abs() <= speed * (1.0 + axis::SPEED_TOLERANCE);
-        if !is_within {
-            return Durations::NONE;
-        }
-        let reach = Reach {
-            velocity,
-            displacement: [center - position - goal.radius_m, center - position + goal.radius_m],
-            arrival: goal.speed_m_s.min(speed),
-            speed,
-            acceleration: limits.acceleration_m_s2[index],
-            slack: axis::ROUNDINGS * (position.abs() + center.abs() + goal.radius_m),
-        };
-        reach.durations()
+        let (speed, acceleration) = (limits.speed_m_s[index], limits.acceleration_m_s2[index]);
+        let slack = axis::ROUNDINGS * (position.abs() + center.abs() + goal.radius_m);
+        Reach::new(from.velocity[index], center - position, goal, [speed, acceleration], slack).durations()
     };
-    common(&[durations(0), durations(1), durations(2)], 0.0)
+    let [x, y, z] = [along(0), along(1), along(2)];
+    let axes = common(&[x, y, z], 0.0);
+    let wanted = goal.position - from.position;
+    let distance = f64::sqrt(wanted.norm_squared());
+    let is_region = goal.radius_m > 0.0 || goal.speed_m_s > 0.0;
+    if !(is_region && distance.is_finite() && distance > 0.0 && axes.is_finite()) {
+        return axes;
+    }
+    // Towards the centre, with the most that the boxes of speed and acceleration allow in that direction.
+    let direction = wanted / distance;
+    let most = |limit: &Vector3<f64>| limit.dot(&direction.abs());
+    let slack = 4.0 * axis::ROUNDINGS * (from.position.abs().sum() + goal.position.abs().sum() + goal.radius_m);
+    let velocity = from.velocity.dot(&direction);
+    let most = [most(&limits.speed_m_s) * (1.0 + 1e-15), most(&limits.acceleration_m_s2) * (1.0 + 1e-15)];
+    let sight = Reach::new(velocity, distance, goal, most, slack).durations();
+    common(&[x, y, z, sight], axes)
 }
 
 /// A motion into the region within all limits, of a duration near the least; `None` where none was found.
@@ -137,31 +159,47 @@ pub fn least_time_to_goal_s(from: &TranslationState, goal: &GoalRegion, limits: 
 /// For each duration the state nearest to the region's centre is a convex problem in the arrival velocity; the duration is
 /// halved towards [`least_time_to_goal_s`]. Exact for a region that is a state of rest.
 pub fn steer_to_goal(from: &TranslationState, goal: &GoalRegion, limits: &TranslationLimits) -> Option<Steering> {
+    let is_slow = f64::sqrt(from.velocity.norm_squared()) <= goal.speed_m_s;
+    if is_slow && f64::sqrt((from.position - goal.position).norm_squared()) <= goal.radius_m {
+        return steer(from, from, limits);
+    }
     let mut best = steer(from, &TranslationState::at_rest(goal.position), limits);
     if goal.radius_m <= 0.0 && goal.speed_m_s <= 0.0 {
         return best;
     }
-    let mut low_s = least_time_to_goal_s(from, goal, limits);
+    let low_s = least_time_to_goal_s(from, goal, limits);
+    let mut failed_s = low_s;
     // The centre may be out of reach, or the way to rest there out of the box, where the rest of the region is not.
     let mut high_s = best.as_ref().map_or(4.0 * low_s + slowest_stop_s(limits), Steering::duration_s);
     if !(low_s.is_finite() && high_s.is_finite()) {
         return best;
     }
-    let mut duration_s = low_s;
-    for _ in 0..HALVINGS {
-        match arrival(from, goal, limits, duration_s).and_then(|to| steer(from, &to, limits)) {
-            Some(steering) => {
-                high_s = duration_s.min(steering.duration_s());
-                if best.as_ref().is_none_or(|best| steering.duration_s() < best.duration_s()) {
-                    best = Some(steering);
-                }
-            }
-            None => low_s = duration_s,
+    let mut attempt = |duration_s: f64| {
+        let steering = arrival(from, goal, limits, duration_s).and_then(|to| steer(from, &to, limits))?;
+        if best.as_ref().is_none_or(|best| steering.duration_s() < best.duration_s()) {
+            best = Some(steering);
         }
-        if high_s - low_s <= RESOLUTION * high_s {
+        Some(duration_s.min(steering.duration_s()))
+    };
+    // Near the bound there may be durations, and a gap after them that halving from above would not look behind.
+    let span_s = high_s - low_s;
+    for part in PARTS {
+        let duration_s = low_s + part * span_s;
+        if let Some(found_s) = attempt(duration_s) {
+            high_s = found_s;
             break;
         }
-        duration_s = 0.5 * (low_s + high_s);
+        failed_s = duration_s;
+    }
+    for _ in 0..HALVINGS {
+        if high_s - failed_s <= RESOLUTION * high_s {
+            break;
+        }
+        let duration_s = 0.5 * (failed_s + high_s);
+        match attempt(duration_s) {
+            Some(found_s) => high_s = found_s,
+            None => failed_s = duration_s,
+        }
     }
     best
 }
@@ -188,8 +226,8 @@ fn arrival(
     let reachable = |velocity: Vector3<f64>| velocity.sup(&lowest).inf(&highest);
     let wanted = goal.position - from.position;
     let mut velocity = reachable(Vector3::zeros());
-    for step in 0..STEPS {
-        let (mut offset, mut uphill) = (Vector3::zeros(), Vector3::zeros());
+    for _ in 0..STEPS {
+        let (mut offset, mut slopes) = (Vector3::zeros(), Vector3::zeros());
         for index in 0..3 {
             let velocities = [from.velocity[index], velocity[index]];
             let (speed, acceleration) = (limits.speed_m_s[index], limits.acceleration_m_s2[index]);
@@ -197,8 +235,9 @@ fn arrival(
             let nearest = wanted[index].max(least.displacement).min(most.displacement);
             let slope = if nearest > wanted[index] { least.slope_s } else { most.slope_s };
             offset[index] = nearest - wanted[index];
-            uphill[index] = offset[index] * slope;
+            slopes[index] = if offset[index] == 0.0 { 0.0 } else { slope };
         }
+        let uphill = offset.component_mul(&slopes);
         let is_slow = f64::sqrt(velocity.norm_squared()) <= speed;
         if is_slow && f64::sqrt(offset.norm_squared()) <= radius {
             return Some(TranslationState { position: goal.position + offset, velocity });
@@ -209,8 +248,17 @@ fn arrival(
             return None;
         }
         let downhill = uphill / -steepness;
-        let corner = reachable(downhill * (speed / f64::sqrt(downhill.norm_squared())));
-        velocity += (corner - velocity) * (2.0 / (step as f64 + 2.0));
+        let corner = downhill * (speed / f64::sqrt(downhill.norm_squared()));
+        // The miss is convex in the velocity: its tangent at the corner bounds it from below over the whole ball.
+        if 0.5 * offset.norm_squared() + uphill.dot(&(corner - velocity)) > 0.5 * goal.radius_m * goal.radius_m {
+            return None;
+        }
+        let step = reachable(corner) - velocity;
+        let curvature = slopes.component_mul(&step).norm_squared();
+        if curvature <= 0.0 {
+            return None;
+        }
+        velocity += step * (-uphill.dot(&step) / curvature).clamp(0.0, 1.0);
     }
     None
 }

@@ -71,17 +71,20 @@ pub(super) fn axes(from: &TranslationState, to: &TranslationState, limits: &Tran
     Some(([x, y, z], [x.durations(), y.durations(), z.durations()]))
 }
 
-/// The least duration from `duration_s` on that all axes allow; infinite where there is none. Each axis has one gap at most,
-/// so three rounds suffice.
+/// The least duration from `duration_s` on that all allow; infinite where there is none. Each has one gap at most, so as many
+/// rounds as there are suffice after the first.
 #[inline]
-pub(super) fn common(durations: &[Durations; 3], duration_s: f64) -> f64 {
+pub(super) fn common<const N: usize>(durations: &[Durations; N], duration_s: f64) -> f64 {
     let raise = |duration_s: f64, durations: &Durations| durations.at_least(duration_s);
-    let once = durations.iter().fold(duration_s, raise);
-    let twice = durations.iter().fold(once, raise);
-    if twice <= once {
-        return once;
+    let mut raised_s = durations.iter().fold(duration_s, raise);
+    for _ in 0..N {
+        let next_s = durations.iter().fold(raised_s, raise);
+        if next_s <= raised_s {
+            break;
+        }
+        raised_s = next_s;
     }
-    durations.iter().fold(durations.iter().fold(twice, raise), raise)
+    raised_s
 }
 
 /// Least duration of a motion between two states within the limits of speed and acceleration, s; infinite where there is

@@ -2,10 +2,20 @@
 //!
 //! Everything is a convex problem in the space in which one ellipsoid is a ball, solved by plain descent or bisection.
 
-use tumble_planning::BodyArc;
-use tumble_planning::dynamics::{AlignedBox, ObstacleEllipsoid};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use tumble_planning::collision::{BodyEllipsoid, BodyShape, CollisionWorld, EllipsoidWorld, MovingObstacle};
+use tumble_planning::dynamics::{AlignedBox, ObstacleEllipsoid, World};
 use tumble_planning::lie::Pose;
-use tumble_planning::nalgebra::{Matrix3, Vector3};
+use tumble_planning::nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
+use tumble_planning::{BodyArc, COEFFICIENTS};
+
+/// Rounding of the slow answers: golden section and bisection on numbers of order one.
+pub const TOLERANCE_M: f64 = 1e-11;
+
+fn power(base: f64, exponent: usize) -> f64 {
+    (0..exponent).fold(1.0, |power, _| power * base)
+}
 
 /// A part of a body.
 #[derive(Clone, Copy, Debug)]
@@ -154,9 +164,9 @@ pub fn pose(arc: &BodyArc, time_s: f64) -> Pose<f64> {
         power *= time_s;
     }
     let half = 0.5 * angle;
-    let turn = tumble_planning::nalgebra::Quaternion::from_parts(half.cos(), arc.axis_body.into_inner() * half.sin());
+    let turn = Quaternion::from_parts(half.cos(), arc.axis_body.into_inner() * half.sin());
     let attitude = arc.attitude.into_inner() * turn;
-    Pose::from_parts(position(arc, time_s).into(), tumble_planning::nalgebra::UnitQuaternion::from_quaternion(attitude))
+    Pose::from_parts(position(arc, time_s).into(), UnitQuaternion::from_quaternion(attitude))
 }
 
 /// The first of `samples` equally spaced times in `[0, until_s]` at which a part is nearer than `-tolerance_m`, by the sum of
@@ -212,4 +222,161 @@ pub fn first_violation(
         }
     }
     first
+}
+
+/// An edge with everything around it.
+#[derive(Debug)]
+pub struct Case {
+    pub arc: BodyArc,
+    pub parts: Vec<Part>,
+    pub obstacles: Vec<Obstacle>,
+    pub start_s: f64,
+    pub margin_m: f64,
+}
+
+/// Random numbers of one seed.
+pub struct Draws(ChaCha8Rng);
+
+impl Draws {
+    pub fn new(seed: u64) -> Self {
+        Self(ChaCha8Rng::seed_from_u64(seed))
+    }
+
+    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * ((self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64)
+    }
+
+    pub fn vector(&mut self, size: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| self.within(-size, size))
+    }
+
+    pub fn one_of(&mut self, count: usize) -> usize {
+        usize::try_from(self.0.next_u32()).unwrap() % count
+    }
+
+    pub fn attitude(&mut self) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_quaternion(Quaternion::from_parts(self.within(-1.0, 1.0), self.vector(1.0)))
+    }
+
+    pub fn semi_axes(&mut self, largest: f64, ratio: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| largest * f64::exp(-self.within(0.0, ratio.ln())))
+    }
+
+    pub fn case(&mut self) -> Case {
+        let duration_s = self.within(0.5, 6.0);
+        let degree = [1, 2, 2, 3, 5][self.one_of(5)];
+        let mut position = [Vector3::zeros(); COEFFICIENTS];
+        position[0] = self.vector(1.2);
+        for (k, coefficient) in position.iter_mut().enumerate().take(degree + 1).skip(1) {
+            *coefficient = self.vector(1.5) / power(duration_s, k);
+        }
+        let mut arc = BodyArc {
+            duration_s,
+            position,
+            attitude: self.attitude(),
+            axis_body: Unit::new_normalize(self.vector(1.0)),
+            angle: [0.0; COEFFICIENTS],
+        };
+        let is_turning = self.one_of(2) == 0;
+        if is_turning {
+            for k in 1..=[1, 2, 5][self.one_of(3)] {
+                arc.angle[k] = self.within(-2.0, 2.0) / power(duration_s, k);
+            }
+        }
+        let is_sphere = self.one_of(2) == 0;
+        let parts = (0..=self.one_of(2))
+            .map(|_| Part {
+                body_from_part: if self.one_of(2) == 0 {
+                    Pose::identity()
+                } else {
+                    Pose::from_parts(self.vector(0.15).into(), self.attitude())
+                },
+                semi_axes: if is_sphere { Vector3::repeat(self.within(0.01, 0.25)) } else { self.semi_axes(0.3, 10.0) },
+            })
+            .collect();
+        let obstacles = (0..=self.one_of(4))
+            .map(|_| match self.one_of(4) {
+                0 => Obstacle::Box(AlignedBox::between(self.vector(1.5), self.vector(1.5))),
+                kind => {
+                    let is_moving = kind == 1;
+                    Obstacle::Ellipsoid {
+                        ellipsoid: ObstacleEllipsoid {
+                            world_from_ellipsoid: Pose::from_parts(self.vector(1.5).into(), self.attitude()),
+                            semi_axes: self.semi_axes(1.0, 30.0),
+                        },
+                        velocity: if is_moving { self.vector(0.5) } else { Vector3::zeros() },
+                        acceleration: if is_moving { self.vector(0.1) } else { Vector3::zeros() },
+                        from_s: if is_moving && self.one_of(2) == 0 {
+                            self.within(0.0, 3.0)
+                        } else {
+                            f64::NEG_INFINITY
+                        },
+                        to_s: if is_moving && self.one_of(2) == 0 { self.within(3.0, 6.0) } else { f64::INFINITY },
+                    }
+                }
+            })
+            .collect();
+        let margin_m = if is_sphere && self.one_of(2) == 0 { self.within(0.0, 0.1) } else { 0.0 };
+        Case { arc, parts, obstacles, start_s: self.within(-50.0, 50.0), margin_m }
+    }
+}
+
+impl Case {
+    pub fn body(&self) -> BodyShape {
+        let part = |part: &Part| BodyEllipsoid { body_from_ellipsoid: part.body_from_part, semi_axes: part.semi_axes };
+        BodyShape::try_new(self.parts.iter().map(part).collect()).unwrap()
+    }
+
+    pub fn world(&self) -> EllipsoidWorld {
+        let mut boxes = World::default();
+        let mut moving = Vec::new();
+        for obstacle in &self.obstacles {
+            match obstacle {
+                Obstacle::Box(aligned) => boxes.keep_out.push(*aligned),
+                Obstacle::Ellipsoid { ellipsoid, velocity, acceleration, from_s, to_s } => {
+                    let mut obstacle = MovingObstacle::at_rest(*ellipsoid)
+                        .drifting(*velocity, self.start_s)
+                        .present(self.start_s + from_s, self.start_s + to_s);
+                    obstacle.displacement[2] = acceleration * 0.5;
+                    moving.push(obstacle);
+                }
+            }
+        }
+        EllipsoidWorld::new(&boxes).unwrap().with_obstacles(moving).unwrap()
+    }
+
+    pub fn first_contact(&self) -> Option<f64> {
+        let found = self.world().first_contact(&self.body(), &self.arc, self.start_s, self.margin_m);
+        found.unwrap().map(|contact| contact.time_s)
+    }
+
+    pub fn clearance(&self, time_s: f64) -> f64 {
+        let pose = pose(&self.arc, time_s);
+        let of = |part| self.obstacles.iter().map(move |obstacle| (part, obstacle));
+        let pairs = self.parts.iter().flat_map(of);
+        pairs.map(|(part, it)| clearance(part, it, &pose, time_s, self.margin_m)).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// What dense sampling says of a first contact.
+#[derive(Clone, Copy, Debug)]
+pub struct Verdict {
+    /// The time in question.
+    pub contact_s: Option<f64>,
+    /// A sample before it, or any where there is none, that is in contact.
+    pub violation_s: Option<f64>,
+    /// Clearance at the contact, m.
+    pub contact_error_m: f64,
+}
+
+impl Case {
+    pub fn judge(&self, samples: usize) -> Verdict {
+        let contact_s = self.first_contact();
+        // What appears about the body is hit at once: up to there, but not there, by the rounding of mission times.
+        let until_s = contact_s.map_or(self.arc.duration_s, |time_s| time_s - 1e-15 * (self.start_s.abs() + 10.0));
+        let violation_s =
+            first_violation(&self.parts, &self.obstacles, &self.arc, until_s, samples, self.margin_m, TOLERANCE_M);
+        let error = |time_s: f64| self.clearance(time_s).min(self.clearance(time_s + 1e-9));
+        Verdict { contact_s, violation_s, contact_error_m: contact_s.map_or(0.0, error) }
+    }
 }
