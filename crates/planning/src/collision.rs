@@ -1,8 +1,12 @@
 //! What a body may hit, and exactly when.
 
+mod contact_function;
 mod ellipsoid;
+mod margin;
 
+pub use contact_function::{Plane, Separation, overlap, separation};
 pub use ellipsoid::Ellipsoid;
+pub use margin::{ScalingMargin, scaling_margin};
 
 use crate::error::PlanningError;
 use crate::motion::BodyArc;
