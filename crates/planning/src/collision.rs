@@ -1,6 +1,7 @@
 //! What a body may hit, and exactly when.
 
 mod contact_function;
+mod double_double;
 mod ellipsoid;
 mod margin;
 

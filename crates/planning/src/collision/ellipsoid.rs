@@ -64,18 +64,18 @@ impl Ellipsoid {
     /// How far the solid reaches along `direction` from its centre: `|L' direction|`.
     #[inline]
     pub fn support(&self, direction: &Vector3<f64>) -> f64 {
-        self.factor.tr_mul(direction).norm()
+        f64::sqrt(self.factor.tr_mul(direction).norm_squared())
     }
 
     /// The point of the solid that lies farthest along `direction` (not zero).
     #[inline]
     pub fn support_point(&self, direction: &Vector3<f64>) -> Vector3<f64> {
         let pulled_back = self.factor.tr_mul(direction);
-        self.center + self.factor * (pulled_back / pulled_back.norm())
+        self.center + self.factor * (pulled_back / f64::sqrt(pulled_back.norm_squared()))
     }
 
     /// Half the extent along each world axis, m.
     pub fn half_extent(&self) -> Vector3<f64> {
-        Vector3::from_fn(|axis, _| self.factor.row(axis).norm())
+        Vector3::from_fn(|axis, _| f64::sqrt(self.factor.row(axis).norm_squared()))
     }
 }
