@@ -13,6 +13,7 @@ mod chapter4;
 mod chapter5;
 mod dynamics;
 mod ekf_rls;
+mod ellipsoid;
 mod excitation;
 mod flights;
 mod fourier;
@@ -66,6 +67,7 @@ const PROBLEMS: &[Problem] = &[
     ("propulsion", propulsion_dynamics::bench),
     ("simulator", simulator::run),
     ("recording", recording::run),
+    ("ellipsoid", ellipsoid::run),
 ];
 
 /// What a result folder says about the run that wrote it.
@@ -116,8 +118,11 @@ fn main() -> ExitCode {
                     .and_then(|arguments| calibration::run(&arguments)),
                 Some((what, rest)) if what == "excitation" => Arguments::parse(rest, &[], &["--cases", "--flights"])
                     .and_then(|arguments| excitation::run(&arguments)),
+                Some((what, rest)) if what == "ellipsoid" => Arguments::parse(rest, &[], &["--runs", "--seed"])
+                    .and_then(|arguments| ellipsoid::count(&arguments)),
                 _ => Err(Failure::BadInput(
-                    "study what? `identification`, `calibration`, `change-detection`, `excitation`".to_owned(),
+                    "study what? `identification`, `calibration`, `change-detection`, `excitation`, `ellipsoid`"
+                        .to_owned(),
                 )),
             },
             unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),

@@ -187,7 +187,7 @@ pub(super) struct Pair<N> {
     lengths: f64,
 }
 
-/// What one weight gives.
+/// What one weight `t` gives.
 pub(super) struct Found<N> {
     /// `n` with `(A + t B) n = d`.
     pub(super) normal: [N; 3],
@@ -195,9 +195,11 @@ pub(super) struct Found<N> {
     pub(super) pulled_a: [N; 3],
     /// `L_b' n`.
     pub(super) pulled_b: [N; 3],
-    weight: N,
-    square_a: N,
-    square_b: N,
+    pub(super) weight: N,
+    /// `n' A n`.
+    pub(super) square_a: N,
+    /// `n' B n`.
+    pub(super) square_b: N,
     /// The adjugate of `A + t B`.
     pub(super) adjugate: Symmetric<N>,
     /// One over its determinant.
@@ -207,7 +209,7 @@ pub(super) struct Found<N> {
 }
 
 #[inline(always)]
-pub(super) fn dot<N: Real>(left: &[N; 3], right: &[N; 3]) -> N {
+fn dot<N: Real>(left: &[N; 3], right: &[N; 3]) -> N {
     left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
 }
 
@@ -231,7 +233,7 @@ fn outer<N: Real>(columns: &[[N; 3]; 3]) -> Symmetric<N> {
 }
 
 #[inline(always)]
-pub(super) fn apply<N: Real>(matrix: &Symmetric<N>, vector: &[N; 3]) -> [N; 3] {
+fn apply<N: Real>(matrix: &Symmetric<N>, vector: &[N; 3]) -> [N; 3] {
     let [xx, xy, xz, yy, yz, zz] = *matrix;
     [dot(&[xx, xy, xz], vector), dot(&[xy, yy, yz], vector), dot(&[xz, yz, zz], vector)]
 }
@@ -307,6 +309,12 @@ impl<N: Real> Found<N> {
         self.square_a.nearest().max((self.weight * self.weight * self.square_b).nearest())
     }
 
+    /// `n' B (A + t B)^-1 B n`.
+    #[inline(always)]
+    pub(super) fn curvature_b(&self) -> N {
+        dot(&self.image_b, &apply(&self.adjugate, &self.image_b)) * self.inverse_determinant
+    }
+
     /// Bounds the distance between the point as seen from a and as seen from b, which is not zero as `n` is rounded.
     #[inline(always)]
     fn residual(&self, pair: &Pair<N>) -> f64 {
@@ -342,8 +350,7 @@ impl<N: Real> Search<N> {
             self.high = weight;
         }
         let (square_a, square_b) = (found.square_a.nearest(), found.square_b.nearest());
-        let curvature = dot(&found.image_b, &apply(&found.adjugate, &found.image_b)) * found.inverse_determinant;
-        let share = weight * curvature.nearest() / square_b;
+        let share = weight * found.curvature_b().nearest() / square_b;
         let slope = (1.0 - share) * (1.0 + weight * square_b / square_a);
         let half = (off / slope).clamp(-0.8, 0.8);
         let relative = 2.0 * half / (1.0 - half);

@@ -2,7 +2,7 @@
 //!
 //! A pair is made to touch at a chosen point with a chosen normal and then moved to the wanted gap; as the numbers of the
 //! pair are rounded, its true gap is then certified anew, by the plane from below and by a common point from above.
-#![allow(dead_code, missing_docs)]
+#![allow(dead_code, missing_docs, clippy::unwrap_used)]
 
 use std::ops::{Add, Mul, Sub};
 
@@ -256,15 +256,18 @@ pub fn known(generator: &mut ChaCha8Rng, axis_ratio: f64, size_ratio: f64, gap: 
     Known { a, b, gap }
 }
 
-/// The same solid about another centre.
-fn moved(solid: &Ellipsoid, center: &Vector3<f64>) -> Ellipsoid {
-    let axes = solid.semi_axes();
-    let mut matrix = *solid.factor();
-    for (mut column, axis) in matrix.column_iter_mut().zip(axes) {
+/// The pose that a solid was made with, its attitude but for rounding.
+pub fn pose(solid: &Ellipsoid) -> Pose<f64> {
+    let mut rotation = *solid.factor();
+    for (mut column, axis) in rotation.column_iter_mut().zip(solid.semi_axes()) {
         column /= *axis;
     }
-    let rotation = UnitQuaternion::from_matrix(&matrix);
-    Ellipsoid::try_new(&Pose::from_parts((*center).into(), rotation), axes).unwrap()
+    Pose::from_parts((*solid.center()).into(), UnitQuaternion::from_matrix(&rotation))
+}
+
+/// The same solid about another centre.
+fn moved(solid: &Ellipsoid, center: &Vector3<f64>) -> Ellipsoid {
+    Ellipsoid::try_new(&Pose::from_parts((*center).into(), pose(solid).rotation), solid.semi_axes()).unwrap()
 }
 
 /// Counts of a study, by decades of the gap from 1 down to 1e-16.
