@@ -1,5 +1,5 @@
 //! Pairs of ellipsoids: the exact test, its certificates and the margin, against arithmetic of 106 bits of the tests' own.
-#![allow(missing_docs)]
+#![allow(missing_docs, clippy::unwrap_used)]
 
 mod known_gap;
 

@@ -153,8 +153,9 @@ pub fn contact_function(factor_a: &WideMatrix, factor_b: &WideMatrix, between: &
             form = form + right[pivot] * right[pivot] * inverse;
             for below in pivot + 1..3 {
                 let factor = rows[below][pivot] * inverse;
-                for column in 0..3 {
-                    rows[below][column] = rows[below][column] - factor * rows[pivot][column];
+                let above = rows[pivot];
+                for (entry, of_pivot) in rows[below].iter_mut().zip(above) {
+                    *entry = *entry - factor * of_pivot;
                 }
                 right[below] = right[below] - factor * right[pivot];
             }
