@@ -215,8 +215,8 @@ pub fn attitude(generator: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
     }
 }
 
-/// An ellipsoid about a centre: a plate, a needle, a ball or anything between, its axes within `axis_ratio`.
-pub fn solid(generator: &mut ChaCha8Rng, center: Vector3<f64>, size: f64, axis_ratio: f64) -> Ellipsoid {
+/// Semi-axes of a plate, a needle, a ball or anything between, within `axis_ratio`.
+fn semi_axes(generator: &mut ChaCha8Rng, size: f64, axis_ratio: f64) -> Vector3<f64> {
     let thin = 1.0 / axis_ratio;
     let kind = unit(generator);
     let axes = if kind < 0.15 {
@@ -228,7 +228,13 @@ pub fn solid(generator: &mut ChaCha8Rng, center: Vector3<f64>, size: f64, axis_r
     } else {
         Vector3::from_fn(|_, _| thin.powf(unit(generator)))
     };
-    Ellipsoid::try_new(&Pose::from_parts(center.into(), attitude(generator)), &(axes * size)).unwrap()
+    axes * size
+}
+
+/// A random ellipsoid about a centre.
+pub fn solid(generator: &mut ChaCha8Rng, center: Vector3<f64>, size: f64, axis_ratio: f64) -> Ellipsoid {
+    let axes = semi_axes(generator, size, axis_ratio);
+    Ellipsoid::try_new(&Pose::from_parts(center.into(), attitude(generator)), &axes).unwrap()
 }
 
 /// A pair and its certified relative gap: by how much both solids must grow about their centres to touch, at least (positive,
@@ -244,14 +250,18 @@ pub fn known(generator: &mut ChaCha8Rng, axis_ratio: f64, size_ratio: f64, gap: 
     let spread = 2.0 * unit(generator) - 1.0;
     let center = vector(generator);
     let a = solid(generator, center, 1.0, axis_ratio);
-    let unplaced = solid(generator, Vector3::zeros(), size_ratio.powf(spread), axis_ratio);
+    let axes_b = semi_axes(generator, size_ratio.powf(spread), axis_ratio);
+    let attitude_b = attitude(generator);
+    let place =
+        |center: Vector3<f64>| Ellipsoid::try_new(&Pose::from_parts(center.into(), attitude_b), &axes_b).unwrap();
+    let unplaced = place(Vector3::zeros());
     let of_a = direction(generator);
     // The normal at L_a u is L_a^-T u, and L_a^-T = L_a diag(1 / axes^2).
     let normal = a.factor() * of_a.component_div(&a.semi_axes().component_mul(a.semi_axes()));
     let of_b = unplaced.factor().tr_mul(&normal).normalize();
     let growth = 1.0 + gap;
     let center = a.center() + (a.factor() * of_a + unplaced.factor() * of_b) * growth;
-    let b = moved(&unplaced, &center);
+    let b = place(center);
     let apart = gap_along(&a, &b, &normal);
     let gap = if apart > 0.0 { apart } else { -depth(&a, &b, &(of_a * growth), &(of_b * growth)).max(0.0) };
     Known { a, b, gap }
@@ -264,11 +274,6 @@ pub fn pose(solid: &Ellipsoid) -> Pose<f64> {
         column /= *axis;
     }
     Pose::from_parts((*solid.center()).into(), UnitQuaternion::from_matrix(&rotation))
-}
-
-/// The same solid about another centre.
-fn moved(solid: &Ellipsoid, center: &Vector3<f64>) -> Ellipsoid {
-    Ellipsoid::try_new(&Pose::from_parts((*center).into(), pose(solid).rotation), solid.semi_axes()).unwrap()
 }
 
 /// Counts of a study, by decades of the gap from 1 down to 1e-16.
