@@ -1169,8 +1169,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "ellipsoid pairs: the common point taken from the thicker solid",
         file: "crates/planning/src/collision/contact_function.rs",
-        original: "if smallest(a) < smallest(b) {",
-        replacement: "if smallest(a) > smallest(b) {",
+        original: "&found, smallest_a < smallest_b)",
+        replacement: "&found, smallest_a > smallest_b)",
         test: "-p tumble-planning --test ellipsoid_pairs",
     },
     Mutant {

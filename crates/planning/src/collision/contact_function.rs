@@ -108,8 +108,9 @@ fn by_weight(a: &Ellipsoid, b: &Ellipsoid, weight: f64) -> Separation {
     const STEPS: usize = 12;
     let pair = Pair::<f64>::new(a, b, 1.0);
     let mut search = Search::from(weight);
-    // The point of the thinner solid is taken, as the thicker one has more room for its error.
-    let room = smallest(a).max(smallest(b)) / SLACK;
+    // The point of the thinner solid is taken, as the thicker one has more room for the solution's error.
+    let (smallest_a, smallest_b) = (smallest(a), smallest(b));
+    let room = smallest_a.max(smallest_b) / SLACK;
     for _ in 0..STEPS {
         let found = pair.at(search.weight);
         if pair.gap(&found.normal) > 0.0 {
@@ -117,7 +118,7 @@ fn by_weight(a: &Ellipsoid, b: &Ellipsoid, weight: f64) -> Separation {
         }
         let left = 1.0 - f64::sqrt(found.upper());
         if left > 0.0 && left * room > found.residual(&pair) {
-            return Separation::Overlapping(common_point(a, b, &found));
+            return Separation::Overlapping(common_point(a, b, &found, smallest_a < smallest_b));
         }
         if search.step(&found) < 1e-13 {
             break;
@@ -147,7 +148,8 @@ fn in_double_double(a: &Ellipsoid, b: &Ellipsoid, weight: f64) -> Separation {
         if pair.gap(&normal) > 0.0 {
             return Separation::Apart(plane(a, b, Vector3::from(normal)));
         }
-        point = common_point(a, b, &found);
+        // Here only the rounding to `f64` is an error: less so from the centre of the smaller solid.
+        point = common_point(a, b, &found, largest(a) < largest(b));
         // Within 1e-25 or so; that the solids touch or not, this is the safe side.
         if found.upper() <= 1.0 || search.step(&found) < 1e-24 {
             break;
@@ -156,10 +158,10 @@ fn in_double_double(a: &Ellipsoid, b: &Ellipsoid, weight: f64) -> Separation {
     Separation::Overlapping(point)
 }
 
-/// The point that `n` gives, from the centre of the thinner solid.
-fn common_point<N: Real>(a: &Ellipsoid, b: &Ellipsoid, found: &Found<N>) -> Vector3<f64> {
+/// The point that `n` gives, from the centre of a or that of b.
+fn common_point<N: Real>(a: &Ellipsoid, b: &Ellipsoid, found: &Found<N>, is_from_a: bool) -> Vector3<f64> {
     let place = |solid: &Ellipsoid, pulled: &[N; 3]| solid.factor() * Vector3::from(pulled.map(N::nearest));
-    if smallest(a) < smallest(b) {
+    if is_from_a {
         a.center() + place(a, &found.pulled_a)
     } else {
         b.center() - place(b, &found.pulled_b) * found.weight.nearest()
