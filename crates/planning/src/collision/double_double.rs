@@ -183,9 +183,9 @@ mod tests {
 
     #[test]
     fn products_are_exact() {
-        // (2^27 + 1)^2 and a product whose exact value is known in integers.
-        let product = DoubleDouble::product(9_007_199_254_740_991.0, 9_007_199_254_740_991.0);
-        let exact = 9_007_199_254_740_991_i128 * 9_007_199_254_740_991_i128;
+        // Two numbers of 53 bits.
+        let product = DoubleDouble::product(7_205_759_403_792_793.0, 8_106_479_329_266_893.0);
+        let exact = 7_205_759_403_792_793_i128 * 8_106_479_329_266_893_i128;
         #[allow(clippy::cast_possible_truncation)]
         let found = product.high as i128 + product.low as i128;
         assert_eq!(found, exact);
