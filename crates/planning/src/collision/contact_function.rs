@@ -221,17 +221,21 @@ fn pull<N: Real>(columns: &[[N; 3]; 3], vector: &[N; 3]) -> [N; 3] {
 }
 
 #[inline(always)]
-fn push<N: Real>(columns: &[[N; 3]; 3], vector: &[N; 3]) -> [N; 3] {
-    let [first, second, third] = columns;
-    let row = |i: usize| first[i] * vector[0] + second[i] * vector[1] + third[i] * vector[2];
-    [row(0), row(1), row(2)]
+fn rows<N: Real>(columns: &[[N; 3]; 3]) -> [[N; 3]; 3] {
+    let [[xx, yx, zx], [xy, yy, zy], [xz, yz, zz]] = *columns;
+    [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]
 }
 
 #[inline(always)]
-fn outer<N: Real>(columns: &[[N; 3]; 3]) -> Symmetric<N> {
-    let [first, second, third] = columns;
-    let entry = |i: usize, j: usize| first[i] * first[j] + second[i] * second[j] + third[i] * third[j];
-    [entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)]
+fn push<N: Real>(columns: &[[N; 3]; 3], vector: &[N; 3]) -> [N; 3] {
+    rows(columns).map(|row| dot(&row, vector))
+}
+
+/// `L L'`.
+#[inline(always)]
+fn squared<N: Real>(columns: &[[N; 3]; 3]) -> Symmetric<N> {
+    let [x, y, z] = rows(columns);
+    [dot(&x, &x), dot(&x, &y), dot(&x, &z), dot(&y, &y), dot(&y, &z), dot(&z, &z)]
 }
 
 #[inline(always)]
@@ -251,7 +255,7 @@ impl<N: Real> Pair<N> {
         let between = [0, 1, 2].map(|i| N::difference(b.center()[i] * scale, a.center()[i] * scale));
         let (factor_a, factor_b) = (columns(a), columns(b));
         let lengths = taxicab(&between.map(N::nearest)) + SLACK * scale * (largest(a) + largest(b));
-        Self { between, factor_a, factor_b, shape_a: outer(&factor_a), shape_b: outer(&factor_b), lengths }
+        Self { between, factor_a, factor_b, shape_a: squared(&factor_a), shape_b: squared(&factor_b), lengths }
     }
 
     #[inline(always)]
