@@ -1327,6 +1327,62 @@ const MUTANTS: &[Mutant] = &[
         replacement: "covered[self.index(cell)] > 0)",
         test: "-p tumble-planning --test distances",
     },
+    Mutant {
+        name: "ellipsoid pairs: a plane taken as proof within its rounding",
+        file: "crates/planning/src/collision/contact_function.rs",
+        original: "- error_bound::<N>(size, self.lengths)",
+        replacement: "+ error_bound::<N>(size, self.lengths)",
+        test: "-p tumble-planning --test ellipsoid_pairs",
+    },
+    Mutant {
+        name: "ellipsoid pairs: rounding of the common point forgotten",
+        file: "crates/planning/src/collision/contact_function.rs",
+        original: "left > 0.0 && left * room > found.residual(&pair)",
+        replacement: "left > 0.0",
+        test: "-p tumble-planning --test ellipsoid_pairs",
+    },
+    Mutant {
+        name: "ellipsoid pairs: the common point taken from the thicker solid",
+        file: "crates/planning/src/collision/contact_function.rs",
+        original: "&found, smallest_a < smallest_b)",
+        replacement: "&found, smallest_a > smallest_b)",
+        test: "-p tumble-planning --test ellipsoid_pairs",
+    },
+    Mutant {
+        name: "ellipsoid pairs: nothing decided beyond 53 bits",
+        file: "crates/planning/src/collision/contact_function.rs",
+        original: "const STEPS: usize = 40;",
+        replacement: "const STEPS: usize = 0;",
+        test: "-p tumble-planning --test ellipsoid_pairs",
+    },
+    Mutant {
+        name: "double-double: split a bit off the middle",
+        file: "crates/planning/src/collision/double_double.rs",
+        original: "134_217_729.0",
+        replacement: "1_048_577.0",
+        test: "-p tumble-planning --lib collision::double_double",
+    },
+    Mutant {
+        name: "margin: attitudes bend nothing",
+        file: "crates/planning/src/collision/margin.rs",
+        original: "aa * 2.0 - turn_a.bend,",
+        replacement: "aa * 2.0,",
+        test: "-p tumble-planning --test ellipsoid_pairs",
+    },
+    Mutant {
+        name: "margin: the weight of b held still where its shape turns",
+        file: "crates/planning/src/collision/margin.rs",
+        original: "* 2.0 - turn_b.slope,",
+        replacement: "* 2.0,",
+        test: "-p tumble-planning --test ellipsoid_pairs",
+    },
+    Mutant {
+        name: "margin: square root of the contact function differentiated once only",
+        file: "crates/planning/src/collision/margin.rs",
+        original: "let (of_mixed, of_gradient) = (-by_growth / curvature, -1.0 / growth);",
+        replacement: "let (of_mixed, of_gradient) = (-by_growth / curvature, 0.0);",
+        test: "-p tumble-planning --test ellipsoid_pairs",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

@@ -14,6 +14,7 @@ mod chapter5;
 mod dynamics;
 mod ekf_rls;
 mod ellipsoid_distance;
+mod ellipsoid;
 mod excitation;
 mod flights;
 mod fourier;
@@ -70,6 +71,7 @@ const PROBLEMS: &[Problem] = &[
     ("recording", recording::run),
     ("ellipsoid-distance", ellipsoid_distance::run),
     ("sweep", sweep::run),
+    ("ellipsoid", ellipsoid::run),
 ];
 
 /// What a result folder says about the run that wrote it.
@@ -126,6 +128,11 @@ fn main() -> ExitCode {
                 }
                 _ => Err(Failure::BadInput(
                     "study what? `identification`, `calibration`, `change-detection`, `excitation`, `sweep`".to_owned(),
+                Some((what, rest)) if what == "ellipsoid" => Arguments::parse(rest, &[], &["--runs", "--seed"])
+                    .and_then(|arguments| ellipsoid::count(&arguments)),
+                _ => Err(Failure::BadInput(
+                    "study what? `identification`, `calibration`, `change-detection`, `excitation`, `ellipsoid`"
+                        .to_owned(),
                 )),
             },
             unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
