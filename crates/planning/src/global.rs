@@ -6,7 +6,7 @@ mod flight_planner;
 
 pub use bound::{Reachability, RouteBound};
 pub use diagnosis::diagnose;
-pub use flight_planner::{FlightPlanner, FlightPlannerSettings};
+pub use flight_planner::{FlightPlanner, FlightPlannerSettings, Replanning, UnderWay};
 
 use crate::belief::{ModelBelief, Plan};
 use crate::budget::Budget;

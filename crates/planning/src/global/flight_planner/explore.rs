@@ -6,7 +6,7 @@
 //! by the least times from the start and to the goal, are left out.
 
 use super::flight::{Flight, Node};
-use super::improve::within_goal;
+use super::improve::{within_goal, within_limits};
 use super::search::{End, Search};
 use crate::collision::CollisionWorld;
 use crate::motion::{BodyArc, TranslationState};
@@ -73,7 +73,8 @@ impl Explore {
         let speed = search.limits.speed_m_s;
         let velocity = search.chance.in_cube().component_mul(&speed);
         let position = search.position();
-        let node = Node { translation: TranslationState { position, velocity }, attitude: search.request.attitude };
+        let translation = within_limits(&TranslationState { position, velocity }, &search.limits);
+        let node = Node { translation, attitude: search.request.attitude };
         let to_goal_s = search.least_time_to_goal_s(&node);
         let from_start_s = least_time_s(&search.request.start, &node.translation, &search.limits);
         (from_start_s + to_goal_s < search.best_cost()).then_some((node, to_goal_s))
@@ -104,7 +105,7 @@ impl Explore {
         for (at_s, parent) in &self.candidates {
             let Some(branch) = self.branches.get(*parent) else { continue };
             self.arcs.clear();
-            if search.append_edge(&branch.node, node, &mut self.arcs) && search.is_free(&self.arcs, branch.at_s)? {
+            if search.append_edge(&branch.node, node, &mut self.arcs)? && search.is_free(&self.arcs, branch.at_s)? {
                 self.branches.push(Branch { node: *node, parent: Some(*parent), at_s: *at_s, to_goal_s });
                 return Ok(Some(self.branches.len() - 1));
             }
@@ -130,7 +131,7 @@ impl Explore {
         };
         let arrival = Node { translation: within_goal(&drawn, goal, &search.limits), attitude: branch.node.attitude };
         self.arcs.clear();
-        if !search.append_edge(&branch.node, &arrival, &mut self.arcs) {
+        if !search.append_edge(&branch.node, &arrival, &mut self.arcs)? {
             return Ok(false);
         }
         let duration_s: f64 = self.arcs.iter().map(|arc| arc.duration_s).sum();
@@ -143,7 +144,7 @@ impl Explore {
             chain.push(branch.node);
             next = branch.parent;
         }
-        Ok(search.assemble(&chain, flight))
+        search.assemble(&chain, flight)
     }
 
     /// The tree's edges, for drawing.
