@@ -1207,6 +1207,8 @@ const MUTANTS: &[Mutant] = &[
         original: "f64::min(*clearance_m + radius_m, upper_m)",
         replacement: "f64::min(*clearance_m, upper_m)",
         test: "-p tumble-planning --test ellipsoid_world",
+    },
+    Mutant {
         name: "bound: a step counted too many",
         file: "crates/planning/src/global/bound.rs",
         original: "(depth_s + f64::from(steps - 1) * edge_s)",
