@@ -21,6 +21,7 @@ cargo xtask <command>
   reproduce actuation [--flights N] [--out DIR]
   study identification [--cells NAME] [--runs N] [--out DIR]
   study excitation [--cases N] [--flights N]
+  study ellipsoid [--runs N] [--seed N]   pairs misclassified, by decade of their true gap
 
 Exit 0: done. 1: a check failed. 2: bad input. 3: a target was missed.
 ";

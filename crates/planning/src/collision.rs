@@ -4,10 +4,13 @@ mod aligned_box;
 mod batch;
 mod broad_phase;
 mod conservative;
+mod contact_function;
 mod distance;
+mod double_double;
 mod ellipsoid;
 mod half_space;
 mod keep_in;
+mod margin;
 mod obstacle;
 pub(crate) mod polynomial;
 mod sphere;
@@ -16,10 +19,12 @@ mod world;
 
 pub use aligned_box::{ellipsoid_to_box, sphere_to_box};
 pub use conservative::conservative_first_contact;
+pub use contact_function::{Plane, Separation, overlap, separation};
 pub use distance::{Distance, distance, distance_from_hint};
 pub use ellipsoid::Ellipsoid;
 pub use half_space::{HalfSpace, ellipsoid_to_half_space, sphere_to_half_space};
 pub use keep_in::{KEEP_IN_GAP_M, keep_in_complement};
+pub use margin::{ScalingMargin, scaling_margin};
 pub use sphere::{Sphere, ellipsoid_to_point, ellipsoid_to_sphere, sphere_to_sphere};
 pub use world::{EllipsoidWorld, MovingObstacle};
 
