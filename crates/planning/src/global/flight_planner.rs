@@ -87,7 +87,7 @@ impl FlightPlanner {
                 self.flight.clone_from(best);
             }
             self.improve.run(search, &mut self.flight, BEST_UNITS)?;
-            let goal = self.goal(search)?;
+            let goal = Self::goal(search)?;
             if self.connect.find(search, goal, &[], CANDIDATE_UNITS, &mut self.flight)? {
                 search.offer(&self.flight)?;
                 self.improve.run(search, &mut self.flight, CANDIDATE_UNITS)?;
@@ -107,7 +107,7 @@ impl FlightPlanner {
     ) -> Result<(), End> {
         loop {
             let arrived = seeds.last().filter(|last| is_in_goal(search, last)).copied();
-            let goal = arrived.map_or_else(|| self.goal(search), Ok)?;
+            let goal = arrived.map_or_else(|| Self::goal(search), Ok)?;
             if self.connect.find(search, goal, seeds, TREE_UNITS, &mut self.flight)? {
                 return Ok(());
             }
@@ -147,7 +147,7 @@ impl FlightPlanner {
     }
 
     /// A state at rest in the goal region, its centre where that is free.
-    fn goal<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>) -> Result<Node, End> {
+    fn goal<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>) -> Result<Node, End> {
         let request = search.request;
         let attitude = request.goal.attitude.unwrap_or(request.attitude);
         let bounds = &search.limits.position;
