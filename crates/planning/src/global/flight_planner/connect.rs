@@ -9,8 +9,6 @@ use nalgebra::Vector3;
 
 /// An edge stopped short goes this share of the way to the contact.
 const SHARE_BEFORE_CONTACT: f64 = 0.8;
-/// Steps by which one tree follows the other.
-const FOLLOWING_STEPS: usize = 3;
 /// An edge shorter than this share of the one that was tried is not worth a node.
 const LEAST_STEP: f64 = 1e-3;
 
@@ -124,17 +122,13 @@ impl Connect {
     ) -> Result<bool, End> {
         let other = if side == Side::Start { Side::Goal } else { Side::Start };
         let Some(node) = self.tree(side).get(index).map(|branch| branch.node) else { return Ok(false) };
-        for _ in 0..FOLLOWING_STEPS {
-            match self.extend(search, other, &node)? {
-                Growth::Reached(met) => {
-                    let (start, goal) = if side == Side::Start { (index, met) } else { (met, index) };
-                    return self.assemble(search, start, goal, flight);
-                }
-                Growth::Advanced(_) => {}
-                Growth::Trapped => break,
+        match self.extend(search, other, &node)? {
+            Growth::Reached(met) => {
+                let (start, goal) = if side == Side::Start { (index, met) } else { (met, index) };
+                self.assemble(search, start, goal, flight)
             }
+            Growth::Advanced(_) | Growth::Trapped => Ok(false),
         }
-        Ok(false)
     }
 
     fn tree(&mut self, side: Side) -> &mut Vec<Branch> {
