@@ -1,4 +1,5 @@
 //! The planner: plans that hold by checks that share nothing with it, bounds, proofs, replanning, turning through a gap.
+#![allow(clippy::expect_used)]
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tumble_planning::collision::{Blocker, BodyEllipsoid, BodyShape, CollisionWorld, EllipsoidWorld, MovingObstacle};
