@@ -1,5 +1,9 @@
 //! Long plans around obstacles: a kinodynamic planner that says how far from optimal it is.
 
+mod primitive_rrt;
+
+pub use primitive_rrt::{EdgeCheck, PrimitiveRrt, PrimitiveRrtSettings};
+
 use crate::belief::{ModelBelief, Plan};
 use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};
