@@ -1,7 +1,13 @@
 //! Long plans around obstacles: a kinodynamic planner that says how far from optimal it is.
 
+mod bound;
+mod diagnosis;
+mod flight_planner;
 mod primitive_rrt;
 
+pub use bound::{Reachability, RouteBound};
+pub use diagnosis::diagnose;
+pub use flight_planner::{FlightPlanner, FlightPlannerSettings};
 pub use primitive_rrt::{EdgeCheck, PrimitiveRrt, PrimitiveRrtSettings};
 
 use crate::belief::{ModelBelief, Plan};

@@ -17,6 +17,7 @@ pub mod kinodynamic;
 pub mod laws;
 mod motion;
 mod state_space;
+pub mod steering;
 
 pub use belief::{ModelBelief, Plan};
 pub use budget::{Budget, Units};
