@@ -204,7 +204,8 @@ fn body_axes(arc: &BodyArc, time_s: f64) -> Matrix3<f64> {
 }
 
 fn reach(body: &BodyShape) -> f64 {
-    let reach = body.parts().iter().map(|part| part.body_from_ellipsoid.translation.vector.norm() + part.semi_axes.max());
+    let reach =
+        body.parts().iter().map(|part| part.body_from_ellipsoid.translation.vector.norm() + part.semi_axes.max());
     reach.fold(0.0, f64::max)
 }
 
@@ -304,7 +305,10 @@ fn forbidden_boxes(world: &World, limits: &MotionLimits, reach_m: f64) -> Vec<Al
         return forbidden;
     }
     let wider = Vector3::repeat(2.0 * reach_m + 0.1);
-    let near = AlignedBox { lower_world: limits.position.lower_world - wider, upper_world: limits.position.upper_world + wider };
+    let near = AlignedBox {
+        lower_world: limits.position.lower_world - wider,
+        upper_world: limits.position.upper_world + wider,
+    };
     let cuts: Vec<Vec<f64>> = (0..3)
         .map(|axis| {
             let sides = world.keep_in.iter().flat_map(|b| [b.lower_world[axis], b.upper_world[axis]]);
@@ -351,8 +355,10 @@ mod tests {
     fn surface(solid: &Solid, steps: u32) -> impl Iterator<Item = Vector3<f64>> + '_ {
         (0..=steps).flat_map(move |i| {
             (0..2 * steps).map(move |j| {
-                let (polar, around) =
-                    (f64::from(i) * std::f64::consts::PI / f64::from(steps), f64::from(j) * std::f64::consts::PI / f64::from(steps));
+                let (polar, around) = (
+                    f64::from(i) * std::f64::consts::PI / f64::from(steps),
+                    f64::from(j) * std::f64::consts::PI / f64::from(steps),
+                );
                 let unit = Vector3::new(polar.sin() * around.cos(), polar.sin() * around.sin(), polar.cos());
                 solid.center + solid.axes * unit.component_mul(&solid.semi_axes)
             })
@@ -383,7 +389,8 @@ mod tests {
         for _ in 0..60 {
             let (mut a, b) = (solid(&mut rng), solid(&mut rng));
             a.center *= 2.0;
-            let least = surface(&a, 100).map(|p| distance_to_ellipsoid(&p, &b, f64::INFINITY)).fold(f64::INFINITY, f64::min);
+            let least =
+                surface(&a, 100).map(|p| distance_to_ellipsoid(&p, &b, f64::INFINITY)).fold(f64::INFINITY, f64::min);
             let contains = distance_to_ellipsoid(&b.center, &a, f64::INFINITY) < 0.0;
             if least.abs() > 1e-2 {
                 assert_eq!(overlap(&a, &b), least < 0.0 || contains, "{least}");
@@ -437,7 +444,8 @@ mod tests {
         assert!(judge(&world, &slow, &push(2.0)).over_limit > 0);
         let weak = MotionLimits { force_n: Vector3::repeat(0.999), ..limits };
         assert!(judge(&world, &weak, &push(2.0)).over_limit > LEAST_SAMPLES);
-        let narrow = MotionLimits { position: AlignedBox::between(Vector3::repeat(-2.0), Vector3::repeat(0.999)), ..limits };
+        let narrow =
+            MotionLimits { position: AlignedBox::between(Vector3::repeat(-2.0), Vector3::repeat(0.999)), ..limits };
         assert!(judge(&world, &narrow, &push(2.0)).over_limit > 0);
         let turned = push(2.0).arcs()[0].turning(Vector3::z_axis(), [0.0, 0.2, 0.0, 0.0, 0.0, 0.0]);
         assert!(judge(&world, &limits, &ArcPath::new([turned])).over_limit > 0);
@@ -464,7 +472,10 @@ mod tests {
         };
         assert_eq!(judge(&keep_in(0.1), &limits, &push(2.0)).in_obstacle, 0);
         assert!(judge(&keep_in(0.0999), &limits, &push(2.0)).in_obstacle > 0);
-        let door = World { keep_out: vec![AlignedBox::between(Vector3::new(0.4, 0.0999, 0.0), Vector3::repeat(0.5))], ..World::default() };
+        let door = World {
+            keep_out: vec![AlignedBox::between(Vector3::new(0.4, 0.0999, 0.0), Vector3::repeat(0.5))],
+            ..World::default()
+        };
         assert!(judge(&door, &limits, &push(2.0)).in_obstacle > 0);
 
         // an ellipsoid that fits beside the door only one way round

@@ -84,8 +84,10 @@ impl Improve {
     fn arrival<W: CollisionWorld + ?Sized>(&self, search: &mut Search<'_, '_, W>, end: &Node) -> Node {
         let goal = &search.request.goal;
         let chance = &mut search.chance;
-        let position = end.translation.position + chance.in_cube() * (2.0 * goal.radius_m * chance.scale(CHANGE_OCTAVES));
-        let velocity = end.translation.velocity + chance.in_cube() * (2.0 * goal.speed_m_s * chance.scale(CHANGE_OCTAVES));
+        let position =
+            end.translation.position + chance.in_cube() * (2.0 * goal.radius_m * chance.scale(CHANGE_OCTAVES));
+        let velocity =
+            end.translation.velocity + chance.in_cube() * (2.0 * goal.speed_m_s * chance.scale(CHANGE_OCTAVES));
         let translation = within_goal(&TranslationState { position, velocity }, goal, &search.limits);
         Node { translation, attitude: end.attitude }
     }
@@ -137,10 +139,8 @@ fn changed<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>, node: &No
     let chance = &mut search.chance;
     let reach = chance.in_cube().component_mul(&limits.speed_m_s) * (span_s * chance.scale(CHANGE_OCTAVES));
     let push = chance.in_cube().component_mul(&limits.speed_m_s) * (2.0 * chance.scale(CHANGE_OCTAVES));
-    let translation = TranslationState {
-        position: node.translation.position + reach,
-        velocity: node.translation.velocity + push,
-    };
+    let translation =
+        TranslationState { position: node.translation.position + reach, velocity: node.translation.velocity + push };
     Node { translation: within_limits(&translation, limits), attitude: node.attitude }
 }
 
