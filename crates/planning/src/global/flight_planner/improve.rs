@@ -33,9 +33,8 @@ impl Improve {
         units: u64,
     ) -> Result<(), End> {
         let last = search.units.saturating_add(units);
-        let good_enough = search.lower_bound * (1.0 + search.tolerance);
         let mut refused = 0;
-        while search.units < last && flight.cost > good_enough {
+        while search.units < last && !search.is_optimal(flight.cost) {
             let before = search.units;
             self.attempt(search, flight)?;
             if search.units == before {
@@ -112,8 +111,8 @@ impl Improve {
         let middle = &mut self.middle;
         middle.clear();
         let is_edge = match via {
-            Some(via) => search.append_edge(&from.node, via, middle) && search.append_edge(via, end, middle),
-            None => search.append_edge(&from.node, end, middle),
+            Some(via) => search.append_edge(&from.node, via, middle)? && search.append_edge(via, end, middle)?,
+            None => search.append_edge(&from.node, end, middle)?,
         };
         let new_s: f64 = middle.iter().map(|arc| arc.duration_s).sum();
         if !is_edge || new_s >= old_s - least_gain || !search.is_free(middle, from.time_s)? {
@@ -127,8 +126,7 @@ impl Improve {
             }
         }
         flight.replace(from, to, middle, &mut self.rest);
-        flight.duration_s = flight.arcs.iter().map(|arc| arc.duration_s).sum();
-        flight.cost = search.cost(&flight.arcs);
+        search.rate(flight);
         Ok(())
     }
 }
