@@ -16,7 +16,7 @@ use tumble_planning::laws::{
     check_state_space,
 };
 use tumble_planning::lie::Pose;
-use tumble_planning::nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
+use tumble_planning::nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3, Vector4};
 use tumble_planning::rand_core::Rng;
 use tumble_planning::{
     BodyArc, BodyMotion, KinodynamicModel, ModelBelief, PlanningError, Primitive, StateSpace, TranslationState, Units,
@@ -28,6 +28,10 @@ const JET_N: f64 = 0.12;
 
 /// Its state: x, y, and their rates.
 type State = Vector4<f64>;
+
+fn rates(state: &State) -> Vector2<f64> {
+    Vector2::new(state.z, state.w)
+}
 
 #[derive(Clone)]
 struct Puck {
@@ -54,7 +58,7 @@ impl StateSpace for Puck {
         from.lerp(to, fraction)
     }
     fn contains(&self, state: &State) -> bool {
-        let is_slow = state.zw().norm() <= FASTEST_M_S * (1.0 + 1e-12);
+        let is_slow = rates(state).norm() <= FASTEST_M_S * (1.0 + 1e-12);
         is_slow && state.x.abs() <= self.table.upper_world.x && state.y.abs() <= self.table.upper_world.y
     }
     fn sample(&self, rng: &mut dyn Rng) -> State {
@@ -76,8 +80,8 @@ impl KinodynamicModel for Puck {
     type Parameters = InertialParameters<f64>;
     fn propagate(&self, state: &State, force: &Vector3<f64>, body: &InertialParameters<f64>, duration_s: f64) -> State {
         let acceleration = force.xy() / body.mass;
-        let position = state.xy() + state.zw() * duration_s + acceleration * (0.5 * duration_s * duration_s);
-        let velocity = state.zw() + acceleration * duration_s;
+        let position = state.xy() + rates(state) * duration_s + acceleration * (0.5 * duration_s * duration_s);
+        let velocity = rates(state) + acceleration * duration_s;
         State::new(position.x, position.y, velocity.x, velocity.y)
     }
     fn primitives(&self) -> &[Primitive<Vector3<f64>>] {

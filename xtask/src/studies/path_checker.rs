@@ -41,6 +41,7 @@ pub struct Findings {
     pub misses_goal: bool,
 }
 
+#[cfg(test)]
 impl Findings {
     pub fn is_clean(&self) -> bool {
         self.in_obstacle == 0 && self.over_limit == 0 && self.jumps == 0 && !self.misses_goal

@@ -145,8 +145,9 @@ struct Try {
     elapsed_ns: f64,
     answer: GlobalAnswer,
     collides: bool,
-    /// Not clean for another reason.
     breaks_limits: bool,
+    /// It jumps, or ends elsewhere than in the goal region.
+    is_broken: bool,
     deepest_m: f64,
 }
 
@@ -168,8 +169,9 @@ fn first_plans(scene: &Scene, runs: usize, planner: &dyn Fn() -> Box<Planner>) -
 fn judged(checker: &PathChecker<'_>, answer: GlobalAnswer, elapsed_ns: f64) -> Try {
     let findings = answer.plan.as_ref().map(|plan| checker.check(&plan.trajectory)).unwrap_or_default();
     let collides = findings.in_obstacle > 0;
-    let breaks_limits = findings.over_limit > 0 || findings.jumps > 0 || findings.misses_goal;
-    Try { elapsed_ns, answer, collides, breaks_limits, deepest_m: findings.deepest_m }
+    let is_broken = findings.jumps > 0 || findings.misses_goal;
+    let breaks_limits = findings.over_limit > 0;
+    Try { elapsed_ns, answer, collides, breaks_limits, is_broken, deepest_m: findings.deepest_m }
 }
 
 fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
@@ -196,6 +198,7 @@ fn report(bench: &Bench, scene: &Scene, suffix: &str, tries: &[Try], goal: Goal)
         ("success", share(tries, |one| one.answer.plan.is_some())),
         ("plans_in_collision", count(tries, |one| one.collides)),
         ("plans_over_limits", count(tries, |one| one.breaks_limits)),
+        ("plans_broken", count(tries, |one| one.is_broken)),
         ("deepest_m", tries.iter().map(|one| one.deepest_m).fold(0.0, f64::max)),
         ("median_cost_s", quantile(&costs, 0.5)),
         ("median_units", quantile(&units, 0.5)),
@@ -241,6 +244,7 @@ fn improved_plans(
         ("success", share(&tries, |one| one.answer.plan.is_some())),
         ("plans_in_collision", count(&tries, |one| one.collides)),
         ("plans_over_limits", count(&tries, |one| one.breaks_limits)),
+        ("plans_broken", count(&tries, |one| one.is_broken)),
         ("median_cost_s", quantile(&costs, 0.5)),
         ("worst_cost_s", quantile(&costs, 1.0)),
         ("best_cost_s", best_s),

@@ -332,7 +332,9 @@ impl CollisionWorld for EllipsoidWorld {
         world_from_body: &Pose<f64>,
         from_s: f64,
     ) -> Result<Clearance, PlanningError> {
-        self.clearance_from(body, world_from_body, from_s, |entry| entry.is_present(from_s) && entry.is_still_from(from_s))
+        self.clearance_from(body, world_from_body, from_s, |entry| {
+            entry.is_present(from_s) && entry.is_still_from(from_s)
+        })
     }
 
     fn is_still_from(&self, time_s: f64) -> bool {

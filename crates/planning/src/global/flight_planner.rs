@@ -119,11 +119,7 @@ impl FlightPlanner {
     }
 
     /// Improves the flight and offers what came of it, even where the budget ended it.
-    fn improve<W: CollisionWorld + ?Sized>(
-        &mut self,
-        search: &mut Search<'_, '_, W>,
-        units: u64,
-    ) -> Result<(), End> {
+    fn improve<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>, units: u64) -> Result<(), End> {
         let improved = self.improve.run(search, &mut self.flight, units);
         search.offer(&self.flight)?;
         improved
