@@ -102,17 +102,23 @@ impl FlightPlanner {
         flight.arcs.clear();
         let (mut since, mut since_s) = (0, 0.0);
         let route = search.free_route().to_vec();
-        for corners in route.windows(2) {
-            let [from, to] = corners else { continue };
-            if !search.append_straight(from, to, &mut flight.arcs) {
+        let mut here = search.start();
+        for corner in route.iter().skip(1) {
+            let next = Node { translation: TranslationState::at_rest(*corner), attitude: here.attitude };
+            if !search.append_straight(&here, &next, &mut flight.arcs)? {
                 return Ok(false);
             }
+            here = next;
             let arcs = flight.arcs.get(since..).unwrap_or_default();
             if !search.is_free(arcs, since_s)? {
                 return Ok(false);
             }
             since_s += arcs.iter().map(|arc| arc.duration_s).sum::<f64>();
             since = flight.arcs.len();
+        }
+        let arrival = Node { attitude: search.request.goal.attitude.unwrap_or(here.attitude), ..here };
+        if !search.append_edge(&here, &arrival, &mut flight.arcs)? {
+            return Ok(false);
         }
         search.rate(flight);
         Ok(true)

@@ -6,7 +6,7 @@ use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};
 use crate::error::PlanningError;
 use crate::global::{GlobalRequest, Improvement, Objective, Obstruction, Reachability, RouteBound, Until};
-use crate::motion::{BodyArc, TranslationState};
+use crate::motion::BodyArc;
 use crate::steering::{TranslationLimits, least_time_to_goal_s, slew, steer, steer_in};
 use nalgebra::{Matrix3, Vector3};
 use tumble_dynamics::AlignedBox;
@@ -205,10 +205,13 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         Ok(true)
     }
 
-    /// Appends a straight move from rest to rest.
-    pub fn append_straight(&self, from: &Vector3<f64>, to: &Vector3<f64>, arcs: &mut Vec<BodyArc>) -> bool {
-        let way = to - from;
+    /// Appends a straight move between two nodes at rest of one attitude, or the edge of least duration from one in motion.
+    pub fn append_straight(&self, from: &Node, to: &Node, arcs: &mut Vec<BodyArc>) -> Result<bool, End> {
+        let way = to.translation.position - from.translation.position;
         let length_m = f64::sqrt(way.norm_squared());
+        if from.translation.velocity != Vector3::zeros() || length_m == 0.0 {
+            return self.append_edge(from, to, arcs);
+        }
         // The axes follow one profile where their limits are as their ways are.
         let direction = way.map(|component| component.abs() / length_m);
         let shared = |limits: &Vector3<f64>| {
@@ -220,10 +223,9 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
             speed_m_s: shared(&self.limits.speed_m_s),
             acceleration_m_s2: shared(&self.limits.acceleration_m_s2),
         };
-        let ends = [from, to].map(|position| TranslationState::at_rest(*position));
-        let Some(steering) = steer(&ends[0], &ends[1], &limits) else { return false };
-        arcs.extend(steering.arcs(self.request.attitude));
-        true
+        let Some(steering) = steer(&from.translation, &to.translation, &limits) else { return Ok(false) };
+        arcs.extend(steering.arcs(from.attitude));
+        Ok(true)
     }
 
     /// Makes a flight of a chain of nodes that runs from its end to its start; false where an edge is missing.
