@@ -143,7 +143,7 @@ fn settings_and_requests_that_cannot_be_are_errors() {
     let world = EllipsoidWorld::new(&World::default()).unwrap();
     let (body, belief) = (BodyShape::sphere(0.1).unwrap(), belief());
     let sound = request(&world, &body, &belief);
-    let mut ask = |request| planner(0.05).unwrap().plan(&request, &mut Units::new(10)).is_err();
+    let ask = |request| planner(0.05).unwrap().plan(&request, &mut Units::new(10)).is_err();
     assert!(ask(GlobalRequest { start_s: f64::NAN, ..request(&world, &body, &belief) }));
     assert!(ask(GlobalRequest { margin_m: f64::INFINITY, ..request(&world, &body, &belief) }));
     let goal = GoalRegion { radius_m: -1.0, ..sound.goal };
