@@ -72,6 +72,29 @@ pub trait CollisionWorld {
         margin_m: f64,
     ) -> Result<Option<Contact>, PlanningError>;
 
+    /// True where nothing moves, appears or vanishes from this mission time on, so that a motion found free stays free
+    /// when it begins later; false where that is not known.
+    fn is_still_from(&self, _time_s: f64) -> bool {
+        false
+    }
+
+    /// Clearance from what is there at every time from `from_s` on and never moves: an upper bound of the clearance at
+    /// any such time. Only this may prove that no way exists, or how long the shortest one is at least.
+    ///
+    /// A world that never changes answers `self.clearance(body, world_from_body, from_s)`. The default knows of nothing
+    /// that lasts: infinite, which is always true and proves nothing.
+    ///
+    /// # Errors
+    /// What the back end cannot answer.
+    fn lasting_clearance(
+        &self,
+        _body: &Self::Body,
+        _world_from_body: &Pose<f64>,
+        _from_s: f64,
+    ) -> Result<Clearance, PlanningError> {
+        Ok(Clearance { distance_m: f64::INFINITY, nearest: None })
+    }
+
     /// Largest distance of a point of the body from its origin, m.
     fn reach_m(&self, body: &Self::Body) -> f64;
 }
@@ -125,6 +148,16 @@ impl BodyShape {
     /// The parts.
     pub fn parts(&self) -> &[BodyEllipsoid] {
         &self.parts
+    }
+
+    /// Radius of a ball about the body origin that lies inside one part, m; zero where no part holds the origin. Whatever
+    /// blocks this ball blocks the body in every attitude.
+    pub fn inscribed_radius_m(&self) -> f64 {
+        let inscribed = |part: &BodyEllipsoid| {
+            let origin = part.body_from_ellipsoid.inverse().translation.vector;
+            (1.0 - f64::sqrt(origin.component_div(&part.semi_axes).norm_squared())) * part.semi_axes.min()
+        };
+        self.parts.iter().map(inscribed).fold(0.0, f64::max)
     }
 
     /// Radius of the smallest sphere about the body origin that holds every part's bounding sphere, m.

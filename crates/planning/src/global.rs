@@ -1,5 +1,13 @@
 //! Long plans around obstacles: a kinodynamic planner that says how far from optimal it is.
 
+mod bound;
+mod diagnosis;
+mod flight_planner;
+
+pub use bound::{Reachability, RouteBound};
+pub use diagnosis::diagnose;
+pub use flight_planner::{FlightPlanner, FlightPlannerSettings};
+
 use crate::belief::{ModelBelief, Plan};
 use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};

@@ -12,6 +12,7 @@ pub mod collision;
 mod error;
 pub mod global;
 mod motion;
+pub mod steering;
 
 pub use belief::{ModelBelief, Plan};
 pub use budget::{Budget, Units};

@@ -1,0 +1,272 @@
+//! The first plan: two trees of states at rest, one from the start and one from the goal, that grow towards each other.
+
+use super::flight::{Flight, Node};
+use super::search::{End, Search};
+use crate::collision::CollisionWorld;
+use crate::motion::{BodyArc, TranslationState};
+use crate::steering::least_time_s;
+use nalgebra::Vector3;
+
+/// An edge stopped short goes this share of the way to the contact.
+const SHARE_BEFORE_CONTACT: f64 = 0.8;
+/// Steps by which one tree follows the other.
+const FOLLOWING_STEPS: usize = 3;
+/// An edge shorter than this share of the way from start to goal is not worth a node.
+const LEAST_STEP: f64 = 1e-3;
+
+#[derive(Clone, Copy, PartialEq)]
+enum Side {
+    Start,
+    Goal,
+}
+
+#[derive(Clone, Copy)]
+struct Branch {
+    node: Node,
+    /// Towards the root.
+    parent: Option<usize>,
+    /// Time since the start of the plan; in the goal's tree a guess.
+    at_s: f64,
+}
+
+/// What an extension came to.
+enum Growth {
+    Reached(usize),
+    Advanced(usize),
+    Trapped,
+}
+
+/// The two trees; kept between searches for their memory.
+#[derive(Default)]
+pub(super) struct Connect {
+    start: Vec<Branch>,
+    goal: Vec<Branch>,
+    arcs: Vec<BodyArc>,
+}
+
+impl Connect {
+    /// Looks for a flight from the start to `goal` and leaves it in `flight`; false where `most_units` did not suffice.
+    pub fn find<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        goal: Node,
+        most_units: u64,
+        flight: &mut Flight,
+    ) -> Result<bool, End> {
+        let last = search.units.saturating_add(most_units);
+        let start = search.start();
+        self.start.clear();
+        self.goal.clear();
+        self.start.push(Branch { node: start, parent: None, at_s: 0.0 });
+        self.goal.push(Branch { node: goal, parent: None, at_s: travel_s(search, &start, &goal) });
+        let mut side = Side::Start;
+        let mut target = goal;
+        loop {
+            if let Growth::Reached(index) | Growth::Advanced(index) = self.extend(search, side, &target)? {
+                if self.joins(search, side, index, flight)? {
+                    return Ok(true);
+                }
+            }
+            if search.units >= last {
+                return Ok(false);
+            }
+            side = if side == Side::Start { Side::Goal } else { Side::Start };
+            target = sample(search);
+        }
+    }
+
+    /// Lets the other tree follow to a new branch; true where they have met in a flight.
+    fn joins<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        side: Side,
+        index: usize,
+        flight: &mut Flight,
+    ) -> Result<bool, End> {
+        let other = if side == Side::Start { Side::Goal } else { Side::Start };
+        let Some(node) = self.tree(side).get(index).map(|branch| branch.node) else { return Ok(false) };
+        for _ in 0..FOLLOWING_STEPS {
+            match self.extend(search, other, &node)? {
+                Growth::Reached(met) => {
+                    let (start, goal) = if side == Side::Start { (index, met) } else { (met, index) };
+                    return self.assemble(search, start, goal, flight);
+                }
+                Growth::Advanced(_) => {}
+                Growth::Trapped => break,
+            }
+        }
+        Ok(false)
+    }
+
+    fn tree(&mut self, side: Side) -> &mut Vec<Branch> {
+        match side {
+            Side::Start => &mut self.start,
+            Side::Goal => &mut self.goal,
+        }
+    }
+
+    /// Grows a tree towards `target`, as far as nothing is hit.
+    fn extend<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        side: Side,
+        target: &Node,
+    ) -> Result<Growth, End> {
+        let mut nearest = None;
+        let mut least_s = f64::INFINITY;
+        for (index, branch) in self.tree(side).iter().enumerate() {
+            let time_s = match side {
+                Side::Start => travel_s(search, &branch.node, target),
+                Side::Goal => travel_s(search, target, &branch.node),
+            };
+            if time_s < least_s {
+                least_s = time_s;
+                nearest = Some((index, *branch));
+            }
+        }
+        let Some((parent, branch)) = nearest else { return Ok(Growth::Trapped) };
+        let Some(contact) = self.edge(search, side, &branch, target)? else {
+            return Ok(Growth::Reached(self.push(search, side, parent, target)));
+        };
+        let Some(position) = contact.position else { return Ok(Growth::Trapped) };
+        let way = (position - branch.node.translation.position) * SHARE_BEFORE_CONTACT;
+        let whole = search.request.goal.position - search.request.start.position;
+        if way.norm_squared() <= LEAST_STEP * LEAST_STEP * whole.norm_squared() {
+            return Ok(Growth::Trapped);
+        }
+        let translation = TranslationState::at_rest(branch.node.translation.position + way);
+        let short = Node { translation, attitude: target.attitude };
+        Ok(match self.edge(search, side, &branch, &short)? {
+            None => Growth::Advanced(self.push(search, side, parent, &short)),
+            Some(_) => Growth::Trapped,
+        })
+    }
+
+    /// Checks the edge between a branch and a new node; `None` where it is free.
+    fn edge<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        side: Side,
+        branch: &Branch,
+        target: &Node,
+    ) -> Result<Option<Blocked>, End> {
+        let arcs = &mut self.arcs;
+        arcs.clear();
+        let (from, to) = match side {
+            Side::Start => (&branch.node, target),
+            Side::Goal => (target, &branch.node),
+        };
+        if !search.append_edge(from, to, arcs) {
+            return Ok(Some(Blocked { position: None }));
+        }
+        let duration_s: f64 = arcs.iter().map(|arc| arc.duration_s).sum();
+        let start_s = match side {
+            Side::Start => branch.at_s,
+            Side::Goal => (branch.at_s - duration_s).max(0.0),
+        };
+        // Backwards, the contact nearest to the branch comes first.
+        let is_reversed = side == Side::Goal && search.is_still && arcs.iter().all(BodyArc::is_level);
+        if is_reversed {
+            reverse(arcs);
+        }
+        let Some(contact_s) = search.first_contact_s(arcs, start_s)? else { return Ok(None) };
+        let is_usable = side == Side::Start || is_reversed;
+        Ok(Some(Blocked { position: if is_usable { position_at(arcs, contact_s) } else { None } }))
+    }
+
+    fn push<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &Search<'_, '_, W>,
+        side: Side,
+        parent: usize,
+        node: &Node,
+    ) -> usize {
+        let duration_s: f64 = self.arcs.iter().map(|arc| arc.duration_s).sum();
+        let tree = self.tree(side);
+        let parent_at_s = tree.get(parent).map_or(0.0, |branch| branch.at_s);
+        let at_s = match side {
+            Side::Start => parent_at_s + duration_s,
+            Side::Goal => (parent_at_s - duration_s).max(travel_s(search, &search.start(), node)),
+        };
+        tree.push(Branch { node: *node, parent: Some(parent), at_s });
+        tree.len() - 1
+    }
+
+    /// Makes a flight of two branches that hold the same node. Where time matters, the part from the goal's tree is checked
+    /// again at its times, and what is free of it joins the start's tree.
+    fn assemble<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        start: usize,
+        goal: usize,
+        flight: &mut Flight,
+    ) -> Result<bool, End> {
+        let mut joint = start;
+        let mut next = self.goal.get(goal).and_then(|branch| branch.parent);
+        while let Some(branch) = next.and_then(|index| self.goal.get(index)).copied() {
+            let Some(from) = self.start.get(joint).copied() else { return Ok(false) };
+            self.arcs.clear();
+            if !search.append_edge(&from.node, &branch.node, &mut self.arcs) {
+                return Ok(false);
+            }
+            if !search.is_still && !search.is_free(&self.arcs, from.at_s)? {
+                return Ok(false);
+            }
+            joint = self.push(search, Side::Start, joint, &branch.node);
+            next = branch.parent;
+        }
+        let mut chain = Vec::new();
+        let mut index = Some(joint);
+        while let Some(branch) = index.and_then(|index| self.start.get(index)) {
+            chain.push(branch.node);
+            index = branch.parent;
+        }
+        Ok(search.assemble(&chain, flight))
+    }
+
+    /// The edges of both trees, for drawing.
+    pub fn edges(&self) -> impl Iterator<Item = [Vector3<f64>; 2]> {
+        [&self.start, &self.goal].into_iter().flat_map(|tree| {
+            tree.iter().filter_map(|branch| {
+                let parent = tree.get(branch.parent?)?;
+                Some([parent.node.translation.position, branch.node.translation.position])
+            })
+        })
+    }
+}
+
+/// An edge that is not free, and where it ends.
+struct Blocked {
+    position: Option<Vector3<f64>>,
+}
+
+/// Least time from one node to another, whatever stands between.
+fn travel_s<W: CollisionWorld + ?Sized>(search: &Search<'_, '_, W>, from: &Node, to: &Node) -> f64 {
+    least_time_s(&from.translation, &to.translation, &search.limits)
+}
+
+/// A state at rest, anywhere within the limits.
+fn sample<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>) -> Node {
+    let position = search.position();
+    Node { translation: TranslationState::at_rest(position), attitude: search.request.attitude }
+}
+
+fn position_at(arcs: &[BodyArc], mut time_s: f64) -> Option<Vector3<f64>> {
+    for arc in arcs {
+        if time_s <= arc.duration_s {
+            return Some(arc.translation(time_s).0.position);
+        }
+        time_s -= arc.duration_s;
+    }
+    None
+}
+
+/// The same motion flown backwards.
+fn reverse(arcs: &mut [BodyArc]) {
+    arcs.reverse();
+    for arc in arcs {
+        let (end, acceleration) = arc.translation(arc.duration_s);
+        let start = TranslationState { position: end.position, velocity: -end.velocity };
+        *arc = BodyArc::accelerated(arc.duration_s, &start, acceleration, arc.attitude);
+    }
+}

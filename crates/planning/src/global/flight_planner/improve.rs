@@ -1,0 +1,169 @@
+//! Better flights out of a good one: parts of it replaced by edges that cost less.
+
+use super::flight::{Cut, Flight, Node};
+use super::search::{End, Search};
+use crate::collision::CollisionWorld;
+use crate::global::GoalRegion;
+use crate::motion::{BodyArc, TranslationState};
+use crate::steering::{TranslationLimits, least_time_s};
+use nalgebra::Vector3;
+
+/// Replaced parts are as short as the flight halved so often.
+const SPAN_OCTAVES: f64 = 5.0;
+/// Changes of a state are as small as the largest halved so often.
+const CHANGE_OCTAVES: f64 = 9.0;
+/// Attempts refused before a collision check that count as one unit.
+const REFUSED_PER_UNIT: u32 = 8;
+/// A gain below this share of the cost is none.
+const LEAST_GAIN: f64 = 1e-9;
+
+/// Workspace of the improvement.
+#[derive(Default)]
+pub(super) struct Improve {
+    middle: Vec<BodyArc>,
+    rest: Vec<BodyArc>,
+}
+
+impl Improve {
+    /// Spends `units` on making `flight` cheaper.
+    pub fn run<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        flight: &mut Flight,
+        units: u64,
+    ) -> Result<(), End> {
+        let last = search.units.saturating_add(units);
+        let good_enough = search.lower_bound * (1.0 + search.tolerance);
+        let mut refused = 0;
+        while search.units < last && flight.cost > good_enough {
+            let before = search.units;
+            self.attempt(search, flight)?;
+            if search.units == before {
+                refused += 1;
+                if refused == REFUSED_PER_UNIT {
+                    refused = 0;
+                    search.spend(1)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn attempt<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        flight: &mut Flight,
+    ) -> Result<(), End> {
+        let duration_s = flight.duration_s;
+        let span_s = duration_s * search.chance.scale(SPAN_OCTAVES);
+        // Parts at both ends are as likely to be replaced as any other.
+        let begin_s = search.chance.uniform() * (duration_s + span_s) - span_s;
+        let end_s = begin_s + span_s;
+        let Some(from) = flight.cut(begin_s.max(0.0)) else { return Ok(()) };
+        let to = if end_s < duration_s { flight.cut(end_s) } else { None };
+        if to.is_some_and(|to| to.time_s <= from.time_s) {
+            return Ok(());
+        }
+        let until_s = to.map_or(duration_s, |to| to.time_s);
+        let end = match to {
+            Some(to) => to.node,
+            None => match flight.end() {
+                Some(end) => self.arrival(search, &end),
+                None => return Ok(()),
+            },
+        };
+        let mut via = None;
+        if search.chance.happens(0.6) {
+            let via_s = from.time_s + (until_s - from.time_s) * search.chance.uniform();
+            via = flight.cut(via_s).filter(|via| via.time_s < until_s).map(|via| changed(search, &via.node, span_s));
+        }
+        self.replace(search, flight, &from, to.as_ref(), via.as_ref(), &end)
+    }
+
+    /// Another state within the goal region, near the present one.
+    fn arrival<W: CollisionWorld + ?Sized>(&self, search: &mut Search<'_, '_, W>, end: &Node) -> Node {
+        let goal = &search.request.goal;
+        let chance = &mut search.chance;
+        let position = end.translation.position + chance.in_cube() * (2.0 * goal.radius_m * chance.scale(CHANGE_OCTAVES));
+        let velocity = end.translation.velocity + chance.in_cube() * (2.0 * goal.speed_m_s * chance.scale(CHANGE_OCTAVES));
+        let translation = within_goal(&TranslationState { position, velocity }, goal, &search.limits);
+        Node { translation, attitude: end.attitude }
+    }
+
+    /// Replaces what lies between two cuts by one edge, or two by way of `via`, where that is cheaper and free.
+    fn replace<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        flight: &mut Flight,
+        from: &Cut,
+        to: Option<&Cut>,
+        via: Option<&Node>,
+        end: &Node,
+    ) -> Result<(), End> {
+        let old_s = to.map_or(flight.duration_s, |to| to.time_s) - from.time_s;
+        let time_s = |from: &Node, to: &Node| least_time_s(&from.translation, &to.translation, &search.limits);
+        let least_s = via.map_or_else(|| time_s(&from.node, end), |via| time_s(&from.node, via) + time_s(via, end));
+        let least_gain = LEAST_GAIN * flight.cost;
+        if least_s >= old_s - least_gain {
+            return Ok(());
+        }
+        let middle = &mut self.middle;
+        middle.clear();
+        let is_edge = match via {
+            Some(via) => search.append_edge(&from.node, via, middle) && search.append_edge(via, end, middle),
+            None => search.append_edge(&from.node, end, middle),
+        };
+        let new_s: f64 = middle.iter().map(|arc| arc.duration_s).sum();
+        if !is_edge || new_s >= old_s - least_gain || !search.is_free(middle, from.time_s)? {
+            return Ok(());
+        }
+        if let Some(to) = to.filter(|_| !search.is_still) {
+            self.rest.clear();
+            self.rest.extend(flight.between(to, None));
+            if !search.is_free(&self.rest, from.time_s + new_s)? {
+                return Ok(());
+            }
+        }
+        flight.replace(from, to, middle, &mut self.rest);
+        flight.duration_s = flight.arcs.iter().map(|arc| arc.duration_s).sum();
+        flight.cost = search.cost(&flight.arcs);
+        Ok(())
+    }
+}
+
+/// A state near another one, within the limits.
+fn changed<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>, node: &Node, span_s: f64) -> Node {
+    let limits = &search.limits;
+    let chance = &mut search.chance;
+    let reach = chance.in_cube().component_mul(&limits.speed_m_s) * (span_s * chance.scale(CHANGE_OCTAVES));
+    let push = chance.in_cube().component_mul(&limits.speed_m_s) * (2.0 * chance.scale(CHANGE_OCTAVES));
+    let translation = TranslationState {
+        position: node.translation.position + reach,
+        velocity: node.translation.velocity + push,
+    };
+    Node { translation: within_limits(&translation, limits), attitude: node.attitude }
+}
+
+fn within_limits(state: &TranslationState, limits: &TranslationLimits) -> TranslationState {
+    let bounds = &limits.position;
+    TranslationState {
+        position: state.position.sup(&bounds.lower_world).inf(&bounds.upper_world),
+        velocity: state.velocity.sup(&-limits.speed_m_s).inf(&limits.speed_m_s),
+    }
+}
+
+/// The state with its position and velocity brought into the goal region.
+pub(super) fn within_goal(state: &TranslationState, goal: &GoalRegion, limits: &TranslationLimits) -> TranslationState {
+    let state = within_limits(state, limits);
+    TranslationState {
+        position: goal.position + within_ball(state.position - goal.position, goal.radius_m),
+        velocity: within_ball(state.velocity, goal.speed_m_s),
+    }
+}
+
+/// Shortened to a length of at most `radius`.
+fn within_ball(vector: Vector3<f64>, radius: f64) -> Vector3<f64> {
+    let length = f64::sqrt(vector.norm_squared());
+    // A little less, so that rounding does not put it outside.
+    if length < radius { vector } else { vector * (radius * (1.0 - 1e-12) / length.max(f64::MIN_POSITIVE)) }
+}

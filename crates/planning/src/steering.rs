@@ -1,0 +1,68 @@
+//! Exact motions between states of a body that may be pushed so hard and move so fast along each world axis: closed forms,
+//! nothing integrated, nothing sampled.
+//!
+//! Along one axis all motions between two states in a given time reach an interval of displacements, so the durations in
+//! which a motion exists are known exactly; they have a gap where both speeds point the same way. Three axes meet in the
+//! least duration that all of them allow.
+//!
+//! # Source
+//! Derived here; the double integrator's bang-coast-bang is classical.
+
+mod axis;
+mod synchronise;
+
+pub use synchronise::{PIECES, Piece, Steering, least_time_s, steer, steer_in};
+
+use crate::error::{PlanningError, positive};
+use crate::global::MotionLimits;
+use nalgebra::Vector3;
+use tumble_dynamics::AlignedBox;
+
+/// Where the body origin may be, how fast, and how hard it may be accelerated; world axes, per axis. Those from
+/// [`MotionLimits::translation`] are sound.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TranslationLimits {
+    /// Where the body origin may be; sides may be infinite.
+    pub position: AlignedBox,
+    /// Largest speed along each axis, m/s.
+    pub speed_m_s: Vector3<f64>,
+    /// Largest acceleration along each axis, m/s^2.
+    pub acceleration_m_s2: Vector3<f64>,
+}
+
+impl MotionLimits {
+    /// The limits of the origin of a body with this mass.
+    ///
+    /// # Errors
+    /// A mass that is not positive and finite; limits of speed or force that are negative or not finite; a box whose sides
+    /// are not numbers, or that is empty.
+    pub fn translation(&self, mass_kg: f64) -> Result<TranslationLimits, PlanningError> {
+        positive("the mass of the body", mass_kg)?;
+        for (what, limit) in [("the limit of speed", &self.speed_m_s), ("the limit of force", &self.force_n)] {
+            for value in limit {
+                not_negative(what, *value)?;
+            }
+        }
+        let what = "the box that limits the position";
+        for (axis, (lower, upper)) in self.position.lower_world.iter().zip(&self.position.upper_world).enumerate() {
+            for value in [*lower, *upper] {
+                if value.is_nan() {
+                    return Err(PlanningError::NotFinite { what, value });
+                }
+            }
+            if lower > upper {
+                return Err(PlanningError::EmptyBox { what, axis, lower: *lower, upper: *upper });
+            }
+        }
+        Ok(TranslationLimits {
+            position: self.position,
+            speed_m_s: self.speed_m_s,
+            acceleration_m_s2: self.force_n / mass_kg,
+        })
+    }
+}
+
+/// `value` where it is finite and not negative.
+fn not_negative(what: &'static str, value: f64) -> Result<f64, PlanningError> {
+    if crate::error::finite(what, value)? >= 0.0 { Ok(value) } else { Err(PlanningError::Negative { what, value }) }
+}

@@ -1,0 +1,266 @@
+//! One axis: motions between two positions and speeds within a largest acceleration and speed.
+//!
+//! All motions between two states in a time `T` reach a convex set of displacements, because the controls that respect the
+//! limits and both speeds are one. Its ends are reached at full acceleration towards a speed `c` beyond both boundary
+//! speeds, a coast at `c`, and full acceleration to the last speed; every displacement between them by the same motion with
+//! another `c`. So existence and the motion both follow from one quadratic.
+
+/// Relative error that a boundary state may carry without being taken for another problem: some roundings.
+const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
+
+/// How far a boundary speed may lie beyond the limit, relative to it, and still count as on it.
+const SPEED_TOLERANCE: f64 = 1e-12;
+
+/// The two ends along one axis, and the limits between them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ends {
+    /// Positions, m.
+    pub position: [f64; 2],
+    /// Speeds, m/s.
+    pub velocity: [f64; 2],
+    /// Largest speed, m/s.
+    pub speed: f64,
+    /// Largest acceleration, m/s^2.
+    pub acceleration: f64,
+}
+
+/// A problem that the limits do not rule out at sight.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Axis {
+    ends: Ends,
+    /// Lower and higher of the two speeds.
+    low: f64,
+    high: f64,
+    /// Least time between the two speeds, s.
+    direct_s: f64,
+    /// Displacement beyond that of the direct change of speed, m.
+    surplus: f64,
+    /// What rounding of the ends can change it by, m.
+    slack: f64,
+}
+
+/// Durations in which a motion exists: from `least_s` on, but for the open gap.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Durations {
+    /// The least one, s; infinite where there is none.
+    pub least_s: f64,
+    /// Speed coasted at, or turned at, in the least time.
+    pub least_coast: f64,
+    /// Motions exist up to the first of these, and from the second on, s; both infinite without a gap.
+    pub gap_s: [f64; 2],
+    /// Speed turned at when the gap has ended.
+    pub gap_coast: f64,
+}
+
+impl Durations {
+    const NONE: Self = Self { least_s: f64::INFINITY, least_coast: 0.0, gap_s: [f64::INFINITY; 2], gap_coast: 0.0 };
+
+    /// The least feasible duration that is not below `duration_s`.
+    #[inline]
+    pub fn at_least(&self, duration_s: f64) -> f64 {
+        if duration_s <= self.least_s {
+            self.least_s
+        } else if duration_s > self.gap_s[0] && duration_s < self.gap_s[1] {
+            self.gap_s[1]
+        } else {
+            duration_s
+        }
+    }
+}
+
+/// Full acceleration to a speed, a coast there, full acceleration to the last speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct AxisMotion {
+    /// The two ends.
+    pub position: [f64; 2],
+    /// The two ends.
+    pub velocity: [f64; 2],
+    /// Speed of the coast.
+    pub coast: f64,
+    /// Accelerations before and after the coast.
+    pub acceleration: [f64; 2],
+    /// Times at which the coast begins and ends, s.
+    pub coast_s: [f64; 2],
+    /// Length of the whole, s.
+    pub duration_s: f64,
+}
+
+impl Axis {
+    /// `None` where no duration allows a motion.
+    #[inline]
+    pub fn new(ends: Ends) -> Option<Self> {
+        let Ends { position: [p0, p1], velocity: [v0, v1], speed, acceleration } = ends;
+        let fastest = speed * (1.0 + SPEED_TOLERANCE);
+        let is_within = (p1 - p0).is_finite() && v0.abs() <= fastest && v1.abs() <= fastest;
+        if !is_within {
+            return None;
+        }
+        if acceleration > 0.0 {
+            let direct_s = (v1 - v0).abs() / acceleration;
+            let displacement = 0.5 * (v0 + v1) * direct_s;
+            let slack = ROUNDINGS * (p0.abs() + p1.abs() + (v0 * v0 + v1 * v1) / acceleration);
+            let (low, high) = (v0.min(v1), v0.max(v1));
+            // Against two equal directions the least time jumps at zero: what rounding cannot tell from zero is zero there.
+            let surplus = match (p1 - p0) - displacement {
+                surplus if surplus > 0.0 && high < 0.0 && surplus <= slack => 0.0,
+                surplus if surplus < 0.0 && low > 0.0 && surplus >= -slack => 0.0,
+                surplus => surplus,
+            };
+            Some(Self { ends, low, high, direct_s, surplus, slack })
+        } else {
+            let slack = ROUNDINGS * (p0.abs() + p1.abs());
+            let surplus = if (p1 - p0).abs() <= slack { 0.0 } else { p1 - p0 };
+            let is_drift = v0 - v1 == 0.0 && (surplus == 0.0 || surplus * v0 > 0.0);
+            is_drift.then_some(Self { ends, low: v0, high: v0, direct_s: 0.0, surplus, slack })
+        }
+    }
+
+    /// Both limits from the ends that it takes to be upwards: sign, and what is then the higher and lower speed and surplus.
+    #[inline]
+    fn upwards(&self) -> (f64, f64, f64, f64) {
+        let is_down = self.surplus < 0.0 || (self.surplus == 0.0 && self.high < 0.0);
+        if is_down { (-1.0, -self.low, -self.high, -self.surplus) } else { (1.0, self.high, self.low, self.surplus) }
+    }
+
+    /// In which durations a motion exists.
+    #[inline]
+    pub fn durations(&self) -> Durations {
+        let Ends { speed, acceleration, .. } = self.ends;
+        let (sign, high, low, surplus) = self.upwards();
+        if acceleration <= 0.0 {
+            return self.drift(high, surplus, sign);
+        }
+        // The peak p with p^2 = high^2 + a surplus; its excess over `high` without cancellation.
+        let peak = f64::sqrt(high * high + acceleration * surplus);
+        let (least_coast, beyond_s) = if peak <= speed {
+            let excess = if high > 0.0 { acceleration * surplus / (high + peak) } else { peak - high };
+            (peak, 2.0 * excess / acceleration)
+        } else {
+            let excess = (speed - high).max(0.0);
+            (speed, (surplus + excess * excess / acceleration) / speed)
+        };
+        let mut durations =
+            Durations { least_s: self.direct_s + beyond_s, least_coast: sign * least_coast, ..Durations::NONE };
+        // Both speeds point along the displacement: to use more time one must slow down, and below rest one comes back.
+        if low > 0.0 {
+            let turned = low * low - acceleration * surplus;
+            if turned > 0.0 {
+                let given = acceleration * (surplus + self.slack);
+                let slowest = f64::sqrt((low * low - given).max(0.0));
+                let turn = f64::sqrt(turned);
+                let until_s = self.direct_s + 2.0 * given / ((low + slowest) * acceleration);
+                let from_s = self.direct_s + 2.0 * (low + turn) / acceleration;
+                if until_s < from_s {
+                    durations.gap_s = [until_s.max(durations.least_s), from_s];
+                    durations.gap_coast = -sign * turn;
+                }
+            }
+        }
+        durations
+    }
+
+    /// Durations without any acceleration: one, or all where nothing moves.
+    #[cold]
+    fn drift(&self, velocity: f64, surplus: f64, sign: f64) -> Durations {
+        if velocity == 0.0 {
+            return Durations { least_s: 0.0, ..Durations::NONE };
+        }
+        let least_s = surplus / velocity;
+        let until_s = (surplus + self.slack) / velocity;
+        Durations { least_s, least_coast: sign * velocity, gap_s: [until_s, f64::INFINITY], gap_coast: 0.0 }
+    }
+
+    /// The motion in a duration that exists: of all, the one with the least peak speed and the least impulse. A faster or
+    /// slower coast would miss the displacement, and whatever peaks lower stays below the same bang-coast-bang.
+    #[inline]
+    #[expect(clippy::float_cmp, reason = "these very durations have a known coast")]
+    pub fn motion(&self, durations: &Durations, duration_s: f64) -> AxisMotion {
+        let Ends { position, velocity: [v0, v1], speed, acceleration } = self.ends;
+        let coast = if duration_s == durations.least_s {
+            durations.least_coast
+        } else if duration_s == durations.gap_s[1] {
+            durations.gap_coast
+        } else {
+            self.coast(duration_s)
+        };
+        // A boundary speed some roundings beyond the limit is not a reason to break it in between.
+        let coast = coast.clamp(-speed, speed);
+        let (rise_s, fall_s) = if acceleration > 0.0 {
+            ((coast - v0).abs() / acceleration, (v1 - coast).abs() / acceleration)
+        } else {
+            (0.0, 0.0)
+        };
+        let begin_s = rise_s.min(duration_s);
+        AxisMotion {
+            position,
+            velocity: [v0, v1],
+            coast,
+            acceleration: [acceleration.copysign(coast - v0), acceleration.copysign(v1 - coast)],
+            coast_s: [begin_s, (duration_s - fall_s).max(begin_s)],
+            duration_s,
+        }
+    }
+
+    /// Speed of the coast in a duration beyond the least.
+    #[inline]
+    fn coast(&self, duration_s: f64) -> f64 {
+        let acceleration = self.ends.acceleration;
+        let spare_s = (duration_s - self.direct_s).max(0.0);
+        let beyond = |missing: f64| {
+            let product = acceleration * missing;
+            let sum = acceleration * spare_s;
+            2.0 * product / (sum + f64::sqrt((sum * sum - 4.0 * product).max(0.0)))
+        };
+        let (below, above) = (self.low * spare_s - self.surplus, self.surplus - self.high * spare_s);
+        if acceleration <= 0.0 || spare_s <= 0.0 {
+            self.high
+        } else if above > 0.0 {
+            self.high + beyond(above)
+        } else if below > 0.0 {
+            self.low - beyond(below)
+        } else {
+            (self.surplus / spare_s).clamp(self.low, self.high)
+        }
+    }
+}
+
+impl AxisMotion {
+    /// Position, speed and acceleration in the piece that begins at `start_s` and ends at `end_s`, at its start. Each phase
+    /// counts from the end that it touches, so that both ends are met exactly.
+    #[inline]
+    pub fn piece(&self, start_s: f64, end_s: f64) -> (f64, f64, f64) {
+        let ([p0, p1], [v0, v1]) = (self.position, self.velocity);
+        if end_s <= self.coast_s[0] {
+            let rate = self.acceleration[0];
+            (p0 + (v0 + 0.5 * rate * start_s) * start_s, v0 + rate * start_s, rate)
+        } else if start_s >= self.coast_s[1] {
+            let rate = self.acceleration[1];
+            let left_s = self.duration_s - start_s;
+            (p1 - (v1 - 0.5 * rate * left_s) * left_s, v1 - rate * left_s, rate)
+        } else {
+            let begin_s = self.coast_s[0];
+            (p0 + 0.5 * (v0 + self.coast) * begin_s + self.coast * (start_s - begin_s), self.coast, 0.0)
+        }
+    }
+
+    /// Least and largest position: at the ends, or where the motion turns on its way to the coast and from it.
+    #[inline]
+    pub fn range(&self) -> [f64; 2] {
+        let ([p0, p1], [v0, v1]) = (self.position, self.velocity);
+        let mut range = [p0.min(p1), p0.max(p1)];
+        let mut include = |turn: f64| range = [range[0].min(turn), range[1].max(turn)];
+        if v0 * self.coast <= 0.0 && v0 != 0.0 {
+            include(p0 - 0.5 * v0 * v0 / self.acceleration[0]);
+        }
+        if v1 * self.coast <= 0.0 && v1 != 0.0 {
+            include(p1 - 0.5 * v1 * v1 / self.acceleration[1]);
+        }
+        range
+    }
+
+    /// Integral of the acceleration's absolute value, m/s.
+    #[inline]
+    pub fn velocity_change(&self) -> f64 {
+        (self.coast - self.velocity[0]).abs() + (self.velocity[1] - self.coast).abs()
+    }
+}
