@@ -1,0 +1,15 @@
+//! Executable laws for everyone's state spaces, models and planners (feature `testing`).
+//!
+//! Each `check_*` returns the first broken law by name with its inputs.
+
+mod global_planner;
+mod state_space;
+
+pub use global_planner::{Expectation, PlannerCase, PlannerChecks, check_global_planner};
+pub use state_space::{check_body_motion, check_kinodynamic_model, check_state_space};
+pub use tumble_lie::laws::{LawViolation, require};
+
+/// The error of a yes or no law.
+fn broken_unless(holds: bool) -> f64 {
+    if holds { 0.0 } else { f64::INFINITY }
+}
