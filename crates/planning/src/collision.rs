@@ -1,8 +1,23 @@
 //! What a body may hit, and exactly when.
 
+mod aligned_box;
+mod distance;
 mod ellipsoid;
+mod half_space;
+mod keep_in;
+mod obstacle;
+mod polynomial;
+mod sphere;
+mod sweep;
+mod world;
 
+pub use aligned_box::{ellipsoid_to_box, sphere_to_box};
+pub use distance::{Distance, distance, distance_from_hint};
 pub use ellipsoid::Ellipsoid;
+pub use half_space::{HalfSpace, ellipsoid_to_half_space, sphere_to_half_space};
+pub use keep_in::{KEEP_IN_GAP_M, keep_in_complement};
+pub use sphere::{Sphere, ellipsoid_to_point, ellipsoid_to_sphere, sphere_to_sphere};
+pub use world::{EllipsoidWorld, MovingObstacle};
 
 use crate::error::PlanningError;
 use crate::motion::BodyArc;

@@ -55,6 +55,18 @@ pub enum PlanningError {
         /// Largest coordinate, m.
         upper: f64,
     },
+    /// A part of a world that cannot be.
+    #[error("{part} {index}: {what} is {value}")]
+    InvalidWorld {
+        /// Obstacle, keep-out or keep-in box.
+        part: &'static str,
+        /// Its index in its list.
+        index: usize,
+        /// Which of its numbers.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
     /// A body without parts.
     #[error("the body has no parts: nothing can be checked for collision")]
     NoBody,

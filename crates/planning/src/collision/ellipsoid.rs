@@ -46,6 +46,12 @@ impl Ellipsoid {
         Self::posed(&(world_from_body * part.body_from_ellipsoid), &part.semi_axes)
     }
 
+    /// The same with its centre elsewhere.
+    #[inline]
+    pub(crate) fn moved_to(&self, center: Vector3<f64>) -> Self {
+        Self { center, ..*self }
+    }
+
     /// Its centre, world axes, m.
     pub fn center(&self) -> &Vector3<f64> {
         &self.center
@@ -64,18 +70,18 @@ impl Ellipsoid {
     /// How far the solid reaches along `direction` from its centre: `|L' direction|`.
     #[inline]
     pub fn support(&self, direction: &Vector3<f64>) -> f64 {
-        self.factor.tr_mul(direction).norm()
+        f64::sqrt(self.factor.tr_mul(direction).norm_squared())
     }
 
     /// The point of the solid that lies farthest along `direction` (not zero).
     #[inline]
     pub fn support_point(&self, direction: &Vector3<f64>) -> Vector3<f64> {
         let pulled_back = self.factor.tr_mul(direction);
-        self.center + self.factor * (pulled_back / pulled_back.norm())
+        self.center + self.factor * (pulled_back / f64::sqrt(pulled_back.norm_squared()))
     }
 
     /// Half the extent along each world axis, m.
     pub fn half_extent(&self) -> Vector3<f64> {
-        Vector3::from_fn(|axis, _| self.factor.row(axis).norm())
+        Vector3::from_fn(|axis, _| f64::sqrt(self.factor.row(axis).norm_squared()))
     }
 }

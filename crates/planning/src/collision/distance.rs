@@ -1,0 +1,277 @@
+//! True distance of two ellipsoids, and how deep they overlap.
+//!
+//! For a unit vector `n` the slab between the supporting planes is `g(n) = n . (c_b - c_a) - |L_a' n| - |L_b' n|` wide. Its
+//! maximum is the signed distance, so every `n` gives a certified lower bound; the gradient of `g` is the vector between
+//! the two support points, whose length is an upper bound while the bodies are apart. `g` is concave, its Hessian is minus
+//! the sum of the radii of curvature: Newton's method on the sphere has two unknowns and an explicit matrix.
+
+use super::Ellipsoid;
+use nalgebra::{Matrix3, Vector3};
+
+/// How far apart two bodies are, with the plane that proves it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Distance {
+    /// Signed distance, m. Positive: the length between the two points, which no true distance exceeds. Negative: minus
+    /// the shortest translation found that separates the bodies.
+    pub distance_m: f64,
+    /// What the signed distance is certainly not below, rounding included, m: the width of the slab across `normal`.
+    pub lower_bound_m: f64,
+    /// Unit vector from a to b.
+    pub normal: Vector3<f64>,
+    /// The point of a farthest along the normal; the nearest one while the bodies are apart. World axes, m.
+    pub point_on_a: Vector3<f64>,
+    /// The point of b farthest against the normal. World axes, m.
+    pub point_on_b: Vector3<f64>,
+}
+
+impl Distance {
+    /// The same seen from the other body.
+    pub fn swapped(&self) -> Self {
+        Self { normal: -self.normal, point_on_a: self.point_on_b, point_on_b: self.point_on_a, ..*self }
+    }
+}
+
+/// Signed distance of two ellipsoids.
+///
+/// While they are apart the answer is the distance, to rounding, between a certified lower and a certified upper bound.
+/// Where they overlap it is minus the best of several local minima of the depth of penetration: `-lower_bound_m` certainly
+/// suffices as a translation of b along `normal`, while a shorter one is not excluded.
+pub fn distance(a: &Ellipsoid, b: &Ellipsoid) -> Distance {
+    let pair = Pair::new(a, b);
+    let start = pair.start();
+    pair.finish(start)
+}
+
+/// The same, from the normal of a similar pose; faster where the hint is good, the same answer where it is not.
+pub fn distance_from_hint(a: &Ellipsoid, b: &Ellipsoid, normal_hint: &Vector3<f64>) -> Distance {
+    let pair = Pair::new(a, b);
+    let start = match unit(normal_hint) {
+        Some(normal) => {
+            let slab = pair.slab(normal);
+            if slab.width_m > 0.0 { slab } else { pair.start() }
+        }
+        None => pair.start(),
+    };
+    pair.finish(start)
+}
+
+/// Newton steps before the bounds are returned as they are.
+const STEPS: usize = 60;
+/// Length of the part of the gradient along the sphere at which the search ends, relative to the distance.
+const RESIDUAL: f64 = 1e-9;
+
+/// Length by the processor's square root (nalgebra's is emulated here).
+#[inline]
+pub(super) fn length(v: &Vector3<f64>) -> f64 {
+    f64::sqrt(v.norm_squared())
+}
+
+/// `v` at length one, where it has a direction.
+#[inline]
+pub(super) fn unit(v: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let length = length(v);
+    (length > 0.0 && length < f64::INFINITY).then(|| v / length)
+}
+
+/// `matrix^-1 right` for a symmetric matrix, where it can be inverted.
+#[inline]
+fn solve_symmetric(matrix: &Matrix3<f64>, right: &Vector3<f64>) -> Option<Vector3<f64>> {
+    let [x, y, z] = [0, 1, 2].map(|column| Vector3::from(matrix.column(column)));
+    let (yz, zx, xy) = (y.cross(&z), z.cross(&x), x.cross(&y));
+    let determinant = x.dot(&yz);
+    (determinant > 0.0).then(|| Vector3::new(yz.dot(right), zx.dot(right), xy.dot(right)) / determinant)
+}
+
+/// Two ellipsoids and what every evaluation of the slab needs.
+struct Pair<'a> {
+    a: &'a Ellipsoid,
+    b: &'a Ellipsoid,
+    /// From centre to centre.
+    offset: Vector3<f64>,
+    /// `L L'` of each.
+    shapes: [Matrix3<f64>; 2],
+}
+
+/// The slab across a normal.
+#[derive(Clone, Copy)]
+struct Slab {
+    normal: Vector3<f64>,
+    width_m: f64,
+    /// Support heights of a and b over their centres.
+    heights: [f64; 2],
+    /// Support points of a along and of b against the normal, each from its centre; b's with its sign turned.
+    points: [Vector3<f64>; 2],
+    /// From the support point of a to that of b.
+    between: Vector3<f64>,
+}
+
+impl Slab {
+    /// The gradient along the sphere.
+    #[inline]
+    fn slope(&self) -> Vector3<f64> {
+        self.between - self.normal * self.width_m
+    }
+}
+
+impl<'a> Pair<'a> {
+    #[inline]
+    fn new(a: &'a Ellipsoid, b: &'a Ellipsoid) -> Self {
+        let shapes = [a, b].map(|body| body.factor() * body.factor().transpose());
+        Self { a, b, offset: b.center() - a.center(), shapes }
+    }
+
+    #[inline]
+    fn slab(&self, normal: Vector3<f64>) -> Slab {
+        let [on_a, on_b] = [self.a, self.b].map(|body| body.factor().tr_mul(&normal));
+        let heights = [length(&on_a), length(&on_b)];
+        let points = [self.a.factor() * (on_a / heights[0]), self.b.factor() * (on_b / heights[1])];
+        Slab {
+            normal,
+            width_m: normal.dot(&self.offset) - heights[0] - heights[1],
+            heights,
+            points,
+            between: self.offset - points[0] - points[1],
+        }
+    }
+
+    /// A slab of positive width wherever the bodies are apart.
+    #[inline]
+    fn start(&self) -> Slab {
+        let along = self.slab(unit(&self.offset).unwrap_or_else(Vector3::x));
+        // Both heights replaced by quadratic bounds that touch at this normal: the maximum moves to a wider slab.
+        let [first, second] = self.shapes;
+        let mut curvature = first / along.heights[0] + second / along.heights[1];
+        for axis in 0..3 {
+            curvature[(axis, axis)] += along.width_m.max(0.0);
+        }
+        let bent = solve_symmetric(&curvature, &self.offset).and_then(|v| unit(&v)).map(|normal| self.slab(normal));
+        match bent {
+            Some(bent) if bent.width_m > 0.0 => bent,
+            _ if along.width_m > 0.0 => along,
+            Some(bent) => self.contact_start(bent),
+            None => along,
+        }
+    }
+
+    /// The normal of the contact function, whose maximum over one unknown is exact about overlap.
+    fn contact_start(&self, fallback: Slab) -> Slab {
+        let (mut low, mut high) = (0.0, 1.0);
+        let mut share = fallback.heights[0] / (fallback.heights[0] + fallback.heights[1]);
+        let mut best = fallback;
+        for _ in 0..STEPS {
+            let mixed = self.shapes[0] * (1.0 - share) + self.shapes[1] * share;
+            let Some(normal) = solve_symmetric(&mixed, &self.offset) else { break };
+            let [on_a, on_b] = [self.a, self.b].map(|body| length(&body.factor().tr_mul(&normal)));
+            if let Some(normal) = unit(&normal) {
+                let slab = self.slab(normal);
+                if slab.width_m > best.width_m {
+                    best = slab;
+                }
+            }
+            let (inside_a, inside_b) = ((1.0 - share) * on_a, share * on_b);
+            // A point of both bodies was found, or a plane between them.
+            if best.width_m > 0.0 || inside_a.max(inside_b) <= 1.0 {
+                break;
+            }
+            if inside_a > inside_b {
+                low = share;
+            } else {
+                high = share;
+            }
+            let next = on_a / (on_a + on_b);
+            share = if next > low && next < high { next } else { 0.5 * (low + high) };
+            if share <= low || share >= high {
+                break;
+            }
+        }
+        best
+    }
+
+    fn finish(&self, start: Slab) -> Distance {
+        let mut best = self.widest(start);
+        if best.width_m <= 0.0 {
+            // The depth has several local minima: the directions of all axes are candidates, turned towards b.
+            for axis in 0..6 {
+                let body = if axis < 3 { self.a } else { self.b };
+                let along = Vector3::from(body.factor().column(axis % 3));
+                let Some(normal) = unit(&if along.dot(&self.offset) < 0.0 { -along } else { along }) else { continue };
+                let found = self.widest(self.slab(normal));
+                if found.width_m > best.width_m {
+                    best = found;
+                }
+            }
+        }
+        self.answer(&best)
+    }
+
+    /// Climbs to the widest slab near this one.
+    #[inline]
+    fn widest(&self, start: Slab) -> Slab {
+        let mut slab = start;
+        let noise = 4.0 * f64::EPSILON * (length(&self.offset) + slab.heights[0] + slab.heights[1]);
+        for _ in 0..STEPS {
+            let slope = slab.slope();
+            let residual = RESIDUAL * slab.width_m.abs() + noise;
+            if slope.norm_squared() <= residual * residual {
+                break;
+            }
+            let Some(step) = self.step(&slab, &slope) else { break };
+            let rise = slope.dot(&step);
+            let mut fraction = 1.0;
+            let mut next = None;
+            while fraction > 1e-6 {
+                let Some(normal) = unit(&(slab.normal + step * fraction)) else { break };
+                let trial = self.slab(normal);
+                if trial.width_m >= slab.width_m + 0.1 * fraction * rise - noise {
+                    next = Some(trial);
+                    break;
+                }
+                fraction *= 0.25;
+            }
+            match next {
+                Some(trial) if trial.width_m > slab.width_m || trial.slope().norm_squared() < slope.norm_squared() => {
+                    slab = trial;
+                }
+                _ => break,
+            }
+        }
+        slab
+    }
+
+    /// Newton's step along the sphere, or one along a direction of ascent where the slab is not concave there.
+    #[inline]
+    fn step(&self, slab: &Slab, slope: &Vector3<f64>) -> Option<Vector3<f64>> {
+        let curvature = (self.shapes[0] - slab.points[0] * slab.points[0].transpose()) / slab.heights[0]
+            + (self.shapes[1] - slab.points[1] * slab.points[1].transpose()) / slab.heights[1];
+        // Along the normal the curvature vanishes; any positive number there keeps the matrix regular and the step tangent.
+        let trace = curvature.trace();
+        let solve = |width: f64| {
+            let mut matrix = curvature + slab.normal * slab.normal.transpose() * (trace + width.abs() - width);
+            for axis in 0..3 {
+                matrix[(axis, axis)] += width;
+            }
+            solve_symmetric(&matrix, slope)
+        };
+        if slab.width_m >= 0.0 {
+            return solve(slab.width_m);
+        }
+        // The smaller of the two radii of curvature, from trace and sum of minors.
+        let minors = 0.5 * (trace * trace - curvature.norm_squared());
+        let root = f64::sqrt((trace * trace - 4.0 * minors).max(0.0));
+        let smallest = 2.0 * minors.max(0.0) / (trace + root);
+        solve(slab.width_m.max(-0.9 * smallest))
+    }
+
+    #[inline]
+    fn answer(&self, slab: &Slab) -> Distance {
+        let noise = 8.0 * f64::EPSILON * (length(&self.offset) + slab.heights[0] + slab.heights[1]);
+        let distance_m = if slab.width_m > 0.0 { length(&slab.between) } else { slab.width_m };
+        Distance {
+            distance_m,
+            lower_bound_m: slab.width_m - noise,
+            normal: slab.normal,
+            point_on_a: self.a.center() + slab.points[0],
+            point_on_b: self.b.center() - slab.points[1],
+        }
+    }
+}

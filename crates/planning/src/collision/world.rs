@@ -1,0 +1,373 @@
+//! The world of ellipsoids and boxes: what a body may hit, at rest or moving, there always or for a time.
+
+use super::obstacle::Solid;
+use super::sweep::{MovingPart, degree, first_contact, path_box};
+use super::{
+    Blocker, BodyEllipsoid, BodyShape, Clearance, CollisionWorld, Contact, Ellipsoid, Sphere, keep_in_complement,
+};
+use crate::error::{PlanningError, finite};
+use crate::motion::{BodyArc, COEFFICIENTS};
+use nalgebra::Vector3;
+use tumble_dynamics::{AlignedBox, ObstacleEllipsoid, World};
+use tumble_lie::Pose;
+
+/// An ellipsoid that moves without turning, and is there for a time only.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MovingObstacle {
+    /// The ellipsoid as it is at the mission time [`Self::since_s`].
+    pub ellipsoid: ObstacleEllipsoid,
+    /// Displacement of its centre in powers of the mission time since [`Self::since_s`], world axes, m / s^k.
+    pub displacement: [Vector3<f64>; COEFFICIENTS],
+    /// Mission time from which the displacement counts, s.
+    pub since_s: f64,
+    /// First mission time at which it is there, s; may be minus infinity.
+    pub appear_s: f64,
+    /// Last mission time at which it is there, s; may be infinite.
+    pub vanish_s: f64,
+}
+
+impl MovingObstacle {
+    /// At rest and there always.
+    pub fn at_rest(ellipsoid: ObstacleEllipsoid) -> Self {
+        Self {
+            ellipsoid,
+            displacement: [Vector3::zeros(); COEFFICIENTS],
+            since_s: 0.0,
+            appear_s: f64::NEG_INFINITY,
+            vanish_s: f64::INFINITY,
+        }
+    }
+
+    /// The same, moving at a constant velocity; its centre is the given one at the mission time `since_s`.
+    pub fn drifting(mut self, velocity_world: Vector3<f64>, since_s: f64) -> Self {
+        self.displacement = [Vector3::zeros(); COEFFICIENTS];
+        self.displacement[1] = velocity_world;
+        self.since_s = since_s;
+        self
+    }
+
+    /// The same, there only from one mission time to another, both included.
+    pub fn present(mut self, appear_s: f64, vanish_s: f64) -> Self {
+        self.appear_s = appear_s;
+        self.vanish_s = vanish_s;
+        self
+    }
+}
+
+/// A displacement in time.
+#[derive(Clone, Debug)]
+struct Motion {
+    displacement: [Vector3<f64>; COEFFICIENTS],
+    since_s: f64,
+}
+
+/// One obstacle, keep-out box, or box of the complement of what is kept in.
+#[derive(Clone, Debug)]
+struct Entry {
+    blocker: Blocker,
+    solid: Solid,
+    /// Where the solid's reference point is, at rest or when its motion begins.
+    reference: Vector3<f64>,
+    /// The solid's box about its reference point.
+    extent: AlignedBox,
+    motion: Option<Motion>,
+    appear_s: f64,
+    vanish_s: f64,
+}
+
+/// Obstacle ellipsoids, keep-out boxes and keep-in boxes, with the body a union of ellipsoids.
+///
+/// Distances to what is kept in are those to the boxes that fill its complement: exact wherever the body is inside.
+#[derive(Clone, Debug)]
+pub struct EllipsoidWorld {
+    entries: Vec<Entry>,
+    obstacles: usize,
+}
+
+/// The error of a part of a world.
+fn invalid(part: &'static str, index: usize, what: &'static str, value: f64) -> PlanningError {
+    PlanningError::InvalidWorld { part, index, what, value }
+}
+
+/// Checks that a box has finite corners in their order.
+fn check_box(part: &'static str, index: usize, aligned: &AlignedBox) -> Result<(), PlanningError> {
+    for (lower, upper) in aligned.lower_world.iter().zip(&aligned.upper_world) {
+        for coordinate in [*lower, *upper] {
+            if !coordinate.is_finite() {
+                return Err(invalid(part, index, "a coordinate", coordinate));
+            }
+        }
+        if lower > upper {
+            return Err(invalid(part, index, "an edge's length", upper - lower));
+        }
+    }
+    Ok(())
+}
+
+impl Entry {
+    fn aligned(blocker: Blocker, aligned: AlignedBox) -> Self {
+        Self {
+            blocker,
+            solid: Solid::Box(aligned),
+            reference: Vector3::zeros(),
+            extent: aligned,
+            motion: None,
+            appear_s: f64::NEG_INFINITY,
+            vanish_s: f64::INFINITY,
+        }
+    }
+
+    fn ellipsoid(index: usize, obstacle: &MovingObstacle) -> Result<Self, PlanningError> {
+        let MovingObstacle { ellipsoid, displacement, since_s, appear_s, vanish_s } = obstacle;
+        let part = "obstacle";
+        for semi_axis in &ellipsoid.semi_axes {
+            if !(semi_axis.is_finite() && *semi_axis > 0.0) {
+                return Err(invalid(part, index, "a semi-axis", *semi_axis));
+            }
+        }
+        let pose = &ellipsoid.world_from_ellipsoid;
+        let numbers = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
+        for number in numbers.chain(displacement.iter().flatten()).chain([since_s]) {
+            if !number.is_finite() {
+                return Err(invalid(part, index, "a coordinate of its pose or motion", *number));
+            }
+        }
+        // Neither may be NaN.
+        let is_ordered = appear_s <= vanish_s;
+        if !is_ordered {
+            return Err(invalid(part, index, "the time for which it is there", vanish_s - appear_s));
+        }
+        let solid = Ellipsoid::try_new(pose, &ellipsoid.semi_axes)?;
+        let half_extent = solid.half_extent();
+        let is_moving = displacement.iter().any(|coefficient| *coefficient != Vector3::zeros());
+        Ok(Self {
+            blocker: Blocker::Obstacle(index),
+            solid: Solid::ellipsoid(&solid),
+            reference: *solid.center(),
+            extent: AlignedBox { lower_world: -half_extent, upper_world: half_extent },
+            motion: is_moving.then_some(Motion { displacement: *displacement, since_s: *since_s }),
+            appear_s: *appear_s,
+            vanish_s: *vanish_s,
+        })
+    }
+
+    fn is_present(&self, time_s: f64) -> bool {
+        self.appear_s <= time_s && time_s <= self.vanish_s
+    }
+
+    /// Where the reference point is.
+    #[inline]
+    fn reference_at(&self, time_s: f64) -> Vector3<f64> {
+        match &self.motion {
+            None => self.reference,
+            Some(motion) => {
+                let along = |value: Vector3<f64>, term: &Vector3<f64>| value * (time_s - motion.since_s) + term;
+                self.reference + motion.displacement.iter().rev().fold(Vector3::zeros(), along)
+            }
+        }
+    }
+
+    /// A path, in powers of the time since the mission time `start_s`, as the reference point sees it.
+    fn seen(&self, path: &[Vector3<f64>; COEFFICIENTS], start_s: f64) -> [Vector3<f64>; COEFFICIENTS] {
+        let mut seen = *path;
+        seen[0] -= self.reference;
+        if let Some(motion) = &self.motion {
+            let moved = super::polynomial::about(&motion.displacement, COEFFICIENTS - 1, start_s - motion.since_s);
+            for (seen, moved) in seen.iter_mut().zip(&moved) {
+                *seen -= moved;
+            }
+        }
+        seen
+    }
+}
+
+/// A part of a body at a pose.
+#[derive(Clone, Copy, Debug)]
+enum PosedPart {
+    Ball(Sphere),
+    Ellipsoid(Ellipsoid),
+}
+
+impl PosedPart {
+    fn new(part: &BodyEllipsoid, world_from_body: &Pose<f64>) -> Self {
+        let radius_m = part.semi_axes.max();
+        if part.semi_axes.min() >= radius_m {
+            let offset = part.body_from_ellipsoid.translation.vector;
+            Self::Ball(Sphere { center: world_from_body.transform_point(&offset.into()).coords, radius_m })
+        } else {
+            Self::Ellipsoid(Ellipsoid::of_body(part, world_from_body))
+        }
+    }
+
+    fn center(&self) -> &Vector3<f64> {
+        match self {
+            Self::Ball(sphere) => &sphere.center,
+            Self::Ellipsoid(solid) => solid.center(),
+        }
+    }
+
+    fn half_extent(&self) -> Vector3<f64> {
+        match self {
+            Self::Ball(sphere) => Vector3::repeat(sphere.radius_m),
+            Self::Ellipsoid(solid) => solid.half_extent(),
+        }
+    }
+
+    fn distance_m(&self, solid: &Solid, relative: &Vector3<f64>) -> f64 {
+        match self {
+            Self::Ball(sphere) => solid.distance_to_sphere(&Sphere { center: *relative, ..*sphere }),
+            Self::Ellipsoid(part) => solid.distance(&part.moved_to(*relative)).distance_m,
+        }
+    }
+}
+
+/// The signed distance of two boxes is not below this.
+fn box_gap(lower: &Vector3<f64>, upper: &Vector3<f64>, other: &AlignedBox) -> f64 {
+    let gap = (lower - other.upper_world).sup(&(other.lower_world - upper));
+    let apart = f64::sqrt(gap.sup(&Vector3::zeros()).norm_squared());
+    if apart > 0.0 { apart } else { gap.max() }
+}
+
+impl EllipsoidWorld {
+    /// The queries of a world of obstacles, keep-out and keep-in boxes.
+    ///
+    /// # Errors
+    /// [`PlanningError::InvalidWorld`]: numbers that are not finite, semi-axes that are not positive, boxes upside down.
+    pub fn new(world: &World) -> Result<Self, PlanningError> {
+        for (index, aligned) in world.keep_out.iter().enumerate() {
+            check_box("keep-out box", index, aligned)?;
+        }
+        for (index, aligned) in world.keep_in.iter().enumerate() {
+            check_box("keep-in box", index, aligned)?;
+        }
+        let keep_out = world.keep_out.iter().enumerate().map(|(index, aligned)| (Blocker::KeepOut(index), *aligned));
+        let keep_in = keep_in_complement(&world.keep_in).into_iter().map(|aligned| (Blocker::KeepIn, aligned));
+        let entries = keep_out.chain(keep_in).map(|(blocker, aligned)| Entry::aligned(blocker, aligned)).collect();
+        let world_of_boxes = Self { entries, obstacles: 0 };
+        world_of_boxes.with_obstacles(world.obstacles.iter().map(|ellipsoid| MovingObstacle::at_rest(*ellipsoid)))
+    }
+
+    /// The same world with one more obstacle; its index is the next free one.
+    ///
+    /// # Errors
+    /// [`PlanningError::InvalidWorld`].
+    pub fn with_obstacle(self, obstacle: MovingObstacle) -> Result<Self, PlanningError> {
+        self.with_obstacles([obstacle])
+    }
+
+    /// The same world with more obstacles; their indices are the next free ones.
+    ///
+    /// # Errors
+    /// [`PlanningError::InvalidWorld`].
+    pub fn with_obstacles(
+        mut self,
+        obstacles: impl IntoIterator<Item = MovingObstacle>,
+    ) -> Result<Self, PlanningError> {
+        for obstacle in obstacles {
+            self.entries.push(Entry::ellipsoid(self.obstacles, &obstacle)?);
+            self.obstacles += 1;
+        }
+        Ok(self)
+    }
+
+    /// How many obstacles there are.
+    pub fn obstacle_count(&self) -> usize {
+        self.obstacles
+    }
+}
+
+impl CollisionWorld for EllipsoidWorld {
+    type Body = BodyShape;
+
+    fn clearance(
+        &self,
+        body: &BodyShape,
+        world_from_body: &Pose<f64>,
+        time_s: f64,
+    ) -> Result<Clearance, PlanningError> {
+        finite("the mission time", time_s)?;
+        let numbers = world_from_body.translation.vector.sum() + world_from_body.rotation.coords.sum();
+        finite("the sum of a pose's numbers", numbers)?;
+        let mut nearest = Clearance { distance_m: f64::INFINITY, nearest: None };
+        for part in body.parts() {
+            let part = PosedPart::new(part, world_from_body);
+            let half_extent = part.half_extent();
+            for entry in self.entries.iter().filter(|entry| entry.is_present(time_s)) {
+                let relative = part.center() - entry.reference_at(time_s);
+                let bound_m = box_gap(&(relative - half_extent), &(relative + half_extent), &entry.extent);
+                if bound_m < nearest.distance_m {
+                    let distance_m = part.distance_m(&entry.solid, &relative);
+                    if distance_m < nearest.distance_m {
+                        nearest = Clearance { distance_m, nearest: Some(entry.blocker) };
+                    }
+                }
+            }
+        }
+        Ok(nearest)
+    }
+
+    /// First time at which `body` comes nearer than `margin_m` to anything.
+    ///
+    /// A clearance below 1e-13 of the lengths that enter it counts as contact, and so does, at the time reached, a motion
+    /// whose freedom is not proven after a fixed number of planes. Both are on the safe side; nothing is ever silently free.
+    fn first_contact(
+        &self,
+        body: &BodyShape,
+        arc: &BodyArc,
+        start_s: f64,
+        margin_m: f64,
+    ) -> Result<Option<Contact>, PlanningError> {
+        finite("the mission time", start_s)?;
+        check_arc(arc)?;
+        if finite("the margin", margin_m)? < 0.0 {
+            return Err(PlanningError::Negative { what: "the margin", value: margin_m });
+        }
+        let mut first: Option<Contact> = None;
+        let mut end_s = arc.duration_s;
+        for part in body.parts() {
+            let part = MovingPart::new(part, arc);
+            let (lower, upper) = part.swept_box(arc.duration_s);
+            for entry in &self.entries {
+                let from_s = f64::max(0.0, entry.appear_s - start_s);
+                let to_s = f64::min(end_s, entry.vanish_s - start_s);
+                if from_s > to_s {
+                    continue;
+                }
+                let path = entry.seen(&part.path, start_s);
+                let (lower, upper) = if entry.motion.is_none() {
+                    (lower - entry.reference, upper - entry.reference)
+                } else {
+                    let (lower, upper) = path_box(&path, degree(&path), arc.duration_s);
+                    (lower - part.half_extent, upper + part.half_extent)
+                };
+                if box_gap(&lower, &upper, &entry.extent) > margin_m {
+                    continue;
+                }
+                let scale_m = part.path[0].amax() + entry.reference.amax();
+                let found = first_contact(&part, &entry.solid, &path, scale_m, margin_m, (from_s, to_s));
+                if let Some(time_s) = found.filter(|time_s| first.is_none_or(|first| *time_s < first.time_s)) {
+                    first = Some(Contact { time_s, blocker: entry.blocker });
+                    end_s = time_s;
+                }
+            }
+        }
+        Ok(first)
+    }
+
+    fn reach_m(&self, body: &BodyShape) -> f64 {
+        body.bounding_radius_m()
+    }
+}
+
+/// Checks that an arc is one.
+pub(super) fn check_arc(arc: &BodyArc) -> Result<(), PlanningError> {
+    let numbers = arc.position.iter().fold(Vector3::zeros(), |sum, coefficient| sum + coefficient).sum()
+        + arc.angle.iter().sum::<f64>()
+        + arc.attitude.coords.sum()
+        + arc.axis_body.sum();
+    finite("the sum of an arc's numbers", numbers)?;
+    if finite("the duration of an arc", arc.duration_s)? < 0.0 {
+        return Err(PlanningError::Negative { what: "the duration of an arc", value: arc.duration_s });
+    }
+    Ok(())
+}
