@@ -448,7 +448,9 @@ impl AstrobeeError {
                 "a scenario's `body`, `payload`, `start` and `drive` must fit: a wrench far beyond what the mass and inertia bear makes it \
                  too fast within one step; `docs/scenarios.md` describes every key"
             }
-            Self::Planning(_) => "correct `[plan]`, `[start]` or `[goal]`; `docs/planning.md` says what is asked of them",
+            Self::Planning(_) => {
+                "correct `[plan]`, `[start]` or `[goal]`; `docs/planning.md` says what is asked of them"
+            }
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
             Self::Database { .. } => {
                 "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \

@@ -5,9 +5,9 @@ use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use tumble_astrobee::scenario::{EMBEDDED, PlanningProblem, ScenarioSource};
 use tumble_dynamics::World;
 use tumble_dynamics::nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
-use tumble_astrobee::scenario::{EMBEDDED, PlanningProblem, ScenarioSource};
 use tumble_lie::Pose;
 
 fn tumble_in(folder: &Path, arguments: &[&str]) -> Output {
@@ -135,7 +135,9 @@ fn check_plan(name: &str, folder: &Path) -> Vec<Row> {
         let position = row.world_from_body.translation.vector;
         for axis in 0..3 {
             let box_m = &problem.limits.position;
-            assert!(position[axis] >= box_m.lower_world[axis] - 1e-9 && position[axis] <= box_m.upper_world[axis] + 1e-9);
+            assert!(
+                position[axis] >= box_m.lower_world[axis] - 1e-9 && position[axis] <= box_m.upper_world[axis] + 1e-9
+            );
             assert!(row.velocity[axis].abs() <= problem.limits.speed_m_s[axis] + 1e-9, "{name} at {}", row.time_s);
             let force = mass * row.acceleration_world[axis].abs();
             assert!(force <= problem.limits.force_n[axis] * (1.0 + 1e-9), "{name} at {}: {force} N", row.time_s);
@@ -174,9 +176,15 @@ fn plans_of_embedded_scenarios_hold_and_know_their_gap() {
         assert!((rows.last().unwrap().time_s - cost).abs() < 1e-6, "{name}");
         assert!(bound > 0.0 && bound <= cost, "{name}: {bound} {cost}");
         assert!((number(&found["gap"]) - (cost - bound) / cost).abs() < 1e-12);
-        assert_eq!(found["obstacle_set"].as_u64(), set.or(if name == "jem10" { None } else { Some("1") }).map(|s| s.parse().unwrap()));
+        assert_eq!(
+            found["obstacle_set"].as_u64(),
+            set.or(if name == "jem10" { None } else { Some("1") }).map(|s| s.parse().unwrap())
+        );
         let costs: Vec<f64> = found["history"].as_array().unwrap().iter().map(|step| number(&step["cost"])).collect();
-        assert!(costs.windows(2).all(|pair| pair[1] < pair[0]) && (costs.last().unwrap() - cost).abs() < 1e-9, "{name}");
+        assert!(
+            costs.windows(2).all(|pair| pair[1] < pair[0]) && (costs.last().unwrap() - cost).abs() < 1e-9,
+            "{name}"
+        );
         for picture in ["plan_top.svg", "plan_side.svg"] {
             let text = fs::read_to_string(place.join(picture)).unwrap();
             let obstacles = ScenarioSource::find(place.join("scenario.toml").to_str().unwrap()).unwrap();
@@ -228,7 +236,10 @@ fn the_same_seed_gives_the_same_files() {
     assert!(number(&timings["first_plan_wall_s"]) <= number(&timings["wall_s"]));
     assert!(!fs::read_to_string(first.join("plan.json")).unwrap().contains("wall"));
     // What was written can be planned again.
-    let again = tumble_in(&folder, &["plan", "tumble-out/plan-iss-slalom-5/scenario.toml", "--budget", "2000", "--out", "again"]);
+    let again = tumble_in(
+        &folder,
+        &["plan", "tumble-out/plan-iss-slalom-5/scenario.toml", "--budget", "2000", "--out", "again"],
+    );
     assert_eq!(again.status.code(), Some(0), "{}", stderr(&again));
     assert_eq!(fs::read(first.join("plan.json")).unwrap(), fs::read(folder.join("again/plan.json")).unwrap());
 }
@@ -252,7 +263,9 @@ fn the_simulator_flies_the_wrenches_of_a_plan() {
     let found = json(&output);
     assert_eq!(found["events"].as_array().unwrap().len(), 0);
     assert!(number(&found["to_goal"]["distance_m"]) < 0.22, "{found}");
-    assert!((number(&found["top_speed_m_s"]) - rows.iter().map(|row| row.velocity.norm()).fold(0.0, f64::max)).abs() < 1e-3);
+    assert!(
+        (number(&found["top_speed_m_s"]) - rows.iter().map(|row| row.velocity.norm()).fold(0.0, f64::max)).abs() < 1e-3
+    );
 }
 
 #[test]
@@ -260,19 +273,46 @@ fn what_cannot_be_planned_is_said_with_what_blocks() {
     let folder = scratch("blocked");
     let shown = |name: &str| String::from_utf8(tumble_in(&folder, &["scenario", "show", name]).stdout).unwrap();
     let (slalom, granite) = (shown("iss-slalom"), shown("granite-room"));
-    let obstacle = |center: &str, more: &str| format!("\n[[obstacles]]\ncenter_m = {center}\nsemi_axes_m = [0.3, 0.3, 0.3]\n{more}");
-    let cage: String = ["[9.9, -0.6, 0.0]", "[11.7, -0.6, 0.0]"].iter().map(|_| String::new()).collect();
-    let walls = "\n[[keep_out]]\nlower_m = [9.0, -8.8, 3.0]\nupper_m = [13.0, -8.7, 7.0]\n".to_owned() + &cage;
+    let obstacle = |center: &str, more: &str| {
+        format!("\n[[obstacles]]\ncenter_m = {center}\nsemi_axes_m = [0.3, 0.3, 0.3]\n{more}")
+    };
+    let wall = "\n[[keep_out]]\nlower_m = [9.0, -8.8, 3.0]\nupper_m = [13.0, -8.7, 7.0]\n";
     for (text, status, says) in [
-        (slalom.clone() + &obstacle("[10.8, -9.6, 4.8]", ""), "infeasible", "starts in obstacle 2 at (10.80, -9.60, 4.80) m"),
+        (
+            slalom.clone() + &obstacle("[10.8, -9.6, 4.8]", ""),
+            "infeasible",
+            "starts in obstacle 2 at (10.80, -9.60, 4.80) m",
+        ),
         (slalom.clone() + &obstacle("[10.8, -7.75, 5.2]", ""), "infeasible", "the goal lies in obstacle 2"),
-        (slalom.clone() + &walls, "infeasible", "keep-out box 4"),
-        (slalom.replace("[start]\npoint = \"A\"", "[start]\npoint = \"A\"\nvelocity_m_s = [0.0, 0.06, 0.0]"), "infeasible", "0.06"),
+        (slalom.clone() + wall, "infeasible", "keep-out box 4"),
+        (
+            slalom.replace("[start]\npoint = \"A\"", "[start]\npoint = \"A\"\nvelocity_m_s = [0.0, 0.06, 0.0]"),
+            "infeasible",
+            "0.06",
+        ),
         (slalom.replace("[goal]\npoint = \"B\"", "[goal]\nposition_m = [10.8, -6.0, 4.8]"), "infeasible", "-6"),
         (slalom.replace("force_limit_n = [0.1, 0.1, 0.1]", "force_limit_n = [0.1, 0.0, 0.1]"), "infeasible", "along y"),
-        (slalom.replace("speed_limit_m_s = [0.05, 0.05, 0.05]", "speed_limit_m_s = [0.05, 0.0, 0.05]"), "infeasible", "along y"),
-        (granite.replace("obstacle_set = 1", "obstacle_set = 2").replace("[goal]\npoint = \"B\"", "[goal]\nposition_m = [0.4, -0.4, -0.76]").replace("goal_radius_m = 0.167", "goal_radius_m = 0.0"), "infeasible", "the goal lies in obstacle 1"),
-        (granite.replace("obstacle_set = 1", "obstacle_set = 4").replace("[goal]\npoint = \"B\"", "[goal]\nposition_m = [0.4, -0.4, -0.76]").replace("goal_radius_m = 0.167", "goal_radius_m = 0.0"), "infeasible", "the goal lies in obstacle 4"),
+        (
+            slalom.replace("speed_limit_m_s = [0.05, 0.05, 0.05]", "speed_limit_m_s = [0.05, 0.0, 0.05]"),
+            "infeasible",
+            "along y",
+        ),
+        (
+            granite
+                .replace("obstacle_set = 1", "obstacle_set = 2")
+                .replace("[goal]\npoint = \"B\"", "[goal]\nposition_m = [0.4, -0.4, -0.76]")
+                .replace("goal_radius_m = 0.167", "goal_radius_m = 0.0"),
+            "infeasible",
+            "the goal lies in obstacle 1",
+        ),
+        (
+            granite
+                .replace("obstacle_set = 1", "obstacle_set = 4")
+                .replace("[goal]\npoint = \"B\"", "[goal]\nposition_m = [0.4, -0.4, -0.76]")
+                .replace("goal_radius_m = 0.167", "goal_radius_m = 0.0"),
+            "infeasible",
+            "the goal lies in obstacle 4",
+        ),
     ] {
         fs::write(folder.join("blocked.toml"), &text).unwrap();
         let output = tumble_in(&folder, &["plan", "blocked.toml", "--budget", "5000", "--json"]);
@@ -324,7 +364,9 @@ fn what_is_wrong_is_named_with_its_line() {
     let open = "format = 1\nname = \"x\"\nworld = \"open\"\nduration_s = 1\n[start]\nposition_m = [0, 0, 0]\n[goal]\nposition_m = [1, 0, 0]\n";
     let open = ScenarioSource::parse(Path::new("open.toml"), open).unwrap();
     open.flight().unwrap();
-    assert!(open.planning_problem().unwrap_err().to_string().contains("give `position_lower_m` and `position_upper_m`"));
+    assert!(
+        open.planning_problem().unwrap_err().to_string().contains("give `position_lower_m` and `position_upper_m`")
+    );
     // Simulate checks the plan's table too.
     let bad = good.replacen("margin_m = 0.0", "margin_m = -1.0", 1);
     assert!(ScenarioSource::parse(Path::new("bad.toml"), &bad).unwrap().flight().is_err());
@@ -335,7 +377,10 @@ fn on_the_table_height_and_tilt_stay() {
     let base = "format = 1\nname = \"x\"\nworld = \"granite\"\nduration_s = 1\n[start]\npoint = \"A\"\n[goal]\npoint = \"B\"\n";
     let problem = ScenarioSource::parse(Path::new("x"), base).unwrap().planning_problem().unwrap();
     let limits = problem.limits.position;
-    assert_eq!((limits.lower_world.z.to_bits(), limits.upper_world.z.to_bits()), ((-0.76_f64).to_bits(), (-0.76_f64).to_bits()));
+    assert_eq!(
+        (limits.lower_world.z.to_bits(), limits.upper_world.z.to_bits()),
+        ((-0.76_f64).to_bits(), (-0.76_f64).to_bits())
+    );
     assert!(limits.lower_world.x == -0.75 && limits.upper_world.y == 0.75);
     for (from, to, says) in [
         ("point = \"B\"", "position_m = [0, 0, -0.7]", "height"),
@@ -373,7 +418,11 @@ fn options_that_make_no_sense_are_refused_before_anything_is_written() {
     fs::remove_file(folder.join("noise.toml")).unwrap();
     fs::create_dir(folder.join("full")).unwrap();
     fs::write(folder.join("full/thesis.tex"), "years of work").unwrap();
-    for (options, code) in [(&["--out", "full"][..], "T010"), (&["--out", "full", "--force"], "T020"), (&["--out", "full/thesis.tex/x"], "T011")] {
+    for (options, code) in [
+        (&["--out", "full"][..], "T010"),
+        (&["--out", "full", "--force"], "T020"),
+        (&["--out", "full/thesis.tex/x"], "T011"),
+    ] {
         let output = tumble_in(&folder, &[&["plan", "iss-slalom", "--first"], options].concat());
         assert_eq!(output.status.code(), Some(2), "{options:?}");
         assert!(stderr(&output).contains(code), "{options:?}: {}", stderr(&output));
@@ -407,7 +456,8 @@ fn obstacles_appear_in_plans_as_they_do_in_flight() {
         assert!((found - clear).abs() < 1e-3 * clear, "{found} {clear}");
     }
     // The simulator sees the same: a robot that drifts through where the gate was, or is.
-    let drift = base.replacen("[goal]", "velocity_m_s = [0.2, 0, 0]\n[goal]", 1) + "[drive]\ncontroller = \"none\"\n[propulsion]\nkind = \"exact\"\n";
+    let drift = base.replacen("[goal]", "velocity_m_s = [0.2, 0, 0]\n[goal]", 1)
+        + "[drive]\ncontroller = \"none\"\n[propulsion]\nkind = \"exact\"\n";
     for (gate, code) in [
         (gate.to_owned(), 3),
         (format!("{gate}vanish_s = 1.0\n"), 0),

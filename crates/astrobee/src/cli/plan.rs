@@ -5,8 +5,10 @@ use super::plan_csv::{STEP_S, csv};
 use super::plan_figure::{View, draw};
 use super::{Outcome, print};
 use crate::output::{OutputFolder, RUN_RECORD, unused};
+use crate::planning_presets::{PrimitiveRules, rattle_rrt};
 use crate::scenario::{PlanningProblem, ScenarioSource};
 use crate::simulator::planar_part;
+use crate::worlds::WorldPreset;
 use crate::{AstrobeeError, log};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -17,9 +19,9 @@ use tumble_dynamics::World;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_planning::collision::{Blocker, EllipsoidWorld, MovingObstacle};
 use tumble_planning::global::{
-    FlightPlanner, GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Obstruction, Status, Until,
+    FlightPlanner, GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Obstruction, PrimitiveRrt, Status, Until,
 };
-use tumble_planning::{ArcPath, Budget, PlanningError};
+use tumble_planning::{ArcPath, Budget, DoubleIntegrator, PlanningError};
 
 /// Options of `tumble plan`.
 #[derive(Args)]
@@ -263,8 +265,15 @@ fn solve(
     budget.clock = Instant::now();
     match args.planner {
         PlannerName::Flight => FlightPlanner::default().plan(&request, budget),
-        PlannerName::ThesisRrt => todo!(),
+        PlannerName::ThesisRrt => thesis_planner(problem)?.plan(&request, budget),
     }
+}
+
+/// The thesis's planner with RATTLE's numbers, those of the station where RATTLE was not flown.
+fn thesis_planner(problem: &PlanningProblem) -> Result<PrimitiveRrt<DoubleIntegrator>, PlanningError> {
+    rattle_rrt(problem.place, PrimitiveRules::Continuous)
+        .or_else(|| rattle_rrt(WorldPreset::Iss, PrimitiveRules::Continuous))
+        .unwrap_or(Err(PlanningError::Unsupported { query: "be planned in by the thesis's planner" }))
 }
 
 fn path_of(answer: &GlobalAnswer) -> Option<&ArcPath> {
@@ -272,7 +281,13 @@ fn path_of(answer: &GlobalAnswer) -> Option<&ArcPath> {
 }
 
 fn measures(path: &ArcPath, mass_kg: f64) -> Measures {
-    let mut found = Measures { duration_s: path.duration_s(), impulse_n_s: 0.0, length_m: 0.0, top_speed_m_s: 0.0, turned_rad: 0.0 };
+    let mut found = Measures {
+        duration_s: path.duration_s(),
+        impulse_n_s: 0.0,
+        length_m: 0.0,
+        top_speed_m_s: 0.0,
+        turned_rad: 0.0,
+    };
     for arc in path.arcs() {
         let at = |piece: usize| arc.translation(arc.duration_s * piece as f64 / PIECES as f64).0;
         for piece in 0..PIECES {
@@ -320,16 +335,10 @@ fn listed(problem: &PlanningProblem, blockers: &[Blocker]) -> String {
 
 /// Why there is no plan, and what can be done; `None` where there is one.
 fn refusal(problem: &PlanningProblem, answer: &GlobalAnswer) -> Option<(String, &'static str)> {
-    const SMALLER: &str = "a smaller body (`robot_radius_m`, or its ellipsoids as `[[plan.body]]`) or `margin_m`";
-    let _ = SMALLER;
     Some(match &answer.status {
         Status::Optimal | Status::Feasible => return None,
         Status::BudgetSpent(blockers) => (
-            format!(
-                "none was found in {} units; most in the way: {}",
-                answer.units,
-                listed(problem, blockers)
-            ),
+            format!("none was found in {} units; most in the way: {}", answer.units, listed(problem, blockers)),
             "more `--budget` or `--time-limit`, another `--seed`; that there is none is not proven",
         ),
         Status::Infeasible(obstruction) => match obstruction {
@@ -352,7 +361,10 @@ fn refusal(problem: &PlanningProblem, answer: &GlobalAnswer) -> Option<(String, 
                 "correct `[start]`, `[goal]` or the limit in `[plan]`",
             ),
             Obstruction::LimitTooSmall { what, axis, value } => (
-                format!("{what} along {} is {value}, which allows no motion there", ["x", "y", "z"].get(*axis).unwrap_or(&"?")),
+                format!(
+                    "{what} along {} is {value}, which allows no motion there",
+                    ["x", "y", "z"].get(*axis).unwrap_or(&"?")
+                ),
                 "raise this limit in `[plan]`",
             ),
             other => (format!("{other:?}"), "correct `[plan]`, `[start]` or `[goal]`"),
@@ -521,7 +533,10 @@ fn table(
     let boxes = format!("{} keep-in and {} keep-out boxes", keep_in.len(), keep_out.len());
     line("world", format!("{}{set}: obstacles: {}, {boxes}", problem.place.name(), obstacles.len()));
     let mass_kg = problem.belief.parameters().mass;
-    line("robot", format!("{mass_kg:.3} kg, ellipsoids: {}, margin {} m", problem.body.parts().len(), problem.margin_m));
+    line(
+        "robot",
+        format!("{mass_kg:.3} kg, ellipsoids: {}, margin {} m", problem.body.parts().len(), problem.margin_m),
+    );
     let unit = match args.objective {
         ObjectiveName::Duration => "s",
         ObjectiveName::Impulse => "N s",
@@ -531,22 +546,37 @@ fn table(
         let found = measures(path, mass_kg);
         let is_optimal = answer.status == Status::Optimal;
         line("plan", format!("{:.3} s in {} arcs, every edge checked all along", found.duration_s, path.arcs().len()));
-        line("way", format!("{:.3} m, up to {:.3} m/s, turned by {:.3} rad", found.length_m, found.top_speed_m_s, found.turned_rad));
+        line(
+            "way",
+            format!(
+                "{:.3} m, up to {:.3} m/s, turned by {:.3} rad",
+                found.length_m, found.top_speed_m_s, found.turned_rad
+            ),
+        );
         line("impulse", format!("{:.3} N s", found.impulse_n_s));
         let ended = if is_optimal { "; no plan is better" } else { "" };
         line("cost", format!("{:.3} {unit} ({}){ended}", answer.cost, value_name(args.objective)));
         line("lower bound", format!("{}: no plan costs less", bound.unwrap_or_default()));
         line("gap", format!("{:.2} % of the cost at most", 100.0 * gap(answer).unwrap_or(0.0)));
         if let (Some(first), Some(first_s)) = (answer.history.first(), times.first_s) {
-            line("first plan", format!("{:.3} {unit} after {:.2} ms, {} units", first.cost, 1e3 * first_s, first.units));
+            line(
+                "first plan",
+                format!("{:.3} {unit} after {:.2} ms, {} units", first.cost, 1e3 * first_s, first.units),
+            );
         }
     } else {
-        line("plan", if matches!(answer.status, Status::Infeasible(_)) { "there is none" } else { "none was found" }.to_owned());
+        line(
+            "plan",
+            if matches!(answer.status, Status::Infeasible(_)) { "there is none" } else { "none was found" }.to_owned(),
+        );
         if let Some(bound) = bound {
             line("lower bound", format!("{bound}: no plan costs less"));
         }
     }
-    line("searched", format!("{:.1} ms, {} units, {} edges in the tree", 1e3 * times.total_s, answer.units, answer.tree.len()));
+    line(
+        "searched",
+        format!("{:.1} ms, {} units, {} edges in the tree", 1e3 * times.total_s, answer.units, answer.tree.len()),
+    );
     line("rows", format!("every {STEP_S} s and at the ends of arcs (plan.csv)"));
     text
 }

@@ -144,7 +144,13 @@ impl ScenarioSource {
         let goal = self.goal(place, &state)?.ok_or_else(|| self.bad("goal", "a plan needs a `[goal]`"))?;
         let mut limits = MotionLimits {
             position: asked.position.ok_or_else(|| {
-                self.bad("plan", &format!("in the world `{}` nothing bounds the way: give `position_lower_m` and `position_upper_m`", place.name()))
+                self.bad(
+                    "plan",
+                    &format!(
+                        "in the world `{}` nothing bounds the way: give `position_lower_m` and `position_upper_m`",
+                        place.name()
+                    ),
+                )
             })?,
             speed_m_s: asked.speed_m_s,
             force_n: asked.force_n,
@@ -155,6 +161,8 @@ impl ScenarioSource {
             self.check_level(&state, &goal)?;
             limits.position.lower_world.z = start.position.z;
             limits.position.upper_world.z = start.position.z;
+            limits.speed_m_s.z = 0.0;
+            limits.force_n.z = 0.0;
         }
         Ok(PlanningProblem {
             place,
