@@ -9,8 +9,14 @@
 //! Derived here; the double integrator's bang-coast-bang is classical.
 
 mod axis;
+mod goal;
+mod impulse;
+mod slew;
 mod synchronise;
 
+pub use goal::{least_time_to_goal_s, steer_to_goal};
+pub use impulse::least_velocity_change_m_s;
+pub use slew::{Slew, slew};
 pub use synchronise::{PIECES, Piece, Steering, least_time_s, steer, steer_in};
 
 use crate::error::{PlanningError, positive};

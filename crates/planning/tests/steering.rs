@@ -1,11 +1,17 @@
 //! Laws of exact steering.
+#![allow(clippy::float_cmp)]
 
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
-use tumble_dynamics::AlignedBox;
-use tumble_planning::TranslationState;
-use tumble_planning::nalgebra::Vector3;
-use tumble_planning::steering::{Steering, TranslationLimits, least_time_s, steer, steer_in};
+use tumble_dynamics::lie::Twist;
+use tumble_dynamics::{AlignedBox, BodyAcceleration, FreeFlyer, InertialParameters};
+use tumble_planning::global::{GoalRegion, MotionLimits};
+use tumble_planning::nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use tumble_planning::steering::{
+    Steering, TranslationLimits, least_time_s, least_time_to_goal_s, least_velocity_change_m_s, slew, steer, steer_in,
+    steer_to_goal,
+};
+use tumble_planning::{BodyArc, PlanningError, TranslationState};
 
 /// Uniform in `[low, high)`.
 fn uniform(random: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
@@ -75,4 +81,430 @@ fn motions_are_continuous_within_limits_and_arrive() {
             check(&slower, &from, &to, &limits);
         }
     }
+}
+
+/// Integral of the least of three lines over `[0, length]`, by the trapezoids between all their crossings.
+fn integral_of_least(lines: [(f64, f64); 3], length: f64) -> f64 {
+    let mut knots = vec![0.0, length];
+    for (index, one) in lines.iter().enumerate() {
+        for other in &lines[..index] {
+            let crossing = (other.0 - one.0) / (one.1 - other.1);
+            if crossing > 0.0 && crossing < length {
+                knots.push(crossing);
+            }
+        }
+    }
+    knots.sort_by(f64::total_cmp);
+    let least = |t: f64| lines.iter().map(|line| line.0 + line.1 * t).fold(f64::INFINITY, f64::min);
+    knots.windows(2).map(|knot| 0.5 * (least(knot[0]) + least(knot[1])) * (knot[1] - knot[0])).sum()
+}
+
+/// Whether some motion along an axis takes exactly this time, by the displacement between the lowest and the highest speed
+/// profile. Knows nothing of the closed forms.
+fn exists(d: f64, [v0, v1]: [f64; 2], speed: f64, rate: f64, time_s: f64, slack: f64) -> bool {
+    let most = integral_of_least([(v0, rate), (speed, 0.0), (v1 + rate * time_s, -rate)], time_s);
+    let least = -integral_of_least([(-v0, rate), (speed, 0.0), (-v1 + rate * time_s, -rate)], time_s);
+    (v1 - v0).abs() <= rate * time_s + slack && d >= least - slack && d <= most + slack
+}
+
+/// Along one axis the others rest at the origin.
+fn along_x(position: f64, velocity: f64) -> TranslationState {
+    TranslationState { position: Vector3::new(position, 0.0, 0.0), velocity: Vector3::new(velocity, 0.0, 0.0) }
+}
+
+#[test]
+fn durations_are_those_of_the_speed_profiles() {
+    let mut random = ChaCha8Rng::seed_from_u64(2);
+    let limits = limits();
+    let (speed, rate) = (limits.speed_m_s.x, limits.acceleration_m_s2.x);
+    let (mut gaps, mut isolated) = (0, 0);
+    for _ in 0..100_000 {
+        let reach = [0.02, 0.3, 3.0][random.next_u32() as usize % 3];
+        let (v0, v1) = (coordinate(&mut random, speed), coordinate(&mut random, speed));
+        let d = match random.next_u32() % 8 {
+            0 => 0.5 * (v0 + v1) * (v1 - v0).abs() / rate,
+            _ => coordinate(&mut random, reach),
+        };
+        let (from, to) = (along_x(0.0, v0), along_x(d, v1));
+        let least_s = least_time_s(&from, &to, &limits);
+        let exists_in = |time_s: f64, slack: f64| exists(d, [v0, v1], speed, rate, time_s, slack);
+        assert!(exists_in(least_s, 1e-13), "{d} {v0} {v1} {least_s}");
+        for _ in 0..8 {
+            let time_s = least_s * uniform(&mut random, 0.0, 1.0);
+            let is_less = time_s < least_s;
+            assert!(!is_less || !exists_in(time_s, -1e-12) && steer_in(&from, &to, &limits, time_s).is_none());
+            let time_s = least_s + uniform(&mut random, 0.0, 30.0);
+            let motion = steer_in(&from, &to, &limits, time_s);
+            if motion.is_some() {
+                assert!(exists_in(time_s, 1e-12), "{d} {v0} {v1} {time_s}");
+            } else {
+                gaps += 1;
+                assert!(!exists_in(time_s, -1e-12), "{d} {v0} {v1} {time_s}");
+            }
+        }
+        isolated += usize::from(steer_in(&from, &to, &limits, least_s * (1.0 + 1e-9) + 1e-9).is_none());
+    }
+    assert!(gaps > 10_000 && isolated > 1_000, "{gaps} {isolated}");
+}
+
+/// A random motion within the limits of speed and acceleration: its states and times.
+fn wander(random: &mut ChaCha8Rng, limits: &TranslationLimits) -> Vec<(f64, TranslationState, f64)> {
+    let mut state = state(random, 1.0, limits);
+    let (mut time_s, mut change) = (0.0, 0.0);
+    let mut states = vec![(time_s, state, change)];
+    for _ in 0..=random.next_u32() % 5 {
+        let step_s = uniform(random, 0.0, 8.0);
+        let wanted = Vector3::from_fn(|axis, _| coordinate(random, limits.acceleration_m_s2[axis]));
+        let next = (state.velocity + wanted * step_s).zip_map(&limits.speed_m_s, |v, limit| v.clamp(-limit, limit));
+        let rate = (next - state.velocity) / step_s;
+        state.position += (state.velocity + next) * (0.5 * step_s);
+        change += rate.abs().sum() * step_s;
+        state.velocity = next;
+        time_s += step_s;
+        states.push((time_s, state, change));
+    }
+    states
+}
+
+/// The least motions are never beaten by chance; what chance does in a time can be done in just that time, with no more
+/// peak and no more impulse; a region that chance ends in is not farther than it took.
+#[test]
+fn no_admissible_motion_is_faster_or_spares_more() {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let limits = limits();
+    for _ in 0..50_000 {
+        let states = wander(&mut random, &limits);
+        let (from, (time_s, to, change)) = (states[0].1, states[states.len() - 1]);
+        assert!(least_time_s(&from, &to, &limits) <= time_s * (1.0 + 1e-12), "{time_s} {states:?}");
+        // Chance likes the limits: just this time may be an isolated one, which rounding hides.
+        let mut nearby = (0..64).map(f64::from).flat_map(|step| [step, -step]);
+        let steering = nearby
+            .find_map(|step| steer_in(&from, &to, &limits, time_s * (1.0 + step * f64::EPSILON)))
+            .unwrap_or_else(|| panic!("{states:?}"));
+        assert!(steering.velocity_change_m_s() <= change + 1e-9, "{change} {time_s} {states:?} {steering:?}");
+        let bound = least_velocity_change_m_s(&from, &to, &limits, time_s * (1.0 + 1e-12));
+        assert!(bound <= change * (1.0 + 1e-9) + 1e-9, "{bound} {change} {states:?}");
+        let goal = GoalRegion {
+            position: to.position + Vector3::from_fn(|_, _| coordinate(&mut random, 0.1)),
+            radius_m: 0.0,
+            speed_m_s: to.velocity.norm() * (1.0 + 1e-12),
+            attitude: None,
+        };
+        let goal = GoalRegion { radius_m: (goal.position - to.position).norm() * (1.0 + 1e-12), ..goal };
+        let bound_s = least_time_to_goal_s(&from, &goal, &limits);
+        assert!(bound_s <= time_s * (1.0 + 1e-12), "{bound_s} {time_s}");
+    }
+}
+
+/// The least duration of three axes is the least that each has, by search.
+#[test]
+fn three_axes_meet_in_their_first_common_duration() {
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let limits = limits();
+    for _ in 0..2_000 {
+        let (from, to) = (state(&mut random, 0.5, &limits), state(&mut random, 0.5, &limits));
+        let least_s = least_time_s(&from, &to, &limits);
+        for step in 0..400 {
+            let time_s = least_s * f64::from(step) / 400.0;
+            let is_common = (0..3).all(|axis| {
+                let d = to.position[axis] - from.position[axis];
+                let velocities = [from.velocity[axis], to.velocity[axis]];
+                exists(d, velocities, limits.speed_m_s[axis], limits.acceleration_m_s2[axis], time_s, -1e-12)
+            });
+            assert!(!is_common, "{time_s} {least_s}");
+        }
+    }
+}
+
+#[test]
+fn regions_are_reached_near_the_bound() {
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let limits = limits();
+    let mut excess = Vec::new();
+    for _ in 0..5_000 {
+        let from = state(&mut random, 1.0, &limits);
+        let goal = GoalRegion {
+            position: Vector3::from_fn(|_, _| coordinate(&mut random, 1.0)),
+            radius_m: coordinate(&mut random, 0.3).max(0.0),
+            speed_m_s: coordinate(&mut random, 0.1).max(0.0),
+            attitude: None,
+        };
+        let bound_s = least_time_to_goal_s(&from, &goal, &limits);
+        let steering = steer_to_goal(&from, &goal, &limits).unwrap();
+        let end = steering.pieces().last().map_or(from, |piece| {
+            let t = piece.duration_s;
+            let velocity = piece.start.velocity + piece.acceleration_m_s2 * t;
+            let position = piece.start.position + (piece.start.velocity + velocity) * (0.5 * t);
+            TranslationState { position, velocity }
+        });
+        check(&steering, &from, &end, &limits);
+        assert!((end.position - goal.position).norm() <= goal.radius_m + 1e-13);
+        assert!(end.velocity.norm() <= goal.speed_m_s + 1e-13);
+        assert!(bound_s <= steering.duration_s() * (1.0 + 1e-12), "{from:?} {goal:?} {bound_s}");
+        let at_center = TranslationState::at_rest(goal.position);
+        assert!(steering.duration_s() <= least_time_s(&from, &at_center, &limits));
+        if goal.radius_m == 0.0 && goal.speed_m_s == 0.0 {
+            assert!((bound_s - steering.duration_s()).abs() <= 1e-12 * bound_s);
+        } else {
+            excess.push(steering.duration_s() / bound_s.max(0.1));
+        }
+    }
+    excess.sort_by(f64::total_cmp);
+    let (median, most) = (excess[excess.len() / 2], excess[excess.len() * 99 / 100]);
+    println!("duration over bound: median {median}, 99 % {most}, worst {}", excess[excess.len() - 1]);
+    assert!(median < 1.05, "{median}");
+}
+
+/// The bound on the change of velocity along one axis is attained, by search over all durations.
+#[test]
+fn the_least_change_of_velocity_is_attained() {
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let limits = limits();
+    for _ in 0..1_000 {
+        let (v0, v1) = (coordinate(&mut random, 0.1), coordinate(&mut random, 0.1));
+        let (from, to) = (along_x(0.0, v0), along_x(coordinate(&mut random, 0.6), v1));
+        let latest_s = uniform(&mut random, 0.5, 2.0) * least_time_s(&from, &to, &limits);
+        let bound = least_velocity_change_m_s(&from, &to, &limits, latest_s);
+        let tried = (0..=2000).map(|step| latest_s * f64::from(step) / 2000.0);
+        let motions = tried.filter_map(|time_s| steer_in(&from, &to, &limits, time_s));
+        let best = motions.map(|motion| motion.velocity_change_m_s()).fold(f64::INFINITY, f64::min);
+        assert!(bound <= best + 1e-15);
+        assert!(best <= bound + 2e-3 || best.is_infinite(), "{bound} {best} {from:?} {to:?} {latest_s}");
+        let ever = least_velocity_change_m_s(&from, &to, &limits, f64::INFINITY);
+        let late = least_velocity_change_m_s(&from, &to, &limits, 1e9);
+        assert!(ever <= late && late <= ever + 1e-8, "{ever} {late}");
+    }
+}
+
+fn reversed(state: &TranslationState) -> TranslationState {
+    TranslationState { position: state.position, velocity: -state.velocity }
+}
+
+#[test]
+fn reversing_time_scaling_and_widening_do_what_they_must() {
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    let limits = limits();
+    let same = |one: f64, other: f64| (one - other).abs() <= 1e-12 * one.max(other);
+    for _ in 0..20_000 {
+        let (from, to) = (state(&mut random, 1.0, &limits), state(&mut random, 1.0, &limits));
+        let least_s = least_time_s(&from, &to, &limits);
+        assert!(same(least_time_s(&reversed(&to), &reversed(&from), &limits), least_s), "{from:?} {to:?}");
+        let [length, time] = [0, 1].map(|_| f64::powi(10.0, random.next_u32() as i32 % 8));
+        let scaled = |state: &TranslationState| TranslationState {
+            position: state.position * length,
+            velocity: state.velocity * (length / time),
+        };
+        let scaled_limits = TranslationLimits {
+            position: AlignedBox::between(limits.position.lower_world * length, limits.position.upper_world * length),
+            speed_m_s: limits.speed_m_s * (length / time),
+            acceleration_m_s2: limits.acceleration_m_s2 * (length / (time * time)),
+        };
+        let scaled_s = least_time_s(&scaled(&from), &scaled(&to), &scaled_limits);
+        assert!(same(scaled_s / time, least_s), "{scaled_s} {least_s} {length} {time} {from:?} {to:?}");
+        let mut wider = limits;
+        wider.speed_m_s *= uniform(&mut random, 1.0, 2.0);
+        wider.acceleration_m_s2 *= uniform(&mut random, 1.0, 2.0);
+        // More force never takes more time on one axis; on three a gap may open, so each is asked alone.
+        for axis in 0..3 {
+            let alone = |state: &TranslationState| {
+                let (mut position, mut velocity) = (Vector3::zeros(), Vector3::zeros());
+                (position[axis], velocity[axis]) = (state.position[axis], state.velocity[axis]);
+                TranslationState { position, velocity }
+            };
+            let (from, to) = (alone(&from), alone(&to));
+            let narrow_s = least_time_s(&from, &to, &limits);
+            assert!(least_time_s(&from, &to, &wider) <= narrow_s * (1.0 + 1e-12));
+        }
+        // On the way the rest of the least time is least, and a way through anywhere else takes no less.
+        let steering = steer(&from, &to, &limits).unwrap();
+        if let Some(piece) = steering.pieces().get(1) {
+            let passed_s = steering.pieces()[0].duration_s;
+            let left_s = least_time_s(&piece.start, &to, &limits);
+            assert!(left_s <= (least_s - passed_s) * (1.0 + 1e-12) + 1e-12, "{left_s} {least_s} {passed_s}");
+        }
+        let through = state(&mut random, 1.0, &limits);
+        let detour_s = least_time_s(&from, &through, &limits) + least_time_s(&through, &to, &limits);
+        assert!(detour_s >= least_s * (1.0 - 1e-12), "{detour_s} {least_s}");
+    }
+}
+
+/// Who leaves the box in the least time leaves it in any.
+#[test]
+fn the_box_is_kept_or_there_is_no_motion_at_all() {
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    let mut limits = limits();
+    limits.position = AlignedBox::between(Vector3::repeat(-0.3), Vector3::repeat(0.3));
+    let (mut kept, mut left) = (0, 0);
+    for _ in 0..20_000 {
+        let (from, to) = (state(&mut random, 0.3, &limits), state(&mut random, 0.3, &limits));
+        if let Some(steering) = steer(&from, &to, &limits) {
+            kept += 1;
+            check(&steering, &from, &to, &limits);
+            for piece in steering.pieces() {
+                for step in 0..=20 {
+                    let t = piece.duration_s * f64::from(step) / 20.0;
+                    let position =
+                        piece.start.position + (piece.start.velocity + piece.acceleration_m_s2 * (0.5 * t)) * t;
+                    assert!(position.amax() <= 0.3 + 1e-14);
+                }
+            }
+        } else {
+            left += 1;
+            let least_s = least_time_s(&from, &to, &limits);
+            for _ in 0..20 {
+                assert!(steer_in(&from, &to, &limits, least_s * uniform(&mut random, 1.0, 4.0)).is_none());
+            }
+            // Some axis cannot stop in time, forwards or backwards.
+            let cannot_stop = (0..3).any(|axis| {
+                let stop = |state: &TranslationState, sign: f64| {
+                    let velocity = state.velocity[axis] * sign;
+                    let turn = state.position[axis] + 0.5 * velocity * velocity.abs() / limits.acceleration_m_s2[axis];
+                    turn.abs() > 0.3
+                };
+                stop(&from, 1.0) || stop(&to, -1.0)
+            });
+            assert!(cannot_stop, "{from:?} {to:?}");
+        }
+    }
+    assert!(kept > 500 && left > 500, "{kept} {left}");
+}
+
+#[test]
+fn a_table_needs_no_force_and_no_height() {
+    let mut limits = limits();
+    limits.position = AlignedBox::between(Vector3::new(-1.0, -1.0, -0.67), Vector3::new(1.0, 1.0, -0.67));
+    (limits.acceleration_m_s2.z, limits.speed_m_s.z) = (0.0, 0.0);
+    let from = TranslationState::at_rest(Vector3::new(0.0, 0.0, -0.67));
+    let to = TranslationState::at_rest(Vector3::new(0.5, 0.2, -0.67));
+    let steering = steer(&from, &to, &limits).unwrap();
+    check(&steering, &from, &to, &limits);
+    assert!((steering.duration_s() - 10.0).abs() < 1e-13, "5 s to 0.1 m/s and back make 0.5 m");
+    let slower = steer_in(&from, &to, &limits, 25.0).unwrap();
+    check(&slower, &from, &to, &limits);
+    let above = TranslationState::at_rest(Vector3::new(0.5, 0.2, -0.66));
+    assert!(steer(&from, &above, &limits).is_none() && least_time_s(&from, &above, &limits).is_infinite());
+    let rising = TranslationState { velocity: Vector3::new(0.0, 0.0, 0.01), ..to };
+    assert!(least_time_s(&from, &rising, &limits).is_infinite());
+    let region = |position| GoalRegion { position, radius_m: 0.1, speed_m_s: 0.0, attitude: None };
+    assert!(steer_to_goal(&from, &region(to.position), &limits).unwrap().duration_s() < 9.5);
+    assert!(least_time_to_goal_s(&from, &region(Vector3::new(0.5, 0.2, -0.5)), &limits).is_infinite());
+    assert_eq!(steer(&from, &from, &limits).unwrap().pieces().len(), 0);
+}
+
+fn motion_limits() -> MotionLimits {
+    MotionLimits {
+        position: AlignedBox::between(Vector3::repeat(-1.0), Vector3::repeat(1.0)),
+        speed_m_s: Vector3::repeat(0.1),
+        force_n: Vector3::new(0.4, 0.2, 0.1),
+        torque_n_m: Vector3::new(0.01, 0.02, 0.03),
+        rate_rad_s: 0.3,
+    }
+}
+
+#[test]
+fn limits_that_make_no_sense_are_named() {
+    let sound = motion_limits();
+    assert_eq!(sound.translation(2.0).unwrap().acceleration_m_s2, Vector3::new(0.2, 0.1, 0.05));
+    assert!(matches!(sound.translation(0.0), Err(PlanningError::NotPositive { .. })));
+    assert!(matches!(sound.translation(f64::NAN), Err(PlanningError::NotFinite { .. })));
+    let with = |change: fn(&mut MotionLimits)| {
+        let mut limits = sound;
+        change(&mut limits);
+        limits.translation(2.0).unwrap_err()
+    };
+    assert!(matches!(with(|l| l.speed_m_s.y = -0.1), PlanningError::Negative { .. }));
+    assert!(matches!(with(|l| l.force_n.z = f64::INFINITY), PlanningError::NotFinite { .. }));
+    assert!(matches!(with(|l| l.position.lower_world.x = f64::NAN), PlanningError::NotFinite { .. }));
+    assert!(matches!(with(|l| l.position.lower_world.x = 2.0), PlanningError::EmptyBox { axis: 0, .. }));
+}
+
+/// Largest ratio of a torque component to its limit, by inverse dynamics.
+fn load(body: &FreeFlyer<f64>, axis: &Vector3<f64>, rate: f64, acceleration: f64, limit: &Vector3<f64>) -> f64 {
+    let twist = Twist::new(axis * rate, Vector3::zeros());
+    let acceleration =
+        BodyAcceleration { angular_acceleration_body: axis * acceleration, acceleration_origin_body: Vector3::zeros() };
+    body.inverse(&twist, &acceleration).torque.component_div(limit).amax()
+}
+
+fn attitude(random: &mut ChaCha8Rng) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_scaled_axis(Vector3::from_fn(|_, _| uniform(random, -3.0, 3.0)))
+}
+
+#[test]
+fn turns_use_the_torque_there_is_and_no_more() {
+    let mut random = ChaCha8Rng::seed_from_u64(9);
+    let mut bound_by_rate = 0;
+    for _ in 0..300 {
+        let root = Matrix3::from_fn(|_, _| uniform(&mut random, -0.3, 0.3));
+        let inertia = (root * root.transpose() + Matrix3::identity() * 0.01) * uniform(&mut random, 0.1, 3.0);
+        let body = FreeFlyer::new(InertialParameters::about_com(2.0, Vector3::zeros(), inertia));
+        let limits = MotionLimits {
+            torque_n_m: Vector3::from_fn(|_, _| uniform(&mut random, 0.001, 0.03)),
+            rate_rad_s: uniform(&mut random, 0.05, 2.0),
+            ..motion_limits()
+        };
+        let (from, to) = (attitude(&mut random), attitude(&mut random));
+        let turn = slew(&from, &to, &inertia, &limits).unwrap().unwrap();
+        let (axis, peak) = (turn.axis_body().into_inner(), turn.rate_rad_s());
+        assert!(turn.attitude_at(turn.duration_s()).angle_to(&to) < 1e-14);
+        bound_by_rate += usize::from(peak == limits.rate_rad_s);
+
+        let slower = turn.stretched(turn.duration_s() * uniform(&mut random, 1.0, 3.0)).unwrap();
+        assert!(turn.stretched(turn.duration_s() * 0.999).is_none());
+        let flight_limits = limits.translation(2.0).unwrap();
+        let start = TranslationState::at_rest(Vector3::new(0.1, 0.2, 0.3));
+        let end = TranslationState::at_rest(Vector3::new(0.11, 0.18, 0.3));
+        for turn in [turn, slower] {
+            let Some(flight) = steer_in(&start, &end, &flight_limits, turn.duration_s()) else { continue };
+            let arcs: Vec<BodyArc> = turn.along(&flight).unwrap().collect();
+            let (mut elapsed_s, mut attitude, mut rate, mut state) = (0.0, from, 0.0, start);
+            for arc in &arcs {
+                assert!(arc.attitude.angle_to(&attitude) < 1e-14 && (arc.turn(0.0).1 - rate).abs() < 1e-13);
+                assert!((arc.translation(0.0).0.position - state.position).amax() < 1e-14);
+                assert!((arc.translation(0.0).0.velocity - state.velocity).amax() < 1e-14);
+                for step in 0..=4 {
+                    let (_, rate, acceleration) = arc.turn(arc.duration_s * f64::from(step) / 4.0);
+                    assert!(load(&body, &axis, rate, acceleration, &limits.torque_n_m) <= 1.0 + 1e-12);
+                    assert!(rate <= limits.rate_rad_s * (1.0 + 1e-12));
+                }
+                attitude = arc.attitude_at(arc.duration_s);
+                rate = arc.turn(arc.duration_s).1;
+                state = arc.translation(arc.duration_s).0;
+                elapsed_s += arc.duration_s;
+            }
+            assert!((elapsed_s - turn.duration_s()).abs() < 1e-12 * elapsed_s && rate.abs() < 1e-13);
+            assert!(attitude.angle_to(&to) < 1e-14 && (state.position - end.position).amax() < 1e-14);
+        }
+
+        // No other trapezoid about the axis is faster.
+        for step in 1..=400 {
+            let rate = limits.rate_rad_s * f64::from(step) / 400.0;
+            let (mut low, mut high) = (0.0, 1e3);
+            for _ in 0..60 {
+                let acceleration = 0.5 * (low + high);
+                let most = load(&body, &axis, rate, acceleration, &limits.torque_n_m);
+                let most = most.max(load(&body, &axis, rate, -acceleration, &limits.torque_n_m));
+                if most <= 1.0 { low = acceleration } else { high = acceleration }
+            }
+            if rate * rate <= low * turn.angle_rad() {
+                let duration_s = turn.angle_rad() / rate + rate / low;
+                assert!(duration_s >= turn.duration_s() * (1.0 - 1e-12), "{duration_s} {turn:?}");
+            }
+        }
+    }
+    assert!((10..290).contains(&bound_by_rate), "{bound_by_rate}");
+}
+
+#[test]
+fn a_turn_without_torque_or_without_an_angle() {
+    let inertia = Matrix3::from_diagonal(&Vector3::new(0.1, 0.2, 0.3));
+    let (from, to) = (UnitQuaternion::identity(), UnitQuaternion::from_scaled_axis(Vector3::x() * 0.7));
+    let powerless = MotionLimits { torque_n_m: Vector3::new(0.0, 1.0, 1.0), ..motion_limits() };
+    assert!(slew(&from, &to, &inertia, &powerless).unwrap().is_none());
+    assert_eq!(slew(&from, &from, &inertia, &powerless).unwrap().unwrap().duration_s(), 0.0);
+    // About a principal axis of a table nothing else is needed: 0.01 N m on 0.1 kg m^2, 0.3 rad/s at most.
+    let turn = slew(&from, &to, &inertia, &motion_limits()).unwrap().unwrap();
+    assert!((turn.duration_s() - 2.0 * f64::sqrt(0.7 / 0.1)).abs() < 1e-13);
+    assert!(slew(&from, &to, &inertia, &MotionLimits { rate_rad_s: f64::NAN, ..powerless }).is_err());
+    assert!(slew(&from, &to, &-inertia, &powerless).is_err());
 }

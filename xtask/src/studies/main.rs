@@ -21,11 +21,13 @@ mod identification;
 mod integrator;
 mod lie;
 mod likelihood;
+mod path_checker;
 mod plain_throws;
 mod plot;
 mod propulsion_dynamics;
 mod real_data;
 mod recording;
+mod rrt;
 mod simulator;
 mod throws;
 mod thrust_imu;
@@ -66,6 +68,7 @@ const PROBLEMS: &[Problem] = &[
     ("propulsion", propulsion_dynamics::bench),
     ("simulator", simulator::run),
     ("recording", recording::run),
+    ("rrt", rrt::run),
 ];
 
 /// What a result folder says about the run that wrote it.
@@ -88,7 +91,7 @@ fn main() -> ExitCode {
     let (name, rest) = words.split_first().map_or(("", &[][..]), |(name, rest)| (name.as_str(), rest));
     let result =
         match name {
-            "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps"])
+            "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps", "--runs", "--reference"])
                 .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
             "real-data" => Arguments::parse(rest, &["--json", "--check"], &["--data"])
                 .and_then(|arguments| real_data::run(&arguments)),

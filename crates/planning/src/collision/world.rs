@@ -155,6 +155,13 @@ impl Entry {
         self.appear_s <= time_s && time_s <= self.vanish_s
     }
 
+    /// True where it neither moves, nor appears or vanishes from that time on.
+    fn is_still_from(&self, time_s: f64) -> bool {
+        let is_gone = self.vanish_s < time_s;
+        let stays = self.motion.is_none() && self.appear_s <= time_s && self.vanish_s == f64::INFINITY;
+        is_gone || stays
+    }
+
     /// Where the reference point is.
     #[inline]
     fn reference_at(&self, time_s: f64) -> Vector3<f64> {
@@ -276,14 +283,14 @@ impl EllipsoidWorld {
     }
 }
 
-impl CollisionWorld for EllipsoidWorld {
-    type Body = BodyShape;
-
-    fn clearance(
+impl EllipsoidWorld {
+    /// Clearance from the entries that count.
+    fn clearance_from(
         &self,
         body: &BodyShape,
         world_from_body: &Pose<f64>,
         time_s: f64,
+        counts: impl Fn(&Entry) -> bool,
     ) -> Result<Clearance, PlanningError> {
         finite("the mission time", time_s)?;
         let numbers = world_from_body.translation.vector.sum() + world_from_body.rotation.coords.sum();
@@ -292,7 +299,7 @@ impl CollisionWorld for EllipsoidWorld {
         for part in body.parts() {
             let part = PosedPart::new(part, world_from_body);
             let half_extent = part.half_extent();
-            for entry in self.entries.iter().filter(|entry| entry.is_present(time_s)) {
+            for entry in self.entries.iter().filter(|entry| counts(entry)) {
                 let relative = part.center() - entry.reference_at(time_s);
                 let bound_m = box_gap(&(relative - half_extent), &(relative + half_extent), &entry.extent);
                 if bound_m < nearest.distance_m {
@@ -304,6 +311,41 @@ impl CollisionWorld for EllipsoidWorld {
             }
         }
         Ok(nearest)
+    }
+}
+
+impl CollisionWorld for EllipsoidWorld {
+    type Body = BodyShape;
+
+    fn clearance(
+        &self,
+        body: &BodyShape,
+        world_from_body: &Pose<f64>,
+        time_s: f64,
+    ) -> Result<Clearance, PlanningError> {
+        self.clearance_from(body, world_from_body, time_s, |entry| entry.is_present(time_s))
+    }
+
+    fn lasting_clearance(
+        &self,
+        body: &BodyShape,
+        world_from_body: &Pose<f64>,
+        from_s: f64,
+    ) -> Result<Clearance, PlanningError> {
+        self.clearance_from(body, world_from_body, from_s, |entry| {
+            entry.is_present(from_s) && entry.is_still_from(from_s)
+        })
+    }
+
+    fn is_still_from(&self, time_s: f64) -> bool {
+        self.entries.iter().all(|entry| entry.is_still_from(time_s))
+    }
+
+    fn is_round(&self, body: &BodyShape) -> bool {
+        body.parts().iter().all(|part| {
+            part.body_from_ellipsoid.translation.vector == Vector3::zeros()
+                && part.semi_axes.min() >= part.semi_axes.max()
+        })
     }
 
     /// First time at which `body` comes nearer than `margin_m` to anything.

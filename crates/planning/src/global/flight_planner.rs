@@ -12,7 +12,7 @@ mod flight;
 mod improve;
 mod search;
 
-use super::{GlobalAnswer, GlobalPlanner, GlobalRequest, Obstruction, Status};
+use super::{GlobalAnswer, GlobalPlanner, GlobalRequest, Status, diagnose};
 use crate::belief::Plan;
 use crate::budget::Budget;
 use crate::collision::CollisionWorld;
@@ -24,6 +24,11 @@ use flight::{Flight, Node};
 use improve::Improve;
 use search::{End, Search};
 use tumble_lie::Pose;
+
+/// Units for one pair of trees before it starts anew.
+const TREE_UNITS: u64 = 2000;
+/// Points of the goal region looked at for a free one.
+const GOAL_TRIALS: u64 = 64;
 
 /// How the planner searches.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,91 +62,122 @@ impl FlightPlanner {
     }
 
     /// Searches until something ends it.
-    fn search<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>, goal: Node) -> End {
-        let mut round = || -> Result<(), End> {
-            while !self.connect.find(search, goal, 2000, &mut self.flight)? {}
-            search.offer(&self.flight)?;
-            self.improve.run(search, &mut self.flight, 200)?;
-            search.offer(&self.flight)?;
-            loop {
-                if let Some(best) = &search.best {
-                    self.flight.clone_from(best);
-                }
-                let improved = self.improve.run(search, &mut self.flight, 400);
-                search.offer(&self.flight)?;
-                improved?;
-                if self.connect.find(search, goal, 200, &mut self.flight)? {
-                    let improved = self.improve.run(search, &mut self.flight, 200);
-                    search.offer(&self.flight)?;
-                    improved?;
-                }
-                if self.explore.run(search, &mut self.flight, 100)? {
-                    search.offer(&self.flight)?;
-                }
+    fn search<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>) -> Result<(), End> {
+        self.first_plan(search)?;
+        search.offer(&self.flight)?;
+        self.improve(search, 200)?;
+        loop {
+            if let Some(best) = &search.best {
+                self.flight.clone_from(best);
             }
-        };
-        match round() {
-            Ok(()) => End::Stopped,
-            Err(end) => end,
+            self.improve(search, 400)?;
+            let goal = self.goal(search)?;
+            if self.connect.find(search, goal, 200, &mut self.flight)? {
+                self.improve(search, 200)?;
+            }
+            if self.explore.run(search, &mut self.flight, 100)? {
+                search.offer(&self.flight)?;
+            }
+            search.refine_bound(0.2)?;
         }
+    }
+
+    /// Looks for any plan: by trees, and by way of cells that are free.
+    fn first_plan<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>) -> Result<(), End> {
+        loop {
+            let goal = self.goal(search)?;
+            if self.connect.find(search, goal, TREE_UNITS, &mut self.flight)? {
+                return Ok(());
+            }
+            search.refine_bound(1.0)?;
+            if !search.free_route().is_empty() && self.follow_route(search)? {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Flies straight from corner to corner of the free route; false where that is not free at its times.
+    fn follow_route<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>) -> Result<bool, End> {
+        let flight = &mut self.flight;
+        flight.arcs.clear();
+        let (mut since, mut since_s) = (0, 0.0);
+        let route = search.free_route().to_vec();
+        let mut here = search.start();
+        for corner in route.iter().skip(1) {
+            let next = Node { translation: TranslationState::at_rest(*corner), attitude: here.attitude };
+            if !search.append_straight(&here, &next, &mut flight.arcs)? {
+                return Ok(false);
+            }
+            here = next;
+            let arcs = flight.arcs.get(since..).unwrap_or_default();
+            if !search.is_free(arcs, since_s)? {
+                return Ok(false);
+            }
+            since_s += arcs.iter().map(|arc| arc.duration_s).sum::<f64>();
+            since = flight.arcs.len();
+        }
+        let arrival = Node { attitude: search.request.goal.attitude.unwrap_or(here.attitude), ..here };
+        if !search.append_edge(&here, &arrival, &mut flight.arcs)? {
+            return Ok(false);
+        }
+        search.rate(flight);
+        Ok(true)
+    }
+
+    /// Improves the flight and offers what came of it, even where the budget ended it.
+    fn improve<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>, units: u64) -> Result<(), End> {
+        let improved = self.improve.run(search, &mut self.flight, units);
+        search.offer(&self.flight)?;
+        improved
+    }
+
+    /// A state at rest in the goal region, its centre where that is free.
+    fn goal<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>) -> Result<Node, End> {
+        let request = search.request;
+        let attitude = request.goal.attitude.unwrap_or(request.attitude);
+        let bounds = &search.limits.position;
+        let mut position = request.goal.position;
+        for _ in 0..GOAL_TRIALS {
+            let within = position.sup(&bounds.lower_world).inf(&bounds.upper_world);
+            let pose = Pose::from_parts(within.into(), attitude);
+            let clearance = request.world.clearance(request.body, &pose, request.start_s)?;
+            let is_inside = (within - request.goal.position).norm_squared() <= request.goal.radius_m.powi(2);
+            if is_inside && clearance.distance_m >= request.margin_m {
+                return Ok(Node { translation: TranslationState::at_rest(within), attitude });
+            }
+            position = request.goal.position + search.chance.in_ball() * request.goal.radius_m;
+        }
+        search.spend(GOAL_TRIALS / 8)?;
+        Ok(Node { translation: TranslationState::at_rest(request.goal.position), attitude })
     }
 }
 
 impl<W: CollisionWorld + ?Sized> GlobalPlanner<W> for FlightPlanner {
     fn plan(&mut self, request: &GlobalRequest<'_, W>, budget: &mut dyn Budget) -> Result<GlobalAnswer, PlanningError> {
-        let limits = request.limits.translation(request.belief.parameters().mass)?;
-        let mut search = Search::new(request, limits, 0.0, self.settings.tolerance, budget);
-        search.lower_bound = search.least_time_to_goal_s(&search.start());
+        let mut search = Search::new(request, self.settings.tolerance, budget)?;
         self.explore.clear();
-        let goal = Node {
-            translation: TranslationState::at_rest(request.goal.position),
-            attitude: request.goal.attitude.unwrap_or(request.attitude),
+        let found = match diagnose(request)? {
+            Some(obstruction) => Err(End::Infeasible(obstruction)),
+            None => self.search(&mut search),
         };
-        if let Some(obstruction) = blocked_at_start(request)? {
-            return Ok(answer_without(Status::Infeasible(obstruction)));
-        }
-        let end = self.search(&mut search, goal);
-        let status = match (end, &search.best) {
-            (End::Error(error), _) => return Err(error),
-            (_, None) => Status::BudgetSpent(search.blockers()),
-            (End::Optimal, _) => Status::Optimal,
-            (End::Stopped, _) => Status::Feasible,
+        let status = match found {
+            Err(End::Error(error)) => return Err(error),
+            Err(End::Infeasible(obstruction)) => Status::Infeasible(obstruction),
+            Err(End::Optimal) => Status::Optimal,
+            Ok(()) | Err(End::Stopped) if search.best.is_some() => Status::Feasible,
+            Ok(()) | Err(End::Stopped) => Status::BudgetSpent(search.blockers()),
         };
+        let lower_bound = if matches!(status, Status::Infeasible(_)) { f64::INFINITY } else { search.lower_bound() };
         let best = search.best.take();
         Ok(GlobalAnswer {
             status,
             cost: best.as_ref().map_or(f64::INFINITY, |best| best.cost),
             plan: best
                 .map(|best| Plan { trajectory: ArcPath::new(best.arcs), model_revision: request.belief.revision }),
-            lower_bound: search.lower_bound,
+            lower_bound,
             units: search.units,
             history: search.history,
             tree: self.connect.edges().chain(self.explore.edges()).collect(),
         })
-    }
-}
-
-fn blocked_at_start<W: CollisionWorld + ?Sized>(
-    request: &GlobalRequest<'_, W>,
-) -> Result<Option<Obstruction>, PlanningError> {
-    let pose = Pose::from_parts(request.start.position.into(), request.attitude);
-    let clearance = request.world.clearance(request.body, &pose, request.start_s)?;
-    Ok(match clearance.nearest {
-        Some(blocker) if clearance.distance_m < request.margin_m => {
-            Some(Obstruction::StartBlocked { blocker, clearance_m: clearance.distance_m })
-        }
-        _ => None,
-    })
-}
-
-fn answer_without(status: Status) -> GlobalAnswer {
-    GlobalAnswer {
-        status,
-        plan: None,
-        cost: f64::INFINITY,
-        lower_bound: f64::INFINITY,
-        units: 0,
-        history: Vec::new(),
-        tree: Vec::new(),
     }
 }

@@ -1,6 +1,6 @@
 //! The kinodynamic RRT of the thesis: a tree of motion primitives.
 
-use super::{GlobalAnswer, GlobalPlanner, GlobalRequest, GoalRegion, Improvement, Objective, Obstruction, Status};
+use super::{GlobalAnswer, GlobalPlanner, GlobalRequest, Improvement, Objective, RouteBound, Status, diagnose};
 use crate::belief::Plan;
 use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};
@@ -68,6 +68,8 @@ struct Search<'a, 'w, W: CollisionWorld + ?Sized, M> {
     model: M,
     settings: PrimitiveRrtSettings,
     parameters: &'a InertialParameters<f64>,
+    /// Of the free space.
+    lower_bound: f64,
     blocked: BTreeMap<Blocker, u64>,
     units: u64,
 }
@@ -109,11 +111,8 @@ where
 {
     fn plan(&mut self, request: &GlobalRequest<'_, W>, budget: &mut dyn Budget) -> Result<GlobalAnswer, PlanningError> {
         let parameters = request.belief.parameters();
-        check_request(request)?;
-        let model = self.model.within(&request.limits, &request.attitude)?;
-        let mut search =
-            Search { request, model, settings: self.settings, parameters, blocked: BTreeMap::new(), units: 0 };
-        if let Some(obstruction) = search.obstruction()? {
+        finite("the start time", request.start_s)?;
+        if let Some(obstruction) = diagnose(request)? {
             return Ok(GlobalAnswer {
                 status: Status::Infeasible(obstruction),
                 plan: None,
@@ -124,6 +123,15 @@ where
                 tree: Vec::new(),
             });
         }
+        let mut search = Search {
+            request,
+            model: self.model.within(&request.limits, &request.attitude)?,
+            settings: self.settings,
+            parameters,
+            lower_bound: RouteBound::new(request)?.lower_bound(),
+            blocked: BTreeMap::new(),
+            units: 0,
+        };
         let mut nodes =
             vec![Node { state: search.model.state_at(&request.start), parent: 0, primitive: 0, time_s: 0.0 }];
         let is_there = search.is_goal(&request.start) && search.is_goal_attitude(&request.attitude);
@@ -132,52 +140,7 @@ where
     }
 }
 
-fn check_request<W: CollisionWorld + ?Sized>(request: &GlobalRequest<'_, W>) -> Result<(), PlanningError> {
-    let GoalRegion { position, radius_m, speed_m_s, .. } = &request.goal;
-    positive("the mass", request.belief.parameters().mass)?;
-    finite("the start time", request.start_s)?;
-    for coordinate in position.iter().chain(&request.start.position).chain(&request.start.velocity) {
-        finite("a coordinate of the start or the goal", *coordinate)?;
-    }
-    for (what, value) in
-        [("the goal's radius", *radius_m), ("the goal's speed", *speed_m_s), ("the margin", request.margin_m)]
-    {
-        if finite(what, value)? < 0.0 {
-            return Err(PlanningError::Negative { what, value });
-        }
-    }
-    Ok(())
-}
-
 impl<W: CollisionWorld + ?Sized, M: BodyMotion<Parameters = InertialParameters<f64>>> Search<'_, '_, W, M> {
-    /// What is wrong with the start.
-    fn obstruction(&self) -> Result<Option<Obstruction>, PlanningError> {
-        let GlobalRequest { limits, start, .. } = self.request;
-        for axis in 0..3 {
-            let (lower, upper) = (limits.position.lower_world[axis], limits.position.upper_world[axis]);
-            let outside = |what, value, limit| Ok(Some(Obstruction::OutsideLimits { what, value, limit }));
-            let value = start.position[axis];
-            if value < lower {
-                return outside("a coordinate of the start", value, lower);
-            }
-            if value > upper {
-                return outside("a coordinate of the start", value, upper);
-            }
-            let (value, limit) = (start.velocity[axis], limits.speed_m_s[axis]);
-            if value.abs() > limit {
-                return outside("a speed at the start", value.abs(), limit);
-            }
-        }
-        let pose = nalgebra::Isometry3::from_parts(start.position.into(), self.request.attitude);
-        let clearance = self.request.world.clearance(self.request.body, &pose, self.request.start_s)?;
-        Ok(match clearance.nearest {
-            Some(blocker) if clearance.distance_m < self.request.margin_m => {
-                Some(Obstruction::StartBlocked { blocker, clearance_m: clearance.distance_m })
-            }
-            _ => None,
-        })
-    }
-
     /// The weighted metric.
     fn weighted(&self, from: &TranslationState, to: &TranslationState) -> f64 {
         let away = f64::sqrt((to.position - from.position).norm_squared());
@@ -311,7 +274,7 @@ impl<W: CollisionWorld + ?Sized, M: BodyMotion<Parameters = InertialParameters<f
                 status: Status::BudgetSpent(blockers.into_iter().map(|(blocker, _)| blocker).collect()),
                 plan: None,
                 cost: f64::INFINITY,
-                lower_bound: self.lower_bound(),
+                lower_bound: self.lower_bound,
                 units: self.units,
                 history: Vec::new(),
                 tree,
@@ -328,21 +291,15 @@ impl<W: CollisionWorld + ?Sized, M: BodyMotion<Parameters = InertialParameters<f
             Objective::Duration => path.duration_s(),
             Objective::Impulse => path.arcs().iter().map(|arc| arc_impulse_n_s(arc, self.parameters.mass)).sum(),
         };
-        let lower_bound = self.lower_bound().min(cost);
         GlobalAnswer {
-            status: if lower_bound >= cost { Status::Optimal } else { Status::Feasible },
+            status: if self.lower_bound >= cost { Status::Optimal } else { Status::Feasible },
             plan: Some(Plan { trajectory: path, model_revision: self.request.belief.revision }),
             cost,
-            lower_bound,
+            lower_bound: self.lower_bound,
             units: self.units,
             history: vec![Improvement { units: self.units, cost }],
             tree,
         }
-    }
-
-    /// Nothing is faster than nothing.
-    fn lower_bound(&self) -> f64 {
-        0.0
     }
 }
 

@@ -6,10 +6,10 @@
 //! another `c`. So existence and the motion both follow from one quadratic.
 
 /// Relative error that a boundary state may carry without being taken for another problem: some roundings.
-const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
+pub(super) const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 
 /// How far a boundary speed may lie beyond the limit, relative to it, and still count as on it.
-const SPEED_TOLERANCE: f64 = 1e-12;
+pub(super) const SPEED_TOLERANCE: f64 = 1e-12;
 
 /// The two ends along one axis, and the limits between them.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +37,8 @@ pub(super) struct Axis {
     surplus: f64,
     /// What rounding of the ends can change it by, m.
     slack: f64,
+    /// What rounding of the ends can change the direct time by, s.
+    slack_s: f64,
 }
 
 /// Durations in which a motion exists: from `least_s` on, but for the open gap.
@@ -53,7 +55,7 @@ pub(super) struct Durations {
 }
 
 impl Durations {
-    const NONE: Self = Self { least_s: f64::INFINITY, least_coast: 0.0, gap_s: [f64::INFINITY; 2], gap_coast: 0.0 };
+    pub const NONE: Self = Self { least_s: f64::INFINITY, least_coast: 0.0, gap_s: [f64::INFINITY; 2], gap_coast: 0.0 };
 
     /// The least feasible duration that is not below `duration_s`.
     #[inline]
@@ -98,27 +100,25 @@ impl Axis {
         if acceleration > 0.0 {
             let direct_s = (v1 - v0).abs() / acceleration;
             let displacement = 0.5 * (v0 + v1) * direct_s;
-            let slack = ROUNDINGS * (p0.abs() + p1.abs() + (v0 * v0 + v1 * v1) / acceleration);
+            let fastest = v0.abs().max(v1.abs());
+            let slack_s = ROUNDINGS * fastest / acceleration;
+            let slack = ROUNDINGS * p0.abs().max(p1.abs()) + fastest * slack_s;
             let (low, high) = (v0.min(v1), v0.max(v1));
-            // Against two equal directions the least time jumps at zero: what rounding cannot tell from zero is zero there.
-            let surplus = match (p1 - p0) - displacement {
-                surplus if surplus > 0.0 && high < 0.0 && surplus <= slack => 0.0,
-                surplus if surplus < 0.0 && low > 0.0 && surplus >= -slack => 0.0,
-                surplus => surplus,
-            };
-            Some(Self { ends, low, high, direct_s, surplus, slack })
+            let surplus = (p1 - p0) - displacement;
+            Some(Self { ends, low, high, direct_s, surplus, slack, slack_s })
         } else {
-            let slack = ROUNDINGS * (p0.abs() + p1.abs());
+            let slack = ROUNDINGS * p0.abs().max(p1.abs());
             let surplus = if (p1 - p0).abs() <= slack { 0.0 } else { p1 - p0 };
             let is_drift = v0 - v1 == 0.0 && (surplus == 0.0 || surplus * v0 > 0.0);
-            is_drift.then_some(Self { ends, low: v0, high: v0, direct_s: 0.0, surplus, slack })
+            is_drift.then_some(Self { ends, low: v0, high: v0, direct_s: 0.0, surplus, slack, slack_s: 0.0 })
         }
     }
 
-    /// Both limits from the ends that it takes to be upwards: sign, and what is then the higher and lower speed and surplus.
+    /// The same seen so that the surplus is positive: the sign of that, and what are then the higher and the lower speed and
+    /// the surplus. Without a surplus the motion is its own mirror image, and speeds upwards are the ones with a gap.
     #[inline]
     fn upwards(&self) -> (f64, f64, f64, f64) {
-        let is_down = self.surplus < 0.0 || (self.surplus == 0.0 && self.high < 0.0);
+        let is_down = if self.surplus.abs() <= self.slack { self.high < 0.0 } else { self.surplus < 0.0 };
         if is_down { (-1.0, -self.low, -self.high, -self.surplus) } else { (1.0, self.high, self.low, self.surplus) }
     }
 
@@ -130,25 +130,27 @@ impl Axis {
         if acceleration <= 0.0 {
             return self.drift(high, surplus, sign);
         }
+        // Where the motion has to stop on its way, the least time jumps as the surplus leaves zero, and gaps may close at a
+        // point. So what rounding cannot tell from feasible counts as feasible, at the price of that rounding.
+        let sure = (surplus - self.slack).max(0.0);
         // The peak p with p^2 = high^2 + a surplus; its excess over `high` without cancellation.
-        let peak = f64::sqrt(high * high + acceleration * surplus);
+        let peak = f64::sqrt(high * high + acceleration * sure);
         let (least_coast, beyond_s) = if peak <= speed {
-            let excess = if high > 0.0 { acceleration * surplus / (high + peak) } else { peak - high };
+            let excess = if high > 0.0 { acceleration * sure / (high + peak) } else { peak - high };
             (peak, 2.0 * excess / acceleration)
         } else {
             let excess = (speed - high).max(0.0);
-            (speed, (surplus + excess * excess / acceleration) / speed)
+            (speed, (sure + excess * excess / acceleration) / speed)
         };
-        let mut durations =
-            Durations { least_s: self.direct_s + beyond_s, least_coast: sign * least_coast, ..Durations::NONE };
+        let least_s = (self.direct_s + (beyond_s - self.slack_s)).max(0.0);
+        let mut durations = Durations { least_s, least_coast: sign * least_coast, ..Durations::NONE };
         // Both speeds point along the displacement: to use more time one must slow down, and below rest one comes back.
         if low > 0.0 {
-            let turned = low * low - acceleration * surplus;
+            let given = (surplus + self.slack).max(0.0);
+            let turned = low * low - acceleration * given;
             if turned > 0.0 {
-                let given = acceleration * (surplus + self.slack);
-                let slowest = f64::sqrt((low * low - given).max(0.0));
                 let turn = f64::sqrt(turned);
-                let until_s = self.direct_s + 2.0 * given / ((low + slowest) * acceleration);
+                let until_s = self.direct_s + 2.0 * given / (low + turn);
                 let from_s = self.direct_s + 2.0 * (low + turn) / acceleration;
                 if until_s < from_s {
                     durations.gap_s = [until_s.max(durations.least_s), from_s];
@@ -165,9 +167,32 @@ impl Axis {
         if velocity == 0.0 {
             return Durations { least_s: 0.0, ..Durations::NONE };
         }
-        let least_s = surplus / velocity;
+        let least_s = (surplus - self.slack).max(0.0) / velocity;
         let until_s = (surplus + self.slack) / velocity;
         Durations { least_s, least_coast: sign * velocity, gap_s: [until_s, f64::INFINITY], gap_coast: 0.0 }
+    }
+
+    /// Least change of velocity of a motion that takes at most `latest_s`; infinite where there is none.
+    ///
+    /// The coast slows down as the time grows. Either it enters the band between the two speeds, and then their difference
+    /// suffices, or it has to be on the other side of rest, and then it only comes nearer to rest.
+    #[inline]
+    pub fn least_change(&self, durations: &Durations, latest_s: f64) -> f64 {
+        let (_, high, low, surplus) = self.upwards();
+        let unhurried_s = match surplus {
+            surplus if surplus <= self.slack => self.direct_s,
+            surplus if high > 0.0 => self.direct_s + surplus / high,
+            _ => f64::INFINITY,
+        };
+        if latest_s < durations.least_s {
+            f64::INFINITY
+        } else if unhurried_s <= latest_s && unhurried_s.is_finite() {
+            high - low
+        } else if latest_s.is_finite() {
+            self.motion(durations, latest_s).velocity_change()
+        } else {
+            -high - low
+        }
     }
 
     /// The motion in a duration that exists: of all, the one with the least peak speed and the least impulse. A faster or
@@ -206,9 +231,10 @@ impl Axis {
     fn coast(&self, duration_s: f64) -> f64 {
         let acceleration = self.ends.acceleration;
         let spare_s = (duration_s - self.direct_s).max(0.0);
+        // What rounding alone leaves missing has no root: the farthest speed that the time allows is then the answer.
         let beyond = |missing: f64| {
-            let product = acceleration * missing;
             let sum = acceleration * spare_s;
+            let product = (acceleration * missing).min(0.25 * sum * sum);
             2.0 * product / (sum + f64::sqrt((sum * sum - 4.0 * product).max(0.0)))
         };
         let (below, above) = (self.low * spare_s - self.surplus, self.surplus - self.high * spare_s);
@@ -263,4 +289,31 @@ impl AxisMotion {
     pub fn velocity_change(&self) -> f64 {
         (self.coast - self.velocity[0]).abs() + (self.velocity[1] - self.coast).abs()
     }
+}
+
+/// An end of the displacements reached in a time, and how it changes with the last speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BandEnd {
+    /// m.
+    pub displacement: f64,
+    /// Its derivative with respect to the last speed, s; never negative.
+    pub slope_s: f64,
+}
+
+/// Least and largest displacement between two speeds in a duration that is not below the least between them.
+#[inline]
+pub(super) fn band([v0, v1]: [f64; 2], speed: f64, acceleration: f64, duration_s: f64) -> [BandEnd; 2] {
+    let end = |sign: f64| {
+        let (v0, v1) = (sign * v0, sign * v1);
+        if acceleration <= 0.0 {
+            return BandEnd { displacement: sign * (v0 * duration_s), slope_s: 0.0 };
+        }
+        let peak = (0.5 * (acceleration * duration_s + v0 + v1)).min(speed).max(v0).max(v1);
+        let rise_s = (peak - v0) / acceleration;
+        let fall_s = (peak - v1) / acceleration;
+        let coast_s = (duration_s - rise_s - fall_s).max(0.0);
+        let displacement = 0.5 * ((v0 + peak) * rise_s + (peak + v1) * fall_s) + peak * coast_s;
+        BandEnd { displacement: sign * displacement, slope_s: fall_s }
+    };
+    [end(-1.0), end(1.0)]
 }

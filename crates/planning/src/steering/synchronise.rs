@@ -54,41 +54,41 @@ impl Steering {
 }
 
 /// The problem along each axis with its feasible durations.
-type Axes = [(Axis, Durations); 3];
+pub(super) type Axes = ([Axis; 3], [Durations; 3]);
 
 /// Splits a problem into its axes; `None` where one of them has no motion at all.
 #[inline]
-fn axes(from: &TranslationState, to: &TranslationState, limits: &TranslationLimits) -> Option<Axes> {
+pub(super) fn axes(from: &TranslationState, to: &TranslationState, limits: &TranslationLimits) -> Option<Axes> {
     let axis = |index: usize| {
-        let axis = Axis::new(Ends {
+        Axis::new(Ends {
             position: [from.position[index], to.position[index]],
             velocity: [from.velocity[index], to.velocity[index]],
             speed: limits.speed_m_s[index],
             acceleration: limits.acceleration_m_s2[index],
-        })?;
-        Some((axis, axis.durations()))
+        })
     };
-    Some([axis(0)?, axis(1)?, axis(2)?])
+    let [x, y, z] = [axis(0)?, axis(1)?, axis(2)?];
+    Some(([x, y, z], [x.durations(), y.durations(), z.durations()]))
 }
 
 /// The least duration from `duration_s` on that all axes allow; infinite where there is none. Each axis has one gap at most,
 /// so three rounds suffice.
 #[inline]
-fn common(axes: &Axes, duration_s: f64) -> f64 {
-    let raise = |duration_s: f64, (_, durations): &(Axis, Durations)| durations.at_least(duration_s);
-    let once = axes.iter().fold(duration_s, raise);
-    let twice = axes.iter().fold(once, raise);
+pub(super) fn common(durations: &[Durations; 3], duration_s: f64) -> f64 {
+    let raise = |duration_s: f64, durations: &Durations| durations.at_least(duration_s);
+    let once = durations.iter().fold(duration_s, raise);
+    let twice = durations.iter().fold(once, raise);
     if twice <= once {
         return once;
     }
-    axes.iter().fold(axes.iter().fold(twice, raise), raise)
+    durations.iter().fold(durations.iter().fold(twice, raise), raise)
 }
 
 /// Least duration of a motion between two states within the limits of speed and acceleration, s; infinite where there is
 /// none. The position box is not looked at.
 #[inline]
 pub fn least_time_s(from: &TranslationState, to: &TranslationState, limits: &TranslationLimits) -> f64 {
-    axes(from, to, limits).map_or(f64::INFINITY, |axes| common(&axes, 0.0))
+    axes(from, to, limits).map_or(f64::INFINITY, |(_, durations)| common(&durations, 0.0))
 }
 
 /// The motion of least duration between two states within all limits; `None` where there is none of any duration.
@@ -97,7 +97,7 @@ pub fn least_time_s(from: &TranslationState, to: &TranslationState, limits: &Tra
 /// more time.
 pub fn steer(from: &TranslationState, to: &TranslationState, limits: &TranslationLimits) -> Option<Steering> {
     let axes = axes(from, to, limits)?;
-    synchronised(&axes, common(&axes, 0.0), limits)
+    synchronised(&axes, common(&axes.1, 0.0), limits)
 }
 
 /// A motion of exactly this duration between two states within all limits, on each axis of least peak speed and least
@@ -109,17 +109,17 @@ pub fn steer_in(
     duration_s: f64,
 ) -> Option<Steering> {
     let axes = axes(from, to, limits)?;
-    if common(&axes, duration_s) <= duration_s { synchronised(&axes, duration_s, limits) } else { None }
+    if common(&axes.1, duration_s) <= duration_s { synchronised(&axes, duration_s, limits) } else { None }
 }
 
 /// The axes' motions in a duration that all allow, merged.
 #[inline]
-fn synchronised(axes: &Axes, duration_s: f64, limits: &TranslationLimits) -> Option<Steering> {
+fn synchronised((axes, durations): &Axes, duration_s: f64, limits: &TranslationLimits) -> Option<Steering> {
     if !duration_s.is_finite() {
         return None;
     }
-    let motion = |(axis, durations): &(Axis, Durations)| axis.motion(durations, duration_s);
-    let motions = [motion(&axes[0]), motion(&axes[1]), motion(&axes[2])];
+    let motion = |index: usize| axes[index].motion(&durations[index], duration_s);
+    let motions = [motion(0), motion(1), motion(2)];
     let (lower, upper) = (&limits.position.lower_world, &limits.position.upper_world);
     for ((motion, lower), upper) in motions.iter().zip(lower).zip(upper) {
         let range = motion.range();

@@ -113,14 +113,12 @@ impl Connect {
         target: &Node,
     ) -> Result<Growth, End> {
         let mut nearest = None;
-        let mut least_s = f64::INFINITY;
+        let mut least = f64::INFINITY;
         for (index, branch) in self.tree(side).iter().enumerate() {
-            let time_s = match side {
-                Side::Start => travel_s(search, &branch.node, target),
-                Side::Goal => travel_s(search, target, &branch.node),
-            };
-            if time_s < least_s {
-                least_s = time_s;
+            let way = target.translation.position - branch.node.translation.position;
+            let square = way.component_div(&search.limits.speed_m_s).norm_squared();
+            if square < least {
+                least = square;
                 nearest = Some((index, *branch));
             }
         }
@@ -156,7 +154,7 @@ impl Connect {
             Side::Start => (&branch.node, target),
             Side::Goal => (target, &branch.node),
         };
-        if !search.append_edge(from, to, arcs) {
+        if !search.append_edge(from, to, arcs)? {
             return Ok(Some(Blocked { position: None }));
         }
         let duration_s: f64 = arcs.iter().map(|arc| arc.duration_s).sum();
@@ -206,7 +204,7 @@ impl Connect {
         while let Some(branch) = next.and_then(|index| self.goal.get(index)).copied() {
             let Some(from) = self.start.get(joint).copied() else { return Ok(false) };
             self.arcs.clear();
-            if !search.append_edge(&from.node, &branch.node, &mut self.arcs) {
+            if !search.append_edge(&from.node, &branch.node, &mut self.arcs)? {
                 return Ok(false);
             }
             if !search.is_still && !search.is_free(&self.arcs, from.at_s)? {
@@ -221,7 +219,7 @@ impl Connect {
             chain.push(branch.node);
             index = branch.parent;
         }
-        Ok(search.assemble(&chain, flight))
+        search.assemble(&chain, flight)
     }
 
     /// The edges of both trees, for drawing.

@@ -104,7 +104,7 @@ impl Explore {
         for (at_s, parent) in &self.candidates {
             let Some(branch) = self.branches.get(*parent) else { continue };
             self.arcs.clear();
-            if search.append_edge(&branch.node, node, &mut self.arcs) && search.is_free(&self.arcs, branch.at_s)? {
+            if search.append_edge(&branch.node, node, &mut self.arcs)? && search.is_free(&self.arcs, branch.at_s)? {
                 self.branches.push(Branch { node: *node, parent: Some(*parent), at_s: *at_s, to_goal_s });
                 return Ok(Some(self.branches.len() - 1));
             }
@@ -130,7 +130,7 @@ impl Explore {
         };
         let arrival = Node { translation: within_goal(&drawn, goal, &search.limits), attitude: branch.node.attitude };
         self.arcs.clear();
-        if !search.append_edge(&branch.node, &arrival, &mut self.arcs) {
+        if !search.append_edge(&branch.node, &arrival, &mut self.arcs)? {
             return Ok(false);
         }
         let duration_s: f64 = self.arcs.iter().map(|arc| arc.duration_s).sum();
@@ -143,7 +143,7 @@ impl Explore {
             chain.push(branch.node);
             next = branch.parent;
         }
-        Ok(search.assemble(&chain, flight))
+        search.assemble(&chain, flight)
     }
 
     /// The tree's edges, for drawing.

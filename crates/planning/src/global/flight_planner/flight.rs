@@ -67,11 +67,13 @@ impl Flight {
     pub fn between(&self, from: &Cut, to: Option<&Cut>) -> impl Iterator<Item = BodyArc> {
         let (last, last_within_s) = to.map_or((self.arcs.len(), 0.0), |to| (to.arc, to.within_s));
         let (first, first_within_s) = (from.arc, from.within_s);
-        self.arcs.iter().enumerate().skip(first).take((last + 1).saturating_sub(first)).filter_map(move |(index, arc)| {
-            let begin_s = if index == first { first_within_s } else { 0.0 };
-            let end_s = if index == last { last_within_s } else { arc.duration_s };
-            (end_s > begin_s).then(|| part(arc, begin_s, end_s))
-        })
+        self.arcs.iter().enumerate().skip(first).take((last + 1).saturating_sub(first)).filter_map(
+            move |(index, arc)| {
+                let begin_s = if index == first { first_within_s } else { 0.0 };
+                let end_s = if index == last { last_within_s } else { arc.duration_s };
+                (end_s > begin_s).then(|| part(arc, begin_s, end_s))
+            },
+        )
     }
 
     /// Replaces what lies between two places by `middle`.

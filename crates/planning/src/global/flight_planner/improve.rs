@@ -33,9 +33,8 @@ impl Improve {
         units: u64,
     ) -> Result<(), End> {
         let last = search.units.saturating_add(units);
-        let good_enough = search.lower_bound * (1.0 + search.tolerance);
         let mut refused = 0;
-        while search.units < last && flight.cost > good_enough {
+        while search.units < last && !search.is_optimal(flight.cost) {
             let before = search.units;
             self.attempt(search, flight)?;
             if search.units == before {
@@ -84,8 +83,10 @@ impl Improve {
     fn arrival<W: CollisionWorld + ?Sized>(&self, search: &mut Search<'_, '_, W>, end: &Node) -> Node {
         let goal = &search.request.goal;
         let chance = &mut search.chance;
-        let position = end.translation.position + chance.in_cube() * (2.0 * goal.radius_m * chance.scale(CHANGE_OCTAVES));
-        let velocity = end.translation.velocity + chance.in_cube() * (2.0 * goal.speed_m_s * chance.scale(CHANGE_OCTAVES));
+        let position =
+            end.translation.position + chance.in_cube() * (2.0 * goal.radius_m * chance.scale(CHANGE_OCTAVES));
+        let velocity =
+            end.translation.velocity + chance.in_cube() * (2.0 * goal.speed_m_s * chance.scale(CHANGE_OCTAVES));
         let translation = within_goal(&TranslationState { position, velocity }, goal, &search.limits);
         Node { translation, attitude: end.attitude }
     }
@@ -110,8 +111,8 @@ impl Improve {
         let middle = &mut self.middle;
         middle.clear();
         let is_edge = match via {
-            Some(via) => search.append_edge(&from.node, via, middle) && search.append_edge(via, end, middle),
-            None => search.append_edge(&from.node, end, middle),
+            Some(via) => search.append_edge(&from.node, via, middle)? && search.append_edge(via, end, middle)?,
+            None => search.append_edge(&from.node, end, middle)?,
         };
         let new_s: f64 = middle.iter().map(|arc| arc.duration_s).sum();
         if !is_edge || new_s >= old_s - least_gain || !search.is_free(middle, from.time_s)? {
@@ -125,8 +126,7 @@ impl Improve {
             }
         }
         flight.replace(from, to, middle, &mut self.rest);
-        flight.duration_s = flight.arcs.iter().map(|arc| arc.duration_s).sum();
-        flight.cost = search.cost(&flight.arcs);
+        search.rate(flight);
         Ok(())
     }
 }
@@ -137,10 +137,8 @@ fn changed<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>, node: &No
     let chance = &mut search.chance;
     let reach = chance.in_cube().component_mul(&limits.speed_m_s) * (span_s * chance.scale(CHANGE_OCTAVES));
     let push = chance.in_cube().component_mul(&limits.speed_m_s) * (2.0 * chance.scale(CHANGE_OCTAVES));
-    let translation = TranslationState {
-        position: node.translation.position + reach,
-        velocity: node.translation.velocity + push,
-    };
+    let translation =
+        TranslationState { position: node.translation.position + reach, velocity: node.translation.velocity + push };
     Node { translation: within_limits(&translation, limits), attitude: node.attitude }
 }
 
