@@ -21,7 +21,8 @@ pub(super) fn csv(path: &ArcPath, body: &InertialParameters<f64>) -> String {
     for arc in path.arcs() {
         let end_s = begin_s + arc.duration_s;
         let mut time_s = begin_s;
-        while time_s < end_s {
+        // In nanoseconds: a step and an arc's end that rounding sets apart are one time, and the next arc's.
+        while nanoseconds(time_s) < nanoseconds(end_s) {
             push_row(&mut text, &flyer, arc, time_s - begin_s, nanoseconds(time_s), &mut last_ns);
             time_s = ((time_s / STEP_S + 1e-6).floor() + 1.0) * STEP_S;
         }

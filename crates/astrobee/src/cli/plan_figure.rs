@@ -30,6 +30,8 @@ const SURROUNDINGS_M: f64 = 0.35;
 const LARGEST: (f64, f64) = (1000.0, 520.0);
 /// Left, top, right, bottom, px.
 const MARGINS: (f64, f64, f64, f64) = (64.0, 64.0, 20.0, 52.0);
+/// Narrowest picture, px: what the legend needs.
+const NARROWEST_PX: f64 = 960.0;
 /// Least distance of two ticks, px.
 const TICK_PX: f64 = 70.0;
 
@@ -267,7 +269,7 @@ fn framed(sheet: &Sheet, title: &str, every: usize) -> String {
          .tree{{fill:none;stroke:#1a8554;stroke-opacity:.35;stroke-width:.7}}.goal{{fill:#1a8554;fill-opacity:.15;stroke:#1a8554}}\
          .body{{fill:none;stroke:#005ab5;stroke-opacity:.35}}.path{{fill:none;stroke:#005ab5;stroke-width:2}}</style>\n\
          <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
-        left + width + right,
+        (left + width + right).max(NARROWEST_PX),
         top + height + bottom,
     );
     let tree = if every > 1 { format!("every {every}th edge of the tree") } else { "tree".to_owned() };

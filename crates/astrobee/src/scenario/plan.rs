@@ -2,6 +2,7 @@
 
 use super::ScenarioSource;
 use crate::AstrobeeError;
+use crate::planning_presets::{FORCE_N, SPEED_M_S, TORQUE_N_M};
 use crate::simulator::ObstacleMotion;
 use crate::worlds::WorldPreset;
 use serde::{Deserialize, Serialize};
@@ -12,22 +13,6 @@ use tumble_planning::collision::{BodyEllipsoid, BodyShape};
 use tumble_planning::global::{GoalRegion, MotionLimits};
 use tumble_planning::{ModelBelief, TranslationState};
 
-/// Largest force along each world axis unless given, N.
-///
-/// # Source
-/// rattle-iros-2022, primitives of the global planner; thesis table 6.7. Along any direction it is at most 0.173 N, which
-/// the weakest axis of the nominal flight mode gives in every attitude.
-const FORCE_N: f64 = 0.1;
-/// Largest speed along each world axis unless given, m/s.
-///
-/// # Source
-/// rattle-iros-2022, bounds of the global planner.
-const SPEED_M_S: f64 = 0.05;
-/// Largest torque about each body axis unless given, N m.
-///
-/// # Source
-/// rattle-iros-2022, local planner and attitude controller.
-const TORQUE_N_M: f64 = 0.015;
 /// Most ellipsoids of a body.
 const MOST_PARTS: usize = 100;
 
