@@ -357,12 +357,12 @@ fn refusal(problem: &PlanningProblem, answer: &GlobalAnswer) -> Option<(String, 
                  `plan.margin_m` smaller",
             ),
             Obstruction::OutsideLimits { what, value, limit } => (
-                format!("outside the limits: {what} is {value}, the limit {limit}"),
+                format!("{what}: {value}, the limit is {limit}"),
                 "correct `[start]`, `[goal]` or the limit in `[plan]`",
             ),
             Obstruction::LimitTooSmall { what, axis, value } => (
                 format!(
-                    "{what} along {} is {value}, which allows no motion there",
+                    "the limit `{what}` along {} is {value}, which allows no motion there",
                     ["x", "y", "z"].get(*axis).unwrap_or(&"?")
                 ),
                 "raise this limit in `[plan]`",

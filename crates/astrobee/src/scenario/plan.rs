@@ -146,7 +146,6 @@ impl ScenarioSource {
             self.check_level(&state, &goal)?;
             limits.position.lower_world.z = start.position.z;
             limits.position.upper_world.z = start.position.z;
-            limits.speed_m_s.z = 0.0;
             limits.force_n.z = 0.0;
         }
         Ok(PlanningProblem {
