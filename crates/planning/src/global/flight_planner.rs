@@ -10,6 +10,7 @@ mod connect;
 mod explore;
 mod flight;
 mod improve;
+mod replan;
 mod search;
 
 use super::{GlobalAnswer, GlobalPlanner, GlobalRequest, Status, diagnose};
@@ -22,11 +23,17 @@ use connect::Connect;
 use explore::Explore;
 use flight::{Flight, Node};
 use improve::Improve;
+pub use replan::{Replanning, UnderWay};
 use search::{End, Search};
 use tumble_lie::Pose;
 
 /// Units for one pair of trees before it starts anew.
 const TREE_UNITS: u64 = 2000;
+/// Units of one round: for another first plan and as many to improve it, for the best plan, and for the tree that fills the
+/// space. Most goes to new plans: what improvement ends at depends on where it began.
+const CANDIDATE_UNITS: u64 = 400;
+const BEST_UNITS: u64 = 100;
+const EXPLORE_UNITS: u64 = 50;
 /// Points of the goal region looked at for a free one.
 const GOAL_TRIALS: u64 = 64;
 
@@ -62,20 +69,24 @@ impl FlightPlanner {
     }
 
     /// Searches until something ends it.
-    fn search<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>) -> Result<(), End> {
-        self.first_plan(search)?;
+    fn search<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        seeds: &[Node],
+    ) -> Result<(), End> {
+        self.first_plan(search, seeds)?;
         search.offer(&self.flight)?;
-        self.improve(search, 200)?;
+        self.improve(search, CANDIDATE_UNITS)?;
         loop {
             if let Some(best) = &search.best {
                 self.flight.clone_from(best);
             }
-            self.improve(search, 400)?;
+            self.improve(search, BEST_UNITS)?;
             let goal = self.goal(search)?;
-            if self.connect.find(search, goal, 200, &mut self.flight)? {
-                self.improve(search, 200)?;
+            if self.connect.find(search, goal, &[], CANDIDATE_UNITS, &mut self.flight)? {
+                self.improve(search, CANDIDATE_UNITS)?;
             }
-            if self.explore.run(search, &mut self.flight, 100)? {
+            if self.explore.run(search, &mut self.flight, EXPLORE_UNITS)? {
                 search.offer(&self.flight)?;
             }
             search.refine_bound(0.2)?;
@@ -83,10 +94,15 @@ impl FlightPlanner {
     }
 
     /// Looks for any plan: by trees, and by way of cells that are free.
-    fn first_plan<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>) -> Result<(), End> {
+    fn first_plan<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        seeds: &[Node],
+    ) -> Result<(), End> {
         loop {
-            let goal = self.goal(search)?;
-            if self.connect.find(search, goal, TREE_UNITS, &mut self.flight)? {
+            let arrived = seeds.last().filter(|last| is_in_goal(search, last)).copied();
+            let goal = arrived.map_or_else(|| self.goal(search), Ok)?;
+            if self.connect.find(search, goal, seeds, TREE_UNITS, &mut self.flight)? {
                 return Ok(());
             }
             search.refine_bound(1.0)?;
@@ -152,13 +168,34 @@ impl FlightPlanner {
     }
 }
 
+/// True for a state that lies in the goal region.
+fn is_in_goal<W: CollisionWorld + ?Sized>(search: &Search<'_, '_, W>, node: &Node) -> bool {
+    let goal = &search.request.goal;
+    let Node { translation: TranslationState { position, velocity }, attitude } = node;
+    f64::sqrt((position - goal.position).norm_squared()) <= goal.radius_m
+        && f64::sqrt(velocity.norm_squared()) <= goal.speed_m_s
+        && goal.attitude.is_none_or(|wanted| wanted == *attitude)
+}
+
 impl<W: CollisionWorld + ?Sized> GlobalPlanner<W> for FlightPlanner {
     fn plan(&mut self, request: &GlobalRequest<'_, W>, budget: &mut dyn Budget) -> Result<GlobalAnswer, PlanningError> {
+        self.plan_from_seeds(request, &[], budget)
+    }
+}
+
+impl FlightPlanner {
+    /// Plans with states that a way may lead through.
+    fn plan_from_seeds<W: CollisionWorld + ?Sized>(
+        &mut self,
+        request: &GlobalRequest<'_, W>,
+        seeds: &[Node],
+        budget: &mut dyn Budget,
+    ) -> Result<GlobalAnswer, PlanningError> {
         let mut search = Search::new(request, self.settings.tolerance, budget)?;
         self.explore.clear();
         let found = match diagnose(request)? {
             Some(obstruction) => Err(End::Infeasible(obstruction)),
-            None => self.search(&mut search),
+            None => self.search(&mut search, seeds),
         };
         let status = match found {
             Err(End::Error(error)) => return Err(error),

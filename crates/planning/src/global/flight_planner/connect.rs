@@ -46,10 +46,12 @@ pub(super) struct Connect {
 
 impl Connect {
     /// Looks for a flight from the start to `goal` and leaves it in `flight`; false where `most_units` did not suffice.
+    /// States in `seeds`, in their order on the way, join the trees first as far as edges between them are free.
     pub fn find<W: CollisionWorld + ?Sized>(
         &mut self,
         search: &mut Search<'_, '_, W>,
         goal: Node,
+        seeds: &[Node],
         most_units: u64,
         flight: &mut Flight,
     ) -> Result<bool, End> {
@@ -60,7 +62,7 @@ impl Connect {
         self.start.push(Branch { node: start, parent: None, at_s: 0.0 });
         self.goal.push(Branch { node: goal, parent: None, at_s: travel_s(search, &start, &goal) });
         let mut side = Side::Start;
-        let mut target = goal;
+        let mut target = self.plant(search, goal, seeds)?;
         loop {
             if let Growth::Reached(index) | Growth::Advanced(index) = self.extend(search, side, &target)? {
                 if self.joins(search, side, index, flight)? {
@@ -73,6 +75,43 @@ impl Connect {
             side = if side == Side::Start { Side::Goal } else { Side::Start };
             target = sample(search);
         }
+    }
+
+    /// Grows both trees along the seeds; the outermost state of the goal's tree comes back.
+    fn plant<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        goal: Node,
+        seeds: &[Node],
+    ) -> Result<Node, End> {
+        let mut outermost = goal;
+        for seed in seeds.iter().rev() {
+            if !self.continues(search, Side::Goal, seed)? {
+                break;
+            }
+            outermost = *seed;
+        }
+        for seed in seeds {
+            if *seed == outermost || !self.continues(search, Side::Start, seed)? {
+                break;
+            }
+        }
+        Ok(outermost)
+    }
+
+    /// Adds a state behind the last branch of a tree; false where the edge is not free.
+    fn continues<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        side: Side,
+        node: &Node,
+    ) -> Result<bool, End> {
+        let Some((parent, branch)) = self.tree(side).iter().copied().enumerate().last() else { return Ok(false) };
+        let is_free = self.edge(search, side, &branch, node)?.is_none();
+        if is_free {
+            self.push(search, side, parent, node);
+        }
+        Ok(is_free)
     }
 
     /// Lets the other tree follow to a new branch; true where they have met in a flight.

@@ -6,7 +6,7 @@
 //! by the least times from the start and to the goal, are left out.
 
 use super::flight::{Flight, Node};
-use super::improve::within_goal;
+use super::improve::{within_goal, within_limits};
 use super::search::{End, Search};
 use crate::collision::CollisionWorld;
 use crate::motion::{BodyArc, TranslationState};
@@ -73,7 +73,8 @@ impl Explore {
         let speed = search.limits.speed_m_s;
         let velocity = search.chance.in_cube().component_mul(&speed);
         let position = search.position();
-        let node = Node { translation: TranslationState { position, velocity }, attitude: search.request.attitude };
+        let translation = within_limits(&TranslationState { position, velocity }, &search.limits);
+        let node = Node { translation, attitude: search.request.attitude };
         let to_goal_s = search.least_time_to_goal_s(&node);
         let from_start_s = least_time_s(&search.request.start, &node.translation, &search.limits);
         (from_start_s + to_goal_s < search.best_cost()).then_some((node, to_goal_s))

@@ -9,9 +9,11 @@ use crate::steering::{TranslationLimits, least_time_s};
 use nalgebra::Vector3;
 
 /// Replaced parts are as short as the flight halved so often.
-const SPAN_OCTAVES: f64 = 5.0;
+const SPAN_OCTAVES: f64 = 2.0;
+
 /// Changes of a state are as small as the largest halved so often.
-const CHANGE_OCTAVES: f64 = 9.0;
+const CHANGE_OCTAVES: f64 = 12.0;
+
 /// Attempts refused before a collision check that count as one unit.
 const REFUSED_PER_UNIT: u32 = 8;
 /// A gain below this share of the cost is none.
@@ -22,6 +24,8 @@ const LEAST_GAIN: f64 = 1e-9;
 pub(super) struct Improve {
     middle: Vec<BodyArc>,
     rest: Vec<BodyArc>,
+    /// What a new middle runs through, its end included.
+    states: Vec<Node>,
 }
 
 impl Improve {
@@ -71,12 +75,15 @@ impl Improve {
                 None => return Ok(()),
             },
         };
-        let mut via = None;
-        if search.chance.happens(0.6) {
+        self.states.clear();
+        if search.chance.happens(0.5) {
             let via_s = from.time_s + (until_s - from.time_s) * search.chance.uniform();
-            via = flight.cut(via_s).filter(|via| via.time_s < until_s).map(|via| changed(search, &via.node, span_s));
+            if let Some(via) = flight.cut(via_s).filter(|via| via.time_s < until_s) {
+                self.states.push(changed(search, &via.node, span_s));
+            }
         }
-        self.replace(search, flight, &from, to.as_ref(), via.as_ref(), &end)
+        self.states.push(end);
+        self.replace(search, flight, &from, to.as_ref())
     }
 
     /// Another state within the goal region, near the present one.
@@ -91,31 +98,36 @@ impl Improve {
         Node { translation, attitude: end.attitude }
     }
 
-    /// Replaces what lies between two cuts by one edge, or two by way of `via`, where that is cheaper and free.
+    /// Replaces what lies between two cuts by edges through [`Self::states`], where that is cheaper and free.
     fn replace<W: CollisionWorld + ?Sized>(
         &mut self,
         search: &mut Search<'_, '_, W>,
         flight: &mut Flight,
         from: &Cut,
         to: Option<&Cut>,
-        via: Option<&Node>,
-        end: &Node,
     ) -> Result<(), End> {
         let old_s = to.map_or(flight.duration_s, |to| to.time_s) - from.time_s;
-        let time_s = |from: &Node, to: &Node| least_time_s(&from.translation, &to.translation, &search.limits);
-        let least_s = via.map_or_else(|| time_s(&from.node, end), |via| time_s(&from.node, via) + time_s(via, end));
+        let mut least_s = 0.0;
+        let mut here = &from.node;
+        for next in &self.states {
+            least_s += least_time_s(&here.translation, &next.translation, &search.limits);
+            here = next;
+        }
         let least_gain = LEAST_GAIN * flight.cost;
         if least_s >= old_s - least_gain {
             return Ok(());
         }
         let middle = &mut self.middle;
         middle.clear();
-        let is_edge = match via {
-            Some(via) => search.append_edge(&from.node, via, middle)? && search.append_edge(via, end, middle)?,
-            None => search.append_edge(&from.node, end, middle)?,
-        };
+        let mut here = &from.node;
+        for next in &self.states {
+            if !search.append_edge(here, next, middle)? {
+                return Ok(());
+            }
+            here = next;
+        }
         let new_s: f64 = middle.iter().map(|arc| arc.duration_s).sum();
-        if !is_edge || new_s >= old_s - least_gain || !search.is_free(middle, from.time_s)? {
+        if new_s >= old_s - least_gain || !search.is_free(middle, from.time_s)? {
             return Ok(());
         }
         if let Some(to) = to.filter(|_| !search.is_still) {
@@ -142,11 +154,13 @@ fn changed<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>, node: &No
     Node { translation: within_limits(&translation, limits), attitude: node.attitude }
 }
 
-fn within_limits(state: &TranslationState, limits: &TranslationLimits) -> TranslationState {
-    let bounds = &limits.position;
+pub(super) fn within_limits(state: &TranslationState, limits: &TranslationLimits) -> TranslationState {
+    let (lower, upper) = (&limits.position.lower_world, &limits.position.upper_world);
+    let height = upper - lower;
+    let velocity = state.velocity.sup(&-limits.speed_m_s).inf(&limits.speed_m_s);
     TranslationState {
-        position: state.position.sup(&bounds.lower_world).inf(&bounds.upper_world),
-        velocity: state.velocity.sup(&-limits.speed_m_s).inf(&limits.speed_m_s),
+        position: state.position.sup(lower).inf(upper),
+        velocity: velocity.zip_map(&height, |velocity, height| if height > 0.0 { velocity } else { 0.0 }),
     }
 }
 
