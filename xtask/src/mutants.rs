@@ -1152,6 +1152,41 @@ const MUTANTS: &[Mutant] = &[
         replacement: "body.first_moment",
         test: "-p tumble-astrobee --test simulator",
     },
+    Mutant {
+        name: "double integrator: velocity forgets the force",
+        file: "crates/planning/src/kinodynamic/double_integrator.rs",
+        original: "velocity: state.velocity + acceleration_world * duration_s",
+        replacement: "velocity: state.velocity",
+        test: "-p tumble-planning --test planted_defects_planners",
+    },
+    Mutant {
+        name: "double integrator: Euler falls behind twice as far",
+        file: "crates/planning/src/kinodynamic/double_integrator.rs",
+        original: "acceleration_world * (0.5 * duration_s / steps)",
+        replacement: "acceleration_world * (duration_s / steps)",
+        test: "-p tumble-planning --lib double_integrator",
+    },
+    Mutant {
+        name: "motion in a box: a control point off",
+        file: "crates/planning/src/kinodynamic.rs",
+        original: "[1.0, 0.4, 0.1, 0.0, 0.0, 0.0]",
+        replacement: "[1.0, 0.4, 0.0, 0.0, 0.0, 0.0]",
+        test: "-p tumble-planning --lib kinodynamic",
+    },
+    Mutant {
+        name: "primitive RRT: edges checked as if they all began at the start",
+        file: "crates/planning/src/global/primitive_rrt.rs",
+        original: "let start_s = self.request.start_s + from.time_s;",
+        replacement: "let start_s = self.request.start_s;",
+        test: "-p tumble-planning --test primitive_rrt",
+    },
+    Mutant {
+        name: "primitive RRT: the primitive that ends farthest",
+        file: "crates/planning/src/global/primitive_rrt.rs",
+        original: "is_none_or(|(least, _)| distance < *least)",
+        replacement: "is_none_or(|(least, _)| distance > *least)",
+        test: "-p tumble-planning --test planted_defects_planners",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.
