@@ -13,7 +13,7 @@ mod improve;
 mod replan;
 mod search;
 
-use super::{GlobalAnswer, GlobalPlanner, GlobalRequest, Status, diagnose};
+use super::{GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Status, diagnose};
 use crate::belief::Plan;
 use crate::budget::Budget;
 use crate::collision::CollisionWorld;
@@ -43,11 +43,14 @@ pub struct FlightPlannerSettings {
     /// A plan whose cost exceeds the lower bound by no more than this share of it counts as optimal. Range: 0 to 1,
     /// default 1e-6.
     pub tolerance: f64,
+    /// Longest duration of a plan of least impulse, s: the slower a motion, the less impulse it takes, without end. A plan
+    /// that cannot be as fast is not refused. Range: positive, default 600.
+    pub longest_s: f64,
 }
 
 impl Default for FlightPlannerSettings {
     fn default() -> Self {
-        Self { tolerance: 1e-6 }
+        Self { tolerance: 1e-6, longest_s: 600.0 }
     }
 }
 
@@ -74,19 +77,22 @@ impl FlightPlanner {
         search: &mut Search<'_, '_, W>,
         seeds: &[Node],
     ) -> Result<(), End> {
+        // The tree's order is that of time.
+        let is_fast = search.request.objective == Objective::Duration;
         self.first_plan(search, seeds)?;
         search.offer(&self.flight)?;
-        self.improve(search, CANDIDATE_UNITS)?;
+        self.improve.run(search, &mut self.flight, CANDIDATE_UNITS)?;
         loop {
             if let Some(best) = &search.best {
                 self.flight.clone_from(best);
             }
-            self.improve(search, BEST_UNITS)?;
+            self.improve.run(search, &mut self.flight, BEST_UNITS)?;
             let goal = self.goal(search)?;
             if self.connect.find(search, goal, &[], CANDIDATE_UNITS, &mut self.flight)? {
-                self.improve(search, CANDIDATE_UNITS)?;
+                search.offer(&self.flight)?;
+                self.improve.run(search, &mut self.flight, CANDIDATE_UNITS)?;
             }
-            if self.explore.run(search, &mut self.flight, EXPLORE_UNITS)? {
+            if is_fast && self.explore.run(search, &mut self.flight, EXPLORE_UNITS)? {
                 search.offer(&self.flight)?;
             }
             search.refine_bound(0.2)?;
@@ -140,13 +146,6 @@ impl FlightPlanner {
         Ok(true)
     }
 
-    /// Improves the flight and offers what came of it, even where the budget ended it.
-    fn improve<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>, units: u64) -> Result<(), End> {
-        let improved = self.improve.run(search, &mut self.flight, units);
-        search.offer(&self.flight)?;
-        improved
-    }
-
     /// A state at rest in the goal region, its centre where that is free.
     fn goal<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>) -> Result<Node, End> {
         let request = search.request;
@@ -191,7 +190,7 @@ impl FlightPlanner {
         seeds: &[Node],
         budget: &mut dyn Budget,
     ) -> Result<GlobalAnswer, PlanningError> {
-        let mut search = Search::new(request, self.settings.tolerance, budget)?;
+        let mut search = Search::new(request, &self.settings, budget)?;
         self.explore.clear();
         let found = match diagnose(request)? {
             Some(obstruction) => Err(End::Infeasible(obstruction)),

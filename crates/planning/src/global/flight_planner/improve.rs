@@ -3,10 +3,10 @@
 use super::flight::{Cut, Flight, Node};
 use super::search::{End, Search};
 use crate::collision::CollisionWorld;
-use crate::global::GoalRegion;
+use crate::global::{GoalRegion, Objective};
 use crate::motion::{BodyArc, TranslationState};
 use crate::steering::{TranslationLimits, least_time_s};
-use nalgebra::Vector3;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// Replaced parts are as short as the flight halved so often.
 const SPAN_OCTAVES: f64 = 2.0;
@@ -29,7 +29,7 @@ pub(super) struct Improve {
 }
 
 impl Improve {
-    /// Spends `units` on making `flight` cheaper.
+    /// Spends `units` on making `flight` cheaper, and offers what comes of it.
     pub fn run<W: CollisionWorld + ?Sized>(
         &mut self,
         search: &mut Search<'_, '_, W>,
@@ -95,7 +95,9 @@ impl Improve {
         let velocity =
             end.translation.velocity + chance.in_cube() * (2.0 * goal.speed_m_s * chance.scale(CHANGE_OCTAVES));
         let translation = within_goal(&TranslationState { position, velocity }, goal, &search.limits);
-        Node { translation, attitude: end.attitude }
+        let is_free_to_turn = goal.attitude.is_none();
+        let attitude = if is_free_to_turn { turned(search, &end.attitude) } else { end.attitude };
+        Node { translation, attitude }
     }
 
     /// Replaces what lies between two cuts by edges through [`Self::states`], where that is cheaper and free.
@@ -113,21 +115,27 @@ impl Improve {
             least_s += least_time_s(&here.translation, &next.translation, &search.limits);
             here = next;
         }
+        let is_fast = search.request.objective == Objective::Duration;
         let least_gain = LEAST_GAIN * flight.cost;
-        if least_s >= old_s - least_gain {
+        let latest_s = old_s + if is_fast { 0.0 } else { (search.longest_s - flight.duration_s).max(0.0) };
+        if !(least_s <= latest_s) || is_fast && least_s >= old_s - least_gain {
             return Ok(());
         }
+        // The impulse is less with more time: up to three times the least, where the plan may last that long.
+        let stretch = if is_fast { 1.0 } else { search.chance.between(1.0, (latest_s / least_s).min(3.0)) };
         let middle = &mut self.middle;
         middle.clear();
         let mut here = &from.node;
         for next in &self.states {
-            if !search.append_edge(here, next, middle)? {
+            if !search.append_slowly(here, next, stretch, middle)? {
                 return Ok(());
             }
             here = next;
         }
         let new_s: f64 = middle.iter().map(|arc| arc.duration_s).sum();
-        if new_s >= old_s - least_gain || !search.is_free(middle, from.time_s)? {
+        let old_cost = if is_fast { old_s } else { flight.between(from, to).map(|arc| search.cost(&[arc])).sum() };
+        let is_gain = search.cost(middle) < old_cost - least_gain && new_s <= latest_s;
+        if !is_gain || !search.is_free(middle, from.time_s)? {
             return Ok(());
         }
         if let Some(to) = to.filter(|_| !search.is_still) {
@@ -139,7 +147,7 @@ impl Improve {
         }
         flight.replace(from, to, middle, &mut self.rest);
         search.rate(flight);
-        Ok(())
+        search.offer(flight)
     }
 }
 
@@ -151,7 +159,24 @@ fn changed<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>, node: &No
     let push = chance.in_cube().component_mul(&limits.speed_m_s) * (2.0 * chance.scale(CHANGE_OCTAVES));
     let translation =
         TranslationState { position: node.translation.position + reach, velocity: node.translation.velocity + push };
-    Node { translation: within_limits(&translation, limits), attitude: node.attitude }
+    Node { translation: within_limits(&translation, limits), attitude: turned(search, &node.attitude) }
+}
+
+/// An attitude near another one, or that of the start; the same where the body does not turn.
+fn turned<W: CollisionWorld + ?Sized>(
+    search: &mut Search<'_, '_, W>,
+    attitude: &UnitQuaternion<f64>,
+) -> UnitQuaternion<f64> {
+    if !search.may_turn || search.chance.happens(0.5) {
+        return *attitude;
+    }
+    if search.chance.happens(0.3) {
+        return search.request.attitude;
+    }
+    let size = search.chance.scale(CHANGE_OCTAVES);
+    let change = search.chance.in_cube() * size;
+    let turned = attitude.quaternion() * Quaternion::from_parts(1.0, change);
+    UnitQuaternion::new_unchecked(turned / f64::sqrt(turned.norm_squared()))
 }
 
 pub(super) fn within_limits(state: &TranslationState, limits: &TranslationLimits) -> TranslationState {

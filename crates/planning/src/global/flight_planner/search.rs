@@ -1,5 +1,6 @@
 //! One search: the request, what it has spent, what stood in its way, and the best plan so far.
 
+use super::FlightPlannerSettings;
 use super::chance::Chance;
 use super::flight::{Flight, Node};
 use crate::budget::Budget;
@@ -7,8 +8,8 @@ use crate::collision::{Blocker, CollisionWorld};
 use crate::error::PlanningError;
 use crate::global::{GlobalRequest, Improvement, Objective, Obstruction, Reachability, RouteBound, Until};
 use crate::motion::BodyArc;
-use crate::steering::{TranslationLimits, least_time_to_goal_s, slew, steer, steer_in};
-use nalgebra::{Matrix3, Vector3};
+use crate::steering::{TranslationLimits, least_time_s, least_time_to_goal_s, slew, steer, steer_in};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tumble_dynamics::AlignedBox;
 
 /// Why a search stops.
@@ -39,8 +40,10 @@ pub(super) struct Search<'a, 'r, W: CollisionWorld + ?Sized> {
     pub may_turn: bool,
     /// Share of the lower bound by which an optimal plan may exceed it.
     tolerance: f64,
+    /// Longest duration of a plan of least impulse, s.
+    pub longest_s: f64,
     bound: RouteBound<'a, W>,
-    /// Units that the last refinement of the bound took.
+    /// Units that the next refinement of the bound may take.
     refinement_units: u64,
     pub best: Option<Flight>,
     pub history: Vec<Improvement>,
@@ -59,6 +62,7 @@ struct Allowance<'b> {
     budget: &'b mut dyn Budget,
     left: u64,
     spent: u64,
+    is_denied: bool,
 }
 
 impl Budget for Allowance<'_> {
@@ -67,13 +71,15 @@ impl Budget for Allowance<'_> {
         if is_granted {
             self.left -= units;
             self.spent += units;
+        } else {
+            self.is_denied = true;
         }
         is_granted
     }
 }
 
 /// Units that the first refinement of the bound may take.
-const FIRST_REFINEMENT_UNITS: u64 = 200;
+const FIRST_REFINEMENT_UNITS: u64 = 500;
 /// Each refinement looks at cells of half the edge.
 const REFINEMENT_GROWTH: u64 = 8;
 
@@ -82,7 +88,7 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
     /// Numbers that are no limits, or not finite.
     pub fn new(
         request: &'a GlobalRequest<'r, W>,
-        tolerance: f64,
+        settings: &FlightPlannerSettings,
         budget: &'a mut dyn Budget,
     ) -> Result<Self, PlanningError> {
         let parameters = request.belief.parameters();
@@ -94,9 +100,10 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
             chance: Chance::new(request.seed),
             is_still: request.world.is_still_from(request.start_s),
             may_turn: can_turn && !request.world.is_round(request.body),
-            tolerance,
+            tolerance: settings.tolerance,
+            longest_s: settings.longest_s,
             bound: RouteBound::new(request)?,
-            refinement_units: FIRST_REFINEMENT_UNITS / REFINEMENT_GROWTH,
+            refinement_units: FIRST_REFINEMENT_UNITS,
             best: None,
             history: Vec::new(),
             blocked: Vec::new(),
@@ -121,14 +128,18 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
     /// Looks at the walls with finer cells for the lower bound, a proof that there is no way, or a way; only where that takes
     /// no more than `share` of the units spent so far. What a body that turns could pass is no wall.
     pub fn refine_bound(&mut self, share: f64) -> Result<(), End> {
-        let wanted = self.refinement_units.saturating_mul(REFINEMENT_GROWTH);
+        let wanted = self.refinement_units;
         if self.may_turn || wanted as f64 > share * self.units as f64 {
             return Ok(());
         }
-        let mut allowance = Allowance { budget: self.budget, left: wanted.saturating_mul(2), spent: 0 };
+        let mut allowance = Allowance { budget: self.budget, left: wanted, spent: 0, is_denied: false };
         let is_more = self.bound.refine(&mut allowance)?;
         self.units += allowance.spent;
-        self.refinement_units = if is_more { allowance.spent.max(wanted / 2) } else { u64::MAX };
+        self.refinement_units = match (allowance.is_denied, is_more) {
+            (true, _) => wanted.saturating_mul(2),
+            (false, true) => allowance.spent.saturating_mul(REFINEMENT_GROWTH),
+            (false, false) => u64::MAX,
+        };
         if let Reachability::Blocked(obstruction) = self.bound.reachability() {
             return Err(End::Infeasible(obstruction.clone()));
         }
@@ -205,6 +216,18 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         Ok(true)
     }
 
+    /// The same stretched in time, at a constant attitude; false also where there is no motion of that duration.
+    pub fn append_slowly(&self, from: &Node, to: &Node, stretch: f64, arcs: &mut Vec<BodyArc>) -> Result<bool, End> {
+        if stretch <= 1.0 || from.attitude != to.attitude {
+            return self.append_edge(from, to, arcs);
+        }
+        let (from_state, to_state) = (&from.translation, &to.translation);
+        let duration_s = stretch * least_time_s(from_state, to_state, &self.limits);
+        let Some(steering) = steer_in(from_state, to_state, &self.limits, duration_s) else { return Ok(false) };
+        arcs.extend(steering.arcs(from.attitude));
+        Ok(true)
+    }
+
     /// Appends a straight move between two nodes at rest of one attitude, or the edge of least duration from one in motion.
     pub fn append_straight(&self, from: &Node, to: &Node, arcs: &mut Vec<BodyArc>) -> Result<bool, End> {
         let way = to.translation.position - from.translation.position;
@@ -253,6 +276,24 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         let room = self.room;
         let chance = &mut self.chance;
         room.lower_world.zip_map(&room.upper_world, |lower, upper| lower + (upper - lower) * chance.uniform())
+    }
+
+    /// The attitude of a sample: that of the start, or any where the body may turn.
+    pub fn attitude(&mut self) -> UnitQuaternion<f64> {
+        if self.may_turn && self.chance.happens(0.5) { self.chance.attitude() } else { self.request.attitude }
+    }
+
+    /// A distance between nodes, squared: times at full speed, s^2.
+    pub fn squared_distance(&self, from: &Node, to: &Node) -> f64 {
+        let way = to.translation.position - from.translation.position;
+        let seconds = |way: f64, speed: f64| if speed > 0.0 { way / speed } else { 0.0 };
+        let translation = way.zip_map(&self.limits.speed_m_s, seconds).norm_squared();
+        if from.attitude == to.attitude {
+            return translation;
+        }
+        // The chord between two quaternions is half the angle, nearly.
+        let aligned = from.attitude.coords.dot(&to.attitude.coords).abs();
+        translation + 8.0 * (1.0 - aligned) / (self.request.limits.rate_rad_s * self.request.limits.rate_rad_s)
     }
 
     /// First time since their start at which the arcs, flown from `start_s` after the start of the plan, hit anything.
