@@ -390,7 +390,7 @@ fn defects_of_answers_are_caught_by_name() {
         ("the plan starts at the start", |_, answer, _| {
             change(answer, |arcs| {
                 arcs.remove(0);
-            })
+            });
         }),
         ("the plan starts at the start", |_, answer, _| {
             change(answer, |arcs| arcs.iter_mut().for_each(|arc| arc.attitude = UnitQuaternion::identity()));
@@ -398,12 +398,12 @@ fn defects_of_answers_are_caught_by_name() {
         ("the plan ends in the goal region", |_, answer, _| {
             change(answer, |arcs| {
                 arcs.pop();
-            })
+            });
         }),
         ("the motion is continuous", |_, answer, _| {
             change(answer, |arcs| {
                 arcs.remove(3);
-            })
+            });
         }),
         ("the motion is inside the limits", |_, answer, _| {
             // the same path, faster
