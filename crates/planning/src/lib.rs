@@ -16,8 +16,8 @@ pub mod kinodynamic;
 #[cfg(feature = "testing")]
 pub mod laws;
 mod motion;
-pub mod steering;
 mod state_space;
+pub mod steering;
 
 pub use belief::{ModelBelief, Plan};
 pub use budget::{Budget, Units};
