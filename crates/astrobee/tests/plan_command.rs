@@ -384,7 +384,10 @@ fn on_the_table_height_and_tilt_stay() {
         (limits.lower_world.z.to_bits(), limits.upper_world.z.to_bits()),
         ((-0.76_f64).to_bits(), (-0.76_f64).to_bits())
     );
-    assert!(limits.lower_world.x == -0.75 && limits.upper_world.y == 0.75);
+    assert_eq!(
+        (limits.lower_world.x.to_bits(), limits.upper_world.y.to_bits()),
+        ((-0.75_f64).to_bits(), 0.75_f64.to_bits())
+    );
     for (from, to, says) in [
         ("point = \"B\"", "position_m = [0, 0, -0.7]", "height"),
         ("point = \"B\"", "point = \"B\"\nquaternion_xyzw = [1, 0, 0, 0]", "upright"),

@@ -404,7 +404,7 @@ fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
     [rotation.i, rotation.j, rotation.k, rotation.w]
 }
 
-fn value_name(value: impl ValueEnum) -> String {
+fn value_name(value: &impl ValueEnum) -> String {
     value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
 }
 
@@ -436,8 +436,8 @@ fn summary(args: &PlanArgs, source: &ScenarioSource, problem: &PlanningProblem, 
         "seed": source.scenario.seed,
         "world": problem.place.name(),
         "obstacle_set": source.scenario.obstacle_set,
-        "planner": value_name(args.planner),
-        "objective": value_name(args.objective),
+        "planner": value_name(&args.planner),
+        "objective": value_name(&args.objective),
         "status": status_name(&answer.status),
         "reason": refused.as_ref().map(|(reason, _)| reason),
         "remedy": refused.as_ref().map(|(_, remedy)| remedy),
@@ -555,7 +555,7 @@ fn table(
         );
         line("impulse", format!("{:.3} N s", found.impulse_n_s));
         let ended = if is_optimal { "; no plan is better" } else { "" };
-        line("cost", format!("{:.3} {unit} ({}){ended}", answer.cost, value_name(args.objective)));
+        line("cost", format!("{:.3} {unit} ({}){ended}", answer.cost, value_name(&args.objective)));
         line("lower bound", format!("{}: no plan costs less", bound.unwrap_or_default()));
         line("gap", format!("{:.2} % of the cost at most", 100.0 * gap(answer).unwrap_or(0.0)));
         if let (Some(first), Some(first_s)) = (answer.history.first(), times.first_s) {

@@ -370,6 +370,6 @@ mod tests {
         let found = ticks(-9.93, -7.2, 300.0);
         assert!(found.iter().all(|tick| (-9.93..=-7.2).contains(tick)), "{found:?}");
         assert_eq!(found.iter().map(|tick| rounded(*tick)).collect::<Vec<_>>(), [-9.5, -9.0, -8.5, -8.0, -7.5]);
-        assert_eq!(rounded(-0.0), 0.0);
+        assert_eq!(rounded(-1e-9).to_bits(), 0.0_f64.to_bits(), "no minus zero");
     }
 }

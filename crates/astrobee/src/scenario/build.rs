@@ -371,7 +371,7 @@ impl ScenarioSource {
             if !(appear_s >= 0.0 && appear_s.is_finite()) {
                 return Err(self.bad("obstacles.appear_s", &format!("{appear_s}: 0 or later")));
             }
-            if !(vanish_s > appear_s) {
+            if vanish_s.is_nan() || vanish_s <= appear_s {
                 return Err(self.bad("obstacles.vanish_s", &format!("{vanish_s}: after `appear_s`, {appear_s} s")));
             }
             if velocity != Vector3::zeros() || appear_s > 0.0 || vanish_s < f64::INFINITY {
