@@ -22,6 +22,7 @@ cargo xtask <command>
   study identification [--cells NAME] [--runs N] [--out DIR]
   study excitation [--cases N] [--flights N]
   study ellipsoid [--runs N] [--seed N]   pairs misclassified, by decade of their true gap
+  study planning [--runs SEEDS] [--reference-units N] [--only SCENE]   the claims on the planner
 
 Exit 0: done. 1: a check failed. 2: bad input. 3: a target was missed.
 ";

@@ -63,24 +63,54 @@ pub struct Bench {
     pub sweeps: usize,
     /// How many seeds each random algorithm gets.
     pub runs: usize,
-    /// How long a reference solution is improved, s.
-    pub reference: usize,
     /// The folder of the frozen inputs, where there is one.
     pub data: Option<PathBuf>,
-    calibration: Vec<Vector3<f64>>,
+    calibration: Calibration,
+}
+
+/// nalgebra's SO(3) exponential of frozen inputs: shows a slower or busy machine.
+pub struct Calibration(Vec<Vector3<f64>>);
+
+impl Default for Calibration {
+    fn default() -> Self {
+        let mut generator = ChaCha8Rng::seed_from_u64(0);
+        Self((0..1024).map(|_| Vector3::from_fn(|_, _| 1.8 * uniform(&mut generator))).collect())
+    }
+}
+
+impl Calibration {
+    /// How long one takes now, ns.
+    ///
+    /// Written out with the platform's sine and cosine, as nalgebra has it unless `libm-force` is on: this workspace turns that on,
+    /// while the targets were measured without.
+    fn measure_ns(&self) -> f64 {
+        let exponential = |phi: &Vector3<f64>| {
+            let half = phi * 0.5;
+            let norm = half.norm();
+            if norm <= f64::EPSILON {
+                return UnitQuaternion::identity();
+            }
+            let (sin, cos) = norm.sin_cos();
+            UnitQuaternion::new_unchecked(Quaternion::from_parts(cos, half * (sin / norm)))
+        };
+        quantile(&sweeps(101, self.0.len(), |i| exponential(&self.0[i])), 0.5)
+    }
+
+    /// The same as a multiple of what it takes on the idle machine on which the targets were measured.
+    pub fn load(&self) -> f64 {
+        self.measure_ns() / IDLE_CALIBRATION_NS
+    }
 }
 
 /// Runs every problem, or those whose name or item holds `--only`.
 pub fn run(arguments: &Arguments, problems: &[Problem]) -> Result<(), Failure> {
-    let mut generator = ChaCha8Rng::seed_from_u64(0);
     let mut bench = Bench {
         as_json: arguments.has("--json"),
         only: arguments.value("--only").unwrap_or_default().to_owned(),
         sweeps: arguments.number("--sweeps")?.unwrap_or(1001).max(1),
         runs: arguments.number("--runs")?.unwrap_or(100).max(1),
-        reference: arguments.number("--reference")?.unwrap_or(2),
         data: arguments.folder("--data", &["../shared/benchmarks/data"])?,
-        calibration: (0..1024).map(|_| Vector3::from_fn(|_, _| 1.8 * uniform(&mut generator))).collect(),
+        calibration: Calibration::default(),
     };
     if !bench.as_json {
         println!(
@@ -167,21 +197,9 @@ impl Bench {
         }
     }
 
-    /// How long nalgebra's SO(3) exponential takes now.
-    ///
-    /// Written out with the platform's sine and cosine, as nalgebra has it unless `libm-force` is on: this workspace turns that on,
-    /// while the targets were measured without.
+    /// How long nalgebra's SO(3) exponential takes now, ns.
     pub fn calibrate(&self) -> f64 {
-        let exponential = |phi: &Vector3<f64>| {
-            let half = phi * 0.5;
-            let norm = half.norm();
-            if norm <= f64::EPSILON {
-                return UnitQuaternion::identity();
-            }
-            let (sin, cos) = norm.sin_cos();
-            UnitQuaternion::new_unchecked(Quaternion::from_parts(cos, half * (sin / norm)))
-        };
-        quantile(&sweeps(101, self.calibration.len(), |i| exponential(&self.calibration[i])), 0.5)
+        self.calibration.measure_ns()
     }
 
     /// Prints a row, for a problem that times itself.

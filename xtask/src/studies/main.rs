@@ -11,6 +11,7 @@ mod calibration;
 mod change_detection;
 mod chapter4;
 mod chapter5;
+mod core_clock;
 mod dynamics;
 mod ekf_rls;
 mod ellipsoid;
@@ -25,6 +26,9 @@ mod lie;
 mod likelihood;
 mod path_checker;
 mod plain_throws;
+mod planning;
+mod planning_runs;
+mod planning_scenes;
 mod plot;
 mod propulsion_dynamics;
 mod real_data;
@@ -102,6 +106,7 @@ const STUDIES: &[Program] = &[
     ("excitation", &["--cases", "--flights"], excitation::run),
     ("sweep", &["--runs", "--samples", "--seed"], sweep::study),
     ("ellipsoid", &["--runs", "--seed"], ellipsoid::count),
+    ("planning", &["--runs", "--reference-units", "--only"], planning::run),
 ];
 
 const REPRODUCTIONS: &[Program] = &[
@@ -126,7 +131,7 @@ fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let (name, rest) = words.split_first().map_or(("", &[][..]), |(name, rest)| (name.as_str(), rest));
     let result = match name {
-        "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps", "--runs", "--reference"])
+        "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps", "--runs"])
             .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
         "real-data" => {
             Arguments::parse(rest, &["--json", "--check"], &["--data"]).and_then(|arguments| real_data::run(&arguments))

@@ -1,16 +1,23 @@
-//! Judges plans by looking at them often: every millisecond, and at least at ten thousand times.
+//! Judges plans by looking at them often: every millisecond, and at least at ten thousand times, unless told otherwise.
 //!
 //! Shares no code with the planners: polynomials, attitudes, the distance to ellipsoids and boxes and the limits are worked
 //! out here from the plain numbers of the plan and of the world. Obstacles are taken to stand still.
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 use tumble_dynamics::{AlignedBox, InertialParameters, World};
 use tumble_planning::collision::BodyShape;
 use tumble_planning::global::{GoalRegion, MotionLimits};
 use tumble_planning::{ArcPath, BodyArc, TranslationState};
 
-const STEP_S: f64 = 1e-3;
-const LEAST_SAMPLES: usize = 10_000;
+/// How often a plan is looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct Sampling {
+    pub step_s: f64,
+    /// Fewest times, however short the plan is.
+    pub least: usize,
+}
+
+const OFTEN: Sampling = Sampling { step_s: 1e-3, least: 10_000 };
 /// Lengths and speeds below this are rounding, m and m/s.
 const ROUNDING: f64 = 1e-9;
 
@@ -21,6 +28,7 @@ pub struct Rules<'a> {
     pub parameters: &'a InertialParameters<f64>,
     pub limits: &'a MotionLimits,
     pub start: TranslationState,
+    pub attitude: UnitQuaternion<f64>,
     pub goal: &'a GoalRegion,
     pub margin_m: f64,
 }
@@ -41,7 +49,6 @@ pub struct Findings {
     pub misses_goal: bool,
 }
 
-#[cfg(test)]
 impl Findings {
     pub fn is_clean(&self) -> bool {
         self.in_obstacle == 0 && self.over_limit == 0 && self.jumps == 0 && !self.misses_goal
@@ -60,6 +67,7 @@ pub struct PathChecker<'a> {
     rules: Rules<'a>,
     ellipsoids: Vec<Solid>,
     forbidden: Vec<AlignedBox>,
+    sampling: Sampling,
 }
 
 impl<'a> PathChecker<'a> {
@@ -70,18 +78,24 @@ impl<'a> PathChecker<'a> {
             semi_axes: obstacle.semi_axes,
         });
         let forbidden = forbidden_boxes(rules.world, rules.limits, reach(rules.body) + rules.margin_m);
-        Self { ellipsoids: ellipsoids.collect(), forbidden, rules }
+        Self { ellipsoids: ellipsoids.collect(), forbidden, rules, sampling: OFTEN }
+    }
+
+    /// The same, looking as often as told.
+    #[cfg(test)]
+    pub fn sampled(self, sampling: Sampling) -> Self {
+        Self { sampling, ..self }
     }
 
     pub fn check(&self, path: &ArcPath) -> Findings {
         let mut findings = Findings::default();
         let whole_s: f64 = path.arcs().iter().map(|arc| arc.duration_s).sum();
-        let step_s = STEP_S.min(whole_s / LEAST_SAMPLES as f64);
+        let step_s = self.sampling.step_s.min(whole_s / self.sampling.least as f64);
         let mut reached = (self.rules.start.position, self.rules.start.velocity);
-        let mut attitude: Option<Matrix3<f64>> = None;
+        let mut attitude = rotation(&self.rules.attitude.coords.into());
         for arc in path.arcs() {
             let [p, v, _] = position(arc, 0.0);
-            let turned = attitude.map_or(0.0, |before| (before - body_axes(arc, 0.0)).amax());
+            let turned = (attitude - body_axes(arc, 0.0)).amax();
             let apart = (p - reached.0).amax().max((v - reached.1).amax()).max(turned);
             // a NaN is a jump
             findings.jumps += usize::from(apart.is_nan() || apart > ROUNDING);
@@ -92,14 +106,12 @@ impl<'a> PathChecker<'a> {
             }
             let [p, v, _] = position(arc, arc.duration_s);
             reached = (p, v);
-            attitude = Some(body_axes(arc, arc.duration_s));
+            attitude = body_axes(arc, arc.duration_s);
         }
         let goal = self.rules.goal;
         let is_there = (reached.0 - goal.position).norm() <= goal.radius_m + ROUNDING
             && reached.1.norm() <= goal.speed_m_s + ROUNDING
-            && goal.attitude.is_none_or(|wanted| {
-                attitude.is_some_and(|found| (found - rotation(&wanted.coords.into())).amax() < 1e-6)
-            });
+            && goal.attitude.is_none_or(|wanted| (attitude - rotation(&wanted.coords.into())).amax() < 1e-6);
         findings.misses_goal = !is_there;
         findings
     }
@@ -140,7 +152,10 @@ impl<'a> PathChecker<'a> {
                 let grown = part.semi_axes.add_scalar(self.rules.margin_m);
                 let solid = Solid { center, axes: part_axes, semi_axes: grown };
                 is_in_something |= self.ellipsoids.iter().any(|other| overlap(&solid, other));
-                is_in_something |= self.forbidden.iter().any(|other| gauge_of_box(&solid, other) < 1.0 - ROUNDING);
+                is_in_something |= self.forbidden.iter().any(|other| {
+                    let is_near = distance_to_box(&center, other) < grown.max();
+                    is_near && gauge_of_box(&solid, other) < 1.0 - ROUNDING
+                });
             }
         }
         findings.in_obstacle += usize::from(is_in_something);
@@ -336,7 +351,7 @@ fn forbidden_boxes(world: &World, limits: &MotionLimits, reach_m: f64) -> Vec<Al
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Isometry3, Matrix3, UnitQuaternion};
+    use nalgebra::Isometry3;
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::SeedableRng;
     use tumble_dynamics::ObstacleEllipsoid;
@@ -414,7 +429,8 @@ mod tests {
         let parameters =
             BODY.get_or_init(|| InertialParameters::about_origin(2.0, Vector3::zeros(), Matrix3::identity()));
         let start = TranslationState::at_rest(Vector3::zeros());
-        Rules { world, body, parameters, limits, start, goal, margin_m: 0.0 }
+        let attitude = UnitQuaternion::identity();
+        Rules { world, body, parameters, limits, start, attitude, goal, margin_m: 0.0 }
     }
 
     /// One push of a metre along x, and each way in which it can be wrong.
@@ -439,17 +455,20 @@ mod tests {
             PathChecker::new(rules(world, &body, limits, &goal)).check(path)
         };
         let sound = judge(&world, &limits, &push(2.0));
-        assert!(sound.is_clean() && sound.samples >= LEAST_SAMPLES, "{sound:?}");
+        assert!(sound.is_clean() && sound.samples >= OFTEN.least, "{sound:?}");
         assert!(judge(&world, &limits, &push(1.9)).misses_goal);
         let slow = MotionLimits { speed_m_s: Vector3::repeat(0.999), ..limits };
         assert!(judge(&world, &slow, &push(2.0)).over_limit > 0);
         let weak = MotionLimits { force_n: Vector3::repeat(0.999), ..limits };
-        assert!(judge(&world, &weak, &push(2.0)).over_limit > LEAST_SAMPLES);
+        assert!(judge(&world, &weak, &push(2.0)).over_limit > OFTEN.least);
         let narrow =
             MotionLimits { position: AlignedBox::between(Vector3::repeat(-2.0), Vector3::repeat(0.999)), ..limits };
         assert!(judge(&world, &narrow, &push(2.0)).over_limit > 0);
         let turned = push(2.0).arcs()[0].turning(Vector3::z_axis(), [0.0, 0.2, 0.0, 0.0, 0.0, 0.0]);
         assert!(judge(&world, &limits, &ArcPath::new([turned])).over_limit > 0);
+        let mut tilted = push(2.0).arcs()[0];
+        tilted.attitude = UnitQuaternion::from_euler_angles(0.0, 0.0, 1e-3);
+        assert_eq!(judge(&world, &limits, &ArcPath::new([tilted])).jumps, 1);
         let twice = ArcPath::new(push(1.0).arcs().iter().chain(push(1.0).arcs()).copied());
         assert_eq!(judge(&world, &limits, &twice).jumps, 1);
 
@@ -464,6 +483,16 @@ mod tests {
         assert_eq!(judge(&at(0.4001), &limits, &push(2.0)).in_obstacle, 0);
         let grazed = judge(&at(0.3999), &limits, &push(2.0));
         assert!(grazed.in_obstacle > 0 && (grazed.deepest_m - 1e-4).abs() < 1e-6, "{grazed:?}");
+        // a bead through a sheet a fifth of a millimetre thick, far from both ends
+        let sheet = World {
+            obstacles: vec![ObstacleEllipsoid {
+                world_from_ellipsoid: Isometry3::translation(0.5, 0.0, 0.0),
+                semi_axes: Vector3::new(1e-4, 0.3, 0.2),
+            }],
+            ..World::default()
+        };
+        let bead = BodyShape::sphere(1e-4).unwrap();
+        assert!(PathChecker::new(rules(&sheet, &bead, &limits, &goal)).check(&push(2.0)).in_obstacle > 0);
         let keep_in = |y: f64| World {
             keep_in: vec![
                 AlignedBox::between(Vector3::new(-1.0, -0.5, -0.5), Vector3::new(0.5, y, 0.5)),
