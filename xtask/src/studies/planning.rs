@@ -15,7 +15,7 @@ use tumble_planning::global::{Obstruction, Status, Until};
 use crate::Failure;
 use crate::arguments::Arguments;
 use crate::bench::{Calibration, quantile};
-use crate::core_clock::{CoreBudget, CoreClock};
+use crate::core_clock::CoreClock;
 use crate::planning_runs::{Planner, Run, cores, count, flight_planner, judge, share, sorted, timed_runs};
 use crate::planning_scenes::{PEERS, Scene, exactly_c_scene, failed, frozen_scenes, gap_scene, rattle_scenes};
 
