@@ -143,7 +143,7 @@ impl<'a> PathChecker<'a> {
         for part in self.rules.body.parts() {
             let center = p + axes * part.body_from_ellipsoid.translation.vector;
             let (least, largest) = (part.semi_axes.min(), part.semi_axes.max());
-            if least == largest {
+            if largest <= least {
                 let depth_m = self.depth_of_sphere(&center, least + self.rules.margin_m);
                 is_in_something |= depth_m.is_nan() || depth_m > ROUNDING;
                 findings.deepest_m = findings.deepest_m.max(depth_m);
@@ -259,6 +259,7 @@ fn distance_to_box(point: &Vector3<f64>, solid: &AlignedBox) -> f64 {
 /// Whether two ellipsoids overlap by more than rounding: the largest value of the contact function of Perram and Wertheim,
 /// `s (1 - s) r' ((1 - s) A + s B)^-1 r`, is below one. Golden section, for it is concave in `s`.
 fn overlap(a: &Solid, b: &Solid) -> bool {
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let r = b.center - a.center;
     if r.norm() > a.semi_axes.max() + b.semi_axes.max() {
         return false;
@@ -271,7 +272,6 @@ fn overlap(a: &Solid, b: &Solid) -> bool {
         let blend = a * (1.0 - s) + b * s;
         blend.try_inverse().map_or(0.0, |inverse| s * (1.0 - s) * r.dot(&(inverse * r)))
     };
-    const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..70 {
         let (left, right) = (high - GOLDEN * (high - low), low + GOLDEN * (high - low));

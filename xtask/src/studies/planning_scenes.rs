@@ -67,7 +67,7 @@ impl Scene {
     }
 
     /// The same for a ball that the body fits into.
-    pub fn as_bounding_sphere(mut self) -> Result<Self, Failure> {
+    pub fn within_bounding_sphere(mut self) -> Result<Self, Failure> {
         self.shape = BodyShape::sphere(self.shape.bounding_radius_m()).map_err(failed)?;
         self.goal.attitude = None;
         self.name.push_str("-sphere");

@@ -134,8 +134,8 @@ mod tests {
             // flown in 98 % of the time: the same way, too fast and too hard
             let hurried = map(&path, |mut arc| {
                 arc.duration_s *= 0.98;
-                for (power, coefficient) in arc.position.iter_mut().enumerate() {
-                    *coefficient /= 0.98_f64.powi(power as i32);
+                for (power, coefficient) in (0..).zip(&mut arc.position) {
+                    *coefficient /= 0.98_f64.powi(power);
                 }
                 arc
             });
