@@ -197,7 +197,7 @@ mod tests {
                     match rules {
                         PrimitiveRules::Original => unsafe_plans += usize::from(findings.in_obstacle > 0),
                         PrimitiveRules::Continuous => {
-                            assert!(findings.is_clean(), "{} {seed}: {findings:?}", scene.name)
+                            assert!(findings.is_clean(), "{} {seed}: {findings:?}", scene.name);
                         }
                     }
                 }
