@@ -118,13 +118,11 @@ const REPRODUCTIONS: &[Program] = &[
 /// Runs the program that `words` begin with.
 fn run_one(command: &str, programs: &[Program], words: &[String]) -> Result<(), Failure> {
     let (name, rest) = words.split_first().map_or(("", &[][..]), |(name, rest)| (name.as_str(), rest));
-    match programs.iter().find(|(known, ..)| *known == name) {
-        Some((_, options, run)) => Arguments::parse(rest, &[], options).and_then(|arguments| run(&arguments)),
-        None => {
-            let known: Vec<String> = programs.iter().map(|(known, ..)| format!("`{known}`")).collect();
-            Err(Failure::BadInput(format!("{command} what? {}", known.join(", "))))
-        }
-    }
+    let Some((_, options, run)) = programs.iter().find(|(known, ..)| *known == name) else {
+        let known: Vec<String> = programs.iter().map(|(known, ..)| format!("`{known}`")).collect();
+        return Err(Failure::BadInput(format!("{command} what? {}", known.join(", "))));
+    };
+    Arguments::parse(rest, &[], options).and_then(|arguments| run(&arguments))
 }
 
 fn main() -> ExitCode {
