@@ -143,18 +143,16 @@ impl BodyShape {
     /// A union of ellipsoids.
     ///
     /// # Errors
-    /// No parts, or semi-axes that are not positive and finite.
+    /// No parts; semi-axes that are not positive and finite; lengths beyond 1e20 m, semi-axes below 1e-20 m.
     pub fn try_new(parts: Vec<BodyEllipsoid>) -> Result<Self, PlanningError> {
         if parts.is_empty() {
             return Err(PlanningError::NoBody);
         }
         for part in &parts {
             for semi_axis in &part.semi_axes {
-                crate::error::positive("a semi-axis of the body", *semi_axis)?;
+                crate::error::length("a semi-axis of the body", *semi_axis)?;
             }
-            for coordinate in &part.body_from_ellipsoid.translation.vector {
-                crate::error::finite("the centre of a part of the body", *coordinate)?;
-            }
+            crate::error::pose(&part.body_from_ellipsoid)?;
         }
         Ok(Self { parts })
     }

@@ -52,7 +52,12 @@ pub fn ellipsoid_to_box(a: &Ellipsoid, b: &AlignedBox) -> Distance {
 
 /// Signed distance of a sphere and a solid box, inside as well: exact everywhere.
 pub fn sphere_to_box(a: &Sphere, b: &AlignedBox) -> Distance {
-    let nearest = Vector3::from_fn(|axis, _| a.center[axis].max(b.lower_world[axis]).min(b.upper_world[axis]));
+    // What is no number stays none.
+    let nearest = Vector3::from_fn(|axis, _| match a.center[axis] {
+        position if position < b.lower_world[axis] => b.lower_world[axis],
+        position if position > b.upper_world[axis] => b.upper_world[axis],
+        position => position,
+    });
     let offset = nearest - a.center;
     let apart = length(&offset);
     let (normal, to_center, point_on_b) = if apart > 0.0 {

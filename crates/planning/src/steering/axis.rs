@@ -5,6 +5,8 @@
 //! speeds, a coast at `c`, and full acceleration to the last speed; every displacement between them by the same motion with
 //! another `c`. So existence and the motion both follow from one quadratic.
 
+use crate::error::LARGEST;
+
 /// Relative error that a boundary state may carry without being taken for another problem: some roundings.
 pub(super) const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 
@@ -93,8 +95,11 @@ impl Axis {
     pub fn new(ends: Ends) -> Option<Self> {
         let Ends { position: [p0, p1], velocity: [v0, v1], speed, acceleration } = ends;
         let fastest = speed * (1.0 + SPEED_TOLERANCE);
-        let is_within = (p1 - p0).is_finite() && v0.abs() <= fastest && v1.abs() <= fastest;
-        if !is_within {
+        let is_within = v0.abs() <= fastest && v1.abs() <= fastest;
+        // What is no number, or squares to none, is no problem with a motion.
+        let is_moderate = [p0, p1, v0, v1].iter().all(|number| number.abs() <= LARGEST);
+        let is_push = acceleration == 0.0 || (1.0 / LARGEST..=LARGEST).contains(&acceleration);
+        if !(is_within && is_moderate && is_push) {
             return None;
         }
         if acceleration > 0.0 {
