@@ -201,7 +201,7 @@ pub fn pairs(data: &[u8]) {
     assert_eq!(overlap(&a, &b), matches!(separation(&a, &b), Separation::Overlapping(_)));
     let margin = scaling_margin(&a, &b);
     assert!(margin.value >= -1.0 && margin.value.is_finite(), "{} {a:?} {b:?}", margin.value);
-    assert!(finite(&margin.gradient) && finite(&margin.hessian), "{margin:?} {a:?} {b:?}");
+    assert!(finite(&margin.gradient) && finite(&margin.hessian), "{} {a:?} {b:?}", margin.value);
 }
 
 /// What nobody checked: numbers that can be used are, and what is no number is never free.
@@ -234,13 +234,12 @@ pub fn simple_shapes(data: &[u8]) {
     check(&sphere_to_sphere(&a, &b), &both(&of_a, &of_b), can_be_used(&both(&of_a, &of_b)), "spheres");
     let (of_both, is_used) = (both(&of_a, &of_plane), can_be_used(&of_a) && is_plane);
     check(&sphere_to_half_space(&a, &half_space), &of_both, is_used, "sphere and half-space");
-    let (of_both, is_used) = (both(&of_a, &of_box), can_be_used(&of_a) && is_box);
-    check(&sphere_to_box(&a, &aligned), &of_both, is_used, "sphere and box");
+    check(&sphere_to_box(&a, &aligned), &of_a, can_be_used(&of_a) && is_box, "sphere and box");
     let Ok(c) = Ellipsoid::try_new(&numbers.pose(), &numbers.semi_axes()) else { return };
     check(&ellipsoid_to_sphere(&c, &b), &of_b, can_be_used(&of_b), "ellipsoid and sphere");
     check(&ellipsoid_to_point(&c, &b.center), &of_b[..3], can_be_used(&of_b[..3]), "ellipsoid and point");
     check(&ellipsoid_to_half_space(&c, &half_space), &of_plane, is_plane, "ellipsoid and half-space");
-    check(&ellipsoid_to_box(&c, &aligned), &of_box, is_box, "ellipsoid and box");
+    check(&ellipsoid_to_box(&c, &aligned), &[], is_box, "ellipsoid and box");
 }
 
 /// A world that is one answers every pose and every motion, or says why not.

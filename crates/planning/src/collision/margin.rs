@@ -80,7 +80,9 @@ pub fn scaling_margin(a: &Ellipsoid, b: &Ellipsoid) -> ScalingMargin {
     let share = weight / (1.0 + weight);
     let by_growth = share / (2.0 * growth);
     let gradient = first_derivative.times(by_growth);
-    let (of_mixed, of_gradient) = (-by_growth / curvature, -1.0 / growth);
+    // Of solids so unlike that rounding hides the curvature, what the weight adds is beyond knowing.
+    let of_mixed = if curvature < 0.0 { -by_growth / curvature } else { 0.0 };
+    let of_gradient = -1.0 / growth;
     let block = |base: Matrix3<f64>, left: fn(&Nine) -> &Vector3<f64>, right: fn(&Nine) -> &Vector3<f64>| {
         base * by_growth
             + (left(&mixed) * of_mixed) * right(&mixed).transpose()

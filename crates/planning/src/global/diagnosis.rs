@@ -55,6 +55,9 @@ pub(super) fn check_numbers<W: CollisionWorld + ?Sized>(request: &GlobalRequest<
         if lower > upper || lower.is_nan() || upper.is_nan() {
             return Err(PlanningError::EmptyBox { what: "the position limit", axis, lower, upper });
         }
+        for side in [lower, upper].into_iter().filter(|side| side.is_finite()) {
+            moderate("the position limit", side)?;
+        }
     }
     Ok(())
 }

@@ -189,7 +189,8 @@ impl Axis {
             surplus if high > 0.0 => self.direct_s + surplus / high,
             _ => f64::INFINITY,
         };
-        if latest_s < durations.least_s {
+        let is_enough = latest_s >= durations.least_s;
+        if !is_enough {
             f64::INFINITY
         } else if unhurried_s <= latest_s && unhurried_s.is_finite() {
             high - low
@@ -214,7 +215,7 @@ impl Axis {
             self.coast(duration_s)
         };
         // A boundary speed some roundings beyond the limit is not a reason to break it in between.
-        let coast = coast.clamp(-speed, speed);
+        let coast = coast.max(-speed).min(speed);
         let (rise_s, fall_s) = if acceleration > 0.0 {
             ((coast - v0).abs() / acceleration, (v1 - coast).abs() / acceleration)
         } else {
@@ -250,7 +251,7 @@ impl Axis {
         } else if below > 0.0 {
             self.low - beyond(below)
         } else {
-            (self.surplus / spare_s).clamp(self.low, self.high)
+            (self.surplus / spare_s).max(self.low).min(self.high)
         }
     }
 }

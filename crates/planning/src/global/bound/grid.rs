@@ -146,7 +146,7 @@ impl Grid {
     pub(super) fn nearest_point(&self, cell: usize, position: &Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|axis, _| {
             let (lower, upper) = self.span(cell, axis);
-            position[axis].clamp(lower, upper)
+            position[axis].max(lower).min(upper)
         })
     }
 
