@@ -17,6 +17,9 @@ use tumble_planning::steering::{
 };
 use tumble_planning::{ArcPath, BodyArc, COEFFICIENTS, ModelBelief, TranslationState, Units};
 
+/// All promises.
+pub const PROMISES: [fn(&[u8]); 6] = [pairs, simple_shapes, worlds, motions, slews, bounds];
+
 /// Numbers at the edges of what a float can be, and the ordinary ones that go with them.
 const SPECIAL: [f64; 32] = [
     0.0,
@@ -174,7 +177,8 @@ fn is_sound(found: &Distance, what: &str) {
     assert!(finite(&found.normal) && finite(&found.point_on_a) && finite(&found.point_on_b), "{what}: {found:?}");
     assert!(found.distance_m.is_finite() && found.lower_bound_m.is_finite(), "{what}: {found:?}");
     assert!((found.normal.norm_squared() - 1.0).abs() < 1e-9, "{what}: {found:?}");
-    assert!(found.lower_bound_m <= found.distance_m, "{what}: {found:?}");
+    let size = found.distance_m.abs() + found.point_on_a.amax() + found.point_on_b.amax();
+    assert!(found.lower_bound_m <= found.distance_m + 1e-12 * size, "{what}: {found:?}");
 }
 
 /// Distances, overlap and margins of two ellipsoids, where they may be ones.

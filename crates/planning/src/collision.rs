@@ -143,15 +143,14 @@ impl BodyShape {
     /// A union of ellipsoids.
     ///
     /// # Errors
-    /// No parts; semi-axes that are not positive and finite; lengths beyond 1e20 m, semi-axes below 1e-20 m.
+    /// No parts; semi-axes that are not positive and finite; lengths beyond 1e20 m, semi-axes below 1e-20 m or
+    /// more unlike than the factor 1e4.
     pub fn try_new(parts: Vec<BodyEllipsoid>) -> Result<Self, PlanningError> {
         if parts.is_empty() {
             return Err(PlanningError::NoBody);
         }
         for part in &parts {
-            for semi_axis in &part.semi_axes {
-                crate::error::length("a semi-axis of the body", *semi_axis)?;
-            }
+            crate::error::semi_axes("a semi-axis of the body", &part.semi_axes)?;
             crate::error::pose(&part.body_from_ellipsoid)?;
         }
         Ok(Self { parts })

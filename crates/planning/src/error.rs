@@ -1,6 +1,6 @@
 //! Errors of this crate.
 
-use nalgebra::UnitQuaternion;
+use nalgebra::{UnitQuaternion, Vector3};
 use tumble_lie::Pose;
 
 /// What can be wrong with a planning problem. That a well-posed problem has no solution is an answer, not an error.
@@ -73,7 +73,7 @@ pub enum PlanningError {
     /// A body without parts.
     #[error("the body has no parts: nothing can be checked for collision")]
     NoBody,
-    /// An ellipsoid so thin, or a pair so unlike in size, that no answer could be certified.
+    /// An ellipsoid so thin that no answer could be certified.
     #[error("semi-axes {smallest} and {largest} m differ by more than the factor {factor} that can be certified")]
     TooUnlike {
         /// Smallest semi-axis, m.
@@ -133,6 +133,22 @@ pub fn moderate(what: &'static str, value: f64) -> Result<f64, PlanningError> {
 /// [`PlanningError::NotFinite`], [`PlanningError::NotPositive`], [`PlanningError::OutOfRange`].
 pub fn length(what: &'static str, value: f64) -> Result<f64, PlanningError> {
     between(what, positive(what, value)?, 1.0 / LARGEST, LARGEST)
+}
+
+/// Largest ratio of the semi-axes of one solid: beyond, 53 bits do not hold the squares of both.
+const THINNEST: f64 = 1e4;
+
+/// Checks that semi-axes are those of a solid that can be computed with.
+///
+/// # Errors
+/// Those of [`length`]; [`PlanningError::TooUnlike`].
+pub fn semi_axes(what: &'static str, semi_axes: &Vector3<f64>) -> Result<(), PlanningError> {
+    for semi_axis in semi_axes {
+        length(what, *semi_axis)?;
+    }
+    let (smallest, largest) = (semi_axes.min(), semi_axes.max());
+    let is_alike = largest <= smallest * THINNEST;
+    if is_alike { Ok(()) } else { Err(PlanningError::TooUnlike { smallest, largest, factor: THINNEST }) }
 }
 
 /// `value` where it is zero, or finite and neither huge nor tiny.

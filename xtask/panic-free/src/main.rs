@@ -22,6 +22,7 @@ use tumble_astrobee::propulsion::{
     QuantizedAllocation,
 };
 use tumble_astrobee::sensing::{Confidence, LocalizationEstimate};
+use tumble_dynamics::AlignedBox;
 use tumble_dynamics::{
     Actuation as _, BodyAcceleration, DynamicsError, FreeFlyer, InertialParameters, Integrator as _, MuntheKaas4,
     RigidBodyState, VariationalFreeFlyer,
@@ -35,11 +36,10 @@ use tumble_identification::{IdentificationError, SquareRootInformation};
 use tumble_lie::{GroupAction as _, LieGroup, Twist, Wrench};
 use tumble_planning::TranslationState;
 use tumble_planning::collision::{
-    Distance, Ellipsoid, ScalingMargin, Separation, Sphere, distance, distance_from_hint, ellipsoid_to_box,
-    ellipsoid_to_half_space, ellipsoid_to_sphere, scaling_margin, separation, sphere_to_box, HalfSpace,
+    Distance, Ellipsoid, HalfSpace, ScalingMargin, Separation, Sphere, distance, distance_from_hint, ellipsoid_to_box,
+    ellipsoid_to_half_space, ellipsoid_to_sphere, scaling_margin, separation, sphere_to_box,
 };
 use tumble_planning::steering::{Steering, TranslationLimits, least_time_s, steer, steer_in};
-use tumble_dynamics::AlignedBox;
 
 macro_rules! proven {
     ($($(#[$meta:meta])* fn $name:ident($($argument:ident: $kind:ty),*) -> $result:ty $body:block)*) => {

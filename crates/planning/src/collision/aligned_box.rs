@@ -63,7 +63,8 @@ pub fn sphere_to_box(a: &Sphere, b: &AlignedBox) -> Distance {
     let (normal, to_center, point_on_b) = if apart > 0.0 {
         (offset / apart, apart, nearest)
     } else {
-        let (mut normal, mut width, mut point_on_b) = (Vector3::x(), f64::NEG_INFINITY, a.center);
+        let (mut normal, mut width, mut point_on_b) =
+            (Vector3::x(), if apart.is_nan() { apart } else { f64::NEG_INFINITY }, a.center);
         for axis in 0..3 {
             for (sign, side) in [(1.0, b.lower_world[axis]), (-1.0, b.upper_world[axis])] {
                 let gap = sign * (side - a.center[axis]);

@@ -280,7 +280,7 @@ impl EllipsoidWorld {
     /// The queries of a world of obstacles, keep-out and keep-in boxes.
     ///
     /// # Errors
-    /// [`PlanningError::InvalidWorld`]: numbers that are not finite, semi-axes that are not positive, boxes upside down.
+    /// [`PlanningError::TooUnlike`]; [`PlanningError::InvalidWorld`]: numbers that are not finite, semi-axes that are not positive, boxes upside down.
     pub fn new(world: &World) -> Result<Self, PlanningError> {
         for (index, aligned) in world.keep_out.iter().enumerate() {
             check_box("keep-out box", index, aligned)?;
