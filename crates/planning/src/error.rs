@@ -34,17 +34,17 @@ pub enum PlanningError {
         /// Its value.
         value: f64,
     },
-    /// A number that squares and quotients of this crate could not be formed of, or no unit where one is needed.
-    #[error("{what} is {value}, not between {least} and {largest}")]
+    /// A number outside the range it must lie in.
+    #[error("{what} is {value}, not between {lower} and {upper}")]
     OutOfRange {
         /// Which number.
         what: &'static str,
         /// Its value.
         value: f64,
         /// Least accepted value.
-        least: f64,
+        lower: f64,
         /// Largest accepted value.
-        largest: f64,
+        upper: f64,
     },
     /// A box whose least coordinate is beyond its largest.
     #[error("{what} has its least coordinate {lower} beyond its largest {upper} on axis {axis}")]
@@ -116,7 +116,7 @@ const UNIT: f64 = 1e-3;
 
 fn between(what: &'static str, value: f64, least: f64, largest: f64) -> Result<f64, PlanningError> {
     let is_between = value >= least && value <= largest;
-    if is_between { Ok(value) } else { Err(PlanningError::OutOfRange { what, value, least, largest }) }
+    if is_between { Ok(value) } else { Err(PlanningError::OutOfRange { what, value, lower: least, upper: largest }) }
 }
 
 /// `value` where it is finite and not huge.

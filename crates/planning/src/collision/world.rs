@@ -480,6 +480,13 @@ impl CollisionWorld for EllipsoidWorld {
         self.nearest(body, world_from_body, from_s, |entry| entry.lasts_from(from_s))
     }
 
+    fn is_round(&self, body: &BodyShape) -> bool {
+        body.parts().iter().all(|part| {
+            part.body_from_ellipsoid.translation.vector == Vector3::zeros()
+                && part.semi_axes.min() >= part.semi_axes.max()
+        })
+    }
+
     fn reach_m(&self, body: &BodyShape) -> f64 {
         body.bounding_radius_m()
     }
@@ -503,6 +510,6 @@ pub(super) fn check_arc(arc: &BodyArc) -> Result<(), PlanningError> {
     if is_axis || arc.is_level() {
         Ok(())
     } else {
-        Err(PlanningError::OutOfRange { what, value: arc.axis_body.norm_squared(), least: 0.999, largest: 1.001 })
+        Err(PlanningError::OutOfRange { what, value: arc.axis_body.norm_squared(), lower: 0.999, upper: 1.001 })
     }
 }
