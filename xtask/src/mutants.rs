@@ -1435,8 +1435,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "margin: square root of the contact function differentiated once only",
         file: "crates/planning/src/collision/margin.rs",
-        original: "let (of_mixed, of_gradient) = (-by_growth / curvature, -1.0 / growth);",
-        replacement: "let (of_mixed, of_gradient) = (-by_growth / curvature, 0.0);",
+        original: "let of_gradient = -1.0 / growth;",
+        replacement: "let of_gradient = 0.0;",
         test: "-p tumble-planning --test ellipsoid_pairs",
     },
     Mutant {
@@ -1473,6 +1473,62 @@ const MUTANTS: &[Mutant] = &[
         original: "is_none_or(|(least, _)| distance < *least)",
         replacement: "is_none_or(|(least, _)| distance > *least)",
         test: "-p tumble-planning --test planted_defects_planners",
+    },
+    Mutant {
+        name: "planning: needles accepted",
+        file: "crates/planning/src/error.rs",
+        original: "largest <= smallest * THINNEST",
+        replacement: "largest <= smallest * f64::MAX",
+        test: "-p tumble-planning --test hostile_numbers",
+    },
+    Mutant {
+        name: "planning: an attitude of any norm",
+        file: "crates/planning/src/error.rs",
+        original: "const UNIT: f64 = 1e-3;",
+        replacement: "const UNIT: f64 = 1e300;",
+        test: "-p tumble-planning --test hostile_numbers",
+    },
+    Mutant {
+        name: "planning: huge numbers accepted",
+        file: "crates/planning/src/error.rs",
+        original: "between(what, finite(what, value)?, -LARGEST, LARGEST)",
+        replacement: "between(what, finite(what, value)?, f64::MIN, f64::MAX)",
+        test: "-p tumble-planning --test hostile_numbers",
+    },
+    Mutant {
+        name: "steering: any acceleration accepted",
+        file: "crates/planning/src/steering/axis.rs",
+        original: "if !(is_within && is_moderate && is_push)",
+        replacement: "if !(is_within && is_moderate)",
+        test: "-p tumble-planning --test hostile_numbers",
+    },
+    Mutant {
+        name: "steering: no time is a time",
+        file: "crates/planning/src/steering/axis.rs",
+        original: "let is_enough = latest_s >= durations.least_s;",
+        replacement: "let is_enough = !(latest_s < durations.least_s);",
+        test: "-p tumble-planning --test hostile_numbers",
+    },
+    Mutant {
+        name: "box: no number is inside",
+        file: "crates/planning/src/collision/aligned_box.rs",
+        original: "if apart.is_nan() { apart } else { f64::NEG_INFINITY }",
+        replacement: "f64::NEG_INFINITY",
+        test: "-p tumble-planning --test hostile_numbers",
+    },
+    Mutant {
+        name: "sweep: a contact is an absolute length",
+        file: "crates/planning/src/collision/sweep.rs",
+        original: "contact_m: CONTACT * lengths_m }",
+        replacement: "contact_m: 1e-9 }",
+        test: "-p tumble-planning --test equivariance",
+    },
+    Mutant {
+        name: "distance: an absolute residual",
+        file: "crates/planning/src/collision/distance.rs",
+        original: "let residual = RESIDUAL * slab.width_m.abs() + noise;",
+        replacement: "let residual = RESIDUAL;",
+        test: "-p tumble-planning --test equivariance",
     },
 ];
 

@@ -9,6 +9,9 @@
 //!   the singular values that follow a failed test of rank;
 //! - margins of consistency (`InertialParameters::consistency_margin`, `PseudoInertiaCone::margin`), because they call
 //!   nalgebra's symmetric eigenvalue routine.
+//!
+//! Not tried: `EllipsoidWorld::clearance` and `first_contact`, whose obstacles are in lists of any length; tests on hostile
+//! numbers cover them.
 // The attribute expands to an extern block.
 #![cfg_attr(feature = "check", allow(unsafe_code))]
 
