@@ -298,7 +298,7 @@ pub fn worlds(data: &[u8]) {
             let size = 1.0 + clearance.distance_m.abs() + pose.translation.vector.amax() + body.bounding_radius_m();
             let difference_m = (clearances_m[0] - clearance.distance_m).abs();
             assert!(
-                clearances_m[0] == clearance.distance_m || difference_m <= 1e-9 * size,
+                clearances_m[0].to_bits() == clearance.distance_m.to_bits() || difference_m <= 1e-9 * size,
                 "{clearances_m:?} {clearance:?}"
             );
         }

@@ -1,5 +1,5 @@
 //! Scaling mass, length and time by powers of ten scales every answer: no tolerance hides that knows what a metre is.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::float_cmp)]
 
 use tumble_planning::collision::{
     BodyEllipsoid, BodyShape, CollisionWorld as _, Ellipsoid, EllipsoidWorld, HalfSpace, MovingObstacle, Separation,
