@@ -364,17 +364,13 @@ pub fn motions(data: &[u8]) {
 pub fn slews(data: &[u8]) {
     let mut numbers = Numbers(data);
     let (from, to, limits) = (numbers.attitude(), numbers.attitude(), numbers.limits());
-    let inertia = match numbers.byte() {
-        0..128 => Matrix3::from_diagonal(&numbers.vector().abs()),
-        _ => {
-            let [moments, products] = [numbers.vector().abs(), numbers.vector()];
-            let mut inertia = Matrix3::from_diagonal(&moments);
-            for (i, j, product) in [(0, 1, products.x), (0, 2, products.y), (1, 2, products.z)] {
-                (inertia[(i, j)], inertia[(j, i)]) = (product, product);
-            }
-            inertia
+    let mut inertia = Matrix3::from_diagonal(&numbers.vector().abs());
+    if numbers.byte() >= 128 {
+        let products = numbers.vector();
+        for (i, j, product) in [(0, 1, products.x), (0, 2, products.y), (1, 2, products.z)] {
+            (inertia[(i, j)], inertia[(j, i)]) = (product, product);
         }
-    };
+    }
     let Ok(Some(turn)) = slew(&from, &to, &inertia, &limits) else { return };
     let all = [turn.duration_s(), turn.angle_rad(), turn.rate_rad_s(), turn.acceleration_rad_s2()];
     assert!(finite(&all) && all.iter().all(|number| *number >= 0.0), "{turn:?} {inertia:?} {limits:?}");
@@ -425,5 +421,5 @@ pub fn bounds(data: &[u8]) {
         }
     }
     assert!(bound.least_duration_s() >= 0.0 && bound.lower_bound() >= 0.0, "{request:?}");
-    assert!(bound.free_route().iter().all(|point| finite(point)), "{request:?}");
+    assert!(bound.free_route().iter().all(finite), "{request:?}");
 }
