@@ -275,6 +275,9 @@ pub enum AstrobeeError {
     /// T027: the simulator refuses.
     #[error(transparent)]
     Simulator(#[from] crate::simulator::SimulatorError),
+    /// T033: a planning problem that cannot be posed.
+    #[error("no plan can be asked for: {0}")]
+    Planning(#[from] tumble_planning::PlanningError),
     /// T031: something that the format asked for cannot hold.
     #[error("{path}: {format} cannot hold {what}")]
     NotHeld {
@@ -329,6 +332,7 @@ impl AstrobeeError {
             Self::NoFlight { .. } => "T030",
             #[cfg(feature = "cli")]
             Self::Damaged { .. } => "T030",
+            Self::Planning(_) => "T033",
             Self::NotHeld { .. } => "T031",
             Self::Database { .. } => "T032",
         }
@@ -443,6 +447,9 @@ impl AstrobeeError {
             Self::Simulator(_) => {
                 "a scenario's `body`, `payload`, `start` and `drive` must fit: a wrench far beyond what the mass and inertia bear makes it \
                  too fast within one step; `docs/scenarios.md` describes every key"
+            }
+            Self::Planning(_) => {
+                "correct `[plan]`, `[start]` or `[goal]`; `docs/planning.md` says what is asked of them"
             }
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
             Self::Database { .. } => {

@@ -25,6 +25,7 @@ pub mod log;
 pub mod noise;
 #[cfg(feature = "cli")]
 pub mod output;
+pub mod planning_presets;
 pub mod propulsion;
 #[cfg(feature = "cli")]
 pub mod recording;

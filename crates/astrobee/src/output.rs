@@ -127,7 +127,7 @@ fn is_result_folder(path: &Path) -> bool {
 /// The file by which a result folder is known.
 pub const RUN_RECORD: &str = "run.json";
 /// Everything that lies in a result folder.
-const RESULT_FILES: [&str; 31] = [
+const RESULT_FILES: [&str; 35] = [
     RUN_RECORD,
     "result.json",
     "body.toml",
@@ -159,6 +159,10 @@ const RESULT_FILES: [&str; 31] = [
     "torque_x.svg",
     "torque_y.svg",
     "torque_z.svg",
+    "plan.csv",
+    "plan.json",
+    "plan_top.svg",
+    "plan_side.svg",
 ];
 
 /// The first of `base`, `base-2`, `base-3`, ... where nothing is yet.

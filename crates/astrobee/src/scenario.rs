@@ -5,9 +5,11 @@
 mod build;
 mod embedded;
 mod place;
+mod plan;
 
 pub use build::{Flight, PayloadChange, read_wrenches};
 pub use embedded::{EMBEDDED, Embedded};
+pub use plan::{PlanBodyTable, PlanTable, PlanningProblem};
 
 use crate::AstrobeeError;
 use crate::log::shortened;
@@ -75,9 +77,15 @@ pub struct Scenario {
     /// What is reported as an event where it is exceeded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsTable>,
+    /// What a planner keeps within.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plan: Option<PlanTable>,
     /// Obstacles beside those of the set.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub obstacles: Vec<ObstacleTable>,
+    /// Keep-out boxes beside those of the place.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub keep_out: Vec<KeepOutTable>,
 }
 
 fn first_seed() -> u64 {
@@ -363,6 +371,25 @@ pub struct ObstacleTable {
     /// Axes to world, scalar last; along the world's axes unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quaternion_xyzw: Option<[f64; 4]>,
+    /// Velocity of the centre, world axes, m/s; at rest unless given. `center_m` is where it is at time zero.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity_m_s: Option<[f64; 3]>,
+    /// When it appears, s; there from the start unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub appear_s: Option<f64>,
+    /// When it vanishes, s; never unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vanish_s: Option<f64>,
+}
+
+/// A box along the world's axes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeepOutTable {
+    /// Least coordinates, m.
+    pub lower_m: [f64; 3],
+    /// Largest coordinates, m.
+    pub upper_m: [f64; 3],
 }
 
 /// A scenario with the text it came from, so that errors can name line and column.

@@ -18,7 +18,7 @@ mod surroundings;
 pub use actuators::{Actuators, PulseTrain};
 pub use drive::{AddedWrench, Controller, Drive, FlownController, Multisine, Reference, Waypoint};
 pub use payload::{Grasp, PayloadMotion, ReleasedPayload, planar_part};
-pub use surroundings::{Event, Surroundings, TimedEvent};
+pub use surroundings::{Event, ObstacleMotion, Surroundings, TimedEvent};
 
 use crate::AstrobeeError;
 use crate::propulsion::PropulsionCommand;
@@ -81,6 +81,8 @@ pub struct SimulatorSettings {
     pub planar: bool,
     /// Volumes and obstacles.
     pub world: World,
+    /// Those of the obstacles that move, appear or vanish.
+    pub obstacle_motions: Vec<ObstacleMotion>,
     /// Half the edge of the table that the body should stay on, m.
     pub table_half_width_m: Option<f64>,
     /// Radius of the sphere that stands for the robot, m.
@@ -105,6 +107,7 @@ impl SimulatorSettings {
             start,
             planar: place.is_planar(),
             world: place.volumes(),
+            obstacle_motions: Vec::new(),
             table_half_width_m: place.table_half_width_m(),
             robot_radius_m: crate::worlds::ROBOT_RADIUS_M,
             speed_limit_m_s: f64::INFINITY,
@@ -158,6 +161,8 @@ pub struct AstrobeeSimulator {
     held: Option<Grasp>,
     planar: bool,
     world: World,
+    obstacle_motions: Vec<ObstacleMotion>,
+    obstacle_is_there: Vec<bool>,
     table_half_width_m: Option<f64>,
     robot_radius_m: f64,
     speed_limit_m_s: f64,
@@ -194,6 +199,8 @@ impl AstrobeeSimulator {
             flyer: FreeFlyer::new(body),
             held: None,
             planar,
+            obstacle_is_there: vec![true; world.obstacles.len()],
+            obstacle_motions: settings.obstacle_motions,
             world,
             table_half_width_m,
             robot_radius_m,
@@ -307,10 +314,20 @@ impl AstrobeeSimulator {
     fn look_around(&mut self) {
         let RigidBodyState { world_from_body, twist_body } = &self.state;
         let position = &world_from_body.translation.vector;
+        let time_s = self.time_ns as f64 * 1e-9;
+        for motion in &self.obstacle_motions {
+            if let Some(obstacle) = self.world.obstacles.get_mut(motion.obstacle) {
+                obstacle.world_from_ellipsoid.translation.vector = motion.center_at(time_s);
+            }
+            if let Some(is_there) = self.obstacle_is_there.get_mut(motion.obstacle) {
+                *is_there = motion.is_there(time_s);
+            }
+        }
+        let is_there = |index: usize| self.obstacle_is_there.get(index).copied().unwrap_or(true);
         let after = Surroundings {
             too_fast: twist_body.linear.norm() > self.speed_limit_m_s,
             turning_too_fast: twist_body.angular.norm() > self.rate_limit_rad_s,
-            ..Surroundings::of(&self.world, self.table_half_width_m, position, self.robot_radius_m)
+            ..Surroundings::among(&self.world, is_there, self.table_half_width_m, position, self.robot_radius_m)
         };
         let before = std::mem::replace(&mut self.around, after);
         for event in Surroundings::changes(&before, &after).into_iter().flatten() {

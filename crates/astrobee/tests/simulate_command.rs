@@ -350,6 +350,9 @@ fn every_key_is_documented() {
         format!("{head}{start}[sensing]\nzzz = 1\n"),
         format!("{head}{start}[limits]\nzzz = 1\n"),
         format!("{head}{start}[[obstacles]]\nzzz = 1\n"),
+        format!("{head}{start}[[keep_out]]\nzzz = 1\n"),
+        format!("{head}{start}[plan]\nzzz = 1\n"),
+        format!("{head}{start}[[plan.body]]\nzzz = 1\n"),
     ] {
         let message = ScenarioSource::parse(Path::new("x"), &text).unwrap_err().to_string();
         let (_, listed) = message.split_once("expected ").expect(&message);

@@ -106,6 +106,11 @@ pub trait CollisionWorld {
         false
     }
 
+    /// True where the attitude of the body makes no difference; false where that is not known.
+    fn is_round(&self, _body: &Self::Body) -> bool {
+        false
+    }
+
     /// Clearance from what is there at every time from `from_s` on and never moves: an upper bound of the clearance at
     /// any such time, which changes by no more than the origin moves. Only this may prove that no way exists, or how long the
     /// shortest one is at least.

@@ -31,6 +31,18 @@ pub enum PlanningError {
         /// Its value.
         value: f64,
     },
+    /// A number outside the range it must lie in.
+    #[error("{what} is {value}, not between {lower} and {upper}")]
+    OutOfRange {
+        /// Which number.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// Least accepted value.
+        lower: f64,
+        /// Largest accepted value.
+        upper: f64,
+    },
     /// A box whose least coordinate is beyond its largest.
     #[error("{what} has its least coordinate {lower} beyond its largest {upper} on axis {axis}")]
     EmptyBox {

@@ -3,10 +3,12 @@
 mod bound;
 mod diagnosis;
 mod flight_planner;
+mod primitive_rrt;
 
 pub use bound::{Reachability, RouteBound};
 pub use diagnosis::diagnose;
-pub use flight_planner::{FlightPlanner, FlightPlannerSettings};
+pub use flight_planner::{FlightPlanner, FlightPlannerSettings, Replanning, UnderWay};
+pub use primitive_rrt::{EdgeCheck, PrimitiveRrt, PrimitiveRrtSettings};
 
 use crate::belief::{ModelBelief, Plan};
 use crate::budget::Budget;

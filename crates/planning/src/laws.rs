@@ -1,10 +1,14 @@
-//! Executable laws for everyone's collision worlds (feature `testing`).
+//! Executable laws for everyone's collision worlds, state spaces, models and planners (feature `testing`).
 //!
 //! Each `check_*` returns the first broken law by name with its inputs.
 
 mod collision;
+mod global_planner;
+mod state_space;
 
 pub use collision::{CollisionSample, check_collision_world, reversed};
+pub use global_planner::{Expectation, PlannerCase, PlannerChecks, check_global_planner};
+pub use state_space::{check_body_motion, check_kinodynamic_model, check_state_space};
 pub use tumble_lie::laws::{LawViolation, require};
 
 /// The error of a yes or no law.

@@ -4,6 +4,7 @@
 pub use nalgebra;
 #[cfg(feature = "parry")]
 pub use parry3d_f64;
+pub use rand_core;
 pub use tumble_dynamics as dynamics;
 pub use tumble_identification as identification;
 pub use tumble_lie as lie;
@@ -13,12 +14,16 @@ mod budget;
 pub mod collision;
 mod error;
 pub mod global;
+pub mod kinodynamic;
 #[cfg(feature = "testing")]
 pub mod laws;
 mod motion;
+mod state_space;
 pub mod steering;
 
 pub use belief::{ModelBelief, Plan};
 pub use budget::{Budget, Units};
 pub use error::PlanningError;
+pub use kinodynamic::{BodyMotion, DoubleIntegrator, KinodynamicModel, Primitive, Propagation};
 pub use motion::{ArcPath, BodyArc, COEFFICIENTS, TranslationState};
+pub use state_space::{StateSpace, unit_interval};

@@ -22,6 +22,7 @@ struct Broken {
     first_contact: fn(&EllipsoidWorld, &BodyShape, &BodyArc, f64, f64) -> First,
     lasting_clearance: fn(&EllipsoidWorld, &BodyShape, &Pose<f64>, f64) -> Clear,
     is_still_from: fn(&EllipsoidWorld, f64) -> bool,
+    is_round: fn(&EllipsoidWorld, &BodyShape) -> bool,
     reach: f64,
 }
 
@@ -38,6 +39,10 @@ impl CollisionWorld for Broken {
 
     fn is_still_from(&self, time_s: f64) -> bool {
         (self.is_still_from)(&self.sound, time_s)
+    }
+
+    fn is_round(&self, body: &BodyShape) -> bool {
+        (self.is_round)(&self.sound, body)
     }
 
     fn lasting_clearance(&self, body: &BodyShape, pose: &Pose<f64>, from_s: f64) -> Clear {
@@ -65,6 +70,7 @@ fn sound(is_still: bool) -> Broken {
         first_contact: EllipsoidWorld::first_contact,
         lasting_clearance: EllipsoidWorld::lasting_clearance,
         is_still_from: EllipsoidWorld::is_still_from,
+        is_round: EllipsoidWorld::is_round,
         reach: 1.0,
     }
 }
@@ -115,6 +121,10 @@ fn defects_of_clearances_are_caught_by_name() {
     let mut world = sound(true);
     world.reach = 0.1;
     assert_eq!(broken_law(&world), Some("the clearance changes by no more than the reach is turned"));
+
+    let mut world = sound(true);
+    world.is_round = |_, _| true;
+    assert_eq!(broken_law(&world), Some("a round body may turn"));
 
     // What passes is taken for what lasts.
     let mut world = sound(false);

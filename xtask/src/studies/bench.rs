@@ -61,6 +61,10 @@ pub struct Bench {
     only: String,
     /// How often each set of inputs is gone through.
     pub sweeps: usize,
+    /// How many seeds each random algorithm gets.
+    pub runs: usize,
+    /// How long a reference solution is improved, s.
+    pub reference: usize,
     /// The folder of the frozen inputs, where there is one.
     pub data: Option<PathBuf>,
     calibration: Vec<Vector3<f64>>,
@@ -73,6 +77,8 @@ pub fn run(arguments: &Arguments, problems: &[Problem]) -> Result<(), Failure> {
         as_json: arguments.has("--json"),
         only: arguments.value("--only").unwrap_or_default().to_owned(),
         sweeps: arguments.number("--sweeps")?.unwrap_or(1001).max(1),
+        runs: arguments.number("--runs")?.unwrap_or(100).max(1),
+        reference: arguments.number("--reference")?.unwrap_or(2),
         data: arguments.folder("--data", &["../shared/benchmarks/data"])?,
         calibration: (0..1024).map(|_| Vector3::from_fn(|_, _| 1.8 * uniform(&mut generator))).collect(),
     };

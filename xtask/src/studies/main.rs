@@ -13,8 +13,8 @@ mod chapter4;
 mod chapter5;
 mod dynamics;
 mod ekf_rls;
-mod ellipsoid_distance;
 mod ellipsoid;
+mod ellipsoid_distance;
 mod excitation;
 mod flights;
 mod fourier;
@@ -23,11 +23,13 @@ mod identification;
 mod integrator;
 mod lie;
 mod likelihood;
+mod path_checker;
 mod plain_throws;
 mod plot;
 mod propulsion_dynamics;
 mod real_data;
 mod recording;
+mod rrt;
 mod simulator;
 mod sweep;
 mod throws;
@@ -72,6 +74,7 @@ const PROBLEMS: &[Problem] = &[
     ("ellipsoid-distance", ellipsoid_distance::run),
     ("sweep", sweep::run),
     ("ellipsoid", ellipsoid::run),
+    ("rrt", rrt::run),
 ];
 
 /// What a result folder says about the run that wrote it.
@@ -89,54 +92,49 @@ fn run_record(command: &str, configuration: &serde_json::Value) -> String {
     format!("{record:#}\n")
 }
 
+/// A named program: its name, the options it takes, and the function that runs it.
+type Program = (&'static str, &'static [&'static str], fn(&Arguments) -> Result<(), Failure>);
+
+const STUDIES: &[Program] = &[
+    ("identification", &["--cells", "--runs", "--out"], identification::run),
+    ("change-detection", &["--grasps", "--hours", "--seed"], change_detection::run),
+    ("calibration", &["--runs", "--only"], calibration::run),
+    ("excitation", &["--cases", "--flights"], excitation::run),
+    ("sweep", &["--runs", "--samples", "--seed"], sweep::study),
+    ("ellipsoid", &["--runs", "--seed"], ellipsoid::count),
+];
+
+const REPRODUCTIONS: &[Program] = &[
+    ("chapter4", &["--out", "--runs"], chapter4::run),
+    ("chapter5", &["--out", "--runs"], chapter5::run),
+    ("actuation", &["--out", "--flights"], actuation::run),
+];
+
+/// Runs the program that `words` begin with.
+fn run_one(command: &str, programs: &[Program], words: &[String]) -> Result<(), Failure> {
+    let (name, rest) = words.split_first().map_or(("", &[][..]), |(name, rest)| (name.as_str(), rest));
+    match programs.iter().find(|(known, ..)| *known == name) {
+        Some((_, options, run)) => Arguments::parse(rest, &[], options).and_then(|arguments| run(&arguments)),
+        None => {
+            let known: Vec<String> = programs.iter().map(|(known, ..)| format!("`{known}`")).collect();
+            Err(Failure::BadInput(format!("{command} what? {}", known.join(", "))))
+        }
+    }
+}
+
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let (name, rest) = words.split_first().map_or(("", &[][..]), |(name, rest)| (name.as_str(), rest));
-    let result =
-        match name {
-            "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps"])
-                .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
-            "real-data" => Arguments::parse(rest, &["--json", "--check"], &["--data"])
-                .and_then(|arguments| real_data::run(&arguments)),
-            "reproduce" => {
-                match rest.split_first() {
-                    Some((what, rest)) if what == "chapter4" => Arguments::parse(rest, &[], &["--out", "--runs"])
-                        .and_then(|arguments| chapter4::run(&arguments)),
-                    Some((what, rest)) if what == "chapter5" => Arguments::parse(rest, &[], &["--out", "--runs"])
-                        .and_then(|arguments| chapter5::run(&arguments)),
-                    Some((what, rest)) if what == "actuation" => Arguments::parse(rest, &[], &["--out", "--flights"])
-                        .and_then(|arguments| actuation::run(&arguments)),
-                    _ => Err(Failure::BadInput("reproduce what? `chapter4`, `chapter5`, `actuation`".to_owned())),
-                }
-            }
-            "study" => match rest.split_first() {
-                Some((what, rest)) if what == "identification" => {
-                    Arguments::parse(rest, &[], &["--cells", "--runs", "--out"])
-                        .and_then(|arguments| identification::run(&arguments))
-                }
-                Some((what, rest)) if what == "change-detection" => {
-                    Arguments::parse(rest, &[], &["--grasps", "--hours", "--seed"])
-                        .and_then(|arguments| change_detection::run(&arguments))
-                }
-                Some((what, rest)) if what == "calibration" => Arguments::parse(rest, &[], &["--runs", "--only"])
-                    .and_then(|arguments| calibration::run(&arguments)),
-                Some((what, rest)) if what == "excitation" => Arguments::parse(rest, &[], &["--cases", "--flights"])
-                    .and_then(|arguments| excitation::run(&arguments)),
-                Some((what, rest)) if what == "sweep" => {
-                    Arguments::parse(rest, &[], &["--runs", "--samples", "--seed"])
-                        .and_then(|arguments| sweep::study(&arguments))
-                }
-                _ => Err(Failure::BadInput(
-                    "study what? `identification`, `calibration`, `change-detection`, `excitation`, `sweep`".to_owned(),
-                Some((what, rest)) if what == "ellipsoid" => Arguments::parse(rest, &[], &["--runs", "--seed"])
-                    .and_then(|arguments| ellipsoid::count(&arguments)),
-                _ => Err(Failure::BadInput(
-                    "study what? `identification`, `calibration`, `change-detection`, `excitation`, `ellipsoid`"
-                        .to_owned(),
-                )),
-            },
-            unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
-        };
+    let result = match name {
+        "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps", "--runs", "--reference"])
+            .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
+        "real-data" => {
+            Arguments::parse(rest, &["--json", "--check"], &["--data"]).and_then(|arguments| real_data::run(&arguments))
+        }
+        "reproduce" => run_one("reproduce", REPRODUCTIONS, rest),
+        "study" => run_one("study", STUDIES, rest),
+        unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
+    };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::BadInput(reason)) => {

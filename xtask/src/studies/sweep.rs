@@ -95,6 +95,9 @@ pub fn run(bench: &mut Bench) -> Result<(), Failure> {
         let free = edges.iter().filter(|edge| matches!(world.first_contact(body, edge, 0.0, 0.0), Ok(None))).count();
         let quality = [("free", free as f64 / edges.len() as f64)];
         bench.sweep(PROBLEM, item, goal, edges.len(), &quality, |i| world.first_contact(body, &edges[i], 0.0, 0.0));
+        if item == "edge_sphere_10" {
+            batches(bench, &mut generator, &world, body, half);
+        }
         let item = match item {
             "edge_sphere_10" => "clearance_sphere_10",
             "edge_ellipsoid_turning_10" => "clearance_ellipsoid_10",
@@ -107,6 +110,19 @@ pub fn run(bench: &mut Bench) -> Result<(), Failure> {
         });
     }
     Ok(())
+}
+
+/// A thousand poses per call: a million in 50 ms are 50 us.
+fn batches(bench: &Bench, generator: &mut ChaCha8Rng, world: &EllipsoidWorld, body: &BodyShape, half: Vector3<f64>) {
+    let mut pose = || Pose::from_parts(vector(generator, half).into(), attitude(generator));
+    let poses: Vec<Vec<Pose<f64>>> = (0..8).map(|_| (0..1000).map(|_| pose()).collect()).collect();
+    let mut found = Vec::with_capacity(1000);
+    for (item, limit_m) in [("batch_clearances_1000", f64::INFINITY), ("batch_contacts_1000", 0.0)] {
+        let goal = Goal { target_ns: Some(50_000.0), peer: None };
+        bench.sweep(PROBLEM, item, goal, poses.len(), &[], |i| {
+            world.clearances(body, &poses[i], 0.0, limit_m, &mut found)
+        });
+    }
 }
 
 /// Judges random edges by dense sampling.

@@ -5,7 +5,7 @@ use std::io::IsTerminal as _;
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::cli::{
-    Outcome, allocate, calibrate_wheel, convert, excite, identify, print, realize, scenario, simulate,
+    Outcome, allocate, calibrate_wheel, convert, excite, identify, plan, print, realize, scenario, simulate,
 };
 
 const EXAMPLES: &str = "\
@@ -17,6 +17,7 @@ Examples:
   tumble excite --fly                          design a motion that shows everything, and simulate its flight
   tumble identify log.csv --excitation excitation.toml
   tumble simulate iss-excite                   fly a scenario; `tumble scenario list` names them
+  tumble plan iss-slalom                       a way around obstacles, and how far from the best it can be
   tumble calibrate-wheel cal_*.csv --out cal.toml
   tumble identify --wheel throw.csv --calibration cal.toml
   tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler
@@ -38,6 +39,8 @@ enum Command {
     Excite(Box<excite::ExciteArgs>),
     /// Flies a scenario and writes its log: measured, true and commanded.
     Simulate(simulate::SimulateArgs),
+    /// Plans a scenario's way from start to goal around its obstacles, with a bound on what any plan costs.
+    Plan(plan::PlanArgs),
     /// Lists and shows the scenarios that come with the program.
     Scenario(scenario::ScenarioArgs),
     /// Calibrates the wheel-driven throwing device from throws of itself and of a proof block.
@@ -69,6 +72,7 @@ fn main() -> ExitCode {
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Excite(args)) => excite::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
+        Some(Command::Plan(args)) => plan::run(&args),
         Some(Command::Scenario(args)) => scenario::run(&args),
         Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
         Some(Command::Allocate(args)) => allocate::run(&args),

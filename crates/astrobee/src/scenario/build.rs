@@ -16,7 +16,7 @@ use crate::propulsion::{ImpellerMode, PropulsionSettings};
 use crate::sensing::{Localization, SensingPreset};
 use crate::simulator::{
     Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, Controller, Drive, Event,
-    FlownController, Grasp, Multisine, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
+    FlownController, Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
     SimulatorSettings, Surroundings, Waypoint,
 };
 use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
@@ -26,7 +26,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{
-    FreeFlyer, InertialParameters, ObstacleEllipsoid, Plant, PoseTracker, RigidBodyState, World, WrenchBox,
+    AlignedBox, FreeFlyer, InertialParameters, ObstacleEllipsoid, Plant, PoseTracker, RigidBodyState, World, WrenchBox,
 };
 use tumble_lie::{Pose, Twist, Wrench};
 
@@ -135,15 +135,7 @@ impl ScenarioSource {
     /// [`AstrobeeError::BadScenario`] with the key and its place; the errors of files that it names.
     pub fn flight(&self) -> Result<Flight, AstrobeeError> {
         let scenario = &self.scenario;
-        if scenario.format != FORMAT {
-            return Err(
-                self.bad("format", &format!("{} is not a version this program reads; {FORMAT} is", scenario.format))
-            );
-        }
-        let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if scenario.name.is_empty() || scenario.name.len() > 64 || !scenario.name.chars().all(allowed) {
-            return Err(self.bad("name", "1 to 64 letters, digits, `-` and `_`: it names a folder"));
-        }
+        let place = self.place()?;
         let periods = libm::round(scenario.duration_s / CONTROL_PERIOD_S);
         if !(CONTROL_PERIOD_S..=LONGEST_S).contains(&scenario.duration_s) {
             let message = format!("{}: at least {CONTROL_PERIOD_S} s and at most {LONGEST_S} s", scenario.duration_s);
@@ -151,39 +143,22 @@ impl ScenarioSource {
         }
         #[allow(clippy::cast_possible_truncation)] // tested above
         let duration_ns = periods as i64 * CONTROL_PERIOD_NS;
-        let place =
-            self.named("world", &scenario.world, WorldPreset::from_name, WorldPreset::ALL.map(WorldPreset::name))?;
         let mode = self.flight_mode()?;
-        let radius_m = self.positive("robot_radius_m", scenario.robot_radius_m, ROBOT_RADIUS_M)?;
-        let body = match &scenario.body {
-            Some(table) => self.body(&WrittenBody::of("body", table))?,
-            None => place.body(),
-        };
-        let belief = match &scenario.belief {
-            Some(table) => self.body(&WrittenBody::of("belief", table))?,
-            None => body,
-        };
-        let world = self.world(place)?;
-        let start = self.start(place, &world, radius_m)?;
-        let goal = match &scenario.goal {
-            Some(table) => Some(self.pose(
-                place,
-                &WrittenPose {
-                    key: "goal",
-                    point: table.point.as_deref(),
-                    position_m: table.position_m,
-                    quaternion_xyzw: table.quaternion_xyzw,
-                    otherwise: start.world_from_body.rotation,
-                },
-            )?),
-            None => None,
-        };
+        let radius_m = self.robot_radius_m()?;
+        let (body, belief) = self.bodies(place)?;
+        let (world, obstacle_motions) = self.world(place)?;
+        let start = self.start(place)?;
+        self.check_start(place, &world, &obstacle_motions, &start, radius_m)?;
+        let goal = self.goal(place, &start)?;
+        // Nobody plans here, but what is written must make sense.
+        self.plan_limits(place, &start)?;
         let impellers = mode.impellers();
         let settings = SimulatorSettings {
             body,
             start,
             planar: place.is_planar(),
             world: world.clone(),
+            obstacle_motions,
             table_half_width_m: place.table_half_width_m(),
             robot_radius_m: radius_m,
             speed_limit_m_s: self.limit("limits.speed_m_s", scenario.limits.and_then(|limits| limits.speed_m_s))?,
@@ -208,6 +183,57 @@ impl ScenarioSource {
         })
     }
 
+    /// Where it flies; version and name of the scenario are checked as well.
+    pub(super) fn place(&self) -> Result<WorldPreset, AstrobeeError> {
+        let scenario = &self.scenario;
+        if scenario.format != FORMAT {
+            return Err(
+                self.bad("format", &format!("{} is not a version this program reads; {FORMAT} is", scenario.format))
+            );
+        }
+        let allowed = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if scenario.name.is_empty() || scenario.name.len() > 64 || !scenario.name.chars().all(allowed) {
+            return Err(self.bad("name", "1 to 64 letters, digits, `-` and `_`: it names a folder"));
+        }
+        self.named("world", &scenario.world, WorldPreset::from_name, WorldPreset::ALL.map(WorldPreset::name))
+    }
+
+    pub(super) fn robot_radius_m(&self) -> Result<f64, AstrobeeError> {
+        self.positive("robot_radius_m", self.scenario.robot_radius_m, ROBOT_RADIUS_M)
+    }
+
+    /// What the robot is, and what it is taken for.
+    pub(super) fn bodies(
+        &self,
+        place: WorldPreset,
+    ) -> Result<(InertialParameters<f64>, InertialParameters<f64>), AstrobeeError> {
+        let body = match &self.scenario.body {
+            Some(table) => self.body(&WrittenBody::of("body", table))?,
+            None => place.body(),
+        };
+        let belief = match &self.scenario.belief {
+            Some(table) => self.body(&WrittenBody::of("belief", table))?,
+            None => body,
+        };
+        Ok((body, belief))
+    }
+
+    pub(super) fn goal(
+        &self,
+        place: WorldPreset,
+        start: &RigidBodyState<f64>,
+    ) -> Result<Option<Pose<f64>>, AstrobeeError> {
+        let Some(table) = &self.scenario.goal else { return Ok(None) };
+        let written = WrittenPose {
+            key: "goal",
+            point: table.point.as_deref(),
+            position_m: table.position_m,
+            quaternion_xyzw: table.quaternion_xyzw,
+            otherwise: start.world_from_body.rotation,
+        };
+        self.pose(place, &written).map(Some)
+    }
+
     /// One of a few names.
     fn named<T, const N: usize>(
         &self,
@@ -222,13 +248,13 @@ impl ScenarioSource {
         })
     }
 
-    fn flight_mode(&self) -> Result<FlightMode, AstrobeeError> {
+    pub(super) fn flight_mode(&self) -> Result<FlightMode, AstrobeeError> {
         let Some(name) = &self.scenario.flight_mode else { return Ok(FlightMode::default()) };
         let find = |name: &str| FlightMode::ALL.into_iter().find(|mode| mode.name() == name);
         self.named("flight_mode", name, find, FlightMode::ALL.map(FlightMode::name))
     }
 
-    fn positive(&self, key: &str, value: Option<f64>, otherwise: f64) -> Result<f64, AstrobeeError> {
+    pub(super) fn positive(&self, key: &str, value: Option<f64>, otherwise: f64) -> Result<f64, AstrobeeError> {
         let value = value.unwrap_or(otherwise);
         if value > 0.0 && value.is_finite() {
             Ok(value)
@@ -245,7 +271,7 @@ impl ScenarioSource {
         }
     }
 
-    fn finite(&self, key: &str, values: [f64; 3]) -> Result<Vector3<f64>, AstrobeeError> {
+    pub(super) fn finite(&self, key: &str, values: [f64; 3]) -> Result<Vector3<f64>, AstrobeeError> {
         if values.iter().all(|value| value.is_finite()) {
             Ok(Vector3::from(values))
         } else {
@@ -253,7 +279,7 @@ impl ScenarioSource {
         }
     }
 
-    fn rotation(&self, key: &str, [x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, AstrobeeError> {
+    pub(super) fn rotation(&self, key: &str, [x, y, z, w]: [f64; 4]) -> Result<UnitQuaternion<f64>, AstrobeeError> {
         tumble_lie::from_xyzw(x, y, z, w, QUATERNION_NORM_TOLERANCE).map_err(|_| {
             let norm = [x, y, z, w].iter().map(|c| c * c).sum::<f64>();
             self.bad(key, &format!("norm {:.6}; x, y, z, w of norm 1 are needed", libm::sqrt(norm)))
@@ -317,7 +343,9 @@ impl ScenarioSource {
         }
     }
 
-    fn world(&self, place: WorldPreset) -> Result<World, AstrobeeError> {
+    /// Volumes and obstacles as they are at time zero, and those of the obstacles that move, appear or vanish.
+    pub(super) fn world(&self, place: WorldPreset) -> Result<(World, Vec<ObstacleMotion>), AstrobeeError> {
+        let mut motions = Vec::new();
         let mut world = place.volumes();
         if let Some(set) = self.scenario.obstacle_set {
             world.obstacles = place.obstacles(set).ok_or_else(|| {
@@ -338,14 +366,44 @@ impl ScenarioSource {
                 None => UnitQuaternion::identity(),
             };
             let center = self.finite("obstacles.center_m", table.center_m)?;
+            let velocity = self.finite("obstacles.velocity_m_s", table.velocity_m_s.unwrap_or_default())?;
+            let (appear_s, vanish_s) = (table.appear_s.unwrap_or(0.0), table.vanish_s.unwrap_or(f64::INFINITY));
+            if !(appear_s >= 0.0 && appear_s.is_finite()) {
+                return Err(self.bad("obstacles.appear_s", &format!("{appear_s}: 0 or later")));
+            }
+            if vanish_s.is_nan() || vanish_s <= appear_s {
+                return Err(self.bad("obstacles.vanish_s", &format!("{vanish_s}: after `appear_s`, {appear_s} s")));
+            }
+            if velocity != Vector3::zeros() || appear_s > 0.0 || vanish_s < f64::INFINITY {
+                motions.push(ObstacleMotion {
+                    obstacle: world.obstacles.len(),
+                    center_world: center,
+                    velocity_world: velocity,
+                    appear_s,
+                    vanish_s,
+                });
+            }
             world
                 .obstacles
                 .push(ObstacleEllipsoid { world_from_ellipsoid: Pose::from_parts(center.into(), rotation), semi_axes });
         }
-        Ok(world)
+        let count = self.scenario.keep_out.len();
+        if count > MOST_OBSTACLES {
+            return Err(self.bad("keep_out", &format!("{count}: at most {MOST_OBSTACLES}")));
+        }
+        for table in &self.scenario.keep_out {
+            let lower = self.finite("keep_out.lower_m", table.lower_m)?;
+            let upper = self.finite("keep_out.upper_m", table.upper_m)?;
+            if (upper - lower).min() <= 0.0 {
+                return Err(self.bad("keep_out.upper_m", "every coordinate must be larger than that of `lower_m`"));
+            }
+            world.keep_out.push(AlignedBox { lower_world: lower, upper_world: upper });
+        }
+        Ok((world, motions))
     }
 
-    fn start(&self, place: WorldPreset, world: &World, radius_m: f64) -> Result<RigidBodyState<f64>, AstrobeeError> {
+    /// The state at time zero, wherever it is.
+    pub(super) fn start(&self, place: WorldPreset) -> Result<RigidBodyState<f64>, AstrobeeError> {
         let table = &self.scenario.start;
         let written = WrittenPose {
             key: "start",
@@ -355,7 +413,24 @@ impl ScenarioSource {
             otherwise: UnitQuaternion::identity(),
         };
         let world_from_body = self.pose(place, &written)?;
-        let around = Surroundings::of(world, place.table_half_width_m(), &world_from_body.translation.vector, radius_m);
+        let velocity_world = self.finite("start.velocity_m_s", table.velocity_m_s.unwrap_or_default())?;
+        let rate_body = self.finite("start.rate_rad_s", table.rate_rad_s.unwrap_or_default())?;
+        let twist_body = Twist::new(rate_body, world_from_body.rotation.inverse() * velocity_world);
+        Ok(RigidBodyState { world_from_body, twist_body })
+    }
+
+    /// That nothing is in the way where the robot starts.
+    fn check_start(
+        &self,
+        place: WorldPreset,
+        world: &World,
+        motions: &[ObstacleMotion],
+        start: &RigidBodyState<f64>,
+        radius_m: f64,
+    ) -> Result<(), AstrobeeError> {
+        let position = start.world_from_body.translation.vector;
+        let is_there = |index| motions.iter().all(|motion| motion.obstacle != index || motion.is_there(0.0));
+        let around = Surroundings::among(world, is_there, place.table_half_width_m(), &position, radius_m);
         if let Some(event) = Surroundings::events_of(&around).next() {
             let what = match event {
                 Event::HitObstacle { index } => format!("inside obstacle {index}"),
@@ -365,10 +440,7 @@ impl ScenarioSource {
             };
             return Err(self.bad("start", &format!("the robot starts {what}")));
         }
-        let velocity_world = self.finite("start.velocity_m_s", table.velocity_m_s.unwrap_or_default())?;
-        let rate_body = self.finite("start.rate_rad_s", table.rate_rad_s.unwrap_or_default())?;
-        let twist_body = Twist::new(rate_body, world_from_body.rotation.inverse() * velocity_world);
-        Ok(RigidBodyState { world_from_body, twist_body })
+        Ok(())
     }
 
     fn actuators(&self, mode: ImpellerMode, belief: &InertialParameters<f64>) -> Result<Actuators, AstrobeeError> {

@@ -16,17 +16,19 @@ macro_rules! embedded {
 }
 
 /// All of them.
-pub const EMBEDDED: [Embedded; 12] = embedded![
+pub const EMBEDDED: [Embedded; 14] = embedded![
     "iss-hold",
     "iss-excite",
     "iss-payload",
     "iss-catch",
     "iss-slalom",
+    "iss-gap",
     "iss-thesis-sensors",
     "granite-hold",
     "granite-excite",
     "granite-room",
     "open-tumble",
+    "jem10",
     "spheres-excite",
     "space-cobot-excite",
 ];

@@ -26,6 +26,33 @@ pub struct Surroundings {
     pub turning_too_fast: bool,
 }
 
+/// An obstacle that moves, or is not there all the time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObstacleMotion {
+    /// Which one of the world.
+    pub obstacle: usize,
+    /// Its centre at time zero, m.
+    pub center_world: Vector3<f64>,
+    /// Velocity of the centre, m/s.
+    pub velocity_world: Vector3<f64>,
+    /// When it appears, s.
+    pub appear_s: f64,
+    /// When it vanishes, s.
+    pub vanish_s: f64,
+}
+
+impl ObstacleMotion {
+    /// Whether it is there at a time.
+    pub fn is_there(&self, time_s: f64) -> bool {
+        self.appear_s <= time_s && time_s < self.vanish_s
+    }
+
+    /// Where its centre is at a time.
+    pub fn center_at(&self, time_s: f64) -> Vector3<f64> {
+        self.center_world + self.velocity_world * time_s
+    }
+}
+
 /// Something that happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -114,12 +141,26 @@ pub struct TimedEvent {
 impl Surroundings {
     /// Around a robot with its origin at `position_world`.
     pub fn of(world: &World, table_half_width_m: Option<f64>, position_world: &Vector3<f64>, radius_m: f64) -> Self {
+        Self::among(world, |_| true, table_half_width_m, position_world, radius_m)
+    }
+
+    /// The same where only some of the world's obstacles are there.
+    pub fn among(
+        world: &World,
+        is_there: impl Fn(usize) -> bool,
+        table_half_width_m: Option<f64>,
+        position_world: &Vector3<f64>,
+        radius_m: f64,
+    ) -> Self {
         let p = position_world;
+        let mut obstacles = world.obstacles.iter().enumerate();
         Self {
             outside_keep_in: !world.keep_in.is_empty() && !world.keep_in.iter().any(|b| distance(b, p) <= 0.0),
             off_table: table_half_width_m.is_some_and(|half| p.x.abs().max(p.y.abs()) > half),
             keep_out: world.keep_out.iter().position(|b| distance(b, p) <= radius_m),
-            obstacle: world.obstacles.iter().position(|obstacle| touches(obstacle, p, radius_m)),
+            obstacle: obstacles
+                .find(|(index, obstacle)| is_there(*index) && touches(obstacle, p, radius_m))
+                .map(|(index, _)| index),
             ..Self::default()
         }
     }

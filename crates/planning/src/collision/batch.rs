@@ -48,6 +48,10 @@ impl Lanes {
     }
 
     #[inline]
+    #[expect(
+        clippy::needless_range_loop,
+        reason = "thirteen arrays side by side: the loop becomes vector instructions"
+    )]
     fn bounds(&self, point: &Vector3<f64>) -> Bounds {
         let mut bounds = Bounds { lower_m: [f64::INFINITY; LANES], upper_m: [f64::INFINITY; LANES] };
         let lanes = if self.count <= LANES / 2 { LANES / 2 } else { LANES };
@@ -109,9 +113,9 @@ impl EllipsoidWorld {
                 }
             } else {
                 let offset = part.body_from_ellipsoid.translation.vector;
-                let center = |pose: &Pose<f64>| match offset == Vector3::zeros() {
-                    true => pose.translation.vector,
-                    false => pose.translation.vector + pose.rotation * offset,
+                let center = |pose: &Pose<f64>| {
+                    let origin = pose.translation.vector;
+                    if offset == Vector3::zeros() { origin } else { origin + pose.rotation * offset }
                 };
                 self.sphere_clearances(center, radius_m, poses, time_s, clearances_m);
             }

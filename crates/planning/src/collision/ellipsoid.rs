@@ -67,6 +67,13 @@ impl Ellipsoid {
         &self.semi_axes
     }
 
+    /// How many times larger the solid had to be for its surface to hold `center + offset`; zero at the centre.
+    #[inline]
+    pub(crate) fn gauge(&self, offset: &Vector3<f64>) -> f64 {
+        let squares = self.semi_axes.component_mul(&self.semi_axes);
+        f64::sqrt(self.factor.tr_mul(offset).component_div(&squares).norm_squared())
+    }
+
     /// How far the solid reaches along `direction` from its centre: `|L' direction|`.
     #[inline]
     pub fn support(&self, direction: &Vector3<f64>) -> f64 {

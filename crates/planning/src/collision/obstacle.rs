@@ -117,6 +117,18 @@ impl Solid {
         }
     }
 
+    /// True where an ellipsoid certainly shares a point with the obstacle: one between the centres, or the point of the box
+    /// nearest to the centre. Cheap; deep overlaps need no distance.
+    pub fn clearly_meets(&self, other: &Ellipsoid) -> bool {
+        match self {
+            Self::Ellipsoid(AxedEllipsoid { solid, .. }) => {
+                // Each covers a share of the way between the centres.
+                1.0 / solid.gauge(other.center()) + 1.0 / other.gauge(other.center()) > 1.0
+            }
+            Self::Box(_) => other.gauge(&self.offset(other.center())) < 1.0,
+        }
+    }
+
     /// Distance to an ellipsoid, from the obstacle to it; both as the reference point sees them.
     pub fn distance(&self, ellipsoid: &Ellipsoid) -> Distance {
         match self {

@@ -48,7 +48,7 @@ impl ParryBody {
     /// The union of shapes at poses in the body frame.
     ///
     /// # Errors
-    /// No shape, numbers that are not finite, negative extents; [`PlanningError::Unsupported`] for a half-space and for a
+    /// No shape, numbers that are not finite, negative radii; [`PlanningError::Unsupported`] for a half-space and for a
     /// custom shape without a support map.
     pub fn try_new(shapes: &[(Pose<f64>, SharedShape)]) -> Result<Self, PlanningError> {
         let mut pieces = Vec::new();
@@ -96,7 +96,7 @@ impl ParryWorld {
     /// The world of shapes at poses; their indices are those of [`Blocker::Obstacle`].
     ///
     /// # Errors
-    /// Numbers that are not finite, negative extents; [`PlanningError::Unsupported`] for a custom shape without a support map.
+    /// Numbers that are not finite, negative radii; [`PlanningError::Unsupported`] for a custom shape without a support map.
     pub fn new(shapes: &[(Pose<f64>, SharedShape)]) -> Result<Self, PlanningError> {
         let (mut pieces, mut half_spaces) = (Vec::new(), Vec::new());
         for (shape, part) in parts(shapes)? {
@@ -196,7 +196,11 @@ impl CollisionWorld for ParryWorld {
         true
     }
 
-    /// The certified upper bound of the distance.
+    fn is_round(&self, body: &ParryBody) -> bool {
+        body.pieces.iter().all(Piece::is_round)
+    }
+
+    /// The upper bound of the distance.
     fn lasting_clearance(
         &self,
         body: &ParryBody,

@@ -180,8 +180,8 @@ mod tests {
             let near = stays_positive(&about(&c, degree, 0.9 * first), degree, 1.0);
             assert!((near - 0.1 * first).abs() < 1e-9, "{roots:?}: {near}");
         }
-        assert_eq!(stays_positive(&[1.0, -1.0, 0.3, 0.0, 0.0, 0.0], 2, 9.0), 9.0);
-        assert_eq!(stays_positive(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0], 5, 9.0), 9.0);
+        assert!(stays_positive(&[1.0, -1.0, 0.3, 0.0, 0.0, 0.0], 2, 9.0) >= 9.0);
+        assert!(stays_positive(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0], 5, 9.0) >= 9.0);
     }
 
     #[test]

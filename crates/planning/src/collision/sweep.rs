@@ -154,14 +154,14 @@ impl Approach<'_> {
         let mut is_hit_at_end = false;
         for _ in 0..PLANES {
             let begin_s = proven_s;
-            let Some((_, last)) = self.proves(&self.normal(begin_s), begin_s, begin_s, open_s) else {
+            let Some((_, last)) = self.best_proves(begin_s, begin_s, open_s) else {
                 return Some(begin_s);
             };
             proven_s = last;
             // On the way to a known contact a plane ahead is worth its price only where this one does not get on.
             if proven_s < open_s && !(is_hit_at_end && proven_s - begin_s >= 0.5 * (open_s - begin_s)) {
                 let ahead_s = 0.5 * (proven_s + open_s);
-                match self.proves(&self.normal(ahead_s), ahead_s, proven_s, open_s) {
+                match self.best_proves(ahead_s, proven_s, open_s) {
                     None => {
                         open_s = ahead_s;
                         is_hit_at_end = true;
@@ -221,17 +221,22 @@ impl Approach<'_> {
         time_s
     }
 
-    /// The normal of the best plane at a time, from the obstacle to the part.
-    fn normal(&self, time_s: f64) -> Vector3<f64> {
+    /// What the best plane at a time proves free of `[from_s, to_s]`; none where there is a contact at that time.
+    fn best_proves(&self, time_s: f64, from_s: f64, to_s: f64) -> Proven {
         let relative = self.relative(time_s);
-        match &self.part.shape {
+        let normal = match &self.part.shape {
             Shape::Sphere { .. } => self.solid.normal_to_point(&relative),
-            Shape::Level { solid } => self.solid.distance(&solid.moved_to(relative)).normal,
+            Shape::Level { solid } => self.normal_to(&solid.moved_to(relative))?,
             Shape::Turning { part, arc, .. } => {
-                let solid = Ellipsoid::of_body(part, &arc.pose(time_s));
-                self.solid.distance(&solid.moved_to(relative)).normal
+                self.normal_to(&Ellipsoid::of_body(part, &arc.pose(time_s)).moved_to(relative))?
             }
-        }
+        };
+        self.proves(&normal, time_s, from_s, to_s)
+    }
+
+    /// The normal of the best plane to an ellipsoid; none where the two share a point that is found at once.
+    fn normal_to(&self, solid: &Ellipsoid) -> Option<Vector3<f64>> {
+        (!self.solid.clearly_meets(solid)).then(|| self.solid.distance(solid).normal)
     }
 
     /// The part of `[from_s, to_s]` about `time_s` that the plane with this normal, placed at `time_s`, proves free; none

@@ -462,6 +462,13 @@ impl CollisionWorld for EllipsoidWorld {
         self.nearest(body, world_from_body, from_s, |entry| entry.lasts_from(from_s))
     }
 
+    fn is_round(&self, body: &BodyShape) -> bool {
+        body.parts().iter().all(|part| {
+            part.body_from_ellipsoid.translation.vector == Vector3::zeros()
+                && part.semi_axes.min() >= part.semi_axes.max()
+        })
+    }
+
     fn reach_m(&self, body: &BodyShape) -> f64 {
         body.bounding_radius_m()
     }

@@ -10,9 +10,10 @@ mod connect;
 mod explore;
 mod flight;
 mod improve;
+mod replan;
 mod search;
 
-use super::{GlobalAnswer, GlobalPlanner, GlobalRequest, Obstruction, Status};
+use super::{GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Status, diagnose};
 use crate::belief::Plan;
 use crate::budget::Budget;
 use crate::collision::CollisionWorld;
@@ -22,8 +23,19 @@ use connect::Connect;
 use explore::Explore;
 use flight::{Flight, Node};
 use improve::Improve;
+pub use replan::{Replanning, UnderWay};
 use search::{End, Search};
 use tumble_lie::Pose;
+
+/// Units for one pair of trees before it starts anew.
+const TREE_UNITS: u64 = 2000;
+/// Units of one round: for another first plan and as many to improve it, for the best plan, and for the tree that fills the
+/// space. Most goes to new plans: what improvement ends at depends on where it began.
+const CANDIDATE_UNITS: u64 = 400;
+const BEST_UNITS: u64 = 100;
+const EXPLORE_UNITS: u64 = 50;
+/// Points of the goal region looked at for a free one.
+const GOAL_TRIALS: u64 = 64;
 
 /// How the planner searches.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,11 +43,14 @@ pub struct FlightPlannerSettings {
     /// A plan whose cost exceeds the lower bound by no more than this share of it counts as optimal. Range: 0 to 1,
     /// default 1e-6.
     pub tolerance: f64,
+    /// Longest duration of a plan of least impulse, s: the slower a motion, the less impulse it takes, without end. A plan
+    /// that cannot be as fast is not refused. Range: positive, default 600.
+    pub longest_s: f64,
 }
 
 impl Default for FlightPlannerSettings {
     fn default() -> Self {
-        Self { tolerance: 1e-6 }
+        Self { tolerance: 1e-6, longest_s: 600.0 }
     }
 }
 
@@ -57,91 +72,148 @@ impl FlightPlanner {
     }
 
     /// Searches until something ends it.
-    fn search<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>, goal: Node) -> End {
-        let mut round = || -> Result<(), End> {
-            while !self.connect.find(search, goal, 2000, &mut self.flight)? {}
-            search.offer(&self.flight)?;
-            self.improve.run(search, &mut self.flight, 200)?;
-            search.offer(&self.flight)?;
-            loop {
-                if let Some(best) = &search.best {
-                    self.flight.clone_from(best);
-                }
-                let improved = self.improve.run(search, &mut self.flight, 400);
-                search.offer(&self.flight)?;
-                improved?;
-                if self.connect.find(search, goal, 200, &mut self.flight)? {
-                    let improved = self.improve.run(search, &mut self.flight, 200);
-                    search.offer(&self.flight)?;
-                    improved?;
-                }
-                if self.explore.run(search, &mut self.flight, 100)? {
-                    search.offer(&self.flight)?;
-                }
+    fn search<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        seeds: &[Node],
+    ) -> Result<(), End> {
+        // The tree's order is that of time.
+        let is_fast = search.request.objective == Objective::Duration;
+        self.first_plan(search, seeds)?;
+        search.offer(&self.flight)?;
+        self.improve.run(search, &mut self.flight, CANDIDATE_UNITS)?;
+        loop {
+            if let Some(best) = &search.best {
+                self.flight.clone_from(best);
             }
-        };
-        match round() {
-            Ok(()) => End::Stopped,
-            Err(end) => end,
+            self.improve.run(search, &mut self.flight, BEST_UNITS)?;
+            let goal = Self::goal(search)?;
+            if self.connect.find(search, goal, &[], CANDIDATE_UNITS, &mut self.flight)? {
+                search.offer(&self.flight)?;
+                self.improve.run(search, &mut self.flight, CANDIDATE_UNITS)?;
+            }
+            if is_fast && self.explore.run(search, &mut self.flight, EXPLORE_UNITS)? {
+                search.offer(&self.flight)?;
+            }
+            search.refine_bound(0.2)?;
         }
     }
+
+    /// Looks for any plan: by trees, and by way of cells that are free.
+    fn first_plan<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        seeds: &[Node],
+    ) -> Result<(), End> {
+        loop {
+            let arrived = seeds.last().filter(|last| is_in_goal(search, last)).copied();
+            let goal = arrived.map_or_else(|| Self::goal(search), Ok)?;
+            if self.connect.find(search, goal, seeds, TREE_UNITS, &mut self.flight)? {
+                return Ok(());
+            }
+            search.refine_bound(1.0)?;
+            if !search.free_route().is_empty() && self.follow_route(search)? {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Flies straight from corner to corner of the free route; false where that is not free at its times.
+    fn follow_route<W: CollisionWorld + ?Sized>(&mut self, search: &mut Search<'_, '_, W>) -> Result<bool, End> {
+        let flight = &mut self.flight;
+        flight.arcs.clear();
+        let (mut since, mut since_s) = (0, 0.0);
+        let route = search.free_route().to_vec();
+        let mut here = search.start();
+        for corner in route.iter().skip(1) {
+            let next = Node { translation: TranslationState::at_rest(*corner), attitude: here.attitude };
+            if !search.append_straight(&here, &next, &mut flight.arcs)? {
+                return Ok(false);
+            }
+            here = next;
+            let arcs = flight.arcs.get(since..).unwrap_or_default();
+            if !search.is_free(arcs, since_s)? {
+                return Ok(false);
+            }
+            since_s += arcs.iter().map(|arc| arc.duration_s).sum::<f64>();
+            since = flight.arcs.len();
+        }
+        let arrival = Node { attitude: search.request.goal.attitude.unwrap_or(here.attitude), ..here };
+        if !search.append_edge(&here, &arrival, &mut flight.arcs)? {
+            return Ok(false);
+        }
+        search.rate(flight);
+        Ok(true)
+    }
+
+    /// A state at rest in the goal region, its centre where that is free.
+    fn goal<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>) -> Result<Node, End> {
+        let request = search.request;
+        let attitude = request.goal.attitude.unwrap_or(request.attitude);
+        let bounds = &search.limits.position;
+        let mut position = request.goal.position;
+        for _ in 0..GOAL_TRIALS {
+            let within = position.sup(&bounds.lower_world).inf(&bounds.upper_world);
+            let pose = Pose::from_parts(within.into(), attitude);
+            let clearance = request.world.clearance(request.body, &pose, request.start_s)?;
+            let is_inside = (within - request.goal.position).norm_squared() <= request.goal.radius_m.powi(2);
+            if is_inside && clearance.distance_m >= request.margin_m {
+                return Ok(Node { translation: TranslationState::at_rest(within), attitude });
+            }
+            position = request.goal.position + search.chance.in_ball() * request.goal.radius_m;
+        }
+        search.spend(GOAL_TRIALS / 8)?;
+        Ok(Node { translation: TranslationState::at_rest(request.goal.position), attitude })
+    }
+}
+
+/// True for a state that lies in the goal region.
+fn is_in_goal<W: CollisionWorld + ?Sized>(search: &Search<'_, '_, W>, node: &Node) -> bool {
+    let goal = &search.request.goal;
+    let Node { translation: TranslationState { position, velocity }, attitude } = node;
+    f64::sqrt((position - goal.position).norm_squared()) <= goal.radius_m
+        && f64::sqrt(velocity.norm_squared()) <= goal.speed_m_s
+        && goal.attitude.is_none_or(|wanted| wanted == *attitude)
 }
 
 impl<W: CollisionWorld + ?Sized> GlobalPlanner<W> for FlightPlanner {
     fn plan(&mut self, request: &GlobalRequest<'_, W>, budget: &mut dyn Budget) -> Result<GlobalAnswer, PlanningError> {
-        let limits = request.limits.translation(request.belief.parameters().mass)?;
-        let mut search = Search::new(request, limits, 0.0, self.settings.tolerance, budget);
-        search.lower_bound = search.least_time_to_goal_s(&search.start());
+        self.plan_from_seeds(request, &[], budget)
+    }
+}
+
+impl FlightPlanner {
+    /// Plans with states that a way may lead through.
+    fn plan_from_seeds<W: CollisionWorld + ?Sized>(
+        &mut self,
+        request: &GlobalRequest<'_, W>,
+        seeds: &[Node],
+        budget: &mut dyn Budget,
+    ) -> Result<GlobalAnswer, PlanningError> {
+        let mut search = Search::new(request, &self.settings, budget)?;
         self.explore.clear();
-        let goal = Node {
-            translation: TranslationState::at_rest(request.goal.position),
-            attitude: request.goal.attitude.unwrap_or(request.attitude),
+        let found = match diagnose(request)? {
+            Some(obstruction) => Err(End::Infeasible(obstruction)),
+            None => self.search(&mut search, seeds),
         };
-        if let Some(obstruction) = blocked_at_start(request)? {
-            return Ok(answer_without(Status::Infeasible(obstruction)));
-        }
-        let end = self.search(&mut search, goal);
-        let status = match (end, &search.best) {
-            (End::Error(error), _) => return Err(error),
-            (_, None) => Status::BudgetSpent(search.blockers()),
-            (End::Optimal, _) => Status::Optimal,
-            (End::Stopped, _) => Status::Feasible,
+        let status = match found {
+            Err(End::Error(error)) => return Err(error),
+            Err(End::Infeasible(obstruction)) => Status::Infeasible(obstruction),
+            Err(End::Optimal) => Status::Optimal,
+            Ok(()) | Err(End::Stopped) if search.best.is_some() => Status::Feasible,
+            Ok(()) | Err(End::Stopped) => Status::BudgetSpent(search.blockers()),
         };
+        let lower_bound = if matches!(status, Status::Infeasible(_)) { f64::INFINITY } else { search.lower_bound() };
         let best = search.best.take();
         Ok(GlobalAnswer {
             status,
             cost: best.as_ref().map_or(f64::INFINITY, |best| best.cost),
             plan: best
                 .map(|best| Plan { trajectory: ArcPath::new(best.arcs), model_revision: request.belief.revision }),
-            lower_bound: search.lower_bound,
+            lower_bound,
             units: search.units,
             history: search.history,
             tree: self.connect.edges().chain(self.explore.edges()).collect(),
         })
-    }
-}
-
-fn blocked_at_start<W: CollisionWorld + ?Sized>(
-    request: &GlobalRequest<'_, W>,
-) -> Result<Option<Obstruction>, PlanningError> {
-    let pose = Pose::from_parts(request.start.position.into(), request.attitude);
-    let clearance = request.world.clearance(request.body, &pose, request.start_s)?;
-    Ok(match clearance.nearest {
-        Some(blocker) if clearance.distance_m < request.margin_m => {
-            Some(Obstruction::StartBlocked { blocker, clearance_m: clearance.distance_m })
-        }
-        _ => None,
-    })
-}
-
-fn answer_without(status: Status) -> GlobalAnswer {
-    GlobalAnswer {
-        status,
-        plan: None,
-        cost: f64::INFINITY,
-        lower_bound: f64::INFINITY,
-        units: 0,
-        history: Vec::new(),
-        tree: Vec::new(),
     }
 }

@@ -51,7 +51,7 @@ fn answer<T>(sample: &CollisionSample, answer: Result<T, PlanningError>) -> Resu
 /// The laws of a [`CollisionWorld`], tried along motions.
 ///
 /// "every query has an answer"; "the clearance changes by no more than the origin moves": at any one time and attitude;
-/// "the clearance changes by no more than the reach is turned"; "what lasts is farther than what is there": the lasting
+/// "the clearance changes by no more than the reach is turned"; "a round body may turn": without any change; "what lasts is farther than what is there": the lasting
 /// clearance bounds the clearance at any later time; "nothing is touched before the first contact", or at all where there
 /// is none; "a contact is one": the clearance there is the margin, unless something appears or the motion begins in
 /// contact; "a wider margin is met no later"; "a later begin changes nothing" and "the way back is as free as the way
@@ -109,6 +109,9 @@ fn check_clearance<W: CollisionWorld + ?Sized>(
             let law = "the clearance changes by no more than the reach is turned";
             let excess_m = change_m - reach_m * angle;
             require(law, &(sample, pose, turned), &"no more", &change_m, excess_m, tolerance_m)?;
+            let law = "a round body may turn";
+            let excess_m = if world.is_round(body) { change_m } else { 0.0 };
+            require(law, &(sample, pose, turned), &"no change", &change_m, excess_m, tolerance_m)?;
         }
         let lasting_m = answer(sample, world.lasting_clearance(body, &pose, *start_s))?.distance_m;
         let law = "what lasts is farther than what is there";

@@ -372,8 +372,8 @@ pub struct Verdict {
 impl Case {
     pub fn judge(&self, samples: usize) -> Verdict {
         let contact_s = self.first_contact();
-        // What appears about the body is hit at once: up to there, but not there.
-        let until_s = contact_s.map_or(self.arc.duration_s, |time_s| time_s * (1.0 - 1e-12));
+        // What appears about the body is hit at once: up to there, but not there, by the rounding of mission times.
+        let until_s = contact_s.map_or(self.arc.duration_s, |time_s| time_s - 1e-15 * (self.start_s.abs() + 10.0));
         let violation_s =
             first_violation(&self.parts, &self.obstacles, &self.arc, until_s, samples, self.margin_m, TOLERANCE_M);
         let error = |time_s: f64| self.clearance(time_s).min(self.clearance(time_s + 1e-9));

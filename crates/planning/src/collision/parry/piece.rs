@@ -99,11 +99,19 @@ impl Piece {
             lower = lower.inf(&to_ours(*point));
             upper = upper.sup(&to_ours(*point));
         }
-        let farthest = points.iter().map(|point| point.length()).fold(0.0, f64::max);
+        let lengths = points.iter().map(|point| point.length());
+        // A maximum would leave out what is not a number.
+        let all = lengths.clone().sum::<f64>();
+        let farthest = if all.is_finite() { lengths.fold(0.0, f64::max) } else { all };
         let reach_m = sphere.map_or(farthest, |sphere| sphere.center.length() + sphere.radius) + layer_m;
         let layer = Vector3::repeat(layer_m);
         let bounds = AlignedBox { lower_world: lower - layer, upper_world: upper + layer };
         Self { core, frame_from_core, layer_m, bounds, reach_m }
+    }
+
+    /// A ball about the origin of the frame.
+    pub fn is_round(&self) -> bool {
+        matches!(self.core, Core::Point) && self.frame_from_core.translation == Vector::ZERO
     }
 
     /// Why it is none, if so: what is wrong, and its value.
@@ -117,12 +125,16 @@ impl Piece {
         let AlignedBox { lower_world, upper_world } = &self.bounds;
         let coordinates = coordinates.chain(lower_world.iter().copied()).chain(upper_world.iter().copied());
         for coordinate in coordinates.chain([self.reach_m]) {
-            if !(coordinate.abs() < FARTHEST_M) {
+            // Nor may it be no number.
+            let is_near = coordinate.abs() < FARTHEST_M;
+            if !is_near {
                 return Some(("a coordinate", coordinate));
             }
         }
-        let least_edge_m = (upper_world - lower_world).min();
-        (least_edge_m < 0.0).then_some(("an extent", least_edge_m))
+        // What is searched by boxes must be inside of them.
+        let beyond = |point: &Vector| (lower_world - to_ours(*point)).sup(&(to_ours(*point) - upper_world)).max();
+        let beyond_m = points.iter().map(beyond).fold(f64::NEG_INFINITY, f64::max);
+        (beyond_m > 1e-12 * self.reach_m).then_some(("a point's distance from the shape's own box", beyond_m))
     }
 }
 
@@ -204,13 +216,6 @@ struct Pair<'a> {
     a_from_b: Pose,
 }
 
-/// How the search for the nearest points of two cores ended.
-enum Approach {
-    Apart(Bounds),
-    /// With a simplex about the origin of the differences.
-    Overlap(VoronoiSimplex),
-}
-
 impl Pair<'_> {
     /// The difference of a point of the first and one of the second core that is farthest along a direction.
     fn support(&self, direction: Vector) -> CsoPoint {
@@ -218,9 +223,9 @@ impl Pair<'_> {
     }
 
     /// Looks for the difference nearest to the origin (Gilbert, Johnson, Keerthi). Where the simplex, close to the end, has
-    /// no better one to offer, it starts again from the best difference known.
-    fn approach(&self, first: Vector, limit_m: f64) -> Approach {
-        let mut simplex = VoronoiSimplex::new();
+    /// no better one to offer, it starts again from the best difference known. None where the cores overlap: the simplex is
+    /// then about the origin.
+    fn approach(&self, first: Vector, limit_m: f64, simplex: &mut VoronoiSimplex) -> Option<Bounds> {
         let start = self.support(first);
         simplex.reset(start);
         let mut bounds = Bounds { lower_m: f64::NEG_INFINITY, upper_m: f64::INFINITY };
@@ -232,7 +237,7 @@ impl Pair<'_> {
             if simplex.dimension() == 3 || distance_m <= ROUNDING * size_m {
                 // Only where no plane separates the two.
                 if bounds.lower_m <= ROUNDING * size_m {
-                    return Approach::Overlap(simplex);
+                    return None;
                 }
                 break;
             }
@@ -255,7 +260,7 @@ impl Pair<'_> {
                 is_fresh = false;
             }
         }
-        Approach::Apart(bounds)
+        Some(bounds)
     }
 
     /// Depth of an overlap (expanding polytope): parry's face gives the upper bound, the planes across it the lower one.
@@ -279,16 +284,12 @@ pub(super) fn signed_distance(a: &Piece, world_from_a: &Pose, b: &Piece, world_f
     let layers_m = a.layer_m + b.layer_m;
     let centers = pair.a_from_b.translation.try_normalize().unwrap_or(Vector::X);
     let mut bounds = Bounds { lower_m: f64::NEG_INFINITY, upper_m: f64::INFINITY };
-    let mut is_overlap = false;
+    let (mut simplex, mut is_overlap) = (VoronoiSimplex::new(), false);
     // The polytope now and then closes too early: another simplex then leads elsewhere.
     for first in [centers, Vector::X, Vector::Y, Vector::Z, -Vector::X, -Vector::Y, -Vector::Z] {
-        let found = match pair.approach(first, limit_m + layers_m) {
-            Approach::Apart(apart) => apart,
-            Approach::Overlap(simplex) => {
-                is_overlap = true;
-                pair.depth(&simplex)
-            }
-        };
+        let apart = pair.approach(first, limit_m + layers_m, &mut simplex);
+        is_overlap |= apart.is_none();
+        let found = apart.unwrap_or_else(|| pair.depth(&simplex));
         bounds.lower_m = bounds.lower_m.max(found.lower_m);
         bounds.upper_m = bounds.upper_m.min(found.upper_m).max(bounds.lower_m);
         if bounds.lower_m > limit_m + layers_m || bounds.gap_m() <= PARRY_TOLERANCE * bounds.upper_m.abs().max(1.0) {

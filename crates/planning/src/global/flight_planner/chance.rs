@@ -22,6 +22,11 @@ impl Chance {
         2.0 * self.uniform() - 1.0
     }
 
+    /// Uniform between two numbers.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.uniform()
+    }
+
     /// True with this probability.
     pub fn happens(&mut self, probability: f64) -> bool {
         self.uniform() < probability
@@ -29,10 +34,13 @@ impl Chance {
 
     /// Between `2^-octaves` and 1, every octave as likely as any other.
     pub fn scale(&mut self, octaves: f64) -> f64 {
-        let exponent = octaves * self.uniform();
-        let whole = exponent.floor();
-        // Powers of two are exact, whatever computes them.
-        f64::powi(0.5, whole as i32) * (1.0 - 0.5 * (exponent - whole))
+        let mut exponent = octaves * self.uniform();
+        let mut scale = 1.0;
+        while exponent >= 1.0 {
+            scale *= 0.5;
+            exponent -= 1.0;
+        }
+        scale * (1.0 - 0.5 * exponent)
     }
 
     /// Uniform in the cube `[-1, 1)^3`.

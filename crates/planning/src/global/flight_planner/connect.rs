@@ -3,15 +3,13 @@
 use super::flight::{Flight, Node};
 use super::search::{End, Search};
 use crate::collision::CollisionWorld;
-use crate::motion::{BodyArc, TranslationState};
+use crate::motion::{BodyArc, COEFFICIENTS, TranslationState};
 use crate::steering::least_time_s;
 use nalgebra::Vector3;
 
 /// An edge stopped short goes this share of the way to the contact.
 const SHARE_BEFORE_CONTACT: f64 = 0.8;
-/// Steps by which one tree follows the other.
-const FOLLOWING_STEPS: usize = 3;
-/// An edge shorter than this share of the way from start to goal is not worth a node.
+/// An edge shorter than this share of the one that was tried is not worth a node.
 const LEAST_STEP: f64 = 1e-3;
 
 #[derive(Clone, Copy, PartialEq)]
@@ -46,10 +44,12 @@ pub(super) struct Connect {
 
 impl Connect {
     /// Looks for a flight from the start to `goal` and leaves it in `flight`; false where `most_units` did not suffice.
+    /// States in `seeds`, in their order on the way, join the trees first as far as edges between them are free.
     pub fn find<W: CollisionWorld + ?Sized>(
         &mut self,
         search: &mut Search<'_, '_, W>,
         goal: Node,
+        seeds: &[Node],
         most_units: u64,
         flight: &mut Flight,
     ) -> Result<bool, End> {
@@ -60,12 +60,12 @@ impl Connect {
         self.start.push(Branch { node: start, parent: None, at_s: 0.0 });
         self.goal.push(Branch { node: goal, parent: None, at_s: travel_s(search, &start, &goal) });
         let mut side = Side::Start;
-        let mut target = goal;
+        let mut target = self.plant(search, goal, seeds)?;
         loop {
-            if let Growth::Reached(index) | Growth::Advanced(index) = self.extend(search, side, &target)? {
-                if self.joins(search, side, index, flight)? {
-                    return Ok(true);
-                }
+            if let Growth::Reached(index) | Growth::Advanced(index) = self.extend(search, side, &target)?
+                && self.joins(search, side, index, flight)?
+            {
+                return Ok(true);
             }
             if search.units >= last {
                 return Ok(false);
@@ -73,6 +73,43 @@ impl Connect {
             side = if side == Side::Start { Side::Goal } else { Side::Start };
             target = sample(search);
         }
+    }
+
+    /// Grows both trees along the seeds; the outermost state of the goal's tree comes back.
+    fn plant<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        goal: Node,
+        seeds: &[Node],
+    ) -> Result<Node, End> {
+        let mut outermost = goal;
+        for seed in seeds.iter().rev() {
+            if !self.continues(search, Side::Goal, seed)? {
+                break;
+            }
+            outermost = *seed;
+        }
+        for seed in seeds {
+            if *seed == outermost || !self.continues(search, Side::Start, seed)? {
+                break;
+            }
+        }
+        Ok(outermost)
+    }
+
+    /// Adds a state behind the last branch of a tree; false where the edge is not free.
+    fn continues<W: CollisionWorld + ?Sized>(
+        &mut self,
+        search: &mut Search<'_, '_, W>,
+        side: Side,
+        node: &Node,
+    ) -> Result<bool, End> {
+        let Some((parent, branch)) = self.tree(side).iter().copied().enumerate().next_back() else { return Ok(false) };
+        let is_free = self.edge(search, side, &branch, node)?.is_none();
+        if is_free {
+            self.push(search, side, parent, node);
+        }
+        Ok(is_free)
     }
 
     /// Lets the other tree follow to a new branch; true where they have met in a flight.
@@ -85,17 +122,13 @@ impl Connect {
     ) -> Result<bool, End> {
         let other = if side == Side::Start { Side::Goal } else { Side::Start };
         let Some(node) = self.tree(side).get(index).map(|branch| branch.node) else { return Ok(false) };
-        for _ in 0..FOLLOWING_STEPS {
-            match self.extend(search, other, &node)? {
-                Growth::Reached(met) => {
-                    let (start, goal) = if side == Side::Start { (index, met) } else { (met, index) };
-                    return self.assemble(search, start, goal, flight);
-                }
-                Growth::Advanced(_) => {}
-                Growth::Trapped => break,
+        match self.extend(search, other, &node)? {
+            Growth::Reached(met) => {
+                let (start, goal) = if side == Side::Start { (index, met) } else { (met, index) };
+                self.assemble(search, start, goal, flight)
             }
+            Growth::Advanced(_) | Growth::Trapped => Ok(false),
         }
-        Ok(false)
     }
 
     fn tree(&mut self, side: Side) -> &mut Vec<Branch> {
@@ -115,8 +148,7 @@ impl Connect {
         let mut nearest = None;
         let mut least = f64::INFINITY;
         for (index, branch) in self.tree(side).iter().enumerate() {
-            let way = target.translation.position - branch.node.translation.position;
-            let square = way.component_div(&search.limits.speed_m_s).norm_squared();
+            let square = search.squared_distance(&branch.node, target);
             if square < least {
                 least = square;
                 nearest = Some((index, *branch));
@@ -126,14 +158,11 @@ impl Connect {
         let Some(contact) = self.edge(search, side, &branch, target)? else {
             return Ok(Growth::Reached(self.push(search, side, parent, target)));
         };
-        let Some(position) = contact.position else { return Ok(Growth::Trapped) };
-        let way = (position - branch.node.translation.position) * SHARE_BEFORE_CONTACT;
-        let whole = search.request.goal.position - search.request.start.position;
-        if way.norm_squared() <= LEAST_STEP * LEAST_STEP * whole.norm_squared() {
+        let Some(short) = contact.short else { return Ok(Growth::Trapped) };
+        let whole = search.squared_distance(&branch.node, target);
+        if search.squared_distance(&branch.node, &short) <= LEAST_STEP * LEAST_STEP * whole {
             return Ok(Growth::Trapped);
         }
-        let translation = TranslationState::at_rest(branch.node.translation.position + way);
-        let short = Node { translation, attitude: target.attitude };
         Ok(match self.edge(search, side, &branch, &short)? {
             None => Growth::Advanced(self.push(search, side, parent, &short)),
             Some(_) => Growth::Trapped,
@@ -154,8 +183,8 @@ impl Connect {
             Side::Start => (&branch.node, target),
             Side::Goal => (target, &branch.node),
         };
-        if !search.append_edge(from, to, arcs) {
-            return Ok(Some(Blocked { position: None }));
+        if !search.append_edge(from, to, arcs)? {
+            return Ok(Some(Blocked { short: None }));
         }
         let duration_s: f64 = arcs.iter().map(|arc| arc.duration_s).sum();
         let start_s = match side {
@@ -163,13 +192,14 @@ impl Connect {
             Side::Goal => (branch.at_s - duration_s).max(0.0),
         };
         // Backwards, the contact nearest to the branch comes first.
-        let is_reversed = side == Side::Goal && search.is_still && arcs.iter().all(BodyArc::is_level);
+        let is_reversed = side == Side::Goal && search.is_still;
         if is_reversed {
             reverse(arcs);
         }
         let Some(contact_s) = search.first_contact_s(arcs, start_s)? else { return Ok(None) };
         let is_usable = side == Side::Start || is_reversed;
-        Ok(Some(Blocked { position: if is_usable { position_at(arcs, contact_s) } else { None } }))
+        let short = if is_usable { short_of(&branch.node, arcs, contact_s) } else { None };
+        Ok(Some(Blocked { short }))
     }
 
     fn push<W: CollisionWorld + ?Sized>(
@@ -204,7 +234,7 @@ impl Connect {
         while let Some(branch) = next.and_then(|index| self.goal.get(index)).copied() {
             let Some(from) = self.start.get(joint).copied() else { return Ok(false) };
             self.arcs.clear();
-            if !search.append_edge(&from.node, &branch.node, &mut self.arcs) {
+            if !search.append_edge(&from.node, &branch.node, &mut self.arcs)? {
                 return Ok(false);
             }
             if !search.is_still && !search.is_free(&self.arcs, from.at_s)? {
@@ -219,7 +249,7 @@ impl Connect {
             chain.push(branch.node);
             index = branch.parent;
         }
-        Ok(search.assemble(&chain, flight))
+        search.assemble(&chain, flight)
     }
 
     /// The edges of both trees, for drawing.
@@ -233,9 +263,9 @@ impl Connect {
     }
 }
 
-/// An edge that is not free, and where it ends.
+/// An edge that is not free, and a node short of where it is hit.
 struct Blocked {
-    position: Option<Vector3<f64>>,
+    short: Option<Node>,
 }
 
 /// Least time from one node to another, whatever stands between.
@@ -245,26 +275,38 @@ fn travel_s<W: CollisionWorld + ?Sized>(search: &Search<'_, '_, W>, from: &Node,
 
 /// A state at rest, anywhere within the limits.
 fn sample<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>) -> Node {
-    let position = search.position();
-    Node { translation: TranslationState::at_rest(position), attitude: search.request.attitude }
+    Node { translation: TranslationState::at_rest(search.position()), attitude: search.attitude() }
 }
 
-fn position_at(arcs: &[BodyArc], mut time_s: f64) -> Option<Vector3<f64>> {
+/// At rest between a node and where the arcs from it lead in `contact_s`.
+fn short_of(node: &Node, arcs: &[BodyArc], contact_s: f64) -> Option<Node> {
+    let mut time_s = contact_s;
     for arc in arcs {
         if time_s <= arc.duration_s {
-            return Some(arc.translation(time_s).0.position);
+            let way = arc.translation(time_s).0.position - node.translation.position;
+            let translation = TranslationState::at_rest(node.translation.position + way * SHARE_BEFORE_CONTACT);
+            let attitude = if arc.is_level() {
+                arc.attitude
+            } else {
+                node.attitude.slerp(&arc.attitude_at(time_s), SHARE_BEFORE_CONTACT)
+            };
+            return Some(Node { translation, attitude });
         }
         time_s -= arc.duration_s;
     }
     None
 }
 
-/// The same motion flown backwards.
+/// The same motion flown backwards; translation and angle are quadratic in time.
 fn reverse(arcs: &mut [BodyArc]) {
     arcs.reverse();
     for arc in arcs {
         let (end, acceleration) = arc.translation(arc.duration_s);
         let start = TranslationState { position: end.position, velocity: -end.velocity };
-        *arc = BodyArc::accelerated(arc.duration_s, &start, acceleration, arc.attitude);
+        let (_, rate, _) = arc.turn(arc.duration_s);
+        let mut angle = [0.0; COEFFICIENTS];
+        (angle[1], angle[2]) = (-rate, arc.angle[2]);
+        let attitude = arc.attitude_at(arc.duration_s);
+        *arc = BodyArc::accelerated(arc.duration_s, &start, acceleration, attitude).turning(arc.axis_body, angle);
     }
 }

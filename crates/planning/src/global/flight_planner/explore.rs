@@ -6,7 +6,7 @@
 //! by the least times from the start and to the goal, are left out.
 
 use super::flight::{Flight, Node};
-use super::improve::within_goal;
+use super::improve::{within_goal, within_limits};
 use super::search::{End, Search};
 use crate::collision::CollisionWorld;
 use crate::motion::{BodyArc, TranslationState};
@@ -53,7 +53,7 @@ impl Explore {
         let last = search.units.saturating_add(units);
         let mut refused = 0;
         while search.units < last {
-            let Some((node, to_goal_s)) = self.sample(search) else {
+            let Some((node, to_goal_s)) = Self::sample(search) else {
                 refused += 1;
                 if refused % REFUSED_PER_UNIT == 0 {
                     search.spend(1)?;
@@ -69,11 +69,12 @@ impl Explore {
     }
 
     /// A state that may lie on a better plan than the best one, with its least time to the goal.
-    fn sample<W: CollisionWorld + ?Sized>(&self, search: &mut Search<'_, '_, W>) -> Option<(Node, f64)> {
+    fn sample<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>) -> Option<(Node, f64)> {
         let speed = search.limits.speed_m_s;
         let velocity = search.chance.in_cube().component_mul(&speed);
         let position = search.position();
-        let node = Node { translation: TranslationState { position, velocity }, attitude: search.request.attitude };
+        let translation = within_limits(&TranslationState { position, velocity }, &search.limits);
+        let node = Node { translation, attitude: search.attitude() };
         let to_goal_s = search.least_time_to_goal_s(&node);
         let from_start_s = least_time_s(&search.request.start, &node.translation, &search.limits);
         (from_start_s + to_goal_s < search.best_cost()).then_some((node, to_goal_s))
@@ -91,7 +92,9 @@ impl Explore {
         self.candidates.clear();
         for (index, branch) in self.branches.iter().enumerate() {
             let way = node.translation.position - branch.node.translation.position;
-            if branch.at_s + way.abs().component_div(&speed).max() >= latest_s {
+            if branch.at_s + way.abs().zip_map(&speed, |way, speed| if way > 0.0 { way / speed } else { 0.0 }).max()
+                >= latest_s
+            {
                 continue;
             }
             let at_s = branch.at_s + least_time_s(&branch.node.translation, &node.translation, &search.limits);
@@ -101,11 +104,12 @@ impl Explore {
         }
         search.spend((self.branches.len() / PARENTS_PER_UNIT) as u64)?;
         self.candidates.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for (at_s, parent) in &self.candidates {
+        for (_, parent) in &self.candidates {
             let Some(branch) = self.branches.get(*parent) else { continue };
             self.arcs.clear();
-            if search.append_edge(&branch.node, node, &mut self.arcs) && search.is_free(&self.arcs, branch.at_s)? {
-                self.branches.push(Branch { node: *node, parent: Some(*parent), at_s: *at_s, to_goal_s });
+            if search.append_edge(&branch.node, node, &mut self.arcs)? && search.is_free(&self.arcs, branch.at_s)? {
+                let at_s = branch.at_s + self.arcs.iter().map(|arc| arc.duration_s).sum::<f64>();
+                self.branches.push(Branch { node: *node, parent: Some(*parent), at_s, to_goal_s });
                 return Ok(Some(self.branches.len() - 1));
             }
         }
@@ -128,9 +132,10 @@ impl Explore {
             position: goal.position + search.chance.in_cube() * (2.0 * goal.radius_m),
             velocity: search.chance.in_cube() * (2.0 * goal.speed_m_s),
         };
-        let arrival = Node { translation: within_goal(&drawn, goal, &search.limits), attitude: branch.node.attitude };
+        let attitude = goal.attitude.unwrap_or(branch.node.attitude);
+        let arrival = Node { translation: within_goal(&drawn, goal, &search.limits), attitude };
         self.arcs.clear();
-        if !search.append_edge(&branch.node, &arrival, &mut self.arcs) {
+        if !search.append_edge(&branch.node, &arrival, &mut self.arcs)? {
             return Ok(false);
         }
         let duration_s: f64 = self.arcs.iter().map(|arc| arc.duration_s).sum();
@@ -143,7 +148,7 @@ impl Explore {
             chain.push(branch.node);
             next = branch.parent;
         }
-        Ok(search.assemble(&chain, flight))
+        search.assemble(&chain, flight)
     }
 
     /// The tree's edges, for drawing.

@@ -96,7 +96,7 @@ impl Flight {
 }
 
 /// The part of an arc between two times of it: all of it, or a part of a level one.
-fn part(arc: &BodyArc, begin_s: f64, end_s: f64) -> BodyArc {
+pub(super) fn part(arc: &BodyArc, begin_s: f64, end_s: f64) -> BodyArc {
     if begin_s <= 0.0 {
         return BodyArc { duration_s: end_s, ..*arc };
     }

@@ -3,15 +3,17 @@
 use super::flight::{Cut, Flight, Node};
 use super::search::{End, Search};
 use crate::collision::CollisionWorld;
-use crate::global::GoalRegion;
+use crate::global::{GoalRegion, Objective};
 use crate::motion::{BodyArc, TranslationState};
 use crate::steering::{TranslationLimits, least_time_s};
-use nalgebra::Vector3;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// Replaced parts are as short as the flight halved so often.
-const SPAN_OCTAVES: f64 = 5.0;
+const SPAN_OCTAVES: f64 = 2.0;
+
 /// Changes of a state are as small as the largest halved so often.
-const CHANGE_OCTAVES: f64 = 9.0;
+const CHANGE_OCTAVES: f64 = 12.0;
+
 /// Attempts refused before a collision check that count as one unit.
 const REFUSED_PER_UNIT: u32 = 8;
 /// A gain below this share of the cost is none.
@@ -22,10 +24,12 @@ const LEAST_GAIN: f64 = 1e-9;
 pub(super) struct Improve {
     middle: Vec<BodyArc>,
     rest: Vec<BodyArc>,
+    /// What a new middle runs through, its end included.
+    states: Vec<Node>,
 }
 
 impl Improve {
-    /// Spends `units` on making `flight` cheaper.
+    /// Spends `units` on making `flight` cheaper, and offers what comes of it.
     pub fn run<W: CollisionWorld + ?Sized>(
         &mut self,
         search: &mut Search<'_, '_, W>,
@@ -33,9 +37,8 @@ impl Improve {
         units: u64,
     ) -> Result<(), End> {
         let last = search.units.saturating_add(units);
-        let good_enough = search.lower_bound * (1.0 + search.tolerance);
         let mut refused = 0;
-        while search.units < last && flight.cost > good_enough {
+        while search.units < last && !search.is_optimal(flight.cost) {
             let before = search.units;
             self.attempt(search, flight)?;
             if search.units == before {
@@ -68,20 +71,23 @@ impl Improve {
         let end = match to {
             Some(to) => to.node,
             None => match flight.end() {
-                Some(end) => self.arrival(search, &end),
+                Some(end) => Self::arrival(search, &end),
                 None => return Ok(()),
             },
         };
-        let mut via = None;
-        if search.chance.happens(0.6) {
+        self.states.clear();
+        if search.chance.happens(0.5) {
             let via_s = from.time_s + (until_s - from.time_s) * search.chance.uniform();
-            via = flight.cut(via_s).filter(|via| via.time_s < until_s).map(|via| changed(search, &via.node, span_s));
+            if let Some(via) = flight.cut(via_s).filter(|via| via.time_s < until_s) {
+                self.states.push(changed(search, &via.node, span_s));
+            }
         }
-        self.replace(search, flight, &from, to.as_ref(), via.as_ref(), &end)
+        self.states.push(end);
+        self.replace(search, flight, &from, to.as_ref())
     }
 
     /// Another state within the goal region, near the present one.
-    fn arrival<W: CollisionWorld + ?Sized>(&self, search: &mut Search<'_, '_, W>, end: &Node) -> Node {
+    fn arrival<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>, end: &Node) -> Node {
         let goal = &search.request.goal;
         let chance = &mut search.chance;
         let position =
@@ -89,34 +95,47 @@ impl Improve {
         let velocity =
             end.translation.velocity + chance.in_cube() * (2.0 * goal.speed_m_s * chance.scale(CHANGE_OCTAVES));
         let translation = within_goal(&TranslationState { position, velocity }, goal, &search.limits);
-        Node { translation, attitude: end.attitude }
+        let is_free_to_turn = goal.attitude.is_none();
+        let attitude = if is_free_to_turn { turned(search, &end.attitude) } else { end.attitude };
+        Node { translation, attitude }
     }
 
-    /// Replaces what lies between two cuts by one edge, or two by way of `via`, where that is cheaper and free.
+    /// Replaces what lies between two cuts by edges through [`Self::states`], where that is cheaper and free.
     fn replace<W: CollisionWorld + ?Sized>(
         &mut self,
         search: &mut Search<'_, '_, W>,
         flight: &mut Flight,
         from: &Cut,
         to: Option<&Cut>,
-        via: Option<&Node>,
-        end: &Node,
     ) -> Result<(), End> {
         let old_s = to.map_or(flight.duration_s, |to| to.time_s) - from.time_s;
-        let time_s = |from: &Node, to: &Node| least_time_s(&from.translation, &to.translation, &search.limits);
-        let least_s = via.map_or_else(|| time_s(&from.node, end), |via| time_s(&from.node, via) + time_s(via, end));
+        let mut least_s = 0.0;
+        let mut here = &from.node;
+        for next in &self.states {
+            least_s += least_time_s(&here.translation, &next.translation, &search.limits);
+            here = next;
+        }
+        let is_fast = search.request.objective == Objective::Duration;
         let least_gain = LEAST_GAIN * flight.cost;
-        if least_s >= old_s - least_gain {
+        let latest_s = old_s + if is_fast { 0.0 } else { (search.longest_s - flight.duration_s).max(0.0) };
+        if least_s > latest_s || is_fast && least_s >= old_s - least_gain {
             return Ok(());
         }
+        // The impulse is less with more time: up to three times the least, where the plan may last that long.
+        let stretch = if is_fast { 1.0 } else { search.chance.between(1.0, (latest_s / least_s).min(3.0)) };
         let middle = &mut self.middle;
         middle.clear();
-        let is_edge = match via {
-            Some(via) => search.append_edge(&from.node, via, middle) && search.append_edge(via, end, middle),
-            None => search.append_edge(&from.node, end, middle),
-        };
+        let mut here = &from.node;
+        for next in &self.states {
+            if !search.append_slowly(here, next, stretch, middle)? {
+                return Ok(());
+            }
+            here = next;
+        }
         let new_s: f64 = middle.iter().map(|arc| arc.duration_s).sum();
-        if !is_edge || new_s >= old_s - least_gain || !search.is_free(middle, from.time_s)? {
+        let old_cost = if is_fast { old_s } else { flight.between(from, to).map(|arc| search.cost(&[arc])).sum() };
+        let is_gain = search.cost(middle) < old_cost - least_gain && new_s <= latest_s;
+        if !is_gain || !search.is_free(middle, from.time_s)? {
             return Ok(());
         }
         if let Some(to) = to.filter(|_| !search.is_still) {
@@ -127,9 +146,8 @@ impl Improve {
             }
         }
         flight.replace(from, to, middle, &mut self.rest);
-        flight.duration_s = flight.arcs.iter().map(|arc| arc.duration_s).sum();
-        flight.cost = search.cost(&flight.arcs);
-        Ok(())
+        search.rate(flight);
+        search.offer(flight)
     }
 }
 
@@ -141,14 +159,33 @@ fn changed<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>, node: &No
     let push = chance.in_cube().component_mul(&limits.speed_m_s) * (2.0 * chance.scale(CHANGE_OCTAVES));
     let translation =
         TranslationState { position: node.translation.position + reach, velocity: node.translation.velocity + push };
-    Node { translation: within_limits(&translation, limits), attitude: node.attitude }
+    Node { translation: within_limits(&translation, limits), attitude: turned(search, &node.attitude) }
 }
 
-fn within_limits(state: &TranslationState, limits: &TranslationLimits) -> TranslationState {
-    let bounds = &limits.position;
+/// An attitude near another one, or that of the start; the same where the body does not turn.
+fn turned<W: CollisionWorld + ?Sized>(
+    search: &mut Search<'_, '_, W>,
+    attitude: &UnitQuaternion<f64>,
+) -> UnitQuaternion<f64> {
+    if !search.may_turn || search.chance.happens(0.5) {
+        return *attitude;
+    }
+    if search.chance.happens(0.3) {
+        return search.request.attitude;
+    }
+    let size = search.chance.scale(CHANGE_OCTAVES);
+    let change = search.chance.in_cube() * size;
+    let turned = attitude.quaternion() * Quaternion::from_parts(1.0, change);
+    UnitQuaternion::new_unchecked(turned / f64::sqrt(turned.norm_squared()))
+}
+
+pub(super) fn within_limits(state: &TranslationState, limits: &TranslationLimits) -> TranslationState {
+    let (lower, upper) = (&limits.position.lower_world, &limits.position.upper_world);
+    let height = upper - lower;
+    let velocity = state.velocity.sup(&-limits.speed_m_s).inf(&limits.speed_m_s);
     TranslationState {
-        position: state.position.sup(&bounds.lower_world).inf(&bounds.upper_world),
-        velocity: state.velocity.sup(&-limits.speed_m_s).inf(&limits.speed_m_s),
+        position: state.position.sup(lower).inf(upper),
+        velocity: velocity.zip_map(&height, |velocity, height| if height > 0.0 { velocity } else { 0.0 }),
     }
 }
 

@@ -1,14 +1,15 @@
 //! One search: the request, what it has spent, what stood in its way, and the best plan so far.
 
+use super::FlightPlannerSettings;
 use super::chance::Chance;
 use super::flight::{Flight, Node};
 use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};
 use crate::error::PlanningError;
-use crate::global::{GlobalRequest, Improvement, Objective, Until};
+use crate::global::{GlobalRequest, Improvement, Objective, Obstruction, Reachability, RouteBound, Until};
 use crate::motion::BodyArc;
-use crate::steering::{TranslationLimits, steer};
-use nalgebra::Vector3;
+use crate::steering::{TranslationLimits, least_time_s, least_time_to_goal_s, slew, steer, steer_in};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tumble_dynamics::AlignedBox;
 
 /// Why a search stops.
@@ -17,6 +18,8 @@ pub(super) enum End {
     Stopped,
     /// The best plan costs no more than the lower bound, to the tolerance.
     Optimal,
+    /// There certainly is no plan.
+    Infeasible(Obstruction),
     /// The world could not answer.
     Error(PlanningError),
 }
@@ -33,40 +36,119 @@ pub(super) struct Search<'a, 'r, W: CollisionWorld + ?Sized> {
     pub chance: Chance,
     /// True where no time matters to the world.
     pub is_still: bool,
-    pub lower_bound: f64,
+    /// True where the body may turn on its way, and where that can make a difference.
+    pub may_turn: bool,
     /// Share of the lower bound by which an optimal plan may exceed it.
-    pub tolerance: f64,
+    tolerance: f64,
+    /// Longest duration of a plan of least impulse, s.
+    pub longest_s: f64,
+    bound: RouteBound<'a, W>,
+    /// Units that the next refinement of the bound may take.
+    refinement_units: u64,
     pub best: Option<Flight>,
     pub history: Vec<Improvement>,
-    pub blocked: Vec<(Blocker, u64)>,
+    blocked: Vec<(Blocker, u64)>,
     pub units: u64,
     /// Where states are drawn from.
     room: AlignedBox,
+    inertia_about_com_kg_m2: Matrix3<f64>,
+    /// Distance of the centre of mass from the body origin, m.
+    offset_m: f64,
     budget: &'a mut dyn Budget,
 }
 
+/// A part of a budget, counted.
+struct Allowance<'b> {
+    budget: &'b mut dyn Budget,
+    left: u64,
+    spent: u64,
+    is_denied: bool,
+}
+
+impl Budget for Allowance<'_> {
+    fn spend(&mut self, units: u64) -> bool {
+        let is_granted = units <= self.left && self.budget.spend(units);
+        if is_granted {
+            self.left -= units;
+            self.spent += units;
+        } else {
+            self.is_denied = true;
+        }
+        is_granted
+    }
+}
+
+/// Units that the first refinement of the bound may take.
+const FIRST_REFINEMENT_UNITS: u64 = 500;
+/// Each refinement looks at cells of half the edge.
+const REFINEMENT_GROWTH: u64 = 8;
+
 impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
+    /// # Errors
+    /// Numbers that are no limits, or not finite.
     pub fn new(
         request: &'a GlobalRequest<'r, W>,
-        limits: TranslationLimits,
-        lower_bound: f64,
-        tolerance: f64,
+        settings: &FlightPlannerSettings,
         budget: &'a mut dyn Budget,
-    ) -> Self {
-        Self {
+    ) -> Result<Self, PlanningError> {
+        let parameters = request.belief.parameters();
+        let limits = request.limits.translation(parameters.mass)?;
+        let can_turn = request.limits.rate_rad_s > 0.0 && request.limits.torque_n_m.min() > 0.0;
+        Ok(Self {
             request,
             limits,
             chance: Chance::new(request.seed),
             is_still: request.world.is_still_from(request.start_s),
-            lower_bound,
-            tolerance,
+            may_turn: can_turn && !request.world.is_round(request.body),
+            tolerance: settings.tolerance,
+            longest_s: settings.longest_s,
+            bound: RouteBound::new(request)?,
+            refinement_units: FIRST_REFINEMENT_UNITS,
             best: None,
             history: Vec::new(),
             blocked: Vec::new(),
             units: 0,
             room: room(request, &limits),
+            inertia_about_com_kg_m2: parameters.inertia_about_com(),
+            offset_m: f64::sqrt(parameters.center_of_mass().norm_squared()),
             budget,
+        })
+    }
+
+    /// No plan costs less.
+    pub fn lower_bound(&self) -> f64 {
+        self.bound.lower_bound()
+    }
+
+    /// A way along which straight moves from rest to rest are free of what lasts, where one is known.
+    pub fn free_route(&self) -> &[Vector3<f64>] {
+        self.bound.free_route()
+    }
+
+    /// Looks at the walls with finer cells for the lower bound, a proof that there is no way, or a way; only where that takes
+    /// no more than `share` of the units spent so far. What a body that turns could pass is no wall.
+    pub fn refine_bound(&mut self, share: f64) -> Result<(), End> {
+        let wanted = self.refinement_units;
+        if self.may_turn || wanted as f64 > share * self.units as f64 {
+            return Ok(());
         }
+        let mut allowance = Allowance { budget: self.budget, left: wanted, spent: 0, is_denied: false };
+        let is_more = self.bound.refine(&mut allowance)?;
+        self.units += allowance.spent;
+        self.refinement_units = match (allowance.is_denied, is_more) {
+            (true, _) => wanted.saturating_mul(2),
+            (false, true) => allowance.spent.saturating_mul(REFINEMENT_GROWTH),
+            (false, false) => u64::MAX,
+        };
+        if let Reachability::Blocked(obstruction) = self.bound.reachability() {
+            return Err(End::Infeasible(obstruction.clone()));
+        }
+        if self.is_optimal(self.best_cost()) { Err(End::Optimal) } else { Ok(()) }
+    }
+
+    /// True for a cost that is as low as the lower bound, to the tolerance.
+    pub fn is_optimal(&self, cost: f64) -> bool {
+        cost <= self.lower_bound() * (1.0 + self.tolerance)
     }
 
     /// Takes units from the budget.
@@ -100,33 +182,87 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
 
     /// Least time from a node to the goal, whatever stands between.
     pub fn least_time_to_goal_s(&self, from: &Node) -> f64 {
-        let goal = &self.request.goal;
-        let way = (goal.position - from.translation.position).abs().add_scalar(-goal.radius_m);
-        way.component_div(&self.limits.speed_m_s).max().max(0.0)
+        least_time_to_goal_s(&from.translation, &self.request.goal, &self.limits)
     }
 
-    /// Appends the edge between two nodes to `arcs`; false where there is none.
-    pub fn append_edge(&self, from: &Node, to: &Node, arcs: &mut Vec<BodyArc>) -> bool {
-        if from.attitude != to.attitude {
-            return false;
+    /// Appends the edge of least duration between two nodes to `arcs`; false where there is none.
+    pub fn append_edge(&self, from: &Node, to: &Node, arcs: &mut Vec<BodyArc>) -> Result<bool, End> {
+        if from.attitude == to.attitude {
+            let Some(steering) = steer(&from.translation, &to.translation, &self.limits) else { return Ok(false) };
+            arcs.extend(steering.arcs(from.attitude));
+            return Ok(true);
         }
-        let Some(steering) = steer(&from.translation, &to.translation, &self.limits) else { return false };
+        let inertia = &self.inertia_about_com_kg_m2;
+        let Some(turn) = slew(&from.attitude, &to.attitude, inertia, &self.request.limits)? else { return Ok(false) };
+        // The centre of mass goes round the origin; what force that takes at most is not there for the translation.
+        let reserve_m_s2 = self.offset_m * (turn.acceleration_rad_s2() + turn.rate_rad_s() * turn.rate_rad_s());
+        let mut limits = self.limits;
+        limits.acceleration_m_s2.apply(|limit| *limit -= reserve_m_s2);
+        if limits.acceleration_m_s2.min() < 0.0 {
+            return Ok(false);
+        }
+        let Some(steering) = steer(&from.translation, &to.translation, &limits) else { return Ok(false) };
+        if let Some(turn) = turn.stretched(steering.duration_s())
+            && let Some(pieces) = turn.along(&steering)
+        {
+            arcs.extend(pieces);
+            return Ok(true);
+        }
+        let Some(steering) = steer_in(&from.translation, &to.translation, &limits, turn.duration_s()) else {
+            return Ok(false);
+        };
+        let Some(pieces) = turn.along(&steering) else { return Ok(false) };
+        arcs.extend(pieces);
+        Ok(true)
+    }
+
+    /// The same stretched in time, at a constant attitude; false also where there is no motion of that duration.
+    pub fn append_slowly(&self, from: &Node, to: &Node, stretch: f64, arcs: &mut Vec<BodyArc>) -> Result<bool, End> {
+        if stretch <= 1.0 || from.attitude != to.attitude {
+            return self.append_edge(from, to, arcs);
+        }
+        let (from_state, to_state) = (&from.translation, &to.translation);
+        let duration_s = stretch * least_time_s(from_state, to_state, &self.limits);
+        let Some(steering) = steer_in(from_state, to_state, &self.limits, duration_s) else { return Ok(false) };
         arcs.extend(steering.arcs(from.attitude));
-        true
+        Ok(true)
+    }
+
+    /// Appends a straight move between two nodes at rest of one attitude, or the edge of least duration from one in motion.
+    pub fn append_straight(&self, from: &Node, to: &Node, arcs: &mut Vec<BodyArc>) -> Result<bool, End> {
+        let way = to.translation.position - from.translation.position;
+        let length_m = f64::sqrt(way.norm_squared());
+        if from.translation.velocity != Vector3::zeros() || length_m == 0.0 {
+            return self.append_edge(from, to, arcs);
+        }
+        // The axes follow one profile where their limits are as their ways are.
+        let direction = way.map(|component| component.abs() / length_m);
+        let shared = |limits: &Vector3<f64>| {
+            let along = |(limit, part): (&f64, &f64)| if *part > 0.0 { limit / part } else { f64::INFINITY };
+            direction * limits.iter().zip(&direction).map(along).fold(f64::INFINITY, f64::min)
+        };
+        let limits = TranslationLimits {
+            position: self.limits.position,
+            speed_m_s: shared(&self.limits.speed_m_s),
+            acceleration_m_s2: shared(&self.limits.acceleration_m_s2),
+        };
+        let Some(steering) = steer(&from.translation, &to.translation, &limits) else { return Ok(false) };
+        arcs.extend(steering.arcs(from.attitude));
+        Ok(true)
     }
 
     /// Makes a flight of a chain of nodes that runs from its end to its start; false where an edge is missing.
-    pub fn assemble(&self, backwards: &[Node], flight: &mut Flight) -> bool {
+    pub fn assemble(&self, backwards: &[Node], flight: &mut Flight) -> Result<bool, End> {
         flight.arcs.clear();
         for pair in backwards.windows(2).rev() {
             if let [to, from] = pair
-                && !self.append_edge(from, to, &mut flight.arcs)
+                && !self.append_edge(from, to, &mut flight.arcs)?
             {
-                return false;
+                return Ok(false);
             }
         }
         self.rate(flight);
-        true
+        Ok(true)
     }
 
     /// Sets a flight's duration and cost by its arcs.
@@ -140,6 +276,24 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         let room = self.room;
         let chance = &mut self.chance;
         room.lower_world.zip_map(&room.upper_world, |lower, upper| lower + (upper - lower) * chance.uniform())
+    }
+
+    /// The attitude of a sample: that of the start, or any where the body may turn.
+    pub fn attitude(&mut self) -> UnitQuaternion<f64> {
+        if self.may_turn && self.chance.happens(0.5) { self.chance.attitude() } else { self.request.attitude }
+    }
+
+    /// A distance between nodes, squared: times at full speed, s^2.
+    pub fn squared_distance(&self, from: &Node, to: &Node) -> f64 {
+        let way = to.translation.position - from.translation.position;
+        let seconds = |way: f64, speed: f64| if speed > 0.0 { way / speed } else { 0.0 };
+        let translation = way.zip_map(&self.limits.speed_m_s, seconds).norm_squared();
+        if from.attitude == to.attitude {
+            return translation;
+        }
+        // The chord between two quaternions is half the angle, nearly.
+        let aligned = from.attitude.coords.dot(&to.attitude.coords).abs();
+        translation + 8.0 * (1.0 - aligned) / (self.request.limits.rate_rad_s * self.request.limits.rate_rad_s)
     }
 
     /// First time since their start at which the arcs, flown from `start_s` after the start of the plan, hit anything.
@@ -186,7 +340,7 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
             None => self.best = Some(flight.clone()),
         }
         self.history.push(Improvement { units: self.units, cost: flight.cost });
-        if flight.cost <= self.lower_bound * (1.0 + self.tolerance) {
+        if self.is_optimal(flight.cost) {
             return Err(End::Optimal);
         }
         if self.request.until == Until::FirstPlan { Err(End::Stopped) } else { Ok(()) }

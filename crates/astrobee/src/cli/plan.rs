@@ -1,0 +1,582 @@
+//! `tumble plan`: a way from start to goal, and how far from the best it can be.
+
+use super::excite::progress;
+use super::plan_csv::{STEP_S, csv};
+use super::plan_figure::{View, draw};
+use super::{Outcome, print};
+use crate::output::{OutputFolder, RUN_RECORD, unused};
+use crate::planning_presets::{PrimitiveRules, rattle_rrt};
+use crate::scenario::{PlanningProblem, ScenarioSource};
+use crate::simulator::planar_part;
+use crate::worlds::WorldPreset;
+use crate::{AstrobeeError, log};
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use tumble_dynamics::World;
+use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
+use tumble_planning::collision::{Blocker, EllipsoidWorld, MovingObstacle};
+use tumble_planning::global::{
+    FlightPlanner, GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Obstruction, PrimitiveRrt, Status, Until,
+};
+use tumble_planning::{ArcPath, Budget, DoubleIntegrator, PlanningError};
+
+/// Options of `tumble plan`.
+#[derive(Args)]
+#[command(after_help = "\
+Exit codes: 0 for a plan; 2 for an error; 3 where there is no plan, or none was found: what blocks is named.
+docs/planning.md describes the answer and the files, docs/scenarios.md the scenario.
+
+Examples:
+  tumble plan iss-slalom                        a plan, a bound on what any plan costs, and pictures
+  tumble plan granite-room --obstacle-set 2     other obstacles of the same place
+  tumble plan iss-gap --first --seed 7          end with the first plan that holds
+  tumble plan my.toml --objective impulse --time-limit 10")]
+pub struct PlanArgs {
+    /// A scenario file, or the name of an embedded one (`tumble scenario list`).
+    scenario: String,
+    /// Obstacles of the place, 0 to 4; instead of the scenario's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    obstacle_set: Option<u8>,
+    /// All chance follows from it; instead of the scenario's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<u64>,
+    /// What is to be least.
+    #[arg(long, value_enum, default_value_t = ObjectiveName::Duration)]
+    objective: ObjectiveName,
+    /// How it is looked for.
+    #[arg(long, value_enum, default_value_t = PlannerName::Flight)]
+    planner: PlannerName,
+    /// Work to be done: one unit is about one check of one edge [default: 100000, about a second].
+    #[arg(long, value_name = "UNITS", allow_negative_numbers = true, conflicts_with = "time_limit")]
+    budget: Option<u64>,
+    /// Time to be spent instead, s, at most 86400: the answer then depends on the machine.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    time_limit: Option<f64>,
+    /// End with the first plan that holds.
+    #[arg(long)]
+    first: bool,
+    /// Folder to write [default: tumble-out/plan-SCENARIO-SEED, numbered where it exists].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Replace an earlier result.
+    #[arg(long)]
+    force: bool,
+    /// Print one JSON object and nothing else on stdout.
+    #[arg(long)]
+    json: bool,
+}
+
+/// See [`Objective`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ObjectiveName {
+    /// The duration, s.
+    Duration,
+    /// The impulse, N s: the integral of the sum of the force's absolute components.
+    Impulse,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PlannerName {
+    /// Exact edges, better plans for as long as the budget lasts, a bound.
+    Flight,
+    /// The thesis's: motion primitives, the first plan; every edge checked all along.
+    ThesisRrt,
+}
+
+/// Units granted unless said otherwise.
+const BUDGET_UNITS: u64 = 100_000;
+/// Longest search, s.
+const LONGEST_S: f64 = 86_400.0;
+/// Pieces of an arc over which its way and impulse are added up.
+const PIECES: usize = 64;
+
+/// What the pictures show.
+#[derive(Clone, Copy)]
+pub(super) struct Drawn<'a> {
+    pub title: &'a str,
+    pub problem: &'a PlanningProblem,
+    pub answer: &'a GlobalAnswer,
+}
+
+/// A budget of units or of time, and when how much of it was spent.
+struct WatchedBudget {
+    units: Option<u64>,
+    time: Option<Duration>,
+    clock: Instant,
+    spent: u64,
+    /// Units and time, s; each at one part in sixty-four more units than the one before.
+    marks: Vec<(u64, f64)>,
+    is_over: bool,
+}
+
+impl WatchedBudget {
+    fn new(units: Option<u64>, time: Option<Duration>) -> Self {
+        Self { units, time, clock: Instant::now(), spent: 0, marks: Vec::new(), is_over: false }
+    }
+
+    /// When so many units were spent, s.
+    fn time_of(&self, units: u64) -> Option<f64> {
+        self.marks.iter().find(|(spent, _)| *spent >= units).or(self.marks.last()).map(|(_, time_s)| *time_s)
+    }
+}
+
+impl Budget for WatchedBudget {
+    fn spend(&mut self, units: u64) -> bool {
+        let spent = self.spent.saturating_add(units);
+        self.is_over |= self.units.is_some_and(|most| spent > most);
+        self.is_over |= self.time.is_some_and(|most| self.clock.elapsed() >= most);
+        if self.is_over {
+            return false;
+        }
+        self.spent = spent;
+        if self.marks.last().is_none_or(|(marked, _)| spent > marked + marked / 64) {
+            self.marks.push((spent, self.clock.elapsed().as_secs_f64()));
+        }
+        true
+    }
+}
+
+/// Wall times, s.
+struct Times {
+    total_s: f64,
+    first_s: Option<f64>,
+}
+
+/// What a plan amounts to.
+struct Measures {
+    duration_s: f64,
+    impulse_n_s: f64,
+    length_m: f64,
+    top_speed_m_s: f64,
+    turned_rad: f64,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`AstrobeeError`] for bad input.
+pub fn run(args: &PlanArgs) -> Result<Outcome, AstrobeeError> {
+    let mut source = ScenarioSource::find(&args.scenario)?;
+    if let Some(seed) = args.seed {
+        source.scenario.seed = seed;
+    }
+    if let Some(set) = args.obstacle_set {
+        source.scenario.obstacle_set = Some(set);
+    }
+    let mut budget = budget(args)?;
+    let problem = source.planning_problem()?;
+    let (name, seed) = (source.scenario.name.clone(), source.scenario.seed);
+    let place = match &args.out {
+        Some(path) => path.clone(),
+        None => unused(&Path::new("tumble-out").join(format!("plan-{name}-{seed}"))),
+    };
+    // Whether the result can be written, before it is worked for; whoever interrupts the work then leaves nothing behind.
+    drop(OutputFolder::create(&place, args.force)?);
+
+    progress("planning ...");
+    let answer = solve(args, &problem, seed, &mut budget);
+    progress("");
+    let answer = answer?;
+    let times = Times {
+        total_s: budget.clock.elapsed().as_secs_f64(),
+        first_s: answer.history.first().and_then(|first| budget.time_of(first.units)),
+    };
+
+    let folder = OutputFolder::create(&place, args.force)?;
+    let summary = summary(args, &source, &problem, &answer);
+    write_files(&folder, &source, &problem, &answer, &summary, &times)?;
+    let place = folder.finish()?;
+    if args.json {
+        let mut printed = summary;
+        printed["first_plan_wall_s"] = times.first_s.into();
+        printed["wall_s"] = times.total_s.into();
+        printed["folder"] = place.display().to_string().into();
+        print(&format!("{printed}\n"))?;
+    } else {
+        print(&table(args, &source, &problem, &answer, &times))?;
+    }
+    eprintln!("wrote {}", place.display());
+    let Some((reason, remedy)) = refusal(&problem, &answer) else { return Ok(Outcome::Achieved) };
+    eprintln!("no plan: {reason}\n  remedy: {remedy}");
+    Ok(Outcome::NotAchieved)
+}
+
+fn budget(args: &PlanArgs) -> Result<WatchedBudget, AstrobeeError> {
+    let refused = |message: String| Err(AstrobeeError::BadOption { message });
+    match (args.time_limit, args.budget) {
+        (Some(limit_s), _) if limit_s > 0.0 && limit_s <= LONGEST_S => {
+            Ok(WatchedBudget::new(None, Some(Duration::from_secs_f64(limit_s))))
+        }
+        (Some(limit_s), _) => refused(format!("`--time-limit {limit_s}`: more than 0 s and at most {LONGEST_S} s")),
+        (None, Some(0)) => refused("`--budget 0`: at least one unit".to_owned()),
+        (None, units) => Ok(WatchedBudget::new(Some(units.unwrap_or(BUDGET_UNITS)), None)),
+    }
+}
+
+/// The obstacles of a problem in the order in which the collision world numbers them: those at rest, then the others.
+fn numbered(problem: &PlanningProblem) -> Vec<usize> {
+    let moving = problem.obstacle_motions.iter().map(|motion| motion.obstacle);
+    let is_moving = |index: &usize| problem.obstacle_motions.iter().any(|motion| motion.obstacle == *index);
+    (0..problem.world.obstacles.len()).filter(|index| !is_moving(index)).chain(moving).collect()
+}
+
+fn collision_world(problem: &PlanningProblem) -> Result<EllipsoidWorld, PlanningError> {
+    let still = numbered(problem);
+    let still = still.iter().take(still.len() - problem.obstacle_motions.len());
+    let at_rest = World {
+        obstacles: still.filter_map(|index| problem.world.obstacles.get(*index).copied()).collect(),
+        ..problem.world.clone()
+    };
+    let moving = problem.obstacle_motions.iter().filter_map(|motion| {
+        let ellipsoid = *problem.world.obstacles.get(motion.obstacle)?;
+        let obstacle = MovingObstacle::at_rest(ellipsoid).drifting(motion.velocity_world, 0.0);
+        Some(obstacle.present(motion.appear_s, motion.vanish_s))
+    });
+    EllipsoidWorld::new(&at_rest)?.with_obstacles(moving)
+}
+
+fn solve(
+    args: &PlanArgs,
+    problem: &PlanningProblem,
+    seed: u64,
+    budget: &mut WatchedBudget,
+) -> Result<GlobalAnswer, PlanningError> {
+    let world = collision_world(problem)?;
+    let request = GlobalRequest {
+        world: &world,
+        body: &problem.body,
+        start: problem.start,
+        attitude: problem.attitude,
+        start_s: 0.0,
+        goal: problem.goal,
+        limits: problem.limits,
+        belief: &problem.belief,
+        objective: match args.objective {
+            ObjectiveName::Duration => Objective::Duration,
+            ObjectiveName::Impulse => Objective::Impulse,
+        },
+        margin_m: problem.margin_m,
+        until: if args.first { Until::FirstPlan } else { Until::BudgetSpent },
+        seed,
+    };
+    budget.clock = Instant::now();
+    match args.planner {
+        PlannerName::Flight => FlightPlanner::default().plan(&request, budget),
+        PlannerName::ThesisRrt => thesis_planner(problem)?.plan(&request, budget),
+    }
+}
+
+/// The thesis's planner with RATTLE's numbers, those of the station where RATTLE was not flown.
+fn thesis_planner(problem: &PlanningProblem) -> Result<PrimitiveRrt<DoubleIntegrator>, PlanningError> {
+    rattle_rrt(problem.place, PrimitiveRules::Continuous)
+        .or_else(|| rattle_rrt(WorldPreset::Iss, PrimitiveRules::Continuous))
+        .unwrap_or(Err(PlanningError::Unsupported { query: "be planned in by the thesis's planner" }))
+}
+
+fn path_of(answer: &GlobalAnswer) -> Option<&ArcPath> {
+    answer.plan.as_ref().map(|plan| &plan.trajectory)
+}
+
+fn measures(path: &ArcPath, mass_kg: f64) -> Measures {
+    let mut found = Measures {
+        duration_s: path.duration_s(),
+        impulse_n_s: 0.0,
+        length_m: 0.0,
+        top_speed_m_s: 0.0,
+        turned_rad: 0.0,
+    };
+    for arc in path.arcs() {
+        let at = |piece: usize| arc.translation(arc.duration_s * piece as f64 / PIECES as f64).0;
+        for piece in 0..PIECES {
+            let (from, to) = (at(piece), at(piece + 1));
+            found.length_m += (to.position - from.position).norm();
+            found.impulse_n_s += mass_kg * (to.velocity - from.velocity).abs().sum();
+            found.top_speed_m_s = found.top_speed_m_s.max(from.velocity.norm()).max(to.velocity.norm());
+        }
+        found.turned_rad += arc.turn(arc.duration_s).0.abs();
+    }
+    found
+}
+
+/// How far the cost may be from the least there is, as a share of the cost.
+fn gap(answer: &GlobalAnswer) -> Option<f64> {
+    (answer.plan.is_some() && answer.cost > 0.0).then(|| ((answer.cost - answer.lower_bound) / answer.cost).max(0.0))
+}
+
+fn metres(vector: &Vector3<f64>) -> String {
+    format!("({:.2}, {:.2}, {:.2})", vector.x, vector.y, vector.z)
+}
+
+/// What a blocker is, for people.
+fn named(problem: &PlanningProblem, blocker: Blocker) -> String {
+    match blocker {
+        Blocker::Obstacle(number) => {
+            let index = numbered(problem).get(number).copied().unwrap_or(number);
+            let center = problem.world.obstacles.get(index).map(|o| metres(&o.world_from_ellipsoid.translation.vector));
+            format!("obstacle {index} at {} m", center.unwrap_or_default())
+        }
+        Blocker::KeepOut(index) => {
+            let corners = problem.world.keep_out.get(index);
+            let corners = corners.map(|b| format!("{} to {}", metres(&b.lower_world), metres(&b.upper_world)));
+            format!("keep-out box {index} from {} m", corners.unwrap_or_default())
+        }
+        Blocker::KeepIn => "the end of the keep-in volume".to_owned(),
+        _ => "something".to_owned(),
+    }
+}
+
+fn listed(problem: &PlanningProblem, blockers: &[Blocker]) -> String {
+    let names: Vec<String> = blockers.iter().map(|blocker| named(problem, *blocker)).collect();
+    if names.is_empty() { "nothing in particular".to_owned() } else { names.join("; ") }
+}
+
+/// Why there is no plan, and what can be done; `None` where there is one.
+fn refusal(problem: &PlanningProblem, answer: &GlobalAnswer) -> Option<(String, &'static str)> {
+    Some(match &answer.status {
+        Status::Optimal | Status::Feasible => return None,
+        Status::BudgetSpent(blockers) => (
+            format!("none was found in {} units; most in the way: {}", answer.units, listed(problem, blockers)),
+            "more `--budget` or `--time-limit`, another `--seed`; that there is none is not proven",
+        ),
+        Status::Infeasible(obstruction) => match obstruction {
+            Obstruction::StartBlocked { blocker, clearance_m } => (
+                format!("the robot starts in {} ({clearance_m:.3} m from it)", named(problem, *blocker)),
+                "move `[start]` or what is in the way, or make `robot_radius_m`, `[[plan.body]]` or `plan.margin_m` smaller",
+            ),
+            Obstruction::GoalBlocked { blocker, clearance_m } => (
+                format!("the goal lies in {} ({clearance_m:.3} m from it)", named(problem, *blocker)),
+                "move `[goal]` or what is in the way, widen `plan.goal_radius_m`, or make `robot_radius_m`, `[[plan.body]]` or \
+                 `plan.margin_m` smaller",
+            ),
+            Obstruction::Enclosed { blockers } => (
+                format!("no way leads to the goal; it is walled off by: {}", listed(problem, blockers)),
+                "take one of these away, widen `plan.position_lower_m` and `plan.position_upper_m`, or make the body or \
+                 `plan.margin_m` smaller",
+            ),
+            Obstruction::OutsideLimits { what, value, limit } => (
+                format!("{what}: {value}, the limit is {limit}"),
+                "correct `[start]`, `[goal]` or the limit in `[plan]`",
+            ),
+            Obstruction::LimitTooSmall { what, axis, value } => (
+                format!(
+                    "the limit `{what}` along {} is {value}, which allows no motion there",
+                    ["x", "y", "z"].get(*axis).unwrap_or(&"?")
+                ),
+                "raise this limit in `[plan]`",
+            ),
+            other => (format!("{other:?}"), "correct `[plan]`, `[start]` or `[goal]`"),
+        },
+    })
+}
+
+fn status_name(status: &Status) -> &'static str {
+    match status {
+        Status::Optimal => "optimal",
+        Status::Feasible => "feasible",
+        Status::Infeasible(_) => "infeasible",
+        Status::BudgetSpent(_) => "budget-spent",
+    }
+}
+
+/// Everyone who stands in the way.
+fn blockers(answer: &GlobalAnswer) -> Vec<Blocker> {
+    match &answer.status {
+        Status::BudgetSpent(blockers) | Status::Infeasible(Obstruction::Enclosed { blockers }) => blockers.clone(),
+        Status::Infeasible(Obstruction::StartBlocked { blocker, .. } | Obstruction::GoalBlocked { blocker, .. }) => {
+            vec![*blocker]
+        }
+        _ => Vec::new(),
+    }
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+fn triple(vector: &Vector3<f64>) -> [f64; 3] {
+    (*vector).into()
+}
+
+fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
+    [rotation.i, rotation.j, rotation.k, rotation.w]
+}
+
+fn value_name(value: &impl ValueEnum) -> String {
+    value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+}
+
+/// `plan.json`: no wall time, so that the same seed gives the same bytes.
+fn summary(args: &PlanArgs, source: &ScenarioSource, problem: &PlanningProblem, answer: &GlobalAnswer) -> Value {
+    let path = path_of(answer);
+    let mass_kg = problem.belief.parameters().mass;
+    let measured = path.map(|path| measures(path, mass_kg));
+    let mut begin_s = 0.0;
+    let arcs: Option<Vec<Value>> = path.map(|path| {
+        let arc = |arc: &tumble_planning::BodyArc| {
+            let start_s = begin_s;
+            begin_s += arc.duration_s;
+            json!({
+                "start_s": start_s,
+                "duration_s": arc.duration_s,
+                "position_m": arc.position.map(|coefficient| triple(&coefficient)),
+                "quaternion_xyzw": xyzw(&arc.attitude),
+                "axis_body": triple(&arc.axis_body),
+                "angle_rad": arc.angle,
+            })
+        };
+        path.arcs().iter().map(arc).collect()
+    });
+    let refused = refusal(problem, answer);
+    json!({
+        "format": 1,
+        "scenario": source.scenario.name,
+        "seed": source.scenario.seed,
+        "world": problem.place.name(),
+        "obstacle_set": source.scenario.obstacle_set,
+        "planner": value_name(&args.planner),
+        "objective": value_name(&args.objective),
+        "status": status_name(&answer.status),
+        "reason": refused.as_ref().map(|(reason, _)| reason),
+        "remedy": refused.as_ref().map(|(_, remedy)| remedy),
+        "blockers": blockers(answer).iter().map(|blocker| named(problem, *blocker)).collect::<Vec<_>>(),
+        "cost": finite(answer.cost),
+        "lower_bound": finite(answer.lower_bound),
+        "gap": gap(answer),
+        "duration_s": measured.as_ref().map(|m| m.duration_s),
+        "impulse_n_s": measured.as_ref().map(|m| m.impulse_n_s),
+        "length_m": measured.as_ref().map(|m| m.length_m),
+        "top_speed_m_s": measured.as_ref().map(|m| m.top_speed_m_s),
+        "turned_rad": measured.as_ref().map(|m| m.turned_rad),
+        "mass_kg": mass_kg,
+        "model_revision": answer.plan.as_ref().map(|plan| plan.model_revision),
+        "margin_m": problem.margin_m,
+        "goal": {
+            "position_m": triple(&problem.goal.position),
+            "radius_m": problem.goal.radius_m,
+            "speed_m_s": problem.goal.speed_m_s,
+            "quaternion_xyzw": problem.goal.attitude.as_ref().map(xyzw),
+        },
+        "limits": {
+            "position_lower_m": triple(&problem.limits.position.lower_world),
+            "position_upper_m": triple(&problem.limits.position.upper_world),
+            "speed_m_s": triple(&problem.limits.speed_m_s),
+            "force_n": triple(&problem.limits.force_n),
+            "torque_n_m": triple(&problem.limits.torque_n_m),
+            "rate_rad_s": problem.limits.rate_rad_s,
+        },
+        "units": answer.units,
+        "history": answer.history.iter().map(|step| json!({ "units": step.units, "cost": step.cost })).collect::<Vec<_>>(),
+        "tree_edges": answer.tree.len(),
+        "arcs": arcs,
+    })
+}
+
+fn write_files(
+    folder: &OutputFolder,
+    source: &ScenarioSource,
+    problem: &PlanningProblem,
+    answer: &GlobalAnswer,
+    summary: &Value,
+    times: &Times,
+) -> Result<(), AstrobeeError> {
+    folder.write("scenario.toml", &source.to_toml()?)?;
+    folder.write("plan.json", &format!("{summary:#}\n"))?;
+    if let Some(path) = path_of(answer) {
+        let body = problem.belief.parameters();
+        let body = if problem.place.is_planar() { planar_part(body) } else { *body };
+        folder.write("plan.csv", &csv(path, &body))?;
+    }
+    let title = format!("{}, seed {}: {}", source.scenario.name, source.scenario.seed, in_short(answer));
+    let drawn = Drawn { title: &title, problem, answer };
+    folder.write("plan_top.svg", &draw(&drawn, View::Top))?;
+    folder.write("plan_side.svg", &draw(&drawn, View::Side))?;
+    let timings = json!({ "format": 1, "first_plan_wall_s": times.first_s, "wall_s": times.total_s });
+    folder.write("timings.json", &format!("{timings:#}\n"))?;
+    let options: Vec<String> = std::env::args().skip(1).collect();
+    let run = json!({
+        "format": 1,
+        "version": env!("CARGO_PKG_VERSION"),
+        "commit": option_env!("TUMBLE_COMMIT"),
+        "command": "plan",
+        "configuration": options,
+        "seed": source.scenario.seed,
+        "input_hash": { "scenario": log::hash(&folder.file("scenario.toml"))? },
+    });
+    folder.write(RUN_RECORD, &run.to_string())
+}
+
+fn in_short(answer: &GlobalAnswer) -> String {
+    match (&answer.status, path_of(answer)) {
+        (Status::Infeasible(_), _) => "there is no plan".to_owned(),
+        (_, None) => "no plan was found".to_owned(),
+        (_, Some(path)) => format!("{:.1} s", path.duration_s()),
+    }
+}
+
+fn table(
+    args: &PlanArgs,
+    source: &ScenarioSource,
+    problem: &PlanningProblem,
+    answer: &GlobalAnswer,
+    times: &Times,
+) -> String {
+    let mut text = String::new();
+    let _ = writeln!(text, "plan for {}, seed {}", source.scenario.name, source.scenario.seed);
+    let mut line = |what: &str, value: String| {
+        let _ = writeln!(text, "  {what:<16}{value}");
+    };
+    let World { keep_in, keep_out, obstacles } = &problem.world;
+    let set = source.scenario.obstacle_set.map_or_else(String::new, |set| format!(", obstacle set {set}"));
+    let boxes = format!("{} keep-in and {} keep-out boxes", keep_in.len(), keep_out.len());
+    line("world", format!("{}{set}: obstacles: {}, {boxes}", problem.place.name(), obstacles.len()));
+    let mass_kg = problem.belief.parameters().mass;
+    line(
+        "robot",
+        format!("{mass_kg:.3} kg, ellipsoids: {}, margin {} m", problem.body.parts().len(), problem.margin_m),
+    );
+    let unit = match args.objective {
+        ObjectiveName::Duration => "s",
+        ObjectiveName::Impulse => "N s",
+    };
+    let bound = finite(answer.lower_bound).map(|bound| format!("{bound:.3} {unit}"));
+    if let Some(path) = path_of(answer) {
+        let found = measures(path, mass_kg);
+        let is_optimal = answer.status == Status::Optimal;
+        line("plan", format!("{:.3} s in {} arcs, every edge checked all along", found.duration_s, path.arcs().len()));
+        line(
+            "way",
+            format!(
+                "{:.3} m, up to {:.3} m/s, turned by {:.3} rad",
+                found.length_m, found.top_speed_m_s, found.turned_rad
+            ),
+        );
+        line("impulse", format!("{:.3} N s", found.impulse_n_s));
+        let ended = if is_optimal { "; no plan is better" } else { "" };
+        line("cost", format!("{:.3} {unit} ({}){ended}", answer.cost, value_name(&args.objective)));
+        line("lower bound", format!("{}: no plan costs less", bound.unwrap_or_default()));
+        line("gap", format!("{:.2} % of the cost at most", 100.0 * gap(answer).unwrap_or(0.0)));
+        if let (Some(first), Some(first_s)) = (answer.history.first(), times.first_s) {
+            line(
+                "first plan",
+                format!("{:.3} {unit} after {:.2} ms, {} units", first.cost, 1e3 * first_s, first.units),
+            );
+        }
+    } else {
+        line(
+            "plan",
+            if matches!(answer.status, Status::Infeasible(_)) { "there is none" } else { "none was found" }.to_owned(),
+        );
+        if let Some(bound) = bound {
+            line("lower bound", format!("{bound}: no plan costs less"));
+        }
+    }
+    line(
+        "searched",
+        format!("{:.1} ms, {} units, {} edges in the tree", 1e3 * times.total_s, answer.units, answer.tree.len()),
+    );
+    line("rows", format!("every {STEP_S} s and at the ends of arcs (plan.csv)"));
+    text
+}
