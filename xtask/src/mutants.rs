@@ -1474,6 +1474,48 @@ const MUTANTS: &[Mutant] = &[
         replacement: "is_none_or(|(least, _)| distance > *least)",
         test: "-p tumble-planning --test planted_defects_planners",
     },
+    Mutant {
+        name: "parry: the distance of two points for that of two planes",
+        file: "crates/planning/src/collision/parry/piece.rs",
+        original: "bounds.lower_m = bounds.lower_m.max(-next.point.dot(toward));",
+        replacement: "bounds.lower_m = bounds.lower_m.max(distance_m);",
+        test: "-p tumble-planning --features parry --test parry_world",
+    },
+    Mutant {
+        name: "parry: the layer of one piece only",
+        file: "crates/planning/src/collision/parry/piece.rs",
+        original: "let layers_m = a.layer_m + b.layer_m;",
+        replacement: "let layers_m = a.layer_m;",
+        test: "-p tumble-planning --features parry --test parry_world",
+    },
+    Mutant {
+        name: "parry: a reach without the layer",
+        file: "crates/planning/src/collision/parry/piece.rs",
+        original: "sphere.center.length() + sphere.radius) + layer_m;",
+        replacement: "sphere.center.length() + sphere.radius);",
+        test: "-p tumble-planning --features parry --test parry_world",
+    },
+    Mutant {
+        name: "parry: a turned box with its old extents",
+        file: "crates/planning/src/collision/parry.rs",
+        original: "let half_extent = turned.abs() * ((upper - lower) * 0.5);",
+        replacement: "let half_extent = (upper - lower) * 0.5;",
+        test: "-p tumble-planning --features parry --test parry_world",
+    },
+    Mutant {
+        name: "parry: what lasts taken for as near as it may be",
+        file: "crates/planning/src/collision/parry.rs",
+        original: "distance_m: nearest.upper_m, nearest",
+        replacement: "distance_m: nearest.lower_m, nearest",
+        test: "-p tumble-planning --features parry --test parry_world",
+    },
+    Mutant {
+        name: "parry: overlaps measured from one side only",
+        file: "crates/planning/src/collision/parry/piece.rs",
+        original: "for first in [centers, Vector::X, Vector::Y, Vector::Z, -Vector::X, -Vector::Y, -Vector::Z] {",
+        replacement: "for first in [centers] {",
+        test: "-p tumble-planning --features parry --test parry_world",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

@@ -280,15 +280,17 @@ fn a_mesh_is_a_surface_and_a_hull_a_solid() {
 fn layers_and_cylinders_have_their_closed_forms() {
     let world = ParryWorld::new(&[(Pose::identity(), SharedShape::cylinder(1.0, 0.5))]).unwrap();
     let body = alone(&SharedShape::capsule_y(0.2, 0.1));
-    let clearance_m = |x: f64, y: f64, z: f64| {
-        let pose = Pose::from_parts(Vector3::new(x, y, z).into(), UnitQuaternion::identity());
-        world.clearance(&body, &pose, 0.0).unwrap().distance_m
-    };
     // Beside, above, off the rim, and within the wall.
-    assert!((clearance_m(0.6, 0.3, 0.8) - 0.4).abs() < 1e-6);
-    assert!((clearance_m(0.1, 1.5, 0.2) - 0.2).abs() < 1e-6);
-    assert!((clearance_m(0.8, 1.6, 0.0) - (0.5 - 0.1)).abs() < 1e-6);
-    assert!((clearance_m(0.0, 0.1, 0.45) + 0.15).abs() < 1e-6);
+    let rim_m = f64::hypot(0.3, 0.4) - 0.1;
+    for (x, y, z, expected_m) in
+        [(0.6, 0.3, 0.8, 0.4), (0.1, 1.5, 0.2, 0.2), (0.48, 1.6, 0.64, rim_m), (0.0, 0.1, 0.45, -0.15)]
+    {
+        let pose = Pose::from_parts(Vector3::new(x, y, z).into(), UnitQuaternion::identity());
+        let lower_m = world.clearance(&body, &pose, 0.0).unwrap().distance_m;
+        let upper_m = world.lasting_clearance(&body, &pose, 0.0).unwrap().distance_m;
+        assert!(lower_m > expected_m - PARRY_TOLERANCE && lower_m <= expected_m + 1e-12, "{lower_m} {expected_m}");
+        assert!(upper_m < expected_m + PARRY_TOLERANCE && upper_m >= expected_m - 1e-12, "{upper_m} {expected_m}");
+    }
     assert!((world.reach_m(&body) - 0.3).abs() < 1e-12);
     assert!(!world.is_round(&body) && world.is_round(&alone(&SharedShape::ball(0.1))));
 }
