@@ -291,6 +291,17 @@ fn layers_and_cylinders_have_their_closed_forms() {
         assert!(lower_m > expected_m - PARRY_TOLERANCE && lower_m <= expected_m + 1e-12, "{lower_m} {expected_m}");
         assert!(upper_m < expected_m + PARRY_TOLERANCE && upper_m >= expected_m - 1e-12, "{upper_m} {expected_m}");
     }
+    let (ball, mut draws) = (alone(&SharedShape::ball(0.1)), Draws::new(8));
+    for _ in 0..2000 {
+        let pose = draws.pose(2.0);
+        let at = pose.translation.vector;
+        let (beside, above) = (f64::hypot(at.x, at.z) - 0.5, at.y.abs() - 1.0);
+        let expected_m = f64::hypot(beside.max(0.0), above.max(0.0)) + beside.max(above).min(0.0) - 0.1;
+        let lower_m = world.clearance(&ball, &pose, 0.0).unwrap().distance_m;
+        let upper_m = world.lasting_clearance(&ball, &pose, 0.0).unwrap().distance_m;
+        assert!(lower_m <= expected_m + 1e-13 && expected_m <= upper_m + 1e-13, "{lower_m} {expected_m} {upper_m}");
+        assert!(upper_m - lower_m <= 2.0 * PARRY_TOLERANCE);
+    }
     assert!((world.reach_m(&body) - 0.3).abs() < 1e-12);
     assert!(!world.is_round(&body) && world.is_round(&alone(&SharedShape::ball(0.1))));
 }

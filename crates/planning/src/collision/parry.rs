@@ -72,9 +72,14 @@ impl ParryBody {
 /// as what is without, so that a mesh may be the hull of a room. For a solid take a convex hull or a compound of convex
 /// parts (`SharedShape::convex_decomposition`). Clearances in an overlap are the depth of the deepest pair of convex parts.
 ///
-/// Parry's iterations end within a tolerance that nothing guards. Its answers are therefore taken for directions only,
-/// and the clearance is the gap between two planes across the direction, which is never more than the distance; an
-/// answer that falls short by more than [`PARRY_TOLERANCE`] is an error.
+/// Parry's iterations end within a tolerance that nothing guards. What they find is therefore taken for a direction only:
+/// the clearance is the gap between two planes across it that touch the shapes, which is never more than the distance. Where
+/// it falls short by more than [`PARRY_TOLERANCE`] and the shapes are not certain to overlap, that is an error. Of an
+/// overlap the depth may, rarely and for cylinders and cones only as far as known, be overstated: the clearance then changes
+/// by more than the origin moves, and the lasting clearance is the one that does not.
+///
+/// Among 110 000 random pairs of ten kinds of shapes one depth was overstated; of pairs without cylinders and cones no
+/// clearance fell short by more than 1e-9 m. A query costs microseconds where the world of ellipsoids takes a fraction of one.
 #[derive(Clone)]
 pub struct ParryWorld {
     /// Pieces with the index of their shape.
