@@ -12,6 +12,8 @@ mod half_space;
 mod keep_in;
 mod margin;
 mod obstacle;
+#[cfg(feature = "parry")]
+mod parry;
 pub(crate) mod polynomial;
 mod sphere;
 mod sweep;
@@ -25,6 +27,8 @@ pub use ellipsoid::Ellipsoid;
 pub use half_space::{HalfSpace, ellipsoid_to_half_space, sphere_to_half_space};
 pub use keep_in::{KEEP_IN_GAP_M, keep_in_complement};
 pub use margin::{ScalingMargin, scaling_margin};
+#[cfg(feature = "parry")]
+pub use parry::{PARRY_TOLERANCE, ParryBody, ParryWorld};
 pub use sphere::{Sphere, ellipsoid_to_point, ellipsoid_to_sphere, sphere_to_sphere};
 pub use world::{EllipsoidWorld, MovingObstacle};
 
