@@ -1529,6 +1529,8 @@ const MUTANTS: &[Mutant] = &[
         original: "let residual = RESIDUAL * slab.width_m.abs() + noise;",
         replacement: "let residual = RESIDUAL;",
         test: "-p tumble-planning --test equivariance",
+    },
+    Mutant {
         name: "parry: the distance of two points for that of two planes",
         file: "crates/planning/src/collision/parry/piece.rs",
         original: "bounds.lower_m = bounds.lower_m.max(-next.point.dot(toward));",
