@@ -37,7 +37,7 @@ use tumble_lie::Pose;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Blocker {
-    /// The obstacle with this index.
+    /// The obstacle with this index: in [`EllipsoidWorld`] those of the world first, then those added, in their order.
     Obstacle(usize),
     /// The keep-out box with this index.
     KeepOut(usize),
@@ -148,7 +148,7 @@ impl BodyShape {
     /// A union of ellipsoids.
     ///
     /// # Errors
-    /// No parts, or semi-axes that are not positive and finite.
+    /// No parts, semi-axes that are not positive and finite, a pose that is not finite.
     pub fn try_new(parts: Vec<BodyEllipsoid>) -> Result<Self, PlanningError> {
         if parts.is_empty() {
             return Err(PlanningError::NoBody);
@@ -159,6 +159,9 @@ impl BodyShape {
             }
             for coordinate in &part.body_from_ellipsoid.translation.vector {
                 crate::error::finite("the centre of a part of the body", *coordinate)?;
+            }
+            for component in &part.body_from_ellipsoid.rotation.coords {
+                crate::error::finite("the attitude of a part of the body", *component)?;
             }
         }
         Ok(Self { parts })
