@@ -70,16 +70,6 @@ pub enum PlanningError {
     /// A body without parts.
     #[error("the body has no parts: nothing can be checked for collision")]
     NoBody,
-    /// An ellipsoid so thin, or a pair so unlike in size, that no answer could be certified.
-    #[error("semi-axes {smallest} and {largest} m differ by more than the factor {factor} that can be certified")]
-    TooUnlike {
-        /// Smallest semi-axis, m.
-        smallest: f64,
-        /// Largest semi-axis, m.
-        largest: f64,
-        /// Largest accepted ratio.
-        factor: f64,
-    },
     /// The back end cannot answer this query.
     #[error("this collision world cannot {query}")]
     Unsupported {

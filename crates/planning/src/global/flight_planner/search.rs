@@ -172,7 +172,8 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
     /// What an arc adds to the cost.
     pub fn cost(&self, arcs: &[BodyArc]) -> f64 {
         match self.request.objective {
-            Objective::Duration => arcs.iter().map(|arc| arc.duration_s).sum(),
+            // an empty sum is minus zero
+            Objective::Duration => arcs.iter().map(|arc| arc.duration_s).sum::<f64>() + 0.0,
             Objective::Impulse => {
                 let mass_kg = self.request.belief.parameters().mass;
                 mass_kg * arcs.iter().map(|arc| 2.0 * arc.position[2].abs().sum() * arc.duration_s).sum::<f64>()
