@@ -41,7 +41,7 @@ use tumble_lie::Pose;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Blocker {
-    /// The obstacle with this index.
+    /// The obstacle with this index: in [`EllipsoidWorld`] those of the world first, then those added, in their order.
     Obstacle(usize),
     /// The keep-out box with this index.
     KeepOut(usize),

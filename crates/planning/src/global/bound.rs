@@ -13,7 +13,6 @@ mod survey;
 mod turning;
 
 pub(super) use grid::{acceleration_m_s2, not_negative};
-pub(super) use survey::lasting_clearance;
 
 use super::diagnosis::check_numbers;
 use super::{GlobalRequest, Objective, Obstruction};
@@ -24,7 +23,7 @@ use crate::motion::TranslationState;
 use grid::Grid;
 use least_time::{least_time, least_time_from};
 use nalgebra::Vector3;
-use survey::{Cell, Level, NEVER, Stop, Survey};
+use survey::{Cell, Level, NEVER, Stop, Survey, lasting_clearance};
 
 /// Cells of the first grid.
 const FIRST_CELLS: f64 = 1000.0;

@@ -1,10 +1,10 @@
 //! What can be said of a problem without a search.
 
-use super::bound::{acceleration_m_s2, lasting_clearance, not_negative};
+use super::bound::{acceleration_m_s2, not_negative};
 use super::{GlobalRequest, Obstruction};
-use crate::collision::CollisionWorld;
+use crate::collision::{Clearance, CollisionWorld};
 use crate::error::{PlanningError, moderate, zero_or_moderate};
-use nalgebra::{Translation3, Vector3};
+use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use tumble_lie::Pose;
 
 /// Cells along each axis of the box around the goal region.
@@ -12,7 +12,8 @@ const CELLS: u32 = 10;
 
 /// Why there certainly is no plan, where that shows at the start, at the goal region or in the limits.
 ///
-/// `None` says nothing: the way between may still be closed, see [`super::RouteBound`].
+/// `None` says nothing: the way between may still be closed, see [`super::RouteBound`]. The goal of a body that may arrive with
+/// another attitude than it starts with is never called blocked.
 ///
 /// # Errors
 /// Numbers that are not finite or have the wrong sign; what the world cannot answer.
@@ -101,12 +102,24 @@ fn outside_limits<W: CollisionWorld + ?Sized>(
     Ok(None)
 }
 
+/// The attitude that the body certainly arrives with, or one as good; `None` where it may turn to another.
+fn arrival_attitude<W: CollisionWorld + ?Sized>(request: &GlobalRequest<'_, W>) -> Option<UnitQuaternion<f64>> {
+    let can_turn = request.limits.rate_rad_s > 0.0 && request.limits.torque_n_m.max() > 0.0;
+    let is_held = !can_turn || request.world.is_round(request.body);
+    request.goal.attitude.or(is_held.then_some(request.attitude))
+}
+
 /// The goal region is blocked where every cell of a grid over it certainly is, for all times.
 fn goal_blocked<W: CollisionWorld + ?Sized>(
     request: &GlobalRequest<'_, W>,
 ) -> Result<Option<Obstruction>, PlanningError> {
     let (goal, margin_m) = (&request.goal, request.margin_m);
-    let (clearance_m, nearest) = lasting_clearance(request, &goal.position)?;
+    let Some(attitude) = arrival_attitude(request) else { return Ok(None) };
+    let lasting_clearance = |position: &Vector3<f64>| {
+        let world_from_body = Pose::from_parts(Translation3::from(*position), attitude);
+        request.world.lasting_clearance(request.body, &world_from_body, request.start_s)
+    };
+    let Clearance { distance_m: clearance_m, nearest } = lasting_clearance(&goal.position)?;
     let Some(blocker) = nearest.filter(|_| clearance_m < margin_m) else { return Ok(None) };
     let blocked = Ok(Some(Obstruction::GoalBlocked { blocker, clearance_m }));
     if goal.radius_m == 0.0 || clearance_m + goal.radius_m * (1.0 + 1e-9) < margin_m {
@@ -125,7 +138,7 @@ fn goal_blocked<W: CollisionWorld + ?Sized>(
                 let center = lower + (place + Vector3::repeat(0.5)).component_mul(&edges);
                 let away_m = f64::sqrt((center - goal.position).norm_squared());
                 let is_in_reach = away_m <= (goal.radius_m + half_diagonal_m) * (1.0 + 1e-9);
-                if is_in_reach && lasting_clearance(request, &center)?.0 + half_diagonal_m >= margin_m {
+                if is_in_reach && lasting_clearance(&center)?.distance_m + half_diagonal_m >= margin_m {
                     return Ok(None);
                 }
             }
