@@ -1,5 +1,5 @@
-//! The same queries of a world of parry's shapes and of the world of ellipsoids: a ball among twenty balls and boxes, each
-//! time a thousand poses, or a hundred motions; and a capsule among a mesh of 1280 triangles.
+//! The same queries of a world of parry's shapes and of the world of ellipsoids: a ball among twenty balls and boxes,
+//! each time a thousand poses, or a hundred motions; and a capsule among a mesh of 1280 triangles.
 #![allow(missing_docs, clippy::unwrap_used)]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};

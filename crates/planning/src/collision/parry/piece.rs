@@ -222,9 +222,9 @@ impl Pair<'_> {
         CsoPoint::from_shapes(&self.a_from_b, self.a, self.b, direction)
     }
 
-    /// Looks for the difference nearest to the origin (Gilbert, Johnson, Keerthi). Where the simplex, close to the end, has
-    /// no better one to offer, it starts again from the best difference known. None where the cores overlap: the simplex is
-    /// then about the origin.
+    /// Looks for the difference nearest to the origin (Gilbert, Johnson, Keerthi). Where the simplex, close to the end,
+    /// has no better one to offer, it starts again from the best difference known. None where the cores overlap: the
+    /// simplex is then about the origin.
     fn approach(&self, first: Vector, limit_m: f64, simplex: &mut VoronoiSimplex) -> Option<Bounds> {
         let start = self.support(first);
         simplex.reset(start);
@@ -263,7 +263,8 @@ impl Pair<'_> {
         Some(bounds)
     }
 
-    /// Depth of an overlap (expanding polytope): parry's face gives the upper bound, the planes across it the lower one.
+    /// Depth of an overlap (expanding polytope): parry's face gives the upper bound, the planes across it the lower
+    /// one.
     fn depth(&self, simplex: &VoronoiSimplex) -> Bounds {
         let nothing = Bounds { lower_m: f64::NEG_INFINITY, upper_m: 0.0 };
         let found = EPA::new().closest_points(&self.a_from_b, self.a, self.b, simplex);
@@ -276,9 +277,9 @@ impl Pair<'_> {
 
 /// Bounds of the signed distance of two pieces; the upper one need not be close where the lower one is above `limit_m`.
 ///
-/// Whatever the search finds is only taken for a direction: the gap between two planes across it that touch the pieces is
-/// never more than their distance, and at the best direction it is the distance, apart or overlapping. Layers shorten it
-/// by their thickness, exactly.
+/// Whatever the search finds is only taken for a direction: the gap between two planes across it that touch the pieces
+/// is never more than their distance, and at the best direction it is the distance, apart or overlapping. Layers
+/// shorten it by their thickness, exactly.
 pub(super) fn signed_distance(a: &Piece, world_from_a: &Pose, b: &Piece, world_from_b: &Pose, limit_m: f64) -> Bounds {
     let pair = Pair { a: &a.core, b: &b.core, a_from_b: world_from_a.inv_mul(world_from_b) };
     let layers_m = a.layer_m + b.layer_m;
