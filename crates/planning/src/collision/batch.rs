@@ -8,7 +8,7 @@
 
 use super::world::{Entry, PosedPart};
 use super::{BodyShape, EllipsoidWorld, Sphere};
-use crate::error::{PlanningError, finite};
+use crate::error::{PlanningError, moderate, pose};
 use nalgebra::Vector3;
 use tumble_dynamics::AlignedBox;
 use tumble_lie::Pose;
@@ -241,11 +241,11 @@ impl EllipsoidWorld {
         limit_m: f64,
         clearances_m: &mut Vec<f64>,
     ) -> Result<(), PlanningError> {
-        finite("the mission time", time_s)?;
-        for pose in poses {
-            let numbers = pose.translation.vector.sum() + pose.rotation.coords.sum();
-            finite("the sum of a pose's numbers", numbers)?;
+        moderate("the mission time", time_s)?;
+        for one in poses {
+            pose(one)?;
         }
+        self.check_moved(time_s, time_s)?;
         clearances_m.clear();
         clearances_m.resize(poses.len(), limit_m);
         for part in body.parts() {

@@ -91,13 +91,26 @@ pub(super) fn unit(v: &Vector3<f64>) -> Option<Vector3<f64>> {
     (length > 0.0 && length < f64::INFINITY).then(|| v * (1.0 / length))
 }
 
+/// The columns, without an index that could be out of range.
+#[inline]
+fn columns(matrix: &Matrix3<f64>) -> [Vector3<f64>; 3] {
+    matrix.data.0.map(Vector3::from)
+}
+
 /// `matrix^-1 right` for a symmetric matrix, where it can be inverted.
 #[inline]
 fn solve_symmetric(matrix: &Matrix3<f64>, right: &Vector3<f64>) -> Option<Vector3<f64>> {
-    let [x, y, z] = [0, 1, 2].map(|column| Vector3::from(matrix.column(column)));
+    let [x, y, z] = columns(matrix);
     let (yz, zx, xy) = (y.cross(&z), z.cross(&x), x.cross(&y));
     let determinant = x.dot(&yz);
     (determinant > 0.0).then(|| Vector3::new(yz.dot(right), zx.dot(right), xy.dot(right)) * (1.0 / determinant))
+}
+
+#[inline]
+fn add_to_diagonal(matrix: &mut Matrix3<f64>, value: f64) {
+    matrix.m11 += value;
+    matrix.m22 += value;
+    matrix.m33 += value;
 }
 
 /// Two ellipsoids and what every evaluation of the slab needs.
@@ -167,9 +180,7 @@ impl<'a> Pair<'a> {
         // Both heights replaced by quadratic bounds that touch at this normal: the maximum moves to a wider slab.
         let [first, second] = self.shapes;
         let mut curvature = first * (1.0 / along.heights[0]) + second * (1.0 / along.heights[1]);
-        for axis in 0..3 {
-            curvature[(axis, axis)] += along.width_m.max(0.0);
-        }
+        add_to_diagonal(&mut curvature, along.width_m.max(0.0));
         let bent = solve_symmetric(&curvature, &self.offset).and_then(|v| unit(&v)).map(|normal| self.slab(normal));
         match bent {
             Some(bent) if bent.width_m > 0.0 => bent,
@@ -218,13 +229,12 @@ impl<'a> Pair<'a> {
             }
             // The depth has several local minima: near the short axes of either body, turned towards b.
             for body in [self.a, self.b] {
-                for (along, semi_axis) in body.factor().column_iter().zip(body.semi_axes()) {
+                for (along, semi_axis) in columns(body.factor()).iter().zip(body.semi_axes()) {
                     // Across the longest axis no translation is shortest, but for a sphere, where the first search suffices.
                     if *semi_axis >= body.semi_axes().max() {
                         continue;
                     }
-                    let along = Vector3::from(along);
-                    let towards = if along.dot(&self.offset) < 0.0 { -along } else { along };
+                    let towards = if along.dot(&self.offset) < 0.0 { -along } else { *along };
                     let Some(normal) = unit(&towards) else { continue };
                     best = best.or_wider(self.widest(self.slab(normal), best.width_m, None));
                 }
@@ -287,9 +297,7 @@ impl<'a> Pair<'a> {
         let trace = curvature.trace();
         let solve = |width: f64| {
             let mut matrix = curvature + slab.normal * slab.normal.transpose() * (trace + width.abs() - width);
-            for axis in 0..3 {
-                matrix[(axis, axis)] += width;
-            }
+            add_to_diagonal(&mut matrix, width);
             solve_symmetric(&matrix, slope)
         };
         if slab.width_m >= 0.0 {

@@ -3,7 +3,7 @@
 use super::bound::{acceleration_m_s2, lasting_clearance, not_negative};
 use super::{GlobalRequest, Obstruction};
 use crate::collision::CollisionWorld;
-use crate::error::PlanningError;
+use crate::error::{PlanningError, moderate, zero_or_moderate};
 use nalgebra::{Translation3, Vector3};
 use tumble_lie::Pose;
 
@@ -19,10 +19,8 @@ const CELLS: u32 = 10;
 pub fn diagnose<W: CollisionWorld + ?Sized>(
     request: &GlobalRequest<'_, W>,
 ) -> Result<Option<Obstruction>, PlanningError> {
-    for number in request.start.position.iter().chain(&request.start.velocity).chain(&request.goal.position) {
-        crate::error::finite("a coordinate of the start or the goal", *number)?;
-    }
-    let margin_m = crate::error::finite("the margin", request.margin_m)?;
+    check_numbers(request)?;
+    let margin_m = request.margin_m;
     if let Some(obstruction) = outside_limits(request)? {
         return Ok(Some(obstruction));
     }
@@ -34,19 +32,45 @@ pub fn diagnose<W: CollisionWorld + ?Sized>(
     goal_blocked(request)
 }
 
-fn outside_limits<W: CollisionWorld + ?Sized>(
-    request: &GlobalRequest<'_, W>,
-) -> Result<Option<Obstruction>, PlanningError> {
+/// Checks that every number that a request brings is one, and can be computed with.
+///
+/// # Errors
+/// Numbers that are not finite, have the wrong sign, or are beyond 1e20; a box that is empty.
+pub(super) fn check_numbers<W: CollisionWorld + ?Sized>(request: &GlobalRequest<'_, W>) -> Result<(), PlanningError> {
+    for number in request.start.position.iter().chain(&request.start.velocity).chain(&request.goal.position) {
+        moderate("a coordinate of the start or the goal", *number)?;
+    }
+    moderate("the margin", request.margin_m)?;
+    moderate("the time of the start", request.start_s)?;
+    crate::error::attitude(&request.attitude)?;
+    moderate("the radius of the goal region", not_negative("the radius of the goal region", request.goal.radius_m)?)?;
+    moderate("the speed on arrival", not_negative("the speed on arrival", request.goal.speed_m_s)?)?;
     let limits = &request.limits;
-    let radius_m = not_negative("the radius of the goal region", request.goal.radius_m)?;
-    not_negative("the speed on arrival", request.goal.speed_m_s)?;
-    let acceleration = acceleration_m_s2(&limits.force_n, request.belief.parameters().mass)?;
+    for limit in &limits.speed_m_s {
+        zero_or_moderate("a speed limit", not_negative("a speed limit", *limit)?)?;
+    }
+    acceleration_m_s2(&limits.force_n, request.belief.parameters().mass)?;
     for axis in 0..3 {
         let (lower, upper) = (limits.position.lower_world[axis], limits.position.upper_world[axis]);
         if lower > upper || lower.is_nan() || upper.is_nan() {
             return Err(PlanningError::EmptyBox { what: "the position limit", axis, lower, upper });
         }
-        let largest = not_negative("a speed limit", limits.speed_m_s[axis])?;
+        for side in [lower, upper].into_iter().filter(|side| side.is_finite()) {
+            moderate("the position limit", side)?;
+        }
+    }
+    Ok(())
+}
+
+fn outside_limits<W: CollisionWorld + ?Sized>(
+    request: &GlobalRequest<'_, W>,
+) -> Result<Option<Obstruction>, PlanningError> {
+    let limits = &request.limits;
+    let radius_m = request.goal.radius_m;
+    let acceleration = acceleration_m_s2(&limits.force_n, request.belief.parameters().mass)?;
+    for axis in 0..3 {
+        let (lower, upper) = (limits.position.lower_world[axis], limits.position.upper_world[axis]);
+        let largest = limits.speed_m_s[axis];
         let (start, speed) = (request.start.position[axis], request.start.velocity[axis]);
         let outside = |what, value, limit| Ok(Some(Obstruction::OutsideLimits { what, value, limit }));
         if start < lower {
