@@ -128,9 +128,11 @@ impl<'a> Open<'a> {
         }
         let c = &shape.center;
         let image = shape.image(point[0] - c[0], point[1] - c[1], point[2] - c[2]);
-        for axis in 0..3 {
-            self.local[axis][lane] = image[axis] * shape.semi_axes[axis];
-            self.semi_axes[axis][lane] = shape.semi_axes[axis];
+        for (row, (image, semi_axis)) in self.local.iter_mut().zip(image.iter().zip(&shape.semi_axes)) {
+            row[lane] = image * semi_axis;
+        }
+        for (row, semi_axis) in self.semi_axes.iter_mut().zip(&shape.semi_axes) {
+            row[lane] = *semi_axis;
         }
         (self.place[lane], self.entry[lane]) = (place, shape.entry);
         self.count = lane + 1;
@@ -139,6 +141,7 @@ impl<'a> Open<'a> {
     /// Distance of each point from its ellipsoid, by the secular equation as [`super::ellipsoid_to_sphere`] solves it; not a
     /// number where these steps do not suffice.
     #[inline]
+    #[expect(clippy::needless_range_loop, reason = "arrays side by side: the loops become vector instructions")]
     fn solve(&self) -> Row {
         let (mut excess, mut weights) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         let (mut root, mut inverse, mut ratio) = ([0.0; LANES], [[0.0; LANES]; 3], [0.0; LANES]);
@@ -351,10 +354,12 @@ fn bounds(shapes: &[Shape<'_>], points: &Points, limits_m: &Row) -> ([Row; BLOCK
         *lower_m = shape.lower_m(points, &mut nearest);
     }
     let mut limits_m = *limits_m;
-    for lane in 0..LANES {
-        let apart_m = f64::sqrt(nearest.apart_squared[lane]);
-        let upper_m = f64::max(0.0, apart_m - apart_m / f64::sqrt(nearest.squared[lane]));
-        limits_m[lane] = f64::min(limits_m[lane], upper_m) + ROUNDING * apart_m;
+    for (limit_m, (squared, apart_squared)) in
+        limits_m.iter_mut().zip(nearest.squared.iter().zip(&nearest.apart_squared))
+    {
+        let apart_m = f64::sqrt(*apart_squared);
+        let upper_m = f64::max(0.0, apart_m - apart_m / f64::sqrt(*squared));
+        *limit_m = f64::min(*limit_m, upper_m) + ROUNDING * apart_m;
     }
     (lower_m, limits_m)
 }
