@@ -1573,13 +1573,6 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-planning --features parry --test parry_world",
     },
     Mutant {
-        name: "sweep: a nearly best plane is content with the width, not with what exceeds the margin",
-        file: "crates/planning/src/collision/distance.rs",
-        original: "CONTENT * slab.width_m * (slab.width_m - margin_m).max(0.0)",
-        replacement: "CONTENT * slab.width_m * slab.width_m * (1.0 + 0.0 * margin_m)",
-        test: "-p tumble-planning --test sweeps",
-    },
-    Mutant {
         name: "batch of poses: the nearest ellipsoid's upper bound too low",
         file: "crates/planning/src/collision/batch.rs",
         original: "f64::max(0.0, apart_m - apart_m / f64::sqrt(*squared))",
