@@ -1204,8 +1204,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "batch of poses: radius left out of what is worth asking",
         file: "crates/planning/src/collision/batch.rs",
-        original: "f64::min(*clearance_m + radius_m, upper_m)",
-        replacement: "f64::min(*clearance_m, upper_m)",
+        original: "limits_m[lane] = clearance_m + radius_m;",
+        replacement: "limits_m[lane] = *clearance_m;",
         test: "-p tumble-planning --test ellipsoid_world",
     },
     Mutant {
@@ -1344,7 +1344,7 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "distance: one start for the depth",
         file: "crates/planning/src/collision/distance.rs",
-        original: "                    best = best.or_wider(self.widest(self.slab(normal), best.width_m));",
+        original: "                    best = best.or_wider(self.widest(self.slab(normal), best.width_m, None));",
         replacement: "                    let _ = self.slab(normal);",
         test: "-p tumble-planning --test distances",
     },
@@ -1571,6 +1571,20 @@ const MUTANTS: &[Mutant] = &[
         original: "for first in [centers, Vector::X, Vector::Y, Vector::Z, -Vector::X, -Vector::Y, -Vector::Z] {",
         replacement: "for first in [centers] {",
         test: "-p tumble-planning --features parry --test parry_world",
+    },
+    Mutant {
+        name: "batch of poses: the nearest ellipsoid's upper bound too low",
+        file: "crates/planning/src/collision/batch.rs",
+        original: "f64::max(0.0, apart_m - apart_m / f64::sqrt(*squared))",
+        replacement: "f64::max(0.0, 0.3 * (apart_m - apart_m / f64::sqrt(*squared)))",
+        test: "-p tumble-planning --test ellipsoid_world",
+    },
+    Mutant {
+        name: "batch of poses: support of the plane side by side",
+        file: "crates/planning/src/collision/batch.rs",
+        original: "height += normal * normal * semi_axis * semi_axis;",
+        replacement: "height += normal * normal * semi_axis;",
+        test: "-p tumble-planning --test ellipsoid_world",
     },
 ];
 

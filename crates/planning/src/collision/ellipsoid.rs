@@ -40,6 +40,12 @@ impl Ellipsoid {
         Self::posed(&(world_from_body * part.body_from_ellipsoid), &part.semi_axes)
     }
 
+    /// The same turned about its centre, which is then elsewhere.
+    #[inline]
+    pub(crate) fn turned_to(&self, rotation: &Matrix3<f64>, center: Vector3<f64>) -> Self {
+        Self { center, factor: rotation * self.factor, semi_axes: self.semi_axes }
+    }
+
     /// The same with its centre elsewhere.
     #[inline]
     pub(crate) fn moved_to(&self, center: Vector3<f64>) -> Self {
