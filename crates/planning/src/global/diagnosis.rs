@@ -81,6 +81,10 @@ fn outside_limits<W: CollisionWorld + ?Sized>(
 fn goal_blocked<W: CollisionWorld + ?Sized>(
     request: &GlobalRequest<'_, W>,
 ) -> Result<Option<Obstruction>, PlanningError> {
+    // Of a body that may arrive with any attitude nothing is certain here.
+    let may_turn = request.limits.rate_rad_s > 0.0 && !request.world.is_round(request.body);
+    let Some(attitude) = request.goal.attitude.or((!may_turn).then_some(request.attitude)) else { return Ok(None) };
+    let request = &GlobalRequest { attitude, ..*request };
     let (goal, margin_m) = (&request.goal, request.margin_m);
     let (clearance_m, nearest) = lasting_clearance(request, &goal.position)?;
     let Some(blocker) = nearest.filter(|_| clearance_m < margin_m) else { return Ok(None) };
