@@ -1586,6 +1586,48 @@ const MUTANTS: &[Mutant] = &[
         replacement: "height += normal * normal * semi_axis;",
         test: "-p tumble-planning --test ellipsoid_world",
     },
+    Mutant {
+        name: "flight planner: a shortcut is not checked",
+        file: "crates/planning/src/global/flight_planner/improve.rs",
+        original: "if !is_gain || !search.is_free(middle, from.time_s)? {",
+        replacement: "if !is_gain {",
+        test: "-p tumble-planning --test flight_planner",
+    },
+    Mutant {
+        name: "flight planner: mission time begins with the plan",
+        file: "crates/planning/src/global/flight_planner/search.rs",
+        original: "self.request.start_s + start_s + since_s",
+        replacement: "start_s + since_s",
+        test: "-p tumble-planning --test flight_planner",
+    },
+    Mutant {
+        name: "flight planner: the splice counts from the start of the old plan",
+        file: "crates/planning/src/global/flight_planner/replan.rs",
+        original: "let splice_s = started_s + cut.time_s;",
+        replacement: "let splice_s = cut.time_s;",
+        test: "-p tumble-planning --test flight_planner",
+    },
+    Mutant {
+        name: "flight planner: what lies behind a shortcut is not checked at its new times",
+        file: "crates/planning/src/global/flight_planner/improve.rs",
+        original: ".filter(|_| !search.is_still)",
+        replacement: ".filter(|_| false)",
+        test: "-p tumble-planning --test flight_planner",
+    },
+    Mutant {
+        name: "flight planner: a goal anywhere in attitude is looked at with that of the start",
+        file: "crates/planning/src/global/flight_planner.rs",
+        original: "request.goal.attitude.unwrap_or_else(|| search.attitude())",
+        replacement: "request.goal.attitude.unwrap_or(request.attitude)",
+        test: "-p tumble-planning --test flight_planner",
+    },
+    Mutant {
+        name: "diagnosis: the goal region at the attitude of the start",
+        file: "crates/planning/src/global/diagnosis.rs",
+        original: "request.goal.attitude.or(",
+        replacement: "Some(request.attitude).or(",
+        test: "-p tumble-planning --test flight_planner",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

@@ -113,6 +113,10 @@ fn arrival_attitude<W: CollisionWorld + ?Sized>(request: &GlobalRequest<'_, W>) 
 fn goal_blocked<W: CollisionWorld + ?Sized>(
     request: &GlobalRequest<'_, W>,
 ) -> Result<Option<Obstruction>, PlanningError> {
+    // Of a body that may arrive with any attitude nothing is certain here.
+    let may_turn = request.limits.rate_rad_s > 0.0 && !request.world.is_round(request.body);
+    let Some(attitude) = request.goal.attitude.or((!may_turn).then_some(request.attitude)) else { return Ok(None) };
+    let request = &GlobalRequest { attitude, ..*request };
     let (goal, margin_m) = (&request.goal, request.margin_m);
     let Some(attitude) = arrival_attitude(request) else { return Ok(None) };
     let lasting_clearance = |position: &Vector3<f64>| {

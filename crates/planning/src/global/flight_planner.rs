@@ -80,6 +80,10 @@ impl FlightPlanner {
     ) -> Result<(), End> {
         // The tree's order is that of time.
         let is_fast = search.request.objective == Objective::Duration;
+        if is_in_goal(search, &search.start()) {
+            self.flight = Flight::default();
+            search.offer(&self.flight)?;
+        }
         self.first_plan(search, seeds)?;
         search.offer(&self.flight)?;
         self.improve.run(search, &mut self.flight, CANDIDATE_UNITS)?;
@@ -162,9 +166,7 @@ impl FlightPlanner {
                 return Ok(Node { translation: TranslationState::at_rest(within), attitude });
             }
             position = request.goal.position + search.chance.in_ball() * request.goal.radius_m;
-            if request.goal.attitude.is_none() {
-                attitude = search.attitude();
-            }
+            attitude = request.goal.attitude.unwrap_or_else(|| search.attitude());
         }
         search.spend(GOAL_TRIALS / 8)?;
         Ok(Node { translation: TranslationState::at_rest(request.goal.position), attitude })

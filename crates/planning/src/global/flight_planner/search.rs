@@ -92,7 +92,15 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         budget: &'a mut dyn Budget,
     ) -> Result<Self, PlanningError> {
         let parameters = request.belief.parameters();
-        let limits = request.limits.translation(parameters.mass)?;
+        let mut limits = request.limits.translation(parameters.mass)?;
+        // Nothing is drawn where no motion leads.
+        for axis in 0..3 {
+            let is_resting = limits.acceleration_m_s2[axis] == 0.0 && request.start.velocity[axis] == 0.0;
+            if is_resting || limits.speed_m_s[axis] == 0.0 {
+                limits.position.lower_world[axis] = request.start.position[axis];
+                limits.position.upper_world[axis] = request.start.position[axis];
+            }
+        }
         let can_turn = request.limits.rate_rad_s > 0.0 && request.limits.torque_n_m.max() > 0.0;
         Ok(Self {
             request,
@@ -137,7 +145,7 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         self.units += allowance.spent;
         self.refinement_units = match (allowance.is_denied, is_more) {
             (true, _) => wanted.saturating_mul(2),
-            (false, true) => allowance.spent.saturating_mul(REFINEMENT_GROWTH),
+            (false, true) => allowance.spent.saturating_mul(REFINEMENT_GROWTH).max(FIRST_REFINEMENT_UNITS),
             (false, false) => u64::MAX,
         };
         if let Reachability::Blocked(obstruction) = self.bound.reachability() {
