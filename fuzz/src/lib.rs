@@ -1,4 +1,6 @@
-//! What every parser promises of any bytes. The fuzz targets call these functions, and so does a test with the seeds.
+//! What every parser promises of any bytes, and what planning promises of any numbers. The fuzz targets call these functions, and so does a test with the seeds.
+
+mod planning;
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -15,7 +17,7 @@ use tumble_astrobee::{AstrobeeError, body_file};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 11] = [
+pub const TARGETS: [(&str, Target); 12] = [
     ("csv_log", csv_log),
     ("wheel_throw", wheel_throw),
     ("body_toml", body_toml),
@@ -27,6 +29,7 @@ pub const TARGETS: [(&str, Target); 11] = [
     ("wrenches", wrenches),
     ("allocate", allocate_table),
     ("realize", realize_table),
+    ("planning", planning_numbers),
 ];
 
 /// An error is a message with the name of the file and no control characters but line ends.
@@ -266,4 +269,11 @@ pub fn realize_table(data: &[u8]) {
     for areas in [AreaTable::Full, AreaTable::Thesis] {
         table(data, |path, input, output, warnings| realize::table(areas, path, input, output, warnings));
     }
+}
+
+/// Collision checks, steering and bounds: the first byte picks what is asked.
+pub fn planning_numbers(data: &[u8]) {
+    let Some((pick, numbers)) = data.split_first() else { return };
+    let promises = planning::PROMISES;
+    promises[usize::from(*pick) % promises.len()](numbers);
 }

@@ -183,13 +183,20 @@ fn examples() -> Outcome {
     shell(&mut commands)
 }
 
+/// Crate, feature, and the test that wants it.
+const FEATURE_TESTS: [(&str, &str, &str); 2] =
+    [("identification", "clarabel-sdp", "lmi_against_clarabel"), ("planning", "parry", "parry_world")];
+
 fn feature_tests() -> Outcome {
-    const TEST: &str = "lmi_against_clarabel";
-    if !has(&format!("crates/identification/tests/{TEST}.rs")) {
-        return Outcome::Failed(format!("crates/identification/tests/{TEST}.rs is missing"));
+    let mut commands = Vec::new();
+    for (library, feature, test) in FEATURE_TESTS {
+        if !has(&format!("crates/{library}/tests/{test}.rs")) {
+            return Outcome::Failed(format!("crates/{library}/tests/{test}.rs is missing"));
+        }
+        // `--workspace` shares every dependency with the test command; naming the test keeps the others from being built again.
+        commands.push(cargo(&format!("test --workspace --features tumble-{library}/{feature} --test {test}")));
     }
-    // `--workspace` shares every dependency with the test command; naming the test keeps the others from being built again.
-    shell(&mut [cargo(&format!("test --workspace --features tumble-identification/clarabel-sdp --test {TEST}"))])
+    shell(&mut commands)
 }
 
 fn features_of(library: &str) -> Vec<String> {

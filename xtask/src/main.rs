@@ -15,13 +15,16 @@ cargo xtask <command>
   tidy                                    the rules a machine can hold
   mutants [--only TEXT] [--list]          planted source changes; the tests must kill every one
   fuzz [--seconds N] [TARGET]...           the parsers, on bytes that a fuzzer makes up (cargo-fuzz, nightly compiler)
-  bench [--json] ...                      speed on the frozen peer problems (target-cpu=native)
+  bench [--json] [--only TEXT] [--data DIR] [--sweeps N]
+                                          speed on the frozen peer problems (target-cpu=native)
   real-data [--data DIR] [--json] [--check]
   reproduce chapter4 | chapter5 [--runs N] [--out DIR]
   reproduce actuation [--flights N] [--out DIR]
   study identification [--cells NAME] [--runs N] [--out DIR]
   study excitation [--cases N] [--flights N]
   study ellipsoid [--runs N] [--seed N]   pairs misclassified, by decade of their true gap
+  study sweep [--runs N] [--samples N] [--seed N]
+                                          first contacts of random motions, judged by dense sampling
   study planning [--runs SEEDS] [--reference-units N] [--only SCENE]   the claims on the planner
 
 Exit 0: done. 1: a check failed. 2: bad input. 3: a target was missed.

@@ -12,6 +12,7 @@ use tumble_planning::global::{
 use tumble_planning::lie::Pose;
 use tumble_planning::{ModelBelief, TranslationState, Units};
 
+#[path = "scenes/jem.rs"]
 mod scenes;
 
 fn world(rows: &[scenes::Row]) -> EllipsoidWorld {

@@ -3,7 +3,8 @@
 /// Work that may still be done. An anytime algorithm asks before each piece of work and ends, with the best it has, when
 /// told to. Nothing in this crate reads a clock: a budget that does is the caller's.
 pub trait Budget {
-    /// Asks for `units` of work; one unit is about one continuous collision check of one edge. False: end now.
+    /// Asks for `units` of work; one unit is about one continuous collision check of one edge. False: end now; whoever asks on
+    /// after that must be refused again.
     fn spend(&mut self, units: u64) -> bool;
 }
 

@@ -12,6 +12,8 @@ mod half_space;
 mod keep_in;
 mod margin;
 mod obstacle;
+#[cfg(feature = "parry")]
+mod parry;
 pub(crate) mod polynomial;
 mod sphere;
 mod sweep;
@@ -25,6 +27,8 @@ pub use ellipsoid::Ellipsoid;
 pub use half_space::{HalfSpace, ellipsoid_to_half_space, sphere_to_half_space};
 pub use keep_in::{KEEP_IN_GAP_M, keep_in_complement};
 pub use margin::{ScalingMargin, scaling_margin};
+#[cfg(feature = "parry")]
+pub use parry::{PARRY_TOLERANCE, ParryBody, ParryWorld};
 pub use sphere::{Sphere, ellipsoid_to_point, ellipsoid_to_sphere, sphere_to_sphere};
 pub use world::{EllipsoidWorld, MovingObstacle};
 
@@ -37,7 +41,7 @@ use tumble_lie::Pose;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Blocker {
-    /// The obstacle with this index.
+    /// The obstacle with this index: in [`EllipsoidWorld`] those of the world first, then those added, in their order.
     Obstacle(usize),
     /// The keep-out box with this index.
     KeepOut(usize),
@@ -148,18 +152,15 @@ impl BodyShape {
     /// A union of ellipsoids.
     ///
     /// # Errors
-    /// No parts, or semi-axes that are not positive and finite.
+    /// No parts; semi-axes that are not positive and finite; lengths beyond 1e20 m, semi-axes below 1e-20 m or
+    /// more unlike than the factor 1e4.
     pub fn try_new(parts: Vec<BodyEllipsoid>) -> Result<Self, PlanningError> {
         if parts.is_empty() {
             return Err(PlanningError::NoBody);
         }
         for part in &parts {
-            for semi_axis in &part.semi_axes {
-                crate::error::positive("a semi-axis of the body", *semi_axis)?;
-            }
-            for coordinate in &part.body_from_ellipsoid.translation.vector {
-                crate::error::finite("the centre of a part of the body", *coordinate)?;
-            }
+            crate::error::semi_axes("a semi-axis of the body", &part.semi_axes)?;
+            crate::error::pose(&part.body_from_ellipsoid)?;
         }
         Ok(Self { parts })
     }

@@ -1,5 +1,8 @@
 //! Errors of this crate.
 
+use nalgebra::{UnitQuaternion, Vector3};
+use tumble_lie::Pose;
+
 /// What can be wrong with a planning problem. That a well-posed problem has no solution is an answer, not an error.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -70,7 +73,7 @@ pub enum PlanningError {
     /// A body without parts.
     #[error("the body has no parts: nothing can be checked for collision")]
     NoBody,
-    /// An ellipsoid so thin, or a pair so unlike in size, that no answer could be certified.
+    /// An ellipsoid so thin that no answer could be certified.
     #[error("semi-axes {smallest} and {largest} m differ by more than the factor {factor} that can be certified")]
     TooUnlike {
         /// Smallest semi-axis, m.
@@ -102,4 +105,77 @@ pub fn finite(what: &'static str, value: f64) -> Result<f64, PlanningError> {
 /// [`PlanningError::NotFinite`], [`PlanningError::NotPositive`].
 pub fn positive(what: &'static str, value: f64) -> Result<f64, PlanningError> {
     if finite(what, value)? > 0.0 { Ok(value) } else { Err(PlanningError::NotPositive { what, value }) }
+}
+
+/// Largest number accepted, in SI units; one over it is the smallest length. Far beyond every scene, and small enough that no
+/// product or quotient here leaves the floating-point numbers.
+pub const LARGEST: f64 = 1e20;
+
+/// How far the squared norm of an attitude may be from one.
+const UNIT: f64 = 1e-3;
+
+fn between(what: &'static str, value: f64, least: f64, largest: f64) -> Result<f64, PlanningError> {
+    let is_between = value >= least && value <= largest;
+    if is_between { Ok(value) } else { Err(PlanningError::OutOfRange { what, value, lower: least, upper: largest }) }
+}
+
+/// `value` where it is finite and not huge.
+///
+/// # Errors
+/// [`PlanningError::NotFinite`], [`PlanningError::OutOfRange`].
+pub fn moderate(what: &'static str, value: f64) -> Result<f64, PlanningError> {
+    between(what, finite(what, value)?, -LARGEST, LARGEST)
+}
+
+/// `value` where it is a length of something solid: positive, neither huge nor tiny.
+///
+/// # Errors
+/// [`PlanningError::NotFinite`], [`PlanningError::NotPositive`], [`PlanningError::OutOfRange`].
+pub fn length(what: &'static str, value: f64) -> Result<f64, PlanningError> {
+    between(what, positive(what, value)?, 1.0 / LARGEST, LARGEST)
+}
+
+/// Largest ratio of the semi-axes of one solid: beyond, 53 bits do not hold the squares of both.
+const THINNEST: f64 = 1e4;
+
+/// Checks that semi-axes are those of a solid that can be computed with.
+///
+/// # Errors
+/// Those of [`length`]; [`PlanningError::TooUnlike`].
+pub fn semi_axes(what: &'static str, semi_axes: &Vector3<f64>) -> Result<(), PlanningError> {
+    for semi_axis in semi_axes {
+        length(what, *semi_axis)?;
+    }
+    let (smallest, largest) = (semi_axes.min(), semi_axes.max());
+    let is_alike = largest <= smallest * THINNEST;
+    if is_alike { Ok(()) } else { Err(PlanningError::TooUnlike { smallest, largest, factor: THINNEST }) }
+}
+
+/// `value` where it is zero, or finite and neither huge nor tiny.
+///
+/// # Errors
+/// [`PlanningError::NotFinite`], [`PlanningError::OutOfRange`].
+pub fn zero_or_moderate(what: &'static str, value: f64) -> Result<f64, PlanningError> {
+    if value == 0.0 { Ok(value) } else { between(what, finite(what, value)?, 1.0 / LARGEST, LARGEST) }
+}
+
+/// Checks that a pose is one, and not beyond what can be computed with.
+///
+/// # Errors
+/// [`PlanningError::NotFinite`], [`PlanningError::OutOfRange`].
+#[inline]
+pub fn pose(pose: &Pose<f64>) -> Result<(), PlanningError> {
+    attitude(&pose.rotation)?;
+    let sum_of_squares = pose.translation.vector.norm_squared();
+    moderate("the distance of a pose from the origin", f64::sqrt(sum_of_squares)).map(|_| ())
+}
+
+/// Checks that an attitude is one.
+///
+/// # Errors
+/// [`PlanningError::NotFinite`], [`PlanningError::OutOfRange`].
+#[inline]
+pub fn attitude(attitude: &UnitQuaternion<f64>) -> Result<(), PlanningError> {
+    let what = "the squared norm of an attitude";
+    between(what, finite(what, attitude.coords.norm_squared())?, 1.0 - UNIT, 1.0 + UNIT).map(|_| ())
 }

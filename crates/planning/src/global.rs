@@ -29,9 +29,10 @@ pub struct MotionLimits {
     pub speed_m_s: Vector3<f64>,
     /// Largest force along each axis, N. World axes: for a body that turns, what is admissible in every attitude.
     pub force_n: Vector3<f64>,
-    /// Largest torque about each body axis, N m; only for plans that turn.
+    /// Largest torque about each body axis, N m; only for plans that turn. Zero about an axis: no turn about it, so that on
+    /// a table only z has a torque.
     pub torque_n_m: Vector3<f64>,
-    /// Largest turning rate, rad/s; only for plans that turn.
+    /// Largest turning rate, rad/s; only for plans that turn; zero for none.
     pub rate_rad_s: f64,
 }
 
@@ -44,7 +45,7 @@ pub struct GoalRegion {
     pub radius_m: f64,
     /// How fast one may be on arrival, m/s (norm); zero for at rest.
     pub speed_m_s: f64,
-    /// The attitude to arrive with; any where absent.
+    /// The attitude to arrive with, `world_from_body`; any where absent.
     pub attitude: Option<UnitQuaternion<f64>>,
 }
 
@@ -75,7 +76,7 @@ pub struct GlobalRequest<'a, W: CollisionWorld + ?Sized> {
     pub body: &'a W::Body,
     /// Where it starts.
     pub start: TranslationState,
-    /// Attitude at the start; the rate there is zero.
+    /// Attitude at the start, `world_from_body`; the rate there is zero.
     pub attitude: UnitQuaternion<f64>,
     /// Mission time of the start, s.
     pub start_s: f64,
@@ -87,7 +88,7 @@ pub struct GlobalRequest<'a, W: CollisionWorld + ?Sized> {
     pub belief: &'a ModelBelief,
     /// What is to be least.
     pub objective: Objective,
-    /// Distance kept from everything, m.
+    /// Distance kept from everything, m; not negative.
     pub margin_m: f64,
     /// When to end.
     pub until: Until,
@@ -99,11 +100,11 @@ pub struct GlobalRequest<'a, W: CollisionWorld + ?Sized> {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Obstruction {
-    /// The body touches something where it starts.
+    /// Where it starts the body is nearer to something than the margin.
     StartBlocked {
         /// What.
         blocker: Blocker,
-        /// Its signed distance there, m.
+        /// Its signed distance there, m: below the margin.
         clearance_m: f64,
     },
     /// Every point of the goal region is blocked.
@@ -147,7 +148,8 @@ pub enum Status {
     Feasible,
     /// There certainly is none.
     Infeasible(Obstruction),
-    /// None was found within the budget; what stood most in the way.
+    /// None was found within the budget; what stood most in the way, the worst first, empty where nothing was hit. Proves
+    /// nothing.
     BudgetSpent(Vec<Blocker>),
 }
 
@@ -165,7 +167,7 @@ pub struct Improvement {
 pub struct GlobalAnswer {
     /// How it ended.
     pub status: Status,
-    /// The best plan.
+    /// The best plan; its times count from [`GlobalRequest::start_s`], see [`ArcPath::at`].
     pub plan: Option<Plan<ArcPath>>,
     /// Its cost, s or N s; infinite without a plan.
     pub cost: f64,

@@ -2,6 +2,8 @@
 #![forbid(unsafe_code)]
 
 pub use nalgebra;
+#[cfg(feature = "parry")]
+pub use parry3d_f64;
 pub use rand_core;
 pub use tumble_dynamics as dynamics;
 pub use tumble_identification as identification;

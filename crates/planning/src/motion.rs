@@ -18,7 +18,7 @@ pub struct BodyArc {
     pub duration_s: f64,
     /// Coefficients of the position in powers of the time since the start, m / s^k.
     pub position: [Vector3<f64>; COEFFICIENTS],
-    /// Attitude at the start.
+    /// Attitude at the start, `world_from_body`.
     pub attitude: UnitQuaternion<f64>,
     /// Axis of the turn, body axes.
     pub axis_body: Unit<Vector3<f64>>,
@@ -75,7 +75,7 @@ impl BodyArc {
         self.angle.iter().all(|coefficient| *coefficient == 0.0)
     }
 
-    /// Attitude `time_s` after the start.
+    /// Attitude `time_s` after the start, `world_from_body`.
     pub fn attitude_at(&self, time_s: f64) -> UnitQuaternion<f64> {
         if self.is_level() {
             return self.attitude;
@@ -124,10 +124,12 @@ impl ArcPath {
 
     /// Length, s.
     pub fn duration_s(&self) -> f64 {
-        self.arcs.iter().map(|arc| arc.duration_s).sum()
+        // An empty sum is minus zero.
+        self.arcs.iter().map(|arc| arc.duration_s).sum::<f64>() + 0.0
     }
 
-    /// The arc that holds `time_s`, and the time within it; the first or last one outside the path.
+    /// The arc that holds the time `time_s` since the start of the path, s, and the time within it, for
+    /// [`BodyArc::pose`] and [`BodyArc::translation`]. Outside the path the start or the end; `None` for a path without arcs.
     pub fn at(&self, time_s: f64) -> Option<(&BodyArc, f64)> {
         let last = self.arcs.len().checked_sub(1)?;
         let mut within = time_s.max(0.0);

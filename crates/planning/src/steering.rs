@@ -40,8 +40,8 @@ impl MotionLimits {
     /// The limits of the origin of a body with this mass.
     ///
     /// # Errors
-    /// A mass that is not positive and finite; limits of speed or force that are negative or not finite; a box whose sides
-    /// are not numbers, or that is empty.
+    /// A mass that is not positive and finite; limits of speed or force that are negative or not finite; accelerations beyond
+    /// 1e20 m/s^2 or, but for zero, below 1e-20 m/s^2; a box whose sides are not numbers, or that is empty.
     pub fn translation(&self, mass_kg: f64) -> Result<TranslationLimits, PlanningError> {
         positive("the mass of the body", mass_kg)?;
         for (what, limit) in [("the limit of speed", &self.speed_m_s), ("the limit of force", &self.force_n)] {
@@ -60,11 +60,11 @@ impl MotionLimits {
                 return Err(PlanningError::EmptyBox { what, axis, lower: *lower, upper: *upper });
             }
         }
-        Ok(TranslationLimits {
-            position: self.position,
-            speed_m_s: self.speed_m_s,
-            acceleration_m_s2: self.force_n / mass_kg,
-        })
+        let acceleration_m_s2 = self.force_n / mass_kg;
+        for acceleration in &acceleration_m_s2 {
+            crate::error::zero_or_moderate("the limit of acceleration", *acceleration)?;
+        }
+        Ok(TranslationLimits { position: self.position, speed_m_s: self.speed_m_s, acceleration_m_s2 })
     }
 }
 

@@ -132,8 +132,9 @@ fn widest(width: impl Fn(&Vector3<f64>) -> f64) -> f64 {
         Vector3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z)
     };
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().flat_map(|axis| [axis, -axis]);
-    let mut directions: Vec<Vector3<f64>> = (0..COUNT).map(on_spiral).chain(axes).collect();
-    directions.sort_by(|x, y| width(y).total_cmp(&width(x)));
+    let mut directions: Vec<(f64, Vector3<f64>)> =
+        (0..COUNT).map(on_spiral).chain(axes).map(|direction| (width(&direction), direction)).collect();
+    directions.sort_by(|(x, _), (y, _)| y.total_cmp(x));
     let polish = |start: &Vector3<f64>| {
         let (mut n, mut best, mut step) = (*start, width(start), 0.05);
         while step > 1e-8 {
@@ -150,7 +151,7 @@ fn widest(width: impl Fn(&Vector3<f64>) -> f64) -> f64 {
         }
         best
     };
-    directions.iter().take(10).map(polish).fold(f64::NEG_INFINITY, f64::max)
+    directions.iter().take(10).map(|(_, direction)| polish(direction)).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// A box, each of whose sides is infinite one time in eight.

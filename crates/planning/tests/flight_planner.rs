@@ -8,6 +8,7 @@ use tumble_planning::global::{
     FlightPlanner, FlightPlannerSettings, GlobalAnswer, GlobalPlanner, GlobalRequest, GoalRegion, MotionLimits,
     Objective, Obstruction, Replanning, Status, UnderWay, Until,
 };
+use tumble_planning::laws::{Expectation, PlannerCase, PlannerChecks, check_global_planner};
 use tumble_planning::lie::Pose;
 use tumble_planning::{ArcPath, ModelBelief, TranslationState, Units};
 
@@ -315,4 +316,113 @@ fn a_door_that_moves_is_passed_at_the_right_time() {
             assert_eq!(answer.status, Status::Optimal);
         }
     }
+}
+
+#[test]
+fn the_laws_of_planners_hold() {
+    let (body, belief) = (BodyShape::sphere(0.15).expect("a body"), belief());
+    let (open, closed) = (world(slalom()), world(vec![obstacle([10.75, -8.5, 4.75], [3.0, 0.1, 3.0])]));
+    let wall = obstacle([10.75, -8.6, 4.75], [1.5, 0.05, 0.8]);
+    let door = MovingObstacle::at_rest(wall).drifting(Vector3::new(0.0, 0.0, 0.03), 0.0);
+    let moving = EllipsoidWorld::new(&World::default()).and_then(|world| world.with_obstacle(door)).expect("a world");
+    let long = BodyShape::try_new(vec![BodyEllipsoid {
+        body_from_ellipsoid: Pose::identity(),
+        semi_axes: Vector3::new(0.2, 0.1, 0.1),
+    }])
+    .expect("a body");
+    let mut cases = Vec::new();
+    for seed in 0..3 {
+        for (world, expectation) in
+            [(&open, Expectation::Solvable), (&closed, Expectation::Unsolvable), (&moving, Expectation::Solvable)]
+        {
+            for objective in [Objective::Duration, Objective::Impulse] {
+                for (body, units) in [(&body, 20), (&body, 3000), (&long, 3000)] {
+                    let request = GlobalRequest { seed, objective, ..request(world, body, &belief) };
+                    cases.push(PlannerCase { request, expectation, units });
+                }
+            }
+        }
+    }
+    let checks = PlannerChecks { samples_per_arc: 20, tolerance: 1e-7, relative_tolerance: 1e-7 };
+    check_global_planner(&FlightPlanner::default, &cases, &checks).expect("the laws");
+}
+
+/// Every loop spends: a budget ends the search of a problem in which nothing moves along an axis, or nothing moves at all.
+#[test]
+fn a_search_ends_with_its_budget_whatever_the_limits_are() {
+    let (walls, body, belief) = (slalom(), BodyShape::sphere(0.15).expect("a body"), belief());
+    let world = world(walls);
+    let long = BodyShape::try_new(vec![BodyEllipsoid {
+        body_from_ellipsoid: Pose::identity(),
+        semi_axes: Vector3::new(0.2, 0.1, 0.1),
+    }])
+    .expect("a body");
+    let everywhere =
+        AlignedBox { lower_world: Vector3::repeat(f64::NEG_INFINITY), upper_world: Vector3::repeat(f64::INFINITY) };
+    for objective in [Objective::Duration, Objective::Impulse] {
+        for body in [&body, &long] {
+            let ends = |change: &dyn Fn(&mut GlobalRequest<'_, EllipsoidWorld>)| {
+                let mut request = GlobalRequest { objective, ..request(&world, body, &belief) };
+                change(&mut request);
+                let mut planner = FlightPlanner::default();
+                planner.plan(&request, &mut Units::new(3000)).expect("an answer")
+            };
+            let flat = ends(&|request| {
+                request.limits.speed_m_s.z = 0.0;
+                request.limits.force_n.z = 0.0;
+                request.goal.position.z = request.start.position.z;
+            });
+            assert_eq!(flat.status, Status::Feasible);
+            assert!(matches!(ends(&|request| request.limits.position = everywhere).status, Status::Feasible));
+            assert!(ends(&|request| request.limits.force_n = Vector3::zeros()).plan.is_none());
+            let drifts = |request: &mut GlobalRequest<'_, EllipsoidWorld>| {
+                request.limits.force_n = Vector3::zeros();
+                request.start.velocity = Vector3::new(0.0, 0.01, 0.0);
+            };
+            ends(&drifts);
+            ends(&|request| {
+                drifts(request);
+                request.goal.position = request.start.position;
+                request.goal.speed_m_s = 0.0;
+            });
+            ends(&|request| {
+                let here = request.start.position;
+                request.limits.position = AlignedBox { lower_world: here, upper_world: here };
+                request.goal = GoalRegion { position: here, radius_m: 0.0, speed_m_s: 0.0, attitude: None };
+                request.goal.attitude = Some(UnitQuaternion::from_euler_angles(0.0, 0.0, 1.0));
+            });
+            for radius_m in [0.0, 0.2] {
+                let there = ends(&|request| {
+                    request.goal.position = request.start.position;
+                    request.goal.radius_m = radius_m;
+                });
+                assert_eq!((there.status, there.cost), (Status::Optimal, 0.0));
+            }
+        }
+    }
+}
+
+/// The wall covers the goal for a body that lies across, not for one that arrives lengthwise.
+#[test]
+fn a_goal_is_blocked_at_the_attitude_of_arrival_only() {
+    let belief = belief();
+    let pillars = vec![obstacle([10.35, -8.0, 4.75], [0.4, 0.4, 4.0]), obstacle([11.55, -8.0, 4.75], [0.4, 0.4, 4.0])];
+    let world = world(pillars);
+    let payload = BodyShape::try_new(vec![BodyEllipsoid {
+        body_from_ellipsoid: Pose::identity(),
+        semi_axes: Vector3::new(0.3, 0.15, 0.15),
+    }])
+    .expect("a body");
+    let lengthwise = UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+    let position = Vector3::new(10.95, -8.0, 4.8);
+    let room = AlignedBox { lower_world: Vector3::new(10.3, -9.8, 4.2), upper_world: Vector3::new(11.5, -7.5, 5.3) };
+    let statuses = [Some(lengthwise), None, Some(UnitQuaternion::identity())].map(|attitude| {
+        let usual = request(&world, &payload, &belief);
+        let goal = GoalRegion { position, radius_m: 0.0, speed_m_s: 0.0, attitude };
+        let request = GlobalRequest { goal, limits: MotionLimits { position: room, ..usual.limits }, ..usual };
+        FlightPlanner::default().plan(&request, &mut Units::new(20_000)).expect("an answer").status
+    });
+    // Without a wall in between, turning takes less time than getting there.
+    assert_eq!(statuses[..2], [Status::Optimal, Status::Optimal]);
+    assert!(matches!(statuses[2], Status::Infeasible(Obstruction::GoalBlocked { .. })), "{:?}", statuses[2]);
 }

@@ -9,6 +9,9 @@
 //!   the singular values that follow a failed test of rank;
 //! - margins of consistency (`InertialParameters::consistency_margin`, `PseudoInertiaCone::margin`), because they call
 //!   nalgebra's symmetric eigenvalue routine.
+//!
+//! Not tried: `EllipsoidWorld::clearance` and `first_contact`, whose obstacles are in lists of any length; tests on hostile
+//! numbers cover them.
 // The attribute expands to an extern block.
 #![cfg_attr(feature = "check", allow(unsafe_code))]
 
@@ -22,6 +25,7 @@ use tumble_astrobee::propulsion::{
     QuantizedAllocation,
 };
 use tumble_astrobee::sensing::{Confidence, LocalizationEstimate};
+use tumble_dynamics::AlignedBox;
 use tumble_dynamics::{
     Actuation as _, BodyAcceleration, DynamicsError, FreeFlyer, InertialParameters, Integrator as _, MuntheKaas4,
     RigidBodyState, VariationalFreeFlyer,
@@ -33,6 +37,12 @@ use tumble_identification::recursive::{
 use tumble_identification::regressors::{ObserverFrame, PoseTriple, newton_euler, variational};
 use tumble_identification::{IdentificationError, SquareRootInformation};
 use tumble_lie::{GroupAction as _, LieGroup, Twist, Wrench};
+use tumble_planning::TranslationState;
+use tumble_planning::collision::{
+    Distance, Ellipsoid, HalfSpace, ScalingMargin, Separation, Sphere, distance, distance_from_hint, ellipsoid_to_box,
+    ellipsoid_to_half_space, ellipsoid_to_sphere, scaling_margin, separation, sphere_to_box,
+};
+use tumble_planning::steering::{Steering, TranslationLimits, least_time_s, steer, steer_in};
 
 macro_rules! proven {
     ($($(#[$meta:meta])* fn $name:ident($($argument:ident: $kind:ty),*) -> $result:ty $body:block)*) => {
@@ -132,6 +142,27 @@ proven! {
     ) -> Result<Outcome<6>, IdentificationError> {
         filter.update(observation)
     }
+    fn ellipsoids_separation(a: &Ellipsoid, b: &Ellipsoid) -> Separation { separation(a, b) }
+    fn ellipsoids_scaling_margin(a: &Ellipsoid, b: &Ellipsoid) -> ScalingMargin { scaling_margin(a, b) }
+    fn ellipsoids_distance(a: &Ellipsoid, b: &Ellipsoid) -> Distance { distance(a, b) }
+    fn ellipsoids_distance_from_hint(a: &Ellipsoid, b: &Ellipsoid, normal: &Vector3<f64>) -> Distance {
+        distance_from_hint(a, b, normal)
+    }
+    fn sphere_distance(a: &Ellipsoid, b: &Sphere) -> Distance { ellipsoid_to_sphere(a, b) }
+    fn box_distance(a: &Ellipsoid, b: &AlignedBox) -> Distance { ellipsoid_to_box(a, b) }
+    fn sphere_box_distance(a: &Sphere, b: &AlignedBox) -> Distance { sphere_to_box(a, b) }
+    fn half_space_distance(a: &Ellipsoid, b: &HalfSpace) -> Distance { ellipsoid_to_half_space(a, b) }
+    fn least_time(from: &TranslationState, to: &TranslationState, limits: &TranslationLimits) -> f64 {
+        least_time_s(from, to, limits)
+    }
+    fn steering(from: &TranslationState, to: &TranslationState, limits: &TranslationLimits) -> Option<Steering> {
+        steer(from, to, limits)
+    }
+    fn steering_in(
+        from: &TranslationState, to: &TranslationState, limits: &TranslationLimits, duration_s: f64
+    ) -> Option<Steering> {
+        steer_in(from, to, limits, duration_s)
+    }
 }
 
 #[cfg(feature = "control")]
@@ -224,6 +255,26 @@ fn main() {
     {
         black_box(variational_regressor(&triple));
     }
+    let (a_pose, b_pose) = black_box((Pose::identity(), g));
+    if let (Ok(a), Ok(b)) = (
+        Ellipsoid::try_new(&a_pose, &black_box(Vector3::new(0.3, 0.2, 0.1))),
+        Ellipsoid::try_new(&b_pose, &black_box(Vector3::new(0.1, 0.2, 0.3))),
+    ) {
+        let sphere = black_box(Sphere { center: phi, radius_m: 0.1 });
+        let aligned = black_box(AlignedBox::between(phi, phi * 2.0));
+        let half_space = black_box(HalfSpace { inward: Vector3::z_axis(), offset_m: 0.1 });
+        black_box((ellipsoids_separation(&a, &b), ellipsoids_scaling_margin(&a, &b), ellipsoids_distance(&a, &b)));
+        black_box((ellipsoids_distance_from_hint(&a, &b, &phi), sphere_distance(&a, &sphere)));
+        black_box((box_distance(&a, &aligned), sphere_box_distance(&sphere, &aligned)));
+        black_box(half_space_distance(&a, &half_space));
+    }
+    let (from, to) = black_box((TranslationState::at_rest(phi), TranslationState { position: -phi, velocity: phi }));
+    let limits = black_box(TranslationLimits {
+        position: AlignedBox::between(Vector3::repeat(-9.0), Vector3::repeat(9.0)),
+        speed_m_s: Vector3::repeat(0.5),
+        acceleration_m_s2: Vector3::repeat(0.1),
+    });
+    black_box((least_time(&from, &to, &limits), steering(&from, &to, &limits), steering_in(&from, &to, &limits, 99.0)));
     println!("panic-free kernels ran: update {}", if updated.is_ok() { "accepted" } else { "refused" });
     #[cfg(feature = "control")]
     println!("{}", control(black_box(&[1.0, 2.0]), black_box(1)));

@@ -52,13 +52,19 @@ pub fn ellipsoid_to_box(a: &Ellipsoid, b: &AlignedBox) -> Distance {
 
 /// Signed distance of a sphere and a solid box, inside as well: exact everywhere.
 pub fn sphere_to_box(a: &Sphere, b: &AlignedBox) -> Distance {
-    let nearest = Vector3::from_fn(|axis, _| a.center[axis].max(b.lower_world[axis]).min(b.upper_world[axis]));
+    // What is no number stays none.
+    let nearest = Vector3::from_fn(|axis, _| match a.center[axis] {
+        position if position < b.lower_world[axis] => b.lower_world[axis],
+        position if position > b.upper_world[axis] => b.upper_world[axis],
+        position => position,
+    });
     let offset = nearest - a.center;
     let apart = length(&offset);
     let (normal, to_center, point_on_b) = if apart > 0.0 {
         (offset / apart, apart, nearest)
     } else {
-        let (mut normal, mut width, mut point_on_b) = (Vector3::x(), f64::NEG_INFINITY, a.center);
+        let (mut normal, mut width, mut point_on_b) =
+            (Vector3::x(), if apart.is_nan() { apart } else { f64::NEG_INFINITY }, a.center);
         for axis in 0..3 {
             for (sign, side) in [(1.0, b.lower_world[axis]), (-1.0, b.upper_world[axis])] {
                 let gap = sign * (side - a.center[axis]);

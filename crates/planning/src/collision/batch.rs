@@ -3,78 +3,226 @@
 //! For the offset `d` of a sphere's centre from an ellipsoid's, let `z` be `d` in the space where the ellipsoid is a unit ball
 //! and `w` its pull-back, the direction of the gradient there. The plane across `w` lies `(z . z - |z|) / |w|` before the
 //! centre: a lower bound of the signed distance. The surface point on the line to the centre gives the upper bound
-//! `|d| (1 - 1 / |z|)`, or zero inside. Obstacles are bounded side by side; what the bounds leave open is asked exactly.
+//! `|d| (1 - 1 / |z|)`, or zero inside. Poses are bounded side by side, and what the bounds leave open is solved side by side:
+//! plain arrays and loops without branches, which become vector instructions.
 
-use super::world::{Entry, PosedPart, box_gap};
+use super::world::{Entry, PosedPart};
 use super::{BodyShape, EllipsoidWorld, Sphere};
-use crate::error::{PlanningError, finite};
+use crate::error::{PlanningError, moderate, pose};
 use nalgebra::Vector3;
+use tumble_dynamics::AlignedBox;
 use tumble_lie::Pose;
 
-/// Ellipsoids side by side.
-const LANES: usize = 16;
+/// Poses side by side.
+const LANES: usize = 8;
+
+/// Ellipsoids per pass over the poses.
+const BLOCK: usize = 16;
 
 /// Share of the distance between centres by which the bounds are widened: more than their rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// What the bounds need of several ellipsoids, number by number; unused lanes are far away.
-struct Lanes {
-    count: usize,
-    center: [[f64; LANES]; 3],
+/// Newton steps before a pair is asked by itself.
+const STEPS: usize = 12;
+
+/// A number for each of the poses side by side.
+type Row = [f64; LANES];
+
+/// Coordinates of the centres of spheres.
+type Points = [Row; 3];
+
+/// What an ellipsoid's bounds need.
+#[derive(Clone, Copy, Default)]
+struct Shape<'a> {
+    entry: Option<&'a Entry>,
+    center: [f64; 3],
     /// Takes an offset to the space where the ellipsoid is a unit ball; row after row.
-    to_ball: [[f64; LANES]; 9],
+    to_ball: [f64; 9],
+    semi_axes: [f64; 3],
 }
 
-/// Bounds of the distance of a point from each lane.
-struct Bounds {
-    lower_m: [f64; LANES],
-    upper_m: [f64; LANES],
+/// Of the ellipsoid with the least lower bound: that bound, `z . z` and `d . d`.
+struct Nearest {
+    lower_m: Row,
+    squared: Row,
+    apart_squared: Row,
 }
 
-impl Lanes {
-    fn new(entries: &[Option<&Entry>; LANES], time_s: f64) -> Self {
-        let count = entries.iter().flatten().count();
-        let mut lanes = Self { count, center: [[0.0; LANES]; 3], to_ball: [[0.0; LANES]; 9] };
-        for (lane, entry) in entries.iter().flatten().enumerate() {
-            let (Some(to_ball), center) = (entry.solid.to_ball(), entry.reference_at(time_s)) else { continue };
-            for (lanes, coordinate) in lanes.center.iter_mut().zip(&center) {
-                lanes[lane] = *coordinate;
+/// Lowers each number to the distance of the point from a box.
+#[inline]
+fn lower_to_box(distances_m: &mut Row, points: &Points, aligned: &AlignedBox) {
+    let [x, y, z] = [0, 1, 2]
+        .map(|axis| points[axis].map(|at| f64::max(aligned.lower_world[axis] - at, at - aligned.upper_world[axis])));
+    for lane in 0..LANES {
+        let (outside_x, outside_y, outside_z) = (x[lane].max(0.0), y[lane].max(0.0), z[lane].max(0.0));
+        let outside = f64::sqrt(outside_x * outside_x + outside_y * outside_y + outside_z * outside_z);
+        let inside = x[lane].max(y[lane]).max(z[lane]).min(0.0);
+        distances_m[lane] = distances_m[lane].min(outside + inside);
+    }
+}
+
+impl<'a> Shape<'a> {
+    fn new(entry: &'a Entry, time_s: f64) -> Self {
+        let mut shape = Self { entry: Some(entry), center: entry.reference_at(time_s).into(), ..Self::default() };
+        if let Some((to_ball, semi_axes)) = entry.solid.to_ball() {
+            for (number, entry) in shape.to_ball.iter_mut().zip(to_ball.transpose().iter()) {
+                *number = *entry;
             }
-            for (lanes, number) in lanes.to_ball.iter_mut().zip(to_ball.transpose().iter()) {
-                lanes[lane] = *number;
-            }
+            shape.semi_axes = semi_axes.into();
         }
-        lanes
+        shape
     }
 
     #[inline]
-    #[expect(
-        clippy::needless_range_loop,
-        reason = "thirteen arrays side by side: the loop becomes vector instructions"
-    )]
-    fn bounds(&self, point: &Vector3<f64>) -> Bounds {
-        let mut bounds = Bounds { lower_m: [f64::INFINITY; LANES], upper_m: [f64::INFINITY; LANES] };
-        let lanes = if self.count <= LANES / 2 { LANES / 2 } else { LANES };
+    fn image(&self, x: f64, y: f64, z: f64) -> [f64; 3] {
         let m = &self.to_ball;
-        for lane in 0..lanes {
-            let x = point.x - self.center[0][lane];
-            let y = point.y - self.center[1][lane];
-            let z = point.z - self.center[2][lane];
-            let u = m[0][lane] * x + m[1][lane] * y + m[2][lane] * z;
-            let v = m[3][lane] * x + m[4][lane] * y + m[5][lane] * z;
-            let w = m[6][lane] * x + m[7][lane] * y + m[8][lane] * z;
+        [m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z, m[6] * x + m[7] * y + m[8] * z]
+    }
+
+    /// Lower bounds of the distance of each point.
+    #[inline]
+    fn lower_m(&self, points: &Points, nearest: &mut Nearest) -> Row {
+        let mut bounds = [0.0; LANES];
+        let m = &self.to_ball;
+        for lane in 0..LANES {
+            let (x, y, z) =
+                (points[0][lane] - self.center[0], points[1][lane] - self.center[1], points[2][lane] - self.center[2]);
+            let [u, v, w] = self.image(x, y, z);
             let squared = u * u + v * v + w * w;
-            let length = f64::sqrt(squared);
-            let back_x = m[0][lane] * u + m[3][lane] * v + m[6][lane] * w;
-            let back_y = m[1][lane] * u + m[4][lane] * v + m[7][lane] * w;
-            let back_z = m[2][lane] * u + m[5][lane] * v + m[8][lane] * w;
+            let back_x = m[0] * u + m[3] * v + m[6] * w;
+            let back_y = m[1] * u + m[4] * v + m[7] * w;
+            let back_z = m[2] * u + m[5] * v + m[8] * w;
             let back = f64::sqrt(back_x * back_x + back_y * back_y + back_z * back_z);
-            let apart = f64::sqrt(x * x + y * y + z * z);
-            bounds.lower_m[lane] = (squared - length) / back - ROUNDING * apart;
-            // At the centre itself the quotient is not a number, and zero the bound.
-            bounds.upper_m[lane] = f64::max(0.0, apart - apart / length) + ROUNDING * apart;
+            let rounding_m = ROUNDING * (x.abs() + y.abs() + z.abs());
+            let lower_m = (squared - f64::sqrt(squared)) / back - rounding_m;
+            bounds[lane] = lower_m;
+            let is_nearest = lower_m < nearest.lower_m[lane];
+            nearest.lower_m[lane] = if is_nearest { lower_m } else { nearest.lower_m[lane] };
+            nearest.squared[lane] = if is_nearest { squared } else { nearest.squared[lane] };
+            let apart_squared = x * x + y * y + z * z;
+            nearest.apart_squared[lane] = if is_nearest { apart_squared } else { nearest.apart_squared[lane] };
         }
         bounds
+    }
+}
+
+/// Pairs of a point and an ellipsoid whose distance is asked.
+#[derive(Default)]
+struct Open<'a> {
+    count: usize,
+    /// Which pose.
+    place: [usize; LANES],
+    entry: [Option<&'a Entry>; LANES],
+    /// The point in the ellipsoid's axes.
+    local: [Row; 3],
+    semi_axes: [Row; 3],
+}
+
+impl<'a> Open<'a> {
+    /// Adds a pair; there must be room.
+    #[inline]
+    fn push(&mut self, place: usize, shape: &Shape<'a>, point: [f64; 3]) {
+        let lane = self.count;
+        if lane >= LANES {
+            return;
+        }
+        let c = &shape.center;
+        let image = shape.image(point[0] - c[0], point[1] - c[1], point[2] - c[2]);
+        for (row, (image, semi_axis)) in self.local.iter_mut().zip(image.iter().zip(&shape.semi_axes)) {
+            row[lane] = image * semi_axis;
+        }
+        for (row, semi_axis) in self.semi_axes.iter_mut().zip(&shape.semi_axes) {
+            row[lane] = *semi_axis;
+        }
+        (self.place[lane], self.entry[lane]) = (place, shape.entry);
+        self.count = lane + 1;
+    }
+
+    /// Distance of each point from its ellipsoid, by the secular equation as [`super::ellipsoid_to_sphere`] solves it; not a
+    /// number where these steps do not suffice.
+    #[inline]
+    #[expect(clippy::needless_range_loop, reason = "arrays side by side: the loops become vector instructions")]
+    fn solve(&self) -> Row {
+        let (mut excess, mut weights) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        let (mut root, mut inverse, mut ratio) = ([0.0; LANES], [[0.0; LANES]; 3], [0.0; LANES]);
+        for lane in 0..LANES {
+            let [a, b, c] = [0, 1, 2].map(|axis| self.semi_axes[axis][lane]);
+            let least = a.min(b).min(c);
+            let mut at_least = 0.0;
+            let (mut squares, mut largest) = (0.0, 0.0);
+            for axis in 0..3 {
+                let semi_axis = self.semi_axes[axis][lane];
+                let weight = semi_axis * self.local[axis][lane].abs();
+                let over = (semi_axis - least) * (semi_axis + least);
+                at_least = f64::max(at_least, weight - over);
+                squares += weight * weight;
+                largest = f64::max(largest, over);
+                (excess[axis][lane], weights[axis][lane]) = (over, weight);
+            }
+            root[lane] = f64::max(at_least, f64::sqrt(squares) - largest);
+        }
+        for _ in 0..STEPS {
+            let mut worst = 0.0;
+            for lane in 0..LANES {
+                let (mut sum, mut slope) = (0.0, 0.0);
+                for axis in 0..3 {
+                    let inverted = 1.0 / (root[lane] + excess[axis][lane]);
+                    let term = weights[axis][lane] * inverted;
+                    sum += term * term;
+                    slope += term * term * inverted;
+                    inverse[axis][lane] = inverted;
+                }
+                ratio[lane] = f64::sqrt(sum);
+                let step = sum * (ratio[lane] - 1.0) / slope;
+                root[lane] += if step > 0.0 { step } else { 0.0 };
+            }
+            for ratio in ratio {
+                worst = f64::max(worst, ratio);
+            }
+            if worst < 1.0 + 1e-9 {
+                break;
+            }
+        }
+        let mut distances_m = [0.0; LANES];
+        for lane in 0..LANES {
+            let (mut squares, mut along, mut height) = (0.0, 0.0, 0.0);
+            for axis in 0..3 {
+                let (local, semi_axis) = (self.local[axis][lane], self.semi_axes[axis][lane]);
+                let normal = local * inverse[axis][lane];
+                squares += normal * normal;
+                along += normal * local;
+                height += normal * normal * semi_axis * semi_axis;
+            }
+            let width_m = (along - f64::sqrt(height)) / f64::sqrt(squares);
+            // The plane's error is the square of this.
+            distances_m[lane] = if (ratio[lane] - 1.0).abs() < 1e-9 { width_m } else { f64::NAN };
+        }
+        distances_m
+    }
+
+    /// Lowers the clearances of the poses in question, and empties.
+    fn settle(
+        &mut self,
+        poses: &[Pose<f64>],
+        center: impl Fn(&Pose<f64>) -> Vector3<f64>,
+        time_s: f64,
+        radius_m: f64,
+        clearances_m: &mut [f64],
+    ) {
+        let distances_m = self.solve();
+        for ((place, entry), distance_m) in self.place.iter().zip(&self.entry).zip(&distances_m).take(self.count) {
+            let (Some(clearance_m), Some(pose), Some(entry)) = (clearances_m.get_mut(*place), poses.get(*place), entry)
+            else {
+                continue;
+            };
+            *clearance_m = clearance_m.min(if distance_m.is_nan() {
+                let relative = Sphere { center: center(pose) - entry.reference_at(time_s), radius_m };
+                entry.solid.distance_to_sphere(&relative)
+            } else {
+                distance_m - radius_m
+            });
+        }
+        self.count = 0;
     }
 }
 
@@ -96,11 +244,11 @@ impl EllipsoidWorld {
         limit_m: f64,
         clearances_m: &mut Vec<f64>,
     ) -> Result<(), PlanningError> {
-        finite("the mission time", time_s)?;
-        for pose in poses {
-            let numbers = pose.translation.vector.sum() + pose.rotation.coords.sum();
-            finite("the sum of a pose's numbers", numbers)?;
+        moderate("the mission time", time_s)?;
+        for one in poses {
+            pose(one)?;
         }
+        self.check_moved(time_s, time_s)?;
         clearances_m.clear();
         clearances_m.resize(poses.len(), limit_m);
         for part in body.parts() {
@@ -133,36 +281,85 @@ impl EllipsoidWorld {
         clearances_m: &mut [f64],
     ) {
         let (boxes, ellipsoids) = self.boxes_and_ellipsoids();
-        for (pose, clearance_m) in poses.iter().zip(clearances_m.iter_mut()) {
-            let sphere = Sphere { center: center(pose), radius_m };
+        for (poses, clearances_m) in poses.chunks(LANES).zip(clearances_m.chunks_mut(LANES)) {
+            let (points, mut distances_m) = side_by_side(&center, poses, clearances_m, radius_m);
             for entry in boxes {
-                let gap_m = box_gap(&sphere.center, &sphere.center, &entry.extent) - radius_m;
-                if gap_m < *clearance_m {
-                    *clearance_m = clearance_m.min(entry.solid.distance_to_sphere(&sphere));
-                }
+                lower_to_box(&mut distances_m, &points, &entry.extent);
+            }
+            for (clearance_m, distance_m) in clearances_m.iter_mut().zip(&distances_m) {
+                *clearance_m = clearance_m.min(distance_m - radius_m);
             }
         }
         let mut present = ellipsoids.iter().filter(|entry| entry.is_present(time_s));
+        let mut open = Open::default();
         loop {
-            let entries: [Option<&Entry>; LANES] = core::array::from_fn(|_| present.next());
-            let lanes = Lanes::new(&entries, time_s);
-            if lanes.count == 0 {
+            let (mut shapes, mut count) = ([Shape::default(); BLOCK], 0);
+            for (shape, entry) in shapes.iter_mut().zip(&mut present) {
+                *shape = Shape::new(entry, time_s);
+                count += 1;
+            }
+            if count == 0 {
                 return;
             }
-            for (pose, clearance_m) in poses.iter().zip(clearances_m.iter_mut()) {
-                let center = center(pose);
-                let bounds = lanes.bounds(&center);
-                let upper_m = bounds.upper_m.iter().take(lanes.count).fold(f64::INFINITY, |least, m| least.min(*m));
-                let worth_m = f64::min(*clearance_m + radius_m, upper_m);
-                for (entry, lower_m) in entries.iter().flatten().zip(&bounds.lower_m) {
-                    // What is not a number, at the centre itself, is worth asking.
-                    let is_beyond = *lower_m > worth_m;
-                    if !is_beyond {
-                        let relative = Sphere { center: center - entry.reference_at(time_s), radius_m };
-                        *clearance_m = clearance_m.min(entry.solid.distance_to_sphere(&relative));
+            let shapes = shapes.get(..count).unwrap_or(&[]);
+            for (chunk, of_chunk) in poses.chunks(LANES).enumerate() {
+                let first = chunk * LANES;
+                let known_m = clearances_m.get(first..).unwrap_or(&[]);
+                let (points, limits_m) = side_by_side(&center, of_chunk, known_m, radius_m);
+                let (lower_m, limits_m) = bounds(shapes, &points, &limits_m);
+                for (shape, lower_m) in shapes.iter().zip(&lower_m) {
+                    for lane in 0..of_chunk.len().min(LANES) {
+                        // What is not a number, at the centre itself, is worth asking.
+                        let is_beyond = lower_m[lane] > limits_m[lane];
+                        if !is_beyond {
+                            open.push(first + lane, shape, [points[0][lane], points[1][lane], points[2][lane]]);
+                            if open.count == LANES {
+                                open.settle(poses, &center, time_s, radius_m, clearances_m);
+                            }
+                        }
                     }
                 }
             }
+            open.settle(poses, &center, time_s, radius_m, clearances_m);
         }
     }
+}
+
+/// The centres of up to [`LANES`] poses, and the distance of each centre beyond which nothing counts.
+#[inline]
+fn side_by_side(
+    center: impl Fn(&Pose<f64>) -> Vector3<f64>,
+    poses: &[Pose<f64>],
+    clearances_m: &[f64],
+    radius_m: f64,
+) -> (Points, Row) {
+    let (mut points, mut limits_m) = ([[0.0; LANES]; 3], [f64::NEG_INFINITY; LANES]);
+    for (lane, (pose, clearance_m)) in poses.iter().zip(clearances_m).enumerate().take(LANES) {
+        let center = center(pose);
+        for (row, coordinate) in points.iter_mut().zip(&center) {
+            row[lane] = *coordinate;
+        }
+        limits_m[lane] = clearance_m + radius_m;
+    }
+    (points, limits_m)
+}
+
+/// Lower bounds of the distance of each point from each shape, and what the nearest shape's upper bound makes of the limits.
+#[inline]
+fn bounds(shapes: &[Shape<'_>], points: &Points, limits_m: &Row) -> ([Row; BLOCK], Row) {
+    let far = [f64::INFINITY; LANES];
+    let mut nearest = Nearest { lower_m: far, squared: far, apart_squared: far };
+    let mut lower_m = [far; BLOCK];
+    for (shape, lower_m) in shapes.iter().zip(&mut lower_m) {
+        *lower_m = shape.lower_m(points, &mut nearest);
+    }
+    let mut limits_m = *limits_m;
+    for (limit_m, (squared, apart_squared)) in
+        limits_m.iter_mut().zip(nearest.squared.iter().zip(&nearest.apart_squared))
+    {
+        let apart_m = f64::sqrt(*apart_squared);
+        let upper_m = f64::max(0.0, apart_m - apart_m / f64::sqrt(*squared));
+        *limit_m = f64::min(*limit_m, upper_m) + ROUNDING * apart_m;
+    }
+    (lower_m, limits_m)
 }

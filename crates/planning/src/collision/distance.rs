@@ -6,6 +6,7 @@
 //! the sum of the radii of curvature: Newton's method on the sphere has two unknowns and an explicit matrix.
 
 use super::Ellipsoid;
+use super::contact_function::{Separation, separation};
 use nalgebra::{Matrix3, Vector3};
 
 /// How far apart two bodies are, with the plane that proves it.
@@ -50,10 +51,32 @@ pub fn distance_from_hint(a: &Ellipsoid, b: &Ellipsoid, normal_hint: &Vector3<f6
     }
 }
 
+/// A normal across which two ellipsoids are apart by nearly as much more than `margin_m` as they can be: all but a hundredth of
+/// the excess; or, where they are not so far apart, the best normal. None where they overlap.
+pub(super) fn separating_normal(
+    a: &Ellipsoid,
+    b: &Ellipsoid,
+    normal_hint: Option<&Vector3<f64>>,
+    margin_m: f64,
+) -> Option<Vector3<f64>> {
+    let pair = Pair::new(a, b);
+    let hinted = normal_hint.map(|normal| pair.slab(*normal)).filter(|slab| slab.width_m > 0.0);
+    let start = match hinted {
+        Some(slab) => slab,
+        None => match separation(a, b) {
+            Separation::Overlapping(_) => return None,
+            Separation::Apart(plane) => pair.slab(unit(&plane.normal)?),
+        },
+    };
+    Some(pair.widest(start, f64::NEG_INFINITY, Some(margin_m)).normal)
+}
+
 /// Newton steps before the bounds are returned as they are.
 const STEPS: usize = 60;
 /// Length of the part of the gradient along the sphere at which the search ends, relative to the distance.
 const RESIDUAL: f64 = 1e-9;
+/// Twice the share of the excess over a margin that a nearly best plane may leave.
+const CONTENT: f64 = 0.02;
 
 /// Length by the processor's square root (nalgebra's is emulated here).
 #[inline]
@@ -68,13 +91,26 @@ pub(super) fn unit(v: &Vector3<f64>) -> Option<Vector3<f64>> {
     (length > 0.0 && length < f64::INFINITY).then(|| v * (1.0 / length))
 }
 
+/// The columns, without an index that could be out of range.
+#[inline]
+fn columns(matrix: &Matrix3<f64>) -> [Vector3<f64>; 3] {
+    matrix.data.0.map(Vector3::from)
+}
+
 /// `matrix^-1 right` for a symmetric matrix, where it can be inverted.
 #[inline]
 fn solve_symmetric(matrix: &Matrix3<f64>, right: &Vector3<f64>) -> Option<Vector3<f64>> {
-    let [x, y, z] = [0, 1, 2].map(|column| Vector3::from(matrix.column(column)));
+    let [x, y, z] = columns(matrix);
     let (yz, zx, xy) = (y.cross(&z), z.cross(&x), x.cross(&y));
     let determinant = x.dot(&yz);
     (determinant > 0.0).then(|| Vector3::new(yz.dot(right), zx.dot(right), xy.dot(right)) * (1.0 / determinant))
+}
+
+#[inline]
+fn add_to_diagonal(matrix: &mut Matrix3<f64>, value: f64) {
+    matrix.m11 += value;
+    matrix.m22 += value;
+    matrix.m33 += value;
 }
 
 /// Two ellipsoids and what every evaluation of the slab needs.
@@ -144,9 +180,7 @@ impl<'a> Pair<'a> {
         // Both heights replaced by quadratic bounds that touch at this normal: the maximum moves to a wider slab.
         let [first, second] = self.shapes;
         let mut curvature = first * (1.0 / along.heights[0]) + second * (1.0 / along.heights[1]);
-        for axis in 0..3 {
-            curvature[(axis, axis)] += along.width_m.max(0.0);
-        }
+        add_to_diagonal(&mut curvature, along.width_m.max(0.0));
         let bent = solve_symmetric(&curvature, &self.offset).and_then(|v| unit(&v)).map(|normal| self.slab(normal));
         match bent {
             Some(bent) if bent.width_m > 0.0 => bent,
@@ -188,37 +222,39 @@ impl<'a> Pair<'a> {
     }
 
     fn finish(&self, start: Slab, hint: Option<Slab>) -> Distance {
-        let mut best = self.widest(start, f64::NEG_INFINITY);
+        let mut best = self.widest(start, f64::NEG_INFINITY, None);
         if best.width_m <= 0.0 {
             if let Some(hint) = hint {
-                best = best.or_wider(self.widest(hint, best.width_m));
+                best = best.or_wider(self.widest(hint, best.width_m, None));
             }
             // The depth has several local minima: near the short axes of either body, turned towards b.
             for body in [self.a, self.b] {
-                for (along, semi_axis) in body.factor().column_iter().zip(body.semi_axes()) {
+                for (along, semi_axis) in columns(body.factor()).iter().zip(body.semi_axes()) {
                     // Across the longest axis no translation is shortest, but for a sphere, where the first search suffices.
                     if *semi_axis >= body.semi_axes().max() {
                         continue;
                     }
-                    let along = Vector3::from(along);
-                    let towards = if along.dot(&self.offset) < 0.0 { -along } else { along };
+                    let towards = if along.dot(&self.offset) < 0.0 { -along } else { *along };
                     let Some(normal) = unit(&towards) else { continue };
-                    best = best.or_wider(self.widest(self.slab(normal), best.width_m));
+                    best = best.or_wider(self.widest(self.slab(normal), best.width_m, None));
                 }
             }
         }
         self.answer(&best)
     }
 
-    /// Climbs to the widest slab near this one; gives up where it will not be wider than `at_least_m`.
+    /// Climbs to the widest slab near this one; gives up where it will not be wider than `at_least_m`, and is content with
+    /// nearly all of what exceeds a margin, where there is one.
     #[inline]
-    fn widest(&self, start: Slab, at_least_m: f64) -> Slab {
+    fn widest(&self, start: Slab, at_least_m: f64, margin_m: Option<f64>) -> Slab {
         let mut slab = start;
         let noise = 0.5 * self.noise_m;
         for _ in 0..STEPS {
             let slope = slab.slope();
             let residual = RESIDUAL * slab.width_m.abs() + noise;
-            if slope.norm_squared() <= residual * residual {
+            // The distance is not above the length of the gradient, whose square is that of the width and of the slope.
+            let enough = margin_m.map_or(0.0, |margin_m| CONTENT * slab.width_m * (slab.width_m - margin_m).max(0.0));
+            if slope.norm_squared() <= f64::max(residual * residual, enough) {
                 break;
             }
             let Some(step) = self.step(&slab, &slope) else { break };
@@ -261,9 +297,7 @@ impl<'a> Pair<'a> {
         let trace = curvature.trace();
         let solve = |width: f64| {
             let mut matrix = curvature + slab.normal * slab.normal.transpose() * (trace + width.abs() - width);
-            for axis in 0..3 {
-                matrix[(axis, axis)] += width;
-            }
+            add_to_diagonal(&mut matrix, width);
             solve_symmetric(&matrix, slope)
         };
         if slab.width_m >= 0.0 {

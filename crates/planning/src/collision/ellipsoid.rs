@@ -1,7 +1,7 @@
 //! An ellipsoid somewhere in the world.
 
 use super::BodyEllipsoid;
-use crate::error::{PlanningError, finite, positive};
+use crate::error::{PlanningError, pose};
 use nalgebra::{Matrix3, Vector3};
 use tumble_lie::Pose;
 
@@ -18,17 +18,11 @@ impl Ellipsoid {
     /// The ellipsoid with this centre and these axes.
     ///
     /// # Errors
-    /// Semi-axes that are not positive, numbers that are not finite.
+    /// Semi-axes that are not positive, numbers that are not finite, beyond 1e20 m or, for semi-axes, below 1e-20 m; semi-axes that
+    /// differ by more than the factor 1e4; an attitude that is none.
     pub fn try_new(world_from_ellipsoid: &Pose<f64>, semi_axes: &Vector3<f64>) -> Result<Self, PlanningError> {
-        for semi_axis in semi_axes {
-            positive("a semi-axis", *semi_axis)?;
-        }
-        for coordinate in &world_from_ellipsoid.translation.vector {
-            finite("the centre of an ellipsoid", *coordinate)?;
-        }
-        for component in &world_from_ellipsoid.rotation.coords {
-            finite("the attitude of an ellipsoid", *component)?;
-        }
+        crate::error::semi_axes("a semi-axis", semi_axes)?;
+        pose(world_from_ellipsoid)?;
         Ok(Self::posed(world_from_ellipsoid, semi_axes))
     }
 
@@ -44,6 +38,12 @@ impl Ellipsoid {
     /// A part of a body at a pose of the body.
     pub fn of_body(part: &BodyEllipsoid, world_from_body: &Pose<f64>) -> Self {
         Self::posed(&(world_from_body * part.body_from_ellipsoid), &part.semi_axes)
+    }
+
+    /// The same turned about its centre, which is then elsewhere.
+    #[inline]
+    pub(crate) fn turned_to(&self, rotation: &Matrix3<f64>, center: Vector3<f64>) -> Self {
+        Self { center, factor: rotation * self.factor, semi_axes: self.semi_axes }
     }
 
     /// The same with its centre elsewhere.

@@ -27,7 +27,7 @@ const CONCENTRIC: f64 = 1e-60;
 /// `g` is the square root of the contact function, a norm of the vector between the centres: smooth everywhere but where that
 /// is zero (`g` below 1e-60). There the gradient returned is zero, which is one of its subgradients, and so is the Hessian;
 /// near there the gradient keeps its size and the Hessian grows as one over the distance. Derivatives err by about 1e-16 times
-/// the square of the larger semi-axis ratio, relative to the largest of their kind.
+/// the cube of the larger semi-axis ratio, relative to the largest of their kind.
 ///
 /// # Source
 /// Envelope theorem for the first derivatives, implicit function theorem for the second, by the weight `t` of
@@ -80,7 +80,9 @@ pub fn scaling_margin(a: &Ellipsoid, b: &Ellipsoid) -> ScalingMargin {
     let share = weight / (1.0 + weight);
     let by_growth = share / (2.0 * growth);
     let gradient = first_derivative.times(by_growth);
-    let (of_mixed, of_gradient) = (-by_growth / curvature, -1.0 / growth);
+    // Of solids so unlike that rounding hides the curvature, what the weight adds is beyond knowing.
+    let of_mixed = if curvature < 0.0 { -by_growth / curvature } else { 0.0 };
+    let of_gradient = -1.0 / growth;
     let block = |base: Matrix3<f64>, left: fn(&Nine) -> &Vector3<f64>, right: fn(&Nine) -> &Vector3<f64>| {
         base * by_growth
             + (left(&mixed) * of_mixed) * right(&mixed).transpose()
@@ -101,6 +103,11 @@ pub fn scaling_margin(a: &Ellipsoid, b: &Ellipsoid) -> ScalingMargin {
     margin.gradient.fixed_rows_mut::<3>(3).copy_from(&gradient.a);
     margin.gradient.fixed_rows_mut::<3>(6).copy_from(&gradient.d);
     margin.gradient.fixed_rows_mut::<3>(9).copy_from(&gradient.b);
+    // Solids unlike in size by 1e16 or so: nothing is left of their curvatures.
+    let sum = [dd, da, db, aa, ab, bb].map(|block| block.sum()).iter().sum::<f64>();
+    if !sum.is_finite() {
+        return margin;
+    }
     let rows = [
         [dd, -da, -dd, -db],
         [-da.transpose(), aa, da.transpose(), ab],

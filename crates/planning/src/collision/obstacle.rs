@@ -1,6 +1,6 @@
 //! What clearance and continuous test need to know of an obstacle.
 
-use super::distance::{Distance, distance};
+use super::distance::{Distance, distance, separating_normal};
 use super::sphere::outward_normal;
 use super::{Ellipsoid, Sphere, ellipsoid_to_box, ellipsoid_to_sphere, sphere_to_box};
 use nalgebra::{Matrix3, Vector3};
@@ -52,15 +52,15 @@ impl Solid {
         Self::Ellipsoid(AxedEllipsoid::new(solid))
     }
 
-    /// Takes an offset from an ellipsoid's centre to the space where it is a unit ball.
-    pub fn to_ball(&self) -> Option<Matrix3<f64>> {
+    /// Takes an offset from an ellipsoid's centre to the space where it is a unit ball; and the semi-axes.
+    pub fn to_ball(&self) -> Option<(Matrix3<f64>, Vector3<f64>)> {
         match self {
             Self::Ellipsoid(ellipsoid) => {
                 let mut to_ball = ellipsoid.axes.transpose();
                 for (mut row, semi_axis) in to_ball.row_iter_mut().zip(&ellipsoid.semi_axes) {
                     row /= *semi_axis;
                 }
-                Some(to_ball)
+                Some((to_ball, ellipsoid.semi_axes))
             }
             Self::Box(_) => None,
         }
@@ -117,15 +117,29 @@ impl Solid {
         }
     }
 
-    /// True where an ellipsoid certainly shares a point with the obstacle: one between the centres, or the point of the box
-    /// nearest to the centre. Cheap; deep overlaps need no distance.
-    pub fn clearly_meets(&self, other: &Ellipsoid) -> bool {
+    /// Normal of a nearly best plane between the obstacle and an ellipsoid that are farther apart than a margin, from the obstacle
+    /// to the ellipsoid; the best one where they are not. None where the two share a point that is found at once.
+    pub fn normal_to(&self, other: &Ellipsoid, hint: Option<&Vector3<f64>>, margin_m: f64) -> Option<Vector3<f64>> {
+        match self {
+            _ if self.clearly_meets(other) => None,
+            Self::Ellipsoid(obstacle) => separating_normal(&obstacle.solid, other, hint, margin_m),
+            Self::Box(_) => Some(self.distance(other).normal),
+        }
+    }
+
+    /// True where an ellipsoid certainly shares a point with the obstacle: one between the centres, the point of the box
+    /// nearest to the centre, or the point that reaches farthest towards that. Cheap; deep overlaps need no distance.
+    fn clearly_meets(&self, other: &Ellipsoid) -> bool {
         match self {
             Self::Ellipsoid(AxedEllipsoid { solid, .. }) => {
                 // Each covers a share of the way between the centres.
                 1.0 / solid.gauge(other.center()) + 1.0 / other.gauge(other.center()) > 1.0
             }
-            Self::Box(_) => other.gauge(&self.offset(other.center())) < 1.0,
+            Self::Box(aligned) => {
+                let offset = self.offset(other.center());
+                let is_in_box = |point: Vector3<f64>| point >= aligned.lower_world && point <= aligned.upper_world;
+                other.gauge(&offset) < 1.0 || is_in_box(other.support_point(&-offset))
+            }
         }
     }
 

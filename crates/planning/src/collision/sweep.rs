@@ -40,7 +40,7 @@ pub(super) struct MovingPart<'a> {
 enum Shape<'a> {
     Sphere { radius_m: f64 },
     Level { solid: Ellipsoid },
-    Turning { part: &'a BodyEllipsoid, arc: &'a BodyArc, factor: Matrix3<f64> },
+    Turning { part: &'a BodyEllipsoid, arc: &'a BodyArc, solid: Ellipsoid },
 }
 
 /// Index of the last coefficient that is not zero.
@@ -66,8 +66,8 @@ impl<'a> MovingPart<'a> {
             }
         } else {
             let reach_m = f64::sqrt(offset.norm_squared()) + part.semi_axes.max();
-            let factor = *Ellipsoid::posed(&part.body_from_ellipsoid, &part.semi_axes).factor();
-            let shape = Shape::Turning { part, arc, factor };
+            let solid = Ellipsoid::posed(&part.body_from_ellipsoid, &part.semi_axes);
+            let shape = Shape::Turning { part, arc, solid };
             (shape, Vector3::repeat(reach_m))
         };
         let (lower, upper) = path_box(&path, degree(&path), arc.duration_s);
@@ -101,6 +101,9 @@ struct Approach<'a> {
     contact_m: f64,
 }
 
+/// An attitude of the body, as a rotation matrix.
+type Attitude = Option<Matrix3<f64>>;
+
 /// A stretch of time that a plane proves free, or none where the best plane shows a contact.
 type Proven = Option<(f64, f64)>;
 
@@ -131,9 +134,10 @@ impl Approach<'_> {
         // One cheap plane, where the centres are nearest as the obstacle measures it.
         let nearest_s = self.nearest_s(from_s, to_s);
         let (mut proven_s, mut open_s) = (from_s, to_s);
-        let offset = self.solid.offset(&self.relative(nearest_s));
+        let (relative, attitude) = self.relative(nearest_s);
+        let offset = self.solid.offset(&relative);
         let guess = unit(&self.solid.measured(&offset, self.part.half_extent.min()));
-        if let Some((first, last)) = self.proves(&guess, nearest_s, from_s, to_s) {
+        if let Some((first, last)) = self.proves(&guess, &attitude, nearest_s, from_s, to_s) {
             if first <= from_s && last >= to_s {
                 return None;
             }
@@ -143,25 +147,27 @@ impl Approach<'_> {
                 open_s = first;
             }
         }
-        self.search(proven_s, open_s)
+        self.search(guess, proven_s, open_s)
     }
 
     /// Goes forwards from what is proven free, a plane at its end and a plane half-way to the end of the open stretch in turn.
-    fn search(&self, mut proven_s: f64, mut open_s: f64) -> Option<f64> {
+    fn search(&self, guess: Vector3<f64>, mut proven_s: f64, mut open_s: f64) -> Option<f64> {
+        // The last plane's normal, which the next one's is near.
+        let mut normal = guess;
         // Open stretches (begin, end) beyond what a plane half-way proved; the next one last.
         let mut later = [(0.0, 0.0); STRETCHES];
         let mut waiting = 0_usize;
         let mut is_hit_at_end = false;
         for _ in 0..PLANES {
             let begin_s = proven_s;
-            let Some((_, last)) = self.best_proves(begin_s, begin_s, open_s) else {
+            let Some((_, last)) = self.best_proves(&mut normal, begin_s, begin_s, open_s) else {
                 return Some(begin_s);
             };
             proven_s = last;
             // On the way to a known contact a plane ahead is worth its price only where this one does not get on.
             if proven_s < open_s && !(is_hit_at_end && proven_s - begin_s >= 0.5 * (open_s - begin_s)) {
                 let ahead_s = 0.5 * (proven_s + open_s);
-                match self.best_proves(ahead_s, proven_s, open_s) {
+                match self.best_proves(&mut normal, ahead_s, proven_s, open_s) {
                     None => {
                         open_s = ahead_s;
                         is_hit_at_end = true;
@@ -189,13 +195,14 @@ impl Approach<'_> {
         Some(proven_s)
     }
 
-    /// The part's centre as seen from the obstacle.
-    fn relative(&self, time_s: f64) -> Vector3<f64> {
+    /// The part's centre as seen from the obstacle, and the attitude of a turning body.
+    fn relative(&self, time_s: f64) -> (Vector3<f64>, Attitude) {
         let origin = evaluate(&self.path, self.degree, time_s);
         match &self.part.shape {
-            Shape::Sphere { .. } | Shape::Level { .. } => origin,
+            Shape::Sphere { .. } | Shape::Level { .. } => (origin, None),
             Shape::Turning { part, arc, .. } => {
-                origin + arc.attitude_at(time_s) * part.body_from_ellipsoid.translation.vector
+                let attitude = *arc.attitude_at(time_s).to_rotation_matrix().matrix();
+                (origin + attitude * part.body_from_ellipsoid.translation.vector, Some(attitude))
             }
         }
     }
@@ -221,27 +228,25 @@ impl Approach<'_> {
         time_s
     }
 
-    /// What the best plane at a time proves free of `[from_s, to_s]`; none where there is a contact at that time.
-    fn best_proves(&self, time_s: f64, from_s: f64, to_s: f64) -> Proven {
-        let relative = self.relative(time_s);
-        let normal = match &self.part.shape {
-            Shape::Sphere { .. } => self.solid.normal_to_point(&relative),
-            Shape::Level { solid } => self.normal_to(&solid.moved_to(relative))?,
-            Shape::Turning { part, arc, .. } => {
-                self.normal_to(&Ellipsoid::of_body(part, &arc.pose(time_s)).moved_to(relative))?
+    /// What the best plane at a time, or nearly the best, proves free of `[from_s, to_s]`; none where there is a contact at that
+    /// time. The normal is that of a plane near it, and then that of this one.
+    fn best_proves(&self, normal: &mut Vector3<f64>, time_s: f64, from_s: f64, to_s: f64) -> Proven {
+        let (relative, attitude) = self.relative(time_s);
+        *normal = match (&self.part.shape, &attitude) {
+            (Shape::Sphere { .. }, _) => self.solid.normal_to_point(&relative),
+            (Shape::Turning { solid, .. }, Some(attitude)) => {
+                self.solid.normal_to(&solid.turned_to(attitude, relative), Some(normal), self.margin_m)?
+            }
+            (Shape::Level { solid } | Shape::Turning { solid, .. }, _) => {
+                self.solid.normal_to(&solid.moved_to(relative), Some(normal), self.margin_m)?
             }
         };
-        self.proves(&normal, time_s, from_s, to_s)
-    }
-
-    /// The normal of the best plane to an ellipsoid; none where the two share a point that is found at once.
-    fn normal_to(&self, solid: &Ellipsoid) -> Option<Vector3<f64>> {
-        (!self.solid.clearly_meets(solid)).then(|| self.solid.distance(solid).normal)
+        self.proves(normal, &attitude, time_s, from_s, to_s)
     }
 
     /// The part of `[from_s, to_s]` about `time_s` that the plane with this normal, placed at `time_s`, proves free; none
     /// where it does not keep the two apart even there.
-    fn proves(&self, normal: &Vector3<f64>, time_s: f64, from_s: f64, to_s: f64) -> Proven {
+    fn proves(&self, normal: &Vector3<f64>, attitude: &Attitude, time_s: f64, from_s: f64, to_s: f64) -> Proven {
         let along = self.path.map(|coefficient| normal.dot(&coefficient));
         let mut clearance = about(&along, self.degree, time_s);
         let kept_m = self.margin_m + self.solid.support(normal);
@@ -249,9 +254,11 @@ impl Approach<'_> {
         match &self.part.shape {
             Shape::Sphere { radius_m } => clearance[0] -= kept_m + radius_m,
             Shape::Level { solid } => clearance[0] -= kept_m + solid.support(normal),
-            Shape::Turning { part, arc, factor } => {
+            Shape::Turning { part, arc, solid } => {
                 clearance[0] -= kept_m;
-                let turn_degree = turning_below(&mut clearance, normal, part, arc, factor, (time_s, from_s, to_s));
+                let seen = attitude.map_or(*normal, |attitude| attitude.tr_mul(normal));
+                let turning = (*part, *arc, solid.factor());
+                let turn_degree = turning_below(&mut clearance, &seen, turning, (time_s, from_s, to_s));
                 degree = degree.max(turn_degree);
             }
         }
@@ -279,23 +286,20 @@ fn evaluate(path: &[Vector3<f64>; COEFFICIENTS], degree: usize, time_s: f64) -> 
     path.iter().take(degree + 1).rev().fold(Vector3::zeros(), |value, coefficient| value * time_s + coefficient)
 }
 
-/// Adds to the plane's clearance, in powers of the time since `time_s`, what a turning part contributes, or less. Returns the
-/// degree of what was added.
+/// Adds to the plane's clearance, in powers of the time since `time_s`, what a turning part contributes, or less, from the normal
+/// as `seen` in body axes at that time. Returns the degree of what was added.
 ///
 /// In body axes the normal `m` turns about the axis by minus the angle, so that the part contributes
 /// `f(angle) = offset . m - sqrt(Q)`, `Q = |L' m|^2`, where `offset . m` and `Q` are a constant plus terms in sine and cosine of
 /// the angle, `Q` also of its double. Hence a bound `M` of `-f''`, and `f(0) + f'(0) d - M d^2 / 2` lies below `f`.
 fn turning_below(
     clearance: &mut [f64; COEFFICIENTS],
-    normal: &Vector3<f64>,
-    part: &BodyEllipsoid,
-    arc: &BodyArc,
-    factor: &Matrix3<f64>,
+    seen: &Vector3<f64>,
+    (part, arc, factor): (&BodyEllipsoid, &BodyArc, &Matrix3<f64>),
     (time_s, from_s, to_s): (f64, f64, f64),
 ) -> usize {
     let (axis, offset) = (arc.axis_body.into_inner(), &part.body_from_ellipsoid.translation.vector);
-    let seen = arc.attitude_at(time_s).inverse_transform_vector(normal);
-    let fixed = axis * axis.dot(&seen);
+    let fixed = axis * axis.dot(seen);
     let turned = seen - fixed;
     let slope = seen.cross(&axis);
     let [fixed_axes, turned_axes, slope_axes] = [fixed, turned, slope].map(|part| factor.tr_mul(&part));
@@ -315,7 +319,7 @@ fn turning_below(
     let angle_degree = arc.angle.iter().rposition(|coefficient| *coefficient != 0.0).unwrap_or(0);
     let angle = about(&arc.angle, angle_degree, time_s);
     let rate_rad_s = fastest(&angle, from_s - time_s, to_s - time_s);
-    clearance[0] += offset.dot(&seen) - support;
+    clearance[0] += offset.dot(seen) - support;
     for (clearance, angle) in clearance.iter_mut().zip(&angle).skip(1) {
         *clearance += rise * angle;
     }

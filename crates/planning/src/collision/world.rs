@@ -6,7 +6,7 @@ use super::sweep::{MovingPart, degree, first_contact, path_box};
 use super::{
     Blocker, BodyEllipsoid, BodyShape, Clearance, CollisionWorld, Contact, Ellipsoid, Sphere, keep_in_complement,
 };
-use crate::error::{PlanningError, finite};
+use crate::error::{PlanningError, attitude, finite, length, moderate, pose};
 use crate::motion::{BodyArc, COEFFICIENTS};
 use nalgebra::Vector3;
 use tumble_dynamics::{AlignedBox, ObstacleEllipsoid, World};
@@ -86,6 +86,8 @@ pub struct EllipsoidWorld {
     boxes: usize,
     /// Entries that every query looks at.
     always: Vec<usize>,
+    /// Entries that move.
+    moving: Vec<usize>,
     /// The obstacles at rest, where they are many.
     tree: BoxTree,
 }
@@ -102,7 +104,7 @@ fn invalid(part: &'static str, index: usize, what: &'static str, value: f64) -> 
 fn check_box(part: &'static str, index: usize, aligned: &AlignedBox) -> Result<(), PlanningError> {
     for (lower, upper) in aligned.lower_world.iter().zip(&aligned.upper_world) {
         for coordinate in [*lower, *upper] {
-            if !coordinate.is_finite() {
+            if moderate("", coordinate).is_err() {
                 return Err(invalid(part, index, "a coordinate", coordinate));
             }
         }
@@ -130,14 +132,14 @@ impl Entry {
         let MovingObstacle { ellipsoid, displacement, since_s, appear_s, vanish_s } = obstacle;
         let part = "obstacle";
         for semi_axis in &ellipsoid.semi_axes {
-            if !(semi_axis.is_finite() && *semi_axis > 0.0) {
+            if length("", *semi_axis).is_err() {
                 return Err(invalid(part, index, "a semi-axis", *semi_axis));
             }
         }
         let pose = &ellipsoid.world_from_ellipsoid;
         let numbers = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
         for number in numbers.chain(displacement.iter().flatten()).chain([since_s]) {
-            if !number.is_finite() {
+            if moderate("", *number).is_err() {
                 return Err(invalid(part, index, "a coordinate of its pose or motion", *number));
             }
         }
@@ -278,7 +280,7 @@ impl EllipsoidWorld {
     /// The queries of a world of obstacles, keep-out and keep-in boxes.
     ///
     /// # Errors
-    /// [`PlanningError::InvalidWorld`]: numbers that are not finite, semi-axes that are not positive, boxes upside down.
+    /// [`PlanningError::TooUnlike`]; [`PlanningError::InvalidWorld`]: numbers that are not finite, semi-axes that are not positive, boxes upside down.
     pub fn new(world: &World) -> Result<Self, PlanningError> {
         for (index, aligned) in world.keep_out.iter().enumerate() {
             check_box("keep-out box", index, aligned)?;
@@ -290,7 +292,8 @@ impl EllipsoidWorld {
         let keep_in = keep_in_complement(&world.keep_in).into_iter().map(|aligned| (Blocker::KeepIn, aligned));
         let entries: Vec<Entry> =
             keep_out.chain(keep_in).map(|(blocker, aligned)| Entry::aligned(blocker, aligned)).collect();
-        let world_of_boxes = Self { boxes: entries.len(), entries, always: Vec::new(), tree: BoxTree::default() };
+        let world_of_boxes =
+            Self { boxes: entries.len(), entries, always: Vec::new(), moving: Vec::new(), tree: BoxTree::default() };
         world_of_boxes.with_obstacles(world.obstacles.iter().map(|ellipsoid| MovingObstacle::at_rest(*ellipsoid)))
     }
 
@@ -323,7 +326,21 @@ impl EllipsoidWorld {
             placed.clear();
         }
         (self.always, self.tree) = (always, BoxTree::new(&placed));
+        self.moving = (0..self.entries.len())
+            .filter(|index| self.entries.get(*index).is_some_and(|e| e.motion.is_some()))
+            .collect();
         Ok(self)
+    }
+
+    /// Checks that what moves is within what can be computed with, between two times.
+    pub(super) fn check_moved(&self, from_s: f64, to_s: f64) -> Result<(), PlanningError> {
+        for index in &self.moving {
+            let Some(Entry { motion: Some(motion), .. }) = self.entries.get(*index) else { continue };
+            let since_s = f64::max((from_s - motion.since_s).abs(), (to_s - motion.since_s).abs());
+            let along = |sum: f64, term: &Vector3<f64>| sum * since_s + term.abs().sum();
+            moderate("the way of an obstacle", motion.displacement.iter().rev().fold(0.0, along))?;
+        }
+        Ok(())
     }
 
     /// How many obstacles there are.
@@ -375,8 +392,8 @@ impl EllipsoidWorld {
         time_s: f64,
         counts: impl Fn(&Entry) -> bool,
     ) -> Result<Clearance, PlanningError> {
-        let numbers = world_from_body.translation.vector.sum() + world_from_body.rotation.coords.sum();
-        finite("the sum of a pose's numbers", numbers)?;
+        pose(world_from_body)?;
+        self.check_moved(time_s, time_s)?;
         let mut nearest = Clearance { distance_m: f64::INFINITY, nearest: None };
         for part in body.parts() {
             let part = PosedPart::new(part, world_from_body);
@@ -397,7 +414,7 @@ impl CollisionWorld for EllipsoidWorld {
         world_from_body: &Pose<f64>,
         time_s: f64,
     ) -> Result<Clearance, PlanningError> {
-        finite("the mission time", time_s)?;
+        moderate("the mission time", time_s)?;
         self.nearest(body, world_from_body, time_s, |entry| entry.is_present(time_s))
     }
 
@@ -412,11 +429,12 @@ impl CollisionWorld for EllipsoidWorld {
         start_s: f64,
         margin_m: f64,
     ) -> Result<Option<Contact>, PlanningError> {
-        finite("the mission time", start_s)?;
+        moderate("the mission time", start_s)?;
         check_arc(arc)?;
-        if finite("the margin", margin_m)? < 0.0 {
+        if moderate("the margin", margin_m)? < 0.0 {
             return Err(PlanningError::Negative { what: "the margin", value: margin_m });
         }
+        self.check_moved(start_s, start_s + arc.duration_s)?;
         let mut first: Option<Contact> = None;
         let mut end_s = arc.duration_s;
         for part in body.parts() {
@@ -458,7 +476,7 @@ impl CollisionWorld for EllipsoidWorld {
         world_from_body: &Pose<f64>,
         from_s: f64,
     ) -> Result<Clearance, PlanningError> {
-        finite("the mission time", from_s)?;
+        moderate("the mission time", from_s)?;
         self.nearest(body, world_from_body, from_s, |entry| entry.lasts_from(from_s))
     }
 
@@ -474,15 +492,24 @@ impl CollisionWorld for EllipsoidWorld {
     }
 }
 
-/// Checks that an arc is one.
+/// Checks that an arc is one, and stays within what can be computed with.
 pub(super) fn check_arc(arc: &BodyArc) -> Result<(), PlanningError> {
-    let numbers = arc.position.iter().fold(Vector3::zeros(), |sum, coefficient| sum + coefficient).sum()
-        + arc.angle.iter().sum::<f64>()
-        + arc.attitude.coords.sum()
-        + arc.axis_body.sum();
-    finite("the sum of an arc's numbers", numbers)?;
-    if finite("the duration of an arc", arc.duration_s)? < 0.0 {
+    if moderate("the duration of an arc", arc.duration_s)? < 0.0 {
         return Err(PlanningError::Negative { what: "the duration of an arc", value: arc.duration_s });
     }
-    Ok(())
+    attitude(&arc.attitude)?;
+    let what = "the squared norm of an arc's axis";
+    let is_axis = (finite(what, arc.axis_body.norm_squared())? - 1.0).abs() < 1e-3;
+    // Each coefficient by itself, and what it amounts to by the end.
+    let (mut amount, mut power) = (0.0, 1.0);
+    for (position, angle) in arc.position.iter().zip(&arc.angle) {
+        amount += (position.abs().sum() + angle.abs()) * f64::max(1.0, power);
+        power *= arc.duration_s;
+    }
+    moderate("the sum of an arc's numbers", amount)?;
+    if is_axis || arc.is_level() {
+        Ok(())
+    } else {
+        Err(PlanningError::OutOfRange { what, value: arc.axis_body.norm_squared(), lower: 0.999, upper: 1.001 })
+    }
 }

@@ -13,8 +13,8 @@ mod survey;
 mod turning;
 
 pub(super) use grid::{acceleration_m_s2, not_negative};
-pub(super) use survey::lasting_clearance;
 
+use super::diagnosis::check_numbers;
 use super::{GlobalRequest, Objective, Obstruction};
 use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};
@@ -23,7 +23,7 @@ use crate::motion::TranslationState;
 use grid::Grid;
 use least_time::{least_time, least_time_from};
 use nalgebra::Vector3;
-use survey::{Cell, Level, NEVER, Stop, Survey};
+use survey::{Cell, Level, NEVER, Stop, Survey, lasting_clearance};
 
 /// Cells of the first grid.
 const FIRST_CELLS: f64 = 1000.0;
@@ -130,10 +130,7 @@ impl<'r, W: CollisionWorld + ?Sized> RouteBound<'r, W> {
     /// # Errors
     /// Numbers that are not finite or have the wrong sign.
     pub fn new(request: &'r GlobalRequest<'r, W>) -> Result<Self, PlanningError> {
-        for number in request.start.position.iter().chain(&request.start.velocity).chain(&request.goal.position) {
-            crate::error::finite("a coordinate of the start or the goal", *number)?;
-        }
-        crate::error::finite("the margin", request.margin_m)?;
+        check_numbers(request)?;
         let metric = Metric::new(request)?;
         let best_s = metric.unhindered_s(&metric.start, &metric.first);
         Ok(Self { request, metric, best_s, reachability: Reachability::Unknown, route: Vec::new(), surveyed: None })

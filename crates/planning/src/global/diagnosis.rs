@@ -1,10 +1,10 @@
 //! What can be said of a problem without a search.
 
-use super::bound::{acceleration_m_s2, lasting_clearance, not_negative};
+use super::bound::{acceleration_m_s2, not_negative};
 use super::{GlobalRequest, Obstruction};
-use crate::collision::CollisionWorld;
-use crate::error::PlanningError;
-use nalgebra::{Translation3, Vector3};
+use crate::collision::{Clearance, CollisionWorld};
+use crate::error::{PlanningError, moderate, zero_or_moderate};
+use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use tumble_lie::Pose;
 
 /// Cells along each axis of the box around the goal region.
@@ -12,17 +12,16 @@ const CELLS: u32 = 10;
 
 /// Why there certainly is no plan, where that shows at the start, at the goal region or in the limits.
 ///
-/// `None` says nothing: the way between may still be closed, see [`super::RouteBound`].
+/// `None` says nothing: the way between may still be closed, see [`super::RouteBound`]. The goal of a body that may arrive with
+/// another attitude than it starts with is never called blocked.
 ///
 /// # Errors
 /// Numbers that are not finite or have the wrong sign; what the world cannot answer.
 pub fn diagnose<W: CollisionWorld + ?Sized>(
     request: &GlobalRequest<'_, W>,
 ) -> Result<Option<Obstruction>, PlanningError> {
-    for number in request.start.position.iter().chain(&request.start.velocity).chain(&request.goal.position) {
-        crate::error::finite("a coordinate of the start or the goal", *number)?;
-    }
-    let margin_m = crate::error::finite("the margin", request.margin_m)?;
+    check_numbers(request)?;
+    let margin_m = request.margin_m;
     if let Some(obstruction) = outside_limits(request)? {
         return Ok(Some(obstruction));
     }
@@ -34,19 +33,45 @@ pub fn diagnose<W: CollisionWorld + ?Sized>(
     goal_blocked(request)
 }
 
-fn outside_limits<W: CollisionWorld + ?Sized>(
-    request: &GlobalRequest<'_, W>,
-) -> Result<Option<Obstruction>, PlanningError> {
+/// Checks that every number that a request brings is one, and can be computed with.
+///
+/// # Errors
+/// Numbers that are not finite, have the wrong sign, or are beyond 1e20; a box that is empty.
+pub(super) fn check_numbers<W: CollisionWorld + ?Sized>(request: &GlobalRequest<'_, W>) -> Result<(), PlanningError> {
+    for number in request.start.position.iter().chain(&request.start.velocity).chain(&request.goal.position) {
+        moderate("a coordinate of the start or the goal", *number)?;
+    }
+    moderate("the margin", request.margin_m)?;
+    moderate("the time of the start", request.start_s)?;
+    crate::error::attitude(&request.attitude)?;
+    moderate("the radius of the goal region", not_negative("the radius of the goal region", request.goal.radius_m)?)?;
+    moderate("the speed on arrival", not_negative("the speed on arrival", request.goal.speed_m_s)?)?;
     let limits = &request.limits;
-    let radius_m = not_negative("the radius of the goal region", request.goal.radius_m)?;
-    not_negative("the speed on arrival", request.goal.speed_m_s)?;
-    let acceleration = acceleration_m_s2(&limits.force_n, request.belief.parameters().mass)?;
+    for limit in &limits.speed_m_s {
+        zero_or_moderate("a speed limit", not_negative("a speed limit", *limit)?)?;
+    }
+    acceleration_m_s2(&limits.force_n, request.belief.parameters().mass)?;
     for axis in 0..3 {
         let (lower, upper) = (limits.position.lower_world[axis], limits.position.upper_world[axis]);
         if lower > upper || lower.is_nan() || upper.is_nan() {
             return Err(PlanningError::EmptyBox { what: "the position limit", axis, lower, upper });
         }
-        let largest = not_negative("a speed limit", limits.speed_m_s[axis])?;
+        for side in [lower, upper].into_iter().filter(|side| side.is_finite()) {
+            moderate("the position limit", side)?;
+        }
+    }
+    Ok(())
+}
+
+fn outside_limits<W: CollisionWorld + ?Sized>(
+    request: &GlobalRequest<'_, W>,
+) -> Result<Option<Obstruction>, PlanningError> {
+    let limits = &request.limits;
+    let radius_m = request.goal.radius_m;
+    let acceleration = acceleration_m_s2(&limits.force_n, request.belief.parameters().mass)?;
+    for axis in 0..3 {
+        let (lower, upper) = (limits.position.lower_world[axis], limits.position.upper_world[axis]);
+        let largest = limits.speed_m_s[axis];
         let (start, speed) = (request.start.position[axis], request.start.velocity[axis]);
         let outside = |what, value, limit| Ok(Some(Obstruction::OutsideLimits { what, value, limit }));
         if start < lower {
@@ -77,12 +102,28 @@ fn outside_limits<W: CollisionWorld + ?Sized>(
     Ok(None)
 }
 
+/// The attitude that the body certainly arrives with, or one as good; `None` where it may turn to another.
+fn arrival_attitude<W: CollisionWorld + ?Sized>(request: &GlobalRequest<'_, W>) -> Option<UnitQuaternion<f64>> {
+    let can_turn = request.limits.rate_rad_s > 0.0 && request.limits.torque_n_m.max() > 0.0;
+    let is_held = !can_turn || request.world.is_round(request.body);
+    request.goal.attitude.or(is_held.then_some(request.attitude))
+}
+
 /// The goal region is blocked where every cell of a grid over it certainly is, for all times.
 fn goal_blocked<W: CollisionWorld + ?Sized>(
     request: &GlobalRequest<'_, W>,
 ) -> Result<Option<Obstruction>, PlanningError> {
+    // Of a body that may arrive with any attitude nothing is certain here.
+    let may_turn = request.limits.rate_rad_s > 0.0 && !request.world.is_round(request.body);
+    let Some(attitude) = request.goal.attitude.or((!may_turn).then_some(request.attitude)) else { return Ok(None) };
+    let request = &GlobalRequest { attitude, ..*request };
     let (goal, margin_m) = (&request.goal, request.margin_m);
-    let (clearance_m, nearest) = lasting_clearance(request, &goal.position)?;
+    let Some(attitude) = arrival_attitude(request) else { return Ok(None) };
+    let lasting_clearance = |position: &Vector3<f64>| {
+        let world_from_body = Pose::from_parts(Translation3::from(*position), attitude);
+        request.world.lasting_clearance(request.body, &world_from_body, request.start_s)
+    };
+    let Clearance { distance_m: clearance_m, nearest } = lasting_clearance(&goal.position)?;
     let Some(blocker) = nearest.filter(|_| clearance_m < margin_m) else { return Ok(None) };
     let blocked = Ok(Some(Obstruction::GoalBlocked { blocker, clearance_m }));
     if goal.radius_m == 0.0 || clearance_m + goal.radius_m * (1.0 + 1e-9) < margin_m {
@@ -101,7 +142,7 @@ fn goal_blocked<W: CollisionWorld + ?Sized>(
                 let center = lower + (place + Vector3::repeat(0.5)).component_mul(&edges);
                 let away_m = f64::sqrt((center - goal.position).norm_squared());
                 let is_in_reach = away_m <= (goal.radius_m + half_diagonal_m) * (1.0 + 1e-9);
-                if is_in_reach && lasting_clearance(request, &center)?.0 + half_diagonal_m >= margin_m {
+                if is_in_reach && lasting_clearance(&center)?.distance_m + half_diagonal_m >= margin_m {
                     return Ok(None);
                 }
             }

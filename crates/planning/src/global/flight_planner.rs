@@ -54,8 +54,9 @@ impl Default for FlightPlannerSettings {
     }
 }
 
-/// A kinodynamic planner of motions at rest in attitude: anytime, asymptotically optimal, seeded. It keeps its memory from
-/// one request to the next and nothing else.
+/// A kinodynamic planner: anytime, seeded, for least duration asymptotically optimal. The body turns where that may help and
+/// the limits allow it, about one axis at a time and from rest to rest. The planner keeps its allocations from one request to
+/// the next and nothing else: no answer depends on those before.
 #[derive(Default)]
 pub struct FlightPlanner {
     settings: FlightPlannerSettings,
@@ -79,6 +80,10 @@ impl FlightPlanner {
     ) -> Result<(), End> {
         // The tree's order is that of time.
         let is_fast = search.request.objective == Objective::Duration;
+        if is_in_goal(search, &search.start()) {
+            self.flight = Flight::default();
+            search.offer(&self.flight)?;
+        }
         self.first_plan(search, seeds)?;
         search.offer(&self.flight)?;
         self.improve.run(search, &mut self.flight, CANDIDATE_UNITS)?;
@@ -149,8 +154,8 @@ impl FlightPlanner {
     /// A state at rest in the goal region, its centre where that is free.
     fn goal<W: CollisionWorld + ?Sized>(search: &mut Search<'_, '_, W>) -> Result<Node, End> {
         let request = search.request;
-        let attitude = request.goal.attitude.unwrap_or(request.attitude);
-        let bounds = &search.limits.position;
+        let mut attitude = request.goal.attitude.unwrap_or(request.attitude);
+        let bounds = search.limits.position;
         let mut position = request.goal.position;
         for _ in 0..GOAL_TRIALS {
             let within = position.sup(&bounds.lower_world).inf(&bounds.upper_world);
@@ -161,6 +166,7 @@ impl FlightPlanner {
                 return Ok(Node { translation: TranslationState::at_rest(within), attitude });
             }
             position = request.goal.position + search.chance.in_ball() * request.goal.radius_m;
+            attitude = request.goal.attitude.unwrap_or_else(|| search.attitude());
         }
         search.spend(GOAL_TRIALS / 8)?;
         Ok(Node { translation: TranslationState::at_rest(request.goal.position), attitude })

@@ -5,6 +5,8 @@
 //! speeds, a coast at `c`, and full acceleration to the last speed; every displacement between them by the same motion with
 //! another `c`. So existence and the motion both follow from one quadratic.
 
+use crate::error::LARGEST;
+
 /// Relative error that a boundary state may carry without being taken for another problem: some roundings.
 pub(super) const ROUNDINGS: f64 = 4.0 * f64::EPSILON;
 
@@ -93,8 +95,11 @@ impl Axis {
     pub fn new(ends: Ends) -> Option<Self> {
         let Ends { position: [p0, p1], velocity: [v0, v1], speed, acceleration } = ends;
         let fastest = speed * (1.0 + SPEED_TOLERANCE);
-        let is_within = (p1 - p0).is_finite() && v0.abs() <= fastest && v1.abs() <= fastest;
-        if !is_within {
+        let is_within = v0.abs() <= fastest && v1.abs() <= fastest;
+        // What is no number, or squares to none, is no problem with a motion.
+        let is_moderate = [p0, p1, v0, v1].iter().all(|number| number.abs() <= LARGEST);
+        let is_push = acceleration == 0.0 || (1.0 / LARGEST..=LARGEST).contains(&acceleration);
+        if !(is_within && is_moderate && is_push) {
             return None;
         }
         if acceleration > 0.0 {
@@ -184,7 +189,8 @@ impl Axis {
             surplus if high > 0.0 => self.direct_s + surplus / high,
             _ => f64::INFINITY,
         };
-        if latest_s < durations.least_s {
+        let is_enough = latest_s >= durations.least_s;
+        if !is_enough {
             f64::INFINITY
         } else if unhurried_s <= latest_s && unhurried_s.is_finite() {
             high - low
@@ -209,7 +215,7 @@ impl Axis {
             self.coast(duration_s)
         };
         // A boundary speed some roundings beyond the limit is not a reason to break it in between.
-        let coast = coast.clamp(-speed, speed);
+        let coast = coast.max(-speed).min(speed);
         let (rise_s, fall_s) = if acceleration > 0.0 {
             ((coast - v0).abs() / acceleration, (v1 - coast).abs() / acceleration)
         } else {
@@ -245,7 +251,7 @@ impl Axis {
         } else if below > 0.0 {
             self.low - beyond(below)
         } else {
-            (self.surplus / spare_s).clamp(self.low, self.high)
+            (self.surplus / spare_s).max(self.low).min(self.high)
         }
     }
 }

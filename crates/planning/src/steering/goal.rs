@@ -3,6 +3,7 @@
 use super::axis::{Axis, Durations, Ends};
 use super::synchronise::{Steering, common, steer};
 use super::{TranslationLimits, axis};
+use crate::error::LARGEST;
 use crate::global::GoalRegion;
 use crate::motion::TranslationState;
 use nalgebra::Vector3;
@@ -130,6 +131,9 @@ impl Reach {
 /// Each axis, and the line towards the centre, is asked for the interval of positions and speeds that the region spans along
 /// it; exact for a region that is a state of rest.
 pub fn least_time_to_goal_s(from: &TranslationState, goal: &GoalRegion, limits: &TranslationLimits) -> f64 {
+    if !is_moderate(from, goal, limits) {
+        return f64::INFINITY;
+    }
     let along = |index: usize| {
         let (position, center) = (from.position[index], goal.position[index]);
         let (speed, acceleration) = (limits.speed_m_s[index], limits.acceleration_m_s2[index]);
@@ -159,6 +163,9 @@ pub fn least_time_to_goal_s(from: &TranslationState, goal: &GoalRegion, limits: 
 /// For each duration the state nearest to the region's centre is a convex problem in the arrival velocity; the duration is
 /// halved towards [`least_time_to_goal_s`]. Exact for a region that is a state of rest.
 pub fn steer_to_goal(from: &TranslationState, goal: &GoalRegion, limits: &TranslationLimits) -> Option<Steering> {
+    if !is_moderate(from, goal, limits) {
+        return None;
+    }
     let is_slow = f64::sqrt(from.velocity.norm_squared()) <= goal.speed_m_s;
     if is_slow && f64::sqrt((from.position - goal.position).norm_squared()) <= goal.radius_m {
         return steer(from, from, limits);
@@ -202,6 +209,16 @@ pub fn steer_to_goal(from: &TranslationState, goal: &GoalRegion, limits: &Transl
         }
     }
     best
+}
+
+/// Whether all numbers are some, and square to numbers; an infinite limit of speed is none.
+fn is_moderate(from: &TranslationState, goal: &GoalRegion, limits: &TranslationLimits) -> bool {
+    let states = from.position.iter().chain(&from.velocity).chain(&goal.position);
+    let mut numbers = states.chain([&goal.radius_m, &goal.speed_m_s]).chain(&limits.acceleration_m_s2);
+    let is_push = |limit: &f64| *limit == 0.0 || (1.0 / LARGEST..=LARGEST).contains(limit);
+    numbers.all(|number| number.abs() <= LARGEST)
+        && limits.speed_m_s.iter().all(|limit| *limit >= 0.0)
+        && limits.acceleration_m_s2.iter().all(is_push)
 }
 
 /// Longest time from full speed to rest along an axis that can be accelerated, s.

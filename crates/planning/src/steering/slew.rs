@@ -153,6 +153,9 @@ pub fn slew(
     inertia_about_com_kg_m2: &Matrix3<f64>,
     limits: &MotionLimits,
 ) -> Result<Option<Slew>, PlanningError> {
+    for attitude in [from, to] {
+        crate::error::attitude(attitude)?;
+    }
     for value in &limits.torque_n_m {
         not_negative("the limit of torque", *value)?;
     }

@@ -2,6 +2,7 @@
 
 use super::TranslationLimits;
 use super::axis::{Axis, AxisMotion, Durations, Ends};
+use crate::error::LARGEST;
 use crate::motion::{BodyArc, TranslationState};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -118,7 +119,8 @@ pub fn steer_in(
 /// The axes' motions in a duration that all allow, merged.
 #[inline]
 fn synchronised((axes, durations): &Axes, duration_s: f64, limits: &TranslationLimits) -> Option<Steering> {
-    if !duration_s.is_finite() {
+    let is_moderate = duration_s <= LARGEST;
+    if !is_moderate {
         return None;
     }
     let motion = |index: usize| axes[index].motion(&durations[index], duration_s);

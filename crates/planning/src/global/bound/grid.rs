@@ -146,7 +146,7 @@ impl Grid {
     pub(super) fn nearest_point(&self, cell: usize, position: &Vector3<f64>) -> Vector3<f64> {
         Vector3::from_fn(|axis, _| {
             let (lower, upper) = self.span(cell, axis);
-            position[axis].clamp(lower, upper)
+            position[axis].max(lower).min(upper)
         })
     }
 
@@ -204,7 +204,11 @@ pub(in crate::global) fn acceleration_m_s2(
     for force in force_n {
         not_negative("a force limit", *force)?;
     }
-    Ok(force_n / mass_kg)
+    let acceleration_m_s2 = force_n / mass_kg;
+    for acceleration in &acceleration_m_s2 {
+        crate::error::zero_or_moderate("the limit of acceleration", *acceleration)?;
+    }
+    Ok(acceleration_m_s2)
 }
 
 /// `value` where it is finite and not negative.

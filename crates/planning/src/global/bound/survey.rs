@@ -250,7 +250,7 @@ pub(super) fn layer_of(grid: &Grid, cell: usize, axis: usize, is_downward: bool)
 ///
 /// # Errors
 /// What the world cannot answer.
-pub(in crate::global) fn lasting_clearance<W: CollisionWorld + ?Sized>(
+pub(super) fn lasting_clearance<W: CollisionWorld + ?Sized>(
     request: &GlobalRequest<'_, W>,
     position: &Vector3<f64>,
 ) -> Result<(f64, Option<Blocker>), PlanningError> {

@@ -184,6 +184,7 @@ impl Connect {
             Side::Goal => (target, &branch.node),
         };
         if !search.append_edge(from, to, arcs)? {
+            search.spend(1)?;
             return Ok(Some(Blocked { short: None }));
         }
         let duration_s: f64 = arcs.iter().map(|arc| arc.duration_s).sum();

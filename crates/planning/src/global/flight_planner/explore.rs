@@ -53,16 +53,18 @@ impl Explore {
         let last = search.units.saturating_add(units);
         let mut refused = 0;
         while search.units < last {
-            let Some((node, to_goal_s)) = Self::sample(search) else {
+            let before = search.units;
+            if let Some((node, to_goal_s)) = Self::sample(search)
+                && let Some(index) = self.insert(search, &node, to_goal_s)?
+                && self.arrives(search, index, flight)?
+            {
+                return Ok(true);
+            }
+            if search.units == before {
                 refused += 1;
                 if refused % REFUSED_PER_UNIT == 0 {
                     search.spend(1)?;
                 }
-                continue;
-            };
-            let Some(index) = self.insert(search, &node, to_goal_s)? else { continue };
-            if self.arrives(search, index, flight)? {
-                return Ok(true);
             }
         }
         Ok(false)

@@ -175,6 +175,7 @@ fn turned<W: CollisionWorld + ?Sized>(
     }
     let size = search.chance.scale(CHANGE_OCTAVES);
     let change = search.chance.in_cube() * size;
+    let change = search.driven(change);
     let turned = attitude.quaternion() * Quaternion::from_parts(1.0, change);
     UnitQuaternion::new_unchecked(turned / f64::sqrt(turned.norm_squared()))
 }

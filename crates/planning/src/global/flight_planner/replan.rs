@@ -4,7 +4,7 @@ use super::FlightPlanner;
 use super::flight::{Flight, Node, part};
 use crate::budget::Budget;
 use crate::collision::{CollisionWorld, Contact};
-use crate::error::PlanningError;
+use crate::error::{PlanningError, finite};
 use crate::global::{GlobalAnswer, GlobalRequest};
 use crate::motion::ArcPath;
 
@@ -20,16 +20,16 @@ pub struct UnderWay<'p> {
     pub started_s: f64,
     /// Mission time now, s; what came before is not looked at.
     pub now_s: f64,
-    /// Mission time from which on another plan can be flown, s: that of the answer, and some more.
+    /// Mission time from which on another plan can be flown, s, not before now: that of the answer, and some more.
     pub splice_s: f64,
 }
 
 /// What is to become of a plan under way.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Replanning {
-    /// It stays free.
+    /// It stays free. Whether it still leads to the goal of the request is not looked at, nor whether a better one exists.
     Keep,
-    /// It is hit before another plan could be flown; the time counts from [`UnderWay::now_s`].
+    /// It is hit before another plan could be flown, or turns until then; the time counts from [`UnderWay::now_s`].
     TooLate(Contact),
     /// It is hit later on.
     Replace {
@@ -52,7 +52,7 @@ impl FlightPlanner {
     /// place.
     ///
     /// # Errors
-    /// As [`crate::global::GlobalPlanner::plan`].
+    /// As [`crate::global::GlobalPlanner::plan`]; times that are not finite, a splice that is over already.
     pub fn replan<W: CollisionWorld + ?Sized>(
         &mut self,
         request: &GlobalRequest<'_, W>,
@@ -60,6 +60,13 @@ impl FlightPlanner {
         budget: &mut dyn Budget,
     ) -> Result<Replanning, PlanningError> {
         let UnderWay { path, started_s, now_s, splice_s } = *under_way;
+        finite("the mission time at which the plan began", started_s)?;
+        finite("the mission time now", now_s)?;
+        finite("the mission time of the splice", splice_s)?;
+        if splice_s < now_s {
+            let (what, upper) = ("the mission time of the splice", f64::INFINITY);
+            return Err(PlanningError::OutOfRange { what, value: splice_s, lower: now_s, upper });
+        }
         let flight = Flight { arcs: path.arcs().to_vec(), duration_s: path.duration_s(), cost: 0.0 };
         let Some(contact) = remaining_contact(request, &flight, started_s, now_s)? else { return Ok(Replanning::Keep) };
         let Some(cut) = flight.cut(splice_s - started_s).filter(|cut| started_s + cut.time_s < now_s + contact.time_s)

@@ -92,8 +92,16 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         budget: &'a mut dyn Budget,
     ) -> Result<Self, PlanningError> {
         let parameters = request.belief.parameters();
-        let limits = request.limits.translation(parameters.mass)?;
-        let can_turn = request.limits.rate_rad_s > 0.0 && request.limits.torque_n_m.min() > 0.0;
+        let mut limits = request.limits.translation(parameters.mass)?;
+        // Nothing is drawn where no motion leads.
+        for axis in 0..3 {
+            let is_resting = limits.acceleration_m_s2[axis] == 0.0 && request.start.velocity[axis] == 0.0;
+            if is_resting || limits.speed_m_s[axis] == 0.0 {
+                limits.position.lower_world[axis] = request.start.position[axis];
+                limits.position.upper_world[axis] = request.start.position[axis];
+            }
+        }
+        let can_turn = request.limits.rate_rad_s > 0.0 && request.limits.torque_n_m.max() > 0.0;
         Ok(Self {
             request,
             limits,
@@ -137,7 +145,7 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         self.units += allowance.spent;
         self.refinement_units = match (allowance.is_denied, is_more) {
             (true, _) => wanted.saturating_mul(2),
-            (false, true) => allowance.spent.saturating_mul(REFINEMENT_GROWTH),
+            (false, true) => allowance.spent.saturating_mul(REFINEMENT_GROWTH).max(FIRST_REFINEMENT_UNITS),
             (false, false) => u64::MAX,
         };
         if let Reachability::Blocked(obstruction) = self.bound.reachability() {
@@ -172,7 +180,8 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
     /// What an arc adds to the cost.
     pub fn cost(&self, arcs: &[BodyArc]) -> f64 {
         match self.request.objective {
-            Objective::Duration => arcs.iter().map(|arc| arc.duration_s).sum(),
+            // an empty sum is minus zero
+            Objective::Duration => arcs.iter().map(|arc| arc.duration_s).sum::<f64>() + 0.0,
             Objective::Impulse => {
                 let mass_kg = self.request.belief.parameters().mass;
                 mass_kg * arcs.iter().map(|arc| 2.0 * arc.position[2].abs().sum() * arc.duration_s).sum::<f64>()
@@ -278,9 +287,22 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         room.lower_world.zip_map(&room.upper_world, |lower, upper| lower + (upper - lower) * chance.uniform())
     }
 
-    /// The attitude of a sample: that of the start, or any where the body may turn.
+    /// The attitude of a sample: that of the start, or any that the body may turn to; where a body axis has no torque, one
+    /// turn away about the others.
     pub fn attitude(&mut self) -> UnitQuaternion<f64> {
-        if self.may_turn && self.chance.happens(0.5) { self.chance.attitude() } else { self.request.attitude }
+        if !(self.may_turn && self.chance.happens(0.5)) {
+            return self.request.attitude;
+        }
+        if self.request.limits.torque_n_m.min() > 0.0 {
+            return self.chance.attitude();
+        }
+        let half_turns = self.chance.in_cube();
+        self.request.attitude * UnitQuaternion::from_scaled_axis(self.driven(half_turns) * std::f64::consts::PI)
+    }
+
+    /// What of a rotation vector, body axes, lies along axes with torque.
+    pub fn driven(&self, rotation: Vector3<f64>) -> Vector3<f64> {
+        rotation.zip_map(&self.request.limits.torque_n_m, |part, most| if most > 0.0 { part } else { 0.0 })
     }
 
     /// A distance between nodes, squared: times at full speed, s^2.

@@ -1,0 +1,213 @@
+//! Hot paths allocate nothing: every one of them is called thousands of times under an allocator that counts.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(
+    unsafe_code,
+    reason = "an allocator that counts has to implement `GlobalAlloc`; it hands everything to the system's"
+)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::hint::black_box;
+
+use tumble_planning::collision::{
+    BodyEllipsoid, BodyShape, CollisionWorld as _, Ellipsoid, EllipsoidWorld, HalfSpace, MovingObstacle, Sphere,
+    conservative_first_contact, distance, distance_from_hint, ellipsoid_to_box, ellipsoid_to_half_space,
+    ellipsoid_to_sphere, overlap, scaling_margin, separation, sphere_to_box, sphere_to_half_space, sphere_to_sphere,
+};
+use tumble_planning::dynamics::strategies::{draws, poses};
+use tumble_planning::dynamics::{AlignedBox, ObstacleEllipsoid, World};
+use tumble_planning::global::{GoalRegion, MotionLimits};
+use tumble_planning::lie::Pose;
+use tumble_planning::nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use tumble_planning::steering::{
+    least_time_s, least_time_to_goal_s, least_velocity_change_m_s, slew, steer, steer_in, steer_to_goal,
+};
+use tumble_planning::{BodyArc, TranslationState};
+
+const CALLS: usize = 10_000;
+
+/// Different inputs per path; the first round through them is the warm-up.
+const INPUTS: usize = 64;
+
+struct Counting;
+
+thread_local! {
+    // Of this thread only, so that what the test harness does beside it does not count.
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: both calls go to the system's allocator unchanged. `realloc` and `alloc_zeroed` are provided in terms of them.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// How often `calls` calls allocate, after one call on each input.
+fn allocations<T>(calls: usize, mut path: impl FnMut(usize) -> T) -> usize {
+    for i in 0..INPUTS {
+        black_box(path(i));
+    }
+    let before = ALLOCATIONS.get();
+    for call in 0..calls {
+        black_box(path(black_box(call % INPUTS)));
+    }
+    ALLOCATIONS.get() - before
+}
+
+fn assert_none<T>(name: &str, path: impl FnMut(usize) -> T) {
+    assert_eq!(allocations(CALLS, path), 0, "{name} allocates");
+}
+
+#[test]
+fn control_an_allocation_is_counted() {
+    assert_eq!(allocations(CALLS, Box::new), CALLS);
+    // Growth goes through `realloc`.
+    assert_eq!(allocations(1, |i| (vec![i], Vec::<usize>::with_capacity(2).reserve(3))), 3);
+}
+
+/// Semi-axes of a thin, a long and a round one in turn.
+fn semi_axes(i: usize) -> Vector3<f64> {
+    [Vector3::new(0.4, 0.1, 0.3), Vector3::new(0.2, 0.9, 0.2), Vector3::repeat(0.3)][i % 3]
+}
+
+/// Some of them overlap, some pairs are apart, some touch.
+fn ellipsoids(seed: u64) -> Vec<Ellipsoid> {
+    let posed = |(i, pose)| Ellipsoid::try_new(pose, &semi_axes(i)).unwrap();
+    draws(&poses(0.6), seed, INPUTS).iter().enumerate().map(posed).collect()
+}
+
+#[test]
+fn pairs_of_ellipsoids() {
+    let (a, b) = (ellipsoids(1), ellipsoids(2));
+    let kinds = (0..INPUTS).filter(|i| overlap(&a[*i], &b[*i])).count();
+    assert!((1..INPUTS).contains(&kinds), "{kinds}");
+    assert_none("separation", |i| separation(&a[i], &b[i]));
+    assert_none("overlap", |i| overlap(&a[i], &b[i]));
+    assert_none("scaling_margin", |i| scaling_margin(&a[i], &b[i]));
+    assert_none("distance", |i| distance(&a[i], &b[i]));
+    let hints: Vec<_> = (0..INPUTS).map(|i| distance(&a[i], &b[i]).normal).collect();
+    assert_none("distance_from_hint", |i| distance_from_hint(&a[i], &b[i], &hints[(i / 2) * 2]));
+    // Pairs that 53 bits cannot decide.
+    let touching: Vec<_> = (0..INPUTS)
+        .map(|i| {
+            let beyond = Pose::translation(semi_axes(i).x + semi_axes(i + 1).x, 0.0, 0.0);
+            let at = |pose: &Pose<f64>, i: usize| Ellipsoid::try_new(pose, &semi_axes(i)).unwrap();
+            (at(&Pose::identity(), i), at(&beyond, i + 1))
+        })
+        .collect();
+    assert_none("separation at contact", |i| separation(&touching[i].0, &touching[i].1));
+    assert_none("distance at contact", |i| distance(&touching[i].0, &touching[i].1));
+}
+
+#[test]
+fn simple_shapes() {
+    let a = ellipsoids(3);
+    let spheres: Vec<_> = draws(&poses(0.6), 4, INPUTS)
+        .iter()
+        .map(|pose| Sphere { center: pose.translation.vector, radius_m: 0.2 })
+        .collect();
+    let aligned = AlignedBox::between(Vector3::new(-0.1, -0.5, 0.0), Vector3::new(0.4, f64::INFINITY, 0.3));
+    let half_space = HalfSpace { inward: Vector3::z_axis(), offset_m: 0.2 };
+    assert_none("ellipsoid_to_sphere", |i| ellipsoid_to_sphere(&a[i], &spheres[i]));
+    assert_none("ellipsoid_to_box", |i| ellipsoid_to_box(&a[i], &aligned));
+    assert_none("ellipsoid_to_half_space", |i| ellipsoid_to_half_space(&a[i], &half_space));
+    assert_none("sphere_to_sphere", |i| sphere_to_sphere(&spheres[i], &spheres[(i + 1) % INPUTS]));
+    assert_none("sphere_to_box", |i| sphere_to_box(&spheres[i], &aligned));
+    assert_none("sphere_to_half_space", |i| sphere_to_half_space(&spheres[i], &half_space));
+}
+
+/// So many obstacles that they are kept in a tree, one that moves, walls and a keep-out box.
+fn world() -> EllipsoidWorld {
+    let obstacles = draws(&poses(4.0), 5, 60);
+    let ellipsoid = |(i, pose): (usize, &Pose<f64>)| ObstacleEllipsoid {
+        world_from_ellipsoid: *pose,
+        semi_axes: semi_axes(i) * 0.5,
+    };
+    let world = World {
+        keep_in: vec![AlignedBox::between(Vector3::repeat(-4.0), Vector3::repeat(4.0))],
+        keep_out: vec![AlignedBox::between(Vector3::repeat(2.0), Vector3::repeat(2.5))],
+        obstacles: obstacles.iter().enumerate().map(ellipsoid).collect(),
+    };
+    let moving = MovingObstacle::at_rest(world.obstacles[0]).drifting(Vector3::new(0.01, 0.0, 0.02), 0.0);
+    EllipsoidWorld::new(&world).unwrap().with_obstacle(moving.present(2.0, 40.0)).unwrap()
+}
+
+fn bodies() -> [BodyShape; 2] {
+    let part = |x: f64, semi_axes| BodyEllipsoid { body_from_ellipsoid: Pose::translation(x, 0.0, 0.0), semi_axes };
+    let two = vec![part(0.1, Vector3::new(0.2, 0.1, 0.15)), part(-0.1, Vector3::repeat(0.1))];
+    [BodyShape::sphere(0.2).unwrap(), BodyShape::try_new(two).unwrap()]
+}
+
+#[test]
+fn worlds() {
+    const MARGIN_M: f64 = 0.01;
+    let (world, bodies) = (world(), bodies());
+    let poses = draws(&poses(3.0), 6, INPUTS);
+    let arcs: Vec<_> = poses
+        .iter()
+        .enumerate()
+        .map(|(i, pose)| {
+            let start =
+                TranslationState { position: pose.translation.vector, velocity: Vector3::new(0.1, -0.05, 0.02) };
+            let arc = BodyArc::accelerated(8.0, &start, Vector3::new(-0.01, 0.02, 0.0), pose.rotation);
+            if i % 2 == 0 { arc } else { arc.turning(Vector3::y_axis(), [0.0, 0.1, 0.01, 0.0, 0.0, 0.0]) }
+        })
+        .collect();
+    let hits = (0..INPUTS).filter(|i| world.first_contact(&bodies[1], &arcs[*i], 1.0, MARGIN_M).unwrap().is_some());
+    assert!((1..INPUTS).contains(&hits.count()));
+    for body in &bodies {
+        assert_none("clearance", |i| world.clearance(body, &poses[i], 3.0).unwrap());
+        assert_none("lasting_clearance", |i| world.lasting_clearance(body, &poses[i], 3.0).unwrap());
+        assert_none("first_contact", |i| world.first_contact(body, &arcs[i], 1.0, MARGIN_M).unwrap());
+        let mut clearances_m = Vec::with_capacity(INPUTS);
+        assert_none("clearances", |_| world.clearances(body, &poses, 3.0, 1.0, &mut clearances_m).unwrap());
+    }
+    let count = allocations(CALLS / 10, |i| {
+        conservative_first_contact(&world, &bodies[0], &arcs[i], 1.0, MARGIN_M, 1e-6).unwrap()
+    });
+    assert_eq!(count, 0, "conservative_first_contact allocates");
+}
+
+#[test]
+fn motions() {
+    let limits = MotionLimits {
+        position: AlignedBox::between(Vector3::repeat(-4.0), Vector3::repeat(4.0)),
+        speed_m_s: Vector3::new(0.1, 0.2, 0.1),
+        force_n: Vector3::new(0.2, 0.1, 0.5),
+        torque_n_m: Vector3::new(0.015, 0.02, 0.05),
+        rate_rad_s: 0.1,
+    };
+    let translation = limits.translation(10.0).unwrap();
+    let poses = draws(&poses(2.0), 7, INPUTS);
+    let states: Vec<_> = poses
+        .iter()
+        .map(|pose| TranslationState {
+            position: pose.translation.vector,
+            velocity: pose.translation.vector.component_mul(&translation.speed_m_s) / 3.0,
+        })
+        .collect();
+    let to = |i: usize| &states[(i + 1) % INPUTS];
+    assert!((0..INPUTS).filter(|i| steer(&states[*i], to(*i), &translation).is_some()).count() > INPUTS / 2);
+    assert_none("least_time_s", |i| least_time_s(&states[i], to(i), &translation));
+    assert_none("steer", |i| steer(&states[i], to(i), &translation));
+    assert_none("steer_in", |i| steer_in(&states[i], to(i), &translation, 100.0));
+    assert_none("least_velocity_change_m_s", |i| least_velocity_change_m_s(&states[i], to(i), &translation, 100.0));
+    let goal = |i: usize| GoalRegion { position: to(i).position, radius_m: 0.1, speed_m_s: 0.03, attitude: None };
+    assert_none("least_time_to_goal_s", |i| least_time_to_goal_s(&states[i], &goal(i), &translation));
+    assert_none("steer_to_goal", |i| steer_to_goal(&states[i], &goal(i), &translation));
+    let attitude = |i: usize| poses[i % INPUTS].rotation;
+    let inertia = Matrix3::new(0.15, 0.01, 0.0, 0.01, 0.2, 0.02, 0.0, 0.02, 0.16);
+    assert_none("slew", |i| slew(&attitude(i), &attitude(i + 1), &inertia, &limits).unwrap());
+    assert_none("arcs of a motion", |i| {
+        let steering = steer(&states[i], to(i), &translation)?;
+        Some(steering.arcs(UnitQuaternion::identity()).map(|arc| arc.pose(0.1).translation.x).sum::<f64>())
+    });
+}
