@@ -1628,6 +1628,13 @@ const MUTANTS: &[Mutant] = &[
         replacement: "Some(request.attitude).or(",
         test: "-p tumble-planning --test flight_planner",
     },
+    Mutant {
+        name: "planner: a wait that the plan leaves out",
+        file: "crates/planning/src/global/flight_planner/connect.rs",
+        original: "flight.arcs.insert(0, search.wait(root.at_s));",
+        replacement: "",
+        test: "-p tumble-planning --test flight_planner",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

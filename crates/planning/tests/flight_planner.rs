@@ -318,6 +318,25 @@ fn a_door_that_moves_is_passed_at_the_right_time() {
     }
 }
 
+/// A goal that is covered for longer than any edge lasts is reached by a wait at the start.
+#[test]
+fn a_goal_that_comes_free_late_is_waited_for() {
+    let (body, belief) = (BodyShape::sphere(0.15).expect("a body"), belief());
+    let cover = obstacle([10.8, -7.75, 5.2], [0.4, 0.4, 0.4]);
+    for (seed, vanish_s) in [(1, 60.0), (2, 150.0), (3, 400.0)] {
+        let until_then = MovingObstacle::at_rest(cover).present(0.0, vanish_s);
+        let world =
+            EllipsoidWorld::new(&World::default()).and_then(|world| world.with_obstacle(until_then)).expect("a world");
+        let base = request(&world, &body, &belief);
+        let request = GlobalRequest { seed, until: Until::FirstPlan, ..base };
+        let answer = FlightPlanner::default().plan(&request, &mut Units::new(60_000)).expect("an answer");
+        check_path(path(&answer), &request, &[], 0.15);
+        assert!(path(&answer).duration_s() > vanish_s);
+        let (start, _) = path(&answer).arcs().first().expect("an arc").translation(1.0);
+        assert_eq!(start, request.start, "it waits where it is");
+    }
+}
+
 #[test]
 fn the_laws_of_planners_hold() {
     let (body, belief) = (BodyShape::sphere(0.15).expect("a body"), belief());

@@ -93,7 +93,8 @@ impl FlightPlanner {
             }
             self.improve.run(search, &mut self.flight, BEST_UNITS)?;
             let goal = Self::goal(search)?;
-            if self.connect.find(search, goal, &[], CANDIDATE_UNITS, &mut self.flight)? {
+            let wait_s = search.draw_wait_s()?;
+            if self.connect.find(search, goal, &[], wait_s, CANDIDATE_UNITS, &mut self.flight)? {
                 search.offer(&self.flight)?;
                 self.improve.run(search, &mut self.flight, CANDIDATE_UNITS)?;
             }
@@ -110,12 +111,14 @@ impl FlightPlanner {
         search: &mut Search<'_, '_, W>,
         seeds: &[Node],
     ) -> Result<(), End> {
+        let mut wait_s = 0.0;
         loop {
             let arrived = seeds.last().filter(|last| is_in_goal(search, last)).copied();
             let goal = arrived.map_or_else(|| Self::goal(search), Ok)?;
-            if self.connect.find(search, goal, seeds, TREE_UNITS, &mut self.flight)? {
+            if self.connect.find(search, goal, seeds, wait_s, TREE_UNITS, &mut self.flight)? {
                 return Ok(());
             }
+            wait_s = search.draw_wait_s()?;
             search.refine_bound(1.0)?;
             if !search.free_route().is_empty() && self.follow_route(search)? {
                 return Ok(());

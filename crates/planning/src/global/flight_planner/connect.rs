@@ -44,12 +44,14 @@ pub(super) struct Connect {
 
 impl Connect {
     /// Looks for a flight from the start to `goal` and leaves it in `flight`; false where `most_units` did not suffice.
-    /// States in `seeds`, in their order on the way, join the trees first as far as edges between them are free.
+    /// States in `seeds`, in their order on the way, join the trees first as far as edges between them are free. The flight
+    /// begins with a wait of `wait_s` at the start, which was found free.
     pub fn find<W: CollisionWorld + ?Sized>(
         &mut self,
         search: &mut Search<'_, '_, W>,
         goal: Node,
         seeds: &[Node],
+        wait_s: f64,
         most_units: u64,
         flight: &mut Flight,
     ) -> Result<bool, End> {
@@ -57,8 +59,8 @@ impl Connect {
         let start = search.start();
         self.start.clear();
         self.goal.clear();
-        self.start.push(Branch { node: start, parent: None, at_s: 0.0 });
-        self.goal.push(Branch { node: goal, parent: None, at_s: travel_s(search, &start, &goal) });
+        self.start.push(Branch { node: start, parent: None, at_s: wait_s });
+        self.goal.push(Branch { node: goal, parent: None, at_s: wait_s + travel_s(search, &start, &goal) });
         let mut side = Side::Start;
         let mut target = self.plant(search, goal, seeds)?;
         loop {
@@ -250,7 +252,12 @@ impl Connect {
             chain.push(branch.node);
             index = branch.parent;
         }
-        search.assemble(&chain, flight)
+        let is_whole = search.assemble(&chain, flight)?;
+        if let Some(root) = self.start.first().filter(|root| is_whole && root.at_s > 0.0) {
+            flight.arcs.insert(0, search.wait(root.at_s));
+            search.rate(flight);
+        }
+        Ok(is_whole)
     }
 
     /// The edges of both trees, for drawing.

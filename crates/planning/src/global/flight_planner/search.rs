@@ -12,6 +12,9 @@ use crate::steering::{TranslationLimits, least_time_s, least_time_to_goal_s, sle
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tumble_dynamics::AlignedBox;
 
+/// Waits are as short as the longest halved so often.
+const WAIT_OCTAVES: f64 = 6.0;
+
 /// Why a search stops.
 pub(super) enum End {
     /// No budget left, or the first plan was all that was asked for.
@@ -316,6 +319,21 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         // The chord between two quaternions is half the angle, nearly.
         let aligned = from.attitude.coords.dot(&to.attitude.coords).abs();
         translation + 8.0 * (1.0 - aligned) / (self.request.limits.rate_rad_s * self.request.limits.rate_rad_s)
+    }
+
+    /// Rest at the start.
+    pub fn wait(&self, wait_s: f64) -> BodyArc {
+        BodyArc::accelerated(wait_s, &self.request.start, Vector3::zeros(), self.request.attitude)
+    }
+
+    /// How long to wait at the start, for what moves or vanishes to make way; zero where that helps nothing or is not free.
+    pub fn draw_wait_s(&mut self) -> Result<f64, End> {
+        if self.is_still || self.request.start.velocity != Vector3::zeros() || self.chance.happens(0.5) {
+            return Ok(0.0);
+        }
+        let latest_s = self.best.as_ref().map_or(self.longest_s, |best| best.duration_s.min(self.longest_s));
+        let wait_s = latest_s * self.chance.scale(WAIT_OCTAVES);
+        Ok(if self.is_free(&[self.wait(wait_s)], 0.0)? { wait_s } else { 0.0 })
     }
 
     /// First time since their start at which the arcs, flown from `start_s` after the start of the plan, hit anything.
