@@ -223,7 +223,7 @@ impl ScenarioSource {
             if value == 0.0 || (*least..=*most).contains(&value) {
                 return Ok(value);
             }
-            let message = format!("{value}: zero or more, and finite: 0, or {least:e} to {most:e} {unit}");
+            let message = format!("{value:?}: zero or more, and finite: 0, or {least:e} to {most:e} {unit}");
             Err(self.bad(&format!("plan.{key}"), &message))
         };
         let each = |key: &str, values: Option<[f64; 3]>, otherwise: f64, range: &Range| {
