@@ -10,6 +10,7 @@ pub mod excite;
 pub mod identify;
 mod identify_periodic;
 pub mod plan;
+mod plan_check;
 mod plan_csv;
 mod plan_figure;
 pub mod realize;

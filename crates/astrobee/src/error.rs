@@ -278,6 +278,12 @@ pub enum AstrobeeError {
     /// T033: a planning problem that cannot be posed.
     #[error("no plan can be asked for: {0}")]
     Planning(#[from] tumble_planning::PlanningError),
+    /// T034: a plan that does not hold what it promises.
+    #[error("the planner contradicts itself: {reason}")]
+    PlanContradiction {
+        /// What does not hold, with its numbers.
+        reason: String,
+    },
     /// T031: something that the format asked for cannot hold.
     #[error("{path}: {format} cannot hold {what}")]
     NotHeld {
@@ -333,6 +339,7 @@ impl AstrobeeError {
             #[cfg(feature = "cli")]
             Self::Damaged { .. } => "T030",
             Self::Planning(_) => "T033",
+            Self::PlanContradiction { .. } => "T034",
             Self::NotHeld { .. } => "T031",
             Self::Database { .. } => "T032",
         }
@@ -371,6 +378,9 @@ impl AstrobeeError {
             Self::BadExcitation { .. } => "correct the named key; `docs/excitation.md` shows an excitation file",
             Self::ImpossibleBody { .. } => {
                 "mass must be positive and the principal inertias about the centre of mass must satisfy the triangle inequality"
+            }
+            Self::PlanContradiction { .. } => {
+                "nothing was written: report it with the scenario and the seed; numbers nearer to one another may do"
             }
             Self::BadOption { .. } => "correct or leave out the option named; `tumble help COMMAND` explains each",
             Self::Identification(error) => match error {

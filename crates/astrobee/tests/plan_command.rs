@@ -490,6 +490,61 @@ fn the_thesis_planner_plans_by_its_own_rules() {
     assert_eq!(found["planner"], "thesis-rrt");
 }
 
+/// A sphere of 0.1 m and 10 kg in the open, 2 m to go.
+const BASE: &str = "format = 1\nname = \"b\"\nworld = \"open\"\nduration_s = 10.0\nrobot_radius_m = 0.1\n\
+    [body]\nmass_kg = 10.0\ncom_m = [0.0, 0.0, 0.0]\n\
+    inertia_about_com_kg_m2 = [[0.2,0.0,0.0],[0.0,0.2,0.0],[0.0,0.0,0.2]]\n\
+    [start]\nposition_m = [0.0,-1.0,0.0]\n[goal]\nposition_m = [0.0,1.0,0.0]\n\
+    [plan]\nposition_lower_m = [-2.0,-2.0,-2.0]\nposition_upper_m = [2.0,2.0,2.0]\n";
+
+#[test]
+fn numbers_without_a_sensible_size_are_refused() {
+    let parse = |text: &str| ScenarioSource::parse(Path::new("b.toml"), text).and_then(|s| s.planning_problem());
+    parse(BASE).unwrap();
+    for (from, to, says) in [
+        ("mass_kg = 10.0", "mass_kg = 1e9", "body.mass_kg"),
+        ("duration_s = 10.0", "duration_s = nan", "duration_s"),
+        ("duration_s = 10.0", "duration_s = -1.0", "duration_s"),
+        ("robot_radius_m = 0.1", "robot_radius_m = nan", "robot_radius_m"),
+        ("robot_radius_m = 0.1", "obstacle_set = 1", "has no sets"),
+        ("[2.0,2.0,2.0]", "[1e300,2.0,2.0]", "plan.position_upper_m"),
+        ("[plan]", "[plan]\nforce_limit_n = [1e12,1.0,1.0]", "1e-6 to 1e6 N"),
+        ("[plan]", "[plan]\nforce_limit_n = [1e-300,1.0,1.0]", "1e-6 to 1e6 N"),
+        ("[plan]", "[plan]\nspeed_limit_m_s = [1e9,1.0,1.0]", "1e-4 to 1e3 m/s"),
+        ("[plan]", "[plan]\ntorque_limit_n_m = [1e-30,1.0,1.0]", "plan.torque_limit_n_m"),
+    ] {
+        assert!(BASE.contains(from), "{from}");
+        let message = parse(&BASE.replacen(from, to, 1)).err().unwrap_or_else(|| panic!("accepted: {to}")).to_string();
+        assert!(message.contains(says), "{to}: {message}");
+    }
+}
+
+#[test]
+fn a_plan_to_where_one_is_is_one_row_without_cost() {
+    let folder = scratch("same");
+    fs::write(folder.join("b.toml"), BASE.replace("[0.0,1.0,0.0]", "[0.0,-1.0,0.0]")).unwrap();
+    let output = tumble_in(&folder, &["plan", "b.toml", "--budget", "300", "--json", "--out", "o"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let found = json(&output);
+    for key in ["cost", "gap", "duration_s"] {
+        assert_eq!(number(&found[key]).to_bits(), 0.0_f64.to_bits(), "{key}: {}", found[key]);
+    }
+    assert_eq!(rows(&folder.join("o/plan.csv")).len(), 1);
+}
+
+#[test]
+fn a_torque_beyond_its_limit_is_told() {
+    let folder = scratch("torque");
+    for (com, is_told) in [("[0.2, 0.0, 0.0]", true), ("[0.0, 0.0, 0.0]", false)] {
+        fs::write(folder.join("b.toml"), BASE.replace("com_m = [0.0, 0.0, 0.0]", &format!("com_m = {com}"))).unwrap();
+        let output = tumble_in(&folder, &["plan", "b.toml", "--budget", "300", "--json"]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let torque = number(&json(&output)["largest_torque_n_m"][2]);
+        assert_eq!(torque > 0.015, is_told, "{torque}");
+        assert_eq!(stderr(&output).contains("the torque about z reaches"), is_told, "{}", stderr(&output));
+    }
+}
+
 #[test]
 fn every_embedded_scenario_with_a_goal_can_be_asked_for_a_plan() {
     let mut asked = 0;

@@ -1,7 +1,8 @@
 //! `tumble plan`: a way from start to goal, and how far from the best it can be.
 
 use super::excite::progress;
-use super::plan_csv::{STEP_S, csv};
+use super::plan_check::check;
+use super::plan_csv::{Rows, rows};
 use super::plan_figure::{View, draw};
 use super::{Outcome, print};
 use crate::output::{OutputFolder, RUN_RECORD, unused};
@@ -21,7 +22,7 @@ use tumble_planning::collision::{Blocker, EllipsoidWorld, MovingObstacle};
 use tumble_planning::global::{
     FlightPlanner, GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Obstruction, PrimitiveRrt, Status, Until,
 };
-use tumble_planning::{ArcPath, Budget, DoubleIntegrator, PlanningError};
+use tumble_planning::{ArcPath, BodyArc, Budget, DoubleIntegrator, PlanningError};
 
 /// Options of `tumble plan`.
 #[derive(Args)]
@@ -185,9 +186,11 @@ pub fn run(args: &PlanArgs) -> Result<Outcome, AstrobeeError> {
         first_s: answer.history.first().and_then(|first| budget.time_of(first.units)),
     };
 
+    check(&problem, objective(args), &answer)?;
+    let rows = path_of(&answer).map(|path| plan_rows(&problem, path));
     let folder = OutputFolder::create(&place, args.force)?;
-    let summary = summary(args, &source, &problem, &answer);
-    write_files(&folder, &source, &problem, &answer, &summary, &times)?;
+    let summary = summary(args, &source, &problem, &answer, rows.as_ref());
+    write_files(&folder, &source, &problem, &answer, &summary, rows.as_ref(), &times)?;
     let place = folder.finish()?;
     if args.json {
         let mut printed = summary;
@@ -196,12 +199,44 @@ pub fn run(args: &PlanArgs) -> Result<Outcome, AstrobeeError> {
         printed["folder"] = place.display().to_string().into();
         print(&format!("{printed}\n"))?;
     } else {
-        print(&table(args, &source, &problem, &answer, &times))?;
+        print(&table(args, &source, &problem, &answer, rows.as_ref(), &times))?;
+    }
+    for warning in rows.iter().flat_map(|rows| torque_warnings(&problem, rows)) {
+        eprintln!("{warning}");
+    }
+    let refused = refusal(args, &problem, &answer);
+    if let Some((reason, remedy)) = &refused {
+        eprintln!("no plan: {reason}\n  remedy: {remedy}");
     }
     eprintln!("wrote {}", place.display());
-    let Some((reason, remedy)) = refusal(&problem, &answer) else { return Ok(Outcome::Achieved) };
-    eprintln!("no plan: {reason}\n  remedy: {remedy}");
-    Ok(Outcome::NotAchieved)
+    Ok(if refused.is_some() { Outcome::NotAchieved } else { Outcome::Achieved })
+}
+
+fn objective(args: &PlanArgs) -> Objective {
+    match args.objective {
+        ObjectiveName::Duration => Objective::Duration,
+        ObjectiveName::Impulse => Objective::Impulse,
+    }
+}
+
+fn plan_rows(problem: &PlanningProblem, path: &ArcPath) -> Rows {
+    let body = problem.belief.parameters();
+    let body = if problem.place.is_planar() { planar_part(body) } else { *body };
+    let start = BodyArc::accelerated(0.0, &problem.start, Vector3::zeros(), problem.attitude);
+    rows(path, &start, &body)
+}
+
+/// The planner limits the torque of the turn; what the force needs where the centre of mass is off the origin comes on top.
+fn torque_warnings(problem: &PlanningProblem, rows: &Rows) -> Vec<String> {
+    let both = rows.largest_torque_n_m.iter().zip(&problem.limits.torque_n_m).zip(["x", "y", "z"]);
+    let beyond = both.filter(|((torque, limit), _)| **torque > **limit * (1.0 + 1e-9) + 1e-12);
+    let warning = |((torque, limit), axis): ((&f64, &f64), &str)| {
+        format!(
+            "warning: the torque about {axis} reaches {torque:.6} N m, `torque_limit_n_m` is {limit}: it holds for the turn, not for centre \
+             of mass x force\n  remedy: lower `plan.force_limit_n`"
+        )
+    };
+    beyond.map(warning).collect()
 }
 
 fn budget(args: &PlanArgs) -> Result<WatchedBudget, AstrobeeError> {
@@ -254,10 +289,7 @@ fn solve(
         goal: problem.goal,
         limits: problem.limits,
         belief: &problem.belief,
-        objective: match args.objective {
-            ObjectiveName::Duration => Objective::Duration,
-            ObjectiveName::Impulse => Objective::Impulse,
-        },
+        objective: objective(args),
         margin_m: problem.margin_m,
         until: if args.first { Until::FirstPlan } else { Until::BudgetSpent },
         seed,
@@ -303,7 +335,8 @@ fn measures(path: &ArcPath, mass_kg: f64) -> Measures {
 
 /// How far the cost may be from the least there is, as a share of the cost.
 fn gap(answer: &GlobalAnswer) -> Option<f64> {
-    (answer.plan.is_some() && answer.cost > 0.0).then(|| ((answer.cost - answer.lower_bound) / answer.cost).max(0.0))
+    let share = |cost: f64| if cost > 0.0 { ((cost - answer.lower_bound) / cost).max(0.0) } else { 0.0 };
+    answer.plan.as_ref().map(|_| share(answer.cost))
 }
 
 fn metres(vector: &Vector3<f64>) -> String {
@@ -334,12 +367,20 @@ fn listed(problem: &PlanningProblem, blockers: &[Blocker]) -> String {
 }
 
 /// Why there is no plan, and what can be done; `None` where there is one.
-fn refusal(problem: &PlanningProblem, answer: &GlobalAnswer) -> Option<(String, &'static str)> {
+fn refusal(args: &PlanArgs, problem: &PlanningProblem, answer: &GlobalAnswer) -> Option<(String, &'static str)> {
     Some(match &answer.status {
         Status::Optimal | Status::Feasible => return None,
         Status::BudgetSpent(blockers) => (
             format!("none was found in {} units; most in the way: {}", answer.units, listed(problem, blockers)),
-            "more `--budget` or `--time-limit`, another `--seed`; that there is none is not proven",
+            match args.planner {
+                PlannerName::Flight => {
+                    "more `--budget` or `--time-limit`, another `--seed`; that there is none is not proven"
+                }
+                PlannerName::ThesisRrt => {
+                    "another `--seed` or `--planner flight`: the thesis's tree ends after 10000 iterations (70000 units), and a larger \
+                     budget changes nothing; that there is no plan is not proven"
+                }
+            },
         ),
         Status::Infeasible(obstruction) => match obstruction {
             Obstruction::StartBlocked { blocker, clearance_m } => (
@@ -393,7 +434,8 @@ fn blockers(answer: &GlobalAnswer) -> Vec<Blocker> {
 }
 
 fn finite(value: f64) -> Option<f64> {
-    value.is_finite().then_some(value)
+    // Minus zero is zero.
+    value.is_finite().then_some(value + 0.0)
 }
 
 fn triple(vector: &Vector3<f64>) -> [f64; 3] {
@@ -409,13 +451,19 @@ fn value_name(value: &impl ValueEnum) -> String {
 }
 
 /// `plan.json`: no wall time, so that the same seed gives the same bytes.
-fn summary(args: &PlanArgs, source: &ScenarioSource, problem: &PlanningProblem, answer: &GlobalAnswer) -> Value {
+fn summary(
+    args: &PlanArgs,
+    source: &ScenarioSource,
+    problem: &PlanningProblem,
+    answer: &GlobalAnswer,
+    rows: Option<&Rows>,
+) -> Value {
     let path = path_of(answer);
     let mass_kg = problem.belief.parameters().mass;
     let measured = path.map(|path| measures(path, mass_kg));
     let mut begin_s = 0.0;
     let arcs: Option<Vec<Value>> = path.map(|path| {
-        let arc = |arc: &tumble_planning::BodyArc| {
+        let arc = |arc: &BodyArc| {
             let start_s = begin_s;
             begin_s += arc.duration_s;
             json!({
@@ -429,7 +477,7 @@ fn summary(args: &PlanArgs, source: &ScenarioSource, problem: &PlanningProblem, 
         };
         path.arcs().iter().map(arc).collect()
     });
-    let refused = refusal(problem, answer);
+    let refused = refusal(args, problem, answer);
     json!({
         "format": 1,
         "scenario": source.scenario.name,
@@ -450,6 +498,9 @@ fn summary(args: &PlanArgs, source: &ScenarioSource, problem: &PlanningProblem, 
         "length_m": measured.as_ref().map(|m| m.length_m),
         "top_speed_m_s": measured.as_ref().map(|m| m.top_speed_m_s),
         "turned_rad": measured.as_ref().map(|m| m.turned_rad),
+        "largest_force_n": rows.map(|rows| triple(&rows.largest_force_n)),
+        "largest_torque_n_m": rows.map(|rows| triple(&rows.largest_torque_n_m)),
+        "row_step_s": rows.map(|rows| rows.step_s),
         "mass_kg": mass_kg,
         "model_revision": answer.plan.as_ref().map(|plan| plan.model_revision),
         "margin_m": problem.margin_m,
@@ -480,14 +531,13 @@ fn write_files(
     problem: &PlanningProblem,
     answer: &GlobalAnswer,
     summary: &Value,
+    rows: Option<&Rows>,
     times: &Times,
 ) -> Result<(), AstrobeeError> {
     folder.write("scenario.toml", &source.to_toml()?)?;
     folder.write("plan.json", &format!("{summary:#}\n"))?;
-    if let Some(path) = path_of(answer) {
-        let body = problem.belief.parameters();
-        let body = if problem.place.is_planar() { planar_part(body) } else { *body };
-        folder.write("plan.csv", &csv(path, &body))?;
+    if let Some(rows) = rows {
+        folder.write("plan.csv", &rows.text)?;
     }
     let title = format!("{}, seed {}: {}", source.scenario.name, source.scenario.seed, in_short(answer));
     let drawn = Drawn { title: &title, problem, answer };
@@ -521,6 +571,7 @@ fn table(
     source: &ScenarioSource,
     problem: &PlanningProblem,
     answer: &GlobalAnswer,
+    rows: Option<&Rows>,
     times: &Times,
 ) -> String {
     let mut text = String::new();
@@ -555,7 +606,7 @@ fn table(
         );
         line("impulse", format!("{:.3} N s", found.impulse_n_s));
         let ended = if is_optimal { "; no plan is better" } else { "" };
-        line("cost", format!("{:.3} {unit} ({}){ended}", answer.cost, value_name(&args.objective)));
+        line("cost", format!("{:.3} {unit} ({}){ended}", answer.cost + 0.0, value_name(&args.objective)));
         line("lower bound", format!("{}: no plan costs less", bound.unwrap_or_default()));
         line("gap", format!("{:.2} % of the cost at most", 100.0 * gap(answer).unwrap_or(0.0)));
         if let (Some(first), Some(first_s)) = (answer.history.first(), times.first_s) {
@@ -577,6 +628,12 @@ fn table(
         "searched",
         format!("{:.1} ms, {} units, {} edges in the tree", 1e3 * times.total_s, answer.units, answer.tree.len()),
     );
-    line("rows", format!("every {STEP_S} s and at the ends of arcs (plan.csv)"));
+    if let Some(rows) = rows {
+        let [force, torque] =
+            [rows.largest_force_n, rows.largest_torque_n_m].map(|v| format!("{:.4}, {:.4}, {:.4}", v.x, v.y, v.z));
+        line("largest force", format!("({force}) N, body axes"));
+        line("largest torque", format!("({torque}) N m, body axes, about the origin"));
+        line("rows", format!("every {} s and at the ends of arcs (plan.csv)", rows.step_s));
+    }
     text
 }

@@ -136,11 +136,8 @@ impl ScenarioSource {
     pub fn flight(&self) -> Result<Flight, AstrobeeError> {
         let scenario = &self.scenario;
         let place = self.place()?;
+        self.check_duration()?;
         let periods = libm::round(scenario.duration_s / CONTROL_PERIOD_S);
-        if !(CONTROL_PERIOD_S..=LONGEST_S).contains(&scenario.duration_s) {
-            let message = format!("{}: at least {CONTROL_PERIOD_S} s and at most {LONGEST_S} s", scenario.duration_s);
-            return Err(self.bad("duration_s", &message));
-        }
         #[allow(clippy::cast_possible_truncation)] // tested above
         let duration_ns = periods as i64 * CONTROL_PERIOD_NS;
         let mode = self.flight_mode()?;
@@ -181,6 +178,16 @@ impl ScenarioSource {
             payload_changes: self.payload_changes(duration_ns)?,
             estimate: None,
         })
+    }
+
+    /// At least a control period, at most a day.
+    pub(super) fn check_duration(&self) -> Result<(), AstrobeeError> {
+        let duration_s = self.scenario.duration_s;
+        if (CONTROL_PERIOD_S..=LONGEST_S).contains(&duration_s) {
+            return Ok(());
+        }
+        let message = format!("{duration_s}: at least {CONTROL_PERIOD_S} s and at most {LONGEST_S} s");
+        Err(self.bad("duration_s", &message))
     }
 
     /// Where it flies; version and name of the scenario are checked as well.
@@ -348,6 +355,10 @@ impl ScenarioSource {
         let mut motions = Vec::new();
         let mut world = place.volumes();
         if let Some(set) = self.scenario.obstacle_set {
+            if !matches!(place, WorldPreset::Iss | WorldPreset::Granite) {
+                let message = format!("{set}: the world `{}` has no sets, `iss` and `granite` have", place.name());
+                return Err(self.bad("obstacle_set", &message));
+            }
             world.obstacles = place.obstacles(set).ok_or_else(|| {
                 self.bad("obstacle_set", &format!("{set}: there are sets 0 to {}", OBSTACLE_SETS - 1))
             })?;

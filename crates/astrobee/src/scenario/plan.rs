@@ -15,6 +15,25 @@ use tumble_planning::{ModelBelief, TranslationState};
 
 /// Most ellipsoids of a body.
 const MOST_PARTS: usize = 100;
+/// Farthest coordinate and largest length, m.
+const FARTHEST_M: f64 = 1e5;
+/// Least and largest mass, kg.
+const MASS_KG: (f64, f64) = (1e-3, 1e6);
+
+/// What a number of `[plan]` may be besides zero.
+struct Range {
+    least: f64,
+    most: f64,
+    unit: &'static str,
+}
+
+const FORCE: Range = Range { least: 1e-6, most: 1e6, unit: "N" };
+/// The slowest way through the largest box is still a number of nanoseconds.
+const SPEED: Range = Range { least: 1e-4, most: 1e3, unit: "m/s" };
+const TORQUE: Range = Range { least: 1e-9, most: 1e6, unit: "N m" };
+const RATE: Range = Range { least: 1e-6, most: 1e3, unit: "rad/s" };
+const LENGTH: Range = Range { least: 0.0, most: FARTHEST_M, unit: "m" };
+const GOAL_SPEED: Range = Range { least: 0.0, most: 1e3, unit: "m/s" };
 
 /// What a planner keeps within, as it is written.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -115,7 +134,14 @@ impl ScenarioSource {
     /// [`AstrobeeError::BadScenario`] with the key and its place; the errors of files that it names.
     pub fn planning_problem(&self) -> Result<PlanningProblem, AstrobeeError> {
         let place = self.place()?;
+        self.check_duration()?;
+        self.length("robot_radius_m", self.robot_radius_m()?)?;
         let (_, belief) = self.bodies(place)?;
+        let (mass_kg, (least, most)) = (belief.mass, MASS_KG);
+        if !(least..=most).contains(&mass_kg) {
+            let key = if self.scenario.belief.is_some() { "belief.mass_kg" } else { "body.mass_kg" };
+            return Err(self.bad(key, &format!("{mass_kg:e}: a plan is for {least:e} to {most:e} kg")));
+        }
         let (world, obstacle_motions) = self.world(place)?;
         let state = self.start(place)?;
         let asked = self.plan_limits(place, &state)?;
@@ -192,28 +218,40 @@ impl ScenarioSource {
     ) -> Result<PlanLimits, AstrobeeError> {
         let nothing = PlanTable::default();
         let table = self.scenario.plan.as_ref().unwrap_or(&nothing);
-        let not_negative = |key: &str, value: f64| {
-            let message = format!("{value}: zero or more, and finite");
-            if value >= 0.0 && value.is_finite() { Ok(value) } else { Err(self.bad(&format!("plan.{key}"), &message)) }
+        let within = |key: &str, value: f64, range: &Range| {
+            let Range { least, most, unit } = range;
+            if value == 0.0 || (*least..=*most).contains(&value) {
+                return Ok(value);
+            }
+            let message = format!("{value:?}: zero or more, and finite: 0, or {least:e} to {most:e} {unit}");
+            Err(self.bad(&format!("plan.{key}"), &message))
         };
-        let each = |key: &str, values: Option<[f64; 3]>, otherwise: f64| -> Result<Vector3<f64>, AstrobeeError> {
+        let each = |key: &str, values: Option<[f64; 3]>, otherwise: f64, range: &Range| {
             let values = values.unwrap_or([otherwise; 3]);
-            values.into_iter().try_for_each(|value| not_negative(key, value).map(drop))?;
-            Ok(Vector3::from(values))
+            values.into_iter().try_for_each(|value| within(key, value, range).map(drop))?;
+            Ok::<_, AstrobeeError>(Vector3::from(values))
         };
         let rate_rad_s = self.flight_mode()?.limits(place.site()).rate_rad_s;
         Ok(PlanLimits {
-            force_n: each("force_limit_n", table.force_limit_n, FORCE_N)?,
-            speed_m_s: each("speed_limit_m_s", table.speed_limit_m_s, SPEED_M_S)?,
-            torque_n_m: each("torque_limit_n_m", table.torque_limit_n_m, TORQUE_N_M)?,
-            rate_rad_s: not_negative("rate_limit_rad_s", table.rate_limit_rad_s.unwrap_or(rate_rad_s))?,
+            force_n: each("force_limit_n", table.force_limit_n, FORCE_N, &FORCE)?,
+            speed_m_s: each("speed_limit_m_s", table.speed_limit_m_s, SPEED_M_S, &SPEED)?,
+            torque_n_m: each("torque_limit_n_m", table.torque_limit_n_m, TORQUE_N_M, &TORQUE)?,
+            rate_rad_s: within("rate_limit_rad_s", table.rate_limit_rad_s.unwrap_or(rate_rad_s), &RATE)?,
             position: self.position_box(place, start, table)?,
-            goal_radius_m: not_negative("goal_radius_m", table.goal_radius_m.unwrap_or(0.0))?,
-            goal_speed_m_s: not_negative("goal_speed_m_s", table.goal_speed_m_s.unwrap_or(0.0))?,
+            goal_radius_m: within("goal_radius_m", table.goal_radius_m.unwrap_or(0.0), &LENGTH)?,
+            goal_speed_m_s: within("goal_speed_m_s", table.goal_speed_m_s.unwrap_or(0.0), &GOAL_SPEED)?,
             goal_attitude: table.goal_attitude.unwrap_or(true),
-            margin_m: not_negative("margin_m", table.margin_m.unwrap_or(0.0))?,
+            margin_m: within("margin_m", table.margin_m.unwrap_or(0.0), &LENGTH)?,
             body: self.body_shape(&table.body)?,
         })
+    }
+
+    /// That a length or a coordinate, m, is one to plan with.
+    fn length(&self, key: &str, value: f64) -> Result<(), AstrobeeError> {
+        if value <= FARTHEST_M {
+            return Ok(());
+        }
+        Err(self.bad(key, &format!("{value:e}: at most {FARTHEST_M:e} m from zero")))
     }
 
     /// Where the body origin may be: what is written, else the table, else all keep-in boxes.
@@ -241,6 +279,9 @@ impl ScenarioSource {
         };
         let lower_world = self.finite("plan.position_lower_m", lower)?;
         let upper_world = self.finite("plan.position_upper_m", upper)?;
+        for (key, corner) in [("plan.position_lower_m", lower_world), ("plan.position_upper_m", upper_world)] {
+            self.length(key, corner.amax())?;
+        }
         if (upper_world - lower_world).min() < 0.0 {
             return Err(self.bad("plan.position_upper_m", "no coordinate may be less than that of `position_lower_m`"));
         }
@@ -262,6 +303,8 @@ impl ScenarioSource {
                 return Err(self.bad("plan.body.semi_axes_m", "every semi-axis must be positive"));
             }
             let center = self.finite("plan.body.center_m", table.center_m.unwrap_or_default())?;
+            self.length("plan.body.semi_axes_m", semi_axes.amax())?;
+            self.length("plan.body.center_m", center.amax())?;
             let rotation = match table.quaternion_xyzw {
                 Some(quaternion) => self.rotation("plan.body.quaternion_xyzw", quaternion)?,
                 None => UnitQuaternion::identity(),
