@@ -98,3 +98,64 @@ fn limits(problem: &PlanningProblem, path: &ArcPath) -> Option<String> {
     }
     None
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::ScenarioSource;
+    use std::path::Path;
+    use tumble_dynamics::nalgebra::UnitQuaternion;
+    use tumble_planning::global::Status;
+    use tumble_planning::{BodyArc, Plan};
+
+    const SCENARIO: &str = "format = 1\nname = \"b\"\nworld = \"open\"\nduration_s = 10.0\n[body]\nmass_kg = 10.0\n\
+        inertia_about_com_kg_m2 = [[0.2,0.0,0.0],[0.0,0.2,0.0],[0.0,0.0,0.2]]\n\
+        [start]\nposition_m = [0.0,-1.0,0.0]\n[goal]\nposition_m = [0.0,1.0,0.0]\n\
+        [plan]\nposition_lower_m = [-2.0,-2.0,-2.0]\nposition_upper_m = [2.0,2.0,2.0]\n";
+
+    /// Accelerates, coasts and brakes, by `scale` times the force, all moved by `offset` from the second arc on.
+    fn answer(scale: f64, offset: Vector3<f64>) -> GlobalAnswer {
+        let push = Vector3::new(0.0, 0.01 * scale, 0.0);
+        let (ramp_s, speed) = (5.0 / scale, 0.05);
+        let coast_s = (2.0 - speed * ramp_s) / speed;
+        let level = UnitQuaternion::identity();
+        let start = TranslationState::at_rest(Vector3::new(0.0, -1.0, 0.0));
+        let first = BodyArc::accelerated(ramp_s, &start, push, level);
+        let mut next = first.translation(ramp_s).0;
+        next.position += offset;
+        let second = BodyArc::accelerated(coast_s, &next, Vector3::zeros(), level);
+        let third = BodyArc::accelerated(ramp_s, &second.translation(coast_s).0, -push, level);
+        let trajectory = ArcPath::new([first, second, third]);
+        let cost = trajectory.duration_s();
+        GlobalAnswer {
+            status: Status::Feasible,
+            plan: Some(Plan { trajectory, model_revision: 0 }),
+            cost,
+            lower_bound: cost,
+            units: 1,
+            history: Vec::new(),
+            tree: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_plan_that_breaks_its_promise_is_refused() {
+        let problem = ScenarioSource::parse(Path::new("b.toml"), SCENARIO).unwrap().planning_problem().unwrap();
+        let said = |answer: GlobalAnswer| {
+            check(&problem, Objective::Duration, &answer).err().map(|error| (error.code(), error.to_string()))
+        };
+        let none = Vector3::zeros();
+        assert_eq!(said(answer(1.0, none)), None);
+        let good = || answer(1.0, none);
+        for (wrong, says) in [
+            (GlobalAnswer { lower_bound: 45.0 * (1.0 + 1e-8), ..good() }, "no plan costs less"),
+            (GlobalAnswer { cost: f64::NAN, ..good() }, "no plan costs less"),
+            (GlobalAnswer { cost: 46.0, ..good() }, "takes 45"),
+            (answer(1.00001, none), "passes a limit along y"),
+            (answer(1.0, Vector3::new(1e-5, 0.0, 0.0)), "arc 1 begins"),
+        ] {
+            let (code, message) = said(wrong).unwrap();
+            assert!(code == "T034" && message.contains(says), "{says}: {message}");
+        }
+    }
+}
