@@ -31,8 +31,8 @@ use tumble_lie::Pose;
 const TREE_UNITS: u64 = 2000;
 /// Units of one round: for another first plan and as many to improve it, for the best plan, and for the tree that fills the
 /// space. Most goes to new plans: what improvement ends at depends on where it began.
-const CANDIDATE_UNITS: u64 = 400;
-const BEST_UNITS: u64 = 100;
+const CANDIDATE_UNITS: u64 = 1200;
+const BEST_UNITS: u64 = 400;
 const EXPLORE_UNITS: u64 = 50;
 /// Points of the goal region looked at for a free one.
 const GOAL_TRIALS: u64 = 64;

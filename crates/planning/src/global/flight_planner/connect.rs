@@ -8,7 +8,7 @@ use crate::steering::least_time_s;
 use nalgebra::Vector3;
 
 /// An edge stopped short goes this share of the way to the contact.
-const SHARE_BEFORE_CONTACT: f64 = 0.8;
+const SHARE_BEFORE_CONTACT: f64 = 0.9;
 /// An edge shorter than this share of the one that was tried is not worth a node.
 const LEAST_STEP: f64 = 1e-3;
 

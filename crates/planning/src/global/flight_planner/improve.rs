@@ -14,6 +14,8 @@ const SPAN_OCTAVES: f64 = 2.0;
 /// Changes of a state are as small as the largest halved so often.
 const CHANGE_OCTAVES: f64 = 12.0;
 
+/// Share of the new parts that run through a changed state; the others are single edges.
+const VIA_SHARE: f64 = 0.9;
 /// Attempts refused before a collision check that count as one unit.
 const REFUSED_PER_UNIT: u32 = 8;
 /// A gain below this share of the cost is none.
@@ -76,7 +78,7 @@ impl Improve {
             },
         };
         self.states.clear();
-        if search.chance.happens(0.5) {
+        if search.chance.happens(VIA_SHARE) {
             let via_s = from.time_s + (until_s - from.time_s) * search.chance.uniform();
             if let Some(via) = flight.cut(via_s).filter(|via| via.time_s < until_s) {
                 self.states.push(changed(search, &via.node, span_s));
