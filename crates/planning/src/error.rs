@@ -99,6 +99,14 @@ pub fn finite(what: &'static str, value: f64) -> Result<f64, PlanningError> {
     if value.is_finite() { Ok(value) } else { Err(PlanningError::NotFinite { what, value }) }
 }
 
+/// `value` where it is finite and not negative.
+///
+/// # Errors
+/// [`PlanningError::NotFinite`], [`PlanningError::Negative`].
+pub fn not_negative(what: &'static str, value: f64) -> Result<f64, PlanningError> {
+    if finite(what, value)? >= 0.0 { Ok(value) } else { Err(PlanningError::Negative { what, value }) }
+}
+
 /// `value` where it is finite and positive.
 ///
 /// # Errors

@@ -19,7 +19,7 @@ pub use impulse::least_velocity_change_m_s;
 pub use slew::{Slew, slew};
 pub use synchronise::{PIECES, Piece, Steering, least_time_s, steer, steer_in};
 
-use crate::error::{PlanningError, positive};
+use crate::error::{PlanningError, not_negative, positive};
 use crate::global::MotionLimits;
 use nalgebra::Vector3;
 use tumble_dynamics::AlignedBox;
@@ -66,9 +66,4 @@ impl MotionLimits {
         }
         Ok(TranslationLimits { position: self.position, speed_m_s: self.speed_m_s, acceleration_m_s2 })
     }
-}
-
-/// `value` where it is finite and not negative.
-fn not_negative(what: &'static str, value: f64) -> Result<f64, PlanningError> {
-    if crate::error::finite(what, value)? >= 0.0 { Ok(value) } else { Err(PlanningError::Negative { what, value }) }
 }

@@ -12,13 +12,13 @@ mod least_time;
 mod survey;
 mod turning;
 
-pub(super) use grid::{acceleration_m_s2, not_negative};
+pub(super) use grid::acceleration_m_s2;
 
 use super::diagnosis::check_numbers;
 use super::{GlobalRequest, Objective, Obstruction};
 use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};
-use crate::error::PlanningError;
+use crate::error::{PlanningError, not_negative};
 use crate::motion::TranslationState;
 use grid::Grid;
 use least_time::{least_time, least_time_from};

@@ -1,9 +1,9 @@
 //! What can be said of a problem without a search.
 
-use super::bound::{acceleration_m_s2, not_negative};
+use super::bound::acceleration_m_s2;
 use super::{GlobalRequest, Obstruction};
 use crate::collision::{Clearance, CollisionWorld};
-use crate::error::{PlanningError, moderate, zero_or_moderate};
+use crate::error::{PlanningError, moderate, not_negative, zero_or_moderate};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use tumble_lie::Pose;
 
@@ -113,11 +113,8 @@ fn arrival_attitude<W: CollisionWorld + ?Sized>(request: &GlobalRequest<'_, W>) 
 fn goal_blocked<W: CollisionWorld + ?Sized>(
     request: &GlobalRequest<'_, W>,
 ) -> Result<Option<Obstruction>, PlanningError> {
-    // Of a body that may arrive with any attitude nothing is certain here.
-    let may_turn = request.limits.rate_rad_s > 0.0 && !request.world.is_round(request.body);
-    let Some(attitude) = request.goal.attitude.or((!may_turn).then_some(request.attitude)) else { return Ok(None) };
-    let request = &GlobalRequest { attitude, ..*request };
     let (goal, margin_m) = (&request.goal, request.margin_m);
+    // Of a body that may arrive with any attitude nothing is certain here.
     let Some(attitude) = arrival_attitude(request) else { return Ok(None) };
     let lasting_clearance = |position: &Vector3<f64>| {
         let world_from_body = Pose::from_parts(Translation3::from(*position), attitude);

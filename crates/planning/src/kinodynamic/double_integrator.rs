@@ -1,7 +1,7 @@
 //! A body that forces push about without turning it.
 
 use super::{BodyMotion, KinodynamicModel, Primitive, stays_in_box};
-use crate::error::{PlanningError, finite, positive};
+use crate::error::{PlanningError, finite, not_negative, positive};
 use crate::global::MotionLimits;
 use crate::motion::{BodyArc, TranslationState};
 use crate::state_space::{StateSpace, unit_interval};
@@ -73,10 +73,6 @@ impl DoubleIntegrator {
         primitives.push(Primitive { input: Vector3::zeros(), duration_s });
         Ok(Self { position, speed_m_s, primitives, propagation, attitude: UnitQuaternion::identity() })
     }
-}
-
-fn not_negative(what: &'static str, value: f64) -> Result<f64, PlanningError> {
-    if finite(what, value)? >= 0.0 { Ok(value) } else { Err(PlanningError::Negative { what, value }) }
 }
 
 impl StateSpace for DoubleIntegrator {

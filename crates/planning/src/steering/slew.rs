@@ -1,8 +1,7 @@
 //! Turns from rest to rest about one axis.
 
-use super::not_negative;
 use super::synchronise::{PIECES, Steering};
-use crate::error::{PlanningError, finite};
+use crate::error::{PlanningError, finite, not_negative};
 use crate::global::MotionLimits;
 use crate::motion::{BodyArc, COEFFICIENTS, TranslationState};
 use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};

@@ -1,6 +1,6 @@
 //! Cells whose edges take equal time to cross at full speed.
 
-use crate::error::PlanningError;
+use crate::error::{PlanningError, not_negative};
 use nalgebra::Vector3;
 use tumble_dynamics::AlignedBox;
 
@@ -209,12 +209,4 @@ pub(in crate::global) fn acceleration_m_s2(
         crate::error::zero_or_moderate("the limit of acceleration", *acceleration)?;
     }
     Ok(acceleration_m_s2)
-}
-
-/// `value` where it is finite and not negative.
-///
-/// # Errors
-/// [`PlanningError::NotFinite`], [`PlanningError::Negative`].
-pub(in crate::global) fn not_negative(what: &'static str, value: f64) -> Result<f64, PlanningError> {
-    if crate::error::finite(what, value)? >= 0.0 { Ok(value) } else { Err(PlanningError::Negative { what, value }) }
 }
