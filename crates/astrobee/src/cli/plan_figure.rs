@@ -17,7 +17,7 @@ pub(super) enum View {
 }
 
 /// Points of the outline of an ellipsoid.
-const OUTLINE: usize = 72;
+const OUTLINE: usize = 360;
 /// Points of the path.
 const PATH: usize = 600;
 /// Outlines of the body along the path.
