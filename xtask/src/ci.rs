@@ -57,7 +57,11 @@ const STEPS: &[Step] = &[
     always("deny", "bans, licences, sources", deny),
     always("real-data", "measured throws meet their targets", real_data),
     always("studies", "the studies of identification, of chapter 4 and of actuation, reduced", reduced_studies),
-    always("determinism", "long tumbles and a flight are the same bytes at every optimisation level", determinism),
+    always(
+        "determinism",
+        "long tumbles, plans and a flight are the same bytes at every optimisation level",
+        determinism,
+    ),
     always("panic-free", "the link proves that the hot paths cannot panic, and refuses a control that can", panic_free),
     full("package-verify", "every package builds from what would be published", || {
         shell(&mut [cargo("package --workspace --allow-dirty")])
@@ -287,7 +291,7 @@ fn reduced_studies() -> Outcome {
 }
 
 /// The examples that print hashes: crate and example.
-const HASHES: [(&str, &str); 2] = [("dynamics", "determinism"), ("astrobee", "same_bytes")];
+const HASHES: [(&str, &str); 3] = [("dynamics", "determinism"), ("planning", "same_plans"), ("astrobee", "same_bytes")];
 
 /// Builds them three ways and compares what they print.
 fn determinism() -> Outcome {
@@ -341,7 +345,7 @@ fn determinism_package() -> Result<PathBuf, Box<dyn std::error::Error>> {
         let _ = writeln!(manifest, "[[bin]]\nname = \"{example}\"\npath = '{}'\n", path.display());
     }
     manifest += "[profile.dev]\ndebug = false\n\n";
-    for library in ["lie", "dynamics", "astrobee"] {
+    for library in ["lie", "dynamics", "planning", "astrobee"] {
         let path = root.join("crates").join(library);
         let _ = writeln!(
             manifest,

@@ -26,6 +26,10 @@ cargo xtask <command>
   study sweep [--runs N] [--samples N] [--seed N]
                                           first contacts of random motions, judged by dense sampling
   study planning [--runs SEEDS] [--reference-units N] [--only SCENE]   the claims on the planner
+  study local-plans [--runs N]            the claims on the information-aware planner, times aside
+  study predicted-sigma [--runs N]        predicted standard deviations against those found in estimates
+  study information-bought [--way diagonal | side] [--runs N] [--out DIR] [--json]
+                                          what information costs, by our criterion and by the thesis's planner's
 
 Exit 0: done. 1: a check failed. 2: bad input. 3: a target was missed.
 ";

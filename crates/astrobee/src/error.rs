@@ -459,7 +459,8 @@ impl AstrobeeError {
                  too fast within one step; `docs/scenarios.md` describes every key"
             }
             Self::Planning(_) => {
-                "correct `[plan]`, `[start]` or `[goal]`; `docs/planning.md` says what is asked of them"
+                "correct `[plan]`, `[plan.local]`, `[start]` or `[goal]`; where a step is too long, make `plan.local.step_s` shorter or the limits of \
+                 `[plan.local]` wider; `docs/planning.md` says what is asked of them"
             }
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
             Self::Database { .. } => {

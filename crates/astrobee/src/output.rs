@@ -127,7 +127,7 @@ fn is_result_folder(path: &Path) -> bool {
 /// The file by which a result folder is known.
 pub const RUN_RECORD: &str = "run.json";
 /// Everything that lies in a result folder.
-const RESULT_FILES: [&str; 35] = [
+const RESULT_FILES: [&str; 42] = [
     RUN_RECORD,
     "result.json",
     "body.toml",
@@ -163,6 +163,13 @@ const RESULT_FILES: [&str; 35] = [
     "plan.json",
     "plan_top.svg",
     "plan_side.svg",
+    "local_plan.csv",
+    "local_plan.json",
+    "local_top.svg",
+    "local_side.svg",
+    "local_motion.svg",
+    "local_inputs.svg",
+    "local_sigma.svg",
 ];
 
 /// The first of `base`, `base-2`, `base-3`, ... where nothing is yet.

@@ -1,6 +1,6 @@
-//! Numbers of RATTLE's global planner, and the problems of its runs.
+//! Numbers of RATTLE's planners, and the problems of its runs.
 //!
-//! Provenance of every number: rattle-iros-2022 (93d2f99), global planner; thesis 6.2.1.
+//! Provenance of every number: rattle-iros-2022 (93d2f99), global and local planner; thesis 6.2.1, 6.2.2.
 
 use crate::flight_modes::FlightMode;
 use crate::worlds::{ROBOT_RADIUS_M, WorldPreset};
@@ -8,6 +8,9 @@ use tumble_dynamics::AlignedBox;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_planning::collision::BodyShape;
 use tumble_planning::global::{EdgeCheck, GoalRegion, MotionLimits, PrimitiveRrt, PrimitiveRrtSettings};
+use tumble_planning::local::{
+    CovarianceWeighting, ExponentialWeighting, FixedWeighting, InformationWeighting, StepWeighting,
+};
 use tumble_planning::{DoubleIntegrator, PlanningError, Propagation};
 
 /// Where the planner lets the station's robot be, m.
@@ -32,6 +35,24 @@ pub const ISS_METRIC: [f64; 3] = [1.0, 0.01, 0.2];
 pub const GRANITE_METRIC: [f64; 3] = [30.0, 1.0, 5.0];
 /// Torque limit of the local planner about each axis, N m (thesis table 6.7 has 0.05; the code 0.015).
 pub const TORQUE_N_M: f64 = 0.015;
+
+/// Largest information weights on the station: mass, Ixx, Iyy, Izz.
+pub const ISS_INFORMATION: [f64; 4] = [50.0, 20.0, 20.0, 20.0];
+/// The same on the table: mass, Izz, centre of mass x, y.
+pub const GRANITE_INFORMATION: [f64; 4] = [30.0, 10.0, 3.0, 3.0];
+/// Variances that are wanted: kg^2, then (kg m^2)^2. On the table the original holds them against the quantities of the table in
+/// this order.
+pub const TARGET_VARIANCE: [f64; 4] = [0.03, 1e-4, 1e-4, 1e-4];
+/// Variance that stands for each quantity before the first estimate.
+pub const VARIANCE_BEFORE_ESTIMATE: f64 = 1e4;
+/// `alpha` and `beta` of Algorithm 1.
+pub const COVARIANCE_WEIGHTING: [f64; 2] = [2.2, 5.0];
+/// Share of the plan's time until which a factor holds, and the factor.
+pub const STEP_WEIGHTING: [(f64, f64); 3] = [(0.25, 1.0), (0.5, 0.8), (0.75, 0.4)];
+/// Rate of decay over the plan's time, and the factor below which the weight is zero.
+pub const EXPONENTIAL_WEIGHTING: [f64; 2] = [8.0, 0.1];
+/// Weight of the mass where only the mass counts.
+pub const ONLY_MASS_INFORMATION: f64 = 75.0;
 
 /// The rules of the original, or those with exact propagation and whole edges checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,6 +129,57 @@ pub fn rattle_rrt(
     Some(model.and_then(|model| PrimitiveRrt::try_new(model, settings)))
 }
 
+/// How RATTLE's local planner weighs information.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RattleWeighting {
+    /// By the variances: Algorithm 1.
+    Covariance,
+    /// In steps over the plan's time.
+    Step,
+    /// Decaying over the plan's time.
+    Exponential,
+    /// Always the same.
+    Fixed,
+    /// Only the mass, always the same.
+    OnlyMass,
+    /// Only Izz, always the same.
+    OnlyIzz,
+}
+
+/// RATTLE's information weighting for mass, Ixx, Iyy, Izz on the station, or mass, Izz and centre of mass x, y on the table;
+/// `None` where it was not flown.
+///
+/// # Source
+/// Thesis 6.2.2, Algorithm 1.
+/// # Deviation
+/// The original weighs the inverse of one plus each squared sensitivity at every instant, not variances, so its numbers
+/// say little about plans that minimise (6.9). On the table its covariance weighting reads the variances in the order of
+/// the station, whereby that of Izz is always zero and its weight off; here each quantity meets its own variance.
+pub fn rattle_weighting(
+    place: WorldPreset,
+    weighting: RattleWeighting,
+) -> Option<Result<Box<dyn InformationWeighting<4>>, PlanningError>> {
+    let (base, izz) = match place {
+        WorldPreset::Iss => (ISS_INFORMATION, 3),
+        WorldPreset::Granite => (GRANITE_INFORMATION, 1),
+        WorldPreset::Mgtf | WorldPreset::Open => return None,
+    };
+    let [alpha, beta] = COVARIANCE_WEIGHTING;
+    let [rate, least] = EXPONENTIAL_WEIGHTING;
+    Some(match weighting {
+        RattleWeighting::Covariance => CovarianceWeighting::try_new(base, TARGET_VARIANCE, alpha, beta).map(boxed),
+        RattleWeighting::Step => StepWeighting::try_new(base, STEP_WEIGHTING.to_vec()).map(boxed),
+        RattleWeighting::Exponential => ExponentialWeighting::try_new(base, rate, least).map(boxed),
+        RattleWeighting::Fixed => FixedWeighting::try_new(base).map(boxed),
+        RattleWeighting::OnlyMass => FixedWeighting::only(0, ONLY_MASS_INFORMATION).map(boxed),
+        RattleWeighting::OnlyIzz => FixedWeighting::only(izz, base[izz]).map(boxed),
+    })
+}
+
+fn boxed<W: InformationWeighting<4> + 'static>(weighting: W) -> Box<dyn InformationWeighting<4>> {
+    Box::new(weighting)
+}
+
 /// The robot as RATTLE's planner sees it: a sphere.
 ///
 /// # Errors
@@ -173,5 +245,42 @@ mod tests {
             }
         }
         assert!(rattle_limits(WorldPreset::Open, &Vector3::zeros()).is_none());
+    }
+    /// At the start nothing is known and every weighting that weighs all weighs nearly fully; at the end, with all targets
+    /// reached, those that can end have ended.
+    #[test]
+    fn rattle_weights_begin_full_and_end() {
+        use tumble_planning::local::WeightingContext;
+        use tumble_planning::nalgebra::{Matrix4, Vector4};
+        let unknown = Matrix4::identity() * VARIANCE_BEFORE_ESTIMATE;
+        let known = Matrix4::from_diagonal(&Vector4::from(TARGET_VARIANCE.map(|target| 2.0 * target)));
+        let modes = [
+            (RattleWeighting::Covariance, true),
+            (RattleWeighting::Step, true),
+            (RattleWeighting::Exponential, true),
+            (RattleWeighting::Fixed, false),
+            (RattleWeighting::OnlyMass, false),
+            (RattleWeighting::OnlyIzz, false),
+        ];
+        for (place, base, izz) in
+            [(WorldPreset::Iss, ISS_INFORMATION, 3), (WorldPreset::Granite, GRANITE_INFORMATION, 1)]
+        {
+            for (mode, ends) in modes {
+                let mut weighting = rattle_weighting(place, mode).unwrap().unwrap();
+                let mut at = |covariance, elapsed_s| {
+                    let context = WeightingContext::try_new(covariance, unknown, elapsed_s, 100.0).unwrap();
+                    weighting.weights(&context).unwrap()
+                };
+                let expected = match mode {
+                    RattleWeighting::OnlyMass => [75.0, 0.0, 0.0, 0.0],
+                    RattleWeighting::OnlyIzz => core::array::from_fn(|i| if i == izz { base[i] } else { 0.0 }),
+                    _ => base,
+                };
+                let (start, end) = (at(unknown, 0.0), at(known, 80.0));
+                assert!(start.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3 * base[0]), "{place:?} {mode:?}");
+                assert_eq!(end.iter().all(|weight| *weight == 0.0), ends, "{place:?} {mode:?}");
+            }
+        }
+        assert!(rattle_weighting(WorldPreset::Open, RattleWeighting::Fixed).is_none());
     }
 }

@@ -17,6 +17,7 @@ mod pid;
 mod plant;
 mod replay;
 mod servo;
+mod wrench_set;
 
 pub use allocation::{Allocation, ForceAllocation, QuantizedAllocation};
 pub use driver::{ByteTrims, CommandWatchdog, Robot};
@@ -26,6 +27,7 @@ pub use nozzle::{Module, PositivityShift};
 pub use plant::{GyroscopicSign, PropulsionPlant, PropulsionSettings, PropulsionStep};
 pub use replay::PropulsionReplay;
 pub use servo::Servo;
+pub use wrench_set::nozzle_wrench_set;
 
 /// How fast the impellers turn, as the flight software names it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

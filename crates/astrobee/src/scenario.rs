@@ -6,10 +6,15 @@ mod build;
 mod embedded;
 mod place;
 mod plan;
+mod plan_local;
 
 pub use build::{Flight, PayloadChange, read_wrenches};
 pub use embedded::{EMBEDDED, Embedded};
 pub use plan::{PlanBodyTable, PlanTable, PlanningProblem};
+pub use plan_local::{
+    CriterionName, EffortTable, LocalProblem, LocalTable, MeasurementTable, NuisanceTable, PriorTable, TrackingTable,
+    UnknownsName, WeightingName,
+};
 
 use crate::AstrobeeError;
 use crate::log::shortened;

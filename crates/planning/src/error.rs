@@ -58,6 +58,9 @@ pub enum PlanningError {
         /// Largest coordinate, m.
         upper: f64,
     },
+    /// A model that has not been told yet what to believe.
+    #[error("nothing is believed of the body yet")]
+    NoBelief,
     /// A part of a world that cannot be.
     #[error("{part} {index}: {what} is {value}")]
     InvalidWorld {
@@ -69,6 +72,22 @@ pub enum PlanningError {
         what: &'static str,
         /// Its value.
         value: f64,
+    },
+    /// A list of another length than it must have.
+    #[error("{given} {what}, not {expected}")]
+    WrongCount {
+        /// What is listed.
+        what: &'static str,
+        /// How many there are.
+        given: usize,
+        /// How many there must be.
+        expected: usize,
+    },
+    /// A matrix that must be symmetric is not.
+    #[error("{what} is not symmetric")]
+    Asymmetric {
+        /// Which matrix.
+        what: &'static str,
     },
     /// A body without parts.
     #[error("the body has no parts: nothing can be checked for collision")]

@@ -17,6 +17,7 @@ pub mod global;
 pub mod kinodynamic;
 #[cfg(feature = "testing")]
 pub mod laws;
+pub mod local;
 mod motion;
 mod state_space;
 pub mod steering;

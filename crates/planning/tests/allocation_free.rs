@@ -15,14 +15,19 @@ use tumble_planning::collision::{
     ellipsoid_to_sphere, overlap, scaling_margin, separation, sphere_to_box, sphere_to_half_space, sphere_to_sphere,
 };
 use tumble_planning::dynamics::strategies::{draws, poses};
-use tumble_planning::dynamics::{AlignedBox, ObstacleEllipsoid, World};
+use tumble_planning::dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World};
 use tumble_planning::global::{GoalRegion, MotionLimits};
 use tumble_planning::lie::Pose;
-use tumble_planning::nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use tumble_planning::local::{
+    Criterion, Crossing, Curvature, Factorisation, Guess, Hull, InformativePlanner, KINEMATICS, Kinematics,
+    LocalPlanner as _, LocalRequest, LocalSettings, MotionRow, Reference, RigidBodyModel, RowSettings, SpeedLimits,
+    Stages, Surroundings, WrenchSet, passing_ways,
+};
+use tumble_planning::nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 use tumble_planning::steering::{
     least_time_s, least_time_to_goal_s, least_velocity_change_m_s, slew, steer, steer_in, steer_to_goal,
 };
-use tumble_planning::{BodyArc, TranslationState};
+use tumble_planning::{BodyArc, ModelBelief, TranslationState, Units};
 
 const CALLS: usize = 10_000;
 
@@ -210,4 +215,147 @@ fn motions() {
         let steering = steer(&states[i], to(i), &translation)?;
         Some(steering.arcs(UnitQuaternion::identity()).map(|arc| arc.pose(0.1).translation.x).sum::<f64>())
     });
+}
+
+#[test]
+fn curvature_of_a_local_plan() {
+    let (steps, columns) = (12, 10);
+    let mut stages = Stages::<12, 6>::new(steps, columns);
+    for step in 0..steps {
+        (0..12).for_each(|i| stages.by_state[step][i][i] = 1.0);
+        (0..6).for_each(|i| {
+            stages.by_input[step][i][i] = 0.3;
+            stages.input_curvature[step][i][i] = 0.1;
+        });
+    }
+    stages.arrow.extend((0..columns * steps * 6).map(|i| f64::sin(i as f64)));
+    let (mut x, mut product) = (vec![1.0; steps * 6], vec![0.0; steps * 6]);
+    for route in [Factorisation::Riccati, Factorisation::Dense] {
+        let mut curvature = Curvature::new(route, steps, columns);
+        let before = ALLOCATIONS.get();
+        for call in 0..10 {
+            assert!(curvature.factorise(&stages, 0.1 * f64::from(call)));
+            curvature.times(&stages, &x, &mut product);
+            curvature.solve(&stages, &mut x);
+        }
+        assert_eq!(ALLOCATIONS.get(), before, "{route:?} allocates");
+    }
+}
+
+#[test]
+fn rows_of_surroundings_and_ways_past_them() {
+    let poses = draws(&poses(1.0), 71, INPUTS);
+    let part = |x: f64| BodyEllipsoid {
+        body_from_ellipsoid: Pose::translation(x, 0.1, 0.0),
+        semi_axes: Vector3::new(0.3, 0.2, 0.1),
+    };
+    let shape = BodyShape::try_new(vec![part(0.1), part(-0.1)]).unwrap();
+    let solid = ObstacleEllipsoid {
+        world_from_ellipsoid: Pose::translation(0.5, 0.0, 0.1),
+        semi_axes: Vector3::new(0.3, 0.2, 0.4),
+    };
+    let side = Vector3::new(3.0, 2.0, 2.0);
+    let world = World {
+        keep_in: vec![AlignedBox { lower_world: -side, upper_world: side }],
+        keep_out: vec![AlignedBox { lower_world: Vector3::repeat(1.0), upper_world: Vector3::repeat(1.5) }],
+        obstacles: vec![solid],
+    };
+    let moving = MovingObstacle::at_rest(solid).drifting(Vector3::new(0.1, 0.0, 0.0), 0.0);
+    for hull in [Hull::Point, Hull::Shape(shape)] {
+        let surroundings = Surroundings::of_world(&world, hull).unwrap().with_moving([moving]).unwrap();
+        let settings = RowSettings {
+            start_s: 0.0,
+            step_s: 0.5,
+            margin_m: 0.01,
+            interpolation_error_m: 1e-4,
+            length_scale_m: 0.1,
+            on_segments: true,
+        };
+        let count = surroundings.rows(2, &settings);
+        let empty =
+            MotionRow { node: 0, value: 0.0, by_start: [0.0; KINEMATICS], by_end: [0.0; KINEMATICS], contact: None };
+        let (mut values, mut rows) = (vec![0.0; count], vec![empty; count]);
+        let motion = |i: usize| {
+            [0, 1, 2].map(|k| Kinematics {
+                world_from_body: poses[(i + k) % INPUTS],
+                velocity_world: Vector3::new(0.1, 0.0, 0.05),
+                rate_body: Vector3::new(0.1, 0.2, 0.05),
+            })
+        };
+        let made = allocations(CALLS / 100, |i| {
+            surroundings.values(&motion(i % INPUTS), &settings, &mut values);
+            surroundings.linearize(&motion(i % INPUTS), &settings, &mut rows);
+        });
+        assert_eq!(made, 0);
+        let made = allocations(CALLS / 100, |i| {
+            let crossing = Crossing {
+                start: &motion(i % INPUTS)[0],
+                start_s: 0.0,
+                goal_world: Vector3::new(1.0, 0.0, 0.0),
+                horizon_s: 10.0,
+                acceleration_m_s2: 0.1,
+                margin_m: 0.0,
+                plane_normal: None,
+            };
+            passing_ways(&crossing, &surroundings)
+        });
+        assert_eq!(made, 0);
+    }
+}
+
+/// A plan allocates its request's memory and its answer, its iterations nothing: 50 of them as often as 5.
+#[test]
+fn iterations_of_a_local_plan() {
+    let steps = 12;
+    let mut belief = ModelBelief::certain(1, InertialParameters::solid_box(9.5, [0.3; 3]));
+    belief.estimate.covariance = SMatrix::identity() * 1e-3;
+    let solid = ObstacleEllipsoid {
+        world_from_ellipsoid: Pose::translation(0.4, 0.05, 0.0),
+        semi_axes: Vector3::new(0.1, 0.15, 0.2),
+    };
+    let world = World { obstacles: vec![solid], ..World::default() };
+    let surroundings = Surroundings::of_world(&world, Hull::Point).unwrap();
+    let (start, goal) = (Kinematics::at_rest(Pose::identity()), Kinematics::at_rest(Pose::translation(0.8, 0.1, 0.0)));
+    let guess = vec![[0.01, -0.01, 0.01, 0.2, -0.1, 0.05]; steps];
+    let made = |iterations: usize| {
+        let settings = LocalSettings {
+            steps,
+            step_s: 0.5,
+            tracking: [1.0; 12],
+            terminal: [5.0; 12],
+            effort: [1.0; 6],
+            acceleration: [0.1; 2],
+            wrench: WrenchSet {
+                limit: [0.03, 0.03, 0.03, 0.8, 0.4, 0.4],
+                half_spaces: vec![([0.0, 0.0, 0.0, 1.0, 1.0, 0.0], 0.9)],
+            },
+            speed: SpeedLimits { speed_m_s: Vector3::repeat(0.15), rate_rad_s: Vector3::repeat(0.3) },
+            measurement: SMatrix::identity() * 1e4,
+            criterion: Criterion::A,
+            margin_m: 0.02,
+            length_scale_m: 0.1,
+            on_segments: true,
+            tolerance: 1e-14, // beyond rounding: as many iterations as allowed
+            iterations,
+        };
+        let mut planner = InformativePlanner::try_new(RigidBodyModel::<4>::principal(), settings).unwrap();
+        let request = LocalRequest {
+            start: &start,
+            start_s: 0.0,
+            reference: Reference::Hold(&goal),
+            terminal: None,
+            belief: &belief,
+            information: [10.0, 1e4, 1e4, 1e4],
+            surroundings: &surroundings,
+            guess: Guess::Inputs(&guess),
+        };
+        let mut plan = || planner.plan(&request, &mut Units::new(u64::MAX)).unwrap();
+        assert!(plan().plan.is_some(), "{iterations}");
+        let before = ALLOCATIONS.get();
+        let answer = plan();
+        (answer.iterations, ALLOCATIONS.get() - before)
+    };
+    let ((few, of_few), (many, of_many)) = (made(8), made(60));
+    assert!(few == 8 && many >= 30, "{few} {many}");
+    assert_eq!(of_few, of_many);
 }

@@ -21,21 +21,30 @@ mod flights;
 mod fourier;
 mod ident_sdp;
 mod identification;
+mod infoplan;
+mod information_bought;
 mod integrator;
 mod lie;
 mod likelihood;
+mod local_cases;
+mod local_checker;
+mod local_plans;
+mod local_tasks;
+mod original_criterion;
 mod path_checker;
 mod plain_throws;
 mod planning;
 mod planning_runs;
 mod planning_scenes;
 mod plot;
+mod predicted_sigma;
 mod propulsion_dynamics;
 mod real_data;
 mod recording;
 mod rrt;
 mod simulator;
 mod sweep;
+mod targets;
 mod throws;
 mod thrust_imu;
 
@@ -79,6 +88,7 @@ const PROBLEMS: &[Problem] = &[
     ("sweep", sweep::run),
     ("ellipsoid", ellipsoid::run),
     ("rrt", rrt::run),
+    ("infoplan", infoplan::run),
 ];
 
 /// What a result folder says about the run that wrote it.
@@ -107,6 +117,9 @@ const STUDIES: &[Program] = &[
     ("sweep", &["--runs", "--samples", "--seed"], sweep::study),
     ("ellipsoid", &["--runs", "--seed"], ellipsoid::count),
     ("planning", &["--runs", "--reference-units", "--only"], planning::run),
+    ("predicted-sigma", &["--runs"], predicted_sigma::run),
+    ("local-plans", &["--runs"], local_plans::run),
+    ("information-bought", &["--json", "--runs", "--out", "--way"], information_bought::run),
 ];
 
 const REPRODUCTIONS: &[Program] = &[
@@ -122,7 +135,8 @@ fn run_one(command: &str, programs: &[Program], words: &[String]) -> Result<(), 
         let known: Vec<String> = programs.iter().map(|(known, ..)| format!("`{known}`")).collect();
         return Err(Failure::BadInput(format!("{command} what? {}", known.join(", "))));
     };
-    Arguments::parse(rest, &[], options).and_then(|arguments| run(&arguments))
+    let (flags, options): (Vec<&str>, Vec<&str>) = options.iter().partition(|option| **option == "--json");
+    Arguments::parse(rest, &flags, &options).and_then(|arguments| run(&arguments))
 }
 
 fn main() -> ExitCode {

@@ -18,6 +18,7 @@ use crate::bench::{Calibration, quantile};
 use crate::core_clock::CoreClock;
 use crate::planning_runs::{Planner, Run, cores, count, flight_planner, judge, share, sorted, timed_runs};
 use crate::planning_scenes::{PEERS, Scene, exactly_c_scene, failed, frozen_scenes, gap_scene, rattle_scenes};
+use crate::targets::Report;
 
 /// What a first plan is given.
 const FIRST: Duration = Duration::from_secs(5);
@@ -33,38 +34,6 @@ const REFERENCE_SEEDS: u64 = 2;
 const PLENTY: u64 = 10_000_000;
 /// Bounds and costs are sums of many rounded numbers.
 const ROUNDING: f64 = 1e-9;
-
-/// A claim: what it says, whether it holds, and what was found.
-struct Target {
-    name: String,
-    is_met: bool,
-    found: String,
-}
-
-#[derive(Default)]
-struct Report {
-    targets: Vec<Target>,
-    table: Vec<String>,
-}
-
-impl Report {
-    fn target(&mut self, name: String, is_met: bool, found: String) {
-        self.targets.push(Target { name, is_met, found });
-    }
-
-    /// A figure that must not exceed its target; NaN does.
-    fn at_most(&mut self, name: &str, found: f64, most: f64) {
-        self.target(format!("{name} <= {most}"), found <= most, format!("{found:.4}"));
-    }
-
-    fn at_least(&mut self, name: &str, found: f64, least: f64) {
-        self.target(format!("{name} >= {least}"), found >= least, format!("{found:.4}"));
-    }
-
-    fn none(&mut self, name: &str, found: f64) {
-        self.target(format!("{name}: none"), found == 0.0, format!("{found}"));
-    }
-}
 
 /// What the calibration says now, as a multiple of the idle machine's.
 fn load() -> f64 {
@@ -102,32 +71,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if sphere.name.contains(only) {
         gap_sphere(&sphere, &mut report)?;
     }
-    finish(&report)
-}
-
-fn finish(report: &Report) -> Result<(), Failure> {
-    for line in &report.table {
-        eprintln!("{line}");
-    }
-    eprintln!();
-    for Target { name, is_met, found } in &report.targets {
-        println!("{}", json!({"block": "target", "name": name, "met": is_met, "found": found}));
-        eprintln!("{} {name}: {found}", if *is_met { "met   " } else { "MISSED" });
-    }
-    let missed: Vec<&str> =
-        report.targets.iter().filter(|target| !target.is_met).map(|one| one.name.as_str()).collect();
     if report.targets.is_empty() {
         return Err(Failure::BadInput("no scene is called so".to_owned()));
     }
-    if missed.is_empty() {
-        return Ok(());
-    }
-    Err(Failure::TargetMissed(format!(
-        "{} of {} targets missed: {}",
-        missed.len(),
-        report.targets.len(),
-        missed.join("; ")
-    )))
+    report.finish()
 }
 
 /// Long runs of every scene, on all cores: nothing is timed.
@@ -349,34 +296,14 @@ fn gap_sphere(scene: &Scene, report: &mut Report) -> Result<(), Failure> {
 mod tests {
     use super::*;
     use crate::planning_scenes::rattle_scene;
+    use crate::targets::Target;
     use tumble_astrobee::worlds::WorldPreset;
-
-    /// What no run reaches is missed, NaN included, and exit code 3 follows.
-    #[test]
-    fn a_missed_target_is_a_failure() {
-        let mut report = Report::default();
-        report.at_most("time", 1.0, 1.0);
-        report.at_least("share", 0.95, 0.95);
-        report.none("faults", 0.0);
-        assert!(finish(&report).is_ok());
-        for spoil in [
-            |report: &mut Report| report.at_most("time", 1.001, 1.0),
-            |report: &mut Report| report.at_most("time", f64::NAN, 1.0),
-            |report: &mut Report| report.at_least("share", 0.949, 0.95),
-            |report: &mut Report| report.none("faults", 1.0),
-        ] {
-            let mut spoilt = Report::default();
-            spoil(&mut spoilt);
-            assert!(matches!(finish(&spoilt), Err(Failure::TargetMissed(_))));
-        }
-        assert!(matches!(finish(&Report::default()), Err(Failure::BadInput(_))));
-    }
 
     #[test]
     fn the_bounding_sphere_is_proven_not_to_pass() {
         let mut report = Report::default();
         gap_sphere(&gap_scene().unwrap().within_bounding_sphere().unwrap(), &mut report).unwrap();
-        assert!(report.targets.iter().all(|target| target.is_met), "{}", report.targets[0].found);
+        report.finish().unwrap();
     }
 
     #[test]
@@ -385,7 +312,7 @@ mod tests {
             let mut report = Report::default();
             exactly_c(&exactly_c_scene(set).unwrap(), covering, 1, &mut report).unwrap();
             exactly_c(&rattle_scene(WorldPreset::Granite, set).unwrap(), covering, 1, &mut report).unwrap();
-            let met: Vec<bool> = report.targets.iter().map(|target| target.is_met).collect();
+            let met: Vec<bool> = report.targets.iter().map(Target::is_met).collect();
             assert_eq!(met, [true, false]);
         }
     }

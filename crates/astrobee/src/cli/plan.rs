@@ -1,13 +1,15 @@
 //! `tumble plan`: a way from start to goal, and how far from the best it can be.
 
 use super::excite::progress;
+use super::plan_blockers::{collision_world, listed, named};
+use super::plan_budget::{WatchedBudget, budget};
 use super::plan_check::check;
 use super::plan_csv::{Rows, rows};
-use super::plan_figure::{View, draw};
-use super::{Outcome, print};
+use super::plan_figure::{Drawn, View, along, draw, poses};
+use super::{Outcome, plan_local, print};
 use crate::output::{OutputFolder, RUN_RECORD, unused};
 use crate::planning_presets::{PrimitiveRules, rattle_rrt};
-use crate::scenario::{PlanningProblem, ScenarioSource};
+use crate::scenario::{CriterionName, PlanningProblem, ScenarioSource, UnknownsName, WeightingName};
 use crate::simulator::planar_part;
 use crate::worlds::WorldPreset;
 use crate::{AstrobeeError, log};
@@ -15,14 +17,14 @@ use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use tumble_dynamics::World;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_planning::collision::{Blocker, EllipsoidWorld, MovingObstacle};
+use tumble_planning::collision::Blocker;
 use tumble_planning::global::{
     FlightPlanner, GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Obstruction, PrimitiveRrt, Status, Until,
 };
-use tumble_planning::{ArcPath, BodyArc, Budget, DoubleIntegrator, PlanningError};
+use tumble_planning::{ArcPath, BodyArc, DoubleIntegrator, PlanningError};
 
 /// Options of `tumble plan`.
 #[derive(Args)]
@@ -34,7 +36,10 @@ Examples:
   tumble plan iss-slalom                        a plan, a bound on what any plan costs, and pictures
   tumble plan granite-room --obstacle-set 2     other obstacles of the same place
   tumble plan iss-gap --first --seed 7          end with the first plan that holds
-  tumble plan my.toml --objective impulse --time-limit 10")]
+  tumble plan my.toml --objective impulse --time-limit 10
+  tumble plan infoplan --local                  the first seconds of the way, moved so that the body becomes known
+  tumble plan iss-slalom --local --weighting none --steps 30")]
+#[allow(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 pub struct PlanArgs {
     /// A scenario file, or the name of an embedded one (`tumble scenario list`).
     scenario: String,
@@ -52,22 +57,37 @@ pub struct PlanArgs {
     planner: PlannerName,
     /// Work to be done: one unit is about one check of one edge [default: 100000, about a second].
     #[arg(long, value_name = "UNITS", allow_negative_numbers = true, conflicts_with = "time_limit")]
-    budget: Option<u64>,
+    pub(super) budget: Option<u64>,
     /// Time to be spent instead, s, at most 86400: the answer then depends on the machine.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
-    time_limit: Option<f64>,
+    pub(super) time_limit: Option<f64>,
     /// End with the first plan that holds.
     #[arg(long)]
     first: bool,
-    /// Folder to write [default: tumble-out/plan-SCENARIO-SEED, numbered where it exists].
+    /// Plan one segment of the way, for progress and for information (`[plan.local]`).
+    #[arg(long)]
+    pub(super) local: bool,
+    /// With `--local`: how much information weighs.
+    #[arg(long, value_enum)]
+    pub(super) weighting: Option<WeightingName>,
+    /// With `--local`: what is to be small of the predicted covariance.
+    #[arg(long, value_enum)]
+    pub(super) criterion: Option<CriterionName>,
+    /// With `--local`: what is not known of the body.
+    #[arg(long, value_enum)]
+    pub(super) unknowns: Option<UnknownsName>,
+    /// With `--local`: steps of the horizon.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) steps: Option<usize>,
+    /// Folder to write [default: tumble-out/plan-SCENARIO-SEED, with `--local` local-plan-SCENARIO-SEED, numbered where it exists].
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
     /// Replace an earlier result.
     #[arg(long)]
-    force: bool,
+    pub(super) force: bool,
     /// Print one JSON object and nothing else on stdout.
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 /// See [`Objective`].
@@ -87,58 +107,8 @@ enum PlannerName {
     ThesisRrt,
 }
 
-/// Units granted unless said otherwise.
-const BUDGET_UNITS: u64 = 100_000;
-/// Longest search, s.
-const LONGEST_S: f64 = 86_400.0;
 /// Pieces of an arc over which its way and impulse are added up.
 const PIECES: usize = 64;
-
-/// What the pictures show.
-#[derive(Clone, Copy)]
-pub(super) struct Drawn<'a> {
-    pub title: &'a str,
-    pub problem: &'a PlanningProblem,
-    pub answer: &'a GlobalAnswer,
-}
-
-/// A budget of units or of time, and when how much of it was spent.
-struct WatchedBudget {
-    units: Option<u64>,
-    time: Option<Duration>,
-    clock: Instant,
-    spent: u64,
-    /// Units and time, s; each at one part in sixty-four more units than the one before.
-    marks: Vec<(u64, f64)>,
-    is_over: bool,
-}
-
-impl WatchedBudget {
-    fn new(units: Option<u64>, time: Option<Duration>) -> Self {
-        Self { units, time, clock: Instant::now(), spent: 0, marks: Vec::new(), is_over: false }
-    }
-
-    /// When so many units were spent, s.
-    fn time_of(&self, units: u64) -> Option<f64> {
-        self.marks.iter().find(|(spent, _)| *spent >= units).or(self.marks.last()).map(|(_, time_s)| *time_s)
-    }
-}
-
-impl Budget for WatchedBudget {
-    fn spend(&mut self, units: u64) -> bool {
-        let spent = self.spent.saturating_add(units);
-        self.is_over |= self.units.is_some_and(|most| spent > most);
-        self.is_over |= self.time.is_some_and(|most| self.clock.elapsed() >= most);
-        if self.is_over {
-            return false;
-        }
-        self.spent = spent;
-        if self.marks.last().is_none_or(|(marked, _)| spent > marked + marked / 64) {
-            self.marks.push((spent, self.clock.elapsed().as_secs_f64()));
-        }
-        true
-    }
-}
 
 /// Wall times, s.
 struct Times {
@@ -167,12 +137,18 @@ pub fn run(args: &PlanArgs) -> Result<Outcome, AstrobeeError> {
     if let Some(set) = args.obstacle_set {
         source.scenario.obstacle_set = Some(set);
     }
-    let mut budget = budget(args)?;
+    let mut budget = budget(args.budget, args.time_limit)?;
+    plan_local::apply(args, &mut source)?;
     let problem = source.planning_problem()?;
+    if args.local {
+        source.local_problem(&problem)?;
+    }
     let (name, seed) = (source.scenario.name.clone(), source.scenario.seed);
     let place = match &args.out {
         Some(path) => path.clone(),
-        None => unused(&Path::new("tumble-out").join(format!("plan-{name}-{seed}"))),
+        None => unused(
+            &Path::new("tumble-out").join(format!("{}-{name}-{seed}", if args.local { "local-plan" } else { "plan" })),
+        ),
     };
     // Whether the result can be written, before it is worked for; whoever interrupts the work then leaves nothing behind.
     drop(OutputFolder::create(&place, args.force)?);
@@ -187,6 +163,9 @@ pub fn run(args: &PlanArgs) -> Result<Outcome, AstrobeeError> {
     };
 
     check(&problem, objective(args), &answer)?;
+    if let (true, Some(way)) = (args.local, path_of(&answer)) {
+        return plan_local::run(args, &source, &problem, way, times.total_s, &place);
+    }
     let rows = path_of(&answer).map(|path| plan_rows(&problem, path));
     let folder = OutputFolder::create(&place, args.force)?;
     let summary = summary(args, &source, &problem, &answer, rows.as_ref());
@@ -237,40 +216,6 @@ fn torque_warnings(problem: &PlanningProblem, rows: &Rows) -> Vec<String> {
         )
     };
     beyond.map(warning).collect()
-}
-
-fn budget(args: &PlanArgs) -> Result<WatchedBudget, AstrobeeError> {
-    let refused = |message: String| Err(AstrobeeError::BadOption { message });
-    match (args.time_limit, args.budget) {
-        (Some(limit_s), _) if limit_s > 0.0 && limit_s <= LONGEST_S => {
-            Ok(WatchedBudget::new(None, Some(Duration::from_secs_f64(limit_s))))
-        }
-        (Some(limit_s), _) => refused(format!("`--time-limit {limit_s}`: more than 0 s and at most {LONGEST_S} s")),
-        (None, Some(0)) => refused("`--budget 0`: at least one unit".to_owned()),
-        (None, units) => Ok(WatchedBudget::new(Some(units.unwrap_or(BUDGET_UNITS)), None)),
-    }
-}
-
-/// The obstacles of a problem in the order in which the collision world numbers them: those at rest, then the others.
-fn numbered(problem: &PlanningProblem) -> Vec<usize> {
-    let moving = problem.obstacle_motions.iter().map(|motion| motion.obstacle);
-    let is_moving = |index: &usize| problem.obstacle_motions.iter().any(|motion| motion.obstacle == *index);
-    (0..problem.world.obstacles.len()).filter(|index| !is_moving(index)).chain(moving).collect()
-}
-
-fn collision_world(problem: &PlanningProblem) -> Result<EllipsoidWorld, PlanningError> {
-    let still = numbered(problem);
-    let still = still.iter().take(still.len() - problem.obstacle_motions.len());
-    let at_rest = World {
-        obstacles: still.filter_map(|index| problem.world.obstacles.get(*index).copied()).collect(),
-        ..problem.world.clone()
-    };
-    let moving = problem.obstacle_motions.iter().filter_map(|motion| {
-        let ellipsoid = *problem.world.obstacles.get(motion.obstacle)?;
-        let obstacle = MovingObstacle::at_rest(ellipsoid).drifting(motion.velocity_world, 0.0);
-        Some(obstacle.present(motion.appear_s, motion.vanish_s))
-    });
-    EllipsoidWorld::new(&at_rest)?.with_obstacles(moving)
 }
 
 fn solve(
@@ -337,33 +282,6 @@ fn measures(path: &ArcPath, mass_kg: f64) -> Measures {
 fn gap(answer: &GlobalAnswer) -> Option<f64> {
     let share = |cost: f64| if cost > 0.0 { ((cost - answer.lower_bound) / cost).max(0.0) } else { 0.0 };
     answer.plan.as_ref().map(|_| share(answer.cost))
-}
-
-fn metres(vector: &Vector3<f64>) -> String {
-    format!("({:.2}, {:.2}, {:.2})", vector.x, vector.y, vector.z)
-}
-
-/// What a blocker is, for people.
-fn named(problem: &PlanningProblem, blocker: Blocker) -> String {
-    match blocker {
-        Blocker::Obstacle(number) => {
-            let index = numbered(problem).get(number).copied().unwrap_or(number);
-            let center = problem.world.obstacles.get(index).map(|o| metres(&o.world_from_ellipsoid.translation.vector));
-            format!("obstacle {index} at {} m", center.unwrap_or_default())
-        }
-        Blocker::KeepOut(index) => {
-            let corners = problem.world.keep_out.get(index);
-            let corners = corners.map(|b| format!("{} to {}", metres(&b.lower_world), metres(&b.upper_world)));
-            format!("keep-out box {index} from {} m", corners.unwrap_or_default())
-        }
-        Blocker::KeepIn => "the end of the keep-in volume".to_owned(),
-        _ => "something".to_owned(),
-    }
-}
-
-fn listed(problem: &PlanningProblem, blockers: &[Blocker]) -> String {
-    let names: Vec<String> = blockers.iter().map(|blocker| named(problem, *blocker)).collect();
-    if names.is_empty() { "nothing in particular".to_owned() } else { names.join("; ") }
 }
 
 /// Why there is no plan, and what can be done; `None` where there is one.
@@ -438,11 +356,11 @@ fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value + 0.0)
 }
 
-fn triple(vector: &Vector3<f64>) -> [f64; 3] {
+pub(super) fn triple(vector: &Vector3<f64>) -> [f64; 3] {
     (*vector).into()
 }
 
-fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
+pub(super) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
     [rotation.i, rotation.j, rotation.k, rotation.w]
 }
 
@@ -540,11 +458,26 @@ fn write_files(
         folder.write("plan.csv", &rows.text)?;
     }
     let title = format!("{}, seed {}: {}", source.scenario.name, source.scenario.seed, in_short(answer));
-    let drawn = Drawn { title: &title, problem, answer };
+    let path = path_of(answer);
+    let drawn = Drawn {
+        title: &title,
+        problem,
+        tree: &answer.tree,
+        way: &[],
+        path: &path.map(along).unwrap_or_default(),
+        poses: &path.map(poses).unwrap_or_default(),
+        end_s: path.map_or(0.0, ArcPath::duration_s),
+        target: problem.goal.position,
+    };
     folder.write("plan_top.svg", &draw(&drawn, View::Top))?;
     folder.write("plan_side.svg", &draw(&drawn, View::Side))?;
     let timings = json!({ "format": 1, "first_plan_wall_s": times.first_s, "wall_s": times.total_s });
     folder.write("timings.json", &format!("{timings:#}\n"))?;
+    write_run_record(folder, source)
+}
+
+/// What made the folder's content; its scenario is there already.
+pub(super) fn write_run_record(folder: &OutputFolder, source: &ScenarioSource) -> Result<(), AstrobeeError> {
     let options: Vec<String> = std::env::args().skip(1).collect();
     let run = json!({
         "format": 1,

@@ -1,11 +1,30 @@
 //! Pictures of a plan: seen from above and from the side.
 
-use super::plan::Drawn;
+use crate::scenario::PlanningProblem;
 use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_dynamics::{AlignedBox, ObstacleEllipsoid};
 use tumble_lie::Pose;
 use tumble_planning::ArcPath;
+
+/// What a picture shows.
+#[derive(Clone, Copy)]
+pub(super) struct Drawn<'a> {
+    pub title: &'a str,
+    pub problem: &'a PlanningProblem,
+    /// Edges of the search.
+    pub tree: &'a [[Vector3<f64>; 2]],
+    /// The way that the path follows a part of, if it does.
+    pub way: &'a [Vector3<f64>],
+    /// Positions along the path; empty where there is none.
+    pub path: &'a [Vector3<f64>],
+    /// Poses of the body along it.
+    pub poses: &'a [Pose<f64>],
+    /// When the path ends, s.
+    pub end_s: f64,
+    /// Where it should end: a point on the way, or the goal.
+    pub target: Vector3<f64>,
+}
 
 /// From where one looks. To the right is the world's y in both: the long side of the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,7 +174,7 @@ impl Sheet {
 }
 
 /// Round numbers between two, about as many as there is room for.
-fn ticks(from: f64, to: f64, scale: f64) -> Vec<f64> {
+pub(super) fn ticks(from: f64, to: f64, scale: f64) -> Vec<f64> {
     let steps = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0];
     let Some(step) = steps.into_iter().find(|step| step * scale >= TICK_PX) else { return vec![from, to] };
     let first = (from / step).ceil();
@@ -167,12 +186,12 @@ fn ticks(from: f64, to: f64, scale: f64) -> Vec<f64> {
 }
 
 /// Text that XML takes as it is.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 /// Positions along a path, each arc's ends among them.
-fn along(path: &ArcPath) -> Vec<Vector3<f64>> {
+pub(super) fn along(path: &ArcPath) -> Vec<Vector3<f64>> {
     let arcs = path.arcs();
     let each = (PATH / arcs.len().max(1)).max(8);
     let positions = |index: usize| {
@@ -185,7 +204,7 @@ fn along(path: &ArcPath) -> Vec<Vector3<f64>> {
 }
 
 /// Poses spread over a path.
-fn poses(path: &ArcPath) -> Vec<Pose<f64>> {
+pub(super) fn poses(path: &ArcPath) -> Vec<Pose<f64>> {
     let duration_s = path.duration_s();
     let pose = |index: usize| {
         let (arc, time_s) = path.at(duration_s * index as f64 / (BODIES - 1) as f64)?;
@@ -196,12 +215,11 @@ fn poses(path: &ArcPath) -> Vec<Pose<f64>> {
 
 /// The picture as SVG.
 pub(super) fn draw(drawn: &Drawn<'_>, view: View) -> String {
-    let Drawn { title, problem, answer } = *drawn;
+    let Drawn { title, problem, tree, way, path, poses, end_s, target } = *drawn;
     let (start, goal) = (problem.start.position, problem.goal.position);
-    let path = answer.plan.as_ref().map(|plan| &plan.trajectory);
-    let way = path.map(along).unwrap_or_default();
     let reach = problem.body.bounding_radius_m();
-    let ends = [start, goal].into_iter().chain(way.iter().copied()).chain(answer.tree.iter().flatten().copied());
+    let lines = [path, way].into_iter().flatten().copied();
+    let ends = [start, goal].into_iter().chain(lines).chain(tree.iter().flatten().copied());
     let (right, up) = view.axes();
     let spread = [right, up, -right, -up].map(|direction| direction * reach);
     let around = ends.flat_map(|point| spread.map(|by| view.of(&(point + by))));
@@ -210,7 +228,6 @@ pub(super) fn draw(drawn: &Drawn<'_>, view: View) -> String {
     for volume in &problem.world.keep_in {
         sheet.rectangle(volume, "class=\"in\"");
     }
-    let end_s = path.map_or(0.0, ArcPath::duration_s);
     for (index, obstacle) in problem.world.obstacles.iter().enumerate() {
         let motion = problem.obstacle_motions.iter().find(|motion| motion.obstacle == index);
         let Some(motion) = motion else {
@@ -233,9 +250,9 @@ pub(super) fn draw(drawn: &Drawn<'_>, view: View) -> String {
     }
     sheet.rectangle(&problem.limits.position, "class=\"limits\"");
 
-    let every = answer.tree.len().div_ceil(MOST_EDGES).max(1);
+    let every = tree.len().div_ceil(MOST_EDGES).max(1);
     let mut edges = String::new();
-    for edge in answer.tree.iter().step_by(every) {
+    for edge in tree.iter().step_by(every) {
         edges += &sheet.line(&edge.map(|point| view.of(&point)));
     }
     sheet.path(&edges, "class=\"tree\"");
@@ -243,22 +260,30 @@ pub(super) fn draw(drawn: &Drawn<'_>, view: View) -> String {
     if problem.goal.radius_m > 0.0 {
         sheet.ellipsoid(&goal_pose, &Vector3::repeat(problem.goal.radius_m), "class=\"goal\"");
     }
-    let start_pose = Pose::from_parts(start.into(), problem.attitude);
-    for pose in path.map_or_else(|| vec![start_pose], poses) {
+    let start_pose = [Pose::from_parts(start.into(), problem.attitude)];
+    for pose in if poses.is_empty() { &start_pose } else { poses } {
         for part in problem.body.parts() {
             sheet.ellipsoid(&(pose * part.body_from_ellipsoid), &part.semi_axes, "class=\"body\"");
         }
     }
-    let points: Vec<Point> = way.iter().map(|point| view.of(point)).collect();
-    let data = sheet.line(&points);
-    sheet.path(&data, "class=\"path\"");
+    for (line, style) in [(way, "class=\"way\""), (path, "class=\"path\"")] {
+        let points: Vec<Point> = line.iter().map(|point| view.of(point)).collect();
+        let data = sheet.line(&points);
+        sheet.path(&data, style);
+    }
     sheet.dot(&start, "#dc3220");
-    sheet.dot(&goal, "#1a8554");
-    framed(&sheet, title, every)
+    sheet.dot(&target, "#1a8554");
+    let searched = match every {
+        _ if tree.is_empty() => "",
+        1 => ", tree",
+        _ => &format!(", every {every}th edge of the tree"),
+    };
+    let followed = if way.is_empty() { "" } else { " (dashed: the way that it is a part of)" };
+    framed(&sheet, title, searched, followed)
 }
 
 /// The sheet with axes, title and legend.
-fn framed(sheet: &Sheet, title: &str, every: usize) -> String {
+fn framed(sheet: &Sheet, title: &str, searched: &str, followed: &str) -> String {
     let (width, height) = sheet.size();
     let (left, top, right, bottom) = MARGINS;
     let mut svg = format!(
@@ -267,16 +292,15 @@ fn framed(sheet: &Sheet, title: &str, every: usize) -> String {
          .later{{fill:#000;fill-opacity:.08;stroke:#000;stroke-opacity:.5;stroke-dasharray:4}}\
          .out{{fill:#dc3220;fill-opacity:.25;stroke:#dc3220}}.limits{{fill:none;stroke:#000;stroke-opacity:.4;stroke-dasharray:2 4}}\
          .tree{{fill:none;stroke:#1a8554;stroke-opacity:.35;stroke-width:.7}}.goal{{fill:#1a8554;fill-opacity:.15;stroke:#1a8554}}\
-         .body{{fill:none;stroke:#005ab5;stroke-opacity:.35}}.path{{fill:none;stroke:#005ab5;stroke-width:2}}</style>\n\
+         .body{{fill:none;stroke:#005ab5;stroke-opacity:.35}}.way{{fill:none;stroke:#005ab5;stroke-opacity:.6;stroke-dasharray:6 4}}.path{{fill:none;stroke:#005ab5;stroke-width:2}}</style>\n\
          <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
         (left + width + right).max(NARROWEST_PX),
         top + height + bottom,
     );
-    let tree = if every > 1 { format!("every {every}th edge of the tree") } else { "tree".to_owned() };
     let _ = writeln!(svg, "<text x=\"{left}\" y=\"22\" font-size=\"15\">{}</text>", escaped(title));
     let _ = writeln!(
         svg,
-        "<text x=\"{left}\" y=\"42\"><tspan fill=\"#005ab5\">path and body</tspan>, <tspan fill=\"#1a8554\">goal region, {tree}</tspan>, \
+        "<text x=\"{left}\" y=\"42\"><tspan fill=\"#005ab5\">path and body{followed}</tspan>, <tspan fill=\"#1a8554\">goal region{searched}</tspan>, \
          <tspan fill=\"#dc3220\">start, keep-out</tspan>, <tspan fill=\"#666\">obstacles; dotted: limits of position; grey ground: outside \
          the keep-in volume</tspan></text>"
     );
@@ -325,7 +349,7 @@ fn framed(sheet: &Sheet, title: &str, every: usize) -> String {
 }
 
 /// A tick's number without the rounding of its making.
-fn rounded(value: f64) -> f64 {
+pub(super) fn rounded(value: f64) -> f64 {
     let value = (value * 1e6).round() / 1e6;
     if value == 0.0 { 0.0 } else { value }
 }

@@ -569,6 +569,15 @@ impl ScenarioSource {
         Ok(changes)
     }
 
+    /// Natural frequencies of the tracker: rotation and position.
+    pub(super) fn tracker_rad_s(&self) -> Result<(f64, f64), AstrobeeError> {
+        let table = &self.scenario.drive;
+        Ok((
+            self.positive("drive.tracker_rotation_rad_s", table.tracker_rotation_rad_s, TRACKER_RAD_S.0)?,
+            self.positive("drive.tracker_position_rad_s", table.tracker_position_rad_s, TRACKER_RAD_S.1)?,
+        ))
+    }
+
     fn drive(
         &self,
         place: WorldPreset,
@@ -580,10 +589,7 @@ impl ScenarioSource {
         let controller = match table.controller.unwrap_or_default() {
             ControllerName::None => None,
             ControllerName::Tracker => {
-                let rotation =
-                    self.positive("drive.tracker_rotation_rad_s", table.tracker_rotation_rad_s, TRACKER_RAD_S.0)?;
-                let position =
-                    self.positive("drive.tracker_position_rad_s", table.tracker_position_rad_s, TRACKER_RAD_S.1)?;
+                let (rotation, position) = self.tracker_rad_s()?;
                 Some(Controller::Tracker(PoseTracker::critically_damped(FreeFlyer::new(*belief), rotation, position)))
             }
             ControllerName::Flown => {

@@ -16,7 +16,7 @@ macro_rules! embedded {
 }
 
 /// All of them.
-pub const EMBEDDED: [Embedded; 14] = embedded![
+pub const EMBEDDED: [Embedded; 15] = embedded![
     "iss-hold",
     "iss-excite",
     "iss-payload",
@@ -29,6 +29,7 @@ pub const EMBEDDED: [Embedded; 14] = embedded![
     "granite-room",
     "open-tumble",
     "jem10",
+    "infoplan",
     "spheres-excite",
     "space-cobot-excite",
 ];

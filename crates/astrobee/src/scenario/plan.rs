@@ -1,6 +1,7 @@
 //! From a scenario to a planning problem.
 
 use super::ScenarioSource;
+use super::plan_local::LocalTable;
 use crate::AstrobeeError;
 use crate::planning_presets::{FORCE_N, SPEED_M_S, TORQUE_N_M};
 use crate::simulator::ObstacleMotion;
@@ -21,18 +22,18 @@ const FARTHEST_M: f64 = 1e5;
 const MASS_KG: (f64, f64) = (1e-3, 1e6);
 
 /// What a number of `[plan]` may be besides zero.
-struct Range {
-    least: f64,
-    most: f64,
-    unit: &'static str,
+pub(super) struct Range {
+    pub least: f64,
+    pub most: f64,
+    pub unit: &'static str,
 }
 
-const FORCE: Range = Range { least: 1e-6, most: 1e6, unit: "N" };
+pub(super) const FORCE: Range = Range { least: 1e-6, most: 1e6, unit: "N" };
 /// The slowest way through the largest box is still a number of nanoseconds.
-const SPEED: Range = Range { least: 1e-4, most: 1e3, unit: "m/s" };
-const TORQUE: Range = Range { least: 1e-9, most: 1e6, unit: "N m" };
-const RATE: Range = Range { least: 1e-6, most: 1e3, unit: "rad/s" };
-const LENGTH: Range = Range { least: 0.0, most: FARTHEST_M, unit: "m" };
+pub(super) const SPEED: Range = Range { least: 1e-4, most: 1e3, unit: "m/s" };
+pub(super) const TORQUE: Range = Range { least: 1e-9, most: 1e6, unit: "N m" };
+pub(super) const RATE: Range = Range { least: 1e-6, most: 1e3, unit: "rad/s" };
+pub(super) const LENGTH: Range = Range { least: 0.0, most: FARTHEST_M, unit: "m" };
 const GOAL_SPEED: Range = Range { least: 0.0, most: 1e3, unit: "m/s" };
 
 /// What a planner keeps within, as it is written.
@@ -72,6 +73,9 @@ pub struct PlanTable {
     /// Ellipsoids that stand for the robot.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub body: Vec<PlanBodyTable>,
+    /// One segment, planned for progress and information.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub local: Option<LocalTable>,
 }
 
 /// An ellipsoid of the body.

@@ -53,6 +53,56 @@ impl MovingObstacle {
         self.vanish_s = vanish_s;
         self
     }
+
+    /// The ellipsoid when its motion begins, of an obstacle that can be.
+    ///
+    /// # Errors
+    /// [`PlanningError::InvalidWorld`] under this index, [`PlanningError::TooUnlike`].
+    pub(crate) fn checked(&self, index: usize) -> Result<Ellipsoid, PlanningError> {
+        let Self { ellipsoid, displacement, since_s, appear_s, vanish_s } = self;
+        let part = "obstacle";
+        for semi_axis in &ellipsoid.semi_axes {
+            if length("", *semi_axis).is_err() {
+                return Err(invalid(part, index, "a semi-axis", *semi_axis));
+            }
+        }
+        let pose = &ellipsoid.world_from_ellipsoid;
+        let numbers = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
+        for number in numbers.chain(displacement.iter().flatten()).chain([since_s]) {
+            if moderate("", *number).is_err() {
+                return Err(invalid(part, index, "a coordinate of its pose or motion", *number));
+            }
+        }
+        // Neither may be NaN.
+        let is_ordered = appear_s <= vanish_s;
+        if !is_ordered {
+            return Err(invalid(part, index, "the time for which it is there", vanish_s - appear_s));
+        }
+        Ellipsoid::try_new(pose, &ellipsoid.semi_axes)
+    }
+
+    /// Where its centre is at a mission time, there or not; world axes, m.
+    pub fn center_at(&self, time_s: f64) -> Vector3<f64> {
+        let along = |value: Vector3<f64>, term: &Vector3<f64>| value * (time_s - self.since_s) + term;
+        let moved = self.displacement.iter().rev().fold(Vector3::zeros(), along);
+        self.ellipsoid.world_from_ellipsoid.translation.vector + moved
+    }
+
+    /// True where it is there at some mission time of an interval, both ends included.
+    pub fn is_present(&self, from_s: f64, to_s: f64) -> bool {
+        self.appear_s <= to_s && from_s <= self.vanish_s
+    }
+
+    /// The way of its centre over a time that begins at a mission time: control points of its Bernstein form.
+    pub(crate) fn way(&self, from_s: f64, duration_s: f64) -> [Vector3<f64>; COEFFICIENTS] {
+        let center = self.ellipsoid.world_from_ellipsoid.translation.vector;
+        if self.displacement.iter().all(|coefficient| *coefficient == Vector3::zeros()) {
+            return [center; COEFFICIENTS];
+        }
+        let moved = super::polynomial::about(&self.displacement, COEFFICIENTS - 1, from_s - self.since_s);
+        let along = [0, 1, 2].map(|axis: usize| super::polynomial::bernstein(&moved.map(|v| v[axis]), duration_s));
+        core::array::from_fn(|i| center + Vector3::new(along[0][i], along[1][i], along[2][i]))
+    }
 }
 
 /// A displacement in time.
@@ -129,26 +179,8 @@ impl Entry {
     }
 
     fn ellipsoid(index: usize, obstacle: &MovingObstacle) -> Result<Self, PlanningError> {
-        let MovingObstacle { ellipsoid, displacement, since_s, appear_s, vanish_s } = obstacle;
-        let part = "obstacle";
-        for semi_axis in &ellipsoid.semi_axes {
-            if length("", *semi_axis).is_err() {
-                return Err(invalid(part, index, "a semi-axis", *semi_axis));
-            }
-        }
-        let pose = &ellipsoid.world_from_ellipsoid;
-        let numbers = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
-        for number in numbers.chain(displacement.iter().flatten()).chain([since_s]) {
-            if moderate("", *number).is_err() {
-                return Err(invalid(part, index, "a coordinate of its pose or motion", *number));
-            }
-        }
-        // Neither may be NaN.
-        let is_ordered = appear_s <= vanish_s;
-        if !is_ordered {
-            return Err(invalid(part, index, "the time for which it is there", vanish_s - appear_s));
-        }
-        let solid = Ellipsoid::try_new(pose, &ellipsoid.semi_axes)?;
+        let MovingObstacle { displacement, since_s, appear_s, vanish_s, .. } = obstacle;
+        let solid = obstacle.checked(index)?;
         let half_extent = solid.half_extent();
         let is_moving = displacement.iter().any(|coefficient| *coefficient != Vector3::zeros());
         Ok(Self {

@@ -1,7 +1,7 @@
 //! Laws of planners of long motions. Everything is computed from the plan anew: nothing here asks the planner's own checks.
 
+use super::account::Account;
 use super::{LawViolation, broken_unless, require};
-use crate::budget::Budget;
 use crate::collision::CollisionWorld;
 use crate::error::PlanningError;
 use crate::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Status};
@@ -38,30 +38,6 @@ pub struct PlannerChecks {
     pub tolerance: f64,
     /// Largest error of forces, torques, costs and bounds, relative to their limit or size.
     pub relative_tolerance: f64,
-}
-
-/// Grants units and remembers what was granted.
-struct Account {
-    left: u64,
-    granted: u64,
-    refused: bool,
-    /// Whether anything was asked for after a refusal and would have been granted.
-    asks_on: u64,
-}
-
-impl Budget for Account {
-    fn spend(&mut self, units: u64) -> bool {
-        if self.refused {
-            self.asks_on += 1;
-            return false;
-        }
-        self.refused = units > self.left;
-        if !self.refused {
-            self.left -= units;
-            self.granted += units;
-        }
-        !self.refused
-    }
 }
 
 /// The laws of planners, each case answered by a planner freshly made.
@@ -136,7 +112,7 @@ impl<W: CollisionWorld + ?Sized> Judge<'_, '_, W> {
 
     fn answered<P: GlobalPlanner<W>>(&self, planner: &dyn Fn() -> P, units: u64) -> Result<GlobalAnswer, LawViolation> {
         const NESTED_PLACES: u64 = 16;
-        let mut account = Account { left: units, granted: 0, refused: false, asks_on: 0 };
+        let mut account = Account::of(units);
         let outcome = planner().plan(&self.case.request, &mut account);
         let (granted, asks_on) = (account.granted, account.asks_on);
         match outcome {

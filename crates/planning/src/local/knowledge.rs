@@ -1,0 +1,222 @@
+//! What a belief says about chosen quantities.
+
+use super::model::Knowledge;
+use crate::belief::ModelBelief;
+use crate::error::{PlanningError, finite, not_negative, positive};
+use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector};
+use tumble_dynamics::{InertialParameters, PARAMETERS};
+
+/// What is known exactly is taken to be known to a millionth, so that it still has an information: each parameter of its size,
+/// each combination of parameters of its prior standard deviations and sizes.
+const LEAST_RELATIVE_SIGMA: f64 = 1e-6;
+
+/// Standard deviations of parameters of these sizes, and the information about their errors in standard deviations: the inverse
+/// of the correlation. The one rule for what is known exactly: [`LEAST_RELATIVE_SIGMA`].
+///
+/// # Errors
+/// A matrix that is no covariance; a parameter without size that is known exactly.
+pub(super) fn whitened<const P: usize>(
+    covariance: &SMatrix<f64, P, P>,
+    sizes: &[f64; P],
+    names: &[&'static str; P],
+) -> Result<([f64; P], SMatrix<f64, P, P>), PlanningError> {
+    let mut sigma = [0.0; P];
+    for (i, (sigma, (size, name))) in sigma.iter_mut().zip(sizes.iter().zip(names)).enumerate() {
+        let least = LEAST_RELATIVE_SIGMA * finite(name, *size)?.abs();
+        let variance = covariance[(i, i)];
+        // less than zero by rounding
+        let variance = if variance.abs() < least * least { 0.0 } else { not_negative(name, variance)? };
+        *sigma = positive(name, f64::sqrt(variance).max(least))?;
+    }
+    let mut correlation = SMatrix::<f64, P, P>::identity();
+    for i in 0..P {
+        for j in 0..P {
+            let scale = sigma[i] * sigma[j];
+            let entry = finite("a covariance", covariance[(i, j)])?;
+            let mirrored = covariance[(j, i)];
+            if (entry - mirrored).abs() > 1e-9 * scale {
+                return Err(PlanningError::Asymmetric { what: "the covariance of the parameters" });
+            }
+            if i != j {
+                correlation[(i, j)] = 0.5 * (entry + mirrored) / scale;
+            }
+        }
+    }
+    let least = LEAST_RELATIVE_SIGMA * LEAST_RELATIVE_SIGMA;
+    let is_open = |factor: &Cholesky<f64, Const<P>>| factor.l_dirty().diagonal().iter().all(|x| x * x >= least);
+    let factor = correlation.cholesky().filter(is_open);
+    let factor = factor.or_else(|| {
+        // a millionth of the sizes too, where they are not what the deviation is already
+        let ratio = |i: usize| if covariance[(i, i)] < least * sizes[i] * sizes[i] { 0.0 } else { sizes[i] / sigma[i] };
+        let added =
+            SMatrix::<f64, P, P>::from_fn(|i, j| if i == j { least * (1.0 + ratio(i) * ratio(i)) } else { 0.0 });
+        (correlation + added).cholesky()
+    });
+    let Some(factor) = factor else {
+        let what = "the least eigenvalue of the correlation of the parameters";
+        return Err(PlanningError::NotPositive { what, value: least_eigenvalue(&correlation) });
+    };
+    let inverse = factor.inverse();
+    Ok((sigma, (inverse + inverse.transpose()) * 0.5))
+}
+
+fn least_eigenvalue<const P: usize>(correlation: &SMatrix<f64, P, P>) -> f64 {
+    let dynamic = nalgebra::DMatrix::from_iterator(P, P, correlation.iter().copied());
+    dynamic.symmetric_eigenvalues().min()
+}
+
+impl<const P: usize> Knowledge<P> {
+    /// Knowledge of quantities of these sizes, with this covariance; the coordinates are their errors in prior standard
+    /// deviations.
+    ///
+    /// What is known exactly is taken to be known to a millionth: a quantity of its size, a combination of quantities of their
+    /// standard deviations.
+    ///
+    /// # Errors
+    /// A matrix that is no covariance; a quantity of no size that is known exactly.
+    pub fn of_covariance(
+        covariance: &SMatrix<f64, P, P>,
+        sizes: &[f64; P],
+        names: [&'static str; P],
+        units: [&'static str; P],
+    ) -> Result<Self, PlanningError> {
+        let (sigma, information) = whitened(covariance, sizes, &names)?;
+        let mut quantities = SMatrix::zeros();
+        for (i, sigma) in sigma.iter().enumerate() {
+            quantities[(i, i)] = *sigma;
+        }
+        Ok(Self { information, quantities, names, units })
+    }
+
+    /// The prior standard deviation of each coordinate's own quantity.
+    pub fn scales(&self) -> [f64; P] {
+        core::array::from_fn(|i| self.quantities[(i, i)])
+    }
+}
+
+/// Change of mass, centre of mass and inertia about it by the parameters of [`InertialParameters::to_vector`].
+pub(super) fn about_com_by_parameters(body: &InertialParameters<f64>) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
+    let c = body.center_of_mass();
+    let mut by_parameters = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
+    for j in 0..PARAMETERS {
+        let change = InertialParameters::from_vector(&SVector::<f64, PARAMETERS>::ith(j, 1.0));
+        let moved = (change.first_moment - c * change.mass) / body.mass;
+        // J_C = J - (h.h I - h h^T) / m with h = m c
+        let h = change.first_moment;
+        let inertia = change.inertia_about_origin - Matrix3::identity() * (2.0 * c.dot(&h))
+            + h * c.transpose()
+            + c * h.transpose()
+            + (Matrix3::identity() * c.norm_squared() - c * c.transpose()) * change.mass;
+        let column = InertialParameters { mass: change.mass, first_moment: moved, inertia_about_origin: inertia };
+        by_parameters.set_column(j, &column.to_vector());
+    }
+    by_parameters
+}
+
+/// Change of the parameters of [`InertialParameters::to_vector`] by mass, centre of mass and inertia about it: the inverse of
+/// [`about_com_by_parameters`].
+pub(super) fn parameters_by_about_com(body: &InertialParameters<f64>) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
+    let c = body.center_of_mass();
+    let mut by_about_com = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
+    for j in 0..PARAMETERS {
+        let change = InertialParameters::from_vector(&SVector::<f64, PARAMETERS>::ith(j, 1.0));
+        let moved = change.first_moment;
+        let h = moved * body.mass + c * change.mass;
+        // J = J_C + m (c.c I - c c^T)
+        let inertia = change.inertia_about_origin
+            + (Matrix3::identity() * (2.0 * c.dot(&moved)) - moved * c.transpose() - c * moved.transpose()) * body.mass
+            + (Matrix3::identity() * c.norm_squared() - c * c.transpose()) * change.mass;
+        let column = InertialParameters { mass: change.mass, first_moment: h, inertia_about_origin: inertia };
+        by_about_com.set_column(j, &column.to_vector());
+    }
+    by_about_com
+}
+
+/// Sizes of mass, centre of mass and inertia about it: the radius of gyration for the centre of mass, the mean moment of inertia
+/// for inertias.
+pub(super) fn sizes_about_com(body: &InertialParameters<f64>) -> [f64; PARAMETERS] {
+    let inertia = body.inertia_about_com().trace() / 3.0;
+    let radius = f64::sqrt(1.5 * inertia / body.mass);
+    core::array::from_fn(|i| [body.mass, radius, inertia][usize::from(i > 0) + usize::from(i > 3)])
+}
+
+/// Covariance of mass, centre of mass and inertia about it.
+///
+/// # Errors
+/// A belief whose body does not exist.
+pub(super) fn covariance_about_com(
+    belief: &ModelBelief,
+) -> Result<SMatrix<f64, PARAMETERS, PARAMETERS>, PlanningError> {
+    let body = belief.parameters().validated()?;
+    let by_parameters = about_com_by_parameters(&body);
+    Ok(by_parameters * belief.estimate.covariance * by_parameters.transpose())
+}
+
+#[cfg(test)]
+#[allow(clippy::float_cmp, reason = "the same operations give the same bits")]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    fn body() -> InertialParameters<f64> {
+        let inertia = Matrix3::new(0.15, 0.01, -0.02, 0.01, 0.14, 0.005, -0.02, 0.005, 0.16);
+        InertialParameters::about_com(9.5, Vector3::new(0.05, -0.1, 0.07), inertia)
+    }
+
+    fn about_com(parameters: &SVector<f64, 10>) -> SVector<f64, 10> {
+        let body = InertialParameters::from_vector(parameters);
+        let (first_moment, inertia_about_origin) = (body.center_of_mass(), body.inertia_about_com());
+        InertialParameters { mass: body.mass, first_moment, inertia_about_origin }.to_vector()
+    }
+
+    #[test]
+    fn the_change_of_the_body_about_its_centre_of_mass() {
+        let (p, by_parameters) = (body().to_vector(), about_com_by_parameters(&body()));
+        for j in 0..10 {
+            let step = SVector::<f64, 10>::ith(j, 1e-4);
+            let quotient = (about_com(&(p + step)) - about_com(&(p - step))) / 2e-4;
+            assert!((quotient - by_parameters.column(j)).amax() < 1e-8, "{j} {quotient}");
+        }
+        let both = parameters_by_about_com(&body()) * by_parameters;
+        assert!((both - SMatrix::identity()).amax() < 1e-13, "{both}");
+    }
+
+    #[test]
+    fn knowledge_is_the_covariance_in_other_units() {
+        let covariance = SMatrix::<f64, 2, 2>::new(4.0, 0.6, 0.6, 0.25);
+        let known = Knowledge::of_covariance(&covariance, &[5.0, 0.0], ["mass", "drag"], ["kg", "kg/s"]).unwrap();
+        let back = known.quantities * known.information.try_inverse().unwrap() * known.quantities.transpose();
+        assert!((back - covariance).amax() < 1e-14);
+        assert_eq!(known.scales(), [2.0, 0.5]);
+        let refused = |matrix: [[f64; 2]; 2]| {
+            let matrix = SMatrix::<f64, 2, 2>::from(matrix);
+            Knowledge::of_covariance(&matrix, &[5.0, 0.0], ["mass", "drag"], ["kg", "kg/s"]).unwrap_err()
+        };
+        assert_eq!(
+            refused([[4.0, 0.0], [0.0, 0.0]]),
+            PlanningError::NotPositive { what: "drag", value: 0.0 },
+            "a quantity of no size known exactly"
+        );
+        assert!(matches!(refused([[-1e-9, 0.0], [0.0, 1.0]]), PlanningError::Negative { .. }));
+        assert!(matches!(refused([[0.0, 1.0], [1.0, 1.0]]), PlanningError::NotPositive { value, .. } if value < 0.0));
+        assert!(matches!(refused([[4.0, 3.0], [3.0, 0.25]]), PlanningError::NotPositive { value, .. } if value < 0.0));
+        assert!(matches!(refused([[4.0, 0.2], [0.1, 0.25]]), PlanningError::Asymmetric { .. }));
+        assert!(matches!(refused([[f64::NAN, 0.0], [0.0, 1.0]]), PlanningError::NotFinite { .. }));
+    }
+    #[test]
+    fn what_is_known_exactly_is_taken_to_be_known_to_a_millionth() {
+        let of = |covariance: [[f64; 2]; 2]| {
+            Knowledge::of_covariance(&covariance.into(), &[5.0, -0.2], ["mass", "drag"], ["kg", "kg/s"]).unwrap()
+        };
+        let certain = of([[0.0, 0.0], [0.0, 0.0]]);
+        let [mass, drag] = certain.scales();
+        assert!((mass - 5e-6).abs() < 1e-18 && (drag - 0.2e-6).abs() < 1e-18);
+        assert_eq!(certain.information, SMatrix::<f64, 2, 2>::identity());
+        let [mass, drag] = of([[4.0, 0.0], [0.0, 0.0]]).scales();
+        assert!((mass - 2.0).abs() < 1e-12 && (drag - 0.2e-6).abs() < 1e-18);
+        // one combination: a millionth of what is not known of the rest
+        let line = of([[4.0, 1.0], [1.0, 0.25]]);
+        let least = line.information.symmetric_eigen().eigenvalues.map(|x| f64::sqrt(1.0 / x));
+        assert!((1e-6..5e-6).contains(&least.min()) && (least.max() - f64::sqrt(2.0)).abs() < 1e-3, "{least}");
+    }
+}
