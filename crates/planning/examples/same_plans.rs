@@ -40,7 +40,7 @@ fn settings(steps: usize, step_s: f64) -> LocalSettings<12, 6> {
     }
 }
 
-/// Astrobee with cargo, each parameter uncertain by a twentieth of its natural size.
+/// A cube of 10 kg with cargo, each parameter uncertain by a twentieth of its natural size.
 fn belief() -> ModelBelief {
     let inertia = Matrix3::new(0.1534, 0.004, -0.006, 0.004, 0.1427, 0.003, -0.006, 0.003, 0.1623);
     let body = InertialParameters::about_com(9.5838, Vector3::new(0.02, -0.01, 0.015), inertia);
