@@ -61,6 +61,12 @@ pub enum PlanningError {
     /// A model that has not been told yet what to believe.
     #[error("nothing is believed of the body yet")]
     NoBelief,
+    /// A feedback that lets errors grow, so that no bounded invariant set exists.
+    #[error("the closed loop is not contractive: its spectral radius is {spectral_radius}, which must be below one")]
+    NotContractive {
+        /// Largest modulus of an eigenvalue; infinite where a number is not finite.
+        spectral_radius: f64,
+    },
     /// A part of a world that cannot be.
     #[error("{part} {index}: {what} is {value}")]
     InvalidWorld {

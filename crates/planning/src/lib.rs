@@ -12,6 +12,7 @@ pub use tumble_lie as lie;
 mod belief;
 mod budget;
 pub mod collision;
+pub mod control;
 mod error;
 pub mod global;
 pub mod kinodynamic;
@@ -21,6 +22,7 @@ pub mod local;
 mod motion;
 mod state_space;
 pub mod steering;
+mod vectors;
 
 pub use belief::{ModelBelief, Plan};
 pub use budget::{Budget, Units};

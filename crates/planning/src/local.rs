@@ -39,7 +39,6 @@ mod surroundings;
 #[cfg(test)]
 mod toy_problem;
 mod tracking_loss;
-mod vectors;
 mod weighting;
 
 pub use answer::{CostParts, LocalAnswer, LocalStatus, LocalTrajectory};

@@ -2,7 +2,7 @@
 
 use super::problem::CondensedProblem;
 use super::quasi_newton::CurvaturePairs;
-use super::vectors::{add_scaled, dot};
+use crate::vectors::{add_scaled, dot};
 
 /// Largest violation of a condition at the solution.
 const EXACT: f64 = 1e-10;

@@ -1,7 +1,7 @@
 //! What steps have taught about the curvature, on top of a model of it.
 
 use super::problem::CondensedProblem;
-use super::vectors::{add_scaled, dot};
+use crate::vectors::{add_scaled, dot};
 
 /// Least share of the curvature known before that a pair may leave along its step: keeps the matrix positive definite.
 const LEAST_SHARE: f64 = 0.1;

@@ -4,8 +4,8 @@ use super::problem::CondensedProblem;
 use super::quadratic_program::QuadraticProgram;
 use super::quasi_newton::CurvaturePairs;
 use super::sqp_settings::{MOST_PAIRS, SqpOutcome, SqpSettings, SqpStatus};
-use super::vectors::{dot, largest};
 use crate::budget::Budget;
+use crate::vectors::{dot, largest};
 
 /// Share of the predicted decrease below which a step is not taken.
 const ACCEPTED: f64 = 1e-3;

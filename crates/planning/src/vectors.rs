@@ -4,7 +4,7 @@ const LANES: usize = 8;
 
 /// Product of two vectors of one length.
 #[inline]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let (a_lanes, a_rest) = a.as_chunks::<LANES>();
     let (b_lanes, b_rest) = b.as_chunks::<LANES>();
     let mut sums = [0.0; LANES];
@@ -19,7 +19,7 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// Adds `factor` times a vector.
 #[inline]
-pub(super) fn add_scaled(sum: &mut [f64], factor: f64, x: &[f64]) {
+pub(crate) fn add_scaled(sum: &mut [f64], factor: f64, x: &[f64]) {
     for (sum, x) in sum.iter_mut().zip(x) {
         *sum += factor * x;
     }
@@ -27,7 +27,7 @@ pub(super) fn add_scaled(sum: &mut [f64], factor: f64, x: &[f64]) {
 
 /// Largest absolute entry; infinite where an entry is no number.
 #[inline]
-pub(super) fn largest(x: &[f64]) -> f64 {
+pub(crate) fn largest(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |most, x| {
         if x.abs() > most {
             x.abs()

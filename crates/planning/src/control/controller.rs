@@ -1,0 +1,106 @@
+//! What follows a plan.
+
+use super::MassInterval;
+use crate::belief::{ModelBelief, Plan};
+use crate::error::PlanningError;
+use tumble_dynamics::{PoseReference, RigidBodyState};
+use tumble_lie::Wrench;
+
+/// A motion to follow, at every mission time: before its start it rests there, after its end at its end.
+pub trait ReferenceMotion {
+    /// Wanted state and acceleration at a mission time, s.
+    fn at(&self, time_s: f64) -> PoseReference;
+}
+
+impl<F: Fn(f64) -> PoseReference> ReferenceMotion for F {
+    fn at(&self, time_s: f64) -> PoseReference {
+        self(time_s)
+    }
+}
+
+/// What a controller is asked at each of its output times.
+#[derive(Clone, Copy)]
+pub struct ControlRequest<'a> {
+    /// Mission time, s.
+    pub time_s: f64,
+    /// The body as measured or estimated now.
+    pub state: &'a RigidBodyState<f64>,
+    /// What to follow, and the revision of the belief it was planned with.
+    pub plan: &'a Plan<&'a dyn ReferenceMotion>,
+}
+
+/// What became of a belief offered to a controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Adoption {
+    /// It is used from now on.
+    Adopted,
+    /// Its promises cannot be kept from the present state: the revision named is kept, and the new one is tried again at each
+    /// step until it fits or a newer one comes.
+    Postponed {
+        /// The revision still in use.
+        kept: u64,
+    },
+    /// It contradicts what was certain before: the estimator is wrong, or was. The revision named is kept.
+    Contradicts {
+        /// The revision still in use.
+        kept: u64,
+    },
+}
+
+/// Why a controller left its main road.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FallbackReason {
+    /// The search for the best inputs was cut off.
+    IterationCap,
+    /// Rounding spoiled the search.
+    Numerical,
+    /// The measured state is outside of the tube: a jump of the localisation, or a disturbance larger than assumed.
+    OutsideTube {
+        /// Largest excess over the tube's faces, as a share of their distance from the centre.
+        excess: f64,
+    },
+    /// No plan keeps every limit from here.
+    Infeasible,
+    /// The reference ran out, or is no number.
+    NoReference,
+}
+
+/// What a controller does where it cannot do what it should, in the order in which it is tried.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fallback {
+    /// The last plan, shifted by one step; it keeps every limit.
+    Shifted(FallbackReason),
+    /// A new plan from the measured state with the widest tube.
+    Restarted(FallbackReason),
+    /// Braking with all the force there is, then holding; a new plan is needed.
+    Braking(FallbackReason),
+}
+
+/// A wrench to apply until the next command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControlCommand {
+    /// Body axes, torque about the body origin.
+    pub wrench_body: Wrench<f64>,
+    /// [`ModelBelief::revision`] of the belief used; zero before the first.
+    pub model_revision: u64,
+    /// Where the controller left its main road.
+    pub fallback: Option<Fallback>,
+    /// The interval the mass is taken to be in, where the controller has one.
+    pub mass: Option<MassInterval>,
+}
+
+/// Follows plans.
+pub trait Controller {
+    /// Takes over a belief, where that loses no promise made before.
+    ///
+    /// # Errors
+    /// A belief in a body that cannot be.
+    fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError>;
+
+    /// The wrench to apply now. Called at every output time, with times that grow; a controller that decides less often holds its
+    /// decision and turns its force with the body.
+    ///
+    /// # Errors
+    /// Numbers that are not finite; not that the state is out of bounds, which is answered by a [`Fallback`].
+    fn command(&mut self, request: &ControlRequest<'_>) -> Result<ControlCommand, PlanningError>;
+}
