@@ -7,6 +7,9 @@
 
 mod controller;
 mod mass_interval;
+mod riccati;
+mod small_matrix;
 
 pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
 pub use mass_interval::MassInterval;
+pub use riccati::discrete_lqr;
