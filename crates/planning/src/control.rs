@@ -5,8 +5,23 @@
 //! # Source
 //! Thesis 2.4.2, 6.2.3.
 
+mod axis_template;
+mod contraction;
 mod controller;
+mod convex_set;
+mod invariant_set;
 mod mass_interval;
+mod polygon;
+mod rakovic;
+mod riccati;
+mod small_matrix;
 
+pub use axis_template::{AxisGain, AxisTemplate, TEMPLATE_ROWS};
+pub use contraction::Contraction;
 pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
+pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, Zonotope};
+pub use invariant_set::{MinimalInvariantSet, Support};
 pub use mass_interval::MassInterval;
+pub use polygon::{Polygon, Strips};
+pub use rakovic::RakovicSet;
+pub use riccati::discrete_lqr;
