@@ -6,7 +6,11 @@
 //! Thesis 2.4.2, 6.2.3.
 
 mod controller;
+mod gram_program;
 mod mass_interval;
 
 pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
+#[cfg(feature = "clarabel")]
+pub use gram_program::{GramOptimum, solve_gram_with_clarabel};
+pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 pub use mass_interval::MassInterval;
