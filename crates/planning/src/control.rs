@@ -10,6 +10,7 @@ mod contraction;
 mod controller;
 mod convex_set;
 mod invariant_set;
+mod gram_program;
 mod mass_interval;
 mod polygon;
 mod rakovic;
@@ -21,6 +22,9 @@ pub use contraction::Contraction;
 pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
 pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, Zonotope};
 pub use invariant_set::{MinimalInvariantSet, Support};
+#[cfg(feature = "clarabel")]
+pub use gram_program::{GramOptimum, solve_gram_with_clarabel};
+pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 pub use mass_interval::MassInterval;
 pub use polygon::{Polygon, Strips};
 pub use rakovic::RakovicSet;
