@@ -29,3 +29,21 @@ pub use mass_interval::MassInterval;
 pub use polygon::{Polygon, Strips};
 pub use rakovic::RakovicSet;
 pub use riccati::discrete_lqr;
+mod attitude;
+mod attitude_certificate;
+mod controller;
+mod inertia_interval;
+mod mass_interval;
+mod peak_gain;
+mod rotated_box;
+
+pub use attitude::{AttitudeController, AttitudeError, AttitudeGains, AttitudeLaw, AttitudeTorque};
+pub use attitude_certificate::{
+    AttitudeCertificate, AttitudeConditions, AttitudeLoop, AttitudeNoise, AttitudeRefusal, ReferenceTurning,
+    TorqueBudget,
+};
+pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
+pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
+pub use mass_interval::MassInterval;
+pub use peak_gain::AttitudeTiming;
+pub use rotated_box::{available_share, rotation_share};
