@@ -47,3 +47,15 @@ pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
 pub use mass_interval::MassInterval;
 pub use peak_gain::AttitudeTiming;
 pub use rotated_box::{available_share, rotation_share};
+mod believed_body;
+mod cascade;
+mod controller;
+mod feedback;
+mod mass_interval;
+mod pose_tracking;
+
+pub use cascade::{Cascade, RotationGains, TranslationDecision, TranslationLaw, TranslationRequest};
+pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
+pub use feedback::{LinearFeedback, LqrController, TranslationWeights};
+pub use mass_interval::MassInterval;
+pub use pose_tracking::PoseTracking;
