@@ -28,7 +28,7 @@ fn worst_of_shifted(seed: u64, terminal: Terminal) -> Option<(f64, bool)> {
     let gain = AxisGain { stiffness: 0.25, damping: 2.0, step_s: 0.2 };
     let template = AxisTemplate::try_new(gain, &SymmetricBox(W.into())).unwrap();
     let (least, largest) = (draw.between(4.0, 9.0), draw.between(9.0, 15.0));
-    let wall = draw.between(0.2, 0.6);
+    let wall = draw.between(0.2, 1.0);
     let request = AxisRequest {
         template: &template,
         mass: MassInterval::between(least, largest).unwrap(),
@@ -39,7 +39,8 @@ fn worst_of_shifted(seed: u64, terminal: Terminal) -> Option<(f64, bool)> {
         },
         shortfall: 0.0,
         disturbance: NOTHING,
-        weights: TubeWeights::DEFAULT,
+        // a dear tube coasts at its least scale
+        weights: TubeWeights { scale: f64::powf(10.0, draw.between(-2.0, 2.0)), ..TubeWeights::DEFAULT },
         steps: 12,
         terminal,
     };
@@ -48,8 +49,8 @@ fn worst_of_shifted(seed: u64, terminal: Terminal) -> Option<(f64, bool)> {
     let mut state = Vector2::new(draw.between(-0.5 * wall, 0.5 * wall), 0.0);
     let n = tube.problem.unknowns();
     let (mut worst, mut goal, mut reached) = (f64::NEG_INFINITY, 0.0, false);
-    for step in 0..80 {
-        if step % 25 == 0 {
+    for step in 0..120 {
+        if step % 50 == 0 {
             goal = draw.sign() * draw.between(0.0, 2.0 * wall);
         }
         if step > 0 {
