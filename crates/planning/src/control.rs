@@ -29,6 +29,7 @@ mod riccati;
 mod rotated_box;
 mod small_matrix;
 mod translation_tube;
+mod tube_controller;
 
 pub use attitude::{AttitudeController, AttitudeError, AttitudeGains, AttitudeLaw, AttitudeTorque};
 pub use attitude_certificate::{
@@ -39,6 +40,7 @@ pub use axis_problem::{AxisLimits, AxisProblem, AxisRequest, Terminal, TubeDistu
 pub use axis_template::{AxisGain, AxisTemplate, TEMPLATE_ROWS};
 pub use axis_tube::{AxisPlan, AxisTube};
 pub use cascade::{Cascade, TranslationDecision, TranslationLaw, TranslationRequest};
+pub use cascade::{Cascade, RotationGains, TranslationDecision, TranslationLaw, TranslationRequest};
 pub use contraction::Contraction;
 pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
 pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, Zonotope};
@@ -57,3 +59,4 @@ pub use rakovic::RakovicSet;
 pub use riccati::discrete_lqr;
 pub use rotated_box::{available_share, rotation_share};
 pub use translation_tube::{TrackedMotion, TranslationTube, TubeCounts, TubeSettings};
+pub use tube_controller::{TrackedPoint, TubeController};
