@@ -5,7 +5,8 @@ mod control_cases;
 
 use control_cases::{body, cases, limits, small};
 use tumble_planning::control::{
-    AttitudeController, AttitudeGains, AttitudeLaw, Controller, LqrController, PoseTracking, TranslationWeights,
+    AttitudeController, AttitudeGains, AttitudeLaw, Controller, LinearMpcSettings, LqrController, PlainMpcController,
+    PoseTracking, TranslationWeights,
 };
 use tumble_planning::dynamics::{FreeFlyer, PoseTracker};
 use tumble_planning::laws::{ControllerPromise, check_controller, other_worlds};
@@ -43,4 +44,10 @@ fn attitude() -> AttitudeController {
 fn linear_quadratic() {
     let weights = TranslationWeights::default();
     judged(&|| LqrController::lqr(0.2, &weights, attitude(), limits().force_limit).unwrap(), 15.0, 1.01);
+}
+
+#[test]
+fn plain_predictive() {
+    let settings = LinearMpcSettings::default();
+    judged(&|| PlainMpcController::plain_mpc(&settings, attitude(), limits().force_limit).unwrap(), 15.0, 1.01);
 }
