@@ -32,7 +32,10 @@ fn random_programs_have_the_same_answer() {
         match status {
             GramStatus::Solved => {
                 let x = workspace.solution();
-                let Ok(Some(optimum)) = other else { println!("{round} solved, but not by the other: {other:?}"); continue };
+                let Ok(Some(optimum)) = other else {
+                    println!("{round} solved, but not by the other: {other:?}");
+                    continue;
+                };
                 let cost = case.cost(x);
                 let [gradient, products] = case.optimality(x, workspace.multipliers());
                 let errors = [
@@ -50,7 +53,9 @@ fn random_programs_have_the_same_answer() {
                 active += workspace.multipliers().filter(|(_, multiplier)| multiplier.abs() > 1e-6).count();
             }
             GramStatus::Infeasible => {
-                if !case.is_proof(workspace.certificate(), workspace.crossed_row()) { println!("{round} n {n} {:?}", case.proof(workspace.certificate())); }
+                if !case.is_proof(workspace.certificate(), workspace.crossed_row()) {
+                    println!("{round} n {n} {:?}", case.proof(workspace.certificate()));
+                }
                 if !matches!(other, Ok(None)) {
                     println!("{round} infeasible, but not by the other: {other:?}");
                 }

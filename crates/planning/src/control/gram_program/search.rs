@@ -399,7 +399,9 @@ impl Search<'_> {
             // What is left of the combination is one of the same rows, but for what is new in this one.
             let (program, workspace) = (self.program, &mut *self.workspace);
             workspace.excesses.clear();
-            workspace.excesses.extend(workspace.active.iter().map(|(row, _)| program.value(*row, &workspace.correction)));
+            workspace
+                .excesses
+                .extend(workspace.active.iter().map(|(row, _)| program.value(*row, &workspace.correction)));
             workspace.factor.solve(&mut workspace.excesses);
             for (factor, change) in workspace.target.iter_mut().zip(&workspace.excesses) {
                 *factor -= change;
