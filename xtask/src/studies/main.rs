@@ -5,6 +5,8 @@
 mod actuation;
 mod allocation;
 mod arguments;
+mod attitude_certificate;
+mod attitude_loop;
 mod bench;
 mod brushless;
 mod calibration;
@@ -120,6 +122,7 @@ const STUDIES: &[Program] = &[
     ("predicted-sigma", &["--runs"], predicted_sigma::run),
     ("local-plans", &["--runs"], local_plans::run),
     ("information-bought", &["--json", "--runs", "--out", "--way"], information_bought::run),
+    ("attitude-certificate", &["--runs"], attitude_certificate::run),
 ];
 
 const REPRODUCTIONS: &[Program] = &[
