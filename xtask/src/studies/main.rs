@@ -47,6 +47,7 @@ mod sweep;
 mod targets;
 mod throws;
 mod thrust_imu;
+mod tube_plant;
 
 use std::process::ExitCode;
 
