@@ -25,8 +25,7 @@ fn shares_of_the_input_left() {
     ];
     for (half_width, printed) in HALF_WIDTHS.into_iter().zip(table) {
         let row = shares(half_width).unwrap();
-        let found =
-            [row.original[0], row.original[1], row.centered_in_mass, row.centered_in_inverse, row.of_physical];
+        let found = [row.original[0], row.original[1], row.centered_in_mass, row.centered_in_inverse, row.of_physical];
         for (found, printed) in found.into_iter().zip(printed) {
             is_printed(found, printed, 3);
         }

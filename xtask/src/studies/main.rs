@@ -47,7 +47,11 @@ mod sweep;
 mod targets;
 mod throws;
 mod thrust_imu;
+mod tube_flights;
+mod tube_missions;
 mod tube_plant;
+mod tube_shares;
+mod tube_tables;
 
 use std::process::ExitCode;
 
@@ -120,6 +124,8 @@ const STUDIES: &[Program] = &[
     ("planning", &["--runs", "--reference-units", "--only"], planning::run),
     ("predicted-sigma", &["--runs"], predicted_sigma::run),
     ("local-plans", &["--runs"], local_plans::run),
+    ("tube-missions", &["--missions", "--only"], tube_missions::run),
+    ("tube-tables", &["--json"], tube_tables::run),
     ("information-bought", &["--json", "--runs", "--out", "--way"], information_bought::run),
 ];
 

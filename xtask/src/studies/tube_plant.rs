@@ -337,8 +337,7 @@ impl Plant {
 
 /// Largest excess of an error over the faces.
 fn outside(faces: &[(Moment, f64)], error: &Moment) -> f64 {
-    let excess =
-        faces.iter().map(|(normal, distance)| (normal[0] * error[0] + normal[1] * error[1]).abs() - distance);
+    let excess = faces.iter().map(|(normal, distance)| (normal[0] * error[0] + normal[1] * error[1]).abs() - distance);
     excess.fold(f64::NEG_INFINITY, worse)
 }
 

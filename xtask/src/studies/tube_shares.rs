@@ -21,7 +21,8 @@ const ORIGINAL_WEIGHTS: [[f64; 3]; 2] = [[5.0, 10.0, 2.0], [5.0, 2.0, 0.5]];
 const TOLERANCE: f64 = 1e-12;
 
 /// Gains of the second table: stiffness, damping.
-pub const GAINS: [[f64; 2]; 5] = [[0.25, 2.0], [0.5, 2.5], [1.0, 4.0], [0.25, 1.0], [2.91367 / 9.5838, 7.52974 / 9.5838]];
+pub const GAINS: [[f64; 2]; 5] =
+    [[0.25, 2.0], [0.5, 2.5], [1.0, 4.0], [0.25, 1.0], [2.91367 / 9.5838, 7.52974 / 9.5838]];
 /// Half-widths of the mass interval, as shares.
 pub const HALF_WIDTHS: [f64; 5] = [0.1, 0.2, 0.3, 0.4, 0.5];
 
