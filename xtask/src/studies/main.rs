@@ -47,6 +47,7 @@ mod sweep;
 mod targets;
 mod throws;
 mod thrust_imu;
+mod tube_bench;
 mod tube_flights;
 mod tube_missions;
 mod tube_plant;
@@ -94,6 +95,7 @@ const PROBLEMS: &[Problem] = &[
     ("ellipsoid", ellipsoid::run),
     ("rrt", rrt::run),
     ("infoplan", infoplan::run),
+    ("tube", tube_bench::run),
 ];
 
 /// What a result folder says about the run that wrote it.
