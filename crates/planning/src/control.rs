@@ -36,7 +36,10 @@ mod tube_controller;
 
 pub use additive_tube::{AdditiveTube, TruncatedSet, force_gain, mass_disturbance};
 pub use attitude::{AttitudeController, AttitudeError, AttitudeGains, AttitudeLaw, AttitudeTorque};
-pub use attitude_certificate::{AttitudeCertificate, AttitudeConditions, AttitudeLoop, AttitudeNoise, AttitudeRefusal, ReferenceTurning, TorqueBudget};
+pub use attitude_certificate::{
+    AttitudeCertificate, AttitudeConditions, AttitudeLoop, AttitudeNoise, AttitudeRefusal, ReferenceTurning,
+    TorqueBudget,
+};
 pub use axis_problem::{AxisLimits, AxisProblem, AxisRequest, Terminal, TubeDisturbance, TubeWeights};
 pub use axis_template::{AxisGain, AxisTemplate, TEMPLATE_ROWS};
 pub use axis_tube::{AxisPlan, AxisTube};
@@ -46,9 +49,9 @@ pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallb
 pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, Zonotope};
 pub use feedback::{LinearFeedback, LqrController, TranslationWeights};
 pub use force_box::AttitudeSpan;
-pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 #[cfg(feature = "clarabel")]
 pub use gram_program::{GramOptimum, solve_gram_with_clarabel};
+pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
 pub use invariant_set::{MinimalInvariantSet, Support};
 pub use mass_interval::MassInterval;
