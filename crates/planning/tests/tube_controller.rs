@@ -204,7 +204,7 @@ fn numbers_that_are_none_are_refused_and_flown_past() {
     };
     let plan: Plan<&dyn ReferenceMotion> = Plan { trajectory: &later, model_revision: 0 };
     let command = controller.command(&ControlRequest { time_s: 5.2, state: &state, plan: &plan }).unwrap();
-    assert_eq!(command.fallback, Some(Fallback::Shifted(FallbackReason::Numerical)));
+    assert_eq!(command.fallback, Some(Fallback::Shifted(FallbackReason::NoReference)));
     assert!(command.wrench_body.to_vector().amax() < 1e-12);
 }
 
