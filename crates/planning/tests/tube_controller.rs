@@ -62,7 +62,7 @@ fn keeps_the_laws_of_controllers() {
         other_worlds: &[Pose::translation(3.0, -2.0, 1.0)],
         tolerance: 1e-9,
     };
-    cases(&mut |cases| {
+    cases(100.0, &mut |cases| {
         check_controller(&|| controller(settings([0.4 * mass, 3.0 * mass])), cases, &promise)
             .unwrap_or_else(|violation| panic!("{violation}"));
     });
