@@ -1887,6 +1887,55 @@ const MUTANTS: &[Mutant] = &[
         replacement: "for attempt in 0..=FARTHER - FARTHER {",
         test: "-p tumble-planning --lib local::flown",
     },
+    Mutant {
+        name: "attitude: the force's torque about the centre of mass turned round",
+        file: "crates/planning/src/control/attitude.rs",
+        original: "+ self.body.center_of_mass().cross(force_body_n)",
+        replacement: "- self.body.center_of_mass().cross(force_body_n)",
+        test: "-p tumble-planning --lib control::attitude::",
+    },
+    Mutant {
+        name: "attitude: the wanted rate carried into axes that stand still",
+        file: "crates/planning/src/control/attitude.rs",
+        original: "- angular_velocity.cross(&wanted_angular_velocity);",
+        replacement: "- angular_velocity.cross(&angular_velocity);",
+        test: "-p tumble-planning --lib control::attitude::",
+    },
+    Mutant {
+        name: "attitude certificate: between instants of measurement nothing moves",
+        file: "crates/planning/src/control/attitude_certificate.rs",
+        original: "let between = 1.0 + step_share * (1.0 + 1.0 / peak.gain);",
+        replacement: "let between = 1.0;",
+        test: "-p tumble-planning --lib control::attitude_certificate::",
+    },
+    Mutant {
+        name: "attitude certificate: gyroscopic torque of half the rate",
+        file: "crates/planning/src/control/attitude_certificate.rs",
+        original: "quadratic: 4.0 * spread,",
+        replacement: "quadratic: spread,",
+        test: "-p tumble-planning --lib control::attitude_certificate::",
+    },
+    Mutant {
+        name: "attitude certificate: one inertia instead of the worst at each time",
+        file: "crates/planning/src/control/peak_gain.rs",
+        original: "gain: 1.0 + log / core::f64::consts::E",
+        replacement: "gain: 1.0",
+        test: "-p tumble-planning --lib control::peak_gain::",
+    },
+    Mutant {
+        name: "attitude certificate: a delay one step too short",
+        file: "crates/planning/src/control/peak_gain.rs",
+        original: "let parts = [(whole + 1, late_s), (whole, step_s - late_s)]",
+        replacement: "let parts = [(whole, late_s), (whole.saturating_sub(1), step_s - late_s)]",
+        test: "-p tumble-planning --lib control::peak_gain::",
+    },
+    Mutant {
+        name: "inertia interval: the believed moments without their error",
+        file: "crates/planning/src/control/inertia_interval.rs",
+        original: "(believed_least - error).max(certain.least)",
+        replacement: "believed_least.max(certain.least)",
+        test: "-p tumble-planning --lib control::inertia_interval::",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

@@ -546,6 +546,31 @@ mod tests {
         assert_eq!(attitude_loop.force_allowed_n(&budget, 0.0, f64::NAN), 0.0);
     }
 
+    /// Gain, admitted start and the growth between instants by another program for the same sums.
+    #[test]
+    fn golden_gains_of_late_loops() {
+        for (case, delay_s, lag_s, gain, start, between) in [
+            (FLOWN, 0.0, 0.0, 1.0536, 1.0, 1.021_81),
+            (FLOWN, 0.0, 0.1, 1.0616, 0.8601, 1.021_73),
+            (FLOWN, 0.08, 0.1, 1.0702, 0.7283, 1.021_64),
+            (HALF_UNSURE, 0.0, 0.0, 1.4745, 1.0, 1.075_11),
+            (HALF_UNSURE, 0.0, 0.18, 2.0250, 0.9061, 1.066_86),
+            (HALF_UNSURE, 0.08, 0.1, 2.5141, 1.0, 1.062_56),
+            (HALF_UNSURE, 0.1, 0.0, 1.7563, 0.8216, 1.070_24),
+            (CARGO, 0.0, 0.18, 1.6802, 0.6545, 1.051_05),
+        ] {
+            let timing = AttitudeTiming { delay_s, lag_s, ..SAMPLED };
+            let found = feedback(case, timing).unwrap().certify(1e-4, &PLENTY).unwrap();
+            assert!((found.gain - gain).abs() < 2e-4, "{case:?} {timing:?} {found:?}");
+            let measured = found.feedback_n_m / case.1;
+            assert!((found.combined_rad_s / measured - between).abs() < 2e-5, "{case:?} {timing:?} {found:?}");
+            assert!(
+                (found.start_rad_s / (measured / found.gain) - start).abs() < 2e-4,
+                "{case:?} {timing:?} {found:?}"
+            );
+        }
+    }
+
     #[test]
     fn worse_conditions_give_no_smaller_bounds() {
         let base = conditions(AttitudeLaw::Geometric, SAMPLED);
