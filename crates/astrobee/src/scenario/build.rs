@@ -88,7 +88,7 @@ impl Flight {
             }
             self.payload_changes.remove(0);
         }
-        let wanted = self.drive.wanted(time_ns, self.estimate.as_ref());
+        let wanted = self.drive.wanted(time_ns, self.estimate.as_ref()).map_err(AstrobeeError::Control)?;
         let measured = self.simulator.advance(&wanted, CONTROL_PERIOD_S)?;
         self.estimate = measured.estimate;
         Ok(Some(measured))
@@ -604,7 +604,7 @@ impl ScenarioSource {
             Some(controller) => Some((controller, self.reference(place, start)?)),
             None => None,
         };
-        Ok(Drive { tracking, added: self.added(duration_ns)? })
+        Ok(Drive { tracking, added: self.added(duration_ns)?, ..Drive::default() })
     }
 
     fn reference(&self, place: WorldPreset, start: &RigidBodyState<f64>) -> Result<Reference, AstrobeeError> {
