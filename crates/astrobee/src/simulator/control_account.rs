@@ -1,5 +1,6 @@
 //! What a controller said while it flew.
 
+use tumble_dynamics::nalgebra::Vector6;
 use tumble_planning::control::{Adoption, ControlCommand, Fallback, FallbackReason, MassInterval};
 
 /// Room for each list; what comes after is only counted.
@@ -37,6 +38,7 @@ pub struct ControlAccount {
     spells_lost: u64,
     commands: u64,
     under_fallback: u64,
+    largest: Vector6<f64>,
     last: Option<ControlCommand>,
 }
 
@@ -48,6 +50,7 @@ impl Default for ControlAccount {
             spells_lost: 0,
             commands: 0,
             under_fallback: 0,
+            largest: Vector6::zeros(),
             last: None,
         }
     }
@@ -89,6 +92,11 @@ impl ControlAccount {
         self.command().and_then(|command| command.mass)
     }
 
+    /// Largest magnitude of each component that was asked for, `[torque; force]`, body axes.
+    pub fn largest(&self) -> &Vector6<f64> {
+        &self.largest
+    }
+
     /// How many beliefs were offered.
     pub(super) fn offered(&self) -> usize {
         self.beliefs.len()
@@ -110,6 +118,7 @@ impl ControlAccount {
 
     pub(super) fn commanded(&mut self, time_ns: i64, command: &ControlCommand) {
         self.commands += 1;
+        self.largest = self.largest.sup(&command.wrench_body.to_vector().abs());
         if self.last.as_ref().is_none_or(|last| last.model_revision != command.model_revision) {
             let first = |belief: &&mut OfferedBelief| belief.revision == command.model_revision;
             if let Some(belief) = self.beliefs.iter_mut().find(first) {
@@ -159,6 +168,7 @@ fn worse(one: Fallback, other: Fallback) -> Fallback {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tumble_dynamics::nalgebra::Vector3;
     use tumble_lie::Wrench;
 
     fn command(model_revision: u64, fallback: Option<Fallback>) -> ControlCommand {
@@ -180,6 +190,12 @@ mod tests {
         let found: Vec<_> = account.fallbacks().iter().map(|s| (s.from_ns, s.until_ns, Some(s.fallback))).collect();
         assert_eq!(found, [(1, 3, outside(0.3)), (4, 4, shifted), (6, 6, shifted)]);
         assert!((account.fallback_share() - 5.0 / 7.0).abs() < 1e-15);
+        let push = |x: f64| ControlCommand {
+            wrench_body: Wrench::new(Vector3::new(0.0, -0.1 * x, 0.0), Vector3::new(x, 0.0, 0.0)),
+            ..command(1, None)
+        };
+        [0.5, -2.0, 1.0].into_iter().for_each(|x| account.commanded(9, &push(x)));
+        assert!((account.largest() - Vector6::new(0.0, 0.2, 0.0, 2.0, 0.0, 0.0)).amax() < 1e-15);
     }
 
     #[test]
