@@ -227,7 +227,7 @@ pub(super) fn summary(flight: &Flight) -> Value {
         "beliefs": account.beliefs().iter().map(belief).collect::<Vec<_>>(),
         "fallbacks": account.fallbacks().iter().map(spell).collect::<Vec<_>>(),
         "fallbacks_not_listed": account.fallbacks_not_listed(),
-        "fallback_share": account.fallback_share(),
+        "fallback_s": seconds(account.fallback_ns()),
         "largest_force_n": [largest[3], largest[4], largest[5]],
         "largest_torque_n_m": [largest[0], largest[1], largest[2]],
         "force_limit_n": steering.limits.map(|limits| <[f64; 3]>::from(limits.force_limit)),
@@ -269,10 +269,9 @@ pub(super) fn describe(flight: &Flight, text: &mut String) {
         let _ = writeln!(text, "    {:>9.3} s  belief {} {what}{used}", seconds(belief.time_ns), belief.revision);
     }
     let fallbacks = account.fallbacks();
-    let share = 100.0 * account.fallback_share();
     let counts = match fallbacks.len() as u64 + account.fallbacks_not_listed() {
         0 => "none".to_owned(),
-        count => format!("{count}, {share:.2} % of the time"),
+        count => format!("{count}, {:.3} s in all", seconds(account.fallback_ns())),
     };
     let _ = writeln!(text, "  {:<28}{counts}", "fallbacks");
     for spell in fallbacks.iter().take(SHOWN) {

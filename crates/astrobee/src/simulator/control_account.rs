@@ -19,12 +19,12 @@ pub struct OfferedBelief {
     pub used_from_ns: Option<i64>,
 }
 
-/// Commands in a row for which a controller left its main road in the same way for the same reason.
+/// A time for which a controller left its main road in the same way for the same reason.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FallbackSpell {
-    /// Time of the first, ns.
+    /// Time of the first command that said so, ns.
     pub from_ns: i64,
-    /// Time of the last, ns.
+    /// When the last command that said so was followed by one that might not have, ns.
     pub until_ns: i64,
     /// How and why; of [`FallbackReason::OutsideTube`] the largest excess.
     pub fallback: Fallback,
@@ -35,9 +35,12 @@ pub struct FallbackSpell {
 pub struct ControlAccount {
     beliefs: Vec<OfferedBelief>,
     spells: Vec<FallbackSpell>,
+    /// The one going on, or the last one.
+    spell: Option<FallbackSpell>,
     spells_lost: u64,
-    commands: u64,
-    under_fallback: u64,
+    /// For how long a command that names a fallback stands, ns.
+    holds_ns: i64,
+    fallback_ns: i64,
     largest: Vector6<f64>,
     last: Option<ControlCommand>,
 }
@@ -47,9 +50,10 @@ impl Default for ControlAccount {
         Self {
             beliefs: Vec::with_capacity(ROOM),
             spells: Vec::with_capacity(ROOM),
+            spell: None,
             spells_lost: 0,
-            commands: 0,
-            under_fallback: 0,
+            holds_ns: super::CONTROL_PERIOD_NS,
+            fallback_ns: 0,
             largest: Vector6::zeros(),
             last: None,
         }
@@ -57,6 +61,11 @@ impl Default for ControlAccount {
 }
 
 impl ControlAccount {
+    /// Of a controller that names a fallback once per decision, when it takes it.
+    pub fn with_decisions(decision_ns: i64) -> Self {
+        Self { holds_ns: decision_ns, ..Self::default() }
+    }
+
     /// The beliefs that were offered, in order.
     pub fn beliefs(&self) -> &[OfferedBelief] {
         &self.beliefs
@@ -72,9 +81,9 @@ impl ControlAccount {
         self.spells_lost
     }
 
-    /// Part of the commands that were given off the main road; zero before the first.
-    pub fn fallback_share(&self) -> f64 {
-        if self.commands == 0 { 0.0 } else { self.under_fallback as f64 / self.commands as f64 }
+    /// For how long in all, ns.
+    pub fn fallback_ns(&self) -> i64 {
+        self.fallback_ns
     }
 
     /// The last command.
@@ -117,7 +126,6 @@ impl ControlAccount {
     }
 
     pub(super) fn commanded(&mut self, time_ns: i64, command: &ControlCommand) {
-        self.commands += 1;
         self.largest = self.largest.sup(&command.wrench_body.to_vector().abs());
         if self.last.as_ref().is_none_or(|last| last.model_revision != command.model_revision) {
             let first = |belief: &&mut OfferedBelief| belief.revision == command.model_revision;
@@ -126,21 +134,38 @@ impl ControlAccount {
             }
         }
         if let Some(fallback) = command.fallback {
-            self.under_fallback += 1;
-            let before = self.last.as_ref().and_then(|last| last.fallback);
-            if before.is_some_and(|before| alike(&before, &fallback)) {
-                // a full list ends with an older spell
-                if let Some(spell) = self.spells.last_mut().filter(|_| self.spells_lost == 0) {
-                    spell.until_ns = time_ns;
-                    spell.fallback = worse(spell.fallback, fallback);
-                }
-            } else if self.spells.len() < ROOM {
-                self.spells.push(FallbackSpell { from_ns: time_ns, until_ns: time_ns, fallback });
-            } else {
-                self.spells_lost += 1;
-            }
+            self.left_road(time_ns, fallback);
         }
         self.last = Some(*command);
+    }
+
+    fn left_road(&mut self, time_ns: i64, fallback: Fallback) {
+        let until_ns = time_ns.saturating_add(self.holds_ns);
+        if let Some(spell) = &mut self.spell
+            && spell.until_ns >= time_ns
+            && alike(&spell.fallback, &fallback)
+        {
+            self.fallback_ns += until_ns - spell.until_ns;
+            spell.until_ns = until_ns;
+            spell.fallback = worse(spell.fallback, fallback);
+            if let Some(listed) = self.spells.last_mut().filter(|listed| listed.from_ns == spell.from_ns) {
+                *listed = *spell;
+            }
+            return;
+        }
+        let spell = FallbackSpell { from_ns: time_ns, until_ns, fallback };
+        // one that another cuts short has lasted until now
+        let unspent_ns = self.spell.map_or(0, |before| (before.until_ns - time_ns).max(0));
+        self.fallback_ns += self.holds_ns - unspent_ns;
+        if let Some(listed) = self.spells.last_mut().filter(|listed| listed.until_ns > time_ns) {
+            listed.until_ns = time_ns;
+        }
+        self.spell = Some(spell);
+        if self.spells.len() < ROOM {
+            self.spells.push(spell);
+        } else {
+            self.spells_lost += 1;
+        }
     }
 }
 
@@ -181,33 +206,41 @@ mod tests {
 
     #[test]
     fn commands_in_a_row_off_the_road_for_one_reason_are_one_spell() {
-        let mut account = ControlAccount::default();
+        let mut account = ControlAccount::with_decisions(10);
         let shifted = Some(Fallback::Shifted(FallbackReason::IterationCap));
-        let said = [None, outside(0.1), outside(0.3), outside(0.2), shifted, None, shifted];
-        for (time_ns, fallback) in (0..).zip(said) {
-            account.commanded(time_ns, &command(1, fallback));
+        // decisions every ten, outputs every five; only decisions name a fallback
+        let said = [None, outside(0.1), outside(0.3), outside(0.2), shifted, None, shifted, shifted];
+        for (decision, fallback) in (0..).zip(said) {
+            account.commanded(10 * decision, &command(1, fallback));
+            account.commanded(10 * decision + 5, &command(1, None));
         }
         let found: Vec<_> = account.fallbacks().iter().map(|s| (s.from_ns, s.until_ns, Some(s.fallback))).collect();
-        assert_eq!(found, [(1, 3, outside(0.3)), (4, 4, shifted), (6, 6, shifted)]);
-        assert!((account.fallback_share() - 5.0 / 7.0).abs() < 1e-15);
+        assert_eq!(found, [(10, 40, outside(0.3)), (40, 50, shifted), (60, 80, shifted)]);
+        assert_eq!((account.fallback_ns(), account.fallbacks_not_listed()), (60, 0));
+        // another reason before the time is over
+        account.commanded(74, &command(1, outside(0.5)));
+        let last: Vec<_> = account.fallbacks().iter().skip(2).map(|s| (s.from_ns, s.until_ns)).collect();
+        assert_eq!((last, account.fallback_ns()), (vec![(60, 74), (74, 84)], 64));
+
         let push = |x: f64| ControlCommand {
             wrench_body: Wrench::new(Vector3::new(0.0, -0.1 * x, 0.0), Vector3::new(x, 0.0, 0.0)),
             ..command(1, None)
         };
-        [0.5, -2.0, 1.0].into_iter().for_each(|x| account.commanded(9, &push(x)));
+        [0.5, -2.0, 1.0].into_iter().for_each(|x| account.commanded(99, &push(x)));
         assert!((account.largest() - Vector6::new(0.0, 0.2, 0.0, 2.0, 0.0, 0.0)).amax() < 1e-15);
     }
 
     #[test]
     fn a_full_list_keeps_the_first_spells_and_counts_the_others() {
-        let mut account = ControlAccount::default();
+        let mut account = ControlAccount::with_decisions(1);
         for k in 0..2_000_i64 {
             let fallback = if k % 2 == 0 { outside(0.5) } else { Some(Fallback::Braking(FallbackReason::Infeasible)) };
             account.commanded(2 * k, &command(1, fallback));
             account.commanded(2 * k + 1, &command(1, fallback));
         }
         assert_eq!((account.fallbacks().len(), account.fallbacks_not_listed()), (ROOM, 2_000 - ROOM as u64));
-        assert!(account.fallbacks().iter().all(|spell| spell.until_ns == spell.from_ns + 1));
+        assert!(account.fallbacks().iter().all(|spell| spell.until_ns == spell.from_ns + 2));
+        assert_eq!(account.fallback_ns(), 4_000);
     }
 
     #[test]
