@@ -6,9 +6,11 @@
 use crate::simulator::CONTROL_PERIOD_S;
 use crate::worlds::WorldPreset;
 use tumble_dynamics::WrenchBox;
-use tumble_dynamics::nalgebra::Vector3;
+use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_planning::PlanningError;
-use tumble_planning::control::MassInterval;
+use tumble_planning::control::{
+    AttitudeGains, AttitudeSpan, AxisGain, MassInterval, Terminal, TubeDisturbance, TubeSettings, TubeWeights,
+};
 
 /// Largest force along each axis in the code, N.
 pub const RATTLE_FORCE_N: f64 = 0.15;
@@ -39,28 +41,54 @@ pub const MASS_KNOWN_SHARE: [f64; 2] = [0.5, 1.5];
 /// The same with a payload that may be anything.
 pub const MASS_UNKNOWN_SHARE: [f64; 2] = [0.5, 2.0];
 
-/// Gains of the original's attitude controller: torque per vector part of the attitude error, N m, and per error of the rate, N m s.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AttitudeFeedback {
-    /// Per vector part of the quaternion: half the angle.
-    pub stiffness_n_m: f64,
-    /// Per rad/s.
-    pub damping_n_m_s: f64,
+/// Steps that the tube plans ahead.
+pub const TUBE_STEPS: usize = 25;
+/// Largest speed along each axis that a tube is built for, m/s.
+pub const TUBE_SPEED_M_S: f64 = 0.1;
+/// Largest errors of measured position (m) and velocity (m/s) along each axis that it holds: of what an estimator has filtered.
+pub const TUBE_ERRORS: [f64; 2] = [1e-4, 1e-4];
+/// Attitude by which forces are turned into body axes: error of the estimate, and what the robot turns between outputs, rad.
+pub const TUBE_TURNED_BY_RAD: f64 = 0.013;
+/// Standard deviations of `1 / m` that count as certain.
+pub const TUBE_SIGMAS: f64 = 3.0;
+
+/// Gains of the original's attitude controller at a place; those without configuration where it was not flown.
+///
+/// # Deviation
+/// There the damping multiplies the sum of the rate error and of a proportional gain (0.5, 0.5, 0.2) times the attitude error; here
+/// both have their own torque.
+pub fn rattle_attitude_gains(place: WorldPreset) -> AttitudeGains {
+    let (proportional, damping_n_m_s) = match place {
+        WorldPreset::Granite => (0.5, 0.3),
+        WorldPreset::Iss => (0.5, 0.2),
+        WorldPreset::Mgtf | WorldPreset::Open => (0.2, 0.2),
+    };
+    AttitudeGains { stiffness_n_m: proportional * damping_n_m_s, damping_n_m_s }
 }
 
-impl AttitudeFeedback {
-    /// As the code writes them: the damping multiplies the sum of rate error and proportional gain times attitude error.
-    fn of_cascade(proportional: f64, damping_n_m_s: f64) -> Self {
-        Self { stiffness_n_m: proportional * damping_n_m_s, damping_n_m_s }
-    }
+/// The tube's feedback, for decisions that fall on outputs.
+pub fn tube_gain() -> AxisGain {
+    let [stiffness, damping] = TUBE_FEEDBACK;
+    AxisGain { stiffness, damping, step_s: decision_on_grid_s() }
+}
 
-    /// Those of a place; those without configuration where it was not flown.
-    pub fn rattle(place: WorldPreset) -> Self {
-        match place {
-            WorldPreset::Granite => Self::of_cascade(0.5, 0.3),
-            WorldPreset::Iss => Self::of_cascade(0.5, 0.2),
-            WorldPreset::Mgtf | WorldPreset::Open => Self::of_cascade(0.2, 0.2),
-        }
+/// A tube for a mass in an interval and a reference that is seen at these attitudes, in world axes, without walls.
+pub fn tube_settings(mass: MassInterval, limits: &WrenchBox, attitudes: AttitudeSpan) -> TubeSettings {
+    let [position_m, velocity_m_s] = TUBE_ERRORS;
+    TubeSettings {
+        gain: tube_gain(),
+        steps: TUBE_STEPS,
+        weights: TubeWeights::DEFAULT,
+        terminal: Terminal::StopSet,
+        speed_m_s: TUBE_SPEED_M_S,
+        walls_m: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
+        force_limit_n: limits.force_limit,
+        attitudes,
+        turned_by_rad: TUBE_TURNED_BY_RAD,
+        disturbance: TubeDisturbance { position_m, velocity_m_s, force_n: 0.0, acceleration_m_s2: 0.0 },
+        mass,
+        sigmas: TUBE_SIGMAS,
+        world_from_axes: UnitQuaternion::identity(),
     }
 }
 
@@ -93,6 +121,7 @@ pub fn mass_interval(believed_kg: f64, [least, largest]: [f64; 2]) -> Result<Mas
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tumble_planning::control::TranslationTube;
 
     #[test]
     fn the_cascade_of_the_original_has_the_stiffness_of_the_product() {
@@ -100,9 +129,27 @@ mod tests {
         for (place, stiffness, damping) in
             [(WorldPreset::Granite, 0.15, 0.3), (WorldPreset::Iss, 0.10, 0.2), (WorldPreset::Open, 0.04, 0.2)]
         {
-            let gains = AttitudeFeedback::rattle(place);
+            let gains = rattle_attitude_gains(place);
             assert!((gains.stiffness_n_m - stiffness).abs() < 1e-15 && (gains.damping_n_m_s - damping).abs() < 1e-15);
         }
+    }
+
+    /// As the design says: at 0.15 N and half more or less, 0.0079 m/s^2 of 0.0104 m/s^2 are left for the plan but for what measurement and
+    /// attitude take.
+    #[test]
+    fn a_mass_known_to_a_half_leaves_most_of_the_acceleration() {
+        let believed = WorldPreset::Iss.body().mass;
+        let mass = mass_interval(believed, MASS_KNOWN_SHARE).unwrap();
+        let near = AttitudeSpan::Near { axes_from_body: UnitQuaternion::identity(), angle_rad: 0.0 };
+        let settings = TubeSettings { turned_by_rad: 0.0, ..tube_settings(mass, &rattle_limits(), near) };
+        let tube = TranslationTube::try_new(settings).unwrap();
+        let physical = RATTLE_FORCE_N / mass.largest_kg();
+        for axis in tube.axes() {
+            let problem = axis.problem();
+            let left = problem.scaled_acceleration - problem.held_acceleration;
+            assert!(left > 0.75 * physical && left < 0.9 * physical, "{left} of {physical}");
+        }
+        assert!(TranslationTube::try_new(TubeSettings { speed_m_s: 0.0, ..settings }).is_err());
     }
 
     /// A mass of which half more and half less are possible leaves half of the command uncertain, twice and half three fifths.

@@ -15,7 +15,7 @@ use crate::noise::Gaussian;
 use crate::propulsion::{ImpellerMode, PropulsionSettings};
 use crate::sensing::{Localization, SensingPreset};
 use crate::simulator::{
-    Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, Drive, Event, Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
+    Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, Drive, Event, Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
     SimulatorSettings, Surroundings, Waypoint,
 };
 use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
@@ -599,7 +599,10 @@ impl ScenarioSource {
             tracking: controller.map(|controller| (controller, reference)),
             added: self.added(duration_ns)?,
             beliefs: self.beliefs(&steering, belief, duration_ns)?,
-            ..Drive::default()
+            account: match steering.decision_s {
+                Some(decision_s) => ControlAccount::with_decisions(flight_log::nanoseconds(decision_s)),
+                None => ControlAccount::default(),
+            },
         };
         Ok((drive, steering))
     }

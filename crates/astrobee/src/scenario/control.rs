@@ -9,10 +9,14 @@ use crate::flight_modes::ControlGains;
 use crate::simulator::{Controller, FlownController, Reference};
 use crate::worlds::WorldPreset;
 use serde::{Deserialize, Serialize};
-use tumble_dynamics::nalgebra::Vector3;
+use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{AlignedBox, FreeFlyer, InertialParameters, PoseTracker, WrenchBox};
-use tumble_planning::ModelBelief;
-use tumble_planning::control::MassInterval;
+use tumble_lie::LieGroup;
+use tumble_planning::control::{
+    AttitudeController, AttitudeLaw, AttitudeSpan, LqrController, MassInterval, RotationGains, TrackedPoint,
+    TranslationWeights, TubeController, TubeDisturbance, TubeSettings,
+};
+use tumble_planning::{ModelBelief, PlanningError};
 
 /// Most beliefs on the way.
 const MOST_BELIEFS: usize = 1000;
@@ -22,6 +26,8 @@ const MASSES_KG: [f64; 2] = [1e-3, 1e6];
 const LIMITS: [f64; 2] = [1e-9, 1e6];
 /// Largest errors of measurement, m and m/s, and forces from outside, N, that a tube can be asked to hold.
 const LARGEST_ERROR: f64 = 1.0;
+/// How far the attitude is from its reference at most, rad: ten degrees.
+const ATTITUDE_MARGIN_RAD: f64 = 0.175;
 /// Volumes that touch within this are one, m.
 const TOUCHING_M: f64 = 1e-6;
 
@@ -157,8 +163,64 @@ impl ScenarioSource {
                 preset.torque_limit,
             )?,
         };
-        let _ = (belief, reference, self.mass_interval(belief, table.mass_interval_share)?);
-        Err(self.bad("drive.controller", "not there yet"))
+        let gains = control_presets::rattle_attitude_gains(place);
+        let steering = Steering { controller: name, limits: Some(limits), decision_s: None };
+        let key = "drive.control";
+        let unfit = |error: PlanningError| self.bad(key, &error.to_string());
+        match name {
+            ControllerName::Tube => {
+                let settings = self.tube(place, belief, reference, &limits)?;
+                let attitude = AttitudeController {
+                    law: AttitudeLaw::Geometric,
+                    gains,
+                    body: *belief,
+                    torque_limit_n_m: limits.torque_limit.min(),
+                };
+                let tube = TubeController::try_new(settings, attitude, TrackedPoint::Origin, belief).map_err(unfit)?;
+                let steering = Steering { decision_s: Some(settings.gain.step_s), ..steering };
+                Ok((Controller::Following(Box::new(tube)), steering))
+            }
+            _ => {
+                let gains = RotationGains {
+                    stiffness_n_m: gains.stiffness_n_m,
+                    damping_n_m_s: gains.damping_n_m_s,
+                    feed_forward: true,
+                };
+                let (step_s, weights) = (control_presets::decision_on_grid_s(), TranslationWeights::default());
+                let body = FreeFlyer::new(*belief);
+                let lqr = LqrController::lqr(step_s, &weights, gains, body, limits).map_err(unfit)?;
+                Ok((Controller::Following(Box::new(lqr)), steering))
+            }
+        }
+    }
+
+    /// The tube that `[drive.control]` describes.
+    fn tube(
+        &self,
+        place: WorldPreset,
+        belief: &InertialParameters<f64>,
+        reference: &Reference,
+        limits: &WrenchBox,
+    ) -> Result<TubeSettings, AstrobeeError> {
+        let table = self.scenario.drive.control.unwrap_or_default();
+        let mass = self.mass_interval(belief, table.mass_interval_share)?;
+        let preset = control_presets::tube_settings(mass, limits, span(reference, &limits.force_limit));
+        let TubeDisturbance { position_m, velocity_m_s, force_n, .. } = preset.disturbance;
+        let errors = [0.0, LARGEST_ERROR];
+        let walls = if table.walls == Some(true) { Some(self.walls(place, reference, self.robot_radius_m()?)?) } else { None };
+        Ok(TubeSettings {
+            speed_m_s: self.bounded("speed_limit_m_s", table.speed_limit_m_s, preset.speed_m_s, LIMITS)?,
+            walls_m: walls.map_or(preset.walls_m, |walls| {
+                std::array::from_fn(|axis| [walls.lower_world[axis], walls.upper_world[axis]])
+            }),
+            disturbance: TubeDisturbance {
+                position_m: self.bounded("position_error_m", table.position_error_m, position_m, errors)?,
+                velocity_m_s: self.bounded("velocity_error_m_s", table.velocity_error_m_s, velocity_m_s, errors)?,
+                force_n: self.bounded("force_error_n", table.force_error_n, force_n, errors)?,
+                ..preset.disturbance
+            },
+            ..preset
+        })
     }
 
     /// Three limits.
@@ -266,6 +328,28 @@ impl ScenarioSource {
             self.bad(key, "no box of the place holds the whole way with the robot's radius around it; `walls = false` flies without")
         })
     }
+}
+
+/// Attitudes at which forces will be asked for: near those of the way, or any, whichever leaves more of the force.
+fn span(reference: &Reference, force_limit: &Vector3<f64>) -> AttitudeSpan {
+    let attitudes: Vec<UnitQuaternion<f64>> = match reference {
+        Reference::Hold(pose) => vec![pose.rotation],
+        Reference::Path(waypoints) => waypoints.iter().map(|waypoint| waypoint.world_from_body.rotation).collect(),
+        Reference::Periodic { .. } => Vec::new(),
+    };
+    let near = attitudes.first().map(|first| {
+        // each leg turns about one axis on the shorter way, so that its ends are farthest from a middle that is near
+        let turns = attitudes.iter().map(|attitude| LieGroup::log(&(first.inverse() * attitude)));
+        let (low, high) = turns.fold((Vector3::zeros(), Vector3::zeros()), |(low, high), turn: Vector3<f64>| {
+            (turn.inf(&low), turn.sup(&high))
+        });
+        let middle: UnitQuaternion<f64> = LieGroup::exp(&((low + high) * 0.5));
+        let axes_from_body = first * middle;
+        let farthest = attitudes.iter().map(|attitude| attitude.angle_to(&axes_from_body)).fold(0.0, f64::max);
+        AttitudeSpan::Near { axes_from_body, angle_rad: farthest + ATTITUDE_MARGIN_RAD }
+    });
+    let left = |span: &AttitudeSpan| span.inner_box(force_limit).min();
+    near.filter(|near| left(near) > left(&AttitudeSpan::Any)).unwrap_or(AttitudeSpan::Any)
 }
 
 /// A belief in another mass.
