@@ -4,7 +4,10 @@
 mod control_cases;
 
 use control_cases::{body, cases, limits, small};
-use tumble_planning::control::{Controller, LqrController, PoseTracking, RotationGains, TranslationWeights};
+use tumble_planning::control::{
+    AttitudeController, AttitudeGains, AttitudeLaw, Controller, LinearMpcSettings, LqrController, PlainMpcController,
+    PoseTracking, TranslationWeights,
+};
 use tumble_planning::dynamics::{FreeFlyer, PoseTracker};
 use tumble_planning::laws::{ControllerPromise, check_controller, other_worlds};
 
@@ -28,10 +31,23 @@ fn pose_tracking() {
     judged(&|| PoseTracking::try_new(tracker, limits()).unwrap(), 12.0, 1.01);
 }
 
+fn attitude() -> AttitudeController {
+    AttitudeController {
+        law: AttitudeLaw::Geometric,
+        gains: AttitudeGains { stiffness_n_m: 0.3, damping_n_m_s: 0.3 },
+        body: body(),
+        torque_limit_n_m: 0.05,
+    }
+}
+
 #[test]
 fn linear_quadratic() {
-    let gains = RotationGains { stiffness_n_m: 0.3, damping_n_m_s: 0.3, feed_forward: true };
     let weights = TranslationWeights::default();
-    let nominal = FreeFlyer::new(body());
-    judged(&|| LqrController::lqr(0.2, &weights, gains, nominal, limits()).unwrap(), 15.0, 1.01);
+    judged(&|| LqrController::lqr(0.2, &weights, attitude(), limits().force_limit).unwrap(), 15.0, 1.01);
+}
+
+#[test]
+fn plain_predictive() {
+    let settings = LinearMpcSettings::default();
+    judged(&|| PlainMpcController::plain_mpc(&settings, attitude(), limits().force_limit).unwrap(), 15.0, 1.01);
 }

@@ -142,8 +142,8 @@ pub struct AttitudeLoop {
     noise: f64,
     /// Noise of the attitude, rad.
     noise_angle: f64,
-    /// Torque per `S`, N m s.
-    linear: f64,
+    /// What the damping has left per `S`, N m s; positive.
+    reserve: f64,
     /// Torque per `S^2`, N m s^2.
     quadratic: f64,
 }
@@ -181,65 +181,34 @@ impl AttitudeLoop {
         inertia: InertiaInterval,
         conditions: &AttitudeConditions,
     ) -> Result<Self, AttitudeRefusal> {
-        let stiffness = positive("the stiffness of the attitude", gains.stiffness_n_m)?;
+        positive("the stiffness of the attitude", gains.stiffness_n_m)?;
         let damping = positive("the damping of the attitude", gains.damping_n_m_s)?;
-        let AttitudeConditions { law, timing, turning, noise } = conditions;
+        let AttitudeConditions { timing, turning, noise, .. } = conditions;
         let delay = not_negative("the delay of the actuator", timing.delay_s)?;
         let lag = not_negative("the lag of the actuator", timing.lag_s)?;
         if not_negative("the step of the control", timing.step_s)? == 0.0 && delay + lag > 0.0 {
             positive("the step of the control", timing.step_s)?;
         }
-        let rate = not_negative("the rate of the reference", turning.rate_rad_s)?;
-        let acceleration = not_negative("the acceleration of the reference", turning.acceleration_rad_s2)?;
-        let jerk = not_negative("the jerk of the reference", turning.jerk_rad_s3)?;
-        let angle = not_negative("the noise of the attitude", noise.angle_rad)?;
-        let rate_noise = not_negative("the noise of the angular velocity", noise.rate_rad_s)?;
+        not_negative("the rate of the reference", turning.rate_rad_s)?;
+        not_negative("the acceleration of the reference", turning.acceleration_rad_s2)?;
+        not_negative("the jerk of the reference", turning.jerk_rad_s3)?;
+        let noise_angle = not_negative("the noise of the attitude", noise.angle_rad)?;
+        not_negative("the noise of the angular velocity", noise.rate_rad_s)?;
 
+        let Unanswered { at_rest, linear, quadratic, noise } = Unanswered::of(gains, &inertia, conditions);
+        let refused = |needed_n_m_s| AttitudeRefusal::DampingTooSmall { damping_n_m_s: damping, needed_n_m_s };
+        // no gain is below one: a lasting torque must at last be met one to one
+        if damping <= linear {
+            return Err(refused(linear));
+        }
         let peak = PeakGain::of(damping, &inertia, timing).ok_or(AttitudeRefusal::Unstable)?;
         let step_share = 0.5 * timing.step_s * damping / inertia.least_kg_m2();
         let between = 1.0 + step_share * (1.0 + 1.0 / peak.gain);
-        let (largest, corner) = (inertia.largest_kg_m2(), gains.corner_per_s());
-        // a turn by `angle` moves unit quaternions by at most half of it and unit vectors by at most the whole
-        let noise_torque = stiffness * 0.5 * angle + damping * (rate_noise + angle * rate);
-        let (spread, at_rest, linear) = match law {
-            AttitudeLaw::Feedback => {
-                (inertia.half_spread(), largest * acceleration + noise_torque, 2.0 * largest * rate)
-            }
-            AttitudeLaw::Geometric => {
-                let (age, believed) = (timing.age_s(), inertia.believed_largest());
-                let both = inertia.half_spread() + inertia.believed_half_spread();
-                // what is fed forward late and depends on the errors themselves is credited with nothing
-                let (spread, turned) = if age > 0.0 {
-                    (both, largest + believed)
-                } else {
-                    (both.min(inertia.error_kg_m2()), inertia.error_kg_m2())
-                };
-                let fed_noise = believed * (angle * acceleration + rate * rate_noise + angle * rate * rate)
-                    + inertia.believed_half_spread() * (2.0 * rate * rate_noise + rate_noise * rate_noise);
-                let fed_noise_slope = believed * 2.0 * angle * rate + inertia.believed_half_spread() * 4.0 * rate_noise;
-                (
-                    spread,
-                    inertia.error_kg_m2() * acceleration + believed * age * jerk + noise_torque + fed_noise,
-                    believed * age * 2.0 * acceleration + 2.0 * turned * rate + fed_noise_slope,
-                )
-            }
-        };
-        let attitude_loop = Self {
-            gains,
-            inertia,
-            peak,
-            between,
-            at_rest: at_rest + spread * rate * rate,
-            noise: noise_torque,
-            noise_angle: angle,
-            linear: linear + corner * largest + 4.0 * spread * rate,
-            quadratic: 4.0 * spread,
-        };
-        if attitude_loop.reserve() > 0.0 {
-            return Ok(attitude_loop);
+        let reserve = damping / (peak.gain * between) - linear;
+        if reserve <= 0.0 {
+            return Err(refused(linear * peak.gain * between));
         }
-        let needed_n_m_s = attitude_loop.linear * peak.gain * between;
-        Err(AttitudeRefusal::DampingTooSmall { damping_n_m_s: damping, needed_n_m_s })
+        Ok(Self { gains, inertia, peak, between, at_rest, noise, noise_angle, reserve, quadratic })
     }
 
     /// The bounds under a disturbance: the norm of every torque about the centre of mass that is neither commanded nor named in the
@@ -252,23 +221,22 @@ impl AttitudeLoop {
         let limit_n_m = positive("the torque limit", budget.limit_n_m)?;
         let feed_forward = not_negative("the feed-forward torque", budget.feed_forward_n_m)?;
         let constant = self.at_rest + disturbance_n_m;
-        let reserve = self.reserve();
-        let discriminant = reserve * reserve - 4.0 * constant * self.quadratic;
-        if !(discriminant > 0.0) {
-            let largest_n_m = 0.25 * reserve * reserve / self.quadratic;
+        let discriminant = self.reserve * self.reserve - 4.0 * constant * self.quadratic;
+        if discriminant <= 0.0 {
+            let largest_n_m = 0.25 * self.reserve * self.reserve / self.quadratic;
             return Err(AttitudeRefusal::DisturbanceTooLarge { disturbance_n_m: constant, largest_n_m });
         }
-        let combined_rad_s = 2.0 * constant / (reserve + f64::sqrt(discriminant));
+        let combined_rad_s = 2.0 * constant / (self.reserve + f64::sqrt(discriminant));
         let vector = combined_rad_s / self.gains.corner_per_s();
         // the sign of a measured quaternion is told from its scalar part
-        if !(vector < 1.0 && f64::sqrt(1.0 - vector * vector) > 0.5 * self.noise_angle) {
+        if vector >= 1.0 || f64::sqrt(1.0 - vector * vector) <= 0.5 * self.noise_angle {
             return Err(AttitudeRefusal::HalfTurn { vector });
         }
         let damping = self.gains.damping_n_m_s;
         let measured = combined_rad_s / self.between;
         let feedback_n_m = damping * measured + self.noise;
         let needed_n_m = feedback_n_m + feed_forward;
-        if !(needed_n_m <= limit_n_m) {
+        if needed_n_m > limit_n_m {
             return Err(AttitudeRefusal::Saturation { needed_n_m, limit_n_m });
         }
         let torque = damping * measured / self.peak.gain;
@@ -288,18 +256,21 @@ impl AttitudeLoop {
     /// Largest disturbance that is certified with this torque; `None` where not even none is, N m.
     pub fn largest_disturbance_n_m(&self, budget: &TorqueBudget) -> Option<f64> {
         let left = budget.limit_n_m - budget.feed_forward_n_m - self.noise;
+        if !left.is_finite() {
+            return None;
+        }
         let upright = f64::sqrt((1.0 - 0.25 * self.noise_angle * self.noise_angle).max(0.0));
         // where the torque, half a turn, or the terms of second order end it
         let by_torque = left / self.gains.damping_n_m_s * self.between;
         let by_turn = self.gains.corner_per_s() * upright;
-        let by_order = 0.5 * self.reserve() / self.quadratic;
+        let by_order = 0.5 * self.reserve / self.quadratic;
         let combined = by_torque.min(by_turn).min(by_order) * (1.0 - 1e-9);
-        let largest = (self.reserve() - self.quadratic * combined) * combined - self.at_rest;
+        let largest = (self.reserve - self.quadratic * combined) * combined - self.at_rest;
         (combined > 0.0 && largest >= 0.0).then_some(largest)
     }
 
     /// Largest force whose torque about the true centre of mass, when the believed one is off by at most this, is certified together with
-    /// another disturbance, N; zero where nothing is.
+    /// another disturbance, N; zero where nothing is, infinite where nothing is uncertain.
     pub fn force_allowed_n(
         &self,
         budget: &TorqueBudget,
@@ -307,12 +278,7 @@ impl AttitudeLoop {
         center_of_mass_error_m: f64,
     ) -> f64 {
         let left = self.largest_disturbance_n_m(budget).unwrap_or(0.0) - other_disturbance_n_m;
-        if left > 0.0 { left / center_of_mass_error_m.max(0.0) } else { 0.0 }
-    }
-
-    /// What the damping has left per `S`, N m s.
-    fn reserve(&self) -> f64 {
-        self.gains.damping_n_m_s / (self.peak.gain * self.between) - self.linear
+        if left > 0.0 && center_of_mass_error_m >= 0.0 { left / center_of_mass_error_m } else { 0.0 }
     }
 }
 
@@ -330,4 +296,97 @@ impl AttitudeCertificate {
     ) -> Result<Self, AttitudeRefusal> {
         AttitudeLoop::try_new(gains, inertia, conditions)?.certify(disturbance_n_m, budget)
     }
+}
+
+/// The torque that no feedback answers: `at_rest + linear S + quadratic S^2` bounds it.
+struct Unanswered {
+    at_rest: f64,
+    linear: f64,
+    quadratic: f64,
+    /// The part of `at_rest` that noise adds to the feedback.
+    noise: f64,
+}
+
+impl Unanswered {
+    fn of(gains: AttitudeGains, inertia: &InertiaInterval, conditions: &AttitudeConditions) -> Self {
+        let AttitudeConditions { law, timing, turning, noise } = conditions;
+        let ReferenceTurning { rate_rad_s: rate, acceleration_rad_s2: acceleration, jerk_rad_s3: jerk } = *turning;
+        let AttitudeNoise { angle_rad: angle, rate_rad_s: rate_noise } = *noise;
+        let (largest, error) = (inertia.largest_kg_m2(), inertia.error_kg_m2());
+        // a turn by `angle` moves unit quaternions by at most half of it and unit vectors by at most the whole
+        let noise = gains.stiffness_n_m * 0.5 * angle + gains.damping_n_m_s * (rate_noise + angle * rate);
+        let (spread, at_rest, linear) = match law {
+            AttitudeLaw::Feedback => (inertia.half_spread(), largest * acceleration, 2.0 * largest * rate),
+            AttitudeLaw::Geometric => {
+                let (age, believed, believed_spread) =
+                    (timing.age_s(), inertia.believed_largest(), inertia.believed_half_spread());
+                let both = inertia.half_spread() + believed_spread;
+                // what is fed forward late and depends on the errors themselves is credited with nothing
+                let (spread, turned) = if age > 0.0 { (both, largest + believed) } else { (both.min(error), error) };
+                let late = believed * age * jerk;
+                let noisy = believed * (angle * acceleration + rate * rate_noise + angle * rate * rate)
+                    + believed_spread * (2.0 * rate * rate_noise + rate_noise * rate_noise);
+                let late_slope = 2.0 * believed * age * acceleration;
+                let noisy_slope = 2.0 * believed * angle * rate + 4.0 * believed_spread * rate_noise;
+                (spread, error * acceleration + late + noisy, 2.0 * turned * rate + late_slope + noisy_slope)
+            }
+        };
+        // the rate itself is at most `2 S` and that of the reference
+        Self {
+            at_rest: at_rest + noise + spread * rate * rate,
+            linear: linear + gains.corner_per_s() * largest + 4.0 * spread * rate,
+            quadratic: 4.0 * spread,
+            noise,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn show() {
+        for (k, d, least, largest) in CASES {
+            for t in [0.0005, 0.002, 0.005] {
+                let inertia = InertiaInterval::between(least, largest).unwrap();
+                let gains = AttitudeGains { stiffness_n_m: k, damping_n_m_s: d };
+                let budget = TorqueBudget { limit_n_m: 1.0, feed_forward_n_m: 0.003 };
+                for law in [AttitudeLaw::Feedback, AttitudeLaw::Geometric] {
+                    for timing in [
+                        AttitudeTiming::CONTINUOUS,
+                        AttitudeTiming { step_s: 0.016, delay_s: 0.0, lag_s: 0.0 },
+                        AttitudeTiming { step_s: 0.016, delay_s: 0.0, lag_s: 0.1 },
+                        AttitudeTiming { step_s: 0.016, delay_s: 0.0, lag_s: 0.18 },
+                    ] {
+                        let c = AttitudeConditions { timing, ..AttitudeConditions::ideal(law) };
+                        match AttitudeCertificate::try_new(gains, inertia, t, &budget, &c) {
+                            Ok(f) => println!(
+                                "{k} {d} {least} {largest} {t} {law:?} {} {}: {:.5} {:.2} ratio {:.2} torque {:.5} start {:.4} gain {:.4}",
+                                timing.step_s,
+                                timing.lag_s,
+                                f.vector,
+                                f.angle_rad.to_degrees(),
+                                f.vector / (t / k),
+                                f.feedback_n_m,
+                                f.start_rad_s,
+                                f.gain
+                            ),
+                            Err(e) => println!(
+                                "{k} {d} {least} {largest} {t} {law:?} {} {}: {e}",
+                                timing.step_s, timing.lag_s
+                            ),
+                        }
+                    }
+                }
+            }
+        }
+    }
+    const CASES: [(f64, f64, f64, f64); 5] = [
+        (0.1, 0.2, 0.143, 0.162),
+        (0.1, 0.2, 0.0715, 0.243),
+        (0.15, 0.4, 0.0715, 0.243),
+        (0.15, 0.4, 0.38, 0.40),
+        (0.15, 0.6, 0.15, 0.45),
+    ];
 }

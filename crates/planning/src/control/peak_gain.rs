@@ -40,7 +40,11 @@ const HALF_CELL: f64 = 2.5e-3;
 /// What may be left of a response where it is cut off; counted.
 const TAIL: f64 = 1e-3;
 /// Largest ratio of the moments of inertia.
-const LARGEST_RATIO: f64 = 1e4;
+const LARGEST_RATIO: f64 = 1e3;
+/// Largest step in times that the lightest body takes to answer; beyond two it rings away even without delay.
+const LARGEST_STEP: f64 = 10.0;
+/// A response so much larger than its start is not going to die out.
+const GONE: f64 = 1e6;
 /// Longest delay in steps.
 const LONGEST_DELAY: f64 = 256.0;
 /// Steps after which a response that has not died out counts as unstable.
@@ -51,7 +55,7 @@ impl PeakGain {
     pub fn of(damping: f64, inertia: &InertiaInterval, timing: &AttitudeTiming) -> Option<Self> {
         let (least, largest) = (inertia.least_kg_m2(), inertia.largest_kg_m2());
         let ratio = largest / least;
-        if !(ratio <= LARGEST_RATIO) {
+        if ratio > LARGEST_RATIO || damping * timing.step_s > LARGEST_STEP * least {
             return None;
         }
         let log = nalgebra::ComplexField::ln(ratio);
@@ -64,7 +68,6 @@ impl PeakGain {
 
 /// The responses of bodies all over an interval to a unit start, step by step.
 struct Envelope {
-    step_s: f64,
     /// `step * max of rate |response|` at each step.
     weighted: Vec<f64>,
     /// `max |response|` at each step.
@@ -77,15 +80,18 @@ impl Envelope {
     fn try_new(least_rate: f64, log_ratio: f64, timing: &AttitudeTiming) -> Option<Self> {
         let AttitudeTiming { step_s, delay_s, lag_s } = *timing;
         let delay_steps = delay_s / step_s;
-        if !(delay_steps <= LONGEST_DELAY) {
+        if delay_steps > LONGEST_DELAY {
             return None;
         }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, not large")]
         let whole = f64::floor(delay_steps) as usize;
         let late_s = (delay_s - whole as f64 * step_s).clamp(0.0, step_s);
         let cells = f64::ceil(log_ratio / (2.0 * HALF_CELL * (1.0 - HALF_CELL))).max(1.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, not large")]
         let count = cells as usize;
         let rate = |cell: usize| least_rate * nalgebra::ComplexField::exp(log_ratio * (cell as f64 + 0.5) / cells);
         let rates: Vec<f64> = (0..count).map(rate).collect();
+        let largest_rate = rates.iter().copied().fold(0.0, f64::max);
         let (mut response, mut acting) = (vec![1.0; count], vec![0.0; count]);
         // commands of the present and the steps before it, newest first
         let mut commands = vec![vec![0.0; count]; whole + 2];
@@ -101,9 +107,9 @@ impl Envelope {
             let pending: f64 = weighted.iter().rev().take(whole + 1).sum();
             let left = now / least_rate + lag_s * largest(&acting) + pending;
             if left <= TAIL && step > 0 {
-                return Some(Self { step_s, weighted, plain, tail: left });
+                return Some(Self { weighted, plain, tail: left });
             }
-            if !(now < 1e6 * least_rate) && step > whole + 1 {
+            if now > GONE * largest_rate {
                 return None;
             }
             weighted.push(step_s * now);
@@ -129,7 +135,7 @@ impl Envelope {
         let head: f64 = self.weighted.iter().sum();
         let whole = head / (1.0 - self.tail);
         let between = HALF_CELL * whole;
-        if !(between < 1.0) || !self.step_s.is_finite() {
+        if between >= 1.0 {
             return None;
         }
         let largest = self.plain.iter().fold(0.0, |largest: f64, value| largest.max(*value)) / (1.0 - between);

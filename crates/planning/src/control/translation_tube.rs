@@ -223,13 +223,12 @@ impl TranslationTube {
             }
             other => other,
         };
-        match fallback {
-            Some(Fallback::Braking(_)) => self.brake(&motion.states),
-            _ => {
-                self.phase = Phase::Planned;
-                for ((force, axis), state) in self.force_axes.iter_mut().zip(&self.current.axes).zip(&motion.states) {
-                    *force = axis.force_n(state);
-                }
+        if let Some(Fallback::Braking(_)) = fallback {
+            self.brake(&motion.states);
+        } else {
+            self.phase = Phase::Planned;
+            for ((force, axis), state) in self.force_axes.iter_mut().zip(&self.current.axes).zip(&motion.states) {
+                *force = axis.force_n(state);
             }
         }
         match fallback {
