@@ -61,7 +61,9 @@ impl Tracked {
     /// Looks at the truth at the start of a control period.
     pub fn see(&mut self, flight: &Flight, truth: &TrueMotion, is_drawn: bool) {
         let time_s = truth.time_ns as f64 * 1e-9;
-        let Some(wanted) = flight.drive.tracking.as_ref().and_then(|(_, reference)| reference.at(time_s)) else { return };
+        let Some(wanted) = flight.drive.tracking.as_ref().and_then(|(_, reference)| reference.at(time_s)) else {
+            return;
+        };
         let (wanted, found) = (wanted.state.world_from_body, truth.state.world_from_body);
         let error_world = found.translation.vector - wanted.translation.vector;
         let turn: Vector3<f64> = LieGroup::log(&(wanted.rotation.inverse() * found.rotation));
@@ -249,15 +251,18 @@ pub(super) fn describe(flight: &Flight, text: &mut String) {
     let mut line = |what: &str, value: String| {
         let _ = writeln!(text, "  {what:<28}{value}");
     };
-    let mass = account.mass().map_or_else(String::new, |mass| {
-        format!(", mass {:.3} to {:.3} kg", mass.least_kg(), mass.largest_kg())
-    });
+    let mass = account
+        .mass()
+        .map_or_else(String::new, |mass| format!(", mass {:.3} to {:.3} kg", mass.least_kg(), mass.largest_kg()));
     line("controller", format!("{}, belief {}{mass}", steering.controller.name(), account.model_revision()));
     if let Some(limits) = &steering.limits {
         let (largest, limit) = (account.largest(), tumble_lie::Wrench::new(limits.torque_limit, limits.force_limit));
         let share = largest.component_div(&limit.to_vector()) * 100.0;
         line("force limits used", format!("{:.0}, {:.0}, {:.0} % at most along x, y, z", share[3], share[4], share[5]));
-        line("torque limits used", format!("{:.0}, {:.0}, {:.0} % at most about x, y, z", share[0], share[1], share[2]));
+        line(
+            "torque limits used",
+            format!("{:.0}, {:.0}, {:.0} % at most about x, y, z", share[0], share[1], share[2]),
+        );
     }
     line("beliefs", counted(steering, account));
     for belief in account.beliefs().iter().skip(1) {

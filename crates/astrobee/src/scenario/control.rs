@@ -207,7 +207,8 @@ impl ScenarioSource {
         let preset = control_presets::tube_settings(mass, limits, span(reference, &limits.force_limit));
         let TubeDisturbance { position_m, velocity_m_s, force_n, .. } = preset.disturbance;
         let errors = [0.0, LARGEST_ERROR];
-        let walls = if table.walls == Some(true) { Some(self.walls(place, reference, self.robot_radius_m()?)?) } else { None };
+        let walls =
+            if table.walls == Some(true) { Some(self.walls(place, reference, self.robot_radius_m()?)?) } else { None };
         Ok(TubeSettings {
             speed_m_s: self.bounded("speed_limit_m_s", table.speed_limit_m_s, preset.speed_m_s, LIMITS)?,
             walls_m: walls.map_or(preset.walls_m, |walls| {
@@ -239,7 +240,13 @@ impl ScenarioSource {
     }
 
     /// A number of `[drive.control]` within bounds.
-    fn bounded(&self, key: &str, given: Option<f64>, otherwise: f64, [least, largest]: [f64; 2]) -> Result<f64, AstrobeeError> {
+    fn bounded(
+        &self,
+        key: &str,
+        given: Option<f64>,
+        otherwise: f64,
+        [least, largest]: [f64; 2],
+    ) -> Result<f64, AstrobeeError> {
         match given {
             None => Ok(otherwise),
             Some(value) if (least..=largest).contains(&value) => Ok(value),
@@ -259,7 +266,8 @@ impl ScenarioSource {
         let share @ [least, largest] = share.unwrap_or(MASS_KNOWN_SHARE);
         let holds_belief = least > 0.0 && least <= 1.0 && largest >= 1.0 && largest <= 1e3;
         if !holds_belief {
-            let message = format!("{least} to {largest}: from above 0 to at most 1000 with 1, the believed mass, between them");
+            let message =
+                format!("{least} to {largest}: from above 0 to at most 1000 with 1, the believed mass, between them");
             return Err(self.bad(key, &message));
         }
         control_presets::mass_interval(belief.mass, share).map_err(|error| self.bad(key, &error.to_string()))
@@ -321,9 +329,8 @@ impl ScenarioSource {
             lower_world: found.lower_world.add_scalar(radius_m),
             upper_world: found.upper_world.add_scalar(-radius_m),
         });
-        let holds = |inner: &AlignedBox| {
-            points.iter().all(|point| point >= &inner.lower_world && point <= &inner.upper_world)
-        };
+        let holds =
+            |inner: &AlignedBox| points.iter().all(|point| point >= &inner.lower_world && point <= &inner.upper_world);
         inner.filter(holds).ok_or_else(|| {
             self.bad(key, "no box of the place holds the whole way with the robot's radius around it; `walls = false` flies without")
         })

@@ -249,7 +249,8 @@ mod tests {
         }
         let command = ask(&mut controller, 0.0, &moving, &Reference::Path(Vec::new())).unwrap();
         assert_eq!(command.fallback, Some(Fallback::Braking(FallbackReason::NoReference)));
-        let along = command.wrench_body.force.dot(&(moving.world_from_body.rotation.inverse() * moving.twist_body.linear));
+        let along =
+            command.wrench_body.force.dot(&(moving.world_from_body.rotation.inverse() * moving.twist_body.linear));
         assert!(along < 0.0, "{along}");
         moving.twist_body.linear.y = f64::NAN;
         assert!(matches!(
