@@ -5,12 +5,63 @@
 //! # Source
 //! Thesis 2.4.2, 6.2.3.
 
+mod axis_template;
+mod contraction;
 mod controller;
 mod coupled_axes;
 mod mass_interval;
 mod obstacle_planes;
+mod convex_set;
+mod invariant_set;
+mod gram_program;
+mod mass_interval;
+mod polygon;
+mod rakovic;
+mod riccati;
+mod small_matrix;
 
+pub use axis_template::{AxisGain, AxisTemplate, TEMPLATE_ROWS};
+pub use contraction::Contraction;
 pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
 pub use coupled_axes::AxisPlane;
 pub use mass_interval::MassInterval;
 pub use obstacle_planes::{EndAttitude, NominalPath, ObstaclePlane, ObstaclePlanes, PlaneUpdate, Reach, barriers_of};
+pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, Zonotope};
+pub use invariant_set::{MinimalInvariantSet, Support};
+#[cfg(feature = "clarabel")]
+pub use gram_program::{GramOptimum, solve_gram_with_clarabel};
+pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
+pub use mass_interval::MassInterval;
+pub use polygon::{Polygon, Strips};
+pub use rakovic::RakovicSet;
+pub use riccati::discrete_lqr;
+mod attitude;
+mod attitude_certificate;
+mod controller;
+mod inertia_interval;
+mod mass_interval;
+mod peak_gain;
+mod rotated_box;
+
+pub use attitude::{AttitudeController, AttitudeError, AttitudeGains, AttitudeLaw, AttitudeTorque};
+pub use attitude_certificate::{
+    AttitudeCertificate, AttitudeConditions, AttitudeLoop, AttitudeNoise, AttitudeRefusal, ReferenceTurning,
+    TorqueBudget,
+};
+pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
+pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
+pub use mass_interval::MassInterval;
+pub use peak_gain::AttitudeTiming;
+pub use rotated_box::{available_share, rotation_share};
+mod believed_body;
+mod cascade;
+mod controller;
+mod feedback;
+mod mass_interval;
+mod pose_tracking;
+
+pub use cascade::{Cascade, RotationGains, TranslationDecision, TranslationLaw, TranslationRequest};
+pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
+pub use feedback::{LinearFeedback, LqrController, TranslationWeights};
+pub use mass_interval::MassInterval;
+pub use pose_tracking::PoseTracking;

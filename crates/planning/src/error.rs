@@ -114,6 +114,12 @@ pub enum PlanningError {
         /// What was asked for.
         query: &'static str,
     },
+    /// A feedback of one axis under which errors swing, or nearly do.
+    #[error("the closed loop has not two different real eigenvalues: its discriminant is {discriminant}")]
+    Oscillating {
+        /// Square of half the difference of its eigenvalues.
+        discriminant: f64,
+    },
 }
 
 /// `value` where it is finite.

@@ -4,6 +4,10 @@
 
 mod account;
 mod collision;
+mod controller;
+mod controller_flight;
+mod controller_requests;
+mod free_body;
 mod global_planner;
 mod informative_model;
 mod local_planner;
@@ -12,6 +16,8 @@ mod state_space;
 mod weighting;
 
 pub use collision::{CollisionSample, check_collision_world, reversed};
+pub use controller::{ControllerPromise, broken_controller_laws, check_controller, other_worlds};
+pub use controller_flight::{ControllerCase, ControllerStep, TrackingError, fly_controller};
 pub use global_planner::{Expectation, PlannerCase, PlannerChecks, check_global_planner};
 pub use informative_model::{ModelSample, StepAt, check_informative_model};
 pub use local_planner::{LocalCase, LocalChecks, LocalExpectation, check_local_planner};

@@ -34,8 +34,8 @@ pub struct ControlRequest<'a> {
 pub enum Adoption {
     /// It is used from now on.
     Adopted,
-    /// Its promises cannot be kept from the present state: the revision named is kept, and the new one is tried again at each
-    /// step until it fits or a newer one comes.
+    /// It waits: from the first decision at which every promise can be kept with it, it is used, and commands name it. Until then,
+    /// or until a newer one comes, the revision named is kept.
     Postponed {
         /// The revision still in use.
         kept: u64,

@@ -1,0 +1,247 @@
+//! An invariant set of one axis with few faces, so that it can stand in a quadratic program and be scaled there.
+
+use super::small_matrix::solve;
+use super::{ConvexSet, Strips, Zonotope};
+use crate::error::{PlanningError, finite, positive};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+
+/// Feedback of one axis in units of acceleration: `-stiffness * position - damping * velocity`, held for a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisGain {
+    /// 1/s².
+    pub stiffness: f64,
+    /// 1/s.
+    pub damping: f64,
+    /// Between two decisions, s.
+    pub step_s: f64,
+}
+
+/// Well damped at 5 Hz: a stiffer one has a thinner tube and passes on more of the noise.
+impl Default for AxisGain {
+    fn default() -> Self {
+        Self { stiffness: 0.25, damping: 2.0, step_s: 0.2 }
+    }
+}
+
+impl AxisGain {
+    /// Error of position and velocity after a step, of that before.
+    pub fn closed_loop(&self) -> Matrix2<f64> {
+        Matrix2::new(1.0, self.step_s, 0.0, 1.0) + self.input() * self.feedback().transpose()
+    }
+
+    /// Position and velocity that an acceleration of one makes in a step.
+    pub fn input(&self) -> Vector2<f64> {
+        Vector2::new(0.5 * self.step_s * self.step_s, self.step_s)
+    }
+
+    /// The row `K` of the feedback `K e`.
+    pub fn feedback(&self) -> Vector2<f64> {
+        Vector2::new(-self.stiffness, -self.damping)
+    }
+
+    /// What an acceleration of at most 1 m/s² that was not asked for does in a step.
+    pub fn matched_disturbance(&self) -> Zonotope<2, 1> {
+        Zonotope(self.input())
+    }
+}
+
+/// Pairs of faces in [`AxisTemplate`].
+pub const TEMPLATE_ROWS: usize = 5;
+
+/// Bounds are this much wider than the fixed point, so that invariance holds strictly and rounding cannot spoil it.
+const INFLATION: f64 = 1e-9;
+
+/// Rounds of the fixed point; each one's result is invariant, so that the last may be the best so far.
+const ROUNDS: usize = 40;
+
+/// Least difference between the two eigenvalues, which then have two eigenvectors.
+const LEAST_GAP: f64 = 1e-6;
+
+/// Faces of an error set of one axis, with the bounds that make it invariant.
+///
+/// For every `scale >= 0` the set `|normals e| <= scale matched + unmatched` is invariant under
+/// `e⁺ = A e + b d + w`, `|d| <= scale`, `w` in the disturbance given: it is the sum of the sets of the two.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisTemplate {
+    /// The gain it is for.
+    pub gain: AxisGain,
+    /// Unit normals: the two left eigenvectors of the closed loop, position, velocity, feedback.
+    pub normals: [Vector2<f64>; TEMPLATE_ROWS],
+    /// Bounds along the normals per 1 m/s² of matched disturbance.
+    pub matched: [f64; TEMPLATE_ROWS],
+    /// Bounds along the normals for the other disturbance.
+    pub unmatched: [f64; TEMPLATE_ROWS],
+}
+
+impl AxisTemplate {
+    /// The least bounds for a gain and a disturbance of position and velocity over a step.
+    ///
+    /// # Errors
+    /// [`PlanningError::NotFinite`], [`PlanningError::NotPositive`] step, [`PlanningError::NotContractive`];
+    /// [`PlanningError::Oscillating`] where the closed loop has not two different real eigenvalues: no polygon of few faces is near
+    /// to the least set then.
+    pub fn try_new(gain: AxisGain, disturbance: &impl ConvexSet<2>) -> Result<Self, PlanningError> {
+        finite("the stiffness of an axis", gain.stiffness)?;
+        finite("the damping of an axis", gain.damping)?;
+        positive("the step of an axis", gain.step_s)?;
+        let closed_loop = gain.closed_loop();
+        let half_trace = 0.5 * (closed_loop.m11 + closed_loop.m22);
+        let half_difference = 0.5 * (closed_loop.m11 - closed_loop.m22);
+        let discriminant = half_difference * half_difference + closed_loop.m12 * closed_loop.m21;
+        let spectral_radius = if discriminant > 0.0 {
+            half_trace.abs() + f64::sqrt(discriminant)
+        } else {
+            f64::sqrt(closed_loop.determinant().abs())
+        };
+        if spectral_radius >= 1.0 || spectral_radius.is_nan() {
+            return Err(PlanningError::NotContractive { spectral_radius });
+        }
+        if discriminant <= 0.25 * LEAST_GAP * LEAST_GAP {
+            return Err(PlanningError::Oscillating { discriminant });
+        }
+        let root = f64::sqrt(discriminant);
+        let eigenvalues = [half_trace + root, half_trace - root];
+        // l'A = s l'; with a21 = 0 there would be the eigenvalue one
+        let left = eigenvalues.map(|value| Vector2::new(closed_loop.m21, value - closed_loop.m11));
+        let normals = [left[0], left[1], Vector2::x(), Vector2::y(), gain.feedback()].map(unit);
+        let faces = Faces::new(&normals, &closed_loop);
+        let supports = |set: &dyn Fn(&Vector2<f64>) -> f64| normals.map(|normal| set(&normal).max(set(&-normal)));
+        let matched = gain.matched_disturbance();
+        let unmatched = supports(&|normal| disturbance.support(normal));
+        for support in unmatched {
+            finite("the reach of a disturbance", support)?;
+        }
+        Ok(Self {
+            gain,
+            normals,
+            matched: faces.invariant_bounds(&eigenvalues, &supports(&|normal| matched.support(normal))),
+            unmatched: faces.invariant_bounds(&eigenvalues, &unmatched),
+        })
+    }
+
+    /// Bounds along the normals at a scale, m/s², of the matched disturbance.
+    pub fn bounds(&self, scale: f64) -> [f64; TEMPLATE_ROWS] {
+        core::array::from_fn(|row| scale * self.matched[row] + self.unmatched[row])
+    }
+
+    /// The set at a scale, m/s², of the matched disturbance.
+    pub fn set(&self, scale: f64) -> Strips<TEMPLATE_ROWS> {
+        Strips { normals: self.normals, bounds: self.bounds(scale) }
+    }
+
+    /// Largest acceleration of the feedback per 1 m/s² of matched disturbance; never below one.
+    pub fn matched_input(&self) -> f64 {
+        self.matched[4] * self.feedback_length()
+    }
+
+    /// Largest acceleration of the feedback that the other disturbance alone calls for, m/s².
+    pub fn unmatched_input(&self) -> f64 {
+        self.unmatched[4] * self.feedback_length()
+    }
+
+    fn feedback_length(&self) -> f64 {
+        f64::sqrt(self.gain.feedback().norm_squared())
+    }
+}
+
+/// Pairs of faces.
+const PAIRS: [(usize, usize); 10] = [(0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (1, 3), (1, 4), (2, 3), (2, 4), (3, 4)];
+
+/// Rows after the eigenvectors.
+const OTHERS: usize = TEMPLATE_ROWS - 2;
+
+/// How directions are made of pairs of normals: the support of `|normals e| <= bounds` is the least, over the pairs, of the sum
+/// of their bounds times these. (The linear program dual to the support has a solution at a vertex, with two numbers not zero.)
+type Shares = [[(f64, f64); PAIRS.len()]; TEMPLATE_ROWS];
+
+struct Faces {
+    /// Of the normals.
+    own: Shares,
+    /// Of the normals a step earlier.
+    earlier: Shares,
+}
+
+impl Faces {
+    fn new(normals: &[Vector2<f64>; TEMPLATE_ROWS], closed_loop: &Matrix2<f64>) -> Self {
+        let shares = |direction: &Vector2<f64>| {
+            PAIRS.map(|(j, k)| {
+                let determinant = normals[j].perp(&normals[k]);
+                let share = |x: f64| if determinant == 0.0 { f64::INFINITY } else { (x / determinant).abs() };
+                (share(direction.perp(&normals[k])), share(normals[j].perp(direction)))
+            })
+        };
+        let earlier = normals.map(|normal| closed_loop.tr_mul(&normal));
+        Self { own: normals.each_ref().map(shares), earlier: earlier.each_ref().map(shares) }
+    }
+
+    /// The pair that bounds a direction best, and the bound.
+    fn best(shares: &[(f64, f64); PAIRS.len()], bounds: &[f64; TEMPLATE_ROWS]) -> (usize, f64) {
+        let mut best = (0, f64::INFINITY);
+        for (pair, ((j, k), (of_j, of_k))) in PAIRS.iter().zip(shares).enumerate() {
+            let bound = of_j * bounds[*j] + of_k * bounds[*k];
+            if bound < best.1 {
+                best = (pair, bound);
+            }
+        }
+        best
+    }
+
+    /// Least bounds `c` with `c = support(A' normal) + disturbed`, from above: the parallelogram of the eigenvectors is invariant,
+    /// and so is each round's result. A round solves for the bounds with the pairs that are best now, and chooses the pairs anew.
+    fn invariant_bounds(&self, eigenvalues: &[f64; 2], disturbed: &[f64; TEMPLATE_ROWS]) -> [f64; TEMPLATE_ROWS] {
+        let mut bounds = [0.0; TEMPLATE_ROWS];
+        for row in 0..2 {
+            bounds[row] = disturbed[row] / (1.0 - eigenvalues[row].abs());
+        }
+        for row in 2..TEMPLATE_ROWS {
+            let (of_0, of_1) = self.earlier[row][0];
+            bounds[row] = of_0 * bounds[0] + of_1 * bounds[1] + disturbed[row];
+        }
+        for _ in 0..ROUNDS {
+            let next = self.solved(&bounds, disturbed).unwrap_or_else(|| self.stepped(&bounds, disturbed));
+            let is_settled = (2..TEMPLATE_ROWS).all(|row| next[row] >= bounds[row] * (1.0 - 1e-15));
+            if is_settled {
+                break;
+            }
+            bounds = next;
+        }
+        self.own.map(|shares| Self::best(&shares, &bounds).1 * (1.0 + INFLATION))
+    }
+
+    fn stepped(&self, bounds: &[f64; TEMPLATE_ROWS], disturbed: &[f64; TEMPLATE_ROWS]) -> [f64; TEMPLATE_ROWS] {
+        let mut next = *bounds;
+        for row in 2..TEMPLATE_ROWS {
+            next[row] = bounds[row].min(Self::best(&self.earlier[row], bounds).1 + disturbed[row]);
+        }
+        next
+    }
+
+    /// The bounds with the pairs that are best now, where these are better and invariant.
+    fn solved(&self, bounds: &[f64; TEMPLATE_ROWS], disturbed: &[f64; TEMPLATE_ROWS]) -> Option<[f64; TEMPLATE_ROWS]> {
+        let (mut matrix, mut right) = (Matrix3::identity(), Vector3::zeros());
+        for row in 0..OTHERS {
+            let shares = &self.earlier[row + 2];
+            let (pair, _) = Self::best(shares, bounds);
+            let ((j, k), (of_j, of_k)) = (PAIRS[pair], shares[pair]);
+            right[row] = disturbed[row + 2];
+            for (face, share) in [(j, of_j), (k, of_k)] {
+                if face < 2 {
+                    right[row] += share * bounds[face];
+                } else {
+                    matrix[(row, face - 2)] -= share;
+                }
+            }
+        }
+        let solution = solve(matrix, right)?;
+        let mut next = *bounds;
+        next[2..].copy_from_slice(solution.as_slice());
+        let is_better = (2..TEMPLATE_ROWS).all(|row| next[row] <= bounds[row] * (1.0 + 1e-13) && next[row] >= 0.0);
+        let is_invariant = (2..TEMPLATE_ROWS)
+            .all(|row| Self::best(&self.earlier[row], &next).1 + disturbed[row] <= next[row] * (1.0 + 1e-13));
+        (is_better && is_invariant).then_some(next)
+    }
+}
+
+fn unit(vector: Vector2<f64>) -> Vector2<f64> {
+    vector / f64::sqrt(vector.norm_squared())
+}

@@ -1,0 +1,244 @@
+//! Least convex quadratic over rows between bounds, where only the linear part and the bounds change from solve to solve.
+//!
+//! The way through: [`GramProgram`] is what stays, the curvature and the rows, with their products; [`GramWorkspace`] is what a
+//! solve works in and what it leaves behind, among it the rows that were active, where the next one begins.
+
+#[cfg(feature = "clarabel")]
+mod clarabel_route;
+mod factor;
+mod panels;
+mod search;
+mod workspace;
+
+use crate::error::{PlanningError, finite};
+use crate::vectors::{add_scaled, dot};
+#[cfg(feature = "clarabel")]
+pub use clarabel_route::{GramOptimum, solve_gram_with_clarabel};
+use core::ops::Range;
+use panels::RowPanels;
+pub use workspace::GramWorkspace;
+
+/// `minimise 1/2 x' H x + f . x` over `lower <= A x <= upper`, with a constant positive definite `H` and constant `A`.
+///
+/// Dual active set: starts from the least value over the rows that were active last, and takes in violated ones, one at a time.
+/// It needs only products of rows in `H^-1`, the Gram matrix `A H^-1 A'`, which never changes. Rows are scaled to unit length
+/// in `H^-1`, so that violations compare. All memory is set up beforehand: a solve allocates nothing.
+///
+/// # Source
+/// Goldfarb and Idnani, A numerically stable dual method for solving strictly convex quadratic programs, 1983, in the form of
+/// Lawson and Hanson, Solving Least Squares Problems, 23.
+#[derive(Clone, Debug)]
+pub struct GramProgram {
+    unknowns: usize,
+    equality: Vec<bool>,
+    equations: Vec<usize>,
+    /// What each row was multiplied by.
+    scales: Vec<f64>,
+    /// `H`, row by row; and in panels, `H` and its inverse.
+    hessian: RowPanels,
+    inverse: RowPanels,
+    /// Scaled `A`, row by row, with the stretch of each that is not zero; and in panels.
+    normals: Vec<f64>,
+    used: Vec<Range<usize>>,
+    by_panels: RowPanels,
+    /// `H^-1 A'`, column by column, with the stretch of each that is not zero.
+    columns: Vec<f64>,
+    reached: Vec<Range<usize>>,
+    /// `A H^-1 A'`, row by row.
+    gram: Vec<f64>,
+    /// Of the Gram matrix: two programs that differ in it cannot share a factor.
+    fingerprint: u64,
+}
+
+/// When a solve ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GramSettings {
+    /// Largest violation of a row, in units of the row's length in `H^-1`.
+    pub tolerance: f64,
+    /// Largest number of changes of the set of active rows.
+    pub iterations: usize,
+}
+
+impl Default for GramSettings {
+    fn default() -> Self {
+        Self { tolerance: 1e-10, iterations: 1000 }
+    }
+}
+
+/// How a solve ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GramStatus {
+    /// With the solution.
+    Solved,
+    /// With a proof that no `x` fulfils all rows: [`GramWorkspace::certificate`].
+    Infeasible,
+    /// At the largest number of iterations.
+    Capped,
+    /// Where rounding does not allow an answer, or with an input that is no number or of another length.
+    Numerical,
+}
+
+impl GramProgram {
+    /// With `hessian` `n x n` and `rows` `m x n`, row by row, and which of the `m` rows are equations; those are fulfilled
+    /// before all others.
+    ///
+    /// # Errors
+    /// [`PlanningError::WrongCount`], [`PlanningError::NotFinite`], [`PlanningError::Asymmetric`]; [`PlanningError::NotPositive`]
+    /// where the curvature is not positive definite.
+    pub fn try_new(hessian: &[f64], rows: &[f64], equality: &[bool]) -> Result<Self, PlanningError> {
+        let unknowns = hessian.len().isqrt();
+        if unknowns * unknowns != hessian.len() || hessian.is_empty() {
+            let expected = (unknowns * unknowns).max(1);
+            return Err(PlanningError::WrongCount { what: "entries of the curvature", given: hessian.len(), expected });
+        }
+        if rows.len() != equality.len() * unknowns {
+            let expected = equality.len() * unknowns;
+            return Err(PlanningError::WrongCount { what: "entries of the rows", given: rows.len(), expected });
+        }
+        for entry in hessian {
+            finite("an entry of the curvature", *entry)?;
+        }
+        for entry in rows {
+            finite("an entry of a row", *entry)?;
+        }
+        let transposed = |i: usize| hessian[i % unknowns * unknowns + i / unknowns];
+        let is_like = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (a.abs() + b.abs());
+        if !hessian.iter().enumerate().all(|(i, entry)| is_like(*entry, transposed(i))) {
+            return Err(PlanningError::Asymmetric { what: "the curvature" });
+        }
+        let inverse = inverse(hessian, unknowns)?;
+
+        let mut normals = rows.to_vec();
+        let mut columns = vec![0.0; rows.len()];
+        let mut scales = vec![1.0; equality.len()];
+        let each = normals.chunks_exact_mut(unknowns).zip(columns.chunks_exact_mut(unknowns)).zip(&mut scales);
+        for ((normal, column), scale) in each {
+            for (entry, inverse) in normal.iter().zip(inverse.chunks_exact(unknowns)) {
+                add_scaled(column, *entry, inverse);
+            }
+            let square = dot(normal, column);
+            if square > 0.0 {
+                *scale = finite("the scale of a row", 1.0 / f64::sqrt(square))?;
+                normal.iter_mut().chain(column).for_each(|entry| *entry *= *scale);
+            }
+        }
+        let used: Vec<_> = normals.chunks_exact(unknowns).map(stretch).collect();
+        let reached = columns.chunks_exact(unknowns).map(stretch).collect();
+        let mut gram = vec![0.0; equality.len() * equality.len()];
+        for (i, used) in used.iter().enumerate() {
+            let normal = &normals[i * unknowns..][used.clone()];
+            for j in 0..=i {
+                let product = dot(normal, &columns[j * unknowns..][used.clone()]);
+                gram[i * equality.len() + j] = product;
+                gram[j * equality.len() + i] = product;
+            }
+        }
+        for product in &gram {
+            finite("a product of rows", *product)?;
+        }
+        let mix = |hash: u64, x: &f64| (hash ^ x.to_bits()).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(23);
+        Ok(Self {
+            unknowns,
+            equality: equality.to_vec(),
+            equations: (0..equality.len()).filter(|row| equality[*row]).collect(),
+            hessian: RowPanels::new(hessian, unknowns),
+            inverse: RowPanels::new(&inverse, unknowns),
+            by_panels: RowPanels::new(&normals, unknowns),
+            fingerprint: gram.iter().fold(0xcbf2_9ce4_8422_2325, mix),
+            scales,
+            normals,
+            used,
+            columns,
+            reached,
+            gram,
+        })
+    }
+
+    /// Number of unknowns.
+    pub fn unknowns(&self) -> usize {
+        self.unknowns
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.equality.len()
+    }
+
+    /// Minimises with this linear part between these bounds, from the rows on that `workspace` holds active.
+    ///
+    /// A bound that is infinite is none. The two bounds of an equation must agree.
+    pub fn solve(
+        &self,
+        linear: &[f64],
+        lower: &[f64],
+        upper: &[f64],
+        settings: &GramSettings,
+        workspace: &mut GramWorkspace,
+    ) -> GramStatus {
+        search::solve(self, linear, [lower, upper], settings, workspace)
+    }
+
+    /// Value of a scaled row.
+    fn value(&self, row: usize, x: &[f64]) -> f64 {
+        let used = self.used[row].clone();
+        dot(&self.normals[row * self.unknowns..][used.clone()], &x[used])
+    }
+
+    /// Adds `factor` times the column of `H^-1 A'` that belongs to a row.
+    fn add_column(&self, row: usize, factor: f64, x: &mut [f64]) {
+        let reached = self.reached[row].clone();
+        add_scaled(&mut x[reached.clone()], factor, &self.columns[row * self.unknowns..][reached]);
+    }
+
+    /// Adds `factor` times a scaled row.
+    fn add_normal(&self, row: usize, factor: f64, x: &mut [f64]) {
+        let used = self.used[row].clone();
+        add_scaled(&mut x[used.clone()], factor, &self.normals[row * self.unknowns..][used]);
+    }
+
+    /// Products of a row with all rows.
+    fn products(&self, row: usize) -> &[f64] {
+        &self.gram[row * self.rows()..][..self.rows()]
+    }
+}
+
+/// From the first entry that is not zero to the last.
+fn stretch(vector: &[f64]) -> Range<usize> {
+    let first = vector.iter().position(|entry| *entry != 0.0).unwrap_or(0);
+    first..vector.iter().rposition(|entry| *entry != 0.0).map_or(first, |last| last + 1)
+}
+
+/// Inverse of a positive definite matrix, by its Cholesky factor.
+fn inverse(matrix: &[f64], size: usize) -> Result<Vec<f64>, PlanningError> {
+    let mut lower = vec![0.0; size * size];
+    for i in 0..size {
+        for j in 0..=i {
+            let rest = matrix[i * size + j] - dot(&lower[i * size..][..j], &lower[j * size..][..j]);
+            lower[i * size + j] = if i > j {
+                rest / lower[j * size + j]
+            } else if rest > 1e-15 * matrix[i * size + i].abs() {
+                f64::sqrt(rest)
+            } else {
+                return Err(PlanningError::NotPositive { what: "a pivot of the curvature", value: rest });
+            };
+        }
+    }
+    // Rows of the factor's inverse, of which the columns are combined.
+    let mut of_factor = vec![0.0; size * size];
+    for i in 0..size {
+        let (done, row) = of_factor.split_at_mut(i * size);
+        let row = &mut row[..size];
+        row[i] = 1.0;
+        for (entry, done) in lower[i * size..][..i].iter().zip(done.chunks_exact(size)) {
+            add_scaled(row, -entry, done);
+        }
+        row.iter_mut().for_each(|entry| *entry /= lower[i * size + i]);
+    }
+    let mut inverse = vec![0.0; size * size];
+    for row in of_factor.chunks_exact(size) {
+        for (entry, into) in row.iter().zip(inverse.chunks_exact_mut(size)) {
+            add_scaled(into, *entry, row);
+        }
+    }
+    Ok(inverse)
+}

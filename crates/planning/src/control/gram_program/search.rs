@@ -1,0 +1,396 @@
+//! The search for the active rows.
+
+use super::workspace::{GramWorkspace, Side};
+use super::{GramProgram, GramSettings, GramStatus};
+use crate::vectors::{dot, largest};
+
+/// Share of the largest factor of a combination below which one counts as zero.
+const VANISHING: f64 = 1e-10;
+/// How often a solution is brought nearer to exactness.
+const REFINEMENTS: usize = 3;
+/// How many times as far as the solution so far a proof that there is none must reach.
+const FAR: f64 = 1e3;
+
+/// A row beyond one of its bounds.
+#[derive(Clone, Copy, Debug)]
+struct Violation {
+    row: usize,
+    /// One above the upper bound, minus one below the lower.
+    sign: f64,
+}
+
+pub(super) fn solve(
+    program: &GramProgram,
+    linear: &[f64],
+    bounds: [&[f64]; 2],
+    settings: &GramSettings,
+    workspace: &mut GramWorkspace,
+) -> GramStatus {
+    let mut search = Search { program, linear, settings, workspace };
+    let status = search.begin(bounds).unwrap_or_else(|| search.run());
+    if status == GramStatus::Numerical {
+        workspace.forget();
+    }
+    let unscaled = workspace.active.iter().zip(&workspace.multipliers);
+    workspace.unscaled.clear();
+    workspace.unscaled.extend(unscaled.map(|((row, _), multiplier)| multiplier * program.scales[*row]));
+    status
+}
+
+struct Search<'a> {
+    program: &'a GramProgram,
+    linear: &'a [f64],
+    settings: &'a GramSettings,
+    workspace: &'a mut GramWorkspace,
+}
+
+impl Search<'_> {
+    /// Takes in bounds and linear part, and the set of rows to begin with; a status where that is the end.
+    fn begin(&mut self, [lower, upper]: [&[f64]; 2]) -> Option<GramStatus> {
+        let (program, workspace) = (self.program, &mut *self.workspace);
+        workspace.iterations = 0;
+        workspace.crossed = None;
+        workspace.certificate.fill(0.0);
+        workspace.violated.clear();
+        let rows = program.rows();
+        let are_lengths_right = [lower.len(), upper.len(), workspace.is_active.len()] == [rows; 3]
+            && self.linear.len() == program.unknowns
+            && workspace.x.len() == program.inverse.padded_rows();
+        if !are_lengths_right {
+            return Some(GramStatus::Numerical);
+        }
+        let tolerance = self.settings.tolerance;
+        let mut are_bounds_right = true;
+        let scaled = workspace.lower.iter_mut().zip(&mut workspace.upper);
+        for (((scaled_lower, scaled_upper), (lower, upper)), scale) in
+            scaled.zip(lower.iter().zip(upper)).zip(&program.scales)
+        {
+            (*scaled_lower, *scaled_upper) = (lower * scale, upper * scale);
+            let are_apart = *scaled_lower <= *scaled_upper + tolerance;
+            are_bounds_right &= are_apart & (*scaled_lower < f64::INFINITY) & (*scaled_upper > f64::NEG_INFINITY);
+        }
+        if !are_bounds_right {
+            if lower.iter().chain(upper).any(|bound| bound.is_nan()) {
+                return Some(GramStatus::Numerical);
+            }
+            let is_crossed = |row: &usize| {
+                let (lower, upper) = (workspace.lower[*row], workspace.upper[*row]);
+                lower > upper + tolerance || lower == f64::INFINITY || upper == f64::NEG_INFINITY
+            };
+            workspace.crossed = (0..rows).find(is_crossed);
+            return Some(if workspace.crossed.is_some() { GramStatus::Infeasible } else { GramStatus::Numerical });
+        }
+        let is_equation = |row: &usize| (workspace.upper[*row] - workspace.lower[*row]).abs() <= tolerance;
+        if !program.equations.iter().all(is_equation) {
+            return Some(GramStatus::Numerical);
+        }
+        program.inverse.times(self.linear, &mut workspace.free_x);
+        workspace.free_x.iter_mut().for_each(|x| *x = -*x);
+        if !largest(&workspace.free_x).is_finite() {
+            return Some(GramStatus::Numerical);
+        }
+        let is_bounded = |(row, side): &(usize, Side)| match side {
+            Side::Lower => workspace.lower[*row].is_finite(),
+            Side::Upper => workspace.upper[*row].is_finite(),
+            Side::Both => true,
+        };
+        let is_factor_kept =
+            workspace.fingerprint == Some(program.fingerprint) && workspace.active.iter().all(is_bounded);
+        if is_factor_kept {
+            workspace.excesses.clear();
+            for position in 0..self.workspace.active.len() {
+                let (row, side) = self.workspace.active[position];
+                let excess = self.excess(row, side, &self.workspace.free_x);
+                self.workspace.excesses.push(excess);
+            }
+        } else {
+            self.build();
+        }
+        None
+    }
+
+    /// Makes the active set anew: the equations, then what was active before and can be.
+    fn build(&mut self) {
+        let workspace = &mut *self.workspace;
+        core::mem::swap(&mut workspace.active, &mut workspace.previous);
+        core::mem::swap(&mut workspace.multipliers, &mut workspace.previous_multipliers);
+        workspace.active.clear();
+        workspace.multipliers.clear();
+        workspace.excesses.clear();
+        workspace.factor.clear();
+        workspace.is_active.fill(false);
+        workspace.fingerprint = Some(self.program.fingerprint);
+        for row in &self.program.equations {
+            self.append(*row, Side::Both, 0.0);
+        }
+        for position in 0..self.workspace.previous.len() {
+            let (row, side) = self.workspace.previous[position];
+            let bound = match side {
+                Side::Lower => self.workspace.lower.get(row),
+                Side::Upper => self.workspace.upper.get(row),
+                Side::Both => None,
+            };
+            let is_new = self.workspace.is_active.get(row) == Some(&false);
+            if is_new && bound.is_some_and(|bound| bound.is_finite()) {
+                self.append(row, side, self.workspace.previous_multipliers[position]);
+            }
+        }
+    }
+
+    fn run(&mut self) -> GramStatus {
+        let tolerance = self.settings.tolerance;
+        loop {
+            if !self.count() {
+                return GramStatus::Capped;
+            }
+            if let Some(position) = self.step() {
+                self.remove(position);
+                continue;
+            }
+            self.place();
+            let mut worst = self.worst_again(tolerance).or_else(|| self.worst_of_all(tolerance));
+            for _ in 0..=REFINEMENTS {
+                if worst.is_some() {
+                    break;
+                }
+                if self.is_exact(tolerance) {
+                    return GramStatus::Solved;
+                }
+                self.refine();
+                worst = self.worst_of_all(tolerance);
+            }
+            let Some(violation) = worst else { return GramStatus::Numerical };
+            if let Some(status) = self.add(violation) {
+                return status;
+            }
+        }
+    }
+
+    /// Counts an iteration; false where there are no more.
+    fn count(&mut self) -> bool {
+        if self.workspace.iterations == self.settings.iterations {
+            return false;
+        }
+        self.workspace.iterations += 1;
+        true
+    }
+
+    fn bound(&self, row: usize, side: Side) -> f64 {
+        match side {
+            Side::Lower => self.workspace.lower[row],
+            Side::Upper => self.workspace.upper[row],
+            Side::Both => 0.5 * (self.workspace.lower[row] + self.workspace.upper[row]),
+        }
+    }
+
+    /// How far a row is above a bound of its.
+    fn excess(&self, row: usize, side: Side, x: &[f64]) -> f64 {
+        self.program.value(row, x) - self.bound(row, side)
+    }
+
+    /// Takes a row into the active ones, unless it is a combination of them: then `target` are its factors.
+    fn append(&mut self, row: usize, side: Side, multiplier: f64) -> bool {
+        let products = self.program.products(row);
+        let workspace = &mut *self.workspace;
+        workspace.target.clear();
+        workspace.target.extend(workspace.active.iter().map(|(other, _)| products[*other]));
+        if !workspace.factor.append(&mut workspace.target, products[row]) {
+            return false;
+        }
+        workspace.active.push((row, side));
+        workspace.multipliers.push(multiplier);
+        workspace.is_active[row] = true;
+        let excess = self.excess(row, side, &self.workspace.free_x);
+        self.workspace.excesses.push(excess);
+        true
+    }
+
+    fn remove(&mut self, position: usize) {
+        let workspace = &mut *self.workspace;
+        let (row, _) = workspace.active.remove(position);
+        workspace.multipliers.remove(position);
+        workspace.excesses.remove(position);
+        workspace.is_active[row] = false;
+        workspace.factor.remove(position);
+    }
+
+    /// Moves the multipliers towards those with which the active rows hold, until one reaches zero: that row is to leave.
+    fn step(&mut self) -> Option<usize> {
+        let workspace = &mut *self.workspace;
+        workspace.target.clear();
+        workspace.target.extend_from_slice(&workspace.excesses);
+        workspace.factor.solve(&mut workspace.target);
+        let (mut length, mut leaving, mut most) = (1.0, None, 0.0);
+        for (position, (target, multiplier)) in workspace.target.iter().zip(&workspace.multipliers).enumerate() {
+            let sign = workspace.active[position].1.sign();
+            let (target, multiplier) = (sign * target, sign * multiplier);
+            if target < 0.0 {
+                let until = multiplier / (multiplier - target);
+                if until < length || (until <= length && target < most) {
+                    (length, leaving, most) = (until, Some(position), target);
+                }
+            }
+        }
+        for (target, multiplier) in workspace.target.iter().zip(&mut workspace.multipliers) {
+            *multiplier += length * (target - *multiplier);
+        }
+        for ((_, side), multiplier) in workspace.active.iter().zip(&mut workspace.multipliers) {
+            if side.sign() * *multiplier < 0.0 {
+                *multiplier = 0.0;
+            }
+        }
+        leaving
+    }
+
+    /// The solution of the multipliers.
+    fn place(&mut self) {
+        let workspace = &mut *self.workspace;
+        workspace.x.copy_from_slice(&workspace.free_x);
+        for ((row, _), multiplier) in workspace.active.iter().zip(&workspace.multipliers) {
+            self.program.add_column(*row, -multiplier, &mut workspace.x);
+        }
+    }
+
+    /// Of the rows found violated last, the one that is most.
+    fn worst_again(&self, tolerance: f64) -> Option<Violation> {
+        let (mut worst, mut most) = (None, tolerance);
+        for row in &self.workspace.violated {
+            if self.workspace.is_active[*row] {
+                continue;
+            }
+            let value = self.program.value(*row, &self.workspace.x);
+            let (above, below) = (value - self.workspace.upper[*row], self.workspace.lower[*row] - value);
+            let excess = f64::max(above, below);
+            if excess > most {
+                (worst, most) = (Some(Violation { row: *row, sign: if above > below { 1.0 } else { -1.0 } }), excess);
+            }
+        }
+        worst
+    }
+
+    /// Of all rows, the one violated most; notes all that are.
+    fn worst_of_all(&mut self, tolerance: f64) -> Option<Violation> {
+        let workspace = &mut *self.workspace;
+        self.program.by_panels.times(&workspace.x, &mut workspace.values);
+        workspace.violated.clear();
+        let bounds = workspace.lower.iter().zip(&workspace.upper);
+        let (mut worst, mut most) = (None, tolerance);
+        for (row, (value, (lower, upper))) in workspace.values.iter().zip(bounds).enumerate() {
+            let (above, below) = (value - upper, lower - value);
+            let excess = f64::max(above, below);
+            if excess > tolerance && !workspace.is_active[row] {
+                workspace.violated.push(row);
+                if excess > most {
+                    (worst, most) = (Some(Violation { row, sign: if above > below { 1.0 } else { -1.0 } }), excess);
+                }
+            }
+        }
+        worst
+    }
+
+    /// Whether the active rows hold and the gradient vanishes, both by the solution itself; `target` and `correction` become what
+    /// is left of them.
+    fn is_exact(&mut self, tolerance: f64) -> bool {
+        let (program, workspace) = (self.program, &mut *self.workspace);
+        program.hessian.times(&workspace.x, &mut workspace.gradient);
+        for (gradient, linear) in workspace.gradient.iter_mut().zip(self.linear) {
+            *gradient += linear;
+        }
+        for ((row, _), multiplier) in workspace.active.iter().zip(&workspace.multipliers) {
+            program.add_normal(*row, *multiplier, &mut workspace.gradient);
+        }
+        program.inverse.times(&workspace.gradient, &mut workspace.correction);
+        let square = dot(&workspace.gradient, &workspace.correction);
+        self.residuals();
+        square <= tolerance * tolerance && largest(&self.workspace.target) <= tolerance
+    }
+
+    /// Writes how far the active rows are above their bounds.
+    fn residuals(&mut self) {
+        self.workspace.target.clear();
+        for position in 0..self.workspace.active.len() {
+            let (row, side) = self.workspace.active[position];
+            let residual = self.excess(row, side, &self.workspace.x);
+            self.workspace.target.push(residual);
+        }
+    }
+
+    /// Corrects solution and multipliers by what is left of the conditions.
+    fn refine(&mut self) {
+        let workspace = &mut *self.workspace;
+        for (x, correction) in workspace.x.iter_mut().zip(&workspace.correction) {
+            *x -= correction;
+        }
+        self.residuals();
+        let workspace = &mut *self.workspace;
+        workspace.factor.solve(&mut workspace.target);
+        for (position, change) in workspace.target.iter().enumerate() {
+            workspace.multipliers[position] += change;
+            self.program.add_column(workspace.active[position].0, -change, &mut workspace.x);
+        }
+    }
+
+    /// Takes a violated row into the active ones; those it is a combination of make room for it. A status where none can.
+    fn add(&mut self, Violation { row, sign }: Violation) -> Option<GramStatus> {
+        let side = if self.program.equality[row] {
+            Side::Both
+        } else if sign > 0.0 {
+            Side::Upper
+        } else {
+            Side::Lower
+        };
+        let mut multiplier = 0.0;
+        while !self.append(row, side, multiplier) {
+            if !self.count() {
+                return Some(GramStatus::Capped);
+            }
+            // Along this the solution stays, while the multiplier of the row grows.
+            let workspace = &mut *self.workspace;
+            workspace.target.iter_mut().for_each(|factor| *factor *= -sign);
+            let vanishing = VANISHING * f64::max(1.0, largest(&workspace.target));
+            let (mut length, mut leaving, mut steepest) = (f64::INFINITY, None, 0.0);
+            for (position, (change, multiplier)) in workspace.target.iter().zip(&workspace.multipliers).enumerate() {
+                let of_side = workspace.active[position].1.sign();
+                let (change, multiplier) = (of_side * change, of_side * multiplier);
+                if change < -vanishing {
+                    let until = -multiplier / change;
+                    if until < length || (until <= length && change < steepest) {
+                        (length, leaving, steepest) = (until, Some(position), change);
+                    }
+                }
+            }
+            let Some(leaving) = leaving else { return Some(self.prove_infeasible(row, sign)) };
+            for (change, multiplier) in workspace.target.iter().zip(&mut workspace.multipliers) {
+                *multiplier += length * change;
+            }
+            multiplier += sign * length;
+            self.remove(leaving);
+        }
+        None
+    }
+
+    /// That a row cannot hold together with the active ones, of which it is the combination in `target`: checked before it is said.
+    fn prove_infeasible(&mut self, row: usize, sign: f64) -> GramStatus {
+        let (program, workspace) = (self.program, &mut *self.workspace);
+        let mut support = 0.0;
+        workspace.gradient.fill(0.0);
+        workspace.correction.fill(0.0);
+        let active = workspace.active.iter().zip(&workspace.target).filter_map(|((row, side), factor)| {
+            let is_right = side.sign() * factor >= 0.0;
+            is_right.then_some((*row, *factor))
+        });
+        for (row, factor) in active.chain([(row, sign)]) {
+            let bound = if factor > 0.0 { workspace.upper[row] } else { workspace.lower[row] };
+            if factor != 0.0 {
+                support += factor * bound;
+            }
+            program.add_normal(row, factor, &mut workspace.gradient);
+            program.add_column(row, factor, &mut workspace.correction);
+            workspace.certificate[row] = factor * program.scales[row];
+        }
+        let left = f64::sqrt(f64::max(0.0, dot(&workspace.gradient, &workspace.correction)));
+        program.hessian.times(&workspace.x, &mut workspace.correction);
+        let distance = f64::sqrt(f64::max(0.0, dot(&workspace.x, &workspace.correction)));
+        if -support > FAR * (1.0 + distance) * left { GramStatus::Infeasible } else { GramStatus::Numerical }
+    }
+}

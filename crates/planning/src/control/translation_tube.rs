@@ -1,0 +1,320 @@
+//! Three axes, one belief: which plan is flown, which revision it stands on, and what happens where there is none.
+
+use super::force_box::across;
+use super::{
+    Adoption, AttitudeSpan, AxisGain, AxisLimits, AxisRequest, AxisTemplate, AxisTube, Fallback, FallbackReason,
+    GramStatus, MassInterval, SymmetricBox, Terminal, TubeDisturbance, TubeWeights,
+};
+use crate::belief::ModelBelief;
+use crate::error::{PlanningError, not_negative};
+use nalgebra::{UnitQuaternion, Vector2, Vector3};
+
+/// What a tube is built for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TubeSettings {
+    /// Feedback around the nominal motion, and the time between decisions.
+    pub gain: AxisGain,
+    /// Decisions planned.
+    pub steps: usize,
+    /// What is judged.
+    pub weights: TubeWeights,
+    /// Where plans may end.
+    pub terminal: Terminal,
+    /// Largest speed along each axis, m/s.
+    pub speed_m_s: f64,
+    /// Least and largest position of the tracked point on each axis, m; infinite where there is no wall.
+    pub walls_m: [[f64; 2]; 3],
+    /// Largest force along each body axis, N.
+    pub force_limit_n: Vector3<f64>,
+    /// Attitudes at which forces are asked for.
+    pub attitudes: AttitudeSpan,
+    /// Error of the attitude by which forces are turned into body axes, rad: of the measurement, and what the body turns until
+    /// the next time.
+    pub turned_by_rad: f64,
+    /// What else disturbs.
+    pub disturbance: TubeDisturbance,
+    /// Where the mass certainly is.
+    pub mass: MassInterval,
+    /// How many standard deviations of `1 / m` are certain.
+    pub sigmas: f64,
+    /// The axes.
+    pub world_from_axes: UnitQuaternion<f64>,
+}
+
+/// How often what happened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TubeCounts {
+    /// Decisions taken.
+    pub decisions: u64,
+    /// Revisions taken over.
+    pub adopted: u64,
+    /// Decisions at which a revision waiting could not be taken over.
+    pub postponed: u64,
+    /// Beliefs that contradicted what was certain.
+    pub contradictions: u64,
+    /// Decisions flown on the last plan, shifted.
+    pub shifted: u64,
+    /// Decisions that began anew because the state was outside of the tube.
+    pub restarted: u64,
+    /// Decisions spent braking.
+    pub braking: u64,
+}
+
+/// The tubes of one revision.
+#[derive(Clone, Debug)]
+struct Revision {
+    number: u64,
+    mass: MassInterval,
+    axes: [AxisTube; 3],
+}
+
+impl Revision {
+    fn solve(&mut self, motion: &TrackedMotion) -> [GramStatus; 3] {
+        let mut statuses = [GramStatus::Solved; 3];
+        for (i, (axis, status)) in self.axes.iter_mut().zip(&mut statuses).enumerate() {
+            *status = axis.solve(&motion.states[i], &motion.references[i]);
+        }
+        statuses
+    }
+}
+
+/// The tracked point on each axis of the tube: where it is, and where it should be at each node of the plan.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TrackedMotion {
+    /// Measured position and velocity, m, m/s.
+    pub states: [Vector2<f64>; 3],
+    /// Wanted position and velocity at each node, the first one now; the last stands for those missing.
+    pub references: [Vec<Vector2<f64>>; 3],
+}
+
+/// Where the motion stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Phase {
+    /// Before the first decision.
+    Waiting,
+    /// A plan is in force.
+    Planned,
+    /// There is none: towards a point where it can stop.
+    Braking([f64; 3]),
+}
+
+/// Robust tube MPC of the translation.
+///
+/// The nominal motion is planned in accelerations and knows no mass; the mass interval sets the size of the tube around it. A new
+/// revision is taken over at the first decision at which a plan exists for it from the measured state, else the old one stays:
+/// both are valid, so that the guarantee never lapses.
+///
+/// # Source
+/// Thesis 2.4.2, 6.2.3; there with an additive tube and a fixed mass.
+#[derive(Clone, Debug)]
+pub struct TranslationTube {
+    settings: TubeSettings,
+    template: AxisTemplate,
+    current: Revision,
+    pending: Option<Revision>,
+    phase: Phase,
+    force_axes: Vector3<f64>,
+    counts: TubeCounts,
+}
+
+/// Excess over the tube that rounding explains, as a share of its size.
+const ROUNDING: f64 = 1e-9;
+
+impl TranslationTube {
+    /// A tube for the interval that is certain at the start.
+    ///
+    /// # Errors
+    /// Numbers out of range; [`PlanningError::NotPositive`] for "the acceleration left" where the tube takes all the force there is.
+    pub fn try_new(settings: TubeSettings) -> Result<Self, PlanningError> {
+        let measured = settings.disturbance.of_measurement(settings.gain.step_s);
+        let template = AxisTemplate::try_new(settings.gain, &SymmetricBox(measured))?;
+        let current = revision(&settings, &template, 0, settings.mass)?;
+        Ok(Self {
+            settings,
+            template,
+            current,
+            pending: None,
+            phase: Phase::Waiting,
+            force_axes: Vector3::zeros(),
+            counts: TubeCounts::default(),
+        })
+    }
+
+    /// What it was built for.
+    pub fn settings(&self) -> &TubeSettings {
+        &self.settings
+    }
+
+    /// Revision in use; zero before the first.
+    pub fn model_revision(&self) -> u64 {
+        self.current.number
+    }
+
+    /// Where the mass is taken to be.
+    pub fn mass(&self) -> MassInterval {
+        self.current.mass
+    }
+
+    /// The tubes in use.
+    pub fn axes(&self) -> &[AxisTube; 3] {
+        &self.current.axes
+    }
+
+    /// How often what happened.
+    pub fn counts(&self) -> TubeCounts {
+        self.counts
+    }
+
+    /// The force of the last decision, axes of the tube, N; to be held until the next, turned with the body.
+    pub fn force_axes(&self) -> Vector3<f64> {
+        self.force_axes
+    }
+
+    /// Offers a belief. Once a plan is in force it waits for a decision.
+    ///
+    /// # Errors
+    /// A mass or a variance that cannot be.
+    pub fn offer(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
+        let kept = self.current.number;
+        // what waits is newer knowledge than what is in use
+        let certain = self.pending.as_ref().map_or(self.current.mass, |pending| pending.mass);
+        let Some(mass) = MassInterval::believed(belief, self.settings.sigmas, &certain)? else {
+            self.counts.contradictions += 1;
+            return Ok(Adoption::Contradicts { kept });
+        };
+        let next = revision(&self.settings, &self.template, belief.revision, mass)?;
+        if self.phase == Phase::Waiting {
+            self.current = next;
+            self.counts.adopted += 1;
+            return Ok(Adoption::Adopted);
+        }
+        self.pending = Some(next);
+        Ok(Adoption::Postponed { kept })
+    }
+
+    /// Decides on the force until the next decision. The revision that waits may track another point of the body: `next` is the
+    /// motion of that one.
+    pub fn decide(&mut self, motion: &TrackedMotion, next: &TrackedMotion) -> Option<Fallback> {
+        self.counts.decisions += 1;
+        let mut excess = f64::NEG_INFINITY;
+        if self.phase == Phase::Planned {
+            for (axis, state) in self.current.axes.iter_mut().zip(&motion.states) {
+                axis.advance();
+                let error = state - axis.plan().start;
+                excess = excess.max(axis.problem().outside(&error, axis.plan().scale));
+            }
+        }
+        let is_inside = self.phase == Phase::Planned && excess <= ROUNDING;
+        let takes_over = self.takes_over(next);
+        let motion = if takes_over { next } else { motion };
+        let fallback = if takes_over {
+            None
+        } else {
+            let statuses = self.current.solve(motion);
+            match statuses.into_iter().find(|status| *status != GramStatus::Solved) {
+                None => None,
+                Some(status) if is_inside => Some(Fallback::Shifted(reason(status))),
+                Some(status) => Some(Fallback::Braking(reason(status))),
+            }
+        };
+        let fallback = match fallback {
+            None if self.phase == Phase::Planned && !is_inside => {
+                Some(Fallback::Restarted(FallbackReason::OutsideTube { excess }))
+            }
+            other => other,
+        };
+        match fallback {
+            Some(Fallback::Braking(_)) => self.brake(&motion.states),
+            _ => {
+                self.phase = Phase::Planned;
+                for ((force, axis), state) in self.force_axes.iter_mut().zip(&self.current.axes).zip(&motion.states) {
+                    *force = axis.force_n(state);
+                }
+            }
+        }
+        match fallback {
+            None => {}
+            Some(Fallback::Shifted(_)) => self.counts.shifted += 1,
+            Some(Fallback::Restarted(_)) => self.counts.restarted += 1,
+            Some(Fallback::Braking(_)) => self.counts.braking += 1,
+        }
+        fallback
+    }
+
+    /// Whether a revision that waits has a plan from here, and so is in use now.
+    fn takes_over(&mut self, motion: &TrackedMotion) -> bool {
+        let Some(mut pending) = self.pending.take() else { return false };
+        if pending.solve(motion) == [GramStatus::Solved; 3] {
+            self.current = pending;
+            self.counts.adopted += 1;
+            return true;
+        }
+        self.counts.postponed += 1;
+        self.pending = Some(pending);
+        false
+    }
+
+    /// Against the velocity with all there is, then to the point where that ends. What was believed of the mass is no longer
+    /// certain.
+    fn brake(&mut self, states: &[Vector2<f64>; 3]) {
+        let hold = if let Phase::Braking(hold) = self.phase {
+            hold
+        } else {
+            let stopping = |i: usize| {
+                let heaviest = self.settings.mass.largest_kg();
+                let (state, limit) = (&states[i], self.current.axes[i].problem().force_n / heaviest);
+                state.x + 0.5 * state.y * state.y.abs() / limit
+            };
+            // the widest tube is one more revision that waits; it was built once, so it can be built
+            let prior = revision(&self.settings, &self.template, self.current.number, self.settings.mass);
+            self.pending = prior.ok().filter(|prior| prior.mass != self.current.mass);
+            core::array::from_fn(stopping)
+        };
+        self.phase = Phase::Braking(hold);
+        for (i, axis) in self.current.axes.iter().enumerate() {
+            let problem = axis.problem();
+            let error = states[i] - Vector2::new(hold[i], 0.0);
+            let force = problem.center_kg * problem.feedback.dot(&error);
+            self.force_axes[i] = force.clamp(-problem.force_n, problem.force_n);
+        }
+    }
+}
+
+fn reason(status: GramStatus) -> FallbackReason {
+    match status {
+        GramStatus::Capped => FallbackReason::IterationCap,
+        GramStatus::Infeasible => FallbackReason::Infeasible,
+        GramStatus::Solved | GramStatus::Numerical => FallbackReason::Numerical,
+    }
+}
+
+fn revision(
+    settings: &TubeSettings,
+    template: &AxisTemplate,
+    number: u64,
+    mass: MassInterval,
+) -> Result<Revision, PlanningError> {
+    let turned_by = not_negative("the error of the attitude", settings.turned_by_rad)?;
+    let force = settings.attitudes.inner_box(&settings.force_limit_n);
+    let aside = across(&force) * libm::sin(turned_by.min(core::f64::consts::FRAC_PI_2));
+    let shortfall = 1.0 - libm::cos(turned_by);
+    let axis = |i: usize| {
+        let disturbance =
+            TubeDisturbance { force_n: settings.disturbance.force_n + aside[i], ..settings.disturbance };
+        AxisTube::try_new(&AxisRequest {
+            template,
+            mass,
+            limits: AxisLimits {
+                force_n: force[i],
+                speed_m_s: settings.speed_m_s,
+                walls_m: settings.walls_m[i],
+            },
+            shortfall,
+            disturbance,
+            weights: settings.weights,
+            steps: settings.steps,
+            terminal: settings.terminal,
+        })
+    };
+    Ok(Revision { number, mass, axes: [axis(0)?, axis(1)?, axis(2)?] })
+}

@@ -1,0 +1,184 @@
+//! Pose and twist in, wrench out: the tube for the translation, the attitude law for the turn, one belief for both.
+
+use super::{
+    Adoption, AttitudeController, ControlCommand, ControlRequest, Controller, ReferenceMotion, TrackedMotion,
+    TranslationTube, TubeCounts, TubeSettings,
+};
+use crate::belief::ModelBelief;
+use crate::error::{PlanningError, finite};
+use nalgebra::{Vector2, Vector3};
+use tumble_dynamics::{InertialParameters, PoseReference, RigidBodyState};
+use tumble_lie::Wrench;
+
+/// Share of a step by which a decision may come early.
+const EARLY: f64 = 1e-6;
+
+/// Which point of the body is kept on its way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TrackedPoint {
+    /// The body origin: right as long as nothing is known of the centre of mass.
+    Origin,
+    /// The centre of mass of the belief in use.
+    BelievedCenterOfMass,
+}
+
+/// The body of one revision.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Body {
+    revision: u64,
+    parameters: InertialParameters<f64>,
+}
+
+/// Robust tube MPC for the translation, an attitude law for the turn.
+///
+/// Decides on the force every step of the gain and holds it in the axes of the tube; turns it with the body, and computes the torque,
+/// at every call. The guarantee asks for decisions in equal steps: let the step be a multiple of the time between calls.
+#[derive(Clone, Debug)]
+pub struct TubeController {
+    tube: TranslationTube,
+    attitude: AttitudeController,
+    point: TrackedPoint,
+    current: Body,
+    offered: Option<Body>,
+    decided_s: Option<f64>,
+    motion: TrackedMotion,
+    next: TrackedMotion,
+}
+
+impl TubeController {
+    /// Before the first belief: `prior` is what is fed forward until then.
+    ///
+    /// # Errors
+    /// Those of [`TranslationTube::try_new`]; a body that cannot be.
+    pub fn try_new(
+        settings: TubeSettings,
+        attitude: AttitudeController,
+        point: TrackedPoint,
+        prior: &InertialParameters<f64>,
+    ) -> Result<Self, PlanningError> {
+        let parameters = prior.validated()?;
+        Ok(Self {
+            tube: TranslationTube::try_new(settings)?,
+            attitude,
+            point,
+            current: Body { revision: 0, parameters },
+            offered: None,
+            decided_s: None,
+            motion: TrackedMotion::default(),
+            next: TrackedMotion::default(),
+        })
+    }
+
+    /// The tube.
+    pub fn tube(&self) -> &TranslationTube {
+        &self.tube
+    }
+
+    /// How often what happened.
+    pub fn counts(&self) -> TubeCounts {
+        self.tube.counts()
+    }
+
+    fn is_due(&self, time_s: f64) -> bool {
+        let step_s = self.tube.settings().gain.step_s;
+        self.decided_s.is_none_or(|last| time_s - last >= step_s * (1.0 - EARLY))
+    }
+
+    fn decide(&mut self, request: &ControlRequest<'_>) -> Option<super::Fallback> {
+        let settings = *self.tube.settings();
+        let step_s = settings.gain.step_s;
+        let view = View { settings: &settings, request, point: self.point };
+        view.fill(&self.current, &mut self.motion);
+        if let Some(offered) = &self.offered {
+            view.fill(offered, &mut self.next);
+        }
+        let fallback = self.tube.decide(&self.motion, &self.next);
+        if let Some(offered) = self.offered.take_if(|offered| offered.revision == self.tube.model_revision()) {
+            self.current = offered;
+        }
+        // a decision a little late does not shift those to come
+        let on_time = self.decided_s.map(|last| last + step_s).filter(|due| request.time_s - due < step_s);
+        self.decided_s = Some(on_time.unwrap_or(request.time_s));
+        fallback
+    }
+}
+
+/// How a body's motion looks from the axes of the tube.
+struct View<'a> {
+    settings: &'a TubeSettings,
+    request: &'a ControlRequest<'a>,
+    point: TrackedPoint,
+}
+
+impl View<'_> {
+    fn fill(&self, body: &Body, motion: &mut TrackedMotion) {
+        let center_body = match self.point {
+            TrackedPoint::Origin => Vector3::zeros(),
+            TrackedPoint::BelievedCenterOfMass => body.parameters.center_of_mass(),
+        };
+        motion.states = self.tracked(self.request.state, &center_body);
+        for reference in &mut motion.references {
+            reference.clear();
+        }
+        for node in 0..=self.settings.steps {
+            let time_s = self.request.time_s + node as f64 * self.settings.gain.step_s;
+            let wanted = self.request.plan.trajectory.at(time_s);
+            for (to, from) in motion.references.iter_mut().zip(self.tracked(&wanted.state, &center_body)) {
+                to.push(from);
+            }
+        }
+    }
+
+    /// Position and velocity of a point of the body on each axis.
+    fn tracked(&self, state: &RigidBodyState<f64>, point_body: &Vector3<f64>) -> [Vector2<f64>; 3] {
+        let pose = &state.world_from_body;
+        let axes_from_world = self.settings.world_from_axes.inverse();
+        let velocity_body = state.twist_body.linear + state.twist_body.angular.cross(point_body);
+        let position = axes_from_world * (pose.translation.vector + pose.rotation * point_body);
+        let velocity = axes_from_world * (pose.rotation * velocity_body);
+        core::array::from_fn(|i| Vector2::new(position[i], velocity[i]))
+    }
+}
+
+/// An error where a number of a reference or a state is none.
+fn checked(what: &'static str, state: &RigidBodyState<f64>) -> Result<(), PlanningError> {
+    let pose = &state.world_from_body;
+    let numbers = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
+    let moving = state.twist_body.angular.iter().chain(state.twist_body.linear.iter());
+    numbers.chain(moving).try_for_each(|number| finite(what, *number).map(drop))
+}
+
+impl Controller for TubeController {
+    fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
+        let parameters = belief.parameters().validated()?;
+        let adoption = self.tube.offer(belief)?;
+        let body = Body { revision: belief.revision, parameters };
+        match adoption {
+            Adoption::Adopted => self.current = body,
+            Adoption::Postponed { .. } => self.offered = Some(body),
+            Adoption::Contradicts { .. } => {}
+        }
+        Ok(adoption)
+    }
+
+    fn command(&mut self, request: &ControlRequest<'_>) -> Result<ControlCommand, PlanningError> {
+        finite("the time", request.time_s)?;
+        checked("the measured state", request.state)?;
+        let wanted: PoseReference = request.plan.trajectory.at(request.time_s);
+        checked("the reference", &wanted.state)?;
+        let fallback = if self.is_due(request.time_s) { self.decide(request) } else { None };
+        let settings = self.tube.settings();
+        let world_from_body = request.state.world_from_body.rotation;
+        let force = world_from_body.inverse() * (settings.world_from_axes * self.tube.force_axes());
+        // inside the span of attitudes this takes nothing away
+        let share = force.abs().component_div(&settings.force_limit_n).max();
+        let force = if share > 1.0 { force / share } else { force };
+        let torque = self.attitude.torque(request.state, &wanted, &self.current.parameters, &force);
+        Ok(ControlCommand {
+            wrench_body: Wrench::new(torque, force),
+            model_revision: self.current.revision,
+            fallback,
+            mass: Some(self.tube.mass()),
+        })
+    }
+}
