@@ -28,7 +28,6 @@ use hull::{Cover, Obstacle, Swept, TrackedBody};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use separation::separating_normal;
 use tumble_dynamics::World;
-use tumble_lie::Pose;
 
 /// What the shifted plan may exceed a plane that is kept by, m: the solver's rounding.
 const ROUNDING_M: f64 = 1e-8;
@@ -67,7 +66,7 @@ pub struct NominalPath<'a> {
     /// Half-widths of the tube of this plan, slack included, along the axes of the plan, m.
     pub tube_m: Vector3<f64>,
     /// The axes of the plan.
-    pub world_from_axes: &'a Pose<f64>,
+    pub world_from_axes: UnitQuaternion<f64>,
     /// Attitudes of the reference at the nodes, world from body.
     pub attitudes: &'a [UnitQuaternion<f64>],
     /// Largest rate at which the reference turns, rad/s.
@@ -205,7 +204,7 @@ impl ObstaclePlanes {
         let error_rad = not_negative("the attitude error", path.attitude_error_rad)?;
         let turn_rad = not_negative("the rate of the reference", path.turn_rad_s)? * path.step_s;
         for (world, position) in self.nodes_world.iter_mut().zip(path.positions) {
-            *world = path.world_from_axes.rotation * position + path.world_from_axes.translation.vector;
+            *world = path.world_from_axes * position;
         }
         for (cover, pair) in self.covers.iter_mut().zip(path.attitudes.windows(2)) {
             if let [from, to] = pair {
@@ -248,8 +247,8 @@ impl ObstaclePlanes {
         for planes in self.planes.chunks_exact(self.steps) {
             for (k, plane) in planes.iter().enumerate() {
                 let Some(plane) = plane else { continue };
-                let normal = path.world_from_axes.rotation.inverse() * plane.normal_world;
-                let offset_m = plane.offset_m - plane.normal_world.dot(&path.world_from_axes.translation.vector);
+                let normal = path.world_from_axes.inverse() * plane.normal_world;
+                let offset_m = plane.offset_m;
                 let neighbour = |other: Option<&Option<ObstaclePlane>>| {
                     other.copied().flatten().filter(|other| other.normal_world == plane.normal_world)
                 };
@@ -273,9 +272,9 @@ impl ObstaclePlanes {
 fn is_within(swept: &Swept<'_>, path: &NominalPath<'_>, reach: &Reach, k: usize, radius_m: f64) -> bool {
     let (lower, upper) = swept.extent();
     let ends = [k, k + 1].map(|node| reach.at(path.step_s * node as f64));
-    let rotation = path.world_from_axes.rotation.to_rotation_matrix();
+    let rotation = path.world_from_axes.to_rotation_matrix();
     let boxes = ends.map(|(middle, half)| {
-        let middle = rotation * middle + path.world_from_axes.translation.vector;
+        let middle = rotation * middle;
         let half = rotation.matrix().abs() * (half + reach.tube_m());
         (middle - half, middle + half)
     });
@@ -302,7 +301,7 @@ impl Segment<'_> {
 
     /// How far the plan, with its tube, stays below a plane, m.
     fn room_m(&self, plane: &ObstaclePlane) -> f64 {
-        let normal = self.path.world_from_axes.rotation.inverse() * plane.normal_world;
+        let normal = self.path.world_from_axes.inverse() * plane.normal_world;
         let tube_m = normal.abs().dot(&self.path.tube_m);
         let [from, to] = self.ends.map(|end| plane.normal_world.dot(&end));
         plane.offset_m - f64::max(from, to) - tube_m
@@ -312,7 +311,7 @@ impl Segment<'_> {
     fn farthest(&self, normal: &Vector3<f64>) -> Vector3<f64> {
         let [from, to] = self.ends;
         let end = if normal.dot(&from) > normal.dot(&to) { from } else { to };
-        let rotation = &self.path.world_from_axes.rotation;
+        let rotation = self.path.world_from_axes;
         let along = rotation.inverse() * normal;
         let corner = self.path.tube_m.zip_map(&along, |half: f64, along: f64| half.copysign(along));
         end + rotation * corner + self.cover.support_point(normal)

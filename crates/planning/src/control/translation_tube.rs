@@ -299,16 +299,11 @@ fn revision(
     let aside = across(&force) * libm::sin(turned_by.min(core::f64::consts::FRAC_PI_2));
     let shortfall = 1.0 - libm::cos(turned_by);
     let axis = |i: usize| {
-        let disturbance =
-            TubeDisturbance { force_n: settings.disturbance.force_n + aside[i], ..settings.disturbance };
+        let disturbance = TubeDisturbance { force_n: settings.disturbance.force_n + aside[i], ..settings.disturbance };
         AxisTube::try_new(&AxisRequest {
             template,
             mass,
-            limits: AxisLimits {
-                force_n: force[i],
-                speed_m_s: settings.speed_m_s,
-                walls_m: settings.walls_m[i],
-            },
+            limits: AxisLimits { force_n: force[i], speed_m_s: settings.speed_m_s, walls_m: settings.walls_m[i] },
             shortfall,
             disturbance,
             weights: settings.weights,

@@ -52,7 +52,10 @@ fn the_quadratic_form_is_the_sum_over_the_steps() {
         let reference: Vec<Vector2<f64>> =
             random(seed + 100, 2 * (problem.steps + 1)).chunks(2).map(|pair| Vector2::new(pair[0], pair[1])).collect();
         problem.linear(&reference, &mut linear);
-        let quadratic: f64 = (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).map(|(i, j)| x[i] * problem.hessian[i * n + j] * x[j]).sum();
+        let quadratic: f64 = (0..n)
+            .flat_map(|i| (0..n).map(move |j| (i, j)))
+            .map(|(i, j)| x[i] * problem.hessian[i * n + j] * x[j])
+            .sum();
         let found = 0.5 * quadratic + linear.iter().zip(&x).map(|(f, x)| f * x).sum::<f64>();
         let mut expected = 0.5 * (1e-9 * (x[0] * x[0] + x[1] * x[1]) + 0.01 * x[n - 1] * x[n - 1]);
         for (k, (state, wanted)) in simulated(&problem, &x).iter().zip(&reference).enumerate() {
@@ -80,7 +83,12 @@ fn rows_say_what_they_should() {
             let x: Vec<f64> = x[..n - 1].iter().copied().chain([scale]).collect();
             let states = simulated(&problem, &x);
             problem.bounds(&measured, &mut lower, &mut upper);
-            let slack: Vec<f64> = problem.rows.chunks(n).zip(&upper).map(|(row, upper)| upper - row.iter().zip(&x).map(|(a, x)| a * x).sum::<f64>()).collect();
+            let slack: Vec<f64> = problem
+                .rows
+                .chunks(n)
+                .zip(&upper)
+                .map(|(row, upper)| upper - row.iter().zip(&x).map(|(a, x)| a * x).sum::<f64>())
+                .collect();
             let face = |i: usize| scale * problem.scaled[i] + problem.held[i];
             let mut expected = Vec::new();
             for i in 0..5 {
@@ -122,7 +130,8 @@ fn a_shifted_row_says_at_the_next_step_what_the_row_said() {
     let n = problem.unknowns();
     let x: Vec<f64> = random(3, n - 1).iter().map(|x| 0.1 * x).chain([0.7]).collect();
     let states = simulated(&problem, &x);
-    let next: Vec<f64> = [states[1].x, states[1].y].into_iter().chain(x[3..n - 1].iter().copied()).chain([0.0, 0.7]).collect();
+    let next: Vec<f64> =
+        [states[1].x, states[1].y].into_iter().chain(x[3..n - 1].iter().copied()).chain([0.0, 0.7]).collect();
     let value = |row: usize, x: &[f64]| -> f64 { problem.rows[row * n..][..n].iter().zip(x).map(|(a, x)| a * x).sum() };
     let mut moved = 0;
     for (row, to) in problem.shifted.iter().enumerate() {
@@ -143,11 +152,23 @@ fn what_cannot_be_is_refused() {
     let good = request(&template, 0.5);
     let refused = |request: AxisRequest<'_>| AxisProblem::try_new(&request).unwrap_err().to_string();
     let limits = good.limits;
-    assert!(refused(AxisRequest { mass: MassInterval::between(0.1, 100.0).unwrap(), ..good }).contains("acceleration left"));
+    assert!(
+        refused(AxisRequest { mass: MassInterval::between(0.1, 100.0).unwrap(), ..good }).contains("acceleration left")
+    );
     assert!(refused(AxisRequest { limits: AxisLimits { speed_m_s: 1e-3, ..limits }, ..good }).contains("speed left"));
-    assert!(refused(AxisRequest { limits: AxisLimits { walls_m: [-0.01, 0.01], ..limits }, ..good }).contains("room left"));
-    assert!(refused(AxisRequest { limits: AxisLimits { walls_m: [f64::NAN, 0.01], ..limits }, ..good }).contains("NaN"));
+    assert!(
+        refused(AxisRequest { limits: AxisLimits { walls_m: [-0.01, 0.01], ..limits }, ..good }).contains("room left")
+    );
+    assert!(
+        refused(AxisRequest { limits: AxisLimits { walls_m: [f64::NAN, 0.01], ..limits }, ..good }).contains("NaN")
+    );
     assert!(refused(AxisRequest { steps: 0, ..good }).contains("steps"));
     assert!(refused(AxisRequest { shortfall: -0.1, ..good }).contains("shortfall"));
-    assert!(AxisProblem::try_new(&AxisRequest { limits: AxisLimits { walls_m: [f64::NEG_INFINITY, f64::INFINITY], ..limits }, ..good }).is_ok());
+    assert!(
+        AxisProblem::try_new(&AxisRequest {
+            limits: AxisLimits { walls_m: [f64::NEG_INFINITY, f64::INFINITY], ..limits },
+            ..good
+        })
+        .is_ok()
+    );
 }
