@@ -5,14 +5,21 @@
 //! # Source
 //! Thesis 2.4.2, 6.2.3.
 
+mod attitude;
+mod attitude_certificate;
+mod axis_problem;
 mod axis_template;
+mod axis_tube;
+mod believed_body;
+mod cascade;
 mod contraction;
 mod controller;
 mod coupled_axes;
 mod mass_interval;
 mod obstacle_planes;
 mod convex_set;
-mod invariant_set;
+mod feedback;
+mod force_box;
 mod gram_program;
 mod mass_interval;
 mod polygon;
@@ -39,29 +46,43 @@ mod attitude;
 mod attitude_certificate;
 mod controller;
 mod inertia_interval;
+mod invariant_set;
 mod mass_interval;
 mod peak_gain;
+mod polygon;
+mod pose_tracking;
+mod rakovic;
+mod riccati;
 mod rotated_box;
+mod small_matrix;
+mod translation_tube;
+mod tube_controller;
 
 pub use attitude::{AttitudeController, AttitudeError, AttitudeGains, AttitudeLaw, AttitudeTorque};
 pub use attitude_certificate::{
     AttitudeCertificate, AttitudeConditions, AttitudeLoop, AttitudeNoise, AttitudeRefusal, ReferenceTurning,
     TorqueBudget,
 };
+pub use axis_problem::{AxisLimits, AxisProblem, AxisRequest, Terminal, TubeDisturbance, TubeWeights};
+pub use axis_template::{AxisGain, AxisTemplate, TEMPLATE_ROWS};
+pub use axis_tube::{AxisPlan, AxisTube};
+pub use cascade::{Cascade, RotationGains, TranslationDecision, TranslationLaw, TranslationRequest};
+pub use contraction::Contraction;
 pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
+pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, Zonotope};
+pub use feedback::{LinearFeedback, LqrController, TranslationWeights};
+pub use force_box::AttitudeSpan;
+#[cfg(feature = "clarabel")]
+pub use gram_program::{GramOptimum, solve_gram_with_clarabel};
+pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
+pub use invariant_set::{MinimalInvariantSet, Support};
 pub use mass_interval::MassInterval;
 pub use peak_gain::AttitudeTiming;
-pub use rotated_box::{available_share, rotation_share};
-mod believed_body;
-mod cascade;
-mod controller;
-mod feedback;
-mod mass_interval;
-mod pose_tracking;
-
-pub use cascade::{Cascade, RotationGains, TranslationDecision, TranslationLaw, TranslationRequest};
-pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
-pub use feedback::{LinearFeedback, LqrController, TranslationWeights};
-pub use mass_interval::MassInterval;
+pub use polygon::{Polygon, Strips};
 pub use pose_tracking::PoseTracking;
+pub use rakovic::RakovicSet;
+pub use riccati::discrete_lqr;
+pub use rotated_box::{available_share, rotation_share};
+pub use translation_tube::{TrackedMotion, TranslationTube, TubeCounts, TubeSettings};
+pub use tube_controller::{TrackedPoint, TubeController};

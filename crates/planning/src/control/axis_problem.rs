@@ -138,10 +138,18 @@ pub struct AxisProblem {
     terminal_cost: Matrix2<f64>,
 }
 
+/// Most steps a stop may take.
+const LONGEST_STOP: u32 = 500;
+
+fn at_most(what: &'static str, value: f64, most: u32) -> Result<f64, PlanningError> {
+    let upper = f64::from(most);
+    if value <= upper { Ok(value) } else { Err(PlanningError::OutOfRange { what, value, lower: 1.0, upper }) }
+}
+
 /// The rows while they are collected.
 struct Rows {
     unknowns: usize,
-    rows: Vec<f64>,
+    entries: Vec<f64>,
     equality: Vec<bool>,
     lower: Vec<f64>,
     upper: Vec<f64>,
@@ -151,7 +159,7 @@ struct Rows {
 
 impl Rows {
     fn add(&mut self, row: &[f64], upper: f64) -> usize {
-        self.rows.extend_from_slice(row);
+        self.entries.extend_from_slice(row);
         self.equality.push(false);
         self.lower.push(f64::NEG_INFINITY);
         self.upper.push(upper);
@@ -291,7 +299,7 @@ impl AxisProblem {
         let scale = self.scale_index();
         let mut rows = Rows {
             unknowns: n,
-            rows: Vec::new(),
+            entries: Vec::new(),
             equality: Vec::new(),
             lower: Vec::new(),
             upper: Vec::new(),
@@ -315,6 +323,7 @@ impl AxisProblem {
                 rows.shifted[index] = (k > 0).then(|| index - 2);
             }
         }
+        let step_s = self.step_s;
         let tightened = |limit: f64, i: usize| limit - self.held[2 + i] - self.slack[i];
         let room = |what, value| positive(what, value);
         room("the speed left beside the tube", tightened(speed, 1) - self.scaled[3] * self.least_scale)?;
@@ -359,10 +368,11 @@ impl AxisProblem {
                 rows.lower[index] = 0.0;
                 rows.equality[index] = true;
             }
-            Terminal::StopSet => {
-                let coming = f64::ceil(speed / (self.acceleration_m_s2 * self.step_s)) as usize + 1;
-                for j in 1..=coming {
-                    let later = j as f64 * self.step_s;
+            Terminal::StopSet if walled[0] || walled[1] => {
+                let stopping = f64::ceil(speed / (self.acceleration_m_s2 * step_s)) + 1.0;
+                let stopping = at_most("the steps to a stop", stopping, LONGEST_STOP)?;
+                for later in (1..=LONGEST_STOP).map(f64::from).take_while(|j| *j <= stopping) {
+                    let later = later * step_s;
                     let gained = 0.5 * later * later;
                     for (sign, wall, there) in [(1.0, walls[1], walled[1]), (-1.0, -walls[0], walled[0])] {
                         if !there {
@@ -374,10 +384,17 @@ impl AxisProblem {
                         rows.add(&row, tightened(wall, 0) - gained * self.held_acceleration);
                     }
                 }
+                // a smaller tube brakes less: at rest when the rows above end, whatever the scale
+                for sign in [1.0, -1.0] {
+                    let mut row: Vec<f64> = velocity.iter().map(|entry| sign * entry).collect();
+                    row[scale] -= stopping * step_s * self.scaled_acceleration;
+                    rows.add(&row, -stopping * step_s * self.held_acceleration);
+                }
             }
+            Terminal::StopSet => {}
         }
-        let Rows { rows, equality, lower, upper, of_state, shifted, .. } = rows;
-        (self.rows, self.equality, self.lower, self.upper) = (rows, equality, lower, upper);
+        let Rows { entries, equality, lower, upper, of_state, shifted, .. } = rows;
+        (self.rows, self.equality, self.lower, self.upper) = (entries, equality, lower, upper);
         (self.of_state, self.shifted) = (of_state, shifted);
         Ok(())
     }

@@ -2,8 +2,9 @@
 
 use super::believed_body::{sound_reference, translation};
 use super::cascade::{Cascade, RotationGains, TranslationDecision, TranslationLaw, TranslationRequest};
+use super::riccati::discrete_lqr;
 use crate::error::{PlanningError, positive};
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix1, Matrix2, Vector2};
 use tumble_dynamics::{FreeFlyer, WrenchBox};
 
 /// What errors of position and velocity, and accelerations, weigh along each axis.
@@ -40,18 +41,8 @@ pub(super) fn axis_lqr(
     positive("the weight of the acceleration", acceleration)?;
     let (a, b) = axis_model(step_s);
     let state = Matrix2::from_diagonal(&Vector2::new(position, velocity));
-    let mut cost = state;
-    let gain = |cost: &Matrix2<f64>| (a.transpose() * (cost * b)) / (acceleration + b.dot(&(cost * b)));
-    for _ in 0..100_000 {
-        let closed = a - b * gain(&cost).transpose();
-        let next = state + gain(&cost) * gain(&cost).transpose() * acceleration + closed.transpose() * cost * closed;
-        let change = (next - cost).amax();
-        cost = next;
-        if change <= 1e-14 * cost.amax() {
-            break;
-        }
-    }
-    Ok((gain(&cost), cost))
+    let (gain, cost) = discrete_lqr(&a, &b, &state, &Matrix1::new(acceleration))?;
+    Ok((-gain.transpose(), cost))
 }
 
 /// Acceleration of the reference, on average until the next decision, minus feedback of the error; times the believed mass.

@@ -1,13 +1,14 @@
 //! Pose and twist in, wrench out: the tube for the translation, the attitude law for the turn, one belief for both.
 
+use super::believed_body::{sound_reference, sound_state};
 use super::{
-    Adoption, AttitudeController, ControlCommand, ControlRequest, Controller, ReferenceMotion, TrackedMotion,
-    TranslationTube, TubeCounts, TubeSettings,
+    Adoption, AttitudeController, ControlCommand, ControlRequest, Controller, TrackedMotion, TranslationTube,
+    TubeCounts, TubeSettings,
 };
 use crate::belief::ModelBelief;
-use crate::error::{PlanningError, finite};
+use crate::error::PlanningError;
 use nalgebra::{Vector2, Vector3};
-use tumble_dynamics::{InertialParameters, PoseReference, RigidBodyState};
+use tumble_dynamics::{InertialParameters, RigidBodyState};
 use tumble_lie::Wrench;
 
 /// Share of a step by which a decision may come early.
@@ -140,14 +141,6 @@ impl View<'_> {
     }
 }
 
-/// An error where a number of a reference or a state is none.
-fn checked(what: &'static str, state: &RigidBodyState<f64>) -> Result<(), PlanningError> {
-    let pose = &state.world_from_body;
-    let numbers = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
-    let moving = state.twist_body.angular.iter().chain(state.twist_body.linear.iter());
-    numbers.chain(moving).try_for_each(|number| finite(what, *number).map(drop))
-}
-
 impl Controller for TubeController {
     fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
         let parameters = belief.parameters().validated()?;
@@ -162,10 +155,8 @@ impl Controller for TubeController {
     }
 
     fn command(&mut self, request: &ControlRequest<'_>) -> Result<ControlCommand, PlanningError> {
-        finite("the time", request.time_s)?;
-        checked("the measured state", request.state)?;
-        let wanted: PoseReference = request.plan.trajectory.at(request.time_s);
-        checked("the reference", &wanted.state)?;
+        sound_state(request)?;
+        let wanted = sound_reference(request.plan, request.time_s)?;
         let fallback = if self.is_due(request.time_s) { self.decide(request) } else { None };
         let settings = self.tube.settings();
         let world_from_body = request.state.world_from_body.rotation;
@@ -173,7 +164,8 @@ impl Controller for TubeController {
         // inside the span of attitudes this takes nothing away
         let share = force.abs().component_div(&settings.force_limit_n).max();
         let force = if share > 1.0 { force / share } else { force };
-        let torque = self.attitude.torque(request.state, &wanted, &self.current.parameters, &force);
+        let attitude = AttitudeController { body: self.current.parameters, ..self.attitude };
+        let torque = attitude.torque_body(request.state, &wanted, &force).torque_n_m;
         Ok(ControlCommand {
             wrench_body: Wrench::new(torque, force),
             model_revision: self.current.revision,

@@ -99,6 +99,7 @@ impl FreeBody {
 mod tests {
     use super::*;
     use tumble_dynamics::{FreeFlyer, Integrator, MuntheKaas4};
+    use tumble_lie::LieGroup;
 
     #[test]
     fn agrees_with_the_integrator_on_the_group() {

@@ -108,12 +108,14 @@ fn rows_say_what_they_should() {
                 expected.push(-end.y);
             } else {
                 // flown on from the end with full braking against either wall
-                let coming = (slack.len() - expected.len()) / 2;
+                let coming = (slack.len() - expected.len()) / 2 - 1;
                 for j in 1..=coming {
                     let later = j as f64 * h;
                     let (free, gained) = (end.x + later * end.y, 0.5 * later * later * left);
                     expected.extend([room(0.45, 0) - free + gained, room(0.45, 0) + free + gained]);
                 }
+                let stopped = coming as f64 * h * left;
+                expected.extend([stopped - end.y, stopped + end.y]);
             }
             assert_eq!(slack.len(), expected.len());
             for (row, (found, expected)) in slack.iter().zip(&expected).enumerate() {
