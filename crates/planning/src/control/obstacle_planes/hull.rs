@@ -24,10 +24,11 @@ struct GrownPart {
     ball_m: f64,
 }
 
-/// Everything that the body may cover about the tracked point during a segment.
+/// Everything that the body may cover about the tracked point during a segment: in one of the parts, and in a ball.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cover {
     parts: Vec<GrownPart>,
+    radius_m: f64,
 }
 
 impl TrackedBody {
@@ -44,7 +45,7 @@ impl TrackedBody {
 
     /// A cover with room for a segment.
     pub fn room(&self) -> Cover {
-        Cover { parts: Vec::with_capacity(2 * self.parts.len()) }
+        Cover { parts: Vec::with_capacity(2 * self.parts.len()), radius_m: self.radius_m }
     }
 
     /// Covers the body in all attitudes no farther than an angle from one of two.
@@ -93,7 +94,8 @@ impl GrownPart {
 impl Cover {
     /// How far it reaches along a unit normal from the tracked point, m.
     pub fn support(&self, normal: &Vector3<f64>) -> f64 {
-        self.parts.iter().map(|part| part.support(normal)).fold(f64::NEG_INFINITY, f64::max)
+        let of_parts = self.parts.iter().map(|part| part.support(normal)).fold(f64::NEG_INFINITY, f64::max);
+        of_parts.min(self.radius_m)
     }
 
     /// Its point that lies farthest along a unit normal, from the tracked point.
@@ -105,7 +107,7 @@ impl Cover {
                 (most, farthest) = (support, part.support_point(normal));
             }
         }
-        farthest
+        if most > self.radius_m { normal * self.radius_m } else { farthest }
     }
 }
 
