@@ -20,7 +20,10 @@ fn what_is_feasible_at_the_start_stays_so_and_touches_nothing() {
     let flown: f64 = outcomes.iter().map(|o| o.flown_m).sum();
     let kept: usize = outcomes.iter().map(|o| o.kept).sum();
     let replaced: usize = outcomes.iter().map(|o| o.replaced).sum();
-    println!("{} missions, least clearance {least}, failed {failed}, cut {cut}, flown {flown}, kept {kept}, replaced {replaced}", outcomes.len());
+    println!(
+        "{} missions, least clearance {least}, failed {failed}, cut {cut}, flown {flown}, kept {kept}, replaced {replaced}",
+        outcomes.len()
+    );
     println!("rows {:?}", outcomes.iter().map(|o| o.rows).max());
     println!("iterations {:?}", outcomes.iter().map(|o| o.iterations).max());
     println!("near {:?}", outcomes.iter().filter(|o| o.clearance_m < 0.02).count());

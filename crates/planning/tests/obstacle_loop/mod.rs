@@ -203,8 +203,7 @@ impl Mission {
                 }
                 planes.forget();
             }
-            let attitudes: Vec<_> =
-                (0..=STEPS).map(|k| self.reference_at(now_s + STEP_S * k as f64)).collect();
+            let attitudes: Vec<_> = (0..=STEPS).map(|k| self.reference_at(now_s + STEP_S * k as f64)).collect();
             // once it holds it holds
             let last_s = now_s + STEP_S * STEPS as f64;
             let end = if self.end == EndAttitude::Held && last_s >= self.turns_until_s + STEP_S {
@@ -245,7 +244,12 @@ impl Mission {
                 }
             } else {
                 outcome.cut += update.cut;
-                if update.cut > 0 && self.planes==Planes::Kept { println!("seed {} decision {decision} {update:?} end {end:?} turn until {}", self.seed, self.turns_until_s); }
+                if update.cut > 0 && self.planes == Planes::Kept {
+                    println!(
+                        "seed {} decision {decision} {update:?} end {end:?} turn until {}",
+                        self.seed, self.turns_until_s
+                    );
+                }
                 outcome.replaced += update.replaced;
                 outcome.kept += update.kept;
                 if status != GramStatus::Solved {
