@@ -35,8 +35,6 @@ pub struct CoupledAxes {
     settings: GramSettings,
     planes: Vec<AxisPlane>,
     previous: Vec<AxisPlane>,
-    /// Steps the plan has gone on by since the planes were set.
-    age: usize,
     linear: Vec<f64>,
     lower: Vec<f64>,
     upper: Vec<f64>,
@@ -78,7 +76,6 @@ impl CoupledAxes {
             settings: GramSettings { tolerance: 1e-11, iterations: 2000 },
             planes: Vec::with_capacity(room),
             previous: Vec::with_capacity(room),
-            age: 0,
             linear: vec![0.0; problems.iter().map(AxisProblem::unknowns).sum()],
             lower: with_room(f64::NEG_INFINITY),
             upper: with_room(f64::INFINITY),
@@ -153,26 +150,29 @@ impl CoupledAxes {
 
     /// Takes over the planes of this decision; those of nodes that are not planned, or with a normal of no length, are left out.
     pub fn set_planes(&mut self, planes: &[AxisPlane]) {
-        if self.age == 0 && self.planes == planes {
-            return;
-        }
-        core::mem::swap(&mut self.planes, &mut self.previous);
-        self.planes.clear();
         let steps = self.problems[0].steps;
         let is_planned = |plane: &&AxisPlane| plane.node <= steps && plane.normal.norm_squared() > 0.0;
-        self.planes.extend(planes.iter().filter(is_planned));
-        let problems = &self.problems;
-        self.program.set_joint(self.planes.iter().map(|plane| parts(problems, plane)));
-        let (own, age, new) = (self.program.own_rows(), self.age, &self.planes);
-        self.program.fit(&mut self.workspace, |row| match row.checked_sub(own) {
-            None => Some(row),
-            Some(joint) => self.previous.get(joint).and_then(|plane| find(new, joint, plane, age)).map(|i| own + i),
-        });
-        self.age = 0;
+        let planned = || planes.iter().filter(is_planned);
+        let is_like = |(old, new): (&AxisPlane, &AxisPlane)| old.is_row_of(new) && old.normal == new.normal;
+        let own = self.program.own_rows();
+        if planned().count() == self.planes.len() && self.planes.iter().zip(planned()).all(is_like) {
+            self.planes.clear();
+            self.planes.extend(planned());
+        } else {
+            core::mem::swap(&mut self.planes, &mut self.previous);
+            self.planes.clear();
+            self.planes.extend(planned());
+            self.program.set_joint(self.planes.iter().map(|plane| parts(&self.problems, plane)));
+            let (old, new) = (&self.previous, &self.planes);
+            self.program.fit(&mut self.workspace, |row| match row.checked_sub(own) {
+                None => Some(row),
+                Some(joint) => old.get(joint).and_then(|plane| find(new, joint, plane)).map(|joint| own + joint),
+            });
+        }
         self.lower.truncate(own);
         self.upper.truncate(own);
         for plane in &self.planes {
-            let held = |i: usize| plane.normal[i].abs() * (problems[i].held[2] + problems[i].slack[0]);
+            let held = |i: usize| plane.normal[i].abs() * (self.problems[i].held[2] + self.problems[i].slack[0]);
             self.lower.push(f64::NEG_INFINITY);
             self.upper.push(plane.offset_m - (0..3).map(held).sum::<f64>());
         }
@@ -181,14 +181,6 @@ impl CoupledAxes {
     /// Plans from measured states (position, velocity) towards references (position and velocity at each node; the last stands
     /// for those missing). The plans in force are replaced where new ones are found.
     pub fn solve(&mut self, states: &[Vector2<f64>; 3], references: [&[Vector2<f64>]; 3]) -> GramStatus {
-        if self.age > 0 {
-            let (own, age, planes) = (self.program.own_rows(), self.age, &self.planes);
-            self.workspace.shift_rows(|row| match row.checked_sub(own) {
-                None => Some(row),
-                Some(joint) => planes.get(joint).and_then(|plane| find(planes, joint, plane, age)).map(|i| own + i),
-            });
-            self.age = 0;
-        }
         let (unknowns, rows) = (self.program.first_unknowns(), self.program.first_rows());
         for (i, problem) in self.problems.iter().enumerate() {
             problem.linear(references[i], &mut self.linear[unknowns[i]..][..problem.unknowns()]);
@@ -215,20 +207,12 @@ impl CoupledAxes {
         self.program.solve(&self.linear, &self.lower, &self.upper, &self.settings, &mut self.workspace)
     }
 
-    /// One step on: the plans in force and where the next search begins.
+    /// One step on: the plans in force. The next search begins with the rows that were active: most stay where they are along the
+    /// plan, at its limits and at what it leans on, rather than come nearer by a step.
     pub fn advance(&mut self) {
         for (plan, problem) in self.plans.iter_mut().zip(&self.problems) {
             plan.shift(problem);
         }
-        let (own, rows, problems) = (self.program.own_rows(), self.program.first_rows(), &self.problems);
-        self.workspace.shift_rows(|row| {
-            if row >= own {
-                return Some(row);
-            }
-            let axis = rows.iter().rposition(|first| *first <= row)?;
-            problems[axis].shifted.get(row - rows[axis]).copied().flatten().map(|new| rows[axis] + new)
-        });
-        self.age += 1;
     }
 }
 
@@ -260,11 +244,16 @@ fn parts(problems: &[AxisProblem; 3], plane: &AxisPlane) -> [JointPart; 3] {
     })
 }
 
-/// The row that a plane has become after some steps; planes mostly keep their order.
-fn find(planes: &[AxisPlane], index: usize, old: &AxisPlane, age: usize) -> Option<usize> {
-    let (step, node) = (old.step.checked_sub(age)?, old.node.checked_sub(age)?);
-    let is_it = |plane: &AxisPlane| plane.obstacle == old.obstacle && plane.step == step && plane.node == node;
+impl AxisPlane {
+    /// Whether another keeps off the same, at the same place of the plan.
+    fn is_row_of(&self, other: &Self) -> bool {
+        (self.obstacle, self.step, self.node) == (other.obstacle, other.step, other.node)
+    }
+}
+
+/// The place of a plane among new ones; they mostly keep their order.
+fn find(planes: &[AxisPlane], index: usize, old: &AxisPlane) -> Option<usize> {
     let (before, after) = planes.split_at(index.min(planes.len()));
-    let behind = before.iter().rposition(is_it);
-    behind.or_else(|| after.iter().position(is_it).map(|i| before.len() + i))
+    let behind = before.iter().rposition(|plane| plane.is_row_of(old));
+    behind.or_else(|| after.iter().position(|plane| plane.is_row_of(old)).map(|i| before.len() + i))
 }
