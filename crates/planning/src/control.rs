@@ -5,6 +5,7 @@
 //! # Source
 //! Thesis 2.4.2, 6.2.3.
 
+mod additive_tube;
 mod attitude;
 mod attitude_certificate;
 mod axis_problem;
@@ -23,7 +24,9 @@ mod inertia_interval;
 mod invariant_set;
 mod mass_interval;
 mod obstacle_planes;
+mod original_tube;
 mod peak_gain;
+mod plain_mpc;
 mod polygon;
 mod pose_tracking;
 mod rakovic;
@@ -33,6 +36,7 @@ mod small_matrix;
 mod translation_tube;
 mod tube_controller;
 
+pub use additive_tube::{AdditiveTube, TruncatedSet, force_gain, mass_disturbance};
 pub use attitude::{AttitudeController, AttitudeError, AttitudeGains, AttitudeLaw, AttitudeTorque};
 pub use attitude_certificate::{
     AttitudeCertificate, AttitudeConditions, AttitudeLoop, AttitudeNoise, AttitudeRefusal, ReferenceTurning,
@@ -41,7 +45,7 @@ pub use attitude_certificate::{
 pub use axis_problem::{AxisLimits, AxisProblem, AxisRequest, Terminal, TubeDisturbance, TubeWeights};
 pub use axis_template::{AxisGain, AxisTemplate, TEMPLATE_ROWS};
 pub use axis_tube::{AxisPlan, AxisTube};
-pub use cascade::{Cascade, RotationGains, TranslationDecision, TranslationLaw, TranslationRequest};
+pub use cascade::{Cascade, TranslationDecision, TranslationLaw, TranslationRequest};
 pub use contraction::Contraction;
 pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
 pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, Zonotope};
@@ -55,7 +59,12 @@ pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
 pub use invariant_set::{MinimalInvariantSet, Support};
 pub use mass_interval::MassInterval;
 pub use obstacle_planes::{EndAttitude, NominalPath, ObstaclePlane, ObstaclePlanes, PlaneUpdate, Reach, barriers_of};
+pub use original_tube::{
+    OriginalDisturbance, OriginalErrors, OriginalSettings, OriginalTube, OriginalTubeController, OriginalWeights,
+    original_disturbance,
+};
 pub use peak_gain::AttitudeTiming;
+pub use plain_mpc::{LinearMpc, LinearMpcSettings, PlainMpcController};
 pub use polygon::{Polygon, Strips};
 pub use pose_tracking::PoseTracking;
 pub use rakovic::RakovicSet;

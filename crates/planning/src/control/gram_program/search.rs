@@ -6,6 +6,8 @@ use crate::vectors::{dot, largest};
 
 /// Share of the largest factor of a combination below which one counts as zero.
 const VANISHING: f64 = 1e-10;
+/// Share of the tolerance at which a solution is not brought nearer to exactness.
+const EXACT: f64 = 1e-2;
 /// How often a solution is brought nearer to exactness.
 const REFINEMENTS: usize = 3;
 /// How many times as far as the solution so far a proof that there is none must reach.
@@ -171,7 +173,6 @@ impl<P: Programmed> Search<'_, P> {
     }
 
     fn run(&mut self) -> GramStatus {
-        let tolerance = self.settings.tolerance;
         loop {
             if !self.count() {
                 return GramStatus::Capped;
@@ -181,21 +182,40 @@ impl<P: Programmed> Search<'_, P> {
                 continue;
             }
             self.place();
-            let mut worst = self.worst_again(tolerance).or_else(|| self.worst_of_all(tolerance));
-            for _ in 0..=REFINEMENTS {
-                if worst.is_some() {
-                    break;
-                }
-                if self.is_exact(tolerance) {
-                    return GramStatus::Solved;
-                }
-                self.refine();
-                worst = self.worst_of_all(tolerance);
-            }
-            let Some(violation) = worst else { return GramStatus::Numerical };
-            if let Some(status) = self.add(violation) {
+            if let Some(status) = self.check() {
                 return status;
             }
+        }
+    }
+
+    /// Takes in the row that is violated most; a status where there is none or where it cannot be.
+    fn check(&mut self) -> Option<GramStatus> {
+        let tolerance = self.settings.tolerance;
+        let mut refinements = 0;
+        loop {
+            let worst = self.worst_again(tolerance).or_else(|| self.worst_of_all(tolerance));
+            // A little work brings a solution far below what is asked for; then that counts which is asked for.
+            let is_last = refinements == REFINEMENTS;
+            match worst {
+                None if self.is_exact(if is_last { tolerance } else { EXACT * tolerance }) => {
+                    return Some(GramStatus::Solved);
+                }
+                None if is_last => return Some(GramStatus::Numerical),
+                None => {}
+                Some(Violation { row, sign }) => {
+                    let side = self.side(row, sign);
+                    if self.append(row, side, 0.0) {
+                        return None;
+                    }
+                    // That it is violated may be rounding, where it is a combination of others that are not quite at their bounds.
+                    if refinements > 0 {
+                        return self.exchange(row, side, sign);
+                    }
+                    self.is_exact(0.0);
+                }
+            }
+            self.refine();
+            refinements += 1;
         }
     }
 
@@ -362,15 +382,18 @@ impl<P: Programmed> Search<'_, P> {
         }
     }
 
-    /// Takes a violated row into the active ones; those it is a combination of make room for it. A status where none can.
-    fn add(&mut self, Violation { row, sign }: Violation) -> Option<GramStatus> {
-        let side = if self.program.is_equation(row) {
+    fn side(&self, row: usize, sign: f64) -> Side {
+        if self.program.is_equation(row) {
             Side::Both
         } else if sign > 0.0 {
             Side::Upper
         } else {
             Side::Lower
-        };
+        }
+    }
+
+    /// Makes room for a violated row among the active ones it is a combination of, and takes it in; a status where that cannot be.
+    fn exchange(&mut self, row: usize, side: Side, sign: f64) -> Option<GramStatus> {
         let mut multiplier = 0.0;
         while !self.append(row, side, multiplier) {
             if !self.count() {
@@ -403,26 +426,46 @@ impl<P: Programmed> Search<'_, P> {
 
     /// That a row cannot hold together with the active ones, of which it is the combination in `target`: checked before it is said.
     fn prove_infeasible(&mut self, row: usize, sign: f64) -> GramStatus {
-        let (program, workspace) = (self.program, &mut *self.workspace);
-        let mut support = 0.0;
-        workspace.gradient.fill(0.0);
-        workspace.correction.fill(0.0);
-        let active = workspace.active.iter().zip(&workspace.target).filter_map(|((row, side), factor)| {
-            let is_right = side.sign() * factor >= 0.0;
-            is_right.then_some((*row, *factor))
-        });
-        for (row, factor) in active.chain([(row, sign)]) {
-            let bound = if factor > 0.0 { workspace.upper[row] } else { workspace.lower[row] };
-            if factor != 0.0 {
-                support += factor * bound;
+        let mut left = self.combine(row, sign);
+        for _ in 0..REFINEMENTS {
+            // What is left of the combination is one of the same rows, but for what is new in this one.
+            let (program, workspace) = (self.program, &mut *self.workspace);
+            workspace.excesses.clear();
+            workspace
+                .excesses
+                .extend(workspace.active.iter().map(|(row, _)| program.value(*row, &workspace.correction)));
+            workspace.factor.solve(&mut workspace.excesses);
+            for (factor, change) in workspace.target.iter_mut().zip(&workspace.excesses) {
+                *factor -= change;
             }
-            program.add_normal(row, factor, &mut workspace.gradient);
-            program.add_column(row, factor, &mut workspace.correction);
-            workspace.certificate[row] = factor * program.scale(row);
+            left = self.combine(row, sign);
         }
-        let left = f64::sqrt(f64::max(0.0, dot(&workspace.gradient, &workspace.correction)));
+        let (program, workspace) = (self.program, &mut *self.workspace);
+        let mut support = sign * if sign > 0.0 { workspace.upper[row] } else { workspace.lower[row] };
+        workspace.certificate[row] = sign * program.scale(row);
+        for ((row, side), factor) in workspace.active.iter().zip(&workspace.target) {
+            if *factor != 0.0 && side.sign() * factor >= 0.0 {
+                support += factor * if *factor > 0.0 { workspace.upper[*row] } else { workspace.lower[*row] };
+                workspace.certificate[*row] = factor * program.scale(*row);
+            }
+        }
         program.times_hessian(&workspace.x, &mut workspace.correction);
         let distance = f64::sqrt(f64::max(0.0, dot(&workspace.x, &workspace.correction)));
         if -support > FAR * (1.0 + distance) * left { GramStatus::Infeasible } else { GramStatus::Numerical }
+    }
+
+    /// Combines a row with the active ones by the factors in `target`, as far as their signs are right; the length of what that
+    /// is, in `correction` by `H^-1`.
+    fn combine(&mut self, row: usize, sign: f64) -> f64 {
+        let (program, workspace) = (self.program, &mut *self.workspace);
+        workspace.gradient.fill(0.0);
+        workspace.correction.fill(0.0);
+        let active = workspace.active.iter().zip(&workspace.target);
+        let active = active.filter(|((_, side), factor)| side.sign() * **factor >= 0.0);
+        for (row, factor) in active.map(|((row, _), factor)| (*row, *factor)).chain([(row, sign)]) {
+            program.add_normal(row, factor, &mut workspace.gradient);
+            program.add_column(row, factor, &mut workspace.correction);
+        }
+        f64::sqrt(f64::max(0.0, dot(&workspace.gradient, &workspace.correction)))
     }
 }
