@@ -34,6 +34,7 @@ fn settings(mass: [f64; 2]) -> TubeSettings {
         mass: MassInterval::between(mass[0], mass[1]).unwrap(),
         sigmas: 3.0,
         world_from_axes: UnitQuaternion::identity(),
+        point: TrackedPoint::BelievedCenterOfMass,
     }
 }
 
@@ -47,7 +48,7 @@ fn attitude() -> AttitudeController {
 }
 
 fn controller(settings: TubeSettings) -> TubeController {
-    TubeController::try_new(settings, attitude(), TrackedPoint::BelievedCenterOfMass, &body()).unwrap()
+    TubeController::try_new(settings, None, attitude(), &body()).unwrap()
 }
 
 #[test]
@@ -112,7 +113,7 @@ fn beliefs_that_narrow_are_taken_over_in_flight() {
     assert!(widths.windows(2).all(|pair| pair[0].contains(&pair[1])));
     let counts = controller.counts();
     assert_eq!((counts.adopted, counts.postponed, counts.contradictions), (7, 0, 0));
-    let last = controller.tube().axes()[0].plan().start;
+    let last = controller.tube().plan(0).start;
     assert!((last.x - 1.0).abs() < 0.03, "{last}");
 }
 
@@ -232,17 +233,19 @@ fn the_true_motion_stays_in_the_tube() {
         };
         (case.body, case.disturbance) = (flown, &gust);
         let span = AttitudeSpan::Near { axes_from_body: UnitQuaternion::identity(), angle_rad: 0.02 };
-        let settings = TubeSettings { attitudes: span, ..settings([0.5 * mass, 1.5 * mass]) };
-        let mut controller = TubeController::try_new(settings, attitude(), TrackedPoint::Origin, &body()).unwrap();
+        let settings =
+            TubeSettings { attitudes: span, point: TrackedPoint::Origin, ..settings([0.5 * mass, 1.5 * mass]) };
+        let mut controller = TubeController::try_new(settings, None, attitude(), &body()).unwrap();
         let mut nearest = f64::NEG_INFINITY;
         fly_controller(&mut controller, &case, &mut |controller, step| {
             assert!(step.command.fallback.is_none(), "{factor}: {:?}", step.command.fallback);
             if step.output % 4 == 0 {
                 let pose = step.state.world_from_body;
                 let velocity = pose.rotation * step.state.twist_body.linear;
-                for (i, axis) in controller.tube().axes().iter().enumerate() {
+                let tube = controller.tube();
+                for i in 0..3 {
                     let here = tumble_planning::nalgebra::Vector2::new(pose.translation.vector[i], velocity[i]);
-                    nearest = nearest.max(axis.problem().outside(&(here - axis.plan().start), axis.plan().scale));
+                    nearest = nearest.max(tube.problem(i).outside(&(here - tube.plan(i).start), tube.plan(i).scale));
                 }
             }
             Ok::<(), LawViolation>(())
