@@ -5,8 +5,9 @@ mod control_cases;
 
 use control_cases::{body, cases, limits, small};
 use tumble_planning::control::{
-    Adoption, AttitudeController, AttitudeGains, AttitudeLaw, AttitudeSpan, AxisGain, Fallback, FallbackReason,
-    MassInterval, ReferenceMotion, Terminal, TrackedPoint, TubeController, TubeDisturbance, TubeSettings, TubeWeights,
+    Adoption, AttitudeController, AttitudeGains, AttitudeLaw, AttitudeSpan, AxisGain, EndAttitude, Fallback,
+    FallbackReason, MassInterval, ReferenceMotion, Terminal, TrackedPoint, TubeController, TubeDisturbance,
+    TubeObstacles, TubeSettings, TubeWeights,
 };
 use tumble_planning::dynamics::{InertialParameters, PoseReference, RigidBodyState, WrenchModel};
 use tumble_planning::laws::{
@@ -252,5 +253,53 @@ fn the_true_motion_stays_in_the_tube() {
         })
         .unwrap();
         assert!(nearest <= 1e-9, "{factor}: {nearest}");
+    }
+}
+
+/// A reference that leads through an obstacle, turning, to a goal behind it: the body keeps off it, or stops before it, whatever
+/// its mass and the push.
+#[test]
+fn keeps_off_obstacles_that_the_reference_does_not() {
+    use tumble_planning::collision::{BodyShape, CollisionWorld, EllipsoidWorld, MovingObstacle};
+    use tumble_planning::dynamics::{ObstacleEllipsoid, World};
+    use tumble_planning::local::Barrier;
+    let mass = body().mass;
+    let to = control_cases::quintic(Vector3::zeros(), Vector3::new(1.2, 0.1, 0.0), 1.0, 40.0);
+    let shape = BodyShape::sphere(0.15).unwrap();
+    let ellipsoid = ObstacleEllipsoid {
+        world_from_ellipsoid: Pose::translation(0.6, -0.12, 0.05),
+        semi_axes: Vector3::new(0.15, 0.2, 0.3),
+    };
+    let world = EllipsoidWorld::new(&World { obstacles: vec![ellipsoid], ..World::default() }).unwrap();
+    for (factor, push_n) in [(0.6, 0.002), (1.0, -0.002), (1.5, 0.001)] {
+        let gust = Gust(push_n);
+        let mut case = flight(&to, &[], 1400);
+        (case.body, case.disturbance) = (control_cases::heavier(factor), &gust);
+        let mut settings = TubeSettings {
+            terminal: Terminal::Rest,
+            point: TrackedPoint::Origin,
+            ..settings([0.5 * mass, 1.6 * mass])
+        };
+        // the centre of mass swings about the origin
+        settings.disturbance.acceleration_m_s2 = 0.002;
+        let obstacles = TubeObstacles {
+            body: shape.clone(),
+            barriers: vec![Barrier::Ellipsoid(MovingObstacle::at_rest(ellipsoid))],
+            turn_rad_s: 0.1,
+            end: EndAttitude::Any,
+            attitude_error_rad: 0.05,
+        };
+        let mut controller = TubeController::try_new(settings, Some(obstacles), attitude(), &body()).unwrap();
+        let (mut nearest_m, mut led_m) = (f64::INFINITY, f64::INFINITY);
+        fly_controller(&mut controller, &case, &mut |_, step| {
+            assert!(step.command.fallback.is_none(), "{factor}: {:?}", step.command.fallback);
+            let clearance = |pose: &Pose<f64>| world.clearance(&shape, pose, step.request.time_s).unwrap().distance_m;
+            nearest_m = nearest_m.min(clearance(&step.state.world_from_body));
+            led_m = led_m.min(clearance(&step.reference.state.world_from_body));
+            Ok::<(), LawViolation>(())
+        })
+        .unwrap();
+        assert!(led_m < 0.0, "the reference must be worth keeping off: {led_m}");
+        assert!((0.0..0.1).contains(&nearest_m), "{factor}: {nearest_m}");
     }
 }
