@@ -243,7 +243,8 @@ fn inverse_factor(matrix: &[f64], size: usize) -> Result<Vec<f64>, PlanningError
         for (entry, done) in lower[i * size..][..i].iter().zip(done.chunks_exact(size)) {
             add_scaled(row, -entry, done);
         }
-        row.iter_mut().for_each(|entry| *entry /= lower[i * size + i]);
+        let pivot = lower[i * size + i];
+        row.iter_mut().for_each(|entry| *entry /= pivot);
     }
     Ok(inverse)
 }

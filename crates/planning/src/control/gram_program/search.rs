@@ -73,7 +73,9 @@ impl Search<'_> {
         {
             (*scaled_lower, *scaled_upper) = (lower * scale, upper * scale);
             let are_apart = *scaled_lower <= *scaled_upper + tolerance;
-            are_bounds_right &= are_apart & (*scaled_lower < f64::INFINITY) & (*scaled_upper > f64::NEG_INFINITY);
+            are_bounds_right &= are_apart;
+            are_bounds_right &= *scaled_lower < f64::INFINITY;
+            are_bounds_right &= *scaled_upper > f64::NEG_INFINITY;
         }
         if !are_bounds_right {
             if lower.iter().chain(upper).any(|bound| bound.is_nan()) {
