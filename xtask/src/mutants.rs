@@ -1896,14 +1896,14 @@ const MUTANTS: &[Mutant] = &[
     },
     Mutant {
         name: "gram program: room is made on the wrong side",
-        file: "crates/planning/src/control/gram_program/search.rs",
+        file: "crates/planning/src/control/gram_program/exchange.rs",
         original: "for_each(|factor| *factor *= -sign)",
         replacement: "for_each(|factor| *factor *= sign)",
         test: "-p tumble-planning --lib control::gram_program",
     },
     Mutant {
         name: "gram program: the proof is one of scaled rows",
-        file: "crates/planning/src/control/gram_program/search.rs",
+        file: "crates/planning/src/control/gram_program/exchange.rs",
         original: "workspace.certificate[*row] = factor * program.scales[*row];",
         replacement: "workspace.certificate[*row] = *factor;",
         test: "-p tumble-planning --lib control::gram_program",
