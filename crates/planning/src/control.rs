@@ -5,6 +5,7 @@
 //! # Source
 //! Thesis 2.4.2, 6.2.3.
 
+mod additive_tube;
 mod attitude;
 mod attitude_certificate;
 mod axis_problem;
@@ -15,13 +16,17 @@ mod cascade;
 mod contraction;
 mod controller;
 mod convex_set;
+mod coupled_axes;
 mod feedback;
 mod force_box;
 mod gram_program;
 mod inertia_interval;
 mod invariant_set;
 mod mass_interval;
+mod obstacle_planes;
+mod original_tube;
 mod peak_gain;
+mod plain_mpc;
 mod polygon;
 mod pose_tracking;
 mod rakovic;
@@ -31,6 +36,7 @@ mod small_matrix;
 mod translation_tube;
 mod tube_controller;
 
+pub use additive_tube::{AdditiveTube, TruncatedSet, force_gain, mass_disturbance};
 pub use attitude::{AttitudeController, AttitudeError, AttitudeGains, AttitudeLaw, AttitudeTorque};
 pub use attitude_certificate::{
     AttitudeCertificate, AttitudeConditions, AttitudeLoop, AttitudeNoise, AttitudeRefusal, ReferenceTurning,
@@ -39,10 +45,11 @@ pub use attitude_certificate::{
 pub use axis_problem::{AxisLimits, AxisProblem, AxisRequest, Terminal, TubeDisturbance, TubeWeights};
 pub use axis_template::{AxisGain, AxisTemplate, TEMPLATE_ROWS};
 pub use axis_tube::{AxisPlan, AxisTube};
-pub use cascade::{Cascade, RotationGains, TranslationDecision, TranslationLaw, TranslationRequest};
+pub use cascade::{Cascade, TranslationDecision, TranslationLaw, TranslationRequest};
 pub use contraction::Contraction;
 pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
 pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, Zonotope};
+pub use coupled_axes::{AxisPlane, CoupledAxes};
 pub use feedback::{LinearFeedback, LqrController, TranslationWeights};
 pub use force_box::AttitudeSpan;
 #[cfg(feature = "clarabel")]
@@ -51,7 +58,13 @@ pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
 pub use invariant_set::{MinimalInvariantSet, Support};
 pub use mass_interval::MassInterval;
+pub use obstacle_planes::{EndAttitude, NominalPath, ObstaclePlane, ObstaclePlanes, PlaneUpdate, Reach, barriers_of};
+pub use original_tube::{
+    OriginalDisturbance, OriginalErrors, OriginalSettings, OriginalTube, OriginalTubeController, OriginalWeights,
+    original_disturbance,
+};
 pub use peak_gain::AttitudeTiming;
+pub use plain_mpc::{LinearMpc, LinearMpcSettings, PlainMpcController};
 pub use polygon::{Polygon, Strips};
 pub use pose_tracking::PoseTracking;
 pub use rakovic::RakovicSet;

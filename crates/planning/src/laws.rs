@@ -10,6 +10,7 @@ mod controller_requests;
 mod free_body;
 mod global_planner;
 mod informative_model;
+mod invariant_set;
 mod local_planner;
 mod local_requests;
 mod state_space;
@@ -20,6 +21,7 @@ pub use controller::{ControllerPromise, broken_controller_laws, check_controller
 pub use controller_flight::{ControllerCase, ControllerStep, TrackingError, fly_controller};
 pub use global_planner::{Expectation, PlannerCase, PlannerChecks, check_global_planner};
 pub use informative_model::{ModelSample, StepAt, check_informative_model};
+pub use invariant_set::{check_invariant_set, check_supports};
 pub use local_planner::{LocalCase, LocalChecks, LocalExpectation, check_local_planner};
 pub use state_space::{check_body_motion, check_kinodynamic_model, check_state_space};
 pub use tumble_lie::laws::{LawViolation, require};

@@ -112,6 +112,8 @@ pub struct AxisProblem {
     pub scaled: [f64; 5],
     /// The same for no scale.
     pub held: [f64; 5],
+    /// Least and largest position of the tracked point, m.
+    pub walls_m: [f64; 2],
     /// What tightens positions and velocities beside the tube: errors of measurement, overshoot between decisions.
     pub slack: [f64; 2],
     /// Least scale.
@@ -219,6 +221,7 @@ impl AxisProblem {
             scaled,
             held,
             slack: [errors[0] + overshoot, errors[1]],
+            walls_m: limits.walls_m,
             // a little above the least possible, so that the input rows are not all active at rest
             least_scale: f64::min(1.0, held_acceleration / scaled_acceleration + 0.05),
             normals: template.normals,
@@ -234,7 +237,7 @@ impl AxisProblem {
             terminal_cost: Matrix2::zeros(),
         };
         problem.judge()?;
-        problem.gather(speed, limits.walls_m, terminal)?;
+        problem.gather(speed, terminal)?;
         Ok(problem)
     }
 
@@ -294,7 +297,7 @@ impl AxisProblem {
         Ok(())
     }
 
-    fn gather(&mut self, speed: f64, walls: [f64; 2], terminal: Terminal) -> Result<(), PlanningError> {
+    fn gather(&mut self, speed: f64, terminal: Terminal) -> Result<(), PlanningError> {
         let n = self.unknowns();
         let scale = self.scale_index();
         let mut rows = Rows {
@@ -327,10 +330,15 @@ impl AxisProblem {
         let tightened = |limit: f64, i: usize| limit - self.held[2 + i] - self.slack[i];
         let room = |what, value| positive(what, value);
         room("the speed left beside the tube", tightened(speed, 1) - self.scaled[3] * self.least_scale)?;
+        let walls = self.walls_m;
         let walled = [walls[0].is_finite(), walls[1].is_finite()];
+        let mut largest_scale = 1.0;
         if walled[0] && walled[1] {
             let half = tightened(0.5 * (walls[1] - walls[0]), 0);
-            room("the room left between the walls", half - self.scaled[2] * self.least_scale)?;
+            // a braking step away from one wall must not end at the other
+            let needed = self.scaled[2] + step_s * step_s * self.scaled_acceleration;
+            room("the room left between the walls", half - needed * self.least_scale)?;
+            largest_scale = f64::min(1.0, half / needed);
         }
         for (wall, is) in walls.iter().zip(walled) {
             if !is && wall.is_nan() {
@@ -359,7 +367,7 @@ impl AxisProblem {
         }
         let mut row = rows.blank();
         row[scale] = 1.0;
-        let index = rows.add(&row, 1.0);
+        let index = rows.add(&row, largest_scale);
         rows.lower[index] = self.least_scale;
         let [position, velocity] = self.node_rows(self.steps);
         match terminal {
@@ -400,6 +408,7 @@ impl AxisProblem {
     }
 
     /// The linear part of the cost for a reference, position and velocity at each node; missing nodes are at the last one given.
+    /// Effort is what goes beyond the acceleration between the nodes' velocities, so that what can be followed is.
     pub fn linear(&self, reference: &[Vector2<f64>], linear: &mut [f64]) {
         let weight = Vector2::new(self.weights.position, self.weights.velocity);
         let at = |k: usize| reference.get(k).or(reference.last()).copied().unwrap_or_default();
@@ -407,7 +416,8 @@ impl AxisProblem {
         let mut adjoint = self.terminal_cost * at(self.steps);
         for k in (0..self.steps).rev() {
             if let Some(entry) = linear.get_mut(2 + k) {
-                *entry = -(0.5 * h * h * adjoint.x + h * adjoint.y);
+                let wanted = (at(k + 1).y - at(k).y) / h;
+                *entry = -(0.5 * h * h * adjoint.x + h * adjoint.y + self.weights.acceleration * wanted);
             }
             let here = at(k).component_mul(&weight);
             adjoint = Vector2::new(adjoint.x + here.x, h * adjoint.x + adjoint.y + here.y);

@@ -245,3 +245,125 @@ impl Faces {
 fn unit(vector: Vector2<f64>) -> Vector2<f64> {
     vector / f64::sqrt(vector.norm_squared())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::{MinimalInvariantSet, MinkowskiSum, Polygon, SymmetricBox, SymmetricEllipsoid};
+    use crate::laws::check_invariant_set;
+
+    const NOISE: SymmetricBox<2> = SymmetricBox(Vector2::new(1e-4, 2e-4));
+
+    /// The fixed point from below, by corners.
+    fn upward(template: &AxisTemplate, disturbance: &impl ConvexSet<2>) -> [f64; TEMPLATE_ROWS] {
+        let closed_loop = template.gain.closed_loop();
+        let set = MinimalInvariantSet::try_new(closed_loop, disturbance).unwrap();
+        let mut bounds = template.normals.map(|normal| set.support(&normal, 1e-12).lower);
+        loop {
+            let polygon = Polygon::of_strips(&Strips { normals: template.normals, bounds });
+            let next = template
+                .normals
+                .map(|normal| polygon.support(&closed_loop.tr_mul(&normal)) + disturbance.support(&normal));
+            let is_settled = (0..TEMPLATE_ROWS).all(|row| next[row] <= bounds[row] * (1.0 + 1e-12));
+            bounds = core::array::from_fn(|row| next[row].max(bounds[row]));
+            if is_settled {
+                let polygon = Polygon::of_strips(&Strips { normals: template.normals, bounds });
+                return template.normals.map(|normal| polygon.support(&normal));
+            }
+        }
+    }
+
+    fn check(template: &AxisTemplate, noise: &(impl ConvexSet<2> + Copy)) {
+        let closed_loop = template.gain.closed_loop();
+        for scale in [0.0, 1e-3, 0.02, 5.0] {
+            let matched = Zonotope(template.gain.input() * scale);
+            let (disturbance, set) = (MinkowskiSum(matched, *noise), template.set(scale));
+            check_invariant_set(&closed_loop, &disturbance, &set, &template.normals, 1, 50, 0.0).unwrap();
+            let polygon = Polygon::of_strips(&set);
+            check_invariant_set(&closed_loop, &disturbance, &polygon, &polygon.normals(), 1, 50, 1e-12).unwrap();
+            // it is no larger than what is in it by more than was added on purpose
+            for (normal, bound) in template.normals.iter().zip(template.bounds(scale)) {
+                assert!(polygon.support(normal) >= bound * (1.0 - 1e-12));
+            }
+        }
+    }
+
+    #[test]
+    fn the_default_gain() {
+        let template = AxisTemplate::try_new(AxisGain::default(), &NOISE).unwrap();
+        assert!((template.matched_input() - 1.1235).abs() < 5e-5, "{}", template.matched_input());
+        assert!((template.matched[2] - 4.0).abs() < 5e-3 && (template.matched[3] - 1.0).abs() < 5e-3, "{template:?}");
+        let [_, _, position_m, velocity_m_s, _] = template.unmatched;
+        assert!((position_m - 7.2e-3).abs() < 5e-5 && (velocity_m_s - 1.4e-3).abs() < 5e-5, "{template:?}");
+        let input = upward(&template, &NOISE)[4] * f64::sqrt(template.gain.feedback().norm_squared());
+        assert!((template.unmatched_input() / input - 1.0).abs() < 2e-9);
+        check(&template, &NOISE);
+    }
+
+    #[test]
+    fn the_bounds_are_the_least_of_the_iteration_from_below() {
+        for (stiffness, damping, step_s) in
+            [(0.25, 2.0, 0.2), (0.5, 2.5, 0.2), (1.0, 4.0, 0.2), (0.25, 8.0, 0.2), (0.2, 1.0, 1.0), (0.25, 1.1, 0.05)]
+        {
+            let gain = AxisGain { stiffness, damping, step_s };
+            let round = SymmetricEllipsoid(Matrix2::new(1e-8, -1e-9, -1e-9, 4e-8));
+            let template = AxisTemplate::try_new(gain, &round).unwrap();
+            for (found, expected) in template.matched.iter().zip(upward(&template, &gain.matched_disturbance())) {
+                assert!((found / expected - 1.0).abs() < 2e-9, "{gain:?} {found} {expected}");
+            }
+            for (found, expected) in template.unmatched.iter().zip(upward(&template, &round)) {
+                assert!((found / expected - 1.0).abs() < 2e-9, "{gain:?} {found} {expected}");
+            }
+            check(&template, &round);
+        }
+    }
+
+    #[test]
+    fn a_disturbance_to_one_side_is_contained() {
+        #[derive(Clone, Copy)]
+        struct Shifted(SymmetricBox<2>, Vector2<f64>);
+        impl ConvexSet<2> for Shifted {
+            fn support(&self, direction: &Vector2<f64>) -> f64 {
+                self.0.support(direction) + self.1.dot(direction)
+            }
+        }
+        for shift in [Vector2::new(1e-4, -1e-4), Vector2::new(-5e-5, 2e-4)] {
+            let shifted = Shifted(NOISE, shift);
+            let template = AxisTemplate::try_new(AxisGain::default(), &shifted).unwrap();
+            let closed_loop = template.gain.closed_loop();
+            check_invariant_set(&closed_loop, &shifted, &template.set(0.0), &template.normals, 1, 50, 0.0).unwrap();
+        }
+    }
+
+    #[test]
+    fn the_first_normals_are_left_eigenvectors() {
+        let template = AxisTemplate::try_new(AxisGain::default(), &NOISE).unwrap();
+        for normal in &template.normals[..2] {
+            let earlier = AxisGain::default().closed_loop().tr_mul(normal);
+            assert!(earlier.perp(normal).abs() < 1e-15 && (normal.norm() - 1.0).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn gains_without_a_template_are_refused() {
+        let refused = |stiffness, damping, step_s| {
+            AxisTemplate::try_new(AxisGain { stiffness, damping, step_s }, &NOISE).unwrap_err()
+        };
+        assert!(matches!(refused(0.304, 0.786, 0.2), PlanningError::Oscillating { .. }));
+        assert!(
+            matches!(refused(0.25, -0.1, 0.2), PlanningError::NotContractive { spectral_radius } if spectral_radius > 1.0)
+        );
+        assert!(matches!(refused(0.0, 2.0, 0.2), PlanningError::NotContractive { .. }));
+        assert!(matches!(refused(0.25, 20.0, 0.2), PlanningError::NotContractive { .. }));
+        assert!(matches!(refused(0.25, 2.0, 0.0), PlanningError::NotPositive { .. }));
+        assert!(matches!(refused(f64::NAN, 2.0, 0.2), PlanningError::NotFinite { .. }));
+        let endless = SymmetricBox(Vector2::new(f64::INFINITY, 0.0));
+        assert!(matches!(AxisTemplate::try_new(AxisGain::default(), &endless), Err(PlanningError::NotFinite { .. })));
+    }
+
+    #[test]
+    fn no_disturbance_needs_no_room() {
+        let template = AxisTemplate::try_new(AxisGain::default(), &SymmetricBox(Vector2::zeros())).unwrap();
+        assert!(template.unmatched.iter().all(|bound| bound.abs() <= 0.0));
+    }
+}

@@ -39,15 +39,14 @@ impl AxisPlan {
         }
     }
 
-    /// The same plan one step later. It ends in full braking, which keeps every limit where the plan itself did.
+    /// The same plan one step later. It ends in braking, which keeps every limit where the plan itself did.
     pub(super) fn shift(&mut self, problem: &AxisProblem) {
         let step_s = problem.step_s;
         let end = self.node(step_s, self.accelerations.len());
-        let limit = f64::max(0.0, self.scale * problem.scaled_acceleration - problem.held_acceleration);
         self.start = self.node(step_s, 1);
         self.accelerations.rotate_left(1);
         if let Some(last) = self.accelerations.last_mut() {
-            *last = (-end.y / step_s).clamp(-limit, limit);
+            *last = problem.braking(self.scale, &end);
         }
     }
 }
@@ -59,6 +58,18 @@ fn stepped(state: &Vector2<f64>, acceleration: f64, step_s: f64) -> Vector2<f64>
 }
 
 impl AxisProblem {
+    /// The nominal acceleration that keeps a state of the terminal set in it: to rest, and where that ended beyond a wall, no
+    /// farther than the wall.
+    fn braking(&self, scale: f64, state: &Vector2<f64>) -> f64 {
+        let step_s = self.step_s;
+        let limit = f64::max(0.0, scale * self.scaled_acceleration - self.held_acceleration);
+        let tube = scale * self.scaled[2] + self.held[2] + self.slack[0];
+        let reaching = |wall: f64| 2.0 * (wall - state.x - step_s * state.y) / (step_s * step_s);
+        let to_rest = -state.y / step_s;
+        let short = to_rest.min(reaching(self.walls_m[1] - tube)).max(reaching(self.walls_m[0] + tube));
+        short.clamp(-limit, limit)
+    }
+
     /// The force that follows a plan from a measured state (position, velocity), N.
     ///
     /// Inside the tube it is inside the limit, up to rounding that is cut here.
@@ -151,3 +162,6 @@ impl AxisTube {
         self.workspace.shift(&self.problem.shifted);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,9 @@
 //! A slow law of translation around a fast law of rotation.
 
 use super::believed_body::{BelievedBody, sound_limits, sound_reference, sound_state, translation};
-use super::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, ReferenceMotion};
+use super::{
+    Adoption, AttitudeController, AttitudeLaw, ControlCommand, ControlRequest, Controller, Fallback, ReferenceMotion,
+};
 use crate::belief::{ModelBelief, Plan};
 use crate::error::{PlanningError, not_negative, positive};
 use crate::motion::TranslationState;
@@ -55,18 +57,6 @@ pub trait TranslationLaw {
     fn decide(&mut self, request: &TranslationRequest<'_>) -> Result<TranslationDecision, PlanningError>;
 }
 
-/// Gains of the attitude, and whether what is known of the body is fed forward.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RotationGains {
-    /// Torque per vector part of the attitude error, N m; half a radian is about a quarter.
-    pub stiffness_n_m: f64,
-    /// Torque per error of the rate, N m s.
-    pub damping_n_m_s: f64,
-    /// Whether the reference's angular acceleration, the gyroscopic torque and the lever of the force about the centre of mass
-    /// are fed forward.
-    pub feed_forward: bool,
-}
-
 #[derive(Clone, Copy, Debug)]
 struct Held {
     decision: TranslationDecision,
@@ -85,28 +75,25 @@ const EARLY: f64 = 1e-6;
 #[derive(Clone, Debug)]
 pub struct Cascade<L> {
     law: L,
-    gains: RotationGains,
-    limits: WrenchBox,
+    attitude: AttitudeController,
+    force_limit: Vector3<f64>,
     believed: BelievedBody,
     held: Option<Held>,
 }
 
 impl<L: TranslationLaw> Cascade<L> {
-    /// This law of translation for this body, until a belief tells better.
+    /// This law of translation, with at most this force along each body axis (N), and this of rotation, for the body in it until a
+    /// belief tells better.
     ///
     /// # Errors
     /// A body that cannot be, a gain that is negative, a step or a limit that is not positive.
-    pub fn try_new(
-        law: L,
-        gains: RotationGains,
-        body: FreeFlyer<f64>,
-        limits: WrenchBox,
-    ) -> Result<Self, PlanningError> {
+    pub fn try_new(law: L, attitude: AttitudeController, force_limit: Vector3<f64>) -> Result<Self, PlanningError> {
         positive("the time between decisions", law.step_s())?;
-        not_negative("the stiffness of the attitude", gains.stiffness_n_m)?;
-        not_negative("the damping of the attitude", gains.damping_n_m_s)?;
-        sound_limits(&limits)?;
-        Ok(Self { law, gains, limits, believed: BelievedBody::nominal(body)?, held: None })
+        not_negative("the stiffness of the attitude", attitude.gains.stiffness_n_m)?;
+        not_negative("the damping of the attitude", attitude.gains.damping_n_m_s)?;
+        sound_limits(&WrenchBox { torque_limit: Vector3::repeat(attitude.torque_limit_n_m), force_limit })?;
+        let believed = BelievedBody::nominal(FreeFlyer::new(attitude.body))?;
+        Ok(Self { law, attitude, force_limit, believed, held: None })
     }
 
     /// The law of translation.
@@ -129,7 +116,7 @@ impl<L: TranslationLaw> Cascade<L> {
             attitude: request.state.world_from_body.rotation,
             plan: request.plan,
             body: &self.believed.body,
-            force_limit: self.limits.force_limit,
+            force_limit: self.force_limit,
         })?;
         // on the grid of the first decision, unless that was left far behind
         let due_s = match &self.held {
@@ -148,26 +135,17 @@ impl<L: TranslationLaw> Cascade<L> {
         force_world: &Vector3<f64>,
     ) -> Wrench<f64> {
         let body_from_world = state.world_from_body.rotation.inverse();
-        let body_from_wanted = body_from_world * reference.state.world_from_body.rotation;
-        let rate = &state.twist_body.angular;
-        let wanted_rate = body_from_wanted * reference.state.twist_body.angular;
-        let error = body_from_wanted.imag() * if body_from_wanted.w < 0.0 { -1.0 } else { 1.0 };
-        let mut torque = error * self.gains.stiffness_n_m + (wanted_rate - rate) * self.gains.damping_n_m_s;
         let mut force = body_from_world * force_world;
-        let cut = |v: &Vector3<f64>, limit: &Vector3<f64>| v.zip_map(limit, |v, limit| v.min(limit).max(-limit));
-        if self.gains.feed_forward {
-            let parameters = self.believed.body.parameters();
-            let (moment, inertia) = (&parameters.first_moment, &parameters.inertia_about_origin);
-            // the wanted rate is carried into axes that themselves turn
-            let wanted = body_from_wanted * reference.acceleration.angular_acceleration_body - rate.cross(&wanted_rate);
-            let lever = wanted.cross(moment) + rate.cross(&rate.cross(moment));
-            force = cut(&(force + lever), &self.limits.force_limit);
-            let origin = (force - lever) / parameters.mass;
-            torque += inertia * wanted + rate.cross(&(inertia * rate)) + moment.cross(&origin);
-        } else {
-            force = cut(&force, &self.limits.force_limit);
+        if self.attitude.law == AttitudeLaw::Geometric {
+            // what the origin needs because it turns about the centre of mass
+            let body_from_wanted = body_from_world * reference.state.world_from_body.rotation;
+            let rate = body_from_wanted * reference.state.twist_body.angular;
+            let moment = &self.attitude.body.first_moment;
+            let angular = body_from_wanted * reference.acceleration.angular_acceleration_body;
+            force += angular.cross(moment) + rate.cross(&rate.cross(moment));
         }
-        Wrench::new(cut(&torque, &self.limits.torque_limit), force)
+        let force = force.zip_map(&self.force_limit, |force, limit| force.min(limit).max(-limit));
+        Wrench::new(self.attitude.torque_body(state, reference, &force).torque_n_m, force)
     }
 }
 
@@ -176,6 +154,7 @@ impl<L: TranslationLaw> Controller for Cascade<L> {
         let believed = self.believed.after(belief)?;
         self.law.adopt(belief)?;
         (self.believed, self.held) = (believed, None);
+        self.attitude.body = *believed.body.parameters();
         Ok(Adoption::Adopted)
     }
 

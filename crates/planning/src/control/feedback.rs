@@ -1,11 +1,11 @@
 //! Linear-quadratic feedback of position and velocity: the baseline without limits in its mind.
 
+use super::AttitudeController;
 use super::believed_body::{sound_reference, translation};
-use super::cascade::{Cascade, RotationGains, TranslationDecision, TranslationLaw, TranslationRequest};
+use super::cascade::{Cascade, TranslationDecision, TranslationLaw, TranslationRequest};
 use super::riccati::discrete_lqr;
 use crate::error::{PlanningError, positive};
-use nalgebra::{Matrix1, Matrix2, Vector2};
-use tumble_dynamics::{FreeFlyer, WrenchBox};
+use nalgebra::{Matrix1, Matrix2, Vector2, Vector3};
 
 /// What errors of position and velocity, and accelerations, weigh along each axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,17 +94,16 @@ impl TranslationLaw for LinearFeedback {
 pub type LqrController = Cascade<LinearFeedback>;
 
 impl LqrController {
-    /// Feedback by these weights every `step_s`, for this body until a belief tells better.
+    /// Feedback by these weights every `step_s`, with at most this force along each body axis (N), around this of the attitude.
     ///
     /// # Errors
     /// A body that cannot be, a weight, step or limit that is not positive, a gain that is negative.
     pub fn lqr(
         step_s: f64,
         weights: &TranslationWeights,
-        gains: RotationGains,
-        body: FreeFlyer<f64>,
-        limits: WrenchBox,
+        attitude: AttitudeController,
+        force_limit: Vector3<f64>,
     ) -> Result<Self, PlanningError> {
-        Self::try_new(LinearFeedback::try_new(step_s, weights)?, gains, body, limits)
+        Self::try_new(LinearFeedback::try_new(step_s, weights)?, attitude, force_limit)
     }
 }

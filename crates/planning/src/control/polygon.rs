@@ -142,3 +142,57 @@ fn clipped(vertices: &[Vector2<f64>], normal: &Vector2<f64>, bound: f64) -> Vec<
     }
     inside
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::{SymmetricBox, Zonotope};
+    use nalgebra::Matrix2x3;
+
+    #[test]
+    fn a_square_and_a_hexagon_from_generators() {
+        let square = Polygon::of_generators([Vector2::x(), -Vector2::y(), Vector2::zeros()]);
+        assert_eq!(square.vertices().len(), 4);
+        assert!((square.area() - 4.0).abs() < 1e-15);
+        let generators = Matrix2x3::new(1.0, -0.3, 0.2, 0.4, 0.5, -2.0);
+        let hexagon = Polygon::of_generators((0..3).map(|i| generators.column(i).into_owned()));
+        // the area of a zonotope: four times the sum of the determinants of its pairs
+        let pairs = [(0, 1), (0, 2), (1, 2)];
+        let area: f64 = pairs.iter().map(|(i, j)| generators.column(*i).perp(&generators.column(*j)).abs()).sum();
+        assert!((hexagon.area() - 4.0 * area).abs() < 1e-14);
+        for i in 0..40 {
+            let direction = Vector2::new(f64::from(i) - 20.3, 7.7);
+            assert!((hexagon.support(&direction) - Zonotope(generators).support(&direction)).abs() < 1e-13);
+        }
+        assert!(hexagon.normals().len() == 6 && Polygon::of_generators([]).vertices().is_empty());
+    }
+
+    #[test]
+    fn strips_by_corners_reach_as_far_as_by_pairs() {
+        let strips = Strips {
+            normals: [Vector2::x(), Vector2::y(), Vector2::new(1.0, 1.0), Vector2::new(-2.0, 1.0)],
+            bounds: [1.0, 1.0, 1.5, 100.0],
+        };
+        let polygon = Polygon::of_strips(&strips);
+        // a square of which two corners are cut off; the last strip cuts nothing
+        assert_eq!(polygon.vertices().len(), 6);
+        assert!((polygon.area() - (4.0 - 0.25)).abs() < 1e-14);
+        for i in 0..40 {
+            let direction = Vector2::new(f64::from(i) - 20.3, 7.7);
+            assert!(
+                (polygon.support(&direction) - strips.support(&direction)).abs() < 1e-13 * polygon.support(&direction)
+            );
+        }
+        let parallel = Strips { normals: [Vector2::x(), 2.0 * Vector2::x()], bounds: [1.0, 1.0] };
+        assert!(parallel.support(&Vector2::y()).is_infinite() && parallel.support(&Vector2::zeros()).abs() <= 0.0);
+        assert!(Polygon::of_strips(&parallel).vertices().is_empty());
+    }
+
+    #[test]
+    fn the_ratio_of_a_square() {
+        let square = Polygon::of_generators([Vector2::x(), Vector2::y()]);
+        let quarter = Matrix2::new(0.0, -0.5, 0.5, 0.0);
+        let ratio = square.invariance_ratio(&quarter, &SymmetricBox(Vector2::new(0.25, 0.75)));
+        assert!((ratio - 1.25).abs() < 1e-15);
+    }
+}

@@ -1,7 +1,7 @@
 //! Room for a row that is a combination of the active ones, or the proof that there is none.
 
 use super::GramStatus;
-use super::search::{REFINEMENTS, Search};
+use super::search::{Programmed, REFINEMENTS, Search};
 use super::workspace::Side;
 use crate::vectors::{dot, largest};
 
@@ -13,7 +13,7 @@ const VANISHING: f64 = 1e-10;
 /// How many times as far as the solution so far a proof that there is none must reach.
 const FAR: f64 = 1e3;
 
-impl Search<'_> {
+impl<P: Programmed> Search<'_, P> {
     /// Makes room for a violated row among the active ones it is a combination of, and takes it in; a status where that cannot be.
     pub(super) fn exchange(&mut self, row: usize, side: Side, sign: f64) -> Option<GramStatus> {
         let mut multiplier = 0.0;
@@ -70,14 +70,14 @@ impl Search<'_> {
         }
         let (program, workspace) = (self.program, &mut *self.workspace);
         let mut support = sign * if sign > 0.0 { workspace.upper[row] } else { workspace.lower[row] };
-        workspace.certificate[row] = sign * program.scales[row];
+        workspace.certificate[row] = sign * program.scale(row);
         for ((row, side), factor) in workspace.active.iter().zip(&workspace.target) {
             if *factor != 0.0 && side.sign() * factor >= 0.0 {
                 support += factor * if *factor > 0.0 { workspace.upper[*row] } else { workspace.lower[*row] };
-                workspace.certificate[*row] = factor * program.scales[*row];
+                workspace.certificate[*row] = factor * program.scale(*row);
             }
         }
-        program.hessian.times(&workspace.x, &mut workspace.correction);
+        program.times_hessian(&workspace.x, &mut workspace.correction);
         let distance = f64::sqrt(f64::max(0.0, dot(&workspace.x, &workspace.correction)));
         let is_proved = -support > FAR * (1.0 + distance) * left;
         if !is_proved {

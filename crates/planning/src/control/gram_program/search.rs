@@ -1,7 +1,7 @@
 //! The search for the active rows.
 
 use super::workspace::{GramWorkspace, Side};
-use super::{GramProgram, GramSettings, GramStatus};
+use super::{GramSettings, GramStatus};
 use crate::vectors::{dot, largest};
 
 /// Square of the share of a row that is new to the active ones, below which it counts as one of their combinations.
@@ -19,8 +19,41 @@ struct Violation {
     sign: f64,
 }
 
-pub(super) fn solve(
-    program: &GramProgram,
+/// What the search asks of a program. Rows are scaled to unit length in `H^-1`; vectors over the unknowns are filled up with zeros
+/// to [`Self::room`].
+pub(super) trait Programmed {
+    /// Number of rows.
+    fn rows(&self) -> usize;
+    /// Number of unknowns.
+    fn unknowns(&self) -> usize;
+    /// Length of vectors over the unknowns.
+    fn room(&self) -> usize;
+    /// Of the Gram matrix: two programs that differ in it cannot share a factor.
+    fn fingerprint(&self) -> u64;
+    /// The rows that are equations.
+    fn equations(&self) -> impl Iterator<Item = usize>;
+    /// Whether a row is one.
+    fn is_equation(&self, row: usize) -> bool;
+    /// What a row was multiplied by.
+    fn scale(&self, row: usize) -> f64;
+    /// Product of two rows in `H^-1`.
+    fn product(&self, row: usize, other: usize) -> f64;
+    /// Value of a row.
+    fn value(&self, row: usize, x: &[f64]) -> f64;
+    /// Values of all rows.
+    fn values(&self, x: &[f64], values: &mut [f64]);
+    /// Adds `factor` times the column of `H^-1 A'` that belongs to a row.
+    fn add_column(&self, row: usize, factor: f64, x: &mut [f64]);
+    /// Adds `factor` times a row.
+    fn add_normal(&self, row: usize, factor: f64, x: &mut [f64]);
+    /// Writes `H^-1 x`.
+    fn times_inverse(&self, x: &[f64], product: &mut [f64]);
+    /// Writes `H x`.
+    fn times_hessian(&self, x: &[f64], product: &mut [f64]);
+}
+
+pub(super) fn solve<P: Programmed>(
+    program: &P,
     linear: &[f64],
     bounds: [&[f64]; 2],
     settings: &GramSettings,
@@ -33,18 +66,18 @@ pub(super) fn solve(
     }
     let unscaled = workspace.active.iter().zip(&workspace.multipliers);
     workspace.unscaled.clear();
-    workspace.unscaled.extend(unscaled.map(|((row, _), multiplier)| multiplier * program.scales[*row]));
+    workspace.unscaled.extend(unscaled.map(|((row, _), multiplier)| multiplier * program.scale(*row)));
     status
 }
 
-pub(super) struct Search<'a> {
-    pub(super) program: &'a GramProgram,
+pub(super) struct Search<'a, P> {
+    pub(super) program: &'a P,
     linear: &'a [f64],
     settings: &'a GramSettings,
     pub(super) workspace: &'a mut GramWorkspace,
 }
 
-impl Search<'_> {
+impl<P: Programmed> Search<'_, P> {
     /// Takes in bounds and linear part, and the set of rows to begin with; a status where that is the end.
     fn begin(&mut self, [lower, upper]: [&[f64]; 2]) -> Option<GramStatus> {
         let (program, workspace) = (self.program, &mut *self.workspace);
@@ -54,17 +87,17 @@ impl Search<'_> {
         workspace.violated.clear();
         let rows = program.rows();
         let are_lengths_right = [lower.len(), upper.len(), workspace.is_active.len()] == [rows; 3]
-            && self.linear.len() == program.unknowns
-            && workspace.unknowns == program.unknowns;
+            && self.linear.len() == program.unknowns()
+            && workspace.unknowns == program.unknowns()
+            && workspace.x.len() == program.room();
         if !are_lengths_right {
             return Some(GramStatus::Numerical);
         }
         let tolerance = self.settings.tolerance;
         let mut are_bounds_right = true;
         let scaled = workspace.lower.iter_mut().zip(&mut workspace.upper);
-        for (((scaled_lower, scaled_upper), (lower, upper)), scale) in
-            scaled.zip(lower.iter().zip(upper)).zip(&program.scales)
-        {
+        for (row, ((scaled_lower, scaled_upper), (lower, upper))) in scaled.zip(lower.iter().zip(upper)).enumerate() {
+            let scale = program.scale(row);
             (*scaled_lower, *scaled_upper) = (lower * scale, upper * scale);
             let are_apart = *scaled_lower <= *scaled_upper + tolerance;
             are_bounds_right &= are_apart;
@@ -82,11 +115,11 @@ impl Search<'_> {
             workspace.crossed = (0..rows).find(is_crossed);
             return Some(if workspace.crossed.is_some() { GramStatus::Infeasible } else { GramStatus::Numerical });
         }
-        let is_equation = |row: &usize| (workspace.upper[*row] - workspace.lower[*row]).abs() <= tolerance;
-        if !program.equations.iter().all(is_equation) {
+        let is_equation = |row: usize| (workspace.upper[row] - workspace.lower[row]).abs() <= tolerance;
+        if !program.equations().all(is_equation) {
             return Some(GramStatus::Numerical);
         }
-        program.inverse.times(self.linear, &mut workspace.free_x);
+        program.times_inverse(self.linear, &mut workspace.free_x);
         workspace.free_x.iter_mut().for_each(|x| *x = -*x);
         if !largest(&workspace.free_x).is_finite() {
             return Some(GramStatus::Numerical);
@@ -97,7 +130,7 @@ impl Search<'_> {
             Side::Both => true,
         };
         let is_factor_kept =
-            workspace.fingerprint == Some(program.fingerprint) && workspace.active.iter().all(is_bounded);
+            workspace.fingerprint == Some(program.fingerprint()) && workspace.active.iter().all(is_bounded);
         if is_factor_kept {
             workspace.excesses.clear();
             for position in 0..self.workspace.active.len() {
@@ -121,10 +154,11 @@ impl Search<'_> {
         workspace.excesses.clear();
         workspace.factor.clear();
         workspace.is_active.fill(false);
-        workspace.fingerprint = Some(self.program.fingerprint);
+        workspace.fingerprint = Some(self.program.fingerprint());
         workspace.is_worn = false;
-        for row in &self.program.equations {
-            self.append(*row, Side::Both, 0.0);
+        let program = self.program;
+        for row in program.equations() {
+            self.append(row, Side::Both, 0.0);
         }
         for position in 0..self.workspace.previous.len() {
             let (row, side) = self.workspace.previous[position];
@@ -222,11 +256,10 @@ impl Search<'_> {
     }
 
     pub(super) fn append_if_new(&mut self, row: usize, side: Side, multiplier: f64, least: f64) -> bool {
-        let products = self.program.products(row);
-        let workspace = &mut *self.workspace;
+        let (program, workspace) = (self.program, &mut *self.workspace);
         workspace.target.clear();
-        workspace.target.extend(workspace.active.iter().map(|(other, _)| products[*other]));
-        if !workspace.factor.append(&mut workspace.target, products[row], least) {
+        workspace.target.extend(workspace.active.iter().map(|(other, _)| program.product(row, *other)));
+        if !workspace.factor.append(&mut workspace.target, program.product(row, row), least) {
             return false;
         }
         workspace.active.push((row, side));
@@ -304,7 +337,7 @@ impl Search<'_> {
     /// Of all rows, the one violated most; notes all that are.
     fn worst_of_all(&mut self, tolerance: f64) -> Option<Violation> {
         let workspace = &mut *self.workspace;
-        self.program.by_panels.times(&workspace.x, &mut workspace.values);
+        self.program.values(&workspace.x, &mut workspace.values);
         workspace.violated.clear();
         let bounds = workspace.lower.iter().zip(&workspace.upper);
         let (mut worst, mut most) = (None, tolerance);
@@ -325,14 +358,14 @@ impl Search<'_> {
     /// is left of them.
     fn is_exact(&mut self, tolerance: f64) -> bool {
         let (program, workspace) = (self.program, &mut *self.workspace);
-        program.hessian.times(&workspace.x, &mut workspace.gradient);
+        program.times_hessian(&workspace.x, &mut workspace.gradient);
         for (gradient, linear) in workspace.gradient.iter_mut().zip(self.linear) {
             *gradient += linear;
         }
         for ((row, _), multiplier) in workspace.active.iter().zip(&workspace.multipliers) {
             program.add_normal(*row, *multiplier, &mut workspace.gradient);
         }
-        program.inverse.times(&workspace.gradient, &mut workspace.correction);
+        program.times_inverse(&workspace.gradient, &mut workspace.correction);
         let square = dot(&workspace.gradient, &workspace.correction);
         // The gradient is a sum of rows times multipliers, and as exact as these are large.
         let of_gradient = tolerance * f64::max(1.0, largest(&workspace.multipliers));
@@ -366,7 +399,7 @@ impl Search<'_> {
     }
 
     fn side(&self, row: usize, sign: f64) -> Side {
-        if self.program.equality[row] {
+        if self.program.is_equation(row) {
             Side::Both
         } else if sign > 0.0 {
             Side::Upper
