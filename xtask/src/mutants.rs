@@ -1887,6 +1887,62 @@ const MUTANTS: &[Mutant] = &[
         replacement: "for attempt in 0..=FARTHER - FARTHER {",
         test: "-p tumble-planning --lib local::flown",
     },
+    Mutant {
+        name: "cascade: decisions drift off their grid",
+        file: "crates/planning/src/control/cascade.rs",
+        original: "time_s < held.due_s + step_s => held.due_s + step_s",
+        replacement: "time_s < held.due_s + step_s => time_s + step_s",
+        test: "-p tumble-planning --test controllers a_decision",
+    },
+    Mutant {
+        name: "cascade: the origin turns about the centre of mass unseen",
+        file: "crates/planning/src/control/cascade.rs",
+        original: "angular.cross(moment) + rate.cross(&rate.cross(moment))",
+        replacement: "angular.cross(moment) * 0.0 + rate.cross(&rate.cross(moment))",
+        test: "-p tumble-planning --test controllers on_its_reference",
+    },
+    Mutant {
+        name: "believed body: an older belief comes back",
+        file: "crates/planning/src/control/believed_body.rs",
+        original: "belief.revision < self.revision",
+        replacement: "belief.revision > u64::MAX - 1",
+        test: "-p tumble-planning --test controllers pose_tracking",
+    },
+    Mutant {
+        name: "plain mpc: every node weighs like the last",
+        file: "crates/planning/src/control/plain_mpc.rs",
+        original: "weight = &self.node;",
+        replacement: "weight = &self.last;",
+        test: "-p tumble-planning --lib plain_mpc",
+    },
+    Mutant {
+        name: "additive tube: an unknown mass moves nothing",
+        file: "crates/planning/src/control/additive_tube.rs",
+        original: "Vector2::new(0.5 * step_s * step_s, step_s) * apart",
+        replacement: "Vector2::new(0.0, step_s) * apart",
+        test: "-p tumble-planning --test original_tube released",
+    },
+    Mutant {
+        name: "original tube: the box is never halved",
+        file: "crates/planning/src/control/original_tube.rs",
+        original: "for share in [1.0, 0.5] {",
+        replacement: "for share in [1.0, 1.0] {",
+        test: "-p tumble-planning --test original_tube where_no_force",
+    },
+    Mutant {
+        name: "laws of controllers: any older revision may be named",
+        file: "crates/planning/src/laws/controller.rs",
+        original: "broken_unless(named == in_use)",
+        replacement: "broken_unless(named <= in_use)",
+        test: "-p tumble-planning --test planted_defects_controller every_fault",
+    },
+    Mutant {
+        name: "laws of controllers: a force through the origin turns nothing",
+        file: "crates/planning/src/laws/free_body.rs",
+        original: "wrench.torque - self.center_body.cross(&wrench.force)",
+        replacement: "wrench.torque",
+        test: "-p tumble-planning --lib free_body",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

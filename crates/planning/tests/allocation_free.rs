@@ -14,8 +14,14 @@ use tumble_planning::collision::{
     conservative_first_contact, distance, distance_from_hint, ellipsoid_to_box, ellipsoid_to_half_space,
     ellipsoid_to_sphere, overlap, scaling_margin, separation, sphere_to_box, sphere_to_half_space, sphere_to_sphere,
 };
+use tumble_planning::control::{
+    AttitudeController, AttitudeGains, AttitudeLaw, ControlRequest, Controller, LinearMpcSettings, LqrController,
+    OriginalSettings, OriginalTubeController, PlainMpcController, ReferenceMotion, TranslationWeights,
+};
 use tumble_planning::dynamics::strategies::{draws, poses};
-use tumble_planning::dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World};
+use tumble_planning::dynamics::{
+    AlignedBox, BodyAcceleration, InertialParameters, ObstacleEllipsoid, PoseReference, RigidBodyState, World,
+};
 use tumble_planning::global::{GoalRegion, MotionLimits};
 use tumble_planning::lie::Pose;
 use tumble_planning::local::{
@@ -27,7 +33,7 @@ use tumble_planning::nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 use tumble_planning::steering::{
     least_time_s, least_time_to_goal_s, least_velocity_change_m_s, slew, steer, steer_in, steer_to_goal,
 };
-use tumble_planning::{BodyArc, ModelBelief, TranslationState, Units};
+use tumble_planning::{BodyArc, ModelBelief, Plan, TranslationState, Units};
 
 const CALLS: usize = 10_000;
 
@@ -358,4 +364,40 @@ fn iterations_of_a_local_plan() {
     let ((few, of_few), (many, of_many)) = (made(8), made(60));
     assert!(few == 8 && many >= 30, "{few} {many}");
     assert_eq!(of_few, of_many);
+}
+
+#[test]
+fn commands_of_the_simple_controllers() {
+    let body = InertialParameters::solid_box(9.5, [0.3, 0.25, 0.35]);
+    let attitude = AttitudeController {
+        law: AttitudeLaw::Geometric,
+        gains: AttitudeGains { stiffness_n_m: 0.3, damping_n_m_s: 0.3 },
+        body,
+        torque_limit_n_m: 0.05,
+    };
+    let limit = Vector3::repeat(0.05);
+    let reference = PoseReference {
+        state: RigidBodyState::at_rest(),
+        acceleration: BodyAcceleration {
+            angular_acceleration_body: Vector3::zeros(),
+            acceleration_origin_body: Vector3::zeros(),
+        },
+    };
+    let hold = |_: f64| reference;
+    let plan = Plan { trajectory: &hold as &dyn ReferenceMotion, model_revision: 0 };
+    let at = |world_from_body| RigidBodyState { world_from_body, ..RigidBodyState::at_rest() };
+    let states: Vec<_> = draws(&poses(0.3), 9, INPUTS).into_iter().map(at).collect();
+    let mut lqr = LqrController::lqr(0.2, &TranslationWeights::default(), attitude, limit).unwrap();
+    let mut mpc = PlainMpcController::plain_mpc(&LinearMpcSettings::default(), attitude, limit).unwrap();
+    let mut original = OriginalTubeController::original(&OriginalSettings::default(), body).unwrap();
+    let controllers: [(&str, &mut dyn Controller); 3] =
+        [("lqr", &mut lqr), ("plain mpc", &mut mpc), ("original tube", &mut original)];
+    for (name, controller) in controllers {
+        let mut time_s = 0.0;
+        let count = allocations(2_000, |i| {
+            time_s += 0.1;
+            controller.command(&ControlRequest { time_s, state: &states[i % INPUTS], plan: &plan }).unwrap()
+        });
+        assert_eq!(count, 0, "{name}");
+    }
 }
