@@ -16,12 +16,14 @@ mod cascade;
 mod contraction;
 mod controller;
 mod convex_set;
+mod coupled_axes;
 mod feedback;
 mod force_box;
 mod gram_program;
 mod inertia_interval;
 mod invariant_set;
 mod mass_interval;
+mod obstacle_planes;
 mod original_tube;
 mod peak_gain;
 mod plain_mpc;
@@ -47,6 +49,7 @@ pub use cascade::{Cascade, TranslationDecision, TranslationLaw, TranslationReque
 pub use contraction::Contraction;
 pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
 pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, Zonotope};
+pub use coupled_axes::{AxisPlane, CoupledAxes};
 pub use feedback::{LinearFeedback, LqrController, TranslationWeights};
 pub use force_box::AttitudeSpan;
 #[cfg(feature = "clarabel")]
@@ -55,6 +58,7 @@ pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
 pub use invariant_set::{MinimalInvariantSet, Support};
 pub use mass_interval::MassInterval;
+pub use obstacle_planes::{EndAttitude, NominalPath, ObstaclePlane, ObstaclePlanes, PlaneUpdate, Reach, barriers_of};
 pub use original_tube::{
     OriginalDisturbance, OriginalErrors, OriginalSettings, OriginalTube, OriginalTubeController, OriginalWeights,
     original_disturbance,

@@ -51,7 +51,7 @@ impl TrackingError {
 }
 
 /// From the number of an output and the true state to what is measured of it.
-pub type Sensor = dyn Fn(usize, &RigidBodyState<f64>) -> RigidBodyState<f64>;
+pub type Sensor<'a> = dyn Fn(usize, &RigidBodyState<f64>) -> RigidBodyState<f64> + 'a;
 
 /// A flight: a body, a plan, and what the controller is told on the way.
 #[derive(Clone)]
@@ -71,7 +71,7 @@ pub struct ControllerCase<'a> {
     /// What acts besides the controller; `()` for nothing.
     pub disturbance: &'a dyn WrenchModel<f64>,
     /// What is measured of the true state at each output, by the number of the output; the state itself where `None`.
-    pub sensor: Option<&'a Sensor>,
+    pub sensor: Option<&'a Sensor<'a>>,
     /// Number of outputs.
     pub outputs: usize,
     /// Time between outputs, s.
