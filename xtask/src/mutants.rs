@@ -1887,6 +1887,41 @@ const MUTANTS: &[Mutant] = &[
         replacement: "for attempt in 0..=FARTHER - FARTHER {",
         test: "-p tumble-planning --lib local::flown",
     },
+    Mutant {
+        name: "gram program: a factor that gains what it loses",
+        file: "crates/planning/src/control/gram_program/factor.rs",
+        original: "weight *= pivot / updated;",
+        replacement: "weight *= updated / pivot;",
+        test: "-p tumble-planning --lib control::gram_program",
+    },
+    Mutant {
+        name: "gram program: room is made on the wrong side",
+        file: "crates/planning/src/control/gram_program/search.rs",
+        original: "for_each(|factor| *factor *= -sign)",
+        replacement: "for_each(|factor| *factor *= sign)",
+        test: "-p tumble-planning --lib control::gram_program",
+    },
+    Mutant {
+        name: "gram program: the proof is one of scaled rows",
+        file: "crates/planning/src/control/gram_program/search.rs",
+        original: "workspace.certificate[*row] = factor * program.scales[*row];",
+        replacement: "workspace.certificate[*row] = *factor;",
+        test: "-p tumble-planning --lib control::gram_program",
+    },
+    Mutant {
+        name: "gram program: the factor of another program is kept",
+        file: "crates/planning/src/control/gram_program/search.rs",
+        original: "workspace.fingerprint == Some(program.fingerprint) &&",
+        replacement: "workspace.fingerprint.is_some() &&",
+        test: "-p tumble-planning --lib control::gram_program",
+    },
+    Mutant {
+        name: "gram program: only the upper bound of a row is looked at",
+        file: "crates/planning/src/control/gram_program/search.rs",
+        original: "if excess > tolerance && !workspace.is_active[row] {",
+        replacement: "if above > tolerance && !workspace.is_active[row] {",
+        test: "-p tumble-planning --lib control::gram_program",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

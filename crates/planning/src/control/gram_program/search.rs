@@ -4,6 +4,10 @@ use super::workspace::{GramWorkspace, Side};
 use super::{GramSettings, GramStatus};
 use crate::vectors::{dot, largest};
 
+/// Square of the share of a row that is new to the active ones, below which it counts as one of their combinations.
+const DEPENDENT: f64 = 1e-10;
+/// The same where that leads nowhere; rounding leaves less.
+const SURELY_DEPENDENT: f64 = 1e-13;
 /// Share of the largest factor of a combination below which one counts as zero.
 const VANISHING: f64 = 1e-10;
 /// Share of the tolerance at which a solution is not brought nearer to exactness.
@@ -89,7 +93,7 @@ impl<P: Programmed> Search<'_, P> {
         workspace.violated.clear();
         let rows = program.rows();
         let are_lengths_right = [lower.len(), upper.len(), workspace.is_active.len()] == [rows; 3]
-            && self.linear.len() == program.unknowns()
+            && [self.linear.len(), workspace.unknowns] == [program.unknowns(); 2]
             && workspace.x.len() == program.room();
         if !are_lengths_right {
             return Some(GramStatus::Numerical);
@@ -101,7 +105,9 @@ impl<P: Programmed> Search<'_, P> {
             let scale = program.scale(row);
             (*scaled_lower, *scaled_upper) = (lower * scale, upper * scale);
             let are_apart = *scaled_lower <= *scaled_upper + tolerance;
-            are_bounds_right &= are_apart & (*scaled_lower < f64::INFINITY) & (*scaled_upper > f64::NEG_INFINITY);
+            are_bounds_right &= are_apart;
+            are_bounds_right &= *scaled_lower < f64::INFINITY;
+            are_bounds_right &= *scaled_upper > f64::NEG_INFINITY;
         }
         if !are_bounds_right {
             if lower.iter().chain(upper).any(|bound| bound.is_nan()) {
@@ -154,6 +160,7 @@ impl<P: Programmed> Search<'_, P> {
         workspace.factor.clear();
         workspace.is_active.fill(false);
         workspace.fingerprint = Some(self.program.fingerprint());
+        workspace.is_worn = false;
         let program = self.program;
         for row in program.equations() {
             self.append(row, Side::Both, 0.0);
@@ -173,6 +180,7 @@ impl<P: Programmed> Search<'_, P> {
     }
 
     fn run(&mut self) -> GramStatus {
+        let mut is_rebuilt = false;
         loop {
             if !self.count() {
                 return GramStatus::Capped;
@@ -182,8 +190,14 @@ impl<P: Programmed> Search<'_, P> {
                 continue;
             }
             self.place();
-            if let Some(status) = self.check() {
-                return status;
+            match self.check() {
+                None => {}
+                // A factor from which rows were taken out has errors that a new one has not.
+                Some(GramStatus::Numerical) if self.workspace.is_worn && !is_rebuilt => {
+                    self.build();
+                    is_rebuilt = true;
+                }
+                Some(status) => return status,
             }
         }
     }
@@ -243,10 +257,14 @@ impl<P: Programmed> Search<'_, P> {
 
     /// Takes a row into the active ones, unless it is a combination of them: then `target` are its factors.
     fn append(&mut self, row: usize, side: Side, multiplier: f64) -> bool {
+        self.append_if_new(row, side, multiplier, DEPENDENT)
+    }
+
+    fn append_if_new(&mut self, row: usize, side: Side, multiplier: f64, least: f64) -> bool {
         let (program, workspace) = (self.program, &mut *self.workspace);
         workspace.target.clear();
         workspace.target.extend(workspace.active.iter().map(|(other, _)| program.product(row, *other)));
-        if !workspace.factor.append(&mut workspace.target, program.product(row, row)) {
+        if !workspace.factor.append(&mut workspace.target, program.product(row, row), least) {
             return false;
         }
         workspace.active.push((row, side));
@@ -264,6 +282,7 @@ impl<P: Programmed> Search<'_, P> {
         workspace.excesses.remove(position);
         workspace.is_active[row] = false;
         workspace.factor.remove(position);
+        workspace.is_worn = true;
     }
 
     /// Moves the multipliers towards those with which the active rows hold, until one reaches zero: that row is to leave.
@@ -353,8 +372,10 @@ impl<P: Programmed> Search<'_, P> {
         }
         program.times_inverse(&workspace.gradient, &mut workspace.correction);
         let square = dot(&workspace.gradient, &workspace.correction);
+        // The gradient is a sum of rows times multipliers, and as exact as these are large.
+        let of_gradient = tolerance * f64::max(1.0, largest(&workspace.multipliers));
         self.residuals();
-        square <= tolerance * tolerance && largest(&self.workspace.target) <= tolerance
+        square <= of_gradient * of_gradient && largest(&self.workspace.target) <= tolerance
     }
 
     /// Writes how far the active rows are above their bounds.
@@ -414,7 +435,13 @@ impl<P: Programmed> Search<'_, P> {
                     }
                 }
             }
-            let Some(leaving) = leaving else { return Some(self.prove_infeasible(row, sign)) };
+            let Some(leaving) = leaving else {
+                let is_proved = self.prove_infeasible(row, sign);
+                if !is_proved && self.append_if_new(row, side, multiplier, SURELY_DEPENDENT) {
+                    break;
+                }
+                return Some(if is_proved { GramStatus::Infeasible } else { GramStatus::Numerical });
+            };
             for (change, multiplier) in workspace.target.iter().zip(&mut workspace.multipliers) {
                 *multiplier += length * change;
             }
@@ -425,17 +452,17 @@ impl<P: Programmed> Search<'_, P> {
     }
 
     /// That a row cannot hold together with the active ones, of which it is the combination in `target`: checked before it is said.
-    fn prove_infeasible(&mut self, row: usize, sign: f64) -> GramStatus {
+    fn prove_infeasible(&mut self, row: usize, sign: f64) -> bool {
         let mut left = self.combine(row, sign);
         for _ in 0..REFINEMENTS {
             // What is left of the combination is one of the same rows, but for what is new in this one.
             let (program, workspace) = (self.program, &mut *self.workspace);
-            workspace.excesses.clear();
+            workspace.changes.clear();
             workspace
-                .excesses
+                .changes
                 .extend(workspace.active.iter().map(|(row, _)| program.value(*row, &workspace.correction)));
-            workspace.factor.solve(&mut workspace.excesses);
-            for (factor, change) in workspace.target.iter_mut().zip(&workspace.excesses) {
+            workspace.factor.solve(&mut workspace.changes);
+            for (factor, change) in workspace.target.iter_mut().zip(&workspace.changes) {
                 *factor -= change;
             }
             left = self.combine(row, sign);
@@ -451,7 +478,11 @@ impl<P: Programmed> Search<'_, P> {
         }
         program.times_hessian(&workspace.x, &mut workspace.correction);
         let distance = f64::sqrt(f64::max(0.0, dot(&workspace.x, &workspace.correction)));
-        if -support > FAR * (1.0 + distance) * left { GramStatus::Infeasible } else { GramStatus::Numerical }
+        let is_proved = -support > FAR * (1.0 + distance) * left;
+        if !is_proved {
+            workspace.certificate.fill(0.0);
+        }
+        is_proved
     }
 
     /// Combines a row with the active ones by the factors in `target`, as far as their signs are right; the length of what that
