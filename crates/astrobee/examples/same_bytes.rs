@@ -49,6 +49,7 @@ fn main() -> Result<(), AstrobeeError> {
     let mut drive = Drive {
         tracking: Some((Controller::Flown(FlownController::new(controller)), Reference::Hold(start.world_from_body))),
         added: AddedWrench::Multisine(Multisine::new(&peak, 3, 0.04, 0.35, 7)),
+        ..Drive::default()
     };
     let (mut hash, mut estimate, mut estimates) = (0xcbf2_9ce4_8422_2325, None, 0);
     for period in 0..PERIODS {
@@ -59,7 +60,7 @@ fn main() -> Result<(), AstrobeeError> {
                 PayloadMotion::AtRest,
             )?;
         }
-        let wanted = drive.wanted(robot.time_ns(), estimate.as_ref());
+        let wanted = drive.wanted(robot.time_ns(), estimate.as_ref()).map_err(AstrobeeError::Control)?;
         let measured = robot.advance(&wanted, CONTROL_PERIOD_S)?;
         estimate = measured.estimate;
         let state = robot.state();

@@ -23,6 +23,7 @@ mod plan_local_solve;
 pub mod realize;
 pub mod scenario;
 pub mod simulate;
+mod simulate_control;
 
 /// How a command ended when nothing was wrong with its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -284,6 +284,9 @@ pub enum AstrobeeError {
         /// What does not hold, with its numbers.
         reason: String,
     },
+    /// T035: a controller that refuses what it is given.
+    #[error("the controller refuses: {0}")]
+    Control(tumble_planning::PlanningError),
     /// T031: something that the format asked for cannot hold.
     #[error("{path}: {format} cannot hold {what}")]
     NotHeld {
@@ -340,6 +343,7 @@ impl AstrobeeError {
             Self::Damaged { .. } => "T030",
             Self::Planning(_) => "T033",
             Self::PlanContradiction { .. } => "T034",
+            Self::Control(_) => "T035",
             Self::NotHeld { .. } => "T031",
             Self::Database { .. } => "T032",
         }
@@ -461,6 +465,9 @@ impl AstrobeeError {
             Self::Planning(_) => {
                 "correct `[plan]`, `[plan.local]`, `[start]` or `[goal]`; where a step is too long, make `plan.local.step_s` shorter or the limits of \
                  `[plan.local]` wider; `docs/planning.md` says what is asked of them"
+            }
+            Self::Control(_) => {
+                "correct `[belief]`, `[drive.control]` or `[[drive.beliefs]]` of the scenario; `docs/scenarios.md` describes every key"
             }
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
             Self::Database { .. } => {

@@ -94,7 +94,9 @@ f_x,f_y,f_z,tau_x,tau_y,tau_z,\
 true_p_x,true_p_y,true_p_z,true_q_x,true_q_y,true_q_z,true_q_w,\
 true_v_x,true_v_y,true_v_z,true_w_x,true_w_y,true_w_z,true_a_x,true_a_y,true_a_z,\
 true_f_x,true_f_y,true_f_z,true_tau_x,true_tau_y,true_tau_z,\
-cmd_f_x,cmd_f_y,cmd_f_z,cmd_tau_x,cmd_tau_y,cmd_tau_z\n";
+cmd_f_x,cmd_f_y,cmd_f_z,cmd_tau_x,cmd_tau_y,cmd_tau_z";
+/// What comes after them where beliefs change.
+const REVISIONS_HEADER: &str = ",plan_revision,belief_revision";
 
 /// No estimate arrives later than this after its stamp (latency and jitter have limits), ns.
 const LATEST_ARRIVAL_NS: i64 = 3_200_000_000;
@@ -110,6 +112,7 @@ struct Period {
     wanted_wrench_body: Wrench<f64>,
     /// Of what was believed and realised before, from the start of the flight.
     impulses: [Wrench<f64>; 2],
+    revisions: Option<[u64; 2]>,
 }
 
 impl Period {
@@ -136,6 +139,7 @@ pub struct Recorder<W: std::io::Write> {
     open: Option<(LocalizationEstimate, Period)>,
     rows: u64,
     left_out: u64,
+    revisions: Option<[u64; 2]>,
 }
 
 impl<W: std::io::Write> Recorder<W> {
@@ -143,9 +147,23 @@ impl<W: std::io::Write> Recorder<W> {
     ///
     /// # Errors
     /// What the operating system said.
-    pub fn new(mut out: W) -> std::io::Result<Self> {
-        out.write_all(RECORDER_HEADER.as_bytes())?;
+    pub fn new(out: W) -> std::io::Result<Self> {
+        Self::begin(out, None)
+    }
+
+    /// Writes the header, with a column for the revision of the plan and one for that of the belief; zero until told.
+    ///
+    /// # Errors
+    /// What the operating system said.
+    pub fn with_revisions(out: W) -> std::io::Result<Self> {
+        Self::begin(out, Some([0; 2]))
+    }
+
+    fn begin(mut out: W, revisions: Option<[u64; 2]>) -> std::io::Result<Self> {
+        let more = if revisions.is_some() { REVISIONS_HEADER } else { "" };
+        writeln!(out, "{RECORDER_HEADER}{more}")?;
         Ok(Self {
+            revisions,
             out,
             row: String::with_capacity(2048),
             periods: VecDeque::with_capacity(REMEMBERED),
@@ -154,6 +172,11 @@ impl<W: std::io::Write> Recorder<W> {
             rows: 0,
             left_out: 0,
         })
+    }
+
+    /// Revisions of plan and belief that the next periods are flown with; without their columns nothing happens.
+    pub fn revise(&mut self, plan: u64, belief: u64) {
+        self.revisions = self.revisions.map(|_| [plan, belief]);
     }
 
     /// Takes a control period and the estimates that arrived in it.
@@ -171,6 +194,7 @@ impl<W: std::io::Write> Recorder<W> {
             believed_wrench_body: period.believed_wrench_body,
             realized_wrench_body: period.realized_wrench_body,
             wanted_wrench_body: period.wanted_wrench_body,
+            revisions: self.revisions,
         });
         for estimate in arrived {
             let place = self.waiting.partition_point(|waiting| waiting.stamp_ns <= estimate.stamp_ns);
@@ -246,5 +270,8 @@ fn push_row(row: &mut String, estimate: &LocalizationEstimate, period: &Period, 
     push_numbers(row, &period.start.acceleration_origin_body);
     push_wrench(row, &realized);
     push_wrench(row, &period.wanted_wrench_body);
+    if let Some([plan, belief]) = period.revisions {
+        let _ = write!(row, ",{plan},{belief}");
+    }
     row.push('\n');
 }

@@ -7,6 +7,7 @@ pub mod bodies;
 pub mod body_file;
 #[cfg(feature = "cli")]
 pub mod cli;
+pub mod control_presets;
 #[cfg(feature = "cli")]
 pub mod demo;
 mod error;

@@ -3,12 +3,14 @@
 //! `docs/scenarios.md` describes every key.
 
 mod build;
+mod control;
 mod embedded;
 mod place;
 mod plan;
 mod plan_local;
 
 pub use build::{Flight, PayloadChange, read_wrenches};
+pub use control::{BeliefTable, ControlTable, Steering};
 pub use embedded::{EMBEDDED, Embedded};
 pub use plan::{PlanBodyTable, PlanTable, PlanningProblem};
 pub use plan_local::{
@@ -202,7 +204,7 @@ pub struct StartTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DriveTable {
-    /// `tracker`, `flown` or `none`.
+    /// `tracker`, `flown`, `tube`, `lqr`, `mpc`, `original-tube` or `none`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub controller: Option<ControllerName>,
     /// Natural frequency of the tracker's rotation, rad/s.
@@ -211,6 +213,9 @@ pub struct DriveTable {
     /// Natural frequency of the tracker's position, rad/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tracker_position_rad_s: Option<f64>,
+    /// What the last four of them are told.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<ControlTable>,
     /// A file of `tumble excite`, relative to the scenario's folder; flown from the start pose.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub excitation: Option<PathBuf>,
@@ -226,6 +231,9 @@ pub struct DriveTable {
     /// Poses and their times, from rest to rest; the first leg begins at the start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub waypoints: Vec<WaypointTable>,
+    /// What the controller is told of the mass on the way.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beliefs: Vec<BeliefTable>,
 }
 
 /// See [`Controller`](crate::simulator::Controller).
@@ -237,8 +245,31 @@ pub enum ControllerName {
     Tracker,
     /// The cascaded controller that NASA's robots fly.
     Flown,
+    /// Robust tube MPC around a mass that lies in an interval.
+    Tube,
+    /// Linear-quadratic feedback.
+    Lqr,
+    /// MPC without a tube.
+    Mpc,
+    /// RATTLE's tube MPC, as its code has it.
+    OriginalTube,
     /// No controller.
     None,
+}
+
+impl ControllerName {
+    /// As scenarios write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tracker => "tracker",
+            Self::Flown => "flown",
+            Self::Tube => "tube",
+            Self::Lqr => "lqr",
+            Self::Mpc => "mpc",
+            Self::OriginalTube => "original-tube",
+            Self::None => "none",
+        }
+    }
 }
 
 /// A wrench, body axes, torque about the body origin.

@@ -11,12 +11,16 @@
 //! [`Event`] says so.
 
 mod actuators;
+mod control_account;
 mod drive;
+mod flown_controller;
 mod payload;
 mod surroundings;
 
 pub use actuators::{Actuators, PulseTrain};
-pub use drive::{AddedWrench, Controller, Drive, FlownController, Multisine, Reference, Waypoint};
+pub use control_account::{ControlAccount, FallbackSpell, OfferedBelief, reason};
+pub use drive::{AddedWrench, Controller, Drive, Multisine, Reference, Waypoint};
+pub use flown_controller::FlownController;
 pub use payload::{Grasp, PayloadMotion, ReleasedPayload, planar_part};
 pub use surroundings::{Event, ObstacleMotion, Surroundings, TimedEvent};
 

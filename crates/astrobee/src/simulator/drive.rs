@@ -1,13 +1,16 @@
 //! What asks for wrenches: a controller that follows a reference, and wrenches added to it.
 
-use crate::flight_controller::{ControlOrder, FlightController, Setpoint};
+use super::control_account::ControlAccount;
+use super::flown_controller::FlownController;
 use crate::noise::Gaussian;
 use crate::sensing::LocalizationEstimate;
 use std::f64::consts::TAU;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_dynamics::{BodyAcceleration, PoseReference, PoseTracker, RigidBodyState};
+use tumble_dynamics::{BodyAcceleration, FreeFlyer, PoseReference, PoseTracker, RigidBodyState};
 use tumble_identification::fourier::FourierMotion;
 use tumble_lie::{LieGroup, Pose, Twist, Wrench};
+use tumble_planning::control::{self, Adoption, ControlCommand, ControlRequest, ReferenceMotion};
+use tumble_planning::{ModelBelief, Plan, PlanningError};
 
 /// Where the robot should be at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -163,79 +166,95 @@ impl AddedWrench {
     }
 }
 
+/// A path that leads nowhere is no number: who follows it says so.
+impl ReferenceMotion for Reference {
+    fn at(&self, time_s: f64) -> PoseReference {
+        let nowhere = Pose::from_parts(Vector3::repeat(f64::NAN).into(), UnitQuaternion::identity());
+        Self::at(self, time_s).unwrap_or_else(|| at_rest(nowhere))
+    }
+}
+
 /// What follows a reference.
-#[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // one per flight, never moved
 pub enum Controller {
-    /// Computed torque with a nominal body.
+    /// Computed torque with a nominal body, from estimates as they come, however old.
     Tracker(PoseTracker),
-    /// As flown.
+    /// As flown, once for each estimate.
     Flown(FlownController),
+    /// Any other, from estimates carried to the present.
+    Following(Box<dyn control::Controller>),
 }
 
-/// The flown controller between its messages: it computes once for each estimate.
-#[derive(Clone, Debug)]
-pub struct FlownController {
-    controller: FlightController,
-    last_stamp_ns: Option<i64>,
-    wrench_body: Wrench<f64>,
-}
-
-impl FlownController {
-    /// Before the first estimate.
-    pub fn new(controller: FlightController) -> Self {
-        Self { controller, last_stamp_ns: None, wrench_body: Wrench::zero() }
-    }
-
-    fn wrench_body(&mut self, time_ns: i64, estimate: &LocalizationEstimate, wanted: &PoseReference) -> Wrench<f64> {
-        if self.last_stamp_ns != Some(estimate.stamp_ns) {
-            self.last_stamp_ns = Some(estimate.stamp_ns);
-            let setpoint = setpoint(time_ns, wanted);
-            let order = ControlOrder::Follow { current: setpoint, next: setpoint };
-            let command = self.controller.step(estimate, &order);
-            self.wrench_body = command.wrench_body(&self.controller.body().center_of_mass());
+impl Controller {
+    /// Offers a belief; a [`Controller::Tracker`] is not asked but told.
+    ///
+    /// # Errors
+    /// A body that cannot be.
+    fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
+        match self {
+            Self::Tracker(tracker) => {
+                tracker.body = FreeFlyer::new(belief.parameters().validated()?);
+                Ok(Adoption::Adopted)
+            }
+            Self::Flown(flown) => control::Controller::adopt(flown, belief),
+            Self::Following(controller) => controller.adopt(belief),
         }
-        self.wrench_body
-    }
-}
-
-/// A reference as the flown controller takes it.
-fn setpoint(time_ns: i64, wanted: &PoseReference) -> Setpoint {
-    let PoseReference { state: RigidBodyState { world_from_body, twist_body }, acceleration } = wanted;
-    let world_from_axes = world_from_body.rotation;
-    Setpoint {
-        time_ns,
-        world_from_body: *world_from_body,
-        velocity_world: world_from_axes * twist_body.linear,
-        rate_body: twist_body.angular,
-        acceleration_world: world_from_axes * acceleration.acceleration_origin_body,
-        angular_acceleration_body: acceleration.angular_acceleration_body,
     }
 }
 
 /// What drives the robot: the controller's wrench and the added one.
-#[derive(Clone, Debug, Default)]
+#[derive(Default)]
 pub struct Drive {
     /// A controller and what it follows.
     pub tracking: Option<(Controller, Reference)>,
     /// Added to that.
     pub added: AddedWrench,
+    /// Beliefs that the controller will be offered, each at its time, ns; times grow.
+    pub beliefs: Vec<(i64, ModelBelief)>,
+    /// What the controller has said.
+    pub account: ControlAccount,
 }
 
 impl Drive {
     /// The wrench to ask for at a time, from the newest estimate; without one the controller waits.
-    pub fn wanted(&mut self, time_ns: i64, estimate: Option<&LocalizationEstimate>) -> Wrench<f64> {
+    ///
+    /// # Errors
+    /// What the controller refuses: a body that cannot be, numbers that are none.
+    pub fn wanted(
+        &mut self,
+        time_ns: i64,
+        estimate: Option<&LocalizationEstimate>,
+    ) -> Result<Wrench<f64>, PlanningError> {
         let time_s = time_ns as f64 * 1e-9;
         let mut wanted = self.added.at(time_ns);
-        if let (Some((controller, reference)), Some(estimate)) = (&mut self.tracking, estimate)
-            && let Some(reference) = reference.at(time_s)
+        let Some((controller, motion)) = &mut self.tracking else { return Ok(wanted) };
+        while let Some((_, belief)) = self.beliefs.get(self.account.offered()).filter(|(due_ns, _)| *due_ns <= time_ns)
         {
-            wanted += match controller {
-                Controller::Tracker(tracker) => tracker.wrench_body(&believed_state(estimate), &reference),
-                Controller::Flown(flown) => flown.wrench_body(time_ns, estimate, &reference),
-            };
+            let answer = controller.adopt(belief)?;
+            self.account.answered(time_ns, belief.revision, answer);
         }
-        wanted
+        if let Some(estimate) = estimate
+            && let Some(reference) = motion.at(time_s)
+        {
+            let command = match controller {
+                Controller::Tracker(tracker) => ControlCommand {
+                    wrench_body: tracker.wrench_body(&believed_state(estimate), &reference),
+                    model_revision: self.account.last_offered(),
+                    fallback: None,
+                    mass: None,
+                },
+                Controller::Flown(flown) => flown.follow(time_ns, estimate, Some(&reference)),
+                Controller::Following(controller) => {
+                    let state = carried_state(estimate, time_ns);
+                    let plan: Plan<&dyn ReferenceMotion> =
+                        Plan { trajectory: motion, model_revision: self.account.plan_belief() };
+                    controller.command(&ControlRequest { time_s, state: &state, plan: &plan })?
+                }
+            };
+            self.account.commanded(time_ns, &command);
+            wanted += command.wrench_body;
+        }
+        Ok(wanted)
     }
 }
 
@@ -244,6 +263,18 @@ fn believed_state(estimate: &LocalizationEstimate) -> RigidBodyState<f64> {
     let world_from_body = estimate.world_from_body;
     let linear = world_from_body.rotation.inverse() * estimate.velocity_origin_world;
     RigidBodyState { world_from_body, twist_body: Twist::new(estimate.rate_body, linear) }
+}
+
+/// The state at a time if velocity (inertial axes) and rate (body axes) stay as they were estimated.
+fn carried_state(estimate: &LocalizationEstimate, time_ns: i64) -> RigidBodyState<f64> {
+    let age_s = time_ns.saturating_sub(estimate.stamp_ns) as f64 * 1e-9;
+    let turned: UnitQuaternion<f64> = LieGroup::exp(&(estimate.rate_body * age_s));
+    let rotation = estimate.world_from_body.rotation * turned;
+    let position = estimate.world_from_body.translation.vector + estimate.velocity_origin_world * age_s;
+    RigidBodyState {
+        world_from_body: Pose::from_parts(position.into(), rotation),
+        twist_body: Twist::new(estimate.rate_body, rotation.inverse() * estimate.velocity_origin_world),
+    }
 }
 
 #[cfg(test)]
@@ -308,5 +339,97 @@ mod tests {
             assert!((0.745..=1.0).contains(&share), "{axis}: {share}");
         }
         assert_ne!(sines, Multisine::new(&peak, 3, 0.05, 0.4, 10));
+    }
+
+    /// Notes what it was asked and answers with its newest belief.
+    struct Recording(std::rc::Rc<std::cell::RefCell<Vec<(f64, RigidBodyState<f64>, u64)>>>, u64);
+
+    impl control::Controller for Recording {
+        fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
+            self.1 = belief.revision;
+            Ok(Adoption::Adopted)
+        }
+
+        fn command(&mut self, request: &ControlRequest<'_>) -> Result<ControlCommand, PlanningError> {
+            let wanted = request.plan.trajectory.at(request.time_s).state.world_from_body.translation.vector;
+            self.0.borrow_mut().push((request.time_s, *request.state, request.plan.model_revision));
+            let wrench_body = Wrench::new(Vector3::zeros(), wanted);
+            Ok(ControlCommand { wrench_body, model_revision: self.1, fallback: None, mass: None })
+        }
+    }
+
+    #[test]
+    fn any_controller_steers_with_the_present_state_and_beliefs_in_time() {
+        let heard = std::rc::Rc::default();
+        let controller = Controller::Following(Box::new(Recording(std::rc::Rc::clone(&heard), 0)));
+        let body = crate::worlds::WorldPreset::Iss.body();
+        let belief = |revision| ModelBelief::certain(revision, body);
+        let push = Wrench::new(Vector3::new(0.1, 0.0, 0.0), Vector3::zeros());
+        let mut drive = Drive {
+            tracking: Some((controller, path())),
+            added: AddedWrench::Constant(push),
+            beliefs: vec![(0, belief(1)), (2_000_000_000, belief(2)), (2_000_000_001, belief(3))],
+            ..Drive::default()
+        };
+        // nothing to go by yet
+        assert_eq!(drive.wanted(0, None).unwrap(), push);
+        assert_eq!((heard.borrow().len(), drive.account.offered()), (0, 1));
+        let rotation = UnitQuaternion::new(Vector3::new(0.0, 0.0, 1.0));
+        let estimate = LocalizationEstimate {
+            stamp_ns: 1_500_000_000,
+            arrival_ns: 1_600_000_000,
+            world_from_body: Pose::from_parts(Vector3::new(1.0, 2.0, 3.0).into(), rotation),
+            velocity_origin_world: Vector3::new(0.1, 0.0, -0.2),
+            rate_body: Vector3::new(0.0, 0.0, 0.4),
+            acceleration_origin_body: Vector3::zeros(),
+            confidence: crate::sensing::Confidence::Good,
+        };
+        let wanted = drive.wanted(2_000_000_000, Some(&estimate)).unwrap();
+        let reference = path().at(2.0).unwrap().state.world_from_body.translation.vector;
+        assert!((wanted.force - reference).amax() < 1e-15 && wanted.torque == push.torque);
+        assert_eq!((drive.account.model_revision(), drive.account.offered()), (2, 2));
+        let (time_s, state, plan) = heard.borrow()[0];
+        assert_eq!((time_s.to_bits(), plan), (2.0_f64.to_bits(), 1));
+        // half a second later: 0.2 rad further about z, and the same velocity in turned axes
+        let expected = UnitQuaternion::new(Vector3::new(0.0, 0.0, 1.2));
+        assert!(state.world_from_body.rotation.angle_to(&expected) < 1e-12);
+        let moved = state.world_from_body.translation.vector - Vector3::new(1.05, 2.0, 2.9);
+        assert!(moved.amax() < 1e-12, "{moved}");
+        assert!((expected * state.twist_body.linear - Vector3::new(0.1, 0.0, -0.2)).amax() < 1e-12);
+        drive.wanted(3_000_000_000, Some(&estimate)).unwrap();
+        assert_eq!(drive.account.model_revision(), 3);
+    }
+
+    #[test]
+    fn a_tracker_is_told_what_to_believe() {
+        let body = crate::worlds::WorldPreset::Iss.body();
+        let twice = tumble_dynamics::InertialParameters::about_com(
+            2.0 * body.mass,
+            body.center_of_mass(),
+            body.inertia_about_com(),
+        );
+        let tracker = PoseTracker::critically_damped(FreeFlyer::new(body), 1.0, 0.5);
+        let mut drive = Drive {
+            tracking: Some((Controller::Tracker(tracker), Reference::Hold(Pose::translation(1.0, 0.0, 0.0)))),
+            beliefs: vec![(10, ModelBelief::certain(4, twice))],
+            ..Drive::default()
+        };
+        let estimate = LocalizationEstimate {
+            stamp_ns: 0,
+            arrival_ns: 0,
+            world_from_body: Pose::identity(),
+            velocity_origin_world: Vector3::zeros(),
+            rate_body: Vector3::zeros(),
+            acceleration_origin_body: Vector3::zeros(),
+            confidence: crate::sensing::Confidence::Good,
+        };
+        let before = drive.wanted(0, Some(&estimate)).unwrap();
+        let after = drive.wanted(10, Some(&estimate)).unwrap();
+        assert!((after.force - before.force * 2.0).amax() < 1e-12 && before.force.x > 1.0);
+        assert_eq!((drive.account.beliefs()[0].used_from_ns, drive.account.model_revision()), (Some(10), 4));
+        let mut impossible = twice;
+        impossible.mass = f64::NAN;
+        drive.beliefs.push((20, ModelBelief::certain(5, impossible)));
+        assert!(drive.wanted(20, Some(&estimate)).is_err());
     }
 }

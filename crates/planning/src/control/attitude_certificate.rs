@@ -3,15 +3,17 @@
 //! # The loop
 //! `q_e` is the turn from the wanted attitude to the actual one, `w_e` the angular velocity too much, body axes. With
 //! `corner = stiffness / damping` and `s = w_e + corner vec(q_e)` the feedback is `-damping s`, whatever the errors. About the centre of mass
-//! `J s' = -damping late(s) + w` with `w = d + corner J vec(q_e)' + (J a)' s of the reference + (w x J w)' s`: `late` samples, holds, delays and
-//! lags; `w` collects what is not linear in `s`.
+//! `J s' = -damping late(s) + w`: `late` samples, holds, delays and lags, and `w` is everything else, namely the disturbance, what noise adds
+//! to commands, `corner J vec(q_e)'`, and what feed-forward leaves of `J a_d` and `w x J w`. Force and torque of one command are equally
+//! late, so `c x f` is as good as the believed centre of mass.
 //!
 //! # The proof
 //! Say `|s| <= S` up to now, and `S < corner`. All at once:
 //! 1. `d/dt 2 (1 - eta) = vec(q_e) . w_e = vec(q_e) . s - corner |vec(q_e)|^2 <= |vec(q_e)| (S - corner |vec(q_e)|)`: from within
 //!    `|vec(q_e)| <= S / corner` it never leaves. Exact on the group; no angle is small.
 //! 2. `|w_e| <= |s| + corner |vec(q_e)| <= 2 S`, and `|vec(q_e)'| <= |w_e| / 2 <= S`, since the map from `w_e` to twice `vec(q_e)'` has norm one.
-//! 3. `|w x M w| = |w x (M - m I) w| <= (half the spread of M) |w|^2`, `m` the middle of its extreme eigenvalues.
+//! 3. `|v x M v| = |v x (M - m I) v| <= (half the spread of M) |v|^2` for an angular velocity `v`, `m` the middle of the extreme eigenvalues;
+//!    `|v|` is at most `2 S` and the rate of the reference.
 //! 4. So `|w| <= a0 + a1 S + a2 S^2`: `a0` the disturbance and what the reference and noise leave at rest, `a1 = corner J_M` and what the
 //!    turning of the reference adds, `a2 = 4 x` the half spread that nothing compensates.
 //! 5. `J` is constant and symmetric, so along its axes `J s' = -damping late(s) + w` is three scalar loops. For a unit push their answers at the
@@ -23,9 +25,8 @@
 //! Together `S <= f(S)`, a parabola. Where `f` has a fixed point below `corner` with a slope below one, `f(S') < S'` just above it: the first
 //! instant with `|s| = S'` would have `|s| <= f(S') < S'`, so there is none. The certificate is the least fixed point.
 //!
-//! # Deviation
-//! The design bounds the gain by `sqrt(J_M / J_m)` from the level sets of `s . J s`, which knows neither sampling nor lag and is never less than
-//! `1 + ln(J_M / J_m) / e`; and multiplies `a2` by that root once more, which step 3 does without.
+//! # Why not level sets
+//! Those of `s . J s` give `sqrt(J_M / J_m)` for the gain, which is never less than `1 + ln(J_M / J_m) / e`, and know neither sampling nor lag.
 
 use super::attitude::{AttitudeGains, AttitudeLaw};
 use super::inertia_interval::InertiaInterval;
@@ -544,6 +545,31 @@ mod tests {
         assert_eq!(attitude_loop.force_allowed_n(&budget, 0.1, 0.1), 0.0);
         assert_eq!(attitude_loop.force_allowed_n(&budget, 0.0, 0.0), f64::INFINITY);
         assert_eq!(attitude_loop.force_allowed_n(&budget, 0.0, f64::NAN), 0.0);
+    }
+
+    /// Gain, admitted start and the growth between instants by another program for the same sums.
+    #[test]
+    fn golden_gains_of_late_loops() {
+        for (case, delay_s, lag_s, gain, start, between) in [
+            (FLOWN, 0.0, 0.0, 1.0536, 1.0, 1.021_81),
+            (FLOWN, 0.0, 0.1, 1.0616, 0.8601, 1.021_73),
+            (FLOWN, 0.08, 0.1, 1.0702, 0.7283, 1.021_64),
+            (HALF_UNSURE, 0.0, 0.0, 1.4745, 1.0, 1.075_11),
+            (HALF_UNSURE, 0.0, 0.18, 2.0250, 0.9061, 1.066_86),
+            (HALF_UNSURE, 0.08, 0.1, 2.5141, 1.0, 1.062_56),
+            (HALF_UNSURE, 0.1, 0.0, 1.7563, 0.8216, 1.070_24),
+            (CARGO, 0.0, 0.18, 1.6802, 0.6545, 1.051_05),
+        ] {
+            let timing = AttitudeTiming { delay_s, lag_s, ..SAMPLED };
+            let found = feedback(case, timing).unwrap().certify(1e-4, &PLENTY).unwrap();
+            assert!((found.gain - gain).abs() < 2e-4, "{case:?} {timing:?} {found:?}");
+            let measured = found.feedback_n_m / case.1;
+            assert!((found.combined_rad_s / measured - between).abs() < 2e-5, "{case:?} {timing:?} {found:?}");
+            assert!(
+                (found.start_rad_s / (measured / found.gain) - start).abs() < 2e-4,
+                "{case:?} {timing:?} {found:?}"
+            );
+        }
     }
 
     #[test]

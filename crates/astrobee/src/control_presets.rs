@@ -1,0 +1,175 @@
+//! Numbers of RATTLE's controllers, and what the robot's limits are taken to be.
+//!
+//! Provenance: rattle-iros-2022 (93d2f99), tube controller and its configuration; thesis 6.2.3 and table 6.7. Where the two disagree,
+//! both stand here.
+
+use crate::simulator::CONTROL_PERIOD_S;
+use crate::worlds::WorldPreset;
+use tumble_dynamics::WrenchBox;
+use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
+use tumble_planning::PlanningError;
+use tumble_planning::control::{
+    AttitudeGains, AttitudeSpan, AxisGain, MassInterval, Terminal, TubeDisturbance, TubeSettings, TubeWeights,
+};
+
+/// Largest force along each axis in the code, N.
+pub const RATTLE_FORCE_N: f64 = 0.15;
+/// Largest norm of the torque in the code, N m.
+pub const RATTLE_TORQUE_NORM_N_M: f64 = 0.015;
+/// Largest force of the controller along each body axis, N (thesis, table 6.7). The first is more than the nozzles give in any mode.
+pub const THESIS_FORCE_N: [f64; 3] = [0.452, 0.216, 0.257];
+/// Largest torque of the controller about each body axis, N m (thesis, table 6.7).
+pub const THESIS_TORQUE_N_M: [f64; 3] = [0.045, 0.022, 0.026];
+
+/// Time between the decisions of the tube controller, s.
+pub const DECISION_S: f64 = 0.2;
+/// Outputs between decisions that lie on the grid of the outputs: 0.2 s are twelve and a half.
+pub const OUTPUTS_PER_DECISION: u32 = 12;
+/// Rate of the outputs, 1/s.
+pub const OUTPUT_HZ: f64 = 62.5;
+/// Step of the model inside of the original's MPC, s; not that of its decisions.
+pub const ORIGINAL_MODEL_STEP_S: f64 = 1.0;
+/// Steps of its horizon.
+pub const ORIGINAL_STEPS: usize = 5;
+
+/// Feedback around the nominal motion, acceleration per error of position (1/s^2) and of velocity (1/s): real eigenvalues, little
+/// noise passed on.
+pub const TUBE_FEEDBACK: [f64; 2] = [0.25, 2.0];
+
+/// Shares of the believed mass between which it certainly is, where it is thought to be known.
+pub const MASS_KNOWN_SHARE: [f64; 2] = [0.5, 1.5];
+/// The same with a payload that may be anything.
+pub const MASS_UNKNOWN_SHARE: [f64; 2] = [0.5, 2.0];
+
+/// Steps that the tube plans ahead.
+pub const TUBE_STEPS: usize = 25;
+/// Largest speed along each axis that a tube is built for, m/s.
+pub const TUBE_SPEED_M_S: f64 = 0.1;
+/// Largest errors of measured position (m) and velocity (m/s) along each axis that it holds: of what an estimator has filtered.
+pub const TUBE_ERRORS: [f64; 2] = [1e-4, 1e-4];
+/// Attitude by which forces are turned into body axes: error of the estimate, and what the robot turns between outputs, rad.
+pub const TUBE_TURNED_BY_RAD: f64 = 0.013;
+/// Standard deviations of `1 / m` that count as certain.
+pub const TUBE_SIGMAS: f64 = 3.0;
+
+/// Gains of the original's attitude controller at a place; those without configuration where it was not flown.
+///
+/// # Deviation
+/// There the damping multiplies the sum of the rate error and of a proportional gain (0.5, 0.5, 0.2) times the attitude error; here
+/// both have their own torque.
+pub fn rattle_attitude_gains(place: WorldPreset) -> AttitudeGains {
+    let (proportional, damping_n_m_s) = match place {
+        WorldPreset::Granite => (0.5, 0.3),
+        WorldPreset::Iss => (0.5, 0.2),
+        WorldPreset::Mgtf | WorldPreset::Open => (0.2, 0.2),
+    };
+    AttitudeGains { stiffness_n_m: proportional * damping_n_m_s, damping_n_m_s }
+}
+
+/// The tube's feedback, for decisions that fall on outputs.
+pub fn tube_gain() -> AxisGain {
+    let [stiffness, damping] = TUBE_FEEDBACK;
+    AxisGain { stiffness, damping, step_s: decision_on_grid_s() }
+}
+
+/// A tube for a mass in an interval and a reference that is seen at these attitudes, in world axes, without walls.
+pub fn tube_settings(mass: MassInterval, limits: &WrenchBox, attitudes: AttitudeSpan) -> TubeSettings {
+    let [position_m, velocity_m_s] = TUBE_ERRORS;
+    TubeSettings {
+        gain: tube_gain(),
+        steps: TUBE_STEPS,
+        weights: TubeWeights::DEFAULT,
+        terminal: Terminal::StopSet,
+        speed_m_s: TUBE_SPEED_M_S,
+        walls_m: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
+        force_limit_n: limits.force_limit,
+        attitudes,
+        turned_by_rad: TUBE_TURNED_BY_RAD,
+        disturbance: TubeDisturbance { position_m, velocity_m_s, force_n: 0.0, acceleration_m_s2: 0.0 },
+        mass,
+        sigmas: TUBE_SIGMAS,
+        world_from_axes: UnitQuaternion::identity(),
+    }
+}
+
+/// Limits of RATTLE's controllers as the code has them. The torque, whose norm is limited there, is kept to the box inside.
+pub fn rattle_limits() -> WrenchBox {
+    WrenchBox {
+        torque_limit: Vector3::repeat(RATTLE_TORQUE_NORM_N_M / f64::sqrt(3.0)),
+        force_limit: Vector3::repeat(RATTLE_FORCE_N),
+    }
+}
+
+/// Limits of the controller in the thesis.
+pub fn thesis_limits() -> WrenchBox {
+    WrenchBox { torque_limit: THESIS_TORQUE_N_M.into(), force_limit: THESIS_FORCE_N.into() }
+}
+
+/// Time between decisions that is a whole number of outputs, s: near [`DECISION_S`].
+pub fn decision_on_grid_s() -> f64 {
+    f64::from(OUTPUTS_PER_DECISION) * CONTROL_PERIOD_S
+}
+
+/// Between which masses the true one is certain to be, given the believed one and shares of it.
+///
+/// # Errors
+/// A mass or a share that is not positive; shares the wrong way round.
+pub fn mass_interval(believed_kg: f64, [least, largest]: [f64; 2]) -> Result<MassInterval, PlanningError> {
+    MassInterval::between(least * believed_kg, largest * believed_kg)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tumble_planning::control::TranslationTube;
+
+    #[test]
+    fn the_cascade_of_the_original_has_the_stiffness_of_the_product() {
+        // k_p, k_d and what they come to, as printed in the analysis of the code
+        for (place, stiffness, damping) in
+            [(WorldPreset::Granite, 0.15, 0.3), (WorldPreset::Iss, 0.10, 0.2), (WorldPreset::Open, 0.04, 0.2)]
+        {
+            let gains = rattle_attitude_gains(place);
+            assert!((gains.stiffness_n_m - stiffness).abs() < 1e-15 && (gains.damping_n_m_s - damping).abs() < 1e-15);
+        }
+    }
+
+    /// As the design says: at 0.15 N and half more or less, 0.0079 m/s^2 of 0.0104 m/s^2 are left for the plan but for what measurement and
+    /// attitude take.
+    #[test]
+    fn a_mass_known_to_a_half_leaves_most_of_the_acceleration() {
+        let believed = WorldPreset::Iss.body().mass;
+        let mass = mass_interval(believed, MASS_KNOWN_SHARE).unwrap();
+        let near = AttitudeSpan::Near { axes_from_body: UnitQuaternion::identity(), angle_rad: 0.0 };
+        let settings = TubeSettings { turned_by_rad: 0.0, ..tube_settings(mass, &rattle_limits(), near) };
+        let tube = TranslationTube::try_new(settings).unwrap();
+        let physical = RATTLE_FORCE_N / mass.largest_kg();
+        for axis in tube.axes() {
+            let problem = axis.problem();
+            let left = problem.scaled_acceleration - problem.held_acceleration;
+            assert!(left > 0.75 * physical && left < 0.9 * physical, "{left} of {physical}");
+        }
+        assert!(TranslationTube::try_new(TubeSettings { speed_m_s: 0.0, ..settings }).is_err());
+    }
+
+    /// A mass of which half more and half less are possible leaves half of the command uncertain, twice and half three fifths.
+    #[test]
+    fn the_intervals_of_the_mass_are_as_uncertain_as_they_should_be() {
+        let believed = WorldPreset::Iss.body().mass;
+        let known = mass_interval(believed, MASS_KNOWN_SHARE).unwrap();
+        let unknown = mass_interval(believed, MASS_UNKNOWN_SHARE).unwrap();
+        assert!((known.uncertainty() - 0.5).abs() < 1e-15 && (unknown.uncertainty() - 0.6).abs() < 1e-15);
+        assert!((known.center_kg() - 0.75 * believed).abs() < 1e-12 && unknown.contains(&known));
+        assert!(mass_interval(believed, [1.5, 0.5]).is_err() && mass_interval(f64::NAN, [0.5, 1.5]).is_err());
+    }
+
+    #[test]
+    fn decisions_fall_on_outputs_and_the_feedback_is_well_damped() {
+        assert!((OUTPUT_HZ * CONTROL_PERIOD_S - 1.0).abs() < 1e-15);
+        assert!((decision_on_grid_s() / DECISION_S - 1.0).abs() < 0.05);
+        let [stiffness, damping] = TUBE_FEEDBACK;
+        assert!(damping * damping > 4.0 * stiffness);
+        // of the norm's ball the box inside leaves the corners on the ball
+        assert!((rattle_limits().torque_limit.norm() - RATTLE_TORQUE_NORM_N_M).abs() < 1e-15);
+    }
+}
