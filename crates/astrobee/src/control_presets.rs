@@ -5,11 +5,11 @@
 
 use crate::simulator::CONTROL_PERIOD_S;
 use crate::worlds::WorldPreset;
-use tumble_dynamics::WrenchBox;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_planning::PlanningError;
 use tumble_planning::control::{
-    AttitudeGains, AttitudeSpan, AxisGain, MassInterval, Terminal, TubeDisturbance, TubeSettings, TubeWeights,
+    AttitudeGains, AttitudeSpan, AxisGain, LinearMpcSettings, MassInterval, Terminal, TranslationWeights,
+    TubeDisturbance, TubeSettings, TubeWeights,
 };
 
 /// Largest force along each axis in the code, N.
@@ -73,7 +73,7 @@ pub fn tube_gain() -> AxisGain {
 }
 
 /// A tube for a mass in an interval and a reference that is seen at these attitudes, in world axes, without walls.
-pub fn tube_settings(mass: MassInterval, limits: &WrenchBox, attitudes: AttitudeSpan) -> TubeSettings {
+pub fn tube_settings(mass: MassInterval, limits: &ControlLimits, attitudes: AttitudeSpan) -> TubeSettings {
     let [position_m, velocity_m_s] = TUBE_ERRORS;
     TubeSettings {
         gain: tube_gain(),
@@ -82,7 +82,7 @@ pub fn tube_settings(mass: MassInterval, limits: &WrenchBox, attitudes: Attitude
         terminal: Terminal::StopSet,
         speed_m_s: TUBE_SPEED_M_S,
         walls_m: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
-        force_limit_n: limits.force_limit,
+        force_limit_n: limits.force_n,
         attitudes,
         turned_by_rad: TUBE_TURNED_BY_RAD,
         disturbance: TubeDisturbance { position_m, velocity_m_s, force_n: 0.0, acceleration_m_s2: 0.0 },
@@ -92,17 +92,28 @@ pub fn tube_settings(mass: MassInterval, limits: &WrenchBox, attitudes: Attitude
     }
 }
 
-/// Limits of RATTLE's controllers as the code has them. The torque, whose norm is limited there, is kept to the box inside.
-pub fn rattle_limits() -> WrenchBox {
-    WrenchBox {
-        torque_limit: Vector3::repeat(RATTLE_TORQUE_NORM_N_M / f64::sqrt(3.0)),
-        force_limit: Vector3::repeat(RATTLE_FORCE_N),
-    }
+/// What a controller keeps its wrench within.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControlLimits {
+    /// Largest force along each body axis, N.
+    pub force_n: Vector3<f64>,
+    /// Largest norm of the torque, N m.
+    pub torque_n_m: f64,
 }
 
-/// Limits of the controller in the thesis.
-pub fn thesis_limits() -> WrenchBox {
-    WrenchBox { torque_limit: THESIS_TORQUE_N_M.into(), force_limit: THESIS_FORCE_N.into() }
+/// Limits of RATTLE's controllers as the code has them.
+pub fn rattle_limits() -> ControlLimits {
+    ControlLimits { force_n: Vector3::repeat(RATTLE_FORCE_N), torque_n_m: RATTLE_TORQUE_NORM_N_M }
+}
+
+/// Limits of the controller in the thesis; of the torques the least, since a norm is limited.
+pub fn thesis_limits() -> ControlLimits {
+    ControlLimits { force_n: THESIS_FORCE_N.into(), torque_n_m: Vector3::from(THESIS_TORQUE_N_M).min() }
+}
+
+/// What predictive control without a tube is set to, its decisions on the grid of the outputs.
+pub fn mpc_settings() -> LinearMpcSettings {
+    LinearMpcSettings { step_s: decision_on_grid_s(), steps: TUBE_STEPS, weights: TranslationWeights::default() }
 }
 
 /// Time between decisions that is a whole number of outputs, s: near [`DECISION_S`].
@@ -169,7 +180,6 @@ mod tests {
         assert!((decision_on_grid_s() / DECISION_S - 1.0).abs() < 0.05);
         let [stiffness, damping] = TUBE_FEEDBACK;
         assert!(damping * damping > 4.0 * stiffness);
-        // of the norm's ball the box inside leaves the corners on the ball
-        assert!((rattle_limits().torque_limit.norm() - RATTLE_TORQUE_NORM_N_M).abs() < 1e-15);
+        assert_eq!(mpc_settings().step_s.to_bits(), tube_gain().step_s.to_bits());
     }
 }

@@ -110,8 +110,7 @@ pub fn run(args: &SimulateArgs) -> Result<Outcome, AstrobeeError> {
     let file = File::create(&log_path).map_err(unwritable)?;
     let out = BufWriter::with_capacity(1 << 16, file);
     let is_told = simulate_control::is_told(&flight);
-    let mut recorder =
-        if is_told { Recorder::with_revisions(out) } else { Recorder::new(out) }.map_err(unwritable)?;
+    let mut recorder = if is_told { Recorder::with_revisions(out) } else { Recorder::new(out) }.map_err(unwritable)?;
 
     let clock = Instant::now();
     let flown = fly(&mut flight, |flight, measured| {

@@ -15,7 +15,8 @@ use crate::noise::Gaussian;
 use crate::propulsion::{ImpellerMode, PropulsionSettings};
 use crate::sensing::{Localization, SensingPreset};
 use crate::simulator::{
-    Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, Drive, Event, Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
+    Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, Drive, Event,
+    Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
     SimulatorSettings, Surroundings, Waypoint,
 };
 use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
@@ -24,9 +25,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_dynamics::{
-    AlignedBox, InertialParameters, ObstacleEllipsoid, Plant, RigidBodyState, World, WrenchBox,
-};
+use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, Plant, RigidBodyState, World, WrenchBox};
 use tumble_lie::{Pose, Twist, Wrench};
 
 /// Natural frequencies of the tracker unless given, rad/s: rotation and position.
