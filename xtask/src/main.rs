@@ -30,6 +30,8 @@ cargo xtask <command>
   study predicted-sigma [--runs N]        predicted standard deviations against those found in estimates
   study information-bought [--way diagonal | side] [--runs N] [--out DIR] [--json]
                                           what information costs, by our criterion and by the thesis's planner's
+  study tube-missions [--missions N] [--only SERIES]   the claims on the tube controller in closed loop
+  study tube-tables [--json]              what is left of the input, by how well the mass is known
 
 Exit 0: done. 1: a check failed. 2: bad input. 3: a target was missed.
 ";

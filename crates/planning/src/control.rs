@@ -5,6 +5,7 @@
 //! # Source
 //! Thesis 2.4.2, 6.2.3.
 
+mod additive_tube;
 mod attitude;
 mod attitude_certificate;
 mod axis_problem;
@@ -21,6 +22,7 @@ mod gram_program;
 mod inertia_interval;
 mod invariant_set;
 mod mass_interval;
+mod original_tube;
 mod peak_gain;
 mod plain_mpc;
 mod polygon;
@@ -32,6 +34,7 @@ mod small_matrix;
 mod translation_tube;
 mod tube_controller;
 
+pub use additive_tube::{AdditiveTube, TruncatedSet, force_gain, mass_disturbance};
 pub use attitude::{AttitudeController, AttitudeError, AttitudeGains, AttitudeLaw, AttitudeTorque};
 pub use attitude_certificate::{
     AttitudeCertificate, AttitudeConditions, AttitudeLoop, AttitudeNoise, AttitudeRefusal, ReferenceTurning,
@@ -52,6 +55,10 @@ pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
 pub use invariant_set::{MinimalInvariantSet, Support};
 pub use mass_interval::MassInterval;
+pub use original_tube::{
+    OriginalDisturbance, OriginalErrors, OriginalSettings, OriginalTube, OriginalTubeController, OriginalWeights,
+    original_disturbance,
+};
 pub use peak_gain::AttitudeTiming;
 pub use plain_mpc::{LinearMpc, LinearMpcSettings, PlainMpcController};
 pub use polygon::{Polygon, Strips};

@@ -14,6 +14,7 @@ use tumble_planning::collision::{
     conservative_first_contact, distance, distance_from_hint, ellipsoid_to_box, ellipsoid_to_half_space,
     ellipsoid_to_sphere, overlap, scaling_margin, separation, sphere_to_box, sphere_to_half_space, sphere_to_sphere,
 };
+use tumble_planning::control::{AxisGain, AxisTemplate, MinimalInvariantSet, SymmetricBox, discrete_lqr};
 use tumble_planning::dynamics::strategies::{draws, poses};
 use tumble_planning::dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World};
 use tumble_planning::global::{GoalRegion, MotionLimits};
@@ -23,7 +24,7 @@ use tumble_planning::local::{
     LocalPlanner as _, LocalRequest, LocalSettings, MotionRow, Reference, RigidBodyModel, RowSettings, SpeedLimits,
     Stages, Surroundings, WrenchSet, passing_ways,
 };
-use tumble_planning::nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
+use tumble_planning::nalgebra::{Matrix1, Matrix2, Matrix3, SMatrix, UnitQuaternion, Vector2, Vector3};
 use tumble_planning::steering::{
     least_time_s, least_time_to_goal_s, least_velocity_change_m_s, slew, steer, steer_in, steer_to_goal,
 };
@@ -358,4 +359,18 @@ fn iterations_of_a_local_plan() {
     let ((few, of_few), (many, of_many)) = (made(8), made(60));
     assert!(few == 8 && many >= 30, "{few} {many}");
     assert_eq!(of_few, of_many);
+}
+
+#[test]
+fn invariant_sets() {
+    let gain = AxisGain::default();
+    let disturbance = SymmetricBox(Vector2::new(1e-4, 2e-4));
+    let set = MinimalInvariantSet::try_new(gain.closed_loop(), disturbance).unwrap();
+    let directions: Vec<_> = (0..INPUTS).map(|i| Matrix2::new(1.0, i as f64, -0.5, 0.3)).collect();
+    assert_none("supports", |i| set.supports(&directions[i], 1e-6));
+    let gains: Vec<_> = (0..INPUTS).map(|i| AxisGain { damping: 2.0 + 0.01 * i as f64, ..gain }).collect();
+    assert_none("MinimalInvariantSet", |i| MinimalInvariantSet::try_new(gains[i].closed_loop(), disturbance));
+    assert_none("AxisTemplate", |i| AxisTemplate::try_new(gains[i], &disturbance));
+    let weight = Matrix2::identity();
+    assert_none("discrete_lqr", |i| discrete_lqr(&gains[i].closed_loop(), &gain.input(), &weight, &Matrix1::new(1.0)));
 }

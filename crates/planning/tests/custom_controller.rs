@@ -112,5 +112,5 @@ fn it_keeps_the_laws() {
     check_controller(&new, &[pushed], &promise).unwrap();
 
     // and the flights that the controllers of this crate fly
-    cases(&mut |cases| check_controller(&new, cases, &promise).unwrap());
+    cases(1.0, &mut |cases| check_controller(&new, cases, &promise).unwrap());
 }

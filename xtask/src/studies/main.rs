@@ -5,6 +5,8 @@
 mod actuation;
 mod allocation;
 mod arguments;
+mod attitude_certificate;
+mod attitude_loop;
 mod bench;
 mod brushless;
 mod calibration;
@@ -47,6 +49,12 @@ mod sweep;
 mod targets;
 mod throws;
 mod thrust_imu;
+mod tube_bench;
+mod tube_flights;
+mod tube_missions;
+mod tube_plant;
+mod tube_shares;
+mod tube_tables;
 
 use std::process::ExitCode;
 
@@ -89,6 +97,7 @@ const PROBLEMS: &[Problem] = &[
     ("ellipsoid", ellipsoid::run),
     ("rrt", rrt::run),
     ("infoplan", infoplan::run),
+    ("tube", tube_bench::run),
 ];
 
 /// What a result folder says about the run that wrote it.
@@ -119,7 +128,10 @@ const STUDIES: &[Program] = &[
     ("planning", &["--runs", "--reference-units", "--only"], planning::run),
     ("predicted-sigma", &["--runs"], predicted_sigma::run),
     ("local-plans", &["--runs"], local_plans::run),
+    ("tube-missions", &["--missions", "--only"], tube_missions::run),
+    ("tube-tables", &["--json"], tube_tables::run),
     ("information-bought", &["--json", "--runs", "--out", "--way"], information_bought::run),
+    ("attitude-certificate", &["--runs"], attitude_certificate::run),
 ];
 
 const REPRODUCTIONS: &[Program] = &[

@@ -408,6 +408,7 @@ impl AxisProblem {
     }
 
     /// The linear part of the cost for a reference, position and velocity at each node; missing nodes are at the last one given.
+    /// Effort is what goes beyond the acceleration between the nodes' velocities, so that what can be followed is.
     pub fn linear(&self, reference: &[Vector2<f64>], linear: &mut [f64]) {
         let weight = Vector2::new(self.weights.position, self.weights.velocity);
         let at = |k: usize| reference.get(k).or(reference.last()).copied().unwrap_or_default();
@@ -415,7 +416,8 @@ impl AxisProblem {
         let mut adjoint = self.terminal_cost * at(self.steps);
         for k in (0..self.steps).rev() {
             if let Some(entry) = linear.get_mut(2 + k) {
-                *entry = -(0.5 * h * h * adjoint.x + h * adjoint.y);
+                let wanted = (at(k + 1).y - at(k).y) / h;
+                *entry = -(0.5 * h * h * adjoint.x + h * adjoint.y + self.weights.acceleration * wanted);
             }
             let here = at(k).component_mul(&weight);
             adjoint = Vector2::new(adjoint.x + here.x, h * adjoint.x + adjoint.y + here.y);

@@ -319,6 +319,23 @@ mod tests {
     }
 
     #[test]
+    fn a_disturbance_to_one_side_is_contained() {
+        #[derive(Clone, Copy)]
+        struct Shifted(SymmetricBox<2>, Vector2<f64>);
+        impl ConvexSet<2> for Shifted {
+            fn support(&self, direction: &Vector2<f64>) -> f64 {
+                self.0.support(direction) + self.1.dot(direction)
+            }
+        }
+        for shift in [Vector2::new(1e-4, -1e-4), Vector2::new(-5e-5, 2e-4)] {
+            let shifted = Shifted(NOISE, shift);
+            let template = AxisTemplate::try_new(AxisGain::default(), &shifted).unwrap();
+            let closed_loop = template.gain.closed_loop();
+            check_invariant_set(&closed_loop, &shifted, &template.set(0.0), &template.normals, 1, 50, 0.0).unwrap();
+        }
+    }
+
+    #[test]
     fn the_first_normals_are_left_eigenvectors() {
         let template = AxisTemplate::try_new(AxisGain::default(), &NOISE).unwrap();
         for normal in &template.normals[..2] {

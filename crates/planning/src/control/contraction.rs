@@ -117,6 +117,20 @@ mod tests {
     }
 
     #[test]
+    fn a_set_to_one_side_reaches_as_far_as_its_mirror_image() {
+        struct Segment(Vector2<f64>);
+        impl ConvexSet<2> for Segment {
+            fn support(&self, direction: &Vector2<f64>) -> f64 {
+                self.0.dot(direction).max(0.0)
+            }
+        }
+        let contraction = Contraction::try_new(&Matrix2::new(0.9, 0.2, -0.05, 0.7)).unwrap();
+        let end = Vector2::new(-1.0, -2.0);
+        assert!((contraction.reach(&Segment(end)) / contraction.length(&end) - 1.0).abs() < 1e-14);
+        assert!((contraction.reach(&Segment(-end)) / contraction.length(&end) - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
     fn the_rate_lies_between_the_spectral_radius_and_what_was_asked_for() {
         let matrix = Matrix2::new(0.9, 0.2, -0.05, 0.7);
         let radius = spectral_radius(&matrix);

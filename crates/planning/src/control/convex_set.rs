@@ -38,9 +38,9 @@ impl<const N: usize> ConvexSet<N> for SymmetricBox<N> {
     #[inline]
     fn supports_of_rows<const D: usize>(&self, rows: &SMatrix<f64, D, N>) -> SVector<f64, D> {
         let mut sums = [0.0; D];
-        for (column, width) in rows.data.0.iter().zip(&self.0) {
-            for (sum, x) in sums.iter_mut().zip(column) {
-                *sum += x.abs() * width;
+        for (column, width) in rows.data.0.iter().zip(&self.0.data.0[0]) {
+            for lane in 0..D {
+                sums[lane] += column[lane].abs() * width;
             }
         }
         SVector::from(sums)
@@ -127,8 +127,8 @@ impl<const N: usize, W: ConvexSet<N>> ConvexSet<N> for &W {
 pub(super) fn combination<const D: usize, const N: usize>(columns: &[[f64; D]; N], factors: &[f64; N]) -> [f64; D] {
     let mut sums = [0.0; D];
     for (column, factor) in columns.iter().zip(factors) {
-        for (sum, x) in sums.iter_mut().zip(column) {
-            *sum += x * factor;
+        for lane in 0..D {
+            sums[lane] += column[lane] * factor;
         }
     }
     sums
@@ -183,7 +183,7 @@ mod tests {
             }
         }
         fn check(set: impl ConvexSet<2>) {
-            let rows = SMatrix::<f64, 9, 2>::from_fn(|i, j| f64::from(i as u32) - 3.7 - 2.9 * j as f64);
+            let rows = SMatrix::<f64, 9, 2>::from_fn(|i, j| i as f64 - 3.7 - 2.9 * j as f64);
             let together = set.supports_of_rows(&rows);
             let one_by_one = Plain(&set).supports_of_rows(&rows);
             assert!((together - one_by_one).amax() < 1e-14, "{together} {one_by_one}");

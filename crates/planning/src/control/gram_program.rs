@@ -242,3 +242,6 @@ fn inverse(matrix: &[f64], size: usize) -> Result<Vec<f64>, PlanningError> {
     }
     Ok(inverse)
 }
+
+#[cfg(test)]
+mod tests;

@@ -119,3 +119,104 @@ pub fn center_of_mass_uncertainty_m(belief: &ModelBelief, sigmas: f64) -> Result
     let largest = ((spread + spread.transpose()) * 0.5).symmetric_eigenvalues().max();
     Ok(positive("the standard deviations taken", sigmas)? * f64::sqrt(finite("a variance", largest)?.max(0.0)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+    use rand_chacha::ChaCha8Rng;
+    use rand_core::{Rng, SeedableRng};
+    use tumble_dynamics::InertialParameters;
+
+    fn unit(rng: &mut ChaCha8Rng) -> f64 {
+        f64::from(rng.next_u32()) / f64::from(u32::MAX)
+    }
+
+    fn belief(deviations: Matrix3<f64>) -> ModelBelief {
+        let inertia = Matrix3::new(0.15, 0.01, 0.02, 0.01, 0.2, -0.03, 0.02, -0.03, 0.25);
+        let parameters = InertialParameters::about_com(9.0, Vector3::new(0.05, -0.1, 0.02), inertia);
+        let mut belief = ModelBelief::certain(1, parameters);
+        belief.estimate.std.inertia_about_com_kg_m2 = deviations;
+        belief
+    }
+
+    #[test]
+    fn every_body_within_the_deviations_is_inside() {
+        let deviations = Matrix3::new(3.0, 1.0, 2.0, 1.0, 4.0, 0.5, 2.0, 0.5, 2.0) * 1e-3;
+        let (belief, wide) = (belief(deviations), InertiaInterval::between(1e-3, 10.0).unwrap());
+        let interval = InertiaInterval::believed(&belief, 3.0, &wide).unwrap().unwrap();
+        let believed = belief.parameters().inertia_about_com();
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut worst = 0.0_f64;
+        for run in 0..2000 {
+            // every other one a corner of the box of entries
+            let size = |value: f64| if run % 2 == 0 { f64::signum(value) } else { value };
+            let mut error = Matrix3::zeros();
+            for i in 0..3 {
+                for j in i..3 {
+                    let entry = 3.0 * deviations[(i, j)] * size(2.0 * unit(&mut rng) - 1.0);
+                    (error[(i, j)], error[(j, i)]) = (entry, entry);
+                }
+            }
+            let moments = (believed + error).symmetric_eigenvalues();
+            assert!(moments.min() >= interval.least_kg_m2() && moments.max() <= interval.largest_kg_m2());
+            worst = worst.max(error.symmetric_eigenvalues().amax() / interval.error_kg_m2());
+        }
+        assert!((0.85..=1.0).contains(&worst), "{worst}");
+        let moments = believed.symmetric_eigenvalues();
+        assert!((interval.least_kg_m2() - (moments.min() - interval.error_kg_m2())).abs() < 1e-15);
+        assert!((interval.believed_largest() - moments.max()).abs() < 1e-15);
+        assert!((interval.believed_half_spread() - 0.5 * (moments.max() - moments.min())).abs() < 1e-15);
+        assert!((interval.half_spread() - interval.believed_half_spread() - interval.error_kg_m2()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_spectral_norm_is_bounded_both_ways() {
+        // equal entries: the row sum is exact; a diagonal one: too; one far entry: the Frobenius norm would be sqrt(2) more
+        let ones = Matrix3::from_element(2.0);
+        assert!((spectral_norm_at_most(&ones) - 6.0).abs() < 1e-15);
+        let diagonal = Matrix3::from_diagonal(&Vector3::new(1.0, 3.0, 2.0));
+        assert!((spectral_norm_at_most(&diagonal) - 3.0).abs() < 1e-15);
+        // an arrow: the Frobenius norm is the better one
+        let arrow = Matrix3::new(0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0);
+        assert!((spectral_norm_at_most(&arrow) - 2.0).abs() < 1e-15);
+        let row = Matrix3::new(2.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0);
+        assert!((spectral_norm_at_most(&row) - f64::sqrt(8.0)).abs() < 1e-15);
+    }
+
+    #[test]
+    fn what_is_certain_stays_so_and_contradictions_are_told() {
+        let certain = InertiaInterval::between(0.1, 0.2).unwrap();
+        let unsure = belief(Matrix3::from_element(1.0));
+        let interval = InertiaInterval::believed(&unsure, 3.0, &certain).unwrap().unwrap();
+        assert_eq!((interval.least_kg_m2(), interval.largest_kg_m2()), (0.1, 0.2));
+        let elsewhere = InertiaInterval::between(1.0, 2.0).unwrap();
+        assert_eq!(InertiaInterval::believed(&belief(Matrix3::zeros()), 3.0, &elsewhere).unwrap(), None);
+        assert!(InertiaInterval::believed(&belief(Matrix3::from_element(f64::NAN)), 3.0, &certain).is_err());
+        assert!(InertiaInterval::believed(&unsure, 0.0, &certain).is_err());
+        assert!(InertiaInterval::between(0.2, 0.1).is_err() && InertiaInterval::between(0.0, 0.1).is_err());
+        assert!((certain.error_kg_m2() - 0.1).abs() < 1e-16);
+    }
+
+    #[test]
+    fn the_centre_of_mass_is_as_unsure_as_first_moment_and_mass_make_it() {
+        let mut belief = belief(Matrix3::zeros());
+        for axis in 1..4 {
+            belief.estimate.covariance[(axis, axis)] = 0.09 * 0.09;
+        }
+        assert!((center_of_mass_uncertainty_m(&belief, 3.0).unwrap() - 0.03).abs() < 1e-14);
+        // a mass that is unsure while the centre of mass is known moves both together
+        let (center, variance) = (belief.parameters().center_of_mass(), 0.25);
+        let column = nalgebra::Vector4::new(1.0, center.x, center.y, center.z);
+        let together = column * column.transpose() * variance;
+        belief.estimate.covariance.fixed_view_mut::<4, 4>(0, 0).copy_from(&together);
+        assert!(center_of_mass_uncertainty_m(&belief, 3.0).unwrap() < 1e-8);
+        // and one that moves alone leaves the first moment behind
+        belief.estimate.covariance.fill(0.0);
+        belief.estimate.covariance[(0, 0)] = variance;
+        let expected = center.norm() * 0.5 / 9.0;
+        assert!((center_of_mass_uncertainty_m(&belief, 1.0).unwrap() - expected).abs() < 1e-15);
+        belief.estimate.covariance[(0, 0)] = f64::NAN;
+        assert!(center_of_mass_uncertainty_m(&belief, 1.0).is_err());
+    }
+}

@@ -115,11 +115,21 @@ impl<const N: usize, W: ConvexSet<N>> MinimalInvariantSet<N, W> {
                 *sum += support;
             }
             lower = ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7]));
-            rows = self.leap.map(|factors| combination(&rows, &factors));
+            rows = self.leapt(&rows);
             terms += LANES;
             tail = self.tail * self.contraction.support(&SVector::from(rows.map(|row| row[0])));
         }
         Support { upper: scale * (lower + tail), lower: scale * lower, terms }
+    }
+
+    /// The rows, a power of the closed loop later.
+    #[inline]
+    fn leapt(&self, rows: &[[f64; LANES]; N]) -> [[f64; LANES]; N] {
+        let mut next = [[0.0; LANES]; N];
+        for (next, factors) in next.iter_mut().zip(&self.leap) {
+            *next = combination(rows, factors);
+        }
+        next
     }
 
     /// Upper bounds of the supports in several directions, each by at most a share `tolerance` above the support.

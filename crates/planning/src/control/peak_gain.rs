@@ -151,3 +151,115 @@ impl Envelope {
         Some(PeakGain { gain, start })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(damping: f64, least: f64, largest: f64, timing: AttitudeTiming) -> Option<PeakGain> {
+        PeakGain::of(damping, &InertiaInterval::between(least, largest).unwrap(), &timing)
+    }
+
+    const SAMPLED: AttitudeTiming = AttitudeTiming { step_s: 0.016, delay_s: 0.0, lag_s: 0.0 };
+
+    /// By brute force: the largest of a hundred exponentials, summed in thin slices.
+    #[test]
+    fn continuous_gain_is_the_integral_of_the_largest_exponential() {
+        let (damping, least, largest) = (0.4, 0.07, 0.25);
+        let mut integral = 0.0;
+        for slice in 0..40_000 {
+            let time_s = (f64::from(slice) + 0.5) * 2.5e-4;
+            let kernel = |j: f64| f64::exp(-damping * time_s / j) / j;
+            let inertias = (0..=100).map(|i| least + (largest - least) * f64::from(i) / 100.0);
+            integral += 2.5e-4 * inertias.map(kernel).fold(0.0, f64::max);
+        }
+        let found = of(damping, least, largest, AttitudeTiming::CONTINUOUS).unwrap();
+        assert!((damping * integral - found.gain).abs() < 1e-3, "{} {}", damping * integral, found.gain);
+        assert!(found.gain <= f64::sqrt(largest / least));
+    }
+
+    /// Sampling alone: geometric series in closed form.
+    #[test]
+    fn sampled_gain_is_the_sum_of_the_largest_power() {
+        let (damping, least, largest) = (0.4, 0.07, 0.25);
+        let mut sum = 0.0;
+        for power in 0..1000 {
+            let kernel = |i: i32| {
+                let rate = damping / (least + (largest - least) * f64::from(i) / 500.0);
+                rate * f64::powi(1.0 - rate * SAMPLED.step_s, power)
+            };
+            sum += SAMPLED.step_s * (0..=500).map(kernel).fold(0.0, f64::max);
+        }
+        let found = of(damping, least, largest, SAMPLED).unwrap();
+        assert!(found.gain >= sum && found.gain <= 1.02 * sum, "{} {sum}", found.gain);
+        assert!((0.99..=1.0).contains(&found.start));
+    }
+
+    /// The loop of one inertia by small steps of its own; the disturbance is any function of time.
+    fn simulate(rate: f64, timing: &AttitudeTiming, start: f64, end: usize, push: impl Fn(f64) -> f64) -> Vec<f64> {
+        const FINE: usize = 64;
+        let step_s = timing.step_s / FINE as f64;
+        let delay = (timing.delay_s / step_s).round() as usize;
+        let (mut s, mut acting, mut held) = (start, 0.0, Vec::new());
+        let mut measured = Vec::new();
+        for step in 0..end * FINE {
+            if step % FINE == 0 {
+                measured.push(s);
+            }
+            held.push(measured[step / FINE]);
+            let command = if step >= delay { held[step - delay] } else { 0.0 };
+            let next = if timing.lag_s > 0.0 { acting + step_s / timing.lag_s * (command - acting) } else { command };
+            s += step_s * rate * (push((step as f64 + 0.5) * step_s) - 0.5 * (acting + next));
+            acting = next;
+        }
+        measured.push(s);
+        measured
+    }
+
+    #[test]
+    fn the_worst_torque_reaches_the_gain_of_one_inertia_and_none_exceeds_it() {
+        let (damping, inertia, end) = (0.4, 0.1, 400);
+        for (delay_s, lag_s) in [(0.0, 0.0), (0.0, 0.18), (0.08, 0.08), (0.13, 0.0), (0.1, 0.05)] {
+            let timing = AttitudeTiming { delay_s, lag_s, ..SAMPLED };
+            let rate = damping / inertia;
+            let found = of(damping, inertia, inertia, timing).unwrap();
+            let answer = simulate(rate, &timing, 1.0, end, |_| 0.0);
+            // a push before the instant n steps ahead of the end is felt there as the answer to a start, n steps on
+            let worst = simulate(rate, &timing, 0.0, end, |time_s| {
+                f64::signum(answer[end - 1 - ((time_s / timing.step_s) as usize).min(end - 1)])
+            });
+            let reached = worst[end];
+            assert!(reached <= found.gain && reached >= 0.985 * found.gain, "{timing:?}: {reached} {}", found.gain);
+            // and from the start it admits, in the worst direction
+            for sign in [1.0, -1.0] {
+                let from_start = simulate(rate, &timing, sign * found.start, end, |_| 1.0);
+                assert!(from_start.iter().all(|s| s.abs() <= found.gain), "{timing:?}");
+            }
+        }
+    }
+
+    /// Delay alone is stable below a quarter turn of the integrator; half a step of it comes from sampling.
+    #[test]
+    fn a_loop_that_rings_up_is_refused() {
+        let timing = |delay_s| AttitudeTiming { step_s: 0.01, delay_s, lag_s: 0.0 };
+        let critical = core::f64::consts::FRAC_PI_2 * 0.1 / 0.4 - 0.005;
+        assert!(of(0.4, 0.1, 0.1, timing(0.97 * critical)).is_some());
+        assert!(of(0.4, 0.1, 0.1, timing(1.03 * critical)).is_none());
+        // the lightest body decides
+        assert!(of(0.4, 0.09, 0.2, timing(0.97 * critical)).is_none());
+        assert!(of(0.4, 1e-3, 0.9, SAMPLED).is_none() && of(0.4, 1e-4, 1.0, SAMPLED).is_none());
+        assert!(of(0.4, 0.1, 0.1, timing(f64::MAX)).is_none());
+        let tiny = AttitudeTiming { step_s: 1e-300, ..SAMPLED };
+        assert!(of(0.4, 0.1, 0.2, tiny).is_none());
+    }
+
+    #[test]
+    fn a_wider_interval_a_longer_delay_or_lag_is_no_better() {
+        let base = of(0.4, 0.1, 0.2, SAMPLED).unwrap().gain;
+        for (least, largest, delay_s, lag_s) in
+            [(0.09, 0.2, 0.0, 0.0), (0.1, 0.3, 0.0, 0.0), (0.1, 0.2, 0.1, 0.0), (0.1, 0.2, 0.0, 0.1)]
+        {
+            assert!(of(0.4, least, largest, AttitudeTiming { delay_s, lag_s, ..SAMPLED }).unwrap().gain > base);
+        }
+    }
+}

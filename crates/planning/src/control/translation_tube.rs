@@ -2,8 +2,8 @@
 
 use super::force_box::across;
 use super::{
-    Adoption, AttitudeSpan, AxisGain, AxisLimits, AxisRequest, AxisTemplate, AxisTube, Fallback, FallbackReason,
-    GramStatus, MassInterval, SymmetricBox, Terminal, TubeDisturbance, TubeWeights,
+    Adoption, AttitudeCertificate, AttitudeSpan, AxisGain, AxisLimits, AxisRequest, AxisTemplate, AxisTube, Fallback,
+    FallbackReason, GramStatus, MassInterval, ReferenceTurning, SymmetricBox, Terminal, TubeDisturbance, TubeWeights,
 };
 use crate::belief::ModelBelief;
 use crate::error::{PlanningError, not_negative};
@@ -39,6 +39,42 @@ pub struct TubeSettings {
     pub sigmas: f64,
     /// The axes.
     pub world_from_axes: UnitQuaternion<f64>,
+}
+
+impl TubeSettings {
+    /// The same, with what the error of the attitude does to the translation: forces are asked for at attitudes as far off as the
+    /// certificate says, and a centre of mass believed wrongly by at most this is swung about by the turning.
+    ///
+    /// # Source
+    /// The tracked point `p` and the true centre of mass, `offset` apart: `p'' = f / m - a x offset - w x (w x offset)`, with the angular
+    /// velocity and acceleration of the reference and of the error.
+    #[must_use]
+    pub fn with_attitude(
+        mut self,
+        certificate: &AttitudeCertificate,
+        turning: &ReferenceTurning,
+        center_of_mass_error_m: f64,
+    ) -> Self {
+        if let AttitudeSpan::Near { angle_rad, .. } = &mut self.attitudes {
+            *angle_rad += certificate.angle_rad;
+        }
+        let rate = turning.rate_rad_s + certificate.rate_rad_s;
+        let swinging = turning.acceleration_rad_s2 + certificate.acceleration_rad_s2 + rate * rate;
+        self.disturbance.acceleration_m_s2 += center_of_mass_error_m * swinging;
+        self
+    }
+
+    /// The same, with no force that the attitude is not certified for: `allowed_n` bounds the norm of every force asked for, as
+    /// [`AttitudeLoop::force_allowed_n`](super::AttitudeLoop::force_allowed_n) finds it. Planners are to be given
+    /// [`Self::force_limit_n`] then.
+    #[must_use]
+    pub fn with_force_allowed(mut self, allowed_n: f64) -> Self {
+        let corner = f64::sqrt(self.force_limit_n.norm_squared());
+        if corner > allowed_n {
+            self.force_limit_n *= allowed_n / corner;
+        }
+        self
+    }
 }
 
 /// How often what happened.
@@ -85,6 +121,13 @@ pub struct TrackedMotion {
     pub states: [Vector2<f64>; 3],
     /// Wanted position and velocity at each node, the first one now; the last stands for those missing.
     pub references: [Vec<Vector2<f64>>; 3],
+}
+
+impl TrackedMotion {
+    fn is_finite(&self) -> bool {
+        let nodes = self.references.iter().flatten().chain(&self.states);
+        nodes.into_iter().all(|node| node.x.is_finite() && node.y.is_finite())
+    }
 }
 
 /// Where the motion stands.
@@ -211,11 +254,14 @@ impl TranslationTube {
             None
         } else {
             let statuses = self.current.solve(motion);
-            match statuses.into_iter().find(|status| *status != GramStatus::Solved) {
-                None => None,
-                Some(status) if is_inside => Some(Fallback::Shifted(reason(status))),
-                Some(status) => Some(Fallback::Braking(reason(status))),
-            }
+            let reason = statuses.into_iter().find_map(|status| match status {
+                GramStatus::Solved => None,
+                GramStatus::Infeasible => Some(FallbackReason::Infeasible),
+                GramStatus::Capped => Some(FallbackReason::IterationCap),
+                GramStatus::Numerical if !motion.is_finite() => Some(FallbackReason::NoReference),
+                GramStatus::Numerical => Some(FallbackReason::Numerical),
+            });
+            reason.map(if is_inside { Fallback::Shifted } else { Fallback::Braking })
         };
         let fallback = match fallback {
             None if self.phase == Phase::Planned && !is_inside => {
@@ -276,14 +322,6 @@ impl TranslationTube {
             let force = problem.center_kg * problem.feedback.dot(&error);
             self.force_axes[i] = force.clamp(-problem.force_n, problem.force_n);
         }
-    }
-}
-
-fn reason(status: GramStatus) -> FallbackReason {
-    match status {
-        GramStatus::Capped => FallbackReason::IterationCap,
-        GramStatus::Infeasible => FallbackReason::Infeasible,
-        GramStatus::Solved | GramStatus::Numerical => FallbackReason::Numerical,
     }
 }
 

@@ -1,6 +1,6 @@
 //! Pose and twist in, wrench out: the tube for the translation, the attitude law for the turn, one belief for both.
 
-use super::believed_body::{sound_reference, sound_state};
+use super::believed_body::{BelievedBody, sound_reference, sound_state};
 use super::{
     Adoption, AttitudeController, ControlCommand, ControlRequest, Controller, TrackedMotion, TranslationTube,
     TubeCounts, TubeSettings,
@@ -8,7 +8,7 @@ use super::{
 use crate::belief::ModelBelief;
 use crate::error::PlanningError;
 use nalgebra::{Vector2, Vector3};
-use tumble_dynamics::{InertialParameters, RigidBodyState};
+use tumble_dynamics::{FreeFlyer, InertialParameters, RigidBodyState};
 use tumble_lie::Wrench;
 
 /// Share of a step by which a decision may come early.
@@ -23,13 +23,6 @@ pub enum TrackedPoint {
     BelievedCenterOfMass,
 }
 
-/// The body of one revision.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Body {
-    revision: u64,
-    parameters: InertialParameters<f64>,
-}
-
 /// Robust tube MPC for the translation, an attitude law for the turn.
 ///
 /// Decides on the force every step of the gain and holds it in the axes of the tube; turns it with the body, and computes the torque,
@@ -39,8 +32,8 @@ pub struct TubeController {
     tube: TranslationTube,
     attitude: AttitudeController,
     point: TrackedPoint,
-    current: Body,
-    offered: Option<Body>,
+    current: BelievedBody,
+    offered: Option<BelievedBody>,
     decided_s: Option<f64>,
     motion: TrackedMotion,
     next: TrackedMotion,
@@ -57,12 +50,11 @@ impl TubeController {
         point: TrackedPoint,
         prior: &InertialParameters<f64>,
     ) -> Result<Self, PlanningError> {
-        let parameters = prior.validated()?;
         Ok(Self {
             tube: TranslationTube::try_new(settings)?,
             attitude,
             point,
-            current: Body { revision: 0, parameters },
+            current: BelievedBody::nominal(FreeFlyer::new(*prior))?,
             offered: None,
             decided_s: None,
             motion: TrackedMotion::default(),
@@ -112,10 +104,10 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    fn fill(&self, body: &Body, motion: &mut TrackedMotion) {
+    fn fill(&self, believed: &BelievedBody, motion: &mut TrackedMotion) {
         let center_body = match self.point {
             TrackedPoint::Origin => Vector3::zeros(),
-            TrackedPoint::BelievedCenterOfMass => body.parameters.center_of_mass(),
+            TrackedPoint::BelievedCenterOfMass => believed.body.parameters().center_of_mass(),
         };
         motion.states = self.tracked(self.request.state, &center_body);
         for reference in &mut motion.references {
@@ -143,9 +135,8 @@ impl View<'_> {
 
 impl Controller for TubeController {
     fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
-        let parameters = belief.parameters().validated()?;
+        let body = self.offered.as_ref().unwrap_or(&self.current).after(belief)?;
         let adoption = self.tube.offer(belief)?;
-        let body = Body { revision: belief.revision, parameters };
         match adoption {
             Adoption::Adopted => self.current = body,
             Adoption::Postponed { .. } => self.offered = Some(body),
@@ -164,7 +155,7 @@ impl Controller for TubeController {
         // inside the span of attitudes this takes nothing away
         let share = force.abs().component_div(&settings.force_limit_n).max();
         let force = if share > 1.0 { force / share } else { force };
-        let attitude = AttitudeController { body: self.current.parameters, ..self.attitude };
+        let attitude = AttitudeController { body: *self.current.body.parameters(), ..self.attitude };
         let torque = attitude.torque_body(request.state, &wanted, &force).torque_n_m;
         Ok(ControlCommand {
             wrench_body: Wrench::new(torque, force),

@@ -98,9 +98,13 @@ pub fn case<'a>(name: &'static str, trajectory: &'a dyn ReferenceMotion) -> Cont
 }
 
 /// A plan followed by the body that is believed in; one that comes back from far away while beliefs change; one pushed about,
-/// seen through a sensor that errs, at outputs that do not fit the steps of decisions.
-pub fn cases(judge: &mut dyn FnMut(&[ControllerCase<'_>])) {
-    let bound = |position_m, angle_rad| TrackingError { position_m, angle_rad, ..small() };
+/// seen through a sensor that errs, at outputs that do not fit the steps of decisions. `slack` widens the bounds of errors.
+pub fn cases(slack: f64, judge: &mut dyn FnMut(&[ControllerCase<'_>])) {
+    let bound = |position_m: f64, angle_rad: f64| TrackingError {
+        position_m: slack * position_m,
+        angle_rad: slack * angle_rad,
+        ..small()
+    };
     let plan = quintic(Vector3::new(1.0, -2.0, 0.5), Vector3::new(1.6, -2.4, 0.8), 1.2, 20.0);
     let known = [(0.0, belief(4, body(), 0.1))];
     let mut follows = case("follows", &plan);

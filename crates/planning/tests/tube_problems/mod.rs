@@ -1,6 +1,7 @@
 //! Quadratic programs of tube controllers: a frozen nominal one, and three axes coupled by half-spaces.
 #![allow(dead_code, clippy::unwrap_used, reason = "tests and benches each use a part")]
 
+pub mod coupled;
 pub mod random;
 
 use tumble_planning::control::{GramProgram, GramSettings, GramStatus, GramWorkspace};

@@ -61,7 +61,10 @@ fn the_quadratic_form_is_the_sum_over_the_steps() {
         for (k, (state, wanted)) in simulated(&problem, &x).iter().zip(&reference).enumerate() {
             let cost = if k < problem.steps { Matrix2::new(10.0, 0.0, 0.0, 30.0) } else { terminal };
             expected += 0.5 * (state - wanted).dot(&(cost * (state - wanted))) - 0.5 * wanted.dot(&(cost * wanted));
-            expected += if k < problem.steps { 0.5 * 100.0 * x[2 + k] * x[2 + k] } else { 0.0 };
+            if let Some(next) = reference.get(k + 1) {
+                let (beyond, with) = (x[2 + k], (next.y - wanted.y) / 0.2);
+                expected += 50.0 * ((beyond - with) * (beyond - with) - with * with);
+            }
         }
         assert!((found - expected).abs() < 1e-9 * expected.abs().max(1.0), "{found} {expected}");
     }

@@ -1,0 +1,253 @@
+//! The tube controller as a controller: its laws, new beliefs in flight, and what it does where its assumptions are broken.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod control_cases;
+
+use control_cases::{body, cases, limits, small};
+use tumble_planning::control::{
+    Adoption, AttitudeController, AttitudeGains, AttitudeLaw, AttitudeSpan, AxisGain, Fallback, FallbackReason,
+    MassInterval, ReferenceMotion, Terminal, TrackedPoint, TubeController, TubeDisturbance, TubeSettings, TubeWeights,
+};
+use tumble_planning::dynamics::{InertialParameters, PoseReference, RigidBodyState, WrenchModel};
+use tumble_planning::laws::{
+    ControllerCase, ControllerPromise, ControllerStep, LawViolation, check_controller, fly_controller,
+};
+use tumble_planning::lie::{Pose, Twist, Wrench};
+use tumble_planning::nalgebra::{UnitQuaternion, Vector3};
+use tumble_planning::{ModelBelief, Plan};
+
+const STEP_S: f64 = 0.2;
+const OUTPUT_S: f64 = 0.05;
+
+fn settings(mass: [f64; 2]) -> TubeSettings {
+    TubeSettings {
+        gain: AxisGain { stiffness: 0.25, damping: 2.0, step_s: STEP_S },
+        steps: 25,
+        weights: TubeWeights::DEFAULT,
+        terminal: Terminal::StopSet,
+        speed_m_s: 0.2,
+        walls_m: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
+        force_limit_n: limits().force_limit,
+        attitudes: AttitudeSpan::Any,
+        turned_by_rad: 0.01,
+        disturbance: TubeDisturbance { position_m: 0.0, velocity_m_s: 0.0, force_n: 0.002, acceleration_m_s2: 0.0 },
+        mass: MassInterval::between(mass[0], mass[1]).unwrap(),
+        sigmas: 3.0,
+        world_from_axes: UnitQuaternion::identity(),
+    }
+}
+
+fn attitude() -> AttitudeController {
+    AttitudeController {
+        law: AttitudeLaw::Geometric,
+        gains: AttitudeGains { stiffness_n_m: 0.3, damping_n_m_s: 0.3 },
+        body: body(),
+        torque_limit_n_m: 0.05,
+    }
+}
+
+fn controller(settings: TubeSettings) -> TubeController {
+    TubeController::try_new(settings, attitude(), TrackedPoint::BelievedCenterOfMass, &body()).unwrap()
+}
+
+#[test]
+fn keeps_the_laws_of_controllers() {
+    let mass = body().mass;
+    let promise = ControllerPromise {
+        limits: limits(),
+        tube: None,
+        small: small(),
+        settling_s: 30.0,
+        overshoot: 1.05,
+        other_worlds: &[Pose::translation(3.0, -2.0, 1.0)],
+        tolerance: 1e-9,
+    };
+    cases(100.0, &mut |cases| {
+        check_controller(&|| controller(settings([0.4 * mass, 3.0 * mass])), cases, &promise)
+            .unwrap_or_else(|violation| panic!("{violation}"));
+    });
+}
+
+fn hold(pose: Pose<f64>) -> impl Fn(f64) -> PoseReference {
+    control_cases::held(pose)
+}
+
+/// A flight of a controller that holds a place, outputs of 50 ms, watched.
+fn flight<'a>(
+    trajectory: &'a dyn ReferenceMotion,
+    beliefs: &'a [(f64, ModelBelief)],
+    outputs: usize,
+) -> ControllerCase<'a> {
+    ControllerCase { beliefs, outputs, step_s: OUTPUT_S, ..control_cases::case("flight", trajectory) }
+}
+
+fn belief(revision: u64, mass_kg: f64, sigma_kg: f64) -> ModelBelief {
+    control_cases::belief(revision, control_cases::heavier(mass_kg / body().mass), sigma_kg)
+}
+
+/// Nested intervals are taken over one after the other while the body moves; each tube lies inside the one before.
+#[test]
+fn beliefs_that_narrow_are_taken_over_in_flight() {
+    let mass = body().mass;
+    let to = hold(Pose::translation(1.0, -0.5, 0.3));
+    let beliefs: Vec<(f64, ModelBelief)> =
+        (1..8).map(|i| (2.0 * i as f64, belief(i, mass * (1.0 + 0.1 / i as f64), 1.5 / i as f64))).collect();
+    let mut case = flight(&to, &beliefs, 1200);
+    case.start = control_cases::at(Pose::identity());
+    let mut controller = controller(settings([0.5 * mass, 2.0 * mass]));
+    let mut widths = vec![controller.tube().mass()];
+    fly_controller(&mut controller, &case, &mut |controller: &TubeController, step: &ControllerStep<'_>| {
+        for (revision, adoption) in step.offers {
+            assert_eq!(*adoption, Adoption::Postponed { kept: revision - 1 });
+        }
+        let now = controller.tube().mass();
+        if Some(&now) != widths.last() {
+            widths.push(now);
+        }
+        assert!(step.command.fallback.is_none(), "{:?}", step.command.fallback);
+        Ok::<(), LawViolation>(())
+    })
+    .unwrap();
+    assert_eq!(widths.len(), 8);
+    assert!(widths.windows(2).all(|pair| pair[0].contains(&pair[1])));
+    let counts = controller.counts();
+    assert_eq!((counts.adopted, counts.postponed, counts.contradictions), (7, 0, 0));
+    let last = controller.tube().axes()[0].plan().start;
+    assert!((last.x - 1.0).abs() < 0.03, "{last}");
+}
+
+/// What cannot be true together with what was certain is the estimator's fault; nothing changes.
+#[test]
+fn a_belief_outside_of_what_is_certain_is_told() {
+    let mass = body().mass;
+    let here = hold(Pose::identity());
+    let beliefs = [(0.0, belief(3, mass, 0.1)), (2.0, belief(4, 1.5 * mass, 0.1)), (4.0, belief(5, mass, 0.05))];
+    let mut controller = controller(settings([0.5 * mass, 2.0 * mass]));
+    let mut told = Vec::new();
+    fly_controller(&mut controller, &flight(&here, &beliefs, 200), &mut |_, step| {
+        told.extend_from_slice(step.offers);
+        let newest = if step.output < 80 { 3 } else { step.command.model_revision };
+        assert_eq!(step.command.model_revision, newest);
+        Ok::<(), LawViolation>(())
+    })
+    .unwrap();
+    let kept = 3;
+    assert_eq!(told, [(3, Adoption::Adopted), (4, Adoption::Contradicts { kept }), (5, Adoption::Postponed { kept })]);
+    assert_eq!(controller.tube().model_revision(), 5);
+    assert_eq!(controller.counts().contradictions, 1);
+}
+
+/// The localisation jumps: the tube says so, begins anew, and where there is no plan the body brakes, stops and comes back.
+#[test]
+fn a_jump_is_told_and_survived() {
+    let mass = body().mass;
+    let here = hold(Pose::identity());
+    let walled = TubeSettings { walls_m: [[-1.0, 1.0]; 3], ..settings([0.8 * mass, 1.25 * mass]) };
+    for (jump_m, far) in [(0.4, false), (1.5, true)] {
+        let sensor = |output: usize, state: &RigidBodyState<f64>| {
+            let mut seen = *state;
+            seen.world_from_body.translation.vector.x += if (100..140).contains(&output) { jump_m } else { 0.0 };
+            seen
+        };
+        let mut case = flight(&here, &[], 1600);
+        case.sensor = Some(&sensor);
+        let mut controller = controller(walled);
+        let (mut restarted, mut braking, mut end_m) = (0, 0, 1.0);
+        fly_controller(&mut controller, &case, &mut |_, step| {
+            match step.command.fallback {
+                None => {}
+                Some(Fallback::Restarted(FallbackReason::OutsideTube { excess })) => {
+                    assert!(excess > 0.0);
+                    restarted += 1;
+                }
+                Some(Fallback::Braking(reason)) => {
+                    assert_eq!(reason, FallbackReason::Infeasible);
+                    braking += 1;
+                }
+                other => panic!("{other:?}"),
+            }
+            end_m = step.error.position_m;
+            Ok::<(), LawViolation>(())
+        })
+        .unwrap();
+        assert_eq!(far, braking > 0, "{jump_m}: {braking}");
+        assert_eq!(!far, restarted > 0, "{jump_m}: {restarted}");
+        assert!(end_m < 0.01, "{jump_m}: {end_m}");
+        assert_eq!(controller.counts().braking, braking);
+    }
+}
+
+/// Calls that come late shift no later decision; a state or reference that is no number is refused, and the next call is answered.
+#[test]
+fn numbers_that_are_none_are_refused_and_flown_past() {
+    use tumble_planning::control::{ControlRequest, Controller};
+    let here = hold(Pose::identity());
+    let plan: Plan<&dyn ReferenceMotion> = Plan { trajectory: &here, model_revision: 0 };
+    let mut controller = controller(settings([5.0, 20.0]));
+    let state = control_cases::at(Pose::identity());
+    let mut broken = state;
+    broken.twist_body = Twist::new(Vector3::new(f64::NAN, 0.0, 0.0), Vector3::zeros());
+    assert!(controller.command(&ControlRequest { time_s: 0.0, state: &broken, plan: &plan }).is_err());
+    assert!(controller.command(&ControlRequest { time_s: f64::NAN, state: &state, plan: &plan }).is_err());
+    for time_s in [0.0, 0.19, 0.21, 0.39, 0.41, 5.0, 5.1] {
+        let command = controller.command(&ControlRequest { time_s, state: &state, plan: &plan }).unwrap();
+        assert!(command.wrench_body.to_vector().amax() < 1e-12);
+    }
+    assert_eq!(controller.counts().decisions, 4);
+    // a reference that is a number now and none later leaves the last plan, shifted
+    let later = |time_s: f64| {
+        let mut reference = here(time_s);
+        if time_s > 5.5 {
+            reference.state.world_from_body.translation.vector.x = f64::NAN;
+        }
+        reference
+    };
+    let plan: Plan<&dyn ReferenceMotion> = Plan { trajectory: &later, model_revision: 0 };
+    let command = controller.command(&ControlRequest { time_s: 5.2, state: &state, plan: &plan }).unwrap();
+    assert_eq!(command.fallback, Some(Fallback::Shifted(FallbackReason::NoReference)));
+    assert!(command.wrench_body.to_vector().amax() < 1e-12);
+}
+
+/// A push along every axis.
+struct Gust(f64);
+
+impl WrenchModel<f64> for Gust {
+    fn wrench_body(&self, time_s: f64, state: &RigidBodyState<f64>) -> Wrench<f64> {
+        let sign = if (time_s * 0.37).sin() > 0.0 { 1.0 } else { -1.0 };
+        Wrench::new(Vector3::zeros(), state.world_from_body.rotation.inverse() * Vector3::repeat(self.0 * sign))
+    }
+}
+
+/// Whatever the mass in the interval and the push within the bound, the true motion stays in the tube at every decision.
+#[test]
+fn the_true_motion_stays_in_the_tube() {
+    let mass = body().mass;
+    let to = control_cases::quintic(Vector3::zeros(), Vector3::new(0.8, -0.4, 0.3), 0.0, 25.0);
+    let gust = Gust(0.002);
+    for factor in [0.5, 1.0, 1.5] {
+        let mut case = flight(&to, &[], 700);
+        let flown = InertialParameters {
+            first_moment: Vector3::zeros(),
+            ..InertialParameters::about_com(factor * mass, Vector3::zeros(), body().inertia_about_origin)
+        };
+        (case.body, case.disturbance) = (flown, &gust);
+        let span = AttitudeSpan::Near { axes_from_body: UnitQuaternion::identity(), angle_rad: 0.02 };
+        let settings = TubeSettings { attitudes: span, ..settings([0.5 * mass, 1.5 * mass]) };
+        let mut controller = TubeController::try_new(settings, attitude(), TrackedPoint::Origin, &body()).unwrap();
+        let mut nearest = f64::NEG_INFINITY;
+        fly_controller(&mut controller, &case, &mut |controller, step| {
+            assert!(step.command.fallback.is_none(), "{factor}: {:?}", step.command.fallback);
+            if step.output % 4 == 0 {
+                let pose = step.state.world_from_body;
+                let velocity = pose.rotation * step.state.twist_body.linear;
+                for (i, axis) in controller.tube().axes().iter().enumerate() {
+                    let here = tumble_planning::nalgebra::Vector2::new(pose.translation.vector[i], velocity[i]);
+                    nearest = nearest.max(axis.problem().outside(&(here - axis.plan().start), axis.plan().scale));
+                }
+            }
+            Ok::<(), LawViolation>(())
+        })
+        .unwrap();
+        assert!(nearest <= 1e-9, "{factor}: {nearest}");
+    }
+}

@@ -1,0 +1,64 @@
+//! The tube controller in closed loop, against a judge that shares no code with it: no promise is broken whatever the mass, the
+//! disturbances and the beliefs that come on the way; and the judge sees what is wrong on purpose. `cargo xtask study
+//! tube-missions` flies more.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+#[allow(dead_code, reason = "shared with the study")]
+#[path = "../../../xtask/src/studies/tube_flights.rs"]
+mod tube_flights;
+#[allow(dead_code, reason = "shared with the study")]
+#[path = "../../../xtask/src/studies/tube_plant.rs"]
+mod tube_plant;
+
+use tube_flights::{Defect, Flown, Series, fly};
+use tube_plant::{Disturbances, FORCE_TOLERANCE_N, TUBE_TOLERANCE};
+use tumble_planning::control::Terminal;
+
+const MASS_KG: f64 = 9.58;
+
+#[track_caller]
+fn keeps_everything(series: &Series, missions: usize) -> Flown {
+    let flown = fly(series, missions, |_| ()).unwrap();
+    println!("{}: {flown:?}", series.name);
+    assert_eq!((flown.infeasible, flown.failed, flown.postponed, flown.never_adopted), (0, 0, 0, 0));
+    let found = flown.findings;
+    assert_eq!(found.steps, 1200 * missions as u64);
+    assert_eq!((found.violations, found.exits), (0, 0), "{found:?}");
+    assert!(found.force_excess_n <= FORCE_TOLERANCE_N && found.tube_excess <= TUBE_TOLERANCE, "{found:?}");
+    assert!(found.disagreement_n <= FORCE_TOLERANCE_N, "{found:?}");
+    flown
+}
+
+#[test]
+fn half_the_mass_or_half_as_much_again() {
+    let flown = keeps_everything(&Series::usual(MASS_KG), 12);
+    assert!(flown.adopted > 10);
+    // it goes as far as it may
+    assert!(flown.findings.force_excess_n > -1e-6 && flown.findings.tube_excess > -1e-6, "{:?}", flown.findings);
+    assert!(flown.nearest_wall_m < 1e-4, "{}", flown.nearest_wall_m);
+}
+
+#[test]
+fn to_rest_and_faster() {
+    let usual = Series::usual(MASS_KG);
+    keeps_everything(&Series { name: "rest", terminal: Terminal::Rest, ..usual.clone() }, 4);
+    let force_n = [0.452, 0.216, 0.257];
+    keeps_everything(&Series { name: "actuators", speed_m_s: 0.1, force_n, ..usual.clone() }, 4);
+    keeps_everything(&Series { name: "0.5 to 2", mass_kg: [0.5 * MASS_KG, 2.0 * MASS_KG], ..usual }, 4);
+}
+
+#[test]
+fn measured_and_pushed() {
+    let disturbances = Disturbances { jump: [0.0; 2], force_n: 1e-3, measured: [1e-4, 2e-4] };
+    keeps_everything(&Series { name: "measured", disturbances, ..Series::usual(MASS_KG) }, 4);
+}
+
+#[test]
+fn the_judge_sees_what_is_wrong_on_purpose() {
+    let usual = Series::usual(MASS_KG);
+    let middle = fly(&Series { defect: Defect::MiddleOfMasses, ..usual.clone() }, 4, |_| ()).unwrap();
+    let no_mass = fly(&Series { defect: Defect::NoMass, ..usual }, 4, |_| ()).unwrap();
+    println!("{middle:?}\n{no_mass:?}");
+    assert!(middle.findings.violations > 0 && middle.findings.force_excess_n > 0.02);
+    assert!(no_mass.findings.exits > 0 && no_mass.findings.tube_excess > 1e-3);
+}
