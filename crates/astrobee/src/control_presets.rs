@@ -8,8 +8,8 @@ use crate::worlds::WorldPreset;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_planning::PlanningError;
 use tumble_planning::control::{
-    AttitudeGains, AttitudeSpan, AxisGain, LinearMpcSettings, MassInterval, Terminal, TranslationWeights,
-    TubeDisturbance, TubeSettings, TubeWeights,
+    AttitudeGains, AttitudeSpan, AxisGain, LinearMpcSettings, MassInterval, OriginalDisturbance, OriginalSettings,
+    OriginalWeights, Terminal, TranslationWeights, TubeDisturbance, TubeSettings, TubeWeights,
 };
 
 /// Largest force along each axis in the code, N.
@@ -27,10 +27,8 @@ pub const DECISION_S: f64 = 0.2;
 pub const OUTPUTS_PER_DECISION: u32 = 12;
 /// Rate of the outputs, 1/s.
 pub const OUTPUT_HZ: f64 = 62.5;
-/// Step of the model inside of the original's MPC, s; not that of its decisions.
-pub const ORIGINAL_MODEL_STEP_S: f64 = 1.0;
-/// Steps of its horizon.
-pub const ORIGINAL_STEPS: usize = 5;
+/// Mass of the original's nominal motion on the station, kg: loaded once, whatever is believed.
+pub const ORIGINAL_MASS_KG: f64 = 9.5;
 
 /// Feedback around the nominal motion, acceleration per error of position (1/s^2) and of velocity (1/s): real eigenvalues, little
 /// noise passed on.
@@ -114,6 +112,16 @@ pub fn thesis_limits() -> ControlLimits {
 /// What predictive control without a tube is set to, its decisions on the grid of the outputs.
 pub fn mpc_settings() -> LinearMpcSettings {
     LinearMpcSettings { step_s: decision_on_grid_s(), steps: TUBE_STEPS, weights: TranslationWeights::default() }
+}
+
+/// The original's tube as flown in its full runs; its set follows the beliefs where it is told any, as with its parameter feedback.
+pub fn original_settings(force_limit_n: f64, is_told: bool) -> OriginalSettings {
+    OriginalSettings {
+        weights: OriginalWeights::PERMISSIVE,
+        disturbance: if is_told { OriginalDisturbance::OfBelief } else { OriginalDisturbance::Stored },
+        mass_kg: ORIGINAL_MASS_KG,
+        force_limit_n,
+    }
 }
 
 /// Time between decisions that is a whole number of outputs, s: near [`DECISION_S`].

@@ -116,6 +116,8 @@ fn a_belief_that_contradicts_what_is_certain_is_refused_and_named() {
         summary["control"]["beliefs"].as_array().unwrap().iter().map(|b| b["outcome"].as_str().unwrap()).collect();
     assert_eq!(outcomes, ["adopted", "adopted", "adopted", "contradicts"]);
     assert_eq!(summary["control"]["model_revision"], 3);
+    let again = tumble_in(&folder, &["simulate", "tube-hold", "--duration", "1", "--out", "flight", "--force"]);
+    assert_eq!(again.status.code(), Some(0), "{}", stderr(&again));
     assert!(number(&summary["tracking"][0]["worst_m"]) < 0.01, "{}", summary["tracking"]);
 }
 
@@ -164,7 +166,7 @@ fn every_controller_flies_the_same_way_and_is_told_the_same() {
     }
 }
 
-const CONTROLLERS: [&str; 5] = ["tracker", "flown", "tube", "lqr", "mpc"];
+const CONTROLLERS: [&str; 6] = ["tracker", "flown", "tube", "lqr", "mpc", "original-tube"];
 
 /// Without new controllers and beliefs a log has the columns that it always had.
 #[test]

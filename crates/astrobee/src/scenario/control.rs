@@ -13,8 +13,9 @@ use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{AlignedBox, FreeFlyer, InertialParameters, PoseTracker};
 use tumble_lie::LieGroup;
 use tumble_planning::control::{
-    self, AttitudeController, AttitudeLaw, AttitudeSpan, LqrController, MassInterval, PlainMpcController, TrackedPoint,
-    TranslationWeights, TubeController, TubeDisturbance, TubeSettings,
+    self, AttitudeController, AttitudeLaw, AttitudeSpan, LqrController, MassInterval, OriginalTube,
+    OriginalTubeController, PlainMpcController, TrackedPoint, TranslationWeights, TubeController, TubeDisturbance,
+    TubeSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
@@ -175,6 +176,14 @@ impl ScenarioSource {
             }
             ControllerName::Mpc => {
                 PlainMpcController::plain_mpc(&control_presets::mpc_settings(), attitude, limits.force_n).map(boxed)
+            }
+            ControllerName::OriginalTube => {
+                let is_told = !self.scenario.drive.beliefs.is_empty();
+                let settings = control_presets::original_settings(limits.force_n.min(), is_told);
+                let attitude = AttitudeController { law: AttitudeLaw::Feedback, ..attitude };
+                OriginalTube::try_new(&settings)
+                    .and_then(|law| OriginalTubeController::try_new(law, attitude, limits.force_n))
+                    .map(boxed)
             }
             _ => {
                 let (step_s, weights) = (control_presets::decision_on_grid_s(), TranslationWeights::default());
