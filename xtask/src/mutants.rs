@@ -2011,6 +2011,48 @@ const MUTANTS: &[Mutant] = &[
         replacement: "believed_least.max(certain.least)",
         test: "-p tumble-planning --lib control::inertia_interval::",
     },
+    Mutant {
+        name: "axis problem: a small tube need not stop in time",
+        file: "crates/planning/src/control/axis_problem.rs",
+        original: "row[scale] -= stopping * step_s * self.scaled_acceleration;",
+        replacement: "row[scale] -= 30.0 * stopping * step_s * self.scaled_acceleration;",
+        test: "-p tumble-planning --lib control::axis",
+    },
+    Mutant {
+        name: "axis problem: the mass makes no tube",
+        file: "crates/planning/src/control/axis_problem.rs",
+        original: "let matched = uncertainty * limit;",
+        replacement: "let matched = 0.2 * uncertainty * limit;",
+        test: "-p tumble-planning --test tube_controller",
+    },
+    Mutant {
+        name: "axis tube: braking ends beyond the wall",
+        file: "crates/planning/src/control/axis_tube.rs",
+        original: "let short = to_rest.min(reaching(self.walls_m[1] - tube)).max(reaching(self.walls_m[0] + tube));",
+        replacement: "let short = to_rest;",
+        test: "-p tumble-planning --lib control::axis_tube",
+    },
+    Mutant {
+        name: "translation tube: what was certain is forgotten",
+        file: "crates/planning/src/control/translation_tube.rs",
+        original: "MassInterval::believed(belief, self.settings.sigmas, &certain)?",
+        replacement: "MassInterval::believed(belief, self.settings.sigmas, &self.settings.mass)?",
+        test: "-p tumble-planning --test tube_controller",
+    },
+    Mutant {
+        name: "force box: a turned force stays in its box",
+        file: "crates/planning/src/control/force_box.rs",
+        original: "let turned = shape + across(&shape) * aside;",
+        replacement: "let turned = shape;",
+        test: "-p tumble-planning --lib control::force_box",
+    },
+    Mutant {
+        name: "mass interval: the middle of the masses",
+        file: "crates/planning/src/control/mass_interval.rs",
+        original: "2.0 / (self.least_per_kg + self.largest_per_kg)",
+        replacement: "0.5 * (self.least_kg() + self.largest_kg())",
+        test: "-p tumble-planning --lib control::mass_interval",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

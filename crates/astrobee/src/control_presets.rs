@@ -9,7 +9,7 @@ use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_planning::PlanningError;
 use tumble_planning::control::{
     AttitudeGains, AttitudeSpan, AxisGain, LinearMpcSettings, MassInterval, OriginalDisturbance, OriginalSettings,
-    OriginalWeights, Terminal, TranslationWeights, TubeDisturbance, TubeSettings, TubeWeights,
+    OriginalWeights, Terminal, TrackedPoint, TranslationWeights, TubeDisturbance, TubeSettings, TubeWeights,
 };
 
 /// Largest force along each axis in the code, N.
@@ -87,6 +87,7 @@ pub fn tube_settings(mass: MassInterval, limits: &ControlLimits, attitudes: Atti
         mass,
         sigmas: TUBE_SIGMAS,
         world_from_axes: UnitQuaternion::identity(),
+        point: TrackedPoint::Origin,
     }
 }
 
@@ -163,8 +164,7 @@ mod tests {
         let settings = TubeSettings { turned_by_rad: 0.0, ..tube_settings(mass, &rattle_limits(), near) };
         let tube = TranslationTube::try_new(settings).unwrap();
         let physical = RATTLE_FORCE_N / mass.largest_kg();
-        for axis in tube.axes() {
-            let problem = axis.problem();
+        for problem in (0..3).map(|axis| tube.problem(axis)) {
             let left = problem.scaled_acceleration - problem.held_acceleration;
             assert!(left > 0.75 * physical && left < 0.9 * physical, "{left} of {physical}");
         }

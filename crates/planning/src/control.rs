@@ -16,12 +16,14 @@ mod cascade;
 mod contraction;
 mod controller;
 mod convex_set;
+mod coupled_axes;
 mod feedback;
 mod force_box;
 mod gram_program;
 mod inertia_interval;
 mod invariant_set;
 mod mass_interval;
+mod obstacle_planes;
 mod original_tube;
 mod peak_gain;
 mod plain_mpc;
@@ -32,6 +34,7 @@ mod riccati;
 mod rotated_box;
 mod small_matrix;
 mod translation_tube;
+mod tube_axes;
 mod tube_controller;
 
 pub use additive_tube::{AdditiveTube, TruncatedSet, force_gain, mass_disturbance};
@@ -47,6 +50,7 @@ pub use cascade::{Cascade, TranslationDecision, TranslationLaw, TranslationReque
 pub use contraction::Contraction;
 pub use controller::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion};
 pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, Zonotope};
+pub use coupled_axes::{AxisPlane, CoupledAxes};
 pub use feedback::{LinearFeedback, LqrController, TranslationWeights};
 pub use force_box::AttitudeSpan;
 #[cfg(feature = "clarabel")]
@@ -55,6 +59,7 @@ pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
 pub use invariant_set::{MinimalInvariantSet, Support};
 pub use mass_interval::MassInterval;
+pub use obstacle_planes::{EndAttitude, NominalPath, ObstaclePlane, ObstaclePlanes, PlaneUpdate, Reach, barriers_of};
 pub use original_tube::{
     OriginalDisturbance, OriginalErrors, OriginalSettings, OriginalTube, OriginalTubeController, OriginalWeights,
     original_disturbance,
@@ -66,5 +71,6 @@ pub use pose_tracking::PoseTracking;
 pub use rakovic::RakovicSet;
 pub use riccati::discrete_lqr;
 pub use rotated_box::{available_share, rotation_share};
-pub use translation_tube::{TrackedMotion, TranslationTube, TubeCounts, TubeSettings};
-pub use tube_controller::{TrackedPoint, TubeController};
+pub use translation_tube::{TrackedMotion, TrackedPoint, TranslationTube, TubeCounts, TubeSettings};
+pub use tube_axes::TubeObstacles;
+pub use tube_controller::TubeController;

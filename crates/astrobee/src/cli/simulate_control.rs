@@ -234,6 +234,7 @@ pub(super) fn summary(flight: &Flight) -> Value {
         "largest_force_n": <[f64; 3]>::from(*account.largest_force_n()),
         "largest_torque_n_m": account.largest_torque_n_m(),
         "force_limit_n": steering.limits.map(|limits| <[f64; 3]>::from(limits.force_n)),
+        "planned_acceleration_m_s2": steering.planned_m_s2.map(<[f64; 3]>::from),
         "torque_limit_n_m": steering.limits.map(|limits| limits.torque_n_m),
     })
 }
@@ -261,6 +262,11 @@ pub(super) fn describe(flight: &Flight, text: &mut String) {
         line("force limits used", format!("{:.0}, {:.0}, {:.0} % at most along x, y, z", share.x, share.y, share.z));
         let torque = account.largest_torque_n_m();
         line("torque limit used", format!("{:.0} % at most", 100.0 * torque / limits.torque_n_m));
+    }
+    if let Some(left) = steering.planned_m_s2 {
+        let text =
+            format!("{:.4}, {:.4}, {:.4} m/s^2 at first, all else lost to what is not known", left.x, left.y, left.z);
+        line("acceleration planned with", text);
     }
     line("beliefs", counted(steering, account));
     for belief in account.beliefs().iter().skip(1) {

@@ -14,8 +14,7 @@ use tumble_dynamics::{AlignedBox, FreeFlyer, InertialParameters, PoseTracker};
 use tumble_lie::LieGroup;
 use tumble_planning::control::{
     self, AttitudeController, AttitudeLaw, AttitudeSpan, LqrController, MassInterval, OriginalTube,
-    OriginalTubeController, PlainMpcController, TrackedPoint, TranslationWeights, TubeController, TubeDisturbance,
-    TubeSettings,
+    OriginalTubeController, PlainMpcController, TranslationWeights, TubeController, TubeDisturbance, TubeSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
@@ -83,6 +82,8 @@ pub struct Steering {
     pub limits: Option<ControlLimits>,
     /// Time between its decisions, s; `None` for those that decide at every output.
     pub decision_s: Option<f64>,
+    /// Largest acceleration along each world axis that a tube leaves to its plans before the first belief, m/s^2.
+    pub planned_m_s2: Option<Vector3<f64>>,
 }
 
 impl Steering {
@@ -102,7 +103,7 @@ impl ScenarioSource {
     ) -> Result<(Option<Controller>, Steering), AstrobeeError> {
         let drive = &self.scenario.drive;
         let name = drive.controller.unwrap_or_default();
-        let plain = Steering { controller: name, limits: None, decision_s: None };
+        let plain = Steering { controller: name, limits: None, decision_s: None, planned_m_s2: None };
         let decides = !matches!(name, ControllerName::None | ControllerName::Tracker | ControllerName::Flown);
         if drive.control.is_some() && !decides {
             let message = format!(
@@ -167,12 +168,19 @@ impl ScenarioSource {
             body: *belief,
             torque_limit_n_m: limits.torque_n_m,
         };
-        let mut steering = Steering { controller: name, limits: Some(limits), decision_s: None };
+        let mut steering = Steering { controller: name, limits: Some(limits), decision_s: None, planned_m_s2: None };
         let controller: Result<Box<dyn control::Controller>, PlanningError> = match name {
             ControllerName::Tube => {
                 let settings = self.tube(place, belief, reference, &limits)?;
                 steering.decision_s = Some(settings.gain.step_s);
-                TubeController::try_new(settings, attitude, TrackedPoint::Origin, belief).map(boxed)
+                TubeController::try_new(settings, attitude, belief).map(|controller| {
+                    let left = |axis: usize| {
+                        let problem = controller.tube().problem(axis);
+                        problem.scaled_acceleration - problem.held_acceleration
+                    };
+                    steering.planned_m_s2 = Some(Vector3::from_fn(|axis, _| left(axis)));
+                    boxed(controller)
+                })
             }
             ControllerName::Mpc => {
                 PlainMpcController::plain_mpc(&control_presets::mpc_settings(), attitude, limits.force_n).map(boxed)

@@ -3,6 +3,7 @@
 //! The way through: [`GramProgram`] is what stays, the curvature and the rows, with their products; [`GramWorkspace`] is what a
 //! solve works in and what it leaves behind, among it the rows that were active, where the next one begins.
 
+mod blocks;
 #[cfg(feature = "clarabel")]
 mod clarabel_route;
 mod factor;
@@ -12,10 +13,12 @@ mod workspace;
 
 use crate::error::{PlanningError, finite};
 use crate::vectors::{add_scaled, dot};
+pub(super) use blocks::{BlockProgram, JointPart};
 #[cfg(feature = "clarabel")]
 pub use clarabel_route::{GramOptimum, solve_gram_with_clarabel};
 use core::ops::Range;
 use panels::RowPanels;
+use search::Programmed;
 pub use workspace::GramWorkspace;
 
 /// `minimise 1/2 x' H x + f . x` over `lower <= A x <= upper`, with a constant positive definite `H` and constant `A`.
@@ -177,28 +180,66 @@ impl GramProgram {
     ) -> GramStatus {
         search::solve(self, linear, [lower, upper], settings, workspace)
     }
+}
 
-    /// Value of a scaled row.
+impl Programmed for GramProgram {
+    fn rows(&self) -> usize {
+        self.equality.len()
+    }
+
+    fn unknowns(&self) -> usize {
+        self.unknowns
+    }
+
+    fn room(&self) -> usize {
+        self.inverse.padded_rows()
+    }
+
+    fn fingerprint(&self) -> u64 {
+        self.fingerprint
+    }
+
+    fn equations(&self) -> impl Iterator<Item = usize> {
+        self.equations.iter().copied()
+    }
+
+    fn is_equation(&self, row: usize) -> bool {
+        self.equality[row]
+    }
+
+    fn scale(&self, row: usize) -> f64 {
+        self.scales[row]
+    }
+
+    fn product(&self, row: usize, other: usize) -> f64 {
+        self.gram[row * self.equality.len() + other]
+    }
+
     fn value(&self, row: usize, x: &[f64]) -> f64 {
         let used = self.used[row].clone();
         dot(&self.normals[row * self.unknowns..][used.clone()], &x[used])
     }
 
-    /// Adds `factor` times the column of `H^-1 A'` that belongs to a row.
+    fn values(&self, x: &[f64], values: &mut [f64]) {
+        self.by_panels.times(x, values);
+    }
+
     fn add_column(&self, row: usize, factor: f64, x: &mut [f64]) {
         let reached = self.reached[row].clone();
         add_scaled(&mut x[reached.clone()], factor, &self.columns[row * self.unknowns..][reached]);
     }
 
-    /// Adds `factor` times a scaled row.
     fn add_normal(&self, row: usize, factor: f64, x: &mut [f64]) {
         let used = self.used[row].clone();
         add_scaled(&mut x[used.clone()], factor, &self.normals[row * self.unknowns..][used]);
     }
 
-    /// Products of a row with all rows.
-    fn products(&self, row: usize) -> &[f64] {
-        &self.gram[row * self.rows()..][..self.rows()]
+    fn times_inverse(&self, x: &[f64], product: &mut [f64]) {
+        self.inverse.times(x, product);
+    }
+
+    fn times_hessian(&self, x: &[f64], product: &mut [f64]) {
+        self.hessian.times(x, product);
     }
 }
 

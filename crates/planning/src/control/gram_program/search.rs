@@ -1,7 +1,7 @@
 //! The search for the active rows.
 
 use super::workspace::{GramWorkspace, Side};
-use super::{GramProgram, GramSettings, GramStatus};
+use super::{GramSettings, GramStatus};
 use crate::vectors::{dot, largest};
 
 /// Share of the largest factor of a combination below which one counts as zero.
@@ -21,8 +21,41 @@ struct Violation {
     sign: f64,
 }
 
-pub(super) fn solve(
-    program: &GramProgram,
+/// What the search asks of a program. Rows are scaled to unit length in `H^-1`; vectors over the unknowns are filled up with zeros
+/// to [`Self::room`].
+pub(super) trait Programmed {
+    /// Number of rows.
+    fn rows(&self) -> usize;
+    /// Number of unknowns.
+    fn unknowns(&self) -> usize;
+    /// Length of vectors over the unknowns.
+    fn room(&self) -> usize;
+    /// Of the Gram matrix: two programs that differ in it cannot share a factor.
+    fn fingerprint(&self) -> u64;
+    /// The rows that are equations.
+    fn equations(&self) -> impl Iterator<Item = usize>;
+    /// Whether a row is one.
+    fn is_equation(&self, row: usize) -> bool;
+    /// What a row was multiplied by.
+    fn scale(&self, row: usize) -> f64;
+    /// Product of two rows in `H^-1`.
+    fn product(&self, row: usize, other: usize) -> f64;
+    /// Value of a row.
+    fn value(&self, row: usize, x: &[f64]) -> f64;
+    /// Values of all rows.
+    fn values(&self, x: &[f64], values: &mut [f64]);
+    /// Adds `factor` times the column of `H^-1 A'` that belongs to a row.
+    fn add_column(&self, row: usize, factor: f64, x: &mut [f64]);
+    /// Adds `factor` times a row.
+    fn add_normal(&self, row: usize, factor: f64, x: &mut [f64]);
+    /// Writes `H^-1 x`.
+    fn times_inverse(&self, x: &[f64], product: &mut [f64]);
+    /// Writes `H x`.
+    fn times_hessian(&self, x: &[f64], product: &mut [f64]);
+}
+
+pub(super) fn solve<P: Programmed>(
+    program: &P,
     linear: &[f64],
     bounds: [&[f64]; 2],
     settings: &GramSettings,
@@ -35,18 +68,18 @@ pub(super) fn solve(
     }
     let unscaled = workspace.active.iter().zip(&workspace.multipliers);
     workspace.unscaled.clear();
-    workspace.unscaled.extend(unscaled.map(|((row, _), multiplier)| multiplier * program.scales[*row]));
+    workspace.unscaled.extend(unscaled.map(|((row, _), multiplier)| multiplier * program.scale(*row)));
     status
 }
 
-struct Search<'a> {
-    program: &'a GramProgram,
+struct Search<'a, P> {
+    program: &'a P,
     linear: &'a [f64],
     settings: &'a GramSettings,
     workspace: &'a mut GramWorkspace,
 }
 
-impl Search<'_> {
+impl<P: Programmed> Search<'_, P> {
     /// Takes in bounds and linear part, and the set of rows to begin with; a status where that is the end.
     fn begin(&mut self, [lower, upper]: [&[f64]; 2]) -> Option<GramStatus> {
         let (program, workspace) = (self.program, &mut *self.workspace);
@@ -56,17 +89,16 @@ impl Search<'_> {
         workspace.violated.clear();
         let rows = program.rows();
         let are_lengths_right = [lower.len(), upper.len(), workspace.is_active.len()] == [rows; 3]
-            && self.linear.len() == program.unknowns
-            && workspace.x.len() == program.inverse.padded_rows();
+            && self.linear.len() == program.unknowns()
+            && workspace.x.len() == program.room();
         if !are_lengths_right {
             return Some(GramStatus::Numerical);
         }
         let tolerance = self.settings.tolerance;
         let mut are_bounds_right = true;
         let scaled = workspace.lower.iter_mut().zip(&mut workspace.upper);
-        for (((scaled_lower, scaled_upper), (lower, upper)), scale) in
-            scaled.zip(lower.iter().zip(upper)).zip(&program.scales)
-        {
+        for (row, ((scaled_lower, scaled_upper), (lower, upper))) in scaled.zip(lower.iter().zip(upper)).enumerate() {
+            let scale = program.scale(row);
             (*scaled_lower, *scaled_upper) = (lower * scale, upper * scale);
             let are_apart = *scaled_lower <= *scaled_upper + tolerance;
             are_bounds_right &= are_apart & (*scaled_lower < f64::INFINITY) & (*scaled_upper > f64::NEG_INFINITY);
@@ -82,11 +114,11 @@ impl Search<'_> {
             workspace.crossed = (0..rows).find(is_crossed);
             return Some(if workspace.crossed.is_some() { GramStatus::Infeasible } else { GramStatus::Numerical });
         }
-        let is_equation = |row: &usize| (workspace.upper[*row] - workspace.lower[*row]).abs() <= tolerance;
-        if !program.equations.iter().all(is_equation) {
+        let is_equation = |row: usize| (workspace.upper[row] - workspace.lower[row]).abs() <= tolerance;
+        if !program.equations().all(is_equation) {
             return Some(GramStatus::Numerical);
         }
-        program.inverse.times(self.linear, &mut workspace.free_x);
+        program.times_inverse(self.linear, &mut workspace.free_x);
         workspace.free_x.iter_mut().for_each(|x| *x = -*x);
         if !largest(&workspace.free_x).is_finite() {
             return Some(GramStatus::Numerical);
@@ -97,7 +129,7 @@ impl Search<'_> {
             Side::Both => true,
         };
         let is_factor_kept =
-            workspace.fingerprint == Some(program.fingerprint) && workspace.active.iter().all(is_bounded);
+            workspace.fingerprint == Some(program.fingerprint()) && workspace.active.iter().all(is_bounded);
         if is_factor_kept {
             workspace.excesses.clear();
             for position in 0..self.workspace.active.len() {
@@ -121,9 +153,10 @@ impl Search<'_> {
         workspace.excesses.clear();
         workspace.factor.clear();
         workspace.is_active.fill(false);
-        workspace.fingerprint = Some(self.program.fingerprint);
-        for row in &self.program.equations {
-            self.append(*row, Side::Both, 0.0);
+        workspace.fingerprint = Some(self.program.fingerprint());
+        let program = self.program;
+        for row in program.equations() {
+            self.append(row, Side::Both, 0.0);
         }
         for position in 0..self.workspace.previous.len() {
             let (row, side) = self.workspace.previous[position];
@@ -210,11 +243,10 @@ impl Search<'_> {
 
     /// Takes a row into the active ones, unless it is a combination of them: then `target` are its factors.
     fn append(&mut self, row: usize, side: Side, multiplier: f64) -> bool {
-        let products = self.program.products(row);
-        let workspace = &mut *self.workspace;
+        let (program, workspace) = (self.program, &mut *self.workspace);
         workspace.target.clear();
-        workspace.target.extend(workspace.active.iter().map(|(other, _)| products[*other]));
-        if !workspace.factor.append(&mut workspace.target, products[row]) {
+        workspace.target.extend(workspace.active.iter().map(|(other, _)| program.product(row, *other)));
+        if !workspace.factor.append(&mut workspace.target, program.product(row, row)) {
             return false;
         }
         workspace.active.push((row, side));
@@ -291,7 +323,7 @@ impl Search<'_> {
     /// Of all rows, the one violated most; notes all that are.
     fn worst_of_all(&mut self, tolerance: f64) -> Option<Violation> {
         let workspace = &mut *self.workspace;
-        self.program.by_panels.times(&workspace.x, &mut workspace.values);
+        self.program.values(&workspace.x, &mut workspace.values);
         workspace.violated.clear();
         let bounds = workspace.lower.iter().zip(&workspace.upper);
         let (mut worst, mut most) = (None, tolerance);
@@ -312,14 +344,14 @@ impl Search<'_> {
     /// is left of them.
     fn is_exact(&mut self, tolerance: f64) -> bool {
         let (program, workspace) = (self.program, &mut *self.workspace);
-        program.hessian.times(&workspace.x, &mut workspace.gradient);
+        program.times_hessian(&workspace.x, &mut workspace.gradient);
         for (gradient, linear) in workspace.gradient.iter_mut().zip(self.linear) {
             *gradient += linear;
         }
         for ((row, _), multiplier) in workspace.active.iter().zip(&workspace.multipliers) {
             program.add_normal(*row, *multiplier, &mut workspace.gradient);
         }
-        program.inverse.times(&workspace.gradient, &mut workspace.correction);
+        program.times_inverse(&workspace.gradient, &mut workspace.correction);
         let square = dot(&workspace.gradient, &workspace.correction);
         self.residuals();
         square <= tolerance * tolerance && largest(&self.workspace.target) <= tolerance
@@ -351,7 +383,7 @@ impl Search<'_> {
     }
 
     fn side(&self, row: usize, sign: f64) -> Side {
-        if self.program.equality[row] {
+        if self.program.is_equation(row) {
             Side::Both
         } else if sign > 0.0 {
             Side::Upper
@@ -410,14 +442,14 @@ impl Search<'_> {
         }
         let (program, workspace) = (self.program, &mut *self.workspace);
         let mut support = sign * if sign > 0.0 { workspace.upper[row] } else { workspace.lower[row] };
-        workspace.certificate[row] = sign * program.scales[row];
+        workspace.certificate[row] = sign * program.scale(row);
         for ((row, side), factor) in workspace.active.iter().zip(&workspace.target) {
             if *factor != 0.0 && side.sign() * factor >= 0.0 {
                 support += factor * if *factor > 0.0 { workspace.upper[*row] } else { workspace.lower[*row] };
-                workspace.certificate[*row] = factor * program.scales[*row];
+                workspace.certificate[*row] = factor * program.scale(*row);
             }
         }
-        program.hessian.times(&workspace.x, &mut workspace.correction);
+        program.times_hessian(&workspace.x, &mut workspace.correction);
         let distance = f64::sqrt(f64::max(0.0, dot(&workspace.x, &workspace.correction)));
         if -support > FAR * (1.0 + distance) * left { GramStatus::Infeasible } else { GramStatus::Numerical }
     }

@@ -65,9 +65,14 @@ impl GramWorkspace {
     /// For a program, or any other of as many unknowns and rows.
     pub fn new(program: &GramProgram) -> Self {
         let (unknowns, rows) = (program.unknowns(), program.rows());
-        let (padded_rows, padded) = (program.by_panels.padded_rows(), program.inverse.padded_rows());
-        let most = unknowns.min(rows);
-        Self {
+        let padded_rows = program.by_panels.padded_rows();
+        Self::with_room([unknowns, program.inverse.padded_rows()], [rows, padded_rows], padded_rows)
+    }
+
+    /// For so many unknowns and rows, each also filled up with zeros, and with memory for more rows.
+    pub(super) fn with_room([unknowns, padded]: [usize; 2], [rows, padded_rows]: [usize; 2], room: usize) -> Self {
+        let most = unknowns.min(room);
+        let mut workspace = Self {
             unknowns,
             fingerprint: None,
             factor: ActiveFactor::new(most),
@@ -77,20 +82,37 @@ impl GramWorkspace {
             previous: Vec::with_capacity(most + 1),
             previous_multipliers: Vec::with_capacity(most + 1),
             excesses: Vec::with_capacity(most + 1),
-            is_active: vec![false; rows],
-            lower: vec![f64::NEG_INFINITY; padded_rows],
-            upper: vec![f64::INFINITY; padded_rows],
-            values: vec![0.0; padded_rows],
-            violated: Vec::with_capacity(rows),
+            is_active: Vec::with_capacity(room),
+            lower: Vec::with_capacity(room),
+            upper: Vec::with_capacity(room),
+            values: Vec::with_capacity(room),
+            violated: Vec::with_capacity(room),
             x: vec![0.0; padded],
             free_x: vec![0.0; padded],
             gradient: vec![0.0; padded],
             correction: vec![0.0; padded],
             target: Vec::with_capacity(most + 1),
-            certificate: vec![0.0; rows],
+            certificate: Vec::with_capacity(room),
             crossed: None,
             iterations: 0,
-        }
+        };
+        workspace.resize(rows, padded_rows);
+        workspace
+    }
+
+    /// Makes room for another number of rows; what is known of those that stay has to be moved by [`Self::shift_rows`].
+    pub(super) fn resize(&mut self, rows: usize, padded_rows: usize) {
+        self.lower.clear();
+        self.lower.resize(padded_rows, f64::NEG_INFINITY);
+        self.upper.clear();
+        self.upper.resize(padded_rows, f64::INFINITY);
+        self.values.resize(padded_rows, 0.0);
+        self.is_active.clear();
+        self.is_active.resize(rows, false);
+        self.certificate.resize(rows, 0.0);
+        self.violated.clear();
+        self.violated.reserve(rows);
+        self.fingerprint = None;
     }
 
     /// The `x` of least value, after [`Solved`](super::GramStatus::Solved).
@@ -137,11 +159,16 @@ impl GramWorkspace {
     /// Moves what is known of row `j` to row `map[j]`, or forgets it: the next solve begins with the rows that those active in
     /// the last one have become.
     pub fn shift(&mut self, map: &[Option<usize>]) {
+        self.shift_rows(|row| map.get(row).copied().flatten());
+    }
+
+    /// The same with the new row of each.
+    pub(in crate::control) fn shift_rows(&mut self, mut new: impl FnMut(usize) -> Option<usize>) {
         self.fingerprint = None;
         self.unscaled.clear();
         for (row, _) in &mut self.active {
             // A row that does not exist is left out when the factor is built.
-            *row = map.get(*row).copied().flatten().unwrap_or(usize::MAX);
+            *row = new(*row).unwrap_or(usize::MAX);
         }
     }
 }
