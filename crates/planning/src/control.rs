@@ -34,6 +34,7 @@ mod riccati;
 mod rotated_box;
 mod small_matrix;
 mod translation_tube;
+mod tube_axes;
 mod tube_controller;
 
 pub use additive_tube::{AdditiveTube, TruncatedSet, force_gain, mass_disturbance};
@@ -70,5 +71,6 @@ pub use pose_tracking::PoseTracking;
 pub use rakovic::RakovicSet;
 pub use riccati::discrete_lqr;
 pub use rotated_box::{available_share, rotation_share};
-pub use translation_tube::{TrackedMotion, TranslationTube, TubeCounts, TubeSettings};
-pub use tube_controller::{TrackedPoint, TubeController};
+pub use translation_tube::{TrackedMotion, TrackedPoint, TranslationTube, TubeCounts, TubeSettings};
+pub use tube_axes::TubeObstacles;
+pub use tube_controller::TubeController;
