@@ -9,14 +9,16 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::hint::black_box;
 
+mod tube_problems;
+
 use tumble_planning::collision::{
     BodyEllipsoid, BodyShape, CollisionWorld as _, Ellipsoid, EllipsoidWorld, HalfSpace, MovingObstacle, Sphere,
     conservative_first_contact, distance, distance_from_hint, ellipsoid_to_box, ellipsoid_to_half_space,
     ellipsoid_to_sphere, overlap, scaling_margin, separation, sphere_to_box, sphere_to_half_space, sphere_to_sphere,
 };
 use tumble_planning::control::{
-    AttitudeController, AttitudeGains, AttitudeLaw, AxisGain, AxisTemplate, ControlRequest, Controller,
-    LinearMpcSettings, LqrController, MinimalInvariantSet, OriginalSettings, OriginalTubeController,
+    AttitudeController, AttitudeGains, AttitudeLaw, AxisGain, AxisTemplate, ControlRequest, Controller, GramStatus,
+    GramWorkspace, LinearMpcSettings, LqrController, MinimalInvariantSet, OriginalSettings, OriginalTubeController,
     PlainMpcController, ReferenceMotion, SymmetricBox, TranslationWeights, discrete_lqr,
 };
 use tumble_planning::dynamics::strategies::{draws, poses};
@@ -365,6 +367,46 @@ fn iterations_of_a_local_plan() {
     let ((few, of_few), (many, of_many)) = (made(8), made(60));
     assert!(few == 8 && many >= 30, "{few} {many}");
     assert_eq!(of_few, of_many);
+}
+
+/// Warm, cold, with another active set, without a solution, and with nothing that is a number.
+#[test]
+fn solves_of_a_gram_program() {
+    let mut run = tube_problems::NominalLoop::new();
+    let mut step = |call: usize| {
+        if call == 0 {
+            run.restart();
+        }
+        run.solve(call % 3 > 0);
+        run.advance();
+        run.states
+    };
+    assert!((0..INPUTS).map(&mut step).all(|states| states.iter().flatten().all(|x| x.is_finite())));
+    assert_eq!(allocations(CALLS / 10, step), 0);
+
+    let program = tube_problems::Nominal::new().matrices.program();
+    let mut workspace = GramWorkspace::new(&program);
+    let linear: Vec<Vec<f64>> =
+        (0..INPUTS).map(|i| (0..program.unknowns()).map(|j| 30.0 * f64::sin((i * j) as f64)).collect()).collect();
+    let mut kinds = [0; 3];
+    let made = allocations(CALLS / 10, |i| {
+        let mut upper = [0.2; 75];
+        let mut lower = [-0.2; 75];
+        match i % 8 {
+            0 => (lower[70], upper[20]) = (0.19, 0.01), // velocities that the inputs cannot reach
+            1 => upper[3] = f64::NAN,
+            _ => {}
+        }
+        let status = program.solve(&linear[i], &lower, &upper, &tube_problems::SETTINGS, &mut workspace);
+        kinds[match status {
+            GramStatus::Solved => 0,
+            GramStatus::Infeasible => 1,
+            GramStatus::Capped | GramStatus::Numerical => 2,
+        }] += 1;
+        workspace.solution()[0]
+    });
+    assert_eq!(made, 0);
+    assert!(kinds.iter().all(|count| *count > 0), "{kinds:?}");
 }
 
 #[test]

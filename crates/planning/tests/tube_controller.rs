@@ -5,8 +5,9 @@ mod control_cases;
 
 use control_cases::{body, cases, limits, small};
 use tumble_planning::control::{
-    Adoption, AttitudeController, AttitudeGains, AttitudeLaw, AttitudeSpan, AxisGain, Fallback, FallbackReason,
-    MassInterval, ReferenceMotion, Terminal, TrackedPoint, TubeController, TubeDisturbance, TubeSettings, TubeWeights,
+    Adoption, AttitudeController, AttitudeGains, AttitudeLaw, AttitudeSpan, AxisGain, EndAttitude, Fallback,
+    FallbackReason, MassInterval, ReferenceMotion, Terminal, TrackedPoint, TubeController, TubeDisturbance,
+    TubeObstacles, TubeSettings, TubeWeights,
 };
 use tumble_planning::dynamics::{InertialParameters, PoseReference, RigidBodyState, WrenchModel};
 use tumble_planning::laws::{
@@ -34,6 +35,7 @@ fn settings(mass: [f64; 2]) -> TubeSettings {
         mass: MassInterval::between(mass[0], mass[1]).unwrap(),
         sigmas: 3.0,
         world_from_axes: UnitQuaternion::identity(),
+        point: TrackedPoint::BelievedCenterOfMass,
     }
 }
 
@@ -47,7 +49,7 @@ fn attitude() -> AttitudeController {
 }
 
 fn controller(settings: TubeSettings) -> TubeController {
-    TubeController::try_new(settings, attitude(), TrackedPoint::BelievedCenterOfMass, &body()).unwrap()
+    TubeController::try_new(settings, None, attitude(), &body()).unwrap()
 }
 
 #[test]
@@ -112,7 +114,7 @@ fn beliefs_that_narrow_are_taken_over_in_flight() {
     assert!(widths.windows(2).all(|pair| pair[0].contains(&pair[1])));
     let counts = controller.counts();
     assert_eq!((counts.adopted, counts.postponed, counts.contradictions), (7, 0, 0));
-    let last = controller.tube().axes()[0].plan().start;
+    let last = controller.tube().plan(0).start;
     assert!((last.x - 1.0).abs() < 0.03, "{last}");
 }
 
@@ -232,22 +234,72 @@ fn the_true_motion_stays_in_the_tube() {
         };
         (case.body, case.disturbance) = (flown, &gust);
         let span = AttitudeSpan::Near { axes_from_body: UnitQuaternion::identity(), angle_rad: 0.02 };
-        let settings = TubeSettings { attitudes: span, ..settings([0.5 * mass, 1.5 * mass]) };
-        let mut controller = TubeController::try_new(settings, attitude(), TrackedPoint::Origin, &body()).unwrap();
+        let settings =
+            TubeSettings { attitudes: span, point: TrackedPoint::Origin, ..settings([0.5 * mass, 1.5 * mass]) };
+        let mut controller = TubeController::try_new(settings, None, attitude(), &body()).unwrap();
         let mut nearest = f64::NEG_INFINITY;
         fly_controller(&mut controller, &case, &mut |controller, step| {
             assert!(step.command.fallback.is_none(), "{factor}: {:?}", step.command.fallback);
             if step.output % 4 == 0 {
                 let pose = step.state.world_from_body;
                 let velocity = pose.rotation * step.state.twist_body.linear;
-                for (i, axis) in controller.tube().axes().iter().enumerate() {
+                let tube = controller.tube();
+                for i in 0..3 {
                     let here = tumble_planning::nalgebra::Vector2::new(pose.translation.vector[i], velocity[i]);
-                    nearest = nearest.max(axis.problem().outside(&(here - axis.plan().start), axis.plan().scale));
+                    nearest = nearest.max(tube.problem(i).outside(&(here - tube.plan(i).start), tube.plan(i).scale));
                 }
             }
             Ok::<(), LawViolation>(())
         })
         .unwrap();
         assert!(nearest <= 1e-9, "{factor}: {nearest}");
+    }
+}
+
+/// A reference that leads through an obstacle, turning, to a goal behind it: the body keeps off it, or stops before it, whatever
+/// its mass and the push.
+#[test]
+fn keeps_off_obstacles_that_the_reference_does_not() {
+    use tumble_planning::collision::{BodyShape, CollisionWorld, EllipsoidWorld, MovingObstacle};
+    use tumble_planning::dynamics::{ObstacleEllipsoid, World};
+    use tumble_planning::local::Barrier;
+    let mass = body().mass;
+    let to = control_cases::quintic(Vector3::zeros(), Vector3::new(1.2, 0.1, 0.0), 1.0, 40.0);
+    let shape = BodyShape::sphere(0.15).unwrap();
+    let ellipsoid = ObstacleEllipsoid {
+        world_from_ellipsoid: Pose::translation(0.6, -0.12, 0.05),
+        semi_axes: Vector3::new(0.15, 0.2, 0.3),
+    };
+    let world = EllipsoidWorld::new(&World { obstacles: vec![ellipsoid], ..World::default() }).unwrap();
+    for (factor, push_n) in [(0.6, 0.002), (1.0, -0.002), (1.5, 0.001)] {
+        let gust = Gust(push_n);
+        let mut case = flight(&to, &[], 1400);
+        (case.body, case.disturbance) = (control_cases::heavier(factor), &gust);
+        let mut settings = TubeSettings {
+            terminal: Terminal::Rest,
+            point: TrackedPoint::Origin,
+            ..settings([0.5 * mass, 1.6 * mass])
+        };
+        // the centre of mass swings about the origin
+        settings.disturbance.acceleration_m_s2 = 0.002;
+        let obstacles = TubeObstacles {
+            body: shape.clone(),
+            barriers: vec![Barrier::Ellipsoid(MovingObstacle::at_rest(ellipsoid))],
+            turn_rad_s: 0.1,
+            end: EndAttitude::Any,
+            attitude_error_rad: 0.05,
+        };
+        let mut controller = TubeController::try_new(settings, Some(obstacles), attitude(), &body()).unwrap();
+        let (mut nearest_m, mut led_m) = (f64::INFINITY, f64::INFINITY);
+        fly_controller(&mut controller, &case, &mut |_, step| {
+            assert!(step.command.fallback.is_none(), "{factor}: {:?}", step.command.fallback);
+            let clearance = |pose: &Pose<f64>| world.clearance(&shape, pose, step.request.time_s).unwrap().distance_m;
+            nearest_m = nearest_m.min(clearance(&step.state.world_from_body));
+            led_m = led_m.min(clearance(&step.reference.state.world_from_body));
+            Ok::<(), LawViolation>(())
+        })
+        .unwrap();
+        assert!(led_m < 0.0, "the reference must be worth keeping off: {led_m}");
+        assert!((0.0..0.1).contains(&nearest_m), "{factor}: {nearest_m}");
     }
 }

@@ -99,7 +99,14 @@ impl AxisTube {
     /// # Errors
     /// Those of [`AxisProblem::try_new`].
     pub fn try_new(request: &AxisRequest<'_>) -> Result<Self, PlanningError> {
-        let problem = AxisProblem::try_new(request)?;
+        Self::of(AxisProblem::try_new(request)?)
+    }
+
+    /// The same for a program.
+    ///
+    /// # Errors
+    /// Those of [`GramProgram::try_new`].
+    pub fn of(problem: AxisProblem) -> Result<Self, PlanningError> {
         let program = GramProgram::try_new(&problem.hessian, &problem.rows, &problem.equality)?;
         let workspace = GramWorkspace::new(&program);
         let (unknowns, rows) = (problem.unknowns(), problem.equality.len());

@@ -1,13 +1,16 @@
 //! Three axes, one belief: which plan is flown, which revision it stands on, and what happens where there is none.
 
 use super::force_box::across;
+use super::tube_axes::{TubeAxes, TubeObstacles};
 use super::{
-    Adoption, AttitudeCertificate, AttitudeSpan, AxisGain, AxisLimits, AxisRequest, AxisTemplate, AxisTube, Fallback,
-    FallbackReason, GramStatus, MassInterval, ReferenceTurning, SymmetricBox, Terminal, TubeDisturbance, TubeWeights,
+    Adoption, AttitudeCertificate, AttitudeSpan, AxisGain, AxisLimits, AxisPlan, AxisProblem, AxisRequest,
+    AxisTemplate, Fallback, FallbackReason, GramStatus, MassInterval, ReferenceTurning, SymmetricBox, Terminal,
+    TubeDisturbance, TubeWeights,
 };
 use crate::belief::ModelBelief;
 use crate::error::{PlanningError, not_negative};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use tumble_dynamics::InertialParameters;
 
 /// What a tube is built for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +42,27 @@ pub struct TubeSettings {
     pub sigmas: f64,
     /// The axes.
     pub world_from_axes: UnitQuaternion<f64>,
+    /// What is kept on its way.
+    pub point: TrackedPoint,
+}
+
+/// Which point of the body is kept on its way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TrackedPoint {
+    /// The body origin: right as long as nothing is known of the centre of mass.
+    Origin,
+    /// The centre of mass of the belief in use.
+    BelievedCenterOfMass,
+}
+
+impl TrackedPoint {
+    /// From the body origin, body axes, m.
+    pub fn of(self, body: &InertialParameters<f64>) -> Vector3<f64> {
+        match self {
+            Self::Origin => Vector3::zeros(),
+            Self::BelievedCenterOfMass => body.center_of_mass(),
+        }
+    }
 }
 
 impl TubeSettings {
@@ -101,26 +125,21 @@ pub struct TubeCounts {
 struct Revision {
     number: u64,
     mass: MassInterval,
-    axes: [AxisTube; 3],
-}
-
-impl Revision {
-    fn solve(&mut self, motion: &TrackedMotion) -> [GramStatus; 3] {
-        let mut statuses = [GramStatus::Solved; 3];
-        for (i, (axis, status)) in self.axes.iter_mut().zip(&mut statuses).enumerate() {
-            *status = axis.solve(&motion.states[i], &motion.references[i]);
-        }
-        statuses
-    }
+    tracked_body: Vector3<f64>,
+    axes: TubeAxes,
 }
 
 /// The tracked point on each axis of the tube: where it is, and where it should be at each node of the plan.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrackedMotion {
+    /// Mission time of the first node, s.
+    pub start_s: f64,
     /// Measured position and velocity, m, m/s.
     pub states: [Vector2<f64>; 3],
     /// Wanted position and velocity at each node, the first one now; the last stands for those missing.
     pub references: [Vec<Vector2<f64>>; 3],
+    /// Wanted attitude at each node, world from body; only obstacles ask for it.
+    pub attitudes: Vec<UnitQuaternion<f64>>,
 }
 
 impl TrackedMotion {
@@ -141,6 +160,14 @@ enum Phase {
     Braking([f64; 3]),
 }
 
+/// What revisions are made from.
+#[derive(Clone, Debug)]
+struct Setup {
+    settings: TubeSettings,
+    template: AxisTemplate,
+    obstacles: Option<TubeObstacles>,
+}
+
 /// Robust tube MPC of the translation.
 ///
 /// The nominal motion is planned in accelerations and knows no mass; the mass interval sets the size of the tube around it. A new
@@ -151,8 +178,7 @@ enum Phase {
 /// Thesis 2.4.2, 6.2.3; there with an additive tube and a fixed mass.
 #[derive(Clone, Debug)]
 pub struct TranslationTube {
-    settings: TubeSettings,
-    template: AxisTemplate,
+    setup: Setup,
     current: Revision,
     pending: Option<Revision>,
     phase: Phase,
@@ -164,17 +190,22 @@ pub struct TranslationTube {
 const ROUNDING: f64 = 1e-9;
 
 impl TranslationTube {
-    /// A tube for the interval that is certain at the start.
+    /// A tube for the interval that is certain at the start; `prior` is the body taken for granted until the first belief.
     ///
     /// # Errors
-    /// Numbers out of range; [`PlanningError::NotPositive`] for "the acceleration left" where the tube takes all the force there is.
-    pub fn try_new(settings: TubeSettings) -> Result<Self, PlanningError> {
+    /// Numbers out of range; [`PlanningError::NotPositive`] for "the acceleration left" where the tube takes all the force there is;
+    /// with obstacles, plans that need not end at rest.
+    pub fn try_new(
+        settings: TubeSettings,
+        obstacles: Option<TubeObstacles>,
+        prior: &InertialParameters<f64>,
+    ) -> Result<Self, PlanningError> {
         let measured = settings.disturbance.of_measurement(settings.gain.step_s);
         let template = AxisTemplate::try_new(settings.gain, &SymmetricBox(measured))?;
-        let current = revision(&settings, &template, 0, settings.mass)?;
+        let setup = Setup { settings, template, obstacles };
+        let current = setup.revision(0, settings.mass, settings.point.of(prior))?;
         Ok(Self {
-            settings,
-            template,
+            setup,
             current,
             pending: None,
             phase: Phase::Waiting,
@@ -185,7 +216,7 @@ impl TranslationTube {
 
     /// What it was built for.
     pub fn settings(&self) -> &TubeSettings {
-        &self.settings
+        &self.setup.settings
     }
 
     /// Revision in use; zero before the first.
@@ -198,9 +229,14 @@ impl TranslationTube {
         self.current.mass
     }
 
-    /// The tubes in use.
-    pub fn axes(&self) -> &[AxisTube; 3] {
-        &self.current.axes
+    /// The program in use on an axis of the tube, 0 to 2.
+    pub fn problem(&self, axis: usize) -> &AxisProblem {
+        self.current.axes.problem(axis)
+    }
+
+    /// The plan in use on an axis of the tube, 0 to 2.
+    pub fn plan(&self, axis: usize) -> &AxisPlan {
+        self.current.axes.plan(axis)
     }
 
     /// How often what happened.
@@ -221,11 +257,12 @@ impl TranslationTube {
         let kept = self.current.number;
         // what waits is newer knowledge than what is in use
         let certain = self.pending.as_ref().map_or(self.current.mass, |pending| pending.mass);
-        let Some(mass) = MassInterval::believed(belief, self.settings.sigmas, &certain)? else {
+        let Some(mass) = MassInterval::believed(belief, self.setup.settings.sigmas, &certain)? else {
             self.counts.contradictions += 1;
             return Ok(Adoption::Contradicts { kept });
         };
-        let next = revision(&self.settings, &self.template, belief.revision, mass)?;
+        let tracked_body = self.setup.settings.point.of(belief.parameters());
+        let next = self.setup.revision(belief.revision, mass, tracked_body)?;
         if self.phase == Phase::Waiting {
             self.current = next;
             self.counts.adopted += 1;
@@ -241,11 +278,13 @@ impl TranslationTube {
         self.counts.decisions += 1;
         let mut excess = f64::NEG_INFINITY;
         if self.phase == Phase::Planned {
-            for (axis, state) in self.current.axes.iter_mut().zip(&motion.states) {
-                axis.advance();
-                let error = state - axis.plan().start;
-                excess = excess.max(axis.problem().outside(&error, axis.plan().scale));
+            self.current.axes.advance();
+            for (axis, state) in motion.states.iter().enumerate() {
+                let plan = self.current.axes.plan(axis);
+                excess = excess.max(self.current.axes.problem(axis).outside(&(state - plan.start), plan.scale));
             }
+        } else {
+            self.current.axes.begin(&motion.states);
         }
         let is_inside = self.phase == Phase::Planned && excess <= ROUNDING;
         let takes_over = self.takes_over(next);
@@ -253,14 +292,13 @@ impl TranslationTube {
         let fallback = if takes_over {
             None
         } else {
-            let statuses = self.current.solve(motion);
-            let reason = statuses.into_iter().find_map(|status| match status {
+            let reason = match self.current.axes.solve(motion, None) {
                 GramStatus::Solved => None,
                 GramStatus::Infeasible => Some(FallbackReason::Infeasible),
                 GramStatus::Capped => Some(FallbackReason::IterationCap),
                 GramStatus::Numerical if !motion.is_finite() => Some(FallbackReason::NoReference),
                 GramStatus::Numerical => Some(FallbackReason::Numerical),
-            });
+            };
             reason.map(if is_inside { Fallback::Shifted } else { Fallback::Braking })
         };
         let fallback = match fallback {
@@ -273,9 +311,9 @@ impl TranslationTube {
             self.brake(&motion.states);
         } else {
             self.phase = Phase::Planned;
-            for ((force, axis), state) in self.force_axes.iter_mut().zip(&self.current.axes).zip(&motion.states) {
-                *force = axis.force_n(state);
-            }
+            let axes = &self.current.axes;
+            self.force_axes =
+                Vector3::from_fn(|axis, _| axes.problem(axis).force_n(axes.plan(axis), &motion.states[axis]));
         }
         match fallback {
             None => {}
@@ -289,7 +327,9 @@ impl TranslationTube {
     /// Whether a revision that waits has a plan from here, and so is in use now.
     fn takes_over(&mut self, motion: &TrackedMotion) -> bool {
         let Some(mut pending) = self.pending.take() else { return false };
-        if pending.solve(motion) == [GramStatus::Solved; 3] {
+        pending.axes.begin(&motion.states);
+        let guess = (self.phase == Phase::Planned).then_some(&self.current.axes);
+        if pending.axes.solve(motion, guess) == GramStatus::Solved {
             self.current = pending;
             self.counts.adopted += 1;
             return true;
@@ -306,18 +346,19 @@ impl TranslationTube {
             hold
         } else {
             let stopping = |i: usize| {
-                let heaviest = self.settings.mass.largest_kg();
-                let (state, limit) = (&states[i], self.current.axes[i].problem().force_n / heaviest);
+                let heaviest = self.setup.settings.mass.largest_kg();
+                let (state, limit) = (&states[i], self.current.axes.problem(i).force_n / heaviest);
                 state.x + 0.5 * state.y * state.y.abs() / limit
             };
             // the widest tube is one more revision that waits; it was built once, so it can be built
-            let prior = revision(&self.settings, &self.template, self.current.number, self.settings.mass);
+            let Revision { number, tracked_body, .. } = self.current;
+            let prior = self.setup.revision(number, self.setup.settings.mass, tracked_body);
             self.pending = prior.ok().filter(|prior| prior.mass != self.current.mass);
             core::array::from_fn(stopping)
         };
         self.phase = Phase::Braking(hold);
-        for (i, axis) in self.current.axes.iter().enumerate() {
-            let problem = axis.problem();
+        for i in 0..3 {
+            let problem = self.current.axes.problem(i);
             let error = states[i] - Vector2::new(hold[i], 0.0);
             let force = problem.center_kg * problem.feedback.dot(&error);
             self.force_axes[i] = force.clamp(-problem.force_n, problem.force_n);
@@ -325,28 +366,29 @@ impl TranslationTube {
     }
 }
 
-fn revision(
-    settings: &TubeSettings,
-    template: &AxisTemplate,
-    number: u64,
-    mass: MassInterval,
-) -> Result<Revision, PlanningError> {
-    let turned_by = not_negative("the error of the attitude", settings.turned_by_rad)?;
-    let force = settings.attitudes.inner_box(&settings.force_limit_n);
-    let aside = across(&force) * libm::sin(turned_by.min(core::f64::consts::FRAC_PI_2));
-    let shortfall = 1.0 - libm::cos(turned_by);
-    let axis = |i: usize| {
-        let disturbance = TubeDisturbance { force_n: settings.disturbance.force_n + aside[i], ..settings.disturbance };
-        AxisTube::try_new(&AxisRequest {
-            template,
-            mass,
-            limits: AxisLimits { force_n: force[i], speed_m_s: settings.speed_m_s, walls_m: settings.walls_m[i] },
-            shortfall,
-            disturbance,
-            weights: settings.weights,
-            steps: settings.steps,
-            terminal: settings.terminal,
-        })
-    };
-    Ok(Revision { number, mass, axes: [axis(0)?, axis(1)?, axis(2)?] })
+impl Setup {
+    fn revision(&self, number: u64, mass: MassInterval, tracked_body: Vector3<f64>) -> Result<Revision, PlanningError> {
+        let Self { settings, template, obstacles } = self;
+        let turned_by = not_negative("the error of the attitude", settings.turned_by_rad)?;
+        let force = settings.attitudes.inner_box(&settings.force_limit_n);
+        let aside = across(&force) * libm::sin(turned_by.min(core::f64::consts::FRAC_PI_2));
+        let problem = |i: usize| {
+            AxisProblem::try_new(&AxisRequest {
+                template,
+                mass,
+                limits: AxisLimits { force_n: force[i], speed_m_s: settings.speed_m_s, walls_m: settings.walls_m[i] },
+                shortfall: 1.0 - libm::cos(turned_by),
+                disturbance: TubeDisturbance {
+                    force_n: settings.disturbance.force_n + aside[i],
+                    ..settings.disturbance
+                },
+                weights: settings.weights,
+                steps: settings.steps,
+                terminal: settings.terminal,
+            })
+        };
+        let problems = [problem(0)?, problem(1)?, problem(2)?];
+        let axes = TubeAxes::try_new(problems, obstacles.as_ref(), &tracked_body, settings.world_from_axes)?;
+        Ok(Revision { number, mass, tracked_body, axes })
+    }
 }

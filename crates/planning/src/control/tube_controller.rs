@@ -3,7 +3,7 @@
 use super::believed_body::{BelievedBody, sound_reference, sound_state};
 use super::{
     Adoption, AttitudeController, ControlCommand, ControlRequest, Controller, TrackedMotion, TranslationTube,
-    TubeCounts, TubeSettings,
+    TubeCounts, TubeObstacles, TubeSettings,
 };
 use crate::belief::ModelBelief;
 use crate::error::PlanningError;
@@ -14,15 +14,6 @@ use tumble_lie::Wrench;
 /// Share of a step by which a decision may come early.
 const EARLY: f64 = 1e-6;
 
-/// Which point of the body is kept on its way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TrackedPoint {
-    /// The body origin: right as long as nothing is known of the centre of mass.
-    Origin,
-    /// The centre of mass of the belief in use.
-    BelievedCenterOfMass,
-}
-
 /// Robust tube MPC for the translation, an attitude law for the turn.
 ///
 /// Decides on the force every step of the gain and holds it in the axes of the tube; turns it with the body, and computes the torque,
@@ -31,7 +22,6 @@ pub enum TrackedPoint {
 pub struct TubeController {
     tube: TranslationTube,
     attitude: AttitudeController,
-    point: TrackedPoint,
     current: BelievedBody,
     offered: Option<BelievedBody>,
     decided_s: Option<f64>,
@@ -46,14 +36,13 @@ impl TubeController {
     /// Those of [`TranslationTube::try_new`]; a body that cannot be.
     pub fn try_new(
         settings: TubeSettings,
+        obstacles: Option<TubeObstacles>,
         attitude: AttitudeController,
-        point: TrackedPoint,
         prior: &InertialParameters<f64>,
     ) -> Result<Self, PlanningError> {
         Ok(Self {
-            tube: TranslationTube::try_new(settings)?,
+            tube: TranslationTube::try_new(settings, obstacles, prior)?,
             attitude,
-            point,
             current: BelievedBody::nominal(prior)?,
             offered: None,
             decided_s: None,
@@ -80,7 +69,7 @@ impl TubeController {
     fn decide(&mut self, request: &ControlRequest<'_>) -> Option<super::Fallback> {
         let settings = *self.tube.settings();
         let step_s = settings.gain.step_s;
-        let view = View { settings: &settings, request, point: self.point };
+        let view = View { settings: &settings, request };
         view.fill(&self.current, &mut self.motion);
         if let Some(offered) = &self.offered {
             view.fill(offered, &mut self.next);
@@ -100,15 +89,13 @@ impl TubeController {
 struct View<'a> {
     settings: &'a TubeSettings,
     request: &'a ControlRequest<'a>,
-    point: TrackedPoint,
 }
 
 impl View<'_> {
     fn fill(&self, believed: &BelievedBody, motion: &mut TrackedMotion) {
-        let center_body = match self.point {
-            TrackedPoint::Origin => Vector3::zeros(),
-            TrackedPoint::BelievedCenterOfMass => believed.body.parameters().center_of_mass(),
-        };
+        let center_body = self.settings.point.of(believed.body.parameters());
+        motion.start_s = self.request.time_s;
+        motion.attitudes.clear();
         motion.states = self.tracked(self.request.state, &center_body);
         for reference in &mut motion.references {
             reference.clear();
@@ -116,6 +103,7 @@ impl View<'_> {
         for node in 0..=self.settings.steps {
             let time_s = self.request.time_s + node as f64 * self.settings.gain.step_s;
             let wanted = self.request.plan.trajectory.at(time_s);
+            motion.attitudes.push(wanted.state.world_from_body.rotation);
             for (to, from) in motion.references.iter_mut().zip(self.tracked(&wanted.state, &center_body)) {
                 to.push(from);
             }
