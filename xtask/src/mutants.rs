@@ -1921,6 +1921,8 @@ const MUTANTS: &[Mutant] = &[
         original: "if excess > tolerance && !workspace.is_active[row] {",
         replacement: "if above > tolerance && !workspace.is_active[row] {",
         test: "-p tumble-planning --lib control::gram_program",
+    },
+    Mutant {
         name: "cascade: decisions drift off their grid",
         file: "crates/planning/src/control/cascade.rs",
         original: "time_s < held.due_s + step_s => held.due_s + step_s",
@@ -1975,6 +1977,8 @@ const MUTANTS: &[Mutant] = &[
         original: "wrench.torque - self.center_body.cross(&wrench.force)",
         replacement: "wrench.torque",
         test: "-p tumble-planning --lib free_body",
+    },
+    Mutant {
         name: "invariant set: the tail is left out",
         file: "crates/planning/src/control/invariant_set.rs",
         original: "upper: scale * (lower + tail)",
@@ -2050,6 +2054,8 @@ const MUTANTS: &[Mutant] = &[
         original: "        cost += added;\n        step *= by_step;",
         replacement: "        step *= by_step;",
         test: "-p tumble-planning --lib control::riccati",
+    },
+    Mutant {
         name: "attitude: the force's torque about the centre of mass turned round",
         file: "crates/planning/src/control/attitude.rs",
         original: "+ self.body.center_of_mass().cross(force_body_n)",
