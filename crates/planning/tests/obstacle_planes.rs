@@ -1,6 +1,5 @@
 //! What a plane promises, point by point: whoever keeps it at both ends of a segment touches nothing in between.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-#![allow(dead_code, reason = "one module for several tests")]
 
 mod obstacle_loop;
 

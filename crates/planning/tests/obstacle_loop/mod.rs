@@ -1,4 +1,5 @@
 //! A body with an unknown mass among obstacles, flown by the coupled program and judged by the collision world.
+#![allow(dead_code, reason = "one module for several tests")]
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
