@@ -2128,8 +2128,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "translation tube: what was certain is forgotten",
         file: "crates/planning/src/control/translation_tube.rs",
-        original: "MassInterval::believed(belief, self.settings.sigmas, &certain)?",
-        replacement: "MassInterval::believed(belief, self.settings.sigmas, &self.settings.mass)?",
+        original: "MassInterval::believed(belief, self.setup.settings.sigmas, &certain)?",
+        replacement: "MassInterval::believed(belief, self.setup.settings.sigmas, &self.setup.settings.mass)?",
         test: "-p tumble-planning --test tube_controller",
     },
     Mutant {
@@ -2145,6 +2145,55 @@ const MUTANTS: &[Mutant] = &[
         original: "2.0 / (self.least_per_kg + self.largest_per_kg)",
         replacement: "0.5 * (self.least_kg() + self.largest_kg())",
         test: "-p tumble-planning --lib control::mass_interval",
+    },
+    Mutant {
+        name: "coupled axes: planes without the part of the tube that scales",
+        file: "crates/planning/src/control/coupled_axes.rs",
+        original: "along.abs() * problems[i].scaled[2])]",
+        replacement: "along * problems[i].scaled[2])]",
+        test: "-p tumble-planning --test coupled_against_clarabel",
+    },
+    Mutant {
+        name: "coupled axes: planes without the part of the tube that is held",
+        file: "crates/planning/src/control/coupled_axes.rs",
+        original: "plane.normal[i].abs() * (self.problems[i].held[2] + self.problems[i].slack[0])",
+        replacement: "plane.normal[i].abs() * self.problems[i].slack[0]",
+        test: "-p tumble-planning --test coupled_against_clarabel",
+    },
+    Mutant {
+        name: "joint rows: products within a block only with themselves",
+        file: "crates/planning/src/control/gram_program/blocks.rs",
+        original: "sum += factor * other_factor * block.product(*row, *other);",
+        replacement: "sum += factor * other_factor * f64::from(u8::from(row == other));",
+        test: "-p tumble-planning --test coupled_against_clarabel",
+    },
+    Mutant {
+        name: "obstacle planes: the body's attitude error left out",
+        file: "crates/planning/src/control/obstacle_planes.rs",
+        original: "error_rad + 0.5 * turn_rad",
+        replacement: "0.5 * turn_rad",
+        test: "-p tumble-planning --test obstacle_planes",
+    },
+    Mutant {
+        name: "obstacle planes: the last segment holds in the attitude of its end only",
+        file: "crates/planning/src/control/obstacle_planes.rs",
+        original: "(EndAttitude::Any, Some(cover))",
+        replacement: "(EndAttitude::Held, Some(cover))",
+        test: "-p tumble-planning --test obstacle_planes",
+    },
+    Mutant {
+        name: "obstacle planes: a moving obstacle only where its segment begins",
+        file: "crates/planning/src/control/obstacle_planes/hull.rs",
+        original: "{ 1 } else { centers.len() }",
+        replacement: "{ 1 } else { 1 }",
+        test: "-p tumble-planning --test obstacle_planes",
+    },
+    Mutant {
+        name: "obstacle planes: rows of nodes out of reach by the middle of the reach alone",
+        file: "crates/planning/src/control/obstacle_planes.rs",
+        original: "normal.dot(&middle) + normal.abs().dot(&(half + tube_m))",
+        replacement: "normal.dot(&middle) + normal.dot(&(half + tube_m))",
+        test: "-p tumble-planning --test obstacle_planes",
     },
 ];
 

@@ -9,6 +9,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::hint::black_box;
 
+mod fixed_planes;
 mod tube_problems;
 
 use tumble_planning::collision::{
@@ -17,9 +18,14 @@ use tumble_planning::collision::{
     ellipsoid_to_sphere, overlap, scaling_margin, separation, sphere_to_box, sphere_to_half_space, sphere_to_sphere,
 };
 use tumble_planning::control::{
+<<<<<<< HEAD
     AttitudeController, AttitudeGains, AttitudeLaw, AxisGain, AxisTemplate, ControlRequest, Controller, GramStatus,
     GramWorkspace, LinearMpcSettings, LqrController, MinimalInvariantSet, OriginalSettings, OriginalTubeController,
     PlainMpcController, ReferenceMotion, SymmetricBox, TranslationWeights, discrete_lqr,
+=======
+    AxisGain, AxisTemplate, CoupledAxes, EndAttitude, GramStatus, GramWorkspace, MinimalInvariantSet, NominalPath,
+    ObstaclePlanes, SymmetricBox, discrete_lqr,
+>>>>>>> coupled
 };
 use tumble_planning::dynamics::strategies::{draws, poses};
 use tumble_planning::dynamics::{
@@ -28,7 +34,7 @@ use tumble_planning::dynamics::{
 use tumble_planning::global::{GoalRegion, MotionLimits};
 use tumble_planning::lie::Pose;
 use tumble_planning::local::{
-    Criterion, Crossing, Curvature, Factorisation, Guess, Hull, InformativePlanner, KINEMATICS, Kinematics,
+    Barrier, Criterion, Crossing, Curvature, Factorisation, Guess, Hull, InformativePlanner, KINEMATICS, Kinematics,
     LocalPlanner as _, LocalRequest, LocalSettings, MotionRow, Reference, RigidBodyModel, RowSettings, SpeedLimits,
     Stages, Surroundings, WrenchSet, passing_ways,
 };
@@ -457,4 +463,57 @@ fn invariant_sets() {
     assert_none("AxisTemplate", |i| AxisTemplate::try_new(gains[i], &disturbance));
     let weight = Matrix2::identity();
     assert_none("discrete_lqr", |i| discrete_lqr(&gains[i].closed_loop(), &gain.input(), &weight, &Matrix1::new(1.0)));
+}
+
+#[test]
+fn coupled_axes_and_their_planes() {
+    let mut axes = CoupledAxes::try_new(fixed_planes::problems()).unwrap();
+    let ball = |x: f64, speed_m_s: f64| {
+        let pose = Pose::from_parts(Vector3::new(x, 0.1, 0.0).into(), UnitQuaternion::identity());
+        let ball = ObstacleEllipsoid { world_from_ellipsoid: pose, semi_axes: Vector3::new(0.1, 0.2, 0.15) };
+        Barrier::Ellipsoid(MovingObstacle::at_rest(ball).drifting(Vector3::y() * speed_m_s, 0.0))
+    };
+    let wall = AlignedBox { lower_world: Vector3::repeat(0.3), upper_world: Vector3::repeat(0.6) };
+    let barriers = [ball(-0.45, 0.0), ball(0.45, 0.003), Barrier::Box(wall)];
+    let body = BodyShape::sphere(0.1).unwrap();
+    let steps = fixed_planes::STEPS;
+    let mut planes = ObstaclePlanes::try_new(&body, &Vector3::zeros(), &barriers, steps).unwrap();
+    let attitudes = vec![UnitQuaternion::identity(); steps + 1];
+    let (mut positions, mut rows) = (Vec::with_capacity(steps + 1), Vec::with_capacity(6 * steps));
+    let mut states = [Vector2::zeros(); 3];
+    let (mut solved, mut most_rows) = (0, 0);
+    let step = |call: usize| {
+        let references = [[Vector2::new(0.4, 0.0)], [Vector2::new(-0.2, 0.0)], [Vector2::new(0.1, 0.0)]];
+        if call == 0 {
+            states = [Vector2::zeros(); 3];
+            axes.begin(&states);
+            planes.forget();
+        }
+        axes.positions(&mut positions);
+        let path = NominalPath {
+            start_s: 0.2 * call as f64,
+            step_s: 0.2,
+            positions: &positions,
+            tube_m: axes.tube_m(),
+            world_from_axes: UnitQuaternion::identity(),
+            attitudes: &attitudes,
+            turn_rad_s: 0.01,
+            end: EndAttitude::Any,
+            attitude_error_rad: 0.02,
+        };
+        let reach = axes.reach(&states);
+        planes.update(&path, &reach).unwrap();
+        planes.rows(&path, &reach, &mut rows);
+        most_rows = most_rows.max(rows.len());
+        axes.set_planes(&rows);
+        let [x, y, z] = &references;
+        solved += usize::from(axes.solve(&states, [x, y, z]) == GramStatus::Solved);
+        axes.advance();
+        planes.advance();
+        for (state, plan) in states.iter_mut().zip(axes.plans()) {
+            *state = plan.start;
+        }
+    };
+    assert_eq!(allocations(CALLS / 20, step), 0);
+    assert!(solved > CALLS / 25 && most_rows > 10, "{solved} {most_rows}");
 }

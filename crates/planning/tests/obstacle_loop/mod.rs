@@ -1,4 +1,5 @@
 //! A body with an unknown mass among obstacles, flown by the coupled program and judged by the collision world.
+#![allow(dead_code, reason = "one module for several tests")]
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -81,8 +82,6 @@ pub enum Planes {
     WithoutTube,
     /// About the straight way to the goal: not asked whether the shifted plan keeps them.
     AlwaysReplaced,
-    /// At the end of each segment only.
-    OneEnd,
     /// As if the body had no attitude error and did not turn.
     WithoutTurn,
 }
@@ -114,13 +113,17 @@ pub struct Outcome {
     /// Decisions without a plan.
     pub failed: usize,
     pub first_failure: Option<GramStatus>,
-    /// Planes that the shifted plan did not keep.
+    /// First decision without a plan.
+    pub failed_at: Option<usize>,
+    /// Planes that the shifted plan did not keep, and the first decision with one.
     pub cut: usize,
+    pub cut_at: Option<usize>,
     pub replaced: usize,
     pub kept: usize,
     /// Least distance of the true body from an obstacle, also between decisions, m.
     pub clearance_m: f64,
     pub flown_m: f64,
+    pub decisions: usize,
     pub to_goal_m: f64,
     pub rows: usize,
     pub iterations: usize,
@@ -173,11 +176,14 @@ impl Mission {
             started: false,
             failed: 0,
             first_failure: None,
+            failed_at: None,
             cut: 0,
+            cut_at: None,
             replaced: 0,
             kept: 0,
             clearance_m: f64::INFINITY,
             flown_m: 0.0,
+            decisions: self.decisions,
             to_goal_m: 0.0,
             rows: 0,
             iterations: 0,
@@ -230,9 +236,6 @@ impl Mission {
             let reach = coupled.reach(&measured);
             let update: PlaneUpdate = planes.update(&path, &reach).unwrap();
             planes.rows(&path, &reach, &mut rows);
-            if self.planes == Planes::OneEnd {
-                rows.retain(|row| row.node == row.step);
-            }
             outcome.rows = outcome.rows.max(rows.len());
             coupled.set_planes(&rows);
             let status = coupled.solve(&measured, [&references[0], &references[1], &references[2]]);
@@ -244,17 +247,15 @@ impl Mission {
                 }
             } else {
                 outcome.cut += update.cut;
-                if update.cut > 0 && self.planes == Planes::Kept {
-                    println!(
-                        "seed {} decision {decision} {update:?} end {end:?} turn until {}",
-                        self.seed, self.turns_until_s
-                    );
+                if update.cut > 0 {
+                    outcome.cut_at.get_or_insert(decision);
                 }
                 outcome.replaced += update.replaced;
                 outcome.kept += update.kept;
                 if status != GramStatus::Solved {
                     outcome.failed += 1;
                     outcome.first_failure.get_or_insert(status);
+                    outcome.failed_at.get_or_insert(decision);
                 }
             }
             let before = states;
@@ -311,7 +312,7 @@ pub fn mission(seed: u64) -> Mission {
         turns_until_s: random.between(3.0, 30.0),
         end: if seed % 5 == 0 { EndAttitude::Any } else { EndAttitude::Held },
         attitude_error_rad: random.between(0.0, 0.1),
-        decisions: 60,
+        decisions: 45,
         planes: Planes::Kept,
     }
 }
