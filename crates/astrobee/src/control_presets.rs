@@ -5,11 +5,11 @@
 
 use crate::simulator::CONTROL_PERIOD_S;
 use crate::worlds::WorldPreset;
-use tumble_dynamics::WrenchBox;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_planning::PlanningError;
 use tumble_planning::control::{
-    AttitudeGains, AttitudeSpan, AxisGain, MassInterval, Terminal, TubeDisturbance, TubeSettings, TubeWeights,
+    AttitudeGains, AttitudeSpan, AxisGain, LinearMpcSettings, MassInterval, OriginalDisturbance, OriginalSettings,
+    OriginalWeights, Terminal, TrackedPoint, TranslationWeights, TubeDisturbance, TubeSettings, TubeWeights,
 };
 
 /// Largest force along each axis in the code, N.
@@ -27,10 +27,8 @@ pub const DECISION_S: f64 = 0.2;
 pub const OUTPUTS_PER_DECISION: u32 = 12;
 /// Rate of the outputs, 1/s.
 pub const OUTPUT_HZ: f64 = 62.5;
-/// Step of the model inside of the original's MPC, s; not that of its decisions.
-pub const ORIGINAL_MODEL_STEP_S: f64 = 1.0;
-/// Steps of its horizon.
-pub const ORIGINAL_STEPS: usize = 5;
+/// Mass of the original's nominal motion on the station, kg: loaded once, whatever is believed.
+pub const ORIGINAL_MASS_KG: f64 = 9.5;
 
 /// Feedback around the nominal motion, acceleration per error of position (1/s^2) and of velocity (1/s): real eigenvalues, little
 /// noise passed on.
@@ -73,7 +71,7 @@ pub fn tube_gain() -> AxisGain {
 }
 
 /// A tube for a mass in an interval and a reference that is seen at these attitudes, in world axes, without walls.
-pub fn tube_settings(mass: MassInterval, limits: &WrenchBox, attitudes: AttitudeSpan) -> TubeSettings {
+pub fn tube_settings(mass: MassInterval, limits: &ControlLimits, attitudes: AttitudeSpan) -> TubeSettings {
     let [position_m, velocity_m_s] = TUBE_ERRORS;
     TubeSettings {
         gain: tube_gain(),
@@ -82,27 +80,49 @@ pub fn tube_settings(mass: MassInterval, limits: &WrenchBox, attitudes: Attitude
         terminal: Terminal::StopSet,
         speed_m_s: TUBE_SPEED_M_S,
         walls_m: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
-        force_limit_n: limits.force_limit,
+        force_limit_n: limits.force_n,
         attitudes,
         turned_by_rad: TUBE_TURNED_BY_RAD,
         disturbance: TubeDisturbance { position_m, velocity_m_s, force_n: 0.0, acceleration_m_s2: 0.0 },
         mass,
         sigmas: TUBE_SIGMAS,
         world_from_axes: UnitQuaternion::identity(),
+        point: TrackedPoint::Origin,
     }
 }
 
-/// Limits of RATTLE's controllers as the code has them. The torque, whose norm is limited there, is kept to the box inside.
-pub fn rattle_limits() -> WrenchBox {
-    WrenchBox {
-        torque_limit: Vector3::repeat(RATTLE_TORQUE_NORM_N_M / f64::sqrt(3.0)),
-        force_limit: Vector3::repeat(RATTLE_FORCE_N),
-    }
+/// What a controller keeps its wrench within.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControlLimits {
+    /// Largest force along each body axis, N.
+    pub force_n: Vector3<f64>,
+    /// Largest norm of the torque, N m.
+    pub torque_n_m: f64,
 }
 
-/// Limits of the controller in the thesis.
-pub fn thesis_limits() -> WrenchBox {
-    WrenchBox { torque_limit: THESIS_TORQUE_N_M.into(), force_limit: THESIS_FORCE_N.into() }
+/// Limits of RATTLE's controllers as the code has them.
+pub fn rattle_limits() -> ControlLimits {
+    ControlLimits { force_n: Vector3::repeat(RATTLE_FORCE_N), torque_n_m: RATTLE_TORQUE_NORM_N_M }
+}
+
+/// Limits of the controller in the thesis; of the torques the least, since a norm is limited.
+pub fn thesis_limits() -> ControlLimits {
+    ControlLimits { force_n: THESIS_FORCE_N.into(), torque_n_m: Vector3::from(THESIS_TORQUE_N_M).min() }
+}
+
+/// What predictive control without a tube is set to, its decisions on the grid of the outputs.
+pub fn mpc_settings() -> LinearMpcSettings {
+    LinearMpcSettings { step_s: decision_on_grid_s(), steps: TUBE_STEPS, weights: TranslationWeights::default() }
+}
+
+/// The original's tube as flown in its full runs; its set follows the beliefs where it is told any, as with its parameter feedback.
+pub fn original_settings(force_limit_n: f64, is_told: bool) -> OriginalSettings {
+    OriginalSettings {
+        weights: OriginalWeights::PERMISSIVE,
+        disturbance: if is_told { OriginalDisturbance::OfBelief } else { OriginalDisturbance::Stored },
+        mass_kg: ORIGINAL_MASS_KG,
+        force_limit_n,
+    }
 }
 
 /// Time between decisions that is a whole number of outputs, s: near [`DECISION_S`].
@@ -144,8 +164,7 @@ mod tests {
         let settings = TubeSettings { turned_by_rad: 0.0, ..tube_settings(mass, &rattle_limits(), near) };
         let tube = TranslationTube::try_new(settings).unwrap();
         let physical = RATTLE_FORCE_N / mass.largest_kg();
-        for axis in tube.axes() {
-            let problem = axis.problem();
+        for problem in (0..3).map(|axis| tube.problem(axis)) {
             let left = problem.scaled_acceleration - problem.held_acceleration;
             assert!(left > 0.75 * physical && left < 0.9 * physical, "{left} of {physical}");
         }
@@ -169,7 +188,6 @@ mod tests {
         assert!((decision_on_grid_s() / DECISION_S - 1.0).abs() < 0.05);
         let [stiffness, damping] = TUBE_FEEDBACK;
         assert!(damping * damping > 4.0 * stiffness);
-        // of the norm's ball the box inside leaves the corners on the ball
-        assert!((rattle_limits().torque_limit.norm() - RATTLE_TORQUE_NORM_N_M).abs() < 1e-15);
+        assert_eq!(mpc_settings().step_s.to_bits(), tube_gain().step_s.to_bits());
     }
 }

@@ -127,7 +127,7 @@ fn is_result_folder(path: &Path) -> bool {
 /// The file by which a result folder is known.
 pub const RUN_RECORD: &str = "run.json";
 /// Everything that lies in a result folder.
-const RESULT_FILES: [&str; 42] = [
+const RESULT_FILES: [&str; 44] = [
     RUN_RECORD,
     "result.json",
     "body.toml",
@@ -170,6 +170,8 @@ const RESULT_FILES: [&str; 42] = [
     "local_motion.svg",
     "local_inputs.svg",
     "local_sigma.svg",
+    "tracking.svg",
+    "mass.svg",
 ];
 
 /// The first of `base`, `base-2`, `base-3`, ... where nothing is yet.

@@ -346,6 +346,8 @@ fn every_key_is_documented() {
         format!("{head}{start}[drive.constant]\nzzz = 1\n"),
         format!("{head}{start}[drive.multisine]\nzzz = 1\n"),
         format!("{head}{start}[[drive.waypoints]]\nzzz = 1\n"),
+        format!("{head}{start}[drive.control]\nzzz = 1\n"),
+        format!("{head}{start}[[drive.beliefs]]\nzzz = 1\n"),
         format!("{head}{start}[propulsion]\nzzz = 1\n"),
         format!("{head}{start}[sensing]\nzzz = 1\n"),
         format!("{head}{start}[limits]\nzzz = 1\n"),

@@ -18,11 +18,19 @@ use tumble_planning::collision::{
     ellipsoid_to_sphere, overlap, scaling_margin, separation, sphere_to_box, sphere_to_half_space, sphere_to_sphere,
 };
 use tumble_planning::control::{
+<<<<<<< HEAD
+    AttitudeController, AttitudeGains, AttitudeLaw, AxisGain, AxisTemplate, ControlRequest, Controller, GramStatus,
+    GramWorkspace, LinearMpcSettings, LqrController, MinimalInvariantSet, OriginalSettings, OriginalTubeController,
+    PlainMpcController, ReferenceMotion, SymmetricBox, TranslationWeights, discrete_lqr,
+=======
     AxisGain, AxisTemplate, CoupledAxes, EndAttitude, GramStatus, GramWorkspace, MinimalInvariantSet, NominalPath,
     ObstaclePlanes, SymmetricBox, discrete_lqr,
+>>>>>>> coupled
 };
 use tumble_planning::dynamics::strategies::{draws, poses};
-use tumble_planning::dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World};
+use tumble_planning::dynamics::{
+    AlignedBox, BodyAcceleration, InertialParameters, ObstacleEllipsoid, PoseReference, RigidBodyState, World,
+};
 use tumble_planning::global::{GoalRegion, MotionLimits};
 use tumble_planning::lie::Pose;
 use tumble_planning::local::{
@@ -34,7 +42,7 @@ use tumble_planning::nalgebra::{Matrix1, Matrix2, Matrix3, SMatrix, UnitQuaterni
 use tumble_planning::steering::{
     least_time_s, least_time_to_goal_s, least_velocity_change_m_s, slew, steer, steer_in, steer_to_goal,
 };
-use tumble_planning::{BodyArc, ModelBelief, TranslationState, Units};
+use tumble_planning::{BodyArc, ModelBelief, Plan, TranslationState, Units};
 
 const CALLS: usize = 10_000;
 
@@ -405,6 +413,42 @@ fn solves_of_a_gram_program() {
     });
     assert_eq!(made, 0);
     assert!(kinds.iter().all(|count| *count > 0), "{kinds:?}");
+}
+
+#[test]
+fn commands_of_the_simple_controllers() {
+    let body = InertialParameters::solid_box(9.5, [0.3, 0.25, 0.35]);
+    let attitude = AttitudeController {
+        law: AttitudeLaw::Geometric,
+        gains: AttitudeGains { stiffness_n_m: 0.3, damping_n_m_s: 0.3 },
+        body,
+        torque_limit_n_m: 0.05,
+    };
+    let limit = Vector3::repeat(0.05);
+    let reference = PoseReference {
+        state: RigidBodyState::at_rest(),
+        acceleration: BodyAcceleration {
+            angular_acceleration_body: Vector3::zeros(),
+            acceleration_origin_body: Vector3::zeros(),
+        },
+    };
+    let hold = |_: f64| reference;
+    let plan = Plan { trajectory: &hold as &dyn ReferenceMotion, model_revision: 0 };
+    let at = |world_from_body| RigidBodyState { world_from_body, ..RigidBodyState::at_rest() };
+    let states: Vec<_> = draws(&poses(0.3), 9, INPUTS).into_iter().map(at).collect();
+    let mut lqr = LqrController::lqr(0.2, &TranslationWeights::default(), attitude, limit).unwrap();
+    let mut mpc = PlainMpcController::plain_mpc(&LinearMpcSettings::default(), attitude, limit).unwrap();
+    let mut original = OriginalTubeController::original(&OriginalSettings::default(), body).unwrap();
+    let controllers: [(&str, &mut dyn Controller); 3] =
+        [("lqr", &mut lqr), ("plain mpc", &mut mpc), ("original tube", &mut original)];
+    for (name, controller) in controllers {
+        let mut time_s = 0.0;
+        let count = allocations(2_000, |i| {
+            time_s += 0.1;
+            controller.command(&ControlRequest { time_s, state: &states[i % INPUTS], plan: &plan }).unwrap()
+        });
+        assert_eq!(count, 0, "{name}");
+    }
 }
 
 #[test]

@@ -122,7 +122,7 @@ impl Circumstances {
     /// One run from rest (even) or from the edge or inside of where starts are admitted (odd).
     pub fn fly(&self, run: usize, time_s: f64, chance: &mut Xorshift) -> Happened {
         let corner = self.stiffness / self.damping;
-        let inertia = moments(chance, self.inertia, run % 3 == 0);
+        let inertia = moments(chance, self.inertia, run.is_multiple_of(3));
         let inverse = inertia.map(|moment| 1.0 / moment);
         let believed = believed(chance, self.inertia);
         let policy = run / 2 % POLICIES;

@@ -168,10 +168,12 @@ fn outcome(steering: &Steering, belief: &OfferedBelief) -> &'static str {
     let decision_ns = steering.decision_s.unwrap_or(0.0) * 1e9;
     match (belief.answer, belief.used_from_ns) {
         (Adoption::Contradicts { .. }, _) => "contradicts",
-        (_, None) => "waiting",
+        (Adoption::Adopted, _) => "adopted",
+        (Adoption::Postponed { .. }, None) => "waiting",
         // the next decision is the first that can use it
-        (_, Some(used_ns)) if (used_ns - belief.time_ns) as f64 > decision_ns * (1.0 + 1e-6) => "postponed",
-        _ => "adopted",
+        (Adoption::Postponed { .. }, Some(used_ns)) => {
+            if (used_ns - belief.time_ns) as f64 > decision_ns * (1.0 + 1e-6) { "postponed" } else { "adopted" }
+        }
     }
 }
 
@@ -221,7 +223,6 @@ pub(super) fn summary(flight: &Flight) -> Value {
             "excess": excess,
         })
     };
-    let largest = account.largest();
     json!({
         "controller": steering.controller.name(),
         "model_revision": account.model_revision(),
@@ -230,10 +231,11 @@ pub(super) fn summary(flight: &Flight) -> Value {
         "fallbacks": account.fallbacks().iter().map(spell).collect::<Vec<_>>(),
         "fallbacks_not_listed": account.fallbacks_not_listed(),
         "fallback_s": seconds(account.fallback_ns()),
-        "largest_force_n": [largest[3], largest[4], largest[5]],
-        "largest_torque_n_m": [largest[0], largest[1], largest[2]],
-        "force_limit_n": steering.limits.map(|limits| <[f64; 3]>::from(limits.force_limit)),
-        "torque_limit_n_m": steering.limits.map(|limits| <[f64; 3]>::from(limits.torque_limit)),
+        "largest_force_n": <[f64; 3]>::from(*account.largest_force_n()),
+        "largest_torque_n_m": account.largest_torque_n_m(),
+        "force_limit_n": steering.limits.map(|limits| <[f64; 3]>::from(limits.force_n)),
+        "planned_acceleration_m_s2": steering.planned_m_s2.map(<[f64; 3]>::from),
+        "torque_limit_n_m": steering.limits.map(|limits| limits.torque_n_m),
     })
 }
 
@@ -256,13 +258,15 @@ pub(super) fn describe(flight: &Flight, text: &mut String) {
         .map_or_else(String::new, |mass| format!(", mass {:.3} to {:.3} kg", mass.least_kg(), mass.largest_kg()));
     line("controller", format!("{}, belief {}{mass}", steering.controller.name(), account.model_revision()));
     if let Some(limits) = &steering.limits {
-        let (largest, limit) = (account.largest(), tumble_lie::Wrench::new(limits.torque_limit, limits.force_limit));
-        let share = largest.component_div(&limit.to_vector()) * 100.0;
-        line("force limits used", format!("{:.0}, {:.0}, {:.0} % at most along x, y, z", share[3], share[4], share[5]));
-        line(
-            "torque limits used",
-            format!("{:.0}, {:.0}, {:.0} % at most about x, y, z", share[0], share[1], share[2]),
-        );
+        let share = account.largest_force_n().component_div(&limits.force_n) * 100.0;
+        line("force limits used", format!("{:.0}, {:.0}, {:.0} % at most along x, y, z", share.x, share.y, share.z));
+        let torque = account.largest_torque_n_m();
+        line("torque limit used", format!("{:.0} % at most", 100.0 * torque / limits.torque_n_m));
+    }
+    if let Some(left) = steering.planned_m_s2 {
+        let text =
+            format!("{:.4}, {:.4}, {:.4} m/s^2 at first, all else lost to what is not known", left.x, left.y, left.z);
+        line("acceleration planned with", text);
     }
     line("beliefs", counted(steering, account));
     for belief in account.beliefs().iter().skip(1) {

@@ -2,7 +2,7 @@
 
 use super::{ControllerName, ScenarioSource};
 use crate::AstrobeeError;
-use crate::control_presets::{self, MASS_KNOWN_SHARE};
+use crate::control_presets::{self, ControlLimits, MASS_KNOWN_SHARE};
 use crate::flight_controller::FlightController;
 use crate::flight_log::nanoseconds;
 use crate::flight_modes::ControlGains;
@@ -10,11 +10,11 @@ use crate::simulator::{Controller, FlownController, Reference};
 use crate::worlds::WorldPreset;
 use serde::{Deserialize, Serialize};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_dynamics::{AlignedBox, FreeFlyer, InertialParameters, PoseTracker, WrenchBox};
+use tumble_dynamics::{AlignedBox, FreeFlyer, InertialParameters, PoseTracker};
 use tumble_lie::LieGroup;
 use tumble_planning::control::{
-    AttitudeController, AttitudeLaw, AttitudeSpan, LqrController, MassInterval, RotationGains, TrackedPoint,
-    TranslationWeights, TubeController, TubeDisturbance, TubeSettings,
+    self, AttitudeController, AttitudeLaw, AttitudeSpan, LqrController, MassInterval, OriginalTube,
+    OriginalTubeController, PlainMpcController, TranslationWeights, TubeController, TubeDisturbance, TubeSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
@@ -38,10 +38,10 @@ pub struct ControlTable {
     /// Largest force along each body axis, N.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_limit_n: Option<[f64; 3]>,
-    /// Largest torque about each body axis, N m.
+    /// Largest norm of the torque, N m.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub torque_limit_n_m: Option<[f64; 3]>,
-    /// Largest speed along each axis, m/s.
+    pub torque_limit_n_m: Option<f64>,
+    /// With `tube`: largest speed along each axis, m/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_limit_m_s: Option<f64>,
     /// With `tube`: shares of the believed mass between which the true one is certain to be.
@@ -79,9 +79,11 @@ pub struct Steering {
     /// Who.
     pub controller: ControllerName,
     /// What it keeps its wrench within; `None` for those that know no limits.
-    pub limits: Option<WrenchBox>,
+    pub limits: Option<ControlLimits>,
     /// Time between its decisions, s; `None` for those that decide at every output.
     pub decision_s: Option<f64>,
+    /// Largest acceleration along each world axis that a tube leaves to its plans before the first belief, m/s^2.
+    pub planned_m_s2: Option<Vector3<f64>>,
 }
 
 impl Steering {
@@ -101,7 +103,7 @@ impl ScenarioSource {
     ) -> Result<(Option<Controller>, Steering), AstrobeeError> {
         let drive = &self.scenario.drive;
         let name = drive.controller.unwrap_or_default();
-        let plain = Steering { controller: name, limits: None, decision_s: None };
+        let plain = Steering { controller: name, limits: None, decision_s: None, planned_m_s2: None };
         let decides = !matches!(name, ControllerName::None | ControllerName::Tracker | ControllerName::Flown);
         if drive.control.is_some() && !decides {
             let message = format!(
@@ -142,6 +144,7 @@ impl ScenarioSource {
             return Err(self.bad("drive.controller", &message));
         }
         let tube_only = [
+            ("speed_limit_m_s", table.speed_limit_m_s.is_some()),
             ("mass_interval_share", table.mass_interval_share.is_some()),
             ("walls", table.walls.is_some()),
             ("position_error_m", table.position_error_m.is_some()),
@@ -155,43 +158,48 @@ impl ScenarioSource {
             ControllerName::OriginalTube => control_presets::rattle_limits(),
             _ => control_presets::thesis_limits(),
         };
-        let limits = WrenchBox {
-            force_limit: self.each_positive("drive.control.force_limit_n", table.force_limit_n, preset.force_limit)?,
-            torque_limit: self.each_positive(
-                "drive.control.torque_limit_n_m",
-                table.torque_limit_n_m,
-                preset.torque_limit,
-            )?,
+        let limits = ControlLimits {
+            force_n: self.each_positive("drive.control.force_limit_n", table.force_limit_n, preset.force_n)?,
+            torque_n_m: self.bounded("torque_limit_n_m", table.torque_limit_n_m, preset.torque_n_m, LIMITS)?,
         };
-        let gains = control_presets::rattle_attitude_gains(place);
-        let steering = Steering { controller: name, limits: Some(limits), decision_s: None };
-        let key = "drive.control";
-        let unfit = |error: PlanningError| self.bad(key, &error.to_string());
-        match name {
+        let attitude = AttitudeController {
+            law: AttitudeLaw::Geometric,
+            gains: control_presets::rattle_attitude_gains(place),
+            body: *belief,
+            torque_limit_n_m: limits.torque_n_m,
+        };
+        let mut steering = Steering { controller: name, limits: Some(limits), decision_s: None, planned_m_s2: None };
+        let controller: Result<Box<dyn control::Controller>, PlanningError> = match name {
             ControllerName::Tube => {
                 let settings = self.tube(place, belief, reference, &limits)?;
-                let attitude = AttitudeController {
-                    law: AttitudeLaw::Geometric,
-                    gains,
-                    body: *belief,
-                    torque_limit_n_m: limits.torque_limit.min(),
-                };
-                let tube = TubeController::try_new(settings, attitude, TrackedPoint::Origin, belief).map_err(unfit)?;
-                let steering = Steering { decision_s: Some(settings.gain.step_s), ..steering };
-                Ok((Controller::Following(Box::new(tube)), steering))
+                steering.decision_s = Some(settings.gain.step_s);
+                TubeController::try_new(settings, attitude, belief).map(|controller| {
+                    let left = |axis: usize| {
+                        let problem = controller.tube().problem(axis);
+                        problem.scaled_acceleration - problem.held_acceleration
+                    };
+                    steering.planned_m_s2 = Some(Vector3::from_fn(|axis, _| left(axis)));
+                    boxed(controller)
+                })
+            }
+            ControllerName::Mpc => {
+                PlainMpcController::plain_mpc(&control_presets::mpc_settings(), attitude, limits.force_n).map(boxed)
+            }
+            ControllerName::OriginalTube => {
+                let is_told = !self.scenario.drive.beliefs.is_empty();
+                let settings = control_presets::original_settings(limits.force_n.min(), is_told);
+                let attitude = AttitudeController { law: AttitudeLaw::Feedback, ..attitude };
+                OriginalTube::try_new(&settings)
+                    .and_then(|law| OriginalTubeController::try_new(law, attitude, limits.force_n))
+                    .map(boxed)
             }
             _ => {
-                let gains = RotationGains {
-                    stiffness_n_m: gains.stiffness_n_m,
-                    damping_n_m_s: gains.damping_n_m_s,
-                    feed_forward: true,
-                };
                 let (step_s, weights) = (control_presets::decision_on_grid_s(), TranslationWeights::default());
-                let body = FreeFlyer::new(*belief);
-                let lqr = LqrController::lqr(step_s, &weights, gains, body, limits).map_err(unfit)?;
-                Ok((Controller::Following(Box::new(lqr)), steering))
+                LqrController::lqr(step_s, &weights, attitude, limits.force_n).map(boxed)
             }
-        }
+        };
+        let controller = controller.map_err(|error| self.bad("drive.control", &error.to_string()))?;
+        Ok((Controller::Following(controller), steering))
     }
 
     /// The tube that `[drive.control]` describes.
@@ -200,11 +208,11 @@ impl ScenarioSource {
         place: WorldPreset,
         belief: &InertialParameters<f64>,
         reference: &Reference,
-        limits: &WrenchBox,
+        limits: &ControlLimits,
     ) -> Result<TubeSettings, AstrobeeError> {
         let table = self.scenario.drive.control.unwrap_or_default();
         let mass = self.mass_interval(belief, table.mass_interval_share)?;
-        let preset = control_presets::tube_settings(mass, limits, span(reference, &limits.force_limit));
+        let preset = control_presets::tube_settings(mass, limits, span(reference, &limits.force_n));
         let TubeDisturbance { position_m, velocity_m_s, force_n, .. } = preset.disturbance;
         let errors = [0.0, LARGEST_ERROR];
         let walls =
@@ -335,6 +343,10 @@ impl ScenarioSource {
             self.bad(key, "no box of the place holds the whole way with the robot's radius around it; `walls = false` flies without")
         })
     }
+}
+
+fn boxed<C: control::Controller + 'static>(controller: C) -> Box<dyn control::Controller> {
+    Box::new(controller)
 }
 
 /// Attitudes at which forces will be asked for: near those of the way, or any, whichever leaves more of the force.

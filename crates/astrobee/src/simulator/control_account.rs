@@ -1,6 +1,6 @@
 //! What a controller said while it flew.
 
-use tumble_dynamics::nalgebra::Vector6;
+use tumble_dynamics::nalgebra::Vector3;
 use tumble_planning::control::{Adoption, ControlCommand, Fallback, FallbackReason, MassInterval};
 
 /// Room for each list; what comes after is only counted.
@@ -41,7 +41,8 @@ pub struct ControlAccount {
     /// For how long a command that names a fallback stands, ns.
     holds_ns: i64,
     fallback_ns: i64,
-    largest: Vector6<f64>,
+    largest_force_n: Vector3<f64>,
+    largest_torque_n_m: f64,
     last: Option<ControlCommand>,
 }
 
@@ -54,7 +55,8 @@ impl Default for ControlAccount {
             spells_lost: 0,
             holds_ns: super::CONTROL_PERIOD_NS,
             fallback_ns: 0,
-            largest: Vector6::zeros(),
+            largest_force_n: Vector3::zeros(),
+            largest_torque_n_m: 0.0,
             last: None,
         }
     }
@@ -101,9 +103,14 @@ impl ControlAccount {
         self.command().and_then(|command| command.mass)
     }
 
-    /// Largest magnitude of each component that was asked for, `[torque; force]`, body axes.
-    pub fn largest(&self) -> &Vector6<f64> {
-        &self.largest
+    /// Largest magnitude of each component of the force that was asked for, body axes, N.
+    pub fn largest_force_n(&self) -> &Vector3<f64> {
+        &self.largest_force_n
+    }
+
+    /// Largest norm of the torque that was asked for, N m.
+    pub fn largest_torque_n_m(&self) -> f64 {
+        self.largest_torque_n_m
     }
 
     /// How many beliefs were offered.
@@ -126,7 +133,8 @@ impl ControlAccount {
     }
 
     pub(super) fn commanded(&mut self, time_ns: i64, command: &ControlCommand) {
-        self.largest = self.largest.sup(&command.wrench_body.to_vector().abs());
+        self.largest_force_n = self.largest_force_n.sup(&command.wrench_body.force.abs());
+        self.largest_torque_n_m = self.largest_torque_n_m.max(command.wrench_body.torque.norm());
         if self.last.as_ref().is_none_or(|last| last.model_revision != command.model_revision) {
             let first = |belief: &&mut OfferedBelief| belief.revision == command.model_revision;
             if let Some(belief) = self.beliefs.iter_mut().find(first) {
@@ -193,7 +201,6 @@ fn worse(one: Fallback, other: Fallback) -> Fallback {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tumble_dynamics::nalgebra::Vector3;
     use tumble_lie::Wrench;
 
     fn command(model_revision: u64, fallback: Option<Fallback>) -> ControlCommand {
@@ -227,7 +234,8 @@ mod tests {
             ..command(1, None)
         };
         [0.5, -2.0, 1.0].into_iter().for_each(|x| account.commanded(99, &push(x)));
-        assert!((account.largest() - Vector6::new(0.0, 0.2, 0.0, 2.0, 0.0, 0.0)).amax() < 1e-15);
+        assert!((account.largest_force_n() - Vector3::new(2.0, 0.0, 0.0)).amax() < 1e-15);
+        assert!((account.largest_torque_n_m() - 0.2).abs() < 1e-15);
     }
 
     #[test]

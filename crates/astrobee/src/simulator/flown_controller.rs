@@ -61,7 +61,20 @@ impl FlownController {
 
 impl Controller for FlownController {
     fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
-        self.controller.set_body(belief.parameters().validated()?);
+        let body = belief.parameters().validated()?;
+        let (what, value) = ("the variance of the mass", belief.estimate.covariance[(0, 0)]);
+        if !value.is_finite() {
+            return Err(PlanningError::NotFinite { what, value });
+        }
+        if value < 0.0 {
+            return Err(PlanningError::Negative { what, value });
+        }
+        if belief.revision < self.model_revision {
+            let (value, lower) = (belief.revision as f64, self.model_revision as f64);
+            let what = "the revision of a belief";
+            return Err(PlanningError::OutOfRange { what, value, lower, upper: f64::INFINITY });
+        }
+        self.controller.set_body(body);
         self.model_revision = belief.revision;
         Ok(Adoption::Adopted)
     }
@@ -218,6 +231,8 @@ mod tests {
         let mut impossible = ModelBelief::certain(6, twice);
         impossible.estimate.parameters.mass = -1.0;
         assert!(controller.adopt(&impossible).is_err());
+        // older than the one in use
+        assert!(controller.adopt(&ModelBelief::certain(4, body)).is_err());
         assert_eq!(ask(&mut controller, 2.0 * PERIOD_S, &far, &hold).unwrap().model_revision, 5);
     }
 

@@ -6,6 +6,7 @@
 mod blocks;
 #[cfg(feature = "clarabel")]
 mod clarabel_route;
+mod exchange;
 mod factor;
 mod panels;
 mod search;
@@ -285,7 +286,9 @@ fn inverse_factor(matrix: &[f64], size: usize) -> Result<Vec<f64>, PlanningError
             add_scaled(row, -entry, done);
         }
         let pivot = lower[i * size + i];
-        row.iter_mut().for_each(|entry| *entry /= pivot);
+        for entry in row {
+            *entry /= pivot;
+        }
     }
     Ok(inverse)
 }
