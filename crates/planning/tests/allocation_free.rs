@@ -18,14 +18,10 @@ use tumble_planning::collision::{
     ellipsoid_to_sphere, overlap, scaling_margin, separation, sphere_to_box, sphere_to_half_space, sphere_to_sphere,
 };
 use tumble_planning::control::{
-<<<<<<< HEAD
-    AttitudeController, AttitudeGains, AttitudeLaw, AxisGain, AxisTemplate, ControlRequest, Controller, GramStatus,
-    GramWorkspace, LinearMpcSettings, LqrController, MinimalInvariantSet, OriginalSettings, OriginalTubeController,
-    PlainMpcController, ReferenceMotion, SymmetricBox, TranslationWeights, discrete_lqr,
-=======
-    AxisGain, AxisTemplate, CoupledAxes, EndAttitude, GramStatus, GramWorkspace, MinimalInvariantSet, NominalPath,
-    ObstaclePlanes, SymmetricBox, discrete_lqr,
->>>>>>> coupled
+    AttitudeController, AttitudeGains, AttitudeLaw, AxisGain, AxisTemplate, ControlRequest, Controller, CoupledAxes,
+    EndAttitude, GramStatus, GramWorkspace, LinearMpcSettings, LqrController, MinimalInvariantSet, NominalPath,
+    ObstaclePlanes, OriginalSettings, OriginalTubeController, PlainMpcController, ReferenceMotion, SymmetricBox,
+    TranslationWeights, discrete_lqr,
 };
 use tumble_planning::dynamics::strategies::{draws, poses};
 use tumble_planning::dynamics::{
@@ -383,7 +379,7 @@ fn solves_of_a_gram_program() {
         if call == 0 {
             run.restart();
         }
-        run.solve(call % 3 > 0);
+        run.solve(!call.is_multiple_of(3));
         run.advance();
         run.states
     };

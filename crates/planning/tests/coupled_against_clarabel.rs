@@ -61,7 +61,9 @@ fn written(
         for (axis, problem) in problems.iter().enumerate() {
             let along = plane.normal[axis];
             let [mut position, _] = problem.node_rows(plane.node);
-            position.iter_mut().for_each(|entry| *entry *= along);
+            for entry in &mut position {
+                *entry *= along;
+            }
             position[problem.scale_index()] += along.abs() * problem.scaled[2];
             upper -= along.abs() * (problem.held[2] + problem.slack[0]);
             wide.extend(position);
@@ -81,13 +83,13 @@ fn plans_are_those_of_a_general_solver() {
     let mut random = ChaCha8Rng::seed_from_u64(21);
     let mut uniform = |bound: f64| bound * (2.0 * unit_interval(&mut random) - 1.0);
     let (mut solved, mut infeasible, mut worst) = (0, 0, 0.0_f64);
-    for round in 0..24 {
+    for round in 0..24_usize {
         // other planes, more or fewer, from one set to the next
-        let mut planes = fixed_planes::planes(round);
-        planes.truncate(planes.len() - 25 * (round as usize % 7));
-        planes.retain(|plane| plane.node % (1 + round as usize % 2) == 0);
+        let mut planes = fixed_planes::planes(round as u64);
+        planes.truncate(planes.len() - 25 * (round % 7));
+        planes.retain(|plane| plane.node.is_multiple_of(1 + round % 2));
         coupled.set_planes(&planes);
-        let far = if round % 3 == 0 { 1.0 } else { 0.5 };
+        let far = if round.is_multiple_of(3) { 1.0 } else { 0.5 };
         let states = [0.4, 0.6, 0.45].map(|bound| Vector2::new(uniform(far * bound), uniform(0.03 * far)));
         let references = [0.5, 1.2, 0.6].map(|bound| vec![Vector2::new(uniform(bound), 0.0)]);
         let status = coupled.solve(&states, [&references[0], &references[1], &references[2]]);

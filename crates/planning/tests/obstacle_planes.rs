@@ -26,7 +26,7 @@ struct Scene {
 }
 
 fn scene(random: &mut Random, kind: u64) -> Scene {
-    if kind % 3 == 0 {
+    if kind.is_multiple_of(3) {
         let lower = random.vector(0.5);
         let aligned = AlignedBox { lower_world: lower, upper_world: lower + random.vector(0.3).abs() };
         let world = World { keep_out: vec![aligned], ..World::default() };

@@ -292,7 +292,9 @@ impl Mission {
 pub fn mission(seed: u64) -> Mission {
     let mut random = Random::new(seed);
     let share = [0.5, 0.3, 0.1][(seed % 3) as usize];
-    let obstacles = (0..random.between(2.0, 6.0) as usize)
+    let wanted = random.between(2.0, 6.0);
+    let obstacles = (1..6)
+        .filter(|count| f64::from(*count) <= wanted)
         .map(|_| {
             let pose = Pose::from_parts(random.vector(0.8).into(), random.attitude());
             let semi_axes = Vector3::from_fn(|_, _| random.between(0.08, 0.3));
@@ -302,15 +304,15 @@ pub fn mission(seed: u64) -> Mission {
     Mission {
         seed,
         share,
-        true_mass_kg: MASS_KG * (1.0 + share * if seed % 2 == 0 { 1.0 } else { -1.0 }),
+        true_mass_kg: MASS_KG * (1.0 + share * if seed.is_multiple_of(2) { 1.0 } else { -1.0 }),
         force_n: 0.4,
-        world_from_axes: if seed % 4 == 0 { UnitQuaternion::identity() } else { random.attitude() },
+        world_from_axes: if seed.is_multiple_of(4) { UnitQuaternion::identity() } else { random.attitude() },
         obstacles,
         start_world: random.vector(1.0),
         goal_world: random.vector(1.2),
         rate_world: random.direction().into_inner() * random.between(0.0, 0.15),
         turns_until_s: random.between(3.0, 30.0),
-        end: if seed % 5 == 0 { EndAttitude::Any } else { EndAttitude::Held },
+        end: if seed.is_multiple_of(5) { EndAttitude::Any } else { EndAttitude::Held },
         attitude_error_rad: random.between(0.0, 0.1),
         decisions: 45,
         planes: Planes::Kept,
