@@ -73,7 +73,7 @@ fn moving_obstacles_are_kept_off_until_they_cut_what_is_kept() {
             assert!(outcome.clearance_m > 0.0, "{outcome:?}");
         }
     }
-    println!("{whole} {cut} {failed}");
+
     assert!(whole > 30 && cut > 3, "{whole} {cut} {failed}");
 }
 
