@@ -162,13 +162,14 @@ mod tests {
         let mass = mass_interval(believed, MASS_KNOWN_SHARE).unwrap();
         let near = AttitudeSpan::Near { axes_from_body: UnitQuaternion::identity(), angle_rad: 0.0 };
         let settings = TubeSettings { turned_by_rad: 0.0, ..tube_settings(mass, &rattle_limits(), near) };
-        let tube = TranslationTube::try_new(settings).unwrap();
+        let body = WorldPreset::Iss.body();
+        let tube = TranslationTube::try_new(settings, None, &body).unwrap();
         let physical = RATTLE_FORCE_N / mass.largest_kg();
         for problem in (0..3).map(|axis| tube.problem(axis)) {
             let left = problem.scaled_acceleration - problem.held_acceleration;
             assert!(left > 0.75 * physical && left < 0.9 * physical, "{left} of {physical}");
         }
-        assert!(TranslationTube::try_new(TubeSettings { speed_m_s: 0.0, ..settings }).is_err());
+        assert!(TranslationTube::try_new(TubeSettings { speed_m_s: 0.0, ..settings }, None, &body).is_err());
     }
 
     /// A mass of which half more and half less are possible leaves half of the command uncertain, twice and half three fifths.

@@ -379,7 +379,7 @@ fn solves_of_a_gram_program() {
         if call == 0 {
             run.restart();
         }
-        run.solve(call % 3 > 0);
+        run.solve(!call.is_multiple_of(3));
         run.advance();
         run.states
     };

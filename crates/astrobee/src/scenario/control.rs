@@ -173,7 +173,7 @@ impl ScenarioSource {
             ControllerName::Tube => {
                 let settings = self.tube(place, belief, reference, &limits)?;
                 steering.decision_s = Some(settings.gain.step_s);
-                TubeController::try_new(settings, attitude, belief).map(|controller| {
+                TubeController::try_new(settings, None, attitude, belief).map(|controller| {
                     let left = |axis: usize| {
                         let problem = controller.tube().problem(axis);
                         problem.scaled_acceleration - problem.held_acceleration

@@ -67,7 +67,7 @@ impl RandomProgram {
         // Rows that meet leave a point of few dimensions: most of them are let go.
         let mut fixed = 0;
         for row in 0..m {
-            if lower[row] == upper[row] && !matrices.equality[row] {
+            if lower[row] >= upper[row] && !matrices.equality[row] {
                 fixed += 1;
                 if fixed > n / 3 {
                     upper[row] += 1.0;
