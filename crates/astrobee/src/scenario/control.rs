@@ -1,6 +1,6 @@
 //! Controllers that decide every so often, and what they are told of the body on the way.
 
-use super::{ControllerName, ScenarioSource};
+use super::{ControllerName, LONGEST_S, ScenarioSource};
 use crate::AstrobeeError;
 use crate::control_presets::{self, ControlLimits, MASS_KNOWN_SHARE};
 use crate::flight_controller::FlightController;
@@ -173,7 +173,7 @@ impl ScenarioSource {
             ControllerName::Tube => {
                 let settings = self.tube(place, belief, reference, &limits)?;
                 steering.decision_s = Some(settings.gain.step_s);
-                TubeController::try_new(settings, attitude, belief).map(|controller| {
+                TubeController::try_new(settings, None, attitude, belief).map(|controller| {
                     let left = |axis: usize| {
                         let problem = controller.tube().problem(axis);
                         problem.scaled_acceleration - problem.held_acceleration
@@ -286,7 +286,6 @@ impl ScenarioSource {
         &self,
         steering: &Steering,
         belief: &InertialParameters<f64>,
-        duration_ns: i64,
     ) -> Result<Vec<(i64, ModelBelief)>, AstrobeeError> {
         let tables = &self.scenario.drive.beliefs;
         if steering.controller == ControllerName::None && !tables.is_empty() {
@@ -300,11 +299,12 @@ impl ScenarioSource {
         }
         // known no better than to itself: what is certain beside it stays so
         let mut beliefs = vec![(0, believed(1, belief, belief.mass, belief.mass))];
-        let (end_s, mut last_s) = (duration_ns as f64 * 1e-9, 0.0);
+        let mut last_s = 0.0;
         for (table, revision) in tables.iter().zip(2..) {
             let BeliefTable { time_s, mass_kg, sigma_kg } = *table;
-            if !(time_s > last_s && time_s < end_s) {
-                let message = format!("{time_s}: times begin after 0, increase and end before {end_s} s");
+            // those after the end are never told
+            if !(time_s > last_s && time_s <= LONGEST_S) {
+                let message = format!("{time_s}: times begin after 0, increase and are at most {LONGEST_S} s");
                 return Err(self.bad("drive.beliefs.time_s", &message));
             }
             last_s = time_s;
