@@ -11,7 +11,8 @@ use std::time::Instant;
 const REPEATS: usize = 5;
 
 fn quantile(sorted: &[f64], share: f64) -> f64 {
-    sorted[((sorted.len() - 1) as f64 * share) as usize]
+    let below = |index: &usize| *index as f64 <= (sorted.len() - 1) as f64 * share;
+    sorted[(0..sorted.len()).take_while(below).last().unwrap()]
 }
 
 fn main() {
@@ -27,18 +28,20 @@ fn main() {
             std::hint::black_box(status);
         }
         if is_first {
-            first_us.push(best_us)
+            first_us.push(best_us);
         } else {
-            warm_us.push(best_us)
+            warm_us.push(best_us);
         }
         let mut copy = coupled.clone();
         let mut moved = planes.clone();
-        moved.iter_mut().for_each(|plane| plane.offset_m += 1e-3);
+        for plane in &mut moved {
+            plane.offset_m += 1e-3;
+        }
         let before = Instant::now();
         copy.set_planes(&moved);
         set_us.push(before.elapsed().as_secs_f64() * 1e6);
     });
-    let unknowns = fixed_planes::problems().iter().map(|p| p.unknowns()).sum::<usize>();
+    let unknowns = fixed_planes::problems().iter().map(tumble_planning::control::AxisProblem::unknowns).sum::<usize>();
     let rows = fixed_planes::problems().iter().map(|p| p.equality.len()).sum::<usize>() + planes.len();
     println!("{unknowns} unknowns, {rows} rows, {} decisions, {} failed", flown.steps, flown.failed);
     println!("largest excess {:.2e} m, speed {:.2e} m/s", flown.excess_m, flown.speed_excess_m_s);

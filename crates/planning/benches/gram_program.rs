@@ -12,7 +12,7 @@ use std::hint::black_box;
 use std::time::Instant;
 use tube_problems::NominalLoop;
 use tube_problems::coupled::CoupledLoop;
-use tumble_planning::control::GramStatus;
+use tumble_planning::control::{GramStatus, GramWorkspace};
 
 const STEPS: usize = 150;
 const MISSIONS: usize = 60;
@@ -21,9 +21,9 @@ const REPETITIONS: usize = 5;
 fn print(name: &str, microseconds: &mut [f64], iterations: &mut [usize]) {
     microseconds.sort_by(f64::total_cmp);
     iterations.sort_unstable();
-    let at = |share: f64| ((microseconds.len() - 1) as f64 * share) as usize;
-    let time = [0.5, 0.99, 1.0].map(|share| microseconds[at(share)]);
-    let count = [0.5, 0.99, 1.0].map(|share| iterations[at(share)]);
+    let at = |percent: usize| (microseconds.len() - 1) * percent / 100;
+    let time = [50, 99, 100].map(|percent| microseconds[at(percent)]);
+    let count = [50, 99, 100].map(|percent| iterations[at(percent)]);
     println!("{name}: median, 99 %, worst: {time:.2?} us, {count:?} iterations");
 }
 
@@ -44,7 +44,7 @@ fn nominal_times(is_warm: bool) {
         let before = run.workspaces.clone();
         let prepare = |run: &mut NominalLoop| run.workspaces.clone_from(&before);
         times.push(least_us(&mut run, prepare, |run| run.solve(is_warm)));
-        iterations.push(run.workspaces.iter().map(|workspace| workspace.iterations()).sum());
+        iterations.push(run.workspaces.iter().map(GramWorkspace::iterations).sum());
         run.advance();
     }
     print(if is_warm { "nominal, warm" } else { "nominal, cold" }, &mut times, &mut iterations);

@@ -18,7 +18,7 @@ mod weighting;
 
 pub use collision::{CollisionSample, check_collision_world, reversed};
 pub use controller::{ControllerPromise, broken_controller_laws, check_controller, other_worlds};
-pub use controller_flight::{ControllerCase, ControllerStep, TrackingError, fly_controller};
+pub use controller_flight::{ControllerCase, ControllerStep, Sensor, TrackingError, fly_controller};
 pub use global_planner::{Expectation, PlannerCase, PlannerChecks, check_global_planner};
 pub use informative_model::{ModelSample, StepAt, check_informative_model};
 pub use invariant_set::{check_invariant_set, check_supports};

@@ -9,18 +9,28 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::hint::black_box;
 
+mod fixed_planes;
+mod tube_problems;
+
 use tumble_planning::collision::{
     BodyEllipsoid, BodyShape, CollisionWorld as _, Ellipsoid, EllipsoidWorld, HalfSpace, MovingObstacle, Sphere,
     conservative_first_contact, distance, distance_from_hint, ellipsoid_to_box, ellipsoid_to_half_space,
     ellipsoid_to_sphere, overlap, scaling_margin, separation, sphere_to_box, sphere_to_half_space, sphere_to_sphere,
 };
-use tumble_planning::control::{AxisGain, AxisTemplate, MinimalInvariantSet, SymmetricBox, discrete_lqr};
+use tumble_planning::control::{
+    AttitudeController, AttitudeGains, AttitudeLaw, AxisGain, AxisTemplate, ControlRequest, Controller, CoupledAxes,
+    EndAttitude, GramStatus, GramWorkspace, LinearMpcSettings, LqrController, MinimalInvariantSet, NominalPath,
+    ObstaclePlanes, OriginalSettings, OriginalTubeController, PlainMpcController, ReferenceMotion, SymmetricBox,
+    TranslationWeights, discrete_lqr,
+};
 use tumble_planning::dynamics::strategies::{draws, poses};
-use tumble_planning::dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World};
+use tumble_planning::dynamics::{
+    AlignedBox, BodyAcceleration, InertialParameters, ObstacleEllipsoid, PoseReference, RigidBodyState, World,
+};
 use tumble_planning::global::{GoalRegion, MotionLimits};
 use tumble_planning::lie::Pose;
 use tumble_planning::local::{
-    Criterion, Crossing, Curvature, Factorisation, Guess, Hull, InformativePlanner, KINEMATICS, Kinematics,
+    Barrier, Criterion, Crossing, Curvature, Factorisation, Guess, Hull, InformativePlanner, KINEMATICS, Kinematics,
     LocalPlanner as _, LocalRequest, LocalSettings, MotionRow, Reference, RigidBodyModel, RowSettings, SpeedLimits,
     Stages, Surroundings, WrenchSet, passing_ways,
 };
@@ -28,7 +38,7 @@ use tumble_planning::nalgebra::{Matrix1, Matrix2, Matrix3, SMatrix, UnitQuaterni
 use tumble_planning::steering::{
     least_time_s, least_time_to_goal_s, least_velocity_change_m_s, slew, steer, steer_in, steer_to_goal,
 };
-use tumble_planning::{BodyArc, ModelBelief, TranslationState, Units};
+use tumble_planning::{BodyArc, ModelBelief, Plan, TranslationState, Units};
 
 const CALLS: usize = 10_000;
 
@@ -361,6 +371,82 @@ fn iterations_of_a_local_plan() {
     assert_eq!(of_few, of_many);
 }
 
+/// Warm, cold, with another active set, without a solution, and with nothing that is a number.
+#[test]
+fn solves_of_a_gram_program() {
+    let mut run = tube_problems::NominalLoop::new();
+    let mut step = |call: usize| {
+        if call == 0 {
+            run.restart();
+        }
+        run.solve(!call.is_multiple_of(3));
+        run.advance();
+        run.states
+    };
+    assert!((0..INPUTS).map(&mut step).all(|states| states.iter().flatten().all(|x| x.is_finite())));
+    assert_eq!(allocations(CALLS / 10, step), 0);
+
+    let program = tube_problems::Nominal::new().matrices.program();
+    let mut workspace = GramWorkspace::new(&program);
+    let linear: Vec<Vec<f64>> =
+        (0..INPUTS).map(|i| (0..program.unknowns()).map(|j| 30.0 * f64::sin((i * j) as f64)).collect()).collect();
+    let mut kinds = [0; 3];
+    let made = allocations(CALLS / 10, |i| {
+        let mut upper = [0.2; 75];
+        let mut lower = [-0.2; 75];
+        match i % 8 {
+            0 => (lower[70], upper[20]) = (0.19, 0.01), // velocities that the inputs cannot reach
+            1 => upper[3] = f64::NAN,
+            _ => {}
+        }
+        let status = program.solve(&linear[i], &lower, &upper, &tube_problems::SETTINGS, &mut workspace);
+        kinds[match status {
+            GramStatus::Solved => 0,
+            GramStatus::Infeasible => 1,
+            GramStatus::Capped | GramStatus::Numerical => 2,
+        }] += 1;
+        workspace.solution()[0]
+    });
+    assert_eq!(made, 0);
+    assert!(kinds.iter().all(|count| *count > 0), "{kinds:?}");
+}
+
+#[test]
+fn commands_of_the_simple_controllers() {
+    let body = InertialParameters::solid_box(9.5, [0.3, 0.25, 0.35]);
+    let attitude = AttitudeController {
+        law: AttitudeLaw::Geometric,
+        gains: AttitudeGains { stiffness_n_m: 0.3, damping_n_m_s: 0.3 },
+        body,
+        torque_limit_n_m: 0.05,
+    };
+    let limit = Vector3::repeat(0.05);
+    let reference = PoseReference {
+        state: RigidBodyState::at_rest(),
+        acceleration: BodyAcceleration {
+            angular_acceleration_body: Vector3::zeros(),
+            acceleration_origin_body: Vector3::zeros(),
+        },
+    };
+    let hold = |_: f64| reference;
+    let plan = Plan { trajectory: &hold as &dyn ReferenceMotion, model_revision: 0 };
+    let at = |world_from_body| RigidBodyState { world_from_body, ..RigidBodyState::at_rest() };
+    let states: Vec<_> = draws(&poses(0.3), 9, INPUTS).into_iter().map(at).collect();
+    let mut lqr = LqrController::lqr(0.2, &TranslationWeights::default(), attitude, limit).unwrap();
+    let mut mpc = PlainMpcController::plain_mpc(&LinearMpcSettings::default(), attitude, limit).unwrap();
+    let mut original = OriginalTubeController::original(&OriginalSettings::default(), body).unwrap();
+    let controllers: [(&str, &mut dyn Controller); 3] =
+        [("lqr", &mut lqr), ("plain mpc", &mut mpc), ("original tube", &mut original)];
+    for (name, controller) in controllers {
+        let mut time_s = 0.0;
+        let count = allocations(2_000, |i| {
+            time_s += 0.1;
+            controller.command(&ControlRequest { time_s, state: &states[i % INPUTS], plan: &plan }).unwrap()
+        });
+        assert_eq!(count, 0, "{name}");
+    }
+}
+
 #[test]
 fn invariant_sets() {
     let gain = AxisGain::default();
@@ -373,4 +459,57 @@ fn invariant_sets() {
     assert_none("AxisTemplate", |i| AxisTemplate::try_new(gains[i], &disturbance));
     let weight = Matrix2::identity();
     assert_none("discrete_lqr", |i| discrete_lqr(&gains[i].closed_loop(), &gain.input(), &weight, &Matrix1::new(1.0)));
+}
+
+#[test]
+fn coupled_axes_and_their_planes() {
+    let mut axes = CoupledAxes::try_new(fixed_planes::problems()).unwrap();
+    let ball = |x: f64, speed_m_s: f64| {
+        let pose = Pose::from_parts(Vector3::new(x, 0.1, 0.0).into(), UnitQuaternion::identity());
+        let ball = ObstacleEllipsoid { world_from_ellipsoid: pose, semi_axes: Vector3::new(0.1, 0.2, 0.15) };
+        Barrier::Ellipsoid(MovingObstacle::at_rest(ball).drifting(Vector3::y() * speed_m_s, 0.0))
+    };
+    let wall = AlignedBox { lower_world: Vector3::repeat(0.3), upper_world: Vector3::repeat(0.6) };
+    let barriers = [ball(-0.45, 0.0), ball(0.45, 0.003), Barrier::Box(wall)];
+    let body = BodyShape::sphere(0.1).unwrap();
+    let steps = fixed_planes::STEPS;
+    let mut planes = ObstaclePlanes::try_new(&body, &Vector3::zeros(), &barriers, steps).unwrap();
+    let attitudes = vec![UnitQuaternion::identity(); steps + 1];
+    let (mut positions, mut rows) = (Vec::with_capacity(steps + 1), Vec::with_capacity(6 * steps));
+    let mut states = [Vector2::zeros(); 3];
+    let (mut solved, mut most_rows) = (0, 0);
+    let step = |call: usize| {
+        let references = [[Vector2::new(0.4, 0.0)], [Vector2::new(-0.2, 0.0)], [Vector2::new(0.1, 0.0)]];
+        if call == 0 {
+            states = [Vector2::zeros(); 3];
+            axes.begin(&states);
+            planes.forget();
+        }
+        axes.positions(&mut positions);
+        let path = NominalPath {
+            start_s: 0.2 * call as f64,
+            step_s: 0.2,
+            positions: &positions,
+            tube_m: axes.tube_m(),
+            world_from_axes: UnitQuaternion::identity(),
+            attitudes: &attitudes,
+            turn_rad_s: 0.01,
+            end: EndAttitude::Any,
+            attitude_error_rad: 0.02,
+        };
+        let reach = axes.reach(&states);
+        planes.update(&path, &reach).unwrap();
+        planes.rows(&path, &reach, &mut rows);
+        most_rows = most_rows.max(rows.len());
+        axes.set_planes(&rows);
+        let [x, y, z] = &references;
+        solved += usize::from(axes.solve(&states, [x, y, z]) == GramStatus::Solved);
+        axes.advance();
+        planes.advance();
+        for (state, plan) in states.iter_mut().zip(axes.plans()) {
+            *state = plan.start;
+        }
+    };
+    assert_eq!(allocations(CALLS / 20, step), 0);
+    assert!(solved > CALLS / 25 && most_rows > 10, "{solved} {most_rows}");
 }

@@ -2,6 +2,7 @@
 //!
 //! The body, its actuator and its kinematics are integrated here, with quaternions as plain numbers; only the torque comes from the crate.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts of steps")]
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -126,8 +127,8 @@ impl Flight {
         let axis = chance.direction();
         let corner = self.gains.corner_per_s();
 
-        let vector = if run % 2 == 0 { Vector3::zeros() } else { chance.direction() * bound.vector };
-        let combined = if run % 2 == 0 { Vector3::zeros() } else { chance.direction() * bound.start_rad_s };
+        let vector = if run.is_multiple_of(2) { Vector3::zeros() } else { chance.direction() * bound.vector };
+        let combined = if run.is_multiple_of(2) { Vector3::zeros() } else { chance.direction() * bound.start_rad_s };
         let mut attitude = Quaternion::from_parts(f64::sqrt(1.0 - vector.norm_squared()), vector);
         let mut rate = combined - vector * corner;
         let (mut torque, mut acting_force) = (Vector3::zeros(), Vector3::zeros());
@@ -206,7 +207,7 @@ fn hold(flights: &[Flight], runs: usize) -> f64 {
             assert!(worst.rate <= bound.rate_rad_s, "{index}, {run}: {worst:?} {bound:?}");
             assert!(worst.combined <= bound.combined_rad_s, "{index}, {run}: {worst:?} {bound:?}");
             assert!(worst.torque <= bound.feedback_n_m, "{index}, {run}: {worst:?} {bound:?}");
-            if run % 2 == 0 {
+            if run.is_multiple_of(2) {
                 reached = reached.max(worst.vector / bound.vector);
             }
         }

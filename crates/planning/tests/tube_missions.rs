@@ -11,7 +11,7 @@ mod tube_flights;
 mod tube_plant;
 
 use tube_flights::{Defect, Flown, Series, fly};
-use tube_plant::{Disturbances, FORCE_TOLERANCE_N, TUBE_TOLERANCE};
+use tube_plant::{Aim, Disturbances, FORCE_TOLERANCE_N, Policy, TUBE_TOLERANCE};
 use tumble_planning::control::Terminal;
 
 const MASS_KG: f64 = 9.58;
@@ -24,7 +24,8 @@ fn keeps_everything(series: &Series, missions: usize) -> Flown {
     let found = flown.findings;
     assert_eq!(found.steps, 1200 * missions as u64);
     assert_eq!((found.violations, found.exits), (0, 0), "{found:?}");
-    assert!(found.force_excess_n <= FORCE_TOLERANCE_N && found.tube_excess <= TUBE_TOLERANCE, "{found:?}");
+    let tube_excess = found.tube_excess.max(found.tube_excess_after);
+    assert!(found.force_excess_n <= FORCE_TOLERANCE_N && tube_excess <= TUBE_TOLERANCE, "{found:?}");
     assert!(found.disagreement_n <= FORCE_TOLERANCE_N, "{found:?}");
     flown
 }
@@ -34,8 +35,14 @@ fn half_the_mass_or_half_as_much_again() {
     let flown = keeps_everything(&Series::usual(MASS_KG), 12);
     assert!(flown.adopted > 10);
     // it goes as far as it may
-    assert!(flown.findings.force_excess_n > -1e-6 && flown.findings.tube_excess > -1e-6, "{:?}", flown.findings);
-    assert!(flown.nearest_wall_m < 1e-4, "{}", flown.nearest_wall_m);
+    assert!(flown.findings.force_excess_n > -1e-6, "{:?}", flown.findings);
+}
+
+#[test]
+fn pushed_against_the_walls_on_purpose() {
+    let policy = Some(Policy::Toward(Aim::Input));
+    let flown = keeps_everything(&Series { behind_walls: 1.0, policy, ..Series::usual(MASS_KG) }, 4);
+    assert!(flown.nearest_wall_m < 1e-6, "{}", flown.nearest_wall_m);
 }
 
 #[test]

@@ -235,9 +235,9 @@ impl Block {
                 || happened.torque > self.limit_n_m;
             found.exceeded += usize::from(is_exceeded);
             found.all = found.all.largest(happened);
-            if run % 2 == 0 {
+            if run.is_multiple_of(2) {
                 found.from_rest = found.from_rest.largest(happened);
-                if run / 2 % POLICIES == 0 {
+                if (run / 2).is_multiple_of(POLICIES) {
                     found.off_static = found.off_static.max((happened.last / still - 1.0).abs());
                 }
             }

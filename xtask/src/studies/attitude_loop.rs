@@ -122,7 +122,7 @@ impl Circumstances {
     /// One run from rest (even) or from the edge or inside of where starts are admitted (odd).
     pub fn fly(&self, run: usize, time_s: f64, chance: &mut Xorshift) -> Happened {
         let corner = self.stiffness / self.damping;
-        let inertia = moments(chance, self.inertia, run % 3 == 0);
+        let inertia = moments(chance, self.inertia, run.is_multiple_of(3));
         let inverse = inertia.map(|moment| 1.0 / moment);
         let believed = believed(chance, self.inertia);
         let policy = run / 2 % POLICIES;
@@ -227,7 +227,7 @@ mod tests {
         let (time_s, mut chance) = (1.0, Xorshift(5));
         let happened = calm.fly(1, time_s, &mut chance);
         // slopes: D / J and k / (2 D) up to what couples them
-        let (damping, stiffness) = (0.4 / 0.2, 0.15 / (2.0 * 0.2));
+        let (damping, stiffness): (f64, f64) = (0.4 / 0.2, 0.15 / (2.0 * 0.2));
         let root = (0.25 * damping * damping - stiffness).sqrt();
         let (slow, fast) = (-0.5 * damping + root, -0.5 * damping - root);
         let start_rate = -0.5 * 0.15 / 0.4;

@@ -21,6 +21,7 @@ use crate::tube_shares::{JUMP, MASS_KG};
 mod tube_problems;
 
 use tube_problems::NominalLoop;
+use tube_problems::coupled::CoupledLoop;
 
 const PROBLEM: &str = "tube";
 /// Flights of a closed loop.
@@ -33,6 +34,8 @@ const FROZEN_KG: f64 = 9.5838;
 /// Missions and steps of the other loops.
 const MISSIONS: u64 = 10;
 const MISSION_STEPS: usize = 400;
+const COUPLED_MISSIONS: usize = 60;
+const COUPLED_STEPS: usize = 150;
 
 /// Targets, ns.
 struct Targets {
@@ -52,6 +55,7 @@ pub fn run(bench: &mut Bench) -> Result<(), Failure> {
         frozen(bench, is_warm);
     }
     axis(bench).map_err(failed)?;
+    coupled(bench);
     Ok(())
 }
 
@@ -249,4 +253,41 @@ fn axis(bench: &Bench) -> Result<(), PlanningError> {
         report(bench, item, calibration_ns, best.0, &none, &quality);
     }
     Ok(())
+}
+
+/// Three axes, 10 planes at 25 steps: 84 unknowns, 736 rows.
+fn coupled(bench: &Bench) {
+    let item = "coupled/warm";
+    if !bench.wants(PROBLEM, item) {
+        return;
+    }
+    let calibration_ns = bench.calibrate();
+    let mut best = BestTimes::new(COUPLED_MISSIONS * COUPLED_STEPS);
+    let mut worst = [f64::NEG_INFINITY; 2];
+    let (mut most, mut unsolved, mut size) = (0, 0, [0; 2]);
+    for _ in 0..3 {
+        let mut closed = CoupledLoop::new();
+        size = [closed.program.unknowns(), closed.program.rows()];
+        for mission in 0..COUPLED_MISSIONS {
+            closed.restart();
+            for step in 0..COUPLED_STEPS {
+                closed.write();
+                let status = best.time(mission * COUPLED_STEPS + step, || closed.solve());
+                unsolved += usize::from(status != GramStatus::Solved);
+                most = most.max(closed.workspace.iterations());
+                let beyond = closed.advance();
+                worst = [f64::max(worst[0], beyond[0]), f64::max(worst[1], beyond[1])];
+            }
+        }
+    }
+    let quality = [
+        ("unknowns", size[0] as f64),
+        ("rows", size[1] as f64),
+        ("most_iterations", most as f64),
+        ("unsolved", unsolved as f64),
+        ("force_excess_n", worst[0]),
+        ("plane_excess_m", worst[1]),
+    ];
+    let targets = Targets { median: Some(80e3), p99: Some(1e6), worst: Some(5e6), peer: None };
+    report(bench, item, calibration_ns, best.0, &targets, &quality);
 }

@@ -12,7 +12,7 @@ use tumble_planning::control::{
 };
 use tumble_planning::nalgebra::Vector2;
 
-use crate::tube_plant::{Bounds, Decision, Disturbances, Findings, Moment, Plant, between, share};
+use crate::tube_plant::{Bounds, Decision, Disturbances, Findings, Moment, Plant, Policy, between, share};
 
 /// Steps of a mission: 80 s at 5 Hz.
 pub const STEPS: usize = 400;
@@ -46,6 +46,10 @@ pub struct Series {
     pub mass_kg: [f64; 2],
     pub disturbances: Disturbances,
     pub steps: usize,
+    /// Share of goals behind a wall.
+    pub behind_walls: f64,
+    /// How disturbances are chosen, if not anew for each segment.
+    pub policy: Option<Policy>,
     pub defect: Defect,
 }
 
@@ -60,6 +64,8 @@ impl Series {
             mass_kg: [0.5 * mass_kg, 1.5 * mass_kg],
             disturbances: Disturbances { jump: [1e-4, 2e-4], ..Disturbances::default() },
             steps: 25,
+            behind_walls: 0.3,
+            policy: None,
             defect: Defect::Nothing,
         }
     }
@@ -169,7 +175,7 @@ pub fn fly(series: &Series, missions: usize, mut progress: impl FnMut(usize)) ->
         for (axis, tube) in first.iter().enumerate() {
             let reach = HALF_ROOM_M[axis] - FROM_WALL_M;
             let [start, inside] = [0, 1].map(|_| between(&mut chance, -reach, reach));
-            let is_inside = share(&mut chance) < 0.7;
+            let is_inside = share(&mut chance) >= series.behind_walls;
             let goal = if is_inside { inside } else { 1.2 * HALF_ROOM_M[axis].copysign(inside) };
             let seed = chance.next_u64();
             let mut flight = Flight {
@@ -217,12 +223,12 @@ impl Flight<'_> {
         let goal = [self.goal];
         for step in 0..STEPS {
             if step % SEGMENT == 0 {
-                self.plant.draw_policy();
+                self.disturb_anew();
             }
             if let Some((_, narrower)) = coming.next_if(|(when, _)| *when == step) {
                 waiting = Some(self.series.axis(self.template, self.axis, *narrower)?);
                 waiting_interval = *narrower;
-                self.plant.draw_policy();
+                self.disturb_anew();
             }
             let measured = Vector2::from(self.plant.measured());
             let mut is_planned = false;
@@ -253,6 +259,13 @@ impl Flight<'_> {
         flown.ends_m.push((self.plant.state()[0] - self.goal.x.clamp(-half, half)).abs());
         flown.findings.merge(&self.plant.findings);
         Ok(true)
+    }
+
+    fn disturb_anew(&mut self) {
+        match self.series.policy {
+            Some(policy) => self.plant.set_policy(policy),
+            None => self.plant.draw_policy(),
+        }
     }
 
     /// Sends the force and lets the judge look at it.

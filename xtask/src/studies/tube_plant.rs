@@ -96,8 +96,10 @@ pub struct Findings {
     pub force_excess_n: f64,
     /// Largest difference of the force sent and that of the plan, N.
     pub disagreement_n: f64,
-    /// Of the measured error now and after the step, m or m/s.
+    /// Of the measured error at the decision, m or m/s; a plan whose start is free may put it on a face.
     pub tube_excess: f64,
+    /// Of the measured error after the step, about the nominal state then.
+    pub tube_excess_after: f64,
     pub speed_excess_m_s: f64,
     /// At the decisions, m.
     pub wall_excess_m: f64,
@@ -117,6 +119,7 @@ impl Default for Findings {
             force_excess_n: none,
             disagreement_n: 0.0,
             tube_excess: none,
+            tube_excess_after: none,
             speed_excess_m_s: none,
             wall_excess_m: none,
             wall_excess_between_m: none,
@@ -135,6 +138,7 @@ impl Findings {
             (&mut self.force_excess_n, other.force_excess_n),
             (&mut self.disagreement_n, other.disagreement_n),
             (&mut self.tube_excess, other.tube_excess),
+            (&mut self.tube_excess_after, other.tube_excess_after),
             (&mut self.speed_excess_m_s, other.speed_excess_m_s),
             (&mut self.wall_excess_m, other.wall_excess_m),
             (&mut self.wall_excess_between_m, other.wall_excess_between_m),
@@ -251,13 +255,14 @@ impl Plant {
             decision.start[1] + h * decision.acceleration_m_s2,
         ];
         let after = [next[0] - nominal[0], next[1] - nominal[1]];
-        let tube_excess = worse(outside(decision.faces, &error), outside(decision.faces, &after));
+        let (tube_excess, tube_excess_after) = (outside(decision.faces, &error), outside(decision.faces, &after));
         let Bounds { force_n: limit_n, speed_m_s, walls_m } = self.bounds;
         let past_walls = |place: f64| worse(place - walls_m[1], walls_m[0] - place);
         let force_excess_n = worse(wanted_n.abs(), decision.force_n.abs()) - limit_n;
         let speed_excess_m_s = worse(self.state[1].abs(), ended[1].abs()) - speed_m_s;
         let wall_excess_m = past_walls(self.state[0]);
         let wall_excess_between_m = worse(past_walls(between[0]), past_walls(between[1]));
+        let is_inside = tube_excess <= TUBE_TOLERANCE && tube_excess_after <= TUBE_TOLERANCE;
         let is_broken = !(force_excess_n <= FORCE_TOLERANCE_N
             && speed_excess_m_s <= 0.0
             && wall_excess_m <= 0.0
@@ -267,10 +272,11 @@ impl Plant {
             force_excess_n,
             disagreement_n: (decision.force_n - wanted_n).abs(),
             tube_excess,
+            tube_excess_after,
             speed_excess_m_s,
             wall_excess_m,
             wall_excess_between_m,
-            exits: u64::from(!matches!(tube_excess.partial_cmp(&TUBE_TOLERANCE), Some(core::cmp::Ordering::Less))),
+            exits: u64::from(!is_inside),
             violations: u64::from(is_broken),
         });
     }
@@ -367,6 +373,7 @@ mod tests {
         assert!((found.force_excess_n + 0.05).abs() < 1e-15 && (found.speed_excess_m_s + 0.048).abs() < 1e-15);
         assert!((found.wall_excess_m + 0.4998).abs() < 1e-15 && found.disagreement_n < 1e-15);
         assert!((found.tube_excess + 0.01).abs() < 1e-15, "the error is zero, the velocity's face the nearest");
+        assert!((found.tube_excess_after + 0.01).abs() < 1e-15, "and stays zero");
     }
 
     #[test]

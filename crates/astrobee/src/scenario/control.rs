@@ -272,7 +272,7 @@ impl ScenarioSource {
     ) -> Result<MassInterval, AstrobeeError> {
         let key = "drive.control.mass_interval_share";
         let share @ [least, largest] = share.unwrap_or(MASS_KNOWN_SHARE);
-        let holds_belief = least > 0.0 && least <= 1.0 && largest >= 1.0 && largest <= 1e3;
+        let holds_belief = least > 0.0 && least <= 1.0 && (1.0..=1e3).contains(&largest);
         if !holds_belief {
             let message =
                 format!("{least} to {largest}: from above 0 to at most 1000 with 1, the believed mass, between them");

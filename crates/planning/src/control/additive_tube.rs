@@ -125,7 +125,7 @@ impl AdditiveTube {
         let mut generators = Vec::with_capacity(2 * terms);
         let mut columns = Zonotope::<2, 2>(self.disturbance.zonotope().0);
         for _ in 0..terms {
-            generators.extend(columns.0.column_iter().map(|column| column.into_owned()));
+            generators.extend([columns.0.column(0).into_owned(), columns.0.column(1).into_owned()]);
             columns.0 = self.closed_loop * columns.0;
         }
         // the least alpha with A^terms W inside alpha W

@@ -5,7 +5,7 @@ use crate::belief::{ModelBelief, Plan};
 use crate::error::{self, PlanningError, finite, moderate, not_negative, positive};
 use crate::motion::TranslationState;
 use nalgebra::Vector3;
-use tumble_dynamics::{FreeFlyer, PoseReference, RigidBodyState, WrenchBox};
+use tumble_dynamics::{FreeFlyer, InertialParameters, PoseReference, RigidBodyState, WrenchBox};
 use tumble_lie::Twist;
 
 /// A body and the revision of the belief it comes from.
@@ -18,9 +18,9 @@ pub(super) struct BelievedBody {
 
 impl BelievedBody {
     /// Before the first belief.
-    pub fn nominal(body: FreeFlyer<f64>) -> Result<Self, PlanningError> {
-        positive("the nominal mass", body.parameters().validated()?.mass)?;
-        Ok(Self { body, revision: 0 })
+    pub fn nominal(parameters: &InertialParameters<f64>) -> Result<Self, PlanningError> {
+        positive("the nominal mass", parameters.validated()?.mass)?;
+        Ok(Self { body: FreeFlyer::new(*parameters), revision: 0 })
     }
 
     /// This body from now on.

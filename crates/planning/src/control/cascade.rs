@@ -92,7 +92,7 @@ impl<L: TranslationLaw> Cascade<L> {
         not_negative("the stiffness of the attitude", attitude.gains.stiffness_n_m)?;
         not_negative("the damping of the attitude", attitude.gains.damping_n_m_s)?;
         sound_limits(&WrenchBox { torque_limit: Vector3::repeat(attitude.torque_limit_n_m), force_limit })?;
-        let believed = BelievedBody::nominal(FreeFlyer::new(attitude.body))?;
+        let believed = BelievedBody::nominal(&attitude.body)?;
         Ok(Self { law, attitude, force_limit, believed, held: None })
     }
 

@@ -73,7 +73,7 @@ impl CoupledAxes {
             bounds
         };
         Ok(Self {
-            settings: GramSettings { tolerance: 1e-11, iterations: 2000 },
+            settings: GramSettings { tolerance: 1e-10, iterations: 2000 },
             planes: Vec::with_capacity(room),
             previous: Vec::with_capacity(room),
             linear: vec![0.0; problems.iter().map(AxisProblem::unknowns).sum()],

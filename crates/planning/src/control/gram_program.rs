@@ -6,6 +6,7 @@
 mod blocks;
 #[cfg(feature = "clarabel")]
 mod clarabel_route;
+mod exchange;
 mod factor;
 mod panels;
 mod search;
@@ -20,6 +21,9 @@ use core::ops::Range;
 use panels::RowPanels;
 use search::Programmed;
 pub use workspace::GramWorkspace;
+
+/// Share of a diagonal entry of the curvature that is left as pivot, below which it counts as none.
+const LEAST_PIVOT: f64 = 1e-15;
 
 /// `minimise 1/2 x' H x + f . x` over `lower <= A x <= upper`, with a constant positive definite `H` and constant `A`.
 ///
@@ -109,29 +113,40 @@ impl GramProgram {
         if !hessian.iter().enumerate().all(|(i, entry)| is_like(*entry, transposed(i))) {
             return Err(PlanningError::Asymmetric { what: "the curvature" });
         }
-        let inverse = inverse(hessian, unknowns)?;
+        let root = inverse_factor(hessian, unknowns)?;
+        let mut inverse = vec![0.0; hessian.len()];
+        for row in root.chunks_exact(unknowns) {
+            for (entry, into) in row.iter().zip(inverse.chunks_exact_mut(unknowns)) {
+                add_scaled(into, *entry, row);
+            }
+        }
 
         let mut normals = rows.to_vec();
         let mut columns = vec![0.0; rows.len()];
+        // The rows where `H^-1` measures lengths as the identity does: products of these lose less to rounding.
+        let mut straight = vec![0.0; rows.len()];
         let mut scales = vec![1.0; equality.len()];
-        let each = normals.chunks_exact_mut(unknowns).zip(columns.chunks_exact_mut(unknowns)).zip(&mut scales);
-        for ((normal, column), scale) in each {
-            for (entry, inverse) in normal.iter().zip(inverse.chunks_exact(unknowns)) {
-                add_scaled(column, *entry, inverse);
+        let each = normals.chunks_exact_mut(unknowns).zip(columns.chunks_exact_mut(unknowns));
+        for (((normal, column), straight), scale) in each.zip(straight.chunks_exact_mut(unknowns)).zip(&mut scales) {
+            for (entry, root) in straight.iter_mut().zip(root.chunks_exact(unknowns)) {
+                *entry = dot(root, normal);
             }
-            let square = dot(normal, column);
+            let square = finite("the square of a row", dot(straight, straight))?;
             if square > 0.0 {
-                *scale = finite("the scale of a row", 1.0 / f64::sqrt(square))?;
-                normal.iter_mut().chain(column).for_each(|entry| *entry *= *scale);
+                *scale = 1.0 / f64::sqrt(square);
+                normal.iter_mut().chain(&mut *straight).for_each(|entry| *entry *= *scale);
+            }
+            for (entry, root) in straight.iter().zip(root.chunks_exact(unknowns)) {
+                add_scaled(column, *entry, root);
             }
         }
-        let used: Vec<_> = normals.chunks_exact(unknowns).map(stretch).collect();
+        let used = normals.chunks_exact(unknowns).map(stretch).collect();
         let reached = columns.chunks_exact(unknowns).map(stretch).collect();
         let mut gram = vec![0.0; equality.len() * equality.len()];
-        for (i, used) in used.iter().enumerate() {
-            let normal = &normals[i * unknowns..][used.clone()];
-            for j in 0..=i {
-                let product = dot(normal, &columns[j * unknowns..][used.clone()]);
+        for (i, one) in straight.chunks_exact(unknowns).enumerate() {
+            let used = stretch(one);
+            for (j, other) in straight.chunks_exact(unknowns).take(i + 1).enumerate() {
+                let product = dot(&one[used.clone()], &other[used.clone()]);
                 gram[i * equality.len() + j] = product;
                 gram[j * equality.len() + i] = product;
             }
@@ -249,36 +264,30 @@ fn stretch(vector: &[f64]) -> Range<usize> {
     first..vector.iter().rposition(|entry| *entry != 0.0).map_or(first, |last| last + 1)
 }
 
-/// Inverse of a positive definite matrix, by its Cholesky factor.
-fn inverse(matrix: &[f64], size: usize) -> Result<Vec<f64>, PlanningError> {
+/// Inverse of the Cholesky factor of a positive definite matrix, row by row: `L^-1` of `L L'`.
+fn inverse_factor(matrix: &[f64], size: usize) -> Result<Vec<f64>, PlanningError> {
     let mut lower = vec![0.0; size * size];
+    let mut inverse = vec![0.0; size * size];
     for i in 0..size {
         for j in 0..=i {
             let rest = matrix[i * size + j] - dot(&lower[i * size..][..j], &lower[j * size..][..j]);
             lower[i * size + j] = if i > j {
                 rest / lower[j * size + j]
-            } else if rest > 1e-15 * matrix[i * size + i].abs() {
+            } else if rest > LEAST_PIVOT * matrix[i * size + i].abs() {
                 f64::sqrt(rest)
             } else {
                 return Err(PlanningError::NotPositive { what: "a pivot of the curvature", value: rest });
             };
         }
-    }
-    // Rows of the factor's inverse, of which the columns are combined.
-    let mut of_factor = vec![0.0; size * size];
-    for i in 0..size {
-        let (done, row) = of_factor.split_at_mut(i * size);
+        let (done, row) = inverse.split_at_mut(i * size);
         let row = &mut row[..size];
         row[i] = 1.0;
         for (entry, done) in lower[i * size..][..i].iter().zip(done.chunks_exact(size)) {
             add_scaled(row, -entry, done);
         }
-        row.iter_mut().for_each(|entry| *entry /= lower[i * size + i]);
-    }
-    let mut inverse = vec![0.0; size * size];
-    for row in of_factor.chunks_exact(size) {
-        for (entry, into) in row.iter().zip(inverse.chunks_exact_mut(size)) {
-            add_scaled(into, *entry, row);
+        let pivot = lower[i * size + i];
+        for entry in row {
+            *entry /= pivot;
         }
     }
     Ok(inverse)

@@ -345,23 +345,24 @@ impl Segment<'_> {
         update: &mut PlaneUpdate,
     ) -> ObstaclePlane {
         let start = kept.or(hint).unwrap_or_else(Vector3::x);
-        if let Some(plane) = self.widest(&start).map(|normal| self.plane(normal)) {
-            if self.room_m(&plane) >= 0.0 {
-                update.replaced += 1;
-                return plane;
-            }
+        let widest = self.widest(&start);
+        if let Some(plane) = widest.map(|normal| self.plane(normal))
+            && self.room_m(&plane) >= 0.0
+        {
+            update.replaced += 1;
+            return plane;
         }
-        if let Some(plane) = kept.map(|normal| self.plane(normal)) {
-            if self.room_m(&plane) >= -ROUNDING_M {
-                update.kept += 1;
-                return plane;
-            }
+        if let Some(plane) = kept.map(|normal| self.plane(normal))
+            && self.room_m(&plane) >= -ROUNDING_M
+        {
+            update.kept += 1;
+            return plane;
         }
         // none is kept by the plan: the one it exceeds least
         let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
         let sides = axes.into_iter().flat_map(|axis| [axis, -axis]);
         let mut best = self.plane(start);
-        for normal in kept.into_iter().chain(self.widest(&start)).chain(sides) {
+        for normal in kept.into_iter().chain(widest).chain(sides) {
             let plane = self.plane(normal);
             if self.room_m(&plane) > self.room_m(&best) {
                 best = plane;

@@ -383,8 +383,10 @@ mod tests {
         let (least, mut tried) = (cost(&best), 0);
         for index in 0..3_u32.pow(7) {
             let mut other = best.clone();
-            for (digit, entry) in other.iter_mut().enumerate() {
-                *entry += 1e-3 * (f64::from(index / 3_u32.pow(digit as u32) % 3) - 1.0);
+            let mut digits = index;
+            for entry in &mut other {
+                *entry += 1e-3 * (f64::from(digits % 3) - 1.0);
+                digits /= 3;
             }
             if is_inside(&other) {
                 tried += 1;

@@ -153,6 +153,7 @@ impl Envelope {
 }
 
 #[cfg(test)]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "counts of steps")]
 mod tests {
     use super::*;
 

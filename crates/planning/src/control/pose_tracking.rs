@@ -11,7 +11,7 @@ use tumble_dynamics::{Actuation, PoseTracker, WrenchBox};
 ///
 /// It decides anew at every output. Each belief in a body that can be is adopted at once; one older than the belief in use is
 /// an error.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PoseTracking {
     tracker: PoseTracker,
     limits: WrenchBox,
@@ -29,7 +29,7 @@ impl PoseTracking {
             not_negative("a gain of the tracker", gain)?;
         }
         sound_limits(&limits)?;
-        Ok(Self { tracker, limits, believed: BelievedBody::nominal(tracker.body)? })
+        Ok(Self { tracker, limits, believed: BelievedBody::nominal(tracker.body.parameters())? })
     }
 
     /// This tracker with nothing cut.

@@ -75,6 +75,6 @@ mod tests {
         assert!((rotation_share(0.013) - 0.018).abs() < 5e-4);
         assert!((available_share(0.1) - 1.0 / (1.0 + f64::sqrt(2.0) * f64::sin(0.1))).abs() < 1e-15);
         assert!((available_share(3.0) - 1.0 / f64::sqrt(3.0)).abs() < 1e-15);
-        assert!(rotation_share(-0.1) == rotation_share(0.1));
+        assert!((rotation_share(-0.1) - rotation_share(0.1)).abs() < 1e-16);
     }
 }

@@ -8,7 +8,7 @@ use super::{
 use crate::belief::ModelBelief;
 use crate::error::PlanningError;
 use nalgebra::{Vector2, Vector3};
-use tumble_dynamics::{FreeFlyer, InertialParameters, RigidBodyState};
+use tumble_dynamics::{InertialParameters, RigidBodyState};
 use tumble_lie::Wrench;
 
 /// Share of a step by which a decision may come early.
@@ -43,7 +43,7 @@ impl TubeController {
         Ok(Self {
             tube: TranslationTube::try_new(settings, obstacles, prior)?,
             attitude,
-            current: BelievedBody::nominal(FreeFlyer::new(*prior))?,
+            current: BelievedBody::nominal(prior)?,
             offered: None,
             decided_s: None,
             motion: TrackedMotion::default(),

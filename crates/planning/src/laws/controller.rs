@@ -1,7 +1,7 @@
 //! Laws of controllers. Bodies fly by equations written down here anew: nothing asks the controller's own model.
 
 use super::controller_flight::{
-    ControllerCase, Elsewhere, Flight, Output, TrackingError, asked_again, asked_again_with,
+    Answer, ControllerCase, Elsewhere, Flight, Output, TrackingError, asked_again, asked_again_with,
 };
 use super::controller_requests::{
     Asked, hostile_requests, older_belief, with_hostile_requests, with_impossible_beliefs,
@@ -9,6 +9,7 @@ use super::controller_requests::{
 use super::{LawViolation, broken_unless, require};
 use crate::belief::Plan;
 use crate::control::{Adoption, ControlCommand, Controller, Fallback, FallbackReason, ReferenceMotion};
+use crate::vectors::largest;
 use nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{BodyAcceleration, PoseReference, RigidBodyState, WrenchBox};
 use tumble_lie::{Pose, Twist};
@@ -264,10 +265,8 @@ impl<C: Controller> Judge<'_, C> {
         let tolerance = self.promise.tolerance;
         for output in &flight.outputs {
             let TrackingError { position_m, angle_rad, .. } = output.error;
-            let wrench = output.command.wrench_body.to_vector();
-            // amax would pass over what is no number
             let most =
-                wrench.iter().fold(position_m.max(angle_rad), |most, x| if x.abs() <= most { most } else { x.abs() });
+                largest(output.command.wrench_body.to_vector().as_slice()).max(largest(&[position_m, angle_rad]));
             self.require(law, &"nothing", output, most, tolerance)?;
         }
         Ok(())
@@ -289,11 +288,7 @@ impl<C: Controller> Judge<'_, C> {
     }
 
     /// Commands after refusals are those that were given without.
-    fn unchanged(
-        &self,
-        law: &'static str,
-        answers: &[(ControlCommand, Vec<(u64, Adoption)>)],
-    ) -> Result<(), LawViolation> {
+    fn unchanged(&self, law: &'static str, answers: &[Answer]) -> Result<(), LawViolation> {
         for (output, (command, _)) in self.flight.outputs.iter().zip(answers) {
             let is_same = bits(command) == bits(&output.command);
             self.require(law, output, command, broken_unless(is_same), 0.0)?;

@@ -5,6 +5,7 @@ use super::{LawViolation, broken_unless, require};
 use crate::belief::{ModelBelief, Plan};
 use crate::control::{Adoption, ControlCommand, ControlRequest, Controller, ReferenceMotion};
 use crate::error::PlanningError;
+use crate::vectors::largest;
 use tumble_dynamics::{InertialParameters, PoseReference, RigidBodyState, WrenchModel};
 use tumble_lie::Pose;
 
@@ -43,13 +44,14 @@ impl TrackingError {
 
     /// Largest share of a bound that is used up; an error without a bound on it, an infinite one, counts nothing.
     pub fn share_of(&self, bound: &Self) -> f64 {
-        let shares = self.entries().into_iter().zip(bound.entries());
-        shares.fold(0.0, |most, (error, bound)| {
-            let share = if error == 0.0 { 0.0 } else { error / bound };
-            if share <= most { most } else { share }
-        })
+        let (errors, bounds) = (self.entries(), bound.entries());
+        let share = |i: usize| if errors[i] == 0.0 { 0.0 } else { errors[i] / bounds[i] };
+        largest(&core::array::from_fn::<_, 4, _>(share))
     }
 }
+
+/// From the number of an output and the true state to what is measured of it.
+pub type Sensor<'a> = dyn Fn(usize, &RigidBodyState<f64>) -> RigidBodyState<f64> + 'a;
 
 /// A flight: a body, a plan, and what the controller is told on the way.
 #[derive(Clone)]
@@ -69,7 +71,7 @@ pub struct ControllerCase<'a> {
     /// What acts besides the controller; `()` for nothing.
     pub disturbance: &'a dyn WrenchModel<f64>,
     /// What is measured of the true state at each output, by the number of the output; the state itself where `None`.
-    pub sensor: Option<&'a dyn Fn(usize, &RigidBodyState<f64>) -> RigidBodyState<f64>>,
+    pub sensor: Option<&'a Sensor<'a>>,
     /// Number of outputs.
     pub outputs: usize,
     /// Time between outputs, s.
@@ -192,7 +194,7 @@ impl Flight {
         let mut worst = (0.0, None);
         for output in self.outputs.iter().filter(|output| output.time_s - start_s >= from_s) {
             let share = output.error.share_of(bound);
-            if !(share <= worst.0) {
+            if share > worst.0 {
                 worst = (share, Some(output));
             }
         }
@@ -220,6 +222,9 @@ impl Elsewhere {
         RigidBodyState { world_from_body: self.there_from_here * state.world_from_body, ..*state }
     }
 }
+
+/// A command, and what became of the beliefs offered before.
+pub(super) type Answer = (ControlCommand, Vec<(u64, Adoption)>);
 
 /// Offers a flight's beliefs again.
 struct Offers<'a> {
@@ -249,7 +254,7 @@ pub(super) fn asked_again(
     case: &ControllerCase<'_>,
     flight: &Flight,
     elsewhere: &Elsewhere,
-) -> Result<Vec<(ControlCommand, Vec<(u64, Adoption)>)>, LawViolation> {
+) -> Result<Vec<Answer>, LawViolation> {
     let mut beliefs = Offers::of(case);
     let mut answers = Vec::new();
     let here = case.plan.trajectory;
@@ -279,7 +284,7 @@ pub(super) fn asked_again_with(
     case: &ControllerCase<'_>,
     flight: &Flight,
     slip: Slip<'_>,
-) -> Result<Vec<(ControlCommand, Vec<(u64, Adoption)>)>, LawViolation> {
+) -> Result<Vec<Answer>, LawViolation> {
     let mut beliefs = Offers::of(case);
     let mut answers = Vec::new();
     for (index, output) in flight.outputs.iter().enumerate() {

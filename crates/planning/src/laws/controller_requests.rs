@@ -1,10 +1,10 @@
 //! What controllers must refuse, slipped into flights.
 
 use super::LawViolation;
-use super::controller_flight::{ControllerCase, Flight, asked_again_with};
+use super::controller_flight::{Answer, ControllerCase, Flight, asked_again_with};
 use super::local_requests::absurd_beliefs;
 use crate::belief::{ModelBelief, Plan};
-use crate::control::{Adoption, ControlCommand, ControlRequest, Controller, ReferenceMotion};
+use crate::control::{ControlCommand, ControlRequest, Controller, ReferenceMotion};
 use nalgebra::{Quaternion, SMatrix, UnitQuaternion};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use tumble_dynamics::{PoseReference, RigidBodyState};
@@ -39,7 +39,7 @@ impl Hostile {
     fn spoil(&self, state: &mut RigidBodyState<f64>) {
         match *self {
             Self::Position(value) | Self::ReferencePosition(value) => {
-                state.world_from_body.translation.vector.y = value
+                state.world_from_body.translation.vector.y = value;
             }
             Self::Attitude(value) | Self::ReferenceAttitude(value) => {
                 let spoilt = Quaternion::new(1.0, value, 0.0, 0.0);
@@ -85,7 +85,7 @@ pub(super) enum Asked {
 /// What became of requests slipped in, and the answers to the sound ones.
 pub(super) struct Told<A> {
     pub answers: Vec<A>,
-    pub commands: Vec<(ControlCommand, Vec<(u64, Adoption)>)>,
+    pub commands: Vec<Answer>,
 }
 
 /// One of the requests before each of the flight's, in turn.
@@ -172,7 +172,7 @@ pub(super) fn older_belief(
     controller: &mut dyn Controller,
     case: &ControllerCase<'_>,
     flight: &Flight,
-) -> Result<Vec<(ControlCommand, Vec<(u64, Adoption)>)>, LawViolation> {
+) -> Result<Vec<Answer>, LawViolation> {
     asked_again_with(controller, case, flight, &mut |controller, index, _| {
         let in_use = flight.outputs.get(index).map_or(0, |output| output.command.model_revision);
         if let Some(revision) = in_use.checked_sub(1) {

@@ -122,7 +122,7 @@ pub fn cases(slack: f64, judge: &mut dyn FnMut(&[ControllerCase<'_>])) {
 
     let push = ConstantWorldWrench { wrench_world: Wrench::new(Vector3::zeros(), Vector3::new(0.004, -0.003, 0.002)) };
     let noise = |output: usize, state: &RigidBodyState<f64>| {
-        let sign = if output % 3 == 0 { 1.0 } else { -0.5 };
+        let sign = if output.is_multiple_of(3) { 1.0 } else { -0.5 };
         let mut seen = *state;
         seen.world_from_body.translation.vector.x += 0.001 * sign;
         seen.twist_body.linear.y -= 0.001 * sign;

@@ -1,4 +1,5 @@
 //! Three axes between walls and ten fixed planes, flown to and fro with the lightest and the heaviest body.
+#![allow(dead_code, reason = "one module for several tests")]
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;

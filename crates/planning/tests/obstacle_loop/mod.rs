@@ -1,4 +1,5 @@
 //! A body with an unknown mass among obstacles, flown by the coupled program and judged by the collision world.
+#![allow(dead_code, reason = "one module for several tests")]
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -81,8 +82,6 @@ pub enum Planes {
     WithoutTube,
     /// About the straight way to the goal: not asked whether the shifted plan keeps them.
     AlwaysReplaced,
-    /// At the end of each segment only.
-    OneEnd,
     /// As if the body had no attitude error and did not turn.
     WithoutTurn,
 }
@@ -114,13 +113,17 @@ pub struct Outcome {
     /// Decisions without a plan.
     pub failed: usize,
     pub first_failure: Option<GramStatus>,
-    /// Planes that the shifted plan did not keep.
+    /// First decision without a plan.
+    pub failed_at: Option<usize>,
+    /// Planes that the shifted plan did not keep, and the first decision with one.
     pub cut: usize,
+    pub cut_at: Option<usize>,
     pub replaced: usize,
     pub kept: usize,
     /// Least distance of the true body from an obstacle, also between decisions, m.
     pub clearance_m: f64,
     pub flown_m: f64,
+    pub decisions: usize,
     pub to_goal_m: f64,
     pub rows: usize,
     pub iterations: usize,
@@ -173,11 +176,14 @@ impl Mission {
             started: false,
             failed: 0,
             first_failure: None,
+            failed_at: None,
             cut: 0,
+            cut_at: None,
             replaced: 0,
             kept: 0,
             clearance_m: f64::INFINITY,
             flown_m: 0.0,
+            decisions: self.decisions,
             to_goal_m: 0.0,
             rows: 0,
             iterations: 0,
@@ -230,9 +236,6 @@ impl Mission {
             let reach = coupled.reach(&measured);
             let update: PlaneUpdate = planes.update(&path, &reach).unwrap();
             planes.rows(&path, &reach, &mut rows);
-            if self.planes == Planes::OneEnd {
-                rows.retain(|row| row.node == row.step);
-            }
             outcome.rows = outcome.rows.max(rows.len());
             coupled.set_planes(&rows);
             let status = coupled.solve(&measured, [&references[0], &references[1], &references[2]]);
@@ -244,17 +247,15 @@ impl Mission {
                 }
             } else {
                 outcome.cut += update.cut;
-                if update.cut > 0 && self.planes == Planes::Kept {
-                    println!(
-                        "seed {} decision {decision} {update:?} end {end:?} turn until {}",
-                        self.seed, self.turns_until_s
-                    );
+                if update.cut > 0 {
+                    outcome.cut_at.get_or_insert(decision);
                 }
                 outcome.replaced += update.replaced;
                 outcome.kept += update.kept;
                 if status != GramStatus::Solved {
                     outcome.failed += 1;
                     outcome.first_failure.get_or_insert(status);
+                    outcome.failed_at.get_or_insert(decision);
                 }
             }
             let before = states;
@@ -291,7 +292,9 @@ impl Mission {
 pub fn mission(seed: u64) -> Mission {
     let mut random = Random::new(seed);
     let share = [0.5, 0.3, 0.1][(seed % 3) as usize];
-    let obstacles = (0..random.between(2.0, 6.0) as usize)
+    let wanted = random.between(2.0, 6.0);
+    let obstacles = (1..6)
+        .filter(|count| f64::from(*count) <= wanted)
         .map(|_| {
             let pose = Pose::from_parts(random.vector(0.8).into(), random.attitude());
             let semi_axes = Vector3::from_fn(|_, _| random.between(0.08, 0.3));
@@ -301,17 +304,17 @@ pub fn mission(seed: u64) -> Mission {
     Mission {
         seed,
         share,
-        true_mass_kg: MASS_KG * (1.0 + share * if seed % 2 == 0 { 1.0 } else { -1.0 }),
+        true_mass_kg: MASS_KG * (1.0 + share * if seed.is_multiple_of(2) { 1.0 } else { -1.0 }),
         force_n: 0.4,
-        world_from_axes: if seed % 4 == 0 { UnitQuaternion::identity() } else { random.attitude() },
+        world_from_axes: if seed.is_multiple_of(4) { UnitQuaternion::identity() } else { random.attitude() },
         obstacles,
         start_world: random.vector(1.0),
         goal_world: random.vector(1.2),
         rate_world: random.direction().into_inner() * random.between(0.0, 0.15),
         turns_until_s: random.between(3.0, 30.0),
-        end: if seed % 5 == 0 { EndAttitude::Any } else { EndAttitude::Held },
+        end: if seed.is_multiple_of(5) { EndAttitude::Any } else { EndAttitude::Held },
         attitude_error_rad: random.between(0.0, 0.1),
-        decisions: 60,
+        decisions: 45,
         planes: Planes::Kept,
     }
 }

@@ -187,11 +187,11 @@ impl Nominal {
         for step in 0..=STEPS {
             let weight = if step < STEPS { self.tracking } else { self.terminal };
             cost += 0.5 * state.dot(&(weight * state)) - goal.dot(&(weight * state));
-            if step < STEPS {
-                cost += 0.5 * inputs[step] * inputs[step];
-                state = self.a * state + self.b * inputs[step];
+            if let Some(input) = inputs.get(step).filter(|_| step < STEPS) {
+                cost += 0.5 * input * input;
+                state = self.a * state + self.b * *input;
                 let over = |value: f64, row: usize| value.abs() - self.limits[axis][row];
-                let beyond = [over(inputs[step], step), over(state.x, STEPS + step), over(state.y, 2 * STEPS + step)];
+                let beyond = [over(*input, step), over(state.x, STEPS + step), over(state.y, 2 * STEPS + step)];
                 violation = beyond.iter().fold(violation, |most, beyond| f64::max(most, *beyond));
             }
         }

@@ -67,7 +67,7 @@ impl RandomProgram {
         // Rows that meet leave a point of few dimensions: most of them are let go.
         let mut fixed = 0;
         for row in 0..m {
-            if lower[row] == upper[row] && !matrices.equality[row] {
+            if lower[row] >= upper[row] && !matrices.equality[row] {
                 fixed += 1;
                 if fixed > n / 3 {
                     upper[row] += 1.0;
@@ -94,22 +94,23 @@ impl RandomProgram {
         beyond.fold(0.0, f64::max)
     }
 
-    /// What is left of the optimality conditions: of the gradient, and of `multiplier times distance to its bound`; infinite where a
-    /// multiplier has the wrong sign for its bound.
+    /// What is left of the optimality conditions: of the gradient, as a share of the largest multiplier where that is above one; and
+    /// the largest distance of a row from the bound that the sign of its multiplier names.
     pub fn optimality(&self, x: &[f64], multipliers: impl Iterator<Item = (usize, f64)>) -> [f64; 2] {
         let n = x.len();
         let mut gradient: Vec<f64> =
             (0..n).map(|i| dot(&self.matrices.hessian[i * n..][..n], x) + self.linear[i]).collect();
-        let (values, mut products) = (self.row_values(x), 0.0);
+        let (values, mut distance, mut largest) = (self.row_values(x), 0.0, 1.0);
         for (row, multiplier) in multipliers {
             let normal = &self.matrices.rows[row * n..][..n];
             gradient.iter_mut().zip(normal).for_each(|(gradient, entry)| *gradient += multiplier * entry);
             let bound = if multiplier > 0.0 { self.upper[row] } else { self.lower[row] };
             if multiplier != 0.0 {
-                products = f64::max(products, (multiplier * (values[row] - bound)).abs());
+                distance = f64::max(distance, (values[row] - bound).abs());
+                largest = f64::max(largest, multiplier.abs());
             }
         }
-        [gradient.iter().fold(0.0, |most, entry| f64::max(most, entry.abs())), products]
+        [gradient.iter().fold(0.0, |most, entry| f64::max(most, entry.abs())) / largest, distance]
     }
 
     /// Whether factors of the rows prove that there is no solution: `A' y` is nothing, while `y . A x` would have to be below zero;
@@ -120,11 +121,6 @@ impl RandomProgram {
                 || self.lower[row] == f64::INFINITY
                 || self.upper[row] == f64::NEG_INFINITY;
         }
-        let [support, left, size] = self.proof(certificate);
-        support < 0.0 && left <= 1e-9 * size && left * 1e3 < -support
-    }
-
-    pub fn proof(&self, certificate: &[f64]) -> [f64; 3] {
         let n = self.linear.len();
         let (mut sum, mut size, mut support) = (vec![0.0; n], 0.0, 0.0);
         for (row, factor) in certificate.iter().enumerate() {
@@ -137,7 +133,7 @@ impl RandomProgram {
             }
         }
         let left: f64 = sum.iter().map(|sum| sum.abs()).sum();
-        [support, left, size]
+        support < 0.0 && left <= 1e-10 * size && left * 1e3 < -support
     }
 }
 

@@ -52,7 +52,7 @@ pub fn solve_gram_with_clarabel(
     let equations = conditions.len();
     for row in (0..m).filter(|row| !equality[*row]) {
         for (sign, bound) in [(1.0, upper[row]), (-1.0, lower[row])] {
-            if bound == -sign * f64::INFINITY {
+            if bound.is_infinite() && bound * sign < 0.0 {
                 return Ok(None);
             }
             if bound.is_finite() {

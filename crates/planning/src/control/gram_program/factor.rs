@@ -2,9 +2,6 @@
 
 use crate::vectors::{add_scaled, dot};
 
-/// Square of the share of a row that is new to those of the factor, below which it counts as one of their combinations.
-const DEPENDENT: f64 = 1e-12;
-
 /// Unit lower triangular `L`, its columns one after the other, and the diagonal `D`.
 #[derive(Clone, Debug)]
 pub(super) struct ActiveFactor {
@@ -31,10 +28,10 @@ impl ActiveFactor {
         self.size = 0;
     }
 
-    /// Takes in a row by its products with those that are in and with itself. Where it is a combination of them, it stays out
-    /// and `products` become the factors of that combination.
+    /// Takes in a row by its products with those that are in and with itself. Where the square of the share of it that is new is at
+    /// most `least`, it counts as a combination of them: it stays out and `products` become the factors of that combination.
     #[must_use]
-    pub(super) fn append(&mut self, products: &mut [f64], square: f64) -> bool {
+    pub(super) fn append(&mut self, products: &mut [f64], square: f64, least: f64) -> bool {
         let (size, stride) = (self.size, self.capacity);
         self.solve_lower(products);
         let mut pivot = square;
@@ -44,7 +41,7 @@ impl ActiveFactor {
             *entry = share;
         }
         // Not a number counts as dependent, too.
-        if size == stride || pivot.is_nan() || pivot <= DEPENDENT * square {
+        if size == stride || pivot.is_nan() || pivot <= least * square {
             self.solve_upper(products);
             return false;
         }

@@ -4,14 +4,12 @@ use super::workspace::{GramWorkspace, Side};
 use super::{GramSettings, GramStatus};
 use crate::vectors::{dot, largest};
 
-/// Share of the largest factor of a combination below which one counts as zero.
-const VANISHING: f64 = 1e-10;
+/// Square of the share of a row that is new to the active ones, below which it counts as one of their combinations.
+const DEPENDENT: f64 = 1e-10;
 /// Share of the tolerance at which a solution is not brought nearer to exactness.
 const EXACT: f64 = 1e-2;
 /// How often a solution is brought nearer to exactness.
-const REFINEMENTS: usize = 3;
-/// How many times as far as the solution so far a proof that there is none must reach.
-const FAR: f64 = 1e3;
+pub(super) const REFINEMENTS: usize = 3;
 
 /// A row beyond one of its bounds.
 #[derive(Clone, Copy, Debug)]
@@ -72,11 +70,11 @@ pub(super) fn solve<P: Programmed>(
     status
 }
 
-struct Search<'a, P> {
-    program: &'a P,
+pub(super) struct Search<'a, P> {
+    pub(super) program: &'a P,
     linear: &'a [f64],
     settings: &'a GramSettings,
-    workspace: &'a mut GramWorkspace,
+    pub(super) workspace: &'a mut GramWorkspace,
 }
 
 impl<P: Programmed> Search<'_, P> {
@@ -90,6 +88,7 @@ impl<P: Programmed> Search<'_, P> {
         let rows = program.rows();
         let are_lengths_right = [lower.len(), upper.len(), workspace.is_active.len()] == [rows; 3]
             && self.linear.len() == program.unknowns()
+            && workspace.unknowns == program.unknowns()
             && workspace.x.len() == program.room();
         if !are_lengths_right {
             return Some(GramStatus::Numerical);
@@ -101,7 +100,9 @@ impl<P: Programmed> Search<'_, P> {
             let scale = program.scale(row);
             (*scaled_lower, *scaled_upper) = (lower * scale, upper * scale);
             let are_apart = *scaled_lower <= *scaled_upper + tolerance;
-            are_bounds_right &= are_apart & (*scaled_lower < f64::INFINITY) & (*scaled_upper > f64::NEG_INFINITY);
+            are_bounds_right &= are_apart;
+            are_bounds_right &= *scaled_lower < f64::INFINITY;
+            are_bounds_right &= *scaled_upper > f64::NEG_INFINITY;
         }
         if !are_bounds_right {
             if lower.iter().chain(upper).any(|bound| bound.is_nan()) {
@@ -154,6 +155,7 @@ impl<P: Programmed> Search<'_, P> {
         workspace.factor.clear();
         workspace.is_active.fill(false);
         workspace.fingerprint = Some(self.program.fingerprint());
+        workspace.is_worn = false;
         let program = self.program;
         for row in program.equations() {
             self.append(row, Side::Both, 0.0);
@@ -173,6 +175,7 @@ impl<P: Programmed> Search<'_, P> {
     }
 
     fn run(&mut self) -> GramStatus {
+        let mut is_rebuilt = false;
         loop {
             if !self.count() {
                 return GramStatus::Capped;
@@ -182,8 +185,14 @@ impl<P: Programmed> Search<'_, P> {
                 continue;
             }
             self.place();
-            if let Some(status) = self.check() {
-                return status;
+            match self.check() {
+                None => {}
+                // A factor from which rows were taken out has errors that a new one has not.
+                Some(GramStatus::Numerical) if self.workspace.is_worn && !is_rebuilt => {
+                    self.build();
+                    is_rebuilt = true;
+                }
+                Some(status) => return status,
             }
         }
     }
@@ -220,7 +229,7 @@ impl<P: Programmed> Search<'_, P> {
     }
 
     /// Counts an iteration; false where there are no more.
-    fn count(&mut self) -> bool {
+    pub(super) fn count(&mut self) -> bool {
         if self.workspace.iterations == self.settings.iterations {
             return false;
         }
@@ -242,11 +251,15 @@ impl<P: Programmed> Search<'_, P> {
     }
 
     /// Takes a row into the active ones, unless it is a combination of them: then `target` are its factors.
-    fn append(&mut self, row: usize, side: Side, multiplier: f64) -> bool {
+    pub(super) fn append(&mut self, row: usize, side: Side, multiplier: f64) -> bool {
+        self.append_if_new(row, side, multiplier, DEPENDENT)
+    }
+
+    pub(super) fn append_if_new(&mut self, row: usize, side: Side, multiplier: f64, least: f64) -> bool {
         let (program, workspace) = (self.program, &mut *self.workspace);
         workspace.target.clear();
         workspace.target.extend(workspace.active.iter().map(|(other, _)| program.product(row, *other)));
-        if !workspace.factor.append(&mut workspace.target, program.product(row, row)) {
+        if !workspace.factor.append(&mut workspace.target, program.product(row, row), least) {
             return false;
         }
         workspace.active.push((row, side));
@@ -257,13 +270,14 @@ impl<P: Programmed> Search<'_, P> {
         true
     }
 
-    fn remove(&mut self, position: usize) {
+    pub(super) fn remove(&mut self, position: usize) {
         let workspace = &mut *self.workspace;
         let (row, _) = workspace.active.remove(position);
         workspace.multipliers.remove(position);
         workspace.excesses.remove(position);
         workspace.is_active[row] = false;
         workspace.factor.remove(position);
+        workspace.is_worn = true;
     }
 
     /// Moves the multipliers towards those with which the active rows hold, until one reaches zero: that row is to leave.
@@ -353,8 +367,10 @@ impl<P: Programmed> Search<'_, P> {
         }
         program.times_inverse(&workspace.gradient, &mut workspace.correction);
         let square = dot(&workspace.gradient, &workspace.correction);
+        // The gradient is a sum of rows times multipliers, and as exact as these are large.
+        let of_gradient = tolerance * f64::max(1.0, largest(&workspace.multipliers));
         self.residuals();
-        square <= tolerance * tolerance && largest(&self.workspace.target) <= tolerance
+        square <= of_gradient * of_gradient && largest(&self.workspace.target) <= tolerance
     }
 
     /// Writes how far the active rows are above their bounds.
@@ -390,82 +406,5 @@ impl<P: Programmed> Search<'_, P> {
         } else {
             Side::Lower
         }
-    }
-
-    /// Makes room for a violated row among the active ones it is a combination of, and takes it in; a status where that cannot be.
-    fn exchange(&mut self, row: usize, side: Side, sign: f64) -> Option<GramStatus> {
-        let mut multiplier = 0.0;
-        while !self.append(row, side, multiplier) {
-            if !self.count() {
-                return Some(GramStatus::Capped);
-            }
-            // Along this the solution stays, while the multiplier of the row grows.
-            let workspace = &mut *self.workspace;
-            workspace.target.iter_mut().for_each(|factor| *factor *= -sign);
-            let vanishing = VANISHING * f64::max(1.0, largest(&workspace.target));
-            let (mut length, mut leaving, mut steepest) = (f64::INFINITY, None, 0.0);
-            for (position, (change, multiplier)) in workspace.target.iter().zip(&workspace.multipliers).enumerate() {
-                let of_side = workspace.active[position].1.sign();
-                let (change, multiplier) = (of_side * change, of_side * multiplier);
-                if change < -vanishing {
-                    let until = -multiplier / change;
-                    if until < length || (until <= length && change < steepest) {
-                        (length, leaving, steepest) = (until, Some(position), change);
-                    }
-                }
-            }
-            let Some(leaving) = leaving else { return Some(self.prove_infeasible(row, sign)) };
-            for (change, multiplier) in workspace.target.iter().zip(&mut workspace.multipliers) {
-                *multiplier += length * change;
-            }
-            multiplier += sign * length;
-            self.remove(leaving);
-        }
-        None
-    }
-
-    /// That a row cannot hold together with the active ones, of which it is the combination in `target`: checked before it is said.
-    fn prove_infeasible(&mut self, row: usize, sign: f64) -> GramStatus {
-        let mut left = self.combine(row, sign);
-        for _ in 0..REFINEMENTS {
-            // What is left of the combination is one of the same rows, but for what is new in this one.
-            let (program, workspace) = (self.program, &mut *self.workspace);
-            workspace.excesses.clear();
-            workspace
-                .excesses
-                .extend(workspace.active.iter().map(|(row, _)| program.value(*row, &workspace.correction)));
-            workspace.factor.solve(&mut workspace.excesses);
-            for (factor, change) in workspace.target.iter_mut().zip(&workspace.excesses) {
-                *factor -= change;
-            }
-            left = self.combine(row, sign);
-        }
-        let (program, workspace) = (self.program, &mut *self.workspace);
-        let mut support = sign * if sign > 0.0 { workspace.upper[row] } else { workspace.lower[row] };
-        workspace.certificate[row] = sign * program.scale(row);
-        for ((row, side), factor) in workspace.active.iter().zip(&workspace.target) {
-            if *factor != 0.0 && side.sign() * factor >= 0.0 {
-                support += factor * if *factor > 0.0 { workspace.upper[*row] } else { workspace.lower[*row] };
-                workspace.certificate[*row] = factor * program.scale(*row);
-            }
-        }
-        program.times_hessian(&workspace.x, &mut workspace.correction);
-        let distance = f64::sqrt(f64::max(0.0, dot(&workspace.x, &workspace.correction)));
-        if -support > FAR * (1.0 + distance) * left { GramStatus::Infeasible } else { GramStatus::Numerical }
-    }
-
-    /// Combines a row with the active ones by the factors in `target`, as far as their signs are right; the length of what that
-    /// is, in `correction` by `H^-1`.
-    fn combine(&mut self, row: usize, sign: f64) -> f64 {
-        let (program, workspace) = (self.program, &mut *self.workspace);
-        workspace.gradient.fill(0.0);
-        workspace.correction.fill(0.0);
-        let active = workspace.active.iter().zip(&workspace.target);
-        let active = active.filter(|((_, side), factor)| side.sign() * **factor >= 0.0);
-        for (row, factor) in active.map(|((row, _), factor)| (*row, *factor)).chain([(row, sign)]) {
-            program.add_normal(row, factor, &mut workspace.gradient);
-            program.add_column(row, factor, &mut workspace.correction);
-        }
-        f64::sqrt(f64::max(0.0, dot(&workspace.gradient, &workspace.correction)))
     }
 }

@@ -13,8 +13,9 @@ fn unit(rng: &mut ChaCha8Rng) -> f64 {
     (rng.next_u64() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
-fn one_of(rng: &mut ChaCha8Rng, kinds: u64) -> u64 {
-    (rng.next_u64() >> 20) % kinds
+fn one_of(rng: &mut ChaCha8Rng, kinds: usize) -> usize {
+    let draw = unit(rng);
+    (0..kinds - 1).take_while(|kind| draw > 2.0 * (kind + 1) as f64 / kinds as f64 - 1.0).count()
 }
 
 #[derive(Clone)]
@@ -78,8 +79,9 @@ impl Case {
     fn brute_force(&self) -> Option<DVector<f64>> {
         let (n, m) = (self.f.len(), self.upper.len());
         let mut best: Option<(f64, DVector<f64>)> = None;
-        for set in 0..3_usize.pow(m as u32) {
-            let side = |row: usize| set / 3_usize.pow(row as u32) % 3;
+        let powers: Vec<usize> = core::iter::successors(Some(1), |power| Some(3 * power)).take(m + 1).collect();
+        for set in 0..powers[m] {
+            let side = |row: usize| set / powers[row] % 3;
             let active: Vec<(usize, f64)> = (0..m)
                 .filter(|row| side(*row) > 0)
                 .map(|row| (row, if side(row) == 1 { self.lower[row] } else { self.upper[row] }))
@@ -158,15 +160,15 @@ fn a_factor_follows_its_rows() {
     let (mut factor, mut active) = (ActiveFactor::new(n), Vec::<usize>::new());
     for round in 0..400 {
         if active.len() > 2 && one_of(&mut rng, 5) < 2 {
-            let position = one_of(&mut rng, active.len() as u64) as usize;
+            let position = one_of(&mut rng, active.len());
             active.remove(position);
             factor.remove(position);
         } else {
-            let row = one_of(&mut rng, m as u64) as usize;
-            let matrix = DMatrix::from_columns(&active.iter().map(|row| vectors[*row].clone()).collect::<Vec<_>>());
+            let row = one_of(&mut rng, m);
+            let matrix = DMatrix::from_fn(n, active.len(), |i, j| vectors[active[j]][i]);
             let mut products: Vec<f64> = active.iter().map(|other| vectors[*other].dot(&vectors[row])).collect();
             let is_new = active.len() < n && !active.contains(&row);
-            assert_eq!(factor.append(&mut products, vectors[row].norm_squared()), is_new, "round {round}");
+            assert_eq!(factor.append(&mut products, vectors[row].norm_squared(), 1e-10), is_new, "round {round}");
             if is_new {
                 active.push(row);
             } else {
@@ -327,7 +329,7 @@ fn rows_that_meet_in_one_point_come_to_an_end() {
     for n in [2, 5, 15] {
         let m = 8 * n;
         let mut case = Case::random(&mut rng, n, m);
-        case.a = DMatrix::from_fn(m, n, |_, _| f64::from(one_of(&mut rng, 3) as u8) - 1.0);
+        case.a = DMatrix::from_fn(m, n, |_, _| one_of(&mut rng, 3) as f64 - 1.0);
         let point = DVector::from_fn(n, |_, _| unit(&mut rng));
         let values = &case.a * &point;
         case.equality.fill(false);

@@ -26,10 +26,12 @@ impl Side {
 /// Memory of the solves of one [`GramProgram`]: the last solution and the rows that were active in it.
 #[derive(Clone, Debug)]
 pub struct GramWorkspace {
-    unknowns: usize,
+    pub(super) unknowns: usize,
     /// Of the program the factor belongs to; none where it has to be built anew.
     pub(super) fingerprint: Option<u64>,
     pub(super) factor: ActiveFactor,
+    /// Whether rows have been taken out of the factor.
+    pub(super) is_worn: bool,
     /// Rows in the order of the factor, with bound and multiplier.
     pub(super) active: Vec<(usize, Side)>,
     pub(super) multipliers: Vec<f64>,
@@ -56,6 +58,7 @@ pub struct GramWorkspace {
     pub(super) correction: Vec<f64>,
     /// By position of an active row.
     pub(super) target: Vec<f64>,
+    pub(super) changes: Vec<f64>,
     pub(super) certificate: Vec<f64>,
     pub(super) crossed: Option<usize>,
     pub(super) iterations: usize,
@@ -76,6 +79,7 @@ impl GramWorkspace {
             unknowns,
             fingerprint: None,
             factor: ActiveFactor::new(most),
+            is_worn: false,
             active: Vec::with_capacity(most + 1),
             multipliers: Vec::with_capacity(most + 1),
             unscaled: Vec::with_capacity(most + 1),
@@ -92,6 +96,7 @@ impl GramWorkspace {
             gradient: vec![0.0; padded],
             correction: vec![0.0; padded],
             target: Vec::with_capacity(most + 1),
+            changes: Vec::with_capacity(most + 1),
             certificate: Vec::with_capacity(room),
             crossed: None,
             iterations: 0,

@@ -114,7 +114,7 @@ impl Cover {
 /// An obstacle as its barrier says, ready to be asked.
 #[derive(Clone, Debug)]
 pub(super) enum Obstacle {
-    Ellipsoid { solid: Ellipsoid, obstacle: MovingObstacle },
+    Ellipsoid { solid: Ellipsoid, obstacle: Box<MovingObstacle> },
     Box(AlignedBox),
 }
 
@@ -128,9 +128,10 @@ pub(super) enum Swept<'a> {
 impl Obstacle {
     pub fn try_new(index: usize, barrier: &Barrier) -> Result<Self, PlanningError> {
         Ok(match barrier {
-            Barrier::Ellipsoid(obstacle) => {
-                Self::Ellipsoid { solid: obstacle.checked(index)?.moved_to(Vector3::zeros()), obstacle: *obstacle }
-            }
+            Barrier::Ellipsoid(obstacle) => Self::Ellipsoid {
+                solid: obstacle.checked(index)?.moved_to(Vector3::zeros()),
+                obstacle: Box::new(*obstacle),
+            },
             Barrier::Box(aligned) => {
                 for (lower, upper) in aligned.lower_world.iter().zip(&aligned.upper_world) {
                     let is_ordered = lower <= upper;
