@@ -118,6 +118,8 @@ pub struct TubeCounts {
     pub restarted: u64,
     /// Decisions spent braking.
     pub braking: u64,
+    /// Decisions at which an obstacle had moved into what the last plan kept free: only then can it leave no plan.
+    pub cut: u64,
 }
 
 /// The tubes of one revision.
@@ -307,6 +309,7 @@ impl TranslationTube {
             }
             other => other,
         };
+        self.counts.cut += u64::from(self.phase == Phase::Planned && !takes_over && self.current.axes.cut() > 0);
         if let Some(Fallback::Braking(_)) = fallback {
             self.brake(&motion.states);
         } else {
