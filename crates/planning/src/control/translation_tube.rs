@@ -244,6 +244,11 @@ impl TranslationTube {
         self.counts
     }
 
+    /// Whether there is no plan.
+    pub(super) fn is_braking(&self) -> bool {
+        matches!(self.phase, Phase::Braking(_))
+    }
+
     /// The force of the last decision, axes of the tube, N; to be held until the next, turned with the body.
     pub fn force_axes(&self) -> Vector3<f64> {
         self.force_axes
