@@ -366,6 +366,14 @@ fn settings_that_should_not_be_are_refused() {
         }
     }
     assert!(refused(TubeSettings { steps: 0, ..p }));
+    for bad in [-0.05, f64::NAN, f64::INFINITY] {
+        let attitudes = AttitudeSpan::Near { axes_from_body: UnitQuaternion::identity(), angle_rad: bad };
+        assert!(refused(TubeSettings { attitudes, ..p }), "{bad}");
+        assert!(refused(TubeSettings { sigmas: bad, ..p }), "{bad}");
+        assert!(refused(TubeSettings { force_limit_n: Vector3::new(bad, 0.4, 0.4), ..p }), "{bad}");
+        let world_from_axes = UnitQuaternion::new_unchecked(UnitQuaternion::identity().into_inner() * bad);
+        assert!(refused(TubeSettings { world_from_axes, ..p }), "{bad}");
+    }
 }
 
 /// Positions, times and masses in other units, with limits and prices in them too.

@@ -8,7 +8,7 @@ use super::{
     TubeDisturbance, TubeWeights,
 };
 use crate::belief::ModelBelief;
-use crate::error::{PlanningError, not_negative};
+use crate::error::{self, PlanningError, not_negative, positive};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use tumble_dynamics::InertialParameters;
 
@@ -200,6 +200,15 @@ impl TranslationTube {
         obstacles: Option<TubeObstacles>,
         prior: &InertialParameters<f64>,
     ) -> Result<Self, PlanningError> {
+        for limit in &settings.force_limit_n {
+            positive("a limit of the force", *limit)?;
+        }
+        if let AttitudeSpan::Near { axes_from_body, angle_rad } = &settings.attitudes {
+            error::attitude(axes_from_body)?;
+            not_negative("the angle of the span", *angle_rad)?;
+        }
+        error::attitude(&settings.world_from_axes)?;
+        positive("the standard deviations taken", settings.sigmas)?;
         let measured = settings.disturbance.of_measurement(settings.gain.step_s);
         let template = AxisTemplate::try_new(settings.gain, &SymmetricBox(measured))?;
         let setup = Setup { settings, template, obstacles };
