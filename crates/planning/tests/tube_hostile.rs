@@ -1,5 +1,12 @@
 //! The tube controller under users who mean it no good: wide ranges of settings, beliefs and numbers that should not be.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::branches_sharing_code,
+    clippy::if_same_then_else,
+    clippy::same_functions_in_if_condition
+)]
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -288,13 +295,13 @@ fn the_tube_that_waits_after_a_jump_sees_the_motion_of_now() {
             .unwrap();
     controller.adopt(&belief(1, body(10.0, Vector3::zeros()), 0.1)).unwrap();
     for k in 0..10 {
-        let command = ask(&mut controller, 0.2 * k as f64, &here(2.0), 2.0);
+        let command = ask(&mut controller, 0.2 * f64::from(k), &here(2.0), 2.0);
         assert_eq!(command.fallback, None);
     }
     // beyond the wall, then back
     for k in 10..20 {
         let is_beyond = k < 15;
-        let command = ask(&mut controller, 0.2 * k as f64, &here(if is_beyond { 3.5 } else { 2.0 }), 2.0);
+        let command = ask(&mut controller, 0.2 * f64::from(k), &here(if is_beyond { 3.5 } else { 2.0 }), 2.0);
         let braking = Some(Fallback::Braking(FallbackReason::Infeasible));
         assert_eq!(command.fallback, if is_beyond { braking } else { None }, "{k}");
     }
@@ -311,12 +318,12 @@ fn a_belief_that_waits_while_braking_begins_confuses_no_points() {
     let mut controller = TubeController::try_new(settings, None, attitude(origin), &origin).unwrap();
     controller.adopt(&belief(1, origin, 1.0)).unwrap();
     for k in 0..5 {
-        ask(&mut controller, 0.2 * k as f64, &here(2.0), 2.0);
+        ask(&mut controller, 0.2 * f64::from(k), &here(2.0), 2.0);
     }
     controller.adopt(&belief(2, body(10.0, com), 0.1)).unwrap();
     for k in 5..30 {
         let is_beyond = k < 10;
-        let command = ask(&mut controller, 0.2 * k as f64, &here(if is_beyond { 3.5 } else { 2.0 }), 2.0);
+        let command = ask(&mut controller, 0.2 * f64::from(k), &here(if is_beyond { 3.5 } else { 2.0 }), 2.0);
         assert_eq!(command.fallback.is_some(), is_beyond, "{k}: {:?}", command.fallback);
     }
 }
@@ -329,12 +336,12 @@ fn equal_revisions_do_not_tear_tube_and_attitude_apart() {
     let mut controller = TubeController::try_new(settings, None, attitude(origin), &origin).unwrap();
     controller.adopt(&belief(1, origin, 1.0)).unwrap();
     for k in 0..5 {
-        ask(&mut controller, 0.2 * k as f64, &here(2.5), 2.5);
+        ask(&mut controller, 0.2 * f64::from(k), &here(2.5), 2.5);
     }
     // its point is beyond the wall: it can not be taken over
     controller.adopt(&belief(1, body(10.0, Vector3::new(0.8, 0.0, 0.0)), 0.1)).unwrap();
     for k in 5..10 {
-        let command = ask(&mut controller, 0.2 * k as f64, &here(2.5), 2.5);
+        let command = ask(&mut controller, 0.2 * f64::from(k), &here(2.5), 2.5);
         assert_eq!(command.fallback, None, "{k}");
     }
     assert_eq!(controller.counts().postponed, 5);
@@ -415,7 +422,7 @@ fn other_units_give_the_same_motion() {
             let mut state = here(x * l);
             state.twist_body.linear.x = s * v;
             let command =
-                ask(&mut controller, settings.gain.step_s * k as f64, &state, if k < 60 { 2.0 } else { -2.0 } * l);
+                ask(&mut controller, settings.gain.step_s * f64::from(k), &state, if k < 60 { 2.0 } else { -2.0 } * l);
             let force = command.wrench_body.force.x / (m * a);
             bytes.push(force);
             x += 0.2 * s + 0.02 * force / 10.0;
