@@ -8,7 +8,7 @@ use super::{
     TubeDisturbance, TubeWeights,
 };
 use crate::belief::ModelBelief;
-use crate::error::{PlanningError, not_negative};
+use crate::error::{self, PlanningError, not_negative, positive};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use tumble_dynamics::InertialParameters;
 
@@ -202,6 +202,15 @@ impl TranslationTube {
         obstacles: Option<TubeObstacles>,
         prior: &InertialParameters<f64>,
     ) -> Result<Self, PlanningError> {
+        for limit in &settings.force_limit_n {
+            positive("a limit of the force", *limit)?;
+        }
+        if let AttitudeSpan::Near { axes_from_body, angle_rad } = &settings.attitudes {
+            error::attitude(axes_from_body)?;
+            not_negative("the angle of the span", *angle_rad)?;
+        }
+        error::attitude(&settings.world_from_axes)?;
+        positive("the standard deviations taken", settings.sigmas)?;
         let measured = settings.disturbance.of_measurement(settings.gain.step_s);
         let template = AxisTemplate::try_new(settings.gain, &SymmetricBox(measured))?;
         let setup = Setup { settings, template, obstacles };
@@ -244,6 +253,11 @@ impl TranslationTube {
     /// How often what happened.
     pub fn counts(&self) -> TubeCounts {
         self.counts
+    }
+
+    /// Whether there is no plan.
+    pub(super) fn is_braking(&self) -> bool {
+        matches!(self.phase, Phase::Braking(_))
     }
 
     /// The force of the last decision, axes of the tube, N; to be held until the next, turned with the body.
