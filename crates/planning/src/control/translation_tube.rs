@@ -93,10 +93,12 @@ impl TubeSettings {
     /// [`Self::force_limit_n`] then.
     #[must_use]
     pub fn with_force_allowed(mut self, allowed_n: f64) -> Self {
-        let corner = f64::sqrt(self.force_limit_n.norm_squared());
-        if corner > allowed_n {
-            self.force_limit_n *= allowed_n / corner;
+        let share = allowed_n / f64::sqrt(self.force_limit_n.norm_squared());
+        if share >= 1.0 {
+            return self;
         }
+        // no number leaves none, which is refused
+        self.force_limit_n *= share;
         self
     }
 }

@@ -63,7 +63,8 @@ impl TubeController {
 
     fn is_due(&self, time_s: f64) -> bool {
         let step_s = self.tube.settings().gain.step_s;
-        self.decided_s.is_none_or(|last| time_s - last >= step_s * (1.0 - EARLY))
+        // a clock that was set back begins anew
+        self.decided_s.is_none_or(|last| time_s - last >= step_s * (1.0 - EARLY) || time_s < last - step_s)
     }
 
     fn decide(&mut self, request: &ControlRequest<'_>) -> Option<super::Fallback> {
@@ -82,7 +83,7 @@ impl TubeController {
             self.offered = None;
         }
         // a decision a little late does not shift those to come
-        let on_time = self.decided_s.map(|last| last + step_s).filter(|due| request.time_s - due < step_s);
+        let on_time = self.decided_s.map(|last| last + step_s).filter(|due| (request.time_s - due).abs() < step_s);
         self.decided_s = Some(on_time.unwrap_or(request.time_s));
         fallback
     }
