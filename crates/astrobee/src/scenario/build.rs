@@ -622,9 +622,10 @@ impl ScenarioSource {
         }
         let mut path = vec![Waypoint { time_s: 0.0, world_from_body: from }];
         let mut last = Waypoint { time_s: 0.0, world_from_body: from };
-        for waypoint in &table.waypoints {
+        for (index, waypoint) in table.waypoints.iter().enumerate() {
             if !(waypoint.time_s > last.time_s && waypoint.time_s <= LONGEST_S) {
-                return Err(self.bad("drive.waypoints.time_s", "times begin after 0 and increase"));
+                let message = "times begin after 0 and increase";
+                return Err(self.bad_in("drive.waypoints", index, "time_s", message));
             }
             let world_from_body = self.pose(
                 place,

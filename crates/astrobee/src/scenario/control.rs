@@ -301,19 +301,20 @@ impl ScenarioSource {
         // known no better than to itself: what is certain beside it stays so
         let mut beliefs = vec![(0, believed(1, belief, belief.mass, belief.mass))];
         let (end_s, mut last_s) = (duration_ns as f64 * 1e-9, 0.0);
-        for (table, revision) in tables.iter().zip(2..) {
+        for (index, (table, revision)) in tables.iter().zip(2..).enumerate() {
             let BeliefTable { time_s, mass_kg, sigma_kg } = *table;
+            let bad = |key: &str, message: &str| Err(self.bad_in("drive.beliefs", index, key, message));
             if !(time_s > last_s && time_s < end_s) {
                 let message = format!("{time_s}: times begin after 0, increase and end before {end_s} s");
-                return Err(self.bad("drive.beliefs.time_s", &message));
+                return bad("time_s", &message);
             }
             last_s = time_s;
             let [least, largest] = MASSES_KG;
             if !(least..=largest).contains(&mass_kg) {
-                return Err(self.bad("drive.beliefs.mass_kg", &format!("{mass_kg}: between {least:e} and {largest:e}")));
+                return bad("mass_kg", &format!("{mass_kg}: between {least:e} and {largest:e}"));
             }
             if !(0.0..=largest).contains(&sigma_kg) {
-                return Err(self.bad("drive.beliefs.sigma_kg", &format!("{sigma_kg}: between 0 and {largest:e}")));
+                return bad("sigma_kg", &format!("{sigma_kg}: between 0 and {largest:e}"));
             }
             beliefs.push((nanoseconds(time_s), believed(revision, belief, mass_kg, sigma_kg)));
         }
