@@ -50,7 +50,7 @@ fn nominal_times(is_warm: bool) {
     print(if is_warm { "nominal, warm" } else { "nominal, cold" }, &mut times, &mut iterations);
 }
 
-fn coupled_times(is_shifted: bool) {
+fn coupled_times() {
     let mut run = CoupledLoop::new();
     let (mut times, mut iterations, mut worst) = (Vec::new(), Vec::new(), [f64::NEG_INFINITY; 2]);
     let (mut cold_times, mut cold_iterations) = (Vec::new(), Vec::new());
@@ -60,16 +60,7 @@ fn coupled_times(is_shifted: bool) {
             run.write();
             let before = run.workspace.clone();
             let mut status = GramStatus::Solved;
-            let time = least_us(
-                &mut run,
-                |run| run.workspace.clone_from(&before),
-                |run| {
-                    if is_shifted {
-                        run.workspace.shift(&run.coupled.shift);
-                    }
-                    status = run.solve();
-                },
-            );
+            let time = least_us(&mut run, |run| run.workspace.clone_from(&before), |run| status = run.solve());
             if status != GramStatus::Solved {
                 println!("{status:?} at step {step} with {} iterations", run.workspace.iterations());
                 break;
@@ -83,7 +74,7 @@ fn coupled_times(is_shifted: bool) {
             worst.iter_mut().zip(run.advance()).for_each(|(worst, one)| *worst = f64::max(*worst, one));
         }
     }
-    print(if is_shifted { "coupled, shifted" } else { "coupled" }, &mut times, &mut iterations);
+    print("coupled", &mut times, &mut iterations);
     print("coupled, first steps", &mut cold_times, &mut cold_iterations);
     println!("beyond the force {:e} N, beyond a half-space {:e} m", worst[0], worst[1]);
 }
@@ -91,8 +82,7 @@ fn coupled_times(is_shifted: bool) {
 fn gram_program(criterion: &mut Criterion) {
     nominal_times(true);
     nominal_times(false);
-    coupled_times(false);
-    coupled_times(true);
+    coupled_times();
     let mut group = criterion.benchmark_group("gram_program");
     for (name, is_warm) in [("nominal warm", true), ("nominal cold", false)] {
         let mut run = NominalLoop::new();

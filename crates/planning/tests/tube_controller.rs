@@ -48,6 +48,7 @@ fn attitude() -> AttitudeController {
     }
 }
 
+#[allow(clippy::large_types_passed_by_value, reason = "one per flight")]
 fn controller(settings: TubeSettings) -> TubeController {
     TubeController::try_new(settings, None, attitude(), &body()).unwrap()
 }

@@ -7,7 +7,9 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use tumble_planning::PlanningError;
-use tumble_planning::control::{AxisGain, AxisTemplate, GramStatus, MinimalInvariantSet, SymmetricBox, discrete_lqr};
+use tumble_planning::control::{
+    AxisGain, AxisTemplate, GramStatus, GramWorkspace, MinimalInvariantSet, SymmetricBox, discrete_lqr,
+};
 use tumble_planning::nalgebra::{Matrix2x3, Matrix3, Matrix6, SMatrix, Vector2, Vector6};
 
 use crate::Failure;
@@ -17,6 +19,7 @@ use crate::tube_flights::Series;
 use crate::tube_plant::{Bounds, Decision, Plant};
 use crate::tube_shares::{JUMP, MASS_KG};
 
+#[allow(clippy::float_cmp, clippy::needless_range_loop, reason = "as in the tests it belongs to")]
 #[path = "../../../crates/planning/tests/tube_problems/mod.rs"]
 mod tube_problems;
 
@@ -28,11 +31,11 @@ const PROBLEM: &str = "tube";
 const FLIGHTS: usize = 15;
 /// Steps of the frozen loop, and what its plans cost together.
 const FROZEN_STEPS: usize = 150;
-const FROZEN_COST: f64 = -28549.724834;
+const FROZEN_COST: f64 = -28_549.724_834;
 /// Mass of the frozen problem, kg.
 const FROZEN_KG: f64 = 9.5838;
 /// Missions and steps of the other loops.
-const MISSIONS: u64 = 10;
+const MISSIONS: usize = 10;
 const MISSION_STEPS: usize = 400;
 const COUPLED_MISSIONS: usize = 60;
 const COUPLED_STEPS: usize = 150;
@@ -179,7 +182,7 @@ fn frozen(bench: &Bench, is_warm: bool) {
                     cost += one;
                     violation = f64::max(violation, beyond);
                 }
-                let changes: usize = closed.workspaces.iter().map(|workspace| workspace.iterations()).sum();
+                let changes: usize = closed.workspaces.iter().map(GramWorkspace::iterations).sum();
                 most = most.max(changes);
                 iterations.push(changes as f64);
             }
@@ -208,14 +211,14 @@ fn axis(bench: &Bench) -> Result<(), PlanningError> {
         }
         let calibration_ns = bench.calibrate();
         let first = series.axis(&template, 0, series.mass_kg)?;
-        let mut best = BestTimes::new(MISSIONS as usize * MISSION_STEPS);
+        let mut best = BestTimes::new(MISSIONS * MISSION_STEPS);
         let (mut changes, mut most, mut unsolved) = (0, 0, 0);
         let flights = if is_warm { 5 } else { 2 };
         for _ in 0..flights {
             for mission in 0..MISSIONS {
                 let bounds = Bounds { force_n: series.force_n[0], speed_m_s: series.speed_m_s, walls_m: [-0.45, 0.45] };
-                let mass_kg = series.mass_kg[(mission % 2) as usize];
-                let mut plant = Plant::new(mass_kg, 0.2, -0.3, bounds, series.disturbances, mission);
+                let mass_kg = series.mass_kg[mission % 2];
+                let mut plant = Plant::new(mass_kg, 0.2, -0.3, bounds, series.disturbances, mission as u64);
                 plant.draw_policy();
                 // every third goal is behind the wall
                 let goal = [Vector2::new(if mission % 3 == 0 { 0.6 } else { 0.3 }, 0.0)];
@@ -225,7 +228,7 @@ fn axis(bench: &Bench) -> Result<(), PlanningError> {
                     if !is_warm {
                         tube = first.clone();
                     }
-                    let place = mission as usize * MISSION_STEPS + step;
+                    let place = mission * MISSION_STEPS + step;
                     let status = best.time(place, || tube.solve(&measured, &goal));
                     unsolved += usize::from(status != GramStatus::Solved);
                     changes += tube.iterations();

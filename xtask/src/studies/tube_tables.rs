@@ -32,7 +32,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (share_rows, gain_rows, limit_rows) =
         (share_rows.map_err(failed)?, gain_rows.map_err(failed)?, limit_rows.map_err(failed)?);
     if as_json {
-        share_rows.iter().for_each(|row| {
+        for row in &share_rows {
             println!(
                 "{}",
                 json!({
@@ -41,14 +41,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
                     "of_physical": row.of_physical, "of_physical_by_template": row.of_physical_by_template,
                 })
             );
-        });
-        gain_rows.iter().for_each(|row| {
+        }
+        for row in &gain_rows {
             println!(
                 "{}",
                 json!({"block": "gain", "gain": row.gain, "matched": row.matched, "jumps": row.jumps, "share": row.share})
             );
-        });
-        named.iter().zip(&limit_rows).for_each(|((name, _), row)| {
+        }
+        for ((name, _), row) in named.iter().zip(&limit_rows) {
             println!(
                 "{}",
                 json!({
@@ -58,7 +58,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
                     "velocity_tube_m_s": row.velocity_tube_m_s, "cruise_m_s": cruise_m_s(row), "rows": row.rows,
                 })
             );
-        });
+        }
         return Ok(());
     }
     println!("share of the input left for the plan, mass known to a share of itself, nothing else disturbing");

@@ -134,8 +134,6 @@ pub struct AxisProblem {
     pub upper: Vec<f64>,
     /// What the measured state adds to both bounds of each row.
     pub of_state: Vec<Vector2<f64>>,
-    /// The row that each row becomes when the plan is shifted by a step.
-    pub shifted: Vec<Option<usize>>,
     weights: TubeWeights,
     terminal_cost: Matrix2<f64>,
 }
@@ -156,19 +154,17 @@ struct Rows {
     lower: Vec<f64>,
     upper: Vec<f64>,
     of_state: Vec<Vector2<f64>>,
-    shifted: Vec<Option<usize>>,
 }
 
 impl Rows {
+    /// Index of the new row.
     fn add(&mut self, row: &[f64], upper: f64) -> usize {
         self.entries.extend_from_slice(row);
         self.equality.push(false);
         self.lower.push(f64::NEG_INFINITY);
         self.upper.push(upper);
         self.of_state.push(Vector2::zeros());
-        let index = self.shifted.len();
-        self.shifted.push(Some(index));
-        index
+        self.upper.len() - 1
     }
 
     fn blank(&self) -> Vec<f64> {
@@ -232,7 +228,6 @@ impl AxisProblem {
             lower: Vec::new(),
             upper: Vec::new(),
             of_state: Vec::new(),
-            shifted: Vec::new(),
             weights,
             terminal_cost: Matrix2::zeros(),
         };
@@ -307,7 +302,6 @@ impl AxisProblem {
             lower: Vec::new(),
             upper: Vec::new(),
             of_state: Vec::new(),
-            shifted: Vec::new(),
         };
         // the measured state is in the tube around the start
         for (face, normal) in self.normals.iter().enumerate() {
@@ -322,8 +316,7 @@ impl AxisProblem {
             for sign in [1.0, -1.0] {
                 let mut row = rows.blank();
                 (row[2 + k], row[scale]) = (sign, -self.scaled_acceleration);
-                let index = rows.add(&row, -self.held_acceleration);
-                rows.shifted[index] = (k > 0).then(|| index - 2);
+                rows.add(&row, -self.held_acceleration);
             }
         }
         let step_s = self.step_s;
@@ -345,7 +338,6 @@ impl AxisProblem {
                 finite("a wall", *wall)?;
             }
         }
-        let mut before = [None; 4];
         for k in 1..=self.steps {
             let nodes = self.node_rows(k);
             let sides = [
@@ -354,15 +346,13 @@ impl AxisProblem {
                 (0, 1.0, tightened(walls[1], 0), walled[1]),
                 (0, -1.0, tightened(-walls[0], 0), walled[0]),
             ];
-            for (place, (which, sign, upper, there)) in sides.into_iter().enumerate() {
+            for (which, sign, upper, there) in sides {
                 if !there {
                     continue;
                 }
                 let mut row: Vec<f64> = nodes[which].iter().map(|entry| sign * entry).collect();
                 row[scale] += self.scaled[2 + which];
-                let index = rows.add(&row, upper);
-                rows.shifted[index] = before[place];
-                before[place] = Some(index);
+                rows.add(&row, upper);
             }
         }
         let mut row = rows.blank();
@@ -401,9 +391,9 @@ impl AxisProblem {
             }
             Terminal::StopSet => {}
         }
-        let Rows { entries, equality, lower, upper, of_state, shifted, .. } = rows;
+        let Rows { entries, equality, lower, upper, of_state, .. } = rows;
         (self.rows, self.equality, self.lower, self.upper) = (entries, equality, lower, upper);
-        (self.of_state, self.shifted) = (of_state, shifted);
+        self.of_state = of_state;
         Ok(())
     }
 

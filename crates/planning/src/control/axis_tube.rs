@@ -163,10 +163,10 @@ impl AxisTube {
         self.problem.force_n(&self.plan, state)
     }
 
-    /// One step on: the plan in force and where the next search begins.
+    /// One step on: the plan in force. The rows that were active stay where the next search begins: with the start free they are
+    /// mostly active again, at the same places of the plan.
     pub fn advance(&mut self) {
         self.plan.shift(&self.problem);
-        self.workspace.shift(&self.problem.shifted);
     }
 }
 

@@ -25,7 +25,6 @@ pub struct Coupled {
     pub matrices: Matrices,
     /// Upper bounds of the rows of half-spaces.
     upper: Vec<f64>,
-    pub shift: Vec<Option<usize>>,
 }
 
 impl Coupled {
@@ -57,13 +56,11 @@ impl Coupled {
             .collect();
         let n = axes[0].unknowns();
         let mut matrices = Matrices { hessian: vec![0.0; 9 * n * n], ..Matrices::default() };
-        let (mut shift, mut upper) = (Vec::new(), Vec::new());
+        let mut upper = Vec::new();
         for (axis, problem) in axes.iter().enumerate() {
             for (i, row) in problem.hessian.chunks_exact(n).enumerate() {
                 matrices.hessian[(axis * n + i) * 3 * n + axis * n..][..n].copy_from_slice(row);
             }
-            let first = matrices.equality.len();
-            shift.extend(problem.shifted.iter().map(|row| row.map(|row| row + first)));
             matrices.equality.extend(&problem.equality);
             for row in problem.rows.chunks_exact(n) {
                 let mut padded = vec![0.0; 3 * n];
@@ -83,13 +80,12 @@ impl Coupled {
                     row[axis * n + problem.scale_index()] += along.abs() * problem.scaled[2];
                     bound -= along.abs() * (problem.held[2] + problem.slack[0]);
                 }
-                shift.push((node > 1).then(|| matrices.equality.len() - 1));
                 matrices.rows.extend(row);
                 matrices.equality.push(false);
                 upper.push(bound);
             }
         }
-        Self { axes: axes.into(), half_spaces, matrices, upper, shift }
+        Self { axes: axes.into(), half_spaces, matrices, upper }
     }
 }
 

@@ -129,29 +129,6 @@ fn rows_say_what_they_should() {
 }
 
 #[test]
-fn a_shifted_row_says_at_the_next_step_what_the_row_said() {
-    let template = template();
-    let problem = AxisProblem::try_new(&request(&template, 0.5)).unwrap();
-    let n = problem.unknowns();
-    let x: Vec<f64> = random(3, n - 1).iter().map(|x| 0.1 * x).chain([0.7]).collect();
-    let states = simulated(&problem, &x);
-    let next: Vec<f64> =
-        [states[1].x, states[1].y].into_iter().chain(x[3..n - 1].iter().copied()).chain([0.0, 0.7]).collect();
-    let value = |row: usize, x: &[f64]| -> f64 { problem.rows[row * n..][..n].iter().zip(x).map(|(a, x)| a * x).sum() };
-    let mut moved = 0;
-    for (row, to) in problem.shifted.iter().enumerate() {
-        match to {
-            Some(to) if *to != row => {
-                moved += 1;
-                assert!((value(row, &x) - value(*to, &next)).abs() < 1e-12, "row {row}");
-            }
-            _ => {}
-        }
-    }
-    assert_eq!(moved, 2 * 24 + 4 * 24);
-}
-
-#[test]
 fn what_cannot_be_is_refused() {
     let template = template();
     let good = request(&template, 0.5);
