@@ -2195,6 +2195,41 @@ const MUTANTS: &[Mutant] = &[
         replacement: "normal.dot(&middle) + normal.dot(&(half + tube_m))",
         test: "-p tumble-planning --test obstacle_planes",
     },
+    Mutant {
+        name: "simulator: estimates carried back in time instead of to the present",
+        file: "crates/astrobee/src/simulator/drive.rs",
+        original: "translation.vector + estimate.velocity_origin_world * age_s",
+        replacement: "translation.vector - estimate.velocity_origin_world * age_s",
+        test: "-p tumble-astrobee --lib simulator::drive",
+    },
+    Mutant {
+        name: "flown controller: computes again for the same estimate",
+        file: "crates/astrobee/src/simulator/flown_controller.rs",
+        original: "if self.last_stamp_ns != Some(estimate.stamp_ns) {",
+        replacement: "if self.last_stamp_ns != Some(i64::MIN) {",
+        test: "-p tumble-astrobee --lib simulator::flown_controller",
+    },
+    Mutant {
+        name: "control account: a decision that goes on begins a new spell",
+        file: "crates/astrobee/src/simulator/control_account.rs",
+        original: "&& spell.until_ns >= time_ns",
+        replacement: "&& spell.until_ns > time_ns",
+        test: "-p tumble-astrobee --lib simulator::control_account",
+    },
+    Mutant {
+        name: "walls: two rooms are as wide as the wider one",
+        file: "crates/astrobee/src/scenario/control.rs",
+        original: "lower_world: found.lower_world.sup(&next.lower_world)",
+        replacement: "lower_world: found.lower_world.inf(&next.lower_world)",
+        test: "-p tumble-astrobee --lib scenario::control",
+    },
+    Mutant {
+        name: "beliefs: the standard deviation of the mass taken for its variance",
+        file: "crates/astrobee/src/scenario/control.rs",
+        original: "belief.estimate.covariance[(0, 0)] = sigma_kg * sigma_kg;",
+        replacement: "belief.estimate.covariance[(0, 0)] = sigma_kg;",
+        test: "-p tumble-astrobee --test simulate_control",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

@@ -597,7 +597,7 @@ impl ScenarioSource {
         let drive = Drive {
             tracking: controller.map(|controller| (controller, reference)),
             added: self.added(duration_ns)?,
-            beliefs: self.beliefs(&steering, belief, duration_ns)?,
+            beliefs: self.beliefs(&steering, belief)?,
             account: match steering.decision_s {
                 Some(decision_s) => ControlAccount::with_decisions(flight_log::nanoseconds(decision_s)),
                 None => ControlAccount::default(),
