@@ -39,10 +39,7 @@ mod tube_controller;
 
 pub use additive_tube::{AdditiveTube, TruncatedSet, force_gain, mass_disturbance};
 pub use attitude::{AttitudeController, AttitudeError, AttitudeGains, AttitudeLaw, AttitudeTorque};
-pub use attitude_certificate::{
-    AttitudeCertificate, AttitudeConditions, AttitudeLoop, AttitudeNoise, AttitudeRefusal, ReferenceTurning,
-    TorqueBudget,
-};
+pub use attitude_certificate::{AttitudeCertificate, AttitudeConditions, AttitudeLoop, AttitudeNoise, AttitudeRefusal, ReferenceTurning, TorqueBudget};
 pub use axis_problem::{AxisLimits, AxisProblem, AxisRequest, Terminal, TubeDisturbance, TubeWeights};
 pub use axis_template::{AxisGain, AxisTemplate, TEMPLATE_ROWS};
 pub use axis_tube::{AxisPlan, AxisTube};
@@ -53,17 +50,14 @@ pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, 
 pub use coupled_axes::{AxisPlane, CoupledAxes};
 pub use feedback::{LinearFeedback, LqrController, TranslationWeights};
 pub use force_box::AttitudeSpan;
+pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 #[cfg(feature = "clarabel")]
 pub use gram_program::{GramOptimum, solve_gram_with_clarabel};
-pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
 pub use invariant_set::{MinimalInvariantSet, Support};
 pub use mass_interval::MassInterval;
 pub use obstacle_planes::{EndAttitude, NominalPath, ObstaclePlane, ObstaclePlanes, PlaneUpdate, Reach, barriers_of};
-pub use original_tube::{
-    OriginalDisturbance, OriginalErrors, OriginalSettings, OriginalTube, OriginalTubeController, OriginalWeights,
-    original_disturbance,
-};
+pub use original_tube::{OriginalDisturbance, OriginalErrors, OriginalSettings, OriginalTube, OriginalTubeController, OriginalWeights, original_disturbance};
 pub use peak_gain::AttitudeTiming;
 pub use plain_mpc::{LinearMpc, LinearMpcSettings, PlainMpcController};
 pub use polygon::{Polygon, Strips};

@@ -240,11 +240,7 @@ mod tests {
         let (time_s, mut chance) = (1.0, Xorshift(5));
         let happened = calm.fly(1, time_s, &mut chance);
         // slopes: D / J and k / (2 D) up to what couples them
-<<<<<<< HEAD
-        let (damping, stiffness): (f64, f64) = (0.4 / 0.2, 0.15 / (2.0 * 0.2));
-=======
         let (damping, stiffness) = (0.4_f64 / 0.2, 0.15_f64 / (2.0 * 0.2));
->>>>>>> attitude
         let root = (0.25 * damping * damping - stiffness).sqrt();
         let (slow, fast) = (-0.5 * damping + root, -0.5 * damping - root);
         let start_rate = -0.5 * 0.15 / 0.4;
