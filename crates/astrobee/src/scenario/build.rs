@@ -552,7 +552,7 @@ impl ScenarioSource {
         let position = self.finite("payload.grasp_position_m", table.grasp_position_m)?;
         let grasp =
             Grasp { payload: self.body(&written)?, robot_from_payload: Pose::from_parts(position.into(), rotation) };
-        let end_s = duration_ns as f64 * 1e-9;
+        let end_s = duration_ns as f64 / 1e9;
         if !(0.0..end_s).contains(&attach_s) {
             return Err(self.bad("payload.attach_s", &format!("{attach_s}: 0 or later, before the end at {end_s} s")));
         }

@@ -198,7 +198,14 @@ impl ScenarioSource {
                 LqrController::lqr(step_s, &weights, attitude, limits.force_n).map(boxed)
             }
         };
-        let controller = controller.map_err(|error| self.bad("drive.control", &error.to_string()))?;
+        let hint = match name {
+            ControllerName::Tube => {
+                "; what is not known takes more than there is: a narrower `mass_interval_share`, smaller errors, or other limits \
+                 of force and speed"
+            }
+            _ => "",
+        };
+        let controller = controller.map_err(|error| self.bad("drive.control", &format!("{error}{hint}")))?;
         Ok((Controller::Following(controller), steering))
     }
 

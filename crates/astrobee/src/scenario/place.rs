@@ -106,7 +106,8 @@ mod tests {
     #[test]
     fn a_key_is_found_in_the_table_that_is_meant() {
         let entry = |time: &str| format!("[[drive.beliefs]] # told\n  time_s = {time}\nmass_kg = 9\n\n");
-        let text = format!("format = 1\n{}{}[[drive.beliefs]]\nmass_kg = 1\n[goal]\ntime_s = 1\n", entry("1"), entry("2"));
+        let text =
+            format!("format = 1\n{}{}[[drive.beliefs]]\nmass_kg = 1\n[goal]\ntime_s = 1\n", entry("1"), entry("2"));
         let found = |index, key| of_key_in(&text, "drive.beliefs", index, key);
         assert_eq!([found(0, "time_s"), found(1, "time_s"), found(1, "mass_kg")], [(3, 3), (7, 3), (8, 1)]);
         // left out, and a table that is not there
