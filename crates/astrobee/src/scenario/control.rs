@@ -198,7 +198,14 @@ impl ScenarioSource {
                 LqrController::lqr(step_s, &weights, attitude, limits.force_n).map(boxed)
             }
         };
-        let controller = controller.map_err(|error| self.bad("drive.control", &error.to_string()))?;
+        let hint = match name {
+            ControllerName::Tube => {
+                "; what is not known takes more than there is: a narrower `mass_interval_share`, smaller errors, or other limits \
+                 of force and speed"
+            }
+            _ => "",
+        };
+        let controller = controller.map_err(|error| self.bad("drive.control", &format!("{error}{hint}")))?;
         Ok((Controller::Following(controller), steering))
     }
 
@@ -300,20 +307,21 @@ impl ScenarioSource {
         // known no better than to itself: what is certain beside it stays so
         let mut beliefs = vec![(0, believed(1, belief, belief.mass, belief.mass))];
         let mut last_s = 0.0;
-        for (table, revision) in tables.iter().zip(2..) {
+        for (index, (table, revision)) in tables.iter().zip(2..).enumerate() {
             let BeliefTable { time_s, mass_kg, sigma_kg } = *table;
+            let bad = |key: &str, message: &str| Err(self.bad_in("drive.beliefs", index, key, message));
             // those after the end are never told
             if !(time_s > last_s && time_s <= LONGEST_S) {
                 let message = format!("{time_s}: times begin after 0, increase and are at most {LONGEST_S} s");
-                return Err(self.bad("drive.beliefs.time_s", &message));
+                return bad("time_s", &message);
             }
             last_s = time_s;
             let [least, largest] = MASSES_KG;
             if !(least..=largest).contains(&mass_kg) {
-                return Err(self.bad("drive.beliefs.mass_kg", &format!("{mass_kg}: between {least:e} and {largest:e}")));
+                return bad("mass_kg", &format!("{mass_kg}: between {least:e} and {largest:e}"));
             }
             if !(0.0..=largest).contains(&sigma_kg) {
-                return Err(self.bad("drive.beliefs.sigma_kg", &format!("{sigma_kg}: between 0 and {largest:e}")));
+                return bad("sigma_kg", &format!("{sigma_kg}: between 0 and {largest:e}"));
             }
             beliefs.push((nanoseconds(time_s), believed(revision, belief, mass_kg, sigma_kg)));
         }

@@ -147,6 +147,17 @@ impl ControlAccount {
         self.last = Some(*command);
     }
 
+    /// The flight is over: what stood until later has lasted until now.
+    pub(crate) fn end(&mut self, time_ns: i64) {
+        if let Some(spell) = self.spell.as_mut().filter(|spell| spell.until_ns > time_ns) {
+            self.fallback_ns -= spell.until_ns - time_ns;
+            spell.until_ns = time_ns;
+        }
+        if let Some(listed) = self.spells.last_mut().filter(|listed| listed.until_ns > time_ns) {
+            listed.until_ns = time_ns;
+        }
+    }
+
     fn left_road(&mut self, time_ns: i64, fallback: Fallback) {
         let until_ns = time_ns.saturating_add(self.holds_ns);
         if let Some(spell) = &mut self.spell
@@ -237,6 +248,11 @@ mod tests {
         account.commanded(74, &command(1, Some(outside(0.5))));
         let last: Vec<_> = account.fallbacks().iter().skip(2).map(|s| (s.from_ns, s.until_ns)).collect();
         assert_eq!((last, account.fallback_ns()), (vec![(60, 74), (74, 84)], 64));
+        // the flight ends before that
+        account.end(80);
+        account.end(90);
+        let last: Vec<_> = account.fallbacks().iter().skip(2).map(|s| (s.from_ns, s.until_ns)).collect();
+        assert_eq!((last, account.fallback_ns()), (vec![(60, 74), (74, 80)], 60));
 
         let push = |x: f64| ControlCommand {
             wrench_body: Wrench::new(Vector3::new(0.0, -0.1 * x, 0.0), Vector3::new(x, 0.0, 0.0)),
