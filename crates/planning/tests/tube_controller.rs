@@ -330,3 +330,33 @@ fn a_tube_without_size_is_flown() {
     assert!(end_m < 1e-3, "{end_m}");
     assert_eq!(controller.counts().restarted, 0);
 }
+
+/// Too fast for any plan: whatever the mass, no axis is driven faster, and all come to rest.
+#[test]
+fn braking_only_brakes() {
+    let mass = body().mass;
+    let here = hold(Pose::identity());
+    for (factor, speed) in [(0.5, 0.3), (1.0, 2.0), (1.9, 0.4)] {
+        let mut case = flight(&here, &[], 4000);
+        case.body = InertialParameters::about_com(factor * mass, Vector3::zeros(), body().inertia_about_origin);
+        case.start.twist_body = Twist::new(Vector3::zeros(), Vector3::new(speed, -0.5 * speed, 0.1 * speed));
+        let walled = TubeSettings {
+            walls_m: [[-1.0, 1.0]; 3],
+            point: TrackedPoint::Origin,
+            ..settings([0.5 * mass, 2.0 * mass])
+        };
+        let mut controller = controller(walled);
+        let (mut before, mut braked) = (Vector3::repeat(f64::INFINITY), 0);
+        fly_controller(&mut controller, &case, &mut |_, step| {
+            let velocity = step.state.world_from_body.rotation * step.state.twist_body.linear;
+            if step.command.fallback == Some(Fallback::Braking(FallbackReason::Infeasible)) {
+                let faster = velocity.abs() - before;
+                assert!(faster.max() < 2e-3, "{factor}: {velocity} after {before}");
+                (before, braked) = (velocity.abs(), braked + 1);
+            }
+            Ok::<(), LawViolation>(())
+        })
+        .unwrap();
+        assert!(braked > 10 && before.max() < 0.01, "{factor}: {braked}, {before}");
+    }
+}

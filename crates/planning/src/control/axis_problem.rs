@@ -141,7 +141,7 @@ pub struct AxisProblem {
 /// Most decisions that can be planned: building a program takes the third power of it.
 const MOST_STEPS: usize = 100;
 /// Smallest size of a tube that an excess is measured by, m or m/s.
-const LEAST_FACE: f64 = 1e-6;
+const LEAST_FACE: f64 = 1e-3;
 /// Most steps a stop may take.
 const LONGEST_STOP: u32 = 500;
 
@@ -432,7 +432,7 @@ impl AxisProblem {
     }
 
     /// Largest excess of an error (position, velocity) over the faces of the tube of a scale, as a share of their distances (a
-    /// micrometre or a micrometre per second at least); not positive inside.
+    /// millimetre or a millimetre per second at least); not positive inside.
     pub fn outside(&self, error: &Vector2<f64>, scale: f64) -> f64 {
         let excess = |i: usize| {
             let distance = f64::max(scale * self.scaled[i] + self.held[i], LEAST_FACE);

@@ -160,8 +160,8 @@ enum Phase {
     Waiting,
     /// A plan is in force.
     Planned,
-    /// There is none: towards a point where it can stop.
-    Braking([f64; 3]),
+    /// There is none: braking, and where each axis came to rest.
+    Braking([Option<f64>; 3]),
 }
 
 /// What revisions are made from.
@@ -171,6 +171,9 @@ struct Setup {
     template: AxisTemplate,
     obstacles: Option<TubeObstacles>,
 }
+
+/// Share of the speed that full force takes in a step below which an axis counts as at rest.
+const SLOW: f64 = 0.5;
 
 /// Robust tube MPC of the translation.
 ///
@@ -358,30 +361,32 @@ impl TranslationTube {
         false
     }
 
-    /// Against the velocity with all there is, then to the point where that ends. What was believed of the mass is no longer
-    /// certain.
+    /// Against the velocity with all there is, no mass being turned back by it; each axis holds where it came to rest. What was
+    /// believed of the mass is no longer certain.
     fn brake(&mut self, states: &[Vector2<f64>; 3]) {
-        let hold = if let Phase::Braking(hold) = self.phase {
+        let mut hold = if let Phase::Braking(hold) = self.phase {
             hold
         } else {
-            let stopping = |i: usize| {
-                let heaviest = self.setup.settings.mass.largest_kg();
-                let (state, limit) = (&states[i], self.current.axes.problem(i).force_n / heaviest);
-                state.x + 0.5 * state.y * state.y.abs() / limit
-            };
             // the widest tube is one more revision that waits; it was built once, so it can be built
             let Revision { number, tracked_body, .. } = self.current;
             let prior = self.setup.revision(number, self.setup.settings.mass, tracked_body);
             self.pending = prior.ok().filter(|prior| prior.mass != self.current.mass);
-            core::array::from_fn(stopping)
+            [None; 3]
         };
-        self.phase = Phase::Braking(hold);
-        for i in 0..3 {
+        let mass = self.setup.settings.mass;
+        for (i, (hold, state)) in hold.iter_mut().zip(states).enumerate() {
             let problem = self.current.axes.problem(i);
-            let error = states[i] - Vector2::new(hold[i], 0.0);
-            let force = problem.center_kg * problem.feedback.dot(&error);
+            let is_slow = state.y.abs() <= SLOW * problem.step_s * problem.force_n / mass.largest_kg();
+            if hold.is_none() && is_slow {
+                *hold = Some(state.x);
+            }
+            let force = match hold {
+                Some(place) => problem.center_kg * problem.feedback.dot(&(state - Vector2::new(*place, 0.0))),
+                None => -mass.least_kg() * state.y / problem.step_s,
+            };
             self.force_axes[i] = force.clamp(-problem.force_n, problem.force_n);
         }
+        self.phase = Phase::Braking(hold);
     }
 }
 
