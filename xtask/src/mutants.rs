@@ -2195,6 +2195,20 @@ const MUTANTS: &[Mutant] = &[
         replacement: "normal.dot(&middle) + normal.dot(&(half + tube_m))",
         test: "-p tumble-planning --test obstacle_planes",
     },
+    Mutant {
+        name: "axis problem: nothing is kept for the motion between decisions",
+        file: "crates/planning/src/control/axis_problem.rs",
+        original: "slack: [errors[0] + overshoot, errors[1]],",
+        replacement: "slack: errors,",
+        test: "-p tumble-planning --test tube_missions",
+    },
+    Mutant {
+        name: "axis problem: a force from outside makes no tube",
+        file: "crates/planning/src/control/axis_problem.rs",
+        original: "template.unmatched[i] + outside * template.matched[i]",
+        replacement: "template.unmatched[i]",
+        test: "-p tumble-planning --test tube_missions",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.
