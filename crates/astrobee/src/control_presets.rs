@@ -154,22 +154,26 @@ mod tests {
         }
     }
 
-    /// As the design says: at 0.15 N and half more or less, 0.0079 m/s^2 of 0.0104 m/s^2 are left for the plan but for what measurement and
-    /// attitude take.
+    /// What the gains of this feedback leave, by hand: the matched part costs 1.1235 of the uncertainty of the mass (five faces), each mm of
+    /// box disturbance 0.0011 m/s^2 and each mm/s 0.0054 m/s^2, at 0.2 s; the box has twice the errors of measurement, and that of
+    /// the velocity for a step in the position. That is 0.74 of what the force gives the heaviest body.
     #[test]
     fn a_mass_known_to_a_half_leaves_most_of_the_acceleration() {
         let believed = WorldPreset::Iss.body().mass;
         let mass = mass_interval(believed, MASS_KNOWN_SHARE).unwrap();
         let near = AttitudeSpan::Near { axes_from_body: UnitQuaternion::identity(), angle_rad: 0.0 };
         let settings = TubeSettings { turned_by_rad: 0.0, ..tube_settings(mass, &rattle_limits(), near) };
-        let body = WorldPreset::Iss.body();
-        let tube = TranslationTube::try_new(settings, None, &body).unwrap();
-        let physical = RATTLE_FORCE_N / mass.largest_kg();
+        let tube = TranslationTube::try_new(settings, None, &WorldPreset::Iss.body()).unwrap();
+        let by_hand =
+            RATTLE_FORCE_N / mass.center_kg() * (1.0 - 1.1235 * mass.uncertainty()) - 0.22 * 0.0011 - 0.2 * 0.0054;
         for problem in (0..3).map(|axis| tube.problem(axis)) {
             let left = problem.scaled_acceleration - problem.held_acceleration;
-            assert!(left > 0.75 * physical && left < 0.9 * physical, "{left} of {physical}");
+            assert!((left / by_hand - 1.0).abs() < 0.03, "{left}, not {by_hand}");
         }
-        assert!(TranslationTube::try_new(TubeSettings { speed_m_s: 0.0, ..settings }, None, &body).is_err());
+        assert!(
+            TranslationTube::try_new(TubeSettings { speed_m_s: 0.0, ..settings }, None, &WorldPreset::Iss.body())
+                .is_err()
+        );
     }
 
     /// A mass of which half more and half less are possible leaves half of the command uncertain, twice and half three fifths.

@@ -485,6 +485,13 @@ impl ScenarioSource {
         AstrobeeError::BadScenario { path: self.path.clone(), line, column, message }
     }
 
+    /// That a key in the `index`-th table of an array has an impossible value.
+    fn bad_in(&self, table: &str, index: usize, key: &str, message: &str) -> AstrobeeError {
+        let (line, column) = place::of_key_in(&self.text, table, index, key);
+        let message = printable(&format!("`{table}.{key}`: {message}")).replace('\n', " ");
+        AstrobeeError::BadScenario { path: self.path.clone(), line, column, message }
+    }
+
     /// The scenario as TOML with the files it names made absolute: a valid scenario wherever it lies.
     ///
     /// # Errors

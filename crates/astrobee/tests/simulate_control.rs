@@ -90,7 +90,8 @@ fn the_slalom_is_flown_in_the_tube_and_the_mass_is_learned_on_the_way() {
         assert!(rms > 0.0 && rms <= worst && worst < 0.05 && number(&leg["worst_rad"]) < 0.05, "{leg}");
     }
     assert!(number(&summary["to_goal"]["distance_m"]) < 0.02, "{}", summary["to_goal"]);
-    assert_eq!(ends(&folder, "flight"), [["1", "1"], ["3", "1"]]);
+    // the first estimate comes with the second period
+    assert_eq!(ends(&folder, "flight"), [["0", "1"], ["3", "1"]]);
     for picture in ["tracking.svg", "mass.svg"] {
         assert!(fs::read_to_string(folder.join("flight").join(picture)).unwrap().contains("<svg"), "{picture}");
     }
@@ -135,7 +136,8 @@ fn leaving_the_tube_is_named_with_its_reason() {
     assert!((5.0..5.3).contains(&number(&first["from_s"])) && number(&first["excess"]) > 0.0, "{first}");
     let sum: f64 = fallbacks.iter().map(|spell| number(&spell["until_s"]) - number(&spell["from_s"])).sum();
     assert!((number(&summary["control"]["fallback_s"]) - sum).abs() < 1e-6, "{sum}");
-    assert!(number(&summary["to_goal"]["distance_m"]) < 0.01);
+    let last = fallbacks.last().map_or(0.0, |spell| number(&spell["until_s"]));
+    assert!(last < 20.0 && number(&summary["tracking"][0]["worst_m"]) < 0.2, "{last}: {}", summary["tracking"]);
 }
 
 const JUMP: &str = "[[sensing.settings.faults.jumps]]\nstart_s = 5.0\nduration_s = 2.0\nrecovery_s = 0.0\n\
@@ -214,7 +216,7 @@ fn what_is_wrong_is_named() {
         ("walls = true", "walls = 1", "expected a boolean"),
         ("[10.7, -9.4, 4.9]\n[[", "[10.7, -9.4, 7.0]\n[[", "`drive.control.walls`: no box of the place holds"),
         ("time_s = 5.0", "time_s = 0.0", "`drive.beliefs.time_s`: 0: times begin after 0"),
-        ("time_s = 5.0", "time_s = 31.0", "end before 30 s"),
+        ("time_s = 5.0", "time_s = 1e9", "at most 86400 s"),
         ("time_s = 5.0", "time_s = nan", "`drive.beliefs.time_s`: NaN"),
         ("mass_kg = 9.6", "mass_kg = -9.6", "`drive.beliefs.mass_kg`: -9.6: between"),
         ("mass_kg = 9.6", "mass_kg = inf", "`drive.beliefs.mass_kg`: inf"),

@@ -1,4 +1,5 @@
 //! What the simple controllers do, held against other ways to say it.
+#![allow(clippy::float_cmp, reason = "the same operations give the same bits")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod control_cases;

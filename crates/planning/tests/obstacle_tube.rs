@@ -5,7 +5,11 @@ mod fixed_planes;
 mod obstacle_loop;
 
 use obstacle_loop::{Mission, Outcome, Planes, Random, STEPS, mission};
+use tumble_planning::collision::MovingObstacle;
 use tumble_planning::control::GramStatus;
+use tumble_planning::dynamics::ObstacleEllipsoid;
+use tumble_planning::lie::Pose;
+use tumble_planning::nalgebra::{UnitQuaternion, Vector3};
 
 fn flown(missions: impl Iterator<Item = Mission>) -> Vec<Outcome> {
     missions.map(|mission| mission.fly()).filter(|outcome| outcome.started).collect()
@@ -73,8 +77,31 @@ fn moving_obstacles_are_kept_off_until_they_cut_what_is_kept() {
             assert!(outcome.clearance_m > 0.0, "{outcome:?}");
         }
     }
-    println!("{whole} {cut} {failed}");
+
     assert!(whole > 30 && cut > 3, "{whole} {cut} {failed}");
+}
+
+/// A large one, faster than the body: first a plane is cut, then no plan is left; the last one is safe until that segment comes.
+#[test]
+fn an_obstacle_that_runs_the_body_down_leaves_no_plan_and_time_to_say_so() {
+    let mut failures = 0;
+    for seed in 0..6 {
+        let still = mission(seed);
+        let towards = Random::new(seed ^ 0xfa57).direction().into_inner();
+        let pose = Pose::from_parts((still.start_world - towards * 3.5).into(), UnitQuaternion::identity());
+        let ball = ObstacleEllipsoid { world_from_ellipsoid: pose, semi_axes: Vector3::repeat(0.8) };
+        let obstacles = vec![MovingObstacle::at_rest(ball).drifting(towards * 0.3, 0.0)];
+        let goal_world = still.start_world;
+        let whole = Mission { obstacles, goal_world, ..still };
+        let outcome = whole.fly();
+        assert!(outcome.started);
+        let (Some(cut_at), Some(failed_at)) = (outcome.cut_at, outcome.failed_at) else { continue };
+        assert!(failed_at >= cut_at && outcome.first_failure == Some(GramStatus::Infeasible), "{outcome:?}");
+        failures += 1;
+        let until = Mission { decisions: whole.decisions.min(failed_at + STEPS - 1), ..whole }.fly();
+        assert!(until.clearance_m > 0.0, "{until:?}");
+    }
+    assert!(failures > 0);
 }
 
 #[test]

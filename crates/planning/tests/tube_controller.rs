@@ -48,6 +48,7 @@ fn attitude() -> AttitudeController {
     }
 }
 
+#[allow(clippy::large_types_passed_by_value, reason = "one per flight")]
 fn controller(settings: TubeSettings) -> TubeController {
     TubeController::try_new(settings, None, attitude(), &body()).unwrap()
 }
@@ -196,6 +197,11 @@ fn numbers_that_are_none_are_refused_and_flown_past() {
         assert!(command.wrench_body.to_vector().amax() < 1e-12);
     }
     assert_eq!(controller.counts().decisions, 4);
+    // the clock is set back: decided anew
+    for time_s in [-100.0, -99.9, 5.0] {
+        controller.command(&ControlRequest { time_s, state: &state, plan: &plan }).unwrap();
+    }
+    assert_eq!(controller.counts().decisions, 6);
     // a reference that is a number now and none later leaves the last plan, shifted
     let later = |time_s: f64| {
         let mut reference = here(time_s);
@@ -302,4 +308,25 @@ fn keeps_off_obstacles_that_the_reference_does_not() {
         assert!(led_m < 0.0, "the reference must be worth keeping off: {led_m}");
         assert!((0.0..0.1).contains(&nearest_m), "{factor}: {nearest_m}");
     }
+}
+
+/// A body known exactly that nothing disturbs: the tube has no size, and rounding is not an excess.
+#[test]
+fn a_tube_without_size_is_flown() {
+    let mass = body().mass;
+    let to = hold(Pose::translation(0.4, 0.0, 0.0));
+    let mut case = flight(&to, &[], 800);
+    case.body = InertialParameters::about_com(mass, Vector3::zeros(), body().inertia_about_origin);
+    case.start = control_cases::at(Pose::identity());
+    let mut sure = TubeSettings { turned_by_rad: 0.0, point: TrackedPoint::Origin, ..settings([mass, mass]) };
+    sure.disturbance.force_n = 0.0;
+    let mut controller = controller(sure);
+    let mut end_m = 1.0;
+    fly_controller(&mut controller, &case, &mut |_, step| {
+        end_m = step.error.position_m;
+        Ok::<(), LawViolation>(())
+    })
+    .unwrap();
+    assert!(end_m < 1e-3, "{end_m}");
+    assert_eq!(controller.counts().restarted, 0);
 }

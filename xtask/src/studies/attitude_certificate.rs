@@ -26,7 +26,7 @@ const CASES: [Case; 4] = [
     ("cargo known to 3 %", 0.15, 0.40, 0.38, 0.40),
     ("cargo 0.15 to 0.45", 0.15, 0.60, 0.15, 0.45),
 ];
-/// The one whose damping, late, rings in its lightest body.
+/// The one whose bounds are too wide where commands come late: not claimed.
 const LIGHT: usize = 1;
 const REFUSED: Case = ("flown gains, J 0.5 to 1.5", 0.10, 0.20, 0.0715, 0.243);
 /// The rows of the design's table: the case, the disturbance, and the bound and the sampled worst printed there.
@@ -125,7 +125,7 @@ fn flown_gains(report: &mut Report) -> Result<(), Failure> {
                                 "delay_s": timing(late).delay_s, "lag_s": late.1, "disturbance_n_m": disturbance,
                                 "reason": reason})
                         );
-                        if disturbance == 0.0005 {
+                        if disturbance < 0.001 {
                             report.table.push(format!(
                                 "  {law:?}, delay {:.2} s, lag {:.2} s: {reason}",
                                 timing(late).delay_s,
@@ -330,8 +330,9 @@ fn judge(blocks: &[Block], found: &[Found], report: &mut Report) {
     report.at_most("bound over sampled worst, commands that act at once", prompt, 5.0);
     report.at_most("bound over sampled worst, late commands, but for J 0.5 to 1.5", late, 5.0);
     report.at_most("last error of a lasting torque, relative to d / k, off by", off_static, 2e-3);
-    let claimed = "no claim: its damping is too much for its lightest body that late";
-    report.table.push(format!("bound over sampled worst, late commands, J 0.5 to 1.5: {light:.2} ({claimed})"));
+    report
+        .table
+        .push(format!("bound over sampled worst, late commands, J 0.5 to 1.5: {light:.2}, beyond five, not claimed"));
     println!("{}", json!({"block": "unclaimed", "case": CASES[LIGHT].0, "widest_when_late": light}));
 }
 

@@ -239,6 +239,7 @@ fn fly(
         each(flight, &measured)?;
         index += 1;
     }
+    flight.drive.account.end(flight.duration_ns);
     Ok(flown)
 }
 

@@ -39,7 +39,7 @@ pub(super) struct Tracked {
 impl Tracked {
     /// Before the flight.
     pub fn new(flight: &Flight) -> Self {
-        let end_s = flight.duration_ns as f64 * 1e-9;
+        let end_s = seconds(flight.duration_ns);
         let mut times = match &flight.drive.tracking {
             Some((_, Reference::Path(waypoints))) => waypoints.iter().map(|waypoint| waypoint.time_s).collect(),
             _ => vec![0.0],
@@ -164,11 +164,19 @@ impl Leg {
 }
 
 /// What the controller did with a belief.
-fn outcome(steering: &Steering, belief: &OfferedBelief) -> &'static str {
+fn outcome(steering: &Steering, account: &ControlAccount, belief: &OfferedBelief) -> &'static str {
+    let is_later = |other: &&OfferedBelief| other.revision > belief.revision;
+    let mut later = account.beliefs().iter().filter(is_later);
     let decision_ns = steering.decision_s.unwrap_or(0.0) * 1e9;
     match (belief.answer, belief.used_from_ns) {
         (Adoption::Contradicts { .. }, _) => "contradicts",
         (Adoption::Adopted, _) => "adopted",
+        // one that came before it was used has taken its place
+        (Adoption::Postponed { .. }, None)
+            if later.any(|other| !matches!(other.answer, Adoption::Contradicts { .. })) =>
+        {
+            "superseded"
+        }
         (Adoption::Postponed { .. }, None) => "waiting",
         // the next decision is the first that can use it
         (Adoption::Postponed { .. }, Some(used_ns)) => {
@@ -209,7 +217,7 @@ pub(super) fn summary(flight: &Flight) -> Value {
         json!({
             "t_s": seconds(belief.time_ns),
             "revision": belief.revision,
-            "outcome": outcome(steering, belief),
+            "outcome": outcome(steering, account, belief),
             "used_from_s": belief.used_from_ns.map(seconds),
         })
     };
@@ -269,13 +277,17 @@ pub(super) fn describe(flight: &Flight, text: &mut String) {
         line("acceleration planned with", text);
     }
     line("beliefs", counted(steering, account));
-    for belief in account.beliefs().iter().skip(1) {
+    for belief in account.beliefs().iter().skip(1).take(SHOWN) {
         let used = match belief.used_from_ns {
             Some(used_ns) => format!(", used from {:.3} s", seconds(used_ns)),
             None => String::new(),
         };
-        let what = outcome(steering, belief);
+        let what = outcome(steering, account, belief);
         let _ = writeln!(text, "    {:>9.3} s  belief {} {what}{used}", seconds(belief.time_ns), belief.revision);
+    }
+    let more = account.beliefs().len().saturating_sub(1 + SHOWN);
+    if more > 0 {
+        let _ = writeln!(text, "    and {more} more (summary.json has all)");
     }
     let fallbacks = account.fallbacks();
     let counts = match fallbacks.len() as u64 + account.fallbacks_not_listed() {
@@ -295,12 +307,13 @@ pub(super) fn describe(flight: &Flight, text: &mut String) {
     }
 }
 
-/// Most fallbacks listed for people.
+/// Most beliefs and most fallbacks listed for people.
 const SHOWN: usize = 10;
 
 fn counted(steering: &Steering, account: &ControlAccount) -> String {
-    let count = |what: &str| account.beliefs().iter().filter(|belief| outcome(steering, belief) == what).count();
-    let counts = ["adopted", "postponed", "waiting", "contradicts"].map(|what| (what, count(what)));
+    let count =
+        |what: &str| account.beliefs().iter().filter(|belief| outcome(steering, account, belief) == what).count();
+    let counts = ["adopted", "postponed", "waiting", "superseded", "contradicts"].map(|what| (what, count(what)));
     let said: Vec<String> =
         counts.iter().filter(|(_, count)| *count > 0).map(|(what, count)| format!("{count} {what}")).collect();
     if said.is_empty() { "none".to_owned() } else { said.join(", ") }

@@ -552,7 +552,7 @@ impl ScenarioSource {
         let position = self.finite("payload.grasp_position_m", table.grasp_position_m)?;
         let grasp =
             Grasp { payload: self.body(&written)?, robot_from_payload: Pose::from_parts(position.into(), rotation) };
-        let end_s = duration_ns as f64 * 1e-9;
+        let end_s = duration_ns as f64 / 1e9;
         if !(0.0..end_s).contains(&attach_s) {
             return Err(self.bad("payload.attach_s", &format!("{attach_s}: 0 or later, before the end at {end_s} s")));
         }
@@ -597,7 +597,7 @@ impl ScenarioSource {
         let drive = Drive {
             tracking: controller.map(|controller| (controller, reference)),
             added: self.added(duration_ns)?,
-            beliefs: self.beliefs(&steering, belief, duration_ns)?,
+            beliefs: self.beliefs(&steering, belief)?,
             account: match steering.decision_s {
                 Some(decision_s) => ControlAccount::with_decisions(flight_log::nanoseconds(decision_s)),
                 None => ControlAccount::default(),
@@ -622,9 +622,10 @@ impl ScenarioSource {
         }
         let mut path = vec![Waypoint { time_s: 0.0, world_from_body: from }];
         let mut last = Waypoint { time_s: 0.0, world_from_body: from };
-        for waypoint in &table.waypoints {
+        for (index, waypoint) in table.waypoints.iter().enumerate() {
             if !(waypoint.time_s > last.time_s && waypoint.time_s <= LONGEST_S) {
-                return Err(self.bad("drive.waypoints.time_s", "times begin after 0 and increase"));
+                let message = "times begin after 0 and increase";
+                return Err(self.bad_in("drive.waypoints", index, "time_s", message));
             }
             let world_from_body = self.pose(
                 place,

@@ -1,6 +1,6 @@
 //! Controllers that decide every so often, and what they are told of the body on the way.
 
-use super::{ControllerName, ScenarioSource};
+use super::{ControllerName, LONGEST_S, ScenarioSource};
 use crate::AstrobeeError;
 use crate::control_presets::{self, ControlLimits, MASS_KNOWN_SHARE};
 use crate::flight_controller::FlightController;
@@ -198,7 +198,14 @@ impl ScenarioSource {
                 LqrController::lqr(step_s, &weights, attitude, limits.force_n).map(boxed)
             }
         };
-        let controller = controller.map_err(|error| self.bad("drive.control", &error.to_string()))?;
+        let hint = match name {
+            ControllerName::Tube => {
+                "; what is not known takes more than there is: a narrower `mass_interval_share`, smaller errors, or other limits \
+                 of force and speed"
+            }
+            _ => "",
+        };
+        let controller = controller.map_err(|error| self.bad("drive.control", &format!("{error}{hint}")))?;
         Ok((Controller::Following(controller), steering))
     }
 
@@ -272,7 +279,7 @@ impl ScenarioSource {
     ) -> Result<MassInterval, AstrobeeError> {
         let key = "drive.control.mass_interval_share";
         let share @ [least, largest] = share.unwrap_or(MASS_KNOWN_SHARE);
-        let holds_belief = least > 0.0 && least <= 1.0 && largest >= 1.0 && largest <= 1e3;
+        let holds_belief = least > 0.0 && least <= 1.0 && (1.0..=1e3).contains(&largest);
         if !holds_belief {
             let message =
                 format!("{least} to {largest}: from above 0 to at most 1000 with 1, the believed mass, between them");
@@ -286,7 +293,6 @@ impl ScenarioSource {
         &self,
         steering: &Steering,
         belief: &InertialParameters<f64>,
-        duration_ns: i64,
     ) -> Result<Vec<(i64, ModelBelief)>, AstrobeeError> {
         let tables = &self.scenario.drive.beliefs;
         if steering.controller == ControllerName::None && !tables.is_empty() {
@@ -300,20 +306,22 @@ impl ScenarioSource {
         }
         // known no better than to itself: what is certain beside it stays so
         let mut beliefs = vec![(0, believed(1, belief, belief.mass, belief.mass))];
-        let (end_s, mut last_s) = (duration_ns as f64 * 1e-9, 0.0);
-        for (table, revision) in tables.iter().zip(2..) {
+        let mut last_s = 0.0;
+        for (index, (table, revision)) in tables.iter().zip(2..).enumerate() {
             let BeliefTable { time_s, mass_kg, sigma_kg } = *table;
-            if !(time_s > last_s && time_s < end_s) {
-                let message = format!("{time_s}: times begin after 0, increase and end before {end_s} s");
-                return Err(self.bad("drive.beliefs.time_s", &message));
+            let bad = |key: &str, message: &str| Err(self.bad_in("drive.beliefs", index, key, message));
+            // those after the end are never told
+            if !(time_s > last_s && time_s <= LONGEST_S) {
+                let message = format!("{time_s}: times begin after 0, increase and are at most {LONGEST_S} s");
+                return bad("time_s", &message);
             }
             last_s = time_s;
             let [least, largest] = MASSES_KG;
             if !(least..=largest).contains(&mass_kg) {
-                return Err(self.bad("drive.beliefs.mass_kg", &format!("{mass_kg}: between {least:e} and {largest:e}")));
+                return bad("mass_kg", &format!("{mass_kg}: between {least:e} and {largest:e}"));
             }
             if !(0.0..=largest).contains(&sigma_kg) {
-                return Err(self.bad("drive.beliefs.sigma_kg", &format!("{sigma_kg}: between 0 and {largest:e}")));
+                return bad("sigma_kg", &format!("{sigma_kg}: between 0 and {largest:e}"));
             }
             beliefs.push((nanoseconds(time_s), believed(revision, belief, mass_kg, sigma_kg)));
         }

@@ -21,7 +21,8 @@ pub(super) fn of_key(text: &str, wanted: &str) -> (usize, usize) {
         let trimmed = line.trim_start();
         let column = line.chars().count() - trimmed.chars().count() + 1;
         let path = if trimmed.starts_with('[') {
-            let name = trimmed.trim_matches(|c: char| c == '[' || c == ']' || c.is_whitespace());
+            let header = trimmed.split('#').next().unwrap_or("");
+            let name = header.trim_matches(|c: char| c == '[' || c == ']' || c.is_whitespace());
             name.clone_into(&mut table);
             table.clone()
         } else if let Some((key, _)) = trimmed.split_once('=').filter(|_| !trimmed.starts_with('#')) {
@@ -36,6 +37,20 @@ pub(super) fn of_key(text: &str, wanted: &str) -> (usize, usize) {
         }
     }
     found
+}
+
+/// Line and column of a key of an array of tables, in its `index`-th table; as [`of_key`] where there are not so many.
+pub(super) fn of_key_in(text: &str, table: &str, index: usize, key: &str) -> (usize, usize) {
+    let is_header = |line: &str| line.split('#').next().unwrap_or("").trim() == format!("[[{table}]]");
+    let wanted = format!("{table}.{key}");
+    let mut headers = text.lines().enumerate().filter(|(_, line)| is_header(line));
+    let Some((before, _)) = headers.nth(index) else {
+        return of_key(text, &wanted);
+    };
+    let end = headers.next().map_or(usize::MAX, |(number, _)| number);
+    let lines: Vec<&str> = text.lines().take(end).skip(before).collect();
+    let (line, column) = of_key(&lines.join("\n"), &wanted);
+    (before + line, column)
 }
 
 /// "; did you mean `...`?" where one of the candidates is near, else nothing.
@@ -86,6 +101,18 @@ mod tests {
         assert_eq!(of_offset(TEXT, 0), (1, 1));
         assert_eq!(of_offset(TEXT, TEXT.find("point").unwrap()), (4, 3));
         assert_eq!(of_offset(TEXT, 10_000), (9, 1));
+    }
+
+    #[test]
+    fn a_key_is_found_in_the_table_that_is_meant() {
+        let entry = |time: &str| format!("[[drive.beliefs]] # told\n  time_s = {time}\nmass_kg = 9\n\n");
+        let text =
+            format!("format = 1\n{}{}[[drive.beliefs]]\nmass_kg = 1\n[goal]\ntime_s = 1\n", entry("1"), entry("2"));
+        let found = |index, key| of_key_in(&text, "drive.beliefs", index, key);
+        assert_eq!([found(0, "time_s"), found(1, "time_s"), found(1, "mass_kg")], [(3, 3), (7, 3), (8, 1)]);
+        // left out, and a table that is not there
+        assert_eq!((found(2, "time_s"), found(0, "sigma_kg")), ((10, 1), (2, 1)));
+        assert_eq!(found(3, "time_s"), (3, 3));
     }
 
     #[test]

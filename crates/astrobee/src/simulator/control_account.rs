@@ -147,6 +147,17 @@ impl ControlAccount {
         self.last = Some(*command);
     }
 
+    /// The flight is over: what stood until later has lasted until now.
+    pub(crate) fn end(&mut self, time_ns: i64) {
+        if let Some(spell) = self.spell.as_mut().filter(|spell| spell.until_ns > time_ns) {
+            self.fallback_ns -= spell.until_ns - time_ns;
+            spell.until_ns = time_ns;
+        }
+        if let Some(listed) = self.spells.last_mut().filter(|listed| listed.until_ns > time_ns) {
+            listed.until_ns = time_ns;
+        }
+    }
+
     fn left_road(&mut self, time_ns: i64, fallback: Fallback) {
         let until_ns = time_ns.saturating_add(self.holds_ns);
         if let Some(spell) = &mut self.spell
@@ -207,33 +218,49 @@ mod tests {
         ControlCommand { wrench_body: Wrench::zero(), model_revision, fallback, mass: None }
     }
 
-    fn outside(excess: f64) -> Option<Fallback> {
-        Some(Fallback::Restarted(FallbackReason::OutsideTube { excess }))
+    fn outside(excess: f64) -> Fallback {
+        Fallback::Restarted(FallbackReason::OutsideTube { excess })
     }
 
     #[test]
     fn commands_in_a_row_off_the_road_for_one_reason_are_one_spell() {
         let mut account = ControlAccount::with_decisions(10);
-        let shifted = Some(Fallback::Shifted(FallbackReason::IterationCap));
+        let shifted = Fallback::Shifted(FallbackReason::IterationCap);
         // decisions every ten, outputs every five; only decisions name a fallback
-        let said = [None, outside(0.1), outside(0.3), outside(0.2), shifted, None, shifted, shifted];
+        let said = [
+            None,
+            Some(outside(0.1)),
+            Some(outside(0.3)),
+            Some(outside(0.2)),
+            Some(shifted),
+            None,
+            Some(shifted),
+            Some(shifted),
+        ];
         for (decision, fallback) in (0..).zip(said) {
             account.commanded(10 * decision, &command(1, fallback));
             account.commanded(10 * decision + 5, &command(1, None));
         }
-        let found: Vec<_> = account.fallbacks().iter().map(|s| (s.from_ns, s.until_ns, Some(s.fallback))).collect();
+        let found: Vec<_> = account.fallbacks().iter().map(|s| (s.from_ns, s.until_ns, s.fallback)).collect();
         assert_eq!(found, [(10, 40, outside(0.3)), (40, 50, shifted), (60, 80, shifted)]);
         assert_eq!((account.fallback_ns(), account.fallbacks_not_listed()), (60, 0));
         // another reason before the time is over
-        account.commanded(74, &command(1, outside(0.5)));
+        account.commanded(74, &command(1, Some(outside(0.5))));
         let last: Vec<_> = account.fallbacks().iter().skip(2).map(|s| (s.from_ns, s.until_ns)).collect();
         assert_eq!((last, account.fallback_ns()), (vec![(60, 74), (74, 84)], 64));
+        // the flight ends before that
+        account.end(80);
+        account.end(90);
+        let last: Vec<_> = account.fallbacks().iter().skip(2).map(|s| (s.from_ns, s.until_ns)).collect();
+        assert_eq!((last, account.fallback_ns()), (vec![(60, 74), (74, 80)], 60));
 
         let push = |x: f64| ControlCommand {
             wrench_body: Wrench::new(Vector3::new(0.0, -0.1 * x, 0.0), Vector3::new(x, 0.0, 0.0)),
             ..command(1, None)
         };
-        [0.5, -2.0, 1.0].into_iter().for_each(|x| account.commanded(99, &push(x)));
+        for x in [0.5, -2.0, 1.0] {
+            account.commanded(99, &push(x));
+        }
         assert!((account.largest_force_n() - Vector3::new(2.0, 0.0, 0.0)).amax() < 1e-15);
         assert!((account.largest_torque_n_m() - 0.2).abs() < 1e-15);
     }
@@ -242,9 +269,9 @@ mod tests {
     fn a_full_list_keeps_the_first_spells_and_counts_the_others() {
         let mut account = ControlAccount::with_decisions(1);
         for k in 0..2_000_i64 {
-            let fallback = if k % 2 == 0 { outside(0.5) } else { Some(Fallback::Braking(FallbackReason::Infeasible)) };
-            account.commanded(2 * k, &command(1, fallback));
-            account.commanded(2 * k + 1, &command(1, fallback));
+            let fallback = if k % 2 == 0 { outside(0.5) } else { Fallback::Braking(FallbackReason::Infeasible) };
+            account.commanded(2 * k, &command(1, Some(fallback)));
+            account.commanded(2 * k + 1, &command(1, Some(fallback)));
         }
         assert_eq!((account.fallbacks().len(), account.fallbacks_not_listed()), (ROOM, 2_000 - ROOM as u64));
         assert!(account.fallbacks().iter().all(|spell| spell.until_ns == spell.from_ns + 2));

@@ -280,6 +280,8 @@ fn carried_state(estimate: &LocalizationEstimate, time_ns: i64) -> RigidBodyStat
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::cell::RefCell;
+    use std::rc::Rc;
 
     fn path() -> Reference {
         let pose = |x: f64, y: f64, turn: Vector3<f64>| {
@@ -342,7 +344,10 @@ mod tests {
     }
 
     /// Notes what it was asked and answers with its newest belief.
-    struct Recording(std::rc::Rc<std::cell::RefCell<Vec<(f64, RigidBodyState<f64>, u64)>>>, u64);
+    struct Recording(Rc<RefCell<Vec<Heard>>>, u64);
+
+    /// Time, state and revision of the plan.
+    type Heard = (f64, RigidBodyState<f64>, u64);
 
     impl control::Controller for Recording {
         fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
@@ -360,8 +365,8 @@ mod tests {
 
     #[test]
     fn any_controller_steers_with_the_present_state_and_beliefs_in_time() {
-        let heard = std::rc::Rc::default();
-        let controller = Controller::Following(Box::new(Recording(std::rc::Rc::clone(&heard), 0)));
+        let heard = Rc::default();
+        let controller = Controller::Following(Box::new(Recording(Rc::clone(&heard), 0)));
         let body = crate::worlds::WorldPreset::Iss.body();
         let belief = |revision| ModelBelief::certain(revision, body);
         let push = Wrench::new(Vector3::new(0.1, 0.0, 0.0), Vector3::zeros());

@@ -81,7 +81,7 @@ impl Controller for FlownController {
 
     fn command(&mut self, request: &ControlRequest<'_>) -> Result<ControlCommand, PlanningError> {
         let ControlRequest { time_s, state, plan } = request;
-        if !(time_s.abs() <= LATEST_S) {
+        if time_s.is_nan() || time_s.abs() > LATEST_S {
             let what = "the time of a command";
             return Err(PlanningError::OutOfRange { what, value: *time_s, lower: -LATEST_S, upper: LATEST_S });
         }

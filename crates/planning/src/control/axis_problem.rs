@@ -138,6 +138,10 @@ pub struct AxisProblem {
     terminal_cost: Matrix2<f64>,
 }
 
+/// Most decisions that can be planned: building a program takes the third power of it.
+const MOST_STEPS: usize = 100;
+/// Smallest size of a tube that an excess is measured by, m or m/s.
+const LEAST_FACE: f64 = 1e-6;
 /// Most steps a stop may take.
 const LONGEST_STOP: u32 = 500;
 
@@ -189,8 +193,9 @@ impl AxisProblem {
             not_negative("the error of the position", disturbance.position_m)?,
             not_negative("the error of the velocity", disturbance.velocity_m_s)?,
         ];
-        if steps == 0 {
-            return Err(PlanningError::WrongCount { what: "steps", given: 0, expected: 1 });
+        if !(1..=MOST_STEPS).contains(&steps) {
+            let (value, upper) = (steps as f64, MOST_STEPS as f64);
+            return Err(PlanningError::OutOfRange { what: "the decisions planned", value, lower: 1.0, upper });
         }
         let center_kg = mass.center_kg();
         let limit = force_n / center_kg;
@@ -280,13 +285,8 @@ impl AxisProblem {
                 add_scaled(row, weighted.y, &nodes[1]);
             }
         }
-        for i in 0..n {
-            // without a price of its own the start would be free along motions that cost nothing
-            hessian[i * n + i] += match i {
-                0 | 1 => 1e-9,
-                i if i == self.scale_index() => scale,
-                _ => acceleration,
-            };
+        for i in 2..n {
+            hessian[i * n + i] += if i == self.scale_index() { scale } else { acceleration };
         }
         self.hessian = hessian;
         Ok(())
@@ -333,9 +333,9 @@ impl AxisProblem {
             room("the room left between the walls", half - needed * self.least_scale)?;
             largest_scale = f64::min(1.0, half / needed);
         }
-        for (wall, is) in walls.iter().zip(walled) {
-            if !is && wall.is_nan() {
-                finite("a wall", *wall)?;
+        for (wall, open) in walls.into_iter().zip([f64::NEG_INFINITY, f64::INFINITY]) {
+            if !wall.is_finite() && wall.total_cmp(&open).is_ne() {
+                finite("a wall", wall)?;
             }
         }
         for k in 1..=self.steps {
@@ -431,11 +431,11 @@ impl AxisProblem {
         }
     }
 
-    /// Largest excess of an error (position, velocity) over the faces of the tube of a scale, as a share of their distances; not
-    /// positive inside.
+    /// Largest excess of an error (position, velocity) over the faces of the tube of a scale, as a share of their distances (a
+    /// micrometre or a micrometre per second at least); not positive inside.
     pub fn outside(&self, error: &Vector2<f64>, scale: f64) -> f64 {
         let excess = |i: usize| {
-            let distance = scale * self.scaled[i] + self.held[i];
+            let distance = f64::max(scale * self.scaled[i] + self.held[i], LEAST_FACE);
             (self.normals[i].dot(error).abs() - distance) / distance
         };
         (0..self.normals.len()).map(excess).fold(f64::NEG_INFINITY, f64::max)

@@ -35,7 +35,8 @@ pub enum Adoption {
     /// It is used from now on.
     Adopted,
     /// It waits: from the first decision at which every promise can be kept with it, it is used, and commands name it. Until then,
-    /// or until a newer one comes, the revision named is kept.
+    /// or until a newer one comes, the revision named is kept. A controller that must brake on the way drops what waits: the
+    /// next belief is offered to it anew.
     Postponed {
         /// The revision still in use.
         kept: u64,

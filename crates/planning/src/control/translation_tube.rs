@@ -8,7 +8,7 @@ use super::{
     TubeDisturbance, TubeWeights,
 };
 use crate::belief::ModelBelief;
-use crate::error::{PlanningError, not_negative};
+use crate::error::{self, PlanningError, not_negative, positive};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use tumble_dynamics::InertialParameters;
 
@@ -93,10 +93,12 @@ impl TubeSettings {
     /// [`Self::force_limit_n`] then.
     #[must_use]
     pub fn with_force_allowed(mut self, allowed_n: f64) -> Self {
-        let corner = f64::sqrt(self.force_limit_n.norm_squared());
-        if corner > allowed_n {
-            self.force_limit_n *= allowed_n / corner;
+        let share = allowed_n / f64::sqrt(self.force_limit_n.norm_squared());
+        if share >= 1.0 {
+            return self;
         }
+        // no number leaves none, which is refused
+        self.force_limit_n *= share;
         self
     }
 }
@@ -118,6 +120,8 @@ pub struct TubeCounts {
     pub restarted: u64,
     /// Decisions spent braking.
     pub braking: u64,
+    /// Decisions at which an obstacle had moved into what the last plan kept free: only then can it leave no plan.
+    pub cut: u64,
 }
 
 /// The tubes of one revision.
@@ -200,6 +204,15 @@ impl TranslationTube {
         obstacles: Option<TubeObstacles>,
         prior: &InertialParameters<f64>,
     ) -> Result<Self, PlanningError> {
+        for limit in &settings.force_limit_n {
+            positive("a limit of the force", *limit)?;
+        }
+        if let AttitudeSpan::Near { axes_from_body, angle_rad } = &settings.attitudes {
+            error::attitude(axes_from_body)?;
+            not_negative("the angle of the span", *angle_rad)?;
+        }
+        error::attitude(&settings.world_from_axes)?;
+        positive("the standard deviations taken", settings.sigmas)?;
         let measured = settings.disturbance.of_measurement(settings.gain.step_s);
         let template = AxisTemplate::try_new(settings.gain, &SymmetricBox(measured))?;
         let setup = Setup { settings, template, obstacles };
@@ -242,6 +255,11 @@ impl TranslationTube {
     /// How often what happened.
     pub fn counts(&self) -> TubeCounts {
         self.counts
+    }
+
+    /// Whether there is no plan.
+    pub(super) fn is_braking(&self) -> bool {
+        matches!(self.phase, Phase::Braking(_))
     }
 
     /// The force of the last decision, axes of the tube, N; to be held until the next, turned with the body.
@@ -307,6 +325,7 @@ impl TranslationTube {
             }
             other => other,
         };
+        self.counts.cut += u64::from(self.phase == Phase::Planned && !takes_over && self.current.axes.cut() > 0);
         if let Some(Fallback::Braking(_)) = fallback {
             self.brake(&motion.states);
         } else {

@@ -35,6 +35,7 @@ pub(super) struct TiedAxes {
     attitude_error_rad: f64,
     positions: Vec<Vector3<f64>>,
     rows: Vec<AxisPlane>,
+    cut: usize,
 }
 
 /// Three axes with their solver.
@@ -65,6 +66,7 @@ impl TubeAxes {
             attitude_error_rad: obstacles.attitude_error_rad,
             positions: Vec::with_capacity(steps + 1),
             rows: Vec::new(),
+            cut: 0,
         })))
     }
 
@@ -79,6 +81,14 @@ impl TubeAxes {
         match self {
             Self::Separate(axes) => axes[axis].plan(),
             Self::Tied(tied) => &tied.axes.plans()[axis],
+        }
+    }
+
+    /// Planes of the last decision that obstacles moved beyond what the shifted plan keeps: recursion is not promised then.
+    pub fn cut(&self) -> usize {
+        match self {
+            Self::Separate(_) => 0,
+            Self::Tied(tied) => tied.cut,
         }
     }
 
@@ -139,7 +149,7 @@ impl TiedAxes {
             attitude_error_rad: self.attitude_error_rad,
         };
         let reach = self.axes.reach(&motion.states);
-        self.planes.update(&path, &reach)?;
+        self.cut = self.planes.update(&path, &reach)?.cut;
         self.planes.rows(&path, &reach, &mut self.rows);
         self.axes.set_planes(&self.rows);
         let [x, y, z] = &motion.references;

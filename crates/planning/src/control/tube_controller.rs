@@ -63,7 +63,8 @@ impl TubeController {
 
     fn is_due(&self, time_s: f64) -> bool {
         let step_s = self.tube.settings().gain.step_s;
-        self.decided_s.is_none_or(|last| time_s - last >= step_s * (1.0 - EARLY))
+        // a clock that was set back begins anew
+        self.decided_s.is_none_or(|last| time_s - last >= step_s * (1.0 - EARLY) || time_s < last - step_s)
     }
 
     fn decide(&mut self, request: &ControlRequest<'_>) -> Option<super::Fallback> {
@@ -71,15 +72,18 @@ impl TubeController {
         let step_s = settings.gain.step_s;
         let view = View { settings: &settings, request };
         view.fill(&self.current, &mut self.motion);
-        if let Some(offered) = &self.offered {
-            view.fill(offered, &mut self.next);
-        }
+        // where no belief waits, the widest tube may, of the body in use
+        view.fill(self.offered.as_ref().unwrap_or(&self.current), &mut self.next);
+        let (was_braking, adopted) = (self.tube.is_braking(), self.tube.counts().adopted);
         let fallback = self.tube.decide(&self.motion, &self.next);
-        if let Some(offered) = self.offered.take_if(|offered| offered.revision == self.tube.model_revision()) {
-            self.current = offered;
+        if self.tube.counts().adopted > adopted {
+            self.current = self.offered.take().unwrap_or(self.current);
+        } else if self.tube.is_braking() && !was_braking {
+            // the tube waits for nothing but its widest self now
+            self.offered = None;
         }
         // a decision a little late does not shift those to come
-        let on_time = self.decided_s.map(|last| last + step_s).filter(|due| request.time_s - due < step_s);
+        let on_time = self.decided_s.map(|last| last + step_s).filter(|due| (request.time_s - due).abs() < step_s);
         self.decided_s = Some(on_time.unwrap_or(request.time_s));
         fallback
     }
