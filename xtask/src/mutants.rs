@@ -2196,6 +2196,18 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-planning --test obstacle_planes",
     },
     Mutant {
+        name: "axis problem: nothing is kept for the motion between decisions",
+        file: "crates/planning/src/control/axis_problem.rs",
+        original: "slack: [errors[0] + overshoot, errors[1]],",
+        replacement: "slack: errors,",
+        test: "-p tumble-planning --test tube_missions",
+    },
+    Mutant {
+        name: "axis problem: a force from outside makes no tube",
+        file: "crates/planning/src/control/axis_problem.rs",
+        original: "template.unmatched[i] + outside * template.matched[i]",
+        replacement: "template.unmatched[i]",
+        test: "-p tumble-planning --test tube_missions",
         name: "simulator: estimates carried back in time instead of to the present",
         file: "crates/astrobee/src/simulator/drive.rs",
         original: "translation.vector + estimate.velocity_origin_world * age_s",

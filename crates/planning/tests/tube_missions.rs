@@ -19,7 +19,6 @@ const MASS_KG: f64 = 9.58;
 #[track_caller]
 fn keeps_everything(series: &Series, missions: usize) -> Flown {
     let flown = fly(series, missions, |_| ()).unwrap();
-    println!("{}: {flown:?}", series.name);
     assert_eq!((flown.infeasible, flown.failed, flown.postponed, flown.never_adopted), (0, 0, 0, 0));
     let found = flown.findings;
     assert_eq!(found.steps, 1200 * missions as u64);
@@ -41,7 +40,7 @@ fn half_the_mass_or_half_as_much_again() {
 #[test]
 fn pushed_against_the_walls_on_purpose() {
     let policy = Some(Policy::Toward(Aim::Input));
-    let flown = keeps_everything(&Series { behind_walls: 1.0, policy, ..Series::usual(MASS_KG) }, 4);
+    let flown = keeps_everything(&Series { behind_walls: 1.0, policy, ..Series::usual(MASS_KG) }, 6);
     assert!(flown.nearest_wall_m < 1e-6, "{}", flown.nearest_wall_m);
 }
 
@@ -56,8 +55,22 @@ fn to_rest_and_faster() {
 
 #[test]
 fn measured_and_pushed() {
-    let disturbances = Disturbances { jump: [0.0; 2], force_n: 1e-3, measured: [1e-4, 2e-4] };
-    keeps_everything(&Series { name: "measured", disturbances, ..Series::usual(MASS_KG) }, 4);
+    let usual = Series::usual(MASS_KG);
+    let none = Disturbances::default();
+    let disturbances = Disturbances { measured: [1e-4, 2e-4], ..none };
+    keeps_everything(&Series { name: "measured", disturbances, ..usual.clone() }, 4);
+    let disturbances = Disturbances { force_n: 2e-3, ..none };
+    keeps_everything(&Series { name: "pushed", disturbances, ..usual }, 4);
+}
+
+#[test]
+fn kicked_beyond_the_walls_between_two_decisions() {
+    let disturbances = Disturbances { jump: [0.0, 2e-4], ..Disturbances::default() };
+    let policy = Some(Policy::Toward(Aim::Input));
+    let series = Series { behind_walls: 1.0, policy, disturbances, ..Series::usual(MASS_KG) };
+    let found = keeps_everything(&series, 4).findings;
+    // only there, and by less than was kept for it
+    assert!(found.wall_excess_between_m > found.wall_excess_m);
 }
 
 #[test]
@@ -65,7 +78,6 @@ fn the_judge_sees_what_is_wrong_on_purpose() {
     let usual = Series::usual(MASS_KG);
     let middle = fly(&Series { defect: Defect::MiddleOfMasses, ..usual.clone() }, 4, |_| ()).unwrap();
     let no_mass = fly(&Series { defect: Defect::NoMass, ..usual }, 4, |_| ()).unwrap();
-    println!("{middle:?}\n{no_mass:?}");
     assert!(middle.findings.violations > 0 && middle.findings.force_excess_n > 0.02);
     assert!(no_mass.findings.exits > 0 && no_mass.findings.tube_excess > 1e-3);
 }

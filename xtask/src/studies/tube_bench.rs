@@ -27,8 +27,9 @@ use tube_problems::NominalLoop;
 use tube_problems::coupled::CoupledLoop;
 
 const PROBLEM: &str = "tube";
-/// Flights of a closed loop.
+/// Flights of the closed loops: of the frozen program, and of one axis.
 const FLIGHTS: usize = 15;
+const AXIS_FLIGHTS: usize = 5;
 /// Steps of the frozen loop, and what its plans cost together.
 const FROZEN_STEPS: usize = 150;
 const FROZEN_COST: f64 = -28_549.724_834;
@@ -213,8 +214,7 @@ fn axis(bench: &Bench) -> Result<(), PlanningError> {
         let first = series.axis(&template, 0, series.mass_kg)?;
         let mut best = BestTimes::new(MISSIONS * MISSION_STEPS);
         let (mut changes, mut most, mut unsolved) = (0, 0, 0);
-        let flights = if is_warm { 5 } else { 2 };
-        for _ in 0..flights {
+        for _ in 0..AXIS_FLIGHTS {
             for mission in 0..MISSIONS {
                 let bounds = Bounds { force_n: series.force_n[0], speed_m_s: series.speed_m_s, walls_m: [-0.45, 0.45] };
                 let mass_kg = series.mass_kg[mission % 2];
@@ -246,7 +246,7 @@ fn axis(bench: &Bench) -> Result<(), PlanningError> {
                 }
             }
         }
-        let solves = (flights * best.0.len()) as f64;
+        let solves = (AXIS_FLIGHTS * best.0.len()) as f64;
         let quality = [
             ("mean_iterations", changes as f64 / solves),
             ("most_iterations", most as f64),

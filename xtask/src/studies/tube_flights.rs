@@ -130,7 +130,7 @@ pub struct Flown {
     pub rows: [usize; 3],
     /// What the controller keeps from the wall beside the tube, m.
     pub wall_slack_m: [f64; 3],
-    /// Smallest distance of a decision's position from the wall less that, m.
+    /// Smallest distance of a decision's position from the wall less what is kept from it then, m.
     pub nearest_wall_m: f64,
 }
 
@@ -250,8 +250,9 @@ impl Flight<'_> {
             flown.iterations += self.tube.iterations() as u64;
             flown.most_iterations = flown.most_iterations.max(self.tube.iterations());
             self.step(&measured, interval);
-            let near = HALF_ROOM_M[self.axis] - self.plant.state()[0].abs() - flown.wall_slack_m[self.axis];
-            flown.nearest_wall_m = flown.nearest_wall_m.min(near.abs());
+            let kept = self.tube.problem().slack[0];
+            let near = HALF_ROOM_M[self.axis] - self.plant.state()[0].abs() - kept;
+            flown.nearest_wall_m = flown.nearest_wall_m.min(near);
             self.tube.advance();
         }
         flown.never_adopted += u64::from(waiting.is_some());

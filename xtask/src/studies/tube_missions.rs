@@ -30,7 +30,12 @@ const AT_WALLS: &str = "all goals behind walls";
 fn series() -> Vec<Series> {
     let usual = Series::usual(MASS_KG);
     let fast = Series { name: "stop set, 0.10 m/s", speed_m_s: 0.1, ..usual.clone() };
-    let measured = Disturbances { jump: [0.0; 2], force_n: 1e-3, measured: [1e-4, 2e-4] };
+    let none = Disturbances::default();
+    let measured = Disturbances { force_n: 1e-3, measured: [1e-4, 2e-4], ..none };
+    let pushed = Disturbances { force_n: 2e-3, ..none };
+    let kicked = Disturbances { jump: [0.0, 2e-4], ..none };
+    let at_walls =
+        Series { name: AT_WALLS, behind_walls: 1.0, policy: Some(Policy::Toward(Aim::Input)), ..usual.clone() };
     vec![
         usual.clone(),
         Series { name: "rest", terminal: Terminal::Rest, ..usual.clone() },
@@ -38,7 +43,9 @@ fn series() -> Vec<Series> {
         Series { name: "stop set, 0.10 m/s, actuators", force_n: ACTUATORS_N, ..fast },
         Series { name: "mass x 0.5 to 2", mass_kg: [0.5 * MASS_KG, 2.0 * MASS_KG], ..usual.clone() },
         Series { name: "measured, 1 mN from outside", disturbances: measured, ..usual.clone() },
-        Series { name: AT_WALLS, behind_walls: 1.0, policy: Some(Policy::Toward(Aim::Input)), ..usual },
+        Series { name: "2 mN from outside", disturbances: pushed, ..usual },
+        at_walls.clone(),
+        Series { name: "the same, kicked", disturbances: kicked, ..at_walls },
     ]
 }
 
@@ -141,8 +148,8 @@ fn judge(series: &Series, flown: &Flown, report: &mut Report) {
         found.force_excess_n <= FORCE_TOLERANCE_N && found.disagreement_n <= FORCE_TOLERANCE_N,
         excess.clone(),
     );
-    let is_measured_exactly = series.disturbances.measured.iter().all(|error| *error <= 0.0);
-    if is_measured_exactly {
+    // a conservative sum of errors and forces is not reached by draws; a box of jumps is
+    if series.disturbances.jump[0] > 0.0 {
         report.target(
             format!("{name}, tried: input within 1e-6 N of its limit"),
             found.force_excess_n >= -TRIED,
