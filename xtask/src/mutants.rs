@@ -2208,6 +2208,8 @@ const MUTANTS: &[Mutant] = &[
         original: "template.unmatched[i] + outside * template.matched[i]",
         replacement: "template.unmatched[i]",
         test: "-p tumble-planning --test tube_missions",
+    },
+    Mutant {
         name: "simulator: estimates carried back in time instead of to the present",
         file: "crates/astrobee/src/simulator/drive.rs",
         original: "translation.vector + estimate.velocity_origin_world * age_s",
