@@ -18,10 +18,11 @@ use tumble_planning::collision::{
     ellipsoid_to_sphere, overlap, scaling_margin, separation, sphere_to_box, sphere_to_half_space, sphere_to_sphere,
 };
 use tumble_planning::control::{
-    AttitudeController, AttitudeGains, AttitudeLaw, AxisGain, AxisTemplate, ControlRequest, Controller, CoupledAxes,
-    EndAttitude, GramStatus, GramWorkspace, LinearMpcSettings, LqrController, MinimalInvariantSet, NominalPath,
-    ObstaclePlanes, OriginalSettings, OriginalTubeController, PlainMpcController, ReferenceMotion, SymmetricBox,
-    TranslationWeights, discrete_lqr,
+    AttitudeController, AttitudeGains, AttitudeLaw, AttitudeSpan, AxisGain, AxisTemplate, ControlRequest, Controller,
+    CoupledAxes, EndAttitude, GramStatus, GramWorkspace, LinearMpcSettings, LqrController, MassInterval,
+    MinimalInvariantSet, NominalPath, ObstaclePlanes, OriginalSettings, OriginalTubeController, PlainMpcController,
+    ReferenceMotion, SymmetricBox, Terminal, TrackedPoint, TranslationWeights, TubeController, TubeDisturbance,
+    TubeSettings, TubeWeights, discrete_lqr,
 };
 use tumble_planning::dynamics::strategies::{draws, poses};
 use tumble_planning::dynamics::{
@@ -445,6 +446,57 @@ fn commands_of_the_simple_controllers() {
         });
         assert_eq!(count, 0, "{name}");
     }
+}
+
+/// Decisions and outputs of the tube controller, once its buffers are full; adopting a belief builds a new tube and may allocate.
+#[test]
+fn commands_of_the_tube_controller() {
+    let body = InertialParameters::solid_box(9.5, [0.3, 0.25, 0.35]);
+    let attitude = AttitudeController {
+        law: AttitudeLaw::Geometric,
+        gains: AttitudeGains { stiffness_n_m: 0.3, damping_n_m_s: 0.3 },
+        body,
+        torque_limit_n_m: 0.05,
+    };
+    let settings = TubeSettings {
+        gain: AxisGain::default(),
+        steps: 25,
+        weights: TubeWeights::DEFAULT,
+        terminal: Terminal::StopSet,
+        speed_m_s: 0.1,
+        walls_m: [[-2.0, 2.0]; 3],
+        force_limit_n: Vector3::repeat(0.2),
+        attitudes: AttitudeSpan::Any,
+        turned_by_rad: 0.01,
+        disturbance: TubeDisturbance { position_m: 0.0, velocity_m_s: 1e-4, force_n: 0.0, acceleration_m_s2: 0.0 },
+        mass: MassInterval::between(6.0, 12.0).unwrap(),
+        sigmas: 3.0,
+        world_from_axes: UnitQuaternion::identity(),
+        point: TrackedPoint::Origin,
+    };
+    let mut controller = TubeController::try_new(settings, None, attitude, &body).unwrap();
+    let goal = |_: f64| PoseReference {
+        state: RigidBodyState { world_from_body: Pose::translation(1.9, -1.0, 0.5), ..RigidBodyState::at_rest() },
+        acceleration: BodyAcceleration {
+            angular_acceleration_body: Vector3::zeros(),
+            acceleration_origin_body: Vector3::zeros(),
+        },
+    };
+    let plan = Plan { trajectory: &goal as &dyn ReferenceMotion, model_revision: 0 };
+    let mut state = RigidBodyState::at_rest();
+    let mut time_s = 0.0;
+    let mut output = |_: usize| {
+        let command = controller.command(&ControlRequest { time_s, state: &state, plan: &plan }).unwrap();
+        state.world_from_body.translation.vector += state.twist_body.linear * 0.05;
+        state.twist_body.linear += command.wrench_body.force * (0.05 / 9.5);
+        time_s += 0.05;
+        command
+    };
+    for call in 0..200 {
+        output(call);
+    }
+    assert_eq!(allocations(2_000, output), 0);
+    assert!(controller.counts().decisions > 500 && controller.counts().braking == 0);
 }
 
 #[test]
