@@ -188,6 +188,9 @@ fn say_next(place: &Path, flight: &Flight) {
     if changed {
         eprintln!("note: the body changed in flight; truth.toml is the one at the end, `--split` looks for the others");
     }
+    if let Some(advice) = simulate_control::advice(flight) {
+        eprintln!("{advice}");
+    }
     if flight.place.is_planar() {
         eprintln!(
             "note: motion on a table shows the mass, x and y of its centre and the inertia about z at most; identify says \

@@ -307,6 +307,21 @@ pub(super) fn describe(flight: &Flight, text: &mut String) {
     }
 }
 
+/// Where a controller spent much of the flight off its main road: what to look at.
+pub(super) fn advice(flight: &Flight) -> Option<String> {
+    let share = seconds(flight.drive.account.fallback_ns()) / seconds(flight.duration_ns);
+    (share > MUCH).then(|| {
+        format!(
+            "note: {:.0} % of the flight passed in fallbacks, where nothing is promised: sensing errs, or something pushes, more than \
+             `position_error_m`, `velocity_error_m_s` and `force_error_n` of `[drive.control]` say",
+            100.0 * share
+        )
+    })
+}
+
+/// Share of a flight in fallbacks that is worth a word.
+const MUCH: f64 = 0.05;
+
 /// Most beliefs and most fallbacks listed for people.
 const SHOWN: usize = 10;
 
