@@ -148,7 +148,7 @@ impl ControlAccount {
     }
 
     /// The flight is over: what stood until later has lasted until now.
-    pub(crate) fn end(&mut self, time_ns: i64) {
+    pub fn end(&mut self, time_ns: i64) {
         if let Some(spell) = self.spell.as_mut().filter(|spell| spell.until_ns > time_ns) {
             self.fallback_ns -= spell.until_ns - time_ns;
             spell.until_ns = time_ns;
