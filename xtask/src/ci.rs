@@ -56,7 +56,11 @@ const STEPS: &[Step] = &[
     }),
     always("deny", "bans, licences, sources", deny),
     always("real-data", "measured throws meet their targets", real_data),
-    always("studies", "the studies of identification, of chapter 4 and of actuation, reduced", reduced_studies),
+    always(
+        "studies",
+        "the studies of identification, of chapter 4, of actuation and of control, reduced",
+        reduced_studies,
+    ),
     always(
         "determinism",
         "long tumbles, plans and a flight are the same bytes at every optimisation level",
@@ -279,7 +283,8 @@ fn real_data() -> Outcome {
 }
 
 /// Few runs of every cell, two loads with two motions of each criterion, and two flights of each condition, with the bands of their
-/// own number. The long studies are `cargo xtask study identification`, `reproduce chapter4` and `reproduce actuation`.
+/// own number; forty missions of each series, and twenty flights against each certificate. The long studies are the same without the
+/// last two words.
 fn reduced_studies() -> Outcome {
     let mut identification = studies("study");
     identification.args(["study", "identification", "--runs", "5"]);
@@ -287,7 +292,10 @@ fn reduced_studies() -> Outcome {
     chapter4.args(["reproduce", "chapter4", "--runs", "2"]);
     let mut actuation = studies("reproduce");
     actuation.args(["reproduce", "actuation", "--flights", "2"]);
-    shell(&mut [identification, chapter4, actuation])
+    let (mut missions, mut attitude) = (studies("study"), studies("study"));
+    missions.args(["study", "tube-missions", "--missions", "40"]);
+    attitude.args(["study", "attitude-certificate", "--runs", "2020"]);
+    shell(&mut [identification, chapter4, actuation, missions, attitude])
 }
 
 /// The examples that print hashes: crate and example.
