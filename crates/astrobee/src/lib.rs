@@ -25,6 +25,8 @@ pub mod harmonic_report;
 pub mod log;
 pub mod noise;
 #[cfg(feature = "cli")]
+pub mod mission;
+#[cfg(feature = "cli")]
 pub mod output;
 pub mod planning_presets;
 pub mod propulsion;

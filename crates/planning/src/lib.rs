@@ -19,6 +19,7 @@ pub mod kinodynamic;
 #[cfg(feature = "testing")]
 pub mod laws;
 pub mod local;
+pub mod mission;
 mod motion;
 mod state_space;
 pub mod steering;

@@ -1,0 +1,10 @@
+//! A mission: RATTLE's layers around the simulated robot, from a scenario to a record of what happened.
+
+mod options;
+mod record;
+
+pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice, WeightingChoice};
+pub use record::{
+    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow, Series,
+    StretchRow, TrackingRms, WayRow,
+};

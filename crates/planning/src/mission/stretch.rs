@@ -1,0 +1,72 @@
+//! The next seconds of the way, whatever the number of unknowns and axes.
+
+use super::motion::MissionMotion;
+use crate::belief::ModelBelief;
+use crate::budget::Budget;
+use crate::collision::Blocker;
+use crate::error::PlanningError;
+use crate::local::{LocalStatus, Surroundings};
+use crate::motion::ArcPath;
+use tumble_dynamics::RigidBodyState;
+
+/// A stretch to plan.
+pub struct StretchTask<'a> {
+    /// The state at its start, as it is predicted.
+    pub start: RigidBodyState<f64>,
+    /// Mission time of the start, s.
+    pub start_s: f64,
+    /// The way to follow.
+    pub way: &'a ArcPath,
+    /// Mission time at which the way begins, s.
+    pub way_start_s: f64,
+    /// What the body is taken for.
+    pub belief: &'a ModelBelief,
+    /// What may be hit.
+    pub surroundings: &'a Surroundings,
+    /// Whether information has any weight: not where only arriving counts.
+    pub is_informative: bool,
+    /// Mission time since the first way, s, for weights that follow a schedule.
+    pub elapsed_s: f64,
+}
+
+/// A stretch as planned.
+#[derive(Clone, Debug)]
+pub struct StretchAnswer {
+    /// What to fly: it begins where the task said; no stop after it yet.
+    pub motion: MissionMotion,
+    /// Whether it ends at rest at the end of the way.
+    pub is_last: bool,
+    /// How the planner ended.
+    pub status: LocalStatus,
+    /// Names of the quantities that are not known.
+    pub quantities: Vec<&'static str>,
+    /// Weight of the variance of each.
+    pub weights: Vec<f64>,
+    /// Standard deviation of each at the start and as predicted at the end.
+    pub sigma: Vec<[f64; 2]>,
+}
+
+/// Why there is none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StretchRefusal {
+    /// Largest violation, in units of the limit.
+    pub violation: f64,
+    /// What was in the way, where it was that.
+    pub blocker: Option<Blocker>,
+}
+
+/// A planner of stretches: a [`crate::local::LocalPlanner`] with its weighting, its sizes hidden.
+pub trait StretchPlanner {
+    /// Length of a stretch, s.
+    fn horizon_s(&self) -> f64;
+
+    /// Plans one.
+    ///
+    /// # Errors
+    /// A task that cannot be. That no plan keeps the limits is an answer.
+    fn plan(
+        &mut self,
+        task: &StretchTask<'_>,
+        budget: &mut dyn Budget,
+    ) -> Result<Result<StretchAnswer, StretchRefusal>, PlanningError>;
+}
