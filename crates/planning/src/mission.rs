@@ -8,8 +8,12 @@
 //!
 //! The [`Coordinator`] alone decides; it sees events with their times and answers with actions, and knows nothing of geometry.
 
+mod coordinator;
+mod event;
 mod motion;
 mod stretch;
 
+pub use coordinator::{Coordinator, Schedule};
+pub use event::{Action, Ambition, Event, FoundStretch, Note, Standing, StartFrom, TimedEvent};
 pub use motion::{MissionMotion, StopLimits};
 pub use stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
