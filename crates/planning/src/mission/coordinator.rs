@@ -94,8 +94,8 @@ pub struct Coordinator {
     requests: u64,
     way: Option<Asked>,
     stretch: Option<Asked>,
-    /// When the newest way begins; the world it was found in.
-    way_start_ns: Option<i64>,
+    /// The newest way, by its request, and when it begins.
+    flown_way: Option<(u64, i64)>,
     way_is_stale: bool,
     world_revision: u64,
     newest: u64,
@@ -119,7 +119,7 @@ impl Coordinator {
             requests: 0,
             way: None,
             stretch: None,
-            way_start_ns: None,
+            flown_way: None,
             way_is_stale: false,
             world_revision: 0,
             newest: 0,
@@ -210,11 +210,11 @@ impl Coordinator {
     }
 
     fn ask_for_stretch(&mut self, start_ns: i64, ambition: Ambition, actions: &mut Vec<Action>) {
-        let Some(way_start_ns) = self.way_start_ns else { return };
+        let Some((way, way_start_ns)) = self.flown_way else { return };
         let request = self.next_request();
         let world_revision = self.world_revision;
         self.stretch = Some(Asked { request, start_ns, ambition, world_revision });
-        actions.push(Action::PlanStretch { request, start_ns, way_start_ns, ambition });
+        actions.push(Action::PlanStretch { request, start_ns, way, way_start_ns, ambition });
     }
 
     fn first_ambition(&self) -> Ambition {
@@ -222,7 +222,7 @@ impl Coordinator {
     }
 
     fn rest(&mut self, from: StartFrom, pause_ns: i64) {
-        (self.way, self.stretch, self.way_start_ns) = (None, None, None);
+        (self.way, self.stretch, self.flown_way) = (None, None, None);
         self.arrived_since_ns = None;
         self.phase = Phase::Resting { ask_from_ns: self.now_ns + pause_ns, from };
     }
@@ -414,12 +414,12 @@ impl Coordinator {
             Phase::AwaitingWay => {
                 // at rest a way begins when its first stretch can
                 let start_ns = self.now_ns.max(asked.start_ns) + self.schedule.retry_lead_ns;
-                self.way_start_ns = Some(start_ns);
+                self.flown_way = Some((request, start_ns));
                 self.ask_for_stretch(start_ns, self.first_ambition(), actions);
                 self.phase = Phase::AwaitingFirst;
             }
             Phase::Flying(stretch) if asked.start_ns == stretch.end_ns => {
-                self.way_start_ns = Some(asked.start_ns);
+                self.flown_way = Some((request, asked.start_ns));
                 self.stretch = None;
                 self.ask_for_stretch(asked.start_ns, self.first_ambition(), actions);
             }
@@ -482,14 +482,14 @@ impl Coordinator {
             Some(ambition) if is_first => {
                 // nothing moves: the start can wait
                 let start_ns = self.now_ns + self.schedule.retry_lead_ns;
-                self.way_start_ns = Some(start_ns);
+                self.flown_way = self.flown_way.map(|(way, _)| (way, start_ns));
                 self.ask_for_stretch(start_ns, ambition, actions);
             }
             Some(ambition) if has_time => self.ask_for_stretch(asked.start_ns, ambition, actions),
             _ if is_first => self.rest(StartFrom::Reference, self.schedule.pause_ns),
             _ => {
                 // too late or to no avail: the next way begins where the stop ends
-                self.way_start_ns = None;
+                self.flown_way = None;
             }
         }
     }

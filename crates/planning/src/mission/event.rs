@@ -151,7 +151,9 @@ pub enum Action {
         request: u64,
         /// When it begins, ns.
         start_ns: i64,
-        /// When the way that it is a part of begins, ns.
+        /// The way that it is a part of, by its request.
+        way: u64,
+        /// When that way begins, ns.
         way_start_ns: i64,
         /// How.
         ambition: Ambition,
