@@ -10,10 +10,17 @@
 
 mod coordinator;
 mod event;
+mod informative_stretch;
 mod motion;
 mod stretch;
+mod stretch_model;
+mod stretch_settings;
+mod way_nodes;
 
 pub use coordinator::{Coordinator, Schedule};
 pub use event::{Action, Ambition, Event, FoundStretch, Note, Standing, StartFrom, TimedEvent};
+pub use informative_stretch::InformativeStretch;
 pub use motion::{MissionMotion, StopLimits};
 pub use stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
+pub use stretch_model::StretchModel;
+pub use stretch_settings::{Arrival, StretchSettings};
