@@ -8,6 +8,7 @@
 //!
 //! The [`Coordinator`] alone decides; it sees events with their times and answers with actions, and knows nothing of geometry.
 
+mod closed_loop;
 mod coordinator;
 mod event;
 mod informative_stretch;
@@ -17,6 +18,10 @@ mod stretch_model;
 mod stretch_settings;
 mod way_nodes;
 
+pub use closed_loop::{
+    AtGoal, ClosedLoop, ComputingTime, ControllerFactory, Layer, LoopObserver, LoopSettings, NoObserver, PlannerFault, Scene,
+    Sensed,
+};
 pub use coordinator::{Coordinator, Schedule};
 pub use event::{Action, Ambition, Event, FoundStretch, Note, Standing, StartFrom, TimedEvent};
 pub use informative_stretch::InformativeStretch;

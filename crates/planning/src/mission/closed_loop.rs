@@ -7,16 +7,19 @@ use super::stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask}
 use crate::belief::{ModelBelief, Plan};
 use crate::budget::Units;
 use crate::collision::CollisionWorld;
-use crate::control::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, ReferenceMotion};
+use crate::control::{ControlCommand, ControlRequest, Controller, Fallback, ReferenceMotion};
 use crate::error::PlanningError;
 use crate::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, GoalRegion, MotionLimits, Objective, Until};
 use crate::local::Surroundings;
 use crate::motion::{ArcPath, BodyArc, TranslationState};
-use nalgebra::{Unit, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::VecDeque;
-use tumble_dynamics::{PoseReference, RigidBodyState};
+use tumble_dynamics::PoseReference;
 use tumble_identification::Estimate;
-use tumble_identification::recursive::{FlightEstimator, FlightMeasurement, Reception};
+use tumble_identification::IdentificationError;
+use tumble_identification::recursive::{
+    FlightEstimator, FlightHealth, FlightMeasurement, LearningTargets, Reception, grasp_or_release,
+};
 use tumble_lie::{LieGroup, Wrench};
 
 /// Ways that are remembered for the stretches of them that are still to be planned.
@@ -33,7 +36,7 @@ pub struct Scene<W> {
 
 /// When the robot is where it was to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Arrival {
+pub struct AtGoal {
     /// Distance from the goal, m.
     pub distance_m: f64,
     /// Angle from its attitude, rad.
@@ -73,7 +76,7 @@ pub struct LoopSettings<B> {
     /// Where to; ignored where only stretches are counted.
     pub goal: GoalRegion,
     /// When that is reached.
-    pub arrival: Arrival,
+    pub at_goal: AtGoal,
     /// What a way keeps within.
     pub limits: MotionLimits,
     /// What is least of a way.
@@ -90,6 +93,8 @@ pub struct LoopSettings<B> {
     pub stretch_units: u64,
     /// How long that takes.
     pub computing: ComputingTime,
+    /// When the body is known well enough, so that information has no more weight; never where absent.
+    pub known: Option<LearningTargets>,
     /// Relative change of the mass that asks for another way.
     pub material_change: f64,
     /// All chance follows from it.
@@ -208,7 +213,11 @@ pub struct Sensed<'a> {
 }
 
 /// RATTLE: coordinator, estimator, planners and controller of one robot.
-pub struct ClosedLoop<W: CollisionWorld, G> {
+pub struct ClosedLoop<W, G>
+where
+    W: CollisionWorld,
+    W::Body: Sized,
+{
     settings: LoopSettings<W::Body>,
     coordinator: Coordinator,
     scene: Scene<W>,
@@ -232,6 +241,8 @@ pub struct ClosedLoop<W: CollisionWorld, G> {
     time_ns: i64,
     last: Option<ControlCommand>,
     was_braking: bool,
+    health: FlightHealth,
+    is_known: bool,
     first_way_s: Option<f64>,
     finished: Option<bool>,
 }
@@ -264,7 +275,6 @@ where
             stretch_planner: planners.1,
             controller: new_controller(&prior)?,
             new_controller,
-            estimator,
             way_mass_kg: prior.parameters().mass,
             belief: prior.clone(),
             prior,
@@ -279,6 +289,9 @@ where
             time_ns: start_ns,
             last: None,
             was_braking: false,
+            health: estimator.health(),
+            estimator,
+            is_known: false,
             first_way_s: None,
             finished: None,
             settings,
@@ -348,8 +361,11 @@ where
     }
 
     /// Overwrites what the estimator takes the body for, as a fault would.
-    pub fn mislead(&mut self, estimate: &Estimate) {
-        self.estimator.restart(estimate);
+    ///
+    /// # Errors
+    /// An estimate that is none.
+    pub fn mislead(&mut self, estimate: &Estimate) -> Result<(), IdentificationError> {
+        self.estimator.restart(estimate)
     }
 
     /// The wrench for the next control period.
@@ -390,6 +406,14 @@ where
                 self.events.push_back(Event::Relocalised);
             }
         }
+        let health = self.estimator.health();
+        if health.diverged && !self.health.diverged {
+            self.events.push_back(Event::Diverged);
+        }
+        if health.body_doubtful && !self.health.body_doubtful {
+            self.events.push_back(Event::BodyDoubtful);
+        }
+        self.health = health;
     }
 
     /// Answers whose time has come.
@@ -416,6 +440,11 @@ where
     }
 
     fn believe(&mut self) {
+        let is_known = self.settings.known.as_ref().is_some_and(|known| self.estimator.is_known_well_enough(known));
+        if is_known != self.is_known {
+            self.is_known = is_known;
+            self.events.push_back(Event::Known(is_known));
+        }
         if !self.settings.feedback {
             return;
         }
@@ -433,11 +462,11 @@ where
         let wanted = self.flown.at(time_s).state;
         let (pose, goal) = (state.world_from_body, &self.settings.goal);
         let turned = |to: &UnitQuaternion<f64>| angle(&pose.rotation, to);
-        let arrival = &self.settings.arrival;
-        let is_at_goal = distance(&pose.translation.vector, &goal.position) <= arrival.distance_m
-            && goal.attitude.is_none_or(|attitude| turned(&attitude) <= arrival.angle_rad)
-            && length(&state.twist_body.linear) <= arrival.speed_m_s
-            && length(&state.twist_body.angular) <= arrival.rate_rad_s;
+        let near = &self.settings.at_goal;
+        let is_at_goal = distance(&pose.translation.vector, &goal.position) <= near.distance_m
+            && goal.attitude.is_none_or(|attitude| turned(&attitude) <= near.angle_rad)
+            && length(&state.twist_body.linear) <= near.speed_m_s
+            && length(&state.twist_body.angular) <= near.rate_rad_s;
         Standing {
             state_age_ns: self.time_ns - self.estimator.newest_stamp_ns(),
             deviation_m: distance(&pose.translation.vector, &wanted.world_from_body.translation.vector),
@@ -493,8 +522,8 @@ where
                 let believed = ModelBelief { revision: self.belief.revision, estimate: self.belief.estimate.clone() };
                 self.controller = (self.new_controller)(&believed)?;
             }
-            Action::ResetEstimator => self.estimator.restart(&self.prior.estimate),
-            Action::WidenBelief => self.estimator.body_changed(),
+            Action::ResetEstimator => self.estimator.restart(&self.prior.estimate)?,
+            Action::WidenBelief => self.estimator.body_changed(&grasp_or_release()),
             Action::Finish { has_arrived } => self.finished = Some(has_arrived),
             Action::Note(_) => {}
         }
