@@ -19,8 +19,8 @@ mod stretch_settings;
 mod way_nodes;
 
 pub use closed_loop::{
-    AtGoal, ClosedLoop, ComputingTime, ControllerFactory, Layer, LoopObserver, LoopSettings, NoObserver, PlannerFault, Scene,
-    Sensed,
+    AtGoal, ClosedLoop, ComputingTime, ControllerFactory, Layer, LoopObserver, LoopSettings, NoObserver, PlannerFault,
+    Scene, Sensed,
 };
 pub use coordinator::{Coordinator, Schedule};
 pub use event::{Action, Ambition, Event, FoundStretch, Note, Standing, StartFrom, TimedEvent};

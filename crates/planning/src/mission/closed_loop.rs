@@ -337,9 +337,7 @@ where
         self.world_revision += 1;
         let contact_ns = self.contact(&self.flown.now)?;
         let contact_ns = match &self.flown.next {
-            Some((start_ns, next, _)) => {
-                contact_ns.filter(|contact_ns| contact_ns < start_ns).or(self.contact(next)?)
-            }
+            Some((start_ns, next, _)) => contact_ns.filter(|contact_ns| contact_ns < start_ns).or(self.contact(next)?),
             None => contact_ns,
         };
         self.events.push_back(Event::World { revision: self.world_revision, contact_ns });
