@@ -23,9 +23,11 @@ pub mod flight_modes;
 pub mod harmonic_report;
 #[cfg(feature = "cli")]
 pub mod log;
-pub mod noise;
 #[cfg(feature = "cli")]
 pub mod mission;
+#[cfg(feature = "cli")]
+pub mod mission_report;
+pub mod noise;
 #[cfg(feature = "cli")]
 pub mod output;
 pub mod planning_presets;
