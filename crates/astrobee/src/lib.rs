@@ -27,6 +27,9 @@ pub mod log;
 pub mod mission;
 pub mod noise;
 #[cfg(feature = "cli")]
+pub mod mission_report;
+pub mod noise;
+#[cfg(feature = "cli")]
 pub mod output;
 pub mod planning_presets;
 pub mod propulsion;
