@@ -6,6 +6,8 @@ pub mod bodies;
 #[cfg(feature = "cli")]
 pub mod body_file;
 #[cfg(feature = "cli")]
+pub mod campaign;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod control_presets;
 #[cfg(feature = "cli")]
@@ -23,9 +25,9 @@ pub mod flight_modes;
 pub mod harmonic_report;
 #[cfg(feature = "cli")]
 pub mod log;
-pub mod noise;
 #[cfg(feature = "cli")]
 pub mod mission;
+pub mod noise;
 #[cfg(feature = "cli")]
 pub mod output;
 pub mod planning_presets;

@@ -5,6 +5,6 @@ mod record;
 
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice, WeightingChoice};
 pub use record::{
-    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow, Series,
-    StretchRow, TrackingRms, WayRow,
+    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow,
+    Series, StretchRow, TrackingRms, WayRow,
 };
