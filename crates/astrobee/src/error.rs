@@ -287,6 +287,20 @@ pub enum AstrobeeError {
     /// T035: a controller that refuses what it is given.
     #[error("the controller refuses: {0}")]
     Control(tumble_planning::PlanningError),
+    /// T040: parts or a folder of a campaign that do not belong together.
+    #[error("{path}: {message}")]
+    BadCampaign {
+        /// The folder or file.
+        path: PathBuf,
+        /// What is missing, twice there, or other than the rest.
+        message: String,
+    },
+    /// T041: a campaign's unfinished folder that another process writes to.
+    #[error("{path}: another process flies this campaign now")]
+    CampaignInUse {
+        /// The unfinished folder.
+        path: PathBuf,
+    },
     /// T031: something that the format asked for cannot hold.
     #[error("{path}: {format} cannot hold {what}")]
     NotHeld {
@@ -352,6 +366,8 @@ impl AstrobeeError {
             Self::Planning(_) => "T033",
             Self::PlanContradiction { .. } => "T034",
             Self::Control(_) => "T035",
+            Self::BadCampaign { .. } => "T040",
+            Self::CampaignInUse { .. } => "T041",
             Self::NotHeld { .. } => "T031",
             Self::BadReport { .. } => "T036",
             Self::Database { .. } => "T032",
@@ -478,6 +494,11 @@ impl AstrobeeError {
             Self::Control(_) => {
                 "correct `[belief]`, `[drive.control]` or `[[drive.beliefs]]` of the scenario; `docs/scenarios.md` describes every key"
             }
+            Self::BadCampaign { .. } => {
+                "merge all parts of one campaign, flown by one version with the same options; an unfinished part is finished by the command \
+                 that began it, another campaign needs another folder; `docs/campaigns.md`"
+            }
+            Self::CampaignInUse { .. } => "wait for it, end it, or name another folder with `--out`",
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
             Self::BadReport { .. } => {
                 "name a `report.html` as `tumble fly` wrote it; with the seed and the options of its header the flight can be redone without it"

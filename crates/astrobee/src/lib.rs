@@ -6,6 +6,8 @@ pub mod bodies;
 #[cfg(feature = "cli")]
 pub mod body_file;
 #[cfg(feature = "cli")]
+pub mod campaign;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod control_presets;
 #[cfg(feature = "cli")]
