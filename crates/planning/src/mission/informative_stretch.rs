@@ -7,7 +7,7 @@ use super::way_nodes::motion_on;
 use crate::budget::Budget;
 use crate::error::{PlanningError, positive};
 use crate::local::{
-    Array2, Guess, InformationWeighting, InformativePlanner, Kinematics, Knowledge, LocalAnswer, LocalPlanner,
+    Array2, Guess, InformationWeighting, InformativePlanner, Kinematics, Knowledge, LocalAnswer, LocalPlanner, LocalTrajectory,
     LocalRequest, LocalStatus, Reference, TerminalRegion, WeightingContext, WrenchSet,
 };
 use nalgebra::SMatrix;
@@ -27,8 +27,9 @@ pub struct InformativeStretch<M: StretchModel<X, U, P>, const X: usize, const U:
     steps: usize,
     /// Covariance of the quantities at first, and the length of the first way, s.
     first: Option<(SMatrix<f64, P, P>, f64)>,
-    /// Start and inputs of the last plan.
-    last: Option<(f64, Vec<[f64; U]>)>,
+    last: Option<LocalTrajectory<M::State, U, P>>,
+    /// Of the last task, all tries together.
+    iterations: usize,
 }
 
 /// One try.
@@ -62,11 +63,27 @@ impl<M: StretchModel<X, U, P> + Clone, const X: usize, const U: usize, const P: 
             steps: settings.steps,
             first: None,
             last: None,
+            iterations: 0,
         })
     }
 }
 
 impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> InformativeStretch<M, X, U, P> {
+    /// The last plan there was.
+    pub fn last_plan(&self) -> Option<&LocalTrajectory<M::State, U, P>> {
+        self.last.as_ref()
+    }
+
+    /// The model, with the belief of the last task.
+    pub fn model(&self) -> &M {
+        &self.model
+    }
+
+    /// Iterations for the last task, those of all tries.
+    pub fn iterations(&self) -> usize {
+        self.iterations
+    }
+
     /// The weights for a task.
     fn weights(&mut self, task: &StretchTask<'_>, covariance: SMatrix<f64, P, P>) -> Result<[f64; P], PlanningError> {
         let (initial, duration_s) = *self.first.get_or_insert((covariance, task.way.duration_s().max(self.step_s)));
@@ -80,9 +97,9 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
     /// Inputs that follow the way, of the last plan where it goes on.
     fn inputs(&self, task: &StretchTask<'_>) -> Vec<[f64; U]> {
         let by_acceleration = input_by_acceleration(&self.model.acceleration_by_input());
-        let ahead = self.last.as_ref().and_then(|(start_s, inputs)| {
-            let ahead = (task.start_s - start_s) / self.step_s;
-            (ahead >= 0.0).then_some((ahead.round() as usize, inputs))
+        let ahead = self.last.as_ref().and_then(|last| {
+            let ahead = (task.start_s - last.start_s) / self.step_s;
+            (ahead >= 0.0).then_some((ahead.round() as usize, &last.inputs))
         });
         let begin_s = task.start_s - task.way_start_s;
         (0..self.steps)
@@ -122,7 +139,7 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
         let end = trajectory.states.last().map(|state| self.model.kinematics(state));
         let is_last = end.is_some_and(|end| self.has_arrived(&end, goal)) && self.way_ends(task);
         let motion = self.model.motion(&trajectory, task.belief)?;
-        self.last = Some((trajectory.start_s, trajectory.inputs));
+        self.last = Some(trajectory);
         Ok(Ok(StretchAnswer {
             motion,
             is_last,
@@ -193,13 +210,11 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> S
             .map(|(motion, ..)| self.model.state_of(&motion))
             .collect();
         let start = self.model.state_of(&start);
-        let goal_position = goal.position_world();
         let region = TerminalRegion {
             position_world: self.model.kinematics(&self.model.state_of(&goal)).position_world(),
             radius_m: self.arrival.radius_m,
             speed_m_s: self.arrival.speed_m_s,
         };
-        let _ = goal_position;
         let inputs = self.inputs(task);
         let ends = self.way_ends(task);
         let mut tries = vec![Try { guess: Some(inputs.clone()), must_arrive: ends }];
@@ -207,6 +222,7 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> S
         if ends {
             tries.push(Try { guess: Some(inputs), must_arrive: false });
         }
+        self.iterations = 0;
         let mut refusal = StretchRefusal { violation: f64::INFINITY, blocker: None };
         for Try { guess, must_arrive } in tries {
             let request = LocalRequest {
@@ -220,6 +236,7 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> S
                 guess: guess.as_ref().map_or(Guess::Excited, |inputs| Guess::Inputs(inputs)),
             };
             let found = self.planner.plan(&request, budget)?;
+            self.iterations += found.iterations;
             match self.answer(task, &goal, &weights, knowledge.names, found)? {
                 Ok(answer) => return Ok(Ok(answer)),
                 Err(refused) => refusal = refused,
