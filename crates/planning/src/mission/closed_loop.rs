@@ -160,7 +160,7 @@ pub struct NoObserver;
 impl LoopObserver for NoObserver {}
 
 /// Makes a controller that counts on nothing but what the body can be at all.
-pub type ControllerFactory = Box<dyn FnMut(&ModelBelief) -> Result<Box<dyn Controller>, PlanningError>>;
+pub type ControllerFactory<C> = Box<dyn FnMut(&ModelBelief) -> Result<C, PlanningError>>;
 
 /// What is flown: a motion, and from a time on the next one.
 #[derive(Clone, Debug)]
@@ -213,7 +213,7 @@ pub struct Sensed<'a> {
 }
 
 /// RATTLE: coordinator, estimator, planners and controller of one robot.
-pub struct ClosedLoop<W, G>
+pub struct ClosedLoop<W, G, C>
 where
     W: CollisionWorld,
     W::Body: Sized,
@@ -224,8 +224,8 @@ where
     world_revision: u64,
     way_planner: G,
     stretch_planner: Box<dyn StretchPlanner>,
-    new_controller: ControllerFactory,
-    controller: Box<dyn Controller>,
+    new_controller: ControllerFactory<C>,
+    controller: C,
     estimator: FlightEstimator,
     prior: ModelBelief,
     belief: ModelBelief,
@@ -247,11 +247,12 @@ where
     finished: Option<bool>,
 }
 
-impl<W, G> ClosedLoop<W, G>
+impl<W, G, C> ClosedLoop<W, G, C>
 where
     W: CollisionWorld,
     W::Body: Sized,
     G: GlobalPlanner<W>,
+    C: Controller,
 {
     /// At rest where the estimator has the robot, at `start_ns`.
     ///
@@ -261,7 +262,7 @@ where
         settings: LoopSettings<W::Body>,
         scene: Scene<W>,
         planners: (G, Box<dyn StretchPlanner>),
-        mut new_controller: ControllerFactory,
+        mut new_controller: ControllerFactory<C>,
         estimator: FlightEstimator,
         start_ns: i64,
     ) -> Result<Self, PlanningError> {
@@ -306,6 +307,11 @@ where
     /// The estimator.
     pub fn estimator(&self) -> &FlightEstimator {
         &self.estimator
+    }
+
+    /// The controller.
+    pub fn controller(&self) -> &C {
+        &self.controller
     }
 
     /// The newest command.
