@@ -23,9 +23,9 @@ pub mod flight_modes;
 pub mod harmonic_report;
 #[cfg(feature = "cli")]
 pub mod log;
-pub mod noise;
 #[cfg(feature = "cli")]
 pub mod mission;
+pub mod noise;
 #[cfg(feature = "cli")]
 pub mod output;
 pub mod planning_presets;

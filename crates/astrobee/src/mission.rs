@@ -1,10 +1,14 @@
 //! A mission: RATTLE's layers around the simulated robot, from a scenario to a record of what happened.
 
+mod faults;
 mod options;
 mod record;
 
+pub use faults::{
+    BodyStep, Fault, FaultChoiceError, Faults, LateObstacle, PlannerFault, PlantChange, Sabotage, replay_line,
+};
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice, WeightingChoice};
 pub use record::{
-    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow, Series,
-    StretchRow, TrackingRms, WayRow,
+    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow,
+    Series, StretchRow, TrackingRms, WayRow,
 };

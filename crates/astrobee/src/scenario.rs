@@ -12,6 +12,7 @@ mod plan_local;
 pub use build::{Flight, PayloadChange, read_wrenches};
 pub use control::{BeliefTable, ControlTable, Steering};
 pub use embedded::{EMBEDDED, Embedded};
+pub(crate) use place::suggestion;
 pub use plan::{PlanBodyTable, PlanTable, PlanningProblem};
 pub use plan_local::{
     CriterionName, EffortTable, LocalProblem, LocalTable, MeasurementTable, NuisanceTable, PriorTable, TrackingTable,
