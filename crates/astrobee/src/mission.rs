@@ -7,6 +7,13 @@ mod record;
 
 pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly};
 pub use layers::{AstrobeeLoop, closed_loop, scene};
+mod faults;
+mod options;
+mod record;
+
+pub use faults::{
+    BodyStep, Fault, FaultChoiceError, Faults, LateObstacle, PlannerFault, PlantChange, Sabotage, replay_line,
+};
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice, WeightingChoice};
 pub use record::{
     BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow,

@@ -8,6 +8,15 @@
 //!
 //! The [`Coordinator`] alone decides; it sees events with their times and answers with actions, and knows nothing of geometry.
 
+mod fault_plant;
+mod motion;
+mod stretch;
+mod watch;
+
+pub use fault_plant::{FaultPlant, NoFault, PlantFault};
+pub use motion::{MissionMotion, StopLimits};
+pub use stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
+pub use watch::{Invariant, InvariantWatch, Violation, WatchLimits, WatchedStep};
 mod closed_loop;
 mod coordinator;
 mod event;
