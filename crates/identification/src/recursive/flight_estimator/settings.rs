@@ -13,6 +13,8 @@ pub struct WrenchErrors {
     pub drift_time_s: f64,
     /// Standard deviation of the constant relative part: thrust that is everywhere larger than on paper, say.
     pub scale: Vector6<f64>,
+    /// How long a wrench is held to which the white noise of [`MotionNoise`] belongs, s; over other times it averages.
+    pub period_s: f64,
 }
 
 /// Settings of a [`FlightEstimator`](super::FlightEstimator).
@@ -52,6 +54,7 @@ impl FlightEstimatorSettings {
                 drift: Vector6::new(torque, torque, torque, force, force, force),
                 drift_time_s: 30.0,
                 scale: Vector6::repeat(scale),
+                period_s: 0.016,
             },
             planar: false,
             start_deviation: [0.02, 0.01, 0.01, 0.01],
@@ -75,6 +78,7 @@ impl FlightEstimatorSettings {
             noise.rate_rad_s,
             noise.velocity_m_s,
             self.wrench.drift_time_s,
+            self.wrench.period_s,
             a,
             p,
             r,
