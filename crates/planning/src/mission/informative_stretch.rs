@@ -7,8 +7,8 @@ use super::way_nodes::motion_on;
 use crate::budget::Budget;
 use crate::error::{PlanningError, positive};
 use crate::local::{
-    Array2, Guess, InformationWeighting, InformativePlanner, Kinematics, Knowledge, LocalAnswer, LocalPlanner, LocalTrajectory,
-    LocalRequest, LocalStatus, Reference, TerminalRegion, WeightingContext, WrenchSet,
+    Array2, Guess, InformationWeighting, InformativePlanner, Kinematics, Knowledge, LocalAnswer, LocalPlanner,
+    LocalRequest, LocalStatus, LocalTrajectory, Reference, TerminalRegion, WeightingContext, WrenchSet,
 };
 use nalgebra::SMatrix;
 use tumble_lie::LieGroup;
@@ -138,7 +138,7 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
         let (before, after) = (at(0), at(self.steps));
         let end = trajectory.states.last().map(|state| self.model.kinematics(state));
         let is_last = end.is_some_and(|end| self.has_arrived(&end, goal)) && self.way_ends(task);
-        let motion = self.model.motion(&trajectory, task.belief)?;
+        let motion = self.model.motion(&trajectory, task.belief);
         self.last = Some(trajectory);
         Ok(Ok(StretchAnswer {
             motion,

@@ -2,7 +2,6 @@
 
 use super::motion::MissionMotion;
 use crate::belief::ModelBelief;
-use crate::error::PlanningError;
 use crate::local::{InformativeModel, Kinematics, LocalTrajectory, PlanarBodyModel, PlanarState, RigidBodyModel};
 use nalgebra::{UnitQuaternion, Vector2};
 
@@ -16,15 +15,8 @@ pub trait StretchModel<const X: usize, const U: usize, const P: usize>: Informat
     /// The state of a body that moves so; what the model has no coordinates for is left out.
     fn state_of(&self, motion: &Kinematics) -> Self::State;
 
-    /// The motion of a plan.
-    ///
-    /// # Errors
-    /// Plans that are no motion.
-    fn motion(
-        &self,
-        trajectory: &LocalTrajectory<Self::State, U, P>,
-        belief: &ModelBelief,
-    ) -> Result<MissionMotion, PlanningError>;
+    /// The motion of a plan made with a belief.
+    fn motion(&self, trajectory: &LocalTrajectory<Self::State, U, P>, belief: &ModelBelief) -> MissionMotion;
 }
 
 impl<const P: usize> StretchModel<12, 6, P> for RigidBodyModel<P> {
@@ -35,13 +27,8 @@ impl<const P: usize> StretchModel<12, 6, P> for RigidBodyModel<P> {
         *motion
     }
 
-    fn motion(
-        &self,
-        trajectory: &LocalTrajectory<Kinematics, 6, P>,
-        _belief: &ModelBelief,
-    ) -> Result<MissionMotion, PlanningError> {
-        let last = trajectory.states.last().ok_or(PlanningError::NoBelief)?;
-        Ok(MissionMotion::resting(last.world_from_body, trajectory.start_s))
+    fn motion(&self, trajectory: &LocalTrajectory<Kinematics, 6, P>, belief: &ModelBelief) -> MissionMotion {
+        MissionMotion::planned(trajectory, belief.parameters())
     }
 }
 
@@ -59,13 +46,8 @@ impl<const P: usize> StretchModel<6, 3, P> for PlanarBodyModel<P> {
         }
     }
 
-    fn motion(
-        &self,
-        trajectory: &LocalTrajectory<PlanarState, 3, P>,
-        _belief: &ModelBelief,
-    ) -> Result<MissionMotion, PlanningError> {
-        let last = trajectory.states.last().ok_or(PlanningError::NoBelief)?;
-        Ok(MissionMotion::resting(self.kinematics(last).world_from_body, trajectory.start_s))
+    fn motion(&self, trajectory: &LocalTrajectory<PlanarState, 3, P>, belief: &ModelBelief) -> MissionMotion {
+        MissionMotion::planned_in_plane(trajectory, self.height_m(), belief.parameters())
     }
 }
 

@@ -62,7 +62,7 @@ impl Default for StretchSettings {
             effort: [1.0, 1.0],
             speed: SpeedLimits {
                 speed_m_s: nalgebra::Vector3::repeat(0.1),
-                rate_rad_s: nalgebra::Vector3::repeat(f64::INFINITY),
+                rate_rad_s: nalgebra::Vector3::repeat(0.3),
             },
             measurement_sigma: [0.01, 0.005, 0.01, 0.005],
             samples_per_step: 1.0,

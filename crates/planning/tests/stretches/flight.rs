@@ -11,7 +11,7 @@ use tumble_planning::local::{Hull, InformationWeighting, Surroundings, WrenchSet
 use tumble_planning::mission::{InformativeStretch, StretchModel, StretchPlanner, StretchSettings, StretchTask};
 use tumble_planning::{ArcPath, ModelBelief, TranslationState, Units};
 
-pub const RADIUS_M: f64 = 0.16;
+pub const RADIUS_M: f64 = 0.15;
 pub const FORCE_N: f64 = 0.15;
 pub const TORQUE_N_M: f64 = 0.02;
 
@@ -93,9 +93,9 @@ pub struct WayShare {
     pub margin_m: f64,
 }
 
-pub const WAY: WayShare = WayShare { force: 0.4, torque: 0.4, speed_m_s: 0.07, rate_rad_s: 0.15, margin_m: 0.07 };
+pub const WAY: WayShare = WayShare { force: 0.4, torque: 0.2, speed_m_s: 0.07, rate_rad_s: 0.1, margin_m: 0.045 };
 
-pub fn way(scene: &Scene, belief: &ModelBelief, share: &WayShare, units: u64, seed: u64) -> ArcPath {
+pub fn way(scene: &Scene, belief: &ModelBelief, share: &WayShare, units: u64, seed: u64) -> Option<ArcPath> {
     let world = EllipsoidWorld::new(&scene.world).unwrap();
     let body = BodyShape::sphere(RADIUS_M).unwrap();
     let flat = if scene.is_planar { 0.0 } else { 1.0 };
@@ -125,7 +125,8 @@ pub fn way(scene: &Scene, belief: &ModelBelief, share: &WayShare, units: u64, se
         seed,
     };
     let mut planner = FlightPlanner::new(FlightPlannerSettings::default());
-    planner.plan(&request, &mut Units::new(units)).unwrap().plan.expect("a way").trajectory
+    let answer = planner.plan(&request, &mut Units::new(units)).unwrap();
+    answer.plan.map(|plan| plan.trajectory)
 }
 
 /// What may be hit, the walls of the room of positions included.
@@ -163,7 +164,6 @@ pub struct Flown {
     pub weights: Vec<Vec<f64>>,
     pub impulse: [f64; 2],
     pub end_error: [f64; 4],
-    pub gathered: Vec<f64>,
 }
 
 /// Flies a mission stretch by stretch, the belief's covariance as predicted.
@@ -204,11 +204,20 @@ where
         };
         let mut budget = Units::new(u64::MAX);
         let clock = std::time::Instant::now();
-        let answer = planner.plan(&task, &mut budget).unwrap();
+        let answer = planner.plan(&task, &mut budget);
+        let answer = match answer {
+            Ok(answer) => answer,
+            Err(error) => {
+                println!("{error}");
+                flown.refused = true;
+                return flown;
+            }
+        };
         flown.wall_ms.push(clock.elapsed().as_secs_f64() * 1e3);
         flown.iterations.push(planner.iterations());
         flown.units.push(budget.spent());
-        let Ok(answer) = answer else {
+        let Ok(answer) = answer.as_ref() else {
+            println!("{answer:?}");
             flown.refused = true;
             return flown;
         };
