@@ -140,8 +140,7 @@ pub fn run(args: &FlyArgs) -> Result<Outcome, AstrobeeError> {
     let unwritable = |source| AstrobeeError::Unwritable { path: log_path.clone(), source };
     let file = File::create(&log_path).map_err(unwritable)?;
     let recorder = Recorder::with_estimate(BufWriter::with_capacity(1 << 16, file)).map_err(unwritable)?;
-    let mut watch =
-        Watch { recorder, log: log_path.clone(), costs: Costs::default(), since: Instant::now() };
+    let mut watch = Watch { recorder, log: log_path.clone(), costs: Costs::default(), since: Instant::now() };
     let clock = Instant::now();
     let record = mission::fly(&source, &options, &mut watch)?;
     let wall_s = clock.elapsed().as_secs_f64();

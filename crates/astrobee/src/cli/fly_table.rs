@@ -59,7 +59,10 @@ pub(super) fn table(record: &MissionRecord, costs: &Costs, wall_s: f64) -> Strin
         let _ = writeln!(text, "  {what:<26}{value}");
     };
     let arrived = if summary.arrived { "yes" } else { "no" };
-    line("arrived", format!("{arrived}, after {:.1} s ({:.0} x real time)", summary.mission_s, summary.mission_s / wall_s));
+    line(
+        "arrived",
+        format!("{arrived}, after {:.1} s ({:.0} x real time)", summary.mission_s, summary.mission_s / wall_s),
+    );
     let clearance = summary.min_clearance_m.map_or_else(|| "nothing around".to_owned(), |m| format!("{m:.3} m"));
     line("least clearance", clearance);
     line("limits passed", format!("{} control periods", summary.limit_violations));

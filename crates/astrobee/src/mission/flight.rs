@@ -3,16 +3,16 @@
 use super::layers::{AstrobeeLoop, closed_loop, scene};
 use super::options::FlyOptions;
 use super::record::{
-    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow, Series,
-    StretchRow, TrackingRms, WayRow,
+    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow,
+    Series, StretchRow, TrackingRms, WayRow,
 };
 use crate::AstrobeeError;
 use crate::scenario::{MissionProblem, ScenarioSource};
 use crate::sensing::LocalizationEstimate;
 use crate::simulator::{CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, FallbackSpell, SimulatorMeasurement};
 use std::collections::BTreeMap;
-use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
+use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World};
 use tumble_identification::Estimate;
 use tumble_identification::recursive::FlightMeasurement;
 use tumble_lie::{LieGroup, Wrench};
@@ -20,9 +20,7 @@ use tumble_planning::ModelBelief;
 use tumble_planning::collision::{CollisionWorld, EllipsoidWorld};
 use tumble_planning::control::ControlCommand;
 use tumble_planning::global::GlobalAnswer;
-use tumble_planning::mission::{
-    Action, Event, Layer, LoopObserver, Sensed, StretchAnswer, TimedEvent,
-};
+use tumble_planning::mission::{Action, Event, Layer, LoopObserver, Sensed, StretchAnswer, TimedEvent};
 
 /// Control periods between two rows of the series.
 const BETWEEN_ROWS: u64 = 12;
@@ -284,10 +282,8 @@ pub fn fly(
         events: Vec::new(),
         shut_off: BTreeMap::new(),
     };
-    let mut sums = Sums {
-        account: ControlAccount::with_decisions(BETWEEN_ROWS as i64 * CONTROL_PERIOD_NS),
-        ..Sums::default()
-    };
+    let mut sums =
+        Sums { account: ControlAccount::with_decisions(BETWEEN_ROWS as i64 * CONTROL_PERIOD_NS), ..Sums::default() };
     sums.series.force_limit_n = array(&problem.force_limit_n);
     sums.series.torque_limit_n_m = array(&problem.torque_limit_n_m);
     let (mut acted, mut arrived) = (Wrench::zero(), Vec::<FlightMeasurement>::new());
@@ -480,7 +476,8 @@ fn record(
         warnings,
     };
     let World { keep_in, keep_out, obstacles } = &problem.planning.world;
-    let drawn = |aligned: &AlignedBox| DrawnBox { lower_m: array(&aligned.lower_world), upper_m: array(&aligned.upper_world) };
+    let drawn =
+        |aligned: &AlignedBox| DrawnBox { lower_m: array(&aligned.lower_world), upper_m: array(&aligned.upper_world) };
     let ellipsoid = |(index, solid): (usize, &ObstacleEllipsoid)| {
         let motion = problem.planning.obstacle_motions.iter().find(|motion| motion.obstacle == index);
         let seen_s = problem.seen_from_s.get(index).copied().unwrap_or(0.0);

@@ -45,7 +45,11 @@ fn nanoseconds(time_s: f64) -> i64 {
 ///
 /// # Errors
 /// Those of the planner: a world that cannot be.
-pub fn scene(problem: &MissionProblem, time_s: f64, extra: &[MovingObstacle]) -> Result<Scene<EllipsoidWorld>, PlanningError> {
+pub fn scene(
+    problem: &MissionProblem,
+    time_s: f64,
+    extra: &[MovingObstacle],
+) -> Result<Scene<EllipsoidWorld>, PlanningError> {
     let planning = &problem.planning;
     let is_seen = |index: &usize| problem.seen_from_s.get(*index).is_none_or(|from_s| *from_s <= time_s);
     let motion_of = |index: usize| planning.obstacle_motions.iter().find(|motion| motion.obstacle == index);
@@ -126,10 +130,8 @@ pub fn stretch_planner(
     };
     let torque = problem.torque_limit_n_m * problem.plan_torque_share;
     let force = problem.force_limit_n * problem.plan_force_share;
-    let in_space = || WrenchSet {
-        limit: [torque.x, torque.y, torque.z, force.x, force.y, force.z],
-        half_spaces: Vec::new(),
-    };
+    let in_space =
+        || WrenchSet { limit: [torque.x, torque.y, torque.z, force.x, force.y, force.z], half_spaces: Vec::new() };
     let on_table = || WrenchSet { limit: [torque.z, force.x, force.y], half_spaces: Vec::new() };
     Ok(match problem.unknowns {
         UnknownsName::Principal => Box::new(InformativeStretch::try_new(
