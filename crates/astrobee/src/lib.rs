@@ -27,9 +27,9 @@ pub mod harmonic_report;
 pub mod log;
 #[cfg(feature = "cli")]
 pub mod mission;
-pub mod noise;
 #[cfg(feature = "cli")]
 pub mod mission_report;
+pub mod noise;
 pub mod noise;
 #[cfg(feature = "cli")]
 pub mod output;

@@ -13,11 +13,11 @@ mod plan_local;
 pub use build::{Flight, PayloadChange, read_wrenches};
 pub use control::{BeliefTable, ControlTable, Steering};
 pub use embedded::{EMBEDDED, Embedded};
-pub(crate) use place::suggestion;
 pub use fly::{
     ArrivalTable, ArrivalTolerance, ComputingSettings, ComputingTable, EstimatorTable, FlyTable, InformationTable,
     LARGEST_OUTSIDE, MissionProblem, WeightingSettings, draw_mission,
 };
+pub(crate) use place::suggestion;
 pub use plan::{PlanBodyTable, PlanTable, PlanningProblem};
 pub use plan_local::{
     CriterionName, EffortTable, LocalProblem, LocalTable, MeasurementTable, NuisanceTable, PriorTable, TrackingTable,

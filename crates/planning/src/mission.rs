@@ -8,23 +8,16 @@
 //!
 //! The [`Coordinator`] alone decides; it sees events with their times and answers with actions, and knows nothing of geometry.
 
-mod fault_plant;
-mod motion;
-mod stretch;
-mod watch;
-
-pub use fault_plant::{FaultPlant, NoFault, PlantFault};
-pub use motion::{MissionMotion, StopLimits};
-pub use stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
-pub use watch::{Invariant, InvariantWatch, Violation, WatchLimits, WatchedStep};
 mod closed_loop;
 mod coordinator;
 mod event;
+mod fault_plant;
 mod informative_stretch;
 mod motion;
 mod stretch;
 mod stretch_model;
 mod stretch_settings;
+mod watch;
 mod way_nodes;
 
 pub use closed_loop::{
@@ -33,8 +26,10 @@ pub use closed_loop::{
 };
 pub use coordinator::{Coordinator, Schedule};
 pub use event::{Action, Ambition, Event, FoundStretch, Note, Standing, StartFrom, TimedEvent};
+pub use fault_plant::{FaultPlant, NoFault, PlantFault};
 pub use informative_stretch::InformativeStretch;
 pub use motion::{MissionMotion, StopLimits};
 pub use stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
 pub use stretch_model::StretchModel;
 pub use stretch_settings::{Arrival, StretchSettings};
+pub use watch::{Invariant, InvariantWatch, Violation, WatchLimits, WatchedStep};
