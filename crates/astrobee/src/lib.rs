@@ -30,7 +30,6 @@ pub mod mission;
 #[cfg(feature = "cli")]
 pub mod mission_report;
 pub mod noise;
-pub mod noise;
 #[cfg(feature = "cli")]
 pub mod output;
 pub mod planning_presets;
