@@ -175,6 +175,7 @@ pub struct AstrobeeSimulator {
     rate_limit_rad_s: f64,
     drag: Option<QuadraticDrag<f64>>,
     actuators: Actuators,
+    damage: Damage,
     sensors: Option<Localization>,
     time_ns: i64,
     state: RigidBodyState<f64>,
@@ -214,6 +215,7 @@ impl AstrobeeSimulator {
             rate_limit_rad_s: settings.rate_limit_rad_s,
             drag: settings.drag,
             actuators: settings.actuators,
+            damage: Damage::NONE,
             sensors: settings.sensors,
             time_ns: 0,
             state,
@@ -301,7 +303,7 @@ impl AstrobeeSimulator {
     /// Without simulated modules, the nozzles' shares of the wrench are those of the allocation; valves and rotors know the
     /// factor on the thrust only.
     pub fn set_damage(&mut self, damage: Damage) {
-        let _ = damage;
+        self.damage = damage;
     }
 
     /// Changes the body, robot and payload alike.
@@ -309,7 +311,16 @@ impl AstrobeeSimulator {
     /// # Errors
     /// [`DynamicsError`] where there would be no body any more.
     pub fn step_body(&mut self, step: &BodyStep) -> Result<(), SimulatorError> {
-        let _ = step;
+        let whole = self.body();
+        let robot = step.of_robot(&self.robot, whole.mass);
+        let held = self.held.map(|grasp| Grasp { payload: step.of_payload(&grasp.payload), ..grasp });
+        for part in std::iter::once(&robot).chain(held.as_ref().map(|grasp| &grasp.payload)) {
+            if part.validated()?.mass <= 0.0 {
+                return Err(DynamicsError::NotRealizable { margin: part.consistency_margin() }.into());
+            }
+        }
+        self.robot = robot;
+        self.take_load(held);
         Ok(())
     }
 
@@ -387,7 +398,7 @@ impl AstrobeeSimulator {
 
     /// One control period; leaves the body where it was when the integrator refuses, though not the propulsion.
     fn period(&mut self, wanted: &Wrench<f64>) -> Result<SimulatorMeasurement, SimulatorError> {
-        let made = self.actuators.step(wanted, &self.state.twist_body.angular)?;
+        let made = self.actuators.step(wanted, &self.state.twist_body.angular, &self.damage)?;
         let (start_ns, start_state) = (self.time_ns, self.state);
         let mut start = None;
         let mut sum = Wrench::zero();

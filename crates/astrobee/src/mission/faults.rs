@@ -6,16 +6,25 @@
 //! stays: nozzles and the body.
 
 mod choice;
+mod contents;
+mod decisions;
+mod losses;
+mod machine;
+mod plant;
 mod replay;
+#[cfg(test)]
+mod tests;
+mod window;
 
 pub use crate::simulator::BodyStep;
 pub use choice::FaultChoiceError;
 pub use replay::replay_line;
 
-use super::options::FaultChoice;
+use super::options::{FaultChoice, FaultName};
 use crate::AstrobeeError;
+use crate::noise::Gaussian;
 use crate::propulsion::Damage;
-use crate::sensing::LocalizationEstimate;
+use crate::sensing::{LocalizationEstimate, spread};
 use crate::simulator::AstrobeeSimulator;
 use std::collections::BTreeMap;
 use tumble_dynamics::WrenchBox;
@@ -70,6 +79,18 @@ pub enum PlannerFault {
     Panicked,
 }
 
+/// As the closed loop sees it: a planner that died never answers.
+impl From<PlannerFault> for tumble_planning::mission::PlannerFault {
+    fn from(fault: PlannerFault) -> Self {
+        match fault {
+            PlannerFault::None => Self::None,
+            PlannerFault::Late { factor } => Self::Late(factor),
+            PlannerFault::NoAnswer | PlannerFault::Panicked => Self::NoAnswer,
+            PlannerFault::Refused => Self::Refused,
+        }
+    }
+}
+
 /// What is done to the estimator's belief.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sabotage {
@@ -93,8 +114,21 @@ pub struct LateObstacle {
 /// Counted names.
 pub type Counts = BTreeMap<String, u64>;
 
+/// A count among the others; names may be counted by several.
+fn add(counts: &mut Counts, name: &str, count: u64) {
+    *counts.entry(name.to_owned()).or_default() += count;
+}
+
 /// Something that goes wrong. By default nothing does.
 pub trait Fault {
+    /// Told before the flight that the robot is on a table.
+    fn in_plane(&mut self) {}
+
+    /// Told before the flight what the robot keeps its wrench within.
+    fn limited_to(&mut self, limits: &WrenchBox) {
+        let _ = limits;
+    }
+
     /// Changes what has arrived in the control period that ends at `time_ns`: lets it pass, holds it back, adds to it.
     fn pass(&mut self, time_ns: i64, stream: &mut Vec<LocalizationEstimate>) {
         let _ = (time_ns, stream);
@@ -135,10 +169,51 @@ pub trait Fault {
 }
 
 /// All that goes wrong in one mission; the same seed does the same to the bit.
+///
+/// ```
+/// use tumble_astrobee::mission::{Faults, PlannerFault};
+/// use tumble_dynamics::lie::Wrench;
+/// let mut faults = Faults::new(Some("saturation:3".parse()?), 7, 100.0);
+/// let wanted = Wrench::new([0.01, 0.0, 0.0].into(), [0.1, 0.0, 0.0].into());
+/// // all is well at first
+/// assert_eq!(faults.before_step(0, &wanted).wanted, wanted);
+/// // and when the 5 s have come that begin between 10 and 15 s after the start, nothing is left of the wrench
+/// assert_eq!(faults.before_step(15_000_000_000, &wanted).wanted, Wrench::zero());
+/// assert_eq!(faults.counts().get("wrenches-cut"), Some(&1));
+/// assert_eq!(faults.planner(1), PlannerFault::None);
+/// # Ok::<(), tumble_astrobee::mission::FaultChoiceError>(())
+/// ```
 pub struct Faults {
     faults: Vec<Box<dyn Fault>>,
     time_ns: i64,
+    heard: Vec<LocalizationEstimate>,
+    newest: Option<LocalizationEstimate>,
 }
+
+/// The fault of a choice, with random numbers of its own.
+fn fault(choice: FaultChoice, seed: u64, duration_s: f64) -> Box<dyn Fault> {
+    let FaultChoice { name, severity } = choice;
+    let random = Gaussian::from_seed(spread(spread(seed ^ FAULTS) ^ (name as u64)));
+    match name {
+        FaultName::Drop => Box::new(losses::Drop::new(severity, random, duration_s)),
+        FaultName::Delay => Box::new(losses::Delay::new(severity, random, duration_s)),
+        FaultName::Duplicate => Box::new(losses::Duplicate::new(severity, random, duration_s)),
+        FaultName::Clock => Box::new(contents::Clock::new(severity, random, duration_s)),
+        FaultName::Malformed => Box::new(contents::Malformed::new(severity, random, duration_s)),
+        FaultName::Frozen => Box::new(contents::Frozen::new(severity, random, duration_s)),
+        FaultName::Jump => Box::new(contents::Jump::new(severity, random, duration_s)),
+        FaultName::Saturation => Box::new(machine::Saturation::new(severity, random, duration_s)),
+        FaultName::Nozzle => Box::new(machine::Nozzle::new(severity, random, duration_s)),
+        FaultName::Power => Box::new(machine::Power::new(severity, random, duration_s)),
+        FaultName::MassStep => Box::new(machine::MassStep::new(severity, random, duration_s)),
+        FaultName::Divergence => Box::new(decisions::Divergence::new(severity, random, duration_s)),
+        FaultName::Planner => Box::new(decisions::Planner::new(severity, random, duration_s)),
+        FaultName::LateObstacle => Box::new(decisions::Obstacle::new(severity, random, duration_s)),
+    }
+}
+
+/// Sets the random numbers of faults apart from those of sensors, nozzles, ...
+const FAULTS: u64 = 0x4641_554c_5453;
 
 impl Faults {
     /// At most one kind of fault in a flight of this length.
@@ -146,22 +221,31 @@ impl Faults {
         Self::mixed(choice.as_slice(), seed, duration_s)
     }
 
-    /// Several at once; each does what it does alone.
+    /// Several at once, in this order; each begins when it does alone.
     pub fn mixed(choices: &[FaultChoice], seed: u64, duration_s: f64) -> Self {
-        let _ = (choices, seed, duration_s);
-        Self { faults: Vec::new(), time_ns: 0 }
+        Self::of(choices.iter().map(|choice| fault(*choice, seed, duration_s)).collect())
+    }
+
+    /// Faults of any kind.
+    pub fn of(faults: Vec<Box<dyn Fault>>) -> Self {
+        Self { faults, time_ns: 0, heard: Vec::new(), newest: None }
     }
 
     /// With the limits that saturation makes smaller; without this those of RATTLE's controllers.
     #[must_use]
-    pub fn limited_to(self, limits: WrenchBox) -> Self {
-        let _ = limits;
+    pub fn limited_to(mut self, limits: WrenchBox) -> Self {
+        for fault in &mut self.faults {
+            fault.limited_to(&limits);
+        }
         self
     }
 
     /// For a robot on a table: jumps and drifts stay in the plane.
     #[must_use]
-    pub fn in_plane(self) -> Self {
+    pub fn in_plane(mut self) -> Self {
+        for fault in &mut self.faults {
+            fault.in_plane();
+        }
         self
     }
 

@@ -1,5 +1,6 @@
 //! The propulsion hardware: commands go in, the wrench on the body comes out, 0.016 s at a time.
 
+use super::damage::Damage;
 use super::impeller::Impeller;
 use super::nozzle::{joined, wrench_of_thrusts};
 use super::servo::Servo;
@@ -65,6 +66,7 @@ pub struct PropulsionStep {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PropulsionPlant {
     settings: PropulsionSettings,
+    damage: Damage,
     servos: [Servo; 12],
     impellers: [Impeller; 2],
 }
@@ -77,7 +79,7 @@ const IMPELLER_AXES_Y: [f64; 2] = [1.0, -1.0];
 impl PropulsionPlant {
     /// Everything at rest, nozzles closed.
     pub fn new(settings: PropulsionSettings) -> Self {
-        Self { settings, servos: Default::default(), impellers: Default::default() }
+        Self { settings, damage: Damage::NONE, servos: Default::default(), impellers: Default::default() }
     }
 
     /// Nozzles closed, impellers turning steadily at the speed of a mode's byte: nobody waits for the spin-up of 13 to 17 s.
@@ -109,7 +111,7 @@ impl PropulsionPlant {
         for ((flap_rad, servo), byte) in flaps_rad.iter_mut().zip(&mut self.servos).zip(command.nozzles) {
             *flap_rad = servo.step(byte);
         }
-        flaps_rad
+        self.damage.flaps_rad(flaps_rad)
     }
 
     /// Thrust of each nozzle.
@@ -117,16 +119,17 @@ impl PropulsionPlant {
         let flows = InverseAllocation::default().flow_of_openings(speeds_rad_s, flaps_rad);
         let mut thrusts_n = joined(flows.map(|flow| flow.thrusts_n));
         for (thrust_n, factor) in thrusts_n.iter_mut().zip(self.settings.nozzle_factors) {
-            *thrust_n *= self.settings.thrust_factor * factor;
+            *thrust_n *= self.settings.thrust_factor * factor * self.damage.thrust_factor;
         }
         thrusts_n
     }
 
     /// One period of 0.016 s under a command, the body turning at `rate_body` (rad/s).
     pub fn step(&mut self, command: &PropulsionCommand, rate_body: &Vector3<f64>) -> PropulsionStep {
+        let command = &self.damage.heard(command);
         let flaps_rad = self.step_servos(command);
         for (impeller, byte) in self.impellers.iter_mut().zip(command.impeller_speeds) {
-            impeller.step(byte, self.settings.supply_v);
+            impeller.step(byte, self.settings.supply_v * self.damage.supply_factor);
         }
         let speeds_rad_s = self.impellers.each_ref().map(Impeller::speed_rad_s);
         let [s0, s1, s2, s3, s4, s5, p0, p1, p2, p3, p4, p5] = self.thrusts_n(speeds_rad_s, &flaps_rad);
@@ -157,6 +160,11 @@ impl PropulsionPlant {
         &mut self.settings
     }
 
+    /// Breaks something, or mends it with [`Damage::NONE`]. A servo whose nozzle is stuck goes on turning beside it.
+    pub fn set_damage(&mut self, damage: Damage) {
+        self.damage = damage;
+    }
+
     /// The impellers, starboard first.
     pub fn impellers(&self) -> &[Impeller; 2] {
         &self.impellers
@@ -167,7 +175,7 @@ impl PropulsionPlant {
         &self.servos
     }
 
-    /// Flap angles from the closed stop in the last step, rad.
+    /// Flap angles from the closed stop in the last step, rad, of servos that are obeyed.
     pub fn flaps_rad(&self) -> [f64; 12] {
         self.servos.each_ref().map(Servo::flap_rad)
     }

@@ -2,7 +2,7 @@
 
 use super::SimulatorError;
 use crate::propulsion::{
-    ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings, QuantizedAllocation,
+    Damage, ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings, QuantizedAllocation,
 };
 use crate::spheres;
 use tumble_dynamics::nalgebra::{SVector, Vector3};
@@ -101,7 +101,13 @@ impl Actuators {
     }
 
     /// One control period; the body turns at `rate_body`.
-    pub(super) fn step(&mut self, wanted: &Wrench<f64>, rate_body: &Vector3<f64>) -> Result<Made, SimulatorError> {
+    pub(super) fn step(
+        &mut self,
+        wanted: &Wrench<f64>,
+        rate_body: &Vector3<f64>,
+        damage: &Damage,
+    ) -> Result<Made, SimulatorError> {
+        let has_nozzles = matches!(self, Self::Exact | Self::Limited(_));
         let (realized, saturated) = match self {
             Self::Exact if wanted.to_vector().iter().all(|x| x.is_finite()) => (*wanted, false),
             Self::Exact => return Err(DynamicsError::NotFinite.into()),
@@ -118,6 +124,7 @@ impl Actuators {
             Self::Hardware { allocation, plant, known } => {
                 let steps = allocation.0.allocate_steps(wanted)?;
                 let command = steps.bytes;
+                plant.set_damage(*damage);
                 return Ok(Made {
                     // What the robot can know: what its bytes make of servos and impellers as they are on paper.
                     believed_wrench_body: known.step(&command, &Vector3::zeros()).wrench_body,
@@ -129,7 +136,11 @@ impl Actuators {
         };
         Ok(Made {
             believed_wrench_body: realized,
-            realized_wrench_body: realized,
+            realized_wrench_body: if has_nozzles {
+                damage.of_wrench(&realized)
+            } else {
+                realized * damage.thrust_factor
+            },
             command: PropulsionCommand::default(),
             saturated,
         })
@@ -180,16 +191,16 @@ mod tests {
         let nothing = Vector3::zeros();
         for mut actuators in [Actuators::spheres().unwrap(), Actuators::Rotors(crate::space_cobot::rotors().unwrap())] {
             let small = Wrench::new(Vector3::zeros(), Vector3::new(0.1, 0.0, 0.0));
-            let made = actuators.step(&small, &nothing).unwrap();
+            let made = actuators.step(&small, &nothing, &Damage::NONE).unwrap();
             assert!(!made.saturated && made.believed_wrench_body == made.realized_wrench_body);
         }
         for mut actuators in [Actuators::spheres().unwrap(), Actuators::Rotors(crate::space_cobot::rotors().unwrap())] {
             let large = Wrench::new(Vector3::zeros(), Vector3::new(100.0, 0.0, 0.0));
-            let made = actuators.step(&large, &nothing).unwrap();
+            let made = actuators.step(&large, &nothing, &Damage::NONE).unwrap();
             assert!(made.saturated && made.realized_wrench_body.force.x < 20.0);
             let bad = Wrench::new(Vector3::zeros(), Vector3::new(f64::NAN, 0.0, 0.0));
             let Actuators::Rotors(_) = actuators else { continue };
-            assert!(actuators.step(&bad, &nothing).is_err());
+            assert!(actuators.step(&bad, &nothing, &Damage::NONE).is_err());
         }
     }
 }

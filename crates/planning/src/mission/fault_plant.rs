@@ -57,3 +57,70 @@ where
         Ok(self.fault.after(&self.plant, measured))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::convert::Infallible;
+
+    /// Integrates its input.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    struct Cart {
+        position_m: f64,
+        gain: f64,
+    }
+
+    impl Plant for Cart {
+        type Input = f64;
+        type Measurement = f64;
+        type Error = Infallible;
+
+        fn advance(&mut self, input: &f64, duration_s: f64) -> Result<f64, Infallible> {
+            self.position_m += self.gain * input * duration_s;
+            Ok(self.position_m)
+        }
+    }
+
+    /// Half of the input is lost, the gain changes in the second step, and what is measured is off.
+    struct Rough {
+        steps: u32,
+    }
+
+    impl PlantFault<Cart> for Rough {
+        fn before(&mut self, plant: &mut Cart, input: f64) -> Result<f64, Infallible> {
+            self.steps += 1;
+            if self.steps == 2 {
+                plant.gain = 3.0;
+            }
+            Ok(0.5 * input)
+        }
+
+        fn after(&mut self, plant: &Cart, measurement: f64) -> f64 {
+            measurement + plant.gain
+        }
+    }
+
+    /// Any plant, through the trait alone.
+    fn fly<P: Plant<Input = f64, Measurement = f64, Error = Infallible>>(plant: &mut P) -> [f64; 3] {
+        [1.0, -0.3, 2.0].map(|input| plant.advance(&input, 0.7).unwrap())
+    }
+
+    #[test]
+    fn without_faults_a_plant_is_itself_to_the_bit() {
+        let cart = Cart { position_m: 0.1, gain: 1.1 };
+        let (mut bare, mut decorated) = (cart, FaultPlant::new(cart, NoFault));
+        assert_eq!(fly(&mut bare).map(f64::to_bits), fly(&mut decorated).map(f64::to_bits));
+        assert_eq!(decorated.plant, bare);
+    }
+
+    #[test]
+    fn faults_reach_input_plant_and_measurement() {
+        let mut decorated = FaultPlant::new(Cart { position_m: 0.0, gain: 1.0 }, Rough { steps: 0 });
+        let measured = fly(&mut decorated);
+        let positions = [0.35, 0.35 - 3.0 * 0.105, 0.035 + 3.0 * 0.7];
+        for ((measured, position), gain) in measured.into_iter().zip(positions).zip([1.0, 3.0, 3.0]) {
+            assert!((measured - position - gain).abs() < 1e-12, "{measured} {position}");
+        }
+        assert_eq!(decorated.fault.steps, 3);
+    }
+}
