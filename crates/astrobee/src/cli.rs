@@ -7,6 +7,8 @@ pub mod calibrate_wheel;
 mod columns;
 pub mod convert;
 pub mod excite;
+pub mod fly;
+mod fly_table;
 pub mod identify;
 mod identify_periodic;
 pub mod plan;

@@ -287,6 +287,20 @@ pub enum AstrobeeError {
     /// T035: a controller that refuses what it is given.
     #[error("the controller refuses: {0}")]
     Control(tumble_planning::PlanningError),
+    /// T040: parts or a folder of a campaign that do not belong together.
+    #[error("{path}: {message}")]
+    BadCampaign {
+        /// The folder or file.
+        path: PathBuf,
+        /// What is missing, twice there, or other than the rest.
+        message: String,
+    },
+    /// T041: a campaign's unfinished folder that another process writes to.
+    #[error("{path}: another process flies this campaign now")]
+    CampaignInUse {
+        /// The unfinished folder.
+        path: PathBuf,
+    },
     /// T031: something that the format asked for cannot hold.
     #[error("{path}: {format} cannot hold {what}")]
     NotHeld {
@@ -296,6 +310,14 @@ pub enum AstrobeeError {
         format: &'static str,
         /// What does not go in.
         what: &'static str,
+    },
+    /// T036: a page that is no mission report, or a damaged one.
+    #[error("report, line {line}: {message}")]
+    BadReport {
+        /// Line of the page, counted from one.
+        line: usize,
+        /// What is wrong.
+        message: String,
     },
     /// T032: a ROS 2 database.
     #[error("{path}: a ROS 2 database holds no message definitions and is not read")]
@@ -344,7 +366,10 @@ impl AstrobeeError {
             Self::Planning(_) => "T033",
             Self::PlanContradiction { .. } => "T034",
             Self::Control(_) => "T035",
+            Self::BadCampaign { .. } => "T040",
+            Self::CampaignInUse { .. } => "T041",
             Self::NotHeld { .. } => "T031",
+            Self::BadReport { .. } => "T036",
             Self::Database { .. } => "T032",
         }
     }
@@ -469,7 +494,15 @@ impl AstrobeeError {
             Self::Control(_) => {
                 "correct `[belief]`, `[drive.control]` or `[[drive.beliefs]]` of the scenario; `docs/scenarios.md` describes every key"
             }
+            Self::BadCampaign { .. } => {
+                "merge all parts of one campaign, flown by one version with the same options; an unfinished part is finished by the command \
+                 that began it, another campaign needs another folder; `docs/campaigns.md`"
+            }
+            Self::CampaignInUse { .. } => "wait for it, end it, or name another folder with `--out`",
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
+            Self::BadReport { .. } => {
+                "name a `report.html` as `tumble fly` wrote it; with the seed and the options of its header the flight can be redone without it"
+            }
             Self::Database { .. } => {
                 "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \
                  storage_id: mcap, all_topics: true}]` in mcap.yaml"

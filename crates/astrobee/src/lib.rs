@@ -6,6 +6,8 @@ pub mod bodies;
 #[cfg(feature = "cli")]
 pub mod body_file;
 #[cfg(feature = "cli")]
+pub mod campaign;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod control_presets;
 #[cfg(feature = "cli")]
@@ -25,6 +27,8 @@ pub mod harmonic_report;
 pub mod log;
 #[cfg(feature = "cli")]
 pub mod mission;
+#[cfg(feature = "cli")]
+pub mod mission_report;
 pub mod noise;
 #[cfg(feature = "cli")]
 pub mod output;

@@ -17,6 +17,7 @@ pub use fly::{
     ArrivalTable, ArrivalTolerance, ComputingSettings, ComputingTable, EstimatorTable, FlyTable, InformationTable,
     LARGEST_OUTSIDE, MissionProblem, WeightingSettings, draw_mission,
 };
+pub(crate) use place::suggestion;
 pub use plan::{PlanBodyTable, PlanTable, PlanningProblem};
 pub use plan_local::{
     CriterionName, EffortTable, LocalProblem, LocalTable, MeasurementTable, NuisanceTable, PriorTable, TrackingTable,

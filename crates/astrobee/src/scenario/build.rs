@@ -81,18 +81,15 @@ impl Flight {
         if time_ns >= self.duration_ns {
             return Ok(None);
         }
-        self.change_payload()?;
         let wanted = self.drive.wanted(time_ns, self.estimate.as_ref()).map_err(AstrobeeError::Control)?;
-        let measured = self.simulator.advance(&wanted, CONTROL_PERIOD_S)?;
-        self.estimate = measured.estimate;
-        Ok(Some(measured))
+        self.push(&wanted).map(Some)
     }
 
-    /// Takes hold of and lets go of what is due, as [`Self::step`] does first; for those who advance the simulator themselves.
+    /// One control period with a wrench from elsewhere, however late it is; payloads come and go at their times.
     ///
     /// # Errors
     /// [`AstrobeeError::Simulator`].
-    pub fn change_payload(&mut self) -> Result<(), AstrobeeError> {
+    pub fn push(&mut self, wanted: &Wrench<f64>) -> Result<SimulatorMeasurement, AstrobeeError> {
         let time_ns = self.simulator.time_ns();
         while let Some((_, change)) = self.payload_changes.first().filter(|(due_ns, _)| *due_ns <= time_ns) {
             match change {
@@ -101,7 +98,9 @@ impl Flight {
             }
             self.payload_changes.remove(0);
         }
-        Ok(())
+        let measured = self.simulator.advance(wanted, CONTROL_PERIOD_S)?;
+        self.estimate = measured.estimate;
+        Ok(measured)
     }
 }
 

@@ -1,0 +1,62 @@
+//! Campaigns: the same missions over seeds and options, one row each, on any number of cores and machines.
+//!
+//! ```text
+//!  CampaignPlan: row i -> seed, options      (a pure function: neither worker nor shard enters)
+//!       |  block of rows of a shard
+//!  execute: threads -> MissionRunner -> Row  -> Journal (one line per row, at once; a killed run resumes)
+//!       |
+//!  rows.csv sorted by number -> merge of all shards -> Analysis: rates with intervals, medians, paired differences
+//! ```
+
+mod execute;
+mod factors;
+mod journal;
+mod plan;
+mod row;
+mod seeds;
+
+pub use execute::{Progress, execute};
+pub use factors::{parse_faults, value_name};
+pub use journal::Journal;
+pub use plan::{CampaignConfiguration, CampaignPlan, PlannedMission, ScenarioEntry, Shard};
+pub use row::{COLUMNS, Cell, Column, Kind, Row, Status, csv_header};
+pub use seeds::mission_seed;
+
+use crate::AstrobeeError;
+use crate::mission::{FlyOptions, MissionSummary};
+
+/// What flies missions; one of them may be asked by many threads at once.
+///
+/// The answer must follow from the mission alone, or merged campaigns would depend on who flew what.
+pub trait MissionRunner: Sync {
+    /// Flies one mission to its end; `None` where only the plan of the campaign is wanted.
+    ///
+    /// # Errors
+    /// [`AstrobeeError`]; it becomes a row of its own, as a panic does.
+    fn run(&self, mission: &PlannedMission) -> Result<Option<MissionSummary>, AstrobeeError>;
+}
+
+/// Flies nothing: the rows hold numbers, seeds and options.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DryRun;
+
+impl MissionRunner for DryRun {
+    fn run(&self, _mission: &PlannedMission) -> Result<Option<MissionSummary>, AstrobeeError> {
+        Ok(None)
+    }
+}
+
+/// The options of a mission as `tumble fly` takes them, `--seed` first.
+pub fn fly_arguments(options: &FlyOptions) -> String {
+    let mut text = format!(
+        "--seed {} --weighting {} --feedback {} --model {}",
+        options.seed,
+        value_name(&options.weighting),
+        if options.feedback { "on" } else { "off" },
+        value_name(&options.model),
+    );
+    if let Some(fault) = options.fault {
+        text.push_str(&format!(" --fault {}:{}", value_name(&fault.name), fault.severity));
+    }
+    text
+}
