@@ -1,5 +1,6 @@
 //! A mission, flown.
 
+use super::faults::{Faults, LateObstacle, Sabotage};
 use super::layers::{AstrobeeLoop, closed_loop, scene};
 use super::options::FlyOptions;
 use super::record::{
@@ -12,12 +13,12 @@ use crate::sensing::LocalizationEstimate;
 use crate::simulator::{CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, FallbackSpell, SimulatorMeasurement};
 use std::collections::BTreeMap;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World};
+use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World, WrenchBox};
 use tumble_identification::Estimate;
 use tumble_identification::recursive::FlightMeasurement;
-use tumble_lie::{LieGroup, Wrench};
+use tumble_lie::{LieGroup, Pose, Wrench};
 use tumble_planning::ModelBelief;
-use tumble_planning::collision::{CollisionWorld, EllipsoidWorld};
+use tumble_planning::collision::{CollisionWorld, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::ControlCommand;
 use tumble_planning::global::GlobalAnswer;
 use tumble_planning::mission::{Action, Event, Layer, LoopObserver, Sensed, StretchAnswer, TimedEvent};
@@ -29,6 +30,8 @@ const WAY_POINTS: u32 = 200;
 const TREE_EDGES: usize = 2000;
 /// Time between two points of a stretch, s.
 const STRETCH_POINT_S: f64 = 0.6;
+/// Radius of an obstacle that shows up late, m.
+const LATE_RADIUS_M: f64 = 0.15;
 /// What rounding may exceed a limit by, as a share.
 const ROUNDING: f64 = 1e-9;
 /// The ten parameters, and their units.
@@ -139,6 +142,7 @@ struct Notes<'a> {
     beliefs: Vec<BeliefRow>,
     events: Vec<MissionEvent>,
     shut_off: BTreeMap<String, Option<f64>>,
+    faults: Faults,
 }
 
 impl Notes<'_> {
@@ -234,6 +238,10 @@ impl LoopObserver for Notes<'_> {
         });
     }
 
+    fn planner_fault(&mut self, request: u64) -> PlannerFault {
+        self.faults.planner(request).into()
+    }
+
     fn offered(&mut self, time_ns: i64, belief: &ModelBelief) {
         if self.beliefs.last().is_none_or(|last| last.revision < belief.revision) {
             self.beliefs.push(BeliefRow {
@@ -271,7 +279,14 @@ pub fn fly(
 ) -> Result<MissionRecord, AstrobeeError> {
     let mut problem = source.mission(options)?;
     let mut flying = closed_loop(&problem, options.weighting, options.feedback, options.seed)?;
-    let judge = scene(&problem, f64::INFINITY, &[]).map_err(AstrobeeError::Planning)?.world;
+    let limits = WrenchBox { torque_limit: problem.torque_limit_n_m, force_limit: problem.force_limit_n };
+    let mut faults = Faults::new(options.fault, options.seed, problem.longest_s).limited_to(limits);
+    if problem.planar {
+        faults = faults.in_plane();
+    }
+    let mut late = faults.late_obstacle();
+    let mut extra = Vec::new();
+    let mut judge = scene(&problem, f64::INFINITY, &[]).map_err(AstrobeeError::Planning)?.world;
     let mut appearing: Vec<f64> = problem.seen_from_s.iter().copied().filter(|from_s| *from_s > 0.0).collect();
     appearing.sort_by(f64::total_cmp);
     let mut notes = Notes {
@@ -281,35 +296,55 @@ pub fn fly(
         beliefs: Vec::new(),
         events: Vec::new(),
         shut_off: BTreeMap::new(),
+        faults,
     };
     let mut sums =
         Sums { account: ControlAccount::with_decisions(BETWEEN_ROWS as i64 * CONTROL_PERIOD_NS), ..Sums::default() };
     sums.series.force_limit_n = array(&problem.force_limit_n);
     sums.series.torque_limit_n_m = array(&problem.torque_limit_n_m);
-    let (mut acted, mut arrived) = (Wrench::zero(), Vec::<FlightMeasurement>::new());
+    let (mut acted, mut arrived, mut heard) = (Wrench::zero(), Vec::<FlightMeasurement>::new(), Vec::new());
     let mut periods = 0;
     while flying.finished().is_none() {
         let time_ns = problem.flight.simulator.time_ns();
         let time_s = seconds(time_ns);
         if appearing.first().is_some_and(|from_s| *from_s <= time_s) {
             appearing.retain(|from_s| *from_s > time_s);
-            let seen = scene(&problem, time_s, &[]).map_err(AstrobeeError::Planning)?;
+            let seen = scene(&problem, time_s, &extra).map_err(AstrobeeError::Planning)?;
             flying.see(seen).map_err(AstrobeeError::Planning)?;
+        }
+        if let Some(obstacle) = late.take_if(|late| late.appears_s <= time_s)
+            && let Some(obstacle) = in_the_way(&flying, &problem, &obstacle, time_s)
+        {
+            extra.push(obstacle);
+            judge = scene(&problem, f64::INFINITY, &extra).map_err(AstrobeeError::Planning)?.world;
+            let seen = scene(&problem, time_s, &extra).map_err(AstrobeeError::Planning)?;
+            flying.see(seen).map_err(AstrobeeError::Planning)?;
+        }
+        if notes.faults.restart_due(time_ns) {
+            flying.restart();
+        }
+        if let Some(sabotage) = notes.faults.sabotage(time_ns) {
+            let misled = sabotaged(&flying.estimator().estimate(), &sabotage);
+            flying.mislead(&misled).map_err(|error| AstrobeeError::Planning(error.into()))?;
         }
         let sensed = Sensed { time_ns, acted, measurements: &arrived };
         let command = flying.step(&sensed, &mut notes).map_err(AstrobeeError::Planning)?;
         sums.look(&problem, &flying, &judge, periods)?;
         sums.command(&problem, &command, time_ns);
         mark_used(&mut notes.beliefs, &command, time_s);
-        let measured = problem.flight.push(&command.wrench_body)?;
+        let change = notes.faults.before_step(time_ns, &command.wrench_body);
+        change.apply(&mut problem.flight.simulator)?;
+        let measured = problem.flight.push(&change.wanted)?;
         acted = measured.believed_wrench_body;
+        let simulator = &problem.flight.simulator;
+        notes.faults.measurements(simulator.time_ns(), simulator.estimates(), &mut heard);
         arrived.clear();
-        arrived.extend(problem.flight.simulator.estimates().iter().map(measurement));
+        arrived.extend(heard.iter().map(measurement));
         sums.acted(&measured, periods);
         let estimate = flying.estimator().estimate();
         notes.hooks.period(&FlownPeriod {
             measured: &measured,
-            estimates: problem.flight.simulator.estimates(),
+            estimates: &heard,
             estimate: (ten(&estimate.parameters), ten_sigma(&estimate)),
             plan_revision: plan_at(&notes.stretches, time_s),
             belief_revision: command.model_revision,
@@ -321,6 +356,33 @@ pub fn fly(
     }
     sums.series.plan_revision = sums.series.t_s.iter().map(|t_s| plan_at(&notes.stretches, *t_s)).collect();
     record(source, options, &problem, &flying, (sums, notes))
+}
+
+/// An obstacle that the robot would touch so long after it shows up; none where the robot goes nowhere.
+fn in_the_way(
+    flying: &AstrobeeLoop,
+    problem: &MissionProblem,
+    late: &LateObstacle,
+    time_s: f64,
+) -> Option<MovingObstacle> {
+    let reach_m = problem.planning.body.bounding_radius_m() + LATE_RADIUS_M;
+    let position = |time_s: f64| flying.reference(time_s).state.world_from_body.translation.vector;
+    let touching = position(time_s + late.notice_s);
+    let ahead = position(time_s + late.notice_s + 0.1) - touching;
+    let direction = ahead.try_normalize(1e-6)?;
+    let center = touching + direction * reach_m;
+    let ellipsoid = ObstacleEllipsoid {
+        world_from_ellipsoid: Pose::from_parts(center.into(), UnitQuaternion::identity()),
+        semi_axes: Vector3::repeat(LATE_RADIUS_M),
+    };
+    Some(MovingObstacle::at_rest(ellipsoid).present(time_s, f64::INFINITY))
+}
+
+fn sabotaged(estimate: &Estimate, sabotage: &Sabotage) -> Estimate {
+    let body = &estimate.parameters;
+    let inertia = body.inertia_about_com() * sabotage.inertia_factor;
+    let parameters = InertialParameters::about_com(body.mass * sabotage.mass_factor, body.center_of_mass(), inertia);
+    Estimate { parameters, covariance: estimate.covariance * sabotage.covariance_factor, ..*estimate }
 }
 
 fn measurement(estimate: &LocalizationEstimate) -> FlightMeasurement {
@@ -439,7 +501,7 @@ fn record(
         estimate: columns[2][index],
         sigma: columns[3][index],
     };
-    let Notes { mut ways, stretches, beliefs, mut events, shut_off, .. } = notes;
+    let Notes { mut ways, stretches, beliefs, mut events, shut_off, faults, .. } = notes;
     for event in problem.flight.simulator.events() {
         let kind = if event.event.is_violation() { "violation" } else { "simulator" };
         let text = event.event.to_string();
@@ -471,7 +533,7 @@ fn record(
         replans: (ways.len() as u64).saturating_sub(1),
         belief_revisions: beliefs.len() as u64,
         fallbacks: sums.account.fallbacks().iter().map(fallback_row).collect(),
-        faults: BTreeMap::new(),
+        faults: faults.counts(),
         information_shut_off_s: shut_off.into_iter().filter_map(|(name, at)| Some((name, at?))).collect(),
         warnings,
     };

@@ -28,7 +28,7 @@ use tumble_planning::{ModelBelief, PlanningError};
 pub type AstrobeeLoop = ClosedLoop<EllipsoidWorld, FlightPlanner, TubeController>;
 
 /// Largest error of the estimator's position and velocity along an axis, standard deviations of what it claims.
-const ERRORS: [f64; 2] = [1.2e-3, 5e-4];
+const ERRORS: [f64; 2] = [3e-4, 1.5e-4];
 /// Farthest that a stretch's attitude leaves those between start and goal, rad.
 const WANDERS_RAD: f64 = 0.35;
 /// Relative change of the mass that asks for another way.
