@@ -19,4 +19,4 @@ pub use informative_stretch::InformativeStretch;
 pub use motion::{MissionMotion, StopLimits};
 pub use stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
 pub use stretch_model::StretchModel;
-pub use stretch_settings::{Arrival, StretchSettings};
+pub use stretch_settings::{Arrival, StretchSettings, WayShares};

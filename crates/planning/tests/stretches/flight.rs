@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 use tumble_planning::collision::{BodyShape, CollisionWorld, EllipsoidWorld};
 use tumble_planning::dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, RigidBodyState, World};
 use tumble_planning::global::{
-    FlightPlanner, FlightPlannerSettings, GlobalPlanner, GlobalRequest, GoalRegion, MotionLimits, Objective, Until,
+    FlightPlanner, FlightPlannerSettings, GlobalPlanner, GlobalRequest, GoalRegion, Objective, Until,
 };
 use tumble_planning::lie::{Pose, Twist};
 use tumble_planning::local::{Hull, InformationWeighting, Surroundings, WrenchSet, body_by_mass_center_and_inertia};
@@ -83,19 +83,7 @@ pub fn belief(mass: f64, center_m: Vector3<f64>, [mass_share, com_m, inertia_sha
     belief
 }
 
-/// How hard and how fast the way is, as shares of what stretches may do.
-#[derive(Clone, Copy)]
-pub struct WayShare {
-    pub force: f64,
-    pub torque: f64,
-    pub speed_m_s: f64,
-    pub rate_rad_s: f64,
-    pub margin_m: f64,
-}
-
-pub const WAY: WayShare = WayShare { force: 0.4, torque: 0.2, speed_m_s: 0.07, rate_rad_s: 0.1, margin_m: 0.045 };
-
-pub fn way(scene: &Scene, belief: &ModelBelief, share: &WayShare, units: u64, seed: u64) -> Option<ArcPath> {
+pub fn way(scene: &Scene, belief: &ModelBelief, settings: &StretchSettings, units: u64, seed: u64) -> Option<ArcPath> {
     let world = EllipsoidWorld::new(&scene.world).unwrap();
     let body = BodyShape::sphere(RADIUS_M).unwrap();
     let flat = if scene.is_planar { 0.0 } else { 1.0 };
@@ -111,21 +99,22 @@ pub fn way(scene: &Scene, belief: &ModelBelief, share: &WayShare, units: u64, se
             speed_m_s: 0.0,
             attitude: Some(scene.goal.rotation),
         },
-        limits: MotionLimits {
-            position: scene.bounds,
-            speed_m_s: Vector3::new(1.0, 1.0, flat) * share.speed_m_s,
-            force_n: Vector3::new(1.0, 1.0, flat) * (share.force * FORCE_N),
-            torque_n_m: Vector3::new(flat, flat, 1.0) * (share.torque * TORQUE_N_M),
-            rate_rad_s: share.rate_rad_s,
-        },
+        limits: settings.way_limits(
+            scene.bounds,
+            Vector3::new(1.0, 1.0, flat) * FORCE_N,
+            Vector3::new(flat, flat, 1.0) * TORQUE_N_M,
+        ),
         belief,
         objective: Objective::Duration,
-        margin_m: share.margin_m,
+        margin_m: settings.margin_m + 0.005,
         until: Until::BudgetSpent,
         seed,
     };
     let mut planner = FlightPlanner::new(FlightPlannerSettings::default());
     let answer = planner.plan(&request, &mut Units::new(units)).unwrap();
+    if answer.plan.is_none() {
+        println!("{:?}", answer.status);
+    }
     answer.plan.map(|plan| plan.trajectory)
 }
 
@@ -135,10 +124,16 @@ pub fn surroundings(scene: &Scene, margin_m: f64) -> Surroundings {
     let mut room =
         AlignedBox { lower_world: scene.bounds.lower_world - reach, upper_world: scene.bounds.upper_world + reach };
     if scene.is_planar {
-        (room.lower_world.z, room.upper_world.z) = (f64::NEG_INFINITY, f64::INFINITY);
+        (room.lower_world.z, room.upper_world.z) = (-10.0, 10.0);
     }
     let world = World { keep_in: vec![room], ..scene.world.clone() };
     Surroundings::of_world(&world, Hull::Shape(BodyShape::sphere(RADIUS_M).unwrap())).unwrap()
+}
+
+/// Time that this thread has had on a core, ms; zero where the system does not tell.
+fn cpu_ms() -> f64 {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    text.split(' ').next().and_then(|first| first.parse::<f64>().ok()).unwrap_or(0.0) * 1e-6
 }
 
 /// What a flight came to.
@@ -148,6 +143,7 @@ pub struct Flown {
     pub arrived: bool,
     pub stretches: usize,
     pub duration_s: f64,
+    pub arrival_s: f64,
     pub way_s: f64,
     pub clearance_m: f64,
     /// Largest of input, speed, in units of their limits.
@@ -203,7 +199,7 @@ where
             elapsed_s: start_s,
         };
         let mut budget = Units::new(u64::MAX);
-        let clock = std::time::Instant::now();
+        let clock = cpu_ms();
         let answer = planner.plan(&task, &mut budget);
         let answer = match answer {
             Ok(answer) => answer,
@@ -213,7 +209,7 @@ where
                 return flown;
             }
         };
-        flown.wall_ms.push(clock.elapsed().as_secs_f64() * 1e3);
+        flown.wall_ms.push(cpu_ms() - clock);
         flown.iterations.push(planner.iterations());
         flown.units.push(budget.spent());
         let Ok(answer) = answer.as_ref() else {
@@ -259,7 +255,8 @@ where
             flown.end_m = flown.end_m.max((end.position_world() - on_way.position).norm());
             flown.end_m_s = flown.end_m_s.max((end.velocity_world - velocity).norm());
         }
-        if answer.is_last {
+        if let Some(arrival_s) = answer.arrival_s {
+            flown.arrival_s = arrival_s;
             flown.arrived = true;
             break;
         }
