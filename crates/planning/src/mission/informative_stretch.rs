@@ -97,6 +97,7 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
     /// with torques that swing where information matters.
     fn inputs(&self, task: &StretchTask<'_>, matters: bool) -> (Vec<[f64; U]>, bool) {
         let by_acceleration = input_by_acceleration(&self.model.acceleration_by_input());
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative; `as` saturates")]
         let ahead = self.last.as_ref().and_then(|last| {
             let ahead = (task.start_s - last.start_s) / self.step_s;
             (ahead >= 0.0).then_some((ahead.round() as usize, &last.inputs))
@@ -136,13 +137,13 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
         weights: &[f64; P],
         names: [&'static str; P],
         answer: LocalAnswer<M::State, U, P>,
-    ) -> Result<Result<StretchAnswer, StretchRefusal>, PlanningError> {
+    ) -> Result<StretchAnswer, StretchRefusal> {
         let Some(plan) = answer.plan else {
             let blocker = match answer.status {
                 LocalStatus::Infeasible { blocker, .. } => blocker,
                 _ => None,
             };
-            return Ok(Err(StretchRefusal { violation: answer.violation, blocker }));
+            return Err(StretchRefusal { violation: answer.violation, blocker });
         };
         let trajectory = plan.trajectory;
         let at = |node: usize| trajectory.sigma(node).unwrap_or([0.0; P]);
@@ -150,7 +151,7 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
         let arrival_s = self.arrival_s(&trajectory, goal).filter(|_| self.way_ends(task));
         let motion = self.model.motion(&trajectory, task.belief);
         self.last = Some(trajectory);
-        Ok(Ok(StretchAnswer {
+        Ok(StretchAnswer {
             motion,
             is_last: arrival_s.is_some(),
             arrival_s,
@@ -158,7 +159,7 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
             quantities: names.to_vec(),
             weights: weights.to_vec(),
             sigma: before.into_iter().zip(after).map(|(before, after)| [before, after]).collect(),
-        }))
+        })
     }
 
     /// Whether the way ends within the stretch.
@@ -255,7 +256,7 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> S
             };
             let found = self.planner.plan(&request, budget)?;
             self.iterations += found.iterations;
-            match self.answer(task, &goal, &weights, knowledge.names, found)? {
+            match self.answer(task, &goal, &weights, knowledge.names, found) {
                 Ok(answer) => return Ok(Ok(answer)),
                 Err(refused) => refusal = refused,
             }
