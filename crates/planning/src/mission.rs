@@ -33,3 +33,4 @@ pub use stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
 pub use stretch_model::StretchModel;
 pub use stretch_settings::{Arrival, StretchSettings};
 pub use watch::{Invariant, InvariantWatch, Violation, WatchLimits, WatchedStep};
+pub use stretch_settings::{Arrival, StretchSettings, WayShares};

@@ -10,7 +10,8 @@ use crate::local::{
     Array2, Guess, InformationWeighting, InformativePlanner, Kinematics, Knowledge, LocalAnswer, LocalPlanner,
     LocalRequest, LocalStatus, LocalTrajectory, Reference, TerminalRegion, WeightingContext, WrenchSet,
 };
-use nalgebra::SMatrix;
+use core::f64::consts::TAU;
+use nalgebra::{SMatrix, Vector3};
 use tumble_lie::LieGroup;
 
 /// Plans stretches along a way with the informative planner, for any model and weighting.
@@ -32,11 +33,9 @@ pub struct InformativeStretch<M: StretchModel<X, U, P>, const X: usize, const U:
     iterations: usize,
 }
 
-/// One try.
-struct Try<const U: usize> {
-    guess: Option<Vec<[f64; U]>>,
-    must_arrive: bool,
-}
+/// Amplitude of the torques that a search begins with, in limits. Their cosines leave no rate and no angle at the end, and have
+/// as many cycles as their axis says, so that the products of inertia are told apart too.
+const SWING: f64 = 0.3;
 
 impl<M: StretchModel<X, U, P> + Clone, const X: usize, const U: usize, const P: usize> InformativeStretch<M, X, U, P> {
     /// Stretches for a body like `model`, pushed by what is in `wrench`.
@@ -94,28 +93,41 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
         self.weighting.weights(&context)
     }
 
-    /// Inputs that follow the way, of the last plan where it goes on.
-    fn inputs(&self, task: &StretchTask<'_>) -> Vec<[f64; U]> {
+    /// Inputs to begin with, and whether most are of the last plan: its own as far as it goes, then those that follow the way,
+    /// with torques that swing where information matters.
+    fn inputs(&self, task: &StretchTask<'_>, matters: bool) -> (Vec<[f64; U]>, bool) {
         let by_acceleration = input_by_acceleration(&self.model.acceleration_by_input());
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative; `as` saturates")]
         let ahead = self.last.as_ref().and_then(|last| {
             let ahead = (task.start_s - last.start_s) / self.step_s;
             (ahead >= 0.0).then_some((ahead.round() as usize, &last.inputs))
         });
         let begin_s = task.start_s - task.way_start_s;
-        (0..self.steps)
-            .map(|step| {
-                if let Some(input) = ahead.and_then(|(ahead, inputs)| inputs.get(ahead + step)) {
-                    return *input;
-                }
-                let middle_s = begin_s + (step as f64 + 0.5) * self.step_s;
-                let Some((motion, acceleration_world, angular)) = motion_on(task.way, middle_s) else {
-                    return [0.0; U];
-                };
+        let limit = self.planner.settings().wrench.limit;
+        let mut kept = 0;
+        let inputs = (0..self.steps).map(|step| {
+            if let Some(input) = ahead.and_then(|(ahead, inputs)| inputs.get(ahead.saturating_add(step))) {
+                kept += 1;
+                return *input;
+            }
+            let middle_s = begin_s + (step as f64 + 0.5) * self.step_s;
+            let wanted = motion_on(task.way, middle_s).map_or([0.0; 6], |(motion, acceleration_world, angular)| {
                 let linear = motion.world_from_body.rotation.inverse_transform_vector(&acceleration_world);
-                let wanted = [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z];
-                by_acceleration.map(|row| row.iter().zip(wanted).map(|(entry, wanted)| entry * wanted).sum())
-            })
-            .collect()
+                [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
+            });
+            let mut input =
+                by_acceleration.map(|row| row.iter().zip(wanted).map(|(entry, wanted)| entry * wanted).sum::<f64>());
+            if matters {
+                let share = (step as f64 + 0.5) / self.steps as f64;
+                let torques = input.iter_mut().zip(limit).zip(M::IS_TORQUE).filter(|(_, is_torque)| *is_torque);
+                for (cycles, ((value, limit), _)) in (1_u32..).zip(torques) {
+                    *value += SWING * limit * libm::cos(TAU * f64::from(cycles) * share);
+                }
+            }
+            input
+        });
+        let inputs = inputs.collect();
+        (inputs, 2 * kept > self.steps)
     }
 
     fn answer(
@@ -125,29 +137,29 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
         weights: &[f64; P],
         names: [&'static str; P],
         answer: LocalAnswer<M::State, U, P>,
-    ) -> Result<Result<StretchAnswer, StretchRefusal>, PlanningError> {
+    ) -> Result<StretchAnswer, StretchRefusal> {
         let Some(plan) = answer.plan else {
             let blocker = match answer.status {
                 LocalStatus::Infeasible { blocker, .. } => blocker,
                 _ => None,
             };
-            return Ok(Err(StretchRefusal { violation: answer.violation, blocker }));
+            return Err(StretchRefusal { violation: answer.violation, blocker });
         };
         let trajectory = plan.trajectory;
         let at = |node: usize| trajectory.sigma(node).unwrap_or([0.0; P]);
         let (before, after) = (at(0), at(self.steps));
-        let end = trajectory.states.last().map(|state| self.model.kinematics(state));
-        let is_last = end.is_some_and(|end| self.has_arrived(&end, goal)) && self.way_ends(task);
+        let arrival_s = self.arrival_s(&trajectory, goal).filter(|_| self.way_ends(task));
         let motion = self.model.motion(&trajectory, task.belief);
         self.last = Some(trajectory);
-        Ok(Ok(StretchAnswer {
+        Ok(StretchAnswer {
             motion,
-            is_last,
+            is_last: arrival_s.is_some(),
+            arrival_s,
             status: answer.status,
             quantities: names.to_vec(),
             weights: weights.to_vec(),
             sigma: before.into_iter().zip(after).map(|(before, after)| [before, after]).collect(),
-        }))
+        })
     }
 
     /// Whether the way ends within the stretch.
@@ -156,9 +168,17 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
         task.way.duration_s() <= end_s
     }
 
+    /// Mission time of the node from which on the plan stays where it should arrive; none where it does not end there.
+    fn arrival_s(&self, plan: &LocalTrajectory<M::State, U, P>, goal: &Kinematics) -> Option<f64> {
+        let has_arrived = |state: &&M::State| self.has_arrived(&self.model.kinematics(state), goal);
+        let there = plan.states.iter().rev().take_while(has_arrived).count();
+        let first = plan.states.len().checked_sub(there)?;
+        (there > 0).then_some(plan.start_s + plan.step_s * first as f64)
+    }
+
     fn has_arrived(&self, end: &Kinematics, goal: &Kinematics) -> bool {
         let Arrival { radius_m, speed_m_s, angle_rad, rate_rad_s } = self.arrival;
-        let norm = |vector: nalgebra::Vector3<f64>| f64::sqrt(vector.norm_squared());
+        let norm = |vector: Vector3<f64>| f64::sqrt(vector.norm_squared());
         let turn = (goal.world_from_body.rotation.inverse() * end.world_from_body.rotation).log();
         norm(end.position_world() - goal.position_world()) <= radius_m
             && norm(end.velocity_world) <= speed_m_s
@@ -215,29 +235,28 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> S
             radius_m: self.arrival.radius_m,
             speed_m_s: self.arrival.speed_m_s,
         };
-        let inputs = self.inputs(task);
-        let ends = self.way_ends(task);
-        let mut tries = vec![Try { guess: Some(inputs.clone()), must_arrive: ends }];
-        tries.push(Try { guess: None, must_arrive: ends });
-        if ends {
-            tries.push(Try { guess: Some(inputs), must_arrive: false });
-        }
+        let (inputs, is_near) = self.inputs(task, weights.iter().any(|weight| *weight > 0.0));
+        let begun = if is_near { Guess::Near(&inputs) } else { Guess::Inputs(&inputs) };
+        // What cannot arrive in time comes as near as it can, and the next stretch arrives; from nothing only where that fails.
+        let region = self.way_ends(task).then_some(region);
+        let tries = [(begun, region), (Guess::Inputs(&inputs), None), (Guess::Excited, None)];
+        let tries = tries.into_iter().enumerate().filter(|(index, _)| *index != 1 || region.is_some() || is_near);
         self.iterations = 0;
         let mut refusal = StretchRefusal { violation: f64::INFINITY, blocker: None };
-        for Try { guess, must_arrive } in tries {
+        for (_, (guess, terminal)) in tries {
             let request = LocalRequest {
                 start: &start,
                 start_s: task.start_s,
                 reference: Reference::Nodes(&nodes),
-                terminal: must_arrive.then_some(region),
+                terminal,
                 belief: task.belief,
                 information: weights,
                 surroundings: task.surroundings,
-                guess: guess.as_ref().map_or(Guess::Excited, |inputs| Guess::Inputs(inputs)),
+                guess,
             };
             let found = self.planner.plan(&request, budget)?;
             self.iterations += found.iterations;
-            match self.answer(task, &goal, &weights, knowledge.names, found)? {
+            match self.answer(task, &goal, &weights, knowledge.names, found) {
                 Ok(answer) => return Ok(Ok(answer)),
                 Err(refused) => refusal = refused,
             }

@@ -36,6 +36,8 @@ pub struct StretchAnswer {
     pub motion: MissionMotion,
     /// Whether it ends at rest at the end of the way.
     pub is_last: bool,
+    /// Mission time from which on it stays there, s; none where it does not end there.
+    pub arrival_s: Option<f64>,
     /// How the planner ended.
     pub status: LocalStatus,
     /// Names of the quantities that are not known.

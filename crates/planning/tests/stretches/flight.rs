@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 use tumble_planning::collision::{BodyShape, CollisionWorld, EllipsoidWorld};
 use tumble_planning::dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, RigidBodyState, World};
 use tumble_planning::global::{
-    FlightPlanner, FlightPlannerSettings, GlobalPlanner, GlobalRequest, GoalRegion, MotionLimits, Objective, Until,
+    FlightPlanner, FlightPlannerSettings, GlobalPlanner, GlobalRequest, GoalRegion, Objective, Until,
 };
 use tumble_planning::lie::{Pose, Twist};
 use tumble_planning::local::{Hull, InformationWeighting, Surroundings, WrenchSet, body_by_mass_center_and_inertia};
@@ -83,19 +83,7 @@ pub fn belief(mass: f64, center_m: Vector3<f64>, [mass_share, com_m, inertia_sha
     belief
 }
 
-/// How hard and how fast the way is, as shares of what stretches may do.
-#[derive(Clone, Copy)]
-pub struct WayShare {
-    pub force: f64,
-    pub torque: f64,
-    pub speed_m_s: f64,
-    pub rate_rad_s: f64,
-    pub margin_m: f64,
-}
-
-pub const WAY: WayShare = WayShare { force: 0.4, torque: 0.2, speed_m_s: 0.07, rate_rad_s: 0.1, margin_m: 0.045 };
-
-pub fn way(scene: &Scene, belief: &ModelBelief, share: &WayShare, units: u64, seed: u64) -> Option<ArcPath> {
+pub fn way(scene: &Scene, belief: &ModelBelief, settings: &StretchSettings, units: u64, seed: u64) -> Option<ArcPath> {
     let world = EllipsoidWorld::new(&scene.world).unwrap();
     let body = BodyShape::sphere(RADIUS_M).unwrap();
     let flat = if scene.is_planar { 0.0 } else { 1.0 };
@@ -111,16 +99,14 @@ pub fn way(scene: &Scene, belief: &ModelBelief, share: &WayShare, units: u64, se
             speed_m_s: 0.0,
             attitude: Some(scene.goal.rotation),
         },
-        limits: MotionLimits {
-            position: scene.bounds,
-            speed_m_s: Vector3::new(1.0, 1.0, flat) * share.speed_m_s,
-            force_n: Vector3::new(1.0, 1.0, flat) * (share.force * FORCE_N),
-            torque_n_m: Vector3::new(flat, flat, 1.0) * (share.torque * TORQUE_N_M),
-            rate_rad_s: share.rate_rad_s,
-        },
+        limits: settings.way_limits(
+            scene.bounds,
+            Vector3::new(1.0, 1.0, flat) * FORCE_N,
+            Vector3::new(flat, flat, 1.0) * TORQUE_N_M,
+        ),
         belief,
         objective: Objective::Duration,
-        margin_m: share.margin_m,
+        margin_m: settings.margin_m + 0.005,
         until: Until::BudgetSpent,
         seed,
     };
@@ -135,10 +121,36 @@ pub fn surroundings(scene: &Scene, margin_m: f64) -> Surroundings {
     let mut room =
         AlignedBox { lower_world: scene.bounds.lower_world - reach, upper_world: scene.bounds.upper_world + reach };
     if scene.is_planar {
-        (room.lower_world.z, room.upper_world.z) = (f64::NEG_INFINITY, f64::INFINITY);
+        (room.lower_world.z, room.upper_world.z) = (-10.0, 10.0);
     }
     let world = World { keep_in: vec![room], ..scene.world.clone() };
     Surroundings::of_world(&world, Hull::Shape(BodyShape::sphere(RADIUS_M).unwrap())).unwrap()
+}
+
+/// The belief with another covariance of the quantities in these places among mass, centre of mass and inertia about it.
+pub fn learned<const P: usize>(
+    belief: &ModelBelief,
+    places: &[usize; P],
+    covariance: &SMatrix<f64, P, P>,
+) -> ModelBelief {
+    let by_central = body_by_mass_center_and_inertia(belief.parameters());
+    let back = by_central.try_inverse().unwrap();
+    let mut central = back * belief.estimate.covariance * back.transpose();
+    for i in 0..P {
+        for j in 0..P {
+            central[(places[i], places[j])] = covariance[(i, j)];
+        }
+    }
+    let mut next = belief.clone();
+    next.revision += 1;
+    next.estimate.covariance = by_central * central * by_central.transpose();
+    next
+}
+
+/// Time that this thread has had on a core, ms; zero where the system does not tell.
+fn cpu_ms() -> f64 {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    text.split(' ').next().and_then(|first| first.parse::<f64>().ok()).unwrap_or(0.0) * 1e-6
 }
 
 /// What a flight came to.
@@ -147,23 +159,22 @@ pub struct Flown {
     pub refused: bool,
     pub arrived: bool,
     pub stretches: usize,
-    pub duration_s: f64,
+    pub arrival_s: f64,
     pub way_s: f64,
     pub clearance_m: f64,
-    /// Largest of input, speed, in units of their limits.
+    /// Largest of input, speed, rate, in units of their limits.
     pub input: f64,
     pub speed: f64,
+    pub rate: f64,
     /// Largest distance of a stretch's end from the way, m, m/s.
     pub end_m: f64,
     pub end_m_s: f64,
-    pub wall_ms: Vec<f64>,
-    pub iterations: Vec<usize>,
+    pub core_ms: Vec<f64>,
     pub units: Vec<u64>,
     /// After each stretch, as if all were measured as predicted: sigma of each quantity over that of the start.
     pub sigma: Vec<Vec<f64>>,
-    pub weights: Vec<Vec<f64>>,
+    /// Integrals of the absolute forces and torques, N s and N m s.
     pub impulse: [f64; 2],
-    pub end_error: [f64; 4],
 }
 
 /// Flies a mission stretch by stretch, the belief's covariance as predicted.
@@ -175,7 +186,7 @@ pub fn fly<M, const X: usize, const U: usize, const P: usize>(
     belief: &ModelBelief,
     settings: &StretchSettings,
     weighting: Box<dyn InformationWeighting<P>>,
-    learned: impl Fn(&ModelBelief, &SMatrix<f64, P, P>) -> ModelBelief,
+    places: &[usize; P],
     start: RigidBodyState<f64>,
 ) -> Flown
 where
@@ -203,68 +214,50 @@ where
             elapsed_s: start_s,
         };
         let mut budget = Units::new(u64::MAX);
-        let clock = std::time::Instant::now();
-        let answer = planner.plan(&task, &mut budget);
-        let answer = match answer {
-            Ok(answer) => answer,
-            Err(error) => {
-                println!("{error}");
-                flown.refused = true;
-                return flown;
-            }
-        };
-        flown.wall_ms.push(clock.elapsed().as_secs_f64() * 1e3);
-        flown.iterations.push(planner.iterations());
+        let clock = cpu_ms();
+        let answer = planner.plan(&task, &mut budget).unwrap();
+        flown.core_ms.push(cpu_ms() - clock);
         flown.units.push(budget.spent());
-        let Ok(answer) = answer.as_ref() else {
-            println!("{answer:?}");
+        let Ok(answer) = answer else {
             flown.refused = true;
             return flown;
         };
         let plan = planner.last_plan().unwrap();
         let (model, step_s) = (planner.model(), plan.step_s);
-        for (state, input) in plan.states.iter().zip(&plan.inputs) {
+        for input in &plan.inputs {
             for (value, limit) in input.iter().zip(limit) {
                 flown.input = flown.input.max(value.abs() / limit);
             }
             for (is_torque, value) in M::IS_TORQUE.into_iter().zip(input) {
                 flown.impulse[usize::from(is_torque)] += value.abs() * step_s;
             }
-            for part in 0..=8 {
-                let (at, _) = model.step(state, &[[0.0; X]; P], input, step_s * f64::from(part) / 8.0).unwrap();
-                let at = model.kinematics(&at);
-                let clearance = world.clearance(&body, &at.world_from_body, 0.0).unwrap();
-                flown.clearance_m = flown.clearance_m.min(clearance.distance_m);
-                flown.speed = flown.speed.max(at.velocity_world.amax() / settings.speed.speed_m_s.x);
-            }
+        }
+        for part in 0..=8 * plan.inputs.len() {
+            let at = answer.motion.state_at(start_s + step_s * part as f64 / 8.0);
+            let velocity = at.world_from_body.rotation * at.twist_body.linear;
+            let clearance = world.clearance(&body, &at.world_from_body, 0.0).unwrap();
+            flown.clearance_m = flown.clearance_m.min(clearance.distance_m);
+            flown.speed = flown.speed.max(velocity.amax() / settings.speed.speed_m_s.x);
+            flown.rate = flown.rate.max(at.twist_body.angular.amax() / settings.speed.rate_rad_s.x);
         }
         let end = model.kinematics(plan.states.last().unwrap());
-        start = (&end).into();
+        start = answer.motion.state_at(answer.motion.end_s());
         start_s += planner.horizon_s();
         flown.stretches += 1;
         flown.sigma.push(answer.sigma.iter().map(|[before, after]| after / before).collect());
-        flown.weights.push(answer.weights.clone());
-        belief = learned(&belief, plan.covariances.last().unwrap());
-        let goal = scene.goal;
-        let error = [
-            (end.position_world() - goal.translation.vector).norm(),
-            end.velocity_world.norm(),
-            end.world_from_body.rotation.angle_to(&goal.rotation),
-            end.rate_body.norm(),
-        ];
-        flown.end_error = error;
+        belief = learned(&belief, places, plan.covariances.last().unwrap());
         if let Some((arc, within)) = way.at(start_s) {
             let on_way = arc.translation(within).0;
             let velocity = if start_s >= way.duration_s() { Vector3::zeros() } else { on_way.velocity };
             flown.end_m = flown.end_m.max((end.position_world() - on_way.position).norm());
             flown.end_m_s = flown.end_m_s.max((end.velocity_world - velocity).norm());
         }
-        if answer.is_last {
+        if let Some(arrival_s) = answer.arrival_s {
+            flown.arrival_s = arrival_s;
             flown.arrived = true;
             break;
         }
     }
-    flown.duration_s = start_s;
     flown
 }
 

@@ -208,8 +208,10 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
         let Some(turn) = slew(&from.attitude, &to.attitude, inertia, &self.request.limits)? else { return Ok(false) };
         // The centre of mass goes round the origin; what force that takes at most is not there for the translation.
         let reserve_m_s2 = self.offset_m * (turn.acceleration_rad_s2() + turn.rate_rad_s() * turn.rate_rad_s());
+        // It is perpendicular to the axis: a turn about the vertical takes none along it, so that a table has room for it.
+        let axis_world = from.attitude * turn.axis_body().into_inner();
         let mut limits = self.limits;
-        limits.acceleration_m_s2.apply(|limit| *limit -= reserve_m_s2);
+        limits.acceleration_m_s2.zip_apply(&axis_world, |limit, along| *limit -= reserve_m_s2 * across(along));
         if limits.acceleration_m_s2.min() < 0.0 {
             return Ok(false);
         }
@@ -397,4 +399,10 @@ fn room<W: CollisionWorld + ?Sized>(request: &GlobalRequest<'_, W>, limits: &Tra
         lower_world: lower.zip_map(&start.inf(&goal), |side, least| near(side, least - beyond)),
         upper_world: upper.zip_map(&start.sup(&goal), |side, largest| near(side, largest + beyond)),
     }
+}
+
+/// Sine of the angle between an axis and a unit vector of which `along` is the component on it; nothing where that is rounding.
+fn across(along: f64) -> f64 {
+    let square = 1.0 - along * along;
+    if square > 1e-12 { f64::sqrt(square) } else { 0.0 }
 }
