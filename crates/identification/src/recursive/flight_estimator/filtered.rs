@@ -7,6 +7,7 @@ use super::health::{Monitor, Thresholds};
 use super::reception::{FlightMeasurement, Reception};
 use super::settings::FlightEstimatorSettings;
 use super::wrench_history::WrenchHistory;
+use crate::dynamics::LogCholesky;
 use crate::error::IdentificationError;
 use crate::lie::{LieGroup, Pose, Twist};
 use crate::recursive::belief::Correction;
@@ -90,12 +91,18 @@ impl Filtered {
         }
     }
 
-    /// Carries state and covariance on to a time.
-    pub(super) fn advance(&mut self, rules: &Rules, history: &WrenchHistory, until_ns: i64) {
+    /// Carries state and covariance on to a time, linear about `anchor` where there is one.
+    pub(super) fn advance(
+        &mut self,
+        rules: &Rules,
+        history: &WrenchHistory,
+        until_ns: i64,
+        anchor: Option<&LogCholesky<f64>>,
+    ) {
         for (from_ns, to_ns) in steps(self.stamp_ns, until_ns) {
             let (believed, step_s) = (history.mean(from_ns, to_ns), (to_ns - from_ns) as f64 * 1e-9);
             // What is not finite never gets here; where a step fails all the same, the motion stays.
-            let _ = rules.model.predict(&mut self.state, &mut self.covariance, &believed, step_s);
+            let _ = rules.model.predict(&mut self.state, &mut self.covariance, &believed, step_s, anchor);
         }
         self.stamp_ns = self.stamp_ns.max(until_ns);
     }
@@ -242,12 +249,7 @@ impl Filtered {
     }
 
     /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is.
-    pub(super) fn restart(
-        &mut self,
-        rules: &Rules,
-        body: &crate::dynamics::LogCholesky<f64>,
-        covariance: &SMatrix<f64, 10, 10>,
-    ) {
+    pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
         self.state.joint.body = *body;
         (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
         let mut fresh = Self::new(rules, self.state, covariance, self.stamp_ns).covariance;
@@ -278,8 +280,8 @@ pub(super) type FlightInnovation = crate::recursive::Innovation<ROWS>;
 /// What a prior is in the chart of the filter.
 pub(super) fn in_chart(
     prior: &crate::Estimate,
-) -> Result<(crate::dynamics::LogCholesky<f64>, SMatrix<f64, 10, 10>), IdentificationError> {
-    let body = crate::dynamics::LogCholesky::try_from_parameters(&prior.parameters)?;
+) -> Result<(LogCholesky<f64>, SMatrix<f64, 10, 10>), IdentificationError> {
+    let body = LogCholesky::try_from_parameters(&prior.parameters)?;
     let slopes = crate::recursive::joint_motion::parameters_by_chart(&body);
     let Some(inverse) = slopes.try_inverse() else { return Err(IdentificationError::NotFinite { row: 0 }) };
     let covariance = crate::recursive::belief::symmetric(&(inverse * prior.covariance * inverse.transpose()));
