@@ -134,7 +134,7 @@ impl Filtered {
         };
         let (nis, freedom) = (innovation.nis, innovation.degrees_of_freedom);
         let limit = rules.thresholds.gate(freedom);
-        self.monitor.observe(&rules.thresholds, &innovation, nis.min(limit), dt_s);
+        self.monitor.observe(&rules.thresholds, &innovation, limit, dt_s);
         if nis <= limit {
             self.correct(rules, &step, learned);
             self.jump = None;

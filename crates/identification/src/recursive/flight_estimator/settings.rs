@@ -48,16 +48,16 @@ pub struct FlightEstimatorSettings {
 }
 
 impl FlightEstimatorSettings {
-    /// Usual patience around these noise levels: a thrust known to 0.7 % per axis, 0.2 mN m and 2 mN of slow drift.
+    /// Usual patience around these noise levels: a thrust known to 1 % per axis, 0.2 mN m and 2 mN of slow drift.
     pub fn new(noise: MotionNoise) -> Self {
-        let (torque, force, scale) = (2e-4, 2e-3, 7e-3);
+        let (torque, force, scale) = (2e-4, 2e-3, 0.01);
         Self {
             noise,
             wrench: WrenchErrors {
                 drift: Vector6::new(torque, torque, torque, force, force, force),
                 drift_time_s: 30.0,
                 scale: Vector6::repeat(scale),
-                line_m: 7e-4,
+                line_m: 1.2e-3,
                 period_s: 0.016,
             },
             planar: false,
