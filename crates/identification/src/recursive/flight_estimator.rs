@@ -39,6 +39,7 @@ const STAYS_KNOWN: f64 = 1.25;
 
 /// What happened at a moment of the stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // nothing is allocated in flight
 enum Event {
     Start,
     Coasted,
@@ -109,9 +110,9 @@ impl FlightEstimator {
             FlightState { joint: JointState { motion: start, body }, drift: Vector6::zeros(), scale: Vector6::zeros() };
         let (mut events, mut moments) = (VecDeque::with_capacity(MOMENTS + 1), VecDeque::with_capacity(MOMENTS + 1));
         events.push_back(Event::Start);
-        let first = Filtered::new(&rules, state, &covariance, start_ns);
+        let first = Filtered::new(&rules, &state, &covariance, start_ns);
         moments.push_back(first);
-        let lessons = FirstLessons::new(first);
+        let lessons = FirstLessons::new(&first);
         let history = WrenchHistory::new(start_ns);
         Ok(Self {
             rules,
@@ -142,7 +143,7 @@ impl FlightEstimator {
             // A pause of hours is one step of the ring.
             let behind_ns = horizon_ns - self.newest().stamp_ns;
             let stamp_ns = self.newest().stamp_ns.saturating_add(COAST_NS.max(behind_ns / 64));
-            self.insert(self.moments.len(), stamp_ns, Event::Coasted);
+            self.insert(self.moments.len(), stamp_ns, &Event::Coasted);
         }
         self.settle(horizon_ns);
     }
@@ -208,14 +209,14 @@ impl FlightEstimator {
         let place = self.moments.partition_point(|moment| moment.stamp_ns <= stamp_ns).max(1);
         let later = self.events.iter().skip(place).any(|event| matches!(event, Event::Measured(_)));
         self.apart.replayed += u64::from(later);
-        self.insert(place, stamp_ns, Event::Measured(checked))
+        self.insert(place, stamp_ns, &Event::Measured(checked))
     }
 
     /// Puts an event in its place and filters from there on.
-    fn insert(&mut self, place: usize, stamp_ns: i64, event: Event) -> Reception {
+    fn insert(&mut self, place: usize, stamp_ns: i64, event: &Event) -> Reception {
         let mut moment = *self.newest();
         moment.stamp_ns = stamp_ns;
-        self.events.insert(place, event);
+        self.events.insert(place, *event);
         // Overwritten at once, from `place` on; only the stamps of those that move are needed.
         self.moments.insert(place, moment);
         let reception = self.filter_from(place);
@@ -319,17 +320,17 @@ impl FlightEstimator {
     /// As [`try_new`](Self::try_new) for the prior; nothing is changed then.
     pub fn restart(&mut self, prior: &Estimate) -> Result<(), IdentificationError> {
         let (body, covariance) = in_chart(prior)?;
-        self.happen_now(Event::Restarted(body, covariance));
+        self.happen_now(&Event::Restarted(body, covariance));
         Ok(())
     }
 
     /// Less certainty of the body from now on, each of its ten coordinates by a jump of this standard deviation, the motion
     /// kept: something was grasped or released; see [`grasp_or_release`]. What is not finite widens nothing.
     pub fn body_changed(&mut self, deviation: &SVector<f64, 10>) {
-        self.happen_now(Event::Changed(deviation.map(|s| if s.is_finite() { s } else { 0.0 })));
+        self.happen_now(&Event::Changed(deviation.map(|s| if s.is_finite() { s } else { 0.0 })));
     }
 
-    fn happen_now(&mut self, event: Event) {
+    fn happen_now(&mut self, event: &Event) {
         self.known = false;
         let stamp_ns = self.history.end_ns().max(self.newest().stamp_ns);
         self.insert(self.moments.len(), stamp_ns, event);

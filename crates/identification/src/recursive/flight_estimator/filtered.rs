@@ -67,7 +67,7 @@ pub(super) struct Filtered {
 }
 
 impl Filtered {
-    pub(super) fn new(rules: &Rules, state: FlightState, body: &SMatrix<f64, 10, 10>, start_ns: i64) -> Self {
+    pub(super) fn new(rules: &Rules, state: &FlightState, body: &SMatrix<f64, 10, 10>, start_ns: i64) -> Self {
         let settings = &rules.settings;
         let mut covariance = Covariance::zeros();
         let motion = rules.model.motion_variance(&settings.start_deviation);
@@ -82,7 +82,7 @@ impl Filtered {
         Self {
             stamp_ns: start_ns,
             measured_ns: start_ns,
-            state,
+            state: *state,
             covariance,
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
@@ -136,7 +136,7 @@ impl Filtered {
         let limit = rules.thresholds.gate(freedom);
         self.monitor.observe(&rules.thresholds, &innovation, limit, dt_s);
         if nis <= limit {
-            self.correct(rules, &step, learned);
+            self.correct(rules, &step, &learned);
             self.jump = None;
             self.counts.used += 1;
             return Reception::Used { nis };
@@ -149,13 +149,13 @@ impl Filtered {
         Reception::Gated { nis }
     }
 
-    fn correct(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: Covariance) {
+    fn correct(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: &Covariance) {
         let before = self.state.joint.motion;
         self.state = self.state.moved_by(step);
         if rules.settings.planar {
             self.state.joint.motion = back_into_plane(&self.state.joint.motion, &before);
         }
-        self.covariance = covariance;
+        self.covariance = *covariance;
     }
 
     /// The channels that do not repeat the last measurement to the bit.
@@ -252,7 +252,7 @@ impl Filtered {
     pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
         self.state.joint.body = *body;
         (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
-        let mut fresh = Self::new(rules, self.state, covariance, self.stamp_ns).covariance;
+        let mut fresh = Self::new(rules, &self.state, covariance, self.stamp_ns).covariance;
         fresh.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&self.covariance.fixed_view::<BODY, BODY>(0, 0));
         self.covariance = fresh;
         self.monitor = Monitor::default();

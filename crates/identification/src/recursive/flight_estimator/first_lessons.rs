@@ -28,8 +28,8 @@ pub(super) struct FirstLessons {
 }
 
 impl FirstLessons {
-    pub(super) fn new(start: Filtered) -> Self {
-        Self { start, measurements: Vec::with_capacity(KEPT), next_s: FIRST_S, full: false }
+    pub(super) fn new(start: &Filtered) -> Self {
+        Self { start: *start, measurements: Vec::with_capacity(KEPT), next_s: FIRST_S, full: false }
     }
 
     /// Begins anew at this filter, whose body has just become uncertain.
