@@ -20,15 +20,17 @@ use tumble_identification::dynamics::{
 };
 use tumble_identification::lie::{Coordinates, GroupAction, Increment, LieGroup, Wrench};
 use tumble_identification::recursive::{
-    AccelerationObservation, ChangeDetector, ChangeSettings, ChiSquareGate, ExtendedKalmanFilter, JointMotion,
-    JointObservation, JointState, KalmanFilter, LinearObservation, LinearProcess, MotionNoise, PrincipalBody,
-    PrincipalMotion, RecursiveEstimator, RecursiveLeastSquares, RecursiveSdp, SquareRootFilter, UnscentedKalmanFilter,
+    AccelerationObservation, ChangeDetector, ChangeSettings, ChiSquareGate, ExtendedKalmanFilter, FlightEstimator,
+    FlightEstimatorSettings, FlightMeasurement, JointMotion, JointObservation, JointState, KalmanFilter,
+    LinearObservation, LinearProcess, MotionNoise, PrincipalBody, PrincipalMotion, RecursiveEstimator,
+    RecursiveLeastSquares, RecursiveSdp, SquareRootFilter, UnscentedKalmanFilter,
 };
 use tumble_identification::regressors::{
     ObserverFrame, PoseTriple, newton_euler, variational, variational_extrapolated,
 };
 use tumble_identification::{
-    BodyScale, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, PseudoInertiaCone, SquareRootInformation,
+    BodyScale, ConstrainedLeastSquares, Estimate, FeasibleSet, InteriorPoint, PseudoInertiaCone, SquareRootInformation,
+    StandardDeviations,
 };
 
 #[path = "golden/problem4_hard.rs"]
@@ -308,6 +310,28 @@ fn joint_filters_and_the_detector_of_changes() {
     assert_eq!(allocations(CALLS, |i| filter.update(&seen[i]).unwrap()), 0, "ExtendedKalmanFilter, joint");
     let mut filter = UnscentedKalmanFilter::new(model, state, covariance).with_gate(gate);
     assert_eq!(allocations(CALLS, |i| filter.update(&seen[i]).unwrap()), 0, "UnscentedKalmanFilter, joint");
+    let settings = FlightEstimatorSettings::new(noise);
+    let std = StandardDeviations {
+        mass_kg: 1.0,
+        center_of_mass_m: Vector3::zeros(),
+        inertia_about_com_kg_m2: nalgebra::Matrix3::zeros(),
+    };
+    let prior = Estimate { parameters: ch5_body(), covariance: SMatrix::identity() * 1e-4, std, lmi_active: false };
+    let mut flight = FlightEstimator::try_new(settings, RigidBodyState::at_rest(), 0, &prior).unwrap();
+    let mut now_ns = 0;
+    let measured = allocations(CALLS, |i| {
+        flight.acted(now_ns, now_ns + 16_000_000, &wrenches[i]);
+        now_ns += 16_000_000;
+        // Some come late.
+        let late_ns = if i % 7 == 0 { 160_000_000 } else { 0 };
+        flight.measured(&FlightMeasurement {
+            stamp_ns: now_ns - late_ns - i64::from(i % 7 == 0),
+            world_from_body: Isometry3::identity(),
+            rate_body: Some(Vector3::repeat(1e-3 * i as f64)),
+            velocity_origin_world: None,
+        })
+    });
+    assert_eq!(measured, 0, "FlightEstimator");
     let settings = ChangeSettings { spacing: 2, updates_between_false_alarms: 1e4 };
     let widen = |filter: &ExtendedKalmanFilter<JointMotion, JointState, 22>, _| filter.after_a_jump_of_mass(0.1);
     let mut detector = ChangeDetector::<_, _, 10, 4>::try_new(extended, widen, settings).unwrap();

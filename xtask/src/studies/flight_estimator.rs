@@ -33,7 +33,6 @@ struct Flown {
     motion: MotionErrors,
     diverged: bool,
     doubtful: f64,
-    slowest_ns: f64,
     worst_gated: u64,
 }
 
@@ -53,7 +52,7 @@ fn fly(seed: u64, conditions: Conditions, until: f64) -> Flown {
         }
         accounts.push(flight.account());
     }
-    Flown { accounts, motion, diverged, doubtful, slowest_ns: 0.0, worst_gated: flight.estimator.counts().gated }
+    Flown { accounts, motion, diverged, doubtful, worst_gated: flight.estimator.counts().gated }
 }
 
 impl MotionErrors {

@@ -1,6 +1,7 @@
 //! The estimator in the loop of a flight: motion now and ten parameters from late, unordered, doubtful measurements.
 
 mod filtered;
+mod first_lessons;
 mod flight_motion;
 mod health;
 mod reception;
@@ -22,6 +23,7 @@ use crate::lie::Wrench;
 use crate::recursive::belief::symmetric;
 use crate::recursive::joint_motion::{JointState, parameters_by_chart};
 use filtered::{Filtered, Rules, in_chart};
+use first_lessons::FirstLessons;
 use flight_motion::{BODY, FlightMotion, FlightState};
 use health::Thresholds;
 use nalgebra::{SMatrix, SVector, Vector6};
@@ -37,6 +39,7 @@ const STAYS_KNOWN: f64 = 1.25;
 
 /// What happened at a moment of the stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // nothing is allocated in flight
 enum Event {
     Start,
     Coasted,
@@ -64,6 +67,9 @@ pub struct FlightEstimator {
     events: VecDeque<Event>,
     /// The filter after each event.
     moments: VecDeque<Filtered>,
+    /// Events up to this place, itself included, are in `lessons`.
+    settled: usize,
+    lessons: FirstLessons,
     /// Of those that never entered the stream.
     apart: ReceptionCounts,
     known: bool,
@@ -104,9 +110,20 @@ impl FlightEstimator {
             FlightState { joint: JointState { motion: start, body }, drift: Vector6::zeros(), scale: Vector6::zeros() };
         let (mut events, mut moments) = (VecDeque::with_capacity(MOMENTS + 1), VecDeque::with_capacity(MOMENTS + 1));
         events.push_back(Event::Start);
-        moments.push_back(Filtered::new(&rules, state, &covariance, start_ns));
+        let first = Filtered::new(&rules, &state, &covariance, start_ns);
+        moments.push_back(first);
+        let lessons = FirstLessons::new(&first);
         let history = WrenchHistory::new(start_ns);
-        Ok(Self { rules, history, events, moments, apart: ReceptionCounts::default(), known: false })
+        Ok(Self {
+            rules,
+            history,
+            events,
+            moments,
+            settled: 0,
+            lessons,
+            apart: ReceptionCounts::default(),
+            known: false,
+        })
     }
 
     /// The believed wrench of a control period, after saturation; body axes, torque about the origin, without gravity.
@@ -119,14 +136,43 @@ impl FlightEstimator {
         }
         self.history.hold(from_ns, until_ns, wrench_body);
         let first = self.moments.partition_point(|moment| moment.stamp_ns <= from_ns);
-        self.filter_from(first.max(1));
+        // What is settled stays.
+        self.filter_from(first.max(self.settled + 1));
         let horizon_ns = self.history.end_ns().saturating_sub(self.rules.lateness_ns);
         while self.newest().stamp_ns < horizon_ns.saturating_sub(COAST_NS) {
             // A pause of hours is one step of the ring.
             let behind_ns = horizon_ns - self.newest().stamp_ns;
             let stamp_ns = self.newest().stamp_ns.saturating_add(COAST_NS.max(behind_ns / 64));
-            self.insert(self.moments.len(), stamp_ns, Event::Coasted);
+            self.insert(self.moments.len(), stamp_ns, &Event::Coasted);
         }
+        self.settle(horizon_ns);
+    }
+
+    /// Hands on what nothing can come before any more, and learns it again when it is time.
+    fn settle(&mut self, horizon_ns: i64) {
+        while let (Some(event), Some(moment)) = (self.events.get(self.settled + 1), self.moments.get(self.settled + 1))
+        {
+            if moment.stamp_ns >= horizon_ns {
+                break;
+            }
+            match event {
+                Event::Measured(measurement) => self.lessons.keep(measurement),
+                Event::Changed(_) | Event::Restarted(..) => self.lessons.begin_at(moment),
+                Event::Start | Event::Coasted => {}
+            }
+            self.settled += 1;
+        }
+        let Some(settled) = self.moments.get(self.settled) else { return };
+        if !self.lessons.are_due(settled.stamp_ns, &self.history) {
+            return;
+        }
+        let (stamp_ns, body) = (settled.stamp_ns, settled.state.joint.body);
+        let mut again = self.lessons.again(&self.rules, &self.history, &body);
+        again.advance(&self.rules, &self.history, stamp_ns, None);
+        if let Some(settled) = self.moments.get_mut(self.settled) {
+            *settled = again;
+        }
+        self.filter_from(self.settled + 1);
     }
 
     /// Takes a measurement, which may be late, out of order, doubled or absurd.
@@ -163,20 +209,21 @@ impl FlightEstimator {
         let place = self.moments.partition_point(|moment| moment.stamp_ns <= stamp_ns).max(1);
         let later = self.events.iter().skip(place).any(|event| matches!(event, Event::Measured(_)));
         self.apart.replayed += u64::from(later);
-        self.insert(place, stamp_ns, Event::Measured(checked))
+        self.insert(place, stamp_ns, &Event::Measured(checked))
     }
 
     /// Puts an event in its place and filters from there on.
-    fn insert(&mut self, place: usize, stamp_ns: i64, event: Event) -> Reception {
+    fn insert(&mut self, place: usize, stamp_ns: i64, event: &Event) -> Reception {
         let mut moment = *self.newest();
         moment.stamp_ns = stamp_ns;
-        self.events.insert(place, event);
+        self.events.insert(place, *event);
         // Overwritten at once, from `place` on; only the stamps of those that move are needed.
         self.moments.insert(place, moment);
         let reception = self.filter_from(place);
         if self.moments.len() > MOMENTS {
             self.events.pop_front();
             self.moments.pop_front();
+            self.settled = self.settled.saturating_sub(1);
         }
         reception
     }
@@ -188,7 +235,7 @@ impl FlightEstimator {
             let (Some(before), Some(event)) = (self.moments.get(k - 1), self.events.get(k)) else { break };
             let mut filtered = *before;
             let stamp_ns = self.moments.get(k).map_or(filtered.stamp_ns, |moment| moment.stamp_ns);
-            filtered.advance(&self.rules, &self.history, stamp_ns);
+            filtered.advance(&self.rules, &self.history, stamp_ns, None);
             let reception = match event {
                 Event::Measured(measurement) => filtered.take(&self.rules, measurement),
                 Event::Changed(deviation) => {
@@ -227,7 +274,14 @@ impl FlightEstimator {
         let newest = self.newest();
         let parameters = newest.state.joint.body.to_parameters();
         let slopes = parameters_by_chart(&newest.state.joint.body);
-        let covariance = symmetric(&(slopes * newest.covariance.fixed_view::<10, 10>(BODY, BODY) * slopes.transpose()));
+        let mut body = newest.covariance.fixed_view::<10, 10>(BODY, BODY).into_owned();
+        let line = self.rules.settings.wrench.line_m;
+        for i in 1..4 {
+            body[(i, i)] += line * line;
+            // Tilts of the extents come of the same thrusters: a quarter of the line, in flights with nozzles 1 % off.
+            body[(6 + i, 6 + i)] += line * line / 16.0;
+        }
+        let covariance = symmetric(&(slopes * body * slopes.transpose()));
         let std = standard_deviations(&parameters.to_vector(), &covariance);
         Estimate { parameters, covariance, std, lmi_active: false }
     }
@@ -266,17 +320,17 @@ impl FlightEstimator {
     /// As [`try_new`](Self::try_new) for the prior; nothing is changed then.
     pub fn restart(&mut self, prior: &Estimate) -> Result<(), IdentificationError> {
         let (body, covariance) = in_chart(prior)?;
-        self.happen_now(Event::Restarted(body, covariance));
+        self.happen_now(&Event::Restarted(body, covariance));
         Ok(())
     }
 
     /// Less certainty of the body from now on, each of its ten coordinates by a jump of this standard deviation, the motion
     /// kept: something was grasped or released; see [`grasp_or_release`]. What is not finite widens nothing.
     pub fn body_changed(&mut self, deviation: &SVector<f64, 10>) {
-        self.happen_now(Event::Changed(deviation.map(|s| if s.is_finite() { s } else { 0.0 })));
+        self.happen_now(&Event::Changed(deviation.map(|s| if s.is_finite() { s } else { 0.0 })));
     }
 
-    fn happen_now(&mut self, event: Event) {
+    fn happen_now(&mut self, event: &Event) {
         self.known = false;
         let stamp_ns = self.history.end_ns().max(self.newest().stamp_ns);
         self.insert(self.moments.len(), stamp_ns, event);

@@ -7,6 +7,7 @@ use super::health::{Monitor, Thresholds};
 use super::reception::{FlightMeasurement, Reception};
 use super::settings::FlightEstimatorSettings;
 use super::wrench_history::WrenchHistory;
+use crate::dynamics::LogCholesky;
 use crate::error::IdentificationError;
 use crate::lie::{LieGroup, Pose, Twist};
 use crate::recursive::belief::Correction;
@@ -66,7 +67,7 @@ pub(super) struct Filtered {
 }
 
 impl Filtered {
-    pub(super) fn new(rules: &Rules, state: FlightState, body: &SMatrix<f64, 10, 10>, start_ns: i64) -> Self {
+    pub(super) fn new(rules: &Rules, state: &FlightState, body: &SMatrix<f64, 10, 10>, start_ns: i64) -> Self {
         let settings = &rules.settings;
         let mut covariance = Covariance::zeros();
         let motion = rules.model.motion_variance(&settings.start_deviation);
@@ -81,7 +82,7 @@ impl Filtered {
         Self {
             stamp_ns: start_ns,
             measured_ns: start_ns,
-            state,
+            state: *state,
             covariance,
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
@@ -90,12 +91,18 @@ impl Filtered {
         }
     }
 
-    /// Carries state and covariance on to a time.
-    pub(super) fn advance(&mut self, rules: &Rules, history: &WrenchHistory, until_ns: i64) {
+    /// Carries state and covariance on to a time, linear about `anchor` where there is one.
+    pub(super) fn advance(
+        &mut self,
+        rules: &Rules,
+        history: &WrenchHistory,
+        until_ns: i64,
+        anchor: Option<&LogCholesky<f64>>,
+    ) {
         for (from_ns, to_ns) in steps(self.stamp_ns, until_ns) {
             let (believed, step_s) = (history.mean(from_ns, to_ns), (to_ns - from_ns) as f64 * 1e-9);
             // What is not finite never gets here; where a step fails all the same, the motion stays.
-            let _ = rules.model.predict(&mut self.state, &mut self.covariance, &believed, step_s);
+            let _ = rules.model.predict(&mut self.state, &mut self.covariance, &believed, step_s, anchor);
         }
         self.stamp_ns = self.stamp_ns.max(until_ns);
     }
@@ -127,9 +134,9 @@ impl Filtered {
         };
         let (nis, freedom) = (innovation.nis, innovation.degrees_of_freedom);
         let limit = rules.thresholds.gate(freedom);
-        self.monitor.observe(&rules.thresholds, &innovation, nis.min(limit), dt_s);
+        self.monitor.observe(&rules.thresholds, &innovation, limit, dt_s);
         if nis <= limit {
-            self.correct(rules, &step, learned);
+            self.correct(rules, &step, &learned);
             self.jump = None;
             self.counts.used += 1;
             return Reception::Used { nis };
@@ -142,13 +149,13 @@ impl Filtered {
         Reception::Gated { nis }
     }
 
-    fn correct(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: Covariance) {
+    fn correct(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: &Covariance) {
         let before = self.state.joint.motion;
         self.state = self.state.moved_by(step);
         if rules.settings.planar {
             self.state.joint.motion = back_into_plane(&self.state.joint.motion, &before);
         }
-        self.covariance = covariance;
+        self.covariance = *covariance;
     }
 
     /// The channels that do not repeat the last measurement to the bit.
@@ -242,15 +249,10 @@ impl Filtered {
     }
 
     /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is.
-    pub(super) fn restart(
-        &mut self,
-        rules: &Rules,
-        body: &crate::dynamics::LogCholesky<f64>,
-        covariance: &SMatrix<f64, 10, 10>,
-    ) {
+    pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
         self.state.joint.body = *body;
         (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
-        let mut fresh = Self::new(rules, self.state, covariance, self.stamp_ns).covariance;
+        let mut fresh = Self::new(rules, &self.state, covariance, self.stamp_ns).covariance;
         fresh.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&self.covariance.fixed_view::<BODY, BODY>(0, 0));
         self.covariance = fresh;
         self.monitor = Monitor::default();
@@ -278,8 +280,8 @@ pub(super) type FlightInnovation = crate::recursive::Innovation<ROWS>;
 /// What a prior is in the chart of the filter.
 pub(super) fn in_chart(
     prior: &crate::Estimate,
-) -> Result<(crate::dynamics::LogCholesky<f64>, SMatrix<f64, 10, 10>), IdentificationError> {
-    let body = crate::dynamics::LogCholesky::try_from_parameters(&prior.parameters)?;
+) -> Result<(LogCholesky<f64>, SMatrix<f64, 10, 10>), IdentificationError> {
+    let body = LogCholesky::try_from_parameters(&prior.parameters)?;
     let slopes = crate::recursive::joint_motion::parameters_by_chart(&body);
     let Some(inverse) = slopes.try_inverse() else { return Err(IdentificationError::NotFinite { row: 0 }) };
     let covariance = crate::recursive::belief::symmetric(&(inverse * prior.covariance * inverse.transpose()));

@@ -113,15 +113,29 @@ impl FlightMotion {
     }
 
     /// Moves state and covariance on under a held wrench; nothing is changed where that fails.
+    ///
+    /// With an `anchor` the motion is linear in the chart of the body about that body, wherever the estimate is: what a
+    /// filter began with then does no harm to what it learns.
     pub(super) fn predict(
         &self,
         state: &mut FlightState,
         covariance: &mut Covariance,
         believed: &Wrench<f64>,
         step_s: f64,
+        anchor: Option<&LogCholesky<f64>>,
     ) -> Result<(), IdentificationError> {
-        let next = self.propagate(state, believed, step_s)?;
-        let (by_state, by_wrench) = self.derivatives(state, believed, step_s);
+        let body = state.joint.body;
+        let mut about = *state;
+        about.joint.body = *anchor.unwrap_or(&body);
+        let mut next = self.propagate(&about, believed, step_s)?;
+        let (by_state, by_wrench) = self.derivatives(&about, believed, step_s);
+        if anchor.is_some() {
+            let off = body.to_vector() - about.joint.body.to_vector();
+            let moved = by_state.fixed_view::<BODY, 10>(0, BODY) * off;
+            let motion = next.joint.motion.oplus(&moved);
+            next.joint.motion = if self.planar { back_into_plane(&motion, &next.joint.motion) } else { motion };
+            next.joint.body = body;
+        }
         let p = &mut covariance.data.0;
         // Columns of Φ P: rows of motion here, the rest only decays.
         let m = &by_state.data.0;

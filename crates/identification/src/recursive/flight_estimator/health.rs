@@ -83,8 +83,9 @@ pub(super) struct Monitor {
 }
 
 impl Monitor {
-    /// Counts an innovation, `nis` of it cut at the gate.
-    pub(super) fn observe(&mut self, thresholds: &Thresholds, innovation: &FlightInnovation, nis: f64, dt_s: f64) {
+    /// Counts an innovation; one beyond the gate `limit` counts as if it lay there and says nothing of the body.
+    pub(super) fn observe(&mut self, thresholds: &Thresholds, innovation: &FlightInnovation, limit: f64, dt_s: f64) {
+        let nis = innovation.nis.min(limit);
         let keep = ComplexField::exp(-dt_s.max(0.0) / thresholds.time_s);
         let share = 1.0 - keep;
         self.nis = keep * self.nis + share * nis;
@@ -92,6 +93,9 @@ impl Monitor {
         // Of the weights and of their squares: how many measurements the mean is worth.
         self.weight = keep * self.weight + share;
         self.squares = keep * keep * self.squares + share * share;
+        if innovation.nis > limit {
+            return;
+        }
         self.rows = 0;
         for i in 0..ROWS {
             let variance = innovation.covariance[(i, i)];

@@ -13,6 +13,9 @@ pub struct WrenchErrors {
     pub drift_time_s: f64,
     /// Standard deviation of the constant relative part: thrust that is everywhere larger than on paper, say.
     pub scale: Vector6<f64>,
+    /// Standard deviation of the place of a force's line beside where it is believed, m: thrusters of one pair that differ.
+    /// No motion tells it from a centre of mass elsewhere, so it is added to what is reported.
+    pub line_m: f64,
     /// How long a wrench is held to which the white noise of [`MotionNoise`] belongs, s; over other times it averages.
     pub period_s: f64,
 }
@@ -45,15 +48,16 @@ pub struct FlightEstimatorSettings {
 }
 
 impl FlightEstimatorSettings {
-    /// Usual patience around these noise levels: a thrust known to 0.7 % per axis, 0.2 mN m and 2 mN of slow drift.
+    /// Usual patience around these noise levels: a thrust known to 1 % per axis, 0.2 mN m and 2 mN of slow drift.
     pub fn new(noise: MotionNoise) -> Self {
-        let (torque, force, scale) = (2e-4, 2e-3, 7e-3);
+        let (torque, force, scale) = (2e-4, 2e-3, 0.01);
         Self {
             noise,
             wrench: WrenchErrors {
                 drift: Vector6::new(torque, torque, torque, force, force, force),
                 drift_time_s: 30.0,
                 scale: Vector6::repeat(scale),
+                line_m: 1.2e-3,
                 period_s: 0.016,
             },
             planar: false,
@@ -90,7 +94,7 @@ impl FlightEstimatorSettings {
         if let Some(index) = positive.iter().position(|value| !(*value > 0.0 && value.is_finite())) {
             return Err(IdentificationError::NotPositive { index, value: positive[index] });
         }
-        let rest = [noise.torque_n_m, noise.force_n, self.lead_s];
+        let rest = [noise.torque_n_m, noise.force_n, self.lead_s, self.wrench.line_m];
         let rest =
             rest.iter().chain(noise.drift.iter()).chain(self.wrench.drift.iter()).chain(self.wrench.scale.iter());
         for (index, value) in rest.enumerate() {

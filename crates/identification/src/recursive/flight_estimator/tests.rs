@@ -1,1 +1,98 @@
-//! Tests.
+use super::flight_motion::{BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, SCALE, Vector};
+use super::settings::FlightEstimatorSettings;
+use crate::dynamics::{LogCholesky, RigidBodyState};
+use crate::lie::{LieGroup, Manifold, Pose, Twist, Wrench};
+use crate::recursive::MotionNoise;
+use crate::recursive::joint_motion::JointState;
+use nalgebra::{SMatrix, SVector, Vector3, Vector6};
+
+fn model(planar: bool) -> FlightMotion {
+    let noise = MotionNoise {
+        attitude_rad: 1e-3,
+        position_m: 1e-3,
+        rate_rad_s: 1e-3,
+        velocity_m_s: 1e-3,
+        acceleration_m_s2: 1.0,
+        torque_n_m: 0.0,
+        force_n: 0.0,
+        drift: SVector::zeros(),
+    };
+    let mut settings = FlightEstimatorSettings { planar, ..FlightEstimatorSettings::new(noise) };
+    settings.wrench.drift = Vector6::zeros();
+    FlightMotion::new(&settings)
+}
+
+fn state(planar: bool) -> FlightState {
+    let body = LogCholesky::from_vector(&SVector::from([1.8, 0.05, -0.03, 0.04, -2.0, -2.2, -2.1, 0.01, -0.02, 0.015]));
+    let flat = if planar { 0.0 } else { 1.0 };
+    let motion = RigidBodyState {
+        world_from_body: Pose::exp(&Vector6::new(0.3 * flat, -0.4 * flat, 0.7, 0.1, 0.2, -0.3 * flat)),
+        twist_body: Twist::new(Vector3::new(0.3 * flat, -0.2 * flat, 0.5), Vector3::new(0.1, -0.05, 0.2 * flat)),
+    };
+    let (drift, scale) = (Vector6::repeat(0.02), Vector6::new(0.1, 0.2, -0.1, 0.05, 0.15, -0.2));
+    FlightState { joint: JointState { motion, body }, drift, scale }
+}
+
+fn wrench() -> Wrench<f64> {
+    Wrench::new(Vector3::new(0.02, -0.03, 0.04), Vector3::new(0.5, -0.3, 0.4))
+}
+
+/// The covariance after a step against the spread of states moved along each coordinate.
+#[test]
+fn predicted_covariance_is_what_the_step_makes_of_a_spread() {
+    for planar in [false, true] {
+        let (model, start, step_s) = (model(planar), state(planar), 0.01);
+        let end = model.propagate(&start, &wrench(), step_s).unwrap();
+        let mut slopes = SMatrix::<f64, COORDINATES, COORDINATES>::zeros();
+        for j in 0..COORDINATES {
+            let moved =
+                |size: f64| model.propagate(&start.moved_by(&(Vector::ith(j, size))), &wrench(), step_s).unwrap();
+            let (up, down) = (moved(1e-5), moved(-1e-5));
+            let mut slope = Vector::zeros();
+            let joint = (up.joint.ominus(&end.joint) - down.joint.ominus(&end.joint)) / 2e-5;
+            slope.fixed_rows_mut::<22>(0).copy_from(&joint);
+            slope.fixed_rows_mut::<6>(DRIFT).copy_from(&((up.drift - down.drift) / 2e-5));
+            slope.fixed_rows_mut::<6>(SCALE).copy_from(&((up.scale - down.scale) / 2e-5));
+            slopes.set_column(j, &slope);
+        }
+        // Full, positive, and where the plane is all there is nothing out of it.
+        let root = Covariance::from_fn(|i, j| if i == j { 1.0 } else { 0.1 * ((i * 7 + j * 3) as f64).sin() });
+        let mut start_covariance = root * root.transpose();
+        if planar {
+            for i in [0, 1, 5, 6, 7, 11] {
+                start_covariance.row_mut(i).fill(0.0);
+                start_covariance.column_mut(i).fill(0.0);
+            }
+        }
+        let expected = slopes * start_covariance * slopes.transpose();
+        let (mut found_state, mut found) = (start, start_covariance);
+        model.predict(&mut found_state, &mut found, &wrench(), step_s, None).unwrap();
+        assert_eq!(found_state, end);
+        assert!((found - expected).amax() < 1e-3, "{planar} {}", (found - expected).amax());
+        assert!((found - start_covariance).amax() > 0.05);
+        assert_eq!(found, found.transpose());
+    }
+}
+
+/// At the body itself an anchor changes nothing; elsewhere the end is linear in the chart.
+#[test]
+fn an_anchor_makes_the_step_linear_in_the_body() {
+    let (model, start) = (model(false), state(false));
+    let anchor = start.joint.body;
+    let end = |factor: f64| {
+        let mut moved = start;
+        let off = SVector::<f64, 10>::from_fn(|i, _| 0.1 * (i as f64 + 1.0).sin()) * factor;
+        moved.joint.body = LogCholesky::from_vector(&(anchor.to_vector() + off));
+        let body = moved.joint.body;
+        let mut covariance = Covariance::identity();
+        model.predict(&mut moved, &mut covariance, &wrench(), 0.01, Some(&anchor)).unwrap();
+        assert_eq!(moved.joint.body, body);
+        (moved.joint.motion, covariance)
+    };
+    let (at, covariance) = end(0.0);
+    assert_eq!(at, model.propagate(&start, &wrench(), 0.01).unwrap().joint.motion);
+    let (one, two) = (end(1.0).0.ominus(&at), end(2.0).0.ominus(&at));
+    assert!((one * 2.0 - two).amax() < 1e-12 && one.amax() > 1e-4);
+    assert_eq!(end(2.0).1, covariance);
+    assert!(covariance.fixed_view::<BODY, 10>(0, BODY).amax() > 1e-4);
+}

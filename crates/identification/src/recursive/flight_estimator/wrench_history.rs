@@ -4,8 +4,8 @@ use crate::lie::Wrench;
 use nalgebra::Vector6;
 use std::collections::VecDeque;
 
-/// Pieces kept: four seconds of control periods of 8 ms.
-const PIECES: usize = 512;
+/// Pieces kept: a minute of control periods of 16 ms.
+const PIECES: usize = 4096;
 
 #[derive(Clone, Copy, Debug)]
 struct Piece {
@@ -29,6 +29,11 @@ impl WrenchHistory {
     /// Until when something has been said.
     pub(super) fn end_ns(&self) -> i64 {
         self.end_ns
+    }
+
+    /// Since when everything that was said is known.
+    pub(super) fn complete_since_ns(&self) -> i64 {
+        if self.pieces.len() < PIECES { i64::MIN } else { self.pieces.front().map_or(i64::MIN, |piece| piece.from_ns) }
     }
 
     /// Holds a wrench over a span; what had been said of that time and later is forgotten.
@@ -91,14 +96,14 @@ mod tests {
     #[test]
     fn equal_neighbours_are_one_and_the_oldest_go_first() {
         let mut history = WrenchHistory::new(0);
-        for i in 0..2000 {
+        for i in 0..9000 {
             history.hold(i, i + 1, &force(7.0));
         }
-        assert_eq!((history.pieces.len(), history.mean(0, 2000).force.x), (1, 7.0));
-        for i in 2000..3000 {
+        assert_eq!((history.pieces.len(), history.mean(0, 9000).force.x), (1, 7.0));
+        for i in 9000..14000 {
             history.hold(i, i + 1, &force(i as f64));
         }
-        assert_eq!((history.pieces.len(), history.mean(2999, 3000).force.x), (PIECES, 2999.0));
-        assert_eq!(history.mean(2000, 2001).force.x, 0.0);
+        assert_eq!((history.pieces.len(), history.mean(13999, 14000).force.x), (PIECES, 13999.0));
+        assert_eq!(history.mean(9000, 9001).force.x, 0.0);
     }
 }
