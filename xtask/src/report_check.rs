@@ -59,11 +59,6 @@ pub fn main(arguments: &[String]) -> ExitCode {
     }
 }
 
-/// The check without arguments.
-pub fn step() -> Outcome {
-    run(None, None)
-}
-
 fn run(file: Option<&Path>, pictures: Option<&Path>) -> Outcome {
     let Some(program) = browser::find() else {
         let reason = "no browser (set TUMBLE_BROWSER, or install Chromium)".to_owned();
