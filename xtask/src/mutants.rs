@@ -2244,6 +2244,41 @@ const MUTANTS: &[Mutant] = &[
         replacement: "belief.estimate.covariance[(0, 0)] = sigma_kg;",
         test: "-p tumble-astrobee --test simulate_control",
     },
+    Mutant {
+        name: "report: hostile names end the data",
+        file: "crates/astrobee/src/mission_report/data.rs",
+        original: "            '<' | '>' | '&' |",
+        replacement: "            '&' |",
+        test: "-p tumble-astrobee --test mission_report hostile_names",
+    },
+    Mutant {
+        name: "report: text of the record taken for elements",
+        file: "crates/astrobee/src/mission_report/text.rs",
+        original: "'<' => page.push_str(\"&lt;\")",
+        replacement: "'<' => page.push('<')",
+        test: "-p tumble-astrobee --test mission_report hostile_names",
+    },
+    Mutant {
+        name: "report: an obstacle that stays is lost with its infinite time",
+        file: "crates/astrobee/src/mission/record.rs",
+        original: "until.unwrap_or(f64::INFINITY)",
+        replacement: "until.unwrap_or(0.0)",
+        test: "-p tumble-astrobee --test mission_report the_embedded_record",
+    },
+    Mutant {
+        name: "report: error told in units instead of standard deviations",
+        file: "crates/astrobee/src/mission_report/tables.rs",
+        original: "number(error / row.sigma, 2)",
+        replacement: "number(error, 2)",
+        test: "-p tumble-astrobee --test mission_report errors_are_told",
+    },
+    Mutant {
+        name: "report: logarithmic plots drawn linearly",
+        file: "crates/astrobee/src/mission_report/plot.rs",
+        original: "libm::log10(value)",
+        replacement: "value",
+        test: "-p tumble-astrobee --test mission_report predicted_information",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

@@ -83,7 +83,7 @@ const missionPage = (() => {
 
   // ---- camera: z of the world points down ----
   const views = {
-    corner: [record.planar ? 0.0 : 0.62, record.planar ? 1.1 : 0.42], top: [0, 1.55], side: [0, 0.02], front: [Math.PI / 2, 0.02],
+    corner: [record.planar ? 0.0 : -2.5, record.planar ? 1.1 : 0.42], top: [0, 1.55], side: [0, 0.02], front: [Math.PI / 2, 0.02],
   };
   const camera = { yaw: views.corner[0], pitch: views.corner[1], zoom: 1, target: center.slice() };
   let basis;
@@ -91,7 +91,7 @@ const missionPage = (() => {
     const { yaw, pitch } = camera;
     // From the picture into the depth.
     const depth = [-Math.cos(pitch) * Math.cos(yaw), -Math.cos(pitch) * Math.sin(yaw), Math.sin(pitch)];
-    const right = [-Math.sin(yaw), Math.cos(yaw), 0];
+    const right = [Math.sin(yaw), -Math.cos(yaw), 0];
     const up = cross(right, depth);
     const width = canvas.clientWidth, height = canvas.clientHeight;
     const away = 2.1 * size / camera.zoom;
@@ -501,13 +501,13 @@ const missionPage = (() => {
     const width = fingers.size === 2 ? spread() : 0;
     fingers.set(event.pointerId, [event.clientX, event.clientY]);
     if (fingers.size === 2) zoom(spread() / width);
-    else turn(-0.007 * (event.clientX - before[0]), 0.007 * (event.clientY - before[1]));
+    else turn(0.007 * (event.clientX - before[0]), 0.007 * (event.clientY - before[1]));
   });
   ['pointerup', 'pointercancel'].forEach((name) => canvas.addEventListener(name, (event) => fingers.delete(event.pointerId)));
   canvas.addEventListener('wheel', (event) => { event.preventDefault(); zoom(Math.exp(-0.0012 * event.deltaY)); }, { passive: false });
   const step = (count) => { setPlaying(false); seek(times[clamp(rowAt(now) + count, 0, times.length - 1)] || 0); };
   const keys = {
-    ArrowLeft: () => turn(-0.08, 0), ArrowRight: () => turn(0.08, 0), ArrowUp: () => turn(0, 0.08), ArrowDown: () => turn(0, -0.08),
+    ArrowLeft: () => turn(0.08, 0), ArrowRight: () => turn(-0.08, 0), ArrowUp: () => turn(0, 0.08), ArrowDown: () => turn(0, -0.08),
     '+': () => zoom(1.15), '=': () => zoom(1.15), '-': () => zoom(1 / 1.15), 0: () => view('corner'),
     ' ': toggle, ',': () => step(-1), '.': () => step(1), Home: () => seek(0), End: () => seek(lastTime),
   };

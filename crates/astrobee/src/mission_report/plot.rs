@@ -62,7 +62,9 @@ impl Plot {
         for layer in &self.layers {
             match layer {
                 Layer::Line(_, points) | Layer::Marks(_, points) => {
-                    points.iter().for_each(|p| range.include(self.scaled(p[1])))
+                    for point in points {
+                        range.include(self.scaled(point[1]));
+                    }
                 }
                 Layer::Level(_, value) => range.include(self.scaled(*value)),
                 Layer::Band(..) | Layer::Moment(..) => {}
@@ -97,10 +99,10 @@ impl Plot {
         let (lower, upper) = self.range();
         let frame = Frame { width: inner_width, height: inner_height, end_s, lower, upper };
         let (id, title, unit) = (escaped(&self.id), escaped(&self.title), escaped(&self.unit));
-        let _ = write!(
+        let _ = writeln!(
             page,
             "<figure class=\"plot\" id=\"{id}\"><figcaption><b>{title}</b> <span class=\"unit\">{unit}</span>\
-             <output class=\"reading\" data-reads=\"{}\"></output></figcaption>\n",
+             <output class=\"reading\" data-reads=\"{}\"></output></figcaption>",
             escaped(&self.reads)
         );
         let _ = write!(
@@ -119,7 +121,7 @@ impl Plot {
             self.layer(page, layer, &frame);
         }
         let _ =
-            write!(page, "<line class=\"cursor\" x1=\"-9\" x2=\"-9\" y1=\"0\" y2=\"{inner_height}\"/></svg></svg>\n");
+            writeln!(page, "<line class=\"cursor\" x1=\"-9\" x2=\"-9\" y1=\"0\" y2=\"{inner_height}\"/></svg></svg>");
         if !self.legend.is_empty() {
             legend(page, &self.legend);
         }

@@ -54,9 +54,9 @@ fn section(
     plots: &[Plot],
     end_s: f64,
 ) {
-    let _ = write!(
+    let _ = writeln!(
         page,
-        "<section aria-labelledby=\"{id}\"><h2 id=\"{id}\">{heading}</h2><p class=\"about\">{about}</p>\n"
+        "<section aria-labelledby=\"{id}\"><h2 id=\"{id}\">{heading}</h2><p class=\"about\">{about}</p>"
     );
     if !keys.is_empty() {
         let keys: Vec<_> = keys.iter().map(|(class, text)| (*class, (*text).to_owned())).collect();

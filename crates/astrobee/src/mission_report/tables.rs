@@ -112,9 +112,9 @@ pub(super) fn parameters(page: &mut String, summary: &MissionSummary) {
         let error = row.estimate - row.truth;
         let in_sigmas = if row.sigma > 0.0 { number(error / row.sigma, 2) } else { "–".into() };
         let class = if row.sigma > 0.0 && error.abs() > 2.0 * row.sigma { " class=\"off\"" } else { "" };
-        let _ = write!(
+        let _ = writeln!(
             page,
-            "<tr><th scope=\"row\">{} <span class=\"unit\">{}</span></th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td{class}>{in_sigmas}</td></tr>\n",
+            "<tr><th scope=\"row\">{} <span class=\"unit\">{}</span></th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td{class}>{in_sigmas}</td></tr>",
             escaped(&title(&row.name)),
             escaped(&unit(&row.unit)),
             number(row.truth, 3),
@@ -136,7 +136,7 @@ pub(super) fn happenings(page: &mut String, record: &MissionRecord) {
     let summary = &record.summary;
     page.push_str("<section aria-labelledby=\"events-heading\"><h2 id=\"events-heading\">What happened</h2>\n");
     for warning in &summary.warnings {
-        let _ = write!(page, "<p class=\"warning\">{}</p>\n", escaped(warning));
+        let _ = writeln!(page, "<p class=\"warning\">{}</p>", escaped(warning));
     }
     table(page, "table-events", "Events", ["Time", "Kind", "Event"], &record.events, |event| {
         [time_button(event.t_s), escaped(&event.kind), escaped(&event.text)]
@@ -156,10 +156,10 @@ pub(super) fn happenings(page: &mut String, record: &MissionRecord) {
             way.tree_m.len().to_string(),
         ]
     });
-    let _ = write!(
+    let _ = writeln!(
         page,
         "<details id=\"scenario\"><summary>The scenario, with which <code>tumble replay report.html</code> flies again</summary>\
-         <pre>{}</pre></details></section>\n",
+         <pre>{}</pre></details></section>",
         escaped(&record.scenario_toml)
     );
 }
@@ -173,7 +173,7 @@ fn table<T, const N: usize>(
     cells: impl Fn(&T) -> [String; N],
 ) {
     if rows.is_empty() {
-        let _ = write!(page, "<p id=\"{id}\" class=\"about\">{caption}: none.</p>\n");
+        let _ = writeln!(page, "<p id=\"{id}\" class=\"about\">{caption}: none.</p>");
         return;
     }
     let _ = write!(page, "<table id=\"{id}\"><caption>{caption}</caption><thead><tr>");
