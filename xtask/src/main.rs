@@ -4,6 +4,7 @@ mod ci;
 mod command;
 mod fuzz;
 mod mutants;
+mod report_check;
 mod tidy;
 
 use std::process::ExitCode;
@@ -15,6 +16,7 @@ cargo xtask <command>
   tidy                                    the rules a machine can hold
   mutants [--only TEXT] [--list]          planted source changes; the tests must kill every one
   fuzz [--seconds N] [TARGET]...           the parsers, on bytes that a fuzzer makes up (cargo-fuzz, nightly compiler)
+  report-check [FILE] [--screenshots DIR] a mission report (or two samples) in a real headless browser, cut off from every network
   bench [--json] [--only TEXT] [--data DIR] [--sweeps N]
                                           speed on the frozen peer problems (target-cpu=native)
   real-data [--data DIR] [--json] [--check]
@@ -47,6 +49,7 @@ fn main() -> ExitCode {
         "tidy" => tidy::main(),
         "mutants" => mutants::main(rest),
         "fuzz" => fuzz::main(rest),
+        "report-check" => report_check::main(rest),
         "bench" | "real-data" | "study" | "reproduce" => {
             let mut studies = command::studies(name);
             studies.args(&arguments);

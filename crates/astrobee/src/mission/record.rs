@@ -235,6 +235,21 @@ pub struct DrawnEllipsoid {
     pub quaternion_xyzw: [f64; 4],
     /// Semi-axes, m.
     pub semi_axes_m: [f64; 3],
-    /// When the robot can see it, s: `[from, until]`.
+    /// When the robot can see it, s: `[from, until]`; an infinite `until` is written as `null`.
+    #[serde(with = "for_ever")]
     pub seen_s: [f64; 2],
+}
+
+/// A span of time whose end may be infinite, which JSON has no number for.
+mod for_ever {
+    use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};
+
+    pub fn serialize<S: Serializer>([from, until]: &[f64; 2], serializer: S) -> Result<S::Ok, S::Error> {
+        (from, (*until < f64::INFINITY).then_some(until)).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 2], D::Error> {
+        let (from, until) = <(f64, Option<f64>)>::deserialize(deserializer)?;
+        Ok([from, until.unwrap_or(f64::INFINITY)])
+    }
 }

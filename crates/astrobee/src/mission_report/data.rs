@@ -1,7 +1,8 @@
 //! The record inside the page, and out of it again.
 
 use crate::error::AstrobeeError;
-use crate::mission::MissionRecord;
+use crate::mission::{MissionRecord, Series};
+use std::fmt::Write as _;
 
 /// How the element that holds the record begins.
 const OPENING: &str = "<script type=\"application/json\" id=\"mission-record\">";
@@ -9,13 +10,16 @@ const CLOSING: &str = "</script>";
 
 /// The element that holds the record.
 ///
-/// Inside, `<`, `>`, `&` and the two line separators of Unicode are written as escapes, so that no text of the record can
-/// end the element, open a comment or break a script.
+/// Inside, `<`, `>`, `&`, controls, the line separators of Unicode and marks of direction are written as escapes, so that no
+/// text of the record can end the element, open a comment, break a script or look like something else.
 ///
 /// # Errors
 /// [`AstrobeeError::NotHeld`]: a number that is not finite.
 pub(super) fn script(record: &MissionRecord) -> Result<String, AstrobeeError> {
     let refused = |what| AstrobeeError::NotHeld { path: "report.html".into(), format: "a report", what };
+    if !has_equal_columns(&record.series) {
+        return Err(refused("series of unequal length"));
+    }
     let json = serde_json::to_string(record).map_err(|_| refused("this record"))?;
     // JSON writes a number that is not finite as `null`, which no number reads back.
     if serde_json::from_str::<MissionRecord>(&json).is_err() {
@@ -25,11 +29,9 @@ pub(super) fn script(record: &MissionRecord) -> Result<String, AstrobeeError> {
     page.push_str(OPENING);
     for character in json.chars() {
         match character {
-            '<' => page.push_str("\\u003c"),
-            '>' => page.push_str("\\u003e"),
-            '&' => page.push_str("\\u0026"),
-            '\u{2028}' => page.push_str("\\u2028"),
-            '\u{2029}' => page.push_str("\\u2029"),
+            '<' | '>' | '&' | '\u{7f}'..='\u{9f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => {
+                let _ = write!(page, "\\u{:04x}", u32::from(character));
+            }
             other => page.push(other),
         }
     }
@@ -53,8 +55,32 @@ pub fn record_of(html: &str) -> Result<MissionRecord, AstrobeeError> {
     let record: MissionRecord = serde_json::from_str(json).map_err(|error| {
         bad(line + error.line().saturating_sub(1), format!("the mission record is damaged: {error}"))
     })?;
+    if !has_equal_columns(&record.series) {
+        return Err(bad(line, "the series of the mission record are of unequal length".into()));
+    }
     if record.summary.format != 1 {
         return Err(bad(line, format!("format {} of a mission record, only 1 is known", record.summary.format)));
     }
     Ok(record)
+}
+
+fn has_equal_columns(series: &Series) -> bool {
+    let lengths = [
+        series.position_m.len(),
+        series.quaternion_xyzw.len(),
+        series.wanted_position_m.len(),
+        series.wanted_quaternion_xyzw.len(),
+        series.believed_position_m.len(),
+        series.tracking_error_m.len(),
+        series.attitude_error_rad.len(),
+        series.tube_m.len(),
+        series.force_n.len(),
+        series.torque_n_m.len(),
+        series.clearance_m.len(),
+        series.estimate.len(),
+        series.sigma.len(),
+        series.belief_revision.len(),
+        series.plan_revision.len(),
+    ];
+    lengths.iter().all(|&length| length == series.t_s.len())
 }

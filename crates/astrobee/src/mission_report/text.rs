@@ -1,0 +1,141 @@
+//! Text and numbers as a page may hold them.
+
+use std::fmt::Write as _;
+
+/// Text of the record inside an element or a quoted attribute. What neither HTML nor XML allows becomes U+FFFD.
+pub(super) fn escaped(text: &str) -> String {
+    let mut page = String::with_capacity(text.len() + 16);
+    for character in text.chars() {
+        match character {
+            '&' => page.push_str("&amp;"),
+            '<' => page.push_str("&lt;"),
+            '>' => page.push_str("&gt;"),
+            '"' => page.push_str("&quot;"),
+            '\'' => page.push_str("&#39;"),
+            // Marks that turn the direction of what follows, after which a page says something else than its bytes do.
+            '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{2028}' | '\u{2029}' | '\u{fffe}' | '\u{ffff}' => {
+                page.push('\u{fffd}');
+            }
+            control if control.is_control() && control != '\n' && control != '\t' => page.push('\u{fffd}'),
+            other => page.push(other),
+        }
+    }
+    page
+}
+
+/// The exponent of ten of a finite number that is not zero.
+fn exponent(value: f64) -> i32 {
+    format!("{value:e}").rsplit_once('e').and_then(|(_, digits)| digits.parse().ok()).unwrap_or(0)
+}
+
+/// A power of ten, correctly rounded.
+pub(super) fn power_of_ten(exponent: i32) -> f64 {
+    format!("1e{exponent}").parse().unwrap_or(1.0)
+}
+
+/// The largest of 1, 2 and 5 times a power of ten that is at most `value`; one where there is none.
+pub(super) fn round_down(value: f64) -> f64 {
+    if !(value.is_finite() && value > 0.0) {
+        return 1.0;
+    }
+    let unit = power_of_ten(exponent(value));
+    let factor = [5.0, 2.0].into_iter().find(|factor| factor * unit <= value * (1.0 + 1e-9)).unwrap_or(1.0);
+    factor * unit
+}
+
+fn superscript(number: i32) -> String {
+    let digit = |character| match character {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        other => char::from_u32('⁰' as u32 + u32::from(other as u8 - b'0')).unwrap_or(other),
+    };
+    number.to_string().chars().map(digit).collect()
+}
+
+/// A power of ten in print.
+pub(super) fn decade(exponent: i32) -> String {
+    format!("10{}", superscript(exponent))
+}
+
+/// A number with so many digits that count.
+pub(super) fn number(value: f64, digits: usize) -> String {
+    if !value.is_finite() {
+        return "–".into();
+    }
+    let scientific = format!("{value:.*e}", digits.saturating_sub(1));
+    let (mantissa, power) = scientific.rsplit_once('e').unwrap_or((&scientific, "0"));
+    let power: i32 = power.parse().unwrap_or(0);
+    let text = if value == 0.0 {
+        "0".into()
+    } else if (-4..6).contains(&power) {
+        let decimals = i32::try_from(digits).unwrap_or(3) - 1 - power;
+        format!("{value:.*}", usize::try_from(decimals).unwrap_or(0))
+    } else {
+        format!("{mantissa}×{}", decade(power))
+    };
+    text.replace('-', "\u{2212}")
+}
+
+/// A number with so many decimals, its trailing zeros left out.
+pub(super) fn coordinate(page: &mut String, value: f64) {
+    let start = page.len();
+    let _ = write!(page, "{value:.1}");
+    if page.ends_with(".0") {
+        page.truncate(page.len() - 2);
+    }
+    if page.get(start..) == Some("-0") {
+        page.truncate(start);
+        page.push('0');
+    }
+}
+
+/// A number with the decimals that ticks of this distance need.
+pub(super) fn tick(value: f64, step: f64) -> String {
+    let decimals = usize::try_from(-exponent(step)).unwrap_or(0);
+    let text = format!("{value:.decimals$}");
+    let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
+    if is_zero { "0".into() } else { text.replace('-', "\u{2212}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        let cases = [(0.0, "0"), (11.6, "11.6"), (-0.0021, "−0.00210"), (1.0e9, "1.00×10⁹"), (2.5e-7, "2.50×10⁻⁷")];
+        for (value, text) in cases {
+            assert_eq!(number(value, 3), text);
+        }
+        assert_eq!(number(f64::NAN, 3), "–");
+        assert_eq!(number(9.996, 3), "10.00");
+        assert_eq!((tick(-0.2, 0.1), tick(1e-17, 0.1), tick(20.0, 10.0)), ("−0.2".into(), "0".into(), "20".into()));
+    }
+
+    #[test]
+    fn steps_are_round() {
+        for (value, step) in
+            [(0.7, 0.5), (1.0, 1.0), (4.9, 2.0), (30.0, 20.0), (0.05, 0.05), (f64::NAN, 1.0), (0.0, 1.0)]
+        {
+            assert!((round_down(value) - step).abs() < 1e-12, "{value}");
+        }
+    }
+
+    #[test]
+    fn no_text_leaves_its_element() {
+        assert_eq!(escaped("a<b>&\"'"), "a&lt;b&gt;&amp;&quot;&#39;");
+        assert_eq!(escaped("a\u{202e}b\u{0}c\nd"), "a\u{fffd}b\u{fffd}c\nd");
+    }
+
+    #[test]
+    fn coordinates_are_short() {
+        let mut page = String::new();
+        for value in [1.0, -0.04, 2.25, -3.06] {
+            coordinate(&mut page, value);
+            page.push(' ');
+        }
+        assert_eq!(page, "1 0 2.2 -3.1 ");
+    }
+}
