@@ -8,6 +8,8 @@ pub mod campaign;
 mod columns;
 pub mod convert;
 pub mod excite;
+pub mod fly;
+mod fly_table;
 pub mod identify;
 mod identify_periodic;
 pub mod plan;

@@ -311,6 +311,14 @@ pub enum AstrobeeError {
         /// What does not go in.
         what: &'static str,
     },
+    /// T036: a page that is no mission report, or a damaged one.
+    #[error("report, line {line}: {message}")]
+    BadReport {
+        /// Line of the page, counted from one.
+        line: usize,
+        /// What is wrong.
+        message: String,
+    },
     /// T032: a ROS 2 database.
     #[error("{path}: a ROS 2 database holds no message definitions and is not read")]
     Database {
@@ -361,6 +369,7 @@ impl AstrobeeError {
             Self::BadCampaign { .. } => "T040",
             Self::CampaignInUse { .. } => "T041",
             Self::NotHeld { .. } => "T031",
+            Self::BadReport { .. } => "T036",
             Self::Database { .. } => "T032",
         }
     }
@@ -491,6 +500,9 @@ impl AstrobeeError {
             }
             Self::CampaignInUse { .. } => "wait for it, end it, or name another folder with `--out`",
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
+            Self::BadReport { .. } => {
+                "name a `report.html` as `tumble fly` wrote it; with the seed and the options of its header the flight can be redone without it"
+            }
             Self::Database { .. } => {
                 "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \
                  storage_id: mcap, all_topics: true}]` in mcap.yaml"

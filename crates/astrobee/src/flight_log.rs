@@ -97,6 +97,12 @@ true_f_x,true_f_y,true_f_z,true_tau_x,true_tau_y,true_tau_z,\
 cmd_f_x,cmd_f_y,cmd_f_z,cmd_tau_x,cmd_tau_y,cmd_tau_z";
 /// What comes after them where beliefs change.
 const REVISIONS_HEADER: &str = ",plan_revision,belief_revision";
+/// What comes between where the robot estimates its body: mass, centre of mass, inertia about it.
+const ESTIMATE_HEADER: &str = ",est_m,est_c_x,est_c_y,est_c_z,est_J_xx,est_J_yy,est_J_zz,est_J_xy,est_J_xz,est_J_yz,\
+sigma_m,sigma_c_x,sigma_c_y,sigma_c_z,sigma_J_xx,sigma_J_yy,sigma_J_zz,sigma_J_xy,sigma_J_xz,sigma_J_yz";
+
+/// The body as the robot estimates it, and one standard deviation of each number.
+pub type EstimateColumns = [[f64; 10]; 2];
 
 /// No estimate arrives later than this after its stamp (latency and jitter have limits), ns.
 const LATEST_ARRIVAL_NS: i64 = 3_200_000_000;
@@ -113,6 +119,7 @@ struct Period {
     /// Of what was believed and realised before, from the start of the flight.
     impulses: [Wrench<f64>; 2],
     revisions: Option<[u64; 2]>,
+    estimate: Option<EstimateColumns>,
 }
 
 impl Period {
@@ -140,6 +147,7 @@ pub struct Recorder<W: std::io::Write> {
     rows: u64,
     left_out: u64,
     revisions: Option<[u64; 2]>,
+    estimate: Option<EstimateColumns>,
 }
 
 impl<W: std::io::Write> Recorder<W> {
@@ -148,7 +156,7 @@ impl<W: std::io::Write> Recorder<W> {
     /// # Errors
     /// What the operating system said.
     pub fn new(out: W) -> std::io::Result<Self> {
-        Self::begin(out, None)
+        Self::begin(out, None, None)
     }
 
     /// Writes the header, with a column for the revision of the plan and one for that of the belief; zero until told.
@@ -156,14 +164,24 @@ impl<W: std::io::Write> Recorder<W> {
     /// # Errors
     /// What the operating system said.
     pub fn with_revisions(out: W) -> std::io::Result<Self> {
-        Self::begin(out, Some([0; 2]))
+        Self::begin(out, None, Some([0; 2]))
     }
 
-    fn begin(mut out: W, revisions: Option<[u64; 2]>) -> std::io::Result<Self> {
+    /// Writes the header, with columns for the estimate of the body and for both revisions; zero until told.
+    ///
+    /// # Errors
+    /// What the operating system said.
+    pub fn with_estimate(out: W) -> std::io::Result<Self> {
+        Self::begin(out, Some([[0.0; 10]; 2]), Some([0; 2]))
+    }
+
+    fn begin(mut out: W, estimate: Option<EstimateColumns>, revisions: Option<[u64; 2]>) -> std::io::Result<Self> {
+        let estimated = if estimate.is_some() { ESTIMATE_HEADER } else { "" };
         let more = if revisions.is_some() { REVISIONS_HEADER } else { "" };
-        writeln!(out, "{RECORDER_HEADER}{more}")?;
+        writeln!(out, "{RECORDER_HEADER}{estimated}{more}")?;
         Ok(Self {
             revisions,
+            estimate,
             out,
             row: String::with_capacity(2048),
             periods: VecDeque::with_capacity(REMEMBERED),
@@ -177,6 +195,11 @@ impl<W: std::io::Write> Recorder<W> {
     /// Revisions of plan and belief that the next periods are flown with; without their columns nothing happens.
     pub fn revise(&mut self, plan: u64, belief: u64) {
         self.revisions = self.revisions.map(|_| [plan, belief]);
+    }
+
+    /// The estimate of the body in the next periods; without its columns nothing happens.
+    pub fn estimated(&mut self, estimate: &EstimateColumns) {
+        self.estimate = self.estimate.map(|_| *estimate);
     }
 
     /// Takes a control period and the estimates that arrived in it.
@@ -195,6 +218,7 @@ impl<W: std::io::Write> Recorder<W> {
             realized_wrench_body: period.realized_wrench_body,
             wanted_wrench_body: period.wanted_wrench_body,
             revisions: self.revisions,
+            estimate: self.estimate,
         });
         for estimate in arrived {
             let place = self.waiting.partition_point(|waiting| waiting.stamp_ns <= estimate.stamp_ns);
@@ -270,6 +294,9 @@ fn push_row(row: &mut String, estimate: &LocalizationEstimate, period: &Period, 
     push_numbers(row, &period.start.acceleration_origin_body);
     push_wrench(row, &realized);
     push_wrench(row, &period.wanted_wrench_body);
+    for numbers in period.estimate.iter().flatten() {
+        push_numbers(row, numbers);
+    }
     if let Some([plan, belief]) = period.revisions {
         let _ = write!(row, ",{plan},{belief}");
     }

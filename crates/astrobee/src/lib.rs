@@ -27,6 +27,8 @@ pub mod harmonic_report;
 pub mod log;
 #[cfg(feature = "cli")]
 pub mod mission;
+#[cfg(feature = "cli")]
+pub mod mission_report;
 pub mod noise;
 #[cfg(feature = "cli")]
 pub mod output;

@@ -1,8 +1,16 @@
 //! A mission: RATTLE's layers around the simulated robot, from a scenario to a record of what happened.
 
+mod faults;
+mod flight;
+mod layers;
 mod options;
 mod record;
 
+pub use faults::{
+    BodyStep, Fault, FaultChoiceError, Faults, LateObstacle, PlannerFault, PlantChange, Sabotage, replay_line,
+};
+pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly};
+pub use layers::{AstrobeeLoop, closed_loop, scene};
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice, WeightingChoice};
 pub use record::{
     BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow,

@@ -9,6 +9,7 @@
 pub mod allocation;
 pub mod blower;
 pub mod constants;
+mod damage;
 mod driver;
 mod impeller;
 pub mod inverse;
@@ -20,6 +21,7 @@ mod servo;
 mod wrench_set;
 
 pub use allocation::{Allocation, ForceAllocation, QuantizedAllocation};
+pub use damage::Damage;
 pub use driver::{ByteTrims, CommandWatchdog, Robot};
 pub use impeller::{IMPELLER_INERTIA_KG_M2, Impeller, SPEED_COMMAND_RATE_RAD_S2};
 pub use inverse::{AreaTable, Belief, FlapCommand, InverseAllocation};

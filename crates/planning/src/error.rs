@@ -120,6 +120,9 @@ pub enum PlanningError {
         /// Square of half the difference of its eigenvalues.
         discriminant: f64,
     },
+    /// An error of the estimator.
+    #[error(transparent)]
+    Identification(#[from] tumble_identification::IdentificationError),
 }
 
 /// `value` where it is finite.

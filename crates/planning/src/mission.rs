@@ -8,8 +8,28 @@
 //!
 //! The [`Coordinator`] alone decides; it sees events with their times and answers with actions, and knows nothing of geometry.
 
+mod closed_loop;
+mod coordinator;
+mod event;
+mod fault_plant;
+mod informative_stretch;
 mod motion;
 mod stretch;
+mod stretch_model;
+mod stretch_settings;
+mod watch;
+mod way_nodes;
 
+pub use closed_loop::{
+    AtGoal, ClosedLoop, ComputingTime, ControllerFactory, Layer, LoopObserver, LoopSettings, NoObserver, PlannerFault,
+    Scene, Sensed,
+};
+pub use coordinator::{Coordinator, Schedule};
+pub use event::{Action, Ambition, Event, FoundStretch, Note, Standing, StartFrom, TimedEvent};
+pub use fault_plant::{FaultPlant, NoFault, PlantFault};
+pub use informative_stretch::InformativeStretch;
 pub use motion::{MissionMotion, StopLimits};
 pub use stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
+pub use stretch_model::StretchModel;
+pub use stretch_settings::{Arrival, StretchSettings};
+pub use watch::{Invariant, InvariantWatch, Violation, WatchLimits, WatchedStep};

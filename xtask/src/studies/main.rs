@@ -19,6 +19,7 @@ mod ekf_rls;
 mod ellipsoid;
 mod ellipsoid_distance;
 mod excitation;
+mod flight_estimator;
 mod flights;
 mod fourier;
 mod ident_sdp;
@@ -131,6 +132,7 @@ const STUDIES: &[Program] = &[
     ("tube-missions", &["--missions", "--only"], tube_missions::run),
     ("tube-tables", &["--json"], tube_tables::run),
     ("information-bought", &["--json", "--runs", "--out", "--way"], information_bought::run),
+    ("flight-estimator", &["--runs", "--only"], flight_estimator::run),
     ("attitude-certificate", &["--runs"], attitude_certificate::run),
 ];
 

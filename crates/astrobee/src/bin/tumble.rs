@@ -5,11 +5,12 @@ use std::io::IsTerminal as _;
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::cli::{
-    Outcome, allocate, calibrate_wheel, campaign, convert, excite, identify, plan, print, realize, scenario, simulate,
+    Outcome, allocate, calibrate_wheel, campaign, convert, excite, fly, identify, plan, print, realize, scenario, simulate,
 };
 
 const EXAMPLES: &str = "\
 Examples:
+  tumble fly                                   a robot with cargo it does not know: learn it on the way, arrive, report
   tumble identify --demo                       simulate a flight, estimate, compare with the truth
   tumble identify flight.csv                   mass, centre of mass and inertia from a log
   tumble identify flight.csv --dry-run         what could this log tell, and how well?
@@ -39,6 +40,10 @@ enum Command {
     Excite(Box<excite::ExciteArgs>),
     /// Flies a scenario and writes its log: measured, true and commanded.
     Simulate(simulate::SimulateArgs),
+    /// Flies a mission by what the robot learns of itself: plans, controls, estimates, replans; with a report to open.
+    Fly(fly::FlyArgs),
+    /// Flies the mission of a report again, and compares.
+    Replay(fly::ReplayArgs),
     /// Plans a scenario's way from start to goal around its obstacles, with a bound on what any plan costs.
     Plan(plan::PlanArgs),
     /// Flies missions over seeds and options on all cores, one row each; parts of it on many machines.
@@ -74,6 +79,8 @@ fn main() -> ExitCode {
         Some(Command::Identify(args)) => identify::run(&args),
         Some(Command::Excite(args)) => excite::run(&args),
         Some(Command::Simulate(args)) => simulate::run(&args),
+        Some(Command::Fly(args)) => fly::run(&args),
+        Some(Command::Replay(args)) => fly::replay(&args),
         Some(Command::Plan(args)) => plan::run(&args),
         Some(Command::Campaign(args)) => campaign::run(&args),
         Some(Command::Scenario(args)) => scenario::run(&args),

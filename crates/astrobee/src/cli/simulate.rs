@@ -163,7 +163,7 @@ pub fn run(args: &SimulateArgs) -> Result<Outcome, AstrobeeError> {
 }
 
 /// The log as `tumble convert` writes it, and the world.
-fn write_mcap(log: &Path, path: &Path, world: &World) -> Result<(), AstrobeeError> {
+pub(super) fn write_mcap(log: &Path, path: &Path, world: &World) -> Result<(), AstrobeeError> {
     let unwritable = |source| AstrobeeError::Unwritable { path: path.into(), source };
     let file = File::create(path).map_err(unwritable)?;
     let mut sink = McapSink::new(BufWriter::with_capacity(1 << 16, file))?;

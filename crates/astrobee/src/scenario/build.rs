@@ -81,6 +81,16 @@ impl Flight {
         if time_ns >= self.duration_ns {
             return Ok(None);
         }
+        let wanted = self.drive.wanted(time_ns, self.estimate.as_ref()).map_err(AstrobeeError::Control)?;
+        self.push(&wanted).map(Some)
+    }
+
+    /// One control period with a wrench from elsewhere, however late it is; payloads come and go at their times.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::Simulator`].
+    pub fn push(&mut self, wanted: &Wrench<f64>) -> Result<SimulatorMeasurement, AstrobeeError> {
+        let time_ns = self.simulator.time_ns();
         while let Some((_, change)) = self.payload_changes.first().filter(|(due_ns, _)| *due_ns <= time_ns) {
             match change {
                 PayloadChange::Attach(grasp, motion) => self.simulator.attach(*grasp, *motion)?,
@@ -88,10 +98,9 @@ impl Flight {
             }
             self.payload_changes.remove(0);
         }
-        let wanted = self.drive.wanted(time_ns, self.estimate.as_ref()).map_err(AstrobeeError::Control)?;
-        let measured = self.simulator.advance(&wanted, CONTROL_PERIOD_S)?;
+        let measured = self.simulator.advance(wanted, CONTROL_PERIOD_S)?;
         self.estimate = measured.estimate;
-        Ok(Some(measured))
+        Ok(measured)
     }
 }
 
@@ -534,9 +543,9 @@ impl ScenarioSource {
         })
     }
 
-    fn payload_changes(&self, duration_ns: i64) -> Result<Vec<(i64, PayloadChange)>, AstrobeeError> {
-        let Some(table) = &self.scenario.payload else { return Ok(Vec::new()) };
-        let PayloadTable { attach_s, release_s, .. } = *table;
+    /// The payload and how it is held.
+    pub(super) fn grasp(&self) -> Result<Option<Grasp>, AstrobeeError> {
+        let Some(table) = &self.scenario.payload else { return Ok(None) };
         let written = WrittenBody {
             key: "payload",
             preset: None,
@@ -550,8 +559,13 @@ impl ScenarioSource {
             None => UnitQuaternion::identity(),
         };
         let position = self.finite("payload.grasp_position_m", table.grasp_position_m)?;
-        let grasp =
-            Grasp { payload: self.body(&written)?, robot_from_payload: Pose::from_parts(position.into(), rotation) };
+        let robot_from_payload = Pose::from_parts(position.into(), rotation);
+        Ok(Some(Grasp { payload: self.body(&written)?, robot_from_payload }))
+    }
+
+    fn payload_changes(&self, duration_ns: i64) -> Result<Vec<(i64, PayloadChange)>, AstrobeeError> {
+        let (Some(table), Some(grasp)) = (&self.scenario.payload, self.grasp()?) else { return Ok(Vec::new()) };
+        let PayloadTable { attach_s, release_s, .. } = *table;
         let end_s = duration_ns as f64 / 1e9;
         if !(0.0..end_s).contains(&attach_s) {
             return Err(self.bad("payload.attach_s", &format!("{attach_s}: 0 or later, before the end at {end_s} s")));

@@ -54,7 +54,7 @@ pub(super) fn of_key_in(text: &str, table: &str, index: usize, key: &str) -> (us
 }
 
 /// "; did you mean `...`?" where one of the candidates is near, else nothing.
-pub(super) fn suggestion<'a>(unknown: &str, candidates: impl Iterator<Item = &'a str>) -> String {
+pub(crate) fn suggestion<'a>(unknown: &str, candidates: impl Iterator<Item = &'a str>) -> String {
     // a comparison costs the product of the lengths
     if unknown.len() > LONGEST_NAME_BYTES {
         return String::new();

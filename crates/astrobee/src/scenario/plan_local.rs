@@ -589,7 +589,10 @@ impl ScenarioSource {
 }
 
 /// Covariance of [`InertialParameters::to_vector`] from independent deviations of mass, centre of mass and inertia about it.
-fn covariance(body: &InertialParameters<f64>, std: &StandardDeviations) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
+pub(super) fn covariance(
+    body: &InertialParameters<f64>,
+    std: &StandardDeviations,
+) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
     let sigmas = InertialParameters {
         mass: std.mass_kg,
         first_moment: std.center_of_mass_m,

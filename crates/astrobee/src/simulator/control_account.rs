@@ -132,7 +132,8 @@ impl ControlAccount {
         self.beliefs.push(OfferedBelief { time_ns, revision, answer, used_from_ns: None });
     }
 
-    pub(super) fn commanded(&mut self, time_ns: i64, command: &ControlCommand) {
+    /// Takes a command.
+    pub fn commanded(&mut self, time_ns: i64, command: &ControlCommand) {
         self.largest_force_n = self.largest_force_n.sup(&command.wrench_body.force.abs());
         self.largest_torque_n_m = self.largest_torque_n_m.max(command.wrench_body.torque.norm());
         if self.last.as_ref().is_none_or(|last| last.model_revision != command.model_revision) {

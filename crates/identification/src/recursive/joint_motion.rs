@@ -162,7 +162,7 @@ impl JointMotion {
     }
 
     /// Derivatives of the end of a step: by motion, by body. Those at the middle of the step, to second order.
-    fn transition(
+    pub(super) fn transition(
         &self,
         state: &JointState,
         observation: &JointObservation,
@@ -318,7 +318,7 @@ impl DifferentiableModel<22, 15, 10> for JointMotion {
 }
 
 /// Derivative of the ten parameters by the ten coordinates of the chart.
-fn parameters_by_chart(body: &LogCholesky<f64>) -> SMatrix<f64, 10, 10> {
+pub(super) fn parameters_by_chart(body: &LogCholesky<f64>) -> SMatrix<f64, 10, 10> {
     let (c, s) = (&body.center_of_mass, &body.shears);
     let d = body.log_extents.map(ComplexField::exp);
     let root = Matrix3::new(d.x, s.x, s.y, 0.0, d.y, s.z, 0.0, 0.0, d.z);

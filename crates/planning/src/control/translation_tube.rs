@@ -255,6 +255,12 @@ impl TranslationTube {
         self.current.axes.plan(axis)
     }
 
+    /// How far the tracked point may be from the plan along an axis of the tube, 0 to 2, m.
+    pub fn position_half_width_m(&self, axis: usize) -> f64 {
+        let problem = self.problem(axis);
+        self.plan(axis).scale * problem.scaled[2] + problem.held[2]
+    }
+
     /// How often what happened.
     pub fn counts(&self) -> TubeCounts {
         self.counts

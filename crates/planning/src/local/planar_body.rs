@@ -68,6 +68,7 @@ impl PlanarState {
 #[derive(Clone, Copy, Debug)]
 pub struct PlanarBodyModel<const P: usize> {
     believed: Option<Believed<P>>,
+    height_m: f64,
 }
 
 /// What is believed: mass, inertia, centre of mass, and the prior standard deviation of the first of them.
@@ -80,14 +81,26 @@ struct Believed<const P: usize> {
 impl PlanarBodyModel<2> {
     /// Unknown are mass and moment of inertia; the centre of mass is as believed.
     pub fn mass_and_inertia() -> Self {
-        Self { believed: None }
+        Self { believed: None, height_m: 0.0 }
     }
 }
 
 impl PlanarBodyModel<MOST> {
     /// Unknown are mass, moment of inertia and centre of mass.
     pub fn full() -> Self {
-        Self { believed: None }
+        Self { believed: None, height_m: 0.0 }
+    }
+}
+
+impl<const P: usize> PlanarBodyModel<P> {
+    /// The same in another plane than that of zero height: for surroundings as they are in space.
+    pub fn at_height(self, height_m: f64) -> Self {
+        Self { height_m, ..self }
+    }
+
+    /// Height of the plane, m.
+    pub fn height_m(&self) -> f64 {
+        self.height_m
     }
 }
 
@@ -171,7 +184,7 @@ impl<const P: usize> InformativeModel<6, 3, P> for PlanarBodyModel<P> {
     fn kinematics(&self, state: &PlanarState) -> Kinematics {
         let attitude = <UnitQuaternion<f64> as LieGroup>::exp(&Vector3::new(0.0, 0.0, state.heading_rad));
         Kinematics {
-            world_from_body: Pose::from_parts(state.position_world.push(0.0).into(), attitude),
+            world_from_body: Pose::from_parts(state.position_world.push(self.height_m).into(), attitude),
             velocity_world: state.velocity_world.push(0.0),
             rate_body: Vector3::new(0.0, 0.0, state.rate_rad_s),
         }

@@ -79,6 +79,19 @@ pub struct MotionBounds {
     pub center_of_mass_m: f64,
 }
 
+impl MotionBounds {
+    /// Farthest that a point of the body, `reach_m` from its origin, may be from the cubic with its positions and velocities at
+    /// both ends of a step: what [`Surroundings::interpolation_error_m`] derives.
+    pub(crate) fn hermite_error_m(&self, step_s: f64, reach_m: f64) -> f64 {
+        let squared_step = step_s * step_s;
+        let rate = self.rate_rad_s * self.rate_rad_s;
+        let turn = self.angular_acceleration_rad_s2 + 0.58 * rate;
+        let of_center = self.acceleration_m_s2 * (rate + turn);
+        let of_turn = rate * rate + 12.0 * rate * turn + 4.2 * turn * turn;
+        squared_step * squared_step / 384.0 * (of_center + (reach_m + self.center_of_mass_m) * of_turn)
+    }
+}
+
 /// The value of a row whose obstacle is not there: nothing asks for it to be kept.
 const ABSENT: f64 = 1.0;
 
@@ -140,16 +153,11 @@ impl Surroundings {
     /// # Source
     /// Davis, "Interpolation and Approximation" (1963), 3.5: remainder of Hermite interpolation.
     pub fn interpolation_error_m(&self, step_s: f64, bounds: &MotionBounds) -> f64 {
-        let squared_step = step_s * step_s;
-        let rate = bounds.rate_rad_s * bounds.rate_rad_s;
-        let turn = bounds.angular_acceleration_rad_s2 + 0.58 * rate;
         let reach_m = match &self.hull {
             Hull::Point => 0.0,
             Hull::Shape(shape) => shape.bounding_radius_m(),
         };
-        let of_center = bounds.acceleration_m_s2 * (rate + turn);
-        let of_turn = rate * rate + 12.0 * rate * turn + 4.2 * turn * turn;
-        squared_step * squared_step / 384.0 * (of_center + (reach_m + bounds.center_of_mass_m) * of_turn)
+        bounds.hermite_error_m(step_s, reach_m)
     }
 
     /// Number of rows of a motion of so many segments: the same for every motion.

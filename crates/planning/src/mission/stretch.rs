@@ -46,6 +46,20 @@ pub struct StretchAnswer {
     pub sigma: Vec<[f64; 2]>,
 }
 
+impl StretchAnswer {
+    /// A part of a way, flown as it is.
+    pub fn along_way(way: &ArcPath, way_start_s: f64, from_s: f64, until_s: f64) -> Self {
+        Self {
+            motion: MissionMotion::along(way, way_start_s, from_s, until_s),
+            is_last: until_s >= way_start_s + way.duration_s(),
+            status: LocalStatus::Feasible,
+            quantities: Vec::new(),
+            weights: Vec::new(),
+            sigma: Vec::new(),
+        }
+    }
+}
+
 /// Why there is none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StretchRefusal {

@@ -1,0 +1,508 @@
+//! A mission, flown.
+
+use super::layers::{AstrobeeLoop, closed_loop, scene};
+use super::options::FlyOptions;
+use super::record::{
+    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow,
+    Series, StretchRow, TrackingRms, WayRow,
+};
+use crate::AstrobeeError;
+use crate::scenario::{MissionProblem, ScenarioSource};
+use crate::sensing::LocalizationEstimate;
+use crate::simulator::{CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, FallbackSpell, SimulatorMeasurement};
+use std::collections::BTreeMap;
+use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
+use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World};
+use tumble_identification::Estimate;
+use tumble_identification::recursive::FlightMeasurement;
+use tumble_lie::{LieGroup, Wrench};
+use tumble_planning::ModelBelief;
+use tumble_planning::collision::{CollisionWorld, EllipsoidWorld};
+use tumble_planning::control::ControlCommand;
+use tumble_planning::global::GlobalAnswer;
+use tumble_planning::mission::{Action, Event, Layer, LoopObserver, Sensed, StretchAnswer, TimedEvent};
+
+/// Control periods between two rows of the series.
+const BETWEEN_ROWS: u64 = 12;
+/// Points of a way, and edges of a tree, that are kept for pictures.
+const WAY_POINTS: u32 = 200;
+const TREE_EDGES: usize = 2000;
+/// Time between two points of a stretch, s.
+const STRETCH_POINT_S: f64 = 0.6;
+/// What rounding may exceed a limit by, as a share.
+const ROUNDING: f64 = 1e-9;
+/// The ten parameters, and their units.
+pub(super) const PARAMETERS: [(&str, &str); 10] = [
+    ("mass", "kg"),
+    ("com_x", "m"),
+    ("com_y", "m"),
+    ("com_z", "m"),
+    ("inertia_xx", "kg m^2"),
+    ("inertia_yy", "kg m^2"),
+    ("inertia_zz", "kg m^2"),
+    ("inertia_xy", "kg m^2"),
+    ("inertia_xz", "kg m^2"),
+    ("inertia_yz", "kg m^2"),
+];
+
+/// What looks on while a mission is flown, and may measure what it costs; nothing that happens depends on it.
+pub trait MissionHooks {
+    /// So far, of so long at most, s.
+    fn progress(&mut self, _time_s: f64, _longest_s: f64) {}
+    /// A layer begins to work.
+    fn begins(&mut self, _layer: Layer) {}
+    /// It is done.
+    fn ends(&mut self, _layer: Layer) {}
+    /// A control period: what was measured and published, and who believes what.
+    ///
+    /// # Errors
+    /// What stops the mission.
+    fn period(&mut self, _period: &FlownPeriod<'_>) -> Result<(), AstrobeeError> {
+        Ok(())
+    }
+    /// The coordinator heard of something.
+    fn heard(&mut self, _event: &TimedEvent) {}
+    /// It answered.
+    fn answered(&mut self, _time_ns: i64, _action: &Action) {}
+}
+
+/// Looks at nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoHooks;
+
+impl MissionHooks for NoHooks {}
+
+/// A control period of a mission.
+pub struct FlownPeriod<'a> {
+    /// What the simulator says of it.
+    pub measured: &'a SimulatorMeasurement,
+    /// What arrived in it.
+    pub estimates: &'a [LocalizationEstimate],
+    /// What the estimator takes the body for, in the order of the summary, with standard deviations.
+    pub estimate: ([f64; 10], [f64; 10]),
+    /// Number of the stretch that is flown.
+    pub plan_revision: u64,
+    /// Revision of the belief that the controller uses.
+    pub belief_revision: u64,
+}
+
+/// Mass, centre of mass, inertia about it: xx, yy, zz, xy, xz, yz.
+fn ten(body: &InertialParameters<f64>) -> [f64; 10] {
+    let (com, inertia) = (body.center_of_mass(), body.inertia_about_com());
+    [
+        body.mass,
+        com.x,
+        com.y,
+        com.z,
+        inertia[(0, 0)],
+        inertia[(1, 1)],
+        inertia[(2, 2)],
+        inertia[(0, 1)],
+        inertia[(0, 2)],
+        inertia[(1, 2)],
+    ]
+}
+
+fn ten_sigma(estimate: &Estimate) -> [f64; 10] {
+    let (com, inertia) = (estimate.std.center_of_mass_m, estimate.std.inertia_about_com_kg_m2);
+    [
+        estimate.std.mass_kg,
+        com.x,
+        com.y,
+        com.z,
+        inertia[(0, 0)],
+        inertia[(1, 1)],
+        inertia[(2, 2)],
+        inertia[(0, 1)],
+        inertia[(0, 2)],
+        inertia[(1, 2)],
+    ]
+}
+
+fn seconds(time_ns: i64) -> f64 {
+    time_ns as f64 * 1e-9
+}
+
+fn array(vector: &Vector3<f64>) -> [f64; 3] {
+    (*vector).into()
+}
+
+fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
+    [rotation.i, rotation.j, rotation.k, rotation.w]
+}
+
+/// Writes down what the loop says.
+struct Notes<'a> {
+    hooks: &'a mut dyn MissionHooks,
+    ways: Vec<WayRow>,
+    stretches: Vec<StretchRow>,
+    beliefs: Vec<BeliefRow>,
+    events: Vec<MissionEvent>,
+    shut_off: BTreeMap<String, Option<f64>>,
+}
+
+impl Notes<'_> {
+    fn note(&mut self, time_ns: i64, kind: &str, text: String) {
+        self.events.push(MissionEvent { t_s: seconds(time_ns), kind: kind.to_owned(), text });
+    }
+}
+
+impl LoopObserver for Notes<'_> {
+    fn begins(&mut self, layer: Layer) {
+        self.hooks.begins(layer);
+    }
+
+    fn ends(&mut self, layer: Layer) {
+        self.hooks.ends(layer);
+    }
+
+    fn heard(&mut self, event: &TimedEvent) {
+        self.hooks.heard(event);
+        let said = match event.event {
+            Event::World { contact_ns, .. } => match contact_ns {
+                Some(at_ns) => format!("the world changed; contact ahead at {:.1} s", seconds(at_ns)),
+                None => "the world changed; nothing in the way of what is flown".to_owned(),
+            },
+            Event::Relocalised => "the localisation moved for good".to_owned(),
+            Event::Diverged => "the estimator contradicts its measurements".to_owned(),
+            Event::BodyDoubtful => "the body is another than it was".to_owned(),
+            Event::Braking => "the controller brakes".to_owned(),
+            Event::Restarted => "the computer started anew".to_owned(),
+            Event::Known(true) => "the body is known as well as asked for".to_owned(),
+            _ => return,
+        };
+        self.note(event.time_ns, "event", said);
+    }
+
+    fn answered(&mut self, time_ns: i64, action: &Action) {
+        self.hooks.answered(time_ns, action);
+        let (kind, said) = match action {
+            Action::Note(note) => ("coordinator", format!("{note:?}")),
+            Action::Stop => ("coordinator", "stop".to_owned()),
+            Action::HoldHere => ("coordinator", "hold where the robot is".to_owned()),
+            Action::RenewController => ("coordinator", "a new controller".to_owned()),
+            Action::ResetEstimator => ("coordinator", "the estimator begins anew".to_owned()),
+            Action::WidenBelief => ("coordinator", "less is believed of the body".to_owned()),
+            Action::Finish { has_arrived: true } => ("coordinator", "arrived".to_owned()),
+            Action::Finish { has_arrived: false } => ("coordinator", "given up".to_owned()),
+            _ => return,
+        };
+        self.note(time_ns, kind, said);
+    }
+
+    fn planned_way(&mut self, time_ns: i64, _request: u64, answer: &GlobalAnswer) {
+        let Some(plan) = &answer.plan else {
+            self.note(time_ns, "way", "no way was found".to_owned());
+            return;
+        };
+        let path = &plan.trajectory;
+        let duration_s = path.duration_s();
+        let point = |k: u32| {
+            let at = path.at(duration_s * f64::from(k) / f64::from(WAY_POINTS));
+            at.map(|(arc, within_s)| array(&arc.pose(within_s).translation.vector))
+        };
+        let every = answer.tree.len() / TREE_EDGES + 1;
+        let edge = |edge: &[Vector3<f64>; 2]| [array(&edge[0]), array(&edge[1])];
+        self.ways.push(WayRow {
+            t_s: seconds(time_ns),
+            model_revision: plan.model_revision,
+            points_m: (0..=WAY_POINTS).filter_map(point).collect(),
+            tree_m: answer.tree.iter().step_by(every).map(edge).collect(),
+        });
+        self.note(time_ns, "way", format!("a way of {duration_s:.1} s, belief {}", plan.model_revision));
+    }
+
+    fn follows(&mut self, time_ns: i64, start_ns: i64, stretch: &StretchAnswer, model_revision: u64) {
+        let information = stretch.sigma.iter().map(|[before, after]| 1.0 / (after * after) - 1.0 / (before * before));
+        for (name, weight) in stretch.quantities.iter().zip(&stretch.weights) {
+            let since = self.shut_off.entry((*name).to_owned()).or_default();
+            match *weight > 0.0 {
+                true => *since = None,
+                false => drop(since.get_or_insert(seconds(time_ns))),
+            }
+        }
+        self.stretches.push(StretchRow {
+            plan_revision: self.stretches.len() as u64 + 1,
+            start_s: seconds(start_ns),
+            end_s: stretch.motion.end_s(),
+            model_revision,
+            points_m: stretch.motion.points(STRETCH_POINT_S).iter().map(array).collect(),
+            quantities: stretch.quantities.iter().map(|name| (*name).to_owned()).collect(),
+            weights: stretch.weights.clone(),
+            sigma: stretch.sigma.clone(),
+            information: information.collect(),
+        });
+    }
+
+    fn offered(&mut self, time_ns: i64, belief: &ModelBelief) {
+        if self.beliefs.last().is_none_or(|last| last.revision < belief.revision) {
+            self.beliefs.push(BeliefRow {
+                t_s: seconds(time_ns),
+                revision: belief.revision,
+                used_from_s: None,
+                estimate: ten(belief.parameters()),
+                sigma: ten_sigma(&belief.estimate),
+            });
+        }
+    }
+}
+
+/// What is added up while flying.
+#[derive(Default)]
+struct Sums {
+    series: Series,
+    violations: u64,
+    impulse_n_s: f64,
+    angular_impulse_n_m_s: f64,
+    /// Time and squared distance from what is flown.
+    squares: Vec<(f64, f64)>,
+    min_clearance_m: Option<f64>,
+    account: ControlAccount,
+}
+
+/// Flies a mission: the same source and options give the same record.
+///
+/// # Errors
+/// Scenarios that are no mission; what stops the simulator; what the hooks refuse.
+pub fn fly(
+    source: &ScenarioSource,
+    options: &FlyOptions,
+    hooks: &mut dyn MissionHooks,
+) -> Result<MissionRecord, AstrobeeError> {
+    let mut problem = source.mission(options)?;
+    let mut flying = closed_loop(&problem, options.weighting, options.feedback, options.seed)?;
+    let judge = scene(&problem, f64::INFINITY, &[]).map_err(AstrobeeError::Planning)?.world;
+    let mut appearing: Vec<f64> = problem.seen_from_s.iter().copied().filter(|from_s| *from_s > 0.0).collect();
+    appearing.sort_by(f64::total_cmp);
+    let mut notes = Notes {
+        hooks,
+        ways: Vec::new(),
+        stretches: Vec::new(),
+        beliefs: Vec::new(),
+        events: Vec::new(),
+        shut_off: BTreeMap::new(),
+    };
+    let mut sums =
+        Sums { account: ControlAccount::with_decisions(BETWEEN_ROWS as i64 * CONTROL_PERIOD_NS), ..Sums::default() };
+    sums.series.force_limit_n = array(&problem.force_limit_n);
+    sums.series.torque_limit_n_m = array(&problem.torque_limit_n_m);
+    let (mut acted, mut arrived) = (Wrench::zero(), Vec::<FlightMeasurement>::new());
+    let mut periods = 0;
+    while flying.finished().is_none() {
+        let time_ns = problem.flight.simulator.time_ns();
+        let time_s = seconds(time_ns);
+        if appearing.first().is_some_and(|from_s| *from_s <= time_s) {
+            appearing.retain(|from_s| *from_s > time_s);
+            let seen = scene(&problem, time_s, &[]).map_err(AstrobeeError::Planning)?;
+            flying.see(seen).map_err(AstrobeeError::Planning)?;
+        }
+        let sensed = Sensed { time_ns, acted, measurements: &arrived };
+        let command = flying.step(&sensed, &mut notes).map_err(AstrobeeError::Planning)?;
+        sums.look(&problem, &flying, &judge, periods)?;
+        sums.command(&problem, &command, time_ns);
+        mark_used(&mut notes.beliefs, &command, time_s);
+        let measured = problem.flight.push(&command.wrench_body)?;
+        acted = measured.believed_wrench_body;
+        arrived.clear();
+        arrived.extend(problem.flight.simulator.estimates().iter().map(measurement));
+        sums.acted(&measured, periods);
+        let estimate = flying.estimator().estimate();
+        notes.hooks.period(&FlownPeriod {
+            measured: &measured,
+            estimates: problem.flight.simulator.estimates(),
+            estimate: (ten(&estimate.parameters), ten_sigma(&estimate)),
+            plan_revision: plan_at(&notes.stretches, time_s),
+            belief_revision: command.model_revision,
+        })?;
+        if periods.is_multiple_of(125) {
+            notes.hooks.progress(time_s, problem.longest_s);
+        }
+        periods += 1;
+    }
+    sums.series.plan_revision = sums.series.t_s.iter().map(|t_s| plan_at(&notes.stretches, *t_s)).collect();
+    record(source, options, &problem, &flying, (sums, notes))
+}
+
+fn measurement(estimate: &LocalizationEstimate) -> FlightMeasurement {
+    FlightMeasurement {
+        stamp_ns: estimate.stamp_ns,
+        world_from_body: estimate.world_from_body,
+        rate_body: Some(estimate.rate_body),
+        velocity_origin_world: Some(estimate.velocity_origin_world),
+    }
+}
+
+fn plan_at(stretches: &[StretchRow], time_s: f64) -> u64 {
+    stretches.iter().rev().find(|stretch| stretch.start_s <= time_s).map_or(0, |stretch| stretch.plan_revision)
+}
+
+fn mark_used(beliefs: &mut [BeliefRow], command: &ControlCommand, time_s: f64) {
+    if let Some(used) = beliefs.iter_mut().find(|belief| belief.revision == command.model_revision) {
+        used.used_from_s.get_or_insert(time_s);
+    }
+}
+
+impl Sums {
+    fn look(
+        &mut self,
+        problem: &MissionProblem,
+        flying: &AstrobeeLoop,
+        judge: &EllipsoidWorld,
+        periods: u64,
+    ) -> Result<(), AstrobeeError> {
+        let simulator = &problem.flight.simulator;
+        let (state, time_s) = (simulator.state(), seconds(simulator.time_ns()));
+        let pose = &state.world_from_body;
+        let clearance = judge.clearance(&problem.planning.body, pose, time_s).map_err(AstrobeeError::Planning)?;
+        let clearance_m = clearance.distance_m.is_finite().then_some(clearance.distance_m);
+        if let Some(clearance_m) = clearance_m {
+            self.min_clearance_m = Some(self.min_clearance_m.map_or(clearance_m, |least| least.min(clearance_m)));
+        }
+        let (speed, rate) = (state.twist_body.linear.norm(), state.twist_body.angular.norm());
+        let is_over = speed > problem.speed_limit_m_s || rate > problem.rate_limit_rad_s;
+        self.violations += u64::from(is_over);
+        let wanted = flying.reference(time_s).state.world_from_body;
+        let error_m = (pose.translation.vector - wanted.translation.vector).norm();
+        self.squares.push((time_s, error_m * error_m));
+        if !periods.is_multiple_of(BETWEEN_ROWS) {
+            return Ok(());
+        }
+        let turn: Vector3<f64> = LieGroup::log(&(wanted.rotation.inverse() * pose.rotation));
+        let estimate = flying.estimator().estimate();
+        let believed = flying.estimator().state_at(simulator.time_ns()).world_from_body;
+        let tube = flying.controller().tube();
+        let series = &mut self.series;
+        series.t_s.push(time_s);
+        series.position_m.push(array(&pose.translation.vector));
+        series.quaternion_xyzw.push(xyzw(&pose.rotation));
+        series.wanted_position_m.push(array(&wanted.translation.vector));
+        series.wanted_quaternion_xyzw.push(xyzw(&wanted.rotation));
+        series.believed_position_m.push(array(&believed.translation.vector));
+        series.tracking_error_m.push(error_m);
+        series.attitude_error_rad.push(turn.norm());
+        series.tube_m.push(std::array::from_fn(|axis| tube.position_half_width_m(axis)));
+        series.clearance_m.push(clearance_m);
+        series.estimate.push(ten(&estimate.parameters));
+        series.sigma.push(ten_sigma(&estimate));
+        series.belief_revision.push(flying.command().map_or(0, |command| command.model_revision));
+        Ok(())
+    }
+
+    fn command(&mut self, problem: &MissionProblem, command: &ControlCommand, time_ns: i64) {
+        let Wrench { torque, force } = &command.wrench_body;
+        let is_over = |value: &Vector3<f64>, limit: &Vector3<f64>| {
+            value.iter().zip(limit).any(|(value, limit)| value.is_nan() || value.abs() > limit * (1.0 + ROUNDING))
+        };
+        self.violations +=
+            u64::from(is_over(force, &problem.force_limit_n) || is_over(torque, &problem.torque_limit_n_m));
+        self.account.commanded(time_ns, command);
+    }
+
+    fn acted(&mut self, measured: &SimulatorMeasurement, periods: u64) {
+        let Wrench { torque, force } = &measured.realized_wrench_body;
+        self.impulse_n_s += force.norm() * CONTROL_PERIOD_S;
+        self.angular_impulse_n_m_s += torque.norm() * CONTROL_PERIOD_S;
+        if periods.is_multiple_of(BETWEEN_ROWS) {
+            self.series.force_n.push(array(force));
+            self.series.torque_n_m.push(array(torque));
+        }
+    }
+
+    fn rms_since(&self, from_s: f64) -> f64 {
+        let since = self.squares.iter().filter(|(time_s, _)| *time_s >= from_s);
+        let (count, sum) = since.fold((0_u32, 0.0), |(count, sum), (_, square)| (count + 1, sum + square));
+        if count == 0 { 0.0 } else { libm::sqrt(sum / f64::from(count)) }
+    }
+}
+
+fn fallback_row(spell: &FallbackSpell) -> FallbackRow {
+    FallbackRow { t_s: seconds(spell.from_ns), reason: format!("{:?}", spell.fallback) }
+}
+
+fn record(
+    source: &ScenarioSource,
+    options: &FlyOptions,
+    problem: &MissionProblem,
+    flying: &AstrobeeLoop,
+    (sums, notes): (Sums, Notes<'_>),
+) -> Result<MissionRecord, AstrobeeError> {
+    let mission_s = seconds(problem.flight.simulator.time_ns());
+    let estimate = flying.estimator().estimate();
+    let truth = problem.flight.simulator.body();
+    let truth = if problem.planar { crate::simulator::planar_part(&truth) } else { truth };
+    let columns = [ten(&truth), ten(&problem.prior.parameters), ten(&estimate.parameters), ten_sigma(&estimate)];
+    let row = |(index, (name, unit)): (usize, &(&str, &str))| ParameterRow {
+        name: (*name).to_owned(),
+        unit: (*unit).to_owned(),
+        truth: columns[0][index],
+        initial: columns[1][index],
+        estimate: columns[2][index],
+        sigma: columns[3][index],
+    };
+    let Notes { mut ways, stretches, beliefs, mut events, shut_off, .. } = notes;
+    for event in problem.flight.simulator.events() {
+        let kind = if event.event.is_violation() { "violation" } else { "simulator" };
+        let text = event.event.to_string();
+        events.push(MissionEvent { t_s: seconds(event.time_ns), kind: kind.to_owned(), text });
+    }
+    events.sort_by(|a, b| a.t_s.total_cmp(&b.t_s));
+    if let Some((_, earlier)) = ways.split_last_mut() {
+        // one tree is enough to look at
+        earlier.iter_mut().skip(1).for_each(|way| way.tree_m.clear());
+    }
+    let counts = flying.estimator().counts();
+    let mut warnings = Vec::new();
+    if counts.gated > 0 {
+        warnings.push(format!("{} measurements did not fit what was expected and were not used", counts.gated));
+    }
+    let summary = MissionSummary {
+        format: 1,
+        scenario: source.scenario.name.clone(),
+        seed: options.seed,
+        options: *options,
+        arrived: flying.finished() == Some(true),
+        mission_s,
+        min_clearance_m: sums.min_clearance_m,
+        limit_violations: sums.violations,
+        impulse_n_s: sums.impulse_n_s,
+        angular_impulse_n_m_s: sums.angular_impulse_n_m_s,
+        rms_tracking_m: TrackingRms { all: sums.rms_since(0.0), last_leg: sums.rms_since(0.75 * mission_s) },
+        parameters: PARAMETERS.iter().enumerate().map(row).collect(),
+        replans: (ways.len() as u64).saturating_sub(1),
+        belief_revisions: beliefs.len() as u64,
+        fallbacks: sums.account.fallbacks().iter().map(fallback_row).collect(),
+        faults: BTreeMap::new(),
+        information_shut_off_s: shut_off.into_iter().filter_map(|(name, at)| Some((name, at?))).collect(),
+        warnings,
+    };
+    let World { keep_in, keep_out, obstacles } = &problem.planning.world;
+    let drawn =
+        |aligned: &AlignedBox| DrawnBox { lower_m: array(&aligned.lower_world), upper_m: array(&aligned.upper_world) };
+    let ellipsoid = |(index, solid): (usize, &ObstacleEllipsoid)| {
+        let motion = problem.planning.obstacle_motions.iter().find(|motion| motion.obstacle == index);
+        let seen_s = problem.seen_from_s.get(index).copied().unwrap_or(0.0);
+        DrawnEllipsoid {
+            center_m: array(&solid.world_from_ellipsoid.translation.vector),
+            velocity_m_s: motion.map_or([0.0; 3], |motion| array(&motion.velocity_world)),
+            quaternion_xyzw: xyzw(&solid.world_from_ellipsoid.rotation),
+            semi_axes_m: array(&solid.semi_axes),
+            seen_s: [seen_s, motion.map_or(1e9, |motion| motion.vanish_s.min(1e9))],
+        }
+    };
+    Ok(MissionRecord {
+        summary,
+        scenario_toml: source.to_toml()?,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        robot_radius_m: problem.planning.body.bounding_radius_m(),
+        planar: problem.planar,
+        goal_m: array(&problem.planning.goal.position),
+        keep_in: keep_in.iter().map(drawn).collect(),
+        keep_out: keep_out.iter().map(drawn).collect(),
+        obstacles: obstacles.iter().enumerate().map(ellipsoid).collect(),
+        series: sums.series,
+        ways,
+        stretches,
+        beliefs,
+        events,
+    })
+}

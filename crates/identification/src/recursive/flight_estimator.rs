@@ -1,0 +1,306 @@
+//! The estimator in the loop of a flight: motion now and ten parameters from late, unordered, doubtful measurements.
+
+mod filtered;
+mod flight_motion;
+mod health;
+mod reception;
+mod settings;
+mod wrench_history;
+
+#[cfg(test)]
+mod tests;
+
+pub use health::FlightHealth;
+pub use reception::{FlightMeasurement, Reception, ReceptionCounts};
+pub use settings::{FlightEstimatorSettings, LearningTargets, WrenchErrors, grasp_or_release};
+
+use crate::Estimate;
+use crate::dynamics::{LogCholesky, RigidBodyState};
+use crate::error::IdentificationError;
+use crate::identify::standard_deviations;
+use crate::lie::Wrench;
+use crate::recursive::belief::symmetric;
+use crate::recursive::joint_motion::{JointState, parameters_by_chart};
+use filtered::{Filtered, Rules, in_chart};
+use flight_motion::{BODY, FlightMotion, FlightState};
+use health::Thresholds;
+use nalgebra::{SMatrix, SVector, Vector6};
+use std::collections::VecDeque;
+use wrench_history::WrenchHistory;
+
+/// Moments kept: more than a second of measurements at 62.5 Hz.
+const MOMENTS: usize = 128;
+/// Without measurements the filter follows at this distance behind the oldest one that may still come.
+const COAST_NS: i64 = 64_000_000;
+/// Once known well enough, a body stays so until an interval is this much wider than its target.
+const STAYS_KNOWN: f64 = 1.25;
+
+/// What happened at a moment of the stream.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Event {
+    Start,
+    Coasted,
+    Measured(FlightMeasurement),
+    Changed(SVector<f64, 10>),
+    Restarted(LogCholesky<f64>, SMatrix<f64, 10, 10>),
+}
+
+/// Motion and body of a free flyer, filtered at the stamps of its measurements.
+///
+/// An extended Kalman filter on motion, the [`LogCholesky`] coordinates of the body, and slow errors of the believed wrench:
+/// an additive one that drifts, and a constant relative one of each component. The filter after every measurement of the last
+/// second is kept; a measurement that comes late is put in its place and those after it are filtered again, so that the result
+/// is that of the measurements in order.
+///
+/// Time passes by [`acted`](Self::acted): where nothing has been acted, no wrench is believed. Nothing here panics, and
+/// nothing allocates after [`try_new`](Self::try_new).
+///
+/// # Source
+/// Thesis table A.2, (6.10), (6.11), (6.31).
+#[derive(Clone, Debug)]
+pub struct FlightEstimator {
+    rules: Rules,
+    history: WrenchHistory,
+    events: VecDeque<Event>,
+    /// The filter after each event.
+    moments: VecDeque<Filtered>,
+    /// Of those that never entered the stream.
+    apart: ReceptionCounts,
+    known: bool,
+}
+
+impl FlightEstimator {
+    /// Begins at `start` with the knowledge of a body; the covariance is that of
+    /// [`InertialParameters::to_vector`](crate::dynamics::InertialParameters::to_vector).
+    ///
+    /// # Errors
+    /// [`IdentificationError::NotPositive`] and [`NotAProbability`](IdentificationError::NotAProbability) for the settings, a
+    /// prior that is no body or whose covariance is none.
+    pub fn try_new(
+        settings: FlightEstimatorSettings,
+        start: RigidBodyState<f64>,
+        start_ns: i64,
+        prior: &Estimate,
+    ) -> Result<Self, IdentificationError> {
+        settings.check()?;
+        let (body, covariance) = in_chart(prior)?;
+        let finite = |x: &f64| x.is_finite();
+        let pose = &start.world_from_body;
+        let twist = start.twist_body.to_vector();
+        if !(pose.rotation.coords.iter().all(finite) && pose.translation.vector.iter().chain(&twist).all(finite)) {
+            return Err(IdentificationError::NotFinite { row: 0 });
+        }
+        #[allow(clippy::cast_possible_truncation)] // saturates
+        let ns = |seconds: f64| (seconds * 1e9) as i64;
+        let rules = Rules {
+            settings,
+            model: FlightMotion::new(&settings),
+            thresholds: Thresholds::try_new(&settings)?,
+            relocalise_after_ns: ns(settings.relocalise_after_s),
+            lateness_ns: ns(settings.lateness_s),
+            lead_ns: ns(settings.lead_s),
+        };
+        let state =
+            FlightState { joint: JointState { motion: start, body }, drift: Vector6::zeros(), scale: Vector6::zeros() };
+        let (mut events, mut moments) = (VecDeque::with_capacity(MOMENTS + 1), VecDeque::with_capacity(MOMENTS + 1));
+        events.push_back(Event::Start);
+        moments.push_back(Filtered::new(&rules, state, &covariance, start_ns));
+        let history = WrenchHistory::new(start_ns);
+        Ok(Self { rules, history, events, moments, apart: ReceptionCounts::default(), known: false })
+    }
+
+    /// The believed wrench of a control period, after saturation; body axes, torque about the origin, without gravity.
+    ///
+    /// Said again of the same time, or of a time already filtered, it replaces what was believed. Spans that are empty and
+    /// wrenches that are not finite are passed over.
+    pub fn acted(&mut self, from_ns: i64, until_ns: i64, wrench_body: &Wrench<f64>) {
+        if until_ns <= from_ns || !wrench_body.to_vector().iter().all(|x| x.is_finite()) {
+            return;
+        }
+        self.history.hold(from_ns, until_ns, wrench_body);
+        let first = self.moments.partition_point(|moment| moment.stamp_ns <= from_ns);
+        self.filter_from(first.max(1));
+        let horizon_ns = self.history.end_ns().saturating_sub(self.rules.lateness_ns);
+        while self.newest().stamp_ns < horizon_ns.saturating_sub(COAST_NS) {
+            // A pause of hours is one step of the ring.
+            let behind_ns = horizon_ns - self.newest().stamp_ns;
+            let stamp_ns = self.newest().stamp_ns.saturating_add(COAST_NS.max(behind_ns / 64));
+            self.insert(self.moments.len(), stamp_ns, Event::Coasted);
+        }
+    }
+
+    /// Takes a measurement, which may be late, out of order, doubled or absurd.
+    pub fn measured(&mut self, measurement: &FlightMeasurement) -> Reception {
+        let reception = self.receive(measurement);
+        match reception {
+            Reception::TooOld => self.apart.too_old += 1,
+            Reception::Duplicate => self.apart.duplicate += 1,
+            Reception::FromTheFuture => self.apart.from_the_future += 1,
+            Reception::Malformed { .. } => self.apart.malformed += 1,
+            // Counted in the stream.
+            Reception::Used { .. } | Reception::Gated { .. } | Reception::Relocalised | Reception::Frozen => {}
+        }
+        reception
+    }
+
+    fn receive(&mut self, measurement: &FlightMeasurement) -> Reception {
+        let checked = match measurement.checked() {
+            Ok(checked) => checked,
+            Err(what) => return Reception::Malformed { what },
+        };
+        let (stamp_ns, clock_ns) = (checked.stamp_ns, self.history.end_ns());
+        if stamp_ns > clock_ns.saturating_add(self.rules.lead_ns) {
+            return Reception::FromTheFuture;
+        }
+        let same = |event: &Event| matches!(event, Event::Measured(known) if known.stamp_ns == stamp_ns);
+        if self.events.iter().any(same) {
+            return Reception::Duplicate;
+        }
+        let oldest_ns = self.moments.front().map_or(i64::MAX, |moment| moment.stamp_ns);
+        if stamp_ns < clock_ns.saturating_sub(self.rules.lateness_ns) || stamp_ns < oldest_ns {
+            return Reception::TooOld;
+        }
+        let place = self.moments.partition_point(|moment| moment.stamp_ns <= stamp_ns).max(1);
+        let later = self.events.iter().skip(place).any(|event| matches!(event, Event::Measured(_)));
+        self.apart.replayed += u64::from(later);
+        self.insert(place, stamp_ns, Event::Measured(checked))
+    }
+
+    /// Puts an event in its place and filters from there on.
+    fn insert(&mut self, place: usize, stamp_ns: i64, event: Event) -> Reception {
+        let mut moment = *self.newest();
+        moment.stamp_ns = stamp_ns;
+        self.events.insert(place, event);
+        // Overwritten at once, from `place` on; only the stamps of those that move are needed.
+        self.moments.insert(place, moment);
+        let reception = self.filter_from(place);
+        if self.moments.len() > MOMENTS {
+            self.events.pop_front();
+            self.moments.pop_front();
+        }
+        reception
+    }
+
+    /// Filters again from an event on; what became of that one.
+    fn filter_from(&mut self, first: usize) -> Reception {
+        let mut answer = None;
+        for k in first..self.moments.len() {
+            let (Some(before), Some(event)) = (self.moments.get(k - 1), self.events.get(k)) else { break };
+            let mut filtered = *before;
+            let stamp_ns = self.moments.get(k).map_or(filtered.stamp_ns, |moment| moment.stamp_ns);
+            filtered.advance(&self.rules, &self.history, stamp_ns);
+            let reception = match event {
+                Event::Measured(measurement) => filtered.take(&self.rules, measurement),
+                Event::Changed(deviation) => {
+                    filtered.widen(deviation);
+                    Reception::Frozen
+                }
+                Event::Restarted(body, covariance) => {
+                    filtered.restart(&self.rules, body, covariance);
+                    Reception::Frozen
+                }
+                Event::Start | Event::Coasted => Reception::Frozen,
+            };
+            answer = answer.or(Some(reception));
+            if let Some(moment) = self.moments.get_mut(k) {
+                *moment = filtered;
+            }
+        }
+        answer.unwrap_or(Reception::Frozen)
+    }
+
+    fn newest(&self) -> &Filtered {
+        // The ring is never empty.
+        &self.moments[self.moments.len() - 1]
+    }
+
+    /// The newest filtered motion, carried on to a time by the believed wrenches under the believed body; for times that are
+    /// past, the motion filtered until then.
+    pub fn state_at(&self, time_ns: i64) -> RigidBodyState<f64> {
+        let until = self.moments.partition_point(|moment| moment.stamp_ns <= time_ns);
+        let from = &self.moments[until.max(1) - 1];
+        from.state_at(&self.rules, &self.history, time_ns).joint.motion
+    }
+
+    /// The ten parameters with their covariance; always a body that exists.
+    pub fn estimate(&self) -> Estimate {
+        let newest = self.newest();
+        let parameters = newest.state.joint.body.to_parameters();
+        let slopes = parameters_by_chart(&newest.state.joint.body);
+        let covariance = symmetric(&(slopes * newest.covariance.fixed_view::<10, 10>(BODY, BODY) * slopes.transpose()));
+        let std = standard_deviations(&parameters.to_vector(), &covariance);
+        Estimate { parameters, covariance, std, lmi_active: false }
+    }
+
+    /// Covariance of an increment of the newest filtered motion, as [`RigidBodyState`] moves: pose, then twist, each angular
+    /// before linear.
+    pub fn motion_covariance(&self) -> SMatrix<f64, 12, 12> {
+        self.newest().covariance.fixed_view::<BODY, BODY>(0, 0).into_owned()
+    }
+
+    /// Stamp of the newest measurement that was looked at, ns; the start before the first.
+    pub fn newest_stamp_ns(&self) -> i64 {
+        self.newest().measured_ns
+    }
+
+    /// What became of the measurements.
+    pub fn counts(&self) -> ReceptionCounts {
+        let stream = &self.newest().counts;
+        ReceptionCounts {
+            used: stream.used,
+            gated: stream.gated,
+            relocalised: stream.relocalised,
+            frozen: stream.frozen,
+            ..self.apart
+        }
+    }
+
+    /// Whether the filter's own account of its errors is still true.
+    pub fn health(&self) -> FlightHealth {
+        self.newest().monitor.health()
+    }
+
+    /// The body back to a prior from now on, the motion kept.
+    ///
+    /// # Errors
+    /// As [`try_new`](Self::try_new) for the prior; nothing is changed then.
+    pub fn restart(&mut self, prior: &Estimate) -> Result<(), IdentificationError> {
+        let (body, covariance) = in_chart(prior)?;
+        self.happen_now(Event::Restarted(body, covariance));
+        Ok(())
+    }
+
+    /// Less certainty of the body from now on, each of its ten coordinates by a jump of this standard deviation, the motion
+    /// kept: something was grasped or released; see [`grasp_or_release`]. What is not finite widens nothing.
+    pub fn body_changed(&mut self, deviation: &SVector<f64, 10>) {
+        self.happen_now(Event::Changed(deviation.map(|s| if s.is_finite() { s } else { 0.0 })));
+    }
+
+    fn happen_now(&mut self, event: Event) {
+        self.known = false;
+        let stamp_ns = self.history.end_ns().max(self.newest().stamp_ns);
+        self.insert(self.moments.len(), stamp_ns, event);
+    }
+
+    /// Whether every reported interval is inside its target; once it was, each may be a quarter wider.
+    pub fn is_known_well_enough(&mut self, targets: &LearningTargets) -> bool {
+        let estimate = self.estimate();
+        let allowance = if self.known { STAYS_KNOWN } else { 1.0 };
+        let inertia = estimate.parameters.inertia_about_com();
+        let std = &estimate.std;
+        let planar = self.rules.settings.planar;
+        // In the plane only what is seen there can be known.
+        let (centers, moments) = if planar { (0..2, 2..3) } else { (0..3, 0..3) };
+        self.known = std.mass_kg <= allowance * targets.mass * estimate.parameters.mass
+            && centers.into_iter().all(|i| std.center_of_mass_m[i] <= allowance * targets.center_of_mass_m)
+            && moments
+                .into_iter()
+                .all(|i| std.inertia_about_com_kg_m2[(i, i)] <= allowance * targets.inertia * inertia[(i, i)]);
+        self.known
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &FlightEstimatorSettings {
+        &self.rules.settings
+    }
+}

@@ -1,0 +1,292 @@
+//! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
+
+use super::flight_motion::{
+    BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, ROWS, SCALE, back_into_plane,
+};
+use super::health::{Monitor, Thresholds};
+use super::reception::{FlightMeasurement, Reception};
+use super::settings::FlightEstimatorSettings;
+use super::wrench_history::WrenchHistory;
+use crate::error::IdentificationError;
+use crate::lie::{LieGroup, Pose, Twist};
+use crate::recursive::belief::Correction;
+use crate::recursive::joint_motion::JointObservation;
+use nalgebra::{SMatrix, SVector, Vector6};
+
+/// Longest step of the filter: 32 ms.
+const STEP_NS: i64 = 32_000_000;
+/// Two poses seen after a jump are the same within so many standard deviations.
+const AGREE: f64 = 6.0;
+/// Without agreement the motion begins anew after so many times the patience, and the body is in doubt.
+const OUT_OF_PATIENCE: f64 = 2.0;
+
+/// What does not change during a flight.
+#[derive(Clone, Debug)]
+pub(super) struct Rules {
+    pub(super) settings: FlightEstimatorSettings,
+    pub(super) model: FlightMotion,
+    pub(super) thresholds: Thresholds,
+    pub(super) relocalise_after_ns: i64,
+    pub(super) lateness_ns: i64,
+    pub(super) lead_ns: i64,
+}
+
+/// Unlikely measurements in a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Jump {
+    /// Since when anything has been unlikely.
+    since_ns: i64,
+    /// Since when they agree.
+    agreeing_since_ns: i64,
+    agreeing: u32,
+    /// What the map seems to have moved by.
+    seen_from_expected: Pose<f64>,
+}
+
+/// How often measurements of the ordered stream came to which end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct StreamCounts {
+    pub(super) used: u64,
+    pub(super) gated: u64,
+    pub(super) relocalised: u64,
+    pub(super) frozen: u64,
+}
+
+/// The filter at `stamp_ns`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Filtered {
+    pub(super) stamp_ns: i64,
+    pub(super) measured_ns: i64,
+    pub(super) state: FlightState,
+    pub(super) covariance: Covariance,
+    pub(super) counts: StreamCounts,
+    pub(super) monitor: Monitor,
+    jump: Option<Jump>,
+    last: Option<FlightMeasurement>,
+}
+
+impl Filtered {
+    pub(super) fn new(rules: &Rules, state: FlightState, body: &SMatrix<f64, 10, 10>, start_ns: i64) -> Self {
+        let settings = &rules.settings;
+        let mut covariance = Covariance::zeros();
+        let motion = rules.model.motion_variance(&settings.start_deviation);
+        covariance.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&SMatrix::from_diagonal(&motion));
+        covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(body);
+        let errors = [(DRIFT, settings.wrench.drift), (SCALE, settings.wrench.scale)];
+        for (first, deviation) in errors {
+            for i in 0..6 {
+                covariance[(first + i, first + i)] = deviation[i] * deviation[i];
+            }
+        }
+        Self {
+            stamp_ns: start_ns,
+            measured_ns: start_ns,
+            state,
+            covariance,
+            counts: StreamCounts::default(),
+            monitor: Monitor::default(),
+            jump: None,
+            last: None,
+        }
+    }
+
+    /// Carries state and covariance on to a time.
+    pub(super) fn advance(&mut self, rules: &Rules, history: &WrenchHistory, until_ns: i64) {
+        for (from_ns, to_ns) in steps(self.stamp_ns, until_ns) {
+            let (believed, step_s) = (history.mean(from_ns, to_ns), (to_ns - from_ns) as f64 * 1e-9);
+            // What is not finite never gets here; where a step fails all the same, the motion stays.
+            let _ = rules.model.predict(&mut self.state, &mut self.covariance, &believed, step_s);
+        }
+        self.stamp_ns = self.stamp_ns.max(until_ns);
+    }
+
+    /// The state alone, carried on to a time.
+    pub(super) fn state_at(&self, rules: &Rules, history: &WrenchHistory, until_ns: i64) -> FlightState {
+        let mut state = self.state;
+        for (from_ns, to_ns) in steps(self.stamp_ns, until_ns) {
+            let (believed, step_s) = (history.mean(from_ns, to_ns), (to_ns - from_ns) as f64 * 1e-9);
+            state = rules.model.propagate(&state, &believed, step_s).unwrap_or(state);
+        }
+        state
+    }
+
+    /// Takes a measurement of the present moment.
+    pub(super) fn take(&mut self, rules: &Rules, measurement: &FlightMeasurement) -> Reception {
+        let seen = self.news(measurement);
+        let dt_s = (measurement.stamp_ns - self.measured_ns) as f64 * 1e-9;
+        self.measured_ns = measurement.stamp_ns;
+        self.last = Some(*measurement);
+        if seen.world_from_body.is_none() && seen.rate_body.is_none() && seen.velocity_origin_world.is_none() {
+            self.counts.frozen += 1;
+            return Reception::Frozen;
+        }
+        let rows = rules.model.rows(&self.state, &seen);
+        let mut learned = self.covariance;
+        let Ok(Correction { step, innovation }) = rows.correct(&mut learned) else {
+            return Reception::Malformed { what: "innovation is not finite" };
+        };
+        let (nis, freedom) = (innovation.nis, innovation.degrees_of_freedom);
+        let limit = rules.thresholds.gate(freedom);
+        self.monitor.observe(&rules.thresholds, &innovation, nis.min(limit), dt_s);
+        if nis <= limit {
+            self.correct(rules, &step, learned);
+            self.jump = None;
+            self.counts.used += 1;
+            return Reception::Used { nis };
+        }
+        self.counts.gated += 1;
+        if self.begins_anew(rules, measurement, seen.world_from_body.is_some()) {
+            self.counts.relocalised += 1;
+            return Reception::Relocalised;
+        }
+        Reception::Gated { nis }
+    }
+
+    fn correct(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: Covariance) {
+        let before = self.state.joint.motion;
+        self.state = self.state.moved_by(step);
+        if rules.settings.planar {
+            self.state.joint.motion = back_into_plane(&self.state.joint.motion, &before);
+        }
+        self.covariance = covariance;
+    }
+
+    /// The channels that do not repeat the last measurement to the bit.
+    fn news(&self, measurement: &FlightMeasurement) -> JointObservation {
+        let last = self.last.as_ref();
+        let fresh = |same: bool| !same;
+        JointObservation {
+            step_s: 0.0,
+            wrench_body: crate::lie::Wrench::zero(),
+            world_from_body: Some(measurement.world_from_body)
+                .filter(|pose| fresh(last.is_some_and(|last| last.world_from_body == *pose))),
+            rate_body: measurement
+                .rate_body
+                .filter(|rate| fresh(last.is_some_and(|last| last.rate_body == Some(*rate)))),
+            velocity_origin_world: measurement
+                .velocity_origin_world
+                .filter(|v| fresh(last.is_some_and(|last| last.velocity_origin_world == Some(*v)))),
+            acceleration_origin_body: None,
+        }
+    }
+
+    /// Counts an unlikely measurement; true where there were enough of them and motion begins anew at this one.
+    fn begins_anew(&mut self, rules: &Rules, measurement: &FlightMeasurement, has_pose: bool) -> bool {
+        let (now_ns, expected) = (measurement.stamp_ns, self.state.joint.motion.world_from_body);
+        let settings = &rules.settings;
+        let seen_from_expected = measurement.world_from_body.compose(&expected.inverse());
+        let fresh = Jump { since_ns: now_ns, agreeing_since_ns: now_ns, agreeing: 1, seen_from_expected };
+        let jump = match self.jump {
+            None => fresh,
+            // A pose that repeats the last one to the bit agrees with nothing.
+            Some(jump) if !has_pose => jump,
+            Some(jump) => {
+                let apart =
+                    LieGroup::log(&jump.seen_from_expected.compose(&expected).between(&measurement.world_from_body));
+                let within = |first: usize, deviation: f64| {
+                    apart.fixed_rows::<3>(first).amax() <= AGREE * core::f64::consts::SQRT_2 * deviation
+                };
+                if within(0, settings.noise.attitude_rad) && within(3, settings.noise.position_m) {
+                    Jump { agreeing: jump.agreeing.saturating_add(1), ..jump }
+                } else {
+                    Jump { since_ns: jump.since_ns, ..fresh }
+                }
+            }
+        };
+        self.jump = Some(jump);
+        let agreed =
+            now_ns - jump.agreeing_since_ns >= rules.relocalise_after_ns && jump.agreeing >= settings.relocalise_count;
+        let waited = (now_ns - jump.since_ns) as f64 >= OUT_OF_PATIENCE * rules.relocalise_after_ns as f64;
+        if !(agreed || waited) || !has_pose {
+            return false;
+        }
+        self.monitor.relocalised(!agreed, now_ns);
+        self.jump = None;
+        self.begin_at(rules, measurement);
+        true
+    }
+
+    /// Motion from a measurement, without memory; the body as it is.
+    fn begin_at(&mut self, rules: &Rules, measurement: &FlightMeasurement) {
+        let (settings, motion) = (&rules.settings, &mut self.state.joint.motion);
+        let before = *motion;
+        motion.world_from_body = measurement.world_from_body;
+        let [_, _, mut rate, mut velocity] = settings.start_deviation;
+        let noise = &settings.noise;
+        let mut twist: Twist<f64> = before.twist_body;
+        if let Some(measured) = measurement.rate_body {
+            (twist.angular, rate) = (measured, noise.rate_rad_s);
+        }
+        if let Some(measured) = measurement.velocity_origin_world {
+            twist.linear = measurement.world_from_body.rotation.inverse() * measured;
+            velocity = noise.velocity_m_s;
+        }
+        motion.twist_body = twist;
+        if settings.planar {
+            *motion = back_into_plane(motion, &before);
+        }
+        let variance = rules.model.motion_variance(&[noise.attitude_rad, noise.position_m, rate, velocity]);
+        self.covariance.fixed_view_mut::<BODY, COORDINATES>(0, 0).fill(0.0);
+        self.covariance.fixed_view_mut::<COORDINATES, BODY>(0, 0).fill(0.0);
+        for i in 0..BODY {
+            self.covariance[(i, i)] = variance[i];
+        }
+    }
+
+    /// The body less certain by a jump of these deviations.
+    pub(super) fn widen(&mut self, deviation: &SVector<f64, 10>) {
+        for i in 0..10 {
+            self.covariance[(BODY + i, BODY + i)] += deviation[i] * deviation[i];
+        }
+        self.monitor = Monitor::default();
+    }
+
+    /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is.
+    pub(super) fn restart(
+        &mut self,
+        rules: &Rules,
+        body: &crate::dynamics::LogCholesky<f64>,
+        covariance: &SMatrix<f64, 10, 10>,
+    ) {
+        self.state.joint.body = *body;
+        (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
+        let mut fresh = Self::new(rules, self.state, covariance, self.stamp_ns).covariance;
+        fresh.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&self.covariance.fixed_view::<BODY, BODY>(0, 0));
+        self.covariance = fresh;
+        self.monitor = Monitor::default();
+        self.jump = None;
+    }
+}
+
+/// Equal steps from one time to another, none longer than [`STEP_NS`].
+fn steps(from_ns: i64, until_ns: i64) -> impl Iterator<Item = (i64, i64)> {
+    let span = until_ns.saturating_sub(from_ns).max(0);
+    let count = span / STEP_NS + i64::from(span % STEP_NS > 0);
+    // The product of a span below 2^63 / count and a number of steps; long spans only lose nanoseconds.
+    let at = move |i: i64| from_ns + i128_part(span, i, count);
+    (0..count).map(move |i| (at(i), at(i + 1)))
+}
+
+/// span · i / count, exactly.
+fn i128_part(span: i64, i: i64, count: i64) -> i64 {
+    i64::try_from(i128::from(span) * i128::from(i) / i128::from(count.max(1))).unwrap_or(span)
+}
+
+/// Rows of a measurement, for those who watch innovations.
+pub(super) type FlightInnovation = crate::recursive::Innovation<ROWS>;
+
+/// What a prior is in the chart of the filter.
+pub(super) fn in_chart(
+    prior: &crate::Estimate,
+) -> Result<(crate::dynamics::LogCholesky<f64>, SMatrix<f64, 10, 10>), IdentificationError> {
+    let body = crate::dynamics::LogCholesky::try_from_parameters(&prior.parameters)?;
+    let slopes = crate::recursive::joint_motion::parameters_by_chart(&body);
+    let Some(inverse) = slopes.try_inverse() else { return Err(IdentificationError::NotFinite { row: 0 }) };
+    let covariance = crate::recursive::belief::symmetric(&(inverse * prior.covariance * inverse.transpose()));
+    for (index, variance) in covariance.diagonal().iter().enumerate() {
+        if !(*variance >= 0.0 && variance.is_finite()) {
+            return Err(IdentificationError::NotPositive { index, value: *variance });
+        }
+    }
+    Ok((body, covariance))
+}

@@ -1,0 +1,129 @@
+//! Whether the filter's own account of its errors is still true.
+
+use super::filtered::FlightInnovation;
+use super::flight_motion::ROWS;
+use super::settings::FlightEstimatorSettings;
+use crate::error::IdentificationError;
+use crate::recursive::ChiSquareGate;
+use crate::statistics::{chi_square_quantile, normal_quantile};
+use nalgebra::ComplexField;
+
+/// The filter's health.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlightHealth {
+    /// Running mean of the normalised innovation squared per degree of freedom: one where the model holds.
+    pub mean_nis: f64,
+    /// The running mean above which it is called diverged.
+    pub alarm_above: f64,
+    /// The running mean left its chi-square band and has not come back well inside: see
+    /// [`restart`](super::FlightEstimator::restart).
+    pub diverged: bool,
+    /// Innovations have been one-sided for long: the body is no longer what it was, see
+    /// [`body_changed`](super::FlightEstimator::body_changed).
+    pub body_doubtful: bool,
+}
+
+/// Levels that innovations are compared with.
+#[derive(Clone, Debug)]
+pub(super) struct Thresholds {
+    gates: [f64; ROWS + 1],
+    /// Sum of squares of the normalised mean innovation.
+    doubts: [f64; ROWS + 1],
+    /// Standard score of the alarm.
+    score: f64,
+    time_s: f64,
+}
+
+/// Noise of sensors that are a fifth noisier than on paper is no divergence.
+const TOLERANCE: f64 = 1.5;
+/// An alarm ends when the mean is back at this part of the way from one to its level.
+const BACK_INSIDE: f64 = 0.5;
+/// Two new beginnings within this time are not the map's fault.
+const AGAIN_NS: i64 = 5_000_000_000;
+/// A doubt stays so long after its cause, s.
+const DOUBT_S: f64 = 2.0;
+
+impl Thresholds {
+    pub(super) fn try_new(settings: &FlightEstimatorSettings) -> Result<Self, IdentificationError> {
+        let gate = ChiSquareGate::try_new(settings.gate_probability)?;
+        let gates = core::array::from_fn(|freedom| gate.threshold(freedom));
+        let alarm = settings.alarm_probability;
+        let doubts = core::array::from_fn(|freedom| chi_square_quantile(freedom as f64, alarm));
+        // One-sided: the two-sided quantile of twice the distance from one.
+        let score = normal_quantile(2.0 * alarm - 1.0);
+        Ok(Self { gates, doubts, score, time_s: settings.health_time_s })
+    }
+
+    pub(super) fn gate(&self, freedom: usize) -> f64 {
+        self.gates.get(freedom).copied().unwrap_or(f64::INFINITY)
+    }
+
+    /// Upper end of the band of a mean of `count` squares, by Wilson and Hilferty's cube.
+    fn mean_square(&self, count: f64) -> f64 {
+        let part = 2.0 / (9.0 * count);
+        let root = 1.0 - part + self.score * ComplexField::sqrt(part);
+        root * root * root
+    }
+}
+
+/// Running means of innovations.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Monitor {
+    nis: f64,
+    freedom: f64,
+    weight: f64,
+    squares: f64,
+    means: [f64; ROWS],
+    rows: usize,
+    diverged: bool,
+    /// How long the body is still in doubt, s.
+    doubt_s: f64,
+    alarm: f64,
+    anew_ns: Option<i64>,
+}
+
+impl Monitor {
+    /// Counts an innovation, `nis` of it cut at the gate.
+    pub(super) fn observe(&mut self, thresholds: &Thresholds, innovation: &FlightInnovation, nis: f64, dt_s: f64) {
+        let keep = ComplexField::exp(-dt_s.max(0.0) / thresholds.time_s);
+        let share = 1.0 - keep;
+        self.nis = keep * self.nis + share * nis;
+        self.freedom = keep * self.freedom + share * innovation.degrees_of_freedom as f64;
+        // Of the weights and of their squares: how many measurements the mean is worth.
+        self.weight = keep * self.weight + share;
+        self.squares = keep * keep * self.squares + share * share;
+        self.rows = 0;
+        for i in 0..ROWS {
+            let variance = innovation.covariance[(i, i)];
+            if variance.is_finite() {
+                let deviation = ComplexField::sqrt(variance);
+                self.means[i] = keep * self.means[i] + share * innovation.residual[i] / deviation;
+                self.rows += 1;
+            }
+        }
+        if self.squares <= 0.0 || self.freedom <= 0.0 {
+            return;
+        }
+        let count = self.weight * self.weight / self.squares;
+        self.alarm = TOLERANCE * thresholds.mean_square(count * self.freedom / self.weight);
+        let mean = self.nis / self.freedom;
+        let level = if self.diverged { 1.0 + BACK_INSIDE * (self.alarm - 1.0) } else { self.alarm };
+        self.diverged = mean > level;
+        let doubt: f64 = self.means.iter().map(|mean| mean * mean).sum::<f64>() / self.squares;
+        let limit = TOLERANCE * thresholds.doubts.get(self.rows).copied().unwrap_or(f64::INFINITY);
+        let limit = if self.doubt_s > 0.0 { BACK_INSIDE * limit } else { limit };
+        self.doubt_s = if doubt > limit { DOUBT_S } else { (self.doubt_s - dt_s).max(0.0) };
+    }
+
+    /// Motion began anew: twice in a short time, or because nothing agreed, and it is the body that is in doubt.
+    pub(super) fn relocalised(&mut self, nothing_agreed: bool, now_ns: i64) {
+        let again = self.anew_ns.is_some_and(|before| now_ns - before < AGAIN_NS);
+        let doubt_s = if nothing_agreed || again { DOUBT_S } else { self.doubt_s };
+        *self = Self { doubt_s, anew_ns: Some(now_ns), ..Self::default() };
+    }
+
+    pub(super) fn health(&self) -> FlightHealth {
+        let mean_nis = if self.freedom > 0.0 { self.nis / self.freedom } else { 1.0 };
+        FlightHealth { mean_nis, alarm_above: self.alarm, diverged: self.diverged, body_doubtful: self.doubt_s > 0.0 }
+    }
+}

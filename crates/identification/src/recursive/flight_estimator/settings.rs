@@ -1,0 +1,126 @@
+//! What a flight estimator is told about sensors, thrust and its own patience.
+
+use super::super::MotionNoise;
+use crate::error::IdentificationError;
+use nalgebra::{SVector, Vector6};
+
+/// Errors of the believed wrench, per axis, torque before force, body axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WrenchErrors {
+    /// Standard deviation of the slow additive part, N m and N.
+    pub drift: Vector6<f64>,
+    /// Its correlation time, s.
+    pub drift_time_s: f64,
+    /// Standard deviation of the constant relative part: thrust that is everywhere larger than on paper, say.
+    pub scale: Vector6<f64>,
+    /// How long a wrench is held to which the white noise of [`MotionNoise`] belongs, s; over other times it averages.
+    pub period_s: f64,
+}
+
+/// Settings of a [`FlightEstimator`](super::FlightEstimator).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlightEstimatorSettings {
+    /// Noise of the measurements, of the wrench from step to step, and drift of the body.
+    pub noise: MotionNoise,
+    /// Slow errors of the believed wrench.
+    pub wrench: WrenchErrors,
+    /// Motion in the plane z = const only: x, y and the turn about z are filtered, the rest stays as it starts.
+    pub planar: bool,
+    /// Standard deviation of the start per axis: attitude rad, position m, rate rad/s, velocity m/s.
+    pub start_deviation: [f64; 4],
+    /// Probability with which a good measurement passes the gate.
+    pub gate_probability: f64,
+    /// Gated measurements that agree for so long are believed instead of the motion, s.
+    pub relocalise_after_s: f64,
+    /// At least so many of them.
+    pub relocalise_count: u32,
+    /// Measurements older than this when they arrive are not used, s.
+    pub lateness_s: f64,
+    /// Measurements this far ahead of the last believed wrench are still used, s.
+    pub lead_s: f64,
+    /// Time constant of the running means that judge health and the body, s.
+    pub health_time_s: f64,
+    /// Probability that a running mean of a good filter stays below its alarm at one moment.
+    pub alarm_probability: f64,
+}
+
+impl FlightEstimatorSettings {
+    /// Usual patience around these noise levels: a thrust known to 0.7 % per axis, 0.2 mN m and 2 mN of slow drift.
+    pub fn new(noise: MotionNoise) -> Self {
+        let (torque, force, scale) = (2e-4, 2e-3, 7e-3);
+        Self {
+            noise,
+            wrench: WrenchErrors {
+                drift: Vector6::new(torque, torque, torque, force, force, force),
+                drift_time_s: 30.0,
+                scale: Vector6::repeat(scale),
+                period_s: 0.016,
+            },
+            planar: false,
+            start_deviation: [0.02, 0.01, 0.01, 0.01],
+            gate_probability: 0.999_99,
+            relocalise_after_s: 0.5,
+            relocalise_count: 3,
+            lateness_s: 1.0,
+            lead_s: 0.02,
+            health_time_s: 1.0,
+            alarm_probability: 1.0 - 1e-8,
+        }
+    }
+
+    /// Refuses what is not positive and finite, and probabilities that are none.
+    pub(super) fn check(&self) -> Result<(), IdentificationError> {
+        let noise = &self.noise;
+        let [a, p, r, v] = self.start_deviation;
+        let positive = [
+            noise.attitude_rad,
+            noise.position_m,
+            noise.rate_rad_s,
+            noise.velocity_m_s,
+            self.wrench.drift_time_s,
+            self.wrench.period_s,
+            a,
+            p,
+            r,
+            v,
+            self.lateness_s,
+            self.relocalise_after_s,
+            self.health_time_s,
+        ];
+        if let Some(index) = positive.iter().position(|value| !(*value > 0.0 && value.is_finite())) {
+            return Err(IdentificationError::NotPositive { index, value: positive[index] });
+        }
+        let rest = [noise.torque_n_m, noise.force_n, self.lead_s];
+        let rest =
+            rest.iter().chain(noise.drift.iter()).chain(self.wrench.drift.iter()).chain(self.wrench.scale.iter());
+        for (index, value) in rest.enumerate() {
+            if !(*value >= 0.0 && value.is_finite()) {
+                return Err(IdentificationError::NotPositive { index: positive.len() + index, value: *value });
+            }
+        }
+        for value in [self.gate_probability, self.alarm_probability] {
+            if !(value > 0.0 && value < 1.0) {
+                return Err(IdentificationError::NotAProbability { value });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How well a body is to be known before excitation may end: one standard deviation of each.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LearningTargets {
+    /// Of the mass, as a part of the mass.
+    pub mass: f64,
+    /// Of the centre of mass along any body axis, m.
+    pub center_of_mass_m: f64,
+    /// Of each moment of inertia about the centre of mass, as a part of it.
+    pub inertia: f64,
+}
+
+/// A jump of the body: standard deviation of each of the ten [`LogCholesky`](crate::dynamics::LogCholesky) coordinates.
+///
+/// Half the logarithm of the mass, 5 cm, 0.3 in the logarithm of the extents, 2 cm in the shears: a grasp of up to the own mass.
+pub fn grasp_or_release() -> SVector<f64, 10> {
+    SVector::from([0.5, 0.05, 0.05, 0.05, 0.3, 0.3, 0.3, 0.02, 0.02, 0.02])
+}

@@ -1,0 +1,104 @@
+//! The believed wrenches of the last seconds.
+
+use crate::lie::Wrench;
+use nalgebra::Vector6;
+use std::collections::VecDeque;
+
+/// Pieces kept: four seconds of control periods of 8 ms.
+const PIECES: usize = 512;
+
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    from_ns: i64,
+    until_ns: i64,
+    wrench: Vector6<f64>,
+}
+
+/// Wrenches held over spans of time, in order and without overlap; zero between them.
+#[derive(Clone, Debug)]
+pub(super) struct WrenchHistory {
+    pieces: VecDeque<Piece>,
+    end_ns: i64,
+}
+
+impl WrenchHistory {
+    pub(super) fn new(start_ns: i64) -> Self {
+        Self { pieces: VecDeque::with_capacity(PIECES), end_ns: start_ns }
+    }
+
+    /// Until when something has been said.
+    pub(super) fn end_ns(&self) -> i64 {
+        self.end_ns
+    }
+
+    /// Holds a wrench over a span; what had been said of that time and later is forgotten.
+    pub(super) fn hold(&mut self, from_ns: i64, until_ns: i64, wrench: &Wrench<f64>) {
+        while self.pieces.back().is_some_and(|piece| piece.from_ns >= from_ns) {
+            self.pieces.pop_back();
+        }
+        let wrench = wrench.to_vector();
+        self.end_ns = until_ns;
+        if let Some(last) = self.pieces.back_mut() {
+            last.until_ns = last.until_ns.min(from_ns);
+            if last.until_ns == from_ns && last.wrench == wrench {
+                last.until_ns = until_ns;
+                return;
+            }
+        }
+        if self.pieces.len() == PIECES {
+            self.pieces.pop_front();
+        }
+        self.pieces.push_back(Piece { from_ns, until_ns, wrench });
+    }
+
+    /// The mean over a span.
+    pub(super) fn mean(&self, from_ns: i64, until_ns: i64) -> Wrench<f64> {
+        let whole = (until_ns - from_ns) as f64;
+        let first = self.pieces.partition_point(|piece| piece.until_ns <= from_ns);
+        let mut sum = Vector6::zeros();
+        for piece in self.pieces.iter().skip(first).take_while(|piece| piece.from_ns < until_ns) {
+            let part = (piece.until_ns.min(until_ns) - piece.from_ns.max(from_ns)) as f64;
+            sum += piece.wrench * (part / whole);
+        }
+        sum.into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn force(x: f64) -> Wrench<f64> {
+        Vector6::new(0.0, 0.0, 0.0, x, 0.0, 0.0).into()
+    }
+
+    #[test]
+    fn means_by_hand() {
+        let mut history = WrenchHistory::new(0);
+        history.hold(0, 10, &force(1.0));
+        history.hold(10, 20, &force(3.0));
+        // A gap, then the last piece is said anew.
+        history.hold(40, 50, &force(9.0));
+        history.hold(45, 55, &force(5.0));
+        let mean = |from, until| history.mean(from, until).force.x;
+        assert_eq!(mean(0, 10), 1.0);
+        assert_eq!(mean(5, 15), 2.0);
+        assert_eq!(mean(15, 45), (15.0 + 45.0) / 30.0);
+        assert_eq!(mean(40, 55), (45.0 + 50.0) / 15.0);
+        assert_eq!((mean(20, 40), mean(60, 70), history.end_ns()), (0.0, 0.0, 55));
+    }
+
+    #[test]
+    fn equal_neighbours_are_one_and_the_oldest_go_first() {
+        let mut history = WrenchHistory::new(0);
+        for i in 0..2000 {
+            history.hold(i, i + 1, &force(7.0));
+        }
+        assert_eq!((history.pieces.len(), history.mean(0, 2000).force.x), (1, 7.0));
+        for i in 2000..3000 {
+            history.hold(i, i + 1, &force(i as f64));
+        }
+        assert_eq!((history.pieces.len(), history.mean(2999, 3000).force.x), (PIECES, 2999.0));
+        assert_eq!(history.mean(2000, 2001).force.x, 0.0);
+    }
+}

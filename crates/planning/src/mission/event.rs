@@ -1,0 +1,238 @@
+//! What the coordinator hears and what it answers.
+
+use crate::control::Adoption;
+
+/// What happened, at a time of the mission.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimedEvent {
+    /// Mission time, ns.
+    pub time_ns: i64,
+    /// What.
+    pub event: Event,
+}
+
+/// What can happen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    /// The mission begins; the robot is at rest where it is.
+    Begun,
+    /// A decision is due: how things stand.
+    Tick(Standing),
+    /// The estimator has a new belief.
+    Belief {
+        /// Its number.
+        revision: u64,
+        /// Whether it differs so much from the one the way was planned with that another way would be better.
+        is_material: bool,
+    },
+    /// What the controller made of a belief.
+    Offered {
+        /// The belief.
+        revision: u64,
+        /// The answer.
+        adoption: Adoption,
+    },
+    /// The parameters are known as well as asked for, or no longer.
+    Known(bool),
+    /// A way to the goal.
+    WayFound {
+        /// The request.
+        request: u64,
+        /// The belief it was planned with.
+        model_revision: u64,
+        /// The world it was planned in.
+        world_revision: u64,
+    },
+    /// No way was found.
+    WayRefused {
+        /// The request.
+        request: u64,
+    },
+    /// A stretch of the way.
+    StretchFound {
+        /// The request.
+        request: u64,
+        /// What it is.
+        stretch: FoundStretch,
+    },
+    /// No stretch was found.
+    StretchRefused {
+        /// The request.
+        request: u64,
+    },
+    /// The world is another than it was.
+    World {
+        /// Its number.
+        revision: u64,
+        /// When what is being flown, the stop after it included, would hit something, ns.
+        contact_ns: Option<i64>,
+    },
+    /// The robot is somewhere else than it was taken to be.
+    Relocalised,
+    /// The estimator contradicts itself: its belief is worth nothing.
+    Diverged,
+    /// The body is no longer what it was: something was grasped, lost, or slipped.
+    BodyDoubtful,
+    /// The controller brakes, for its own reasons, and needs a new plan.
+    Braking,
+    /// The computer started anew: what was on its way is lost.
+    Restarted,
+}
+
+/// How things stand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Standing {
+    /// Age of the newest measurement used, ns.
+    pub state_age_ns: i64,
+    /// Distance of the robot from what is being flown, m.
+    pub deviation_m: f64,
+    /// Angle from it, rad.
+    pub deviation_rad: f64,
+    /// When what is being flown comes to rest, ns; in the past at rest.
+    pub rest_ns: i64,
+    /// Whether the robot is at its goal, and slow.
+    pub is_at_goal: bool,
+    /// Belief that the controller uses.
+    pub used_revision: u64,
+}
+
+/// A stretch as the coordinator sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FoundStretch {
+    /// When it begins, ns.
+    pub start_ns: i64,
+    /// When it ends, and the stop after it begins, ns.
+    pub end_ns: i64,
+    /// The belief it was planned with.
+    pub model_revision: u64,
+    /// The world it was checked in.
+    pub world_revision: u64,
+    /// Whether it ends at the goal.
+    pub is_last: bool,
+    /// Whether it and the stop after it keep clear of everything.
+    pub is_clear: bool,
+}
+
+/// Where a plan is to begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StartFrom {
+    /// Where what is being flown will be then: the robot follows it.
+    Reference,
+    /// Where the robot will be then, by what is measured: it is not where it should be.
+    Estimate,
+}
+
+/// How a stretch is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ambition {
+    /// Progress and information.
+    Informative,
+    /// Progress.
+    Plain,
+    /// The way as it is, which was found free of obstacles as a whole.
+    AlongWay,
+}
+
+/// What is to be done.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Action {
+    /// Plan a way from where the robot will be at a time.
+    PlanWay {
+        /// Number of the request.
+        request: u64,
+        /// When it begins, ns.
+        start_ns: i64,
+        /// From where.
+        from: StartFrom,
+    },
+    /// Plan a stretch of the newest way.
+    PlanStretch {
+        /// Number of the request.
+        request: u64,
+        /// When it begins, ns.
+        start_ns: i64,
+        /// The way that it is a part of, by its request.
+        way: u64,
+        /// When that way begins, ns.
+        way_start_ns: i64,
+        /// How.
+        ambition: Ambition,
+    },
+    /// Fly a stretch from its start on.
+    Follow {
+        /// The request that asked for it.
+        request: u64,
+    },
+    /// Stop at once: from the state that is being flown.
+    Stop,
+    /// Be at rest where the robot is by what is measured.
+    HoldHere,
+    /// Offer the newest belief to the controller.
+    Offer {
+        /// Its number.
+        revision: u64,
+    },
+    /// Begin anew with a controller that takes the body for anything it can be.
+    RenewController,
+    /// Begin anew with the body that was believed at first; the motion stays as it is known.
+    ResetEstimator,
+    /// Believe less in the body.
+    WidenBelief,
+    /// The mission is over.
+    Finish {
+        /// Whether the robot is where it was to be.
+        has_arrived: bool,
+    },
+    /// For the log.
+    Note(Note),
+}
+
+/// What the coordinator noticed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Note {
+    /// An event from the past, or one that says what is known already.
+    Stale,
+    /// An answer to what was not asked, or is no longer wanted.
+    Unasked {
+        /// Its request.
+        request: u64,
+    },
+    /// An answer came when it should have been flown already.
+    TooLate {
+        /// Its request.
+        request: u64,
+    },
+    /// A stretch that hits something, or was checked in a world that is no more.
+    Unsafe {
+        /// Its request.
+        request: u64,
+    },
+    /// A planner had no answer.
+    Refused {
+        /// The request.
+        request: u64,
+    },
+    /// There was no next stretch in time: the robot stops.
+    RanOut,
+    /// Measurements are missing for too long: the robot stops.
+    Blind,
+    /// There are measurements again.
+    Seeing,
+    /// The robot is too far from what is being flown.
+    Astray,
+    /// Something is in the way.
+    Obstacle,
+    /// The controller holds a belief for impossible.
+    Contradiction {
+        /// The belief.
+        revision: u64,
+    },
+    /// The estimator is begun anew.
+    Diverged,
+    /// The body is another.
+    BodyDoubtful,
+    /// The computer was off.
+    Restarted,
+    /// The time is up.
+    OutOfTime,
+}

@@ -1,0 +1,247 @@
+//! Stretches by the informative planner.
+
+use super::stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
+use super::stretch_model::StretchModel;
+use super::stretch_settings::{Arrival, StretchSettings};
+use super::way_nodes::motion_on;
+use crate::budget::Budget;
+use crate::error::{PlanningError, positive};
+use crate::local::{
+    Array2, Guess, InformationWeighting, InformativePlanner, Kinematics, Knowledge, LocalAnswer, LocalPlanner,
+    LocalRequest, LocalStatus, LocalTrajectory, Reference, TerminalRegion, WeightingContext, WrenchSet,
+};
+use nalgebra::SMatrix;
+use tumble_lie::LieGroup;
+
+/// Plans stretches along a way with the informative planner, for any model and weighting.
+///
+/// Inputs begin as those of the last plan where it went on beyond the start of the new one, and elsewhere as those that follow
+/// the way; where no plan is found from there, from nothing.
+pub struct InformativeStretch<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> {
+    planner: InformativePlanner<M, X, U, P>,
+    /// Asked what is known.
+    model: M,
+    weighting: Box<dyn InformationWeighting<P>>,
+    arrival: Arrival,
+    step_s: f64,
+    steps: usize,
+    /// Covariance of the quantities at first, and the length of the first way, s.
+    first: Option<(SMatrix<f64, P, P>, f64)>,
+    last: Option<LocalTrajectory<M::State, U, P>>,
+    /// Of the last task, all tries together.
+    iterations: usize,
+}
+
+/// One try.
+struct Try<const U: usize> {
+    guess: Option<Vec<[f64; U]>>,
+    must_arrive: bool,
+}
+
+impl<M: StretchModel<X, U, P> + Clone, const X: usize, const U: usize, const P: usize> InformativeStretch<M, X, U, P> {
+    /// Stretches for a body like `model`, pushed by what is in `wrench`.
+    ///
+    /// # Errors
+    /// Settings that are none.
+    pub fn try_new(
+        model: M,
+        settings: &StretchSettings,
+        wrench: WrenchSet<U>,
+        weighting: Box<dyn InformationWeighting<P>>,
+    ) -> Result<Self, PlanningError> {
+        let Arrival { radius_m, speed_m_s, angle_rad, rate_rad_s } = settings.arrival;
+        for limit in [radius_m, speed_m_s, angle_rad, rate_rad_s] {
+            positive("a limit of arrival", limit)?;
+        }
+        let local = settings.local(&M::GROUPS, &M::IS_TORQUE, wrench)?;
+        Ok(Self {
+            planner: InformativePlanner::try_new(model.clone(), local)?,
+            model,
+            weighting,
+            arrival: settings.arrival,
+            step_s: settings.step_s,
+            steps: settings.steps,
+            first: None,
+            last: None,
+            iterations: 0,
+        })
+    }
+}
+
+impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> InformativeStretch<M, X, U, P> {
+    /// The last plan there was.
+    pub fn last_plan(&self) -> Option<&LocalTrajectory<M::State, U, P>> {
+        self.last.as_ref()
+    }
+
+    /// The model, with the belief of the last task.
+    pub fn model(&self) -> &M {
+        &self.model
+    }
+
+    /// Iterations for the last task, those of all tries.
+    pub fn iterations(&self) -> usize {
+        self.iterations
+    }
+
+    /// The weights for a task.
+    fn weights(&mut self, task: &StretchTask<'_>, covariance: SMatrix<f64, P, P>) -> Result<[f64; P], PlanningError> {
+        let (initial, duration_s) = *self.first.get_or_insert((covariance, task.way.duration_s().max(self.step_s)));
+        if !task.is_informative {
+            return Ok([0.0; P]);
+        }
+        let context = WeightingContext::try_new(covariance, initial, task.elapsed_s.max(0.0), duration_s)?;
+        self.weighting.weights(&context)
+    }
+
+    /// Inputs that follow the way, of the last plan where it goes on.
+    fn inputs(&self, task: &StretchTask<'_>) -> Vec<[f64; U]> {
+        let by_acceleration = input_by_acceleration(&self.model.acceleration_by_input());
+        let ahead = self.last.as_ref().and_then(|last| {
+            let ahead = (task.start_s - last.start_s) / self.step_s;
+            (ahead >= 0.0).then_some((ahead.round() as usize, &last.inputs))
+        });
+        let begin_s = task.start_s - task.way_start_s;
+        (0..self.steps)
+            .map(|step| {
+                if let Some(input) = ahead.and_then(|(ahead, inputs)| inputs.get(ahead + step)) {
+                    return *input;
+                }
+                let middle_s = begin_s + (step as f64 + 0.5) * self.step_s;
+                let Some((motion, acceleration_world, angular)) = motion_on(task.way, middle_s) else {
+                    return [0.0; U];
+                };
+                let linear = motion.world_from_body.rotation.inverse_transform_vector(&acceleration_world);
+                let wanted = [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z];
+                by_acceleration.map(|row| row.iter().zip(wanted).map(|(entry, wanted)| entry * wanted).sum())
+            })
+            .collect()
+    }
+
+    fn answer(
+        &mut self,
+        task: &StretchTask<'_>,
+        goal: &Kinematics,
+        weights: &[f64; P],
+        names: [&'static str; P],
+        answer: LocalAnswer<M::State, U, P>,
+    ) -> Result<Result<StretchAnswer, StretchRefusal>, PlanningError> {
+        let Some(plan) = answer.plan else {
+            let blocker = match answer.status {
+                LocalStatus::Infeasible { blocker, .. } => blocker,
+                _ => None,
+            };
+            return Ok(Err(StretchRefusal { violation: answer.violation, blocker }));
+        };
+        let trajectory = plan.trajectory;
+        let at = |node: usize| trajectory.sigma(node).unwrap_or([0.0; P]);
+        let (before, after) = (at(0), at(self.steps));
+        let end = trajectory.states.last().map(|state| self.model.kinematics(state));
+        let is_last = end.is_some_and(|end| self.has_arrived(&end, goal)) && self.way_ends(task);
+        let motion = self.model.motion(&trajectory, task.belief);
+        self.last = Some(trajectory);
+        Ok(Ok(StretchAnswer {
+            motion,
+            is_last,
+            status: answer.status,
+            quantities: names.to_vec(),
+            weights: weights.to_vec(),
+            sigma: before.into_iter().zip(after).map(|(before, after)| [before, after]).collect(),
+        }))
+    }
+
+    /// Whether the way ends within the stretch.
+    fn way_ends(&self, task: &StretchTask<'_>) -> bool {
+        let end_s = task.start_s - task.way_start_s + self.step_s * self.steps as f64;
+        task.way.duration_s() <= end_s
+    }
+
+    fn has_arrived(&self, end: &Kinematics, goal: &Kinematics) -> bool {
+        let Arrival { radius_m, speed_m_s, angle_rad, rate_rad_s } = self.arrival;
+        let norm = |vector: nalgebra::Vector3<f64>| f64::sqrt(vector.norm_squared());
+        let turn = (goal.world_from_body.rotation.inverse() * end.world_from_body.rotation).log();
+        norm(end.position_world() - goal.position_world()) <= radius_m
+            && norm(end.velocity_world) <= speed_m_s
+            && norm(turn) <= angle_rad
+            && norm(end.rate_body) <= rate_rad_s
+    }
+}
+
+/// The inputs that give a resting body accelerations, or come nearest to it.
+fn input_by_acceleration<const U: usize>(by_input: &Array2<6, U>) -> Array2<U, 6> {
+    let by_input = SMatrix::<f64, 6, U>::from_fn(|i, j| by_input[i][j]);
+    let mut normal = by_input.transpose() * by_input;
+    let small = normal.trace() * 1e-12 + f64::MIN_POSITIVE;
+    normal += SMatrix::<f64, U, U>::identity() * small;
+    let Some(factor) = normal.cholesky() else { return [[0.0; 6]; U] };
+    let inputs = factor.solve(&by_input.transpose());
+    core::array::from_fn(|input| core::array::from_fn(|row| inputs[(input, row)]))
+}
+
+/// Covariance of the quantities.
+fn covariance_of<const P: usize>(knowledge: &Knowledge<P>) -> Result<SMatrix<f64, P, P>, PlanningError> {
+    let what = "an eigenvalue of the prior information";
+    let factor = knowledge.information.cholesky().ok_or(PlanningError::NotPositive { what, value: 0.0 })?;
+    let covariance = knowledge.quantities * factor.inverse() * knowledge.quantities.transpose();
+    Ok((covariance + covariance.transpose()) * 0.5)
+}
+
+impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> StretchPlanner
+    for InformativeStretch<M, X, U, P>
+{
+    fn horizon_s(&self) -> f64 {
+        self.step_s * self.steps as f64
+    }
+
+    fn plan(
+        &mut self,
+        task: &StretchTask<'_>,
+        budget: &mut dyn Budget,
+    ) -> Result<Result<StretchAnswer, StretchRefusal>, PlanningError> {
+        let start = Kinematics::from(&task.start);
+        let Some((goal, ..)) = motion_on(task.way, f64::INFINITY) else {
+            return Err(PlanningError::WrongCount { what: "arcs of the way", given: 0, expected: 1 });
+        };
+        let knowledge = self.model.adopt(task.belief)?;
+        let weights = self.weights(task, covariance_of(&knowledge)?)?;
+        let begin_s = task.start_s - task.way_start_s;
+        let nodes: Vec<_> = (0..=self.steps)
+            .filter_map(|node| motion_on(task.way, begin_s + self.step_s * node as f64))
+            .map(|(motion, ..)| self.model.state_of(&motion))
+            .collect();
+        let start = self.model.state_of(&start);
+        let region = TerminalRegion {
+            position_world: self.model.kinematics(&self.model.state_of(&goal)).position_world(),
+            radius_m: self.arrival.radius_m,
+            speed_m_s: self.arrival.speed_m_s,
+        };
+        let inputs = self.inputs(task);
+        let ends = self.way_ends(task);
+        let mut tries = vec![Try { guess: Some(inputs.clone()), must_arrive: ends }];
+        tries.push(Try { guess: None, must_arrive: ends });
+        if ends {
+            tries.push(Try { guess: Some(inputs), must_arrive: false });
+        }
+        self.iterations = 0;
+        let mut refusal = StretchRefusal { violation: f64::INFINITY, blocker: None };
+        for Try { guess, must_arrive } in tries {
+            let request = LocalRequest {
+                start: &start,
+                start_s: task.start_s,
+                reference: Reference::Nodes(&nodes),
+                terminal: must_arrive.then_some(region),
+                belief: task.belief,
+                information: weights,
+                surroundings: task.surroundings,
+                guess: guess.as_ref().map_or(Guess::Excited, |inputs| Guess::Inputs(inputs)),
+            };
+            let found = self.planner.plan(&request, budget)?;
+            self.iterations += found.iterations;
+            match self.answer(task, &goal, &weights, knowledge.names, found)? {
+                Ok(answer) => return Ok(Ok(answer)),
+                Err(refused) => refusal = refused,
+            }
+        }
+        Ok(Err(refusal))
+    }
+}

@@ -1,0 +1,121 @@
+//! How stretches are planned.
+
+use crate::error::{PlanningError, finite, positive};
+use crate::local::{Criterion, LocalSettings, SpeedLimits, WrenchSet};
+use nalgebra::{SMatrix, SVector};
+
+/// What arriving means: the state at the end of a stretch, against the end of the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrival {
+    /// Largest distance, m.
+    pub radius_m: f64,
+    /// Largest speed, m/s.
+    pub speed_m_s: f64,
+    /// Largest angle, rad.
+    pub angle_rad: f64,
+    /// Largest rate, rad/s.
+    pub rate_rad_s: f64,
+}
+
+/// How stretches are planned, whatever the number of axes.
+///
+/// Of four numbers the first is for position, the second for velocity, the third for attitude, the fourth for rate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StretchSettings {
+    /// Steps of a stretch.
+    pub steps: usize,
+    /// Length of a step, s.
+    pub step_s: f64,
+    /// Weights of the squared distance from the way, per SI unit squared.
+    pub tracking: [f64; 4],
+    /// The same at the end of a stretch.
+    pub terminal: [f64; 4],
+    /// Weights of squared torque and force, per SI unit squared.
+    pub effort: [f64; 2],
+    /// How fast it may go.
+    pub speed: SpeedLimits,
+    /// Standard deviations of what is measured, of one of [`StretchSettings::samples_per_step`] samples.
+    pub measurement_sigma: [f64; 4],
+    /// Independent samples per step.
+    pub samples_per_step: f64,
+    /// What is to be small of the covariance.
+    pub criterion: Criterion,
+    /// Distance kept from obstacles, m.
+    pub margin_m: f64,
+    /// Length over which distances to obstacles are measured, m.
+    pub length_scale_m: f64,
+    /// Residual of the optimality conditions at which the search ends.
+    pub tolerance: f64,
+    /// Most iterations of a search.
+    pub iterations: usize,
+    /// What arriving means.
+    pub arrival: Arrival,
+}
+
+impl Default for StretchSettings {
+    fn default() -> Self {
+        Self {
+            steps: 40,
+            step_s: 0.3,
+            tracking: [10.0, 5.0, 1.0, 1.0],
+            terminal: [1000.0, 10_000.0, 100.0, 1000.0],
+            effort: [1.0, 1.0],
+            speed: SpeedLimits {
+                speed_m_s: nalgebra::Vector3::repeat(0.1),
+                rate_rad_s: nalgebra::Vector3::repeat(0.3),
+            },
+            measurement_sigma: [0.01, 0.005, 0.01, 0.005],
+            samples_per_step: 1.0,
+            criterion: Criterion::A,
+            margin_m: 0.05,
+            length_scale_m: 0.16,
+            tolerance: 1e-3,
+            iterations: 100,
+            arrival: Arrival { radius_m: 0.01, speed_m_s: 0.002, angle_rad: 0.02, rate_rad_s: 0.005 },
+        }
+    }
+}
+
+impl StretchSettings {
+    /// Length of a stretch, s.
+    pub fn horizon_s(&self) -> f64 {
+        self.step_s * self.steps as f64
+    }
+
+    /// For a model whose state changes in positions, velocities, attitudes and rates as `groups` says, and whose inputs are
+    /// torques where `is_torque` says so, forces elsewhere.
+    ///
+    /// # Errors
+    /// Standard deviations that are not positive; the rest is checked by the planner.
+    pub fn local<const X: usize, const U: usize>(
+        &self,
+        groups: &[usize; X],
+        is_torque: &[bool; U],
+        wrench: WrenchSet<U>,
+    ) -> Result<LocalSettings<X, U>, PlanningError> {
+        let of = |values: &[f64; 4]| groups.map(|group| values.get(group).copied().unwrap_or_default());
+        for sigma in self.measurement_sigma.into_iter().filter(|sigma| *sigma != f64::INFINITY) {
+            positive("a standard deviation of a measurement", sigma)?;
+        }
+        finite("the samples of a step", self.samples_per_step)?;
+        let information = self.measurement_sigma.map(|sigma| self.samples_per_step / (sigma * sigma));
+        let [torque, force] = self.effort;
+        Ok(LocalSettings {
+            steps: self.steps,
+            step_s: self.step_s,
+            tracking: of(&self.tracking),
+            terminal: of(&self.terminal),
+            effort: is_torque.map(|is_torque| if is_torque { torque } else { force }),
+            acceleration: [0.0; 2],
+            wrench,
+            speed: self.speed,
+            measurement: SMatrix::from_diagonal(&SVector::from(of(&information))),
+            criterion: self.criterion,
+            margin_m: self.margin_m,
+            length_scale_m: self.length_scale_m,
+            on_segments: true,
+            tolerance: self.tolerance,
+            iterations: self.iterations,
+        })
+    }
+}
