@@ -2244,6 +2244,41 @@ const MUTANTS: &[Mutant] = &[
         replacement: "belief.estimate.covariance[(0, 0)] = sigma_kg;",
         test: "-p tumble-astrobee --test simulate_control",
     },
+    Mutant {
+        name: "missions: stops brake as hard as the believed mass allows",
+        file: "crates/astrobee/src/scenario/fly/numbers.rs",
+        original: "STOP_SHARE * force / (heaviest * body.mass)",
+        replacement: "STOP_SHARE * force / body.mass",
+        test: "-p tumble-astrobee --lib scenario::fly::tests::the_heaviest",
+    },
+    Mutant {
+        name: "missions: planners push along each world axis what one body axis may",
+        file: "crates/astrobee/src/scenario/fly/bodies.rs",
+        original: "numbers.force_limit_n.min() / libm::sqrt(3.0)",
+        replacement: "numbers.force_limit_n.min()",
+        test: "-p tumble-astrobee --lib scenario::fly::tests::shares",
+    },
+    Mutant {
+        name: "missions: on the table a belief that tilts",
+        file: "crates/astrobee/src/scenario/fly/bodies.rs",
+        original: "if place.is_planar() { planar_part(&belief) } else { belief }",
+        replacement: "belief",
+        test: "-p tumble-astrobee --lib scenario::fly::tests::on_the_table",
+    },
+    Mutant {
+        name: "missions: an obstacle is seen before it should be",
+        file: "crates/astrobee/src/scenario/fly/bodies.rs",
+        original: "table.seen_s.or(table.appear_s)",
+        replacement: "table.appear_s.or(table.seen_s)",
+        test: "-p tumble-astrobee --lib scenario::fly::tests::obstacles",
+    },
+    Mutant {
+        name: "draws: beliefs that are no bodies",
+        file: "crates/astrobee/src/scenario/fly/draw.rs",
+        original: "moments.max() * (2.0 + THICKNESS) < moments.sum()",
+        replacement: "moments.max() < moments.sum()",
+        test: "-p tumble-astrobee --lib scenario::fly::draw",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

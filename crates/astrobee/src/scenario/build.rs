@@ -158,6 +158,8 @@ impl ScenarioSource {
         let goal = self.goal(place, &start)?;
         // Nobody plans here, but what is written must make sense.
         self.plan_limits(place, &start)?;
+        self.fly_numbers(place)?;
+        self.seen_from_s(place)?;
         let impellers = mode.impellers();
         let settings = SimulatorSettings {
             body,

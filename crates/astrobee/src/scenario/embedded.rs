@@ -16,7 +16,7 @@ macro_rules! embedded {
 }
 
 /// All of them.
-pub const EMBEDDED: [Embedded; 17] = embedded![
+pub const EMBEDDED: [Embedded; 29] = embedded![
     "iss-hold",
     "iss-excite",
     "iss-payload",
@@ -34,6 +34,18 @@ pub const EMBEDDED: [Embedded; 17] = embedded![
     "infoplan",
     "spheres-excite",
     "space-cobot-excite",
+    "iss-cargo",
+    "iss-cargo-set0",
+    "iss-cargo-set2",
+    "iss-free",
+    "iss-astronaut",
+    "iss-grasp",
+    "iss-station",
+    "granite-cargo",
+    "granite-set0",
+    "granite-set2",
+    "granite-astronaut",
+    "granite-grasp",
 ];
 
 #[cfg(test)]

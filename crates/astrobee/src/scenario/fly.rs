@@ -186,3 +186,6 @@ impl ScenarioSource {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -131,7 +131,7 @@ impl ScenarioSource {
     }
 
     /// When the robot learns of each obstacle: of those of the set before it starts.
-    pub(super) fn seen_from_s(&self, place: WorldPreset) -> Result<Vec<f64>, AstrobeeError> {
+    pub(in crate::scenario) fn seen_from_s(&self, place: WorldPreset) -> Result<Vec<f64>, AstrobeeError> {
         let of_set = self.world(place)?.0.obstacles.len() - self.scenario.obstacles.len();
         let mut seen_from_s = vec![0.0; of_set];
         for (index, table) in self.scenario.obstacles.iter().enumerate() {

@@ -22,7 +22,7 @@ const BELIEF_PERIOD_S: f64 = 2.0;
 const LEAD_S: (f64, f64) = (3.0, 4.0);
 /// Share of force and torque that plans use: half, since the mass may be twice what it is taken for, less what corrects errors.
 const PLAN_SHARE: (f64, f64) = (0.35, 0.35);
-/// Distance kept from everything, m.
+/// Distance kept from everything unless `[plan]` says otherwise, m.
 const MARGIN_M: f64 = 0.03;
 /// Weight of a variance, over the square of the quantity's size.
 const RELATIVE_WEIGHT: f64 = 100.0;
@@ -126,7 +126,7 @@ impl ScenarioSource {
             belief_period_s: self.fly("belief_period_s", table.belief_period_s, BELIEF_PERIOD_S, &SECONDS)?,
             stretch_lead_s: self.fly("stretch_lead_s", table.stretch_lead_s, LEAD_S.0, &SECONDS)?,
             way_lead_s: self.fly("way_lead_s", table.way_lead_s, LEAD_S.1, &SECONDS)?,
-            margin_m: self.fly_or_zero("margin_m", table.margin_m, MARGIN_M, &DISTANCE)?,
+            margin_m: self.scenario.plan.as_ref().and_then(|plan| plan.margin_m).unwrap_or(MARGIN_M),
             station_stretches: self.fly_stretches(table.station_stretches)?,
             computing: self.fly_computing(table)?,
             arrival: ArrivalTolerance {

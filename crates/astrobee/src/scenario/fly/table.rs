@@ -40,9 +40,6 @@ pub struct FlyTable {
     /// How long before a new way is flown its planning begins, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub way_lead_s: Option<f64>,
-    /// Distance kept from everything, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub margin_m: Option<f64>,
     /// How hard a stop brakes along the way, m/s^2.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stop_acceleration_m_s2: Option<f64>,
