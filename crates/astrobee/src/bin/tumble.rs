@@ -5,7 +5,8 @@ use std::io::IsTerminal as _;
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::cli::{
-    Outcome, allocate, calibrate_wheel, campaign, convert, excite, fly, identify, plan, print, realize, scenario, simulate,
+    Outcome, allocate, calibrate_wheel, campaign, convert, excite, fly, identify, plan, print, realize, scenario,
+    simulate,
 };
 
 const EXAMPLES: &str = "\

@@ -3,31 +3,24 @@
 use super::plan::ScenarioEntry;
 use super::{MissionRunner, PlannedMission};
 use crate::AstrobeeError;
-use crate::mission::{FlyOptions, MissionSummary};
-use crate::scenario::ScenarioSource;
+use crate::mission::{MissionSummary, NoHooks, fly};
+use crate::scenario::{ScenarioSource, draw_mission};
 use std::fs;
 use std::path::Path;
-
-/// Draws a mission's payload and belief by its seed.
-pub type Draw = fn(&ScenarioSource, u64) -> Result<ScenarioSource, AstrobeeError>;
-/// Flies one mission.
-pub type Fly = fn(&ScenarioSource, &FlyOptions) -> Result<MissionSummary, AstrobeeError>;
 
 /// Flies scenarios.
 pub struct SimulatedFlights {
     sources: Vec<ScenarioSource>,
-    draw: Draw,
-    fly: Fly,
 }
 
 impl SimulatedFlights {
-    /// The scenarios of these names, drawn by `draw` where the campaign asks for it.
+    /// The scenarios of these names.
     ///
     /// # Errors
     /// As [`ScenarioSource::find`].
-    pub fn find(names: &[String], draw: Draw, fly: Fly) -> Result<Self, AstrobeeError> {
+    pub fn find(names: &[String]) -> Result<Self, AstrobeeError> {
         let sources = names.iter().map(|name| ScenarioSource::find(name)).collect::<Result<_, _>>()?;
-        Ok(Self { sources, draw, fly })
+        Ok(Self { sources })
     }
 
     /// What the campaign remembers of its scenarios: names and hashes of the texts and of the files that they name.
@@ -51,11 +44,9 @@ impl MissionRunner for SimulatedFlights {
     fn run(&self, mission: &PlannedMission) -> Result<Option<MissionSummary>, AstrobeeError> {
         let missing = || AstrobeeError::NoSuchScenario { name: mission.scenario_name.clone(), nearest: String::new() };
         let source = self.sources.get(mission.scenario).ok_or_else(missing)?;
-        if mission.draw {
-            let drawn = (self.draw)(source, mission.options.seed)?;
-            return (self.fly)(&drawn, &mission.options).map(Some);
-        }
-        (self.fly)(source, &mission.options).map(Some)
+        let drawn = mission.draw.map(|outside| draw_mission(source, mission.options.seed, outside)).transpose()?;
+        let record = fly(drawn.as_ref().unwrap_or(source), &mission.options, &mut NoHooks)?;
+        Ok(Some(record.summary))
     }
 }
 

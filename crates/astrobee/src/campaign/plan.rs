@@ -27,8 +27,9 @@ pub struct CampaignConfiguration {
     pub master_seed: u64,
     /// Seeds; each combination of options flies with each of them.
     pub missions: u64,
-    /// Whether payload and belief are drawn by each mission's seed.
-    pub draw: bool,
+    /// Whether payload and belief are drawn by each mission's seed, and how far beyond a factor of two the belief may then be off, as
+    /// a share.
+    pub draw: Option<f64>,
     /// Whether nothing is flown.
     pub dry_run: bool,
     /// Scenarios.
@@ -66,8 +67,8 @@ pub struct PlannedMission {
     pub scenario: usize,
     /// Its name as it was given.
     pub scenario_name: String,
-    /// Whether payload and belief are drawn by the seed.
-    pub draw: bool,
+    /// Whether payload and belief are drawn by the seed, and how far beyond a factor of two the belief may then be off.
+    pub draw: Option<f64>,
     /// Options, the seed among them.
     pub options: FlyOptions,
 }
@@ -75,7 +76,11 @@ pub struct PlannedMission {
 impl PlannedMission {
     /// The command that flies this mission again.
     pub fn replay(&self) -> String {
-        let draw = if self.draw { " --draw" } else { "" };
+        let draw = match self.draw {
+            None => String::new(),
+            Some(outside) if outside > 0.0 => format!(" --draw --outside {outside}"),
+            Some(_) => " --draw".to_owned(),
+        };
         format!("tumble fly {} {}{draw}", shell_word(&self.scenario_name), fly_arguments(&self.options))
     }
 }

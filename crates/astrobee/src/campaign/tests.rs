@@ -62,7 +62,7 @@ pub(super) fn configuration(missions: u64) -> CampaignConfiguration {
         build: "test".to_owned(),
         master_seed: 5,
         missions,
-        draw: true,
+        draw: Some(0.0),
         dry_run: false,
         scenarios: vec![scenario("iss-slalom"), scenario("it's, \"mine\".toml")],
         faults: vec![None, Some(FaultChoice { name: FaultName::Drop, severity: 2 })],

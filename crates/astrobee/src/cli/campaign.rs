@@ -1,16 +1,17 @@
 //! `tumble campaign`: missions over seeds and options, and parts of a campaign into a whole.
 
 use super::excite::progress;
+use super::fly::Switch;
 use super::{Outcome, print};
 use crate::campaign::{
     Analysis, CampaignConfiguration, CampaignFolder, CampaignPlan, DryRun, MissionRunner, Part, Place, Progress, Row,
     Shard, SimulatedFlights, execute, merge, parse_faults, table, write_merged, write_tables,
 };
-use crate::mission::{FaultChoice, FlyOptions, MissionSummary, ModelChoice, WeightingChoice};
+use crate::mission::{FaultChoice, ModelChoice, WeightingChoice};
 use crate::output::{RUN_RECORD, unused};
-use crate::scenario::ScenarioSource;
+use crate::scenario::LARGEST_OUTSIDE;
 use crate::{AstrobeeError, log};
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -28,7 +29,7 @@ Exit codes: 0 where every mission arrived, touched nothing and kept every limit 
 
 Examples:
   tumble campaign --missions 100                          a hundred seeds of the default scenario, on all cores
-  tumble campaign iss-slalom --missions 200 --draw --weighting covariance,none
+  tumble campaign iss-cargo granite-cargo --missions 200 --draw --weighting covariance,none
   tumble campaign --missions 2 --fault all:1,all:2        56 missions in which something fails
   tumble campaign --missions 1000 --shard 3/16 --out parts   one part of sixteen, on any machine; then:
   tumble campaign merge parts --out campaign"
@@ -88,6 +89,9 @@ struct FlyArgs {
     /// Draw each mission's payload (0 to 10 kg) and belief (off by up to a factor of two) by its seed.
     #[arg(long)]
     draw: bool,
+    /// With `--draw`: how far beyond the factor of two the belief may be off, as a share of it, 0 to 0.3.
+    #[arg(long, value_name = "SHARE", requires = "draw", default_value_t = 0.0, allow_negative_numbers = true)]
+    outside: f64,
     /// Missions at a time [default: one for each core].
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
@@ -109,25 +113,9 @@ struct FlyArgs {
 }
 
 /// What flies unless something is named.
-const DEFAULT_SCENARIO: &str = "iss-slalom";
+const DEFAULT_SCENARIO: &str = "iss-cargo";
 /// Most threads.
 const MOST_JOBS: usize = 1024;
-
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Switch {
-    On,
-    Off,
-}
-
-/// Flies one mission.
-fn fly(_source: &ScenarioSource, _options: &FlyOptions) -> Result<MissionSummary, AstrobeeError> {
-    Err(AstrobeeError::BadOption { message: "this build only plans campaigns: add `--dry-run`".to_owned() })
-}
-
-/// Draws a mission.
-fn draw(source: &ScenarioSource, _seed: u64) -> Result<ScenarioSource, AstrobeeError> {
-    Ok(source.clone())
-}
 
 /// Runs the command.
 ///
@@ -148,7 +136,7 @@ fn run_merge(args: &MergeArgs) -> Result<Outcome, AstrobeeError> {
 }
 
 fn run_missions(args: &FlyArgs) -> Result<Outcome, AstrobeeError> {
-    let flights = SimulatedFlights::find(&args.scenarios, draw, fly)?;
+    let flights = SimulatedFlights::find(&args.scenarios)?;
     let plan = CampaignPlan::try_new(configuration(args, &flights)?)?;
     if args.dry_run {
         run_with(args, &plan, flights.name(), &DryRun)
@@ -158,6 +146,11 @@ fn run_missions(args: &FlyArgs) -> Result<Outcome, AstrobeeError> {
 }
 
 fn configuration(args: &FlyArgs, flights: &SimulatedFlights) -> Result<CampaignConfiguration, AstrobeeError> {
+    if !(0.0..=LARGEST_OUTSIDE).contains(&args.outside) {
+        return Err(AstrobeeError::BadOption {
+            message: format!("`--outside {}`: 0 to {LARGEST_OUTSIDE}", args.outside),
+        });
+    }
     let faults: Vec<Vec<Option<FaultChoice>>> =
         args.fault.iter().map(|text| parse_faults(text)).collect::<Result<_, _>>()?;
     Ok(CampaignConfiguration {
@@ -166,7 +159,7 @@ fn configuration(args: &FlyArgs, flights: &SimulatedFlights) -> Result<CampaignC
         build: build()?,
         master_seed: args.seed,
         missions: args.missions,
-        draw: args.draw,
+        draw: args.draw.then_some(args.outside),
         dry_run: args.dry_run,
         scenarios: flights.entries(&args.scenarios)?,
         faults: faults.concat(),
