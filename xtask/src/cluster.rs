@@ -41,17 +41,15 @@ pub fn main(arguments: &[String]) -> ExitCode {
 
 /// Child processes always; Slurm where it is installed.
 pub fn step() -> Outcome {
-    let program = match std::env::var_os("TUMBLE") {
-        Some(program) => PathBuf::from(program),
-        None => {
-            // As the test command builds it, so that nothing is compiled again.
-            let built = cargo("test --quiet --workspace --no-run --test campaign_command").status();
-            if !built.is_ok_and(|status| status.success()) {
-                return Outcome::Failed("tumble does not build".into());
-            }
-            target_dir().join("debug/tumble")
+    let named = std::env::var_os("TUMBLE").map(PathBuf::from);
+    if named.is_none() {
+        // As the test command builds it, so that nothing is compiled again.
+        let built = cargo("test --quiet --workspace --no-run --test campaign_command").status();
+        if !built.is_ok_and(|status| status.success()) {
+            return Outcome::Failed("tumble does not build".into());
         }
-    };
+    }
+    let program = named.unwrap_or_else(|| target_dir().join("debug/tumble"));
     let folder = std::env::temp_dir().join(format!("tumble-cluster-{}", std::process::id()));
     let _ = fs::remove_dir_all(&folder);
     let outcome = fs::create_dir_all(&folder).map_err(|error| error.to_string()).and_then(|()| run(&program, &folder));
