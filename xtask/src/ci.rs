@@ -9,7 +9,7 @@ use std::process::{Command, ExitCode};
 use std::time::Instant;
 
 use crate::command::{cargo, is_installed, line, root, studies, target_dir};
-use crate::{fuzz, mutants, tidy};
+use crate::{cluster, fuzz, mutants, tidy};
 
 /// How a step ended.
 pub enum Outcome {
@@ -51,6 +51,7 @@ const STEPS: &[Step] = &[
     always("examples", "build and run every example", examples),
     always("feature-tests", "tests behind features that are off by default", feature_tests),
     always("powerset", "type-check no feature, each feature, all features; no std means no std", powerset),
+    always("cluster", "a campaign in sixteen parts, one killed, is the campaign flown at once", cluster::step),
     always("package", "what would be published", || {
         shell(&mut [cargo("package --workspace --no-verify --allow-dirty --quiet")])
     }),

@@ -1,6 +1,7 @@
 //! Automation of the Tumble workspace: `cargo xtask <command>`.
 
 mod ci;
+mod cluster;
 mod command;
 mod fuzz;
 mod mutants;
@@ -17,6 +18,7 @@ cargo xtask <command>
   mutants [--only TEXT] [--list]          planted source changes; the tests must kill every one
   fuzz [--seconds N] [TARGET]...           the parsers, on bytes that a fuzzer makes up (cargo-fuzz, nightly compiler)
   report-check [FILE] [--screenshots DIR] a mission report (or two samples) in a real headless browser, cut off from every network
+  cluster-test                            a campaign in sixteen parts, one killed; in Slurm too where that is installed
   bench [--json] [--only TEXT] [--data DIR] [--sweeps N]
                                           speed on the frozen peer problems (target-cpu=native)
   real-data [--data DIR] [--json] [--check]
@@ -48,6 +50,7 @@ fn main() -> ExitCode {
         "ci" => ci::main(rest),
         "tidy" => tidy::main(),
         "mutants" => mutants::main(rest),
+        "cluster-test" => cluster::main(rest),
         "fuzz" => fuzz::main(rest),
         "report-check" => report_check::main(rest),
         "bench" | "real-data" | "study" | "reproduce" => {

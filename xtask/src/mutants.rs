@@ -2312,6 +2312,41 @@ const MUTANTS: &[Mutant] = &[
         replacement: "value",
         test: "-p tumble-astrobee --test mission_report predicted_information",
     },
+    Mutant {
+        name: "campaign: a mission's seed follows from its row, not from its number",
+        file: "crates/astrobee/src/campaign/plan.rs",
+        original: "seed: mission_seed(c.master_seed, k)",
+        replacement: "seed: mission_seed(c.master_seed, row)",
+        test: "-p tumble-astrobee --lib campaign::",
+    },
+    Mutant {
+        name: "campaign: a torn row is taken for whole",
+        file: "crates/astrobee/src/campaign/journal.rs",
+        original: "(checksum == format!(\"{:08x}\", crc32fast::hash(row.as_bytes()))).then(",
+        replacement: "(checksum.len() <= 8).then(",
+        test: "-p tumble-astrobee --lib campaign::",
+    },
+    Mutant {
+        name: "campaign: rows of another part pass",
+        file: "crates/astrobee/src/campaign/merge.rs",
+        original: "is_some_and(|mission| row.is_of(&mission))",
+        replacement: "is_some()",
+        test: "-p tumble-astrobee --lib campaign::",
+    },
+    Mutant {
+        name: "campaign: Wilson's interval as wide as the normal one",
+        file: "crates/astrobee/src/campaign/statistics.rs",
+        original: "share * (1.0 - share) / n + z2 / (4.0 * n * n)",
+        replacement: "share * (1.0 - share) / n",
+        test: "-p tumble-astrobee --lib campaign::statistics",
+    },
+    Mutant {
+        name: "campaign: differences of unlike seeds",
+        file: "crates/astrobee/src/campaign/analysis.rs",
+        original: "Some((*baseline_rows.get(k)?, *row))",
+        replacement: "Some((*baseline_rows.values().next()?, *row)).filter(|_| baseline_rows.contains_key(k))",
+        test: "-p tumble-astrobee --lib campaign::",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

@@ -8,19 +8,35 @@
 //!  rows.csv sorted by number -> merge of all shards -> Analysis: rates with intervals, medians, paired differences
 //! ```
 
+mod analysis;
 mod execute;
 mod factors;
+mod figures;
+mod flights;
+mod folder;
 mod journal;
+mod merge;
+#[cfg(feature = "parquet")]
+mod parquet_file;
 mod plan;
+mod report;
 mod row;
 mod seeds;
+pub mod statistics;
+mod write;
 
+pub use analysis::{Analysis, Comparison, Difference, GroupSummary, ParameterSummary, Rate, Spread};
 pub use execute::{Progress, execute};
 pub use factors::{parse_faults, value_name};
+pub use flights::SimulatedFlights;
+pub use folder::{CampaignFolder, Place, unfinished_place};
 pub use journal::Journal;
+pub use merge::{Part, merge};
 pub use plan::{CampaignConfiguration, CampaignPlan, PlannedMission, ScenarioEntry, Shard};
+pub use report::table;
 pub use row::{COLUMNS, Cell, Column, Kind, Row, Status, csv_header};
 pub use seeds::mission_seed;
+pub use write::{write_merged, write_tables};
 
 use crate::AstrobeeError;
 use crate::mission::{FlyOptions, MissionSummary};
@@ -60,3 +76,6 @@ pub fn fly_arguments(options: &FlyOptions) -> String {
     }
     text
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,6 +4,7 @@ use crate::AstrobeeError;
 
 pub mod allocate;
 pub mod calibrate_wheel;
+pub mod campaign;
 mod columns;
 pub mod convert;
 pub mod excite;

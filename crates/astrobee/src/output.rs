@@ -127,7 +127,7 @@ fn is_result_folder(path: &Path) -> bool {
 /// The file by which a result folder is known.
 pub const RUN_RECORD: &str = "run.json";
 /// Everything that lies in a result folder.
-const RESULT_FILES: [&str; 44] = [
+const RESULT_FILES: [&str; 49] = [
     RUN_RECORD,
     "result.json",
     "body.toml",
@@ -172,6 +172,11 @@ const RESULT_FILES: [&str; 44] = [
     "local_sigma.svg",
     "tracking.svg",
     "mass.svg",
+    "rows.csv",
+    "rows.parquet",
+    "clearance.svg",
+    "tracking_error.svg",
+    "mission_time.svg",
 ];
 
 /// The first of `base`, `base-2`, `base-3`, ... where nothing is yet.

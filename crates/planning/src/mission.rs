@@ -31,6 +31,5 @@ pub use informative_stretch::InformativeStretch;
 pub use motion::{MissionMotion, StopLimits};
 pub use stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
 pub use stretch_model::StretchModel;
-pub use stretch_settings::{Arrival, StretchSettings};
-pub use watch::{Invariant, InvariantWatch, Violation, WatchLimits, WatchedStep};
 pub use stretch_settings::{Arrival, StretchSettings, WayShares};
+pub use watch::{Invariant, InvariantWatch, Violation, WatchLimits, WatchedStep};

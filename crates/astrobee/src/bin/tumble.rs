@@ -5,7 +5,8 @@ use std::io::IsTerminal as _;
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::cli::{
-    Outcome, allocate, calibrate_wheel, convert, excite, fly, identify, plan, print, realize, scenario, simulate,
+    Outcome, allocate, calibrate_wheel, campaign, convert, excite, fly, identify, plan, print, realize, scenario,
+    simulate,
 };
 
 const EXAMPLES: &str = "\
@@ -46,6 +47,8 @@ enum Command {
     Replay(fly::ReplayArgs),
     /// Plans a scenario's way from start to goal around its obstacles, with a bound on what any plan costs.
     Plan(plan::PlanArgs),
+    /// Flies missions over seeds and options on all cores, one row each; parts of it on many machines.
+    Campaign(Box<campaign::CampaignArgs>),
     /// Lists and shows the scenarios that come with the program.
     Scenario(scenario::ScenarioArgs),
     /// Calibrates the wheel-driven throwing device from throws of itself and of a proof block.
@@ -80,6 +83,7 @@ fn main() -> ExitCode {
         Some(Command::Fly(args)) => fly::run(&args),
         Some(Command::Replay(args)) => fly::replay(&args),
         Some(Command::Plan(args)) => plan::run(&args),
+        Some(Command::Campaign(args)) => campaign::run(&args),
         Some(Command::Scenario(args)) => scenario::run(&args),
         Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
         Some(Command::Allocate(args)) => allocate::run(&args),

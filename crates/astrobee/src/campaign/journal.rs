@@ -41,7 +41,7 @@ impl Journal {
             journal.append(b"\n")?;
         }
         if bytes.is_empty() {
-            journal.append(format!("{},crc32\n", csv_header()).as_bytes())?;
+            journal.append(first_line().as_bytes())?;
         }
         Ok((journal, rows))
     }
@@ -53,6 +53,15 @@ impl Journal {
     pub fn write(&mut self, row: &Row) -> Result<(), AstrobeeError> {
         let line = row.to_csv();
         self.append(format!("{line},{:08x}\n", crc32fast::hash(line.as_bytes())).as_bytes())
+    }
+
+    /// Forgets everything.
+    ///
+    /// # Errors
+    /// [`AstrobeeError::Unwritable`].
+    pub fn restart(&mut self) -> Result<(), AstrobeeError> {
+        self.file.set_len(0).map_err(|source| AstrobeeError::Unwritable { path: self.path.clone(), source })?;
+        self.append(first_line().as_bytes())
     }
 
     fn append(&mut self, bytes: &[u8]) -> Result<(), AstrobeeError> {
@@ -72,4 +81,8 @@ impl Journal {
 fn entry(line: &[u8]) -> Option<Row> {
     let (row, checksum) = std::str::from_utf8(line).ok()?.rsplit_once(',')?;
     (checksum == format!("{:08x}", crc32fast::hash(row.as_bytes()))).then(|| Row::from_csv(row))?
+}
+
+fn first_line() -> String {
+    format!("{},crc32\n", csv_header())
 }

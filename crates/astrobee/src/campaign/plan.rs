@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// Most rows of a campaign.
-const MOST_ROWS: u64 = 10_000_000;
+const MOST_ROWS: u64 = 1_000_000;
 /// Most shards of a campaign.
 const MOST_SHARDS: u64 = 100_000;
 
@@ -21,14 +21,15 @@ pub struct CampaignConfiguration {
     pub format: u32,
     /// Version of the program.
     pub version: String,
-    /// Commit it was built from, where that is known.
-    pub commit: Option<String>,
+    /// What it was built from: a commit, or else a hash of the program.
+    pub build: String,
     /// All seeds follow from it.
     pub master_seed: u64,
     /// Seeds; each combination of options flies with each of them.
     pub missions: u64,
-    /// Whether payload and belief are drawn by each mission's seed.
-    pub draw: bool,
+    /// Whether payload and belief are drawn by each mission's seed, and how far beyond a factor of two the belief may then be off, as
+    /// a share.
+    pub draw: Option<f64>,
     /// Whether nothing is flown.
     pub dry_run: bool,
     /// Scenarios.
@@ -66,8 +67,8 @@ pub struct PlannedMission {
     pub scenario: usize,
     /// Its name as it was given.
     pub scenario_name: String,
-    /// Whether payload and belief are drawn by the seed.
-    pub draw: bool,
+    /// Whether payload and belief are drawn by the seed, and how far beyond a factor of two the belief may then be off.
+    pub draw: Option<f64>,
     /// Options, the seed among them.
     pub options: FlyOptions,
 }
@@ -75,7 +76,11 @@ pub struct PlannedMission {
 impl PlannedMission {
     /// The command that flies this mission again.
     pub fn replay(&self) -> String {
-        let draw = if self.draw { " --draw" } else { "" };
+        let draw = match self.draw {
+            None => String::new(),
+            Some(outside) if outside > 0.0 => format!(" --draw --outside {outside}"),
+            Some(_) => " --draw".to_owned(),
+        };
         format!("tumble fly {} {}{draw}", shell_word(&self.scenario_name), fly_arguments(&self.options))
     }
 }
@@ -172,15 +177,48 @@ impl CampaignPlan {
         Some(PlannedMission { row, k, combination, scenario, scenario_name, draw: c.draw, options })
     }
 
+    /// Factors over which combinations are compared, scenarios aside: name, by how much one level moves the number of the combination,
+    /// and how many levels there are.
+    pub(super) fn compared_factors(&self) -> [(&'static str, usize, usize); 4] {
+        let c = &self.configuration;
+        let (weightings, feedbacks, models) = (c.weightings.len(), c.feedbacks.len(), c.models.len());
+        [
+            ("weighting", 1, weightings),
+            ("feedback", weightings, feedbacks),
+            ("model", weightings * feedbacks, models),
+            ("fault", weightings * feedbacks * models, c.faults.len()),
+        ]
+    }
+
+    /// Levels of the first factor that varies, with the combinations of each: what a picture shows.
+    pub(super) fn drawn_levels(&self) -> Vec<(String, Vec<usize>)> {
+        let c = &self.configuration;
+        let names: [Vec<String>; 5] = [
+            c.weightings.iter().map(value_name).collect(),
+            c.feedbacks.iter().map(|on| format!("feedback {}", if *on { "on" } else { "off" })).collect(),
+            c.models.iter().map(value_name).collect(),
+            c.faults.iter().map(|fault| fault_name(*fault)).collect(),
+            c.scenarios.iter().map(|scenario| scenario.name.clone()).collect(),
+        ];
+        let mut place = 1;
+        for levels in names {
+            let count = levels.len();
+            if count > 1 {
+                let of = |level: usize| (0..self.combinations).filter(|other| other / place % count == level).collect();
+                return levels.into_iter().enumerate().map(|(level, name)| (name, of(level))).collect();
+            }
+            place *= count.max(1);
+        }
+        vec![("all".to_owned(), (0..self.combinations).collect())]
+    }
+
     /// A combination in words: what of it varies within the campaign.
     pub fn label(&self, combination: usize) -> String {
         let Some(mission) = self.mission(combination as u64) else { return String::new() };
         let c = &self.configuration;
-        let fault =
-            mission.options.fault.map_or("no fault".to_owned(), |f| format!("{}:{}", value_name(&f.name), f.severity));
         let words = [
             (c.scenarios.len(), mission.scenario_name),
-            (c.faults.len(), fault),
+            (c.faults.len(), fault_name(mission.options.fault)),
             (c.models.len(), format!("model {}", value_name(&mission.options.model))),
             (c.feedbacks.len(), format!("feedback {}", if mission.options.feedback { "on" } else { "off" })),
             (c.weightings.len(), format!("weighting {}", value_name(&mission.options.weighting))),
@@ -188,6 +226,10 @@ impl CampaignPlan {
         let varying: Vec<String> = words.into_iter().filter(|(levels, _)| *levels > 1).map(|(_, word)| word).collect();
         if varying.is_empty() { "all".to_owned() } else { varying.join(", ") }
     }
+}
+
+fn fault_name(fault: Option<FaultChoice>) -> String {
+    fault.map_or("no fault".to_owned(), |fault| format!("{}:{}", value_name(&fault.name), fault.severity))
 }
 
 fn repeats<T: PartialEq>(levels: &[T]) -> bool {

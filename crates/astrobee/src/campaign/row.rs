@@ -157,7 +157,7 @@ impl Row {
             Cell::Text(value_name(&options.model)),
             Cell::Text(options.fault.map_or("none".to_owned(), |fault| value_name(&fault.name))),
             Cell::Count(options.fault.map(|fault| u64::from(fault.severity))),
-            Cell::Flag(Some(mission.draw)),
+            Cell::Flag(Some(mission.draw.is_some())),
             Cell::Text(status.name().to_owned()),
             Cell::Flag(summary.map(|s| s.arrived)),
             Cell::Flag(summary.map(|s| s.min_clearance_m.is_some_and(|clearance| clearance < 0.0))),

@@ -33,6 +33,12 @@ const ERRORS: [f64; 2] = [3e-4, 1.5e-4];
 const WANDERS_RAD: f64 = 0.35;
 /// Relative change of the mass that asks for another way.
 const MATERIAL: f64 = 0.15;
+/// Share of the margin of ways that stretches keep: they need room to leave the way.
+const STRETCH_MARGIN_SHARE: f64 = 0.9;
+/// A stretch may be so much faster than the way, to leave it and come back.
+const FASTER: f64 = 1.15;
+/// Share of the rate limit that plans use.
+const RATE_SHARE: f64 = 0.6;
 /// Share of the margin that is kept by what is flown; the rest is what planners may be off by.
 const CHECKED_SHARE: f64 = 0.6;
 
@@ -104,6 +110,13 @@ fn surroundings(
     Surroundings::of_world(&world, Hull::Shape(planning.body.clone()))?.with_moving(moving)
 }
 
+/// Steps of a stretch.
+fn steps(problem: &MissionProblem) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a length that was checked
+    let steps = libm::round(problem.stretch_s / problem.step_s) as usize;
+    steps.max(1)
+}
+
 /// The planner of stretches.
 ///
 /// # Errors
@@ -112,12 +125,12 @@ pub fn stretch_planner(
     problem: &MissionProblem,
     choice: WeightingChoice,
 ) -> Result<Box<dyn StretchPlanner>, PlanningError> {
+    let usual = StretchSettings::default();
+    let rate_rad_s = usual.speed.rate_rad_s.map(|usual| usual.min(RATE_SHARE * problem.rate_limit_rad_s));
     let settings = StretchSettings {
+        steps: steps(problem),
         step_s: problem.step_s,
-        speed: SpeedLimits {
-            speed_m_s: problem.planning.limits.speed_m_s,
-            rate_rad_s: Vector3::repeat(problem.rate_limit_rad_s),
-        },
+        speed: SpeedLimits { speed_m_s: problem.planning.limits.speed_m_s * FASTER, rate_rad_s },
         measurement_sigma: [
             problem.noise.position_m,
             problem.noise.velocity_m_s,
@@ -125,8 +138,8 @@ pub fn stretch_planner(
             problem.noise.rate_rad_s,
         ],
         samples_per_step: problem.step_s / crate::simulator::CONTROL_PERIOD_S,
-        margin_m: problem.margin_m,
-        ..StretchSettings::default()
+        margin_m: STRETCH_MARGIN_SHARE * problem.margin_m,
+        ..usual
     };
     let torque = problem.torque_limit_n_m * problem.plan_torque_share;
     let force = problem.force_limit_n * problem.plan_force_share;
