@@ -668,7 +668,8 @@ where
         let is_inside = |point: &Vector3<f64>| point.sup(&lower) == *point && point.inf(&upper) == *point;
         let found = FoundStretch {
             start_ns,
-            end_ns: nanoseconds(answer.motion.end_s()),
+            // the last one is over when it has arrived
+            end_ns: nanoseconds(answer.arrival_s.unwrap_or(answer.motion.end_s())),
             model_revision: self.belief.revision,
             world_revision: self.world_revision,
             is_last: answer.is_last,

@@ -54,6 +54,7 @@ impl StretchAnswer {
         Self {
             motion: MissionMotion::along(way, way_start_s, from_s, until_s),
             is_last: until_s >= way_start_s + way.duration_s(),
+            arrival_s: (until_s >= way_start_s + way.duration_s()).then_some(until_s),
             status: LocalStatus::Feasible,
             quantities: Vec::new(),
             weights: Vec::new(),
