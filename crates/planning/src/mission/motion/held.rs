@@ -45,10 +45,11 @@ impl HeldInputs {
         let body = FreeFlyer::new(*body);
         let per_step = libm::ceil(step_s / PIECE_S).clamp(1.0, MOST_PIECES);
         let piece_s = step_s / per_step;
-        let mut held = Self { body, piece_s, pieces: Vec::with_capacity(inputs.len() * per_step as usize), end: start };
-        if !(piece_s > 0.0 && piece_s.is_finite()) {
-            return held;
+        let is_length = piece_s > 0.0 && piece_s.is_finite();
+        if !is_length {
+            return Self { body, piece_s: 1.0, pieces: Vec::new(), end: start };
         }
+        let mut held = Self { body, piece_s, pieces: Vec::with_capacity(inputs.len() * per_step as usize), end: start };
         for wrench in inputs {
             for _ in 0..per_step as usize {
                 let Ok(next) = MuntheKaas4.step(&body, &held.end, &wrench, 0.0, piece_s) else { return held };

@@ -120,7 +120,7 @@ fn nothing_jumps_at_any_time() {
 fn twist_and_acceleration_are_the_rates_of_change() {
     for (index, motion) in motions().iter().enumerate() {
         let width_s = 1e-4;
-        let mut checked = 0;
+        let (mut checked, mut worst) = (0, 0.0);
         for k in 0..400 {
             // away from the times at which the acceleration jumps
             let time_s = motion.start_s() + 0.05 + 0.0713 * f64::from(k);
@@ -136,15 +136,17 @@ fn twist_and_acceleration_are_the_rates_of_change() {
             };
             let [(p0, v0), (_, v), (p1, v1)] = [of(&before), of(&at), of(&after)];
             let attitude = at.state.world_from_body.rotation;
-            assert!(((p1 - p0) / (2.0 * width_s) - v).norm() < 1e-8, "{index} {k}");
+            worst = f64::max(worst, ((p1 - p0) / (2.0 * width_s) - v).norm());
             let acceleration = attitude * at.acceleration.acceleration_origin_body;
-            assert!(((v1 - v0) / (2.0 * width_s) - acceleration).norm() < 1e-7, "{index} {k}");
+            worst = f64::max(worst, ((v1 - v0) / (2.0 * width_s) - acceleration).norm());
             let turned = before.state.world_from_body.rotation.inverse() * after.state.world_from_body.rotation;
             let rate = LieGroup::log(&turned) / (2.0 * width_s);
-            assert!((rate - at.state.twist_body.angular).norm() < 1e-7, "{index} {k}");
+            worst = f64::max(worst, (rate - at.state.twist_body.angular).norm());
             let faster = (after.state.twist_body.angular - before.state.twist_body.angular) / (2.0 * width_s);
-            assert!((faster - at.acceleration.angular_acceleration_body).norm() < 1e-7, "{index} {k}");
+            worst = f64::max(worst, (faster - at.acceleration.angular_acceleration_body).norm());
         }
+        println!("{index} {worst:e}");
+        assert!(worst < 1e-7, "{index} {worst:e}");
         assert!(checked > 30, "{index} {checked}");
     }
 }
@@ -164,34 +166,69 @@ fn a_planned_motion_is_that_of_the_body_under_its_inputs() {
     }
 }
 
+/// Largest difference of a motion from the nodes of its plan, m, rad, m/s or rad/s.
+fn from_nodes(motion: &MissionMotion, nodes: &[RigidBodyState<f64>], step_s: f64) -> f64 {
+    let differences = nodes.iter().enumerate().map(|(k, node)| {
+        let found = motion.state_at(START_S + step_s * k as f64);
+        apart(&found, node).into_iter().fold(0.0, f64::max)
+    });
+    differences.fold(0.0, f64::max)
+}
+
+/// Another integrator with steps 32 times shorter: on the centre of mass and the quaternion.
 #[test]
-fn it_passes_through_the_nodes_of_the_plan() {
-    let mut worst = [0.0_f64; 4];
+fn it_is_where_the_inputs_take_the_body() {
     let plan = in_space(0.5, 0.02);
-    let motion = MissionMotion::planned(&plan, &body());
-    for (k, node) in plan.states.iter().enumerate() {
-        let found = motion.state_at(START_S + 0.5 * k as f64);
-        worst = core::array::from_fn(|i| worst[i].max(apart(&found, &node.into())[i]));
+    let mut model = RigidBodyModel::full();
+    model.adopt(&ModelBelief::certain(1, body())).unwrap();
+    let mut state = plan.states[0];
+    let mut exact = vec![(&state).into()];
+    for input in &plan.inputs {
+        for _ in 0..32 {
+            state = model.step(&state, &[[0.0; 12]; 10], input, 0.5 / 32.0).unwrap().0;
+        }
+        exact.push((&state).into());
     }
-    println!("space {worst:?}");
+    let motion = MissionMotion::planned(&plan, &body());
+    let error = from_nodes(&motion, &exact, 0.5);
+    assert!(error < 1e-7, "{error:e}");
+    assert!((motion.end_s() - START_S - 12.0).abs() < 1e-12 && motion.rest_s() == motion.end_s());
+}
+
+/// What it differs from the plan's nodes by is the error of the plan's longer steps: of fourth order.
+#[test]
+fn it_passes_the_nodes_of_the_plan_as_near_as_those_are_exact() {
+    let apart_of = |step_s: f64| {
+        let plan = in_space(step_s, 0.02);
+        let nodes: Vec<_> = plan.states.iter().map(RigidBodyState::from).collect();
+        from_nodes(&MissionMotion::planned(&plan, &body()), &nodes, step_s)
+    };
+    let [long, short] = [0.5, 0.25].map(apart_of);
+    assert!(long < 1e-5 && short < 1e-6 && long / short > 10.0, "{long:e} {short:e}");
+}
+
+#[test]
+fn a_plan_on_a_table_stays_on_it() {
     let plan = on_a_table();
-    let motion = MissionMotion::planned_in_plane(&plan, 0.35, &body());
-    let mut in_plane = 0.0_f64;
-    for (k, node) in plan.states.iter().enumerate() {
-        let found = motion.state_at(START_S + 0.5 * k as f64);
+    let motion = MissionMotion::planned_in_plane(&plan, 0.35, &body()).with_stop(&LIMITS);
+    let nodes = plan.states.iter().map(|node| {
         let attitude = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), node.heading_rad);
         let velocity = attitude.inverse() * node.velocity_world.push(0.0);
-        let expected = RigidBodyState {
+        RigidBodyState {
             world_from_body: Pose::from_parts(node.position_world.push(0.35).into(), attitude),
             twist_body: tumble_lie::Twist::new(Vector3::z() * node.rate_rad_s, velocity),
-        };
-        in_plane = apart(&found, &expected).into_iter().fold(in_plane, f64::max);
-        assert_eq!(found.world_from_body.translation.z, 0.35);
-        assert_eq!([found.world_from_body.rotation.i, found.world_from_body.rotation.j], [0.0; 2]);
+        }
+    });
+    let error = from_nodes(&motion, &nodes.collect::<Vec<_>>(), 0.5);
+    assert!(error < 2e-6, "{error:e}");
+    for k in 0..2000 {
+        let PoseReference { state, acceleration } = motion.at(START_S - 0.1 + 0.01 * f64::from(k));
+        let RigidBodyState { world_from_body: Pose { rotation, translation }, twist_body } = state;
+        assert_eq!([translation.z, rotation.i, rotation.j], [0.35, 0.0, 0.0], "{k}");
+        assert_eq!([twist_body.angular.x, twist_body.angular.y, twist_body.linear.z], [0.0; 3], "{k}");
+        assert_eq!(acceleration.angular_acceleration_body.xy().amax(), 0.0, "{k}");
+        assert_eq!(acceleration.acceleration_origin_body.z, 0.0, "{k}");
     }
-    println!("plane {in_plane:e}");
-    assert!(worst.iter().all(|worst| *worst < 1e-6) && in_plane < 1e-6, "{worst:?} {in_plane:e}");
-    assert!((motion.end_s() - START_S - 12.0).abs() < 1e-12 && motion.rest_s() == motion.end_s());
 }
 
 #[test]
@@ -277,7 +314,6 @@ fn a_part_of_a_way_is_the_way() {
         MissionMotion::along(&way, way_start_s, 106.0, 110.0),
         MissionMotion::along(&way, way_start_s, 103.0, 102.0),
         MissionMotion::along(&ArcPath::default(), way_start_s, 103.0, 104.0),
-        MissionMotion::along(&way, f64::NAN, 103.0, 104.0),
     ] {
         assert!(nothing.with_stop(&LIMITS).stop.arcs().is_empty());
     }
@@ -311,7 +347,7 @@ fn pieces_are_no_farther_from_the_motion_than_they_say() {
         }
     }
     println!("bounds {largest:?}, used {of_bound:?}");
-    assert!(largest[0] < 1e-7 && largest[1] < 5e-4, "{largest:?}");
+    assert!(largest[0] < 1e-7 && largest[1] < 1e-3, "{largest:?}");
     assert!(of_bound.iter().all(|share| *share > 0.2), "{of_bound:?}");
 }
 
@@ -319,7 +355,7 @@ fn pieces_are_no_farther_from_the_motion_than_they_say() {
 #[test]
 fn nothing_is_said_of_pieces_that_turn_too_far() {
     let mut plan = in_space(0.5, 0.02);
-    plan.states[0].rate_body = Vector3::new(6.0, 0.0, 0.0);
+    plan.states[0].rate_body = Vector3::new(4.0, 0.0, 0.0);
     let fast = MissionMotion::planned(&plan, &body());
     plan.states[0].rate_body = Vector3::new(600.0, 1.0, 0.0);
     let faster = MissionMotion::planned(&plan, &body());
