@@ -2244,6 +2244,41 @@ const MUTANTS: &[Mutant] = &[
         replacement: "belief.estimate.covariance[(0, 0)] = sigma_kg;",
         test: "-p tumble-astrobee --test simulate_control",
     },
+    Mutant {
+        name: "mission motion: the stop brakes twice as hard",
+        file: "crates/planning/src/mission/motion/arcs.rs",
+        original: "braking.position[2] = ahead * (-0.5 * speed / moving_s);",
+        replacement: "braking.position[2] = ahead * (-speed / moving_s);",
+        test: "-p tumble-planning --lib mission::motion",
+    },
+    Mutant {
+        name: "mission motion: turns of pieces are taken for exact",
+        file: "crates/planning/src/mission/motion/contact.rs",
+        original: "let apart_m = piece.apart_m + piece.apart_rad * reach_m;",
+        replacement: "let apart_m = piece.apart_m - piece.apart_rad * reach_m;",
+        test: "-p tumble-planning --test mission_motion",
+    },
+    Mutant {
+        name: "mission motion: the stop is not looked at",
+        file: "crates/planning/src/mission/motion/contact.rs",
+        original: "query.along_all(self.stop.arcs(), self.end_s)?",
+        replacement: "query.along_all(self.stop.arcs(), self.rest_s)?",
+        test: "-p tumble-planning --test mission_motion",
+    },
+    Mutant {
+        name: "mission motion: a table that does not bear",
+        file: "crates/planning/src/mission/motion.rs",
+        original: "Vector3::new(com.x, com.y, 0.0),",
+        replacement: "com,",
+        test: "-p tumble-planning --lib mission::motion",
+    },
+    Mutant {
+        name: "mission motion: an arc's turn without its own bend",
+        file: "crates/planning/src/mission/motion/held.rs",
+        original: "h * h / 8.0 * (of_motion + of_arc)",
+        replacement: "h * h / 16.0 * (of_motion + of_arc)",
+        test: "-p tumble-planning --lib mission::motion",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.
