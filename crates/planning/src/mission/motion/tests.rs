@@ -1,3 +1,10 @@
+#![allow(
+    clippy::float_cmp,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "what stays exactly, and counts of samples"
+)]
+
 use super::*;
 use crate::belief::ModelBelief;
 use crate::local::{InformativeModel, PlanarBodyModel, RigidBodyModel};
