@@ -193,7 +193,9 @@ impl MissionMotion {
         let count = libm::ceil(length_s / step_s);
         let count = if count >= 0.0 { count.min(MOST_POINTS) } else { 1.0 };
         let step_s = if count * step_s >= length_s { step_s } else { length_s / count };
-        let mut points: Vec<_> = (0..count as u32)
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the most points")]
+        let whole = count as u32;
+        let mut points: Vec<_> = (0..whole)
             .map(|k| self.at(self.start_s + f64::from(k) * step_s).state.world_from_body.translation.vector)
             .collect();
         points.push(self.after.translation.vector);

@@ -85,7 +85,6 @@ impl MissionMotion {
             }
         }
         let planned = match &self.planned {
-            Planned::Nothing => None,
             Planned::Arcs(path) => query.along_all(path.arcs(), self.start_s)?,
             Planned::Held(held) if from_s <= self.end_s => {
                 let reach_m = world.reach_m(body);
@@ -100,7 +99,7 @@ impl MissionMotion {
                 }
                 contact_s
             }
-            Planned::Held(_) => None,
+            Planned::Nothing | Planned::Held(_) => None,
         };
         if planned.is_some() {
             return Ok(planned);

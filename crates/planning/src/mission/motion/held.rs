@@ -45,12 +45,19 @@ impl HeldInputs {
         let body = FreeFlyer::new(*body);
         let per_step = libm::ceil(step_s / PIECE_S).clamp(1.0, MOST_PIECES);
         let piece_s = step_s / per_step;
-        let mut held = Self { body, piece_s, pieces: Vec::with_capacity(inputs.len() * per_step as usize), end: start };
-        if !(piece_s > 0.0 && piece_s.is_finite()) {
-            return held;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "between 1 and 64, or not a number, which gives none"
+        )]
+        let count = per_step as usize;
+        let is_length = piece_s > 0.0 && piece_s.is_finite();
+        if !is_length {
+            return Self { body, piece_s: 1.0, pieces: Vec::new(), end: start };
         }
+        let mut held = Self { body, piece_s, pieces: Vec::with_capacity(inputs.len() * count), end: start };
         for wrench in inputs {
-            for _ in 0..per_step as usize {
+            for _ in 0..count {
                 let Ok(next) = MuntheKaas4.step(&body, &held.end, &wrench, 0.0, piece_s) else { return held };
                 held.pieces.push((held.end, wrench));
                 held.end = next;
@@ -70,7 +77,13 @@ impl HeldInputs {
     /// Number of the piece that holds a time, and the time within it.
     pub fn place(&self, within_s: f64) -> (usize, f64) {
         let last = self.pieces.len().saturating_sub(1);
-        let index = usize::min((within_s / self.piece_s) as usize, last);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "what is beyond the pieces is cut to them"
+        )]
+        let place = (within_s / self.piece_s) as usize;
+        let index = usize::min(place, last);
         (index, within_s - self.piece_s * index as f64)
     }
 
