@@ -2379,6 +2379,32 @@ const MUTANTS: &[Mutant] = &[
         original: "h * h / 8.0 * (of_motion + of_arc)",
         replacement: "h * h / 16.0 * (of_motion + of_arc)",
         test: "-p tumble-planning --lib mission::motion",
+        name: "flight estimator: the start is not learned again about a better body",
+        file: "crates/identification/src/recursive/flight_estimator/first_lessons.rs",
+        original: "filtered.advance(rules, history, measurement.stamp_ns, Some(about));",
+        replacement: "filtered.advance(rules, history, measurement.stamp_ns, Some(about).filter(|_| false));",
+        test: "-p tumble-identification --test flight_estimator factor_of_two",
+    },
+    Mutant {
+        name: "flight estimator: a drift of the wrench keeps its covariance",
+        file: "crates/identification/src/recursive/flight_estimator/flight_motion.rs",
+        original: "*value *= column * factor(i);",
+        replacement: "*value *= factor(i);",
+        test: "-p tumble-identification --lib flight_estimator::tests",
+    },
+    Mutant {
+        name: "flight estimator: a late measurement is put last",
+        file: "crates/identification/src/recursive/flight_estimator.rs",
+        original: "moment.stamp_ns <= stamp_ns).max(1);",
+        replacement: "moment.stamp_ns <= stamp_ns).max(self.moments.len());",
+        test: "-p tumble-identification --test flight_estimator order_of_arrival",
+    },
+    Mutant {
+        name: "flight estimator: a repeated measurement counts",
+        file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
+        original: "let fresh = |same: bool| !same;",
+        replacement: "let fresh = |_same: bool| true;",
+        test: "-p tumble-identification --test flight_estimator frozen",
     },
 ];
 

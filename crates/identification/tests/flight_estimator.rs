@@ -1,5 +1,6 @@
 //! The estimator in the loop: what it learns, what it survives, and that the order of arrival does not matter.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)] // ticks of a minute
 
 mod flight_scenario;
 

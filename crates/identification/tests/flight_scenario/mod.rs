@@ -1,6 +1,7 @@
-//! Flights like S1 of the thesis' successor: a body off by up to a factor of two, thrust that errs, sensors that are late.
+//! Flights of a body that is off by up to a factor of two, thrust that errs, sensors that are late.
 //! Shared by the tests and by the long study.
 #![allow(dead_code)] // each user takes its part
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // ticks of a minute
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
