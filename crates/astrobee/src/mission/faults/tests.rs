@@ -250,7 +250,7 @@ fn doubled_and_held_back_messages_are_those_that_were_sent() {
 
 #[test]
 fn clocks_step_and_step_back() {
-    for (severity, largest_s, steps) in [(1, 0.1, 2), (2, 10.0, 2), (3, 10.0, 10)] {
+    for (severity, largest_s, steps) in [(1, 0.1, 2), (2, 10.0, 2), (3, 10.0, 11)] {
         for seed in 0..6 {
             let (stream, counts) = stream(FaultName::Clock, severity, seed);
             assert_eq!(stream.len() as i64, MESSAGES);
