@@ -21,7 +21,7 @@ use tumble_planning::ModelBelief;
 use tumble_planning::collision::{CollisionWorld, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::ControlCommand;
 use tumble_planning::global::GlobalAnswer;
-use tumble_planning::mission::{Action, Event, Layer, LoopObserver, Sensed, StretchAnswer, TimedEvent};
+use tumble_planning::mission::{Action, Event, Layer, LoopObserver, PlannerFault, Sensed, StretchAnswer, TimedEvent};
 
 /// Control periods between two rows of the series.
 const BETWEEN_ROWS: u64 = 12;

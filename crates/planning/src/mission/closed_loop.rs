@@ -444,7 +444,8 @@ where
     }
 
     fn believe(&mut self) {
-        let is_known = self.settings.known.as_ref().is_some_and(|known| self.estimator.is_known_well_enough(known));
+        let Self { settings, estimator, .. } = self;
+        let is_known = settings.known.as_ref().is_some_and(|known| estimator.is_known_well_enough(known));
         if is_known != self.is_known {
             self.is_known = is_known;
             self.events.push_back(Event::Known(is_known));
