@@ -110,7 +110,7 @@ mod tests {
             assert_eq!(number(value, 3), text);
         }
         assert_eq!(number(f64::NAN, 3), "–");
-        assert_eq!(number(9.996, 3), "10.00");
+        assert_eq!(number(9.996, 3), "10.0");
         assert_eq!((tick(-0.2, 0.1), tick(1e-17, 0.1), tick(20.0, 10.0)), ("−0.2".into(), "0".into(), "20".into()));
     }
 

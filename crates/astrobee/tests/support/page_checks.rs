@@ -306,7 +306,7 @@ fn accessible(page: &str) -> Vec<String> {
                 depth += i32::from(!tag.is_empty);
             }
             "button" if next.is_none_or(|next| next.text_before.trim().is_empty()) => {
-                found.push("a button without words".into())
+                found.push("a button without words".into());
             }
             "canvas" if attribute(tag, "aria-label").is_none() || attribute(tag, "tabindex").is_none() => {
                 found.push("a canvas without words".into());
