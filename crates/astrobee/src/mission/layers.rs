@@ -29,6 +29,10 @@ pub type AstrobeeLoop = ClosedLoop<EllipsoidWorld, FlightPlanner, TubeController
 
 /// Largest error of the estimator's position and velocity along an axis, standard deviations of what it claims.
 const ERRORS: [f64; 2] = [3e-4, 1.5e-4];
+/// Largest force from outside along an axis, N: drag, and nozzles that are not as on paper.
+const FORCE_FROM_OUTSIDE_N: f64 = 0.004;
+/// Shares of these errors that a tube is built for, the first that leaves some force to plans.
+const HELD: [f64; 4] = [1.0, 0.6, 0.3, 0.1];
 /// Farthest that a stretch's attitude leaves those between start and goal, rad.
 const WANDERS_RAD: f64 = 0.35;
 /// Relative change of the mass that asks for another way.
@@ -76,11 +80,11 @@ pub fn scene(
     Ok(Scene { world: collision, surroundings: surroundings(problem, world, moving)? })
 }
 
-/// The same for stretches: the keep-in boxes cut to where the body origin may be, and on the table in the plane z = 0.
+/// The same for stretches: the keep-in boxes cut to where the body origin may be.
 fn surroundings(
     problem: &MissionProblem,
     mut world: World,
-    mut moving: Vec<MovingObstacle>,
+    moving: Vec<MovingObstacle>,
 ) -> Result<Surroundings, PlanningError> {
     let planning = &problem.planning;
     let reach = Vector3::repeat(planning.body.bounding_radius_m() + problem.margin_m);
@@ -88,18 +92,7 @@ fn surroundings(
     let mut allowed =
         AlignedBox { lower_world: position.lower_world - reach, upper_world: position.upper_world + reach };
     if problem.planar {
-        let height_m = planning.start.position.z;
         (allowed.lower_world.z, allowed.upper_world.z) = (f64::NEG_INFINITY, f64::INFINITY);
-        for obstacle in &mut world.obstacles {
-            obstacle.world_from_ellipsoid.translation.vector.z -= height_m;
-        }
-        for obstacle in &mut moving {
-            obstacle.ellipsoid.world_from_ellipsoid.translation.vector.z -= height_m;
-        }
-        for room in world.keep_in.iter_mut().chain(&mut world.keep_out) {
-            room.lower_world.z -= height_m;
-            room.upper_world.z -= height_m;
-        }
     }
     let rooms = if world.keep_in.is_empty() { vec![allowed] } else { world.keep_in };
     let cut = rooms.iter().map(|room| AlignedBox {
@@ -145,6 +138,7 @@ pub fn stretch_planner(
     let force = problem.force_limit_n * problem.plan_force_share;
     let in_space =
         || WrenchSet { limit: [torque.x, torque.y, torque.z, force.x, force.y, force.z], half_spaces: Vec::new() };
+    let height_m = problem.planning.start.position.z;
     let on_table = || WrenchSet { limit: [torque.z, force.x, force.y], half_spaces: Vec::new() };
     Ok(match problem.unknowns {
         UnknownsName::Principal => Box::new(InformativeStretch::try_new(
@@ -160,13 +154,13 @@ pub fn stretch_planner(
             weighting::<10>(problem, choice, &[4, 5, 6, 7, 8, 9])?,
         )?),
         UnknownsName::Planar => Box::new(InformativeStretch::try_new(
-            PlanarBodyModel::mass_and_inertia(),
+            PlanarBodyModel::mass_and_inertia().at_height(height_m),
             &settings,
             on_table(),
             weighting::<2>(problem, choice, &[1])?,
         )?),
         UnknownsName::PlanarCom => Box::new(InformativeStretch::try_new(
-            PlanarBodyModel::full(),
+            PlanarBodyModel::full().at_height(height_m),
             &settings,
             on_table(),
             weighting::<4>(problem, choice, &[1])?,
@@ -220,19 +214,29 @@ pub fn controllers(problem: &MissionProblem) -> ControllerFactory<TubeController
     let speed_m_s = problem.planning.limits.speed_m_s.max();
     Box::new(move |belief: &ModelBelief| {
         let body = belief.parameters();
-        let settings = TubeSettings {
-            speed_m_s: 2.0 * speed_m_s,
-            disturbance: TubeDisturbance { position_m, velocity_m_s, force_n: 0.004, acceleration_m_s2: 0.0 },
-            point: TrackedPoint::BelievedCenterOfMass,
-            ..control_presets::tube_settings(control_presets::mass_interval(body.mass, share)?, &limits, attitudes)
-        };
         let attitude = AttitudeController {
             law: AttitudeLaw::Geometric,
             gains: control_presets::rattle_attitude_gains(place),
             body: *body,
             torque_limit_n_m: limits.torque_n_m,
         };
-        TubeController::try_new(settings, None, attitude, body)
+        let mass = control_presets::mass_interval(body.mass, share)?;
+        let of = |held: f64| {
+            let settings = TubeSettings {
+                speed_m_s: 2.0 * speed_m_s,
+                disturbance: TubeDisturbance {
+                    position_m: held * position_m,
+                    velocity_m_s: held * velocity_m_s,
+                    force_n: held * FORCE_FROM_OUTSIDE_N,
+                    acceleration_m_s2: 0.0,
+                },
+                point: TrackedPoint::BelievedCenterOfMass,
+                ..control_presets::tube_settings(mass, &limits, attitudes)
+            };
+            TubeController::try_new(settings, None, attitude, body)
+        };
+        // a body so heavy that errors alone would take all the force has a tube for smaller ones: more often outside of it
+        HELD.into_iter().map(of).find(Result::is_ok).unwrap_or_else(|| of(0.0))
     })
 }
 

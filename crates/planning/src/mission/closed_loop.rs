@@ -25,6 +25,9 @@ use tumble_lie::{LieGroup, Wrench};
 /// Ways that are remembered for the stretches of them that are still to be planned.
 const WAYS: usize = 4;
 
+/// Share of the clearance at its start that a way may keep.
+const START_SHARE: f64 = 0.95;
+
 /// What is around the robot, as far as it knows.
 #[derive(Clone, Debug)]
 pub struct Scene<W> {
@@ -162,30 +165,32 @@ impl LoopObserver for NoObserver {}
 /// Makes a controller that counts on nothing but what the body can be at all.
 pub type ControllerFactory<C> = Box<dyn FnMut(&ModelBelief) -> Result<C, PlanningError>>;
 
-/// What is flown: a motion, and from a time on the next one.
+/// What is flown: a motion, and from their starts on those that follow.
 #[derive(Clone, Debug)]
 struct Flown {
     now: MissionMotion,
-    next: Option<(i64, MissionMotion, u64)>,
     model_revision: u64,
+    next: VecDeque<(i64, MissionMotion, u64)>,
 }
 
 impl Flown {
+    fn only(motion: MissionMotion, model_revision: u64) -> Self {
+        Self { now: motion, model_revision, next: VecDeque::new() }
+    }
+
     fn motion(&self, time_s: f64) -> &MissionMotion {
-        match &self.next {
-            Some((start_ns, next, _)) if time_s >= seconds(*start_ns) => next,
-            _ => &self.now,
-        }
+        let begun = self.next.iter().rev().find(|(start_ns, ..)| time_s >= seconds(*start_ns));
+        begun.map_or(&self.now, |(_, motion, _)| motion)
     }
 
     fn advance(&mut self, time_ns: i64) {
-        if let Some((_, next, revision)) = self.next.take_if(|(start_ns, ..)| *start_ns <= time_ns) {
+        while let Some((_, next, revision)) = self.next.pop_front_if(|(start_ns, ..)| *start_ns <= time_ns) {
             (self.now, self.model_revision) = (next, revision);
         }
     }
 
     fn rest_s(&self) -> f64 {
-        self.next.as_ref().map_or(self.now.rest_s(), |(_, next, _)| next.rest_s())
+        self.next.back().map_or(self.now.rest_s(), |(_, next, _)| next.rest_s())
     }
 }
 
@@ -280,7 +285,7 @@ where
             belief: prior.clone(),
             prior,
             next_belief_ns: start_ns + settings.belief_period_ns,
-            flown: Flown { now: MissionMotion::resting(pose, seconds(start_ns)), next: None, model_revision: 0 },
+            flown: Flown::only(MissionMotion::resting(pose, seconds(start_ns)), 0),
             answers: VecDeque::new(),
             ways: VecDeque::new(),
             found: None,
@@ -341,20 +346,25 @@ where
     pub fn see(&mut self, scene: Scene<W>) -> Result<(), PlanningError> {
         self.scene = scene;
         self.world_revision += 1;
-        let contact_ns = self.contact(&self.flown.now)?;
-        let contact_ns = match &self.flown.next {
-            Some((start_ns, next, _)) => contact_ns.filter(|contact_ns| contact_ns < start_ns).or(self.contact(next)?),
-            None => contact_ns,
-        };
+        let contact_ns = self.first_contact()?;
         self.events.push_back(Event::World { revision: self.world_revision, contact_ns });
         Ok(())
     }
 
-    fn contact(&self, motion: &MissionMotion) -> Result<Option<i64>, PlanningError> {
-        let Scene { world, .. } = &self.scene;
-        let from_s = seconds(self.time_ns).max(motion.start_s());
-        let contact_s = motion.first_contact(world, &self.settings.body, from_s, self.settings.check_margin_m)?;
-        Ok(contact_s.map(nanoseconds))
+    /// When what is being flown would hit something: each motion until the next one begins, the last one for good.
+    fn first_contact(&self) -> Result<Option<i64>, PlanningError> {
+        let LoopSettings { body, check_margin_m, .. } = &self.settings;
+        let now_s = seconds(self.time_ns);
+        let motions = std::iter::once(&self.flown.now).chain(self.flown.next.iter().map(|(_, motion, _)| motion));
+        let ends = self.flown.next.iter().map(|(start_ns, ..)| seconds(*start_ns)).chain([f64::INFINITY]);
+        for (motion, end_s) in motions.zip(ends) {
+            let from_s = now_s.max(motion.start_s());
+            let contact_s = motion.first_contact(&self.scene.world, body, from_s, *check_margin_m)?;
+            if let Some(contact_s) = contact_s.filter(|contact_s| *contact_s < end_s) {
+                return Ok(Some(nanoseconds(contact_s)));
+            }
+        }
+        Ok(None)
     }
 
     /// The computer was off for a moment: what was on its way is lost, the belief is not.
@@ -508,14 +518,14 @@ where
             Action::Follow { request } => {
                 if let Some((_, found, answer)) = self.found.take_if(|(of, ..)| *of == request) {
                     observer.follows(self.time_ns, found.start_ns, &answer, found.model_revision);
-                    self.flown.next = Some((found.start_ns, answer.motion, found.model_revision));
+                    self.flown.next.push_back((found.start_ns, answer.motion, found.model_revision));
                     self.flown.advance(self.time_ns);
                 }
             }
             Action::Stop => {
                 let state = self.flown.at(time_s).state;
-                self.flown.now = MissionMotion::stopping_from(&state, time_s, &self.settings.stop);
-                self.flown.next = None;
+                let stop = MissionMotion::stopping_from(&state, time_s, &self.settings.stop);
+                self.flown = Flown::only(stop, self.belief.revision);
             }
             Action::HoldHere => self.hold_here(time_s),
             Action::Offer { .. } => {
@@ -538,8 +548,8 @@ where
     fn hold_here(&mut self, time_s: f64) {
         let state = self.estimator.state_at(self.time_ns);
         // where it comes to rest, not where it was
-        self.flown.now = MissionMotion::stopping_from(&state, time_s, &self.settings.stop);
-        self.flown.next = None;
+        let stop = MissionMotion::stopping_from(&state, time_s, &self.settings.stop);
+        self.flown = Flown::only(stop, self.belief.revision);
     }
 
     fn plan_way(
@@ -565,20 +575,25 @@ where
             self.answers.push_back((self.time_ns, Answer::Way { request, way, world_revision }));
             return Ok(());
         }
+        // what was flown may end nearer to something, or farther out, than a way should be planned
+        let clearance = self.scene.world.clearance(&self.settings.body, &pose, start_s)?;
+        let margin_m = self.settings.margin_m.min(START_SHARE * clearance.distance_m).max(0.0);
+        let mut limits = self.settings.limits;
+        limits.position.lower_world = limits.position.lower_world.inf(&pose.translation.vector);
+        limits.position.upper_world = limits.position.upper_world.sup(&pose.translation.vector);
+        let velocity = pose.rotation * start.twist_body.linear;
+        limits.speed_m_s = limits.speed_m_s.sup(&velocity.abs());
         let asked = GlobalRequest {
             world: &self.scene.world,
             body: &self.settings.body,
-            start: TranslationState {
-                position: pose.translation.vector,
-                velocity: pose.rotation * start.twist_body.linear,
-            },
+            start: TranslationState { position: pose.translation.vector, velocity },
             attitude: pose.rotation,
             start_s,
             goal: self.settings.goal,
-            limits: self.settings.limits,
+            limits,
             belief: &self.belief,
             objective: self.settings.objective,
-            margin_m: self.settings.margin_m,
+            margin_m,
             until: Until::BudgetSpent,
             seed: draw(self.settings.seed, request),
         };

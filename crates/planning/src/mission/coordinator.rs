@@ -359,6 +359,9 @@ impl Coordinator {
             self.rest(StartFrom::Reference, 0);
             return;
         }
+        if self.now_ns < stretch.start_ns {
+            return;
+        }
         let is_due = self.now_ns >= stretch.end_ns - self.schedule.stretch_lead_ns;
         if self.way_is_stale && self.way.is_none() && self.stretch.is_none() && !is_due {
             self.ask_for_way(stretch.end_ns, StartFrom::Reference, actions);
@@ -413,7 +416,7 @@ impl Coordinator {
         match self.phase {
             Phase::AwaitingWay => {
                 // at rest a way begins when its first stretch can
-                let start_ns = self.now_ns.max(asked.start_ns) + self.schedule.retry_lead_ns;
+                let start_ns = self.now_ns + self.schedule.retry_lead_ns;
                 self.flown_way = Some((request, start_ns));
                 self.ask_for_stretch(start_ns, self.first_ambition(), actions);
                 self.phase = Phase::AwaitingFirst;
