@@ -1,5 +1,6 @@
 //! What a plan takes the robot for.
 
+use crate::local::body_by_mass_center_and_inertia;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use tumble_dynamics::InertialParameters;
 use tumble_identification::{Estimate, StandardDeviations};
@@ -33,6 +34,46 @@ impl ModelBelief {
         };
         let estimate = Estimate { parameters, covariance: SMatrix::zeros(), std, lmi_active: false };
         Self { revision, estimate }
+    }
+
+    /// A body of which little is known: standard deviations of the mass as a share of it, of the centre of mass along each axis (m),
+    /// and of the inertia as a share of it, a product's as that of the moments beside it.
+    pub fn vague(
+        revision: u64,
+        parameters: InertialParameters<f64>,
+        [mass_share, center_m, inertia_share]: [f64; 3],
+    ) -> Self {
+        let moments = parameters.inertia_about_com().diagonal();
+        let [x, y, z]: [f64; 3] = moments.into();
+        let root = |a: f64, b: f64| inertia_share * f64::sqrt(a * b);
+        let inertia = Matrix3::new(
+            root(x, x),
+            root(x, y),
+            root(x, z),
+            root(x, y),
+            root(y, y),
+            root(y, z),
+            root(x, z),
+            root(y, z),
+            root(z, z),
+        );
+        let std = StandardDeviations {
+            mass_kg: mass_share * parameters.mass,
+            center_of_mass_m: Vector3::repeat(center_m),
+            inertia_about_com_kg_m2: inertia,
+        };
+        // in the order of the ten parameters
+        let sigma = InertialParameters {
+            mass: std.mass_kg,
+            first_moment: std.center_of_mass_m,
+            inertia_about_origin: std.inertia_about_com_kg_m2,
+        };
+        let mut scaled = body_by_mass_center_and_inertia(&parameters);
+        for (mut column, sigma) in scaled.column_iter_mut().zip(&sigma.to_vector()) {
+            column *= *sigma;
+        }
+        let covariance = scaled * scaled.transpose();
+        Self { revision, estimate: Estimate { parameters, covariance, std, lmi_active: false } }
     }
 
     /// The body as it is believed to be.
