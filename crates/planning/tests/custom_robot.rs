@@ -19,7 +19,7 @@ use tumble_planning::global::{FlightPlanner, GoalRegion};
 use tumble_planning::identification::recursive::{
     FlightEstimator, FlightEstimatorSettings, FlightMeasurement, MotionNoise,
 };
-use tumble_planning::lie::{LieGroup, Pose, Wrench};
+use tumble_planning::lie::{Pose, Wrench};
 use tumble_planning::local::{CovarianceWeighting, RigidBodyModel, WrenchSet};
 use tumble_planning::mission::{
     Action, ClosedLoop, Coordinator, InformativeStretch, LoopObserver, LoopSettings, Scene, Sensed, StopLimits,
@@ -106,7 +106,7 @@ fn tug<C: Controller>(new_controller: impl FnMut(&ModelBelief) -> Result<C, Plan
         InformativeStretch::try_new(RigidBodyModel::principal(), &stretches, push, Box::new(weighting.unwrap()));
     let origin = AlignedBox::between(Vector3::new(-1.15, -0.65, -0.25), Vector3::new(1.15, 0.65, 0.25));
     let limits = stretches.way_limits(origin, Vector3::repeat(force_n), Vector3::repeat(torque_n_m));
-    let turned: UnitQuaternion<f64> = LieGroup::exp(&Vector3::new(0.0, 0.0, 0.8));
+    let turned = UnitQuaternion::new(Vector3::z() * 0.8);
     let goal = GoalRegion { position: Vector3::x() * 0.9, radius_m: 0.0, speed_m_s: 0.0, attitude: Some(turned) };
     let heaviest = InertialParameters::solid_box(2.0 * mass, [0.4, 0.4, 0.4]);
     let stop = StopLimits::for_body(&heaviest, force_n, torque_n_m);
@@ -150,7 +150,7 @@ fn fly<C: Controller>(flying: &mut Tug<C>, seed: u64) -> Flown {
         let pose = plant.state().world_from_body;
         let seen = Pose::from_parts(
             (pose.translation.vector + noise(NOISE_M)).into(),
-            pose.rotation * UnitQuaternion::exp(&noise(NOISE_RAD)),
+            pose.rotation * UnitQuaternion::new(noise(NOISE_RAD)),
         );
         let measured = FlightMeasurement {
             stamp_ns: time_ns,
