@@ -81,3 +81,36 @@ impl ModelBelief {
         &self.estimate.parameters
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The first moment is mass times centre: its variance is that of a product, and it varies with the mass.
+    #[test]
+    fn a_vague_belief_is_as_vague_as_it_says() {
+        let center = Vector3::new(0.1, 0.0, -0.2);
+        let body = InertialParameters::about_com(4.0, center, Matrix3::from_diagonal(&Vector3::new(0.2, 0.3, 0.4)));
+        let ModelBelief { estimate: Estimate { covariance, std, .. }, .. } =
+            ModelBelief::vague(3, body, [0.5, 0.02, 0.1]);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        near(covariance[(0, 0)], 4.0);
+        for axis in 0..3 {
+            near(covariance[(1 + axis, 1 + axis)], (2.0 * center[axis]).powi(2) + (4.0 * 0.02_f64).powi(2));
+            near(covariance[(0, 1 + axis)], 4.0 * center[axis]);
+        }
+        near(std.inertia_about_com_kg_m2[(0, 2)].powi(2), 0.01 * 0.2 * 0.4);
+        // the same body about its centre: nothing but its own inertia is left
+        let centred = InertialParameters {
+            first_moment: Vector3::zeros(),
+            inertia_about_origin: body.inertia_about_com(),
+            ..body
+        };
+        let covariance = ModelBelief::vague(3, centred, [0.5, 0.0, 0.1]).estimate.covariance;
+        let moments = centred.to_vector();
+        for place in 4..10 {
+            let (sigma, moment) = (covariance[(place, place)].sqrt(), moments[place]);
+            assert!(moment == 0.0 || (sigma - 0.1 * moment).abs() < 1e-12, "{sigma} {moment}");
+        }
+    }
+}

@@ -285,12 +285,7 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
         known: stretches.map(|_| LearningTargets { mass: 0.01, center_of_mass_m: 0.003, inertia: 0.03 }),
         material_change: MATERIAL,
         seed,
-        ..LoopSettings::new(
-            problem.planning.body.clone(),
-            problem.planning.goal,
-            problem.planning.limits,
-            problem.stop,
-        )
+        ..LoopSettings::new(problem.planning.body.clone(), problem.planning.goal, problem.planning.limits, problem.stop)
     }
 }
 
