@@ -16,9 +16,7 @@ use tumble_planning::dynamics::{
     World, WrenchBox,
 };
 use tumble_planning::global::{FlightPlanner, GoalRegion};
-use tumble_planning::identification::recursive::{
-    FlightEstimator, FlightEstimatorSettings, FlightMeasurement, MotionNoise,
-};
+use tumble_planning::identification::recursive::{FlightEstimator, FlightEstimatorSettings, FlightMeasurement};
 use tumble_planning::lie::{Pose, Wrench};
 use tumble_planning::local::{CovarianceWeighting, RigidBodyModel, WrenchSet};
 use tumble_planning::mission::{
@@ -81,17 +79,7 @@ fn tug<C: Controller>(new_controller: impl FnMut(&ModelBelief) -> Result<C, Plan
     let (mass, inertia) = (belief.parameters().mass, belief.parameters().inertia_about_com()[(0, 0)]);
     // plans push less hard than the controller may, in every attitude
     let (force_n, torque_n_m) = (0.5 * FORCE_N, 0.4 * TORQUE_N_M);
-    let noise = MotionNoise {
-        attitude_rad: NOISE_RAD,
-        position_m: NOISE_M,
-        rate_rad_s: 1.0,
-        velocity_m_s: 1.0,
-        acceleration_m_s2: 1.0,
-        torque_n_m: 1e-4,
-        force_n: 1e-3,
-        drift: [1e-6; 10].into(),
-    };
-    let estimator = FlightEstimatorSettings::new(noise);
+    let estimator = FlightEstimatorSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
     let estimator = FlightEstimator::try_new(estimator, start(), 0, &belief.estimate).unwrap();
     let stretches = StretchSettings {
         measurement_sigma: [NOISE_M, f64::INFINITY, NOISE_RAD, f64::INFINITY],
@@ -151,16 +139,12 @@ fn fly<C: Controller>(flying: &mut Tug<C>, mut flown: Flown) -> Flown {
     let (mut acted, mut on_its_way, mut time_ns) = (Wrench::zero(), Vec::new(), 0);
     while flying.finished().is_none() {
         let pose = plant.state().world_from_body;
-        let seen = Pose::from_parts(
+        let world_from_body = Pose::from_parts(
             (pose.translation.vector + noise(NOISE_M)).into(),
             pose.rotation * UnitQuaternion::new(noise(NOISE_RAD)),
         );
-        let measured = FlightMeasurement {
-            stamp_ns: time_ns,
-            world_from_body: seen,
-            rate_body: None,
-            velocity_origin_world: None,
-        };
+        let (stamp_ns, rate_body, velocity_origin_world) = (time_ns, None, None);
+        let measured = FlightMeasurement { stamp_ns, world_from_body, rate_body, velocity_origin_world };
         let arrived = std::mem::replace(&mut on_its_way, vec![measured]);
         let command = flying.step(&Sensed { time_ns, acted, measurements: &arrived }, &mut flown).unwrap();
         let wrench = command.wrench_body;
