@@ -2406,6 +2406,27 @@ const MUTANTS: &[Mutant] = &[
         replacement: "let fresh = |_same: bool| true;",
         test: "-p tumble-identification --test flight_estimator frozen",
     },
+    Mutant {
+        name: "closed loop: a refused stretch is flown",
+        file: "crates/planning/src/mission/closed_loop.rs",
+        original: "Ok(Ok(answer)) if fault != PlannerFault::Refused =>",
+        replacement: "Ok(Ok(answer)) =>",
+        test: "-p tumble-planning --test custom_robot the_same_flight",
+    },
+    Mutant {
+        name: "stop limits: the easiest axis is braked",
+        file: "crates/planning/src/mission/motion.rs",
+        original: "heaviest.inertia_about_com().diagonal().max()",
+        replacement: "heaviest.inertia_about_com().diagonal().min()",
+        test: "-p tumble-planning --lib mission::motion::tests::a_stop_is_as_hard",
+    },
+    Mutant {
+        name: "vague belief: the first moment does not know the mass",
+        file: "crates/planning/src/belief.rs",
+        original: "let covariance = scaled * scaled.transpose();",
+        replacement: "let covariance = scaled.component_mul(&scaled);",
+        test: "-p tumble-planning --lib belief::tests",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

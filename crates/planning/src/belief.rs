@@ -1,5 +1,6 @@
 //! What a plan takes the robot for.
 
+use crate::local::body_by_mass_center_and_inertia;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use tumble_dynamics::InertialParameters;
 use tumble_identification::{Estimate, StandardDeviations};
@@ -35,8 +36,81 @@ impl ModelBelief {
         Self { revision, estimate }
     }
 
+    /// A body of which little is known: standard deviations of the mass as a share of it, of the centre of mass along each axis (m),
+    /// and of the inertia as a share of it, a product's as that of the moments beside it.
+    pub fn vague(
+        revision: u64,
+        parameters: InertialParameters<f64>,
+        [mass_share, center_m, inertia_share]: [f64; 3],
+    ) -> Self {
+        let moments = parameters.inertia_about_com().diagonal();
+        let [x, y, z]: [f64; 3] = moments.into();
+        let root = |a: f64, b: f64| inertia_share * f64::sqrt(a * b);
+        let inertia = Matrix3::new(
+            root(x, x),
+            root(x, y),
+            root(x, z),
+            root(x, y),
+            root(y, y),
+            root(y, z),
+            root(x, z),
+            root(y, z),
+            root(z, z),
+        );
+        let std = StandardDeviations {
+            mass_kg: mass_share * parameters.mass,
+            center_of_mass_m: Vector3::repeat(center_m),
+            inertia_about_com_kg_m2: inertia,
+        };
+        // in the order of the ten parameters
+        let sigma = InertialParameters {
+            mass: std.mass_kg,
+            first_moment: std.center_of_mass_m,
+            inertia_about_origin: std.inertia_about_com_kg_m2,
+        };
+        let mut scaled = body_by_mass_center_and_inertia(&parameters);
+        for (mut column, sigma) in scaled.column_iter_mut().zip(&sigma.to_vector()) {
+            column *= *sigma;
+        }
+        let covariance = scaled * scaled.transpose();
+        Self { revision, estimate: Estimate { parameters, covariance, std, lmi_active: false } }
+    }
+
     /// The body as it is believed to be.
     pub fn parameters(&self) -> &InertialParameters<f64> {
         &self.estimate.parameters
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The first moment is mass times centre: its variance is that of a product, and it varies with the mass.
+    #[test]
+    fn a_vague_belief_is_as_vague_as_it_says() {
+        let center = Vector3::new(0.1, 0.0, -0.2);
+        let body = InertialParameters::about_com(4.0, center, Matrix3::from_diagonal(&Vector3::new(0.2, 0.3, 0.4)));
+        let ModelBelief { estimate: Estimate { covariance, std, .. }, .. } =
+            ModelBelief::vague(3, body, [0.5, 0.02, 0.1]);
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        near(covariance[(0, 0)], 4.0);
+        for axis in 0..3 {
+            near(covariance[(1 + axis, 1 + axis)], (2.0 * center[axis]).powi(2) + (4.0 * 0.02_f64).powi(2));
+            near(covariance[(0, 1 + axis)], 4.0 * center[axis]);
+        }
+        near(std.inertia_about_com_kg_m2[(0, 2)].powi(2), 0.01 * 0.2 * 0.4);
+        // the same body about its centre: nothing but its own inertia is left
+        let centred = InertialParameters {
+            first_moment: Vector3::zeros(),
+            inertia_about_origin: body.inertia_about_com(),
+            ..body
+        };
+        let covariance = ModelBelief::vague(3, centred, [0.5, 0.0, 0.1]).estimate.covariance;
+        let moments = centred.to_vector();
+        for place in 4..10 {
+            let (sigma, moment) = (covariance[(place, place)].sqrt(), moments[place]);
+            assert!(moment == 0.0 || (sigma - 0.1 * moment).abs() < 1e-12, "{sigma} {moment}");
+        }
     }
 }

@@ -13,7 +13,7 @@ use tumble_planning::collision::{BodyShape, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::{
     AttitudeController, AttitudeLaw, AttitudeSpan, TrackedPoint, TubeController, TubeDisturbance, TubeSettings,
 };
-use tumble_planning::global::{FlightPlanner, Objective};
+use tumble_planning::global::FlightPlanner;
 use tumble_planning::local::{
     CovarianceWeighting, ExponentialWeighting, FixedWeighting, Hull, InformationWeighting, PlanarBodyModel,
     RigidBodyModel, SpeedLimits, StepWeighting, Surroundings, WrenchSet,
@@ -264,23 +264,17 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
             stretches,
             ..Schedule::default()
         },
-        period_ns: crate::simulator::CONTROL_PERIOD_NS,
         decision_periods: u64::from(control_presets::OUTPUTS_PER_DECISION),
         belief_period_ns: nanoseconds(problem.belief_period_s),
         feedback,
-        body: problem.planning.body.clone(),
-        goal: problem.planning.goal,
         at_goal: AtGoal {
             distance_m: problem.arrival.position_m,
             angle_rad: problem.arrival.attitude_rad,
             speed_m_s: problem.arrival.speed_m_s,
             rate_rad_s: problem.arrival.rate_rad_s,
         },
-        limits: problem.planning.limits,
-        objective: Objective::Duration,
         margin_m: problem.margin_m,
         check_margin_m: CHECKED_SHARE * problem.margin_m,
-        stop: problem.stop,
         way_units: computing.global_units,
         stretch_units: computing.local_units,
         computing: ComputingTime {
@@ -291,6 +285,7 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
         known: stretches.map(|_| LearningTargets { mass: 0.01, center_of_mass_m: 0.003, inertia: 0.03 }),
         material_change: MATERIAL,
         seed,
+        ..LoopSettings::new(problem.planning.body.clone(), problem.planning.goal, problem.planning.limits, problem.stop)
     }
 }
 

@@ -66,6 +66,34 @@ impl TrackedPoint {
 }
 
 impl TubeSettings {
+    /// A tube for a mass in an interval, thrusters that push by so much along each body axis, and any attitude, in world axes, without
+    /// walls: decisions every 0.2 s, twenty-five of them planned, three standard deviations of `1 / m` taken for certain.
+    ///
+    /// What disturbs, 0.3 mm, 0.15 mm/s and no force, is what a filter leaves of poses that are off by millimetres.
+    pub fn new(mass: MassInterval, force_limit_n: Vector3<f64>) -> Self {
+        Self {
+            gain: AxisGain { stiffness: 0.25, damping: 2.0, step_s: 0.2 },
+            steps: 25,
+            weights: TubeWeights::DEFAULT,
+            terminal: Terminal::StopSet,
+            speed_m_s: 0.1,
+            walls_m: [[f64::NEG_INFINITY, f64::INFINITY]; 3],
+            force_limit_n,
+            attitudes: AttitudeSpan::Any,
+            turned_by_rad: 0.01,
+            disturbance: TubeDisturbance {
+                position_m: 3e-4,
+                velocity_m_s: 1.5e-4,
+                force_n: 0.0,
+                acceleration_m_s2: 0.0,
+            },
+            mass,
+            sigmas: 3.0,
+            world_from_axes: UnitQuaternion::identity(),
+            point: TrackedPoint::BelievedCenterOfMass,
+        }
+    }
+
     /// The same, with what the error of the attitude does to the translation: forces are asked for at attitudes as far off as the
     /// certificate says, and a centre of mass believed wrongly by at most this is swung about by the turning.
     ///

@@ -6,15 +6,15 @@ use super::motion::{MissionMotion, StopLimits};
 use super::stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
 use crate::belief::{ModelBelief, Plan};
 use crate::budget::Units;
-use crate::collision::CollisionWorld;
+use crate::collision::{BodyShape, CollisionWorld, EllipsoidWorld};
 use crate::control::{ControlCommand, ControlRequest, Controller, Fallback, ReferenceMotion};
 use crate::error::PlanningError;
 use crate::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, GoalRegion, MotionLimits, Objective, Until};
-use crate::local::Surroundings;
+use crate::local::{Hull, Surroundings};
 use crate::motion::{ArcPath, BodyArc, TranslationState};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::VecDeque;
-use tumble_dynamics::PoseReference;
+use tumble_dynamics::{PoseReference, World};
 use tumble_identification::Estimate;
 use tumble_identification::IdentificationError;
 use tumble_identification::recursive::{
@@ -37,6 +37,17 @@ pub struct Scene<W> {
     pub surroundings: Surroundings,
 }
 
+impl Scene<EllipsoidWorld> {
+    /// Walls and solids at rest, for a body of this shape.
+    ///
+    /// # Errors
+    /// A world that cannot be.
+    pub fn of_world(world: &World, body: &BodyShape) -> Result<Self, PlanningError> {
+        let surroundings = Surroundings::of_world(world, Hull::Shape(body.clone()))?;
+        Ok(Self { world: EllipsoidWorld::new(world)?, surroundings })
+    }
+}
+
 /// When the robot is where it was to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AtGoal {
@@ -50,6 +61,13 @@ pub struct AtGoal {
     pub rate_rad_s: f64,
 }
 
+impl Default for AtGoal {
+    /// Two centimetres, three degrees, and hardly a motion.
+    fn default() -> Self {
+        Self { distance_m: 0.02, angle_rad: 0.05, speed_m_s: 0.005, rate_rad_s: 0.01 }
+    }
+}
+
 /// How long planning takes: a function of the work done and of chance, not of the machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComputingTime {
@@ -61,13 +79,18 @@ pub struct ComputingTime {
     pub jitter: f64,
 }
 
+impl Default for ComputingTime {
+    /// Of a small computer: a second for twenty thousand units.
+    fn default() -> Self {
+        Self { way_unit_ns: 50_000, stretch_unit_ns: 50_000, jitter: 0.3 }
+    }
+}
+
 /// What a closed loop is told about its mission.
 #[derive(Clone, Debug)]
 pub struct LoopSettings<B> {
     /// Times and limits of the decisions.
     pub schedule: Schedule,
-    /// Length of a control period, ns.
-    pub period_ns: i64,
     /// Control periods between decisions.
     pub decision_periods: u64,
     /// Time between two beliefs, ns.
@@ -102,6 +125,36 @@ pub struct LoopSettings<B> {
     pub material_change: f64,
     /// All chance follows from it.
     pub seed: u64,
+}
+
+impl<B> LoopSettings<B> {
+    /// The usual times, margins and budgets for a body of some decimetres that flies to a goal with some centimetres per second,
+    /// decides at every twelfth control period and learns as it flies.
+    ///
+    /// A way takes a second to plan, a stretch about as long; 4.5 cm are planned for around everything, and what is flown keeps 2.7.
+    /// Times of the decisions are those of [`Schedule::default`].
+    pub fn new(body: B, goal: GoalRegion, limits: MotionLimits, stop: StopLimits) -> Self {
+        Self {
+            schedule: Schedule::default(),
+            decision_periods: 12,
+            belief_period_ns: 2_000_000_000,
+            feedback: true,
+            body,
+            goal,
+            at_goal: AtGoal::default(),
+            limits,
+            objective: Objective::Duration,
+            margin_m: 0.045,
+            check_margin_m: 0.027,
+            stop,
+            way_units: 20_000,
+            stretch_units: 25_600,
+            computing: ComputingTime::default(),
+            known: None,
+            material_change: 0.15,
+            seed: 1,
+        }
+    }
 }
 
 /// What happens to a plan between asking and answering.
@@ -270,7 +323,7 @@ where
         settings: LoopSettings<W::Body>,
         scene: Scene<W>,
         planners: (G, Box<dyn StretchPlanner>),
-        mut new_controller: ControllerFactory<C>,
+        mut new_controller: impl FnMut(&ModelBelief) -> Result<C, PlanningError> + 'static,
         estimator: FlightEstimator,
         start_ns: i64,
     ) -> Result<Self, PlanningError> {
@@ -283,7 +336,7 @@ where
             way_planner: planners.0,
             stretch_planner: planners.1,
             controller: new_controller(&prior)?,
-            new_controller,
+            new_controller: Box::new(new_controller),
             way_mass_kg: prior.parameters().mass,
             belief: prior.clone(),
             prior,

@@ -26,6 +26,14 @@ pub struct StopLimits {
     pub angular_acceleration_rad_s2: f64,
 }
 
+impl StopLimits {
+    /// As hard as a force (N) and a torque (N m), in any direction, can brake a body: let it be the heaviest that there may be.
+    pub fn for_body(heaviest: &InertialParameters<f64>, force_n: f64, torque_n_m: f64) -> Self {
+        let moment = heaviest.inertia_about_com().diagonal().max();
+        Self { acceleration_m_s2: force_n / heaviest.mass, angular_acceleration_rad_s2: torque_n_m / moment }
+    }
+}
+
 /// What was planned.
 #[derive(Clone, Debug)]
 enum Planned {

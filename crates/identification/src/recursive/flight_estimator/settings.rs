@@ -72,6 +72,24 @@ impl FlightEstimatorSettings {
         }
     }
 
+    /// For a robot that sees where it is and not how fast it is, whose wrench is held for `period_s`: noise of the poses, of the wrench
+    /// 0.1 mN m and 1 mN, and a body that keeps its parameters.
+    pub fn of_poses(attitude_rad: f64, position_m: f64, period_s: f64) -> Self {
+        let unused = 1.0;
+        let noise = MotionNoise {
+            attitude_rad,
+            position_m,
+            rate_rad_s: unused,
+            velocity_m_s: unused,
+            acceleration_m_s2: unused,
+            torque_n_m: 1e-4,
+            force_n: 1e-3,
+            drift: SVector::repeat(1e-6),
+        };
+        let usual = Self::new(noise);
+        Self { wrench: WrenchErrors { period_s, ..usual.wrench }, ..usual }
+    }
+
     /// Refuses what is not positive and finite, and probabilities that are none.
     pub(super) fn check(&self) -> Result<(), IdentificationError> {
         let noise = &self.noise;

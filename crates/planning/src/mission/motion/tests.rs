@@ -410,3 +410,13 @@ fn points_are_on_the_way() {
     }
     assert_eq!(MissionMotion::resting(Pose::identity(), 1.0).points(0.1), [Vector3::zeros()]);
 }
+
+/// A stop asks for no more than the force and the torque it was made for, about the axis that is hardest to brake.
+#[test]
+fn a_stop_is_as_hard_as_the_heaviest_body_can() {
+    let body =
+        InertialParameters::about_com(5.0, Vector3::zeros(), Matrix3::from_diagonal(&Vector3::new(0.1, 0.4, 0.2)));
+    let stop = StopLimits::for_body(&body, 0.2, 0.01);
+    assert!((stop.acceleration_m_s2 * 5.0 - 0.2).abs() < 1e-15);
+    assert!((stop.angular_acceleration_rad_s2 * 0.4 - 0.01).abs() < 1e-15);
+}
