@@ -239,7 +239,9 @@ impl Flown {
     }
 
     fn advance(&mut self, time_ns: i64) {
-        while let Some((_, next, revision)) = self.next.pop_front_if(|(start_ns, ..)| *start_ns <= time_ns) {
+        while self.next.front().is_some_and(|(start_ns, ..)| *start_ns <= time_ns)
+            && let Some((_, next, revision)) = self.next.pop_front()
+        {
             (self.now, self.model_revision) = (next, revision);
         }
     }
@@ -258,7 +260,7 @@ impl ReferenceMotion for Flown {
 /// A plan on its way to the coordinator.
 enum Answer {
     Way { request: u64, way: Option<(ArcPath, u64)>, world_revision: u64 },
-    Stretch { request: u64, found: Option<(FoundStretch, StretchAnswer)> },
+    Stretch { request: u64, found: Option<Box<(FoundStretch, StretchAnswer)>> },
 }
 
 /// What the robot senses in a control period.
@@ -501,7 +503,8 @@ where
                     self.events.push_back(Event::WayFound { request, model_revision, world_revision });
                 }
                 Answer::Way { request, way: None, .. } => self.events.push_back(Event::WayRefused { request }),
-                Answer::Stretch { request, found: Some((stretch, answer)) } => {
+                Answer::Stretch { request, found: Some(found) } => {
+                    let (stretch, answer) = *found;
                     self.found = Some((request, stretch, answer));
                     self.events.push_back(Event::StretchFound { request, stretch });
                 }
@@ -591,8 +594,7 @@ where
                 self.events.push_back(Event::Offered { revision: self.belief.revision, adoption });
             }
             Action::RenewController => {
-                let believed = ModelBelief { revision: self.belief.revision, estimate: self.belief.estimate.clone() };
-                self.controller = (self.new_controller)(&believed)?;
+                self.controller = (self.new_controller)(&self.belief)?;
             }
             Action::ResetEstimator => self.estimator.restart(&self.prior.estimate)?,
             Action::WidenBelief => self.estimator.body_changed(&grasp_or_release()),
@@ -718,7 +720,7 @@ where
         };
         let fault = observer.planner_fault(request);
         let found = match answer {
-            Ok(Ok(answer)) if fault != PlannerFault::Refused => Some(self.checked(start_ns, answer)?),
+            Ok(Ok(answer)) if fault != PlannerFault::Refused => Some(Box::new(self.checked(start_ns, answer)?)),
             Err(error) => {
                 observer.refused(self.time_ns, request, &error);
                 None

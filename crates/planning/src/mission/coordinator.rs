@@ -85,6 +85,7 @@ struct Asked {
 ///
 /// # Source
 /// Thesis 6.3; what it repairs: `Phase` has no state in which a plan is flown beyond its end, and no message can set a revision back.
+#[allow(clippy::struct_excessive_bools)] // each says something else, all combinations occur
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coordinator {
     schedule: Schedule,
