@@ -126,7 +126,8 @@ fn the_command_of_a_row_flies_the_same_mission() {
     let short = String::from_utf8(whole).unwrap().replacen("duration_s = 150.0", "duration_s = 20.0", 1);
     assert!(short.contains("duration_s = 20.0"));
     fs::write(folder.join("short.toml"), short).unwrap();
-    let options = ["--missions", "2", "--shard", "1/2", "--draw", "--outside", "0.2", "--weighting", "fixed", "--out", "run"];
+    let options =
+        ["--missions", "2", "--shard", "1/2", "--draw", "--outside", "0.2", "--weighting", "fixed", "--out", "run"];
     let flown = tumble_in(&folder, &[&["campaign", "short.toml"], &options[..]].concat());
     assert_eq!(flown.status.code(), Some(3), "nothing arrives in 20 s: {}", stderr(&flown));
     let mut table = csv::Reader::from_path(folder.join("run/part-1-of-2/rows.csv")).unwrap();
@@ -149,7 +150,8 @@ fn the_command_of_a_row_flies_the_same_mission() {
         };
         assert!(is_same, "{column}: {text} in the row, {value} in the mission");
     };
-    for column in ["seed", "arrived", "mission_s", "min_clearance_m", "limit_violations", "replans", "belief_revisions"] {
+    for column in ["seed", "arrived", "mission_s", "min_clearance_m", "limit_violations", "replans", "belief_revisions"]
+    {
         same(column, &again[column]);
     }
     for column in ["impulse_n_s", "angular_impulse_n_m_s"] {
