@@ -2278,6 +2278,8 @@ const MUTANTS: &[Mutant] = &[
         original: "moments.max() * (2.0 + THICKNESS) < moments.sum()",
         replacement: "moments.max() < moments.sum()",
         test: "-p tumble-astrobee --lib scenario::fly::draw",
+    },
+    Mutant {
         name: "report: hostile names end the data",
         file: "crates/astrobee/src/mission_report/data.rs",
         original: "            '<' | '>' | '&' |",
@@ -2346,6 +2348,8 @@ const MUTANTS: &[Mutant] = &[
         original: "Some((*baseline_rows.get(k)?, *row))",
         replacement: "Some((*baseline_rows.values().next()?, *row)).filter(|_| baseline_rows.contains_key(k))",
         test: "-p tumble-astrobee --lib campaign::",
+    },
+    Mutant {
         name: "mission motion: the stop brakes twice as hard",
         file: "crates/planning/src/mission/motion/arcs.rs",
         original: "braking.position[2] = ahead * (-0.5 * speed / moving_s);",
@@ -2379,6 +2383,8 @@ const MUTANTS: &[Mutant] = &[
         original: "h * h / 8.0 * (of_motion + of_arc)",
         replacement: "h * h / 16.0 * (of_motion + of_arc)",
         test: "-p tumble-planning --lib mission::motion",
+    },
+    Mutant {
         name: "flight estimator: the start is not learned again about a better body",
         file: "crates/identification/src/recursive/flight_estimator/first_lessons.rs",
         original: "filtered.advance(rules, history, measurement.stamp_ns, Some(about));",
@@ -2426,6 +2432,18 @@ const MUTANTS: &[Mutant] = &[
         original: "let covariance = scaled * scaled.transpose();",
         replacement: "let covariance = scaled.component_mul(&scaled);",
         test: "-p tumble-planning --lib belief::tests",
+        name: "fly: draws nothing",
+        file: "crates/astrobee/src/cli/fly.rs",
+        original: "if args.draw { draw_mission",
+        replacement: "if args.json && !args.draw { draw_mission",
+        test: "-p tumble-astrobee --test campaign_command the_command_of_a_row",
+    },
+    Mutant {
+        name: "mission: planners have names of their own for the centre of mass",
+        file: "crates/astrobee/src/mission/flight.rs",
+        original: "Some(axis) => format!(\"com_{axis}\"),",
+        replacement: "Some(_) => quantity.to_owned(),",
+        test: "-p tumble-astrobee --test campaign_command the_command_of_a_row",
     },
 ];
 

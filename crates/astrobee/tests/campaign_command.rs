@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -115,4 +116,77 @@ fn a_mission_that_cannot_be_flown_is_a_row_with_its_error() {
     assert_eq!(table.lines().filter(|line| line.contains(",error,")).count(), 2, "{table}");
     let summary: Value = serde_json::from_slice(&fs::read(folder.join("run/summary.json")).unwrap()).unwrap();
     assert_eq!((&summary["all"]["errors"], &summary["all"]["arrived"]["count"]), (&2.into(), &0.into()));
+}
+
+#[test]
+fn the_command_of_a_row_flies_the_same_mission() {
+    let folder = scratch("replay");
+    // the beginning of a mission shows as much as all of it
+    let whole = succeed(&folder, &["scenario", "show", "granite-cargo"]).stdout;
+    let short = String::from_utf8(whole).unwrap().replacen("duration_s = 150.0", "duration_s = 20.0", 1);
+    assert!(short.contains("duration_s = 20.0"));
+    fs::write(folder.join("short.toml"), short).unwrap();
+    let options =
+        ["--missions", "2", "--shard", "1/2", "--draw", "--outside", "0.2", "--weighting", "fixed", "--out", "run"];
+    let flown = tumble_in(&folder, &[&["campaign", "short.toml"], &options[..]].concat());
+    assert_eq!(flown.status.code(), Some(3), "nothing arrives in 20 s: {}", stderr(&flown));
+    let mut table = csv::Reader::from_path(folder.join("run/part-1-of-2/rows.csv")).unwrap();
+    let rows: Vec<BTreeMap<String, String>> = table.deserialize().map(Result::unwrap).collect();
+    let [row] = &rows[..] else { panic!("{} rows", rows.len()) };
+    assert_eq!((row["row"].as_str(), row["status"].as_str()), ("1", "flown"), "{}", row["message"]);
+
+    let words: Vec<&str> = row["replay"].split(' ').collect();
+    assert_eq!((words[0], words[1], words[2]), ("tumble", "fly", "short.toml"));
+    assert!(row["replay"].ends_with("--draw --outside 0.2"), "{}", row["replay"]);
+    let again = tumble_in(&folder, &[&words[1..], &["--out", "again", "--json"]].concat());
+    assert_eq!(again.status.code(), Some(3), "{}", stderr(&again));
+    let again: Value = serde_json::from_slice(&again.stdout).unwrap();
+    let same = |column: &str, value: &Value| {
+        let text = &row[column];
+        let is_same = match value {
+            Value::Null => text.is_empty(),
+            Value::Number(number) => text.parse::<f64>().ok().map(f64::to_bits) == number.as_f64().map(f64::to_bits),
+            value => *text == value.to_string(),
+        };
+        assert!(is_same, "{column}: {text} in the row, {value} in the mission");
+    };
+    for column in ["seed", "arrived", "mission_s", "min_clearance_m", "limit_violations", "replans", "belief_revisions"]
+    {
+        same(column, &again[column]);
+    }
+    for column in ["impulse_n_s", "angular_impulse_n_m_s"] {
+        assert!(again[column].as_f64().unwrap() > 0.0);
+        same(column, &again[column]);
+    }
+    same("rms_tracking_all_m", &again["rms_tracking_m"]["all"]);
+    same("rms_tracking_last_leg_m", &again["rms_tracking_m"]["last_leg"]);
+    same("fallbacks", &again["fallbacks"].as_array().unwrap().len().into());
+    let parameters = again["parameters"].as_array().unwrap();
+    assert_eq!(parameters.len(), 10);
+    for parameter in parameters {
+        let name = parameter["name"].as_str().unwrap();
+        let is_in_plane = ["mass", "com_x", "com_y", "inertia_zz"].contains(&name);
+        for what in ["truth", "initial", "estimate", "sigma"] {
+            if !is_in_plane {
+                same(&format!("{name}_{what}"), &Value::Null);
+                continue;
+            }
+            same(&format!("{name}_{what}"), &parameter[what]);
+        }
+        same(&format!("{name}_shut_off_s"), &again["information_shut_off_s"][name]);
+    }
+
+    // planners speak of the parameters by the names of the summary
+    let page = fs::read_to_string(folder.join("again/report.html")).unwrap();
+    let record = tumble_astrobee::mission_report::record_of(&page).unwrap();
+    assert!(!record.stretches.is_empty());
+    for stretch in &record.stretches {
+        assert_eq!(stretch.quantities, ["mass", "inertia_zz", "com_x", "com_y"]);
+    }
+    // and what is drawn is not what the scenario says
+    let drawn = &words[1..words.len() - 3];
+    let plain = tumble_in(&folder, &[drawn, &["--out", "plain", "--json"]].concat());
+    let plain: Value = serde_json::from_slice(&plain.stdout).unwrap();
+    assert_eq!(plain["seed"], again["seed"]);
+    assert!(plain["parameters"][0]["truth"] != again["parameters"][0]["truth"]);
 }

@@ -12,6 +12,7 @@ use tumble_astrobee::cli::{
 const EXAMPLES: &str = "\
 Examples:
   tumble fly                                   a robot with cargo it does not know: learn it on the way, arrive, report
+  tumble campaign --missions 100 --draw        a hundred such robots, each another: how many arrive, how well
   tumble identify --demo                       simulate a flight, estimate, compare with the truth
   tumble identify flight.csv                   mass, centre of mass and inertia from a log
   tumble identify flight.csv --dry-run         what could this log tell, and how well?

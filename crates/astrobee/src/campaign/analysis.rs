@@ -246,14 +246,12 @@ impl Columns {
     }
 
     fn inertia_error(&self, row: &Row) -> Option<f64> {
-        let [xx, yy, zz] = MOMENTS.map(|moment| self.relative_error(row, moment));
-        Some(xx?.max(yy?).max(zz?))
+        MOMENTS.iter().filter_map(|moment| self.relative_error(row, *moment)).reduce(f64::max)
     }
 
     fn com_error_mm(&self, row: &Row) -> Option<f64> {
-        let [x, y, z] = [1, 2, 3].map(|axis| self.error(row, axis));
-        let (x, y, z) = (x?, y?, z?);
-        Some(1000.0 * (x * x + y * y + z * z).sqrt())
+        let squares = [1, 2, 3].into_iter().filter_map(|axis| self.error(row, axis)).map(|error_m| error_m * error_m);
+        Some(1000.0 * squares.reduce(|a, b| a + b)?.sqrt())
     }
 
     fn within_2_sigma(&self, row: &Row, parameter: usize) -> Option<bool> {

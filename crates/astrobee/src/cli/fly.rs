@@ -9,7 +9,7 @@ use crate::mission::{
     self, FaultChoice, FlownPeriod, FlyOptions, MissionHooks, MissionRecord, ModelChoice, WeightingChoice,
 };
 use crate::output::{OutputFolder, RUN_RECORD, unused};
-use crate::scenario::ScenarioSource;
+use crate::scenario::{ScenarioSource, draw_mission};
 use crate::{AstrobeeError, log, mission_report};
 use clap::{Args, ValueEnum};
 use std::fs::{self, File};
@@ -31,6 +31,7 @@ Examples:
   tumble fly                                     the slalom on the station with cargo that the robot does not know of
   tumble fly granite-cargo --seed 7              three degrees of freedom; another draw of all errors
   tumble fly --weighting none --feedback off     the same mission without learning for its own sake, and without using it
+  tumble fly --draw --seed 3                     another payload, another belief: the missions of `tumble campaign --draw`
   tumble fly --fault drop:3                      with half of the measurements lost; docs/missions.md lists the faults
   tumble fly my.toml --out there                 a scenario of your own (`tumble scenario show iss-cargo > my.toml`)")]
 pub struct FlyArgs {
@@ -52,6 +53,12 @@ pub struct FlyArgs {
     /// What goes wrong, and how badly: NAME or NAME:SEVERITY, severity 1 to 3.
     #[arg(long, value_name = "FAULT")]
     fault: Option<FaultChoice>,
+    /// Draw payload (0 to 10 kg) and belief (off by up to a factor of two) by the seed, as a campaign does.
+    #[arg(long)]
+    draw: bool,
+    /// With `--draw`: how far beyond the factor of two the belief may be off, as a share of it, 0 to 0.3.
+    #[arg(long, value_name = "SHARE", requires = "draw", default_value_t = 0.0, allow_negative_numbers = true)]
+    outside: f64,
     /// Folder to write [default: tumble-out/fly-SCENARIO-SEED, numbered where it exists].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -127,6 +134,7 @@ pub fn run(args: &FlyArgs) -> Result<Outcome, AstrobeeError> {
         model: args.model,
         fault: args.fault,
     };
+    let source = if args.draw { draw_mission(&source, options.seed, args.outside)? } else { source };
     let (name, seed) = (&source.scenario.name, options.seed);
     let place = match &args.out {
         Some(path) => {

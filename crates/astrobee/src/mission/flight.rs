@@ -122,6 +122,14 @@ fn ten_sigma(estimate: &Estimate) -> [f64; 10] {
     ]
 }
 
+/// A planner's quantity by its name among [`PARAMETERS`].
+fn parameter_name(quantity: &str) -> String {
+    match quantity.strip_prefix("center_of_mass_") {
+        Some(axis) => format!("com_{axis}"),
+        None => quantity.to_owned(),
+    }
+}
+
 fn seconds(time_ns: i64) -> f64 {
     time_ns as f64 * 1e-9
 }
@@ -222,11 +230,12 @@ impl LoopObserver for Notes<'_> {
 
     fn follows(&mut self, time_ns: i64, start_ns: i64, stretch: &StretchAnswer, model_revision: u64) {
         let information = stretch.sigma.iter().map(|[before, after]| 1.0 / (after * after) - 1.0 / (before * before));
-        for (name, weight) in stretch.quantities.iter().zip(&stretch.weights) {
-            let since = self.shut_off.entry((*name).to_owned()).or_default();
-            match *weight > 0.0 {
-                true => *since = None,
-                false => drop(since.get_or_insert(seconds(time_ns))),
+        let quantities: Vec<String> = stretch.quantities.iter().map(|name| parameter_name(name)).collect();
+        for (name, weight) in quantities.iter().zip(&stretch.weights) {
+            if *weight > 0.0 {
+                self.shut_off.insert(name.clone(), None);
+            } else if let Some(since) = self.shut_off.get_mut(name) {
+                since.get_or_insert(seconds(time_ns));
             }
         }
         self.stretches.push(StretchRow {
@@ -235,7 +244,7 @@ impl LoopObserver for Notes<'_> {
             end_s: stretch.motion.end_s(),
             model_revision,
             points_m: stretch.motion.points(STRETCH_POINT_S).iter().map(array).collect(),
-            quantities: stretch.quantities.iter().map(|name| (*name).to_owned()).collect(),
+            quantities,
             weights: stretch.weights.clone(),
             sigma: stretch.sigma.clone(),
             information: information.collect(),

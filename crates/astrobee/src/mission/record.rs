@@ -38,7 +38,7 @@ pub struct MissionSummary {
     pub fallbacks: Vec<FallbackRow>,
     /// What went wrong on purpose, and how often.
     pub faults: std::collections::BTreeMap<String, u64>,
-    /// When the weight of each parameter went to zero for good, s.
+    /// When the weight of each parameter that had one went to zero for good, s, by its name in [`Self::parameters`].
     pub information_shut_off_s: std::collections::BTreeMap<String, f64>,
     /// What a reader should know.
     pub warnings: Vec<String>,
@@ -179,7 +179,7 @@ pub struct StretchRow {
     pub model_revision: u64,
     /// Points of it, m, the stop after it included.
     pub points_m: Vec<[f64; 3]>,
-    /// Names of the quantities whose information has a weight.
+    /// Names of the quantities whose information has a weight, as in [`MissionSummary::parameters`] those that are parameters.
     pub quantities: Vec<String>,
     /// Weight of each.
     pub weights: Vec<f64>,

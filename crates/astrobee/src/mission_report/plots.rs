@@ -23,7 +23,7 @@ pub(super) fn title(name: &str) -> String {
     let axes = |prefix: &str| name.strip_prefix(prefix).map(str::to_owned);
     if name == "mass" {
         "Mass".into()
-    } else if let Some(axis) = axes("com_").or_else(|| axes("center_of_mass_")) {
+    } else if let Some(axis) = axes("com_") {
         format!("Centre of mass {axis}")
     } else if let Some(entry) = axes("inertia_") {
         format!("Inertia {entry}")
@@ -35,14 +35,6 @@ pub(super) fn title(name: &str) -> String {
 /// A unit in print.
 pub(super) fn unit(name: &str) -> String {
     name.replace("^2", "²")
-}
-
-/// Planners and summaries name the centre of mass differently.
-fn is_same(a: &str, b: &str) -> bool {
-    fn short(name: &str) -> String {
-        name.replace("center_of_mass_", "com_")
-    }
-    short(a) == short(b)
 }
 
 fn section(
@@ -124,7 +116,7 @@ pub(super) fn write(page: &mut String, record: &MissionRecord) {
 }
 
 fn shut_off(record: &MissionRecord, name: &str) -> Option<f64> {
-    record.summary.information_shut_off_s.iter().find(|(quantity, _)| is_same(quantity, name)).map(|(_, &t)| t)
+    record.summary.information_shut_off_s.get(name).copied()
 }
 
 fn estimates(record: &MissionRecord) -> Vec<Plot> {
@@ -172,7 +164,7 @@ fn information(record: &MissionRecord) -> Vec<Plot> {
             let (mut predicted, mut expected) = (Vec::new(), Vec::new());
             let mut sum = None;
             for stretch in &record.stretches {
-                let Some(place) = stretch.quantities.iter().position(|name| is_same(name, &parameter.name)) else {
+                let Some(place) = stretch.quantities.iter().position(|name| *name == parameter.name) else {
                     continue;
                 };
                 let Some(&[before, after]) = stretch.sigma.get(place) else { continue };
