@@ -168,15 +168,20 @@ impl Errors {
 
 fn estimator(sensing: &Sensing, start: RigidBodyState<f64>) -> Result<FlightEstimator, Failure> {
     let [position_m, velocity_m_s, attitude_rad, rate_rad_s] = *sensing;
-    let noise =
-        MotionNoise { position_m, velocity_m_s, attitude_rad, rate_rad_s, ..flight_scenario::noise() };
+    let noise = MotionNoise { position_m, velocity_m_s, attitude_rad, rate_rad_s, ..flight_scenario::noise() };
     let mut settings = FlightEstimatorSettings::new(noise);
     settings.wrench.period_s = STEP_S;
     FlightEstimator::try_new(settings, start, 0, &prior()).map_err(|error| Failure::BadInput(error.to_string()))
 }
 
 /// Flies a seed.
-pub fn fly(seed: u64, sensing: &Sensing, knowledge: Knowledge, seen: Seen, limits: &[Vector3<f64>; 2]) -> Result<Flown, Failure> {
+pub fn fly(
+    seed: u64,
+    sensing: &Sensing,
+    knowledge: Knowledge,
+    seen: Seen,
+    limits: &[Vector3<f64>; 2],
+) -> Result<Flown, Failure> {
     let (body, mut random) = drawn(seed);
     let mut state = reference(0.0).state;
     let mut estimator = estimator(sensing, state)?;
@@ -245,8 +250,8 @@ pub fn fly(seed: u64, sensing: &Sensing, knowledge: Knowledge, seen: Seen, limit
             squares = [squares[0] + away.norm_squared(), squares[1] + angle * angle];
             impulse_n_s += force_body.abs().sum() * STEP_S;
             count += 1.0;
-            let estimate = estimator.estimate();
-            if t + STEP_S >= last[1] {
+            if t + STEP_S >= last[1] - 0.5 * STEP_S {
+                let estimate = estimator.estimate();
                 let error = estimate.parameters.to_vector() - body.to_vector();
                 nees = normalized_squared_error(&error, &estimate.covariance).unwrap_or(f64::INFINITY);
             }
