@@ -18,12 +18,14 @@ use crate::targets::Report;
 /// Samples of a bootstrap.
 const RESAMPLES: usize = 4000;
 
+/// A part: it adds to the report what it found over so many seeds.
+type Part = fn(&mut Report, usize) -> Result<(), Failure>;
+
 /// Runs the part after `--only`, else all.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let seeds = arguments.number("--seeds")?.unwrap_or(80);
     let only = arguments.value("--only");
     let mut report = Report::default();
-    type Part = fn(&mut Report, usize) -> Result<(), Failure>;
     let parts: [(&str, Part); 4] = [
         ("tracking", tracking::run),
         ("coverage", missions::coverage),

@@ -7,15 +7,15 @@
 use tumble_dynamics::{
     BodyAcceleration, FreeFlyer, InertialParameters, Integrator, MuntheKaas4, PoseReference, RigidBodyState,
 };
+use tumble_identification::Estimate;
 use tumble_identification::recursive::{FlightEstimator, FlightEstimatorSettings, FlightMeasurement, MotionNoise};
 use tumble_identification::statistics::normalized_squared_error;
-use tumble_identification::{Estimate, StandardDeviations};
 use tumble_lie::{Pose, Twist, Wrench};
 use tumble_planning::control::{AttitudeController, AttitudeGains, AttitudeLaw};
 
 use crate::Failure;
 use crate::flight_estimator::flight_scenario::{self, Random};
-use nalgebra::{Matrix3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::FRAC_PI_2;
 
 pub const LEG_S: f64 = 24.0;
