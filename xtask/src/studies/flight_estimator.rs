@@ -4,7 +4,7 @@
 // The flights of `tests/flight_estimator.rs`.
 #[path = "../../../crates/identification/tests/flight_scenario/mod.rs"]
 #[allow(clippy::unwrap_used, reason = "a scenario with fixed numbers")]
-mod flight_scenario;
+pub mod flight_scenario;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

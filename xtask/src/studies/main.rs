@@ -33,6 +33,7 @@ mod local_cases;
 mod local_checker;
 mod local_plans;
 mod local_tasks;
+mod model_knowledge;
 mod original_criterion;
 mod path_checker;
 mod plain_throws;
@@ -133,6 +134,7 @@ const STUDIES: &[Program] = &[
     ("tube-tables", &["--json"], tube_tables::run),
     ("information-bought", &["--json", "--runs", "--out", "--way"], information_bought::run),
     ("flight-estimator", &["--runs", "--only"], flight_estimator::run),
+    ("model-knowledge", &["--seeds", "--only"], model_knowledge::run),
     ("attitude-certificate", &["--runs"], attitude_certificate::run),
 ];
 

@@ -83,6 +83,8 @@ pub struct FlownPeriod<'a> {
     pub estimates: &'a [LocalizationEstimate],
     /// What the estimator takes the body for, in the order of the summary, with standard deviations.
     pub estimate: ([f64; 10], [f64; 10]),
+    /// The same with its whole covariance.
+    pub belief: &'a Estimate,
     /// Number of the stretch that is flown.
     pub plan_revision: u64,
     /// Revision of the belief that the controller uses.
@@ -359,6 +361,7 @@ pub fn fly(
             measured: &measured,
             estimates: &heard,
             estimate: (ten(&estimate.parameters), ten_sigma(&estimate)),
+            belief: &estimate,
             plan_revision: plan_at(&notes.stretches, time_s),
             belief_revision: command.model_revision,
         })?;
