@@ -11,6 +11,7 @@
 mod closed_loop;
 mod coordinator;
 mod event;
+mod expected_loss;
 mod fault_plant;
 mod informative_stretch;
 mod motion;
@@ -26,6 +27,7 @@ pub use closed_loop::{
 };
 pub use coordinator::{Coordinator, Schedule};
 pub use event::{Action, Ambition, Event, FoundStretch, Note, Standing, StartFrom, TimedEvent};
+pub use expected_loss::ExpectedLoss;
 pub use fault_plant::{FaultPlant, NoFault, PlantFault};
 pub use informative_stretch::InformativeStretch;
 pub use motion::{MissionMotion, StopLimits};

@@ -331,7 +331,7 @@ where
     let quantity = |index: usize| Quantity {
         name: knowledge.names[index],
         unit: knowledge.units[index],
-        believed: places(local.unknowns).get(index).map(|place| central[*place]),
+        believed: local.unknowns.places().get(index).map(|place| central[*place]),
         weight: weights[index],
         prior_sigma: f64::sqrt(prior[(index, index)].max(0.0)),
         sigmas: (0..nodes).filter_map(|node| Some(trajectory?.sigma(node)?[index])).collect(),
@@ -373,16 +373,6 @@ fn central(body: &InertialParameters<f64>) -> SVector<f64, PARAMETERS> {
     .to_vector()
 }
 
-/// Places of the quantities in [`central`], in the order of the models; nuisances follow them.
-fn places(unknowns: UnknownsName) -> &'static [usize] {
-    match unknowns {
-        UnknownsName::Principal => &[0, 4, 7, 9],
-        UnknownsName::Full => &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9],
-        UnknownsName::Planar => &[0, 9],
-        UnknownsName::PlanarCom => &[0, 9, 1, 2],
-    }
-}
-
 /// The size against which a deviation of a quantity is large or small.
 fn size(body: &InertialParameters<f64>, place: usize) -> f64 {
     let inertia = body.inertia_about_com();
@@ -404,7 +394,7 @@ fn size(body: &InertialParameters<f64>, place: usize) -> f64 {
 fn weights<const P: usize>(task: &Task<'_>, prior: &SMatrix<f64, P, P>) -> Result<[f64; P], PlanningError> {
     let local = task.local;
     let body = local.belief.parameters();
-    let places = places(local.unknowns);
+    let places = local.unknowns.places();
     // Nuisances have no weight.
     let written =
         |values: &Option<Vec<f64>>, index: usize| values.as_ref().and_then(|values| values.get(index).copied());

@@ -19,8 +19,8 @@ use tumble_planning::local::{
     RigidBodyModel, SpeedLimits, StepWeighting, Surroundings, WrenchSet,
 };
 use tumble_planning::mission::{
-    AtGoal, ClosedLoop, ComputingTime, ControllerFactory, InformativeStretch, LoopSettings, Scene, Schedule,
-    StretchPlanner, StretchSettings,
+    AtGoal, ClosedLoop, ComputingTime, ControllerFactory, ExpectedLoss, InformativeStretch, LoopSettings, Scene,
+    Schedule, StretchModel, StretchPlanner, StretchSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
@@ -41,6 +41,8 @@ const MATERIAL: f64 = 0.15;
 const STRETCH_MARGIN_SHARE: f64 = 0.9;
 /// A stretch may be so much faster than the way, to leave it and come back.
 const FASTER: f64 = 1.15;
+/// Natural frequencies of rotation and position of what follows a way, for what deviations from it cost, rad/s.
+const TRACKER_RAD_S: [f64; 2] = [0.6, 0.5];
 /// Share of the rate limit that plans use.
 const RATE_SHARE: f64 = 0.6;
 /// Share of the margin that is kept by what is flown; the rest is what planners may be off by.
@@ -141,31 +143,45 @@ pub fn stretch_planner(
     let height_m = problem.planning.start.position.z;
     let on_table = || WrenchSet { limit: [torque.z, force.x, force.y], half_spaces: Vec::new() };
     Ok(match problem.unknowns {
-        UnknownsName::Principal => Box::new(InformativeStretch::try_new(
-            RigidBodyModel::principal(),
-            &settings,
-            in_space(),
-            weighting::<4>(problem, choice, &[1, 2, 3])?,
-        )?),
-        UnknownsName::Full => Box::new(InformativeStretch::try_new(
-            RigidBodyModel::full(),
-            &settings,
-            in_space(),
-            weighting::<10>(problem, choice, &[4, 5, 6, 7, 8, 9])?,
-        )?),
-        UnknownsName::Planar => Box::new(InformativeStretch::try_new(
-            PlanarBodyModel::mass_and_inertia().at_height(height_m),
-            &settings,
-            on_table(),
-            weighting::<2>(problem, choice, &[1])?,
-        )?),
-        UnknownsName::PlanarCom => Box::new(InformativeStretch::try_new(
-            PlanarBodyModel::full().at_height(height_m),
-            &settings,
-            on_table(),
-            weighting::<4>(problem, choice, &[1])?,
-        )?),
+        UnknownsName::Principal => {
+            boxed(RigidBodyModel::principal(), &settings, in_space(), problem, (choice, &[1, 2, 3]))?
+        }
+        UnknownsName::Full => {
+            boxed(RigidBodyModel::full(), &settings, in_space(), problem, (choice, &[4, 5, 6, 7, 8, 9]))?
+        }
+        UnknownsName::Planar => {
+            let model = PlanarBodyModel::mass_and_inertia().at_height(height_m);
+            boxed(model, &settings, on_table(), problem, (choice, &[1]))?
+        }
+        UnknownsName::PlanarCom => {
+            let model = PlanarBodyModel::full().at_height(height_m);
+            boxed(model, &settings, on_table(), problem, (choice, &[1]))?
+        }
     })
+}
+
+/// A planner of stretches for a model, `inertia` the places of the moments of inertia among its quantities.
+fn boxed<M, const X: usize, const U: usize, const P: usize>(
+    model: M,
+    settings: &StretchSettings,
+    wrench: WrenchSet<U>,
+    problem: &MissionProblem,
+    (choice, inertia): (WeightingChoice, &[usize]),
+) -> Result<Box<dyn StretchPlanner>, PlanningError>
+where
+    M: StretchModel<X, U, P> + Clone + 'static,
+    M::State: 'static,
+{
+    let planner = InformativeStretch::try_new(model, settings, wrench, weighting::<P>(problem, choice, inertia)?)?;
+    if choice != WeightingChoice::Belief {
+        return Ok(Box::new(planner));
+    }
+    let places = problem.unknowns.places();
+    Ok(Box::new(planner.weighted_by_loss(ExpectedLoss {
+        tracker_rad_s: TRACKER_RAD_S,
+        tracking: settings.tracking,
+        places: std::array::from_fn(|index| places.get(index).copied().unwrap_or(usize::MAX)),
+    })))
 }
 
 fn weighting<const P: usize>(
@@ -177,7 +193,9 @@ fn weighting<const P: usize>(
     let base: [f64; P] = each(&problem.weighting.gamma0);
     let only = |kept: &[usize]| std::array::from_fn(|i| if kept.contains(&i) { base[i] } else { 0.0 });
     Ok(match choice {
-        WeightingChoice::Covariance | WeightingChoice::Belief => Box::new(CovarianceWeighting::try_new(
+        // by expected loss nothing of this is asked
+        WeightingChoice::Belief => Box::new(FixedWeighting::try_new([0.0; P])?),
+        WeightingChoice::Covariance => Box::new(CovarianceWeighting::try_new(
             base,
             each(&problem.weighting.target_variance),
             problem.weighting.alpha,

@@ -137,6 +137,16 @@ impl UnknownsName {
         }
     }
 
+    /// Places of the quantities among mass, centre of mass and inertia about it (xx, xy, xz, yy, yz, zz), in the order of the models.
+    pub fn places(self) -> &'static [usize] {
+        match self {
+            UnknownsName::Principal => &[0, 4, 7, 9],
+            UnknownsName::Full => &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9],
+            UnknownsName::Planar => &[0, 9],
+            UnknownsName::PlanarCom => &[0, 9, 1, 2],
+        }
+    }
+
     /// Whether they are those of a robot on the table.
     pub fn is_planar(self) -> bool {
         matches!(self, Self::Planar | Self::PlanarCom)

@@ -1,5 +1,6 @@
 //! Stretches by the informative planner.
 
+use super::expected_loss::ExpectedLoss;
 use super::stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
 use super::stretch_model::StretchModel;
 use super::stretch_settings::{Arrival, StretchSettings};
@@ -23,6 +24,7 @@ pub struct InformativeStretch<M: StretchModel<X, U, P>, const X: usize, const U:
     /// Asked what is known.
     model: M,
     weighting: Box<dyn InformationWeighting<P>>,
+    expected_loss: Option<ExpectedLoss<P>>,
     arrival: Arrival,
     step_s: f64,
     steps: usize,
@@ -57,6 +59,7 @@ impl<M: StretchModel<X, U, P> + Clone, const X: usize, const U: usize, const P: 
             planner: InformativePlanner::try_new(model.clone(), local)?,
             model,
             weighting,
+            expected_loss: None,
             arrival: settings.arrival,
             step_s: settings.step_s,
             steps: settings.steps,
@@ -68,6 +71,12 @@ impl<M: StretchModel<X, U, P> + Clone, const X: usize, const U: usize, const P: 
 }
 
 impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> InformativeStretch<M, X, U, P> {
+    /// The same with weights by what uncertainty is expected to cost on the rest of the way, whatever the weighting says.
+    #[must_use]
+    pub fn weighted_by_loss(self, expected_loss: ExpectedLoss<P>) -> Self {
+        Self { expected_loss: Some(expected_loss), ..self }
+    }
+
     /// The last plan there was.
     pub fn last_plan(&self) -> Option<&LocalTrajectory<M::State, U, P>> {
         self.last.as_ref()
@@ -88,6 +97,9 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
         let (initial, duration_s) = *self.first.get_or_insert((covariance, task.way.duration_s().max(self.step_s)));
         if !task.is_informative {
             return Ok([0.0; P]);
+        }
+        if let Some(expected_loss) = &self.expected_loss {
+            return expected_loss.weights(task, self.step_s * self.steps as f64, self.step_s);
         }
         let context = WeightingContext::try_new(covariance, initial, task.elapsed_s.max(0.0), duration_s)?;
         self.weighting.weights(&context)
