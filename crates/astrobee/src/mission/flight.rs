@@ -1,5 +1,6 @@
 //! A mission, flown.
 
+use super::invariants;
 use super::faults::{Faults, LateObstacle, Sabotage};
 use super::layers::{AstrobeeLoop, closed_loop, scene};
 use super::options::FlyOptions;
@@ -21,7 +22,7 @@ use tumble_planning::ModelBelief;
 use tumble_planning::collision::{CollisionWorld, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::ControlCommand;
 use tumble_planning::global::GlobalAnswer;
-use tumble_planning::mission::{Action, Event, Layer, LoopObserver, PlannerFault, Sensed, StretchAnswer, TimedEvent};
+use tumble_planning::mission::{Action, Event, InvariantWatch, Layer, LoopObserver, PlannerFault, Sensed, StretchAnswer, TimedEvent};
 
 /// Control periods between two rows of the series.
 const BETWEEN_ROWS: u64 = 12;
@@ -32,8 +33,6 @@ const TREE_EDGES: usize = 2000;
 const STRETCH_POINT_S: f64 = 0.6;
 /// Radius of an obstacle that shows up late, m.
 const LATE_RADIUS_M: f64 = 0.15;
-/// What rounding may exceed a limit by, as a share.
-const ROUNDING: f64 = 1e-9;
 /// The ten parameters, and their units.
 pub(super) const PARAMETERS: [(&str, &str); 10] = [
     ("mass", "kg"),
@@ -256,8 +255,8 @@ impl LoopObserver for Notes<'_> {
 }
 
 /// What is added up while flying.
-#[derive(Default)]
 struct Sums {
+    watch: InvariantWatch,
     series: Series,
     violations: u64,
     impulse_n_s: f64,
@@ -298,8 +297,7 @@ pub fn fly(
         shut_off: BTreeMap::new(),
         faults,
     };
-    let mut sums =
-        Sums { account: ControlAccount::with_decisions(BETWEEN_ROWS as i64 * CONTROL_PERIOD_NS), ..Sums::default() };
+    let mut sums = Sums::watched_by(invariants::watch(&problem));
     sums.series.force_limit_n = array(&problem.force_limit_n);
     sums.series.torque_limit_n_m = array(&problem.torque_limit_n_m);
     let (mut acted, mut arrived, mut heard) = (Wrench::zero(), Vec::<FlightMeasurement>::new(), Vec::new());
@@ -329,8 +327,10 @@ pub fn fly(
         }
         let sensed = Sensed { time_ns, acted, measurements: &arrived };
         let command = flying.step(&sensed, &mut notes).map_err(AstrobeeError::Planning)?;
-        sums.look(&problem, &flying, &judge, periods)?;
-        sums.command(&problem, &command, time_ns);
+        let clearance_m = sums.look(&problem, &flying, &judge, periods)?;
+        let is_over = invariants::look(&mut sums.watch, &problem, &flying, &command, (time_ns, clearance_m));
+        sums.violations += u64::from(is_over);
+        sums.account.commanded(time_ns, &command);
         mark_used(&mut notes.beliefs, &command, time_s);
         let change = notes.faults.before_step(time_ns, &command.wrench_body);
         change.apply(&mut problem.flight.simulator)?;
@@ -405,13 +405,26 @@ fn mark_used(beliefs: &mut [BeliefRow], command: &ControlCommand, time_s: f64) {
 }
 
 impl Sums {
+    fn watched_by(watch: InvariantWatch) -> Self {
+        Self {
+            watch,
+            series: Series::default(),
+            violations: 0,
+            impulse_n_s: 0.0,
+            angular_impulse_n_m_s: 0.0,
+            squares: Vec::new(),
+            min_clearance_m: None,
+            account: ControlAccount::with_decisions(BETWEEN_ROWS as i64 * CONTROL_PERIOD_NS),
+        }
+    }
+
     fn look(
         &mut self,
         problem: &MissionProblem,
         flying: &AstrobeeLoop,
         judge: &EllipsoidWorld,
         periods: u64,
-    ) -> Result<(), AstrobeeError> {
+    ) -> Result<Option<f64>, AstrobeeError> {
         let simulator = &problem.flight.simulator;
         let (state, time_s) = (simulator.state(), seconds(simulator.time_ns()));
         let pose = &state.world_from_body;
@@ -427,7 +440,7 @@ impl Sums {
         let error_m = (pose.translation.vector - wanted.translation.vector).norm();
         self.squares.push((time_s, error_m * error_m));
         if !periods.is_multiple_of(BETWEEN_ROWS) {
-            return Ok(());
+            return Ok(clearance_m);
         }
         let turn: Vector3<f64> = LieGroup::log(&(wanted.rotation.inverse() * pose.rotation));
         let estimate = flying.estimator().estimate();
@@ -447,17 +460,7 @@ impl Sums {
         series.estimate.push(ten(&estimate.parameters));
         series.sigma.push(ten_sigma(&estimate));
         series.belief_revision.push(flying.command().map_or(0, |command| command.model_revision));
-        Ok(())
-    }
-
-    fn command(&mut self, problem: &MissionProblem, command: &ControlCommand, time_ns: i64) {
-        let Wrench { torque, force } = &command.wrench_body;
-        let is_over = |value: &Vector3<f64>, limit: &Vector3<f64>| {
-            value.iter().zip(limit).any(|(value, limit)| value.is_nan() || value.abs() > limit * (1.0 + ROUNDING))
-        };
-        self.violations +=
-            u64::from(is_over(force, &problem.force_limit_n) || is_over(torque, &problem.torque_limit_n_m));
-        self.account.commanded(time_ns, command);
+        Ok(clearance_m)
     }
 
     fn acted(&mut self, measured: &SimulatorMeasurement, periods: u64) {
@@ -513,7 +516,7 @@ fn record(
         earlier.iter_mut().skip(1).for_each(|way| way.tree_m.clear());
     }
     let counts = flying.estimator().counts();
-    let mut warnings = Vec::new();
+    let mut warnings = invariants::warnings(&sums.watch);
     if counts.gated > 0 {
         warnings.push(format!("{} measurements did not fit what was expected and were not used", counts.gated));
     }

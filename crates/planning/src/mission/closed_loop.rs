@@ -334,6 +334,16 @@ where
         self.flown.at(time_s)
     }
 
+    /// When the newest command was computed, ns.
+    pub fn time_ns(&self) -> i64 {
+        self.time_ns
+    }
+
+    /// When what is being flown comes to rest, ns.
+    pub fn rests_from_ns(&self) -> i64 {
+        nanoseconds(self.flown.rest_s())
+    }
+
     /// Whether the mission is over, and the robot where it was to be.
     pub fn finished(&self) -> Option<bool> {
         self.finished
@@ -394,7 +404,7 @@ where
         self.sense(sensed, observer);
         self.receive();
         if self.time_ns >= self.next_belief_ns {
-            self.next_belief_ns += self.settings.belief_period_ns;
+            self.next_belief_ns = self.time_ns + self.settings.belief_period_ns;
             self.believe();
         }
         self.flown.advance(self.time_ns);
@@ -537,7 +547,11 @@ where
                 let believed = ModelBelief { revision: self.belief.revision, estimate: self.belief.estimate.clone() };
                 self.controller = (self.new_controller)(&believed)?;
             }
-            Action::ResetEstimator => self.estimator.restart(&self.prior.estimate)?,
+            Action::ResetEstimator => {
+                self.estimator.restart(&self.prior.estimate)?;
+                // nothing may be planned with what was believed before
+                self.next_belief_ns = self.time_ns;
+            }
             Action::WidenBelief => self.estimator.body_changed(&grasp_or_release()),
             Action::Finish { has_arrived } => self.finished = Some(has_arrived),
             Action::Note(_) => {}
