@@ -2406,6 +2406,41 @@ const MUTANTS: &[Mutant] = &[
         replacement: "let fresh = |_same: bool| true;",
         test: "-p tumble-identification --test flight_estimator frozen",
     },
+    Mutant {
+        name: "mission: beliefs without numbers of their own",
+        file: "crates/planning/src/mission/closed_loop.rs",
+        original: "let revision = self.belief.revision + 1;",
+        replacement: "let revision = 1;",
+        test: "-p tumble-astrobee --test fault_campaign starts_anew",
+    },
+    Mutant {
+        name: "mission: plans are flown however late they come",
+        file: "crates/planning/src/mission/coordinator.rs",
+        original: "let is_late = self.now_ns > stretch.start_ns || ",
+        replacement: "let is_late = ",
+        test: "-p tumble-astrobee --test fault_campaign expired",
+    },
+    Mutant {
+        name: "mission: measurements go with the wrench of their arrival",
+        file: "crates/astrobee/src/mission/flight.rs",
+        original: "stamp_ns: estimate.stamp_ns,",
+        replacement: "stamp_ns: estimate.arrival_ns,",
+        test: "-p tumble-astrobee --test fault_campaign a_second_late",
+    },
+    Mutant {
+        name: "mission: a jump of the localisation is taken for a motion",
+        file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
+        original: "if nis <= limit {",
+        replacement: "if nis.is_finite() {",
+        test: "-p tumble-astrobee --test fault_campaign from_elsewhere",
+    },
+    Mutant {
+        name: "mission: planners that do not answer are waited for",
+        file: "crates/planning/src/mission/coordinator.rs",
+        original: "self.now_ns > asked.start_ns.saturating_add(self.schedule.patience_ns)",
+        replacement: "self.now_ns == i64::MAX && asked.request > 0",
+        test: "-p tumble-planning --test coordinator never_answer",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

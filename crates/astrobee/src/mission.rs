@@ -14,6 +14,6 @@ pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly};
 pub use layers::{AstrobeeLoop, closed_loop, scene};
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice, WeightingChoice};
 pub use record::{
-    BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow,
-    Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
+    BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
+    ParameterRow, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
 };

@@ -2,13 +2,11 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use tumble_astrobee::mission::{
-    FlyOptions, MissionRecord, ModelChoice, NoHooks, WeightingChoice, fly, replay_line,
-};
+use tumble_astrobee::mission::{FlyOptions, MissionRecord, ModelChoice, NoHooks, WeightingChoice, fly, replay_line};
 use tumble_astrobee::scenario::ScenarioSource;
 
 fn flown(scenario: &str, fault: &str, seed: u64) -> MissionRecord {
-    let source = ScenarioSource::load(scenario).unwrap();
+    let source = ScenarioSource::find(scenario).unwrap();
     let fault = Some(fault.parse().unwrap());
     let options = FlyOptions {
         seed,
@@ -34,4 +32,49 @@ fn arrives(scenario: &str, fault: &str, seed: u64) -> MissionRecord {
 
 fn says(record: &MissionRecord, text: &str) -> bool {
     record.events.iter().any(|event| event.text.contains(text))
+}
+
+/// Largest distance between where the robot is and where it believes it is, of what is kept, m.
+fn lost_m(record: &MissionRecord) -> f64 {
+    let series = &record.series;
+    let apart = series
+        .position_m
+        .iter()
+        .zip(&series.believed_position_m)
+        .map(|(there, believed)| there.iter().zip(believed).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt());
+    apart.fold(0.0, f64::max)
+}
+
+#[test]
+fn planners_that_die_or_are_late_are_asked_again_and_nothing_expired_is_flown() {
+    let record = arrives("granite-cargo", "planner:3", 1);
+    assert!(says(&record, "Refused") || says(&record, "Unanswered") || says(&record, "TooLate"));
+}
+
+#[test]
+fn a_computer_that_starts_anew_keeps_its_belief_and_builds_another_controller() {
+    let record = arrives("granite-cargo", "power:3", 1);
+    assert!(says(&record, "Restarted") && says(&record, "a new controller"));
+    let restart = record.events.iter().rfind(|event| event.text.contains("Restarted")).unwrap();
+    let since = |belief: &&tumble_astrobee::mission::BeliefRow| belief.t_s > restart.t_s;
+    assert!(record.beliefs.iter().filter(since).count() > 3, "beliefs go on after it");
+    assert!(record.beliefs.is_sorted_by(|a, b| a.revision < b.revision));
+}
+
+#[test]
+fn an_obstacle_that_shows_up_late_stops_the_robot() {
+    let record = flown("iss-cargo", "late-obstacle:1", 1);
+    assert!(says(&record, "Obstacle") && says(&record, "stop"));
+}
+
+#[test]
+fn estimates_from_elsewhere_are_not_believed_until_the_rule_says_so() {
+    let record = arrives("granite-cargo", "jump:3", 1);
+    assert!(says(&record, "the localisation moved for good"));
+}
+
+#[test]
+fn what_comes_a_second_late_is_put_where_it_belongs() {
+    let record = arrives("granite-cargo", "delay:3", 1);
+    assert!(lost_m(&record) < 0.02, "{}", lost_m(&record));
 }

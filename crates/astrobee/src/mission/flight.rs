@@ -1,12 +1,12 @@
 //! A mission, flown.
 
-use super::invariants;
 use super::faults::{Faults, LateObstacle, Sabotage};
+use super::invariants;
 use super::layers::{AstrobeeLoop, closed_loop, scene};
 use super::options::FlyOptions;
 use super::record::{
-    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow,
-    Series, StretchRow, TrackingRms, WayRow,
+    BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
+    ParameterRow, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
 };
 use crate::AstrobeeError;
 use crate::scenario::{MissionProblem, ScenarioSource};
@@ -22,7 +22,9 @@ use tumble_planning::ModelBelief;
 use tumble_planning::collision::{CollisionWorld, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::ControlCommand;
 use tumble_planning::global::GlobalAnswer;
-use tumble_planning::mission::{Action, Event, InvariantWatch, Layer, LoopObserver, PlannerFault, Sensed, StretchAnswer, TimedEvent};
+use tumble_planning::mission::{
+    Action, Event, InvariantWatch, Layer, LoopObserver, PlannerFault, Sensed, StretchAnswer, TimedEvent,
+};
 
 /// Control periods between two rows of the series.
 const BETWEEN_ROWS: u64 = 12;
@@ -142,6 +144,9 @@ struct Notes<'a> {
     events: Vec<MissionEvent>,
     shut_off: BTreeMap<String, Option<f64>>,
     faults: Faults,
+    unavoidable: Option<String>,
+    /// The first stretch that was flown after its time.
+    expired: Option<String>,
 }
 
 impl Notes<'_> {
@@ -216,6 +221,11 @@ impl LoopObserver for Notes<'_> {
     }
 
     fn follows(&mut self, time_ns: i64, start_ns: i64, stretch: &StretchAnswer, model_revision: u64) {
+        if start_ns < time_ns {
+            let (at_s, late_s) = (seconds(time_ns), seconds(time_ns - start_ns));
+            self.expired
+                .get_or_insert_with(|| format!("{BROKEN_INVARIANT}{at_s:.3} s: a plan {late_s} s old was flown"));
+        }
         let information = stretch.sigma.iter().map(|[before, after]| 1.0 / (after * after) - 1.0 / (before * before));
         for (name, weight) in stretch.quantities.iter().zip(&stretch.weights) {
             let since = self.shut_off.entry((*name).to_owned()).or_default();
@@ -296,6 +306,8 @@ pub fn fly(
         events: Vec::new(),
         shut_off: BTreeMap::new(),
         faults,
+        unavoidable: None,
+        expired: None,
     };
     let mut sums = Sums::watched_by(invariants::watch(&problem));
     sums.series.force_limit_n = array(&problem.force_limit_n);
@@ -313,6 +325,7 @@ pub fn fly(
         if let Some(obstacle) = late.take_if(|late| late.appears_s <= time_s)
             && let Some(obstacle) = in_the_way(&flying, &problem, &obstacle, time_s)
         {
+            notes.unavoidable.extend(too_late(&problem, &obstacle, time_s));
             extra.push(obstacle);
             judge = scene(&problem, f64::INFINITY, &extra).map_err(AstrobeeError::Planning)?.world;
             let seen = scene(&problem, time_s, &extra).map_err(AstrobeeError::Planning)?;
@@ -376,6 +389,27 @@ fn in_the_way(
         semi_axes: Vector3::repeat(LATE_RADIUS_M),
     };
     Some(MovingObstacle::at_rest(ellipsoid).present(time_s, f64::INFINITY))
+}
+
+/// That no force within the limits, at its full from now on, stops the robot before an obstacle; none where one does.
+fn too_late(problem: &MissionProblem, obstacle: &MovingObstacle, time_s: f64) -> Option<String> {
+    let simulator = &problem.flight.simulator;
+    let (state, body) = (simulator.state(), simulator.body());
+    let pose = &state.world_from_body;
+    let to_obstacle = obstacle.ellipsoid.world_from_ellipsoid.translation.vector - pose.translation.vector;
+    let distance_m = to_obstacle.norm();
+    let gap_m = distance_m - LATE_RADIUS_M - problem.planning.body.bounding_radius_m();
+    let direction_body = pose.rotation.inverse() * (to_obstacle / distance_m);
+    let closing_m_s = state.twist_body.linear.dot(&direction_body).max(0.0);
+    // all axes at their limits: the most that there is against this direction, whatever it does to the side
+    let force_n = direction_body.abs().dot(&problem.force_limit_n);
+    let braking_m = closing_m_s * closing_m_s * body.mass / (2.0 * force_n);
+    (braking_m > gap_m).then(|| {
+        format!(
+            "{UNAVOIDABLE}at {time_s:.1} s something showed up {gap_m:.3} m ahead, and to stop from {closing_m_s:.3} m/s with \
+             {force_n:.2} N takes {braking_m:.3} m"
+        )
+    })
 }
 
 fn sabotaged(estimate: &Estimate, sabotage: &Sabotage) -> Estimate {
@@ -504,7 +538,7 @@ fn record(
         estimate: columns[2][index],
         sigma: columns[3][index],
     };
-    let Notes { mut ways, stretches, beliefs, mut events, shut_off, faults, .. } = notes;
+    let Notes { mut ways, stretches, beliefs, mut events, shut_off, faults, unavoidable, expired, .. } = notes;
     for event in problem.flight.simulator.events() {
         let kind = if event.event.is_violation() { "violation" } else { "simulator" };
         let text = event.event.to_string();
@@ -517,6 +551,8 @@ fn record(
     }
     let counts = flying.estimator().counts();
     let mut warnings = invariants::warnings(&sums.watch);
+    warnings.extend(expired);
+    warnings.extend(unavoidable);
     if counts.gated > 0 {
         warnings.push(format!("{} measurements did not fit what was expected and were not used", counts.gated));
     }

@@ -313,7 +313,8 @@ impl Coordinator {
 
     /// A planner that does not answer may be dead: it is asked again.
     fn lose_patience(&mut self, asked: Option<Asked>, actions: &mut Vec<Action>) {
-        if let Some(asked) = asked.filter(|asked| self.now_ns > asked.start_ns.saturating_add(self.schedule.patience_ns))
+        if let Some(asked) =
+            asked.filter(|asked| self.now_ns > asked.start_ns.saturating_add(self.schedule.patience_ns))
         {
             actions.push(Action::Note(Note::Unanswered { request: asked.request }));
             self.rest(StartFrom::Reference, 0);
