@@ -2441,6 +2441,13 @@ const MUTANTS: &[Mutant] = &[
         replacement: "self.now_ns == i64::MAX && asked.request > 0",
         test: "-p tumble-planning --test coordinator never_answer",
     },
+    Mutant {
+        name: "mission: every stop is the gentle one",
+        file: "crates/planning/src/mission/closed_loop.rs",
+        original: "const HARDER_STOPS: u32 = 3;",
+        replacement: "const HARDER_STOPS: u32 = 0;",
+        test: "-p tumble-astrobee --test fault_campaign shows_up_late",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

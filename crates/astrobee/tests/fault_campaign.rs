@@ -65,6 +65,10 @@ fn a_computer_that_starts_anew_keeps_its_belief_and_builds_another_controller() 
 fn an_obstacle_that_shows_up_late_stops_the_robot() {
     let record = flown("iss-cargo", "late-obstacle:1", 1);
     assert!(says(&record, "Obstacle") && says(&record, "stop"));
+    assert!(record.summary.unavoidable().is_none(), "{:?}", record.summary.warnings);
+    // half a second before the contact nothing can be done, and that is said
+    let record = flown("iss-cargo", "late-obstacle:3", 1);
+    assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m < 0.0));
 }
 
 #[test]

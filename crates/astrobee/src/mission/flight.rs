@@ -391,7 +391,7 @@ fn in_the_way(
     Some(MovingObstacle::at_rest(ellipsoid).present(time_s, f64::INFINITY))
 }
 
-/// That no force within the limits, at its full from now on, stops the robot before an obstacle; none where one does.
+/// That no force within the limits, at its full from now on, stops the robot on its line to an obstacle; none where one does.
 fn too_late(problem: &MissionProblem, obstacle: &MovingObstacle, time_s: f64) -> Option<String> {
     let simulator = &problem.flight.simulator;
     let (state, body) = (simulator.state(), simulator.body());
@@ -401,8 +401,9 @@ fn too_late(problem: &MissionProblem, obstacle: &MovingObstacle, time_s: f64) ->
     let gap_m = distance_m - LATE_RADIUS_M - problem.planning.body.bounding_radius_m();
     let direction_body = pose.rotation.inverse() * (to_obstacle / distance_m);
     let closing_m_s = state.twist_body.linear.dot(&direction_body).max(0.0);
-    // all axes at their limits: the most that there is against this direction, whatever it does to the side
-    let force_n = direction_body.abs().dot(&problem.force_limit_n);
+    // as hard as one can push against this direction and no other
+    let shares = direction_body.iter().zip(&problem.force_limit_n).filter(|(share, _)| share.abs() > 1e-6);
+    let force_n = shares.map(|(share, limit)| limit / share.abs()).fold(f64::INFINITY, f64::min);
     let braking_m = closing_m_s * closing_m_s * body.mass / (2.0 * force_n);
     (braking_m > gap_m).then(|| {
         format!(
