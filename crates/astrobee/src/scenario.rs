@@ -458,8 +458,9 @@ impl ScenarioSource {
     /// [`AstrobeeError::NoSuchScenario`], [`AstrobeeError::Unreadable`], [`AstrobeeError::BadScenario`].
     pub fn find(name: &str) -> Result<Self, AstrobeeError> {
         let path = Path::new(name);
-        if !path.exists() {
-            let embedded = EMBEDDED.iter().find(|embedded| embedded.name == name);
+        let embedded = EMBEDDED.iter().find(|embedded| embedded.name == name);
+        // a folder of that name, such as one of results, hides nothing
+        if !path.exists() || (path.is_dir() && embedded.is_some()) {
             return match embedded {
                 Some(embedded) => Self::parse(path, embedded.text),
                 None => Err(AstrobeeError::NoSuchScenario {

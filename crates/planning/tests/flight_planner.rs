@@ -269,6 +269,42 @@ fn a_body_turns_through_a_gap_that_its_bounding_ball_does_not_fit() {
     assert!(matches!(answer.status, Status::Infeasible(Obstruction::Enclosed { .. })), "{:?}", answer.status);
 }
 
+/// At the limits of rate and torque this body's centre of mass would take more than the force there is to go round the origin:
+/// it turns more slowly, and the force on the centre of mass stays within the limit all the way.
+#[test]
+fn a_body_off_its_centre_turns_as_slowly_as_it_must() {
+    let offset = Vector3::new(0.036, -0.028, 0.008);
+    let body = InertialParameters::about_com(12.7, offset, Matrix3::identity() * 0.2);
+    let belief = ModelBelief::certain(1, body);
+    let world = world(slalom());
+    let ball = BodyShape::sphere(0.15).expect("a body");
+    let mut request = GlobalRequest { until: Until::FirstPlan, ..request(&world, &ball, &belief) };
+    let force_n = 0.0436;
+    request.limits.force_n = Vector3::repeat(force_n);
+    request.limits.torque_n_m = Vector3::repeat(0.0077);
+    request.limits.rate_rad_s = 0.2;
+    request.attitude = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -1.55);
+    request.goal.attitude = Some(UnitQuaternion::identity());
+    let mut planner = FlightPlanner::default();
+    for seed in 0..5 {
+        let answer = planner.plan(&GlobalRequest { seed, ..request }, &mut Units::new(20_000)).expect("an answer");
+        let mut time_s = 0.0;
+        let mut turned = false;
+        while time_s < path(&answer).duration_s() {
+            let (arc, within_s) = path(&answer).at(time_s).expect("an arc");
+            let (_, acceleration) = arc.translation(within_s);
+            let (_, rate, rate_change) = arc.turn(within_s);
+            let axis = arc.axis_body.into_inner();
+            let swing = axis.cross(&offset) * rate_change + axis.cross(&axis.cross(&offset)) * (rate * rate);
+            let force = (acceleration + arc.attitude_at(within_s) * swing) * 12.7;
+            assert!(force.abs().max() <= force_n * (1.0 + 1e-9), "seed {seed} at {time_s} s: {force}");
+            turned |= rate.abs() > 0.01;
+            time_s += 0.05;
+        }
+        assert!(turned, "seed {seed}");
+    }
+}
+
 #[test]
 fn least_impulse_takes_its_time_and_less_impulse() {
     let (walls, body, belief) = (slalom(), BodyShape::sphere(0.15).expect("a body"), belief());

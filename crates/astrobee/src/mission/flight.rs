@@ -18,13 +18,13 @@ use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World, 
 use tumble_identification::Estimate;
 use tumble_identification::recursive::FlightMeasurement;
 use tumble_lie::{LieGroup, Pose, Wrench};
-use tumble_planning::ModelBelief;
 use tumble_planning::collision::{CollisionWorld, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::ControlCommand;
 use tumble_planning::global::GlobalAnswer;
 use tumble_planning::mission::{
     Action, Event, InvariantWatch, Layer, LoopObserver, PlannerFault, Sensed, StretchAnswer, TimedEvent,
 };
+use tumble_planning::{ModelBelief, PlanningError};
 
 /// Control periods between two rows of the series.
 const BETWEEN_ROWS: u64 = 12;
@@ -200,7 +200,7 @@ impl LoopObserver for Notes<'_> {
 
     fn planned_way(&mut self, time_ns: i64, _request: u64, answer: &GlobalAnswer) {
         let Some(plan) = &answer.plan else {
-            self.note(time_ns, "way", "no way was found".to_owned());
+            self.note(time_ns, "way", format!("no way was found: {:?}", answer.status));
             return;
         };
         let path = &plan.trajectory;
@@ -218,6 +218,10 @@ impl LoopObserver for Notes<'_> {
             tree_m: answer.tree.iter().step_by(every).map(edge).collect(),
         });
         self.note(time_ns, "way", format!("a way of {duration_s:.1} s, belief {}", plan.model_revision));
+    }
+
+    fn refused(&mut self, time_ns: i64, request: u64, error: &PlanningError) {
+        self.note(time_ns, "planner", format!("request {request} cannot be planned: {error}"));
     }
 
     fn follows(&mut self, time_ns: i64, start_ns: i64, stretch: &StretchAnswer, model_revision: u64) {

@@ -147,6 +147,8 @@ pub trait LoopObserver {
     fn answered(&mut self, time_ns: i64, action: &Action) {}
     /// A way was planned.
     fn planned_way(&mut self, time_ns: i64, request: u64, answer: &GlobalAnswer) {}
+    /// A planner holds a request for none.
+    fn refused(&mut self, time_ns: i64, request: u64, error: &PlanningError) {}
     /// A stretch is flown from its start on.
     fn follows(&mut self, time_ns: i64, start_ns: i64, stretch: &StretchAnswer, model_revision: u64) {}
     /// A belief was offered.
@@ -252,6 +254,7 @@ where
     health: FlightHealth,
     is_known: bool,
     first_way_s: Option<f64>,
+    ways_refused: u32,
     finished: Option<bool>,
 }
 
@@ -302,6 +305,7 @@ where
             estimator,
             is_known: false,
             first_way_s: None,
+            ways_refused: 0,
             finished: None,
             settings,
         })
@@ -608,9 +612,11 @@ where
             self.answers.push_back((self.time_ns, Answer::Way { request, way, world_revision }));
             return Ok(());
         }
-        // what was flown may end nearer to something, or farther out, than a way should be planned
+        // what was flown may end nearer to something, or farther out, than a way should be planned; and a way as near as
+        // may be flown is better than none
         let clearance = self.scene.world.clearance(&self.settings.body, &pose, start_s)?;
-        let margin_m = self.settings.margin_m.min(START_SHARE * clearance.distance_m).max(0.0);
+        let asked_m = if self.ways_refused == 0 { self.settings.margin_m } else { self.settings.check_margin_m };
+        let margin_m = asked_m.min(START_SHARE * clearance.distance_m).max(0.0);
         let mut limits = self.settings.limits;
         limits.position.lower_world = limits.position.lower_world.inf(&pose.translation.vector);
         limits.position.upper_world = limits.position.upper_world.sup(&pose.translation.vector);
@@ -637,10 +643,14 @@ where
             Ok(answer) => {
                 observer.planned_way(self.time_ns, request, &answer);
                 let found = answer.plan.filter(|plan| !plan.trajectory.arcs().is_empty());
+                self.ways_refused = if found.is_some() { 0 } else { self.ways_refused + 1 };
                 (found.map(|plan| (plan.trajectory, plan.model_revision)), answer.units)
             }
             // a start beyond what can be asked: no way from here
-            Err(_) => (None, 0),
+            Err(error) => {
+                observer.refused(self.time_ns, request, &error);
+                (None, 0)
+            }
         };
         let fault = observer.planner_fault(request);
         let way = way.filter(|_| fault != PlannerFault::Refused);
@@ -689,7 +699,11 @@ where
         let fault = observer.planner_fault(request);
         let found = match answer {
             Ok(Ok(answer)) if fault != PlannerFault::Refused => Some(self.checked(start_ns, answer)?),
-            _ => None,
+            Err(error) => {
+                observer.refused(self.time_ns, request, &error);
+                None
+            }
+            Ok(_) => None,
         };
         let took_ns = self.took(request, units.spent(), self.settings.computing.stretch_unit_ns, fault);
         if fault != PlannerFault::NoAnswer {

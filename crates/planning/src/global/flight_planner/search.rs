@@ -6,9 +6,11 @@ use super::flight::{Flight, Node};
 use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};
 use crate::error::PlanningError;
-use crate::global::{GlobalRequest, Improvement, Objective, Obstruction, Reachability, RouteBound, Until};
+use crate::global::{
+    GlobalRequest, Improvement, MotionLimits, Objective, Obstruction, Reachability, RouteBound, Until,
+};
 use crate::motion::BodyArc;
-use crate::steering::{TranslationLimits, least_time_s, least_time_to_goal_s, slew, steer, steer_in};
+use crate::steering::{Slew, TranslationLimits, least_time_s, least_time_to_goal_s, slew, steer, steer_in};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tumble_dynamics::AlignedBox;
 
@@ -81,6 +83,8 @@ impl Budget for Allowance<'_> {
     }
 }
 
+/// Share of the acceleration that a turn may take for the centre of mass that goes round the origin; it is slowed to that.
+const TURN_SHARE: f64 = 0.8;
 /// Units that the first refinement of the bound may take.
 const FIRST_REFINEMENT_UNITS: u64 = 500;
 /// Each refinement looks at cells of half the edge.
@@ -205,11 +209,32 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
             return Ok(true);
         }
         let inertia = &self.inertia_about_com_kg_m2;
-        let Some(turn) = slew(&from.attitude, &to.attitude, inertia, &self.request.limits)? else { return Ok(false) };
+        let slowed = |share: f64| {
+            let MotionLimits { torque_n_m, rate_rad_s, .. } = self.request.limits;
+            let limits = MotionLimits {
+                torque_n_m: torque_n_m * share,
+                rate_rad_s: rate_rad_s * f64::sqrt(share),
+                ..self.request.limits
+            };
+            slew(&from.attitude, &to.attitude, inertia, &limits)
+        };
+        let Some(mut turn) = slowed(1.0)? else { return Ok(false) };
         // The centre of mass goes round the origin; what force that takes at most is not there for the translation.
-        let reserve_m_s2 = self.offset_m * (turn.acceleration_rad_s2() + turn.rate_rad_s() * turn.rate_rad_s());
+        let reserve_m_s2 =
+            |turn: &Slew| self.offset_m * (turn.acceleration_rad_s2() + turn.rate_rad_s() * turn.rate_rad_s());
         // It is perpendicular to the axis: a turn about the vertical takes none along it, so that a table has room for it.
         let axis_world = from.attitude * turn.axis_body().into_inner();
+        let across_m_s2 = axis_world.iter().zip(&self.limits.acceleration_m_s2);
+        let room_m_s2 = across_m_s2
+            .filter(|(along, _)| across(**along) > 0.0)
+            .map(|(along, limit)| limit / across(*along))
+            .fold(f64::INFINITY, f64::min);
+        let share = TURN_SHARE * room_m_s2 / reserve_m_s2(&turn);
+        if share < 1.0 {
+            let Some(slower) = slowed(share)? else { return Ok(false) };
+            turn = slower;
+        }
+        let reserve_m_s2 = reserve_m_s2(&turn);
         let mut limits = self.limits;
         limits.acceleration_m_s2.zip_apply(&axis_world, |limit, along| *limit -= reserve_m_s2 * across(along));
         if limits.acceleration_m_s2.min() < 0.0 {
