@@ -99,13 +99,15 @@ fn fly_all(cases: &[Case]) -> Vec<Option<Flown>> {
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
-                while let index = next.fetch_add(1, Ordering::Relaxed)
-                    && let Some(case) = cases.get(index)
-                {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(case) = cases.get(index) else { break };
                     let result = case.fly();
                     eprint!("\r{} of {} missions ", index + 1, cases.len());
-                    if let Ok(mut flown) = flown.lock() {
-                        flown[index] = Some(result);
+                    if let Ok(mut flown) = flown.lock()
+                        && let Some(place) = flown.get_mut(index)
+                    {
+                        *place = Some(result);
                     }
                 }
             });

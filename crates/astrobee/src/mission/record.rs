@@ -52,7 +52,8 @@ pub const UNAVOIDABLE: &str = "unavoidable: ";
 impl MissionSummary {
     /// What should never happen, whatever goes wrong: a contact, a limit passed, something that did not hold.
     pub fn unsafe_because(&self) -> Option<String> {
-        if let Some(clearance_m) = self.min_clearance_m.filter(|clearance_m| !(*clearance_m >= 0.0)) {
+        if let Some(clearance_m) = self.min_clearance_m.filter(|clearance_m| clearance_m.is_nan() || *clearance_m < 0.0)
+        {
             return Some(format!("the robot hit something, {:.3} m deep", -clearance_m));
         }
         if self.limit_violations > 0 {
