@@ -329,7 +329,7 @@ pub fn fly(
         if let Some(obstacle) = late.take_if(|late| late.appears_s <= time_s)
             && let Some(obstacle) = in_the_way(&flying, &problem, &obstacle, time_s)
         {
-            notes.unavoidable.extend(too_late(&problem, &obstacle, time_s));
+            notes.unavoidable = too_late(&problem, &obstacle, time_s);
             extra.push(obstacle);
             judge = scene(&problem, f64::INFINITY, &extra).map_err(AstrobeeError::Planning)?.world;
             let seen = scene(&problem, time_s, &extra).map_err(AstrobeeError::Planning)?;
