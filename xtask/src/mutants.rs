@@ -2432,6 +2432,8 @@ const MUTANTS: &[Mutant] = &[
         original: "let covariance = scaled * scaled.transpose();",
         replacement: "let covariance = scaled.component_mul(&scaled);",
         test: "-p tumble-planning --lib belief::tests",
+    },
+    Mutant {
         name: "fly: draws nothing",
         file: "crates/astrobee/src/cli/fly.rs",
         original: "if args.draw { draw_mission",
@@ -2444,6 +2446,48 @@ const MUTANTS: &[Mutant] = &[
         original: "Some(axis) => format!(\"com_{axis}\"),",
         replacement: "Some(_) => quantity.to_owned(),",
         test: "-p tumble-astrobee --test campaign_command the_command_of_a_row",
+    },
+    Mutant {
+        name: "mission: beliefs without numbers of their own",
+        file: "crates/planning/src/mission/closed_loop.rs",
+        original: "let revision = self.belief.revision + 1;",
+        replacement: "let revision = 1;",
+        test: "-p tumble-astrobee --test fault_campaign starts_anew",
+    },
+    Mutant {
+        name: "mission: plans are flown however late they come",
+        file: "crates/planning/src/mission/coordinator.rs",
+        original: "let is_late = self.now_ns > stretch.start_ns || ",
+        replacement: "let is_late = ",
+        test: "-p tumble-astrobee --test fault_campaign expired",
+    },
+    Mutant {
+        name: "mission: measurements go with the wrench of their arrival",
+        file: "crates/astrobee/src/mission/flight.rs",
+        original: "stamp_ns: estimate.stamp_ns,",
+        replacement: "stamp_ns: estimate.arrival_ns,",
+        test: "-p tumble-astrobee --test fault_campaign a_second_late",
+    },
+    Mutant {
+        name: "mission: a jump of the localisation is taken for a motion",
+        file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
+        original: "if nis <= limit {",
+        replacement: "if nis.is_finite() {",
+        test: "-p tumble-astrobee --test fault_campaign from_elsewhere",
+    },
+    Mutant {
+        name: "mission: planners that do not answer are waited for",
+        file: "crates/planning/src/mission/coordinator.rs",
+        original: "self.now_ns > asked.start_ns.saturating_add(self.schedule.patience_ns)",
+        replacement: "self.now_ns == i64::MAX && asked.request > 0",
+        test: "-p tumble-planning --test coordinator never_answer",
+    },
+    Mutant {
+        name: "mission: every stop is the gentle one",
+        file: "crates/planning/src/mission/closed_loop.rs",
+        original: "const HARDER_STOPS: u32 = 3;",
+        replacement: "const HARDER_STOPS: u32 = 0;",
+        test: "-p tumble-astrobee --test fault_campaign shows_up_late",
     },
 ];
 

@@ -2,6 +2,7 @@
 
 mod faults;
 mod flight;
+mod invariants;
 mod layers;
 mod options;
 mod record;
@@ -13,6 +14,6 @@ pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly};
 pub use layers::{AstrobeeLoop, closed_loop, scene};
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice, WeightingChoice};
 pub use record::{
-    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow,
-    Series, StretchRow, TrackingRms, WayRow,
+    BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
+    ParameterRow, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
 };

@@ -246,6 +246,25 @@ fn blind_astray_and_contradicted_robots_stop() {
 }
 
 #[test]
+fn planners_that_never_answer_are_asked_again() {
+    let mut told = Told::new(Schedule::default());
+    let asked = told.hear(Event::Begun);
+    assert!(asks_for_way(&asked));
+    let patience_s = Schedule::default().patience_ns as f64 * 1e-9;
+    assert!(told.tick(patience_s, well()).is_empty(), "not before the way's start and the patience are over");
+    let lost = told.tick(1.1, well());
+    assert!(matches!(lost[..], [Action::Note(Note::Unanswered { .. })]), "{lost:?}");
+    let again = told.tick(0.1, well());
+    let [Action::PlanWay { request, .. }] = again[..] else { panic!("{again:?}") };
+    // the same of the first stretch
+    let asked = told.hear(Event::WayFound { request, model_revision: 0, world_revision: 0 });
+    assert!(stretch_asked(&asked).is_some());
+    let lost = told.tick(patience_s + 2.1, well());
+    assert!(matches!(lost[..], [Action::Note(Note::Unanswered { .. })]), "{lost:?}");
+    assert!(asks_for_way(&told.tick(0.1, well())));
+}
+
+#[test]
 fn what_is_known_is_not_excited_for() {
     let (mut told, _) = Told::flying();
     told.hear(Event::Known(true));

@@ -19,6 +19,7 @@ mod ekf_rls;
 mod ellipsoid;
 mod ellipsoid_distance;
 mod excitation;
+mod faults;
 mod flight_estimator;
 mod flights;
 mod fourier;
@@ -135,6 +136,7 @@ const STUDIES: &[Program] = &[
     ("information-bought", &["--json", "--runs", "--out", "--way"], information_bought::run),
     ("flight-estimator", &["--runs", "--only"], flight_estimator::run),
     ("model-knowledge", &["--seeds", "--only"], model_knowledge::run),
+    ("faults", &["--missions", "--seeds", "--only"], faults::run),
     ("attitude-certificate", &["--runs"], attitude_certificate::run),
 ];
 

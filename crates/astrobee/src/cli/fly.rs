@@ -185,11 +185,9 @@ fn verdict(record: &MissionRecord) -> Outcome {
 /// What is not as it should be.
 fn failure(record: &MissionRecord) -> Option<String> {
     let summary = &record.summary;
-    if let Some(clearance_m) = summary.min_clearance_m.filter(|clearance_m| *clearance_m < 0.0) {
-        return Some(format!("the robot hit something, {:.3} m deep", -clearance_m));
-    }
-    if summary.limit_violations > 0 {
-        return Some(format!("limits were passed in {} control periods", summary.limit_violations));
+    if let Some(reason) = summary.unsafe_because() {
+        let unavoidable = summary.unavoidable().map_or_else(String::new, |why| format!(" ({why})"));
+        return Some(reason + &unavoidable);
     }
     (!summary.arrived).then(|| format!("the robot did not arrive within {:.0} s", summary.mission_s))
 }

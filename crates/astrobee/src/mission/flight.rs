@@ -1,11 +1,12 @@
 //! A mission, flown.
 
 use super::faults::{Faults, LateObstacle, Sabotage};
+use super::invariants;
 use super::layers::{AstrobeeLoop, closed_loop, scene};
 use super::options::FlyOptions;
 use super::record::{
-    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary, ParameterRow,
-    Series, StretchRow, TrackingRms, WayRow,
+    BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
+    ParameterRow, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
 };
 use crate::AstrobeeError;
 use crate::scenario::{MissionProblem, ScenarioSource};
@@ -20,7 +21,9 @@ use tumble_lie::{LieGroup, Pose, Wrench};
 use tumble_planning::collision::{CollisionWorld, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::ControlCommand;
 use tumble_planning::global::GlobalAnswer;
-use tumble_planning::mission::{Action, Event, Layer, LoopObserver, PlannerFault, Sensed, StretchAnswer, TimedEvent};
+use tumble_planning::mission::{
+    Action, Event, InvariantWatch, Layer, LoopObserver, PlannerFault, Sensed, StretchAnswer, TimedEvent,
+};
 use tumble_planning::{ModelBelief, PlanningError};
 
 /// Control periods between two rows of the series.
@@ -32,8 +35,6 @@ const TREE_EDGES: usize = 2000;
 const STRETCH_POINT_S: f64 = 0.6;
 /// Radius of an obstacle that shows up late, m.
 const LATE_RADIUS_M: f64 = 0.15;
-/// What rounding may exceed a limit by, as a share.
-const ROUNDING: f64 = 1e-9;
 /// The ten parameters, and their units.
 pub(super) const PARAMETERS: [(&str, &str); 10] = [
     ("mass", "kg"),
@@ -153,6 +154,9 @@ struct Notes<'a> {
     events: Vec<MissionEvent>,
     shut_off: BTreeMap<String, Option<f64>>,
     faults: Faults,
+    unavoidable: Option<String>,
+    /// The first stretch that was flown after its time.
+    expired: Option<String>,
 }
 
 impl Notes<'_> {
@@ -231,6 +235,11 @@ impl LoopObserver for Notes<'_> {
     }
 
     fn follows(&mut self, time_ns: i64, start_ns: i64, stretch: &StretchAnswer, model_revision: u64) {
+        if start_ns < time_ns {
+            let (at_s, late_s) = (seconds(time_ns), seconds(time_ns - start_ns));
+            self.expired
+                .get_or_insert_with(|| format!("{BROKEN_INVARIANT}{at_s:.3} s: a plan {late_s} s old was flown"));
+        }
         let information = stretch.sigma.iter().map(|[before, after]| 1.0 / (after * after) - 1.0 / (before * before));
         let quantities: Vec<String> = stretch.quantities.iter().map(|name| parameter_name(name)).collect();
         for (name, weight) in quantities.iter().zip(&stretch.weights) {
@@ -271,8 +280,8 @@ impl LoopObserver for Notes<'_> {
 }
 
 /// What is added up while flying.
-#[derive(Default)]
 struct Sums {
+    watch: InvariantWatch,
     series: Series,
     violations: u64,
     impulse_n_s: f64,
@@ -312,9 +321,10 @@ pub fn fly(
         events: Vec::new(),
         shut_off: BTreeMap::new(),
         faults,
+        unavoidable: None,
+        expired: None,
     };
-    let mut sums =
-        Sums { account: ControlAccount::with_decisions(BETWEEN_ROWS as i64 * CONTROL_PERIOD_NS), ..Sums::default() };
+    let mut sums = Sums::watched_by(invariants::watch(&problem));
     sums.series.force_limit_n = array(&problem.force_limit_n);
     sums.series.torque_limit_n_m = array(&problem.torque_limit_n_m);
     let (mut acted, mut arrived, mut heard) = (Wrench::zero(), Vec::<FlightMeasurement>::new(), Vec::new());
@@ -330,6 +340,7 @@ pub fn fly(
         if let Some(obstacle) = late.take_if(|late| late.appears_s <= time_s)
             && let Some(obstacle) = in_the_way(&flying, &problem, &obstacle, time_s)
         {
+            notes.unavoidable = too_late(&problem, &obstacle, time_s);
             extra.push(obstacle);
             judge = scene(&problem, f64::INFINITY, &extra).map_err(AstrobeeError::Planning)?.world;
             let seen = scene(&problem, time_s, &extra).map_err(AstrobeeError::Planning)?;
@@ -344,8 +355,10 @@ pub fn fly(
         }
         let sensed = Sensed { time_ns, acted, measurements: &arrived };
         let command = flying.step(&sensed, &mut notes).map_err(AstrobeeError::Planning)?;
-        sums.look(&problem, &flying, &judge, periods)?;
-        sums.command(&problem, &command, time_ns);
+        let clearance_m = sums.look(&problem, &flying, &judge, periods)?;
+        let is_over = invariants::look(&mut sums.watch, &problem, &flying, &command, (time_ns, clearance_m));
+        sums.violations += u64::from(is_over);
+        sums.account.commanded(time_ns, &command);
         mark_used(&mut notes.beliefs, &command, time_s);
         let change = notes.faults.before_step(time_ns, &command.wrench_body);
         change.apply(&mut problem.flight.simulator)?;
@@ -394,6 +407,28 @@ fn in_the_way(
     Some(MovingObstacle::at_rest(ellipsoid).present(time_s, f64::INFINITY))
 }
 
+/// That no force within the limits, at its full from now on, stops the robot on its line to an obstacle; none where one does.
+fn too_late(problem: &MissionProblem, obstacle: &MovingObstacle, time_s: f64) -> Option<String> {
+    let simulator = &problem.flight.simulator;
+    let (state, body) = (simulator.state(), simulator.body());
+    let pose = &state.world_from_body;
+    let to_obstacle = obstacle.ellipsoid.world_from_ellipsoid.translation.vector - pose.translation.vector;
+    let distance_m = to_obstacle.norm();
+    let gap_m = distance_m - LATE_RADIUS_M - problem.planning.body.bounding_radius_m();
+    let direction_body = pose.rotation.inverse() * (to_obstacle / distance_m);
+    let closing_m_s = state.twist_body.linear.dot(&direction_body).max(0.0);
+    // as hard as one can push against this direction and no other
+    let shares = direction_body.iter().zip(&problem.force_limit_n).filter(|(share, _)| share.abs() > 1e-6);
+    let force_n = shares.map(|(share, limit)| limit / share.abs()).fold(f64::INFINITY, f64::min);
+    let braking_m = closing_m_s * closing_m_s * body.mass / (2.0 * force_n);
+    (braking_m > gap_m).then(|| {
+        format!(
+            "{UNAVOIDABLE}at {time_s:.1} s something showed up {gap_m:.3} m ahead, and to stop from {closing_m_s:.3} m/s with \
+             {force_n:.2} N takes {braking_m:.3} m"
+        )
+    })
+}
+
 fn sabotaged(estimate: &Estimate, sabotage: &Sabotage) -> Estimate {
     let body = &estimate.parameters;
     let inertia = body.inertia_about_com() * sabotage.inertia_factor;
@@ -421,13 +456,26 @@ fn mark_used(beliefs: &mut [BeliefRow], command: &ControlCommand, time_s: f64) {
 }
 
 impl Sums {
+    fn watched_by(watch: InvariantWatch) -> Self {
+        Self {
+            watch,
+            series: Series::default(),
+            violations: 0,
+            impulse_n_s: 0.0,
+            angular_impulse_n_m_s: 0.0,
+            squares: Vec::new(),
+            min_clearance_m: None,
+            account: ControlAccount::with_decisions(BETWEEN_ROWS as i64 * CONTROL_PERIOD_NS),
+        }
+    }
+
     fn look(
         &mut self,
         problem: &MissionProblem,
         flying: &AstrobeeLoop,
         judge: &EllipsoidWorld,
         periods: u64,
-    ) -> Result<(), AstrobeeError> {
+    ) -> Result<Option<f64>, AstrobeeError> {
         let simulator = &problem.flight.simulator;
         let (state, time_s) = (simulator.state(), seconds(simulator.time_ns()));
         let pose = &state.world_from_body;
@@ -443,7 +491,7 @@ impl Sums {
         let error_m = (pose.translation.vector - wanted.translation.vector).norm();
         self.squares.push((time_s, error_m * error_m));
         if !periods.is_multiple_of(BETWEEN_ROWS) {
-            return Ok(());
+            return Ok(clearance_m);
         }
         let turn: Vector3<f64> = LieGroup::log(&(wanted.rotation.inverse() * pose.rotation));
         let estimate = flying.estimator().estimate();
@@ -463,17 +511,7 @@ impl Sums {
         series.estimate.push(ten(&estimate.parameters));
         series.sigma.push(ten_sigma(&estimate));
         series.belief_revision.push(flying.command().map_or(0, |command| command.model_revision));
-        Ok(())
-    }
-
-    fn command(&mut self, problem: &MissionProblem, command: &ControlCommand, time_ns: i64) {
-        let Wrench { torque, force } = &command.wrench_body;
-        let is_over = |value: &Vector3<f64>, limit: &Vector3<f64>| {
-            value.iter().zip(limit).any(|(value, limit)| value.is_nan() || value.abs() > limit * (1.0 + ROUNDING))
-        };
-        self.violations +=
-            u64::from(is_over(force, &problem.force_limit_n) || is_over(torque, &problem.torque_limit_n_m));
-        self.account.commanded(time_ns, command);
+        Ok(clearance_m)
     }
 
     fn acted(&mut self, measured: &SimulatorMeasurement, periods: u64) {
@@ -517,7 +555,7 @@ fn record(
         estimate: columns[2][index],
         sigma: columns[3][index],
     };
-    let Notes { mut ways, stretches, beliefs, mut events, shut_off, faults, .. } = notes;
+    let Notes { mut ways, stretches, beliefs, mut events, shut_off, faults, unavoidable, expired, .. } = notes;
     for event in problem.flight.simulator.events() {
         let kind = if event.event.is_violation() { "violation" } else { "simulator" };
         let text = event.event.to_string();
@@ -529,7 +567,9 @@ fn record(
         earlier.iter_mut().skip(1).for_each(|way| way.tree_m.clear());
     }
     let counts = flying.estimator().counts();
-    let mut warnings = Vec::new();
+    let mut warnings = invariants::warnings(&sums.watch);
+    warnings.extend(expired);
+    warnings.extend(unavoidable);
     if counts.gated > 0 {
         warnings.push(format!("{} measurements did not fit what was expected and were not used", counts.gated));
     }

@@ -4,7 +4,7 @@ use super::options::WeightingChoice;
 use crate::AstrobeeError;
 use crate::control_presets::{self, ControlLimits};
 use crate::planning_presets::{EXPONENTIAL_WEIGHTING, STEP_WEIGHTING};
-use crate::scenario::{MissionProblem, UnknownsName};
+use crate::scenario::{ComputingSettings, MissionProblem, UnknownsName};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{AlignedBox, RigidBodyState, World};
 use tumble_identification::recursive::{FlightEstimator, FlightEstimatorSettings, LearningTargets};
@@ -268,6 +268,14 @@ pub fn estimator(problem: &MissionProblem) -> Result<FlightEstimator, PlanningEr
     Ok(FlightEstimator::try_new(settings, state, problem.flight.simulator.time_ns(), &problem.prior)?)
 }
 
+/// What a planner may take beyond all that it is expected to, ns.
+fn patience_ns(computing: &ComputingSettings) -> i64 {
+    let way_ns = computing.global_units.saturating_mul(computing.global_unit_ns);
+    let stretch_ns = computing.local_units.saturating_mul(computing.local_unit_ns);
+    let longest_ns = i64::try_from(way_ns.max(stretch_ns)).unwrap_or(i64::MAX);
+    longest_ns.saturating_mul(4).max(Schedule::default().patience_ns)
+}
+
 /// What the closed loop is told.
 pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> LoopSettings<BodyShape> {
     let computing = &problem.computing;
@@ -279,6 +287,7 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
             stretch_lead_ns: nanoseconds(problem.stretch_lead_s),
             dwell_ns: nanoseconds(problem.arrival.for_s),
             longest_ns: nanoseconds(problem.longest_s),
+            patience_ns: patience_ns(computing),
             stretches,
             ..Schedule::default()
         },

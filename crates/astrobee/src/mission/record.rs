@@ -44,6 +44,30 @@ pub struct MissionSummary {
     pub warnings: Vec<String>,
 }
 
+/// A warning that begins so is no remark: the mission is not as it should be.
+pub const BROKEN_INVARIANT: &str = "did not hold: ";
+/// A warning that begins so says why what happened could not be prevented by whoever flies.
+pub const UNAVOIDABLE: &str = "unavoidable: ";
+
+impl MissionSummary {
+    /// What should never happen, whatever goes wrong: a contact, a limit passed, something that did not hold.
+    pub fn unsafe_because(&self) -> Option<String> {
+        if let Some(clearance_m) = self.min_clearance_m.filter(|clearance_m| clearance_m.is_nan() || *clearance_m < 0.0)
+        {
+            return Some(format!("the robot hit something, {:.3} m deep", -clearance_m));
+        }
+        if self.limit_violations > 0 {
+            return Some(format!("limits were passed in {} control periods", self.limit_violations));
+        }
+        self.warnings.iter().find(|warning| warning.starts_with(BROKEN_INVARIANT)).cloned()
+    }
+
+    /// Why it could not be prevented, where that is known.
+    pub fn unavoidable(&self) -> Option<&str> {
+        self.warnings.iter().find(|warning| warning.starts_with(UNAVOIDABLE)).map(String::as_str)
+    }
+}
+
 /// Root mean square distances, m.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrackingRms {

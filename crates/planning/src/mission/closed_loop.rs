@@ -14,7 +14,7 @@ use crate::local::{Hull, Surroundings};
 use crate::motion::{ArcPath, BodyArc, TranslationState};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::VecDeque;
-use tumble_dynamics::{PoseReference, World};
+use tumble_dynamics::{PoseReference, RigidBodyState, World};
 use tumble_identification::Estimate;
 use tumble_identification::IdentificationError;
 use tumble_identification::recursive::{
@@ -27,6 +27,9 @@ const WAYS: usize = 4;
 
 /// Share of the clearance at its start that a way may keep.
 const START_SHARE: f64 = 0.95;
+
+/// Stops that are tried where the usual one would hit something, each braking twice as hard as the one before.
+const HARDER_STOPS: u32 = 3;
 
 /// What is around the robot, as far as it knows.
 #[derive(Clone, Debug)]
@@ -393,6 +396,16 @@ where
         self.flown.at(time_s)
     }
 
+    /// When the newest command was computed, ns.
+    pub fn time_ns(&self) -> i64 {
+        self.time_ns
+    }
+
+    /// When what is being flown comes to rest, ns.
+    pub fn rests_from_ns(&self) -> i64 {
+        nanoseconds(self.flown.rest_s())
+    }
+
     /// Whether the mission is over, and the robot where it was to be.
     pub fn finished(&self) -> Option<bool> {
         self.finished
@@ -453,7 +466,7 @@ where
         self.sense(sensed, observer);
         self.receive();
         if self.time_ns >= self.next_belief_ns {
-            self.next_belief_ns += self.settings.belief_period_ns;
+            self.next_belief_ns = self.time_ns + self.settings.belief_period_ns;
             self.believe();
         }
         self.flown.advance(self.time_ns);
@@ -584,10 +597,10 @@ where
             }
             Action::Stop => {
                 let state = self.flown.at(time_s).state;
-                let stop = MissionMotion::stopping_from(&state, time_s, &self.settings.stop);
+                let stop = self.stopping_from(&state, time_s)?;
                 self.flown = Flown::only(stop, self.belief.revision);
             }
-            Action::HoldHere => self.hold_here(time_s),
+            Action::HoldHere => self.hold_here(time_s)?,
             Action::Offer { .. } => {
                 observer.offered(self.time_ns, &self.belief);
                 let adoption = self.controller.adopt(&self.belief)?;
@@ -596,7 +609,11 @@ where
             Action::RenewController => {
                 self.controller = (self.new_controller)(&self.belief)?;
             }
-            Action::ResetEstimator => self.estimator.restart(&self.prior.estimate)?,
+            Action::ResetEstimator => {
+                self.estimator.restart(&self.prior.estimate)?;
+                // nothing may be planned with what was believed before
+                self.next_belief_ns = self.time_ns;
+            }
             Action::WidenBelief => self.estimator.body_changed(&grasp_or_release()),
             Action::Finish { has_arrived } => self.finished = Some(has_arrived),
             Action::Note(_) => {}
@@ -604,11 +621,27 @@ where
         Ok(())
     }
 
-    fn hold_here(&mut self, time_s: f64) {
+    fn hold_here(&mut self, time_s: f64) -> Result<(), PlanningError> {
         let state = self.estimator.state_at(self.time_ns);
         // where it comes to rest, not where it was
-        let stop = MissionMotion::stopping_from(&state, time_s, &self.settings.stop);
+        let stop = self.stopping_from(&state, time_s)?;
         self.flown = Flown::only(stop, self.belief.revision);
+        Ok(())
+    }
+
+    /// The gentlest stop that keeps clear, else the hardest: beyond the controller's force it brakes as hard as it can.
+    fn stopping_from(&self, state: &RigidBodyState<f64>, time_s: f64) -> Result<MissionMotion, PlanningError> {
+        let LoopSettings { body, check_margin_m, .. } = &self.settings;
+        let mut stop = self.settings.stop;
+        let mut motion = MissionMotion::stopping_from(state, time_s, &stop);
+        for _ in 0..HARDER_STOPS {
+            if motion.first_contact(&self.scene.world, body, time_s, *check_margin_m)?.is_none() {
+                break;
+            }
+            stop.acceleration_m_s2 *= 2.0;
+            motion = MissionMotion::stopping_from(state, time_s, &stop);
+        }
+        Ok(motion)
     }
 
     fn plan_way(
@@ -619,7 +652,7 @@ where
         observer: &mut dyn LoopObserver,
     ) -> Result<(), PlanningError> {
         if from == StartFrom::Estimate {
-            self.hold_here(seconds(self.time_ns));
+            self.hold_here(seconds(self.time_ns))?;
         }
         let start_s = seconds(start_ns);
         let start = self.flown.at(start_s).state;

@@ -14,6 +14,8 @@ pub struct Schedule {
     pub retry_lead_ns: i64,
     /// From a failure to the next attempt.
     pub pause_ns: i64,
+    /// How long after the time that it was asked for an answer is still waited for at rest.
+    pub patience_ns: i64,
     /// Age of the state beyond which the robot stops.
     pub blind_after_ns: i64,
     /// Distance and angle from what is flown beyond which a plan has lost its meaning.
@@ -40,6 +42,7 @@ impl Default for Schedule {
             stretch_lead_ns: 7 * SECOND,
             retry_lead_ns: 2 * SECOND,
             pause_ns: 2 * SECOND,
+            patience_ns: 5 * SECOND,
             blind_after_ns: SECOND,
             astray: (0.15, 0.35),
             dwell_ns: 2 * SECOND,
@@ -303,7 +306,19 @@ impl Coordinator {
                 }
             }
             Phase::Flying(stretch) => self.fly(stretch, standing, actions),
-            Phase::AwaitingWay | Phase::AwaitingFirst | Phase::Idle | Phase::Done => {}
+            Phase::AwaitingWay => self.lose_patience(self.way, actions),
+            Phase::AwaitingFirst => self.lose_patience(self.stretch, actions),
+            Phase::Idle | Phase::Done => {}
+        }
+    }
+
+    /// A planner that does not answer may be dead: it is asked again.
+    fn lose_patience(&mut self, asked: Option<Asked>, actions: &mut Vec<Action>) {
+        if let Some(asked) =
+            asked.filter(|asked| self.now_ns > asked.start_ns.saturating_add(self.schedule.patience_ns))
+        {
+            actions.push(Action::Note(Note::Unanswered { request: asked.request }));
+            self.rest(StartFrom::Reference, 0);
         }
     }
 

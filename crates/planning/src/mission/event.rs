@@ -212,6 +212,11 @@ pub enum Note {
         /// The request.
         request: u64,
     },
+    /// A planner did not answer at all.
+    Unanswered {
+        /// The request.
+        request: u64,
+    },
     /// There was no next stretch in time: the robot stops.
     RanOut,
     /// Measurements are missing for too long: the robot stops.
