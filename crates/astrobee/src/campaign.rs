@@ -64,17 +64,15 @@ impl MissionRunner for DryRun {
 
 /// The options of a mission as `tumble fly` takes them, `--seed` first.
 pub fn fly_arguments(options: &FlyOptions) -> String {
-    let mut text = format!(
-        "--seed {} --weighting {} --feedback {} --model {}",
+    let fault =
+        options.fault.map_or(String::new(), |fault| format!(" --fault {}:{}", value_name(&fault.name), fault.severity));
+    format!(
+        "--seed {} --weighting {} --feedback {} --model {}{fault}",
         options.seed,
         value_name(&options.weighting),
         if options.feedback { "on" } else { "off" },
         value_name(&options.model),
-    );
-    if let Some(fault) = options.fault {
-        text.push_str(&format!(" --fault {}:{}", value_name(&fault.name), fault.severity));
-    }
-    text
+    )
 }
 
 #[cfg(test)]

@@ -272,12 +272,12 @@ impl Analysis {
         }
         let combinations = (0..)
             .zip(&groups)
-            .map(|(index, group)| GroupSummary::new(plan.label(index), &columns, group.values().copied()))
+            .map(|(index, group)| GroupSummary::new(plan.label(index), &columns, &group.values().copied()))
             .collect();
         Self {
             format: 1,
             seed: plan.configuration().master_seed,
-            all: GroupSummary::new("all".to_owned(), &columns, rows.iter()),
+            all: GroupSummary::new("all".to_owned(), &columns, &rows.iter()),
             combinations,
             comparisons: comparisons(plan, &columns, &groups),
         }
@@ -285,7 +285,7 @@ impl Analysis {
 
     /// Of the rows of a part: counts only.
     pub fn of_part(plan: &CampaignPlan, rows: &[Row]) -> Self {
-        let all = GroupSummary::new("part".to_owned(), &Columns::new(), rows.iter());
+        let all = GroupSummary::new("part".to_owned(), &Columns::new(), &rows.iter());
         let seed = plan.configuration().master_seed;
         Self { format: 1, seed, all, combinations: Vec::new(), comparisons: Vec::new() }
     }
@@ -298,7 +298,7 @@ impl Analysis {
 }
 
 impl GroupSummary {
-    fn new<'a>(label: String, columns: &Columns, rows: impl Iterator<Item = &'a Row> + Clone) -> Self {
+    fn new<'a>(label: String, columns: &Columns, rows: &(impl Iterator<Item = &'a Row> + Clone)) -> Self {
         let with = |status| rows.clone().filter(|row| columns.is(row, status)).count() as u64;
         let flown = || rows.clone().filter(|row| columns.is(row, Status::Flown));
         let (missions, errors, panics) = (rows.clone().count() as u64, with(Status::Error), with(Status::Panic));

@@ -154,6 +154,7 @@ fn digits(value: f64) -> String {
     if !(1e-3..1e5).contains(&magnitude) {
         return format!("{value:.2e}");
     }
+    #[allow(clippy::cast_possible_truncation)] // -3 to 4
     let decimals = (2 - magnitude.log10().floor() as i32).clamp(0, 6);
     format!("{value:.*}", usize::try_from(decimals).unwrap_or(0))
 }

@@ -249,6 +249,8 @@ impl Row {
 
 impl Cell {
     fn parse(kind: Kind, text: &str) -> Option<Self> {
+        // empty, or a value; none where it is neither
+        #[allow(clippy::option_option)]
         fn value<T: std::str::FromStr>(text: &str) -> Option<Option<T>> {
             if text.is_empty() { Some(None) } else { text.parse().ok().map(Some) }
         }

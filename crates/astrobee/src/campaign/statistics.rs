@@ -44,11 +44,14 @@ pub fn bound_of_none_95(of: u64) -> Option<f64> {
 pub fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let last = sorted.len().checked_sub(1)?;
     let place = share.clamp(0.0, 1.0) * last as f64;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 to the last index
     let below = (place.floor() as usize).min(last);
     let (low, high) = (*sorted.get(below)?, *sorted.get((below + 1).min(last))?);
     let part = place - below as f64;
     // exact where both are equal, infinite ones too
-    Some(if part == 0.0 || low == high { low } else { low + part * (high - low) })
+    #[allow(clippy::float_cmp)]
+    let is_one = part == 0.0 || low == high;
+    Some(if is_one { low } else { low + part * (high - low) })
 }
 
 /// Median of values in any order, which are sorted.
@@ -71,6 +74,7 @@ pub fn median_interval_95(values: &[f64], seed: u64) -> Option<RangeInclusive<f6
     let mut medians = Vec::with_capacity(draws);
     for _ in 0..draws {
         for drawn in &mut sample {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // below the number of values
             let index = ((random.uniform() * values.len() as f64) as usize).min(values.len() - 1);
             *drawn = values.get(index).copied()?;
         }
@@ -90,7 +94,10 @@ fn unsorted_median(values: &mut [f64]) -> Option<f64> {
     let (below, middle, _) = values.select_nth_unstable_by(half, f64::total_cmp);
     let middle = *middle;
     let other = if is_even { below.iter().copied().max_by(f64::total_cmp)? } else { middle };
-    Some(if other == middle { middle } else { f64::midpoint(other, middle) })
+    // exact where both are equal, infinite ones too
+    #[allow(clippy::float_cmp)]
+    let is_one = other == middle;
+    Some(if is_one { middle } else { f64::midpoint(other, middle) })
 }
 
 #[cfg(test)]

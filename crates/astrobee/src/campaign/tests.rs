@@ -14,12 +14,15 @@ pub(super) struct Fake;
 impl MissionRunner for Fake {
     fn run(&self, mission: &PlannedMission) -> Result<Option<MissionSummary>, AstrobeeError> {
         match mission.k % 11 {
-            7 => return Err(AstrobeeError::BadOption { message: "a \"quoted\" text,\nin two lines".to_owned() }),
+            7 => Err(AstrobeeError::BadOption { message: "a \"quoted\" text,\nin two lines".to_owned() }),
             9 if mission.options.feedback => panic!("as planned, {}", mission.k),
             _ => Ok(Some(fake_summary(mission))),
         }
     }
 }
+
+/// Makes another campaign of one.
+type Change = fn(&mut CampaignConfiguration);
 
 fn fake_summary(mission: &PlannedMission) -> MissionSummary {
     let mut random = Gaussian::from_seed(mission.options.seed);
@@ -39,7 +42,7 @@ fn fake_summary(mission: &PlannedMission) -> MissionSummary {
         options: mission.options,
         arrived: mission.k != 3,
         mission_s: 60.0 + random.uniform(),
-        min_clearance_m: (mission.k % 5 != 0).then_some(clearance),
+        min_clearance_m: (!mission.k.is_multiple_of(5)).then_some(clearance),
         limit_violations: 0,
         impulse_n_s: gain * (10.0 + random.uniform()),
         angular_impulse_n_m_s: 1e-7 * random.uniform(),
@@ -321,7 +324,7 @@ fn merge_refuses_what_does_not_belong_together() {
     let said = refusal(&[parts.clone(), fourth]);
     assert!(said.contains("one of 4 parts"), "{said}");
     // other options, another version, another build
-    let changes: [(&str, fn(&mut CampaignConfiguration)); 4] = [
+    let changes: [(&str, Change); 4] = [
         ("`models`", |c| c.models = vec![ModelChoice::Low]),
         ("`version`", |c| "0.2.0".clone_into(&mut c.version)),
         ("`build`", |c| "other".clone_into(&mut c.build)),
@@ -338,7 +341,7 @@ fn merge_refuses_what_does_not_belong_together() {
     // nothing of ours
     let empty = base.join("empty");
     fs::create_dir(&empty).unwrap();
-    let said = refusal(&[empty.clone()]);
+    let said = refusal(std::slice::from_ref(&empty));
     assert!(said.contains("neither"), "{said}");
     assert!(matches!(merge(&[base.join("nowhere")]), Err(AstrobeeError::Unreadable { .. })));
     fs::write(empty.join("run.json"), r#"{"format":1,"command":"simulate"}"#).unwrap();

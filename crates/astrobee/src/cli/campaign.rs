@@ -64,6 +64,7 @@ struct MergeArgs {
 }
 
 #[derive(Args)]
+#[allow(clippy::struct_excessive_bools)] // each is an option of its own
 struct FlyArgs {
     /// Scenario files, or names of embedded ones (`tumble scenario list`).
     #[arg(value_name = "SCENARIO", default_value = DEFAULT_SCENARIO)]
@@ -203,7 +204,7 @@ fn run_with(
     let clock = Instant::now();
     let mut teller = Teller::new(clock);
     let rows = execute(plan, shard, jobs, runner, (folder.journal(), begun), |progress| teller.tell(progress))?;
-    teller.end();
+    Teller::end();
     let timings = serde_json::json!({ "format": 1, "wall_s": clock.elapsed().as_secs_f64(), "jobs": jobs, "flown": teller.flown() });
     let add_timings = |output: &crate::output::OutputFolder| output.write("timings.json", &format!("{timings:#}\n"));
     if args.shard.is_some() {
@@ -325,7 +326,7 @@ impl Teller {
         if is_terminal { progress(&line) } else { eprintln!("{line}") }
     }
 
-    fn end(&self) {
+    fn end() {
         progress("");
     }
 }
@@ -344,6 +345,7 @@ fn progress_line(progress: Progress, elapsed: Duration) -> String {
 }
 
 fn duration(seconds: f64) -> String {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // not negative
     let whole = seconds.ceil() as u64;
     match (whole / 3600, whole / 60 % 60, whole % 60) {
         (0, 0, seconds) => format!("{seconds} s"),

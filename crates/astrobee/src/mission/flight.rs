@@ -465,7 +465,7 @@ impl Sums {
             angular_impulse_n_m_s: 0.0,
             squares: Vec::new(),
             min_clearance_m: None,
-            account: ControlAccount::with_decisions(BETWEEN_ROWS as i64 * CONTROL_PERIOD_NS),
+            account: ControlAccount::with_decisions(BETWEEN_ROWS.cast_signed() * CONTROL_PERIOD_NS),
         }
     }
 
