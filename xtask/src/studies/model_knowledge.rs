@@ -2,6 +2,8 @@
 //!
 //! Parts: `tracking` (updates on against off on one reference), `coverage` and `informative` (whole missions), `leg-time`.
 
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)] // counts and steps of a minute
+
 mod leg_time;
 mod missions;
 mod scenario_one;

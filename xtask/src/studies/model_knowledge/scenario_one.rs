@@ -40,8 +40,10 @@ const DRIFT: [f64; 2] = [2e-3, 2e-4];
 pub enum Knowledge {
     /// What was believed at the start.
     Prior,
-    /// What the estimator says, offered every 2 s.
+    /// What the estimator says, offered every 2 s from the second leg on.
     Learned,
+    /// The same from the start.
+    LearnedAtOnce,
     /// All.
     True,
 }
@@ -72,6 +74,8 @@ pub struct Flown {
     /// Of the ten parameters, at its end.
     pub nees: f64,
     pub diverged: bool,
+    /// Whether the estimator ever doubted that the body is the one it was; here nobody answers.
+    pub doubtful: bool,
 }
 
 /// The true body of a seed, and the random numbers that follow.
@@ -190,7 +194,7 @@ pub fn fly(
     let mut disturbance = [Vector3::zeros(); 2];
     let mut force_world = Vector3::zeros();
     let (mut squares, mut count, mut impulse_n_s) = ([0.0; 2], 0.0, 0.0);
-    let (mut at_leg, mut nees, mut diverged) = (None, f64::NAN, false);
+    let (mut at_leg, mut nees, mut diverged, mut doubtful) = (None, f64::NAN, false, false);
     let legs = PLACES.len() - 1;
     let last = [(legs - 1) as f64 * LEG_S, legs as f64 * LEG_S];
     let steps = ((last[1] + HOLD_S) / STEP_S).round() as usize;
@@ -210,7 +214,12 @@ pub fn fly(
                 velocity_origin_world: Some(measured.world_from_body.rotation * measured.twist_body.linear),
             });
         }
-        if knowledge == Knowledge::Learned && k % STEPS_PER_BELIEF == 0 {
+        let is_offered = match knowledge {
+            Knowledge::Prior | Knowledge::True => false,
+            Knowledge::Learned => t >= LEG_S,
+            Knowledge::LearnedAtOnce => true,
+        };
+        if is_offered && k % STEPS_PER_BELIEF == 0 {
             believed = estimator.estimate().parameters;
         }
         let shown = match seen {
@@ -239,7 +248,9 @@ pub fn fly(
         state = MuntheKaas4
             .step(&flyer, &state, &(wrench + outside), t, STEP_S)
             .map_err(|error| Failure::BadInput(error.to_string()))?;
-        diverged |= estimator.health().diverged;
+        let health = estimator.health();
+        diverged |= health.diverged;
+        doubtful |= health.body_doubtful;
         if t >= last[0] && t < last[1] {
             if at_leg.is_none() {
                 at_leg = Some(account(&estimator.estimate(), &body));
@@ -259,7 +270,7 @@ pub fn fly(
     }
     let (errors, mass) = at_leg.unwrap_or(([f64::NAN; 3], [f64::NAN; 2]));
     let [position_m, attitude_rad] = squares.map(|sum: f64| (sum / count).sqrt());
-    Ok(Flown { position_m, attitude_rad, impulse_n_s, errors, mass, nees, diverged })
+    Ok(Flown { position_m, attitude_rad, impulse_n_s, errors, mass, nees, diverged, doubtful })
 }
 
 /// What is known.

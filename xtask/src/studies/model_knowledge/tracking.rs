@@ -16,9 +16,9 @@ const SENSING: [(&str, Sensing); 3] = [
 ];
 
 /// By how much the pooled error is lower, as a share.
-fn lower(pairs: &[[Flown; 3]], figure: impl Fn(&Flown) -> f64) -> f64 {
+fn lower(pairs: &[[Flown; 4]], on: usize, figure: impl Fn(&Flown) -> f64) -> f64 {
     let sum = |which: usize| pairs.iter().map(|flown| figure(&flown[which]).powi(2)).sum::<f64>();
-    1.0 - (sum(1) / sum(0)).sqrt()
+    1.0 - (sum(on) / sum(0)).sqrt()
 }
 
 /// Flies all.
@@ -28,7 +28,12 @@ pub fn run(report: &mut Report, seeds: usize) -> Result<(), Failure> {
         for seen in [Seen::Measured, Seen::Filtered] {
             let flown = each_seed(seeds, |seed| {
                 let fly = |knowledge| fly(seed, sensing, knowledge, seen, &limits);
-                Ok([fly(Knowledge::Prior)?, fly(Knowledge::Learned)?, fly(Knowledge::True)?])
+                Ok([
+                    fly(Knowledge::Prior)?,
+                    fly(Knowledge::Learned)?,
+                    fly(Knowledge::True)?,
+                    fly(Knowledge::LearnedAtOnce)?,
+                ])
             });
             let flown = flown.into_iter().collect::<Result<Vec<_>, Failure>>()?;
             judge(report, &format!("sensing {name}, state {seen:?}"), &flown, *name == SENSING[0].0);
@@ -37,9 +42,9 @@ pub fn run(report: &mut Report, seeds: usize) -> Result<(), Failure> {
     Ok(())
 }
 
-fn judge(report: &mut Report, name: &str, flown: &[[Flown; 3]], is_claimed: bool) {
+fn judge(report: &mut Report, name: &str, flown: &[[Flown; 4]], is_claimed: bool) {
     report.table.push(format!("\ntracking, last leg, {name}, seeds 0..{}", flown.len()));
-    for (which, what) in ["updates off", "updates on", "true body"].iter().enumerate() {
+    for (which, what) in ["updates off", "updates on", "true body", "on at once"].iter().enumerate() {
         let of = |figure: fn(&Flown) -> f64| median(flown.iter().map(|one| figure(&one[which])));
         let most = |figure: fn(&Flown) -> f64| flown.iter().map(|one| figure(&one[which])).fold(0.0, f64::max);
         report.table.push(format!(
@@ -63,8 +68,15 @@ fn judge(report: &mut Report, name: &str, flown: &[[Flown; 3]], is_claimed: bool
         100.0 * median(flown.iter().map(|one| one[1].mass[0])),
         flown.len(),
     ));
-    let position = Interval::of(flown, |pairs| lower(pairs, |one| one.position_m));
-    let attitude = Interval::of(flown, |pairs| lower(pairs, |one| one.attitude_rad));
+    let position = Interval::of(flown, |pairs| lower(pairs, 1, |one| one.position_m));
+    let attitude = Interval::of(flown, |pairs| lower(pairs, 1, |one| one.attitude_rad));
+    let at_once = Interval::of(flown, |pairs| lower(pairs, 3, |one| one.position_m));
+    let doubtful = |which: usize| flown.iter().filter(|one| one[which].doubtful).count();
+    let lost = |which: usize| flown.iter().filter(|one| one[which].position_m > 0.05).count();
+    report.table.push(format!(
+        "  beliefs from the start on: position lower by {at_once}, flights lost (beyond 50 mm) {}; from the second leg on {}; body in doubt: off {}, on {}, at once {}",
+        lost(3), lost(1), doubtful(0), doubtful(1), doubtful(3),
+    ));
     let impulse = Interval::of(flown, |pairs| {
         let sum = |which: usize| pairs.iter().map(|one| one[which].impulse_n_s).sum::<f64>();
         sum(1) / sum(0)
@@ -76,7 +88,9 @@ fn judge(report: &mut Report, name: &str, flown: &[[Flown; 3]], is_claimed: bool
             "position_lower": [position.value, position.low, position.high],
             "attitude_lower": [attitude.value, attitude.low, attitude.high],
             "impulse_ratio": [impulse.value, impulse.low, impulse.high],
-            "in_99_percent_set": inside, "diverged": diverged})
+            "in_99_percent_set": inside, "diverged": diverged,
+            "at_once_position_lower": [at_once.value, at_once.low, at_once.high], "lost": [lost(1), lost(3)],
+            "doubtful": [doubtful(0), doubtful(1), doubtful(3)]})
     );
     if is_claimed {
         for (what, found, least, least_low) in [("position", position, 0.55, 0.50), ("attitude", attitude, 0.75, 0.70)]
