@@ -59,7 +59,7 @@ const STEPS: &[Step] = &[
     always("real-data", "measured throws meet their targets", real_data),
     always(
         "studies",
-        "the studies of identification, of chapter 4, of actuation, of control and of faults, reduced",
+        "the studies of identification, of chapter 4, of actuation, of control, reduced",
         reduced_studies,
     ),
     always(
@@ -296,9 +296,7 @@ fn reduced_studies() -> Outcome {
     let (mut missions, mut attitude) = (studies("study"), studies("study"));
     missions.args(["study", "tube-missions", "--missions", "40"]);
     attitude.args(["study", "attitude-certificate", "--runs", "2020"]);
-    let mut faults = studies("study");
-    faults.args(["study", "faults", "--missions", "56"]);
-    shell(&mut [identification, chapter4, actuation, missions, attitude, faults])
+    shell(&mut [identification, chapter4, actuation, missions, attitude])
 }
 
 /// The examples that print hashes: crate and example.

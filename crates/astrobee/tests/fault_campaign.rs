@@ -47,7 +47,7 @@ fn lost_m(record: &MissionRecord) -> f64 {
 
 #[test]
 fn planners_that_die_or_are_late_are_asked_again_and_nothing_expired_is_flown() {
-    let record = arrives("granite-cargo", "planner:3", 1);
+    let record = arrives("iss-cargo", "planner:2", 1);
     assert!(says(&record, "Refused") || says(&record, "Unanswered") || says(&record, "TooLate"));
 }
 

@@ -2,7 +2,6 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod stretches {
-    pub mod draws;
     pub mod flight;
 }
 

@@ -163,6 +163,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     ));
     report.none("contacts that could have been prevented", contacts as f64);
     report.none("missions in which a limit or an invariant did not hold", violations as f64);
-    report.none("missions that ended with an error or a panic", errors as f64);
+    report.none("missions that ended with an error or a panic", f64::from(errors));
     report.finish()
 }

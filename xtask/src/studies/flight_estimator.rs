@@ -58,7 +58,7 @@ fn fly(seed: u64, conditions: Conditions, until: f64) -> Flown {
 impl MotionErrors {
     fn watch(&mut self, flight: &Flight) {
         let stamp_ns = flight.estimator.newest_stamp_ns();
-        let Some(truth) = flight.truth.get((stamp_ns / STEP_NS) as usize) else { return };
+        let Some(truth) = flight.truth.get(usize::try_from(stamp_ns / STEP_NS).unwrap_or(usize::MAX)) else { return };
         let found = flight.estimator.state_at(stamp_ns);
         let world_from_body = truth.world_from_body.rotation;
         let velocity =

@@ -183,6 +183,7 @@ pub trait Fault {
 /// assert_eq!(faults.planner(1), PlannerFault::None);
 /// # Ok::<(), tumble_astrobee::mission::FaultChoiceError>(())
 /// ```
+#[allow(clippy::struct_field_names)] // the faults of the faults
 pub struct Faults {
     faults: Vec<Box<dyn Fault>>,
     time_ns: i64,
@@ -285,7 +286,8 @@ impl Faults {
 
     /// Whether the computer starts anew now: once for each time it does.
     pub fn restart_due(&mut self, time_ns: i64) -> bool {
-        self.faults.iter_mut().fold(false, |due, fault| fault.restart_due(time_ns) || due)
+        // every fault is asked, whatever another said
+        self.faults.iter_mut().map(|fault| fault.restart_due(time_ns)).filter(|due| *due).count() > 0
     }
 
     /// What is done to the estimator now: once.

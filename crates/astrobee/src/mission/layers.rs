@@ -193,8 +193,6 @@ fn weighting<const P: usize>(
     let base: [f64; P] = each(&problem.weighting.gamma0);
     let only = |kept: &[usize]| std::array::from_fn(|i| if kept.contains(&i) { base[i] } else { 0.0 });
     Ok(match choice {
-        // by expected loss nothing of this is asked
-        WeightingChoice::Belief => Box::new(FixedWeighting::try_new([0.0; P])?),
         WeightingChoice::Covariance => Box::new(CovarianceWeighting::try_new(
             base,
             each(&problem.weighting.target_variance),
@@ -209,7 +207,8 @@ fn weighting<const P: usize>(
         WeightingChoice::Fixed => Box::new(FixedWeighting::try_new(base)?),
         WeightingChoice::Mass => Box::new(FixedWeighting::try_new(only(&[0]))?),
         WeightingChoice::Inertia => Box::new(FixedWeighting::try_new(only(inertia))?),
-        WeightingChoice::None => Box::new(FixedWeighting::try_new([0.0; P])?),
+        // by expected loss nothing of this is asked
+        WeightingChoice::Belief | WeightingChoice::None => Box::new(FixedWeighting::try_new([0.0; P])?),
     })
 }
 

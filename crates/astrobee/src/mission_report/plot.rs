@@ -403,7 +403,7 @@ mod tests {
     fn lines_break_where_there_is_no_value() {
         let mut plot = Plot::new("p", "P", "m");
         plot.layers.push(Layer::Line("c0", vec![[0.0, 0.0], [4.0, 1.0], [5.0, f64::NAN], [6.0, 1.0], [10.0, 0.0]]));
-        assert_eq!(drawn(&plot).matches("M").count() - drawn(&plot).matches("<path d=\"M").count(), 2);
+        assert_eq!(drawn(&plot).matches('M').count() - drawn(&plot).matches("<path d=\"M").count(), 2);
     }
 
     #[test]

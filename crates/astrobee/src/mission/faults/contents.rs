@@ -70,6 +70,7 @@ impl Fault for Clock {
 }
 
 /// Numbers that are none.
+#[allow(clippy::struct_field_names)] // the field's word
 pub(super) struct Malformed {
     spells: Vec<Window>,
     probability: f64,

@@ -72,6 +72,7 @@ impl Waiting {
 }
 
 /// Messages come late, each by another time: they may overtake each other.
+#[allow(clippy::struct_field_names)] // the field's word
 pub(super) struct Delay {
     spell: Window,
     delay_s: f64,

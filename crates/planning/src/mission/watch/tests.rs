@@ -60,6 +60,9 @@ fn found(defect: impl Fn(&mut WatchedStep<'_>)) -> Vec<Violation> {
 }
 
 /// Each planted defect breaks its own invariant, no other, with its own numbers.
+/// What spoils a step.
+type Spoil<'a> = &'a dyn Fn(&mut WatchedStep<'_>);
+
 #[test]
 fn each_invariant_bites() {
     // a plate
@@ -67,7 +70,7 @@ fn each_invariant_bites() {
     let mut indefinite = covariance();
     indefinite[(2, 2)] = 1e-12;
     let indefinite = kept(indefinite);
-    let defects: [(Invariant, f64, f64, &dyn Fn(&mut WatchedStep<'_>)); 17] = [
+    let defects: [(Invariant, f64, f64, Spoil<'_>); 17] = [
         (Invariant::Clearance, -1e-9, 0.0, &|s| s.clearance_m = Some(-1e-9)),
         (Invariant::Force, 0.1001, 0.1, &|s| s.wrench_body.force.z = -0.1001),
         (Invariant::Force, f64::INFINITY, 0.15, &|s| s.wrench_body.force.x = f64::NEG_INFINITY),
@@ -92,7 +95,10 @@ fn each_invariant_bites() {
         let [violation] = found(defect)[..] else { panic!("{invariant:?}: {:?}", found(defect)) };
         assert_eq!(violation.invariant, invariant);
         assert_eq!(violation.time_ns, 20_016_000_000);
-        assert!(violation.found == number || (violation.found - number).abs() < 1e-9, "{violation}");
+        assert!(
+            violation.found.to_bits() == number.to_bits() || (violation.found - number).abs() < 1e-9,
+            "{violation}"
+        );
         assert!((violation.allowed - allowed).abs() < 1e-12, "{violation}");
     }
     let of_covariance = found(|s| s.covariance = Some(indefinite));
