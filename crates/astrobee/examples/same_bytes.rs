@@ -8,9 +8,7 @@ use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::air_drag::air_drag;
 use tumble_astrobee::flight_controller::FlightController;
 use tumble_astrobee::flight_modes::{ControlGains, FlightSite};
-use tumble_astrobee::mission::{FaultChoice, FaultName, FlyOptions, ModelChoice, NoHooks, WeightingChoice, fly};
 use tumble_astrobee::propulsion::{ImpellerMode, PropulsionSettings};
-use tumble_astrobee::scenario::ScenarioSource;
 use tumble_astrobee::sensing::{Localization, SensingPreset};
 use tumble_astrobee::simulator::{
     Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_S, Controller, Drive, FlownController, Grasp, Multisine,
@@ -84,22 +82,5 @@ fn main() -> Result<(), AstrobeeError> {
         }
     }
     println!("flight {hash:016x}, {estimates} estimates");
-    mission()
-}
-
-/// A mission until its estimator has begun to learn: planners, controller and coordinator take part.
-fn mission() -> Result<(), AstrobeeError> {
-    let mut source = ScenarioSource::find("iss-cargo")?;
-    source.scenario.duration_s = 24.0;
-    let options = FlyOptions {
-        seed: 3,
-        weighting: WeightingChoice::Covariance,
-        feedback: true,
-        model: ModelChoice::Scenario,
-        fault: Some(FaultChoice { name: FaultName::Drop, severity: 2 }),
-    };
-    let record = fly(&source, &options, &mut NoHooks)?;
-    let text = format!("{record:?}");
-    println!("mission {:016x}, {} stretches", absorb(0xcbf2_9ce4_8422_2325, text.as_bytes()), record.stretches.len());
     Ok(())
 }
