@@ -8,6 +8,7 @@
 //!
 //! The [`Coordinator`] alone decides; it sees events with their times and answers with actions, and knows nothing of geometry.
 
+mod brake;
 mod closed_loop;
 mod coordinator;
 mod event;
@@ -21,6 +22,7 @@ mod stretch_settings;
 mod watch;
 mod way_nodes;
 
+pub use brake::BrakeLimits;
 pub use closed_loop::{
     AtGoal, ClosedLoop, ComputingTime, ControllerFactory, Layer, LoopObserver, LoopSettings, NoObserver, PlannerFault,
     Scene, Sensed,

@@ -20,8 +20,8 @@ use tumble_planning::identification::recursive::{FlightEstimator, FlightEstimato
 use tumble_planning::lie::{Pose, Wrench};
 use tumble_planning::local::{CovarianceWeighting, RigidBodyModel, WrenchSet};
 use tumble_planning::mission::{
-    Action, ClosedLoop, Coordinator, Event, InformativeStretch, LoopObserver, LoopSettings, PlannerFault, Scene,
-    Schedule, Sensed, StopLimits, StretchSettings, TimedEvent,
+    Action, BrakeLimits, ClosedLoop, Coordinator, Event, InformativeStretch, LoopObserver, LoopSettings, PlannerFault,
+    Scene, Schedule, Sensed, StopLimits, StretchSettings, TimedEvent,
 };
 use tumble_planning::nalgebra::{UnitQuaternion, Vector3};
 use tumble_planning::{ModelBelief, PlanningError, unit_interval};
@@ -99,7 +99,9 @@ fn tug<C: Controller>(new_controller: impl FnMut(&ModelBelief) -> Result<C, Plan
     let goal = GoalRegion { position: GOAL, radius_m: 0.0, speed_m_s: 0.0, attitude: Some(turned) };
     let heaviest = InertialParameters::solid_box(2.0 * mass, [0.4, 0.4, 0.4]);
     let stop = StopLimits::for_body(&heaviest, force_n, torque_n_m);
-    let settings = LoopSettings { decision_periods: 5, ..LoopSettings::new(shape.clone(), goal, limits, stop) };
+    let brake = BrakeLimits { force_n: Vector3::repeat(FORCE_N), torque_n_m: TORQUE_N_M };
+    let settings = LoopSettings::new(shape.clone(), goal, limits, (stop, brake));
+    let settings = LoopSettings { decision_periods: 5, ..settings };
     let scene = Scene::of_world(&room(), &shape).unwrap();
     let planners = (FlightPlanner::default(), Box::new(planner.unwrap()) as _);
     ClosedLoop::try_new(settings, scene, planners, new_controller, estimator, 0).unwrap()

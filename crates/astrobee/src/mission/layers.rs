@@ -19,8 +19,8 @@ use tumble_planning::local::{
     RigidBodyModel, SpeedLimits, StepWeighting, Surroundings, WrenchSet,
 };
 use tumble_planning::mission::{
-    AtGoal, ClosedLoop, ComputingTime, ControllerFactory, ExpectedLoss, InformativeStretch, LoopSettings, Scene,
-    Schedule, StretchModel, StretchPlanner, StretchSettings,
+    AtGoal, BrakeLimits, ClosedLoop, ComputingTime, ControllerFactory, ExpectedLoss, InformativeStretch, LoopSettings,
+    Scene, Schedule, StretchModel, StretchPlanner, StretchSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
@@ -311,7 +311,12 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
         known: stretches.map(|_| LearningTargets { mass: 0.01, center_of_mass_m: 0.003, inertia: 0.03 }),
         material_change: MATERIAL,
         seed,
-        ..LoopSettings::new(problem.planning.body.clone(), problem.planning.goal, problem.planning.limits, problem.stop)
+        ..LoopSettings::new(
+            problem.planning.body.clone(),
+            problem.planning.goal,
+            problem.planning.limits,
+            (problem.stop, BrakeLimits { force_n: problem.force_limit_n, torque_n_m: problem.torque_limit_n_m.min() }),
+        )
     }
 }
 

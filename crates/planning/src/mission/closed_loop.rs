@@ -1,5 +1,6 @@
 //! The layers at work: what the coordinator asks for is planned, flown and told.
 
+use super::brake::{BrakeLimits, Braking};
 use super::coordinator::{Coordinator, Schedule};
 use super::event::{Action, Ambition, Event, FoundStretch, Standing, StartFrom, TimedEvent};
 use super::motion::{MissionMotion, StopLimits};
@@ -27,9 +28,6 @@ const WAYS: usize = 4;
 
 /// Share of the clearance at its start that a way may keep.
 const START_SHARE: f64 = 0.95;
-
-/// Stops that are tried where the usual one would hit something, each braking twice as hard as the one before.
-const HARDER_STOPS: u32 = 3;
 
 /// What is around the robot, as far as it knows.
 #[derive(Clone, Debug)]
@@ -116,6 +114,8 @@ pub struct LoopSettings<B> {
     pub check_margin_m: f64,
     /// How stops brake.
     pub stop: StopLimits,
+    /// What the brake may use where such a stop would hit something.
+    pub brake: BrakeLimits,
     /// Budget of a way.
     pub way_units: u64,
     /// Budget of a stretch.
@@ -136,7 +136,7 @@ impl<B> LoopSettings<B> {
     ///
     /// A way takes a second to plan, a stretch about as long; 4.5 cm are planned for around everything, and what is flown keeps 2.7.
     /// Times of the decisions are those of [`Schedule::default`].
-    pub fn new(body: B, goal: GoalRegion, limits: MotionLimits, stop: StopLimits) -> Self {
+    pub fn new(body: B, goal: GoalRegion, limits: MotionLimits, (stop, brake): (StopLimits, BrakeLimits)) -> Self {
         Self {
             schedule: Schedule::default(),
             decision_periods: 12,
@@ -150,6 +150,7 @@ impl<B> LoopSettings<B> {
             margin_m: 0.045,
             check_margin_m: 0.027,
             stop,
+            brake,
             way_units: 20_000,
             stretch_units: 25_600,
             computing: ComputingTime::default(),
@@ -296,6 +297,8 @@ where
     belief: ModelBelief,
     next_belief_ns: i64,
     flown: Flown,
+    /// Until when the brake is on, s.
+    braking_until_s: Option<f64>,
     answers: VecDeque<(i64, Answer)>,
     ways: VecDeque<(u64, ArcPath, u64)>,
     way_mass_kg: f64,
@@ -347,6 +350,7 @@ where
             prior,
             next_belief_ns: start_ns + settings.belief_period_ns,
             flown: Flown::only(MissionMotion::resting(pose, seconds(start_ns)), 0),
+            braking_until_s: None,
             answers: VecDeque::new(),
             ways: VecDeque::new(),
             found: None,
@@ -595,12 +599,8 @@ where
                     self.flown.advance(self.time_ns);
                 }
             }
-            Action::Stop => {
-                let state = self.flown.at(time_s).state;
-                let stop = self.stopping_from(&state, time_s)?;
-                self.flown = Flown::only(stop, self.belief.revision);
-            }
-            Action::HoldHere => self.hold_here(time_s)?,
+            Action::Stop => self.stop_from(&self.flown.at(time_s).state)?,
+            Action::HoldHere => self.hold_here()?,
             Action::Offer { .. } => {
                 observer.offered(self.time_ns, &self.belief);
                 let adoption = self.controller.adopt(&self.belief)?;
@@ -621,27 +621,38 @@ where
         Ok(())
     }
 
-    fn hold_here(&mut self, time_s: f64) -> Result<(), PlanningError> {
-        let state = self.estimator.state_at(self.time_ns);
-        // where it comes to rest, not where it was
-        let stop = self.stopping_from(&state, time_s)?;
-        self.flown = Flown::only(stop, self.belief.revision);
+    /// Where it comes to rest, not where it was.
+    fn hold_here(&mut self) -> Result<(), PlanningError> {
+        self.stop_from(&self.estimator.state_at(self.time_ns))
+    }
+
+    /// The gentle stop from a state; where it does not keep clear, the brake from where the robot is.
+    fn stop_from(&mut self, state: &RigidBodyState<f64>) -> Result<(), PlanningError> {
+        let time_s = seconds(self.time_ns);
+        let LoopSettings { body, check_margin_m, .. } = &self.settings;
+        let gentle = MissionMotion::stopping_from(state, time_s, &self.settings.stop);
+        let is_clear = gentle.first_contact(&self.scene.world, body, time_s, *check_margin_m)?.is_none();
+        self.flown = Flown::only(gentle, self.belief.revision);
+        let braking = self.braking(&self.estimator.state_at(self.time_ns));
+        self.braking_until_s = (!is_clear && !braking.is_soft).then(|| braking.until_s(time_s));
         Ok(())
     }
 
-    /// The gentlest stop that keeps clear, else the hardest: beyond the controller's force it brakes as hard as it can.
-    fn stopping_from(&self, state: &RigidBodyState<f64>, time_s: f64) -> Result<MissionMotion, PlanningError> {
-        let LoopSettings { body, check_margin_m, .. } = &self.settings;
-        let mut stop = self.settings.stop;
-        let mut motion = MissionMotion::stopping_from(state, time_s, &stop);
-        for _ in 0..HARDER_STOPS {
-            if motion.first_contact(&self.scene.world, body, time_s, *check_margin_m)?.is_none() {
-                break;
-            }
-            stop.acceleration_m_s2 *= 2.0;
-            motion = MissionMotion::stopping_from(state, time_s, &stop);
+    fn braking(&self, state: &RigidBodyState<f64>) -> Braking {
+        self.settings.brake.braking(self.belief.parameters(), &state.twist_body)
+    }
+
+    /// The brake's wrench, which makes what is flown anew from where the robot is; none where it is off, or no longer needed: then
+    /// what is left is stopped as ever.
+    fn brake(&mut self, state: &RigidBodyState<f64>) -> Result<Option<Wrench<f64>>, PlanningError> {
+        let Some(until_s) = self.braking_until_s else { return Ok(None) };
+        let (time_s, braking) = (seconds(self.time_ns), self.braking(state));
+        if braking.is_soft || time_s >= until_s {
+            self.stop_from(state)?;
+            return Ok(None);
         }
-        Ok(motion)
+        self.flown = Flown::only(braking.motion(state, time_s), self.belief.revision);
+        Ok(Some(braking.wrench_body))
     }
 
     fn plan_way(
@@ -652,7 +663,7 @@ where
         observer: &mut dyn LoopObserver,
     ) -> Result<(), PlanningError> {
         if from == StartFrom::Estimate {
-            self.hold_here(seconds(self.time_ns))?;
+            self.hold_here()?;
         }
         let start_s = seconds(start_ns);
         let start = self.flown.at(start_s).state;
@@ -808,6 +819,14 @@ where
     fn control(&mut self, observer: &mut dyn LoopObserver) -> Result<ControlCommand, PlanningError> {
         observer.begins(Layer::Control);
         let state = self.estimator.state_at(self.time_ns);
+        if let Some(wrench_body) = self.brake(&state)? {
+            // the belief it names is that of the controller, which takes over again
+            let unnamed = ControlCommand { wrench_body, model_revision: 0, fallback: None, mass: None };
+            let command = ControlCommand { wrench_body, fallback: None, ..self.last.unwrap_or(unnamed) };
+            observer.ends(Layer::Control);
+            self.last = Some(command);
+            return Ok(command);
+        }
         let trajectory: &dyn ReferenceMotion = &self.flown;
         let plan = Plan { trajectory, model_revision: self.flown.model_revision };
         let request = ControlRequest { time_s: seconds(self.time_ns), state: &state, plan: &plan };

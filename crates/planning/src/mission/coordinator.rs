@@ -231,12 +231,12 @@ impl Coordinator {
         self.phase = Phase::Resting { ask_from_ns: self.now_ns + pause_ns, from };
     }
 
-    /// Leaves what is being flown by the shortest stop.
+    /// Leaves what is being flown by a stop; a stop that is being flown may be one that does not do any more.
     fn stop(&mut self, actions: &mut Vec<Action>) {
         if matches!(self.phase, Phase::Idle) {
             return;
         }
-        if let Phase::Flying(_) = self.phase {
+        if matches!(self.phase, Phase::Flying(_) | Phase::Resting { .. }) {
             actions.push(Action::Stop);
         }
         self.rest(StartFrom::Reference, 0);
