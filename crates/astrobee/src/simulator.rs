@@ -298,6 +298,15 @@ impl AstrobeeSimulator {
         Ok(released)
     }
 
+    /// The most force along a direction (unit vector) whose line passes through a point that can be had by asking for up to so
+    /// much of it, N: more may be asked for than nozzles give. Of pulses and rotors what is asked for; damage does not count.
+    ///
+    /// # Frame
+    /// Body axes.
+    pub fn largest_force_n(&self, direction_body: &Vector3<f64>, through_body: &Vector3<f64>, up_to_n: f64) -> f64 {
+        self.actuators.largest_force_n(direction_body, through_body, up_to_n)
+    }
+
     /// Breaks something of the propulsion, or mends it with [`Damage::NONE`]; what the robot believes it applies does not change.
     ///
     /// Without simulated modules, the nozzles' shares of the wrench are those of the allocation; valves and rotors know the

@@ -2,7 +2,7 @@
 
 use super::faults::{Faults, LateObstacle, Sabotage};
 use super::invariants;
-use super::layers::{AstrobeeLoop, closed_loop, scene};
+use super::layers::{AstrobeeLoop, CHECKED_SHARE, closed_loop, scene};
 use super::options::FlyOptions;
 use super::record::{
     BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
@@ -154,7 +154,7 @@ struct Notes<'a> {
     events: Vec<MissionEvent>,
     shut_off: BTreeMap<String, Option<f64>>,
     faults: Faults,
-    unavoidable: Option<String>,
+    too_late: Option<TooLate>,
     /// The first stretch that was flown after its time.
     expired: Option<String>,
 }
@@ -321,7 +321,7 @@ pub fn fly(
         events: Vec::new(),
         shut_off: BTreeMap::new(),
         faults,
-        unavoidable: None,
+        too_late: None,
         expired: None,
     };
     let mut sums = Sums::watched_by(invariants::watch(&problem));
@@ -340,7 +340,7 @@ pub fn fly(
         if let Some(obstacle) = late.take_if(|late| late.appears_s <= time_s)
             && let Some(obstacle) = in_the_way(&flying, &problem, &obstacle, time_s)
         {
-            notes.unavoidable = too_late(&problem, &obstacle, time_s);
+            notes.too_late = too_late(&problem, &obstacle, time_s);
             extra.push(obstacle);
             judge = scene(&problem, f64::INFINITY, &extra).map_err(AstrobeeError::Planning)?.world;
             let seen = scene(&problem, time_s, &extra).map_err(AstrobeeError::Planning)?;
@@ -407,26 +407,43 @@ fn in_the_way(
     Some(MovingObstacle::at_rest(ellipsoid).present(time_s, f64::INFINITY))
 }
 
-/// That no force within the limits, at its full from now on, stops the robot on its line to an obstacle; none where one does.
-fn too_late(problem: &MissionProblem, obstacle: &MovingObstacle, time_s: f64) -> Option<String> {
+/// A contact that nothing prevents.
+struct TooLate {
+    /// How deep it is at least, m.
+    depth_m: f64,
+    reason: String,
+}
+
+/// That the robot, pushed from now on as hard as nozzles and limits allow, comes to rest on its line only beyond an obstacle's
+/// surface; none where it does before.
+fn too_late(problem: &MissionProblem, obstacle: &MovingObstacle, time_s: f64) -> Option<TooLate> {
     let simulator = &problem.flight.simulator;
     let (state, body) = (simulator.state(), simulator.body());
-    let pose = &state.world_from_body;
+    let (pose, center) = (&state.world_from_body, body.center_of_mass());
     let to_obstacle = obstacle.ellipsoid.world_from_ellipsoid.translation.vector - pose.translation.vector;
-    let distance_m = to_obstacle.norm();
-    let gap_m = distance_m - LATE_RADIUS_M - problem.planning.body.bounding_radius_m();
-    let direction_body = pose.rotation.inverse() * (to_obstacle / distance_m);
-    let closing_m_s = state.twist_body.linear.dot(&direction_body).max(0.0);
+    let gap_m = to_obstacle.norm() - LATE_RADIUS_M - problem.planning.body.bounding_radius_m();
+    let ahead_body = pose.rotation.inverse() * to_obstacle.normalize();
+    let closing_m_s = state.twist_body.linear.dot(&ahead_body).max(0.0);
     // as hard as one can push against this direction and no other
-    let shares = direction_body.iter().zip(&problem.force_limit_n).filter(|(share, _)| share.abs() > 1e-6);
-    let force_n = shares.map(|(share, limit)| limit / share.abs()).fold(f64::INFINITY, f64::min);
+    let shares = ahead_body.iter().zip(&problem.force_limit_n).filter(|(share, _)| share.abs() > 1e-6);
+    let limit_n = shares.map(|(share, limit)| limit / share.abs()).fold(f64::INFINITY, f64::min);
+    let force_n = simulator.largest_force_n(&-ahead_body, &center, limit_n);
     let braking_m = closing_m_s * closing_m_s * body.mass / (2.0 * force_n);
-    (braking_m > gap_m).then(|| {
-        format!(
+    (braking_m > gap_m).then(|| TooLate {
+        depth_m: braking_m - gap_m,
+        reason: format!(
             "{UNAVOIDABLE}at {time_s:.1} s something showed up {gap_m:.3} m ahead, and to stop from {closing_m_s:.3} m/s with \
              {force_n:.2} N takes {braking_m:.3} m"
-        )
+        ),
     })
+}
+
+impl TooLate {
+    /// Why a contact was no fault of the robot; none where it is deeper than it had to be, by more than a margin that is there for
+    /// what the robot does not do exactly.
+    fn excuse(self, clearance_m: f64, margin_m: f64) -> Option<String> {
+        (clearance_m + self.depth_m + margin_m >= 0.0).then_some(self.reason)
+    }
 }
 
 fn sabotaged(estimate: &Estimate, sabotage: &Sabotage) -> Estimate {
@@ -555,7 +572,7 @@ fn record(
         estimate: columns[2][index],
         sigma: columns[3][index],
     };
-    let Notes { mut ways, stretches, beliefs, mut events, shut_off, faults, unavoidable, expired, .. } = notes;
+    let Notes { mut ways, stretches, beliefs, mut events, shut_off, faults, too_late, expired, .. } = notes;
     for event in problem.flight.simulator.events() {
         let kind = if event.event.is_violation() { "violation" } else { "simulator" };
         let text = event.event.to_string();
@@ -569,7 +586,8 @@ fn record(
     let counts = flying.estimator().counts();
     let mut warnings = invariants::warnings(&sums.watch);
     warnings.extend(expired);
-    warnings.extend(unavoidable);
+    let clearance_m = sums.min_clearance_m.unwrap_or(f64::INFINITY);
+    warnings.extend(too_late.and_then(|too_late| too_late.excuse(clearance_m, CHECKED_SHARE * problem.margin_m)));
     if counts.gated > 0 {
         warnings.push(format!("{} measurements did not fit what was expected and were not used", counts.gated));
     }

@@ -46,7 +46,7 @@ const TRACKER_RAD_S: [f64; 2] = [0.6, 0.5];
 /// Share of the rate limit that plans use.
 const RATE_SHARE: f64 = 0.6;
 /// Share of the margin that is kept by what is flown; the rest is what planners may be off by.
-const CHECKED_SHARE: f64 = 0.6;
+pub(super) const CHECKED_SHARE: f64 = 0.6;
 
 /// Whole nanoseconds.
 fn nanoseconds(time_s: f64) -> i64 {

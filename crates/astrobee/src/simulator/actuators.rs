@@ -34,6 +34,9 @@ pub enum Actuators {
     },
 }
 
+/// Forces that are tried to find the largest one.
+const SHARES: u32 = 64;
+
 /// Thrusters whose pulses all begin with the valves' own period, which need not be the simulator's; a pulse is drawn out
 /// over as many control periods as it lasts, and each has the mean of its part.
 #[derive(Clone, Debug)]
@@ -145,6 +148,28 @@ impl Actuators {
             saturated,
         })
     }
+
+    /// See [`super::AstrobeeSimulator::largest_force_n`].
+    pub(super) fn largest_force_n(
+        &self,
+        direction_body: &Vector3<f64>,
+        through_body: &Vector3<f64>,
+        up_to_n: f64,
+    ) -> f64 {
+        let given_n = |share: u32| {
+            let force = direction_body * (up_to_n * f64::from(share) / f64::from(SHARES));
+            let asked = Wrench::new(through_body.cross(&force), force);
+            let given = match self {
+                Self::Exact | Self::Pulsed(_) | Self::Rotors(_) => Ok(asked),
+                Self::Limited(limits) => limits.allocate(&asked).map(|given| limits.realize(&given)),
+                Self::Hardware { allocation, .. } => {
+                    allocation.0.allocate(&asked).map(|flaps| allocation.0.realize(&flaps))
+                }
+            };
+            given.map_or(0.0, |given| given.force.dot(direction_body))
+        };
+        (1..=SHARES).map(given_n).fold(0.0, f64::max)
+    }
 }
 
 #[cfg(test)]
@@ -202,5 +227,20 @@ mod tests {
             let Actuators::Rotors(_) = actuators else { continue };
             assert!(actuators.step(&bad, &nothing, &Damage::NONE).is_err());
         }
+    }
+
+    #[test]
+    fn nozzles_push_less_hard_than_their_limits_say_and_no_less_than_they_can() {
+        let center = Vector3::new(0.03, -0.015, 0.008);
+        let hardware = Actuators::hardware(ImpellerMode::Aggressive, center, PropulsionSettings::PHYSICAL);
+        let direction = Vector3::new(0.9, 0.38, 0.2).normalize();
+        let most_n = hardware.largest_force_n(&direction, &center, 0.5);
+        assert!(most_n > 0.2 && most_n < 0.4, "{most_n}");
+        // a little is given as it is asked for, and what can be given is not exceeded by asking for more
+        assert!((hardware.largest_force_n(&direction, &center, 0.05) - 0.05).abs() < 1e-4);
+        assert!(hardware.largest_force_n(&direction, &center, 5.0) < 1.2 * most_n);
+        let limited = Actuators::Limited(WrenchBox { torque_limit: center * 0.0, force_limit: Vector3::repeat(0.1) });
+        assert!((limited.largest_force_n(&Vector3::x(), &center, 5.0) - 0.1).abs() < 1e-12);
+        assert!((Actuators::Exact.largest_force_n(&direction, &center, 5.0) - 5.0).abs() < 1e-12);
     }
 }

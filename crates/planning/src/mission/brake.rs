@@ -6,7 +6,7 @@ use tumble_dynamics::{InertialParameters, RigidBodyState};
 use tumble_lie::{Twist, Wrench};
 
 /// Within this time the brake would end a motion that is slow enough not to need all there is, s.
-const SOFT_S: f64 = 0.3;
+const SOFT_S: f64 = 0.1;
 /// So many times as long as it should take, the brake brakes at most: for a body that is heavier than believed.
 const PATIENCE: f64 = 2.0;
 
