@@ -2392,6 +2392,13 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --test flight_estimator factor_of_two",
     },
     Mutant {
+        name: "flight estimator: an all but impossible body is a certain one",
+        file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
+        original: "if variance > LARGEST_LOG_EXTENT_VARIANCE {",
+        replacement: "if variance > 1e9 * LARGEST_LOG_EXTENT_VARIANCE {",
+        test: "-p tumble-identification --lib flight_estimator::tests",
+    },
+    Mutant {
         name: "flight estimator: a drift of the wrench keeps its covariance",
         file: "crates/identification/src/recursive/flight_estimator/flight_motion.rs",
         original: "*value *= column * factor(i);",

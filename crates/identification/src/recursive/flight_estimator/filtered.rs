@@ -12,7 +12,7 @@ use crate::error::IdentificationError;
 use crate::lie::{LieGroup, Pose, Twist};
 use crate::recursive::belief::Correction;
 use crate::recursive::joint_motion::JointObservation;
-use nalgebra::{SMatrix, SVector, Vector6};
+use nalgebra::{ComplexField, SMatrix, SVector, Vector6};
 
 /// Longest step of the filter: 32 ms.
 const STEP_NS: i64 = 32_000_000;
@@ -20,6 +20,8 @@ const STEP_NS: i64 = 32_000_000;
 const AGREE: f64 = 6.0;
 /// Without agreement the motion begins anew after so many times the patience, and the body is in doubt.
 const OUT_OF_PATIENCE: f64 = 2.0;
+/// Variance of a log-extent whose square is as large as its standard deviation.
+const LARGEST_LOG_EXTENT_VARIANCE: f64 = 0.25;
 
 /// What does not change during a flight.
 #[derive(Clone, Debug)]
@@ -278,17 +280,39 @@ fn i128_part(span: i64, i: i64, count: i64) -> i64 {
 pub(super) type FlightInnovation = crate::recursive::Innovation<ROWS>;
 
 /// What a prior is in the chart of the filter.
+///
+/// The chart is linear about a body only where that is far from the edge of what can be, in terms of what is known of it. A squared
+/// extent that is less than its standard deviation is taken for that: a prior whose mean is all but impossible is no certain one.
 pub(super) fn in_chart(
     prior: &crate::Estimate,
 ) -> Result<(LogCholesky<f64>, SMatrix<f64, 10, 10>), IdentificationError> {
-    let body = LogCholesky::try_from_parameters(&prior.parameters)?;
-    let slopes = crate::recursive::joint_motion::parameters_by_chart(&body);
-    let Some(inverse) = slopes.try_inverse() else { return Err(IdentificationError::NotFinite { row: 0 }) };
-    let covariance = crate::recursive::belief::symmetric(&(inverse * prior.covariance * inverse.transpose()));
+    let mut body = LogCholesky::try_from_parameters(&prior.parameters)?;
+    let mut covariance = chart_covariance(&body, &prior.covariance)?;
+    let mut moved = false;
+    for (i, log_extent) in body.log_extents.iter_mut().enumerate() {
+        let variance = covariance[(4 + i, 4 + i)];
+        if variance > LARGEST_LOG_EXTENT_VARIANCE {
+            // the square's relative deviation is twice that of the extent
+            *log_extent += 0.5 * ComplexField::ln(ComplexField::sqrt(variance / LARGEST_LOG_EXTENT_VARIANCE));
+            moved = true;
+        }
+    }
+    if moved {
+        covariance = chart_covariance(&body, &prior.covariance)?;
+    }
     for (index, variance) in covariance.diagonal().iter().enumerate() {
         if !(*variance >= 0.0 && variance.is_finite()) {
             return Err(IdentificationError::NotPositive { index, value: *variance });
         }
     }
     Ok((body, covariance))
+}
+
+fn chart_covariance(
+    body: &LogCholesky<f64>,
+    covariance: &SMatrix<f64, 10, 10>,
+) -> Result<SMatrix<f64, 10, 10>, IdentificationError> {
+    let slopes = crate::recursive::joint_motion::parameters_by_chart(body);
+    let Some(inverse) = slopes.try_inverse() else { return Err(IdentificationError::NotFinite { row: 0 }) };
+    Ok(crate::recursive::belief::symmetric(&(inverse * covariance * inverse.transpose())))
 }

@@ -1,10 +1,13 @@
+use super::filtered::in_chart;
 use super::flight_motion::{BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, SCALE, Vector};
 use super::settings::FlightEstimatorSettings;
-use crate::dynamics::{LogCholesky, RigidBodyState};
+use crate::Estimate;
+use crate::dynamics::{InertialParameters, LogCholesky, RigidBodyState};
+use crate::identify::standard_deviations;
 use crate::lie::{LieGroup, Manifold, Pose, Twist, Wrench};
 use crate::recursive::MotionNoise;
 use crate::recursive::joint_motion::JointState;
-use nalgebra::{SMatrix, SVector, Vector3, Vector6};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 
 fn model(planar: bool) -> FlightMotion {
     let noise = MotionNoise {
@@ -95,4 +98,30 @@ fn an_anchor_makes_the_step_linear_in_the_body() {
     assert!((one * 2.0 - two).amax() < 1e-12 && one.amax() > 1e-4);
     assert_eq!(end(2.0).1, covariance);
     assert!(covariance.fixed_view::<BODY, 10>(0, BODY).amax() > 1e-4);
+}
+
+/// A prior with a tenth of relative uncertainty, or with half of it, about this inertia.
+fn prior(diagonal: Vector3<f64>, share: f64) -> Estimate {
+    let parameters = InertialParameters::about_com(10.0, Vector3::zeros(), Matrix3::from_diagonal(&diagonal));
+    let size = SVector::<f64, 10>::from([10.0, 0.5, 0.5, 0.5, 0.2, 0.1, 0.1, 0.2, 0.1, 0.2]);
+    let covariance = SMatrix::from_diagonal(&size.map(|x| (share * x).powi(2)));
+    let std = standard_deviations(&parameters.to_vector(), &covariance);
+    Estimate { parameters, covariance, std, lmi_active: false }
+}
+
+/// Ixx + Iyy is Izz but for a millionth: an extent of a millimetre, known to a decimetre. As a logarithm it would be anything.
+#[test]
+fn a_prior_at_the_edge_of_what_can_be_is_taken_for_an_uncertain_one() {
+    let (ordinary, _) = in_chart(&prior(Vector3::new(0.2, 0.18, 0.19), 0.1)).unwrap();
+    let vector = prior(Vector3::new(0.2, 0.18, 0.19), 0.1).parameters.to_vector();
+    assert!((ordinary.to_parameters().to_vector() - vector).amax() < 1e-12);
+
+    let edge = prior(Vector3::new(0.15, 0.14, 0.29 - 1e-6), 0.5);
+    let (body, covariance) = in_chart(&edge).unwrap();
+    let log_extents = covariance.diagonal().fixed_rows::<3>(4).map(f64::sqrt);
+    assert!(log_extents.max() < 0.6 && log_extents.min() > 0.1, "{log_extents}");
+    // within the prior's own uncertainty, and a body by a margin
+    let moved = body.to_parameters().to_vector() - edge.parameters.to_vector();
+    let within = (0..10).all(|i| moved[i].abs() <= edge.covariance[(i, i)].sqrt());
+    assert!(within && moved.amax() > 0.01, "{moved}");
 }
