@@ -44,6 +44,7 @@ mod planning_scenes;
 mod plot;
 mod predicted_sigma;
 mod propulsion_dynamics;
+mod rattle;
 mod real_data;
 mod recording;
 mod rrt;
@@ -144,6 +145,7 @@ const REPRODUCTIONS: &[Program] = &[
     ("chapter4", &["--out", "--runs"], chapter4::run),
     ("chapter5", &["--out", "--runs"], chapter5::run),
     ("actuation", &["--out", "--flights"], actuation::run),
+    ("rattle", &["--out", "--seeds", "--only"], rattle::run),
 ];
 
 /// Runs the program that `words` begin with.

@@ -9,6 +9,8 @@ mod missions;
 mod scenario_one;
 mod tracking;
 
+pub use missions::{turn_begins_s, variance_at};
+
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::Failure;
@@ -44,7 +46,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// The answer for each of `count` seeds, in their order, worked out on all cores.
-fn each_seed<T: Send>(count: usize, work: impl Fn(u64) -> T + Sync) -> Vec<T> {
+pub fn each_seed<T: Send>(count: usize, work: impl Fn(u64) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
     let mut done: Vec<(usize, T)> = std::thread::scope(|scope| {
         let work = || {
@@ -98,7 +100,7 @@ impl std::fmt::Display for Interval {
 }
 
 /// The middle one of unsorted figures.
-fn median(figures: impl IntoIterator<Item = f64>) -> f64 {
+pub fn median(figures: impl IntoIterator<Item = f64>) -> f64 {
     crate::bench::quantile(&crate::planning_runs::sorted(figures.into_iter()), 0.5)
 }
 

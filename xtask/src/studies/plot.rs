@@ -9,6 +9,7 @@ use crate::Failure;
 /// One named curve.
 pub struct Curve {
     pub name: String,
+    /// A point whose x is not a number ends a line, and the next one begins another.
     pub points: Vec<(f64, f64)>,
 }
 
@@ -42,14 +43,13 @@ fn draw_with(
 ) -> Result<(), Box<dyn std::error::Error>> {
     let logarithmic = scale == Scale::Logarithmic;
     let place = |y: f64| if logarithmic { y.log10() } else { y };
-    let drawn: Vec<Vec<(f64, f64)>> = curves
-        .iter()
-        .map(|curve| {
-            let points = curve.points.iter().map(|&(x, y)| (x, place(y)));
-            points.filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
-        })
-        .collect();
-    let all = || drawn.iter().flatten();
+    let line = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
+        let points = points.iter().map(|&(x, y)| (x, place(y)));
+        points.filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
+    };
+    let drawn: Vec<Vec<Vec<(f64, f64)>>> =
+        curves.iter().map(|curve| curve.points.split(|(x, _)| x.is_nan()).map(line).collect()).collect();
+    let all = || drawn.iter().flatten().flatten();
     let (left, right) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, r), p| (l.min(p.0), r.max(p.0)));
     let (low, high) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p.1), h.max(p.1)));
     if left >= right || low > high {
@@ -71,9 +71,10 @@ fn draw_with(
         .light_line_style(WHITE)
         .y_label_formatter(&|y| if logarithmic { format!("{:.1e}", 10.0_f64.powf(*y)) } else { format!("{y:.3}") })
         .draw()?;
-    for ((curve, points), colour) in curves.iter().zip(&drawn).zip(COLOURS.iter().cycle().copied()) {
+    for ((curve, lines), colour) in curves.iter().zip(&drawn).zip(COLOURS.iter().cycle().copied()) {
+        let lines = lines.iter().map(|points| PathElement::new(points.clone(), colour));
         chart
-            .draw_series(LineSeries::new(points.iter().copied(), &colour))?
+            .draw_series(lines)?
             .label(&curve.name)
             .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], colour));
     }

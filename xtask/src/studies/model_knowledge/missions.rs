@@ -197,7 +197,7 @@ fn attitude([x, y, z, w]: [f64; 4]) -> UnitQuaternion<f64> {
 }
 
 /// When the final turn begins: the last time at which most of the way to the goal's attitude is left, s.
-fn turn_begins_s(record: &MissionRecord) -> f64 {
+pub fn turn_begins_s(record: &MissionRecord) -> f64 {
     let wanted: Vec<_> = record.series.wanted_quaternion_xyzw.iter().map(|one| attitude(*one)).collect();
     let (Some(first), Some(last)) = (wanted.first(), wanted.last()) else { return 0.0 };
     let whole = first.angle_to(last);
@@ -205,7 +205,8 @@ fn turn_begins_s(record: &MissionRecord) -> f64 {
     times.filter(|(_, at)| at.angle_to(last) >= TURN_BEGUN * whole).map(|(t, _)| *t).fold(0.0, f64::max)
 }
 
-fn variance_at(record: &MissionRecord, time_s: f64, i: usize) -> f64 {
+/// Variance of a parameter, by its place in the summary, at a mission time.
+pub fn variance_at(record: &MissionRecord, time_s: f64, i: usize) -> f64 {
     let row = record.series.t_s.partition_point(|t| *t <= time_s).saturating_sub(1);
     record.series.sigma.get(row).map_or(f64::NAN, |sigma| sigma[i] * sigma[i])
 }
