@@ -296,7 +296,9 @@ fn reduced_studies() -> Outcome {
     let (mut missions, mut attitude) = (studies("study"), studies("study"));
     missions.args(["study", "tube-missions", "--missions", "40"]);
     attitude.args(["study", "attitude-certificate", "--runs", "2020"]);
-    shell(&mut [identification, chapter4, actuation, missions, attitude])
+    let mut faults = studies("study");
+    faults.args(["study", "faults", "--missions", "56"]);
+    shell(&mut [identification, chapter4, actuation, missions, attitude, faults])
 }
 
 /// The examples that print hashes: crate and example.
