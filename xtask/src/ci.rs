@@ -296,7 +296,9 @@ fn reduced_studies() -> Outcome {
     let (mut missions, mut attitude) = (studies("study"), studies("study"));
     missions.args(["study", "tube-missions", "--missions", "40"]);
     attitude.args(["study", "attitude-certificate", "--runs", "2020"]);
-    shell(&mut [identification, chapter4, actuation, missions, attitude])
+    let mut faults = studies("study");
+    faults.args(["study", "faults", "--missions", "56"]);
+    shell(&mut [identification, chapter4, actuation, missions, attitude, faults])
 }
 
 /// The examples that print hashes: crate and example.
@@ -339,8 +341,8 @@ fn determinism() -> Outcome {
     }
 }
 
-/// A package around [`HASHES`], because examples of the crates would be built three times over with all their test dependencies,
-/// and the robot with its command line. Its lock file is the workspace's.
+/// A package around [`HASHES`], because examples of the crates would be built three times over with all their test dependencies.
+/// Its lock file is the workspace's.
 fn determinism_package() -> Result<PathBuf, Box<dyn std::error::Error>> {
     let (root, folder) = (root(), target_dir().join("determinism/package"));
     std::fs::create_dir_all(&folder)?;
@@ -354,11 +356,12 @@ fn determinism_package() -> Result<PathBuf, Box<dyn std::error::Error>> {
         let _ = writeln!(manifest, "[[bin]]\nname = \"{example}\"\npath = '{}'\n", path.display());
     }
     manifest += "[profile.dev]\ndebug = false\n\n";
-    for library in ["lie", "dynamics", "planning", "astrobee"] {
+    // A mission is read from a scenario and written to a log: the robot's `cli`.
+    for (library, features) in [("lie", ""), ("dynamics", ""), ("planning", ""), ("astrobee", "\"cli\"")] {
         let path = root.join("crates").join(library);
         let _ = writeln!(
             manifest,
-            "[dependencies.tumble-{library}]\npath = '{}'\ndefault-features = false\n",
+            "[dependencies.tumble-{library}]\npath = '{}'\ndefault-features = false\nfeatures = [{features}]\n",
             path.display()
         );
     }

@@ -2492,9 +2492,37 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "mission: every stop is the gentle one",
         file: "crates/planning/src/mission/closed_loop.rs",
-        original: "const HARDER_STOPS: u32 = 3;",
-        replacement: "const HARDER_STOPS: u32 = 0;",
+        original: "(!is_clear && !braking.is_soft)",
+        replacement: "(is_clear && !braking.is_soft && time_s < 0.0)",
         test: "-p tumble-astrobee --test fault_campaign shows_up_late",
+    },
+    Mutant {
+        name: "brake: the force turns the body",
+        file: "crates/planning/src/mission/brake.rs",
+        original: "Wrench::new(held + turn, force)",
+        replacement: "Wrench::new(turn, force)",
+        test: "-p tumble-planning --lib mission::brake",
+    },
+    Mutant {
+        name: "brake: the origin is braked",
+        file: "crates/planning/src/mission/brake.rs",
+        original: "twist_body.linear + rate.cross(&center);",
+        replacement: "twist_body.linear;",
+        test: "-p tumble-planning --lib mission::brake",
+    },
+    Mutant {
+        name: "mission: the body is blamed for its actuators",
+        file: "crates/planning/src/mission/coordinator.rs",
+        original: "if is_again {",
+        replacement: "if is_again && self.requests == u64::MAX {",
+        test: "-p tumble-planning --test coordinator doubted_again",
+    },
+    Mutant {
+        name: "flight estimator: a doubted wrench is believed",
+        file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
+        original: "self.wrench_is_doubtful = true;",
+        replacement: "self.wrench_is_doubtful = false;",
+        test: "-p tumble-identification --test flight_estimator lost_nozzle",
     },
 ];
 

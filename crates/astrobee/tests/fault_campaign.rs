@@ -63,12 +63,23 @@ fn a_computer_that_starts_anew_keeps_its_belief_and_builds_another_controller() 
 
 #[test]
 fn an_obstacle_that_shows_up_late_stops_the_robot() {
-    let record = flown("iss-cargo", "late-obstacle:1", 1);
-    assert!(says(&record, "Obstacle") && says(&record, "stop"));
-    assert!(record.summary.unavoidable().is_none(), "{:?}", record.summary.warnings);
-    // half a second before the contact nothing can be done, and that is said
-    let record = flown("iss-cargo", "late-obstacle:3", 1);
-    assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m < 0.0));
+    for scenario in ["iss-cargo", "granite-cargo"] {
+        let record = flown(scenario, "late-obstacle:1", 1);
+        assert!(says(&record, "Obstacle") && says(&record, "stop"));
+        assert!(record.summary.unavoidable().is_none(), "{:?}", record.summary.warnings);
+        assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m > 0.01));
+        // half a second before the contact nothing can be done but to brake, and that is said
+        let record = flown(scenario, "late-obstacle:3", 1);
+        assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m < 0.0));
+    }
+}
+
+#[test]
+fn a_nozzle_that_does_not_obey_is_not_taken_for_another_body_again_and_again() {
+    let record = flown("iss-cargo", "nozzle:2", 1);
+    assert!(says(&record, "ActuatorsDisagree") && says(&record, "less is believed of the thrust"));
+    let stops = record.events.iter().filter(|event| event.text == "BodyDoubtful").count();
+    assert!((1..=5).contains(&stops), "{stops}");
 }
 
 #[test]

@@ -317,6 +317,42 @@ fn a_body_that_is_another_is_doubted_and_learned_anew() {
     assert!((found.std.mass_kg / start.std.mass_kg - 1.0).abs() < 1e-9);
 }
 
+/// A nozzle is lost in flight: how often the body is doubted, and what becomes of it. `answer` says what is done about the
+/// so many-th doubt.
+fn doubts_of_a_lost_nozzle(answer: impl Fn(u32, &mut FlightEstimator)) -> (u32, Flight) {
+    let mut flight = Flight::new(8, Conditions::usual());
+    flight.fly_until(28.0);
+    flight.lose_a_nozzle();
+    let (mut doubts, mut was_doubtful) = (0, false);
+    while flight.now_ns() < 70 * 1_000_000_000 {
+        flight.step();
+        let is_doubtful = flight.estimator.health().body_doubtful;
+        if is_doubtful && !was_doubtful {
+            doubts += 1;
+            answer(doubts, &mut flight.estimator);
+        }
+        was_doubtful = is_doubtful;
+    }
+    (doubts, flight)
+}
+
+#[test]
+fn a_lost_nozzle_is_the_wrenchs_fault_and_not_the_bodys() {
+    let (doubts, flight) = doubts_of_a_lost_nozzle(|doubt, estimator| match doubt {
+        1 => estimator.body_changed(&grasp_or_release()),
+        2 => estimator.wrench_doubtful(),
+        _ => {}
+    });
+    let account = flight.account();
+    println!("{doubts} doubts, {account:?}");
+    assert!((1..=4).contains(&doubts), "{doubts}");
+    assert!(account.errors[0].abs() < 0.25, "{account:?}");
+    assert!(flight.estimator.estimate().covariance.cholesky().is_some());
+    // where the body is blamed every time, it is blamed again and again
+    let (blamed, _) = doubts_of_a_lost_nozzle(|_, estimator| estimator.body_changed(&grasp_or_release()));
+    assert!(blamed > 2 * doubts, "{blamed} against {doubts}");
+}
+
 #[test]
 fn learning_ends_when_the_intervals_say_so() {
     let mut flight = Flight::new(11, Conditions::usual());

@@ -251,6 +251,30 @@ fn blind_astray_and_contradicted_robots_stop() {
 }
 
 #[test]
+fn a_body_that_is_doubted_again_at_once_is_not_what_is_wrong() {
+    let (mut told, _) = Told::flying();
+    let said = told.hear(Event::BodyDoubtful);
+    assert_eq!(said, [Action::Note(Note::BodyDoubtful), Action::WidenBelief, Action::Stop]);
+    told.now_ns += 2 * SECOND;
+    let again = Action::Note(Note::ActuatorsDisagree);
+    assert_eq!(told.hear(Event::BodyDoubtful), [again, Action::DoubtWrench]);
+    // and that is known from then on
+    told.now_ns += 2 * SECOND;
+    assert_eq!(told.hear(Event::BodyDoubtful), [again]);
+    // much later it may be another body
+    told.now_ns += Schedule::default().doubt_ns;
+    assert!(told.hear(Event::BodyDoubtful).contains(&Action::WidenBelief));
+}
+
+#[test]
+fn an_obstacle_in_the_way_of_a_stop_is_another_stop() {
+    let (mut told, stretch) = Told::flying();
+    assert!(told.hear(Event::World { revision: 1, contact_ns: Some(stretch.end_ns) }).contains(&Action::Stop));
+    let again = told.hear(Event::World { revision: 2, contact_ns: Some(stretch.end_ns) });
+    assert!(again.contains(&Action::Stop), "{again:?}");
+}
+
+#[test]
 fn planners_that_never_answer_are_asked_again() {
     let mut told = Told::new(Schedule::default());
     let asked = told.hear(Event::Begun);

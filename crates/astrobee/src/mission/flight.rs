@@ -201,6 +201,7 @@ impl LoopObserver for Notes<'_> {
             Action::RenewController => ("coordinator", "a new controller".to_owned()),
             Action::ResetEstimator => ("coordinator", "the estimator begins anew".to_owned()),
             Action::WidenBelief => ("coordinator", "less is believed of the body".to_owned()),
+            Action::DoubtWrench => ("coordinator", "less is believed of the thrust".to_owned()),
             Action::Finish { has_arrived: true } => ("coordinator", "arrived".to_owned()),
             Action::Finish { has_arrived: false } => ("coordinator", "given up".to_owned()),
             _ => return,

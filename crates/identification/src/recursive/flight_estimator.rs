@@ -45,6 +45,7 @@ enum Event {
     Coasted,
     Measured(FlightMeasurement),
     Changed(SVector<f64, 10>),
+    WrenchDoubted,
     Restarted(LogCholesky<f64>, SMatrix<f64, 10, 10>),
 }
 
@@ -101,6 +102,7 @@ impl FlightEstimator {
         let rules = Rules {
             settings,
             model: FlightMotion::new(&settings),
+            doubting: FlightMotion::new(&settings).doubting(),
             thresholds: Thresholds::try_new(&settings)?,
             relocalise_after_ns: ns(settings.relocalise_after_s),
             lateness_ns: ns(settings.lateness_s),
@@ -157,7 +159,7 @@ impl FlightEstimator {
             }
             match event {
                 Event::Measured(measurement) => self.lessons.keep(measurement),
-                Event::Changed(_) | Event::Restarted(..) => self.lessons.begin_at(moment),
+                Event::Changed(_) | Event::WrenchDoubted | Event::Restarted(..) => self.lessons.begin_at(moment),
                 Event::Start | Event::Coasted => {}
             }
             self.settled += 1;
@@ -239,7 +241,11 @@ impl FlightEstimator {
             let reception = match event {
                 Event::Measured(measurement) => filtered.take(&self.rules, measurement),
                 Event::Changed(deviation) => {
-                    filtered.widen(deviation);
+                    filtered.widen(&self.rules, deviation);
+                    Reception::Frozen
+                }
+                Event::WrenchDoubted => {
+                    filtered.doubt_wrench(&self.rules);
                     Reception::Frozen
                 }
                 Event::Restarted(body, covariance) => {
@@ -325,9 +331,16 @@ impl FlightEstimator {
     }
 
     /// Less certainty of the body from now on, each of its ten coordinates by a jump of this standard deviation, the motion
-    /// kept: something was grasped or released; see [`grasp_or_release`]. What is not finite widens nothing.
+    /// kept: something was grasped or released; see [`grasp_or_release`]. What is not finite widens nothing. Once, the wrench is
+    /// allowed to be off as well, by what is [`WrenchErrors::doubted`].
     pub fn body_changed(&mut self, deviation: &SVector<f64, 10>) {
         self.happen_now(&Event::Changed(deviation.map(|s| if s.is_finite() { s } else { 0.0 })));
+    }
+
+    /// Actuators do not do what they are told: from now on, for good, the wrench may be off by what is
+    /// [`WrenchErrors::doubted`], whatever it was before.
+    pub fn wrench_doubtful(&mut self) {
+        self.happen_now(&Event::WrenchDoubted);
     }
 
     fn happen_now(&mut self, event: &Event) {

@@ -300,6 +300,11 @@ impl Flight {
         i64::from(self.tick) * STEP_NS
     }
 
+    /// One nozzle gives nothing from now on.
+    pub fn lose_a_nozzle(&mut self) {
+        self.nozzles.factors[2][0] = 0.0;
+    }
+
     /// One control period: what has arrived is taken, a wrench is chosen and acts.
     pub fn step(&mut self) {
         let now_ns = self.now_ns();

@@ -85,3 +85,91 @@ fn shortened(vector: Vector3<f64>, most: f64) -> (Vector3<f64>, bool) {
 fn length(vector: &Vector3<f64>) -> f64 {
     f64::sqrt(vector.norm_squared())
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+    use nalgebra::{Matrix3, UnitQuaternion};
+    use tumble_dynamics::{FreeFlyer, Integrator, MuntheKaas4};
+    use tumble_lie::Pose;
+
+    const STEP_S: f64 = 0.016;
+    const LIMITS: BrakeLimits = BrakeLimits { force_n: Vector3::new(0.45, 0.2, 0.25), torque_n_m: 0.02 };
+
+    fn body(factor: f64) -> InertialParameters<f64> {
+        let inertia = Matrix3::new(0.18, 0.01, -0.01, 0.01, 0.19, 0.005, -0.01, 0.005, 0.22);
+        InertialParameters::about_com(12.0 * factor, Vector3::new(0.03, -0.02, 0.01), inertia * factor)
+    }
+
+    fn moving(twist_body: Twist<f64>) -> RigidBodyState<f64> {
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.8, 1.1));
+        RigidBodyState { world_from_body: Pose::from_parts(Vector3::new(1.0, 2.0, 3.0).into(), turn), twist_body }
+    }
+
+    fn center(body: &InertialParameters<f64>, state: &RigidBodyState<f64>) -> [Vector3<f64>; 2] {
+        let (pose, offset) = (&state.world_from_body, body.center_of_mass());
+        let velocity = state.twist_body.linear + state.twist_body.angular.cross(&offset);
+        [pose.translation.vector + pose.rotation * offset, pose.rotation * velocity]
+    }
+
+    /// Braked until that is soft, or so long; the state then, and the time.
+    fn braked(believed: &InertialParameters<f64>, truth: &InertialParameters<f64>) -> (RigidBodyState<f64>, f64) {
+        let mut state = moving(Twist::new(Vector3::new(0.02, -0.01, 0.03), Vector3::new(0.04, 0.03, -0.02)));
+        let until_s = LIMITS.braking(believed, &state.twist_body).until_s(0.0);
+        let mut time_s = 0.0;
+        while time_s < until_s {
+            let braking = LIMITS.braking(believed, &state.twist_body);
+            let Wrench { torque, force } = braking.wrench_body;
+            assert!(torque.norm() <= LIMITS.torque_n_m * (1.0 + 1e-12), "{torque}");
+            assert!(force.abs().component_div(&LIMITS.force_n).max() <= 1.0 + 1e-12, "{force}");
+            if braking.is_soft {
+                break;
+            }
+            state = MuntheKaas4.step(&FreeFlyer::new(*truth), &state, &braking.wrench_body, 0.0, STEP_S).unwrap();
+            time_s += STEP_S;
+        }
+        (state, time_s)
+    }
+
+    #[test]
+    fn the_centre_of_mass_stays_on_its_line_and_stops_as_soon_as_the_force_allows() {
+        let body = body(1.0);
+        let start = moving(Twist::new(Vector3::new(0.02, -0.01, 0.03), Vector3::new(0.04, 0.03, -0.02)));
+        let ([from, velocity], braking) = (center(&body, &start), LIMITS.braking(&body, &start.twist_body));
+        let (state, time_s) = braked(&body, &body);
+        let [to, left] = center(&body, &state);
+        let (ahead, travelled) = (velocity.normalize(), to - from);
+        assert!((travelled - ahead * ahead.dot(&travelled)).norm() < 1e-3, "{travelled} {ahead}");
+        // all along its line the force is at its limit, which turns with the body by a degree or so
+        let least_m = velocity.norm_squared() * body.mass / (2.0 * braking.wrench_body.force.norm());
+        assert!(travelled.norm() < 1.05 * least_m, "{} {least_m}", travelled.norm());
+        assert!(left.norm() < 0.1 * velocity.norm() && state.twist_body.angular.norm() < 0.01, "{left} {state:?}");
+        assert!(time_s < 1.1 * braking.left_s, "{time_s} {}", braking.left_s);
+    }
+
+    #[test]
+    fn a_force_beside_the_centre_of_mass_does_not_turn_the_body() {
+        let (believed, start) = (body(1.0), moving(Twist::new(Vector3::zeros(), Vector3::new(0.05, 0.02, 0.0))));
+        let Wrench { torque, force } = LIMITS.braking(&believed, &start.twist_body).wrench_body;
+        assert!((torque - believed.center_of_mass().cross(&force)).norm() < 1e-12 && force.norm() > 0.1);
+    }
+
+    #[test]
+    fn a_body_of_another_mass_is_braked_all_the_same() {
+        for factor in [0.5, 2.0] {
+            let (state, _) = braked(&body(1.0), &body(factor));
+            assert!(state.twist_body.linear.norm() < 0.006, "{factor}: {state:?}");
+        }
+    }
+
+    #[test]
+    fn what_hardly_moves_needs_no_brake() {
+        let still = LIMITS.braking(&body(1.0), &Twist::zero());
+        assert!(still.is_soft && still.left_s == 0.0 && still.wrench_body == Wrench::zero());
+        let state = moving(Twist::new(Vector3::repeat(1e-3), Vector3::repeat(1e-3)));
+        assert!(LIMITS.braking(&body(1.0), &state.twist_body).is_soft);
+        let motion = still.motion(&moving(Twist::zero()), 5.0);
+        assert!((motion.rest_s() - 5.0).abs() < 1e-12);
+    }
+}

@@ -615,6 +615,7 @@ where
                 self.next_belief_ns = self.time_ns;
             }
             Action::WidenBelief => self.estimator.body_changed(&grasp_or_release()),
+            Action::DoubtWrench => self.estimator.wrench_doubtful(),
             Action::Finish { has_arrived } => self.finished = Some(has_arrived),
             Action::Note(_) => {}
         }

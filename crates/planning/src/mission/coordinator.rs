@@ -30,6 +30,8 @@ pub struct Schedule {
     pub contradictions: u32,
     /// Time after which a belief that is not used is offered again.
     pub offer_again_ns: i64,
+    /// Time within which doubts of the body are one, and those that come again doubts of the actuators.
+    pub doubt_ns: i64,
     /// Stretches after which a mission that only learns is over; `None` where there is a goal.
     pub stretches: Option<u32>,
 }
@@ -50,6 +52,7 @@ impl Default for Schedule {
             longest_ns: 300 * SECOND,
             contradictions: 3,
             offer_again_ns: 4 * SECOND,
+            doubt_ns: 30 * SECOND,
             stretches: None,
         }
     }
@@ -108,6 +111,8 @@ pub struct Coordinator {
     wants_new_controller: bool,
     is_known: bool,
     is_blind: bool,
+    doubted_ns: i64,
+    actuators_disagree: bool,
     arrived_since_ns: Option<i64>,
     flown: u32,
 }
@@ -132,6 +137,8 @@ impl Coordinator {
             wants_new_controller: false,
             is_known: false,
             is_blind: false,
+            doubted_ns: i64::MIN,
+            actuators_disagree: false,
             arrived_since_ns: None,
             flown: 0,
         }
@@ -178,16 +185,29 @@ impl Coordinator {
                 self.wants_new_controller = true;
                 self.stop(actions);
             }
-            Event::BodyDoubtful => {
-                actions.extend([Action::Note(Note::BodyDoubtful), Action::WidenBelief]);
-                self.wants_new_controller = true;
-                self.stop(actions);
-            }
+            Event::BodyDoubtful => self.doubt(actions),
             Event::Restarted => {
                 self.wants_new_controller = true;
                 self.hold_here(Note::Restarted, actions);
             }
         }
+    }
+
+    /// A body does not change twice within seconds: the second time it is the actuators, and after that it is known.
+    fn doubt(&mut self, actions: &mut Vec<Action>) {
+        let is_again = self.now_ns < self.doubted_ns.saturating_add(self.schedule.doubt_ns);
+        if is_again {
+            actions.push(Action::Note(Note::ActuatorsDisagree));
+            if !self.actuators_disagree {
+                self.actuators_disagree = true;
+                actions.push(Action::DoubtWrench);
+            }
+            return;
+        }
+        self.doubted_ns = self.now_ns;
+        actions.extend([Action::Note(Note::BodyDoubtful), Action::WidenBelief]);
+        self.wants_new_controller = true;
+        self.stop(actions);
     }
 
     fn begin(&mut self, actions: &mut Vec<Action>) {

@@ -71,7 +71,7 @@ pub enum Event {
     Relocalised,
     /// The estimator contradicts itself: its belief is worth nothing.
     Diverged,
-    /// The body is no longer what it was: something was grasped, lost, or slipped.
+    /// The body is no longer what it was: something was grasped, lost, or slipped; or actuators do not do what they are told.
     BodyDoubtful,
     /// The controller brakes, for its own reasons, and needs a new plan.
     Braking,
@@ -178,6 +178,8 @@ pub enum Action {
     ResetEstimator,
     /// Believe less in the body.
     WidenBelief,
+    /// Believe less in the wrench that acts.
+    DoubtWrench,
     /// The mission is over.
     Finish {
         /// Whether the robot is where it was to be.
@@ -236,6 +238,8 @@ pub enum Note {
     Diverged,
     /// The body is another.
     BodyDoubtful,
+    /// The body is not what is wrong: actuators disagree with what they are told.
+    ActuatorsDisagree,
     /// The computer was off.
     Restarted,
     /// The time is up.

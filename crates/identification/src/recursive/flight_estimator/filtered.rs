@@ -5,7 +5,7 @@ use super::flight_motion::{
 };
 use super::health::{Monitor, Thresholds};
 use super::reception::{FlightMeasurement, Reception};
-use super::settings::FlightEstimatorSettings;
+use super::settings::{FlightEstimatorSettings, WrenchErrors};
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
 use crate::error::IdentificationError;
@@ -28,6 +28,8 @@ const LARGEST_LOG_EXTENT_VARIANCE: f64 = 0.25;
 pub(super) struct Rules {
     pub(super) settings: FlightEstimatorSettings,
     pub(super) model: FlightMotion,
+    /// The same with a wrench that is in doubt.
+    pub(super) doubting: FlightMotion,
     pub(super) thresholds: Thresholds,
     pub(super) relocalise_after_ns: i64,
     pub(super) lateness_ns: i64,
@@ -64,6 +66,8 @@ pub(super) struct Filtered {
     pub(super) covariance: Covariance,
     pub(super) counts: StreamCounts,
     pub(super) monitor: Monitor,
+    /// Whether actuators are thought not to do what they are told.
+    wrench_is_doubtful: bool,
     jump: Option<Jump>,
     last: Option<FlightMeasurement>,
 }
@@ -88,9 +92,15 @@ impl Filtered {
             covariance,
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
+            wrench_is_doubtful: false,
             jump: None,
             last: None,
         }
+    }
+
+    /// The model that is filtered with.
+    fn model<'a>(&self, rules: &'a Rules) -> &'a FlightMotion {
+        if self.wrench_is_doubtful { &rules.doubting } else { &rules.model }
     }
 
     /// Carries state and covariance on to a time, linear about `anchor` where there is one.
@@ -104,7 +114,7 @@ impl Filtered {
         for (from_ns, to_ns) in steps(self.stamp_ns, until_ns) {
             let (believed, step_s) = (history.mean(from_ns, to_ns), (to_ns - from_ns) as f64 * 1e-9);
             // What is not finite never gets here; where a step fails all the same, the motion stays.
-            let _ = rules.model.predict(&mut self.state, &mut self.covariance, &believed, step_s, anchor);
+            let _ = self.model(rules).predict(&mut self.state, &mut self.covariance, &believed, step_s, anchor);
         }
         self.stamp_ns = self.stamp_ns.max(until_ns);
     }
@@ -114,7 +124,7 @@ impl Filtered {
         let mut state = self.state;
         for (from_ns, to_ns) in steps(self.stamp_ns, until_ns) {
             let (believed, step_s) = (history.mean(from_ns, to_ns), (to_ns - from_ns) as f64 * 1e-9);
-            state = rules.model.propagate(&state, &believed, step_s).unwrap_or(state);
+            state = self.model(rules).propagate(&state, &believed, step_s).unwrap_or(state);
         }
         state
     }
@@ -242,12 +252,27 @@ impl Filtered {
         }
     }
 
-    /// The body less certain by a jump of these deviations.
-    pub(super) fn widen(&mut self, deviation: &SVector<f64, 10>) {
+    /// The body less certain by a jump of these deviations, and the wrench as if it were in doubt: which of the two it was, the
+    /// measurements tell.
+    pub(super) fn widen(&mut self, rules: &Rules, deviation: &SVector<f64, 10>) {
         for i in 0..10 {
             self.covariance[(BODY + i, BODY + i)] += deviation[i] * deviation[i];
         }
+        self.widen_drift(&rules.settings.wrench.doubted());
         self.monitor = Monitor::default();
+    }
+
+    /// A wrench that is in doubt from now on.
+    pub(super) fn doubt_wrench(&mut self, rules: &Rules) {
+        self.widen_drift(&rules.settings.wrench.doubted());
+        self.wrench_is_doubtful = true;
+        self.monitor = Monitor::default();
+    }
+
+    fn widen_drift(&mut self, doubted: &WrenchErrors) {
+        for i in 0..6 {
+            self.covariance[(DRIFT + i, DRIFT + i)] += doubted.drift[i] * doubted.drift[i];
+        }
     }
 
     /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is.

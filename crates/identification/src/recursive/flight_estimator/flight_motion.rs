@@ -56,6 +56,11 @@ impl FlightMotion {
         Self { joint, errors: settings.wrench, planar: settings.planar }
     }
 
+    /// The same with a wrench that is in doubt.
+    pub(super) fn doubting(&self) -> Self {
+        Self { errors: self.errors.doubted(), ..*self }
+    }
+
     /// The wrench that is thought to act.
     fn acting(&self, state: &FlightState, believed: &Wrench<f64>) -> Wrench<f64> {
         let believed = believed.to_vector();

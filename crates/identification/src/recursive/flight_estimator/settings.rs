@@ -20,6 +20,19 @@ pub struct WrenchErrors {
     pub period_s: f64,
 }
 
+/// What a doubted wrench may be off by, as a multiple of the usual drift.
+const DOUBTED: f64 = 30.0;
+/// And how long it stays off by the same, s: an actuator that does not obey is off by what it is told.
+const DOUBTED_S: f64 = 3.0;
+
+impl WrenchErrors {
+    /// Of actuators that do not do what they are told: thirty times the drift, which changes within seconds.
+    #[must_use]
+    pub fn doubted(&self) -> Self {
+        Self { drift: self.drift * DOUBTED, drift_time_s: f64::min(DOUBTED_S, self.drift_time_s), ..*self }
+    }
+}
+
 /// Settings of a [`FlightEstimator`](super::FlightEstimator).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlightEstimatorSettings {
