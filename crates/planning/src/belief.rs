@@ -80,6 +80,13 @@ impl ModelBelief {
     pub fn parameters(&self) -> &InertialParameters<f64> {
         &self.estimate.parameters
     }
+
+    /// Mass (kg) and largest moment about the centre of mass (kg m^2) of a body so many standard deviations heavier.
+    pub(crate) fn heaviest(&self, sigmas: f64) -> [f64; 2] {
+        let Estimate { parameters, std, .. } = &self.estimate;
+        let moments = (parameters.inertia_about_com() + std.inertia_about_com_kg_m2 * sigmas).diagonal();
+        [parameters.mass + sigmas * std.mass_kg, moments.max()]
+    }
 }
 
 #[cfg(test)]

@@ -29,6 +29,9 @@ const WAYS: usize = 4;
 /// Share of the clearance at its start that a way may keep.
 const START_SHARE: f64 = 0.95;
 
+/// A body so many standard deviations heavier than believed still stops where a stop ends.
+const HEAVIEST_SIGMAS: f64 = 3.0;
+
 /// What is around the robot, as far as it knows.
 #[derive(Clone, Debug)]
 pub struct Scene<W> {
@@ -112,7 +115,8 @@ pub struct LoopSettings<B> {
     pub margin_m: f64,
     /// Distance below which a stretch is not flown, m; less than the margin.
     pub check_margin_m: f64,
-    /// How stops brake.
+    /// How stops brake as long as no more is known of the body than at first; when it is known to be lighter than it might have
+    /// been, they brake harder.
     pub stop: StopLimits,
     /// What the brake may use where such a stop would hit something.
     pub brake: BrakeLimits,
@@ -631,12 +635,23 @@ where
     fn stop_from(&mut self, state: &RigidBodyState<f64>) -> Result<(), PlanningError> {
         let time_s = seconds(self.time_ns);
         let LoopSettings { body, check_margin_m, .. } = &self.settings;
-        let gentle = MissionMotion::stopping_from(state, time_s, &self.settings.stop);
+        let gentle = MissionMotion::stopping_from(state, time_s, &self.stop_limits());
         let is_clear = gentle.first_contact(&self.scene.world, body, time_s, *check_margin_m)?.is_none();
         self.flown = Flown::only(gentle, self.belief.revision);
         let braking = self.braking(&self.estimator.state_at(self.time_ns));
         self.braking_until_s = (!is_clear && !braking.is_soft).then(|| braking.until_s(time_s));
         Ok(())
+    }
+
+    /// As hard as the heaviest body that may be can stop, by what is believed now.
+    fn stop_limits(&self) -> StopLimits {
+        let ([mass_kg, moment], [first_mass_kg, first_moment]) =
+            (self.belief.heaviest(HEAVIEST_SIGMAS), self.prior.heaviest(HEAVIEST_SIGMAS));
+        let StopLimits { acceleration_m_s2, angular_acceleration_rad_s2 } = self.settings.stop;
+        StopLimits {
+            acceleration_m_s2: acceleration_m_s2 * first_mass_kg / mass_kg,
+            angular_acceleration_rad_s2: angular_acceleration_rad_s2 * first_moment / moment,
+        }
     }
 
     fn braking(&self, state: &RigidBodyState<f64>) -> Braking {
@@ -785,7 +800,7 @@ where
         start_ns: i64,
         mut answer: StretchAnswer,
     ) -> Result<(FoundStretch, StretchAnswer), PlanningError> {
-        answer.motion = answer.motion.with_stop(&self.settings.stop);
+        answer.motion = answer.motion.with_stop(&self.stop_limits());
         let contact = answer.motion.first_contact(
             &self.scene.world,
             &self.settings.body,

@@ -52,6 +52,8 @@ pub fn draw_mission(source: &ScenarioSource, seed: u64, outside: f64) -> Result<
     let scenario = &mut drawn.scenario;
     scenario.description = Some(format!("Drawn from {} by the seed {seed}.", scenario.name));
     scenario.seed = seed & (u64::MAX >> 1);
+    // up to four times as heavy as the robot, or taken for that, takes twice as long to push
+    scenario.duration_s *= LONGER;
     scenario.belief = Some(BodyTable::of(&belief));
     scenario.payload = payload.map(|payload| {
         let BodyTable { mass_kg, inertia_about_com_kg_m2, .. } = BodyTable::of(&payload);
