@@ -59,7 +59,7 @@ const STEPS: &[Step] = &[
     always("real-data", "measured throws meet their targets", real_data),
     always(
         "studies",
-        "the studies of identification, of chapter 4, of actuation, of control, reduced",
+        "the studies of identification, of chapter 4, of actuation, of RATTLE, of control, reduced",
         reduced_studies,
     ),
     always(
@@ -284,8 +284,8 @@ fn real_data() -> Outcome {
 }
 
 /// Few runs of every cell, two loads with two motions of each criterion, and two flights of each condition, with the bands of their
-/// own number; forty missions of each series, twenty flights against each certificate, and every fault in two severities on two
-/// missions. The long studies are the same without the last two words.
+/// own number; every mission of RATTLE and every defect with one seed; forty missions of each series, twenty flights against each
+/// certificate, and every fault in two severities on two missions. The long studies are the same without the last two words.
 fn reduced_studies() -> Outcome {
     let mut identification = studies("study");
     identification.args(["study", "identification", "--runs", "5"]);
@@ -293,12 +293,14 @@ fn reduced_studies() -> Outcome {
     chapter4.args(["reproduce", "chapter4", "--runs", "2"]);
     let mut actuation = studies("reproduce");
     actuation.args(["reproduce", "actuation", "--flights", "2"]);
+    let mut rattle = studies("reproduce");
+    rattle.args(["reproduce", "rattle", "--seeds", "1"]);
     let (mut missions, mut attitude) = (studies("study"), studies("study"));
     missions.args(["study", "tube-missions", "--missions", "40"]);
     attitude.args(["study", "attitude-certificate", "--runs", "2020"]);
     let mut faults = studies("study");
     faults.args(["study", "faults", "--missions", "56"]);
-    shell(&mut [identification, chapter4, actuation, missions, attitude, faults])
+    shell(&mut [identification, chapter4, actuation, rattle, missions, attitude, faults])
 }
 
 /// The examples that print hashes: crate and example.

@@ -24,6 +24,7 @@ cargo xtask <command>
   real-data [--data DIR] [--json] [--check]
   reproduce chapter4 | chapter5 [--runs N] [--out DIR]
   reproduce actuation [--flights N] [--out DIR]
+  reproduce rattle [--seeds N] [--only module | granite | flights | defects] [--out DIR]
   study identification [--cells NAME] [--runs N] [--out DIR]
   study excitation [--cases N] [--flights N]
   study ellipsoid [--runs N] [--seed N]   pairs misclassified, by decade of their true gap

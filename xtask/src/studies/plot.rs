@@ -34,6 +34,15 @@ pub fn draw(path: &Path, title: &str, labels: [&str; 2], scale: Scale, curves: &
     draw_with(path, title, labels, scale, curves).map_err(|error| Failure::file(path, error))
 }
 
+/// The lines of a curve: what has no place on the axes is left out.
+fn lines(points: &[(f64, f64)], place: impl Fn(f64) -> f64) -> Vec<Vec<(f64, f64)>> {
+    let line = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
+        let points = points.iter().map(|&(x, y)| (x, place(y)));
+        points.filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
+    };
+    points.split(|(x, _)| x.is_nan()).map(line).collect()
+}
+
 fn draw_with(
     path: &Path,
     title: &str,
@@ -43,12 +52,7 @@ fn draw_with(
 ) -> Result<(), Box<dyn std::error::Error>> {
     let logarithmic = scale == Scale::Logarithmic;
     let place = |y: f64| if logarithmic { y.log10() } else { y };
-    let line = |points: &[(f64, f64)]| -> Vec<(f64, f64)> {
-        let points = points.iter().map(|&(x, y)| (x, place(y)));
-        points.filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
-    };
-    let drawn: Vec<Vec<Vec<(f64, f64)>>> =
-        curves.iter().map(|curve| curve.points.split(|(x, _)| x.is_nan()).map(line).collect()).collect();
+    let drawn: Vec<Vec<Vec<(f64, f64)>>> = curves.iter().map(|curve| lines(&curve.points, place)).collect();
     let all = || drawn.iter().flatten().flatten();
     let (left, right) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, r), p| (l.min(p.0), r.max(p.0)));
     let (low, high) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p.1), h.max(p.1)));
@@ -270,6 +274,12 @@ mod tests {
         assert!(quantile(&[], 0.5).is_nan());
         assert_eq!(quantile(&[2.0, 4.0, f64::INFINITY], 0.5), 4.0);
         assert_eq!(quantile(&[f64::INFINITY, f64::INFINITY], 0.5), f64::INFINITY);
+    }
+
+    #[test]
+    fn a_curve_breaks_where_x_is_no_number() {
+        let points = [(0.0, 1.0), (1.0, f64::NAN), (2.0, 3.0), (f64::NAN, 0.0), (4.0, 5.0)];
+        assert_eq!(lines(&points, |y| y), [vec![(0.0, 1.0), (2.0, 3.0)], vec![(4.0, 5.0)]]);
     }
 
     #[test]

@@ -7,6 +7,7 @@
 
 #![allow(clippy::cast_possible_truncation)] // counts
 
+mod defects;
 mod flights;
 mod flown;
 mod granite;
@@ -30,10 +31,11 @@ const SEEDS: usize = 4;
 
 type Part = fn(usize) -> Result<Section, Failure>;
 
-const PARTS: [(&str, &str, Part); 3] = [
+const PARTS: [(&str, &str, Part); 4] = [
     ("module", "In the module: figures 6.8 to 6.10 and 6.14, tables 6.1 and 6.4", module::section),
     ("granite", "On the table: figures 6.7, 6.11 and 6.12, tables 6.2 and 6.3", granite::section),
     ("flights", "Flights compared: figures 6.13, 6.15 and 6.25 to 6.27", flights::section),
+    ("defects", "The defects of the research code, one at a time", defects::section),
 ];
 
 pub fn bad(error: impl std::fmt::Display) -> Failure {

@@ -326,8 +326,8 @@ fn tracking(section: &mut Section, flights: &Flights) {
     for (kind, off, on) in
         [("plain", &flights.plain, &flights.plain_updated), ("informative", &flights.informed, &flights.updated)]
     {
-        let figures: [(&str, fn(&MissionRecord) -> f64); 2] =
-            [("position", |one| one.summary.rms_tracking_m.last_leg), ("attitude", attitude_of)];
+        let position: fn(&MissionRecord) -> f64 = |one| one.summary.rms_tracking_m.last_leg;
+        let figures = [("position", position), ("attitude", attitude_of)];
         for (what, figure) in figures {
             let change: Vec<f64> =
                 off.iter().zip(on).map(|(off, on)| 100.0 * (figure(on) / figure(off) - 1.0)).collect();

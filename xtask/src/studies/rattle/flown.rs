@@ -136,6 +136,9 @@ pub fn may_arrive(section: &mut Section, name: &str, records: &[MissionRecord]) 
 /// Median and extremes.
 pub fn band(values: impl IntoIterator<Item = f64>) -> String {
     let values: Vec<f64> = values.into_iter().collect();
+    if let [one] = values[..] {
+        return format!("{one:.3}");
+    }
     let [low, high] = extremes(&values);
     format!("{:.3} [{low:.3}, {high:.3}]", median(values))
 }
@@ -200,4 +203,39 @@ pub fn torque_rms(record: &MissionRecord, from_s: f64, until_s: f64) -> f64 {
     let (count, sum) =
         within.fold((0.0, 0.0), |(count, sum), (_, [x, y, z])| (count + 1.0, sum + x * x + y * y + z * z));
     f64::sqrt(sum / count)
+}
+
+#[cfg(test)]
+#[allow(clippy::float_cmp, reason = "exact cases")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_band_is_the_median_between_the_extremes() {
+        assert_eq!(band([3.0, 1.0, 2.0]), "2.000 [1.000, 3.000]");
+        assert_eq!(band([0.5]), "0.500");
+    }
+
+    /// Held from the start, the payload of table 6.2 is a part of what flies; without a payload only the robot is.
+    #[test]
+    fn loads_are_carried() {
+        let mass = |load: Load| {
+            let condition = Condition { load, ..Condition::rattle("granite-cargo") };
+            condition.source().and_then(|source| source.mission(&condition.options(1))).unwrap().truth.mass
+        };
+        let robot = mass(Load::Nothing);
+        assert!((mass(Load::AsWritten) - robot - 6.0).abs() < 1e-9);
+        assert!((mass(Load::Table62) - robot - 11.8).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_stretch_has_a_weight_for_what_it_names() {
+        let stretch = |weight: f64| StretchRow {
+            quantities: vec!["mass".to_owned()],
+            weights: vec![weight],
+            ..StretchRow::default()
+        };
+        assert_eq!(weight(&stretch(3.0), "mass"), 3.0);
+        assert_eq!(weight(&stretch(3.0), "inertia_zz"), 0.0);
+    }
 }

@@ -1,6 +1,6 @@
 //! On the table: excitation that ends, and what asking for information does to variances with and without the payload.
 
-use tumble_astrobee::mission::{MissionRecord, ModelChoice};
+use tumble_astrobee::mission::{MissionRecord, ModelChoice, StretchRow};
 use tumble_astrobee::scenario::ScenarioSource;
 
 use super::flown::{
@@ -42,14 +42,13 @@ fn demonstration(section: &mut Section, records: &[MissionRecord]) {
     must_arrive(section, "granite-cargo", records);
     let name = |one: &MissionRecord| name_of(one, IZZ).to_owned();
     // over that of the first stretch
-    let share = |one: &MissionRecord, from: f64| {
-        let at = |share: f64| {
-            let k = ((one.stretches.len().saturating_sub(1)) as f64 * share).round();
-            one.stretches.iter().take(k as usize + 1).last().map_or(f64::NAN, |stretch| weight(stretch, &name(one)))
+    let shares = |place: fn(&[StretchRow]) -> Option<&StretchRow>| {
+        let at = |one: &MissionRecord, stretch: Option<&StretchRow>| {
+            stretch.map_or(f64::NAN, |stretch| weight(stretch, &name(one)))
         };
-        at(from) / at(0.0)
+        records.iter().map(|one| at(one, place(&one.stretches)) / at(one, one.stretches.first())).collect::<Vec<f64>>()
     };
-    let [half, last] = [0.5, 1.0].map(|from| records.iter().map(|one| share(one, from)).collect::<Vec<_>>());
+    let (half, last) = (shares(|stretches| stretches.get(stretches.len() / 2)), shares(<[StretchRow]>::last));
     let torque: Vec<f64> = records
         .iter()
         .filter_map(|one| {
@@ -72,7 +71,7 @@ fn demonstration(section: &mut Section, records: &[MissionRecord]) {
         ),
     );
     let Some(record) = records.first() else { return };
-    let is_informative = |stretch: &&tumble_astrobee::mission::StretchRow| weight(stretch, name_of(record, IZZ)) > 0.0;
+    let is_informative = |stretch: &&StretchRow| weight(stretch, name_of(record, IZZ)) > 0.0;
     let of = |informative: bool| {
         record
             .stretches

@@ -68,7 +68,7 @@ fn tree(section: &mut Section, records: &[MissionRecord]) {
     }
     section.tables.push(("figure_6_8.csv", table));
     let curves = vec![
-        segments("tree", way.tree_m.iter().map(|edge| edge.as_slice())),
+        segments("tree", way.tree_m.iter().map(<[[f64; 3]; 2]>::as_slice)),
         outlines(record),
         path("way", &way.points_m),
         path("flown", &record.series.position_m),

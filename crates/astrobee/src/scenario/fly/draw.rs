@@ -19,6 +19,8 @@ const FARTHEST_M: f64 = 0.15;
 const SEMI_AXES_M: (f64, f64) = (0.03, 0.15);
 /// A belief is off by this factor at most, either way.
 const FACTOR: f64 = 2.0;
+/// A drawn mission may take so many times as long.
+const LONGER: f64 = 2.0;
 /// Trials of three moments before all are off by one factor.
 const TRIALS: usize = 1000;
 /// How much less than the two others together a believed moment is at least, as a share: a body of some thickness.
@@ -27,7 +29,7 @@ const THICKNESS: f64 = 1e-3;
 const DRAW: u64 = 0x6d69_7373_696f_6e73;
 
 /// The mission that belongs to a scenario and a seed: a payload of 0 to 10 kg within the robot's sphere, and a belief without it
-/// whose mass and moments are off by up to a factor of two either way, in logarithms evenly; with `outside` above zero the mass is
+/// whose mass and moments are off by up to a factor of two either way, in logarithms evenly, and twice the time; with `outside` above zero the mass is
 /// off by more than that, by up to this share of it. World, start, goal, noise and settings are those of the scenario; so is the
 /// time at which a payload is taken hold of.
 ///
