@@ -64,7 +64,7 @@ const STEPS: &[Step] = &[
     ),
     always(
         "determinism",
-        "long tumbles, plans and a flight are the same bytes at every optimisation level",
+        "long tumbles, plans, flights and missions are the same bytes at every optimisation level",
         determinism,
     ),
     always("panic-free", "the link proves that the hot paths cannot panic, and refuses a control that can", panic_free),

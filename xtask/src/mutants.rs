@@ -2424,7 +2424,7 @@ const MUTANTS: &[Mutant] = &[
         file: "crates/planning/src/mission/closed_loop.rs",
         original: "Ok(Ok(answer)) if fault != PlannerFault::Refused =>",
         replacement: "Ok(Ok(answer)) =>",
-        test: "-p tumble-planning --test custom_robot the_same_flight",
+        test: "-p tumble-planning --test custom_robot same_again",
     },
     Mutant {
         name: "stop limits: the easiest axis is braked",

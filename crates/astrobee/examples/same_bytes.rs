@@ -139,6 +139,8 @@ fn mission(name: &str, longest_s: f64) -> Result<(), AstrobeeError> {
     let Hashed(hash, bytes) = written;
     let told = absorb(START, format!("{record:?}").as_bytes());
     let (beliefs, stretches) = (record.beliefs.len(), record.stretches.len());
-    println!("{name}: log.csv {hash:016x}, {bytes} bytes; record {told:016x}, {beliefs} beliefs, {stretches} stretches");
+    println!(
+        "{name}: log.csv {hash:016x}, {bytes} bytes; record {told:016x}, {beliefs} beliefs, {stretches} stretches"
+    );
     Ok(())
 }

@@ -42,6 +42,13 @@ pub struct WrenchBox {
     pub force_limit: Vector3<f64>,
 }
 
+impl WrenchBox {
+    /// The same limits for every axis: a torque in N m, a force in N.
+    pub fn in_every_axis(torque_n_m: f64, force_n: f64) -> Self {
+        Self { torque_limit: Vector3::repeat(torque_n_m), force_limit: Vector3::repeat(force_n) }
+    }
+}
+
 /// Each component cut at plus and minus its limit.
 fn cut(v: &Vector3<f64>, limit: &Vector3<f64>) -> Vector3<f64> {
     v.zip_map(limit, |component, bound| component.min(bound).max(-bound))

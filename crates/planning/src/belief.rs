@@ -43,25 +43,16 @@ impl ModelBelief {
         parameters: InertialParameters<f64>,
         [mass_share, center_m, inertia_share]: [f64; 3],
     ) -> Self {
-        let moments = parameters.inertia_about_com().diagonal();
-        let [x, y, z]: [f64; 3] = moments.into();
-        let root = |a: f64, b: f64| inertia_share * f64::sqrt(a * b);
-        let inertia = Matrix3::new(
-            root(x, x),
-            root(x, y),
-            root(x, z),
-            root(x, y),
-            root(y, y),
-            root(y, z),
-            root(x, z),
-            root(y, z),
-            root(z, z),
-        );
         let std = StandardDeviations {
             mass_kg: mass_share * parameters.mass,
             center_of_mass_m: Vector3::repeat(center_m),
-            inertia_about_com_kg_m2: inertia,
+            inertia_about_com_kg_m2: inertia_share * inertia_sizes(&parameters),
         };
+        Self::independent(revision, parameters, std)
+    }
+
+    /// A body whose mass, centre of mass and inertia about it err independently of one another, by these standard deviations.
+    pub fn independent(revision: u64, parameters: InertialParameters<f64>, std: StandardDeviations) -> Self {
         // in the order of the ten parameters
         let sigma = InertialParameters {
             mass: std.mass_kg,
@@ -87,6 +78,13 @@ impl ModelBelief {
         let moments = (parameters.inertia_about_com() + std.inertia_about_com_kg_m2 * sigmas).diagonal();
         [parameters.mass + sigmas * std.mass_kg, moments.max()]
     }
+}
+
+/// What shares of an inertia about the centre of mass are of, kg m^2: the moments, and for a product the geometric mean of the
+/// moments beside it.
+pub fn inertia_sizes(body: &InertialParameters<f64>) -> Matrix3<f64> {
+    let moments = body.inertia_about_com().diagonal();
+    Matrix3::from_fn(|row, column| libm::sqrt(moments[row] * moments[column]))
 }
 
 #[cfg(test)]
@@ -118,6 +116,23 @@ mod tests {
         for place in 4..10 {
             let (sigma, moment) = (covariance[(place, place)].sqrt(), moments[place]);
             assert!(moment == 0.0 || (sigma - 0.1 * moment).abs() < 1e-12, "{sigma} {moment}");
+        }
+    }
+
+    #[test]
+    fn the_covariance_gives_back_the_standard_deviations() {
+        let inertia = Matrix3::from_diagonal(&Vector3::new(0.15, 0.14, 0.16));
+        let body = InertialParameters::about_com(9.5, Vector3::new(0.02, -0.03, 0.01), inertia);
+        let std = StandardDeviations {
+            mass_kg: 0.4,
+            center_of_mass_m: Vector3::repeat(0.01),
+            inertia_about_com_kg_m2: Matrix3::repeat(0.02),
+        };
+        let covariance = ModelBelief::independent(0, body, std).estimate.covariance;
+        let back = body_by_mass_center_and_inertia(&body).try_inverse().unwrap();
+        let central = back * covariance * back.transpose();
+        for (index, sigma) in [0.4, 0.01, 0.01, 0.01, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02].into_iter().enumerate() {
+            assert!((central[(index, index)].sqrt() / sigma - 1.0).abs() < 1e-9, "{index}");
         }
     }
 }

@@ -17,6 +17,7 @@ use crate::error::PlanningError;
 use crate::motion::{ArcPath, TranslationState};
 use nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::AlignedBox;
+use tumble_lie::Pose;
 
 /// Where the body may be, how fast, and how hard it may be pushed. All in world axes, per axis.
 ///
@@ -47,6 +48,14 @@ pub struct GoalRegion {
     pub speed_m_s: f64,
     /// The attitude to arrive with, `world_from_body`; any where absent.
     pub attitude: Option<UnitQuaternion<f64>>,
+}
+
+impl GoalRegion {
+    /// Exactly this pose, at rest.
+    pub fn pose(world_from_body: &Pose<f64>) -> Self {
+        let (position, attitude) = (world_from_body.translation.vector, Some(world_from_body.rotation));
+        Self { position, radius_m: 0.0, speed_m_s: 0.0, attitude }
+    }
 }
 
 /// What is to be least.

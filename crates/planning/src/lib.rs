@@ -25,7 +25,7 @@ mod state_space;
 pub mod steering;
 mod vectors;
 
-pub use belief::{ModelBelief, Plan};
+pub use belief::{ModelBelief, Plan, inertia_sizes};
 pub use budget::{Budget, Units};
 pub use error::PlanningError;
 pub use kinodynamic::{BodyMotion, DoubleIntegrator, KinodynamicModel, Primitive, Propagation};

@@ -18,10 +18,10 @@ use tumble_planning::dynamics::{
 use tumble_planning::global::{FlightPlanner, GoalRegion};
 use tumble_planning::identification::recursive::{FlightEstimator, FlightEstimatorSettings, FlightMeasurement};
 use tumble_planning::lie::{Pose, Wrench};
-use tumble_planning::local::{CovarianceWeighting, RigidBodyModel, WrenchSet};
+use tumble_planning::local::{CovarianceWeighting, RigidBodyModel};
 use tumble_planning::mission::{
-    Action, BrakeLimits, ClosedLoop, Coordinator, Event, InformativeStretch, LoopObserver, LoopSettings, PlannerFault,
-    Scene, Schedule, Sensed, StopLimits, StretchSettings, TimedEvent,
+    BrakeLimits, ClosedLoop, InformativeStretch, LoopObserver, LoopSettings, NoObserver, Scene, Sensed, StopLimits,
+    StretchSettings,
 };
 use tumble_planning::nalgebra::{UnitQuaternion, Vector3};
 use tumble_planning::{ModelBelief, PlanningError, unit_interval};
@@ -81,57 +81,28 @@ fn tug<C: Controller>(new_controller: impl FnMut(&ModelBelief) -> Result<C, Plan
     let (force_n, torque_n_m) = (0.5 * FORCE_N, 0.4 * TORQUE_N_M);
     let estimator = FlightEstimatorSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
     let estimator = FlightEstimator::try_new(estimator, start(), 0, &belief.estimate).unwrap();
-    let stretches = StretchSettings {
-        measurement_sigma: [NOISE_M, f64::INFINITY, NOISE_RAD, f64::INFINITY],
-        samples_per_step: 0.3 / PERIOD_S,
-        ..StretchSettings::default()
-    };
-    let push =
-        WrenchSet { limit: [torque_n_m, torque_n_m, torque_n_m, force_n, force_n, force_n], half_spaces: vec![] };
-    let sizes = [mass, inertia, inertia, inertia].map(|size| size * size);
-    let weighting =
-        CovarianceWeighting::try_new(sizes.map(|size| 100.0 / size), sizes.map(|size| 1e-4 * size), 2.2, 5.0);
+    let stretches = StretchSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
+    // what is worth learning: the mass, and the moments of inertia
+    let weighting = CovarianceWeighting::of_sizes([mass, inertia, inertia, inertia]).unwrap();
+    let push = WrenchBox::in_every_axis(torque_n_m, force_n).into();
     let planner =
-        InformativeStretch::try_new(RigidBodyModel::principal(), &stretches, push, Box::new(weighting.unwrap()));
+        InformativeStretch::try_new(RigidBodyModel::principal(), &stretches, push, Box::new(weighting)).unwrap();
     let origin = AlignedBox::between(Vector3::new(-1.15, -0.65, -0.25), Vector3::new(1.15, 0.65, 0.25));
     let limits = stretches.way_limits(origin, Vector3::repeat(force_n), Vector3::repeat(torque_n_m));
-    let turned = UnitQuaternion::new(Vector3::z() * 0.8);
-    let goal = GoalRegion { position: GOAL, radius_m: 0.0, speed_m_s: 0.0, attitude: Some(turned) };
+    let goal = GoalRegion::pose(&Pose::from_parts(GOAL.into(), UnitQuaternion::new(Vector3::z() * 0.8)));
     let heaviest = InertialParameters::solid_box(2.0 * mass, [0.4, 0.4, 0.4]);
     let stop = StopLimits::for_body(&heaviest, force_n, torque_n_m);
     let brake = BrakeLimits { force_n: Vector3::repeat(FORCE_N), torque_n_m: TORQUE_N_M };
     let settings = LoopSettings::new(shape.clone(), goal, limits, (stop, brake));
     let settings = LoopSettings { decision_periods: 5, ..settings };
     let scene = Scene::of_world(&room(), &shape).unwrap();
-    let planners = (FlightPlanner::default(), Box::new(planner.unwrap()) as _);
+    let planners = (FlightPlanner::default(), Box::new(planner) as _);
     ClosedLoop::try_new(settings, scene, planners, new_controller, estimator, 0).unwrap()
 }
 
-// Step 4: close the loop. What is sensed goes in, a wrench comes out, the plant moves; all that matters is checked in every period.
-#[derive(Debug, Default, PartialEq)]
-struct Flown {
-    arrived: bool,
-    events: Vec<TimedEvent>,
-    actions: Vec<(i64, Action)>,
-    wrench_bits: Vec<[u64; 6]>,
-    /// Request that planners have no answer to, as a test of what follows.
-    refused: Option<u64>,
-}
-
-impl LoopObserver for Flown {
-    fn heard(&mut self, event: &TimedEvent) {
-        self.events.push(*event);
-    }
-    fn answered(&mut self, time_ns: i64, action: &Action) {
-        self.actions.push((time_ns, *action));
-    }
-    fn planner_fault(&mut self, request: u64) -> PlannerFault {
-        if self.refused == Some(request) { PlannerFault::Refused } else { PlannerFault::None }
-    }
-}
-
-fn fly<C: Controller>(flying: &mut Tug<C>, mut flown: Flown) -> Flown {
-    let limits = WrenchBox { torque_limit: Vector3::repeat(TORQUE_N_M), force_limit: Vector3::repeat(FORCE_N) };
+// Step 4: close the loop. What is sensed goes in, a wrench comes out, the plant moves, and what matters is checked. True on arrival.
+fn fly<C: Controller>(flying: &mut Tug<C>, observer: &mut impl LoopObserver) -> bool {
+    let limits = WrenchBox::in_every_axis(TORQUE_N_M, FORCE_N);
     let mut plant = SimulatedBody::try_new(FreeFlyer::new(truth()), MuntheKaas4, limits, start(), PERIOD_S).unwrap();
     let (world, shape) = (EllipsoidWorld::new(&room()).unwrap(), BodyShape::sphere(RADIUS_M).unwrap());
     let mut random = ChaCha8Rng::seed_from_u64(1);
@@ -145,28 +116,23 @@ fn fly<C: Controller>(flying: &mut Tug<C>, mut flown: Flown) -> Flown {
             (pose.translation.vector + noise(NOISE_M)).into(),
             pose.rotation * UnitQuaternion::new(noise(NOISE_RAD)),
         );
-        let (stamp_ns, rate_body, velocity_origin_world) = (time_ns, None, None);
-        let measured = FlightMeasurement { stamp_ns, world_from_body, rate_body, velocity_origin_world };
-        let arrived = std::mem::replace(&mut on_its_way, vec![measured]);
-        let command = flying.step(&Sensed { time_ns, acted, measurements: &arrived }, &mut flown).unwrap();
-        let wrench = command.wrench_body;
+        let arrived = std::mem::replace(&mut on_its_way, vec![FlightMeasurement::of_pose(time_ns, world_from_body)]);
+        let sensed = Sensed { time_ns, acted, measurements: &arrived };
+        let wrench = flying.step(&sensed, observer).unwrap().wrench_body;
         assert!(wrench.force.amax() <= FORCE_N + 1e-9 && wrench.torque.amax() <= TORQUE_N_M + 1e-9, "{wrench:?}");
-        flown.wrench_bits.push(std::array::from_fn(|i| wrench.to_vector()[i].to_bits()));
         acted = plant.advance(&wrench, PERIOD_S).unwrap().realized_wrench_body;
         time_ns += PERIOD_NS;
         let clearance = world.clearance(&shape, &plant.state().world_from_body, 0.0).unwrap();
         assert!(clearance.distance_m > 0.0, "contact at {} s", plant.time_s());
     }
-    flown.arrived =
-        flying.finished() == Some(true) && (plant.state().world_from_body.translation.vector - GOAL).norm() < 0.03;
-    flown
+    let distance_m = (plant.state().world_from_body.translation.vector - GOAL).norm();
+    flying.finished() == Some(true) && distance_m < 0.03
 }
 
 #[test]
 fn the_tug_arrives_and_learns_what_it_weighs() {
     let mut flying = tug(tube);
-    let flown = fly(&mut flying, Flown::default());
-    assert!(flown.arrived, "{:?}", flown.actions);
+    assert!(fly(&mut flying, &mut NoObserver));
     let estimate = flying.estimator().estimate();
     let error_kg = estimate.parameters.mass - truth().mass;
     assert!(error_kg.abs() < 3.0 * estimate.std.mass_kg && error_kg.abs() < 0.03 * truth().mass, "{error_kg} kg");
@@ -178,32 +144,9 @@ fn another_controller_flies_it_too() {
     let weights = TranslationWeights::default();
     let mut flying =
         tug(move |belief| LqrController::lqr(0.2, &weights, attitude(belief.parameters()), Vector3::repeat(FORCE_N)));
-    assert!(fly(&mut flying, Flown::default()).arrived);
+    assert!(fly(&mut flying, &mut NoObserver));
 }
 
-// That is all. What follows holds for every robot: what is flown depends on nothing but what went in, and what the coordinator says
-// on nothing but what it hears.
-
-/// Not all goes well: the first stretch is refused, so that a plain one is asked for.
-#[test]
-fn the_same_flight_is_flown_again_to_the_bit_and_its_log_decides_the_same() {
-    let new = || Flown { refused: Some(2), ..Flown::default() };
-    let (flown, again) = (fly(&mut tug(tube), new()), fly(&mut tug(tube), new()));
-    assert!(flown.arrived && flown == again);
-
-    let replay = |events: &[TimedEvent]| {
-        let (mut coordinator, mut said) = (Coordinator::new(Schedule::default()), Vec::new());
-        for event in events {
-            let mut actions = Vec::new();
-            coordinator.handle(event, &mut actions);
-            said.extend(actions.into_iter().map(|action| (event.time_ns, action)));
-        }
-        said
-    };
-    assert_eq!(replay(&flown.events), flown.actions);
-    // the refusal was heard of, and without it the log is another's
-    let refusal = |timed: &TimedEvent| timed.event == Event::StretchRefused { request: 2 };
-    let without: Vec<_> = flown.events.iter().filter(|timed| !refusal(timed)).copied().collect();
-    assert_eq!(without.len() + 1, flown.events.len());
-    assert_ne!(replay(&without), flown.actions);
-}
+// That is all. What holds for every robot is tested with this one.
+#[path = "custom_robot/same_again.rs"]
+mod same_again;

@@ -7,11 +7,11 @@ use crate::propulsion::nozzle_wrench_set;
 use crate::scenario::PropulsionName;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
-use tumble_dynamics::nalgebra::{Matrix3, SMatrix, Vector3};
+use tumble_dynamics::nalgebra::{Matrix3, Vector3};
 use tumble_dynamics::{InertialParameters, PARAMETERS};
-use tumble_identification::{Estimate, StandardDeviations};
-use tumble_planning::ModelBelief;
-use tumble_planning::local::{Criterion, SpeedLimits, WrenchSet, body_by_mass_center_and_inertia};
+use tumble_identification::StandardDeviations;
+use tumble_planning::local::{Criterion, SpeedLimits, WrenchSet};
+use tumble_planning::{ModelBelief, inertia_sizes};
 
 /// Steps of a horizon, RATTLE's.
 const STEPS: usize = 40;
@@ -586,53 +586,12 @@ impl ScenarioSource {
         };
         let com_m = number("com_sigma_m", table.com_sigma_m, COM_M, &SIGMA)?;
         let share = number("inertia_sigma_share", table.inertia_sigma_share, INERTIA_SHARE, &SHARE)?;
-        let moments = body.inertia_about_com().diagonal();
         let inertia = match table.inertia_sigma_kg_m2 {
             Some(sigma) => Matrix3::repeat(number("inertia_sigma_kg_m2", Some(sigma), sigma, &SIGMA)?),
-            None => Matrix3::from_fn(|row, column| share * libm::sqrt(moments[row] * moments[column])),
+            None => share * inertia_sizes(body),
         };
         let std =
             StandardDeviations { mass_kg, center_of_mass_m: Vector3::repeat(com_m), inertia_about_com_kg_m2: inertia };
-        let covariance = covariance(body, &std);
-        Ok(ModelBelief { revision: 0, estimate: Estimate { parameters: *body, covariance, std, lmi_active: false } })
-    }
-}
-
-/// Covariance of [`InertialParameters::to_vector`] from independent deviations of mass, centre of mass and inertia about it.
-pub(super) fn covariance(
-    body: &InertialParameters<f64>,
-    std: &StandardDeviations,
-) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
-    let sigmas = InertialParameters {
-        mass: std.mass_kg,
-        first_moment: std.center_of_mass_m,
-        inertia_about_origin: std.inertia_about_com_kg_m2,
-    };
-    let mut scaled = body_by_mass_center_and_inertia(body);
-    for (mut column, sigma) in scaled.column_iter_mut().zip(&sigmas.to_vector()) {
-        column *= *sigma;
-    }
-    scaled * scaled.transpose()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_covariance_gives_back_the_standard_deviations() {
-        let inertia = Matrix3::from_diagonal(&Vector3::new(0.15, 0.14, 0.16));
-        let body = InertialParameters::about_com(9.5, Vector3::new(0.02, -0.03, 0.01), inertia);
-        let std = StandardDeviations {
-            mass_kg: 0.4,
-            center_of_mass_m: Vector3::repeat(0.01),
-            inertia_about_com_kg_m2: Matrix3::repeat(0.02),
-        };
-        let covariance = covariance(&body, &std);
-        let back = body_by_mass_center_and_inertia(&body).try_inverse().unwrap();
-        let central = back * covariance * back.transpose();
-        for (index, sigma) in [0.4, 0.01, 0.01, 0.01, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02].into_iter().enumerate() {
-            assert!((central[(index, index)].sqrt() / sigma - 1.0).abs() < 1e-9, "{index}");
-        }
+        Ok(ModelBelief::independent(0, *body, std))
     }
 }

@@ -5,6 +5,7 @@ use crate::belief::ModelBelief;
 use crate::budget::Budget;
 use crate::error::PlanningError;
 use nalgebra::{SMatrix, Vector3};
+use tumble_dynamics::WrenchBox;
 
 /// Where the states should be.
 #[derive(Debug, PartialEq)]
@@ -43,6 +44,13 @@ pub struct WrenchSet<const U: usize> {
     pub limit: [f64; U],
     /// `normal . u <= offset`, in SI units; offsets are positive, so that rest is inside.
     pub half_spaces: Vec<([f64; U], f64)>,
+}
+
+impl From<WrenchBox> for WrenchSet<6> {
+    fn from(limits: WrenchBox) -> Self {
+        let (torque, force) = (limits.torque_limit, limits.force_limit);
+        Self { limit: [torque.x, torque.y, torque.z, force.x, force.y, force.z], half_spaces: Vec::new() }
+    }
 }
 
 /// How fast a body may move and turn.

@@ -111,6 +111,16 @@ impl Default for StretchSettings {
 }
 
 impl StretchSettings {
+    /// For a robot that sees where it is and not how fast it is, every `period_s`; everything else is usual.
+    pub fn of_poses(attitude_rad: f64, position_m: f64, period_s: f64) -> Self {
+        let usual = Self::default();
+        Self {
+            measurement_sigma: [position_m, f64::INFINITY, attitude_rad, f64::INFINITY],
+            samples_per_step: usual.step_s / period_s,
+            ..usual
+        }
+    }
+
     /// Length of a stretch, s.
     pub fn horizon_s(&self) -> f64 {
         self.step_s * self.steps as f64

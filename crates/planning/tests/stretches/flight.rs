@@ -65,22 +65,9 @@ pub fn room() -> Scene {
 }
 
 /// A body of which little is known: shares of its mass and inertia, and m.
-pub fn belief(mass: f64, center_m: Vector3<f64>, [mass_share, com_m, inertia_share]: [f64; 3]) -> ModelBelief {
+pub fn belief(mass: f64, center_m: Vector3<f64>, shares: [f64; 3]) -> ModelBelief {
     let moments = Vector3::new(0.153, 0.143, 0.162) * (mass / 9.58);
-    let body = InertialParameters::about_com(mass, center_m, Matrix3::from_diagonal(&moments));
-    let spread = Matrix3::from_fn(|i, j| inertia_share * f64::sqrt(moments[i] * moments[j]));
-    let sigma = InertialParameters {
-        mass: mass_share * mass,
-        first_moment: Vector3::repeat(com_m),
-        inertia_about_origin: spread,
-    };
-    let mut scaled = body_by_mass_center_and_inertia(&body);
-    for (mut column, sigma) in scaled.column_iter_mut().zip(&sigma.to_vector()) {
-        column *= *sigma;
-    }
-    let mut belief = ModelBelief::certain(1, body);
-    belief.estimate.covariance = scaled * scaled.transpose();
-    belief
+    ModelBelief::vague(1, InertialParameters::about_com(mass, center_m, Matrix3::from_diagonal(&moments)), shares)
 }
 
 pub fn way(scene: &Scene, belief: &ModelBelief, settings: &StretchSettings, units: u64, seed: u64) -> Option<ArcPath> {
@@ -93,12 +80,7 @@ pub fn way(scene: &Scene, belief: &ModelBelief, settings: &StretchSettings, unit
         start: TranslationState::at_rest(scene.start.translation.vector),
         attitude: scene.start.rotation,
         start_s: 0.0,
-        goal: GoalRegion {
-            position: scene.goal.translation.vector,
-            radius_m: 0.0,
-            speed_m_s: 0.0,
-            attitude: Some(scene.goal.rotation),
-        },
+        goal: GoalRegion::pose(&scene.goal),
         limits: settings.way_limits(
             scene.bounds,
             Vector3::new(1.0, 1.0, flat) * FORCE_N,

@@ -4,13 +4,13 @@ use super::numbers::{FlyNumbers, PRIOR, RELATIVE};
 use crate::AstrobeeError;
 use crate::mission::ModelChoice;
 use crate::scenario::plan::PlanningProblem;
-use crate::scenario::plan_local::covariance;
 use crate::scenario::{BodyTable, ControllerName, DriveTable, LimitsTable, ScenarioSource};
 use crate::simulator::planar_part;
 use crate::worlds::WorldPreset;
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::{Matrix3, Vector3};
 use tumble_identification::{Estimate, StandardDeviations};
+use tumble_planning::{ModelBelief, inertia_sizes};
 
 /// Mass, moment of inertia about each axis: the original's light guess.
 ///
@@ -89,16 +89,15 @@ impl ScenarioSource {
             None => belief.mass * number("mass_sigma_share", table.mass_sigma_share, mass_share)?,
         };
         let share = number("inertia_sigma_share", table.inertia_sigma_share, inertia_share)?;
-        let moments = belief.inertia_about_com().diagonal();
         let std = StandardDeviations {
             mass_kg,
             center_of_mass_m: Vector3::repeat(number("com_sigma_m", table.com_sigma_m, com_m)?),
             inertia_about_com_kg_m2: match table.inertia_sigma_kg_m2 {
                 Some(sigma) => Matrix3::repeat(number("inertia_sigma_kg_m2", Some(sigma), sigma)?),
-                None => Matrix3::from_fn(|row, column| share * libm::sqrt(moments[row] * moments[column])),
+                None => share * inertia_sizes(belief),
             },
         };
-        Ok(Estimate { parameters: *belief, covariance: covariance(belief, &std), std, lmi_active: false })
+        Ok(ModelBelief::independent(0, *belief, std).estimate)
     }
 
     /// The scenario with nobody at the controls, this seed and this belief.

@@ -26,6 +26,11 @@ const LARGEST_RATE_RAD_S: f64 = 1e3;
 const LARGEST_VELOCITY_M_S: f64 = 1e4;
 
 impl FlightMeasurement {
+    /// A pose alone.
+    pub fn of_pose(stamp_ns: i64, world_from_body: Pose<f64>) -> Self {
+        Self { stamp_ns, world_from_body, rate_body: None, velocity_origin_world: None }
+    }
+
     /// The same with a quaternion of unit length on the one side of the sphere; what is wrong with it otherwise.
     pub(super) fn checked(&self) -> Result<Self, &'static str> {
         let usable = |x: f64, largest: f64| x == 0.0 || (x.is_normal() && x.abs() <= largest);

@@ -72,6 +72,16 @@ impl<const P: usize> CovarianceWeighting<P> {
         Ok(Self { base, target_variance, alpha, beta, shut_off, return_factor: 1.0, is_off: [false; P] })
     }
 
+    /// For quantities of about these sizes (SI): each is wanted to one part in a hundred, and far from that an information of one
+    /// over its square weighs a hundred; alpha and beta of the thesis.
+    ///
+    /// # Errors
+    /// Sizes that are not positive.
+    pub fn of_sizes(sizes: [f64; P]) -> Result<Self, PlanningError> {
+        let squares = sizes.map(|size| size * size);
+        Self::try_new(squares.map(|square| 100.0 / square), squares.map(|square| 1e-4 * square), 2.2, 5.0)
+    }
+
     /// The same with another way of switching off.
     pub fn with_shut_off(self, shut_off: ShutOff) -> Self {
         Self { shut_off, ..self }
