@@ -7,8 +7,8 @@ use tumble_astrobee::scenario::ScenarioSource;
 use tumble_astrobee::worlds::WorldPreset;
 
 use super::flown::{
-    Condition, FOUR, IXX, IYY, IZZ, MASS, band, error_at, fly_all, information, information_at, must_arrive, name_of,
-    row_at, score, torque_rms, weight, weights_over_time,
+    Condition, FOUR, IXX, IYY, IZZ, MASS, band, error_at, extremes, fly_all, information, information_at, must_arrive,
+    name_of, score, torque_rms, weight, weights_over_time,
 };
 use super::pictures::{outlines, path, segments};
 use super::{bad, claim};
@@ -269,13 +269,41 @@ fn shut_off(section: &mut Section, records: &[MissionRecord]) -> Result<(), Fail
     Ok(())
 }
 
+/// Pictures of each parameter: its estimate; its information and weight.
+const EVOLUTION: [[&str; 4]; 4] = [
+    [
+        "figure_6_10_mass.svg",
+        "m over its truth, seed 1",
+        "figure_6_10_mass_information.svg",
+        "Information about m, seed 1",
+    ],
+    [
+        "figure_6_10_ixx.svg",
+        "Ixx over its truth, seed 1",
+        "figure_6_10_ixx_information.svg",
+        "Information about Ixx, seed 1",
+    ],
+    [
+        "figure_6_10_iyy.svg",
+        "Iyy over its truth, seed 1",
+        "figure_6_10_iyy_information.svg",
+        "Information about Iyy, seed 1",
+    ],
+    [
+        "figure_6_10_izz.svg",
+        "Izz over its truth, seed 1",
+        "figure_6_10_izz_information.svg",
+        "Information about Izz, seed 1",
+    ],
+];
+/// The first seconds are wider than the page.
+const DRAWN_FROM_S: f64 = 5.0;
+
 fn draw_evolution(section: &mut Section, record: &MissionRecord) {
     let series = &record.series;
     let mut header = String::from("t_s");
     let mut rows: Vec<Vec<f64>> = series.t_s.iter().map(|t| vec![*t]).collect();
-    let mut curves = Vec::new();
-    let mut gathered = Vec::new();
-    for (parameter, name) in FOUR {
+    for ((parameter, name), [file, title, information_file, information_title]) in FOUR.into_iter().zip(EVOLUTION) {
         let truth = record.summary.parameters[parameter].truth;
         let _ = write!(header, ",{name},{name}_sigma,{name}_information,{name}_weight");
         let steps = weights_over_time(record, name_of(record, parameter));
@@ -284,34 +312,25 @@ fn draw_evolution(section: &mut Section, record: &MissionRecord) {
             row.extend([series.estimate[index][parameter], series.sigma[index][parameter], gained, weight]);
         }
         let at = |k: f64| {
-            series
-                .t_s
-                .iter()
-                .enumerate()
-                .map(move |(i, t)| (*t, (series.estimate[i][parameter] + k * series.sigma[i][parameter]) / truth))
+            let value = move |i: usize| (series.estimate[i][parameter] + k * series.sigma[i][parameter]) / truth;
+            let points = series.t_s.iter().enumerate().map(move |(i, t)| (*t, value(i)));
+            points.filter(|(t, _)| *t >= DRAWN_FROM_S)
         };
-        curves.push(curve(name, at(0.0)));
-        let both = at(1.0).chain([(f64::NAN, f64::NAN)]).chain(at(-1.0));
-        curves.push(curve(&format!("{name} ± sigma"), both));
-        let end = information_at(record, parameter, f64::INFINITY);
-        gathered.push(curve(
-            &format!("information, {name}"),
-            information(record, parameter).into_iter().map(move |(t, x)| (t, x / end)),
-        ));
-        gathered.push(curve(&format!("weight, {name}"), steps));
+        let mut curves =
+            vec![curve(name, at(0.0)), curve("± sigma", at(1.0).chain([(f64::NAN, f64::NAN)]).chain(at(-1.0)))];
+        if let Some(off_s) = shut_off_s(record, parameter) {
+            let drawn: Vec<f64> = at(1.0).chain(at(-1.0)).map(|(_, y)| y).collect();
+            curves.push(curve("weight off", extremes(&drawn).map(|y| (off_s, y))));
+        }
+        section.draw(file, title, ["time, s", "estimate / truth"], curves);
+        let gained = information(record, parameter);
+        let most = gained.iter().map(|(_, x)| *x).fold(0.0, f64::max);
+        let gathered = vec![
+            curve("information over its largest", gained.into_iter().map(|(t, x)| (t, x / most))),
+            curve("weight over its largest", steps),
+        ];
+        section.draw(information_file, information_title, ["time, s", "share"], gathered);
     }
-    // the first seconds are wider than the page
-    let from_s = series.t_s[row_at(record, 4.0)];
-    for curve in &mut curves {
-        curve.points.retain(|(t, _)| t.is_nan() || *t >= from_s);
-    }
-    section.draw("figure_6_10_estimates.svg", "Estimates over truth, seed 1", ["time, s", "estimate / truth"], curves);
-    section.draw(
-        "figure_6_10_information.svg",
-        "Information over that at the end, weights over the largest, seed 1",
-        ["time, s", "share"],
-        gathered,
-    );
     section.tables.push(("figure_6_10.csv", csv(&header, rows)));
 }
 
