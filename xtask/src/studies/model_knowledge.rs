@@ -1,9 +1,12 @@
 //! `cargo xtask study model-knowledge`: what knowing the body buys in closed loop, and what the estimator's account is worth.
 //!
-//! Parts: `tracking` (updates on against off on one reference), `coverage` and `informative` (whole missions), `leg-time`.
+//! Parts: `tracking` (updates on against off on one reference), `impulse` (each side on its own plan), `coverage` and `informative`
+//! (whole missions), `leg-time`.
 
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)] // counts and steps of a minute
 
+mod certificate;
+mod impulse;
 mod leg_time;
 mod missions;
 mod scenario_one;
@@ -30,8 +33,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let seeds = arguments.number("--seeds")?.unwrap_or(80);
     let only = arguments.value("--only");
     let mut report = Report::default();
-    let parts: [(&str, Part); 4] = [
+    let parts: [(&str, Part); 5] = [
         ("tracking", tracking::run),
+        ("impulse", impulse::run),
         ("coverage", missions::coverage),
         ("informative", missions::informative),
         ("leg-time", leg_time::run),

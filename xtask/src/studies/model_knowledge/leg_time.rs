@@ -1,51 +1,18 @@
 //! How much sooner a leg may end when the mass is known: by the acceleration that the tube leaves to plans.
 
-use super::scenario_one::{Knowledge, MASS_KG, PLACES, Seen, Sensing, drawn, fly};
+use super::certificate::{certified, failed, wide};
+use super::scenario_one::{Knowledge, PLACES, Seen, Sensing, drawn, fly};
 use super::{Interval, each_seed, median};
 use crate::Failure;
 use crate::targets::Report;
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 use serde_json::json;
-use tumble_astrobee::control_presets::{
-    DECISION_S, MASS_UNKNOWN_SHARE, RATTLE_FORCE_N, THESIS_FORCE_N, THESIS_TORQUE_N_M, TUBE_FEEDBACK, TUBE_SIGMAS,
-    TUBE_SPEED_M_S,
-};
+use tumble_astrobee::control_presets::{THESIS_FORCE_N, THESIS_TORQUE_N_M, TUBE_SIGMAS, TUBE_SPEED_M_S};
 use tumble_dynamics::InertialParameters;
 use tumble_planning::ModelBelief;
-use tumble_planning::control::{
-    AxisGain, AxisLimits, AxisProblem, AxisRequest, AxisTemplate, MassInterval, SymmetricBox, Terminal,
-    TubeDisturbance, TubeWeights,
-};
+use tumble_planning::control::MassInterval;
 
 const SENSING: Sensing = [2e-3, 1e-3, 4e-3, 1e-3];
-/// Jumps of position and velocity that the tube holds, m, m/s.
-const JUMP: [f64; 2] = [1e-4, 2e-4];
-const STEPS: usize = 25;
-
-fn failed(error: impl std::fmt::Display) -> Failure {
-    Failure::BadInput(error.to_string())
-}
-
-/// Acceleration that is left to plans of a mass in an interval, m/s^2.
-fn certified(template: &AxisTemplate, mass: MassInterval) -> Result<f64, Failure> {
-    let none = TubeDisturbance { position_m: 0.0, velocity_m_s: 0.0, force_n: 0.0, acceleration_m_s2: 0.0 };
-    let problem = AxisProblem::try_new(&AxisRequest {
-        template,
-        mass,
-        limits: AxisLimits {
-            force_n: RATTLE_FORCE_N,
-            speed_m_s: TUBE_SPEED_M_S,
-            walls_m: [f64::NEG_INFINITY, f64::INFINITY],
-        },
-        shortfall: 0.0,
-        disturbance: none,
-        weights: TubeWeights::DEFAULT,
-        steps: STEPS,
-        terminal: Terminal::StopSet,
-    })
-    .map_err(failed)?;
-    Ok(problem.scaled_acceleration - problem.held_acceleration)
-}
 
 /// Least time over a distance from rest to rest, s.
 fn leg_s(distance_m: f64, acceleration: f64, speed: f64) -> f64 {
@@ -64,12 +31,8 @@ fn all_legs_s(acceleration: f64, speed: f64) -> f64 {
 
 /// By how much the legs are shorter, as a share: with the tube's speed limit, and without any.
 pub fn run(report: &mut Report, seeds: usize) -> Result<(), Failure> {
-    let [stiffness, damping] = TUBE_FEEDBACK;
-    let gain = AxisGain { stiffness, damping, step_s: DECISION_S };
-    let template = AxisTemplate::try_new(gain, &SymmetricBox(Vector2::from(JUMP))).map_err(failed)?;
-    let wide =
-        MassInterval::between(MASS_UNKNOWN_SHARE[0] * MASS_KG, MASS_UNKNOWN_SHARE[1] * MASS_KG).map_err(failed)?;
-    let before = certified(&template, wide)?;
+    let wide = wide()?;
+    let before = certified(wide)?;
     let limits = [THESIS_FORCE_N.into(), THESIS_TORQUE_N_M.into()];
     let learned = each_seed(seeds, |seed| {
         let flown = fly(seed, &SENSING, Knowledge::Learned, Seen::Filtered, &limits)?;
@@ -80,7 +43,7 @@ pub fn run(report: &mut Report, seeds: usize) -> Result<(), Failure> {
         let truth_kg = drawn(seed).0.mass;
         let known = MassInterval::believed(&belief, TUBE_SIGMAS, &wide).map_err(failed)?;
         let held = known.is_some_and(|known| (known.least_kg()..=known.largest_kg()).contains(&truth_kg));
-        let after = certified(&template, known.unwrap_or(wide))?;
+        let after = certified(known.unwrap_or(wide))?;
         let shorter = |speed: f64| 1.0 - all_legs_s(after, speed) / all_legs_s(before, speed);
         Ok((truth_kg, shorter(TUBE_SPEED_M_S), shorter(f64::INFINITY), held))
     });

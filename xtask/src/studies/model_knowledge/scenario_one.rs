@@ -20,17 +20,18 @@ use std::f64::consts::FRAC_PI_2;
 
 pub const LEG_S: f64 = 24.0;
 pub const PLACES: [[f64; 3]; 4] = [[10.8, -9.6, 4.8], [10.44, -9.0, 4.8], [11.06, -8.5, 5.0], [10.8, -7.75, 5.2]];
-const HOLD_S: f64 = 8.0;
+pub const LEGS: usize = PLACES.len() - 1;
+pub const HOLD_S: f64 = 8.0;
 /// Attitude is controlled at 50 Hz, translation at 5 Hz, where measurements come, too.
-const STEP_NS: i64 = 20_000_000;
-const STEP_S: f64 = 0.02;
-const STEPS_PER_DECISION: usize = 10;
-const STEPS_PER_BELIEF: usize = 100;
+pub const STEP_NS: i64 = 20_000_000;
+pub const STEP_S: f64 = 0.02;
+pub const STEPS_PER_DECISION: usize = 10;
+pub const STEPS_PER_BELIEF: usize = 100;
 pub const MASS_KG: f64 = 9.58;
 pub const INERTIA: [f64; 3] = [0.153, 0.143, 0.162];
 const STIFFNESS: f64 = 0.25;
 const DAMPING: f64 = 2.0;
-const ATTITUDE: AttitudeGains = AttitudeGains { stiffness_n_m: 0.1, damping_n_m_s: 0.2 };
+pub const ATTITUDE: AttitudeGains = AttitudeGains { stiffness_n_m: 0.1, damping_n_m_s: 0.2 };
 /// Share of a drifting disturbance that is left after 0.2 s, and its sizes, N and N m.
 const KEPT: f64 = 0.99;
 const DRIFT: [f64; 2] = [2e-3, 2e-4];
@@ -67,6 +68,8 @@ pub struct Flown {
     pub position_m: f64,
     pub attitude_rad: f64,
     pub impulse_n_s: f64,
+    /// Root mean square error of the state shown, of position, m, and velocity, m/s.
+    pub shown: [f64; 2],
     /// Errors at its start: mass as a share, centre of mass m, largest error of a moment as a share.
     pub errors: [f64; 3],
     /// Standard deviation of the mass then, as a share, and the estimate of it, kg.
@@ -97,40 +100,57 @@ pub fn drawn(seed: u64) -> (InertialParameters<f64>, Random) {
 }
 
 /// What is believed at the start: spread as the truth is drawn.
-fn prior() -> Estimate {
+pub fn prior() -> Estimate {
     let parameters =
         InertialParameters::about_com(MASS_KG, Vector3::zeros(), Matrix3::from_diagonal(&Vector3::from(INERTIA)));
     Estimate { parameters, ..flight_scenario::prior() }
 }
 
-/// Blend from 0 to 1 of a leg and its derivatives, 1/s and 1/s^2.
-fn quintic(t: f64) -> [f64; 3] {
-    let s = (t / LEG_S).clamp(0.0, 1.0);
+/// Share of a leg of so many seconds at a time, and its derivatives, 1/s and 1/s^2.
+pub fn quintic(t: f64, leg_s: f64) -> [f64; 3] {
+    let s = (t / leg_s).clamp(0.0, 1.0);
     [
         s * s * s * (10.0 - 15.0 * s + 6.0 * s * s),
-        30.0 * s * s * (1.0 - s) * (1.0 - s) / LEG_S,
-        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / (LEG_S * LEG_S),
+        30.0 * s * s * (1.0 - s) * (1.0 - s) / leg_s,
+        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / (leg_s * leg_s),
     ]
+}
+
+/// Which leg it is at a time, and how long since it began, s; legs that are over are the last one.
+pub fn leg_at(t: f64, leg_s: f64) -> (usize, f64) {
+    let leg = ((t / leg_s) as usize).min(LEGS - 1);
+    (leg, t - leg as f64 * leg_s)
+}
+
+/// Where the body should be at shares of a leg's way and of its turn, each with its derivatives.
+pub fn on_leg(leg: usize, way: [f64; 3], turned: [f64; 3]) -> PoseReference {
+    let (from, to) = (Vector3::from(PLACES[leg]), Vector3::from(PLACES[leg + 1]));
+    let [angle, rate, turning] = turned.map(|share| if leg == LEGS - 1 { FRAC_PI_2 * share } else { 0.0 });
+    let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle - FRAC_PI_2);
+    let body_from_world = rotation.inverse();
+    let [share, speed, acceleration] = way;
+    PoseReference {
+        state: RigidBodyState {
+            world_from_body: Pose::from_parts(Translation3::from(from + (to - from) * share), rotation),
+            twist_body: Twist::new(Vector3::z() * rate, body_from_world * ((to - from) * speed)),
+        },
+        acceleration: BodyAcceleration {
+            angular_acceleration_body: Vector3::z() * turning,
+            acceleration_origin_body: body_from_world * ((to - from) * acceleration),
+        },
+    }
 }
 
 /// Where the body should be.
 pub fn reference(t: f64) -> PoseReference {
-    let leg = ((t / LEG_S) as usize).min(PLACES.len() - 2);
-    let [blend, speed, acceleration] = quintic(t - leg as f64 * LEG_S);
-    let (from, to) = (Vector3::from(PLACES[leg]), Vector3::from(PLACES[leg + 1]));
-    let turn = if leg == PLACES.len() - 2 { FRAC_PI_2 } else { 0.0 };
-    let rotation = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn * blend - FRAC_PI_2);
-    let body_from_world = rotation.inverse();
-    PoseReference {
-        state: RigidBodyState {
-            world_from_body: Pose::from_parts(Translation3::from(from + (to - from) * blend), rotation),
-            twist_body: Twist::new(Vector3::z() * (turn * speed), body_from_world * ((to - from) * speed)),
-        },
-        acceleration: BodyAcceleration {
-            angular_acceleration_body: Vector3::z() * (turn * acceleration),
-            acceleration_origin_body: body_from_world * ((to - from) * acceleration),
-        },
-    }
+    let (leg, t) = leg_at(t, LEG_S);
+    let share = quintic(t, LEG_S);
+    on_leg(leg, share, share)
+}
+
+/// A component within its limit.
+pub fn cut(component: f64, limit: f64) -> f64 {
+    component.clamp(-limit, limit)
 }
 
 /// Position and velocity of a point of the body, world axes.
@@ -178,6 +198,61 @@ fn estimator(sensing: &Sensing, start: RigidBodyState<f64>) -> Result<FlightEsti
     FlightEstimator::try_new(settings, start, 0, &prior()).map_err(|error| Failure::BadInput(error.to_string()))
 }
 
+/// The true body with what pushes and measures it, and the estimator that looks on.
+pub struct Flight {
+    pub body: InertialParameters<f64>,
+    pub state: RigidBodyState<f64>,
+    pub estimator: FlightEstimator,
+    sensing: Sensing,
+    random: Random,
+    errors: Errors,
+    disturbance: [Vector3<f64>; 2],
+}
+
+impl Flight {
+    /// Of a seed, from a state.
+    pub fn begin(seed: u64, sensing: &Sensing, state: RigidBodyState<f64>) -> Result<Self, Failure> {
+        let (body, random) = drawn(seed);
+        let errors = Errors([Vector3::zeros(); 4]);
+        let estimator = estimator(sensing, state)?;
+        Ok(Self { body, state, estimator, sensing: *sensing, random, errors, disturbance: [Vector3::zeros(); 2] })
+    }
+
+    /// A new measurement reaches the estimator, and what disturbs drifts on.
+    pub fn look(&mut self, now_ns: i64) {
+        self.errors = Errors(self.sensing.map(|deviation| self.random.vector(deviation)));
+        for (part, deviation) in self.disturbance.iter_mut().zip(DRIFT) {
+            *part = *part * KEPT + self.random.vector(deviation * (1.0 - KEPT * KEPT).sqrt());
+        }
+        let measured = self.measured();
+        self.estimator.measured(&FlightMeasurement {
+            stamp_ns: now_ns,
+            world_from_body: measured.world_from_body,
+            rate_body: Some(measured.twist_body.angular),
+            velocity_origin_world: Some(measured.world_from_body.rotation * measured.twist_body.linear),
+        });
+    }
+
+    /// The true state with the error of the last measurement.
+    pub fn measured(&self) -> RigidBodyState<f64> {
+        self.errors.of(&self.state)
+    }
+
+    /// A step under a wrench of the body's own.
+    pub fn act(&mut self, now_ns: i64, wrench: &Wrench<f64>) -> Result<(), Failure> {
+        self.estimator.acted(now_ns, now_ns + STEP_NS, wrench);
+        // the force that drifts acts at the centre of mass
+        let [force_outside, torque_outside] = &self.disturbance;
+        let push = self.state.world_from_body.rotation.inverse() * force_outside;
+        let outside = Wrench::new(torque_outside + self.body.center_of_mass().cross(&push), push);
+        let flyer = FreeFlyer::new(self.body);
+        self.state = MuntheKaas4
+            .step(&flyer, &self.state, &(*wrench + outside), now_ns as f64 * 1e-9, STEP_S)
+            .map_err(|error| Failure::BadInput(error.to_string()))?;
+        Ok(())
+    }
+}
+
 /// Flies a seed.
 pub fn fly(
     seed: u64,
@@ -186,33 +261,19 @@ pub fn fly(
     seen: Seen,
     limits: &[Vector3<f64>; 2],
 ) -> Result<Flown, Failure> {
-    let (body, mut random) = drawn(seed);
-    let mut state = reference(0.0).state;
-    let mut estimator = estimator(sensing, state)?;
+    let mut flight = Flight::begin(seed, sensing, reference(0.0).state)?;
+    let body = flight.body;
     let mut believed = if knowledge == Knowledge::True { body } else { prior().parameters };
-    let mut errors = Errors([Vector3::zeros(); 4]);
-    let mut disturbance = [Vector3::zeros(); 2];
     let mut force_world = Vector3::zeros();
-    let (mut squares, mut count, mut impulse_n_s) = ([0.0; 2], 0.0, 0.0);
+    let (mut squares, mut shown_squares, mut count, mut impulse_n_s) = ([0.0; 2], [0.0; 2], 0.0, 0.0);
     let (mut at_leg, mut nees, mut diverged, mut doubtful) = (None, f64::NAN, false, false);
-    let legs = PLACES.len() - 1;
-    let last = [(legs - 1) as f64 * LEG_S, legs as f64 * LEG_S];
+    let last = [(LEGS - 1) as f64 * LEG_S, LEGS as f64 * LEG_S];
     let steps = ((last[1] + HOLD_S) / STEP_S).round() as usize;
     for k in 0..steps {
         let (now_ns, t) = (k as i64 * STEP_NS, k as f64 * STEP_S);
         let wanted = reference(t);
         if k % STEPS_PER_DECISION == 0 {
-            errors = Errors(sensing.map(|deviation| random.vector(deviation)));
-            for (part, deviation) in disturbance.iter_mut().zip(DRIFT) {
-                *part = *part * KEPT + random.vector(deviation * (1.0 - KEPT * KEPT).sqrt());
-            }
-            let measured = errors.of(&state);
-            estimator.measured(&FlightMeasurement {
-                stamp_ns: now_ns,
-                world_from_body: measured.world_from_body,
-                rate_body: Some(measured.twist_body.angular),
-                velocity_origin_world: Some(measured.world_from_body.rotation * measured.twist_body.linear),
-            });
+            flight.look(now_ns);
         }
         let is_offered = match knowledge {
             Knowledge::Prior | Knowledge::True => false,
@@ -220,16 +281,19 @@ pub fn fly(
             Knowledge::LearnedAtOnce => true,
         };
         if is_offered && k % STEPS_PER_BELIEF == 0 {
-            believed = estimator.estimate().parameters;
+            believed = flight.estimator.estimate().parameters;
         }
         let shown = match seen {
-            Seen::Measured => errors.of(&state),
-            Seen::Filtered => estimator.state_at(now_ns),
+            Seen::Measured => flight.measured(),
+            Seen::Filtered => flight.estimator.state_at(now_ns),
+        };
+        let misses = {
+            let [truth, shown] = [&flight.state, &shown].map(|state| point(state, &Vector3::zeros()));
+            [(shown[0] - truth[0]).norm_squared(), (shown[1] - truth[1]).norm_squared()]
         };
         if k % STEPS_PER_DECISION == 0 {
             force_world = force(&believed, &shown, &wanted);
         }
-        let cut = |x: f64, limit: f64| x.clamp(-limit, limit);
         let force_body = (shown.world_from_body.rotation.inverse() * force_world).zip_map(&limits[0], cut);
         let attitude = AttitudeController {
             law: AttitudeLaw::Geometric,
@@ -238,31 +302,23 @@ pub fn fly(
             torque_limit_n_m: f64::INFINITY,
         };
         let torque = attitude.torque_body(&shown, &wanted, &force_body).torque_n_m.zip_map(&limits[1], cut);
-        let wrench = Wrench::new(torque, force_body);
-        estimator.acted(now_ns, now_ns + STEP_NS, &wrench);
-        // the force that drifts acts at the centre of mass
-        let [force_outside, torque_outside] = &disturbance;
-        let push = state.world_from_body.rotation.inverse() * force_outside;
-        let outside = Wrench::new(torque_outside + body.center_of_mass().cross(&push), push);
-        let flyer = FreeFlyer::new(body);
-        state = MuntheKaas4
-            .step(&flyer, &state, &(wrench + outside), t, STEP_S)
-            .map_err(|error| Failure::BadInput(error.to_string()))?;
-        let health = estimator.health();
+        flight.act(now_ns, &Wrench::new(torque, force_body))?;
+        let (state, health) = (&flight.state, flight.estimator.health());
         diverged |= health.diverged;
         doubtful |= health.body_doubtful;
         if t >= last[0] && t < last[1] {
             if at_leg.is_none() {
-                at_leg = Some(account(&estimator.estimate(), &body));
+                at_leg = Some(account(&flight.estimator.estimate(), &body));
             }
             let next = reference(t + STEP_S).state.world_from_body;
             let away = state.world_from_body.translation.vector - next.translation.vector;
             let angle = state.world_from_body.rotation.angle_to(&next.rotation);
             squares = [squares[0] + away.norm_squared(), squares[1] + angle * angle];
+            shown_squares = [shown_squares[0] + misses[0], shown_squares[1] + misses[1]];
             impulse_n_s += force_body.abs().sum() * STEP_S;
             count += 1.0;
             if t + STEP_S >= last[1] - 0.5 * STEP_S {
-                let estimate = estimator.estimate();
+                let estimate = flight.estimator.estimate();
                 let error = estimate.parameters.to_vector() - body.to_vector();
                 nees = normalized_squared_error(&error, &estimate.covariance).unwrap_or(f64::INFINITY);
             }
@@ -270,7 +326,8 @@ pub fn fly(
     }
     let (errors, mass) = at_leg.unwrap_or(([f64::NAN; 3], [f64::NAN; 2]));
     let [position_m, attitude_rad] = squares.map(|sum: f64| (sum / count).sqrt());
-    Ok(Flown { position_m, attitude_rad, impulse_n_s, errors, mass, nees, diverged, doubtful })
+    let shown = shown_squares.map(|sum: f64| (sum / count).sqrt());
+    Ok(Flown { position_m, attitude_rad, impulse_n_s, shown, errors, mass, nees, diverged, doubtful })
 }
 
 /// What is known.
