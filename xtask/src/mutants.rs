@@ -2399,6 +2399,13 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --lib flight_estimator::tests",
     },
     Mutant {
+        name: "flight estimator: levers are taken for another force's",
+        file: "crates/identification/src/recursive/flight_estimator/flight_motion.rs",
+        original: "lever * believed[3 + along]",
+        replacement: "lever * believed[3 + about]",
+        test: "-p tumble-identification --lib flight_estimator::tests",
+    },
+    Mutant {
         name: "flight estimator: a late measurement is put last",
         file: "crates/identification/src/recursive/flight_estimator.rs",
         original: "moment.stamp_ns <= stamp_ns).max(1);",

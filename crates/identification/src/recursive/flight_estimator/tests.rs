@@ -1,4 +1,4 @@
-use super::flight_motion::{BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, SCALE, Vector};
+use super::flight_motion::{BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, LEVER, SCALE, Vector};
 use super::settings::FlightEstimatorSettings;
 use crate::dynamics::{LogCholesky, RigidBodyState};
 use crate::lie::{LieGroup, Manifold, Pose, Twist, Wrench};
@@ -30,7 +30,8 @@ fn state(planar: bool) -> FlightState {
         twist_body: Twist::new(Vector3::new(0.3 * flat, -0.2 * flat, 0.5), Vector3::new(0.1, -0.05, 0.2 * flat)),
     };
     let (drift, scale) = (Vector6::repeat(0.02), Vector6::new(0.1, 0.2, -0.1, 0.05, 0.15, -0.2));
-    FlightState { joint: JointState { motion, body }, drift, scale }
+    let lever = Vector6::new(0.03, -0.02, 0.01, 0.04, -0.03, 0.02);
+    FlightState { joint: JointState { motion, body }, drift, scale, lever }
 }
 
 fn wrench() -> Wrench<f64> {
@@ -53,6 +54,7 @@ fn predicted_covariance_is_what_the_step_makes_of_a_spread() {
             slope.fixed_rows_mut::<22>(0).copy_from(&joint);
             slope.fixed_rows_mut::<6>(DRIFT).copy_from(&((up.drift - down.drift) / 2e-5));
             slope.fixed_rows_mut::<6>(SCALE).copy_from(&((up.scale - down.scale) / 2e-5));
+            slope.fixed_rows_mut::<6>(LEVER).copy_from(&((up.lever - down.lever) / 2e-5));
             slopes.set_column(j, &slope);
         }
         // Full, positive, and where the plane is all there is nothing out of it.
@@ -95,4 +97,30 @@ fn an_anchor_makes_the_step_linear_in_the_body() {
     assert!((one * 2.0 - two).amax() < 1e-12 && one.amax() > 1e-4);
     assert_eq!(end(2.0).1, covariance);
     assert!(covariance.fixed_view::<BODY, 10>(0, BODY).amax() > 1e-4);
+}
+
+/// A force at a lever is the force and a torque.
+#[test]
+fn a_lever_turns() {
+    let (model, start) = (model(false), state(false));
+    let still = FlightState::new(start.joint.motion, start.joint.body);
+    let end = |state: &FlightState, torque: Vector3<f64>| {
+        let believed = Wrench::new(torque, Vector3::new(0.5, -0.3, 0.4));
+        model.propagate(state, &believed, 0.01).unwrap().joint.motion
+    };
+    // about x of y and z, about y of x and z, about z of x and y
+    let levers = Vector6::new(1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3);
+    let torque = Vector3::new(-0.3e-3 + 0.8e-3, 1.5e-3 + 1.6e-3, 2.5e-3 - 1.8e-3);
+    let (at_levers, turned) = (end(&FlightState { lever: levers, ..still }, Vector3::zeros()), end(&still, torque));
+    assert!(at_levers.ominus(&turned).amax() < 1e-15);
+    assert!(turned.ominus(&end(&still, Vector3::zeros())).amax() > 1e-5);
+}
+
+#[test]
+fn thrusters_share_their_errors() {
+    let usual = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.04).wrench;
+    let one = usual.of_thrusters(0.02, 1, 0.3);
+    assert_eq!((one.scale, one.lever_m, one.drift), (Vector6::repeat(0.02), 0.02 * 0.3, usual.drift));
+    let four = usual.of_thrusters(0.02, 4, 0.3);
+    assert_eq!((four.scale, four.lever_m), (Vector6::repeat(0.01), 0.01 * 0.3));
 }
