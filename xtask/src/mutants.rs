@@ -2399,10 +2399,10 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --lib flight_estimator::tests",
     },
     Mutant {
-        name: "flight estimator: levers are taken for another force's",
-        file: "crates/identification/src/recursive/flight_estimator/flight_motion.rs",
-        original: "lever * believed[3 + along]",
-        replacement: "lever * believed[3 + about]",
+        name: "flight estimator: a force off its line leaves the products alone",
+        file: "crates/identification/src/recursive/flight_estimator.rs",
+        original: "[y + z, x + y, x + z, x + z, y + z, x + y]",
+        replacement: "[y + z, 0.0, 0.0, x + z, 0.0, x + y]",
         test: "-p tumble-identification --lib flight_estimator::tests",
     },
     Mutant {

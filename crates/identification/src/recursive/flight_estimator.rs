@@ -21,12 +21,12 @@ use crate::error::IdentificationError;
 use crate::identify::standard_deviations;
 use crate::lie::Wrench;
 use crate::recursive::belief::symmetric;
-use crate::recursive::joint_motion::parameters_by_chart;
+use crate::recursive::joint_motion::{JointState, parameters_by_chart};
 use filtered::{Filtered, Rules, in_chart};
 use first_lessons::FirstLessons;
 use flight_motion::{BODY, FlightMotion, FlightState};
 use health::Thresholds;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 use std::collections::VecDeque;
 use wrench_history::WrenchHistory;
 
@@ -51,7 +51,7 @@ enum Event {
 /// Motion and body of a free flyer, filtered at the stamps of its measurements.
 ///
 /// An extended Kalman filter on motion, the [`LogCholesky`] coordinates of the body, and slow errors of the believed wrench:
-/// an additive one that drifts, and constant ones, relative of each component and of the levers at which forces act. The filter after every measurement of the last
+/// an additive one that drifts, and a constant relative one of each component. The filter after every measurement of the last
 /// second is kept; a measurement that comes late is put in its place and those after it are filtered again, so that the result
 /// is that of the measurements in order.
 ///
@@ -106,7 +106,8 @@ impl FlightEstimator {
             lateness_ns: ns(settings.lateness_s),
             lead_ns: ns(settings.lead_s),
         };
-        let state = FlightState::new(start, body);
+        let state =
+            FlightState { joint: JointState { motion: start, body }, drift: Vector6::zeros(), scale: Vector6::zeros() };
         let (mut events, mut moments) = (VecDeque::with_capacity(MOMENTS + 1), VecDeque::with_capacity(MOMENTS + 1));
         events.push_back(Event::Start);
         let first = Filtered::new(&rules, &state, &covariance, start_ns);
@@ -273,8 +274,15 @@ impl FlightEstimator {
         let newest = self.newest();
         let parameters = newest.state.joint.body.to_parameters();
         let slopes = parameters_by_chart(&newest.state.joint.body);
-        let body = newest.covariance.fixed_view::<10, 10>(BODY, BODY);
-        let covariance = symmetric(&(slopes * body * slopes.transpose()));
+        let mut body = newest.covariance.fixed_view::<10, 10>(BODY, BODY).into_owned();
+        let line = self.rules.settings.wrench.line_m;
+        for i in 1..4 {
+            body[(i, i)] += line * line;
+        }
+        let mut covariance = symmetric(&(slopes * body * slopes.transpose()));
+        for (i, variance) in inertia_off_the_line(&parameters.first_moment, line).iter().enumerate() {
+            covariance[(4 + i, 4 + i)] += variance;
+        }
         let std = standard_deviations(&parameters.to_vector(), &covariance);
         Estimate { parameters, covariance, std, lmi_active: false }
     }
@@ -350,4 +358,13 @@ impl FlightEstimator {
     pub fn settings(&self) -> &FlightEstimatorSettings {
         &self.rules.settings
     }
+}
+
+/// Variance of the inertia, in the order of the ten parameters, where forces act on lines that lie elsewhere by `line_m`.
+///
+/// Motion sees a centre of mass that is off by as much, s say, and where the body turns an inertia that is off by what that
+/// does to the first moment h: m |c|² has changed by 2 s·h, m c cᵀ by s hᵀ + h sᵀ. Half of the former is in a moment of inertia.
+fn inertia_off_the_line(first_moment: &Vector3<f64>, line_m: f64) -> [f64; 6] {
+    let [x, y, z]: [f64; 3] = first_moment.component_mul(first_moment).into();
+    [y + z, x + y, x + z, x + z, y + z, x + y].map(|square| line_m * line_m * square)
 }

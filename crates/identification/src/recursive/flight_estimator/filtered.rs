@@ -1,7 +1,7 @@
 //! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
 
 use super::flight_motion::{
-    BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, LEVER, ROWS, SCALE, back_into_plane,
+    BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, ROWS, SCALE, back_into_plane,
 };
 use super::health::{Monitor, Thresholds};
 use super::reception::{FlightMeasurement, Reception};
@@ -73,8 +73,7 @@ impl Filtered {
         let motion = rules.model.motion_variance(&settings.start_deviation);
         covariance.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&SMatrix::from_diagonal(&motion));
         covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(body);
-        let wrench = &settings.wrench;
-        let errors = [(DRIFT, wrench.drift), (SCALE, wrench.scale), (LEVER, Vector6::repeat(wrench.lever_m))];
+        let errors = [(DRIFT, settings.wrench.drift), (SCALE, settings.wrench.scale)];
         for (first, deviation) in errors {
             for i in 0..6 {
                 covariance[(first + i, first + i)] = deviation[i] * deviation[i];
@@ -251,7 +250,8 @@ impl Filtered {
 
     /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is.
     pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
-        self.state = FlightState::new(self.state.joint.motion, *body);
+        self.state.joint.body = *body;
+        (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
         let mut fresh = Self::new(rules, &self.state, covariance, self.stamp_ns).covariance;
         fresh.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&self.covariance.fixed_view::<BODY, BODY>(0, 0));
         self.covariance = fresh;

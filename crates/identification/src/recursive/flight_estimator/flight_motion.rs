@@ -1,4 +1,4 @@
-//! Motion, body, and slow errors of the wrench as one state of 40 numbers.
+//! Motion, body, and slow errors of the wrench as one state of 34 numbers.
 
 use super::settings::{FlightEstimatorSettings, WrenchErrors};
 use crate::dynamics::{FreeFlyer, LogCholesky, RigidBodyState};
@@ -9,14 +9,11 @@ use crate::recursive::extended_kalman::FilterModel;
 use crate::recursive::joint_motion::{JointMotion, JointObservation, JointState};
 use nalgebra::{ComplexField, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
-/// Motion 12, body 10, additive error of the wrench 6, relative error of the wrench 6, levers of its forces 6.
-pub(super) const COORDINATES: usize = 40;
+/// Motion 12, body 10, additive error of the wrench 6, relative error of the wrench 6.
+pub(super) const COORDINATES: usize = 34;
 pub(super) const BODY: usize = 12;
 pub(super) const DRIFT: usize = 22;
 pub(super) const SCALE: usize = 28;
-pub(super) const LEVER: usize = 34;
-/// The axis a lever turns about, and that of the force at its end.
-const LEVERS: [(usize, usize); 6] = [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)];
 /// Rows attitude, position, rate, velocity.
 pub(super) const ROWS: usize = 12;
 /// Rows of motion that a planar flight knows nothing of: attitude x, y; position z; rate x, y; velocity z.
@@ -33,23 +30,14 @@ pub(super) struct FlightState {
     pub(super) drift: Vector6<f64>,
     /// By this part of itself each component of the believed wrench is larger.
     pub(super) scale: Vector6<f64>,
-    /// Torque about one axis that a believed force along another brings with it, m.
-    pub(super) lever: Vector6<f64>,
 }
 
 impl FlightState {
-    /// With a wrench that is as it is believed to be.
-    pub(super) fn new(motion: RigidBodyState<f64>, body: LogCholesky<f64>) -> Self {
-        let none = Vector6::zeros();
-        Self { joint: JointState { motion, body }, drift: none, scale: none, lever: none }
-    }
-
     pub(super) fn moved_by(&self, step: &Vector) -> Self {
         Self {
             joint: self.joint.oplus(&step.fixed_rows::<22>(0).into_owned()),
             drift: self.drift + step.fixed_rows::<6>(DRIFT),
             scale: self.scale + step.fixed_rows::<6>(SCALE),
-            lever: self.lever + step.fixed_rows::<6>(LEVER),
         }
     }
 }
@@ -71,7 +59,7 @@ impl FlightMotion {
     /// The wrench that is thought to act.
     fn acting(&self, state: &FlightState, believed: &Wrench<f64>) -> Wrench<f64> {
         let believed = believed.to_vector();
-        let mut acting = believed + error_of(&believed, &state.drift, &state.scale, &state.lever);
+        let mut acting = believed + believed.component_mul(&state.scale) + state.drift;
         if self.planar {
             for i in [0, 1, 5] {
                 acting[i] = 0.0;
@@ -116,7 +104,7 @@ impl FlightMotion {
             motion = back_into_plane(&motion, &state.joint.motion);
         }
         let joint = JointState { motion, body: state.joint.body };
-        Ok(FlightState { joint, drift: state.drift * self.remaining(step_s), ..*state })
+        Ok(FlightState { joint, drift: state.drift * self.remaining(step_s), scale: state.scale })
     }
 
     /// What is left of a drift after a step.
@@ -148,39 +136,24 @@ impl FlightMotion {
             next.joint.motion = if self.planar { back_into_plane(&motion, &next.joint.motion) } else { motion };
             next.joint.body = body;
         }
-        let believed = believed.to_vector();
         let p = &mut covariance.data.0;
-        let (m, errors) = (&by_state.data.0, &by_wrench.data.0);
-        // Columns of Φ P: rows of motion here, the rest only decays. Errors of the wrench act through it alone.
+        // Columns of Φ P: rows of motion here, the rest only decays.
+        let m = &by_state.data.0;
         let mut moved = [[0.0; BODY]; COORDINATES];
         for (column, p) in moved.iter_mut().zip(p.iter()) {
             for (slope, value) in m.iter().zip(p) {
                 add_scaled(column, *value, slope);
             }
-            let part = |first: usize| Vector6::from_fn(|i, _| p[first + i]);
-            let error = error_of(&believed, &part(DRIFT), &part(SCALE), &part(LEVER));
-            for (slope, value) in errors.iter().zip(&error) {
-                add_scaled(column, *value, slope);
-            }
         }
-        // What the motion at the end has to do with the error of the wrench.
-        let row = |i: usize, first: usize| Vector6::from_fn(|k, _| moved[first + k][i]);
-        let shared: [Vector6<f64>; BODY] =
-            core::array::from_fn(|i| error_of(&believed, &row(i, DRIFT), &row(i, SCALE), &row(i, LEVER)));
         let mut corner = [[0.0; BODY]; BODY];
         for (j, column) in corner.iter_mut().enumerate() {
             for (moved, slope) in moved.iter().zip(m) {
                 add_scaled(column, slope[j], moved);
             }
-            for (k, slope) in errors.iter().enumerate() {
-                for (c, shared) in column.iter_mut().zip(&shared) {
-                    *c += slope[j] * shared[k];
-                }
-            }
         }
         let noise = self.wrench_noise(step_s);
         for (j, column) in corner.iter_mut().enumerate() {
-            for (slope, variance) in errors.iter().zip(noise.iter()) {
+            for (slope, variance) in by_wrench.data.0.iter().zip(noise.iter()) {
                 add_scaled(column, slope[j] * variance, slope);
             }
         }
@@ -222,13 +195,13 @@ impl FlightMotion {
         Vector6::new(torque, torque, torque, force, force, force)
     }
 
-    /// Derivatives of the motion at the end of a step by motion and body before it and by a wrench held over it.
+    /// Derivatives of the motion at the end of a step by the state before it and by a wrench held over it.
     fn derivatives(
         &self,
         state: &FlightState,
         believed: &Wrench<f64>,
         step_s: f64,
-    ) -> (SMatrix<f64, BODY, DRIFT>, SMatrix<f64, BODY, 6>) {
+    ) -> (SMatrix<f64, BODY, COORDINATES>, SMatrix<f64, BODY, 6>) {
         let mut joint = state.joint;
         let mut slopes = None;
         if self.planar {
@@ -252,9 +225,14 @@ impl FlightMotion {
                 by_wrench.column_mut(i).fill(0.0);
             }
         }
-        let mut by_state = SMatrix::<f64, BODY, DRIFT>::zeros();
+        let mut by_state = SMatrix::<f64, BODY, COORDINATES>::zeros();
         by_state.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&by_motion);
         by_state.fixed_view_mut::<BODY, 10>(0, BODY).copy_from(&by_body);
+        by_state.fixed_view_mut::<BODY, 6>(0, DRIFT).copy_from(&by_wrench);
+        let believed = believed.to_vector();
+        for j in 0..6 {
+            by_state.fixed_view_mut::<BODY, 1>(0, SCALE + j).copy_from(&(by_wrench.column(j) * believed[j]));
+        }
         (by_state, by_wrench)
     }
 
@@ -284,16 +262,6 @@ impl FlightMotion {
         }
         variance
     }
-}
-
-/// What is added to a believed wrench.
-#[inline(always)]
-fn error_of(believed: &Vector6<f64>, drift: &Vector6<f64>, scale: &Vector6<f64>, lever: &Vector6<f64>) -> Vector6<f64> {
-    let mut error = drift + believed.component_mul(scale);
-    for ((about, along), lever) in LEVERS.into_iter().zip(lever) {
-        error[about] += lever * believed[3 + along];
-    }
-    error
 }
 
 /// column += factor · slope.

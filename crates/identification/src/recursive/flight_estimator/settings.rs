@@ -13,16 +13,16 @@ pub struct WrenchErrors {
     pub drift_time_s: f64,
     /// Standard deviation of the constant relative part: thrust that is everywhere larger than on paper, say.
     pub scale: Vector6<f64>,
-    /// Standard deviation of the place of a force's line beside where it is believed, m: thrusters of one pair that differ. A force
-    /// along each axis turns about the two others. Motion hardly tells it from a centre of mass elsewhere, nor, where the
-    /// body turns about a point that is not its centre, from products of inertia.
-    pub lever_m: f64,
+    /// Standard deviation of the place of a force's line beside where it is believed, m: thrusters of one pair that differ.
+    /// It may be another one for each sense of the force. Hardly any motion tells it from a centre of mass elsewhere and, where
+    /// the body turns, from another inertia, so it is added to what is reported.
+    pub line_m: f64,
     /// How long a wrench is held to which the white noise of [`MotionNoise`] belongs, s; over other times it averages.
     pub period_s: f64,
 }
 
 impl WrenchErrors {
-    /// Relative part and levers of thrusters that err independently of one another, each by `relative`; `pushing` of them act
+    /// Relative part and lines of thrusters that err independently of one another, each by `relative`; `pushing` of them act
     /// along each axis in each sense, this far from the middle; what drifts, and how long a wrench is held, as it is.
     ///
     /// A force that n thrusters share errs by the mean of their n errors, of deviation `relative` / √n, and so does a torque.
@@ -30,7 +30,7 @@ impl WrenchErrors {
     #[must_use]
     pub fn of_thrusters(self, relative: f64, pushing: u32, arm_m: f64) -> Self {
         let shared = relative / ComplexField::sqrt(f64::from(pushing.max(1)));
-        Self { scale: Vector6::repeat(shared), lever_m: arm_m * shared, ..self }
+        Self { scale: Vector6::repeat(shared), line_m: arm_m * shared, ..self }
     }
 }
 
@@ -72,7 +72,7 @@ impl FlightEstimatorSettings {
                 drift: Vector6::new(torque, torque, torque, force, force, force),
                 drift_time_s: 30.0,
                 scale: Vector6::zeros(),
-                lever_m: 0.0,
+                line_m: 0.0,
                 period_s: 0.016,
             }
             .of_thrusters(0.01, 2, 0.1),
@@ -128,7 +128,7 @@ impl FlightEstimatorSettings {
         if let Some(index) = positive.iter().position(|value| !(*value > 0.0 && value.is_finite())) {
             return Err(IdentificationError::NotPositive { index, value: positive[index] });
         }
-        let rest = [noise.torque_n_m, noise.force_n, self.lead_s, self.wrench.lever_m];
+        let rest = [noise.torque_n_m, noise.force_n, self.lead_s, self.wrench.line_m];
         let rest =
             rest.iter().chain(noise.drift.iter()).chain(self.wrench.drift.iter()).chain(self.wrench.scale.iter());
         for (index, value) in rest.enumerate() {

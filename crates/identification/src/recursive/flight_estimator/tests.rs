@@ -1,4 +1,4 @@
-use super::flight_motion::{BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, LEVER, SCALE, Vector};
+use super::flight_motion::{BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, SCALE, Vector};
 use super::settings::FlightEstimatorSettings;
 use crate::dynamics::{LogCholesky, RigidBodyState};
 use crate::lie::{LieGroup, Manifold, Pose, Twist, Wrench};
@@ -30,8 +30,7 @@ fn state(planar: bool) -> FlightState {
         twist_body: Twist::new(Vector3::new(0.3 * flat, -0.2 * flat, 0.5), Vector3::new(0.1, -0.05, 0.2 * flat)),
     };
     let (drift, scale) = (Vector6::repeat(0.02), Vector6::new(0.1, 0.2, -0.1, 0.05, 0.15, -0.2));
-    let lever = Vector6::new(0.03, -0.02, 0.01, 0.04, -0.03, 0.02);
-    FlightState { joint: JointState { motion, body }, drift, scale, lever }
+    FlightState { joint: JointState { motion, body }, drift, scale }
 }
 
 fn wrench() -> Wrench<f64> {
@@ -54,7 +53,6 @@ fn predicted_covariance_is_what_the_step_makes_of_a_spread() {
             slope.fixed_rows_mut::<22>(0).copy_from(&joint);
             slope.fixed_rows_mut::<6>(DRIFT).copy_from(&((up.drift - down.drift) / 2e-5));
             slope.fixed_rows_mut::<6>(SCALE).copy_from(&((up.scale - down.scale) / 2e-5));
-            slope.fixed_rows_mut::<6>(LEVER).copy_from(&((up.lever - down.lever) / 2e-5));
             slopes.set_column(j, &slope);
         }
         // Full, positive, and where the plane is all there is nothing out of it.
@@ -99,28 +97,42 @@ fn an_anchor_makes_the_step_linear_in_the_body() {
     assert!(covariance.fixed_view::<BODY, 10>(0, BODY).amax() > 1e-4);
 }
 
-/// A force at a lever is the force and a torque.
-#[test]
-fn a_lever_turns() {
-    let (model, start) = (model(false), state(false));
-    let still = FlightState::new(start.joint.motion, start.joint.body);
-    let end = |state: &FlightState, torque: Vector3<f64>| {
-        let believed = Wrench::new(torque, Vector3::new(0.5, -0.3, 0.4));
-        model.propagate(state, &believed, 0.01).unwrap().joint.motion
-    };
-    // about x of y and z, about y of x and z, about z of x and y
-    let levers = Vector6::new(1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3);
-    let torque = Vector3::new(-0.3e-3 + 0.8e-3, 1.5e-3 + 1.6e-3, 2.5e-3 - 1.8e-3);
-    let (at_levers, turned) = (end(&FlightState { lever: levers, ..still }, Vector3::zeros()), end(&still, torque));
-    assert!(at_levers.ominus(&turned).amax() < 1e-15);
-    assert!(turned.ominus(&end(&still, Vector3::zeros())).amax() > 1e-5);
-}
-
 #[test]
 fn thrusters_share_their_errors() {
     let usual = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.04).wrench;
     let one = usual.of_thrusters(0.02, 1, 0.3);
-    assert_eq!((one.scale, one.lever_m, one.drift), (Vector6::repeat(0.02), 0.02 * 0.3, usual.drift));
+    assert_eq!((one.scale, one.line_m, one.drift), (Vector6::repeat(0.02), 0.02 * 0.3, usual.drift));
     let four = usual.of_thrusters(0.02, 4, 0.3);
-    assert_eq!((four.scale, four.lever_m), (Vector6::repeat(0.01), 0.01 * 0.3));
+    assert_eq!((four.scale, four.line_m), (Vector6::repeat(0.01), 0.01 * 0.3));
+}
+
+/// A line that is off is a centre of mass and an inertia that are: the report knows of both, and only of them.
+#[test]
+fn lines_of_forces_are_in_the_report() {
+    let parameters = state(false).joint.body.to_parameters();
+    let prior = crate::Estimate {
+        parameters,
+        covariance: SMatrix::identity() * 1e-12,
+        std: crate::StandardDeviations {
+            mass_kg: 0.0,
+            center_of_mass_m: Vector3::zeros(),
+            inertia_about_com_kg_m2: nalgebra::Matrix3::zeros(),
+        },
+        lmi_active: false,
+    };
+    let reported = |line_m: f64| {
+        let mut settings = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.04);
+        settings.wrench.line_m = line_m;
+        super::FlightEstimator::try_new(settings, state(false).joint.motion, 0, &prior).unwrap().estimate().std
+    };
+    let (on, off) = (reported(0.0), reported(0.01));
+    let (h, added) = (parameters.first_moment, |i, j| {
+        let [with, without] = [off, on].map(|std: crate::StandardDeviations| std.inertia_about_com_kg_m2[(i, j)]);
+        (with * with - without * without).sqrt()
+    });
+    assert!((off.center_of_mass_m - Vector3::repeat(0.01)).amax() < 1e-5, "{}", off.center_of_mass_m);
+    for (i, j, x, y) in [(0, 0, h.y, h.z), (1, 1, h.x, h.z), (2, 2, h.x, h.y), (0, 1, h.x, h.y), (0, 2, h.x, h.z)] {
+        assert!((added(i, j) / (0.01 * x.hypot(y)) - 1.0).abs() < 1e-3, "{i} {j} {}", added(i, j));
+    }
+    assert!((off.mass_kg - on.mass_kg).abs() < 1e-9);
 }
