@@ -2406,6 +2406,13 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --lib flight_estimator::tests",
     },
     Mutant {
+        name: "flight estimator: a force off its line leaves the products alone",
+        file: "crates/identification/src/recursive/flight_estimator.rs",
+        original: "[y + z, x + y, x + z, x + z, y + z, x + y]",
+        replacement: "[y + z, 0.0, 0.0, x + z, 0.0, x + y]",
+        test: "-p tumble-identification --lib flight_estimator::tests",
+    },
+    Mutant {
         name: "flight estimator: a late measurement is put last",
         file: "crates/identification/src/recursive/flight_estimator.rs",
         original: "moment.stamp_ns <= stamp_ns).max(1);",

@@ -38,13 +38,19 @@ pub(super) fn rows_of<const N: usize, const ROWS: usize>(matrix: &SMatrix<f64, R
     matrix.transpose().data.0
 }
 
-/// Σ columns[k] · weights[k].
+/// Σ columns[k] · weights[k] over the k that count; rows of a large state are mostly zeros.
 #[inline(always)]
-fn combination<const M: usize, const N: usize>(columns: &[[f64; M]; N], weights: &[f64; N]) -> [f64; M] {
+fn combination<const M: usize, const N: usize>(
+    columns: &[[f64; M]; N],
+    weights: &[f64; N],
+    counts: &[bool; N],
+) -> [f64; M] {
     let mut sum = [0.0; M];
-    for (column, weight) in columns.iter().zip(weights) {
-        for (s, c) in sum.iter_mut().zip(column) {
-            *s += c * weight;
+    for ((column, weight), counts) in columns.iter().zip(weights).zip(counts) {
+        if *counts {
+            for (s, c) in sum.iter_mut().zip(column) {
+                *s += c * weight;
+            }
         }
     }
     sum
@@ -82,10 +88,11 @@ impl<const N: usize, const ROWS: usize> Rows<N, ROWS> {
         }
         let p = &mut covariance.data.0;
         let (mut gains, mut remaining) = ([[0.0; N]; ROWS], [[0.0; ROWS]; ROWS]);
+        let observed = columns.map(|column| column != [0.0; ROWS]);
         for i in 0..ROWS {
             if measured[i] {
-                gains[i] = combination(p, &rows[i]);
-                remaining[i] = combination(&columns, &gains[i]);
+                gains[i] = combination(p, &rows[i], &rows[i].map(|slope| slope != 0.0));
+                remaining[i] = combination(&columns, &gains[i], &observed);
                 remaining[i][i] += deviations[i] * deviations[i];
             }
         }

@@ -26,7 +26,7 @@ use filtered::{Filtered, Rules, in_chart};
 use first_lessons::FirstLessons;
 use flight_motion::{BODY, FlightMotion, FlightState};
 use health::Thresholds;
-use nalgebra::{SMatrix, SVector, Vector6};
+use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 use std::collections::VecDeque;
 use wrench_history::WrenchHistory;
 
@@ -284,10 +284,11 @@ impl FlightEstimator {
         let line = self.rules.settings.wrench.line_m;
         for i in 1..4 {
             body[(i, i)] += line * line;
-            // Tilts of the extents come of the same thrusters: a quarter of the line, in flights with nozzles 1 % off.
-            body[(6 + i, 6 + i)] += line * line / 16.0;
         }
-        let covariance = symmetric(&(slopes * body * slopes.transpose()));
+        let mut covariance = symmetric(&(slopes * body * slopes.transpose()));
+        for (i, variance) in inertia_off_the_line(&parameters.first_moment, line).iter().enumerate() {
+            covariance[(4 + i, 4 + i)] += variance;
+        }
         let std = standard_deviations(&parameters.to_vector(), &covariance);
         Estimate { parameters, covariance, std, lmi_active: false }
     }
@@ -370,4 +371,13 @@ impl FlightEstimator {
     pub fn settings(&self) -> &FlightEstimatorSettings {
         &self.rules.settings
     }
+}
+
+/// Variance of the inertia, in the order of the ten parameters, where forces act on lines that lie elsewhere by `line_m`.
+///
+/// Motion sees a centre of mass that is off by as much, s say, and where the body turns an inertia that is off by what that
+/// does to the first moment h: m |c|² has changed by 2 s·h, m c cᵀ by s hᵀ + h sᵀ. Half of the former is in a moment of inertia.
+fn inertia_off_the_line(first_moment: &Vector3<f64>, line_m: f64) -> [f64; 6] {
+    let [x, y, z]: [f64; 3] = first_moment.component_mul(first_moment).into();
+    [y + z, x + y, x + z, x + z, y + z, x + y].map(|square| line_m * line_m * square)
 }

@@ -107,17 +107,24 @@ pub struct JointMotion {
     pub gravity_world: Vector3<f64>,
 }
 
-/// Derivatives of twist rate and acceleration of the origin at one instant.
+/// Derivatives of the twist rate at one instant: by attitude, twist, chart.
 struct Derivatives {
-    twist_rate: Twist<f64>,
-    /// Of the twist rate by attitude, twist, chart.
     by_attitude: Matrix3<f64>,
     by_twist: SMatrix<f64, 6, 6>,
     by_body: SMatrix<f64, 6, 10>,
 }
 
 impl JointMotion {
-    /// Twist rate and its derivatives. The acceleration of the origin is the lower half plus w × v.
+    /// Rate of the components of the twist.
+    fn twist_rate(&self, flyer: &FreeFlyer<f64>, motion: &RigidBodyState<f64>, wrench: &Wrench<f64>) -> Twist<f64> {
+        let twist = &motion.twist_body;
+        let acceleration = flyer.forward(twist, wrench);
+        let gravity = motion.world_from_body.rotation.inverse() * self.gravity_world;
+        let linear = acceleration.acceleration_origin_body + gravity - twist.angular.cross(&twist.linear);
+        Twist::new(acceleration.angular_acceleration_body, linear)
+    }
+
+    /// Derivatives of the twist rate. The acceleration of the origin is the lower half plus w × v.
     fn derivatives(&self, state: &JointState, wrench: &Wrench<f64>) -> Derivatives {
         let parameters = state.body.to_parameters();
         let flyer = FreeFlyer::new(parameters);
@@ -153,12 +160,7 @@ impl JointMotion {
         let mut lower = by_twist.fixed_view_mut::<3, 3>(3, 0);
         lower += skew(v);
         by_twist.fixed_view_mut::<3, 3>(3, 3).copy_from(&-skew(w));
-        Derivatives {
-            twist_rate: Twist::new(angular, linear + gravity - w.cross(v)),
-            by_attitude: skew(&gravity),
-            by_twist,
-            by_body,
-        }
+        Derivatives { by_attitude: skew(&gravity), by_twist, by_body }
     }
 
     /// Derivatives of the end of a step: by motion, by body. Those at the middle of the step, to second order.
@@ -168,7 +170,8 @@ impl JointMotion {
         observation: &JointObservation,
     ) -> (SMatrix<f64, 12, 12>, SMatrix<f64, 12, 10>) {
         let step_s = observation.step_s;
-        let start = self.derivatives(state, &observation.wrench_body).twist_rate;
+        let flyer = FreeFlyer::new(state.body.to_parameters());
+        let start = self.twist_rate(&flyer, &state.motion, &observation.wrench_body);
         let twist_body = state.motion.twist_body + start * (0.5 * step_s);
         let turn = Pose::exp(&(state.motion.twist_body.to_vector() * (0.5 * step_s)));
         let world_from_body = state.motion.world_from_body.compose(&turn);

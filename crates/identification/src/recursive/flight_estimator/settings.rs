@@ -2,7 +2,7 @@
 
 use super::super::MotionNoise;
 use crate::error::IdentificationError;
-use nalgebra::{SVector, Vector6};
+use nalgebra::{ComplexField, SVector, Vector6};
 
 /// Errors of the believed wrench, per axis, torque before force, body axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,7 +14,8 @@ pub struct WrenchErrors {
     /// Standard deviation of the constant relative part: thrust that is everywhere larger than on paper, say.
     pub scale: Vector6<f64>,
     /// Standard deviation of the place of a force's line beside where it is believed, m: thrusters of one pair that differ.
-    /// No motion tells it from a centre of mass elsewhere, so it is added to what is reported.
+    /// It may be another one for each sense of the force. Hardly any motion tells it from a centre of mass elsewhere and, where
+    /// the body turns, from another inertia, so it is added to what is reported.
     pub line_m: f64,
     /// How long a wrench is held to which the white noise of [`MotionNoise`] belongs, s; over other times it averages.
     pub period_s: f64,
@@ -30,6 +31,17 @@ impl WrenchErrors {
     #[must_use]
     pub fn doubted(&self) -> Self {
         Self { drift: self.drift * DOUBTED, drift_time_s: f64::min(DOUBTED_S, self.drift_time_s), ..*self }
+    }
+
+    /// Relative part and lines of thrusters that err independently of one another, each by `relative`; `pushing` of them act
+    /// along each axis in each sense, this far from the middle; what drifts, and how long a wrench is held, as it is.
+    ///
+    /// A force that n thrusters share errs by the mean of their n errors, of deviation `relative` / √n, and so does a torque.
+    /// Where they are `arm_m` to either side of the middle, the difference moves the force's line by `arm_m` times as much.
+    #[must_use]
+    pub fn of_thrusters(self, relative: f64, pushing: u32, arm_m: f64) -> Self {
+        let shared = relative / ComplexField::sqrt(f64::from(pushing.max(1)));
+        Self { scale: Vector6::repeat(shared), line_m: arm_m * shared, ..self }
     }
 }
 
@@ -61,18 +73,20 @@ pub struct FlightEstimatorSettings {
 }
 
 impl FlightEstimatorSettings {
-    /// Usual patience around these noise levels: a thrust known to 1 % per axis, 0.2 mN m and 2 mN of slow drift.
+    /// Usual patience around these noise levels: thrusters in pairs 0.2 m apart, each known to 1 %, 0.2 mN m and 2 mN of slow
+    /// drift.
     pub fn new(noise: MotionNoise) -> Self {
-        let (torque, force, scale) = (2e-4, 2e-3, 0.01);
+        let (torque, force) = (2e-4, 2e-3);
         Self {
             noise,
             wrench: WrenchErrors {
                 drift: Vector6::new(torque, torque, torque, force, force, force),
                 drift_time_s: 30.0,
-                scale: Vector6::repeat(scale),
-                line_m: 1.2e-3,
+                scale: Vector6::zeros(),
+                line_m: 0.0,
                 period_s: 0.016,
-            },
+            }
+            .of_thrusters(0.01, 2, 0.1),
             planar: false,
             start_deviation: [0.02, 0.01, 0.01, 0.01],
             gate_probability: 0.999_99,

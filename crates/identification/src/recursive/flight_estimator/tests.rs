@@ -125,3 +125,43 @@ fn a_prior_at_the_edge_of_what_can_be_is_taken_for_an_uncertain_one() {
     let within = (0..10).all(|i| moved[i].abs() <= edge.covariance[(i, i)].sqrt());
     assert!(within && moved.amax() > 0.01, "{moved}");
 }
+
+#[test]
+fn thrusters_share_their_errors() {
+    let usual = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.04).wrench;
+    let one = usual.of_thrusters(0.02, 1, 0.3);
+    assert_eq!((one.scale, one.line_m, one.drift), (Vector6::repeat(0.02), 0.02 * 0.3, usual.drift));
+    let four = usual.of_thrusters(0.02, 4, 0.3);
+    assert_eq!((four.scale, four.line_m), (Vector6::repeat(0.01), 0.01 * 0.3));
+}
+
+/// A line that is off is a centre of mass and an inertia that are: the report knows of both, and only of them.
+#[test]
+fn lines_of_forces_are_in_the_report() {
+    let parameters = state(false).joint.body.to_parameters();
+    let prior = crate::Estimate {
+        parameters,
+        covariance: SMatrix::identity() * 1e-12,
+        std: crate::StandardDeviations {
+            mass_kg: 0.0,
+            center_of_mass_m: Vector3::zeros(),
+            inertia_about_com_kg_m2: nalgebra::Matrix3::zeros(),
+        },
+        lmi_active: false,
+    };
+    let reported = |line_m: f64| {
+        let mut settings = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.04);
+        settings.wrench.line_m = line_m;
+        super::FlightEstimator::try_new(settings, state(false).joint.motion, 0, &prior).unwrap().estimate().std
+    };
+    let (on, off) = (reported(0.0), reported(0.01));
+    let (h, added) = (parameters.first_moment, |i, j| {
+        let [with, without] = [off, on].map(|std: crate::StandardDeviations| std.inertia_about_com_kg_m2[(i, j)]);
+        (with * with - without * without).sqrt()
+    });
+    assert!((off.center_of_mass_m - Vector3::repeat(0.01)).amax() < 1e-5, "{}", off.center_of_mass_m);
+    for (i, j, x, y) in [(0, 0, h.y, h.z), (1, 1, h.x, h.z), (2, 2, h.x, h.y), (0, 1, h.x, h.y), (0, 2, h.x, h.z)] {
+        assert!((added(i, j) / (0.01 * x.hypot(y)) - 1.0).abs() < 1e-3, "{i} {j} {}", added(i, j));
+    }
+    assert!((off.mass_kg - on.mass_kg).abs() < 1e-9);
+}
