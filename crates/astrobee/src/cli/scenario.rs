@@ -37,7 +37,9 @@ pub fn run(args: &ScenarioArgs) -> Result<Outcome, AstrobeeError> {
                 let _ = writeln!(text, "{:<20}{}", embedded.name, scenario.description.unwrap_or_default());
             }
             print(&text)?;
-            eprintln!("next: tumble simulate NAME, or tumble scenario show NAME > my.toml");
+            eprintln!(
+                "next: tumble fly NAME for a mission, tumble simulate NAME for the others, or tumble scenario show NAME > my.toml"
+            );
         }
         ScenarioCommand::Show { name } => {
             let source = ScenarioSource::find(name)?;
