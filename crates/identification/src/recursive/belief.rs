@@ -88,7 +88,7 @@ impl<const N: usize, const ROWS: usize> Rows<N, ROWS> {
         }
         let p = &mut covariance.data.0;
         let (mut gains, mut remaining) = ([[0.0; N]; ROWS], [[0.0; ROWS]; ROWS]);
-        let observed = columns.map(|column| column != [0.0; ROWS]);
+        let observed = columns.map(|column| column.iter().any(|slope| *slope != 0.0));
         for i in 0..ROWS {
             if measured[i] {
                 gains[i] = combination(p, &rows[i], &rows[i].map(|slope| slope != 0.0));

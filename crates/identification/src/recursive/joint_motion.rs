@@ -109,9 +109,9 @@ pub struct JointMotion {
 
 /// Derivatives of the twist rate at one instant: by attitude, twist, chart.
 struct Derivatives {
-    by_attitude: Matrix3<f64>,
-    by_twist: SMatrix<f64, 6, 6>,
-    by_body: SMatrix<f64, 6, 10>,
+    attitude: Matrix3<f64>,
+    twist: SMatrix<f64, 6, 6>,
+    body: SMatrix<f64, 6, 10>,
 }
 
 impl JointMotion {
@@ -160,7 +160,7 @@ impl JointMotion {
         let mut lower = by_twist.fixed_view_mut::<3, 3>(3, 0);
         lower += skew(v);
         by_twist.fixed_view_mut::<3, 3>(3, 3).copy_from(&-skew(w));
-        Derivatives { by_attitude: skew(&gravity), by_twist, by_body }
+        Derivatives { attitude: skew(&gravity), twist: by_twist, body: by_body }
     }
 
     /// Derivatives of the end of a step: by motion, by body. Those at the middle of the step, to second order.
@@ -183,10 +183,10 @@ impl JointMotion {
         by_motion.fixed_view_mut::<3, 3>(3, 0).copy_from(&-v);
         by_motion.fixed_view_mut::<3, 3>(3, 3).copy_from(&-w);
         by_motion.fixed_view_mut::<6, 6>(0, 6).fill_with_identity();
-        by_motion.fixed_view_mut::<3, 3>(9, 0).copy_from(&found.by_attitude);
-        by_motion.fixed_view_mut::<6, 6>(6, 6).copy_from(&found.by_twist);
+        by_motion.fixed_view_mut::<3, 3>(9, 0).copy_from(&found.attitude);
+        by_motion.fixed_view_mut::<6, 6>(6, 6).copy_from(&found.twist);
         let mut by_body = SMatrix::<f64, 12, 10>::zeros();
-        by_body.fixed_view_mut::<6, 10>(6, 0).copy_from(&found.by_body);
+        by_body.fixed_view_mut::<6, 10>(6, 0).copy_from(&found.body);
         let half = by_motion * (0.5 * step_s * step_s);
         (SMatrix::identity() + by_motion * step_s + half * by_motion, by_body * step_s + half * by_body)
     }
@@ -311,10 +311,10 @@ impl DifferentiableModel<22, 15, 10> for JointMotion {
         if let Some((_, wrench)) = &observation.acceleration_origin_body {
             let found = self.derivatives(state, wrench);
             // Acceleration of the origin = component rate of the velocity + w × v.
-            let by_rate = found.by_twist.fixed_view::<3, 3>(3, 0) - skew(&twist.linear);
-            sensitivity.fixed_view_mut::<3, 3>(12, 0).copy_from(&found.by_attitude);
+            let by_rate = found.twist.fixed_view::<3, 3>(3, 0) - skew(&twist.linear);
+            sensitivity.fixed_view_mut::<3, 3>(12, 0).copy_from(&found.attitude);
             sensitivity.fixed_view_mut::<3, 3>(12, 6).copy_from(&by_rate);
-            sensitivity.fixed_view_mut::<3, 10>(12, 12).copy_from(&found.by_body.fixed_view::<3, 10>(3, 0));
+            sensitivity.fixed_view_mut::<3, 10>(12, 12).copy_from(&found.body.fixed_view::<3, 10>(3, 0));
         }
         sensitivity
     }
