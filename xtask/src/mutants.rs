@@ -2427,6 +2427,13 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --test flight_estimator frozen",
     },
     Mutant {
+        name: "closed loop: stops never get harder",
+        file: "crates/planning/src/mission/closed_loop.rs",
+        original: "acceleration_m_s2: acceleration_m_s2 * first_mass_kg / mass_kg,",
+        replacement: "acceleration_m_s2: acceleration_m_s2 * f64::min(first_mass_kg / mass_kg, 1.0),",
+        test: "-p tumble-astrobee --test drawn_missions stops_get_shorter",
+    },
+    Mutant {
         name: "closed loop: a refused stretch is flown",
         file: "crates/planning/src/mission/closed_loop.rs",
         original: "Ok(Ok(answer)) if fault != PlannerFault::Refused =>",
