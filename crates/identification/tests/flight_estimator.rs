@@ -312,7 +312,7 @@ fn a_body_that_is_another_is_doubted_and_learned_anew() {
     let motion = flight.estimator.state_at(flight.now_ns());
     flight.estimator.restart(&prior()).unwrap();
     assert_eq!(flight.estimator.state_at(flight.now_ns()).world_from_body, motion.world_from_body);
-    let (found, start) = (flight.estimator.estimate(), prior());
+    let (found, start) = (flight.estimator.estimate(), fresh(&flight).estimate());
     assert!((found.parameters.to_vector() - start.parameters.to_vector()).amax() < 1e-12);
     assert!((found.std.mass_kg / start.std.mass_kg - 1.0).abs() < 1e-9);
 }
@@ -343,10 +343,50 @@ fn a_lost_nozzle_is_the_wrenchs_fault_and_not_the_bodys() {
         2 => estimator.wrench_doubtful(),
         _ => {}
     });
+    let account = flight.account();
+    println!("{doubts} doubts, {account:?}");
     // the body may be wrong all the same: half of a thrust is as good as twice a mass
     assert!((1..=4).contains(&doubts), "{doubts}");
     let estimate = flight.estimator.estimate();
     assert!(estimate.parameters.mass < 3.0 * flight.body.mass, "{estimate:?}");
+}
+
+/// Moves the map for 3 s, and then lets it glide back within 2 s.
+fn away_and_back(measurement: &FlightMeasurement, since_s: f64) -> FlightMeasurement {
+    let share = ((5.0 - since_s) / 2.0).clamp(0.0, 1.0);
+    let turn = UnitQuaternion::new(Vector3::new(0.0, 0.3, 0.4) * share);
+    let mut moved = *measurement;
+    moved.world_from_body.translation.vector += Vector3::new(0.3, -0.4, 0.1) * share;
+    moved.world_from_body.rotation = turn * measurement.world_from_body.rotation;
+    moved
+}
+
+#[test]
+fn a_map_that_moves_and_glides_back_says_nothing_of_the_body() {
+    for seed in 21..25 {
+        let mut flight = Flight::new(seed, Conditions::usual());
+        flight.fly_until(20.0);
+        let from_ns = flight.now_ns();
+        let (mut doubts, mut moves) = (0, flight.estimator.counts().relocalised);
+        while flight.now_ns() < from_ns + 25_000_000_000 {
+            let newest_ns = flight.measured[flight.measured.len() - 1].stamp_ns;
+            for underway in &mut flight.underway {
+                let measurement = &mut underway.measurement;
+                if measurement.stamp_ns == newest_ns && measurement.stamp_ns > from_ns {
+                    *measurement = away_and_back(measurement, (newest_ns - from_ns) as f64 * 1e-9);
+                }
+            }
+            flight.step();
+            doubts += u32::from(flight.estimator.health().body_doubtful);
+        }
+        moves = flight.estimator.counts().relocalised - moves;
+        let account = flight.account();
+        println!("{moves} moves, {account:?}");
+        assert!(moves >= 2 && doubts == 0, "{moves} moves, doubted for {doubts} ticks");
+        for (error, deviation) in account.errors.iter().zip(&account.deviations) {
+            assert!(error.abs() < 4.0 * deviation, "{account:?}");
+        }
+    }
 }
 
 #[test]

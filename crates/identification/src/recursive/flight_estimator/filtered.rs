@@ -5,13 +5,14 @@ use super::flight_motion::{
 };
 use super::health::{Monitor, Thresholds};
 use super::reception::{FlightMeasurement, Reception};
-use super::settings::{FlightEstimatorSettings, WrenchErrors};
+use super::settings::FlightEstimatorSettings;
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
 use crate::error::IdentificationError;
 use crate::lie::{LieGroup, Pose, Twist};
 use crate::recursive::belief::Correction;
 use crate::recursive::joint_motion::JointObservation;
+use core::ops::Range;
 use nalgebra::{ComplexField, SMatrix, SVector, Vector6};
 
 /// Longest step of the filter: 32 ms.
@@ -20,6 +21,10 @@ const STEP_NS: i64 = 32_000_000;
 const AGREE: f64 = 6.0;
 /// Without agreement the motion begins anew after so many times the patience, and the body is in doubt.
 const OUT_OF_PATIENCE: f64 = 2.0;
+/// A localisation that moved is not to be learned from for so long.
+const SETTLING_NS: i64 = 5_000_000_000;
+/// One that keeps moving for longer than this is right, and it is the body that is not what is believed.
+const LONGEST_SETTLING_NS: i64 = 10_000_000_000;
 /// Variance of a log-extent whose square is as large as its standard deviation.
 const LARGEST_LOG_EXTENT_VARIANCE: f64 = 0.25;
 
@@ -48,6 +53,14 @@ struct Jump {
     seen_from_expected: Pose<f64>,
 }
 
+/// The localisation moved a moment ago, and may again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Unsettled {
+    /// Since its first move.
+    since_ns: i64,
+    until_ns: i64,
+}
+
 /// How often measurements of the ordered stream came to which end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct StreamCounts {
@@ -68,7 +81,10 @@ pub(super) struct Filtered {
     pub(super) monitor: Monitor,
     /// Whether actuators are thought not to do what they are told.
     wrench_is_doubtful: bool,
+    /// The body before it was last believed less.
+    before: Option<(LogCholesky<f64>, SMatrix<f64, 10, 10>)>,
     jump: Option<Jump>,
+    unsettled: Option<Unsettled>,
     last: Option<FlightMeasurement>,
 }
 
@@ -93,7 +109,9 @@ impl Filtered {
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
             wrench_is_doubtful: false,
+            before: None,
             jump: None,
+            unsettled: None,
             last: None,
         }
     }
@@ -146,9 +164,16 @@ impl Filtered {
         };
         let (nis, freedom) = (innovation.nis, innovation.degrees_of_freedom);
         let limit = rules.thresholds.gate(freedom);
-        self.monitor.observe(&rules.thresholds, &innovation, limit, dt_s);
+        let is_settled = self.unsettled.is_none_or(|unsettled| measurement.stamp_ns >= unsettled.until_ns);
+        if is_settled {
+            self.monitor.observe(&rules.thresholds, &innovation, limit, dt_s);
+        }
         if nis <= limit {
-            self.correct(rules, &step, &learned);
+            match (is_settled, self.wrench_is_doubtful) {
+                (true, false) => self.correct(rules, &step, &learned),
+                (true, true) => self.correct_but(BODY..DRIFT, rules, &step, &learned),
+                (false, _) => self.correct_but(BODY..COORDINATES, rules, &step, &learned),
+            }
             self.jump = None;
             self.counts.used += 1;
             return Reception::Used { nis };
@@ -168,6 +193,22 @@ impl Filtered {
             self.state.joint.motion = back_into_plane(&self.state.joint.motion, &before);
         }
         self.covariance = *covariance;
+    }
+
+    /// The same for all but some coordinates, which stay what they are and as certain as they are (Schmidt's filter).
+    fn correct_but(
+        &mut self,
+        kept: Range<usize>,
+        rules: &Rules,
+        step: &SVector<f64, COORDINATES>,
+        covariance: &Covariance,
+    ) {
+        let (mut step, mut covariance) = (*step, *covariance);
+        let (first, count) = (kept.start, kept.len());
+        step.rows_mut(first, count).fill(0.0);
+        let before = self.covariance.view((first, first), (count, count));
+        covariance.view_mut((first, first), (count, count)).copy_from(&before);
+        self.correct(rules, &step, &covariance);
     }
 
     /// The channels that do not repeat the last measurement to the bit.
@@ -219,10 +260,22 @@ impl Filtered {
         if !(agreed || waited) || !has_pose {
             return false;
         }
-        self.monitor.relocalised(!agreed, now_ns);
+        let is_the_body = self.keeps_moving(agreed, now_ns);
+        self.monitor = Monitor::doubting(is_the_body);
         self.jump = None;
         self.begin_at(rules, measurement);
         true
+    }
+
+    /// Takes note of a localisation that moved; whether it is rather the body that moves otherwise than believed. What moved by
+    /// as much at every moment is a map; after it the estimate may glide back, by something else at every moment.
+    fn keeps_moving(&mut self, agreed: bool, now_ns: i64) -> bool {
+        let before = self.unsettled.filter(|before| now_ns < before.until_ns);
+        let since_ns = before.map_or(now_ns, |before| before.since_ns);
+        let is_the_body = before.is_none() && !agreed || now_ns - since_ns > LONGEST_SETTLING_NS;
+        let until_ns = now_ns.saturating_add(SETTLING_NS);
+        self.unsettled = (!is_the_body).then_some(Unsettled { since_ns, until_ns });
+        is_the_body
     }
 
     /// Motion from a measurement, without memory; the body as it is.
@@ -255,23 +308,35 @@ impl Filtered {
     /// The body less certain by a jump of these deviations, and the wrench as if it were in doubt: which of the two it was, the
     /// measurements tell.
     pub(super) fn widen(&mut self, rules: &Rules, deviation: &SVector<f64, 10>) {
+        self.before = Some((self.state.joint.body, self.covariance.fixed_view::<10, 10>(BODY, BODY).into_owned()));
         for i in 0..10 {
             self.covariance[(BODY + i, BODY + i)] += deviation[i] * deviation[i];
         }
-        self.widen_drift(&rules.settings.wrench.doubted());
+        self.widen_wrench(DRIFT, &rules.settings.wrench.doubted().drift);
         self.monitor = Monitor::default();
+        self.unsettled = None;
     }
 
-    /// A wrench that is in doubt from now on.
+    /// A wrench that is in doubt from now on. What was learned of the body since it was widened was learned of the wrench: it is
+    /// what it was before, and stays that, for half of a thrust is as good as twice a mass.
     pub(super) fn doubt_wrench(&mut self, rules: &Rules) {
-        self.widen_drift(&rules.settings.wrench.doubted());
+        if let Some((body, covariance)) = self.before.take() {
+            self.state.joint.body = body;
+            self.covariance.fixed_view_mut::<10, COORDINATES>(BODY, 0).fill(0.0);
+            self.covariance.fixed_view_mut::<COORDINATES, 10>(0, BODY).fill(0.0);
+            self.covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(&covariance);
+        }
+        let doubted = rules.settings.wrench.doubted();
+        self.widen_wrench(DRIFT, &doubted.drift);
+        self.widen_wrench(SCALE, &doubted.scale);
         self.wrench_is_doubtful = true;
         self.monitor = Monitor::default();
     }
 
-    fn widen_drift(&mut self, doubted: &WrenchErrors) {
+    /// Six coordinates from this one on less certain.
+    fn widen_wrench(&mut self, first: usize, deviation: &Vector6<f64>) {
         for i in 0..6 {
-            self.covariance[(DRIFT + i, DRIFT + i)] += doubted.drift[i] * doubted.drift[i];
+            self.covariance[(first + i, first + i)] += deviation[i] * deviation[i];
         }
     }
 

@@ -38,8 +38,6 @@ pub(super) struct Thresholds {
 const TOLERANCE: f64 = 1.5;
 /// An alarm ends when the mean is back at this part of the way from one to its level.
 const BACK_INSIDE: f64 = 0.5;
-/// Two new beginnings within this time are not the map's fault.
-const AGAIN_NS: i64 = 5_000_000_000;
 /// A doubt stays so long after its cause, s.
 const DOUBT_S: f64 = 2.0;
 
@@ -79,7 +77,6 @@ pub(super) struct Monitor {
     /// How long the body is still in doubt, s.
     doubt_s: f64,
     alarm: f64,
-    anew_ns: Option<i64>,
 }
 
 impl Monitor {
@@ -119,11 +116,9 @@ impl Monitor {
         self.doubt_s = if doubt > limit { DOUBT_S } else { (self.doubt_s - dt_s).max(0.0) };
     }
 
-    /// Motion began anew: twice in a short time, or because nothing agreed, and it is the body that is in doubt.
-    pub(super) fn relocalised(&mut self, nothing_agreed: bool, now_ns: i64) {
-        let again = self.anew_ns.is_some_and(|before| now_ns - before < AGAIN_NS);
-        let doubt_s = if nothing_agreed || again { DOUBT_S } else { self.doubt_s };
-        *self = Self { doubt_s, anew_ns: Some(now_ns), ..Self::default() };
+    /// Of a motion that begins anew.
+    pub(super) fn doubting(is_the_body: bool) -> Self {
+        Self { doubt_s: if is_the_body { DOUBT_S } else { 0.0 }, ..Self::default() }
     }
 
     pub(super) fn health(&self) -> FlightHealth {

@@ -25,12 +25,20 @@ pub struct WrenchErrors {
 const DOUBTED: f64 = 30.0;
 /// And how long it stays off by the same, s: an actuator that does not obey is off by what it is told.
 const DOUBTED_S: f64 = 3.0;
+/// Standard deviation of the relative part of a doubted wrench: one nozzle of a few is a third of what they give.
+const DOUBTED_SCALE: f64 = 0.3;
 
 impl WrenchErrors {
-    /// Of actuators that do not do what they are told: thirty times the drift, which changes within seconds.
+    /// Of actuators that do not do what they are told: thirty times the drift, which changes within seconds, and any component
+    /// off by a third.
     #[must_use]
     pub fn doubted(&self) -> Self {
-        Self { drift: self.drift * DOUBTED, drift_time_s: f64::min(DOUBTED_S, self.drift_time_s), ..*self }
+        Self {
+            drift: self.drift * DOUBTED,
+            drift_time_s: f64::min(DOUBTED_S, self.drift_time_s),
+            scale: self.scale.map(|scale| f64::max(scale, DOUBTED_SCALE)),
+            ..*self
+        }
     }
 
     /// Relative part and lines of thrusters that err independently of one another, each by `relative`; `pushing` of them act
