@@ -2427,6 +2427,27 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --test flight_estimator frozen",
     },
     Mutant {
+        name: "flight estimator: the body is learned from a map that moves",
+        file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
+        original: "(false, _) => self.correct_but(BODY..COORDINATES, rules, &step, &learned),",
+        replacement: "(false, _) => self.correct(rules, &step, &learned),",
+        test: "-p tumble-identification --test flight_estimator glides_back",
+    },
+    Mutant {
+        name: "flight estimator: the body is learned from nozzles that do not obey",
+        file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
+        original: "(true, true) => self.correct_but(BODY..DRIFT, rules, &step, &learned),",
+        replacement: "(true, true) => self.correct(rules, &step, &learned),",
+        test: "-p tumble-identification --test flight_estimator lost_nozzle",
+    },
+    Mutant {
+        name: "closed loop: doubted actuators are asked for the wrench itself",
+        file: "crates/planning/src/mission/closed_loop.rs",
+        original: "command.wrench_body = self.settings.brake.within(&asked);",
+        replacement: "let _ = asked;",
+        test: "-p tumble-astrobee --test fault_campaign a_nozzle",
+    },
+    Mutant {
         name: "closed loop: stops never get harder",
         file: "crates/planning/src/mission/closed_loop.rs",
         original: "acceleration_m_s2: acceleration_m_s2 * first_mass_kg / mass_kg,",

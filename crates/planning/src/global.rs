@@ -200,4 +200,19 @@ pub trait GlobalPlanner<W: CollisionWorld + ?Sized> {
     /// # Errors
     /// Ill-posed requests, and what the world cannot answer. That there is no plan is an answer.
     fn plan(&mut self, request: &GlobalRequest<'_, W>, budget: &mut dyn Budget) -> Result<GlobalAnswer, PlanningError>;
+
+    /// The same where a plan to this goal is known, of another body, of another world or from elsewhere: most of it may still do,
+    /// and need not be looked for. A planner that does not write this plans as if nothing were known.
+    ///
+    /// # Errors
+    /// As [`plan`](Self::plan).
+    fn plan_anew(
+        &mut self,
+        request: &GlobalRequest<'_, W>,
+        known: &ArcPath,
+        budget: &mut dyn Budget,
+    ) -> Result<GlobalAnswer, PlanningError> {
+        let _ = known;
+        self.plan(request, budget)
+    }
 }

@@ -77,24 +77,22 @@ type Tug<C> = ClosedLoop<EllipsoidWorld, FlightPlanner, C>;
 fn tug<C: Controller>(new_controller: impl FnMut(&ModelBelief) -> Result<C, PlanningError> + 'static) -> Tug<C> {
     let (belief, shape) = (belief(), BodyShape::sphere(RADIUS_M).unwrap());
     let (mass, inertia) = (belief.parameters().mass, belief.parameters().inertia_about_com()[(0, 0)]);
-    // plans push less hard than the controller may, in every attitude
-    let (force_n, torque_n_m) = (0.5 * FORCE_N, 0.4 * TORQUE_N_M);
+    let (force_n, torque_n_m) = (0.5 * FORCE_N, 0.4 * TORQUE_N_M); // plans push less hard than the controller may
     let estimator = FlightEstimatorSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
     let estimator = FlightEstimator::try_new(estimator, start(), 0, &belief.estimate).unwrap();
     let stretches = StretchSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
     // what is worth learning: the mass, and the moments of inertia
     let weighting = CovarianceWeighting::of_sizes([mass, inertia, inertia, inertia]).unwrap();
     let push = WrenchBox::in_every_axis(torque_n_m, force_n).into();
-    let planner =
-        InformativeStretch::try_new(RigidBodyModel::principal(), &stretches, push, Box::new(weighting)).unwrap();
+    let model = RigidBodyModel::principal();
+    let planner = InformativeStretch::try_new(model, &stretches, push, Box::new(weighting)).unwrap();
     let origin = AlignedBox::between(Vector3::new(-1.15, -0.65, -0.25), Vector3::new(1.15, 0.65, 0.25));
     let limits = stretches.way_limits(origin, Vector3::repeat(force_n), Vector3::repeat(torque_n_m));
     let goal = GoalRegion::pose(&Pose::from_parts(GOAL.into(), UnitQuaternion::new(Vector3::z() * 0.8)));
-    let heaviest = InertialParameters::solid_box(2.0 * mass, [0.4, 0.4, 0.4]);
-    let stop = StopLimits::for_body(&heaviest, force_n, torque_n_m);
+    let stop = StopLimits::for_body(&InertialParameters::solid_box(2.0 * mass, [0.4; 3]), force_n, torque_n_m);
     let brake = BrakeLimits { force_n: Vector3::repeat(FORCE_N), torque_n_m: TORQUE_N_M };
-    let settings = LoopSettings::new(shape.clone(), goal, limits, (stop, brake));
-    let settings = LoopSettings { decision_periods: 5, ..settings };
+    let settings =
+        LoopSettings { decision_periods: 5, ..LoopSettings::new(shape.clone(), goal, limits, (stop, brake)) };
     let scene = Scene::of_world(&room(), &shape).unwrap();
     let planners = (FlightPlanner::default(), Box::new(planner) as _);
     ClosedLoop::try_new(settings, scene, planners, new_controller, estimator, 0).unwrap()
@@ -134,8 +132,8 @@ fn the_tug_arrives_and_learns_what_it_weighs() {
     let mut flying = tug(tube);
     assert!(fly(&mut flying, &mut NoObserver));
     let estimate = flying.estimator().estimate();
-    let error_kg = estimate.parameters.mass - truth().mass;
-    assert!(error_kg.abs() < 3.0 * estimate.std.mass_kg && error_kg.abs() < 0.03 * truth().mass, "{error_kg} kg");
+    let error_kg = (estimate.parameters.mass - truth().mass).abs();
+    assert!(error_kg < 3.0 * estimate.std.mass_kg && error_kg < 0.03 * truth().mass, "{error_kg} kg");
 }
 
 /// Whatever is behind the trait flies; here feedback that knows of no limit and no doubt.
@@ -147,6 +145,5 @@ fn another_controller_flies_it_too() {
     assert!(fly(&mut flying, &mut NoObserver));
 }
 
-// That is all. What holds for every robot is tested with this one.
 #[path = "custom_robot/same_again.rs"]
 mod same_again;

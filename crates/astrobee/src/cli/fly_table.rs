@@ -45,6 +45,7 @@ impl Costs {
 fn name(layer: Layer) -> &'static str {
     match layer {
         Layer::Way => "global plan",
+        Layer::NewWay => "global replan",
         Layer::Stretch => "local plan",
         Layer::Control => "control step",
         Layer::Estimator => "estimator update",

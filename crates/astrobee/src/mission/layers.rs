@@ -302,6 +302,7 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
         margin_m: problem.margin_m,
         check_margin_m: CHECKED_SHARE * problem.margin_m,
         way_units: computing.global_units,
+        new_way_units: computing.replan_units,
         stretch_units: computing.local_units,
         computing: ComputingTime {
             way_unit_ns: signed(computing.global_unit_ns),

@@ -100,8 +100,10 @@ pub struct WeightingSettings {
 /// How much planners may compute, and how long that takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComputingSettings {
-    /// Units for a way.
+    /// Units for the first way.
     pub global_units: u64,
+    /// Units for a new way in flight.
+    pub replan_units: u64,
     /// Units for a stretch.
     pub local_units: u64,
     /// Simulated time that a unit of a way takes, ns.

@@ -344,6 +344,12 @@ impl FlightEstimator {
         self.happen_now(&Event::WrenchDoubted);
     }
 
+    /// What to ask of doubted actuators for a wrench in body axes, by their errors as far as they are known; `None` where they are
+    /// not in doubt, and may be asked for the wrench itself.
+    pub fn compensated(&self, wrench_body: &Wrench<f64>) -> Option<Wrench<f64>> {
+        self.newest().compensated(&self.rules, wrench_body)
+    }
+
     fn happen_now(&mut self, event: &Event) {
         self.known = false;
         let stamp_ns = self.history.end_ns().max(self.newest().stamp_ns);

@@ -189,6 +189,18 @@ impl<W: CollisionWorld + ?Sized> GlobalPlanner<W> for FlightPlanner {
     fn plan(&mut self, request: &GlobalRequest<'_, W>, budget: &mut dyn Budget) -> Result<GlobalAnswer, PlanningError> {
         self.plan_from_seeds(request, &[], budget)
     }
+
+    /// States of the known plan, from the nearest to the start on, are tried first.
+    fn plan_anew(
+        &mut self,
+        request: &GlobalRequest<'_, W>,
+        known: &ArcPath,
+        budget: &mut dyn Budget,
+    ) -> Result<GlobalAnswer, PlanningError> {
+        let flight = Flight { arcs: known.arcs().to_vec(), duration_s: known.duration_s(), cost: 0.0 };
+        let seeds = replan::states_ahead(&flight, &request.start.position);
+        self.plan_from_seeds(request, &seeds, budget)
+    }
 }
 
 impl FlightPlanner {

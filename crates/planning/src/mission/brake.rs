@@ -33,6 +33,12 @@ pub(super) struct Braking {
 }
 
 impl BrakeLimits {
+    /// The wrench, cut to what there is.
+    pub(super) fn within(&self, wrench_body: &Wrench<f64>) -> Wrench<f64> {
+        let force = wrench_body.force.zip_map(&self.force_n, |force, most| force.clamp(-most, most));
+        Wrench::new(shortened(wrench_body.torque, self.torque_n_m).0, force)
+    }
+
     /// A force against the velocity of the centre of mass, so that it stays on its line, with the torque that lets this force turn
     /// nothing; what is left of the torque is against the rate.
     pub(super) fn braking(&self, body: &InertialParameters<f64>, twist_body: &Twist<f64>) -> Braking {

@@ -120,8 +120,10 @@ pub struct LoopSettings<B> {
     pub stop: StopLimits,
     /// What the brake may use where such a stop would hit something.
     pub brake: BrakeLimits,
-    /// Budget of a way.
+    /// Budget of the first way, and of one after a search in vain.
     pub way_units: u64,
+    /// Budget of a new way in flight.
+    pub new_way_units: u64,
     /// Budget of a stretch.
     pub stretch_units: u64,
     /// How long that takes.
@@ -156,6 +158,7 @@ impl<B> LoopSettings<B> {
             stop,
             brake,
             way_units: 20_000,
+            new_way_units: 2_000,
             stretch_units: 25_600,
             computing: ComputingTime::default(),
             known: None,
@@ -182,8 +185,10 @@ pub enum PlannerFault {
 /// A layer, for those who measure what it costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Layer {
-    /// Ways.
+    /// The first way, and a way after a search in vain.
     Way,
+    /// A new way in flight.
+    NewWay,
     /// Stretches.
     Stretch,
     /// Control: once a control period.
@@ -718,9 +723,16 @@ where
             until: Until::BudgetSpent,
             seed: draw(self.settings.seed, request),
         };
-        observer.begins(Layer::Way);
-        let answer = self.way_planner.plan(&asked, &mut Units::new(self.settings.way_units));
-        observer.ends(Layer::Way);
+        let known = self.ways.back().filter(|_| self.ways_refused == 0);
+        let layer = if known.is_some() { Layer::NewWay } else { Layer::Way };
+        observer.begins(layer);
+        let answer = match known {
+            Some((_, known, _)) => {
+                self.way_planner.plan_anew(&asked, known, &mut Units::new(self.settings.new_way_units))
+            }
+            None => self.way_planner.plan(&asked, &mut Units::new(self.settings.way_units)),
+        };
+        observer.ends(layer);
         let (way, units) = match answer {
             Ok(answer) => {
                 observer.planned_way(self.time_ns, request, &answer);
@@ -846,7 +858,10 @@ where
         let trajectory: &dyn ReferenceMotion = &self.flown;
         let plan = Plan { trajectory, model_revision: self.flown.model_revision };
         let request = ControlRequest { time_s: seconds(self.time_ns), state: &state, plan: &plan };
-        let command = self.controller.command(&request)?;
+        let mut command = self.controller.command(&request)?;
+        if let Some(asked) = self.estimator.compensated(&command.wrench_body) {
+            command.wrench_body = self.settings.brake.within(&asked);
+        }
         observer.ends(Layer::Control);
         let is_braking = matches!(command.fallback, Some(Fallback::Braking(_)));
         if is_braking && !self.was_braking {

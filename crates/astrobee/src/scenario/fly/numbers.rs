@@ -39,9 +39,10 @@ const ARRIVAL: ArrivalTolerance =
 /// What the estimator takes for noise unless it is written: a pose, velocity and rate at 62.5 Hz that are white, and nozzles that are
 /// a hundredth off.
 const NOISE: [f64; 8] = [4e-3, 2e-3, 1e-3, 1e-3, 1e-2, 1e-3, 1e-2, 1e-4];
-/// Units for a way and for a stretch, simulated time of a unit of each, ns, and by what share it may be longer.
+/// Units for the first way, for a new one and for a stretch, simulated time of a unit of each, ns, and by what share it may be longer.
 const COMPUTING: ComputingSettings = ComputingSettings {
     global_units: 20_000,
+    replan_units: 2_000,
     local_units: 25_600,
     global_unit_ns: 50_000,
     local_unit_ns: 50_000,
@@ -264,9 +265,11 @@ impl ScenarioSource {
 
     fn fly_computing(&self, table: &FlyTable) -> Result<ComputingSettings, AstrobeeError> {
         let written = table.computing.unwrap_or_default();
-        let ComputingSettings { global_units, local_units, global_unit_ns, local_unit_ns, jitter_share } = COMPUTING;
+        let ComputingSettings { global_units, replan_units, local_units, global_unit_ns, local_unit_ns, jitter_share } =
+            COMPUTING;
         Ok(ComputingSettings {
             global_units: self.fly_units("global_units", written.global_units, global_units, MOST_UNITS)?,
+            replan_units: self.fly_units("replan_units", written.replan_units, replan_units, MOST_UNITS)?,
             local_units: self.fly_units("local_units", written.local_units, local_units, MOST_UNITS)?,
             global_unit_ns: self.fly_units(
                 "global_unit_ns",

@@ -145,9 +145,12 @@ pub struct EstimatorTable {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ComputingTable {
-    /// Units for a way.
+    /// Units for the first way.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub global_units: Option<u64>,
+    /// Units for a new way in flight.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub replan_units: Option<u64>,
     /// Units for a stretch.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub local_units: Option<u64>,

@@ -9,7 +9,7 @@ use super::settings::FlightEstimatorSettings;
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
 use crate::error::IdentificationError;
-use crate::lie::{LieGroup, Pose, Twist};
+use crate::lie::{LieGroup, Pose, Twist, Wrench};
 use crate::recursive::belief::Correction;
 use crate::recursive::joint_motion::JointObservation;
 use core::ops::Range;
@@ -217,7 +217,7 @@ impl Filtered {
         let fresh = |same: bool| !same;
         JointObservation {
             step_s: 0.0,
-            wrench_body: crate::lie::Wrench::zero(),
+            wrench_body: Wrench::zero(),
             world_from_body: Some(measurement.world_from_body)
                 .filter(|pose| fresh(last.is_some_and(|last| last.world_from_body == *pose))),
             rate_body: measurement
@@ -331,6 +331,11 @@ impl Filtered {
         self.widen_wrench(SCALE, &doubted.scale);
         self.wrench_is_doubtful = true;
         self.monitor = Monitor::default();
+    }
+
+    /// What doubted actuators are to be asked for.
+    pub(super) fn compensated(&self, rules: &Rules, wanted: &Wrench<f64>) -> Option<Wrench<f64>> {
+        self.wrench_is_doubtful.then(|| self.model(rules).asked(&self.state, wanted))
     }
 
     /// Six coordinates from this one on less certain.

@@ -19,6 +19,9 @@ pub(super) const ROWS: usize = 12;
 /// Rows of motion that a planar flight knows nothing of: attitude x, y; position z; rate x, y; velocity z.
 const OUT_OF_PLANE: [usize; 6] = [0, 1, 5, 6, 7, 11];
 
+/// Actuators that give less than this share of what they are told are told no more for it.
+const LEAST_SHARE: f64 = 0.5;
+
 pub(super) type Vector = SVector<f64, COORDINATES>;
 pub(super) type Covariance = SMatrix<f64, COORDINATES, COORDINATES>;
 
@@ -71,6 +74,18 @@ impl FlightMotion {
             }
         }
         acting.into()
+    }
+
+    /// What has to be believed so that a wrench acts.
+    pub(super) fn asked(&self, state: &FlightState, wanted: &Wrench<f64>) -> Wrench<f64> {
+        let mut asked = wanted.to_vector() - state.drift;
+        for i in 0..6 {
+            asked[i] /= f64::max(1.0 + state.scale[i], LEAST_SHARE);
+            if self.planar && [0, 1, 5].contains(&i) {
+                asked[i] = 0.0;
+            }
+        }
+        asked.into()
     }
 
     /// The body as the plane sees it: a body that stays in the plane of its own accord, of the same mass, centre of mass in

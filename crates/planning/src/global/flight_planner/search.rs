@@ -10,7 +10,7 @@ use crate::global::{
     GlobalRequest, Improvement, MotionLimits, Objective, Obstruction, Reachability, RouteBound, Until,
 };
 use crate::motion::BodyArc;
-use crate::steering::{Slew, TranslationLimits, least_time_s, least_time_to_goal_s, slew, steer, steer_in};
+use crate::steering::{Slew, Steering, TranslationLimits, least_time_s, least_time_to_goal_s, slew, steer, steer_in};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tumble_dynamics::AlignedBox;
 
@@ -85,6 +85,8 @@ impl Budget for Allowance<'_> {
 
 /// Share of the acceleration that a turn may take for the centre of mass that goes round the origin; it is slowed to that.
 const TURN_SHARE: f64 = 0.8;
+/// Turns that are tried for an edge, each with half of the torque of the one before.
+const TURN_TRIALS: u32 = 4;
 /// Units that the first refinement of the bound may take.
 const FIRST_REFINEMENT_UNITS: u64 = 500;
 /// Each refinement looks at cells of half the edge.
@@ -208,51 +210,63 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
             arcs.extend(steering.arcs(from.attitude));
             return Ok(true);
         }
-        let inertia = &self.inertia_about_com_kg_m2;
-        let slowed = |share: f64| {
-            let MotionLimits { torque_n_m, rate_rad_s, .. } = self.request.limits;
-            let limits = MotionLimits {
-                torque_n_m: torque_n_m * share,
-                rate_rad_s: rate_rad_s * f64::sqrt(share),
-                ..self.request.limits
-            };
-            slew(&from.attitude, &to.attitude, inertia, &limits)
-        };
-        let Some(mut turn) = slowed(1.0)? else { return Ok(false) };
-        // The centre of mass goes round the origin; what force that takes at most is not there for the translation.
-        let reserve_m_s2 =
-            |turn: &Slew| self.offset_m * (turn.acceleration_rad_s2() + turn.rate_rad_s() * turn.rate_rad_s());
-        // It is perpendicular to the axis: a turn about the vertical takes none along it, so that a table has room for it.
+        let Some(turn) = self.slowed_turn(from, to, 1.0)? else { return Ok(false) };
+        // What a turn takes of the acceleration is perpendicular to its axis: one about the vertical takes none along it, so that
+        // a table has room for it.
         let axis_world = from.attitude * turn.axis_body().into_inner();
         let across_m_s2 = axis_world.iter().zip(&self.limits.acceleration_m_s2);
         let room_m_s2 = across_m_s2
             .filter(|(along, _)| across(**along) > 0.0)
             .map(|(along, limit)| limit / across(*along))
             .fold(f64::INFINITY, f64::min);
-        let share = TURN_SHARE * room_m_s2 / reserve_m_s2(&turn);
-        if share < 1.0 {
-            let Some(slower) = slowed(share)? else { return Ok(false) };
-            turn = slower;
+        // A fast turn leaves little for the translation, a slow one lasts: the fastest edge is somewhere between.
+        let mut share = f64::min(1.0, TURN_SHARE * room_m_s2 / self.reserve_m_s2(&turn));
+        let mut fastest: Option<(Slew, Steering)> = None;
+        for _ in 0..TURN_TRIALS {
+            let turn = if share < 1.0 { self.slowed_turn(from, to, share)? } else { Some(turn) };
+            let leg = turn.and_then(|turn| self.turning(from, to, turn, &axis_world));
+            match (leg, &fastest) {
+                (Some(leg), Some(fastest)) if leg.1.duration_s() >= fastest.1.duration_s() => break,
+                (Some(leg), _) => fastest = Some(leg),
+                (None, _) => {}
+            }
+            share *= 0.5;
         }
-        let reserve_m_s2 = reserve_m_s2(&turn);
-        let mut limits = self.limits;
-        limits.acceleration_m_s2.zip_apply(&axis_world, |limit, along| *limit -= reserve_m_s2 * across(along));
-        if limits.acceleration_m_s2.min() < 0.0 {
-            return Ok(false);
-        }
-        let Some(steering) = steer(&from.translation, &to.translation, &limits) else { return Ok(false) };
-        if let Some(turn) = turn.stretched(steering.duration_s())
-            && let Some(pieces) = turn.along(&steering)
-        {
-            arcs.extend(pieces);
-            return Ok(true);
-        }
-        let Some(steering) = steer_in(&from.translation, &to.translation, &limits, turn.duration_s()) else {
-            return Ok(false);
-        };
-        let Some(pieces) = turn.along(&steering) else { return Ok(false) };
+        let pieces = fastest.as_ref().and_then(|(turn, steering)| turn.along(steering));
+        let Some(pieces) = pieces else { return Ok(false) };
         arcs.extend(pieces);
         Ok(true)
+    }
+
+    /// The turn between two nodes with a share of the torque; `None` where the body cannot turn so.
+    fn slowed_turn(&self, from: &Node, to: &Node, share: f64) -> Result<Option<Slew>, End> {
+        let MotionLimits { torque_n_m, rate_rad_s, .. } = self.request.limits;
+        let limits = MotionLimits {
+            torque_n_m: torque_n_m * share,
+            rate_rad_s: rate_rad_s * f64::sqrt(share),
+            ..self.request.limits
+        };
+        Ok(slew(&from.attitude, &to.attitude, &self.inertia_about_com_kg_m2, &limits)?)
+    }
+
+    /// The centre of mass goes round the origin; what acceleration that takes at most is not there for the translation.
+    fn reserve_m_s2(&self, turn: &Slew) -> f64 {
+        self.offset_m * (turn.acceleration_rad_s2() + turn.rate_rad_s() * turn.rate_rad_s())
+    }
+
+    /// The fastest edge with this turn, or with one that is slower.
+    fn turning(&self, from: &Node, to: &Node, turn: Slew, axis_world: &Vector3<f64>) -> Option<(Slew, Steering)> {
+        let reserve_m_s2 = self.reserve_m_s2(&turn);
+        let mut limits = self.limits;
+        limits.acceleration_m_s2.zip_apply(axis_world, |limit, along| *limit -= reserve_m_s2 * across(along));
+        if limits.acceleration_m_s2.min() < 0.0 {
+            return None;
+        }
+        let steering = steer(&from.translation, &to.translation, &limits)?;
+        if let Some(turn) = turn.stretched(steering.duration_s()) {
+            return Some((turn, steering));
+        }
+        Some((turn, steer_in(&from.translation, &to.translation, &limits, turn.duration_s())?))
     }
 
     /// The same stretched in time, at a constant attitude; false also where there is no motion of that duration.
