@@ -51,6 +51,7 @@ const STEPS: &[Step] = &[
     always("examples", "build and run every example", examples),
     always("feature-tests", "tests behind features that are off by default", feature_tests),
     always("powerset", "type-check no feature, each feature, all features; no std means no std", powerset),
+    always("missions", "forty missions with drawn payloads and beliefs: all arrive and touch nothing", drawn_missions),
     always("cluster", "a campaign in sixteen parts, one killed, is the campaign flown at once", cluster::step),
     always("package", "what would be published", || {
         shell(&mut [cargo("package --workspace --no-verify --allow-dirty --quiet")])
@@ -301,6 +302,19 @@ fn reduced_studies() -> Outcome {
     let mut faults = studies("study");
     faults.args(["study", "faults", "--missions", "56"]);
     shell(&mut [identification, chapter4, actuation, rattle, missions, attitude, faults])
+}
+
+/// Exit code 0 says that all arrived, that nothing was touched and that no limit was passed.
+fn drawn_missions() -> Outcome {
+    let program = match cluster::program() {
+        Ok(program) => program,
+        Err(reason) => return Outcome::Failed(reason),
+    };
+    let folder = target_dir().join("drawn-missions");
+    let _ = std::fs::remove_dir_all(&folder);
+    let mut campaign = Command::new(program);
+    campaign.args(["campaign", "iss-cargo", "granite-cargo", "--draw", "--missions", "20", "--out"]).arg(folder);
+    shell(&mut [campaign])
 }
 
 /// The examples that print hashes: crate and example.

@@ -41,17 +41,25 @@ pub fn main(arguments: &[String]) -> ExitCode {
     }
 }
 
+/// `tumble`, built unless the environment names one.
+pub fn program() -> Result<PathBuf, String> {
+    if let Some(named) = std::env::var_os("TUMBLE") {
+        return Ok(PathBuf::from(named));
+    }
+    // As the test command builds it, so that nothing is compiled again.
+    let built = cargo("test --quiet --workspace --no-run --test campaign_command").status();
+    if !built.is_ok_and(|status| status.success()) {
+        return Err("tumble does not build".into());
+    }
+    Ok(target_dir().join("debug/tumble"))
+}
+
 /// Child processes always; Slurm where it is installed.
 pub fn step() -> Outcome {
-    let named = std::env::var_os("TUMBLE").map(PathBuf::from);
-    if named.is_none() {
-        // As the test command builds it, so that nothing is compiled again.
-        let built = cargo("test --quiet --workspace --no-run --test campaign_command").status();
-        if !built.is_ok_and(|status| status.success()) {
-            return Outcome::Failed("tumble does not build".into());
-        }
-    }
-    let program = named.unwrap_or_else(|| target_dir().join("debug/tumble"));
+    let program = match program() {
+        Ok(program) => program,
+        Err(reason) => return Outcome::Failed(reason),
+    };
     let folder = std::env::temp_dir().join(format!("tumble-cluster-{}", std::process::id()));
     let _ = fs::remove_dir_all(&folder);
     let outcome = fs::create_dir_all(&folder).map_err(|error| error.to_string()).and_then(|()| run(&program, &folder));
