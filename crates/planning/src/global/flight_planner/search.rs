@@ -220,9 +220,11 @@ impl<'a, 'r, W: CollisionWorld + ?Sized> Search<'a, 'r, W> {
             .map(|(along, limit)| limit / across(*along))
             .fold(f64::INFINITY, f64::min);
         // A fast turn leaves little for the translation, a slow one lasts: the fastest edge is somewhere between.
-        let mut share = f64::min(1.0, TURN_SHARE * room_m_s2 / self.reserve_m_s2(&turn));
+        let reserve_m_s2 = self.reserve_m_s2(&turn);
+        let mut share = f64::min(1.0, TURN_SHARE * room_m_s2 / reserve_m_s2);
+        let trials = if reserve_m_s2 > 0.0 { TURN_TRIALS } else { 1 };
         let mut fastest: Option<(Slew, Steering)> = None;
-        for _ in 0..TURN_TRIALS {
+        for _ in 0..trials {
             let turn = if share < 1.0 { self.slowed_turn(from, to, share)? } else { Some(turn) };
             let leg = turn.and_then(|turn| self.turning(from, to, turn, &axis_world));
             match (leg, &fastest) {
