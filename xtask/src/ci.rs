@@ -4,7 +4,7 @@
 //! features of every dependency as the test command did; permutations of features are only type-checked.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
@@ -63,14 +63,15 @@ const STEPS: &[Step] = &[
         "the studies of identification, of chapter 4, of actuation, of RATTLE, of control, reduced",
         reduced_studies,
     ),
-    always(
-        "determinism",
-        "long tumbles, plans and a flight are the same bytes at every optimisation level",
-        determinism,
-    ),
+    always("determinism", "long tumbles, plans and a flight are the same bytes at every optimisation level", || {
+        same_hashes("determinism", &HASHES, "")
+    }),
     always("panic-free", "the link proves that the hot paths cannot panic, and refuses a control that can", panic_free),
     full("package-verify", "every package builds from what would be published", || {
         shell(&mut [cargo("package --workspace --allow-dirty")])
+    }),
+    full("same-missions", "missions are the same bytes at every optimisation level", || {
+        same_hashes("same-missions", &[("astrobee", "same_missions")], "\"cli\"")
     }),
     full("tests-alone", "the tests of each crate, built without the others' features", tests_alone),
     full("tests-release", "all tests, optimised", || shell(&mut [cargo("test --workspace --release")])),
@@ -320,9 +321,10 @@ fn drawn_missions() -> Outcome {
 /// The examples that print hashes: crate and example.
 const HASHES: [(&str, &str); 3] = [("dynamics", "determinism"), ("planning", "same_plans"), ("astrobee", "same_bytes")];
 
-/// Builds them three ways and compares what they print.
-fn determinism() -> Outcome {
-    let package = match determinism_package() {
+/// Builds them three ways in a folder of `target`, the robot with these features, and compares what they print.
+fn same_hashes(folder: &str, examples: &[(&str, &str)], features: &str) -> Outcome {
+    let place = target_dir().join(folder);
+    let package = match package_of(&place, examples, features) {
         Ok(package) => package,
         Err(error) => return Outcome::Failed(error.to_string()),
     };
@@ -330,7 +332,7 @@ fn determinism() -> Outcome {
         [("opt-level-0", "debug", ""), ("opt-level-3", "release", ""), ("native", "release", "-C target-cpu=native")];
     let mut printed = Vec::new();
     for (way, folder, flags) in ways {
-        let target = target_dir().join("determinism").join(way);
+        let target = place.join(way);
         let mut build = cargo("build --quiet --manifest-path");
         build.arg(package.join("Cargo.toml")).arg("--target-dir").arg(&target).env("RUSTFLAGS", flags);
         if folder == "release" {
@@ -340,7 +342,7 @@ fn determinism() -> Outcome {
             return Outcome::Failed(reason);
         }
         let mut hashes = Vec::new();
-        for (_, example) in HASHES {
+        for (_, example) in examples {
             match Command::new(target.join(folder).join(example)).output() {
                 Ok(output) if output.status.success() && !output.stdout.is_empty() => hashes.extend(output.stdout),
                 Ok(output) => return Outcome::Failed(format!("{way}: {}", String::from_utf8_lossy(&output.stderr))),
@@ -357,14 +359,14 @@ fn determinism() -> Outcome {
     }
 }
 
-/// A package around [`HASHES`], because examples of the crates would be built three times over with all their test dependencies,
+/// A package around such examples, because examples of the crates would be built three times over with all their test dependencies,
 /// and the robot with its command line. Its lock file is the workspace's.
-fn determinism_package() -> Result<PathBuf, Box<dyn std::error::Error>> {
-    let (root, folder) = (root(), target_dir().join("determinism/package"));
+fn package_of(place: &Path, examples: &[(&str, &str)], features: &str) -> Result<PathBuf, Box<dyn std::error::Error>> {
+    let (root, folder) = (root(), place.join("package"));
     std::fs::create_dir_all(&folder)?;
     std::fs::copy(root.join("Cargo.lock"), folder.join("Cargo.lock"))?;
     let mut manifest = "[package]\nname = \"determinism\"\nedition = \"2024\"\n\n[workspace]\n\n".to_owned();
-    for (library, example) in HASHES {
+    for (library, example) in examples {
         let path = root.join(format!("crates/{library}/examples/{example}.rs"));
         if !path.exists() {
             return Err(format!("{} is missing", path.display()).into());
@@ -376,8 +378,9 @@ fn determinism_package() -> Result<PathBuf, Box<dyn std::error::Error>> {
         let path = root.join("crates").join(library);
         let _ = writeln!(
             manifest,
-            "[dependencies.tumble-{library}]\npath = '{}'\ndefault-features = false\n",
-            path.display()
+            "[dependencies.tumble-{library}]\npath = '{}'\ndefault-features = false\nfeatures = [{}]\n",
+            path.display(),
+            if library == "astrobee" { features } else { "" }
         );
     }
     std::fs::write(folder.join("Cargo.toml"), manifest)?;

@@ -1,19 +1,14 @@
-//! Prints hashes of every byte of flights. First the simulator: flown controller, propulsion hardware, air drag, sensors as on the
-//! thesis's flights, a payload taken hold of on the way. Then missions in closed loop: coordinator, estimator, planners, controller and
-//! simulator, as `tumble fly` writes them to `log.csv`, and the record that becomes the report.
+//! Prints a hash of every byte of a simulated flight: flown controller, propulsion hardware, air drag, sensors as on the thesis's
+//! flights, a payload taken hold of on the way.
 //!
 //! The output must not depend on the optimisation level or the processor: `cargo xtask ci --only determinism` runs this program
 //! built in three ways and compares.
 
-use std::io;
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::air_drag::air_drag;
 use tumble_astrobee::flight_controller::FlightController;
-use tumble_astrobee::flight_log::Recorder;
 use tumble_astrobee::flight_modes::{ControlGains, FlightSite};
-use tumble_astrobee::mission::{FlownPeriod, FlyOptions, MissionHooks, ModelChoice, WeightingChoice, fly};
 use tumble_astrobee::propulsion::{ImpellerMode, PropulsionSettings};
-use tumble_astrobee::scenario::ScenarioSource;
 use tumble_astrobee::sensing::{Localization, SensingPreset};
 use tumble_astrobee::simulator::{
     Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_S, Controller, Drive, FlownController, Grasp, Multisine,
@@ -26,9 +21,7 @@ use tumble_lie::{Pose, Twist, Wrench};
 
 const PERIODS: u32 = 10_000;
 
-/// FNV-1a, 64 bits: where it starts, and how it goes on.
-const START: u64 = 0xcbf2_9ce4_8422_2325;
-
+/// FNV-1a, 64 bits.
 fn absorb(hash: u64, bytes: &[u8]) -> u64 {
     bytes.iter().fold(hash, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }
@@ -58,7 +51,7 @@ fn main() -> Result<(), AstrobeeError> {
         added: AddedWrench::Multisine(Multisine::new(&peak, 3, 0.04, 0.35, 7)),
         ..Drive::default()
     };
-    let (mut hash, mut estimate, mut estimates) = (START, None, 0);
+    let (mut hash, mut estimate, mut estimates) = (0xcbf2_9ce4_8422_2325, None, 0);
     for period in 0..PERIODS {
         if period == PERIODS / 2 {
             let payload = InertialParameters::solid_box(3.2, [0.3, 0.2, 0.1]);
@@ -89,58 +82,5 @@ fn main() -> Result<(), AstrobeeError> {
         }
     }
     println!("flight {hash:016x}, {estimates} estimates");
-    mission("granite-cargo", 8.0)?;
-    mission("iss-cargo", 8.0)
-}
-
-/// What is written to it, as a hash and a number of bytes.
-struct Hashed(u64, usize);
-
-impl io::Write for Hashed {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        (self.0, self.1) = (absorb(self.0, bytes), self.1 + bytes.len());
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
-struct Log<'a>(Recorder<&'a mut Hashed>);
-
-impl MissionHooks for Log<'_> {
-    fn period(&mut self, period: &FlownPeriod<'_>) -> Result<(), AstrobeeError> {
-        self.0.revise(period.plan_revision, period.belief_revision);
-        self.0.estimated(&[period.estimate.0, period.estimate.1]);
-        self.0.record(period.measured, period.estimates).map_err(unwritable)
-    }
-}
-
-fn unwritable(source: io::Error) -> AstrobeeError {
-    AstrobeeError::Unwritable { path: "log.csv".into(), source }
-}
-
-/// The first seconds of a mission.
-fn mission(name: &str, longest_s: f64) -> Result<(), AstrobeeError> {
-    let mut source = ScenarioSource::find(name)?;
-    source.scenario.duration_s = longest_s;
-    let options = FlyOptions {
-        seed: 3,
-        weighting: WeightingChoice::Covariance,
-        feedback: true,
-        model: ModelChoice::Scenario,
-        fault: None,
-    };
-    let mut written = Hashed(START, 0);
-    let mut log = Log(Recorder::with_estimate(&mut written).map_err(unwritable)?);
-    let record = fly(&source, &options, &mut log)?;
-    log.0.finish().map_err(unwritable)?;
-    let Hashed(hash, bytes) = written;
-    let told = absorb(START, format!("{record:?}").as_bytes());
-    let (beliefs, stretches) = (record.beliefs.len(), record.stretches.len());
-    println!(
-        "{name}: log.csv {hash:016x}, {bytes} bytes; record {told:016x}, {beliefs} beliefs, {stretches} stretches"
-    );
     Ok(())
 }
