@@ -34,7 +34,7 @@ fn rates(text: &mut String, groups: &[&GroupSummary], width: usize) {
     let _ = writeln!(text, "\nhow often, with 95 % intervals (never in n missions: below 3/n)");
     let _ = writeln!(
         text,
-        "{:<width$}  {:<28}{:<28}{:<28}{:<28}",
+        "{:<width$}  {:<30}{:<30}{:<30}{:<30}",
         "", "arrived", "collisions", "limit violations", "with fallbacks"
     );
     for group in groups {
@@ -42,7 +42,7 @@ fn rates(text: &mut String, groups: &[&GroupSummary], width: usize) {
         for (rate, gap) in
             [(&group.arrived, "  "), (&group.collisions, ""), (&group.violations, ""), (&group.fallbacks, "")]
         {
-            let _ = write!(text, "{gap}{:<28}", shown_rate(rate));
+            let _ = write!(text, "{gap}{:<30}", shown_rate(rate));
         }
         end_line(text);
     }
