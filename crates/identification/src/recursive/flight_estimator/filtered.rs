@@ -5,14 +5,13 @@ use super::flight_motion::{
 };
 use super::health::{Monitor, Thresholds};
 use super::reception::{FlightMeasurement, Reception};
-use super::settings::FlightEstimatorSettings;
+use super::settings::{FlightEstimatorSettings, WrenchErrors};
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
 use crate::error::IdentificationError;
 use crate::lie::{LieGroup, Pose, Twist, Wrench};
 use crate::recursive::belief::Correction;
 use crate::recursive::joint_motion::JointObservation;
-use core::ops::Range;
 use nalgebra::{ComplexField, SMatrix, SVector, Vector6};
 
 /// Longest step of the filter: 32 ms.
@@ -81,8 +80,6 @@ pub(super) struct Filtered {
     pub(super) monitor: Monitor,
     /// Whether actuators are thought not to do what they are told.
     wrench_is_doubtful: bool,
-    /// The body before it was last believed less.
-    before: Option<(LogCholesky<f64>, SMatrix<f64, 10, 10>)>,
     jump: Option<Jump>,
     unsettled: Option<Unsettled>,
     last: Option<FlightMeasurement>,
@@ -109,7 +106,6 @@ impl Filtered {
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
             wrench_is_doubtful: false,
-            before: None,
             jump: None,
             unsettled: None,
             last: None,
@@ -169,10 +165,10 @@ impl Filtered {
             self.monitor.observe(&rules.thresholds, &innovation, limit, dt_s);
         }
         if nis <= limit {
-            match (is_settled, self.wrench_is_doubtful) {
-                (true, false) => self.correct(rules, &step, &learned),
-                (true, true) => self.correct_but(BODY..DRIFT, rules, &step, &learned),
-                (false, _) => self.correct_but(BODY..COORDINATES, rules, &step, &learned),
+            if is_settled {
+                self.correct(rules, &step, &learned);
+            } else {
+                self.correct_motion(rules, &step, &learned);
             }
             self.jump = None;
             self.counts.used += 1;
@@ -195,19 +191,13 @@ impl Filtered {
         self.covariance = *covariance;
     }
 
-    /// The same for all but some coordinates, which stay what they are and as certain as they are (Schmidt's filter).
-    fn correct_but(
-        &mut self,
-        kept: Range<usize>,
-        rules: &Rules,
-        step: &SVector<f64, COORDINATES>,
-        covariance: &Covariance,
-    ) {
+    /// The motion alone, by the same gain: body and wrench stay what they are, as certain as they are (Schmidt's filter).
+    fn correct_motion(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: &Covariance) {
+        const REST: usize = COORDINATES - BODY;
         let (mut step, mut covariance) = (*step, *covariance);
-        let (first, count) = (kept.start, kept.len());
-        step.rows_mut(first, count).fill(0.0);
-        let before = self.covariance.view((first, first), (count, count));
-        covariance.view_mut((first, first), (count, count)).copy_from(&before);
+        step.fixed_rows_mut::<REST>(BODY).fill(0.0);
+        let before = self.covariance.fixed_view::<REST, REST>(BODY, BODY);
+        covariance.fixed_view_mut::<REST, REST>(BODY, BODY).copy_from(&before);
         self.correct(rules, &step, &covariance);
     }
 
@@ -306,29 +296,23 @@ impl Filtered {
     }
 
     /// The body less certain by a jump of these deviations, and the wrench as if it were in doubt: which of the two it was, the
-    /// measurements tell.
+    /// measurements tell. So is the motion: until it was noticed it was that of another body.
     pub(super) fn widen(&mut self, rules: &Rules, deviation: &SVector<f64, 10>) {
-        self.before = Some((self.state.joint.body, self.covariance.fixed_view::<10, 10>(BODY, BODY).into_owned()));
+        let motion = rules.model.motion_variance(&rules.settings.start_deviation);
+        for i in 0..BODY {
+            self.covariance[(i, i)] += motion[i];
+        }
         for i in 0..10 {
             self.covariance[(BODY + i, BODY + i)] += deviation[i] * deviation[i];
         }
-        self.widen_wrench(DRIFT, &rules.settings.wrench.doubted().drift);
-        self.monitor = Monitor::default();
+        self.widen_drift(&rules.settings.wrench.doubted());
+        self.monitor = Monitor::of_new_body();
         self.unsettled = None;
     }
 
-    /// A wrench that is in doubt from now on. What was learned of the body since it was widened was learned of the wrench: it is
-    /// what it was before, and stays that, for half of a thrust is as good as twice a mass.
+    /// A wrench that is in doubt from now on.
     pub(super) fn doubt_wrench(&mut self, rules: &Rules) {
-        if let Some((body, covariance)) = self.before.take() {
-            self.state.joint.body = body;
-            self.covariance.fixed_view_mut::<10, COORDINATES>(BODY, 0).fill(0.0);
-            self.covariance.fixed_view_mut::<COORDINATES, 10>(0, BODY).fill(0.0);
-            self.covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(&covariance);
-        }
-        let doubted = rules.settings.wrench.doubted();
-        self.widen_wrench(DRIFT, &doubted.drift);
-        self.widen_wrench(SCALE, &doubted.scale);
+        self.widen_drift(&rules.settings.wrench.doubted());
         self.wrench_is_doubtful = true;
         self.monitor = Monitor::default();
     }
@@ -338,10 +322,9 @@ impl Filtered {
         self.wrench_is_doubtful.then(|| self.model(rules).asked(&self.state, wanted))
     }
 
-    /// Six coordinates from this one on less certain.
-    fn widen_wrench(&mut self, first: usize, deviation: &Vector6<f64>) {
+    fn widen_drift(&mut self, doubted: &WrenchErrors) {
         for i in 0..6 {
-            self.covariance[(first + i, first + i)] += deviation[i] * deviation[i];
+            self.covariance[(DRIFT + i, DRIFT + i)] += doubted.drift[i] * doubted.drift[i];
         }
     }
 

@@ -40,6 +40,8 @@ const TOLERANCE: f64 = 1.5;
 const BACK_INSIDE: f64 = 0.5;
 /// A doubt stays so long after its cause, s.
 const DOUBT_S: f64 = 2.0;
+/// A body that was just made uncertain is not doubted for so long, s: until it is known roughly, what is linear about it errs.
+const ACQUAINTANCE_S: f64 = 8.0;
 
 impl Thresholds {
     pub(super) fn try_new(settings: &FlightEstimatorSettings) -> Result<Self, IdentificationError> {
@@ -76,10 +78,17 @@ pub(super) struct Monitor {
     diverged: bool,
     /// How long the body is still in doubt, s.
     doubt_s: f64,
+    /// How long it is above doubt, s.
+    new_s: f64,
     alarm: f64,
 }
 
 impl Monitor {
+    /// Of a body that was just made uncertain.
+    pub(super) fn of_new_body() -> Self {
+        Self { new_s: ACQUAINTANCE_S, ..Self::default() }
+    }
+
     /// Counts an innovation; one beyond the gate `limit` counts as if it lay there and says nothing of the body.
     pub(super) fn observe(&mut self, thresholds: &Thresholds, innovation: &FlightInnovation, limit: f64, dt_s: f64) {
         let nis = innovation.nis.min(limit);
@@ -110,6 +119,10 @@ impl Monitor {
         let mean = self.nis / self.freedom;
         let level = if self.diverged { 1.0 + BACK_INSIDE * (self.alarm - 1.0) } else { self.alarm };
         self.diverged = mean > level;
+        self.new_s -= dt_s;
+        if self.new_s > 0.0 {
+            return;
+        }
         let doubt: f64 = self.means.iter().map(|mean| mean * mean).sum::<f64>() / self.squares;
         let limit = TOLERANCE * thresholds.doubts.get(self.rows).copied().unwrap_or(f64::INFINITY);
         let limit = if self.doubt_s > 0.0 { BACK_INSIDE * limit } else { limit };

@@ -25,20 +25,12 @@ pub struct WrenchErrors {
 const DOUBTED: f64 = 30.0;
 /// And how long it stays off by the same, s: an actuator that does not obey is off by what it is told.
 const DOUBTED_S: f64 = 3.0;
-/// Standard deviation of the relative part of a doubted wrench: one nozzle of a few is a third of what they give.
-const DOUBTED_SCALE: f64 = 0.3;
 
 impl WrenchErrors {
-    /// Of actuators that do not do what they are told: thirty times the drift, which changes within seconds, and any component
-    /// off by a third.
+    /// Of actuators that do not do what they are told: thirty times the drift, which changes within seconds.
     #[must_use]
     pub fn doubted(&self) -> Self {
-        Self {
-            drift: self.drift * DOUBTED,
-            drift_time_s: f64::min(DOUBTED_S, self.drift_time_s),
-            scale: self.scale.map(|scale| f64::max(scale, DOUBTED_SCALE)),
-            ..*self
-        }
+        Self { drift: self.drift * DOUBTED, drift_time_s: f64::min(DOUBTED_S, self.drift_time_s), ..*self }
     }
 
     /// Relative part and lines of thrusters that err independently of one another, each by `relative`; `pushing` of them act
@@ -177,7 +169,8 @@ pub struct LearningTargets {
 
 /// A jump of the body: standard deviation of each of the ten [`LogCholesky`](crate::dynamics::LogCholesky) coordinates.
 ///
-/// Half the logarithm of the mass, 5 cm, 0.3 in the logarithm of the extents, 2 cm in the shears: a grasp of up to the own mass.
+/// Half the logarithm of the mass, 10 cm, 0.5 in the logarithm of the extents, 4 cm in the shears: a grasp of up to the own mass,
+/// at arm's length.
 pub fn grasp_or_release() -> SVector<f64, 10> {
-    SVector::from([0.5, 0.05, 0.05, 0.05, 0.3, 0.3, 0.3, 0.02, 0.02, 0.02])
+    SVector::from([0.5, 0.1, 0.1, 0.1, 0.5, 0.5, 0.5, 0.04, 0.04, 0.04])
 }
