@@ -200,15 +200,15 @@ const FEATURE_TESTS: [(&str, &str, &str); 2] =
     [("identification", "clarabel-sdp", "lmi_against_clarabel"), ("planning", "parry", "parry_world")];
 
 fn feature_tests() -> Outcome {
-    let mut commands = Vec::new();
-    for (library, feature, test) in FEATURE_TESTS {
-        if !has(&format!("crates/{library}/tests/{test}.rs")) {
-            return Outcome::Failed(format!("crates/{library}/tests/{test}.rs is missing"));
+    // `--workspace` shares every dependency with the test command; naming the tests keeps the others from being built again.
+    let mut test = cargo("test --workspace");
+    for (library, feature, name) in FEATURE_TESTS {
+        if !has(&format!("crates/{library}/tests/{name}.rs")) {
+            return Outcome::Failed(format!("crates/{library}/tests/{name}.rs is missing"));
         }
-        // `--workspace` shares every dependency with the test command; naming the test keeps the others from being built again.
-        commands.push(cargo(&format!("test --workspace --features tumble-{library}/{feature} --test {test}")));
+        test.args(["--features", &format!("tumble-{library}/{feature}"), "--test", name]);
     }
-    shell(&mut commands)
+    shell(&mut [test])
 }
 
 fn features_of(library: &str) -> Vec<String> {

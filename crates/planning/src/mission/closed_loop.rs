@@ -158,7 +158,7 @@ impl<B> LoopSettings<B> {
             stop,
             brake,
             way_units: 20_000,
-            new_way_units: 2_000,
+            new_way_units: 1_200,
             stretch_units: 25_600,
             computing: ComputingTime::default(),
             known: None,

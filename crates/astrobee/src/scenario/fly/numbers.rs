@@ -42,7 +42,7 @@ const NOISE: [f64; 8] = [4e-3, 2e-3, 1e-3, 1e-3, 1e-2, 1e-3, 1e-2, 1e-4];
 /// Units for the first way, for a new one and for a stretch, simulated time of a unit of each, ns, and by what share it may be longer.
 const COMPUTING: ComputingSettings = ComputingSettings {
     global_units: 20_000,
-    replan_units: 2_000,
+    replan_units: 1_200,
     local_units: 25_600,
     global_unit_ns: 50_000,
     local_unit_ns: 50_000,
