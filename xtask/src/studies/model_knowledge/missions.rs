@@ -37,7 +37,7 @@ const PLACES: [Place; 2] = [
         lower: 0.8,
         weight: Some(0.5),
     },
-    Place { scenario: "granite-cargo", seen: &[0, 1, 2, 6], moments: &[6], lower: 0.5, weight: None },
+    Place { scenario: "granite-cargo", seen: &[0, 1, 2, 6], moments: &[6], lower: 0.5, weight: Some(3.0) },
 ];
 /// Control periods between two copies of the estimate.
 const BETWEEN_COPIES: u64 = 125;
