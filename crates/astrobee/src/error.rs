@@ -312,8 +312,10 @@ pub enum AstrobeeError {
         what: &'static str,
     },
     /// T036: a page that is no mission report, or a damaged one.
-    #[error("report, line {line}: {message}")]
+    #[error("{path}, line {line}: {message}")]
     BadReport {
+        /// The page.
+        path: PathBuf,
         /// Line of the page, counted from one.
         line: usize,
         /// What is wrong.

@@ -221,7 +221,7 @@ fn run_record(options: &FlyOptions, folder: &OutputFolder) -> Result<String, Ast
 pub fn replay(args: &ReplayArgs) -> Result<Outcome, AstrobeeError> {
     let text = fs::read_to_string(&args.report)
         .map_err(|source| AstrobeeError::Unreadable { path: args.report.clone(), source })?;
-    let before = mission_report::record_of(&text)?;
+    let before = mission_report::record_of(&text, &args.report)?;
     let source = ScenarioSource::parse(&args.report, &before.scenario_toml)?;
     let mut silent = mission::NoHooks;
     let after = mission::fly(&source, &before.summary.options, &mut silent)?;

@@ -3,6 +3,7 @@
 use crate::error::AstrobeeError;
 use crate::mission::{MissionRecord, Series};
 use std::fmt::Write as _;
+use std::path::Path;
 
 /// How the element that holds the record begins.
 const OPENING: &str = "<script type=\"application/json\" id=\"mission-record\">";
@@ -39,12 +40,12 @@ pub(super) fn script(record: &MissionRecord) -> Result<String, AstrobeeError> {
     Ok(page)
 }
 
-/// The record inside a report.
+/// The record inside a report, which errors call `path`.
 ///
 /// # Errors
 /// [`AstrobeeError::BadReport`]: no report, or one that was damaged.
-pub fn record_of(html: &str) -> Result<MissionRecord, AstrobeeError> {
-    let bad = |line: usize, message: String| AstrobeeError::BadReport { line, message };
+pub fn record_of(html: &str, path: &Path) -> Result<MissionRecord, AstrobeeError> {
+    let bad = |line: usize, message: String| AstrobeeError::BadReport { path: path.to_owned(), line, message };
     let Some((before, rest)) = html.split_once(OPENING) else {
         return Err(bad(1, "the page holds no mission record".into()));
     };

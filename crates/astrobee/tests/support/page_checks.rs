@@ -1,6 +1,7 @@
 //! What a report must be as a file, found by reading it.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use tumble_astrobee::mission_report::record_of;
 
 /// A check: its name, and what it finds.
@@ -347,5 +348,5 @@ fn scripts(page: &str) -> Vec<String> {
 }
 
 fn records(page: &str) -> Vec<String> {
-    record_of(page).err().map(|error| error.to_string()).into_iter().collect()
+    record_of(page, Path::new("report.html")).err().map(|error| error.to_string()).into_iter().collect()
 }
