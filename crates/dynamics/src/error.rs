@@ -82,6 +82,31 @@ pub enum DynamicsError {
         /// Index into `[torque; force]`.
         component: usize,
     },
+    /// A list with the wrong number of joints.
+    #[error("the tree has {expected} joints, {found} values were given")]
+    JointCount {
+        /// Joints of the tree.
+        expected: usize,
+        /// Values given.
+        found: usize,
+    },
+    /// A link on itself or on a later one.
+    #[error("link {link} hangs on itself or on a later link; list parents first")]
+    LinkOrder {
+        /// Its place in the list, from zero.
+        link: usize,
+    },
+    /// A joint without a direction.
+    #[error("the axis of a joint has no direction")]
+    NoAxis,
+    /// A body that the tree does not have.
+    #[error("the tree has bodies 0 (the base) to {}, not {index}", bodies.saturating_sub(1))]
+    NoSuchBody {
+        /// The body asked for.
+        index: usize,
+        /// Bodies there are.
+        bodies: usize,
+    },
     /// A value that is not finite, or a step that is not positive where it must be.
     #[error("value is not finite")]
     NotFinite,

@@ -22,6 +22,7 @@ mod integrators;
 pub mod laws;
 mod log_cholesky;
 mod momentum;
+mod multibody;
 mod oscillator;
 mod parameter_vector;
 mod pivoted_body;
@@ -57,6 +58,12 @@ pub use momentum::{
     body_momentum, discrete_lagrangian, discrete_spatial_momentum, kinetic_energy, momentum_at_end, momentum_at_start,
     spatial_momentum, twist_of_momentum,
 };
+pub use multibody::{
+    Dynamic, Fixed, GeneralizedAcceleration, GeneralizedForce, GeneralizedMotion, Joint, JointAxis, JointStorage, Link,
+    LinkPlacements, MassMatrix, MomentumRegressor, Multibody, ToolJacobian, TorqueRegressor,
+};
+#[cfg(feature = "dual")]
+pub use multibody::{FixedMultibody, FreeConfiguration, FreeInput, FreeMultibody, JointedBodies, MultibodyStep};
 pub use oscillator::Oscillator;
 pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, ParameterOrder};
 pub use pivoted_body::PivotedBody;

@@ -7,11 +7,14 @@ use tumble_lie::group_laws;
 use tumble_lie::laws;
 use tumble_lie::nalgebra::{
     DMatrix, Isometry2, Isometry3, Rotation3, SMatrix, Translation, Unit, UnitComplex, UnitDualQuaternion,
-    UnitQuaternion, Vector1, Vector3, Vector4, Vector6,
+    UnitQuaternion, Vector1, Vector2, Vector3, Vector4, Vector6,
 };
 use tumble_lie::num_dual::Dual64;
 use tumble_lie::strategies::{self, points, tangents};
-use tumble_lie::{EulerZyx, GroupAction, Increment, LieGroup, Pose, Scalar, Twist, Wrench};
+use tumble_lie::{EulerZyx, GroupAction, Increment, LieGroup, Pose, Product, Scalar, Stacked, Twist, Wrench};
+
+type PoseAndJoints<T> = Product<Pose<T>, Translation<T, 2>>;
+type PoseAndJointTangent = Stacked<Vector6<f64>, Vector2<f64>>;
 
 group_laws!(so2, UnitComplex<f64>, tangents::<Vector1<f64>>(1), dual = UnitComplex<Dual64>, points = points::<2>());
 group_laws!(se2, Isometry2<f64>, tangents::<Vector3<f64>>(1), dual = Isometry2<Dual64>, points = points::<2>());
@@ -19,6 +22,7 @@ group_laws!(so3, Rotation3<f64>, tangents::<Vector3<f64>>(3), dual = Rotation3<D
 group_laws!(quaternion, UnitQuaternion<f64>, tangents::<Vector3<f64>>(3), dual = UnitQuaternion<Dual64>, points = points::<3>());
 group_laws!(se3, Isometry3<f64>, tangents::<Vector6<f64>>(3), dual = Isometry3<Dual64>, points = points::<3>());
 group_laws!(dual_quaternion, UnitDualQuaternion<f64>, tangents::<Vector6<f64>>(3), dual = UnitDualQuaternion<Dual64>, points = points::<3>());
+group_laws!(product, PoseAndJoints<f64>, tangents::<PoseAndJointTangent>(3), dual = PoseAndJoints<Dual64>);
 group_laws!(translation, Translation<f64, 4>, tangents::<Vector4<f64>>(0), dual = Translation<Dual64, 4>, points = points::<4>());
 
 /// A quaternion and its negative; a pose and a unit dual quaternion likewise.
