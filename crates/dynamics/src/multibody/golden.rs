@@ -1,5 +1,7 @@
 //! Published numbers: a base with a z hinge and a y hinge.
 
+#![allow(clippy::unreadable_literal, reason = "as printed")]
+
 use super::*;
 use crate::free_flyer::BodyAcceleration;
 use tumble_lie::nalgebra::{Matrix3, SVector};
