@@ -1,11 +1,11 @@
 use super::inverse_dynamics::GeneralizedForce;
-use super::joint::{JointAxis, Placement};
+use super::joint::{JointAxis, Placement, congruent};
 use super::storage::JointStorage;
 use super::{Link, Multibody};
 use crate::error::DynamicsError;
-use crate::free_flyer::BodyAcceleration;
+use crate::free_flyer::{BodyAcceleration, inverse_of_symmetric};
 use crate::inertia::InertialParameters;
-use tumble_lie::nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use tumble_lie::nalgebra::{Matrix3, Vector3};
 use tumble_lie::{Scalar, Twist, Wrench, skew};
 
 /// Accelerations of the base and of the joints.
@@ -58,20 +58,29 @@ impl<T: Scalar> Articulated<T> {
         )
     }
 
+    /// The acceleration of the origin under this wrench; not finite for a singular inertia.
+    #[inline(always)]
+    fn accelerated_by(&self, wrench: &Wrench<T>) -> BodyAcceleration<T> {
+        let compliance = inverse_of_symmetric(&self.linear);
+        let free = *wrench - self.bias;
+        let lever = self.coupling * compliance;
+        let rotary = inverse_of_symmetric(&(self.rotary - lever * self.coupling.transpose()));
+        let angular = rotary * (free.torque - lever * free.force);
+        BodyAcceleration {
+            angular_acceleration_body: angular,
+            acceleration_origin_body: compliance * (free.force - self.coupling.tr_mul(&angular)),
+        }
+    }
+
     /// The same seen from the parent's origin and axes.
     #[inline(always)]
     fn seen_from_parent(&self, placement: &Placement<T>) -> Self {
         let (r, p) = (&placement.rotation, &placement.offset);
-        let turned = |m: &Matrix3<T>| r * m * r.transpose();
-        let (linear, coupling) = (turned(&self.linear), turned(&self.coupling));
-        // S(p) M, column by column
-        let arm = |m: &Matrix3<T>| {
-            Matrix3::from_columns(&[p.cross(&m.column(0)), p.cross(&m.column(1)), p.cross(&m.column(2))])
-        };
-        // X^T I X with X = [R^T 0; -R^T S(p) R^T]: coupling' = H + S(p) M, rotary' = J + (S(p) H^T)^T.. symmetrised
-        let moved_coupling = coupling + arm(&linear);
-        let levered = arm(&moved_coupling.transpose());
-        let rotary = turned(&self.rotary) + arm(&coupling.transpose()).transpose() + levered;
+        let (linear, coupling) = (congruent(r, &self.linear), r * self.coupling * r.transpose());
+        // H + S(p) M, and J + S(p) H^T + (S(p) H^T)^T - S(p) M S(p), of which the middle is `lever + lever^T`
+        let moved_coupling = coupling + arm(p, &linear);
+        let lever = arm(p, &coupling.transpose());
+        let rotary = congruent(r, &self.rotary) + lever.transpose() + arm(p, &moved_coupling.transpose());
         let force = r * self.bias.force;
         Self {
             rotary,
@@ -80,6 +89,13 @@ impl<T: Scalar> Articulated<T> {
             bias: Wrench::new(r * self.bias.torque + p.cross(&force), force),
         }
     }
+}
+
+/// `S(p) M`
+#[inline(always)]
+fn arm<T: Scalar>(p: &Vector3<T>, m: &Matrix3<T>) -> Matrix3<T> {
+    let column = |k: usize| p.cross(&m.column(k));
+    Matrix3::from_columns(&[column(0), column(1), column(2)])
 }
 
 /// What the second pass of the articulated-body algorithm leaves for the third.
@@ -109,20 +125,7 @@ impl<T: Scalar, S: JointStorage> Multibody<T, S> {
         rates: &[T],
         force: &GeneralizedForce<T, S>,
     ) -> Result<GeneralizedAcceleration<T, S>, DynamicsError> {
-        self.articulated(base_twist, positions, rates, force, |whole| {
-            let mut inertia = Matrix6::zeros();
-            inertia.fixed_view_mut::<3, 3>(0, 0).copy_from(&whole.rotary);
-            inertia.fixed_view_mut::<3, 3>(3, 0).copy_from(&whole.coupling.transpose());
-            inertia.fixed_view_mut::<3, 3>(3, 3).copy_from(&whole.linear);
-            let right = (force.base - whole.bias).to_vector();
-            // The factorisation reads the lower triangle alone.
-            let acceleration: Vector6<T> = inertia.cholesky().ok_or(DynamicsError::NotFinite)?.solve(&right);
-            let acceleration = Twist::from(acceleration);
-            Ok(BodyAcceleration {
-                angular_acceleration_body: acceleration.angular,
-                acceleration_origin_body: acceleration.linear,
-            })
-        })
+        self.articulated(base_twist, positions, rates, force, |whole| whole.accelerated_by(&force.base))
     }
 
     /// Accelerations of the joints on a base whose acceleration (relative to free fall) is given: on a fixed base minus
@@ -139,7 +142,7 @@ impl<T: Scalar, S: JointStorage> Multibody<T, S> {
         rates: &[T],
         force: &GeneralizedForce<T, S>,
     ) -> Result<GeneralizedAcceleration<T, S>, DynamicsError> {
-        self.articulated(base_twist, positions, rates, force, |_| Ok(*base_acceleration))
+        self.articulated(base_twist, positions, rates, force, |_| *base_acceleration)
     }
 
     #[inline(always)]
@@ -149,7 +152,7 @@ impl<T: Scalar, S: JointStorage> Multibody<T, S> {
         positions: &[T],
         rates: &[T],
         force: &GeneralizedForce<T, S>,
-        base_acceleration: impl FnOnce(&Articulated<T>) -> Result<BodyAcceleration<T>, DynamicsError>,
+        base_acceleration: impl FnOnce(&Articulated<T>) -> BodyAcceleration<T>,
     ) -> Result<GeneralizedAcceleration<T, S>, DynamicsError> {
         self.check_joints(&[positions, rates, force.joints.as_ref()])?;
         let drifts = self.drifts(&base_twist.angular, positions, rates);
@@ -173,7 +176,7 @@ impl<T: Scalar, S: JointStorage> Multibody<T, S> {
             let seen = body.seen_from_parent(parent_from_link);
             link.parent.map_or(&mut whole, |parent| &mut bodies[parent]).add(&seen);
         }
-        let base = base_acceleration(&whole)?;
+        let base = base_acceleration(&whole);
         let mut accelerations = self.filled((Vector3::zeros(), Vector3::zeros()));
         let mut joints = self.filled(T::zero());
         for (i, link) in self.links().iter().enumerate() {

@@ -144,6 +144,15 @@ impl<T: Scalar> Placement<T> {
     }
 }
 
+/// `R M R^T` of a symmetric `M`, symmetric to the bit.
+#[inline(always)]
+pub(super) fn congruent<T: Scalar>(r: &Matrix3<T>, m: &Matrix3<T>) -> Matrix3<T> {
+    let half = r * m;
+    let entry = |i: usize, j: usize| half[(i, 0)] * r[(j, 0)] + half[(i, 1)] * r[(j, 1)] + half[(i, 2)] * r[(j, 2)];
+    let (xy, xz, yz) = (entry(0, 1), entry(0, 2), entry(1, 2));
+    Matrix3::new(entry(0, 0), xy, xz, xy, entry(1, 1), yz, xz, yz, entry(2, 2))
+}
+
 impl Joint<f64> {
     /// The same joint over another scalar.
     #[cfg(feature = "dual")]

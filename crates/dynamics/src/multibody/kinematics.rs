@@ -75,6 +75,7 @@ impl<T: Scalar, S: JointStorage> Multibody<T, S> {
     ///
     /// # Errors
     /// [`DynamicsError::JointCount`].
+    #[inline(always)]
     pub fn placements(&self, positions: &[T]) -> Result<LinkPlacements<T, S>, DynamicsError> {
         self.check_joints(&[positions])?;
         let mut base_from_link = self.filled(Placement::identity());

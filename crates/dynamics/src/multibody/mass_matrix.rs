@@ -1,9 +1,9 @@
 use super::Multibody;
-use super::joint::Placement;
+use super::joint::{Placement, congruent};
 use super::kinematics::unit_twist_base;
 use super::storage::JointStorage;
 use crate::error::DynamicsError;
-use crate::inertia::{InertialParameters, point_inertia};
+use crate::inertia::InertialParameters;
 use tumble_lie::nalgebra::{Matrix3, Vector3, Vector6};
 use tumble_lie::{Scalar, Twist, Wrench, real};
 
@@ -60,15 +60,20 @@ pub(super) fn times<T: Scalar>(body: &InertialParameters<T>, twist: &Twist<T>) -
 #[inline(always)]
 fn carried<T: Scalar>(body: &InertialParameters<T>, placement: &Placement<T>) -> InertialParameters<T> {
     let (r, p) = (&placement.rotation, &placement.offset);
-    let h = r * body.first_moment;
-    let outer = h * p.transpose();
-    let inertia = r * body.inertia_about_origin * r.transpose();
-    let shift = Matrix3::from_diagonal_element(h.dot(p) * real(2.0)) - outer - outer.transpose();
-    InertialParameters {
-        mass: body.mass,
-        first_moment: h + p * body.mass,
-        inertia_about_origin: inertia + shift + point_inertia(body.mass, p),
+    let (h, m) = (r * body.first_moment, body.mass);
+    // parallel axes: (2 h.p + m p.p) I - (h p^T + p h^T + m p p^T)
+    let doubled = h + h + p * m;
+    let along = doubled.dot(p);
+    let half = doubled * real::<T>(0.5);
+    let shift = |i: usize, j: usize| half[i] * p[j] + half[j] * p[i];
+    let mut inertia = congruent(r, &body.inertia_about_origin);
+    for i in 0..3 {
+        inertia[(i, i)] += along;
+        for j in 0..3 {
+            inertia[(i, j)] -= shift(i, j);
+        }
     }
+    InertialParameters { mass: m, first_moment: h + p * m, inertia_about_origin: inertia }
 }
 
 impl<T: Scalar, S: JointStorage> Multibody<T, S> {

@@ -5,7 +5,7 @@ use super::kinematics::unit_twist_base;
 use super::storage::JointStorage;
 use crate::error::DynamicsError;
 use crate::parameter_vector::PARAMETERS;
-use tumble_lie::nalgebra::{Matrix3, SMatrix, Vector3};
+use tumble_lie::nalgebra::{SMatrix, Vector3};
 use tumble_lie::{Pose, Scalar, Twist, Wrench};
 
 /// Coefficients of the ten parameters of one body in a wrench or a momentum.
@@ -79,52 +79,54 @@ fn inertia_columns<T: Scalar>(w: &Vector3<T>) -> [Vector3<T>; 6] {
     ]
 }
 
-/// Wrench of a moving body in the frame it is placed in, per unit of each parameter.
+/// Wrench of a moving body about its own origin, per unit of each parameter (4.8).
 #[inline(always)]
-fn wrench_columns<T: Scalar>(motion: &BodyMotion<T>, placement: &Placement<T>) -> Block<T> {
-    let Placement { rotation, offset } = placement;
+fn wrench_columns<T: Scalar>(motion: &BodyMotion<T>) -> [(Vector3<T>, Vector3<T>); PARAMETERS] {
     let (w, u, a) = (&motion.rate, &motion.angular_acceleration, &motion.acceleration_origin);
-    let mut block = Block::zeros();
-    let mut set = |column: usize, torque: Vector3<T>, force: Vector3<T>| {
-        block.column_mut(column).copy_from(&Wrench::new(torque + offset.cross(&force), force).to_vector());
-    };
-    set(0, Vector3::zeros(), rotation * a);
-    // S(u) + S(w) S(w), and -S(a)
     let (xx, yy, zz) = (w.x * w.x, w.y * w.y, w.z * w.z);
     let (xy, xz, yz) = (w.x * w.y, w.x * w.z, w.y * w.z);
-    let force = rotation
-        * Matrix3::new(
-            -(yy + zz),
-            xy - u.z,
-            xz + u.y, //
-            xy + u.z,
-            -(xx + zz),
-            yz - u.x, //
-            xz - u.y,
-            yz + u.x,
-            -(xx + yy),
-        );
-    let o = T::zero();
-    let torque = rotation * Matrix3::new(o, a.z, -a.y, -a.z, o, a.x, a.y, -a.x, o);
-    for k in 0..3 {
-        set(1 + k, torque.column(k).into(), force.column(k).into());
-    }
-    // G(u) + S(w) G(w)
-    let columns = [
-        Vector3::new(u.x, xz, -xy),
-        Vector3::new(u.y - xz, u.x + yz, xx - yy),
-        Vector3::new(u.z + xy, zz - xx, u.x - yz),
-        Vector3::new(-yz, u.y, xy),
-        Vector3::new(yy - zz, u.z - xy, u.y + xz),
-        Vector3::new(yz, -xz, u.z),
-    ];
-    for (k, column) in columns.iter().enumerate() {
-        let torque = rotation * column;
-        for (row, entry) in torque.iter().enumerate() {
-            block[(row, 4 + k)] = *entry;
+    let (o, zero) = (T::zero(), Vector3::zeros());
+    [
+        (zero, *a),
+        // -S(a) over S(u) + S(w) S(w)
+        (Vector3::new(o, -a.z, a.y), Vector3::new(-(yy + zz), xy + u.z, xz - u.y)),
+        (Vector3::new(a.z, o, -a.x), Vector3::new(xy - u.z, -(xx + zz), yz + u.x)),
+        (Vector3::new(-a.y, a.x, o), Vector3::new(xz + u.y, yz - u.x, -(xx + yy))),
+        // G(u) + S(w) G(w)
+        (Vector3::new(u.x, xz, -xy), zero),
+        (Vector3::new(u.y - xz, u.x + yz, xx - yy), zero),
+        (Vector3::new(u.z + xy, zz - xx, u.x - yz), zero),
+        (Vector3::new(-yz, u.y, xy), zero),
+        (Vector3::new(yy - zz, u.z - xy, u.y + xz), zero),
+        (Vector3::new(yz, -xz, u.z), zero),
+    ]
+}
+
+/// The block of these columns.
+#[inline(always)]
+fn block<T: Scalar>(columns: &[(Vector3<T>, Vector3<T>); PARAMETERS]) -> Block<T> {
+    Block::from_fn(|row, k| {
+        let (torque, force) = &columns[k];
+        if row < 3 { torque[row] } else { force[row - 3] }
+    })
+}
+
+/// The columns in the frame the body is placed in; only the first four hold a force.
+#[inline(always)]
+fn placed<T: Scalar>(
+    columns: &[(Vector3<T>, Vector3<T>); PARAMETERS],
+    placement: &Placement<T>,
+) -> [(Vector3<T>, Vector3<T>); PARAMETERS] {
+    let Placement { rotation, offset } = placement;
+    let mut placed = *columns;
+    for (k, (torque, force)) in placed.iter_mut().enumerate() {
+        *torque = rotation * *torque;
+        if k < 4 {
+            *force = rotation * *force;
+            *torque += offset.cross(force);
         }
     }
-    block
+    placed
 }
 
 /// Momentum of a body in the frame it is placed in, per unit of each parameter; its twist in its own axes.
@@ -166,22 +168,21 @@ impl<T: Scalar, S: JointStorage> Multibody<T, S> {
                 None => *in_parent,
             };
             units[i] = unit_twist_base(link, &placements[i]);
-            let block = wrench_columns(&links[i].motion, &placements[i]);
+            let columns = placed(&wrench_columns(&links[i].motion), &placements[i]);
             let mut carrier = Some(i);
             while let Some(j) = carrier {
-                let unit = units[j].to_vector();
-                let row = &mut joint_of_link[j][i];
-                for (k, entry) in row.iter_mut().enumerate() {
-                    *entry = unit[0] * block[(0, k)] + unit[1] * block[(1, k)] + unit[2] * block[(2, k)];
-                }
-                for (k, entry) in row.iter_mut().enumerate().take(4) {
-                    *entry += unit[3] * block[(3, k)] + unit[4] * block[(4, k)] + unit[5] * block[(5, k)];
+                let Twist { angular, linear } = &units[j];
+                for (k, (entry, (torque, force))) in joint_of_link[j][i].iter_mut().zip(&columns).enumerate() {
+                    *entry = angular.dot(torque);
+                    if k < 4 {
+                        *entry += linear.dot(force);
+                    }
                 }
                 carrier = self.links()[j].parent;
             }
-            base_of_link[i] = block;
+            base_of_link[i] = block(&columns);
         }
-        let base_of_base = wrench_columns(&motion.base(), &Placement::identity());
+        let base_of_base = block(&wrench_columns(&motion.base()));
         Ok(TorqueRegressor { base_of_base, base_of_link, joint_of_link })
     }
 
