@@ -75,18 +75,23 @@ impl<T: Scalar, S: JointStorage> Multibody<T, S> {
     ///
     /// # Errors
     /// [`DynamicsError::JointCount`].
-    #[inline(always)]
+    #[inline]
     pub fn placements(&self, positions: &[T]) -> Result<LinkPlacements<T, S>, DynamicsError> {
         self.check_joints(&[positions])?;
         let mut base_from_link = self.filled(Placement::identity());
-        for (i, (link, position)) in self.links().iter().zip(positions).enumerate() {
-            let in_parent = link.joint.placement(*position);
+        self.place(positions, &mut base_from_link);
+        Ok(LinkPlacements { base_from_link })
+    }
+
+    #[inline(always)]
+    pub(super) fn place(&self, positions: &[T], base_from_link: &mut S::Of<Placement<T>>) {
+        for (i, link) in self.links().iter().enumerate() {
+            let in_parent = link.joint.placement(positions[i]);
             base_from_link[i] = match link.parent {
                 Some(parent) => base_from_link[parent].then(&in_parent),
                 None => in_parent,
             };
         }
-        Ok(LinkPlacements { base_from_link })
     }
 
     /// Jacobian of a point fixed to body `index` (0 the base), given in that body's frame.

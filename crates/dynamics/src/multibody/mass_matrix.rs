@@ -1,10 +1,10 @@
 use super::Multibody;
-use super::joint::{Placement, congruent};
+use super::joint::Placement;
 use super::kinematics::unit_twist_base;
 use super::storage::JointStorage;
 use crate::error::DynamicsError;
 use crate::inertia::InertialParameters;
-use tumble_lie::nalgebra::{Matrix3, Vector3, Vector6};
+use tumble_lie::nalgebra::{Matrix3, Vector6};
 use tumble_lie::{Scalar, Twist, Wrench, real};
 
 /// The generalised inertia `M`: kinetic energy `1/2 zeta^T M zeta`.
@@ -62,18 +62,17 @@ fn carried<T: Scalar>(body: &InertialParameters<T>, placement: &Placement<T>) ->
     let (r, p) = (&placement.rotation, &placement.offset);
     let (h, m) = (r * body.first_moment, body.mass);
     // parallel axes: (2 h.p + m p.p) I - (h p^T + p h^T + m p p^T)
-    let doubled = h + h + p * m;
-    let along = doubled.dot(p);
-    let half = doubled * real::<T>(0.5);
+    let half = h + p * (m * real::<T>(0.5));
+    let along = half.dot(p) * real(2.0);
     let shift = |i: usize, j: usize| half[i] * p[j] + half[j] * p[i];
-    let mut inertia = congruent(r, &body.inertia_about_origin);
-    for i in 0..3 {
-        inertia[(i, i)] += along;
-        for j in 0..3 {
-            inertia[(i, j)] -= shift(i, j);
-        }
-    }
-    InertialParameters { mass: m, first_moment: h + p * m, inertia_about_origin: inertia }
+    let turned = r * body.inertia_about_origin;
+    let entry = |i: usize, j: usize| {
+        turned[(i, 0)] * r[(j, 0)] + turned[(i, 1)] * r[(j, 1)] + turned[(i, 2)] * r[(j, 2)] - shift(i, j)
+    };
+    let (xy, xz, yz) = (entry(0, 1), entry(0, 2), entry(1, 2));
+    let inertia_about_origin =
+        Matrix3::new(entry(0, 0) + along, xy, xz, xy, entry(1, 1) + along, yz, xz, yz, entry(2, 2) + along);
+    InertialParameters { mass: m, first_moment: h + p * m, inertia_about_origin }
 }
 
 impl<T: Scalar, S: JointStorage> Multibody<T, S> {
@@ -83,13 +82,10 @@ impl<T: Scalar, S: JointStorage> Multibody<T, S> {
     /// [`DynamicsError::JointCount`].
     #[inline]
     pub fn mass_matrix(&self, positions: &[T]) -> Result<MassMatrix<T, S>, DynamicsError> {
-        let placements = self.placements(positions)?.base_from_link;
-        let nothing = InertialParameters {
-            mass: T::zero(),
-            first_moment: Vector3::zeros(),
-            inertia_about_origin: Matrix3::zeros(),
-        };
-        let mut outboard = self.filled(nothing);
+        self.check_joints(&[positions])?;
+        let mut placements = self.filled(Placement::identity());
+        self.place(positions, &mut placements);
+        let mut outboard = self.filled(self.base);
         let mut units = self.filled(Twist::zero());
         for (i, link) in self.links().iter().enumerate() {
             outboard[i] = carried(&link.body, &placements[i]);
