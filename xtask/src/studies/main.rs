@@ -35,6 +35,7 @@ mod local_checker;
 mod local_plans;
 mod local_tasks;
 mod model_knowledge;
+mod multibody;
 mod original_criterion;
 mod path_checker;
 mod plain_throws;
@@ -87,6 +88,7 @@ type Problem = (&'static str, fn(&mut Bench) -> Result<(), Failure>);
 const PROBLEMS: &[Problem] = &[
     ("lie", lie::run),
     ("dynamics", dynamics::run),
+    ("multibody", multibody::run),
     ("integrator", integrator::run),
     ("ident_sdp", ident_sdp::run),
     ("ekf_rls", ekf_rls::run),
