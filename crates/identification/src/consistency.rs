@@ -5,7 +5,7 @@
 mod barrier_newton;
 #[cfg(feature = "clarabel-sdp")]
 mod clarabel;
-mod interior_point;
+pub(crate) mod interior_point;
 mod pseudo_inertia_cone;
 
 pub use barrier_newton::BarrierNewton;

@@ -33,6 +33,36 @@ pub enum IdentificationError {
         /// Offending value.
         value: f64,
     },
+    /// Coefficients that do not fill whole rows of the unknowns.
+    #[error("{coefficients} coefficients do not fill {rows} rows of {columns} unknowns")]
+    RowShape {
+        /// Coefficients offered.
+        coefficients: usize,
+        /// Rows, as the right-hand sides count them.
+        rows: usize,
+        /// Unknowns of each.
+        columns: usize,
+    },
+    /// A vector or an information about another number of unknowns.
+    #[error("{given} unknowns, where the layout has {expected}")]
+    UnknownCount {
+        /// Unknowns offered.
+        given: usize,
+        /// Unknowns there are.
+        expected: usize,
+    },
+    /// A nuisance without a usable size or bound.
+    #[error(
+        "nuisance {index}: its magnitude {magnitude} must be positive and finite, its lower bound {lower_bound} finite"
+    )]
+    InvalidNuisance {
+        /// Nuisance, from zero.
+        index: usize,
+        /// Offered magnitude.
+        magnitude: f64,
+        /// Offered lower bound; zero where there is none.
+        lower_bound: f64,
+    },
     /// The period of a motion is not a positive finite time.
     #[error("a period of {period_s} s is not positive and finite")]
     InvalidPeriod {

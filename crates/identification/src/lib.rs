@@ -31,6 +31,8 @@ mod likelihood;
 mod linear_model;
 #[cfg(feature = "std")]
 mod motion;
+#[cfg(feature = "std")]
+pub mod multibody;
 mod observability;
 pub mod recursive;
 pub mod regressors;

@@ -259,14 +259,14 @@ impl NewtonSystem {
     }
 }
 
-fn svec(m: &Matrix4<f64>) -> [f64; 10] {
+pub(crate) fn svec(m: &Matrix4<f64>) -> [f64; 10] {
     core::array::from_fn(|k| {
         let (i, j) = UPPER[k];
         if i == j { m[(i, j)] } else { SQRT_2 * m[(i, j)] }
     })
 }
 
-fn smat(v: &[f64; 10]) -> Matrix4<f64> {
+pub(crate) fn smat(v: &[f64; 10]) -> Matrix4<f64> {
     let mut m = Matrix4::zeros();
     for (&(i, j), &value) in UPPER.iter().zip(v) {
         let value = if i == j { value } else { FRAC_1_SQRT_2 * value };
@@ -281,7 +281,7 @@ fn dot(a: &[f64; 10], b: &[f64; 10]) -> f64 {
 }
 
 /// Rows of svec(X) ↦ svec(K X Kᵀ), upper triangular because K is.
-fn congruence(k: &Matrix4<f64>) -> [[f64; 10]; 10] {
+pub(crate) fn congruence(k: &Matrix4<f64>) -> [[f64; 10]; 10] {
     let mut rows = [[0.0; 10]; 10];
     for (r, row) in rows.iter_mut().enumerate() {
         let (i, j) = UPPER[r];
@@ -299,7 +299,7 @@ fn congruence(k: &Matrix4<f64>) -> [[f64; 10]; 10] {
 }
 
 /// Lower triangular L with L Lᵀ = a; `None` unless positive definite. nalgebra's takes libm's square root, see [`sqrt`].
-fn lower_root(a: &Matrix4<f64>) -> Option<Matrix4<f64>> {
+pub(crate) fn lower_root(a: &Matrix4<f64>) -> Option<Matrix4<f64>> {
     let mut l = Matrix4::<f64>::zeros();
     for j in 0..4 {
         let pivot = a[(j, j)] - (0..j).map(|k| l[(j, k)] * l[(j, k)]).sum::<f64>();
@@ -317,7 +317,7 @@ fn lower_root(a: &Matrix4<f64>) -> Option<Matrix4<f64>> {
 }
 
 /// Orthogonal and upper triangular factor of a well-conditioned matrix.
-fn gram_schmidt(a: &Matrix4<f64>) -> (Matrix4<f64>, Matrix4<f64>) {
+pub(crate) fn gram_schmidt(a: &Matrix4<f64>) -> (Matrix4<f64>, Matrix4<f64>) {
     let (mut q, mut r) = (*a, Matrix4::zeros());
     for j in 0..4 {
         for i in 0..j {
@@ -336,7 +336,7 @@ fn gram_schmidt(a: &Matrix4<f64>) -> (Matrix4<f64>, Matrix4<f64>) {
 ///
 /// Laguerre's iteration on the characteristic polynomial, started from Samuelson's bound: it rises monotonically to the
 /// smallest root, so that a step length computed from it is never too long.
-fn relative_smallest(m: &Matrix4<f64>, s: &Vector4<f64>) -> f64 {
+pub(crate) fn relative_smallest(m: &Matrix4<f64>, s: &Vector4<f64>) -> f64 {
     let mut a = Matrix4::from_fn(|i, j| s[i] * m[(i, j)] * s[j]);
     let mean = a.trace() / 4.0;
     for i in 0..4 {

@@ -1,0 +1,22 @@
+//! Trees of rigid bodies: ten numbers for each unknown body, nuisances beside them, and data that never tell all.
+//!
+//! Rows come in as slices, whoever forms them; a [`ParameterLayout`] says what their columns mean. [`LinkInformation`] keeps
+//! all that the rows say in one triangle. [`BaseParameters`] says in words what they cannot tell apart and estimates what they
+//! can. [`ConsistentLinks`] finds bodies made of mass: where the data are silent a prior speaks, and nowhere else.
+//!
+//! All scalars are `f64`: decisions are made here, derivatives do not flow through.
+
+mod base_parameters;
+mod cone_program;
+mod consistent_links;
+mod layout;
+mod link_information;
+mod reflections;
+mod singular_values;
+mod words;
+
+pub use base_parameters::{BaseParameters, LinearValue};
+pub use consistent_links::{ConsistentLinks, LinkPrior, LinksEstimate, Origin};
+pub use layout::{LinkNuisance, ParameterLayout, UnknownBody};
+pub use link_information::LinkInformation;
+pub use words::{BaseParameter, IndistinguishableChange, Term};
