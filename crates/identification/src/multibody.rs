@@ -11,12 +11,24 @@ mod cone_program;
 mod consistent_links;
 mod layout;
 mod link_information;
+mod momentum_rows;
 mod reflections;
 mod singular_values;
+mod torque_rows;
+mod tree_estimator;
+mod tree_part;
+mod tree_sample;
+#[cfg(test)]
+mod tree_tests;
 mod words;
 
 pub use base_parameters::{BaseParameters, LinearValue};
 pub use consistent_links::{ConsistentLinks, LinkPrior, LinksEstimate, Origin};
 pub use layout::{LinkNuisance, ParameterLayout, UnknownBody};
 pub use link_information::LinkInformation;
+pub use momentum_rows::VelocityNoise;
+pub use torque_rows::{Drive, JointNuisance};
+pub use tree_estimator::{GainRegression, MomentumForm, TorqueForm, TreeEstimate, TreeEstimator, TreeRecord};
+pub use tree_part::TreePart;
+pub use tree_sample::{TreeAcceleration, TreeSample};
 pub use words::{BaseParameter, IndistinguishableChange, Term};

@@ -214,10 +214,9 @@ impl BaseParameters {
     pub fn linear_value(&self, functional: &[f64]) -> Result<Option<LinearValue>, IdentificationError> {
         self.layout.require_length(functional.len())?;
         let row = DMatrix::from_row_slice(1, functional.len(), functional);
-        Ok(self.covariance_of(&row)?.map(|covariance| LinearValue {
-            value: (row * self.least_squares())[0],
-            variance: covariance[(0, 0)],
-        }))
+        Ok(self
+            .covariance_of(&row)?
+            .map(|covariance| LinearValue { value: (row * self.least_squares())[0], variance: covariance[(0, 0)] }))
     }
 
     /// Covariance of several linear functions, one a row; `None` where the data leave one of them free.
@@ -265,6 +264,11 @@ impl BaseParameters {
             _ => 0.0,
         });
         Ok(self.covariance_of(&gradient)?.map(|covariance| covariance.fixed_view::<3, 3>(0, 0).into_owned()))
+    }
+
+    /// Number of scalar rows.
+    pub fn rows(&self) -> usize {
+        self.rows
     }
 
     /// Least Σ|H x − y|² over all rows.

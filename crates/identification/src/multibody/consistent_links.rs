@@ -199,6 +199,12 @@ impl<'a> ConsistentLinks<'a> {
         Ok(self.estimate(scaled, &prior, Some(&solution)))
     }
 
+    /// The least-squares answer where the data speak and the prior's where they do not, consistent or not.
+    pub(super) fn least_squares(&self) -> DVector<f64> {
+        let scaled = ConditionalPrior::new(self.base, self.prior).fill(&self.base.scaled_least_squares());
+        scaled.component_mul(&self.layout().magnitudes())
+    }
+
     fn layout(&self) -> &'a ParameterLayout {
         self.base.layout()
     }

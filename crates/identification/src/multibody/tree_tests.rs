@@ -1,0 +1,187 @@
+//! A base with the golden arm floats freely; the gyroscope and the joint rates are noisy.
+
+use super::tree_part::completed;
+use super::{MomentumForm, TreeEstimator, TreePart, TreeRecord, TreeSample, VelocityNoise};
+use crate::dynamics::{InertialParameters, Joint, Link, Multibody};
+use crate::lie::{LieGroup, Pose, Twist, Wrench};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+fn gaussian(generator: &mut ChaCha8Rng) -> f64 {
+    let mut uniform = || (generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
+    let (u, v) = (1.0 - uniform(), uniform());
+    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+}
+
+fn tree() -> Multibody<f64> {
+    let body = |kg: f64, com: [f64; 3], size: f64| {
+        InertialParameters::about_com(
+            kg,
+            com.into(),
+            Matrix3::from_diagonal(&Vector3::new(1.0, 1.2, 0.9)) * (kg * size * size),
+        )
+    };
+    let base = InertialParameters::about_com(
+        9.58,
+        Vector3::zeros(),
+        Matrix3::from_diagonal(&Vector3::new(0.153, 0.143, 0.162)),
+    );
+    let shoulder = Joint::revolute(-Vector3::y(), Pose::translation(-0.13, 0.0, -0.13)).unwrap();
+    let wrist = Joint::revolute(Vector3::z(), Pose::translation(-0.1, 0.0, 0.0)).unwrap();
+    Multibody::try_new(
+        base,
+        vec![
+            Link { parent: None, joint: shoulder, body: body(0.3, [-0.05, 0.0, 0.0], 0.05) },
+            Link { parent: Some(0), joint: wrist, body: body(0.2, [-0.02, 0.0, 0.0], 0.04) },
+        ],
+    )
+    .unwrap()
+}
+
+/// Joint motions given; the base follows from momentum, by small steps of the velocity.
+fn float(tree: &Multibody<f64>, momentum: &Wrench<f64>, seconds: f64, step_s: f64, every: usize) -> Vec<TreeSample> {
+    let joints = |t: f64| {
+        let p =
+            [0.8 * (0.9 * t).sin() + 0.3 * (2.1 * t + 0.4).sin(), 0.9 * (1.3 * t + 1.0).sin() + 0.2 * (2.9 * t).sin()];
+        let r = [
+            0.72 * (0.9 * t).cos() + 0.63 * (2.1 * t + 0.4).cos(),
+            1.17 * (1.3 * t + 1.0).cos() + 0.58 * (2.9 * t).cos(),
+        ];
+        (p.to_vec(), r.to_vec())
+    };
+    let twist = |pose: &Pose<f64>, t: f64| {
+        let (p, r) = joints(t);
+        tree.floating_base_twist(&p, &r, &momentum.transformed_by(&LieGroup::inverse(pose))).unwrap()
+    };
+    let mut pose = Pose::identity();
+    let mut samples = Vec::new();
+    let count = (seconds / step_s) as usize;
+    for k in 0..=count {
+        let t = k as f64 * step_s;
+        if k % every == 0 {
+            let (positions, rates) = joints(t);
+            samples.push(TreeSample {
+                time_s: t,
+                world_from_base: pose,
+                base_twist: twist(&pose, t),
+                positions,
+                rates,
+                accelerations: None,
+                motors: None,
+                base_wrench: None,
+            });
+        }
+        // midpoint rule on the group
+        let half = pose * Pose::exp(&(twist(&pose, t).to_vector() * (0.5 * step_s)));
+        pose = pose * Pose::exp(&(twist(&half, t + 0.5 * step_s).to_vector() * step_s));
+    }
+    samples
+}
+
+const NOISE: VelocityNoise = VelocityNoise { base_rate_rad_s: 1e-3, base_velocity_m_s: 1e-3, joint_rate: 1e-3 };
+
+fn momentum() -> Wrench<f64> {
+    Wrench::new(Vector3::new(0.05, -0.04, 0.06), Vector3::new(0.3, -0.2, 0.25))
+}
+
+fn noisy(clean: &[TreeSample], seed: u64) -> Vec<TreeSample> {
+    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise = || 1e-3 * gaussian(&mut generator);
+    let disturbed = |sample: &TreeSample| {
+        let mut sample = sample.clone();
+        let twist = Twist::new(Vector3::from_fn(|_, _| noise()), Vector3::from_fn(|_, _| noise()));
+        sample.base_twist = sample.base_twist + twist;
+        sample.rates.iter_mut().for_each(|rate| *rate += noise());
+        sample
+    };
+    clean.iter().map(disturbed).collect()
+}
+
+fn payload() -> InertialParameters<f64> {
+    let inertia = Matrix3::new(0.02, 0.002, -0.001, 0.002, 0.03, 0.0015, -0.001, 0.0015, 0.025);
+    InertialParameters::about_com(2.0, Vector3::new(-0.15, 0.03, 0.05), inertia)
+}
+
+fn guess() -> InertialParameters<f64> {
+    InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::identity() * 0.01)
+}
+
+fn grasped() -> TreePart {
+    TreePart::payload("payload", 2, Pose::translation(-0.05, 0.0, 0.0), guess())
+}
+
+fn estimator(parts: Vec<TreePart>, known: Option<Wrench<f64>>) -> TreeEstimator {
+    let momentum = Some(MomentumForm { noise: NOISE, known });
+    TreeEstimator { tree: tree(), parts, momentum, torque: None, dependence_s: 0.0 }
+}
+
+fn carrying() -> Multibody<f64> {
+    completed(&tree(), &[grasped()], payload().to_vector().as_slice(), true)
+}
+
+#[test]
+fn a_payload_from_momentum_has_honest_intervals() {
+    let clean = float(&carrying(), &momentum(), 30.0, 0.005, 4);
+    let truth = payload().to_vector();
+    let (mut squares, seeds) = (0.0, 12);
+    for seed in 0..seeds {
+        let records = [TreeRecord { samples: noisy(&clean, seed), grasped: true }];
+        let estimate = estimator(vec![grasped()], Some(momentum())).identify(&records).unwrap();
+        assert_eq!(estimate.base.rank(), 10);
+        let found = estimate.body(0).unwrap();
+        assert!((found.mass / payload().mass - 1.0).abs() < 0.02, "{found:?}");
+        assert!((found.inertia_about_com() - payload().inertia_about_com()).amax() < 0.02 * 0.02, "{found:?}");
+        let error = DVector::from_column_slice((found.to_vector() - truth).as_slice());
+        let covariance = estimate.covariance_of(&DMatrix::identity(10, 10)).unwrap().unwrap();
+        squares += error.dot(&covariance.lu().solve(&error).unwrap());
+    }
+    // chi-square of 120 degrees of freedom: its mean and four of its deviations
+    assert!((squares - 120.0).abs() < 4.0 * 240.0_f64.sqrt(), "{squares}");
+}
+
+#[test]
+fn noise_in_the_regressor_does_not_bias_the_answer() {
+    // a hundred times the noise: plain least squares would be off by far more than its deviation
+    let clean = float(&carrying(), &momentum(), 30.0, 0.005, 2);
+    let mut loud = clean.clone();
+    let mut generator = ChaCha8Rng::seed_from_u64(5);
+    for sample in &mut loud {
+        let noise = |g: &mut ChaCha8Rng| Vector3::from_fn(|_, _| 0.05 * gaussian(g));
+        sample.base_twist = sample.base_twist + Twist::new(noise(&mut generator), Vector3::zeros());
+    }
+    let mut estimator = estimator(vec![grasped()], Some(momentum()));
+    estimator.momentum = Some(MomentumForm {
+        noise: VelocityNoise { base_rate_rad_s: 0.05, base_velocity_m_s: 1e-4, joint_rate: 1e-4 },
+        known: Some(momentum()),
+    });
+    let estimate = estimator.identify(&[TreeRecord { samples: loud, grasped: true }]).unwrap();
+    let std = estimate.body_std(0).unwrap().unwrap();
+    let found = estimate.body(0).unwrap();
+    for k in 0..3 {
+        let error = (found.inertia_about_com() - payload().inertia_about_com())[(k, k)];
+        assert!(error.abs() < 4.0 * std.inertia_about_com_kg_m2[(k, k)], "{error} {std:?}");
+    }
+}
+
+#[test]
+fn a_base_and_two_hinges_have_24_base_parameters_with_a_known_momentum_and_23_without() {
+    let tree = tree();
+    let parts = || {
+        let whole = |index: usize| TreePart::whole(format!("body{index}"), index, *tree.body(index).unwrap());
+        (0..3).map(whole).collect::<Vec<_>>()
+    };
+    let records =
+        |momentum: &Wrench<f64>| [TreeRecord { samples: float(&tree, momentum, 30.0, 0.005, 10), grasped: false }];
+    let rank = |known: Option<Wrench<f64>>, true_momentum: &Wrench<f64>| {
+        let estimate = estimator(parts(), known).identify(&records(true_momentum)).unwrap();
+        let momenta = if known.is_none() { 6 } else { 0 };
+        (estimate.base.rank(), estimate.base.layout().unknowns() - momenta)
+    };
+    assert_eq!(rank(Some(momentum()), &momentum()), (24, 30));
+    // asked for as well, the six momenta are determined up to the lost scale
+    let (with_momenta, _) = rank(None, &momentum());
+    assert_eq!(with_momenta - 6, 23);
+    let (at_rest, _) = rank(Some(Wrench::zero()), &Wrench::zero());
+    assert_eq!(at_rest, 23);
+}
