@@ -9,6 +9,7 @@
 mod base_parameters;
 mod cone_program;
 mod consistent_links;
+mod joint_track;
 mod layout;
 mod link_information;
 mod momentum_rows;
@@ -24,6 +25,7 @@ mod words;
 
 pub use base_parameters::{BaseParameters, LinearValue};
 pub use consistent_links::{ConsistentLinks, LinkPrior, LinksEstimate, Origin};
+pub use joint_track::JointTrack;
 pub use layout::{LinkNuisance, ParameterLayout, UnknownBody};
 pub use link_information::LinkInformation;
 pub use momentum_rows::VelocityNoise;
