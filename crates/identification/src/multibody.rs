@@ -13,6 +13,8 @@ mod layout;
 mod link_information;
 mod reflections;
 mod singular_values;
+#[cfg(test)]
+mod tests;
 mod words;
 
 pub use base_parameters::{BaseParameters, LinearValue};

@@ -214,10 +214,9 @@ impl BaseParameters {
     pub fn linear_value(&self, functional: &[f64]) -> Result<Option<LinearValue>, IdentificationError> {
         self.layout.require_length(functional.len())?;
         let row = DMatrix::from_row_slice(1, functional.len(), functional);
-        Ok(self.covariance_of(&row)?.map(|covariance| LinearValue {
-            value: (row * self.least_squares())[0],
-            variance: covariance[(0, 0)],
-        }))
+        Ok(self
+            .covariance_of(&row)?
+            .map(|covariance| LinearValue { value: (row * self.least_squares())[0], variance: covariance[(0, 0)] }))
     }
 
     /// Covariance of several linear functions, one a row; `None` where the data leave one of them free.
@@ -305,9 +304,16 @@ impl BaseParameters {
     }
 
     /// ½|R x − z|² above its least, unknowns in like units.
-    pub(super) fn scaled_misfit(&self, scaled: &DVector<f64>) -> f64 {
+    pub(crate) fn scaled_misfit(&self, scaled: &DVector<f64>) -> f64 {
         let (rows, rhs) = self.determined_rows();
         0.5 * (rows * scaled - rhs).norm_squared()
+    }
+
+    /// Gradient of [`scaled_misfit`](Self::scaled_misfit).
+    #[cfg(feature = "testing")]
+    pub(crate) fn misfit_gradient(&self, scaled: &DVector<f64>) -> DVector<f64> {
+        let (rows, rhs) = self.determined_rows();
+        rows.transpose() * (&rows * scaled - rhs)
     }
 
     fn least_squares(&self) -> DVector<f64> {

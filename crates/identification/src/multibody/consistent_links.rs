@@ -69,6 +69,14 @@ impl LinkPrior {
     }
 }
 
+#[cfg(feature = "testing")]
+impl LinkPrior {
+    /// What the prior is overruled by at unknowns in like units: its ½ χ² above the least at their determined part.
+    pub(crate) fn conditional_misfit(&self, base: &BaseParameters, scaled: &DVector<f64>) -> f64 {
+        ConditionalPrior::new(base, self).misfit(scaled)
+    }
+}
+
 /// Least squares over all bodies at once, each a body made of mass, each bounded nuisance above its bound.
 ///
 /// Minimises ½|R x − z|² + ½ w |W (b − b̂(a))|²: a is what the data determine, b what they leave, b̂(a) the prior's most

@@ -129,10 +129,8 @@ mod tests {
 
     #[test]
     fn unknowns_have_names_units_and_sizes() {
-        let body = |name: &str, mass: f64| UnknownBody {
-            name: name.into(),
-            scale: BodyScale::try_new(mass, 0.5).unwrap(),
-        };
+        let body =
+            |name: &str, mass: f64| UnknownBody { name: name.into(), scale: BodyScale::try_new(mass, 0.5).unwrap() };
         let friction = |magnitude: f64| LinkNuisance {
             name: "viscous friction of joint 2".into(),
             unit: "N m s/rad".into(),

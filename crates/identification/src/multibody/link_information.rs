@@ -62,7 +62,7 @@ impl LinkInformation {
         self.rows
     }
 
-    /// Adds whitened rows, one after the other in `coefficients`, with their right-hand sides.
+    /// Adds whitened rows, one after the other in `coefficients`, with their right-hand sides; many at a time is fastest.
     ///
     /// # Errors
     /// [`IdentificationError::RowShape`], [`IdentificationError::NotFinite`]; nothing is changed then.
@@ -140,7 +140,8 @@ mod tests {
             }
             // The triangle is unique only at full rank.
             let gram = information.factor().transpose() * information.factor();
-            let difference = gram - DMatrix::from_column_slice(10, 10, (fixed.factor().transpose() * fixed.factor()).as_slice());
+            let difference =
+                gram - DMatrix::from_column_slice(10, 10, (fixed.factor().transpose() * fixed.factor()).as_slice());
             assert!(difference.amax() < 1e-13 * rows as f64);
             let (rss, expected) = (information.residual_sum_of_squares(), fixed.residual_sum_of_squares());
             assert!((rss - expected).abs() < 1e-13 * rows as f64, "{rows}: {rss} {expected}");
