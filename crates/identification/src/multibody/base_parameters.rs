@@ -120,7 +120,7 @@ impl BaseParameters {
     /// are arbitrary mixtures, and a mixture explains nothing. The pivots are the dependent columns.
     fn put_into_words(&mut self) {
         let unknowns = self.layout.unknowns();
-        let mut null: Vec<DVector<f64>> = self.null_space().column_iter().map(|column| column.into_owned()).collect();
+        let mut null: Vec<DVector<f64>> = self.null_space().column_iter().map(nalgebra::Matrix::into_owned).collect();
         let mut dependent = Vec::new();
         for row in 0..null.len() {
             let (mut candidate, mut pivot, mut largest) = (row, 0, 0.0_f64);
