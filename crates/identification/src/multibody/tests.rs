@@ -295,3 +295,16 @@ fn a_prior_of_another_layout_is_refused() {
     assert_eq!(refused, Err(IdentificationError::NotFinite { row: 0 }));
     assert!(solved(&base, &prior).is_ok());
 }
+
+#[test]
+fn a_direction_in_the_noise_is_left_to_the_prior_on_demand() {
+    let (information, layout, prior) = random_problem(1, 0, 10, 5);
+    let all = BaseParameters::new(&information, &layout).unwrap();
+    assert_eq!((all.rank(), all.condition_number()), (10, all.singular_values()[0] / all.singular_values()[9]));
+    let between = (all.singular_values()[6] * all.singular_values()[7]).sqrt();
+    let bold = BaseParameters::with_signal_to_noise(&information, &layout, between).unwrap();
+    assert_eq!((bold.rank(), bold.indistinguishable_changes().len()), (7, 3));
+    assert!(bold.residual_sum_of_squares() > all.residual_sum_of_squares());
+    // What is left out has no say: its data are gone, and the answer is a body all the same.
+    check_links_solver(&solved, &bold, &prior, 1e-6, 1e-2).unwrap();
+}
