@@ -15,6 +15,8 @@ mod link_information;
 mod momentum_rows;
 mod reflections;
 mod singular_values;
+#[cfg(test)]
+mod tests;
 mod torque_rows;
 mod tree_estimator;
 mod tree_part;

@@ -120,7 +120,7 @@ impl BaseParameters {
     /// are arbitrary mixtures, and a mixture explains nothing. The pivots are the dependent columns.
     fn put_into_words(&mut self) {
         let unknowns = self.layout.unknowns();
-        let mut null: Vec<DVector<f64>> = self.null_space().column_iter().map(|column| column.into_owned()).collect();
+        let mut null: Vec<DVector<f64>> = self.null_space().column_iter().map(nalgebra::Matrix::into_owned).collect();
         let mut dependent = Vec::new();
         for row in 0..null.len() {
             let (mut candidate, mut pivot, mut largest) = (row, 0, 0.0_f64);
@@ -309,9 +309,16 @@ impl BaseParameters {
     }
 
     /// ½|R x − z|² above its least, unknowns in like units.
-    pub(super) fn scaled_misfit(&self, scaled: &DVector<f64>) -> f64 {
+    pub(crate) fn scaled_misfit(&self, scaled: &DVector<f64>) -> f64 {
         let (rows, rhs) = self.determined_rows();
         0.5 * (rows * scaled - rhs).norm_squared()
+    }
+
+    /// Gradient of [`scaled_misfit`](Self::scaled_misfit).
+    #[cfg(feature = "testing")]
+    pub(crate) fn misfit_gradient(&self, scaled: &DVector<f64>) -> DVector<f64> {
+        let (rows, rhs) = self.determined_rows();
+        rows.transpose() * (&rows * scaled - rhs)
     }
 
     fn least_squares(&self) -> DVector<f64> {

@@ -69,6 +69,14 @@ impl LinkPrior {
     }
 }
 
+#[cfg(feature = "testing")]
+impl LinkPrior {
+    /// What the prior is overruled by at unknowns in like units: its ½ χ² above the least at their determined part.
+    pub(crate) fn conditional_misfit(&self, base: &BaseParameters, scaled: &DVector<f64>) -> f64 {
+        ConditionalPrior::new(base, self).misfit(scaled)
+    }
+}
+
 /// Least squares over all bodies at once, each a body made of mass, each bounded nuisance above its bound.
 ///
 /// Minimises ½|R x − z|² + ½ w |W (b − b̂(a))|²: a is what the data determine, b what they leave, b̂(a) the prior's most
@@ -192,11 +200,11 @@ impl<'a> ConsistentLinks<'a> {
         let prior = ConditionalPrior::new(self.base, self.prior);
         let unconstrained = prior.fill(&self.base.scaled_least_squares());
         if self.is_inside(&unconstrained) {
-            return Ok(self.estimate(unconstrained, &prior, None));
+            return Ok(self.estimate(&unconstrained, &prior, None));
         }
         let solution = self.program(&prior)?.solve(self.gap_tolerance)?;
         let scaled = self.scaled_unknowns(&solution.primal);
-        Ok(self.estimate(scaled, &prior, Some(&solution)))
+        Ok(self.estimate(&scaled, &prior, Some(&solution)))
     }
 
     /// The least-squares answer where the data speak and the prior's where they do not, consistent or not.
@@ -290,7 +298,7 @@ impl<'a> ConsistentLinks<'a> {
 
     fn estimate(
         &self,
-        scaled: DVector<f64>,
+        scaled: &DVector<f64>,
         prior: &ConditionalPrior,
         solution: Option<&ConeSolution>,
     ) -> LinksEstimate {
@@ -298,13 +306,13 @@ impl<'a> ConsistentLinks<'a> {
         let multiplier = |column: usize| solution.map_or(0.0, |solution| solution.dual[column]);
         let trace = |body: usize| [0, 4, 7, 9].map(|k| multiplier(layout.body_column(body) + k)).iter().sum();
         LinksEstimate {
-            margins: self.margins(&scaled),
+            margins: self.margins(scaled),
             body_multipliers: (0..layout.bodies().len()).map(trace).collect(),
             nuisance_multipliers: (0..layout.nuisances().len())
                 .map(|index| multiplier(layout.nuisance_column(index)))
                 .collect(),
-            misfit: solution.map_or(0.0, |_| self.base.scaled_misfit(&scaled)),
-            prior_misfit: solution.map_or(0.0, |_| prior.misfit(&scaled)),
+            misfit: solution.map_or(0.0, |_| self.base.scaled_misfit(scaled)),
+            prior_misfit: solution.map_or(0.0, |_| prior.misfit(scaled)),
             duality_gap: solution.map_or(0.0, |solution| solution.duality_gap),
             iterations: solution.map_or(0, |solution| solution.iterations),
             prior_shares: self.base.null_space().row_iter().map(|row| row.norm_squared()).collect(),

@@ -64,10 +64,8 @@ impl JointTrack {
             None => positions.iter().map(|list| (fitted(list, 1), fitted(list, 2))).unzip(),
         };
         let motors: Vec<Vec<f64>> = self.motors.iter().map(even).collect();
-        let held = BodyAcceleration {
-            angular_acceleration_body: Vector3::zeros(),
-            acceleration_origin_body: -gravity_base,
-        };
+        let held =
+            BodyAcceleration { angular_acceleration_body: Vector3::zeros(), acceleration_origin_body: -gravity_base };
         let at = |lists: &[Vec<f64>], k: usize| lists.iter().map(|list| list[k]).collect::<Vec<f64>>();
         let sample = |k: usize| TreeSample {
             time_s: first + (k + half) as f64 * step_s,

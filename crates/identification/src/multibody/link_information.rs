@@ -62,7 +62,7 @@ impl LinkInformation {
         self.rows
     }
 
-    /// Adds whitened rows, one after the other in `coefficients`, with their right-hand sides.
+    /// Adds whitened rows, one after the other in `coefficients`, with their right-hand sides; many at a time is fastest.
     ///
     /// # Errors
     /// [`IdentificationError::RowShape`], [`IdentificationError::NotFinite`]; nothing is changed then.

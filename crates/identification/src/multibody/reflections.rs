@@ -2,6 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
+/// A square this small is the rounding of rounding, many times over: a row that tells nothing new leaves less with each
+/// column, until its length underflows.
+const NOTHING: f64 = f64::MIN_POSITIVE / f64::EPSILON;
+
 /// The reflections of one folding, to be applied to right-hand sides.
 pub(super) struct Reflections {
     /// Tail of the j-th reflection in column j.
@@ -22,12 +26,12 @@ pub(super) fn fold(factor: &mut DMatrix<f64>, rows: DMatrix<f64>) -> Reflections
         let tail = &head[j * length..];
         // Rows of blocks further down meet this column not at all.
         let active = tail.iter().rposition(|&entry| entry != 0.0).map_or(0, |last| last + 1);
-        if active == 0 {
+        let tail = &tail[..active];
+        let (diagonal, square) = (factor[(j, j)], dot(tail, tail));
+        if square < NOTHING {
             continue;
         }
-        let tail = &tail[..active];
-        let diagonal = factor[(j, j)];
-        let norm = (diagonal * diagonal + dot(tail, tail)).sqrt();
+        let norm = (diagonal * diagonal + square).sqrt();
         factor[(j, j)] = norm;
         *found = Some((diagonal, norm));
         for (l, other) in (j + 1..columns).zip(others.chunks_exact_mut(length)) {

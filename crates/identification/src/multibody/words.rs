@@ -103,7 +103,7 @@ impl fmt::Display for BaseParameter {
             let sign = if amount < 0.0 { " - " } else { " + " };
             f.write_str(if i == 0 { "" } else { sign })?;
             let size = amount.abs();
-            if size == 1.0 { write!(f, "`{label}`") } else { write!(f, "{size} `{label}`") }?;
+            if (size - 1.0).abs() < f64::EPSILON { write!(f, "`{label}`") } else { write!(f, "{size} `{label}`") }?;
         }
         Ok(())
     }
