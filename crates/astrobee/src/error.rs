@@ -467,8 +467,8 @@ impl AstrobeeError {
                  theirs"
             }
             Self::MissingColumn { .. } => {
-                "rename or add the missing one: `tumble identify --template` prints every column of a log, the `--help` of `allocate` and \
-                 `realize` theirs"
+                "rename or add the missing one: `tumble identify --template` prints every column of a log, `tumble arm show NAME --as \
+                 log-template` those of an arm's, the `--help` of `allocate` and `realize` theirs"
             }
             Self::DuplicateColumn { .. } => "rename or remove one of the two columns",
             Self::BadCell { .. } => "write a finite decimal number; leave the cell empty only in optional columns",

@@ -260,6 +260,15 @@ fn a_file_in_order_keeps_its_order() {
     );
 }
 
+#[test]
+fn the_example_of_the_page_is_an_arm() {
+    let page = include_str!("../../../docs/arms.md");
+    let example = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let arm = arm(example).unwrap();
+    assert_eq!((arm.tree.joints(), arm.tool.unwrap().body, arm.tree.links()[1].parent), (2, 2, Some(0)));
+    assert_eq!(arm.tree.mass(), BodyConfiguration::Iss.parameters().mass + 1.5);
+}
+
 /// What is wrong with a text: code, line and message.
 fn refusal(text: &str) -> (&'static str, String) {
     let error = arm(text).expect_err(text);
@@ -272,7 +281,7 @@ fn refusal(text: &str) -> (&'static str, String) {
 fn what_is_wrong_with_a_toml_file_is_named() {
     for (original, replacement, code, place, says) in [
         ("format = 1", "format = 2", "T050", 1, "`format` is 2"),
-        ("damping = 0.2", "dampping = 0.2", "T050", 20, "did you mean `damping`?"),
+        ("damping = 0.2", "dampping = 0.2", "T050", 21, "did you mean `damping`?"),
         ("kind = \"revolute\"", "kind = \"planar\"", "T050", 15, "unknown variant `planar`"),
         ("name = \"small\"", "name = \"\"", "T051", 1, "no name"),
         ("name = \"shoulder\"", "name = \"should\\u0007er\"", "T051", 12, "no name"),
@@ -287,7 +296,7 @@ fn what_is_wrong_with_a_toml_file_is_named() {
         ("drive_gain_n_m_per_a = 8\n", "", "T050", 12, "without `drive_gain_n_m_per_a`"),
         ("drive_gain_n_m_per_a = 8\n", "drive_gain_n_m_per_a = 0\n", "T050", 12, "drive gain is 0"),
         ("lower = -1, upper = 2", "lower = 3, upper = 2", "T050", 12, "above the upper one"),
-        ("lower = -1, upper = 2", "lower = -1, uper = 2", "T050", 25, "did you mean `upper`?"),
+        ("lower = -1, upper = 2", "lower = -1, uper = 2", "T050", 26, "did you mean `upper`?"),
         ("parent = \"base\"", "parent = \"elbow\"", "T051", 7, "`elbow` hangs on itself"),
         ("parent = \"base\"", "parent = \"bass\"", "T051", 12, "did you mean `base`?"),
         ("name = \"elbow\"", "name = \"shoulder\"", "T051", 12, "two joints are called `shoulder`"),
@@ -341,8 +350,8 @@ fn what_is_wrong_with_a_urdf_is_named() {
         ("<link name=\"tool0\"/>", "<link name=\"l1\"/>", "T051", "two links are called `l1`"),
         ("<child link=\"box\"/>", "<child link=\"l3\"/>", "T051", "link `l3` is on two joints"),
         ("<parent link=\"tool0\"/>", "<parent link=\"toll0\"/>", "T051", "no link `toll0`; did you mean `tool0`?"),
-        ("<parent link=\"world\"/>", "<parent link=\"l4\"/>", "T051", "`world`"),
-        ("<child link=\"l0\"/>", "<child link=\"world\"/>", "T051", "`world`"),
+        ("<parent link=\"world\"/>", "<parent link=\"l4\"/>", "T051", "hangs on itself"),
+        ("<child link=\"l0\"/>", "<child link=\"world\"/>", "T051", "`ground` hangs on itself"),
         (
             "<link name=\"tool0\"/>",
             "<link name=\"tool0\"/><link name=\"lost\"/>",

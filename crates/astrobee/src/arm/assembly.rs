@@ -110,7 +110,7 @@ impl Assembly<'_> {
             let Some(part) = self.joints.get(index) else { continue };
             let parent = parent.map_or(Some(on_base), |parent| hosts.get(parent).copied().flatten()).unwrap_or(on_base);
             let origin = parent.body_from_link * part.parent_from_link;
-            if !origin.to_homogeneous().iter().all(|number| number.is_finite()) {
+            if !is_finite(&origin) {
                 let message = format!("joint `{}`: its origin is not finite", shortened(&part.name));
                 return Err(source.bad(part.carried.offset, &message));
             }
@@ -171,7 +171,11 @@ impl Assembly<'_> {
                 let near = suggestion(&link, names.chain(model.frames.iter().map(|frame| frame.name.as_str())));
                 source.structure(offset, &format!("the tool is on `{}`, which is no link{near}", shortened(&link)))
             })?;
-            model.tool = Some(ArmFrame { body_from_frame: on.body_from_frame * link_from_tool, ..on });
+            let body_from_frame = on.body_from_frame * link_from_tool;
+            if !is_finite(&body_from_frame) {
+                return Err(source.bad(offset, "tool: it is too far away"));
+            }
+            model.tool = Some(ArmFrame { body_from_frame, ..on });
         }
         Ok(model)
     }
@@ -259,6 +263,10 @@ impl Assembly<'_> {
         let (name, offset) = self.joints.get(at).map_or(("", 0), |part| (part.name.as_str(), part.carried.offset));
         self.source.structure(offset, &format!("joint `{}` hangs on itself", shortened(name)))
     }
+}
+
+fn is_finite(pose: &Pose<f64>) -> bool {
+    pose.to_homogeneous().iter().all(|number| number.is_finite())
 }
 
 fn massless() -> InertialParameters<f64> {

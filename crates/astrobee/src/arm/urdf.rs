@@ -9,7 +9,7 @@ use crate::AstrobeeError;
 use crate::body_file;
 use crate::log::shortened;
 use roxmltree::{Document, Node};
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 use tumble_dynamics::nalgebra::{Matrix3, Vector3};
@@ -124,7 +124,7 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<ArmModel, AstrobeeError> 
     if let Some(node) = robot.node.children().find(macros) {
         return Err(source.bad(node.range().start, "macros: expand the file with `xacro` first"));
     }
-    let mut links = HashMap::new();
+    let mut links = BTreeMap::new();
     let mut in_order = Vec::new();
     let mut without_body = Vec::new();
     for element in robot.children("link") {
@@ -138,7 +138,7 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<ArmModel, AstrobeeError> 
         }
         in_order.push((name, element));
     }
-    let mut carried = HashMap::new();
+    let mut carried = BTreeMap::new();
     let mut joints = Vec::new();
     for element in robot.children("joint") {
         let joint = joint(element, &links)?;
@@ -199,7 +199,7 @@ fn body(link: Element, name: &str) -> Result<Option<InertialParameters<f64>>, As
     Ok(Some(InertialParameters::about_com(mass, Vector3::zeros(), about_com).transformed_by(&link_from_body)))
 }
 
-type Links<'a> = HashMap<&'a str, (Element<'a>, Option<InertialParameters<f64>>)>;
+type Links<'a> = BTreeMap<&'a str, (Element<'a>, Option<InertialParameters<f64>>)>;
 
 fn joint(element: Element, links: &Links) -> Result<JointPart, AstrobeeError> {
     let name = element.text("joint", "name")?;

@@ -21,6 +21,7 @@ Examples:
   tumble identify log.csv --excitation excitation.toml
   tumble simulate iss-excite                   fly a scenario; `tumble scenario list` names them
   tumble plan iss-slalom                       a way around obstacles, and how far from the best it can be
+  tumble arm show astrobee-arm                 joints and bodies of an arm; also of a TOML or URDF file
   tumble calibrate-wheel cal_*.csv --out cal.toml
   tumble identify --wheel throw.csv --calibration cal.toml
   tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler

@@ -81,7 +81,7 @@ fn table(arm: &ArmModel) -> String {
         writeln!(text, "{} base, gravity ({x}, {y}, {z}) m/s^2, {} joints\n", arm.base_kind.name(), arm.joints.len());
     let _ = writeln!(
         text,
-        "{:>3} {:<22} {:<22} {:<9} {:<22} {:<26} {:>17} {:>7} {:>7} {:>9}",
+        "{:>3} {:<24} {:<24} {:<9} {:<25} {:<32} {:>17} {:>7} {:>7} {:>9}",
         "",
         "joint",
         "on",
@@ -105,7 +105,7 @@ fn table(arm: &ArmModel) -> String {
         };
         let _ = writeln!(
             text,
-            "{number:>3} {:<22} {:<22} {kind:<9} {:<22} {:<26} {range:>17} {:>7} {:>7} {:>9}",
+            "{number:>3} {:<24} {:<24} {kind:<9} {:<25} {:<32} {range:>17} {:>7} {:>7} {:>9}",
             shortened(&joint.name),
             shortened(on),
             vector(link.joint.axis().as_slice(), 4),
@@ -117,15 +117,15 @@ fn table(arm: &ArmModel) -> String {
     }
     let _ = writeln!(
         text,
-        "\n{:>3} {:<22} {:>12}  {:<32} {:<34} verdict",
+        "\n{:>3} {:<24} {:>12}  {:<34} {:<34} verdict",
         "", "body", "mass, kg", "centre of mass, m", "principal inertias, kg m^2"
     );
     for index in 0..arm.tree.bodies() {
         let name = shortened(arm.body_name(index).unwrap_or_default());
         let body = arm.tree.body(index).filter(|_| arm.body_known(index));
         let _ = match body {
-            None => writeln!(text, "{index:>3} {name:<22} {:>12}  {:<32} {:<34} not known", "-", "-", "-"),
-            Some(body) => writeln!(text, "{index:>3} {name:<22} {}", numbers_of(body)),
+            None => writeln!(text, "{index:>3} {name:<24} {:>12}  {:<34} {:<34} not known", "-", "-", "-"),
+            Some(body) => writeln!(text, "{index:>3} {name:<24} {}", numbers_of(body)),
         };
     }
     let _ = writeln!(text, "\ntotal mass of the bodies known: {:.7} kg", arm.tree.mass());
@@ -156,16 +156,17 @@ fn numbers_of(body: &InertialParameters<f64>) -> String {
     };
     let mut principal: Vec<f64> = inertia.symmetric_eigenvalues().iter().copied().collect();
     principal.sort_by(f64::total_cmp);
-    format!("{:>12.7}  {com:<32} {:<34} {verdict}", body.mass, vector(&principal, 7))
+    format!("{:>12.7}  {com:<34} {:<34} {verdict}", body.mass, vector(&principal, 7))
 }
 
 fn vector(numbers: &[f64], digits: usize) -> String {
-    // no zero with a sign
     let rounded = |number: &f64| {
-        format!(
-            "{:.digits$}",
-            if number.abs() < 0.5 * 10f64.powi(-i32::try_from(digits).unwrap_or(0)) { 0.0 } else { *number }
-        )
+        let text = format!("{number:.digits$}");
+        // no zero with a sign
+        match text.strip_prefix('-') {
+            Some(zero) if !zero.contains(|c: char| ('1'..='9').contains(&c)) => zero.to_owned(),
+            _ => text,
+        }
     };
     format!("({})", numbers.iter().map(rounded).collect::<Vec<_>>().join(", "))
 }

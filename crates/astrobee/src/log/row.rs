@@ -47,7 +47,6 @@ impl Header {
                 return Err(AstrobeeError::DuplicateColumn { path: path.into(), column: shortened(name) });
             }
         }
-        drop(seen);
         Ok(Self { path: path.into(), names })
     }
 
