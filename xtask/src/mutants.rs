@@ -2601,6 +2601,34 @@ const MUTANTS: &[Mutant] = &[
         replacement: "self.wrench_is_doubtful = false;",
         test: "-p tumble-identification --test flight_estimator lost_nozzle",
     },
+    Mutant {
+        name: "arm: bodies on fixed joints left at the joint's origin",
+        file: "crates/astrobee/src/arm/assembly.rs",
+        original: "+ body.transformed_by(&origin)",
+        replacement: "+ body",
+        test: "-p tumble-astrobee --test arms",
+    },
+    Mutant {
+        name: "arm: the last of the joints that may come first",
+        file: "crates/astrobee/src/arm/assembly.rs",
+        original: "ready.pop_first()",
+        replacement: "ready.pop_last()",
+        test: "-p tumble-astrobee --test arms",
+    },
+    Mutant {
+        name: "arm: roll and yaw of a URDF swapped",
+        file: "crates/astrobee/src/arm/urdf.rs",
+        original: "EulerZyx::new(roll, pitch, yaw)",
+        replacement: "EulerZyx::new(yaw, pitch, roll)",
+        test: "-p tumble-astrobee --test arms",
+    },
+    Mutant {
+        name: "joint log: velocity of the base turned the wrong way",
+        file: "crates/astrobee/src/log/joints.rs",
+        original: "rotation.inverse() * self.base_velocity_world?",
+        replacement: "rotation * self.base_velocity_world?",
+        test: "-p tumble-astrobee --test joint_log",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

@@ -154,7 +154,8 @@ pub fn export(path: &Path, body: &InertialParameters<f64>) -> Result<String, Ast
     }
 }
 
-fn urdf(body: &BodyFile) -> String {
+/// The `<inertial>` of a link.
+pub(crate) fn urdf(body: &BodyFile) -> String {
     let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = body.inertia_about_com_kg_m2;
     let [x, y, z] = body.com_m;
     format!(

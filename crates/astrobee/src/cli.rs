@@ -3,6 +3,7 @@
 use crate::AstrobeeError;
 
 pub mod allocate;
+pub mod arm;
 pub mod calibrate_wheel;
 pub mod campaign;
 mod columns;

@@ -272,6 +272,80 @@ pub enum AstrobeeError {
         /// "; did you mean ...", or nothing.
         nearest: String,
     },
+    /// T050: a model of an arm that does not parse, or says something impossible.
+    #[error("{path}, line {line}, column {column}: {message}")]
+    BadArm {
+        /// The file, or the name of an embedded arm.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: usize,
+        /// Column, counted from one.
+        column: usize,
+        /// The link, joint or key, and what is wrong with it.
+        message: String,
+    },
+    /// T050: an arm that neither exists as a file nor is embedded.
+    #[error("there is no arm `{name}`, neither as a file nor embedded{nearest}")]
+    NoSuchArm {
+        /// What was asked for.
+        name: String,
+        /// "; did you mean ...", or nothing.
+        nearest: String,
+    },
+    /// T051: links and joints that make no tree.
+    #[error("{path}, line {line}, column {column}: {message}")]
+    ArmStructure {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: usize,
+        /// Column, counted from one.
+        column: usize,
+        /// The link or joint, and what keeps it from a tree.
+        message: String,
+    },
+    /// T052: a joint of a kind that is not modelled.
+    #[error(
+        "{path}, line {line}, column {column}: joint `{joint}` is {kind}; revolute, continuous, prismatic and fixed joints are read"
+    )]
+    ArmJointKind {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: usize,
+        /// Column, counted from one.
+        column: usize,
+        /// Its name.
+        joint: String,
+        /// What it is.
+        kind: String,
+    },
+    /// T053: a link that no body can be.
+    #[error("{path}, line {line}, column {column}: link `{link}`: {source}")]
+    ArmBody {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: usize,
+        /// Column, counted from one.
+        column: usize,
+        /// Its name.
+        link: String,
+        /// What is wrong with its numbers.
+        source: tumble_dynamics::DynamicsError,
+    },
+    /// T054: a column of a joint that the arm does not have.
+    #[error("{path}: column `{column}`, but `{arm}` has joints 1 to {joints}")]
+    JointColumn {
+        /// The log.
+        path: PathBuf,
+        /// Column name.
+        column: String,
+        /// The arm.
+        arm: String,
+        /// Its number of joints.
+        joints: usize,
+    },
     /// T027: the simulator refuses.
     #[error(transparent)]
     Simulator(#[from] crate::simulator::SimulatorError),
@@ -357,6 +431,11 @@ impl AstrobeeError {
             Self::Throw(_) => "T019",
             Self::Excitation(_) | Self::SearchTooLong { .. } => "T021",
             Self::BadScenario { .. } | Self::NoSuchScenario { .. } => "T026",
+            Self::BadArm { .. } | Self::NoSuchArm { .. } => "T050",
+            Self::ArmStructure { .. } => "T051",
+            Self::ArmJointKind { .. } => "T052",
+            Self::ArmBody { .. } => "T053",
+            Self::JointColumn { .. } => "T054",
             Self::Simulator(_) => "T027",
             Self::SensingOutOfRange { .. } => "T025",
             Self::UnknownRecording { .. } => "T028",
@@ -388,8 +467,8 @@ impl AstrobeeError {
                  theirs"
             }
             Self::MissingColumn { .. } => {
-                "rename or add the missing one: `tumble identify --template` prints every column of a log, the `--help` of `allocate` and \
-                 `realize` theirs"
+                "rename or add the missing one: `tumble identify --template` prints every column of a log, `tumble arm show NAME --as \
+                 log-template` those of an arm's, the `--help` of `allocate` and `realize` theirs"
             }
             Self::DuplicateColumn { .. } => "rename or remove one of the two columns",
             Self::BadCell { .. } => "write a finite decimal number; leave the cell empty only in optional columns",
@@ -484,6 +563,22 @@ impl AstrobeeError {
             Self::BadScenario { .. } => "correct the named key; `docs/scenarios.md` describes every one",
             Self::NoSuchScenario { .. } => {
                 "`tumble scenario list` prints the embedded ones; `tumble scenario show NAME` prints one to start from"
+            }
+            Self::BadArm { .. } => "correct what is named; `docs/arms.md` describes every key and what is read of URDF",
+            Self::NoSuchArm { .. } => "`tumble arm list` prints the embedded ones; a file is TOML or URDF",
+            Self::ArmStructure { .. } => {
+                "one base, every other link on one joint, no ring of joints, no name twice; `docs/arms.md` describes the files"
+            }
+            Self::ArmJointKind { .. } => {
+                "write a floating base as the root link, a planar joint as three joints with massless links, and hold a joint that mimics \
+                 another as `fixed`"
+            }
+            Self::ArmBody { .. } => {
+                "mass must be positive and the principal inertias about the centre of mass must satisfy the triangle inequality; leave a \
+                 body out that is not known"
+            }
+            Self::JointColumn { .. } => {
+                "name the arm that the log is of, or remove the column; `tumble arm show NAME --as log-template` prints every column"
             }
             Self::Simulator(_) => {
                 "a scenario's `body`, `payload`, `start` and `drive` must fit: a wrench far beyond what the mass and inertia bear makes it \

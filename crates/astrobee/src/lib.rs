@@ -2,6 +2,8 @@
 #![forbid(unsafe_code)]
 
 pub mod air_drag;
+#[cfg(feature = "cli")]
+pub mod arm;
 pub mod bodies;
 #[cfg(feature = "cli")]
 pub mod body_file;

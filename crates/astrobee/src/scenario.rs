@@ -6,7 +6,7 @@ mod build;
 mod control;
 mod embedded;
 mod fly;
-mod place;
+pub(crate) mod place;
 mod plan;
 mod plan_local;
 

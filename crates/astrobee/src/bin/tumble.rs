@@ -5,7 +5,7 @@ use std::io::IsTerminal as _;
 use std::process::ExitCode;
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::cli::{
-    Outcome, allocate, calibrate_wheel, campaign, convert, excite, fly, identify, plan, print, realize, scenario,
+    Outcome, allocate, arm, calibrate_wheel, campaign, convert, excite, fly, identify, plan, print, realize, scenario,
     simulate,
 };
 
@@ -21,6 +21,7 @@ Examples:
   tumble identify log.csv --excitation excitation.toml
   tumble simulate iss-excite                   fly a scenario; `tumble scenario list` names them
   tumble plan iss-slalom                       a way around obstacles, and how far from the best it can be
+  tumble arm show astrobee-arm                 joints and bodies of an arm; also of a TOML or URDF file
   tumble calibrate-wheel cal_*.csv --out cal.toml
   tumble identify --wheel throw.csv --calibration cal.toml
   tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler
@@ -52,6 +53,8 @@ enum Command {
     Campaign(Box<campaign::CampaignArgs>),
     /// Lists and shows the scenarios that come with the program.
     Scenario(scenario::ScenarioArgs),
+    /// Lists and shows arms: those that come with the program, TOML and URDF files.
+    Arm(arm::ArmArgs),
     /// Calibrates the wheel-driven throwing device from throws of itself and of a proof block.
     CalibrateWheel(calibrate_wheel::CalibrateWheelArgs),
     /// Allocates wanted wrenches to Astrobee's twelve nozzles as its flight software does.
@@ -86,6 +89,7 @@ fn main() -> ExitCode {
         Some(Command::Plan(args)) => plan::run(&args),
         Some(Command::Campaign(args)) => campaign::run(&args),
         Some(Command::Scenario(args)) => scenario::run(&args),
+        Some(Command::Arm(args)) => arm::run(&args),
         Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
         Some(Command::Allocate(args)) => allocate::run(&args),
         Some(Command::Realize(args)) => realize::run(&args),

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::AstrobeeError;
 use crate::air_drag::air_drag;
-use crate::bodies::BodyConfiguration;
+use crate::bodies;
 use crate::body_file::{self, BodyFile};
 use crate::excitation_file::ExcitationFile;
 use crate::flight_modes::FlightMode;
@@ -20,7 +20,7 @@ use crate::simulator::{
     SimulatorSettings, Surroundings, Waypoint,
 };
 use crate::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
-use crate::{flight_log, space_cobot, spheres};
+use crate::{flight_log, space_cobot};
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -336,17 +336,7 @@ impl ScenarioSource {
         let inline = (written.mass_kg, written.com_m, written.inertia);
         match (written.preset, written.file, inline) {
             (Some(name), None, (None, None, None)) => {
-                let find = |name: &str| match name {
-                    "iss" => Some(BodyConfiguration::Iss.parameters()),
-                    "granite" => Some(BodyConfiguration::Granite.parameters()),
-                    "mgtf" => Some(BodyConfiguration::Mgtf.parameters()),
-                    "gazebo" => Some(BodyConfiguration::Gazebo.parameters()),
-                    "space-cobot" => Some(space_cobot::body()),
-                    "spheres" => Some(spheres::body()),
-                    _ => None,
-                };
-                let names = ["iss", "granite", "mgtf", "gazebo", "space-cobot", "spheres"];
-                self.named(&format!("{}.preset", written.key), name, find, names)
+                self.named(&format!("{}.preset", written.key), name, bodies::preset, bodies::PRESETS)
             }
             (None, Some(file), (None, None, None)) => body_file::read(&self.folder().join(file)),
             (None, None, (Some(mass_kg), com_m, Some(inertia_about_com_kg_m2))) => {

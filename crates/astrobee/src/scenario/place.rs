@@ -7,7 +7,7 @@ const LONGEST_NAME_BYTES: usize = 64;
 const LONGEST_MESSAGE: usize = 4000;
 
 /// Line and column, counted from one, of a byte offset.
-pub(super) fn of_offset(text: &str, offset: usize) -> (usize, usize) {
+pub(crate) fn of_offset(text: &str, offset: usize) -> (usize, usize) {
     let before = text.get(..offset).unwrap_or(text);
     let line_start = before.rfind('\n').map_or(0, |at| at + 1);
     (before.matches('\n').count() + 1, before.get(line_start..).unwrap_or("").chars().count() + 1)
@@ -71,7 +71,7 @@ pub(crate) fn suggestion<'a>(unknown: &str, candidates: impl Iterator<Item = &'a
 }
 
 /// The parser's message, cut to one line, with the nearest of the names it lists.
-pub(super) fn with_suggestion(message: &str) -> String {
+pub(crate) fn with_suggestion(message: &str) -> String {
     let mut message = message.replace('\n', " ");
     if let Some((end, _)) = message.char_indices().nth(LONGEST_MESSAGE) {
         message.truncate(end);
