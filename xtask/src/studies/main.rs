@@ -5,6 +5,7 @@
 mod actuation;
 mod allocation;
 mod arguments;
+mod arm_payload;
 mod attitude_certificate;
 mod attitude_loop;
 mod bench;

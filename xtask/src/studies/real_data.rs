@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::arguments::Arguments;
-use crate::{Failure, allocation, brushless, propulsion_dynamics, throws, thrust_imu};
+use crate::{Failure, allocation, arm_payload, brushless, propulsion_dynamics, throws, thrust_imu};
 
 /// A set: its folder and what processes it, which returns the targets it missed.
 type Set = (&'static str, fn(&Path, bool) -> Result<Vec<String>, Failure>);
@@ -14,6 +14,7 @@ const SETS: &[Set] = &[
     (thrust_imu::SET, thrust_imu::run),
     (allocation::SET, allocation::real_data),
     (propulsion_dynamics::SET, propulsion_dynamics::run),
+    (arm_payload::SET, arm_payload::run),
 ];
 
 /// Runs every set found in the data folder: `--data`, else `TUMBLE_DATA`, else `../shared/data`.
