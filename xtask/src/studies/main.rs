@@ -6,6 +6,7 @@ mod actuation;
 mod allocation;
 mod arguments;
 mod arm_payload;
+mod arms;
 mod attitude_certificate;
 mod attitude_loop;
 mod bench;
@@ -127,6 +128,7 @@ type Program = (&'static str, &'static [&'static str], fn(&Arguments) -> Result<
 
 const STUDIES: &[Program] = &[
     ("identification", &["--cells", "--runs", "--out"], identification::run),
+    ("arms", &["--runs", "--steps"], arms::run),
     ("change-detection", &["--grasps", "--hours", "--seed"], change_detection::run),
     ("calibration", &["--runs", "--only"], calibration::run),
     ("excitation", &["--cases", "--flights"], excitation::run),

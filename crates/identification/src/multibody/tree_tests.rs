@@ -1,8 +1,12 @@
 //! A base with the golden arm floats freely; the gyroscope and the joint rates are noisy.
 
 use super::tree_part::completed;
-use super::{MomentumForm, TreeEstimator, TreePart, TreeRecord, TreeSample, VelocityNoise};
-use crate::dynamics::{InertialParameters, Joint, Link, Multibody};
+use super::{
+    BaseParameters, LinkInformation, MomentumForm, ParameterLayout, TreeEstimator, TreePart, TreeRecord, TreeSample,
+    UnknownBody, VelocityNoise,
+};
+use crate::BodyScale;
+use crate::dynamics::{BodyAcceleration, GeneralizedMotion, InertialParameters, Joint, Link, Multibody};
 use crate::lie::{LieGroup, Pose, Twist, Wrench};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rand_chacha::ChaCha8Rng;
@@ -162,6 +166,65 @@ fn noise_in_the_regressor_does_not_bias_the_answer() {
         let error = (found.inertia_about_com() - payload().inertia_about_com())[(k, k)];
         assert!(error.abs() < 4.0 * std.inertia_about_com_kg_m2[(k, k)], "{error} {std:?}");
     }
+}
+
+/// Base parameters of a fixed arm: the rank of its joints' torques over irregular motions.
+fn base_parameters_of_fixed(tree: &Multibody<f64>, gravity: &Vector3<f64>) -> usize {
+    let joints = tree.joints();
+    let body =
+        |link: usize| UnknownBody { name: format!("link{}", link + 1), scale: BodyScale::try_new(1.0, 0.3).unwrap() };
+    let layout = ParameterLayout::try_new((0..joints).map(body).collect(), vec![]).unwrap();
+    let mut information = LinkInformation::new(layout.unknowns());
+    let mut generator = ChaCha8Rng::seed_from_u64(7);
+    for _ in 0..200 {
+        let mut list = || (0..joints).map(|_| gaussian(&mut generator)).collect::<Vec<f64>>();
+        let (positions, rates, accelerations) = (list(), list(), list());
+        let motion = GeneralizedMotion {
+            base_twist: Twist::zero(),
+            base_acceleration: BodyAcceleration {
+                angular_acceleration_body: Vector3::zeros(),
+                acceleration_origin_body: -gravity,
+            },
+            positions: &positions,
+            rates: &rates,
+            accelerations: &accelerations,
+        };
+        let regressor = tree.torque_regressor(&motion).unwrap();
+        for joint in 0..joints {
+            let row: Vec<f64> = (1..=joints).flat_map(|body| regressor.block(6 + joint, body).unwrap()).collect();
+            information.add_rows(&row, &[0.0]).unwrap();
+        }
+    }
+    BaseParameters::new(&information, &layout).unwrap().rank()
+}
+
+fn fixed_chain(joints: &[(Vector3<f64>, Pose<f64>)]) -> Multibody<f64> {
+    let link = |(i, (axis, place)): (usize, &(Vector3<f64>, Pose<f64>))| Link {
+        parent: i.checked_sub(1),
+        joint: Joint::revolute(*axis, *place).unwrap(),
+        body: guess(),
+    };
+    Multibody::try_new(guess(), joints.iter().enumerate().map(link).collect()).unwrap()
+}
+
+/// Textbook counts: six for two parallel hinges in a vertical plane, four in a horizontal one, 36 for six axes of which the
+/// first is vertical and the second and third are parallel.
+#[test]
+fn known_counts_of_base_parameters() {
+    let (y, z) = (Vector3::y(), Vector3::z());
+    let planar = fixed_chain(&[(z, Pose::identity()), (z, Pose::translation(0.4, 0.0, 0.0))]);
+    assert_eq!(base_parameters_of_fixed(&planar, &Vector3::new(0.0, -9.81, 0.0)), 6);
+    assert_eq!(base_parameters_of_fixed(&planar, &Vector3::new(0.0, 0.0, -9.81)), 4);
+    let turned = |x: f64, y: f64, z: f64| Pose::new(Vector3::new(x, y, z), Vector3::y() * std::f64::consts::FRAC_PI_2);
+    let six = fixed_chain(&[
+        (z, Pose::translation(0.0, 0.0, 0.181)),
+        (y, turned(0.0, 0.176, 0.0)),
+        (y, Pose::translation(0.0, -0.137, 0.613)),
+        (y, turned(0.0, 0.0, 0.571)),
+        (z, Pose::translation(0.0, 0.135, 0.0)),
+        (y, Pose::translation(0.0, 0.0, 0.12)),
+    ]);
+    assert_eq!(base_parameters_of_fixed(&six, &Vector3::new(0.0, 0.0, -9.81)), 36);
 }
 
 #[test]

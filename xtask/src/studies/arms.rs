@@ -1,0 +1,209 @@
+//! `study arms`: a payload on the arm of a free-floating robot from momentum alone, and what integrators keep.
+
+use nalgebra::{Matrix3, Translation, Vector3, Vector6};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use tumble_astrobee::arm::ArmModel;
+use tumble_dynamics::{
+    Fixed, FreeInput, FreeMultibody, GroupState, InertialParameters, Integrator, Multibody, MuntheKaas4, RungeKutta4,
+    Variational,
+};
+use tumble_identification::multibody::{MomentumForm, TreeEstimator, TreePart, TreeRecord, TreeSample, VelocityNoise};
+use tumble_identification::statistics::coverage_band;
+use tumble_lie::{Pose, Product, Stacked, Twist, Wrench};
+
+use crate::Failure;
+use crate::arguments::Arguments;
+use crate::bench::uniform;
+use crate::targets::Report;
+
+/// Noise of the issue: 1e-3 rad/s; a velocity good to a millimetre a second, joints to a tenth of the gyroscope.
+const NOISE: VelocityNoise = VelocityNoise { base_rate_rad_s: 1e-3, base_velocity_m_s: 1e-3, joint_rate: 1e-4 };
+const SECONDS: f64 = 120.0;
+const STEP_S: f64 = 0.008;
+/// Of the steps of the motion one in this many is logged: 62.5 Hz.
+const EVERY: usize = 2;
+/// Two-sided 95 % of a normal variable.
+const NARROW: f64 = 1.959_96;
+
+fn failed(error: impl std::fmt::Display) -> Failure {
+    Failure::BadInput(error.to_string())
+}
+
+fn payload() -> InertialParameters<f64> {
+    let inertia = Matrix3::new(0.020, 0.002, -0.001, 0.002, 0.030, 0.0015, -0.001, 0.0015, 0.025);
+    InertialParameters::about_com(2.0, Vector3::new(-0.12, 0.03, 0.05), inertia)
+}
+
+/// Positions and rates of the two joints: within the perching arm's 0.12 rad/s.
+fn joints(time_s: f64) -> ([f64; 2], [f64; 2]) {
+    let swing = |amplitude: f64, rate: f64, phase: f64| {
+        let angle = rate * time_s + phase;
+        (amplitude * angle.sin(), amplitude * rate * angle.cos())
+    };
+    let sum = |(a, b): (f64, f64), (c, d): (f64, f64)| (a + c, b + d);
+    let first = sum(swing(0.70, 0.11, 0.0), swing(0.10, 0.37, 0.6));
+    let second = sum(swing(0.60, 0.13, 1.1), swing(0.10, 0.41, 0.2));
+    ([first.0, second.0], [first.1, second.1])
+}
+
+/// The base of a free-floating tree follows from its momentum; second-order steps on the group.
+fn float(tree: &Multibody<f64>, momentum: &Wrench<f64>) -> Result<Vec<TreeSample>, Failure> {
+    let twist = |pose: &Pose<f64>, time_s: f64| -> Result<Twist<f64>, Failure> {
+        let (positions, rates) = joints(time_s);
+        let momentum_base = momentum.transformed_by(&pose.inverse());
+        tree.floating_base_twist(&positions, &rates, &momentum_base).map_err(failed)
+    };
+    let moved = |pose: &Pose<f64>, twist: &Twist<f64>, step_s: f64| -> Pose<f64> {
+        tumble_lie::Manifold::oplus(pose, &(twist.to_vector() * step_s))
+    };
+    let mut pose = Pose::identity();
+    let mut samples = Vec::new();
+    for step in 0..=(SECONDS / STEP_S) as usize {
+        let time_s = step as f64 * STEP_S;
+        let now = twist(&pose, time_s)?;
+        if step % EVERY == 0 {
+            let (positions, rates) = joints(time_s);
+            samples.push(TreeSample {
+                time_s,
+                world_from_base: pose,
+                base_twist: now,
+                positions: positions.to_vec(),
+                rates: rates.to_vec(),
+                accelerations: None,
+                motors: None,
+                base_wrench: None,
+            });
+        }
+        let half = moved(&pose, &now, 0.5 * STEP_S);
+        pose = moved(&pose, &twist(&half, time_s + 0.5 * STEP_S)?, STEP_S);
+    }
+    Ok(samples)
+}
+
+fn gaussian(generator: &mut ChaCha8Rng) -> f64 {
+    let radius = (-2.0 * (0.5 * (1.0 - uniform(generator))).max(f64::MIN_POSITIVE).ln()).sqrt();
+    radius * (std::f64::consts::PI * uniform(generator)).cos()
+}
+
+fn noisy(clean: &[TreeSample], seed: u64) -> Vec<TreeSample> {
+    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    let mut disturbed = clean.to_vec();
+    for sample in &mut disturbed {
+        let mut draw = |sigma: f64| Vector3::from_fn(|_, _| sigma * gaussian(&mut generator));
+        let (gyro, velocity) = (draw(NOISE.base_rate_rad_s), draw(NOISE.base_velocity_m_s));
+        sample.base_twist = sample.base_twist + Twist::new(gyro, velocity);
+        sample.rates.iter_mut().for_each(|rate| *rate += NOISE.joint_rate * gaussian(&mut generator));
+    }
+    disturbed
+}
+
+/// The figures of one body that the claim is about.
+fn figures(body: &InertialParameters<f64>) -> [f64; 7] {
+    let (c, j) = (body.center_of_mass(), body.inertia_about_com());
+    [body.mass, c.x, c.y, c.z, j.m11, j.m22, j.m33]
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let seeds = arguments.number("--runs")?.unwrap_or(100);
+    let steps = arguments.number("--steps")?.unwrap_or(100_000);
+    let mut report = Report::default();
+    grasped_payload(seeds, &mut report)?;
+    kept_momentum(steps, &mut report)?;
+    report.finish()
+}
+
+fn grasped_payload(seeds: usize, report: &mut Report) -> Result<(), Failure> {
+    let arm = ArmModel::find("astrobee-arm").map_err(failed)?;
+    let tool = arm.tool.clone().ok_or_else(|| failed("the arm has no tool"))?;
+    let guess = InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::identity() * 0.01);
+    let part = TreePart::payload("payload", tool.body, tool.body_from_frame, guess);
+    let on_body = arm.tree.body(tool.body).ok_or_else(|| failed("the tool sits on no body"))?;
+    let carrying = arm.tree.clone().with_body(tool.body, *on_body + payload().transformed_by(&tool.body_from_frame));
+    let slow_tumble = Wrench::new(Vector3::new(0.02, -0.015, 0.02), Vector3::new(0.2, -0.1, 0.15));
+    for (name, momentum) in [("from rest", Wrench::zero()), ("tumbling slowly", slow_tumble)] {
+        let estimator = TreeEstimator {
+            tree: arm.tree.clone(),
+            parts: vec![part.clone()],
+            momentum: Some(MomentumForm { noise: NOISE, known: Some(momentum) }),
+            torque: None,
+            dependence_s: 0.0,
+        };
+        let clean = float(&carrying, &momentum)?;
+        let truth = figures(&payload());
+        // a figure is judged against its own size; a lever and a moment against the largest of the three
+        let sizes = [2.0, 0.12, 0.12, 0.12, 0.03, 0.03, 0.03];
+        let (mut worst, mut covered) = ([0.0_f64; 7], [0_usize; 7]);
+        for seed in 0..seeds {
+            let records = [TreeRecord { samples: noisy(&clean, seed as u64), grasped: true }];
+            let estimate = estimator.identify(&records).map_err(failed)?;
+            let body = estimate.body(0).ok_or_else(|| failed("no payload"))?;
+            let std = estimate.body_std(0).map_err(failed)?.ok_or_else(|| failed("the payload is not determined"))?;
+            let (c, j) = (std.center_of_mass_m, std.inertia_about_com_kg_m2);
+            let std = [std.mass_kg, c.x, c.y, c.z, j.m11, j.m22, j.m33];
+            for (k, found) in figures(&body).iter().enumerate() {
+                let error = (found - truth[k]).abs();
+                worst[k] = worst[k].max(error / sizes[k]);
+                covered[k] += usize::from(error <= NARROW * std[k]);
+            }
+        }
+        report.table.push(format!("{name}: largest error of {seeds} runs, per cent: {:.3?}", worst.map(|e| 100.0 * e)));
+        report.at_most(
+            &format!("{name}: largest relative error of mass, CoM, inertia"),
+            worst.iter().fold(0.0, |a, b| a.max(*b)),
+            0.02,
+        );
+        let shares = covered.map(|covered| covered as f64 / seeds as f64);
+        let band = coverage_band(0.95, seeds, 0.999);
+        let found = format!("mass, CoM, inertia: {shares:.2?}, band {:.3} to {:.3}", band.low, band.high);
+        report.target(format!("{name}: 95 % intervals cover"), shares.iter().all(|share| band.contains(*share)), found);
+    }
+    Ok(())
+}
+
+/// The embedded arm with its two joints in the type.
+fn two_joints() -> Result<Multibody<f64, Fixed<2>>, Failure> {
+    let arm = ArmModel::find("astrobee-arm").map_err(failed)?;
+    let links = arm.tree.links().to_vec().try_into().map_err(|_| failed("the arm has not two joints"))?;
+    Multibody::try_new(*arm.tree.base(), links).map_err(failed)
+}
+
+fn kept_momentum(steps: usize, report: &mut Report) -> Result<(), Failure> {
+    let system = FreeMultibody { tree: two_joints()?, gravity_world: Vector3::zeros() };
+    let variational = drift(&Variational, &system, steps)?;
+    report.at_most(&format!("variational, {steps} steps of 10 ms: relative change of momentum"), variational, 1e-10);
+    for (name, found) in [
+        ("Runge-Kutta 4", drift(&RungeKutta4, &system, steps)?),
+        ("Munthe-Kaas 4", drift(&MuntheKaas4, &system, steps)?),
+    ] {
+        report.table.push(format!("{name}, {steps} steps of 10 ms: relative change of momentum {found:.2e}"));
+    }
+    Ok(())
+}
+
+fn drift<I: Integrator<FreeMultibody<f64, 2>>>(
+    integrator: &I,
+    system: &FreeMultibody<f64, 2>,
+    steps: usize,
+) -> Result<f64, Failure> {
+    let velocity =
+        Stacked::new(Vector6::new(0.05, -0.03, 0.04, 0.02, -0.01, 0.015), nalgebra::Vector2::new(0.10, -0.08));
+    let mut state =
+        GroupState { configuration: Product::new(Pose::identity(), Translation::from([0.3, -0.2])), velocity };
+    let still = FreeInput { first: Vector6::zeros(), second: nalgebra::Vector2::zeros() };
+    let momentum = |state: &GroupState<Product<Pose<f64>, Translation<f64, 2>>>| {
+        let (pose, joints) = (&state.configuration.first, &state.configuration.second.vector);
+        let twist = Twist::from(state.velocity.first);
+        let spatial = system.tree.spatial_momentum(pose, &twist, joints.as_slice(), state.velocity.second.as_slice());
+        spatial.map(|momentum| momentum.to_vector()).map_err(failed)
+    };
+    let start = momentum(&state)?;
+    let mut worst = 0.0_f64;
+    for step in 1..=steps {
+        state = integrator.step(system, &state, &still, 0.0, 0.01).map_err(failed)?;
+        if step % 100 == 0 || step == steps {
+            worst = worst.max((momentum(&state)? - start).norm() / start.norm());
+        }
+    }
+    Ok(worst)
+}
