@@ -1,5 +1,12 @@
 //! Arms from TOML and URDF: trees that are what the files say, errors that name the place.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::float_cmp)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::float_cmp,
+    clippy::format_push_string,
+    clippy::approx_constant
+)]
 
 use proptest::prelude::*;
 use std::path::Path;

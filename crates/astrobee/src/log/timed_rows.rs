@@ -49,9 +49,12 @@ struct Stamped<X> {
     sample: X,
 }
 
+/// Where late rows wait for their turn.
+type Places<X> = Vec<Option<Held<Stamped<X>>>>;
+
 /// Late rows put in order, repeats of a time dropped.
 struct Reorder<X> {
-    ordering: TimeOrdering<Stamped<X>, Vec<Option<Held<Stamped<X>>>>>,
+    ordering: TimeOrdering<Stamped<X>, Places<X>>,
     repeated: usize,
 }
 
