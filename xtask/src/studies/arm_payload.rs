@@ -33,8 +33,25 @@ const DEPENDENCE_S: f64 = 1.0;
 
 fn samples(path: &Path) -> Result<Vec<TreeSample>, Failure> {
     let names = [
-        "t_s", "q1", "q2", "q3", "q4", "q5", "q6", "qd1", "qd2", "qd3", "qd4", "qd5", "qd6", "i1", "i2", "i3", "i4",
-        "i5", "i6",
+        "t_s",
+        "q1_rad",
+        "q2_rad",
+        "q3_rad",
+        "q4_rad",
+        "q5_rad",
+        "q6_rad",
+        "qd1_rad_s",
+        "qd2_rad_s",
+        "qd3_rad_s",
+        "qd4_rad_s",
+        "qd5_rad_s",
+        "qd6_rad_s",
+        "i1_A",
+        "i2_A",
+        "i3_A",
+        "i4_A",
+        "i5_A",
+        "i6_A",
     ];
     let rows = columns(path, &names)?;
     let list = |column: usize| rows.iter().map(|row| row[column]).collect::<Vec<f64>>();

@@ -42,10 +42,13 @@ where
         let momentum = momentum_of(system, &from, &velocity) + force * half_step_s;
         let to = solve_start_equation(system, &from, &momentum, &(velocity * step_s), step_s)?;
 
+        // What rounding left of the start equation is carried on, or momentum would walk away step by step.
+        let left = start_momentum(system, &from, &to, step_s) - momentum;
+        let carried = to.between(&from).coadjoint() * left;
         let unforced = VelocityOf::<S, f64>::from_fn(|i| {
             let to = perturbed::<S, _>(&to, i, Dual64::new(0.0, 1.0));
             system.discrete_lagrangian(&S::lift(&from), &to, real(step_s)).eps
-        });
+        }) - carried;
         // The force at the end may depend on the velocity there.
         let mut velocity = velocity_of(system, &to, &unforced, &velocity, step_s)?;
         let mut rest = Rest::new();
@@ -125,6 +128,19 @@ fn velocity_of<S: DiscreteLagrangian>(
     Err(not_converged(step_s, rest.last_change()))
 }
 
+/// `-D1 L_d(from, to)`
+fn start_momentum<S: DiscreteLagrangian>(
+    system: &S,
+    from: &GroupOf<S, f64>,
+    to: &GroupOf<S, f64>,
+    step_s: f64,
+) -> VelocityOf<S, f64> {
+    VelocityOf::<S, f64>::from_fn(|i| {
+        let from = perturbed::<S, _>(from, i, Dual64::new(0.0, 1.0));
+        -system.discrete_lagrangian(&from, &S::lift(to), real(step_s)).eps
+    })
+}
+
 /// The configuration with `-D1 L_d(from, to) = momentum`.
 fn solve_start_equation<S: DiscreteLagrangian>(
     system: &S,
@@ -137,10 +153,7 @@ fn solve_start_equation<S: DiscreteLagrangian>(
     let mut to = from.compose(&LieGroup::exp(&increment));
     let mut rest = Rest::new();
     for _ in 0..MAX_ITERATIONS {
-        let residual = VelocityOf::<S, f64>::from_fn(|i| {
-            let from = perturbed::<S, _>(from, i, Dual64::new(0.0, 1.0));
-            -system.discrete_lagrangian(&from, &S::lift(&to), real(step_s)).eps
-        }) - *momentum;
+        let residual = start_momentum(system, from, &to, step_s) - *momentum;
         let update = newton_update(&residual, |i, j| {
             let (from, to) = (perturbed::<S, _>(from, i, FIRST), perturbed::<S, _>(&to, j, SECOND));
             -system.discrete_lagrangian(&from, &to, real(step_s)).eps1eps2

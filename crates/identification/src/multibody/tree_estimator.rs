@@ -20,6 +20,9 @@ const MAX_PASSES: usize = 40;
 /// A pass that changes the fit by less than this share of a standard deviation is the last.
 const SETTLED: f64 = 1e-3;
 
+/// Proven distance from the best consistent bodies, in units of half a chi-square: far below what noise does.
+const NEGLIGIBLE_GAP: f64 = 1e-3;
+
 /// One run of a log, and whether the payloads were grasped in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TreeRecord {
@@ -219,7 +222,7 @@ impl TreeEstimator {
                 tolerance: SETTLED,
             });
         }
-        let links = ConsistentLinks::new(&base, &prior)?.solve()?;
+        let links = ConsistentLinks::new(&base, &prior)?.with_gap_tolerance(NEGLIGIBLE_GAP).solve()?;
         let determined_covariance = self.covariance(&known, &layout, records, &unknowns, &motor_std, &base)?;
         let rows = base.rows();
         Ok(TreeEstimate { base, links, motor_std, passes, rows, determined_covariance })
@@ -342,6 +345,8 @@ impl TreeEstimator {
         }
         for (k, part) in self.parts.iter().enumerate() {
             if let Some((mass_kg, std_kg)) = part.weighed_kg {
+                // rows that are not whitened would outvote any deviation: the mass is then held
+                let std_kg = if self.is_plain() { 1e-6 * mass_kg } else { std_kg };
                 add(layout.body_column(k), mass_kg, std_kg)?;
             }
         }
