@@ -5,6 +5,7 @@
 pub mod forces;
 pub mod inertia;
 pub mod integration;
+pub mod multibody;
 
 pub use forces::{
     check_actuation, check_drag, check_gravity, check_inverse_dynamics, check_system, check_wrench_model,
@@ -15,4 +16,5 @@ pub use integration::{
     ModelSample, StepSample, check_energy, check_equivariance, check_momentum_map, check_order, check_parametric_model,
     check_reversible, check_stays_on_group, check_symplectic, check_symplectic_lagrangian, check_units, step_samples,
 };
+pub use multibody::{TreeMotion, TreeOperations, check_multibody};
 pub use tumble_lie::laws::{LawViolation, require};

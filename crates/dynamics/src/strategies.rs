@@ -1,6 +1,9 @@
 //! Random bodies, poses, states and wrenches for property tests (feature `testing`).
 
+use crate::free_flyer::BodyAcceleration;
 use crate::inertia::InertialParameters;
+use crate::laws::TreeMotion;
+use crate::multibody::{Fixed, Joint, Link, Multibody};
 use crate::state::RigidBodyState;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -121,4 +124,52 @@ pub fn judged_bodies() -> impl Strategy<Value = JudgedBody> + Clone {
 /// Clouds of one to `largest` point masses within a metre.
 pub fn clouds(largest: usize) -> impl Strategy<Value = Vec<(f64, Vector3<f64>)>> + Clone {
     proptest::collection::vec((0.01..2.0, vectors(1.0)), 1..=largest)
+}
+
+/// A joint of either kind with any axis and placement, often with spring, damper and rotor.
+fn joints() -> impl Strategy<Value = Joint<f64>> + Clone {
+    let passive = (any::<bool>(), 0.0..2.0, -1.0..1.0, 0.0..0.5, 0.0..0.2);
+    (any::<bool>(), rotations(), poses(0.6), passive).prop_filter_map("an axis", |(turns, rotation, place, passive)| {
+        let axis = rotation * Vector3::x();
+        let joint = if turns { Joint::revolute(axis, place) } else { Joint::prismatic(axis, place) };
+        let (sprung, stiffness, rest, damping, rotor_inertia) = passive;
+        joint.ok().map(|joint| {
+            if sprung { joint.with_spring(stiffness, rest, damping).with_rotor(rotor_inertia) } else { joint }
+        })
+    })
+}
+
+/// Chains and branched trees of `J` links with bodies that exist.
+pub fn trees<const J: usize>() -> impl Strategy<Value = Multibody<f64, Fixed<J>>> + Clone {
+    let link = (joints(), bodies(), 0.0..1.0_f64);
+    (bodies(), proptest::collection::vec(link, J)).prop_filter_map("parents first", |(base, links)| {
+        let link = |i: usize| {
+            let (joint, body, place) = links[i];
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below J")]
+            let parent = ((1.5 * place).min(0.999) * i as f64 + 1.0) as usize;
+            // rather the last link than an earlier one, and sometimes the base
+            let parent = if place < 0.1 { None } else { parent.min(i).checked_sub(1) };
+            Link { parent, joint, body }
+        };
+        Multibody::try_new(base, core::array::from_fn(link)).ok()
+    })
+}
+
+/// Motions of a tree of `J` joints.
+pub fn tree_motions<const J: usize>() -> impl Strategy<Value = TreeMotion<J>> + Clone {
+    let lists = proptest::collection::vec(-1.5..1.5_f64, 3 * J);
+    (poses(2.0), twists(1.0, 1.0), twists(2.0, 2.0), lists, vectors(0.5)).prop_map(
+        |(world_from_base, base_twist, acceleration, lists, tool_body)| TreeMotion {
+            world_from_base,
+            base_twist,
+            base_acceleration: BodyAcceleration {
+                angular_acceleration_body: acceleration.angular,
+                acceleration_origin_body: acceleration.linear,
+            },
+            positions: core::array::from_fn(|i| lists[i]),
+            rates: core::array::from_fn(|i| lists[J + i]),
+            accelerations: core::array::from_fn(|i| lists[2 * J + i]),
+            tool_body,
+        },
+    )
 }

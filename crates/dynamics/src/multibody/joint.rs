@@ -91,6 +91,12 @@ impl<T: Scalar> Joint<T> {
         Self { stiffness, rest_position, damping, ..self }
     }
 
+    /// The same joint with a rotor that turns with it only.
+    #[must_use]
+    pub fn with_rotor(self, rotor_inertia: T) -> Self {
+        Self { rotor_inertia, ..self }
+    }
+
     /// Hinge or slide.
     pub fn kind(&self) -> JointAxis {
         self.kind
