@@ -96,6 +96,20 @@ fn gains(estimate: &TreeEstimate) -> [(f64, f64); JOINTS] {
     })
 }
 
+/// The same by least squares alone, before bodies are made to exist.
+fn unconstrained_gains(estimate: &TreeEstimate) -> [(f64, f64); JOINTS] {
+    let layout = estimate.base.layout();
+    let with_std = gains(estimate);
+    std::array::from_fn(|joint| {
+        let name = format!("drive gain of joint {}", joint + 1);
+        let index = layout.nuisances().iter().position(|nuisance| nuisance.name == name);
+        let column = index.map(|index| layout.nuisance_column(index));
+        let functional: Vec<f64> = (0..layout.unknowns()).map(|k| f64::from(u8::from(Some(k) == column))).collect();
+        let value = estimate.base.linear_value(&functional).ok().flatten().map_or(f64::NAN, |value| value.value);
+        (value, with_std[joint].1)
+    })
+}
+
 fn payload(estimate: &TreeEstimate) -> (f64, f64) {
     let mass = estimate.body(JOINTS).map_or(f64::NAN, |body| body.mass);
     let std = estimate.body_std(JOINTS).ok().flatten().map_or(f64::NAN, |std| std.mass_kg);
@@ -130,7 +144,7 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
     // the source's direction: measured currents as regressors
     let plain =
         identify(&estimator(&arm, unknown_gains(), GainRegression::CurrentAsRegressor, true), &unloaded, &loaded)?;
-    let plain_gains = gains(&plain);
+    let plain_gains = unconstrained_gains(&plain);
     for (joint, gain) in plain_gains.iter().enumerate().skip(1) {
         print(&format!("gain {}, current as regressor, N m/A", joint + 1), *gain, Some(SOURCE[joint]));
         let error = gain.0 / SOURCE[joint] - 1.0;

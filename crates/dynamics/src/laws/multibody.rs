@@ -51,11 +51,11 @@ impl<const J: usize> TreeMotion<J> {
 
 /// The operations under test; the default is this crate's, replace those that are yours.
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::type_complexity, reason = "the signatures of the operations")]
 pub struct TreeOperations<const J: usize> {
     /// Forces that give a motion.
     pub inverse_dynamics: fn(&Tree<J>, &GeneralizedMotion<'_, f64>) -> Outcome<GeneralizedForce<f64, Fixed<J>>>,
     /// The motion that forces give: twist of the base, positions, rates, forces.
-    #[allow(clippy::type_complexity, reason = "the signature of the operation")]
     pub forward_dynamics: fn(
         &Tree<J>,
         &Twist<f64>,
@@ -72,7 +72,6 @@ pub struct TreeOperations<const J: usize> {
     /// The regressor of the inverse dynamics.
     pub torque_regressor: fn(&Tree<J>, &GeneralizedMotion<'_, f64>) -> Outcome<TorqueRegressor<f64, Fixed<J>>>,
     /// The regressor of the momentum.
-    #[allow(clippy::type_complexity, reason = "the signature of the operation")]
     pub momentum_regressor:
         fn(&Tree<J>, &Pose<f64>, &Twist<f64>, &[f64], &[f64]) -> Outcome<MomentumRegressor<f64, Fixed<J>>>,
     /// Twist of a floating base with this momentum about its origin: positions, rates, momentum.

@@ -49,8 +49,7 @@ impl JointTrack {
         }
         let step_s = (last - first) / (count - 1) as f64;
         let even = |list: &Vec<f64>| self.evenly(list, step_s);
-        let weights = [0, 1, 2].map(|derivative| {
-            let scale = step_s.powi(derivative as i32);
+        let weights = [(0, 1.0), (1, step_s), (2, step_s * step_s)].map(|(derivative, scale)| {
             smoothing.weights(derivative, 0.0).iter().map(|w| w / scale).collect::<Vec<f64>>()
         });
         let fitted = |list: &[f64], derivative: usize| -> Vec<f64> {

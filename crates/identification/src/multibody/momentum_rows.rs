@@ -55,9 +55,8 @@ fn momentum_jacobian(
 /// about the origin of `world_from_base`.
 pub(super) fn momentum_rows(
     estimate: &Multibody<f64>,
-    parts: &[TreePart],
+    (parts, numbers): (&[TreePart], &[f64]),
     grasped: bool,
-    numbers: &[f64],
     sample: &TreeSample,
     world_from_base: &Pose<f64>,
     noise: &VelocityNoise,

@@ -486,15 +486,14 @@ impl TreeEstimator {
         let mut previous: Option<&TreeSample> = None;
         for sample in &record.samples {
             if let Some(before) = previous {
-                impulse += self.impulse_between(before, sample, &near);
+                impulse += impulse_between(before, sample, &near);
             }
             previous = Some(sample);
             let near_from_base = near * sample.world_from_base;
             let found = momentum_rows(
                 &estimate,
-                &self.parts,
+                (&self.parts, numbers.as_slice()),
                 record.grasped,
-                numbers.as_slice(),
                 sample,
                 &near_from_base,
                 &form.noise,
@@ -511,13 +510,6 @@ impl TreeEstimator {
             visit(Rows { time_s: sample.time_s, coefficients, rhs, residual, joints: vec![None; 6] })?;
         }
         Ok(())
-    }
-
-    /// What acts on the tree between two samples, about the inertial origin of `near`: the held wrench, at the middle pose.
-    fn impulse_between(&self, before: &TreeSample, sample: &TreeSample, near: &Pose<f64>) -> Wrench<f64> {
-        let step_s = sample.time_s - before.time_s;
-        let middle = before.world_from_base.interpolate(&sample.world_from_base, 0.5);
-        before.base_wrench.map_or(Wrench::zero(), |wrench| wrench.transformed_by(&(near * middle)) * step_s)
     }
 
     /// Covariance of the determined directions in like units: the sandwich over stretches of dependent errors.
@@ -565,4 +557,11 @@ impl TreeEstimator {
         let bread = DMatrix::from_diagonal(&inverse.component_mul(&inverse));
         Ok(&bread * middle * bread * correction)
     }
+}
+
+/// What acts on the tree between two samples, about the inertial origin of `near`: the held wrench, at the middle pose.
+fn impulse_between(before: &TreeSample, sample: &TreeSample, near: &Pose<f64>) -> Wrench<f64> {
+    let step_s = sample.time_s - before.time_s;
+    let middle = before.world_from_base.interpolate(&sample.world_from_base, 0.5);
+    before.base_wrench.map_or(Wrench::zero(), |wrench| wrench.transformed_by(&(near * middle)) * step_s)
 }

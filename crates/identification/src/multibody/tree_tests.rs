@@ -44,6 +44,7 @@ fn tree() -> Multibody<f64> {
 }
 
 /// Joint motions given; the base follows from momentum, by small steps of the velocity.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of steps")]
 fn float(tree: &Multibody<f64>, momentum: &Wrench<f64>, seconds: f64, step_s: f64, every: usize) -> Vec<TreeSample> {
     let joints = |t: f64| {
         let p =
@@ -60,7 +61,7 @@ fn float(tree: &Multibody<f64>, momentum: &Wrench<f64>, seconds: f64, step_s: f6
     };
     let mut pose = Pose::identity();
     let mut samples = Vec::new();
-    let count = (seconds / step_s) as usize;
+    let count = (seconds / step_s).round() as usize;
     for k in 0..=count {
         let t = k as f64 * step_s;
         if k % every == 0 {
@@ -78,7 +79,7 @@ fn float(tree: &Multibody<f64>, momentum: &Wrench<f64>, seconds: f64, step_s: f6
         }
         // midpoint rule on the group
         let half = pose * Pose::exp(&(twist(&pose, t).to_vector() * (0.5 * step_s)));
-        pose = pose * Pose::exp(&(twist(&half, t + 0.5 * step_s).to_vector() * step_s));
+        pose *= Pose::exp(&(twist(&half, t + 0.5 * step_s).to_vector() * step_s));
     }
     samples
 }
@@ -95,7 +96,7 @@ fn noisy(clean: &[TreeSample], seed: u64) -> Vec<TreeSample> {
     let disturbed = |sample: &TreeSample| {
         let mut sample = sample.clone();
         let twist = Twist::new(Vector3::from_fn(|_, _| noise()), Vector3::from_fn(|_, _| noise()));
-        sample.base_twist = sample.base_twist + twist;
+        sample.base_twist += twist;
         sample.rates.iter_mut().for_each(|rate| *rate += noise());
         sample
     };
@@ -152,7 +153,7 @@ fn noise_in_the_regressor_does_not_bias_the_answer() {
     let mut generator = ChaCha8Rng::seed_from_u64(5);
     for sample in &mut loud {
         let noise = |g: &mut ChaCha8Rng| Vector3::from_fn(|_, _| 0.05 * gaussian(g));
-        sample.base_twist = sample.base_twist + Twist::new(noise(&mut generator), Vector3::zeros());
+        sample.base_twist += Twist::new(noise(&mut generator), Vector3::zeros());
     }
     let mut estimator = estimator(vec![grasped()], Some(momentum()));
     estimator.momentum = Some(MomentumForm {
