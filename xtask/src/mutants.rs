@@ -2629,6 +2629,62 @@ const MUTANTS: &[Mutant] = &[
         replacement: "rotation * self.base_velocity_world?",
         test: "-p tumble-astrobee --test joint_log",
     },
+    Mutant {
+        name: "trees: lever of the base turned round",
+        file: "crates/dynamics/src/multibody/kinematics.rs",
+        original: "copy_from(&-skew(&point))",
+        replacement: "copy_from(&skew(&point))",
+        test: "-p tumble-dynamics --lib golden",
+    },
+    Mutant {
+        name: "trees: no Coriolis acceleration of a slide",
+        file: "crates/dynamics/src/multibody/inverse_dynamics.rs",
+        original: "carried_rate.cross(&(along + along))",
+        replacement: "carried_rate.cross(&along)",
+        test: "-p tumble-dynamics --features testing --test multibody every_tree",
+    },
+    Mutant {
+        name: "trees: force of a link not carried to its parent's origin",
+        file: "crates/dynamics/src/multibody/inverse_dynamics.rs",
+        original: "rotation * wrench.torque + offset.cross(&force)",
+        replacement: "rotation * wrench.torque",
+        test: "-p tumble-dynamics --lib golden",
+    },
+    Mutant {
+        name: "trees: rotor left out of forward dynamics",
+        file: "crates/dynamics/src/multibody/forward_dynamics.rs",
+        original: "inverse: T::one() / (own + link.joint.rotor_inertia)",
+        replacement: "inverse: T::one() / own",
+        test: "-p tumble-dynamics --features testing --test multibody every_tree",
+    },
+    Mutant {
+        name: "trees: bias of a joint's surplus lost",
+        file: "crates/dynamics/src/multibody/forward_dynamics.rs",
+        original: "surplus: force - bias",
+        replacement: "surplus: force",
+        test: "-p tumble-dynamics --lib golden",
+    },
+    Mutant {
+        name: "trees: parallel axes halved",
+        file: "crates/dynamics/src/multibody/mass_matrix.rs",
+        original: "half.dot(p) * real(2.0)",
+        replacement: "half.dot(p)",
+        test: "-p tumble-dynamics --lib golden",
+    },
+    Mutant {
+        name: "trees: products of inertia swapped in the regressor",
+        file: "crates/dynamics/src/multibody/regressor.rs",
+        original: "        Vector3::new(w.y, w.x, o),\n        Vector3::new(w.z, o, w.x),",
+        replacement: "        Vector3::new(w.z, o, w.x),\n        Vector3::new(w.y, w.x, o),",
+        test: "-p tumble-dynamics --lib golden",
+    },
+    Mutant {
+        name: "trees: noise of the regressor ignored",
+        file: "crates/identification/src/multibody/momentum_rows.rs",
+        original: "let fitted = velocity - correction;",
+        replacement: "let fitted = velocity;",
+        test: "-p tumble-identification --lib noise_in_the_regressor",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

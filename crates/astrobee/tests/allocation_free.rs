@@ -20,8 +20,8 @@ use tumble_astrobee::propulsion::{
 };
 use tumble_astrobee::scenario::{ControllerName, ScenarioSource};
 use tumble_astrobee::sensing::{Confidence, Jump, Localization, LocalizationEstimate, SensingPreset, TrueMotion};
-use tumble_dynamics::strategies::{draws, poses, wrenches};
-use tumble_dynamics::{Actuation as _, RigidBodyState};
+use tumble_dynamics::strategies::{draws, poses, tree_motions, trees, wrenches};
+use tumble_dynamics::{Actuation as _, Fixed, Multibody, RigidBodyState};
 use tumble_lie::Twist;
 
 const CALLS: usize = 100_000;
@@ -59,6 +59,22 @@ fn allocations<T>(mut call: impl FnMut(usize) -> T) -> usize {
 #[test]
 fn the_counter_counts() {
     assert_eq!(allocations(|i| vec![i]), CALLS);
+}
+
+#[test]
+fn trees_of_rigid_bodies() {
+    let motions = draws(&tree_motions::<7>(), 1, INPUTS);
+    let trees: Vec<Multibody<f64, Fixed<7>>> = draws(&trees::<7>(), 2, INPUTS);
+    let inverse = |i: usize| trees[i].inverse_dynamics(&motions[i].generalized());
+    assert_eq!(allocations(inverse), 0);
+    let force = inverse(0).unwrap();
+    let forward = |i: usize| {
+        let motion = &motions[i];
+        trees[i].forward_dynamics(&motion.base_twist, &motion.positions, &motion.rates, &force)
+    };
+    assert_eq!(allocations(forward), 0);
+    assert_eq!(allocations(|i| trees[i].mass_matrix(&motions[i].positions)), 0);
+    assert_eq!(allocations(|i| trees[i].torque_regressor(&motions[i].generalized())), 0);
 }
 
 #[test]
