@@ -12,6 +12,7 @@ pub mod excite;
 pub mod fly;
 mod fly_table;
 pub mod identify;
+mod identify_arm;
 mod identify_periodic;
 pub mod plan;
 mod plan_blockers;

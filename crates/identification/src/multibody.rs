@@ -27,7 +27,7 @@ mod words;
 
 pub use base_parameters::{BaseParameters, LinearValue};
 pub use consistent_links::{ConsistentLinks, LinkPrior, LinksEstimate, Origin};
-pub use joint_track::JointTrack;
+pub use joint_track::{JointTrack, with_accelerations};
 pub use layout::{LinkNuisance, ParameterLayout, UnknownBody};
 pub use link_information::LinkInformation;
 pub use momentum_rows::VelocityNoise;

@@ -1,5 +1,6 @@
 //! `tumble identify`: from a log to mass, centre of mass and inertia.
 
+use super::identify_arm::{ArmOptions, Files};
 use super::identify_periodic::{self, Motion};
 use super::{Outcome, print};
 use crate::log::{SampleReader, TEMPLATE, seconds};
@@ -100,6 +101,8 @@ pub struct IdentifyArgs {
     /// Mass of the thrown object, kg; needed to take the device's share from the inertia.
     #[arg(long, value_name = "KG")]
     mass: Option<f64>,
+    #[command(flatten)]
+    arm: ArmOptions,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -207,6 +210,9 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
         return Ok(Outcome::Achieved);
     }
     check_options(args)?;
+    if args.arm.is_asked() {
+        return identify_arm(args);
+    }
     if let (Some(throw), Some(calibration)) = (&args.wheel, &args.calibration) {
         return super::calibrate_wheel::identify_throw(throw, calibration, args.mass, args.json);
     }
@@ -253,6 +259,16 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
     deliver(args, &found, &context)
 }
 
+/// A log of an arm's joints.
+fn identify_arm(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
+    let Some(log) = &args.log else {
+        let message = "`--model` needs a log of the arm's joints; `tumble arm show ARM --as log-template` prints one";
+        return Err(AstrobeeError::BadOption { message: message.to_owned() });
+    };
+    let (json, force, reorder) = (args.json, args.force, args.reorder);
+    super::identify_arm::run(&args.arm, &Files { log, reorder, json, out: args.out.as_deref(), force })
+}
+
 /// Whether a log with cycles that cannot be averaged, for this reason, may still answer sample by sample.
 ///
 /// A period that does not fit the log is a wrong statement, and least squares needs the averages: these stay errors.
@@ -281,9 +297,27 @@ fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
         || args.excitation.is_some()
         || args.period.is_some()
         || args.gravity != Vector3::zeros();
+    let of_one_body = args.reference.is_some()
+        || args.prior.is_some()
+        || args.holdout.is_some()
+        || args.dry_run
+        || args.split
+        || args.robot.is_some()
+        || args.excitation.is_some()
+        || args.period.is_some()
+        || args.wheel.is_some()
+        || args.demo
+        || args.export.is_some()
+        || !args.estimate.is_empty()
+        || args.method != MethodName::Auto
+        || args.gravity != Vector3::zeros();
     let periodic = args.excitation.is_some() || args.period.is_some();
     let averages = matches!(args.method, MethodName::Fourier | MethodName::FourierLikelihood);
     let clash = [
+        (
+            args.arm.is_asked() && of_one_body,
+            "with `--model` the log is of an arm: besides its own options it takes `--reorder`, `--json`, `--out` and `--force` only (gravity is the model's)",
+        ),
         (averages && !periodic, "`--method fourier` and `fourier-likelihood` need `--excitation` or `--period`"),
         (
             periodic && args.method.harmonic().is_none(),

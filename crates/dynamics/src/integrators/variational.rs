@@ -163,7 +163,8 @@ fn solve_start_equation<S: DiscreteLagrangian>(
         let rested = rest.reached(&increment, &next);
         increment = next;
         if rested {
-            return Ok(to);
+            // Products leave the group by their rounding, and what lies off it drives itself further: the chart leads back.
+            return Ok(LieGroup::exp(&LieGroup::log(&to)));
         }
     }
     Err(not_converged(step_s, rest.last_change()))

@@ -95,3 +95,44 @@ impl JointTrack {
             .collect()
     }
 }
+
+/// Samples of a free tree with the accelerations that the torque form needs: the derivatives of `smoothing` on twist and
+/// joint rates. The ends, where no full window fits, are left out.
+///
+/// # Errors
+/// [`IdentificationError::TooFewSamples`] with less than a window; [`IdentificationError::UnequalSteps`] where a step
+/// differs from the mean one by more than 1 %.
+pub fn with_accelerations(
+    samples: &[TreeSample],
+    gravity_world: &Vector3<f64>,
+    smoothing: &SavitzkyGolay,
+) -> Result<Vec<TreeSample>, IdentificationError> {
+    let half = smoothing.half_window();
+    let (needed, count) = (2 * half + 1, samples.len());
+    let (Some(first), Some(last)) = (samples.first(), samples.last()) else {
+        return Err(IdentificationError::TooFewSamples { samples: count, needed });
+    };
+    if count < needed {
+        return Err(IdentificationError::TooFewSamples { samples: count, needed });
+    }
+    let typical_s = (last.time_s - first.time_s) / (count - 1) as f64;
+    let uneven = |pair: &[TreeSample]| ((pair[1].time_s - pair[0].time_s) / typical_s - 1.0).abs() > 0.01;
+    if let Some(before) = samples.windows(2).position(uneven) {
+        let step_s = samples[before + 1].time_s - samples[before].time_s;
+        return Err(IdentificationError::UnequalSteps { index: before + 1, step_s, typical_s });
+    }
+    let weights: Vec<f64> = smoothing.weights(1, 0.0).iter().map(|weight| weight / typical_s).collect();
+    let at_centre = |window: &[TreeSample]| {
+        let mut sample = window[half].clone();
+        let weighted = || window.iter().zip(&weights);
+        let twist_rate = weighted().fold(Twist::zero(), |sum, (sample, weight)| sum + sample.base_twist * *weight);
+        let joints = (0..sample.rates.len())
+            .map(|joint| weighted().map(|(sample, weight)| sample.rates[joint] * weight).sum())
+            .collect();
+        let mut base = BodyAcceleration::from_twist_rate_body(&sample.base_twist, &twist_rate);
+        base.acceleration_origin_body -= sample.world_from_base.rotation.inverse_transform_vector(gravity_world);
+        sample.accelerations = Some(TreeAcceleration { base, joints });
+        sample
+    };
+    Ok(samples.windows(needed).map(at_centre).collect())
+}
