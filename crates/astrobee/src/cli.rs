@@ -4,6 +4,7 @@ use crate::AstrobeeError;
 
 pub mod allocate;
 pub mod arm;
+mod arm_excite;
 pub mod calibrate_wheel;
 pub mod campaign;
 mod columns;

@@ -180,3 +180,30 @@ fn what_does_not_fit_is_refused_with_its_reason() {
     }
     std::fs::remove_dir_all(folder).unwrap();
 }
+
+#[test]
+fn a_designed_motion_keeps_the_limits_of_the_model() {
+    let folder = folder("excite");
+    let path = folder.join("motion.csv");
+    let arguments =
+        ["arm", "excite", "astrobee-arm", "--duration", "120", "--trials", "60", "--export", path.to_str().unwrap()];
+    let found = tumble(&arguments);
+    assert_eq!(found.status.code(), Some(0), "{}", String::from_utf8_lossy(&found.stderr));
+    let text = String::from_utf8(found.stdout).unwrap();
+    assert!(text.contains("base parameters shown        10"), "{text}");
+    let table = std::fs::read_to_string(&path).unwrap();
+    let mut lines = table.lines();
+    assert_eq!(lines.next().unwrap(), "t_s,q1,q2,qd1,qd2,qdd1,qdd2");
+    let mut fastest = 0.0_f64;
+    for line in lines {
+        let row: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        assert!((-2.0944..=1.57079).contains(&row[1]) && row[2].abs() <= 1.57079, "{line}");
+        fastest = fastest.max(row[3].abs()).max(row[4].abs());
+    }
+    assert!(fastest <= 0.12 && fastest > 0.11, "{fastest}");
+    assert_eq!(tumble(&arguments).status.code(), Some(2), "an existing file is kept");
+    let found = tumble(&["arm", "excite", "ur10e"]);
+    assert_eq!(found.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&found.stderr).contains("no limit of its rate"));
+    std::fs::remove_dir_all(folder).unwrap();
+}

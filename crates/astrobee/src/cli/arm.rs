@@ -1,5 +1,6 @@
 //! `tumble arm`: the arms that come with the program, and those of files.
 
+use super::arm_excite::{self, ExciteOptions};
 use super::{Outcome, print};
 use crate::AstrobeeError;
 use crate::arm::{ArmFrame, ArmModel, EMBEDDED};
@@ -27,6 +28,8 @@ enum ArmCommand {
         #[arg(long = "as", value_enum, default_value_t = Form::Table)]
         form: Form,
     },
+    /// Designs a periodic motion of the joints that shows the arm's bodies, or what it grasps.
+    Excite(ExciteOptions),
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -68,6 +71,7 @@ pub fn run(args: &ArmArgs) -> Result<Outcome, AstrobeeError> {
                 Form::LogTemplate => joint_template(&arm),
             })?;
         }
+        ArmCommand::Excite(options) => return arm_excite::run(options),
     }
     Ok(Outcome::Achieved)
 }
