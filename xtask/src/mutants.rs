@@ -2681,8 +2681,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "trees: noise of the regressor ignored",
         file: "crates/identification/src/multibody/momentum_rows.rs",
-        original: "let fitted = velocity - correction;",
-        replacement: "let fitted = velocity;",
+        original: "if at_fitted_velocity { velocity - correction }",
+        replacement: "if at_fitted_velocity { velocity }",
         test: "-p tumble-identification --lib noise_in_the_regressor",
     },
 ];

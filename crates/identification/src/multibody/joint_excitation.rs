@@ -278,7 +278,7 @@ impl JointExcitation {
                     };
                     instant.base_twist = twist(&pose, &now)?;
                     let parts = (self.parts.as_slice(), numbers.as_slice());
-                    let rows = momentum_rows(&moved, parts, true, &instant, &pose, noise, momentum)?;
+                    let rows = momentum_rows(&moved, parts, true, &instant, (&pose, noise), momentum, true)?;
                     information.add_rows(rows.regressor.transpose().as_slice(), &[0.0; 6])?;
                     let half = pose * Pose::exp(&(instant.base_twist.to_vector() * (0.5 * step_s)));
                     let middle = twist(&half, &joints(time_s + 0.5 * step_s))?;

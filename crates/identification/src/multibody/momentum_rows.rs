@@ -58,9 +58,9 @@ pub(super) fn momentum_rows(
     (parts, numbers): (&[TreePart], &[f64]),
     grasped: bool,
     sample: &TreeSample,
-    world_from_base: &Pose<f64>,
-    noise: &VelocityNoise,
+    (world_from_base, noise): (&Pose<f64>, &VelocityNoise),
     momentum: &Wrench<f64>,
+    at_fitted_velocity: bool,
 ) -> Result<MomentumRows, IdentificationError> {
     let joints = estimate.joints();
     let jacobian = momentum_jacobian(estimate, world_from_base, &sample.positions)?;
@@ -85,7 +85,7 @@ pub(super) fn momentum_rows(
     let not_excited = IdentificationError::NotExcited { rank: 0, expected: 6, smallest_singular_value: 0.0 };
     let factor = covariance.cholesky().ok_or(not_excited)?;
     let correction = spread.transpose() * DVector::from_column_slice(factor.solve(&residual).as_slice());
-    let fitted = velocity - correction;
+    let fitted = if at_fitted_velocity { velocity - correction } else { velocity };
 
     let fitted_twist = Twist::from(Vector6::from_iterator(fitted.iter().take(6).copied()));
     let fitted_rates: Vec<f64> = fitted.iter().skip(6).copied().collect();

@@ -16,9 +16,9 @@ use crate::lie::{LieGroup, Pose, Wrench};
 use nalgebra::{DMatrix, DVector, Translation3, Vector6};
 
 /// Passes over the data at most; the fitted velocities and currents settle within a few.
-const MAX_PASSES: usize = 40;
+const MAX_PASSES: usize = 100;
 /// A pass that changes the fit by less than this share of a standard deviation is the last.
-const SETTLED: f64 = 1e-3;
+const SETTLED: f64 = 1e-2;
 
 /// Proven distance from the best consistent bodies, in units of half a chi-square: far below what noise does.
 const NEGLIGIBLE_GAP: f64 = 1e-3;
@@ -148,6 +148,15 @@ impl TreeEstimate {
     }
 }
 
+/// Where the noisy factors of the unknowns come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Regressors {
+    /// As measured.
+    Measured,
+    /// From the balance at the last estimate.
+    Fitted,
+}
+
 /// Whitened rows of one instant.
 struct Rows {
     time_s: f64,
@@ -178,9 +187,11 @@ impl TreeEstimator {
         let mut passes = 0;
         let (base, settled) = loop {
             passes += 1;
-            let mut information = self.prior_information(&layout)?;
+            // Fitted velocities and currents need a fit: the first pass takes the measured ones.
+            let regressors = if passes == 1 || self.is_plain() { Regressors::Measured } else { Regressors::Fitted };
+            let mut information = self.prior_information(&layout, regressors)?;
             let mut squares = vec![(0.0, 0_usize); motor_std.len()];
-            self.each_instant(&known, &layout, records, &unknowns, &motor_std, &mut |rows| {
+            self.each_instant(&known, &layout, records, (&unknowns, regressors), &motor_std, &mut |rows| {
                 for (row, joint) in rows.joints.iter().enumerate() {
                     if let Some((sum, count)) = joint.and_then(|joint| squares.get_mut(joint)) {
                         *sum += rows.residual[row] * rows.residual[row];
@@ -331,7 +342,11 @@ impl TreeEstimator {
     }
 
     /// Gains known to some accuracy and parts that were weighed.
-    fn prior_information(&self, layout: &ParameterLayout) -> Result<LinkInformation, IdentificationError> {
+    fn prior_information(
+        &self,
+        layout: &ParameterLayout,
+        regressors: Regressors,
+    ) -> Result<LinkInformation, IdentificationError> {
         let mut information = LinkInformation::new(layout.unknowns());
         let mut add = |column: usize, value: f64, std: f64| {
             let mut row = vec![0.0; layout.unknowns()];
@@ -345,8 +360,8 @@ impl TreeEstimator {
         }
         for (k, part) in self.parts.iter().enumerate() {
             if let Some((mass_kg, std_kg)) = part.weighed_kg {
-                // rows that are not whitened would outvote any deviation: the mass is then held
-                let std_kg = if self.is_plain() { 1e-6 * mass_kg } else { std_kg };
+                // least squares would rather shrink every gain than keep a mass that may give way: it is then held
+                let std_kg = if regressors == Regressors::Measured { 1e-6 * mass_kg } else { std_kg };
                 add(layout.body_column(k), mass_kg, std_kg)?;
             }
         }
@@ -380,7 +395,7 @@ impl TreeEstimator {
         known: &Multibody<f64>,
         layout: &ParameterLayout,
         records: &[TreeRecord],
-        unknowns: &DVector<f64>,
+        (unknowns, regressors): (&DVector<f64>, Regressors),
         motor_std: &[f64],
         visit: &mut dyn FnMut(Rows) -> Result<(), IdentificationError>,
     ) -> Result<(), IdentificationError> {
@@ -388,14 +403,14 @@ impl TreeEstimator {
             if let Some(torque) = &self.torque {
                 for sample in &record.samples {
                     if let Some(rows) =
-                        self.torque_instant(torque, known, layout, record, sample, unknowns, motor_std)?
+                        self.torque_instant(torque, known, layout, record, sample, (unknowns, regressors), motor_std)?
                     {
                         visit(rows)?;
                     }
                 }
             }
             if let Some(form) = &self.momentum {
-                self.momentum_instants(form, known, layout, (index, record), unknowns, visit)?;
+                self.momentum_instants(form, known, layout, (index, record), (unknowns, regressors), visit)?;
             }
         }
         Ok(())
@@ -409,7 +424,7 @@ impl TreeEstimator {
         layout: &ParameterLayout,
         record: &TreeRecord,
         sample: &TreeSample,
-        unknowns: &DVector<f64>,
+        (unknowns, regressors): (&DVector<f64>, Regressors),
         motor_std: &[f64],
     ) -> Result<Option<Rows>, IdentificationError> {
         let found = torque_rows(known, &self.parts, record.grasped, &torque.nuisances, sample)?;
@@ -432,9 +447,9 @@ impl TreeEstimator {
             let mut row = rows.coefficients.row_mut(joint);
             row.columns_mut(0, width).copy_from(&found.joints.row(joint));
             let fitted = (found.joints.row(joint) * unknowns.rows(0, width))[0] + found.known[joint];
-            let (rhs, residual, std) = match (&torque.drive, torque.gain_regression) {
+            let (rhs, residual, std) = match (&torque.drive, regressors) {
                 (Drive::Force, _) => (motor - found.known[joint], fitted - motor, motor_std[joint]),
-                (Drive::Current { .. }, GainRegression::ErrorsInVariables) => {
+                (Drive::Current { .. }, Regressors::Fitted) => {
                     let gain = unknowns[gain_column + joint];
                     let fitted_current = fitted / gain;
                     row[gain_column + joint] = -fitted_current;
@@ -442,9 +457,11 @@ impl TreeEstimator {
                     let rhs = gain * (motor - fitted_current) - found.known[joint];
                     (rhs, fitted - gain * motor, gain.abs() * motor_std[joint])
                 }
-                (Drive::Current { .. }, GainRegression::CurrentAsRegressor) => {
+                (Drive::Current { .. }, Regressors::Measured) => {
                     row[gain_column + joint] = -motor;
-                    (-found.known[joint], fitted - unknowns[gain_column + joint] * motor, motor_std[joint])
+                    let gain = unknowns[gain_column + joint];
+                    let std = if self.is_plain() { 1.0 } else { gain.abs() * motor_std[joint] };
+                    (-found.known[joint], fitted - gain * motor, std)
                 }
             };
             row /= std;
@@ -469,7 +486,7 @@ impl TreeEstimator {
         known: &Multibody<f64>,
         layout: &ParameterLayout,
         (index, record): (usize, &TreeRecord),
-        unknowns: &DVector<f64>,
+        (unknowns, regressors): (&DVector<f64>, Regressors),
         visit: &mut dyn FnMut(Rows) -> Result<(), IdentificationError>,
     ) -> Result<(), IdentificationError> {
         let Some(first) = record.samples.first() else { return Ok(()) };
@@ -495,9 +512,9 @@ impl TreeEstimator {
                 (&self.parts, numbers.as_slice()),
                 record.grasped,
                 sample,
-                &near_from_base,
-                &form.noise,
+                (&near_from_base, &form.noise),
                 &(start + impulse),
+                regressors == Regressors::Fitted,
             )?;
             let mut coefficients = DMatrix::zeros(6, layout.unknowns());
             coefficients.columns_mut(0, numbers.len()).copy_from(&found.regressor);
@@ -529,6 +546,7 @@ impl TreeEstimator {
         let space = base.row_space();
         let magnitudes = layout.magnitudes();
         let mut middle = DMatrix::zeros(base.rank(), base.rank());
+        let regressors = if self.is_plain() { Regressors::Measured } else { Regressors::Fitted };
         let mut stretch: Option<i64> = None;
         let mut score = DVector::zeros(layout.unknowns());
         let mut stretches = 0_usize;
@@ -538,7 +556,7 @@ impl TreeEstimator {
             score.fill(0.0);
             stretches += 1;
         };
-        self.each_instant(known, layout, records, unknowns, motor_std, &mut |rows| {
+        self.each_instant(known, layout, records, (unknowns, regressors), motor_std, &mut |rows| {
             #[allow(clippy::cast_possible_truncation, reason = "a count of stretches")]
             let own = (rows.time_s / self.dependence_s).floor() as i64;
             if stretch.is_some_and(|stretch| stretch != own) {
@@ -550,7 +568,7 @@ impl TreeEstimator {
         })?;
         close(&mut score);
         // What the prior rows say enters as its own score would on average.
-        let prior = self.prior_information(layout)?;
+        let prior = self.prior_information(layout, regressors)?;
         let prior_rows = prior.factor() * DMatrix::from_diagonal(&magnitudes) * &space;
         middle += prior_rows.transpose() * prior_rows;
         let correction = stretches as f64 / (stretches.max(2) - 1) as f64;

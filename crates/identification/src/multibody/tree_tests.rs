@@ -2,12 +2,12 @@
 
 use super::tree_part::completed;
 use super::{
-    BaseParameters, LinkInformation, MomentumForm, ParameterLayout, TreeEstimator, TreePart, TreeRecord, TreeSample,
-    UnknownBody, VelocityNoise,
+    BaseParameters, Drive, GainRegression, JointNuisance, LinkInformation, MomentumForm, ParameterLayout, TorqueForm,
+    TreeEstimator, TreePart, TreeRecord, TreeSample, UnknownBody, VelocityNoise, with_accelerations,
 };
-use crate::BodyScale;
 use crate::dynamics::{BodyAcceleration, GeneralizedMotion, InertialParameters, Joint, Link, Multibody};
 use crate::lie::{LieGroup, Pose, Twist, Wrench};
+use crate::{BodyScale, SavitzkyGolay};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -248,4 +248,84 @@ fn a_base_and_two_hinges_have_24_base_parameters_with_a_known_momentum_and_23_wi
     assert_eq!(with_momenta - 6, 23);
     let (at_rest, _) = rank(Some(Wrench::zero()), &Wrench::zero());
     assert_eq!(at_rest, 23);
+}
+
+/// The floating robot with motors that are logged too: accelerations by smoothing, torques with noise and friction.
+fn driven(seed: u64) -> Vec<TreeSample> {
+    let smoothing = SavitzkyGolay::try_new(4, 4).unwrap();
+    let clean = float(&carrying(), &momentum(), 30.0, 0.01, 1);
+    let mut samples = with_accelerations(&clean, &Vector3::zeros(), &smoothing).unwrap();
+    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    for sample in &mut samples {
+        let force = carrying().inverse_dynamics(&sample.motion().unwrap()).unwrap();
+        let friction = |rate: f64| 0.02 * rate + 0.01 * rate.signum() + 0.003;
+        let motor = |(force, rate): (&f64, &f64)| force + friction(*rate);
+        let motors: Vec<f64> = force.joints.iter().zip(&sample.rates).map(motor).collect();
+        sample.motors = Some(motors.iter().map(|motor| motor + 2e-3 * gaussian(&mut generator)).collect());
+    }
+    samples
+}
+
+#[test]
+fn a_payload_from_torques_and_from_both() {
+    let torque = TorqueForm {
+        drive: Drive::Force,
+        nuisances: vec![JointNuisance::ViscousFriction, JointNuisance::CoulombFriction, JointNuisance::Offset],
+        std: None,
+        base_wrench_std: None,
+        gain_regression: GainRegression::default(),
+    };
+    let truth = payload().to_vector();
+    let judged = |with_momentum: bool, seed: u64| {
+        let mut samples = driven(seed);
+        if with_momentum {
+            samples = noisy(&samples, seed + 100);
+        }
+        let mut estimator = estimator(vec![grasped()], Some(momentum()));
+        estimator.torque = Some(torque.clone());
+        estimator.momentum = estimator.momentum.filter(|_| with_momentum);
+        let estimate = estimator.identify(&[TreeRecord { samples, grasped: true }]).unwrap();
+        let std = estimate.body_std(0).unwrap().unwrap();
+        let found = estimate.body(0).unwrap();
+        assert!((found.mass - truth[0]).abs() < 4.0 * std.mass_kg, "{found:?} {std:?}");
+        for (name, value) in [("viscous friction", 0.02), ("Coulomb friction", 0.01), ("offset", 0.003)] {
+            let (found, std) = estimate.nuisance(&format!("{name} of joint 2")).unwrap();
+            assert!((found - value).abs() < 4.0 * std + 1e-4, "{name} {found} +- {std}");
+        }
+        // the noise of the motors is found
+        assert!(estimate.motor_std.iter().all(|std| (std / 2e-3 - 1.0).abs() < 0.15), "{:?}", estimate.motor_std);
+        std.mass_kg
+    };
+    let (alone, both) = (judged(false, 1), judged(true, 2));
+    assert!(both < alone, "{both} {alone}");
+}
+
+/// A known gain takes the place of torques, an unknown one is found from a weighed payload.
+#[test]
+fn gains_from_a_weighed_payload() {
+    let current = |samples: &mut Vec<TreeSample>| {
+        for motors in samples.iter_mut().filter_map(|sample| sample.motors.as_mut()) {
+            for (motor, gain) in motors.iter_mut().zip([0.5, 0.8]) {
+                *motor /= gain;
+            }
+        }
+    };
+    let mut samples = driven(3);
+    current(&mut samples);
+    let mut part = grasped();
+    part.weighed_kg = Some((payload().mass, 1e-3));
+    let mut estimator = estimator(vec![part], None);
+    estimator.momentum = None;
+    estimator.torque = Some(TorqueForm {
+        drive: Drive::Current { gain: vec![1.0, 1.0], std: vec![f64::INFINITY; 2] },
+        nuisances: vec![JointNuisance::ViscousFriction, JointNuisance::CoulombFriction, JointNuisance::Offset],
+        std: None,
+        base_wrench_std: None,
+        gain_regression: GainRegression::default(),
+    });
+    let estimate = estimator.identify(&[TreeRecord { samples, grasped: true }]).unwrap();
+    for (joint, gain) in [(1, 0.5), (2, 0.8)] {
+        let (found, std) = estimate.nuisance(&format!("drive gain of joint {joint}")).unwrap();
+        assert!((found - gain).abs() < 4.0 * std && std < 0.05 * gain, "{joint}: {found} +- {std}");
+    }
 }
