@@ -321,9 +321,9 @@ const MUTANTS: &[Mutant] = &[
     },
     Mutant {
         name: "log: quaternion read scalar first",
-        file: "crates/astrobee/src/log.rs",
-        original: "from_xyzw(q[0], q[1], q[2], q[3],",
-        replacement: "from_xyzw(q[1], q[2], q[3], q[0],",
+        file: "crates/astrobee/src/log/row.rs",
+        original: "from_xyzw(x, y, z, w, QUATERNION_NORM_TOLERANCE)",
+        replacement: "from_xyzw(y, z, w, x, QUATERNION_NORM_TOLERANCE)",
         test: "-p tumble-astrobee --lib log",
     },
     Mutant {
@@ -1098,14 +1098,14 @@ const MUTANTS: &[Mutant] = &[
     },
     Mutant {
         name: "CSV: lines of any length",
-        file: "crates/astrobee/src/log.rs",
+        file: "crates/astrobee/src/log/row.rs",
         original: "if self.bytes_in_line > ROW_LIMIT_BYTES {",
         replacement: "if self.bytes_in_line > ROW_LIMIT_BYTES << 8 {",
         test: "-p tumble-astrobee --test corruption_sweep",
     },
     Mutant {
         name: "CSV: lines counted without comments",
-        file: "crates/astrobee/src/log.rs",
+        file: "crates/astrobee/src/log/row.rs",
         original: "record.set_position(Some(position.set_line(line).clone()));",
         replacement: "let _ = position.set_line(line);",
         test: "-p tumble-astrobee --lib log",

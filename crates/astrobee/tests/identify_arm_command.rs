@@ -197,7 +197,7 @@ fn a_designed_motion_keeps_the_limits_of_the_model() {
     let mut fastest = 0.0_f64;
     for line in lines {
         let row: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
-        assert!((-2.0944..=1.57079).contains(&row[1]) && row[2].abs() <= 1.57079, "{line}");
+        assert!((-2.0944..=1.571).contains(&row[1]) && row[2].abs() <= 1.571, "{line}");
         fastest = fastest.max(row[3].abs()).max(row[4].abs());
     }
     assert!(fastest <= 0.12 && fastest > 0.11, "{fastest}");

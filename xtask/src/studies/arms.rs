@@ -19,8 +19,9 @@ use crate::targets::Report;
 
 /// Noise of the issue: 1e-3 rad/s; a velocity good to a millimetre a second, joints to a tenth of the gyroscope.
 const NOISE: VelocityNoise = VelocityNoise { base_rate_rad_s: 1e-3, base_velocity_m_s: 1e-3, joint_rate: 1e-4 };
-const SECONDS: f64 = 300.0;
 const STEP_S: f64 = 0.008;
+/// Five minutes.
+const STEPS: usize = 37_500;
 /// Of the steps of the motion one in this many is logged: 62.5 Hz.
 const EVERY: usize = 2;
 /// Two-sided 95 % of a normal variable.
@@ -59,7 +60,7 @@ fn float(tree: &Multibody<f64>, momentum: &Wrench<f64>) -> Result<Vec<TreeSample
     };
     let mut pose = Pose::identity();
     let mut samples = Vec::new();
-    for step in 0..=(SECONDS / STEP_S) as usize {
+    for step in 0..=STEPS {
         let time_s = step as f64 * STEP_S;
         let now = twist(&pose, time_s)?;
         if step % EVERY == 0 {
@@ -92,7 +93,7 @@ fn noisy(clean: &[TreeSample], seed: u64) -> Vec<TreeSample> {
     for sample in &mut disturbed {
         let mut draw = |sigma: f64| Vector3::from_fn(|_, _| sigma * gaussian(&mut generator));
         let (gyro, velocity) = (draw(NOISE.base_rate_rad_s), draw(NOISE.base_velocity_m_s));
-        sample.base_twist = sample.base_twist + Twist::new(gyro, velocity);
+        sample.base_twist += Twist::new(gyro, velocity);
         sample.rates.iter_mut().for_each(|rate| *rate += NOISE.joint_rate * gaussian(&mut generator));
     }
     disturbed

@@ -190,12 +190,11 @@ fn listed<const J: usize>(force: &GeneralizedForce<f64, Fixed<J>>) -> Vec<f64> {
 /// The frozen states, or others of the same kind; the first joints of each where there are fewer than seven.
 fn cases<const J: usize>(bench: &Bench) -> Result<Vec<Case<J>>, Failure> {
     let mut generator = ChaCha8Rng::seed_from_u64(2);
-    let rows = match &bench.data {
-        Some(folder) => numbers(&folder.join("mb_states.csv"))?,
-        None => {
-            eprintln!("skipped: the frozen inputs of problem 2 (--data DIR); states are drawn from seed 2");
-            (0..64).map(|_| (0..53).map(|_| uniform(&mut generator)).collect()).collect()
-        }
+    let rows = if let Some(folder) = &bench.data {
+        numbers(&folder.join("mb_states.csv"))?
+    } else {
+        eprintln!("skipped: the frozen inputs of problem 2 (--data DIR); states are drawn from seed 2");
+        (0..64).map(|_| (0..53).map(|_| uniform(&mut generator)).collect()).collect()
     };
     let case = |row: &Vec<f64>| {
         if row.len() < 53 {

@@ -171,7 +171,7 @@ pub fn run(options: &ArmOptions, files: &Files<'_>) -> Result<Outcome, AstrobeeE
     if let Some(out) = files.out {
         let folder = OutputFolder::create(out, files.force)?;
         folder.write("result.json", &format!("{object:#}\n"))?;
-        folder.write(RUN_RECORD, &report.run_record(files.log, options.grasped.as_deref())?)?;
+        folder.write(RUN_RECORD, &run_record(files.log, options.grasped.as_deref())?)?;
         eprintln!("written: {}", folder.finish()?.display());
     }
     let payload_found = !carries || report.is_determined(estimator.parts.len() - 1)?;
@@ -380,20 +380,6 @@ impl Report<'_> {
         .collect()
     }
 
-    fn run_record(&self, own: &Path, grasped: Option<&Path>) -> Result<String, AstrobeeError> {
-        let options: Vec<String> = std::env::args().skip(1).collect();
-        Ok(json!({
-            "format": 1,
-            "version": env!("CARGO_PKG_VERSION"),
-            "commit": option_env!("TUMBLE_COMMIT"),
-            "command": "identify",
-            "configuration": options,
-            "seed": null,
-            "input_hash": { "log": log::hash(own)?, "grasped": grasped.map(log::hash).transpose()? },
-        })
-        .to_string())
-    }
-
     fn json(&self) -> Result<Value, AstrobeeError> {
         let mut bodies = Vec::new();
         for (index, part) in self.estimator.parts.iter().enumerate() {
@@ -403,19 +389,16 @@ impl Report<'_> {
                 "com_m": body.center_of_mass().as_slice(),
                 "inertia_about_com_kg_m2": rows(&body.inertia_about_com()),
             });
-            let (told, std, regularised) = match self.std(index)? {
-                Some(std) => {
-                    let std = json!({
-                        "mass_kg": std.mass_kg,
-                        "com_m": std.center_of_mass_m.as_slice(),
-                        "inertia_about_com_kg_m2": rows(&std.inertia_about_com_kg_m2),
-                    });
-                    (figures, std, Value::Null)
-                }
-                None => {
-                    let none = json!({"mass_kg": null, "com_m": null, "inertia_about_com_kg_m2": null});
-                    (none, Value::Null, figures)
-                }
+            let (told, std, regularised) = if let Some(std) = self.std(index)? {
+                let std = json!({
+                    "mass_kg": std.mass_kg,
+                    "com_m": std.center_of_mass_m.as_slice(),
+                    "inertia_about_com_kg_m2": rows(&std.inertia_about_com_kg_m2),
+                });
+                (figures, std, Value::Null)
+            } else {
+                let none = json!({"mass_kg": null, "com_m": null, "inertia_about_com_kg_m2": null});
+                (none, Value::Null, figures)
             };
             let mut object = told;
             object["name"] = json!(part.name);
@@ -508,4 +491,18 @@ impl Report<'_> {
         }
         Ok(text)
     }
+}
+
+fn run_record(own: &Path, grasped: Option<&Path>) -> Result<String, AstrobeeError> {
+    let options: Vec<String> = std::env::args().skip(1).collect();
+    Ok(json!({
+        "format": 1,
+        "version": env!("CARGO_PKG_VERSION"),
+        "commit": option_env!("TUMBLE_COMMIT"),
+        "command": "identify",
+        "configuration": options,
+        "seed": null,
+        "input_hash": { "log": log::hash(own)?, "grasped": grasped.map(log::hash).transpose()? },
+    })
+    .to_string())
 }

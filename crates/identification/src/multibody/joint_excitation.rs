@@ -185,7 +185,7 @@ impl JointExcitation {
         }
         for (index, range) in self.ranges.iter().enumerate() {
             for value in [range.upper - range.lower, range.rate, range.acceleration] {
-                if !(value > 0.0) {
+                if value.is_nan() || value <= 0.0 {
                     return Err(IdentificationError::NotPositive { index, value });
                 }
             }
