@@ -60,7 +60,7 @@ const STEPS: &[Step] = &[
     always("real-data", "measured throws meet their targets", real_data),
     always(
         "studies",
-        "the studies of identification, of chapter 4, of actuation, of RATTLE, of control, reduced",
+        "the studies of identification, of chapter 4, of actuation, of RATTLE, of control, of arms, reduced",
         reduced_studies,
     ),
     always("determinism", "long tumbles, plans and a flight are the same bytes at every optimisation level", || {
@@ -308,7 +308,9 @@ fn reduced_studies() -> Outcome {
     attitude.args(["study", "attitude-certificate", "--runs", "2020"]);
     let mut faults = studies("study");
     faults.args(["study", "faults", "--missions", "56"]);
-    shell(&mut [identification, chapter4, actuation, rattle, missions, attitude, faults])
+    let mut arms = studies("study");
+    arms.args(["study", "arms", "--runs", "20", "--steps", "10000"]);
+    shell(&mut [identification, chapter4, actuation, rattle, missions, attitude, faults, arms])
 }
 
 /// Exit code 0 says that all arrived, that nothing was touched and that no limit was passed.

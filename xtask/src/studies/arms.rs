@@ -3,12 +3,15 @@
 use nalgebra::{Matrix3, Translation, Vector3, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use tumble_astrobee::arm::ArmModel;
+use tumble_astrobee::arm::{ArmJoint, ArmModel};
 use tumble_dynamics::{
     Fixed, FreeInput, FreeMultibody, GroupState, InertialParameters, Integrator, Multibody, MuntheKaas4, RungeKutta4,
     Variational,
 };
-use tumble_identification::multibody::{MomentumForm, TreeEstimator, TreePart, TreeRecord, TreeSample, VelocityNoise};
+use tumble_identification::multibody::{
+    ExcitedBase, JointExcitation, JointMotion, JointRange, MomentumForm, TreeEstimator, TreePart, TreeRecord,
+    TreeSample, VelocityNoise,
+};
 use tumble_identification::statistics::coverage_band;
 use tumble_lie::{Pose, Product, Stacked, Twist, Wrench};
 
@@ -36,20 +39,49 @@ fn payload() -> InertialParameters<f64> {
     InertialParameters::about_com(2.0, Vector3::new(-0.12, 0.03, 0.05), inertia)
 }
 
-/// Positions and rates of the two joints: within the perching arm's 0.12 rad/s.
-fn joints(time_s: f64) -> ([f64; 2], [f64; 2]) {
-    let swing = |amplitude: f64, rate: f64, phase: f64| {
-        let angle = rate * time_s + phase;
-        (amplitude * angle.sin(), amplitude * rate * angle.cos())
+/// Swings that anyone would try, and the motion designed from rest; both within the perching arm's 0.12 rad/s.
+fn motions(arm: &ArmModel, payload: &TreePart) -> Result<[JointMotion; 2], Failure> {
+    let swings = JointMotion {
+        period_s: 300.0,
+        middles: vec![0.0; 2],
+        coefficients: [[(5_usize, 0.70), (18, 0.10)], [(6, 0.60), (20, 0.10)]]
+            .map(|tones| {
+                let mut series = vec![[0.0; 2]; 20];
+                for (k, amplitude) in tones {
+                    series[k - 1] = [0.8 * amplitude, 0.6 * amplitude];
+                }
+                series
+            })
+            .to_vec(),
     };
-    let sum = |(a, b): (f64, f64), (c, d): (f64, f64)| (a + c, b + d);
-    let first = sum(swing(0.70, 0.11, 0.0), swing(0.10, 0.37, 0.6));
-    let second = sum(swing(0.60, 0.13, 1.1), swing(0.10, 0.41, 0.2));
-    ([first.0, second.0], [first.1, second.1])
+    let limits = |joint: &ArmJoint| {
+        let limits = &joint.limits;
+        let (lower, upper, rate) = (limits.lower, limits.upper, limits.rate);
+        let range = lower.zip(upper).zip(rate).map(|((lower, upper), rate)| JointRange {
+            lower,
+            upper,
+            rate,
+            acceleration: f64::INFINITY,
+        });
+        range.ok_or_else(|| failed(format!("joint `{}` has no limits", joint.name)))
+    };
+    let problem = JointExcitation {
+        tree: arm.tree.clone(),
+        parts: vec![payload.clone()],
+        ranges: arm.joints.iter().map(limits).collect::<Result<_, _>>()?,
+        base: ExcitedBase::Floating(Wrench::zero(), NOISE),
+        period_s: 100.0,
+        harmonics: 10,
+    };
+    Ok([swings, problem.design(3000, 1).map_err(failed)?.motion])
 }
 
 /// The base of a free-floating tree follows from its momentum; second-order steps on the group.
-fn float(tree: &Multibody<f64>, momentum: &Wrench<f64>) -> Result<Vec<TreeSample>, Failure> {
+fn float(tree: &Multibody<f64>, motion: &JointMotion, momentum: &Wrench<f64>) -> Result<Vec<TreeSample>, Failure> {
+    let joints = |time_s: f64| {
+        let [[a, da, _], [b, db, _]] = [motion.at(0, time_s), motion.at(1, time_s)];
+        ([a, b], [da, db])
+    };
     let twist = |pose: &Pose<f64>, time_s: f64| -> Result<Twist<f64>, Failure> {
         let (positions, rates) = joints(time_s);
         let momentum_base = momentum.transformed_by(&pose.inverse());
@@ -122,7 +154,12 @@ fn grasped_payload(seeds: usize, report: &mut Report) -> Result<(), Failure> {
     let on_body = arm.tree.body(tool.body).ok_or_else(|| failed("the tool sits on no body"))?;
     let carrying = arm.tree.clone().with_body(tool.body, *on_body + payload().transformed_by(&tool.body_from_frame));
     let slow_tumble = Wrench::new(Vector3::new(0.02, -0.015, 0.02), Vector3::new(0.2, -0.1, 0.15));
-    for (name, momentum) in [("from rest", Wrench::zero()), ("tumbling slowly", slow_tumble)] {
+    let [swings, designed] = motions(&arm, &part)?;
+    for (name, motion, momentum, judged) in [
+        ("swings from rest", &swings, Wrench::zero(), false),
+        ("designed motion from rest", &designed, Wrench::zero(), true),
+        ("swings, tumbling slowly", &swings, slow_tumble, true),
+    ] {
         let estimator = TreeEstimator {
             tree: arm.tree.clone(),
             parts: vec![part.clone()],
@@ -130,7 +167,7 @@ fn grasped_payload(seeds: usize, report: &mut Report) -> Result<(), Failure> {
             torque: None,
             dependence_s: 0.0,
         };
-        let clean = float(&carrying, &momentum)?;
+        let clean = float(&carrying, motion, &momentum)?;
         let truth = figures(&payload());
         // a figure is judged against its own size; a lever and a moment against the largest of the three
         let sizes = [2.0, 0.12, 0.12, 0.12, 0.03, 0.03, 0.03];
@@ -149,11 +186,10 @@ fn grasped_payload(seeds: usize, report: &mut Report) -> Result<(), Failure> {
             }
         }
         report.table.push(format!("{name}: largest error of {seeds} runs, per cent: {:.3?}", worst.map(|e| 100.0 * e)));
-        report.at_most(
-            &format!("{name}: largest relative error of mass, CoM, inertia"),
-            worst.iter().fold(0.0, |a, b| a.max(*b)),
-            0.02,
-        );
+        if judged {
+            let largest = worst.iter().fold(0.0, |a: f64, b| a.max(*b));
+            report.at_most(&format!("{name}: largest relative error of mass, CoM, inertia"), largest, 0.02);
+        }
         let shares = covered.map(|covered| covered as f64 / seeds as f64);
         let band = coverage_band(0.95, seeds, 0.999);
         let found = format!("mass, CoM, inertia: {shares:.2?}, band {:.3} to {:.3}", band.low, band.high);

@@ -49,19 +49,10 @@ where
             let to = perturbed::<S, _>(&to, i, Dual64::new(0.0, 1.0));
             system.discrete_lagrangian(&S::lift(&from), &to, real(step_s)).eps
         }) - carried;
-        // The force at the end may depend on the velocity there.
-        let mut velocity = velocity_of(system, &to, &unforced, &velocity, step_s)?;
-        let mut rest = Rest::new();
-        for _ in 0..MAX_ITERATIONS {
-            let force = system.force(time_s + step_s, &to, &velocity, input);
-            let next = velocity_of(system, &to, &(unforced + force * half_step_s), &velocity, step_s)?;
-            let rested = rest.reached(&velocity, &next);
-            velocity = next;
-            if rested {
-                return Ok(S::State::from_parts(to, velocity));
-            }
-        }
-        Err(not_converged(step_s, rest.last_change()))
+        let force_at =
+            |velocity: &VelocityOf<S, f64>| system.force(time_s + step_s, &to, velocity, input) * half_step_s;
+        let velocity = velocity_of(system, &to, &unforced, force_at, &velocity, step_s)?;
+        Ok(S::State::from_parts(to, velocity))
     }
 }
 
@@ -101,24 +92,27 @@ fn momentum_of<S: DiscreteLagrangian>(
 const FIRST: HyperDual64 = HyperDual64 { re: 0.0, eps1: 1.0, eps2: 0.0, eps1eps2: 0.0 };
 const SECOND: HyperDual64 = HyperDual64 { re: 0.0, eps1: 0.0, eps2: 1.0, eps1eps2: 0.0 };
 
-/// The velocity whose momentum is `momentum`, by Newton's method (one iteration for a quadratic kinetic energy).
+/// The velocity whose momentum is `unforced` and the impulse there, by Newton's method with the mass matrix at the guess.
+///
+/// One iteration for a quadratic kinetic energy, but for an impulse that depends on the velocity.
 fn velocity_of<S: DiscreteLagrangian>(
     system: &S,
     g: &GroupOf<S, f64>,
-    momentum: &VelocityOf<S, f64>,
+    unforced: &VelocityOf<S, f64>,
+    impulse_at: impl Fn(&VelocityOf<S, f64>) -> VelocityOf<S, f64>,
     guess: &VelocityOf<S, f64>,
     step_s: f64,
 ) -> Result<VelocityOf<S, f64>, DynamicsError> {
+    let mass_matrix = square::<VelocityOf<S, f64>>(|i, j| {
+        let mut v = perturbed_velocity::<S, _>(guess, i, FIRST);
+        v[j] += SECOND;
+        system.lagrangian(&S::lift(g), &v).eps1eps2
+    });
     let mut velocity = *guess;
     let mut rest = Rest::new();
     for _ in 0..MAX_ITERATIONS {
-        let residual = momentum_of(system, g, &velocity) - *momentum;
-        let update = newton_update(&residual, |i, j| {
-            let mut v = perturbed_velocity::<S, _>(&velocity, i, FIRST);
-            v[j] += SECOND;
-            system.lagrangian(&S::lift(g), &v).eps1eps2
-        });
-        let next = velocity - update;
+        let residual = momentum_of(system, g, &velocity) - *unforced - impulse_at(&velocity);
+        let next = velocity - newton_update(&mass_matrix, &residual);
         let rested = rest.reached(&velocity, &next);
         velocity = next;
         if rested {
@@ -154,11 +148,12 @@ fn solve_start_equation<S: DiscreteLagrangian>(
     let mut rest = Rest::new();
     for _ in 0..MAX_ITERATIONS {
         let residual = start_momentum(system, from, &to, step_s) - *momentum;
-        let update = newton_update(&residual, |i, j| {
+        // Fresh each time: near the edge of the chart an old derivative would stop the iteration where nothing is solved.
+        let derivative = square::<VelocityOf<S, f64>>(|i, j| {
             let (from, to) = (perturbed::<S, _>(from, i, FIRST), perturbed::<S, _>(&to, j, SECOND));
             -system.discrete_lagrangian(&from, &to, real(step_s)).eps1eps2
         });
-        to = to.compose(&LieGroup::exp(&-update));
+        to = to.compose(&LieGroup::exp(&-newton_update(&derivative, &residual)));
         let next = LieGroup::log(&from.between(&to));
         let rested = rest.reached(&increment, &next);
         increment = next;
@@ -170,11 +165,16 @@ fn solve_start_equation<S: DiscreteLagrangian>(
     Err(not_converged(step_s, rest.last_change()))
 }
 
+/// The rows of a square matrix.
+fn square<V: Coordinates<f64>>(entry: impl Fn(usize, usize) -> f64) -> Vec<V> {
+    (0..V::DIM).map(|i| V::from_fn(|j| entry(i, j))).collect()
+}
+
 /// Solution of `J update = residual` by elimination with partial pivoting.
-fn newton_update<V: Coordinates<f64>>(residual: &V, jacobian: impl Fn(usize, usize) -> f64) -> V {
+fn newton_update<V: Coordinates<f64>>(jacobian: &[V], residual: &V) -> V {
     let n = V::DIM;
     let mut rows: Vec<Vec<f64>> =
-        (0..n).map(|i| (0..n).map(|j| jacobian(i, j)).chain(core::iter::once(residual[i])).collect()).collect();
+        (0..n).map(|i| (0..n).map(|j| jacobian[i][j]).chain(core::iter::once(residual[i])).collect()).collect();
     for k in 0..n {
         let pivot = (k..n).max_by(|&a, &b| rows[a][k].abs().total_cmp(&rows[b][k].abs())).unwrap_or(k);
         rows.swap(k, pivot);
