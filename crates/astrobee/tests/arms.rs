@@ -337,6 +337,7 @@ fn what_is_wrong_with_a_urdf_is_named() {
     let whole = six_axes();
     for (original, replacement, code, says) in [
         ("<robot name=\"six\">", "<robot name=\"six\"", "T050", ""),
+        ("<robot name=\"six\">", "<robot name=\"six\"><xacro:macro name=\"a\"/>", "T050", "`xacro` first"),
         ("<robot name=\"six\">", "<!DOCTYPE robot><robot name=\"six\">", "T050", "DTD"),
         (
             "<material name=\"grey\"/>",
@@ -387,6 +388,10 @@ fn what_is_wrong_with_a_urdf_is_named() {
     // a ring beside a base
     let beside = ring.replace("<link name=\"a\"/>", "<link name=\"root\"/><link name=\"a\"/>");
     assert!(refusal(&beside).1.contains("hangs on itself"));
+    // a joint is named where it stands, not where its link does
+    let axis = "<robot name=\"a\">\n<link name=\"a\"/>\n<link name=\"b\"/>\n<joint name=\"x\" type=\"revolute\">\
+        <parent link=\"a\"/><child link=\"b\"/><axis xyz=\"0 0 0\"/></joint></robot>";
+    assert!(refusal(axis).1.starts_with("arm.file, line 4, column 1: joint `x`: the axis"), "{}", refusal(axis).1);
 }
 
 #[test]

@@ -54,6 +54,8 @@ pub(super) struct Part {
 
 /// A joint, and the link that it carries.
 pub(super) struct JointPart {
+    /// Where it stands in the text, bytes.
+    pub offset: usize,
     pub name: String,
     /// Name of a link or joint.
     pub parent: String,
@@ -112,7 +114,7 @@ impl Assembly<'_> {
             let origin = parent.body_from_link * part.parent_from_link;
             if !is_finite(&origin) {
                 let message = format!("joint `{}`: its origin is not finite", shortened(&part.name));
-                return Err(source.bad(part.carried.offset, &message));
+                return Err(source.bad(part.offset, &message));
             }
             let body = self.checked(&part.carried)?;
             let host = if let Some(kind) = part.kind {
@@ -212,7 +214,7 @@ impl Assembly<'_> {
         for (index, part) in self.joints.iter().enumerate() {
             if joints.insert(part.name.as_str(), Some(index)).is_some() {
                 let message = format!("two joints are called `{}`", shortened(&part.name));
-                return Err(self.source.structure(part.carried.offset, &message));
+                return Err(self.source.structure(part.offset, &message));
             }
         }
         let parent = |part: &JointPart| {
@@ -222,10 +224,7 @@ impl Assembly<'_> {
                 let names = self.joints.iter().flat_map(|part| [part.carried.link.as_str(), part.name.as_str()]);
                 let near = suggestion(name, names.chain([self.base.link.as_str(), BASE]));
                 let (joint, name) = (shortened(&part.name), shortened(name));
-                self.source.structure(
-                    part.carried.offset,
-                    &format!("joint `{joint}` is on `{name}`, which is not there{near}"),
-                )
+                self.source.structure(part.offset, &format!("joint `{joint}` is on `{name}`, which is not there{near}"))
             })
         };
         self.joints.iter().map(parent).collect()
@@ -260,7 +259,7 @@ impl Assembly<'_> {
         while passed.insert(at) {
             at = parents.get(at).copied().flatten().unwrap_or(at);
         }
-        let (name, offset) = self.joints.get(at).map_or(("", 0), |part| (part.name.as_str(), part.carried.offset));
+        let (name, offset) = self.joints.get(at).map_or(("", 0), |part| (part.name.as_str(), part.offset));
         self.source.structure(offset, &format!("joint `{}` hangs on itself", shortened(name)))
     }
 }
@@ -282,7 +281,7 @@ impl JointPart {
         parent_from_link: Pose<f64>,
     ) -> Result<Joint<f64>, AstrobeeError> {
         let name = shortened(&self.name);
-        let bad = |what: &str| source.bad(self.carried.offset, &format!("joint `{name}`: {what}"));
+        let bad = |what: &str| source.bad(self.offset, &format!("joint `{name}`: {what}"));
         let gain = self.drive_gain.map(|drive| drive.gain_n_m_per_a);
         let gain_std = self.drive_gain.and_then(|drive| drive.std_n_m_per_a);
         let JointLimits { lower, upper, rate, effort } = self.limits;

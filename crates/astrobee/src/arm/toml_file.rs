@@ -207,6 +207,7 @@ fn joint(source: &Source, table: JointTable) -> Result<JointPart, AstrobeeError>
         pose(table.position_m, table.rpy_rad, table.quaternion_xyzw).map_err(|message| bad(&message))?;
     let body = table.body.as_ref().map(parameters);
     Ok(JointPart {
+        offset,
         parent: table.parent,
         kind,
         axis: axis.into(),

@@ -109,11 +109,20 @@ impl<'a> Element<'a> {
 /// Those of [`ArmModel::parse`].
 pub(super) fn parse(path: &Path, text: &str) -> Result<ArmModel, AstrobeeError> {
     let source = Source { path, text };
-    let document = Document::parse(text).map_err(|error| AstrobeeError::BadArm {
-        path: path.into(),
-        line: error.pos().row as usize,
-        column: error.pos().col as usize,
-        message: crate::text_file::printable(&error.to_string()).replace('\n', " "),
+    let document = Document::parse(text).map_err(|error| {
+        let remedy = match &error {
+            roxmltree::Error::UnknownNamespace(prefix, _) if prefix == "xacro" => {
+                "; expand the file with `xacro` first"
+            }
+            roxmltree::Error::DtdDetected => "; a URDF needs none",
+            _ => "",
+        };
+        AstrobeeError::BadArm {
+            path: path.into(),
+            line: error.pos().row as usize,
+            column: error.pos().col as usize,
+            message: crate::text_file::printable(&error.to_string()).replace('\n', " ") + remedy,
+        }
     })?;
     let robot = Element { source, node: document.root_element() };
     if !robot.node.has_tag_name("robot") {
@@ -246,6 +255,7 @@ fn joint(element: Element, links: &Links) -> Result<JointPart, AstrobeeError> {
         }
     }
     Ok(JointPart {
+        offset: element.offset(),
         name: name.to_owned(),
         parent: parent.to_owned(),
         kind,
