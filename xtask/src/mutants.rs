@@ -2685,6 +2685,27 @@ const MUTANTS: &[Mutant] = &[
         replacement: "if at_fitted_velocity { velocity }",
         test: "-p tumble-identification --lib noise_in_the_regressor",
     },
+    Mutant {
+        name: "local fit: windows reach across gaps",
+        file: "crates/identification/src/multibody/local_fit.rs",
+        original: "> GAP * step_s",
+        replacement: "> 1e9 * step_s",
+        test: "-p tumble-identification --lib multibody",
+    },
+    Mutant {
+        name: "local fit: what a window flattens costs nothing",
+        file: "crates/identification/src/multibody/local_fit.rs",
+        original: "(flattened + passed / windows",
+        replacement: "(passed / windows",
+        test: "-p tumble-identification --lib multibody",
+    },
+    Mutant {
+        name: "local fit: rows taken as equally spaced",
+        file: "crates/identification/src/multibody/local_fit.rs",
+        original: "(time_s - self.times_s[centre]) / self.step_s).collect()",
+        replacement: "((time_s - self.times_s[centre]) / self.step_s).round()).collect()",
+        test: "-p tumble-identification --lib multibody",
+    },
 ];
 
 /// A test that runs this long caught the change too: it does not end any more.

@@ -13,6 +13,7 @@ mod joint_excitation;
 mod joint_track;
 mod layout;
 mod link_information;
+mod local_fit;
 mod momentum_rows;
 mod reflections;
 mod singular_values;

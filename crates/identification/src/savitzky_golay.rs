@@ -50,31 +50,7 @@ impl SavitzkyGolay {
     /// Sums over orthogonal (Gram) polynomials, which stay exact where normal equations of powers do not.
     pub fn weights(&self, derivative: usize, position: f64) -> Vec<f64> {
         let nodes: Vec<f64> = (0..=2 * self.half_window).map(|i| i as f64 - self.half_window as f64).collect();
-        let mut weights = vec![0.0; nodes.len()];
-        // Values of the polynomial before and the present one at the nodes, and their derivatives 0..=derivative at `position`.
-        let (mut before, mut present) = (vec![0.0; nodes.len()], vec![1.0; nodes.len()]);
-        let (mut before_at, mut present_at) = (vec![0.0; derivative + 1], vec![0.0; derivative + 1]);
-        present_at[0] = 1.0;
-        let mut norm_before = 1.0;
-        for degree in 0..=self.order {
-            let norm: f64 = present.iter().map(|p| p * p).sum();
-            for (weight, p) in weights.iter_mut().zip(&present) {
-                *weight += p * present_at[derivative] / norm;
-            }
-            let beta = if degree == 0 { 0.0 } else { norm / norm_before };
-            let next = |x: f64, p: f64, b: f64| x * p - beta * b;
-            let after: Vec<f64> = nodes.iter().zip(&present).zip(&before).map(|((x, p), b)| next(*x, *p, *b)).collect();
-            let after_at: Vec<f64> = (0..=derivative)
-                .map(|d| {
-                    let from_product = if d == 0 { 0.0 } else { d as f64 * present_at[d - 1] };
-                    next(position, present_at[d], before_at[d]) + from_product
-                })
-                .collect();
-            (before, present) = (present, after);
-            (before_at, present_at) = (present_at, after_at);
-            norm_before = norm;
-        }
-        weights
+        polynomial_weights(&nodes, self.order, derivative, position)
     }
 
     /// Value, first and second derivative at the centre of every full window; entry 0 belongs to sample `half_window`.
@@ -129,6 +105,38 @@ impl SavitzkyGolay {
         [(0, 1.0), (1, per_s), (2, per_s * per_s)]
             .map(|(derivative, scale)| self.weights(derivative, 0.0).into_iter().map(|w| w * scale).collect())
     }
+}
+
+/// Weights of the samples at these nodes whose sum is a derivative, at `position`, of the polynomial of this order through them.
+///
+/// Sums over orthogonal polynomials of the nodes by their three-term recursion.
+pub(crate) fn polynomial_weights(nodes: &[f64], order: usize, derivative: usize, position: f64) -> Vec<f64> {
+    let mut weights = vec![0.0; nodes.len()];
+    // Values of the polynomial before and the present one at the nodes, and their derivatives 0..=derivative at `position`.
+    let (mut before, mut present) = (vec![0.0; nodes.len()], vec![1.0; nodes.len()]);
+    let (mut before_at, mut present_at) = (vec![0.0; derivative + 1], vec![0.0; derivative + 1]);
+    present_at[0] = 1.0;
+    let mut norm_before = 1.0;
+    for degree in 0..=order {
+        let norm: f64 = present.iter().map(|p| p * p).sum();
+        for (weight, p) in weights.iter_mut().zip(&present) {
+            *weight += p * present_at[derivative] / norm;
+        }
+        let alpha = nodes.iter().zip(&present).map(|(x, p)| x * p * p).sum::<f64>() / norm;
+        let beta = if degree == 0 { 0.0 } else { norm / norm_before };
+        let next = |x: f64, p: f64, b: f64| (x - alpha) * p - beta * b;
+        let after: Vec<f64> = nodes.iter().zip(&present).zip(&before).map(|((x, p), b)| next(*x, *p, *b)).collect();
+        let after_at: Vec<f64> = (0..=derivative)
+            .map(|d| {
+                let from_product = if d == 0 { 0.0 } else { d as f64 * present_at[d - 1] };
+                next(position, present_at[d], before_at[d]) + from_product
+            })
+            .collect();
+        (before, present) = (present, after);
+        (before_at, present_at) = (present_at, after_at);
+        norm_before = norm;
+    }
+    weights
 }
 
 fn weighted(weights: &[Vec<f64>; 3], window: &[Vector3<f64>]) -> [Vector3<f64>; 3] {

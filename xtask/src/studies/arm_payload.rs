@@ -10,7 +10,6 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 use tumble_astrobee::arm::ArmModel;
 use tumble_dynamics::InertialParameters;
-use tumble_identification::SavitzkyGolay;
 use tumble_identification::multibody::{
     Drive, GainRegression, JointNuisance, JointTrack, TorqueForm, TreeEstimate, TreeEstimator, TreePart, TreeRecord,
     TreeSample,
@@ -31,7 +30,7 @@ const EVERY: usize = 2;
 /// Residuals are dependent over about this long, s.
 const DEPENDENCE_S: f64 = 1.0;
 
-fn samples(path: &Path) -> Result<Vec<TreeSample>, Failure> {
+fn samples(path: &Path, smooth_motors: bool) -> Result<Vec<TreeSample>, Failure> {
     let names = [
         "t_s",
         "q1_rad",
@@ -56,9 +55,9 @@ fn samples(path: &Path) -> Result<Vec<TreeSample>, Failure> {
     let rows = columns(path, &names)?;
     let list = |column: usize| rows.iter().map(|row| row[column]).collect::<Vec<f64>>();
     let lists = |first: usize| (first..first + JOINTS).map(list).collect::<Vec<_>>();
-    let track = JointTrack { times_s: list(0), positions: lists(1), rates: Some(lists(7)), motors: lists(13) };
-    let smoothing = SavitzkyGolay::try_new(8, 3).map_err(|error| Failure::file(path, error))?;
-    let samples = track.on_fixed_base(&Vector3::new(0.0, 0.0, -9.81), &smoothing);
+    let track =
+        JointTrack { times_s: list(0), positions: lists(1), rates: Some(lists(7)), motors: lists(13), smooth_motors };
+    let samples = track.on_fixed_base(&Vector3::new(0.0, 0.0, -9.81));
     Ok(samples.map_err(|error| Failure::file(path, error))?.into_iter().step_by(EVERY).collect())
 }
 
@@ -128,8 +127,8 @@ fn known_gains(gains: &[(f64, f64); JOINTS]) -> Drive {
 /// Identifies both; the list names the targets missed.
 pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
     let arm = ArmModel::find("ur10e").map_err(|error| Failure::BadInput(error.to_string()))?;
-    let unloaded = samples(&folder.join("fourier14_unloaded.csv"))?;
-    let loaded = samples(&folder.join("fourier14_loaded.csv"))?;
+    let [empty_log, full_log] = ["fourier14_unloaded.csv", "fourier14_loaded.csv"].map(|file| folder.join(file));
+    let (unloaded, loaded) = (samples(&empty_log, false)?, samples(&full_log, false)?);
     let mut missed = Vec::new();
     let print = |quantity: &str, (estimate, std): (f64, f64), reference: Option<f64>| {
         let sigma = std.is_finite().then_some(std);
@@ -141,9 +140,12 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
         }
     };
 
-    // the source's direction: measured currents as regressors
-    let plain =
-        identify(&estimator(&arm, unknown_gains(), GainRegression::CurrentAsRegressor, true), &unloaded, &loaded)?;
+    // the source's direction: measured currents as regressors, through the same window as the motion
+    let plain = identify(
+        &estimator(&arm, unknown_gains(), GainRegression::CurrentAsRegressor, true),
+        &samples(&empty_log, true)?,
+        &samples(&full_log, true)?,
+    )?;
     let plain_gains = unconstrained_gains(&plain);
     for (joint, gain) in plain_gains.iter().enumerate().skip(1) {
         print(&format!("gain {}, current as regressor, N m/A", joint + 1), *gain, Some(SOURCE[joint]));

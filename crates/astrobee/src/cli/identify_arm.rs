@@ -12,15 +12,13 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::{Matrix3, Vector3};
+use tumble_identification::StandardDeviations;
 use tumble_identification::multibody::{
     Drive, GainRegression, JointNuisance, JointTrack, MomentumForm, TorqueForm, TreeEstimate, TreeEstimator, TreePart,
     TreeRecord, TreeSample, VelocityNoise, with_accelerations,
 };
-use tumble_identification::{SavitzkyGolay, StandardDeviations};
 use tumble_lie::{Pose, Twist, Wrench};
 
-/// Window of the smoothing: this many samples to each side, a cubic.
-const HALF_WINDOW: usize = 8;
 /// Errors are taken as dependent within this long, s, where motors answer.
 const DEPENDENCE_S: f64 = 1.0;
 
@@ -295,7 +293,6 @@ fn samples(path: &Path, rows: &[JointRow], arm: &ArmModel, forms: Forms) -> Resu
         column: column.to_owned(),
         because,
     };
-    let smoothing = SavitzkyGolay::try_new(HALF_WINDOW, 3)?;
     #[allow(clippy::cast_precision_loss, reason = "seconds")]
     let seconds = |row: &JointRow| (row.time_ns - rows.first().map_or(0, |first| first.time_ns)) as f64 * 1e-9;
     let motors = |row: &JointRow| row.torques.clone().or_else(|| row.currents.clone());
@@ -310,8 +307,9 @@ fn samples(path: &Path, rows: &[JointRow], arm: &ArmModel, forms: Forms) -> Resu
             rates: lists(&|row| row.rates.clone()),
             motors: lists(&motors)
                 .ok_or_else(|| missing("tau1 or i1", "; a fixed arm is identified from its motors"))?,
+            smooth_motors: false,
         };
-        return Ok(track.on_fixed_base(&arm.gravity_world_m_s2, &smoothing)?);
+        return Ok(track.on_fixed_base(&arm.gravity_world_m_s2)?);
     }
     let sample = |row: &JointRow| -> Result<TreeSample, AstrobeeError> {
         let because = "; a free base is identified from its pose, rate and velocity and from joint rates";
@@ -335,7 +333,7 @@ fn samples(path: &Path, rows: &[JointRow], arm: &ArmModel, forms: Forms) -> Resu
     if samples.iter().all(|sample| sample.motors.is_none()) {
         return Err(missing("tau1 or i1", "; the torque form needs the motors"));
     }
-    Ok(with_accelerations(&samples, &arm.gravity_world_m_s2, &smoothing)?)
+    Ok(with_accelerations(&samples, &arm.gravity_world_m_s2)?)
 }
 
 /// What was found, to be told.

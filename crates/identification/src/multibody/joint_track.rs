@@ -1,11 +1,11 @@
-//! Joint logs as samples of a tree: equal steps, smoothed, with accelerations.
+//! Joint logs as samples of a tree, smoothed, with accelerations.
 
+use super::local_fit::LocalFit;
 use super::tree_sample::{TreeAcceleration, TreeSample};
 use crate::dynamics::BodyAcceleration;
 use crate::error::IdentificationError;
 use crate::lie::{Pose, Twist};
-use crate::savitzky_golay::SavitzkyGolay;
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 
 /// What a fixed arm logs: one list a joint, one number a row.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,121 +18,89 @@ pub struct JointTrack {
     pub rates: Option<Vec<Vec<f64>>>,
     /// Forces or currents of the motors.
     pub motors: Vec<Vec<f64>>,
+    /// Whether motors pass through the window of the motion. Least squares with currents as regressors wants both sides alike;
+    /// errors in variables want the noise of each row by itself.
+    pub smooth_motors: bool,
 }
 
 impl JointTrack {
-    /// Samples of an arm on a fixed base, a mean step apart; `smoothing` fits positions and rates, and gives accelerations.
+    /// Samples of an arm on a fixed base at the logged times; local polynomials fit positions and rates, and give accelerations.
     ///
-    /// Motors are interpolated, not smoothed. The ends, where no full window fits, are left out.
+    /// The window is the one in which the parameters suffer least. Rows at ends and gaps, where no full
+    /// window fits, are left out.
     /// # Errors
     /// [`IdentificationError::NotFinite`] for a number that is not finite or a time that does not grow;
-    /// [`IdentificationError::TooFewSamples`] with less than a window.
-    pub fn on_fixed_base(
-        &self,
-        gravity_base: &Vector3<f64>,
-        smoothing: &SavitzkyGolay,
-    ) -> Result<Vec<TreeSample>, IdentificationError> {
+    /// [`IdentificationError::TooFewSamples`] where no stretch without a gap holds a window.
+    pub fn on_fixed_base(&self, gravity_base: &Vector3<f64>) -> Result<Vec<TreeSample>, IdentificationError> {
         let count = self.times_s.len();
         let lists = || self.positions.iter().chain(self.rates.iter().flatten()).chain(&self.motors);
         let broken = lists().chain([&self.times_s]).find_map(|list| {
             if list.len() == count { list.iter().position(|x| !x.is_finite()) } else { Some(list.len().min(count)) }
         });
-        if let Some(row) = broken.or_else(|| self.times_s.windows(2).position(|pair| pair[1] <= pair[0])) {
+        if let Some(row) = broken {
             return Err(IdentificationError::NotFinite { row });
         }
-        let half = smoothing.half_window();
-        let (Some(first), Some(last)) = (self.times_s.first(), self.times_s.last()) else {
-            return Err(IdentificationError::TooFewSamples { samples: count, needed: 2 * half + 1 });
-        };
-        if count < 2 * half + 1 {
-            return Err(IdentificationError::TooFewSamples { samples: count, needed: 2 * half + 1 });
-        }
-        let step_s = (last - first) / (count - 1) as f64;
-        let even = |list: &Vec<f64>| self.evenly(list, step_s);
-        let weights = [(0, 1.0), (1, step_s), (2, step_s * step_s)].map(|(derivative, scale)| {
-            smoothing.weights(derivative, 0.0).iter().map(|w| w / scale).collect::<Vec<f64>>()
-        });
-        let fitted = |list: &[f64], derivative: usize| -> Vec<f64> {
-            let sum = |window: &[f64]| window.iter().zip(&weights[derivative]).map(|(x, w)| x * w).sum();
-            list.windows(2 * half + 1).map(sum).collect()
-        };
-        let positions: Vec<Vec<f64>> = self.positions.iter().map(even).collect();
-        let smooth: Vec<Vec<f64>> = positions.iter().map(|list| fitted(list, 0)).collect();
-        let (rates, accelerations): (Vec<Vec<f64>>, Vec<Vec<f64>>) = match &self.rates {
-            Some(rates) => rates.iter().map(even).map(|list| (fitted(&list, 0), fitted(&list, 1))).unzip(),
-            None => positions.iter().map(|list| (fitted(list, 1), fitted(list, 2))).unzip(),
-        };
-        let motors: Vec<Vec<f64>> = self.motors.iter().map(even).collect();
+        let (differentiated, order) = self.rates.as_ref().map_or((&self.positions, 2), |rates| (rates, 1));
+        let signals: Vec<&[f64]> = differentiated.iter().map(Vec::as_slice).collect();
+        let fit = LocalFit::choose(&self.times_s, &signals, order)?;
         let held =
             BodyAcceleration { angular_acceleration_body: Vector3::zeros(), acceleration_origin_body: -gravity_base };
-        let at = |lists: &[Vec<f64>], k: usize| lists.iter().map(|list| list[k]).collect::<Vec<f64>>();
-        let sample = |k: usize| TreeSample {
-            time_s: first + (k + half) as f64 * step_s,
-            world_from_base: Pose::identity(),
-            base_twist: Twist::zero(),
-            positions: at(&smooth, k),
-            rates: at(&rates, k),
-            accelerations: Some(TreeAcceleration { base: held, joints: at(&accelerations, k) }),
-            motors: (!motors.is_empty()).then(|| at(&motors, k + half)),
-            base_wrench: None,
+        let motors = |centre: usize, weights: &[f64]| {
+            let value =
+                |list: &Vec<f64>| if self.smooth_motors { fit.sum(centre, weights, list) } else { list[centre] };
+            self.motors.iter().map(value).collect()
         };
-        Ok((0..count - 2 * half).map(sample).collect())
-    }
-
-    /// Values at equal steps, linearly between rows.
-    fn evenly(&self, list: &[f64], step_s: f64) -> Vec<f64> {
-        let mut row = 0;
-        let times = &self.times_s;
-        (0..times.len())
-            .map(|k| {
-                let time_s = times[0] + k as f64 * step_s;
-                while row + 2 < times.len() && times[row + 1] < time_s {
-                    row += 1;
-                }
-                let share = ((time_s - times[row]) / (times[row + 1] - times[row])).clamp(0.0, 1.0);
-                list[row] + (list[row + 1] - list[row]) * share
-            })
-            .collect()
+        let sample = |centre: usize| {
+            let weights = [0, 1, 2].map(|derivative| fit.weights(centre, derivative));
+            let fitted = |lists: &[Vec<f64>], derivative: usize| -> Vec<f64> {
+                lists.iter().map(|list| fit.sum(centre, &weights[derivative], list)).collect()
+            };
+            TreeSample {
+                time_s: self.times_s[centre],
+                world_from_base: Pose::identity(),
+                base_twist: Twist::zero(),
+                positions: fitted(&self.positions, 0),
+                rates: fitted(differentiated, order - 1),
+                accelerations: Some(TreeAcceleration { base: held, joints: fitted(differentiated, order) }),
+                motors: (!self.motors.is_empty()).then(|| motors(centre, &weights[0])),
+                base_wrench: None,
+            }
+        };
+        Ok(fit.centres().map(sample).collect())
     }
 }
 
-/// Samples of a free tree with the accelerations that the torque form needs: the derivatives of `smoothing` on twist and
-/// joint rates. The ends, where no full window fits, are left out.
+/// Samples of a free tree with the accelerations that the torque form needs: derivatives of local polynomials on twist and
+/// joint rates, in the window in which the parameters suffer least. Rows at ends and gaps, where no full window fits, are left
+/// out.
 ///
 /// # Errors
-/// [`IdentificationError::TooFewSamples`] with less than a window; [`IdentificationError::UnequalSteps`] where a step
-/// differs from the mean one by more than 1 %.
+/// [`IdentificationError::NotFinite`] for a time that does not grow; [`IdentificationError::TooFewSamples`] where no stretch
+/// without a gap holds a window.
 pub fn with_accelerations(
     samples: &[TreeSample],
     gravity_world: &Vector3<f64>,
-    smoothing: &SavitzkyGolay,
 ) -> Result<Vec<TreeSample>, IdentificationError> {
-    let half = smoothing.half_window();
-    let (needed, count) = (2 * half + 1, samples.len());
-    let (Some(first), Some(last)) = (samples.first(), samples.last()) else {
-        return Err(IdentificationError::TooFewSamples { samples: count, needed });
-    };
-    if count < needed {
-        return Err(IdentificationError::TooFewSamples { samples: count, needed });
+    let times_s: Vec<f64> = samples.iter().map(|sample| sample.time_s).collect();
+    let joints = samples.first().map_or(0, |sample| sample.rates.len());
+    if let Some(row) = samples.iter().position(|sample| sample.rates.len() != joints) {
+        return Err(IdentificationError::NotFinite { row });
     }
-    let typical_s = (last.time_s - first.time_s) / (count - 1) as f64;
-    let uneven = |pair: &[TreeSample]| ((pair[1].time_s - pair[0].time_s) / typical_s - 1.0).abs() > 0.01;
-    if let Some(before) = samples.windows(2).position(uneven) {
-        let step_s = samples[before + 1].time_s - samples[before].time_s;
-        return Err(IdentificationError::UnequalSteps { index: before + 1, step_s, typical_s });
-    }
-    let weights: Vec<f64> = smoothing.weights(1, 0.0).iter().map(|weight| weight / typical_s).collect();
-    let at_centre = |window: &[TreeSample]| {
-        let mut sample = window[half].clone();
-        let weighted = || window.iter().zip(&weights);
-        let twist_rate = weighted().fold(Twist::zero(), |sum, (sample, weight)| sum + sample.base_twist * *weight);
-        let joints = (0..sample.rates.len())
-            .map(|joint| weighted().map(|(sample, weight)| sample.rates[joint] * weight).sum())
-            .collect();
+    let of_twist = |k: usize| samples.iter().map(|sample| sample.base_twist.to_vector()[k]).collect::<Vec<f64>>();
+    let of_joint = |joint: usize| samples.iter().map(|sample| sample.rates[joint]).collect::<Vec<f64>>();
+    let signals: Vec<Vec<f64>> = (0..6).map(of_twist).chain((0..joints).map(of_joint)).collect();
+    let lists: Vec<&[f64]> = signals.iter().map(Vec::as_slice).collect();
+    let fit = LocalFit::choose(&times_s, &lists, 1)?;
+    let at_centre = |centre: usize| {
+        let mut sample = samples[centre].clone();
+        let weights = fit.weights(centre, 1);
+        let rate = |signal: &[f64]| fit.sum(centre, &weights, signal);
+        let twist_rate = Twist::from(Vector6::from_fn(|k, _| rate(lists[k])));
         let mut base = BodyAcceleration::from_twist_rate_body(&sample.base_twist, &twist_rate);
         base.acceleration_origin_body -= sample.world_from_base.rotation.inverse_transform_vector(gravity_world);
+        let joints = lists[6..].iter().map(|signal| rate(signal)).collect();
         sample.accelerations = Some(TreeAcceleration { base, joints });
         sample
     };
-    Ok(samples.windows(needed).map(at_centre).collect())
+    Ok(fit.centres().map(at_centre).collect())
 }
