@@ -498,7 +498,7 @@ impl AstrobeeError {
                     "`tumble identify --template` prints every column of a CSV log; `docs/recordings.md` says which topics of a recording \
                      give what"
                 }
-                IdentificationError::TooFewSamples { .. } => {
+                IdentificationError::TooFewSamples { .. } | IdentificationError::NoResidual { .. } => {
                     "record more samples in equal steps; of a held-out part, keep back a larger share"
                 }
                 IdentificationError::NotConverged { .. } => {

@@ -182,6 +182,39 @@ fn what_does_not_fit_is_refused_with_its_reason() {
 }
 
 #[test]
+fn a_held_arm_that_stands_still_or_moves_for_a_moment_says_what_is_missing() {
+    let folder = folder("held");
+    let model = folder.join("arm.toml");
+    let joint = "kind = \"revolute\"\naxis = [0, 1, 0]\nposition_m = [0.3, 0, 0]\n\
+        body = { mass_kg = 1, com_m = [0.1, 0, 0], inertia_about_com_kg_m2 = [[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.01]] }\n";
+    let text = format!(
+        "format = 1\nname = \"held\"\nbase_kind = \"fixed\"\n[tool]\nlink = \"b\"\n[[joint]]\nname = \"a\"\nparent = \"base\"\n{joint}\
+         [[joint]]\nname = \"b\"\nparent = \"a\"\n{joint}"
+    );
+    std::fs::write(&model, text).unwrap();
+    let path = folder.join("log.csv");
+    let identify = |rows: usize, more: &[&str]| {
+        let mut text = "t_s,q1_rad,q2_rad,tau1_N_m,tau2_N_m\n".to_owned();
+        for row in 0..rows {
+            let _ = writeln!(text, "{:.2},0.1,0.2,-11,-3", 0.01 * row as f64);
+        }
+        std::fs::write(&path, text).unwrap();
+        let arguments = ["identify", path.to_str().unwrap(), "--model", model.to_str().unwrap(), "--payload"];
+        let found = tumble(&[&arguments[..], more].concat());
+        (found.status.code(), String::from_utf8(found.stdout).unwrap() + &String::from_utf8_lossy(&found.stderr))
+    };
+    let (code, still) = identify(1000, &["--json"]);
+    assert_eq!(code, Some(3), "{still}");
+    let object: serde_json::Value = serde_json::from_str(still.trim()).unwrap();
+    assert!(object["bodies"][0]["mass_kg"].is_null() && !object["null_directions"].as_array().unwrap().is_empty());
+    let (code, brief) = identify(10, &[]);
+    assert!(code == Some(2) && brief.contains("2 rows leave no residual") && brief.contains("more samples"), "{brief}");
+    let (code, unused) = identify(1000, &["--momentum", "zero"]);
+    assert!(code == Some(2) && unused.contains("momentum form only"), "{unused}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
 fn a_designed_motion_keeps_the_limits_of_the_model() {
     let folder = folder("excite");
     let path = folder.join("motion.csv");

@@ -190,6 +190,11 @@ fn forms(options: &ArmOptions, arm: &ArmModel) -> Result<Forms, AstrobeeError> {
             arm.name
         )));
     }
+    if !forms.momentum && options.momentum.0.is_some() {
+        return Err(refused(
+            "`--momentum` is used by the momentum form only: leave it out, or `--form both` of a free base",
+        ));
+    }
     Ok(forms)
 }
 

@@ -172,7 +172,8 @@ impl TreeEstimator {
     /// Identifies the parts from all records together.
     ///
     /// # Errors
-    /// [`IdentificationError`]: lists that do not fit the tree, numbers that are not finite, no usable rows, no convergence.
+    /// [`IdentificationError`]: lists that do not fit the tree, numbers that are not finite, no usable rows, fewer instants than
+    /// unknowns where the noise of motors is looked for, no convergence.
     pub fn identify(&self, records: &[TreeRecord]) -> Result<TreeEstimate, IdentificationError> {
         for record in records {
             for (index, sample) in record.samples.iter().enumerate() {
@@ -184,6 +185,8 @@ impl TreeEstimator {
         let mut unknowns = self.nominal(&layout);
         let prior = LinkPrior::uniform(&layout, unknowns.as_slice(), 1.0)?;
         let mut motor_std = self.first_motor_std(records);
+        // Below a billionth of what the motors give lies rounding: exact data must not be weighted without bound.
+        let least_std: Vec<f64> = motor_std.iter().map(|std| 1e-8 * std).collect();
         let mut passes = 0;
         let (base, settled) = loop {
             passes += 1;
@@ -212,12 +215,15 @@ impl TreeEstimator {
             let finding_noise = self.finds_noise() && passes > 1;
             let mut noise_change = 0.0_f64;
             if finding_noise {
-                for (std, (sum, count)) in motor_std.iter_mut().zip(&squares) {
-                    let ratio = (sum / (*count).max(1) as f64).sqrt();
-                    if ratio > 0.0 {
-                        noise_change = noise_change.max((ratio - 1.0).abs());
-                        *std *= ratio;
-                    }
+                // A joint that alone fits every unknown would find its noise to be none.
+                let fewest = squares.iter().map(|(_, count)| *count).filter(|count| *count > 0).min().unwrap_or(0);
+                if fewest <= base.rank() {
+                    return Err(IdentificationError::NoResidual { rows: fewest, parameters: base.rank() });
+                }
+                for ((std, least), (sum, count)) in motor_std.iter_mut().zip(&least_std).zip(&squares) {
+                    let next = (*std * (sum / (*count).max(1) as f64).sqrt()).max(*least);
+                    noise_change = noise_change.max((next / *std - 1.0).abs());
+                    *std = next;
                 }
             }
             let settled = change < SETTLED && noise_change < 1e-4 && passes > 2;
