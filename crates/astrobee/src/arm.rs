@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_dynamics::{InertialParameters, Multibody};
+use tumble_identification::multibody::JointRange;
 use tumble_lie::Pose;
 
 /// Whether the base is held.
@@ -90,6 +91,16 @@ pub struct ArmJoint {
     pub coulomb_friction: Option<f64>,
     /// Torque per current.
     pub drive_gain: Option<DriveGain>,
+}
+
+impl JointLimits {
+    /// What a motion may use: half a turn either way (or that many metres) where no position is limited; `None` without a limit of
+    /// the rate.
+    pub fn range(&self) -> Option<JointRange> {
+        let half_turn = std::f64::consts::PI;
+        let (lower, upper) = (self.lower.unwrap_or(-half_turn), self.upper.unwrap_or(half_turn));
+        self.rate.map(|rate| JointRange { lower, upper, rate, acceleration: f64::INFINITY })
+    }
 }
 
 /// A frame fixed to a body of the tree.

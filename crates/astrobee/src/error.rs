@@ -463,7 +463,7 @@ impl AstrobeeError {
             }
             Self::Unreadable { .. } => "check the path and that you may read it",
             Self::Empty { .. } => {
-                "write a header and rows: `tumble identify --template` prints those of a log, the `--help` of `allocate` and `realize` \
+                "write a header and rows: `tumble identify --template` prints those of a log, `tumble arm show NAME --as log-template` those of an arm's, the `--help` of `allocate` and `realize` \
                  theirs"
             }
             Self::MissingColumn { .. } => {
@@ -499,7 +499,7 @@ impl AstrobeeError {
                      give what"
                 }
                 IdentificationError::TooFewSamples { .. } | IdentificationError::NoResidual { .. } => {
-                    "record more samples in equal steps; of a held-out part, keep back a larger share"
+                    "record more samples, in steps as equal as can be; of a held-out part, keep back a larger share"
                 }
                 IdentificationError::NotConverged { .. } => {
                     "the data contradict every body: check the sign and frame of the wrench and the units"

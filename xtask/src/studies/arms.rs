@@ -9,8 +9,8 @@ use tumble_dynamics::{
     Variational,
 };
 use tumble_identification::multibody::{
-    ExcitedBase, JointExcitation, JointMotion, JointRange, MomentumForm, TreeEstimator, TreePart, TreeRecord,
-    TreeSample, VelocityNoise,
+    ExcitedBase, JointExcitation, JointMotion, MomentumForm, TreeEstimator, TreePart, TreeRecord, TreeSample,
+    VelocityNoise,
 };
 use tumble_identification::statistics::coverage_band;
 use tumble_lie::{Pose, Product, Stacked, Twist, Wrench};
@@ -55,15 +55,7 @@ fn motions(arm: &ArmModel, payload: &TreePart) -> Result<[JointMotion; 2], Failu
             .to_vec(),
     };
     let limits = |joint: &ArmJoint| {
-        let limits = &joint.limits;
-        let (lower, upper, rate) = (limits.lower, limits.upper, limits.rate);
-        let range = lower.zip(upper).zip(rate).map(|((lower, upper), rate)| JointRange {
-            lower,
-            upper,
-            rate,
-            acceleration: f64::INFINITY,
-        });
-        range.ok_or_else(|| failed(format!("joint `{}` has no limits", joint.name)))
+        joint.limits.range().ok_or_else(|| failed(format!("joint `{}` has no limit of its rate", joint.name)))
     };
     let problem = JointExcitation {
         tree: arm.tree.clone(),

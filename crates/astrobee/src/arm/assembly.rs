@@ -311,6 +311,9 @@ impl JointPart {
         {
             return Err(bad(&format!("lower limit {lower} is above the upper one, {upper}")));
         }
+        if !self.axis.iter().all(|x| x.is_finite()) {
+            return Err(bad("`axis` must be finite"));
+        }
         let joint = match kind {
             JointAxis::Revolute => Joint::revolute(self.axis, parent_from_link),
             JointAxis::Prismatic => Joint::prismatic(self.axis, parent_from_link),

@@ -9,9 +9,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::{Matrix3, Vector3};
-use tumble_identification::multibody::{
-    ExcitedBase, JointExcitation, JointMotion, JointRange, TreePart, VelocityNoise,
-};
+use tumble_identification::multibody::{ExcitedBase, JointExcitation, JointMotion, TreePart, VelocityNoise};
 use tumble_lie::Wrench;
 
 /// Rows of the table of the motion, per second.
@@ -56,13 +54,9 @@ pub fn run(options: &ExciteOptions) -> Result<Outcome, AstrobeeError> {
     }
     let arm = ArmModel::find(&options.name)?;
     let range = |joint: &crate::arm::ArmJoint| {
-        let limits = &joint.limits;
-        let rate = limits.rate.ok_or_else(|| {
+        joint.limits.range().ok_or_else(|| {
             refused(format!("joint `{}` of `{}` has no limit of its rate: state `limits.rate`", joint.name, arm.name))
-        })?;
-        let (lower, upper) =
-            (limits.lower.unwrap_or(-std::f64::consts::PI), limits.upper.unwrap_or(std::f64::consts::PI));
-        Ok(JointRange { lower, upper, rate, acceleration: f64::INFINITY })
+        })
     };
     let ranges = arm.joints.iter().map(range).collect::<Result<Vec<_>, AstrobeeError>>()?;
     let rough = |kg: f64, size_m: f64| {
