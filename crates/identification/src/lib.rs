@@ -14,6 +14,7 @@ pub mod comparison;
 pub mod consistency;
 mod criteria;
 mod error;
+pub mod estimator;
 pub mod excitation;
 #[cfg(feature = "std")]
 pub mod fourier;

@@ -1,0 +1,94 @@
+//! Errors that carry another's.
+
+use core::error::Error;
+use core::fmt;
+use crate::error::IdentificationError;
+
+/// What a seam answers with: the library's own error, `Copy` and comparable as it is, or one of somebody else.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum EstimatorError {
+    /// Of the library.
+    Library(IdentificationError),
+    /// Of an implementation from outside.
+    Foreign {
+        /// Its name.
+        by: &'static str,
+        /// What it says.
+        source: Source,
+    },
+    /// An implementation handed over what cannot be.
+    Refused {
+        /// What.
+        what: &'static str,
+        /// Which component.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+}
+
+/// An error from outside. Without an allocator it is one that lives for ever (`&MY_ERROR`), with one any.
+#[derive(Clone)]
+#[non_exhaustive]
+pub enum Source {
+    /// A constant.
+    Static(&'static (dyn Error + Send + Sync)),
+    /// Made at run time.
+    #[cfg(feature = "std")]
+    Shared(std::sync::Arc<dyn Error + Send + Sync>),
+}
+
+impl Source {
+    fn error(&self) -> &(dyn Error + Send + Sync + 'static) {
+        match self {
+            Self::Static(error) => *error,
+            #[cfg(feature = "std")]
+            Self::Shared(error) => &**error,
+        }
+    }
+}
+
+impl EstimatorError {
+    /// An error that lives for ever.
+    pub fn fixed(by: &'static str, source: &'static (dyn Error + Send + Sync)) -> Self {
+        Self::Foreign { by, source: Source::Static(source) }
+    }
+
+    /// An error with numbers of its own.
+    #[cfg(feature = "std")]
+    pub fn foreign(by: &'static str, source: impl Error + Send + Sync + 'static) -> Self {
+        Self::Foreign { by, source: Source::Shared(std::sync::Arc::new(source)) }
+    }
+}
+
+impl fmt::Debug for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(self.error(), f)
+    }
+}
+
+impl fmt::Display for EstimatorError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Library(error) => error.fmt(f),
+            Self::Foreign { by, source } => write!(f, "{by}: {}", source.error()),
+            Self::Refused { what, index, value } => write!(f, "{what}: component {index} is {value}"),
+        }
+    }
+}
+
+impl Error for EstimatorError {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        match self {
+            Self::Foreign { source, .. } => Some(source.error()),
+            _ => None,
+        }
+    }
+}
+
+impl From<IdentificationError> for EstimatorError {
+    fn from(error: IdentificationError) -> Self {
+        Self::Library(error)
+    }
+}

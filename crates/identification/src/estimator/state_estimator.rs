@@ -1,0 +1,145 @@
+//! Estimators in flight: the trait and what they are told.
+
+use super::{EstimatorError, Finding};
+use crate::dynamics::RigidBodyState;
+use crate::lie::{Manifold, Wrench};
+use crate::recursive::{FlightHealth, Reception, ReceptionCounts};
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
+use std::sync::Arc;
+
+/// A value with its whole covariance; of an attitude in body axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gauss<V> {
+    /// What was measured.
+    pub value: V,
+    /// Its covariance, in the axes of the quantity.
+    pub covariance: Matrix3<f64>,
+}
+
+/// A measurement of a kind that the library does not know: range, bearing, a star's direction, at most three numbers.
+pub trait Sensor: Send + Sync + std::fmt::Debug {
+    /// What the sensor would show of this motion, in its own units.
+    fn predicted(&self, state: &RigidBodyState<f64>) -> Vector3<f64>;
+
+    /// Measured minus predicted; angles wrap here.
+    fn residual(&self, measured: &Vector3<f64>, state: &RigidBodyState<f64>) -> Vector3<f64> {
+        measured - self.predicted(state)
+    }
+
+    /// Along an increment of the state; by differences unless written.
+    fn sensitivity(&self, state: &RigidBodyState<f64>) -> SMatrix<f64, 3, 12> {
+        let mut slopes = SMatrix::<f64, 3, 12>::zeros();
+        for j in 0..12 {
+            let nudge = SVector::<f64, 12>::ith(j, 1e-6);
+            let apart = self.predicted(&state.oplus(&nudge)) - self.predicted(&state.oplus(&-nudge));
+            slopes.set_column(j, &(apart / 2e-6));
+        }
+        slopes
+    }
+}
+
+/// What was measured at one time: all of it may be absent.
+#[derive(Clone, Debug, Default)]
+pub struct Measurement {
+    /// Time at which it was true, ns.
+    pub stamp_ns: i64,
+    /// Attitude, body to world; covariance of a turn in body axes, rad^2.
+    pub attitude: Option<Gauss<UnitQuaternion<f64>>>,
+    /// Position of the body origin, world axes, m.
+    pub position_world: Option<Gauss<Vector3<f64>>>,
+    /// Angular velocity, body axes, rad/s.
+    pub rate_body: Option<Gauss<Vector3<f64>>>,
+    /// Velocity of the body origin, world axes, m/s.
+    pub velocity_world: Option<Gauss<Vector3<f64>>>,
+    /// A quantity of the user's own; components beyond those that it has carry an infinite variance.
+    pub other: Option<(Arc<dyn Sensor>, Gauss<Vector3<f64>>)>,
+}
+
+/// What is believed to have acted; stored momentum stands in the type, so that nobody with wheels forgets it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Acted {
+    /// Begin of the span, ns.
+    pub from_ns: i64,
+    /// End of the span, ns.
+    pub until_ns: i64,
+    /// External, and the wheels' reaction torque; body axes about the origin.
+    pub wrench_body: Wrench<f64>,
+    /// Angular momentum of wheels relative to the body; zero without.
+    pub stored_body: Vector3<f64>,
+}
+
+/// What an estimator is told to doubt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Doubt {
+    /// Something was grasped or released: jumps of the ten `LogCholesky` coordinates.
+    Body(SVector<f64, 10>),
+    /// Actuators do not do what they are told.
+    Wrench,
+}
+
+/// Motion and body in flight. `Send`, so that every loop of it is; neither `Clone` nor `Sync`.
+pub trait StateEstimator: Send {
+    /// Hears what is believed to have acted in a span; a later word of the same span replaces an earlier one.
+    fn acted(&mut self, acted: &Acted);
+    /// Takes a measurement, which may be late, out of order, doubled or absurd.
+    fn measured(&mut self, measurement: &Measurement) -> Reception;
+    /// Motion at a time, carried on by what acted.
+    fn state_at(&self, time_ns: i64) -> RigidBodyState<f64>;
+    /// What is known of the ten inertial parameters.
+    ///
+    /// # Errors
+    /// Of the implementation; the flight then goes on with the last belief.
+    fn finding(&self) -> Result<Finding, EstimatorError>;
+    /// Whether the filter's own account of its errors still holds.
+    fn health(&self) -> FlightHealth;
+    /// Stamp of the newest measurement that was looked at, ns.
+    fn newest_stamp_ns(&self) -> i64;
+    /// Widens what is known of the body or of the actuators.
+    fn doubt(&mut self, doubt: &Doubt);
+    /// Sets the body back to a prior, the motion kept.
+    ///
+    /// # Errors
+    /// A prior that is none; nothing is changed then.
+    fn restart(&mut self, body: &Finding) -> Result<(), EstimatorError>;
+    /// What became of the measurements.
+    fn counts(&self) -> ReceptionCounts;
+    /// What to ask of doubted actuators for a wrench.
+    fn compensated(&self, _wrench: &Wrench<f64>) -> Option<Wrench<f64>> {
+        None
+    }
+}
+
+impl<T: StateEstimator + ?Sized> StateEstimator for Box<T> {
+    fn acted(&mut self, acted: &Acted) {
+        (**self).acted(acted);
+    }
+    fn measured(&mut self, measurement: &Measurement) -> Reception {
+        (**self).measured(measurement)
+    }
+    fn state_at(&self, time_ns: i64) -> RigidBodyState<f64> {
+        (**self).state_at(time_ns)
+    }
+    fn finding(&self) -> Result<Finding, EstimatorError> {
+        (**self).finding()
+    }
+    fn health(&self) -> FlightHealth {
+        (**self).health()
+    }
+    fn newest_stamp_ns(&self) -> i64 {
+        (**self).newest_stamp_ns()
+    }
+    fn doubt(&mut self, doubt: &Doubt) {
+        (**self).doubt(doubt);
+    }
+    fn restart(&mut self, body: &Finding) -> Result<(), EstimatorError> {
+        (**self).restart(body)
+    }
+    fn counts(&self) -> ReceptionCounts {
+        (**self).counts()
+    }
+    fn compensated(&self, wrench: &Wrench<f64>) -> Option<Wrench<f64>> {
+        (**self).compensated(wrench)
+    }
+}
+
