@@ -36,6 +36,8 @@ mod motion;
 pub mod multibody;
 mod observability;
 pub mod recursive;
+#[cfg(feature = "std")]
+mod registry;
 pub mod regressors;
 #[cfg(feature = "std")]
 mod savitzky_golay;
@@ -75,6 +77,8 @@ pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
 pub use motion::MotionSample;
 pub use observability::{NullDirection, Observability};
+#[cfg(feature = "std")]
+pub use registry::{Registry, UnknownName};
 #[cfg(feature = "std")]
 pub use savitzky_golay::{SavitzkyGolay, SmoothedMotion};
 pub use square_root_information::{RANK_TOLERANCE, SquareRootInformation};
