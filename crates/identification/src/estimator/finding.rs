@@ -18,9 +18,9 @@ pub struct Finding<const P: usize = 10> {
     prior: SquareRootInformation<P>,
     noise: SMatrix<f64, P, P>,
     surprise: Option<(f64, usize)>,
+    /// As it was stated, where it was: what is read of it is that to the bit.
+    stated: Option<SMatrix<f64, P, P>>,
     point: Option<SVector<f64, P>>,
-    /// As it was stated, where it was: not one digit is lost on the way through a square root and back.
-    covariance: Option<SMatrix<f64, P, P>>,
     magnitudes: SVector<f64, P>,
 }
 
@@ -36,8 +36,8 @@ impl<const P: usize> Finding<P> {
             prior: SquareRootInformation::new(),
             noise: SMatrix::zeros(),
             surprise: None,
+            stated: None,
             point,
-            covariance: None,
             magnitudes,
         }
     }
@@ -57,7 +57,7 @@ impl<const P: usize> Finding<P> {
         }
         let deviation = covariance.diagonal().map(|variance| ComplexField::sqrt(variance.max(0.0)));
         if let Some(index) = (0..P).find(|i| !(deviation[*i] > 0.0 && deviation[*i].is_finite())) {
-            return refused("variance", index, covariance[(index, index)]);
+            return refused("covariance", index * P + index, covariance[(index, index)]);
         }
         let correlation = SMatrix::<f64, P, P>::from_fn(|i, j| covariance[(i, j)] / (deviation[i] * deviation[j]));
         for i in 0..P {
@@ -79,7 +79,7 @@ impl<const P: usize> Finding<P> {
             factor.set_row(i, &(axes.column(i) * root).component_div(&deviation).transpose());
         }
         let information = SquareRootInformation::from_square_root(&factor, &(factor * point))?;
-        Ok(Self { covariance: Some(*covariance), ..Self::of_information(information, magnitudes) }.at(point))
+        Ok(Self { stated: Some(*covariance), ..Self::of_information(information, magnitudes).at(point) })
     }
 
     /// The same, of which this much was known before.
@@ -131,10 +131,7 @@ impl<const P: usize> Finding<P> {
     /// # Errors
     /// Where directions are free.
     pub fn covariance(&self) -> Result<SMatrix<f64, P, P>, EstimatorError> {
-        match self.covariance {
-            Some(stated) => Ok(stated),
-            None => Ok(self.information.covariance(&self.magnitudes)?),
-        }
+        self.stated.map_or_else(|| Ok(self.information.covariance(&self.magnitudes)?), Ok)
     }
 
     /// What the data alone say: RᵀR − R₀ᵀR₀ by a Cholesky that leaves free directions free.
