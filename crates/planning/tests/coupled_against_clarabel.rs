@@ -1,12 +1,13 @@
 //! The coupled program against a general solver that gets all matrices written out.
-#![cfg(feature = "clarabel")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod fixed_planes;
+mod general_solver;
 
+use general_solver::solve_gram_with_clarabel;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use tumble_planning::control::{AxisPlane, AxisProblem, CoupledAxes, GramStatus, solve_gram_with_clarabel};
+use tumble_planning::control::{AxisPlane, AxisProblem, CoupledAxes, GramStatus};
 use tumble_planning::nalgebra::Vector2;
 use tumble_planning::unit_interval;
 

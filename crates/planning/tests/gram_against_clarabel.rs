@@ -1,14 +1,16 @@
 //! The dual active set against an interior point method, on random programs and on those of tubes.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod general_solver;
 mod tube_problems;
 
+use general_solver::solve_gram_with_clarabel;
 use tube_problems::coupled::CoupledLoop;
 use tube_problems::random::RandomProgram;
 use tube_problems::{Matrices, Nominal, NominalLoop, SETTINGS, STEPS, uniform};
 use tumble_planning::control::{
     AxisGain, AxisLimits, AxisProblem, AxisRequest, AxisTemplate, GramProgram, GramStatus, GramWorkspace, MassInterval,
-    SymmetricBox, Terminal, TubeDisturbance, TubeWeights, solve_gram_with_clarabel,
+    SymmetricBox, Terminal, TubeDisturbance, TubeWeights,
 };
 use tumble_planning::nalgebra::Vector2;
 
