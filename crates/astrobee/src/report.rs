@@ -7,11 +7,12 @@ use crate::log::seconds;
 use crate::output::OutputFolder;
 use serde::Serialize;
 use std::fmt::Write as _;
-use tumble_dynamics::nalgebra::{Matrix3, SVector, Vector3};
+use tumble_dynamics::nalgebra::{Matrix3, Vector3};
 use tumble_dynamics::{InertialParameters, PARAMETER_NAMES, PARAMETER_UNITS};
+use tumble_identification::estimator::{Verdict, Why};
 use tumble_identification::{
-    Column, Estimate, Identification, Method, NodeResidual, NuisanceEstimate, NullDirection, POOR_FIT, Prediction,
-    Quantity as Estimated, StandardDeviations, Validation, Warning, WrenchTiming,
+    Estimate, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, NuisanceEstimate, NullDirection, Prediction,
+    StandardDeviations, Validation, WrenchTiming,
 };
 
 /// The name of a wrench timing on the command line and in JSON.

@@ -27,7 +27,9 @@ pub enum IdentificationError {
         parameters: usize,
     },
     /// The ten parameters are known, but one of them not to better than a share of the body's own size.
-    #[error("one sigma of some direction is above {largest} of the body's scale: excite the body more, or state a prior")]
+    #[error(
+        "one sigma of some direction is above {largest} of the body's scale: excite the body more, or state a prior"
+    )]
     NotKnown {
         /// Widest standard deviation that is accepted, in units of the body's size.
         largest: f64,

@@ -18,13 +18,13 @@ mod units;
 mod verdict;
 mod warning;
 
+use crate::ConstrainedLeastSquares;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::estimator::{Evidence, Judge, Verdict};
 use crate::likelihood::{Exchange, NuisanceEstimate, Nuisances};
 use crate::motion::MotionSample;
 use crate::weighted_least_squares::{WrenchRow, whitened};
-use crate::ConstrainedLeastSquares;
 use crate::{
     BodyScale, ExcitationDiagnosis, NullDirection, Observability, SquareRootInformation, WeakDirection, WrenchTiming,
 };
@@ -33,8 +33,8 @@ use fit::{Best, Fit, best_fit};
 use likelihood::most_likely;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use noise::SampleNoise;
-use rows::Scheme;
 use recursion::Replaced;
+use rows::Scheme;
 use solution::{Judgement, Solution, judge, solve};
 use timeline::Timeline;
 use verdict::{Marks, verdict};
@@ -45,14 +45,14 @@ pub use parts::{Part, identify_parts};
 pub use pipeline::{ConstrainedSolvers, Methods, Pipeline, constrained_solvers, methods};
 pub use problem::{JointFilter, Problem, Regressed};
 pub use rows::Regression;
-pub use verdict::Silence;
 pub(crate) use solution::{constrained, from_covariance, standard_deviations};
+pub use verdict::Silence;
 pub use warning::Warning;
 
 /// Chosen from the columns present, the wrench timing and the noise found; [`Identification::method`] says what was chosen.
 pub(crate) const AUTO: &str = "auto";
-/// Maximum likelihood; where it leaves a direction free, the best regression answers instead and says which.
-pub(crate) const LIKELIHOOD: &str = "maximum-likelihood";
+/// Name of the maximum likelihood; where it leaves a direction free, the best regression answers instead and says which.
+pub const MAXIMUM_LIKELIHOOD: &str = "maximum-likelihood";
 
 /// Every built-in method: its name, what it is in a sentence, and how it comes to an answer.
 const BUILT_IN: [(&str, &str, Way); 10] = [
@@ -65,7 +65,7 @@ const BUILT_IN: [(&str, &str, Way); 10] = [
     ("variational", "Variational regressor, order 2, poses only", Way::Rows(Regression::Variational)),
     ("variational4", "Extrapolated variational regressor, order 4, poses only", Way::Rows(Regression::Variational4)),
     ("variational6", "Extrapolated variational regressor, order 6, poses only", Way::Rows(Regression::Variational6)),
-    (LIKELIHOOD, "Maximum likelihood from noisy poses and wrenches", Way::Likelihood),
+    (MAXIMUM_LIKELIHOOD, "Maximum likelihood from noisy poses and wrenches", Way::Likelihood),
     ("rls", "Recursive least squares in covariance form", Way::Rls),
     ("recursive-sdp", "Recursive least squares whose every answer is a body", Way::RecursiveSdp),
     ("ekf", "Extended Kalman filter of motion and parameters", Way::Ekf),
@@ -358,7 +358,7 @@ fn run<E: From<IdentificationError>>(
     // A regression that does not answer has not the last word.
     let poor = |found: &Identification| found.explained.is_some_and(|share| share < plan.judge.poor_fit);
     let tried = found.marks.likelihood_failed || found.silence != Silence::Nothing;
-    if plan.way == Way::Auto && found.method != LIKELIHOOD && (found.rank < 10 || poor(&found)) && !tried {
+    if plan.way == Way::Auto && found.method != MAXIMUM_LIKELIHOOD && (found.rank < 10 || poor(&found)) && !tried {
         let likely = most_likely(record, &Timeline::try_new(record)?, plan)?;
         let better = |likely: &Identification| {
             likely.explained > Some(plan.judge.poor_fit) && likely.rank >= found.rank && likely.marks.leaves_noise_only
@@ -637,7 +637,7 @@ pub fn validate(
     settings: &Settings,
 ) -> Result<Validation, IdentificationError> {
     let estimate = found.estimate.ok_or(IdentificationError::NoEstimate { rank: found.rank })?;
-    if found.method == LIKELIHOOD {
+    if found.method == MAXIMUM_LIKELIHOOD {
         return likelihood::validated(found, &estimate, record, settings);
     }
     let timeline = Timeline::try_new(record)?;

@@ -1,8 +1,8 @@
 //! What is known of some parameters.
 
 use super::EstimatorError;
-use crate::error::IdentificationError;
 use crate::SquareRootInformation;
+use crate::error::IdentificationError;
 use crate::jacobi::{singular_values, symmetric_eigen};
 use nalgebra::{ComplexField, SMatrix, SVector};
 

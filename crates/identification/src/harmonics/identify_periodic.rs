@@ -13,7 +13,7 @@ use crate::dynamics::{InertialParameters, WrenchBox};
 use crate::error::IdentificationError;
 use crate::estimator::{Evidence, Finding, Judge, Verdict};
 use crate::fourier::AttitudeChart;
-use crate::identify::{LIKELIHOOD, constrained, from_covariance, standard_deviations};
+use crate::identify::{MAXIMUM_LIKELIHOOD, constrained, from_covariance, standard_deviations};
 use crate::lie::Pose;
 use crate::motion::MotionSample;
 use crate::{Estimate, Identification, Noise, Settings, WrenchTiming, identify};
@@ -177,7 +177,8 @@ pub fn identify_periodic(
     };
     let mut likely = None;
     if wanted == HarmonicEstimator::Likelihood {
-        if matches!(least_squares, Err(IdentificationError::NotExcited { .. } | IdentificationError::Indefinite { .. })) {
+        if matches!(least_squares, Err(IdentificationError::NotExcited { .. } | IdentificationError::Indefinite { .. }))
+        {
             // Noise may hide from least squares what a likelihood still sees; a direction that does not move it does not.
             require_shown(&cycles.record, settings.reference_harmonics)?;
         }
@@ -336,7 +337,7 @@ fn most_likely(
     settings: &HarmonicSettings,
 ) -> Result<(Identification, Estimate), IdentificationError> {
     let likelihood = Settings {
-        method: LIKELIHOOD,
+        method: MAXIMUM_LIKELIHOOD,
         wrench_timing: settings.wrench_timing,
         gravity_world: settings.gravity_world,
         ..Settings::default()
@@ -344,7 +345,7 @@ fn most_likely(
     let found = identify(samples, &likelihood)?;
     let refused = matches!(found.verdict, Verdict::NoBodyExplains { .. });
     match found.estimate {
-        Some(estimate) if found.method == LIKELIHOOD || refused => Ok((found, estimate)),
+        Some(estimate) if found.method == MAXIMUM_LIKELIHOOD || refused => Ok((found, estimate)),
         // A regression on single samples says less than one on the average.
         Some(_) => Err(IdentificationError::LikelihoodNotConverged { iterations: 0, decrement: f64::INFINITY }),
         None => {

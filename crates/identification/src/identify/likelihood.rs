@@ -5,7 +5,7 @@ use super::solution::{Solution, from_covariance, solve};
 use super::timeline::Timeline;
 use super::verdict::{Marks, Silence, verdict};
 use super::{
-    Estimate, FEW_NODES, Identification, LIKELIHOOD, NodeResidual, Noise, Plan, Settings, VISIBLE_COLOUR,
+    Estimate, FEW_NODES, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, Noise, Plan, Settings, VISIBLE_COLOUR,
     Validation, Warning,
 };
 use crate::error::{Column, IdentificationError};
@@ -200,7 +200,7 @@ fn identification(
         warnings.push(Warning::FewRows { rows: 6 * record.len() });
     }
     Ok(Identification {
-        method: LIKELIHOOD,
+        method: MAXIMUM_LIKELIHOOD,
         wrench_timing: settings.wrench_timing,
         lag: found.segment_samples,
         step_s: timeline.median_step_s(),
@@ -229,7 +229,10 @@ fn identification(
 
 /// Whether one of the ten quantities of the body has a part in an exchange.
 pub(super) fn exchanges_the_body(exchanges: &[Exchange]) -> bool {
-    exchanges.iter().flat_map(|exchange| &exchange.parts).any(|(quantity, _)| super::verdict::place(*quantity).is_some())
+    exchanges
+        .iter()
+        .flat_map(|exchange| &exchange.parts)
+        .any(|(quantity, _)| super::verdict::place(*quantity).is_some())
 }
 
 /// Whether one sigma of every direction is below a fraction of the body's scale.

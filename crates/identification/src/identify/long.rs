@@ -2,7 +2,7 @@
 
 use super::likelihood::{Answer, DETERMINED, MANY_OUTLIERS, estimator};
 use super::verdict::verdict;
-use super::{AUTO, Identification, LIKELIHOOD, NodeResidual, Plan, Settings, Warning, identify};
+use super::{AUTO, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, Plan, Settings, Warning, identify};
 use crate::Observability;
 use crate::error::IdentificationError;
 use crate::estimator::Evidence;
@@ -51,14 +51,12 @@ impl LongRecord {
     /// # Errors
     /// As [`identify`].
     pub fn try_new(first: &[MotionSample], settings: &Settings) -> Result<Option<Self>, IdentificationError> {
-        if settings.estimate != Nuisances::default()
-            || ![AUTO, LIKELIHOOD].contains(&settings.method)
-        {
+        if settings.estimate != Nuisances::default() || ![AUTO, MAXIMUM_LIKELIHOOD].contains(&settings.method) {
             return Ok(None);
         }
         let first = first.get(..FIRST_ROWS).unwrap_or(first);
         let found = identify(first, &Settings { prior: None, ..*settings })?;
-        let (LIKELIHOOD, Some(estimate)) = (found.method, &found.estimate) else { return Ok(None) };
+        let (MAXIMUM_LIKELIHOOD, Some(estimate)) = (found.method, &found.estimate) else { return Ok(None) };
         let likelihood = MaximumLikelihood {
             noise: Some(found.noise),
             segment_samples: Some(found.lag),

@@ -1,8 +1,8 @@
 //! Noise of measured poses, rates and velocities, from differences so high that no motion is left in them.
 
+use super::Settings;
 use super::rows::{Regression, Scheme};
 use super::timeline::Timeline;
-use super::Settings;
 use crate::motion::MotionSample;
 use crate::weighted_least_squares::RowNoise;
 use nalgebra::{Matrix6, Vector3, Vector6};

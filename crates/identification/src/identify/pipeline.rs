@@ -4,13 +4,13 @@ use super::problem::{Chosen, JointFilter, Problem, Regressed};
 use super::recursion::{self, Replaced};
 use super::verdict::Beside;
 use super::{BUILT_IN, Identification, Plan, Settings, Way, run};
+use crate::BodyScale;
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, PseudoInertiaCone};
 use crate::estimator::{Estimator, EstimatorError, Finding, Judge, Replay};
 use crate::likelihood::MaximumLikelihood;
 use crate::motion::MotionSample;
 use crate::recursive::{RecursiveLeastSquares, RecursiveSdp};
 use crate::registry::Registry;
-use crate::BodyScale;
 use nalgebra::SMatrix;
 
 /// Standard deviations of the vague start of a recursion, in units of the body's own scale.

@@ -9,12 +9,11 @@ use super::timeline::Timeline;
 use super::units::Units;
 use super::verdict::Beside;
 use super::{Noise, Plan, Settings, Way};
-use crate::estimator::Finding;
-use crate::{MaximumLikelihood, WrenchTiming};
 use crate::body_scale::BodyScale;
 use crate::consistency::PseudoInertiaCone;
 use crate::dynamics::{LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
+use crate::estimator::Finding;
 use crate::lie::{LieGroup, Twist, Wrench};
 use crate::motion::MotionSample;
 use crate::recursive::{
@@ -22,6 +21,7 @@ use crate::recursive::{
     MotionNoise, RecursiveLeastSquares, RecursiveSdp, RowsOutcome, UnscentedKalmanFilter,
 };
 use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow};
+use crate::{MaximumLikelihood, WrenchTiming};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 /// Standard deviations of the vague start, in units of the body's own scale.
@@ -341,12 +341,7 @@ struct Joint {
 }
 
 impl Joint {
-    fn new(
-        record: &[MotionSample],
-        timeline: &Timeline,
-        settings: &Settings,
-        about: &About,
-    ) -> Self {
+    fn new(record: &[MotionSample], timeline: &Timeline, settings: &Settings, about: &About) -> Self {
         let step_s = timeline.median_step_s();
         let (noise, length_m) = (&about.noise, about.scale.length_m());
         let attitude_rad = noise.attitude_rad.max(POSE_FLOOR);

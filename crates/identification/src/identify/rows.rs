@@ -1,7 +1,7 @@
 //! From samples to rows `regressor * parameters = wrench`.
 
-use super::timeline::Timeline;
 use super::Settings;
+use super::timeline::Timeline;
 use crate::WrenchTiming;
 use crate::error::{Column, IdentificationError};
 use crate::lie::{LieGroup, Wrench, rotation_jacobian, skew};
@@ -172,7 +172,8 @@ impl Scheme {
             IdentificationError::MissingColumn(Column::Wrench)
         } else if self.regression == Regression::NewtonEuler && record.iter().all(|sample| sample.rate_body.is_none()) {
             IdentificationError::MissingColumn(Column::Rate)
-        } else if self.regression == Regression::NewtonEuler && record.iter().all(|s| s.velocity_origin_world.is_none()) {
+        } else if self.regression == Regression::NewtonEuler && record.iter().all(|s| s.velocity_origin_world.is_none())
+        {
             IdentificationError::MissingColumn(Column::Velocity)
         } else if found.skipped_half_turn > 0 {
             IdentificationError::HalfTurns { windows: found.skipped_half_turn }

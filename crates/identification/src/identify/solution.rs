@@ -129,7 +129,8 @@ pub(super) fn solve(
 ) -> Result<Solution, IdentificationError> {
     let mut estimate = None;
     let prior = plan.settings.prior.as_ref();
-    let constrained = |information: &SquareRootInformation<10>| constrained_by(&*(plan.solver)(scale), information, scale);
+    let constrained =
+        |information: &SquareRootInformation<10>| constrained_by(&*(plan.solver)(scale), information, scale);
     if let Some(prior) = prior {
         information.add_prior(&prior.mean.to_vector(), &prior.standard_deviation)?;
     }

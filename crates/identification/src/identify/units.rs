@@ -1,7 +1,7 @@
 //! Units in which a body is of an ordinary size, so that no level that is written in kilograms, metres or seconds decides.
 
-use super::noise::SampleNoise;
 use super::Settings;
+use super::noise::SampleNoise;
 use crate::BodyScale;
 use crate::error::IdentificationError;
 use crate::lie::{Pose, Wrench};
