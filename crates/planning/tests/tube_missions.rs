@@ -4,10 +4,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[allow(dead_code, reason = "shared with the study")]
-#[path = "../../../xtask/src/studies/tube_flights.rs"]
+#[path = "../../../xtask/studies/src/tube_flights.rs"]
 mod tube_flights;
 #[allow(dead_code, reason = "shared with the study")]
-#[path = "../../../xtask/src/studies/tube_plant.rs"]
+#[path = "../../../xtask/studies/src/tube_plant.rs"]
 mod tube_plant;
 
 use tube_flights::{Defect, Flown, Series, fly};

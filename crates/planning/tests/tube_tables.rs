@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[allow(dead_code, reason = "shared with the study that prints them")]
-#[path = "../../../xtask/src/studies/tube_shares.rs"]
+#[path = "../../../xtask/studies/src/tube_shares.rs"]
 mod tube_shares;
 
 use tube_shares::{GAINS, HALF_WIDTHS, MASS_KG, around, cruise_m_s, gain_row, leg_time_change, limits, shares};
