@@ -296,7 +296,7 @@ mod tests {
             (10, 100.0),
             limits,
             noise,
-            BodyFile::from(&tumble_dynamics::InertialParameters::solid_box(6.0, [0.3, 0.2, 0.25])),
+            BodyFile::from(&tumble_dynamics::InertialParameters::solid_box(6.047, [0.3, 0.2, 0.25])),
             design,
         )
     }

@@ -4,7 +4,8 @@
     clippy::indexing_slicing,
     clippy::missing_panics_doc,
     clippy::cast_possible_truncation,
-    missing_docs
+    missing_docs,
+    reason = "helpers of tests: a failed one is a failed test"
 )]
 
 pub mod bag_writer;
