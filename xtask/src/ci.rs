@@ -217,7 +217,8 @@ fn feature_tests() -> Outcome {
         if !has(&format!("crates/{library}/tests/suite/{name}.rs")) {
             return Outcome::Failed(format!("crates/{library}/tests/suite/{name}.rs is missing"));
         }
-        commands.push(cargo(&format!("test --package {} --features {feature} --test suite {name}::", package(library))));
+        commands
+            .push(cargo(&format!("test --package {} --features {feature} --test suite {name}::", package(library))));
     }
     shell(&mut commands)
 }
