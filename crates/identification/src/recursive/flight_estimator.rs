@@ -19,7 +19,7 @@ use crate::dynamics::{LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
 use crate::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
 use crate::identify::standard_deviations;
-use crate::lie::{Pose, Wrench};
+use crate::lie::Wrench;
 use crate::recursive::belief::symmetric;
 use crate::recursive::joint_motion::{JointState, parameters_by_chart};
 use crate::{BodyScale, Estimate};
@@ -28,6 +28,7 @@ use first_lessons::FirstLessons;
 use flight_motion::{BODY, FlightMotion, FlightState};
 use health::Thresholds;
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
+use reception::{checked, kinds};
 use std::collections::VecDeque;
 use wrench_history::WrenchHistory;
 
@@ -37,12 +38,12 @@ const MOMENTS: usize = 128;
 const COAST_NS: i64 = 64_000_000;
 
 /// What happened at a moment of the stream.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // nothing is allocated in flight
 enum Event {
     Start,
     Coasted,
-    Measured(FlightMeasurement),
+    Measured(Measurement),
     Changed(SVector<f64, 10>),
     WrenchDoubted,
     Restarted(LogCholesky<f64>, SMatrix<f64, 10, 10>),
@@ -135,10 +136,17 @@ impl FlightEstimator {
     /// Said again of the same time, or of a time already filtered, it replaces what was believed. Spans that are empty and
     /// wrenches that are not finite are passed over.
     pub fn acted(&mut self, from_ns: i64, until_ns: i64, wrench_body: &Wrench<f64>) {
-        if until_ns <= from_ns || !wrench_body.to_vector().iter().all(|x| x.is_finite()) {
+        self.hold(&Acted { from_ns, until_ns, wrench_body: *wrench_body, stored_body: Vector3::zeros() });
+    }
+
+    fn hold(&mut self, acted: &Acted) {
+        let Acted { from_ns, until_ns, wrench_body, stored_body } = acted;
+        let (from_ns, until_ns) = (*from_ns, *until_ns);
+        let finite = |x: &f64| x.is_finite();
+        if until_ns <= from_ns || !wrench_body.to_vector().iter().chain(stored_body).all(finite) {
             return;
         }
-        self.history.hold(from_ns, until_ns, wrench_body);
+        self.history.hold(from_ns, until_ns, wrench_body, stored_body);
         let first = self.moments.partition_point(|moment| moment.stamp_ns <= from_ns);
         // What is settled stays.
         self.filter_from(first.max(self.settled + 1));
@@ -147,7 +155,7 @@ impl FlightEstimator {
             // A pause of hours is one step of the ring.
             let behind_ns = horizon_ns - self.newest().stamp_ns;
             let stamp_ns = self.newest().stamp_ns.saturating_add(COAST_NS.max(behind_ns / 64));
-            self.insert(self.moments.len(), stamp_ns, &Event::Coasted);
+            self.insert(self.moments.len(), stamp_ns, Event::Coasted);
         }
         self.settle(horizon_ns);
     }
@@ -181,6 +189,10 @@ impl FlightEstimator {
 
     /// Takes a measurement, which may be late, out of order, doubled or absurd.
     pub fn measured(&mut self, measurement: &FlightMeasurement) -> Reception {
+        self.look_at(&measurement.with(&self.rules.settings.noise))
+    }
+
+    fn look_at(&mut self, measurement: &Measurement) -> Reception {
         let reception = self.receive(measurement);
         match reception {
             Reception::TooOld => self.apart.too_old += 1,
@@ -193,8 +205,8 @@ impl FlightEstimator {
         reception
     }
 
-    fn receive(&mut self, measurement: &FlightMeasurement) -> Reception {
-        let checked = match measurement.checked() {
+    fn receive(&mut self, measurement: &Measurement) -> Reception {
+        let checked = match checked(measurement) {
             Ok(checked) => checked,
             Err(what) => return Reception::Malformed { what },
         };
@@ -203,24 +215,38 @@ impl FlightEstimator {
             return Reception::FromTheFuture;
         }
         let same = |event: &Event| matches!(event, Event::Measured(known) if known.stamp_ns == stamp_ns);
-        if self.events.iter().any(same) {
+        let companion = self.events.iter().position(same);
+        if let Some(Event::Measured(known)) = companion.and_then(|place| self.events.get(place))
+            && kinds(known).iter().zip(kinds(&checked)).any(|(known, new)| *known && new)
+        {
             return Reception::Duplicate;
         }
         let oldest_ns = self.moments.front().map_or(i64::MAX, |moment| moment.stamp_ns);
         if stamp_ns < clock_ns.saturating_sub(self.rules.lateness_ns) || stamp_ns < oldest_ns {
             return Reception::TooOld;
         }
-        let place = self.moments.partition_point(|moment| moment.stamp_ns <= stamp_ns).max(1);
-        let later = self.events.iter().skip(place).any(|event| matches!(event, Event::Measured(_)));
+        let place =
+            companion.unwrap_or_else(|| self.moments.partition_point(|moment| moment.stamp_ns <= stamp_ns).max(1));
+        let after = place + usize::from(companion.is_some());
+        let later = self.events.iter().skip(after).any(|event| matches!(event, Event::Measured(_)));
         self.apart.replayed += u64::from(later);
-        self.insert(place, stamp_ns, &Event::Measured(checked))
+        if let Some(Event::Measured(known)) = self.events.get_mut(place).filter(|_| companion.is_some()) {
+            // Quantities of one moment are one measurement, in whatever order they came.
+            known.attitude = known.attitude.or(checked.attitude);
+            known.position_world = known.position_world.or(checked.position_world);
+            known.rate_body = known.rate_body.or(checked.rate_body);
+            known.velocity_world = known.velocity_world.or(checked.velocity_world);
+            known.other = known.other.take().or(checked.other);
+            return self.filter_from(place);
+        }
+        self.insert(place, stamp_ns, Event::Measured(checked))
     }
 
     /// Puts an event in its place and filters from there on.
-    fn insert(&mut self, place: usize, stamp_ns: i64, event: &Event) -> Reception {
+    fn insert(&mut self, place: usize, stamp_ns: i64, event: Event) -> Reception {
         let mut moment = *self.newest();
         moment.stamp_ns = stamp_ns;
-        self.events.insert(place, *event);
+        self.events.insert(place, event);
         // Overwritten at once, from `place` on; only the stamps of those that move are needed.
         self.moments.insert(place, moment);
         let reception = self.filter_from(place);
@@ -329,7 +355,7 @@ impl FlightEstimator {
     /// As [`try_new`](Self::try_new) for the prior; nothing is changed then.
     pub fn restart(&mut self, prior: &Estimate) -> Result<(), IdentificationError> {
         let (body, covariance) = in_chart(prior)?;
-        self.happen_now(&Event::Restarted(body, covariance));
+        self.happen_now(Event::Restarted(body, covariance));
         Ok(())
     }
 
@@ -337,13 +363,13 @@ impl FlightEstimator {
     /// kept: something was grasped or released; see [`grasp_or_release`]. What is not finite widens nothing. Once, the wrench is
     /// allowed to be off as well, by what is [`WrenchErrors::doubted`].
     pub fn body_changed(&mut self, deviation: &SVector<f64, 10>) {
-        self.happen_now(&Event::Changed(deviation.map(|s| if s.is_finite() { s } else { 0.0 })));
+        self.happen_now(Event::Changed(deviation.map(|s| if s.is_finite() { s } else { 0.0 })));
     }
 
     /// Actuators do not do what they are told: from now on, for good, the wrench may be off by what is
     /// [`WrenchErrors::doubted`], whatever it was before.
     pub fn wrench_doubtful(&mut self) {
-        self.happen_now(&Event::WrenchDoubted);
+        self.happen_now(Event::WrenchDoubted);
     }
 
     /// What to ask of doubted actuators for a wrench in body axes, by their errors as far as they are known; `None` where they are
@@ -352,7 +378,7 @@ impl FlightEstimator {
         self.newest().compensated(&self.rules, wrench_body)
     }
 
-    fn happen_now(&mut self, event: &Event) {
+    fn happen_now(&mut self, event: Event) {
         self.known = false;
         let stamp_ns = self.history.end_ns().max(self.newest().stamp_ns);
         self.insert(self.moments.len(), stamp_ns, event);
@@ -372,20 +398,10 @@ impl FlightEstimator {
 
 impl StateEstimator for FlightEstimator {
     fn acted(&mut self, acted: &Acted) {
-        let rate = self.state_at(acted.from_ns).twist_body.angular;
-        let torque = acted.wrench_body.torque - rate.cross(&acted.stored_body);
-        self.acted(acted.from_ns, acted.until_ns, &Wrench::new(torque, acted.wrench_body.force));
+        self.hold(acted);
     }
     fn measured(&mut self, measurement: &Measurement) -> Reception {
-        let (Some(attitude), Some(position)) = (&measurement.attitude, &measurement.position_world) else {
-            return Reception::Malformed { what: "attitude and position are needed" };
-        };
-        self.measured(&FlightMeasurement {
-            stamp_ns: measurement.stamp_ns,
-            world_from_body: Pose::from_parts(position.value.into(), attitude.value),
-            rate_body: measurement.rate_body.map(|rate| rate.value),
-            velocity_origin_world: measurement.velocity_world.map(|velocity| velocity.value),
-        })
+        self.look_at(measurement)
     }
     fn state_at(&self, time_ns: i64) -> RigidBodyState<f64> {
         self.state_at(time_ns)

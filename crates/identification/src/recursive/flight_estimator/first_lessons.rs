@@ -1,9 +1,9 @@
 //! What is learned first is learned about a wrong body: it is learned again when a better one is known.
 
 use super::filtered::{Filtered, Rules};
-use super::reception::FlightMeasurement;
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
+use crate::estimator::Measurement;
 
 /// Measurements kept since the filter last began: more than half a minute at 62.5 Hz.
 const KEPT: usize = 2560;
@@ -22,7 +22,7 @@ const LAST_S: f64 = 40.0;
 #[derive(Clone, Debug)]
 pub(super) struct FirstLessons {
     start: Filtered,
-    measurements: Vec<FlightMeasurement>,
+    measurements: Vec<Measurement>,
     next_s: f64,
     full: bool,
 }
@@ -40,7 +40,7 @@ impl FirstLessons {
     }
 
     /// Keeps a measurement that nothing will come before any more.
-    pub(super) fn keep(&mut self, measurement: &FlightMeasurement) {
+    pub(super) fn keep(&mut self, measurement: &Measurement) {
         if self.next_s > LAST_S || self.full {
             return;
         }
@@ -48,7 +48,7 @@ impl FirstLessons {
             self.full = true;
             return;
         }
-        self.measurements.push(*measurement);
+        self.measurements.push(measurement.clone());
     }
 
     /// Whether it is time to go through everything again.
