@@ -6,6 +6,7 @@ mod flight_motion;
 mod health;
 mod reception;
 mod settings;
+mod two_stage;
 mod wrench_history;
 
 #[cfg(test)]
@@ -14,6 +15,7 @@ mod tests;
 pub use health::FlightHealth;
 pub use reception::{FlightMeasurement, Reception, ReceptionCounts};
 pub use settings::{FlightEstimatorSettings, LearningTargets, WrenchErrors, grasp_or_release};
+pub use two_stage::{BeginStage, BodyStage, TwoStageEstimator, WindowRows};
 
 use crate::dynamics::{LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
@@ -47,6 +49,7 @@ enum Event {
     Changed(SVector<f64, 10>),
     WrenchDoubted,
     Restarted(LogCholesky<f64>, SMatrix<f64, 10, 10>),
+    Revised(LogCholesky<f64>, SMatrix<f64, 10, 10>),
 }
 
 /// Motion and body of a free flyer, filtered at the stamps of its measurements.
@@ -70,6 +73,8 @@ pub struct FlightEstimator {
     moments: VecDeque<Filtered>,
     /// Events up to this place, itself included, are in `lessons`.
     settled: usize,
+    /// Events that were kept once.
+    dropped: u64,
     lessons: FirstLessons,
     /// Of those that never entered the stream.
     apart: ReceptionCounts,
@@ -109,6 +114,7 @@ impl FlightEstimator {
             relocalise_after_ns: ns(settings.relocalise_after_s),
             lateness_ns: ns(settings.lateness_s),
             lead_ns: ns(settings.lead_s),
+            considers_body: false,
         };
         let state =
             FlightState { joint: JointState { motion: start, body }, drift: Vector6::zeros(), scale: Vector6::zeros() };
@@ -124,6 +130,7 @@ impl FlightEstimator {
             events,
             moments,
             settled: 0,
+            dropped: 0,
             lessons,
             apart: ReceptionCounts::default(),
             known: false,
@@ -170,20 +177,17 @@ impl FlightEstimator {
             match event {
                 Event::Measured(measurement) => self.lessons.keep(measurement),
                 Event::Changed(_) | Event::WrenchDoubted | Event::Restarted(..) => self.lessons.begin_at(moment),
-                Event::Start | Event::Coasted => {}
+                Event::Start | Event::Coasted | Event::Revised(..) => {}
             }
             self.settled += 1;
         }
-        let Some(settled) = self.moments.get(self.settled) else { return };
-        if !self.lessons.are_due(settled.stamp_ns, &self.history) {
+        if self.rules.considers_body {
             return;
         }
-        let (stamp_ns, body) = (settled.stamp_ns, settled.state.joint.body);
-        let mut again = self.lessons.again(&self.rules, &self.history, &body);
-        again.advance(&self.rules, &self.history, stamp_ns, None);
-        if let Some(settled) = self.moments.get_mut(self.settled) {
-            *settled = again;
-        }
+        let Some(settled) = self.moments.get_mut(self.settled) else { return };
+        let Some(mut again) = self.lessons.work(&self.rules, &self.history, settled) else { return };
+        again.advance(&self.rules, &self.history, settled.stamp_ns, None);
+        *settled = again;
         self.filter_from(self.settled + 1);
     }
 
@@ -253,6 +257,7 @@ impl FlightEstimator {
         if self.moments.len() > MOMENTS {
             self.events.pop_front();
             self.moments.pop_front();
+            self.dropped += 1;
             self.settled = self.settled.saturating_sub(1);
         }
         reception
@@ -278,6 +283,10 @@ impl FlightEstimator {
                 }
                 Event::Restarted(body, covariance) => {
                     filtered.restart(&self.rules, body, covariance);
+                    Reception::Frozen
+                }
+                Event::Revised(body, covariance) => {
+                    filtered.revise(body, covariance);
                     Reception::Frozen
                 }
                 Event::Start | Event::Coasted => Reception::Frozen,

@@ -38,6 +38,8 @@ pub(super) struct Rules {
     pub(super) relocalise_after_ns: i64,
     pub(super) lateness_ns: i64,
     pub(super) lead_ns: i64,
+    /// Whether measurements say nothing of body and wrench, which are as uncertain as somebody else knows them.
+    pub(super) considers_body: bool,
 }
 
 /// Unlikely measurements in a row.
@@ -89,6 +91,8 @@ pub(super) struct Filtered {
     pub(super) covariance: Covariance,
     pub(super) counts: StreamCounts,
     pub(super) monitor: Monitor,
+    /// Whether the last measurement is to be learned from.
+    pub(super) teaches: bool,
     /// Whether actuators are thought not to do what they are told.
     wrench_is_doubtful: bool,
     jump: Option<Jump>,
@@ -116,6 +120,7 @@ impl Filtered {
             covariance,
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
+            teaches: false,
             wrench_is_doubtful: false,
             jump: None,
             unsettled: None,
@@ -169,6 +174,7 @@ impl Filtered {
         let dt_s = (measurement.stamp_ns - self.measured_ns) as f64 * 1e-9;
         self.measured_ns = measurement.stamp_ns;
         self.remember(measurement);
+        self.teaches = false;
         let localised = [fresh.attitude, fresh.position];
         if !(fresh.attitude || fresh.position || fresh.rate || fresh.velocity || measurement.other.is_some()) {
             self.counts.frozen += 1;
@@ -186,7 +192,8 @@ impl Filtered {
             self.monitor.observe(&rules.thresholds, &innovation, limit, dt_s);
         }
         if nis <= limit {
-            if is_settled {
+            self.teaches = is_settled;
+            if is_settled && !rules.considers_body {
                 self.correct(rules, &step, &learned);
             } else {
                 self.correct_motion(rules, &step, &learned);
@@ -356,6 +363,14 @@ impl Filtered {
         self.wrench_is_doubtful.then(|| self.model(rules).asked(&self.state, wanted))
     }
 
+    /// The body as somebody else knows it; what the motion owes to the body before is forgotten.
+    pub(super) fn revise(&mut self, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
+        self.state.joint.body = *body;
+        self.covariance.fixed_view_mut::<10, COORDINATES>(BODY, 0).fill(0.0);
+        self.covariance.fixed_view_mut::<COORDINATES, 10>(0, BODY).fill(0.0);
+        self.covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(covariance);
+    }
+
     fn widen_drift(&mut self, doubted: &WrenchErrors) {
         for i in 0..6 {
             self.covariance[(DRIFT + i, DRIFT + i)] += doubted.drift[i] * doubted.drift[i];
@@ -375,7 +390,7 @@ impl Filtered {
 }
 
 /// Equal steps from one time to another, none longer than [`STEP_NS`].
-fn steps(from_ns: i64, until_ns: i64) -> impl Iterator<Item = (i64, i64)> {
+pub(super) fn steps(from_ns: i64, until_ns: i64) -> impl Iterator<Item = (i64, i64)> {
     let span = until_ns.saturating_sub(from_ns).max(0);
     let count = span / STEP_NS + i64::from(span % STEP_NS > 0);
     // The product of a span below 2^63 / count and a number of steps; long spans only lose nanoseconds.
