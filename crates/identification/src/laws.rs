@@ -3,6 +3,7 @@
 
 mod criterion;
 mod linear_model;
+#[cfg(feature = "trees")]
 mod multibody;
 mod recursive_estimator;
 
@@ -10,6 +11,7 @@ pub use criterion::{
     check_change_of_units, check_excitation_criterion, check_more_information, check_optimality_criterion,
 };
 pub use linear_model::check_linear_model;
+#[cfg(feature = "trees")]
 pub use multibody::{check_base_parameters, check_links_solver};
 pub use recursive_estimator::{EstimatorPromises, check_gate, check_recursive_estimator, check_unit_equivariance};
 

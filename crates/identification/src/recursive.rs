@@ -17,6 +17,7 @@ mod chi_square_gate;
 mod extended_kalman;
 #[cfg(feature = "std")]
 mod flight_estimator;
+#[cfg(feature = "research")]
 mod inverse_inertia;
 mod joint_motion;
 mod kalman;
@@ -35,6 +36,7 @@ pub use flight_estimator::{
     FlightEstimator, FlightEstimatorSettings, FlightHealth, FlightMeasurement, LearningTargets, Reception,
     ReceptionCounts, WrenchErrors, grasp_or_release,
 };
+#[cfg(feature = "research")]
 pub use inverse_inertia::{InverseInertia, InverseInertiaSample};
 pub use joint_motion::{JointMotion, JointObservation, JointState, MotionNoise};
 pub use kalman::{KalmanFilter, LinearProcess};
