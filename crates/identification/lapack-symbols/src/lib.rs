@@ -216,13 +216,7 @@ macro_rules! routines {
         }
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $potrf(
-            uplo: Flag,
-            n: Size,
-            a: *mut $t,
-            lda: Size,
-            info: *mut c_int,
-        ) {
+        pub unsafe extern "C" fn $potrf(uplo: Flag, n: Size, a: *mut $t, lda: Size, info: *mut c_int) {
             unsafe {
                 let n = size(n);
                 let mut a = lower_mut(uplo, a, n, lda);
@@ -410,8 +404,7 @@ macro_rules! routines {
                 let n = size(n);
                 let vectors = is(jobz, b'V');
                 let wanted = if vectors { ComputeEigenvectors::Yes } else { ComputeEigenvectors::No };
-                let mut memory =
-                    memory(evd::self_adjoint_evd_scratch::<$t>(n, wanted, Par::Seq, Default::default()));
+                let mut memory = memory(evd::self_adjoint_evd_scratch::<$t>(n, wanted, Par::Seq, Default::default()));
                 let found = evd::self_adjoint_evd(
                     lower(uplo, a, n, lda),
                     DiagMut::from_raw_parts_mut(w, n, 1),

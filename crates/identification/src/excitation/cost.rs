@@ -37,7 +37,7 @@ impl<const P: usize> ExcitationProblem<P> {
     }
 }
 
-impl<C: ExcitationCriterion<P>, const P: usize> ExcitationCost<'_, C, P> {
+impl<'a, C: ExcitationCriterion<P>, const P: usize> ExcitationCost<'a, C, P> {
     /// Number of unknowns.
     pub fn unknowns(&self) -> usize {
         self.free() * self.problem.channels.len()
@@ -73,7 +73,7 @@ impl<C: ExcitationCriterion<P>, const P: usize> ExcitationCost<'_, C, P> {
         moving.flat_map(|(channel, _)| numbers.iter().map(|numbers| numbers[*channel as usize])).collect()
     }
 
-    fn objective(&self) -> MutexGuard<'_, Objective<'_, C, P>> {
+    fn objective(&self) -> MutexGuard<'_, Objective<'a, C, P>> {
         self.objective.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -88,7 +88,8 @@ impl<C: ExcitationCriterion<P>, const P: usize> ExcitationCost<'_, C, P> {
                     let (value, size) = (at[order][channel], 0.5 * (upper - lower));
                     let excess = (value - value.clamp(lower, upper)) / size;
                     penalty += 0.5 * self.weight * excess * excess;
-                    for (gradient, function) in gradient.iter_mut().flat_map(|gradient| gradient.iter_mut()).zip(functions)
+                    for (gradient, function) in
+                        gradient.iter_mut().flat_map(|gradient| gradient.iter_mut()).zip(functions)
                     {
                         gradient[channel] += self.weight * excess / size * function[order];
                     }
@@ -116,9 +117,8 @@ impl<C: ExcitationCriterion<P>, const P: usize> Gradient for ExcitationCost<'_, 
 
     fn gradient(&self, unknowns: &Vec<f64>) -> Result<Vec<f64>, Error> {
         let given = unknowns.len();
-        let free = self
-            .numbers(unknowns)
-            .ok_or(IdentificationError::UnknownCount { given, expected: self.unknowns() })?;
+        let free =
+            self.numbers(unknowns).ok_or(IdentificationError::UnknownCount { given, expected: self.unknowns() })?;
         let mut gradient = vec![[0.0; 6]; free.len()];
         let judged = self.objective().gradient(&free, &mut gradient);
         judged.ok_or(IdentificationError::NoDesign { starts: 1 })?;
