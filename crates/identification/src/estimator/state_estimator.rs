@@ -142,4 +142,3 @@ impl<T: StateEstimator + ?Sized> StateEstimator for Box<T> {
         (**self).compensated(wrench)
     }
 }
-

@@ -7,6 +7,24 @@ use tumble_dynamics::{PoseReference, RigidBodyState};
 use tumble_lie::Wrench;
 
 /// A motion to follow, at every mission time: before its start it rests there, after its end at its end.
+///
+/// # Example
+/// A function of time is one:
+/// ```
+/// use tumble_planning::control::ReferenceMotion;
+/// use tumble_planning::dynamics::{BodyAcceleration, PoseReference, RigidBodyState};
+/// use tumble_planning::lie::{Pose, Twist};
+/// use tumble_planning::nalgebra::Vector3;
+///
+/// let drift = |time_s: f64| PoseReference {
+///     state: RigidBodyState {
+///         world_from_body: Pose::translation(0.1 * time_s, 0.0, 0.0),
+///         twist_body: Twist::new(Vector3::zeros(), Vector3::x() * 0.1),
+///     },
+///     acceleration: BodyAcceleration { angular_acceleration_body: Vector3::zeros(), acceleration_origin_body: Vector3::zeros() },
+/// };
+/// assert_eq!(drift.at(3.0).state.world_from_body.translation.x, 0.1 * 3.0);
+/// ```
 pub trait ReferenceMotion {
     /// Wanted state and acceleration at a mission time, s.
     fn at(&self, time_s: f64) -> PoseReference;
