@@ -309,7 +309,12 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
             stretch_unit_ns: signed(computing.local_unit_ns),
             jitter: computing.jitter_share,
         },
-        known: stretches.map(|_| LearningTargets { mass: 0.01, center_of_mass_m: 0.003, inertia: 0.03 }),
+        known: stretches.map(|_| LearningTargets {
+            mass: 0.01,
+            center_of_mass_m: 0.003,
+            inertia: 0.03,
+            planar: problem.planar,
+        }),
         material_change: MATERIAL,
         seed,
         ..LoopSettings::new(
