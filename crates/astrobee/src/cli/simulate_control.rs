@@ -5,7 +5,7 @@ use crate::figure::{Curve, Figure, SINCE_START};
 use crate::output::OutputFolder;
 use crate::scenario::{Flight, Steering};
 use crate::sensing::TrueMotion;
-use crate::simulator::{ControlAccount, FallbackSpell, OfferedBelief, Reference, reason};
+use crate::simulator::{ControlAccount, FallbackSpell, OfferedBelief, Reference};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::Vector3;
@@ -190,16 +190,18 @@ fn way(fallback: &Fallback) -> &'static str {
         Fallback::Shifted(_) => "shifted",
         Fallback::Restarted(_) => "restarted",
         Fallback::Braking(_) => "braking",
+        _ => "other",
     }
 }
 
 fn because(fallback: &Fallback) -> (&'static str, Option<f64>) {
-    match reason(fallback) {
+    match fallback.reason() {
         FallbackReason::IterationCap => ("iteration-cap", None),
         FallbackReason::Numerical => ("numerical", None),
         FallbackReason::OutsideTube { excess } => ("outside-tube", Some(excess)),
         FallbackReason::Infeasible => ("infeasible", None),
         FallbackReason::NoReference => ("no-reference", None),
+        _ => ("other", None),
     }
 }
 

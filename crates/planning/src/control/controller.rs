@@ -68,6 +68,7 @@ pub enum Adoption {
 
 /// Why a controller left its main road.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum FallbackReason {
     /// The search for the best inputs was cut off.
     IterationCap,
@@ -86,6 +87,7 @@ pub enum FallbackReason {
 
 /// What a controller does where it cannot do what it should, in the order in which it is tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Fallback {
     /// The last plan, shifted by one step; it keeps every limit.
     Shifted(FallbackReason),
@@ -93,6 +95,15 @@ pub enum Fallback {
     Restarted(FallbackReason),
     /// Braking with all the force there is, then holding; a new plan is needed.
     Braking(FallbackReason),
+}
+
+impl Fallback {
+    /// Why the main road was left.
+    pub fn reason(&self) -> FallbackReason {
+        match self {
+            Self::Shifted(reason) | Self::Restarted(reason) | Self::Braking(reason) => *reason,
+        }
+    }
 }
 
 /// A wrench to apply until the next command.

@@ -63,6 +63,7 @@ impl FlightMeasurement {
 
 /// What was made of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Reception {
     /// It entered the estimate.
     Used {
