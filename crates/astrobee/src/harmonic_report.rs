@@ -10,8 +10,9 @@ use crate::report::{
 };
 use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::SMatrix;
+use tumble_identification::estimator::Verdict;
 use tumble_identification::harmonics::{HarmonicEstimator, HarmonicIdentification, HarmonicSettings, HarmonicWarning};
-use tumble_identification::{BodyScale, Estimate, NodeResidual, NullDirection, POOR_FIT};
+use tumble_identification::{BodyScale, Estimate, NodeResidual, NullDirection};
 
 /// The name of an estimator on the command line and in JSON.
 pub fn estimator_name(estimator: HarmonicEstimator) -> &'static str {
@@ -30,16 +31,6 @@ pub fn warnings(found: &HarmonicIdentification, context: &Context) -> Vec<String
     let own = found.warnings.iter().filter(|warning| !closing(warning)).map(ToString::to_string);
     let of_trajectory = found.trajectory.iter().flat_map(|found| &found.warnings).map(ToString::to_string);
     context.reader_warnings.iter().cloned().chain(own).chain(of_trajectory).collect()
-}
-
-/// Whether the body explains the wrench, and every number is known better than the body's own scale.
-pub fn is_identified(found: &HarmonicIdentification) -> bool {
-    !explains_nothing(found) && worst_std(&found.estimate).0 < 1.0
-}
-
-/// Whether the motion contradicts the wrench.
-fn explains_nothing(found: &HarmonicIdentification) -> bool {
-    found.explained < POOR_FIT
 }
 
 /// Samples behind the estimate.
@@ -109,16 +100,16 @@ pub fn table(found: &HarmonicIdentification, settings: &HarmonicSettings, contex
 
 fn verdict(found: &HarmonicIdentification) -> String {
     let (share, name) = worst_std(&found.estimate);
-    let mut text = if is_identified(found) {
-        format!(
+    let mut text = match found.verdict {
+        Verdict::Identified => format!(
             "verdict: all ten parameters identified (condition number {:.0}); weakest: {name} to {:.2} % of the body's scale\n",
             condition_number(&found.estimate),
             100.0 * share
-        )
-    } else if explains_nothing(found) {
-        "verdict: no body explains this log; do not use the numbers above\n".to_owned()
-    } else {
-        format!("verdict: not identified; {name} is not known to better than the body's own scale\n")
+        ),
+        Verdict::NoBodyExplains { .. } => {
+            "verdict: no body explains this log; do not use the numbers above\n".to_owned()
+        }
+        _ => format!("verdict: not identified; {name} is not known to better than the body's own scale\n"),
     };
     let constraint = if found.estimate.lmi_active { ", the consistency constraint is active" } else { "" };
     let _ = writeln!(

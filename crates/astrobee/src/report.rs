@@ -7,29 +7,13 @@ use crate::log::seconds;
 use crate::output::OutputFolder;
 use serde::Serialize;
 use std::fmt::Write as _;
-use tumble_dynamics::nalgebra::{Matrix3, SVector, Vector3};
+use tumble_dynamics::nalgebra::{Matrix3, Vector3};
 use tumble_dynamics::{InertialParameters, PARAMETER_NAMES, PARAMETER_UNITS};
+use tumble_identification::estimator::{Verdict, Why};
 use tumble_identification::{
-    Column, Estimate, Identification, Method, NodeResidual, NuisanceEstimate, NullDirection, POOR_FIT, Prediction,
-    Quantity as Estimated, StandardDeviations, Validation, Warning, WrenchTiming,
+    Estimate, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, NuisanceEstimate, NullDirection, Prediction,
+    StandardDeviations, Validation, WrenchTiming,
 };
-
-/// The name of a method on the command line and in JSON.
-pub fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Auto => "auto",
-        Method::NewtonEuler => "newton-euler",
-        Method::Variational => "variational",
-        Method::Variational4 => "variational4",
-        Method::Variational6 => "variational6",
-        Method::MaximumLikelihood => "maximum-likelihood",
-        Method::Rls => "rls",
-        Method::RecursiveSdp => "recursive-sdp",
-        Method::Ekf => "ekf",
-        Method::Ukf => "ukf",
-        _ => "unknown",
-    }
-}
 
 /// The name of a wrench timing on the command line and in JSON.
 pub fn timing_name(timing: WrenchTiming) -> &'static str {
@@ -107,9 +91,9 @@ pub fn table(found: &Identification, context: &Context) -> String {
     let _ = writeln!(
         text,
         "  method {}, wrench {}, {} {}; {} samples used, {} rejected; {:.4} s steps, {:.1} s",
-        method_name(found.method),
+        found.method,
         timing_name(found.wrench_timing),
-        if found.method == Method::MaximumLikelihood { "samples in a segment" } else { "lag" },
+        if found.method == MAXIMUM_LIKELIHOOD { "samples in a segment" } else { "lag" },
         found.lag,
         found.samples_used,
         found.samples_rejected,
@@ -123,30 +107,13 @@ pub fn table(found: &Identification, context: &Context) -> String {
         noise.torque_n_m, noise.force_n, noise.position_m, noise.attitude_rad
     );
     match (&found.estimate, &found.regularised) {
-        (Some(estimate), _) => text += &body_table(estimate, &separable(found), context),
-        (None, Some(completed)) => text += &body_table(completed, &determined(found, &completed.parameters), context),
+        (Some(estimate), _) => text += &body_table(estimate, &found.determined(), context),
+        (None, Some(completed)) => text += &body_table(completed, &found.determined(), context),
         (None, None) => {}
     }
     text += &calibration_table(&found.calibration);
     let _ = write!(text, "{}", verdict(found, context));
     text
-}
-
-/// Which of the ten quantities no nuisance can be exchanged with.
-fn separable(found: &Identification) -> [bool; 10] {
-    let mut separable = [true; 10];
-    for (quantity, _) in found.exchanges.iter().flat_map(|exchange| &exchange.parts) {
-        let place = match *quantity {
-            Estimated::Mass => Some(0),
-            Estimated::CenterOfMass(axis) => Some(1 + axis),
-            Estimated::Inertia(i, j) => [[4, 7, 8], [7, 5, 9], [8, 9, 6]].get(i).and_then(|row| row.get(j)).copied(),
-            _ => None,
-        };
-        if let Some(shown) = place.and_then(|place| separable.get_mut(place)) {
-            *shown = false;
-        }
-    }
-    separable
 }
 
 fn calibration_table(calibration: &[NuisanceEstimate]) -> String {
@@ -195,78 +162,6 @@ pub(crate) fn body_table(estimate: &Estimate, determined: &[bool], context: &Con
     text
 }
 
-/// Which of the ten quantities the data determine: those that no null direction changes.
-fn determined(found: &Identification, body: &InertialParameters<f64>) -> Vec<bool> {
-    let values = |parameters: &SVector<f64, 10>| -> Vec<f64> {
-        let body = InertialParameters::from_vector(parameters);
-        quantities(&body, &NO_DEVIATIONS).into_iter().map(|q| q.value).collect()
-    };
-    let (center, length) = (body.to_vector(), found.scale.length_m());
-    let magnitude = |name: &str| match name {
-        "mass" => found.scale.mass_kg(),
-        "com" => length,
-        _ => found.scale.mass_kg() * length * length,
-    };
-    // Without any wrench only ratios can be known: the centre of mass perhaps, no mass and no inertia; without force no mass.
-    let (no_wrench, no_force) =
-        (found.warnings.contains(&Warning::ZeroWrench), found.warnings.contains(&Warning::SilentForce));
-    let scale_known = |kind: &str| match kind {
-        "mass" => !no_wrench && !no_force,
-        "com" => true,
-        _ => !no_wrench,
-    };
-    let mut result: Vec<bool> = quantities(body, &NO_DEVIATIONS).iter().map(|q| scale_known(q.json.0)).collect();
-    for direction in &found.null_directions {
-        let change = direction.parameters() * NUDGE;
-        let (plus, minus) = (values(&(center + change)), values(&(center - change)));
-        for (i, q) in quantities(body, &NO_DEVIATIONS).iter().enumerate() {
-            let slope = (plus[i] - minus[i]) / (2.0 * NUDGE * magnitude(q.json.0));
-            result[i] &= slope.abs() < LARGEST_SLOPE;
-        }
-    }
-    result
-}
-
-/// Step of the difference quotient along a null direction, in units of the body's scale.
-const NUDGE: f64 = 1e-4;
-/// A quantity that changes by less than this share of its scale along a null direction is determined.
-const LARGEST_SLOPE: f64 = 1e-3;
-const NO_DEVIATIONS: StandardDeviations = StandardDeviations {
-    mass_kg: 0.0,
-    center_of_mass_m: Vector3::new(0.0, 0.0, 0.0),
-    inertia_about_com_kg_m2: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-};
-
-/// Poses whose errors wander make sigma too small by more than this: no bound is left, for what wanders as slowly as the robot moves
-/// biases the answer.
-const WANDERING: f64 = 2.0;
-
-/// Whether what answers is not what the numbers need: a bias beyond the stated sigma, poses that wander, another method in the
-/// place of the one asked for.
-fn is_doubtful(found: &Identification) -> bool {
-    let noisy = found.warnings.iter().any(|w| matches!(w, Warning::NoisyPoses { .. }));
-    let doubtful = |w: &Warning| match w {
-        Warning::BiasedByNoise { .. } | Warning::FilterDiverged { .. } => true,
-        Warning::ColouredNoise { column: Column::Position | Column::Attitude, sigma_inflation } => {
-            *sigma_inflation > WANDERING
-        }
-        // a regression in the place of the likelihood, its rows noisy
-        Warning::LikelihoodFailed => noisy,
-        _ => false,
-    };
-    found.warnings.iter().any(doubtful)
-}
-
-/// Whether the data determine the body, the model fits them, and every number is known better than the body's own scale.
-pub fn is_identified(found: &Identification) -> bool {
-    let known = |estimate: &Estimate| worst_std(estimate).0 < 1.0;
-    found.rank == 10
-        && separable(found).iter().all(|separable| *separable)
-        && found.estimate.as_ref().is_some_and(known)
-        && found.explained.is_some_and(|share| share >= POOR_FIT)
-        && !is_doubtful(found)
-}
-
 /// The quantity known worst, relative to the body's own scale.
 pub(crate) fn worst_std(estimate: &Estimate) -> (f64, &'static str) {
     quantities(&estimate.parameters, &estimate.std)
@@ -275,43 +170,48 @@ pub(crate) fn worst_std(estimate: &Estimate) -> (f64, &'static str) {
         .fold((0.0, ""), |a, b| if b.0 > a.0 || b.0.is_nan() { b } else { a })
 }
 
+/// What speaks against numbers, in words; `widest` names the quantity known worst.
+fn doubt(why: Why, widest: &str) -> String {
+    match why {
+        Why::Diverged { .. } => "the filter asked for diverged, the numbers above are a regression's".to_owned(),
+        Why::Biased { .. } | Why::Wandering { .. } | Why::StandIn => {
+            "the numbers above are an answer with an error beyond the sigma of its noise (see the warnings): \
+             record a stronger excitation, or try `--method maximum-likelihood --estimate delay,actuator-lag`"
+                .to_owned()
+        }
+        Why::Exchangeable => {
+            "what was asked for beside the body is exchangeable with it (see the warnings): ask for less".to_owned()
+        }
+        Why::Wide { .. } => format!("{widest} is not known to better than the body's own scale"),
+        Why::Surprised { mean_nis } => {
+            format!("its own observations surprised the filter: {mean_nis:.2} times what its noise allows on average")
+        }
+        Why::Alone { rank } => format!("another way to the same parameters sees {rank} of 10 directions only"),
+        Why::Disagrees { chi_square } => {
+            format!("another way to the same parameters comes to others, {:.1} sigma apart", chi_square.sqrt())
+        }
+        Why::NoBody { .. } => "the numbers above are no body".to_owned(),
+        _ => "the judge has a doubt that this program has no words for".to_owned(),
+    }
+}
+
 fn verdict(found: &Identification, context: &Context) -> String {
     let mut text = String::new();
     if let Some(estimate) = &found.estimate {
         let margin = pseudo_inertia_min_eigenvalue(&estimate.parameters);
         let worst = worst_std(estimate);
-        if is_identified(found) {
-            let _ = writeln!(
-                text,
-                "verdict: all ten parameters identified (condition number {:.0}); weakest: {} to {:.2} % of the body's scale",
+        let said = match found.verdict {
+            Verdict::Identified => format!(
+                "all ten parameters identified (condition number {:.0}); weakest: {} to {:.2} % of the body's scale",
                 found.condition_number,
                 worst.1,
                 100.0 * worst.0
-            );
-        } else if found.explained.is_some_and(|share| share < POOR_FIT) {
-            let _ = writeln!(text, "verdict: no body explains this log; do not use the numbers above");
-        } else if found.warnings.iter().any(|w| matches!(w, Warning::FilterDiverged { .. })) {
-            let _ = writeln!(
-                text,
-                "verdict: not identified; the filter asked for diverged, the numbers above are a regression's"
-            );
-        } else if is_doubtful(found) {
-            let _ = writeln!(
-                text,
-                "verdict: not identified; the numbers above are an answer with an error beyond the sigma of its noise (see the warnings): \
-                 record a stronger excitation, or try `--method maximum-likelihood --estimate delay,actuator-lag`"
-            );
-        } else if !separable(found).iter().all(|separable| *separable) {
-            let _ = writeln!(
-                text,
-                "verdict: not identified; what was asked for beside the body is exchangeable with it (see the warnings): ask for less"
-            );
-        } else if found.rank == 10 {
-            let _ =
-                writeln!(text, "verdict: not identified; {} is not known to better than the body's own scale", worst.1);
-        } else {
-            let _ = writeln!(text, "verdict: not identified by the data alone");
-        }
+            ),
+            Verdict::NoBodyExplains { .. } => "no body explains this log; do not use the numbers above".to_owned(),
+            Verdict::Doubtful(why) => format!("not identified; {}", doubt(why, worst.1)),
+            _ => "not identified by the data alone".to_owned(),
+        };
+        let _ = writeln!(text, "verdict: {said}");
         if let Some(share) = found.explained {
             let _ = writeln!(text, "  the body explains {:.3} % of the wrench", 100.0 * share);
         }
@@ -320,7 +220,7 @@ fn verdict(found: &Identification, context: &Context) -> String {
         }
         let constraint = if estimate.lmi_active { ", the consistency constraint is active" } else { "" };
         let _ = writeln!(text, "  physically consistent: smallest pseudo-inertia eigenvalue {margin:.3e}{constraint}");
-    } else if found.explained.is_some_and(|share| share < POOR_FIT) {
+    } else if let Verdict::NoBodyExplains { .. } = found.verdict {
         let _ = writeln!(text, "verdict: no body explains this log; see the warnings");
     } else {
         let _ =
@@ -611,13 +511,13 @@ pub(crate) fn reference_json(estimate: &Estimate, context: &Context) -> Option<J
 pub fn json(found: &Identification, context: &Context) -> Json {
     Json {
         format: 1,
-        method: method_name(found.method),
+        method: found.method,
         wrench_timing: timing_name(found.wrench_timing),
         samples_used: found.samples_used,
         samples_rejected: found.samples_rejected,
         body: match (&found.estimate, &found.regularised) {
-            (Some(estimate), _) => Some(json_body(estimate, &Shown(&separable(found)))),
-            (None, Some(completed)) => Some(json_body(completed, &Shown(&determined(found, &completed.parameters)))),
+            (Some(estimate), _) => Some(json_body(estimate, &Shown(&found.determined()))),
+            (None, Some(completed)) => Some(json_body(completed, &Shown(&found.determined()))),
             (None, None) => None,
         },
         rank: found.rank,

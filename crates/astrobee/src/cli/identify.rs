@@ -7,6 +7,7 @@ use crate::log::{SampleReader, TEMPLATE, seconds};
 use crate::output::{OutputFolder, RUN_RECORD, write_file};
 use crate::report::{self, Context};
 use crate::{AstrobeeError, body_file, demo, recording};
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
@@ -15,8 +16,8 @@ use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::harmonics::HarmonicEstimator;
 use tumble_identification::{
-    Identification, IdentificationError, LongRecord, Method, MotionSample, Nuisance, Nuisances, Part, Settings,
-    WrenchTiming, identify, identify_parts, merge, predict, validate,
+    Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Nuisance, Nuisances, Part,
+    Settings, WrenchTiming, identify, identify_parts, merge, methods, predict, validate,
 };
 
 /// Options of `tumble identify`.
@@ -35,8 +36,8 @@ pub struct IdentifyArgs {
     #[arg(long, exclusive = true)]
     template: bool,
     /// Equations that tie motion to parameters.
-    #[arg(long, value_enum, default_value_t = MethodName::Auto)]
-    method: MethodName,
+    #[arg(long, default_value = AUTO, value_parser = method_names())]
+    method: String,
     /// When the logged wrench acts: from its row to the next (held), or as a continuous wrench sampled there.
     #[arg(long, value_enum, default_value_t = TimingName::Held)]
     pub(super) wrench: TimingName,
@@ -105,60 +106,42 @@ pub struct IdentifyArgs {
     arm: ArmOptions,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-enum MethodName {
-    /// Chosen from the columns and the noise found.
-    Auto,
-    /// Newton-Euler with measured rates, velocities or accelerations.
-    NewtonEuler,
-    /// Variational regressor, order 2, poses only.
-    Variational,
-    /// Extrapolated variational regressor, order 4, poses only.
-    Variational4,
-    /// Extrapolated variational regressor, order 6, poses only.
-    Variational6,
-    /// Maximum likelihood from noisy poses and wrenches.
-    MaximumLikelihood,
-    /// Recursive least squares in covariance form.
-    Rls,
-    /// Recursive least squares whose every answer is a body.
-    RecursiveSdp,
-    /// Extended Kalman filter of motion and parameters.
-    Ekf,
-    /// Unscented Kalman filter of motion and parameters.
-    Ukf,
-    /// Averaged cycles of a periodic motion, weighted least squares with the derivatives of its Fourier series.
-    Fourier,
-    /// The same, maximum likelihood of the series and the parameters together.
-    FourierLikelihood,
+/// Chosen by what the log holds.
+const AUTO: &str = "auto";
+/// What estimates from averaged cycles, by name.
+const OF_CYCLES: [(&str, &str, HarmonicEstimator); 2] = [
+    (
+        "fourier",
+        "Averaged cycles of a periodic motion, weighted least squares with the derivatives of its Fourier series",
+        HarmonicEstimator::LeastSquares,
+    ),
+    (
+        "fourier-likelihood",
+        "The same, maximum likelihood of the series and the parameters together",
+        HarmonicEstimator::Likelihood,
+    ),
+];
+
+/// The library's methods, and those of averaged cycles.
+fn method_names() -> PossibleValuesParser {
+    let of_cycles = OF_CYCLES.iter().map(|(name, sentence, _)| (*name, *sentence));
+    let methods = methods();
+    let named = methods.entries().chain(of_cycles);
+    PossibleValuesParser::new(named.map(|(name, sentence)| PossibleValue::new(name).help(sentence)).collect::<Vec<_>>())
 }
 
-impl MethodName {
+impl IdentifyArgs {
     /// What estimates from averaged cycles.
-    fn harmonic(self) -> Option<HarmonicEstimator> {
-        match self {
-            Self::Fourier => Some(HarmonicEstimator::LeastSquares),
-            Self::Auto | Self::FourierLikelihood => Some(HarmonicEstimator::Likelihood),
-            _ => None,
-        }
+    fn harmonic(&self) -> Option<HarmonicEstimator> {
+        let of_cycles = OF_CYCLES.iter().find(|(name, ..)| *name == self.method);
+        of_cycles.map(|(.., estimator)| *estimator).or((self.method == AUTO).then_some(HarmonicEstimator::Likelihood))
     }
-}
 
-impl From<MethodName> for Method {
-    fn from(name: MethodName) -> Self {
-        match name {
-            // The last two never come here: they need a period, and with one they are no such method.
-            MethodName::Auto | MethodName::Fourier | MethodName::FourierLikelihood => Self::Auto,
-            MethodName::NewtonEuler => Self::NewtonEuler,
-            MethodName::Variational => Self::Variational,
-            MethodName::Variational4 => Self::Variational4,
-            MethodName::Variational6 => Self::Variational6,
-            MethodName::MaximumLikelihood => Self::MaximumLikelihood,
-            MethodName::Rls => Self::Rls,
-            MethodName::RecursiveSdp => Self::RecursiveSdp,
-            MethodName::Ekf => Self::Ekf,
-            MethodName::Ukf => Self::Ukf,
-        }
+    /// The method of a log that is not averaged.
+    fn of_samples(&self) -> &'static str {
+        // Only the likelihood estimates anything besides the body.
+        let asked = if self.estimate.is_empty() { &self.method } else { MAXIMUM_LIKELIHOOD };
+        methods().entries().find(|(name, _)| *name == asked).map_or(AUTO, |(name, _)| name)
     }
 }
 
@@ -218,8 +201,7 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
     }
     check_outputs(args)?;
     let settings = Settings {
-        // Only the likelihood estimates anything besides the body.
-        method: if args.estimate.is_empty() { args.method.into() } else { Method::MaximumLikelihood },
+        method: args.of_samples(),
         wrench_timing: args.wrench.into(),
         gravity_world: args.gravity,
         estimate: args.estimate.iter().fold(Nuisances::default(), |all, some| all.and(*some)),
@@ -228,7 +210,7 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, AstrobeeError> {
     };
     let motion = Motion::of(args)?;
     let mut log = Log::read(args)?;
-    if let (Some(motion), Some(estimator)) = (&motion, args.method.harmonic()) {
+    if let (Some(motion), Some(estimator)) = (&motion, args.harmonic()) {
         match identify_periodic::run(args, motion, estimator, &log) {
             Err(AstrobeeError::Identification(reason)) if without_cycles(estimator, &reason) => {
                 log.warnings.push(format!(
@@ -309,10 +291,10 @@ fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
         || args.demo
         || args.export.is_some()
         || !args.estimate.is_empty()
-        || args.method != MethodName::Auto
+        || args.method != AUTO
         || args.gravity != Vector3::zeros();
     let periodic = args.excitation.is_some() || args.period.is_some();
-    let averages = matches!(args.method, MethodName::Fourier | MethodName::FourierLikelihood);
+    let averages = OF_CYCLES.iter().any(|(name, ..)| *name == args.method);
     let clash = [
         (
             args.arm.is_asked() && of_one_body,
@@ -320,7 +302,7 @@ fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
         ),
         (averages && !periodic, "`--method fourier` and `fourier-likelihood` need `--excitation` or `--period`"),
         (
-            periodic && args.method.harmonic().is_none(),
+            periodic && args.harmonic().is_none(),
             "`--excitation` and `--period` belong to `--method fourier`, `fourier-likelihood` or auto; leave them out for another method",
         ),
         (args.harmonics == Some(0), "`--harmonics 0`: a motion has one at least"),
@@ -353,7 +335,7 @@ fn check_options(args: &IdentifyArgs) -> Result<(), AstrobeeError> {
             "`--dry-run` estimates no body: no `--out`, `--export`, `--holdout`",
         ),
         (
-            !args.estimate.is_empty() && !matches!(args.method, MethodName::Auto | MethodName::MaximumLikelihood),
+            !args.estimate.is_empty() && ![AUTO, MAXIMUM_LIKELIHOOD].contains(&args.method.as_str()),
             "`--estimate` belongs to `--method maximum-likelihood` (or auto)",
         ),
         (!args.estimate.is_empty() && args.dry_run, "`--dry-run` estimates nothing: no `--estimate`"),
@@ -424,7 +406,7 @@ fn deliver(args: &IdentifyArgs, found: &Identification, context: &Context) -> Re
         folder.write(RUN_RECORD, &run_record(args, &context.source))?;
         eprintln!("wrote {}", folder.finish()?.join("report.html").display());
     }
-    Ok(if report::is_identified(found) { Outcome::Achieved } else { Outcome::NotAchieved })
+    Ok(if found.verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
 }
 
 /// Each part between changes of the body by itself.
@@ -449,7 +431,7 @@ fn split(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome,
         for warning in report::warnings(found, &context) {
             eprintln!("warning: part {}: {warning}", index + 1);
         }
-        identified &= report::is_identified(found);
+        identified &= found.verdict.is_identified();
         if args.json {
             shown.push(
                 serde_json::json!({ "start_s": start_s, "end_s": end_s, "result": report::json(found, &context) }),
@@ -656,7 +638,7 @@ impl Log {
             return Ok(found);
         }
         // What a likelihood holds of a row is much larger than the row.
-        let likely = matches!(settings.method, Method::Auto | Method::MaximumLikelihood);
+        let likely = [AUTO, MAXIMUM_LIKELIHOOD].contains(&settings.method);
         let rows_at_once = if likely { LongRecord::LONG } else { ROWS_IN_MEMORY };
         if self.estimation_rows <= rows_at_once {
             let mut found = None;
@@ -700,7 +682,10 @@ impl Log {
         let found = slid.and_then(|()| Ok(long.map(LongRecord::finish).transpose()?));
         match found {
             Err(AstrobeeError::Identification(
-                IdentificationError::LikelihoodNotConverged { .. } | IdentificationError::NotExcited { .. },
+                IdentificationError::LikelihoodNotConverged { .. }
+                | IdentificationError::NotExcited { .. }
+                | IdentificationError::Indefinite { .. }
+                | IdentificationError::NotKnown { .. },
             )) => Ok(None),
             found => found,
         }

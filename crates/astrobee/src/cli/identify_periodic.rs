@@ -238,5 +238,5 @@ fn deliver(
         folder.write(RUN_RECORD, &run_record(args, &context.source))?;
         eprintln!("wrote {}", folder.finish()?.join("report.html").display());
     }
-    Ok(if report::is_identified(found) { Outcome::Achieved } else { Outcome::NotAchieved })
+    Ok(if found.verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
 }
