@@ -6,7 +6,7 @@ use crate::registry::UnknownName;
 use core::error::Error;
 use core::fmt;
 
-/// What a seam answers with: the library's own error, `Copy` and comparable as it is, or one of somebody else.
+/// The error of every estimator: the library's own, `Copy` and comparable as it is, or one of an implementation from outside.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum EstimatorError {

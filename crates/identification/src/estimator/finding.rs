@@ -12,6 +12,9 @@ const ROUNDING: f64 = 1e-11;
 /// What an estimator knows: information in units of one standard deviation, singular where directions are free; the part of
 /// it that was known before; and the point reported, where there is one.
 ///
+/// # Shape
+/// `P` parameters in the units of the estimator; information in one over these units.
+///
 /// The point is not always R⁻¹z: a constraint or a robust norm moves it, the information stays that of the data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Finding<const P: usize = 10> {

@@ -11,7 +11,7 @@ use super::warning::HarmonicWarning;
 use crate::body_scale::BodyScale;
 use crate::dynamics::{InertialParameters, WrenchBox};
 use crate::error::IdentificationError;
-use crate::estimator::{Evidence, Finding, Judge, Verdict};
+use crate::estimator::{Estimator, EstimatorError, Evidence, Finding, Judge, Verdict};
 use crate::fourier::AttitudeChart;
 use crate::identify::{MAXIMUM_LIKELIHOOD, constrained, from_covariance, standard_deviations};
 use crate::lie::Pose;
@@ -258,6 +258,26 @@ pub fn identify_periodic(
         trajectory,
         warnings,
     })
+}
+
+/// The body that explains several cycles of a periodic motion, by [`identify_periodic`], as an estimator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Periodic(HarmonicSettings);
+
+impl Periodic {
+    /// Of motions of this period.
+    pub fn new(settings: HarmonicSettings) -> Self {
+        Self(settings)
+    }
+}
+
+impl Estimator for Periodic {
+    type Record = [MotionSample];
+
+    fn estimate(&self, record: &[MotionSample]) -> Result<Finding, EstimatorError> {
+        let found = identify_periodic(record, &self.0)?.estimate;
+        found.to_finding(BodyScale::of(&found.parameters.to_vector())?)
+    }
 }
 
 /// Whether cycles differ so much that their average is no cycle.
