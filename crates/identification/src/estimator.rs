@@ -1,6 +1,8 @@
 //! What every estimator has in common, without the standard library and, but for boxed sources of errors, without an allocator.
 
 mod error;
+#[cfg(feature = "std")]
+mod estimate;
 mod finding;
 mod judge;
 #[cfg(feature = "std")]

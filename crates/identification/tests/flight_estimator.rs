@@ -420,7 +420,7 @@ fn a_map_that_moves_and_glides_back_says_nothing_of_the_body() {
 #[test]
 fn learning_ends_when_the_intervals_say_so() {
     let mut flight = Flight::new(11, Conditions::usual());
-    let targets = LearningTargets { mass: 0.02, center_of_mass_m: 3e-3, inertia: 0.03 };
+    let targets = LearningTargets { mass: 0.02, center_of_mass_m: 3e-3, inertia: 0.03, planar: false };
     assert!(!flight.estimator.is_known_well_enough(&targets));
     while !flight.estimator.is_known_well_enough(&targets) && flight.tick < 2000 {
         flight.step();

@@ -5,7 +5,7 @@ use core::fmt;
 use crate::error::IdentificationError;
 
 /// What a seam answers with: the library's own error, `Copy` and comparable as it is, or one of somebody else.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum EstimatorError {
     /// Of the library.
@@ -39,8 +39,10 @@ pub enum Source {
     Shared(std::sync::Arc<dyn Error + Send + Sync>),
 }
 
-impl Source {
-    fn error(&self) -> &(dyn Error + Send + Sync + 'static) {
+impl core::ops::Deref for Source {
+    type Target = dyn Error + Send + Sync + 'static;
+
+    fn deref(&self) -> &Self::Target {
         match self {
             Self::Static(error) => *error,
             #[cfg(feature = "std")]
@@ -62,9 +64,22 @@ impl EstimatorError {
     }
 }
 
+/// The same object, not one that says the same.
+impl PartialEq for Source {
+    fn eq(&self, other: &Self) -> bool {
+        core::ptr::addr_eq(&raw const **self, &raw const **other)
+    }
+}
+
 impl fmt::Debug for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Debug::fmt(self.error(), f)
+        fmt::Debug::fmt(&**self, f)
+    }
+}
+
+impl fmt::Display for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&**self, f)
     }
 }
 
@@ -72,7 +87,7 @@ impl fmt::Display for EstimatorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Library(error) => error.fmt(f),
-            Self::Foreign { by, source } => write!(f, "{by}: {}", source.error()),
+            Self::Foreign { by, source } => write!(f, "{by}: {source}"),
             Self::Refused { what, index, value } => write!(f, "{what}: component {index} is {value}"),
         }
     }
@@ -81,7 +96,7 @@ impl fmt::Display for EstimatorError {
 impl Error for EstimatorError {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         match self {
-            Self::Foreign { source, .. } => Some(source.error()),
+            Self::Foreign { source, .. } => Some(&**source),
             _ => None,
         }
     }

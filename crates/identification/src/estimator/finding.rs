@@ -17,6 +17,8 @@ pub struct Finding<const P: usize = 10> {
     prior: SquareRootInformation<P>,
     noise: SMatrix<f64, P, P>,
     surprise: Option<(f64, usize)>,
+    /// As it was stated, where it was: what is read of it is that to the bit.
+    stated: Option<SMatrix<f64, P, P>>,
     point: Option<SVector<f64, P>>,
     magnitudes: SVector<f64, P>,
 }
@@ -30,6 +32,7 @@ impl<const P: usize> Finding<P> {
             prior: SquareRootInformation::new(),
             noise: SMatrix::zeros(),
             surprise: None,
+            stated: None,
             point,
             magnitudes,
         }
@@ -68,7 +71,7 @@ impl<const P: usize> Finding<P> {
             column /= *magnitude;
         }
         let information = SquareRootInformation::from_square_root(&factor, &(factor * point))?;
-        Ok(Self::of_information(information, magnitudes).at(point))
+        Ok(Self { stated: Some(*covariance), ..Self::of_information(information, magnitudes).at(point) })
     }
 
     /// The same, of which this much was known before.
@@ -120,7 +123,7 @@ impl<const P: usize> Finding<P> {
     /// # Errors
     /// Where directions are free.
     pub fn covariance(&self) -> Result<SMatrix<f64, P, P>, EstimatorError> {
-        Ok(self.information.covariance(&self.magnitudes)?)
+        self.stated.map_or_else(|| Ok(self.information.covariance(&self.magnitudes)?), Ok)
     }
 
     /// What the data alone say: RᵀR − R₀ᵀR₀ by a Cholesky that leaves free directions free.

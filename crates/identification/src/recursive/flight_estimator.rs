@@ -15,13 +15,14 @@ pub use health::FlightHealth;
 pub use reception::{FlightMeasurement, Reception, ReceptionCounts};
 pub use settings::{FlightEstimatorSettings, LearningTargets, WrenchErrors, grasp_or_release};
 
-use crate::Estimate;
 use crate::dynamics::{LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
+use crate::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
 use crate::identify::standard_deviations;
-use crate::lie::Wrench;
+use crate::lie::{Pose, Wrench};
 use crate::recursive::belief::symmetric;
 use crate::recursive::joint_motion::{JointState, parameters_by_chart};
+use crate::{BodyScale, Estimate};
 use filtered::{Filtered, Rules, in_chart};
 use first_lessons::FirstLessons;
 use flight_motion::{BODY, FlightMotion, FlightState};
@@ -34,8 +35,6 @@ use wrench_history::WrenchHistory;
 const MOMENTS: usize = 128;
 /// Without measurements the filter follows at this distance behind the oldest one that may still come.
 const COAST_NS: i64 = 64_000_000;
-/// Once known well enough, a body stays so until an interval is this much wider than its target.
-const STAYS_KNOWN: f64 = 1.25;
 
 /// What happened at a moment of the stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,6 +73,7 @@ pub struct FlightEstimator {
     /// Of those that never entered the stream.
     apart: ReceptionCounts,
     known: bool,
+    scale: BodyScale,
 }
 
 impl FlightEstimator {
@@ -91,6 +91,7 @@ impl FlightEstimator {
     ) -> Result<Self, IdentificationError> {
         settings.check()?;
         let (body, covariance) = in_chart(prior)?;
+        let scale = BodyScale::of(&prior.parameters.to_vector())?;
         let finite = |x: &f64| x.is_finite();
         let pose = &start.world_from_body;
         let twist = start.twist_body.to_vector();
@@ -125,6 +126,7 @@ impl FlightEstimator {
             lessons,
             apart: ReceptionCounts::default(),
             known: false,
+            scale,
         })
     }
 
@@ -358,24 +360,59 @@ impl FlightEstimator {
 
     /// Whether every reported interval is inside its target; once it was, each may be a quarter wider.
     pub fn is_known_well_enough(&mut self, targets: &LearningTargets) -> bool {
-        let estimate = self.estimate();
-        let allowance = if self.known { STAYS_KNOWN } else { 1.0 };
-        let inertia = estimate.parameters.inertia_about_com();
-        let std = &estimate.std;
-        let planar = self.rules.settings.planar;
-        // In the plane only what is seen there can be known.
-        let (centers, moments) = if planar { (0..2, 2..3) } else { (0..3, 0..3) };
-        self.known = std.mass_kg <= allowance * targets.mass * estimate.parameters.mass
-            && centers.into_iter().all(|i| std.center_of_mass_m[i] <= allowance * targets.center_of_mass_m)
-            && moments
-                .into_iter()
-                .all(|i| std.inertia_about_com_kg_m2[(i, i)] <= allowance * targets.inertia * inertia[(i, i)]);
+        self.known = targets.are_met(&self.estimate(), self.known);
         self.known
     }
 
     /// The settings.
     pub fn settings(&self) -> &FlightEstimatorSettings {
         &self.rules.settings
+    }
+}
+
+impl StateEstimator for FlightEstimator {
+    fn acted(&mut self, acted: &Acted) {
+        let rate = self.state_at(acted.from_ns).twist_body.angular;
+        let torque = acted.wrench_body.torque - rate.cross(&acted.stored_body);
+        self.acted(acted.from_ns, acted.until_ns, &Wrench::new(torque, acted.wrench_body.force));
+    }
+    fn measured(&mut self, measurement: &Measurement) -> Reception {
+        let (Some(attitude), Some(position)) = (&measurement.attitude, &measurement.position_world) else {
+            return Reception::Malformed { what: "attitude and position are needed" };
+        };
+        self.measured(&FlightMeasurement {
+            stamp_ns: measurement.stamp_ns,
+            world_from_body: Pose::from_parts(position.value.into(), attitude.value),
+            rate_body: measurement.rate_body.map(|rate| rate.value),
+            velocity_origin_world: measurement.velocity_world.map(|velocity| velocity.value),
+        })
+    }
+    fn state_at(&self, time_ns: i64) -> RigidBodyState<f64> {
+        self.state_at(time_ns)
+    }
+    fn finding(&self) -> Result<Finding, EstimatorError> {
+        self.estimate().to_finding(self.scale)
+    }
+    fn health(&self) -> FlightHealth {
+        self.health()
+    }
+    fn newest_stamp_ns(&self) -> i64 {
+        self.newest_stamp_ns()
+    }
+    fn doubt(&mut self, doubt: &Doubt) {
+        match doubt {
+            Doubt::Body(deviation) => self.body_changed(deviation),
+            Doubt::Wrench => self.wrench_doubtful(),
+        }
+    }
+    fn restart(&mut self, body: &Finding) -> Result<(), EstimatorError> {
+        Ok(self.restart(&Estimate::try_from(body)?)?)
+    }
+    fn counts(&self) -> ReceptionCounts {
+        self.counts()
+    }
+    fn compensated(&self, wrench_body: &Wrench<f64>) -> Option<Wrench<f64>> {
+        self.compensated(wrench_body)
     }
 }
 

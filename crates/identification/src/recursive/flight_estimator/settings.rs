@@ -1,6 +1,7 @@
 //! What a flight estimator is told about sensors, thrust and its own patience.
 
 use super::super::MotionNoise;
+use crate::Estimate;
 use crate::error::IdentificationError;
 use nalgebra::{ComplexField, SVector, Vector6};
 
@@ -165,6 +166,25 @@ pub struct LearningTargets {
     pub center_of_mass_m: f64,
     /// Of each moment of inertia about the centre of mass, as a part of it.
     pub inertia: f64,
+    /// Whether the flight is in the plane z = const: only what is seen there can be known, c_x, c_y and I_zz.
+    pub planar: bool,
+}
+
+/// Once known well enough, a body stays so until an interval is this much wider than its target.
+const STAYS_KNOWN: f64 = 1.25;
+
+impl LearningTargets {
+    /// Whether every interval is inside its target; where they `were` until now, each may be a quarter wider.
+    pub fn are_met(&self, body: &Estimate, were: bool) -> bool {
+        let allowance = if were { STAYS_KNOWN } else { 1.0 };
+        let (inertia, std) = (body.parameters.inertia_about_com(), &body.std);
+        let (centers, moments) = if self.planar { (0..2, 2..3) } else { (0..3, 0..3) };
+        std.mass_kg <= allowance * self.mass * body.parameters.mass
+            && centers.into_iter().all(|i| std.center_of_mass_m[i] <= allowance * self.center_of_mass_m)
+            && moments
+                .into_iter()
+                .all(|i| std.inertia_about_com_kg_m2[(i, i)] <= allowance * self.inertia * inertia[(i, i)])
+    }
 }
 
 /// A jump of the body: standard deviation of each of the ten [`LogCholesky`](crate::dynamics::LogCholesky) coordinates.

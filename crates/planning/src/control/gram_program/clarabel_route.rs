@@ -86,9 +86,9 @@ pub fn solve_gram_with_clarabel(
         tol_feas: TOLERANCE,
         ..DefaultSettings::default()
     };
-    let failed = PlanningError::Unsupported { query: "solve this program with the general solver" };
+    let failed = || PlanningError::Unsupported { query: "solve this program with the general solver" };
     let mut solver =
-        DefaultSolver::new(&quadratic, linear, &constraints, &offsets, &cones, settings).map_err(|_| failed)?;
+        DefaultSolver::new(&quadratic, linear, &constraints, &offsets, &cones, settings).map_err(|_| failed())?;
     solver.solve();
     match solver.solution.status {
         SolverStatus::Solved | SolverStatus::AlmostSolved => {
@@ -96,6 +96,6 @@ pub fn solve_gram_with_clarabel(
             Ok(Some(GramOptimum { x, cost }))
         }
         SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Ok(None),
-        _ => Err(failed),
+        _ => Err(failed()),
     }
 }
