@@ -195,20 +195,19 @@ fn examples() -> Outcome {
     shell(&mut commands)
 }
 
-/// Crate, feature, and the test that wants it.
+/// Crate, feature, and the module of its tests that wants it.
 const FEATURE_TESTS: [(&str, &str, &str); 2] =
     [("identification", "clarabel-sdp", "lmi_against_clarabel"), ("planning", "parry", "parry_world")];
 
 fn feature_tests() -> Outcome {
-    // `--workspace` shares every dependency with the test command; naming the tests keeps the others from being built again.
-    let mut test = cargo("test --workspace");
+    let mut commands = Vec::new();
     for (library, feature, name) in FEATURE_TESTS {
-        if !has(&format!("crates/{library}/tests/{name}.rs")) {
-            return Outcome::Failed(format!("crates/{library}/tests/{name}.rs is missing"));
+        if !has(&format!("crates/{library}/tests/suite/{name}.rs")) {
+            return Outcome::Failed(format!("crates/{library}/tests/suite/{name}.rs is missing"));
         }
-        test.args(["--features", &format!("tumble-{library}/{feature}"), "--test", name]);
+        commands.push(cargo(&format!("test --package tumble-{library} --features {feature} --test suite {name}::")));
     }
-    shell(&mut [test])
+    shell(&mut commands)
 }
 
 fn features_of(library: &str) -> Vec<String> {

@@ -59,7 +59,7 @@ impl<T: Scalar> BodyAcceleration<T> {
 /// Thesis (2.4), (4.1).
 /// # Deviation
 /// The text after (2.7) calls `[w'; v']` the velocity of the generalised coordinates; it is their acceleration, and `v'`
-/// is the inertial acceleration of the origin in body axes (`tests/planted_defects_bodies.rs`,
+/// is the inertial acceleration of the origin in body axes (`tests/suite/planted_defects_bodies.rs`,
 /// `defects_of_inverse_dynamics_are_caught_by_name`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FreeFlyer<T: Scalar> {

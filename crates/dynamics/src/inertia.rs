@@ -136,7 +136,7 @@ pub(crate) fn inertia_of_second_moment<T: Scalar>(second_moment: &Matrix3<T>) ->
 /// Thesis (5.36)-(5.38).
 /// # Deviation
 /// (5.38) prints the inertia about the centre of mass; only the one about the origin is linear in the parameters and
-/// agrees with the definition (`tests/planted_defects_bodies.rs`).
+/// agrees with the definition (`tests/suite/planted_defects_bodies.rs`).
 pub fn pseudo_inertia<T: Scalar>(p: &InertialParameters<T>) -> Matrix4<T> {
     let (s, h) = (second_moment(&p.inertia_about_origin), &p.first_moment);
     Matrix4::new(

@@ -5,7 +5,7 @@ use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use tumble_identification::recursive::FlightMeasurement;
 
-#[path = "../tests/flight_scenario/mod.rs"]
+#[path = "../tests/suite/flight_scenario/mod.rs"]
 mod flight_scenario;
 use flight_scenario::{Conditions, Flight, STEP_NS};
 

@@ -5,7 +5,7 @@ use nalgebra::{SMatrix, SVector};
 
 /// A measurement equation `regressor(sample) * parameters = output(sample)`.
 ///
-/// Laws: `crate::laws::check_linear_model`. Tutorial: `tests/custom_regressor.rs`.
+/// Laws: `crate::laws::check_linear_model`. Tutorial: `tests/suite/custom_regressor.rs`.
 ///
 /// # Shape
 /// `ROWS` equations for each sample, `PARAMS` unknowns.

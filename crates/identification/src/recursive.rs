@@ -53,7 +53,7 @@ use nalgebra::{ComplexField, SMatrix, SVector};
 /// Every implementation knows something from the start, if only roughly, so that there is an estimate, a covariance and a
 /// judgement of every observation from the first one on.
 ///
-/// Laws: `laws::check_recursive_estimator` and its neighbours. Tutorial: `tests/custom_recursive_estimator.rs`.
+/// Laws: `laws::check_recursive_estimator` and its neighbours. Tutorial: `tests/suite/custom_recursive_estimator.rs`.
 ///
 /// # Shape
 /// `P` parameters, at most `ROWS` equations in one observation.

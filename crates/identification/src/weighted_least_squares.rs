@@ -34,7 +34,7 @@ pub struct RowNoise {
 /// Torque and force rows are weighted with the standard deviations of their own residuals, found by iteration. The
 /// covariance does not assume independent rows: the autocovariance of the residual, a 6x6 matrix for every distance up
 /// to the correlation length, is estimated and carried through (held wrenches and extrapolation make neighbours share
-/// samples: a moving average). Checked by Monte Carlo in `tests/identify_properties.rs`.
+/// samples: a moving average). Checked by Monte Carlo in `tests/suite/identify_properties.rs`.
 ///
 /// With `instruments` the rows at the next node, whose poses are other poses, stand in for the noisy regressor on the
 /// left of the normal equations. Noise that is independent from sample to sample then averages out where plain least
@@ -46,7 +46,7 @@ pub struct RowNoise {
 /// # Deviation
 /// The print calls `Sigma^-1` the covariance of the wrench; it is the weight, and Sigma the covariance. The covariance of
 /// the estimate does not rest on independent rows, as the print does
-/// (`tests/identify_properties.rs`, `covariance_is_honest_under_wrench_noise`).
+/// (`tests/suite/identify_properties.rs`, `covariance_is_honest_under_wrench_noise`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightedLeastSquares {
     /// Whitened rows, taken as independent.

@@ -33,7 +33,7 @@ use tumble_identification::{
     StandardDeviations,
 };
 
-#[path = "golden/problem4_hard.rs"]
+#[path = "suite/golden/problem4_hard.rs"]
 mod problem4_hard;
 
 const CALLS: usize = 100_000;

@@ -9,7 +9,9 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::hint::black_box;
 
+#[path = "suite/fixed_planes/mod.rs"]
 mod fixed_planes;
+#[path = "suite/tube_problems/mod.rs"]
 mod tube_problems;
 
 use tumble_planning::collision::{

@@ -1,6 +1,6 @@
 //! `study calibration`: delay, relative scales, accelerometer scale and actuator lag by maximum likelihood, many runs each.
 
-#[path = "../../../crates/identification/tests/faulty_log/mod.rs"]
+#[path = "../../../crates/identification/tests/suite/faulty_log/mod.rs"]
 #[allow(
     clippy::unwrap_used,
     clippy::cast_possible_truncation,

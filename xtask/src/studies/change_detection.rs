@@ -2,8 +2,8 @@
 //!
 //! A body of 9.4 kg under 0.1 N, poses of 1 mm and 1 mrad, rates of 1e-3 rad/s, accelerations of 1e-2 m/s^2, at 62.5 Hz.
 
-// The flights of `tests/recursive_changes.rs`.
-#[path = "../../../crates/identification/tests/change_scenario/mod.rs"]
+// The flights of `tests/suite/recursive_changes.rs`.
+#[path = "../../../crates/identification/tests/suite/change_scenario/mod.rs"]
 #[allow(clippy::unwrap_used, reason = "a scenario with fixed numbers")]
 mod change_scenario;
 

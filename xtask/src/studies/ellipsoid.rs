@@ -11,7 +11,7 @@ use crate::Failure;
 use crate::arguments::Arguments;
 use crate::bench::{Bench, Goal, numbers, quantile};
 
-#[path = "../../../crates/planning/tests/known_gap/mod.rs"]
+#[path = "../../../crates/planning/tests/suite/known_gap/mod.rs"]
 mod known_gap;
 
 use known_gap::{Table, known, study};

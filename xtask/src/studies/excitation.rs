@@ -1,7 +1,7 @@
 //! `study excitation`: what periodic motions of thesis chapter 4 tell about a load, by least squares and by likelihood, and
 //! whether the number of harmonics is found.
 
-#[path = "../../../crates/identification/tests/periodic_log/mod.rs"]
+#[path = "../../../crates/identification/tests/suite/periodic_log/mod.rs"]
 #[allow(clippy::unwrap_used, clippy::cast_possible_truncation)]
 mod periodic_log;
 

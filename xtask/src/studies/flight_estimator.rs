@@ -1,8 +1,8 @@
 //! `cargo xtask study flight-estimator`: whether the estimator in the loop finds the body from a start that is off by a factor
 //! of two, and knows how well it did.
 
-// The flights of `tests/flight_estimator.rs`.
-#[path = "../../../crates/identification/tests/flight_scenario/mod.rs"]
+// The flights of `tests/suite/flight_estimator.rs`.
+#[path = "../../../crates/identification/tests/suite/flight_scenario/mod.rs"]
 #[allow(clippy::unwrap_used, reason = "a scenario with fixed numbers")]
 pub mod flight_scenario;
 

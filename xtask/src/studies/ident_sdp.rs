@@ -22,7 +22,8 @@ const STEP_S: f64 = 0.05;
 /// Smallest eigenvalue of the pseudo-inertia that the problem allows.
 pub const FLOOR: f64 = 1e-6;
 /// The updates of the `hard` variant at which the floor binds: R by rows, z.
-const HARD: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/identification/tests/golden/problem4_hard.csv");
+const HARD: &str =
+    concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/identification/tests/suite/golden/problem4_hard.csv");
 
 pub type Rows = Vec<(Regressor<f64>, SVector<f64, 6>)>;
 

@@ -18,7 +18,7 @@ use crate::arguments::Arguments;
 use crate::local_cases::{LocalCase, documented_start};
 use crate::local_tasks::frozen_task;
 
-#[path = "../../../crates/planning/tests/measured_flight/mod.rs"]
+#[path = "../../../crates/planning/tests/suite/measured_flight/mod.rs"]
 mod measured_flight;
 
 use measured_flight::{BodyQuantities, MeasuredFlight, PrincipalBody, drawn};

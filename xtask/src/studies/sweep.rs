@@ -12,7 +12,7 @@ use crate::Failure;
 use crate::arguments::Arguments;
 use crate::bench::{Bench, Goal, uniform};
 
-#[path = "../../../crates/planning/tests/sweep_oracle/mod.rs"]
+#[path = "../../../crates/planning/tests/suite/sweep_oracle/mod.rs"]
 #[expect(clippy::unwrap_used, reason = "shared with the tests, where it is allowed")]
 mod oracle;
 

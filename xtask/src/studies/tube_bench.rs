@@ -20,7 +20,7 @@ use crate::tube_plant::{Bounds, Decision, Plant};
 use crate::tube_shares::{JUMP, MASS_KG};
 
 #[allow(clippy::float_cmp, clippy::needless_range_loop, reason = "as in the tests it belongs to")]
-#[path = "../../../crates/planning/tests/tube_problems/mod.rs"]
+#[path = "../../../crates/planning/tests/suite/tube_problems/mod.rs"]
 mod tube_problems;
 
 use tube_problems::NominalLoop;

@@ -1,8 +1,8 @@
 //! Errors that carry another's.
 
+use crate::error::IdentificationError;
 use core::error::Error;
 use core::fmt;
-use crate::error::IdentificationError;
 
 /// What a seam answers with: the library's own error, `Copy` and comparable as it is, or one of somebody else.
 #[derive(Clone, Debug, PartialEq)]

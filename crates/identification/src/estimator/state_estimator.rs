@@ -149,4 +149,3 @@ impl<T: StateEstimator + ?Sized> StateEstimator for Box<T> {
         (**self).compensated(wrench)
     }
 }
-

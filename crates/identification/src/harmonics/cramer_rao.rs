@@ -42,7 +42,7 @@ pub struct CramerRao {
 /// Thesis (2.15), (2.18), with the coefficients of (4.13) as nuisance parameters.
 /// # Deviation
 /// The criteria (4.14) and (4.15) take the motion as known; with the poses' noise the bound is a different one
-/// (`tests/periodic_likelihood.rs`, `attains_the_bound_where_least_squares_does_not`).
+/// (`tests/suite/periodic_likelihood.rs`, `attains_the_bound_where_least_squares_does_not`).
 pub fn cramer_rao(
     motion: &FourierMotion,
     body: &InertialParameters<f64>,

@@ -296,7 +296,7 @@ fn consistent(
 /// The body of least squares, and by how much more than chance its harmonics leave unexplained, where they do: judged by the
 /// likelihood with as many, which knows what residual to expect. Then the covariance grows by the residual of least squares and by
 /// its difference from the likelihood with the harmonics that predict best, an estimate of its error
-/// (`tests/periodic_bounds.rs`, `least_squares_says_when_it_is_off`).
+/// (`tests/suite/periodic_bounds.rs`, `least_squares_says_when_it_is_off`).
 fn judged(
     found: &PeriodicLeastSquares,
     record: &PeriodicRecord,

@@ -71,7 +71,7 @@ impl PeriodicLikelihood {
 /// Thesis (4.6), (4.12), (4.13).
 /// # Deviation
 /// The thesis keeps the motion of the Fourier fit; its error biases and scatters the parameters
-/// (`tests/periodic_likelihood.rs`, `attains_the_bound_where_least_squares_does_not`).
+/// (`tests/suite/periodic_likelihood.rs`, `attains_the_bound_where_least_squares_does_not`).
 pub fn maximum_likelihood(
     record: &PeriodicRecord,
     harmonics: usize,

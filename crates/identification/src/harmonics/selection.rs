@@ -115,7 +115,7 @@ pub fn select_harmonics(
 /// Least squares asks how many harmonics the poses alone can show, since each one brings their noise into the regressor. Here
 /// the wrenches correct the motion, a harmonic too many costs nearly nothing, and one too few biases the body: the motion that
 /// tracking a reference with the wrong body leaves has many small ones
-/// (`tests/periodic_tracking.rs`, `the_likelihood_needs_the_harmonics_that_tracking_adds`). Looks no further after four in a row that
+/// (`tests/suite/periodic_tracking.rs`, `the_likelihood_needs_the_harmonics_that_tracking_adds`). Looks no further after four in a row that
 /// do not help.
 ///
 /// Each number starts from the solution of the one before and stops where the criterion is known to about a tenth; the best is then

@@ -128,7 +128,7 @@ fn increment<T: Scalar>(start: &Pose<T>, end: &Pose<T>, moved: &Vector3<T>) -> R
 /// Thesis (5.21)-(5.29); steps of different length by the same discrete action.
 /// # Deviation
 /// (5.24), (5.25) and (5.27) print a `B_k` in which the coupling block multiplies `Phi` where it must multiply `Psi`. With
-/// the print the estimate never converges (`tests/regressor_orders.rs`, `printed_coupling_does_not_converge`).
+/// the print the estimate never converges (`tests/suite/regressor_orders.rs`, `printed_coupling_does_not_converge`).
 /// Collecting terms, `B_k = -S(a')` with `a' = E_k - (f_b0 Phi)` differences, which is what is evaluated here.
 #[inline]
 pub fn variational<T: Scalar>(triple: &PoseTriple<T>) -> Regressor<T> {

@@ -1,0 +1,614 @@
+//! The laws of recursive estimators hold for ours and catch planted defects by name.
+
+use nalgebra::{Matrix4, SMatrix, SVector, Vector3, Vector4, Vector6};
+use rand_chacha::ChaCha8Rng;
+use rand_core::{Rng, SeedableRng};
+use tumble_identification::laws::{EstimatorPromises, check_gate, check_recursive_estimator, check_unit_equivariance};
+use tumble_identification::lie::Wrench;
+use tumble_identification::lie::laws::LawViolation;
+use tumble_identification::recursive::{
+    AccelerationObservation, ChiSquareGate, ExtendedKalmanFilter, KalmanFilter, LinearObservation, LinearProcess,
+    Outcome, PrincipalBody, PrincipalMotion, RecursiveEstimator, RecursiveLeastSquares, RecursiveSdp, SquareRootFilter,
+    UnscentedKalmanFilter, Verdict,
+};
+use tumble_identification::regressors::newton_euler;
+use tumble_identification::{
+    BodyScale, ConstrainedLeastSquares, FeasibleSet, IdentificationError, InteriorPoint, PseudoInertiaCone,
+    SquareRootInformation,
+};
+
+type Parameters = SVector<f64, 10>;
+type Row = LinearObservation<6, 10>;
+
+fn uniform(rng: &mut ChaCha8Rng) -> f64 {
+    (rng.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}
+
+/// Box-Muller: the tails of a gate need a true normal.
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    let (radius, angle) = (0.5 * (uniform(rng) + 1.0), std::f64::consts::PI * uniform(rng));
+    (-2.0 * (1.0 - radius).ln()).sqrt() * angle.cos()
+}
+
+fn vector<const N: usize>(rng: &mut ChaCha8Rng) -> SVector<f64, N> {
+    SVector::from_fn(|_, _| normal(rng))
+}
+
+fn body_d() -> Parameters {
+    SVector::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0])
+}
+
+fn cone() -> PseudoInertiaCone {
+    PseudoInertiaCone::new(BodyScale::of(&body_d()).unwrap())
+}
+
+const PRIOR: f64 = 3.0;
+
+fn deviations() -> SVector<f64, 10> {
+    cone().magnitudes() * PRIOR
+}
+
+/// Newton-Euler rows of body D with wrench noise.
+fn rows(seed: u64, count: usize, noise: f64) -> Vec<Row> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    (0..count)
+        .map(|_| {
+            let regressor = newton_euler(&vector::<3>(&mut rng), &vector::<3>(&mut rng), &vector::<3>(&mut rng));
+            let output = regressor * body_d() + vector::<6>(&mut rng) * noise;
+            LinearObservation { regressor, output, standard_deviation: Vector6::repeat(noise) }
+        })
+        .collect()
+}
+
+fn least_squares() -> RecursiveLeastSquares<10, 6> {
+    let covariance = SMatrix::from_diagonal(&deviations().map(|s| s * s));
+    RecursiveLeastSquares::new(cone().interior_point(), covariance)
+}
+
+fn square_root() -> SquareRootFilter<10, 6> {
+    SquareRootFilter::try_new(cone().interior_point(), deviations()).unwrap()
+}
+
+fn sdp() -> RecursiveSdp<6> {
+    RecursiveSdp::try_new(cone(), PRIOR).unwrap()
+}
+
+/// The information of all rows and the prior, stacked.
+fn batch(rows: &[Row]) -> SquareRootInformation<10> {
+    let mut information = SquareRootInformation::new();
+    information.add_prior(&cone().interior_point(), &deviations()).unwrap();
+    for row in rows {
+        let weight = 1.0 / row.standard_deviation[0];
+        information.update(&(row.regressor * weight), &(row.output * weight)).unwrap();
+    }
+    information
+}
+
+fn linear_promises<'a>(rows: &[Row]) -> EstimatorPromises<'a, 10> {
+    let information = batch(rows);
+    let magnitudes = cone().magnitudes();
+    let batch = Some((information.solve(&magnitudes).unwrap(), information.covariance(&magnitudes).unwrap()));
+    EstimatorPromises { constant_parameters: true, batch, feasible_set: None }
+}
+
+#[test]
+fn linear_estimators_hold_the_laws() {
+    for (seed, count, noise) in [(1, 1, 0.1), (2, 2, 0.01), (3, 60, 0.1), (4, 60, 10.0)] {
+        let mut rows = rows(seed, count, noise);
+        // Some rows are not measured, whatever stands in them.
+        if count > 2 {
+            rows[7].standard_deviation[2] = f64::INFINITY;
+            rows[7].output[2] = 1e9;
+            rows[9].standard_deviation.fill(f64::INFINITY);
+        }
+        let promises = linear_promises(&without(&rows));
+        check_recursive_estimator(&least_squares(), &rows, &promises, 1e-8).unwrap();
+        check_recursive_estimator(&square_root(), &rows, &promises, 1e-9).unwrap();
+        let still = KalmanFilter::new(
+            LinearProcess::random_walk(SMatrix::zeros()),
+            least_squares().parameters(),
+            least_squares().covariance(),
+        );
+        check_recursive_estimator(&still, &rows, &promises, 1e-8).unwrap();
+        let cone = cone();
+        let found = InteriorPoint::new(cone).solve(&batch(&without(&rows))).unwrap();
+        let covariance = promises.batch.unwrap().1;
+        let of_bodies =
+            EstimatorPromises { batch: Some((found.parameters, covariance)), feasible_set: Some(&cone), ..promises };
+        check_recursive_estimator(&sdp(), &rows, &of_bodies, 1e-5).unwrap();
+    }
+}
+
+/// The rows that were measured, the others zero.
+fn without(rows: &[Row]) -> Vec<Row> {
+    rows.iter()
+        .map(|row| {
+            let mut kept = *row;
+            for i in 0..6 {
+                if row.standard_deviation[i].is_infinite() {
+                    kept.regressor.row_mut(i).fill(0.0);
+                    kept.output[i] = 0.0;
+                    kept.standard_deviation[i] = 1.0;
+                }
+            }
+            if row.standard_deviation[0].is_infinite() {
+                kept
+            } else {
+                Row { standard_deviation: row.standard_deviation, ..kept }
+            }
+        })
+        .collect()
+}
+
+fn cube_flyer() -> Vector4<f64> {
+    Vector4::new(9.58, 0.153, 0.143, 0.162)
+}
+
+/// Accelerations of a body under random wrenches.
+fn accelerations(seed: u64, count: usize, body: &PrincipalBody) -> Vec<AccelerationObservation> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let [[m, x, y, z]] = body.parameters().data.0;
+    (0..count)
+        .map(|_| {
+            let (w, torque, force) =
+                (vector::<3>(&mut rng) * 0.3, vector::<3>(&mut rng) * 0.03, vector::<3>(&mut rng) * 0.3);
+            let inertia = Vector3::new(x, y, z);
+            let angular =
+                (torque - w.cross(&inertia.component_mul(&w))).component_div(&inertia) + vector::<3>(&mut rng) * 0.01;
+            let linear = force / m + vector::<3>(&mut rng) * 2e-3;
+            AccelerationObservation {
+                rate_body: w,
+                wrench_body: Wrench::new(torque, force),
+                acceleration_body: Vector6::new(angular.x, angular.y, angular.z, linear.x, linear.y, linear.z),
+                standard_deviation: Vector6::new(0.01, 0.01, 0.01, 2e-3, 2e-3, 2e-3),
+            }
+        })
+        .collect()
+}
+
+fn true_body() -> PrincipalBody {
+    let p = cube_flyer();
+    PrincipalBody::try_new(p[0], Vector3::new(p[1], p[2], p[3])).unwrap()
+}
+
+fn guess() -> (PrincipalMotion, PrincipalBody, Matrix4<f64>) {
+    let body = PrincipalBody::try_new(12.0, Vector3::repeat(0.2)).unwrap();
+    let covariance = Matrix4::from_diagonal(&Vector4::new(9.0, 2.5e-3, 2.5e-3, 2.5e-3));
+    (PrincipalMotion { drift: Vector4::zeros() }, body, body.increment_covariance(&covariance))
+}
+
+/// Bodies in principal axes: positive mass and the triangle inequalities.
+struct PrincipalBodies;
+
+impl FeasibleSet<4> for PrincipalBodies {
+    fn margin(&self, p: &SVector<f64, 4>) -> f64 {
+        p[0].min(p[1] + p[2] - p[3]).min(p[2] + p[3] - p[1]).min(p[3] + p[1] - p[2])
+    }
+    fn barrier(&self, _parameters: &SVector<f64, 4>) -> Option<tumble_identification::Barrier<4>> {
+        None
+    }
+    fn barrier_parameter(&self) -> f64 {
+        4.0
+    }
+    fn interior_point(&self) -> SVector<f64, 4> {
+        cube_flyer()
+    }
+    fn magnitudes(&self) -> SVector<f64, 4> {
+        cube_flyer()
+    }
+}
+
+#[test]
+fn nonlinear_filters_hold_the_laws_and_agree() {
+    let observations = accelerations(5, 400, &true_body());
+    let (model, body, covariance) = guess();
+    // The chart moves with the estimate, so that the covariance of the parameters may grow where the estimate does.
+    let promises = EstimatorPromises { constant_parameters: false, batch: None, feasible_set: Some(&PrincipalBodies) };
+    let mut extended = ExtendedKalmanFilter::new(model, body, covariance);
+    let mut unscented = UnscentedKalmanFilter::new(model, body, covariance);
+    check_recursive_estimator(&extended, &observations, &promises, 1e-9).unwrap();
+    check_recursive_estimator(&unscented, &observations, &promises, 1e-9).unwrap();
+    for observation in &observations {
+        extended.update(observation).unwrap();
+        unscented.update(observation).unwrap();
+    }
+    let sigma = extended.covariance().diagonal().map(f64::sqrt);
+    let error = (extended.parameters() - cube_flyer()).component_div(&sigma);
+    assert!(error.amax() < 4.0, "{error}");
+    let apart = (extended.parameters() - unscented.parameters()).component_div(&sigma);
+    assert!(apart.amax() < 0.5, "{apart}");
+}
+
+#[test]
+fn units_do_not_matter() {
+    // Kilograms to pounds and metres to feet, about.
+    let (mass, length): (f64, f64) = (2.2, 3.3);
+    let [h, j] = [mass * length, mass * length * length];
+    let factors = SVector::from([mass, h, h, h, j, j, j, j, j, j]);
+    let wrench = Vector6::new(j, j, j, h, h, h);
+    let rows = rows(6, 40, 0.1);
+    let scaled: Vec<Row> = rows
+        .iter()
+        .map(|row| Row {
+            regressor: SMatrix::from_fn(|r, c| row.regressor[(r, c)] * wrench[r] / factors[c]),
+            output: row.output.component_mul(&wrench),
+            standard_deviation: row.standard_deviation.component_mul(&wrench),
+        })
+        .collect();
+    let mean = least_squares().parameters().component_mul(&factors);
+    let deviation = deviations().component_mul(&factors);
+    let other = RecursiveLeastSquares::new(mean, SMatrix::from_diagonal(&deviation.map(|s| s * s)));
+    check_unit_equivariance((&least_squares(), &rows), (&other, &scaled), &factors, 1e-8).unwrap();
+    let other = SquareRootFilter::try_new(mean, deviation).unwrap();
+    check_unit_equivariance((&square_root(), &rows), (&other, &scaled), &factors, 1e-8).unwrap();
+    let scale = BodyScale::of(&body_d().component_mul(&factors)).unwrap();
+    let other = RecursiveSdp::try_with_prior(PseudoInertiaCone::new(scale), mean, deviation).unwrap();
+    check_unit_equivariance((&sdp(), &rows), (&other, &scaled), &factors, 1e-5).unwrap();
+    // Absolute numbers hidden in an estimator: a floor under the noise, a floor under what is reported.
+    let law = |defect| {
+        let broken = |inner| Broken { inner, defect };
+        let other = RecursiveLeastSquares::new(mean, SMatrix::from_diagonal(&deviation.map(|s| s * s)));
+        let (one, other) = (broken(least_squares()), broken(other));
+        broken_law(check_unit_equivariance((&one, &rows), (&other, &scaled), &factors, 1e-8))
+    };
+    assert_eq!(law(Defect::AbsoluteNoiseFloor), "nis is free of units");
+    assert_eq!(law(Defect::AbsoluteReportFloor), "the estimate scales with the units");
+}
+
+fn broken_law<T>(outcome: Result<T, LawViolation>) -> &'static str {
+    outcome.err().expect("a planted defect must be caught").law
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Defect {
+    /// Innovations judged by the noise alone.
+    NisByNoise,
+    /// Rows without a measurement counted.
+    AllRowsCount,
+    /// The determinant of the inverse.
+    Determinant,
+    /// S with a sign.
+    NegativeInnovationCovariance,
+    /// (I - K H) P computed without the symmetry.
+    Asymmetric,
+    /// P + K H P.
+    Growing,
+    /// What comes first counts less.
+    ForgetsFirst,
+    /// Half the gain.
+    HalfGain,
+    /// The unconstrained solution is reported.
+    Unconstrained,
+    /// Fails on the third update.
+    Fails,
+    /// No noise is taken to be smaller than a number.
+    AbsoluteNoiseFloor,
+    /// No parameter is reported smaller than a number.
+    AbsoluteReportFloor,
+    /// A rejected observation still moves the estimate.
+    RejectedMoves,
+}
+
+/// An estimator with a defect in front.
+#[derive(Clone)]
+struct Broken<E> {
+    inner: E,
+    defect: Defect,
+}
+
+/// Parameters, covariance, and what the defects need beside them.
+impl<E> RecursiveEstimator<10, 6> for Broken<E>
+where
+    E: RecursiveEstimator<10, 6, Observation = Row>,
+{
+    type Observation = Row;
+    fn update(&mut self, observation: &Row) -> Result<Outcome<6>, IdentificationError> {
+        if self.defect == Defect::Fails && observation.output[0] > 2.0 {
+            return Err(IdentificationError::NotFinite { row: 0 });
+        }
+        let mut altered = *observation;
+        match self.defect {
+            Defect::HalfGain => altered.standard_deviation *= 2.0_f64.sqrt(),
+            // What it learns depends on what it knows: the first rows weigh less.
+            Defect::ForgetsFirst if self.inner.covariance()[(0, 0)] > 1.0 => altered.standard_deviation *= 1.0 + 1e-3,
+            Defect::AbsoluteNoiseFloor => altered.standard_deviation.apply(|s| *s = s.max(0.3)),
+            _ => {}
+        }
+        let mut outcome = self.inner.update(&altered)?;
+        let innovation = &mut outcome.innovation;
+        match self.defect {
+            Defect::NisByNoise => {
+                innovation.nis = innovation.residual.component_div(&observation.standard_deviation).norm_squared();
+            }
+            Defect::AllRowsCount => innovation.degrees_of_freedom = 6,
+            Defect::Determinant => innovation.determinant = 1.0 / innovation.determinant,
+            Defect::NegativeInnovationCovariance => innovation.covariance *= -1.0,
+            _ => {}
+        }
+        Ok(outcome)
+    }
+    fn parameters(&self) -> Parameters {
+        let floor = if self.defect == Defect::AbsoluteReportFloor { 0.15 } else { f64::NEG_INFINITY };
+        self.inner.parameters().map(|p| p.max(floor))
+    }
+    fn covariance(&self) -> SMatrix<f64, 10, 10> {
+        let mut covariance = self.inner.covariance();
+        match self.defect {
+            Defect::Asymmetric => covariance[(0, 1)] *= 1.0 + 1e-6,
+            Defect::Growing => {
+                // Less certain the more is known.
+                let known = covariance[(0, 0)];
+                covariance = SMatrix::identity() / known;
+            }
+            _ => {}
+        }
+        covariance
+    }
+}
+
+#[test]
+fn planted_defects_are_caught_by_name() {
+    let mut rows = rows(7, 30, 0.1);
+    rows[4].standard_deviation[1] = f64::INFINITY;
+    let promises = linear_promises(&{
+        let mut kept = rows.clone();
+        kept[4].regressor.row_mut(1).fill(0.0);
+        kept[4].output[1] = 0.0;
+        kept
+    });
+    let law = |defect| {
+        let broken = Broken { inner: least_squares(), defect };
+        broken_law(check_recursive_estimator(&broken, &rows, &promises, 1e-8))
+    };
+    assert_eq!(law(Defect::NisByNoise), "nis is the normalised innovation");
+    assert_eq!(law(Defect::AllRowsCount), "degrees of freedom are the measured rows");
+    assert_eq!(law(Defect::Determinant), "determinant is that of the innovation covariance");
+    assert_eq!(law(Defect::NegativeInnovationCovariance), "innovation covariance is symmetric positive definite");
+    assert_eq!(law(Defect::Asymmetric), "covariance is symmetric positive semidefinite");
+    assert_eq!(law(Defect::Growing), "data never add uncertainty");
+    assert_eq!(law(Defect::HalfGain), "equals batch");
+    assert_eq!(law(Defect::Fails), "update succeeds");
+}
+
+#[test]
+fn an_order_that_matters_is_caught() {
+    // The batch is what the defective estimator itself gives forwards, so that only the order can tell.
+    let rows = rows(8, 30, 0.1);
+    let broken = Broken { inner: least_squares(), defect: Defect::ForgetsFirst };
+    let mut forwards = broken.clone();
+    for row in &rows {
+        forwards.update(row).unwrap();
+    }
+    let batch = Some((forwards.parameters(), forwards.covariance()));
+    let promises = EstimatorPromises { constant_parameters: true, batch, feasible_set: None };
+    assert_eq!(broken_law(check_recursive_estimator(&broken, &rows, &promises, 1e-8)), "order independent");
+}
+
+#[test]
+fn an_estimate_that_is_no_body_is_caught() {
+    let (rows, cone) = (rows(9, 3, 10.0), cone());
+    let promises = EstimatorPromises { constant_parameters: true, batch: None, feasible_set: Some(&cone) };
+    check_recursive_estimator(&sdp(), &rows, &promises, 1e-8).unwrap();
+    // What the recursive SDP reports without its constraint.
+    let plain = Broken { inner: least_squares(), defect: Defect::Unconstrained };
+    let outcome = check_recursive_estimator(&plain, &rows, &promises, 1e-8);
+    assert_eq!(broken_law(outcome), "estimate is inside the feasible set");
+}
+
+/// Draws its noise from a counter that clones share.
+#[derive(Clone)]
+struct Moody<'a>(RecursiveLeastSquares<10, 6>, &'a std::cell::Cell<f64>);
+
+impl RecursiveEstimator<10, 6> for Moody<'_> {
+    type Observation = Row;
+    fn update(&mut self, observation: &Row) -> Result<Outcome<6>, IdentificationError> {
+        self.1.set(self.1.get() + 1e-9);
+        let mut altered = *observation;
+        altered.output[0] += self.1.get();
+        self.0.update(&altered)
+    }
+    fn parameters(&self) -> Parameters {
+        self.0.parameters()
+    }
+    fn covariance(&self) -> SMatrix<f64, 10, 10> {
+        self.0.covariance()
+    }
+}
+
+#[test]
+fn hidden_state_is_caught() {
+    let (rows, mood) = (rows(10, 10, 0.1), std::cell::Cell::new(0.0));
+    let outcome = check_recursive_estimator(&Moody(least_squares(), &mood), &rows, &linear_promises(&rows), 1e-6);
+    assert_eq!(broken_law(outcome), "same observations give the same estimate");
+}
+
+/// Runs whose estimators start from a draw of their own prior, so that the model holds.
+fn honest_runs<E>(count: u64, make: impl Fn(Parameters, SVector<f64, 10>) -> E) -> impl Iterator<Item = (E, Vec<Row>)> {
+    (0..count).map(move |seed| {
+        let deviation = cone().magnitudes() * 0.05;
+        let off = vector::<10>(&mut ChaCha8Rng::seed_from_u64(1000 + seed)).component_mul(&deviation);
+        (make(body_d() + off, deviation), rows(seed, 100, 0.1))
+    })
+}
+
+fn gate() -> ChiSquareGate {
+    ChiSquareGate::try_new(0.99).unwrap()
+}
+
+fn gated(mean: Parameters, deviation: SVector<f64, 10>) -> RecursiveLeastSquares<10, 6> {
+    RecursiveLeastSquares::new(mean, SMatrix::from_diagonal(&deviation.map(|s| s * s))).with_gate(gate())
+}
+
+/// Rows of a body twice as heavy: beyond doubt, and for good.
+fn changed_rows() -> Vec<Row> {
+    let mut rows = rows(77, 60, 0.1);
+    for row in &mut rows {
+        row.output += row.regressor * body_d();
+    }
+    rows
+}
+
+#[test]
+fn gates_are_honest() {
+    // 1.0 ± 0.2 %: forty thousand updates put 0.2 % at four standard deviations.
+    check_gate(&mut honest_runs(400, gated), 0.99, 2e-3, &changed_rows()).unwrap();
+    let square_root = |mean, deviation| SquareRootFilter::<10, 6>::try_new(mean, deviation).unwrap().with_gate(gate());
+    check_gate(&mut honest_runs(400, square_root), 0.99, 2e-3, &changed_rows()).unwrap();
+    let sdp = |mean, deviation| RecursiveSdp::<6>::try_with_prior(cone(), mean, deviation).unwrap().with_gate(gate());
+    check_gate(&mut honest_runs(400, sdp), 0.99, 2e-3, &changed_rows()).unwrap();
+}
+
+#[test]
+fn nonlinear_gates_are_honest() {
+    let runs = |unscented: bool| {
+        (0..400_u64).map(move |seed| {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let deviation = Vector4::new(0.05, 0.05, 0.05, 0.05);
+            let truth = true_body();
+            let off = vector::<4>(&mut rng).component_mul(&deviation);
+            let start = tumble_identification::lie::Manifold::oplus(&truth, &off);
+            let covariance = Matrix4::from_diagonal(&deviation.map(|s| s * s));
+            let (model, observations) = (guess().0, accelerations(10_000 + seed, 100, &truth));
+            let extended = ExtendedKalmanFilter::new(model, start, covariance).with_gate(gate());
+            let sigma_points = UnscentedKalmanFilter::new(model, start, covariance).with_gate(gate());
+            (extended, sigma_points, observations, unscented)
+        })
+    };
+    let heavy = PrincipalBody::try_new(30.0, Vector3::new(0.5, 0.5, 0.5)).unwrap();
+    let spoiled = accelerations(3, 200, &heavy);
+    check_gate(&mut runs(false).map(|run| (run.0, run.2)), 0.99, 2e-3, &spoiled).unwrap();
+    check_gate(&mut runs(true).map(|run| (run.1, run.2)), 0.99, 2e-3, &spoiled).unwrap();
+}
+
+/// A gate with a defect.
+#[derive(Clone)]
+struct BrokenGate {
+    inner: RecursiveLeastSquares<10, 6>,
+    threshold: f64,
+    defect: Defect,
+    recovers: bool,
+}
+
+impl RecursiveEstimator<10, 6> for BrokenGate {
+    type Observation = Row;
+    fn update(&mut self, observation: &Row) -> Result<Outcome<6>, IdentificationError> {
+        let before = self.inner;
+        let mut outcome = self.inner.update(observation)?;
+        if outcome.innovation.nis > self.threshold {
+            outcome.verdict = Verdict::Rejected { threshold: self.threshold };
+            if self.defect != Defect::RejectedMoves {
+                self.inner = before;
+            }
+        } else if self.recovers {
+            outcome.verdict = Verdict::Recovered { inflation: 1.0 };
+        }
+        Ok(outcome)
+    }
+    fn parameters(&self) -> Parameters {
+        self.inner.parameters()
+    }
+    fn covariance(&self) -> SMatrix<f64, 10, 10> {
+        self.inner.covariance()
+    }
+}
+
+#[test]
+fn planted_defects_of_gates_are_caught_by_name() {
+    let law = |threshold: f64, defect, recovers| {
+        let make = move |mean, deviation: SVector<f64, 10>| BrokenGate {
+            inner: RecursiveLeastSquares::new(mean, SMatrix::from_diagonal(&deviation.map(|s| s * s))),
+            threshold,
+            defect,
+            recovers,
+        };
+        broken_law(check_gate(&mut honest_runs(100, make), 0.99, 4e-3, &changed_rows()))
+    };
+    // One degree of freedom too many or too few.
+    assert_eq!(law(gate().threshold(7), Defect::Fails, true), "gate rejects as often as stated");
+    assert_eq!(law(gate().threshold(5), Defect::Fails, true), "gate rejects as often as stated");
+    assert_eq!(law(gate().threshold(6), Defect::RejectedMoves, true), "a rejected update changes nothing");
+    // No way back: the printed rule.
+    assert_eq!(law(gate().threshold(6), Defect::Fails, false), "gate lets go of a wrong belief");
+}
+
+#[test]
+fn the_gate_lets_go_of_a_wrong_belief() {
+    // Sure of body D, told of a body twice as heavy.
+    let mut estimator = gated(body_d(), cone().magnitudes() * 1e-3);
+    let mut outcomes = changed_rows().into_iter().map(|row| estimator.update(&row).unwrap().is_accepted());
+    assert!((0..5).all(|_| !outcomes.next().unwrap()) && outcomes.next().unwrap());
+    assert!(outcomes.last().unwrap());
+    let error = (estimator.parameters() - body_d() * 2.0).component_div(&cone().magnitudes());
+    assert!(error.amax() < 0.1, "{error}");
+}
+
+#[test]
+fn spikes_cost_little_behind_a_gate() {
+    // 10 sigma in 1 % of the rows; rms over many runs of the error in the metric of the true covariance.
+    let runs = 200;
+    let (mut clean, mut behind_gate, mut unprotected) = (0.0, 0.0, 0.0);
+    for seed in 0..runs {
+        let truth = body_d();
+        let rows = rows(seed, 400, 0.1);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed + 5000);
+        let mut spiked = rows.clone();
+        for row in &mut spiked {
+            for i in 0..6 {
+                if uniform(&mut rng) > 0.98 {
+                    row.output[i] += uniform(&mut rng).signum();
+                }
+            }
+        }
+        let error = |gate: Option<ChiSquareGate>, rows: &[Row]| {
+            let start = least_squares();
+            let mut estimator = gate.map_or(start, |gate| start.with_gate(gate));
+            for row in rows {
+                estimator.update(row).unwrap();
+            }
+            (estimator.parameters() - truth).component_div(&cone().magnitudes()).norm_squared()
+        };
+        clean += error(None, &rows);
+        behind_gate += error(Some(gate()), &spiked);
+        unprotected += error(None, &spiked);
+    }
+    let ratio = |sum: f64| (sum / clean).sqrt();
+    assert!(ratio(behind_gate) < 1.10, "{}", ratio(behind_gate));
+    assert!(ratio(unprotected) > 1.30, "{}", ratio(unprotected));
+}
+
+#[test]
+fn malformed_observations_change_nothing() {
+    let good = rows(11, 1, 0.1)[0];
+    let nan = Row { output: good.output.map(|x| x * f64::NAN), ..good };
+    let certain = Row { standard_deviation: Vector6::zeros(), ..good };
+    let (mut a, mut b, mut c) = (least_squares(), square_root(), sdp());
+    for bad in [nan, certain] {
+        assert!(a.update(&bad).is_err() && b.update(&bad).is_err() && c.update(&bad).is_err());
+    }
+    assert_eq!((a, b, c), (least_squares(), square_root(), sdp()));
+    assert!(SquareRootFilter::<10, 6>::try_new(body_d(), SVector::repeat(f64::INFINITY)).is_err());
+}
+
+#[test]
+fn a_kalman_filter_follows_table_a_1() {
+    // Constant velocity in one dimension against the matrices of the table.
+    let process = LinearProcess {
+        transition: SMatrix::<f64, 2, 2>::new(1.0, 0.1, 0.0, 1.0),
+        noise: SMatrix::from_diagonal(&[1e-6, 1e-4].into()),
+    };
+    let mut filter = KalmanFilter::<2, 1>::new(process, SVector::zeros(), SMatrix::identity());
+    let (mut x, mut p) = (SVector::<f64, 2>::zeros(), SMatrix::<f64, 2, 2>::identity());
+    let h = SMatrix::<f64, 1, 2>::new(1.0, 0.0);
+    for k in 0..50 {
+        let (input, y) = (SVector::from([0.0, 0.01]), SVector::from([(0.3 * f64::from(k)).sin()]));
+        filter.predict(&input);
+        filter
+            .correct(&LinearObservation { regressor: h, output: y, standard_deviation: SVector::from([0.2]) })
+            .unwrap();
+        (x, p) =
+            (process.transition * x + input, process.transition * p * process.transition.transpose() + process.noise);
+        let gain = p * h.transpose() / ((h * p * h.transpose())[0] + 0.04);
+        (x, p) = (x + gain * (y - h * x), p - gain * h * p);
+        assert!((filter.parameters() - x).amax() < 1e-13 && (filter.covariance() - p).amax() < 1e-13);
+    }
+}

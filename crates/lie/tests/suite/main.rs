@@ -1,0 +1,6 @@
+//! Groups and their laws, in one program.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod custom_group;
+mod groups;
+mod planted_defects;

@@ -1,0 +1,147 @@
+//! Tutorial: fly missions with a robot of your own. Four steps: say what it is, what it is taken for, build the loop, close it.
+//!
+//! The robot here is a tug: a ball that jets push by at most 0.6 N and turn by at most 0.06 N m. It sees where it is, not how fast it
+//! is; a pose arrives a control period after it was true. It takes itself for two thirds of what it weighs, and finds out on the way.
+
+use rand_chacha::ChaCha8Rng;
+use rand_core::SeedableRng;
+use tumble_planning::collision::{BodyShape, CollisionWorld, EllipsoidWorld};
+use tumble_planning::control::{
+    AttitudeController, AttitudeGains, AttitudeLaw, Controller, LqrController, MassInterval, TranslationWeights,
+    TubeController, TubeSettings,
+};
+use tumble_planning::dynamics::{
+    AlignedBox, FreeFlyer, InertialParameters, MuntheKaas4, ObstacleEllipsoid, Plant, RigidBodyState, SimulatedBody,
+    World, WrenchBox,
+};
+use tumble_planning::global::{FlightPlanner, GoalRegion};
+use tumble_planning::identification::recursive::{FlightEstimator, FlightEstimatorSettings, FlightMeasurement};
+use tumble_planning::lie::{Pose, Wrench};
+use tumble_planning::local::{CovarianceWeighting, RigidBodyModel};
+use tumble_planning::mission::{
+    BrakeLimits, ClosedLoop, InformativeStretch, LoopObserver, LoopSettings, NoObserver, Scene, Sensed, StopLimits,
+    StretchSettings,
+};
+use tumble_planning::nalgebra::{UnitQuaternion, Vector3};
+use tumble_planning::{ModelBelief, PlanningError, unit_interval};
+
+// Step 1: what it is. Sizes, limits, the body, how it senses, and what stands in its room: two posts in the way.
+const PERIOD_NS: i64 = 40_000_000;
+const PERIOD_S: f64 = 0.04;
+const RADIUS_M: f64 = 0.3;
+const FORCE_N: f64 = 0.6;
+const TORQUE_N_M: f64 = 0.06;
+const GOAL: Vector3<f64> = Vector3::new(0.9, 0.0, 0.0);
+const NOISE_M: f64 = 0.001;
+const NOISE_RAD: f64 = 0.001;
+
+fn truth() -> InertialParameters<f64> {
+    let cube = InertialParameters::solid_box(24.0, [0.4, 0.4, 0.4]);
+    InertialParameters::about_com(24.0, Vector3::new(0.02, -0.02, 0.01), cube.inertia_about_com())
+}
+
+fn room() -> World {
+    let post = |x, y| ObstacleEllipsoid {
+        world_from_ellipsoid: Pose::translation(x, y, 0.0),
+        semi_axes: Vector3::new(0.15, 0.15, 1.5),
+    };
+    let walls = AlignedBox::between(Vector3::new(-1.5, -1.0, -0.6), Vector3::new(1.5, 1.0, 0.6));
+    World { keep_in: vec![walls], obstacles: vec![post(-0.2, 0.25), post(0.4, -0.6)], ..World::default() }
+}
+
+fn start() -> RigidBodyState<f64> {
+    RigidBodyState { world_from_body: Pose::translation(-0.8, 0.0, 0.0), ..RigidBodyState::at_rest() }
+}
+
+// Step 2: what it is taken for, and how little is known of it.
+fn belief() -> ModelBelief {
+    ModelBelief::vague(0, InertialParameters::solid_box(16.0, [0.4, 0.4, 0.4]), [0.4, 0.03, 0.4])
+}
+
+/// The tube for the translation, a law for the turn: made now, and anew when the body may be anything.
+fn tube(belief: &ModelBelief) -> Result<TubeController, PlanningError> {
+    let body = belief.parameters();
+    let mass = MassInterval::between(0.5 * body.mass, 2.0 * body.mass)?;
+    TubeController::try_new(TubeSettings::new(mass, Vector3::repeat(FORCE_N)), None, attitude(body), body)
+}
+
+fn attitude(body: &InertialParameters<f64>) -> AttitudeController {
+    let gains = AttitudeGains { stiffness_n_m: 0.15, damping_n_m_s: 0.45 };
+    AttitudeController { law: AttitudeLaw::Geometric, gains, body: *body, torque_limit_n_m: TORQUE_N_M }
+}
+
+// Step 3: the loop. Planners and estimator get the numbers above, and everything else has its usual value.
+type Tug<C> = ClosedLoop<EllipsoidWorld, FlightPlanner, C>;
+
+fn tug<C: Controller>(new_controller: impl FnMut(&ModelBelief) -> Result<C, PlanningError> + 'static) -> Tug<C> {
+    let (belief, shape) = (belief(), BodyShape::sphere(RADIUS_M).unwrap());
+    let (mass, inertia) = (belief.parameters().mass, belief.parameters().inertia_about_com()[(0, 0)]);
+    let (force_n, torque_n_m) = (0.5 * FORCE_N, 0.4 * TORQUE_N_M); // plans push less hard than the controller may
+    let estimator = FlightEstimatorSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
+    let estimator = FlightEstimator::try_new(estimator, start(), 0, &belief.estimate).unwrap();
+    let stretches = StretchSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
+    // what is worth learning: the mass, and the moments of inertia
+    let weighting = CovarianceWeighting::of_sizes([mass, inertia, inertia, inertia]).unwrap();
+    let push = WrenchBox::in_every_axis(torque_n_m, force_n).into();
+    let model = RigidBodyModel::principal();
+    let planner = InformativeStretch::try_new(model, &stretches, push, Box::new(weighting)).unwrap();
+    let origin = AlignedBox::between(Vector3::new(-1.15, -0.65, -0.25), Vector3::new(1.15, 0.65, 0.25));
+    let limits = stretches.way_limits(origin, Vector3::repeat(force_n), Vector3::repeat(torque_n_m));
+    let goal = GoalRegion::pose(&Pose::from_parts(GOAL.into(), UnitQuaternion::new(Vector3::z() * 0.8)));
+    let stop = StopLimits::for_body(&InertialParameters::solid_box(2.0 * mass, [0.4; 3]), force_n, torque_n_m);
+    let brake = BrakeLimits { force_n: Vector3::repeat(FORCE_N), torque_n_m: TORQUE_N_M };
+    let settings =
+        LoopSettings { decision_periods: 5, ..LoopSettings::new(shape.clone(), goal, limits, (stop, brake)) };
+    let scene = Scene::of_world(&room(), &shape).unwrap();
+    let planners = (FlightPlanner::default(), Box::new(planner) as _);
+    ClosedLoop::try_new(settings, scene, planners, new_controller, estimator, 0).unwrap()
+}
+
+// Step 4: close the loop. What is sensed goes in, a wrench comes out, the plant moves, and what matters is checked. True on arrival.
+fn fly<C: Controller>(flying: &mut Tug<C>, observer: &mut impl LoopObserver) -> bool {
+    let limits = WrenchBox::in_every_axis(TORQUE_N_M, FORCE_N);
+    let mut plant = SimulatedBody::try_new(FreeFlyer::new(truth()), MuntheKaas4, limits, start(), PERIOD_S).unwrap();
+    let (world, shape) = (EllipsoidWorld::new(&room()).unwrap(), BodyShape::sphere(RADIUS_M).unwrap());
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    // the sum of twelve evenly distributed numbers is nearly normal
+    let mut noise =
+        |sigma: f64| Vector3::from_fn(|_, _| sigma * ((0..12).map(|_| unit_interval(&mut random)).sum::<f64>() - 6.0));
+    let (mut acted, mut on_its_way, mut time_ns) = (Wrench::zero(), Vec::new(), 0);
+    while flying.finished().is_none() {
+        let pose = plant.state().world_from_body;
+        let world_from_body = Pose::from_parts(
+            (pose.translation.vector + noise(NOISE_M)).into(),
+            pose.rotation * UnitQuaternion::new(noise(NOISE_RAD)),
+        );
+        let arrived = std::mem::replace(&mut on_its_way, vec![FlightMeasurement::of_pose(time_ns, world_from_body)]);
+        let sensed = Sensed { time_ns, acted, measurements: &arrived };
+        let wrench = flying.step(&sensed, observer).unwrap().wrench_body;
+        assert!(wrench.force.amax() <= FORCE_N + 1e-9 && wrench.torque.amax() <= TORQUE_N_M + 1e-9, "{wrench:?}");
+        acted = plant.advance(&wrench, PERIOD_S).unwrap().realized_wrench_body;
+        time_ns += PERIOD_NS;
+        let clearance = world.clearance(&shape, &plant.state().world_from_body, 0.0).unwrap();
+        assert!(clearance.distance_m > 0.0, "contact at {} s", plant.time_s());
+    }
+    let distance_m = (plant.state().world_from_body.translation.vector - GOAL).norm();
+    flying.finished() == Some(true) && distance_m < 0.03
+}
+
+#[test]
+fn the_tug_arrives_and_learns_what_it_weighs() {
+    let mut flying = tug(tube);
+    assert!(fly(&mut flying, &mut NoObserver));
+    let estimate = flying.estimator().estimate();
+    let error_kg = (estimate.parameters.mass - truth().mass).abs();
+    assert!(error_kg < 3.0 * estimate.std.mass_kg && error_kg < 0.03 * truth().mass, "{error_kg} kg");
+}
+
+/// Whatever is behind the trait flies; here feedback that knows of no limit and no doubt.
+#[test]
+fn another_controller_flies_it_too() {
+    let weights = TranslationWeights::default();
+    let mut flying =
+        tug(move |belief| LqrController::lqr(0.2, &weights, attitude(belief.parameters()), Vector3::repeat(FORCE_N)));
+    assert!(fly(&mut flying, &mut NoObserver));
+}
+
+mod same_again;
