@@ -310,7 +310,12 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
         way_units: computing.global_units,
         new_way_units: computing.replan_units,
         stretch_units: computing.local_units,
-        known: stretches.map(|_| LearningTargets { mass: 0.01, center_of_mass_m: 0.003, inertia: 0.03 }),
+        known: stretches.map(|_| LearningTargets {
+            mass: 0.01,
+            center_of_mass_m: 0.003,
+            inertia: 0.03,
+            planar: problem.planar,
+        }),
         material_change: MATERIAL,
         seed,
         ..LoopSettings::new(
