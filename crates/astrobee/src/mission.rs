@@ -10,7 +10,7 @@ mod record;
 pub use faults::{
     BodyStep, Fault, FaultChoiceError, Faults, LateObstacle, PlannerFault, PlantChange, Sabotage, replay_line,
 };
-pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly};
+pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly, measurement};
 pub use layers::{
     AstrobeeLoop, MissionPlanners, closed_loop, computing_time, controllers, estimator, loop_settings, scene,
     stretch_planner,

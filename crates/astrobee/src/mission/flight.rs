@@ -511,7 +511,8 @@ fn sabotaged(flying: &mut AstrobeeLoop, sabotage: &Sabotage) -> Result<(), Plann
     Ok(flying.estimator_mut().restart(&misled.to_finding(scale)?)?)
 }
 
-fn measurement(estimate: &LocalizationEstimate, noise: &MotionNoise) -> Measurement {
+/// A message of the localisation as the loop's estimator takes it, with the noise that a mission takes its sensors for.
+pub fn measurement(estimate: &LocalizationEstimate, noise: &MotionNoise) -> Measurement {
     Measurement {
         rate_body: Some(Gauss::isotropic(estimate.rate_body, noise.rate_rad_s)),
         velocity_world: Some(Gauss::isotropic(estimate.velocity_origin_world, noise.velocity_m_s)),
