@@ -217,3 +217,18 @@ pub trait GlobalPlanner<W: CollisionWorld + ?Sized> {
         self.plan(request, budget)
     }
 }
+
+impl<W: CollisionWorld + ?Sized, T: GlobalPlanner<W> + ?Sized> GlobalPlanner<W> for Box<T> {
+    fn plan(&mut self, request: &GlobalRequest<'_, W>, budget: &mut dyn Budget) -> Result<GlobalAnswer, PlanningError> {
+        (**self).plan(request, budget)
+    }
+
+    fn plan_anew(
+        &mut self,
+        request: &GlobalRequest<'_, W>,
+        known: &ArcPath,
+        budget: &mut dyn Budget,
+    ) -> Result<GlobalAnswer, PlanningError> {
+        (**self).plan_anew(request, known, budget)
+    }
+}

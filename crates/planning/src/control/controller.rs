@@ -133,4 +133,24 @@ pub trait Controller {
     /// # Errors
     /// Numbers that are not finite; not that the state is out of bounds, which is answered by a [`Fallback`].
     fn command(&mut self, request: &ControlRequest<'_>) -> Result<ControlCommand, PlanningError>;
+
+    /// How far from what it follows the position may be along each world axis while the controller keeps its promises, m; zero
+    /// where it promises nothing.
+    fn tube_m(&self) -> [f64; 3] {
+        [0.0; 3]
+    }
+}
+
+impl<T: Controller + ?Sized> Controller for Box<T> {
+    fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
+        (**self).adopt(belief)
+    }
+
+    fn command(&mut self, request: &ControlRequest<'_>) -> Result<ControlCommand, PlanningError> {
+        (**self).command(request)
+    }
+
+    fn tube_m(&self) -> [f64; 3] {
+        (**self).tube_m()
+    }
 }
