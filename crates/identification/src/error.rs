@@ -451,6 +451,7 @@ pub enum IdentificationError {
 
 /// A column of a motion log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Column {
     /// Force and torque.
     Wrench,

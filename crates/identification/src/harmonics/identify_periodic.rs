@@ -34,6 +34,7 @@ const NO_CYCLES: [f64; 2] = [10.0, 3.0];
 
 /// What turns an averaged period, or the record behind it, into parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum HarmonicEstimator {
     /// Weighted least squares with the regressor of the fitted motion: the thesis's.
     LeastSquares,

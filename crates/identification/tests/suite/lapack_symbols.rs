@@ -4,7 +4,7 @@
 //! line with the Jacobi rotations and the triangles that it helps to check. faer brings its own workspace; the workspace
 //! arguments of the ABI are ignored.
 //!
-//! The Fortran ABI passes everything by pointer, column-major, which is why this crate, and only this one, is unsafe.
+//! The Fortran ABI passes everything by pointer, column-major, which is why this module, and only this one, is unsafe.
 #![allow(unsafe_code)]
 // The signatures and the safety contract (valid pointers, consistent dimensions) are those of the reference library.
 #![allow(clippy::too_many_arguments, clippy::missing_safety_doc)]
