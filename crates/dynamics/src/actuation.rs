@@ -3,17 +3,22 @@
 mod effectiveness;
 mod reaction_wheels;
 mod rotors;
+mod stateful;
 mod thrusters;
 
 pub use reaction_wheels::{ReactionWheel, ReactionWheels};
 pub use rotors::{Rotor, RotorSet};
+pub use stateful::StatefulActuation;
 pub use thrusters::{PulseTiming, PulsedThrusters, Thruster, ThrusterSet};
 
 use crate::error::DynamicsError;
 use tumble_lie::Wrench;
 use tumble_lie::nalgebra::Vector3;
 
-/// What turns wanted wrenches into commands of a machine.
+/// What turns wanted wrenches into commands of a machine that has no state of its own: nozzles, rotors.
+///
+/// What spins up, empties or lags is a [`StatefulActuation`]; it has no `Actuation`, so that no plant can hold it without
+/// carrying its state on.
 ///
 /// Laws ([`check_actuation`](crate::laws::check_actuation), feature `testing`): a wrench inside the limits is realised;
 /// no limit is ever exceeded; what was realised can be realised again.

@@ -16,6 +16,7 @@ mod differentiate;
 mod discrete_lagrangian;
 mod error;
 mod free_flyer;
+mod gyrostat;
 mod inertia;
 mod integrators;
 #[cfg(feature = "testing")]
@@ -40,8 +41,8 @@ mod world;
 mod wrench_model;
 
 pub use actuation::{
-    Actuation, PulseTiming, PulsedThrusters, ReactionWheel, ReactionWheels, Rotor, RotorSet, Thruster, ThrusterSet,
-    WrenchBox,
+    Actuation, PulseTiming, PulsedThrusters, ReactionWheel, ReactionWheels, Rotor, RotorSet, StatefulActuation,
+    Thruster, ThrusterSet, WrenchBox,
 };
 #[cfg(feature = "dual")]
 pub use differentiate::{FreeFlyerStep, ParametricModel, StateTangent, StepLinearization, linearize};
@@ -49,6 +50,7 @@ pub use differentiate::{FreeFlyerStep, ParametricModel, StateTangent, StepLinear
 pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
 pub use error::DynamicsError;
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
+pub use gyrostat::{Gyrostat, GyrostatInput};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};
 #[cfg(feature = "dual")]
 pub use integrators::Variational;
@@ -68,10 +70,12 @@ pub use oscillator::Oscillator;
 pub use parameter_vector::{PARAMETER_NAMES, PARAMETER_UNITS, PARAMETERS, ParameterOrder};
 pub use pivoted_body::PivotedBody;
 pub use planar::{PlanarAcceleration, PlanarBody, PlanarWrench};
-pub use plant::{SimulatedBody, SimulatedMeasurement};
+pub use plant::{SimulatedBody, SimulatedGyrostat, SimulatedMeasurement};
 pub use state::{GroupState, GroupTangent, LagrangianState, RigidBodyState};
 pub use system::{Integrator, MechanicalSystem, Plant, RigidBody, ScalarOf, TangentOf, WrenchModel};
 pub use tracker::{PoseReference, PoseTracker};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use world::{AlignedBox, ObstacleEllipsoid, World};
-pub use wrench_model::{ConstantBodyWrench, ConstantWorldWrench, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn};
+pub use wrench_model::{
+    ConstantBodyWrench, ConstantWorldWrench, GravityGradient, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn,
+};

@@ -2,7 +2,9 @@
 
 use crate::error::DynamicsError;
 use crate::inertia::InertialParameters;
+use crate::parameter_vector::PARAMETERS;
 use crate::state::RigidBodyState;
+use tumble_lie::nalgebra::{SMatrix, SVector};
 use tumble_lie::{Manifold, Scalar, Wrench};
 
 /// Scalar type of a system.
@@ -26,9 +28,37 @@ impl<T: Scalar> RigidBody for InertialParameters<T> {
 }
 
 /// A wrench that depends on time and state: gravity, drag, a bias, a user's own. Models add up.
+///
+/// Laws (feature `testing`): [`check_wrench_model`](crate::laws::check_wrench_model). Tutorial:
+/// `tests/custom_wrench_model.rs`.
 pub trait WrenchModel<T: Scalar> {
     /// Wrench on the body, body axes, torque about the body origin.
     fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T>;
+
+    /// The wrench on another body, for models that act on every part of it, as gravity does; affine in its parameters.
+    ///
+    /// Whoever looks for the body asks this. What acts on a surface or an attachment is the same for every body, which is
+    /// what is provided.
+    fn wrench_on(&self, _body: &InertialParameters<T>, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        self.wrench_body(time_s, state)
+    }
+
+    /// What acts on a body of no mass, and what each of the ten parameters adds to it, of
+    /// [`wrench_on`](Self::wrench_on).
+    ///
+    /// # Shape
+    /// `[torque; force]` by [`InertialParameters::to_vector`].
+    fn wrench_regressor(&self, time_s: T, state: &RigidBodyState<T>) -> (Wrench<T>, SMatrix<T, 6, PARAMETERS>) {
+        let on = |unit: &SVector<T, PARAMETERS>| {
+            self.wrench_on(&InertialParameters::from_vector(unit), time_s, state).to_vector()
+        };
+        let nothing = on(&SVector::zeros());
+        let mut regressor = SMatrix::<T, 6, PARAMETERS>::zeros();
+        for (j, mut column) in regressor.column_iter_mut().enumerate() {
+            column.copy_from(&(on(&SVector::from_fn(|i, _| if i == j { T::one() } else { T::zero() })) - nothing));
+        }
+        (nothing.into(), regressor)
+    }
 }
 
 /// A system of ordinary differential equations on a manifold.

@@ -2,10 +2,13 @@
 //!
 //! A model is anything with [`WrenchModel`]; pairs, arrays, slices and references of models are models again.
 
+use crate::inertia::InertialParameters;
 use crate::state::RigidBodyState;
 use crate::system::WrenchModel;
-use tumble_lie::nalgebra::Vector3;
-use tumble_lie::{Scalar, Wrench};
+use alloc::boxed::Box;
+use alloc::sync::Arc;
+use tumble_lie::nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use tumble_lie::{LieGroup, Scalar, Wrench, real};
 
 /// Nothing acts.
 impl<T: Scalar> WrenchModel<T> for () {
@@ -18,12 +21,36 @@ impl<T: Scalar, M: WrenchModel<T> + ?Sized> WrenchModel<T> for &M {
     fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
         (**self).wrench_body(time_s, state)
     }
+    fn wrench_on(&self, body: &InertialParameters<T>, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        (**self).wrench_on(body, time_s, state)
+    }
+}
+
+impl<T: Scalar, M: WrenchModel<T> + ?Sized> WrenchModel<T> for Box<M> {
+    fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        (**self).wrench_body(time_s, state)
+    }
+    fn wrench_on(&self, body: &InertialParameters<T>, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        (**self).wrench_on(body, time_s, state)
+    }
+}
+
+impl<T: Scalar, M: WrenchModel<T> + ?Sized> WrenchModel<T> for Arc<M> {
+    fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        (**self).wrench_body(time_s, state)
+    }
+    fn wrench_on(&self, body: &InertialParameters<T>, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        (**self).wrench_on(body, time_s, state)
+    }
 }
 
 /// The sum of both.
 impl<T: Scalar, A: WrenchModel<T>, B: WrenchModel<T>> WrenchModel<T> for (A, B) {
     fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
         self.0.wrench_body(time_s, state) + self.1.wrench_body(time_s, state)
+    }
+    fn wrench_on(&self, body: &InertialParameters<T>, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        self.0.wrench_on(body, time_s, state) + self.1.wrench_on(body, time_s, state)
     }
 }
 
@@ -32,12 +59,18 @@ impl<T: Scalar, M: WrenchModel<T>> WrenchModel<T> for [M] {
     fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
         self.iter().fold(Wrench::zero(), |sum, model| sum + model.wrench_body(time_s, state))
     }
+    fn wrench_on(&self, body: &InertialParameters<T>, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        self.iter().fold(Wrench::zero(), |sum, model| sum + model.wrench_on(body, time_s, state))
+    }
 }
 
 /// The sum of all.
 impl<T: Scalar, M: WrenchModel<T>, const N: usize> WrenchModel<T> for [M; N] {
     fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
         self.as_slice().wrench_body(time_s, state)
+    }
+    fn wrench_on(&self, body: &InertialParameters<T>, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        self.as_slice().wrench_on(body, time_s, state)
     }
 }
 
@@ -101,6 +134,87 @@ impl<T: Scalar> WrenchModel<T> for UniformGravity<T> {
     fn wrench_body(&self, _time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
         let gravity_body = state.world_from_body.rotation.inverse() * self.gravity_world;
         Wrench::new(self.first_moment.cross(&gravity_body), gravity_body * self.mass)
+    }
+    fn wrench_on(&self, body: &InertialParameters<T>, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        Self { mass: body.mass, first_moment: body.first_moment, ..*self }.wrench_body(time_s, state)
+    }
+}
+
+/// Gravity that differs from place to place, seen from a point that falls freely: what turns and drives apart bodies in
+/// orbit.
+///
+/// Near the reference point the field is linear, `a(x) = G (x - x0)`; force and torque are then exact, whatever the shape
+/// of the body: `f = m a(x_B) + G h`, `tau = h x a(x_B) + integral of r x G r dm`. About the centre of mass, in the field
+/// of a far point mass, this is the familiar `3 mu/r^3 u x J u`.
+///
+/// The world axes must not turn; those of the orbit do, and [`turn_rate_world`](Self::turn_rate_world) turns the field
+/// with them.
+///
+/// ```
+/// use tumble_dynamics::nalgebra::Vector3;
+/// use tumble_dynamics::{GravityGradient, InertialParameters, RigidBodyState, WrenchModel, lie::Pose};
+/// let satellite = InertialParameters::solid_box(300.0, [3.0, 1.0, 1.0]);
+/// let (mu, below) = (3.986e14, Vector3::new(0.0, 0.0, -7.0e6)); // the earth, from a satellite at the reference point
+/// let gravity = GravityGradient::of_point_mass(satellite, mu, below, Vector3::zeros());
+/// let mut state = RigidBodyState::at_rest();
+/// state.world_from_body = Pose::rotation(Vector3::y() * 0.3); // the long axis a little off the horizon
+/// assert!(gravity.wrench_body(0.0, &state).torque.y > 0.0); // is turned towards the vertical
+/// ```
+/// # Frame
+/// World axes for the field, body axes for the wrench.
+/// # Source
+/// Hughes: Spacecraft Attitude Dynamics, section 8.1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GravityGradient<T: Scalar> {
+    /// The body it acts on.
+    pub body: InertialParameters<T>,
+    /// Gradient of the acceleration at time zero, inertial axes, 1/s^2; symmetric.
+    pub gradient_world: Matrix3<T>,
+    /// The point that falls freely, m.
+    pub reference_world: Vector3<T>,
+    /// Angular velocity of the field, inertial axes, rad/s: the orbit's, or zero.
+    pub turn_rate_world: Vector3<T>,
+}
+
+impl<T: Scalar> GravityGradient<T> {
+    /// Of a point mass with gravitational parameter `mu` (m^3/s^2) at `center_world` (m), as seen from the world's origin,
+    /// which falls freely.
+    ///
+    /// `G = mu/r^3 (3 u u^T - 1)`.
+    pub fn of_point_mass(
+        body: InertialParameters<T>,
+        mu: T,
+        center_world: Vector3<T>,
+        turn_rate_world: Vector3<T>,
+    ) -> Self {
+        let distance = center_world.norm();
+        let up = center_world / distance;
+        let gradient = up * up.transpose() * real::<T>(3.0) - Matrix3::identity();
+        Self {
+            body,
+            gradient_world: gradient * (mu / (distance * distance * distance)),
+            reference_world: Vector3::zeros(),
+            turn_rate_world,
+        }
+    }
+}
+
+impl<T: Scalar> WrenchModel<T> for GravityGradient<T> {
+    fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        self.wrench_on(&self.body, time_s, state)
+    }
+    fn wrench_on(&self, body: &InertialParameters<T>, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        let turned: UnitQuaternion<T> = LieGroup::exp(&(self.turn_rate_world * time_s));
+        let field_from_body = turned.inverse() * state.world_from_body.rotation;
+        let axes = field_from_body.to_rotation_matrix().into_inner();
+        let gradient = axes.transpose() * self.gradient_world * axes;
+        let place = state.world_from_body.translation.vector - self.reference_world;
+        let acceleration = gradient * (state.world_from_body.rotation.inverse() * place);
+        let InertialParameters { mass, first_moment, inertia_about_origin } = body;
+        // integral of r x G r dm; the trace of the inertia drops out, for G is symmetric
+        let product = inertia_about_origin * gradient;
+        let turning = Vector3::new(product.m32 - product.m23, product.m13 - product.m31, product.m21 - product.m12);
+        Wrench::new(first_moment.cross(&acceleration) + turning, acceleration * *mass + gradient * first_moment)
     }
 }
 

@@ -50,6 +50,24 @@ pub trait FeasibleSet<const P: usize> {
     fn magnitudes(&self) -> SVector<f64, P>;
 }
 
+impl<S: FeasibleSet<P> + ?Sized, const P: usize> FeasibleSet<P> for &S {
+    fn margin(&self, parameters: &SVector<f64, P>) -> f64 {
+        (**self).margin(parameters)
+    }
+    fn barrier(&self, parameters: &SVector<f64, P>) -> Option<Barrier<P>> {
+        (**self).barrier(parameters)
+    }
+    fn barrier_parameter(&self) -> f64 {
+        (**self).barrier_parameter()
+    }
+    fn interior_point(&self) -> SVector<f64, P> {
+        (**self).interior_point()
+    }
+    fn magnitudes(&self) -> SVector<f64, P> {
+        (**self).magnitudes()
+    }
+}
+
 /// The minimiser of ½|R p − z|² over a feasible set, with the proof of its quality.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConstrainedEstimate<const P: usize> {
@@ -80,6 +98,19 @@ pub trait ConstrainedLeastSquares<const P: usize> {
     /// [`IdentificationError::NotExcited`] where R is singular: the minimiser is then not unique, and a solver would
     /// invent the missing digits. State a prior. [`IdentificationError::NotConverged`] where the gap is not reached.
     fn solve(&self, information: &SquareRootInformation<P>) -> Result<ConstrainedEstimate<P>, IdentificationError>;
+}
+
+impl<S: ConstrainedLeastSquares<P> + ?Sized, const P: usize> ConstrainedLeastSquares<P> for &S {
+    fn solve(&self, information: &SquareRootInformation<P>) -> Result<ConstrainedEstimate<P>, IdentificationError> {
+        (**self).solve(information)
+    }
+}
+
+#[cfg(feature = "std")]
+impl<S: ConstrainedLeastSquares<P> + ?Sized, const P: usize> ConstrainedLeastSquares<P> for std::boxed::Box<S> {
+    fn solve(&self, information: &SquareRootInformation<P>) -> Result<ConstrainedEstimate<P>, IdentificationError> {
+        (**self).solve(information)
+    }
 }
 
 /// Moves `parameters` towards `inside` by the smallest of a few tiny fractions that makes the margin positive.

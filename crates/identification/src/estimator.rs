@@ -14,6 +14,7 @@ pub use judge::{Evidence, Judge, Verdict, Why};
 #[cfg(feature = "std")]
 pub use state_estimator::{Acted, Doubt, Gauss, Measurement, Sensor, StateEstimator};
 
+use crate::consistency::ConstrainedLeastSquares;
 use crate::recursive;
 
 /// A record in, what it says of `P` parameters out. Object safe: `dyn Estimator<Record = [MotionSample]>`.
@@ -44,17 +45,24 @@ pub struct Outcome {
     pub nis: f64,
     /// Rows measured.
     pub degrees_of_freedom: usize,
-    /// Logarithm of the probability density of the innovation.
-    pub log_likelihood: f64,
+    /// Logarithm of the probability density of the innovation; none where the estimator does not know it.
+    pub log_likelihood: Option<f64>,
     /// What the gate made of it.
     pub gate: recursive::Verdict,
 }
 
-impl<const ROWS: usize> From<recursive::Outcome<ROWS>> for Outcome {
-    fn from(found: recursive::Outcome<ROWS>) -> Self {
-        let recursive::Outcome { innovation, verdict: gate } = found;
+impl<const ROWS: usize> From<recursive::RowsOutcome<ROWS>> for Outcome {
+    fn from(found: recursive::RowsOutcome<ROWS>) -> Self {
+        let recursive::RowsOutcome { innovation, verdict: gate } = found;
         let (nis, degrees_of_freedom) = (innovation.nis, innovation.degrees_of_freedom);
-        Self { nis, degrees_of_freedom, log_likelihood: innovation.log_likelihood(), gate }
+        Self { nis, degrees_of_freedom, log_likelihood: Some(innovation.log_likelihood()), gate }
+    }
+}
+
+impl Outcome {
+    /// Whether the observation entered the estimate.
+    pub fn is_accepted(&self) -> bool {
+        !matches!(self.gate, recursive::Verdict::Rejected { .. })
     }
 }
 
@@ -113,6 +121,53 @@ where
             Ok(())
         })?;
         Ok(filter.finding()?.with_noise(self.observe.noise(record)?).with_surprise(nis, freedom))
+    }
+}
+
+/// Any estimator, batch or recursive, under any constraint: the point moves into the set of the solver, the information stays.
+///
+/// # Errors
+/// Beside those of the estimator [`IdentificationError::NotExcited`](crate::IdentificationError::NotExcited) where it leaves directions
+/// free and the nearest point of the set is not unique.
+#[derive(Clone, Copy, Debug)]
+pub struct Constrained<E, S> {
+    estimator: E,
+    solver: S,
+}
+
+impl<E, S> Constrained<E, S> {
+    /// What `estimator` finds, in the set of `solver`.
+    pub fn new(estimator: E, solver: S) -> Self {
+        Self { estimator, solver }
+    }
+
+    fn inside<const P: usize>(&self, found: Finding<P>) -> Result<Finding<P>, EstimatorError>
+    where
+        S: ConstrainedLeastSquares<P>,
+    {
+        Ok(found.at(self.solver.solve(found.information())?.parameters))
+    }
+}
+
+impl<E: Estimator<P>, S: ConstrainedLeastSquares<P>, const P: usize> Estimator<P> for Constrained<E, S> {
+    type Record = E::Record;
+
+    fn estimate(&self, record: &E::Record) -> Result<Finding<P>, EstimatorError> {
+        self.inside(self.estimator.estimate(record)?)
+    }
+}
+
+impl<E: RecursiveEstimator<P>, S: ConstrainedLeastSquares<P>, const P: usize> RecursiveEstimator<P>
+    for Constrained<E, S>
+{
+    type Observation = E::Observation;
+
+    fn update(&mut self, observation: &E::Observation) -> Result<Outcome, EstimatorError> {
+        self.estimator.update(observation)
+    }
+
+    fn finding(&self) -> Result<Finding<P>, EstimatorError> {
+        self.inside(self.estimator.finding()?)
     }
 }
 

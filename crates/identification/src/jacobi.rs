@@ -49,7 +49,21 @@ pub(crate) fn orthogonalize_columns<const ROWS: usize, const COLS: usize>(
 /// Eigenvalues of a symmetric matrix in no particular order, by two-sided rotations.
 ///
 /// nalgebra's take libm's square root, see [`sqrt`].
-pub(crate) fn symmetric_eigenvalues<const N: usize>(mut a: SMatrix<f64, N, N>) -> SVector<f64, N> {
+pub(crate) fn symmetric_eigenvalues<const N: usize>(a: SMatrix<f64, N, N>) -> SVector<f64, N> {
+    diagonalized(a, None)
+}
+
+/// Eigenvalues of a symmetric matrix in no particular order, and the eigenvectors as columns in the same order.
+pub(crate) fn symmetric_eigen<const N: usize>(a: SMatrix<f64, N, N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
+    let mut vectors = SMatrix::<f64, N, N>::identity();
+    let values = diagonalized(a, Some(&mut vectors));
+    (values, vectors)
+}
+
+fn diagonalized<const N: usize>(
+    mut a: SMatrix<f64, N, N>,
+    mut vectors: Option<&mut SMatrix<f64, N, N>>,
+) -> SVector<f64, N> {
     let negligible = 0.1 * f64::EPSILON * sqrt(a.norm_squared());
     for _ in 0..MAX_SWEEPS {
         let mut rotated = false;
@@ -72,6 +86,12 @@ pub(crate) fn symmetric_eigenvalues<const N: usize>(mut a: SMatrix<f64, N, N>) -
                     }
                 }
                 a[(p, q)] = 0.0;
+                if let Some(vectors) = vectors.as_deref_mut() {
+                    let (head, tail) = vectors.data.0.split_at_mut(q);
+                    if let (Some(x), Some(y)) = (head.get_mut(p), tail.first_mut()) {
+                        rotate(x, y, c, s);
+                    }
+                }
             }
         }
         if !rotated {
@@ -138,8 +158,12 @@ mod tests {
                 values.sort_by(f64::total_cmp);
                 SVector::from(values)
             };
+            let a = 0.5 * (a + a.transpose());
             let difference = sorted(symmetric_eigenvalues(a)) - sorted(a.symmetric_eigenvalues());
             assert!(difference.amax() <= 1e-14 * a.norm(), "{k}: {difference}");
+            let (values, vectors) = symmetric_eigen(a);
+            let rebuilt = vectors * SMatrix::<f64, 4, 4>::from_diagonal(&values) * vectors.transpose();
+            assert!((rebuilt - a).amax() <= 1e-14 * a.norm(), "{k}: {rebuilt}");
         }
     }
 

@@ -11,7 +11,9 @@ pub use criterion::{
 };
 pub use linear_model::check_linear_model;
 pub use multibody::{check_base_parameters, check_links_solver};
-pub use recursive_estimator::{EstimatorPromises, check_gate, check_recursive_estimator, check_unit_equivariance};
+pub use recursive_estimator::{
+    Begin, EstimatorPromises, Told, check_gate, check_innovation, check_recursive_estimator, check_unit_equivariance,
+};
 
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet};
 use crate::square_root_information::SquareRootInformation;

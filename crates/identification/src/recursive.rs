@@ -8,7 +8,9 @@
 //! | linear parameters drift, or a linear state is wanted | [`KalmanFilter`] |
 //! | the model is not linear | [`ExtendedKalmanFilter`], [`UnscentedKalmanFilter`] with a [`FilterModel`] |
 //!
-//! [`ChangeDetector`] watches any of them for a body that is no longer the same. The models here: [`PrincipalMotion`], mass and principal moments from accelerations; [`JointMotion`], motion and ten
+//! All of them, and [`FixedLag`](crate::FixedLag), are a [`RecursiveEstimator`](crate::estimator::RecursiveEstimator);
+//! [`Constrained`](crate::estimator::Constrained) puts any of them under any constraint. Their own `update_rows` gives the matrices of the
+//! innovation too. [`ChangeDetector`] watches any of them for a body that is no longer the same. The models here: [`PrincipalMotion`], mass and principal moments from accelerations; [`JointMotion`], motion and ten
 //! parameters from poses and what else is measured. All scalars are `f64`: decisions are made here.
 
 mod belief;
@@ -20,6 +22,7 @@ mod flight_estimator;
 mod inverse_inertia;
 mod joint_motion;
 mod kalman;
+mod knowledge;
 mod least_squares;
 mod linear_observation;
 mod principal_body;
@@ -45,34 +48,7 @@ pub use sdp::RecursiveSdp;
 pub use square_root_filter::SquareRootFilter;
 pub use unscented_kalman::UnscentedKalmanFilter;
 
-use crate::error::IdentificationError;
 use nalgebra::{ComplexField, SMatrix, SVector};
-
-/// An estimator of `P` parameters that is told one observation after the other.
-///
-/// Every implementation knows something from the start, if only roughly, so that there is an estimate, a covariance and a
-/// judgement of every observation from the first one on.
-///
-/// Laws: `laws::check_recursive_estimator` and its neighbours. Tutorial: `tests/suite/custom_recursive_estimator.rs`.
-///
-/// # Shape
-/// `P` parameters, at most `ROWS` equations in one observation.
-pub trait RecursiveEstimator<const P: usize, const ROWS: usize> {
-    /// What one update needs.
-    type Observation;
-
-    /// Judges the observation and, unless it is rejected, learns from it.
-    ///
-    /// # Errors
-    /// Where the observation is malformed; nothing is changed then.
-    fn update(&mut self, observation: &Self::Observation) -> Result<Outcome<ROWS>, IdentificationError>;
-
-    /// The present estimate.
-    fn parameters(&self) -> SVector<f64, P>;
-
-    /// Covariance of [`parameters`](Self::parameters).
-    fn covariance(&self) -> SMatrix<f64, P, P>;
-}
 
 /// What an observation said that had not been expected.
 ///
@@ -104,16 +80,16 @@ impl<const ROWS: usize> Innovation<ROWS> {
     }
 }
 
-/// What an update did.
+/// What an update did, with the matrices of its rows; [`Outcome`](crate::estimator::Outcome) is the part without them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outcome<const ROWS: usize> {
+pub struct RowsOutcome<const ROWS: usize> {
     /// What was unexpected in the observation.
     pub innovation: Innovation<ROWS>,
     /// What was made of it.
     pub verdict: Verdict,
 }
 
-impl<const ROWS: usize> Outcome<ROWS> {
+impl<const ROWS: usize> RowsOutcome<ROWS> {
     /// Whether the observation entered the estimate.
     pub fn is_accepted(&self) -> bool {
         !matches!(self.verdict, Verdict::Rejected { .. })

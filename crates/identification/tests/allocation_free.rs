@@ -18,12 +18,13 @@ use tumble_identification::dynamics::{
     FreeFlyer, GaussLegendre4, InertialParameters, Integrator, LieEuler, LogCholesky, MuntheKaas4, RigidBodyState,
     RungeKutta4, VariationalFreeFlyer,
 };
+use tumble_identification::estimator::RecursiveEstimator;
 use tumble_identification::lie::{Coordinates, GroupAction, Increment, LieGroup, Wrench};
 use tumble_identification::recursive::{
     AccelerationObservation, ChangeDetector, ChangeSettings, ChiSquareGate, ExtendedKalmanFilter, FlightEstimator,
     FlightEstimatorSettings, FlightMeasurement, JointMotion, JointObservation, JointState, KalmanFilter,
-    LinearObservation, LinearProcess, MotionNoise, PrincipalBody, PrincipalMotion, RecursiveEstimator,
-    RecursiveLeastSquares, RecursiveSdp, SquareRootFilter, UnscentedKalmanFilter,
+    LinearObservation, LinearProcess, MotionNoise, PrincipalBody, PrincipalMotion, RecursiveLeastSquares, RecursiveSdp,
+    SquareRootFilter, UnscentedKalmanFilter,
 };
 use tumble_identification::regressors::{
     ObserverFrame, PoseTriple, newton_euler, variational, variational_extrapolated,
@@ -252,7 +253,7 @@ fn recursive_estimators() {
     assert_none("RecursiveLeastSquares", |i| filter.update(&observations[i]).unwrap());
     let mut filter = SquareRootFilter::<10, 6>::try_new(mean, deviation).unwrap().with_gate(gate);
     assert_none("SquareRootFilter", |i| filter.update(&observations[i]).unwrap());
-    let mut filter = RecursiveSdp::<6>::try_new(cone, 3.0).unwrap().with_gate(gate);
+    let mut filter = RecursiveSdp::<_, 10, 6>::try_new(cone, 3.0).unwrap().with_gate(gate);
     assert_none("RecursiveSdp", |i| filter.update(&observations[i]).unwrap());
     let process = LinearProcess::random_walk(covariance * 1e-9);
     let mut filter = KalmanFilter::<10, 6>::new(process, mean, covariance).with_gate(gate);
@@ -333,7 +334,8 @@ fn joint_filters_and_the_detector_of_changes() {
     });
     assert_eq!(measured, 0, "FlightEstimator");
     let settings = ChangeSettings { spacing: 2, updates_between_false_alarms: 1e4 };
-    let widen = |filter: &ExtendedKalmanFilter<JointMotion, JointState, 22>, _| filter.after_a_jump_of_mass(0.1);
+    let widen =
+        |filter: &ExtendedKalmanFilter<JointMotion, JointState, 22, 15, 10>, _| Ok(filter.after_a_jump_of_mass(0.1));
     let mut detector = ChangeDetector::<_, _, 10, 4>::try_new(extended, widen, settings).unwrap();
     assert_eq!(allocations(CALLS, |i| detector.update(&seen[i]).unwrap()), 0, "ChangeDetector");
 }

@@ -31,11 +31,28 @@ pub struct LawViolation {
 
 impl fmt::Display for LawViolation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "law '{}' broken on {}: expected {}, found {}, error {:e} > {:e}",
-            self.law, self.inputs, self.expected, self.found, self.error, self.tolerance
-        )
+        // Three lines: of matrices and long lists the beginning.
+        write!(f, "law '{}' broken on {}", self.law, Line(&self.inputs))?;
+        write!(f, "\n  expected {}", Line(&self.expected))?;
+        write!(f, "\n  found {}, error {:e} > {:e}", Line(&self.found), self.error, self.tolerance)
+    }
+}
+
+/// Text in one line that fits on a screen.
+struct Line<'a>(&'a str);
+
+impl fmt::Display for Line<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const LONGEST: usize = 140;
+        let mut length = 0;
+        for (index, word) in self.0.split_whitespace().enumerate() {
+            length += word.len() + 1;
+            if length > LONGEST && index > 0 {
+                return f.write_str(" ..");
+            }
+            write!(f, "{}{word}", if index > 0 { " " } else { "" })?;
+        }
+        Ok(())
     }
 }
 impl std::error::Error for LawViolation {}

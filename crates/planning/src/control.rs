@@ -53,8 +53,6 @@ pub use convex_set::{ConvexSet, MinkowskiSum, SymmetricBox, SymmetricEllipsoid, 
 pub use coupled_axes::{AxisPlane, CoupledAxes};
 pub use feedback::{LinearFeedback, LqrController, TranslationWeights};
 pub use force_box::AttitudeSpan;
-#[cfg(feature = "clarabel")]
-pub use gram_program::{GramOptimum, solve_gram_with_clarabel};
 pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
 pub use invariant_set::{MinimalInvariantSet, Support};

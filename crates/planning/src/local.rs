@@ -10,7 +10,7 @@
 
 mod answer;
 mod bends;
-#[cfg(feature = "clarabel")]
+#[cfg(test)]
 mod clarabel_route;
 mod criterion;
 mod curvature;
@@ -42,8 +42,6 @@ mod tracking_loss;
 mod weighting;
 
 pub use answer::{CostParts, LocalAnswer, LocalStatus, LocalTrajectory};
-#[cfg(feature = "clarabel")]
-pub use clarabel_route::minimise_with_clarabel;
 pub use criterion::Criterion;
 pub use curvature::{Curvature, Factorisation};
 pub use model::{Array2, InformativeModel, KINEMATICS, Kinematics, Knowledge, StepDerivatives};

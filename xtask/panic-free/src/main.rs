@@ -32,7 +32,7 @@ use tumble_dynamics::{
 };
 use tumble_identification::recursive::{
     AccelerationObservation, ChiSquareGate, ExtendedKalmanFilter, KalmanFilter, LinearObservation, LinearProcess,
-    Outcome, PrincipalBody, PrincipalMotion, RecursiveEstimator as _, RecursiveLeastSquares, SquareRootFilter,
+    PrincipalBody, PrincipalMotion, RecursiveLeastSquares, RowsOutcome, SquareRootFilter,
 };
 use tumble_identification::regressors::{ObserverFrame, PoseTriple, newton_euler, variational};
 use tumble_identification::{IdentificationError, SquareRootInformation};
@@ -124,23 +124,23 @@ proven! {
     }
     fn recursive_least_squares(
         filter: &mut RecursiveLeastSquares<10, 6>, observation: &LinearObservation<6, 10>
-    ) -> Result<Outcome<6>, IdentificationError> {
-        filter.update(observation)
+    ) -> Result<RowsOutcome<6>, IdentificationError> {
+        filter.update_rows(observation)
     }
     fn square_root_filter(
         filter: &mut SquareRootFilter<10, 6>, observation: &LinearObservation<6, 10>
-    ) -> Result<Outcome<6>, IdentificationError> {
-        filter.update(observation)
+    ) -> Result<RowsOutcome<6>, IdentificationError> {
+        filter.update_rows(observation)
     }
     fn kalman_filter(
         filter: &mut KalmanFilter<10, 6>, observation: &LinearObservation<6, 10>
-    ) -> Result<Outcome<6>, IdentificationError> {
-        filter.update(observation)
+    ) -> Result<RowsOutcome<6>, IdentificationError> {
+        filter.update_rows(observation)
     }
     fn extended_kalman_filter(
-        filter: &mut ExtendedKalmanFilter<PrincipalMotion, PrincipalBody, 4>, observation: &AccelerationObservation
-    ) -> Result<Outcome<6>, IdentificationError> {
-        filter.update(observation)
+        filter: &mut ExtendedKalmanFilter<PrincipalMotion, PrincipalBody, 4, 6, 4>, observation: &AccelerationObservation
+    ) -> Result<RowsOutcome<6>, IdentificationError> {
+        filter.update_rows(observation)
     }
     fn ellipsoids_separation(a: &Ellipsoid, b: &Ellipsoid) -> Separation { separation(a, b) }
     fn ellipsoids_scaling_margin(a: &Ellipsoid, b: &Ellipsoid) -> ScalingMargin { scaling_margin(a, b) }

@@ -3,12 +3,13 @@
 use nalgebra::{Matrix4, SMatrix, SVector, Vector3, Vector4, Vector6};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use tumble_identification::estimator::RecursiveEstimator;
 use tumble_identification::lie::Wrench;
 use tumble_identification::recursive::{
     AccelerationObservation, ExtendedKalmanFilter, LinearObservation, PrincipalBody, PrincipalMotion,
-    RecursiveEstimator, RecursiveLeastSquares, RecursiveSdp, SquareRootFilter, UnscentedKalmanFilter,
+    RecursiveLeastSquares, RecursiveSdp, SquareRootFilter, UnscentedKalmanFilter,
 };
-use tumble_identification::{BodyScale, IdentificationError, PseudoInertiaCone};
+use tumble_identification::{BodyScale, InteriorPoint, PseudoInertiaCone};
 
 use crate::Failure;
 use crate::bench::{Bench, Goal, numbers, uniform};
@@ -42,7 +43,7 @@ pub fn run(bench: &mut Bench) -> Result<(), Failure> {
     ten_parameters(bench, &(0..600).map(|_| random()).collect())
 }
 
-fn failed(error: IdentificationError) -> Failure {
+fn failed(error: impl std::fmt::Display) -> Failure {
     Failure::TargetMissed(format!("{PROBLEM}: {error}"))
 }
 
@@ -86,15 +87,16 @@ fn four_parameters(bench: &Bench, observations: &[AccelerationObservation]) -> R
 
 /// Relative errors of the four parameters after the last observation, and the largest in standard deviations.
 fn quality_of_four(
-    mut filter: impl RecursiveEstimator<4, 6, Observation = AccelerationObservation>,
+    mut filter: impl RecursiveEstimator<4, Observation = AccelerationObservation>,
     observations: &[AccelerationObservation],
 ) -> Result<[(&'static str, f64); 5], Failure> {
     for observation in observations {
         filter.update(observation).map_err(failed)?;
     }
-    let error = filter.parameters() - Vector4::from(TRUTH);
+    let found = filter.finding().map_err(failed)?;
+    let error = found.point().copied().unwrap_or_default() - Vector4::from(TRUTH);
     let relative = error.abs().component_div(&Vector4::from(TRUTH));
-    let normalised = error.component_div(&filter.covariance().diagonal().map(f64::sqrt)).amax();
+    let normalised = error.component_div(&found.covariance().map_err(failed)?.diagonal().map(f64::sqrt)).amax();
     Ok([
         ("relerr_m", relative[0]),
         ("relerr_ixx", relative[1]),
@@ -133,14 +135,15 @@ fn timed<E>(
     observations: &[LinearObservation<6, 10>],
 ) -> Result<(), Failure>
 where
-    E: RecursiveEstimator<10, 6, Observation = LinearObservation<6, 10>> + Copy,
+    E: RecursiveEstimator<10, Observation = LinearObservation<6, 10>> + Copy,
 {
     let mut filter = start;
     for observation in observations {
         filter.update(observation).map_err(failed)?;
     }
     let truth = ch5_body().to_vector();
-    let quality = [("relerr_final", (filter.parameters() - truth).norm() / truth.norm())];
+    let found = filter.finding().map_err(failed)?.point().copied().unwrap_or_default();
+    let quality = [("relerr_final", (found - truth).norm() / truth.norm())];
     bench.sweep(PROBLEM, item, goal, observations.len(), &quality, |i| {
         if i == 0 {
             filter = start;
@@ -153,7 +156,7 @@ where
 /// Every update timed by itself: a few of the first ones meet the boundary, and the 99th percentile is about them.
 fn recursive_sdp(
     bench: &Bench,
-    start: &RecursiveSdp<6>,
+    start: &RecursiveSdp<InteriorPoint, 10, 6>,
     observations: &[LinearObservation<6, 10>],
 ) -> Result<(), Failure> {
     let (mut filter, mut outside, mut binding) = (*start, 0, 0);

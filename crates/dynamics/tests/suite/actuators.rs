@@ -1,12 +1,15 @@
 //! Thrusters, rotors and reaction wheels: goldens by hand, laws, and defects that the laws must name.
 
-use tumble_dynamics::laws::{LawViolation, check_actuation};
-use tumble_dynamics::lie::Wrench;
-use tumble_dynamics::nalgebra::{Matrix6, SVector, UnitVector3, Vector3, Vector6};
+use tumble_dynamics::laws::{
+    Held, LawViolation, check_actuation, check_momentum_storage, check_stateful_actuation, check_total_momentum,
+};
+use tumble_dynamics::lie::{Twist, Wrench};
+use tumble_dynamics::nalgebra::{Matrix3, Matrix6, SVector, UnitVector3, Vector3, Vector6};
 use tumble_dynamics::strategies::{draws, vectors, wrenches};
 use tumble_dynamics::{
-    Actuation, DynamicsError, PulseTiming, PulsedThrusters, ReactionWheel, ReactionWheels, Rotor, RotorSet, Thruster,
-    ThrusterSet,
+    Actuation, DynamicsError, FreeFlyer, InertialParameters, MuntheKaas4, Plant, PulseTiming, PulsedThrusters,
+    ReactionWheel, ReactionWheels, RigidBodyState, Rotor, RotorSet, SimulatedGyrostat, StatefulActuation, Thruster,
+    ThrusterSet, kinetic_energy,
 };
 
 type State<const N: usize> = SVector<f64, N>;
@@ -235,68 +238,144 @@ fn pyramid() -> ReactionWheels<4> {
         largest_torque_n_m: 0.02,
         largest_momentum_n_m_s: 0.1,
     };
-    ReactionWheels::try_new([wheel(1.0, 0.0), wheel(0.0, 1.0), wheel(-1.0, 0.0), wheel(0.0, -1.0)], 0.5).unwrap()
+    ReactionWheels::try_new([wheel(1.0, 0.0), wheel(0.0, 1.0), wheel(-1.0, 0.0), wheel(0.0, -1.0)]).unwrap()
 }
 
-fn check_wheels<A: Actuation<Command = SVector<f64, 4>>>(
-    wheels: &ReactionWheels<4>,
+/// Commands are held for half a second.
+fn check_wheels<A: StatefulActuation<Inner = State<4>, Command = State<4>>>(
     actuation: &A,
+    momentum: &State<4>,
     inside_torque: f64,
 ) -> Result<(), LawViolation> {
     // wheels have no force to give: the wrenches inside their limits are torques
     let inside = draws(&wrenches(inside_torque, 0.0), 7, 300);
     let commands = [State::<4>::repeat(0.01), State::repeat(-1.0), State::repeat(f64::NAN)];
     let excess = |torques: &State<4>, realized: &Wrench<f64>| {
-        let spun_up = (wheels.momentum() + torques * 0.5).amax() - 0.1;
+        let spun_up = (momentum + torques * 0.5).amax() - 0.1;
         (torques.amax() - 0.02).max(spun_up).max(realized.torque.norm() - 0.08).max(realized.force.norm())
     };
-    check_actuation(actuation, &inside, &draws(&wrenches(1.0, 1.0), 8, 300), &commands, &excess, 1e-14)
+    let held = Held { actuation, inner: momentum, hold_s: 0.5 };
+    check_stateful_actuation(&held, &inside, &draws(&wrenches(1.0, 1.0), 8, 300), &commands, &excess, 1e-14)
 }
 
 #[test]
 fn reaction_wheels_obey_the_laws() {
-    let mut wheels = pyramid();
-    check_wheels(&wheels, &wheels, 0.01).unwrap();
+    let wheels = pyramid();
+    let mut momentum = State::<4>::zeros();
+    check_wheels(&wheels, &momentum, 0.01).unwrap();
     // wheel 0 at 0.098 of its 0.1 N m s: it can take 0.004 N m more for half a second
-    wheels.advance(&State::<4>::from_column_slice(&[0.02, 0.0, 0.0, -0.02]));
+    momentum = wheels.advanced(&momentum, &State::<4>::from_column_slice(&[0.02, 0.0, 0.0, -0.02]), 0.5);
     for torque in [0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.016] {
-        wheels.advance(&State::<4>::from_column_slice(&[torque, 0.0, 0.0, -torque]));
+        momentum = wheels.advanced(&momentum, &State::<4>::from_column_slice(&[torque, 0.0, 0.0, -torque]), 0.5);
     }
-    assert!((wheels.momentum()[0] - 0.098).abs() < 1e-15);
-    check_wheels(&wheels, &wheels, 0.001).unwrap();
+    assert!((momentum[0] - 0.098).abs() < 1e-15);
+    check_wheels(&wheels, &momentum, 0.001).unwrap();
     for _ in 0..30 {
-        wheels.advance(&State::<4>::repeat(1.0));
-        assert!(wheels.momentum().amax() <= 0.1);
+        momentum = wheels.advanced(&momentum, &State::<4>::repeat(1.0), 0.5);
+        assert!(momentum.amax() <= 0.1);
     }
-    assert!((wheels.momentum() - State::<4>::repeat(0.1)).amax() < 1e-9);
+    assert!((momentum - State::<4>::repeat(0.1)).amax() < 1e-9);
     // spun up, they can only be slowed: none of this torque, all of its opposite
-    let about_z =
-        |torque: f64| wheels.realize(&wheels.allocate(&Wrench::new(Vector3::z() * torque, Vector3::zeros())).unwrap());
+    let about_z = |torque: f64| {
+        let wanted = Wrench::new(Vector3::z() * torque, Vector3::zeros());
+        wheels.realize_over(&momentum, &wheels.allocate_over(&momentum, &wanted, 0.5).unwrap(), 0.5)
+    };
     assert!(about_z(-0.02).torque.norm() < 1e-12);
     assert!((about_z(0.02).torque - Vector3::z() * 0.02).amax() < 1e-15);
+    check_storage(&wheels).unwrap();
+}
+
+/// From rest and from near a limit, for half a second each.
+fn check_storage<A: StatefulActuation<Inner = State<4>>>(actuation: &A) -> Result<(), LawViolation> {
+    let starts = [State::zeros(), State::from_column_slice(&[0.098, 0.0, -0.05, 0.1])];
+    let wanted: Vec<_> = draws(&wrenches(0.05, 1.0), 12, 200);
+    check_momentum_storage(actuation, &starts, &wanted, 0.5, &|momentum| momentum.amax() - 0.1, 1e-13)
 }
 
 #[test]
 fn reaction_wheels_by_hand() {
     let axis = |axis_body| ReactionWheel { axis_body, largest_torque_n_m: 0.5, largest_momentum_n_m_s: 2.0 };
     let axes = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
-    let mut wheels = ReactionWheels::try_new(axes.map(axis), 1.0).unwrap();
+    let wheels = ReactionWheels::try_new(axes.map(axis)).unwrap();
     let wanted = Wrench::new(Vector3::new(0.1, -0.2, 0.3), Vector3::x());
-    let command = wheels.allocate(&wanted).unwrap();
+    let command = wheels.allocate_over(&Vector3::zeros(), &wanted, 1.0).unwrap();
     assert!((command - Vector3::new(-0.1, 0.2, -0.3)).amax() < 1e-15);
-    assert_eq!(wheels.realize(&command).force, Vector3::zeros());
-    wheels.advance(&command);
+    assert_eq!(wheels.realize_over(&Vector3::zeros(), &command, 1.0).force, Vector3::zeros());
+    let momentum = wheels.advanced(&Vector3::zeros(), &command, 1.0);
     // h x w: (-0.1, 0.2, -0.3) x (0, 0, 2) = (0.4, 0.2, 0); it does no work
     let rate = Vector3::z() * 2.0;
-    let torque = wheels.gyroscopic_torque(&rate);
+    let torque = wheels.gyroscopic_torque(&momentum, &rate);
     assert!((torque - Vector3::new(0.4, 0.2, 0.0)).amax() < 1e-15 && torque.dot(&rate).abs() < 1e-15);
     // the body takes the opposite of what the wheels take
-    assert!((wheels.momentum_body() + wanted.torque).amax() < 1e-15);
+    assert!((wheels.stored_momentum_body(&momentum) + wanted.torque).amax() < 1e-15);
     let flat = [Vector3::x_axis(), Vector3::y_axis(), Vector3::x_axis()];
-    assert_eq!(ReactionWheels::try_new(flat.map(axis), 1.0), Err(DynamicsError::OutOfReach { component: 2 }));
-    assert_eq!(ReactionWheels::try_new(axes.map(axis), 0.0), Err(DynamicsError::NotPositive { duration_s: 0.0 }));
+    assert_eq!(ReactionWheels::try_new(flat.map(axis)), Err(DynamicsError::OutOfReach { component: 2 }));
     let weak = [axis(axes[0]), ReactionWheel { largest_momentum_n_m_s: -1.0, ..axis(axes[1]) }, axis(axes[2])];
-    assert_eq!(ReactionWheels::try_new(weak, 1.0), Err(DynamicsError::InvalidActuator { index: 1 }));
+    assert_eq!(ReactionWheels::try_new(weak), Err(DynamicsError::InvalidActuator { index: 1 }));
+}
+
+fn satellite() -> InertialParameters<f64> {
+    let inertia = Matrix3::new(0.9, 0.05, -0.1, 0.05, 1.2, 0.02, -0.1, 0.02, 0.7);
+    InertialParameters::about_com(12.0, Vector3::new(0.03, -0.05, 0.02), inertia)
+}
+
+/// A satellite that tumbles at a third of a radian per second, its wheels spinning already.
+fn tumbling<A: StatefulActuation>(actuation: (A, A::Inner)) -> SimulatedGyrostat<FreeFlyer<f64>, MuntheKaas4, A> {
+    let mut state = RigidBodyState::at_rest();
+    state.twist_body = Twist::new(Vector3::new(0.2, -0.1, 0.25), Vector3::new(0.05, 0.02, -0.03));
+    SimulatedGyrostat::try_new(FreeFlyer::new(satellite()), MuntheKaas4, actuation, state, 0.02).unwrap()
+}
+
+fn check_plant<A: StatefulActuation>(actuation: (A, A::Inner)) -> Result<(), LawViolation> {
+    let wanted = draws(&wrenches(0.03, 0.5), 13, 200);
+    check_total_momentum(&mut tumbling(actuation), &satellite(), &wanted, 0.5, 1e-9)
+}
+
+#[test]
+fn a_body_with_wheels_keeps_its_momentum_and_precesses() {
+    let momentum = State::<4>::from_column_slice(&[0.05, -0.02, 0.08, 0.0]);
+    check_plant((pyramid(), momentum)).unwrap();
+    // motors at rest: what is stored does no work, so that the energy of the body is kept
+    let energy = |state: &RigidBodyState<f64>| kinetic_energy(&satellite(), &state.twist_body);
+    let mut plant = tumbling((pyramid(), momentum));
+    let before = energy(plant.state());
+    for _ in 0..200 {
+        plant.advance(&Wrench::zero(), 0.5).unwrap();
+    }
+    assert_eq!(plant.inner(), &momentum);
+    assert!((energy(plant.state()) / before - 1.0).abs() < 1e-9, "{}", energy(plant.state()) / before);
+    // and what the motors do is what the body gains: integral of torque times rate, by Simpson in short holds
+    let (mut plant, mut gained, start) = (tumbling((pyramid(), momentum)), 0.0, before);
+    let push = Wrench::new(Vector3::new(0.004, -0.006, 0.005), Vector3::zeros());
+    for _ in 0..500 {
+        let mut halfway = plant;
+        let rates = [plant.state().twist_body.angular, {
+            halfway.advance(&push, 0.01).unwrap();
+            halfway.state().twist_body.angular
+        }];
+        let measured = plant.advance(&push, 0.02).unwrap();
+        let torque = measured.realized_wrench_body.torque;
+        gained += torque.dot(&(rates[0] + rates[1] * 4.0 + measured.state.twist_body.angular)) * 0.02 / 6.0;
+    }
+    let gain = energy(plant.state()) - start;
+    assert!(gain.abs() > 1e-3 && (gain - gained).abs() < 1e-9 * gain.abs(), "{gain} {gained}");
+}
+
+#[test]
+fn a_servicer_turns_by_wheels_and_pushes_by_nozzles() {
+    let nozzles = ThrusterSet::try_new(pairs(0.112, 0.0965)).unwrap();
+    let mut plant = tumbling(((pyramid(), nozzles), (State::<4>::zeros(), ())));
+    let wanted = Wrench::new(Vector3::new(0.003, 0.002, -0.004), Vector3::new(0.05, 0.0, 0.02));
+    let measured = plant.advance(&wanted, 0.5).unwrap();
+    assert!((measured.realized_wrench_body - wanted).to_vector().amax() < 1e-15);
+    assert!((measured.stored_momentum_body + wanted.torque * 0.5).amax() < 1e-15);
+    // wheels full: nozzles turn as well
+    let full = State::<4>::repeat(-0.1);
+    let mut plant = tumbling(((pyramid(), nozzles), (full, ())));
+    let turn = Wrench::new(Vector3::z() * 0.01, Vector3::zeros());
+    let measured = plant.advance(&turn, 0.5).unwrap();
+    assert!((measured.realized_wrench_body - turn).to_vector().amax() < 1e-12);
+    assert!(measured.stored_momentum_body.z.abs() > 0.28, "{}", measured.stored_momentum_body);
 }
 
 /// What a machine makes of its own answers.
@@ -378,26 +457,107 @@ fn defects_of_rotors_are_caught_by_name() {
     assert_eq!(law(Broken::allocating(&set, careless)), "a wrench that is not finite is refused");
 }
 
+/// Wheels with one part exchanged.
+struct BrokenWheels {
+    allocate: fn(&State<4>, &Wrench<f64>, f64) -> Result<State<4>, DynamicsError>,
+    realize: fn(&State<4>, &State<4>, f64) -> Wrench<f64>,
+    advance: fn(&State<4>, &State<4>, f64) -> State<4>,
+    stored: fn(&State<4>) -> Vector3<f64>,
+}
+
+impl Default for BrokenWheels {
+    fn default() -> Self {
+        Self {
+            allocate: |momentum, wrench, hold_s| pyramid().allocate_over(momentum, wrench, hold_s),
+            realize: |momentum, torques, hold_s| pyramid().realize_over(momentum, torques, hold_s),
+            advance: |momentum, torques, hold_s| pyramid().advanced(momentum, torques, hold_s),
+            stored: |momentum| pyramid().stored_momentum_body(momentum),
+        }
+    }
+}
+
+impl StatefulActuation for BrokenWheels {
+    type Inner = State<4>;
+    type Command = State<4>;
+    fn allocate_over(&self, m: &State<4>, wrench: &Wrench<f64>, hold_s: f64) -> Result<State<4>, DynamicsError> {
+        (self.allocate)(m, wrench, hold_s)
+    }
+    fn realize_over(&self, momentum: &State<4>, torques: &State<4>, hold_s: f64) -> Wrench<f64> {
+        (self.realize)(momentum, torques, hold_s)
+    }
+    fn advanced(&self, momentum: &State<4>, torques: &State<4>, hold_s: f64) -> State<4> {
+        (self.advance)(momentum, torques, hold_s)
+    }
+    fn stored_momentum_body(&self, momentum: &State<4>) -> Vector3<f64> {
+        (self.stored)(momentum)
+    }
+}
+
 #[test]
 fn defects_of_reaction_wheels_are_caught_by_name() {
-    type Set = ReactionWheels<4>;
-    let set = pyramid();
-    let law = |broken: Broken<Set>| law_of(check_wheels(&set, &broken, 0.01));
+    let at_rest = State::<4>::zeros();
+    let law = |broken: BrokenWheels| law_of(check_wheels(&broken, &at_rest, 0.01));
     // the torque of the motor in place of the body's
-    let own = |set: &Set, torques: &State<4>| -set.realize(torques);
-    assert_eq!(law(Broken::realizing(&set, own)), "what lies inside the limits is realised");
+    let own = BrokenWheels { realize: |m, torques, s| -pyramid().realize_over(m, torques, s), ..Default::default() };
+    assert_eq!(law(own), "what lies inside the limits is realised");
     // a force from nowhere
-    let pushes =
-        |set: &Set, torques: &State<4>| set.realize(torques) + Wrench::new(Vector3::zeros(), Vector3::x() * 1e-3);
-    assert_eq!(law(Broken::realizing(&set, pushes)), "limits are never exceeded");
+    let pushes = BrokenWheels {
+        realize: |m, torques, s| {
+            pyramid().realize_over(m, torques, s) + Wrench::new(Vector3::zeros(), Vector3::x() * 1e-3)
+        },
+        ..Default::default()
+    };
+    assert_eq!(law(pushes), "limits are never exceeded");
     // wheels that spin without end
-    let mut spun = pyramid();
-    for torque in [0.02; 9].into_iter().chain([0.01]) {
-        spun.advance(&State::<4>::repeat(torque));
-    }
-    let endless = |_: &Set, wrench: &Wrench<f64>| pyramid().allocate(wrench);
-    assert_eq!(law_of(check_wheels(&spun, &Broken::allocating(&spun, endless), 0.01)), "limits are never exceeded");
+    let endless = || BrokenWheels {
+        allocate: |_, wrench, s| pyramid().allocate_over(&State::zeros(), wrench, s),
+        ..Default::default()
+    };
+    assert_eq!(law_of(check_wheels(&endless(), &State::repeat(0.095), 0.01)), "limits are never exceeded");
     // looks at the torque only
-    let half = |set: &Set, wrench: &Wrench<f64>| set.allocate(&Wrench::new(wrench.torque, Vector3::zeros()));
-    assert_eq!(law(Broken::allocating(&set, half)), "a wrench that is not finite is refused");
+    let half = BrokenWheels {
+        allocate: |m, wrench, s| pyramid().allocate_over(m, &Wrench::new(wrench.torque, Vector3::zeros()), s),
+        ..Default::default()
+    };
+    assert_eq!(law(half), "a wrench that is not finite is refused");
+}
+
+#[test]
+fn defects_of_stored_momentum_are_caught_by_name() {
+    type Wheels = BrokenWheels;
+    // never saturates
+    let endless = Wheels {
+        allocate: |_, wrench, s| pyramid().allocate_over(&State::zeros(), wrench, s),
+        realize: |_, torques, s| pyramid().realize_over(&State::zeros(), torques, s),
+        advance: |momentum, torques, s| momentum + pyramid().advanced(&State::zeros(), torques, s),
+        ..Wheels::default()
+    };
+    assert_eq!(law_of(check_storage(&endless)), "the storage never overflows");
+    // never filled: a torque from nowhere
+    let frozen = || Wheels { advance: |momentum, _, _| *momentum, ..Wheels::default() };
+    assert_eq!(law_of(check_storage(&frozen())), "what the body gets the storage gives");
+    let wrong_sign = || Wheels { stored: |momentum| -pyramid().stored_momentum_body(momentum), ..Wheels::default() };
+    assert_eq!(law_of(check_storage(&wrong_sign())), "what the body gets the storage gives");
+    let pushes = Wheels {
+        realize: |m, torques, s| pyramid().realize_over(m, torques, s) + Wrench::new(Vector3::zeros(), Vector3::x()),
+        ..Wheels::default()
+    };
+    assert_eq!(law_of(check_storage(&pushes)), "no force");
+    // in a plant
+    let momentum = State::<4>::from_column_slice(&[0.05, -0.02, 0.08, 0.0]);
+    for broken in [frozen(), wrong_sign()] {
+        assert_eq!(law_of(check_plant((broken, momentum))), "total momentum is kept");
+    }
+    // a plant that holds wheels as if they were nozzles: neither filled nor precessing
+    struct Nozzles;
+    impl Actuation for Nozzles {
+        type Command = State<4>;
+        fn allocate(&self, wrench: &Wrench<f64>) -> Result<State<4>, DynamicsError> {
+            pyramid().allocate_over(&State::zeros(), wrench, 0.5)
+        }
+        fn realize(&self, command: &State<4>) -> Wrench<f64> {
+            pyramid().realize_over(&State::zeros(), command, 0.5)
+        }
+    }
+    assert_eq!(law_of(check_plant((Nozzles, ()))), "total momentum is kept");
 }

@@ -2,8 +2,8 @@
 //!
 //! Implement [`WrenchModel`] for your type, run `check_wrench_model`, then add it to others and step a body in it.
 
-use tumble_dynamics::laws::{check_wrench_model, check_wrench_sum};
-use tumble_dynamics::lie::{Scalar, Wrench};
+use tumble_dynamics::laws::{WrenchNature, check_wrench_model, check_wrench_sum};
+use tumble_dynamics::lie::{Pose, Scalar, Wrench};
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_dynamics::strategies::{draws, states};
 use tumble_dynamics::{
@@ -53,16 +53,29 @@ fn air() -> LinearDrag<f64> {
     }
 }
 
+/// Elastic energy of the tether.
+fn elastic_energy(state: &RigidBodyState<f64>) -> f64 {
+    let stretch = tether().pull_body(state).norm() / tether().stiffness_n_m;
+    0.5 * tether().stiffness_n_m * stretch * stretch
+}
+
 /// Kinetic energy and the elastic energy of the tether.
 fn energy(body: &InertialParameters<f64>, state: &RigidBodyState<f64>) -> f64 {
-    let stretch = tether().pull_body(state).norm() / tether().stiffness_n_m;
-    kinetic_energy(body, &state.twist_body) + 0.5 * tether().stiffness_n_m * stretch * stretch
+    kinetic_energy(body, &state.twist_body) + elastic_energy(state)
 }
 
 #[test]
 fn it_obeys_the_laws() {
     let states = draws(&states(), 1, 200);
-    check_wrench_model(&tether(), &states, 1e-12).unwrap();
+    // displace the world: the anchor goes with it
+    let in_world = |world: &Pose<f64>| -> Box<dyn WrenchModel<f64>> {
+        let anchor_world = world.transform_point(&tether().anchor_world.into()).coords;
+        Box::new(Tether { anchor_world, ..tether() })
+    };
+    // and what the wrench does is what the tether loses
+    let elastic_j = |_: f64, state: &RigidBodyState<f64>| elastic_energy(state);
+    let nature = WrenchNature::Potential { energy_j: &elastic_j, width_m: 0.01 };
+    check_wrench_model(&in_world, nature, &states, 1e-8).unwrap();
     check_wrench_sum(&(tether(), air()), &[&tether(), &air()], &states, 1e-12).unwrap();
 }
 

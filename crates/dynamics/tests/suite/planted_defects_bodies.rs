@@ -1,16 +1,17 @@
 //! Every law of bodies, forces and actuators catches a deliberately broken implementation, by name.
 
 use tumble_dynamics::laws::{
-    InertiaOperations, InertiaSamples, LawViolation, check_actuation, check_drag, check_gravity, check_inertia,
-    check_inverse_dynamics, check_system, check_wrench_model, check_wrench_sum,
+    InertiaOperations, InertiaSamples, LawViolation, WrenchNature, check_actuation, check_drag, check_gravity,
+    check_gravity_of_points, check_gyrostat, check_inertia, check_inverse_dynamics, check_system, check_wrench_model,
+    check_wrench_sum,
 };
-use tumble_dynamics::lie::{Twist, Wrench};
-use tumble_dynamics::nalgebra::{Matrix3, Matrix4, SVector, Vector3};
-use tumble_dynamics::strategies::{bodies, clouds, draws, judged_bodies, poses, states, twists, wrenches};
+use tumble_dynamics::lie::{Pose, Twist, Wrench};
+use tumble_dynamics::nalgebra::{Matrix3, Matrix4, SVector, UnitQuaternion, Vector3};
+use tumble_dynamics::strategies::{bodies, clouds, draws, judged_bodies, poses, states, twists, vectors, wrenches};
 use tumble_dynamics::{
     Actuation, BodyAcceleration, ConstantBodyWrench, ConstantWorldWrench, DynamicsError, FreeFlyer, FreeFlyerIn,
-    InertialParameters, LinearDrag, MechanicalSystem, QuadraticDrag, RigidBody, RigidBodyState, UniformGravity,
-    WrenchBox, WrenchFn, WrenchModel, pseudo_inertia,
+    GravityGradient, Gyrostat, GyrostatInput, InertialParameters, LinearDrag, MechanicalSystem, QuadraticDrag,
+    RigidBody, RigidBodyState, UniformGravity, WrenchBox, WrenchFn, WrenchModel, pseudo_inertia,
 };
 
 type Body = InertialParameters<f64>;
@@ -230,6 +231,75 @@ fn defects_of_the_equations_of_motion_are_caught_by_name() {
     }
 }
 
+/// A body whose wheels are broken: what the field makes of the wrench and of what is stored.
+struct BrokenGyrostat(fn(&State, &GyrostatInput<f64>, Vector3<f64>) -> Wrench<f64>);
+
+impl RigidBody for BrokenGyrostat {
+    type Scalar = f64;
+    fn inertial_parameters(&self) -> Body {
+        body()
+    }
+}
+
+impl MechanicalSystem for BrokenGyrostat {
+    type State = State;
+    type Input = GyrostatInput<f64>;
+    fn vector_field(
+        &self,
+        time_s: f64,
+        state: &State,
+        input: &GyrostatInput<f64>,
+    ) -> Result<SVector<f64, 12>, DynamicsError> {
+        FreeFlyer::new(body()).vector_field(time_s, state, &(self.0)(state, input, input.stored_at(time_s)))
+    }
+}
+
+fn gyrostat_samples() -> Vec<(State, GyrostatInput<f64>)> {
+    let wheels = draws(&(vectors(2.0), vectors(0.3)), 14, 100).into_iter();
+    let samples = free_body_samples().into_iter().zip(wheels);
+    let input = |((state, wrench_body), (stored_body, stored_rate_body))| {
+        (state, GyrostatInput { wrench_body, stored_body, stored_rate_body, since_s: 3.0 })
+    };
+    samples.map(input).collect()
+}
+
+#[test]
+fn defects_of_momentum_within_are_caught_by_name() {
+    check_gyrostat(&Gyrostat(FreeFlyer::new(body())), &gyrostat_samples(), 1e-13).unwrap();
+    let cases: [(&str, BrokenGyrostat); 5] = [
+        // wheels without gyroscopic torque
+        ("momentum balance", BrokenGyrostat(|_, input, _| input.wrench_body)),
+        // precession the other way
+        (
+            "momentum balance",
+            BrokenGyrostat(|state, input, stored| {
+                input.wrench_body - Wrench::new(stored.cross(&state.twist_body.angular), Vector3::zeros())
+            }),
+        ),
+        // what was stored at the start of the hold, all the time
+        (
+            "momentum balance",
+            BrokenGyrostat(|state, input, _| {
+                let torque = input.stored_body.cross(&state.twist_body.angular);
+                input.wrench_body + Wrench::new(torque, Vector3::zeros())
+            }),
+        ),
+        // the motors counted twice
+        (
+            "power balance",
+            BrokenGyrostat(|state, input, stored| {
+                let torque = stored.cross(&state.twist_body.angular) - input.stored_rate_body;
+                input.wrench_body + Wrench::new(torque, Vector3::zeros())
+            }),
+        ),
+        // what is stored taken for a force
+        ("power balance", BrokenGyrostat(|_, input, stored| input.wrench_body + Wrench::new(stored, Vector3::zeros()))),
+    ];
+    for (law, broken) in cases {
+        assert_eq!(law_of(check_gyrostat(&broken, &gyrostat_samples(), 1e-12)), law);
+    }
+}
+
 #[test]
 fn defects_of_inverse_dynamics_are_caught_by_name() {
     let body = FreeFlyer::new(body());
@@ -273,6 +343,102 @@ fn gravity() -> UniformGravity<f64> {
     UniformGravity { mass: body.mass, first_moment: body.first_moment, gravity_world: Vector3::new(0.3, -0.2, -9.81) }
 }
 
+fn gravity_in(world: &Pose<f64>) -> UniformGravity<f64> {
+    UniformGravity { gravity_world: world.rotation * gravity().gravity_world, ..gravity() }
+}
+
+/// Potential of uniform gravity.
+fn height(_: f64, state: &State) -> f64 {
+    let com = state.world_from_body.transform_point(&body().center_of_mass().into()).coords;
+    -body().mass * gravity().gravity_world.dot(&com)
+}
+
+/// The earth from a low orbit: gravitational parameter, its centre, the angular velocity of the orbit.
+fn orbit() -> (f64, Vector3<f64>, Vector3<f64>) {
+    let center = Vector3::new(-2.0e6, 3.0e6, -6.0e6);
+    let across = Vector3::new(0.3, 1.0, 0.4);
+    let rate = (3.986e14 / center.norm().powi(3)).sqrt();
+    (3.986e14, center, center.cross(&across).normalize() * rate)
+}
+
+fn tide_in(world: &Pose<f64>) -> GravityGradient<f64> {
+    let (mu, center, rate) = orbit();
+    let field = GravityGradient::of_point_mass(body(), mu, world.rotation * center, world.rotation * rate);
+    GravityGradient { reference_world: world.translation.vector, ..field }
+}
+
+/// Acceleration of a point less that of the world's origin, which falls freely: the law of gravity itself.
+fn fall(time_s: f64, place: &Vector3<f64>) -> Vector3<f64> {
+    let (mu, center, rate) = orbit();
+    let center = UnitQuaternion::from_scaled_axis(rate * time_s) * center;
+    let pull = |place: &Vector3<f64>| (center - place) * (mu / (center - place).norm().powi(3));
+    pull(place) - pull(&Vector3::zeros())
+}
+
+/// Potential of the tides by the linear field, summed over second moments.
+fn tide_energy(time_s: f64, state: &State) -> f64 {
+    let turned = UnitQuaternion::from_scaled_axis(orbit().2 * time_s).to_rotation_matrix().into_inner();
+    let gradient = turned * tide_in(&Pose::identity()).gradient_world * turned.transpose();
+    let in_world = body().transformed_by(&state.world_from_body);
+    let pseudo = pseudo_inertia(&in_world);
+    -0.5 * (gradient * pseudo.fixed_view::<3, 3>(0, 0)).trace()
+}
+
+#[test]
+fn the_gravity_gradient_is_that_of_a_point_mass() {
+    let states = draws(&states(), 15, 100);
+    let gravity = tide_in(&Pose::identity());
+    // the field is linear but for 10 m over 7000 km
+    let points = draws(&clouds(12), 16, 100);
+    check_gravity_of_points(&gravity, &fall, &points, &states, 1e-5).unwrap();
+    let tides = WrenchNature::Potential { energy_j: &tide_energy, width_m: 1e-2 };
+    check_wrench_model(&|world| Box::new(tide_in(world)), tides, &states, 1e-8).unwrap();
+    // the textbook torque about the centre of mass
+    let (mu, center, _) = orbit();
+    for state in states.iter().take(20) {
+        let wrench = gravity.wrench_body(0.0, state);
+        let up = state.world_from_body.rotation.inverse() * center.normalize();
+        let expected = up.cross(&(body().inertia_about_com() * up)) * (3.0 * mu / center.norm().powi(3));
+        let found = wrench.torque - body().center_of_mass().cross(&wrench.force);
+        assert!((found - expected).amax() < 1e-12 * expected.amax().max(1e-6), "{found} {expected}");
+    }
+}
+
+#[test]
+fn defects_of_gravity_gradients_are_caught_by_name() {
+    let states = draws(&states(), 17, 50);
+    let points = draws(&clouds(12), 18, 50);
+    let law = |field: &dyn Fn(GravityGradient<f64>) -> GravityGradient<f64>| {
+        let model = field(tide_in(&Pose::identity()));
+        law_of(check_gravity_of_points(&model, &fall, &points, &states, 1e-5))
+    };
+    let points_law = "gravity of a body is that of all its points";
+    let turned_over = |field: GravityGradient<f64>| GravityGradient { gradient_world: -field.gradient_world, ..field };
+    assert_eq!(law(&turned_over), points_law);
+    let standing = |field| GravityGradient { turn_rate_world: Vector3::zeros(), ..field };
+    assert_eq!(law(&standing), points_law);
+    let backwards = |field: GravityGradient<f64>| GravityGradient { turn_rate_world: -field.turn_rate_world, ..field };
+    assert_eq!(law(&backwards), points_law);
+    let elsewhere = |field| GravityGradient { reference_world: Vector3::x(), ..field };
+    assert_eq!(law(&elsewhere), points_law);
+    // the wrong sign against the potential, the torque alone turned over, the field of the body's own axes
+    let tides = WrenchNature::Potential { energy_j: &tide_energy, width_m: 1e-2 };
+    let work = "does the work that the potential loses";
+    let outcome = check_wrench_model(&|world| Box::new(turned_over(tide_in(world))), tides, &states, 1e-8);
+    assert_eq!(law_of(outcome), work);
+    let torque_over = |world: &Pose<f64>| -> Box<dyn WrenchModel<f64>> {
+        let model = tide_in(world);
+        Box::new(WrenchFn(move |time_s: f64, state: &State| {
+            let wrench = model.wrench_body(time_s, state);
+            Wrench::new(-wrench.torque, wrench.force)
+        }))
+    };
+    assert_eq!(law_of(check_wrench_model(&torque_over, tides, &states, 1e-8)), work);
+    let stands_still = |_: &Pose<f64>| -> Box<dyn WrenchModel<f64>> { Box::new(tide_in(&Pose::identity())) };
+    let frame = "nothing depends on where the world stands";
+    assert_eq!(law_of(check_wrench_model(&stands_still, tides, &states, 1e-8)), frame);
+}
+
 #[test]
 fn the_wrench_models_obey_their_laws() {
     let states = draws(&states(), 8, 200);
@@ -281,9 +447,18 @@ fn the_wrench_models_obey_their_laws() {
         (ConstantBodyWrench { wrench_body: push }, ConstantWorldWrench { wrench_world: push });
     let (linear, quadratic, gravity) = (linear_drag(), quadratic_drag(), gravity());
     let models: [&dyn WrenchModel<f64>; 5] = [&body_push, &world_push, &linear, &quadratic, &gravity];
-    for model in models {
-        check_wrench_model(model, &states, 1e-14).unwrap();
-    }
+    let any = WrenchNature::Any;
+    check_wrench_model(&|_| Box::new(body_push), any, &states, 1e-14).unwrap();
+    let pushed = |world: &Pose<f64>| -> Box<dyn WrenchModel<f64>> {
+        let Wrench { torque, force } = push;
+        Box::new(ConstantWorldWrench { wrench_world: Wrench::new(world.rotation * torque, world.rotation * force) })
+    };
+    check_wrench_model(&pushed, any, &states, 1e-14).unwrap();
+    check_wrench_model(&|_| Box::new(linear), WrenchNature::Dissipates, &states, 1e-14).unwrap();
+    check_wrench_model(&|_| Box::new(quadratic), WrenchNature::Dissipates, &states, 1e-14).unwrap();
+    let falls = WrenchNature::Potential { energy_j: &height, width_m: 1e-2 };
+    check_wrench_model(&|world| Box::new(gravity_in(world)), falls, &states, 1e-8).unwrap();
+    check_wrench_model(&|world| Box::new(gravity_in(world)), any, &states, 1e-13).unwrap();
     check_drag(&linear, &states, 1e-12).unwrap();
     check_drag(&quadratic, &states, 1e-12).unwrap();
     check_gravity(&gravity, &body(), &gravity.gravity_world, &states, 1e-14).unwrap();
@@ -306,11 +481,59 @@ fn defects_of_wrench_models_are_caught_by_name() {
         let axis = Vector3::x() / (state.twist_body.linear.norm() - state.twist_body.linear.norm());
         Wrench::new(Vector3::zeros(), axis)
     });
-    assert_eq!(model(check_wrench_model(&divides_by_speed, &states, 1e-12)), "finite wrench");
+    let any = WrenchNature::Any;
+    let outcome = check_wrench_model(&|_| Box::new(divides_by_speed), any, &states, 1e-12);
+    assert_eq!(model(outcome), "finite wrench");
     let reads_the_quaternion = WrenchFn(|_: f64, state: &State| {
         Wrench::new(state.world_from_body.rotation.vector().into_owned(), Vector3::zeros())
     });
-    assert_eq!(model(check_wrench_model(&reads_the_quaternion, &states, 1e-12)), "same wrench for q and -q");
+    let outcome = check_wrench_model(&|_| Box::new(reads_the_quaternion), any, &states, 1e-12);
+    assert_eq!(model(outcome), "same wrench for q and -q");
+    // in the wrong frame: world axes taken for the body's, and a force told in body axes turned once more
+    let frame = "nothing depends on where the world stands";
+    let in_body_axes = |world: &Pose<f64>| -> Box<dyn WrenchModel<f64>> {
+        let UniformGravity { mass, first_moment, gravity_world } = gravity_in(world);
+        let wrench_body = Wrench::new(first_moment.cross(&gravity_world), gravity_world * mass);
+        Box::new(ConstantBodyWrench { wrench_body })
+    };
+    assert_eq!(model(check_wrench_model(&in_body_axes, any, &states, 1e-12)), frame);
+    let turned_again = |_: &Pose<f64>| -> Box<dyn WrenchModel<f64>> {
+        Box::new(WrenchFn(|time_s: f64, state: &State| {
+            let Wrench { torque, force } = linear_drag().wrench_body(time_s, state);
+            let rotation = state.world_from_body.rotation.inverse();
+            Wrench::new(rotation * torque, rotation * force)
+        }))
+    };
+    assert_eq!(model(check_wrench_model(&turned_again, any, &states, 1e-12)), frame);
+    // with the wrong sign, or without its lever
+    let pushes = |_: &Pose<f64>| -> Box<dyn WrenchModel<f64>> {
+        Box::new(LinearDrag { torque_coefficient: -0.05, ..linear_drag() })
+    };
+    assert_eq!(model(check_wrench_model(&pushes, WrenchNature::Dissipates, &states, 1e-12)), "dissipates");
+    let falls = WrenchNature::Potential { energy_j: &height, width_m: 1e-2 };
+    let work = "does the work that the potential loses";
+    let rises = |world: &Pose<f64>| -> Box<dyn WrenchModel<f64>> {
+        let gravity = gravity_in(world);
+        Box::new(UniformGravity { gravity_world: -gravity.gravity_world, ..gravity })
+    };
+    assert_eq!(model(check_wrench_model(&rises, falls, &states, 1e-8)), work);
+    let at_the_origin = |world: &Pose<f64>| -> Box<dyn WrenchModel<f64>> {
+        Box::new(UniformGravity { first_moment: Vector3::zeros(), ..gravity_in(world) })
+    };
+    assert_eq!(model(check_wrench_model(&at_the_origin, falls, &states, 1e-8)), work);
+    let damped = |world: &Pose<f64>| -> Box<dyn WrenchModel<f64>> { Box::new((gravity_in(world), linear_drag())) };
+    assert_eq!(model(check_wrench_model(&damped, falls, &states, 1e-8)), "a potential does not see velocity");
+    // squares the body
+    struct Squared;
+    impl WrenchModel<f64> for Squared {
+        fn wrench_body(&self, _time_s: f64, _state: &State) -> Wrench<f64> {
+            Wrench::zero()
+        }
+        fn wrench_on(&self, body: &Body, _time_s: f64, _state: &State) -> Wrench<f64> {
+            Wrench::new(Vector3::zeros(), Vector3::x() * (body.mass * body.mass))
+        }
+    }
+    assert_eq!(model(check_wrench_model(&|_| Box::new(Squared), any, &states, 1e-12)), "affine in the body");
 
     let last_one_wins = WrenchFn(|time_s: f64, state: &State| gravity().wrench_body(time_s, state));
     let outcome = check_wrench_sum(&last_one_wins, &[&linear_drag(), &gravity()], &states, 1e-12);

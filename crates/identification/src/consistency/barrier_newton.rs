@@ -11,21 +11,21 @@ const MAX_ITERATIONS: usize = 500;
 
 /// Constrained least squares over any [`FeasibleSet`], by Newton's method on ½|R p − z|² + μ φ(p) with falling μ.
 ///
-/// For sets of yours; [`InteriorPoint`](super::InteriorPoint) is the fast solver for the pseudo-inertia cone.
-#[derive(Clone, Copy)]
-pub struct BarrierNewton<'a, const P: usize> {
-    set: &'a dyn FeasibleSet<P>,
+/// For sets of yours, owned or borrowed; [`InteriorPoint`](super::InteriorPoint) is the fast solver for the pseudo-inertia cone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BarrierNewton<S> {
+    set: S,
     gap_tolerance: f64,
 }
 
-impl<'a, const P: usize> BarrierNewton<'a, P> {
+impl<S> BarrierNewton<S> {
     /// Solver over `set` to a duality gap of 1e-7 in units of half a chi-square.
-    pub fn new(set: &'a dyn FeasibleSet<P>) -> Self {
+    pub fn new(set: S) -> Self {
         Self { set, gap_tolerance: DEFAULT_GAP }
     }
 }
 
-impl<const P: usize> ConstrainedLeastSquares<P> for BarrierNewton<'_, P> {
+impl<S: FeasibleSet<P>, const P: usize> ConstrainedLeastSquares<P> for BarrierNewton<S> {
     fn solve(&self, information: &SquareRootInformation<P>) -> Result<ConstrainedEstimate<P>, IdentificationError> {
         let unconstrained = information.solve(&self.set.magnitudes())?;
         let margin = self.set.margin(&unconstrained);
@@ -57,7 +57,7 @@ impl<const P: usize> ConstrainedLeastSquares<P> for BarrierNewton<'_, P> {
                 // On the central path the gap is νμ; this close to it, at most (ν + √ν) μ.
                 duality_gap = (nu + sqrt(nu)) * mu;
                 if duality_gap <= self.gap_tolerance {
-                    let (parameters, margin) = pulled_inside(self.set, parameters + step);
+                    let (parameters, margin) = pulled_inside(&self.set, parameters + step);
                     let objective = information.objective(&parameters);
                     return Ok(ConstrainedEstimate { parameters, margin, objective, duality_gap, iterations });
                 }

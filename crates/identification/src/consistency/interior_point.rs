@@ -16,6 +16,9 @@ use nalgebra::{Matrix4, SMatrix, SVector, Vector4};
 /// Duality gap at which a solution is accepted, in units of ½|R p − z|², half a chi-square.
 const DEFAULT_GAP: f64 = 1e-7;
 
+/// Duality gap that must do, relative to |z|², where the absolute one is out of reach of rounding.
+const RELATIVE_GAP: f64 = 1e-9;
+
 /// Ordinary problems take five to twelve.
 const MAX_ITERATIONS: usize = 60;
 
@@ -34,17 +37,19 @@ const UPPER: [(usize, usize); 10] = [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1,
 pub struct InteriorPoint {
     cone: PseudoInertiaCone,
     gap_tolerance: f64,
+    relative_gap: f64,
 }
 
 impl InteriorPoint {
-    /// Solver over `cone` to a duality gap of 1e-7 in units of half a chi-square.
+    /// Solver over `cone` to a duality gap of 1e-7 in units of half a chi-square; where data without noise contradict every body, the
+    /// objective is huge, rounding forbids that, and a gap of 1e-9 |z|² must do.
     pub fn new(cone: PseudoInertiaCone) -> Self {
-        Self { cone, gap_tolerance: DEFAULT_GAP }
+        Self { cone, gap_tolerance: DEFAULT_GAP, relative_gap: RELATIVE_GAP }
     }
 
-    /// The same with another duality gap, in units of ½|R p − z|².
+    /// The same with another duality gap, in units of ½|R p − z|², which nothing relaxes.
     pub fn with_gap_tolerance(cone: PseudoInertiaCone, gap_tolerance: f64) -> Self {
-        Self { cone, gap_tolerance }
+        Self { cone, gap_tolerance, relative_gap: 0.0 }
     }
 
     /// ½|R p − z|² in the unknown svec(X), where P(p) = floor + D X D and X is a matrix over [1, x, y, z].
@@ -110,21 +115,36 @@ impl ConstrainedLeastSquares<10> for InteriorPoint {
             });
         }
         let normalized = self.normalized_information(information)?;
-        let mut state = State::start(&normalized);
+        self.iterate(information, &normalized, self.gap_tolerance).or_else(|error| {
+            let relaxed = self.relative_gap * information.rhs().norm_squared();
+            if relaxed > self.gap_tolerance { self.iterate(information, &normalized, relaxed) } else { Err(error) }
+        })
+    }
+}
+
+impl InteriorPoint {
+    /// From the outside of the cone to this duality gap.
+    fn iterate(
+        &self,
+        information: &SquareRootInformation<10>,
+        normalized: &SquareRootInformation<10>,
+        tolerance: f64,
+    ) -> Result<ConstrainedEstimate<10>, IdentificationError> {
+        let mut state = State::start(normalized);
         let (mut duality_gap, mut reached) = (f64::INFINITY, 0);
         for iterations in 1..=MAX_ITERATIONS {
             reached = iterations;
-            duality_gap = state.duality_gap(&normalized);
-            if duality_gap <= self.gap_tolerance {
+            duality_gap = state.duality_gap(normalized);
+            if duality_gap <= tolerance {
                 let (parameters, margin) = pulled_inside(&self.cone, self.parameters(&state.primal));
                 let objective = information.objective(&parameters);
                 return Ok(ConstrainedEstimate { parameters, margin, objective, duality_gap, iterations });
             }
-            if state.step(&normalized).is_none() {
+            if state.step(normalized).is_none() {
                 break;
             }
         }
-        Err(IdentificationError::NotConverged { iterations: reached, duality_gap, tolerance: self.gap_tolerance })
+        Err(IdentificationError::NotConverged { iterations: reached, duality_gap, tolerance })
     }
 }
 

@@ -2,9 +2,10 @@
 
 use super::EstimatorError;
 use crate::SquareRootInformation;
+use crate::jacobi::{singular_values, symmetric_eigen};
 use nalgebra::{ComplexField, SMatrix, SVector};
 
-/// Pivots below this share of what they were made of are rounding.
+/// What is left of a direction after prior and noise is rounding below this share of it.
 const ROUNDING: f64 = 1e-11;
 
 /// What an estimator knows: information in units of one standard deviation, singular where directions are free; the part of
@@ -22,6 +23,9 @@ pub struct Finding<const P: usize = 10> {
     point: Option<SVector<f64, P>>,
     magnitudes: SVector<f64, P>,
 }
+
+/// Asymmetry of a covariance, by the deviations of its two components, that is still rounding.
+const SYMMETRIC: f64 = 1e-8;
 
 impl<const P: usize> Finding<P> {
     /// Of whitened rows, which may leave directions free: then there is no point.
@@ -51,24 +55,28 @@ impl<const P: usize> Finding<P> {
         if let Some(index) = point.iter().position(|x| !x.is_finite()) {
             return refused("estimate", index, point[index]);
         }
-        let scaled = SMatrix::<f64, P, P>::from_fn(|i, j| covariance[(i, j)] / (magnitudes[i] * magnitudes[j]));
+        let deviation = covariance.diagonal().map(|variance| ComplexField::sqrt(variance.max(0.0)));
+        if let Some(index) = (0..P).find(|i| !(deviation[*i] > 0.0 && deviation[*i].is_finite())) {
+            return refused("covariance", index * P + index, covariance[(index, index)]);
+        }
+        let correlation = SMatrix::<f64, P, P>::from_fn(|i, j| covariance[(i, j)] / (deviation[i] * deviation[j]));
         for i in 0..P {
-            for j in 0..=i {
-                let (a, b) = (scaled[(i, j)], scaled[(j, i)]);
-                let size = ComplexField::sqrt((scaled[(i, i)] * scaled[(j, j)]).abs());
-                if !((a - b).abs() <= 1e-6 * size && a.is_finite()) {
+            for j in 0..i {
+                let (a, b) = (correlation[(i, j)], correlation[(j, i)]);
+                if !((a - b).abs() <= SYMMETRIC) {
                     return refused("covariance", i * P + j, covariance[(i, j)]);
                 }
             }
         }
-        let Some(cholesky) = scaled.cholesky() else {
-            let worst = (0..P).min_by(|a, b| scaled[(*a, *a)].total_cmp(&scaled[(*b, *b)])).unwrap_or(0);
-            return refused("covariance is indefinite, least variance", worst, covariance[(worst, worst)]);
-        };
-        let mut factor = SMatrix::<f64, P, P>::identity();
-        cholesky.l().solve_lower_triangular_mut(&mut factor);
-        for (mut column, magnitude) in factor.column_iter_mut().zip(&magnitudes) {
-            column /= *magnitude;
+        let (values, axes) = symmetric_eigen(correlation);
+        let (least, most) = (values.imin(), values.max());
+        if !(values[least] >= -SYMMETRIC) {
+            return refused("covariance is indefinite, least eigenvalue", axes.column(least).iamax(), values[least]);
+        }
+        let mut factor = SMatrix::<f64, P, P>::zeros();
+        for i in 0..P {
+            let root = 1.0 / ComplexField::sqrt(values[i].max(f64::EPSILON * most));
+            factor.set_row(i, &(axes.column(i) * root).component_div(&deviation).transpose());
         }
         let information = SquareRootInformation::from_square_root(&factor, &(factor * point))?;
         Ok(Self { stated: Some(*covariance), ..Self::of_information(information, magnitudes).at(point) })
@@ -136,32 +144,33 @@ impl<const P: usize> Finding<P> {
         self.without(&self.noise)
     }
 
+    /// RᵀR less prior and noise. The comparison is made along the directions in which the two sides are conjugate, so that neither the
+    /// order of parameters nor their units decide what is left; along a direction in which nothing is left the row is zero.
     fn without(&self, noise: &SMatrix<f64, P, P>) -> Result<SquareRootInformation<P>, EstimatorError> {
-        let gram = |of: &SquareRootInformation<P>| {
-            let factor = of.factor();
-            (factor.transpose() * factor, factor.transpose() * of.rhs())
-        };
-        let ((all, all_rhs), (known, known_rhs)) = (gram(&self.information), gram(&self.prior));
-        let m = &self.magnitudes;
-        let mut rest =
-            SMatrix::<f64, P, P>::from_fn(|i, j| (all[(i, j)] - known[(i, j)] - noise[(i, j)]) * m[i] * m[j]);
-        let mut rhs = (all_rhs - known_rhs).component_mul(m);
-        let was = SVector::<f64, P>::from_fn(|i, _| all[(i, i)] * m[i] * m[i]);
-        let (mut factor, mut z) = (SMatrix::<f64, P, P>::zeros(), SVector::<f64, P>::zeros());
-        for k in 0..P {
-            if rest[(k, k)] <= ROUNDING * was[k] {
+        let unit = SMatrix::<f64, P, P>::from_diagonal(&self.magnitudes);
+        let (known, everything) = (self.prior.factor() * unit, self.information.factor() * unit);
+        let (values, right) = singular_values(everything);
+        let weakest = f64::EPSILON * values.max();
+        let inverse = values.map(|value| if value > weakest { 1.0 / value } else { 0.0 });
+        // Columns in which the whole information is the identity.
+        let whitened = right * SMatrix::<f64, P, P>::from_diagonal(&inverse);
+        let seen = known * whitened;
+        let spent = seen.transpose() * seen + whitened.transpose() * (unit * noise * unit) * whitened;
+        let (shares, axes) = symmetric_eigen((spent + spent.transpose()) * 0.5);
+        let moment = everything.transpose() * self.information.rhs() - known.transpose() * self.prior.rhs();
+        let moment = whitened.transpose() * moment;
+        let (mut factor, mut rhs) = (SMatrix::<f64, P, P>::zeros(), SVector::<f64, P>::zeros());
+        for i in 0..P {
+            let left = 1.0 - shares[i];
+            if left <= ROUNDING {
                 continue;
             }
-            let root = ComplexField::sqrt(rest[(k, k)]);
-            let row = SVector::<f64, P>::from_fn(|j, _| if j < k { 0.0 } else { rest[(k, j)] / root });
-            z[k] = rhs[k] / root;
-            rest -= row * row.transpose();
-            rhs -= row * z[k];
-            for j in 0..P {
-                factor[(k, j)] = row[j] / m[j];
-            }
+            let (root, axis) = (ComplexField::sqrt(left), axes.column(i));
+            let row = right * axis.component_mul(&values) * root;
+            factor.set_row(i, &row.component_div(&self.magnitudes).transpose());
+            rhs[i] = axis.dot(&moment) / root;
         }
-        Ok(SquareRootInformation::from_square_root(&factor, &z)?)
+        Ok(SquareRootInformation::from_square_root(&factor, &rhs)?)
     }
 
     /// What two independent records say together; a prior that both began with counts once.

@@ -16,7 +16,7 @@ use crate::lie::{LieGroup, Twist, Wrench};
 use crate::motion::MotionSample;
 use crate::recursive::{
     ChiSquareGate, ExtendedKalmanFilter, FilterModel, JointMotion, JointObservation, JointState, LinearObservation,
-    MotionNoise, RecursiveEstimator, RecursiveLeastSquares, RecursiveSdp, UnscentedKalmanFilter,
+    MotionNoise, RecursiveLeastSquares, RecursiveSdp, UnscentedKalmanFilter,
 };
 use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
@@ -59,13 +59,20 @@ pub(super) fn run(
             let prior = weak_prior(scale);
             let deviation = scale.parameter_magnitudes() * VAGUE;
             let covariance = SMatrix::from_diagonal(&deviation.map(|s| s * s));
-            let start = RecursiveLeastSquares::new(prior.mean.to_vector(), covariance);
-            replace_by(found, start, &observations(&fit.rows.all, found, RESOLUTION))?;
+            let mut filter = RecursiveLeastSquares::new(prior.mean.to_vector(), covariance);
+            for observation in &observations(&fit.rows.all, found, RESOLUTION) {
+                filter.update_rows(observation)?;
+            }
+            // The covariance stays that of the batch, which knows how neighbouring rows are correlated.
+            found.parameters = filter.parameters();
             widen_by_noise_in_rows(found, &fit.scheme, scale);
         }
         Method::RecursiveSdp => {
-            let start = RecursiveSdp::try_new(PseudoInertiaCone::new(scale), VAGUE)?;
-            replace_by(found, start, &observations(&fit.rows.all, found, 0.0))?;
+            let mut filter = RecursiveSdp::try_new(PseudoInertiaCone::new(scale), VAGUE)?;
+            for observation in &observations(&fit.rows.all, found, 0.0) {
+                filter.update_rows(observation)?;
+            }
+            found.parameters = filter.parameters();
             widen_by_noise_in_rows(found, &fit.scheme, scale);
         }
         Method::Ekf | Method::Ukf => match filtered(fit, record, settings, noise) {
@@ -190,19 +197,6 @@ fn observations(rows: &[WrenchRow], found: &WeightedLeastSquares, resolution: f6
         .collect()
 }
 
-/// The covariance stays that of the batch, which knows how neighbouring rows are correlated.
-fn replace_by(
-    found: &mut WeightedLeastSquares,
-    mut estimator: impl RecursiveEstimator<10, 6, Observation = LinearObservation<6, 10>>,
-    observations: &[LinearObservation<6, 10>],
-) -> Result<(), IdentificationError> {
-    for observation in observations {
-        estimator.update(observation)?;
-    }
-    found.parameters = estimator.parameters();
-    Ok(())
-}
-
 /// A recursion has no instruments: where the batch had, the bias of plain least squares is to be expected.
 fn widen_by_noise_in_rows(found: &mut WeightedLeastSquares, scheme: &Scheme, scale: BodyScale) {
     if scheme.lag > 1 {
@@ -308,7 +302,7 @@ impl Joint {
         let mut filter = ExtendedKalmanFilter::new(self.model(), state, covariance).with_gate(gate);
         let mut likelihood = 0.0;
         for (observation, time_ns) in self.observations.iter().zip(&self.times_ns) {
-            let update = filter.update(observation).map_err(|error| flown(error, *time_ns))?;
+            let update = filter.update_rows(observation).map_err(|error| flown(error, *time_ns))?;
             likelihood += update.innovation.log_likelihood();
         }
         Ok((Knowledge::of(&filter.state(), filter.state_covariance()), likelihood))
@@ -319,7 +313,7 @@ impl Joint {
         let gate = ChiSquareGate::try_new(GATE)?;
         let mut filter = UnscentedKalmanFilter::new(self.model(), state, covariance).with_gate(gate);
         for (observation, time_ns) in self.observations.iter().zip(&self.times_ns) {
-            filter.update(observation).map_err(|error| flown(error, *time_ns))?;
+            filter.update_rows(observation).map_err(|error| flown(error, *time_ns))?;
         }
         Ok(Knowledge::of(&filter.state(), filter.state_covariance()))
     }

@@ -18,9 +18,6 @@ const LARGEST_NOISE_SHARE: f64 = 0.5;
 /// discretisation turns the directions left free by about so much, and must not outvote a prior in them.
 const LARGEST_WEIGHT: f64 = 1e4;
 
-/// Duality gap that must do, relative to |z|^2, where the absolute one is out of reach of rounding.
-const RELATIVE_GAP: f64 = 1e-9;
-
 /// Which half of the wrench says nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Silent {
@@ -163,15 +160,7 @@ pub(crate) fn constrained(
     information: &SquareRootInformation<10>,
     scale: BodyScale,
 ) -> Result<Estimate, IdentificationError> {
-    let cone = PseudoInertiaCone::new(scale);
-    let found = match InteriorPoint::new(cone).solve(information) {
-        // Data without noise that contradict every body: the objective is huge, and a gap small beside it must do.
-        Err(IdentificationError::NotConverged { .. }) => {
-            let relative = RELATIVE_GAP * information.rhs().norm_squared();
-            InteriorPoint::with_gap_tolerance(cone, relative).solve(information)?
-        }
-        found => found?,
-    };
+    let found = InteriorPoint::new(PseudoInertiaCone::new(scale)).solve(information)?;
     let covariance = information.covariance(&scale.parameter_magnitudes())?;
     let std = standard_deviations(&found.parameters, &covariance);
     Ok(Estimate {

@@ -3,9 +3,13 @@
 use super::broken_unless;
 use crate::consistency::FeasibleSet;
 use crate::error::IdentificationError;
-use crate::recursive::{Innovation, Outcome, RecursiveEstimator, Verdict};
+use crate::estimator::{EstimatorError, Finding, RecursiveEstimator};
+use crate::recursive::{Innovation, RowsOutcome, Verdict};
 use nalgebra::{SMatrix, SVector};
 use tumble_lie::laws::{LawViolation, require};
+
+/// Begins an estimator: laws try several, and none need be `Clone`.
+pub type Begin<'a, E> = &'a dyn Fn() -> Result<E, EstimatorError>;
 
 /// What an estimator promises beyond what all must hold.
 #[derive(Clone, Copy)]
@@ -18,58 +22,71 @@ pub struct EstimatorPromises<'a, const P: usize> {
     pub feasible_set: Option<&'a dyn FeasibleSet<P>>,
 }
 
-/// Laws of a [`RecursiveEstimator`] without a gate, tried by feeding it `observations` from `start` on.
+/// Laws of a [`RecursiveEstimator`] without a gate, tried by feeding `observations` to what `begin` begins.
 ///
 /// `tolerance` is relative: to standard deviations before each update, and to the batch.
 ///
 /// # Errors
-/// The first broken law: `update succeeds`, `innovation covariance is symmetric positive definite`,
-/// `nis is the normalised innovation`, `degrees of freedom are the measured rows`,
-/// `determinant is that of the innovation covariance`, `covariance is symmetric positive semidefinite`,
-/// `data never add uncertainty`, `estimate is inside the feasible set`, `same observations give the same estimate`,
+/// The first broken law: `there is a finding at any time`, `a finding of nothing holds no data`, `update succeeds`,
+/// `data never add uncertainty`, `estimate is inside the feasible set`, `same observations give the same finding`,
 /// `equals batch`, `order independent`.
-pub fn check_recursive_estimator<E, const P: usize, const ROWS: usize>(
-    start: &E,
-    observations: &[E::Observation],
+pub fn check_recursive_estimator<E, const P: usize>(
+    begin: Begin<'_, E>,
+    observations: &[&E::Observation],
     promises: &EstimatorPromises<'_, P>,
     tolerance: f64,
 ) -> Result<(), LawViolation>
 where
-    E: RecursiveEstimator<P, ROWS> + Clone,
+    E: RecursiveEstimator<P>,
 {
-    let mut estimator = start.clone();
-    inside(promises, &estimator.parameters(), 0)?;
+    let mut estimator = begun(begin)?;
+    let start = found(&estimator, 0)?;
+    let nothing = start.0.data().map_or(f64::INFINITY, |data| data.scaled_factor(start.0.magnitudes()).amax());
+    require("a finding of nothing holds no data", &"no observation", &0.0, &nothing, nothing, tolerance.sqrt())?;
+    inside(promises, &start.1, 0)?;
+    let mut before = start.2;
     for (index, observation) in observations.iter().enumerate() {
-        let before = estimator.covariance();
-        let outcome = succeeded(estimator.update(observation), index)?;
-        check_innovation(&outcome.innovation, index, tolerance)?;
-        let after = estimator.covariance();
-        let law = "covariance is symmetric positive semidefinite";
-        let correlation = in_deviations(&after, &after);
-        let asymmetry = (after - after.transpose()).amax() / after.amax().max(f64::MIN_POSITIVE);
-        let indefinite = -smallest_eigenvalue(&correlation);
-        require(law, &index, &"symmetric, >= 0", &after, asymmetry.max(indefinite), tolerance)?;
+        succeeded(estimator.update(observation), index)?;
+        let (_, point, after) = found(&estimator, index + 1)?;
         if promises.constant_parameters {
             let shrunk = in_deviations(&(before - after), &before);
             let growth = -smallest_eigenvalue(&shrunk);
-            require("data never add uncertainty", &index, &before, &after, growth, tolerance)?;
+            require("data never add uncertainty", &index, &Short(&before), &Short(&after), growth, tolerance)?;
         }
-        inside(promises, &estimator.parameters(), index + 1)?;
+        inside(promises, &point, index + 1)?;
+        before = after;
     }
-    let again = fed(start, observations.iter())?;
-    let same = again.parameters() == estimator.parameters() && again.covariance() == estimator.covariance();
-    let (law, found) = ("same observations give the same estimate", again.parameters());
-    require(law, &"all", &estimator.parameters(), &found, broken_unless(same), 0.0)?;
+    let (all, again) = (found(&estimator, observations.len())?, fed(begin, observations.iter())?);
+    let (law, same) = ("same observations give the same finding", all.0 == again.0);
+    require(law, &"all", &Short(&all.1), &Short(&again.1), broken_unless(same), 0.0)?;
     if let Some((parameters, covariance)) = &promises.batch {
-        let compare = |law, estimator: &E, tolerance: f64| {
+        let compare = |law, found: &Found<P>, tolerance: f64| {
             let size = parameters.amax().max(f64::MIN_POSITIVE);
-            let error = (estimator.parameters() - parameters).amax() / size;
-            require(law, &"parameters", parameters, &estimator.parameters(), error, tolerance)?;
-            let error = in_deviations(&(estimator.covariance() - covariance), covariance).amax();
-            require(law, &"covariance", covariance, &estimator.covariance(), error, tolerance)
+            let error = (found.1 - parameters).amax() / size;
+            require(law, &"parameters", &Short(parameters), &Short(&found.1), error, tolerance)?;
+            let error = in_deviations(&(found.2 - covariance), covariance).amax();
+            require(law, &"covariance", &Short(covariance), &Short(&found.2), error, tolerance)
         };
-        compare("equals batch", &estimator, tolerance)?;
-        compare("order independent", &fed(start, observations.iter().rev())?, 2.0 * tolerance)?;
+        compare("equals batch", &all, tolerance)?;
+        compare("order independent", &fed(begin, observations.iter().rev())?, 2.0 * tolerance)?;
+    }
+    Ok(())
+}
+
+/// Laws of the matrices that a concrete filter says with every update: `update` is its `update_rows`.
+///
+/// # Errors
+/// The first broken law: `update succeeds`, `innovation covariance is symmetric positive definite`,
+/// `nis is the normalised innovation`, `degrees of freedom are the measured rows`,
+/// `determinant is that of the innovation covariance`.
+pub fn check_innovation<O, const ROWS: usize>(
+    update: &mut dyn FnMut(&O) -> Result<RowsOutcome<ROWS>, IdentificationError>,
+    observations: &[O],
+    tolerance: f64,
+) -> Result<(), LawViolation> {
+    for (index, observation) in observations.iter().enumerate() {
+        let outcome = succeeded(update(observation).map_err(EstimatorError::from), index)?;
+        check_one(&outcome.innovation, index, tolerance)?;
     }
     Ok(())
 }
@@ -83,14 +100,15 @@ where
 /// # Errors
 /// The first broken law: `update succeeds`, `gate rejects as often as stated`, `a rejected update changes nothing`,
 /// `gate lets go of a wrong belief`.
-pub fn check_gate<E, const P: usize, const ROWS: usize>(
+pub fn check_gate<E, const P: usize>(
     runs: &mut dyn Iterator<Item = (E, Vec<E::Observation>)>,
     probability: f64,
     band: f64,
     spoiled: &[E::Observation],
 ) -> Result<(), LawViolation>
 where
-    E: RecursiveEstimator<P, ROWS>,
+    E: RecursiveEstimator<P>,
+    E::Observation: Sized,
 {
     let (mut rejected, mut total, mut first) = (0_usize, 0_usize, None);
     for (mut estimator, observations) in runs {
@@ -106,12 +124,12 @@ where
     let Some(mut estimator) = first else { return Ok(()) };
     let mut recovered = false;
     for (index, observation) in spoiled.iter().enumerate() {
-        let before = estimator.parameters();
-        match succeeded(estimator.update(observation), index)?.verdict {
+        let before = found(&estimator, index)?.1;
+        match succeeded(estimator.update(observation), index)?.gate {
             Verdict::Rejected { .. } => {
-                let changed = broken_unless(estimator.parameters() == before);
+                let after = found(&estimator, index + 1)?.1;
                 let law = "a rejected update changes nothing";
-                require(law, &index, &before, &estimator.parameters(), changed, 0.0)?;
+                require(law, &index, &Short(&before), &Short(&after), broken_unless(after == before), 0.0)?;
             }
             Verdict::Recovered { .. } => recovered = true,
             Verdict::Accepted => {}
@@ -121,30 +139,83 @@ where
     require("gate lets go of a wrong belief", &spoiled.len(), &rule, &recovered, broken_unless(recovered), 0.0)
 }
 
-/// The same problem in other units: `factors` turn the parameters of `start` into those of `scaled`.
+/// The same problem in other units: an estimator with what it is told.
+pub struct Told<'a, E: RecursiveEstimator<P>, const P: usize> {
+    /// Begins the estimator.
+    pub begin: Begin<'a, E>,
+    /// In the order of time.
+    pub observations: &'a [&'a E::Observation],
+}
+
+/// The same problem in other units: `factors` turn the parameters of `told` into those of `scaled`.
 ///
 /// # Errors
 /// The first broken law: `update succeeds`, `nis is free of units`, `the estimate scales with the units`.
-pub fn check_unit_equivariance<E, const P: usize, const ROWS: usize>(
-    (start, observations): (&E, &[E::Observation]),
-    (scaled, scaled_observations): (&E, &[E::Observation]),
+pub fn check_unit_equivariance<E, const P: usize>(
+    told: &Told<'_, E, P>,
+    scaled: &Told<'_, E, P>,
     factors: &SVector<f64, P>,
     tolerance: f64,
 ) -> Result<(), LawViolation>
 where
-    E: RecursiveEstimator<P, ROWS> + Clone,
+    E: RecursiveEstimator<P>,
 {
-    let (mut one, mut other) = (start.clone(), scaled.clone());
-    for (index, (a, b)) in observations.iter().zip(scaled_observations).enumerate() {
-        let a = succeeded(one.update(a), index)?.innovation.nis;
-        let b = succeeded(other.update(b), index)?.innovation.nis;
+    let (mut one, mut other) = (begun(told.begin)?, begun(scaled.begin)?);
+    for (index, (a, b)) in told.observations.iter().zip(scaled.observations).enumerate() {
+        let a = succeeded(one.update(a), index)?.nis;
+        let b = succeeded(other.update(b), index)?.nis;
         require("nis is free of units", &index, &a, &b, (a - b).abs(), tolerance * (1.0 + a))?;
-        let expected = one.parameters().component_mul(factors);
-        let error = (other.parameters() - expected).component_div(factors).amax();
+        let (one, other) = (found(&one, index + 1)?.1, found(&other, index + 1)?.1);
+        let expected = one.component_mul(factors);
+        let error = (other - expected).component_div(factors).amax();
         let law = "the estimate scales with the units";
-        require(law, &index, &expected, &other.parameters(), error, tolerance * one.parameters().amax())?;
+        require(law, &index, &Short(&expected), &Short(&other), error, tolerance * one.amax())?;
     }
     Ok(())
+}
+
+/// A finding, its point and its covariance.
+type Found<const P: usize> = (Finding<P>, SVector<f64, P>, SMatrix<f64, P, P>);
+
+fn found<E: RecursiveEstimator<P>, const P: usize>(estimator: &E, updates: usize) -> Result<Found<P>, LawViolation> {
+    let law = "there is a finding at any time";
+    let missing = |error: &dyn std::fmt::Display| violation(law, format!("after {updates} observations"), error);
+    let finding = estimator.finding().map_err(|error| missing(&error))?;
+    let covariance = finding.covariance().map_err(|error| missing(&error))?;
+    let point = finding.point().copied().ok_or_else(|| missing(&"no point"))?;
+    Ok((finding, point, covariance))
+}
+
+fn begun<E>(begin: Begin<'_, E>) -> Result<E, LawViolation> {
+    begin().map_err(|error| violation("there is a finding at any time", "before any observation".to_owned(), &error))
+}
+
+fn violation(law: &'static str, inputs: String, found: &dyn std::fmt::Display) -> LawViolation {
+    LawViolation {
+        law,
+        inputs,
+        expected: "an answer".to_owned(),
+        found: found.to_string(),
+        error: f64::NAN,
+        tolerance: 0.0,
+    }
+}
+
+/// Matrices in messages: one line.
+pub(super) struct Short<'a, const R: usize, const C: usize>(pub(super) &'a SMatrix<f64, R, C>);
+
+impl<const R: usize, const C: usize> std::fmt::Debug for Short<'_, R, C> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        // Of a square matrix the diagonal says most.
+        let diagonal = R == C && R > 1;
+        let count = if diagonal { R } else { R * C };
+        let entry = |i: usize| if diagonal { self.0[(i, i)] } else { self.0.as_slice()[i] };
+        f.write_str(if diagonal { "diagonal [" } else { "[" })?;
+        for i in 0..count.min(10) {
+            write!(f, "{}{:.4e}", if i > 0 { ", " } else { "" }, entry(i))?;
+        }
+        f.write_str("]")
+    }
 }
 
 fn inside<const P: usize>(
@@ -155,39 +226,31 @@ fn inside<const P: usize>(
     let Some(set) = promises.feasible_set else { return Ok(()) };
     let margin = set.margin(parameters);
     let law = "estimate is inside the feasible set";
-    require(law, &(updates, parameters), &"a positive margin", &margin, broken_unless(margin > 0.0), 0.0)
+    require(law, &(updates, Short(parameters)), &"a positive margin", &margin, broken_unless(margin > 0.0), 0.0)
 }
 
-fn succeeded<const ROWS: usize>(
-    outcome: Result<Outcome<ROWS>, IdentificationError>,
-    index: usize,
-) -> Result<Outcome<ROWS>, LawViolation> {
-    outcome.map_err(|error| LawViolation {
-        law: "update succeeds",
-        inputs: format!("observation {index}"),
-        expected: "an outcome".to_owned(),
-        found: error.to_string(),
-        error: f64::NAN,
-        tolerance: 0.0,
-    })
+fn succeeded<T>(outcome: Result<T, EstimatorError>, index: usize) -> Result<T, LawViolation> {
+    outcome.map_err(|error| violation("update succeeds", format!("observation {index}"), &error))
 }
 
-fn fed<'a, E, const P: usize, const ROWS: usize>(
-    start: &E,
-    observations: impl Iterator<Item = &'a E::Observation>,
-) -> Result<E, LawViolation>
+fn fed<'a, E, const P: usize>(
+    begin: Begin<'_, E>,
+    observations: impl Iterator<Item = &'a &'a E::Observation>,
+) -> Result<Found<P>, LawViolation>
 where
-    E: RecursiveEstimator<P, ROWS> + Clone,
+    E: RecursiveEstimator<P>,
     E::Observation: 'a,
 {
-    let mut estimator = start.clone();
+    let mut estimator = begun(begin)?;
+    let mut updates = 0;
     for (index, observation) in observations.enumerate() {
         succeeded(estimator.update(observation), index)?;
+        updates += 1;
     }
-    Ok(estimator)
+    found(&estimator, updates)
 }
 
-fn check_innovation<const ROWS: usize>(
+fn check_one<const ROWS: usize>(
     innovation: &Innovation<ROWS>,
     index: usize,
     tolerance: f64,
@@ -204,7 +267,8 @@ fn check_innovation<const ROWS: usize>(
     let correlation =
         nalgebra::DMatrix::from_fn(s.nrows(), s.ncols(), |i, j| s[(i, j)] / (deviations[i] * deviations[j]));
     let Some(cholesky) = correlation.cholesky().filter(|_| symmetric) else {
-        return require(law, &index, &"symmetric, > 0", &s, f64::INFINITY, 0.0);
+        let diagonal = s.diagonal().iter().copied().collect::<Vec<f64>>();
+        return require(law, &index, &"symmetric, > 0", &diagonal, f64::INFINITY, 0.0);
     };
     let scaled = residual.component_div(&deviations);
     let nis = scaled.dot(&cholesky.solve(&scaled));

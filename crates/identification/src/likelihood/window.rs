@@ -7,11 +7,13 @@ use super::stream::{Read, Stream};
 use super::{
     Approach, Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, eliminated, not_excited, result,
 };
-use crate::Noise;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
+use crate::estimator::{EstimatorError, Finding, Outcome, RecursiveEstimator};
 use crate::lie::Wrench;
 use crate::motion::MotionSample;
+use crate::recursive;
+use crate::{BodyScale, Noise, SquareRootInformation};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 /// Rows at which any bootstrap ends.
@@ -96,6 +98,7 @@ pub struct FixedLagStep {
 pub struct FixedLag {
     settings: FixedLagSettings,
     phase: Phase,
+    last: Option<FixedLagStep>,
 }
 
 enum Phase {
@@ -114,7 +117,7 @@ impl FixedLag {
     #[must_use]
     pub fn new(settings: FixedLagSettings) -> Self {
         let next_s = settings.bootstrap_s;
-        Self { settings, phase: Phase::Bootstrap { rows: Vec::new(), next_s, forgotten: 0 } }
+        Self { settings, phase: Phase::Bootstrap { rows: Vec::new(), next_s, forgotten: 0 }, last: None }
     }
 
     /// Takes the next row; gives an estimate whenever the bootstrap or a segment is complete.
@@ -128,6 +131,12 @@ impl FixedLag {
     /// [`IdentificationError::LikelihoodNotConverged`]; [`IdentificationError::NeedsWholeRecord`] where a delay or lag is
     /// asked for.
     pub fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
+        let step = self.take(row)?;
+        self.last = step.or(self.last);
+        Ok(step)
+    }
+
+    fn take(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
         if self.settings.likelihood.nuisances.iter().any(|nuisance| nuisance.is_a_time()) {
             return Err(IdentificationError::NeedsWholeRecord);
         }
@@ -183,6 +192,29 @@ impl FixedLag {
             Phase::Window(window) => window.finish(),
             Phase::Bootstrap { rows, .. } => self.settings.likelihood.estimate(&rows),
         }
+    }
+}
+
+/// An observation is a row. Most only fill a segment: they have no degrees of freedom. The density of an innovation is not known, nor
+/// is there a gate in front of whole segments; outliers lose their weight inside.
+impl RecursiveEstimator for FixedLag {
+    type Observation = MotionSample;
+
+    fn update(&mut self, row: &MotionSample) -> Result<Outcome, EstimatorError> {
+        let innovation = self.push(*row)?.and_then(|step| step.innovation);
+        let (nis, degrees_of_freedom) = innovation.map_or((0.0, 0), |found| (found.nis, found.degrees));
+        Ok(Outcome { nis, degrees_of_freedom, log_likelihood: None, gate: recursive::Verdict::Accepted })
+    }
+
+    /// Nothing, before the first segment is complete. While a weak prior is in the estimate it is the prior of the finding.
+    fn finding(&self) -> Result<Finding, EstimatorError> {
+        let scale = BodyScale::of(&self.settings.likelihood.start.to_vector())?;
+        let Some(step) = &self.last else {
+            return Ok(Finding::of_information(SquareRootInformation::new(), scale.parameter_magnitudes()));
+        };
+        let point = step.parameters.to_vector();
+        let found = Finding::of_covariance(point, &step.covariance, BodyScale::of(&point)?.parameter_magnitudes())?;
+        Ok(if step.regularised { found.with_prior(*found.information()) } else { found })
     }
 }
 

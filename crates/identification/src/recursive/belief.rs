@@ -1,6 +1,6 @@
 //! The measurement update that all estimators in covariance form share.
 
-use super::{ChiSquareGate, Innovation, Outcome, Verdict};
+use super::{ChiSquareGate, Innovation, RowsOutcome, Verdict};
 use crate::error::IdentificationError;
 use crate::householder::sqrt;
 use nalgebra::{ArrayStorage, SMatrix, SVector};
@@ -183,12 +183,12 @@ pub(super) fn gated<const N: usize, const ROWS: usize>(
     gate: &mut Option<ChiSquareGate>,
     covariance: &mut SMatrix<f64, N, N>,
     correct: impl Fn(&mut SMatrix<f64, N, N>) -> Result<Correction<N, ROWS>, IdentificationError>,
-) -> Result<(Option<SVector<f64, N>>, Outcome<ROWS>), IdentificationError> {
+) -> Result<(Option<SVector<f64, N>>, RowsOutcome<ROWS>), IdentificationError> {
     let mut learned = *covariance;
     let Correction { mut step, innovation } = correct(&mut learned)?;
     let verdict =
         gate.as_mut().map_or(Verdict::Accepted, |gate| gate.judge(innovation.nis, innovation.degrees_of_freedom));
-    let outcome = Outcome { innovation, verdict };
+    let outcome = RowsOutcome { innovation, verdict };
     match verdict {
         Verdict::Accepted => {}
         Verdict::Rejected { .. } => return Ok((None, outcome)),

@@ -1,8 +1,10 @@
 //! The extended Kalman filter, and what a model of a filter is.
 
 use super::belief::{Rows, gated, symmetric};
-use super::{ChiSquareGate, Outcome, RecursiveEstimator};
+use super::knowledge::Knowledge;
+use super::{ChiSquareGate, RowsOutcome};
 use crate::error::IdentificationError;
+use crate::estimator::{EstimatorError, Finding, Outcome, RecursiveEstimator};
 use crate::lie::Manifold;
 use nalgebra::{SMatrix, SVector};
 
@@ -61,20 +63,29 @@ pub trait DifferentiableModel<const N: usize, const ROWS: usize, const P: usize>
 
 /// The Kalman filter of a linearised model.
 ///
+/// # Shape
+/// As its [`FilterModel`]: `N` coordinates of the state, `ROWS` measured numbers, `P` parameters; [`new`](Self::new) takes them from the
+/// model.
 /// # Source
 /// Thesis table A.2, (A.39), (A.40), (6.10), (6.11).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ExtendedKalmanFilter<M, S, const N: usize> {
+pub struct ExtendedKalmanFilter<M, S, const N: usize, const ROWS: usize, const P: usize> {
     model: M,
     state: S,
     covariance: SMatrix<f64, N, N>,
     gate: Option<ChiSquareGate>,
+    start: Knowledge<P>,
 }
 
-impl<M, S: Copy, const N: usize> ExtendedKalmanFilter<M, S, N> {
+impl<M, S, const N: usize, const ROWS: usize, const P: usize> ExtendedKalmanFilter<M, S, N, ROWS, P>
+where
+    M: FilterModel<N, ROWS, P, State = S>,
+    S: Manifold<Scalar = f64, Tangent = SVector<f64, N>> + Copy,
+{
     /// Starts from this knowledge; the covariance is that of an increment of the state. Accepts every observation.
     pub fn new(model: M, state: S, covariance: SMatrix<f64, N, N>) -> Self {
-        Self { model, state, covariance, gate: None }
+        let start = parameters_of(&model, &state, &covariance);
+        Self { model, state, covariance, gate: None, start }
     }
 
     /// The same behind a gate.
@@ -101,17 +112,43 @@ impl<M, S: Copy, const N: usize> ExtendedKalmanFilter<M, S, N> {
     pub fn state_covariance(&self) -> &SMatrix<f64, N, N> {
         &self.covariance
     }
+
+    /// The present parameters.
+    pub fn parameters(&self) -> SVector<f64, P> {
+        self.model.parameters(&self.state)
+    }
+
+    /// Their covariance.
+    pub fn covariance(&self) -> SMatrix<f64, P, P> {
+        parameters_of(&self.model, &self.state, &self.covariance).covariance
+    }
 }
 
-impl<M, const N: usize, const ROWS: usize, const P: usize> RecursiveEstimator<P, ROWS>
-    for ExtendedKalmanFilter<M, M::State, N>
+/// What the belief of a state says of the parameters.
+pub(super) fn parameters_of<M, const N: usize, const ROWS: usize, const P: usize>(
+    model: &M,
+    state: &M::State,
+    covariance: &SMatrix<f64, N, N>,
+) -> Knowledge<P>
+where
+    M: FilterModel<N, ROWS, P>,
+{
+    let jacobian = model.parameter_jacobian(state);
+    let covariance = symmetric(&(jacobian * covariance * jacobian.transpose()));
+    Knowledge { mean: model.parameters(state), covariance }
+}
+
+impl<M, const N: usize, const ROWS: usize, const P: usize> ExtendedKalmanFilter<M, M::State, N, ROWS, P>
 where
     M: DifferentiableModel<N, ROWS, P>,
 {
-    type Observation = M::Observation;
-
+    /// Goes on to the observation, judges it and, unless it is rejected, learns from it.
+    ///
+    /// # Errors
+    /// Those of [`FilterModel::propagate`]; [`IdentificationError::NotPositive`], [`IdentificationError::NotFinite`]; nothing is changed
+    /// then.
     #[inline]
-    fn update(&mut self, observation: &M::Observation) -> Result<Outcome<ROWS>, IdentificationError> {
+    pub fn update_rows(&mut self, observation: &M::Observation) -> Result<RowsOutcome<ROWS>, IdentificationError> {
         let model = &self.model;
         let state = model.propagate(&self.state, observation)?;
         let mut covariance = model.predicted_covariance(&self.state, observation, &self.covariance);
@@ -125,13 +162,22 @@ where
         self.covariance = covariance;
         Ok(outcome)
     }
+}
 
-    fn parameters(&self) -> SVector<f64, P> {
-        self.model.parameters(&self.state)
+/// The prior of its findings is what it was begun with, as if nothing had drifted since.
+impl<M, const N: usize, const ROWS: usize, const P: usize> RecursiveEstimator<P>
+    for ExtendedKalmanFilter<M, M::State, N, ROWS, P>
+where
+    M: DifferentiableModel<N, ROWS, P>,
+{
+    type Observation = M::Observation;
+
+    #[inline]
+    fn update(&mut self, observation: &M::Observation) -> Result<Outcome, EstimatorError> {
+        Ok(self.update_rows(observation)?.into())
     }
 
-    fn covariance(&self) -> SMatrix<f64, P, P> {
-        let jacobian = self.model.parameter_jacobian(&self.state);
-        symmetric(&(jacobian * self.covariance * jacobian.transpose()))
+    fn finding(&self) -> Result<Finding<P>, EstimatorError> {
+        self.start.then(self.parameters(), &self.covariance())
     }
 }

@@ -46,7 +46,7 @@ impl<T: Scalar> LinearModel<T, 6, 4> for InverseInertia {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recursive::{ChiSquareGate, LinearObservation, RecursiveEstimator, RecursiveLeastSquares, Verdict};
+    use crate::recursive::{ChiSquareGate, LinearObservation, RecursiveLeastSquares, Verdict};
     use nalgebra::{Vector3, Vector4};
 
     /// Linear rows first in the reference, as printed; last here.
@@ -67,7 +67,7 @@ mod tests {
     #[test]
     fn golden_update_of_section_f() {
         let (mut estimator, observation) = golden();
-        let outcome = estimator.update(&observation).unwrap();
+        let outcome = estimator.update_rows(&observation).unwrap();
         assert!((outcome.innovation.nis - 1.277_143_944_636_678_4).abs() < 1e-13);
         assert_eq!((outcome.innovation.degrees_of_freedom, outcome.verdict), (6, Verdict::Accepted));
         let expected = Vector4::new(0.095_986_159_169_550_2, 6.24, 5.95, 6.05);
@@ -85,7 +85,7 @@ mod tests {
         let (estimator, mut observation) = golden();
         let mut gated = estimator.with_gate(ChiSquareGate::try_new(0.99).unwrap());
         observation.output[4] += 1.0;
-        let outcome = gated.update(&observation).unwrap();
+        let outcome = gated.update_rows(&observation).unwrap();
         assert_eq!(
             outcome.verdict,
             Verdict::Rejected { threshold: ChiSquareGate::try_new(0.99).unwrap().threshold(6) }
@@ -100,7 +100,7 @@ mod tests {
         let r = SMatrix::<f64, 6, 6>::from_diagonal(&observation.standard_deviation.map(|s| s * s));
         let (mut printed, mut p) = (estimator.parameters(), estimator.covariance());
         for _ in 0..30 {
-            estimator.update(&observation).unwrap();
+            estimator.update_rows(&observation).unwrap();
             // (A.36) solved for the P of (A.35), K with the weight instead of its inverse.
             let s = (h * p * h.transpose() + r.try_inverse().unwrap()).try_inverse().unwrap();
             let next = p - p * h.transpose() * s * h * p;

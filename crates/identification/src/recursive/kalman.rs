@@ -1,8 +1,10 @@
 //! The linear Kalman filter.
 
 use super::belief::{gated, symmetric};
-use super::{ChiSquareGate, LinearObservation, Outcome, RecursiveEstimator};
+use super::knowledge::Knowledge;
+use super::{ChiSquareGate, LinearObservation, RowsOutcome};
 use crate::error::IdentificationError;
+use crate::estimator::{EstimatorError, Finding, Outcome, RecursiveEstimator};
 use nalgebra::{SMatrix, SVector};
 
 /// How a linear state moves from one observation to the next: x ← transition · x + noise.
@@ -37,12 +39,14 @@ pub struct KalmanFilter<const N: usize, const ROWS: usize> {
     state: SVector<f64, N>,
     covariance: SMatrix<f64, N, N>,
     gate: Option<ChiSquareGate>,
+    /// What is left of the start: it moves and fades as the state does.
+    start: Knowledge<N>,
 }
 
 impl<const N: usize, const ROWS: usize> KalmanFilter<N, ROWS> {
     /// Starts from this knowledge; accepts every observation.
     pub fn new(process: LinearProcess<N>, state: SVector<f64, N>, covariance: SMatrix<f64, N, N>) -> Self {
-        Self { process, state, covariance, gate: None }
+        Self { process, state, covariance, gate: None, start: Knowledge { mean: state, covariance } }
     }
 
     /// The same behind a gate.
@@ -55,7 +59,11 @@ impl<const N: usize, const ROWS: usize> KalmanFilter<N, ROWS> {
     pub fn predict(&mut self, input: &SVector<f64, N>) {
         let LinearProcess { transition, noise } = &self.process;
         self.state = transition * self.state + input;
-        self.covariance = symmetric(&(transition * self.covariance * transition.transpose())) + noise;
+        let moved =
+            |covariance: &SMatrix<f64, N, N>| symmetric(&(transition * covariance * transition.transpose())) + noise;
+        self.covariance = moved(&self.covariance);
+        self.start =
+            Knowledge { mean: transition * self.start.mean + input, covariance: moved(&self.start.covariance) };
     }
 
     /// Learns from an observation of the present state.
@@ -63,7 +71,10 @@ impl<const N: usize, const ROWS: usize> KalmanFilter<N, ROWS> {
     /// # Errors
     /// [`IdentificationError::NotPositive`], [`IdentificationError::NotFinite`]; nothing is changed then.
     #[inline]
-    pub fn correct(&mut self, observation: &LinearObservation<ROWS, N>) -> Result<Outcome<ROWS>, IdentificationError> {
+    pub fn correct(
+        &mut self,
+        observation: &LinearObservation<ROWS, N>,
+    ) -> Result<RowsOutcome<ROWS>, IdentificationError> {
         let rows = observation.rows_about(&self.state);
         let (step, outcome) = gated(&mut self.gate, &mut self.covariance, |p| rows.correct(p))?;
         if let Some(step) = step {
@@ -73,11 +84,16 @@ impl<const N: usize, const ROWS: usize> KalmanFilter<N, ROWS> {
     }
 }
 
-impl<const N: usize, const ROWS: usize> RecursiveEstimator<N, ROWS> for KalmanFilter<N, ROWS> {
-    type Observation = LinearObservation<ROWS, N>;
-
+impl<const N: usize, const ROWS: usize> KalmanFilter<N, ROWS> {
+    /// [`predict`](Self::predict) without input, then [`correct`](Self::correct); a rejected observation leaves the prediction in place.
+    ///
+    /// # Errors
+    /// As [`correct`](Self::correct); nothing is changed then, the prediction included.
     #[inline]
-    fn update(&mut self, observation: &Self::Observation) -> Result<Outcome<ROWS>, IdentificationError> {
+    pub fn update_rows(
+        &mut self,
+        observation: &LinearObservation<ROWS, N>,
+    ) -> Result<RowsOutcome<ROWS>, IdentificationError> {
         let mut next = *self;
         next.predict(&SVector::zeros());
         let outcome = next.correct(observation)?;
@@ -85,11 +101,26 @@ impl<const N: usize, const ROWS: usize> RecursiveEstimator<N, ROWS> for KalmanFi
         Ok(outcome)
     }
 
-    fn parameters(&self) -> SVector<f64, N> {
+    /// The present state.
+    pub fn parameters(&self) -> SVector<f64, N> {
         self.state
     }
 
-    fn covariance(&self) -> SMatrix<f64, N, N> {
+    /// Its covariance.
+    pub fn covariance(&self) -> SMatrix<f64, N, N> {
         self.covariance
+    }
+}
+
+impl<const N: usize, const ROWS: usize> RecursiveEstimator<N> for KalmanFilter<N, ROWS> {
+    type Observation = LinearObservation<ROWS, N>;
+
+    #[inline]
+    fn update(&mut self, observation: &Self::Observation) -> Result<Outcome, EstimatorError> {
+        Ok(self.update_rows(observation)?.into())
+    }
+
+    fn finding(&self) -> Result<Finding<N>, EstimatorError> {
+        self.start.then(self.state, &self.covariance)
     }
 }

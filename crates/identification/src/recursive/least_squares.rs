@@ -1,8 +1,10 @@
 //! Recursive least squares in covariance form.
 
 use super::belief::{Rows, gated};
-use super::{ChiSquareGate, LinearObservation, Outcome, RecursiveEstimator};
+use super::knowledge::Knowledge;
+use super::{ChiSquareGate, LinearObservation, RowsOutcome};
 use crate::error::IdentificationError;
+use crate::estimator::{EstimatorError, Finding, Outcome, RecursiveEstimator};
 use nalgebra::{SMatrix, SVector};
 
 /// Recursive least squares of `P` constant parameters from blocks of `ROWS` rows.
@@ -22,12 +24,13 @@ pub struct RecursiveLeastSquares<const P: usize, const ROWS: usize> {
     parameters: SVector<f64, P>,
     covariance: SMatrix<f64, P, P>,
     gate: Option<ChiSquareGate>,
+    start: Knowledge<P>,
 }
 
 impl<const P: usize, const ROWS: usize> RecursiveLeastSquares<P, ROWS> {
     /// Starts from this knowledge, which may be vague; accepts every observation.
     pub fn new(parameters: SVector<f64, P>, covariance: SMatrix<f64, P, P>) -> Self {
-        Self { parameters, covariance, gate: None }
+        Self { parameters, covariance, gate: None, start: Knowledge { mean: parameters, covariance } }
     }
 
     /// The same behind a gate.
@@ -36,11 +39,16 @@ impl<const P: usize, const ROWS: usize> RecursiveLeastSquares<P, ROWS> {
     }
 }
 
-impl<const P: usize, const ROWS: usize> RecursiveEstimator<P, ROWS> for RecursiveLeastSquares<P, ROWS> {
-    type Observation = LinearObservation<ROWS, P>;
-
+impl<const P: usize, const ROWS: usize> RecursiveLeastSquares<P, ROWS> {
+    /// Judges the rows and, unless they are rejected, learns from them.
+    ///
+    /// # Errors
+    /// [`IdentificationError::NotPositive`], [`IdentificationError::NotFinite`]; nothing is changed then.
     #[inline]
-    fn update(&mut self, observation: &Self::Observation) -> Result<Outcome<ROWS>, IdentificationError> {
+    pub fn update_rows(
+        &mut self,
+        observation: &LinearObservation<ROWS, P>,
+    ) -> Result<RowsOutcome<ROWS>, IdentificationError> {
         let rows = observation.rows_about(&self.parameters);
         let (step, outcome) = gated(&mut self.gate, &mut self.covariance, |p| rows.correct(p))?;
         if let Some(step) = step {
@@ -49,12 +57,27 @@ impl<const P: usize, const ROWS: usize> RecursiveEstimator<P, ROWS> for Recursiv
         Ok(outcome)
     }
 
-    fn parameters(&self) -> SVector<f64, P> {
+    /// The present estimate.
+    pub fn parameters(&self) -> SVector<f64, P> {
         self.parameters
     }
 
-    fn covariance(&self) -> SMatrix<f64, P, P> {
+    /// Its covariance.
+    pub fn covariance(&self) -> SMatrix<f64, P, P> {
         self.covariance
+    }
+}
+
+impl<const P: usize, const ROWS: usize> RecursiveEstimator<P> for RecursiveLeastSquares<P, ROWS> {
+    type Observation = LinearObservation<ROWS, P>;
+
+    #[inline]
+    fn update(&mut self, observation: &Self::Observation) -> Result<Outcome, EstimatorError> {
+        Ok(self.update_rows(observation)?.into())
+    }
+
+    fn finding(&self) -> Result<Finding<P>, EstimatorError> {
+        self.start.then(self.parameters, &self.covariance)
     }
 }
 

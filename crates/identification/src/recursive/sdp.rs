@@ -1,11 +1,13 @@
-//! Recursive least squares whose every answer is a body.
+//! Recursive least squares whose every answer lies in a set.
 
-use super::{ChiSquareGate, LinearObservation, Outcome, RecursiveEstimator, SquareRootFilter};
+use super::{ChiSquareGate, LinearObservation, RowsOutcome, SquareRootFilter};
 use crate::consistency::{ConstrainedEstimate, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, PseudoInertiaCone};
 use crate::error::IdentificationError;
+use crate::estimator::{EstimatorError, Finding, Outcome, RecursiveEstimator};
 use nalgebra::{SMatrix, SVector};
 
-/// The ten parameters under the pseudo-inertia constraint after every update, the first one included.
+/// `P` parameters under a constraint after every update, the first one included: the ten under that of the pseudo-inertia, or any others
+/// in the set of any [`ConstrainedLeastSquares`].
 ///
 /// What is learned is learned without the constraint, in a [`SquareRootFilter`]: innovations, gate and covariance are its
 /// own, and white where the model holds. What is reported is the best body for that information. Where the unconstrained
@@ -15,16 +17,13 @@ use nalgebra::{SMatrix, SVector};
 /// # Source
 /// Thesis (5.39), (5.34)-(5.37).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RecursiveSdp<const ROWS: usize> {
-    filter: SquareRootFilter<10, ROWS>,
-    cone: PseudoInertiaCone,
-    estimate: ConstrainedEstimate<10>,
+pub struct RecursiveSdp<S, const P: usize, const ROWS: usize> {
+    filter: SquareRootFilter<P, ROWS>,
+    solver: S,
+    estimate: ConstrainedEstimate<P>,
 }
 
-/// Duality gap that must do, relative to |z|², where the absolute one is out of reach of rounding.
-const RELATIVE_GAP: f64 = 1e-9;
-
-impl<const ROWS: usize> RecursiveSdp<ROWS> {
+impl<const ROWS: usize> RecursiveSdp<InteriorPoint, 10, ROWS> {
     /// Starts from the cone's own interior point, a uniform ball of its scale, with these standard deviations in units of
     /// [`BodyScale::parameter_magnitudes`](crate::BodyScale::parameter_magnitudes): 10 is vague.
     ///
@@ -43,8 +42,18 @@ impl<const ROWS: usize> RecursiveSdp<ROWS> {
         mean: SVector<f64, 10>,
         standard_deviation: SVector<f64, 10>,
     ) -> Result<Self, IdentificationError> {
-        let filter = SquareRootFilter::try_new(mean, standard_deviation)?;
-        Ok(Self { filter, cone, estimate: best_body(&cone, &filter)? })
+        Self::over(InteriorPoint::new(cone), SquareRootFilter::try_new(mean, standard_deviation)?)
+    }
+}
+
+impl<S: ConstrainedLeastSquares<P>, const P: usize, const ROWS: usize> RecursiveSdp<S, P, ROWS> {
+    /// What `filter` learns, in the set of `solver`.
+    ///
+    /// # Errors
+    /// Those of the solver.
+    pub fn over(solver: S, filter: SquareRootFilter<P, ROWS>) -> Result<Self, IdentificationError> {
+        let estimate = solver.solve(filter.information())?;
+        Ok(Self { filter, solver, estimate })
     }
 
     /// The same behind a gate.
@@ -52,54 +61,55 @@ impl<const ROWS: usize> RecursiveSdp<ROWS> {
         Self { filter: self.filter.with_gate(gate), ..self }
     }
 
-    /// The reported body with the proof of its quality.
-    pub fn estimate(&self) -> &ConstrainedEstimate<10> {
+    /// The reported point with the proof of its quality.
+    pub fn estimate(&self) -> &ConstrainedEstimate<P> {
         &self.estimate
     }
 
     /// The unconstrained filter beneath.
-    pub fn unconstrained(&self) -> &SquareRootFilter<10, ROWS> {
+    pub fn unconstrained(&self) -> &SquareRootFilter<P, ROWS> {
         &self.filter
     }
-}
 
-fn best_body<const ROWS: usize>(
-    cone: &PseudoInertiaCone,
-    filter: &SquareRootFilter<10, ROWS>,
-) -> Result<ConstrainedEstimate<10>, IdentificationError> {
-    let information = filter.information();
-    match InteriorPoint::new(*cone).solve(information) {
-        Err(IdentificationError::NotConverged { .. }) => {
-            let relative = RELATIVE_GAP * information.rhs().norm_squared();
-            InteriorPoint::with_gap_tolerance(*cone, relative).solve(information)
-        }
-        found => found,
-    }
-}
-
-impl<const ROWS: usize> RecursiveEstimator<10, ROWS> for RecursiveSdp<ROWS> {
-    type Observation = LinearObservation<ROWS, 10>;
-
+    /// Judges the rows and, unless they are rejected, learns from them.
+    ///
     /// # Errors
     /// Those of the filter, and [`IdentificationError::NotExcited`], [`IdentificationError::NotConverged`] of the solver;
     /// nothing is changed then.
-    fn update(&mut self, observation: &Self::Observation) -> Result<Outcome<ROWS>, IdentificationError> {
+    pub fn update_rows(
+        &mut self,
+        observation: &LinearObservation<ROWS, P>,
+    ) -> Result<RowsOutcome<ROWS>, IdentificationError> {
         let mut filter = self.filter;
-        let outcome = filter.update(observation)?;
+        let outcome = filter.update_rows(observation)?;
         if outcome.is_accepted() {
-            self.estimate = best_body(&self.cone, &filter)?;
+            self.estimate = self.solver.solve(filter.information())?;
         }
         self.filter = filter;
         Ok(outcome)
     }
 
-    /// Strictly inside the cone, always.
-    fn parameters(&self) -> SVector<f64, 10> {
+    /// Strictly inside the set, always.
+    pub fn parameters(&self) -> SVector<f64, P> {
         self.estimate.parameters
     }
 
     /// Of the solution before the constraint.
-    fn covariance(&self) -> SMatrix<f64, 10, 10> {
+    pub fn covariance(&self) -> SMatrix<f64, P, P> {
         self.filter.covariance()
+    }
+}
+
+impl<S: ConstrainedLeastSquares<P>, const P: usize, const ROWS: usize> RecursiveEstimator<P>
+    for RecursiveSdp<S, P, ROWS>
+{
+    type Observation = LinearObservation<ROWS, P>;
+
+    fn update(&mut self, observation: &Self::Observation) -> Result<Outcome, EstimatorError> {
+        Ok(self.update_rows(observation)?.into())
+    }
+
+    fn finding(&self) -> Result<Finding<P>, EstimatorError> {
+        Ok(self.filter.finding()?.at(self.estimate.parameters))
     }
 }

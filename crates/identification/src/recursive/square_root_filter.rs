@@ -1,8 +1,9 @@
 //! Recursive least squares on the square root of the information.
 
 use super::belief::{check_deviations, measured_only, rows_of};
-use super::{ChiSquareGate, Innovation, LinearObservation, Outcome, RecursiveEstimator, Verdict};
+use super::{ChiSquareGate, Innovation, LinearObservation, RowsOutcome, Verdict};
 use crate::error::IdentificationError;
+use crate::estimator::{EstimatorError, Finding, Outcome, RecursiveEstimator};
 use crate::householder::sqrt;
 use crate::square_root_information::SquareRootInformation;
 use nalgebra::{SMatrix, SVector};
@@ -17,6 +18,8 @@ pub struct SquareRootFilter<const P: usize, const ROWS: usize> {
     information: SquareRootInformation<P>,
     parameters: SVector<f64, P>,
     gate: Option<ChiSquareGate>,
+    prior: SquareRootInformation<P>,
+    magnitudes: SVector<f64, P>,
 }
 
 impl<const P: usize, const ROWS: usize> SquareRootFilter<P, ROWS> {
@@ -31,7 +34,7 @@ impl<const P: usize, const ROWS: usize> SquareRootFilter<P, ROWS> {
         }
         let mut information = SquareRootInformation::new();
         information.add_prior(&mean, &standard_deviation)?;
-        Ok(Self { information, parameters: mean, gate: None })
+        Ok(Self { information, parameters: mean, gate: None, prior: information, magnitudes: standard_deviation })
     }
 
     /// The same behind a gate.
@@ -45,11 +48,16 @@ impl<const P: usize, const ROWS: usize> SquareRootFilter<P, ROWS> {
     }
 }
 
-impl<const P: usize, const ROWS: usize> RecursiveEstimator<P, ROWS> for SquareRootFilter<P, ROWS> {
-    type Observation = LinearObservation<ROWS, P>;
-
+impl<const P: usize, const ROWS: usize> SquareRootFilter<P, ROWS> {
+    /// Judges the rows and, unless they are rejected, learns from them.
+    ///
+    /// # Errors
+    /// [`IdentificationError::NotPositive`], [`IdentificationError::NotFinite`]; nothing is changed then.
     #[inline]
-    fn update(&mut self, observation: &Self::Observation) -> Result<Outcome<ROWS>, IdentificationError> {
+    pub fn update_rows(
+        &mut self,
+        observation: &LinearObservation<ROWS, P>,
+    ) -> Result<RowsOutcome<ROWS>, IdentificationError> {
         let LinearObservation { regressor, output, standard_deviation } = observation;
         check_deviations(standard_deviation)?;
         let residual = output - regressor * self.parameters;
@@ -65,23 +73,39 @@ impl<const P: usize, const ROWS: usize> RecursiveEstimator<P, ROWS> for SquareRo
             .map_or(Verdict::Accepted, |gate| gate.judge(innovation.nis, innovation.degrees_of_freedom));
         match verdict {
             Verdict::Accepted => self.information = learned,
-            Verdict::Rejected { .. } => return Ok(Outcome { innovation, verdict }),
+            Verdict::Rejected { .. } => return Ok(RowsOutcome { innovation, verdict }),
             Verdict::Recovered { inflation } => {
                 self.information.scale(1.0 / sqrt(inflation));
                 self.information.update(&block, &rhs)?;
             }
         }
         self.parameters = SVector::from(self.information.back_substitute(self.information.rhs));
-        Ok(Outcome { innovation, verdict })
+        Ok(RowsOutcome { innovation, verdict })
     }
 
-    fn parameters(&self) -> SVector<f64, P> {
+    /// The present estimate.
+    pub fn parameters(&self) -> SVector<f64, P> {
         self.parameters
     }
 
-    fn covariance(&self) -> SMatrix<f64, P, P> {
+    /// Its covariance.
+    pub fn covariance(&self) -> SMatrix<f64, P, P> {
         let inverse = self.information.inverse_factor();
         inverse * inverse.transpose()
+    }
+}
+
+impl<const P: usize, const ROWS: usize> RecursiveEstimator<P> for SquareRootFilter<P, ROWS> {
+    type Observation = LinearObservation<ROWS, P>;
+
+    #[inline]
+    fn update(&mut self, observation: &Self::Observation) -> Result<Outcome, EstimatorError> {
+        Ok(self.update_rows(observation)?.into())
+    }
+
+    fn finding(&self) -> Result<Finding<P>, EstimatorError> {
+        let found = Finding::of_information(self.information, self.magnitudes);
+        Ok(found.at(self.parameters).with_prior(self.prior))
     }
 }
 

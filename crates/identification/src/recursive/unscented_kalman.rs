@@ -1,9 +1,11 @@
 //! The unscented Kalman filter: a model's derivatives are not needed, only the model.
 
 use super::belief::{Correction, check_deviations, gated, measured_only, product_with_transpose};
-use super::extended_kalman::FilterModel;
-use super::{ChiSquareGate, Innovation, Outcome, RecursiveEstimator};
+use super::extended_kalman::{FilterModel, parameters_of};
+use super::knowledge::Knowledge;
+use super::{ChiSquareGate, Innovation, RowsOutcome};
 use crate::error::IdentificationError;
+use crate::estimator::{EstimatorError, Finding, Outcome, RecursiveEstimator};
 use crate::householder::sqrt;
 use crate::lie::Manifold;
 use nalgebra::{SMatrix, SVector};
@@ -13,20 +15,29 @@ use nalgebra::{SMatrix, SVector};
 /// The 2 N points lie at √N standard deviations along the columns of a root of the covariance and weigh the same: the set
 /// without a centre, whose covariances cannot be indefinite. Means are taken in the chart about the image of the estimate.
 ///
+/// # Shape
+/// As its [`FilterModel`]: `N` coordinates of the state, `ROWS` measured numbers, `P` parameters; [`new`](Self::new) takes them from the
+/// model.
 /// # Source
 /// Thesis A.2.2 after (A.40), figure A.2.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UnscentedKalmanFilter<M, S, const N: usize> {
+pub struct UnscentedKalmanFilter<M, S, const N: usize, const ROWS: usize, const P: usize> {
     model: M,
     state: S,
     covariance: SMatrix<f64, N, N>,
     gate: Option<ChiSquareGate>,
+    start: Knowledge<P>,
 }
 
-impl<M, S: Copy, const N: usize> UnscentedKalmanFilter<M, S, N> {
+impl<M, S, const N: usize, const ROWS: usize, const P: usize> UnscentedKalmanFilter<M, S, N, ROWS, P>
+where
+    M: FilterModel<N, ROWS, P, State = S>,
+    S: Manifold<Scalar = f64, Tangent = SVector<f64, N>> + Copy,
+{
     /// Starts from this knowledge; the covariance is that of an increment of the state. Accepts every observation.
     pub fn new(model: M, state: S, covariance: SMatrix<f64, N, N>) -> Self {
-        Self { model, state, covariance, gate: None }
+        let start = parameters_of(&model, &state, &covariance);
+        Self { model, state, covariance, gate: None, start }
     }
 
     /// The same behind a gate.
@@ -42,6 +53,45 @@ impl<M, S: Copy, const N: usize> UnscentedKalmanFilter<M, S, N> {
     /// Covariance of an increment of the state.
     pub fn state_covariance(&self) -> &SMatrix<f64, N, N> {
         &self.covariance
+    }
+
+    /// The present parameters.
+    pub fn parameters(&self) -> SVector<f64, P> {
+        self.model.parameters(&self.state)
+    }
+
+    /// Their covariance.
+    pub fn covariance(&self) -> SMatrix<f64, P, P> {
+        parameters_of(&self.model, &self.state, &self.covariance).covariance
+    }
+
+    /// Goes on to the observation, judges it and, unless it is rejected, learns from it.
+    ///
+    /// # Errors
+    /// Those of [`FilterModel::propagate`]; [`IdentificationError::NotPositive`], [`IdentificationError::NotFinite`]; nothing is changed
+    /// then.
+    pub fn update_rows(&mut self, observation: &M::Observation) -> Result<RowsOutcome<ROWS>, IdentificationError> {
+        let (state, mut covariance) = self.predict(observation)?;
+        let model = &self.model;
+        let (step, outcome) = gated(&mut self.gate, &mut covariance, |p| correct(model, &state, observation, p))?;
+        self.state = step.map_or(state, |step| state.oplus(&step));
+        self.covariance = covariance;
+        Ok(outcome)
+    }
+
+    fn predict(&self, observation: &M::Observation) -> Result<(S, SMatrix<f64, N, N>), IdentificationError> {
+        let model = &self.model;
+        let center = model.propagate(&self.state, observation)?;
+        let weight = 1.0 / (2 * N) as f64;
+        let (mut mean, mut square) = (SVector::<f64, N>::zeros(), SMatrix::<f64, N, N>::zeros());
+        for_each_sigma_point(&self.covariance, |increment| {
+            let image = model.propagate(&self.state.oplus(increment), observation)?.ominus(&center);
+            mean += image * weight;
+            square += image * image.transpose() * weight;
+            Ok::<(), IdentificationError>(())
+        })?;
+        let covariance = square - mean * mean.transpose() + model.process_noise(&self.state, observation);
+        Ok((center.oplus(&mean), covariance))
     }
 }
 
@@ -76,30 +126,6 @@ fn for_each_sigma_point<const N: usize, E>(
         visit(&-increment)?;
     }
     Ok(())
-}
-
-impl<M, S, const N: usize> UnscentedKalmanFilter<M, S, N> {
-    fn predict<const ROWS: usize, const P: usize>(
-        &self,
-        observation: &M::Observation,
-    ) -> Result<(S, SMatrix<f64, N, N>), IdentificationError>
-    where
-        M: FilterModel<N, ROWS, P, State = S>,
-        S: Manifold<Scalar = f64, Tangent = SVector<f64, N>> + Copy,
-    {
-        let model = &self.model;
-        let center = model.propagate(&self.state, observation)?;
-        let weight = 1.0 / (2 * N) as f64;
-        let (mut mean, mut square) = (SVector::<f64, N>::zeros(), SMatrix::<f64, N, N>::zeros());
-        for_each_sigma_point(&self.covariance, |increment| {
-            let image = model.propagate(&self.state.oplus(increment), observation)?.ominus(&center);
-            mean += image * weight;
-            square += image * image.transpose() * weight;
-            Ok::<(), IdentificationError>(())
-        })?;
-        let covariance = square - mean * mean.transpose() + model.process_noise(&self.state, observation);
-        Ok((center.oplus(&mean), covariance))
-    }
 }
 
 /// The update about a predicted state.
@@ -170,28 +196,19 @@ where
     Ok(Correction { step, innovation })
 }
 
-impl<M, const N: usize, const ROWS: usize, const P: usize> RecursiveEstimator<P, ROWS>
-    for UnscentedKalmanFilter<M, M::State, N>
+/// The prior of its findings is what it was begun with, as if nothing had drifted since.
+impl<M, const N: usize, const ROWS: usize, const P: usize> RecursiveEstimator<P>
+    for UnscentedKalmanFilter<M, M::State, N, ROWS, P>
 where
     M: FilterModel<N, ROWS, P>,
 {
     type Observation = M::Observation;
 
-    fn update(&mut self, observation: &M::Observation) -> Result<Outcome<ROWS>, IdentificationError> {
-        let (state, mut covariance) = self.predict(observation)?;
-        let model = &self.model;
-        let (step, outcome) = gated(&mut self.gate, &mut covariance, |p| correct(model, &state, observation, p))?;
-        self.state = step.map_or(state, |step| state.oplus(&step));
-        self.covariance = covariance;
-        Ok(outcome)
+    fn update(&mut self, observation: &M::Observation) -> Result<Outcome, EstimatorError> {
+        Ok(self.update_rows(observation)?.into())
     }
 
-    fn parameters(&self) -> SVector<f64, P> {
-        self.model.parameters(&self.state)
-    }
-
-    fn covariance(&self) -> SMatrix<f64, P, P> {
-        let jacobian = self.model.parameter_jacobian(&self.state);
-        super::belief::symmetric(&(jacobian * self.covariance * jacobian.transpose()))
+    fn finding(&self) -> Result<Finding<P>, EstimatorError> {
+        self.start.then(self.parameters(), &self.covariance())
     }
 }

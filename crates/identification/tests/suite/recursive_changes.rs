@@ -2,16 +2,17 @@
 //! `cargo xtask study change-detection`.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::change_scenario::{Filter, Flight, STEP_S};
+use crate::change_scenario::{Flight, STEP_S};
 use crate::exact_motion::{Multisine, Random, Run};
 use tumble_identification::dynamics::InertialParameters;
+use tumble_identification::estimator::{Finding, RecursiveEstimator};
 use tumble_identification::lie::{Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use tumble_identification::recursive::{Change, RecursiveEstimator, Watch};
+use tumble_identification::recursive::{Change, Watch};
 use tumble_identification::{Method, MotionSample, Settings, Warning, identify, identify_parts};
 
 /// Seconds until a change is reported, and the report.
-fn found_after(flight: &mut Flight, limit_s: f64) -> Option<(f64, Change<Filter>)> {
+fn found_after(flight: &mut Flight, limit_s: f64) -> Option<(f64, Change<10>)> {
     let mut elapsed_s = 0.0;
     while elapsed_s < limit_s {
         elapsed_s += STEP_S;
@@ -22,8 +23,8 @@ fn found_after(flight: &mut Flight, limit_s: f64) -> Option<(f64, Change<Filter>
     None
 }
 
-fn mass(filter: &Filter) -> (f64, f64) {
-    (filter.parameters()[0], filter.covariance()[(0, 0)].sqrt())
+fn mass(found: &Finding) -> (f64, f64) {
+    (found.point().unwrap()[0], found.covariance().unwrap()[(0, 0)].sqrt())
 }
 
 #[test]
@@ -40,7 +41,7 @@ fn a_tenth_more_or_less_mass_is_found_within_two_seconds_and_the_estimate_split(
         assert!((old - before).abs() < 0.01 * before && old_deviation < 0.01 * before, "{old} {old_deviation}");
         // The new model goes on learning; a report that comes to another onset may follow.
         found_after(&mut flight, 4.0);
-        let (new, _) = mass(flight.detector.current());
+        let (new, _) = mass(&flight.detector.current().finding().unwrap());
         assert!((new - flight.mass_kg()).abs() < 0.02 * before, "{new}");
     }
 }
@@ -55,13 +56,13 @@ fn without_a_force_nothing_is_said() {
         }
         assert_eq!(flight.step(), Watch::NotObservable, "{step}");
     }
-    assert_eq!(flight.detector.visible(), [false; 10]);
+    assert_eq!(flight.detector.visible().unwrap(), [false; 10]);
     flight.force_n = 0.2;
     assert!(found_after(&mut flight, 2.0).is_some());
     for _ in 0..125 {
         flight.step();
     }
-    assert!(flight.detector.visible()[0] && flight.step() == Watch::Quiet);
+    assert!(flight.detector.visible().unwrap()[0] && flight.step() == Watch::Quiet);
 }
 
 /// Poses at 62.5 Hz under a multisine; `factor` multiplies mass and inertia from `onset` (samples) on.

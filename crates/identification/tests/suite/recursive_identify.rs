@@ -6,7 +6,7 @@ use tumble_identification::dynamics::{InertialParameters, LogCholesky, RigidBody
 use tumble_identification::lie::{Manifold, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 use tumble_identification::recursive::{
-    ChiSquareGate, ExtendedKalmanFilter, JointMotion, JointObservation, JointState, MotionNoise, RecursiveEstimator,
+    ChiSquareGate, ExtendedKalmanFilter, JointMotion, JointObservation, JointState, MotionNoise,
 };
 use tumble_identification::{BodyScale, Estimate, Method, MotionSample, Settings, WrenchTiming, identify};
 
@@ -150,7 +150,7 @@ fn tracked(
     }
     for pair in record.windows(2) {
         filter
-            .update(&JointObservation {
+            .update_rows(&JointObservation {
                 step_s: 0.016,
                 wrench_body: pair[0].wrench_body.unwrap(),
                 world_from_body: Some(pair[1].world_from_body),

@@ -4,8 +4,6 @@
 //! solve works in and what it leaves behind, among it the rows that were active, where the next one begins.
 
 mod blocks;
-#[cfg(feature = "clarabel")]
-mod clarabel_route;
 mod exchange;
 mod factor;
 mod panels;
@@ -15,8 +13,6 @@ mod workspace;
 use crate::error::{PlanningError, finite};
 use crate::vectors::{add_scaled, dot};
 pub(super) use blocks::{BlockProgram, JointPart};
-#[cfg(feature = "clarabel")]
-pub use clarabel_route::{GramOptimum, solve_gram_with_clarabel};
 use core::ops::Range;
 use panels::RowPanels;
 use search::Programmed;

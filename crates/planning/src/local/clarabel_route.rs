@@ -1,4 +1,4 @@
-//! The search of a condensed problem by another road: matrices written out and a general solver (feature `clarabel`).
+//! The search of a condensed problem by another road: matrices written out and a general solver, an oracle of the tests.
 //!
 //! Meant to check [`minimise`](super::minimise) against: it shares with it the problem and the conditions at which it ends,
 //! nothing else. It allocates, and takes seconds where the other takes milliseconds.
@@ -6,8 +6,8 @@
 use super::problem::CondensedProblem;
 use super::sqp_settings::{SqpOutcome, SqpSettings, SqpStatus};
 use crate::budget::Budget;
-use ::clarabel::algebra::CscMatrix;
-use ::clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 
 /// Gap and residuals at which the general solver ends.
 const TOLERANCE: f64 = 1e-11;
@@ -156,7 +156,7 @@ impl Columns {
 ///
 /// # Source
 /// Nocedal and Wright, Numerical Optimization, 18.3 and 18.5.
-pub fn minimise_with_clarabel<P: CondensedProblem>(
+fn minimise_with_clarabel<P: CondensedProblem>(
     problem: &mut P,
     z: &mut [f64],
     settings: &SqpSettings,

@@ -1,9 +1,10 @@
 //! The coupled program against a general solver that gets all matrices written out.
 
 use crate::fixed_planes;
+use crate::general_solver::solve_gram_with_clarabel;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use tumble_planning::control::{AxisPlane, AxisProblem, CoupledAxes, GramStatus, solve_gram_with_clarabel};
+use tumble_planning::control::{AxisPlane, AxisProblem, CoupledAxes, GramStatus};
 use tumble_planning::nalgebra::Vector2;
 use tumble_planning::unit_interval;
 

@@ -1,11 +1,12 @@
 //! The dual active set against an interior point method, on random programs and on those of tubes.
 
+use crate::general_solver::solve_gram_with_clarabel;
 use crate::tube_problems::coupled::CoupledLoop;
 use crate::tube_problems::random::RandomProgram;
 use crate::tube_problems::{Matrices, Nominal, NominalLoop, SETTINGS, STEPS, uniform};
 use tumble_planning::control::{
     AxisGain, AxisLimits, AxisProblem, AxisRequest, AxisTemplate, GramProgram, GramStatus, GramWorkspace, MassInterval,
-    SymmetricBox, Terminal, TubeDisturbance, TubeWeights, solve_gram_with_clarabel,
+    SymmetricBox, Terminal, TubeDisturbance, TubeWeights,
 };
 use tumble_planning::nalgebra::Vector2;
 

@@ -8,7 +8,6 @@ mod control_cases;
 mod controller_laws;
 mod controllers;
 mod coordinator;
-#[cfg(feature = "clarabel")]
 mod coupled_against_clarabel;
 mod custom_collision_world;
 mod custom_controller;
@@ -22,7 +21,7 @@ mod equivariance;
 mod fixed_planes;
 mod flight_planner;
 mod flown_plans;
-#[cfg(feature = "clarabel")]
+mod general_solver;
 mod gram_against_clarabel;
 mod hostile_numbers;
 mod information_weighting;

@@ -4,7 +4,7 @@ use nalgebra::{SVector, Vector3, Vector4, Vector6};
 use tumble_astrobee::sensing::{FaultSettings, JumpSettings, LocalizationSettings};
 use tumble_identification::LinearModel;
 use tumble_identification::recursive::{
-    ChiSquareGate, InverseInertia, InverseInertiaSample, LinearObservation, RecursiveEstimator, SquareRootFilter,
+    ChiSquareGate, InverseInertia, InverseInertiaSample, LinearObservation, SquareRootFilter,
 };
 use tumble_identification::statistics::{Band, clopper_pearson, coverage_band};
 use tumble_lie::Wrench;
@@ -119,7 +119,7 @@ fn estimate(rows: &Rows, deviation: &Vector6<f64>, gate: Option<ChiSquareGate>) 
             output: InverseInertia.output(&sample),
             standard_deviation: *deviation,
         };
-        *rejected = !filter.update(&observation).map_err(study)?.is_accepted();
+        *rejected = !filter.update_rows(&observation).map_err(study)?.is_accepted();
     }
     let found: SVector<f64, 4> = filter.parameters();
     let body = body();

@@ -6,6 +6,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use tumble_identification::dynamics::{
     FreeFlyer, InertialParameters, Integrator, LogCholesky, MuntheKaas4, RigidBodyState,
 };
+use tumble_identification::estimator::EstimatorError;
 use tumble_identification::lie::{Manifold, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use tumble_identification::recursive::{
@@ -29,16 +30,18 @@ fn noise() -> MotionNoise {
     }
 }
 
-pub type Filter = ExtendedKalmanFilter<JointMotion, JointState, 22>;
+pub type Filter = ExtendedKalmanFilter<JointMotion, JointState, 22, 15, 10>;
+pub type Widen = fn(&Filter, u32) -> Result<Filter, EstimatorError>;
 /// A window of nearly three seconds.
-pub type Detector = ChangeDetector<Filter, fn(&Filter, u32) -> Filter, 10, 36>;
+pub type Detector = ChangeDetector<Filter, Widen, 10, 36>;
 
 /// Mostly a change of the mass alone, which is what a grasp at the centre looks like first; every fourth one of everything.
-fn widened(filter: &Filter, candidate: u32) -> Filter {
+#[allow(clippy::unnecessary_wraps)] // a constructor may fail
+fn widened(filter: &Filter, candidate: u32) -> Result<Filter, EstimatorError> {
     if !candidate.is_multiple_of(4) {
-        return filter.after_a_jump_of_mass(0.1);
+        return Ok(filter.after_a_jump_of_mass(0.1));
     }
-    filter.after_a_jump(&SVector::from([0.1, 5e-3, 5e-3, 5e-3, 0.05, 0.05, 0.05, 5e-3, 5e-3, 5e-3]))
+    Ok(filter.after_a_jump(&SVector::from([0.1, 5e-3, 5e-3, 5e-3, 0.05, 0.05, 0.05, 5e-3, 5e-3, 5e-3])))
 }
 
 pub struct Flight {
@@ -70,7 +73,7 @@ impl Flight {
         let filter = ExtendedKalmanFilter::new(model, truth.oplus(&off), covariance);
         // Four hours.
         let settings = ChangeSettings { spacing: 5, updates_between_false_alarms: 900_000.0 };
-        let detector = ChangeDetector::try_new(filter, widened as fn(&Filter, u32) -> Filter, settings).unwrap();
+        let detector = ChangeDetector::try_new(filter, widened as Widen, settings).unwrap();
         Self { rng, body, state: motion, updates: 0, force_n, detector }
     }
 
@@ -90,7 +93,7 @@ impl Flight {
     }
 
     /// One sample later.
-    pub fn step(&mut self) -> Watch<Filter> {
+    pub fn step(&mut self) -> Watch<10> {
         let observation = self.observe();
         self.detector.update(&observation).unwrap().1
     }

@@ -1,10 +1,9 @@
-//! The same program by another road: an interior point method with the matrices written out (feature `clarabel`).
+//! The same program by another road: an interior point method with the matrices written out.
 //!
-//! Meant to check [`GramProgram`](super::GramProgram) against; it shares nothing with it, and allocates.
+//! Meant to check `GramProgram` against: it shares nothing with it.
 
-use crate::error::{PlanningError, finite};
-use ::clarabel::algebra::CscMatrix;
-use ::clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 
 /// Gap and residuals at which the general solver ends.
 const TOLERANCE: f64 = 1e-12;
@@ -21,7 +20,7 @@ pub struct GramOptimum {
 /// Minimises `1/2 x' H x + f . x` over `lower <= A x <= upper`, matrices row by row; `None` where no `x` fulfils all rows.
 ///
 /// # Errors
-/// Inputs of lengths that do not belong together; [`PlanningError::Unsupported`] where the general solver comes to no end.
+/// The status of the general solver where it comes to no end.
 pub fn solve_gram_with_clarabel(
     hessian: &[f64],
     linear: &[f64],
@@ -29,22 +28,10 @@ pub fn solve_gram_with_clarabel(
     lower: &[f64],
     upper: &[f64],
     equality: &[bool],
-) -> Result<Option<GramOptimum>, PlanningError> {
+) -> Result<Option<GramOptimum>, SolverStatus> {
     let (n, m) = (linear.len(), equality.len());
-    let lengths = [
-        ("entries of the curvature", hessian.len(), n * n),
-        ("entries of the rows", rows.len(), m * n),
-        ("lower bounds", lower.len(), m),
-        ("upper bounds", upper.len(), m),
-    ];
-    for (what, given, expected) in lengths {
-        if given != expected {
-            return Err(PlanningError::WrongCount { what, given, expected });
-        }
-    }
-    for entry in hessian.iter().chain(linear).chain(rows) {
-        finite("an entry of the program", *entry)?;
-    }
+    assert_eq!([hessian.len(), rows.len(), lower.len(), upper.len()], [n * n, m * n, m, m]);
+    assert!(hessian.iter().chain(linear).chain(rows).all(|entry| entry.is_finite()));
     // Rows of the general form `s = offset - normal . x` in their cone: equations first.
     let normal = |row: usize| &rows[row * n..][..n];
     let mut conditions: Vec<(f64, usize, f64)> =
@@ -86,9 +73,7 @@ pub fn solve_gram_with_clarabel(
         tol_feas: TOLERANCE,
         ..DefaultSettings::default()
     };
-    let failed = PlanningError::Unsupported { query: "solve this program with the general solver" };
-    let mut solver =
-        DefaultSolver::new(&quadratic, linear, &constraints, &offsets, &cones, settings).map_err(|_| failed)?;
+    let mut solver = DefaultSolver::new(&quadratic, linear, &constraints, &offsets, &cones, settings).unwrap();
     solver.solve();
     match solver.solution.status {
         SolverStatus::Solved | SolverStatus::AlmostSolved => {
@@ -96,6 +81,6 @@ pub fn solve_gram_with_clarabel(
             Ok(Some(GramOptimum { x, cost }))
         }
         SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => Ok(None),
-        _ => Err(failed),
+        status => Err(status),
     }
 }
