@@ -7,7 +7,7 @@
 use std::io;
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::flight_log::Recorder;
-use tumble_astrobee::mission::{FlownPeriod, FlyOptions, MissionHooks, ModelChoice, WeightingChoice, fly};
+use tumble_astrobee::mission::{FlownPeriod, FlyOptions, LayerNames, MissionHooks, ModelChoice, WeightingChoice, fly};
 use tumble_astrobee::scenario::ScenarioSource;
 
 /// FNV-1a, 64 bits: where it starts, and how it goes on.
@@ -60,6 +60,7 @@ fn mission(name: &str, longest_s: f64) -> Result<(), AstrobeeError> {
         feedback: true,
         model: ModelChoice::Scenario,
         fault: None,
+        layers: LayerNames::default(),
     };
     let mut written = Hashed(START, 0);
     let mut log = Log(Recorder::with_estimate(&mut written).map_err(unwritable)?);

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Quaternion, SMatrix, SVector, UnitQuaternion, Vector3};
 use serde_json::json;
 use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::mission::{
-    FlownPeriod, FlyOptions, MissionHooks, MissionRecord, ModelChoice, WeightingChoice, fly,
+    FlownPeriod, FlyOptions, LayerNames, MissionHooks, MissionRecord, ModelChoice, WeightingChoice, fly,
 };
 use tumble_astrobee::scenario::{ScenarioSource, draw_mission};
 use tumble_astrobee::simulator::CONTROL_PERIOD_S;
@@ -111,7 +111,14 @@ fn fly_drawn(
         table.weight = Some(weight);
     }
     let source = draw_mission(&source, seed, 0.0)?;
-    let options = FlyOptions { seed, weighting, feedback: true, model: ModelChoice::Scenario, fault: None };
+    let options = FlyOptions {
+        seed,
+        weighting,
+        feedback: true,
+        model: ModelChoice::Scenario,
+        fault: None,
+        layers: LayerNames::default(),
+    };
     let mut copies = Copies::default();
     let record = fly(&source, &options, &mut copies)?;
     let shut_off = &record.summary.information_shut_off_s;

@@ -3,7 +3,9 @@
 use std::fmt;
 
 use tumble_astrobee::AstrobeeError;
-use tumble_astrobee::mission::{FlyOptions, MissionRecord, ModelChoice, NoHooks, StretchRow, WeightingChoice, fly};
+use tumble_astrobee::mission::{
+    FlyOptions, LayerNames, MissionRecord, ModelChoice, NoHooks, StretchRow, WeightingChoice, fly,
+};
 use tumble_astrobee::scenario::ScenarioSource;
 
 use super::bad;
@@ -77,7 +79,7 @@ impl Condition {
 
     pub fn options(self, seed: u64) -> FlyOptions {
         let Self { weighting, feedback, model, .. } = self;
-        FlyOptions { seed, weighting, feedback, model, fault: None }
+        FlyOptions { seed, weighting, feedback, model, fault: None, layers: LayerNames::default() }
     }
 
     fn fly(self, seed: u64) -> Result<MissionRecord, AstrobeeError> {
