@@ -150,6 +150,7 @@ pub enum Obstruction {
 
 /// How a planner ended.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Status {
     /// The plan's cost is the least there is, to the tolerance of the planner.
     Optimal,

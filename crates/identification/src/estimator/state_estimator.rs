@@ -83,7 +83,8 @@ pub struct Acted {
     pub until_ns: i64,
     /// External, and the wheels' reaction torque; body axes about the origin.
     pub wrench_body: Wrench<f64>,
-    /// Angular momentum of wheels relative to the body; zero without.
+    /// Angular momentum of wheels relative to the body, body axes, mean over the span, N m s; zero without. Its change is in the torque,
+    /// that it is turned along with the body is not: an estimator adds h x w itself.
     pub stored_body: Vector3<f64>,
 }
 
