@@ -35,6 +35,8 @@ mod linear_model;
 mod motion;
 #[cfg(feature = "std")]
 pub mod multibody;
+#[cfg(feature = "std")]
+pub mod noise;
 mod observability;
 pub mod recursive;
 #[cfg(feature = "std")]
