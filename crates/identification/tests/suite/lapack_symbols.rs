@@ -1,766 +1,426 @@
-//! The eleven BLAS and LAPACK routines that Clarabel's semidefinite cone calls, under their Fortran names.
+//! The eleven BLAS and LAPACK routines that Clarabel's semidefinite cone calls, under their Fortran names, on faer.
 //!
-//! For the tests of `tumble-identification` only: a program that links a real BLAS would have every symbol twice.
-//! Small matrices are the target. Eigenvalues come from cyclic Jacobi and singular values from one-sided Jacobi, both
-//! accurate to high relative precision without workspace; the workspace arguments of the ABI are ignored.
+//! For the tests of `tumble-identification` only: a program that links a real BLAS would have every symbol twice. It shares no
+//! line with the Jacobi rotations and the triangles that it helps to check. faer brings its own workspace; the workspace
+//! arguments of the ABI are ignored.
 //!
 //! The Fortran ABI passes everything by pointer, column-major, which is why this module, and only this one, is unsafe.
 #![allow(unsafe_code)]
 // The signatures and the safety contract (valid pointers, consistent dimensions) are those of the reference library.
 #![allow(clippy::too_many_arguments, clippy::missing_safety_doc)]
-// Negated comparisons catch NaN; loops over indices read like the formulas.
-#![allow(clippy::neg_cmp_op_on_partial_ord, clippy::needless_range_loop)]
 // Dimensions and flags arrive as C integers; they are sizes of small matrices.
 #![allow(clippy::cast_sign_loss, clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
 
 use core::ffi::{c_char, c_int};
+use core::ops::MulAssign;
+use faer::diag::DiagMut;
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::cholesky::llt;
+use faer::linalg::evd::{self, ComputeEigenvectors};
+use faer::linalg::lu::partial_pivoting as lu;
+use faer::linalg::matmul::matmul;
+use faer::linalg::svd::{self, ComputeSvdVectors};
+use faer::traits::ComplexField;
+use faer::{Accum, Mat, MatMut, MatRef, Par};
 
-/// The two precisions.
-trait Real:
-    Copy
-    + PartialOrd
-    + core::ops::Add<Output = Self>
-    + core::ops::Sub<Output = Self>
-    + core::ops::Mul<Output = Self>
-    + core::ops::Div<Output = Self>
-    + core::ops::Neg<Output = Self>
-{
-    const ZERO: Self;
-    const ONE: Self;
-    const EPS: Self;
-    fn sqrt(self) -> Self;
-    fn abs(self) -> Self;
-    fn of(i: usize) -> Self;
-}
-macro_rules! real {
-    ($t:ty) => {
-        impl Real for $t {
-            const ZERO: Self = 0.0;
-            const ONE: Self = 1.0;
-            const EPS: Self = <$t>::EPSILON;
-            fn sqrt(self) -> Self {
-                <$t>::sqrt(self)
-            }
-            fn abs(self) -> Self {
-                <$t>::abs(self)
-            }
-            fn of(i: usize) -> Self {
-                i as $t
-            }
-        }
-    };
-}
-real!(f32);
-real!(f64);
+type Flag = *const c_char;
+type Size = *const c_int;
 
-fn yes(c: *const c_char, what: u8) -> bool {
-    (unsafe { *c } as u8).eq_ignore_ascii_case(&what)
+unsafe fn is(flag: Flag, letter: u8) -> bool {
+    (unsafe { *flag } as u8).eq_ignore_ascii_case(&letter)
 }
-unsafe fn size(p: *const c_int) -> usize {
+
+unsafe fn size(p: Size) -> usize {
     (unsafe { *p }) as usize
 }
 
-/// Column-major view.
-#[derive(Clone, Copy)]
-struct ColumnMajor<T> {
-    p: *mut T,
-    ld: usize,
-}
-impl<T: Copy> ColumnMajor<T> {
-    unsafe fn new(p: *const T, ld: *const c_int) -> Self {
-        Self { p: p.cast_mut(), ld: unsafe { size(ld) } }
-    }
-    fn get(&self, i: usize, j: usize) -> T {
-        unsafe { *self.p.add(i + j * self.ld) }
-    }
-    fn set(&self, i: usize, j: usize, v: T) {
-        unsafe { *self.p.add(i + j * self.ld) = v }
-    }
-}
-fn axpby<T: Real>(alpha: T, ab: T, beta: T, c: T) -> T {
-    // BLAS semantics: beta == 0 means that C is not read
-    if beta == T::ZERO { alpha * ab } else { alpha * ab + beta * c }
+unsafe fn view<'a, T>(p: *const T, rows: usize, columns: usize, leading: Size) -> MatRef<'a, T> {
+    unsafe { MatRef::from_raw_parts(p, rows, columns, 1, size(leading) as isize) }
 }
 
-unsafe fn gemm<T: Real>(
-    ta: *const c_char,
-    tb: *const c_char,
-    m: *const c_int,
-    n: *const c_int,
-    k: *const c_int,
-    alpha: *const T,
-    a: *const T,
-    lda: *const c_int,
-    b: *const T,
-    ldb: *const c_int,
-    beta: *const T,
-    c: *mut T,
-    ldc: *const c_int,
-) {
+unsafe fn view_mut<'a, T>(p: *mut T, rows: usize, columns: usize, leading: Size) -> MatMut<'a, T> {
+    unsafe { MatMut::from_raw_parts_mut(p, rows, columns, 1, size(leading) as isize) }
+}
+
+/// A matrix of this shape, stored as it is or transposed.
+unsafe fn operand<'a, T>(flag: Flag, p: *const T, rows: usize, columns: usize, leading: Size) -> MatRef<'a, T> {
     unsafe {
-        let (m, n, k) = (size(m), size(n), size(k));
-        let (a_view, b_view, c_view) = (ColumnMajor::new(a, lda), ColumnMajor::new(b, ldb), ColumnMajor::new(c, ldc));
-        let (ta, tb) = (!yes(ta, b'N'), !yes(tb, b'N'));
-        for j in 0..n {
-            for i in 0..m {
-                let mut s = T::ZERO;
-                for l in 0..k {
-                    s = s
-                        + (if ta { a_view.get(l, i) } else { a_view.get(i, l) })
-                            * (if tb { b_view.get(j, l) } else { b_view.get(l, j) });
-                }
-                let old = if *beta == T::ZERO { T::ZERO } else { c_view.get(i, j) };
-                c_view.set(i, j, axpby(*alpha, s, *beta, old));
+        if is(flag, b'N') { view(p, rows, columns, leading) } else { view(p, columns, rows, leading).transpose() }
+    }
+}
+
+unsafe fn column<'a, T>(p: *const T, length: usize, step: Size) -> MatRef<'a, T> {
+    unsafe { MatRef::from_raw_parts(p, length, 1, *step as isize, 1) }
+}
+
+unsafe fn column_mut<'a, T>(p: *mut T, length: usize, step: Size) -> MatMut<'a, T> {
+    unsafe { MatMut::from_raw_parts_mut(p, length, 1, *step as isize, 1) }
+}
+
+/// A symmetric matrix of which one triangle is stored, transposed so that it is the lower one.
+unsafe fn lower<'a, T>(triangle: Flag, p: *const T, n: usize, leading: Size) -> MatRef<'a, T> {
+    let stored = unsafe { view(p, n, n, leading) };
+    if unsafe { is(triangle, b'U') } { stored.transpose() } else { stored }
+}
+
+unsafe fn lower_mut<'a, T>(triangle: Flag, p: *mut T, n: usize, leading: Size) -> MatMut<'a, T> {
+    let stored = unsafe { view_mut(p, n, n, leading) };
+    if unsafe { is(triangle, b'U') } { stored.transpose_mut() } else { stored }
+}
+
+/// Memory for a routine of faer.
+fn memory(request: StackReq) -> MemBuffer {
+    MemBuffer::new(request)
+}
+
+/// `c = alpha a b + beta c`; where `beta` is zero, `c` is not read.
+fn update<T>(alpha: T, a: MatRef<'_, T>, b: MatRef<'_, T>, beta: T, mut c: MatMut<'_, T>)
+where
+    T: ComplexField + Copy + Default + PartialEq + MulAssign,
+{
+    let kept = if beta == T::default() { Accum::Replace } else { Accum::Add };
+    if kept == Accum::Add {
+        for j in 0..c.ncols() {
+            for i in 0..c.nrows() {
+                c[(i, j)] *= beta;
             }
         }
     }
+    matmul(c, kept, a, b, alpha, Par::Seq);
 }
-unsafe fn gemv<T: Real>(
-    t: *const c_char,
-    m: *const c_int,
-    n: *const c_int,
-    alpha: *const T,
-    a: *const T,
-    lda: *const c_int,
-    x: *const T,
-    incx: *const c_int,
-    beta: *const T,
-    y: *mut T,
-    incy: *const c_int,
-) {
-    unsafe {
-        let (m, n, ix, iy) = (size(m), size(n), size(incx), size(incy));
-        let a_view = ColumnMajor::new(a, lda);
-        let t = !yes(t, b'N');
-        let (rows, cols) = if t { (n, m) } else { (m, n) };
-        for i in 0..rows {
-            let mut s = T::ZERO;
-            for j in 0..cols {
-                s = s + (if t { a_view.get(j, i) } else { a_view.get(i, j) }) * *x.add(j * ix);
-            }
-            let old = if *beta == T::ZERO { T::ZERO } else { *y.add(i * iy) };
-            *y.add(i * iy) = axpby(*alpha, s, *beta, old);
-        }
-    }
-}
-unsafe fn symv<T: Real>(
-    uplo: *const c_char,
-    n: *const c_int,
-    alpha: *const T,
-    a: *const T,
-    lda: *const c_int,
-    x: *const T,
-    incx: *const c_int,
-    beta: *const T,
-    y: *mut T,
-    incy: *const c_int,
-) {
-    unsafe {
-        let (n, ix, iy, up, a_view) = (size(n), size(incx), size(incy), yes(uplo, b'U'), ColumnMajor::new(a, lda));
-        for i in 0..n {
-            let mut s = T::ZERO;
-            for j in 0..n {
-                s = s + (if (i <= j) == up || i == j { a_view.get(i, j) } else { a_view.get(j, i) }) * *x.add(j * ix);
-            }
-            let old = if *beta == T::ZERO { T::ZERO } else { *y.add(i * iy) };
-            *y.add(i * iy) = axpby(*alpha, s, *beta, old);
-        }
-    }
-}
-unsafe fn syr2k_any<T: Real>(
-    uplo: *const c_char,
-    trans: *const c_char,
-    n: *const c_int,
-    k: *const c_int,
-    alpha: *const T,
-    a_view: ColumnMajor<T>,
-    b_view: Option<ColumnMajor<T>>,
-    beta: *const T,
-    c: *mut T,
-    ldc: *const c_int,
-) {
-    unsafe {
-        let (n, k, up, nt, c_view) = (size(n), size(k), yes(uplo, b'U'), yes(trans, b'N'), ColumnMajor::new(c, ldc));
-        let e = |x_view: ColumnMajor<T>, i: usize, l: usize| if nt { x_view.get(i, l) } else { x_view.get(l, i) };
-        for j in 0..n {
-            let (lo, hi) = if up { (0, j + 1) } else { (j, n) };
-            for i in lo..hi {
-                let mut s = T::ZERO;
-                for l in 0..k {
-                    s = match b_view {
-                        None => s + e(a_view, i, l) * e(a_view, j, l),
-                        Some(b_view) => s + e(a_view, i, l) * e(b_view, j, l) + e(b_view, i, l) * e(a_view, j, l),
-                    };
-                }
-                let old = if *beta == T::ZERO { T::ZERO } else { c_view.get(i, j) };
-                c_view.set(i, j, axpby(*alpha, s, *beta, old));
-            }
-        }
-    }
-}
-unsafe fn syrk<T: Real>(
-    uplo: *const c_char,
-    trans: *const c_char,
-    n: *const c_int,
-    k: *const c_int,
-    alpha: *const T,
-    a: *const T,
-    lda: *const c_int,
-    beta: *const T,
-    c: *mut T,
-    ldc: *const c_int,
-) {
-    unsafe { syr2k_any(uplo, trans, n, k, alpha, ColumnMajor::new(a, lda), None, beta, c, ldc) }
-}
-unsafe fn syr2k<T: Real>(
-    uplo: *const c_char,
-    trans: *const c_char,
-    n: *const c_int,
-    k: *const c_int,
-    alpha: *const T,
-    a: *const T,
-    lda: *const c_int,
-    b: *const T,
-    ldb: *const c_int,
-    beta: *const T,
-    c: *mut T,
-    ldc: *const c_int,
-) {
-    unsafe {
-        syr2k_any(uplo, trans, n, k, alpha, ColumnMajor::new(a, lda), Some(ColumnMajor::new(b, ldb)), beta, c, ldc);
-    }
-}
-unsafe fn potrf<T: Real>(uplo: *const c_char, n: *const c_int, a: *mut T, lda: *const c_int, info: *mut c_int) {
-    unsafe {
-        let (n, up, a_view) = (size(n), yes(uplo, b'U'), ColumnMajor::new(a, lda));
-        // L(i,j), j <= i, lives at (i,j) or, for the upper variant, at (j,i)
-        let g = |i: usize, j: usize| if up { a_view.get(j, i) } else { a_view.get(i, j) };
-        let s = |i: usize, j: usize, v: T| if up { a_view.set(j, i, v) } else { a_view.set(i, j, v) };
-        *info = 0;
-        for j in 0..n {
-            let mut d = g(j, j);
-            for k in 0..j {
-                d = d - g(j, k) * g(j, k);
-            }
-            if !(d > T::ZERO) {
-                *info = (j + 1) as c_int;
-                return;
-            }
-            let d = d.sqrt();
-            s(j, j, d);
-            for i in j + 1..n {
-                let mut v = g(i, j);
-                for k in 0..j {
-                    v = v - g(i, k) * g(j, k);
-                }
-                s(i, j, v / d);
-            }
-        }
-    }
-}
-unsafe fn potrs<T: Real>(
-    uplo: *const c_char,
-    n: *const c_int,
-    nrhs: *const c_int,
-    a: *const T,
-    lda: *const c_int,
-    b: *mut T,
-    ldb: *const c_int,
-    info: *mut c_int,
-) {
-    unsafe {
-        let (n, r, up, a_view, b_view) =
-            (size(n), size(nrhs), yes(uplo, b'U'), ColumnMajor::new(a, lda), ColumnMajor::new(b, ldb));
-        let g = |i: usize, j: usize| if up { a_view.get(j, i) } else { a_view.get(i, j) };
-        for c in 0..r {
-            for i in 0..n {
-                let mut v = b_view.get(i, c);
-                for k in 0..i {
-                    v = v - g(i, k) * b_view.get(k, c);
-                }
-                b_view.set(i, c, v / g(i, i));
-            }
-            for i in (0..n).rev() {
-                let mut v = b_view.get(i, c);
-                for k in i + 1..n {
-                    v = v - g(k, i) * b_view.get(k, c);
-                }
-                b_view.set(i, c, v / g(i, i));
-            }
-        }
-        *info = 0;
-    }
-}
-unsafe fn gesv<T: Real>(
-    n: *const c_int,
-    nrhs: *const c_int,
-    a: *mut T,
-    lda: *const c_int,
-    ipiv: *mut c_int,
-    b: *mut T,
-    ldb: *const c_int,
-    info: *mut c_int,
-) {
-    unsafe {
-        let (n, r, a_view, b_view) = (size(n), size(nrhs), ColumnMajor::new(a, lda), ColumnMajor::new(b, ldb));
-        *info = 0;
-        for k in 0..n {
-            let mut p = k;
-            for i in k + 1..n {
-                if a_view.get(i, k).abs() > a_view.get(p, k).abs() {
-                    p = i;
-                }
-            }
-            *ipiv.add(k) = (p + 1) as c_int;
-            if a_view.get(p, k) == T::ZERO {
-                *info = (k + 1) as c_int;
-                return;
-            }
-            if p != k {
-                for j in 0..n {
-                    let (x, y) = (a_view.get(k, j), a_view.get(p, j));
-                    a_view.set(k, j, y);
-                    a_view.set(p, j, x);
-                }
-                for j in 0..r {
-                    let (x, y) = (b_view.get(k, j), b_view.get(p, j));
-                    b_view.set(k, j, y);
-                    b_view.set(p, j, x);
-                }
-            }
-            for i in k + 1..n {
-                let f = a_view.get(i, k) / a_view.get(k, k);
-                a_view.set(i, k, f);
-                for j in k + 1..n {
-                    a_view.set(i, j, a_view.get(i, j) - f * a_view.get(k, j));
-                }
-                for j in 0..r {
-                    b_view.set(i, j, b_view.get(i, j) - f * b_view.get(k, j));
-                }
-            }
-        }
-        for j in 0..r {
-            for i in (0..n).rev() {
-                let mut v = b_view.get(i, j);
-                for k in i + 1..n {
-                    v = v - a_view.get(i, k) * b_view.get(k, j);
-                }
-                b_view.set(i, j, v / a_view.get(i, i));
-            }
+
+/// The lower triangle of `c = product + beta c`, for a symmetric product; where `beta` is zero, `c` is not read.
+fn update_triangle<T>(product: &Mat<T>, beta: T, mut c: MatMut<'_, T>)
+where
+    T: Copy + Default + PartialEq + core::ops::Add<Output = T> + core::ops::Mul<Output = T>,
+{
+    for j in 0..c.ncols() {
+        for i in j..c.nrows() {
+            let kept = if beta == T::default() { T::default() } else { beta * c[(i, j)] };
+            c[(i, j)] = product[(i, j)] + kept;
         }
     }
 }
 
-/// Rotation (c, s) that annihilates the off-diagonal of [[app, apq], [apq, aqq]].
-fn jacobi<T: Real>(app: T, apq: T, aqq: T) -> (T, T) {
-    let theta = (aqq - app) / (T::of(2) * apq);
-    let t = T::ONE / (theta.abs() + (T::ONE + theta * theta).sqrt());
-    let t = if theta < T::ZERO { -t } else { t };
-    let c = T::ONE / (T::ONE + t * t).sqrt();
-    (c, c * t)
-}
-
-unsafe fn syevr<T: Real>(
-    jobz: *const c_char,
-    _range: *const c_char,
-    uplo: *const c_char,
-    n: *const c_int,
-    a: *mut T,
-    lda: *const c_int,
-    _vl: *const T,
-    _vu: *const T,
-    _il: *const c_int,
-    _iu: *const c_int,
-    _abstol: *const T,
-    m: *mut c_int,
-    w: *mut T,
-    z: *mut T,
-    ldz: *const c_int,
-    _isuppz: *mut c_int,
-    work: *mut T,
-    lwork: *const c_int,
-    iwork: *mut c_int,
-    _liwork: *const c_int,
-    info: *mut c_int,
-) {
-    unsafe {
-        *info = 0;
-        if *lwork == -1 {
-            *work = T::ONE;
-            *iwork = 1;
-            return;
-        }
-        let (n, up, a_view, vecs) = (size(n), yes(uplo, b'U'), ColumnMajor::new(a, lda), yes(jobz, b'V'));
-        let mut s: Vec<T> = (0..n * n)
-            .map(|k| {
-                let (i, j) = (k % n, k / n);
-                if (i <= j) == up || i == j { a_view.get(i, j) } else { a_view.get(j, i) }
-            })
-            .collect();
-        let mut v: Vec<T> = (0..n * n).map(|k| if k % n == k / n { T::ONE } else { T::ZERO }).collect();
-        for _sweep in 0..60 {
-            let mut off = T::ZERO;
-            for p in 0..n {
-                for q in p + 1..n {
-                    let apq = s[p + q * n];
-                    let scale = (s[p + p * n].abs() * s[q + q * n].abs()).sqrt();
-                    if apq == T::ZERO || (scale + apq.abs()) == scale {
-                        continue;
-                    }
-                    off = off + apq.abs();
-                    let (c, sn) = jacobi(s[p + p * n], apq, s[q + q * n]);
-                    for k in 0..n {
-                        let (x, y) = (s[k + p * n], s[k + q * n]);
-                        s[k + p * n] = c * x - sn * y;
-                        s[k + q * n] = sn * x + c * y;
-                    }
-                    for k in 0..n {
-                        let (x, y) = (s[p + k * n], s[q + k * n]);
-                        s[p + k * n] = c * x - sn * y;
-                        s[q + k * n] = sn * x + c * y;
-                    }
-                    for k in 0..n {
-                        let (x, y) = (v[k + p * n], v[k + q * n]);
-                        v[k + p * n] = c * x - sn * y;
-                        v[k + q * n] = sn * x + c * y;
-                    }
-                }
-            }
-            if off == T::ZERO {
-                break;
-            }
-        }
-        let mut order: Vec<usize> = (0..n).collect();
-        order.sort_by(|&i, &j| s[i + i * n].partial_cmp(&s[j + j * n]).unwrap_or(core::cmp::Ordering::Equal));
-        for (k, &i) in order.iter().enumerate() {
-            *w.add(k) = s[i + i * n];
-            if vecs {
-                let z_view = ColumnMajor::new(z, ldz);
-                for r in 0..n {
-                    z_view.set(r, k, v[r + i * n]);
-                }
-            }
-        }
-        *m = n as c_int;
-    }
-}
-
-/// Economy SVD by one-sided Jacobi on the taller of a_view and A'.
-unsafe fn svd<T: Real>(
-    m: *const c_int,
-    n: *const c_int,
-    a: *mut T,
-    lda: *const c_int,
-    s: *mut T,
-    uu: *mut T,
-    ldu: *const c_int,
-    vt: *mut T,
-    ldvt: *const c_int,
-    work: *mut T,
-    lwork: *const c_int,
-    info: *mut c_int,
-) {
-    unsafe {
-        *info = 0;
-        if *lwork == -1 {
-            *work = T::ONE;
-            return;
-        }
-        let (m, n, a_view, u_view, vt_view) =
-            (size(m), size(n), ColumnMajor::new(a, lda), ColumnMajor::new(uu, ldu), ColumnMajor::new(vt, ldvt));
-        let tall = m >= n;
-        let (r, c) = if tall { (m, n) } else { (n, m) };
-        let mut g: Vec<T> = (0..r * c)
-            .map(|k| {
-                let (i, j) = (k % r, k / r);
-                if tall { a_view.get(i, j) } else { a_view.get(j, i) }
-            })
-            .collect();
-        let mut v: Vec<T> = (0..c * c).map(|k| if k % c == k / c { T::ONE } else { T::ZERO }).collect();
-        for _sweep in 0..60 {
-            let mut rotated = false;
-            for p in 0..c {
-                for q in p + 1..c {
-                    let (mut al, mut be, mut ga) = (T::ZERO, T::ZERO, T::ZERO);
-                    for k in 0..r {
-                        let (x, y) = (g[k + p * r], g[k + q * r]);
-                        al = al + x * x;
-                        be = be + y * y;
-                        ga = ga + x * y;
-                    }
-                    if ga == T::ZERO || ga.abs() <= T::EPS * (al * be).sqrt() {
-                        continue;
-                    }
-                    rotated = true;
-                    let (cs, sn) = jacobi(al, ga, be);
-                    for k in 0..r {
-                        let (x, y) = (g[k + p * r], g[k + q * r]);
-                        g[k + p * r] = cs * x - sn * y;
-                        g[k + q * r] = sn * x + cs * y;
-                    }
-                    for k in 0..c {
-                        let (x, y) = (v[k + p * c], v[k + q * c]);
-                        v[k + p * c] = cs * x - sn * y;
-                        v[k + q * c] = sn * x + cs * y;
-                    }
-                }
-            }
-            if !rotated {
-                break;
-            }
-        }
-        let norm: Vec<T> = (0..c)
-            .map(|j| {
-                let mut t = T::ZERO;
-                for k in 0..r {
-                    t = t + g[k + j * r] * g[k + j * r];
-                }
-                t.sqrt()
-            })
-            .collect();
-        let mut order: Vec<usize> = (0..c).collect();
-        order.sort_by(|&i, &j| norm[j].partial_cmp(&norm[i]).unwrap_or(core::cmp::Ordering::Equal));
-        let mut basis: Vec<T> = Vec::with_capacity(r * c);
-        for (k, &j) in order.iter().enumerate() {
-            *s.add(k) = norm[j];
-            let mut col: Vec<T> =
-                if norm[j] > T::ZERO { (0..r).map(|i| g[i + j * r] / norm[j]).collect() } else { vec![T::ZERO; r] };
-            if !(norm[j] > T::ZERO) {
-                // complete the basis: the unit vector with the largest residual after projection
-                let mut best = T::ZERO;
-                for e in 0..r {
-                    let mut t: Vec<T> = (0..r).map(|i| if i == e { T::ONE } else { T::ZERO }).collect();
-                    for _ in 0..2 {
-                        for b in 0..k {
-                            let mut d = T::ZERO;
-                            for i in 0..r {
-                                d = d + basis[i + b * r] * t[i];
-                            }
-                            for i in 0..r {
-                                t[i] = t[i] - d * basis[i + b * r];
-                            }
-                        }
-                    }
-                    let mut nn = T::ZERO;
-                    for &x in &t {
-                        nn = nn + x * x;
-                    }
-                    let nn = nn.sqrt();
-                    if nn > best {
-                        best = nn;
-                        col = t.iter().map(|&x| x / nn).collect();
-                    }
-                }
-            }
-            for i in 0..r {
-                if tall { u_view.set(i, k, col[i]) } else { vt_view.set(k, i, col[i]) }
-            }
-            for i in 0..c {
-                if tall { vt_view.set(k, i, v[i + j * c]) } else { u_view.set(i, k, v[i + j * c]) }
-            }
-            basis.extend(col);
-        }
-    }
-}
-
-macro_rules! export {
-    ($t:ty, $gemm:ident $gemv:ident $symv:ident $syrk:ident $syr2k:ident $potrf:ident $potrs:ident $gesv:ident $gesdd:ident $gesvd:ident $syevr:ident) => {
+macro_rules! routines {
+    ($t:ident: $gemm:ident $gemv:ident $symv:ident $syrk:ident $syr2k:ident $potrf:ident $potrs:ident $gesv:ident $gesdd:ident $gesvd:ident $syevr:ident $svd:ident) => {
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $gemm(
-            ta: *const c_char,
-            tb: *const c_char,
-            m: *const c_int,
-            n: *const c_int,
-            k: *const c_int,
-            al: *const $t,
+            ta: Flag,
+            tb: Flag,
+            m: Size,
+            n: Size,
+            k: Size,
+            alpha: *const $t,
             a: *const $t,
-            lda: *const c_int,
+            lda: Size,
             b: *const $t,
-            ldb: *const c_int,
-            be: *const $t,
+            ldb: Size,
+            beta: *const $t,
             c: *mut $t,
-            ldc: *const c_int,
+            ldc: Size,
         ) {
-            unsafe { gemm(ta, tb, m, n, k, al, a, lda, b, ldb, be, c, ldc) }
+            unsafe {
+                let (m, n, k) = (size(m), size(n), size(k));
+                let (a, b) = (operand(ta, a, m, k, lda), operand(tb, b, k, n, ldb));
+                update(*alpha, a, b, *beta, view_mut(c, m, n, ldc));
+            }
         }
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $gemv(
-            t: *const c_char,
-            m: *const c_int,
-            n: *const c_int,
-            al: *const $t,
+            t: Flag,
+            m: Size,
+            n: Size,
+            alpha: *const $t,
             a: *const $t,
-            lda: *const c_int,
+            lda: Size,
             x: *const $t,
-            ix: *const c_int,
-            be: *const $t,
+            incx: Size,
+            beta: *const $t,
             y: *mut $t,
-            iy: *const c_int,
+            incy: Size,
         ) {
-            unsafe { gemv(t, m, n, al, a, lda, x, ix, be, y, iy) }
+            unsafe {
+                let (m, n) = if is(t, b'N') { (size(m), size(n)) } else { (size(n), size(m)) };
+                update(*alpha, operand(t, a, m, n, lda), column(x, n, incx), *beta, column_mut(y, m, incy));
+            }
         }
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $symv(
-            uplo: *const c_char,
-            n: *const c_int,
-            al: *const $t,
+            uplo: Flag,
+            n: Size,
+            alpha: *const $t,
             a: *const $t,
-            lda: *const c_int,
+            lda: Size,
             x: *const $t,
-            ix: *const c_int,
-            be: *const $t,
+            incx: Size,
+            beta: *const $t,
             y: *mut $t,
-            iy: *const c_int,
+            incy: Size,
         ) {
-            unsafe { symv(uplo, n, al, a, lda, x, ix, be, y, iy) }
+            unsafe {
+                let n = size(n);
+                let a = lower(uplo, a, n, lda);
+                let whole = Mat::from_fn(n, n, |i, j| a[(i.max(j), i.min(j))]);
+                update(*alpha, whole.as_ref(), column(x, n, incx), *beta, column_mut(y, n, incy));
+            }
         }
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $syrk(
-            uplo: *const c_char,
-            t: *const c_char,
-            n: *const c_int,
-            k: *const c_int,
-            al: *const $t,
+            uplo: Flag,
+            trans: Flag,
+            n: Size,
+            k: Size,
+            alpha: *const $t,
             a: *const $t,
-            lda: *const c_int,
-            be: *const $t,
+            lda: Size,
+            beta: *const $t,
             c: *mut $t,
-            ldc: *const c_int,
+            ldc: Size,
         ) {
-            unsafe { syrk(uplo, t, n, k, al, a, lda, be, c, ldc) }
+            unsafe {
+                let (n, k) = (size(n), size(k));
+                let (a, mut product) = (operand(trans, a, n, k, lda), Mat::zeros(n, n));
+                update(*alpha, a, a.transpose(), 0.0, product.as_mut());
+                update_triangle(&product, *beta, lower_mut(uplo, c, n, ldc));
+            }
         }
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $syr2k(
-            uplo: *const c_char,
-            t: *const c_char,
-            n: *const c_int,
-            k: *const c_int,
-            al: *const $t,
+            uplo: Flag,
+            trans: Flag,
+            n: Size,
+            k: Size,
+            alpha: *const $t,
             a: *const $t,
-            lda: *const c_int,
+            lda: Size,
             b: *const $t,
-            ldb: *const c_int,
-            be: *const $t,
+            ldb: Size,
+            beta: *const $t,
             c: *mut $t,
-            ldc: *const c_int,
+            ldc: Size,
         ) {
-            unsafe { syr2k(uplo, t, n, k, al, a, lda, b, ldb, be, c, ldc) }
+            unsafe {
+                let (n, k) = (size(n), size(k));
+                let (a, b) = (operand(trans, a, n, k, lda), operand(trans, b, n, k, ldb));
+                let mut product = Mat::zeros(n, n);
+                update(*alpha, a, b.transpose(), 0.0, product.as_mut());
+                update(*alpha, b, a.transpose(), 1.0, product.as_mut());
+                update_triangle(&product, *beta, lower_mut(uplo, c, n, ldc));
+            }
         }
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $potrf(
-            uplo: *const c_char,
-            n: *const c_int,
-            a: *mut $t,
-            lda: *const c_int,
-            info: *mut c_int,
-        ) {
-            unsafe { potrf(uplo, n, a, lda, info) }
+        pub unsafe extern "C" fn $potrf(uplo: Flag, n: Size, a: *mut $t, lda: Size, info: *mut c_int) {
+            unsafe {
+                let n = size(n);
+                let mut a = lower_mut(uplo, a, n, lda);
+                let mut factor = a.to_owned();
+                let mut memory = memory(llt::factor::cholesky_in_place_scratch::<$t>(n, Par::Seq, Default::default()));
+                let found = llt::factor::cholesky_in_place(
+                    factor.as_mut(),
+                    Default::default(),
+                    Par::Seq,
+                    MemStack::new(&mut memory),
+                    Default::default(),
+                );
+                *info = match found {
+                    Ok(_) => 0,
+                    Err(llt::factor::LltError::NonPositivePivot { index }) => index as c_int + 1,
+                };
+                // The other triangle is not to be written.
+                for j in 0..n {
+                    for i in j..n {
+                        a[(i, j)] = factor[(i, j)];
+                    }
+                }
+            }
         }
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $potrs(
-            uplo: *const c_char,
-            n: *const c_int,
-            nrhs: *const c_int,
+            uplo: Flag,
+            n: Size,
+            nrhs: Size,
             a: *const $t,
-            lda: *const c_int,
+            lda: Size,
             b: *mut $t,
-            ldb: *const c_int,
+            ldb: Size,
             info: *mut c_int,
         ) {
-            unsafe { potrs(uplo, n, nrhs, a, lda, b, ldb, info) }
+            unsafe {
+                let (n, r) = (size(n), size(nrhs));
+                let mut memory = memory(llt::solve::solve_in_place_scratch::<$t>(n, r, Par::Seq));
+                let (factor, b) = (lower(uplo, a, n, lda), view_mut(b, n, r, ldb));
+                llt::solve::solve_in_place(factor, b, Par::Seq, MemStack::new(&mut memory));
+                *info = 0;
+            }
         }
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $gesv(
-            n: *const c_int,
-            nrhs: *const c_int,
+            n: Size,
+            nrhs: Size,
             a: *mut $t,
-            lda: *const c_int,
-            ipiv: *mut c_int,
+            lda: Size,
+            _ipiv: *mut c_int,
             b: *mut $t,
-            ldb: *const c_int,
+            ldb: Size,
             info: *mut c_int,
         ) {
-            unsafe { gesv(n, nrhs, a, lda, ipiv, b, ldb, info) }
+            unsafe {
+                let (n, r) = (size(n), size(nrhs));
+                let (mut a, b) = (view_mut(a, n, n, lda), view_mut(b, n, r, ldb));
+                let (mut order, mut inverse) = (vec![0_usize; n], vec![0_usize; n]);
+                let mut memory = memory(StackReq::any_of(&[
+                    lu::factor::lu_in_place_scratch::<usize, $t>(n, n, Par::Seq, Default::default()),
+                    lu::solve::solve_in_place_scratch::<usize, $t>(n, r, Par::Seq),
+                ]));
+                let stack = MemStack::new(&mut memory);
+                let a_mut = a.as_mut();
+                let (_, rows) =
+                    lu::factor::lu_in_place(a_mut, &mut order, &mut inverse, Par::Seq, stack, Default::default());
+                let singular = (0..n).find(|&k| a[(k, k)] == 0.0);
+                *info = singular.map_or(0, |k| k as c_int + 1);
+                if singular.is_none() {
+                    lu::solve::solve_in_place(a.as_ref(), a.as_ref(), rows, b, Par::Seq, MemStack::new(&mut memory));
+                }
+            }
+        }
+        /// Both routines for singular values, thin.
+        unsafe fn $svd(
+            m: Size,
+            n: Size,
+            a: *mut $t,
+            lda: Size,
+            s: *mut $t,
+            u: *mut $t,
+            ldu: Size,
+            vt: *mut $t,
+            ldvt: Size,
+            work: *mut $t,
+            lwork: Size,
+            info: *mut c_int,
+        ) {
+            unsafe {
+                *info = 0;
+                if *lwork == -1 {
+                    *work = 1.0;
+                    return;
+                }
+                let (m, n) = (size(m), size(n));
+                let k = m.min(n);
+                let thin = ComputeSvdVectors::Thin;
+                let mut memory = memory(svd::svd_scratch::<$t>(m, n, thin, thin, Par::Seq, Default::default()));
+                let found = svd::svd(
+                    view(a, m, n, lda),
+                    DiagMut::from_raw_parts_mut(s, k, 1),
+                    Some(view_mut(u, m, k, ldu)),
+                    Some(view_mut(vt, k, n, ldvt).transpose_mut()),
+                    Par::Seq,
+                    MemStack::new(&mut memory),
+                    Default::default(),
+                );
+                *info = c_int::from(found.is_err());
+            }
         }
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $gesdd(
-            _j: *const c_char,
-            m: *const c_int,
-            n: *const c_int,
+            _jobz: Flag,
+            m: Size,
+            n: Size,
             a: *mut $t,
-            lda: *const c_int,
+            lda: Size,
             s: *mut $t,
-            uu: *mut $t,
-            ldu: *const c_int,
+            u: *mut $t,
+            ldu: Size,
             vt: *mut $t,
-            ldvt: *const c_int,
+            ldvt: Size,
             work: *mut $t,
-            lwork: *const c_int,
-            _iw: *mut c_int,
+            lwork: Size,
+            _iwork: *mut c_int,
             info: *mut c_int,
         ) {
-            unsafe { svd(m, n, a, lda, s, uu, ldu, vt, ldvt, work, lwork, info) }
+            unsafe { $svd(m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info) }
         }
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $gesvd(
-            _j: *const c_char,
-            _k: *const c_char,
-            m: *const c_int,
-            n: *const c_int,
+            _jobu: Flag,
+            _jobvt: Flag,
+            m: Size,
+            n: Size,
             a: *mut $t,
-            lda: *const c_int,
+            lda: Size,
             s: *mut $t,
-            uu: *mut $t,
-            ldu: *const c_int,
+            u: *mut $t,
+            ldu: Size,
             vt: *mut $t,
-            ldvt: *const c_int,
+            ldvt: Size,
             work: *mut $t,
-            lwork: *const c_int,
+            lwork: Size,
             info: *mut c_int,
         ) {
-            unsafe { svd(m, n, a, lda, s, uu, ldu, vt, ldvt, work, lwork, info) }
+            unsafe { $svd(m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info) }
         }
         #[doc = "The routine of this name in the reference BLAS or LAPACK, as far as Clarabel uses it."]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $syevr(
-            j: *const c_char,
-            r: *const c_char,
-            uplo: *const c_char,
-            n: *const c_int,
+            jobz: Flag,
+            _range: Flag,
+            uplo: Flag,
+            n: Size,
             a: *mut $t,
-            lda: *const c_int,
-            vl: *const $t,
-            vu: *const $t,
-            il: *const c_int,
-            iu: *const c_int,
-            ab: *const $t,
+            lda: Size,
+            _vl: *const $t,
+            _vu: *const $t,
+            _il: Size,
+            _iu: Size,
+            _abstol: *const $t,
             m: *mut c_int,
             w: *mut $t,
             z: *mut $t,
-            ldz: *const c_int,
-            isz: *mut c_int,
+            ldz: Size,
+            _isuppz: *mut c_int,
             work: *mut $t,
-            lwork: *const c_int,
-            iw: *mut c_int,
-            liw: *const c_int,
+            lwork: Size,
+            iwork: *mut c_int,
+            _liwork: Size,
             info: *mut c_int,
         ) {
-            unsafe { syevr(j, r, uplo, n, a, lda, vl, vu, il, iu, ab, m, w, z, ldz, isz, work, lwork, iw, liw, info) }
+            unsafe {
+                *info = 0;
+                if *lwork == -1 {
+                    *work = 1.0;
+                    *iwork = 1;
+                    return;
+                }
+                let n = size(n);
+                let vectors = is(jobz, b'V');
+                let wanted = if vectors { ComputeEigenvectors::Yes } else { ComputeEigenvectors::No };
+                let mut memory = memory(evd::self_adjoint_evd_scratch::<$t>(n, wanted, Par::Seq, Default::default()));
+                let found = evd::self_adjoint_evd(
+                    lower(uplo, a, n, lda),
+                    DiagMut::from_raw_parts_mut(w, n, 1),
+                    if vectors { Some(view_mut(z, n, n, ldz)) } else { None },
+                    Par::Seq,
+                    MemStack::new(&mut memory),
+                    Default::default(),
+                );
+                *m = n as c_int;
+                *info = c_int::from(found.is_err());
+            }
         }
     };
 }
-export!(f32, sgemm_ sgemv_ ssymv_ ssyrk_ ssyr2k_ spotrf_ spotrs_ sgesv_ sgesdd_ sgesvd_ ssyevr_);
-export!(f64, dgemm_ dgemv_ dsymv_ dsyrk_ dsyr2k_ dpotrf_ dpotrs_ dgesv_ dgesdd_ dgesvd_ dsyevr_);
+routines!(f32: sgemm_ sgemv_ ssymv_ ssyrk_ ssyr2k_ spotrf_ spotrs_ sgesv_ sgesdd_ sgesvd_ ssyevr_ svd_f32);
+routines!(f64: dgemm_ dgemv_ dsymv_ dsyrk_ dsyr2k_ dpotrf_ dpotrs_ dgesv_ dgesdd_ dgesvd_ dsyevr_ svd_f64);
 
 #[cfg(test)]
 // The borrows of a call live as long as the call.

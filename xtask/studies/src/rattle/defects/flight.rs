@@ -4,12 +4,10 @@ use std::sync::{Arc, Mutex};
 
 use nalgebra::Vector3;
 use tumble::TumbleError;
-use tumble::mission::{
-    computing_time, controllers, estimator, loop_settings, measurement, scene, stretch_planner,
-};
+use tumble::mission::{computing_time, controllers, estimator, loop_settings, measurement, scene, stretch_planner};
+use tumble::scenario::{MissionProblem, ScenarioSource};
 use tumble_astrobee::propulsion::inverse::wrench_of_flow;
 use tumble_astrobee::propulsion::{InverseAllocation, PropulsionCommand};
-use tumble::scenario::{MissionProblem, ScenarioSource};
 use tumble_identification::estimator::Acted;
 use tumble_identification::recursive::FlightEstimator;
 use tumble_lie::Wrench;
