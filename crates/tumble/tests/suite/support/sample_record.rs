@@ -281,6 +281,7 @@ pub fn sample() -> MissionRecord {
             layers: LayerNames::default(),
         },
         arrived: true,
+        no_way: None,
         mission_s: DURATION_S,
         min_clearance_m: series.clearance_m.iter().flatten().copied().reduce(f64::min),
         limit_violations: 0,
