@@ -4,15 +4,17 @@ mod planning;
 
 use std::ops::ControlFlow;
 use std::path::Path;
-use tumble_astrobee::arm::{ArmModel, EMBEDDED};
-use tumble_astrobee::cli::{allocate, realize};
-use tumble_astrobee::excitation_file::ExcitationFile;
-use tumble_astrobee::log::{JointLogReader, LogReader, joint_template};
+use tumble::TumbleError;
+use tumble::cli::{allocate, realize};
+use tumble::robots::shipped;
+use tumble::scenario::{ScenarioSource, read_wrenches};
 use tumble_astrobee::propulsion::{AreaTable, PositivityShift};
-use tumble_astrobee::recording::{Encoding, RawMessage, ScanReport, bag, mcap_reader, messages};
-use tumble_astrobee::scenario::{ScenarioSource, read_wrenches};
-use tumble_astrobee::wheel_throw::parse_throw;
-use tumble_astrobee::{AstrobeeError, body_file};
+use tumble_formats::arm::ArmModel;
+use tumble_formats::excitation_file::ExcitationFile;
+use tumble_formats::log::{JointLogReader, LogReader, joint_template};
+use tumble_formats::recording::{Encoding, RawMessage, ScanReport, bag, mcap_reader, messages};
+use tumble_formats::wheel_throw::parse_throw;
+use tumble_formats::{FormatsError, Robots, body_file};
 
 /// A promise about any bytes.
 pub type Target = fn(&[u8]);
@@ -79,17 +81,17 @@ pub fn csv_log(data: &[u8]) {
 /// An arm that is read is finite and is read again as it was written.
 pub fn arm(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
-    match ArmModel::parse(Path::new("arm.urdf"), text) {
+    match ArmModel::parse(Path::new("arm.urdf"), text, &shipped()) {
         Ok(arm) => {
             let bodies = (0..arm.tree.bodies()).filter_map(|index| arm.tree.body(index));
             assert!(bodies.into_iter().all(|body| body.to_vector().iter().all(|number| number.is_finite())));
             assert!(!arm.to_urdf().chars().any(|c| c.is_control() && c != '\n'));
             assert_eq!(joint_template(&arm).lines().count(), 3);
             let written = arm.to_toml().expect("an arm is written");
-            match ArmModel::parse(Path::new("again.toml"), &written) {
+            match ArmModel::parse(Path::new("again.toml"), &written, &Robots::none()) {
                 Ok(again) => assert_eq!(again.tree.joints(), arm.tree.joints()),
                 // a body on the very edge may fall off it by rounding
-                Err(error) => assert!(matches!(error, AstrobeeError::ArmBody { .. }), "{error}"),
+                Err(error) => assert!(matches!(error, FormatsError::ArmBody { .. }), "{error}"),
             }
         }
         Err(error) => is_said(&error.to_string(), "arm.urdf"),
@@ -98,8 +100,7 @@ pub fn arm(data: &[u8]) {
 
 /// The rows of a log of an arm are finite, complete and ordered.
 pub fn joint_log(data: &[u8]) {
-    let embedded = EMBEDDED.iter().find(|embedded| embedded.name == "astrobee-arm").expect("an arm");
-    let arm = ArmModel::parse(Path::new("arm.toml"), embedded.text).expect("an arm");
+    let arm = ArmModel::find("astrobee-arm", &shipped()).expect("an arm");
     let mut last = None;
     let mut reader = match JointLogReader::from_reader(data, Path::new("log.csv"), &arm, true) {
         Ok(reader) => reader,
@@ -175,7 +176,7 @@ pub fn excitation_toml(data: &[u8]) {
 }
 
 /// A recording is scanned to some place in it; what it hands on is counted, and its messages decode or say why not.
-fn recording(data: &[u8], scanned: Result<ScanReport, AstrobeeError>, handed_on: u64) {
+fn recording(data: &[u8], scanned: Result<ScanReport, FormatsError>, handed_on: u64) {
     match scanned {
         Ok(report) => {
             assert_eq!(report.messages, handed_on);
@@ -294,7 +295,7 @@ pub fn wrenches(data: &[u8]) {
 }
 
 /// Every row of a table is answered by one of finite numbers, up to the first that cannot be.
-fn table(data: &[u8], run: impl Fn(&Path, &[u8], &mut Vec<u8>, &mut Vec<u8>) -> Result<(), AstrobeeError>) {
+fn table(data: &[u8], run: impl Fn(&Path, &[u8], &mut Vec<u8>, &mut Vec<u8>) -> Result<(), TumbleError>) {
     let (mut output, mut warnings) = (Vec::new(), Vec::new());
     if let Err(error) = run(Path::new("table.csv"), data, &mut output, &mut warnings) {
         is_said(&error.to_string(), "table.csv");

@@ -84,7 +84,7 @@ impl Tree {
             .collect();
         Ok(Self {
             files,
-            default_build: resolved("--package tumble-astrobee --edges normal,build")?,
+            default_build: resolved("--package tumble --edges normal,build")?,
             test_build: resolved("--workspace --edges normal,build,dev")?,
         })
     }

@@ -16,7 +16,7 @@ mod warning;
 pub use cramer_rao::{CramerRao, cramer_rao};
 pub use cycles::{Cycles, average_cycles};
 pub use fit::FourierFit;
-pub use identify_periodic::{HarmonicIdentification, identify_periodic};
+pub use identify_periodic::{HarmonicIdentification, Periodic, identify_periodic};
 pub use least_squares::PeriodicLeastSquares;
 pub use likelihood::{PeriodicLikelihood, maximum_likelihood};
 pub use periodic_record::PeriodicRecord;

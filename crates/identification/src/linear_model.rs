@@ -5,6 +5,8 @@ use nalgebra::{SMatrix, SVector};
 
 /// A measurement equation `regressor(sample) * parameters = output(sample)`.
 ///
+/// [`Rows`](crate::estimator::Rows) makes the observations of any recursive estimator of it.
+///
 /// Laws: `crate::laws::check_linear_model`. Tutorial: `tests/suite/custom_regressor.rs`.
 ///
 /// # Shape

@@ -1,10 +1,12 @@
 //! Errors that carry another's.
 
 use crate::error::IdentificationError;
+#[cfg(feature = "std")]
+use crate::registry::UnknownName;
 use core::error::Error;
 use core::fmt;
 
-/// What a seam answers with: the library's own error, `Copy` and comparable as it is, or one of somebody else.
+/// The error of every estimator: the library's own, `Copy` and comparable as it is, or one of an implementation from outside.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum EstimatorError {
@@ -17,6 +19,9 @@ pub enum EstimatorError {
         /// What it says.
         source: Source,
     },
+    /// A name that no entry of a registry bears.
+    #[cfg(feature = "std")]
+    Unknown(UnknownName),
     /// An implementation handed over what cannot be.
     Refused {
         /// What.
@@ -72,6 +77,8 @@ impl fmt::Display for EstimatorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Library(error) => error.fmt(f),
+            #[cfg(feature = "std")]
+            Self::Unknown(unknown) => unknown.fmt(f),
             Self::Foreign { by, source } => write!(f, "{by}: {}", source.error()),
             Self::Refused { what, index, value } => write!(f, "{what}: component {index} is {value}"),
         }
@@ -90,5 +97,12 @@ impl Error for EstimatorError {
 impl From<IdentificationError> for EstimatorError {
     fn from(error: IdentificationError) -> Self {
         Self::Library(error)
+    }
+}
+
+#[cfg(feature = "std")]
+impl From<UnknownName> for EstimatorError {
+    fn from(unknown: UnknownName) -> Self {
+        Self::Unknown(unknown)
     }
 }

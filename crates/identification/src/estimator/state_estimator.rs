@@ -2,7 +2,7 @@
 
 use super::{EstimatorError, Finding};
 use crate::dynamics::RigidBodyState;
-use crate::lie::{Manifold, Wrench};
+use crate::lie::{Manifold, Pose, Wrench};
 use crate::recursive::{FlightHealth, Reception, ReceptionCounts};
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use std::sync::Arc;
@@ -14,6 +14,13 @@ pub struct Gauss<V> {
     pub value: V,
     /// Its covariance, in the axes of the quantity.
     pub covariance: Matrix3<f64>,
+}
+
+impl<V> Gauss<V> {
+    /// Errors alike in all directions, of this standard deviation.
+    pub fn isotropic(value: V, sigma: f64) -> Self {
+        Self { value, covariance: Matrix3::identity() * (sigma * sigma) }
+    }
 }
 
 /// A measurement of a kind that the library does not know: range, bearing, a star's direction, at most three numbers.
@@ -55,6 +62,18 @@ pub struct Measurement {
     pub other: Option<(Arc<dyn Sensor>, Gauss<Vector3<f64>>)>,
 }
 
+impl Measurement {
+    /// A pose, with standard deviations of angle (rad) and position (m) that are alike in all directions.
+    pub fn of_pose(stamp_ns: i64, world_from_body: &Pose<f64>, angle_rad: f64, position_m: f64) -> Self {
+        Self {
+            stamp_ns,
+            attitude: Some(Gauss::isotropic(world_from_body.rotation, angle_rad)),
+            position_world: Some(Gauss::isotropic(world_from_body.translation.vector, position_m)),
+            ..Self::default()
+        }
+    }
+}
+
 /// What is believed to have acted; stored momentum stands in the type, so that nobody with wheels forgets it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acted {
@@ -64,7 +83,8 @@ pub struct Acted {
     pub until_ns: i64,
     /// External, and the wheels' reaction torque; body axes about the origin.
     pub wrench_body: Wrench<f64>,
-    /// Angular momentum of wheels relative to the body; zero without.
+    /// Angular momentum of wheels relative to the body, body axes, mean over the span, N m s; zero without. Its change is in the torque,
+    /// that it is turned along with the body is not: an estimator adds h x w itself.
     pub stored_body: Vector3<f64>,
 }
 

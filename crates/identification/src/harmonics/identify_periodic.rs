@@ -12,9 +12,10 @@ use super::warning::HarmonicWarning;
 use crate::body_scale::BodyScale;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::identify::{constrained, from_covariance, standard_deviations};
+use crate::estimator::{Estimator, EstimatorError, Evidence, Finding, Judge, Verdict};
+use crate::identify::{MAXIMUM_LIKELIHOOD, constrained, from_covariance, standard_deviations};
 use crate::motion::MotionSample;
-use crate::{Estimate, Identification, Method, Noise, POOR_FIT, Settings, identify};
+use crate::{Estimate, Identification, Noise, Settings, identify};
 use core::ops::RangeInclusive;
 use nalgebra::{SMatrix, SVector};
 
@@ -50,6 +51,8 @@ pub struct HarmonicIdentification {
     /// Share of the wrench's mean square (torque counted at the body's own length) that the estimate explains: of the averaged
     /// wrench with the fitted motion, or of the whole record's where the trajectory likelihood answers.
     pub explained: f64,
+    /// Whether the numbers may be used.
+    pub verdict: Verdict,
     /// All that the trajectory likelihood says, its warnings too, where it answers.
     pub trajectory: Option<Identification>,
     /// What a reader must know.
@@ -100,7 +103,8 @@ pub fn identify_periodic(
     };
     let mut likely = None;
     if wanted == HarmonicEstimator::Likelihood {
-        if matches!(least_squares, Err(IdentificationError::NotExcited { .. })) {
+        if matches!(least_squares, Err(IdentificationError::NotExcited { .. } | IdentificationError::Indefinite { .. }))
+        {
             // Noise may hide from least squares what a likelihood still sees; a direction that does not move it does not.
             require_shown(&cycles.record, settings.reference_harmonics)?;
         }
@@ -151,11 +155,17 @@ pub fn identify_periodic(
         warnings.push(HarmonicWarning::ConstraintActive);
     }
     let trajectory = trajectory.map(|(found, _)| found);
-    let explained = match trajectory.as_ref().and_then(|found| found.explained) {
-        Some(explained) => explained,
-        None => explained(&cycles.record, &fit, &estimate.parameters)?,
+    let evidence = match trajectory.as_ref().and_then(|found| found.explained) {
+        Some(share) => Evidence::of_sums(1.0, 1.0 - share),
+        None => evidence(&cycles.record, &fit, &estimate.parameters)?,
     };
-    if explained < POOR_FIT {
+    let explained = match trajectory.as_ref().and_then(|found| found.explained) {
+        Some(share) => share,
+        None => evidence.explained().unwrap_or_default(),
+    };
+    let scale = BodyScale::of(&estimate.parameters.to_vector())?;
+    let verdict = verdict_on(&estimate, scale, &evidence)?;
+    if let Verdict::NoBodyExplains { .. } = verdict {
         warnings.push(HarmonicWarning::PoorFit { explained });
     }
     Ok(HarmonicIdentification {
@@ -169,9 +179,30 @@ pub fn identify_periodic(
         noise: cycles.noise,
         saturation,
         explained,
+        verdict,
         trajectory,
         warnings,
     })
+}
+
+/// The body that explains several cycles of a periodic motion, by [`identify_periodic`], as an estimator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Periodic(HarmonicSettings);
+
+impl Periodic {
+    /// Of motions of this period.
+    pub fn new(settings: HarmonicSettings) -> Self {
+        Self(settings)
+    }
+}
+
+impl Estimator for Periodic {
+    type Record = [MotionSample];
+
+    fn estimate(&self, record: &[MotionSample]) -> Result<Finding, EstimatorError> {
+        let found = identify_periodic(record, &self.0)?.estimate;
+        found.to_finding(BodyScale::of(&found.parameters.to_vector())?)
+    }
 }
 
 /// Whether cycles differ so much that their average is no cycle.
@@ -252,15 +283,15 @@ fn most_likely(
     settings: &HarmonicSettings,
 ) -> Result<(Identification, Estimate), IdentificationError> {
     let likelihood = Settings {
-        method: Method::MaximumLikelihood,
+        method: MAXIMUM_LIKELIHOOD,
         wrench_timing: settings.wrench_timing,
         gravity_world: settings.gravity_world,
         ..Settings::default()
     };
     let found = identify(samples, &likelihood)?;
-    let refused = found.explained.is_some_and(|share| share < POOR_FIT);
+    let refused = matches!(found.verdict, Verdict::NoBodyExplains { .. });
     match found.estimate {
-        Some(estimate) if found.method == Method::MaximumLikelihood || refused => Ok((found, estimate)),
+        Some(estimate) if found.method == MAXIMUM_LIKELIHOOD || refused => Ok((found, estimate)),
         // A regression on single samples says less than one on the average.
         Some(_) => Err(IdentificationError::LikelihoodNotConverged { iterations: 0, decrement: f64::INFINITY }),
         None => {
@@ -284,22 +315,26 @@ fn beyond_chance(found: &PeriodicLikelihood) -> Option<f64> {
     Some(found.reduced_chi_square()).filter(|ratio| *ratio > limit).map(f64::sqrt)
 }
 
-/// Share of the wrench's mean square that a body explains, torque counted at its own length.
-fn explained(
+fn verdict_on(estimate: &Estimate, scale: BodyScale, evidence: &Evidence) -> Result<Verdict, IdentificationError> {
+    let (parameters, magnitudes) = (estimate.parameters.to_vector(), scale.parameter_magnitudes());
+    let information = from_covariance(&parameters, &estimate.covariance, &magnitudes)?;
+    let found = Finding::of_information(information, magnitudes).at(parameters);
+    Judge::new(scale).judge(&found, evidence, None)
+}
+
+/// What a body leaves of the averaged wrench, torque counted at its own length.
+fn evidence(
     record: &PeriodicRecord,
     fit: &FourierFit,
     body: &InertialParameters<f64>,
-) -> Result<f64, IdentificationError> {
+) -> Result<Evidence, IdentificationError> {
     let (parameters, length_m) = (body.to_vector(), BodyScale::of(&body.to_vector())?.length_m());
-    let size = |wrench: &SVector<f64, 6>| {
-        wrench.fixed_rows::<3>(0).norm_squared() / (length_m * length_m) + wrench.fixed_rows::<3>(3).norm_squared()
-    };
-    let (mut left, mut applied) = (0.0, 0.0);
+    let mut evidence = Evidence::default();
     let table = record.wrench_table(fit.motion.basis());
     for (i, (instant, _)) in table.instants(record.chart, fit.motion.coefficients()).enumerate() {
         let instant = instant.ok_or(IdentificationError::AttitudeUndefined { time_s: record.time_s(i) })?;
-        left += size(&(instant.regressor() * parameters - record.wrench(i)));
-        applied += size(&record.wrench(i));
+        let applied = record.wrench(i);
+        evidence.count(&applied, &(instant.regressor() * parameters - applied), length_m);
     }
-    Ok(1.0 - left / applied)
+    Ok(evidence)
 }

@@ -57,12 +57,12 @@ mod ten_parameters;
 mod tracking_loss;
 mod tube_controller;
 #[allow(dead_code, reason = "shared with the study")]
-#[path = "../../../../xtask/src/studies/tube_flights.rs"]
+#[path = "../../../../xtask/studies/src/tube_flights.rs"]
 mod tube_flights;
 mod tube_hostile;
 mod tube_missions;
 #[allow(dead_code, reason = "shared with the study")]
-#[path = "../../../../xtask/src/studies/tube_plant.rs"]
+#[path = "../../../../xtask/studies/src/tube_plant.rs"]
 mod tube_plant;
 mod tube_problems;
 mod tube_tables;

@@ -1,7 +1,7 @@
 //! What is left of the input by how well the mass is known: the figures of the design, to its digits.
 
 #[allow(dead_code, reason = "shared with the study that prints them")]
-#[path = "../../../../xtask/src/studies/tube_shares.rs"]
+#[path = "../../../../xtask/studies/src/tube_shares.rs"]
 mod tube_shares;
 
 use tube_shares::{GAINS, HALF_WIDTHS, MASS_KG, around, cruise_m_s, gain_row, leg_time_change, limits, shares};
