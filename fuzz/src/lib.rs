@@ -1,5 +1,6 @@
 //! What every parser promises of any bytes, and what planning promises of any numbers. The fuzz targets call these functions, and so does a test with the seeds.
 
+#[path = "../../crates/planning/tests/suite/promises.rs"]
 mod planning;
 
 use std::ops::ControlFlow;

@@ -9,7 +9,7 @@ use std::process::{Command, ExitCode};
 use std::time::Instant;
 
 use crate::command::{cargo, is_installed, line, root, studies, target_dir};
-use crate::{cluster, fuzz, mutants, tidy};
+use crate::{cluster, fuzz, mutants, packages, tidy};
 
 /// How a step ended.
 pub enum Outcome {
@@ -53,9 +53,7 @@ const STEPS: &[Step] = &[
     always("no-std", "type-check without features; no std means no std", no_std),
     always("missions", "forty missions with drawn payloads and beliefs: all arrive and touch nothing", drawn_missions),
     always("cluster", "a campaign in sixteen parts, one killed, is the campaign flown at once", cluster::step),
-    always("package", "what would be published", || {
-        shell(&mut [cargo("package --workspace --no-verify --allow-dirty --quiet")])
-    }),
+    always("packages", "what would be published, unpacked: it and its tests compile", packages::check),
     always("deny", "bans, licences, sources", deny),
     always("real-data", "measured throws meet their targets", real_data),
     always(
@@ -70,6 +68,8 @@ const STEPS: &[Step] = &[
     full("package-verify", "every package builds from what would be published", || {
         shell(&mut [cargo("package --workspace --allow-dirty")])
     }),
+    full("packages-tests", "the tests of the unpacked packages pass", packages::test),
+    full("semver", "the public interfaces against those last published", packages::semver),
     full("same-missions", "missions are the same bytes at every optimisation level", || {
         same_hashes("same-missions", &[("tumble", "same_missions")], "\"astrobee\"")
     }),
@@ -153,7 +153,7 @@ fn verdict(outcome: &Outcome) -> String {
 }
 
 /// Runs all commands, also after one failed.
-fn shell(commands: &mut [Command]) -> Outcome {
+pub fn shell(commands: &mut [Command]) -> Outcome {
     let mut failed = Vec::new();
     for command in commands {
         println!("$ {}", line(command));

@@ -41,6 +41,7 @@ const RULES: &[Rule] = &[
     ("robot's name", source::robot_name),
     ("README code is tested", prose::readme_doctests),
     ("equation index", prose::equation_index),
+    ("links to the repository", prose::repository_links),
     ("error codes", prose::error_codes),
     ("architecture page is short", prose::architecture_length),
     ("golden files", prose::golden_files),

@@ -4,6 +4,7 @@
 mod criterion;
 mod estimator;
 mod linear_model;
+#[cfg(feature = "trees")]
 mod multibody;
 mod recursive_estimator;
 
@@ -12,6 +13,7 @@ pub use criterion::{
 };
 pub use estimator::{Case, Make, Retold, check_coverage, check_estimator};
 pub use linear_model::check_linear_model;
+#[cfg(feature = "trees")]
 pub use multibody::{check_base_parameters, check_links_solver};
 pub use recursive_estimator::{
     Begin, EstimatorPromises, Told, check_gate, check_innovation, check_recursive_estimator, check_unit_equivariance,

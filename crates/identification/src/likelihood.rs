@@ -5,6 +5,8 @@
 mod calibration;
 mod chain;
 mod coordinates;
+#[cfg(feature = "argmin")]
+mod cost;
 mod drive;
 mod elimination;
 mod flow;
@@ -19,6 +21,8 @@ mod stream;
 mod window;
 
 pub use calibration::{Nuisance, NuisancePrior, Nuisances};
+#[cfg(feature = "argmin")]
+pub use cost::LikelihoodCost;
 pub use identifiability::{Exchange, Quantity, Verdict};
 pub use window::{FixedLag, FixedLagSettings, FixedLagStep, Innovation};
 

@@ -18,7 +18,7 @@ mod local_fit;
 mod momentum_rows;
 mod reflections;
 mod singular_values;
-#[cfg(test)]
+#[cfg(all(test, feature = "testing"))]
 mod tests;
 mod torque_rows;
 mod tree_estimator;

@@ -20,6 +20,7 @@ pub fn estimator_name(estimator: HarmonicEstimator) -> &'static str {
         HarmonicEstimator::LeastSquares => "fourier",
         HarmonicEstimator::Likelihood => "fourier-likelihood",
         HarmonicEstimator::TrajectoryLikelihood => "maximum-likelihood",
+        _ => "other",
     }
 }
 

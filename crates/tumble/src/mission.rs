@@ -10,8 +10,11 @@ mod record;
 pub use faults::{
     BodyStep, Fault, FaultChoiceError, Faults, LateObstacle, PlannerFault, PlantChange, Sabotage, replay_line,
 };
-pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly};
-pub use layers::{AstrobeeLoop, closed_loop, controllers, estimator, loop_settings, scene, stretch_planner};
+pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly, measurement};
+pub use layers::{
+    AstrobeeLoop, MissionPlanners, closed_loop, computing_time, controllers, estimator, loop_settings, scene,
+    stretch_planner,
+};
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice, WeightingChoice};
 pub use record::{
     BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,

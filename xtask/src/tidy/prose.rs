@@ -29,6 +29,23 @@ pub fn readme_doctests(tree: &Tree) -> Vec<String> {
     found
 }
 
+/// Links from the documentation to files of the repository, which rustdoc cannot check.
+pub fn repository_links(tree: &Tree) -> Vec<String> {
+    const FILES: &str = "https://github.com/tumble-robotics/tumble/blob/main/";
+    let mut found = Vec::new();
+    for (path, text) in tree.under("", "").filter(|(path, _)| path.ends_with(".rs") || path.ends_with(".md")) {
+        for (at, _) in text.match_indices(FILES) {
+            let rest = &text[at + FILES.len()..];
+            let is_path = |c: char| c.is_ascii_alphanumeric() || "/_.-".contains(c);
+            let target = rest[..rest.find(|c| !is_path(c)).unwrap_or(rest.len())].trim_end_matches('.');
+            if !target.is_empty() && !tree.files.contains_key(target) {
+                found.push(format!("{path}: links to {target}, which is not there"));
+            }
+        }
+    }
+    found
+}
+
 /// A path relative to the folder of a file.
 fn resolve(file: &str, relative: &str) -> String {
     let mut parts: Vec<&str> = file.split('/').collect();
@@ -282,6 +299,15 @@ mod tests {
     use super::*;
 
     const LIE: (&str, &str) = ("crates/lie/Cargo.toml", "[package]\nname = \"tumble-lie\"\n");
+
+    #[test]
+    fn dead_links_to_the_repository_are_seen() {
+        let link = "//! [tutorial](https://github.com/tumble-robotics/tumble/blob/main/crates/lie/tests/suite/custom_group.rs).";
+        let dead = Tree::planted(&[("crates/lie/src/group.rs", link)]);
+        assert_eq!(repository_links(&dead).len(), 1);
+        let alive = Tree::planted(&[("crates/lie/src/group.rs", link), ("crates/lie/tests/suite/custom_group.rs", "")]);
+        assert!(repository_links(&alive).is_empty());
+    }
 
     #[test]
     fn an_untested_readme_is_seen() {

@@ -57,9 +57,12 @@ mod targets;
 mod throws;
 mod thrust_imu;
 mod tube_bench;
+#[path = "../../../crates/planning/tests/suite/tube_flights.rs"]
 mod tube_flights;
 mod tube_missions;
+#[path = "../../../crates/planning/tests/suite/tube_plant.rs"]
 mod tube_plant;
+#[path = "../../../crates/planning/tests/suite/tube_shares.rs"]
 mod tube_shares;
 mod tube_tables;
 

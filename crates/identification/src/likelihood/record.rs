@@ -28,6 +28,7 @@ pub(super) struct Doubt {
     pub(super) variance: Vector6<f64>,
 }
 
+#[derive(Clone)]
 pub(super) struct Record {
     pub(super) samples: Vec<Sample>,
     /// As logged, spikes replaced.

@@ -64,6 +64,7 @@ pub struct TorqueForm {
 /// The two plain directions bracket the truth: a noisy current as regressor pulls gains towards zero; the errors in
 /// variables are the consistent treatment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum GainRegression {
     /// In the currents, which the regressor therefore takes from the fit: consistent.
     #[default]

@@ -18,6 +18,7 @@ mod fixed_lag;
 mod flight_estimator;
 mod flight_scenario;
 mod identify_properties;
+mod lapack_symbols;
 #[cfg(feature = "clarabel-sdp")]
 mod lmi_against_clarabel;
 mod maximum_likelihood;

@@ -1,10 +1,7 @@
 //! Zero, denormal, huge, infinite and no numbers, in every place where a number goes in: what the fuzz target promises, on
 //! random bytes.
 
-#[path = "../../../../fuzz/src/planning.rs"]
-mod promises;
-
-use promises::PROMISES;
+use crate::promises::PROMISES;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 use tumble_planning::collision::{BodyShape, CollisionWorld as _, Ellipsoid, EllipsoidWorld};

@@ -329,6 +329,7 @@ fn refusal(args: &PlanArgs, problem: &PlanningProblem, answer: &GlobalAnswer) ->
             ),
             other => (format!("{other:?}"), "correct `[plan]`, `[start]` or `[goal]`"),
         },
+        other => (format!("{other:?}"), "correct `[plan]`, `[start]` or `[goal]`"),
     })
 }
 
@@ -338,6 +339,7 @@ fn status_name(status: &Status) -> &'static str {
         Status::Feasible => "feasible",
         Status::Infeasible(_) => "infeasible",
         Status::BudgetSpent(_) => "budget-spent",
+        _ => "other",
     }
 }
 

@@ -249,6 +249,7 @@ pub(super) fn status_name(status: &LocalStatus) -> &'static str {
         LocalStatus::Converged => "converged",
         LocalStatus::Feasible => "feasible",
         LocalStatus::Infeasible { .. } => "infeasible",
+        _ => "other",
     }
 }
 

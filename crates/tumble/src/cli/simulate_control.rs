@@ -7,7 +7,7 @@ use crate::scenario::{Flight, Steering};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use tumble_astrobee::sensing::TrueMotion;
-use tumble_astrobee::simulator::{ControlAccount, FallbackSpell, OfferedBelief, Reference, reason};
+use tumble_astrobee::simulator::{ControlAccount, FallbackSpell, OfferedBelief, Reference};
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_lie::LieGroup;
 use tumble_planning::control::{Adoption, Fallback, FallbackReason};
@@ -190,16 +190,18 @@ fn way(fallback: &Fallback) -> &'static str {
         Fallback::Shifted(_) => "shifted",
         Fallback::Restarted(_) => "restarted",
         Fallback::Braking(_) => "braking",
+        _ => "other",
     }
 }
 
 fn because(fallback: &Fallback) -> (&'static str, Option<f64>) {
-    match reason(fallback) {
+    match fallback.reason() {
         FallbackReason::IterationCap => ("iteration-cap", None),
         FallbackReason::Numerical => ("numerical", None),
         FallbackReason::OutsideTube { excess } => ("outside-tube", Some(excess)),
         FallbackReason::Infeasible => ("infeasible", None),
         FallbackReason::NoReference => ("no-reference", None),
+        _ => ("other", None),
     }
 }
 

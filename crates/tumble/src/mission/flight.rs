@@ -2,7 +2,7 @@
 
 use super::faults::{Faults, LateObstacle, Sabotage};
 use super::invariants;
-use super::layers::{AstrobeeLoop, CHECKED_SHARE, closed_loop, scene};
+use super::layers::{AstrobeeLoop, CHECKED_SHARE, MissionPlanners, closed_loop, scene};
 use super::options::FlyOptions;
 use super::record::{
     BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
@@ -17,14 +17,16 @@ use tumble_astrobee::simulator::{
 };
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World, WrenchBox};
-use tumble_identification::Estimate;
-use tumble_identification::recursive::FlightMeasurement;
+use tumble_identification::estimator::{Acted, Gauss, Measurement, StateEstimator};
+use tumble_identification::recursive::MotionNoise;
+use tumble_identification::{BodyScale, Estimate};
 use tumble_lie::{LieGroup, Pose, Wrench};
 use tumble_planning::collision::{CollisionWorld, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::ControlCommand;
 use tumble_planning::global::GlobalAnswer;
 use tumble_planning::mission::{
-    Action, Event, InvariantWatch, Layer, LoopObserver, PlannerFault, Sensed, StretchAnswer, TimedEvent,
+    Action, Asked, End, Event, Found, InvariantWatch, Layer, LoopObserver, Office, PlanAnswer, PlanRequest,
+    PlannerFault, StretchAnswer, TimedEvent,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
@@ -154,6 +156,8 @@ struct Notes<'a> {
     stretches: Vec<StretchRow>,
     beliefs: Vec<BeliefRow>,
     events: Vec<MissionEvent>,
+    /// Requests of this control period, and how many events had happened when each was made.
+    asked: Vec<(u64, usize)>,
     shut_off: BTreeMap<String, Option<f64>>,
     faults: Faults,
     too_late: Option<TooLate>,
@@ -164,6 +168,62 @@ struct Notes<'a> {
 impl Notes<'_> {
     fn note(&mut self, time_ns: i64, kind: &str, text: String) {
         self.events.push(MissionEvent { t_s: seconds(time_ns), kind: kind.to_owned(), text });
+    }
+
+    /// What a planner says stands where it was asked, among what happened in the same control period.
+    fn note_answer(&mut self, time_ns: i64, request: u64, kind: &str, text: String) {
+        let asked = self.asked.iter().position(|(of, _)| *of == request);
+        let place = asked.map_or(self.events.len(), |index| self.asked.swap_remove(index).1);
+        self.events.insert(place, MissionEvent { t_s: seconds(time_ns), kind: kind.to_owned(), text });
+        for (_, later) in self.asked.iter_mut().filter(|(_, later)| *later >= place) {
+            *later += 1;
+        }
+    }
+
+    /// Has a request planned, looks at the answer, and sends it on its way.
+    fn plan(&mut self, time_ns: i64, planners: &mut MissionPlanners, request: &PlanRequest<EllipsoidWorld>) {
+        if let Some(layer) = request.layer() {
+            self.hooks.begins(layer);
+        }
+        let answer: PlanAnswer = planners.serve(request);
+        if let Some(layer) = request.layer() {
+            self.hooks.ends(layer);
+        }
+        match &answer.found {
+            Found::Way(answer) => self.planned_way(time_ns, request.request, answer),
+            Found::Failed { error, .. } => {
+                let text = format!("request {} cannot be planned: {error}", request.request);
+                self.note_answer(time_ns, request.request, "planner", text);
+            }
+            Found::Stay(..) | Found::Stretch(..) | Found::NoStretch(_) => {}
+        }
+        let fault = match request.asked {
+            Asked::Stay => PlannerFault::None,
+            Asked::Way { .. } | Asked::Stretch { .. } => self.faults.planner(request.request).into(),
+        };
+        planners.post(time_ns, request, answer, fault);
+    }
+
+    fn planned_way(&mut self, time_ns: i64, request: u64, answer: &GlobalAnswer) {
+        let Some(plan) = &answer.plan else {
+            self.note_answer(time_ns, request, "way", format!("no way was found: {:?}", answer.status));
+            return;
+        };
+        let path = &plan.trajectory;
+        let duration_s = path.duration_s();
+        let point = |k: u32| {
+            let at = path.at(duration_s * f64::from(k) / f64::from(WAY_POINTS));
+            at.map(|(arc, within_s)| array(&arc.pose(within_s).translation.vector))
+        };
+        let every = answer.tree.len() / TREE_EDGES + 1;
+        let edge = |edge: &[Vector3<f64>; 2]| [array(&edge[0]), array(&edge[1])];
+        self.ways.push(WayRow {
+            t_s: seconds(time_ns),
+            model_revision: plan.model_revision,
+            points_m: (0..=WAY_POINTS).filter_map(point).collect(),
+            tree_m: answer.tree.iter().step_by(every).map(edge).collect(),
+        });
+        self.note_answer(time_ns, request, "way", format!("a way of {duration_s:.1} s, belief {}", plan.model_revision));
     }
 }
 
@@ -196,6 +256,9 @@ impl LoopObserver for Notes<'_> {
 
     fn answered(&mut self, time_ns: i64, action: &Action) {
         self.hooks.answered(time_ns, action);
+        if let Action::PlanWay { request, .. } | Action::PlanStretch { request, .. } = action {
+            self.asked.push((*request, self.events.len()));
+        }
         let (kind, said) = match action {
             Action::Note(note) => ("coordinator", format!("{note:?}")),
             Action::Stop => ("coordinator", "stop".to_owned()),
@@ -206,35 +269,10 @@ impl LoopObserver for Notes<'_> {
             Action::DoubtWrench => ("coordinator", "less is believed of the thrust".to_owned()),
             Action::Finish { has_arrived: true } => ("coordinator", "arrived".to_owned()),
             Action::Finish { has_arrived: false } => ("coordinator", "given up".to_owned()),
+            Action::GiveUp { .. } => ("coordinator", "given up: there is no way".to_owned()),
             _ => return,
         };
         self.note(time_ns, kind, said);
-    }
-
-    fn planned_way(&mut self, time_ns: i64, _request: u64, answer: &GlobalAnswer) {
-        let Some(plan) = &answer.plan else {
-            self.note(time_ns, "way", format!("no way was found: {:?}", answer.status));
-            return;
-        };
-        let path = &plan.trajectory;
-        let duration_s = path.duration_s();
-        let point = |k: u32| {
-            let at = path.at(duration_s * f64::from(k) / f64::from(WAY_POINTS));
-            at.map(|(arc, within_s)| array(&arc.pose(within_s).translation.vector))
-        };
-        let every = answer.tree.len() / TREE_EDGES + 1;
-        let edge = |edge: &[Vector3<f64>; 2]| [array(&edge[0]), array(&edge[1])];
-        self.ways.push(WayRow {
-            t_s: seconds(time_ns),
-            model_revision: plan.model_revision,
-            points_m: (0..=WAY_POINTS).filter_map(point).collect(),
-            tree_m: answer.tree.iter().step_by(every).map(edge).collect(),
-        });
-        self.note(time_ns, "way", format!("a way of {duration_s:.1} s, belief {}", plan.model_revision));
-    }
-
-    fn refused(&mut self, time_ns: i64, request: u64, error: &PlanningError) {
-        self.note(time_ns, "planner", format!("request {request} cannot be planned: {error}"));
     }
 
     fn follows(&mut self, time_ns: i64, start_ns: i64, stretch: &StretchAnswer, model_revision: u64) {
@@ -265,8 +303,8 @@ impl LoopObserver for Notes<'_> {
         });
     }
 
-    fn planner_fault(&mut self, request: u64) -> PlannerFault {
-        self.faults.planner(request).into()
+    fn disbelieved(&mut self, time_ns: i64, error: &PlanningError) {
+        self.note(time_ns, "estimator", format!("the last belief is kept: {error}"));
     }
 
     fn offered(&mut self, time_ns: i64, belief: &ModelBelief) {
@@ -305,7 +343,7 @@ pub fn fly(
     hooks: &mut dyn MissionHooks,
 ) -> Result<MissionRecord, TumbleError> {
     let mut problem = source.mission(options)?;
-    let mut flying = closed_loop(&problem, options.weighting, options.feedback, options.seed)?;
+    let (mut flying, mut planners) = closed_loop(&problem, options.weighting, options.feedback, options.seed)?;
     let limits = WrenchBox { torque_limit: problem.torque_limit_n_m, force_limit: problem.force_limit_n };
     let mut faults = Faults::new(options.fault, options.seed, problem.longest_s).limited_to(limits);
     if problem.planar {
@@ -322,6 +360,7 @@ pub fn fly(
         stretches: Vec::new(),
         beliefs: Vec::new(),
         events: Vec::new(),
+        asked: Vec::new(),
         shut_off: BTreeMap::new(),
         faults,
         too_late: None,
@@ -330,9 +369,10 @@ pub fn fly(
     let mut sums = Sums::watched_by(invariants::watch(&problem));
     sums.series.force_limit_n = array(&problem.force_limit_n);
     sums.series.torque_limit_n_m = array(&problem.torque_limit_n_m);
-    let (mut acted, mut arrived, mut heard) = (Wrench::zero(), Vec::<FlightMeasurement>::new(), Vec::new());
+    let (mut acted, mut arrived, mut heard) = (Wrench::zero(), Vec::<Measurement>::new(), Vec::new());
+    let mut from_ns = problem.flight.simulator.time_ns();
     let mut periods = 0;
-    while flying.finished().is_none() {
+    while flying.end().is_none() {
         let time_ns = problem.flight.simulator.time_ns();
         let time_s = seconds(time_ns);
         if appearing.first().is_some_and(|from_s| *from_s <= time_s) {
@@ -353,13 +393,20 @@ pub fn fly(
             flying.restart();
         }
         if let Some(sabotage) = notes.faults.sabotage(time_ns) {
-            let misled = sabotaged(&flying.estimator().estimate(), &sabotage);
-            flying.mislead(&misled).map_err(|error| TumbleError::Planning(error.into()))?;
+            sabotaged(&mut flying, &sabotage).map_err(TumbleError::Planning)?;
         }
-        let sensed = Sensed { time_ns, acted, measurements: &arrived };
-        let command = flying.step(&sensed, &mut notes).map_err(TumbleError::Planning)?;
-        let clearance_m = sums.look(&problem, &flying, &judge, periods)?;
-        let is_over = invariants::look(&mut sums.watch, &problem, &flying, &command, (time_ns, clearance_m));
+        while let Some(answer) = Office::<EllipsoidWorld>::ready(&mut planners, time_ns) {
+            flying.answer(answer);
+        }
+        let acting = Acted { from_ns, until_ns: time_ns, wrench_body: acted, stored_body: Vector3::zeros() };
+        let command = flying.step(&acting, &arrived, &mut notes).map_err(TumbleError::Planning)?;
+        while let Some(request) = flying.next_request() {
+            notes.plan(time_ns, &mut planners, &request);
+        }
+        notes.asked.clear();
+        let estimate = believed(&flying);
+        let clearance_m = sums.look(&problem, &flying, &judge, &estimate, periods)?;
+        let is_over = invariants::look(&mut sums.watch, &problem, &flying, &command, &estimate, clearance_m);
         sums.violations += u64::from(is_over);
         sums.account.commanded(time_ns, &command);
         mark_used(&mut notes.beliefs, &command, time_s);
@@ -370,9 +417,9 @@ pub fn fly(
         let simulator = &problem.flight.simulator;
         notes.faults.measurements(simulator.time_ns(), simulator.estimates(), &mut heard);
         arrived.clear();
-        arrived.extend(heard.iter().map(measurement));
+        arrived.extend(heard.iter().map(|estimate| measurement(estimate, &problem.noise)));
+        from_ns = time_ns;
         sums.acted(&measured, periods);
-        let estimate = flying.estimator().estimate();
         notes.hooks.period(&FlownPeriod {
             measured: &measured,
             estimates: &heard,
@@ -449,19 +496,34 @@ impl TooLate {
     }
 }
 
-fn sabotaged(estimate: &Estimate, sabotage: &Sabotage) -> Estimate {
+/// What the estimator takes the body for; where it says nothing that can be, what is planned with.
+fn believed(flying: &AstrobeeLoop) -> Estimate {
+    let found = flying.estimator().finding().and_then(|found| Estimate::try_from(&found));
+    found.unwrap_or(flying.belief().estimate)
+}
+
+/// Makes the estimator sure of what is wrong.
+fn sabotaged(flying: &mut AstrobeeLoop, sabotage: &Sabotage) -> Result<(), PlanningError> {
+    let estimate = believed(flying);
     let body = &estimate.parameters;
     let inertia = body.inertia_about_com() * sabotage.inertia_factor;
     let parameters = InertialParameters::about_com(body.mass * sabotage.mass_factor, body.center_of_mass(), inertia);
-    Estimate { parameters, covariance: estimate.covariance * sabotage.covariance_factor, ..*estimate }
+    let misled = Estimate { parameters, covariance: estimate.covariance * sabotage.covariance_factor, ..estimate };
+    let scale = BodyScale::of(&parameters.to_vector())?;
+    Ok(flying.estimator_mut().restart(&misled.to_finding(scale)?)?)
 }
 
-fn measurement(estimate: &LocalizationEstimate) -> FlightMeasurement {
-    FlightMeasurement {
-        stamp_ns: estimate.stamp_ns,
-        world_from_body: estimate.world_from_body,
-        rate_body: Some(estimate.rate_body),
-        velocity_origin_world: Some(estimate.velocity_origin_world),
+/// A message of the localisation as the loop's estimator takes it, with the noise that a mission takes its sensors for.
+pub fn measurement(estimate: &LocalizationEstimate, noise: &MotionNoise) -> Measurement {
+    Measurement {
+        rate_body: Some(Gauss::isotropic(estimate.rate_body, noise.rate_rad_s)),
+        velocity_world: Some(Gauss::isotropic(estimate.velocity_origin_world, noise.velocity_m_s)),
+        ..Measurement::of_pose(
+            estimate.stamp_ns,
+            &estimate.world_from_body,
+            noise.attitude_rad,
+            noise.position_m,
+        )
     }
 }
 
@@ -494,6 +556,7 @@ impl Sums {
         problem: &MissionProblem,
         flying: &AstrobeeLoop,
         judge: &EllipsoidWorld,
+        estimate: &Estimate,
         periods: u64,
     ) -> Result<Option<f64>, TumbleError> {
         let simulator = &problem.flight.simulator;
@@ -514,9 +577,7 @@ impl Sums {
             return Ok(clearance_m);
         }
         let turn: Vector3<f64> = LieGroup::log(&(wanted.rotation.inverse() * pose.rotation));
-        let estimate = flying.estimator().estimate();
         let believed = flying.estimator().state_at(simulator.time_ns()).world_from_body;
-        let tube = flying.controller().tube();
         let series = &mut self.series;
         series.t_s.push(time_s);
         series.position_m.push(array(&pose.translation.vector));
@@ -526,10 +587,10 @@ impl Sums {
         series.believed_position_m.push(array(&believed.translation.vector));
         series.tracking_error_m.push(error_m);
         series.attitude_error_rad.push(turn.norm());
-        series.tube_m.push(std::array::from_fn(|axis| tube.position_half_width_m(axis)));
+        series.tube_m.push(flying.controller().tube_m());
         series.clearance_m.push(clearance_m);
         series.estimate.push(ten(&estimate.parameters));
-        series.sigma.push(ten_sigma(&estimate));
+        series.sigma.push(ten_sigma(estimate));
         series.belief_revision.push(flying.command().map_or(0, |command| command.model_revision));
         Ok(clearance_m)
     }
@@ -563,7 +624,7 @@ fn record(
     (sums, notes): (Sums, Notes<'_>),
 ) -> Result<MissionRecord, TumbleError> {
     let mission_s = seconds(problem.flight.simulator.time_ns());
-    let estimate = flying.estimator().estimate();
+    let estimate = believed(flying);
     let truth = problem.flight.simulator.body();
     let truth = if problem.planar { tumble_astrobee::simulator::planar_part(&truth) } else { truth };
     let columns = [ten(&truth), ten(&problem.prior.parameters), ten(&estimate.parameters), ten_sigma(&estimate)];
@@ -599,7 +660,11 @@ fn record(
         scenario: source.scenario.name.clone(),
         seed: options.seed,
         options: *options,
-        arrived: flying.finished() == Some(true),
+        arrived: flying.end() == Some(&End::Arrived),
+        no_way: match flying.end() {
+            Some(End::NoWay(obstruction)) => Some(format!("{obstruction:?}")),
+            _ => None,
+        },
         mission_s,
         min_clearance_m: sums.min_clearance_m,
         limit_violations: sums.violations,

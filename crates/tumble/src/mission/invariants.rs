@@ -3,6 +3,7 @@
 use super::layers::AstrobeeLoop;
 use super::record::BROKEN_INVARIANT;
 use crate::scenario::MissionProblem;
+use tumble_identification::Estimate;
 use tumble_lie::Wrench;
 use tumble_planning::control::ControlCommand;
 use tumble_planning::mission::{Invariant, InvariantWatch, WatchLimits, WatchedStep};
@@ -21,12 +22,14 @@ pub(super) fn look(
     problem: &MissionProblem,
     flying: &AstrobeeLoop,
     command: &ControlCommand,
-    (time_ns, clearance_m): (i64, Option<f64>),
+    estimate: &Estimate,
+    clearance_m: Option<f64>,
 ) -> bool {
     let before = limits_passed(watch);
     let state = problem.flight.simulator.state();
     let estimator = flying.estimator();
-    let (estimate, believed) = (estimator.estimate(), estimator.state_at(time_ns).world_from_body.rotation);
+    let time_ns = problem.flight.simulator.time_ns();
+    let believed = estimator.state_at(time_ns).world_from_body.rotation;
     let wanted = flying.reference(time_ns as f64 * 1e-9).state.world_from_body.rotation;
     let quaternions_xyzw = [believed, wanted].map(|rotation| [rotation.i, rotation.j, rotation.k, rotation.w]);
     let since = |since_ns: i64, patience_ns: i64| (time_ns - since_ns > patience_ns).then_some(since_ns);

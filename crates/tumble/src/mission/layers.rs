@@ -7,25 +7,30 @@ use tumble_astrobee::control_presets::{self, ControlLimits};
 use tumble_astrobee::planning_presets::{EXPONENTIAL_WEIGHTING, STEP_WEIGHTING};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{AlignedBox, RigidBodyState, World};
+use tumble_identification::estimator::StateEstimator;
 use tumble_identification::recursive::{FlightEstimator, FlightEstimatorSettings, LearningTargets};
 use tumble_lie::LieGroup;
 use tumble_planning::collision::{BodyShape, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::{
-    AttitudeController, AttitudeLaw, AttitudeSpan, TrackedPoint, TubeController, TubeDisturbance, TubeSettings,
+    AttitudeController, AttitudeLaw, AttitudeSpan, Controller, TrackedPoint, TubeController, TubeDisturbance,
+    TubeSettings,
 };
-use tumble_planning::global::FlightPlanner;
+use tumble_planning::global::{FlightPlanner, GlobalPlanner};
 use tumble_planning::local::{
     CovarianceWeighting, ExponentialWeighting, FixedWeighting, Hull, InformationWeighting, PlanarBodyModel,
     RigidBodyModel, SpeedLimits, StepWeighting, Surroundings, WrenchSet,
 };
 use tumble_planning::mission::{
-    AtGoal, BrakeLimits, ClosedLoop, ComputingTime, ControllerFactory, ExpectedLoss, InformativeStretch, LoopSettings,
-    Scene, Schedule, StretchModel, StretchPlanner, StretchSettings,
+    AtGoal, BrakeLimits, ClosedLoop, ComputingTime, ExpectedLoss, InformativeStretch, LoopSettings, Scene, Schedule,
+    Simulated, StretchModel, StretchPlanner, StretchSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
 /// RATTLE around the simulated robot.
-pub type AstrobeeLoop = ClosedLoop<EllipsoidWorld, FlightPlanner, TubeController>;
+pub type AstrobeeLoop = ClosedLoop<EllipsoidWorld, Box<dyn Controller + Send>, Box<dyn StateEstimator>>;
+
+/// Its planners, whose computing time is simulated.
+pub type MissionPlanners = Simulated<Box<dyn GlobalPlanner<EllipsoidWorld>>, Box<dyn StretchPlanner>>;
 
 /// Largest error of the estimator's position and velocity along an axis, standard deviations of what it claims.
 const ERRORS: [f64; 2] = [3e-4, 1.5e-4];
@@ -213,7 +218,9 @@ fn weighting<const P: usize>(
 }
 
 /// What makes the controller: at first, and anew when the body may be anything.
-pub fn controllers(problem: &MissionProblem) -> ControllerFactory<TubeController> {
+pub fn controllers(
+    problem: &MissionProblem,
+) -> impl FnMut(&ModelBelief) -> Result<TubeController, PlanningError> + Send + use<> {
     let limits = ControlLimits { force_n: problem.force_limit_n, torque_n_m: problem.torque_limit_n_m.min() };
     let share = problem.mass_interval_share;
     let place = problem.place;
@@ -229,7 +236,7 @@ pub fn controllers(problem: &MissionProblem) -> ControllerFactory<TubeController
     let attitudes = if left(&near) > left(&AttitudeSpan::Any) { near } else { AttitudeSpan::Any };
     let [position_m, velocity_m_s] = ERRORS;
     let speed_m_s = problem.planning.limits.speed_m_s.max();
-    Box::new(move |belief: &ModelBelief| {
+    move |belief: &ModelBelief| {
         let body = belief.parameters();
         let attitude = AttitudeController {
             law: AttitudeLaw::Geometric,
@@ -254,7 +261,7 @@ pub fn controllers(problem: &MissionProblem) -> ControllerFactory<TubeController
         };
         // a body so heavy that errors alone would take all the force has a tube for smaller ones: more often outside of it
         HELD.into_iter().map(of).find(Result::is_ok).unwrap_or_else(|| of(0.0))
-    })
+    }
 }
 
 /// The estimator, at the start.
@@ -278,7 +285,6 @@ fn patience_ns(computing: &ComputingSettings) -> i64 {
 /// What the closed loop is told.
 pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> LoopSettings<BodyShape> {
     let computing = &problem.computing;
-    let signed = |value: u64| i64::try_from(value).unwrap_or(i64::MAX);
     let stretches = problem.station_keeping().then_some(problem.station_stretches);
     LoopSettings {
         schedule: Schedule {
@@ -304,11 +310,6 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
         way_units: computing.global_units,
         new_way_units: computing.replan_units,
         stretch_units: computing.local_units,
-        computing: ComputingTime {
-            way_unit_ns: signed(computing.global_unit_ns),
-            stretch_unit_ns: signed(computing.local_unit_ns),
-            jitter: computing.jitter_share,
-        },
         known: stretches.map(|_| LearningTargets {
             mass: 0.01,
             center_of_mass_m: 0.003,
@@ -326,7 +327,17 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
     }
 }
 
-/// The whole loop.
+/// How long planners take.
+pub fn computing_time(problem: &MissionProblem) -> ComputingTime {
+    let signed = |value: u64| i64::try_from(value).unwrap_or(i64::MAX);
+    ComputingTime {
+        way_unit_ns: signed(problem.computing.global_unit_ns),
+        stretch_unit_ns: signed(problem.computing.local_unit_ns),
+        jitter: problem.computing.jitter_share,
+    }
+}
+
+/// The whole loop, and its planners.
 ///
 /// # Errors
 /// What one of its layers refuses.
@@ -335,16 +346,19 @@ pub fn closed_loop(
     weighting: WeightingChoice,
     feedback: bool,
     seed: u64,
-) -> Result<AstrobeeLoop, TumbleError> {
+) -> Result<(AstrobeeLoop, MissionPlanners), TumbleError> {
     let build = || {
-        ClosedLoop::try_new(
+        let ways: Box<dyn GlobalPlanner<EllipsoidWorld>> = Box::new(FlightPlanner::default());
+        let planners = Simulated::new((ways, stretch_planner(problem, weighting)?), computing_time(problem));
+        let mut new_controller = controllers(problem);
+        let flying = ClosedLoop::try_new(
             loop_settings(problem, feedback, seed),
             scene(problem, 0.0, &[])?,
-            (FlightPlanner::default(), stretch_planner(problem, weighting)?),
-            controllers(problem),
-            estimator(problem)?,
+            move |belief: &ModelBelief| Ok(Box::new(new_controller(belief)?) as Box<dyn Controller + Send>),
+            Box::new(estimator(problem)?) as Box<dyn StateEstimator>,
             problem.flight.simulator.time_ns(),
-        )
+        )?;
+        Ok((flying, planners))
     };
     build().map_err(TumbleError::Planning)
 }

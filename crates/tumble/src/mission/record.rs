@@ -16,6 +16,9 @@ pub struct MissionSummary {
     pub options: FlyOptions,
     /// Whether the robot came to rest at its goal.
     pub arrived: bool,
+    /// Why it never will, where that was proved: no way leads to the goal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub no_way: Option<String>,
     /// When it did, or when the flight was ended, s.
     pub mission_s: f64,
     /// Least distance between the robot's sphere and anything, m; negative after a collision; `None` where nothing is around.

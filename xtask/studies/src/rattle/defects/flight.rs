@@ -1,28 +1,29 @@
 //! A mission with one defect: the loop of `tumble fly` with other layers.
 
-use std::cell::{Cell, RefCell};
-use std::rc::Rc;
+use std::sync::{Arc, Mutex};
 
 use nalgebra::Vector3;
 use tumble::TumbleError;
-use tumble::mission::{controllers, estimator, loop_settings, scene, stretch_planner};
+use tumble::mission::{computing_time, controllers, estimator, loop_settings, measurement, scene, stretch_planner};
 use tumble::scenario::{MissionProblem, ScenarioSource};
 use tumble_astrobee::propulsion::inverse::wrench_of_flow;
 use tumble_astrobee::propulsion::{InverseAllocation, PropulsionCommand};
-use tumble_astrobee::sensing::LocalizationEstimate;
-use tumble_identification::recursive::FlightMeasurement;
+use tumble_identification::estimator::Acted;
+use tumble_identification::recursive::FlightEstimator;
 use tumble_lie::Wrench;
 use tumble_planning::collision::CollisionWorld;
 use tumble_planning::control::{OriginalDisturbance, OriginalSettings, OriginalTubeController, OriginalWeights};
 use tumble_planning::global::FlightPlanner;
 use tumble_planning::local::Surroundings;
-use tumble_planning::mission::{Action, ClosedLoop, LoopObserver, Note, Scene, Sensed};
+use tumble_planning::mission::{Action, ClosedLoop, End, LoopObserver, Note, Scene, Simulated};
 use tumble_planning::{ModelBelief, PlanningError};
 
 use super::super::flown::Condition;
 use super::Defect;
 use super::filter::{FilterKind, OriginalFilter};
-use super::wrong::{Flies, RESET_S, SeenWorld, Teller, Who, WrongController, WrongStretches, WrongWays};
+use super::wrong::{
+    Flies, RESET_S, SeenWorld, Teller, Who, WrongController, WrongStretches, WrongWays, read, write,
+};
 
 /// Last nozzle of each module: the one that the sum leaves out.
 const LEFT_OUT: [usize; 2] = [5, 11];
@@ -62,25 +63,26 @@ impl LoopObserver for Counts {
     }
 }
 
-type WrongLoop = ClosedLoop<SeenWorld, WrongWays, WrongController>;
+type WrongLoop = ClosedLoop<SeenWorld, WrongController, FlightEstimator>;
+type WrongPlanners = Simulated<WrongWays, WrongStretches>;
 
 fn wrong_loop(
     problem: &MissionProblem,
     condition: Condition,
     seed: u64,
-    teller: &Rc<Teller>,
-) -> Result<WrongLoop, PlanningError> {
+    teller: &Arc<Teller>,
+) -> Result<(WrongLoop, WrongPlanners), PlanningError> {
     let defect = teller.defect;
     let seen = scene(problem, 0.0, &[])?;
     let world = SeenWorld { world: seen.world, is_checked: defect != Defect::NoObstaclesUnchecked };
     let stretches = WrongStretches {
         planner: stretch_planner(problem, condition.weighting)?,
-        teller: Rc::clone(teller),
+        teller: Arc::clone(teller),
         nothing: Surroundings::none(),
     };
-    let ways = WrongWays { planner: FlightPlanner::default(), teller: Rc::clone(teller) };
+    let ways = WrongWays { planner: FlightPlanner::default(), teller: Arc::clone(teller) };
     let mut ours = controllers(problem);
-    let teller = Rc::clone(teller);
+    let teller = Arc::clone(teller);
     let disturbance = match defect {
         Defect::TwoTerms => Some(OriginalDisturbance::OfBelief),
         Defect::StoredSet => Some(OriginalDisturbance::Stored),
@@ -102,18 +104,18 @@ fn wrong_loop(
             }
         };
         let first = ModelBelief { revision: belief.revision, estimate: teller.prior };
-        let is_set_back = defect == Defect::ResetAnew && teller.time_s.get() < RESET_S;
+        let is_set_back = defect == Defect::ResetAnew && read(&teller.time_s) < RESET_S;
         let anew = if is_set_back { Some(Flies::Ours(Box::new(ours(&first)?))) } else { None };
-        Ok(WrongController { flies, anew, teller: Rc::clone(&teller) })
+        Ok(WrongController { flies, anew, teller: Arc::clone(&teller) })
     };
-    ClosedLoop::try_new(
+    let flying = ClosedLoop::try_new(
         loop_settings(problem, condition.feedback, seed),
         Scene { world, surroundings: seen.surroundings },
-        (ways, Box::new(stretches)),
         controller,
         estimator(problem)?,
         problem.flight.simulator.time_ns(),
-    )
+    )?;
+    Ok((flying, Simulated::new((ways, stretches), computing_time(problem))))
 }
 
 /// What the inverse of the allocation makes of a command less what it should: the pressure of five nozzles, thrust of six.
@@ -133,15 +135,6 @@ fn five_nozzles(command: &PropulsionCommand) -> Wrench<f64> {
     Wrench::new(wrong.torque - full.torque, wrong.force - full.force)
 }
 
-fn measurement(estimate: &LocalizationEstimate) -> FlightMeasurement {
-    FlightMeasurement {
-        stamp_ns: estimate.stamp_ns,
-        world_from_body: estimate.world_from_body,
-        rate_body: Some(estimate.rate_body),
-        velocity_origin_world: Some(estimate.velocity_origin_world),
-    }
-}
-
 /// Flies it.
 pub fn fly(condition: Condition, seed: u64, defect: Defect) -> Result<Outcome, TumbleError> {
     let mut problem = ScenarioSource::find(condition.scenario)?.mission(&condition.options(seed))?;
@@ -157,17 +150,20 @@ pub fn fly(condition: Condition, seed: u64, defect: Defect) -> Result<Outcome, T
         _ => None,
     };
     let mut filter = kind.map(|kind| OriginalFilter::new(kind, &problem.prior));
-    let teller = Rc::new(Teller { defect, prior: problem.prior, time_s: Cell::new(0.0), filtered: RefCell::new(None) });
-    let mut flying = wrong_loop(&problem, condition, seed, &teller).map_err(TumbleError::Planning)?;
+    let teller = Arc::new(Teller { defect, prior: problem.prior, time_s: Mutex::new(0.0), filtered: Mutex::new(None) });
+    let (mut flying, mut planners) = wrong_loop(&problem, condition, seed, &teller).map_err(TumbleError::Planning)?;
     let judge = scene(&problem, f64::INFINITY, &[]).map_err(TumbleError::Planning)?.world;
     let (mut counts, mut squares, mut clearance_m) = (Counts::default(), Vec::new(), f64::INFINITY);
     let (mut acted, mut arrived, mut count) = (Wrench::zero(), Vec::new(), 0);
-    while flying.finished().is_none() {
+    let mut from_ns = problem.flight.simulator.time_ns();
+    while flying.end().is_none() {
         let time_ns = problem.flight.simulator.time_ns();
         let time_s = time_ns as f64 * 1e-9;
-        teller.time_s.set(time_s);
-        let sensed = Sensed { time_ns, acted, measurements: &arrived };
-        let command = flying.step(&sensed, &mut counts).map_err(TumbleError::Planning)?;
+        write(&teller.time_s, time_s);
+        let acting = Acted { from_ns, until_ns: time_ns, wrench_body: acted, stored_body: Vector3::zeros() };
+        let command = flying.step_with(&mut planners, &acting, &arrived, &mut counts);
+        let command = command.map_err(TumbleError::Planning)?;
+        from_ns = time_ns;
         let pose = problem.flight.simulator.state().world_from_body;
         let near = judge.clearance(&problem.planning.body, &pose, time_s).map_err(TumbleError::Planning)?;
         clearance_m = clearance_m.min(near.distance_m);
@@ -186,13 +182,13 @@ pub fn fly(condition: Condition, seed: u64, defect: Defect) -> Result<Outcome, T
         for estimate in problem.flight.simulator.estimates() {
             count += 1;
             if defect != Defect::EveryTenth || (count - 1) % STRIDE == 0 {
-                arrived.push(measurement(estimate));
+                arrived.push(measurement(estimate, &problem.noise));
             }
             if let Some(filter) = &mut filter {
                 filter.measured(estimate);
             }
         }
-        *teller.filtered.borrow_mut() = filter.as_ref().map(OriginalFilter::estimate);
+        write(&teller.filtered, filter.as_ref().map(OriginalFilter::estimate));
     }
     let mission_s = problem.flight.simulator.time_ns() as f64 * 1e-9;
     let rms = |from_s: f64| {
@@ -204,7 +200,7 @@ pub fn fly(condition: Condition, seed: u64, defect: Defect) -> Result<Outcome, T
     let told = teller.told(Who::Stretch, &latest);
     let (errors, mass_score) = errors(&problem, &told);
     Ok(Outcome {
-        arrived: flying.finished() == Some(true),
+        arrived: flying.end() == Some(&End::Arrived),
         mission_s,
         clearance_m,
         tracking_m: [rms(0.0), rms(0.75 * mission_s)],

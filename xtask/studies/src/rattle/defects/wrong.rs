@@ -1,7 +1,6 @@
 //! Layers that do what the research code did, around ours.
 
-use std::cell::{Cell, RefCell};
-use std::rc::Rc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::Vector3;
 use tumble_dynamics::InertialParameters;
@@ -13,7 +12,7 @@ use tumble_planning::control::{
 };
 use tumble_planning::global::{FlightPlanner, GlobalAnswer, GlobalPlanner, GlobalRequest};
 use tumble_planning::local::Surroundings;
-use tumble_planning::mission::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
+use tumble_planning::mission::{StretchOutcome, StretchPlanner, StretchTask};
 use tumble_planning::{BodyArc, Budget, ModelBelief, PlanningError};
 
 use super::Defect;
@@ -33,9 +32,19 @@ pub enum Who {
 pub struct Teller {
     pub defect: Defect,
     pub prior: Estimate,
-    pub time_s: Cell<f64>,
+    pub time_s: Mutex<f64>,
     /// What another filter says.
-    pub filtered: RefCell<Option<Estimate>>,
+    pub filtered: Mutex<Option<Estimate>>,
+}
+
+/// What is in a cell that the loop and its layers share.
+pub fn read<T: Copy>(cell: &Mutex<T>) -> T {
+    *cell.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Puts something else into it.
+pub fn write<T>(cell: &Mutex<T>, value: T) {
+    *cell.lock().unwrap_or_else(PoisonError::into_inner) = value;
 }
 
 impl Teller {
@@ -56,8 +65,8 @@ impl Teller {
                 copied[(2, 2)] = inertia[(0, 0)];
                 with(InertialParameters::about_com(parameters.mass, center, copied))
             }
-            Defect::Reset | Defect::ResetAnew if self.time_s.get() >= RESET_S => self.prior,
-            _ => self.filtered.borrow().unwrap_or(belief.estimate),
+            Defect::Reset | Defect::ResetAnew if read(&self.time_s) >= RESET_S => self.prior,
+            _ => read(&self.filtered).unwrap_or(belief.estimate),
         };
         ModelBelief { revision: belief.revision, estimate }
     }
@@ -106,7 +115,7 @@ impl CollisionWorld for SeenWorld {
 /// Ways, which always see the world as it is.
 pub struct WrongWays {
     pub planner: FlightPlanner,
-    pub teller: Rc<Teller>,
+    pub teller: Arc<Teller>,
 }
 
 impl GlobalPlanner<SeenWorld> for WrongWays {
@@ -137,7 +146,7 @@ impl GlobalPlanner<SeenWorld> for WrongWays {
 /// Stretches.
 pub struct WrongStretches {
     pub planner: Box<dyn StretchPlanner>,
-    pub teller: Rc<Teller>,
+    pub teller: Arc<Teller>,
     pub nothing: Surroundings,
 }
 
@@ -150,7 +159,7 @@ impl StretchPlanner for WrongStretches {
         &mut self,
         task: &StretchTask<'_>,
         budget: &mut dyn Budget,
-    ) -> Result<Result<StretchAnswer, StretchRefusal>, PlanningError> {
+    ) -> Result<StretchOutcome, PlanningError> {
         let belief = self.teller.told(Who::Stretch, task.belief);
         let is_blind = matches!(self.teller.defect, Defect::NoObstacles | Defect::NoObstaclesUnchecked);
         let asked = StretchTask {
@@ -178,7 +187,7 @@ pub struct WrongController {
     pub flies: Flies,
     /// What takes over at [`RESET_S`].
     pub anew: Option<Flies>,
-    pub teller: Rc<Teller>,
+    pub teller: Arc<Teller>,
 }
 
 impl Controller for WrongController {
