@@ -21,7 +21,7 @@ pub enum HarmonicEstimator {
     /// the wrench asks for more harmonics than the series has, the trajectory likelihood answers.
     #[default]
     Likelihood,
-    /// [`identify`](crate::identify()) with [`Method::MaximumLikelihood`](crate::Method::MaximumLikelihood) on the whole record, sample by sample, with the wrench that acted; needs no
+    /// [`identify`](crate::identify()) with `maximum-likelihood` on the whole record, sample by sample, with the wrench that acted; needs no
     /// periodic motion.
     TrajectoryLikelihood,
 }
