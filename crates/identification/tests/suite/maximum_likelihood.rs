@@ -10,8 +10,8 @@ use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{LieGroup, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use tumble_identification::{
-    Identification, LikelihoodCost, LikelihoodEstimate, MaximumLikelihood, MotionSample, Noise, Nuisance,
-    Nuisances, Settings, Warning, WrenchTiming, identify,
+    Identification, LikelihoodCost, LikelihoodEstimate, MaximumLikelihood, MotionSample, Noise, Nuisance, Nuisances,
+    Settings, Warning, WrenchTiming, identify,
 };
 
 /// 99.9 % of a chi-square of ten.

@@ -21,9 +21,7 @@ use tumble_planning::{ModelBelief, PlanningError};
 use super::super::flown::Condition;
 use super::Defect;
 use super::filter::{FilterKind, OriginalFilter};
-use super::wrong::{
-    Flies, RESET_S, SeenWorld, Teller, Who, WrongController, WrongStretches, WrongWays, read, write,
-};
+use super::wrong::{Flies, RESET_S, SeenWorld, Teller, Who, WrongController, WrongStretches, WrongWays, read, write};
 
 /// Last nozzle of each module: the one that the sum leaves out.
 const LEFT_OUT: [usize; 2] = [5, 11];
