@@ -189,7 +189,7 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "interior point: gap tolerance ignored",
         file: "crates/identification/src/consistency/interior_point.rs",
-        original: "if duality_gap <= self.gap_tolerance {",
+        original: "if duality_gap <= tolerance {",
         replacement: "if duality_gap <= 1.0 {",
         test: "-p tumble-identification --test suite estimation_laws::",
     },
@@ -357,8 +357,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "recursive SDP: reports before it has solved",
         file: "crates/identification/src/recursive/sdp.rs",
-        original: "self.estimate = best_body(&self.cone, &filter)?;",
-        replacement: "self.estimate = best_body(&self.cone, &self.filter)?;",
+        original: "self.estimate = self.solver.solve(filter.information())?;",
+        replacement: "self.estimate = self.solver.solve(self.filter.information())?;",
         test: "-p tumble-identification --test suite recursive_laws::",
     },
     Mutant {
@@ -371,8 +371,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "change detection: evidence with the sign turned",
         file: "crates/identification/src/recursive/change_detection.rs",
-        original: "seen.innovation.log_likelihood() - outcome.innovation.log_likelihood()",
-        replacement: "outcome.innovation.log_likelihood() - seen.innovation.log_likelihood()",
+        original: "candidate.evidence += then - now;",
+        replacement: "candidate.evidence += now - then;",
         test: "-p tumble-identification --test suite recursive_changes::",
     },
     Mutant {

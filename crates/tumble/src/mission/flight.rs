@@ -348,7 +348,7 @@ pub fn fly(
     hooks: &mut dyn MissionHooks,
 ) -> Result<MissionRecord, TumbleError> {
     let mut problem = source.mission(options)?;
-    let (mut flying, mut planners) = closed_loop(&problem, options.weighting, options.feedback, options.seed)?;
+    let (mut flying, mut planners) = closed_loop(&problem, options)?;
     let limits = WrenchBox { torque_limit: problem.torque_limit_n_m, force_limit: problem.force_limit_n };
     let mut faults = Faults::new(options.fault, options.seed, problem.longest_s).limited_to(limits);
     if problem.planar {

@@ -4,7 +4,9 @@ use std::sync::{Arc, Mutex};
 
 use nalgebra::Vector3;
 use tumble::TumbleError;
-use tumble::mission::{computing_time, controllers, estimator, loop_settings, measurement, scene, stretch_planner};
+use tumble::mission::{
+    computing_time, estimator, loop_settings, measurement, scene, stretch_planner, tube_controllers,
+};
 use tumble::scenario::{MissionProblem, ScenarioSource};
 use tumble_astrobee::propulsion::inverse::wrench_of_flow;
 use tumble_astrobee::propulsion::{InverseAllocation, PropulsionCommand};
@@ -79,7 +81,7 @@ fn wrong_loop(
         nothing: Surroundings::none(),
     };
     let ways = WrongWays { planner: FlightPlanner::default(), teller: Arc::clone(teller) };
-    let mut ours = controllers(problem);
+    let mut ours = tube_controllers(problem);
     let teller = Arc::clone(teller);
     let disturbance = match defect {
         Defect::TwoTerms => Some(OriginalDisturbance::OfBelief),
