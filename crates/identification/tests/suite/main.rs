@@ -19,8 +19,6 @@ mod flight_estimator;
 mod flight_scenario;
 mod identify_properties;
 mod lapack_symbols;
-#[cfg(feature = "clarabel-sdp")]
-mod lmi_against_clarabel;
 mod maximum_likelihood;
 mod periodic_bounds;
 mod periodic_likelihood;
