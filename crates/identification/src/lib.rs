@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(feature = "std"), no_std)]
 #![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub use nalgebra;
 pub use tumble_dynamics as dynamics;
@@ -9,7 +10,7 @@ pub use tumble_lie as lie;
 #[cfg(feature = "std")]
 mod body_change;
 mod body_scale;
-#[cfg(feature = "std")]
+#[cfg(feature = "research")]
 pub mod comparison;
 pub mod consistency;
 mod criteria;
@@ -32,8 +33,10 @@ mod likelihood;
 mod linear_model;
 #[cfg(feature = "std")]
 mod motion;
-#[cfg(feature = "std")]
+#[cfg(feature = "trees")]
 pub mod multibody;
+#[cfg(feature = "std")]
+pub mod noise;
 mod observability;
 pub mod recursive;
 #[cfg(feature = "std")]
@@ -42,7 +45,7 @@ pub mod regressors;
 #[cfg(feature = "std")]
 mod savitzky_golay;
 mod square_root_information;
-#[cfg(feature = "std")]
+#[cfg(feature = "research")]
 pub mod state_space;
 #[cfg(feature = "std")]
 pub mod statistics;
@@ -64,10 +67,13 @@ pub use error::{Column, IdentificationError};
 pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
 pub use identify::{
-    Estimate, Identification, LongRecord, Method, NodeResidual, Noise, POOR_FIT, Part, Prediction, Prior, Settings,
-    StandardDeviations, Validation, Warning, identify, identify_parts, merge, predict, validate,
+    ConstrainedSolvers, Estimate, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD, Methods, NodeResidual,
+    Noise, Part, Pipeline, Prediction, Prior, Problem, Regressed, Regression, Settings, Silence, StandardDeviations,
+    Validation, Warning, constrained_solvers, identify, identify_parts, merge, methods, predict, validate,
 };
 pub use information::FisherInformation;
+#[cfg(feature = "argmin")]
+pub use likelihood::LikelihoodCost;
 #[cfg(feature = "std")]
 pub use likelihood::{
     BodyChange, Exchange, FixedLag, FixedLagSettings, FixedLagStep, Innovation, Iteration, LikelihoodEstimate,

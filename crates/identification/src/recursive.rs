@@ -19,6 +19,7 @@ mod chi_square_gate;
 mod extended_kalman;
 #[cfg(feature = "std")]
 mod flight_estimator;
+#[cfg(feature = "research")]
 mod inverse_inertia;
 mod joint_motion;
 mod kalman;
@@ -38,6 +39,7 @@ pub use flight_estimator::{
     BeginStage, BodyStage, FlightEstimator, FlightEstimatorSettings, FlightHealth, FlightMeasurement, LearningTargets,
     Reception, ReceptionCounts, TwoStageEstimator, WindowRows, WrenchErrors, grasp_or_release,
 };
+#[cfg(feature = "research")]
 pub use inverse_inertia::{InverseInertia, InverseInertiaSample};
 pub use joint_motion::{JointMotion, JointObservation, JointState, MotionNoise};
 pub use kalman::{KalmanFilter, LinearProcess};

@@ -59,6 +59,7 @@ pub struct Measurement {
     /// Velocity of the body origin, world axes, m/s.
     pub velocity_world: Option<Gauss<Vector3<f64>>>,
     /// A quantity of the user's own; components beyond those that it has carry an infinite variance.
+    #[allow(clippy::type_complexity)] // a sensor with what it showed
     pub other: Option<(Arc<dyn Sensor>, Gauss<Vector3<f64>>)>,
 }
 
@@ -100,6 +101,10 @@ pub enum Doubt {
 
 /// Motion and body in flight. `Send`, so that every loop of it is; neither `Clone` nor `Sync`.
 pub trait StateEstimator: Send {
+    /// What to call it in messages; the name of its type unless written.
+    fn name(&self) -> &'static str {
+        core::any::type_name::<Self>()
+    }
     /// Hears what is believed to have acted in a span; a later word of the same span replaces an earlier one.
     fn acted(&mut self, acted: &Acted);
     /// Takes a measurement, which may be late, out of order, doubled or absurd.
@@ -131,6 +136,9 @@ pub trait StateEstimator: Send {
 }
 
 impl<T: StateEstimator + ?Sized> StateEstimator for Box<T> {
+    fn name(&self) -> &'static str {
+        (**self).name()
+    }
     fn acted(&mut self, acted: &Acted) {
         (**self).acted(acted);
     }

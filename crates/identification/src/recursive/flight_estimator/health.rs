@@ -8,7 +8,7 @@ use crate::statistics::{chi_square_quantile, normal_quantile};
 use nalgebra::ComplexField;
 
 /// The filter's health.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FlightHealth {
     /// Running mean of the normalised innovation squared per degree of freedom: one where the model holds.
     pub mean_nis: f64,

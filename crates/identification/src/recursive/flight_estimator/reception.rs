@@ -108,6 +108,7 @@ pub(super) fn checked(measurement: &Measurement) -> Result<Measurement, &'static
 
 /// What was made of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Reception {
     /// It entered the estimate.
     Used {
