@@ -19,6 +19,42 @@ pub enum IdentificationError {
         /// Smallest singular value of the scaled square-root information, relative to the largest.
         smallest_singular_value: f64,
     },
+    /// Normal equations that no factorisation solves: the data, and the prior if any, leave some direction undetermined, and how many was
+    /// not counted.
+    #[error("the normal equations of {parameters} parameters are indefinite: excite the body more, or state a prior")]
+    Indefinite {
+        /// Number of parameters.
+        parameters: usize,
+    },
+    /// The ten parameters are known, but one of them not to better than a share of the body's own size.
+    #[error(
+        "one sigma of some direction is above {largest} of the body's scale: excite the body more, or state a prior"
+    )]
+    NotKnown {
+        /// Widest standard deviation that is accepted, in units of the body's size.
+        largest: f64,
+    },
+    /// A filter whose state or covariance was lost.
+    #[error("the filter diverged at t = {:.3} s", *time_ns as f64 * 1e-9)]
+    FilterDiverged {
+        /// Time of the sample at which it did, ns.
+        time_ns: i64,
+    },
+    /// Every window of rows holds half a turn or more between two of its poses.
+    #[error("in all of {windows} windows the body turns by half a turn or more between two poses: sample faster")]
+    HalfTurns {
+        /// Windows looked at.
+        windows: usize,
+    },
+    /// A method that is not built in; a pipeline of the user's may know more.
+    #[error(
+        "no method is called `{asked}`; known: auto, newton-euler, variational, variational4, variational6, maximum-likelihood, rls, \
+         recursive-sdp, ekf, ukf"
+    )]
+    UnknownMethod {
+        /// The name asked for.
+        asked: &'static str,
+    },
     /// A measurement, regressor, weight or prior is NaN or infinite.
     #[error("row {row} of the block is not finite")]
     NotFinite {
@@ -415,6 +451,7 @@ pub enum IdentificationError {
 
 /// A column of a motion log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Column {
     /// Force and torque.
     Wrench,

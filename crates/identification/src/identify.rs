@@ -8,14 +8,20 @@ mod long;
 mod merge;
 mod noise;
 mod parts;
+mod pipeline;
+mod problem;
 mod recursion;
 mod rows;
 mod solution;
 mod timeline;
+mod units;
+mod verdict;
 mod warning;
 
+use crate::ConstrainedLeastSquares;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
+use crate::estimator::{Evidence, Judge, Verdict};
 use crate::likelihood::{Exchange, NuisanceEstimate, Nuisances};
 use crate::motion::MotionSample;
 use crate::weighted_least_squares::{WrenchRow, whitened};
@@ -27,43 +33,106 @@ use fit::{Best, Fit, best_fit};
 use likelihood::most_likely;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
 use noise::SampleNoise;
+use recursion::Replaced;
 use rows::Scheme;
-use solution::{Judgement, Silent, Solution, judge, solve};
+use solution::{Judgement, Solution, judge, solve};
 use timeline::Timeline;
+use verdict::{Marks, verdict};
 
 pub use long::LongRecord;
 pub use merge::merge;
 pub use parts::{Part, identify_parts};
+pub use pipeline::{ConstrainedSolvers, Methods, Pipeline, constrained_solvers, methods};
+pub use problem::{JointFilter, Problem, Regressed};
+pub use rows::Regression;
 pub(crate) use solution::{constrained, from_covariance, standard_deviations};
+pub use verdict::Silence;
 pub use warning::Warning;
 
-/// Which equations tie the motion to the parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-#[non_exhaustive]
-pub enum Method {
-    /// Chosen from the columns present, the wrench timing and the noise found; [`Identification::method`] says which.
-    #[default]
+/// Chosen from the columns present, the wrench timing and the noise found; [`Identification::method`] says what was chosen.
+pub(crate) const AUTO: &str = "auto";
+/// Name of the maximum likelihood; where it leaves a direction free, the best regression answers instead and says which.
+pub const MAXIMUM_LIKELIHOOD: &str = "maximum-likelihood";
+
+/// Every built-in method: its name, what it is in a sentence, and how it comes to an answer.
+const BUILT_IN: [(&str, &str, Way); 10] = [
+    (AUTO, "Chosen from the columns and the noise found", Way::Auto),
+    (
+        "newton-euler",
+        "Newton-Euler with measured rates, velocities or accelerations",
+        Way::Rows(Regression::NewtonEuler),
+    ),
+    ("variational", "Variational regressor, order 2, poses only", Way::Rows(Regression::Variational)),
+    ("variational4", "Extrapolated variational regressor, order 4, poses only", Way::Rows(Regression::Variational4)),
+    ("variational6", "Extrapolated variational regressor, order 6, poses only", Way::Rows(Regression::Variational6)),
+    (MAXIMUM_LIKELIHOOD, "Maximum likelihood from noisy poses and wrenches", Way::Likelihood),
+    ("rls", "Recursive least squares in covariance form", Way::Rls),
+    ("recursive-sdp", "Recursive least squares whose every answer is a body", Way::RecursiveSdp),
+    ("ekf", "Extended Kalman filter of motion and parameters", Way::Ekf),
+    ("ukf", "Unscented Kalman filter of motion and parameters", Way::Ukf),
+];
+
+/// How an answer comes about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Way {
     Auto,
-    /// Newton-Euler with measured velocities and rates, in integral (momentum) form.
-    NewtonEuler,
-    /// Variational regressor of order 2, poses only.
-    Variational,
-    /// Extrapolated variational regressor of order 4, poses only.
-    Variational4,
-    /// Extrapolated variational regressor of order 6, poses only.
-    Variational6,
-    /// Maximum likelihood from noisy poses (and rates, velocities, accelerations where present) and noisy wrenches:
-    /// [`MaximumLikelihood`](crate::MaximumLikelihood). Where it leaves a direction free, the best regression answers
-    /// instead and says which.
-    MaximumLikelihood,
-    /// The rows of [`Method::Auto`] by recursive least squares in covariance form, in the order of time.
+    Rows(Regression),
+    Likelihood,
     Rls,
-    /// The same by [`RecursiveSdp`](crate::recursive::RecursiveSdp).
     RecursiveSdp,
-    /// Poses and what else was measured by an extended Kalman filter of motion and parameters.
     Ekf,
-    /// The same by an unscented one.
     Ukf,
+    /// An estimator from outside; its finding takes the place of that of the rows.
+    Other,
+}
+
+impl Way {
+    fn named(name: &'static str) -> Result<Self, IdentificationError> {
+        let known = BUILT_IN.iter().find(|(known, ..)| *known == name);
+        known.map(|(_, _, way)| *way).ok_or(IdentificationError::UnknownMethod { asked: name })
+    }
+
+    /// Has no rows of its own, and is judged by those of order 4.
+    fn is_recursive(self) -> bool {
+        matches!(self, Self::Rls | Self::RecursiveSdp | Self::Ekf | Self::Ukf | Self::Other)
+    }
+
+    /// Rows of a way that has or needs some.
+    fn regression(self) -> Regression {
+        match self {
+            Self::Rows(regression) => regression,
+            _ => Regression::Variational4,
+        }
+    }
+
+    fn of_regression(regression: Regression) -> &'static str {
+        let found = BUILT_IN.iter().find(|(_, _, way)| *way == Self::Rows(regression));
+        found.map_or(AUTO, |(name, ..)| *name)
+    }
+}
+
+/// A solver for a body of this size.
+pub(crate) type SolverFor<'a> = &'a dyn Fn(BodyScale) -> Box<dyn ConstrainedLeastSquares<10>>;
+
+/// What to do, and by what: settings, constrained solver and judge are one.
+#[derive(Clone, Copy)]
+pub(crate) struct Plan<'a> {
+    pub(crate) settings: &'a Settings,
+    /// What [`Identification::method`] says.
+    name: &'static str,
+    way: Way,
+    solver: SolverFor<'a>,
+    judge: Judge,
+}
+
+impl<'a> Plan<'a> {
+    /// A built-in method with the usual solver and the usual judge.
+    fn usual(settings: &'a Settings) -> Result<Self, IdentificationError> {
+        // The judge of a record takes the units of its body.
+        let judge = Judge::new(BodyScale::try_new(1.0, 1.0)?);
+        let way = Way::named(settings.method)?;
+        Ok(Self { settings, name: settings.method, way, solver: &pipeline::interior_point, judge })
+    }
 }
 
 /// What is known of the body beforehand: independent Gaussian knowledge of each of the ten parameters.
@@ -76,10 +145,11 @@ pub struct Prior {
 }
 
 /// How [`identify`] works.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Regression to use.
-    pub method: Method,
+    /// Name of the method, as [`methods`] or a [`Pipeline`] lists it: `auto`, `newton-euler`, `variational`, `variational4`,
+    /// `variational6`, `maximum-likelihood`, `rls`, `recursive-sdp`, `ekf`, `ukf`, or one of the user's.
+    pub method: &'static str,
     /// When the logged wrench acts.
     pub wrench_timing: WrenchTiming,
     /// Gravitational acceleration, inertial axes, m/s^2.
@@ -90,6 +160,19 @@ pub struct Settings {
     pub lag: Option<usize>,
     /// What the likelihood estimates beside the ten parameters.
     pub estimate: Nuisances,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            method: AUTO,
+            wrench_timing: WrenchTiming::default(),
+            gravity_world: Vector3::zeros(),
+            prior: None,
+            lag: None,
+            estimate: Nuisances::default(),
+        }
+    }
 }
 
 /// One standard deviation of each reported quantity.
@@ -149,8 +232,8 @@ pub struct NodeResidual {
 /// What [`identify`] found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
-    /// Method used; never [`Method::Auto`].
-    pub method: Method,
+    /// Name of the method that answered; never `auto`.
+    pub method: &'static str,
     /// When the wrench was taken to act.
     pub wrench_timing: WrenchTiming,
     /// Samples between the poses of one row; for the likelihood, samples that share one error of the wrench.
@@ -178,6 +261,12 @@ pub struct Identification {
     /// Share of the wrench's mean square (torque counted at the body's own length) that the estimate explains
     /// (below rank ten: the fit without prior and constraint); at most one.
     pub explained: Option<f64>,
+    /// Whether the numbers may be used: by these numbers and those of [`evidence`](Self::evidence), never by the list of warnings.
+    pub verdict: Verdict,
+    /// What the record says of the answer, counted by the library.
+    pub evidence: Evidence,
+    /// Which part of the wrench says nothing.
+    pub silence: Silence,
     /// Noise found.
     pub noise: Noise,
     /// Delay of everything measured against the wrench, where it was estimated, s.
@@ -188,8 +277,9 @@ pub struct Identification {
     pub exchanges: Vec<Exchange>,
     /// What the model leaves unexplained, node by node; empty without any estimate.
     pub residuals: Vec<NodeResidual>,
-    /// What a reader must know.
+    /// What a reader must know; nothing is decided by it.
     pub warnings: Vec<Warning>,
+    pub(crate) marks: Marks,
 }
 
 /// What a record can answer, before any wrench is believed.
@@ -225,8 +315,8 @@ pub struct Validation {
     pub explained: f64,
 }
 
-/// An estimate that explains less than this share of the wrench is not believed.
-pub const POOR_FIT: f64 = 0.5;
+/// Of the torque more than this share must be explained before a force is called silent.
+const FOLLOWED: f64 = 0.5;
 /// A force of which the best body explains less than this share is noise.
 const SILENT: f64 = 0.1;
 /// Root mean squares of a motion in a plane: tilt and lift of a robot on a table are no larger than what its localisation
@@ -243,7 +333,7 @@ const VISIBLE_COLOUR: (f64, f64) = (1.2, 1e-4);
 /// Discretisation is worth a warning above this share of the standard deviation and this fraction of the body's scale.
 const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
 
-/// The body that explains a record.
+/// The body that explains a record, by a built-in method; [`Pipeline`] takes the user's own too.
 ///
 /// Poses alone serve; measured rates and velocities are used where the poses are too noisy. What the data do not
 /// determine is not invented: below rank ten there is no estimate unless a prior is asked for, and the directions left
@@ -251,50 +341,40 @@ const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
 ///
 /// # Errors
 /// [`IdentificationError::TooFewSamples`], [`IdentificationError::MissingColumn`] where not one row can be formed;
-/// [`IdentificationError::TimesNotIncreasing`], [`IdentificationError::NotFinite`] for a malformed record. Data that say
-/// too little are not an error but a result with its rank.
+/// [`IdentificationError::TimesNotIncreasing`], [`IdentificationError::NotFinite`] for a malformed record;
+/// [`IdentificationError::UnknownMethod`]. Data that say too little are not an error but a result with its rank.
 pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identification, IdentificationError> {
-    let mut found = answer(record, settings)?;
-    // A regression that does not answer has not the last word.
-    let doubtful = found.rank < 10 || found.explained.is_some_and(|share| share < POOR_FIT);
-    let settled = |w: &Warning| {
-        matches!(
-            w,
-            Warning::LikelihoodFailed | Warning::ZeroWrench | Warning::SilentForce | Warning::UnfollowedForce { .. }
-        )
-    };
-    let tried = found.warnings.iter().any(settled);
-    if settings.method == Method::Auto && found.method != Method::MaximumLikelihood && doubtful && !tried {
-        let likely = most_likely(record, &Timeline::try_new(record)?, settings)?;
-        let better = |likely: &Identification| likely.explained > Some(POOR_FIT) && likely.rank >= found.rank;
-        found = likely.filter(|likely| better(likely) && leaves_noise_only(likely)).unwrap_or(found);
-    }
-    let weak = weak_excitation(&found);
-    found.warnings.extend(weak);
-    Ok(found)
+    let plan = Plan::usual(settings)?;
+    run(record, &plan, |fit, noise| recursion::run(fit, record, &plan, noise))
 }
 
-/// Whether a likelihood has explained the motion, and not called it noise.
-fn leaves_noise_only(found: &Identification) -> bool {
-    !found.warnings.iter().any(|w| matches!(w, Warning::ColouredNoise { .. } | Warning::ManyOutliers { .. }))
+/// The answer of a plan; `replace` puts another finding in the place of that of the rows.
+fn run<E: From<IdentificationError>>(
+    record: &[MotionSample],
+    plan: &Plan<'_>,
+    replace: impl FnOnce(&mut Fit, &SampleNoise) -> Result<Replaced, E>,
+) -> Result<Identification, E> {
+    let mut found = answer(record, plan, replace)?;
+    // A regression that does not answer has not the last word.
+    let poor = |found: &Identification| found.explained.is_some_and(|share| share < plan.judge.poor_fit);
+    let tried = found.marks.likelihood_failed || found.silence != Silence::Nothing;
+    if plan.way == Way::Auto && found.method != MAXIMUM_LIKELIHOOD && (found.rank < 10 || poor(&found)) && !tried {
+        let likely = most_likely(record, &Timeline::try_new(record)?, plan)?;
+        let better = |likely: &Identification| {
+            likely.explained > Some(plan.judge.poor_fit) && likely.rank >= found.rank && likely.marks.leaves_noise_only
+        };
+        found = likely.filter(better).unwrap_or(found);
+    }
+    // Without a wrench, or with one that means something else, no motion helps.
+    if found.silence == Silence::Nothing && !poor(&found) && !found.marks.is_planar {
+        let weak = weak_excitation(&found);
+        found.warnings.extend(weak);
+    }
+    Ok(found)
 }
 
 /// Directions that the motion shows badly or not at all, with the simple motion that would show each.
 fn weak_excitation(found: &Identification) -> Vec<Warning> {
-    // Without a wrench, or with one that means something else, no motion helps.
-    let silent = |warning: &Warning| {
-        matches!(
-            warning,
-            Warning::ZeroWrench
-                | Warning::SilentForce
-                | Warning::UnfollowedForce { .. }
-                | Warning::PoorFit { .. }
-                | Warning::PlanarMotion { .. }
-        )
-    };
-    if found.warnings.iter().any(silent) {
-        return Vec::new();
-    }
     if found.rank < 10 {
         let weak = |direction: &NullDirection| Warning::WeakExcitation {
             direction: WeakDirection::new(*direction, found.scale),
@@ -314,83 +394,122 @@ fn weak_excitation(found: &Identification) -> Vec<Warning> {
         .collect()
 }
 
-fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification, IdentificationError> {
+fn answer<E: From<IdentificationError>>(
+    record: &[MotionSample],
+    plan: &Plan<'_>,
+    replace: impl FnOnce(&mut Fit, &SampleNoise) -> Result<Replaced, E>,
+) -> Result<Identification, E> {
+    let settings = plan.settings;
     let timeline = Timeline::try_new(record)?;
-    if settings.method == Method::MaximumLikelihood
-        && let Some(found) = most_likely(record, &timeline, settings)?
+    if plan.way == Way::Likelihood
+        && let Some(found) = most_likely(record, &timeline, plan)?
     {
         return Ok(found);
     }
     let noise = SampleNoise::estimate(record, &timeline, settings);
-    let mut fit = match best_fit(record, &timeline, settings, &noise)? {
+    let mut fit = match best_fit(record, &timeline, plan, &noise)? {
         Best::Fit(fit) => *fit,
         Best::Likelihood(found) => return Ok(*found),
     };
-    let diverged_ns = recursion::run(&mut fit, record, settings, &noise)?;
-    let zero_wrench = record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0);
-    let silent = match (zero_wrench, fit.explained()) {
-        (true, _) => Silent::Wrench,
-        (false, Some((torque, force))) if force < SILENT && torque > POOR_FIT => Silent::Force,
-        _ => Silent::Nothing,
-    };
-    let judgement = judge(&fit, silent, settings.prior.as_ref())?;
-    let mut warnings = warnings_of(&timeline, &fit, &judgement, &noise);
+    let replaced = replace(&mut fit, &noise)?;
+    Ok(conclude(record, &timeline, plan, &noise, &fit, &replaced)?)
+}
+
+/// Which part of the wrench says nothing.
+fn silence_of(record: &[MotionSample], fit: &Fit) -> Silence {
+    if record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0) {
+        return Silence::Wrench;
+    }
+    match fit.explained() {
+        Some((torque, force)) if force < SILENT && torque > FOLLOWED => {
+            if is_noise(record) {
+                Silence::Force
+            } else {
+                Silence::Unfollowed
+            }
+        }
+        _ => Silence::Nothing,
+    }
+}
+
+/// From a fit, whatever made it, to what may be said.
+fn conclude(
+    record: &[MotionSample],
+    timeline: &Timeline,
+    plan: &Plan<'_>,
+    noise: &SampleNoise,
+    fit: &Fit,
+    replaced: &Replaced,
+) -> Result<Identification, IdentificationError> {
+    let (settings, diverged_ns) = (plan.settings, replaced.diverged_ns);
+    let silence = silence_of(record, fit);
+    let judgement = judge(fit, silence, settings.prior.as_ref())?;
+    let mut warnings = warnings_of(timeline, fit, &judgement, noise);
     warnings.extend(diverged_ns.map(|time_ns| Warning::FilterDiverged { time_ns }));
-    match silent {
-        Silent::Wrench => warnings.push(Warning::ZeroWrench),
-        Silent::Force if is_noise(record) => warnings.push(Warning::SilentForce),
-        Silent::Force => {
+    match silence {
+        Silence::Wrench => warnings.push(Warning::ZeroWrench),
+        Silence::Force => warnings.push(Warning::SilentForce),
+        Silence::Unfollowed => {
             warnings.push(Warning::UnfollowedForce { explained: fit.explained().map_or(0.0, |(_, force)| force) });
         }
-        Silent::Nothing => {}
+        Silence::Nothing => {}
     }
-    if settings.method == Method::MaximumLikelihood
-        || settings.method == Method::Auto && settings.lag.is_none() && (fit.poses_noisy || fit.rates_noisy)
-    {
+    let likelihood_failed = plan.way == Way::Likelihood
+        || plan.way == Way::Auto && settings.lag.is_none() && (fit.poses_noisy || fit.rates_noisy);
+    if likelihood_failed {
         warnings.push(Warning::LikelihoodFailed);
     }
-    if fit.coloured > 0.0 && !settings.method.is_recursive() {
-        warnings.push(Warning::BiasedByNoise { deviations: fit.coloured });
+    let shift = if plan.way.is_recursive() { 0.0 } else { fit.coloured };
+    if shift > 0.0 {
+        warnings.push(Warning::BiasedByNoise { deviations: shift });
     }
     if settings.estimate != Nuisances::default() {
         warnings.push(Warning::NotCalibrated { rows: record.len() });
     }
     let full_rank = judgement.observability.rank() == 10;
     let information = if full_rank { judgement.determined } else { judgement.projected };
-    let Solution { estimate, regularised } = solve(information, judgement.scale, full_rank, settings.prior.as_ref())?;
+    let Solution { estimate, regularised } = solve(information, judgement.scale, full_rank, plan)?;
     let body = estimate.or(regularised);
     if estimate.is_some_and(|found| found.lmi_active) {
         warnings.push(Warning::ConstraintActive);
     }
-    let residuals = body.map_or_else(Vec::new, |body| residuals(&fit.rows.all, &timeline, &body.parameters));
+    let residuals = body.map_or_else(Vec::new, |body| residuals(&fit.rows.all, timeline, &body.parameters));
     // Below rank ten the unconstrained fit tells whether any body could explain the log.
     let believed = estimate.map(|found| found.parameters).or_else(|| {
-        let fitted = fit.least_squares.as_ref().filter(|_| silent == Silent::Nothing)?;
+        let fitted = fit.least_squares.as_ref().filter(|_| silence == Silence::Nothing)?;
         Some(InertialParameters::from_vector(&fitted.parameters))
     });
-    let explained = believed.map(|body| explained(&fit.rows.all, &body, judgement.scale));
-    if let Some(explained) = explained.filter(|share| *share < POOR_FIT) {
+    let mut evidence = believed.map_or_else(Evidence::default, |body| evidence(&fit.rows.all, &body, judgement.scale));
+    let explained = believed.map(|_| evidence.explained().unwrap_or_default());
+    (evidence.shift, evidence.diverged_ns) = (shift, diverged_ns);
+    evidence.stand_in = likelihood_failed && fit.poses_noisy;
+    let poor = explained.is_some_and(|share| share < plan.judge.poor_fit);
+    if let Some(explained) = explained.filter(|_| poor) {
         warnings.push(Warning::PoorFit { explained });
     }
-    let unexplained = |w: &Warning| {
-        matches!(w, Warning::PoorFit { .. } | Warning::UnfollowedForce { .. } | Warning::LikelihoodFailed)
-    };
-    if warnings.iter().any(unexplained) {
-        warnings.extend(planar_motion(record).map(|normal_world| Warning::PlanarMotion { normal_world }));
+    let mut marks = Marks { likelihood_failed, ..Marks::default() };
+    if poor || silence == Silence::Unfollowed || likelihood_failed {
+        let normal = planar_motion(record);
+        marks.is_planar = normal.is_some();
+        warnings.extend(normal.map(|normal_world| Warning::PlanarMotion { normal_world }));
     }
-    if let (Some(body), Some(explained)) = (estimate, explained)
-        && let Some(change) = parts::body_change(&fit, &body.parameters.to_vector())
+    if let Some(body) = estimate
+        && let Some(change) = parts::body_change(fit, &body.parameters.to_vector())
     {
-        warnings.extend(Warning::of_change(record, &change, judgement.scale, explained));
+        let told = Warning::of_change(record, &change, judgement.scale, explained > Some(plan.judge.poor_fit));
+        marks.changed_ns = told.map(|(between, _)| between);
+        warnings.extend(told.map(|(_, warning)| warning));
     }
+    let beside = Some(&replaced.beside);
+    let verdict = verdict(plan, judgement.scale, &information, estimate.as_ref(), &evidence, beside)?;
     let (torque_residual, force_residual) =
         fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
     let wrench_gain = fit.scheme.wrench_gain().sqrt();
     Ok(Identification {
-        method: if settings.method.is_recursive() && diverged_ns.is_none() {
-            settings.method
+        method: if plan.way.is_recursive() && diverged_ns.is_none() {
+            plan.name
         } else {
-            fit.scheme.method
+            Way::of_regression(fit.scheme.regression)
         },
         wrench_timing: settings.wrench_timing,
         lag: fit.scheme.lag,
@@ -405,6 +524,9 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
         estimate,
         regularised,
         explained,
+        verdict,
+        evidence,
+        silence,
         noise: Noise {
             torque_n_m: torque_residual / wrench_gain,
             force_n: force_residual / wrench_gain,
@@ -419,6 +541,7 @@ fn answer(record: &[MotionSample], settings: &Settings) -> Result<Identification
         exchanges: Vec::new(),
         residuals,
         warnings,
+        marks,
     })
 }
 
@@ -475,11 +598,8 @@ pub fn predict(
     wrench_noise: (f64, f64),
 ) -> Result<Prediction, IdentificationError> {
     let timeline = Timeline::try_new(record)?;
-    let method = match settings.method {
-        Method::Auto | Method::MaximumLikelihood => Method::Variational4,
-        method => method,
-    };
-    let mut scheme = Scheme::new(settings, method, settings.lag.unwrap_or(1));
+    let regression = Way::named(settings.method)?.regression();
+    let mut scheme = Scheme::new(settings, regression, settings.lag.unwrap_or(1));
     scheme.wrench_optional = true;
     let rows = scheme.rows(record, &timeline)?;
     // Overlapping averages of white noise keep its density at low frequency, which is what a fit sees; where only a pair
@@ -517,11 +637,12 @@ pub fn validate(
     settings: &Settings,
 ) -> Result<Validation, IdentificationError> {
     let estimate = found.estimate.ok_or(IdentificationError::NoEstimate { rank: found.rank })?;
-    if found.method == Method::MaximumLikelihood {
+    if found.method == MAXIMUM_LIKELIHOOD {
         return likelihood::validated(found, &estimate, record, settings);
     }
     let timeline = Timeline::try_new(record)?;
-    let scheme = Scheme::new(settings, found.method, found.lag);
+    let regression = Way::named(found.method).map_or(Regression::Variational4, Way::regression);
+    let scheme = Scheme::new(settings, regression, found.lag);
     let rows = scheme.rows(record, &timeline)?;
     let parameters = estimate.parameters.to_vector();
     let gain = scheme.wrench_gain().sqrt();
@@ -549,16 +670,14 @@ pub fn validate(
     })
 }
 
-/// Share of the wrench's mean square that a body explains, torque counted at the body's own length.
-fn explained(rows: &[WrenchRow], body: &InertialParameters<f64>, scale: BodyScale) -> f64 {
+/// What a body leaves of the wrench of rows, torque counted at the body's own length.
+fn evidence(rows: &[WrenchRow], body: &InertialParameters<f64>, scale: BodyScale) -> Evidence {
     let parameters = body.to_vector();
-    let size = |w: &Vector6<f64>| {
-        w.fixed_rows::<3>(0).norm_squared() / scale.length_m().powi(2) + w.fixed_rows::<3>(3).norm_squared()
-    };
-    let (left, all) = rows.iter().fold((0.0, 0.0), |(left, all), row| {
-        (left + size(&(row.regressor * parameters - row.wrench)), all + size(&row.wrench))
-    });
-    if all > 0.0 { 1.0 - left / all } else { 0.0 }
+    let mut evidence = Evidence::default();
+    for row in rows {
+        evidence.count(&row.wrench, &(row.regressor * parameters - row.wrench), scale.length_m());
+    }
+    evidence
 }
 
 fn residuals(rows: &[WrenchRow], timeline: &Timeline, body: &InertialParameters<f64>) -> Vec<NodeResidual> {

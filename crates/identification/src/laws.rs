@@ -1,7 +1,8 @@
-//! Executable laws for feasible sets, constrained solvers, recursive estimators, linear models and criteria, yours
+//! Executable laws for feasible sets, constrained solvers, estimators, recursive ones, linear models and criteria, yours
 //! included.
 
 mod criterion;
+mod estimator;
 mod linear_model;
 #[cfg(feature = "trees")]
 mod multibody;
@@ -10,6 +11,7 @@ mod recursive_estimator;
 pub use criterion::{
     check_change_of_units, check_excitation_criterion, check_more_information, check_optimality_criterion,
 };
+pub use estimator::{Case, Make, Retold, check_coverage, check_estimator};
 pub use linear_model::check_linear_model;
 #[cfg(feature = "trees")]
 pub use multibody::{check_base_parameters, check_links_solver};

@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(feature = "std"), no_std)]
 #![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub use nalgebra;
 pub use tumble_dynamics as dynamics;
@@ -34,6 +35,8 @@ mod linear_model;
 mod motion;
 #[cfg(feature = "trees")]
 pub mod multibody;
+#[cfg(feature = "std")]
+pub mod noise;
 mod observability;
 pub mod recursive;
 #[cfg(feature = "std")]
@@ -64,8 +67,9 @@ pub use error::{Column, IdentificationError};
 pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
 pub use identify::{
-    Estimate, Identification, LongRecord, Method, NodeResidual, Noise, POOR_FIT, Part, Prediction, Prior, Settings,
-    StandardDeviations, Validation, Warning, identify, identify_parts, merge, predict, validate,
+    ConstrainedSolvers, Estimate, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD, Methods, NodeResidual,
+    Noise, Part, Pipeline, Prediction, Prior, Problem, Regressed, Regression, Settings, Silence, StandardDeviations,
+    Validation, Warning, constrained_solvers, identify, identify_parts, merge, methods, predict, validate,
 };
 pub use information::FisherInformation;
 #[cfg(feature = "argmin")]

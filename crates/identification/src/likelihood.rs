@@ -10,10 +10,12 @@ mod cost;
 mod drive;
 mod elimination;
 mod flow;
-mod identifiability;
+pub(crate) mod identifiability;
+mod lanes;
 mod nodes;
 mod noise;
 mod record;
+mod sample;
 mod segment;
 mod stream;
 mod window;
@@ -255,7 +257,11 @@ impl MaximumLikelihood {
         match self.estimate_from_poses(record, Approach::Direct) {
             // A body that turns far within the window of the first guess needs a shorter one. Poor poses give poor states in
             // either, and a wrench much better than they are ties the states over longer times than tangents reach.
-            Err(IdentificationError::NotExcited { .. } | IdentificationError::LikelihoodNotConverged { .. }) => {
+            Err(
+                IdentificationError::NotExcited { .. }
+                | IdentificationError::Indefinite { .. }
+                | IdentificationError::LikelihoodNotConverged { .. },
+            ) => {
                 let hasty = Self { node_window_s: self.node_window_s * SHORTER_WINDOW, ..self.clone() };
                 hasty.estimate_from_poses(record, Approach::DoubtedWrench)
             }
@@ -761,7 +767,7 @@ fn cost(sweep: &Sweep, levels: &Levels) -> f64 {
 }
 
 fn not_excited(_: Indefinite) -> IdentificationError {
-    IdentificationError::NotExcited { rank: 9, expected: 10, smallest_singular_value: 0.0 }
+    IdentificationError::Indefinite { parameters: 10 }
 }
 
 #[cfg(test)]

@@ -36,8 +36,8 @@ pub use chi_square_gate::ChiSquareGate;
 pub use extended_kalman::{DifferentiableModel, ExtendedKalmanFilter, FilterModel};
 #[cfg(feature = "std")]
 pub use flight_estimator::{
-    FlightEstimator, FlightEstimatorSettings, FlightHealth, FlightMeasurement, LearningTargets, Reception,
-    ReceptionCounts, WrenchErrors, grasp_or_release,
+    BeginStage, BodyStage, FlightEstimator, FlightEstimatorSettings, FlightHealth, FlightMeasurement, LearningTargets,
+    Reception, ReceptionCounts, TwoStageEstimator, WindowRows, WrenchErrors, grasp_or_release,
 };
 #[cfg(feature = "research")]
 pub use inverse_inertia::{InverseInertia, InverseInertiaSample};

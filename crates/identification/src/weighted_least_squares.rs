@@ -122,8 +122,7 @@ impl WeightedLeastSquares {
             let inverse = to_scaled * (to_scaled * normal * to_scaled).try_inverse()? * to_scaled;
             Some((inverse, inverse * moment))
         };
-        let not_excited =
-            IdentificationError::NotExcited { rank: 9, expected: 10, smallest_singular_value: f64::MIN_POSITIVE };
+        let not_excited = IdentificationError::Indefinite { parameters: 10 };
         let left = left_with(instruments.map(|_| 1));
         let (inverse, solution) = solved(&left).ok_or(not_excited)?;
         let mut instrument_shift = SVector::zeros();

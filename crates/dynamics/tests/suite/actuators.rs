@@ -522,6 +522,18 @@ fn defects_of_reaction_wheels_are_caught_by_name() {
     assert_eq!(law(half), "a wrench that is not finite is refused");
 }
 
+/// Wheels held as if they were nozzles: neither filled nor precessing.
+struct Nozzles;
+impl Actuation for Nozzles {
+    type Command = State<4>;
+    fn allocate(&self, wrench: &Wrench<f64>) -> Result<State<4>, DynamicsError> {
+        pyramid().allocate_over(&State::zeros(), wrench, 0.5)
+    }
+    fn realize(&self, command: &State<4>) -> Wrench<f64> {
+        pyramid().realize_over(&State::zeros(), command, 0.5)
+    }
+}
+
 #[test]
 fn defects_of_stored_momentum_are_caught_by_name() {
     type Wheels = BrokenWheels;
@@ -547,17 +559,6 @@ fn defects_of_stored_momentum_are_caught_by_name() {
     let momentum = State::<4>::from_column_slice(&[0.05, -0.02, 0.08, 0.0]);
     for broken in [frozen(), wrong_sign()] {
         assert_eq!(law_of(check_plant((broken, momentum))), "total momentum is kept");
-    }
-    // a plant that holds wheels as if they were nozzles: neither filled nor precessing
-    struct Nozzles;
-    impl Actuation for Nozzles {
-        type Command = State<4>;
-        fn allocate(&self, wrench: &Wrench<f64>) -> Result<State<4>, DynamicsError> {
-            pyramid().allocate_over(&State::zeros(), wrench, 0.5)
-        }
-        fn realize(&self, command: &State<4>) -> Wrench<f64> {
-            pyramid().realize_over(&State::zeros(), command, 0.5)
-        }
     }
     assert_eq!(law_of(check_plant((Nozzles, ()))), "total momentum is kept");
 }

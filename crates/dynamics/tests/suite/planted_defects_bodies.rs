@@ -355,9 +355,9 @@ fn height(_: f64, state: &State) -> f64 {
 
 /// The earth from a low orbit: gravitational parameter, its centre, the angular velocity of the orbit.
 fn orbit() -> (f64, Vector3<f64>, Vector3<f64>) {
-    let center = Vector3::new(-2.0e6, 3.0e6, -6.0e6);
+    let center = Vector3::<f64>::new(-2.0e6, 3.0e6, -6.0e6);
     let across = Vector3::new(0.3, 1.0, 0.4);
-    let rate = (3.986e14 / center.norm().powi(3)).sqrt();
+    let rate = (3.986e14 / f64::powi(center.norm(), 3)).sqrt();
     (3.986e14, center, center.cross(&across).normalize() * rate)
 }
 
@@ -472,6 +472,17 @@ fn the_wrench_models_obey_their_laws() {
     assert!(windy.wrench_body(0.0, &carried).to_vector().amax() < 1e-16);
 }
 
+/// A wrench with the square of the mass.
+struct Squared;
+impl WrenchModel<f64> for Squared {
+    fn wrench_body(&self, _time_s: f64, _state: &State) -> Wrench<f64> {
+        Wrench::zero()
+    }
+    fn wrench_on(&self, body: &Body, _time_s: f64, _state: &State) -> Wrench<f64> {
+        Wrench::new(Vector3::zeros(), Vector3::x() * (body.mass * body.mass))
+    }
+}
+
 #[test]
 fn defects_of_wrench_models_are_caught_by_name() {
     let states = draws(&states(), 9, 100);
@@ -523,16 +534,6 @@ fn defects_of_wrench_models_are_caught_by_name() {
     assert_eq!(model(check_wrench_model(&at_the_origin, falls, &states, 1e-8)), work);
     let damped = |world: &Pose<f64>| -> Box<dyn WrenchModel<f64>> { Box::new((gravity_in(world), linear_drag())) };
     assert_eq!(model(check_wrench_model(&damped, falls, &states, 1e-8)), "a potential does not see velocity");
-    // squares the body
-    struct Squared;
-    impl WrenchModel<f64> for Squared {
-        fn wrench_body(&self, _time_s: f64, _state: &State) -> Wrench<f64> {
-            Wrench::zero()
-        }
-        fn wrench_on(&self, body: &Body, _time_s: f64, _state: &State) -> Wrench<f64> {
-            Wrench::new(Vector3::zeros(), Vector3::x() * (body.mass * body.mass))
-        }
-    }
     assert_eq!(model(check_wrench_model(&|_| Box::new(Squared), any, &states, 1e-12)), "affine in the body");
 
     let last_one_wins = WrenchFn(|time_s: f64, state: &State| gravity().wrench_body(time_s, state));

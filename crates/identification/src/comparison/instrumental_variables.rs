@@ -39,5 +39,5 @@ pub fn instrumental_variables(
         .solve(&magnitudes.component_mul(&moment))
         .map(|solution| solution.component_mul(&magnitudes))
         .filter(|solution| solution.iter().all(|x| x.is_finite()))
-        .ok_or(IdentificationError::NotExcited { rank: 9, expected: 10, smallest_singular_value: 0.0 })
+        .ok_or(IdentificationError::Indefinite { parameters: 10 })
 }

@@ -1,11 +1,13 @@
 //! Errors that carry another's.
 
 use crate::error::IdentificationError;
+#[cfg(feature = "std")]
+use crate::registry::UnknownName;
 use core::error::Error;
 use core::fmt;
 
-/// What a seam answers with: the library's own error, `Copy` and comparable as it is, or one of somebody else.
-#[derive(Clone, Debug)]
+/// The error of every estimator: the library's own, `Copy` and comparable as it is, or one of an implementation from outside.
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum EstimatorError {
     /// Of the library.
@@ -17,6 +19,9 @@ pub enum EstimatorError {
         /// What it says.
         source: Source,
     },
+    /// A name that no entry of a registry bears.
+    #[cfg(feature = "std")]
+    Unknown(UnknownName),
     /// An implementation handed over what cannot be.
     Refused {
         /// What.
@@ -39,8 +44,10 @@ pub enum Source {
     Shared(std::sync::Arc<dyn Error + Send + Sync>),
 }
 
-impl Source {
-    fn error(&self) -> &(dyn Error + Send + Sync + 'static) {
+impl core::ops::Deref for Source {
+    type Target = dyn Error + Send + Sync + 'static;
+
+    fn deref(&self) -> &Self::Target {
         match self {
             Self::Static(error) => *error,
             #[cfg(feature = "std")]
@@ -62,9 +69,22 @@ impl EstimatorError {
     }
 }
 
+/// The same object, not one that says the same.
+impl PartialEq for Source {
+    fn eq(&self, other: &Self) -> bool {
+        core::ptr::addr_eq(&raw const **self, &raw const **other)
+    }
+}
+
 impl fmt::Debug for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Debug::fmt(self.error(), f)
+        fmt::Debug::fmt(&**self, f)
+    }
+}
+
+impl fmt::Display for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&**self, f)
     }
 }
 
@@ -72,7 +92,9 @@ impl fmt::Display for EstimatorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Library(error) => error.fmt(f),
-            Self::Foreign { by, source } => write!(f, "{by}: {}", source.error()),
+            #[cfg(feature = "std")]
+            Self::Unknown(unknown) => unknown.fmt(f),
+            Self::Foreign { by, source } => write!(f, "{by}: {source}"),
             Self::Refused { what, index, value } => write!(f, "{what}: component {index} is {value}"),
         }
     }
@@ -81,7 +103,7 @@ impl fmt::Display for EstimatorError {
 impl Error for EstimatorError {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         match self {
-            Self::Foreign { source, .. } => Some(source.error()),
+            Self::Foreign { source, .. } => Some(&**source),
             _ => None,
         }
     }
@@ -90,5 +112,12 @@ impl Error for EstimatorError {
 impl From<IdentificationError> for EstimatorError {
     fn from(error: IdentificationError) -> Self {
         Self::Library(error)
+    }
+}
+
+#[cfg(feature = "std")]
+impl From<UnknownName> for EstimatorError {
+    fn from(unknown: UnknownName) -> Self {
+        Self::Unknown(unknown)
     }
 }

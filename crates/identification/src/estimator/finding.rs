@@ -2,6 +2,7 @@
 
 use super::EstimatorError;
 use crate::SquareRootInformation;
+use crate::error::IdentificationError;
 use crate::jacobi::{singular_values, symmetric_eigen};
 use nalgebra::{ComplexField, SMatrix, SVector};
 
@@ -10,6 +11,9 @@ const ROUNDING: f64 = 1e-11;
 
 /// What an estimator knows: information in units of one standard deviation, singular where directions are free; the part of
 /// it that was known before; and the point reported, where there is one.
+///
+/// # Shape
+/// `P` parameters in the units of the estimator; information in one over these units.
 ///
 /// The point is not always R⁻¹z: a constraint or a robust norm moves it, the information stays that of the data.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,14 +67,15 @@ impl<const P: usize> Finding<P> {
         for i in 0..P {
             for j in 0..i {
                 let (a, b) = (correlation[(i, j)], correlation[(j, i)]);
-                if !((a - b).abs() <= SYMMETRIC) {
+                let apart = (a - b).abs();
+                if apart.is_nan() || apart > SYMMETRIC {
                     return refused("covariance", i * P + j, covariance[(i, j)]);
                 }
             }
         }
         let (values, axes) = symmetric_eigen(correlation);
         let (least, most) = (values.imin(), values.max());
-        if !(values[least] >= -SYMMETRIC) {
+        if values[least].is_nan() || values[least] < -SYMMETRIC {
             return refused("covariance is indefinite, least eigenvalue", axes.column(least).iamax(), values[least]);
         }
         let mut factor = SMatrix::<f64, P, P>::zeros();
@@ -105,6 +110,11 @@ impl<const P: usize> Finding<P> {
         self.surprise.filter(|(_, freedom)| *freedom > 0).map(|(nis, freedom)| nis / freedom as f64)
     }
 
+    /// Sums of the normalised innovations squared and of their degrees of freedom, where they were counted.
+    pub fn surprises(&self) -> Option<(f64, usize)> {
+        self.surprise
+    }
+
     /// The same with another point: of a constraint, of a robust norm.
     #[must_use]
     pub fn at(self, point: SVector<f64, P>) -> Self {
@@ -130,23 +140,23 @@ impl<const P: usize> Finding<P> {
     ///
     /// # Errors
     /// Where directions are free.
-    pub fn covariance(&self) -> Result<SMatrix<f64, P, P>, EstimatorError> {
-        self.stated.map_or_else(|| Ok(self.information.covariance(&self.magnitudes)?), Ok)
+    pub fn covariance(&self) -> Result<SMatrix<f64, P, P>, IdentificationError> {
+        self.stated.map_or_else(|| self.information.covariance(&self.magnitudes), Ok)
     }
 
     /// What the data alone say: RᵀR − R₀ᵀR₀ by a Cholesky that leaves free directions free.
-    pub fn data(&self) -> Result<SquareRootInformation<P>, EstimatorError> {
+    pub fn data(&self) -> Result<SquareRootInformation<P>, IdentificationError> {
         self.without(&SMatrix::zeros())
     }
 
     /// The part of it that is no noise: what a verdict counts directions by.
-    pub fn signal(&self) -> Result<SquareRootInformation<P>, EstimatorError> {
+    pub fn signal(&self) -> Result<SquareRootInformation<P>, IdentificationError> {
         self.without(&self.noise)
     }
 
     /// RᵀR less prior and noise. The comparison is made along the directions in which the two sides are conjugate, so that neither the
     /// order of parameters nor their units decide what is left; along a direction in which nothing is left the row is zero.
-    fn without(&self, noise: &SMatrix<f64, P, P>) -> Result<SquareRootInformation<P>, EstimatorError> {
+    fn without(&self, noise: &SMatrix<f64, P, P>) -> Result<SquareRootInformation<P>, IdentificationError> {
         let unit = SMatrix::<f64, P, P>::from_diagonal(&self.magnitudes);
         let (known, everything) = (self.prior.factor() * unit, self.information.factor() * unit);
         let (values, right) = singular_values(everything);
@@ -170,11 +180,11 @@ impl<const P: usize> Finding<P> {
             factor.set_row(i, &row.component_div(&self.magnitudes).transpose());
             rhs[i] = axis.dot(&moment) / root;
         }
-        Ok(SquareRootInformation::from_square_root(&factor, &rhs)?)
+        SquareRootInformation::from_square_root(&factor, &rhs)
     }
 
     /// What two independent records say together; a prior that both began with counts once.
-    pub fn merge(&self, other: &Self) -> Result<Self, EstimatorError> {
+    pub fn merge(&self, other: &Self) -> Result<Self, IdentificationError> {
         let mut information = self.data()?;
         information.merge(&other.data()?);
         let mut prior = self.prior;

@@ -1,13 +1,15 @@
 //! Whether a body is identified: by numbers that the judge computes itself.
 
-use super::{EstimatorError, Finding};
+use super::Finding;
+use crate::error::IdentificationError;
 use crate::recursive::LinearObservation;
 use crate::{BodyScale, FeasibleSet, Observability, PseudoInertiaCone};
-use nalgebra::{ComplexField, SVector};
+use nalgebra::{ComplexField, SVector, Vector6};
 
 /// What became of an identification.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
+#[allow(clippy::large_enum_variant)] // no allocator to box it with
 pub enum Verdict {
     /// The numbers may be used.
     Identified,
@@ -25,10 +27,36 @@ pub enum Verdict {
     },
 }
 
-/// What speaks against numbers.
+impl Verdict {
+    /// Whether the numbers may be used.
+    pub fn is_identified(&self) -> bool {
+        *self == Self::Identified
+    }
+}
+
+/// What speaks against numbers; where several things do, the first of this order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Why {
+    /// The filter asked for lost its way, and a regression answers in its place.
+    Diverged {
+        /// Time of the sample at which it did, ns.
+        time_ns: i64,
+    },
+    /// Noise that is alike from sample to sample biases the answer.
+    Biased {
+        /// By how many standard deviations the answer moves with other instruments.
+        deviations: f64,
+    },
+    /// The errors of the poses wander as slowly as the robot moves.
+    Wandering {
+        /// Factor by which the stated standard deviations fall short.
+        sigma_inflation: f64,
+    },
+    /// The poses are noisy, the likelihood that they need did not settle, and a regression answers in its place.
+    StandIn,
+    /// What was asked for beside the body can be exchanged with it.
+    Exchangeable,
     /// A standard deviation is wide beside the body itself.
     Wide {
         /// Which of the ten.
@@ -36,20 +64,20 @@ pub enum Why {
         /// In units of the body's size.
         relative: f64,
     },
-    /// Another way to the same parameters comes to others.
-    Disagrees {
-        /// Squared distance in joint standard deviations, per parameter.
-        chi_square: f64,
+    /// Its own observations surprised it.
+    Surprised {
+        /// Mean normalised innovation squared; one where the model holds.
+        mean_nis: f64,
     },
     /// It sees all where the second finding leaves directions free: linearised once too boldly, or truly better; nothing confirms it.
     Alone {
         /// Directions that the second finding sees.
         rank: usize,
     },
-    /// Its own observations surprised it.
-    Surprised {
-        /// Mean normalised innovation squared; one where the model holds.
-        mean_nis: f64,
+    /// Another way to the same parameters comes to others.
+    Disagrees {
+        /// Squared distance in joint standard deviations, per parameter.
+        chi_square: f64,
     },
     /// They are no body.
     NoBody {
@@ -58,54 +86,74 @@ pub enum Why {
     },
 }
 
-/// Levels of the verdict.
+/// Judges findings of ten parameters. White innovations prove nothing about the body (an extended Kalman filter nine standard deviations
+/// off had a mean square of 1.04), so that a second finding beside the first is asked for wherever there is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judge {
-    /// Size of the body.
+    /// Units of the body.
     pub scale: BodyScale,
     /// Least share of the wrench that a body must explain.
     pub poor_fit: f64,
     /// Widest standard deviation in units of the body's size.
     pub known: f64,
+    /// Largest factor by which wandering poses may make standard deviations too small.
+    pub wandering: f64,
     /// Largest squared distance per parameter from another finding.
     pub chi_square: f64,
     /// Largest mean of the innovations squared.
     pub mean_nis: f64,
 }
 
-/// What a record says of a point, whoever found it.
+/// What a record says of a point, whoever found it: counted on the library's rows, the same for every candidate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evidence {
-    wrench: f64,
+    applied: f64,
     left: f64,
-    rows: usize,
+    /// By how many standard deviations the answer moves with other instruments; zero where that is chance or of no consequence.
+    pub shift: f64,
+    /// Factor by which standard deviations fall short since what the poses leave unexplained is not white; zero where it is.
+    pub colour: f64,
+    /// Where the filter asked for lost its way, ns.
+    pub diverged_ns: Option<i64>,
+    /// A regression answers on noisy poses, in the place of a likelihood that did not settle.
+    pub stand_in: bool,
+    /// Something asked for beside the body can be exchanged with one of the ten.
+    pub exchangeable: bool,
 }
 
 impl Evidence {
-    /// Counts a row; rows are those of the library, the same for every candidate.
-    pub fn count(&mut self, row: &LinearObservation<6, 10>, point: &SVector<f64, 10>, length_m: f64) {
-        let left = row.output - row.regressor * point;
-        for i in 0..6 {
-            let unit = if i < 3 { 1.0 / length_m } else { 1.0 };
-            self.wrench += row.output[i] * row.output[i] * unit * unit;
-            self.left += left[i] * left[i] * unit * unit;
-        }
-        self.rows += 6;
+    /// Of sums of squares of the wrench applied and of what is left of it, torque counted at the body's length.
+    pub(crate) fn of_sums(applied: f64, left: f64) -> Self {
+        Self { applied, left, ..Self::default() }
+    }
+
+    /// Counts a wrench `[torque; force]` and what a body leaves of it.
+    pub fn count(&mut self, applied: &Vector6<f64>, left: &Vector6<f64>, length_m: f64) {
+        let size = |w: &Vector6<f64>| {
+            w.fixed_rows::<3>(0).norm_squared() / (length_m * length_m) + w.fixed_rows::<3>(3).norm_squared()
+        };
+        self.applied += size(applied);
+        self.left += size(left);
+    }
+
+    /// Counts a row at a point.
+    pub fn count_row(&mut self, row: &LinearObservation<6, 10>, point: &SVector<f64, 10>, length_m: f64) {
+        self.count(&row.output, &(row.regressor * point - row.output), length_m);
     }
 
     /// Share of the wrench's mean square that the point explains; none where there was no wrench.
     pub fn explained(&self) -> Option<f64> {
-        (self.wrench > 0.0).then(|| 1.0 - self.left / self.wrench)
+        (self.applied > 0.0).then(|| 1.0 - self.left / self.applied)
     }
 }
 
 impl Judge {
     /// The usual levels.
-    pub fn new(scale: BodyScale) -> Self {
-        Self { scale, poor_fit: 0.5, known: 1.0, chi_square: 4.0, mean_nis: 1.2 }
+    pub const fn new(scale: BodyScale) -> Self {
+        Self { scale, poor_fit: 0.5, known: 1.0, wandering: 2.0, chi_square: 4.0, mean_nis: 1.2 }
     }
 
-    fn seen(&self, found: &Finding<10>) -> Result<Observability, EstimatorError> {
+    fn seen(&self, found: &Finding<10>) -> Result<Observability, IdentificationError> {
         let data = found.signal()?;
         let strongest = Observability::new(&data, self.scale).singular_values()[0];
         let tolerance = if strongest > 0.0 { (1.0 / (self.known * strongest)).min(1.0) } else { 1.0 };
@@ -115,45 +163,72 @@ impl Judge {
     /// The verdict on a finding, beside evidence of the record and perhaps another finding of the same.
     ///
     /// # Errors
-    /// A finding that is none.
+    /// [`IdentificationError::NotFinite`] for a finding that is none.
     pub fn judge(
         &self,
         found: &Finding<10>,
         evidence: &Evidence,
         other: Option<&Finding<10>>,
-    ) -> Result<Verdict, EstimatorError> {
-        // In units of one sigma and of the body a direction is seen where its singular value exceeds one; a prior sees nothing.
-        let seen = self.seen(found)?;
-        let (Some(point), 10) = (found.point(), seen.rank()) else { return Ok(Verdict::NotDetermined { seen }) };
+    ) -> Result<Verdict, IdentificationError> {
         if let Some(share) = evidence.explained().filter(|share| *share < self.poor_fit) {
             return Ok(Verdict::NoBodyExplains { share });
         }
-        let margin = PseudoInertiaCone::new(self.scale).margin(point);
-        if margin <= 0.0 {
-            return Ok(Verdict::Doubtful(Why::NoBody { margin }));
+        // In units of one sigma and of the body a direction is seen where its singular value exceeds one; a prior sees nothing.
+        let seen = self.seen(found)?;
+        let (Some(point), 10) = (found.point(), seen.rank()) else { return Ok(Verdict::NotDetermined { seen }) };
+        let why = match self.of_record(evidence) {
+            None => self.of_numbers(found, point, other)?,
+            why => why,
+        };
+        Ok(why.map_or(Verdict::Identified, Verdict::Doubtful))
+    }
+
+    fn of_record(&self, evidence: &Evidence) -> Option<Why> {
+        if let Some(time_ns) = evidence.diverged_ns {
+            return Some(Why::Diverged { time_ns });
         }
+        if evidence.shift > 0.0 {
+            return Some(Why::Biased { deviations: evidence.shift });
+        }
+        if evidence.colour > self.wandering {
+            return Some(Why::Wandering { sigma_inflation: evidence.colour });
+        }
+        if evidence.stand_in {
+            return Some(Why::StandIn);
+        }
+        evidence.exchangeable.then_some(Why::Exchangeable)
+    }
+
+    fn of_numbers(
+        &self,
+        found: &Finding<10>,
+        point: &SVector<f64, 10>,
+        other: Option<&Finding<10>>,
+    ) -> Result<Option<Why>, IdentificationError> {
         let (covariance, sizes) = (found.covariance()?, self.scale.parameter_magnitudes());
         for parameter in 0..10 {
             let relative = ComplexField::sqrt(covariance[(parameter, parameter)]) / sizes[parameter];
-            if !(relative < self.known) {
-                return Ok(Verdict::Doubtful(Why::Wide { parameter, relative }));
+            if relative.is_nan() || relative >= self.known {
+                return Ok(Some(Why::Wide { parameter, relative }));
             }
         }
-        if let Some(mean_nis) = found.surprise().filter(|mean| *mean > self.mean_nis) {
-            return Ok(Verdict::Doubtful(Why::Surprised { mean_nis }));
+        if let Some(mean_nis) = found.surprise().filter(|mean| mean.is_nan() || *mean > self.mean_nis) {
+            return Ok(Some(Why::Surprised { mean_nis }));
         }
         let rank = other.map_or(Ok(10), |other| self.seen(other).map(|seen| seen.rank()))?;
         if rank < 10 {
-            return Ok(Verdict::Doubtful(Why::Alone { rank }));
+            return Ok(Some(Why::Alone { rank }));
         }
         if let Some((other, there)) = other.and_then(|other| Some((other, other.point()?))) {
-            let apart = point - there;
+            let apart = (point - there).component_div(&sizes);
             let joint = covariance + other.covariance()?;
+            let joint = nalgebra::SMatrix::<f64, 10, 10>::from_fn(|i, j| joint[(i, j)] / (sizes[i] * sizes[j]));
             let chi_square = joint.cholesky().map_or(f64::INFINITY, |c| apart.dot(&c.solve(&apart)) / 10.0);
             if chi_square > self.chi_square {
-                return Ok(Verdict::Doubtful(Why::Disagrees { chi_square }));
+                return Ok(Some(Why::Disagrees { chi_square }));
             }
         }
-        Ok(Verdict::Identified)
+        let margin = PseudoInertiaCone::new(self.scale).margin(point);
+        Ok((margin <= 0.0).then_some(Why::NoBody { margin }))
     }
 }

@@ -6,23 +6,19 @@ use super::least_squares::PeriodicLeastSquares;
 use super::likelihood::{PeriodicLikelihood, require_shown};
 use super::periodic_record::PeriodicRecord;
 use super::saturation::saturated_share;
-use super::selection::{HarmonicCandidate, SelectionRule, likeliest_harmonics, select_harmonics};
+use super::selection::{HarmonicCandidate, likeliest_harmonics, select_harmonics};
+use super::settings::{HarmonicEstimator, HarmonicSettings};
 use super::warning::HarmonicWarning;
 use crate::body_scale::BodyScale;
-use crate::dynamics::{InertialParameters, WrenchBox};
+use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::fourier::AttitudeChart;
-use crate::identify::{constrained, from_covariance, standard_deviations};
-use crate::lie::Pose;
+use crate::estimator::{Estimator, EstimatorError, Evidence, Finding, Judge, Verdict};
+use crate::identify::{MAXIMUM_LIKELIHOOD, constrained, from_covariance, standard_deviations};
 use crate::motion::MotionSample;
-use crate::{Estimate, Identification, Method, Noise, POOR_FIT, Settings, WrenchTiming, identify};
+use crate::{Estimate, Identification, Noise, Settings, identify};
 use core::ops::RangeInclusive;
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector};
 
-/// Harmonics tried beyond those of the reference unless told otherwise.
-const HARMONICS_BEYOND: usize = 17;
-/// Share of time at a limit beyond which the motion counts as no short Fourier series.
-const SATURATED: f64 = 0.01;
 /// A residual of least squares so many times the expected one is unexpected: few coefficients make most of it, so that it scatters widely.
 const UNEXPECTED: f64 = 2.0;
 /// A mean square so many standard deviations above one is not chance.
@@ -30,75 +26,6 @@ const BEYOND_CHANCE: f64 = 6.0;
 /// Cycles that differ at the harmonics by so many times the white noise are no cycles of one motion; where a transient remains, less
 /// is enough.
 const NO_CYCLES: [f64; 2] = [10.0, 3.0];
-
-/// What turns an averaged period, or the record behind it, into parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum HarmonicEstimator {
-    /// Weighted least squares with the regressor of the fitted motion: the thesis's.
-    LeastSquares,
-    /// Maximum likelihood of coefficients and parameters together: far more accurate where the noise of the poses limits. Where
-    /// the wrench asks for more harmonics than the series has, the trajectory likelihood answers.
-    #[default]
-    Likelihood,
-    /// [`identify`] with [`Method::MaximumLikelihood`] on the whole record, sample by sample, with the wrench that acted; needs no
-    /// periodic motion.
-    TrajectoryLikelihood,
-}
-
-/// How [`identify_periodic`] works.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HarmonicSettings {
-    /// Period of the motion, s.
-    pub period_s: f64,
-    /// Time from the first sample to the start of the first cycle, s; taken at the nearest sample.
-    pub start_s: f64,
-    /// Pose in whose frame the motion's coordinates are. A motion designed in Euler angles is band-limited in this frame only.
-    pub world_from_start: Pose<f64>,
-    /// Coordinates of the attitude.
-    pub chart: AttitudeChart,
-    /// When the logged wrench acts.
-    pub wrench_timing: WrenchTiming,
-    /// Gravitational acceleration, inertial axes, m/s^2.
-    pub gravity_world: Vector3<f64>,
-    /// Harmonics of the reference motion: the fewest tried.
-    pub reference_harmonics: usize,
-    /// The most harmonics tried, where the sampling allows so many.
-    pub largest_harmonics: usize,
-    /// What least squares chooses the number of harmonics by; the likelihoods have their own, see [`likeliest_harmonics`].
-    pub selection: SelectionRule,
-    /// Leading cycles to leave out; `None` finds the transient.
-    pub dropped_cycles: Option<usize>,
-    /// Noise of one sample where it is known (position, attitude, torque, force); `None` takes the scatter between cycles.
-    pub noise: Option<Noise>,
-    /// Limits of the actuators where they are known; `None` looks for them.
-    pub limits: Option<WrenchBox>,
-    /// Share of time at a limit above which the trajectory likelihood takes over; one leaves the estimator as asked for.
-    pub largest_saturation: f64,
-    /// What estimates the parameters.
-    pub estimator: HarmonicEstimator,
-}
-
-impl HarmonicSettings {
-    /// For a reference motion of this period with this many harmonics; up to seventeen more are tried.
-    pub fn new(period_s: f64, reference_harmonics: usize) -> Self {
-        Self {
-            period_s,
-            start_s: 0.0,
-            world_from_start: Pose::identity(),
-            chart: AttitudeChart::default(),
-            wrench_timing: WrenchTiming::default(),
-            gravity_world: Vector3::zeros(),
-            reference_harmonics,
-            largest_harmonics: reference_harmonics + HARMONICS_BEYOND,
-            selection: SelectionRule::default(),
-            dropped_cycles: None,
-            noise: None,
-            limits: None,
-            largest_saturation: SATURATED,
-            estimator: HarmonicEstimator::default(),
-        }
-    }
-}
 
 /// What [`identify_periodic`] found.
 #[derive(Clone, Debug, PartialEq)]
@@ -124,6 +51,8 @@ pub struct HarmonicIdentification {
     /// Share of the wrench's mean square (torque counted at the body's own length) that the estimate explains: of the averaged
     /// wrench with the fitted motion, or of the whole record's where the trajectory likelihood answers.
     pub explained: f64,
+    /// Whether the numbers may be used.
+    pub verdict: Verdict,
     /// All that the trajectory likelihood says, its warnings too, where it answers.
     pub trajectory: Option<Identification>,
     /// What a reader must know.
@@ -174,7 +103,8 @@ pub fn identify_periodic(
     };
     let mut likely = None;
     if wanted == HarmonicEstimator::Likelihood {
-        if matches!(least_squares, Err(IdentificationError::NotExcited { .. })) {
+        if matches!(least_squares, Err(IdentificationError::NotExcited { .. } | IdentificationError::Indefinite { .. }))
+        {
             // Noise may hide from least squares what a likelihood still sees; a direction that does not move it does not.
             require_shown(&cycles.record, settings.reference_harmonics)?;
         }
@@ -225,11 +155,17 @@ pub fn identify_periodic(
         warnings.push(HarmonicWarning::ConstraintActive);
     }
     let trajectory = trajectory.map(|(found, _)| found);
-    let explained = match trajectory.as_ref().and_then(|found| found.explained) {
-        Some(explained) => explained,
-        None => explained(&cycles.record, &fit, &estimate.parameters)?,
+    let evidence = match trajectory.as_ref().and_then(|found| found.explained) {
+        Some(share) => Evidence::of_sums(1.0, 1.0 - share),
+        None => evidence(&cycles.record, &fit, &estimate.parameters)?,
     };
-    if explained < POOR_FIT {
+    let explained = match trajectory.as_ref().and_then(|found| found.explained) {
+        Some(share) => share,
+        None => evidence.explained().unwrap_or_default(),
+    };
+    let scale = BodyScale::of(&estimate.parameters.to_vector())?;
+    let verdict = verdict_on(&estimate, scale, &evidence)?;
+    if let Verdict::NoBodyExplains { .. } = verdict {
         warnings.push(HarmonicWarning::PoorFit { explained });
     }
     Ok(HarmonicIdentification {
@@ -243,9 +179,30 @@ pub fn identify_periodic(
         noise: cycles.noise,
         saturation,
         explained,
+        verdict,
         trajectory,
         warnings,
     })
+}
+
+/// The body that explains several cycles of a periodic motion, by [`identify_periodic`], as an estimator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Periodic(HarmonicSettings);
+
+impl Periodic {
+    /// Of motions of this period.
+    pub fn new(settings: HarmonicSettings) -> Self {
+        Self(settings)
+    }
+}
+
+impl Estimator for Periodic {
+    type Record = [MotionSample];
+
+    fn estimate(&self, record: &[MotionSample]) -> Result<Finding, EstimatorError> {
+        let found = identify_periodic(record, &self.0)?.estimate;
+        found.to_finding(BodyScale::of(&found.parameters.to_vector())?)
+    }
 }
 
 /// Whether cycles differ so much that their average is no cycle.
@@ -326,15 +283,15 @@ fn most_likely(
     settings: &HarmonicSettings,
 ) -> Result<(Identification, Estimate), IdentificationError> {
     let likelihood = Settings {
-        method: Method::MaximumLikelihood,
+        method: MAXIMUM_LIKELIHOOD,
         wrench_timing: settings.wrench_timing,
         gravity_world: settings.gravity_world,
         ..Settings::default()
     };
     let found = identify(samples, &likelihood)?;
-    let refused = found.explained.is_some_and(|share| share < POOR_FIT);
+    let refused = matches!(found.verdict, Verdict::NoBodyExplains { .. });
     match found.estimate {
-        Some(estimate) if found.method == Method::MaximumLikelihood || refused => Ok((found, estimate)),
+        Some(estimate) if found.method == MAXIMUM_LIKELIHOOD || refused => Ok((found, estimate)),
         // A regression on single samples says less than one on the average.
         Some(_) => Err(IdentificationError::LikelihoodNotConverged { iterations: 0, decrement: f64::INFINITY }),
         None => {
@@ -358,22 +315,26 @@ fn beyond_chance(found: &PeriodicLikelihood) -> Option<f64> {
     Some(found.reduced_chi_square()).filter(|ratio| *ratio > limit).map(f64::sqrt)
 }
 
-/// Share of the wrench's mean square that a body explains, torque counted at its own length.
-fn explained(
+fn verdict_on(estimate: &Estimate, scale: BodyScale, evidence: &Evidence) -> Result<Verdict, IdentificationError> {
+    let (parameters, magnitudes) = (estimate.parameters.to_vector(), scale.parameter_magnitudes());
+    let information = from_covariance(&parameters, &estimate.covariance, &magnitudes)?;
+    let found = Finding::of_information(information, magnitudes).at(parameters);
+    Judge::new(scale).judge(&found, evidence, None)
+}
+
+/// What a body leaves of the averaged wrench, torque counted at its own length.
+fn evidence(
     record: &PeriodicRecord,
     fit: &FourierFit,
     body: &InertialParameters<f64>,
-) -> Result<f64, IdentificationError> {
+) -> Result<Evidence, IdentificationError> {
     let (parameters, length_m) = (body.to_vector(), BodyScale::of(&body.to_vector())?.length_m());
-    let size = |wrench: &SVector<f64, 6>| {
-        wrench.fixed_rows::<3>(0).norm_squared() / (length_m * length_m) + wrench.fixed_rows::<3>(3).norm_squared()
-    };
-    let (mut left, mut applied) = (0.0, 0.0);
+    let mut evidence = Evidence::default();
     let table = record.wrench_table(fit.motion.basis());
     for (i, (instant, _)) in table.instants(record.chart, fit.motion.coefficients()).enumerate() {
         let instant = instant.ok_or(IdentificationError::AttitudeUndefined { time_s: record.time_s(i) })?;
-        left += size(&(instant.regressor() * parameters - record.wrench(i)));
-        applied += size(&record.wrench(i));
+        let applied = record.wrench(i);
+        evidence.count(&applied, &(instant.regressor() * parameters - applied), length_m);
     }
-    Ok(1.0 - left / applied)
+    Ok(evidence)
 }

@@ -2,9 +2,9 @@
 
 use super::likelihood::most_likely;
 use super::noise::SampleNoise;
-use super::rows::{Rows, Scheme};
+use super::rows::{Regression, Rows, Scheme};
 use super::timeline::Timeline;
-use super::{Identification, Method, Settings};
+use super::{Identification, Plan, Way};
 use crate::BodyScale;
 use crate::error::IdentificationError;
 use crate::motion::MotionSample;
@@ -45,6 +45,18 @@ pub(super) struct Fit {
 }
 
 impl Fit {
+    /// The fit of a scheme, with the error of discretisation that twice the lag shows.
+    pub(super) fn with_bias_of_lag(
+        scheme: Scheme,
+        record: &[MotionSample],
+        timeline: &Timeline,
+        noise: &SampleNoise,
+    ) -> Result<Self, IdentificationError> {
+        let fit = |scheme| Self::new(scheme, record, timeline, noise);
+        let longer = Scheme { lag: 2 * scheme.lag, ..scheme };
+        fit(scheme).map(|found| found.with_bias(fit(longer).ok().as_ref()))
+    }
+
     fn new(
         scheme: Scheme,
         record: &[MotionSample],
@@ -56,7 +68,7 @@ impl Fit {
         let row_noise = noise.of_rows(&scheme, timeline.median_step_s());
         let least_squares = match WeightedLeastSquares::fit(&rows.all, rough_scale, &row_noise, scheme.instruments()) {
             Ok(found) => Some(found),
-            Err(IdentificationError::NotExcited { .. }) => None,
+            Err(IdentificationError::NotExcited { .. } | IdentificationError::Indefinite { .. }) => None,
             Err(error) => return Err(error),
         };
         Ok(Self {
@@ -167,31 +179,30 @@ impl From<Fit> for Best {
 pub(super) fn best_fit(
     record: &[MotionSample],
     timeline: &Timeline,
-    settings: &Settings,
+    plan: &Plan<'_>,
     noise: &SampleNoise,
 ) -> Result<Best, IdentificationError> {
-    let automatic =
-        matches!(settings.method, Method::Auto | Method::MaximumLikelihood) || settings.method.is_recursive();
-    let method = if automatic { Method::Variational4 } else { settings.method };
-    let with_lag = |method, lag| {
-        let fit = |lag| Fit::new(Scheme::new(settings, method, lag), record, timeline, noise);
-        fit(lag).map(|found| found.with_bias(fit(2 * lag).ok().as_ref()))
+    let settings = plan.settings;
+    let (automatic, method) = match plan.way {
+        Way::Rows(regression) => (false, regression),
+        _ => (true, Regression::Variational4),
     };
+    let with_lag = |method, lag| Fit::with_bias_of_lag(Scheme::new(settings, method, lag), record, timeline, noise);
     let first = match with_lag(method, settings.lag.unwrap_or(1)) {
         // Too short for the higher order.
         Err(IdentificationError::TooFewSamples { .. }) if automatic => {
-            with_lag(Method::Variational, settings.lag.unwrap_or(1))
-                .or_else(|error| with_lag(Method::NewtonEuler, settings.lag.unwrap_or(1)).map_err(|_| error))
+            with_lag(Regression::Variational, settings.lag.unwrap_or(1))
+                .or_else(|error| with_lag(Regression::NewtonEuler, settings.lag.unwrap_or(1)).map_err(|_| error))
         }
         // Rates and velocities need no equal steps.
         Ok(found) if automatic && 2 * found.rows.skipped_unequal > found.rows.windows => {
-            with_lag(Method::NewtonEuler, settings.lag.unwrap_or(1)).or(Ok(found))
+            with_lag(Regression::NewtonEuler, settings.lag.unwrap_or(1)).or(Ok(found))
         }
         other => other,
     };
     let likelihood = || -> Result<Option<Best>, IdentificationError> {
-        let open = settings.method == Method::Auto;
-        let found = if open { most_likely(record, timeline, settings)? } else { None };
+        let open = plan.way == Way::Auto;
+        let found = if open { most_likely(record, timeline, plan)? } else { None };
         Ok(found.map(|found| Best::Likelihood(Box::new(found))))
     };
     let first = match first {
@@ -200,7 +211,7 @@ pub(super) fn best_fit(
         first => first?,
     };
     let noisy = first.scheme.lag == 1 && first.is_noisy();
-    let of_rates = first.scheme.method == Method::NewtonEuler;
+    let of_rates = first.scheme.regression == Regression::NewtonEuler;
     let flagged = |fit: Fit| Fit { poses_noisy: noisy && !of_rates, rates_noisy: noisy && of_rates, ..fit };
     let mostly_unused = 2 * first.rows.skipped_unequal > first.rows.windows;
     if settings.lag.is_some() || !noisy && !mostly_unused {
@@ -212,9 +223,9 @@ pub(super) fn best_fit(
     if !noisy {
         return Ok(flagged(first).into());
     }
-    let mut methods = vec![first.scheme.method];
+    let mut methods = vec![first.scheme.regression];
     if automatic {
-        methods.push(Method::NewtonEuler);
+        methods.push(Regression::NewtonEuler);
     }
     let least = first.least_squares.as_ref().map_or(f64::INFINITY, |found| predicted_error(found, &SVector::zeros()));
     let mut best = (least, method, 1);

@@ -3,12 +3,14 @@
 
 use super::solution::{Solution, from_covariance, solve};
 use super::timeline::Timeline;
+use super::verdict::{Marks, Silence, verdict};
 use super::{
-    Estimate, FEW_NODES, Identification, Method, NodeResidual, Noise, POOR_FIT, Prior, Settings, VISIBLE_COLOUR,
-    Validation, Warning, leaves_noise_only,
+    Estimate, FEW_NODES, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, Noise, Plan, Settings, VISIBLE_COLOUR,
+    Validation, Warning,
 };
 use crate::error::{Column, IdentificationError};
-use crate::likelihood::{LikelihoodEstimate, MaximumLikelihood, Nuisances, SegmentResidual};
+use crate::estimator::Evidence;
+use crate::likelihood::{Exchange, LikelihoodEstimate, MaximumLikelihood, Nuisances, SegmentResidual};
 use crate::motion::MotionSample;
 use crate::statistics::Whiteness;
 use crate::{BodyScale, Observability, SquareRootInformation};
@@ -16,7 +18,7 @@ use nalgebra::SMatrix;
 
 /// A direction is determined where one sigma is below this fraction of the body's scale: nearer to it, noise of the wrench
 /// that the body does not feel passes for excitation.
-const DETERMINED: f64 = 0.2;
+pub(super) const DETERMINED: f64 = 0.2;
 /// A wrench whose noise is above this share of it is nothing but noise.
 const NOISE_ALONE: f64 = 0.5;
 /// More outliers than this share are not outliers.
@@ -37,13 +39,14 @@ pub(super) fn estimator(settings: &Settings) -> MaximumLikelihood {
 pub(super) fn most_likely(
     record: &[MotionSample],
     timeline: &Timeline,
-    settings: &Settings,
+    plan: &Plan<'_>,
 ) -> Result<Option<Identification>, IdentificationError> {
+    let settings = plan.settings;
     let whole = match estimator(settings).estimate(record) {
         Ok(found) => {
             let (mut found, left_out) = believable(found, record, settings);
             widen(&mut found);
-            Answer::of(&found, settings.prior.as_ref())?.map(|answer| (found, answer, left_out))
+            Answer::of(&found, plan)?.map(|answer| (found, answer, left_out))
         }
         Err(error) if is_about_the_data(&error) => None,
         Err(error) => return Err(error),
@@ -55,16 +58,16 @@ pub(super) fn most_likely(
         None => match estimator(settings).partial(record) {
             Ok((found, _)) if is_noise(record, &found) || !has_settled(&found) => None,
             Ok((found, information)) => {
-                Answer::of_part(&found, &information, settings.prior.as_ref())?.map(|answer| (found, answer, None))
+                Answer::of_part(&found, &information, plan)?.map(|answer| (found, answer, None))
             }
             Err(error) if is_about_the_data(&error) => None,
             Err(error) => return Err(error),
         },
     };
     let Some((found, answer, left_out)) = whole else { return Ok(None) };
-    let mut found = identification(found, &answer, record, timeline, settings);
+    let mut found = identification(found, &answer, record, timeline, plan)?;
     found.warnings.extend(left_out.map(|column| Warning::PosesAlone { column }));
-    let trusted = found.explained >= Some(POOR_FIT) && leaves_noise_only(&found);
+    let trusted = found.explained >= Some(plan.judge.poor_fit) && found.marks.leaves_noise_only;
     Ok((found.rank == 10 || trusted).then_some(found))
 }
 
@@ -130,6 +133,7 @@ fn is_about_the_data(error: &IdentificationError) -> bool {
     matches!(
         error,
         IdentificationError::NotExcited { .. }
+            | IdentificationError::Indefinite { .. }
             | IdentificationError::LikelihoodNotConverged { .. }
             | IdentificationError::TooFewSamples { .. }
     )
@@ -140,12 +144,22 @@ fn identification(
     answer: &Answer,
     record: &[MotionSample],
     timeline: &Timeline,
-    settings: &Settings,
-) -> Identification {
+    plan: &Plan<'_>,
+) -> Result<Identification, IdentificationError> {
+    let settings = plan.settings;
     let Answer { scale, information, estimate, regularised } = *answer;
     let observability = Observability::new(&information, scale);
     let residuals = residuals(&found, timeline);
-    let explained = explained(&found.residuals, record, scale);
+    let mut evidence = evidence(&found.residuals, record, scale);
+    let explained = evidence.explained().unwrap_or_default();
+    let poses = |column: Column| matches!(column, Column::Position | Column::Attitude);
+    let coloured = || found.whiteness.iter().filter(|(_, whiteness)| is_coloured(whiteness));
+    let of_poses = coloured().filter(|(column, _)| poses(*column)).map(|(_, whiteness)| whiteness.sigma_inflation());
+    evidence.colour = of_poses.fold(0.0, f64::max);
+    evidence.exchangeable = exchanges_the_body(&found.exchanges);
+    let many_outliers = found.outliers as f64 > MANY_OUTLIERS * record.len() as f64;
+    let mut marks = Marks { leaves_noise_only: !many_outliers && coloured().next().is_none(), ..Marks::default() };
+    let verdict = verdict(plan, scale, &information, estimate.as_ref(), &evidence, None)?;
     let mut warnings = Vec::new();
     if timeline.gaps > 0 {
         warnings.push(Warning::Gaps { count: timeline.gaps, longest_s: timeline.longest_step_s });
@@ -154,13 +168,13 @@ fn identification(
     if missing > 0 {
         warnings.push(Warning::HeldWrenches { samples: missing });
     }
-    if found.outliers as f64 > MANY_OUTLIERS * record.len() as f64 {
+    if many_outliers {
         warnings.push(Warning::ManyOutliers { rejected: found.outliers, rows: record.len() });
     }
     if estimate.is_some_and(|found| found.lmi_active) {
         warnings.push(Warning::ConstraintActive);
     }
-    if explained < POOR_FIT {
+    if explained < plan.judge.poor_fit {
         warnings.push(Warning::PoorFit { explained });
     }
     for (column, whiteness) in &found.whiteness {
@@ -178,13 +192,15 @@ fn identification(
         warnings.push(Warning::UnmodelledWrench { torque_n_m, force_n, times });
     }
     if let Some(change) = &found.body_change {
-        warnings.extend(Warning::of_change(record, change, scale, explained));
+        let told = Warning::of_change(record, change, scale, explained >= plan.judge.poor_fit);
+        marks.changed_ns = told.map(|(between, _)| between);
+        warnings.extend(told.map(|(_, warning)| warning));
     }
     if record.len() < FEW_NODES {
         warnings.push(Warning::FewRows { rows: 6 * record.len() });
     }
-    Identification {
-        method: Method::MaximumLikelihood,
+    Ok(Identification {
+        method: MAXIMUM_LIKELIHOOD,
         wrench_timing: settings.wrench_timing,
         lag: found.segment_samples,
         step_s: timeline.median_step_s(),
@@ -198,13 +214,25 @@ fn identification(
         estimate,
         regularised,
         explained: Some(explained),
+        verdict,
+        evidence,
+        silence: Silence::Nothing,
         noise: found.noise,
         delay_s: found.delay_s(),
         calibration: found.nuisances,
         exchanges: found.exchanges,
         residuals,
         warnings,
-    }
+        marks,
+    })
+}
+
+/// Whether one of the ten quantities of the body has a part in an exchange.
+pub(super) fn exchanges_the_body(exchanges: &[Exchange]) -> bool {
+    exchanges
+        .iter()
+        .flat_map(|exchange| &exchange.parts)
+        .any(|(quantity, _)| super::verdict::place(*quantity).is_some())
 }
 
 /// Whether one sigma of every direction is below a fraction of the body's scale.
@@ -225,14 +253,15 @@ pub(super) struct Answer {
 
 impl Answer {
     /// `None` where a direction is left free.
-    pub(super) fn of(found: &LikelihoodEstimate, prior: Option<&Prior>) -> Result<Option<Self>, IdentificationError> {
+    pub(super) fn of(found: &LikelihoodEstimate, plan: &Plan<'_>) -> Result<Option<Self>, IdentificationError> {
+        let prior = plan.settings.prior.as_ref();
         let Ok(scale) = BodyScale::of(&found.parameters.to_vector()) else { return Ok(None) };
         let magnitudes = scale.parameter_magnitudes();
         if !is_known(found, DETERMINED) {
             return Ok(None);
         }
         let information = from_covariance(&found.unconstrained, &found.covariance, &magnitudes)?;
-        let Solution { mut estimate, regularised } = solve(information, scale, true, prior)?;
+        let Solution { mut estimate, regularised } = solve(information, scale, true, plan)?;
         if let (Some(estimate), None) = (&mut estimate, prior) {
             // The likelihood has met the constraint where it is not linear.
             estimate.parameters = found.parameters;
@@ -245,7 +274,7 @@ impl Answer {
     fn of_part(
         found: &LikelihoodEstimate,
         information: &SMatrix<f64, 10, 10>,
-        prior: Option<&Prior>,
+        plan: &Plan<'_>,
     ) -> Result<Option<Self>, IdentificationError> {
         let Ok(scale) = BodyScale::of(&found.parameters.to_vector()) else { return Ok(None) };
         let magnitudes = scale.parameter_magnitudes();
@@ -261,7 +290,7 @@ impl Answer {
             }
         }
         let information = SquareRootInformation::from_square_root(&factor, &(factor * found.unconstrained))?;
-        let Solution { estimate, regularised } = solve(information, scale, rank == 10, prior)?;
+        let Solution { estimate, regularised } = solve(information, scale, rank == 10, plan)?;
         Ok((rank > 0).then_some(Self { scale, information, estimate, regularised }))
     }
 }
@@ -276,8 +305,8 @@ fn residuals(found: &LikelihoodEstimate, timeline: &Timeline) -> Vec<NodeResidua
     found.residuals.iter().map(node).collect()
 }
 
-/// Share of the wrench's mean square that the body explains, torque counted at its own length.
-fn explained(residuals: &[SegmentResidual], record: &[MotionSample], scale: BodyScale) -> f64 {
+/// What the body leaves of the wrench, torque counted at its own length.
+fn evidence(residuals: &[SegmentResidual], record: &[MotionSample], scale: BodyScale) -> Evidence {
     let size = |torque: f64, force: f64| torque / scale.length_m().powi(2) + force;
     let applied: f64 = record
         .iter()
@@ -286,7 +315,7 @@ fn explained(residuals: &[SegmentResidual], record: &[MotionSample], scale: Body
         .sum();
     let (torque, force) = mean_squares(residuals, record.len());
     let left = size(torque, force) * record.len() as f64;
-    if applied > 0.0 { 1.0 - left / applied } else { 0.0 }
+    Evidence::of_sums(applied, left)
 }
 
 /// Squares of the torque and force residual, averaged over samples.
@@ -315,6 +344,6 @@ pub(super) fn validated(
         torque_rms_n_m: (torque / 3.0).sqrt(),
         force_rms_n: (force / 3.0).sqrt(),
         normalised_rms: judged.misfit,
-        explained: explained(&judged.residuals, record, found.scale),
+        explained: evidence(&judged.residuals, record, found.scale).explained().unwrap_or_default(),
     })
 }

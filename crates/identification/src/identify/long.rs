@@ -1,9 +1,11 @@
 //! A record too long to be taken at once, by likelihood: a batch on its first rows, a sliding window over all of them.
 
-use super::likelihood::{Answer, MANY_OUTLIERS, estimator};
-use super::{Identification, Method, NodeResidual, POOR_FIT, Settings, Warning, identify};
+use super::likelihood::{Answer, DETERMINED, MANY_OUTLIERS, estimator};
+use super::verdict::verdict;
+use super::{AUTO, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, Plan, Settings, Warning, identify};
 use crate::Observability;
 use crate::error::IdentificationError;
+use crate::estimator::Evidence;
 use crate::likelihood::{FixedLag, FixedLagSettings, FixedLagStep, MaximumLikelihood, Nuisances};
 use crate::motion::MotionSample;
 
@@ -49,14 +51,12 @@ impl LongRecord {
     /// # Errors
     /// As [`identify`].
     pub fn try_new(first: &[MotionSample], settings: &Settings) -> Result<Option<Self>, IdentificationError> {
-        if settings.estimate != Nuisances::default()
-            || !matches!(settings.method, Method::Auto | Method::MaximumLikelihood)
-        {
+        if settings.estimate != Nuisances::default() || ![AUTO, MAXIMUM_LIKELIHOOD].contains(&settings.method) {
             return Ok(None);
         }
         let first = first.get(..FIRST_ROWS).unwrap_or(first);
         let found = identify(first, &Settings { prior: None, ..*settings })?;
-        let (Method::MaximumLikelihood, Some(estimate)) = (found.method, &found.estimate) else { return Ok(None) };
+        let (MAXIMUM_LIKELIHOOD, Some(estimate)) = (found.method, &found.estimate) else { return Ok(None) };
         let likelihood = MaximumLikelihood {
             noise: Some(found.noise),
             segment_samples: Some(found.lag),
@@ -125,15 +125,16 @@ impl LongRecord {
     /// As [`FixedLag::finish`] and [`identify`].
     pub fn finish(self) -> Result<Identification, IdentificationError> {
         let found = self.window.finish()?;
-        let Some(Answer { scale, information, estimate, regularised }) =
-            Answer::of(&found, self.settings.prior.as_ref())?
-        else {
-            return Err(IdentificationError::NotExcited { rank: 9, expected: 10, smallest_singular_value: 0.0 });
+        let plan = Plan::usual(&self.settings)?;
+        let Some(Answer { scale, information, estimate, regularised }) = Answer::of(&found, &plan)? else {
+            return Err(IdentificationError::NotKnown { largest: DETERMINED });
         };
         let observability = Observability::new(&information, scale);
         let size = |(torque, force): (f64, f64)| torque / scale.length_m().powi(2) + force;
         let applied = size(self.applied);
-        let explained = if applied > 0.0 { 1.0 - size(self.left) / applied } else { 0.0 };
+        let evidence = Evidence::of_sums(applied, size(self.left));
+        let explained = evidence.explained().unwrap_or_default();
+        let verdict = verdict(&plan, scale, &information, estimate.as_ref(), &evidence, None)?;
         let mut warnings = vec![Warning::SlidingWindow { batch: FIRST_ROWS.min(self.rows), rows: self.rows }];
         if self.gaps.0 > 0 {
             warnings.push(Warning::Gaps { count: self.gaps.0, longest_s: self.gaps.1 });
@@ -147,7 +148,7 @@ impl LongRecord {
         if self.rejected as f64 > MANY_OUTLIERS * self.rows as f64 {
             warnings.push(Warning::ManyOutliers { rejected: self.rejected, rows: self.rows });
         }
-        if explained < POOR_FIT {
+        if explained < plan.judge.poor_fit {
             warnings.push(Warning::PoorFit { explained });
         }
         Ok(Identification {
@@ -161,6 +162,8 @@ impl LongRecord {
             estimate,
             regularised,
             explained: Some(explained),
+            verdict,
+            evidence,
             noise: found.noise,
             residuals: self.residuals,
             warnings,

@@ -1,7 +1,8 @@
 //! One result from the stretches of a record that is too long to be taken at once.
 
 use super::solution::{Solution, solve};
-use super::{Identification, Noise, Prior, Warning};
+use super::verdict::{Marks, Silence, verdict};
+use super::{Identification, Noise, Plan, Prior, Settings, Warning};
 use crate::error::IdentificationError;
 use crate::likelihood::{Nuisance, NuisanceEstimate, Verdict};
 use crate::{Observability, SquareRootInformation};
@@ -20,7 +21,7 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
         return Err(IdentificationError::TooFewSamples { samples: 0, needed: 3 });
     };
     // A stretch without any wrench has no noise level of its own to be weighted by.
-    let silent = |part: &Identification| part.warnings.contains(&Warning::ZeroWrench);
+    let silent = |part: &Identification| part.silence == Silence::Wrench;
     let all_silent = parts.iter().all(silent);
     let mut information = SquareRootInformation::new();
     for part in parts.iter().filter(|part| all_silent || !silent(part)) {
@@ -29,7 +30,9 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
     let scale = main.scale;
     let observability = Observability::new(&information, scale);
     let rank = observability.rank();
-    let Solution { estimate, regularised } = solve(information, scale, rank == 10, prior)?;
+    let settings = Settings { prior: prior.copied(), ..Settings::default() };
+    let plan = Plan::usual(&settings)?;
+    let Solution { estimate, regularised } = solve(information, scale, rank == 10, &plan)?;
     let samples = |count: fn(&Identification) -> usize| parts.iter().map(count).sum::<usize>();
     let mut warnings: Vec<Warning> = Vec::new();
     for warning in parts.iter().flat_map(|part| &part.warnings) {
@@ -47,6 +50,19 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
     if stretches > 1 {
         warnings.push(Warning::CalibratedInStretches { stretches });
     }
+    let explained = estimate.and_then(|_| parts.iter().filter_map(|part| part.explained).reduce(f64::min));
+    let least = parts.iter().filter_map(|part| Some((part.explained?, part.evidence)));
+    let least = least.reduce(|a, b| if b.0 < a.0 { b } else { a }).map(|(_, evidence)| evidence);
+    let mut evidence = least.filter(|_| explained.is_some()).unwrap_or_default();
+    for part in parts {
+        evidence.shift = evidence.shift.max(part.evidence.shift);
+        evidence.colour = evidence.colour.max(part.evidence.colour);
+        evidence.diverged_ns = evidence.diverged_ns.or(part.evidence.diverged_ns);
+        evidence.stand_in |= part.evidence.stand_in;
+    }
+    evidence.exchangeable = main.evidence.exchangeable;
+    let verdict = verdict(&plan, scale, &information, estimate.as_ref(), &evidence, None)?;
+    let silence = if all_silent { Silence::Wrench } else { main.silence };
     let mean_square = |level: fn(&Noise) -> f64| {
         let weighted: f64 = parts.iter().map(|part| part.samples_used as f64 * level(&part.noise).powi(2)).sum();
         (weighted / (samples(|part| part.samples_used) as f64).max(1.0)).sqrt()
@@ -65,7 +81,10 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
         scale,
         estimate,
         regularised,
-        explained: estimate.and_then(|_| parts.iter().filter_map(|part| part.explained).reduce(f64::min)),
+        explained,
+        verdict,
+        evidence,
+        silence,
         noise: Noise {
             torque_n_m: mean_square(|noise| noise.torque_n_m),
             force_n: mean_square(|noise| noise.force_n),
@@ -80,6 +99,7 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
         exchanges: main.exchanges.clone(),
         residuals: parts.iter().flat_map(|part| part.residuals.iter().copied()).collect(),
         warnings,
+        marks: Marks::default(),
     })
 }
 

@@ -1,8 +1,8 @@
 //! Noise of measured poses, rates and velocities, from differences so high that no motion is left in them.
 
-use super::rows::Scheme;
+use super::Settings;
+use super::rows::{Regression, Scheme};
 use super::timeline::Timeline;
-use super::{Method, Settings};
 use crate::motion::MotionSample;
 use crate::weighted_least_squares::RowNoise;
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -26,7 +26,7 @@ impl SampleNoise {
         let step_s = timeline.median_step_s();
         let mut noise = Self::default();
         // Second differences of poses; four more differences make six, whose squared coefficients add up to 924.
-        let scheme = Scheme::new(settings, Method::Variational, 1);
+        let scheme = Scheme::new(settings, Regression::Variational, 1);
         if let Ok(rows) = scheme.rows(record, timeline) {
             let series: Vec<_> = rows
                 .all
@@ -60,8 +60,8 @@ impl SampleNoise {
 
     /// What this noise does to the rows of a scheme.
     pub(super) fn of_rows(&self, scheme: &Scheme, step_s: f64) -> RowNoise {
-        let (angular, linear, steps) = match scheme.method {
-            Method::NewtonEuler => (self.rate_rad_s, self.velocity_m_s, step_s),
+        let (angular, linear, steps) = match scheme.regression {
+            Regression::NewtonEuler => (self.rate_rad_s, self.velocity_m_s, step_s),
             _ => (self.attitude_rad, self.position_m, step_s * step_s),
         };
         let gain = scheme.noise_gain() / (steps * steps);

@@ -1,7 +1,7 @@
 //! A body that changed within a record: said, and on request identified in parts.
 
 use super::fit::Fit;
-use super::{Identification, POOR_FIT, Settings, Warning, identify};
+use super::{Identification, Settings, Warning, identify};
 use crate::BodyScale;
 use crate::body_change::{CUTS, Quadratic, likeliest_cut};
 use crate::error::IdentificationError;
@@ -19,23 +19,25 @@ const SURELY: f64 = 3.0;
 const MOST_PARTS: usize = 16;
 
 impl Warning {
-    /// Unless the change is small, or no body explains the record anyway.
+    /// The change in words with the times between which it lies, ns; `None` where it is small, or no body explains the record anyway.
     pub(super) fn of_change(
         record: &[MotionSample],
         change: &BodyChange,
         scale: BodyScale,
-        explained: f64,
-    ) -> Option<Self> {
+        explained: bool,
+    ) -> Option<((i64, i64), Self)> {
         let surely = (change.after - change.before).abs() - change.deviation * SURELY;
         let size = surely.component_div(&scale.parameter_magnitudes()).max();
         let time_ns = |sample: usize| record.get(sample).or(record.last()).map_or(0, |sample| sample.time_ns);
-        (size > OTHER_BODY && explained > POOR_FIT).then(|| Self::BodyChanged {
+        let (earliest_ns, latest_ns) = (time_ns(change.last_before), time_ns(change.first_sure));
+        let told = Self::BodyChanged {
             time_ns: time_ns(change.first_after),
-            earliest_ns: time_ns(change.last_before),
-            latest_ns: time_ns(change.first_sure),
+            earliest_ns,
+            latest_ns,
             mass_before_kg: change.before[0],
             mass_after_kg: change.after[0],
-        })
+        };
+        (size > OTHER_BODY && explained).then_some(((earliest_ns, latest_ns), told))
     }
 }
 
@@ -66,7 +68,7 @@ pub fn identify_parts(record: &[MotionSample], settings: &Settings) -> Result<Ve
             Err(error) if samples.len() == record.len() => return Err(error),
             Err(_) => continue,
         };
-        match found.warnings.iter().find_map(Warning::changed) {
+        match found.marks.changed_ns {
             Some((earliest_ns, latest_ns)) if parts.len() + open.len() + 1 < MOST_PARTS => {
                 let end = record.partition_point(|sample| sample.time_ns <= earliest_ns);
                 let start = record.partition_point(|sample| sample.time_ns < latest_ns);
@@ -77,16 +79,6 @@ pub fn identify_parts(record: &[MotionSample], settings: &Settings) -> Result<Ve
         }
     }
     Ok(parts)
-}
-
-impl Warning {
-    /// Times between which the body changed.
-    fn changed(&self) -> Option<(i64, i64)> {
-        match *self {
-            Self::BodyChanged { earliest_ns, latest_ns, .. } => Some((earliest_ns, latest_ns)),
-            _ => None,
-        }
-    }
 }
 
 /// Whether the rows of a regression ask for another body from some row on; `None` too where noise in the poses made

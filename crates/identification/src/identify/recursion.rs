@@ -1,24 +1,27 @@
 //! The recursive estimators over a whole record.
 
 use super::fit::Fit;
-use super::likelihood::{estimator, is_known};
+use super::likelihood::{DETERMINED, estimator, is_known};
 use super::noise::SampleNoise;
 use super::rows::Scheme;
-use super::solution::weak_prior;
+use super::solution::{from_covariance, weak_prior};
 use super::timeline::Timeline;
-use super::{Method, Noise, Settings};
-use crate::WrenchTiming;
+use super::units::Units;
+use super::verdict::Beside;
+use super::{Noise, Plan, Settings, Way};
 use crate::body_scale::BodyScale;
 use crate::consistency::PseudoInertiaCone;
 use crate::dynamics::{LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
+use crate::estimator::Finding;
 use crate::lie::{LieGroup, Twist, Wrench};
 use crate::motion::MotionSample;
 use crate::recursive::{
     ChiSquareGate, ExtendedKalmanFilter, FilterModel, JointMotion, JointObservation, JointState, LinearObservation,
-    MotionNoise, RecursiveLeastSquares, RecursiveSdp, UnscentedKalmanFilter,
+    MotionNoise, RecursiveLeastSquares, RecursiveSdp, RowsOutcome, UnscentedKalmanFilter,
 };
 use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow};
+use crate::{MaximumLikelihood, WrenchTiming};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 /// Standard deviations of the vague start, in units of the body's own scale.
@@ -37,56 +40,116 @@ const WRENCH_NOISE: [f64; 9] = [1.0, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-
 /// Then steps of these factors, together and apart, each with a pass linearised about the last one.
 const REFINEMENTS: [f64; 5] = [3.0, 3.0, 2.0, 1.5, 1.25];
 
-impl Method {
-    pub(super) fn is_recursive(self) -> bool {
-        matches!(self, Self::Rls | Self::RecursiveSdp | Self::Ekf | Self::Ukf)
-    }
+/// What took the place of the batch solution of a fit, or did not.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Replaced {
+    /// Where a filter lost its way; the batch solution stays.
+    pub(super) diverged_ns: Option<i64>,
+    /// For the judge.
+    pub(super) beside: Beside,
 }
 
 /// Puts the end of a recursion over the record in the place of the batch solution; where that does not exist, the rows do
-/// not determine ten parameters and a recursion would only repeat its prior. Where a filter flies off the batch solution stays,
-/// and the time of the sample is returned.
+/// not determine ten parameters and a recursion would only repeat its prior.
 pub(super) fn run(
     fit: &mut Fit,
     record: &[MotionSample],
-    settings: &Settings,
+    plan: &Plan<'_>,
     noise: &SampleNoise,
-) -> Result<Option<i64>, IdentificationError> {
-    let scale = fit.scale();
-    let Some(found) = &mut fit.least_squares else { return Ok(None) };
-    match settings.method {
-        Method::Rls => {
-            let prior = weak_prior(scale);
-            let deviation = scale.parameter_magnitudes() * VAGUE;
-            let covariance = SMatrix::from_diagonal(&deviation.map(|s| s * s));
-            let mut filter = RecursiveLeastSquares::new(prior.mean.to_vector(), covariance);
-            for observation in &observations(&fit.rows.all, found, RESOLUTION) {
-                filter.update_rows(observation)?;
-            }
-            // The covariance stays that of the batch, which knows how neighbouring rows are correlated.
-            found.parameters = filter.parameters();
-            widen_by_noise_in_rows(found, &fit.scheme, scale);
-        }
-        Method::RecursiveSdp => {
-            let mut filter = RecursiveSdp::try_new(PseudoInertiaCone::new(scale), VAGUE)?;
-            for observation in &observations(&fit.rows.all, found, 0.0) {
-                filter.update_rows(observation)?;
-            }
-            found.parameters = filter.parameters();
-            widen_by_noise_in_rows(found, &fit.scheme, scale);
-        }
-        Method::Ekf | Method::Ukf => match filtered(fit, record, settings, noise) {
-            Ok(()) => {}
-            Err(Flown::Off { time_ns }) => return Ok(Some(time_ns)),
+) -> Result<Replaced, IdentificationError> {
+    let other = reference(fit, record, plan)?;
+    let mut beside = Beside { surprise: None, other };
+    match plan.way {
+        Way::Rls => rls(fit)?,
+        Way::RecursiveSdp => recursive_sdp(fit)?,
+        Way::Ekf | Way::Ukf => match filtered(fit, record, plan.settings, noise, plan.way == Way::Ukf) {
+            Ok(surprise) => beside.surprise = surprise,
+            Err(Flown::Off { time_ns }) => return Ok(Replaced { diverged_ns: Some(time_ns), ..Replaced::default() }),
             Err(Flown::Into(error)) => return Err(error),
         },
-        _ => {}
+        _ => return Ok(Replaced::default()),
     }
-    Ok(None)
+    Ok(Replaced { diverged_ns: None, beside })
+}
+
+/// The library's own finding that a judge holds against another's: the likelihood where the poses are noisy and it knows all ten, else the
+/// regression. The first two need it; none for the library's own regression and likelihood, which pass by their own numbers.
+pub(super) fn reference(
+    fit: &Fit,
+    record: &[MotionSample],
+    plan: &Plan<'_>,
+) -> Result<Option<Finding>, IdentificationError> {
+    if !plan.way.is_recursive() {
+        return Ok(None);
+    }
+    let Some(found) = &fit.least_squares else { return Ok(None) };
+    let magnitudes = fit.scale().parameter_magnitudes();
+    if (fit.poses_noisy || fit.rates_noisy)
+        && let Ok(likely) = MaximumLikelihood::estimate(&estimator(plan.settings), record)
+        && is_known(&likely, DETERMINED)
+    {
+        let covariance = likely.covariance * (likely.scatter * likely.scatter);
+        let information = from_covariance(&likely.unconstrained, &covariance, &magnitudes)?;
+        return Ok(Some(Finding::of_information(information, magnitudes).at(likely.parameters.to_vector())));
+    }
+    let information = from_covariance(&found.parameters, &found.covariance, &magnitudes)?;
+    Ok(Some(Finding::of_information(information, magnitudes).at(found.parameters)))
+}
+
+/// Recursive least squares over the rows of a fit.
+pub(super) fn rls(fit: &mut Fit) -> Result<(), IdentificationError> {
+    let scale = fit.scale();
+    let Some(found) = &mut fit.least_squares else { return Ok(()) };
+    let prior = weak_prior(scale);
+    let deviation = scale.parameter_magnitudes() * VAGUE;
+    let covariance = SMatrix::from_diagonal(&deviation.map(|s| s * s));
+    let mut filter = RecursiveLeastSquares::new(prior.mean.to_vector(), covariance);
+    for observation in &observations(&fit.rows.all, found, RESOLUTION) {
+        filter.update_rows(observation)?;
+    }
+    // The covariance stays that of the batch, which knows how neighbouring rows are correlated.
+    found.parameters = filter.parameters();
+    widen_by_noise_in_rows(found, &fit.scheme, scale);
+    Ok(())
+}
+
+/// The same, every answer a body.
+fn recursive_sdp(fit: &mut Fit) -> Result<(), IdentificationError> {
+    let scale = fit.scale();
+    let Some(found) = &mut fit.least_squares else { return Ok(()) };
+    let mut filter = RecursiveSdp::try_new(PseudoInertiaCone::new(scale), VAGUE)?;
+    for observation in &observations(&fit.rows.all, found, 0.0) {
+        filter.update_rows(observation)?;
+    }
+    found.parameters = filter.parameters();
+    widen_by_noise_in_rows(found, &fit.scheme, scale);
+    Ok(())
+}
+
+/// The rows of a fit in the order of time, with the noise that they show; with that of the covariance form's resolution where they show
+/// none or determine too little.
+pub(super) fn observations_of(fit: &Fit) -> Vec<LinearObservation<6, 10>> {
+    let levels = fit.least_squares.as_ref().map_or((0.0, 0.0), |l| (l.torque_residual, l.force_residual));
+    deviating(&fit.rows.all, levels, RESOLUTION)
+}
+
+/// A finding of somebody else's in the place of the batch solution.
+pub(super) fn replaced_by(fit: &mut Fit, found: &Finding) -> Result<Option<(f64, usize)>, IdentificationError> {
+    fit.discretisation = SVector::zeros();
+    match (found.point(), &mut fit.least_squares) {
+        (Some(point), Some(batch)) => {
+            batch.parameters = *point;
+            batch.covariance = found.covariance()?;
+        }
+        // It leaves directions free, whatever the rows say.
+        (None, _) => fit.least_squares = None,
+        (Some(_), None) => {}
+    }
+    Ok(found.surprises())
 }
 
 /// The end of a filter that did not reach the end of the record.
-enum Flown {
+pub(super) enum Flown {
     /// The state or its covariance was lost at this sample.
     Off {
         time_ns: i64,
@@ -100,44 +163,97 @@ impl From<IdentificationError> for Flown {
     }
 }
 
-/// The joint filter of motion and parameters in the place of the batch solution.
-fn filtered(fit: &mut Fit, record: &[MotionSample], settings: &Settings, noise: &SampleNoise) -> Result<(), Flown> {
-    let scale = fit.scale();
-    let Some(found) = &mut fit.least_squares else { return Ok(()) };
+/// The joint filter of motion and parameters in the place of the batch solution; what its observations surprised it by.
+///
+/// It works in units in which the body is about as heavy, as large and as often sampled as the levels of this file expect.
+pub(super) fn filtered(
+    fit: &mut Fit,
+    record: &[MotionSample],
+    settings: &Settings,
+    noise: &SampleNoise,
+    unscented: bool,
+) -> Result<Option<(f64, usize)>, Flown> {
+    let (scale, step_s) = (fit.scale(), Timeline::try_new(record)?.median_step_s());
+    let gain = fit.scheme.wrench_gain().sqrt();
+    let Some(found) = &mut fit.least_squares else { return Ok(None) };
+    let units = Units::of(scale, step_s);
+    let scaled = units.record(record);
+    let rows = scaled.as_deref().unwrap_or(record);
+    let settings = &units.settings(settings);
+    let about = About {
+        noise: units.noise(noise),
+        wrench_noise: units.wrench_noise((found.torque_residual / gain, found.force_residual / gain)),
+        scale: units.scale(scale)?,
+    };
+    let end = filtered_in_units(rows, settings, &about, unscented).map_err(|flown| match flown {
+        Flown::Off { time_ns } if scaled.is_some() => Flown::Off { time_ns: units.time_ns(time_ns, record) },
+        flown => flown,
+    })?;
+    let factors = units.parameter_factors();
+    found.parameters = end.parameters.component_mul(&factors);
+    found.covariance = SMatrix::from_fn(|i, j| end.covariance[(i, j)] * factors[i] * factors[j]);
+    // The filter works with true steps and with noise in the poses.
+    fit.discretisation = SVector::zeros();
+    (fit.poses_noisy, fit.rates_noisy) = (false, false);
+    Ok(Some(end.surprise))
+}
+
+/// What is known of a record before a filter goes over it.
+struct About {
+    noise: SampleNoise,
+    /// Of one sample's torque and force.
+    wrench_noise: (f64, f64),
+    scale: BodyScale,
+}
+
+/// Where a filter came to.
+struct End {
+    parameters: SVector<f64, 10>,
+    covariance: SMatrix<f64, 10, 10>,
+    surprise: (f64, usize),
+}
+
+fn filtered_in_units(
+    record: &[MotionSample],
+    settings: &Settings,
+    about: &About,
+    unscented: bool,
+) -> Result<End, Flown> {
+    let scale = about.scale;
     let begun = begin(record, settings);
     let begun_at = begun.as_ref().map_or(0, |begun| begun.rows);
     let rest = &record[begun_at..];
     let times = Timeline::try_new(rest)?;
-    let mut joint = Joint::new(rest, &times, settings, noise, &fit.scheme, found, scale.length_m());
-    let mut known = if let Some(Begun { noise, known, .. }) = begun {
+    let mut joint = Joint::new(rest, &times, settings, about);
+    let (mut known, mut surprise) = if let Some(Begun { noise, known, .. }) = begun {
         joint.noise = MotionNoise { drift: joint.noise.drift, ..noise };
-        joint.extended(&known)?.0
+        let pass = joint.extended(&known)?;
+        (pass.known, pass.surprise)
     } else {
         let vague = Knowledge {
             chart: LogCholesky::try_from_parameters(&weak_prior(scale).mean).map_err(IdentificationError::from)?,
             covariance: SMatrix::from_diagonal(&chart_deviation(scale.length_m()).map(|s| s * s)),
         };
         joint.find_wrench_noise(&vague, &WRENCH_NOISE.map(|share| [share; 2]));
-        joint.extended(&vague)?.0
+        let pass = joint.extended(&vague)?;
+        (pass.known, pass.surprise)
     };
     for factor in REFINEMENTS {
         let (up, down) = (factor, 1.0 / factor);
         let around = [[up, up], [down, down], [up, 1.0], [down, 1.0], [1.0, up], [1.0, down]];
         joint.find_wrench_noise(&known.opened(), &around);
-        known = joint.extended(&known.opened())?.0.without(&known.opened());
+        let pass = joint.extended(&known.opened())?;
+        (known, surprise) = (pass.known.without(&known.opened()), pass.surprise);
     }
-    if settings.method == Method::Ukf {
-        known = joint.unscented(&known.opened())?.without(&known.opened());
+    if unscented {
+        let pass = joint.unscented(&known.opened())?;
+        (known, surprise) = (pass.known.without(&known.opened()), pass.surprise);
     }
     let model = joint.model();
     let state = JointState { motion: joint.start, body: known.chart };
     let jacobian = model.parameter_jacobian(&state).fixed_view::<10, 10>(0, 12).into_owned();
-    found.parameters = model.parameters(&state);
-    found.covariance = jacobian * known.covariance * jacobian.transpose();
-    // The filter works with true steps and with noise in the poses.
-    fit.discretisation = SVector::zeros();
-    (fit.poses_noisy, fit.rates_noisy) = (false, false);
-    Ok(())
+    let covariance = jacobian * known.covariance * jacobian.transpose();
+    Ok(End { parameters: model.parameters(&state), covariance, surprise })
 }
 
 /// What the first rows say, told by the likelihood: a filter that begins with less is linearised too far off.
@@ -185,12 +301,16 @@ fn begin(record: &[MotionSample], settings: &Settings) -> Option<Begun> {
 
 /// The rows in the order of time, each with the noise that the batch fit found in its kind.
 fn observations(rows: &[WrenchRow], found: &WeightedLeastSquares, resolution: f64) -> Vec<LinearObservation<6, 10>> {
+    deviating(rows, (found.torque_residual, found.force_residual), resolution)
+}
+
+fn deviating(rows: &[WrenchRow], levels: (f64, f64), resolution: f64) -> Vec<LinearObservation<6, 10>> {
     let rms = |first: usize| {
         let sum: f64 = rows.iter().map(|row| row.wrench.fixed_rows::<3>(first).norm_squared()).sum();
         (sum / (3 * rows.len().max(1)) as f64).sqrt()
     };
-    let torque = found.torque_residual.max(resolution * rms(0)).max(f64::MIN_POSITIVE.sqrt());
-    let force = found.force_residual.max(resolution * rms(3)).max(f64::MIN_POSITIVE.sqrt());
+    let torque = levels.0.max(resolution * rms(0)).max(f64::MIN_POSITIVE.sqrt());
+    let force = levels.1.max(resolution * rms(3)).max(f64::MIN_POSITIVE.sqrt());
     let standard_deviation = Vector6::new(torque, torque, torque, force, force, force);
     rows.iter()
         .map(|row| LinearObservation { regressor: row.regressor, output: row.wrench, standard_deviation })
@@ -221,17 +341,9 @@ struct Joint {
 }
 
 impl Joint {
-    fn new(
-        record: &[MotionSample],
-        timeline: &Timeline,
-        settings: &Settings,
-        noise: &SampleNoise,
-        scheme: &Scheme,
-        found: &WeightedLeastSquares,
-        length_m: f64,
-    ) -> Self {
+    fn new(record: &[MotionSample], timeline: &Timeline, settings: &Settings, about: &About) -> Self {
         let step_s = timeline.median_step_s();
-        let gain = scheme.wrench_gain().sqrt();
+        let (noise, length_m) = (&about.noise, about.scale.length_m());
         let attitude_rad = noise.attitude_rad.max(POSE_FLOOR);
         let position_m = noise.position_m.max(POSE_FLOOR * length_m);
         let noise = MotionNoise {
@@ -240,8 +352,8 @@ impl Joint {
             rate_rad_s: noise.rate_rad_s.max(attitude_rad),
             velocity_m_s: noise.velocity_m_s.max(position_m),
             acceleration_m_s2: acceleration_noise(record).max(position_m),
-            torque_n_m: found.torque_residual / gain,
-            force_n: found.force_residual / gain,
+            torque_n_m: about.wrench_noise.0,
+            force_n: about.wrench_noise.1,
             drift: SVector::zeros(),
         };
         let (first, second) = (&record[0], &record[1]);
@@ -295,27 +407,31 @@ impl Joint {
         (JointState { motion: self.start, body: known.chart }, covariance)
     }
 
-    /// What is known of the body at the end of the record, and the likelihood of all innovations.
-    fn extended(&self, known: &Knowledge) -> Result<(Knowledge, f64), Flown> {
+    /// Once over the record.
+    fn extended(&self, known: &Knowledge) -> Result<Pass, Flown> {
         let (state, covariance) = self.beginning(known);
         let gate = ChiSquareGate::try_new(GATE)?;
         let mut filter = ExtendedKalmanFilter::new(self.model(), state, covariance).with_gate(gate);
-        let mut likelihood = 0.0;
+        let mut pass = Pass { known: *known, likelihood: 0.0, surprise: (0.0, 0) };
         for (observation, time_ns) in self.observations.iter().zip(&self.times_ns) {
             let update = filter.update_rows(observation).map_err(|error| flown(error, *time_ns))?;
-            likelihood += update.innovation.log_likelihood();
+            pass.count(&update);
         }
-        Ok((Knowledge::of(&filter.state(), filter.state_covariance()), likelihood))
+        pass.known = Knowledge::of(&filter.state(), filter.state_covariance());
+        Ok(pass)
     }
 
-    fn unscented(&self, known: &Knowledge) -> Result<Knowledge, Flown> {
+    fn unscented(&self, known: &Knowledge) -> Result<Pass, Flown> {
         let (state, covariance) = self.beginning(known);
         let gate = ChiSquareGate::try_new(GATE)?;
         let mut filter = UnscentedKalmanFilter::new(self.model(), state, covariance).with_gate(gate);
+        let mut pass = Pass { known: *known, likelihood: 0.0, surprise: (0.0, 0) };
         for (observation, time_ns) in self.observations.iter().zip(&self.times_ns) {
-            filter.update_rows(observation).map_err(|error| flown(error, *time_ns))?;
+            let update = filter.update_rows(observation).map_err(|error| flown(error, *time_ns))?;
+            pass.count(&update);
         }
-        Ok(Knowledge::of(&filter.state(), filter.state_covariance()))
+        pass.known = Knowledge::of(&filter.state(), filter.state_covariance());
+        Ok(pass)
     }
 
     /// Multiplies the noise of torque and force by the most likely of `factors`, or leaves it.
@@ -325,7 +441,7 @@ impl Joint {
         for [torque, force] in core::iter::once(&[1.0, 1.0]).chain(factors) {
             self.noise = MotionNoise { torque_n_m: torque_n_m * torque, force_n: force_n * force, ..self.noise };
             // A trial from which the filter flies off is not the likeliest.
-            let likelihood = self.extended(known).map_or(f64::NEG_INFINITY, |(_, likelihood)| likelihood);
+            let likelihood = self.extended(known).map_or(f64::NEG_INFINITY, |pass| pass.likelihood);
             if likelihood > most {
                 (likeliest, most) = (self.noise, likelihood);
             }
@@ -337,8 +453,30 @@ impl Joint {
 /// A record is finite and a filter begins with a covariance: what is neither, a filter made so.
 fn flown(error: IdentificationError, time_ns: i64) -> Flown {
     match error {
-        IdentificationError::NotFinite { .. } | IdentificationError::NotPositive { .. } => Flown::Off { time_ns },
+        IdentificationError::NotFinite { .. }
+        | IdentificationError::NotPositive { .. }
+        | IdentificationError::Dynamics(_)
+        | IdentificationError::Lie(_) => Flown::Off { time_ns },
         error => Flown::Into(error),
+    }
+}
+
+/// What a filter says at the end of a record.
+struct Pass {
+    known: Knowledge,
+    /// Logarithm, of all innovations.
+    likelihood: f64,
+    /// Sums of normalised innovations squared and of their degrees of freedom.
+    surprise: (f64, usize),
+}
+
+impl Pass {
+    fn count<const ROWS: usize>(&mut self, update: &RowsOutcome<ROWS>) {
+        self.likelihood += update.innovation.log_likelihood();
+        if update.is_accepted() {
+            self.surprise.0 += update.innovation.nis;
+            self.surprise.1 += update.innovation.degrees_of_freedom;
+        }
     }
 }
 

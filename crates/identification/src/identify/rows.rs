@@ -1,20 +1,33 @@
 //! From samples to rows `regressor * parameters = wrench`.
 
+use super::Settings;
 use super::timeline::Timeline;
-use super::{Method, Settings};
 use crate::WrenchTiming;
 use crate::error::{Column, IdentificationError};
-use crate::lie::{LieError, LieGroup};
-use crate::lie::{Wrench, rotation_jacobian, skew};
+use crate::lie::{LieGroup, Wrench, rotation_jacobian, skew};
 use crate::motion::MotionSample;
 use crate::regressors::{Extrapolation, ObserverFrame, PoseTriple, Regressor, variational_extrapolated};
 use crate::weighted_least_squares::WrenchRow;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
+/// Which equations tie the motion to the parameters in rows that are linear in them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Regression {
+    /// Newton-Euler with measured velocities and rates, in integral (momentum) form.
+    NewtonEuler,
+    /// Variational regressor of order 2, poses only.
+    Variational,
+    /// Extrapolated variational regressor of order 4, poses only.
+    #[default]
+    Variational4,
+    /// Extrapolated variational regressor of order 6, poses only.
+    Variational6,
+}
+
 /// How rows are formed.
 #[derive(Clone, Copy)]
 pub(super) struct Scheme {
-    pub(super) method: Method,
+    pub(super) regression: Regression,
     pub(super) lag: usize,
     pub(super) wrench_timing: WrenchTiming,
     pub(super) gravity_world: Vector3<f64>,
@@ -40,11 +53,9 @@ enum Skip {
 }
 
 impl Scheme {
-    pub(super) fn new(settings: &Settings, method: Method, lag: usize) -> Self {
-        // Filters have no rows of their own; they are judged by those of order 4.
-        let method = if method.is_recursive() { Method::Variational4 } else { method };
+    pub(super) fn new(settings: &Settings, regression: Regression, lag: usize) -> Self {
         Self {
-            method,
+            regression,
             lag: lag.max(1),
             wrench_timing: settings.wrench_timing,
             gravity_world: settings.gravity_world,
@@ -53,27 +64,27 @@ impl Scheme {
     }
 
     fn extrapolation(&self) -> Extrapolation {
-        match self.method {
-            Method::Variational4 => Extrapolation::Order4,
-            Method::Variational6 => Extrapolation::Order6,
+        match self.regression {
+            Regression::Variational4 => Extrapolation::Order4,
+            Regression::Variational6 => Extrapolation::Order6,
             _ => Extrapolation::Order2,
         }
     }
 
     /// Order of the error in the step.
     pub(super) fn order(&self) -> i32 {
-        match (self.method, self.wrench_timing) {
+        match (self.regression, self.wrench_timing) {
             // Jumps of a held wrench limit what smoothness can give.
-            (Method::Variational4, WrenchTiming::Sampled) => 4,
-            (Method::Variational6, WrenchTiming::Sampled) => 6,
+            (Regression::Variational4, WrenchTiming::Sampled) => 4,
+            (Regression::Variational6, WrenchTiming::Sampled) => 6,
             _ => 2,
         }
     }
 
     /// Samples on each side of the node.
     pub(super) fn reach(&self) -> usize {
-        match self.method {
-            Method::NewtonEuler => self.lag,
+        match self.regression {
+            Regression::NewtonEuler => self.lag,
             _ => self.lag * self.extrapolation().reach(),
         }
     }
@@ -93,7 +104,7 @@ impl Scheme {
     /// in a row, times the step to the fourth or second power.
     pub(super) fn noise_gain(&self) -> f64 {
         let lag = self.lag as f64;
-        if self.method == Method::NewtonEuler {
+        if self.regression == Regression::NewtonEuler {
             return 2.0 / (4.0 * lag * lag);
         }
         let (mut middle, mut sides) = (0.0, 0.0);
@@ -108,7 +119,7 @@ impl Scheme {
     /// Sum of squared weights of the wrench samples in one right-hand side.
     pub(super) fn wrench_gain(&self) -> f64 {
         let samples = 2 * self.reach() + 1;
-        if self.method == Method::NewtonEuler {
+        if self.regression == Regression::NewtonEuler {
             return 1.0 / (samples - 1) as f64;
         }
         let times: Vec<f64> = (0..samples).map(|i| i as f64).collect();
@@ -159,12 +170,13 @@ impl Scheme {
     fn reason(&self, record: &[MotionSample], found: &Rows) -> IdentificationError {
         if !self.wrench_optional && record.iter().all(|sample| sample.wrench_body.is_none()) {
             IdentificationError::MissingColumn(Column::Wrench)
-        } else if self.method == Method::NewtonEuler && record.iter().all(|sample| sample.rate_body.is_none()) {
+        } else if self.regression == Regression::NewtonEuler && record.iter().all(|sample| sample.rate_body.is_none()) {
             IdentificationError::MissingColumn(Column::Rate)
-        } else if self.method == Method::NewtonEuler && record.iter().all(|s| s.velocity_origin_world.is_none()) {
+        } else if self.regression == Regression::NewtonEuler && record.iter().all(|s| s.velocity_origin_world.is_none())
+        {
             IdentificationError::MissingColumn(Column::Velocity)
         } else if found.skipped_half_turn > 0 {
-            IdentificationError::Lie(LieError::IncrementTooLarge { norm: 1.0 })
+            IdentificationError::HalfTurns { windows: found.skipped_half_turn }
         } else {
             IdentificationError::TooFewSamples { samples: record.len(), needed: 2 * self.reach() + 1 }
         }
@@ -173,7 +185,7 @@ impl Scheme {
     fn row(&self, record: &[MotionSample], timeline: &Timeline, node: usize) -> Result<WrenchRow, Skip> {
         let reach = self.reach();
         let window = &record[node - reach..=node + reach];
-        if self.method == Method::NewtonEuler {
+        if self.regression == Regression::NewtonEuler {
             return self.momentum_row(window, timeline, node);
         }
         if !timeline.equal_steps(node - reach, node + reach) {

@@ -1,7 +1,8 @@
 //! From a fit to what may be said: rank, consistent body, derived standard deviations.
 
 use super::fit::Fit;
-use super::{Estimate, Prior, StandardDeviations};
+use super::verdict::Silence;
+use super::{Estimate, Plan, Prior, StandardDeviations};
 use crate::consistency::{ConstrainedLeastSquares, InteriorPoint, PseudoInertiaCone};
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -18,16 +19,6 @@ const LARGEST_NOISE_SHARE: f64 = 0.5;
 /// discretisation turns the directions left free by about so much, and must not outvote a prior in them.
 const LARGEST_WEIGHT: f64 = 1e4;
 
-/// Which half of the wrench says nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Silent {
-    Nothing,
-    /// The force is zero or noise.
-    Force,
-    /// Every wrench is zero.
-    Wrench,
-}
-
 /// What the data of a fit determine.
 pub(super) struct Judgement {
     pub(super) scale: BodyScale,
@@ -42,9 +33,9 @@ pub(super) struct Judgement {
 
 /// Counts the directions that data determine: above rounding, above the noise inside the regressor, and known to better
 /// than the body's own scale. A record without any wrench leaves two scales free, that of the mass and that of the inertia
-/// about the centre of mass; one without force (`Silent::Force`) that of the mass.
-pub(super) fn judge(fit: &Fit, silent: Silent, prior: Option<&Prior>) -> Result<Judgement, IdentificationError> {
-    let zero_wrench = silent == Silent::Wrench;
+/// about the centre of mass; one without force (`Silence::Force`) that of the mass.
+pub(super) fn judge(fit: &Fit, silence: Silence, prior: Option<&Prior>) -> Result<Judgement, IdentificationError> {
+    let zero_wrench = silence == Silence::Wrench;
     let scale = match prior {
         Some(prior) => BodyScale::of(&prior.mean.to_vector())?,
         None if zero_wrench => fit.rough_scale,
@@ -73,12 +64,12 @@ pub(super) fn judge(fit: &Fit, silent: Silent, prior: Option<&Prior>) -> Result<
         rank = rank.min(determined);
         noise_share = shares.take(rank).fold(0.0, f64::max);
     }
-    rank = rank.min(match silent {
+    rank = rank.min(match silence {
         // Rows that no weights make a fit of.
-        Silent::Nothing if fit.least_squares.is_none() => 9,
-        Silent::Nothing => 10,
-        Silent::Force => 9,
-        Silent::Wrench => 8,
+        Silence::Nothing if fit.least_squares.is_none() => 9,
+        Silence::Nothing => 10,
+        Silence::Force | Silence::Unfollowed => 9,
+        Silence::Wrench => 8,
     });
     let tolerance =
         if rank < 10 && values[0] > 0.0 { (values[rank] / values[0]).max(RANK_TOLERANCE) } else { RANK_TOLERANCE };
@@ -134,14 +125,17 @@ pub(super) fn solve(
     mut information: SquareRootInformation<10>,
     scale: BodyScale,
     full_rank: bool,
-    prior: Option<&Prior>,
+    plan: &Plan<'_>,
 ) -> Result<Solution, IdentificationError> {
     let mut estimate = None;
+    let prior = plan.settings.prior.as_ref();
+    let constrained =
+        |information: &SquareRootInformation<10>| constrained_by(&*(plan.solver)(scale), information, scale);
     if let Some(prior) = prior {
         information.add_prior(&prior.mean.to_vector(), &prior.standard_deviation)?;
     }
     if full_rank || prior.is_some() {
-        estimate = match constrained(&information, scale) {
+        estimate = match constrained(&information) {
             Err(IdentificationError::NotExcited { .. }) if !full_rank => None,
             found => Some(found?),
         };
@@ -150,7 +144,7 @@ pub(super) fn solve(
     if !full_rank {
         let weak = weak_prior(scale);
         information.add_prior(&weak.mean.to_vector(), &weak.standard_deviation)?;
-        regularised = Some(constrained(&information, scale)?);
+        regularised = Some(constrained(&information)?);
     }
     Ok(Solution { estimate, regularised })
 }
@@ -160,7 +154,16 @@ pub(crate) fn constrained(
     information: &SquareRootInformation<10>,
     scale: BodyScale,
 ) -> Result<Estimate, IdentificationError> {
-    let found = InteriorPoint::new(PseudoInertiaCone::new(scale)).solve(information)?;
+    constrained_by(&InteriorPoint::new(PseudoInertiaCone::new(scale)), information, scale)
+}
+
+/// The same by another solver.
+fn constrained_by(
+    solver: &dyn ConstrainedLeastSquares<10>,
+    information: &SquareRootInformation<10>,
+    scale: BodyScale,
+) -> Result<Estimate, IdentificationError> {
+    let found = solver.solve(information)?;
     let covariance = information.covariance(&scale.parameter_magnitudes())?;
     let std = standard_deviations(&found.parameters, &covariance);
     Ok(Estimate {

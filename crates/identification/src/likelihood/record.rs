@@ -2,7 +2,7 @@
 
 use super::drive::Passage;
 use super::flow::Input;
-use super::segment::Sample;
+use super::sample::Sample;
 use crate::WrenchTiming;
 use crate::error::{Column, IdentificationError};
 use crate::motion::MotionSample;

@@ -82,7 +82,7 @@ pub(super) fn momentum_rows(
     }
     let covariance = &spread * jacobian.transpose();
     let covariance: Matrix6<f64> = covariance.fixed_view::<6, 6>(0, 0).into_owned();
-    let not_excited = IdentificationError::NotExcited { rank: 0, expected: 6, smallest_singular_value: 0.0 };
+    let not_excited = IdentificationError::Indefinite { parameters: 6 };
     let factor = covariance.cholesky().ok_or(not_excited)?;
     let correction = spread.transpose() * DVector::from_column_slice(factor.solve(&residual).as_slice());
     let fitted = if at_fitted_velocity { velocity - correction } else { velocity };
@@ -100,7 +100,7 @@ pub(super) fn momentum_rows(
     let right = &coefficients * DVector::from_column_slice(numbers) - DVector::from_column_slice(residual.as_slice());
     let lower = factor.l();
     let whiten = |m: &DMatrix<f64>| lower.solve_lower_triangular(m);
-    let singular = IdentificationError::NotExcited { rank: 0, expected: 6, smallest_singular_value: 0.0 };
+    let singular = IdentificationError::Indefinite { parameters: 6 };
     let right_white = whiten(&DMatrix::from_column_slice(6, 1, right.as_slice())).ok_or(singular)?;
     let residual_white = lower.solve_lower_triangular(&residual).ok_or(singular)?;
     Ok(MomentumRows {

@@ -4,10 +4,12 @@
 mod calibration;
 mod change_scenario;
 mod custom_criterion;
+mod custom_estimator;
 mod custom_feasible_set;
 mod custom_recursive_estimator;
 mod custom_regressor;
 mod estimation_laws;
+mod estimator_laws;
 mod exact_motion;
 mod excitation_against_argmin;
 mod excitation_design;
@@ -16,6 +18,7 @@ mod fixed_lag;
 mod flight_estimator;
 mod flight_scenario;
 mod identify_properties;
+mod lapack_symbols;
 #[cfg(feature = "clarabel-sdp")]
 mod lmi_against_clarabel;
 mod maximum_likelihood;

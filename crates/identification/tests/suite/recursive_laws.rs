@@ -424,7 +424,10 @@ impl RecursiveEstimator for Broken {
         match self.defect {
             Defect::Asymmetric => covariance[(0, 1)] *= 1.0 + 1e-5,
             // Less certain the more is known.
-            Defect::Growing => covariance = SMatrix::identity() / covariance[(0, 0)],
+            Defect::Growing => {
+                let start = self.start.covariance()?;
+                covariance = start * (start[(0, 0)] / covariance[(0, 0)]);
+            }
             _ => {}
         }
         let found = Finding::of_covariance(self.inner.parameters(), &covariance, deviations())?;
