@@ -15,8 +15,12 @@ struct Package {
     name: String,
     /// `name-version`.
     folder: String,
-    has_testing: bool,
+    /// Those of [`ASKED_BY_TESTS`] that it has.
+    tested_with: Vec<&'static str>,
 }
+
+/// Features that test programs ask for.
+const ASKED_BY_TESTS: [&str; 4] = ["testing", "trees", "argmin", "research"];
 
 /// Type-checks library, tests, examples and benches of every unpacked package, with the laws and without.
 pub fn check() -> Outcome {
@@ -69,8 +73,7 @@ fn unpacked(place: &Path, arguments: &str) -> Command {
 fn laws(packages: &[Package]) -> String {
     let with: Vec<String> = packages
         .iter()
-        .filter(|package| package.has_testing)
-        .map(|package| format!("{}/testing", package.name))
+        .flat_map(|package| package.tested_with.iter().map(|feature| format!("{}/{feature}", package.name)))
         .collect();
     with.join(",")
 }
@@ -147,6 +150,7 @@ fn package(folder: &Path) -> Result<Package, String> {
     let shared = workspace.get("workspace").and_then(|workspace| workspace.get("package"));
     let version = text(shared.and_then(|package| package.get("version"))).unwrap_or_default();
     let features = manifest.get("features").and_then(toml::Value::as_table);
-    let has_testing = features.is_some_and(|features| features.contains_key("testing"));
-    Ok(Package { folder: format!("{name}-{version}"), name, has_testing })
+    let has = |feature: &&str| features.is_some_and(|features| features.contains_key(*feature));
+    let tested_with = ASKED_BY_TESTS.into_iter().filter(has).collect();
+    Ok(Package { folder: format!("{name}-{version}"), name, tested_with })
 }
