@@ -25,7 +25,11 @@ fn accelerated<W: CollisionWorld + ?Sized>(
 }
 
 /// Faster, steadily and slower along a line, within every limit.
-fn leg<W: CollisionWorld + ?Sized>(request: &GlobalRequest<'_, W>, from: &TranslationState, to: Vector3<f64>) -> Vec<BodyArc> {
+fn leg<W: CollisionWorld + ?Sized>(
+    request: &GlobalRequest<'_, W>,
+    from: &TranslationState,
+    to: Vector3<f64>,
+) -> Vec<BodyArc> {
     let along = to - from.position;
     let length = along.norm();
     if length == 0.0 {

@@ -4,13 +4,13 @@
 //! integrated twice. The lidar sees the body origin, which lies beside it by `R c`. That is linear in `(p, v, 1/m, c)`: ten unknowns,
 //! one row for each number of the lidar, and nothing drifts. Moments of inertia stay what they are believed to be.
 
+use tumble_planning::ModelBelief;
 use tumble_planning::dynamics::{InertialParameters, RigidBodyState};
 use tumble_planning::identification::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
 use tumble_planning::identification::recursive::{FlightHealth, Reception, ReceptionCounts};
 use tumble_planning::identification::{BodyScale, Estimate, SquareRootInformation, StandardDeviations};
 use tumble_planning::lie::{LieGroup, Pose, Twist};
 use tumble_planning::nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
-use tumble_planning::ModelBelief;
 
 /// See the [module](self).
 pub struct DriftingPose {
@@ -95,7 +95,8 @@ impl StateEstimator for DriftingPose {
     fn state_at(&self, time_ns: i64) -> RigidBodyState<f64> {
         let ahead_s = (time_ns - self.now_ns) as f64 * 1e-9;
         let rotation = self.attitude * <UnitQuaternion<f64> as LieGroup>::exp(&(self.rate * ahead_s));
-        let [center, velocity] = [self.found.fixed_rows::<3>(7).into_owned(), self.found.fixed_rows::<3>(3).into_owned()];
+        let [center, velocity] =
+            [self.found.fixed_rows::<3>(7).into_owned(), self.found.fixed_rows::<3>(3).into_owned()];
         let velocity = velocity + self.pushed[1] * self.found[6] - rotation * self.rate.cross(&center);
         let place = self.rows() * self.found + velocity * ahead_s;
         let twist_body = Twist::new(self.rate, rotation.inverse() * velocity);

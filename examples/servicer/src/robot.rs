@@ -56,7 +56,8 @@ pub fn actuators() -> Result<Actuators, DynamicsError> {
     };
     let wheels = ReactionWheels::try_new([wheel(1.0, 0.0), wheel(0.0, 1.0), wheel(-1.0, 0.0), wheel(0.0, -1.0)])?;
     let nozzle = |i: usize| {
-        let (axis, end, sense) = (i / 4, if i % 2 == 0 { LEVER_M } else { -LEVER_M }, if i % 4 < 2 { 1.0 } else { -1.0 });
+        let (axis, end, sense) =
+            (i / 4, if i % 2 == 0 { LEVER_M } else { -LEVER_M }, if i % 4 < 2 { 1.0 } else { -1.0 });
         let mut position_body = Vector3::zeros();
         position_body[(axis + 2) % 3] = end;
         let mut direction = Vector3::zeros();
@@ -88,7 +89,11 @@ impl Servicer {
     ///
     /// # Errors
     /// None with the numbers above.
-    pub fn try_new(body: InertialParameters<f64>, state: RigidBodyState<f64>, seed: u64) -> Result<Self, DynamicsError> {
+    pub fn try_new(
+        body: InertialParameters<f64>,
+        state: RigidBodyState<f64>,
+        seed: u64,
+    ) -> Result<Self, DynamicsError> {
         let actuation = (actuators()?, Default::default());
         let plant = SimulatedGyrostat::try_new(FreeFlyer::new(body), MuntheKaas4, actuation, state, PERIOD_S)?;
         Ok(Self { plant, random: ChaCha8Rng::seed_from_u64(seed), time_ns: 0 })
