@@ -61,7 +61,8 @@ use nalgebra::{SMatrix, SVector};
 ///         SMatrix::from([[1.0], [0.0]])
 ///     }
 /// }
-/// let mut filter = ExtendedKalmanFilter::new(Cart, Vector2::new(0.0, 0.0), SMatrix::from_diagonal(&Vector2::new(1e-6, 1.0)));
+/// let start = Vector2::new(0.0, 1.8_f64.ln());
+/// let mut filter = ExtendedKalmanFilter::new(Cart, start, SMatrix::from_diagonal(&Vector2::new(1e-6, 0.04)));
 /// for step in 1..=50 {
 ///     let force_n = if step <= 25 { 2.0 } else { -2.0 };
 ///     let speed_m_s = 0.1 * (25.0 - (25.0 - f64::from(step)).abs()); // of a cart of two kilograms
