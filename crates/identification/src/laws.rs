@@ -2,6 +2,7 @@
 //! included.
 
 mod criterion;
+mod filter_model;
 mod linear_model;
 mod multibody;
 mod recursive_estimator;
@@ -9,6 +10,7 @@ mod recursive_estimator;
 pub use criterion::{
     check_change_of_units, check_excitation_criterion, check_more_information, check_optimality_criterion,
 };
+pub use filter_model::{check_differentiable_model, check_filter_model};
 pub use linear_model::check_linear_model;
 pub use multibody::{check_base_parameters, check_links_solver};
 pub use recursive_estimator::{
