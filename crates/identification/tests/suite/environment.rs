@@ -20,7 +20,7 @@ fn satellite() -> InertialParameters<f64> {
 
 /// In a low orbit, as seen from a neighbour that falls freely.
 fn gravity(body: InertialParameters<f64>) -> GravityGradient<f64> {
-    let (mu, center) = (3.986e14, Vector3::new(-2.0e6, 3.0e6, -5.6e6));
+    let (mu, center) = (3.986e14, Vector3::<f64>::new(-2.0e6, 3.0e6, -5.6e6));
     let rate: f64 = (mu / center.norm().powi(3)).sqrt();
     let turn_rate = center.cross(&Vector3::new(0.3, 1.0, 0.4)).normalize() * rate;
     GravityGradient::of_point_mass(body, mu, center, turn_rate)

@@ -75,7 +75,7 @@ fn the_principal_body_obeys_the_laws() {
                 acceleration_body: Vector6::repeat(0.01),
                 standard_deviation: Vector6::repeat(0.01),
             };
-            (PrincipalBody { moments: Vector4::new(9.6, 0.1, 0.2, 0.15) }, observation)
+            (PrincipalBody::try_new(9.6, Vector3::new(0.25, 0.3, 0.35)).unwrap(), observation)
         })
         .collect();
     let model = PrincipalMotion { drift: Vector4::repeat(1e-6) };
