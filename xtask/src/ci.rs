@@ -9,7 +9,7 @@ use std::process::{Command, ExitCode};
 use std::time::Instant;
 
 use crate::command::{cargo, is_installed, line, root, studies, target_dir};
-use crate::{cluster, fuzz, mutants, tidy};
+use crate::{cluster, fuzz, mutants, packages, tidy};
 
 /// How a step ended.
 pub enum Outcome {
@@ -53,9 +53,7 @@ const STEPS: &[Step] = &[
     always("no-std", "type-check without features; no std means no std", no_std),
     always("missions", "forty missions with drawn payloads and beliefs: all arrive and touch nothing", drawn_missions),
     always("cluster", "a campaign in sixteen parts, one killed, is the campaign flown at once", cluster::step),
-    always("package", "what would be published", || {
-        shell(&mut [cargo("package --workspace --no-verify --allow-dirty --quiet")])
-    }),
+    always("packages", "what would be published, unpacked: it and its tests compile", packages::check),
     always("deny", "bans, licences, sources", deny),
     always("real-data", "measured throws meet their targets", real_data),
     always(
@@ -70,8 +68,10 @@ const STEPS: &[Step] = &[
     full("package-verify", "every package builds from what would be published", || {
         shell(&mut [cargo("package --workspace --allow-dirty")])
     }),
+    full("packages-tests", "the tests of the unpacked packages pass", packages::test),
+    full("semver", "the public interfaces against those last published", packages::semver),
     full("same-missions", "missions are the same bytes at every optimisation level", || {
-        same_hashes("same-missions", &[("astrobee", "same_missions")], "\"cli\"")
+        same_hashes("same-missions", &[("tumble", "same_missions")], "\"astrobee\"")
     }),
     full("powerset", "type-check each feature alone, and all together", powerset),
     full("tests-alone", "the tests of each crate, built without the others' features", tests_alone),
@@ -87,8 +87,15 @@ const STEPS: &[Step] = &[
 ];
 
 /// Packages that are published, each of which has a `--lib`, and whether they promise to build without the standard library.
-const LIBRARIES: &[(&str, bool)] =
-    &[("lie", true), ("dynamics", true), ("identification", true), ("planning", false), ("astrobee", false)];
+const LIBRARIES: &[(&str, bool)] = &[
+    ("lie", true),
+    ("dynamics", true),
+    ("identification", true),
+    ("planning", false),
+    ("astrobee", false),
+    ("formats", false),
+    ("tumble", false),
+];
 
 pub fn main(arguments: &[String]) -> ExitCode {
     let (mut long, mut only, mut list) = (false, Vec::new(), false);
@@ -146,7 +153,7 @@ fn verdict(outcome: &Outcome) -> String {
 }
 
 /// Runs all commands, also after one failed.
-fn shell(commands: &mut [Command]) -> Outcome {
+pub fn shell(commands: &mut [Command]) -> Outcome {
     let mut failed = Vec::new();
     for command in commands {
         println!("$ {}", line(command));
@@ -159,6 +166,11 @@ fn shell(commands: &mut [Command]) -> Outcome {
 
 fn has(path: &str) -> bool {
     root().join(path).exists()
+}
+
+/// The package in a folder of `crates`.
+fn package(folder: &str) -> String {
+    if folder == "tumble" { folder.to_owned() } else { format!("tumble-{folder}") }
 }
 
 /// The libraries that exist: folder name, and whether they promise `no_std`.
@@ -205,7 +217,8 @@ fn feature_tests() -> Outcome {
         if !has(&format!("crates/{library}/tests/suite/{name}.rs")) {
             return Outcome::Failed(format!("crates/{library}/tests/suite/{name}.rs is missing"));
         }
-        commands.push(cargo(&format!("test --package tumble-{library} --features {feature} --test suite {name}::")));
+        commands
+            .push(cargo(&format!("test --package {} --features {feature} --test suite {name}::", package(library))));
     }
     shell(&mut commands)
 }
@@ -220,7 +233,7 @@ fn features_of(library: &str) -> Vec<String> {
 fn powerset() -> Outcome {
     let mut commands = Vec::new();
     for (library, _) in libraries() {
-        let check = format!("check --quiet --package tumble-{library} --lib");
+        let check = format!("check --quiet --package {} --lib", package(library));
         for feature in features_of(library) {
             commands.push(cargo(&format!("{check} --no-default-features --features {feature}")));
         }
@@ -230,7 +243,7 @@ fn powerset() -> Outcome {
 }
 
 fn no_std() -> Outcome {
-    let alone = |library| cargo(&format!("check --quiet --package tumble-{library} --lib --no-default-features"));
+    let alone = |library| cargo(&format!("check --quiet --package {} --lib --no-default-features", package(library)));
     let mut commands: Vec<Command> = libraries().map(|(library, _)| alone(library)).collect();
     if let Outcome::Failed(reason) = shell(&mut commands) {
         return Outcome::Failed(reason);
@@ -239,7 +252,8 @@ fn no_std() -> Outcome {
     for (library, no_std) in libraries() {
         if no_std {
             let mut tree = cargo(&format!(
-                "tree --package tumble-{library} --no-default-features --edges normal,features --prefix none"
+                "tree --package {} --no-default-features --edges normal,features --prefix none",
+                package(library)
             ));
             println!("$ {}", line(&tree));
             let Ok(output) = tree.output() else { return Outcome::Failed("cargo tree does not start".into()) };
@@ -249,7 +263,8 @@ fn no_std() -> Outcome {
             let asking = std_features(&String::from_utf8_lossy(&output.stdout));
             if !asking.is_empty() {
                 return Outcome::Failed(format!(
-                    "tumble-{library} without its default features uses {}",
+                    "{} without its default features uses {}",
+                    package(library),
                     asking.join(", ")
                 ));
             }
@@ -328,7 +343,7 @@ fn drawn_missions() -> Outcome {
 /// The examples that print hashes: crate and example.
 const HASHES: [(&str, &str); 3] = [("dynamics", "determinism"), ("planning", "same_plans"), ("astrobee", "same_bytes")];
 
-/// Builds them three ways in a folder of `target`, the robot with these features, and compares what they print.
+/// Builds them three ways in a folder of `target`, the program with these features, and compares what they print.
 fn same_hashes(folder: &str, examples: &[(&str, &str)], features: &str) -> Outcome {
     let place = target_dir().join(folder);
     let package = match package_of(&place, examples, features) {
@@ -367,7 +382,7 @@ fn same_hashes(folder: &str, examples: &[(&str, &str)], features: &str) -> Outco
 }
 
 /// A package around such examples, because examples of the crates would be built three times over with all their test dependencies,
-/// and the robot with its command line. Its lock file is the workspace's.
+/// and the program only where an example wants it. Its lock file is the workspace's.
 fn package_of(place: &Path, examples: &[(&str, &str)], features: &str) -> Result<PathBuf, Box<dyn std::error::Error>> {
     let (root, folder) = (root(), place.join("package"));
     std::fs::create_dir_all(&folder)?;
@@ -381,13 +396,15 @@ fn package_of(place: &Path, examples: &[(&str, &str)], features: &str) -> Result
         let _ = writeln!(manifest, "[[bin]]\nname = \"{example}\"\npath = '{}'\n", path.display());
     }
     manifest += "[profile.dev]\ndebug = false\n\n";
-    for library in ["lie", "dynamics", "planning", "astrobee"] {
+    let top = examples.iter().any(|(library, _)| *library == "tumble").then_some("tumble");
+    for library in ["lie", "dynamics", "planning", "astrobee"].into_iter().chain(top) {
         let path = root.join("crates").join(library);
         let _ = writeln!(
             manifest,
-            "[dependencies.tumble-{library}]\npath = '{}'\ndefault-features = false\nfeatures = [{}]\n",
+            "[dependencies.{}]\npath = '{}'\ndefault-features = false\nfeatures = [{}]\n",
+            package(library),
             path.display(),
-            if library == "astrobee" { features } else { "" }
+            if library == "tumble" { features } else { "" }
         );
     }
     std::fs::write(folder.join("Cargo.toml"), manifest)?;
@@ -419,7 +436,7 @@ fn panic_free() -> Outcome {
 
 fn tests_alone() -> Outcome {
     let mut commands: Vec<Command> =
-        libraries().map(|(name, _)| cargo(&format!("test --package tumble-{name}"))).collect();
+        libraries().map(|(name, _)| cargo(&format!("test --package {}", package(name)))).collect();
     shell(&mut commands)
 }
 

@@ -47,7 +47,7 @@ pub fn program() -> Result<PathBuf, String> {
         return Ok(PathBuf::from(named));
     }
     // As the test command builds it, so that nothing is compiled again.
-    let built = cargo("test --quiet --workspace --no-run --test campaign_command").status();
+    let built = cargo("test --quiet --workspace --no-run --test suite").status();
     if !built.is_ok_and(|status| status.success()) {
         return Err("tumble does not build".into());
     }

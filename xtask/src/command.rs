@@ -31,7 +31,7 @@ pub fn is_installed(program: &str, argument: &str) -> bool {
 /// that the two builds do not evict each other.
 pub fn studies(name: &str) -> Command {
     let profile = if name == "bench" { "bench" } else { "release" };
-    let mut command = cargo("run --quiet --package xtask --features studies --bin studies --profile");
+    let mut command = cargo("run --quiet --package studies --profile");
     command.arg(profile);
     command.arg("--manifest-path").arg(root().join("Cargo.toml"));
     if let Ok(folder) = std::env::current_dir() {

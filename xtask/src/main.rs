@@ -5,6 +5,7 @@ mod cluster;
 mod command;
 mod fuzz;
 mod mutants;
+mod packages;
 mod report_check;
 mod tidy;
 

@@ -82,7 +82,7 @@ fn reports(file: Option<&Path>) -> Result<Vec<PathBuf>, String> {
     let mut written = Vec::new();
     for kind in ["free", "planar"] {
         let path = folder.join(format!("{kind}.html"));
-        let mut example = cargo("run --quiet --package tumble-astrobee --example sample_report --");
+        let mut example = cargo("run --quiet --package tumble --example sample_report --");
         let status = example.arg(&path).arg(kind).status().map_err(|error| error.to_string())?;
         if !status.success() {
             return Err("the sample report cannot be written".into());

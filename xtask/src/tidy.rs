@@ -41,6 +41,7 @@ const RULES: &[Rule] = &[
     ("robot's name", source::robot_name),
     ("README code is tested", prose::readme_doctests),
     ("equation index", prose::equation_index),
+    ("links to the repository", prose::repository_links),
     ("error codes", prose::error_codes),
     ("architecture page is short", prose::architecture_length),
     ("golden files", prose::golden_files),
@@ -84,7 +85,7 @@ impl Tree {
             .collect();
         Ok(Self {
             files,
-            default_build: resolved("--package tumble-astrobee --edges normal,build")?,
+            default_build: resolved("--package tumble --edges normal,build")?,
             test_build: resolved("--workspace --edges normal,build,dev")?,
         })
     }

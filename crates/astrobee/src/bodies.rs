@@ -42,24 +42,6 @@ impl BodyConfiguration {
     }
 }
 
-/// Names of bodies that files may use.
-#[cfg(feature = "cli")]
-pub(crate) const PRESETS: [&str; 6] = ["iss", "granite", "mgtf", "gazebo", "space-cobot", "spheres"];
-
-/// The body of one of [`PRESETS`].
-#[cfg(feature = "cli")]
-pub(crate) fn preset(name: &str) -> Option<InertialParameters<f64>> {
-    match name {
-        "iss" => Some(BodyConfiguration::Iss.parameters()),
-        "granite" => Some(BodyConfiguration::Granite.parameters()),
-        "mgtf" => Some(BodyConfiguration::Mgtf.parameters()),
-        "gazebo" => Some(BodyConfiguration::Gazebo.parameters()),
-        "space-cobot" => Some(crate::space_cobot::body()),
-        "spheres" => Some(crate::spheres::body()),
-        _ => None,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -39,8 +39,6 @@ pub use settings::{
     FaultSettings, ImuSettings, Interval, Jump, JumpSettings, LocalizationSettings, PoseErrorSettings, SensingPreset,
     SensorErrors, TimingSettings,
 };
-#[cfg(feature = "cli")]
-pub(crate) use streams::spread;
 
 use tumble_dynamics::RigidBodyState;
 use tumble_dynamics::nalgebra::Vector3;

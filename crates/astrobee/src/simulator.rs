@@ -20,7 +20,7 @@ mod surroundings;
 
 pub use actuators::{Actuators, PulseTrain};
 pub use body_step::BodyStep;
-pub use control_account::{ControlAccount, FallbackSpell, OfferedBelief, reason};
+pub use control_account::{ControlAccount, FallbackSpell, OfferedBelief};
 pub use drive::{AddedWrench, Controller, Drive, Multisine, Reference, Waypoint};
 pub use flown_controller::FlownController;
 pub use payload::{Grasp, PayloadMotion, ReleasedPayload, planar_part};

@@ -12,13 +12,11 @@ use std::hint::black_box;
 use nalgebra::Vector3;
 use tumble_astrobee::bodies::BodyConfiguration;
 use tumble_astrobee::flight_controller::{ControlOrder, FlightController, Setpoint};
-use tumble_astrobee::flight_log::Recorder;
 use tumble_astrobee::flight_modes::{ControlGains, FlightSite};
 use tumble_astrobee::propulsion::{
     ForceAllocation, ImpellerMode, PositivityShift, PropulsionCommand, PropulsionPlant, PropulsionSettings,
     QuantizedAllocation,
 };
-use tumble_astrobee::scenario::{ControllerName, ScenarioSource};
 use tumble_astrobee::sensing::{Confidence, Jump, Localization, LocalizationEstimate, SensingPreset, TrueMotion};
 use tumble_dynamics::strategies::{draws, poses, tree_motions, trees, wrenches};
 use tumble_dynamics::{Actuation as _, Fixed, Multibody, RigidBodyState};
@@ -158,30 +156,4 @@ fn sensors_from_the_first_observation_on() {
     (20_000..40_000).for_each(|k| localization.observe(&truth(k)));
     assert_eq!(ALLOCATIONS.get() - before, 0);
     assert!(read > 20_000 && localization.unread() > 0);
-}
-
-/// Hardware, drag, sensors, a payload taken and let go, either controller, and the log.
-#[test]
-fn a_simulated_flight_and_its_log() {
-    for (controller, sensing) in
-        [(ControllerName::Tracker, SensingPreset::Nominal), (ControllerName::Flown, SensingPreset::ThesisFlight)]
-    {
-        let mut source = ScenarioSource::find("iss-payload").unwrap();
-        let scenario = &mut source.scenario;
-        scenario.duration_s = 320.0;
-        scenario.drive.controller = Some(controller);
-        scenario.propulsion.drag = true;
-        let payload = scenario.payload.as_mut().unwrap();
-        (payload.attach_s, payload.release_s) = (40.0, Some(200.0));
-        scenario.sensing.preset = Some(sensing);
-        let mut flight = source.flight().unwrap();
-        let mut recorder = Recorder::new(std::io::sink()).unwrap();
-        let before = ALLOCATIONS.get();
-        while let Some(measured) = flight.step().unwrap() {
-            recorder.record(&measured, flight.simulator.estimates()).unwrap();
-        }
-        assert_eq!(ALLOCATIONS.get() - before, 0, "{controller:?}");
-        let (rows, _) = recorder.finish().unwrap();
-        assert!(rows > 10_000 && flight.simulator.events().len() > 1, "it ran: {rows} rows");
-    }
 }

@@ -13,6 +13,34 @@ use tumble_lie::nalgebra::{SVector, Vector6};
 use tumble_lie::{Coordinates, Manifold, Scalar, real};
 
 /// A step that depends on parameters, written once for every scalar.
+///
+/// # Example
+/// ```
+/// use tumble_dynamics::lie::{Scalar, real};
+/// use tumble_dynamics::nalgebra::{Vector1, Vector2};
+/// use tumble_dynamics::{DynamicsError, ParametricModel, linearize};
+///
+/// /// A mass (the parameter, kg) that a force (N) pushes along a line: position (m) and speed (m/s).
+/// #[derive(Debug)]
+/// struct Cart;
+/// impl ParametricModel for Cart {
+///     type State<T: Scalar> = Vector2<T>;
+///     type Input<T: Scalar> = Vector1<T>;
+///     type Parameters<T: Scalar> = Vector1<T>;
+///     fn lift<T: Scalar>(state: &Vector2<f64>) -> Vector2<T> {
+///         state.map(real)
+///     }
+///     fn step<T: Scalar>(&self, state: &Vector2<T>, force: &Vector1<T>, mass: &Vector1<T>, step_s: T)
+///         -> Result<Vector2<T>, DynamicsError> {
+///         let acceleration = force.x / mass.x;
+///         Ok(Vector2::new(state.x + state.y * step_s, state.y + acceleration * step_s))
+///     }
+/// }
+/// let step = linearize(&Cart, &Vector2::zeros(), &Vector1::new(3.0), &Vector1::new(2.0), 0.1)?;
+/// assert!((step.by_parameters[0].y + 3.0 / 4.0 * 0.1).abs() < 1e-15); // -F / m^2 dt
+/// # Ok::<(), DynamicsError>(())
+/// ```
+/// Tutorial: [a system of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_system.rs), which differentiates its steps.
 pub trait ParametricModel {
     /// State.
     type State<T: Scalar>: Manifold<Scalar = T>;

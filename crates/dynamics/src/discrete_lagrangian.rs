@@ -19,6 +19,46 @@ pub type VelocityOf<S, T> = <GroupOf<S, T> as LieGroup>::Tangent;
 ///
 /// Written once, generic over the scalar; the integrator takes every derivative it needs by dual numbers.
 /// The system's state is any [`crate::LagrangianState`] on the same group.
+///
+/// # Example
+/// ```
+/// use tumble_dynamics::lie::{Scalar, real};
+/// use tumble_dynamics::nalgebra::{Translation1, Vector1};
+/// use tumble_dynamics::{DiscreteLagrangian, DynamicsError, GroupState, GroupTangent, Integrator, MechanicalSystem, Variational};
+///
+/// /// A mass on a spring, one rad/s; the input is an acceleration, m/s^2.
+/// struct Spring;
+/// impl MechanicalSystem for Spring {
+///     type State = GroupState<Translation1<f64>>;
+///     type Input = Vector1<f64>;
+///     fn vector_field(&self, _time_s: f64, state: &Self::State, push: &Vector1<f64>)
+///         -> Result<GroupTangent<Translation1<f64>>, DynamicsError> {
+///         Ok(GroupTangent { configuration: state.velocity, velocity: push - state.configuration.vector })
+///     }
+/// }
+/// impl DiscreteLagrangian for Spring {
+///     type Group<T: Scalar> = Translation1<T>;
+///     fn lift<T: Scalar>(x: &Translation1<f64>) -> Translation1<T> {
+///         Translation1::from(x.vector.map(real))
+///     }
+///     fn lagrangian<T: Scalar>(&self, x: &Translation1<T>, v: &Vector1<T>) -> T {
+///         (v.norm_squared() - x.vector.norm_squared()) * real(0.5)
+///     }
+///     fn force(&self, _time_s: f64, _x: &Translation1<f64>, _v: &Vector1<f64>, push: &Vector1<f64>) -> Vector1<f64> {
+///         *push
+///     }
+/// }
+/// let energy = |state: &GroupState<Translation1<f64>>| {
+///     0.5 * (state.velocity.norm_squared() + state.configuration.vector.norm_squared())
+/// };
+/// let mut state = GroupState { configuration: Translation1::new(1.0), velocity: Vector1::zeros() };
+/// for step in 0..1000 {
+///     state = Variational.step(&Spring, &state, &Vector1::zeros(), 0.1 * f64::from(step), 0.1)?;
+/// }
+/// assert!((energy(&state) - 0.5).abs() < 2e-3); // after sixteen swings, with steps of a tenth of a second
+/// # Ok::<(), DynamicsError>(())
+/// ```
+/// Tutorial: [a Lagrangian of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_lagrangian.rs).
 pub trait DiscreteLagrangian: MechanicalSystem {
     /// Configuration group.
     type Group<T: Scalar>: LieGroup<Scalar = T>;

@@ -24,6 +24,7 @@ pub const PARAMETER_UNITS: [&str; PARAMETERS] =
 /// assert_eq!(ParameterOrder::DualQuaternion.unpack(&chapter_5), sphere.to_vector());
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ParameterOrder {
     /// `[m, h_x, h_y, h_z, J11, J12, J13, J22, J23, J33]`, used throughout. Thesis (4.9).
     NewtonEuler,

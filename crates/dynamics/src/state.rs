@@ -54,6 +54,21 @@ impl<T: Scalar> Manifold for RigidBodyState<T> {
 }
 
 /// A state that is a configuration and its velocity: what a Lagrangian system has.
+///
+/// # Example
+/// ```
+/// use tumble_dynamics::lie::{Coordinates, LieGroup};
+/// use tumble_dynamics::{LagrangianState, RigidBodyState};
+///
+/// /// The same configuration, twice as fast.
+/// fn faster<S: LagrangianState<Scalar = f64>>(state: &S) -> S {
+///     S::from_parts(state.configuration(), state.velocity() * 2.0)
+/// }
+/// let mut state = RigidBodyState::<f64>::at_rest();
+/// state.twist_body.linear.x = 0.1;
+/// assert_eq!(faster(&state).velocity().euclidean_norm(), 0.2);
+/// ```
+/// Tutorial: [a Lagrangian of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_lagrangian.rs), whose state is a [`GroupState`].
 pub trait LagrangianState: Manifold {
     /// The configuration group.
     type Group: LieGroup<Scalar = Self::Scalar>;

@@ -13,6 +13,24 @@ pub type ScalarOf<S> = <<S as MechanicalSystem>::State as Manifold>::Scalar;
 pub type TangentOf<S> = <<S as MechanicalSystem>::State as Manifold>::Tangent;
 
 /// Anything that has the inertial parameters of one rigid body.
+///
+/// # Example
+/// ```
+/// use tumble_dynamics::{InertialParameters, RigidBody};
+///
+/// /// A box whose tank empties.
+/// struct Satellite {
+///     fuel_kg: f64,
+/// }
+/// impl RigidBody for Satellite {
+///     type Scalar = f64;
+///     fn inertial_parameters(&self) -> InertialParameters<f64> {
+///         InertialParameters::solid_box(280.0 + self.fuel_kg, [1.2, 1.2, 1.5])
+///     }
+/// }
+/// assert_eq!(Satellite { fuel_kg: 20.0 }.inertial_parameters().mass, 300.0);
+/// ```
+/// Tutorial: [a body of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_body.rs).
 pub trait RigidBody {
     /// Scalar type.
     type Scalar: Scalar;
@@ -62,6 +80,31 @@ pub trait WrenchModel<T: Scalar> {
 }
 
 /// A system of ordinary differential equations on a manifold.
+///
+/// # Example
+/// ```
+/// use tumble_dynamics::nalgebra::Vector2;
+/// use tumble_dynamics::{DynamicsError, Integrator, MechanicalSystem, RungeKutta4};
+///
+/// /// A mass on a spring: position (m) and speed (m/s), pushed with an acceleration (m/s^2).
+/// struct Spring {
+///     frequency_rad_s: f64,
+/// }
+/// impl MechanicalSystem for Spring {
+///     type State = Vector2<f64>;
+///     type Input = f64;
+///     fn vector_field(&self, _time_s: f64, state: &Vector2<f64>, push: &f64) -> Result<Vector2<f64>, DynamicsError> {
+///         Ok(Vector2::new(state.y, push - self.frequency_rad_s.powi(2) * state.x))
+///     }
+/// }
+/// let (spring, mut state) = (Spring { frequency_rad_s: 2.0 }, Vector2::new(1.0, 0.0));
+/// for step in 0..100 {
+///     state = RungeKutta4.step(&spring, &state, &0.0, f64::from(step) * 0.01, 0.01)?;
+/// }
+/// assert!((state.x - 2.0_f64.cos()).abs() < 1e-8);
+/// # Ok::<(), DynamicsError>(())
+/// ```
+/// Tutorial: [a system of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_system.rs).
 pub trait MechanicalSystem {
     /// State.
     type State: Manifold;
@@ -80,6 +123,33 @@ pub trait MechanicalSystem {
 }
 
 /// One step of a mechanical system.
+///
+/// # Example
+/// Heun's method, for every system at once:
+/// ```
+/// use tumble_dynamics::lie::{Manifold, Wrench};
+/// use tumble_dynamics::nalgebra::Vector3;
+/// use tumble_dynamics::{DynamicsError, FreeFlyer, InertialParameters, Integrator, MechanicalSystem, RigidBodyState};
+///
+/// struct Heun;
+/// impl<S: MechanicalSystem<State: Manifold<Scalar = f64>>> Integrator<S> for Heun {
+///     fn order(&self) -> u32 {
+///         2
+///     }
+///     fn step(&self, system: &S, state: &S::State, input: &S::Input, time_s: f64, step_s: f64)
+///         -> Result<S::State, DynamicsError> {
+///         let begin = system.vector_field(time_s, state, input)?;
+///         let end = system.vector_field(time_s + step_s, &state.oplus(&(begin * step_s)), input)?;
+///         Ok(state.oplus(&((begin + end) * (0.5 * step_s))))
+///     }
+/// }
+/// let body = FreeFlyer::new(InertialParameters::solid_box(10.0, [0.3, 0.3, 0.3]));
+/// let push = Wrench::new(Vector3::zeros(), Vector3::new(1.0, 0.0, 0.0));
+/// let moved = Heun.step(&body, &RigidBodyState::at_rest(), &push, 0.0, 1.0)?;
+/// assert!((moved.world_from_body.translation.x - 0.05).abs() < 1e-12);
+/// # Ok::<(), DynamicsError>(())
+/// ```
+/// Tutorial: [an integrator of your own, and what it keeps](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_integrator.rs).
 pub trait Integrator<S: MechanicalSystem> {
     /// Claimed global order.
     fn order(&self) -> u32;

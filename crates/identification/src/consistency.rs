@@ -33,6 +33,42 @@ pub struct Barrier<const P: usize> {
 ///
 /// The pseudo-inertia cone, a box, or a set of yours; [`laws::check_feasible_set`](crate::laws::check_feasible_set)
 /// tells whether an implementation keeps its promises.
+///
+/// # Example
+/// ```
+/// use tumble_identification::nalgebra::{SMatrix, SVector};
+/// use tumble_identification::{Barrier, BarrierNewton, ConstrainedLeastSquares, FeasibleSet, SquareRootInformation};
+///
+/// /// One number that cannot be negative.
+/// struct Positive;
+/// impl FeasibleSet<1> for Positive {
+///     fn margin(&self, p: &SVector<f64, 1>) -> f64 {
+///         p[0]
+///     }
+///     fn barrier(&self, p: &SVector<f64, 1>) -> Option<Barrier<1>> {
+///         (p[0] > 0.0).then(|| Barrier {
+///             value: -p[0].ln(),
+///             gradient: SVector::from([-1.0 / p[0]]),
+///             hessian: SMatrix::from([[1.0 / p[0].powi(2)]]),
+///         })
+///     }
+///     fn barrier_parameter(&self) -> f64 {
+///         1.0
+///     }
+///     fn interior_point(&self) -> SVector<f64, 1> {
+///         SVector::from([1.0])
+///     }
+///     fn magnitudes(&self) -> SVector<f64, 1> {
+///         SVector::from([1.0])
+///     }
+/// }
+/// let mut information = SquareRootInformation::<1>::new();
+/// information.add_prior(&SVector::from([-0.2]), &SVector::from([0.1]))?; // a measurement that cannot be
+/// let found = BarrierNewton::new(&Positive).solve(&information)?;
+/// assert!(found.is_active() && found.parameters[0] > 0.0 && found.parameters[0] < 1e-3);
+/// # Ok::<(), tumble_identification::IdentificationError>(())
+/// ```
+/// Tutorial: [a set of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/custom_feasible_set.rs).
 pub trait FeasibleSet<const P: usize> {
     /// Signed distance-like number, free of units: positive strictly inside, zero on the boundary, concave.
     fn margin(&self, parameters: &SVector<f64, P>) -> f64;

@@ -15,6 +15,25 @@ use crate::jacobi::singular_values;
 /// # Deviation
 /// 2.3.1 maximises the trace of the inverse; A-optimality minimises it, as (6.9) does. Section 4.2 and the footnote of
 /// chapter 6 swap the names D and E; here D is the determinant and E the extreme eigenvalue (test `by_hand`).
+///
+/// # Example
+/// ```
+/// use tumble_identification::OptimalityCriterion;
+/// use tumble_identification::nalgebra::{SMatrix, SVector};
+///
+/// /// The variance of the first parameter, and nothing else.
+/// struct MassVariance;
+/// impl<const P: usize> OptimalityCriterion<P> for MassVariance {
+///     fn cost_and_gradient(&self, information: &SMatrix<f64, P, P>) -> Option<(f64, SMatrix<f64, P, P>)> {
+///         let mass = SVector::from_fn(|i, _| if i == 0 { 1.0 } else { 0.0 });
+///         let column = information.cholesky()?.solve(&mass);
+///         Some((column[0], -(column * column.transpose())))
+///     }
+/// }
+/// assert_eq!(MassVariance.cost(&SMatrix::<f64, 2, 2>::from([[4.0, 0.0], [0.0, 100.0]])), Some(0.25));
+/// assert_eq!(MassVariance.cost(&SMatrix::<f64, 2, 2>::zeros()), None);
+/// ```
+/// Tutorial: [a criterion of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/custom_criterion.rs).
 pub trait OptimalityCriterion<const P: usize> {
     /// Cost of a symmetric positive semidefinite information matrix, and its derivative: the symmetric matrix `G` with
     /// `d cost = trace(G dF)` for every symmetric `dF`. `None` where the information is singular.

@@ -336,6 +336,14 @@ pub enum IdentificationError {
     /// Momentum of wheels in a row of an estimator that slides.
     #[error("stored momentum is no part of the wrench yet: hand over rows of `with_all_that_acts`")]
     StoredMomentum,
+    /// The singular values of a matrix did not settle.
+    #[error("the singular values of {rows} by {columns} numbers do not settle")]
+    NoSingularValues {
+        /// Rows of the matrix.
+        rows: usize,
+        /// Columns of the matrix.
+        columns: usize,
+    },
     /// A delay or a lag was asked of an estimator that slides.
     #[error("a delay or an actuator lag needs the whole record: estimate it from a part by the batch likelihood")]
     NeedsWholeRecord,
@@ -456,6 +464,7 @@ pub enum IdentificationError {
 
 /// A column of a motion log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Column {
     /// Force and torque.
     Wrench,

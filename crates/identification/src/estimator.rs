@@ -1,4 +1,13 @@
-//! What every estimator has in common, without the standard library and, but for boxed sources of errors, without an allocator.
+//! What every estimator has in common: a record or observations in, a [`Finding`] out, and a [`Judge`] who believes none on its word.
+//!
+//! | yours | trait | laws | tutorial |
+//! |---|---|---|---|
+//! | takes a whole record | [`Estimator`] | `laws::check_estimator` | `tests/suite/custom_estimator.rs` |
+//! | takes one observation after the other | [`RecursiveEstimator`] | `laws::check_recursive_estimator` | `tests/suite/custom_recursive_estimator.rs` |
+//! | makes observations of a record | [`Observe`]; with [`Replay`] every recursive estimator takes records | | |
+//! | stays in a set | a [`FeasibleSet`](crate::FeasibleSet) or a [`ConstrainedLeastSquares`]; [`Constrained`] puts it around any estimator | `laws::check_feasible_set` | `tests/suite/custom_feasible_set.rs` |
+//!
+//! Works without the standard library and, but for boxed sources of errors, without an allocator.
 
 mod error;
 #[cfg(feature = "std")]
@@ -19,26 +28,101 @@ pub use judge::{Evidence, Judge, Verdict, Why};
 pub use state_estimator::{Acted, Doubt, Gauss, Measurement, Sensor, StateEstimator};
 
 use crate::consistency::ConstrainedLeastSquares;
+use crate::linear_model::LinearModel;
 use crate::recursive;
+use nalgebra::SVector;
 
 /// A record in, what it says of `P` parameters out. Object safe: `dyn Estimator<Record = [MotionSample]>`.
+///
+/// What the estimator must be told beside the record (timing, gravity, noise, size of the body) goes to its constructor.
+///
+/// # Shape
+/// `P` parameters; for a body the ten of [`InertialParameters::to_vector`](crate::dynamics::InertialParameters::to_vector), SI units, body
+/// axes about the body's origin.
+///
+/// # Example
+/// The mean of a record of numbers with noise of one sigma 0.1:
+/// ```
+/// use tumble_identification::estimator::{Estimator, EstimatorError, Finding};
+/// use tumble_identification::nalgebra::{SMatrix, SVector};
+///
+/// struct Mean;
+///
+/// impl Estimator<1> for Mean {
+///     type Record = [f64];
+///     fn estimate(&self, record: &[f64]) -> Result<Finding<1>, EstimatorError> {
+///         let count = record.len() as f64;
+///         let mean = record.iter().sum::<f64>() / count;
+///         Finding::of_covariance(SVector::from([mean]), &SMatrix::from([[0.01 / count]]), SVector::from([1.0]))
+///     }
+/// }
+///
+/// let found = Mean.estimate(&[1.1, 0.9, 1.0, 1.0])?;
+/// assert_eq!(found.point().map(|point| point[0]), Some(1.0));
+/// // An empty record has no mean, and no covariance: it is refused by component and value.
+/// assert_eq!(Mean.estimate(&[]).unwrap_err().to_string(), "estimate: component 0 is NaN");
+/// # Ok::<(), EstimatorError>(())
+/// ```
+///
+/// Laws: `laws::check_estimator`. Tutorial: `tests/suite/custom_estimator.rs`.
 pub trait Estimator<const P: usize = 10> {
     /// What one estimate needs.
     type Record: ?Sized;
 
     /// What the record says. Undetermined directions are an answer, not an error.
+    ///
+    /// # Errors
+    /// A malformed record; those of the implementation, as [`EstimatorError::foreign`].
     fn estimate(&self, record: &Self::Record) -> Result<Finding<P>, EstimatorError>;
 }
 
-/// Observation after observation in, the same noun out at any time. `ROWS` is nobody's business outside: object safe.
+/// Observation after observation in, the same [`Finding`] out at any time. Object safe: how many rows an observation has is not in the type.
+///
+/// Every implementation knows something from the start, if only roughly, so that every observation is judged from the first one on; that
+/// start is the prior of its findings.
+///
+/// # Shape
+/// `P` parameters, units as in [`Estimator`].
+///
+/// # Example
+/// Any of the library's behind one type:
+/// ```
+/// use tumble_identification::estimator::{EstimatorError, RecursiveEstimator};
+/// use tumble_identification::nalgebra::{SMatrix, SVector};
+/// use tumble_identification::recursive::{LinearObservation, RecursiveLeastSquares, SquareRootFilter};
+///
+/// type Row = LinearObservation<1, 2>;
+/// let (mean, sigma) = (SVector::<f64, 2>::zeros(), SVector::<f64, 2>::repeat(10.0));
+/// let filters: [Box<dyn RecursiveEstimator<2, Observation = Row>>; 2] = [
+///     Box::new(RecursiveLeastSquares::new(mean, SMatrix::from_diagonal(&sigma.component_mul(&sigma)))),
+///     Box::new(SquareRootFilter::try_new(mean, sigma)?),
+/// ];
+/// for mut filter in filters {
+///     for (regressor, output) in [([1.0, 0.0], 3.0), ([0.0, 1.0], 4.0)] {
+///         let (regressor, output) = (SMatrix::from_row_slice(&regressor), SVector::from([output]));
+///         filter.update(&Row { regressor, output, standard_deviation: SVector::from([0.01]) })?;
+///     }
+///     let found = filter.finding()?;
+///     assert!((found.point().unwrap() - SVector::from([3.0, 4.0])).amax() < 1e-3);
+/// }
+/// # Ok::<(), EstimatorError>(())
+/// ```
+///
+/// Laws: `laws::check_recursive_estimator` and its neighbours. Tutorial: `tests/suite/custom_recursive_estimator.rs`.
 pub trait RecursiveEstimator<const P: usize = 10> {
     /// What one update needs.
     type Observation: ?Sized;
 
-    /// Judges the observation and, unless it is rejected, learns from it; after an error nothing has changed.
+    /// Judges the observation and, unless it is rejected, learns from it.
+    ///
+    /// # Errors
+    /// A malformed observation; nothing is changed then.
     fn update(&mut self, observation: &Self::Observation) -> Result<Outcome, EstimatorError>;
 
     /// What is known now, the prior told apart.
+    ///
+    /// # Errors
+    /// [`EstimatorError::Refused`] where the covariance is none any more.
     fn finding(&self) -> Result<Finding<P>, EstimatorError>;
 }
 
@@ -71,20 +155,85 @@ impl Outcome {
 }
 
 /// Makes observations of a record, in the order of time: rows of a regression, steps of a motion filter.
+///
+/// [`Problem`](crate::Problem) makes the rows of a motion record; [`Rows`] makes those of any [`LinearModel`](crate::LinearModel).
 pub trait Observe<Record: ?Sized, const P: usize = 10> {
     /// What a filter takes.
     type Observation: ?Sized;
 
-    /// Hands on one after the other; stops at the first error of `take`.
+    /// Hands on one after the other.
+    ///
+    /// # Errors
+    /// Those of making an observation, and the first of `take`, at which it stops.
     fn each(
         &self,
         record: &Record,
         take: &mut dyn FnMut(&Self::Observation) -> Result<(), EstimatorError>,
     ) -> Result<(), EstimatorError>;
 
-    /// The part of the information of all observations that is noise in their regressors.
+    /// The part of the information of all observations that is noise in their regressors, in units of one over the parameters squared.
+    ///
+    /// # Errors
+    /// As [`each`](Self::each).
     fn noise(&self, _record: &Record) -> Result<nalgebra::SMatrix<f64, P, P>, EstimatorError> {
         Ok(nalgebra::SMatrix::zeros())
+    }
+}
+
+/// A [`LinearModel`] as a maker of rows: the record is a list of its samples, the noise of a row the same throughout.
+///
+/// # Example
+/// ```
+/// use tumble_identification::estimator::{Estimator, EstimatorError, Replay, Rows};
+/// use tumble_identification::nalgebra::{SMatrix, SVector};
+/// use tumble_identification::{LinearModel, recursive::SquareRootFilter};
+///
+/// /// Drag: force = coefficient * speed.
+/// struct Drag;
+/// impl LinearModel<f64, 1, 1> for Drag {
+///     type Sample = (f64, f64);
+///     fn regressor(&self, sample: &(f64, f64)) -> SMatrix<f64, 1, 1> {
+///         SMatrix::from([[sample.0]])
+///     }
+///     fn output(&self, sample: &(f64, f64)) -> SVector<f64, 1> {
+///         SVector::from([sample.1])
+///     }
+/// }
+///
+/// let rows = Rows::new(Drag, SVector::from([0.01]));
+/// let begin = |_: &[(f64, f64)]| Ok(SquareRootFilter::<1, 1>::try_new(SVector::zeros(), SVector::from([100.0]))?);
+/// let found = Replay::new(rows, begin).estimate(&[(1.0, 0.3), (2.0, 0.6)])?;
+/// assert!((found.point().unwrap()[0] - 0.3).abs() < 1e-4);
+/// # Ok::<(), EstimatorError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rows<M, const ROWS: usize> {
+    model: M,
+    standard_deviation: SVector<f64, ROWS>,
+}
+
+impl<M, const ROWS: usize> Rows<M, ROWS> {
+    /// Of this model, with the standard deviation of each of its rows, in units of the output.
+    pub fn new(model: M, standard_deviation: SVector<f64, ROWS>) -> Self {
+        Self { model, standard_deviation }
+    }
+}
+
+impl<M, const ROWS: usize, const P: usize> Observe<[M::Sample], P> for Rows<M, ROWS>
+where
+    M: LinearModel<f64, ROWS, P>,
+{
+    type Observation = recursive::LinearObservation<ROWS, P>;
+
+    fn each(
+        &self,
+        record: &[M::Sample],
+        take: &mut dyn FnMut(&Self::Observation) -> Result<(), EstimatorError>,
+    ) -> Result<(), EstimatorError> {
+        record.iter().try_for_each(|sample| {
+            let (regressor, output) = (self.model.regressor(sample), self.model.output(sample));
+            take(&recursive::LinearObservation { regressor, output, standard_deviation: self.standard_deviation })
+        })
     }
 }
 

@@ -23,6 +23,8 @@
 //! ```
 
 mod channel;
+#[cfg(feature = "argmin")]
+mod cost;
 mod criterion;
 #[cfg(feature = "std")]
 mod design;
@@ -41,6 +43,8 @@ mod objective;
 mod problem;
 
 pub use channel::{Channel, Limit};
+#[cfg(feature = "argmin")]
+pub use cost::ExcitationCost;
 pub use criterion::{CriterionGradient, ExcitationCriterion, NormalizedCondition};
 #[cfg(feature = "std")]
 pub use design::{ExcitationDesign, Utilization};

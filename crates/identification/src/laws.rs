@@ -1,17 +1,21 @@
-//! Executable laws for feasible sets, constrained solvers, recursive estimators, linear models and criteria, yours
+//! Executable laws for feasible sets, constrained solvers, estimators, recursive ones, linear models and criteria, yours
 //! included.
 
 mod criterion;
+mod estimator;
 mod filter_model;
 mod linear_model;
+#[cfg(feature = "trees")]
 mod multibody;
 mod recursive_estimator;
 
 pub use criterion::{
     check_change_of_units, check_excitation_criterion, check_more_information, check_optimality_criterion,
 };
+pub use estimator::{Case, Make, Retold, check_coverage, check_estimator};
 pub use filter_model::{check_differentiable_model, check_filter_model};
 pub use linear_model::check_linear_model;
+#[cfg(feature = "trees")]
 pub use multibody::{check_base_parameters, check_links_solver};
 pub use recursive_estimator::{
     Begin, EstimatorPromises, Told, check_gate, check_innovation, check_recursive_estimator, check_unit_equivariance,

@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(feature = "std"), no_std)]
 #![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub use nalgebra;
 pub use tumble_dynamics as dynamics;
@@ -9,7 +10,7 @@ pub use tumble_lie as lie;
 #[cfg(feature = "std")]
 mod body_change;
 mod body_scale;
-#[cfg(feature = "std")]
+#[cfg(feature = "research")]
 pub mod comparison;
 pub mod consistency;
 mod criteria;
@@ -32,8 +33,10 @@ mod likelihood;
 mod linear_model;
 #[cfg(feature = "std")]
 mod motion;
-#[cfg(feature = "std")]
+#[cfg(feature = "trees")]
 pub mod multibody;
+#[cfg(feature = "std")]
+pub mod noise;
 mod observability;
 pub mod recursive;
 #[cfg(feature = "std")]
@@ -42,7 +45,7 @@ pub mod regressors;
 #[cfg(feature = "std")]
 mod savitzky_golay;
 mod square_root_information;
-#[cfg(feature = "std")]
+#[cfg(feature = "research")]
 pub mod state_space;
 #[cfg(feature = "std")]
 pub mod statistics;
@@ -70,6 +73,8 @@ pub use identify::{
     with_all_that_acts,
 };
 pub use information::FisherInformation;
+#[cfg(feature = "argmin")]
+pub use likelihood::LikelihoodCost;
 #[cfg(feature = "std")]
 pub use likelihood::{
     BodyChange, Exchange, FixedLag, FixedLagSettings, FixedLagStep, Innovation, Iteration, LikelihoodEstimate,

@@ -5,18 +5,24 @@
 mod calibration;
 mod chain;
 mod coordinates;
+#[cfg(feature = "argmin")]
+mod cost;
 mod drive;
 mod elimination;
 mod flow;
-mod identifiability;
+pub(crate) mod identifiability;
+mod lanes;
 mod nodes;
 mod noise;
 mod record;
+mod sample;
 mod segment;
 mod stream;
 mod window;
 
 pub use calibration::{Nuisance, NuisancePrior, Nuisances};
+#[cfg(feature = "argmin")]
+pub use cost::LikelihoodCost;
 pub use identifiability::{Exchange, Quantity, Verdict};
 pub use window::{FixedLag, FixedLagSettings, FixedLagStep, Innovation};
 

@@ -9,6 +9,7 @@
 mod base_parameters;
 mod cone_program;
 mod consistent_links;
+mod finding;
 mod joint_excitation;
 mod joint_track;
 mod layout;
@@ -17,7 +18,7 @@ mod local_fit;
 mod momentum_rows;
 mod reflections;
 mod singular_values;
-#[cfg(test)]
+#[cfg(all(test, feature = "testing"))]
 mod tests;
 mod torque_rows;
 mod tree_estimator;
@@ -29,6 +30,7 @@ mod words;
 
 pub use base_parameters::{BaseParameters, LinearValue};
 pub use consistent_links::{ConsistentLinks, LinkPrior, LinksEstimate, Origin};
+pub use finding::{DynEstimator, DynFinding};
 pub use joint_excitation::{ExcitedBase, JointDesign, JointExcitation, JointMotion, JointRange};
 pub use joint_track::{JointTrack, with_accelerations};
 pub use layout::{LinkNuisance, ParameterLayout, UnknownBody};

@@ -21,6 +21,7 @@ mod differentiated;
 mod extended_kalman;
 #[cfg(feature = "std")]
 mod flight_estimator;
+#[cfg(feature = "research")]
 mod inverse_inertia;
 mod joint_motion;
 mod kalman;
@@ -39,9 +40,10 @@ pub use differentiated::{Differentiated, Shown, StepObservation, WithParameters}
 pub use extended_kalman::{DifferentiableModel, ExtendedKalmanFilter, FilterModel};
 #[cfg(feature = "std")]
 pub use flight_estimator::{
-    FlightEstimator, FlightEstimatorSettings, FlightHealth, FlightMeasurement, LearningTargets, Reception,
-    ReceptionCounts, WrenchErrors, grasp_or_release,
+    BeginStage, BodyStage, FlightEstimator, FlightEstimatorSettings, FlightHealth, FlightMeasurement, LearningTargets,
+    Reception, ReceptionCounts, TwoStageEstimator, WindowRows, WrenchErrors, grasp_or_release,
 };
+#[cfg(feature = "research")]
 pub use inverse_inertia::{InverseInertia, InverseInertiaSample};
 pub use joint_motion::{JointMotion, JointObservation, JointState, MotionNoise};
 pub use kalman::{KalmanFilter, LinearProcess};

@@ -4,10 +4,12 @@
 //! ([`InertialParameters::to_vector`](crate::dynamics::InertialParameters::to_vector)); chapter 5 of the thesis orders its
 //! columns as [`ParameterOrder::DualQuaternion`](crate::dynamics::ParameterOrder::DualQuaternion).
 
+#[cfg(feature = "research")]
 mod finite_difference;
 mod newton_euler;
 mod variational;
 
+#[cfg(feature = "research")]
 pub use finite_difference::{FiniteDifference, StateSample};
 pub use newton_euler::{NewtonEuler, NewtonEulerSample, newton_euler};
 pub use variational::{

@@ -3,13 +3,13 @@
 #[cfg(feature = "std")]
 mod delay;
 mod ordering;
-#[cfg(feature = "std")]
+#[cfg(feature = "research")]
 mod scale;
 
 #[cfg(feature = "std")]
 pub use delay::{Delay, Signals, delay};
 pub use ordering::{Held, Released, TimeOrdering};
-#[cfg(feature = "std")]
+#[cfg(feature = "research")]
 pub use scale::{AxisScale, relative_scale};
 
 /// Sum over all distances, on either side, of products of correlation that `at_distance` holds for 0, 1, ...: a variance.

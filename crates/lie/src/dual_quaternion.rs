@@ -10,8 +10,7 @@
 
 use crate::group::{GroupAction, LieGroup};
 use crate::scalar::{Scalar, real};
-use crate::se3::{Pose, halves};
-use crate::series;
+use crate::se3::{Pose, exponential};
 use crate::spatial::Twist;
 use nalgebra::{
     DualQuaternion, Isometry3, Matrix6, Quaternion, Translation3, UnitDualQuaternion, UnitQuaternion, Vector3, Vector6,
@@ -40,17 +39,6 @@ pub fn rate_from_twist_body<T: Scalar>(pose: &UnitDualQuaternion<T>, twist_body:
             Quaternion::from_imag(twist_body.angular * half),
             Quaternion::from_imag(twist_body.linear * half),
         )
-}
-
-/// Scalar and vector part of the real, then of the dual half of `exp((phi + eps rho) / 2)`.
-///
-/// The dual half is the derivative of the real half along `rho`.
-#[inline(always)]
-pub(crate) fn exponential<T: Scalar>(xi: &Vector6<T>) -> ((T, Vector3<T>), (T, Vector3<T>)) {
-    let (phi, rho) = halves(xi);
-    let half = series::half_angle(phi.norm_squared());
-    let (k, dot) = (half.sinc * real(0.5), phi.dot(&rho));
-    ((half.cos, phi * k), (-(k * dot * real(0.5)), rho * k + phi * (half.sinc_rate * dot)))
 }
 
 /// The pose `p` stands for: `l = 2 vec(p_dual o p_real*)`.

@@ -8,6 +8,20 @@ use nalgebra::SVector;
 /// A space with a local right increment; what integrators and estimators step on.
 ///
 /// Every [`LieGroup`] is one, with `x.oplus(xi) = x exp(xi)`.
+///
+/// # Example
+/// What is written with increments works on vectors and on attitudes alike.
+/// ```
+/// use tumble_lie::Manifold;
+/// use tumble_lie::nalgebra::{UnitQuaternion, Vector3};
+///
+/// fn halfway<M: Manifold<Scalar = f64>>(from: &M, to: &M) -> M {
+///     from.oplus(&(to.ominus(from) * 0.5))
+/// }
+/// assert_eq!(halfway(&Vector3::zeros(), &Vector3::x()), Vector3::x() * 0.5);
+/// let turn = |angle_rad| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle_rad);
+/// assert!(halfway(&turn(0.2), &turn(1.0)).angle_to(&turn(0.6)) < 1e-12);
+/// ```
 pub trait Manifold: Clone + Debug {
     /// Scalar type of the coordinates.
     type Scalar: Scalar;
@@ -27,6 +41,21 @@ pub trait Manifold: Clone + Debug {
 ///
 /// Laws (`crate::laws`): group axioms; `log(exp(xi)) = xi` inside the injectivity radius;
 /// `g exp(xi) g^-1 = exp(Ad_g xi)`; `exp(xi + d) = exp(xi) exp(Jr(xi) d) + O(d^2)`.
+///
+/// # Example
+/// ```
+/// use tumble_lie::nalgebra::Vector6;
+/// use tumble_lie::{Coordinates, LieGroup, Pose};
+///
+/// /// How far `g exp(xi) g^-1` and `exp(Ad_g xi)` are apart, in any group.
+/// fn defect<G: LieGroup<Scalar = f64>>(g: G, xi: G::Tangent) -> f64 {
+///     let carried = g * G::exp(&xi) * g.inverse();
+///     carried.between(&G::exp(&(g.adjoint() * xi))).log().euclidean_norm()
+/// }
+/// let pose = Pose::exp(&Vector6::new(0.4, -0.9, 0.2, 1.0, 2.0, 3.0));
+/// assert!(defect(pose, Vector6::new(0.1, 0.2, -0.3, 0.5, 0.0, -1.0)) < 1e-12);
+/// ```
+/// Tutorial: [a group of your own, and its laws](https://github.com/tumble-robotics/tumble/blob/main/crates/lie/tests/suite/custom_group.rs).
 pub trait LieGroup: Copy + Debug + Mul<Output = Self> {
     /// Scalar type.
     type Scalar: Scalar;
@@ -124,6 +153,17 @@ impl<T: Scalar, const N: usize> Manifold for SVector<T, N> {
 }
 
 /// A group that moves points: `(g h).p = g.(h.p)`.
+///
+/// # Example
+/// ```
+/// use tumble_lie::nalgebra::{UnitQuaternion, Vector3};
+/// use tumble_lie::{GroupAction, LieGroup};
+///
+/// let quarter = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), core::f64::consts::FRAC_PI_2);
+/// assert!((quarter.act(&Vector3::x()) - Vector3::y()).norm() < 1e-15);
+/// assert!((quarter.compose(&quarter).act(&Vector3::x()) + Vector3::x()).norm() < 1e-15);
+/// ```
+/// Tutorial: [a group of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/lie/tests/suite/custom_group.rs), which acts on points.
 pub trait GroupAction<P>: LieGroup {
     /// The image of `point`.
     fn act(&self, point: &P) -> P;

@@ -5,6 +5,18 @@ use core::ops::{Add, Index, IndexMut, Mul, Neg, Sub};
 use nalgebra::{RealField, SVector};
 
 /// A real number that may carry derivatives: `f32`, `f64`, dual numbers.
+///
+/// # Example
+/// Written once, it runs on `f32`, on `f64`, and on dual numbers that carry derivatives along.
+/// ```
+/// use tumble_lie::Scalar;
+///
+/// fn hypotenuse<T: Scalar>(a: T, b: T) -> T {
+///     (a * a + b * b).sqrt()
+/// }
+/// assert_eq!(hypotenuse(3.0_f32, 4.0), 5.0);
+/// assert_eq!(hypotenuse(3.0_f64, 4.0), 5.0);
+/// ```
 pub trait Scalar: RealField + Copy {}
 impl<T: RealField + Copy> Scalar for T {}
 
@@ -21,6 +33,15 @@ pub fn value<T: Scalar>(scalar: T) -> f64 {
 }
 
 /// A fixed number of real coordinates: the tangent vectors, inputs and parameters of the workspace.
+///
+/// # Example
+/// ```
+/// use tumble_lie::Coordinates;
+/// use tumble_lie::nalgebra::Vector3;
+///
+/// let velocity = <Vector3<f64> as Coordinates<f64>>::from_fn(|i| [3.0, 4.0, 0.0][i]);
+/// assert_eq!(velocity.euclidean_norm(), 5.0);
+/// ```
 pub trait Coordinates<T: Scalar>:
     Copy
     + Debug

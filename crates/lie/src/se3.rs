@@ -14,28 +14,32 @@
 //! # Source
 //! (A.14), (A.15)
 
-use crate::dual_quaternion::exponential;
 use crate::group::{GroupAction, LieGroup};
 use crate::quaternion::{log_with_coefficient, unit};
 use crate::scalar::{Scalar, real};
 use crate::series;
 use crate::so3::{identity_plus, skew_plus_symmetric};
+use crate::spatial::halves;
 use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, Vector3, Vector6};
 
 /// A rigid displacement; named by its frames, `world_from_body`.
 pub type Pose<T> = Isometry3<T>;
 
-/// The halves of a tangent.
-#[inline(always)]
-pub(crate) fn halves<T: Scalar>(xi: &Vector6<T>) -> (Vector3<T>, Vector3<T>) {
-    let [[a, b, c, d, e, f]] = xi.data.0;
-    (Vector3::new(a, b, c), Vector3::new(d, e, f))
-}
-
 /// The tangent with these halves.
 #[inline(always)]
 pub(crate) fn joined<T: Scalar>(angular: &Vector3<T>, linear: &Vector3<T>) -> Vector6<T> {
     Vector6::new(angular.x, angular.y, angular.z, linear.x, linear.y, linear.z)
+}
+
+/// Scalar and vector part of the real, then of the dual half of `exp((phi + eps rho) / 2)`.
+///
+/// The dual half is the derivative of the real half along `rho`.
+#[inline(always)]
+pub(crate) fn exponential<T: Scalar>(xi: &Vector6<T>) -> ((T, Vector3<T>), (T, Vector3<T>)) {
+    let (phi, rho) = halves(xi);
+    let half = series::half_angle(phi.norm_squared());
+    let (k, dot) = (half.sinc * real(0.5), phi.dot(&rho));
+    ((half.cos, phi * k), (-(k * dot * real(0.5)), rho * k + phi * (half.sinc_rate * dot)))
 }
 
 /// `[diagonal 0; lower diagonal]`, blocks given by columns.

@@ -1,9 +1,15 @@
 //! Twists and wrenches with named halves. Order everywhere: `[angular; linear]`, `[torque; force]`.
 
 use crate::scalar::Scalar;
-use crate::se3::halves;
 use core::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 use nalgebra::{Isometry3, Vector3, Vector6};
+
+/// The angular and the linear half of six coordinates.
+#[inline(always)]
+pub(crate) fn halves<T: Scalar>(xi: &Vector6<T>) -> (Vector3<T>, Vector3<T>) {
+    let [[a, b, c, d, e, f]] = xi.data.0;
+    (Vector3::new(a, b, c), Vector3::new(d, e, f))
+}
 
 macro_rules! spatial_vector {
     ($(#[$doc:meta])* $name:ident { $(#[$first_doc:meta])* $first:ident, $(#[$second_doc:meta])* $second:ident }) => {

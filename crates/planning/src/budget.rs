@@ -2,6 +2,24 @@
 
 /// Work that may still be done. An anytime algorithm asks before each piece of work and ends, with the best it has, when
 /// told to. Nothing in this crate reads a clock: a budget that does is the caller's.
+///
+/// # Example
+/// ```
+/// use tumble_planning::Budget;
+///
+/// /// Ends when another thread says so.
+/// struct UntilTold<'a>(&'a std::sync::atomic::AtomicBool);
+/// impl Budget for UntilTold<'_> {
+///     fn spend(&mut self, _units: u64) -> bool {
+///         !self.0.load(std::sync::atomic::Ordering::Relaxed)
+///     }
+/// }
+/// let is_over = std::sync::atomic::AtomicBool::new(false);
+/// let mut budget = UntilTold(&is_over);
+/// assert!(budget.spend(100));
+/// is_over.store(true, std::sync::atomic::Ordering::Relaxed);
+/// assert!(!budget.spend(1));
+/// ```
 pub trait Budget {
     /// Asks for `units` of work; one unit is about one continuous collision check of one edge. False: end now; whoever asks on
     /// after that must be refused again.

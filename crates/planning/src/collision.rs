@@ -72,6 +72,36 @@ pub struct Contact {
 /// # Laws
 /// `laws::check_collision_world`: the clearance changes by no more than the body's origin moves at a constant attitude, at
 /// any one time; a motion reported free has no pose of negative clearance; a contact reported is one.
+///
+/// # Example
+/// ```
+/// use tumble_planning::collision::{Blocker, Clearance, CollisionWorld, Contact, conservative_first_contact};
+/// use tumble_planning::lie::Pose;
+/// use tumble_planning::nalgebra::{UnitQuaternion, Vector3};
+/// use tumble_planning::{BodyArc, PlanningError, TranslationState};
+///
+/// /// Everything below z = 0 is floor; the body is a ball by its radius, m.
+/// struct Floor;
+/// impl CollisionWorld for Floor {
+///     type Body = f64;
+///     fn clearance(&self, radius_m: &f64, world_from_body: &Pose<f64>, _time_s: f64) -> Result<Clearance, PlanningError> {
+///         Ok(Clearance { distance_m: world_from_body.translation.z - radius_m, nearest: Some(Blocker::Obstacle(0)) })
+///     }
+///     fn first_contact(&self, radius_m: &f64, arc: &BodyArc, start_s: f64, margin_m: f64)
+///         -> Result<Option<Contact>, PlanningError> {
+///         conservative_first_contact(self, radius_m, arc, start_s, margin_m, 1e-9)
+///     }
+///     fn reach_m(&self, radius_m: &f64) -> f64 {
+///         *radius_m
+///     }
+/// }
+/// let start = TranslationState { position: Vector3::z(), velocity: Vector3::z() * -0.1 };
+/// let falling = BodyArc::accelerated(20.0, &start, Vector3::zeros(), UnitQuaternion::identity());
+/// let contact = Floor.first_contact(&0.2, &falling, 0.0, 0.0)?.ok_or("it falls through")?;
+/// assert!((contact.time_s - 8.0).abs() < 1e-7);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+/// Tutorial: [a collision world of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_collision_world.rs).
 pub trait CollisionWorld {
     /// What moves.
     type Body: ?Sized;

@@ -5,6 +5,7 @@
 //! # Source
 //! Thesis 2.4.2, 6.2.3.
 
+#[cfg(feature = "research")]
 mod additive_tube;
 mod attitude;
 mod attitude_certificate;
@@ -20,23 +21,28 @@ mod coupled_axes;
 mod feedback;
 mod force_box;
 mod gram_program;
+mod in_environment;
 mod inertia_interval;
 mod invariant_set;
 mod mass_interval;
 mod obstacle_planes;
+#[cfg(feature = "research")]
 mod original_tube;
 mod peak_gain;
 mod plain_mpc;
 mod polygon;
 mod pose_tracking;
+#[cfg(feature = "research")]
 mod rakovic;
 mod riccati;
+#[cfg(feature = "research")]
 mod rotated_box;
 mod small_matrix;
 mod translation_tube;
 mod tube_axes;
 mod tube_controller;
 
+#[cfg(feature = "research")]
 pub use additive_tube::{AdditiveTube, TruncatedSet, force_gain, mass_disturbance};
 pub use attitude::{AttitudeController, AttitudeError, AttitudeGains, AttitudeLaw, AttitudeTorque};
 pub use attitude_certificate::{
@@ -54,10 +60,12 @@ pub use coupled_axes::{AxisPlane, CoupledAxes};
 pub use feedback::{LinearFeedback, LqrController, TranslationWeights};
 pub use force_box::AttitudeSpan;
 pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
+pub use in_environment::InEnvironment;
 pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
 pub use invariant_set::{MinimalInvariantSet, Support};
 pub use mass_interval::MassInterval;
 pub use obstacle_planes::{EndAttitude, NominalPath, ObstaclePlane, ObstaclePlanes, PlaneUpdate, Reach, barriers_of};
+#[cfg(feature = "research")]
 pub use original_tube::{
     OriginalDisturbance, OriginalErrors, OriginalSettings, OriginalTube, OriginalTubeController, OriginalWeights,
     original_disturbance,
@@ -66,8 +74,10 @@ pub use peak_gain::AttitudeTiming;
 pub use plain_mpc::{LinearMpc, LinearMpcSettings, PlainMpcController};
 pub use polygon::{Polygon, Strips};
 pub use pose_tracking::PoseTracking;
+#[cfg(feature = "research")]
 pub use rakovic::RakovicSet;
 pub use riccati::discrete_lqr;
+#[cfg(feature = "research")]
 pub use rotated_box::{available_share, rotation_share};
 pub use translation_tube::{TrackedMotion, TrackedPoint, TranslationTube, TubeCounts, TubeSettings};
 pub use tube_axes::TubeObstacles;

@@ -1,10 +1,20 @@
 //! Errors of this crate.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, SMatrix, UnitQuaternion, Vector3};
+use std::sync::Arc;
+use tumble_identification::estimator::{EstimatorError, Source};
 use tumble_lie::Pose;
 
 /// What can be wrong with a planning problem. That a well-posed problem has no solution is an answer, not an error.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+///
+/// Worlds, models, planners and controllers from outside answer with [`Foreign`](Self::Foreign), which keeps their own error:
+/// ```
+/// use tumble_planning::PlanningError;
+/// let error = PlanningError::foreign("octree", std::io::Error::other("map 7 is not loaded"));
+/// assert_eq!(error.to_string(), "octree: map 7 is not loaded");
+/// assert!(std::error::Error::source(&error).is_some_and(|source| source.is::<std::io::Error>()));
+/// ```
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlanningError {
     /// An error of the body or its motion.
@@ -123,6 +133,27 @@ pub enum PlanningError {
     /// An error of the estimator.
     #[error(transparent)]
     Identification(#[from] tumble_identification::IdentificationError),
+    /// An error of an estimator behind its trait.
+    #[error(transparent)]
+    Estimator(#[from] EstimatorError),
+    /// A layer that no registry has.
+    #[error(transparent)]
+    Unknown(#[from] tumble_identification::UnknownName),
+    /// An error of an implementation from outside. Two are equal where they are the same object.
+    #[error("{by}: {source}")]
+    Foreign {
+        /// Its name.
+        by: &'static str,
+        /// What it says.
+        source: Source,
+    },
+}
+
+impl PlanningError {
+    /// An error of somebody else's world, model, planner or controller.
+    pub fn foreign(by: &'static str, source: impl std::error::Error + Send + Sync + 'static) -> Self {
+        Self::Foreign { by, source: Source::Shared(Arc::new(source)) }
+    }
 }
 
 /// `value` where it is finite.
@@ -147,6 +178,17 @@ pub fn not_negative(what: &'static str, value: f64) -> Result<f64, PlanningError
 /// [`PlanningError::NotFinite`], [`PlanningError::NotPositive`].
 pub fn positive(what: &'static str, value: f64) -> Result<f64, PlanningError> {
     if finite(what, value)? > 0.0 { Ok(value) } else { Err(PlanningError::NotPositive { what, value }) }
+}
+
+/// What is wrong with a symmetric matrix that has no Cholesky factor: a number that is none, or its least eigenvalue.
+pub(crate) fn indefinite<const N: usize>(what: &'static str, matrix: &SMatrix<f64, N, N>) -> PlanningError {
+    match matrix.iter().find(|number| !number.is_finite()) {
+        Some(value) => PlanningError::NotFinite { what, value: *value },
+        None => {
+            let dynamic = DMatrix::from_iterator(N, N, matrix.iter().copied());
+            PlanningError::NotPositive { what, value: dynamic.symmetric_eigenvalues().min() }
+        }
+    }
 }
 
 /// Largest number accepted, in SI units; one over it is the smallest length. Far beyond every scene, and small enough that no

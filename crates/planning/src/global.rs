@@ -150,6 +150,7 @@ pub enum Obstruction {
 
 /// How a planner ended.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Status {
     /// The plan's cost is the least there is, to the tolerance of the planner.
     Optimal,
@@ -214,5 +215,20 @@ pub trait GlobalPlanner<W: CollisionWorld + ?Sized> {
     ) -> Result<GlobalAnswer, PlanningError> {
         let _ = known;
         self.plan(request, budget)
+    }
+}
+
+impl<W: CollisionWorld + ?Sized, T: GlobalPlanner<W> + ?Sized> GlobalPlanner<W> for Box<T> {
+    fn plan(&mut self, request: &GlobalRequest<'_, W>, budget: &mut dyn Budget) -> Result<GlobalAnswer, PlanningError> {
+        (**self).plan(request, budget)
+    }
+
+    fn plan_anew(
+        &mut self,
+        request: &GlobalRequest<'_, W>,
+        known: &ArcPath,
+        budget: &mut dyn Budget,
+    ) -> Result<GlobalAnswer, PlanningError> {
+        (**self).plan_anew(request, known, budget)
     }
 }

@@ -25,6 +25,23 @@ pub struct Primitive<U> {
 ///
 /// # Laws
 /// `laws::check_kinodynamic_model`.
+///
+/// # Example
+/// ```
+/// use tumble_planning::dynamics::{AlignedBox, InertialParameters};
+/// use tumble_planning::nalgebra::Vector3;
+/// use tumble_planning::{DoubleIntegrator, KinodynamicModel, Propagation, TranslationState};
+///
+/// let room = AlignedBox::between(Vector3::repeat(-2.0), Vector3::repeat(2.0));
+/// let (speed, force) = (Vector3::repeat(0.5), Vector3::repeat(1.0));
+/// let robot = DoubleIntegrator::try_new(room, speed, force, 1.0, Propagation::Exact)?;
+/// assert_eq!(robot.primitives().len(), 7); // each way along three axes, and none
+/// let body = InertialParameters::solid_box(4.0, [0.3; 3]);
+/// let pushed = robot.propagate(&TranslationState::at_rest(Vector3::zeros()), &Vector3::x(), &body, 2.0);
+/// assert_eq!((pushed.position.x, pushed.velocity.x), (0.5, 0.5));
+/// # Ok::<(), tumble_planning::PlanningError>(())
+/// ```
+/// Tutorial: [a robot of your own to plan for](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_robot_plan.rs).
 pub trait KinodynamicModel: StateSpace {
     /// What is held over an edge.
     type Input: Clone + Debug;
@@ -48,6 +65,23 @@ pub trait KinodynamicModel: StateSpace {
 ///
 /// # Laws
 /// `laws::check_body_motion`.
+///
+/// # Example
+/// ```
+/// use tumble_planning::dynamics::{AlignedBox, InertialParameters};
+/// use tumble_planning::nalgebra::Vector3;
+/// use tumble_planning::{BodyMotion, DoubleIntegrator, KinodynamicModel, Propagation, TranslationState};
+///
+/// let room = AlignedBox::between(Vector3::repeat(-2.0), Vector3::repeat(2.0));
+/// let (speed, force) = (Vector3::repeat(0.5), Vector3::repeat(1.0));
+/// let robot = DoubleIntegrator::try_new(room, speed, force, 1.0, Propagation::Exact)?;
+/// let (start, body) = (TranslationState::at_rest(Vector3::zeros()), InertialParameters::solid_box(4.0, [0.3; 3]));
+/// let arc = robot.arc(&start, &Vector3::x(), &body, 2.0);
+/// assert_eq!(arc.translation(2.0).0, robot.propagate(&start, &Vector3::x(), &body, 2.0));
+/// assert!(robot.contains_arc(&arc) && !robot.contains_arc(&robot.arc(&start, &Vector3::x(), &body, 3.0)));
+/// # Ok::<(), tumble_planning::PlanningError>(())
+/// ```
+/// Tutorial: [a robot of your own to plan for](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_robot_plan.rs).
 pub trait BodyMotion: KinodynamicModel + Sized {
     /// The same robot, kept within `limits` as well as its own, starting with `attitude`.
     ///

@@ -1,12 +1,16 @@
 //! A whole mission in closed loop: way, stretches, tube, beliefs, and what holds when something fails.
 //!
 //! ```text
-//!  measurements -> FlightEstimator -> state now, ModelBelief
-//!                                          |
-//!  events -> Coordinator -> actions -> way (global) -> stretch (local, informative) -> MissionMotion -> Controller -> wrench
+//!  measurements -> StateEstimator -> state now, ModelBelief
+//!                                         |
+//!  events -> Coordinator -> PlanRequest ~~> Office: way (global), stretch (local, informative) ~~> PlanAnswer
+//!                                         |
+//!                                   MissionMotion -> Controller -> wrench
 //! ```
 //!
 //! The [`Coordinator`] alone decides; it sees events with their times and answers with actions, and knows nothing of geometry.
+//! [`ClosedLoop`] senses, decides and controls; what is to be planned it asks for, and an [`Office`] answers: beside the loop with
+//! the time it takes simulated ([`Simulated`]), in a thread of the user's ([`Thread`]), or wherever [`serve`] is called.
 
 mod brake;
 mod closed_loop;
@@ -15,7 +19,11 @@ mod event;
 mod expected_loss;
 mod fault_plant;
 mod informative_stretch;
+mod loop_settings;
 mod motion;
+mod office;
+mod plan_request;
+mod serve;
 mod stretch;
 mod stretch_model;
 mod stretch_settings;
@@ -23,17 +31,18 @@ mod watch;
 mod way_nodes;
 
 pub use brake::BrakeLimits;
-pub use closed_loop::{
-    AtGoal, ClosedLoop, ComputingTime, ControllerFactory, Layer, LoopObserver, LoopSettings, NoObserver, PlannerFault,
-    Scene, Sensed,
-};
+pub use closed_loop::{ClosedLoop, End, Layer, LoopObserver, NoObserver};
 pub use coordinator::{Coordinator, Schedule};
 pub use event::{Action, Ambition, Event, FoundStretch, Note, Standing, StartFrom, TimedEvent};
 pub use expected_loss::ExpectedLoss;
 pub use fault_plant::{FaultPlant, NoFault, PlantFault};
 pub use informative_stretch::InformativeStretch;
+pub use loop_settings::{AtGoal, LoopSettings, Scene};
 pub use motion::{MissionMotion, StopLimits};
-pub use stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
+pub use office::{ComputingTime, Office, PlannerFault, PlannerThread, Simulated, Thread};
+pub use plan_request::{Asked, Found, PlanAnswer, PlanRequest};
+pub use serve::serve;
+pub use stretch::{AlongWay, StretchAnswer, StretchOutcome, StretchPlanner, StretchRefusal, StretchTask};
 pub use stretch_model::StretchModel;
 pub use stretch_settings::{Arrival, StretchSettings, WayShares};
 pub use watch::{Invariant, InvariantWatch, Violation, WatchLimits, WatchedStep};

@@ -10,11 +10,13 @@
 
 mod axis;
 mod goal;
+#[cfg(feature = "research")]
 mod impulse;
 mod slew;
 mod synchronise;
 
 pub use goal::{least_time_to_goal_s, steer_to_goal};
+#[cfg(feature = "research")]
 pub use impulse::least_velocity_change_m_s;
 pub use slew::{Slew, slew};
 pub use synchronise::{PIECES, Piece, Steering, least_time_s, steer, steer_in};

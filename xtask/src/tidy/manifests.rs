@@ -4,9 +4,16 @@ use toml::{Table, Value};
 
 use super::Tree;
 
-/// The only order in which one Tumble crate may use another.
-const ORDER: &[&str] =
-    &["tumble-lie", "tumble-dynamics", "tumble-identification", "tumble-planning", "tumble-astrobee"];
+/// The only order in which one Tumble crate may use another; those of one floor do not know each other.
+const ORDER: &[(&str, usize)] = &[
+    ("tumble-lie", 0),
+    ("tumble-dynamics", 1),
+    ("tumble-identification", 2),
+    ("tumble-planning", 3),
+    ("tumble-astrobee", 4),
+    ("tumble-formats", 4),
+    ("tumble", 5),
+];
 
 const KINDS: &[&str] = &["dependencies", "dev-dependencies", "build-dependencies"];
 
@@ -34,23 +41,6 @@ impl Manifest<'_> {
         }
         all
     }
-
-    /// The features that are on by default, directly or through another feature.
-    fn default_features(&self) -> Vec<&str> {
-        let features = self.table.get("features").and_then(Value::as_table);
-        let mut reached = vec!["default"];
-        let mut next = 0;
-        while let Some(name) = reached.get(next).copied() {
-            let enables = features.and_then(|features| features.get(name)).and_then(Value::as_array);
-            for enabled in enables.into_iter().flatten().filter_map(Value::as_str) {
-                if !reached.contains(&enabled) {
-                    reached.push(enabled);
-                }
-            }
-            next += 1;
-        }
-        reached
-    }
 }
 
 /// The packages of the workspace; unreadable manifests are reported by [`arrows`].
@@ -76,7 +66,7 @@ pub fn manifests(tree: &Tree) -> Vec<Manifest<'_>> {
         .collect()
 }
 
-/// `lie <- dynamics <- identification <- planning <- astrobee`, and xtask depends on none unless asked.
+/// `lie <- dynamics <- identification <- planning <- {astrobee, formats} <- tumble`, and xtask depends on none.
 pub fn arrows(tree: &Tree) -> Vec<String> {
     let mut found = Vec::new();
     for (path, text) in tree.under("", "Cargo.toml") {
@@ -85,13 +75,13 @@ pub fn arrows(tree: &Tree) -> Vec<String> {
         }
     }
     for manifest in manifests(tree) {
-        let place = |name: &str| ORDER.iter().position(|known| *known == name);
+        let place = |name: &str| ORDER.iter().find(|(known, _)| *known == name).map(|(_, floor)| *floor);
         match place(&manifest.name) {
             Some(own) => {
                 for (kind, name, value) in manifest.dependencies() {
-                    let is_local = name.starts_with("tumble-") || value.get("path").is_some();
+                    let is_local = name.starts_with("tumble") || value.get("path").is_some();
                     let allowed = match place(name) {
-                        Some(other) => other < own || (other == own && kind == "dev-dependencies"),
+                        Some(other) => other < own || (name == manifest.name && kind == "dev-dependencies"),
                         None => !is_local || kind == "dev-dependencies",
                     };
                     if !allowed {
@@ -105,13 +95,8 @@ pub fn arrows(tree: &Tree) -> Vec<String> {
             None => {}
         }
         if manifest.name == "xtask" {
-            let on = manifest.default_features();
-            for (_, name, value) in manifest.dependencies() {
-                let is_optional = value.get("optional").and_then(Value::as_bool) == Some(true);
-                let is_on = on.iter().any(|feature| feature.trim_start_matches("dep:").split('/').next() == Some(name));
-                if name.starts_with("tumble-") && (!is_optional || is_on) {
-                    found.push(format!("{}: xtask builds {name} by default", manifest.path));
-                }
+            for (_, name, _) in manifest.dependencies().into_iter().filter(|(_, name, _)| name.starts_with("tumble")) {
+                found.push(format!("{}: xtask builds {name}", manifest.path));
             }
         }
     }
@@ -204,15 +189,20 @@ mod tests {
     }
 
     #[test]
-    fn xtask_without_tumble_crates_by_default() {
-        let xtask = |features: &str, dependency: &str| {
-            let rest = format!("publish = false\n[features]\n{features}\n[dependencies]\ntumble-lie = {dependency}");
-            arrows(&Tree::planted(&[("xtask/Cargo.toml", &package("xtask", &rest))])).len()
-        };
-        let optional = "{ workspace = true, optional = true }";
-        assert_eq!(xtask("studies = [\"dep:tumble-lie\"]", optional), 0);
-        assert_eq!(xtask("default = [\"studies\"]\nstudies = [\"dep:tumble-lie\"]", optional), 1);
-        assert_eq!(xtask("studies = []", "{ workspace = true }"), 1);
+    fn the_robot_and_its_files_do_not_know_each_other() {
+        let formats = package("tumble-formats", "[dependencies]\ntumble-astrobee.workspace = true");
+        assert_eq!(arrows(&Tree::planted(&[("crates/formats/Cargo.toml", &formats)])).len(), 1);
+        let tumble =
+            package("tumble", "[dependencies]\ntumble-astrobee.workspace = true\ntumble-formats.workspace = true");
+        assert!(arrows(&Tree::planted(&[("crates/tumble/Cargo.toml", &tumble)])).is_empty());
+        let astrobee = package("tumble-astrobee", "[dependencies]\ntumble.workspace = true");
+        assert_eq!(arrows(&Tree::planted(&[("crates/astrobee/Cargo.toml", &astrobee)])).len(), 1);
+    }
+
+    #[test]
+    fn xtask_without_tumble_crates() {
+        let rest = "publish = false\n[dependencies]\ntumble-lie.workspace = true";
+        assert_eq!(arrows(&Tree::planted(&[("xtask/Cargo.toml", &package("xtask", rest))])).len(), 1);
     }
 
     #[test]

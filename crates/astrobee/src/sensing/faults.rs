@@ -3,8 +3,8 @@
 use super::settings::nanoseconds;
 use super::streams::{Source, stream};
 use super::{Confidence, FaultSettings, Interval, Jump, LocalizationEstimate, TrueMotion};
-use crate::noise::Gaussian;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
+use tumble_identification::noise::Gaussian;
 use tumble_lie::LieGroup;
 
 /// What happens to one estimate.

@@ -2,10 +2,10 @@
 
 use super::streams::{Source, stream};
 use super::{AccelerometerFilter, GyroFilter, ImuSettings, SensorErrors, TrueMotion};
-use crate::noise::Gaussian;
 use crate::propulsion::ImpellerMode;
 use core::f64::consts::FRAC_1_SQRT_2;
 use tumble_dynamics::nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use tumble_identification::noise::Gaussian;
 
 /// Samples per second inside the unit.
 const INTERNAL_RATE_HZ: f64 = 2000.0;

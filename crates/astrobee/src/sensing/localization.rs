@@ -9,11 +9,11 @@ use super::{
     TrueMotion,
 };
 use crate::AstrobeeError;
-use crate::noise::Gaussian;
 use crate::propulsion::ImpellerMode;
 use std::collections::VecDeque;
 use tumble_dynamics::RigidBodyState;
 use tumble_dynamics::nalgebra::{Translation3, UnitQuaternion, Vector3};
+use tumble_identification::noise::Gaussian;
 use tumble_lie::{LieGroup, Pose, Twist};
 
 /// Estimates of a moving robot, made from its true motion.

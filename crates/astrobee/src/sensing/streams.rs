@@ -1,7 +1,7 @@
 //! One stream of noise per source, so that switching one off changes no other.
 
 use super::imu::TriadSources;
-use crate::noise::Gaussian;
+use tumble_identification::noise::{Gaussian, spread};
 
 /// What draws numbers. The numbers are part of the results: never renumber.
 #[derive(Clone, Copy)]
@@ -56,12 +56,4 @@ impl Source {
 pub(super) fn stream(seed: u64, source: Source) -> Gaussian {
     let mixed = spread(seed) ^ (source as u64);
     Gaussian::from_seed(spread(mixed))
-}
-
-/// A bijection of 64 bits whose every output bit depends on every input bit.
-pub(crate) fn spread(x: u64) -> u64 {
-    let x = x.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    let x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    x ^ (x >> 31)
 }

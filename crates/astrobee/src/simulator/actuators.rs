@@ -4,7 +4,6 @@ use super::SimulatorError;
 use crate::propulsion::{
     Damage, ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings, QuantizedAllocation,
 };
-use crate::spheres;
 use tumble_dynamics::nalgebra::{SVector, Vector3};
 use tumble_dynamics::{Actuation, DynamicsError, PulsedThrusters, Rotor, RotorSet, WrenchBox};
 use tumble_lie::Wrench;
@@ -95,14 +94,6 @@ impl Actuators {
         }
     }
 
-    /// The twelve valves of [`spheres`], closed.
-    ///
-    /// # Errors
-    /// As [`spheres::thrusters`].
-    pub fn spheres() -> Result<Self, DynamicsError> {
-        Ok(Self::Pulsed(PulseTrain::new(spheres::thrusters()?, spheres::TICKS_PER_FLIGHT_STEP)))
-    }
-
     /// One control period; the body turns at `rate_body`.
     pub(super) fn step(
         &mut self,
@@ -176,20 +167,60 @@ impl Actuators {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use tumble_dynamics::nalgebra::UnitVector3;
     use tumble_dynamics::{PulseTiming, Thruster, ThrusterSet};
+
+    const THRUST_N: f64 = 0.112;
+    const TICKS_PER_STEP: u32 = 16;
+
+    /// Two valves push along each axis and two against it, one at either end of a lever.
+    fn valves() -> PulsedThrusters<12> {
+        let along = |axis: usize, size: f64| Vector3::from_fn(|row, _| if row == axis % 3 { size } else { 0.0 });
+        let set = std::array::from_fn(|i| Thruster {
+            position_body: along(i / 4 + 2, if i % 2 == 0 { 0.0965 } else { -0.0965 }),
+            direction_body: UnitVector3::new_unchecked(along(i / 4, if i % 4 < 2 { 1.0 } else { -1.0 })),
+            largest_thrust_n: THRUST_N,
+        });
+        let timing = PulseTiming { ticks_per_period: 200, shortest_ticks: 10 };
+        PulsedThrusters { thrusters: ThrusterSet::try_new(set).unwrap(), timing }
+    }
+
+    fn pulsed() -> Actuators {
+        Actuators::Pulsed(PulseTrain::new(valves(), TICKS_PER_STEP))
+    }
+
+    /// Six rotors around the body, tilted to alternate sides.
+    fn rotors() -> Actuators {
+        let set = RotorSet::try_new(std::array::from_fn(|i| {
+            let (y, x) = (f64::from(u8::try_from(i).unwrap()) * std::f64::consts::FRAC_PI_3).sin_cos();
+            let side = if i % 2 == 0 { 1.0 } else { -1.0 };
+            Rotor {
+                position_body: Vector3::new(x, y, 0.0) * 0.2,
+                axis_body: UnitVector3::new_normalize(Vector3::new(
+                    -y * side,
+                    x * side,
+                    std::f64::consts::FRAC_1_SQRT_2,
+                )),
+                thrust_coefficient: 2.5 / 1500.0 / 1500.0,
+                drag_coefficient: side * 0.01 * 2.5 / 1500.0 / 1500.0,
+                largest_speed_rad_s: 1500.0,
+            }
+        }));
+        Actuators::Rotors(set.unwrap())
+    }
 
     /// Pulses of 20 of 24 ticks, in steps of 16: open for 16, then 4 and 8 of the next, then its other 12.
     #[test]
     fn a_pulse_is_drawn_out_over_the_steps_it_lasts() {
         let timing = PulseTiming { ticks_per_period: 24, shortest_ticks: 2 };
-        let valves = spheres::thrusters().unwrap();
+        let valves = valves();
         let set: [Thruster; 12] = *valves.thrusters.thrusters();
         let mut train = PulseTrain::new(PulsedThrusters { thrusters: ThrusterSet::try_new(set).unwrap(), timing }, 16);
-        let thrust = 20.0 / 24.0 * 2.0 * spheres::THRUST_N;
+        let thrust = 20.0 / 24.0 * 2.0 * THRUST_N;
         let wanted = Wrench::new(Vector3::zeros(), Vector3::new(thrust, 0.0, 0.0));
         for open in [16.0, 12.0, 12.0, 16.0, 12.0, 12.0] {
             let (given, at_limit) = train.step(&wanted).unwrap();
-            assert!((given.force.x - 2.0 * spheres::THRUST_N * open / 16.0).abs() < 1e-15, "{given:?}");
+            assert!((given.force.x - 2.0 * THRUST_N * open / 16.0).abs() < 1e-15, "{given:?}");
             assert!(!at_limit && given.torque.amax() < 1e-15 && given.force.yz().amax() < 1e-15);
         }
     }
@@ -197,8 +228,8 @@ mod tests {
     /// Two periods of the valves are 25 steps: their impulse is that of the pulses, whatever is wanted in between.
     #[test]
     fn no_impulse_is_lost_where_periods_do_not_divide() {
-        let valves = spheres::thrusters().unwrap();
-        let mut train = PulseTrain::new(valves, spheres::TICKS_PER_FLIGHT_STEP);
+        let valves = valves();
+        let mut train = PulseTrain::new(valves, TICKS_PER_STEP);
         let wanted = |k: i32| {
             let phase = f64::from(k);
             Wrench::new(Vector3::new(0.003, -0.002, 0.001) * phase.cos(), Vector3::new(0.05, 0.03, -0.07) * phase.sin())
@@ -214,12 +245,12 @@ mod tests {
     #[test]
     fn what_cannot_be_given_is_said() {
         let nothing = Vector3::zeros();
-        for mut actuators in [Actuators::spheres().unwrap(), Actuators::Rotors(crate::space_cobot::rotors().unwrap())] {
+        for mut actuators in [pulsed(), rotors()] {
             let small = Wrench::new(Vector3::zeros(), Vector3::new(0.1, 0.0, 0.0));
             let made = actuators.step(&small, &nothing, &Damage::NONE).unwrap();
             assert!(!made.saturated && made.believed_wrench_body == made.realized_wrench_body);
         }
-        for mut actuators in [Actuators::spheres().unwrap(), Actuators::Rotors(crate::space_cobot::rotors().unwrap())] {
+        for mut actuators in [pulsed(), rotors()] {
             let large = Wrench::new(Vector3::zeros(), Vector3::new(100.0, 0.0, 0.0));
             let made = actuators.step(&large, &nothing, &Damage::NONE).unwrap();
             assert!(made.saturated && made.realized_wrench_body.force.x < 20.0);

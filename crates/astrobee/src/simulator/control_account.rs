@@ -189,22 +189,15 @@ impl ControlAccount {
     }
 }
 
-/// Why it was left.
-pub fn reason(fallback: &Fallback) -> FallbackReason {
-    match fallback {
-        Fallback::Shifted(reason) | Fallback::Restarted(reason) | Fallback::Braking(reason) => *reason,
-    }
-}
-
 /// The same way and reason, whatever the excess.
 fn alike(one: &Fallback, other: &Fallback) -> bool {
     use std::mem::discriminant;
-    discriminant(one) == discriminant(other) && discriminant(&reason(one)) == discriminant(&reason(other))
+    discriminant(one) == discriminant(other) && discriminant(&one.reason()) == discriminant(&other.reason())
 }
 
 /// Of two alike the one with the larger excess.
 fn worse(one: Fallback, other: Fallback) -> Fallback {
-    match (reason(&one), reason(&other)) {
+    match (one.reason(), other.reason()) {
         (FallbackReason::OutsideTube { excess: a }, FallbackReason::OutsideTube { excess: b }) if b > a => other,
         _ => one,
     }

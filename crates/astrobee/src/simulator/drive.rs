@@ -2,12 +2,12 @@
 
 use super::control_account::ControlAccount;
 use super::flown_controller::FlownController;
-use crate::noise::Gaussian;
 use crate::sensing::LocalizationEstimate;
 use std::f64::consts::TAU;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{BodyAcceleration, FreeFlyer, PoseReference, PoseTracker, RigidBodyState};
 use tumble_identification::fourier::FourierMotion;
+use tumble_identification::noise::Gaussian;
 use tumble_lie::{LieGroup, Pose, Twist, Wrench};
 use tumble_planning::control::{self, Adoption, ControlCommand, ControlRequest, ReferenceMotion};
 use tumble_planning::{ModelBelief, Plan, PlanningError};

@@ -4,6 +4,19 @@ use core::fmt::Debug;
 use core::ops::{Index, IndexMut};
 
 /// How values, one for each joint or one for each pair of joints, are held.
+///
+/// # Example
+/// ```
+/// use tumble_dynamics::{Dynamic, Fixed, JointStorage};
+///
+/// /// Sum of one number for each of three joints, however they are held.
+/// fn total<S: JointStorage>() -> f64 {
+///     S::filled(3, 0.5).as_ref().iter().sum()
+/// }
+/// assert_eq!(total::<Dynamic>(), 1.5);
+/// assert_eq!(total::<Fixed<3>>(), 1.5); // on the stack
+/// ```
+/// Tutorial: [an arm of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_arm.rs).
 pub trait JointStorage: Copy + Debug + PartialEq + 'static {
     /// One `X` for each joint.
     type Of<X: Copy + Debug + PartialEq>: AsRef<[X]>

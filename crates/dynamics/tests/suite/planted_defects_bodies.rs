@@ -357,7 +357,7 @@ fn height(_: f64, state: &State) -> f64 {
 fn orbit() -> (f64, Vector3<f64>, Vector3<f64>) {
     let center = Vector3::<f64>::new(-2.0e6, 3.0e6, -6.0e6);
     let across = Vector3::new(0.3, 1.0, 0.4);
-    let rate = (3.986e14 / center.norm().powi(3)).sqrt();
+    let rate = (3.986e14 / f64::powi(center.norm(), 3)).sqrt();
     (3.986e14, center, center.cross(&across).normalize() * rate)
 }
 

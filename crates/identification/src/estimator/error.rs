@@ -6,8 +6,8 @@ use crate::registry::UnknownName;
 use core::error::Error;
 use core::fmt;
 
-/// What a seam answers with: the library's own error, `Copy` and comparable as it is, or one of somebody else.
-#[derive(Clone, Debug)]
+/// The error of every estimator: the library's own, `Copy` and comparable as it is, or one of an implementation from outside.
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum EstimatorError {
     /// Of the library.
@@ -44,8 +44,10 @@ pub enum Source {
     Shared(std::sync::Arc<dyn Error + Send + Sync>),
 }
 
-impl Source {
-    fn error(&self) -> &(dyn Error + Send + Sync + 'static) {
+impl core::ops::Deref for Source {
+    type Target = dyn Error + Send + Sync + 'static;
+
+    fn deref(&self) -> &Self::Target {
         match self {
             Self::Static(error) => *error,
             #[cfg(feature = "std")]
@@ -67,9 +69,22 @@ impl EstimatorError {
     }
 }
 
+/// The same object, not one that says the same.
+impl PartialEq for Source {
+    fn eq(&self, other: &Self) -> bool {
+        core::ptr::addr_eq(&raw const **self, &raw const **other)
+    }
+}
+
 impl fmt::Debug for Source {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Debug::fmt(self.error(), f)
+        fmt::Debug::fmt(&**self, f)
+    }
+}
+
+impl fmt::Display for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(&**self, f)
     }
 }
 
@@ -79,7 +94,7 @@ impl fmt::Display for EstimatorError {
             Self::Library(error) => error.fmt(f),
             #[cfg(feature = "std")]
             Self::Unknown(unknown) => unknown.fmt(f),
-            Self::Foreign { by, source } => write!(f, "{by}: {}", source.error()),
+            Self::Foreign { by, source } => write!(f, "{by}: {source}"),
             Self::Refused { what, index, value } => write!(f, "{what}: component {index} is {value}"),
         }
     }
@@ -88,7 +103,7 @@ impl fmt::Display for EstimatorError {
 impl Error for EstimatorError {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         match self {
-            Self::Foreign { source, .. } => Some(source.error()),
+            Self::Foreign { source, .. } => Some(&**source),
             _ => None,
         }
     }

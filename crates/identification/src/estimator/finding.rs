@@ -12,6 +12,9 @@ const ROUNDING: f64 = 1e-11;
 /// What an estimator knows: information in units of one standard deviation, singular where directions are free; the part of
 /// it that was known before; and the point reported, where there is one.
 ///
+/// # Shape
+/// `P` parameters in the units of the estimator; information in one over these units.
+///
 /// The point is not always R⁻¹z: a constraint or a robust norm moves it, the information stays that of the data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Finding<const P: usize = 10> {
@@ -64,14 +67,15 @@ impl<const P: usize> Finding<P> {
         for i in 0..P {
             for j in 0..i {
                 let (a, b) = (correlation[(i, j)], correlation[(j, i)]);
-                if !((a - b).abs() <= SYMMETRIC) {
+                let apart = (a - b).abs();
+                if apart.is_nan() || apart > SYMMETRIC {
                     return refused("covariance", i * P + j, covariance[(i, j)]);
                 }
             }
         }
         let (values, axes) = symmetric_eigen(correlation);
         let (least, most) = (values.imin(), values.max());
-        if !(values[least] >= -SYMMETRIC) {
+        if values[least].is_nan() || values[least] < -SYMMETRIC {
             return refused("covariance is indefinite, least eigenvalue", axes.column(least).iamax(), values[least]);
         }
         let mut factor = SMatrix::<f64, P, P>::zeros();

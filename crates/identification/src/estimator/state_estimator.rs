@@ -2,7 +2,7 @@
 
 use super::{EstimatorError, Finding};
 use crate::dynamics::RigidBodyState;
-use crate::lie::{Manifold, Wrench};
+use crate::lie::{Manifold, Pose, Wrench};
 use crate::recursive::{FlightHealth, Reception, ReceptionCounts};
 use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3};
 use std::sync::Arc;
@@ -14,6 +14,13 @@ pub struct Gauss<V> {
     pub value: V,
     /// Its covariance, in the axes of the quantity.
     pub covariance: Matrix3<f64>,
+}
+
+impl<V> Gauss<V> {
+    /// Errors alike in all directions, of this standard deviation.
+    pub fn isotropic(value: V, sigma: f64) -> Self {
+        Self { value, covariance: Matrix3::identity() * (sigma * sigma) }
+    }
 }
 
 /// A measurement of a kind that the library does not know: range, bearing, a star's direction, at most three numbers.
@@ -52,7 +59,20 @@ pub struct Measurement {
     /// Velocity of the body origin, world axes, m/s.
     pub velocity_world: Option<Gauss<Vector3<f64>>>,
     /// A quantity of the user's own; components beyond those that it has carry an infinite variance.
+    #[allow(clippy::type_complexity)] // a sensor with what it showed
     pub other: Option<(Arc<dyn Sensor>, Gauss<Vector3<f64>>)>,
+}
+
+impl Measurement {
+    /// A pose, with standard deviations of angle (rad) and position (m) that are alike in all directions.
+    pub fn of_pose(stamp_ns: i64, world_from_body: &Pose<f64>, angle_rad: f64, position_m: f64) -> Self {
+        Self {
+            stamp_ns,
+            attitude: Some(Gauss::isotropic(world_from_body.rotation, angle_rad)),
+            position_world: Some(Gauss::isotropic(world_from_body.translation.vector, position_m)),
+            ..Self::default()
+        }
+    }
 }
 
 /// What is believed to have acted; stored momentum stands in the type, so that nobody with wheels forgets it.
@@ -64,7 +84,8 @@ pub struct Acted {
     pub until_ns: i64,
     /// External, and the wheels' reaction torque; body axes about the origin.
     pub wrench_body: Wrench<f64>,
-    /// Angular momentum of wheels relative to the body; zero without.
+    /// Angular momentum of wheels relative to the body, body axes, mean over the span, N m s; zero without. Its change is in the torque,
+    /// that it is turned along with the body is not: an estimator adds h x w itself.
     pub stored_body: Vector3<f64>,
 }
 
@@ -80,6 +101,10 @@ pub enum Doubt {
 
 /// Motion and body in flight. `Send`, so that every loop of it is; neither `Clone` nor `Sync`.
 pub trait StateEstimator: Send {
+    /// What to call it in messages; the name of its type unless written.
+    fn name(&self) -> &'static str {
+        core::any::type_name::<Self>()
+    }
     /// Hears what is believed to have acted in a span; a later word of the same span replaces an earlier one.
     fn acted(&mut self, acted: &Acted);
     /// Takes a measurement, which may be late, out of order, doubled or absurd.
@@ -111,6 +136,9 @@ pub trait StateEstimator: Send {
 }
 
 impl<T: StateEstimator + ?Sized> StateEstimator for Box<T> {
+    fn name(&self) -> &'static str {
+        (**self).name()
+    }
     fn acted(&mut self, acted: &Acted) {
         (**self).acted(acted);
     }

@@ -18,6 +18,28 @@ pub struct CriterionGradient<const P: usize> {
 ///
 /// Every [`OptimalityCriterion`] is one that does not look at the distances; wrap those that depend on units in
 /// [`InLikeUnits`](crate::InLikeUnits). Designs hand over the information in SI units.
+///
+/// # Example
+/// ```
+/// use tumble_identification::excitation::{CriterionGradient, ExcitationCriterion};
+/// use tumble_identification::nalgebra::{Matrix2, SMatrix};
+/// use tumble_identification::{DOptimality, OptimalityCriterion};
+///
+/// /// What D-optimality asks for, at a price per metre of travel along x.
+/// struct Thrifty;
+/// impl<const P: usize> ExcitationCriterion<P> for Thrifty {
+///     fn gradient(&self, information: &SMatrix<f64, P, P>, rms: &[f64; 6]) -> Option<CriterionGradient<P>> {
+///         let (cost, by_information) = DOptimality.cost_and_gradient(information)?;
+///         let mut by_rms = [0.0; 6];
+///         by_rms[0] = 3.0;
+///         Some(CriterionGradient { cost: cost + 3.0 * rms[0], by_information, by_rms })
+///     }
+/// }
+/// let far = Thrifty.gradient(&Matrix2::identity(), &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0]).ok_or("singular")?;
+/// assert_eq!(far.cost, 6.0);
+/// # Ok::<(), &str>(())
+/// ```
+/// Tutorial: [a criterion of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/custom_criterion.rs).
 pub trait ExcitationCriterion<const P: usize> {
     /// Cost and derivatives from the information and the root mean squares over a period of the channels
     /// `[x, y, z, roll, pitch, yaw]`, m and rad; `None` where the information is singular.

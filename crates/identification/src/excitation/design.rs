@@ -177,13 +177,13 @@ impl<const P: usize> ExcitationProblem<P> {
         bases.map(|basis| Self { basis, ..self.clone() }).collect()
     }
 
-    fn motion(&self, free: &[Channels]) -> Option<FourierMotion> {
+    pub(super) fn motion(&self, free: &[Channels]) -> Option<FourierMotion> {
         let free = DMatrix::from_fn(free.len(), 6, |row, column| free[row][column]);
         FourierMotion::try_new(self.basis, AttitudeChart::EulerZyx, self.basis.rest_to_rest() * free).ok()
     }
 
     /// The columns of the basis from rest to rest are orthonormal.
-    fn free_numbers(&self, motion: &FourierMotion) -> Vec<Channels> {
+    pub(super) fn free_numbers(&self, motion: &FourierMotion) -> Vec<Channels> {
         let free = self.basis.rest_to_rest().tr_mul(motion.coefficients());
         (0..free.nrows()).map(|row| core::array::from_fn(|channel| free[(row, channel)])).collect()
     }

@@ -5,6 +5,7 @@ use nalgebra::{Quaternion, SMatrix, UnitQuaternion, Vector3, Vector4};
 
 /// Coordinates in which an attitude is a Fourier series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[non_exhaustive]
 pub enum AttitudeChart {
     /// Roll, pitch and yaw: three channels, good while pitch stays away from a quarter turn. The thesis's.
     #[default]

@@ -1,8 +1,8 @@
 //! From a record of several cycles to one averaged period.
 
 use super::fit::Circle;
-use super::identify_periodic::HarmonicSettings;
 use super::periodic_record::PeriodicRecord;
+use super::settings::HarmonicSettings;
 use crate::error::{Column, IdentificationError};
 use crate::fourier::AttitudeChart;
 use crate::motion::MotionSample;

@@ -6,24 +6,19 @@ use super::least_squares::PeriodicLeastSquares;
 use super::likelihood::{PeriodicLikelihood, require_shown};
 use super::periodic_record::PeriodicRecord;
 use super::saturation::saturated_share;
-use super::selection::{HarmonicCandidate, SelectionRule, likeliest_harmonics, select_harmonics};
+use super::selection::{HarmonicCandidate, likeliest_harmonics, select_harmonics};
+use super::settings::{HarmonicEstimator, HarmonicSettings};
 use super::warning::HarmonicWarning;
 use crate::body_scale::BodyScale;
-use crate::dynamics::{InertialParameters, WrenchBox};
+use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::estimator::{Evidence, Finding, Judge, Verdict};
-use crate::fourier::AttitudeChart;
+use crate::estimator::{Estimator, EstimatorError, Evidence, Finding, Judge, Verdict};
 use crate::identify::{MAXIMUM_LIKELIHOOD, constrained, from_covariance, standard_deviations};
-use crate::lie::Pose;
 use crate::motion::MotionSample;
-use crate::{Estimate, Identification, Noise, Settings, WrenchTiming, identify};
+use crate::{Estimate, Identification, Noise, Settings, identify};
 use core::ops::RangeInclusive;
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector};
 
-/// Harmonics tried beyond those of the reference unless told otherwise.
-const HARMONICS_BEYOND: usize = 17;
-/// Share of time at a limit beyond which the motion counts as no short Fourier series.
-const SATURATED: f64 = 0.01;
 /// A residual of least squares so many times the expected one is unexpected: few coefficients make most of it, so that it scatters widely.
 const UNEXPECTED: f64 = 2.0;
 /// A mean square so many standard deviations above one is not chance.
@@ -31,75 +26,6 @@ const BEYOND_CHANCE: f64 = 6.0;
 /// Cycles that differ at the harmonics by so many times the white noise are no cycles of one motion; where a transient remains, less
 /// is enough.
 const NO_CYCLES: [f64; 2] = [10.0, 3.0];
-
-/// What turns an averaged period, or the record behind it, into parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum HarmonicEstimator {
-    /// Weighted least squares with the regressor of the fitted motion: the thesis's.
-    LeastSquares,
-    /// Maximum likelihood of coefficients and parameters together: far more accurate where the noise of the poses limits. Where
-    /// the wrench asks for more harmonics than the series has, the trajectory likelihood answers.
-    #[default]
-    Likelihood,
-    /// [`identify`] with `maximum-likelihood` on the whole record, sample by sample, with the wrench that acted; needs no
-    /// periodic motion.
-    TrajectoryLikelihood,
-}
-
-/// How [`identify_periodic`] works.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HarmonicSettings {
-    /// Period of the motion, s.
-    pub period_s: f64,
-    /// Time from the first sample to the start of the first cycle, s; taken at the nearest sample.
-    pub start_s: f64,
-    /// Pose in whose frame the motion's coordinates are. A motion designed in Euler angles is band-limited in this frame only.
-    pub world_from_start: Pose<f64>,
-    /// Coordinates of the attitude.
-    pub chart: AttitudeChart,
-    /// When the logged wrench acts.
-    pub wrench_timing: WrenchTiming,
-    /// Gravitational acceleration, inertial axes, m/s^2.
-    pub gravity_world: Vector3<f64>,
-    /// Harmonics of the reference motion: the fewest tried.
-    pub reference_harmonics: usize,
-    /// The most harmonics tried, where the sampling allows so many.
-    pub largest_harmonics: usize,
-    /// What least squares chooses the number of harmonics by; the likelihoods have their own, see [`likeliest_harmonics`].
-    pub selection: SelectionRule,
-    /// Leading cycles to leave out; `None` finds the transient.
-    pub dropped_cycles: Option<usize>,
-    /// Noise of one sample where it is known (position, attitude, torque, force); `None` takes the scatter between cycles.
-    pub noise: Option<Noise>,
-    /// Limits of the actuators where they are known; `None` looks for them.
-    pub limits: Option<WrenchBox>,
-    /// Share of time at a limit above which the trajectory likelihood takes over; one leaves the estimator as asked for.
-    pub largest_saturation: f64,
-    /// What estimates the parameters.
-    pub estimator: HarmonicEstimator,
-}
-
-impl HarmonicSettings {
-    /// For a reference motion of this period with this many harmonics; up to seventeen more are tried.
-    pub fn new(period_s: f64, reference_harmonics: usize) -> Self {
-        Self {
-            period_s,
-            start_s: 0.0,
-            world_from_start: Pose::identity(),
-            chart: AttitudeChart::default(),
-            wrench_timing: WrenchTiming::default(),
-            gravity_world: Vector3::zeros(),
-            reference_harmonics,
-            largest_harmonics: reference_harmonics + HARMONICS_BEYOND,
-            selection: SelectionRule::default(),
-            dropped_cycles: None,
-            noise: None,
-            limits: None,
-            largest_saturation: SATURATED,
-            estimator: HarmonicEstimator::default(),
-        }
-    }
-}
 
 /// What [`identify_periodic`] found.
 #[derive(Clone, Debug, PartialEq)]
@@ -257,6 +183,26 @@ pub fn identify_periodic(
         trajectory,
         warnings,
     })
+}
+
+/// The body that explains several cycles of a periodic motion, by [`identify_periodic`], as an estimator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Periodic(HarmonicSettings);
+
+impl Periodic {
+    /// Of motions of this period.
+    pub fn new(settings: HarmonicSettings) -> Self {
+        Self(settings)
+    }
+}
+
+impl Estimator for Periodic {
+    type Record = [MotionSample];
+
+    fn estimate(&self, record: &[MotionSample]) -> Result<Finding, EstimatorError> {
+        let found = identify_periodic(record, &self.0)?.estimate;
+        found.to_finding(BodyScale::of(&found.parameters.to_vector())?)
+    }
 }
 
 /// Whether cycles differ so much that their average is no cycle.

@@ -29,6 +29,7 @@ const UNEXPLAINED: f64 = 4.0;
 /// the motion lacks adds the noise of the poses, multiplied by the square of its frequency. Where the poses are so good that
 /// this noise drowns in that of the wrench, too many harmonics cost nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum SelectionRule {
     /// Least residual of the wrench, each component in units of its noise.
     ///

@@ -190,7 +190,7 @@ fn begun<E>(begin: Begin<'_, E>) -> Result<E, LawViolation> {
     begin().map_err(|error| violation("there is a finding at any time", "before any observation".to_owned(), &error))
 }
 
-fn violation(law: &'static str, inputs: String, found: &dyn std::fmt::Display) -> LawViolation {
+pub(super) fn violation(law: &'static str, inputs: String, found: &dyn std::fmt::Display) -> LawViolation {
     LawViolation {
         law,
         inputs,

@@ -2,7 +2,7 @@
 
 use super::drive::Passage;
 use super::flow::Input;
-use super::segment::PARAMETERS;
+use super::lanes::PARAMETERS;
 use core::fmt;
 use nalgebra::Vector3;
 

@@ -8,12 +8,12 @@ use super::elimination::{
     CostToGo, Evidence, First, Gain, Indefinite, Posterior, Schur, Square, Stage, forward, recenter,
 };
 use super::flow::State;
+use super::lanes::{NOISE, PARAMETERS};
 use super::nodes;
 use super::noise::Levels;
 use super::record::{Doubt, Record, median};
-use super::segment::{
-    MEASUREMENTS, Model, NOISE, PARAMETERS, Robust, Rows, Sample, Tally, Tangent, normal_matrix, packed_len,
-};
+use super::sample::Sample;
+use super::segment::{MEASUREMENTS, Model, Robust, Rows, Tally, Tangent, normal_matrix, packed_len};
 use crate::error::Column;
 use crate::statistics::Whiteness;
 use nalgebra::{SVector, Vector3, Vector6};

@@ -102,6 +102,12 @@ impl Coordinates {
         }
     }
 
+    #[cfg(feature = "argmin")]
+    /// Whether matter can be spread so.
+    pub(crate) fn is_body(&self) -> bool {
+        slack(&self.inertia).symmetric_eigenvalues().min() > 0.0
+    }
+
     /// The same with mass and inertia grown alike until no moment of inertia about the centre of mass is below this one.
     pub(crate) fn heavier(&self, smallest_moment: f64) -> Self {
         let factor = (smallest_moment / self.inertia.symmetric_eigenvalues().min()).max(1.0);

@@ -1,7 +1,7 @@
 //! The wrench that acts over each row's step: the logged one after a first-order lag, at the times the rows describe.
 
 use super::flow::Input;
-use super::segment::Sample;
+use super::sample::Sample;
 use nalgebra::Vector6;
 
 /// Below this ratio of step and lag the response is summed as a series.

@@ -5,7 +5,8 @@
 
 #![allow(clippy::needless_range_loop)] // lanes of several rows go together
 
-use super::segment::{MEASUREMENTS, NOISE, PARAMETERS, Tangent, packed_start};
+use super::lanes::{NOISE, PARAMETERS};
+use super::segment::{MEASUREMENTS, Tangent, packed_start};
 use nalgebra::{DMatrix, DVector, SMatrix};
 
 /// A pivot below this fraction of its diagonal entry is rounding.

@@ -52,6 +52,7 @@ impl Quantity {
 
 /// Whether data determine a quantity beside the body, and if not, why.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Verdict {
     /// It does.
     Identifiable,

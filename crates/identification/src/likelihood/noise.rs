@@ -2,7 +2,8 @@
 
 use super::elimination::Evidence;
 use super::record::{Record, median};
-use super::segment::{ACCELERATION, ATTITUDE, MEASUREMENTS, POSITION, RATE, Sample, Tally, VELOCITY};
+use super::sample::Sample;
+use super::segment::{ACCELERATION, ATTITUDE, MEASUREMENTS, POSITION, RATE, Tally, VELOCITY};
 use crate::Noise;
 use crate::lie::LieGroup;
 use nalgebra::{Vector3, Vector6};

@@ -2,7 +2,7 @@
 
 use super::drive::Passage;
 use super::flow::Input;
-use super::segment::Sample;
+use super::sample::Sample;
 use crate::WrenchTiming;
 use crate::error::{Column, IdentificationError};
 use crate::motion::MotionSample;
@@ -28,6 +28,7 @@ pub(super) struct Doubt {
     pub(super) variance: Vector6<f64>,
 }
 
+#[derive(Clone)]
 pub(super) struct Record {
     pub(super) samples: Vec<Sample>,
     /// As logged, spikes replaced.

@@ -8,14 +8,12 @@
 use super::calibration::{Calibration, Nuisance};
 use super::drive::Drive;
 use super::flow::{AngularTangent, Body, Input, State, Step, by_inertia};
+use super::lanes::{NOISE, PARAMETERS};
+use super::sample::Sample;
 use crate::lie::{LieGroup, rotation_jacobian, rotation_jacobian_inverse, skew};
 use core::ops::Range;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-/// First lane of the wrench noise.
-pub(crate) const NOISE: usize = 12;
-/// First lane of the parameters: ln m; then the centre of mass and the inertia.
-pub(crate) const PARAMETERS: usize = 18;
 const CENTER: usize = PARAMETERS + 1;
 const INERTIA: usize = PARAMETERS + 4;
 
@@ -29,21 +27,6 @@ pub(crate) const MEASUREMENTS: usize = 5;
 
 /// Derivatives of attitude, rate, centre and velocity, three rows each.
 pub(crate) type Tangent<const W: usize> = [[[f64; W]; 3]; 4];
-
-/// One sample as the likelihood reads it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Sample {
-    /// Since the first sample.
-    pub(crate) time_s: f64,
-    /// To the next sample.
-    pub(crate) step_s: f64,
-    pub(crate) input: Input,
-    pub(crate) position: Vector3<f64>,
-    pub(crate) world_from_body: UnitQuaternion<f64>,
-    pub(crate) velocity: Option<Vector3<f64>>,
-    pub(crate) rate: Option<Vector3<f64>>,
-    pub(crate) acceleration: Option<Vector3<f64>>,
-}
 
 /// Bounds on the norm of one residual 3-vector, in standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! A motion log row by row: the same samples as [`Record`](super::record::Record) makes of a whole one, a few rows late.
 
 use super::record::{GAP, LONGEST_BRIDGE, Record, change_variance, input, is_finite, running_median};
-use super::segment::Sample;
+use super::sample::Sample;
 use crate::WrenchTiming;
 use crate::error::IdentificationError;
 use crate::motion::MotionSample;

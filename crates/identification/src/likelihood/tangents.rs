@@ -4,7 +4,9 @@ use super::calibration::{Calibration, Nuisance};
 use super::coordinates::Coordinates;
 use super::drive::drives;
 use super::flow::{Input, State};
-use super::segment::{ACCELERATION, MEASUREMENTS, Model, NOISE, PARAMETERS, RATE, Rows, Sample, VELOCITY};
+use super::lanes::{NOISE, PARAMETERS};
+use super::sample::Sample;
+use super::segment::{ACCELERATION, MEASUREMENTS, Model, RATE, Rows, VELOCITY};
 use crate::lie::LieGroup;
 use nalgebra::{DVector, Matrix3, UnitQuaternion, Vector3};
 

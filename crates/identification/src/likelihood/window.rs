@@ -1,7 +1,8 @@
 //! The likelihood of a log that never ends: the last few segments are free, everything before is one quadratic.
 
 use super::record::{Record, is_finite};
-use super::segment::{Robust, Sample};
+use super::sample::Sample;
+use super::segment::Robust;
 use super::stream::{Read, Stream};
 use super::{
     Approach, Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, eliminated, not_excited, result,

@@ -43,6 +43,7 @@ pub struct JointRange {
 
 /// What the base does meanwhile, and so which equations are used.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum ExcitedBase {
     /// Held in this gravity, base axes: torques of the joints.
     Fixed(Vector3<f64>),

@@ -9,6 +9,7 @@ use nalgebra::{DMatrix, DVector, RowSVector};
 
 /// What the log says of the motors.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Drive {
     /// Their forces or torques, N or N m.
     Force,
@@ -23,6 +24,7 @@ pub enum Drive {
 
 /// What a joint needs besides moving its bodies, linear in a coefficient that is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum JointNuisance {
     /// Friction proportional to the rate.
     ViscousFriction,

@@ -2,6 +2,7 @@
 
 use super::base_parameters::BaseParameters;
 use super::consistent_links::{ConsistentLinks, LinkPrior, LinksEstimate};
+use super::finding::DynFinding;
 use super::layout::{BODY, LinkNuisance, ParameterLayout, UnknownBody};
 use super::link_information::LinkInformation;
 use super::momentum_rows::{VelocityNoise, momentum_rows};
@@ -11,6 +12,7 @@ use super::tree_sample::TreeSample;
 use crate::body_scale::BodyScale;
 use crate::dynamics::{InertialParameters, Multibody};
 use crate::error::IdentificationError;
+use crate::estimator::EstimatorError;
 use crate::identify::{StandardDeviations, standard_deviations};
 use crate::lie::{LieGroup, Pose, Wrench};
 use nalgebra::{DMatrix, DVector, Translation3, Vector6};
@@ -62,6 +64,7 @@ pub struct TorqueForm {
 /// The two plain directions bracket the truth: a noisy current as regressor pulls gains towards zero; the errors in
 /// variables are the consistent treatment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum GainRegression {
     /// In the currents, which the regressor therefore takes from the fit: consistent.
     #[default]
@@ -119,6 +122,25 @@ impl TreeEstimate {
         }
         let scaled = functionals * DMatrix::from_diagonal(&self.base.layout().magnitudes()) * self.base.row_space();
         Ok(Some(&scaled * &self.determined_covariance * scaled.transpose()))
+    }
+
+    /// The estimate with the covariance of what the data determine.
+    ///
+    /// # Errors
+    /// [`EstimatorError::Refused`] for numbers that are not finite.
+    pub fn finding(&self) -> Result<DynFinding, EstimatorError> {
+        let layout = self.base.layout();
+        let mut point = DVector::zeros(layout.unknowns());
+        for body in 0..layout.bodies().len() {
+            if let Some(numbers) = self.links.body(body) {
+                point.rows_mut(layout.body_column(body), BODY).copy_from(&numbers);
+            }
+        }
+        for nuisance in 0..layout.nuisances().len() {
+            point[layout.nuisance_column(nuisance)] = self.links.nuisance(nuisance).unwrap_or_default();
+        }
+        let covariance = self.determined_covariance.clone();
+        DynFinding::try_new(point, self.base.row_space(), covariance, layout.magnitudes())
     }
 
     /// Standard deviations of a part; `None` where the data leave any of its ten numbers free.

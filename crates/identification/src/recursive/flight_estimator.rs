@@ -6,6 +6,7 @@ mod flight_motion;
 mod health;
 mod reception;
 mod settings;
+mod two_stage;
 mod wrench_history;
 
 #[cfg(test)]
@@ -14,12 +15,13 @@ mod tests;
 pub use health::FlightHealth;
 pub use reception::{FlightMeasurement, Reception, ReceptionCounts};
 pub use settings::{FlightEstimatorSettings, LearningTargets, WrenchErrors, grasp_or_release};
+pub use two_stage::{BeginStage, BodyStage, TwoStageEstimator, WindowRows};
 
 use crate::dynamics::{LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
 use crate::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
 use crate::identify::standard_deviations;
-use crate::lie::{Pose, Wrench};
+use crate::lie::Wrench;
 use crate::recursive::belief::symmetric;
 use crate::recursive::joint_motion::{JointState, parameters_by_chart};
 use crate::{BodyScale, Estimate};
@@ -28,6 +30,7 @@ use first_lessons::FirstLessons;
 use flight_motion::{BODY, FlightMotion, FlightState};
 use health::Thresholds;
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
+use reception::{checked, kinds};
 use std::collections::VecDeque;
 use wrench_history::WrenchHistory;
 
@@ -37,15 +40,16 @@ const MOMENTS: usize = 128;
 const COAST_NS: i64 = 64_000_000;
 
 /// What happened at a moment of the stream.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // nothing is allocated in flight
 enum Event {
     Start,
     Coasted,
-    Measured(FlightMeasurement),
+    Measured(Measurement),
     Changed(SVector<f64, 10>),
     WrenchDoubted,
     Restarted(LogCholesky<f64>, SMatrix<f64, 10, 10>),
+    Revised(LogCholesky<f64>, SMatrix<f64, 10, 10>),
 }
 
 /// Motion and body of a free flyer, filtered at the stamps of its measurements.
@@ -69,6 +73,8 @@ pub struct FlightEstimator {
     moments: VecDeque<Filtered>,
     /// Events up to this place, itself included, are in `lessons`.
     settled: usize,
+    /// Events that were kept once.
+    dropped: u64,
     lessons: FirstLessons,
     /// Of those that never entered the stream.
     apart: ReceptionCounts,
@@ -108,6 +114,7 @@ impl FlightEstimator {
             relocalise_after_ns: ns(settings.relocalise_after_s),
             lateness_ns: ns(settings.lateness_s),
             lead_ns: ns(settings.lead_s),
+            considers_body: false,
         };
         let state =
             FlightState { joint: JointState { motion: start, body }, drift: Vector6::zeros(), scale: Vector6::zeros() };
@@ -123,6 +130,7 @@ impl FlightEstimator {
             events,
             moments,
             settled: 0,
+            dropped: 0,
             lessons,
             apart: ReceptionCounts::default(),
             known: false,
@@ -135,10 +143,17 @@ impl FlightEstimator {
     /// Said again of the same time, or of a time already filtered, it replaces what was believed. Spans that are empty and
     /// wrenches that are not finite are passed over.
     pub fn acted(&mut self, from_ns: i64, until_ns: i64, wrench_body: &Wrench<f64>) {
-        if until_ns <= from_ns || !wrench_body.to_vector().iter().all(|x| x.is_finite()) {
+        self.hold(&Acted { from_ns, until_ns, wrench_body: *wrench_body, stored_body: Vector3::zeros() });
+    }
+
+    fn hold(&mut self, acted: &Acted) {
+        let Acted { from_ns, until_ns, wrench_body, stored_body } = acted;
+        let (from_ns, until_ns) = (*from_ns, *until_ns);
+        let finite = |x: &f64| x.is_finite();
+        if until_ns <= from_ns || !wrench_body.to_vector().iter().chain(stored_body).all(finite) {
             return;
         }
-        self.history.hold(from_ns, until_ns, wrench_body);
+        self.history.hold(from_ns, until_ns, wrench_body, stored_body);
         let first = self.moments.partition_point(|moment| moment.stamp_ns <= from_ns);
         // What is settled stays.
         self.filter_from(first.max(self.settled + 1));
@@ -147,7 +162,7 @@ impl FlightEstimator {
             // A pause of hours is one step of the ring.
             let behind_ns = horizon_ns - self.newest().stamp_ns;
             let stamp_ns = self.newest().stamp_ns.saturating_add(COAST_NS.max(behind_ns / 64));
-            self.insert(self.moments.len(), stamp_ns, &Event::Coasted);
+            self.insert(self.moments.len(), stamp_ns, Event::Coasted);
         }
         self.settle(horizon_ns);
     }
@@ -162,25 +177,26 @@ impl FlightEstimator {
             match event {
                 Event::Measured(measurement) => self.lessons.keep(measurement),
                 Event::Changed(_) | Event::WrenchDoubted | Event::Restarted(..) => self.lessons.begin_at(moment),
-                Event::Start | Event::Coasted => {}
+                Event::Start | Event::Coasted | Event::Revised(..) => {}
             }
             self.settled += 1;
         }
-        let Some(settled) = self.moments.get(self.settled) else { return };
-        if !self.lessons.are_due(settled.stamp_ns, &self.history) {
+        if self.rules.considers_body {
             return;
         }
-        let (stamp_ns, body) = (settled.stamp_ns, settled.state.joint.body);
-        let mut again = self.lessons.again(&self.rules, &self.history, &body);
-        again.advance(&self.rules, &self.history, stamp_ns, None);
-        if let Some(settled) = self.moments.get_mut(self.settled) {
-            *settled = again;
-        }
+        let Some(settled) = self.moments.get_mut(self.settled) else { return };
+        let Some(mut again) = self.lessons.work(&self.rules, &self.history, settled) else { return };
+        again.advance(&self.rules, &self.history, settled.stamp_ns, None);
+        *settled = again;
         self.filter_from(self.settled + 1);
     }
 
     /// Takes a measurement, which may be late, out of order, doubled or absurd.
     pub fn measured(&mut self, measurement: &FlightMeasurement) -> Reception {
+        self.look_at(&measurement.with(&self.rules.settings.noise))
+    }
+
+    fn look_at(&mut self, measurement: &Measurement) -> Reception {
         let reception = self.receive(measurement);
         match reception {
             Reception::TooOld => self.apart.too_old += 1,
@@ -193,8 +209,8 @@ impl FlightEstimator {
         reception
     }
 
-    fn receive(&mut self, measurement: &FlightMeasurement) -> Reception {
-        let checked = match measurement.checked() {
+    fn receive(&mut self, measurement: &Measurement) -> Reception {
+        let checked = match checked(measurement) {
             Ok(checked) => checked,
             Err(what) => return Reception::Malformed { what },
         };
@@ -203,30 +219,45 @@ impl FlightEstimator {
             return Reception::FromTheFuture;
         }
         let same = |event: &Event| matches!(event, Event::Measured(known) if known.stamp_ns == stamp_ns);
-        if self.events.iter().any(same) {
+        let companion = self.events.iter().position(same);
+        if let Some(Event::Measured(known)) = companion.and_then(|place| self.events.get(place))
+            && kinds(known).iter().zip(kinds(&checked)).any(|(known, new)| *known && new)
+        {
             return Reception::Duplicate;
         }
         let oldest_ns = self.moments.front().map_or(i64::MAX, |moment| moment.stamp_ns);
         if stamp_ns < clock_ns.saturating_sub(self.rules.lateness_ns) || stamp_ns < oldest_ns {
             return Reception::TooOld;
         }
-        let place = self.moments.partition_point(|moment| moment.stamp_ns <= stamp_ns).max(1);
-        let later = self.events.iter().skip(place).any(|event| matches!(event, Event::Measured(_)));
+        let place =
+            companion.unwrap_or_else(|| self.moments.partition_point(|moment| moment.stamp_ns <= stamp_ns).max(1));
+        let after = place + usize::from(companion.is_some());
+        let later = self.events.iter().skip(after).any(|event| matches!(event, Event::Measured(_)));
         self.apart.replayed += u64::from(later);
-        self.insert(place, stamp_ns, &Event::Measured(checked))
+        if let Some(Event::Measured(known)) = self.events.get_mut(place).filter(|_| companion.is_some()) {
+            // Quantities of one moment are one measurement, in whatever order they came.
+            known.attitude = known.attitude.or(checked.attitude);
+            known.position_world = known.position_world.or(checked.position_world);
+            known.rate_body = known.rate_body.or(checked.rate_body);
+            known.velocity_world = known.velocity_world.or(checked.velocity_world);
+            known.other = known.other.take().or(checked.other);
+            return self.filter_from(place);
+        }
+        self.insert(place, stamp_ns, Event::Measured(checked))
     }
 
     /// Puts an event in its place and filters from there on.
-    fn insert(&mut self, place: usize, stamp_ns: i64, event: &Event) -> Reception {
+    fn insert(&mut self, place: usize, stamp_ns: i64, event: Event) -> Reception {
         let mut moment = *self.newest();
         moment.stamp_ns = stamp_ns;
-        self.events.insert(place, *event);
+        self.events.insert(place, event);
         // Overwritten at once, from `place` on; only the stamps of those that move are needed.
         self.moments.insert(place, moment);
         let reception = self.filter_from(place);
         if self.moments.len() > MOMENTS {
             self.events.pop_front();
             self.moments.pop_front();
+            self.dropped += 1;
             self.settled = self.settled.saturating_sub(1);
         }
         reception
@@ -252,6 +283,10 @@ impl FlightEstimator {
                 }
                 Event::Restarted(body, covariance) => {
                     filtered.restart(&self.rules, body, covariance);
+                    Reception::Frozen
+                }
+                Event::Revised(body, covariance) => {
+                    filtered.revise(body, covariance);
                     Reception::Frozen
                 }
                 Event::Start | Event::Coasted => Reception::Frozen,
@@ -329,7 +364,7 @@ impl FlightEstimator {
     /// As [`try_new`](Self::try_new) for the prior; nothing is changed then.
     pub fn restart(&mut self, prior: &Estimate) -> Result<(), IdentificationError> {
         let (body, covariance) = in_chart(prior)?;
-        self.happen_now(&Event::Restarted(body, covariance));
+        self.happen_now(Event::Restarted(body, covariance));
         Ok(())
     }
 
@@ -337,13 +372,13 @@ impl FlightEstimator {
     /// kept: something was grasped or released; see [`grasp_or_release`]. What is not finite widens nothing. Once, the wrench is
     /// allowed to be off as well, by what is [`WrenchErrors::doubted`].
     pub fn body_changed(&mut self, deviation: &SVector<f64, 10>) {
-        self.happen_now(&Event::Changed(deviation.map(|s| if s.is_finite() { s } else { 0.0 })));
+        self.happen_now(Event::Changed(deviation.map(|s| if s.is_finite() { s } else { 0.0 })));
     }
 
     /// Actuators do not do what they are told: from now on, for good, the wrench may be off by what is
     /// [`WrenchErrors::doubted`], whatever it was before.
     pub fn wrench_doubtful(&mut self) {
-        self.happen_now(&Event::WrenchDoubted);
+        self.happen_now(Event::WrenchDoubted);
     }
 
     /// What to ask of doubted actuators for a wrench in body axes, by their errors as far as they are known; `None` where they are
@@ -352,7 +387,7 @@ impl FlightEstimator {
         self.newest().compensated(&self.rules, wrench_body)
     }
 
-    fn happen_now(&mut self, event: &Event) {
+    fn happen_now(&mut self, event: Event) {
         self.known = false;
         let stamp_ns = self.history.end_ns().max(self.newest().stamp_ns);
         self.insert(self.moments.len(), stamp_ns, event);
@@ -372,20 +407,10 @@ impl FlightEstimator {
 
 impl StateEstimator for FlightEstimator {
     fn acted(&mut self, acted: &Acted) {
-        let rate = self.state_at(acted.from_ns).twist_body.angular;
-        let torque = acted.wrench_body.torque - rate.cross(&acted.stored_body);
-        self.acted(acted.from_ns, acted.until_ns, &Wrench::new(torque, acted.wrench_body.force));
+        self.hold(acted);
     }
     fn measured(&mut self, measurement: &Measurement) -> Reception {
-        let (Some(attitude), Some(position)) = (&measurement.attitude, &measurement.position_world) else {
-            return Reception::Malformed { what: "attitude and position are needed" };
-        };
-        self.measured(&FlightMeasurement {
-            stamp_ns: measurement.stamp_ns,
-            world_from_body: Pose::from_parts(position.value.into(), attitude.value),
-            rate_body: measurement.rate_body.map(|rate| rate.value),
-            velocity_origin_world: measurement.velocity_world.map(|velocity| velocity.value),
-        })
+        self.look_at(measurement)
     }
     fn state_at(&self, time_ns: i64) -> RigidBodyState<f64> {
         self.state_at(time_ns)

@@ -3,6 +3,7 @@
 use super::extended_kalman::{DifferentiableModel, FilterModel};
 use crate::dynamics::{
     FreeFlyer, FreeFlyerIn, InertialParameters, Integrator, LogCholesky, MuntheKaas4, RigidBodyState, UniformGravity,
+    WrenchModel,
 };
 use crate::error::IdentificationError;
 use crate::lie::{LieGroup, Manifold, Pose, Twist, Wrench, skew};
@@ -124,8 +125,9 @@ impl JointMotion {
         Twist::new(acceleration.angular_acceleration_body, linear)
     }
 
-    /// Derivatives of the twist rate. The acceleration of the origin is the lower half plus w × v.
-    fn derivatives(&self, state: &JointState, wrench: &Wrench<f64>) -> Derivatives {
+    /// Derivatives of the twist rate under a wrench that holds the gyroscopic torque of what is `stored`. The acceleration of the origin
+    /// is the lower half plus w × v.
+    fn derivatives(&self, state: &JointState, wrench: &Wrench<f64>, stored: &Vector3<f64>) -> Derivatives {
         let parameters = state.body.to_parameters();
         let flyer = FreeFlyer::new(parameters);
         let twist = &state.motion.twist_body;
@@ -147,12 +149,12 @@ impl JointMotion {
             let column: Vector6<f64> = required.column(j).into_owned();
             by_body.set_column(j, &response(&Wrench::from(-column)));
         }
-        // By the rate: torque w × J w, force w × (w × h).
+        // By the rate: torque w × (J w + stored), force w × (w × h).
         let (inertia, h) = (parameters.inertia_about_origin, parameters.first_moment);
         let mut by_twist = SMatrix::<f64, 6, 6>::zeros();
         for j in 0..3 {
             let e = Vector3::ith(j, 1.0);
-            let torque = e.cross(&(inertia * w)) + w.cross(&(inertia * e));
+            let torque = e.cross(&(inertia * w + stored)) + w.cross(&(inertia * e));
             let force = e.cross(&w.cross(&h)) + w.cross(&e.cross(&h));
             by_twist.set_column(j, &response(&Wrench::new(-torque, -force)));
         }
@@ -168,15 +170,17 @@ impl JointMotion {
         &self,
         state: &JointState,
         observation: &JointObservation,
+        stored: &Vector3<f64>,
     ) -> (SMatrix<f64, 12, 12>, SMatrix<f64, 12, 10>) {
         let step_s = observation.step_s;
         let flyer = FreeFlyer::new(state.body.to_parameters());
-        let start = self.twist_rate(&flyer, &state.motion, &observation.wrench_body);
+        let given = &observation.wrench_body;
+        let start = self.twist_rate(&flyer, &state.motion, &felt(given, stored, &state.motion.twist_body.angular));
         let twist_body = state.motion.twist_body + start * (0.5 * step_s);
         let turn = Pose::exp(&(state.motion.twist_body.to_vector() * (0.5 * step_s)));
         let world_from_body = state.motion.world_from_body.compose(&turn);
         let middle = JointState { motion: RigidBodyState { world_from_body, twist_body }, body: state.body };
-        let found = self.derivatives(&middle, &observation.wrench_body);
+        let found = self.derivatives(&middle, &felt(given, stored, &twist_body.angular), stored);
         let (w, v) = (skew(&twist_body.angular), skew(&twist_body.linear));
         let mut by_motion = SMatrix::<f64, 12, 12>::zeros();
         by_motion.fixed_view_mut::<3, 3>(0, 0).copy_from(&-w);
@@ -191,15 +195,41 @@ impl JointMotion {
         (SMatrix::identity() + by_motion * step_s + half * by_motion, by_body * step_s + half * by_body)
     }
 
-    fn body_in_gravity(&self, state: &JointState) -> FreeFlyerIn<f64, UniformGravity<f64>> {
+    /// The end of a step on which momentum is stored.
+    pub(super) fn propagate_storing(
+        &self,
+        state: &JointState,
+        observation: &JointObservation,
+        stored_body: &Vector3<f64>,
+    ) -> Result<JointState, IdentificationError> {
         let parameters = state.body.to_parameters();
-        let environment = UniformGravity {
+        let gravity = UniformGravity {
             mass: parameters.mass,
             first_moment: parameters.first_moment,
             gravity_world: self.gravity_world,
         };
-        FreeFlyerIn { body: FreeFlyer::new(parameters), environment }
+        let environment = Storing { gravity, stored_body: *stored_body };
+        let system = FreeFlyerIn { body: FreeFlyer::new(parameters), environment };
+        let motion = MuntheKaas4.step(&system, &state.motion, &observation.wrench_body, 0.0, observation.step_s)?;
+        Ok(JointState { motion, body: state.body })
     }
+}
+
+/// Weight, and the torque of what is stored as the body turns it along.
+struct Storing {
+    gravity: UniformGravity<f64>,
+    stored_body: Vector3<f64>,
+}
+
+impl WrenchModel<f64> for Storing {
+    fn wrench_body(&self, time_s: f64, state: &RigidBodyState<f64>) -> Wrench<f64> {
+        felt(&self.gravity.wrench_body(time_s, state), &self.stored_body, &state.twist_body.angular)
+    }
+}
+
+/// A wrench with the gyroscopic torque h × w of what is stored.
+fn felt(wrench: &Wrench<f64>, stored: &Vector3<f64>, rate: &Vector3<f64>) -> Wrench<f64> {
+    Wrench::new(wrench.torque + stored.cross(rate), wrench.force)
 }
 
 impl FilterModel<22, 15, 10> for JointMotion {
@@ -207,9 +237,7 @@ impl FilterModel<22, 15, 10> for JointMotion {
     type Observation = JointObservation;
 
     fn propagate(&self, state: &JointState, observation: &JointObservation) -> Result<JointState, IdentificationError> {
-        let system = self.body_in_gravity(state);
-        let motion = MuntheKaas4.step(&system, &state.motion, &observation.wrench_body, 0.0, observation.step_s)?;
-        Ok(JointState { motion, body: state.body })
+        self.propagate_storing(state, observation, &Vector3::zeros())
     }
 
     fn process_noise(&self, state: &JointState, observation: &JointObservation) -> Matrix22 {
@@ -289,7 +317,7 @@ impl DifferentiableModel<22, 15, 10> for JointMotion {
         observation: &JointObservation,
         covariance: &Matrix22,
     ) -> Matrix22 {
-        let (by_motion, by_body) = self.transition(state, observation);
+        let (by_motion, by_body) = self.transition(state, observation, &Vector3::zeros());
         // Φ = [by_motion by_body; 0 I].
         let moved =
             by_motion * covariance.fixed_view::<12, 22>(0, 0) + by_body * covariance.fixed_view::<10, 22>(12, 0);
@@ -309,7 +337,7 @@ impl DifferentiableModel<22, 15, 10> for JointMotion {
         let twist = &state.motion.twist_body;
         sensitivity.fixed_view_mut::<3, 3>(9, 0).copy_from(&-skew(&twist.linear));
         if let Some((_, wrench)) = &observation.acceleration_origin_body {
-            let found = self.derivatives(state, wrench);
+            let found = self.derivatives(state, wrench, &Vector3::zeros());
             // Acceleration of the origin = component rate of the velocity + w × v.
             let by_rate = found.twist.fixed_view::<3, 3>(3, 0) - skew(&twist.linear);
             sensitivity.fixed_view_mut::<3, 3>(12, 0).copy_from(&found.attitude);
@@ -423,7 +451,7 @@ mod tests {
     #[test]
     fn transition_is_the_derivative_of_the_step_to_second_order() {
         let error = |step_s: f64| {
-            let (by_motion, by_body) = model().transition(&state(), &observation(step_s));
+            let (by_motion, by_body) = model().transition(&state(), &observation(step_s), &Vector3::zeros());
             let end = model().propagate(&state(), &observation(step_s)).unwrap();
             (0..22)
                 .map(|j| {

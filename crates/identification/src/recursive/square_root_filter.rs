@@ -37,6 +37,18 @@ impl<const P: usize, const ROWS: usize> SquareRootFilter<P, ROWS> {
         Ok(Self { information, parameters: mean, gate: None, prior: information, magnitudes: standard_deviation })
     }
 
+    /// Starts from what is known, whole covariance and all.
+    ///
+    /// # Errors
+    /// [`EstimatorError::Refused`] where directions are free.
+    pub fn knowing(known: &Finding<P>) -> Result<Self, EstimatorError> {
+        let Some(parameters) = known.point().copied() else {
+            return Err(EstimatorError::Refused { what: "a finding without a point", index: 0, value: f64::NAN });
+        };
+        let (information, magnitudes) = (*known.information(), *known.magnitudes());
+        Ok(Self { information, parameters, gate: None, prior: information, magnitudes })
+    }
+
     /// The same behind a gate.
     pub fn with_gate(self, gate: ChiSquareGate) -> Self {
         Self { gate: Some(gate), ..self }

@@ -21,6 +21,7 @@ pub struct StateSample {
 ///
 /// Section 5.4 of the thesis does not say which one it uses; the ratio of its table 5.1 depends on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum FiniteDifference {
     /// `(x_{k+1} - x_k) / h` with rate, attitude and wrench at k; inertial velocity is differenced. Order 1.
     Forward,

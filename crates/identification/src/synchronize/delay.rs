@@ -2,7 +2,7 @@
 
 use super::sum_over_distances;
 use crate::error::IdentificationError;
-use crate::likelihood::{Quantity, Verdict};
+use crate::likelihood::identifiability::{Quantity, Verdict};
 use crate::motion::MotionSample;
 use crate::savitzky_golay::SavitzkyGolay;
 use crate::wrench_timing::WrenchTiming;

@@ -2,7 +2,7 @@
 
 use super::sum_over_distances;
 use crate::error::IdentificationError;
-use crate::likelihood::Verdict;
+use crate::likelihood::identifiability::Verdict;
 use nalgebra::Vector3;
 
 /// What forces and accelerations along one body axis say about each other.

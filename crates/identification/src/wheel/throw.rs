@@ -5,6 +5,7 @@ use super::momentum_balance::FreeFallEstimate;
 use super::regressors::{parallel_axis, parallel_axis_derivative, symmetric_entries, symmetric_matrix, two_bodies};
 use super::throw_record::{EndOfFall, ThrowRecord};
 use crate::IdentificationError;
+use crate::estimator::{Estimator, EstimatorError, Finding};
 use tumble_dynamics::InertialParameters;
 use tumble_lie::nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -75,6 +76,35 @@ pub fn identify_throw(
         end: fall.end,
         windows: fall.windows,
     })
+}
+
+/// Device and object of a throw by [`identify_throw`], as an estimator of nine parameters: the `[11, 12, 13, 22, 23, 33]` entries of the
+/// inertia about the common centre of mass, kg m^2, then that centre, m.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Thrown {
+    calibration: WheelCalibration,
+}
+
+impl Thrown {
+    /// By a device calibrated so.
+    pub fn new(calibration: WheelCalibration) -> Self {
+        Self { calibration }
+    }
+}
+
+impl Estimator<9> for Thrown {
+    type Record = ThrowRecord;
+
+    fn estimate(&self, record: &ThrowRecord) -> Result<Finding<9>, EstimatorError> {
+        let found = identify_throw(record, &self.calibration, None)?;
+        let (mut point, mut covariance) = (SVector::<f64, 9>::zeros(), SMatrix::<f64, 9, 9>::zeros());
+        point.fixed_rows_mut::<6>(0).copy_from(&symmetric_entries(&found.total_inertia_about_com));
+        point.fixed_rows_mut::<3>(6).copy_from(&found.total_com_m);
+        covariance.fixed_view_mut::<6, 6>(0, 0).copy_from(&found.total_inertia_covariance);
+        covariance.fixed_view_mut::<3, 3>(6, 6).copy_from(&found.total_com_covariance);
+        let magnitudes = covariance.diagonal().map(f64::sqrt);
+        Finding::of_covariance(point, &covariance, magnitudes)
+    }
 }
 
 /// `j (X - X_device) - mu (|d|^2 1 - d d^T)`, with `d` from the device's centre of mass to the object's, `mu` the reduced

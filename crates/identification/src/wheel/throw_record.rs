@@ -32,6 +32,7 @@ pub struct ThrowRecord {
 
 /// Why the free fall of a record ends where it does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum EndOfFall {
     /// The record ends first.
     Record,

@@ -4,6 +4,7 @@
 
 use crate::exact_motion::Random;
 use argmin::core::{CostFunction, Error, Executor, Gradient, State};
+use argmin::solver::gradientdescent::SteepestDescent;
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
 use tumble_identification::excitation::{
@@ -237,4 +238,63 @@ fn the_reference_gains_little_from_where_the_design_ends() {
     let (cost, polished) = design_and_polished(&InLikeUnits { criterion: AOptimality, magnitudes });
     println!("A: {cost:.4}, polished {polished:.4}");
     assert!(cost < 1.02 * polished, "{cost} {polished}");
+}
+
+fn space() -> SpaceExcitation {
+    let channel_limits = std::array::from_fn(|channel| {
+        let [workspace, rate, acceleration] = limits(channel);
+        ChannelLimits::symmetric(workspace, rate, acceleration)
+    });
+    SpaceExcitation::try_new(basis(), &channel_limits, SAMPLES).unwrap().with_limits_holding(LimitsHold::AtSamples)
+}
+
+/// The crate's own cost function against the reference above, which shares nothing with it but the regressor.
+#[test]
+fn the_cost_function_and_its_gradient_are_those_of_the_reference() {
+    let (excitation, mut reference) = (space(), Penalized::new(&DOptimality));
+    reference.weight = 10.0;
+    let cost = excitation.cost_function(&DOptimality, reference.weight);
+    let mut numbers = reference.start(&mut Random::new(3));
+    // Outside some limits.
+    for number in &mut numbers {
+        *number *= 1.5;
+    }
+    assert_eq!(cost.unknowns(), numbers.len());
+    let (stated, expected) = (cost.cost(&numbers).unwrap(), reference.cost(&numbers).unwrap());
+    assert!((stated - expected).abs() < 1e-9 * expected.abs(), "{stated} {expected}");
+    let (stated, expected) = (cost.gradient(&numbers).unwrap(), reference.gradient(&numbers).unwrap());
+    let size = expected.iter().fold(0.0, |most: f64, entry| most.max(entry.abs()));
+    for (i, (stated, expected)) in stated.iter().zip(&expected).enumerate() {
+        assert!((stated - expected).abs() < 1e-9 * size, "{i}: {stated} {expected}");
+    }
+    let again = cost.unknowns_of(&cost.motion(&numbers).unwrap());
+    assert!(again.iter().zip(&numbers).all(|(a, b)| (a - b).abs() < 1e-14), "{again:?}");
+    assert!(cost.cost(&numbers[1..].to_vec()).unwrap().is_infinite() && cost.motion(&numbers[1..]).is_none());
+    assert!(cost.gradient(&numbers[1..].to_vec()).is_err() && cost.gradient(&vec![0.0; numbers.len()]).is_err());
+    assert!(cost.cost(&vec![0.0; numbers.len()]).unwrap().is_infinite());
+}
+
+/// Two of argmin's solvers on the crate's cost function: both descend from a random motion, and neither goes further than the
+/// design by more than the penalty lets it out of the limits.
+#[test]
+fn solvers_of_argmin_minimise_the_cost_function() {
+    let excitation = space();
+    let start = Penalized::new(&DOptimality).start(&mut Random::new(5));
+    let of = |numbers: &Vec<f64>| excitation.cost_function(&DOptimality, 1e3).cost(numbers).unwrap();
+    let before = of(&start);
+    let run = || excitation.cost_function(&DOptimality, 1e3);
+    let quasi_newton = Executor::new(run(), LBFGS::new(MoreThuenteLineSearch::new(), 10))
+        .configure(|state| state.param(start.clone()).max_iters(60))
+        .run()
+        .unwrap();
+    let descent = Executor::new(run(), SteepestDescent::new(MoreThuenteLineSearch::new()))
+        .configure(|state| state.param(start.clone()).max_iters(60))
+        .run()
+        .unwrap();
+    let found = [quasi_newton.state().get_best_cost(), descent.state().get_best_cost()];
+    println!("from {before:.3} to {found:.3?}");
+    assert!(found.iter().all(|cost| *cost < before - 0.5), "{before} {found:?}");
+    assert!(found[0] <= found[1] + 0.5, "{found:?}");
+    let designed = excitation.design(&DOptimality, 1, 1).unwrap().cost;
+    assert!(found[0] > designed - 1.0, "{found:?} {designed}");
 }

@@ -1,7 +1,6 @@
 //! The dedicated solver against Clarabel's semidefinite cone, on random problems and on problem 4 `hard`.
 
 use crate::problem4_hard;
-use lapack_symbols as _;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};

@@ -4,11 +4,13 @@
 mod calibration;
 mod change_scenario;
 mod custom_criterion;
+mod custom_estimator;
 mod custom_feasible_set;
 mod custom_recursive_estimator;
 mod custom_regressor;
 mod environment;
 mod estimation_laws;
+mod estimator_laws;
 mod exact_motion;
 mod excitation_against_argmin;
 mod excitation_design;
@@ -18,6 +20,7 @@ mod fixed_lag;
 mod flight_estimator;
 mod flight_scenario;
 mod identify_properties;
+mod lapack_symbols;
 #[cfg(feature = "clarabel-sdp")]
 mod lmi_against_clarabel;
 mod maximum_likelihood;

@@ -1,11 +1,17 @@
 //! Which of many obstacles at rest a query need look at: a tree of boxes.
 
-use super::world::box_gap;
 use nalgebra::Vector3;
 use tumble_dynamics::AlignedBox;
 
 /// Most boxes that a leaf holds.
 const LEAF: usize = 4;
+
+/// The signed distance of two boxes is not below this.
+pub(super) fn box_gap(lower: &Vector3<f64>, upper: &Vector3<f64>, other: &AlignedBox) -> f64 {
+    let gap = (lower - other.upper_world).sup(&(other.lower_world - upper));
+    let apart = f64::sqrt(gap.sup(&Vector3::zeros()).norm_squared());
+    if apart > 0.0 { apart } else { gap.max() }
+}
 
 /// Boxes in a balanced binary tree, in preorder: to skip a subtree is to jump.
 #[derive(Clone, Debug, Default)]

@@ -3,9 +3,8 @@
 mod piece;
 
 use self::piece::{FARTHEST_M, Part, Piece, decompose, distance_to_half_space, signed_distance};
-use super::broad_phase::BoxTree;
+use super::broad_phase::{BoxTree, box_gap};
 use super::conservative::conservative_first_contact;
-use super::world::box_gap;
 use super::{Blocker, Clearance, CollisionWorld, Contact};
 use crate::error::{PlanningError, finite};
 use crate::motion::BodyArc;

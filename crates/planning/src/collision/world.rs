@@ -1,6 +1,6 @@
 //! The world of ellipsoids and boxes: what a body may hit, at rest or moving, there always or for a time.
 
-use super::broad_phase::BoxTree;
+use super::broad_phase::{BoxTree, box_gap};
 use super::obstacle::Solid;
 use super::sweep::{MovingPart, degree, first_contact, path_box};
 use super::{
@@ -299,13 +299,6 @@ impl PosedPart {
             Self::Ellipsoid(part) => solid.distance(&part.moved_to(*relative)).distance_m,
         }
     }
-}
-
-/// The signed distance of two boxes is not below this.
-pub(super) fn box_gap(lower: &Vector3<f64>, upper: &Vector3<f64>, other: &AlignedBox) -> f64 {
-    let gap = (lower - other.upper_world).sup(&(other.lower_world - upper));
-    let apart = f64::sqrt(gap.sup(&Vector3::zeros()).norm_squared());
-    if apart > 0.0 { apart } else { gap.max() }
 }
 
 impl EllipsoidWorld {

@@ -24,6 +24,7 @@ impl AttitudeGains {
 
 /// What an [`AttitudeController`] answers besides errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum AttitudeLaw {
     /// Nothing: proportional-derivative feedback alone, as flown.
     Feedback,

@@ -85,7 +85,7 @@ pub struct TorqueBudget {
 }
 
 /// Why an attitude loop has no certificate.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AttitudeRefusal {
     /// A number that cannot be.

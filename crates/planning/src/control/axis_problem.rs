@@ -28,6 +28,7 @@ impl TubeDisturbance {
 
 /// Where the nominal motion of an axis may end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Terminal {
     /// Where it can still be stopped inside the walls.
     StopSet,

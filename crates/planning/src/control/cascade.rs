@@ -38,6 +38,38 @@ pub struct TranslationDecision {
 }
 
 /// Decides on the force that moves the body origin.
+///
+/// # Example
+/// ```
+/// use tumble_planning::PlanningError;
+/// use tumble_planning::control::{AttitudeController, AttitudeGains, AttitudeLaw, Cascade, TranslationDecision};
+/// use tumble_planning::control::{TranslationLaw, TranslationRequest};
+/// use tumble_planning::dynamics::InertialParameters;
+/// use tumble_planning::nalgebra::Vector3;
+///
+/// /// A spring and a damper to the reference, ten times a second.
+/// struct Spring;
+/// impl TranslationLaw for Spring {
+///     fn step_s(&self) -> f64 {
+///         0.1
+///     }
+///     fn decide(&mut self, request: &TranslationRequest<'_>) -> Result<TranslationDecision, PlanningError> {
+///         let wanted = request.plan.trajectory.at(request.time_s).state.world_from_body.translation.vector;
+///         let force_world = (wanted - request.state.position) * 0.4 - request.state.velocity * 4.0;
+///         Ok(TranslationDecision { force_world, fallback: None })
+///     }
+/// }
+/// let attitude = AttitudeController {
+///     law: AttitudeLaw::Geometric,
+///     gains: AttitudeGains { stiffness_n_m: 0.05, damping_n_m_s: 0.2 },
+///     body: InertialParameters::solid_box(9.5, [0.3; 3]),
+///     torque_limit_n_m: 0.03,
+/// };
+/// let controller = Cascade::try_new(Spring, attitude, Vector3::repeat(0.3))?; // a `Controller` now
+/// assert_eq!(controller.law().step_s(), 0.1);
+/// # Ok::<(), PlanningError>(())
+/// ```
+/// Tutorial: [a controller of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_controller.rs).
 pub trait TranslationLaw {
     /// Time between decisions, s; positive.
     fn step_s(&self) -> f64;

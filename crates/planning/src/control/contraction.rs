@@ -36,9 +36,9 @@ impl<const N: usize> Contraction<N> {
     /// [`PlanningError::NotContractive`] where there is none, or none that doubles can show.
     pub fn try_new(closed_loop: &SMatrix<f64, N, N>) -> Result<Self, PlanningError> {
         let spectral_radius = spectral_radius(closed_loop);
-        let refusal = PlanningError::NotContractive { spectral_radius };
+        let refusal = || PlanningError::NotContractive { spectral_radius };
         if spectral_radius >= 1.0 {
-            return Err(refusal);
+            return Err(refusal());
         }
         // P = sum of (A'/r)^i (A/r)^i, so that A'PA = r^2 (P - 1)
         let mut power = closed_loop / (spectral_radius + MARGIN * (1.0 - spectral_radius));
@@ -51,11 +51,11 @@ impl<const N: usize> Contraction<N> {
                 break;
             }
         }
-        let factor = cholesky(&measure).ok_or(refusal)?;
+        let factor = cholesky(&measure).ok_or_else(refusal)?;
         let inverse = inverse_of_lower(&factor);
         let in_measure = factor.transpose() * closed_loop * inverse.transpose();
         let rate = f64::sqrt(self::spectral_radius(&(in_measure.transpose() * in_measure))) * (1.0 + SAFETY);
-        if rate < 1.0 { Ok(Self { factor, inverse, rate }) } else { Err(refusal) }
+        if rate < 1.0 { Ok(Self { factor, inverse, rate }) } else { Err(refusal()) }
     }
 
     /// Factor by which an error is shorter after a step, at least; below one.

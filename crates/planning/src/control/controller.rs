@@ -7,6 +7,24 @@ use tumble_dynamics::{PoseReference, RigidBodyState};
 use tumble_lie::Wrench;
 
 /// A motion to follow, at every mission time: before its start it rests there, after its end at its end.
+///
+/// # Example
+/// A function of time is one:
+/// ```
+/// use tumble_planning::control::ReferenceMotion;
+/// use tumble_planning::dynamics::{BodyAcceleration, PoseReference, RigidBodyState};
+/// use tumble_planning::lie::{Pose, Twist};
+/// use tumble_planning::nalgebra::Vector3;
+///
+/// let drift = |time_s: f64| PoseReference {
+///     state: RigidBodyState {
+///         world_from_body: Pose::translation(0.1 * time_s, 0.0, 0.0),
+///         twist_body: Twist::new(Vector3::zeros(), Vector3::x() * 0.1),
+///     },
+///     acceleration: BodyAcceleration { angular_acceleration_body: Vector3::zeros(), acceleration_origin_body: Vector3::zeros() },
+/// };
+/// assert_eq!(drift.at(3.0).state.world_from_body.translation.x, 0.1 * 3.0);
+/// ```
 pub trait ReferenceMotion {
     /// Wanted state and acceleration at a mission time, s.
     fn at(&self, time_s: f64) -> PoseReference;
@@ -50,6 +68,7 @@ pub enum Adoption {
 
 /// Why a controller left its main road.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum FallbackReason {
     /// The search for the best inputs was cut off.
     IterationCap,
@@ -68,6 +87,7 @@ pub enum FallbackReason {
 
 /// What a controller does where it cannot do what it should, in the order in which it is tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Fallback {
     /// The last plan, shifted by one step; it keeps every limit.
     Shifted(FallbackReason),
@@ -75,6 +95,15 @@ pub enum Fallback {
     Restarted(FallbackReason),
     /// Braking with all the force there is, then holding; a new plan is needed.
     Braking(FallbackReason),
+}
+
+impl Fallback {
+    /// Why the main road was left.
+    pub fn reason(&self) -> FallbackReason {
+        match self {
+            Self::Shifted(reason) | Self::Restarted(reason) | Self::Braking(reason) => *reason,
+        }
+    }
 }
 
 /// A wrench to apply until the next command.
@@ -104,4 +133,24 @@ pub trait Controller {
     /// # Errors
     /// Numbers that are not finite; not that the state is out of bounds, which is answered by a [`Fallback`].
     fn command(&mut self, request: &ControlRequest<'_>) -> Result<ControlCommand, PlanningError>;
+
+    /// How far from what it follows the position may be along each world axis while the controller keeps its promises, m; zero
+    /// where it promises nothing.
+    fn tube_m(&self) -> [f64; 3] {
+        [0.0; 3]
+    }
+}
+
+impl<T: Controller + ?Sized> Controller for Box<T> {
+    fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
+        (**self).adopt(belief)
+    }
+
+    fn command(&mut self, request: &ControlRequest<'_>) -> Result<ControlCommand, PlanningError> {
+        (**self).command(request)
+    }
+
+    fn tube_m(&self) -> [f64; 3] {
+        (**self).tube_m()
+    }
 }

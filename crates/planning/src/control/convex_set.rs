@@ -5,6 +5,24 @@ use nalgebra::{SMatrix, SVector};
 /// A convex and bounded set that holds the origin, known by how far it reaches.
 ///
 /// Implement [`Self::support`]; a set that is asked often gives [`Self::supports_of_rows`] too.
+///
+/// # Example
+/// ```
+/// use tumble_planning::control::{ConvexSet, MinimalInvariantSet};
+/// use tumble_planning::nalgebra::{SMatrix, SVector};
+///
+/// /// Gusts of at most so much in any direction.
+/// struct Gusts(f64);
+/// impl<const N: usize> ConvexSet<N> for Gusts {
+///     fn support(&self, direction: &SVector<f64, N>) -> f64 {
+///         self.0 * direction.norm()
+///     }
+/// }
+/// let halved = SMatrix::<f64, 2, 2>::identity() * 0.5; // what a controller leaves of an error, each step
+/// let reached = MinimalInvariantSet::try_new(halved, Gusts(0.1))?.support(&SVector::from([1.0, 0.0]), 1e-6);
+/// assert!(reached.lower <= 0.2 && 0.2 <= reached.upper && reached.upper < 0.2001); // 0.1 + 0.05 + 0.025 + ...
+/// # Ok::<(), tumble_planning::PlanningError>(())
+/// ```
 pub trait ConvexSet<const N: usize> {
     /// Largest product of a direction, of any length, with a point of the set; never negative.
     fn support(&self, direction: &SVector<f64, N>) -> f64;

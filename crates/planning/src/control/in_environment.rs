@@ -41,7 +41,9 @@ impl<C: Controller> InEnvironment<C> {
 impl<C: Controller> Controller for InEnvironment<C> {
     fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
         let adoption = self.controller.adopt(belief)?;
-        self.body = Some(*belief.parameters());
+        if !matches!(adoption, Adoption::Contradicts { .. }) {
+            self.body = Some(*belief.parameters());
+        }
         Ok(adoption)
     }
 

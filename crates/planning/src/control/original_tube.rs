@@ -53,6 +53,7 @@ impl OriginalWeights {
 
 /// Which set of errors the original works with.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum OriginalDisturbance {
     /// The set stored with the code: without parameter feedback it serves for the whole run.
     Stored,

@@ -1,7 +1,7 @@
 //! The linear-quadratic regulator of a system whose size is a type.
 
 use super::small_matrix::{cholesky, solve, spectral_radius};
-use crate::error::{PlanningError, finite};
+use crate::error::{PlanningError, finite, indefinite};
 use nalgebra::SMatrix;
 
 /// Doublings before giving up: what is not done after the matrix to the power of `2^64` never will be.
@@ -33,7 +33,7 @@ pub fn discrete_lqr<const N: usize, const M: usize>(
     symmetric("the weight of the state", state_weight)?;
     symmetric("the weight of the input", input_weight)?;
     let what = "the least eigenvalue of the weight of the input";
-    let not_positive = || PlanningError::NotPositive { what, value: 0.0 };
+    let not_positive = || indefinite(what, input_weight);
     cholesky(input_weight).ok_or_else(not_positive)?;
     let by_input = solve(*input_weight, b.transpose()).ok_or_else(not_positive)?;
     let unstable = |radius: f64| PlanningError::NotContractive { spectral_radius: radius };

@@ -126,6 +126,10 @@ impl View<'_> {
 }
 
 impl Controller for TubeController {
+    fn tube_m(&self) -> [f64; 3] {
+        core::array::from_fn(|axis| self.tube.position_half_width_m(axis))
+    }
+
     fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
         let body = self.offered.as_ref().unwrap_or(&self.current).after(belief)?;
         let adoption = self.tube.offer(belief)?;

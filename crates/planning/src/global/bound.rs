@@ -12,9 +12,7 @@ mod least_time;
 mod survey;
 mod turning;
 
-pub(super) use grid::acceleration_m_s2;
-
-use super::diagnosis::check_numbers;
+use super::diagnosis::{acceleration_m_s2, check_numbers};
 use super::{GlobalRequest, Objective, Obstruction};
 use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};

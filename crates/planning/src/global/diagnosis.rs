@@ -1,9 +1,8 @@
 //! What can be said of a problem without a search.
 
-use super::bound::acceleration_m_s2;
 use super::{GlobalRequest, Obstruction};
 use crate::collision::{Clearance, CollisionWorld};
-use crate::error::{PlanningError, moderate, not_negative, zero_or_moderate};
+use crate::error::{PlanningError, moderate, not_negative, positive, zero_or_moderate};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 use tumble_lie::Pose;
 
@@ -61,6 +60,22 @@ pub(super) fn check_numbers<W: CollisionWorld + ?Sized>(request: &GlobalRequest<
         }
     }
     Ok(())
+}
+
+/// Acceleration along each axis, m/s^2.
+///
+/// # Errors
+/// Limits that are negative or not finite, a mass that is not positive.
+pub(super) fn acceleration_m_s2(force_n: &Vector3<f64>, mass_kg: f64) -> Result<Vector3<f64>, PlanningError> {
+    let mass_kg = positive("the mass", mass_kg)?;
+    for force in force_n {
+        not_negative("a force limit", *force)?;
+    }
+    let acceleration_m_s2 = force_n / mass_kg;
+    for acceleration in &acceleration_m_s2 {
+        zero_or_moderate("the limit of acceleration", *acceleration)?;
+    }
+    Ok(acceleration_m_s2)
 }
 
 fn outside_limits<W: CollisionWorld + ?Sized>(

@@ -16,6 +16,7 @@ use tumble_dynamics::InertialParameters;
 
 /// What is checked of an edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum EdgeCheck {
     /// The whole motion, continuously.
     #[default]

@@ -11,6 +11,7 @@ use tumble_dynamics::{AlignedBox, InertialParameters};
 
 /// How a state follows from a force.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Propagation {
     /// As the equations say.
     Exact,

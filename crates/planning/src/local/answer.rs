@@ -6,6 +6,7 @@ use nalgebra::SMatrix;
 
 /// How a local planner ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum LocalStatus {
     /// The optimality conditions hold to the tolerance.
     Converged,

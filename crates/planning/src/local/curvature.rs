@@ -14,6 +14,7 @@ use small::{dot, matrix_times, sum, transpose_times};
 
 /// Which factorisation solves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Factorisation {
     /// Stage by stage, linear in the length of the horizon.
     #[default]

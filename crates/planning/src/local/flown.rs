@@ -1,9 +1,8 @@
 //! How inputs are flown: the same plan in shorter steps, in which the error of integration is gone.
 
 use super::model::{InformativeModel, Kinematics};
-use super::planner::FEASIBLE;
 use super::shooting::Shooting;
-use super::sqp_settings::SqpOutcome;
+use super::sqp_settings::{FEASIBLE, SqpOutcome};
 use super::surroundings::RowSettings;
 
 /// Pieces of a step: an integrator of fourth order errs 256 times less.

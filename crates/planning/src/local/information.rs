@@ -2,7 +2,7 @@
 
 use super::criterion::Criterion;
 use super::model::{Array2, InformativeModel, Knowledge, StepDerivatives};
-use crate::error::{PlanningError, not_negative};
+use crate::error::{PlanningError, indefinite, not_negative};
 use nalgebra::{Cholesky, Const, SMatrix, SVector};
 
 /// The squaring of the smoothed largest eigenvalue: `(tr K^8)^(1/8)` is at most `P^(1/8)` times the largest.
@@ -57,13 +57,15 @@ impl<const P: usize> InformationCost<P> {
         let is_weighted = weights.map(|weight| weight > 0.0);
         let prior = knowledge.information;
         let mut cost = Self { criterion, weighted, is_weighted, scale: 1.0, offset: 0.0, prior };
-        let singular = PlanningError::NotPositive { what: "the prior information", value: 0.0 };
-        let (covariance, _) = inverse(prior).ok_or(singular)?;
+        let what = "the least eigenvalue of the prior information";
+        let (covariance, _) = inverse(prior).ok_or_else(|| indefinite(what, &prior))?;
         if criterion == Criterion::D && cost.matters() {
             let spread = cost.spread(&covariance);
+            let what = "the least eigenvalue of the covariance of what has a weight";
             let count = is_weighted.iter().filter(|is_weighted| **is_weighted).count();
             cost.scale = spread.trace() / count as f64;
-            cost.offset = log_determinant(&inverse(cost.completed(spread)).ok_or(singular)?.1);
+            let completed = cost.completed(spread);
+            cost.offset = log_determinant(&inverse(completed).ok_or_else(|| indefinite(what, &completed))?.1);
         }
         Ok(cost)
     }

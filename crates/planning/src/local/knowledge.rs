@@ -2,7 +2,7 @@
 
 use super::model::Knowledge;
 use crate::belief::ModelBelief;
-use crate::error::{PlanningError, finite, not_negative, positive};
+use crate::error::{PlanningError, finite, indefinite, not_negative, positive};
 use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector};
 use tumble_dynamics::{InertialParameters, PARAMETERS};
 
@@ -53,16 +53,10 @@ pub(super) fn whitened<const P: usize>(
         (correlation + added).cholesky()
     });
     let Some(factor) = factor else {
-        let what = "the least eigenvalue of the correlation of the parameters";
-        return Err(PlanningError::NotPositive { what, value: least_eigenvalue(&correlation) });
+        return Err(indefinite("the least eigenvalue of the correlation of the parameters", &correlation));
     };
     let inverse = factor.inverse();
     Ok((sigma, (inverse + inverse.transpose()) * 0.5))
-}
-
-fn least_eigenvalue<const P: usize>(correlation: &SMatrix<f64, P, P>) -> f64 {
-    let dynamic = nalgebra::DMatrix::from_iterator(P, P, correlation.iter().copied());
-    dynamic.symmetric_eigenvalues().min()
 }
 
 impl<const P: usize> Knowledge<P> {

@@ -147,6 +147,25 @@ pub struct Knowledge<const P: usize> {
 ///
 /// # Laws
 /// `laws::check_informative_model`: the derivatives are those of the step.
+///
+/// # Example
+/// ```
+/// use tumble_planning::ModelBelief;
+/// use tumble_planning::dynamics::InertialParameters;
+/// use tumble_planning::local::{InformativeModel, PlanarBodyModel, PlanarState};
+///
+/// let mut robot = PlanarBodyModel::mass_and_inertia();
+/// let knowledge = robot.adopt(&ModelBelief::vague(1, InertialParameters::solid_box(10.0, [0.3; 3]), [0.1, 0.0, 0.1]))?;
+/// assert_eq!(knowledge.names[0], "mass");
+///
+/// // What a second of 1 N shows of the mass: the speed changes by -F / m^2 dt times its standard deviation of 1 kg.
+/// let start = PlanarState::at_rest(Default::default(), 0.0);
+/// let (end, sensitivity) = robot.step(&start, &[[0.0; 6]; 2], &[0.0, 1.0, 0.0], 1.0).ok_or("no such state")?;
+/// assert!((end.velocity_world.x - 0.1).abs() < 1e-12 && (sensitivity[0][2] + 0.01).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+/// Tutorial: [a robot of your own, without a derivative written](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_informative_model.rs);
+/// [with them](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/cart/mod.rs).
 pub trait InformativeModel<const X: usize, const U: usize, const P: usize> {
     /// A state.
     type State: Clone + Debug + PartialEq;

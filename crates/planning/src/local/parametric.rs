@@ -15,6 +15,56 @@ use tumble_lie::{Coordinates, Manifold, Scalar, real};
 
 /// A [`ParametricModel`] of a moving body of whose parameters `P` combinations are unknown: what [`ParametricInformative`]
 /// plans for.
+///
+/// # Example
+/// ```
+/// use tumble_planning::dynamics::{DynamicsError, InertialParameters, ParametricModel};
+/// use tumble_planning::lie::{Pose, Scalar, real};
+/// use tumble_planning::local::{BelievedParameters, InformativeModel, Kinematics, ParametricInformative, UncertainBody};
+/// use tumble_planning::local::UnknownParameter;
+/// use tumble_planning::nalgebra::{Vector1, Vector2, Vector3};
+/// use tumble_planning::{ModelBelief, PlanningError};
+///
+/// /// A sled on a rail along x: place (m) and speed (m/s), pushed by a force (N); its mass (kg) is the parameter.
+/// #[derive(Clone, Debug)]
+/// struct Sled;
+/// impl ParametricModel for Sled {
+///     type State<T: Scalar> = Vector2<T>;
+///     type Input<T: Scalar> = Vector1<T>;
+///     type Parameters<T: Scalar> = Vector1<T>;
+///     fn lift<T: Scalar>(state: &Vector2<f64>) -> Vector2<T> {
+///         state.map(real)
+///     }
+///     fn step<T: Scalar>(&self, state: &Vector2<T>, force: &Vector1<T>, mass: &Vector1<T>, step_s: T)
+///         -> Result<Vector2<T>, DynamicsError> {
+///         Ok(Vector2::new(state.x + state.y * step_s, state.y + force.x / mass.x * step_s))
+///     }
+/// }
+/// impl UncertainBody<1> for Sled {
+///     fn believed(&self, belief: &ModelBelief) -> Result<BelievedParameters<Vector1<f64>, 1>, PlanningError> {
+///         let standard_deviation = belief.estimate.std.mass_kg;
+///         let mass = UnknownParameter { index: 0, standard_deviation, name: "mass", unit: "kg" };
+///         BelievedParameters::independent(Vector1::new(belief.parameters().mass), [mass])
+///     }
+///     fn at_rest(&self) -> Vector2<f64> {
+///         Vector2::zeros()
+///     }
+///     fn kinematics<T: Scalar>(&self, state: &Vector2<T>) -> Kinematics<T> {
+///         let along_x = |value: T| Vector3::new(value, T::zero(), T::zero());
+///         Kinematics {
+///             world_from_body: Pose::from_parts(along_x(state.x).into(), Default::default()),
+///             velocity_world: along_x(state.y),
+///             rate_body: Vector3::zeros(),
+///         }
+///     }
+/// }
+/// let mut robot = ParametricInformative::<Sled, 2, 1, 1>::new(Sled);
+/// robot.adopt(&ModelBelief::vague(1, InertialParameters::solid_box(10.0, [0.3; 3]), [0.1, 0.0, 0.0]))?;
+/// let (end, sensitivity) = robot.step(&Vector2::zeros(), &[[0.0; 2]], &[1.0], 1.0).ok_or("no such state")?;
+/// assert!((end.y - 0.1).abs() < 1e-12 && (sensitivity[0][1] + 0.01).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+/// Tutorial: [a robot of your own, without a derivative written](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_informative_model.rs).
 pub trait UncertainBody<const P: usize>: ParametricModel {
     /// See [`InformativeModel::FIRST_ACTIVE`]; zero is always right.
     const FIRST_ACTIVE: usize = 0;

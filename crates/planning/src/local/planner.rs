@@ -11,7 +11,7 @@ use super::problem::CondensedProblem;
 use super::request::{Guess, LocalPlanner, LocalRequest, LocalSettings, Reference};
 use super::shooting::{Shooting, Task, Workspace};
 use super::sqp::{SqpWorkspace, minimise};
-use super::sqp_settings::{SqpOutcome, SqpSettings, SqpStatus};
+use super::sqp_settings::{FEASIBLE, SqpOutcome, SqpSettings, SqpStatus};
 use super::surroundings::{MotionBounds, RowSettings};
 use crate::belief::Plan;
 use crate::budget::Budget;
@@ -26,8 +26,6 @@ const STIRRED: f64 = 0.3;
 const STILL: f64 = 1e-3;
 /// Ratio of predicted to prior standard deviation above which a direction counts as unobservable.
 const UNOBSERVABLE: f64 = 0.99;
-/// Largest violation, in units of the limit, that is rounding.
-pub(super) const FEASIBLE: f64 = 1e-6;
 /// Longest horizon, in steps.
 const MOST_STEPS: usize = 10_000;
 /// Budget units of one iteration, per step of the horizon.

@@ -4,6 +4,69 @@
 /// positive definite model of its curvature there.
 ///
 /// A row is scaled so that one is its natural size (the limit over which it is measured).
+///
+/// # Example
+/// ```
+/// use tumble_planning::Units;
+/// use tumble_planning::local::{CondensedProblem, SqpSettings, SqpStatus, SqpWorkspace, minimise};
+///
+/// /// (z - 0.7)^2, kept below a half by the row 0.5 - z >= 0.
+/// struct Parabola {
+///     at: f64,
+///     gradient: [f64; 1],
+///     row: [f64; 1],
+///     curvature: f64,
+/// }
+/// impl CondensedProblem for Parabola {
+///     fn unknowns(&self) -> usize {
+///         1
+///     }
+///     fn rows(&self) -> usize {
+///         1
+///     }
+///     fn evaluate(&mut self, z: &[f64], rows: &mut [f64]) -> f64 {
+///         rows[0] = 0.5 - z[0];
+///         (z[0] - 0.7).powi(2)
+///     }
+///     fn linearize(&mut self, z: &[f64]) -> bool {
+///         (self.at, self.gradient, self.row) = (z[0], [2.0 * (z[0] - 0.7)], [0.5 - z[0]]);
+///         true
+///     }
+///     fn cost(&self) -> f64 {
+///         (self.at - 0.7).powi(2)
+///     }
+///     fn gradient(&self) -> &[f64] {
+///         &self.gradient
+///     }
+///     fn row_values(&self) -> &[f64] {
+///         &self.row
+///     }
+///     fn rows_along(&mut self, x: &[f64], changes: &mut [f64]) {
+///         changes[0] = -x[0];
+///     }
+///     fn add_row(&mut self, _row: usize, factor: f64, gradient: &mut [f64]) {
+///         gradient[0] -= factor;
+///     }
+///     fn add_rows(&mut self, factors: &[f64], gradient: &mut [f64]) {
+///         gradient[0] -= factors[0];
+///     }
+///     fn factorise(&mut self, _multipliers: &[f64], damping: f64) -> bool {
+///         self.curvature = 2.0 + damping;
+///         true
+///     }
+///     fn curvature_times(&mut self, x: &[f64], product: &mut [f64]) {
+///         product[0] = self.curvature * x[0];
+///     }
+///     fn solve(&mut self, x: &mut [f64]) {
+///         x[0] /= self.curvature;
+///     }
+/// }
+/// let mut problem = Parabola { at: 0.0, gradient: [0.0], row: [0.0], curvature: 2.0 };
+/// let (mut z, mut workspace) = ([0.0], SqpWorkspace::new(1, 1));
+/// let outcome = minimise(&mut problem, &mut z, &SqpSettings::COLD, &mut workspace, &mut Units::new(100), 1);
+/// assert_eq!(outcome.status, SqpStatus::Converged);
+/// assert!((z[0] - 0.5).abs() < 1e-6);
+/// ```
 pub trait CondensedProblem {
     /// Number of unknowns `n`.
     fn unknowns(&self) -> usize;

@@ -136,6 +136,45 @@ pub struct LocalRequest<'a, S, const U: usize, const P: usize> {
 ///
 /// # Laws
 /// `laws::check_local_planner`.
+///
+/// # Example
+/// ```
+/// use tumble_planning::local::{Guess, LocalAnswer, LocalPlanner, LocalRequest, LocalStatus, Reference, Surroundings};
+/// use tumble_planning::dynamics::InertialParameters;
+/// use tumble_planning::{Budget, ModelBelief, PlanningError, Units};
+///
+/// /// Knows no way to anywhere, and says so.
+/// struct Stuck;
+/// impl LocalPlanner<1, 1> for Stuck {
+///     type State = f64;
+///     fn plan(&mut self, _request: &LocalRequest<'_, f64, 1, 1>, _budget: &mut dyn Budget)
+///         -> Result<LocalAnswer<f64, 1, 1>, PlanningError> {
+///         Ok(LocalAnswer {
+///             status: LocalStatus::Infeasible { violation: 1.0, blocker: None },
+///             plan: None,
+///             cost: None,
+///             optimality: f64::INFINITY,
+///             violation: 1.0,
+///             iterations: 0,
+///             units: 0,
+///             unobservable: Vec::new(),
+///         })
+///     }
+/// }
+/// let request = LocalRequest {
+///     start: &0.0,
+///     start_s: 0.0,
+///     reference: Reference::Hold(&1.0),
+///     terminal: None,
+///     belief: &ModelBelief::certain(1, InertialParameters::solid_box(9.5, [0.3; 3])),
+///     information: [0.0],
+///     surroundings: &Surroundings::none(),
+///     guess: Guess::Excited,
+/// };
+/// assert!(Stuck.plan(&request, &mut Units::new(10))?.plan.is_none());
+/// # Ok::<(), PlanningError>(())
+/// ```
+/// Tutorial: [a planner that tries](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/cart/mod.rs); the crate's own is [`InformativePlanner`](super::InformativePlanner).
 pub trait LocalPlanner<const U: usize, const P: usize> {
     /// A state.
     type State: Clone;

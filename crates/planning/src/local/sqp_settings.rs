@@ -2,6 +2,8 @@
 
 /// Most pairs of a step and its change of gradient that there is room for.
 pub const MOST_PAIRS: usize = 20;
+/// Largest violation, in units of the limit, that is rounding.
+pub(super) const FEASIBLE: f64 = 1e-6;
 
 /// How a search is run.
 #[derive(Clone, Copy, Debug, PartialEq)]

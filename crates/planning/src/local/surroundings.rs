@@ -4,6 +4,7 @@ mod closest;
 mod gap;
 mod gauge;
 mod hermite;
+mod pair_rows;
 mod turn;
 
 use super::model::{KINEMATICS, Kinematics};
@@ -12,10 +13,11 @@ use crate::collision::{
     Blocker, BodyEllipsoid, BodyShape, Ellipsoid, EllipsoidWorld, MovingObstacle, Sphere, keep_in_complement,
 };
 use crate::error::PlanningError;
-use gap::{Approach, Part, Solid, node_row};
+use gap::{Approach, Part, Solid};
 use gauge::Gauge;
 use hermite::Segment;
 use nalgebra::Vector3;
+use pair_rows::node_row;
 use tumble_dynamics::{AlignedBox, World};
 use turn::Turn;
 

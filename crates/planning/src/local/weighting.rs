@@ -109,6 +109,26 @@ impl<const P: usize> WeightingContext<P> {
 /// `laws::check_information_weighting`.
 /// # Source
 /// Thesis 6.2.2, `Gamma` of (6.9).
+///
+/// # Example
+/// ```
+/// use tumble_planning::PlanningError;
+/// use tumble_planning::local::{InformationWeighting, WeightingContext};
+/// use tumble_planning::nalgebra::SMatrix;
+///
+/// /// Pays while a quantity is not known to a tenth of what was known at the start.
+/// struct UntilTenth;
+/// impl<const P: usize> InformationWeighting<P> for UntilTenth {
+///     fn weights(&mut self, context: &WeightingContext<P>) -> Result<[f64; P], PlanningError> {
+///         let (now, first) = (context.variances(), context.initial_covariance().diagonal());
+///         Ok(core::array::from_fn(|i| if now[i] > 0.01 * first[i] { 1.0 } else { 0.0 }))
+///     }
+/// }
+/// let now = SMatrix::<f64, 2, 2>::from([[0.5, 0.0], [0.0, 0.001]]);
+/// let context = WeightingContext::try_new(now, SMatrix::identity(), 10.0, 60.0)?;
+/// assert_eq!(UntilTenth.weights(&context)?, [1.0, 0.0]);
+/// # Ok::<(), PlanningError>(())
+/// ```
 pub trait InformationWeighting<const P: usize> {
     /// The weights for the next plan, finite and not negative; a weighting may remember what it answered before.
     ///

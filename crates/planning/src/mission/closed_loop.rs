@@ -1,186 +1,34 @@
-//! The layers at work: what the coordinator asks for is planned, flown and told.
+//! The layers at work: what the coordinator decides is asked for, flown and told.
 
-use super::brake::{BrakeLimits, Braking};
-use super::coordinator::{Coordinator, Schedule};
-use super::event::{Action, Ambition, Event, FoundStretch, Standing, StartFrom, TimedEvent};
+use super::brake::Braking;
+use super::coordinator::Coordinator;
+use super::event::{Action, Event, FoundStretch, Standing, StartFrom, TimedEvent};
+use super::loop_settings::{LoopSettings, Scene};
 use super::motion::{MissionMotion, StopLimits};
-use super::stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
+use super::office::Office;
+use super::plan_request::{Asked, Found, PlanAnswer, PlanRequest};
+use super::serve::proof;
+use super::stretch::StretchAnswer;
 use crate::belief::{ModelBelief, Plan};
-use crate::budget::Units;
-use crate::collision::{BodyShape, CollisionWorld, EllipsoidWorld};
+use crate::collision::CollisionWorld;
 use crate::control::{ControlCommand, ControlRequest, Controller, Fallback, ReferenceMotion};
 use crate::error::PlanningError;
-use crate::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, GoalRegion, MotionLimits, Objective, Until};
-use crate::local::{Hull, Surroundings};
-use crate::motion::{ArcPath, BodyArc, TranslationState};
+use crate::global::Obstruction;
+use crate::motion::ArcPath;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::VecDeque;
-use tumble_dynamics::{PoseReference, RigidBodyState, World};
+use std::sync::Arc;
+use tumble_dynamics::{PoseReference, RigidBodyState};
 use tumble_identification::Estimate;
-use tumble_identification::IdentificationError;
-use tumble_identification::recursive::{
-    FlightEstimator, FlightHealth, FlightMeasurement, LearningTargets, Reception, grasp_or_release,
-};
+use tumble_identification::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
+use tumble_identification::recursive::{FlightHealth, Reception, grasp_or_release};
 use tumble_lie::{LieGroup, Wrench};
 
 /// Ways that are remembered for the stretches of them that are still to be planned.
 const WAYS: usize = 4;
 
-/// Share of the clearance at its start that a way may keep.
-const START_SHARE: f64 = 0.95;
-
 /// A body so many standard deviations heavier than believed still stops where a stop ends.
 const HEAVIEST_SIGMAS: f64 = 3.0;
-
-/// What is around the robot, as far as it knows.
-#[derive(Clone, Debug)]
-pub struct Scene<W> {
-    /// For ways and checks.
-    pub world: W,
-    /// The same for stretches.
-    pub surroundings: Surroundings,
-}
-
-impl Scene<EllipsoidWorld> {
-    /// Walls and solids at rest, for a body of this shape.
-    ///
-    /// # Errors
-    /// A world that cannot be.
-    pub fn of_world(world: &World, body: &BodyShape) -> Result<Self, PlanningError> {
-        let surroundings = Surroundings::of_world(world, Hull::Shape(body.clone()))?;
-        Ok(Self { world: EllipsoidWorld::new(world)?, surroundings })
-    }
-}
-
-/// When the robot is where it was to be.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AtGoal {
-    /// Distance from the goal, m.
-    pub distance_m: f64,
-    /// Angle from its attitude, rad.
-    pub angle_rad: f64,
-    /// Speed, m/s.
-    pub speed_m_s: f64,
-    /// Rate, rad/s.
-    pub rate_rad_s: f64,
-}
-
-impl Default for AtGoal {
-    /// Two centimetres, three degrees, and hardly a motion.
-    fn default() -> Self {
-        Self { distance_m: 0.02, angle_rad: 0.05, speed_m_s: 0.005, rate_rad_s: 0.01 }
-    }
-}
-
-/// How long planning takes: a function of the work done and of chance, not of the machine.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ComputingTime {
-    /// Of a unit of a way's budget, ns.
-    pub way_unit_ns: i64,
-    /// Of a unit of a stretch's budget, ns.
-    pub stretch_unit_ns: i64,
-    /// Every time is up to this share longer.
-    pub jitter: f64,
-}
-
-impl Default for ComputingTime {
-    /// Of a small computer: a second for twenty thousand units.
-    fn default() -> Self {
-        Self { way_unit_ns: 50_000, stretch_unit_ns: 50_000, jitter: 0.3 }
-    }
-}
-
-/// What a closed loop is told about its mission.
-#[derive(Clone, Debug)]
-pub struct LoopSettings<B> {
-    /// Times and limits of the decisions.
-    pub schedule: Schedule,
-    /// Control periods between decisions.
-    pub decision_periods: u64,
-    /// Time between two beliefs, ns.
-    pub belief_period_ns: i64,
-    /// Whether beliefs reach planners and controller.
-    pub feedback: bool,
-    /// What moves.
-    pub body: B,
-    /// Where to; ignored where only stretches are counted.
-    pub goal: GoalRegion,
-    /// When that is reached.
-    pub at_goal: AtGoal,
-    /// What a way keeps within.
-    pub limits: MotionLimits,
-    /// What is least of a way.
-    pub objective: Objective,
-    /// Distance kept by ways and stretches, m.
-    pub margin_m: f64,
-    /// Distance below which a stretch is not flown, m; less than the margin.
-    pub check_margin_m: f64,
-    /// How stops brake as long as no more is known of the body than at first; when it is known to be lighter than it might have
-    /// been, they brake harder.
-    pub stop: StopLimits,
-    /// What the brake may use where such a stop would hit something.
-    pub brake: BrakeLimits,
-    /// Budget of the first way, and of one after a search in vain.
-    pub way_units: u64,
-    /// Budget of a new way in flight.
-    pub new_way_units: u64,
-    /// Budget of a stretch.
-    pub stretch_units: u64,
-    /// How long that takes.
-    pub computing: ComputingTime,
-    /// When the body is known well enough, so that information has no more weight; never where absent.
-    pub known: Option<LearningTargets>,
-    /// Relative change of the mass that asks for another way.
-    pub material_change: f64,
-    /// All chance follows from it.
-    pub seed: u64,
-}
-
-impl<B> LoopSettings<B> {
-    /// The usual times, margins and budgets for a body of some decimetres that flies to a goal with some centimetres per second,
-    /// decides at every twelfth control period and learns as it flies.
-    ///
-    /// A way takes a second to plan, a stretch about as long; 4.5 cm are planned for around everything, and what is flown keeps 2.7.
-    /// Times of the decisions are those of [`Schedule::default`].
-    pub fn new(body: B, goal: GoalRegion, limits: MotionLimits, (stop, brake): (StopLimits, BrakeLimits)) -> Self {
-        Self {
-            schedule: Schedule::default(),
-            decision_periods: 12,
-            belief_period_ns: 2_000_000_000,
-            feedback: true,
-            body,
-            goal,
-            at_goal: AtGoal::default(),
-            limits,
-            objective: Objective::Duration,
-            margin_m: 0.045,
-            check_margin_m: 0.027,
-            stop,
-            brake,
-            way_units: 20_000,
-            new_way_units: 1_200,
-            stretch_units: 25_600,
-            computing: ComputingTime::default(),
-            known: None,
-            material_change: 0.15,
-            seed: 1,
-        }
-    }
-}
-
-/// What happens to a plan between asking and answering.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum PlannerFault {
-    /// Nothing.
-    #[default]
-    None,
-    /// It takes so many times as long.
-    Late(f64),
-    /// It never comes.
-    NoAnswer,
-    /// It says that there is none.
-    Refused,
-}
 
 /// A layer, for those who measure what it costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -208,20 +56,14 @@ pub trait LoopObserver {
     fn heard(&mut self, event: &TimedEvent) {}
     /// It answered.
     fn answered(&mut self, time_ns: i64, action: &Action) {}
-    /// A way was planned.
-    fn planned_way(&mut self, time_ns: i64, request: u64, answer: &GlobalAnswer) {}
-    /// A planner holds a request for none.
-    fn refused(&mut self, time_ns: i64, request: u64, error: &PlanningError) {}
     /// A stretch is flown from its start on.
     fn follows(&mut self, time_ns: i64, start_ns: i64, stretch: &StretchAnswer, model_revision: u64) {}
     /// A belief was offered.
     fn offered(&mut self, time_ns: i64, belief: &ModelBelief) {}
     /// A measurement was used or not.
     fn received(&mut self, time_ns: i64, reception: &Reception) {}
-    /// What happens to this request.
-    fn planner_fault(&mut self, request: u64) -> PlannerFault {
-        PlannerFault::None
-    }
+    /// What the estimator says of the body is none; the last belief stays.
+    fn disbelieved(&mut self, time_ns: i64, error: &PlanningError) {}
 }
 
 /// Looks at nothing.
@@ -230,8 +72,16 @@ pub struct NoObserver;
 
 impl LoopObserver for NoObserver {}
 
-/// Makes a controller that counts on nothing but what the body can be at all.
-pub type ControllerFactory<C> = Box<dyn FnMut(&ModelBelief) -> Result<C, PlanningError>>;
+/// How a mission ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum End {
+    /// The robot is where it was to be.
+    Arrived,
+    /// It was not in time.
+    OutOfTime,
+    /// It never will be: no way leads there.
+    NoWay(Obstruction),
+}
 
 /// What is flown: a motion, and from their starts on those that follow.
 #[derive(Clone, Debug)]
@@ -270,48 +120,40 @@ impl ReferenceMotion for Flown {
     }
 }
 
-/// A plan on its way to the coordinator.
-enum Answer {
-    Way { request: u64, way: Option<(ArcPath, u64)>, world_revision: u64 },
-    Stretch { request: u64, found: Option<Box<(FoundStretch, StretchAnswer)>> },
-}
-
-/// What the robot senses in a control period.
-#[derive(Clone, Copy, Debug)]
-pub struct Sensed<'a> {
-    /// Now, the end of the period, ns.
-    pub time_ns: i64,
-    /// The wrench believed to have acted in it, after saturation; body axes about the origin.
-    pub acted: Wrench<f64>,
-    /// What arrived in it.
-    pub measurements: &'a [FlightMeasurement],
-}
-
-/// RATTLE: coordinator, estimator, planners and controller of one robot.
-pub struct ClosedLoop<W, G, C>
+/// RATTLE: coordinator, estimator and controller of one robot, without a planner: whatever the planners are, it may be moved to another
+/// thread, and its longest step is estimation and control.
+///
+/// After each step it is asked what is to be [planned](Self::next_request); [answers](Self::answer) may come early, late, twice or
+/// never. Whoever has an [`Office`] has both with [`step_with`](Self::step_with).
+pub struct ClosedLoop<W, C, E>
 where
     W: CollisionWorld,
     W::Body: Sized,
 {
-    settings: LoopSettings<W::Body>,
+    settings: Arc<LoopSettings<W::Body>>,
     coordinator: Coordinator,
-    scene: Scene<W>,
+    scene: Arc<Scene<W>>,
     world_revision: u64,
-    way_planner: G,
-    stretch_planner: Box<dyn StretchPlanner>,
-    new_controller: ControllerFactory<C>,
+    new_controller: Box<dyn FnMut(&ModelBelief) -> Result<C, PlanningError> + Send>,
     controller: C,
-    estimator: FlightEstimator,
-    prior: ModelBelief,
-    belief: ModelBelief,
+    estimator: E,
+    /// What was known of the body at first, as the estimator said it, and as planners are told.
+    prior: (Finding, ModelBelief),
+    belief: Arc<ModelBelief>,
     next_belief_ns: i64,
+    disbelieved: u64,
     flown: Flown,
     /// Until when the brake is on, s.
     braking_until_s: Option<f64>,
-    answers: VecDeque<(i64, Answer)>,
-    ways: VecDeque<(u64, ArcPath, u64)>,
+    requests: VecDeque<PlanRequest<W>>,
+    answers: VecDeque<PlanAnswer>,
+    /// Requests up to this one were made before the computer was off.
+    forgotten: u64,
+    newest_request: u64,
+    ways: VecDeque<(u64, Arc<ArcPath>)>,
     way_mass_kg: f64,
     found: Option<(u64, FoundStretch, StretchAnswer)>,
+    no_way: Option<(u64, Obstruction)>,
     events: VecDeque<Event>,
     actions: Vec<Action>,
     periods: u64,
@@ -320,49 +162,55 @@ where
     was_braking: bool,
     health: FlightHealth,
     is_known: bool,
+    /// Whether the targets were met since something was last doubted: they then stay met a little longer.
+    were_met: bool,
     first_way_s: Option<f64>,
     ways_refused: u32,
-    finished: Option<bool>,
+    end: Option<End>,
 }
 
-impl<W, G, C> ClosedLoop<W, G, C>
+impl<W, C, E> ClosedLoop<W, C, E>
 where
     W: CollisionWorld,
     W::Body: Sized,
-    G: GlobalPlanner<W>,
     C: Controller,
+    E: StateEstimator,
 {
-    /// At rest where the estimator has the robot, at `start_ns`.
+    /// At rest where the estimator has the robot, at `start_ns`. `new_controller` makes a controller that counts on nothing but what
+    /// a body like the believed one can be at all; it is asked now, and when the body may be anything.
     ///
     /// # Errors
-    /// What the controller refuses.
+    /// What the controller refuses; an estimator that knows of no body.
     pub fn try_new(
         settings: LoopSettings<W::Body>,
         scene: Scene<W>,
-        planners: (G, Box<dyn StretchPlanner>),
-        mut new_controller: impl FnMut(&ModelBelief) -> Result<C, PlanningError> + 'static,
-        estimator: FlightEstimator,
+        mut new_controller: impl FnMut(&ModelBelief) -> Result<C, PlanningError> + Send + 'static,
+        estimator: E,
         start_ns: i64,
     ) -> Result<Self, PlanningError> {
-        let prior = ModelBelief { revision: 0, estimate: estimator.estimate() };
+        let (finding, estimate) = body_of(&estimator)?;
+        let prior = ModelBelief { revision: 0, estimate };
         let pose = estimator.state_at(start_ns).world_from_body;
         Ok(Self {
             coordinator: Coordinator::new(settings.schedule),
-            scene,
+            scene: Arc::new(scene),
             world_revision: 0,
-            way_planner: planners.0,
-            stretch_planner: planners.1,
             controller: new_controller(&prior)?,
             new_controller: Box::new(new_controller),
             way_mass_kg: prior.parameters().mass,
-            belief: prior.clone(),
-            prior,
+            belief: Arc::new(prior.clone()),
+            prior: (finding, prior),
             next_belief_ns: start_ns + settings.belief_period_ns,
+            disbelieved: 0,
             flown: Flown::only(MissionMotion::resting(pose, seconds(start_ns)), 0),
             braking_until_s: None,
+            requests: VecDeque::new(),
             answers: VecDeque::new(),
+            forgotten: 0,
+            newest_request: 0,
             ways: VecDeque::new(),
             found: None,
+            no_way: None,
             events: VecDeque::from([Event::Begun]),
             actions: Vec::new(),
             periods: 0,
@@ -372,10 +220,11 @@ where
             health: estimator.health(),
             estimator,
             is_known: false,
+            were_met: false,
             first_way_s: None,
             ways_refused: 0,
-            finished: None,
-            settings,
+            end: None,
+            settings: Arc::new(settings),
         })
     }
 
@@ -384,9 +233,19 @@ where
         &self.belief
     }
 
+    /// How often what the estimator said of the body was none, and the last belief was kept.
+    pub fn disbelieved(&self) -> u64 {
+        self.disbelieved
+    }
+
     /// The estimator.
-    pub fn estimator(&self) -> &FlightEstimator {
+    pub fn estimator(&self) -> &E {
         &self.estimator
+    }
+
+    /// The estimator, for those who know better, or make it worse on purpose.
+    pub fn estimator_mut(&mut self) -> &mut E {
+        &mut self.estimator
     }
 
     /// The controller.
@@ -419,9 +278,9 @@ where
         nanoseconds(self.flown.rest_s())
     }
 
-    /// Whether the mission is over, and the robot where it was to be.
-    pub fn finished(&self) -> Option<bool> {
-        self.finished
+    /// How the mission ended; none before.
+    pub fn end(&self) -> Option<&End> {
+        self.end.as_ref()
     }
 
     /// The robot sees another world from now on.
@@ -429,7 +288,7 @@ where
     /// # Errors
     /// What the world cannot answer.
     pub fn see(&mut self, scene: Scene<W>) -> Result<(), PlanningError> {
-        self.scene = scene;
+        self.scene = Arc::new(scene);
         self.world_revision += 1;
         let contact_ns = self.first_contact()?;
         self.events.push_back(Event::World { revision: self.world_revision, contact_ns });
@@ -438,7 +297,7 @@ where
 
     /// When what is being flown would hit something: each motion until the next one begins, the last one for good.
     fn first_contact(&self) -> Result<Option<i64>, PlanningError> {
-        let LoopSettings { body, check_margin_m, .. } = &self.settings;
+        let LoopSettings { body, check_margin_m, .. } = &*self.settings;
         let now_s = seconds(self.time_ns);
         let motions = std::iter::once(&self.flown.now).chain(self.flown.next.iter().map(|(_, motion, _)| motion));
         let ends = self.flown.next.iter().map(|(start_ns, ..)| seconds(*start_ns)).chain([f64::INFINITY]);
@@ -454,33 +313,61 @@ where
 
     /// The computer was off for a moment: what was on its way is lost, the belief is not.
     pub fn restart(&mut self) {
+        self.requests.clear();
         self.answers.clear();
+        self.forgotten = self.newest_request;
         self.found = None;
         self.events.push_back(Event::Restarted);
     }
 
-    /// Overwrites what the estimator takes the body for, as a fault would.
-    ///
-    /// # Errors
-    /// An estimate that is none.
-    pub fn mislead(&mut self, estimate: &Estimate) -> Result<(), IdentificationError> {
-        self.estimator.restart(estimate)
+    /// What is to be planned; to be asked after each step, until there is nothing.
+    pub fn next_request(&mut self) -> Option<PlanRequest<W>> {
+        self.requests.pop_front()
     }
 
-    /// The wrench for the next control period.
+    /// An answer, which the next step looks at: early, late, doubled, or to a question long forgotten.
+    pub fn answer(&mut self, answer: PlanAnswer) {
+        if answer.request > self.forgotten {
+            self.answers.push_back(answer);
+        }
+    }
+
+    /// A step with the answers that an office has ready before it, and its requests handed over after it.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn step_with(
+        &mut self,
+        office: &mut (impl Office<W> + ?Sized),
+        acted: &Acted,
+        measurements: &[Measurement],
+        observer: &mut dyn LoopObserver,
+    ) -> Result<ControlCommand, PlanningError> {
+        while let Some(answer) = office.ready(acted.until_ns) {
+            self.answer(answer);
+        }
+        let command = self.step(acted, measurements, observer)?;
+        while let Some(request) = self.next_request() {
+            office.take(self.time_ns, request);
+        }
+        Ok(command)
+    }
+
+    /// The wrench for the next control period, by what acted in the last one, until now, and by what arrived in it.
     ///
     /// # Errors
     /// What cannot be answered by a fallback: a world or a body that is none.
     pub fn step(
         &mut self,
-        sensed: &Sensed<'_>,
+        acted: &Acted,
+        measurements: &[Measurement],
         observer: &mut dyn LoopObserver,
     ) -> Result<ControlCommand, PlanningError> {
-        self.sense(sensed, observer);
+        self.sense(acted, measurements, observer);
         self.receive();
         if self.time_ns >= self.next_belief_ns {
             self.next_belief_ns = self.time_ns + self.settings.belief_period_ns;
-            self.believe();
+            self.believe(observer);
         }
         self.flown.advance(self.time_ns);
         let is_decision = self.periods.is_multiple_of(self.settings.decision_periods.max(1));
@@ -493,10 +380,10 @@ where
         self.control(observer)
     }
 
-    fn sense(&mut self, sensed: &Sensed<'_>, observer: &mut dyn LoopObserver) {
-        self.estimator.acted(self.time_ns, sensed.time_ns, &sensed.acted);
-        self.time_ns = sensed.time_ns;
-        for measurement in sensed.measurements {
+    fn sense(&mut self, acted: &Acted, measurements: &[Measurement], observer: &mut dyn LoopObserver) {
+        self.estimator.acted(acted);
+        self.time_ns = acted.until_ns;
+        for measurement in measurements {
             observer.begins(Layer::Estimator);
             let reception = self.estimator.measured(measurement);
             observer.ends(Layer::Estimator);
@@ -515,33 +402,59 @@ where
         self.health = health;
     }
 
-    /// Answers whose time has come.
     fn receive(&mut self) {
-        while let Some(at) = self.answers.iter().position(|(due_ns, _)| *due_ns <= self.time_ns)
-            && let Some((_, answer)) = self.answers.remove(at)
-        {
-            match answer {
-                Answer::Way { request, way: Some((way, model_revision)), world_revision } => {
-                    if self.ways.len() == WAYS {
-                        self.ways.pop_front();
+        while let Some(PlanAnswer { request, world_revision, found, .. }) = self.answers.pop_front() {
+            let event = match found {
+                Found::Stay(way, model_revision) => self.way_found(request, way, model_revision, world_revision),
+                Found::Way(answer) => match answer.plan {
+                    Some(Plan { trajectory, model_revision }) if !trajectory.arcs().is_empty() => {
+                        self.way_found(request, trajectory, model_revision, world_revision)
                     }
-                    self.ways.push_back((request, way, model_revision));
-                    self.events.push_back(Event::WayFound { request, model_revision, world_revision });
+                    _ => {
+                        self.ways_refused += 1;
+                        match proof(&answer) {
+                            Some(obstruction) => {
+                                self.no_way = Some((request, obstruction.clone()));
+                                Event::WayImpossible { request, world_revision }
+                            }
+                            None => Event::WayRefused { request },
+                        }
+                    }
+                },
+                Found::Stretch(stretch, answer) => {
+                    self.found = Some((request, stretch, *answer));
+                    Event::StretchFound { request, stretch }
                 }
-                Answer::Way { request, way: None, .. } => self.events.push_back(Event::WayRefused { request }),
-                Answer::Stretch { request, found: Some(found) } => {
-                    let (stretch, answer) = *found;
-                    self.found = Some((request, stretch, answer));
-                    self.events.push_back(Event::StretchFound { request, stretch });
-                }
-                Answer::Stretch { request, found: None } => self.events.push_back(Event::StretchRefused { request }),
-            }
+                Found::NoStretch(_) | Found::Failed { is_stretch: true, .. } => Event::StretchRefused { request },
+                // a start beyond what can be asked: no way from here
+                Found::Failed { is_stretch: false, .. } => Event::WayRefused { request },
+            };
+            self.events.push_back(event);
         }
     }
 
-    fn believe(&mut self) {
-        let Self { settings, estimator, .. } = self;
-        let is_known = settings.known.as_ref().is_some_and(|known| estimator.is_known_well_enough(known));
+    fn way_found(&mut self, request: u64, way: ArcPath, model_revision: u64, world_revision: u64) -> Event {
+        if self.ways.len() == WAYS {
+            self.ways.pop_front();
+        }
+        self.ways.push_back((request, Arc::new(way)));
+        self.ways_refused = 0;
+        Event::WayFound { request, model_revision, world_revision }
+    }
+
+    /// What an estimator says is looked at before anybody plans with it; where it is no body, the last belief is kept.
+    fn believe(&mut self, observer: &mut dyn LoopObserver) {
+        let estimate = match body_of(&self.estimator) {
+            Ok((_, estimate)) => estimate,
+            Err(error) => {
+                self.disbelieved += 1;
+                observer.disbelieved(self.time_ns, &error);
+                return;
+            }
+        };
+        let known = self.settings.known.as_ref();
+        let is_known = known.is_some_and(|targets| targets.are_met(&estimate, self.were_met));
+        self.were_met = is_known;
         if is_known != self.is_known {
             self.is_known = is_known;
             self.events.push_back(Event::Known(is_known));
@@ -549,11 +462,10 @@ where
         if !self.settings.feedback {
             return;
         }
-        let estimate = self.estimator.estimate();
         let mass_kg = estimate.parameters.mass;
         let is_material = (mass_kg - self.way_mass_kg).abs() > self.settings.material_change * self.way_mass_kg;
         let revision = self.belief.revision + 1;
-        self.belief = ModelBelief { revision, estimate };
+        self.belief = Arc::new(ModelBelief { revision, estimate });
         self.events.push_back(Event::Belief { revision, is_material });
     }
 
@@ -597,9 +509,18 @@ where
     fn act(&mut self, action: Action, observer: &mut dyn LoopObserver) -> Result<(), PlanningError> {
         let time_s = seconds(self.time_ns);
         match action {
-            Action::PlanWay { request, start_ns, from } => self.plan_way(request, start_ns, from, observer)?,
+            Action::PlanWay { request, start_ns, from } => self.ask_for_way(request, start_ns, from)?,
             Action::PlanStretch { request, start_ns, way, way_start_ns, ambition } => {
-                self.plan_stretch((request, start_ns), (way, way_start_ns), ambition, observer)?;
+                let way_start_s = seconds(way_start_ns);
+                match self.ways.iter().find(|(of, ..)| *of == way) {
+                    Some((_, way)) => {
+                        let first_way_s = *self.first_way_s.get_or_insert(way_start_s);
+                        let elapsed_s = (seconds(start_ns) - first_way_s).max(0.0);
+                        let way = Arc::clone(way);
+                        self.ask(request, start_ns, Asked::Stretch { way, way_start_ns, ambition, elapsed_s });
+                    }
+                    None => self.events.push_back(Event::StretchRefused { request }),
+                }
             }
             Action::Follow { request } => {
                 if let Some((_, found, answer)) = self.found.take_if(|(of, ..)| *of == request) {
@@ -619,16 +540,26 @@ where
                 self.controller = (self.new_controller)(&self.belief)?;
             }
             Action::ResetEstimator => {
-                self.estimator.restart(&self.prior.estimate)?;
+                self.estimator.restart(&self.prior.0).map_err(|error| named(&self.estimator, error))?;
+                self.were_met = false;
                 // nothing may be planned with what was believed before
                 self.next_belief_ns = self.time_ns;
             }
-            Action::WidenBelief => self.estimator.body_changed(&grasp_or_release()),
-            Action::DoubtWrench => self.estimator.wrench_doubtful(),
-            Action::Finish { has_arrived } => self.finished = Some(has_arrived),
+            Action::WidenBelief => self.doubt(&Doubt::Body(grasp_or_release())),
+            Action::DoubtWrench => self.doubt(&Doubt::Wrench),
+            Action::Finish { has_arrived } => self.end = Some(if has_arrived { End::Arrived } else { End::OutOfTime }),
+            Action::GiveUp { request } => {
+                let proof = self.no_way.take_if(|(of, _)| *of == request);
+                self.end = Some(proof.map_or(End::OutOfTime, |(_, obstruction)| End::NoWay(obstruction)));
+            }
             Action::Note(_) => {}
         }
         Ok(())
+    }
+
+    fn doubt(&mut self, doubt: &Doubt) {
+        self.were_met = false;
+        self.estimator.doubt(doubt);
     }
 
     /// Where it comes to rest, not where it was.
@@ -639,7 +570,7 @@ where
     /// The gentle stop from a state; where it does not keep clear, the brake from where the robot is.
     fn stop_from(&mut self, state: &RigidBodyState<f64>) -> Result<(), PlanningError> {
         let time_s = seconds(self.time_ns);
-        let LoopSettings { body, check_margin_m, .. } = &self.settings;
+        let LoopSettings { body, check_margin_m, .. } = &*self.settings;
         let gentle = MissionMotion::stopping_from(state, time_s, &self.stop_limits());
         let is_clear = gentle.first_contact(&self.scene.world, body, time_s, *check_margin_m)?.is_none();
         self.flown = Flown::only(gentle, self.belief.revision);
@@ -651,7 +582,7 @@ where
     /// As hard as the heaviest body that may be can stop, by what is believed now.
     fn stop_limits(&self) -> StopLimits {
         let ([mass_kg, moment], [first_mass_kg, first_moment]) =
-            (self.belief.heaviest(HEAVIEST_SIGMAS), self.prior.heaviest(HEAVIEST_SIGMAS));
+            (self.belief.heaviest(HEAVIEST_SIGMAS), self.prior.1.heaviest(HEAVIEST_SIGMAS));
         let StopLimits { acceleration_m_s2, angular_acceleration_rad_s2 } = self.settings.stop;
         StopLimits {
             acceleration_m_s2: acceleration_m_s2 * first_mass_kg / mass_kg,
@@ -676,172 +607,37 @@ where
         Ok(Some(braking.wrench_body))
     }
 
-    fn plan_way(
-        &mut self,
-        request: u64,
-        start_ns: i64,
-        from: StartFrom,
-        observer: &mut dyn LoopObserver,
-    ) -> Result<(), PlanningError> {
+    fn ask_for_way(&mut self, request: u64, start_ns: i64, from: StartFrom) -> Result<(), PlanningError> {
         if from == StartFrom::Estimate {
             self.hold_here()?;
         }
-        let start_s = seconds(start_ns);
-        let start = self.flown.at(start_s).state;
-        let pose = start.world_from_body;
         self.way_mass_kg = self.belief.parameters().mass;
-        let world_revision = self.world_revision;
-        if self.settings.schedule.stretches.is_some() {
-            let here = TranslationState::at_rest(pose.translation.vector);
-            let horizon_s = self.stretch_planner.horizon_s();
-            let resting = BodyArc::accelerated(horizon_s * 1e3, &here, Vector3::zeros(), pose.rotation);
-            let way = Some((ArcPath::new([resting]), self.belief.revision));
-            self.answers.push_back((self.time_ns, Answer::Way { request, way, world_revision }));
-            return Ok(());
-        }
-        // what was flown may end nearer to something, or farther out, than a way should be planned; and a way as near as
-        // may be flown is better than none
-        let clearance = self.scene.world.clearance(&self.settings.body, &pose, start_s)?;
-        let asked_m = if self.ways_refused == 0 { self.settings.margin_m } else { self.settings.check_margin_m };
-        let margin_m = asked_m.min(START_SHARE * clearance.distance_m).max(0.0);
-        let mut limits = self.settings.limits;
-        limits.position.lower_world = limits.position.lower_world.inf(&pose.translation.vector);
-        limits.position.upper_world = limits.position.upper_world.sup(&pose.translation.vector);
-        let velocity = pose.rotation * start.twist_body.linear;
-        limits.speed_m_s = limits.speed_m_s.sup(&velocity.abs());
-        let asked = GlobalRequest {
-            world: &self.scene.world,
-            body: &self.settings.body,
-            start: TranslationState { position: pose.translation.vector, velocity },
-            attitude: pose.rotation,
-            start_s,
-            goal: self.settings.goal,
-            limits,
-            belief: &self.belief,
-            objective: self.settings.objective,
-            margin_m,
-            until: Until::BudgetSpent,
-            seed: draw(self.settings.seed, request),
-        };
-        let known = self.ways.back().filter(|_| self.ways_refused == 0);
-        let layer = if known.is_some() { Layer::NewWay } else { Layer::Way };
-        observer.begins(layer);
-        let answer = match known {
-            Some((_, known, _)) => {
-                self.way_planner.plan_anew(&asked, known, &mut Units::new(self.settings.new_way_units))
-            }
-            None => self.way_planner.plan(&asked, &mut Units::new(self.settings.way_units)),
-        };
-        observer.ends(layer);
-        let (way, units) = match answer {
-            Ok(answer) => {
-                observer.planned_way(self.time_ns, request, &answer);
-                let found = answer.plan.filter(|plan| !plan.trajectory.arcs().is_empty());
-                self.ways_refused = if found.is_some() { 0 } else { self.ways_refused + 1 };
-                (found.map(|plan| (plan.trajectory, plan.model_revision)), answer.units)
-            }
-            // a start beyond what can be asked: no way from here
-            Err(error) => {
-                observer.refused(self.time_ns, request, &error);
-                (None, 0)
-            }
-        };
-        let fault = observer.planner_fault(request);
-        let way = way.filter(|_| fault != PlannerFault::Refused);
-        let took_ns = self.took(request, units, self.settings.computing.way_unit_ns, fault);
-        if fault != PlannerFault::NoAnswer {
-            self.answers.push_back((self.time_ns + took_ns, Answer::Way { request, way, world_revision }));
-        }
-        Ok(())
-    }
-
-    fn plan_stretch(
-        &mut self,
-        (request, start_ns): (u64, i64),
-        (way, way_start_ns): (u64, i64),
-        ambition: Ambition,
-        observer: &mut dyn LoopObserver,
-    ) -> Result<(), PlanningError> {
-        let start_s = seconds(start_ns);
-        let horizon_s = self.stretch_planner.horizon_s();
-        let Some((_, path, _)) = self.ways.iter().find(|(of, ..)| *of == way) else {
-            self.events.push_back(Event::StretchRefused { request });
-            return Ok(());
-        };
-        let way_start_s = seconds(way_start_ns);
-        let first_way_s = *self.first_way_s.get_or_insert(way_start_s);
-        let mut units = Units::new(self.settings.stretch_units);
-        let answer: Result<Result<StretchAnswer, StretchRefusal>, PlanningError> = if ambition == Ambition::AlongWay {
-            let until_s = (start_s + horizon_s).min(way_start_s + path.duration_s());
-            Ok(Ok(StretchAnswer::along_way(path, way_start_s, start_s, until_s)))
+        let LoopSettings { schedule, margin_m, check_margin_m, .. } = &*self.settings;
+        let asked = if schedule.stretches.is_some() {
+            Asked::Stay
+        } else if self.ways_refused == 0 {
+            Asked::Way { known: self.ways.back().map(|(_, way)| Arc::clone(way)), margin_m: *margin_m }
         } else {
-            let task = StretchTask {
-                start: self.flown.at(start_s).state,
-                start_s,
-                way: path,
-                way_start_s,
-                belief: &self.belief,
-                surroundings: &self.scene.surroundings,
-                is_informative: ambition == Ambition::Informative,
-                elapsed_s: (start_s - first_way_s).max(0.0),
-            };
-            observer.begins(Layer::Stretch);
-            let answer = self.stretch_planner.plan(&task, &mut units);
-            observer.ends(Layer::Stretch);
-            answer
+            // a way as near as may be flown is better than none
+            Asked::Way { known: None, margin_m: *check_margin_m }
         };
-        let fault = observer.planner_fault(request);
-        let found = match answer {
-            Ok(Ok(answer)) if fault != PlannerFault::Refused => Some(Box::new(self.checked(start_ns, answer)?)),
-            Err(error) => {
-                observer.refused(self.time_ns, request, &error);
-                None
-            }
-            Ok(_) => None,
-        };
-        let took_ns = self.took(request, units.spent(), self.settings.computing.stretch_unit_ns, fault);
-        if fault != PlannerFault::NoAnswer {
-            self.answers.push_back((self.time_ns + took_ns, Answer::Stretch { request, found }));
-        }
+        self.ask(request, start_ns, asked);
         Ok(())
     }
 
-    /// With the stop after it, and whether both keep clear.
-    fn checked(
-        &self,
-        start_ns: i64,
-        mut answer: StretchAnswer,
-    ) -> Result<(FoundStretch, StretchAnswer), PlanningError> {
-        answer.motion = answer.motion.with_stop(&self.stop_limits());
-        let contact = answer.motion.first_contact(
-            &self.scene.world,
-            &self.settings.body,
-            seconds(start_ns),
-            self.settings.check_margin_m,
-        )?;
-        let position = &self.settings.limits.position;
-        let slack = Vector3::repeat(self.settings.margin_m - self.settings.check_margin_m);
-        let (lower, upper) = (position.lower_world - slack, position.upper_world + slack);
-        let is_inside = |point: &Vector3<f64>| point.sup(&lower) == *point && point.inf(&upper) == *point;
-        let found = FoundStretch {
+    fn ask(&mut self, request: u64, start_ns: i64, asked: Asked) {
+        self.newest_request = self.newest_request.max(request);
+        self.requests.push_back(PlanRequest {
+            request,
+            asked,
+            start: self.flown.at(seconds(start_ns)).state,
             start_ns,
-            // the last one is over when it has arrived
-            end_ns: nanoseconds(answer.arrival_s.unwrap_or(answer.motion.end_s())),
-            model_revision: self.belief.revision,
+            scene: Arc::clone(&self.scene),
             world_revision: self.world_revision,
-            is_last: answer.is_last,
-            is_clear: contact.is_none() && answer.motion.points(1.0).iter().all(is_inside),
-        };
-        Ok((found, answer))
-    }
-
-    fn took(&self, request: u64, units: u64, unit_ns: i64, fault: PlannerFault) -> i64 {
-        let chance = (draw(self.settings.seed ^ 0x7469_6d65, request) >> 11) as f64 / (1_u64 << 53) as f64;
-        let longer = 1.0 + self.settings.computing.jitter * chance;
-        let factor = if let PlannerFault::Late(factor) = fault { factor } else { 1.0 };
-        #[allow(clippy::cast_possible_truncation)] // saturates
-        let took_ns = (units as f64 * unit_ns as f64 * longer * factor) as i64;
-        took_ns.max(0)
+            belief: Arc::clone(&self.belief),
+            stop: self.stop_limits(),
+            settings: Arc::clone(&self.settings),
+        });
     }
 
     fn control(&mut self, observer: &mut dyn LoopObserver) -> Result<ControlCommand, PlanningError> {
@@ -873,13 +669,24 @@ where
     }
 }
 
+/// What an estimator knows of the body, as it says it and as planners are told.
+fn body_of<E: StateEstimator>(estimator: &E) -> Result<(Finding, Estimate), PlanningError> {
+    let body = estimator.finding().and_then(|finding| Ok((finding, Estimate::try_from(&finding)?)));
+    body.map_err(|error| named(estimator, error))
+}
+
+/// The error with the name of whose it is.
+fn named<E: StateEstimator>(estimator: &E, error: EstimatorError) -> PlanningError {
+    PlanningError::foreign(estimator.name(), error)
+}
+
 /// Seconds of a mission time.
-fn seconds(time_ns: i64) -> f64 {
+pub(super) fn seconds(time_ns: i64) -> f64 {
     time_ns as f64 * 1e-9
 }
 
 /// The nearest nanosecond.
-fn nanoseconds(time_s: f64) -> i64 {
+pub(super) fn nanoseconds(time_s: f64) -> i64 {
     #[allow(clippy::cast_possible_truncation)] // saturates, far beyond any mission
     let time_ns = nalgebra::ComplexField::round(time_s * 1e9) as i64;
     time_ns
@@ -896,12 +703,4 @@ fn distance(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
 fn angle(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
     let turn: Vector3<f64> = LieGroup::log(&(a.inverse() * b));
     length(&turn)
-}
-
-/// A number that follows from two, and looks like chance.
-fn draw(seed: u64, number: u64) -> u64 {
-    let mut mixed = seed.wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    mixed ^ (mixed >> 31)
 }

@@ -175,6 +175,7 @@ impl Coordinator {
             Event::Known(is_known) => self.is_known = is_known,
             Event::WayFound { request, world_revision, .. } => self.way_found(request, world_revision, actions),
             Event::WayRefused { request } => self.way_refused(request, actions),
+            Event::WayImpossible { request, world_revision } => self.no_way(request, world_revision, actions),
             Event::StretchFound { request, stretch } => self.stretch_found(request, stretch, actions),
             Event::StretchRefused { request } => self.stretch_refused(request, actions),
             Event::World { revision, contact_ns } => self.world(revision, contact_ns, actions),
@@ -428,11 +429,15 @@ impl Coordinator {
     }
 
     fn finish(&mut self, has_arrived: bool, actions: &mut Vec<Action>) {
-        if matches!(self.phase, Phase::Flying(_)) && !has_arrived {
+        self.end(!has_arrived, actions);
+        actions.push(Action::Finish { has_arrived });
+    }
+
+    fn end(&mut self, by_stop: bool, actions: &mut Vec<Action>) {
+        if matches!(self.phase, Phase::Flying(_)) && by_stop {
             actions.push(Action::Stop);
         }
         self.phase = Phase::Done;
-        actions.push(Action::Finish { has_arrived });
     }
 
     fn way_found(&mut self, request: u64, world_revision: u64, actions: &mut Vec<Action>) {
@@ -475,6 +480,17 @@ impl Coordinator {
         actions.push(Action::Note(Note::Refused { request }));
         if self.phase == Phase::AwaitingWay {
             self.rest(StartFrom::Reference, self.schedule.pause_ns);
+        }
+    }
+
+    /// What does not exist need not be asked for again, unless the world has changed since.
+    fn no_way(&mut self, request: u64, world_revision: u64, actions: &mut Vec<Action>) {
+        let is_wanted = self.way.is_some_and(|asked| asked.request == request);
+        if is_wanted && world_revision == self.world_revision {
+            self.end(true, actions);
+            actions.push(Action::GiveUp { request });
+        } else {
+            self.way_refused(request, actions);
         }
     }
 

@@ -48,6 +48,13 @@ pub enum Event {
         /// The request.
         request: u64,
     },
+    /// A proof that no way exists in a world.
+    WayImpossible {
+        /// The request.
+        request: u64,
+        /// The world.
+        world_revision: u64,
+    },
     /// A stretch of the way.
     StretchFound {
         /// The request.
@@ -184,6 +191,11 @@ pub enum Action {
     Finish {
         /// Whether the robot is where it was to be.
         has_arrived: bool,
+    },
+    /// The mission is over: there is no way.
+    GiveUp {
+        /// The request whose answer proves it.
+        request: u64,
     },
     /// For the log.
     Note(Note),

@@ -1,12 +1,12 @@
 //! Stretches by the informative planner.
 
 use super::expected_loss::ExpectedLoss;
-use super::stretch::{StretchAnswer, StretchPlanner, StretchRefusal, StretchTask};
+use super::stretch::{StretchAnswer, StretchOutcome, StretchPlanner, StretchRefusal, StretchTask};
 use super::stretch_model::StretchModel;
 use super::stretch_settings::{Arrival, StretchSettings};
 use super::way_nodes::motion_on;
 use crate::budget::Budget;
-use crate::error::{PlanningError, positive};
+use crate::error::{PlanningError, indefinite, positive};
 use crate::local::{
     Array2, Guess, InformationWeighting, InformativePlanner, Kinematics, Knowledge, LocalAnswer, LocalPlanner,
     LocalRequest, LocalStatus, LocalTrajectory, Reference, TerminalRegion, WeightingContext, WrenchSet,
@@ -15,17 +15,26 @@ use core::f64::consts::TAU;
 use nalgebra::{SMatrix, Vector3};
 use tumble_lie::LieGroup;
 
-/// Plans stretches along a way with the informative planner, for any model and weighting.
+/// Plans stretches along a way, for any model, weighting and local planner `L`; the informative one unless
+/// [another](Self::planned_by) is given.
 ///
 /// Inputs begin as those of the last plan where it went on beyond the start of the new one, and elsewhere as those that follow
 /// the way; where no plan is found from there, from nothing.
-pub struct InformativeStretch<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> {
-    planner: InformativePlanner<M, X, U, P>,
+pub struct InformativeStretch<
+    M: StretchModel<X, U, P>,
+    const X: usize,
+    const U: usize,
+    const P: usize,
+    L = InformativePlanner<M, X, U, P>,
+> {
+    planner: L,
     /// Asked what is known.
     model: M,
     weighting: Box<dyn InformationWeighting<P>>,
     expected_loss: Option<ExpectedLoss<P>>,
     arrival: Arrival,
+    /// Largest absolute value of each input.
+    limit: [f64; U],
     step_s: f64,
     steps: usize,
     /// Covariance of the quantities at first, and the length of the first way, s.
@@ -54,6 +63,7 @@ impl<M: StretchModel<X, U, P> + Clone, const X: usize, const U: usize, const P: 
         for limit in [radius_m, speed_m_s, angle_rad, rate_rad_s] {
             positive("a limit of arrival", limit)?;
         }
+        let limit = wrench.limit;
         let local = settings.local(&M::GROUPS, &M::IS_TORQUE, wrench)?;
         Ok(Self {
             planner: InformativePlanner::try_new(model.clone(), local)?,
@@ -61,6 +71,7 @@ impl<M: StretchModel<X, U, P> + Clone, const X: usize, const U: usize, const P: 
             weighting,
             expected_loss: None,
             arrival: settings.arrival,
+            limit,
             step_s: settings.step_s,
             steps: settings.steps,
             first: None,
@@ -70,7 +81,32 @@ impl<M: StretchModel<X, U, P> + Clone, const X: usize, const U: usize, const P: 
     }
 }
 
-impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> InformativeStretch<M, X, U, P> {
+impl<M, const X: usize, const U: usize, const P: usize, L> InformativeStretch<M, X, U, P, L>
+where
+    M: StretchModel<X, U, P>,
+{
+    /// The same stretches from a local planner of somebody else; it is asked for inputs over the same steps.
+    #[must_use]
+    pub fn planned_by<N>(self, planner: N) -> InformativeStretch<M, X, U, P, N>
+    where
+        N: LocalPlanner<U, P, State = M::State>,
+    {
+        let Self { model, weighting, expected_loss, arrival, limit, step_s, steps, first, last, iterations, .. } = self;
+        InformativeStretch {
+            planner,
+            model,
+            weighting,
+            expected_loss,
+            arrival,
+            limit,
+            step_s,
+            steps,
+            first,
+            last,
+            iterations,
+        }
+    }
+
     /// The same with weights by what uncertainty is expected to cost on the rest of the way, whatever the weighting says.
     #[must_use]
     pub fn weighted_by_loss(self, expected_loss: ExpectedLoss<P>) -> Self {
@@ -115,7 +151,6 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
             (ahead >= 0.0).then_some((ahead.round() as usize, &last.inputs))
         });
         let begin_s = task.start_s - task.way_start_s;
-        let limit = self.planner.settings().wrench.limit;
         let mut kept = 0;
         let inputs = (0..self.steps).map(|step| {
             if let Some(input) = ahead.and_then(|(ahead, inputs)| inputs.get(ahead.saturating_add(step))) {
@@ -131,7 +166,7 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
                 by_acceleration.map(|row| row.iter().zip(wanted).map(|(entry, wanted)| entry * wanted).sum::<f64>());
             if matters {
                 let share = (step as f64 + 0.5) / self.steps as f64;
-                let torques = input.iter_mut().zip(limit).zip(M::IS_TORQUE).filter(|(_, is_torque)| *is_torque);
+                let torques = input.iter_mut().zip(self.limit).zip(M::IS_TORQUE).filter(|(_, is_torque)| *is_torque);
                 for (cycles, ((value, limit), _)) in (1_u32..).zip(torques) {
                     *value += SWING * limit * libm::cos(TAU * f64::from(cycles) * share);
                 }
@@ -149,21 +184,25 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
         weights: &[f64; P],
         names: [&'static str; P],
         answer: LocalAnswer<M::State, U, P>,
-    ) -> Result<StretchAnswer, StretchRefusal> {
+    ) -> Result<StretchOutcome, PlanningError> {
         let Some(plan) = answer.plan else {
             let blocker = match answer.status {
                 LocalStatus::Infeasible { blocker, .. } => blocker,
                 _ => None,
             };
-            return Err(StretchRefusal { violation: answer.violation, blocker });
+            return Ok(StretchOutcome::Refused(StretchRefusal { violation: answer.violation, blocker }));
         };
         let trajectory = plan.trajectory;
+        let (given, expected) = (trajectory.states.len(), self.steps + 1);
+        if given != expected {
+            return Err(PlanningError::WrongCount { what: "states of a local plan", given, expected });
+        }
         let at = |node: usize| trajectory.sigma(node).unwrap_or([0.0; P]);
         let (before, after) = (at(0), at(self.steps));
         let arrival_s = self.arrival_s(&trajectory, goal).filter(|_| self.way_ends(task));
         let motion = self.model.motion(&trajectory, task.belief);
         self.last = Some(trajectory);
-        Ok(StretchAnswer {
+        Ok(StretchOutcome::Planned(Box::new(StretchAnswer {
             motion,
             is_last: arrival_s.is_some(),
             arrival_s,
@@ -171,7 +210,7 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> I
             quantities: names.to_vec(),
             weights: weights.to_vec(),
             sigma: before.into_iter().zip(after).map(|(before, after)| [before, after]).collect(),
-        })
+        })))
     }
 
     /// Whether the way ends within the stretch.
@@ -212,24 +251,22 @@ fn input_by_acceleration<const U: usize>(by_input: &Array2<6, U>) -> Array2<U, 6
 
 /// Covariance of the quantities.
 fn covariance_of<const P: usize>(knowledge: &Knowledge<P>) -> Result<SMatrix<f64, P, P>, PlanningError> {
-    let what = "an eigenvalue of the prior information";
-    let factor = knowledge.information.cholesky().ok_or(PlanningError::NotPositive { what, value: 0.0 })?;
+    let what = "the least eigenvalue of the prior information";
+    let factor = knowledge.information.cholesky().ok_or_else(|| indefinite(what, &knowledge.information))?;
     let covariance = knowledge.quantities * factor.inverse() * knowledge.quantities.transpose();
     Ok((covariance + covariance.transpose()) * 0.5)
 }
 
-impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> StretchPlanner
-    for InformativeStretch<M, X, U, P>
+impl<M, const X: usize, const U: usize, const P: usize, L> StretchPlanner for InformativeStretch<M, X, U, P, L>
+where
+    M: StretchModel<X, U, P>,
+    L: LocalPlanner<U, P, State = M::State>,
 {
     fn horizon_s(&self) -> f64 {
         self.step_s * self.steps as f64
     }
 
-    fn plan(
-        &mut self,
-        task: &StretchTask<'_>,
-        budget: &mut dyn Budget,
-    ) -> Result<Result<StretchAnswer, StretchRefusal>, PlanningError> {
+    fn plan(&mut self, task: &StretchTask<'_>, budget: &mut dyn Budget) -> Result<StretchOutcome, PlanningError> {
         let start = Kinematics::from(&task.start);
         let Some((goal, ..)) = motion_on(task.way, f64::INFINITY) else {
             return Err(PlanningError::WrongCount { what: "arcs of the way", given: 0, expected: 1 });
@@ -249,13 +286,11 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> S
         };
         let (inputs, is_near) = self.inputs(task, weights.iter().any(|weight| *weight > 0.0));
         let begun = if is_near { Guess::Near(&inputs) } else { Guess::Inputs(&inputs) };
+        self.iterations = 0;
         // What cannot arrive in time comes as near as it can, and the next stretch arrives; from nothing only where that fails.
         let region = self.way_ends(task).then_some(region);
-        let tries = [(begun, region), (Guess::Inputs(&inputs), None), (Guess::Excited, None)];
-        let tries = tries.into_iter().enumerate().filter(|(index, _)| *index != 1 || region.is_some() || is_near);
-        self.iterations = 0;
-        let mut refusal = StretchRefusal { violation: f64::INFINITY, blocker: None };
-        for (_, (guess, terminal)) in tries {
+        let nearer = (region.is_some() || is_near).then_some((Guess::Inputs(&inputs), None));
+        let mut attempt = |(guess, terminal)| {
             let request = LocalRequest {
                 start: &start,
                 start_s: task.start_s,
@@ -268,11 +303,13 @@ impl<M: StretchModel<X, U, P>, const X: usize, const U: usize, const P: usize> S
             };
             let found = self.planner.plan(&request, budget)?;
             self.iterations += found.iterations;
-            match self.answer(task, &goal, &weights, knowledge.names, found) {
-                Ok(answer) => return Ok(Ok(answer)),
-                Err(refused) => refusal = refused,
+            self.answer(task, &goal, &weights, knowledge.names, found)
+        };
+        for each in [Some((begun, region)), nearer].into_iter().flatten() {
+            if let planned @ StretchOutcome::Planned(_) = attempt(each)? {
+                return Ok(planned);
             }
         }
-        Ok(Err(refusal))
+        attempt((Guess::Excited, None))
     }
 }

@@ -72,7 +72,35 @@ pub struct StretchRefusal {
     pub blocker: Option<Blocker>,
 }
 
-/// A planner of stretches: a [`crate::local::LocalPlanner`] with its weighting, its sizes hidden.
+/// What a planner of stretches answers.
+#[derive(Clone, Debug)]
+pub enum StretchOutcome {
+    /// A stretch.
+    Planned(Box<StretchAnswer>),
+    /// None, and why.
+    Refused(StretchRefusal),
+}
+
+impl StretchOutcome {
+    /// The stretch, where there is one.
+    pub fn planned(self) -> Option<StretchAnswer> {
+        match self {
+            Self::Planned(answer) => Some(*answer),
+            Self::Refused(_) => None,
+        }
+    }
+
+    /// Why there is none, where there is none.
+    pub fn refused(&self) -> Option<&StretchRefusal> {
+        match self {
+            Self::Planned(_) => None,
+            Self::Refused(refusal) => Some(refusal),
+        }
+    }
+}
+
+/// A planner of stretches: a [`crate::local::LocalPlanner`] with its weighting, its sizes hidden;
+/// [`InformativeStretch`](super::InformativeStretch) makes one of any.
 pub trait StretchPlanner {
     /// Length of a stretch, s.
     fn horizon_s(&self) -> f64;
@@ -81,9 +109,34 @@ pub trait StretchPlanner {
     ///
     /// # Errors
     /// A task that cannot be. That no plan keeps the limits is an answer.
-    fn plan(
-        &mut self,
-        task: &StretchTask<'_>,
-        budget: &mut dyn Budget,
-    ) -> Result<Result<StretchAnswer, StretchRefusal>, PlanningError>;
+    fn plan(&mut self, task: &StretchTask<'_>, budget: &mut dyn Budget) -> Result<StretchOutcome, PlanningError>;
+}
+
+/// Stretches that are the way as it is: nothing is searched for, and nothing learned on purpose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlongWay {
+    /// Length of a stretch, s.
+    pub horizon_s: f64,
+}
+
+impl StretchPlanner for AlongWay {
+    fn horizon_s(&self) -> f64 {
+        self.horizon_s
+    }
+
+    fn plan(&mut self, task: &StretchTask<'_>, _budget: &mut dyn Budget) -> Result<StretchOutcome, PlanningError> {
+        let until_s = (task.start_s + self.horizon_s).min(task.way_start_s + task.way.duration_s());
+        let answer = StretchAnswer::along_way(task.way, task.way_start_s, task.start_s, until_s);
+        Ok(StretchOutcome::Planned(Box::new(answer)))
+    }
+}
+
+impl<T: StretchPlanner + ?Sized> StretchPlanner for Box<T> {
+    fn horizon_s(&self) -> f64 {
+        (**self).horizon_s()
+    }
+
+    fn plan(&mut self, task: &StretchTask<'_>, budget: &mut dyn Budget) -> Result<StretchOutcome, PlanningError> {
+        (**self).plan(task, budget)
+    }
 }

@@ -15,12 +15,13 @@ use tumble_planning::dynamics::{
     World, WrenchBox,
 };
 use tumble_planning::global::{FlightPlanner, GoalRegion};
-use tumble_planning::identification::recursive::{FlightEstimator, FlightEstimatorSettings, FlightMeasurement};
+use tumble_planning::identification::estimator::{Acted, Measurement, StateEstimator};
+use tumble_planning::identification::recursive::{FlightEstimator, FlightEstimatorSettings};
 use tumble_planning::lie::{Pose, Wrench};
 use tumble_planning::local::{CovarianceWeighting, RigidBodyModel};
 use tumble_planning::mission::{
-    BrakeLimits, ClosedLoop, InformativeStretch, LoopObserver, LoopSettings, NoObserver, Scene, Sensed, StopLimits,
-    StretchSettings,
+    BrakeLimits, ClosedLoop, ComputingTime, End, InformativeStretch, LoopObserver, LoopSettings, NoObserver, Office,
+    Scene, Simulated, StopLimits, StretchPlanner, StretchSettings,
 };
 use tumble_planning::nalgebra::{UnitQuaternion, Vector3};
 use tumble_planning::{ModelBelief, PlanningError, unit_interval};
@@ -70,35 +71,61 @@ fn attitude(body: &InertialParameters<f64>) -> AttitudeController {
     AttitudeController { law: AttitudeLaw::Geometric, gains, body: *body, torque_limit_n_m: TORQUE_N_M }
 }
 
-// Step 3: the loop. Planners and estimator get the numbers above, and everything else has its usual value.
-type Tug<C> = ClosedLoop<EllipsoidWorld, FlightPlanner, C>;
+// Step 3: the layers. Estimator and planners get the numbers above, and everything else has its usual value.
+type Tug<C, E> = ClosedLoop<EllipsoidWorld, C, E>;
+type Stretches = InformativeStretch<RigidBodyModel<4>, 12, 6, 4>;
 
-fn tug<C: Controller>(new_controller: impl FnMut(&ModelBelief) -> Result<C, PlanningError> + 'static) -> Tug<C> {
-    let (belief, shape) = (belief(), BodyShape::sphere(RADIUS_M).unwrap());
-    let (mass, inertia) = (belief.parameters().mass, belief.parameters().inertia_about_com()[(0, 0)]);
-    let (force_n, torque_n_m) = (0.5 * FORCE_N, 0.4 * TORQUE_N_M); // plans push less hard than the controller may
-    let estimator = FlightEstimatorSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
-    let estimator = FlightEstimator::try_new(estimator, start(), 0, &belief.estimate).unwrap();
-    let stretches = StretchSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
+/// Plans push less hard than the controller may.
+const PLANNED_N: f64 = 0.5 * FORCE_N;
+const PLANNED_N_M: f64 = 0.4 * TORQUE_N_M;
+
+fn estimator() -> FlightEstimator {
+    let settings = FlightEstimatorSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
+    FlightEstimator::try_new(settings, start(), 0, &belief().estimate).unwrap()
+}
+
+fn planners() -> (FlightPlanner, Stretches) {
+    let body = *belief().parameters();
+    let (mass, inertia) = (body.mass, body.inertia_about_com()[(0, 0)]);
     // what is worth learning: the mass, and the moments of inertia
     let weighting = CovarianceWeighting::of_sizes([mass, inertia, inertia, inertia]).unwrap();
-    let push = WrenchBox::in_every_axis(torque_n_m, force_n).into();
+    let settings = StretchSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
+    let push = WrenchBox::in_every_axis(PLANNED_N_M, PLANNED_N).into();
     let model = RigidBodyModel::principal();
-    let planner = InformativeStretch::try_new(model, &stretches, push, Box::new(weighting)).unwrap();
+    let stretches = InformativeStretch::try_new(model, &settings, push, Box::new(weighting)).unwrap();
+    (FlightPlanner::default(), stretches)
+}
+
+fn tug<C: Controller, E: StateEstimator>(
+    new_controller: impl FnMut(&ModelBelief) -> Result<C, PlanningError> + Send + 'static,
+    estimator: E,
+    room: &World,
+) -> Tug<C, E> {
+    let shape = BodyShape::sphere(RADIUS_M).unwrap();
     let origin = AlignedBox::between(Vector3::new(-1.15, -0.65, -0.25), Vector3::new(1.15, 0.65, 0.25));
-    let limits = stretches.way_limits(origin, Vector3::repeat(force_n), Vector3::repeat(torque_n_m));
+    let stretches = StretchSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
+    let limits = stretches.way_limits(origin, Vector3::repeat(PLANNED_N), Vector3::repeat(PLANNED_N_M));
     let goal = GoalRegion::pose(&Pose::from_parts(GOAL.into(), UnitQuaternion::new(Vector3::z() * 0.8)));
-    let stop = StopLimits::for_body(&InertialParameters::solid_box(2.0 * mass, [0.4; 3]), force_n, torque_n_m);
+    let heavy = InertialParameters::solid_box(2.0 * belief().parameters().mass, [0.4; 3]);
+    let stop = StopLimits::for_body(&heavy, PLANNED_N, PLANNED_N_M);
     let brake = BrakeLimits { force_n: Vector3::repeat(FORCE_N), torque_n_m: TORQUE_N_M };
     let settings =
         LoopSettings { decision_periods: 5, ..LoopSettings::new(shape.clone(), goal, limits, (stop, brake)) };
-    let scene = Scene::of_world(&room(), &shape).unwrap();
-    let planners = (FlightPlanner::default(), Box::new(planner) as _);
-    ClosedLoop::try_new(settings, scene, planners, new_controller, estimator, 0).unwrap()
+    let scene = Scene::of_world(room, &shape).unwrap();
+    ClosedLoop::try_new(settings, scene, new_controller, estimator, 0).unwrap()
+}
+
+/// Planners beside the loop, as slow as on a small computer: the same flight is the same to the bit.
+fn simulated<G, L: StretchPlanner>(planners: (G, L)) -> Simulated<G, L> {
+    Simulated::new(planners, ComputingTime::default())
 }
 
 // Step 4: close the loop. What is sensed goes in, a wrench comes out, the plant moves, and what matters is checked. True on arrival.
-fn fly<C: Controller>(flying: &mut Tug<C>, observer: &mut impl LoopObserver) -> bool {
+fn fly<C: Controller, E: StateEstimator>(
+    flying: &mut Tug<C, E>,
+    office: &mut impl Office<EllipsoidWorld>,
+    observer: &mut impl LoopObserver,
+) -> bool {
     let limits = WrenchBox::in_every_axis(TORQUE_N_M, FORCE_N);
     let mut plant = SimulatedBody::try_new(FreeFlyer::new(truth()), MuntheKaas4, limits, start(), PERIOD_S).unwrap();
     let (world, shape) = (EllipsoidWorld::new(&room()).unwrap(), BodyShape::sphere(RADIUS_M).unwrap());
@@ -106,30 +133,31 @@ fn fly<C: Controller>(flying: &mut Tug<C>, observer: &mut impl LoopObserver) -> 
     // the sum of twelve evenly distributed numbers is nearly normal
     let mut noise =
         |sigma: f64| Vector3::from_fn(|_, _| sigma * ((0..12).map(|_| unit_interval(&mut random)).sum::<f64>() - 6.0));
-    let (mut acted, mut on_its_way, mut time_ns) = (Wrench::zero(), Vec::new(), 0);
-    while flying.finished().is_none() {
+    let (mut wrench_body, mut on_its_way, mut from_ns, mut until_ns) = (Wrench::zero(), Vec::new(), 0, 0);
+    while flying.end().is_none() {
         let pose = plant.state().world_from_body;
         let world_from_body = Pose::from_parts(
             (pose.translation.vector + noise(NOISE_M)).into(),
             pose.rotation * UnitQuaternion::new(noise(NOISE_RAD)),
         );
-        let arrived = std::mem::replace(&mut on_its_way, vec![FlightMeasurement::of_pose(time_ns, world_from_body)]);
-        let sensed = Sensed { time_ns, acted, measurements: &arrived };
-        let wrench = flying.step(&sensed, observer).unwrap().wrench_body;
+        let measured = Measurement::of_pose(until_ns, &world_from_body, NOISE_RAD, NOISE_M);
+        let arrived = std::mem::replace(&mut on_its_way, vec![measured]);
+        let acted = Acted { from_ns, until_ns, wrench_body, stored_body: Vector3::zeros() };
+        let wrench = flying.step_with(office, &acted, &arrived, observer).unwrap().wrench_body;
         assert!(wrench.force.amax() <= FORCE_N + 1e-9 && wrench.torque.amax() <= TORQUE_N_M + 1e-9, "{wrench:?}");
-        acted = plant.advance(&wrench, PERIOD_S).unwrap().realized_wrench_body;
-        time_ns += PERIOD_NS;
+        wrench_body = plant.advance(&wrench, PERIOD_S).unwrap().realized_wrench_body;
+        (from_ns, until_ns) = (until_ns, until_ns + PERIOD_NS);
         let clearance = world.clearance(&shape, &plant.state().world_from_body, 0.0).unwrap();
         assert!(clearance.distance_m > 0.0, "contact at {} s", plant.time_s());
     }
     let distance_m = (plant.state().world_from_body.translation.vector - GOAL).norm();
-    flying.finished() == Some(true) && distance_m < 0.03
+    flying.end() == Some(&End::Arrived) && distance_m < 0.03
 }
 
 #[test]
 fn the_tug_arrives_and_learns_what_it_weighs() {
-    let mut flying = tug(tube);
-    assert!(fly(&mut flying, &mut NoObserver));
+    let mut flying = tug(tube, estimator(), &room());
+    assert!(fly(&mut flying, &mut simulated(planners()), &mut NoObserver));
     let estimate = flying.estimator().estimate();
     let error_kg = (estimate.parameters.mass - truth().mass).abs();
     assert!(error_kg < 3.0 * estimate.std.mass_kg && error_kg < 0.03 * truth().mass, "{error_kg} kg");
@@ -139,9 +167,13 @@ fn the_tug_arrives_and_learns_what_it_weighs() {
 #[test]
 fn another_controller_flies_it_too() {
     let weights = TranslationWeights::default();
-    let mut flying =
-        tug(move |belief| LqrController::lqr(0.2, &weights, attitude(belief.parameters()), Vector3::repeat(FORCE_N)));
-    assert!(fly(&mut flying, &mut NoObserver));
+    let new = move |belief: &ModelBelief| {
+        LqrController::lqr(0.2, &weights, attitude(belief.parameters()), Vector3::repeat(FORCE_N))
+    };
+    assert!(fly(&mut tug(new, estimator(), &room()), &mut simulated(planners()), &mut NoObserver));
 }
 
+#[path = "custom_robot/own_layers.rs"]
+mod own_layers;
+#[path = "custom_robot/same_again.rs"]
 mod same_again;

@@ -47,6 +47,8 @@ mod planted_defects_local_planner;
 mod planted_defects_planners;
 mod predicted_sigma;
 mod primitive_rrt;
+#[allow(dead_code, reason = "shared with the fuzz target")]
+mod promises;
 mod round_world;
 mod slew;
 mod steering;
@@ -57,13 +59,13 @@ mod ten_parameters;
 mod tracking_loss;
 mod tube_controller;
 #[allow(dead_code, reason = "shared with the study")]
-#[path = "../../../../xtask/src/studies/tube_flights.rs"]
 mod tube_flights;
 mod tube_hostile;
 mod tube_missions;
 #[allow(dead_code, reason = "shared with the study")]
-#[path = "../../../../xtask/src/studies/tube_plant.rs"]
 mod tube_plant;
 mod tube_problems;
+#[allow(dead_code, reason = "shared with the study")]
+mod tube_shares;
 mod tube_tables;
 mod verdicts;

@@ -1,10 +1,6 @@
 //! What is left of the input by how well the mass is known: the figures of the design, to its digits.
 
-#[allow(dead_code, reason = "shared with the study that prints them")]
-#[path = "../../../../xtask/src/studies/tube_shares.rs"]
-mod tube_shares;
-
-use tube_shares::{GAINS, HALF_WIDTHS, MASS_KG, around, cruise_m_s, gain_row, leg_time_change, limits, shares};
+use crate::tube_shares::{GAINS, HALF_WIDTHS, MASS_KG, around, cruise_m_s, gain_row, leg_time_change, limits, shares};
 
 /// A figure printed to so many decimals.
 #[track_caller]

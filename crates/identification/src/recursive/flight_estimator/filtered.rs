@@ -1,18 +1,18 @@
 //! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
 
 use super::flight_motion::{
-    BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, ROWS, SCALE, back_into_plane,
+    ALL_ROWS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, Fresh, ROWS, SCALE, back_into_plane,
 };
 use super::health::{Monitor, Thresholds};
-use super::reception::{FlightMeasurement, Reception};
+use super::reception::Reception;
 use super::settings::{FlightEstimatorSettings, WrenchErrors};
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
 use crate::error::IdentificationError;
-use crate::lie::{LieGroup, Pose, Twist, Wrench};
+use crate::estimator::{Gauss, Measurement};
+use crate::lie::{LieGroup, Pose, Wrench};
 use crate::recursive::belief::Correction;
-use crate::recursive::joint_motion::JointObservation;
-use nalgebra::{ComplexField, SMatrix, SVector, Vector6};
+use nalgebra::{ComplexField, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 /// Longest step of the filter: 32 ms.
 const STEP_NS: i64 = 32_000_000;
@@ -38,6 +38,8 @@ pub(super) struct Rules {
     pub(super) relocalise_after_ns: i64,
     pub(super) lateness_ns: i64,
     pub(super) lead_ns: i64,
+    /// Whether measurements say nothing of body and wrench, which are as uncertain as somebody else knows them.
+    pub(super) considers_body: bool,
 }
 
 /// Unlikely measurements in a row.
@@ -48,8 +50,19 @@ struct Jump {
     /// Since when they agree.
     agreeing_since_ns: i64,
     agreeing: u32,
+    /// Whether attitude and position are what is compared.
+    of: [bool; 2],
     /// What the map seems to have moved by.
     seen_from_expected: Pose<f64>,
+}
+
+/// What was last seen of every quantity.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Seen {
+    attitude: Option<UnitQuaternion<f64>>,
+    position: Option<Vector3<f64>>,
+    rate: Option<Vector3<f64>>,
+    velocity: Option<Vector3<f64>>,
 }
 
 /// The localisation moved a moment ago, and may again.
@@ -78,11 +91,13 @@ pub(super) struct Filtered {
     pub(super) covariance: Covariance,
     pub(super) counts: StreamCounts,
     pub(super) monitor: Monitor,
+    /// Whether the last measurement is to be learned from.
+    pub(super) teaches: bool,
     /// Whether actuators are thought not to do what they are told.
     wrench_is_doubtful: bool,
     jump: Option<Jump>,
     unsettled: Option<Unsettled>,
-    last: Option<FlightMeasurement>,
+    last: Seen,
 }
 
 impl Filtered {
@@ -105,10 +120,11 @@ impl Filtered {
             covariance,
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
+            teaches: false,
             wrench_is_doubtful: false,
             jump: None,
             unsettled: None,
-            last: None,
+            last: Seen::default(),
         }
     }
 
@@ -144,16 +160,27 @@ impl Filtered {
     }
 
     /// Takes a measurement of the present moment.
-    pub(super) fn take(&mut self, rules: &Rules, measurement: &FlightMeasurement) -> Reception {
-        let seen = self.news(measurement);
+    pub(super) fn take(&mut self, rules: &Rules, measurement: &Measurement) -> Reception {
+        // Rows that nobody measured cost time.
+        if measurement.other.is_some() {
+            self.take_rows::<ALL_ROWS>(rules, measurement)
+        } else {
+            self.take_rows::<ROWS>(rules, measurement)
+        }
+    }
+
+    fn take_rows<const R: usize>(&mut self, rules: &Rules, measurement: &Measurement) -> Reception {
+        let fresh = self.news(measurement);
         let dt_s = (measurement.stamp_ns - self.measured_ns) as f64 * 1e-9;
         self.measured_ns = measurement.stamp_ns;
-        self.last = Some(*measurement);
-        if seen.world_from_body.is_none() && seen.rate_body.is_none() && seen.velocity_origin_world.is_none() {
+        self.remember(measurement);
+        self.teaches = false;
+        let localised = [fresh.attitude, fresh.position];
+        if !(fresh.attitude || fresh.position || fresh.rate || fresh.velocity || measurement.other.is_some()) {
             self.counts.frozen += 1;
             return Reception::Frozen;
         }
-        let rows = rules.model.rows(&self.state, &seen);
+        let rows = rules.model.rows::<R>(&self.state, measurement, &fresh);
         let mut learned = self.covariance;
         let Ok(Correction { step, innovation }) = rows.correct(&mut learned) else {
             return Reception::Malformed { what: "innovation is not finite" };
@@ -165,7 +192,8 @@ impl Filtered {
             self.monitor.observe(&rules.thresholds, &innovation, limit, dt_s);
         }
         if nis <= limit {
-            if is_settled {
+            self.teaches = is_settled;
+            if is_settled && !rules.considers_body {
                 self.correct(rules, &step, &learned);
             } else {
                 self.correct_motion(rules, &step, &learned);
@@ -175,7 +203,7 @@ impl Filtered {
             return Reception::Used { nis };
         }
         self.counts.gated += 1;
-        if self.begins_anew(rules, measurement, seen.world_from_body.is_some()) {
+        if self.begins_anew(rules, measurement, localised) {
             self.counts.relocalised += 1;
             return Reception::Relocalised;
         }
@@ -201,42 +229,64 @@ impl Filtered {
         self.correct(rules, &step, &covariance);
     }
 
-    /// The channels that do not repeat the last measurement to the bit.
-    fn news(&self, measurement: &FlightMeasurement) -> JointObservation {
-        let last = self.last.as_ref();
-        let fresh = |same: bool| !same;
-        JointObservation {
-            step_s: 0.0,
-            wrench_body: Wrench::zero(),
-            world_from_body: Some(measurement.world_from_body)
-                .filter(|pose| fresh(last.is_some_and(|last| last.world_from_body == *pose))),
-            rate_body: measurement
-                .rate_body
-                .filter(|rate| fresh(last.is_some_and(|last| last.rate_body == Some(*rate)))),
-            velocity_origin_world: measurement
-                .velocity_origin_world
-                .filter(|v| fresh(last.is_some_and(|last| last.velocity_origin_world == Some(*v)))),
-            acceleration_origin_body: None,
+    /// The channels that do not repeat what was last seen to the bit. A pose is one channel.
+    fn news(&self, measurement: &Measurement) -> Fresh {
+        let attitude = measurement.attitude.map(|seen| seen.value);
+        let position = measurement.position_world.map(|seen| seen.value);
+        let moved = [
+            attitude.is_some() && attitude != self.last.attitude,
+            position.is_some() && position != self.last.position,
+        ];
+        let pose_moved = moved[0] || moved[1];
+        let is_new = |seen: Option<Gauss<Vector3<f64>>>, last: Option<Vector3<f64>>| {
+            seen.is_some_and(|seen| last != Some(seen.value))
+        };
+        Fresh {
+            attitude: attitude.is_some() && pose_moved,
+            position: position.is_some() && pose_moved,
+            rate: is_new(measurement.rate_body, self.last.rate),
+            velocity: is_new(measurement.velocity_world, self.last.velocity),
         }
     }
 
-    /// Counts an unlikely measurement; true where there were enough of them and motion begins anew at this one.
-    fn begins_anew(&mut self, rules: &Rules, measurement: &FlightMeasurement, has_pose: bool) -> bool {
+    fn remember(&mut self, measurement: &Measurement) {
+        let last = self.last;
+        self.last = Seen {
+            attitude: measurement.attitude.map(|seen| seen.value).or(last.attitude),
+            position: measurement.position_world.map(|seen| seen.value).or(last.position),
+            rate: measurement.rate_body.map(|seen| seen.value).or(last.rate),
+            velocity: measurement.velocity_world.map(|seen| seen.value).or(last.velocity),
+        };
+    }
+
+    /// Counts an unlikely measurement; true where there were enough of them and motion begins anew at this one. `localised`: whether
+    /// attitude and position were seen.
+    fn begins_anew(&mut self, rules: &Rules, measurement: &Measurement, localised: [bool; 2]) -> bool {
         let (now_ns, expected) = (measurement.stamp_ns, self.state.joint.motion.world_from_body);
         let settings = &rules.settings;
-        let seen_from_expected = measurement.world_from_body.compose(&expected.inverse());
-        let fresh = Jump { since_ns: now_ns, agreeing_since_ns: now_ns, agreeing: 1, seen_from_expected };
+        let mut seen = expected;
+        let mut deviations = [0.0; 2];
+        if let Some(attitude) = &measurement.attitude {
+            (seen.rotation, deviations[0]) = (attitude.value, largest_deviation(attitude));
+        }
+        if let Some(position) = &measurement.position_world {
+            (seen.translation, deviations[1]) = (position.value.into(), largest_deviation(position));
+        }
+        let has_pose = localised.contains(&true);
+        let seen_from_expected = seen.compose(&expected.inverse());
+        let fresh =
+            Jump { since_ns: now_ns, agreeing_since_ns: now_ns, agreeing: 1, of: localised, seen_from_expected };
         let jump = match self.jump {
             None => fresh,
-            // A pose that repeats the last one to the bit agrees with nothing.
-            Some(jump) if !has_pose => jump,
+            // A pose that repeats the last one to the bit agrees with nothing, nor does a place with an attitude.
+            Some(jump) if !has_pose || (jump.of != localised && jump.of.contains(&true)) => jump,
             Some(jump) => {
-                let apart =
-                    LieGroup::log(&jump.seen_from_expected.compose(&expected).between(&measurement.world_from_body));
-                let within = |first: usize, deviation: f64| {
-                    apart.fixed_rows::<3>(first).amax() <= AGREE * core::f64::consts::SQRT_2 * deviation
+                let apart = LieGroup::log(&jump.seen_from_expected.compose(&expected).between(&seen));
+                let within = |k: usize| {
+                    !localised[k]
+                        || apart.fixed_rows::<3>(3 * k).amax() <= AGREE * core::f64::consts::SQRT_2 * deviations[k]
                 };
-                if within(0, settings.noise.attitude_rad) && within(3, settings.noise.position_m) {
+                if jump.of == localised && within(0) && within(1) {
                     Jump { agreeing: jump.agreeing.saturating_add(1), ..jump }
                 } else {
                     Jump { since_ns: jump.since_ns, ..fresh }
@@ -247,7 +297,14 @@ impl Filtered {
         let agreed =
             now_ns - jump.agreeing_since_ns >= rules.relocalise_after_ns && jump.agreeing >= settings.relocalise_count;
         let waited = (now_ns - jump.since_ns) as f64 >= OUT_OF_PATIENCE * rules.relocalise_after_ns as f64;
-        if !(agreed || waited) || !has_pose {
+        // Where nothing but rates was unlikely there is nothing else to begin at.
+        let has_begin = has_pose
+            || measurement.attitude.is_none()
+                && measurement.position_world.is_none()
+                && !jump.of.contains(&true)
+                && (measurement.rate_body.is_some() || measurement.velocity_world.is_some());
+        let agreed = agreed && has_pose;
+        if !(agreed || waited) || !has_begin {
             return false;
         }
         let is_the_body = self.keeps_moving(agreed, now_ns);
@@ -269,30 +326,14 @@ impl Filtered {
     }
 
     /// Motion from a measurement, without memory; the body as it is.
-    fn begin_at(&mut self, rules: &Rules, measurement: &FlightMeasurement) {
-        let (settings, motion) = (&rules.settings, &mut self.state.joint.motion);
-        let before = *motion;
-        motion.world_from_body = measurement.world_from_body;
-        let [_, _, mut rate, mut velocity] = settings.start_deviation;
-        let noise = &settings.noise;
-        let mut twist: Twist<f64> = before.twist_body;
-        if let Some(measured) = measurement.rate_body {
-            (twist.angular, rate) = (measured, noise.rate_rad_s);
-        }
-        if let Some(measured) = measurement.velocity_origin_world {
-            twist.linear = measurement.world_from_body.rotation.inverse() * measured;
-            velocity = noise.velocity_m_s;
-        }
-        motion.twist_body = twist;
-        if settings.planar {
-            *motion = back_into_plane(motion, &before);
-        }
-        let variance = rules.model.motion_variance(&[noise.attitude_rad, noise.position_m, rate, velocity]);
+    fn begin_at(&mut self, rules: &Rules, measurement: &Measurement) {
+        let before = self.covariance.fixed_view::<BODY, BODY>(0, 0).into_owned();
+        let (motion, known) =
+            rules.model.begun_at(&self.state.joint.motion, &before, measurement, &rules.settings.start_deviation);
+        self.state.joint.motion = motion;
         self.covariance.fixed_view_mut::<BODY, COORDINATES>(0, 0).fill(0.0);
         self.covariance.fixed_view_mut::<COORDINATES, BODY>(0, 0).fill(0.0);
-        for i in 0..BODY {
-            self.covariance[(i, i)] = variance[i];
-        }
+        self.covariance.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&known);
     }
 
     /// The body less certain by a jump of these deviations, and the wrench as if it were in doubt: which of the two it was, the
@@ -322,6 +363,14 @@ impl Filtered {
         self.wrench_is_doubtful.then(|| self.model(rules).asked(&self.state, wanted))
     }
 
+    /// The body as somebody else knows it; what the motion owes to the body before is forgotten.
+    pub(super) fn revise(&mut self, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
+        self.state.joint.body = *body;
+        self.covariance.fixed_view_mut::<10, COORDINATES>(BODY, 0).fill(0.0);
+        self.covariance.fixed_view_mut::<COORDINATES, 10>(0, BODY).fill(0.0);
+        self.covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(covariance);
+    }
+
     fn widen_drift(&mut self, doubted: &WrenchErrors) {
         for i in 0..6 {
             self.covariance[(DRIFT + i, DRIFT + i)] += doubted.drift[i] * doubted.drift[i];
@@ -341,7 +390,7 @@ impl Filtered {
 }
 
 /// Equal steps from one time to another, none longer than [`STEP_NS`].
-fn steps(from_ns: i64, until_ns: i64) -> impl Iterator<Item = (i64, i64)> {
+pub(super) fn steps(from_ns: i64, until_ns: i64) -> impl Iterator<Item = (i64, i64)> {
     let span = until_ns.saturating_sub(from_ns).max(0);
     let count = span / STEP_NS + i64::from(span % STEP_NS > 0);
     // The product of a span below 2^63 / count and a number of steps; long spans only lose nanoseconds.
@@ -354,8 +403,11 @@ fn i128_part(span: i64, i: i64, count: i64) -> i64 {
     i64::try_from(i128::from(span) * i128::from(i) / i128::from(count.max(1))).unwrap_or(span)
 }
 
-/// Rows of a measurement, for those who watch innovations.
-pub(super) type FlightInnovation = crate::recursive::Innovation<ROWS>;
+/// The largest standard deviation of an axis that was measured.
+fn largest_deviation<V>(seen: &Gauss<V>) -> f64 {
+    let variances = seen.covariance.diagonal();
+    ComplexField::sqrt(variances.iter().filter(|variance| variance.is_finite()).fold(0.0, |a, b| f64::max(a, *b)))
+}
 
 /// What a prior is in the chart of the filter.
 ///

@@ -3,11 +3,11 @@
 use super::settings::{FlightEstimatorSettings, WrenchErrors};
 use crate::dynamics::{FreeFlyer, LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
+use crate::estimator::{Gauss, Measurement};
 use crate::lie::{LieGroup, Manifold, Twist, Wrench};
 use crate::recursive::belief::Rows;
-use crate::recursive::extended_kalman::FilterModel;
 use crate::recursive::joint_motion::{JointMotion, JointObservation, JointState};
-use nalgebra::{ComplexField, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 /// Motion 12, body 10, additive error of the wrench 6, relative error of the wrench 6.
 pub(super) const COORDINATES: usize = 34;
@@ -16,6 +16,8 @@ pub(super) const DRIFT: usize = 22;
 pub(super) const SCALE: usize = 28;
 /// Rows attitude, position, rate, velocity.
 pub(super) const ROWS: usize = 12;
+/// And those of a quantity of the user's own.
+pub(super) const ALL_ROWS: usize = 15;
 /// Rows of motion that a planar flight knows nothing of: attitude x, y; position z; rate x, y; velocity z.
 const OUT_OF_PLANE: [usize; 6] = [0, 1, 5, 6, 7, 11];
 
@@ -45,6 +47,61 @@ impl FlightState {
     }
 }
 
+/// What is believed to act over a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Held {
+    pub(super) wrench: Wrench<f64>,
+    /// Angular momentum of wheels.
+    pub(super) stored: Vector3<f64>,
+}
+
+/// Which quantities of a measurement are looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fresh {
+    pub(super) attitude: bool,
+    pub(super) position: bool,
+    pub(super) rate: bool,
+    pub(super) velocity: bool,
+}
+
+/// Rows of one quantity, in body axes.
+struct Quantity {
+    first: usize,
+    residual: Vector3<f64>,
+    sensitivity: SMatrix<f64, 3, BODY>,
+    covariance: Matrix3<f64>,
+    /// Body axes to those of the covariance.
+    turn: Matrix3<f64>,
+}
+
+/// The one variance of a covariance that is alike in all directions.
+fn isotropic(covariance: &Matrix3<f64>) -> Option<f64> {
+    let variance = covariance.m11;
+    (variance.is_finite() && *covariance == Matrix3::from_diagonal_element(variance)).then_some(variance)
+}
+
+/// W with W C Wᵀ = 1 over the components of finite variance, zero rows for the others; none where that is no covariance.
+pub(super) fn whitening(covariance: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let known = |i: usize| covariance[(i, i)] < f64::INFINITY;
+    let finite = Matrix3::from_fn(|i, j| match (known(i) && known(j), i == j) {
+        (true, _) => covariance[(i, j)],
+        (false, same) => f64::from(u8::from(same)),
+    });
+    if !finite.iter().all(|x| x.is_finite()) || (finite - finite.transpose()).amax() > 1e-9 * finite.amax() {
+        return None;
+    }
+    let mut white = Matrix3::identity();
+    if !finite.cholesky()?.l().solve_lower_triangular_mut(&mut white) {
+        return None;
+    }
+    for i in 0..3 {
+        if !known(i) {
+            white.row_mut(i).fill(0.0);
+        }
+    }
+    Some(white)
+}
+
 /// The model of the filter.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FlightMotion {
@@ -65,8 +122,8 @@ impl FlightMotion {
     }
 
     /// The wrench that is thought to act.
-    fn acting(&self, state: &FlightState, believed: &Wrench<f64>) -> Wrench<f64> {
-        let believed = believed.to_vector();
+    fn acting(&self, state: &FlightState, believed: &Held) -> Wrench<f64> {
+        let believed = believed.wrench.to_vector();
         let mut acting = believed + believed.component_mul(&state.scale) + state.drift;
         if self.planar {
             for i in [0, 1, 5] {
@@ -111,7 +168,7 @@ impl FlightMotion {
     pub(super) fn propagate(
         &self,
         state: &FlightState,
-        believed: &Wrench<f64>,
+        believed: &Held,
         step_s: f64,
     ) -> Result<FlightState, IdentificationError> {
         let mut joint = state.joint;
@@ -119,7 +176,7 @@ impl FlightMotion {
             joint.body = Self::in_plane(&joint.body).0;
         }
         let observation = step_of(&self.acting(state, believed), step_s);
-        let mut motion = self.joint.propagate(&joint, &observation)?.motion;
+        let mut motion = self.joint.propagate_storing(&joint, &observation, &believed.stored)?.motion;
         if self.planar {
             motion = back_into_plane(&motion, &state.joint.motion);
         }
@@ -140,7 +197,7 @@ impl FlightMotion {
         &self,
         state: &mut FlightState,
         covariance: &mut Covariance,
-        believed: &Wrench<f64>,
+        believed: &Held,
         step_s: f64,
         anchor: Option<&LogCholesky<f64>>,
     ) -> Result<(), IdentificationError> {
@@ -216,10 +273,10 @@ impl FlightMotion {
     }
 
     /// Derivatives of the motion at the end of a step by the state before it and by a wrench held over it.
-    fn derivatives(
+    pub(super) fn derivatives(
         &self,
         state: &FlightState,
-        believed: &Wrench<f64>,
+        believed: &Held,
         step_s: f64,
     ) -> (SMatrix<f64, BODY, COORDINATES>, SMatrix<f64, BODY, 6>) {
         let mut joint = state.joint;
@@ -230,7 +287,7 @@ impl FlightMotion {
             slopes = Some(slope);
         }
         let observation = step_of(&self.acting(state, believed), step_s);
-        let (mut by_motion, mut by_body) = self.joint.transition(&joint, &observation);
+        let (mut by_motion, mut by_body) = self.joint.transition(&joint, &observation, &believed.stored);
         let mut by_wrench = by_wrench(&FreeFlyer::new(joint.body.to_parameters()), step_s);
         if let Some(slopes) = slopes {
             by_body *= slopes;
@@ -249,30 +306,97 @@ impl FlightMotion {
         by_state.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&by_motion);
         by_state.fixed_view_mut::<BODY, 10>(0, BODY).copy_from(&by_body);
         by_state.fixed_view_mut::<BODY, 6>(0, DRIFT).copy_from(&by_wrench);
-        let believed = believed.to_vector();
+        let believed = believed.wrench.to_vector();
         for j in 0..6 {
             by_state.fixed_view_mut::<BODY, 1>(0, SCALE + j).copy_from(&(by_wrench.column(j) * believed[j]));
         }
         (by_state, by_wrench)
     }
 
-    /// The linearised rows of a measurement.
-    pub(super) fn rows(&self, state: &FlightState, seen: &JointObservation) -> Rows<COORDINATES, ROWS> {
-        let residual = self.joint.residual(&state.joint, seen).fixed_rows::<ROWS>(0).into_owned();
-        let mut standard_deviation = self.joint.standard_deviation(seen).fixed_rows::<ROWS>(0).into_owned();
-        if self.planar {
-            for i in OUT_OF_PLANE {
-                standard_deviation[i] = f64::INFINITY;
-            }
+    /// The linearised rows of what is fresh in a measurement, each quantity whitened by its whole covariance.
+    pub(super) fn rows<const R: usize>(
+        &self,
+        state: &FlightState,
+        seen: &Measurement,
+        fresh: &Fresh,
+    ) -> Rows<COORDINATES, R> {
+        let motion = &state.joint.motion;
+        let twist = &motion.twist_body;
+        let body_from_world = motion.world_from_body.rotation.inverse();
+        let world_from_body = motion.world_from_body.rotation.to_rotation_matrix().into_inner();
+        let mut rows = Rows {
+            sensitivity: SMatrix::zeros(),
+            residual: SVector::zeros(),
+            standard_deviation: SVector::repeat(f64::INFINITY),
+        };
+        let own = |first: usize| {
+            let mut sensitivity = SMatrix::<f64, 3, BODY>::zeros();
+            sensitivity.fixed_view_mut::<3, 3>(0, first).fill_with_identity();
+            sensitivity
+        };
+        if let Some(Gauss { value, covariance }) = seen.attitude.filter(|_| fresh.attitude) {
+            let residual = LieGroup::log(&(body_from_world * value));
+            let turn = Matrix3::identity();
+            self.put(&mut rows, Quantity { first: 0, residual, sensitivity: own(0), covariance, turn });
         }
-        let mut sensitivity = SMatrix::<f64, ROWS, COORDINATES>::zeros();
-        sensitivity.fixed_view_mut::<ROWS, ROWS>(0, 0).fill_with_identity();
-        let twist = &state.joint.motion.twist_body;
-        sensitivity.fixed_view_mut::<3, 3>(9, 0).copy_from(&-crate::lie::skew(&twist.linear));
-        Rows { sensitivity, residual, standard_deviation }
+        if let Some(Gauss { value, covariance }) = seen.position_world.filter(|_| fresh.position) {
+            let residual = body_from_world * (value - motion.world_from_body.translation.vector);
+            self.put(
+                &mut rows,
+                Quantity { first: 3, residual, sensitivity: own(3), covariance, turn: world_from_body },
+            );
+        }
+        if let Some(Gauss { value, covariance }) = seen.rate_body.filter(|_| fresh.rate) {
+            let (residual, turn) = (value - twist.angular, Matrix3::identity());
+            self.put(&mut rows, Quantity { first: 6, residual, sensitivity: own(6), covariance, turn });
+        }
+        if let Some(Gauss { value, covariance }) = seen.velocity_world.filter(|_| fresh.velocity) {
+            let residual = body_from_world * value - twist.linear;
+            let mut sensitivity = own(9);
+            sensitivity.fixed_view_mut::<3, 3>(0, 0).copy_from(&-crate::lie::skew(&twist.linear));
+            self.put(&mut rows, Quantity { first: 9, residual, sensitivity, covariance, turn: world_from_body });
+        }
+        if let Some((sensor, Gauss { value, covariance })) = seen.other.as_ref().filter(|_| R == ALL_ROWS) {
+            let (residual, sensitivity) = (sensor.residual(value, motion), sensor.sensitivity(motion));
+            let (covariance, turn) = (*covariance, Matrix3::identity());
+            self.put(&mut rows, Quantity { first: 12, residual, sensitivity, covariance, turn });
+        }
+        rows
     }
 
-    /// Variance of the motion's coordinates at the start, or where a measurement of this deviation was all there is.
+    fn put<const R: usize>(&self, rows: &mut Rows<COORDINATES, R>, quantity: Quantity) {
+        let Quantity { first, mut residual, mut sensitivity, mut covariance, turn } = quantity;
+        let out_of_plane = |i: usize| self.planar && OUT_OF_PLANE.contains(&(first + i));
+        let mut deviation = Vector3::repeat(1.0);
+        if let Some(variance) = isotropic(&covariance) {
+            deviation.fill(ComplexField::sqrt(variance));
+        } else {
+            // What is in the plane is not to be mixed with what is not.
+            for i in 0..3 {
+                for j in 0..3 {
+                    if out_of_plane(i) != out_of_plane(j) {
+                        covariance[(i, j)] = 0.0;
+                    }
+                }
+            }
+            // What is no covariance was refused on arrival.
+            let white = whitening(&covariance).unwrap_or_else(Matrix3::zeros);
+            residual = white * (turn * residual);
+            sensitivity = white * (turn * sensitivity);
+            for i in 0..3 {
+                if white[(i, i)] == 0.0 {
+                    deviation[i] = f64::INFINITY;
+                }
+            }
+        }
+        for i in 0..3 {
+            rows.standard_deviation[first + i] = if out_of_plane(i) { f64::INFINITY } else { deviation[i] };
+        }
+        rows.residual.fixed_rows_mut::<3>(first).copy_from(&residual);
+        rows.sensitivity.fixed_view_mut::<3, BODY>(first, 0).copy_from(&sensitivity);
+    }
+
+    /// Variance of the motion's coordinates at the start.
     pub(super) fn motion_variance(&self, deviation: &[f64; 4]) -> SVector<f64, BODY> {
         let mut variance = SVector::<f64, BODY>::from_fn(|i, _| deviation[i / 3] * deviation[i / 3]);
         if self.planar {
@@ -281,6 +405,62 @@ impl FlightMotion {
             }
         }
         variance
+    }
+
+    /// Motion and its covariance from a measurement, without memory: what was not measured of rate and velocity is as uncertain as at
+    /// the start, a place or an attitude that was not measured is what it was, so much less certain.
+    pub(super) fn begun_at(
+        &self,
+        before: &RigidBodyState<f64>,
+        covariance: &SMatrix<f64, BODY, BODY>,
+        seen: &Measurement,
+        start_deviation: &[f64; 4],
+    ) -> (RigidBodyState<f64>, SMatrix<f64, BODY, BODY>) {
+        let mut motion = *before;
+        let mut known = SMatrix::<f64, BODY, BODY>::from_diagonal(&self.motion_variance(start_deviation));
+        if let Some(attitude) = &seen.attitude {
+            motion.world_from_body.rotation = attitude.value;
+        }
+        let turn = motion.world_from_body.rotation.to_rotation_matrix().into_inner();
+        let measured = [
+            seen.attitude.map(|seen| (seen.covariance, false)),
+            seen.position_world.map(|seen| (seen.covariance, true)),
+            seen.rate_body.map(|seen| (seen.covariance, false)),
+            seen.velocity_world.map(|seen| (seen.covariance, true)),
+        ];
+        for (k, measured) in measured.iter().enumerate() {
+            let mut block = known.fixed_view_mut::<3, 3>(3 * k, 3 * k);
+            match measured {
+                Some((seen, _)) if isotropic(seen).is_some() => block.copy_from(seen),
+                Some((seen, in_world)) => {
+                    let start = start_deviation[k] * start_deviation[k];
+                    let usable = Matrix3::from_fn(|i, j| {
+                        let known = seen[(i, i)].is_finite() && seen[(j, j)].is_finite();
+                        if known { seen[(i, j)] } else { start * f64::from(u8::from(i == j)) }
+                    });
+                    block.copy_from(&if *in_world { turn.transpose() * usable * turn } else { usable });
+                }
+                None if k < 2 => block += covariance.fixed_view::<3, 3>(3 * k, 3 * k),
+                None => {}
+            }
+        }
+        if let Some(position) = &seen.position_world {
+            motion.world_from_body.translation = position.value.into();
+        }
+        if let Some(rate) = &seen.rate_body {
+            motion.twist_body.angular = rate.value;
+        }
+        if let Some(velocity) = &seen.velocity_world {
+            motion.twist_body.linear = motion.world_from_body.rotation.inverse() * velocity.value;
+        }
+        if self.planar {
+            motion = back_into_plane(&motion, before);
+            for i in OUT_OF_PLANE {
+                known.row_mut(i).fill(0.0);
+                known.column_mut(i).fill(0.0);
+            }
+        }
+        (motion, known)
     }
 }
 

@@ -1,15 +1,14 @@
 //! Whether the filter's own account of its errors is still true.
 
-use super::filtered::FlightInnovation;
-use super::flight_motion::ROWS;
+use super::flight_motion::ALL_ROWS as ROWS;
 use super::settings::FlightEstimatorSettings;
 use crate::error::IdentificationError;
-use crate::recursive::ChiSquareGate;
+use crate::recursive::{ChiSquareGate, Innovation};
 use crate::statistics::{chi_square_quantile, normal_quantile};
 use nalgebra::ComplexField;
 
 /// The filter's health.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FlightHealth {
     /// Running mean of the normalised innovation squared per degree of freedom: one where the model holds.
     pub mean_nis: f64,
@@ -74,7 +73,6 @@ pub(super) struct Monitor {
     weight: f64,
     squares: f64,
     means: [f64; ROWS],
-    rows: usize,
     diverged: bool,
     /// How long the body is still in doubt, s.
     doubt_s: f64,
@@ -90,7 +88,13 @@ impl Monitor {
     }
 
     /// Counts an innovation; one beyond the gate `limit` counts as if it lay there and says nothing of the body.
-    pub(super) fn observe(&mut self, thresholds: &Thresholds, innovation: &FlightInnovation, limit: f64, dt_s: f64) {
+    pub(super) fn observe<const R: usize>(
+        &mut self,
+        thresholds: &Thresholds,
+        innovation: &Innovation<R>,
+        limit: f64,
+        dt_s: f64,
+    ) {
         let nis = innovation.nis.min(limit);
         let keep = ComplexField::exp(-dt_s.max(0.0) / thresholds.time_s);
         let share = 1.0 - keep;
@@ -102,13 +106,14 @@ impl Monitor {
         if innovation.nis > limit {
             return;
         }
-        self.rows = 0;
-        for i in 0..ROWS {
+        let (mut rows, mut lopsided) = (0, 0.0);
+        for (i, mean) in self.means.iter_mut().enumerate().take(R) {
             let variance = innovation.covariance[(i, i)];
             if variance.is_finite() {
                 let deviation = ComplexField::sqrt(variance);
-                self.means[i] = keep * self.means[i] + share * innovation.residual[i] / deviation;
-                self.rows += 1;
+                *mean = keep * *mean + share * innovation.residual[i] / deviation;
+                lopsided += *mean * *mean;
+                rows += 1;
             }
         }
         if self.squares <= 0.0 || self.freedom <= 0.0 {
@@ -123,8 +128,8 @@ impl Monitor {
         if self.new_s > 0.0 {
             return;
         }
-        let doubt: f64 = self.means.iter().map(|mean| mean * mean).sum::<f64>() / self.squares;
-        let limit = TOLERANCE * thresholds.doubts.get(self.rows).copied().unwrap_or(f64::INFINITY);
+        let doubt = lopsided / self.squares;
+        let limit = TOLERANCE * thresholds.doubts.get(rows).copied().unwrap_or(f64::INFINITY);
         let limit = if self.doubt_s > 0.0 { BACK_INSIDE * limit } else { limit };
         self.doubt_s = if doubt > limit { DOUBT_S } else { (self.doubt_s - dt_s).max(0.0) };
     }

@@ -1,5 +1,7 @@
 //! Measurements as they arrive, and what is made of each.
 
+use super::flight_motion::whitening;
+use crate::estimator::Measurement;
 use crate::lie::Pose;
 use nalgebra::Vector3;
 
@@ -31,38 +33,82 @@ impl FlightMeasurement {
         Self { stamp_ns, world_from_body, rate_body: None, velocity_origin_world: None }
     }
 
-    /// The same with a quaternion of unit length on the one side of the sphere; what is wrong with it otherwise.
-    pub(super) fn checked(&self) -> Result<Self, &'static str> {
-        let usable = |x: f64, largest: f64| x == 0.0 || (x.is_normal() && x.abs() <= largest);
-        let q = self.world_from_body.rotation.into_inner().coords;
+    /// With the covariances of these levels.
+    pub(super) fn with(&self, noise: &crate::recursive::MotionNoise) -> Measurement {
+        let of_pose = Measurement::of_pose(self.stamp_ns, &self.world_from_body, noise.attitude_rad, noise.position_m);
+        let isotropic = |sigma| move |value| crate::estimator::Gauss::isotropic(value, sigma);
+        Measurement {
+            rate_body: self.rate_body.map(isotropic(noise.rate_rad_s)),
+            velocity_world: self.velocity_origin_world.map(isotropic(noise.velocity_m_s)),
+            ..of_pose
+        }
+    }
+}
+
+/// Which quantities are there: attitude, position, rate, velocity, one of the user's own.
+pub(super) fn kinds(measurement: &Measurement) -> [bool; 5] {
+    [
+        measurement.attitude.is_some(),
+        measurement.position_world.is_some(),
+        measurement.rate_body.is_some(),
+        measurement.velocity_world.is_some(),
+        measurement.other.is_some(),
+    ]
+}
+
+/// The same with a quaternion of unit length on the one side of the sphere; what is wrong with it otherwise.
+pub(super) fn checked(measurement: &Measurement) -> Result<Measurement, &'static str> {
+    let usable = |x: &f64, largest: f64| *x == 0.0 || (x.is_normal() && x.abs() <= largest);
+    let mut checked = measurement.clone();
+    if !kinds(measurement).contains(&true) {
+        return Err("nothing was measured");
+    }
+    if let Some(attitude) = &mut checked.attitude {
+        let q = attitude.value.into_inner().coords;
         let length = nalgebra::ComplexField::sqrt(q.norm_squared());
-        if !q.iter().all(|x| usable(*x, 2.0)) {
+        if !q.iter().all(|x| usable(x, 2.0)) {
             return Err("attitude is not finite");
         }
         if (length - 1.0).abs() > UNIT_TOLERANCE {
             return Err("quaternion is not of unit length");
         }
-        if !self.world_from_body.translation.vector.iter().all(|x| usable(*x, LARGEST_POSITION_M)) {
-            return Err("position is not finite or absurd");
-        }
-        if !self.rate_body.iter().flatten().all(|x| usable(*x, LARGEST_RATE_RAD_S)) {
-            return Err("rate is not finite or absurd");
-        }
-        if !self.velocity_origin_world.iter().flatten().all(|x| usable(*x, LARGEST_VELOCITY_M_S)) {
-            return Err("velocity is not finite or absurd");
-        }
         // The first component that is not zero is positive: both signs of a quaternion give the same bits.
         let negative = [q.w, q.x, q.y, q.z].into_iter().find(|x| *x != 0.0).is_some_and(|x| x < 0.0);
         let q = if negative { -q } else { q } / length;
-        let mut checked = *self;
-        checked.world_from_body.rotation =
+        attitude.value =
             nalgebra::Unit::new_unchecked(nalgebra::Quaternion::new(q.w + 0.0, q.x + 0.0, q.y + 0.0, q.z + 0.0));
-        Ok(checked)
     }
+    let vectors = [
+        (&measurement.position_world, LARGEST_POSITION_M, "position is not finite or absurd"),
+        (&measurement.rate_body, LARGEST_RATE_RAD_S, "rate is not finite or absurd"),
+        (&measurement.velocity_world, LARGEST_VELOCITY_M_S, "velocity is not finite or absurd"),
+    ];
+    for (vector, largest, what) in vectors {
+        if !vector.iter().flat_map(|seen| seen.value.iter()).all(|x| usable(x, largest)) {
+            return Err(what);
+        }
+    }
+    if let Some((_, own)) = &measurement.other
+        && !own.value.iter().all(|x| x.is_finite())
+    {
+        return Err("a quantity of the user's own is not finite");
+    }
+    let covariances = [
+        measurement.attitude.map(|seen| seen.covariance),
+        measurement.position_world.map(|seen| seen.covariance),
+        measurement.rate_body.map(|seen| seen.covariance),
+        measurement.velocity_world.map(|seen| seen.covariance),
+        measurement.other.as_ref().map(|(_, seen)| seen.covariance),
+    ];
+    if !covariances.iter().flatten().all(|covariance| whitening(covariance).is_some()) {
+        return Err("a covariance is not positive definite");
+    }
+    Ok(checked)
 }
 
 /// What was made of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Reception {
     /// It entered the estimate.
     Used {

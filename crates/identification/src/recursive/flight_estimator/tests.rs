@@ -1,5 +1,5 @@
 use super::filtered::in_chart;
-use super::flight_motion::{BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, SCALE, Vector};
+use super::flight_motion::{BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, Held, SCALE, Vector};
 use super::settings::FlightEstimatorSettings;
 use crate::Estimate;
 use crate::dynamics::{InertialParameters, LogCholesky, RigidBodyState};
@@ -36,8 +36,9 @@ fn state(planar: bool) -> FlightState {
     FlightState { joint: JointState { motion, body }, drift, scale }
 }
 
-fn wrench() -> Wrench<f64> {
-    Wrench::new(Vector3::new(0.02, -0.03, 0.04), Vector3::new(0.5, -0.3, 0.4))
+fn wrench() -> Held {
+    let wrench = Wrench::new(Vector3::new(0.02, -0.03, 0.04), Vector3::new(0.5, -0.3, 0.4));
+    Held { wrench, stored: Vector3::new(0.05, -0.2, 0.1) }
 }
 
 /// The covariance after a step against the spread of states moved along each coordinate.

@@ -1,7 +1,8 @@
-//! The believed wrenches of the last seconds.
+//! The believed wrenches and what was stored in the last seconds.
 
+use super::flight_motion::Held;
 use crate::lie::Wrench;
-use nalgebra::Vector6;
+use nalgebra::{Vector3, Vector6};
 use std::collections::VecDeque;
 
 /// Pieces kept: a minute of control periods of 16 ms.
@@ -12,6 +13,7 @@ struct Piece {
     from_ns: i64,
     until_ns: i64,
     wrench: Vector6<f64>,
+    stored: Vector3<f64>,
 }
 
 /// Wrenches held over spans of time, in order and without overlap; zero between them.
@@ -37,7 +39,7 @@ impl WrenchHistory {
     }
 
     /// Holds a wrench over a span; what had been said of that time and later is forgotten.
-    pub(super) fn hold(&mut self, from_ns: i64, until_ns: i64, wrench: &Wrench<f64>) {
+    pub(super) fn hold(&mut self, from_ns: i64, until_ns: i64, wrench: &Wrench<f64>, stored: &Vector3<f64>) {
         while self.pieces.back().is_some_and(|piece| piece.from_ns >= from_ns) {
             self.pieces.pop_back();
         }
@@ -45,7 +47,7 @@ impl WrenchHistory {
         self.end_ns = until_ns;
         if let Some(last) = self.pieces.back_mut() {
             last.until_ns = last.until_ns.min(from_ns);
-            if last.until_ns == from_ns && last.wrench == wrench {
+            if last.until_ns == from_ns && last.wrench == wrench && last.stored == *stored {
                 last.until_ns = until_ns;
                 return;
             }
@@ -53,19 +55,20 @@ impl WrenchHistory {
         if self.pieces.len() == PIECES {
             self.pieces.pop_front();
         }
-        self.pieces.push_back(Piece { from_ns, until_ns, wrench });
+        self.pieces.push_back(Piece { from_ns, until_ns, wrench, stored: *stored });
     }
 
     /// The mean over a span.
-    pub(super) fn mean(&self, from_ns: i64, until_ns: i64) -> Wrench<f64> {
+    pub(super) fn mean(&self, from_ns: i64, until_ns: i64) -> Held {
         let whole = (until_ns - from_ns) as f64;
         let first = self.pieces.partition_point(|piece| piece.until_ns <= from_ns);
-        let mut sum = Vector6::zeros();
+        let (mut sum, mut stored) = (Vector6::zeros(), Vector3::zeros());
         for piece in self.pieces.iter().skip(first).take_while(|piece| piece.from_ns < until_ns) {
             let part = (piece.until_ns.min(until_ns) - piece.from_ns.max(from_ns)) as f64;
             sum += piece.wrench * (part / whole);
+            stored += piece.stored * (part / whole);
         }
-        sum.into()
+        Held { wrench: sum.into(), stored }
     }
 }
 
@@ -73,19 +76,24 @@ impl WrenchHistory {
 mod tests {
     use super::*;
 
-    fn force(x: f64) -> Wrench<f64> {
-        Vector6::new(0.0, 0.0, 0.0, x, 0.0, 0.0).into()
+    fn hold(history: &mut WrenchHistory, from_ns: i64, until_ns: i64, x: f64) {
+        let force = Vector6::new(0.0, 0.0, 0.0, x, 0.0, 0.0).into();
+        history.hold(from_ns, until_ns, &force, &Vector3::new(0.0, 2.0 * x, 0.0));
     }
 
     #[test]
     fn means_by_hand() {
         let mut history = WrenchHistory::new(0);
-        history.hold(0, 10, &force(1.0));
-        history.hold(10, 20, &force(3.0));
+        hold(&mut history, 0, 10, 1.0);
+        hold(&mut history, 10, 20, 3.0);
         // A gap, then the last piece is said anew.
-        history.hold(40, 50, &force(9.0));
-        history.hold(45, 55, &force(5.0));
-        let mean = |from, until| history.mean(from, until).force.x;
+        hold(&mut history, 40, 50, 9.0);
+        hold(&mut history, 45, 55, 5.0);
+        let mean = |from, until| {
+            let held = history.mean(from, until);
+            assert!((held.stored.y - 2.0 * held.wrench.force.x).abs() < 1e-14);
+            held.wrench.force.x
+        };
         assert!((mean(0, 10) - 1.0).abs() < 1e-15);
         assert!((mean(5, 15) - 2.0).abs() < 1e-15);
         assert!((mean(15, 45) - (15.0 + 45.0) / 30.0).abs() < 1e-15);
@@ -97,13 +105,13 @@ mod tests {
     fn equal_neighbours_are_one_and_the_oldest_go_first() {
         let mut history = WrenchHistory::new(0);
         for i in 0..9000 {
-            history.hold(i, i + 1, &force(7.0));
+            hold(&mut history, i, i + 1, 7.0);
         }
-        assert_eq!((history.pieces.len(), history.mean(0, 9000).force.x), (1, 7.0));
+        assert_eq!((history.pieces.len(), history.mean(0, 9000).wrench.force.x), (1, 7.0));
         for i in 9000..14000 {
-            history.hold(i, i + 1, &force(i as f64));
+            hold(&mut history, i, i + 1, i as f64);
         }
-        assert_eq!((history.pieces.len(), history.mean(13999, 14000).force.x), (PIECES, 13999.0));
-        assert!(history.mean(9000, 9001).force.x.abs() < 1e-300);
+        assert_eq!((history.pieces.len(), history.mean(13999, 14000).wrench.force.x), (PIECES, 13999.0));
+        assert!(history.mean(9000, 9001).wrench.force.x.abs() < 1e-300);
     }
 }

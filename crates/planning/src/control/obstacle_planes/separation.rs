@@ -126,7 +126,7 @@ fn nearest_of_face(face: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "testing"))]
 mod tests {
     use super::*;
     use crate::collision::{Ellipsoid, distance};

@@ -1,6 +1,5 @@
 //! Cells whose edges take equal time to cross at full speed.
 
-use crate::error::{PlanningError, not_negative};
 use nalgebra::Vector3;
 use tumble_dynamics::AlignedBox;
 
@@ -190,23 +189,4 @@ impl Grid {
         }
         cells
     }
-}
-
-/// Acceleration along each axis, m/s^2.
-///
-/// # Errors
-/// Limits that are negative or not finite, a mass that is not positive.
-pub(in crate::global) fn acceleration_m_s2(
-    force_n: &Vector3<f64>,
-    mass_kg: f64,
-) -> Result<Vector3<f64>, PlanningError> {
-    let mass_kg = crate::error::positive("the mass", mass_kg)?;
-    for force in force_n {
-        not_negative("a force limit", *force)?;
-    }
-    let acceleration_m_s2 = force_n / mass_kg;
-    for acceleration in &acceleration_m_s2 {
-        crate::error::zero_or_moderate("the limit of acceleration", *acceleration)?;
-    }
-    Ok(acceleration_m_s2)
 }

@@ -29,6 +29,7 @@ pub struct UnderWay<'p> {
 
 /// What is to become of a plan under way.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Replanning {
     /// It stays free. Whether it still leads to the goal of the request is not looked at, nor whether a better one exists.
     Keep,

@@ -5,6 +5,7 @@ use crate::error::{PlanningError, finite, positive};
 
 /// What happens to a weight at the variance that switches it off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum ShutOff {
     /// `gamma0 exp(-beta v_n / v)` falls from `gamma0 exp(-beta / alpha)` to zero at once: Algorithm 1 as printed.
     #[default]

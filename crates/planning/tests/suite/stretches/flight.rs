@@ -8,7 +8,9 @@ use tumble_planning::global::{
 };
 use tumble_planning::lie::{Pose, Twist};
 use tumble_planning::local::{Hull, InformationWeighting, Surroundings, WrenchSet, body_by_mass_center_and_inertia};
-use tumble_planning::mission::{InformativeStretch, StretchModel, StretchPlanner, StretchSettings, StretchTask};
+use tumble_planning::mission::{
+    InformativeStretch, StretchModel, StretchOutcome, StretchPlanner, StretchSettings, StretchTask,
+};
 use tumble_planning::{ArcPath, ModelBelief, TranslationState, Units};
 
 pub const RADIUS_M: f64 = 0.15;
@@ -200,7 +202,7 @@ where
         let answer = planner.plan(&task, &mut budget).unwrap();
         flown.core_ms.push(cpu_ms() - clock);
         flown.units.push(budget.spent());
-        let Ok(answer) = answer else {
+        let StretchOutcome::Planned(answer) = answer else {
             flown.refused = true;
             return flown;
         };

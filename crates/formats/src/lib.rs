@@ -1,0 +1,21 @@
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
+
+pub mod arm;
+pub mod body_file;
+mod embedded;
+mod error;
+pub mod excitation_file;
+pub mod log;
+pub mod place;
+pub mod recording;
+mod robot;
+#[cfg(feature = "testing")]
+pub mod testing;
+pub mod text_file;
+pub mod wheel_throw;
+
+pub use embedded::Embedded;
+pub use error::FormatsError;
+pub use robot::{ActuatorReplay, BodyPreset, ModuleCommand, Robot, Robots};

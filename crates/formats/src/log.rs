@@ -1,0 +1,332 @@
+//! The CSV log: pose, optional rates and accelerations, wrench, against time.
+//!
+//! Rows are streamed; a log of any size is read in bounded memory.
+
+mod joints;
+mod row;
+mod timed_rows;
+
+pub use joints::{JointLayout, JointLog, JointLogReader, JointRow, joint_template};
+pub use row::{BoundedRows, ROW_LIMIT_BYTES, Row, cut_warning, line_read, read_row};
+pub use timed_rows::{RowLayout, TimedRows};
+
+use crate::recording::{self, flight::FlightReader};
+use crate::text_file::printable;
+use crate::{FormatsError, Robots};
+use row::Header;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+use timed_rows::open_file;
+use tumble_identification::MotionSample;
+
+/// Largest accepted difference of a logged quaternion's norm from one; within it the quaternion is normalised.
+pub const QUATERNION_NORM_TOLERANCE: f64 = 0.01;
+
+/// The columns that no log of poses can do without.
+pub const REQUIRED: [&str; 8] = ["t_s", "p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w"];
+const VELOCITY: [&str; 3] = ["v_x", "v_y", "v_z"];
+const RATE: [&str; 3] = ["w_x", "w_y", "w_z"];
+const ACCELERATION: [&str; 3] = ["a_x", "a_y", "a_z"];
+const FORCE: [&str; 3] = ["f_x", "f_y", "f_z"];
+const TORQUE: [&str; 3] = ["tau_x", "tau_y", "tau_z"];
+
+/// Columns that a simulated flight adds for comparison; no estimate reads them.
+const SIMULATED: [&str; 6] = ["true_", "cmd_", "est_", "sigma_", "plan_revision", "belief_revision"];
+
+/// What `tumble identify --template` prints: a header with every column and two valid rows.
+pub const TEMPLATE: &str = "\
+t_s,p_x,p_y,p_z,q_x,q_y,q_z,q_w,v_x,v_y,v_z,w_x,w_y,w_z,a_x,a_y,a_z,f_x,f_y,f_z,tau_x,tau_y,tau_z
+0.000,0,0,0,0,0,0,1,0,0,0,0,0,0,0.0104,0,0,0.1,0,0,0,0.002,0
+0.016,1.33e-6,0,0,0,0,0,1,0.000167,0,0,0,0.000208,0,0.0104,0,0,0.1,0,0,0,0.002,0
+";
+
+/// Where the optional columns of the body's motion stand.
+struct MotionColumns {
+    velocity: Option<[usize; 3]>,
+    rate: Option<[usize; 3]>,
+    acceleration: Option<[usize; 3]>,
+    wrench: Option<[usize; 6]>,
+}
+
+impl MotionColumns {
+    const KNOWN: [[&str; 3]; 5] = [VELOCITY, RATE, ACCELERATION, FORCE, TORQUE];
+
+    fn find(header: &Header) -> Result<Self, FormatsError> {
+        Ok(Self {
+            velocity: header.group(VELOCITY)?,
+            rate: header.group(RATE)?,
+            acceleration: header.group(ACCELERATION)?,
+            wrench: header.group([TORQUE[0], TORQUE[1], TORQUE[2], FORCE[0], FORCE[1], FORCE[2]])?,
+        })
+    }
+
+    /// Whether it is one of them, or one that only simulated flights have.
+    fn knows(column: &str) -> bool {
+        Self::KNOWN.as_flattened().contains(&column) || SIMULATED.iter().any(|prefix| column.starts_with(prefix))
+    }
+}
+
+/// Where the columns of a log of poses stand.
+pub struct MotionLayout {
+    time: usize,
+    pose: [usize; 7],
+    motion: MotionColumns,
+}
+
+impl RowLayout for MotionLayout {
+    type Sample = MotionSample;
+
+    fn time_column(&self) -> usize {
+        self.time
+    }
+
+    fn knows(&self, column: &str) -> bool {
+        REQUIRED.contains(&column) || MotionColumns::knows(column)
+    }
+
+    fn sample(&self, row: &Row, time_ns: i64) -> Result<MotionSample, FormatsError> {
+        let mut pose = [0.0; 7];
+        for (value, column) in pose.iter_mut().zip(self.pose) {
+            *value = row.number(column)?;
+        }
+        Ok(MotionSample {
+            time_ns,
+            world_from_body: row.pose(pose)?,
+            velocity_origin_world: row.vector(self.motion.velocity)?,
+            rate_body: row.vector(self.motion.rate)?,
+            acceleration_origin_body: row.vector(self.motion.acceleration)?,
+            wrench_body: row.wrench(self.motion.wrench)?,
+            stored_momentum_body: None,
+        })
+    }
+}
+
+/// Streams the samples of one log of poses.
+pub type LogReader<R = File> = TimedRows<R, MotionLayout>;
+
+impl TimedRows<File, MotionLayout> {
+    /// Opens a log and reads its header.
+    ///
+    /// # Errors
+    /// [`FormatsError`] for an unreadable or empty file and for missing or duplicate columns.
+    pub fn open(path: &Path, reorder: bool) -> Result<Self, FormatsError> {
+        Self::from_reader(open_file(path)?, path, reorder)
+    }
+}
+
+impl<R: Read> TimedRows<R, MotionLayout> {
+    /// Reads the header of the log that `source` yields; `path` is its name in errors.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`].
+    pub fn from_reader(source: R, path: &Path, reorder: bool) -> Result<Self, FormatsError> {
+        Self::start(source, path, reorder, |header| {
+            let [time, pose @ ..] = REQUIRED;
+            let time = header.required(time, "")?;
+            let mut columns = [0; 7];
+            for (slot, column) in columns.iter_mut().zip(pose) {
+                *slot = header.required(column, "")?;
+            }
+            Ok(MotionLayout { time, pose: columns, motion: MotionColumns::find(header)? })
+        })
+    }
+}
+
+/// A cell as a message may quote it.
+pub fn shortened(text: &str) -> String {
+    const KEEP: usize = 40;
+    let text = printable(text);
+    if text.chars().count() <= KEEP { text } else { text.chars().take(KEEP).chain("...".chars()).collect() }
+}
+
+/// Streams the samples of a log of any kind.
+pub enum SampleReader {
+    /// Rows of a CSV log.
+    Rows(Box<LogReader>),
+    /// A robot's flight in a bag or an MCAP file.
+    Flight(Box<FlightReader>),
+}
+
+impl SampleReader {
+    /// Opens a log; what kind it is, its first bytes say. `reorder` is for rows (recordings are always put in order),
+    /// `robot` for recordings.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`] and [`FlightReader::open`].
+    pub fn open(path: &Path, reorder: bool, robot: Option<&str>, robots: &Robots) -> Result<Self, FormatsError> {
+        Ok(match (recording::container(path)?, robot) {
+            (Some(_), _) => Self::Flight(Box::new(FlightReader::open(path, robot, robots)?)),
+            (None, None) => Self::Rows(Box::new(LogReader::open(path, reorder)?)),
+            (None, Some(_)) => {
+                let message = "`--robot` chooses among the robots of a bag or an MCAP file".to_owned();
+                return Err(FormatsError::BadOption { message });
+            }
+        })
+    }
+
+    /// The next sample in time, `None` at the end.
+    ///
+    /// # Errors
+    /// As [`LogReader::next_sample`] and [`FlightReader::next_sample`].
+    pub fn next_sample(&mut self) -> Result<Option<MotionSample>, FormatsError> {
+        match self {
+            Self::Rows(rows) => rows.next_sample(),
+            Self::Flight(flight) => flight.next_sample(),
+        }
+    }
+
+    /// Appends up to `limit` samples to `samples`; `false` when the log has ended.
+    ///
+    /// # Errors
+    /// As [`SampleReader::next_sample`].
+    pub fn read_chunk(&mut self, samples: &mut Vec<MotionSample>, limit: usize) -> Result<bool, FormatsError> {
+        for _ in 0..limit {
+            match self.next_sample()? {
+                Some(sample) => samples.push(sample),
+                None => return Ok(false),
+            }
+        }
+        Ok(true)
+    }
+
+    /// Whether it is a recording without any wrench of its robot.
+    pub fn lacks_wrench(&self) -> bool {
+        matches!(self, Self::Flight(flight) if flight.plan.wrench.is_none())
+    }
+
+    /// What a recording holds and what of it is used, for people; empty for rows.
+    pub fn contents(&self) -> String {
+        match self {
+            Self::Rows(_) => String::new(),
+            Self::Flight(flight) => recording::flight::table(&flight.topics, &flight.plan),
+        }
+    }
+
+    /// What a user should know about what has been read, complete at the end.
+    pub fn warnings(&self) -> Vec<String> {
+        match self {
+            Self::Rows(rows) => rows.warnings(),
+            Self::Flight(flight) => {
+                flight.tally().map_or_else(Vec::new, |tally| tally.warnings(&flight.plan, &flight.topics))
+            }
+        }
+    }
+}
+
+/// A 64-bit FNV-1a hash of a file's bytes, hexadecimal: tells whether two runs read the same log.
+///
+/// # Errors
+/// [`FormatsError::Unreadable`].
+pub fn hash(path: &Path) -> Result<String, FormatsError> {
+    let unreadable = |source| FormatsError::Unreadable { path: path.into(), source };
+    let mut file = BufReader::new(File::open(path).map_err(unreadable)?);
+    let mut buffer = [0; 8192];
+    let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
+    loop {
+        let count = file.read(&mut buffer).map_err(unreadable)?;
+        if count == 0 {
+            return Ok(format!("fnv1a64:{hash:016x}"));
+        }
+        for byte in buffer.iter().take(count) {
+            hash = (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3);
+        }
+    }
+}
+
+/// Seconds for people; never used for differences.
+#[allow(clippy::cast_precision_loss)]
+pub fn seconds(time_ns: i64) -> f64 {
+    time_ns as f64 * 1e-9
+}
+
+/// Decimal seconds to nanoseconds without a detour through a float; digits beyond the ninth are rounded.
+///
+/// `None` for anything that is not a decimal number or does not fit in 64 bits.
+pub fn parse_time_ns(text: &str) -> Option<i64> {
+    let (mantissa, exponent) = match text.find(['e', 'E']) {
+        Some(at) => (text.get(..at)?, text.get(at + 1..)?.parse::<i32>().ok()?),
+        None => (text, 0),
+    };
+    let (negative, digits) = match mantissa.strip_prefix('-') {
+        Some(rest) => (true, rest),
+        None => (false, mantissa.strip_prefix('+').unwrap_or(mantissa)),
+    };
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    if (whole.is_empty() && fraction.is_empty()) || !whole.bytes().chain(fraction.bytes()).all(|b| b.is_ascii_digit()) {
+        return None;
+    }
+    // value = digits * 10^-scale nanoseconds
+    let mut value: i128 = 0;
+    let mut scale = i64::try_from(fraction.len()).ok()? - i64::from(exponent) - 9;
+    for digit in whole.bytes().chain(fraction.bytes()) {
+        if value > i128::MAX / 100 {
+            // More than 36 significant digits: the rest is below a nanosecond or beyond 64 bits.
+            scale -= 1;
+            continue;
+        }
+        value = value * 10 + i128::from(digit - b'0');
+    }
+    if value == 0 {
+        return Some(0);
+    }
+    while scale < 0 {
+        value = value.checked_mul(10)?;
+        scale += 1;
+    }
+    let mut round_up = false;
+    while scale > 0 && value > 0 {
+        round_up = value % 10 >= 5;
+        value /= 10;
+        scale -= 1;
+    }
+    value += i128::from(round_up && scale == 0);
+    i64::try_from(if negative { -value } else { value }).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tumble_lie::nalgebra::{Vector3, Vector4};
+
+    #[test]
+    fn every_cell_lands_where_its_column_says() {
+        let path = std::env::temp_dir().join(format!("tumble-log-columns-{}.csv", std::process::id()));
+        let text = "f_z,q_w,q_x,q_y,q_z,t_s,p_z,p_x,p_y,tau_x,tau_y,tau_z,f_x,f_y,w_x,w_y,w_z\n\
+                    6,0.5,0.1,-0.7,0.5,1700000000.000000001,13,11,12,1,2,3,4,5,7,8,9\n";
+        std::fs::write(&path, text).unwrap();
+        let sample = LogReader::open(&path, false).unwrap().next_sample().unwrap().unwrap();
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(sample.time_ns, 1_700_000_000_000_000_001);
+        let pose = sample.world_from_body;
+        assert_eq!(pose.translation.vector, Vector3::new(11.0, 12.0, 13.0));
+        let (q, expected) = (pose.rotation.coords, Vector4::new(0.1, -0.7, 0.5, 0.5));
+        assert!((q - expected).amax() < 1e-15, "{q:?}");
+        let wrench = sample.wrench_body.unwrap();
+        assert_eq!((wrench.torque, wrench.force), (Vector3::new(1.0, 2.0, 3.0), Vector3::new(4.0, 5.0, 6.0)));
+        assert_eq!(sample.rate_body, Some(Vector3::new(7.0, 8.0, 9.0)));
+        assert_eq!((sample.velocity_origin_world, sample.acceleration_origin_body), (None, None));
+    }
+
+    #[test]
+    fn times_are_exact_to_the_nanosecond() {
+        for (text, ns) in [
+            ("0", 0),
+            ("1700000000.123456789", 1_700_000_000_123_456_789),
+            ("-0.5", -500_000_000),
+            (".25", 250_000_000),
+            ("3.", 3_000_000_000),
+            ("1.5e-3", 1_500_000),
+            ("1.7e9", 1_700_000_000_000_000_000),
+            ("0.0000000005", 1),
+            ("0.0000000004999", 0),
+            ("0.99999999999999999999999999999999999999999999", 1_000_000_000),
+            ("+2", 2_000_000_000),
+        ] {
+            assert_eq!(parse_time_ns(text), Some(ns), "{text}");
+        }
+        for text in ["", ".", "-", "1e", "nan", "inf", "1e30", "99999999999", "1,5", "0x10", "1e-", "--1"] {
+            assert_eq!(parse_time_ns(text), None, "{text}");
+        }
+    }
+}

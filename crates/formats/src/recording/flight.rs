@@ -1,0 +1,732 @@
+//! From a recording to the motion of one robot and the wrench on it.
+//!
+//! Two passes over the file: the first counts what is there and decides what is used, the second decodes it, puts it in
+//! order of its stamps and hands out one [`MotionSample`] for every pose. Memory is bounded, whatever the file's size.
+
+use super::mcap_log::{MEASURED_POSE, MEASURED_WRENCH, Measured, MeasuredColumns};
+use super::messages::{self, Message, MessageError, PmcCommand};
+use super::{RawMessage, ScanReport, scan_file};
+use crate::FormatsError;
+use crate::log::{QUATERNION_NORM_TOLERANCE, seconds, shortened};
+use crate::{ActuatorReplay, ModuleCommand, Robots};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use tumble_dynamics::nalgebra::{Isometry3, Quaternion, Vector3};
+use tumble_identification::MotionSample;
+use tumble_identification::synchronize::{Held, TimeOrdering};
+use tumble_lie::Wrench;
+
+/// How many messages are held back to put late ones in order: about twenty seconds of a robot.
+const REORDER_MESSAGES: usize = 4096;
+/// A command holds no longer than this: a robot that hears nothing more stops its impellers.
+const LONGEST_HOLD_NS: i64 = 500_000_000;
+/// Samples that travel from the reading thread at once, and how many such batches wait.
+const BATCH: usize = 1024;
+const BATCHES: usize = 4;
+/// Topics listed in a table.
+const MOST_TOPICS_SHOWN: usize = 40;
+
+/// What gives a wrench.
+pub const WRENCH_TOPICS: &str = "of an Astrobee (ff_msgs/EkfState) ff_hw_msgs/PmcCommand on hw/pmc/command or ff_msgs/FamCommand on \
+                                        gnc/ctl/command is needed, of others geometry_msgs/WrenchStamped";
+
+/// One topic of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Topic {
+    /// `package/Name`.
+    pub type_name: String,
+    /// Messages on it.
+    pub messages: u64,
+    /// Earliest and latest time of recording, ns.
+    pub times_ns: (i64, i64),
+}
+
+/// What a recording holds, by topic.
+pub type Topics = BTreeMap<String, Topic>;
+
+/// What makes the flight: topics by the part they play.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Plan {
+    /// Poses: the time base.
+    pub motion: String,
+    /// Bytes to the nozzles, else a commanded or measured wrench.
+    pub wrench: Option<String>,
+    /// Impeller speeds.
+    pub telemetry: Option<String>,
+    /// The centre of mass about which a commanded torque is meant.
+    pub inertia: Option<String>,
+}
+
+impl Plan {
+    fn part(&self, topic: &str) -> Option<&'static str> {
+        let is = |part: &Option<String>| part.as_deref() == Some(topic);
+        if topic == self.motion {
+            Some("motion")
+        } else if is(&self.wrench) {
+            Some("wrench")
+        } else if is(&self.telemetry) {
+            Some("impeller speed")
+        } else if is(&self.inertia) {
+            Some("centre of mass")
+        } else {
+            None
+        }
+    }
+
+    /// Chooses the streams of one robot.
+    ///
+    /// # Errors
+    /// [`FormatsError::NoFlight`] where nothing moves, or several robots do and none is named.
+    pub fn of(topics: &Topics, robot: Option<&str>, path: &Path) -> Result<Self, FormatsError> {
+        // A log of ours holds one robot.
+        let is = |topic: &str, type_name: &str| topics.get(topic).is_some_and(|found| found.type_name == type_name);
+        if is(MEASURED_POSE, "foxglove.PoseInFrame") {
+            let wrench = is(MEASURED_WRENCH, "tumble.Wrench").then(|| MEASURED_WRENCH.to_owned());
+            return Ok(Self { motion: MEASURED_POSE.to_owned(), wrench, ..Self::default() });
+        }
+        let robot = robot.map(|name| name.trim_matches('/'));
+        let named = |topic: &str| robot.is_none_or(|robot| namespace(topic) == robot);
+        let of_type = |type_name: &str| -> Vec<&String> {
+            topics
+                .iter()
+                .filter(|(topic, t)| t.type_name == type_name && named(topic))
+                .map(|(topic, _)| topic)
+                .collect()
+        };
+        let nothing = |reason: String| FormatsError::NoFlight { path: path.into(), reason };
+        let motions = ["ff_msgs/EkfState", "nav_msgs/Odometry", "geometry_msgs/PoseStamped"].into_iter().map(of_type);
+        let Some(motions) = motions.into_iter().find(|found| !found.is_empty()) else {
+            let whose = robot.map_or(String::new(), |robot| format!(" of a robot `{}`", shortened(robot)));
+            return Err(nothing(format!(
+                "no topic{whose} of type ff_msgs/EkfState, nav_msgs/Odometry or geometry_msgs/PoseStamped"
+            )));
+        };
+        let motion = match motions.as_slice() {
+            [only] => (*only).clone(),
+            several => {
+                let names: Vec<String> =
+                    several.iter().map(|t| format!("{} ({})", shortened(t), namespace(t))).collect();
+                return Err(nothing(format!(
+                    "several motions: {}; `--robot NAMESPACE` (in brackets) chooses one",
+                    names.join(", ")
+                )));
+            }
+        };
+        let own = namespace(&motion);
+        let one = |type_name: &str| -> Result<Option<String>, FormatsError> {
+            let found = of_type(type_name);
+            // The robot's own, else the only one.
+            let own_ones: Vec<&&String> = found.iter().filter(|topic| namespace(topic) == own).collect();
+            match (own_ones.as_slice(), found.as_slice()) {
+                ([topic], _) => Ok(Some((**topic).clone())),
+                ([], []) => Ok(None),
+                ([], [topic]) => Ok(Some((*topic).clone())),
+                _ => Err(nothing(format!("several topics of type {type_name}; `--robot NAMESPACE` chooses one"))),
+            }
+        };
+        let is_astrobee = topics.get(&motion).is_some_and(|topic| topic.type_name == "ff_msgs/EkfState");
+        if !is_astrobee {
+            let wrench = one("geometry_msgs/WrenchStamped")?;
+            return Ok(Self { motion, wrench, ..Self::default() });
+        }
+        // Astrobee's other streams are those of the same robot.
+        let beside = |type_name: &str, relative: &str| {
+            let stands = |topic: &&String| {
+                topic.trim_start_matches('/').strip_suffix(relative).map(|own| own.trim_end_matches('/')) == Some(own)
+            };
+            of_type(type_name).into_iter().find(stands).cloned()
+        };
+        let bytes = beside("ff_hw_msgs/PmcCommand", "hw/pmc/command");
+        let telemetry = bytes.as_ref().and_then(|_| beside("ff_hw_msgs/PmcTelemetry", "hw/pmc/telemetry"));
+        // Bytes give the wrench about the origin; a commanded one needs the centre of mass.
+        let inertia = if bytes.is_some() { None } else { beside("geometry_msgs/InertiaStamped", "mob/inertia") };
+        let wrench = bytes.or_else(|| beside("ff_msgs/FamCommand", "gnc/ctl/command"));
+        Ok(Self { motion, wrench, telemetry, inertia })
+    }
+}
+
+/// The robot of a topic: what stands before the names that Astrobee gives, or before the last part; empty for a lone robot.
+fn namespace(topic: &str) -> &str {
+    let topic = topic.trim_start_matches('/');
+    let relative = [
+        "gnc/ekf",
+        "gnc/ctl/command",
+        "hw/pmc/command",
+        "hw/pmc/telemetry",
+        "mob/inertia",
+        "loc/pose",
+        "loc/truth/pose",
+    ];
+    let before = |name: &str| topic.strip_suffix(name).filter(|rest| rest.is_empty() || rest.ends_with('/'));
+    let rest = relative.into_iter().find_map(before).or_else(|| topic.rsplit_once('/').map(|(rest, _)| rest));
+    rest.unwrap_or_default().trim_end_matches('/')
+}
+
+/// Counts what a recording holds.
+///
+/// # Errors
+/// [`FormatsError`] for a file that is no recording.
+pub fn survey(path: &Path) -> Result<(Topics, ScanReport), FormatsError> {
+    let mut topics = Topics::new();
+    let report = scan_file(path, &mut |raw| {
+        let time_ns = raw.log_time_ns;
+        if let Some(topic) = topics.get_mut(raw.topic) {
+            topic.messages += 1;
+            topic.times_ns = (topic.times_ns.0.min(time_ns), topic.times_ns.1.max(time_ns));
+        } else {
+            let topic = Topic { type_name: raw.type_name.to_owned(), messages: 1, times_ns: (time_ns, time_ns) };
+            topics.insert(raw.topic.to_owned(), topic);
+        }
+        ControlFlow::Continue(())
+    })?;
+    Ok((topics, report))
+}
+
+/// What was found and what part it plays, for people.
+pub fn table(topics: &Topics, plan: &Plan) -> String {
+    let mut text = String::new();
+    let known = |topic: &Topic| messages::KNOWN.iter().any(|(name, _)| *name == topic.type_name);
+    let mut order: Vec<(&String, &Topic)> = topics.iter().collect();
+    order.sort_by_key(|(name, topic)| (plan.part(name).is_none(), !known(topic)));
+    for (name, topic) in order.iter().take(MOST_TOPICS_SHOWN) {
+        let span_s = seconds(topic.times_ns.1.saturating_sub(topic.times_ns.0));
+        let rate = if span_s > 0.0 { (topic.messages - 1) as f64 / span_s } else { 0.0 };
+        let part = plan.part(name).unwrap_or("-");
+        let (name, type_name) = (shortened(name), shortened(&topic.type_name));
+        let _ = writeln!(text, "{name:<32} {type_name:<28} {:>9} messages {rate:>7.1} Hz  {part}", topic.messages);
+    }
+    if order.len() > MOST_TOPICS_SHOWN {
+        let _ = writeln!(text, "and {} topics more", order.len() - MOST_TOPICS_SHOWN);
+    }
+    text
+}
+
+/// What happened on the way from messages to samples.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Poses that came after one of a later stamp and were put in order.
+    pub late: usize,
+    /// Messages too late for that, left out.
+    pub too_late: usize,
+    /// Poses with the stamp of the one before, left out.
+    pub repeated: usize,
+    /// Poses said to be lost or invalid, left out.
+    pub invalid: usize,
+    /// Poses that are not finite or not of unit norm, left out.
+    pub impossible: usize,
+    /// Payloads that do not hold their fields, left out.
+    pub undecoded: usize,
+    /// Messages without a stamp, taken at the time of recording.
+    pub unstamped: usize,
+    /// Samples whose interval no command covers.
+    pub without_wrench: usize,
+    /// Commands for another number of modules than two, left out.
+    pub other_modules: usize,
+    /// Whether impeller speeds were measured, not taken from the command.
+    pub measured_speed: bool,
+    /// Samples handed out.
+    pub samples: usize,
+    /// What the file itself lost.
+    pub report: ScanReport,
+}
+
+impl Tally {
+    /// What a user should know, one sentence each.
+    pub fn warnings(&self, plan: &Plan, topics: &Topics) -> Vec<String> {
+        let mut said = Vec::new();
+        said.extend(self.left_out());
+        let counts = [
+            (self.late, "poses came late and were put in order"),
+            (self.unstamped, "messages have no stamp and were taken at the time of recording"),
+            (self.other_modules, "commands are not for two modules and were left out"),
+        ];
+        said.extend(counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")));
+        let type_of = |topic: &Option<String>| {
+            topic.as_ref().and_then(|topic| topics.get(topic)).map_or("", |topic| topic.type_name.as_str())
+        };
+        if plan.wrench.is_none() {
+            said.push(format!("no wrench is recorded for this robot: {WRENCH_TOPICS}"));
+        } else if self.without_wrench > 0 {
+            said.push(format!("{} samples have no command of their interval, and no wrench", self.without_wrench));
+        }
+        match type_of(&plan.wrench) {
+            "ff_hw_msgs/PmcCommand" if !self.measured_speed => {
+                said.push("no impeller speed is measured: it is taken from the command".to_owned());
+            }
+            "ff_msgs/FamCommand" => {
+                let about = if plan.inertia.is_some() {
+                    "the centre of mass that the robot reports"
+                } else {
+                    "the body origin, for want of mob/inertia"
+                };
+                said.push(format!(
+                    "the wrench is the commanded one, about {about}: what saturation takes away is not seen"
+                ));
+            }
+            _ => {}
+        }
+        said.extend(self.report.summary());
+        said
+    }
+
+    /// Messages left out, and why.
+    fn left_out(&self) -> impl Iterator<Item = String> {
+        let counts = [
+            (self.too_late, "messages came too late to be put in order and were left out"),
+            (self.repeated, "poses repeated a time and were dropped"),
+            (self.invalid, "poses are marked lost or invalid and were left out"),
+            (self.impossible, "poses are not finite or not of unit norm and were left out"),
+            (self.undecoded, "messages do not hold their fields and were left out"),
+        ];
+        counts.into_iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}"))
+    }
+}
+
+/// A decoded message in its place in time.
+#[derive(Clone, Copy)]
+enum Event {
+    Motion(MotionSample),
+    /// Body axes, about the origin.
+    Wrench(Wrench<f64>),
+    Bytes(ModuleCommand),
+    /// Impeller speeds, counts.
+    Speeds([u8; 2]),
+    CenterOfMass(Vector3<f64>),
+    /// Body axes, about the centre of mass that the robot believes in.
+    WrenchAboutCenterOfMass(Wrench<f64>),
+}
+
+/// Turns messages into samples: decoding, order, and the wrench's impulse over each interval.
+struct Assembler<'p> {
+    plan: &'p Plan,
+    path: &'p Path,
+    ordering: TimeOrdering<Event, Vec<Option<Held<Event>>>>,
+    tally: Tally,
+    motion_frame: String,
+    columns: MeasuredColumns,
+    newest_motion_ns: Option<i64>,
+    center_of_mass: Vector3<f64>,
+    actuators: Option<Box<dyn ActuatorReplay>>,
+    speeds: Option<[u8; 2]>,
+    /// The wrench that acts, and until when.
+    acting: Option<(Wrench<f64>, i64)>,
+    /// The sample whose interval runs, its impulse so far, how much of it is covered and until when it is added up.
+    pending: Option<(MotionSample, Wrench<f64>, i64, i64)>,
+}
+
+impl<'p> Assembler<'p> {
+    fn new(plan: &'p Plan, path: &'p Path, actuators: Option<Box<dyn ActuatorReplay>>) -> Self {
+        Self {
+            plan,
+            path,
+            ordering: TimeOrdering::new(std::iter::repeat_with(|| None).take(REORDER_MESSAGES).collect()),
+            tally: Tally::default(),
+            motion_frame: String::new(),
+            columns: MeasuredColumns::default(),
+            newest_motion_ns: None,
+            center_of_mass: Vector3::zeros(),
+            actuators,
+            speeds: None,
+            acting: None,
+            pending: None,
+        }
+    }
+
+    /// Takes a message of the file; hands out a sample when one is complete.
+    fn take(&mut self, raw: &RawMessage<'_>) -> Result<Option<MotionSample>, FormatsError> {
+        if self.plan.motion == MEASURED_POSE {
+            let event = match self.columns.take(raw, &mut self.tally.undecoded) {
+                Some(Measured::Motion(sample)) => Event::Motion(*sample),
+                Some(Measured::Wrench(wrench)) => Event::Wrench(wrench),
+                None => return Ok(None),
+            };
+            return Ok(self.push(raw.log_time_ns, event));
+        }
+        if self.plan.part(raw.topic).is_none() {
+            return Ok(None);
+        }
+        let message = match messages::decode(raw) {
+            Some(Ok(message)) => message,
+            Some(Err(source @ MessageError::UnknownDefinition { .. })) => {
+                return Err(FormatsError::BadMessage { topic: shortened(raw.topic), source });
+            }
+            Some(Err(_)) => {
+                self.tally.undecoded += 1;
+                return Ok(None);
+            }
+            None => return Ok(None),
+        };
+        let mut time_ns = message.header().stamp_ns;
+        if time_ns == 0 {
+            self.tally.unstamped += 1;
+            time_ns = raw.log_time_ns;
+        }
+        let Some(event) = self.event(&message, time_ns)? else { return Ok(None) };
+        Ok(self.push(time_ns, event))
+    }
+
+    /// Puts an event in its place; hands out a sample when one is complete.
+    fn push(&mut self, time_ns: i64, event: Event) -> Option<MotionSample> {
+        if let Event::Motion(_) = event {
+            self.tally.late += usize::from(self.newest_motion_ns.is_some_and(|newest| time_ns < newest));
+            self.newest_motion_ns = self.newest_motion_ns.max(Some(time_ns));
+        }
+        match self.ordering.push(time_ns, event) {
+            Some(released) if released.in_order => self.advance(released.time_ns, released.sample),
+            Some(_) => {
+                self.tally.too_late += 1;
+                None
+            }
+            None => None,
+        }
+    }
+
+    /// The next sample after the last message, until `None`.
+    fn finish(&mut self) -> Option<MotionSample> {
+        while let Some(released) = self.ordering.flush() {
+            if let Some(sample) = self.advance(released.time_ns, released.sample) {
+                return Some(sample);
+            }
+        }
+        // The last sample's interval has no end: what acted at its beginning is its wrench.
+        let (mut sample, ..) = self.pending.take()?;
+        sample.wrench_body = self.acting.filter(|(_, until)| *until >= sample.time_ns).map(|(wrench, _)| wrench);
+        self.tally.samples += 1;
+        Some(sample)
+    }
+
+    fn event(&mut self, message: &Message<'_>, time_ns: i64) -> Result<Option<Event>, FormatsError> {
+        let motion = match message {
+            Message::EkfState(state) if state.confidence == CONFIDENCE_LOST || state.status == STATUS_INVALID => {
+                self.tally.invalid += 1;
+                return Ok(None);
+            }
+            Message::EkfState(state) => {
+                pose(time_ns, &state.pose.position, &state.pose.orientation).map(|sample| MotionSample {
+                    velocity_origin_world: Some(state.velocity),
+                    rate_body: Some(state.omega),
+                    acceleration_origin_body: Some(state.accel),
+                    ..sample
+                })
+            }
+            Message::Odometry(m) => {
+                m.header.frame_id.clone_into(&mut self.motion_frame);
+                let sample = pose(time_ns, &m.pose.position, &m.pose.orientation);
+                sample.map(|sample| MotionSample {
+                    velocity_origin_world: Some(sample.world_from_body.rotation * m.twist.linear),
+                    rate_body: Some(m.twist.angular),
+                    ..sample
+                })
+            }
+            Message::PoseStamped(m) => {
+                m.header.frame_id.clone_into(&mut self.motion_frame);
+                pose(time_ns, &m.pose.position, &m.pose.orientation)
+            }
+            other => return self.other_event(other),
+        };
+        let finite = |v: &Option<Vector3<f64>>| v.as_ref().is_none_or(is_finite);
+        let motion = motion.filter(|sample| {
+            finite(&sample.velocity_origin_world)
+                && finite(&sample.rate_body)
+                && finite(&sample.acceleration_origin_body)
+        });
+        self.tally.impossible += usize::from(motion.is_none());
+        Ok(motion.map(Event::Motion))
+    }
+
+    fn other_event(&mut self, message: &Message<'_>) -> Result<Option<Event>, FormatsError> {
+        Ok(match message {
+            Message::PmcCommand(command) => {
+                let bytes = command_bytes(command);
+                self.tally.other_modules += usize::from(bytes.is_none());
+                bytes.map(Event::Bytes)
+            }
+            Message::PmcTelemetry(telemetry) => match telemetry.statuses.as_slice() {
+                [starboard, port] => Some(Event::Speeds([starboard.motor_speed, port.motor_speed])),
+                _ => None,
+            },
+            Message::InertiaStamped(m) => {
+                Some(Event::CenterOfMass(m.center_of_mass)).filter(|_| is_finite(&m.center_of_mass))
+            }
+            Message::FamCommand(m) => wrench(&m.wrench).map(Event::WrenchAboutCenterOfMass),
+            Message::WrenchStamped(m) => {
+                let frame = m.header.frame_id;
+                if !frame.is_empty() && frame == self.motion_frame {
+                    return Err(FormatsError::NoFlight {
+                        path: self.path.into(),
+                        reason: format!(
+                            "the wrench speaks in frame `{}`, as the pose does; one in body axes about the body origin is needed",
+                            shortened(frame)
+                        ),
+                    });
+                }
+                wrench(&m.wrench).map(Event::Wrench)
+            }
+            _ => None,
+        })
+    }
+
+    /// Goes on to an event, in order of time; hands out the sample whose interval it ends.
+    fn advance(&mut self, time_ns: i64, event: Event) -> Option<MotionSample> {
+        self.replay_until(time_ns);
+        if let Event::Motion(sample) = event {
+            if self.pending.as_ref().is_some_and(|(pending, ..)| pending.time_ns == time_ns) {
+                self.tally.repeated += 1;
+                return None;
+            }
+            self.add_up(time_ns);
+            let finished = self.pending.replace((sample, Wrench::zero(), 0, time_ns));
+            return finished.map(|(mut sample, impulse, covered_ns, _)| {
+                let interval_ns = time_ns - sample.time_ns;
+                if covered_ns > 0 && covered_ns == interval_ns {
+                    let mean = 1.0 / interval_ns as f64;
+                    sample.wrench_body = Some(Wrench::new(impulse.torque * mean, impulse.force * mean));
+                } else {
+                    self.tally.without_wrench += 1;
+                }
+                self.tally.samples += 1;
+                sample
+            });
+        }
+        self.add_up(time_ns);
+        match event {
+            Event::Wrench(wrench) => self.hold(wrench, time_ns),
+            Event::WrenchAboutCenterOfMass(wrench) => {
+                let torque = wrench.torque + self.center_of_mass.cross(&wrench.force);
+                self.hold(Wrench::new(torque, wrench.force), time_ns);
+            }
+            Event::CenterOfMass(center_of_mass) => self.center_of_mass = center_of_mass,
+            Event::Bytes(bytes) => {
+                let acting = self.actuators.as_mut().and_then(|replay| replay.take(time_ns, &bytes, self.speeds));
+                if let Some(wrench) = acting.or(self.acting.map(|(wrench, _)| wrench)) {
+                    self.hold(wrench, time_ns);
+                }
+            }
+            Event::Speeds(speeds) => {
+                // The simulator's telemetry stays at zero; a robot's does not.
+                if self.speeds.is_some() || speeds.iter().any(|speed| *speed > 0) {
+                    self.speeds = Some(speeds);
+                    self.tally.measured_speed = true;
+                }
+            }
+            Event::Motion(_) => {}
+        }
+        None
+    }
+
+    fn hold(&mut self, wrench: Wrench<f64>, time_ns: i64) {
+        self.acting = Some((wrench, time_ns.saturating_add(LONGEST_HOLD_NS)));
+    }
+
+    /// What the servos do by themselves while commands hold.
+    fn replay_until(&mut self, time_ns: i64) {
+        let overdue_ns =
+            |replay: &Option<Box<dyn ActuatorReplay>>| replay.as_ref().and_then(|replay| replay.overdue_ns());
+        while let (Some((_, until)), Some(overdue_ns)) = (self.acting, overdue_ns(&self.actuators)) {
+            if overdue_ns > time_ns.min(until) {
+                if until < time_ns
+                    && let Some(replay) = &mut self.actuators
+                {
+                    replay.silence();
+                }
+                return;
+            }
+            self.add_up(overdue_ns);
+            let wrench = self.actuators.as_mut().and_then(|replay| replay.go_on(self.speeds));
+            self.acting = wrench.map(|wrench| (wrench, until));
+        }
+    }
+
+    /// Adds what acts to the impulse of the running interval, up to a time.
+    fn add_up(&mut self, time_ns: i64) {
+        let Some((_, impulse, covered_ns, reached_ns)) = &mut self.pending else { return };
+        if let Some((wrench, until)) = &self.acting {
+            let step_ns = time_ns.min(*until).saturating_sub(*reached_ns).max(0);
+            let step = step_ns as f64;
+            *impulse = Wrench::new(impulse.torque + wrench.torque * step, impulse.force + wrench.force * step);
+            *covered_ns = covered_ns.saturating_add(step_ns);
+        }
+        *reached_ns = time_ns;
+    }
+}
+
+/// `EkfState.confidence` of a robot that does not know where it is.
+const CONFIDENCE_LOST: u8 = 2;
+/// `EkfState.status` of an estimate that is none.
+const STATUS_INVALID: u8 = 255;
+
+fn is_finite(v: &Vector3<f64>) -> bool {
+    v.iter().all(|x| x.is_finite())
+}
+
+fn pose(time_ns: i64, position: &Vector3<f64>, q: &Quaternion<f64>) -> Option<MotionSample> {
+    let rotation = tumble_lie::from_xyzw(q.i, q.j, q.k, q.w, QUATERNION_NORM_TOLERANCE).ok()?;
+    is_finite(position).then(|| MotionSample {
+        time_ns,
+        world_from_body: Isometry3::from_parts((*position).into(), rotation),
+        velocity_origin_world: None,
+        rate_body: None,
+        acceleration_origin_body: None,
+        wrench_body: None,
+        stored_momentum_body: None,
+    })
+}
+
+fn wrench(message: &messages::WrenchMessage) -> Option<Wrench<f64>> {
+    (is_finite(&message.force) && is_finite(&message.torque)).then(|| Wrench::new(message.torque, message.force))
+}
+
+fn command_bytes(command: &PmcCommand<'_>) -> Option<ModuleCommand> {
+    let [starboard, port] = command.goals.as_slice() else { return None };
+    let ([a, b, c, d, e, f], [g, h, i, j, k, l]) = (starboard.nozzle_positions, port.nozzle_positions);
+    Some(ModuleCommand {
+        impeller_speeds: [starboard.motor_speed, port.motor_speed],
+        nozzles: [a, b, c, d, e, f, g, h, i, j, k, l],
+    })
+}
+
+/// What the samples of a flight can hold besides the pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(clippy::struct_excessive_bools)]
+pub struct HeldColumns {
+    /// Velocity of the body origin.
+    pub velocity: bool,
+    /// Angular rate.
+    pub rate: bool,
+    /// Acceleration of the body origin.
+    pub acceleration: bool,
+    /// A wrench.
+    pub wrench: bool,
+}
+
+/// What the reading thread sends.
+enum Sent {
+    Samples(Vec<MotionSample>),
+    End(Box<Result<Tally, FormatsError>>),
+}
+
+/// Streams the samples of one robot's flight from a recording, in order of time.
+pub struct FlightReader {
+    /// What the file holds.
+    pub topics: Topics,
+    /// What of it is used.
+    pub plan: Plan,
+    receiver: Receiver<Sent>,
+    batch: std::vec::IntoIter<MotionSample>,
+    tally: Option<Tally>,
+}
+
+impl FlightReader {
+    /// Surveys a recording, chooses the streams of a robot and begins to read them.
+    ///
+    /// # Errors
+    /// [`FormatsError`] for a file that is no recording, holds no flight, or several without a robot being named.
+    pub fn open(path: &Path, robot: Option<&str>, robots: &Robots) -> Result<Self, FormatsError> {
+        let (topics, report) = survey(path)?;
+        let plan = Plan::of(&topics, robot, path).map_err(|error| damaged(error, &report))?;
+        let (sender, receiver) = sync_channel(BATCHES);
+        let (path, used, actuators) = (PathBuf::from(path), plan.clone(), robots.replay());
+        // A scan hands out and a reader asks: a thread between them, a few batches ahead.
+        std::thread::spawn(move || {
+            let end = stream(&path, &used, actuators, &sender);
+            // A reader that has gone wants no end.
+            let _ = sender.send(Sent::End(Box::new(end)));
+        });
+        Ok(Self { topics, plan, receiver, batch: Vec::new().into_iter(), tally: None })
+    }
+
+    /// What its samples can hold besides the pose, as the types of its topics say.
+    pub fn columns(&self) -> HeldColumns {
+        let motion = self.topics.get(&self.plan.motion).map_or("", |topic| topic.type_name.as_str());
+        let is_pose_only = motion == "geometry_msgs/PoseStamped";
+        HeldColumns {
+            velocity: !is_pose_only,
+            rate: !is_pose_only,
+            acceleration: !matches!(motion, "geometry_msgs/PoseStamped" | "nav_msgs/Odometry"),
+            wrench: self.plan.wrench.is_some(),
+        }
+    }
+
+    /// The next sample in time, `None` at the end.
+    ///
+    /// # Errors
+    /// [`FormatsError::BadMessage`] for a definition that is not known, [`FormatsError::NoFlight`] for a wrench in a frame
+    /// that is not the body's, and at the end where not one pose could be used; then [`FormatsError::Damaged`] if the file is.
+    pub fn next_sample(&mut self) -> Result<Option<MotionSample>, FormatsError> {
+        loop {
+            if let Some(sample) = self.batch.next() {
+                return Ok(Some(sample));
+            }
+            if self.tally.is_some() {
+                return Ok(None);
+            }
+            match self.receiver.recv() {
+                Ok(Sent::Samples(batch)) => self.batch = batch.into_iter(),
+                Ok(Sent::End(end)) => self.tally = Some((*end)?),
+                Err(_) => return Ok(None),
+            }
+        }
+    }
+
+    /// What happened on the way, once the end has been reached.
+    pub fn tally(&self) -> Option<&Tally> {
+        self.tally.as_ref()
+    }
+}
+
+/// Reads, assembles and sends until the file ends or nobody listens.
+fn stream(
+    path: &Path,
+    plan: &Plan,
+    actuators: Option<Box<dyn ActuatorReplay>>,
+    sender: &SyncSender<Sent>,
+) -> Result<Tally, FormatsError> {
+    let mut assembler = Assembler::new(plan, path, actuators);
+    let mut batch = Vec::with_capacity(BATCH);
+    let mut failure = None;
+    let send = |batch: &mut Vec<MotionSample>, sample: MotionSample| {
+        batch.push(sample);
+        if batch.len() < BATCH {
+            return true;
+        }
+        sender.send(Sent::Samples(std::mem::replace(batch, Vec::with_capacity(BATCH)))).is_ok()
+    };
+    let report = scan_file(path, &mut |raw| match assembler.take(&raw) {
+        Ok(Some(sample)) if !send(&mut batch, sample) => ControlFlow::Break(()),
+        Ok(_) => ControlFlow::Continue(()),
+        Err(error) => {
+            failure = Some(error);
+            ControlFlow::Break(())
+        }
+    })?;
+    if let Some(error) = failure {
+        return Err(error);
+    }
+    while let Some(sample) = assembler.finish() {
+        if !send(&mut batch, sample) {
+            break;
+        }
+    }
+    let _ = sender.send(Sent::Samples(batch));
+    let tally = assembler.tally;
+    if tally.samples == 0 {
+        let why: Vec<String> = tally.left_out().collect();
+        let why = if why.is_empty() { "their encoding is not known".to_owned() } else { why.join("; ") };
+        let reason = format!("no pose on {} that can be used: {why}", shortened(&plan.motion));
+        return Err(damaged(FormatsError::NoFlight { path: path.into(), reason }, &report));
+    }
+    Ok(Tally { report, ..tally })
+}
+
+/// That there is no flight, with what the file lost where it did.
+fn damaged(error: FormatsError, report: &ScanReport) -> FormatsError {
+    match error {
+        FormatsError::NoFlight { path, reason } if report.loss_count > 0 => {
+            FormatsError::Damaged { path, reason, report: Box::new(report.clone()) }
+        }
+        other => other,
+    }
+}

@@ -1,0 +1,198 @@
+//! A log of any format as rows of named columns: what `tumble convert` hands from a reader to a writer.
+
+use super::flight::FlightReader;
+use crate::log::{BoundedRows, parse_time_ns, read_row, shortened};
+use crate::{FormatsError, Robots};
+use std::fs::File;
+use std::io::{BufReader, Write};
+use std::path::Path;
+use tumble_lie::nalgebra::Vector3;
+
+/// One cell of a row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Cell {
+    /// No sample then.
+    #[default]
+    Empty,
+    /// A finite number.
+    Number(f64),
+    /// Anything else.
+    Text(String),
+}
+
+/// What takes the rows of a log.
+pub trait RowSink {
+    /// Takes the names of all columns but the time, once, before the first row.
+    ///
+    /// # Errors
+    /// Where they cannot be held or written.
+    fn begin(&mut self, columns: &[String]) -> Result<(), FormatsError>;
+    /// Takes a row with as many cells as there are columns.
+    ///
+    /// # Errors
+    /// Where it cannot be held or written.
+    fn row(&mut self, time_ns: i64, cells: &[Cell]) -> Result<(), FormatsError>;
+}
+
+/// Streams a CSV log; every number keeps its bits, and the times their nanoseconds and their order.
+///
+/// # Errors
+/// [`FormatsError`] naming line and column, or from `sink`.
+pub fn read_csv(path: &Path, sink: &mut dyn RowSink) -> Result<(), FormatsError> {
+    let file = File::open(path).map_err(|source| FormatsError::Unreadable { path: path.into(), source })?;
+    let mut records = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .quoting(false)
+        .comment(Some(b'#'))
+        .from_reader(BoundedRows::new(BufReader::new(file)));
+    let mut record = csv::ByteRecord::new();
+    if !read_row(&mut records, &mut record, path)? {
+        return Err(FormatsError::Empty { path: path.into(), what: "header" });
+    }
+    let mut names: Vec<String> = record.iter().map(|cell| String::from_utf8_lossy(cell).trim().to_owned()).collect();
+    if let Some(first) = names.first_mut() {
+        *first = first.trim_start_matches('\u{feff}').to_owned();
+    }
+    for (i, name) in names.iter().enumerate() {
+        if names.iter().take(i).any(|earlier| earlier == name) {
+            return Err(FormatsError::DuplicateColumn { path: path.into(), column: shortened(name) });
+        }
+    }
+    let Some(time_column) = names.iter().position(|name| name == "t_s") else {
+        return Err(FormatsError::MissingColumn { path: path.into(), column: "t_s".to_owned(), because: "" });
+    };
+    names.remove(time_column);
+    sink.begin(&names)?;
+    let mut cells = Vec::new();
+    while read_row(&mut records, &mut record, path)? {
+        let line = record.position().map_or(0, csv::Position::line);
+        let (found, expected) = (record.len() as u64, names.len() as u64 + 1);
+        if found != expected {
+            return Err(FormatsError::RowLength { path: path.into(), line, found, expected });
+        }
+        cells.clear();
+        let mut time_ns = None;
+        for (column, bytes) in record.iter().enumerate() {
+            let text = String::from_utf8_lossy(bytes.trim_ascii());
+            if column == time_column {
+                time_ns = Some(parse_time_ns(&text).ok_or_else(|| FormatsError::BadCell {
+                    path: path.into(),
+                    line,
+                    column: "t_s".to_owned(),
+                    text: shortened(&text),
+                })?);
+                continue;
+            }
+            let number = || text.parse::<f64>().ok().filter(|number| number.is_finite());
+            cells.push(if text.is_empty() {
+                Cell::Empty
+            } else {
+                number().map_or_else(|| Cell::Text(text.clone().into_owned()), Cell::Number)
+            });
+        }
+        sink.row(time_ns.unwrap_or_default(), &cells)?;
+    }
+    Ok(())
+}
+
+/// Streams the flight of a robot from a recording; gives what a user should know about it.
+///
+/// # Errors
+/// As [`FlightReader`], or from `sink`.
+pub fn read_flight(
+    path: &Path,
+    robot: Option<&str>,
+    robots: &Robots,
+    sink: &mut dyn RowSink,
+) -> Result<Vec<String>, FormatsError> {
+    let mut flight = FlightReader::open(path, robot, robots)?;
+    let held = flight.columns();
+    let mut columns: Vec<String> = ["p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w"].map(str::to_owned).into();
+    let vectors =
+        [("v", held.velocity), ("w", held.rate), ("a", held.acceleration), ("f", held.wrench), ("tau", held.wrench)];
+    for (name, _) in vectors.iter().filter(|(_, is_held)| *is_held) {
+        columns.extend(["x", "y", "z"].map(|axis| format!("{name}_{axis}")));
+    }
+    let vector = |v: Option<Vector3<f64>>, is_held: bool| {
+        let numbers = match v {
+            Some(v) => [v.x, v.y, v.z].map(Cell::Number),
+            None => [const { Cell::Empty }; 3],
+        };
+        numbers.into_iter().filter(move |_| is_held)
+    };
+    let mut cells = Vec::with_capacity(columns.len());
+    let mut begun = false;
+    while let Some(sample) = flight.next_sample()? {
+        // Not before there is a row: without one there is no log.
+        if !begun {
+            sink.begin(&columns)?;
+            begun = true;
+        }
+        let pose = &sample.world_from_body;
+        cells.clear();
+        cells.extend(pose.translation.vector.iter().chain(&pose.rotation.coords).map(|number| Cell::Number(*number)));
+        cells.extend(vector(sample.velocity_origin_world, held.velocity));
+        cells.extend(vector(sample.rate_body, held.rate));
+        cells.extend(vector(sample.acceleration_origin_body, held.acceleration));
+        cells.extend(vector(sample.wrench_body.map(|wrench| wrench.force), held.wrench));
+        cells.extend(vector(sample.wrench_body.map(|wrench| wrench.torque), held.wrench));
+        sink.row(sample.time_ns, &cells)?;
+    }
+    Ok(flight.tally().map_or_else(Vec::new, |tally| tally.warnings(&flight.plan, &flight.topics)))
+}
+
+/// Writes a CSV log, `t_s` first.
+pub struct CsvSink<W: Write> {
+    out: W,
+    line: String,
+}
+
+impl<W: Write> CsvSink<W> {
+    /// Writes to `out`.
+    pub fn new(out: W) -> Self {
+        Self { out, line: String::new() }
+    }
+    /// What was written to.
+    pub fn into_inner(self) -> W {
+        self.out
+    }
+}
+
+impl<W: Write> RowSink for CsvSink<W> {
+    fn begin(&mut self, columns: &[String]) -> Result<(), FormatsError> {
+        let names = columns.iter().map(|name| plain(name));
+        let header: Vec<String> = std::iter::once("t_s".to_owned()).chain(names).collect();
+        writeln!(self.out, "{}", header.join(",")).map_err(unwritable)
+    }
+    fn row(&mut self, time_ns: i64, cells: &[Cell]) -> Result<(), FormatsError> {
+        use std::fmt::Write as _;
+        self.line = seconds_text(time_ns);
+        for cell in cells {
+            // Writing to a string never fails.
+            let _ = match cell {
+                Cell::Empty => write!(self.line, ","),
+                Cell::Number(number) => write!(self.line, ",{number:?}"),
+                Cell::Text(text) => write!(self.line, ",{}", plain(text)),
+            };
+        }
+        writeln!(self.out, "{}", self.line).map_err(unwritable)
+    }
+}
+
+/// A text without what would end a cell.
+fn plain(text: &str) -> String {
+    text.chars().map(|c| if c == ',' || c.is_control() { '_' } else { c }).collect()
+}
+
+/// Decimal seconds, exact to the nanosecond.
+pub fn seconds_text(time_ns: i64) -> String {
+    let sign = if time_ns < 0 { "-" } else { "" };
+    let time_ns = time_ns.unsigned_abs();
+    format!("{sign}{}.{:09}", time_ns / 1_000_000_000, time_ns % 1_000_000_000)
+}
+
+/// What a sink says of its output; the command puts the name of the file in its place.
+pub(crate) fn unwritable(source: std::io::Error) -> FormatsError {
+    FormatsError::Unwritable { path: "output".into(), source }
+}

@@ -1,0 +1,119 @@
+//! What a loop asks to be planned, and what it is answered.
+
+use super::closed_loop::Layer;
+use super::event::{Ambition, FoundStretch};
+use super::loop_settings::{LoopSettings, Scene};
+use super::motion::StopLimits;
+use super::stretch::{StretchAnswer, StretchRefusal};
+use crate::belief::ModelBelief;
+use crate::collision::CollisionWorld;
+use crate::error::PlanningError;
+use crate::global::GlobalAnswer;
+use crate::motion::ArcPath;
+use std::sync::Arc;
+use tumble_dynamics::RigidBodyState;
+
+/// All that a plan needs, owned or shared, so that it may wait or go to another thread.
+pub struct PlanRequest<W>
+where
+    W: CollisionWorld,
+    W::Body: Sized,
+{
+    /// Its number; requests of one loop are numbered in the order in which they are made.
+    pub request: u64,
+    /// What is asked for.
+    pub asked: Asked,
+    /// The state at the start of the plan, as it is predicted.
+    pub start: RigidBodyState<f64>,
+    /// Mission time of the start, ns.
+    pub start_ns: i64,
+    /// What is around the robot.
+    pub scene: Arc<Scene<W>>,
+    /// Number of that world.
+    pub world_revision: u64,
+    /// What the body is taken for.
+    pub belief: Arc<ModelBelief>,
+    /// How the stop after a stretch brakes.
+    pub stop: StopLimits,
+    /// Goal, limits, margins, budgets.
+    pub settings: Arc<LoopSettings<W::Body>>,
+}
+
+/// What is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Asked {
+    /// A way that stays where it begins, for missions that only learn.
+    Stay,
+    /// A way to the goal.
+    Way {
+        /// The way that is known, where there is one that may still do.
+        known: Option<Arc<ArcPath>>,
+        /// Distance to be kept, m; less where the start itself is nearer to something, see [`serve`](super::serve).
+        margin_m: f64,
+    },
+    /// A stretch of a way.
+    Stretch {
+        /// The way.
+        way: Arc<ArcPath>,
+        /// Mission time at which it begins, ns.
+        way_start_ns: i64,
+        /// How the stretch is made.
+        ambition: Ambition,
+        /// Mission time since the first way, s.
+        elapsed_s: f64,
+    },
+}
+
+impl<W> PlanRequest<W>
+where
+    W: CollisionWorld,
+    W::Body: Sized,
+{
+    /// The layer that has to search for it; none where nothing is searched for.
+    pub fn layer(&self) -> Option<Layer> {
+        match &self.asked {
+            Asked::Way { known: None, .. } => Some(Layer::Way),
+            Asked::Way { known: Some(_), .. } => Some(Layer::NewWay),
+            Asked::Stretch { ambition: Ambition::Informative | Ambition::Plain, .. } => Some(Layer::Stretch),
+            Asked::Stay | Asked::Stretch { ambition: Ambition::AlongWay, .. } => None,
+        }
+    }
+
+    /// Whether a stretch is asked for; a way otherwise.
+    pub fn is_stretch(&self) -> bool {
+        matches!(self.asked, Asked::Stretch { .. })
+    }
+}
+
+/// An answer to a request.
+#[derive(Clone, Debug)]
+pub struct PlanAnswer {
+    /// The request.
+    pub request: u64,
+    /// The world that was planned in.
+    pub world_revision: u64,
+    /// Units spent, for those who simulate how long it took.
+    pub units: u64,
+    /// What was found.
+    pub found: Found,
+}
+
+/// What was found.
+#[derive(Clone, Debug)]
+pub enum Found {
+    /// A way that stays where it begins, and the revision of the belief at that time.
+    Stay(ArcPath, u64),
+    /// What the planner of ways says: a way, or why there is none.
+    Way(Box<GlobalAnswer>),
+    /// A stretch with the stop after it, and whether both keep clear.
+    Stretch(FoundStretch, Box<StretchAnswer>),
+    /// No stretch, and why, where the planner said so.
+    NoStretch(Option<StretchRefusal>),
+    /// The planner, or the world that it asked, erred.
+    Failed {
+        /// Whether a stretch was asked for; a way otherwise.
+        is_stretch: bool,
+        /// What they say.
+        error: PlanningError,
+    },
+}

@@ -1,0 +1,180 @@
+//! Answers to what a loop asks to be planned, wherever this is done.
+
+use super::closed_loop::{nanoseconds, seconds};
+use super::event::{Ambition, FoundStretch};
+use super::plan_request::{Asked, Found, PlanAnswer, PlanRequest};
+use super::stretch::{StretchAnswer, StretchOutcome, StretchPlanner, StretchTask};
+use crate::budget::{Budget, Units};
+use crate::collision::CollisionWorld;
+use crate::error::PlanningError;
+use crate::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, Obstruction, Status, Until};
+use crate::motion::{ArcPath, BodyArc, TranslationState};
+use nalgebra::Vector3;
+
+/// Share of the clearance at its start that a way may keep.
+const START_SHARE: f64 = 0.95;
+
+/// Answers a request with a planner of ways and one of stretches: nothing else than they and the request decides what comes out.
+///
+/// What was flown may end nearer to something, farther out or faster than a way should be planned: limits and margin are widened
+/// as far as the start asks for. That no way exists is said only where none exists with the margin that is kept in flight; a stretch
+/// comes with the stop after it and with the check of both.
+pub fn serve<W, G, L>(planners: &mut (G, L), request: &PlanRequest<W>) -> PlanAnswer
+where
+    W: CollisionWorld,
+    W::Body: Sized,
+    G: GlobalPlanner<W>,
+    L: StretchPlanner,
+{
+    let (ways, stretches) = planners;
+    let (found, units) = match &request.asked {
+        Asked::Stay => (Ok(stay(stretches.horizon_s(), request)), 0),
+        Asked::Way { known, margin_m } => match way(ways, request, known.as_deref(), *margin_m) {
+            Ok(answer) => {
+                let units = answer.units;
+                (Ok(Found::Way(Box::new(answer))), units)
+            }
+            Err(error) => (Err(error), 0),
+        },
+        Asked::Stretch { .. } => {
+            let mut budget = Units::new(request.settings.stretch_units);
+            let found = stretch(stretches, request, &mut budget);
+            (found, budget.spent())
+        }
+    };
+    let is_stretch = request.is_stretch();
+    PlanAnswer {
+        request: request.request,
+        world_revision: request.world_revision,
+        units,
+        found: found.unwrap_or_else(|error| Found::Failed { is_stretch, error }),
+    }
+}
+
+/// So long that no mission comes to its end.
+fn stay<W>(horizon_s: f64, request: &PlanRequest<W>) -> Found
+where
+    W: CollisionWorld,
+    W::Body: Sized,
+{
+    let pose = request.start.world_from_body;
+    let here = TranslationState::at_rest(pose.translation.vector);
+    let resting = BodyArc::accelerated(horizon_s * 1e3, &here, Vector3::zeros(), pose.rotation);
+    Found::Stay(ArcPath::new([resting]), request.belief.revision)
+}
+
+fn way<W, G>(
+    planner: &mut G,
+    asked: &PlanRequest<W>,
+    known: Option<&ArcPath>,
+    margin_m: f64,
+) -> Result<GlobalAnswer, PlanningError>
+where
+    W: CollisionWorld,
+    W::Body: Sized,
+    G: GlobalPlanner<W>,
+{
+    let PlanRequest { settings, scene, start, .. } = asked;
+    let (pose, start_s) = (start.world_from_body, seconds(asked.start_ns));
+    let clearance = scene.world.clearance(&settings.body, &pose, start_s)?;
+    let held_m = |margin_m: f64| margin_m.min(START_SHARE * clearance.distance_m).max(0.0);
+    let mut limits = settings.limits;
+    limits.position.lower_world = limits.position.lower_world.inf(&pose.translation.vector);
+    limits.position.upper_world = limits.position.upper_world.sup(&pose.translation.vector);
+    let velocity = pose.rotation * start.twist_body.linear;
+    limits.speed_m_s = limits.speed_m_s.sup(&velocity.abs());
+    let mut budget = Units::new(if known.is_some() { settings.new_way_units } else { settings.way_units });
+    let mut plan = |margin_m: f64| {
+        let request = GlobalRequest {
+            world: &scene.world,
+            body: &settings.body,
+            start: TranslationState { position: pose.translation.vector, velocity },
+            attitude: pose.rotation,
+            start_s,
+            goal: settings.goal,
+            limits,
+            belief: &asked.belief,
+            objective: settings.objective,
+            margin_m,
+            until: Until::BudgetSpent,
+            seed: draw(settings.seed, asked.request),
+        };
+        match known {
+            Some(known) => planner.plan_anew(&request, known, &mut budget),
+            None => planner.plan(&request, &mut budget),
+        }
+    };
+    let answer = plan(held_m(margin_m))?;
+    let least_m = held_m(settings.check_margin_m);
+    if proof(&answer).is_none() || least_m >= held_m(margin_m) {
+        return Ok(answer);
+    }
+    // a way as near as may be flown is better than none
+    let nearer = plan(least_m)?;
+    Ok(GlobalAnswer { units: answer.units + nearer.units, ..nearer })
+}
+
+/// Why there is no way and never will be one in this world, whatever the start: what is said of a start or of a limit, another
+/// start may be free of.
+pub(super) fn proof(answer: &GlobalAnswer) -> Option<&Obstruction> {
+    match &answer.status {
+        Status::Infeasible(why @ (Obstruction::Enclosed { .. } | Obstruction::GoalBlocked { .. })) => Some(why),
+        _ => None,
+    }
+}
+
+fn stretch<W, L>(planner: &mut L, asked: &PlanRequest<W>, budget: &mut dyn Budget) -> Result<Found, PlanningError>
+where
+    W: CollisionWorld,
+    W::Body: Sized,
+    L: StretchPlanner,
+{
+    let Asked::Stretch { way, way_start_ns, ambition, elapsed_s } = &asked.asked else {
+        return Ok(Found::NoStretch(None));
+    };
+    let PlanRequest { settings, scene, belief, start, .. } = asked;
+    let (start_s, way_start_s) = (seconds(asked.start_ns), seconds(*way_start_ns));
+    let mut answer = if *ambition == Ambition::AlongWay {
+        let until_s = (start_s + planner.horizon_s()).min(way_start_s + way.duration_s());
+        StretchAnswer::along_way(way, way_start_s, start_s, until_s)
+    } else {
+        let task = StretchTask {
+            start: *start,
+            start_s,
+            way,
+            way_start_s,
+            belief,
+            surroundings: &scene.surroundings,
+            is_informative: *ambition == Ambition::Informative,
+            elapsed_s: *elapsed_s,
+        };
+        match planner.plan(&task, budget)? {
+            StretchOutcome::Planned(answer) => *answer,
+            StretchOutcome::Refused(refusal) => return Ok(Found::NoStretch(Some(refusal))),
+        }
+    };
+    answer.motion = answer.motion.with_stop(&asked.stop);
+    let contact = answer.motion.first_contact(&scene.world, &settings.body, start_s, settings.check_margin_m)?;
+    let position = &settings.limits.position;
+    let slack = Vector3::repeat(settings.margin_m - settings.check_margin_m);
+    let (lower, upper) = (position.lower_world - slack, position.upper_world + slack);
+    let is_inside = |point: &Vector3<f64>| point.sup(&lower) == *point && point.inf(&upper) == *point;
+    let found = FoundStretch {
+        start_ns: asked.start_ns,
+        // the last one is over when it has arrived
+        end_ns: nanoseconds(answer.arrival_s.unwrap_or(answer.motion.end_s())),
+        model_revision: belief.revision,
+        world_revision: asked.world_revision,
+        is_last: answer.is_last,
+        is_clear: contact.is_none() && answer.motion.points(1.0).iter().all(is_inside),
+    };
+    Ok(Found::Stretch(found, Box::new(answer)))
+}
+
+/// A number that follows from two, and looks like chance.
+pub(super) fn draw(seed: u64, number: u64) -> u64 {
+    let mut mixed = seed.wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    mixed ^ (mixed >> 31)
+}

@@ -1,0 +1,79 @@
+//! Campaigns: the same missions over seeds and options, one row each, on any number of cores and machines.
+//!
+//! ```text
+//!  CampaignPlan: row i -> seed, options      (a pure function: neither worker nor shard enters)
+//!       |  block of rows of a shard
+//!  execute: threads -> MissionRunner -> Row  -> Journal (one line per row, at once; a killed run resumes)
+//!       |
+//!  rows.csv sorted by number -> merge of all shards -> Analysis: rates with intervals, medians, paired differences
+//! ```
+
+mod analysis;
+mod execute;
+mod factors;
+mod figures;
+mod flights;
+mod folder;
+mod journal;
+mod merge;
+#[cfg(feature = "parquet")]
+mod parquet_file;
+mod plan;
+mod report;
+mod row;
+mod seeds;
+pub mod statistics;
+mod write;
+
+pub use analysis::{Analysis, Comparison, Difference, GroupSummary, ParameterSummary, Rate, Spread};
+pub use execute::{Progress, execute};
+pub use factors::{parse_faults, value_name};
+pub use flights::SimulatedFlights;
+pub use folder::{CampaignFolder, Place, unfinished_place};
+pub use journal::Journal;
+pub use merge::{Part, merge};
+pub use plan::{CampaignConfiguration, CampaignPlan, PlannedMission, ScenarioEntry, Shard};
+pub use report::table;
+pub use row::{COLUMNS, Cell, Column, Kind, Row, Status, csv_header};
+pub use seeds::mission_seed;
+pub use write::{write_merged, write_tables};
+
+use crate::TumbleError;
+use crate::mission::{FlyOptions, MissionSummary};
+
+/// What flies missions; one of them may be asked by many threads at once.
+///
+/// The answer must follow from the mission alone, or merged campaigns would depend on who flew what.
+pub trait MissionRunner: Sync {
+    /// Flies one mission to its end; `None` where only the plan of the campaign is wanted.
+    ///
+    /// # Errors
+    /// [`TumbleError`]; it becomes a row of its own, as a panic does.
+    fn run(&self, mission: &PlannedMission) -> Result<Option<MissionSummary>, TumbleError>;
+}
+
+/// Flies nothing: the rows hold numbers, seeds and options.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DryRun;
+
+impl MissionRunner for DryRun {
+    fn run(&self, _mission: &PlannedMission) -> Result<Option<MissionSummary>, TumbleError> {
+        Ok(None)
+    }
+}
+
+/// The options of a mission as `tumble fly` takes them, `--seed` first.
+pub fn fly_arguments(options: &FlyOptions) -> String {
+    let fault =
+        options.fault.map_or(String::new(), |fault| format!(" --fault {}:{}", value_name(&fault.name), fault.severity));
+    format!(
+        "--seed {} --weighting {} --feedback {} --model {}{fault}",
+        options.seed,
+        value_name(&options.weighting),
+        if options.feedback { "on" } else { "off" },
+        value_name(&options.model),
+    )
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,83 @@
+//! Missions that are flown by the simulator.
+
+use super::plan::ScenarioEntry;
+use super::{MissionRunner, PlannedMission};
+use crate::TumbleError;
+use crate::mission::{MissionSummary, NoHooks, fly};
+use crate::scenario::{ScenarioSource, draw_mission};
+use std::fs;
+use std::path::Path;
+use tumble_formats::FormatsError;
+
+/// What matters on a table; an error of anything else there says nothing.
+const IN_PLANE: [&str; 4] = ["mass", "com_x", "com_y", "inertia_zz"];
+
+/// Flies scenarios.
+pub struct SimulatedFlights {
+    sources: Vec<ScenarioSource>,
+}
+
+impl SimulatedFlights {
+    /// The scenarios of these names.
+    ///
+    /// # Errors
+    /// As [`ScenarioSource::find`].
+    pub fn find(names: &[String]) -> Result<Self, TumbleError> {
+        let sources = names.iter().map(|name| ScenarioSource::find(name)).collect::<Result<_, _>>()?;
+        Ok(Self { sources })
+    }
+
+    /// What the campaign remembers of its scenarios: names and hashes of the texts and of the files that they name.
+    ///
+    /// # Errors
+    /// [`FormatsError::Unreadable`].
+    pub fn entries(&self, names: &[String]) -> Result<Vec<ScenarioEntry>, TumbleError> {
+        let entry = |(name, source): (&String, &ScenarioSource)| {
+            Ok(ScenarioEntry { name: name.clone(), hash: fingerprint(source)? })
+        };
+        names.iter().zip(&self.sources).map(entry).collect()
+    }
+
+    /// Name of the first scenario, as it calls itself.
+    pub fn name(&self) -> &str {
+        self.sources.first().map_or("", |source| source.scenario.name.as_str())
+    }
+}
+
+impl MissionRunner for SimulatedFlights {
+    fn run(&self, mission: &PlannedMission) -> Result<Option<MissionSummary>, TumbleError> {
+        let missing = || TumbleError::NoSuchScenario { name: mission.scenario_name.clone(), nearest: String::new() };
+        let source = self.sources.get(mission.scenario).ok_or_else(missing)?;
+        let drawn = mission.draw.map(|outside| draw_mission(source, mission.options.seed, outside)).transpose()?;
+        let record = fly(drawn.as_ref().unwrap_or(source), &mission.options, &mut NoHooks)?;
+        let mut summary = record.summary;
+        if record.planar {
+            summary.parameters.retain(|parameter| IN_PLANE.contains(&parameter.name.as_str()));
+        }
+        Ok(Some(summary))
+    }
+}
+
+/// FNV-1a, 64 bits, of the scenario's text and of the files it names.
+fn fingerprint(source: &ScenarioSource) -> Result<String, TumbleError> {
+    let scenario = &source.scenario;
+    let files = [
+        scenario.body.as_ref().and_then(|body| body.file.as_ref()),
+        scenario.belief.as_ref().and_then(|body| body.file.as_ref()),
+        scenario.payload.as_ref().and_then(|payload| payload.file.as_ref()),
+        scenario.drive.excitation.as_ref(),
+        scenario.drive.wrenches.as_ref(),
+    ];
+    let folder = source.path.parent().unwrap_or(Path::new(""));
+    let mut bytes = source.text.clone().into_bytes();
+    for file in files.into_iter().flatten() {
+        let path = folder.join(file);
+        // lengths keep what stands in one file from passing for what stands in the next
+        bytes.extend(bytes.len().to_le_bytes());
+        bytes.extend(fs::read(&path).map_err(|source| FormatsError::Unreadable { path, source })?);
+    }
+    let hash = bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3));
+    Ok(format!("fnv1a64:{hash:016x}"))
+}

@@ -1,0 +1,207 @@
+//! `tumble convert`: one log format into another.
+
+use super::Outcome;
+use crate::TumbleError;
+use crate::output::OutputFile;
+use std::fs::File;
+use std::io::{BufWriter, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+use tumble_formats::FormatsError;
+use tumble_formats::log::{cut_warning, shortened};
+use tumble_formats::recording::mcap_log::{McapLog, McapSink};
+use tumble_formats::recording::rows::{CsvSink, RowSink, read_csv, read_flight};
+use tumble_formats::recording::tum::{self, TumSink};
+use tumble_formats::recording::{self, Container};
+
+/// Options of `tumble convert`.
+#[derive(clap::Args, Debug)]
+pub struct ConvertArgs {
+    /// The log: CSV, TUM trajectory, MCAP or ROS 1 bag, known by how it begins.
+    pub input: PathBuf,
+    /// The file to write; `-` is standard output.
+    pub output: PathBuf,
+    /// Format to write; otherwise the extension of OUTPUT says it: .csv, .mcap, .tum or .txt (TUM).
+    #[arg(long, value_enum)]
+    pub to: Option<Format>,
+    /// Which robot's flight, where a bag or an MCAP file holds several.
+    #[arg(long, value_name = "NAMESPACE")]
+    pub robot: Option<String>,
+    /// Replace OUTPUT where it exists.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// A format that can be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// Every column, as text.
+    Csv,
+    /// Every column, as `foxglove.*` and flat JSON messages.
+    Mcap,
+    /// Poses only: `t x y z qx qy qz qw`.
+    Tum,
+}
+
+impl Format {
+    fn of(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "csv" => Some(Self::Csv),
+            "mcap" => Some(Self::Mcap),
+            "tum" | "txt" => Some(Self::Tum),
+            _ => None,
+        }
+    }
+}
+
+/// What can be read, by how it begins.
+enum Input {
+    Csv,
+    Tum,
+    Recording(Container),
+}
+
+impl Input {
+    fn of(path: &Path) -> Result<Self, TumbleError> {
+        const HEAD_BYTES: u64 = 4096;
+        if let Some(container) = recording::container(path)? {
+            return Ok(Self::Recording(container));
+        }
+        let mut head = Vec::new();
+        open(path)?.take(HEAD_BYTES).read_to_end(&mut head).map_err(unreadable(path))?;
+        let text = String::from_utf8_lossy(&head);
+        let first = text.lines().find(|line| !line.trim().is_empty() && !line.starts_with('#'));
+        Ok(if first.is_some_and(tum::is_first_line) { Self::Tum } else { Self::Csv })
+    }
+}
+
+fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> TumbleError + '_ {
+    move |source| FormatsError::Unreadable { path: path.into(), source }.into()
+}
+
+fn open(path: &Path) -> Result<File, TumbleError> {
+    let file = File::open(path).map_err(unreadable(path))?;
+    if file.metadata().map_err(unreadable(path))?.is_dir() {
+        return Err(unreadable(path)(ErrorKind::IsADirectory.into()));
+    }
+    Ok(file)
+}
+
+/// Converts.
+///
+/// # Errors
+/// [`TumbleError`] for what cannot be read, held by the format or written; then nothing is left at the output.
+pub fn run(args: &ConvertArgs) -> Result<Outcome, TumbleError> {
+    let is_stdout = args.output.as_os_str() == "-";
+    let Some(format) = args.to.or_else(|| Format::of(&args.output)) else {
+        let known =
+            if is_stdout { "say `--to csv` or `--to tum`" } else { "say `--to csv`, `--to mcap` or `--to tum`" };
+        return Err(FormatsError::UnknownFormat { path: args.output.clone(), known }.into());
+    };
+    let input = Input::of(&args.input)?;
+    let done = if is_stdout {
+        if format == Format::Mcap {
+            let known = "standard output takes CSV and TUM, which are text; name a file for MCAP";
+            return Err(FormatsError::UnknownFormat { path: args.output.clone(), known }.into());
+        }
+        let mut out = BufWriter::new(std::io::stdout().lock());
+        match convert(&input, args, format, &mut out).and_then(|()| out.flush().map_err(refused)) {
+            // A closed pipe (`tumble convert ... - | head`) is not an error.
+            Err(TumbleError::File(FormatsError::Unwritable { source, .. }))
+                if source.kind() == ErrorKind::BrokenPipe =>
+            {
+                // What is still buffered has nowhere to go.
+                let _ = out.into_parts();
+                Ok(())
+            }
+            done => done,
+        }
+    } else {
+        OutputFile::create(&args.output, args.force).and_then(|mut out| {
+            convert(&input, args, format, &mut out)?;
+            out.finish()
+        })
+    };
+    done.map_err(|error| placed(error, &args.output)).map(|()| Outcome::Achieved)
+}
+
+fn refused(source: std::io::Error) -> TumbleError {
+    FormatsError::Unwritable { path: PathBuf::new(), source }.into()
+}
+
+/// Names the output in what a writer said, which does not know it.
+fn placed(error: TumbleError, output: &Path) -> TumbleError {
+    match error {
+        TumbleError::File(FormatsError::Unwritable { source, .. }) => {
+            FormatsError::Unwritable { path: output.into(), source }.into()
+        }
+        TumbleError::File(FormatsError::NotHeld { format, what, .. }) => {
+            FormatsError::NotHeld { path: output.into(), format, what }.into()
+        }
+        other => other,
+    }
+}
+
+fn convert(input: &Input, args: &ConvertArgs, format: Format, out: &mut dyn Write) -> Result<(), TumbleError> {
+    match format {
+        Format::Csv => read(input, args, &mut CsvSink::new(out)),
+        Format::Mcap => {
+            let mut sink = McapSink::new(out)?;
+            read(input, args, &mut sink)?;
+            Ok(sink.finish().map(|_| ())?)
+        }
+        Format::Tum => {
+            let mut sink = TumSink::new(out);
+            read(input, args, &mut sink)?;
+            say_left_out(&sink);
+            Ok(())
+        }
+    }
+}
+
+fn say_left_out<W: Write>(sink: &TumSink<W>) {
+    let (columns, rows) = sink.left_out();
+    if let Some(first) = columns.first() {
+        let count = columns.len();
+        eprintln!("warning: TUM holds poses only; {count} other columns are left out, `{}` first", shortened(first));
+    }
+    if rows > 0 {
+        eprintln!("warning: {rows} rows without a pose are left out");
+    }
+}
+
+fn read(input: &Input, args: &ConvertArgs, sink: &mut dyn RowSink) -> Result<(), TumbleError> {
+    let path = &args.input;
+    if matches!(input, Input::Csv | Input::Tum)
+        && let Some(warning) = cut_warning(path)
+    {
+        eprintln!("warning: {}: {warning}", path.display());
+    }
+    match input {
+        Input::Csv => return Ok(read_csv(path, sink)?),
+        Input::Tum => return Ok(tum::read(path, sink)?),
+        Input::Recording(Container::Mcap) => {
+            // A log of ours keeps every column; of what others record, the flight is assembled.
+            let (log, report) = McapLog::survey(open(path)?)?;
+            if !log.columns.is_empty() {
+                eprint!("{}", report.table(path));
+                return read_mcap(path, &log, sink);
+            }
+        }
+        Input::Recording(Container::Bag) => {}
+    }
+    for warning in read_flight(path, args.robot.as_deref(), &crate::robots::shipped(), sink)? {
+        eprintln!("warning: {}: {warning}", path.display());
+    }
+    Ok(())
+}
+
+fn read_mcap(path: &Path, log: &McapLog, sink: &mut dyn RowSink) -> Result<(), TumbleError> {
+    if log.unread > 0 {
+        eprintln!("warning: {}: {} messages do not hold what their type says", path.display(), log.unread);
+    }
+    let without_pose = log.rows(open(path)?, sink)?;
+    if without_pose > 0 {
+        eprintln!("warning: {}: {without_pose} rows without a pose are left out", path.display());
+    }
+    Ok(())
+}

@@ -1,0 +1,552 @@
+//! `tumble plan`: a way from start to goal, and how far from the best it can be.
+
+use super::excite::progress;
+use super::fly::possible;
+use super::plan_blockers::{collision_world, listed, named};
+use super::plan_budget::{WatchedBudget, budget};
+use super::plan_check::check;
+use super::plan_csv::{Rows, rows};
+use super::plan_figure::{Drawn, View, along, draw, poses};
+use super::{Outcome, plan_local, print};
+use crate::TumbleError;
+use crate::mission::planners;
+use crate::output::{OutputFolder, RUN_RECORD, unused};
+use crate::scenario::{CriterionName, PlanningProblem, ScenarioSource, UnknownsName, WeightingName};
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use tumble_astrobee::simulator::planar_part;
+use tumble_dynamics::World;
+use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
+use tumble_formats::log;
+use tumble_planning::collision::Blocker;
+use tumble_planning::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Obstruction, Status, Until};
+use tumble_planning::{ArcPath, BodyArc, PlanningError};
+
+/// Options of `tumble plan`.
+#[derive(Args)]
+#[command(after_help = "\
+Exit codes: 0 for a plan; 2 for an error; 3 where there is no plan, or none was found: what blocks is named.
+docs/planning.md describes the answer and the files, docs/scenarios.md the scenario.
+
+Examples:
+  tumble plan iss-slalom                        a plan, a bound on what any plan costs, and pictures
+  tumble plan granite-room --obstacle-set 2     other obstacles of the same place
+  tumble plan iss-gap --first --seed 7          end with the first plan that holds
+  tumble plan my.toml --objective impulse --time-limit 10
+  tumble plan infoplan --local                  the first seconds of the way, moved so that the body becomes known
+  tumble plan iss-slalom --local --weighting none --steps 30")]
+#[allow(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
+pub struct PlanArgs {
+    /// A scenario file, or the name of an embedded one (`tumble scenario list`).
+    scenario: String,
+    /// Obstacles of the place, 0 to 4; instead of the scenario's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    obstacle_set: Option<u8>,
+    /// All chance follows from it; instead of the scenario's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<u64>,
+    /// What is to be least.
+    #[arg(long, value_enum, default_value_t = ObjectiveName::Duration)]
+    objective: ObjectiveName,
+    /// How it is looked for.
+    #[arg(long, value_name = "NAME", value_parser = possible(&planners()), default_value = "flight")]
+    planner: String,
+    /// Work to be done: one unit is about one check of one edge [default: 100000, about a second].
+    #[arg(long, value_name = "UNITS", allow_negative_numbers = true, conflicts_with = "time_limit")]
+    pub(super) budget: Option<u64>,
+    /// Time to be spent instead, s, at most 86400: the answer then depends on the machine.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub(super) time_limit: Option<f64>,
+    /// End with the first plan that holds.
+    #[arg(long)]
+    first: bool,
+    /// Plan one segment of the way, for progress and for information (`[plan.local]`).
+    #[arg(long)]
+    pub(super) local: bool,
+    /// With `--local`: how much information weighs.
+    #[arg(long, value_enum)]
+    pub(super) weighting: Option<WeightingName>,
+    /// With `--local`: what is to be small of the predicted covariance.
+    #[arg(long, value_enum)]
+    pub(super) criterion: Option<CriterionName>,
+    /// With `--local`: what is not known of the body.
+    #[arg(long, value_enum)]
+    pub(super) unknowns: Option<UnknownsName>,
+    /// With `--local`: steps of the horizon.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) steps: Option<usize>,
+    /// Folder to write [default: tumble-out/plan-SCENARIO-SEED, with `--local` local-plan-SCENARIO-SEED, numbered where it exists].
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: Option<PathBuf>,
+    /// Replace an earlier result.
+    #[arg(long)]
+    pub(super) force: bool,
+    /// Print one JSON object and nothing else on stdout.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// See [`Objective`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ObjectiveName {
+    /// The duration, s.
+    Duration,
+    /// The impulse, N s: the integral of the sum of the force's absolute components.
+    Impulse,
+}
+
+/// Pieces of an arc over which its way and impulse are added up.
+const PIECES: usize = 64;
+
+/// Wall times, s.
+struct Times {
+    total_s: f64,
+    first_s: Option<f64>,
+}
+
+/// What a plan amounts to.
+struct Measures {
+    duration_s: f64,
+    impulse_n_s: f64,
+    length_m: f64,
+    top_speed_m_s: f64,
+    turned_rad: f64,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`TumbleError`] for bad input.
+pub fn run(args: &PlanArgs) -> Result<Outcome, TumbleError> {
+    let mut source = ScenarioSource::find(&args.scenario)?;
+    if let Some(seed) = args.seed {
+        source.scenario.seed = seed;
+    }
+    if let Some(set) = args.obstacle_set {
+        source.scenario.obstacle_set = Some(set);
+    }
+    let mut budget = budget(args.budget, args.time_limit)?;
+    plan_local::apply(args, &mut source)?;
+    let problem = source.planning_problem()?;
+    if args.local {
+        source.local_problem(&problem)?;
+    }
+    let (name, seed) = (source.scenario.name.clone(), source.scenario.seed);
+    let place = match &args.out {
+        Some(path) => path.clone(),
+        None => unused(
+            &Path::new("tumble-out").join(format!("{}-{name}-{seed}", if args.local { "local-plan" } else { "plan" })),
+        ),
+    };
+    // Whether the result can be written, before it is worked for; whoever interrupts the work then leaves nothing behind.
+    drop(OutputFolder::create(&place, args.force)?);
+
+    progress("planning ...");
+    let answer = solve(args, &problem, seed, &mut budget);
+    progress("");
+    let answer = answer?;
+    let times = Times {
+        total_s: budget.clock.elapsed().as_secs_f64(),
+        first_s: answer.history.first().and_then(|first| budget.time_of(first.units)),
+    };
+
+    check(&problem, objective(args), &answer)?;
+    if let (true, Some(way)) = (args.local, path_of(&answer)) {
+        return plan_local::run(args, &source, &problem, way, times.total_s, &place);
+    }
+    let rows = path_of(&answer).map(|path| plan_rows(&problem, path));
+    let folder = OutputFolder::create(&place, args.force)?;
+    let summary = summary(args, &source, &problem, &answer, rows.as_ref());
+    write_files(&folder, &source, &problem, &answer, &summary, rows.as_ref(), &times)?;
+    let place = folder.finish()?;
+    if args.json {
+        let mut printed = summary;
+        printed["first_plan_wall_s"] = times.first_s.into();
+        printed["wall_s"] = times.total_s.into();
+        printed["folder"] = place.display().to_string().into();
+        print(&format!("{printed}\n"))?;
+    } else {
+        print(&table(args, &source, &problem, &answer, rows.as_ref(), &times))?;
+    }
+    for warning in rows.iter().flat_map(|rows| torque_warnings(&problem, rows)) {
+        eprintln!("{warning}");
+    }
+    let refused = refusal(args, &problem, &answer);
+    if let Some((reason, remedy)) = &refused {
+        eprintln!("no plan: {reason}\n  remedy: {remedy}");
+    }
+    eprintln!("wrote {}", place.display());
+    Ok(if refused.is_some() { Outcome::NotAchieved } else { Outcome::Achieved })
+}
+
+fn objective(args: &PlanArgs) -> Objective {
+    match args.objective {
+        ObjectiveName::Duration => Objective::Duration,
+        ObjectiveName::Impulse => Objective::Impulse,
+    }
+}
+
+fn plan_rows(problem: &PlanningProblem, path: &ArcPath) -> Rows {
+    let body = problem.belief.parameters();
+    let body = if problem.place.is_planar() { planar_part(body) } else { *body };
+    let start = BodyArc::accelerated(0.0, &problem.start, Vector3::zeros(), problem.attitude);
+    rows(path, &start, &body)
+}
+
+/// The planner limits the torque of the turn; what the force needs where the centre of mass is off the origin comes on top.
+fn torque_warnings(problem: &PlanningProblem, rows: &Rows) -> Vec<String> {
+    let both = rows.largest_torque_n_m.iter().zip(&problem.limits.torque_n_m).zip(["x", "y", "z"]);
+    let beyond = both.filter(|((torque, limit), _)| **torque > **limit * (1.0 + 1e-9) + 1e-12);
+    let warning = |((torque, limit), axis): ((&f64, &f64), &str)| {
+        format!(
+            "warning: the torque about {axis} reaches {torque:.6} N m, `torque_limit_n_m` is {limit}: it holds for the turn, not for centre \
+             of mass x force\n  remedy: lower `plan.force_limit_n`"
+        )
+    };
+    beyond.map(warning).collect()
+}
+
+fn solve(
+    args: &PlanArgs,
+    problem: &PlanningProblem,
+    seed: u64,
+    budget: &mut WatchedBudget,
+) -> Result<GlobalAnswer, PlanningError> {
+    let world = collision_world(problem)?;
+    let request = GlobalRequest {
+        world: &world,
+        body: &problem.body,
+        start: problem.start,
+        attitude: problem.attitude,
+        start_s: 0.0,
+        goal: problem.goal,
+        limits: problem.limits,
+        belief: &problem.belief,
+        objective: objective(args),
+        margin_m: problem.margin_m,
+        until: if args.first { Until::FirstPlan } else { Until::BudgetSpent },
+        seed,
+    };
+    budget.clock = Instant::now();
+    planners().make(&args.planner, problem)?.plan(&request, budget)
+}
+
+fn path_of(answer: &GlobalAnswer) -> Option<&ArcPath> {
+    answer.plan.as_ref().map(|plan| &plan.trajectory)
+}
+
+fn measures(path: &ArcPath, mass_kg: f64) -> Measures {
+    let mut found = Measures {
+        duration_s: path.duration_s(),
+        impulse_n_s: 0.0,
+        length_m: 0.0,
+        top_speed_m_s: 0.0,
+        turned_rad: 0.0,
+    };
+    for arc in path.arcs() {
+        let at = |piece: usize| arc.translation(arc.duration_s * piece as f64 / PIECES as f64).0;
+        for piece in 0..PIECES {
+            let (from, to) = (at(piece), at(piece + 1));
+            found.length_m += (to.position - from.position).norm();
+            found.impulse_n_s += mass_kg * (to.velocity - from.velocity).abs().sum();
+            found.top_speed_m_s = found.top_speed_m_s.max(from.velocity.norm()).max(to.velocity.norm());
+        }
+        found.turned_rad += arc.turn(arc.duration_s).0.abs();
+    }
+    found
+}
+
+/// How far the cost may be from the least there is, as a share of the cost.
+fn gap(answer: &GlobalAnswer) -> Option<f64> {
+    let share = |cost: f64| if cost > 0.0 { ((cost - answer.lower_bound) / cost).max(0.0) } else { 0.0 };
+    answer.plan.as_ref().map(|_| share(answer.cost))
+}
+
+/// Why there is no plan, and what can be done; `None` where there is one.
+fn refusal(args: &PlanArgs, problem: &PlanningProblem, answer: &GlobalAnswer) -> Option<(String, &'static str)> {
+    Some(match &answer.status {
+        Status::Optimal | Status::Feasible => return None,
+        Status::BudgetSpent(blockers) => (
+            format!("none was found in {} units; most in the way: {}", answer.units, listed(problem, blockers)),
+            if args.planner == "thesis-rrt" {
+                "another `--seed` or `--planner flight`: the thesis's tree ends after 10000 iterations (70000 units), and a larger \
+                 budget changes nothing; that there is no plan is not proven"
+            } else {
+                "more `--budget` or `--time-limit`, another `--seed`; that there is none is not proven"
+            },
+        ),
+        Status::Infeasible(obstruction) => match obstruction {
+            Obstruction::StartBlocked { blocker, clearance_m } => (
+                format!("the robot starts in {} ({clearance_m:.3} m from it)", named(problem, *blocker)),
+                "move `[start]` or what is in the way, or make `robot_radius_m`, `[[plan.body]]` or `plan.margin_m` smaller",
+            ),
+            Obstruction::GoalBlocked { blocker, clearance_m } => (
+                format!("the goal lies in {} ({clearance_m:.3} m from it)", named(problem, *blocker)),
+                "move `[goal]` or what is in the way, widen `plan.goal_radius_m`, or make `robot_radius_m`, `[[plan.body]]` or \
+                 `plan.margin_m` smaller",
+            ),
+            Obstruction::Enclosed { blockers } => (
+                format!("no way leads to the goal; it is walled off by: {}", listed(problem, blockers)),
+                "take one of these away, widen `plan.position_lower_m` and `plan.position_upper_m`, or make the body or \
+                 `plan.margin_m` smaller",
+            ),
+            Obstruction::OutsideLimits { what, value, limit } => (
+                format!("{what}: {value}, the limit is {limit}"),
+                "correct `[start]`, `[goal]` or the limit in `[plan]`",
+            ),
+            Obstruction::LimitTooSmall { what, axis, value } => (
+                format!(
+                    "the limit `{what}` along {} is {value}, which allows no motion there",
+                    ["x", "y", "z"].get(*axis).unwrap_or(&"?")
+                ),
+                "raise this limit in `[plan]`",
+            ),
+            other => (format!("{other:?}"), "correct `[plan]`, `[start]` or `[goal]`"),
+        },
+        other => (format!("{other:?}"), "correct `[plan]`, `[start]` or `[goal]`"),
+    })
+}
+
+fn status_name(status: &Status) -> &'static str {
+    match status {
+        Status::Optimal => "optimal",
+        Status::Feasible => "feasible",
+        Status::Infeasible(_) => "infeasible",
+        Status::BudgetSpent(_) => "budget-spent",
+        _ => "other",
+    }
+}
+
+/// Everyone who stands in the way.
+fn blockers(answer: &GlobalAnswer) -> Vec<Blocker> {
+    match &answer.status {
+        Status::BudgetSpent(blockers) | Status::Infeasible(Obstruction::Enclosed { blockers }) => blockers.clone(),
+        Status::Infeasible(Obstruction::StartBlocked { blocker, .. } | Obstruction::GoalBlocked { blocker, .. }) => {
+            vec![*blocker]
+        }
+        _ => Vec::new(),
+    }
+}
+
+fn finite(value: f64) -> Option<f64> {
+    // Minus zero is zero.
+    value.is_finite().then_some(value + 0.0)
+}
+
+pub(super) fn triple(vector: &Vector3<f64>) -> [f64; 3] {
+    (*vector).into()
+}
+
+pub(super) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
+    [rotation.i, rotation.j, rotation.k, rotation.w]
+}
+
+fn value_name(value: &impl ValueEnum) -> String {
+    value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+}
+
+/// `plan.json`: no wall time, so that the same seed gives the same bytes.
+fn summary(
+    args: &PlanArgs,
+    source: &ScenarioSource,
+    problem: &PlanningProblem,
+    answer: &GlobalAnswer,
+    rows: Option<&Rows>,
+) -> Value {
+    let path = path_of(answer);
+    let mass_kg = problem.belief.parameters().mass;
+    let measured = path.map(|path| measures(path, mass_kg));
+    let mut begin_s = 0.0;
+    let arcs: Option<Vec<Value>> = path.map(|path| {
+        let arc = |arc: &BodyArc| {
+            let start_s = begin_s;
+            begin_s += arc.duration_s;
+            json!({
+                "start_s": start_s,
+                "duration_s": arc.duration_s,
+                "position_m": arc.position.map(|coefficient| triple(&coefficient)),
+                "quaternion_xyzw": xyzw(&arc.attitude),
+                "axis_body": triple(&arc.axis_body),
+                "angle_rad": arc.angle,
+            })
+        };
+        path.arcs().iter().map(arc).collect()
+    });
+    let refused = refusal(args, problem, answer);
+    json!({
+        "format": 1,
+        "scenario": source.scenario.name,
+        "seed": source.scenario.seed,
+        "world": problem.place.name(),
+        "obstacle_set": source.scenario.obstacle_set,
+        "planner": args.planner,
+        "objective": value_name(&args.objective),
+        "status": status_name(&answer.status),
+        "reason": refused.as_ref().map(|(reason, _)| reason),
+        "remedy": refused.as_ref().map(|(_, remedy)| remedy),
+        "blockers": blockers(answer).iter().map(|blocker| named(problem, *blocker)).collect::<Vec<_>>(),
+        "cost": finite(answer.cost),
+        "lower_bound": finite(answer.lower_bound),
+        "gap": gap(answer),
+        "duration_s": measured.as_ref().map(|m| m.duration_s),
+        "impulse_n_s": measured.as_ref().map(|m| m.impulse_n_s),
+        "length_m": measured.as_ref().map(|m| m.length_m),
+        "top_speed_m_s": measured.as_ref().map(|m| m.top_speed_m_s),
+        "turned_rad": measured.as_ref().map(|m| m.turned_rad),
+        "largest_force_n": rows.map(|rows| triple(&rows.largest_force_n)),
+        "largest_torque_n_m": rows.map(|rows| triple(&rows.largest_torque_n_m)),
+        "row_step_s": rows.map(|rows| rows.step_s),
+        "mass_kg": mass_kg,
+        "model_revision": answer.plan.as_ref().map(|plan| plan.model_revision),
+        "margin_m": problem.margin_m,
+        "goal": {
+            "position_m": triple(&problem.goal.position),
+            "radius_m": problem.goal.radius_m,
+            "speed_m_s": problem.goal.speed_m_s,
+            "quaternion_xyzw": problem.goal.attitude.as_ref().map(xyzw),
+        },
+        "limits": {
+            "position_lower_m": triple(&problem.limits.position.lower_world),
+            "position_upper_m": triple(&problem.limits.position.upper_world),
+            "speed_m_s": triple(&problem.limits.speed_m_s),
+            "force_n": triple(&problem.limits.force_n),
+            "torque_n_m": triple(&problem.limits.torque_n_m),
+            "rate_rad_s": problem.limits.rate_rad_s,
+        },
+        "units": answer.units,
+        "history": answer.history.iter().map(|step| json!({ "units": step.units, "cost": step.cost })).collect::<Vec<_>>(),
+        "tree_edges": answer.tree.len(),
+        "arcs": arcs,
+    })
+}
+
+fn write_files(
+    folder: &OutputFolder,
+    source: &ScenarioSource,
+    problem: &PlanningProblem,
+    answer: &GlobalAnswer,
+    summary: &Value,
+    rows: Option<&Rows>,
+    times: &Times,
+) -> Result<(), TumbleError> {
+    folder.write("scenario.toml", &source.to_toml()?)?;
+    folder.write("plan.json", &format!("{summary:#}\n"))?;
+    if let Some(rows) = rows {
+        folder.write("plan.csv", &rows.text)?;
+    }
+    let title = format!("{}, seed {}: {}", source.scenario.name, source.scenario.seed, in_short(answer));
+    let path = path_of(answer);
+    let drawn = Drawn {
+        title: &title,
+        problem,
+        tree: &answer.tree,
+        way: &[],
+        path: &path.map(along).unwrap_or_default(),
+        poses: &path.map(poses).unwrap_or_default(),
+        end_s: path.map_or(0.0, ArcPath::duration_s),
+        target: problem.goal.position,
+    };
+    folder.write("plan_top.svg", &draw(&drawn, View::Top))?;
+    folder.write("plan_side.svg", &draw(&drawn, View::Side))?;
+    let timings = json!({ "format": 1, "first_plan_wall_s": times.first_s, "wall_s": times.total_s });
+    folder.write("timings.json", &format!("{timings:#}\n"))?;
+    write_run_record(folder, source)
+}
+
+/// What made the folder's content; its scenario is there already.
+pub(super) fn write_run_record(folder: &OutputFolder, source: &ScenarioSource) -> Result<(), TumbleError> {
+    let options: Vec<String> = std::env::args().skip(1).collect();
+    let run = json!({
+        "format": 1,
+        "version": env!("CARGO_PKG_VERSION"),
+        "commit": option_env!("TUMBLE_COMMIT"),
+        "command": "plan",
+        "configuration": options,
+        "seed": source.scenario.seed,
+        "input_hash": { "scenario": log::hash(&folder.file("scenario.toml"))? },
+    });
+    folder.write(RUN_RECORD, &run.to_string())
+}
+
+fn in_short(answer: &GlobalAnswer) -> String {
+    match (&answer.status, path_of(answer)) {
+        (Status::Infeasible(_), _) => "there is no plan".to_owned(),
+        (_, None) => "no plan was found".to_owned(),
+        (_, Some(path)) => format!("{:.1} s", path.duration_s()),
+    }
+}
+
+fn table(
+    args: &PlanArgs,
+    source: &ScenarioSource,
+    problem: &PlanningProblem,
+    answer: &GlobalAnswer,
+    rows: Option<&Rows>,
+    times: &Times,
+) -> String {
+    let mut text = String::new();
+    let _ = writeln!(text, "plan for {}, seed {}", source.scenario.name, source.scenario.seed);
+    let mut line = |what: &str, value: String| {
+        let _ = writeln!(text, "  {what:<16}{value}");
+    };
+    let World { keep_in, keep_out, obstacles } = &problem.world;
+    let set = source.scenario.obstacle_set.map_or_else(String::new, |set| format!(", obstacle set {set}"));
+    let boxes = format!("{} keep-in and {} keep-out boxes", keep_in.len(), keep_out.len());
+    line("world", format!("{}{set}: obstacles: {}, {boxes}", problem.place.name(), obstacles.len()));
+    let mass_kg = problem.belief.parameters().mass;
+    line(
+        "robot",
+        format!("{mass_kg:.3} kg, ellipsoids: {}, margin {} m", problem.body.parts().len(), problem.margin_m),
+    );
+    let unit = match args.objective {
+        ObjectiveName::Duration => "s",
+        ObjectiveName::Impulse => "N s",
+    };
+    let bound = finite(answer.lower_bound).map(|bound| format!("{bound:.3} {unit}"));
+    if let Some(path) = path_of(answer) {
+        let found = measures(path, mass_kg);
+        let is_optimal = answer.status == Status::Optimal;
+        line("plan", format!("{:.3} s in {} arcs, every edge checked all along", found.duration_s, path.arcs().len()));
+        line(
+            "way",
+            format!(
+                "{:.3} m, up to {:.3} m/s, turned by {:.3} rad",
+                found.length_m, found.top_speed_m_s, found.turned_rad
+            ),
+        );
+        line("impulse", format!("{:.3} N s", found.impulse_n_s));
+        let ended = if is_optimal { "; no plan is better" } else { "" };
+        line("cost", format!("{:.3} {unit} ({}){ended}", answer.cost + 0.0, value_name(&args.objective)));
+        line("lower bound", format!("{}: no plan costs less", bound.unwrap_or_default()));
+        line("gap", format!("{:.2} % of the cost at most", 100.0 * gap(answer).unwrap_or(0.0)));
+        if let (Some(first), Some(first_s)) = (answer.history.first(), times.first_s) {
+            line(
+                "first plan",
+                format!("{:.3} {unit} after {:.2} ms, {} units", first.cost, 1e3 * first_s, first.units),
+            );
+        }
+    } else {
+        line(
+            "plan",
+            if matches!(answer.status, Status::Infeasible(_)) { "there is none" } else { "none was found" }.to_owned(),
+        );
+        if let Some(bound) = bound {
+            line("lower bound", format!("{bound}: no plan costs less"));
+        }
+    }
+    line(
+        "searched",
+        format!("{:.1} ms, {} units, {} edges in the tree", 1e3 * times.total_s, answer.units, answer.tree.len()),
+    );
+    if let Some(rows) = rows {
+        let [force, torque] =
+            [rows.largest_force_n, rows.largest_torque_n_m].map(|v| format!("{:.4}, {:.4}, {:.4}", v.x, v.y, v.z));
+        line("largest force", format!("({force}) N, body axes"));
+        line("largest torque", format!("({torque}) N m, body axes, about the origin"));
+        line("rows", format!("every {} s and at the ends of arcs (plan.csv)", rows.step_s));
+    }
+    text
+}

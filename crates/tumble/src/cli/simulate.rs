@@ -1,0 +1,456 @@
+//! `tumble simulate`: flies a scenario and writes its log.
+
+use super::excite::progress;
+use super::simulate_control::{self, Tracked};
+use super::{Outcome, print};
+use crate::TumbleError;
+use crate::figure::{Curve, Figure, SINCE_START};
+use crate::flight_log::Recorder;
+use crate::output::{OutputFolder, RUN_RECORD, unused};
+use crate::scenario::{Flight, LONGEST_S, ScenarioSource};
+use clap::Args;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{BufWriter, IsTerminal as _};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use tumble_astrobee::simulator::{CONTROL_PERIOD_S, Event, SimulatorMeasurement, TimedEvent};
+use tumble_dynamics::nalgebra::Vector3;
+use tumble_dynamics::{InertialParameters, ObstacleEllipsoid, World};
+use tumble_formats::FormatsError;
+use tumble_formats::body_file::{self, BodyFile};
+use tumble_formats::log;
+use tumble_formats::recording::mcap_log::McapSink;
+use tumble_formats::recording::rows::read_csv;
+use tumble_lie::LieGroup;
+
+/// Options of `tumble simulate`.
+#[derive(Args)]
+#[command(after_help = "\
+Exit codes: 0; 2 for an error; 3 where the flight is complete but left its volume or table, hit an obstacle or passed a limit
+(the events say which and when), or where its log holds no row. docs/scenarios.md describes scenario files and what is written.
+
+Examples:
+  tumble simulate iss-excite                   then: tumble identify tumble-out/simulate-iss-excite-1/log.csv
+  tumble simulate iss-slalom --seed 7 --mcap   another draw of all errors; with a log for Foxglove
+  tumble scenario show iss-excite > my.toml    a scenario to change; then: tumble simulate my.toml")]
+pub struct SimulateArgs {
+    /// A scenario file, or the name of an embedded one (`tumble scenario list`).
+    scenario: String,
+    /// All random numbers follow from it; instead of the scenario's.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    seed: Option<u64>,
+    /// Length of the flight, s, at most 86400; instead of the scenario's.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    duration: Option<f64>,
+    /// Folder to write [default: tumble-out/simulate-SCENARIO-SEED, numbered where it exists].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Replace an earlier result.
+    #[arg(long)]
+    force: bool,
+    /// Also write log.mcap, for Foxglove and the like: the log twice as large again, and the world.
+    #[arg(long)]
+    mcap: bool,
+    /// Print one JSON object and nothing else on stdout.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Points of a curve in a picture.
+const DRAWN: i64 = 2000;
+/// Points of the outline of an obstacle.
+const OUTLINE: usize = 72;
+/// Control periods between two looks at the progress.
+const BETWEEN_LOOKS: i64 = 20_000;
+
+/// Time between two lines of progress where there is no terminal whose line could change.
+const BETWEEN_LINES: Duration = Duration::from_secs(5);
+
+/// What is counted and drawn while the robot flies.
+struct Flown {
+    periods: i64,
+    saturated: i64,
+    distance_m: f64,
+    top_speed_m_s: f64,
+    largest_force_error_n: f64,
+    impulse_n_s: f64,
+    /// Every so many periods.
+    drawn: Vec<SimulatorMeasurement>,
+    tracked: Tracked,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`TumbleError`] for bad input.
+pub fn run(args: &SimulateArgs) -> Result<Outcome, TumbleError> {
+    let mut source = ScenarioSource::find(&args.scenario)?;
+    if let Some(seed) = args.seed {
+        source.scenario.seed = seed;
+    }
+    if let Some(duration_s) = args.duration {
+        // Without this the scenario, which may be right, would be blamed.
+        if !(CONTROL_PERIOD_S..=LONGEST_S).contains(&duration_s) {
+            let message = format!("`--duration {duration_s}`: at least {CONTROL_PERIOD_S} s and at most {LONGEST_S} s");
+            return Err(TumbleError::BadOption { message });
+        }
+        source.scenario.duration_s = duration_s;
+    }
+    let mut flight = source.flight()?;
+    let (name, seed) = (source.scenario.name.clone(), source.scenario.seed);
+    let place = match &args.out {
+        Some(path) => {
+            OutputFolder::check_place(path, args.force)?;
+            path.clone()
+        }
+        None => unused(&Path::new("tumble-out").join(format!("simulate-{name}-{seed}"))),
+    };
+    let folder = OutputFolder::create(&place, args.force)?;
+    let log_path = folder.file("log.csv");
+    let unwritable = |source| FormatsError::Unwritable { path: log_path.clone(), source };
+    let file = File::create(&log_path).map_err(unwritable)?;
+    let out = BufWriter::with_capacity(1 << 16, file);
+    let is_told = simulate_control::is_told(&flight);
+    let mut recorder = if is_told { Recorder::with_revisions(out) } else { Recorder::new(out) }.map_err(unwritable)?;
+
+    let clock = Instant::now();
+    let flown = fly(&mut flight, |flight, measured| {
+        // the way is laid out once, before the flight
+        recorder.revise(1, flight.drive.account.model_revision());
+        Ok(recorder.record(measured, flight.simulator.estimates()).map_err(unwritable)?)
+    })?;
+    let (rows, left_out) = recorder.finish().map_err(unwritable)?;
+    let wall_s = clock.elapsed().as_secs_f64();
+    if args.mcap {
+        progress("writing log.mcap ...");
+        write_mcap(&log_path, &folder.file("log.mcap"), &flight.world)?;
+    }
+    progress("");
+
+    let truth = flight.simulator.body();
+    let summary = summary(&source, &flight, &flown, (rows, left_out), &truth);
+    let speed = flight.duration_ns as f64 * 1e-9 / wall_s.max(1e-9);
+    folder.write("scenario.toml", &source.to_toml()?)?;
+    folder.write("truth.toml", &body_file::export(Path::new("truth.toml"), &truth)?)?;
+    folder.write("summary.json", &format!("{summary:#}\n"))?;
+    let timings = serde_json::json!({ "format": 1, "wall_s": wall_s, "speed_over_real_time": speed });
+    folder.write("timings.json", &format!("{timings:#}\n"))?;
+    folder.write(RUN_RECORD, &run_record(&source, &folder)?)?;
+    draw(&folder, &flight, &flown)?;
+    let place = folder.finish()?;
+    if args.json {
+        let mut printed = summary;
+        printed["speed_over_real_time"] = speed.into();
+        printed["folder"] = place.display().to_string().into();
+        print(&format!("{printed}\n"))?;
+    } else {
+        print(&table(&source, &flight, &flown, (rows, left_out), speed))?;
+    }
+    if rows == 0 {
+        eprintln!(
+            "wrote {}; not as it should be: the log holds no row, since no estimate of the {left_out} or none at all arrived in time; \
+             fly longer, or correct `sensing`",
+            place.display()
+        );
+        return Ok(Outcome::NotAchieved);
+    }
+    say_next(&place, &flight);
+    let violations: Vec<&TimedEvent> =
+        flight.simulator.events().iter().filter(|event| event.event.is_violation()).collect();
+    let Some(first) = violations.first() else { return Ok(Outcome::Achieved) };
+    let more = if violations.len() > 1 { format!(" ({} such events)", violations.len()) } else { String::new() };
+    eprintln!("not as it should be: {} at {:.3} s{more}", first.event, seconds(first));
+    Ok(Outcome::NotAchieved)
+}
+
+/// The log as `tumble convert` writes it, and the world.
+pub(super) fn write_mcap(log: &Path, path: &Path, world: &World) -> Result<(), TumbleError> {
+    let unwritable = |source| FormatsError::Unwritable { path: path.into(), source };
+    let file = File::create(path).map_err(unwritable)?;
+    let mut sink = McapSink::new(BufWriter::with_capacity(1 << 16, file))?;
+    sink.world(world)?;
+    read_csv(log, &mut sink)?;
+    Ok(sink.finish().map(drop).map_err(|error| match error {
+        FormatsError::Unwritable { source, .. } => unwritable(source),
+        other => other,
+    })?)
+}
+
+/// Says where the result is, what to do with it, and what it cannot show.
+fn say_next(place: &Path, flight: &Flight) {
+    let shown = place.display();
+    let changed = flight.simulator.events().iter().any(|event| match event.event {
+        Event::PayloadAttached => event.time_ns > 0,
+        Event::PayloadReleased => true,
+        _ => false,
+    });
+    let split = if changed { " --split" } else { "" };
+    eprintln!("wrote {shown}; next: tumble identify {shown}/log.csv --reference {shown}/truth.toml{split}");
+    if changed {
+        eprintln!("note: the body changed in flight; truth.toml is the one at the end, `--split` looks for the others");
+    }
+    if let Some(advice) = simulate_control::advice(flight) {
+        eprintln!("{advice}");
+    }
+    if flight.place.is_planar() {
+        eprintln!(
+            "note: motion on a table shows the mass, x and y of its centre and the inertia about z at most; identify says \
+             that the rest is not determined"
+        );
+    }
+}
+
+/// Flies to the end; `each` sees every control period.
+fn fly(
+    flight: &mut Flight,
+    mut each: impl FnMut(&Flight, &SimulatorMeasurement) -> Result<(), TumbleError>,
+) -> Result<Flown, TumbleError> {
+    let periods = flight.duration_ns / tumble_astrobee::simulator::CONTROL_PERIOD_NS;
+    let drawn_every = periods / DRAWN + 1;
+    let mut flown = Flown {
+        periods,
+        saturated: 0,
+        distance_m: 0.0,
+        top_speed_m_s: 0.0,
+        largest_force_error_n: 0.0,
+        impulse_n_s: 0.0,
+        drawn: Vec::new(),
+        tracked: Tracked::new(flight),
+    };
+    let mut index = 0;
+    let mut said = Instant::now();
+    while let Some(measured) = flight.step()? {
+        if index % BETWEEN_LOOKS == 0 {
+            let text = format!("flying: {} of {} s ...", index * 2 / 125, periods * 2 / 125);
+            progress(&text);
+            if !std::io::stderr().is_terminal() && said.elapsed() >= BETWEEN_LINES {
+                eprintln!("{text}");
+                said = Instant::now();
+            }
+        }
+        let [from, to] = [&measured.start, &measured.end].map(|motion| motion.state.world_from_body.translation.vector);
+        flown.distance_m += (to - from).norm();
+        flown.top_speed_m_s = flown.top_speed_m_s.max(measured.end.state.twist_body.linear.norm());
+        flown.saturated += i64::from(measured.saturated);
+        let force_error = (measured.realized_wrench_body.force - measured.believed_wrench_body.force).norm();
+        flown.largest_force_error_n = flown.largest_force_error_n.max(force_error);
+        flown.impulse_n_s += measured.realized_wrench_body.force.norm() * CONTROL_PERIOD_S;
+        let is_drawn = index % drawn_every == 0;
+        flown.tracked.see(flight, &measured.start, is_drawn);
+        if is_drawn {
+            flown.drawn.push(measured);
+        }
+        each(flight, &measured)?;
+        index += 1;
+    }
+    flight.drive.account.end(flight.duration_ns);
+    Ok(flown)
+}
+
+/// Distance and angle from the goal in the end.
+fn to_goal(flight: &Flight) -> Option<(f64, f64)> {
+    let error = flight.goal?.inv_mul(&flight.simulator.state().world_from_body);
+    let turn: Vector3<f64> = LieGroup::log(&error.rotation);
+    Some((error.translation.vector.norm(), turn.norm()))
+}
+
+fn seconds(event: &TimedEvent) -> f64 {
+    event.time_ns as f64 / 1e9
+}
+
+fn summary(
+    source: &ScenarioSource,
+    flight: &Flight,
+    flown: &Flown,
+    (rows, left_out): (u64, u64),
+    truth: &InertialParameters<f64>,
+) -> serde_json::Value {
+    let events: Vec<serde_json::Value> = flight
+        .simulator
+        .events()
+        .iter()
+        .map(|event| {
+            serde_json::json!({
+                "t_s": seconds(event),
+                "event": event.event.to_string(),
+                "violation": event.event.is_violation(),
+            })
+        })
+        .collect();
+    serde_json::json!({
+        "format": 1,
+        "scenario": source.scenario.name,
+        "seed": source.scenario.seed,
+        "world": flight.place.name(),
+        "degrees_of_freedom": if flight.place.is_planar() { 3 } else { 6 },
+        "duration_s": flight.duration_ns as f64 / 1e9,
+        "duration_asked_s": source.scenario.duration_s,
+        "rows": rows,
+        "estimates_left_out": left_out,
+        "distance_m": flown.distance_m,
+        "top_speed_m_s": flown.top_speed_m_s,
+        "impulse_n_s": flown.impulse_n_s,
+        "saturated_share": flown.saturated as f64 / flown.periods as f64,
+        "largest_force_error_n": flown.largest_force_error_n,
+        "to_goal": to_goal(flight).map(|(distance_m, angle_rad)| {
+            serde_json::json!({ "distance_m": distance_m, "angle_rad": angle_rad })
+        }),
+        "tracking": flown.tracked.summary(),
+        "control": simulate_control::summary(flight),
+        "events": events,
+        "events_not_listed": flight.simulator.events_lost(),
+        "truth": BodyFile::from(truth),
+    })
+}
+
+fn table(source: &ScenarioSource, flight: &Flight, flown: &Flown, (rows, left_out): (u64, u64), speed: f64) -> String {
+    let truth = flight.simulator.body();
+    let mut text = String::new();
+    let Flown { periods, saturated, distance_m, top_speed_m_s, impulse_n_s, largest_force_error_n, .. } = flown;
+    let _ = writeln!(text, "scenario {}, seed {}", source.scenario.name, source.scenario.seed);
+    let mut line = |what: &str, value: String| {
+        let _ = writeln!(text, "  {what:<28}{value}");
+    };
+    let freedom = if flight.place.is_planar() { "x, y and yaw" } else { "six degrees of freedom" };
+    line("world", format!("{} ({freedom})", flight.place.name()));
+    let (asked_s, flown_s) = (source.scenario.duration_s, flight.duration_ns as f64 / 1e9);
+    let rounded = if (asked_s - flown_s).abs() > 1e-9 {
+        format!(" (asked for {asked_s} s; flown are whole periods of {CONTROL_PERIOD_S} s)")
+    } else {
+        String::new()
+    };
+    line("duration", format!("{flown_s:.3} s, {speed:.0} x real time{rounded}"));
+    line(
+        "rows of the log",
+        format!("{rows}{}", if left_out > 0 { format!(" ({left_out} estimates left out)") } else { String::new() }),
+    );
+    line("way flown", format!("{distance_m:.3} m, up to {top_speed_m_s:.3} m/s"));
+    line("impulse of the force", format!("{impulse_n_s:.3} N s"));
+    line("body at the end", format!("{:.3} kg (truth.toml)", truth.mass));
+    line(
+        "propulsion",
+        format!(
+            "{} (drag: {})",
+            source.scenario.propulsion.kind.describe(),
+            if source.scenario.propulsion.drag { "yes" } else { "no" }
+        ),
+    );
+    line("at its limits", format!("{:.1} % of the time", 100.0 * *saturated as f64 / *periods as f64));
+    line(
+        "largest force error",
+        format!("{largest_force_error_n:.4} N, applied less what the robot believes it applied"),
+    );
+    if let Some((distance, angle)) = to_goal(flight) {
+        line("from the goal", format!("{distance:.3} m, {angle:.3} rad"));
+    }
+    flown.tracked.describe(&mut text);
+    simulate_control::describe(flight, &mut text);
+    let mut line = |what: &str, value: String| {
+        let _ = writeln!(text, "  {what:<28}{value}");
+    };
+    let events = flight.simulator.events();
+    line("events", if events.is_empty() { "none".to_owned() } else { events.len().to_string() });
+    for event in events {
+        let mark = if event.event.is_violation() { "  <- should not happen" } else { "" };
+        let _ = writeln!(text, "    {:>9.3} s  {}{mark}", seconds(event), event.event);
+    }
+    if flight.simulator.events_lost() > 0 {
+        let _ = writeln!(text, "    and {} more", flight.simulator.events_lost());
+    }
+    text
+}
+
+/// What is needed to repeat the run.
+fn run_record(source: &ScenarioSource, folder: &OutputFolder) -> Result<String, TumbleError> {
+    let options: Vec<String> = std::env::args().skip(1).collect();
+    Ok(serde_json::json!({
+        "format": 1,
+        "version": env!("CARGO_PKG_VERSION"),
+        "commit": option_env!("TUMBLE_COMMIT"),
+        "command": "simulate",
+        "configuration": options,
+        "seed": source.scenario.seed,
+        "input_hash": { "scenario": log::hash(&folder.file("scenario.toml"))? },
+    })
+    .to_string())
+}
+
+/// Pictures: motion, wrenches, the way in the x-y plane.
+fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), TumbleError> {
+    let curve = |name: &'static str, value: &dyn Fn(&SimulatorMeasurement) -> f64| Curve {
+        name,
+        points: flown.drawn.iter().map(|m| (m.start.time_ns as f64 * 1e-9, value(m))).collect(),
+    };
+    let three = |value: &dyn Fn(&SimulatorMeasurement) -> Vector3<f64>| {
+        vec![curve("x", &|m| value(m).x), curve("y", &|m| value(m).y), curve("z", &|m| value(m).z)]
+    };
+    let first = flown.drawn.first().map(|m| m.start.state.world_from_body).unwrap_or_default();
+    let origin = first.translation.vector;
+    let travelled = |m: &SimulatorMeasurement| m.start.state.world_from_body.translation.vector - origin;
+    let turned = |m: &SimulatorMeasurement| -> Vector3<f64> {
+        LieGroup::log(&(first.rotation.inverse() * m.start.state.world_from_body.rotation))
+    };
+    let mut figures = vec![
+        ("position.svg", "Position from the start, world axes", "m", three(&travelled)),
+        ("attitude.svg", "Rotation vector from the start", "rad", three(&turned)),
+    ];
+    for (axis, force, force_title, torque, torque_title) in [
+        (0, "force_x.svg", "Force along body x", "torque_x.svg", "Torque about body x, through the origin"),
+        (1, "force_y.svg", "Force along body y", "torque_y.svg", "Torque about body y, through the origin"),
+        (2, "force_z.svg", "Force along body z", "torque_z.svg", "Torque about body z, through the origin"),
+    ] {
+        figures.push((
+            force,
+            force_title,
+            "N",
+            vec![
+                curve("wanted", &|m| m.wanted_wrench_body.force[axis]),
+                curve("believed", &|m| m.believed_wrench_body.force[axis]),
+                curve("applied", &|m| m.realized_wrench_body.force[axis]),
+            ],
+        ));
+        figures.push((
+            torque,
+            torque_title,
+            "N m",
+            vec![
+                curve("wanted", &|m| m.wanted_wrench_body.torque[axis]),
+                curve("believed", &|m| m.believed_wrench_body.torque[axis]),
+                curve("applied", &|m| m.realized_wrench_body.torque[axis]),
+            ],
+        ));
+    }
+    for (name, title, y_label, curves) in figures {
+        Figure { title, x_label: SINCE_START, y_label, curves, band: None, equal_scales: false }
+            .draw(&folder.file(name))?;
+    }
+    flown.tracked.draw(folder)?;
+    let path = flown.drawn.iter().map(|m| (travelled(m).x, travelled(m).y)).collect();
+    let outlines: Vec<Vec<(f64, f64)>> =
+        flight.world.obstacles.iter().map(|obstacle| outline(obstacle, &origin)).collect();
+    Figure {
+        title: "Way in the x-y plane of the world (grey: obstacles)",
+        x_label: "x from the start, m",
+        y_label: "y from the start, m",
+        curves: vec![Curve { name: "body origin", points: path }],
+        band: None,
+        equal_scales: true,
+    }
+    .draw_with_outlines(&folder.file("path_xy.svg"), &outlines)
+}
+
+/// The shadow of an ellipsoid on the x-y plane: where its surface normal is level.
+fn outline(obstacle: &ObstacleEllipsoid, origin: &Vector3<f64>) -> Vec<(f64, f64)> {
+    let rotation = obstacle.world_from_ellipsoid.rotation;
+    let squares = obstacle.semi_axes.component_mul(&obstacle.semi_axes);
+    let point = |i: usize| {
+        let angle = std::f64::consts::TAU * i as f64 / OUTLINE as f64;
+        let normal = rotation.inverse() * Vector3::new(angle.cos(), angle.sin(), 0.0);
+        let scaled = squares.component_mul(&normal);
+        let local = scaled / normal.dot(&scaled).sqrt();
+        let world = obstacle.world_from_ellipsoid.translation.vector + rotation * local - origin;
+        (world.x, world.y)
+    };
+    (0..=OUTLINE).map(point).collect()
+}

@@ -1,0 +1,241 @@
+//! Errors of the command line: each with a code, the place and the remedy. All codes stand in `docs/errors.md`.
+
+use std::path::PathBuf;
+use tumble_astrobee::AstrobeeError;
+use tumble_formats::FormatsError;
+use tumble_identification::IdentificationError;
+
+/// What can go wrong between a user's files and a result.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TumbleError {
+    /// A file that cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FormatsError),
+    /// The simulated robot refuses.
+    #[error(transparent)]
+    Robot(#[from] AstrobeeError),
+    /// T010: an output that exists already.
+    #[error("{path} exists already")]
+    OutputExists {
+        /// The file or folder.
+        path: PathBuf,
+    },
+    /// T020: `--force` on something that is not an earlier result.
+    #[error("{path} is not a result folder of this program; `--force` replaces nothing else")]
+    NotAResult {
+        /// The file or folder.
+        path: PathBuf,
+    },
+    /// T014: options that do not fit together or have no value.
+    #[error("{message}")]
+    BadOption {
+        /// Which option, and why.
+        message: String,
+    },
+    /// T015: the estimator refuses the data.
+    #[error(transparent)]
+    Identification(#[from] IdentificationError),
+    /// T016: the simulation behind the demo failed.
+    #[error(transparent)]
+    Dynamics(#[from] tumble_dynamics::DynamicsError),
+    /// T017: a picture cannot be drawn.
+    #[error("cannot draw {path}: {message}")]
+    Plot {
+        /// The picture.
+        path: PathBuf,
+        /// What the drawing library said.
+        message: String,
+    },
+    /// T021: a search that would not end in any time worth waiting for.
+    #[error("`{option} {count}`: at most {most}, since {because}")]
+    SearchTooLong {
+        /// Option.
+        option: &'static str,
+        /// What was asked for.
+        count: usize,
+        /// Most that is searched.
+        most: usize,
+        /// What makes it long.
+        because: &'static str,
+    },
+    /// T021: an excitation that cannot be designed or flown.
+    #[error("no such excitation: {0}")]
+    Excitation(IdentificationError),
+    /// T026: a scenario that does not parse, or asks for something impossible.
+    #[error("{path}, line {line}, column {column}: {message}")]
+    BadScenario {
+        /// The file, or the name of an embedded scenario.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: usize,
+        /// Column, counted from one.
+        column: usize,
+        /// The key, and what is wrong with it.
+        message: String,
+    },
+    /// T026: a scenario that neither exists as a file nor is embedded.
+    #[error("there is no scenario `{name}`, neither as a file nor embedded{nearest}")]
+    NoSuchScenario {
+        /// What was asked for.
+        name: String,
+        /// "; did you mean ...", or nothing.
+        nearest: String,
+    },
+    /// T033: a planning problem that cannot be posed.
+    #[error("no plan can be asked for: {0}")]
+    Planning(#[from] tumble_planning::PlanningError),
+    /// T034: a plan that does not hold what it promises.
+    #[error("the planner contradicts itself: {reason}")]
+    PlanContradiction {
+        /// What does not hold, with its numbers.
+        reason: String,
+    },
+    /// T035: a controller that refuses what it is given.
+    #[error("the controller refuses: {0}")]
+    Control(tumble_planning::PlanningError),
+    /// T040: parts or a folder of a campaign that do not belong together.
+    #[error("{path}: {message}")]
+    BadCampaign {
+        /// The folder or file.
+        path: PathBuf,
+        /// What is missing, twice there, or other than the rest.
+        message: String,
+    },
+    /// T041: a campaign's unfinished folder that another process writes to.
+    #[error("{path}: another process flies this campaign now")]
+    CampaignInUse {
+        /// The unfinished folder.
+        path: PathBuf,
+    },
+    /// T036: a page that is no mission report, or a damaged one.
+    #[error("{path}, line {line}: {message}")]
+    BadReport {
+        /// The page.
+        path: PathBuf,
+        /// Line of the page, counted from one.
+        line: usize,
+        /// What is wrong.
+        message: String,
+    },
+}
+
+impl From<tumble_formats::wheel_throw::WheelThrowError> for TumbleError {
+    fn from(error: tumble_formats::wheel_throw::WheelThrowError) -> Self {
+        Self::File(error.into())
+    }
+}
+
+impl From<tumble_astrobee::simulator::SimulatorError> for TumbleError {
+    fn from(error: tumble_astrobee::simulator::SimulatorError) -> Self {
+        Self::Robot(error.into())
+    }
+}
+
+impl TumbleError {
+    /// The code under which `docs/errors.md` explains this error.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::File(error) => error.code(),
+            Self::Robot(error) => error.code(),
+            Self::OutputExists { .. } => "T010",
+            Self::NotAResult { .. } => "T020",
+            Self::BadOption { .. } => "T014",
+            Self::Identification(_) => "T015",
+            Self::Dynamics(_) => "T016",
+            Self::Plot { .. } => "T017",
+            Self::Excitation(_) | Self::SearchTooLong { .. } => "T021",
+            Self::BadScenario { .. } | Self::NoSuchScenario { .. } => "T026",
+            Self::Planning(_) => "T033",
+            Self::PlanContradiction { .. } => "T034",
+            Self::Control(_) => "T035",
+            Self::BadCampaign { .. } => "T040",
+            Self::CampaignInUse { .. } => "T041",
+            Self::BadReport { .. } => "T036",
+        }
+    }
+
+    /// What the user can do about it.
+    pub fn remedy(&self) -> &'static str {
+        match self {
+            Self::File(error) => error.remedy(),
+            Self::Robot(error) => error.remedy(),
+            Self::OutputExists { .. } => "name another place, or replace it with `--force`",
+            Self::NotAResult { .. } => "name a new folder, or remove this one yourself",
+            Self::PlanContradiction { .. } => {
+                "nothing was written: report it with the scenario and the seed; numbers nearer to one another may do"
+            }
+            Self::BadOption { .. } => "correct or leave out the option named; `tumble help COMMAND` explains each",
+            Self::Identification(error) => match error {
+                IdentificationError::MissingColumn(_) => {
+                    "`tumble identify --template` prints every column of a CSV log; `docs/recordings.md` says which topics of a recording \
+                     give what"
+                }
+                IdentificationError::TooFewSamples { .. } | IdentificationError::NoResidual { .. } => {
+                    "record more samples, in steps as equal as can be; of a held-out part, keep back a larger share"
+                }
+                IdentificationError::NotConverged { .. } => {
+                    "the data contradict every body: check the sign and frame of the wrench and the units"
+                }
+                IdentificationError::LikelihoodNotConverged { .. } => {
+                    "check the timing of the wrench, units and frames; ask for fewer quantities beside the body, or take a regression: \
+                     `--method variational4`"
+                }
+                IdentificationError::InvalidPeriod { .. } | IdentificationError::PeriodNotWhole { .. } => {
+                    "state the period that was flown with `--excitation` or `--period`, sampled a whole number of times"
+                }
+                IdentificationError::TooFewCycles { .. } => "fly more cycles, or state the period that was flown",
+                IdentificationError::NoHarmonics => {
+                    "state with `--harmonics` how many the reference motion has: one or more"
+                }
+                IdentificationError::TooManyHarmonics { .. } => "fewer harmonics, or a higher sampling rate",
+                IdentificationError::UnequalSteps { .. } | IdentificationError::WrenchMissing { .. } => {
+                    "averaging needs a wrench in every row at equal steps: leave out `--excitation` or `--period` for this log"
+                }
+                IdentificationError::NotPeriodic { .. } => {
+                    "state the period that was flown; of a robot that turns on and on, leave out `--excitation` or `--period`"
+                }
+                _ => "check units, signs and frames; record motion and wrench about every axis",
+            },
+            Self::Dynamics(_) => "please report this with the seed",
+            Self::Plot { .. } => "leave out `--out`, or report this",
+            Self::SearchTooLong { .. } => {
+                "a number within the bound; three starts and three to eight harmonics show almost all"
+            }
+            Self::Excitation(error) => match error {
+                IdentificationError::TooManySamples { .. } => "a shorter `--period`, or a lower `--rate`",
+                IdentificationError::PeriodNotWhole { .. } => "change `--period` or `--rate` to the values named",
+                IdentificationError::TooManyHarmonics { .. } => "fewer `--harmonics`, or a higher `--rate`",
+                IdentificationError::NoFreeCoefficients { .. } => "two `--harmonics` or more, such as 3",
+                IdentificationError::NoMotionWithinLimit { .. } => "limits are positive, or inf",
+                IdentificationError::UnlimitedChannel { .. } => {
+                    "limit the workspace (`--position`, `--angle`), the rate or the acceleration"
+                }
+                IdentificationError::NoDesign { .. } => {
+                    "more `--starts` or `--harmonics`; limits of the size of the robot's own: much tighter in one channel, or wider by \
+                     orders of magnitude than in another, they leave numbers that cannot be compared"
+                }
+                _ => "more `--starts`, more `--harmonics`, or other limits",
+            },
+            Self::BadScenario { .. } => "correct the named key; `docs/scenarios.md` describes every one",
+            Self::NoSuchScenario { .. } => {
+                "`tumble scenario list` prints the embedded ones; `tumble scenario show NAME` prints one to start from"
+            }
+            Self::Planning(_) => {
+                "correct `[plan]`, `[plan.local]`, `[start]` or `[goal]`; where a step is too long, make `plan.local.step_s` shorter or the limits of \
+                 `[plan.local]` wider; `docs/planning.md` says what is asked of them"
+            }
+            Self::Control(_) => {
+                "correct `[belief]`, `[drive.control]` or `[[drive.beliefs]]` of the scenario; `docs/scenarios.md` describes every key"
+            }
+            Self::BadCampaign { .. } => {
+                "merge all parts of one campaign, flown by one version with the same options; an unfinished part is finished by the command \
+                 that began it, another campaign needs another folder; `docs/campaigns.md`"
+            }
+            Self::CampaignInUse { .. } => "wait for it, end it, or name another folder with `--out`",
+            Self::BadReport { .. } => {
+                "name a `report.html` as `tumble fly` wrote it; with the seed and the options of its header the flight can be redone without it"
+            }
+        }
+    }
+}

@@ -1,0 +1,26 @@
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
+
+pub mod campaign;
+pub mod cli;
+pub mod demo;
+mod error;
+pub mod figure;
+pub mod flight_log;
+pub mod harmonic_report;
+pub mod mission;
+pub mod mission_report;
+pub mod output;
+pub mod report;
+pub mod robots;
+pub mod scenario;
+pub mod space_cobot;
+pub mod spheres;
+
+pub use error::TumbleError;
+
+// The code of the workspace's README, by a link that the published package holds as a file.
+#[cfg(doctest)]
+#[doc = include_str!("../WORKSPACE.md")]
+struct WorkspaceReadme;

@@ -1,0 +1,712 @@
+//! A mission, flown.
+
+use super::faults::{Faults, LateObstacle, Sabotage};
+use super::invariants;
+use super::layers::{AstrobeeLoop, CHECKED_SHARE, MissionPlanners, closed_loop, scene};
+use super::options::FlyOptions;
+use super::record::{
+    BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
+    ParameterRow, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
+};
+use crate::TumbleError;
+use crate::scenario::{MissionProblem, ScenarioSource};
+use std::collections::BTreeMap;
+use tumble_astrobee::sensing::LocalizationEstimate;
+use tumble_astrobee::simulator::{
+    CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, FallbackSpell, SimulatorMeasurement,
+};
+use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
+use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World, WrenchBox};
+use tumble_identification::estimator::{Acted, Gauss, Measurement, StateEstimator};
+use tumble_identification::recursive::MotionNoise;
+use tumble_identification::{BodyScale, Estimate};
+use tumble_lie::{LieGroup, Pose, Wrench};
+use tumble_planning::collision::{CollisionWorld, EllipsoidWorld, MovingObstacle};
+use tumble_planning::control::ControlCommand;
+use tumble_planning::global::GlobalAnswer;
+use tumble_planning::mission::{
+    Action, Asked, End, Event, Found, InvariantWatch, Layer, LoopObserver, Office, PlanAnswer, PlanRequest,
+    PlannerFault, StretchAnswer, TimedEvent,
+};
+use tumble_planning::{ModelBelief, PlanningError};
+
+/// Control periods between two rows of the series.
+const BETWEEN_ROWS: u64 = 12;
+/// Points of a way, and edges of a tree, that are kept for pictures.
+const WAY_POINTS: u32 = 200;
+const TREE_EDGES: usize = 2000;
+/// Time between two points of a stretch, s.
+const STRETCH_POINT_S: f64 = 0.6;
+/// Radius of an obstacle that shows up late, m.
+const LATE_RADIUS_M: f64 = 0.15;
+/// The ten parameters, and their units.
+pub(super) const PARAMETERS: [(&str, &str); 10] = [
+    ("mass", "kg"),
+    ("com_x", "m"),
+    ("com_y", "m"),
+    ("com_z", "m"),
+    ("inertia_xx", "kg m^2"),
+    ("inertia_yy", "kg m^2"),
+    ("inertia_zz", "kg m^2"),
+    ("inertia_xy", "kg m^2"),
+    ("inertia_xz", "kg m^2"),
+    ("inertia_yz", "kg m^2"),
+];
+
+/// What looks on while a mission is flown, and may measure what it costs; nothing that happens depends on it.
+pub trait MissionHooks {
+    /// So far, of so long at most, s.
+    fn progress(&mut self, _time_s: f64, _longest_s: f64) {}
+    /// A layer begins to work.
+    fn begins(&mut self, _layer: Layer) {}
+    /// It is done.
+    fn ends(&mut self, _layer: Layer) {}
+    /// A control period: what was measured and published, and who believes what.
+    ///
+    /// # Errors
+    /// What stops the mission.
+    fn period(&mut self, _period: &FlownPeriod<'_>) -> Result<(), TumbleError> {
+        Ok(())
+    }
+    /// The coordinator heard of something.
+    fn heard(&mut self, _event: &TimedEvent) {}
+    /// It answered.
+    fn answered(&mut self, _time_ns: i64, _action: &Action) {}
+}
+
+/// Looks at nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoHooks;
+
+impl MissionHooks for NoHooks {}
+
+/// A control period of a mission.
+pub struct FlownPeriod<'a> {
+    /// What the simulator says of it.
+    pub measured: &'a SimulatorMeasurement,
+    /// What arrived in it.
+    pub estimates: &'a [LocalizationEstimate],
+    /// What the estimator takes the body for, in the order of the summary, with standard deviations.
+    pub estimate: ([f64; 10], [f64; 10]),
+    /// The same with its whole covariance.
+    pub belief: &'a Estimate,
+    /// Number of the stretch that is flown.
+    pub plan_revision: u64,
+    /// Revision of the belief that the controller uses.
+    pub belief_revision: u64,
+}
+
+/// Mass, centre of mass, inertia about it: xx, yy, zz, xy, xz, yz.
+fn ten(body: &InertialParameters<f64>) -> [f64; 10] {
+    let (com, inertia) = (body.center_of_mass(), body.inertia_about_com());
+    [
+        body.mass,
+        com.x,
+        com.y,
+        com.z,
+        inertia[(0, 0)],
+        inertia[(1, 1)],
+        inertia[(2, 2)],
+        inertia[(0, 1)],
+        inertia[(0, 2)],
+        inertia[(1, 2)],
+    ]
+}
+
+fn ten_sigma(estimate: &Estimate) -> [f64; 10] {
+    let (com, inertia) = (estimate.std.center_of_mass_m, estimate.std.inertia_about_com_kg_m2);
+    [
+        estimate.std.mass_kg,
+        com.x,
+        com.y,
+        com.z,
+        inertia[(0, 0)],
+        inertia[(1, 1)],
+        inertia[(2, 2)],
+        inertia[(0, 1)],
+        inertia[(0, 2)],
+        inertia[(1, 2)],
+    ]
+}
+
+/// A planner's quantity by its name among [`PARAMETERS`].
+fn parameter_name(quantity: &str) -> String {
+    match quantity.strip_prefix("center_of_mass_") {
+        Some(axis) => format!("com_{axis}"),
+        None => quantity.to_owned(),
+    }
+}
+
+fn seconds(time_ns: i64) -> f64 {
+    time_ns as f64 * 1e-9
+}
+
+fn array(vector: &Vector3<f64>) -> [f64; 3] {
+    (*vector).into()
+}
+
+fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
+    [rotation.i, rotation.j, rotation.k, rotation.w]
+}
+
+/// Writes down what the loop says.
+struct Notes<'a> {
+    hooks: &'a mut dyn MissionHooks,
+    ways: Vec<WayRow>,
+    stretches: Vec<StretchRow>,
+    beliefs: Vec<BeliefRow>,
+    events: Vec<MissionEvent>,
+    /// Requests of this control period, and how many events had happened when each was made.
+    asked: Vec<(u64, usize)>,
+    shut_off: BTreeMap<String, Option<f64>>,
+    faults: Faults,
+    too_late: Option<TooLate>,
+    /// The first stretch that was flown after its time.
+    expired: Option<String>,
+}
+
+impl Notes<'_> {
+    fn note(&mut self, time_ns: i64, kind: &str, text: String) {
+        self.events.push(MissionEvent { t_s: seconds(time_ns), kind: kind.to_owned(), text });
+    }
+
+    /// What a planner says stands where it was asked, among what happened in the same control period.
+    fn note_answer(&mut self, time_ns: i64, request: u64, kind: &str, text: String) {
+        let asked = self.asked.iter().position(|(of, _)| *of == request);
+        let place = asked.map_or(self.events.len(), |index| self.asked.swap_remove(index).1);
+        self.events.insert(place, MissionEvent { t_s: seconds(time_ns), kind: kind.to_owned(), text });
+        for (_, later) in self.asked.iter_mut().filter(|(_, later)| *later >= place) {
+            *later += 1;
+        }
+    }
+
+    /// Has a request planned, looks at the answer, and sends it on its way.
+    fn plan(&mut self, time_ns: i64, planners: &mut MissionPlanners, request: &PlanRequest<EllipsoidWorld>) {
+        if let Some(layer) = request.layer() {
+            self.hooks.begins(layer);
+        }
+        let answer: PlanAnswer = planners.serve(request);
+        if let Some(layer) = request.layer() {
+            self.hooks.ends(layer);
+        }
+        match &answer.found {
+            Found::Way(answer) => self.planned_way(time_ns, request.request, answer),
+            Found::Failed { error, .. } => {
+                let text = format!("request {} cannot be planned: {error}", request.request);
+                self.note_answer(time_ns, request.request, "planner", text);
+            }
+            Found::Stay(..) | Found::Stretch(..) | Found::NoStretch(_) => {}
+        }
+        let fault = match request.asked {
+            Asked::Stay => PlannerFault::None,
+            Asked::Way { .. } | Asked::Stretch { .. } => self.faults.planner(request.request).into(),
+        };
+        planners.post(time_ns, request, answer, fault);
+    }
+
+    fn planned_way(&mut self, time_ns: i64, request: u64, answer: &GlobalAnswer) {
+        let Some(plan) = &answer.plan else {
+            self.note_answer(time_ns, request, "way", format!("no way was found: {:?}", answer.status));
+            return;
+        };
+        let path = &plan.trajectory;
+        let duration_s = path.duration_s();
+        let point = |k: u32| {
+            let at = path.at(duration_s * f64::from(k) / f64::from(WAY_POINTS));
+            at.map(|(arc, within_s)| array(&arc.pose(within_s).translation.vector))
+        };
+        let every = answer.tree.len() / TREE_EDGES + 1;
+        let edge = |edge: &[Vector3<f64>; 2]| [array(&edge[0]), array(&edge[1])];
+        self.ways.push(WayRow {
+            t_s: seconds(time_ns),
+            model_revision: plan.model_revision,
+            points_m: (0..=WAY_POINTS).filter_map(point).collect(),
+            tree_m: answer.tree.iter().step_by(every).map(edge).collect(),
+        });
+        self.note_answer(
+            time_ns,
+            request,
+            "way",
+            format!("a way of {duration_s:.1} s, belief {}", plan.model_revision),
+        );
+    }
+}
+
+impl LoopObserver for Notes<'_> {
+    fn begins(&mut self, layer: Layer) {
+        self.hooks.begins(layer);
+    }
+
+    fn ends(&mut self, layer: Layer) {
+        self.hooks.ends(layer);
+    }
+
+    fn heard(&mut self, event: &TimedEvent) {
+        self.hooks.heard(event);
+        let said = match event.event {
+            Event::World { contact_ns, .. } => match contact_ns {
+                Some(at_ns) => format!("the world changed; contact ahead at {:.1} s", seconds(at_ns)),
+                None => "the world changed; nothing in the way of what is flown".to_owned(),
+            },
+            Event::Relocalised => "the localisation moved for good".to_owned(),
+            Event::Diverged => "the estimator contradicts its measurements".to_owned(),
+            Event::BodyDoubtful => "the body is another than it was".to_owned(),
+            Event::Braking => "the controller brakes".to_owned(),
+            Event::Restarted => "the computer started anew".to_owned(),
+            Event::Known(true) => "the body is known as well as asked for".to_owned(),
+            _ => return,
+        };
+        self.note(event.time_ns, "event", said);
+    }
+
+    fn answered(&mut self, time_ns: i64, action: &Action) {
+        self.hooks.answered(time_ns, action);
+        if let Action::PlanWay { request, .. } | Action::PlanStretch { request, .. } = action {
+            self.asked.push((*request, self.events.len()));
+        }
+        let (kind, said) = match action {
+            Action::Note(note) => ("coordinator", format!("{note:?}")),
+            Action::Stop => ("coordinator", "stop".to_owned()),
+            Action::HoldHere => ("coordinator", "hold where the robot is".to_owned()),
+            Action::RenewController => ("coordinator", "a new controller".to_owned()),
+            Action::ResetEstimator => ("coordinator", "the estimator begins anew".to_owned()),
+            Action::WidenBelief => ("coordinator", "less is believed of the body".to_owned()),
+            Action::DoubtWrench => ("coordinator", "less is believed of the thrust".to_owned()),
+            Action::Finish { has_arrived: true } => ("coordinator", "arrived".to_owned()),
+            Action::Finish { has_arrived: false } => ("coordinator", "given up".to_owned()),
+            Action::GiveUp { .. } => ("coordinator", "given up: there is no way".to_owned()),
+            _ => return,
+        };
+        self.note(time_ns, kind, said);
+    }
+
+    fn follows(&mut self, time_ns: i64, start_ns: i64, stretch: &StretchAnswer, model_revision: u64) {
+        if start_ns < time_ns {
+            let (at_s, late_s) = (seconds(time_ns), seconds(time_ns - start_ns));
+            self.expired
+                .get_or_insert_with(|| format!("{BROKEN_INVARIANT}{at_s:.3} s: a plan {late_s} s old was flown"));
+        }
+        let information = stretch.sigma.iter().map(|[before, after]| 1.0 / (after * after) - 1.0 / (before * before));
+        let quantities: Vec<String> = stretch.quantities.iter().map(|name| parameter_name(name)).collect();
+        for (name, weight) in quantities.iter().zip(&stretch.weights) {
+            if *weight > 0.0 {
+                self.shut_off.insert(name.clone(), None);
+            } else if let Some(since) = self.shut_off.get_mut(name) {
+                since.get_or_insert(seconds(time_ns));
+            }
+        }
+        self.stretches.push(StretchRow {
+            plan_revision: self.stretches.len() as u64 + 1,
+            start_s: seconds(start_ns),
+            end_s: stretch.motion.end_s(),
+            model_revision,
+            points_m: stretch.motion.points(STRETCH_POINT_S).iter().map(array).collect(),
+            quantities,
+            weights: stretch.weights.clone(),
+            sigma: stretch.sigma.clone(),
+            information: information.collect(),
+        });
+    }
+
+    fn disbelieved(&mut self, time_ns: i64, error: &PlanningError) {
+        self.note(time_ns, "estimator", format!("the last belief is kept: {error}"));
+    }
+
+    fn offered(&mut self, time_ns: i64, belief: &ModelBelief) {
+        if self.beliefs.last().is_none_or(|last| last.revision < belief.revision) {
+            self.beliefs.push(BeliefRow {
+                t_s: seconds(time_ns),
+                revision: belief.revision,
+                used_from_s: None,
+                estimate: ten(belief.parameters()),
+                sigma: ten_sigma(&belief.estimate),
+            });
+        }
+    }
+}
+
+/// What is added up while flying.
+struct Sums {
+    watch: InvariantWatch,
+    series: Series,
+    violations: u64,
+    impulse_n_s: f64,
+    angular_impulse_n_m_s: f64,
+    /// Time and squared distance from what is flown.
+    squares: Vec<(f64, f64)>,
+    min_clearance_m: Option<f64>,
+    account: ControlAccount,
+}
+
+/// Flies a mission: the same source and options give the same record.
+///
+/// # Errors
+/// Scenarios that are no mission; what stops the simulator; what the hooks refuse.
+pub fn fly(
+    source: &ScenarioSource,
+    options: &FlyOptions,
+    hooks: &mut dyn MissionHooks,
+) -> Result<MissionRecord, TumbleError> {
+    let mut problem = source.mission(options)?;
+    let (mut flying, mut planners) = closed_loop(&problem, options)?;
+    let limits = WrenchBox { torque_limit: problem.torque_limit_n_m, force_limit: problem.force_limit_n };
+    let mut faults = Faults::new(options.fault, options.seed, problem.longest_s).limited_to(limits);
+    if problem.planar {
+        faults = faults.in_plane();
+    }
+    let mut late = faults.late_obstacle();
+    let mut extra = Vec::new();
+    let mut judge = scene(&problem, f64::INFINITY, &[]).map_err(TumbleError::Planning)?.world;
+    let mut appearing: Vec<f64> = problem.seen_from_s.iter().copied().filter(|from_s| *from_s > 0.0).collect();
+    appearing.sort_by(f64::total_cmp);
+    let mut notes = Notes {
+        hooks,
+        ways: Vec::new(),
+        stretches: Vec::new(),
+        beliefs: Vec::new(),
+        events: Vec::new(),
+        asked: Vec::new(),
+        shut_off: BTreeMap::new(),
+        faults,
+        too_late: None,
+        expired: None,
+    };
+    let mut sums = Sums::watched_by(invariants::watch(&problem));
+    sums.series.force_limit_n = array(&problem.force_limit_n);
+    sums.series.torque_limit_n_m = array(&problem.torque_limit_n_m);
+    let (mut acted, mut arrived, mut heard) = (Wrench::zero(), Vec::<Measurement>::new(), Vec::new());
+    let mut from_ns = problem.flight.simulator.time_ns();
+    let mut periods = 0;
+    while flying.end().is_none() {
+        let time_ns = problem.flight.simulator.time_ns();
+        let time_s = seconds(time_ns);
+        if appearing.first().is_some_and(|from_s| *from_s <= time_s) {
+            appearing.retain(|from_s| *from_s > time_s);
+            let seen = scene(&problem, time_s, &extra).map_err(TumbleError::Planning)?;
+            flying.see(seen).map_err(TumbleError::Planning)?;
+        }
+        if let Some(obstacle) = late.take_if(|late| late.appears_s <= time_s)
+            && let Some(obstacle) = in_the_way(&flying, &problem, &obstacle, time_s)
+        {
+            notes.too_late = too_late(&problem, &obstacle, time_s);
+            extra.push(obstacle);
+            judge = scene(&problem, f64::INFINITY, &extra).map_err(TumbleError::Planning)?.world;
+            let seen = scene(&problem, time_s, &extra).map_err(TumbleError::Planning)?;
+            flying.see(seen).map_err(TumbleError::Planning)?;
+        }
+        if notes.faults.restart_due(time_ns) {
+            flying.restart();
+        }
+        if let Some(sabotage) = notes.faults.sabotage(time_ns) {
+            sabotaged(&mut flying, &sabotage).map_err(TumbleError::Planning)?;
+        }
+        while let Some(answer) = Office::<EllipsoidWorld>::ready(&mut planners, time_ns) {
+            flying.answer(answer);
+        }
+        let acting = Acted { from_ns, until_ns: time_ns, wrench_body: acted, stored_body: Vector3::zeros() };
+        let command = flying.step(&acting, &arrived, &mut notes).map_err(TumbleError::Planning)?;
+        while let Some(request) = flying.next_request() {
+            notes.plan(time_ns, &mut planners, &request);
+        }
+        notes.asked.clear();
+        let estimate = believed(&flying);
+        let clearance_m = sums.look(&problem, &flying, &judge, &estimate, periods)?;
+        let is_over = invariants::look(&mut sums.watch, &problem, &flying, &command, &estimate, clearance_m);
+        sums.violations += u64::from(is_over);
+        sums.account.commanded(time_ns, &command);
+        mark_used(&mut notes.beliefs, &command, time_s);
+        let change = notes.faults.before_step(time_ns, &command.wrench_body);
+        change.apply(&mut problem.flight.simulator)?;
+        let measured = problem.flight.push(&change.wanted)?;
+        acted = measured.believed_wrench_body;
+        let simulator = &problem.flight.simulator;
+        notes.faults.measurements(simulator.time_ns(), simulator.estimates(), &mut heard);
+        arrived.clear();
+        arrived.extend(heard.iter().map(|estimate| measurement(estimate, &problem.noise)));
+        from_ns = time_ns;
+        sums.acted(&measured, periods);
+        notes.hooks.period(&FlownPeriod {
+            measured: &measured,
+            estimates: &heard,
+            estimate: (ten(&estimate.parameters), ten_sigma(&estimate)),
+            belief: &estimate,
+            plan_revision: plan_at(&notes.stretches, time_s),
+            belief_revision: command.model_revision,
+        })?;
+        if periods.is_multiple_of(125) {
+            notes.hooks.progress(time_s, problem.longest_s);
+        }
+        periods += 1;
+    }
+    sums.series.plan_revision = sums.series.t_s.iter().map(|t_s| plan_at(&notes.stretches, *t_s)).collect();
+    record(source, options, &problem, &flying, (sums, notes))
+}
+
+/// An obstacle that the robot would touch so long after it shows up; none where the robot goes nowhere.
+fn in_the_way(
+    flying: &AstrobeeLoop,
+    problem: &MissionProblem,
+    late: &LateObstacle,
+    time_s: f64,
+) -> Option<MovingObstacle> {
+    let reach_m = problem.planning.body.bounding_radius_m() + LATE_RADIUS_M;
+    let position = |time_s: f64| flying.reference(time_s).state.world_from_body.translation.vector;
+    let touching = position(time_s + late.notice_s);
+    let ahead = position(time_s + late.notice_s + 0.1) - touching;
+    let direction = ahead.try_normalize(1e-6)?;
+    let center = touching + direction * reach_m;
+    let ellipsoid = ObstacleEllipsoid {
+        world_from_ellipsoid: Pose::from_parts(center.into(), UnitQuaternion::identity()),
+        semi_axes: Vector3::repeat(LATE_RADIUS_M),
+    };
+    Some(MovingObstacle::at_rest(ellipsoid).present(time_s, f64::INFINITY))
+}
+
+/// A contact that nothing prevents.
+struct TooLate {
+    /// How deep it is at least, m.
+    depth_m: f64,
+    reason: String,
+}
+
+/// That the robot, pushed from now on as hard as nozzles and limits allow, comes to rest on its line only beyond an obstacle's
+/// surface; none where it does before.
+fn too_late(problem: &MissionProblem, obstacle: &MovingObstacle, time_s: f64) -> Option<TooLate> {
+    let simulator = &problem.flight.simulator;
+    let (state, body) = (simulator.state(), simulator.body());
+    let (pose, center) = (&state.world_from_body, body.center_of_mass());
+    let to_obstacle = obstacle.ellipsoid.world_from_ellipsoid.translation.vector - pose.translation.vector;
+    let gap_m = to_obstacle.norm() - LATE_RADIUS_M - problem.planning.body.bounding_radius_m();
+    let ahead_body = pose.rotation.inverse() * to_obstacle.normalize();
+    let closing_m_s = state.twist_body.linear.dot(&ahead_body).max(0.0);
+    // as hard as one can push against this direction and no other
+    let shares = ahead_body.iter().zip(&problem.force_limit_n).filter(|(share, _)| share.abs() > 1e-6);
+    let limit_n = shares.map(|(share, limit)| limit / share.abs()).fold(f64::INFINITY, f64::min);
+    let force_n = simulator.largest_force_n(&-ahead_body, &center, limit_n);
+    let braking_m = closing_m_s * closing_m_s * body.mass / (2.0 * force_n);
+    (braking_m > gap_m).then(|| TooLate {
+        depth_m: braking_m - gap_m,
+        reason: format!(
+            "{UNAVOIDABLE}at {time_s:.1} s something showed up {gap_m:.3} m ahead, and to stop from {closing_m_s:.3} m/s with \
+             {force_n:.2} N takes {braking_m:.3} m"
+        ),
+    })
+}
+
+impl TooLate {
+    /// Why a contact was no fault of the robot; none where it is deeper than it had to be, by more than a margin that is there for
+    /// what the robot does not do exactly.
+    fn excuse(self, clearance_m: f64, margin_m: f64) -> Option<String> {
+        (clearance_m + self.depth_m + margin_m >= 0.0).then_some(self.reason)
+    }
+}
+
+/// What the estimator takes the body for; where it says nothing that can be, what is planned with.
+fn believed(flying: &AstrobeeLoop) -> Estimate {
+    let found = flying.estimator().finding().and_then(|found| Estimate::try_from(&found));
+    found.unwrap_or(flying.belief().estimate)
+}
+
+/// Makes the estimator sure of what is wrong.
+fn sabotaged(flying: &mut AstrobeeLoop, sabotage: &Sabotage) -> Result<(), PlanningError> {
+    let estimate = believed(flying);
+    let body = &estimate.parameters;
+    let inertia = body.inertia_about_com() * sabotage.inertia_factor;
+    let parameters = InertialParameters::about_com(body.mass * sabotage.mass_factor, body.center_of_mass(), inertia);
+    let misled = Estimate { parameters, covariance: estimate.covariance * sabotage.covariance_factor, ..estimate };
+    let scale = BodyScale::of(&parameters.to_vector())?;
+    Ok(flying.estimator_mut().restart(&misled.to_finding(scale)?)?)
+}
+
+/// A message of the localisation as the loop's estimator takes it, with the noise that a mission takes its sensors for.
+pub fn measurement(estimate: &LocalizationEstimate, noise: &MotionNoise) -> Measurement {
+    Measurement {
+        rate_body: Some(Gauss::isotropic(estimate.rate_body, noise.rate_rad_s)),
+        velocity_world: Some(Gauss::isotropic(estimate.velocity_origin_world, noise.velocity_m_s)),
+        ..Measurement::of_pose(estimate.stamp_ns, &estimate.world_from_body, noise.attitude_rad, noise.position_m)
+    }
+}
+
+fn plan_at(stretches: &[StretchRow], time_s: f64) -> u64 {
+    stretches.iter().rev().find(|stretch| stretch.start_s <= time_s).map_or(0, |stretch| stretch.plan_revision)
+}
+
+fn mark_used(beliefs: &mut [BeliefRow], command: &ControlCommand, time_s: f64) {
+    if let Some(used) = beliefs.iter_mut().find(|belief| belief.revision == command.model_revision) {
+        used.used_from_s.get_or_insert(time_s);
+    }
+}
+
+impl Sums {
+    fn watched_by(watch: InvariantWatch) -> Self {
+        Self {
+            watch,
+            series: Series::default(),
+            violations: 0,
+            impulse_n_s: 0.0,
+            angular_impulse_n_m_s: 0.0,
+            squares: Vec::new(),
+            min_clearance_m: None,
+            account: ControlAccount::with_decisions(BETWEEN_ROWS.cast_signed() * CONTROL_PERIOD_NS),
+        }
+    }
+
+    fn look(
+        &mut self,
+        problem: &MissionProblem,
+        flying: &AstrobeeLoop,
+        judge: &EllipsoidWorld,
+        estimate: &Estimate,
+        periods: u64,
+    ) -> Result<Option<f64>, TumbleError> {
+        let simulator = &problem.flight.simulator;
+        let (state, time_s) = (simulator.state(), seconds(simulator.time_ns()));
+        let pose = &state.world_from_body;
+        let clearance = judge.clearance(&problem.planning.body, pose, time_s).map_err(TumbleError::Planning)?;
+        let clearance_m = clearance.distance_m.is_finite().then_some(clearance.distance_m);
+        if let Some(clearance_m) = clearance_m {
+            self.min_clearance_m = Some(self.min_clearance_m.map_or(clearance_m, |least| least.min(clearance_m)));
+        }
+        let (speed, rate) = (state.twist_body.linear.norm(), state.twist_body.angular.norm());
+        let is_over = speed > problem.speed_limit_m_s || rate > problem.rate_limit_rad_s;
+        self.violations += u64::from(is_over);
+        let wanted = flying.reference(time_s).state.world_from_body;
+        let error_m = (pose.translation.vector - wanted.translation.vector).norm();
+        self.squares.push((time_s, error_m * error_m));
+        if !periods.is_multiple_of(BETWEEN_ROWS) {
+            return Ok(clearance_m);
+        }
+        let turn: Vector3<f64> = LieGroup::log(&(wanted.rotation.inverse() * pose.rotation));
+        let believed = flying.estimator().state_at(simulator.time_ns()).world_from_body;
+        let series = &mut self.series;
+        series.t_s.push(time_s);
+        series.position_m.push(array(&pose.translation.vector));
+        series.quaternion_xyzw.push(xyzw(&pose.rotation));
+        series.wanted_position_m.push(array(&wanted.translation.vector));
+        series.wanted_quaternion_xyzw.push(xyzw(&wanted.rotation));
+        series.believed_position_m.push(array(&believed.translation.vector));
+        series.tracking_error_m.push(error_m);
+        series.attitude_error_rad.push(turn.norm());
+        series.tube_m.push(flying.controller().tube_m());
+        series.clearance_m.push(clearance_m);
+        series.estimate.push(ten(&estimate.parameters));
+        series.sigma.push(ten_sigma(estimate));
+        series.belief_revision.push(flying.command().map_or(0, |command| command.model_revision));
+        Ok(clearance_m)
+    }
+
+    fn acted(&mut self, measured: &SimulatorMeasurement, periods: u64) {
+        let Wrench { torque, force } = &measured.realized_wrench_body;
+        self.impulse_n_s += force.norm() * CONTROL_PERIOD_S;
+        self.angular_impulse_n_m_s += torque.norm() * CONTROL_PERIOD_S;
+        if periods.is_multiple_of(BETWEEN_ROWS) {
+            self.series.force_n.push(array(force));
+            self.series.torque_n_m.push(array(torque));
+        }
+    }
+
+    fn rms_since(&self, from_s: f64) -> f64 {
+        let since = self.squares.iter().filter(|(time_s, _)| *time_s >= from_s);
+        let (count, sum) = since.fold((0_u32, 0.0), |(count, sum), (_, square)| (count + 1, sum + square));
+        if count == 0 { 0.0 } else { libm::sqrt(sum / f64::from(count)) }
+    }
+}
+
+fn fallback_row(spell: &FallbackSpell) -> FallbackRow {
+    FallbackRow { t_s: seconds(spell.from_ns), reason: format!("{:?}", spell.fallback) }
+}
+
+fn record(
+    source: &ScenarioSource,
+    options: &FlyOptions,
+    problem: &MissionProblem,
+    flying: &AstrobeeLoop,
+    (sums, notes): (Sums, Notes<'_>),
+) -> Result<MissionRecord, TumbleError> {
+    let mission_s = seconds(problem.flight.simulator.time_ns());
+    let estimate = believed(flying);
+    let truth = problem.flight.simulator.body();
+    let truth = if problem.planar { tumble_astrobee::simulator::planar_part(&truth) } else { truth };
+    let columns = [ten(&truth), ten(&problem.prior.parameters), ten(&estimate.parameters), ten_sigma(&estimate)];
+    let row = |(index, (name, unit)): (usize, &(&str, &str))| ParameterRow {
+        name: (*name).to_owned(),
+        unit: (*unit).to_owned(),
+        truth: columns[0][index],
+        initial: columns[1][index],
+        estimate: columns[2][index],
+        sigma: columns[3][index],
+    };
+    let Notes { mut ways, stretches, beliefs, mut events, shut_off, faults, too_late, expired, .. } = notes;
+    for event in problem.flight.simulator.events() {
+        let kind = if event.event.is_violation() { "violation" } else { "simulator" };
+        let text = event.event.to_string();
+        events.push(MissionEvent { t_s: seconds(event.time_ns), kind: kind.to_owned(), text });
+    }
+    events.sort_by(|a, b| a.t_s.total_cmp(&b.t_s));
+    if let Some((_, earlier)) = ways.split_last_mut() {
+        // one tree is enough to look at
+        earlier.iter_mut().skip(1).for_each(|way| way.tree_m.clear());
+    }
+    let counts = flying.estimator().counts();
+    let mut warnings = invariants::warnings(&sums.watch);
+    warnings.extend(expired);
+    let clearance_m = sums.min_clearance_m.unwrap_or(f64::INFINITY);
+    warnings.extend(too_late.and_then(|too_late| too_late.excuse(clearance_m, CHECKED_SHARE * problem.margin_m)));
+    if counts.gated > 0 {
+        warnings.push(format!("{} measurements did not fit what was expected and were not used", counts.gated));
+    }
+    let summary = MissionSummary {
+        format: 1,
+        scenario: source.scenario.name.clone(),
+        seed: options.seed,
+        options: *options,
+        arrived: flying.end() == Some(&End::Arrived),
+        no_way: match flying.end() {
+            Some(End::NoWay(obstruction)) => Some(format!("{obstruction:?}")),
+            _ => None,
+        },
+        mission_s,
+        min_clearance_m: sums.min_clearance_m,
+        limit_violations: sums.violations,
+        impulse_n_s: sums.impulse_n_s,
+        angular_impulse_n_m_s: sums.angular_impulse_n_m_s,
+        rms_tracking_m: TrackingRms { all: sums.rms_since(0.0), last_leg: sums.rms_since(0.75 * mission_s) },
+        parameters: PARAMETERS.iter().enumerate().map(row).collect(),
+        replans: (ways.len() as u64).saturating_sub(1),
+        belief_revisions: beliefs.len() as u64,
+        fallbacks: sums.account.fallbacks().iter().map(fallback_row).collect(),
+        faults: faults.counts(),
+        information_shut_off_s: shut_off.into_iter().filter_map(|(name, at)| Some((name, at?))).collect(),
+        warnings,
+    };
+    let World { keep_in, keep_out, obstacles } = &problem.planning.world;
+    let drawn =
+        |aligned: &AlignedBox| DrawnBox { lower_m: array(&aligned.lower_world), upper_m: array(&aligned.upper_world) };
+    let ellipsoid = |(index, solid): (usize, &ObstacleEllipsoid)| {
+        let motion = problem.planning.obstacle_motions.iter().find(|motion| motion.obstacle == index);
+        let seen_s = problem.seen_from_s.get(index).copied().unwrap_or(0.0);
+        DrawnEllipsoid {
+            center_m: array(&solid.world_from_ellipsoid.translation.vector),
+            velocity_m_s: motion.map_or([0.0; 3], |motion| array(&motion.velocity_world)),
+            quaternion_xyzw: xyzw(&solid.world_from_ellipsoid.rotation),
+            semi_axes_m: array(&solid.semi_axes),
+            seen_s: [seen_s, motion.map_or(1e9, |motion| motion.vanish_s.min(1e9))],
+        }
+    };
+    Ok(MissionRecord {
+        summary,
+        scenario_toml: source.to_toml()?,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        robot_radius_m: problem.planning.body.bounding_radius_m(),
+        planar: problem.planar,
+        goal_m: array(&problem.planning.goal.position),
+        keep_in: keep_in.iter().map(drawn).collect(),
+        keep_out: keep_out.iter().map(drawn).collect(),
+        obstacles: obstacles.iter().enumerate().map(ellipsoid).collect(),
+        series: sums.series,
+        ways,
+        stretches,
+        beliefs,
+        events,
+    })
+}

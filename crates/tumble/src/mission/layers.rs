@@ -1,0 +1,373 @@
+//! The layers of a mission, built from its problem.
+
+use super::options::{FlyOptions, WeightingChoice};
+use super::registries::{controllers, estimators, local_planners, planners};
+use crate::TumbleError;
+use crate::scenario::{ComputingSettings, MissionProblem, UnknownsName};
+use tumble_astrobee::control_presets::{self, ControlLimits};
+use tumble_astrobee::planning_presets::{EXPONENTIAL_WEIGHTING, STEP_WEIGHTING};
+use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
+use tumble_dynamics::{AlignedBox, RigidBodyState, World};
+use tumble_identification::estimator::StateEstimator;
+use tumble_identification::recursive::{FlightEstimator, FlightEstimatorSettings, LearningTargets};
+use tumble_lie::LieGroup;
+use tumble_planning::collision::{BodyShape, EllipsoidWorld, MovingObstacle};
+use tumble_planning::control::{
+    AttitudeController, AttitudeLaw, AttitudeSpan, Controller, TrackedPoint, TubeController, TubeDisturbance,
+    TubeSettings,
+};
+use tumble_planning::global::GlobalPlanner;
+use tumble_planning::local::{
+    CovarianceWeighting, ExponentialWeighting, FixedWeighting, Hull, InformationWeighting, PlanarBodyModel,
+    RigidBodyModel, SpeedLimits, StepWeighting, Surroundings, WrenchSet,
+};
+use tumble_planning::mission::{
+    AtGoal, BrakeLimits, ClosedLoop, ComputingTime, ExpectedLoss, InformativeStretch, LoopSettings, Scene, Schedule,
+    Simulated, StretchModel, StretchPlanner, StretchSettings,
+};
+use tumble_planning::{ModelBelief, PlanningError};
+
+/// RATTLE around the simulated robot.
+pub type AstrobeeLoop = ClosedLoop<EllipsoidWorld, Box<dyn Controller + Send>, Box<dyn StateEstimator>>;
+
+/// Its planners, whose computing time is simulated.
+pub type MissionPlanners = Simulated<Box<dyn GlobalPlanner<EllipsoidWorld>>, Box<dyn StretchPlanner>>;
+
+/// Largest error of the estimator's position and velocity along an axis, standard deviations of what it claims.
+const ERRORS: [f64; 2] = [3e-4, 1.5e-4];
+/// Largest force from outside along an axis, N: drag, and nozzles that are not as on paper.
+const FORCE_FROM_OUTSIDE_N: f64 = 0.004;
+/// Shares of these errors that a tube is built for, the first that leaves some force to plans.
+const HELD: [f64; 4] = [1.0, 0.6, 0.3, 0.1];
+/// Farthest that a stretch's attitude leaves those between start and goal, rad.
+const WANDERS_RAD: f64 = 0.35;
+/// Relative change of the mass that asks for another way.
+const MATERIAL: f64 = 0.15;
+/// Share of the margin of ways that stretches keep: they need room to leave the way.
+const STRETCH_MARGIN_SHARE: f64 = 0.9;
+/// A stretch may be so much faster than the way, to leave it and come back.
+const FASTER: f64 = 1.15;
+/// Natural frequencies of rotation and position of what follows a way, for what deviations from it cost, rad/s.
+const TRACKER_RAD_S: [f64; 2] = [0.6, 0.5];
+/// Share of the rate limit that plans use.
+const RATE_SHARE: f64 = 0.6;
+/// Share of the margin that is kept by what is flown; the rest is what planners may be off by.
+pub(super) const CHECKED_SHARE: f64 = 0.6;
+
+/// Whole nanoseconds.
+fn nanoseconds(time_s: f64) -> i64 {
+    crate::flight_log::nanoseconds(time_s)
+}
+
+/// What is around the robot, as far as it knows at a time; `extra` are obstacles that no scenario has.
+///
+/// # Errors
+/// Those of the planner: a world that cannot be.
+pub fn scene(
+    problem: &MissionProblem,
+    time_s: f64,
+    extra: &[MovingObstacle],
+) -> Result<Scene<EllipsoidWorld>, PlanningError> {
+    let planning = &problem.planning;
+    let is_seen = |index: &usize| problem.seen_from_s.get(*index).is_none_or(|from_s| *from_s <= time_s);
+    let motion_of = |index: usize| planning.obstacle_motions.iter().find(|motion| motion.obstacle == index);
+    let (mut still, mut moving) = (Vec::new(), Vec::new());
+    for (index, obstacle) in planning.world.obstacles.iter().enumerate().filter(|(index, _)| is_seen(index)) {
+        match motion_of(index) {
+            None => still.push(*obstacle),
+            Some(motion) => moving.push(
+                MovingObstacle::at_rest(*obstacle)
+                    .drifting(motion.velocity_world, 0.0)
+                    .present(motion.appear_s, motion.vanish_s),
+            ),
+        }
+    }
+    moving.extend_from_slice(extra);
+    let world = World { obstacles: still, ..planning.world.clone() };
+    let collision = EllipsoidWorld::new(&world)?.with_obstacles(moving.iter().copied())?;
+    Ok(Scene { world: collision, surroundings: surroundings(problem, world, moving)? })
+}
+
+/// The same for stretches: the keep-in boxes cut to where the body origin may be.
+fn surroundings(
+    problem: &MissionProblem,
+    mut world: World,
+    moving: Vec<MovingObstacle>,
+) -> Result<Surroundings, PlanningError> {
+    let planning = &problem.planning;
+    let reach = Vector3::repeat(planning.body.bounding_radius_m() + problem.margin_m);
+    let position = &planning.limits.position;
+    let mut allowed =
+        AlignedBox { lower_world: position.lower_world - reach, upper_world: position.upper_world + reach };
+    if problem.planar {
+        (allowed.lower_world.z, allowed.upper_world.z) = (f64::NEG_INFINITY, f64::INFINITY);
+    }
+    let rooms = if world.keep_in.is_empty() { vec![allowed] } else { world.keep_in };
+    let cut = rooms.iter().map(|room| AlignedBox {
+        lower_world: room.lower_world.sup(&allowed.lower_world),
+        upper_world: room.upper_world.inf(&allowed.upper_world),
+    });
+    world.keep_in = cut.filter(|room| (room.upper_world - room.lower_world).min() > 0.0).collect();
+    Surroundings::of_world(&world, Hull::Shape(planning.body.clone()))?.with_moving(moving)
+}
+
+/// Steps of a stretch.
+fn steps(problem: &MissionProblem) -> usize {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a length that was checked
+    let steps = libm::round(problem.stretch_s / problem.step_s) as usize;
+    steps.max(1)
+}
+
+/// The planner of stretches.
+///
+/// # Errors
+/// Settings that are none.
+pub fn stretch_planner(
+    problem: &MissionProblem,
+    choice: WeightingChoice,
+) -> Result<Box<dyn StretchPlanner>, PlanningError> {
+    let usual = StretchSettings::default();
+    let rate_rad_s = usual.speed.rate_rad_s.map(|usual| usual.min(RATE_SHARE * problem.rate_limit_rad_s));
+    let settings = StretchSettings {
+        steps: steps(problem),
+        step_s: problem.step_s,
+        speed: SpeedLimits { speed_m_s: problem.planning.limits.speed_m_s * FASTER, rate_rad_s },
+        measurement_sigma: [
+            problem.noise.position_m,
+            problem.noise.velocity_m_s,
+            problem.noise.attitude_rad,
+            problem.noise.rate_rad_s,
+        ],
+        samples_per_step: problem.step_s / tumble_astrobee::simulator::CONTROL_PERIOD_S,
+        margin_m: STRETCH_MARGIN_SHARE * problem.margin_m,
+        ..usual
+    };
+    let torque = problem.torque_limit_n_m * problem.plan_torque_share;
+    let force = problem.force_limit_n * problem.plan_force_share;
+    let in_space =
+        || WrenchSet { limit: [torque.x, torque.y, torque.z, force.x, force.y, force.z], half_spaces: Vec::new() };
+    let height_m = problem.planning.start.position.z;
+    let on_table = || WrenchSet { limit: [torque.z, force.x, force.y], half_spaces: Vec::new() };
+    Ok(match problem.unknowns {
+        UnknownsName::Principal => {
+            boxed(RigidBodyModel::principal(), &settings, in_space(), problem, (choice, &[1, 2, 3]))?
+        }
+        UnknownsName::Full => {
+            boxed(RigidBodyModel::full(), &settings, in_space(), problem, (choice, &[4, 5, 6, 7, 8, 9]))?
+        }
+        UnknownsName::Planar => {
+            let model = PlanarBodyModel::mass_and_inertia().at_height(height_m);
+            boxed(model, &settings, on_table(), problem, (choice, &[1]))?
+        }
+        UnknownsName::PlanarCom => {
+            let model = PlanarBodyModel::full().at_height(height_m);
+            boxed(model, &settings, on_table(), problem, (choice, &[1]))?
+        }
+    })
+}
+
+/// A planner of stretches for a model, `inertia` the places of the moments of inertia among its quantities.
+fn boxed<M, const X: usize, const U: usize, const P: usize>(
+    model: M,
+    settings: &StretchSettings,
+    wrench: WrenchSet<U>,
+    problem: &MissionProblem,
+    (choice, inertia): (WeightingChoice, &[usize]),
+) -> Result<Box<dyn StretchPlanner>, PlanningError>
+where
+    M: StretchModel<X, U, P> + Clone + 'static,
+    M::State: 'static,
+{
+    let planner = InformativeStretch::try_new(model, settings, wrench, weighting::<P>(problem, choice, inertia)?)?;
+    if choice != WeightingChoice::Belief {
+        return Ok(Box::new(planner));
+    }
+    let places = problem.unknowns.places();
+    Ok(Box::new(planner.weighted_by_loss(ExpectedLoss {
+        tracker_rad_s: TRACKER_RAD_S,
+        tracking: settings.tracking,
+        places: std::array::from_fn(|index| places.get(index).copied().unwrap_or(usize::MAX)),
+    })))
+}
+
+fn weighting<const P: usize>(
+    problem: &MissionProblem,
+    choice: WeightingChoice,
+    inertia: &[usize],
+) -> Result<Box<dyn InformationWeighting<P>>, PlanningError> {
+    let each = |values: &[f64]| std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0));
+    let base: [f64; P] = each(&problem.weighting.gamma0);
+    let only = |kept: &[usize]| std::array::from_fn(|i| if kept.contains(&i) { base[i] } else { 0.0 });
+    Ok(match choice {
+        WeightingChoice::Covariance => Box::new(CovarianceWeighting::try_new(
+            base,
+            each(&problem.weighting.target_variance),
+            problem.weighting.alpha,
+            problem.weighting.beta,
+        )?),
+        WeightingChoice::Step => Box::new(StepWeighting::try_new(base, STEP_WEIGHTING.to_vec())?),
+        WeightingChoice::Exponential => {
+            let [rate, least] = EXPONENTIAL_WEIGHTING;
+            Box::new(ExponentialWeighting::try_new(base, rate, least)?)
+        }
+        WeightingChoice::Fixed => Box::new(FixedWeighting::try_new(base)?),
+        WeightingChoice::Mass => Box::new(FixedWeighting::try_new(only(&[0]))?),
+        WeightingChoice::Inertia => Box::new(FixedWeighting::try_new(only(inertia))?),
+        // by expected loss nothing of this is asked
+        WeightingChoice::Belief | WeightingChoice::None => Box::new(FixedWeighting::try_new([0.0; P])?),
+    })
+}
+
+/// What makes the tube controller: at first, and anew when the body may be anything.
+pub fn tube_controllers(
+    problem: &MissionProblem,
+) -> impl FnMut(&ModelBelief) -> Result<TubeController, PlanningError> + Send + use<> {
+    let limits = ControlLimits { force_n: problem.force_limit_n, torque_n_m: problem.torque_limit_n_m.min() };
+    let share = problem.mass_interval_share;
+    let place = problem.place;
+    let first = problem.planning.attitude;
+    let last = problem.planning.goal.attitude.unwrap_or(first);
+    let turn: Vector3<f64> = LieGroup::log(&(first.inverse() * last));
+    let middle: UnitQuaternion<f64> = LieGroup::exp(&(turn * 0.5));
+    let near = AttitudeSpan::Near {
+        axes_from_body: first * middle,
+        angle_rad: 0.5 * f64::sqrt(turn.norm_squared()) + WANDERS_RAD,
+    };
+    let left = |span: &AttitudeSpan| span.inner_box(&limits.force_n).min();
+    let attitudes = if left(&near) > left(&AttitudeSpan::Any) { near } else { AttitudeSpan::Any };
+    let [position_m, velocity_m_s] = ERRORS;
+    let speed_m_s = problem.planning.limits.speed_m_s.max();
+    move |belief: &ModelBelief| {
+        let body = belief.parameters();
+        let attitude = AttitudeController {
+            law: AttitudeLaw::Geometric,
+            gains: control_presets::rattle_attitude_gains(place),
+            body: *body,
+            torque_limit_n_m: limits.torque_n_m,
+        };
+        let mass = control_presets::mass_interval(body.mass, share)?;
+        let of = |held: f64| {
+            let settings = TubeSettings {
+                speed_m_s: 2.0 * speed_m_s,
+                disturbance: TubeDisturbance {
+                    position_m: held * position_m,
+                    velocity_m_s: held * velocity_m_s,
+                    force_n: held * FORCE_FROM_OUTSIDE_N,
+                    acceleration_m_s2: 0.0,
+                },
+                point: TrackedPoint::BelievedCenterOfMass,
+                ..control_presets::tube_settings(mass, &limits, attitudes)
+            };
+            TubeController::try_new(settings, None, attitude, body)
+        };
+        // a body so heavy that errors alone would take all the force has a tube for smaller ones: more often outside of it
+        HELD.into_iter().map(of).find(Result::is_ok).unwrap_or_else(|| of(0.0))
+    }
+}
+
+/// What estimators in flight are told of sensors and thrust.
+pub(super) fn estimator_settings(problem: &MissionProblem) -> FlightEstimatorSettings {
+    FlightEstimatorSettings { planar: problem.planar, ..FlightEstimatorSettings::new(problem.noise) }
+}
+
+/// The estimator, at the start.
+///
+/// # Errors
+/// Noise that is none, a prior that is none.
+pub fn estimator(problem: &MissionProblem) -> Result<FlightEstimator, PlanningError> {
+    let state: RigidBodyState<f64> = *problem.flight.simulator.state();
+    Ok(FlightEstimator::try_new(
+        estimator_settings(problem),
+        state,
+        problem.flight.simulator.time_ns(),
+        &problem.prior,
+    )?)
+}
+
+/// What a planner may take beyond all that it is expected to, ns.
+fn patience_ns(computing: &ComputingSettings) -> i64 {
+    let way_ns = computing.global_units.saturating_mul(computing.global_unit_ns);
+    let stretch_ns = computing.local_units.saturating_mul(computing.local_unit_ns);
+    let longest_ns = i64::try_from(way_ns.max(stretch_ns)).unwrap_or(i64::MAX);
+    longest_ns.saturating_mul(4).max(Schedule::default().patience_ns)
+}
+
+/// What the closed loop is told.
+pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> LoopSettings<BodyShape> {
+    let computing = &problem.computing;
+    let stretches = problem.station_keeping().then_some(problem.station_stretches);
+    LoopSettings {
+        schedule: Schedule {
+            way_lead_ns: nanoseconds(problem.way_lead_s),
+            stretch_lead_ns: nanoseconds(problem.stretch_lead_s),
+            dwell_ns: nanoseconds(problem.arrival.for_s),
+            longest_ns: nanoseconds(problem.longest_s),
+            patience_ns: patience_ns(computing),
+            stretches,
+            ..Schedule::default()
+        },
+        decision_periods: u64::from(control_presets::OUTPUTS_PER_DECISION),
+        belief_period_ns: nanoseconds(problem.belief_period_s),
+        feedback,
+        at_goal: AtGoal {
+            distance_m: problem.arrival.position_m,
+            angle_rad: problem.arrival.attitude_rad,
+            speed_m_s: problem.arrival.speed_m_s,
+            rate_rad_s: problem.arrival.rate_rad_s,
+        },
+        margin_m: problem.margin_m,
+        check_margin_m: CHECKED_SHARE * problem.margin_m,
+        way_units: computing.global_units,
+        new_way_units: computing.replan_units,
+        stretch_units: computing.local_units,
+        known: stretches.map(|_| LearningTargets {
+            mass: 0.01,
+            center_of_mass_m: 0.003,
+            inertia: 0.03,
+            planar: problem.planar,
+        }),
+        material_change: MATERIAL,
+        seed,
+        ..LoopSettings::new(
+            problem.planning.body.clone(),
+            problem.planning.goal,
+            problem.planning.limits,
+            (problem.stop, BrakeLimits { force_n: problem.force_limit_n, torque_n_m: problem.torque_limit_n_m.min() }),
+        )
+    }
+}
+
+/// How long planners take.
+pub fn computing_time(problem: &MissionProblem) -> ComputingTime {
+    let signed = |value: u64| i64::try_from(value).unwrap_or(i64::MAX);
+    ComputingTime {
+        way_unit_ns: signed(problem.computing.global_unit_ns),
+        stretch_unit_ns: signed(problem.computing.local_unit_ns),
+        jitter: problem.computing.jitter_share,
+    }
+}
+
+/// The whole loop, and its planners.
+///
+/// # Errors
+/// What one of its layers refuses.
+pub fn closed_loop(
+    problem: &MissionProblem,
+    options: &FlyOptions,
+) -> Result<(AstrobeeLoop, MissionPlanners), TumbleError> {
+    let build = || {
+        let layers = &problem.layers;
+        let ways = planners().make(layers.planner(), &problem.planning)?;
+        let stretches = local_planners().make(layers.local_planner(), &options.weighting)?(problem)?;
+        let planners = Simulated::new((ways, stretches), computing_time(problem));
+        let flying = ClosedLoop::try_new(
+            loop_settings(problem, options.feedback, options.seed),
+            scene(problem, 0.0, &[])?,
+            controllers().make(layers.controller(), problem)?,
+            estimators().make(layers.estimator(), problem)?,
+            problem.flight.simulator.time_ns(),
+        )?;
+        Ok((flying, planners))
+    };
+    build().map_err(TumbleError::Planning)
+}

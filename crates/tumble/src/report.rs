@@ -1,0 +1,635 @@
+//! A result as people and programs read it: table, JSON, residual plots, one offline page.
+
+use crate::TumbleError;
+use crate::figure::{Curve, Figure, SINCE_START};
+use crate::output::OutputFolder;
+use serde::Serialize;
+use std::fmt::Write as _;
+use tumble_dynamics::nalgebra::{Matrix3, Vector3};
+use tumble_dynamics::{InertialParameters, PARAMETER_NAMES, PARAMETER_UNITS};
+use tumble_formats::FormatsError;
+use tumble_formats::body_file::BodyFile;
+use tumble_formats::log::seconds;
+use tumble_identification::estimator::{Verdict, Why};
+use tumble_identification::{
+    Estimate, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, NuisanceEstimate, NullDirection, Prediction,
+    StandardDeviations, Validation, WrenchTiming,
+};
+
+/// The name of a wrench timing on the command line and in JSON.
+pub fn timing_name(timing: WrenchTiming) -> &'static str {
+    match timing {
+        WrenchTiming::Held => "held",
+        WrenchTiming::Sampled => "sampled",
+    }
+}
+
+/// One of the ten numbers that people compare: mass, centre of mass, inertia about it.
+struct Quantity {
+    name: &'static str,
+    json: (&'static str, usize, usize),
+    unit: &'static str,
+    value: f64,
+    std: f64,
+}
+
+fn quantities(body: &InertialParameters<f64>, std: &StandardDeviations) -> Vec<Quantity> {
+    let (com, inertia) = (body.center_of_mass(), body.inertia_about_com());
+    let mut list =
+        vec![Quantity { name: "mass", json: ("mass", 0, 0), unit: "kg", value: body.mass, std: std.mass_kg }];
+    for (i, name) in ["centre of mass x", "centre of mass y", "centre of mass z"].into_iter().enumerate() {
+        list.push(Quantity { name, json: ("com", i, 0), unit: "m", value: com[i], std: std.center_of_mass_m[i] });
+    }
+    let entries = [("xx", 0, 0), ("yy", 1, 1), ("zz", 2, 2), ("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2)];
+    let names = ["inertia xx", "inertia yy", "inertia zz", "inertia xy", "inertia xz", "inertia yz"];
+    for (name, (_, i, j)) in names.into_iter().zip(entries) {
+        list.push(Quantity {
+            name,
+            json: ("inertia", i, j),
+            unit: "kg m^2",
+            value: inertia[(i, j)],
+            std: std.inertia_about_com_kg_m2[(i, j)],
+        });
+    }
+    list
+}
+
+/// `value` and `std` with two significant digits of the standard deviation.
+fn with_digits_of(value: f64, std: f64) -> (String, String) {
+    if !(std.is_finite() && std > 0.0) {
+        return (format!("{value:.6}"), "-".to_owned());
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let decimals = (1.0 - std.log10().floor()).clamp(0.0, 12.0) as usize;
+    (format!("{value:.decimals$}"), format!("{std:.decimals$}"))
+}
+
+/// What the command line adds to a library result.
+pub struct Context<'a> {
+    /// What was read: a file name, or the demo.
+    pub source: String,
+    /// A body to compare with: its name and parameters.
+    pub reference: Option<(String, &'a InertialParameters<f64>)>,
+    /// Judgement on the last part of the log.
+    pub validation: Option<Validation>,
+    /// Warnings of the reader, before those of the estimator.
+    pub reader_warnings: Vec<String>,
+    /// Duration of the record, s.
+    pub duration_s: f64,
+}
+
+/// All warnings in one list.
+pub fn warnings(found: &Identification, context: &Context) -> Vec<String> {
+    let exchanges = found.exchanges.iter().map(ToString::to_string);
+    let own = found.warnings.iter().map(ToString::to_string).chain(exchanges);
+    context.reader_warnings.iter().cloned().chain(own).collect()
+}
+
+/// The readable table with one-sigma and a verdict.
+pub fn table(found: &Identification, context: &Context) -> String {
+    let mut text = String::new();
+    let _ = writeln!(text, "{}", context.source);
+    let _ = writeln!(
+        text,
+        "  method {}, wrench {}, {} {}; {} samples used, {} rejected; {:.4} s steps, {:.1} s",
+        found.method,
+        timing_name(found.wrench_timing),
+        if found.method == MAXIMUM_LIKELIHOOD { "samples in a segment" } else { "lag" },
+        found.lag,
+        found.samples_used,
+        found.samples_rejected,
+        found.step_s,
+        context.duration_s,
+    );
+    let noise = &found.noise;
+    let _ = writeln!(
+        text,
+        "  residual like wrench noise of {:.1e} N m, {:.1e} N per sample; pose noise about {:.1e} m, {:.1e} rad\n",
+        noise.torque_n_m, noise.force_n, noise.position_m, noise.attitude_rad
+    );
+    match (&found.estimate, &found.regularised) {
+        (Some(estimate), _) => text += &body_table(estimate, &found.determined(), context),
+        (None, Some(completed)) => text += &body_table(completed, &found.determined(), context),
+        (None, None) => {}
+    }
+    text += &calibration_table(&found.calibration);
+    let _ = write!(text, "{}", verdict(found, context));
+    text
+}
+
+fn calibration_table(calibration: &[NuisanceEstimate]) -> String {
+    let mut text = String::new();
+    for found in calibration {
+        let name = found.nuisance.to_string();
+        let (value, std) = match (found.value, found.std) {
+            (Some(value), Some(std)) => with_digits_of(value, std),
+            _ => ("-".to_owned(), "-".to_owned()),
+        };
+        let unit = found.nuisance.unit();
+        let _ = writeln!(text, "  {name:<26}{value:>14}{std:>14}  {unit:<7}{}", found.verdict);
+    }
+    if !text.is_empty() {
+        text.push('\n');
+    }
+    text
+}
+
+pub(crate) fn body_table(estimate: &Estimate, determined: &[bool], context: &Context) -> String {
+    let mut text = String::new();
+    let reference = context.reference.as_ref().map(|(name, body)| (name, quantities(body, &estimate.std)));
+    let _ = write!(text, "  {:<18}{:>16}{:>14}  {:<7}", "quantity", "estimate", "1 sigma", "unit");
+    if let Some((name, _)) = &reference {
+        let _ = write!(text, "{name:>14}{:>12}{:>14}", "error", "error/sigma");
+    }
+    let _ = writeln!(text);
+    for (i, q) in quantities(&estimate.parameters, &estimate.std).iter().enumerate() {
+        if !determined[i] {
+            let _ = writeln!(text, "  {:<18}{:>16}{:>14}  {:<7}", q.name, "not determined", "-", q.unit);
+            continue;
+        }
+        let (value, std) = with_digits_of(q.value, q.std);
+        let _ = write!(text, "  {:<18}{value:>16}{std:>14}  {:<7}", q.name, q.unit);
+        if let Some((_, truth)) = &reference {
+            let error = q.value - truth[i].value;
+            let (truth, _) = with_digits_of(truth[i].value, q.std);
+            let _ = write!(text, "{truth:>14}{error:>12.2e}{:>14.2}", error / q.std);
+        }
+        let _ = writeln!(text);
+    }
+    let _ = writeln!(
+        text,
+        "  inertia about the centre of mass, body axes; off-diagonals are minus the products of inertia\n"
+    );
+    text
+}
+
+/// The quantity known worst, relative to the body's own scale.
+pub(crate) fn worst_std(estimate: &Estimate) -> (f64, &'static str) {
+    quantities(&estimate.parameters, &estimate.std)
+        .into_iter()
+        .map(|q| (relative_std(&estimate.parameters, &q), q.name))
+        .fold((0.0, ""), |a, b| if b.0 > a.0 || b.0.is_nan() { b } else { a })
+}
+
+/// What speaks against numbers, in words; `widest` names the quantity known worst.
+fn doubt(why: Why, widest: &str) -> String {
+    match why {
+        Why::Diverged { .. } => "the filter asked for diverged, the numbers above are a regression's".to_owned(),
+        Why::Biased { .. } | Why::Wandering { .. } | Why::StandIn => {
+            "the numbers above are an answer with an error beyond the sigma of its noise (see the warnings): \
+             record a stronger excitation, or try `--method maximum-likelihood --estimate delay,actuator-lag`"
+                .to_owned()
+        }
+        Why::Exchangeable => {
+            "what was asked for beside the body is exchangeable with it (see the warnings): ask for less".to_owned()
+        }
+        Why::Wide { .. } => format!("{widest} is not known to better than the body's own scale"),
+        Why::Surprised { mean_nis } => {
+            format!("its own observations surprised the filter: {mean_nis:.2} times what its noise allows on average")
+        }
+        Why::Alone { rank } => format!("another way to the same parameters sees {rank} of 10 directions only"),
+        Why::Disagrees { chi_square } => {
+            format!("another way to the same parameters comes to others, {:.1} sigma apart", chi_square.sqrt())
+        }
+        Why::NoBody { .. } => "the numbers above are no body".to_owned(),
+        _ => "the judge has a doubt that this program has no words for".to_owned(),
+    }
+}
+
+fn verdict(found: &Identification, context: &Context) -> String {
+    let mut text = String::new();
+    if let Some(estimate) = &found.estimate {
+        let margin = pseudo_inertia_min_eigenvalue(&estimate.parameters);
+        let worst = worst_std(estimate);
+        let said = match found.verdict {
+            Verdict::Identified => format!(
+                "all ten parameters identified (condition number {:.0}); weakest: {} to {:.2} % of the body's scale",
+                found.condition_number,
+                worst.1,
+                100.0 * worst.0
+            ),
+            Verdict::NoBodyExplains { .. } => "no body explains this log; do not use the numbers above".to_owned(),
+            Verdict::Doubtful(why) => format!("not identified; {}", doubt(why, worst.1)),
+            _ => "not identified by the data alone".to_owned(),
+        };
+        let _ = writeln!(text, "verdict: {said}");
+        if let Some(share) = found.explained {
+            let _ = writeln!(text, "  the body explains {:.3} % of the wrench", 100.0 * share);
+        }
+        if found.rank < 10 {
+            let _ = writeln!(text, "  with the prior's help: the data alone determine {} of 10 directions", found.rank);
+        }
+        let constraint = if estimate.lmi_active { ", the consistency constraint is active" } else { "" };
+        let _ = writeln!(text, "  physically consistent: smallest pseudo-inertia eigenvalue {margin:.3e}{constraint}");
+    } else if let Verdict::NoBodyExplains { .. } = found.verdict {
+        let _ = writeln!(text, "verdict: no body explains this log; see the warnings");
+    } else {
+        let _ =
+            writeln!(text, "verdict: this log does not determine the body: {} of 10 parameter directions", found.rank);
+        for direction in &found.null_directions {
+            let _ = writeln!(text, "  not determined: {direction}");
+        }
+        if let Some(completed) = &found.regularised {
+            let _ = writeln!(
+                text,
+                "  completed by a weak physical prior (not knowledge from this log): mass {:.3} kg; --json prints all of it",
+                completed.parameters.mass
+            );
+        }
+    }
+    if let Some(v) = &context.validation {
+        let _ = writeln!(
+            text,
+            "  held-out part: {} nodes, residual {:.2e} N m, {:.2e} N; {:.2} times what noise and covariance predict; {:.2} % of the wrench explained",
+            v.nodes,
+            v.torque_rms_n_m,
+            v.force_rms_n,
+            v.normalised_rms,
+            100.0 * v.explained
+        );
+    }
+    text
+}
+
+/// One sigma relative to the body's own scale: mass, radius of gyration, mean principal inertia.
+fn relative_std(body: &InertialParameters<f64>, quantity: &Quantity) -> f64 {
+    let mean_inertia = body.inertia_about_com().trace() / 3.0;
+    match quantity.json.0 {
+        "mass" => quantity.std / body.mass,
+        "com" => quantity.std / (mean_inertia / body.mass).sqrt(),
+        _ => quantity.std / mean_inertia,
+    }
+}
+
+pub(crate) fn words(directions: &[NullDirection]) -> Vec<String> {
+    directions.iter().map(ToString::to_string).collect()
+}
+
+/// One sigma of each quantity, a column for each account of it with its heading; what is not determined stands so.
+pub fn sigma_table(columns: &[(&str, &StandardDeviations)]) -> String {
+    let unit_body = InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::identity());
+    let widths: Vec<usize> = columns.iter().map(|(heading, _)| 14.max(heading.len() + 2)).collect();
+    let mut text = format!("  {:<18}", "quantity");
+    for ((heading, _), width) in columns.iter().zip(&widths) {
+        let _ = write!(text, "{heading:>width$}");
+    }
+    text.push('\n');
+    let columns: Vec<_> = columns.iter().map(|(_, std)| quantities(&unit_body, std)).collect();
+    for (row, quantity) in columns.first().into_iter().flatten().enumerate() {
+        let _ = write!(text, "  {:<18}", quantity.name);
+        let mut unit = "";
+        for (column, width) in columns.iter().zip(&widths) {
+            let std = column[row].std;
+            let _ = if std.is_finite() {
+                unit = quantity.unit;
+                write!(text, "{std:>width$.2e}")
+            } else {
+                write!(text, "{:>width$}", "not determined")
+            };
+        }
+        let _ = writeln!(text, " {unit}");
+    }
+    text
+}
+
+/// One sigma of each quantity as `--json` has it; `null` for what is not determined.
+pub fn sigma_json(std: &StandardDeviations) -> serde_json::Value {
+    // A structure of numbers always has a JSON form.
+    serde_json::to_value(json_std(std, &Shown::ALL)).unwrap_or_default()
+}
+
+/// What `--dry-run` prints.
+pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f64, f64)) -> String {
+    let mut text = String::new();
+    let _ = writeln!(text, "{source}: what this log can answer");
+    let _ = writeln!(
+        text,
+        "  {} equations, rank {} of 10, condition number {:.1}; poses taken as exact, wrench noise {:.1e} N m, {:.1e} N per sample:\n",
+        prediction.rows, prediction.rank, prediction.condition_number, wrench_noise.0, wrench_noise.1
+    );
+    if let Some(std) = &prediction.std {
+        text += &sigma_table(&[("1 sigma", std)]);
+        text.push('\n');
+    }
+    if let (None, Some(covariance)) = (&prediction.std, &prediction.covariance) {
+        let _ = writeln!(
+            text,
+            "  {:<18}{:>14}   (no wrench and no prior: the body's size is not known)",
+            "parameter", "1 sigma"
+        );
+        for i in 0..10 {
+            let _ = writeln!(
+                text,
+                "  {:<18}{:>14.2e} {}",
+                PARAMETER_NAMES[i],
+                covariance[(i, i)].sqrt(),
+                PARAMETER_UNITS[i]
+            );
+        }
+        text.push('\n');
+    }
+    if prediction.rank == 10 {
+        let _ = writeln!(text, "verdict: the motion of this log can determine all ten parameters");
+    } else {
+        let _ = writeln!(text, "verdict: this log cannot determine the body");
+        for direction in &prediction.null_directions {
+            let _ = writeln!(text, "  not determined: {direction}");
+        }
+    }
+    text
+}
+
+/// The object that `--dry-run --json` prints.
+pub fn prediction_json(prediction: &Prediction, wrench_noise: (f64, f64)) -> String {
+    serde_json::json!({
+        "format": 1,
+        "rows": prediction.rows,
+        "rank": prediction.rank,
+        "condition_number": Some(prediction.condition_number).filter(|c| c.is_finite()),
+        "null_directions": words(&prediction.null_directions),
+        "assumed_noise": { "torque_n_m": wrench_noise.0, "force_n": wrench_noise.1 },
+        "std": prediction.std.as_ref().map(|std| json_std(std, &Shown::ALL)),
+    })
+    .to_string()
+}
+
+fn json_std(std: &StandardDeviations, shown: &Shown) -> JsonStd {
+    JsonStd {
+        mass_kg: shown.mass(std.mass_kg),
+        com_m: shown.com(&std.center_of_mass_m),
+        inertia_about_com_kg_m2: shown.inertia(&std.inertia_about_com_kg_m2),
+    }
+}
+
+/// Smallest eigenvalue of the pseudo-inertia, mixed units (kg m^2, kg m, kg) as the thesis has it.
+pub(crate) fn pseudo_inertia_min_eigenvalue(body: &InertialParameters<f64>) -> f64 {
+    tumble_dynamics::pseudo_inertia(body).symmetric_eigenvalues().min()
+}
+
+/// The object that `--json` prints; `docs/identify-json.md` describes it.
+#[derive(Serialize)]
+pub struct Json {
+    format: u32,
+    method: &'static str,
+    wrench_timing: &'static str,
+    samples_used: usize,
+    samples_rejected: usize,
+    #[serde(flatten)]
+    body: Option<JsonBody>,
+    rank: usize,
+    condition_number: Option<f64>,
+    null_directions: Vec<String>,
+    regularised: Option<JsonBody>,
+    explained: Option<f64>,
+    noise: JsonNoise,
+    delay_s: Option<f64>,
+    calibration: Vec<JsonCalibration>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference: Option<JsonReference>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    holdout: Option<JsonHoldout>,
+    warnings: Vec<String>,
+}
+
+type NumberRows = [[Option<f64>; 3]; 3];
+
+/// A body; numbers that the data do not determine are `null`.
+#[derive(Serialize, Default)]
+pub(crate) struct JsonBody {
+    mass_kg: Option<f64>,
+    com_m: [Option<f64>; 3],
+    inertia_about_com_kg_m2: NumberRows,
+    inertia_about_origin_kg_m2: NumberRows,
+    std: JsonStd,
+    pseudo_inertia_min_eigenvalue: Option<f64>,
+    lmi_active: bool,
+}
+
+#[derive(Serialize, Default)]
+struct JsonStd {
+    mass_kg: Option<f64>,
+    com_m: [Option<f64>; 3],
+    inertia_about_com_kg_m2: NumberRows,
+}
+
+#[derive(Serialize)]
+struct JsonNoise {
+    torque_n_m: f64,
+    force_n: f64,
+    position_m: f64,
+    attitude_rad: f64,
+    rate_rad_s: Option<f64>,
+    velocity_m_s: Option<f64>,
+    acceleration_m_s2: Option<f64>,
+}
+
+#[derive(Serialize)]
+pub(crate) struct JsonReference {
+    name: String,
+    body: BodyFile,
+    error_over_sigma: Vec<f64>,
+}
+
+#[derive(Serialize)]
+struct JsonHoldout {
+    nodes: usize,
+    torque_rms_n_m: f64,
+    force_rms_n: f64,
+    normalised_rms: f64,
+    explained: f64,
+}
+
+/// A noise level is zero where its column was not used.
+fn used(noise: f64) -> Option<f64> {
+    (noise > 0.0).then_some(noise)
+}
+
+#[derive(Serialize)]
+struct JsonCalibration {
+    quantity: &'static str,
+    axis: Option<&'static str>,
+    unit: &'static str,
+    value: Option<f64>,
+    sigma: Option<f64>,
+    verdict: String,
+}
+
+fn json_calibration(found: &NuisanceEstimate) -> JsonCalibration {
+    JsonCalibration {
+        quantity: found.nuisance.name(),
+        axis: found.nuisance.axis().and_then(|axis| ["x", "y", "z"].get(axis).copied()),
+        unit: found.nuisance.unit(),
+        value: found.value,
+        sigma: found.std,
+        verdict: found.verdict.to_string(),
+    }
+}
+
+/// Which numbers of a body may be shown: mass, centre of mass, inertia entries in the order of [`quantities`].
+pub(crate) struct Shown<'a>(&'a [bool]);
+
+impl Shown<'_> {
+    pub(crate) const ALL: Shown<'static> = Shown(&[true; 10]);
+    fn mass(&self, value: f64) -> Option<f64> {
+        Some(value).filter(|_| self.0[0])
+    }
+    fn com(&self, value: &Vector3<f64>) -> [Option<f64>; 3] {
+        std::array::from_fn(|i| Some(value[i]).filter(|_| self.0[1 + i]))
+    }
+    fn inertia(&self, value: &Matrix3<f64>) -> NumberRows {
+        const PLACE: [[usize; 3]; 3] = [[4, 7, 8], [7, 5, 9], [8, 9, 6]];
+        std::array::from_fn(|i| std::array::from_fn(|j| Some(value[(i, j)]).filter(|_| self.0[PLACE[i][j]])))
+    }
+    fn all(&self) -> bool {
+        self.0.iter().all(|shown| *shown)
+    }
+}
+
+pub(crate) fn json_body(estimate: &Estimate, shown: &Shown) -> JsonBody {
+    let body = &estimate.parameters;
+    let about_origin = if shown.all() { shown.inertia(&body.inertia_about_origin) } else { NumberRows::default() };
+    JsonBody {
+        mass_kg: shown.mass(body.mass),
+        com_m: shown.com(&body.center_of_mass()),
+        inertia_about_com_kg_m2: shown.inertia(&body.inertia_about_com()),
+        inertia_about_origin_kg_m2: about_origin,
+        std: json_std(&estimate.std, shown),
+        pseudo_inertia_min_eigenvalue: Some(pseudo_inertia_min_eigenvalue(body)).filter(|_| shown.all()),
+        lmi_active: estimate.lmi_active,
+    }
+}
+
+/// The body compared with, and the errors in sigmas.
+pub(crate) fn reference_json(estimate: &Estimate, context: &Context) -> Option<JsonReference> {
+    let (name, body) = context.reference.as_ref()?;
+    let truth = quantities(body, &estimate.std);
+    let found = quantities(&estimate.parameters, &estimate.std);
+    let error_over_sigma = found.iter().zip(&truth).map(|(q, t)| (q.value - t.value) / q.std).collect();
+    Some(JsonReference { name: name.clone(), body: BodyFile::from(*body), error_over_sigma })
+}
+
+/// The result as programs read it.
+pub fn json(found: &Identification, context: &Context) -> Json {
+    Json {
+        format: 1,
+        method: found.method,
+        wrench_timing: timing_name(found.wrench_timing),
+        samples_used: found.samples_used,
+        samples_rejected: found.samples_rejected,
+        body: match (&found.estimate, &found.regularised) {
+            (Some(estimate), _) => Some(json_body(estimate, &Shown(&found.determined()))),
+            (None, Some(completed)) => Some(json_body(completed, &Shown(&found.determined()))),
+            (None, None) => None,
+        },
+        rank: found.rank,
+        condition_number: Some(found.condition_number).filter(|c| c.is_finite()),
+        null_directions: words(&found.null_directions),
+        regularised: found.regularised.as_ref().map(|body| json_body(body, &Shown::ALL)),
+        explained: found.explained,
+        noise: JsonNoise {
+            torque_n_m: found.noise.torque_n_m,
+            force_n: found.noise.force_n,
+            position_m: found.noise.position_m,
+            attitude_rad: found.noise.attitude_rad,
+            rate_rad_s: used(found.noise.rate_rad_s),
+            velocity_m_s: used(found.noise.velocity_m_s),
+            acceleration_m_s2: used(found.noise.acceleration_m_s2),
+        },
+        delay_s: found.delay_s,
+        calibration: found.calibration.iter().map(json_calibration).collect(),
+        reference: found.estimate.as_ref().and_then(|estimate| reference_json(estimate, context)),
+        holdout: context.validation.map(|v| JsonHoldout {
+            nodes: v.nodes,
+            torque_rms_n_m: v.torque_rms_n_m,
+            force_rms_n: v.force_rms_n,
+            normalised_rms: v.normalised_rms,
+            explained: v.explained,
+        }),
+        warnings: warnings(found, context),
+    }
+}
+
+/// Draws the residual plots and writes the page that holds table and plots.
+///
+/// # Errors
+/// [`TumbleError`] when a picture or file cannot be written.
+pub fn write_page(
+    folder: &OutputFolder,
+    found: &Identification,
+    context: &Context,
+    json_text: &str,
+) -> Result<(), TumbleError> {
+    draw_residuals(folder, &found.residuals)?;
+    let pictures = ["residual_force.svg", "residual_torque.svg"];
+    write_html(folder, &table(found, context), &warnings(found, context), &pictures, json_text)
+}
+
+/// Draws `residual_force.svg` and `residual_torque.svg`.
+pub(crate) fn draw_residuals(folder: &OutputFolder, residuals: &[NodeResidual]) -> Result<(), TumbleError> {
+    let start_ns = residuals.first().map_or(0, |r| r.time_ns);
+    let every = residuals.len().div_ceil(4000).max(1);
+    for (file, title, y_label, pick) in [
+        ("residual_force.svg", "Force residual (grey: twice its rms)", "N", (|r| r.force) as fn(&NodeResidual) -> _),
+        ("residual_torque.svg", "Torque residual (grey: twice its rms)", "N m", |r| r.torque),
+    ] {
+        let sum: f64 = residuals.iter().map(|r| pick(r).norm_squared()).sum();
+        let rms = (sum / (3 * residuals.len().max(1)) as f64).sqrt();
+        let curve = |(axis, name)| Curve {
+            name,
+            points: residuals.iter().step_by(every).map(|r| (seconds(r.time_ns - start_ns), pick(r)[axis])).collect(),
+        };
+        let curves = ["x", "y", "z"].into_iter().enumerate().map(curve).collect();
+        Figure { title, x_label: SINCE_START, y_label, curves, band: Some(2.0 * rms), equal_scales: false }
+            .draw(&folder.file(file))?;
+    }
+    Ok(())
+}
+
+/// One offline page of a table, warnings, pictures that lie in the folder, and the JSON object.
+pub(crate) fn write_html(
+    folder: &OutputFolder,
+    table: &str,
+    warnings: &[String],
+    pictures: &[&str],
+    json_text: &str,
+) -> Result<(), TumbleError> {
+    let picture = |name: &&str| -> Result<String, TumbleError> {
+        let path = folder.file(name);
+        Ok(std::fs::read_to_string(&path).map_err(|source| FormatsError::Unreadable { path, source })?)
+    };
+    let items: Vec<String> = warnings.iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
+    let list = items.join("\n");
+    let pictures = pictures.iter().map(picture).collect::<Result<Vec<_>, _>>()?.join("\n");
+    let page = format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>tumble identify</title>\n\
+         <style>body{{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em}}pre{{background:#f4f4f4;\
+         padding:1em;overflow:auto}}svg{{max-width:100%;height:auto}}</style></head><body>\n\
+         <h1>Inertial parameters</h1>\n<pre>{}</pre>\n<h2>Warnings</h2>\n<ul>\n{list}</ul>\n\
+         <h2>Residuals</h2>\n{pictures}\n<h2>Machine-readable</h2>\n<pre id=\"result\">{}</pre>\n</body></html>\n",
+        escaped(table),
+        escaped(json_text),
+    );
+    folder.write("report.html", &page)
+}
+
+/// Text that cannot be read as markup.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_digits_of_sigma() {
+        assert_eq!(with_digits_of(9.581_234, 0.002_34), ("9.5812".into(), "0.0023".into()));
+        assert_eq!(with_digits_of(123.456, 12.0), ("123".into(), "12".into()));
+        assert_eq!(with_digits_of(1.0, f64::NAN).1, "-");
+    }
+
+    #[test]
+    fn markup_is_escaped() {
+        assert_eq!(escaped("<b> & \"q\""), "&lt;b&gt; &amp; &quot;q&quot;");
+    }
+}

@@ -1,0 +1,45 @@
+//! The robots that the program knows.
+
+mod astrobee;
+
+use crate::{space_cobot, spheres};
+use tumble_formats::{BodyPreset, Robot, Robots};
+
+/// Space CoBot; see [`space_cobot`].
+struct SpaceCobot;
+
+impl Robot for SpaceCobot {
+    fn name(&self) -> &'static str {
+        "space-cobot"
+    }
+
+    fn sentence(&self) -> &'static str {
+        "a free-flyer with six tilted rotors"
+    }
+
+    fn bodies(&self) -> Vec<BodyPreset> {
+        vec![BodyPreset { name: "space-cobot", body: space_cobot::body() }]
+    }
+}
+
+/// A SPHERES-class satellite; see [`spheres`].
+struct Spheres;
+
+impl Robot for Spheres {
+    fn name(&self) -> &'static str {
+        "spheres"
+    }
+
+    fn sentence(&self) -> &'static str {
+        "a satellite with twelve pulsed thrusters"
+    }
+
+    fn bodies(&self) -> Vec<BodyPreset> {
+        vec![BodyPreset { name: "spheres", body: spheres::body() }]
+    }
+}
+
+/// Astrobee, Space CoBot and SPHERES.
+pub fn shipped() -> Robots {
+    Robots::none().with(astrobee::Astrobee).with(SpaceCobot).with(Spheres)
+}

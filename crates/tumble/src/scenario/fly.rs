@@ -1,0 +1,196 @@
+//! From a scenario to a mission: `[fly]`, and everything that the closed loop needs, built.
+
+mod bodies;
+mod draw;
+mod numbers;
+mod table;
+
+pub use draw::{LARGEST_OUTSIDE, draw_mission};
+pub use table::{ArrivalTable, ComputingTable, EstimatorTable, FlyTable, InformationTable};
+
+use super::plan::PlanningProblem;
+use super::plan_local::UnknownsName;
+use super::{Flight, ScenarioSource};
+use crate::TumbleError;
+use crate::mission::{FlyOptions, LayerNames};
+use tumble_astrobee::worlds::WorldPreset;
+use tumble_dynamics::InertialParameters;
+use tumble_dynamics::nalgebra::Vector3;
+use tumble_identification::Estimate;
+use tumble_identification::recursive::MotionNoise;
+use tumble_planning::mission::StopLimits;
+
+/// Everything that a mission begins with.
+pub struct MissionProblem {
+    /// Name of the scenario.
+    pub name: String,
+    /// Where.
+    pub place: WorldPreset,
+    /// Whether the robot moves in x, y and yaw only.
+    pub planar: bool,
+    /// The simulated robot, seeded by the options; its drive asks for nothing.
+    pub flight: Flight,
+    /// World, body shape, start, goal, limits. Its limits of force and torque are shares of those below unless `[plan]` has its own;
+    /// its belief is [`Self::prior`], revision 0.
+    pub planning: PlanningProblem,
+    /// What the robot is taken for at the start, and how well it is known.
+    pub prior: Estimate,
+    /// What the robot is in the end, payload included; on the table what of it counts there. During the flight:
+    /// [`tumble_astrobee::simulator::AstrobeeSimulator::body`].
+    pub truth: InertialParameters<f64>,
+    /// When the robot learns of each obstacle of the world, s.
+    pub seen_from_s: Vec<f64>,
+    /// Largest force along each body axis, N.
+    pub force_limit_n: Vector3<f64>,
+    /// Largest torque about each body axis, N m.
+    pub torque_limit_n_m: Vector3<f64>,
+    /// Share of the force that plans may use; the rest is the controller's.
+    pub plan_force_share: f64,
+    /// Share of the torque that plans may use.
+    pub plan_torque_share: f64,
+    /// Largest speed of the body origin, norm, m/s.
+    pub speed_limit_m_s: f64,
+    /// Largest angular rate, norm, rad/s.
+    pub rate_limit_rad_s: f64,
+    /// Shares of the believed mass between which the true one is taken to be.
+    pub mass_interval_share: [f64; 2],
+    /// What is not known of the body.
+    pub unknowns: UnknownsName,
+    /// What information is worth.
+    pub weighting: WeightingSettings,
+    /// Length of a stretch, s.
+    pub stretch_s: f64,
+    /// Length of its steps, s.
+    pub step_s: f64,
+    /// Time between beliefs, s.
+    pub belief_period_s: f64,
+    /// How long before a stretch begins its planning does, s.
+    pub stretch_lead_s: f64,
+    /// How long before a new way is flown its planning begins, s.
+    pub way_lead_s: f64,
+    /// How much planners may compute, and how long that takes.
+    pub computing: ComputingSettings,
+    /// Distance kept from everything, m.
+    pub margin_m: f64,
+    /// What counts as having arrived.
+    pub arrival: ArrivalTolerance,
+    /// Longest mission, s.
+    pub longest_s: f64,
+    /// What the estimator takes the noise for.
+    pub noise: MotionNoise,
+    /// How hard stops brake.
+    pub stop: StopLimits,
+    /// Stretches that excite at the start pose instead of a flight; zero for a flight.
+    pub station_stretches: u32,
+    /// Layers that are not the usual ones.
+    pub layers: LayerNames,
+}
+
+/// What information is worth: numbers of the weightings, in the order of the quantities of [`MissionProblem::unknowns`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeightingSettings {
+    /// Largest weight of the variance of each quantity, per its SI unit squared.
+    pub gamma0: Vec<f64>,
+    /// Variance at which each is known well enough.
+    pub target_variance: Vec<f64>,
+    /// A weight is zero from this multiple of the target on.
+    pub alpha: f64,
+    /// How soon a weight falls.
+    pub beta: f64,
+}
+
+/// How much planners may compute, and how long that takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ComputingSettings {
+    /// Units for the first way.
+    pub global_units: u64,
+    /// Units for a new way in flight.
+    pub replan_units: u64,
+    /// Units for a stretch.
+    pub local_units: u64,
+    /// Simulated time that a unit of a way takes, ns.
+    pub global_unit_ns: u64,
+    /// Simulated time that a unit of a stretch takes, ns.
+    pub local_unit_ns: u64,
+    /// Largest share by which a computation takes longer, drawn by the seed.
+    pub jitter_share: f64,
+}
+
+/// What counts as having arrived.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ArrivalTolerance {
+    /// Distance from the goal, m.
+    pub position_m: f64,
+    /// Angle from its attitude, rad.
+    pub attitude_rad: f64,
+    /// Speed, m/s.
+    pub speed_m_s: f64,
+    /// Rate, rad/s.
+    pub rate_rad_s: f64,
+    /// All of these for so long, s.
+    pub for_s: f64,
+}
+
+impl MissionProblem {
+    /// Whether the robot excites at its start pose instead of flying somewhere.
+    pub fn station_keeping(&self) -> bool {
+        self.station_stretches > 0
+    }
+}
+
+impl ScenarioSource {
+    /// The mission that this scenario and these options are, everything checked.
+    ///
+    /// # Errors
+    /// [`TumbleError::BadScenario`] with the key and its place; the errors of files that it names.
+    pub fn mission(&self, options: &FlyOptions) -> Result<MissionProblem, TumbleError> {
+        let place = self.place()?;
+        let numbers = self.fly_numbers(place)?;
+        let belief = self.mission_belief(place, options.model)?;
+        let prior = self.mission_prior(&belief)?;
+        let flown = self.as_flown(options.seed, &belief, &numbers);
+        let (flight, mut planning) = (flown.flight()?, flown.planning_problem()?);
+        self.share_limits(&mut planning, &numbers);
+        planning.belief.estimate = prior;
+        planning.margin_m = numbers.margin_m;
+        let mut truth = self.true_body(place, self.payload_in_the_end())?;
+        if place.is_planar() {
+            truth = tumble_astrobee::simulator::planar_part(&truth);
+        }
+        Ok(MissionProblem {
+            name: self.scenario.name.clone(),
+            place,
+            planar: place.is_planar(),
+            weighting: numbers.weighting(&belief),
+            stop: numbers.stop(&belief, place.is_planar()),
+            flight,
+            planning,
+            prior,
+            truth,
+            seen_from_s: self.seen_from_s(place)?,
+            force_limit_n: numbers.force_limit_n,
+            torque_limit_n_m: numbers.torque_limit_n_m,
+            plan_force_share: numbers.plan_force_share,
+            plan_torque_share: numbers.plan_torque_share,
+            speed_limit_m_s: numbers.speed_limit_m_s,
+            rate_limit_rad_s: numbers.rate_limit_rad_s,
+            mass_interval_share: numbers.mass_interval_share,
+            unknowns: numbers.unknowns,
+            stretch_s: numbers.stretch_steps as f64 * numbers.step_s,
+            step_s: numbers.step_s,
+            belief_period_s: numbers.belief_period_s,
+            stretch_lead_s: numbers.stretch_lead_s,
+            way_lead_s: numbers.way_lead_s,
+            computing: numbers.computing,
+            margin_m: numbers.margin_m,
+            arrival: numbers.arrival,
+            longest_s: self.scenario.duration_s,
+            noise: numbers.noise,
+            station_stretches: numbers.station_stretches,
+            layers: options.layers.or(self.scenario.fly.as_ref().and_then(|fly| fly.layers).unwrap_or_default()),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,98 @@
+//! The closed loop when things go wrong: a handful of the cases of `cargo xtask study faults`.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use tumble::mission::{FlyOptions, LayerNames, MissionRecord, ModelChoice, NoHooks, WeightingChoice, fly, replay_line};
+use tumble::scenario::ScenarioSource;
+
+fn flown(scenario: &str, fault: &str, seed: u64) -> MissionRecord {
+    let source = ScenarioSource::find(scenario).unwrap();
+    let fault = Some(fault.parse().unwrap());
+    let options = FlyOptions {
+        seed,
+        weighting: WeightingChoice::default(),
+        feedback: true,
+        model: ModelChoice::default(),
+        fault,
+        layers: LayerNames::default(),
+    };
+    let line = replay_line(scenario, &options);
+    let record = fly(&source, &options, &mut NoHooks).unwrap_or_else(|error| panic!("{line}: {error}"));
+    let summary = &record.summary;
+    let reason = summary.unsafe_because();
+    assert!(reason.is_none() || summary.unavoidable().is_some(), "{line}: {reason:?}, {:?}", summary.warnings);
+    assert!(!summary.faults.is_empty(), "{line}: nothing went wrong");
+    record
+}
+
+fn arrives(scenario: &str, fault: &str, seed: u64) -> MissionRecord {
+    let record = flown(scenario, fault, seed);
+    assert!(record.summary.arrived, "{scenario} {fault}: given up after {} s", record.summary.mission_s);
+    record
+}
+
+fn says(record: &MissionRecord, text: &str) -> bool {
+    record.events.iter().any(|event| event.text.contains(text))
+}
+
+/// Largest distance between where the robot is and where it believes it is, of what is kept, m.
+fn lost_m(record: &MissionRecord) -> f64 {
+    let series = &record.series;
+    let apart = series
+        .position_m
+        .iter()
+        .zip(&series.believed_position_m)
+        .map(|(there, believed)| there.iter().zip(believed).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt());
+    apart.fold(0.0, f64::max)
+}
+
+#[test]
+fn planners_that_die_or_are_late_are_asked_again_and_nothing_expired_is_flown() {
+    let record = arrives("iss-cargo", "planner:2", 1);
+    assert!(says(&record, "Refused") || says(&record, "Unanswered") || says(&record, "TooLate"));
+}
+
+#[test]
+fn a_computer_that_starts_anew_keeps_its_belief_and_builds_another_controller() {
+    let record = arrives("granite-cargo", "power:3", 1);
+    assert!(says(&record, "Restarted") && says(&record, "a new controller"));
+    let restart = record.events.iter().rfind(|event| event.text.contains("Restarted")).unwrap();
+    let since = |belief: &&tumble::mission::BeliefRow| belief.t_s > restart.t_s;
+    assert!(record.beliefs.iter().filter(since).count() > 3, "beliefs go on after it");
+    assert!(record.beliefs.is_sorted_by(|a, b| a.revision < b.revision));
+}
+
+#[test]
+fn an_obstacle_that_shows_up_late_stops_the_robot() {
+    for scenario in ["iss-cargo", "granite-cargo"] {
+        let record = flown(scenario, "late-obstacle:1", 1);
+        assert!(says(&record, "Obstacle") && says(&record, "stop"));
+        assert!(record.summary.unavoidable().is_none(), "{:?}", record.summary.warnings);
+        assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m > 0.01));
+        // half a second before the contact nothing can be done but to brake, and that is said
+        let record = flown(scenario, "late-obstacle:3", 1);
+        assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m < 0.0));
+    }
+}
+
+#[test]
+fn a_nozzle_that_does_not_obey_is_not_taken_for_another_body_again_and_again() {
+    let record = arrives("iss-cargo", "nozzle:2", 1);
+    assert!(says(&record, "ActuatorsDisagree") && says(&record, "less is believed of the thrust"));
+    let stops = record.events.iter().filter(|event| event.text == "BodyDoubtful").count();
+    assert!((1..=5).contains(&stops), "{stops}");
+    // a nozzle that stays open pushes for good: asked for less elsewhere, the robot does not live outside of its tube
+    assert!(record.summary.fallbacks.len() < 30, "{}", record.summary.fallbacks.len());
+}
+
+#[test]
+fn estimates_from_elsewhere_are_not_believed_until_the_rule_says_so() {
+    let record = arrives("granite-cargo", "jump:3", 1);
+    assert!(says(&record, "the localisation moved for good") && !says(&record, "BodyDoubtful"));
+}
+
+#[test]
+fn what_comes_a_second_late_is_put_where_it_belongs() {
+    let record = arrives("granite-cargo", "delay:3", 1);
+    assert!(lost_m(&record) < 0.02, "{}", lost_m(&record));
+}

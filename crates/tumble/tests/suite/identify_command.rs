@@ -1,0 +1,423 @@
+//! `tumble identify` as a user meets it: exit codes, places, remedies, files.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
+
+use crate::support::{json, scratch, stderr, tumble};
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+use tumble::demo;
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+const HEADER: &str = "t_s,p_x,p_y,p_z,q_x,q_y,q_z,q_w,f_x,f_y,f_z,tau_x,tau_y,tau_z";
+
+/// The demo flight as a log file, with a hook for each row's cells.
+fn write_log(path: &Path, rows: usize, start_s: i64, mut edit: impl FnMut(usize, &mut Vec<String>)) {
+    let flight = demo::simulate(7).unwrap();
+    let mut text = format!("{HEADER}\n");
+    for (k, sample) in flight.record.iter().take(rows).enumerate() {
+        let (p, q) = (sample.world_from_body.translation.vector, sample.world_from_body.rotation);
+        let wrench = sample.wrench_body.unwrap();
+        let time_s = format!("{}.{:09}", start_s + sample.time_ns / 1_000_000_000, sample.time_ns % 1_000_000_000);
+        let mut cells = vec![time_s];
+        let numbers = [p.x, p.y, p.z, q.i, q.j, q.k, q.w];
+        cells.extend(numbers.iter().chain(wrench.force.iter()).chain(wrench.torque.iter()).map(f64::to_string));
+        edit(k, &mut cells);
+        writeln!(text, "{}", cells.join(",")).unwrap();
+    }
+    fs::write(path, text).unwrap();
+}
+
+/// Runs on the demo log with one row edited; the run must fail with this code and name this place.
+fn assert_refused(name: &str, code: &str, place: &str, edit: impl FnMut(usize, &mut Vec<String>)) {
+    let path = scratch(name).join("log.csv");
+    write_log(&path, 40, 0, edit);
+    assert_file_refused(&path, code, place);
+}
+
+fn assert_file_refused(path: &Path, code: &str, place: &str) {
+    let output = tumble(&["identify", path.to_str().unwrap()]);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains(&format!("error[{code}]")), "{message}");
+    assert!(message.contains(place), "`{place}` not in: {message}");
+    assert!(message.contains("remedy:"), "{message}");
+    assert!(output.stdout.is_empty(), "nothing on stdout");
+}
+
+#[test]
+fn the_demo_compares_with_its_truth_and_follows_its_seed() {
+    let (first, again, other) = (
+        tumble(&["identify", "--demo", "--json"]),
+        tumble(&["identify", "--demo", "--json"]),
+        tumble(&["identify", "--demo", "--seed", "2", "--json"]),
+    );
+    assert_eq!(first.status.code(), Some(0), "{}", stderr(&first));
+    assert_eq!(first.stdout, again.stdout, "one seed, one answer");
+    assert_ne!(json(&first)["mass_kg"], json(&other)["mass_kg"]);
+    for output in [&first, &other] {
+        let object = json(output);
+        assert_eq!(object["format"], 1);
+        assert_eq!(object["rank"], 10);
+        assert!(object["pseudo_inertia_min_eigenvalue"].as_f64().unwrap() > 0.0);
+        let errors = object["reference"]["error_over_sigma"].as_array().unwrap();
+        assert_eq!(errors.len(), 10);
+        // Ten errors of one draw: 4.5 sigma is passed by chance once in 15 000 such draws.
+        assert!(errors.iter().all(|e| e.as_f64().unwrap().abs() < 4.5), "{errors:?}");
+    }
+    let table = stdout(&tumble(&["identify", "--demo"]));
+    for word in ["mass", "centre of mass x", "inertia yz", "truth", "error/sigma", "verdict"] {
+        assert!(table.contains(word), "{table}");
+    }
+}
+
+#[test]
+fn the_template_is_a_valid_log() {
+    let path = scratch("template").join("log.csv");
+    let output = tumble(&["identify", "--template"]);
+    assert_eq!(output.status.code(), Some(0));
+    fs::write(&path, &output.stdout).unwrap();
+    // Two rows are valid but too few to say anything.
+    let message = stderr(&tumble(&["identify", path.to_str().unwrap()]));
+    assert!(message.contains("error[T015]") && message.contains("2 samples"), "{message}");
+}
+
+#[test]
+fn a_log_gives_the_same_digits_today_and_at_unix_time() {
+    let folder = scratch("epoch");
+    let mass = |start_s| {
+        let path = folder.join(format!("log-{start_s}.csv"));
+        write_log(&path, usize::MAX, start_s, |_, _| {});
+        let output = tumble(&["identify", path.to_str().unwrap(), "--json"]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        json(&output)["mass_kg"].as_f64().unwrap()
+    };
+    assert_eq!(mass(0).to_bits(), mass(1_700_000_000).to_bits());
+}
+
+#[test]
+fn outputs_are_complete_offline_and_never_overwritten_unasked() {
+    let folder = scratch("out");
+    let (out, body) = (folder.join("run"), folder.join("body.toml"));
+    let arguments = ["identify", "--demo", "--out", out.to_str().unwrap(), "--export", body.to_str().unwrap()];
+    let output = tumble(&arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("<svg") && !page.contains("src=") && !page.contains("href="), "the page opens offline");
+    for name in ["residual_force.svg", "residual_torque.svg", "result.json", "body.toml", "run.json"] {
+        assert!(out.join(name).metadata().unwrap().len() > 0, "{name}");
+    }
+    let run: serde_json::Value = serde_json::from_str(&fs::read_to_string(out.join("run.json")).unwrap()).unwrap();
+    assert_eq!(run["seed"], 1);
+
+    let refused = tumble(&arguments);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(stderr(&refused).contains("error[T010]"));
+    let forced = tumble(&[&arguments[..], &["--force"]].concat());
+    assert_eq!(forced.status.code(), Some(0), "{}", stderr(&forced));
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 2, "no partial file is left");
+
+    // The exported body is a reference for the next run.
+    let log = folder.join("log.csv");
+    write_log(&log, usize::MAX, 0, |_, _| {});
+    let compared = tumble(&["identify", log.to_str().unwrap(), "--reference", body.to_str().unwrap()]);
+    assert!(stdout(&compared).contains("reference"), "{}", stderr(&compared));
+}
+
+#[test]
+fn an_unwritable_place_is_an_error_before_anything_is_lost() {
+    let folder = scratch("unwritable");
+    let file = folder.join("file");
+    fs::write(&file, "x").unwrap();
+    let output = tumble(&["identify", "--demo", "--out", file.join("run").to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("error[T011]"), "{}", stderr(&output));
+    assert_eq!(fs::read_to_string(&file).unwrap(), "x");
+}
+
+#[test]
+fn holdout_dry_run_and_exports_answer() {
+    let folder = scratch("modes");
+    let log = folder.join("log.csv");
+    write_log(&log, usize::MAX, 0, |_, _| {});
+    let log = log.to_str().unwrap();
+    let held = tumble(&["identify", log, "--holdout", "--json"]);
+    let ratio = json(&held)["holdout"]["normalised_rms"].as_f64().unwrap();
+    assert!((0.5..2.0).contains(&ratio), "held-out residual against prediction: {ratio}");
+    let dry = tumble(&["identify", log, "--dry-run", "--json"]);
+    assert_eq!(dry.status.code(), Some(0), "{}", stderr(&dry));
+    assert_eq!(json(&dry)["rank"], 10);
+    assert!(json(&dry)["std"]["mass_kg"].as_f64().unwrap() > 0.0);
+    for (name, word) in [("b.json", "mass_kg"), ("b.urdf", "<inertial>"), ("b.xml", "fullinertia")] {
+        let path = folder.join(name);
+        let output = tumble(&["identify", log, "--export", path.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        assert!(fs::read_to_string(&path).unwrap().contains(word));
+    }
+    let unknown = tumble(&["identify", log, "--export", folder.join("b.step").to_str().unwrap()]);
+    assert!(stderr(&unknown).contains("error[T018]"));
+}
+
+#[test]
+fn files_that_are_no_logs() {
+    let folder = scratch("no-log");
+    assert_file_refused(&folder.join("absent.csv"), "T001", "absent.csv");
+    assert_file_refused(&folder, "T001", "no-log");
+    let file = |name: &str, text: &str| {
+        let path = folder.join(name);
+        fs::write(&path, text).unwrap();
+        path
+    };
+    assert_file_refused(&file("empty.csv", ""), "T002", "header");
+    assert_file_refused(&file("header.csv", &format!("{HEADER}\n")), "T002", "data rows");
+    assert_file_refused(&file("missing.csv", &format!("{}\n", HEADER.replace("q_w,", ""))), "T003", "`q_w`");
+    assert_file_refused(&file("group.csv", &format!("{}\n", HEADER.replace(",tau_z", ""))), "T003", "`tau_z`");
+    assert_file_refused(&file("twice.csv", &format!("{HEADER},p_x\n")), "T004", "`p_x`");
+    assert_file_refused(&file("binary.csv", "\u{0}\u{1}\u{2}\n\u{3}"), "T003", "`t_s`");
+    // One endless line, as large as a disk image: refused after one bounded read.
+    let endless = folder.join("endless.csv");
+    fs::File::create(&endless).unwrap().set_len(1 << 30).unwrap();
+    assert_file_refused(&endless, "T009", "65536");
+    fs::remove_file(&endless).unwrap();
+}
+
+#[test]
+fn cells_that_are_no_numbers() {
+    for (name, text) in [("text", "fast"), ("nan", "NaN"), ("inf", "-inf"), ("blank", "")] {
+        assert_refused(name, "T005", "line 12, column `p_y`", |k, cells| {
+            if k == 10 {
+                text.clone_into(&mut cells[2]);
+            }
+        });
+    }
+    assert_refused("time-text", "T005", "column `t_s`", |k, cells| {
+        if k == 10 {
+            cells[0] = "noon".into();
+        }
+    });
+    assert_refused("torn", "T006", "line 41: ", |k, cells| {
+        if k == 39 {
+            cells.truncate(5);
+        }
+    });
+}
+
+#[test]
+fn quaternions_and_times_that_cannot_be() {
+    assert_refused("quaternion", "T007", "line 7", |k, cells| {
+        if k == 5 {
+            cells[7] = "0.5".into();
+        }
+    });
+    assert_refused("zero-quaternion", "T007", "norm 0", |k, cells| {
+        if k == 5 {
+            cells[4..8].fill("0".into());
+        }
+    });
+    assert_refused("time-back", "T008", "line 22", |k, cells| {
+        if k == 20 {
+            cells[0] = "0.001".into();
+        }
+    });
+    assert_refused("time-repeats", "T008", "line 22", |k, cells| {
+        if k == 20 {
+            cells[0] = "0.304".into();
+        }
+    });
+}
+
+#[test]
+fn reorder_puts_late_rows_in_order() {
+    let folder = scratch("reorder");
+    let (clean, shuffled) = (folder.join("clean.csv"), folder.join("shuffled.csv"));
+    write_log(&clean, usize::MAX, 0, |_, _| {});
+    let text = fs::read_to_string(&clean).unwrap();
+    let mut lines: Vec<&str> = text.lines().collect();
+    for k in (10..3000).step_by(37) {
+        lines.swap(k, k + 3);
+    }
+    lines.insert(500, lines[499]);
+    fs::write(&shuffled, lines.join("\n")).unwrap();
+    assert_file_refused(&shuffled, "T008", "line");
+    let ordered = tumble(&["identify", shuffled.to_str().unwrap(), "--reorder", "--json"]);
+    let reference = tumble(&["identify", clean.to_str().unwrap(), "--json"]);
+    assert_eq!(json(&ordered)["mass_kg"], json(&reference)["mass_kg"]);
+    assert!(json(&ordered)["warnings"][0].as_str().unwrap().contains("1 repeated"));
+}
+
+#[test]
+fn gaps_and_unknown_columns_are_named_not_hidden() {
+    let path = scratch("gaps").join("log.csv");
+    write_log(&path, usize::MAX, 0, |_, _| {});
+    let text = fs::read_to_string(&path).unwrap();
+    let kept: Vec<String> = text
+        .lines()
+        .enumerate()
+        .filter(|(k, _)| !(1000..1200).contains(k))
+        .map(|(k, line)| format!("{line},{}", if k == 0 { "battery" } else { "14.1" }))
+        .collect();
+    fs::write(&path, kept.join("\n")).unwrap();
+    let output = tumble(&["identify", path.to_str().unwrap(), "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let warnings = json(&output)["warnings"].to_string();
+    assert!(warnings.contains("battery") && warnings.contains("1 gap"), "{warnings}");
+    // The last line was written without its end.
+    assert!(warnings.contains(&format!("line {} has no line end", kept.len())), "{warnings}");
+}
+
+#[test]
+fn logs_that_cannot_answer_exit_with_three_and_invent_nothing() {
+    let folder = scratch("silent");
+    let case = |name: &str, edit: &mut dyn FnMut(usize, &mut Vec<String>)| {
+        let path = folder.join(name);
+        write_log(&path, 600, 0, edit);
+        let output = tumble(&["identify", path.to_str().unwrap(), "--json"]);
+        assert_eq!(output.status.code(), Some(3), "{name}: {}", stderr(&output));
+        let object = json(&output);
+        assert!(object["rank"].as_u64().unwrap() < 10, "{name}");
+        assert!(object["mass_kg"].is_null() && object["std"]["mass_kg"].is_null(), "{name}: {object}");
+        assert!(!object["null_directions"].as_array().unwrap().is_empty(), "{name}");
+        object
+    };
+    let zero_wrench = case("zero-wrench.csv", &mut |_, cells| cells[8..].fill("0".into()));
+    assert!(zero_wrench["warnings"].to_string().contains("zero"), "{zero_wrench}");
+    case("still.csv", &mut |_, cells| {
+        cells[1..8].clone_from_slice(&["0", "0", "0", "0", "0", "0", "1"].map(String::from));
+        cells[8..].fill("0".into());
+    });
+}
+
+#[test]
+fn a_log_that_means_something_else_is_not_believed() {
+    let folder = scratch("misfit");
+    let case = |name: &str, edit: &mut dyn FnMut(usize, &mut Vec<String>), options: &[&str]| {
+        let path = folder.join(name);
+        write_log(&path, usize::MAX, 0, edit);
+        let output = tumble(&[&["identify", path.to_str().unwrap(), "--json"], options].concat());
+        assert_eq!(output.status.code(), Some(3), "{name}: {}{}", stdout(&output), stderr(&output));
+        json(&output)
+    };
+    let negated = |text: &String| (-text.parse::<f64>().unwrap()).to_string();
+    let sign = case("sign.csv", &mut |_, cells| cells[8..].iter_mut().for_each(|c| *c = negated(c)), &[]);
+    assert!(sign["warnings"].to_string().contains("explains"), "{sign}");
+    case("scalar-first.csv", &mut |_, cells| cells[4..8].rotate_right(1), &[]);
+    case("conjugated.csv", &mut |_, cells| cells[4..7].iter_mut().for_each(|c| *c = negated(c)), &[]);
+    case("gravity.csv", &mut |_, _| {}, &["--gravity=0,0,-1"]);
+}
+
+#[test]
+fn force_replaces_results_and_nothing_else() {
+    let folder = scratch("force");
+    let log = folder.join("log.csv");
+    write_log(&log, usize::MAX, 0, |_, _| {});
+    let before = fs::read(&log).unwrap();
+    for option in ["--out", "--export"] {
+        let output = tumble(&["identify", log.to_str().unwrap(), option, log.to_str().unwrap(), "--force"]);
+        assert_eq!(output.status.code(), Some(2), "{option}: {}", stderr(&output));
+        assert_eq!(fs::read(&log).unwrap(), before, "{option}");
+    }
+    let notes = folder.join("notes");
+    fs::create_dir(&notes).unwrap();
+    fs::write(notes.join("thesis.tex"), "years of work").unwrap();
+    let output = tumble(&["identify", "--demo", "--out", notes.to_str().unwrap(), "--force"]);
+    assert!(stderr(&output).contains("error[T020]"), "{}", stderr(&output));
+    assert!(notes.join("thesis.tex").exists());
+}
+
+#[test]
+fn too_few_samples_are_refused_with_the_number_needed() {
+    let path = scratch("few").join("log.csv");
+    write_log(&path, 2, 0, |_, _| {});
+    assert_file_refused(&path, "T015", "2 samples");
+}
+
+#[test]
+fn options_that_do_not_fit() {
+    for arguments in [
+        vec!["identify"],
+        vec!["identify", "--demo", "--holdout", "1.5"],
+        vec!["identify", "--demo", "--gravity", "0,0"],
+        vec!["identify", "--demo", "--method", "magic"],
+        vec!["identify", "--seed", "3"],
+        vec!["identify", "log.csv", "--seed", "3"],
+        vec!["identify", "log.csv", "--calibration", "cal.toml"],
+        vec!["identify", "--demo", "--dry-run", "--out", "x"],
+        vec!["identify", "--wheel", "throw.csv", "--calibration", "cal.toml", "--out", "x"],
+        vec!["identify", "--wheel", "throw.csv"],
+    ] {
+        let output = tumble(&arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(output.stdout.is_empty());
+    }
+    let nothing = tumble(&[]);
+    assert_eq!(nothing.status.code(), Some(0));
+    assert!(stdout(&nothing).contains("tumble identify --demo"));
+}
+
+#[test]
+fn a_log_longer_than_the_memory_share_is_taken_part_by_part() {
+    // Translation only, so that the rows can be written in closed form: p = sin, f = m a.
+    let path = scratch("long").join("log.csv");
+    let rows: u32 = 200_600;
+    let mut text = format!("{HEADER}\n");
+    for k in 0..rows {
+        let t = 0.016 * f64::from(k);
+        let p = [(0.5 * t).sin(), 0.7 * (0.6 * t + 1.0).sin(), 0.4 * (0.7 * t).cos()];
+        let f = [-0.25 * p[0] * 5.0, -0.36 * p[1] * 5.0, -0.49 * p[2] * 5.0];
+        writeln!(text, "{t:.3},{},{},{},0,0,0,1,{},{},{},0,0,0", p[0], p[1], p[2], f[0], f[1], f[2]).unwrap();
+    }
+    fs::write(&path, text).unwrap();
+    let output = tumble(&["identify", path.to_str().unwrap(), "--wrench", "sampled", "--json"]);
+    fs::remove_file(&path).unwrap();
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    let object = json(&output);
+    assert_eq!(object["samples_used"], rows);
+    assert_eq!(object["rank"], 4);
+    assert!((object["mass_kg"].as_f64().unwrap() / 5.0 - 1.0).abs() < 1e-3, "{}", object["mass_kg"]);
+    assert!(object["com_m"][0].as_f64().unwrap().abs() < 1e-3);
+    assert!(object["inertia_about_com_kg_m2"][0][0].is_null());
+}
+
+#[test]
+fn throws_and_calibrations_that_are_none() {
+    let folder = scratch("throws");
+    let file = |name: &str, text: &str| {
+        let path = folder.join(name);
+        fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let (stranger, empty) = (file("throw.csv", "t_s\n"), file("cal_device_1.csv", "t_s,wx_rad_s\n0,1\n"));
+    let calibration = file("cal.toml", "format = 1\n");
+    let out = folder.join("new.toml").to_str().unwrap().to_owned();
+    for arguments in [
+        vec!["calibrate-wheel", &stranger, "--out", &out],
+        vec!["calibrate-wheel", &empty, "--out", &out],
+        vec!["identify", "--wheel", &stranger, "--calibration", &calibration],
+    ] {
+        let output = tumble(&arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(stderr(&output).contains("error[T019]"), "{}", stderr(&output));
+    }
+    assert!(!Path::new(&out).exists());
+}
+
+#[test]
+fn calibration_beside_the_body() {
+    let found = json(&tumble(&["identify", "--demo", "--estimate", "delay,accelerometer-bias", "--json"]));
+    let rows = found["calibration"].as_array().unwrap();
+    let row = |quantity: &str| rows.iter().find(|row| row["quantity"] == quantity).unwrap();
+    assert_eq!(row("delay")["value"], found["delay_s"]);
+    assert_eq!((&row("delay")["unit"], &row("delay")["verdict"]), (&"s".into(), &"identifiable".into()));
+    let bias = row("accelerometer-bias");
+    assert!(bias["value"].is_null() && bias["sigma"].is_null());
+    assert_eq!((&bias["axis"], &bias["verdict"]), (&"x".into(), &"not identifiable".into()));
+
+    let found = json(&tumble(&["identify", "--demo", "--estimate", "force-scale,torque-scale", "--json"]));
+    assert!(found["mass_kg"].is_null() && found["com_m"][0].is_number() && found["delay_s"].is_null());
+    let words = found["warnings"].to_string();
+    assert!(words.contains("the absolute wrench scale can never be known from motion alone"), "{words}");
+    assert_eq!(tumble(&["identify", "--demo", "--estimate", "charm"]).status.code(), Some(2));
+}

@@ -1,0 +1,24 @@
+//! One program for all tests of this crate that need no process of their own.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod allocate_command;
+mod arms;
+mod campaign_command;
+mod convert_command;
+mod corruption_sweep;
+mod drawn_missions;
+mod excite_command;
+mod fault_campaign;
+mod flight_log;
+mod fly_command;
+mod identify_arm_command;
+mod identify_command;
+mod identify_recordings;
+mod mission_report;
+mod plan_command;
+mod plan_local_command;
+#[allow(dead_code, reason = "shared with the fuzz targets")]
+mod promises;
+mod simulate_command;
+mod simulate_control;
+mod support;
