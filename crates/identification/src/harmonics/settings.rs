@@ -14,6 +14,7 @@ const SATURATED: f64 = 0.01;
 
 /// What turns an averaged period, or the record behind it, into parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum HarmonicEstimator {
     /// Weighted least squares with the regressor of the fitted motion: the thesis's.
     LeastSquares,
