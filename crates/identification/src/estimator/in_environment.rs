@@ -56,6 +56,9 @@ impl<E: StateEstimator> InEnvironment<E> {
 }
 
 impl<E: StateEstimator> StateEstimator for InEnvironment<E> {
+    fn name(&self) -> &'static str {
+        self.estimator.name()
+    }
     fn acted(&mut self, acted: &Acted) {
         let wrench_body = acted.wrench_body + self.wrench_at(acted.from_ns);
         self.estimator.acted(&Acted { wrench_body, ..*acted });

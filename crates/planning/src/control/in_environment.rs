@@ -55,4 +55,8 @@ impl<C: Controller> Controller for InEnvironment<C> {
         };
         Ok(ControlCommand { wrench_body: command.wrench_body - acting, ..command })
     }
+
+    fn tube_m(&self) -> [f64; 3] {
+        self.controller.tube_m()
+    }
 }
