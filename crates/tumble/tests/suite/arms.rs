@@ -297,7 +297,7 @@ fn what_is_wrong_with_a_toml_file_is_named() {
         ("name = \"shoulder\"", "name = \"should\\u0007er\"", "T051", 12, "no name"),
         ("axis = [0, 0, 2]\n", "", "T050", 12, "joint `shoulder`: `axis` is missing"),
         ("axis = [0, 0, 2]", "axis = [0, 0, 0]", "T050", 12, "no direction"),
-        ("axis = [0, 0, 2]", "axis = [0, 0, nan]", "T050", 12, "no direction"),
+        ("axis = [0, 0, 2]", "axis = [0, 0, nan]", "T050", 12, "`axis` must be finite"),
         ("position_m = [0.5, 0, 0]", "position_m = [inf, 0, 0]", "T050", 12, "must be finite"),
         ("quaternion_xyzw = [0, 0, 1, 0]", "quaternion_xyzw = [0, 0, 2, 0]", "T050", 12, "norm 1"),
         ("stiffness = 3", "rpy_rad = [0, 0, 0]", "T050", 12, "one of them"),
