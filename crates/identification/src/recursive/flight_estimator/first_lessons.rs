@@ -6,12 +6,12 @@ use crate::dynamics::LogCholesky;
 use crate::estimator::Measurement;
 
 /// Measurements kept since the filter last began: more than half a minute at 62.5 Hz.
-const KEPT: usize = 2560;
+pub(super) const KEPT: usize = 2560;
 /// First time after which everything is filtered again, s, and the factor to the next one.
-const FIRST_S: f64 = 2.0;
-const FACTOR: f64 = 1.5;
+pub(super) const FIRST_S: f64 = 2.0;
+pub(super) const FACTOR: f64 = 1.5;
 /// Every time has its end: what is known by then is linear enough. Last time, s.
-const LAST_S: f64 = 40.0;
+pub(super) const LAST_S: f64 = 40.0;
 
 /// All settled measurements since the body was last made uncertain, and when to go through them again.
 ///
