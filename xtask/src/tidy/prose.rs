@@ -317,8 +317,7 @@ mod tests {
         let own = "#![doc = include_str!(\"../README.md\")]";
         let both = "#![doc = include_str!(\"../README.md\")]\n#[doc = include_str!(\"../../../README.md\")]\nstruct R;";
         let check = |lib: &str| {
-            let files =
-                [LIE, ("README.md", "all"), ("crates/lie/README.md", "groups"), ("crates/lie/src/lib.rs", lib)];
+            let files = [LIE, ("README.md", "all"), ("crates/lie/README.md", "groups"), ("crates/lie/src/lib.rs", lib)];
             readme_doctests(&Tree::planted(&files)).len()
         };
         assert_eq!(check(both), 0);

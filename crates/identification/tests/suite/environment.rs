@@ -3,8 +3,8 @@
 use crate::exact_motion::{Multisine, Random};
 use tumble_identification::dynamics::{
     ConstantWorldWrench, Environment, FreeFlyer, FreeFlyerIn, GravityGradient, InertialParameters, Integrator,
-    MuntheKaas4, Plant, ReactionWheel, ReactionWheels, RigidBodyState, SimulatedGyrostat, UniformGravity,
-    WrenchBox, WrenchModel,
+    MuntheKaas4, Plant, ReactionWheel, ReactionWheels, RigidBodyState, SimulatedGyrostat, UniformGravity, WrenchBox,
+    WrenchModel,
 };
 use tumble_identification::estimator::{
     Acted, Doubt, Estimator, EstimatorError, Finding, InEnvironment, Measurement, StateEstimator,
@@ -150,15 +150,9 @@ impl StateEstimator for Listener {
         state.world_from_body.rotation = LieGroup::exp(&Vector3::new(0.3, -0.4, 0.2));
         state
     }
-    fn finding(
-        &self,
-    ) -> Result<Finding, EstimatorError> {
+    fn finding(&self) -> Result<Finding, EstimatorError> {
         let ten = self.body.to_vector();
-        Finding::of_covariance(
-            ten,
-            &SMatrix::identity(),
-            SVector::repeat(1.0),
-        )
+        Finding::of_covariance(ten, &SMatrix::identity(), SVector::repeat(1.0))
     }
     fn health(&self) -> FlightHealth {
         FlightHealth::default()
@@ -167,10 +161,7 @@ impl StateEstimator for Listener {
         0
     }
     fn doubt(&mut self, _: &Doubt) {}
-    fn restart(
-        &mut self,
-        _: &Finding,
-    ) -> Result<(), EstimatorError> {
+    fn restart(&mut self, _: &Finding) -> Result<(), EstimatorError> {
         Ok(())
     }
     fn counts(&self) -> ReceptionCounts {

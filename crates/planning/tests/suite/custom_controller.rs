@@ -126,7 +126,8 @@ fn told_of_a_steady_push_it_needs_no_integral() {
         tolerance: 1e-9,
     };
     let hold = held(Pose::translation(0.4, 0.1, -0.3));
-    let steady = ConstantWorldWrench { wrench_world: Wrench::new(Vector3::zeros(), Vector3::new(0.008, -0.006, 0.005)) };
+    let steady =
+        ConstantWorldWrench { wrench_world: Wrench::new(Vector3::zeros(), Vector3::new(0.008, -0.006, 0.005)) };
     // what the environment takes is left free
     let mut room = limits();
     room.force_limit -= Vector3::repeat(0.011);
