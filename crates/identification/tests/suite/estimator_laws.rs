@@ -244,7 +244,7 @@ fn planted_defects_are_caught_by_name() {
     assert_eq!(runs(3.0).unwrap_err().law, "errors are as large as stated");
 }
 
-/// A body like the Astrobee's of another mass, density kept; driven as strongly for its mass; 1 mm and 1 mrad of noise in the poses.
+/// A free flyer's body of another mass, density kept; driven as strongly for its mass; 1 mm and 1 mrad of noise in the poses.
 fn of_mass(mass_kg: f64, seed: u64) -> (InertialParameters<f64>, Vec<MotionSample>) {
     let length = (mass_kg / 9.4).cbrt();
     let inertia = Matrix3::new(0.153, 0.004, -0.006, 0.004, 0.143, 0.003, -0.006, 0.003, 0.162);
