@@ -78,6 +78,5 @@ pub use tracker::{PoseReference, PoseTracker};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use world::{AlignedBox, ObstacleEllipsoid, World};
 pub use wrench_model::{
-    ConstantBodyWrench, ConstantWorldWrench, Environment, GravityGradient, LinearDrag, QuadraticDrag, UniformGravity,
-    WrenchFn,
+    ConstantBodyWrench, ConstantWorldWrench, GravityGradient, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn,
 };
