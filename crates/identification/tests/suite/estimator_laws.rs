@@ -14,7 +14,7 @@ use tumble_identification::{
 type Boxed = Box<dyn Estimator<Record = [MotionSample]> + Send + Sync>;
 
 /// Body D under a held multisine; noise of the wrench and of the poses.
-fn record(seed: u64, samples: usize, wrench_noise: f64, pose_noise: f64) -> Vec<MotionSample> {
+pub fn record(seed: u64, samples: usize, wrench_noise: f64, pose_noise: f64) -> Vec<MotionSample> {
     let mut random = Random::new(seed);
     let signal = Multisine::random(&mut random, 0.5, 1.0, (0.5, 3.0), 4);
     let wrench = |t: f64| signal.at(t);
