@@ -2422,8 +2422,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "flight estimator: the start is not learned again about a better body",
         file: "crates/identification/src/recursive/flight_estimator/first_lessons.rs",
-        original: "measurement.stamp_ns, Some(&pass.about));",
-        replacement: "measurement.stamp_ns, Some(&pass.about).filter(|_| false));",
+        original: "filtered.advance(rules, history, measurement.stamp_ns, Some(about));",
+        replacement: "filtered.advance(rules, history, measurement.stamp_ns, Some(about).filter(|_| false));",
         test: "-p tumble-identification --test suite flight_estimator::a_start_off_by_a_factor_of_two",
     },
     Mutant {

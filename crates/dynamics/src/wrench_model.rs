@@ -278,7 +278,8 @@ impl<T: Scalar> WrenchModel<T> for QuadraticDrag<T> {
     }
 }
 
-#[cfg(all(test, feature = "dual"))]
+#[cfg(test)]
+#[cfg(feature = "dual")]
 mod tests {
     use super::*;
     use num_dual::Dual64;

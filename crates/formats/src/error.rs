@@ -312,8 +312,7 @@ impl FormatsError {
             Self::JointColumn { .. } => "T054",
             Self::UnknownRecording { .. } => "T028",
             Self::BadMessage { .. } => "T029",
-            Self::NoFlight { .. } => "T030",
-            Self::Damaged { .. } => "T030",
+            Self::NoFlight { .. } | Self::Damaged { .. } => "T030",
             Self::NotHeld { .. } => "T031",
             Self::Database { .. } => "T032",
         }

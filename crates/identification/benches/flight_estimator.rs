@@ -66,7 +66,7 @@ fn longest(_: &mut Criterion) {
                 stored_body: Vector3::zeros(),
             };
             let late = usize::try_from(tick).ok().and_then(|tick| tick.checked_sub(9));
-            let measured = late.and_then(|late| flight.measured.get(late)).map(|seen| of_levels(seen));
+            let measured = late.and_then(|late| flight.measured.get(late)).map(of_levels);
             let begun = Instant::now();
             estimator.acted(&acted);
             if let Some(measured) = &measured {

@@ -18,7 +18,8 @@ mod local_fit;
 mod momentum_rows;
 mod reflections;
 mod singular_values;
-#[cfg(all(test, feature = "testing"))]
+#[cfg(test)]
+#[cfg(feature = "testing")]
 mod tests;
 mod torque_rows;
 mod tree_estimator;

@@ -182,12 +182,11 @@ pub fn positive(what: &'static str, value: f64) -> Result<f64, PlanningError> {
 
 /// What is wrong with a symmetric matrix that has no Cholesky factor: a number that is none, or its least eigenvalue.
 pub(crate) fn indefinite<const N: usize>(what: &'static str, matrix: &SMatrix<f64, N, N>) -> PlanningError {
-    match matrix.iter().find(|number| !number.is_finite()) {
-        Some(value) => PlanningError::NotFinite { what, value: *value },
-        None => {
-            let dynamic = DMatrix::from_iterator(N, N, matrix.iter().copied());
-            PlanningError::NotPositive { what, value: dynamic.symmetric_eigenvalues().min() }
-        }
+    if let Some(value) = matrix.iter().find(|number| !number.is_finite()) {
+        PlanningError::NotFinite { what, value: *value }
+    } else {
+        let dynamic = DMatrix::from_iterator(N, N, matrix.iter().copied());
+        PlanningError::NotPositive { what, value: dynamic.symmetric_eigenvalues().min() }
     }
 }
 

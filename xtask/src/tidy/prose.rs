@@ -1,6 +1,7 @@
 //! Rules that hold the documents and the data files to the code.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use super::Tree;
 use super::manifests::manifests;
@@ -29,11 +30,16 @@ pub fn readme_doctests(tree: &Tree) -> Vec<String> {
     found
 }
 
+/// Sources and pages, by their ending.
+fn is_prose(path: &str) -> bool {
+    Path::new(path).extension().is_some_and(|kind| kind == "rs" || kind == "md")
+}
+
 /// Links from the documentation to files of the repository, which rustdoc cannot check.
 pub fn repository_links(tree: &Tree) -> Vec<String> {
     const FILES: &str = "https://github.com/tumble-robotics/tumble/blob/main/";
     let mut found = Vec::new();
-    for (path, text) in tree.under("", "").filter(|(path, _)| path.ends_with(".rs") || path.ends_with(".md")) {
+    for (path, text) in tree.under("", "").filter(|(path, _)| is_prose(path)) {
         for (at, _) in text.match_indices(FILES) {
             let rest = &text[at + FILES.len()..];
             let is_path = |c: char| c.is_ascii_alphanumeric() || "/_.-".contains(c);

@@ -125,6 +125,7 @@ fn an_estimator_of_ones_own() {
     // Poses with noise: the rows need instruments, which recursions have not and this one has not either.
     let noisy = crate::estimator_laws::record(2, 1500, 1e-2, 1e-3);
     let problem = Problem::of(&noisy, &settings("auto")).unwrap();
+    #[allow(clippy::type_complexity)] // the one list that holds them all
     let mut all: Vec<(&str, Box<dyn Estimator<Record = [MotionSample]> + Send + Sync>)> =
         vec![("huber", Box::new(Huber { problem, bound: 2.0 }))];
     for name in ["variational4", "rls", "ekf", "recursive-sdp", "maximum-likelihood"] {

@@ -103,11 +103,12 @@ fn it_keeps_the_laws() {
 // Step 3: wherever a loop takes a `StateEstimator`, a box of one may stand.
 #[test]
 fn a_box_of_one_is_one() {
-    fn newest(estimator: impl StateEstimator) -> i64 {
+    fn newest(estimator: &impl StateEstimator) -> i64 {
         estimator.newest_stamp_ns()
     }
     let (start, counts) = (RigidBodyState::at_rest(), ReceptionCounts::default());
     let (acted, measured, doubts) = (Vec::new(), BTreeMap::new(), Vec::new());
     let own = Replayed { start, prior: short_trial().prior, since_ns: 7, acted, measured, doubts, counts };
-    assert_eq!(newest(Box::new(own) as Box<dyn StateEstimator>), 7);
+    let boxed: Box<dyn StateEstimator> = Box::new(own);
+    assert_eq!(newest(&boxed), 7);
 }

@@ -1,4 +1,10 @@
 //! The laws of estimators of a whole record hold for the library's and catch planted defects by name.
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    clippy::neg_cmp_op_on_partial_ord
+)]
 
 use crate::exact_motion::{Multisine, Random, Run, body_d};
 use tumble_identification::dynamics::InertialParameters;

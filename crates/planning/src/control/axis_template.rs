@@ -246,7 +246,8 @@ fn unit(vector: Vector2<f64>) -> Vector2<f64> {
     vector / f64::sqrt(vector.norm_squared())
 }
 
-#[cfg(all(test, feature = "testing"))]
+#[cfg(test)]
+#[cfg(feature = "testing")]
 mod tests {
     use super::*;
     use crate::control::{MinimalInvariantSet, MinkowskiSum, Polygon, SymmetricBox, SymmetricEllipsoid};

@@ -139,6 +139,9 @@ impl ReferenceMotion for Flown {
     }
 }
 
+/// Makes a controller for a belief.
+type NewController<C> = Box<dyn FnMut(&ModelBelief) -> Result<C, PlanningError> + Send>;
+
 /// RATTLE: coordinator, estimator and controller of one robot, without a planner: whatever the planners are, it may be moved to another
 /// thread, and its longest step is estimation and control.
 ///
@@ -153,7 +156,7 @@ where
     coordinator: Coordinator,
     scene: Arc<Scene<W>>,
     world_revision: u64,
-    new_controller: Box<dyn FnMut(&ModelBelief) -> Result<C, PlanningError> + Send>,
+    new_controller: NewController<C>,
     controller: C,
     estimator: E,
     /// What was known of the body at first, as the estimator said it, and as planners are told.

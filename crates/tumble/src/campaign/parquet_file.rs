@@ -23,10 +23,11 @@ pub(super) fn write(path: &Path, rows: &[Row]) -> std::result::Result<(), Tumble
     let unwritable = |source| FormatsError::Unwritable { path: path.into(), source };
     let file = File::create(path).map_err(unwritable)?;
     let written = write_to(BufWriter::new(file), rows);
-    written.map_err(|error| match error {
+    let written = written.map_err(|error| match error {
         ParquetError::External(source) => unwritable(Error::other(source)),
         other => unwritable(Error::other(other)),
-    })
+    });
+    Ok(written?)
 }
 
 /// The schema in Parquet's own words.

@@ -180,7 +180,7 @@ impl Filtered {
             self.counts.frozen += 1;
             return Reception::Frozen;
         }
-        let rows = rules.model.rows::<R>(&self.state, measurement, &fresh);
+        let rows = rules.model.rows::<R>(&self.state, measurement, fresh);
         let mut learned = self.covariance;
         let Ok(Correction { step, innovation }) = rows.correct(&mut learned) else {
             return Reception::Malformed { what: "innovation is not finite" };

@@ -56,6 +56,7 @@ pub(super) struct Held {
 }
 
 /// Which quantities of a measurement are looked at.
+#[allow(clippy::struct_excessive_bools)] // one for each quantity, all independent
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fresh {
     pub(super) attitude: bool,
@@ -87,7 +88,7 @@ pub(super) fn whitening(covariance: &Matrix3<f64>) -> Option<Matrix3<f64>> {
         (true, _) => covariance[(i, j)],
         (false, same) => f64::from(u8::from(same)),
     });
-    if !finite.iter().all(|x| x.is_finite()) || (finite - finite.transpose()).amax() > 1e-9 * finite.amax() {
+    if !finite.iter().copied().all(f64::is_finite) || (finite - finite.transpose()).amax() > 1e-9 * finite.amax() {
         return None;
     }
     let mut white = Matrix3::identity();
@@ -318,7 +319,7 @@ impl FlightMotion {
         &self,
         state: &FlightState,
         seen: &Measurement,
-        fresh: &Fresh,
+        fresh: Fresh,
     ) -> Rows<COORDINATES, R> {
         let motion = &state.joint.motion;
         let twist = &motion.twist_body;
@@ -337,35 +338,35 @@ impl FlightMotion {
         if let Some(Gauss { value, covariance }) = seen.attitude.filter(|_| fresh.attitude) {
             let residual = LieGroup::log(&(body_from_world * value));
             let turn = Matrix3::identity();
-            self.put(&mut rows, Quantity { first: 0, residual, sensitivity: own(0), covariance, turn });
+            self.put(&mut rows, &Quantity { first: 0, residual, sensitivity: own(0), covariance, turn });
         }
         if let Some(Gauss { value, covariance }) = seen.position_world.filter(|_| fresh.position) {
             let residual = body_from_world * (value - motion.world_from_body.translation.vector);
             self.put(
                 &mut rows,
-                Quantity { first: 3, residual, sensitivity: own(3), covariance, turn: world_from_body },
+                &Quantity { first: 3, residual, sensitivity: own(3), covariance, turn: world_from_body },
             );
         }
         if let Some(Gauss { value, covariance }) = seen.rate_body.filter(|_| fresh.rate) {
             let (residual, turn) = (value - twist.angular, Matrix3::identity());
-            self.put(&mut rows, Quantity { first: 6, residual, sensitivity: own(6), covariance, turn });
+            self.put(&mut rows, &Quantity { first: 6, residual, sensitivity: own(6), covariance, turn });
         }
         if let Some(Gauss { value, covariance }) = seen.velocity_world.filter(|_| fresh.velocity) {
             let residual = body_from_world * value - twist.linear;
             let mut sensitivity = own(9);
             sensitivity.fixed_view_mut::<3, 3>(0, 0).copy_from(&-crate::lie::skew(&twist.linear));
-            self.put(&mut rows, Quantity { first: 9, residual, sensitivity, covariance, turn: world_from_body });
+            self.put(&mut rows, &Quantity { first: 9, residual, sensitivity, covariance, turn: world_from_body });
         }
         if let Some((sensor, Gauss { value, covariance })) = seen.other.as_ref().filter(|_| R == ALL_ROWS) {
             let (residual, sensitivity) = (sensor.residual(value, motion), sensor.sensitivity(motion));
             let (covariance, turn) = (*covariance, Matrix3::identity());
-            self.put(&mut rows, Quantity { first: 12, residual, sensitivity, covariance, turn });
+            self.put(&mut rows, &Quantity { first: 12, residual, sensitivity, covariance, turn });
         }
         rows
     }
 
-    fn put<const R: usize>(&self, rows: &mut Rows<COORDINATES, R>, quantity: Quantity) {
-        let Quantity { first, mut residual, mut sensitivity, mut covariance, turn } = quantity;
+    fn put<const R: usize>(&self, rows: &mut Rows<COORDINATES, R>, quantity: &Quantity) {
+        let &Quantity { first, mut residual, mut sensitivity, mut covariance, turn } = quantity;
         let out_of_plane = |i: usize| self.planar && OUT_OF_PLANE.contains(&(first + i));
         let mut deviation = Vector3::repeat(1.0);
         if let Some(variance) = isotropic(&covariance) {

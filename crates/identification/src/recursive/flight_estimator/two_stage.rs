@@ -142,7 +142,7 @@ impl Window {
         self.now_ns = lesson.measurement.stamp_ns;
         let fresh = Fresh { attitude: true, position: true, rate: true, velocity: true };
         let Rows { sensitivity, residual, standard_deviation } =
-            rules.model.rows::<ALL_ROWS>(&self.state, &lesson.measurement, &fresh);
+            rules.model.rows::<ALL_ROWS>(&self.state, &lesson.measurement, fresh);
         let mut block = sensitivity.fixed_view::<ALL_ROWS, BODY>(0, 0) * self.slopes;
         let mut rhs = residual;
         for i in 0..ALL_ROWS {
@@ -201,7 +201,7 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows>> Pass<B> {
         step *= f64::min(1.0, LARGEST_STEP / size);
         let asked = LogCholesky::from_vector(&(self.about.to_vector() + step));
         let covariance = symmetric(&(inverse * covariance * inverse.transpose()));
-        let usable = asked.to_vector().iter().chain(&covariance).all(|x| x.is_finite())
+        let usable = asked.to_vector().iter().chain(&covariance).copied().all(f64::is_finite)
             && covariance.diagonal().min() > 0.0
             && asked.to_parameters().is_strictly_consistent();
         usable.then_some((asked, covariance))
@@ -319,7 +319,7 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
         revised |= self.go_through_again(&drift);
         if revised && let Some((believed, covariance)) = self.live.asked() {
             self.believed = believed;
-            self.motion.revise(believed, covariance);
+            self.motion.revise(believed, &covariance);
         }
     }
 
@@ -354,8 +354,8 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
     }
 
     /// The body begins anew with what is known of it.
-    fn begin_anew(&mut self, prior: Finding, body: B, believed: LogCholesky<f64>) {
-        self.prior = prior;
+    fn begin_anew(&mut self, prior: &Finding, body: B, believed: LogCholesky<f64>) {
+        self.prior = *prior;
         self.believed = believed;
         self.live = Pass::new(body, believed, SHORTEST_S);
         self.again = None;
@@ -431,7 +431,7 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> StateEstimator 
                 if let Ok(prior) = wider
                     && let Ok(body) = (self.begin)(&prior)
                 {
-                    self.begin_anew(prior, body, self.believed);
+                    self.begin_anew(&prior, body, self.believed);
                 }
             }
         }
@@ -442,7 +442,7 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> StateEstimator 
         let (believed, _) = in_chart(&known)?;
         let stage = (self.begin)(body)?;
         self.motion.restart(&known)?;
-        self.begin_anew(*body, stage, believed);
+        self.begin_anew(body, stage, believed);
         Ok(())
     }
 
@@ -470,9 +470,9 @@ impl FlightEstimator {
     }
 
     /// The body as somebody else knows it, from now on.
-    fn revise(&mut self, body: LogCholesky<f64>, covariance: SMatrix<f64, 10, 10>) {
+    fn revise(&mut self, body: LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
         let stamp_ns = self.history.end_ns();
         let place = self.moments.partition_point(|moment| moment.stamp_ns <= stamp_ns).max(1);
-        self.insert(place, stamp_ns, Event::Revised(body, covariance));
+        self.insert(place, stamp_ns, Event::Revised(body, *covariance));
     }
 }

@@ -1,5 +1,11 @@
 //! Motion of a free body from an algorithm that shares nothing with the regressors: Runge-Kutta about the centre of mass
 //! in small substeps, quaternion normalised. The generator of truth for these tests.
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    clippy::neg_cmp_op_on_partial_ord
+)]
 #![allow(dead_code)] // each test binary uses its part
 
 use rand_chacha::ChaCha8Rng;

@@ -1,5 +1,11 @@
 //! Logs of a body whose sensors are late, displaced and scaled and whose actuators lag. The motion is by Runge-Kutta in
 //! inertial axes between all breakpoints of the wrench; nothing is shared with the estimator.
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    clippy::neg_cmp_op_on_partial_ord
+)]
 #![allow(dead_code)] // each user takes its part
 
 use tumble_identification::dynamics::InertialParameters;

@@ -126,7 +126,8 @@ fn nearest_of_face(face: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     }
 }
 
-#[cfg(all(test, feature = "testing"))]
+#[cfg(test)]
+#[cfg(feature = "testing")]
 mod tests {
     use super::*;
     use crate::collision::{Ellipsoid, distance};

@@ -186,7 +186,7 @@ fn what_a_liar_says_of_the_body_is_refused_and_the_flight_goes_on() {
         let text = heard.0[0].to_string();
         assert!(text.starts_with("liar: "), "{text}");
         let mut sources = std::iter::successors(std::error::Error::source(&heard.0[0]), |error| error.source());
-        assert_eq!(sources.any(|error| error.is::<Exhausted>()), lie == Lie::OwnError, "{text}");
+        assert_eq!(sources.any(<dyn std::error::Error>::is::<Exhausted>), lie == Lie::OwnError, "{text}");
     }
 }
 
