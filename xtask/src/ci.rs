@@ -50,7 +50,7 @@ const STEPS: &[Step] = &[
     always("docs", "rustdoc, warnings are errors", docs),
     always("examples", "build and run every example", examples),
     always("feature-tests", "tests behind features that are off by default", feature_tests),
-    always("servicer", "the tutorial package outside of the workspace, as a user would build and test it", servicer),
+    full("servicer", "the tutorial package outside of the workspace, as a user would build and test it", servicer),
     always("no-std", "type-check without features; no std means no std", no_std),
     always("missions", "forty missions with drawn payloads and beliefs: all arrive and touch nothing", drawn_missions),
     always("cluster", "a campaign in sixteen parts, one killed, is the campaign flown at once", cluster::step),

@@ -152,7 +152,7 @@ impl Outcome {
 
 /// Makes observations of a record, in the order of time: rows of a regression, steps of a motion filter.
 ///
-/// [`Problem`](crate::Problem) makes the rows of a motion record; [`Rows`] makes those of any [`LinearModel`](crate::LinearModel).
+/// [`Problem`](crate::Problem) makes the rows of a motion record; [`Rows`] makes those of any [`LinearModel`].
 ///
 /// # Example
 /// ```

@@ -24,7 +24,7 @@ const VIEWER: &str = include_str!("mission_report/viewer.html");
 /// The same record gives the same bytes.
 ///
 /// # Errors
-/// [`FormatsError::NotHeld`]: a number that is not finite, which the embedded data cannot hold.
+/// [`FormatsError::NotHeld`](tumble_formats::FormatsError::NotHeld): a number that is not finite, which the embedded data cannot hold.
 pub fn html(record: &MissionRecord) -> Result<String, TumbleError> {
     let data = data::script(record)?;
     let name = text::escaped(&record.summary.scenario);

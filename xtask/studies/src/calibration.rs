@@ -1,12 +1,7 @@
 //! `study calibration`: delay, relative scales, accelerometer scale and actuator lag by maximum likelihood, many runs each.
 
 #[path = "../../../crates/identification/tests/suite/faulty_log/mod.rs"]
-#[allow(
-    clippy::unwrap_used,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::neg_cmp_op_on_partial_ord
-)]
+#[allow(clippy::unwrap_used)]
 mod faulty_log;
 
 use std::io::Write as _;

@@ -76,6 +76,7 @@ impl<const P: usize> LocalRun<P> {
     }
 }
 
+#[allow(clippy::needless_pass_by_value)] // given to `map_err`
 pub fn failed(error: PlanningError) -> Failure {
     Failure::BadInput(format!("local planner: {error}"))
 }

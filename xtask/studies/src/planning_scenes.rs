@@ -75,6 +75,7 @@ impl Scene {
     }
 }
 
+#[allow(clippy::needless_pass_by_value)] // given to `map_err`
 pub fn failed(error: PlanningError) -> Failure {
     Failure::TargetMissed(format!("planning: {error}"))
 }

@@ -49,6 +49,7 @@ struct Targets {
     peer: Option<(&'static str, f64)>,
 }
 
+#[allow(clippy::needless_pass_by_value)] // given to `map_err`
 fn failed(error: PlanningError) -> Failure {
     Failure::BadInput(format!("tube: {error}"))
 }

@@ -25,7 +25,7 @@ pub struct Progress {
 /// shard in order.
 ///
 /// # Errors
-/// [`FormatsError::Unwritable`]: without a journal nothing more is flown.
+/// [`FormatsError::Unwritable`](tumble_formats::FormatsError::Unwritable): without a journal nothing more is flown.
 pub fn execute(
     plan: &CampaignPlan,
     shard: Shard,

@@ -9,6 +9,7 @@ use tumble_planning::control::{AttitudeSpan, AxisGain, MassInterval, TrackedPoin
 
 use super::scenario_one::prior;
 
+#[allow(clippy::needless_pass_by_value)] // given to `map_err`
 pub fn failed(error: PlanningError) -> Failure {
     Failure::BadInput(error.to_string())
 }
