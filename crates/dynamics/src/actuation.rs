@@ -1,11 +1,13 @@
 //! From a wanted wrench to a command, and what the command really gives (`f64`: a decision).
 
+mod drive;
 mod effectiveness;
 mod reaction_wheels;
 mod rotors;
 mod stateful;
 mod thrusters;
 
+pub use drive::{ActuatorDrive, Driven, StatefulDrive};
 pub use reaction_wheels::{ReactionWheel, ReactionWheels};
 pub use rotors::{Rotor, RotorSet};
 pub use stateful::StatefulActuation;

@@ -42,7 +42,7 @@ mod world;
 mod wrench_model;
 
 pub use actuation::{
-    Actuation, PulseTiming, PulsedThrusters, ReactionWheel, ReactionWheels, Rotor, RotorSet, StatefulActuation,
+    Actuation, ActuatorDrive, Driven, PulseTiming, PulsedThrusters, ReactionWheel, ReactionWheels, Rotor, RotorSet, StatefulActuation, StatefulDrive,
     Thruster, ThrusterSet, WrenchBox,
 };
 #[cfg(feature = "dual")]

@@ -17,4 +17,4 @@ pub mod wheel_throw;
 
 pub use embedded::Embedded;
 pub use error::FormatsError;
-pub use robot::{ActuatorReplay, BodyPreset, ModuleCommand, Robot, Robots};
+pub use robot::{ActuatorBytes, ActuatorPreset, ActuatorReplay, BodyPreset, Robot, Robots, UnknownPreset};

@@ -11,6 +11,7 @@ pub mod harmonic_report;
 pub mod mission;
 pub mod mission_report;
 pub mod output;
+mod program;
 pub mod report;
 pub mod robots;
 pub mod scenario;
@@ -18,6 +19,7 @@ pub mod space_cobot;
 pub mod spheres;
 
 pub use error::TumbleError;
+pub use program::run;
 
 // The code of the workspace's README. Only rustdoc's test run reads the file, so that the published package does without.
 #[cfg(doctest)]

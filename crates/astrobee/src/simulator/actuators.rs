@@ -1,11 +1,11 @@
 //! How a wanted wrench becomes a real one.
 
-use super::SimulatorError;
+use super::{CONTROL_PERIOD_S, SimulatorError};
 use crate::propulsion::{
     Damage, ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings, QuantizedAllocation,
 };
 use tumble_dynamics::nalgebra::{SVector, Vector3};
-use tumble_dynamics::{Actuation, DynamicsError, PulsedThrusters, Rotor, RotorSet, WrenchBox};
+use tumble_dynamics::{Actuation, ActuatorDrive, Driven, DynamicsError, PulsedThrusters, Rotor, RotorSet, WrenchBox};
 use tumble_lie::Wrench;
 
 /// A rotor is at its limit at this part of its largest speed: the last bits are rounding.
@@ -18,10 +18,8 @@ pub enum Actuators {
     Exact,
     /// What is wanted, each component cut at its limit.
     Limited(WrenchBox),
-    /// Valves that open for pulses.
-    Pulsed(PulseTrain<12>),
-    /// Rotors that are at their speeds at once.
-    Rotors(RotorSet<6>),
+    /// Those of another robot.
+    Other(Box<dyn ActuatorDrive>),
     /// Allocation to bytes as flown, then servos, impellers and nozzles.
     Hardware {
         /// From wrench to bytes.
@@ -76,6 +74,26 @@ impl<const N: usize> PulseTrain<N> {
     }
 }
 
+impl<const N: usize> ActuatorDrive for PulseTrain<N> {
+    fn drive(&mut self, wanted_body: &Wrench<f64>, _hold_s: f64) -> Result<Driven, DynamicsError> {
+        let (wrench_body, is_at_limit) = self.step(wanted_body)?;
+        Ok(Driven { wrench_body, is_at_limit })
+    }
+}
+
+/// Rotors that are at their speeds at once.
+#[derive(Clone, Debug)]
+pub struct RotorDrive<const N: usize>(pub RotorSet<N>);
+
+impl<const N: usize> ActuatorDrive for RotorDrive<N> {
+    fn drive(&mut self, wanted_body: &Wrench<f64>, _hold_s: f64) -> Result<Driven, DynamicsError> {
+        let speeds = self.0.allocate(wanted_body)?;
+        let at_limit = |(speed, rotor): (&f64, &Rotor)| speed.abs() >= rotor.largest_speed_rad_s * AT_LIMIT;
+        let is_at_limit = speeds.iter().zip(self.0.rotors()).any(at_limit);
+        Ok(Driven { wrench_body: self.0.realize(&speeds), is_at_limit })
+    }
+}
+
 /// What came of a wanted wrench in one control period.
 pub(super) struct Made {
     pub believed_wrench_body: Wrench<f64>,
@@ -109,11 +127,9 @@ impl Actuators {
                 let given = limits.realize(&limits.allocate(wanted)?);
                 (given, given != *wanted)
             }
-            Self::Pulsed(valves) => valves.step(wanted)?,
-            Self::Rotors(rotors) => {
-                let speeds = rotors.allocate(wanted)?;
-                let at_limit = |(speed, rotor): (&f64, &Rotor)| speed.abs() >= rotor.largest_speed_rad_s * AT_LIMIT;
-                (rotors.realize(&speeds), speeds.iter().zip(rotors.rotors()).any(at_limit))
+            Self::Other(actuators) => {
+                let driven = actuators.drive(wanted, CONTROL_PERIOD_S)?;
+                (driven.wrench_body, driven.is_at_limit)
             }
             Self::Hardware { allocation, plant, known } => {
                 let steps = allocation.0.allocate_steps(wanted)?;
@@ -151,7 +167,7 @@ impl Actuators {
             let force = direction_body * (up_to_n * f64::from(share) / f64::from(SHARES));
             let asked = Wrench::new(through_body.cross(&force), force);
             let given = match self {
-                Self::Exact | Self::Pulsed(_) | Self::Rotors(_) => Ok(asked),
+                Self::Exact | Self::Other(_) => Ok(asked),
                 Self::Limited(limits) => limits.allocate(&asked).map(|given| limits.realize(&given)),
                 Self::Hardware { allocation, .. } => {
                     allocation.0.allocate(&asked).map(|flaps| allocation.0.realize(&flaps))
@@ -186,7 +202,7 @@ mod tests {
     }
 
     fn pulsed() -> Actuators {
-        Actuators::Pulsed(PulseTrain::new(valves(), TICKS_PER_STEP))
+        Actuators::Other(Box::new(PulseTrain::new(valves(), TICKS_PER_STEP)))
     }
 
     /// Six rotors around the body, tilted to alternate sides.
@@ -206,7 +222,7 @@ mod tests {
                 largest_speed_rad_s: 1500.0,
             }
         }));
-        Actuators::Rotors(set.unwrap())
+        Actuators::Other(Box::new(RotorDrive(set.unwrap())))
     }
 
     /// Pulses of 20 of 24 ticks, in steps of 16: open for 16, then 4 and 8 of the next, then its other 12.
@@ -250,13 +266,13 @@ mod tests {
             let made = actuators.step(&small, &nothing, &Damage::NONE).unwrap();
             assert!(!made.saturated && made.believed_wrench_body == made.realized_wrench_body);
         }
-        for mut actuators in [pulsed(), rotors()] {
+        for (mut actuators, are_rotors) in [(pulsed(), false), (rotors(), true)] {
             let large = Wrench::new(Vector3::zeros(), Vector3::new(100.0, 0.0, 0.0));
             let made = actuators.step(&large, &nothing, &Damage::NONE).unwrap();
             assert!(made.saturated && made.realized_wrench_body.force.x < 20.0);
             let bad = Wrench::new(Vector3::zeros(), Vector3::new(f64::NAN, 0.0, 0.0));
-            let Actuators::Rotors(_) = actuators else { continue };
-            assert!(actuators.step(&bad, &nothing, &Damage::NONE).is_err());
+            // valves ask for the next wrench at the end of their own period only
+            assert_eq!(actuators.step(&bad, &nothing, &Damage::NONE).is_err(), are_rotors);
         }
     }
 

@@ -1,5 +1,6 @@
 //! Missions that are flown by the simulator.
 
+use tumble_formats::Robots;
 use super::plan::ScenarioEntry;
 use super::{MissionRunner, PlannedMission};
 use crate::TumbleError;
@@ -18,12 +19,12 @@ pub struct SimulatedFlights {
 }
 
 impl SimulatedFlights {
-    /// The scenarios of these names.
+    /// The scenarios of these names, flown among these robots.
     ///
     /// # Errors
     /// As [`ScenarioSource::find`].
-    pub fn find(names: &[String]) -> Result<Self, TumbleError> {
-        let sources = names.iter().map(|name| ScenarioSource::find(name)).collect::<Result<_, _>>()?;
+    pub fn find(names: &[String], robots: &Robots) -> Result<Self, TumbleError> {
+        let sources = names.iter().map(|name| Ok(ScenarioSource::find(name)?.among(robots))).collect::<Result<_, TumbleError>>()?;
         Ok(Self { sources })
     }
 

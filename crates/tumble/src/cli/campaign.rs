@@ -1,5 +1,6 @@
 //! `tumble campaign`: missions over seeds and options, and parts of a campaign into a whole.
 
+use tumble_formats::Robots;
 use super::excite::progress;
 use super::fly::Switch;
 use super::{Outcome, print};
@@ -124,10 +125,10 @@ const MOST_JOBS: usize = 1024;
 ///
 /// # Errors
 /// [`TumbleError`] for bad input.
-pub fn run(args: &CampaignArgs) -> Result<Outcome, TumbleError> {
+pub fn run(args: &CampaignArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     match &args.command {
         Some(CampaignCommand::Merge(merge)) => run_merge(merge),
-        None => run_missions(&args.fly),
+        None => run_missions(&args.fly, robots),
     }
 }
 
@@ -138,8 +139,8 @@ fn run_merge(args: &MergeArgs) -> Result<Outcome, TumbleError> {
     say(&plan, &analysis, &place, args.json)
 }
 
-fn run_missions(args: &FlyArgs) -> Result<Outcome, TumbleError> {
-    let flights = SimulatedFlights::find(&args.scenarios)?;
+fn run_missions(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
+    let flights = SimulatedFlights::find(&args.scenarios, robots)?;
     let plan = CampaignPlan::try_new(configuration(args, &flights)?)?;
     if args.dry_run {
         run_with(args, &plan, flights.name(), &DryRun)

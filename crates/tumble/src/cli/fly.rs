@@ -1,5 +1,6 @@
 //! `tumble fly`: a mission in closed loop; `tumble replay`: the mission of a report, flown again.
 
+use tumble_formats::Robots;
 use super::excite::progress;
 use super::fly_table::{Costs, table};
 use super::simulate::write_mcap;
@@ -127,8 +128,8 @@ impl MissionHooks for Watch {
 ///
 /// # Errors
 /// [`TumbleError`] for bad input.
-pub fn run(args: &FlyArgs) -> Result<Outcome, TumbleError> {
-    let source = ScenarioSource::find(&args.scenario)?;
+pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
+    let source = ScenarioSource::find(&args.scenario)?.among(robots);
     let options = FlyOptions {
         seed: args.seed.unwrap_or(source.scenario.seed),
         weighting: args.weighting,
@@ -220,11 +221,11 @@ fn run_record(options: &FlyOptions, folder: &OutputFolder) -> Result<String, Tum
 ///
 /// # Errors
 /// [`TumbleError`] for a file that is no report.
-pub fn replay(args: &ReplayArgs) -> Result<Outcome, TumbleError> {
+pub fn replay(args: &ReplayArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     let text = fs::read_to_string(&args.report)
         .map_err(|source| FormatsError::Unreadable { path: args.report.clone(), source })?;
     let before = mission_report::record_of(&text, &args.report)?;
-    let source = ScenarioSource::parse(&args.report, &before.scenario_toml)?;
+    let source = ScenarioSource::parse(&args.report, &before.scenario_toml)?.among(robots);
     let mut silent = mission::NoHooks;
     let after = mission::fly(&source, &before.summary.options, &mut silent)?;
     let is_same = after == before;

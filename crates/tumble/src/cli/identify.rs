@@ -1,5 +1,6 @@
 //! `tumble identify`: from a log to mass, centre of mass and inertia.
 
+use tumble_formats::Robots;
 use super::identify_arm::{ArmOptions, Files};
 use super::identify_periodic::{self, Motion};
 use super::{Outcome, print};
@@ -189,14 +190,14 @@ fn parse_noise(text: &str) -> Result<(f64, f64), String> {
 ///
 /// # Errors
 /// [`TumbleError`] for bad input; a log that cannot answer is [`Outcome::NotAchieved`].
-pub fn run(args: &IdentifyArgs) -> Result<Outcome, TumbleError> {
+pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     if args.template {
         print(TEMPLATE)?;
         return Ok(Outcome::Achieved);
     }
     check_options(args)?;
     if args.arm.is_asked() {
-        return identify_arm(args);
+        return identify_arm(args, robots);
     }
     if let (Some(throw), Some(calibration)) = (&args.wheel, &args.calibration) {
         return super::calibrate_wheel::identify_throw(throw, calibration, args.mass, args.json);
@@ -211,7 +212,7 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, TumbleError> {
         ..Settings::default()
     };
     let motion = Motion::of(args)?;
-    let mut log = Log::read(args)?;
+    let mut log = Log::read(args, robots)?;
     if let (Some(motion), Some(estimator)) = (&motion, args.harmonic()) {
         match identify_periodic::run(args, motion, estimator, &log) {
             Err(TumbleError::Identification(reason)) if without_cycles(estimator, &reason) => {
@@ -244,13 +245,13 @@ pub fn run(args: &IdentifyArgs) -> Result<Outcome, TumbleError> {
 }
 
 /// A log of an arm's joints.
-fn identify_arm(args: &IdentifyArgs) -> Result<Outcome, TumbleError> {
+fn identify_arm(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     let Some(log) = &args.log else {
         let message = "`--model` needs a log of the arm's joints; `tumble arm show ARM --as log-template` prints one";
         return Err(TumbleError::BadOption { message: message.to_owned() });
     };
     let (json, force, reorder) = (args.json, args.force, args.reorder);
-    super::identify_arm::run(&args.arm, &Files { log, reorder, json, out: args.out.as_deref(), force })
+    super::identify_arm::run(&args.arm, &Files { log, reorder, json, out: args.out.as_deref(), force }, robots)
 }
 
 /// Whether a log with cycles that cannot be averaged, for this reason, may still answer sample by sample.
@@ -509,12 +510,12 @@ pub(super) enum Rows {
     /// All of them, in memory.
     Memory(Vec<MotionSample>),
     /// Too many for the memory: checked once, read again when needed.
-    File { path: PathBuf, reorder: bool, robot: Option<String>, count: usize },
+    File { path: PathBuf, reorder: bool, robot: Option<String>, robots: Robots, count: usize },
 }
 
 impl Log {
-    fn read(args: &IdentifyArgs) -> Result<Self, TumbleError> {
-        let mut log = if args.demo { Self::from_demo(args.seed.unwrap_or(DEMO_SEED))? } else { Self::from_file(args)? };
+    fn read(args: &IdentifyArgs, robots: &Robots) -> Result<Self, TumbleError> {
+        let mut log = if args.demo { Self::from_demo(args.seed.unwrap_or(DEMO_SEED))? } else { Self::from_file(args, robots)? };
         let count = match &log.rows {
             Rows::Memory(record) => record.len(),
             Rows::File { count, .. } => *count,
@@ -545,7 +546,7 @@ impl Log {
         })
     }
 
-    fn from_file(args: &IdentifyArgs) -> Result<Self, TumbleError> {
+    fn from_file(args: &IdentifyArgs, robots: &Robots) -> Result<Self, TumbleError> {
         let Some(path) = &args.log else {
             return Err(TumbleError::BadOption { message: "no log: name a file, or use --demo".to_owned() });
         };
@@ -553,7 +554,7 @@ impl Log {
             Some(path) => Some(("reference".to_owned(), body_file::read(path)?)),
             None => None,
         };
-        let mut reader = SampleReader::open(path, args.reorder, args.robot.as_deref(), &crate::robots::shipped())?;
+        let mut reader = SampleReader::open(path, args.reorder, args.robot.as_deref(), robots)?;
         eprint!("{}", reader.contents());
         let mut record = Vec::new();
         let mut more = reader.read_chunk(&mut record, ROWS_IN_MEMORY)?;
@@ -576,7 +577,7 @@ impl Log {
                 last_ns = chunk.last().map_or(last_ns, |s| s.time_ns);
                 progress(&format!("{count} rows checked"));
             }
-            rows = Rows::File { path: path.clone(), reorder: args.reorder, robot: args.robot.clone(), count };
+            rows = Rows::File { path: path.clone(), reorder: args.reorder, robot: args.robot.clone(), robots: robots.clone(), count };
         }
         let warnings = reader.warnings();
         let duration_s = seconds(last_ns - first_ns);
@@ -598,8 +599,8 @@ impl Log {
                 }
                 Ok(())
             }
-            Rows::File { path, reorder, robot, .. } => {
-                let mut reader = SampleReader::open(path, *reorder, robot.as_deref(), &crate::robots::shipped())?;
+            Rows::File { path, reorder, robot, robots, .. } => {
+                let mut reader = SampleReader::open(path, *reorder, robot.as_deref(), robots)?;
                 let mut chunk = Vec::new();
                 let mut done = 0;
                 while done < self.estimation_rows {
@@ -621,8 +622,8 @@ impl Log {
     fn held_out(&self) -> Result<Vec<MotionSample>, TumbleError> {
         match &self.rows {
             Rows::Memory(record) => Ok(record.get(self.estimation_rows..).unwrap_or_default().to_vec()),
-            Rows::File { path, reorder, robot, .. } => {
-                let mut reader = SampleReader::open(path, *reorder, robot.as_deref(), &crate::robots::shipped())?;
+            Rows::File { path, reorder, robot, robots, .. } => {
+                let mut reader = SampleReader::open(path, *reorder, robot.as_deref(), robots)?;
                 let mut rest = Vec::new();
                 for _ in 0..self.estimation_rows {
                     reader.next_sample()?;

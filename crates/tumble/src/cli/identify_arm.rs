@@ -1,5 +1,6 @@
 //! `tumble identify --model`: bodies of an arm and what it grasps, from logs of its joints.
 
+use tumble_formats::Robots;
 use super::{Outcome, print};
 use crate::TumbleError;
 use crate::output::{OutputFolder, RUN_RECORD};
@@ -136,8 +137,8 @@ fn refused(message: impl Into<String>) -> TumbleError {
 ///
 /// # Errors
 /// [`TumbleError`] for bad input; a payload that the logs do not determine is [`Outcome::NotAchieved`].
-pub fn run(options: &ArmOptions, files: &Files<'_>) -> Result<Outcome, TumbleError> {
-    let arm = ArmModel::find(options.model.as_deref().unwrap_or_default(), &crate::robots::shipped())?;
+pub fn run(options: &ArmOptions, files: &Files<'_>, robots: &Robots) -> Result<Outcome, TumbleError> {
+    let arm = ArmModel::find(options.model.as_deref().unwrap_or_default(), robots)?;
     if let Some(out) = files.out {
         OutputFolder::check_place(out, files.force)?;
     }

@@ -1,5 +1,6 @@
 //! `tumble plan`: a way from start to goal, and how far from the best it can be.
 
+use tumble_formats::Robots;
 use super::excite::progress;
 use super::plan_blockers::{collision_world, listed, named};
 use super::plan_budget::{WatchedBudget, budget};
@@ -130,8 +131,8 @@ struct Measures {
 ///
 /// # Errors
 /// [`TumbleError`] for bad input.
-pub fn run(args: &PlanArgs) -> Result<Outcome, TumbleError> {
-    let mut source = ScenarioSource::find(&args.scenario)?;
+pub fn run(args: &PlanArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
+    let mut source = ScenarioSource::find(&args.scenario)?.among(robots);
     if let Some(seed) = args.seed {
         source.scenario.seed = seed;
     }

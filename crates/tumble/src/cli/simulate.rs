@@ -1,5 +1,6 @@
 //! `tumble simulate`: flies a scenario and writes its log.
 
+use tumble_formats::Robots;
 use super::excite::progress;
 use super::simulate_control::{self, Tracked};
 use super::{Outcome, print};
@@ -84,8 +85,8 @@ struct Flown {
 ///
 /// # Errors
 /// [`TumbleError`] for bad input.
-pub fn run(args: &SimulateArgs) -> Result<Outcome, TumbleError> {
-    let mut source = ScenarioSource::find(&args.scenario)?;
+pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
+    let mut source = ScenarioSource::find(&args.scenario)?.among(robots);
     if let Some(seed) = args.seed {
         source.scenario.seed = seed;
     }
@@ -332,7 +333,7 @@ fn table(source: &ScenarioSource, flight: &Flight, flown: &Flown, (rows, left_ou
         "propulsion",
         format!(
             "{} (drag: {})",
-            source.scenario.propulsion.kind.describe(),
+            source.describe_propulsion()?,
             if source.scenario.propulsion.drag { "yes" } else { "no" }
         ),
     );

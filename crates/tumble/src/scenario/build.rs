@@ -337,9 +337,10 @@ impl ScenarioSource {
         let inline = (written.mass_kg, written.com_m, written.inertia);
         match (written.preset, written.file, inline) {
             (Some(name), None, (None, None, None)) => {
-                let robots = robots::shipped();
-                let names: Vec<&str> = robots.bodies().iter().map(|preset| preset.name).collect();
-                self.named(&format!("{}.preset", written.key), name, |name| robots.body(name), &names)
+                self.robots.body(name).map_err(|unknown| {
+                    let (names, near) = (unknown.known.join(", "), unknown.nearest);
+                    self.bad(&format!("{}.preset", written.key), &format!("`{}` is none of {names}{near}", unknown.asked))
+                })
             }
             (None, Some(file), (None, None, None)) => Ok(body_file::read(&self.folder().join(file))?),
             (None, None, (Some(mass_kg), com_m, Some(inertia_about_com_kg_m2))) => {
@@ -492,12 +493,9 @@ impl ScenarioSource {
                 Err(self.bad(&format!("propulsion.{key}"), "a limit is not negative"))
             }
         };
-        Ok(match table.kind {
+        Ok(match &table.kind {
             PropulsionName::Exact => Actuators::Exact,
-            PropulsionName::Spheres => {
-                Actuators::Pulsed(PulseTrain::new(spheres::thrusters()?, spheres::TICKS_PER_FLIGHT_STEP))
-            }
-            PropulsionName::SpaceCobot => Actuators::Rotors(space_cobot::rotors()?),
+            PropulsionName::Named(name) => Actuators::Other((self.actuators_named(name)?.make)()?),
             PropulsionName::Limited => Actuators::Limited(WrenchBox {
                 torque_limit: limit("torque_limit_n_m", table.torque_limit_n_m)?,
                 force_limit: limit("force_limit_n", table.force_limit_n)?,
