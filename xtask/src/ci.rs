@@ -61,8 +61,8 @@ const STEPS: &[Step] = &[
         "the studies of identification, of chapter 4, of actuation, of RATTLE, of control, of arms, reduced",
         reduced_studies,
     ),
-    always("determinism", "long tumbles, plans and a flight are the same bytes at every optimisation level", || {
-        same_hashes("determinism", &HASHES, "")
+    always("determinism", "long tumbles, plans and a flight are the same bytes unoptimised and optimised", || {
+        same_hashes("determinism", &HASHES, "", &[UNOPTIMISED, OPTIMISED])
     }),
     always("panic-free", "the link proves that the hot paths cannot panic, and refuses a control that can", panic_free),
     full("package-verify", "every package builds from what would be published", || {
@@ -70,8 +70,14 @@ const STEPS: &[Step] = &[
     }),
     full("packages-tests", "the tests of the unpacked packages pass", packages::test),
     full("semver", "the public interfaces against those last published", packages::semver),
+    full("determinism-native", "the same bytes with all that this processor can do", || {
+        same_hashes("determinism", &HASHES, "", &[OPTIMISED, NATIVE])
+    }),
     full("same-missions", "missions are the same bytes at every optimisation level", || {
-        same_hashes("same-missions", &[("tumble", "same_missions")], "\"astrobee\"")
+        same_hashes("same-missions", &[("tumble", "same_missions")], "\"astrobee\"", &[UNOPTIMISED, OPTIMISED, NATIVE])
+    }),
+    full("study-tests", "the tests of the studies themselves", || {
+        shell(&mut [cargo("test --package studies --bin studies --release")])
     }),
     full("powerset", "type-check each feature alone, and all together", powerset),
     full("tests-alone", "the tests of each crate, built without the others' features", tests_alone),
@@ -207,20 +213,20 @@ fn examples() -> Outcome {
     shell(&mut commands)
 }
 
-/// Crate, feature, and the module of its tests that wants it.
+/// Crate, feature, and the test program that wants it.
 const FEATURE_TESTS: [(&str, &str, &str); 2] =
     [("identification", "clarabel-sdp", "lmi_against_clarabel"), ("planning", "parry", "parry_world")];
 
 fn feature_tests() -> Outcome {
-    let mut commands = Vec::new();
+    // `--workspace` shares every dependency with the test command; naming the tests keeps the others from being built again.
+    let mut test = cargo("test --workspace");
     for (library, feature, name) in FEATURE_TESTS {
-        if !has(&format!("crates/{library}/tests/suite/{name}.rs")) {
-            return Outcome::Failed(format!("crates/{library}/tests/suite/{name}.rs is missing"));
+        if !has(&format!("crates/{library}/tests/{name}.rs")) {
+            return Outcome::Failed(format!("crates/{library}/tests/{name}.rs is missing"));
         }
-        commands
-            .push(cargo(&format!("test --package {} --features {feature} --test suite {name}::", package(library))));
+        test.args(["--features", &format!("{}/{feature}", package(library)), "--test", name]);
     }
-    shell(&mut commands)
+    shell(&mut [test])
 }
 
 fn features_of(library: &str) -> Vec<String> {
@@ -343,17 +349,21 @@ fn drawn_missions() -> Outcome {
 /// The examples that print hashes: crate and example.
 const HASHES: [(&str, &str); 3] = [("dynamics", "determinism"), ("planning", "same_plans"), ("astrobee", "same_bytes")];
 
-/// Builds them three ways in a folder of `target`, the program with these features, and compares what they print.
-fn same_hashes(folder: &str, examples: &[(&str, &str)], features: &str) -> Outcome {
+/// Name, cargo's folder and `RUSTFLAGS` of a way to build.
+type Way = (&'static str, &'static str, &'static str);
+const UNOPTIMISED: Way = ("opt-level-0", "debug", "");
+const OPTIMISED: Way = ("opt-level-3", "release", "");
+const NATIVE: Way = ("native", "release", "-C target-cpu=native");
+
+/// Builds them in these ways in a folder of `target`, the program with these features, and compares what they print.
+fn same_hashes(folder: &str, examples: &[(&str, &str)], features: &str, ways: &[Way]) -> Outcome {
     let place = target_dir().join(folder);
     let package = match package_of(&place, examples, features) {
         Ok(package) => package,
         Err(error) => return Outcome::Failed(error.to_string()),
     };
-    let ways =
-        [("opt-level-0", "debug", ""), ("opt-level-3", "release", ""), ("native", "release", "-C target-cpu=native")];
     let mut printed = Vec::new();
-    for (way, folder, flags) in ways {
+    for &(way, folder, flags) in ways {
         let target = place.join(way);
         let mut build = cargo("build --quiet --manifest-path");
         build.arg(package.join("Cargo.toml")).arg("--target-dir").arg(&target).env("RUSTFLAGS", flags);

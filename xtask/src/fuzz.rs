@@ -91,7 +91,7 @@ pub fn run(seconds: u32, names: &[String]) -> Outcome {
     } else {
         Outcome::Failed(format!(
             "{}: repeat one with `cargo +nightly fuzz run TARGET fuzz/artifacts/TARGET/FILE`; when it is repaired, put the \
-             file into fuzz/seeds/TARGET, where `cargo test` replays it",
+             file into tests/seeds/TARGET of `tumble` or `tumble-planning`, where `cargo test` replays it",
             failed.join(", ")
         ))
     }
@@ -110,12 +110,18 @@ fn works(command: &mut Command) -> bool {
     command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
 }
 
+/// The folder of a target's seeds, which lie with the tests that replay them.
+fn seeds(name: &str) -> String {
+    let package = if name == "planning" { "planning" } else { "tumble" };
+    format!("crates/{package}/tests/seeds/{name}")
+}
+
 /// Runs one target; how many inputs it saw, or what went wrong.
 fn fuzz(name: &str, seconds: u32) -> Result<u64, String> {
     let corpus = format!("fuzz/corpus/{name}");
     std::fs::create_dir_all(root().join(&corpus)).map_err(|error| format!("{corpus}: {error}"))?;
     let mut command = rustup("cargo fuzz run --fuzz-dir fuzz --target-dir");
-    command.arg(target_dir().join("fuzz")).args([name, &corpus, &format!("fuzz/seeds/{name}"), "--"]);
+    command.arg(target_dir().join("fuzz")).args([name, &corpus, &seeds(name), "--"]);
     command.args([format!("-max_total_time={seconds}"), format!("-rss_limit_mb={MEMORY_MB}"), "-timeout=10".into()]);
     println!("$ {}", line(&command));
     let output = command.output().map_err(|error| error.to_string())?;
@@ -150,7 +156,7 @@ mod tests {
         programs.sort();
         assert_eq!(targets(), programs);
         for name in targets() {
-            let seeds = root().join("fuzz/seeds").join(&name);
+            let seeds = root().join(seeds(&name));
             assert!(seeds.read_dir().is_ok_and(|mut files| files.next().is_some()), "{}", seeds.display());
         }
     }

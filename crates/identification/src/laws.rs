@@ -7,6 +7,7 @@ mod linear_model;
 #[cfg(feature = "trees")]
 mod multibody;
 mod recursive_estimator;
+mod state_estimator;
 
 pub use criterion::{
     check_change_of_units, check_excitation_criterion, check_more_information, check_optimality_criterion,
@@ -18,6 +19,7 @@ pub use multibody::{check_base_parameters, check_links_solver};
 pub use recursive_estimator::{
     Begin, EstimatorPromises, Told, check_gate, check_innovation, check_recursive_estimator, check_unit_equivariance,
 };
+pub use state_estimator::{BeginFlight, StateTrial, check_state_estimator};
 
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet};
 use crate::square_root_information::SquareRootInformation;

@@ -41,6 +41,7 @@ use elimination::{Indefinite, Schur};
 use identifiability::{Identifiability, inflation};
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
 use noise::{Levels, WrenchPrior};
+use num_traits::AsPrimitive;
 use record::Record;
 use segment::{ATTITUDE, MEASUREMENTS, POSITION, Robust};
 
@@ -713,15 +714,13 @@ fn segment_length(levels: &Levels, eta: &Coordinates, step_s: f64) -> usize {
 }
 
 /// A whole number as an index.
-#[allow(clippy::cast_possible_truncation)] // saturates
 fn whole_signed(x: f64) -> isize {
-    x as isize
+    x.as_()
 }
 
 /// The nearest whole number, none below zero.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
 fn whole(x: f64) -> usize {
-    x.round() as usize
+    x.round().as_()
 }
 
 /// How a body fits a record.

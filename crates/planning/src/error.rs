@@ -136,6 +136,9 @@ pub enum PlanningError {
     /// An error of an estimator behind its trait.
     #[error(transparent)]
     Estimator(#[from] EstimatorError),
+    /// A layer that no registry has.
+    #[error(transparent)]
+    Unknown(#[from] tumble_identification::UnknownName),
     /// An error of an implementation from outside. Two are equal where they are the same object.
     #[error("{by}: {source}")]
     Foreign {

@@ -42,7 +42,7 @@ pub use motion::{MissionMotion, StopLimits};
 pub use office::{ComputingTime, Office, PlannerFault, PlannerThread, Simulated, Thread};
 pub use plan_request::{Asked, Found, PlanAnswer, PlanRequest};
 pub use serve::serve;
-pub use stretch::{StretchAnswer, StretchOutcome, StretchPlanner, StretchRefusal, StretchTask};
+pub use stretch::{AlongWay, StretchAnswer, StretchOutcome, StretchPlanner, StretchRefusal, StretchTask};
 pub use stretch_model::StretchModel;
 pub use stretch_settings::{Arrival, StretchSettings, WayShares};
 pub use watch::{Invariant, InvariantWatch, Violation, WatchLimits, WatchedStep};

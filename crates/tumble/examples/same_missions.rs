@@ -7,7 +7,7 @@
 use std::io;
 use tumble::TumbleError;
 use tumble::flight_log::Recorder;
-use tumble::mission::{FlownPeriod, FlyOptions, MissionHooks, ModelChoice, WeightingChoice, fly};
+use tumble::mission::{FlownPeriod, FlyOptions, LayerNames, MissionHooks, ModelChoice, WeightingChoice, fly};
 use tumble::scenario::ScenarioSource;
 use tumble_formats::FormatsError;
 
@@ -61,6 +61,7 @@ fn mission(name: &str, longest_s: f64) -> Result<(), TumbleError> {
         feedback: true,
         model: ModelChoice::Scenario,
         fault: None,
+        layers: LayerNames::default(),
     };
     let mut written = Hashed(START, 0);
     let mut log = Log(Recorder::with_estimate(&mut written).map_err(unwritable)?);

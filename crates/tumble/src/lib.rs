@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod campaign;
 pub mod cli;
@@ -21,7 +22,7 @@ pub mod spheres;
 pub use error::TumbleError;
 pub use program::run;
 
-// The code of the workspace's README. Only rustdoc's test run reads the file, so that the published package does without.
+// The code of the workspace's README, by a link that the published package holds as a file.
 #[cfg(doctest)]
-#[doc = include_str!("../../../README.md")]
+#[doc = include_str!("../WORKSPACE.md")]
 struct WorkspaceReadme;

@@ -6,17 +6,22 @@ mod invariants;
 mod layers;
 mod options;
 mod record;
+mod registries;
 
 pub use faults::{
     BodyStep, Fault, FaultChoiceError, Faults, LateObstacle, PlannerFault, PlantChange, Sabotage, replay_line,
 };
 pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly, measurement};
 pub use layers::{
-    AstrobeeLoop, MissionPlanners, closed_loop, computing_time, controllers, estimator, loop_settings, scene,
-    stretch_planner,
+    AstrobeeLoop, MissionPlanners, closed_loop, computing_time, estimator, loop_settings, scene, stretch_planner,
+    tube_controllers,
 };
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice, WeightingChoice};
 pub use record::{
     BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
     ParameterRow, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
+};
+pub use registries::{
+    ControlledBody, LayerNames, NewController, NewStretchPlanner, WrittenNames, controllers, estimators, laws,
+    local_planners, planners,
 };

@@ -8,7 +8,9 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::json;
-use tumble::mission::{FlyOptions, MissionSummary, ModelChoice, NoHooks, WeightingChoice, fly, replay_line};
+use tumble::mission::{
+    FlyOptions, LayerNames, MissionSummary, ModelChoice, NoHooks, WeightingChoice, fly, replay_line,
+};
 use tumble::scenario::ScenarioSource;
 
 use crate::Failure;
@@ -82,6 +84,7 @@ fn cases(seeds: u64) -> Result<Vec<Case>, Failure> {
                         feedback: true,
                         model: ModelChoice::default(),
                         fault: Some(format!("{name}:{severity}").parse().map_err(bad)?),
+                        layers: LayerNames::default(),
                     };
                     cases.push(Case { scenario, options });
                 }

@@ -67,14 +67,15 @@ impl<const P: usize> Finding<P> {
         for i in 0..P {
             for j in 0..i {
                 let (a, b) = (correlation[(i, j)], correlation[(j, i)]);
-                if !((a - b).abs() <= SYMMETRIC) {
+                let apart = (a - b).abs();
+                if apart.is_nan() || apart > SYMMETRIC {
                     return refused("covariance", i * P + j, covariance[(i, j)]);
                 }
             }
         }
         let (values, axes) = symmetric_eigen(correlation);
         let (least, most) = (values.imin(), values.max());
-        if !(values[least] >= -SYMMETRIC) {
+        if values[least].is_nan() || values[least] < -SYMMETRIC {
             return refused("covariance is indefinite, least eigenvalue", axes.column(least).iamax(), values[least]);
         }
         let mut factor = SMatrix::<f64, P, P>::zeros();

@@ -9,6 +9,7 @@ use nalgebra::{ComplexField, SVector, Vector6};
 /// What became of an identification.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
+#[allow(clippy::large_enum_variant)] // no allocator to box it with
 pub enum Verdict {
     /// The numbers may be used.
     Identified,
@@ -207,11 +208,11 @@ impl Judge {
         let (covariance, sizes) = (found.covariance()?, self.scale.parameter_magnitudes());
         for parameter in 0..10 {
             let relative = ComplexField::sqrt(covariance[(parameter, parameter)]) / sizes[parameter];
-            if !(relative < self.known) {
+            if relative.is_nan() || relative >= self.known {
                 return Ok(Some(Why::Wide { parameter, relative }));
             }
         }
-        if let Some(mean_nis) = found.surprise().filter(|mean| !(*mean <= self.mean_nis)) {
+        if let Some(mean_nis) = found.surprise().filter(|mean| mean.is_nan() || *mean > self.mean_nis) {
             return Ok(Some(Why::Surprised { mean_nis }));
         }
         let rank = other.map_or(Ok(10), |other| self.seen(other).map(|seen| seen.rank()))?;

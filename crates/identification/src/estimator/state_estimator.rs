@@ -59,6 +59,7 @@ pub struct Measurement {
     /// Velocity of the body origin, world axes, m/s.
     pub velocity_world: Option<Gauss<Vector3<f64>>>,
     /// A quantity of the user's own; components beyond those that it has carry an infinite variance.
+    #[allow(clippy::type_complexity)] // a sensor with what it showed
     pub other: Option<(Arc<dyn Sensor>, Gauss<Vector3<f64>>)>,
 }
 

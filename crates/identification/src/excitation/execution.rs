@@ -4,6 +4,7 @@ use crate::dynamics::{Plant, PoseTracker, RigidBodyState, SimulatedMeasurement};
 use crate::error::IdentificationError;
 use crate::fourier::FourierMotion;
 use crate::lie::{Pose, Wrench};
+use num_traits::AsPrimitive;
 
 /// A wanted and a realised wrench that differ by less than this share of the wanted torque or force are the same: allocation
 /// to nozzles rounds.
@@ -143,8 +144,7 @@ pub fn samples_per_period(period_s: f64, step_s: f64) -> Result<usize, Identific
             nearest_step_s: period_s / nearest,
         });
     }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // range tested above
-    Ok(whole as usize)
+    Ok(whole.as_())
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use crate::fourier::AttitudeChart;
 use crate::motion::MotionSample;
 use crate::{Noise, WrenchTiming};
 use nalgebra::{DMatrix, SVector, Vector4};
+use num_traits::AsPrimitive;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 /// Largest relative difference between steps.
@@ -174,8 +175,7 @@ impl Span {
         let step_s = seconds(&rows[0], &rows[rows.len() - 1]) / (rows.len() - 1).max(1) as f64;
         let whole = rows.len() as f64 * step_s / period_s;
         if rows.len() < 3 || whole < 1.0 {
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-            let needed = FEWEST_CYCLES.saturating_mul((period_s / typical_s).round() as usize);
+            let needed = FEWEST_CYCLES.saturating_mul((period_s / typical_s).round().as_());
             return Err(IdentificationError::TooFewCycles { cycles: whole, dropped: 0, samples: rows.len(), needed });
         }
         let period_samples = (period_s / step_s).round().max(1.0);
@@ -187,8 +187,7 @@ impl Span {
                 nearest_step_s: period_s / period_samples,
             });
         }
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // below the number of rows
-        let period_samples = period_samples as usize;
+        let period_samples: usize = period_samples.as_();
         Ok(Self { first, period_samples, cycles: rows.len() / period_samples, remainder: rows.len() % period_samples })
     }
 }

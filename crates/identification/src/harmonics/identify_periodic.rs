@@ -15,7 +15,7 @@ use crate::error::IdentificationError;
 use crate::estimator::{Estimator, EstimatorError, Evidence, Finding, Judge, Verdict};
 use crate::identify::{MAXIMUM_LIKELIHOOD, constrained, from_covariance, standard_deviations};
 use crate::motion::MotionSample;
-use crate::{Estimate, Identification, Noise, Settings, WrenchTiming, identify};
+use crate::{Estimate, Identification, Noise, Settings, identify};
 use core::ops::RangeInclusive;
 use nalgebra::{SMatrix, SVector};
 

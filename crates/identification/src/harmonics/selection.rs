@@ -6,6 +6,7 @@ use super::likelihood::{Guess, PeriodicLikelihood, Problem, step_work};
 use super::periodic_record::PeriodicRecord;
 use crate::error::IdentificationError;
 use core::ops::RangeInclusive;
+use num_traits::AsPrimitive;
 
 /// A residual that is less by this share of the wrench or the power only is not less.
 const ROUNDING: f64 = 1e-9;
@@ -169,8 +170,7 @@ pub fn likeliest_harmonics(
     }
     let (chosen, _, problem, start) = best.ok_or(failure)?;
     let left = (LARGEST_WORK - work) / step_work(record, chosen);
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a handful
-    let iterations = left.clamp(FINAL_ITERATIONS[0], FINAL_ITERATIONS[1]) as usize;
+    let iterations = left.clamp(FINAL_ITERATIONS[0], FINAL_ITERATIONS[1]).as_();
     Ok((problem.settle(start, iterations)?, table))
 }
 

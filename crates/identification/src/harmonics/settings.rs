@@ -14,6 +14,7 @@ const SATURATED: f64 = 0.01;
 
 /// What turns an averaged period, or the record behind it, into parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum HarmonicEstimator {
     /// Weighted least squares with the regressor of the fitted motion: the thesis's.
     LeastSquares,
@@ -21,7 +22,7 @@ pub enum HarmonicEstimator {
     /// the wrench asks for more harmonics than the series has, the trajectory likelihood answers.
     #[default]
     Likelihood,
-    /// [`identify`](crate::identify()) with [`Method::MaximumLikelihood`](crate::Method::MaximumLikelihood) on the whole record, sample by sample, with the wrench that acted; needs no
+    /// [`identify`](crate::identify()) with `maximum-likelihood` on the whole record, sample by sample, with the wrench that acted; needs no
     /// periodic motion.
     TrajectoryLikelihood,
 }

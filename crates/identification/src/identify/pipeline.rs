@@ -70,7 +70,7 @@ pub fn constrained_solvers() -> ConstrainedSolvers {
         });
     #[cfg(feature = "clarabel-sdp")]
     let solvers = solvers.with("clarabel", "The general conic solver Clarabel", |scale| {
-        Ok(Box::new(crate::consistency::ClarabelSdp::new(PseudoInertiaCone::new(*scale))))
+        Ok(Box::new(crate::consistency::ClarabelSdp::new(PseudoInertiaCone::new(*scale), 1e-9)))
     });
     solvers
 }

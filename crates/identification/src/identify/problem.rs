@@ -136,7 +136,7 @@ impl Problem {
     }
 
     /// What a fit says, directions left free where it leaves them free.
-    fn finding_of(&self, record: &[MotionSample], fit: &Fit) -> Result<Finding, EstimatorError> {
+    fn finding_of(record: &[MotionSample], fit: &Fit) -> Result<Finding, EstimatorError> {
         let judgement = judge(fit, silence_of(record, fit), None)?;
         let magnitudes = judgement.scale.parameter_magnitudes();
         match &fit.least_squares {
@@ -188,7 +188,7 @@ impl Estimator for Regressed {
     type Record = [MotionSample];
 
     fn estimate(&self, record: &[MotionSample]) -> Result<Finding, EstimatorError> {
-        self.0.finding_of(record, &self.0.fit(record)?)
+        Problem::finding_of(record, &self.0.fit(record)?)
     }
 }
 
@@ -220,14 +220,14 @@ impl Estimator for JointFilter {
     fn estimate(&self, record: &[MotionSample]) -> Result<Finding, EstimatorError> {
         let problem = &self.problem;
         let mut fit = problem.fit(record)?;
-        let before = problem.finding_of(record, &fit)?;
+        let before = Problem::finding_of(record, &fit)?;
         if before.point().is_none() {
             return Ok(before);
         }
         let noise = problem.sample_noise();
         match recursion::filtered(&mut fit, record, &problem.settings(), &noise, self.unscented) {
             Ok(surprise) => {
-                let found = problem.finding_of(record, &fit)?;
+                let found = Problem::finding_of(record, &fit)?;
                 Ok(surprise.map_or(found, |(nis, freedom)| found.with_surprise(nis, freedom)))
             }
             Err(Flown::Off { time_ns }) => Err(IdentificationError::FilterDiverged { time_ns }.into()),

@@ -15,7 +15,7 @@ use argmin::core::{CostFunction, Error, Gradient};
 use nalgebra::{DVector, SMatrix, SVector, Vector3};
 
 /// Largest component of a node's step at which the states count as found (rad, rad/s, m, m/s).
-const SETTLED: f64 = 1e-9;
+const SETTLED: f64 = 1e-8;
 
 /// Half the weighted squares of all residuals of a record, as a function of the ten parameters: states and errors of the
 /// wrench are found for each body as it is.

@@ -7,7 +7,7 @@ use crate::error::IdentificationError;
 use faer::diag::DiagMut;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::svd::{ComputeSvdVectors, svd, svd_scratch};
-use faer::{MatMut, MatRef, Par};
+use faer::{MatMut, MatRef, Par, Spec};
 use nalgebra::{DMatrix, DVector};
 
 /// Singular values in descending order, the right singular vectors and their images A V, as columns in the same order.
@@ -28,7 +28,7 @@ impl SingularValues {
         let mut right = DMatrix::zeros(columns, columns);
         let mut images = DMatrix::zeros(rows, columns);
         let thin = ComputeSvdVectors::Thin;
-        let mut memory = MemBuffer::new(svd_scratch::<f64>(rows, columns, thin, thin, Par::Seq, Default::default()));
+        let mut memory = MemBuffer::new(svd_scratch::<f64>(rows, columns, thin, thin, Par::Seq, Spec::default()));
         svd(
             MatRef::from_column_major_slice(a.as_slice(), rows, columns),
             DiagMut::from_slice_mut(values.as_mut_slice()),
@@ -36,7 +36,7 @@ impl SingularValues {
             Some(MatMut::from_column_major_slice_mut(right.as_mut_slice(), columns, columns)),
             Par::Seq,
             MemStack::new(&mut memory),
-            Default::default(),
+            Spec::default(),
         )
         .map_err(|_| IdentificationError::NoSingularValues { rows, columns })?;
         for (mut image, value) in images.column_iter_mut().zip(values.iter()) {

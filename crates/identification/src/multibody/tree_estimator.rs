@@ -16,6 +16,7 @@ use crate::estimator::EstimatorError;
 use crate::identify::{StandardDeviations, standard_deviations};
 use crate::lie::{LieGroup, Pose, Wrench};
 use nalgebra::{DMatrix, DVector, Translation3, Vector6};
+use num_traits::AsPrimitive;
 
 /// Passes over the data at most; the fitted velocities and currents settle within a few.
 const MAX_PASSES: usize = 100;
@@ -585,8 +586,7 @@ impl TreeEstimator {
             stretches += 1;
         };
         self.each_instant(known, layout, records, (unknowns, regressors), motor_std, &mut |rows| {
-            #[allow(clippy::cast_possible_truncation, reason = "a count of stretches")]
-            let own = (rows.time_s / self.dependence_s).floor() as i64;
+            let own: i64 = (rows.time_s / self.dependence_s).floor().as_();
             if stretch.is_some_and(|stretch| stretch != own) {
                 close(&mut score);
             }

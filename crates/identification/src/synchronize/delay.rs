@@ -7,6 +7,7 @@ use crate::motion::MotionSample;
 use crate::savitzky_golay::SavitzkyGolay;
 use crate::wrench_timing::WrenchTiming;
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
+use num_traits::AsPrimitive;
 
 /// Two equally sampled signals, the second a linear response to the first some time before.
 #[derive(Clone, Debug, PartialEq)]
@@ -110,13 +111,8 @@ impl Signals<6, 6, 6> {
 }
 
 /// The next whole number of a size; zero below zero.
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "the cast saturates, and cannot lose a sign"
-)]
 fn whole(size: f64) -> usize {
-    size.max(0.0).ceil() as usize
+    size.max(0.0).ceil().as_()
 }
 
 /// The longest run of samples with a wrench whose steps agree with the median to one percent, and that step, s.

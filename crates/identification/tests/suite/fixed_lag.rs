@@ -245,7 +245,7 @@ fn a_log_that_says_nothing_is_not_excited() {
     for row in &late_start(10.0)[..600] {
         window.push(*row).unwrap();
     }
-    assert!(matches!(window.finish(), Err(IdentificationError::NotExcited { .. })));
+    assert!(matches!(window.finish(), Err(IdentificationError::Indefinite { .. })));
 }
 
 #[test]

@@ -21,7 +21,7 @@ use faer::linalg::lu::partial_pivoting as lu;
 use faer::linalg::matmul::matmul;
 use faer::linalg::svd::{self, ComputeSvdVectors};
 use faer::traits::ComplexField;
-use faer::{Accum, Mat, MatMut, MatRef, Par};
+use faer::{Accum, Mat, MatMut, MatRef, Par, Spec};
 
 type Flag = *const c_char;
 type Size = *const c_int;
@@ -221,13 +221,13 @@ macro_rules! routines {
                 let n = size(n);
                 let mut a = lower_mut(uplo, a, n, lda);
                 let mut factor = a.to_owned();
-                let mut memory = memory(llt::factor::cholesky_in_place_scratch::<$t>(n, Par::Seq, Default::default()));
+                let mut memory = memory(llt::factor::cholesky_in_place_scratch::<$t>(n, Par::Seq, Spec::default()));
                 let found = llt::factor::cholesky_in_place(
                     factor.as_mut(),
-                    Default::default(),
+                    llt::factor::LltRegularization::default(),
                     Par::Seq,
                     MemStack::new(&mut memory),
-                    Default::default(),
+                    Spec::default(),
                 );
                 *info = match found {
                     Ok(_) => 0,
@@ -278,13 +278,13 @@ macro_rules! routines {
                 let (mut a, b) = (view_mut(a, n, n, lda), view_mut(b, n, r, ldb));
                 let (mut order, mut inverse) = (vec![0_usize; n], vec![0_usize; n]);
                 let mut memory = memory(StackReq::any_of(&[
-                    lu::factor::lu_in_place_scratch::<usize, $t>(n, n, Par::Seq, Default::default()),
+                    lu::factor::lu_in_place_scratch::<usize, $t>(n, n, Par::Seq, Spec::default()),
                     lu::solve::solve_in_place_scratch::<usize, $t>(n, r, Par::Seq),
                 ]));
                 let stack = MemStack::new(&mut memory);
                 let a_mut = a.as_mut();
                 let (_, rows) =
-                    lu::factor::lu_in_place(a_mut, &mut order, &mut inverse, Par::Seq, stack, Default::default());
+                    lu::factor::lu_in_place(a_mut, &mut order, &mut inverse, Par::Seq, stack, Spec::default());
                 let singular = (0..n).find(|&k| a[(k, k)] == 0.0);
                 *info = singular.map_or(0, |k| k as c_int + 1);
                 if singular.is_none() {
@@ -316,7 +316,7 @@ macro_rules! routines {
                 let (m, n) = (size(m), size(n));
                 let k = m.min(n);
                 let thin = ComputeSvdVectors::Thin;
-                let mut memory = memory(svd::svd_scratch::<$t>(m, n, thin, thin, Par::Seq, Default::default()));
+                let mut memory = memory(svd::svd_scratch::<$t>(m, n, thin, thin, Par::Seq, Spec::default()));
                 let found = svd::svd(
                     view(a, m, n, lda),
                     DiagMut::from_raw_parts_mut(s, k, 1),
@@ -324,7 +324,7 @@ macro_rules! routines {
                     Some(view_mut(vt, k, n, ldvt).transpose_mut()),
                     Par::Seq,
                     MemStack::new(&mut memory),
-                    Default::default(),
+                    Spec::default(),
                 );
                 *info = c_int::from(found.is_err());
             }
@@ -404,14 +404,14 @@ macro_rules! routines {
                 let n = size(n);
                 let vectors = is(jobz, b'V');
                 let wanted = if vectors { ComputeEigenvectors::Yes } else { ComputeEigenvectors::No };
-                let mut memory = memory(evd::self_adjoint_evd_scratch::<$t>(n, wanted, Par::Seq, Default::default()));
+                let mut memory = memory(evd::self_adjoint_evd_scratch::<$t>(n, wanted, Par::Seq, Spec::default()));
                 let found = evd::self_adjoint_evd(
                     lower(uplo, a, n, lda),
                     DiagMut::from_raw_parts_mut(w, n, 1),
                     if vectors { Some(view_mut(z, n, n, ldz)) } else { None },
                     Par::Seq,
                     MemStack::new(&mut memory),
-                    Default::default(),
+                    Spec::default(),
                 );
                 *m = n as c_int;
                 *info = c_int::from(found.is_err());

@@ -1,6 +1,7 @@
 //! How much a torque moves a body that is damped late.
 
 use super::InertiaInterval;
+use num_traits::AsPrimitive;
 
 /// When commands are made, and when they act.
 ///
@@ -83,12 +84,10 @@ impl Envelope {
         if delay_steps > LONGEST_DELAY {
             return None;
         }
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, not large")]
-        let whole = f64::floor(delay_steps) as usize;
+        let whole: usize = f64::floor(delay_steps).as_();
         let late_s = (delay_s - whole as f64 * step_s).clamp(0.0, step_s);
         let cells = f64::ceil(log_ratio / (2.0 * HALF_CELL * (1.0 - HALF_CELL))).max(1.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative, not large")]
-        let count = cells as usize;
+        let count: usize = cells.as_();
         let rate = |cell: usize| least_rate * nalgebra::ComplexField::exp(log_ratio * (cell as f64 + 0.5) / cells);
         let rates: Vec<f64> = (0..count).map(rate).collect();
         let largest_rate = rates.iter().copied().fold(0.0, f64::max);

@@ -112,6 +112,25 @@ pub trait StretchPlanner {
     fn plan(&mut self, task: &StretchTask<'_>, budget: &mut dyn Budget) -> Result<StretchOutcome, PlanningError>;
 }
 
+/// Stretches that are the way as it is: nothing is searched for, and nothing learned on purpose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlongWay {
+    /// Length of a stretch, s.
+    pub horizon_s: f64,
+}
+
+impl StretchPlanner for AlongWay {
+    fn horizon_s(&self) -> f64 {
+        self.horizon_s
+    }
+
+    fn plan(&mut self, task: &StretchTask<'_>, _budget: &mut dyn Budget) -> Result<StretchOutcome, PlanningError> {
+        let until_s = (task.start_s + self.horizon_s).min(task.way_start_s + task.way.duration_s());
+        let answer = StretchAnswer::along_way(task.way, task.way_start_s, task.start_s, until_s);
+        Ok(StretchOutcome::Planned(Box::new(answer)))
+    }
+}
+
 impl<T: StretchPlanner + ?Sized> StretchPlanner for Box<T> {
     fn horizon_s(&self) -> f64 {
         (**self).horizon_s()

@@ -310,6 +310,34 @@ fn a_mission_that_takes_too_long_is_given_up() {
     assert!(said.contains(&Action::Stop));
 }
 
+/// Where no way exists nobody asks again; a proof that nobody waits for, or of a world that is no more, is none.
+#[test]
+fn a_proof_that_no_way_exists_ends_the_mission_that_asked_for_it() {
+    let mut told = Told::new(Schedule::default());
+    let asked = told.hear(Event::Begun);
+    let [Action::PlanWay { request, .. }] = asked[..] else { panic!("{asked:?}") };
+    let unasked = told.hear(Event::WayImpossible { request: request + 7, world_revision: 0 });
+    assert_eq!(unasked, [Action::Note(Note::Unasked { request: request + 7 })]);
+    let of_another_world = told.hear(Event::WayImpossible { request, world_revision: 1 });
+    assert_eq!(of_another_world, [Action::Note(Note::Refused { request })]);
+    let mut said = Vec::new();
+    while !asks_for_way(&said) {
+        said = told.tick(0.2, well());
+    }
+    let [Action::PlanWay { request, .. }] = said[..] else { panic!("{said:?}") };
+    let proved = told.hear(Event::WayImpossible { request, world_revision: 0 });
+    assert_eq!(proved, [Action::GiveUp { request }]);
+    assert!(told.coordinator.is_done() && told.tick(10.0, well()).is_empty());
+    // in flight the robot stops
+    let (mut told, stretch) = Told::flying();
+    told.now_ns = stretch.start_ns;
+    told.hear(Event::Belief { revision: 1, is_material: true });
+    let said = told.tick(0.2, well());
+    let [Action::PlanWay { request, .. }] = said[..] else { panic!("{said:?}") };
+    let proved = told.hear(Event::WayImpossible { request, world_revision: 0 });
+    assert_eq!(proved, [Action::Stop, Action::GiveUp { request }]);
+}
+
 fn events() -> impl Strategy<Value = Vec<(i64, Event)>> {
     let number = 0_u64..40;
     let adoption = prop_oneof![
@@ -343,6 +371,8 @@ fn events() -> impl Strategy<Value = Vec<(i64, Event)>> {
         2 => (number.clone(), 0_u64..4)
             .prop_map(|(request, world_revision)| Event::WayFound { request, model_revision: 0, world_revision }),
         1 => number.clone().prop_map(|request| Event::WayRefused { request }),
+        1 => (number.clone(), 0_u64..4)
+            .prop_map(|(request, world_revision)| Event::WayImpossible { request, world_revision }),
         4 => stretch,
         1 => number.prop_map(|request| Event::StretchRefused { request }),
         1 => (0_u64..4, prop::option::of(0..100 * SECOND))
@@ -400,6 +430,10 @@ fn weather(storm: &[(i64, Event)], honest: &[bool]) -> Vec<(i64, Action)> {
                     }
                     Action::Offer { revision } => assert_eq!(revision, newest),
                     Action::Finish { .. } => is_done = true,
+                    Action::GiveUp { request } => {
+                        assert_eq!(event, Event::WayImpossible { request, world_revision: world });
+                        is_done = true;
+                    }
                     _ => {}
                 }
             }

@@ -1,7 +1,7 @@
 //! Zero, denormal, huge, infinite and no numbers, in every place where a number goes in: what the fuzz target promises, on
 //! random bytes.
 
-use crate::promises::PROMISES;
+use crate::promises::{PROMISES, planning_numbers};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
 use tumble_planning::collision::{BodyShape, CollisionWorld as _, Ellipsoid, EllipsoidWorld};
@@ -31,6 +31,35 @@ fn random_bytes_keep_the_promise(promise: fn(&[u8]), runs: u64) {
         }
         let is_kept = std::panic::catch_unwind(|| promise(&bytes)).is_ok();
         assert!(is_kept, "run {run} breaks the promise; its bytes are a seed for the fuzz target: {bytes:?}");
+    }
+}
+
+/// The seeds of the fuzz target, and whatever a fuzzer found once.
+fn seeds() -> Vec<Vec<u8>> {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/seeds/planning");
+    std::fs::read_dir(folder).unwrap().map(|file| std::fs::read(file.unwrap().path()).unwrap()).collect()
+}
+
+#[test]
+fn every_seed_keeps_the_promise() {
+    assert!(seeds().len() >= PROMISES.len());
+    seeds().iter().for_each(|seed| planning_numbers(seed));
+}
+
+/// Cut at every byte, and with every byte replaced.
+#[test]
+fn damaged_seeds_keep_the_promise() {
+    for mut seed in seeds() {
+        seed.truncate(2000);
+        for at in 0..seed.len() {
+            planning_numbers(&seed[..at]);
+            let original = seed[at];
+            for value in [0, 0xff, original.wrapping_mul(37).wrapping_add(101)] {
+                seed[at] = value;
+                planning_numbers(&seed);
+            }
+            seed[at] = original;
+        }
     }
 }
 

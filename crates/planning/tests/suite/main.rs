@@ -36,8 +36,6 @@ mod obstacle_loop;
 mod obstacle_planes;
 mod obstacle_tube;
 mod original_tube;
-#[cfg(feature = "parry")]
-mod parry_world;
 mod passing_sides;
 mod planted_defects_collision;
 mod planted_defects_controller;

@@ -20,6 +20,12 @@ use tumble_planning::{ArcPath, BodyArc, COEFFICIENTS, ModelBelief, TranslationSt
 /// All promises.
 pub const PROMISES: [fn(&[u8]); 6] = [pairs, simple_shapes, worlds, motions, slews, bounds];
 
+/// The fuzz target: the first byte picks what is asked.
+pub fn planning_numbers(data: &[u8]) {
+    let Some((pick, numbers)) = data.split_first() else { return };
+    PROMISES[usize::from(*pick) % PROMISES.len()](numbers);
+}
+
 /// Numbers at the edges of what a float can be, and the ordinary ones that go with them.
 const SPECIAL: [f64; 32] = [
     0.0,

@@ -4,7 +4,7 @@ use super::factors::value_name;
 use super::fly_arguments;
 use super::seeds::mission_seed;
 use crate::TumbleError;
-use crate::mission::{FaultChoice, FlyOptions, ModelChoice, WeightingChoice};
+use crate::mission::{FaultChoice, FlyOptions, LayerNames, ModelChoice, WeightingChoice};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -172,7 +172,14 @@ impl CampaignPlan {
         let model = *c.models.get(level(c.models.len()))?;
         let fault = *c.faults.get(level(c.faults.len()))?;
         let scenario = level(c.scenarios.len());
-        let options = FlyOptions { seed: mission_seed(c.master_seed, k), weighting, feedback, model, fault };
+        let options = FlyOptions {
+            seed: mission_seed(c.master_seed, k),
+            weighting,
+            feedback,
+            model,
+            fault,
+            layers: LayerNames::default(),
+        };
         let scenario_name = c.scenarios.get(scenario)?.name.clone();
         Some(PlannedMission { row, k, combination, scenario, scenario_name, draw: c.draw, options })
     }

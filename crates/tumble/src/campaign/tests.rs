@@ -42,6 +42,7 @@ fn fake_summary(mission: &PlannedMission) -> MissionSummary {
         seed: mission.options.seed,
         options: mission.options,
         arrived: mission.k != 3,
+        no_way: None,
         mission_s: 60.0 + random.uniform(),
         min_clearance_m: (!mission.k.is_multiple_of(5)).then_some(clearance),
         limit_violations: 0,

@@ -7,11 +7,13 @@ use super::simulate::write_mcap;
 use super::{Outcome, print};
 use crate::flight_log::Recorder;
 use crate::mission::{
-    self, FaultChoice, FlownPeriod, FlyOptions, MissionHooks, MissionRecord, ModelChoice, WeightingChoice,
+    self, FaultChoice, FlownPeriod, FlyOptions, LayerNames, MissionHooks, MissionRecord, ModelChoice, WeightingChoice,
+    WrittenNames,
 };
 use crate::output::{OutputFolder, RUN_RECORD, unused};
 use crate::scenario::{ScenarioSource, draw_mission};
 use crate::{TumbleError, mission_report};
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
 use std::fs::{self, File};
 use std::io::BufWriter;
@@ -19,6 +21,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tumble_formats::FormatsError;
 use tumble_formats::log;
+use tumble_identification::Registry;
+use tumble_planning::PlanningError;
 use tumble_planning::mission::Layer;
 
 /// The scenario that is flown unless one is named.
@@ -53,6 +57,8 @@ pub struct FlyArgs {
     /// What the robot is taken for at the start.
     #[arg(long, value_enum, default_value_t)]
     model: ModelChoice,
+    #[command(flatten)]
+    layers: LayerArgs,
     /// What goes wrong, and how badly: NAME or NAME:SEVERITY, severity 1 to 3.
     #[arg(long, value_name = "FAULT")]
     fault: Option<FaultChoice>,
@@ -71,6 +77,40 @@ pub struct FlyArgs {
     /// Print one JSON object and nothing else on stdout.
     #[arg(long)]
     json: bool,
+}
+
+/// Layers by name.
+#[derive(Args)]
+struct LayerArgs {
+    /// What knows motion and body in flight, instead of the scenario's [usual: joint].
+    #[arg(long, value_name = "NAME", value_parser = possible(&mission::estimators()))]
+    estimator: Option<String>,
+    /// What plans ways [usual: flight].
+    #[arg(long, value_name = "NAME", value_parser = possible(&mission::planners()))]
+    planner: Option<String>,
+    /// What plans stretches of them [usual: informative].
+    #[arg(long, value_name = "NAME", value_parser = possible(&mission::local_planners()))]
+    local_planner: Option<String>,
+    /// What follows them [usual: tube].
+    #[arg(long, value_name = "NAME", value_parser = possible(&mission::controllers()))]
+    controller: Option<String>,
+}
+
+impl LayerArgs {
+    fn names(&self) -> Result<LayerNames, TumbleError> {
+        let names = WrittenNames {
+            estimator: self.estimator.as_deref(),
+            planner: self.planner.as_deref(),
+            local_planner: self.local_planner.as_deref(),
+            controller: self.controller.as_deref(),
+        };
+        LayerNames::of(&names).map_err(|unknown| TumbleError::Planning(unknown.into()))
+    }
+}
+
+/// The names of a registry, with a sentence on each for the help.
+pub(super) fn possible<C, T: ?Sized>(registry: &Registry<C, T, PlanningError>) -> PossibleValuesParser {
+    registry.entries().map(|(name, sentence)| PossibleValue::new(name).help(sentence)).collect::<Vec<_>>().into()
 }
 
 /// On or off.
@@ -136,6 +176,7 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
         feedback: args.feedback == Switch::On,
         model: args.model,
         fault: args.fault,
+        layers: args.layers.names()?,
     };
     let source = if args.draw { draw_mission(&source, options.seed, args.outside)? } else { source };
     let (name, seed) = (&source.scenario.name, options.seed);
@@ -191,6 +232,9 @@ fn failure(record: &MissionRecord) -> Option<String> {
     if let Some(reason) = summary.unsafe_because() {
         let unavoidable = summary.unavoidable().map_or_else(String::new, |why| format!(" ({why})"));
         return Some(reason + &unavoidable);
+    }
+    if let Some(why) = &summary.no_way {
+        return Some(format!("no way leads to the goal: {why}"));
     }
     (!summary.arrived).then(|| format!("the robot did not arrive within {:.0} s", summary.mission_s))
 }

@@ -64,6 +64,9 @@ pub(super) fn table(record: &MissionRecord, costs: &Costs, wall_s: f64) -> Strin
         "arrived",
         format!("{arrived}, after {:.1} s ({:.0} x real time)", summary.mission_s, summary.mission_s / wall_s),
     );
+    if let Some(why) = &summary.no_way {
+        line("no way leads there", why.clone());
+    }
     let clearance = summary.min_clearance_m.map_or_else(|| "nothing around".to_owned(), |m| format!("{m:.3} m"));
     line("least clearance", clearance);
     line("limits passed", format!("{} control periods", summary.limit_violations));

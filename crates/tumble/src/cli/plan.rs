@@ -2,6 +2,7 @@
 
 use tumble_formats::Robots;
 use super::excite::progress;
+use super::fly::possible;
 use super::plan_blockers::{collision_world, listed, named};
 use super::plan_budget::{WatchedBudget, budget};
 use super::plan_check::check;
@@ -9,6 +10,7 @@ use super::plan_csv::{Rows, rows};
 use super::plan_figure::{Drawn, View, along, draw, poses};
 use super::{Outcome, plan_local, print};
 use crate::TumbleError;
+use crate::mission::planners;
 use crate::output::{OutputFolder, RUN_RECORD, unused};
 use crate::scenario::{CriterionName, PlanningProblem, ScenarioSource, UnknownsName, WeightingName};
 use clap::{Args, ValueEnum};
@@ -16,17 +18,13 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tumble_astrobee::planning_presets::{PrimitiveRules, rattle_rrt};
 use tumble_astrobee::simulator::planar_part;
-use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::World;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_formats::log;
 use tumble_planning::collision::Blocker;
-use tumble_planning::global::{
-    FlightPlanner, GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Obstruction, PrimitiveRrt, Status, Until,
-};
-use tumble_planning::{ArcPath, BodyArc, DoubleIntegrator, PlanningError};
+use tumble_planning::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Obstruction, Status, Until};
+use tumble_planning::{ArcPath, BodyArc, PlanningError};
 
 /// Options of `tumble plan`.
 #[derive(Args)]
@@ -55,8 +53,8 @@ pub struct PlanArgs {
     #[arg(long, value_enum, default_value_t = ObjectiveName::Duration)]
     objective: ObjectiveName,
     /// How it is looked for.
-    #[arg(long, value_enum, default_value_t = PlannerName::Flight)]
-    planner: PlannerName,
+    #[arg(long, value_name = "NAME", value_parser = possible(&planners()), default_value = "flight")]
+    planner: String,
     /// Work to be done: one unit is about one check of one edge [default: 100000, about a second].
     #[arg(long, value_name = "UNITS", allow_negative_numbers = true, conflicts_with = "time_limit")]
     pub(super) budget: Option<u64>,
@@ -99,14 +97,6 @@ enum ObjectiveName {
     Duration,
     /// The impulse, N s: the integral of the sum of the force's absolute components.
     Impulse,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum PlannerName {
-    /// Exact edges, better plans for as long as the budget lasts, a bound.
-    Flight,
-    /// The thesis's: motion primitives, the first plan; every edge checked all along.
-    ThesisRrt,
 }
 
 /// Pieces of an arc over which its way and impulse are added up.
@@ -242,17 +232,7 @@ fn solve(
         seed,
     };
     budget.clock = Instant::now();
-    match args.planner {
-        PlannerName::Flight => FlightPlanner::default().plan(&request, budget),
-        PlannerName::ThesisRrt => thesis_planner(problem)?.plan(&request, budget),
-    }
-}
-
-/// The thesis's planner with RATTLE's numbers, those of the station where RATTLE was not flown.
-fn thesis_planner(problem: &PlanningProblem) -> Result<PrimitiveRrt<DoubleIntegrator>, PlanningError> {
-    rattle_rrt(problem.place, PrimitiveRules::Continuous)
-        .or_else(|| rattle_rrt(WorldPreset::Iss, PrimitiveRules::Continuous))
-        .unwrap_or(Err(PlanningError::Unsupported { query: "be planned in by the thesis's planner" }))
+    planners().make(&args.planner, problem)?.plan(&request, budget)
 }
 
 fn path_of(answer: &GlobalAnswer) -> Option<&ArcPath> {
@@ -292,14 +272,11 @@ fn refusal(args: &PlanArgs, problem: &PlanningProblem, answer: &GlobalAnswer) ->
         Status::Optimal | Status::Feasible => return None,
         Status::BudgetSpent(blockers) => (
             format!("none was found in {} units; most in the way: {}", answer.units, listed(problem, blockers)),
-            match args.planner {
-                PlannerName::Flight => {
-                    "more `--budget` or `--time-limit`, another `--seed`; that there is none is not proven"
-                }
-                PlannerName::ThesisRrt => {
-                    "another `--seed` or `--planner flight`: the thesis's tree ends after 10000 iterations (70000 units), and a larger \
-                     budget changes nothing; that there is no plan is not proven"
-                }
+            if args.planner == "thesis-rrt" {
+                "another `--seed` or `--planner flight`: the thesis's tree ends after 10000 iterations (70000 units), and a larger \
+                 budget changes nothing; that there is no plan is not proven"
+            } else {
+                "more `--budget` or `--time-limit`, another `--seed`; that there is none is not proven"
             },
         ),
         Status::Infeasible(obstruction) => match obstruction {
@@ -406,7 +383,7 @@ fn summary(
         "seed": source.scenario.seed,
         "world": problem.place.name(),
         "obstacle_set": source.scenario.obstacle_set,
-        "planner": value_name(&args.planner),
+        "planner": args.planner,
         "objective": value_name(&args.objective),
         "status": status_name(&answer.status),
         "reason": refused.as_ref().map(|(reason, _)| reason),

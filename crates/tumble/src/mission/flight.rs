@@ -223,7 +223,12 @@ impl Notes<'_> {
             points_m: (0..=WAY_POINTS).filter_map(point).collect(),
             tree_m: answer.tree.iter().step_by(every).map(edge).collect(),
         });
-        self.note_answer(time_ns, request, "way", format!("a way of {duration_s:.1} s, belief {}", plan.model_revision));
+        self.note_answer(
+            time_ns,
+            request,
+            "way",
+            format!("a way of {duration_s:.1} s, belief {}", plan.model_revision),
+        );
     }
 }
 
@@ -343,7 +348,7 @@ pub fn fly(
     hooks: &mut dyn MissionHooks,
 ) -> Result<MissionRecord, TumbleError> {
     let mut problem = source.mission(options)?;
-    let (mut flying, mut planners) = closed_loop(&problem, options.weighting, options.feedback, options.seed)?;
+    let (mut flying, mut planners) = closed_loop(&problem, options)?;
     let limits = WrenchBox { torque_limit: problem.torque_limit_n_m, force_limit: problem.force_limit_n };
     let mut faults = Faults::new(options.fault, options.seed, problem.longest_s).limited_to(limits);
     if problem.planar {
@@ -518,12 +523,7 @@ pub fn measurement(estimate: &LocalizationEstimate, noise: &MotionNoise) -> Meas
     Measurement {
         rate_body: Some(Gauss::isotropic(estimate.rate_body, noise.rate_rad_s)),
         velocity_world: Some(Gauss::isotropic(estimate.velocity_origin_world, noise.velocity_m_s)),
-        ..Measurement::of_pose(
-            estimate.stamp_ns,
-            &estimate.world_from_body,
-            noise.attitude_rad,
-            noise.position_m,
-        )
+        ..Measurement::of_pose(estimate.stamp_ns, &estimate.world_from_body, noise.attitude_rad, noise.position_m)
     }
 }
 

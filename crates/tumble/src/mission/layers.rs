@@ -1,6 +1,7 @@
 //! The layers of a mission, built from its problem.
 
-use super::options::WeightingChoice;
+use super::options::{FlyOptions, WeightingChoice};
+use super::registries::{controllers, estimators, local_planners, planners};
 use crate::TumbleError;
 use crate::scenario::{ComputingSettings, MissionProblem, UnknownsName};
 use tumble_astrobee::control_presets::{self, ControlLimits};
@@ -15,7 +16,7 @@ use tumble_planning::control::{
     AttitudeController, AttitudeLaw, AttitudeSpan, Controller, TrackedPoint, TubeController, TubeDisturbance,
     TubeSettings,
 };
-use tumble_planning::global::{FlightPlanner, GlobalPlanner};
+use tumble_planning::global::GlobalPlanner;
 use tumble_planning::local::{
     CovarianceWeighting, ExponentialWeighting, FixedWeighting, Hull, InformationWeighting, PlanarBodyModel,
     RigidBodyModel, SpeedLimits, StepWeighting, Surroundings, WrenchSet,
@@ -217,8 +218,8 @@ fn weighting<const P: usize>(
     })
 }
 
-/// What makes the controller: at first, and anew when the body may be anything.
-pub fn controllers(
+/// What makes the tube controller: at first, and anew when the body may be anything.
+pub fn tube_controllers(
     problem: &MissionProblem,
 ) -> impl FnMut(&ModelBelief) -> Result<TubeController, PlanningError> + Send + use<> {
     let limits = ControlLimits { force_n: problem.force_limit_n, torque_n_m: problem.torque_limit_n_m.min() };
@@ -264,14 +265,23 @@ pub fn controllers(
     }
 }
 
+/// What estimators in flight are told of sensors and thrust.
+pub(super) fn estimator_settings(problem: &MissionProblem) -> FlightEstimatorSettings {
+    FlightEstimatorSettings { planar: problem.planar, ..FlightEstimatorSettings::new(problem.noise) }
+}
+
 /// The estimator, at the start.
 ///
 /// # Errors
 /// Noise that is none, a prior that is none.
 pub fn estimator(problem: &MissionProblem) -> Result<FlightEstimator, PlanningError> {
-    let settings = FlightEstimatorSettings { planar: problem.planar, ..FlightEstimatorSettings::new(problem.noise) };
     let state: RigidBodyState<f64> = *problem.flight.simulator.state();
-    Ok(FlightEstimator::try_new(settings, state, problem.flight.simulator.time_ns(), &problem.prior)?)
+    Ok(FlightEstimator::try_new(
+        estimator_settings(problem),
+        state,
+        problem.flight.simulator.time_ns(),
+        &problem.prior,
+    )?)
 }
 
 /// What a planner may take beyond all that it is expected to, ns.
@@ -343,19 +353,18 @@ pub fn computing_time(problem: &MissionProblem) -> ComputingTime {
 /// What one of its layers refuses.
 pub fn closed_loop(
     problem: &MissionProblem,
-    weighting: WeightingChoice,
-    feedback: bool,
-    seed: u64,
+    options: &FlyOptions,
 ) -> Result<(AstrobeeLoop, MissionPlanners), TumbleError> {
     let build = || {
-        let ways: Box<dyn GlobalPlanner<EllipsoidWorld>> = Box::new(FlightPlanner::default());
-        let planners = Simulated::new((ways, stretch_planner(problem, weighting)?), computing_time(problem));
-        let mut new_controller = controllers(problem);
+        let layers = &problem.layers;
+        let ways = planners().make(layers.planner(), &problem.planning)?;
+        let stretches = local_planners().make(layers.local_planner(), &options.weighting)?(problem)?;
+        let planners = Simulated::new((ways, stretches), computing_time(problem));
         let flying = ClosedLoop::try_new(
-            loop_settings(problem, feedback, seed),
+            loop_settings(problem, options.feedback, options.seed),
             scene(problem, 0.0, &[])?,
-            move |belief: &ModelBelief| Ok(Box::new(new_controller(belief)?) as Box<dyn Controller + Send>),
-            Box::new(estimator(problem)?) as Box<dyn StateEstimator>,
+            controllers().make(layers.controller(), problem)?,
+            estimators().make(layers.estimator(), problem)?,
             problem.flight.simulator.time_ns(),
         )?;
         Ok((flying, planners))

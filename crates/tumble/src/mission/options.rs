@@ -1,5 +1,6 @@
 //! What one may choose about a mission, beside its scenario.
 
+use super::registries::LayerNames;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +18,9 @@ pub struct FlyOptions {
     pub model: ModelChoice,
     /// What goes wrong.
     pub fault: Option<FaultChoice>,
+    /// Layers that are not the scenario's.
+    #[serde(default, skip_serializing_if = "LayerNames::are_usual")]
+    pub layers: LayerNames,
 }
 
 /// How the local planner weighs information.

@@ -24,7 +24,13 @@ fn verdict(summary: &MissionSummary) -> Vec<(bool, String)> {
     let has_collided = summary.min_clearance_m.is_some_and(|clear| clear < 0.0);
     let violations = summary.limit_violations;
     vec![
-        (summary.arrived, if summary.arrived { "arrived".into() } else { "did not arrive".into() }),
+        (
+            summary.arrived,
+            match &summary.no_way {
+                Some(why) => format!("no way leads to the goal: {why}"),
+                None => if summary.arrived { "arrived" } else { "did not arrive" }.into(),
+            },
+        ),
         (!has_collided, if has_collided { "collided".into() } else { "no contact".into() }),
         (
             violations == 0,

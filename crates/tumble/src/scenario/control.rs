@@ -3,6 +3,7 @@
 use super::{ControllerName, LONGEST_S, ScenarioSource};
 use crate::TumbleError;
 use crate::flight_log::nanoseconds;
+use crate::mission::{ControlledBody, laws};
 use serde::{Deserialize, Serialize};
 use tumble_astrobee::control_presets::{self, ControlLimits, MASS_KNOWN_SHARE};
 use tumble_astrobee::flight_controller::FlightController;
@@ -13,8 +14,7 @@ use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{AlignedBox, FreeFlyer, InertialParameters, PoseTracker};
 use tumble_lie::LieGroup;
 use tumble_planning::control::{
-    self, AttitudeController, AttitudeLaw, AttitudeSpan, LqrController, MassInterval, OriginalTube,
-    OriginalTubeController, PlainMpcController, TranslationWeights, TubeController, TubeDisturbance, TubeSettings,
+    self, AttitudeController, AttitudeLaw, AttitudeSpan, MassInterval, TubeController, TubeDisturbance, TubeSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
@@ -169,6 +169,7 @@ impl ScenarioSource {
             torque_limit_n_m: limits.torque_n_m,
         };
         let mut steering = Steering { controller: name, limits: Some(limits), decision_s: None, planned_m_s2: None };
+        let told = ControlledBody { body: *belief, place, limits, is_told: !self.scenario.drive.beliefs.is_empty() };
         let controller: Result<Box<dyn control::Controller>, PlanningError> = match name {
             ControllerName::Tube => {
                 let settings = self.tube(place, belief, reference, &limits)?;
@@ -182,21 +183,7 @@ impl ScenarioSource {
                     boxed(controller)
                 })
             }
-            ControllerName::Mpc => {
-                PlainMpcController::plain_mpc(&control_presets::mpc_settings(), attitude, limits.force_n).map(boxed)
-            }
-            ControllerName::OriginalTube => {
-                let is_told = !self.scenario.drive.beliefs.is_empty();
-                let settings = control_presets::original_settings(limits.force_n.min(), is_told);
-                let attitude = AttitudeController { law: AttitudeLaw::Feedback, ..attitude };
-                OriginalTube::try_new(&settings)
-                    .and_then(|law| OriginalTubeController::try_new(law, attitude, limits.force_n))
-                    .map(boxed)
-            }
-            _ => {
-                let (step_s, weights) = (control_presets::decision_on_grid_s(), TranslationWeights::default());
-                LqrController::lqr(step_s, &weights, attitude, limits.force_n).map(boxed)
-            }
+            _ => laws().make(name.name(), &told).map(|controller| controller as Box<dyn control::Controller>),
         };
         let hint = match name {
             ControllerName::Tube => {

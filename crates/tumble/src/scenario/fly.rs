@@ -12,7 +12,7 @@ use super::plan::PlanningProblem;
 use super::plan_local::UnknownsName;
 use super::{Flight, ScenarioSource};
 use crate::TumbleError;
-use crate::mission::FlyOptions;
+use crate::mission::{FlyOptions, LayerNames};
 use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
@@ -82,6 +82,8 @@ pub struct MissionProblem {
     pub stop: StopLimits,
     /// Stretches that excite at the start pose instead of a flight; zero for a flight.
     pub station_stretches: u32,
+    /// Layers that are not the usual ones.
+    pub layers: LayerNames,
 }
 
 /// What information is worth: numbers of the weightings, in the order of the quantities of [`MissionProblem::unknowns`].
@@ -185,6 +187,7 @@ impl ScenarioSource {
             longest_s: self.scenario.duration_s,
             noise: numbers.noise,
             station_stretches: numbers.station_stretches,
+            layers: options.layers.or(self.scenario.fly.as_ref().and_then(|fly| fly.layers).unwrap_or_default()),
         })
     }
 }

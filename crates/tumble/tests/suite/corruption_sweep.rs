@@ -2,9 +2,7 @@
 //! line that is not is named.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[path = "../../../../fuzz/src/lib.rs"]
-mod fuzz;
-
+use crate::promises::{TARGETS, Target};
 use std::fmt::Write as _;
 use std::fs;
 use std::io::{Read, Write as _};
@@ -21,13 +19,13 @@ use tumble_formats::{body_file, excitation_file::ExcitationFile};
 use tumble_identification::MotionSample;
 
 /// Seeds of the fuzz targets, and whatever a fuzzer found once.
-fn seeds() -> Vec<(&'static str, fuzz::Target, PathBuf)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds");
-    let of = |(name, target): (&'static str, fuzz::Target)| {
+fn seeds() -> Vec<(&'static str, Target, PathBuf)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/seeds");
+    let of = |(name, target): (&'static str, Target)| {
         let files = fs::read_dir(folder.join(name)).unwrap();
         files.map(move |file| (name, target, file.unwrap().path())).collect::<Vec<_>>()
     };
-    fuzz::TARGETS.into_iter().flat_map(of).collect()
+    TARGETS.into_iter().flat_map(of).collect()
 }
 
 #[test]
@@ -36,7 +34,7 @@ fn every_seed_keeps_the_promises_of_its_target() {
         println!("{name}: {}", path.display());
         target(&fs::read(path).unwrap());
     }
-    assert!(fuzz::TARGETS.iter().all(|(name, _)| seeds().iter().any(|(with_seed, ..)| with_seed == name)));
+    assert!(TARGETS.iter().all(|(name, _)| seeds().iter().any(|(with_seed, ..)| with_seed == name)));
 }
 
 #[test]
@@ -131,9 +129,9 @@ fn a_damaged_throw_names_the_damage() {
     });
 }
 
-const WRENCHES: &str = include_str!("../../../../fuzz/seeds/wrenches/steps.csv");
-const WANTED: &str = include_str!("../../../../fuzz/seeds/allocate/wrenches.csv");
-const OPENINGS: &str = include_str!("../../../../fuzz/seeds/realize/openings.csv");
+const WRENCHES: &str = include_str!("../seeds/wrenches/steps.csv");
+const WANTED: &str = include_str!("../seeds/allocate/wrenches.csv");
+const OPENINGS: &str = include_str!("../seeds/realize/openings.csv");
 
 /// The lines that a command writes to stdout before the first error, and the error.
 fn allocated(input: impl Read) -> (Vec<String>, Option<TumbleError>) {
@@ -216,7 +214,7 @@ fn wrenches_end_where_the_flight_does() {
 #[test]
 fn a_damaged_scenario_names_its_place() {
     let texts = EMBEDDED.iter().map(|embedded| embedded.text);
-    for text in texts.chain([include_str!("../../../../fuzz/seeds/scenario/everything.toml")]) {
+    for text in texts.chain([include_str!("../seeds/scenario/everything.toml")]) {
         ScenarioSource::parse(Path::new("scenario.toml"), text).unwrap().flight().unwrap();
         sweep(text.as_bytes(), |damaged, damage| {
             let Ok(text) = std::str::from_utf8(damaged) else { return };

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use tumble::mission::{FlyOptions, MissionSummary, ModelChoice, NoHooks, WeightingChoice, fly};
+use tumble::mission::{FlyOptions, LayerNames, MissionSummary, ModelChoice, NoHooks, WeightingChoice, fly};
 use tumble::scenario::{ScenarioSource, draw_mission};
 
 fn flown(scenario: &str, seed: u64) -> MissionSummary {
@@ -13,6 +13,7 @@ fn flown(scenario: &str, seed: u64) -> MissionSummary {
         feedback: true,
         model: ModelChoice::default(),
         fault: None,
+        layers: LayerNames::default(),
     };
     let summary = fly(&source, &options, &mut NoHooks).unwrap().summary;
     assert!(summary.arrived && summary.unsafe_because().is_none(), "{:?}", summary.warnings);

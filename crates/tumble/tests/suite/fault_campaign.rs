@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use tumble::mission::{FlyOptions, MissionRecord, ModelChoice, NoHooks, WeightingChoice, fly, replay_line};
+use tumble::mission::{FlyOptions, LayerNames, MissionRecord, ModelChoice, NoHooks, WeightingChoice, fly, replay_line};
 use tumble::scenario::ScenarioSource;
 
 fn flown(scenario: &str, fault: &str, seed: u64) -> MissionRecord {
@@ -14,6 +14,7 @@ fn flown(scenario: &str, fault: &str, seed: u64) -> MissionRecord {
         feedback: true,
         model: ModelChoice::default(),
         fault,
+        layers: LayerNames::default(),
     };
     let line = replay_line(scenario, &options);
     let record = fly(&source, &options, &mut NoHooks).unwrap_or_else(|error| panic!("{line}: {error}"));

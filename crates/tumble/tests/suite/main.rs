@@ -17,6 +17,8 @@ mod identify_recordings;
 mod mission_report;
 mod plan_command;
 mod plan_local_command;
+#[allow(dead_code, reason = "shared with the fuzz targets")]
+mod promises;
 mod simulate_command;
 mod simulate_control;
 mod support;

@@ -6,7 +6,9 @@ use crate::targets::Report;
 use nalgebra::{Matrix3, Quaternion, SMatrix, SVector, UnitQuaternion, Vector3};
 use serde_json::json;
 use tumble::TumbleError;
-use tumble::mission::{FlownPeriod, FlyOptions, MissionHooks, MissionRecord, ModelChoice, WeightingChoice, fly};
+use tumble::mission::{
+    FlownPeriod, FlyOptions, LayerNames, MissionHooks, MissionRecord, ModelChoice, WeightingChoice, fly,
+};
 use tumble::scenario::{ScenarioSource, draw_mission};
 use tumble_astrobee::simulator::CONTROL_PERIOD_S;
 use tumble_dynamics::InertialParameters;
@@ -104,7 +106,14 @@ fn fly_drawn(place: &Place, seed: u64, weighting: WeightingChoice, weight: Optio
         table.weight = Some(weight);
     }
     let source = draw_mission(&source, seed, 0.0)?;
-    let options = FlyOptions { seed, weighting, feedback: true, model: ModelChoice::Scenario, fault: None };
+    let options = FlyOptions {
+        seed,
+        weighting,
+        feedback: true,
+        model: ModelChoice::Scenario,
+        fault: None,
+        layers: LayerNames::default(),
+    };
     let mut copies = Copies::default();
     let record = fly(&source, &options, &mut copies)?;
     let shut_off = &record.summary.information_shut_off_s;

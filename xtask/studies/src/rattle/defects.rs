@@ -8,7 +8,7 @@ mod wrong;
 use std::fmt::Write as _;
 
 use serde_json::json;
-use tumble::mission::controllers;
+use tumble::mission::tube_controllers;
 use tumble::scenario::ScenarioSource;
 use tumble_planning::ModelBelief;
 use tumble_planning::control::Controller;
@@ -296,7 +296,7 @@ fn refused(section: &mut Section) -> Result<(), Failure> {
     let options = Condition::rattle(SCENARIOS[0]).options(1);
     let problem = ScenarioSource::find(SCENARIOS[0]).and_then(|source| source.mission(&options)).map_err(bad)?;
     let belief = |revision: u64| ModelBelief { revision, estimate: problem.prior };
-    let mut controller = controllers(&problem)(&belief(0)).map_err(bad)?;
+    let mut controller = tube_controllers(&problem)(&belief(0)).map_err(bad)?;
     controller.adopt(&belief(7)).map_err(bad)?;
     let older = [6, 0].map(|revision| controller.adopt(&belief(revision)).is_err());
     section.must(older == [true; 2], "the controller that uses revision 7 refuses 6 and 0 with an error");

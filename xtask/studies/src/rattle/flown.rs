@@ -3,7 +3,7 @@
 use std::fmt;
 
 use tumble::TumbleError;
-use tumble::mission::{FlyOptions, MissionRecord, ModelChoice, NoHooks, StretchRow, WeightingChoice, fly};
+use tumble::mission::{FlyOptions, LayerNames, MissionRecord, ModelChoice, NoHooks, StretchRow, WeightingChoice, fly};
 use tumble::scenario::ScenarioSource;
 
 use super::bad;
@@ -77,7 +77,7 @@ impl Condition {
 
     pub fn options(self, seed: u64) -> FlyOptions {
         let Self { weighting, feedback, model, .. } = self;
-        FlyOptions { seed, weighting, feedback, model, fault: None }
+        FlyOptions { seed, weighting, feedback, model, fault: None, layers: LayerNames::default() }
     }
 
     fn fly(self, seed: u64) -> Result<MissionRecord, TumbleError> {

@@ -12,6 +12,8 @@ pub(super) const FIRST_S: f64 = 2.0;
 pub(super) const FACTOR: f64 = 1.5;
 /// Every time has its end: what is known by then is linear enough. Last time, s.
 pub(super) const LAST_S: f64 = 40.0;
+/// A pass begins at this part of its time, so that it has caught up by then.
+const EARLY: f64 = 0.95;
 /// Steps and measurements of a pass that one call may take: a third of a millisecond.
 const WORK: usize = 96;
 
@@ -21,7 +23,7 @@ const WORK: usize = 96;
 /// good. So at times that grow geometrically all measurements are filtered again from the start on, with all derivatives at
 /// the body known by then: each pass is one Gauss-Newton step of the most likely body, and its covariance is the one that
 /// belongs there. A pass is spread over calls, since no control period may take as long as all of it; meanwhile the filter goes on as it is,
-/// and is replaced when the pass has caught up.
+/// and is replaced at that time, or when the pass has caught up.
 #[derive(Clone, Debug)]
 pub(super) struct FirstLessons {
     start: Filtered,
@@ -38,6 +40,8 @@ struct Pass {
     /// The first measurement that it has not taken.
     next: usize,
     about: LogCholesky<f64>,
+    /// When the filter is replaced, s.
+    due_s: f64,
 }
 
 impl FirstLessons {
@@ -71,9 +75,11 @@ impl FirstLessons {
             self.pass = None;
             return None;
         }
-        if self.pass.is_none() && self.are_due(settled.stamp_ns) {
+        let since_s = settled.stamp_ns.saturating_sub(self.start.stamp_ns) as f64 * 1e-9;
+        if self.pass.is_none() && self.are_due(since_s) {
+            let (about, due_s) = (settled.state.joint.body, self.next_s);
+            self.pass = Some(Pass { filtered: self.start, next: 0, about, due_s });
             self.next_s *= FACTOR;
-            self.pass = Some(Pass { filtered: self.start, next: 0, about: settled.state.joint.body });
         }
         let pass = self.pass.as_mut()?;
         let (mut work, first) = (0, pass.next);
@@ -86,13 +92,10 @@ impl FirstLessons {
             pass.filtered.take(rules, measurement);
             pass.next += 1;
         }
-        self.pass.take().map(|pass| pass.filtered)
+        self.pass.take_if(|pass| since_s >= pass.due_s).map(|pass| pass.filtered)
     }
 
-    fn are_due(&self, settled_ns: i64) -> bool {
-        !self.full
-            && self.next_s <= LAST_S
-            && (settled_ns.saturating_sub(self.start.stamp_ns)) as f64 * 1e-9 >= self.next_s
-            && !self.measurements.is_empty()
+    fn are_due(&self, since_s: f64) -> bool {
+        !self.full && self.next_s <= LAST_S && since_s >= EARLY * self.next_s && !self.measurements.is_empty()
     }
 }

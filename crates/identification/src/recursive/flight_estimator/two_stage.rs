@@ -419,7 +419,7 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> StateEstimator 
                 let deviation = deviation.map(|s| if s.is_finite() { s } else { 0.0 });
                 let spread = parameters_by_chart(&self.believed) * SMatrix::from_diagonal(&deviation);
                 let point = self.believed.to_parameters().to_vector();
-                let wider = self.live.body.finding().and_then(|found| found.covariance()).and_then(|known| {
+                let wider = self.live.body.finding().and_then(|found| Ok(found.covariance()?)).and_then(|known| {
                     let covariance = symmetric(&(known + spread * spread.transpose()));
                     Finding::of_covariance(point, &covariance, self.motion.scale.parameter_magnitudes())
                 });

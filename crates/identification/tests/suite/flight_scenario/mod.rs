@@ -381,7 +381,12 @@ impl Flight {
 
     /// Estimated less true parameters with their covariance.
     pub fn account(&self) -> Account {
-        let estimate = self.estimator.estimate();
+        self.account_of(&self.estimator.estimate())
+    }
+
+    /// The same of anybody's estimate.
+    pub fn account_of(&self, estimate: &Estimate) -> Account {
+        let estimate = *estimate;
         let (found, truth) = (estimate.parameters, self.body);
         let (found_inertia, inertia) = (found.inertia_about_com(), truth.inertia_about_com());
         let center = found.center_of_mass() - truth.center_of_mass();

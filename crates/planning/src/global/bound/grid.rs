@@ -1,6 +1,7 @@
 //! Cells whose edges take equal time to cross at full speed.
 
 use nalgebra::Vector3;
+use num_traits::AsPrimitive;
 use tumble_dynamics::AlignedBox;
 
 /// Most cells of one grid.
@@ -56,12 +57,7 @@ impl Grid {
                 }
                 grid.cell[axis] = edge_m;
                 grid.origin[axis] = start[axis] - (below + 0.5) * edge_m;
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "whole and within MOST_CELLS"
-                )]
-                let count = (below + above) as usize + 1;
+                let count = AsPrimitive::<usize>::as_(below + above) + 1;
                 grid.counts[axis] = count;
             }
         }
@@ -95,8 +91,7 @@ impl Grid {
         std::array::from_fn(|axis| {
             if self.cell[axis] > 0.0 {
                 let along = ((position[axis] - self.origin[axis]) / self.cell[axis]).floor().max(0.0);
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative; saturates")]
-                let place = along as usize;
+                let place: usize = along.as_();
                 place.min(self.counts[axis] - 1)
             } else {
                 0

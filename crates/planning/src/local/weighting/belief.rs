@@ -4,6 +4,7 @@ use super::{InformationWeighting, WeightingContext};
 use crate::error::{PlanningError, not_negative};
 use crate::local::tracking_loss::TrackedMotion;
 use nalgebra::SMatrix;
+use num_traits::AsPrimitive;
 use tumble_dynamics::{InertialParameters, PARAMETERS};
 
 /// Weighs each variance with the tracking cost that it is expected to cause over the rest of the mission
@@ -53,8 +54,7 @@ impl<const P: usize> BeliefWeighting<P> {
 impl<const P: usize> InformationWeighting<P> for BeliefWeighting<P> {
     fn weights(&mut self, context: &WeightingContext<P>) -> Result<[f64; P], PlanningError> {
         let steps = (context.elapsed_s() + self.used_after_s) / self.mission.step_s();
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative; saturates")]
-        let first = libm::round(steps) as usize;
+        let first = libm::round(steps).as_();
         Ok(self.mission.loss(&self.body, &self.by_quantity, first)?.weights())
     }
 }

@@ -11,9 +11,7 @@ use tumble_planning::control::TubeController;
 use tumble_planning::dynamics::{RigidBodyState, World};
 use tumble_planning::global::{FlightPlanner, GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Obstruction};
 use tumble_planning::identification::BodyScale;
-use tumble_planning::identification::estimator::{
-    Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator,
-};
+use tumble_planning::identification::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
 use tumble_planning::identification::recursive::{FlightEstimator, FlightHealth, Reception, ReceptionCounts};
 use tumble_planning::lie::{LieGroup, Pose, Twist};
 use tumble_planning::local::{InformativePlanner, LocalAnswer, LocalPlanner, LocalRequest, RigidBodyModel};

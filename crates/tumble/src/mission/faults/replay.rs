@@ -1,12 +1,13 @@
 //! The one line that flies a mission again.
 
+use crate::mission::LayerNames;
 use crate::mission::options::{FlyOptions, ModelChoice, WeightingChoice};
 use clap::ValueEnum;
 use std::fmt::Write as _;
 
 /// What to type to fly a mission again: options that are as they are by default are left out.
 pub fn replay_line(scenario: &str, options: &FlyOptions) -> String {
-    let FlyOptions { seed, weighting, feedback, model, fault } = options;
+    let FlyOptions { seed, weighting, feedback, model, fault, layers } = options;
     let mut line = format!("tumble fly {} --seed {seed}", quoted(scenario));
     // writing to a string does not fail
     if *weighting != WeightingChoice::default() {
@@ -20,6 +21,12 @@ pub fn replay_line(scenario: &str, options: &FlyOptions) -> String {
     }
     if let Some(fault) = fault {
         let _ = write!(line, " --fault {fault}");
+    }
+    let LayerNames { estimator, planner, local_planner, controller } = layers;
+    let names =
+        [("estimator", estimator), ("planner", planner), ("local-planner", local_planner), ("controller", controller)];
+    for (option, name) in names.into_iter().filter_map(|(option, name)| Some((option, name.as_ref()?))) {
+        let _ = write!(line, " --{option} {name}");
     }
     line
 }
@@ -50,6 +57,7 @@ mod tests {
             feedback: true,
             model: ModelChoice::Scenario,
             fault: None,
+            layers: LayerNames::default(),
         }
     }
 
@@ -62,6 +70,7 @@ mod tests {
             feedback: false,
             model: ModelChoice::High,
             fault: "late-obstacle:3".parse().ok(),
+            layers: LayerNames::default(),
         };
         let expected = "tumble fly a/b.toml --seed 18446744073709551615 --weighting none --feedback off --model high \
                         --fault late-obstacle:3";

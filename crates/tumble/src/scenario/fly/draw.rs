@@ -130,7 +130,7 @@ fn belief(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mission::{FlyOptions, ModelChoice, WeightingChoice};
+    use crate::mission::{FlyOptions, LayerNames, ModelChoice, WeightingChoice};
     use std::path::Path;
 
     fn source(name: &str) -> ScenarioSource {
@@ -221,7 +221,8 @@ mod tests {
                 let read = ScenarioSource::parse(Path::new("elsewhere.toml"), &drawn.text).unwrap();
                 assert_eq!(read.scenario, drawn.scenario);
                 let (model, weighting) = (ModelChoice::Scenario, WeightingChoice::Covariance);
-                let options = FlyOptions { seed, weighting, feedback: true, model, fault: None };
+                let options =
+                    FlyOptions { seed, weighting, feedback: true, model, fault: None, layers: LayerNames::default() };
                 let problem = read.mission(&options).unwrap();
                 let (mass, ..) = compared(&read);
                 assert!((problem.prior.parameters.mass / problem.truth.mass - mass).abs() < 1e-12);

@@ -1,5 +1,6 @@
 //! `[fly]` as it is written.
 
+use crate::mission::LayerNames;
 use crate::scenario::{PriorTable, UnknownsName};
 use serde::{Deserialize, Serialize};
 
@@ -49,6 +50,9 @@ pub struct FlyTable {
     /// Stretches that excite at the start pose instead of a flight.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub station_stretches: Option<u32>,
+    /// Estimator, planners and controller by name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layers: Option<LayerNames>,
     /// How well the body is known at the start.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prior: Option<PriorTable>,

@@ -9,7 +9,14 @@ use tumble_planning::collision::EllipsoidWorld;
 use tumble_planning::global::{FlightPlanner, GlobalPlanner, GlobalRequest, Objective, Status, Until};
 
 fn options(model: ModelChoice) -> FlyOptions {
-    FlyOptions { seed: 7, weighting: WeightingChoice::Covariance, feedback: true, model, fault: None }
+    FlyOptions {
+        seed: 7,
+        weighting: WeightingChoice::Covariance,
+        feedback: true,
+        model,
+        fault: None,
+        layers: crate::mission::LayerNames::default(),
+    }
 }
 
 fn missions() -> Vec<ScenarioSource> {

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, PI, TAU};
 use tumble::mission::{
-    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, FaultChoice, FaultName, FlyOptions, MissionEvent, MissionRecord,
-    MissionSummary, ModelChoice, ParameterRow, Series, StretchRow, TrackingRms, WayRow, WeightingChoice,
+    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, FaultChoice, FaultName, FlyOptions, LayerNames, MissionEvent,
+    MissionRecord, MissionSummary, ModelChoice, ParameterRow, Series, StretchRow, TrackingRms, WayRow, WeightingChoice,
 };
 
 const DURATION_S: f64 = 150.0;
@@ -278,8 +278,10 @@ pub fn sample() -> MissionRecord {
             feedback: true,
             model: ModelChoice::High,
             fault: Some(FaultChoice { name: FaultName::LateObstacle, severity: 1 }),
+            layers: LayerNames::default(),
         },
         arrived: true,
+        no_way: None,
         mission_s: DURATION_S,
         min_clearance_m: series.clearance_m.iter().flatten().copied().reduce(f64::min),
         limit_violations: 0,

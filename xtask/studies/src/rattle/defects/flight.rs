@@ -4,7 +4,9 @@ use std::sync::{Arc, Mutex};
 
 use nalgebra::Vector3;
 use tumble::TumbleError;
-use tumble::mission::{computing_time, controllers, estimator, loop_settings, measurement, scene, stretch_planner};
+use tumble::mission::{
+    computing_time, estimator, loop_settings, measurement, scene, stretch_planner, tube_controllers,
+};
 use tumble::scenario::{MissionProblem, ScenarioSource};
 use tumble_astrobee::propulsion::inverse::wrench_of_flow;
 use tumble_astrobee::propulsion::{InverseAllocation, PropulsionCommand};
@@ -21,9 +23,7 @@ use tumble_planning::{ModelBelief, PlanningError};
 use super::super::flown::Condition;
 use super::Defect;
 use super::filter::{FilterKind, OriginalFilter};
-use super::wrong::{
-    Flies, RESET_S, SeenWorld, Teller, Who, WrongController, WrongStretches, WrongWays, read, write,
-};
+use super::wrong::{Flies, RESET_S, SeenWorld, Teller, Who, WrongController, WrongStretches, WrongWays, read, write};
 
 /// Last nozzle of each module: the one that the sum leaves out.
 const LEFT_OUT: [usize; 2] = [5, 11];
@@ -81,7 +81,7 @@ fn wrong_loop(
         nothing: Surroundings::none(),
     };
     let ways = WrongWays { planner: FlightPlanner::default(), teller: Arc::clone(teller) };
-    let mut ours = controllers(problem);
+    let mut ours = tube_controllers(problem);
     let teller = Arc::clone(teller);
     let disturbance = match defect {
         Defect::TwoTerms => Some(OriginalDisturbance::OfBelief),

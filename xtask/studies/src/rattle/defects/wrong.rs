@@ -155,11 +155,7 @@ impl StretchPlanner for WrongStretches {
         self.planner.horizon_s()
     }
 
-    fn plan(
-        &mut self,
-        task: &StretchTask<'_>,
-        budget: &mut dyn Budget,
-    ) -> Result<StretchOutcome, PlanningError> {
+    fn plan(&mut self, task: &StretchTask<'_>, budget: &mut dyn Budget) -> Result<StretchOutcome, PlanningError> {
         let belief = self.teller.told(Who::Stretch, task.belief);
         let is_blind = matches!(self.teller.defect, Defect::NoObstacles | Defect::NoObstaclesUnchecked);
         let asked = StretchTask {

@@ -1,4 +1,5 @@
 //! Worlds and bodies of parry's shapes: laws, closed forms, other algorithms, and a plan around a mesh.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};

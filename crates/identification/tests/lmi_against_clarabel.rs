@@ -1,6 +1,6 @@
 //! The dedicated solver against Clarabel's semidefinite cone, on random problems and on problem 4 `hard`.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use crate::problem4_hard;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
@@ -9,6 +9,11 @@ use tumble_identification::{
     BodyScale, ClarabelSdp, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, Observability, PseudoInertiaCone,
     SquareRootInformation,
 };
+
+#[path = "suite/lapack_symbols.rs"]
+mod lapack_symbols;
+#[path = "suite/golden/problem4_hard.rs"]
+mod problem4_hard;
 
 type Parameters = SVector<f64, 10>;
 

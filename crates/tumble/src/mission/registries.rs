@@ -1,0 +1,280 @@
+//! The layers of a mission by name: one list each for the command line, scenario files, JSON and documents.
+
+use super::layers::{estimator, estimator_settings, stretch_planner, tube_controllers};
+use super::options::WeightingChoice;
+use crate::scenario::{MissionProblem, PlanningProblem};
+use serde::{Deserialize, Deserializer, Serialize, de};
+use tumble_astrobee::control_presets::{self, ControlLimits};
+use tumble_astrobee::planning_presets::{PrimitiveRules, rattle_rrt};
+use tumble_astrobee::worlds::WorldPreset;
+use tumble_dynamics::{InertialParameters, RigidBodyState};
+use tumble_identification::estimator::{Finding, StateEstimator};
+use tumble_identification::recursive::{FlightEstimatorSettings, TwoStageEstimator};
+use tumble_identification::{BodyScale, Registry, UnknownName};
+use tumble_planning::collision::EllipsoidWorld;
+use tumble_planning::control::{
+    AttitudeController, AttitudeLaw, Controller, LqrController, OriginalTube, OriginalTubeController,
+    PlainMpcController, TranslationWeights,
+};
+use tumble_planning::global::{FlightPlanner, GlobalPlanner};
+use tumble_planning::mission::{AlongWay, StretchPlanner};
+use tumble_planning::{ModelBelief, PlanningError};
+
+/// Flown unless another is asked for.
+const ESTIMATOR: &str = "joint";
+const PLANNER: &str = "flight";
+const LOCAL_PLANNER: &str = "informative";
+const CONTROLLER: &str = "tube";
+
+/// Makes controllers: at first, and anew when the body may be anything.
+pub type NewController = dyn FnMut(&ModelBelief) -> Result<Box<dyn Controller + Send>, PlanningError> + Send;
+
+/// Makes a planner of stretches for a mission.
+pub type NewStretchPlanner = dyn Fn(&MissionProblem) -> Result<Box<dyn StretchPlanner>, PlanningError>;
+
+/// Estimators in flight, told of the mission.
+pub fn estimators() -> Registry<MissionProblem, dyn StateEstimator, PlanningError> {
+    Registry::<_, dyn StateEstimator, _>::new("estimator")
+        .with(
+            ESTIMATOR,
+            "motion and body in one filter, from measurements late and out of order",
+            |problem: &MissionProblem| Ok(Box::new(estimator(problem)?)),
+        )
+        .with(
+            "two-stage-rls",
+            "the thesis's architecture: a filter of the motion feeds least squares on the body",
+            |problem: &MissionProblem| {
+                let (settings, start, start_ns, prior) = in_flight(problem)?;
+                Ok(Box::new(TwoStageEstimator::least_squares(settings, start, start_ns, &prior)?))
+            },
+        )
+        .with(
+            "two-stage-sdp",
+            "the same with least squares among the bodies that can be",
+            |problem: &MissionProblem| {
+                let (settings, start, start_ns, prior) = in_flight(problem)?;
+                Ok(Box::new(TwoStageEstimator::sdp(settings, start, start_ns, &prior)?))
+            },
+        )
+}
+
+/// What an estimator begins with.
+fn in_flight(
+    problem: &MissionProblem,
+) -> Result<(FlightEstimatorSettings, RigidBodyState<f64>, i64, Finding), PlanningError> {
+    let scale = BodyScale::of(&problem.prior.parameters.to_vector())?;
+    let simulator = &problem.flight.simulator;
+    let prior = problem.prior.to_finding(scale)?;
+    Ok((estimator_settings(problem), *simulator.state(), simulator.time_ns(), prior))
+}
+
+/// Planners of ways, told of what is to be planned.
+pub fn planners() -> Registry<PlanningProblem, dyn GlobalPlanner<EllipsoidWorld>, PlanningError> {
+    Registry::<_, dyn GlobalPlanner<EllipsoidWorld>, _>::new("planner")
+        .with(PLANNER, "exact edges, better plans for as long as the budget lasts, a bound", |_: &PlanningProblem| {
+            Ok(Box::new(FlightPlanner::default()))
+        })
+        .with(
+            "thesis-rrt",
+            "the thesis's: motion primitives, the first plan; every edge checked all along",
+            |problem: &PlanningProblem| {
+                // those of the station where RATTLE was not flown
+                let planner = rattle_rrt(problem.place, PrimitiveRules::Continuous)
+                    .or_else(|| rattle_rrt(WorldPreset::Iss, PrimitiveRules::Continuous))
+                    .unwrap_or(Err(PlanningError::Unsupported { query: "be planned in by the thesis's planner" }))?;
+                Ok(Box::new(planner))
+            },
+        )
+}
+
+/// Planners of stretches, told what information is worth.
+pub fn local_planners() -> Registry<WeightingChoice, NewStretchPlanner, PlanningError> {
+    Registry::<_, NewStretchPlanner, _>::new("local planner")
+        .with(LOCAL_PLANNER, "progress and information at once", |weighting: &WeightingChoice| {
+            let weighting = *weighting;
+            Ok(Box::new(move |problem: &MissionProblem| stretch_planner(problem, weighting)))
+        })
+        .with("along-way", "the way as it is", |_: &WeightingChoice| {
+            Ok(Box::new(|problem: &MissionProblem| {
+                Ok(Box::new(AlongWay { horizon_s: problem.stretch_s }) as Box<dyn StretchPlanner>)
+            }))
+        })
+}
+
+/// What controllers with a law of their own for the translation are told.
+#[derive(Clone, Copy, Debug)]
+pub struct ControlledBody {
+    /// What the body is taken for.
+    pub body: InertialParameters<f64>,
+    /// Where.
+    pub place: WorldPreset,
+    /// Most force and torque.
+    pub limits: ControlLimits,
+    /// Whether it is told of the body on the way.
+    pub is_told: bool,
+}
+
+impl ControlledBody {
+    fn attitude(&self, law: AttitudeLaw) -> AttitudeController {
+        AttitudeController {
+            law,
+            gains: control_presets::rattle_attitude_gains(self.place),
+            body: self.body,
+            torque_limit_n_m: self.limits.torque_n_m,
+        }
+    }
+}
+
+/// Controllers with a law of their own for the translation; a tube needs to know more, see [`controllers`].
+pub fn laws() -> Registry<ControlledBody, dyn Controller + Send, PlanningError> {
+    Registry::<_, dyn Controller + Send, _>::new("controller")
+        .with("lqr", "linear-quadratic feedback, which knows of no limit and no doubt", |told: &ControlledBody| {
+            let (step_s, weights) = (control_presets::decision_on_grid_s(), TranslationWeights::default());
+            let attitude = told.attitude(AttitudeLaw::Geometric);
+            Ok(Box::new(LqrController::lqr(step_s, &weights, attitude, told.limits.force_n)?))
+        })
+        .with("mpc", "model-predictive control without a tube", |told: &ControlledBody| {
+            let (settings, attitude) = (control_presets::mpc_settings(), told.attitude(AttitudeLaw::Geometric));
+            Ok(Box::new(PlainMpcController::plain_mpc(&settings, attitude, told.limits.force_n)?))
+        })
+        .with("original-tube", "RATTLE's own tube", |told: &ControlledBody| {
+            let settings = control_presets::original_settings(told.limits.force_n.min(), told.is_told);
+            let attitude = told.attitude(AttitudeLaw::Feedback);
+            let law = OriginalTube::try_new(&settings)?;
+            Ok(Box::new(OriginalTubeController::try_new(law, attitude, told.limits.force_n)?))
+        })
+}
+
+/// Controllers, told of the mission.
+pub fn controllers() -> Registry<MissionProblem, NewController, PlanningError> {
+    let tube = Registry::<MissionProblem, NewController, PlanningError>::new("controller").with(
+        CONTROLLER,
+        "robust model-predictive control: limits are kept for every mass that is possible",
+        |problem| {
+            let mut new = tube_controllers(problem);
+            Ok(Box::new(move |belief: &ModelBelief| Ok(Box::new(new(belief)?) as Box<dyn Controller + Send>)))
+        },
+    );
+    laws().entries().fold(tube, |all, (name, sentence)| {
+        all.with(name, sentence, move |problem: &MissionProblem| {
+            let limits = ControlLimits { force_n: problem.force_limit_n, torque_n_m: problem.torque_limit_n_m.min() };
+            let place = problem.place;
+            Ok(Box::new(move |belief: &ModelBelief| {
+                laws().make(name, &ControlledBody { body: *belief.parameters(), place, limits, is_told: true })
+            }))
+        })
+    })
+}
+
+/// Layers asked for by name; those that are not named are the usual ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct LayerNames {
+    /// Of [`estimators`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimator: Option<&'static str>,
+    /// Of [`planners`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub planner: Option<&'static str>,
+    /// Of [`local_planners`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub local_planner: Option<&'static str>,
+    /// Of [`controllers`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub controller: Option<&'static str>,
+}
+
+/// Names as they are written.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WrittenNames<S> {
+    /// Of [`estimators`].
+    pub estimator: Option<S>,
+    /// Of [`planners`].
+    pub planner: Option<S>,
+    /// Of [`local_planners`].
+    pub local_planner: Option<S>,
+    /// Of [`controllers`].
+    pub controller: Option<S>,
+}
+
+/// The name as its registry has it.
+fn known<C, T: ?Sized, S: AsRef<str>>(
+    registry: &Registry<C, T, PlanningError>,
+    asked: Option<&S>,
+) -> Result<Option<&'static str>, UnknownName> {
+    let Some(asked) = asked.map(AsRef::as_ref) else { return Ok(None) };
+    registry.check(asked)?;
+    Ok(registry.entries().map(|(name, _)| name).find(|name| *name == asked))
+}
+
+impl LayerNames {
+    /// Names that the registries have.
+    ///
+    /// # Errors
+    /// A name that its registry has not, with those that it has.
+    pub fn of<S: AsRef<str>>(written: &WrittenNames<S>) -> Result<Self, UnknownName> {
+        Ok(Self {
+            estimator: known(&estimators(), written.estimator.as_ref())?,
+            planner: known(&planners(), written.planner.as_ref())?,
+            local_planner: known(&local_planners(), written.local_planner.as_ref())?,
+            controller: known(&controllers(), written.controller.as_ref())?,
+        })
+    }
+
+    /// Whether nothing is named.
+    pub fn are_usual(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// These, and of `others` those that are not named here.
+    #[must_use]
+    pub fn or(self, others: Self) -> Self {
+        Self {
+            estimator: self.estimator.or(others.estimator),
+            planner: self.planner.or(others.planner),
+            local_planner: self.local_planner.or(others.local_planner),
+            controller: self.controller.or(others.controller),
+        }
+    }
+
+    pub(super) fn estimator(&self) -> &'static str {
+        self.estimator.unwrap_or(ESTIMATOR)
+    }
+
+    pub(super) fn planner(&self) -> &'static str {
+        self.planner.unwrap_or(PLANNER)
+    }
+
+    pub(super) fn local_planner(&self) -> &'static str {
+        self.local_planner.unwrap_or(LOCAL_PLANNER)
+    }
+
+    pub(super) fn controller(&self) -> &'static str {
+        self.controller.unwrap_or(CONTROLLER)
+    }
+}
+
+impl<'de> Deserialize<'de> for LayerNames {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Self::of(&WrittenNames::<String>::deserialize(deserializer)?).map_err(de::Error::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_unknown_name_lists_the_known() {
+        let asked = WrittenNames { controller: Some("pid"), ..WrittenNames::default() };
+        let text = LayerNames::of(&asked).unwrap_err().to_string();
+        assert!(text.contains("no controller is called `pid`; known: tube, lqr, mpc, original-tube"), "{text}");
+        let read: Result<LayerNames, _> = toml::from_str("estimator = \"oracle\"");
+        let text = read.unwrap_err().to_string();
+        assert!(text.contains("no estimator is called `oracle`; known: joint, two-stage-rls, two-stage-sdp"), "{text}");
+        assert!(toml::from_str::<LayerNames>("engine = \"warp\"").is_err());
+        let read: LayerNames = toml::from_str("local_planner = \"along-way\"").unwrap();
+        assert_eq!((read.local_planner(), read.planner()), ("along-way", PLANNER));
+        assert_eq!(toml::to_string(&read).unwrap(), "local_planner = \"along-way\"\n");
+    }
+}
