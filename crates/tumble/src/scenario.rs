@@ -8,6 +8,7 @@ mod embedded;
 mod fly;
 mod plan;
 mod plan_local;
+mod plan_local_table;
 
 pub use build::{Flight, PayloadChange, read_wrenches};
 pub use control::{BeliefTable, ControlTable, Steering};
@@ -17,9 +18,10 @@ pub use fly::{
     LARGEST_OUTSIDE, MissionProblem, WeightingSettings, draw_mission,
 };
 pub use plan::{PlanBodyTable, PlanTable, PlanningProblem};
-pub use plan_local::{
-    CriterionName, EffortTable, LocalProblem, LocalTable, MeasurementTable, NuisanceTable, PriorTable, TrackingTable,
-    UnknownsName, WeightingName,
+pub use plan_local::LocalProblem;
+pub use plan_local_table::{
+    CriterionName, EffortTable, LocalTable, MeasurementTable, NuisanceTable, PriorTable, TrackingTable, UnknownsName,
+    WeightingName,
 };
 
 use crate::{TumbleError, robots};

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use tumble_formats::FormatsError;
 use tumble_formats::log::{cut_warning, shortened};
 use tumble_formats::recording::mcap_log::{McapLog, McapSink};
-use tumble_formats::recording::rows::{CsvSink, RowSink, read_csv, read_flight};
+use tumble_formats::recording::read_flight;
+use tumble_formats::recording::rows::{CsvSink, RowSink, read_csv};
 use tumble_formats::recording::tum::{self, TumSink};
 use tumble_formats::recording::{self, Container};
 

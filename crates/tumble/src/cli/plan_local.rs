@@ -1,6 +1,6 @@
 //! `tumble plan --local`: one segment of the way, planned for progress and for information.
 
-use super::plan::{PlanArgs, write_run_record};
+use super::plan_options::{PlanArgs, write_run_record};
 use super::plan_budget::budget;
 use super::plan_figure::{Drawn, View, along, draw};
 use super::plan_local_check::{Flown, check};

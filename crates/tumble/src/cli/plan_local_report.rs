@@ -1,6 +1,6 @@
 //! What a local plan is, for people and for programs.
 
-use super::plan::{triple, xyzw};
+use super::plan_options::{triple, xyzw};
 use super::plan_blockers::named;
 use super::plan_local_check::{Flown, TOUCH_M};
 use super::plan_local_solve::{Quantity, Segment, Task};

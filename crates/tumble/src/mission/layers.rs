@@ -1,8 +1,6 @@
 //! The layers of a mission, built from its problem.
 
-use super::options::{FlyOptions, WeightingChoice};
-use super::registries::{controllers, estimators, local_planners, planners};
-use crate::TumbleError;
+use super::weighting::WeightingChoice;
 use crate::scenario::{ComputingSettings, MissionProblem, UnknownsName};
 use tumble_astrobee::control_presets::{self, ControlLimits};
 use tumble_astrobee::planning_presets::{EXPONENTIAL_WEIGHTING, STEP_WEIGHTING};
@@ -26,12 +24,6 @@ use tumble_planning::mission::{
     Simulated, StretchModel, StretchPlanner, StretchSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
-
-/// RATTLE around the simulated robot.
-pub type AstrobeeLoop = ClosedLoop<EllipsoidWorld, Box<dyn Controller + Send>, Box<dyn StateEstimator>>;
-
-/// Its planners, whose computing time is simulated.
-pub type MissionPlanners = Simulated<Box<dyn GlobalPlanner<EllipsoidWorld>>, Box<dyn StretchPlanner>>;
 
 /// Largest error of the estimator's position and velocity along an axis, standard deviations of what it claims.
 const ERRORS: [f64; 2] = [3e-4, 1.5e-4];
@@ -345,29 +337,4 @@ pub fn computing_time(problem: &MissionProblem) -> ComputingTime {
         stretch_unit_ns: signed(problem.computing.local_unit_ns),
         jitter: problem.computing.jitter_share,
     }
-}
-
-/// The whole loop, and its planners.
-///
-/// # Errors
-/// What one of its layers refuses.
-pub fn closed_loop(
-    problem: &MissionProblem,
-    options: &FlyOptions,
-) -> Result<(AstrobeeLoop, MissionPlanners), TumbleError> {
-    let build = || {
-        let layers = &problem.layers;
-        let ways = planners().make(layers.planner(), &problem.planning)?;
-        let stretches = local_planners().make(layers.local_planner(), &options.weighting)?(problem)?;
-        let planners = Simulated::new((ways, stretches), computing_time(problem));
-        let flying = ClosedLoop::try_new(
-            loop_settings(problem, options.feedback, options.seed),
-            scene(problem, 0.0, &[])?,
-            controllers().make(layers.controller(), problem)?,
-            estimators().make(layers.estimator(), problem)?,
-            problem.flight.simulator.time_ns(),
-        )?;
-        Ok((flying, planners))
-    };
-    build().map_err(TumbleError::Planning)
 }
