@@ -43,6 +43,7 @@ const STEPS: &[Step] = &[
     always("docs", "rustdoc, warnings are errors", docs),
     always("examples", "build and run every example", examples),
     always("feature-tests", "tests behind features that are off by default", feature_tests),
+    always("servicer", "the tutorial package outside of the workspace, as a user would build and test it", servicer),
     always("no-std", "type-check without features; no std means no std", no_std),
     always("missions", "forty missions with drawn payloads and beliefs: all arrive and touch nothing", drawn_missions),
     always("cluster", "a campaign in sixteen parts, one killed, is the campaign flown at once", cluster::step),
@@ -208,6 +209,16 @@ fn feature_tests() -> Outcome {
         test.args(["--features", &format!("{}/{feature}", package(library)), "--test", name]);
     }
     shell(&mut [test])
+}
+
+/// In a folder of its own: its profile and its features are those of a stranger.
+fn servicer() -> Outcome {
+    let mut test = cargo("test --quiet --manifest-path examples/servicer/Cargo.toml --target-dir");
+    test.arg(target_dir().join("servicer"));
+    let lints = "clippy --quiet --all-targets --manifest-path examples/servicer/Cargo.toml --target-dir";
+    let mut clippy = cargo(lints);
+    clippy.arg(target_dir().join("servicer")).args(["--", "-D", "warnings"]);
+    shell(&mut [test, clippy])
 }
 
 fn features_of(library: &str) -> Vec<String> {

@@ -14,7 +14,8 @@ struct Package {
     name: String,
     /// `name-version`.
     folder: String,
-    has_testing: bool,
+    /// Features that its tests ask for, as `name/feature`.
+    of_tests: Vec<String>,
 }
 
 /// Type-checks library, tests, examples and benches of every unpacked package, with the laws and without.
@@ -22,7 +23,7 @@ pub fn check() -> Outcome {
     with_unpacked(|place, packages| {
         shell(&mut [
             unpacked(place, "check --quiet --workspace --lib --profile test"),
-            unpacked(place, &format!("check --quiet --workspace --all-targets --features {}", laws(packages))),
+            unpacked(place, &format!("check --quiet --workspace --all-targets --features {}", features(packages))),
         ])
     })
 }
@@ -30,7 +31,7 @@ pub fn check() -> Outcome {
 /// Runs the tests of every unpacked package.
 pub fn test() -> Outcome {
     with_unpacked(|place, packages| {
-        shell(&mut [unpacked(place, &format!("test --quiet --workspace --features {}", laws(packages)))])
+        shell(&mut [unpacked(place, &format!("test --quiet --workspace --features {}", features(packages)))])
     })
 }
 
@@ -65,13 +66,10 @@ fn unpacked(place: &Path, arguments: &str) -> Command {
     command
 }
 
-fn laws(packages: &[Package]) -> String {
-    let with: Vec<String> = packages
-        .iter()
-        .filter(|package| package.has_testing)
-        .map(|package| format!("{}/testing", package.name))
-        .collect();
-    with.join(",")
+/// What the tests of all of them ask for.
+fn features(packages: &[Package]) -> String {
+    let all: Vec<&str> = packages.iter().flat_map(|package| &package.of_tests).map(String::as_str).collect();
+    all.join(",")
 }
 
 /// Unpacks what would be published into a workspace of its own, with the checkout's lock file.
@@ -145,7 +143,9 @@ fn package(folder: &Path) -> Result<Package, String> {
     let name = text(manifest.get("package").and_then(|package| package.get("name"))).unwrap_or_default();
     let shared = workspace.get("workspace").and_then(|workspace| workspace.get("package"));
     let version = text(shared.and_then(|package| package.get("version"))).unwrap_or_default();
-    let features = manifest.get("features").and_then(toml::Value::as_table);
-    let has_testing = features.is_some_and(|features| features.contains_key("testing"));
-    Ok(Package { folder: format!("{name}-{version}"), name, has_testing })
+    // A package that depends on itself for its tests loses this line when it is packed.
+    let itself = manifest.get("dev-dependencies").and_then(|all| all.get(&name)).and_then(|own| own.get("features"));
+    let features = itself.and_then(toml::Value::as_array).into_iter().flatten().filter_map(toml::Value::as_str);
+    let of_tests = features.map(|feature| format!("{name}/{feature}")).collect();
+    Ok(Package { folder: format!("{name}-{version}"), name, of_tests })
 }

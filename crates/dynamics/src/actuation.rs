@@ -24,6 +24,30 @@ use tumble_lie::nalgebra::Vector3;
 ///
 /// Laws ([`check_actuation`](crate::laws::check_actuation), feature `testing`): a wrench inside the limits is realised;
 /// no limit is ever exceeded; what was realised can be realised again.
+///
+/// # Example
+/// ```
+/// use tumble_dynamics::lie::Wrench;
+/// use tumble_dynamics::nalgebra::Vector3;
+/// use tumble_dynamics::{Actuation, DynamicsError};
+///
+/// /// One fan along x: its command is the thrust, from nothing to two newtons.
+/// struct Fan;
+/// impl Actuation for Fan {
+///     type Command = f64;
+///     fn allocate(&self, wrench_body: &Wrench<f64>) -> Result<f64, DynamicsError> {
+///         let thrust_n = wrench_body.force.x;
+///         if thrust_n.is_finite() { Ok(thrust_n.clamp(0.0, 2.0)) } else { Err(DynamicsError::NotFinite) }
+///     }
+///     fn realize(&self, thrust_n: &f64) -> Wrench<f64> {
+///         Wrench::new(Vector3::zeros(), Vector3::x() * *thrust_n)
+///     }
+/// }
+/// let wanted = Wrench::new(Vector3::zeros(), Vector3::x() * 5.0);
+/// assert_eq!(Fan.realize(&Fan.allocate(&wanted)?).force.x, 2.0);
+/// # Ok::<(), DynamicsError>(())
+/// ```
+/// Tutorial: [an actuator of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_actuator.rs).
 pub trait Actuation {
     /// What the machine is told: a wrench, nozzle openings, wheel torques.
     type Command: Clone + core::fmt::Debug;

@@ -48,7 +48,26 @@ impl<T: Scalar> RigidBody for InertialParameters<T> {
 /// A wrench that depends on time and state: gravity, drag, a bias, a user's own. Models add up.
 ///
 /// Laws (feature `testing`): [`check_wrench_model`](crate::laws::check_wrench_model). Tutorial:
-/// `tests/custom_wrench_model.rs`.
+/// [a wrench of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_wrench_model.rs).
+///
+/// # Example
+/// ```
+/// use tumble_dynamics::lie::{Scalar, Wrench};
+/// use tumble_dynamics::nalgebra::Vector3;
+/// use tumble_dynamics::{RigidBodyState, WrenchModel};
+///
+/// /// A spring to the origin of the world, 2 N/m.
+/// struct Spring;
+/// impl<T: Scalar> WrenchModel<T> for Spring {
+///     fn wrench_body(&self, _time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+///         let place = state.world_from_body.translation.vector;
+///         Wrench::new(Vector3::zeros(), state.world_from_body.rotation.inverse() * -(place + place))
+///     }
+/// }
+/// let mut state = RigidBodyState::<f64>::at_rest();
+/// state.world_from_body.translation.vector.x = 0.5;
+/// assert_eq!(Spring.wrench_body(0.0, &state).force.x, -1.0);
+/// ```
 pub trait WrenchModel<T: Scalar> {
     /// Wrench on the body, body axes, torque about the body origin.
     fn wrench_body(&self, time_s: T, state: &RigidBodyState<T>) -> Wrench<T>;
@@ -168,6 +187,29 @@ pub trait Integrator<S: MechanicalSystem> {
 }
 
 /// Something that takes inputs and gives measurements: a simulator, a replayed log, hardware.
+///
+/// # Example
+/// ```
+/// use tumble_dynamics::{DynamicsError, Plant};
+///
+/// /// A tank that a pump fills, l/s; measured is what is in it, l.
+/// struct Tank(f64);
+/// impl Plant for Tank {
+///     type Input = f64;
+///     type Measurement = f64;
+///     type Error = DynamicsError;
+///     fn advance(&mut self, pumped: &f64, duration_s: f64) -> Result<f64, DynamicsError> {
+///         self.0 = (self.0 + pumped * duration_s).clamp(0.0, 10.0);
+///         Ok(self.0)
+///     }
+/// }
+/// let mut tank = Tank(0.0);
+/// assert_eq!(tank.advance(&0.5, 4.0)?, 2.0);
+/// assert_eq!(tank.advance(&5.0, 4.0)?, 10.0);
+/// # Ok::<(), DynamicsError>(())
+/// ```
+/// Of bodies [`SimulatedBody`](crate::SimulatedBody) and [`SimulatedGyrostat`](crate::SimulatedGyrostat) are plants. Tutorial: [a satellite with
+/// sensors](https://github.com/tumble-robotics/tumble/blob/main/examples/servicer/src/robot.rs).
 pub trait Plant {
     /// Input held while time advances.
     type Input;

@@ -127,6 +127,29 @@ impl<const P: usize> ConstrainedEstimate<P> {
 }
 
 /// A solver of min ½|R p − z|² over a convex set.
+///
+/// # Example
+/// ```
+/// use tumble_identification::nalgebra::SVector;
+/// use tumble_identification::{ConstrainedEstimate, ConstrainedLeastSquares, IdentificationError, SquareRootInformation};
+///
+/// /// One number that cannot be below one: the unconstrained minimiser, or the bound.
+/// struct AtLeastOne;
+/// impl ConstrainedLeastSquares<1> for AtLeastOne {
+///     fn solve(&self, information: &SquareRootInformation<1>) -> Result<ConstrainedEstimate<1>, IdentificationError> {
+///         let free = information.solve(&SVector::from([1.0]))?;
+///         let parameters = free.map(|x| x.max(1.0 + 1e-12));
+///         let (margin, objective) = (parameters[0] - 1.0, 0.5 * information.residual(&parameters).norm_squared());
+///         let iterations = usize::from(free != parameters);
+///         Ok(ConstrainedEstimate { parameters, margin, objective, duality_gap: 1e-9, iterations })
+///     }
+/// }
+/// let mut information = SquareRootInformation::<1>::new();
+/// information.add_prior(&SVector::from([0.4]), &SVector::from([0.1]))?;
+/// let found = AtLeastOne.solve(&information)?;
+/// assert!(found.is_active() && (found.parameters[0] - 1.0).abs() < 1e-9);
+/// # Ok::<(), IdentificationError>(())
+/// ```
 pub trait ConstrainedLeastSquares<const P: usize> {
     /// The constrained minimiser.
     ///

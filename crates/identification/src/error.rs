@@ -323,14 +323,6 @@ pub enum IdentificationError {
         /// Duality gap asked for.
         tolerance: f64,
     },
-    /// The singular values of a matrix did not settle.
-    #[error("the singular values of {rows} by {columns} numbers do not settle")]
-    NoSingularValues {
-        /// Rows of the matrix.
-        rows: usize,
-        /// Columns of the matrix.
-        columns: usize,
-    },
     /// A delay or a lag was asked of an estimator that slides.
     #[error("a delay or an actuator lag needs the whole record: estimate it from a part by the batch likelihood")]
     NeedsWholeRecord,

@@ -2,10 +2,10 @@
 //!
 //! | yours | trait | laws | tutorial |
 //! |---|---|---|---|
-//! | takes a whole record | [`Estimator`] | `laws::check_estimator` | `tests/suite/custom_estimator.rs` |
-//! | takes one observation after the other | [`RecursiveEstimator`] | `laws::check_recursive_estimator` | `tests/suite/custom_recursive_estimator.rs` |
+//! | takes a whole record | [`Estimator`] | `laws::check_estimator` | [tutorial](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/custom_estimator.rs) |
+//! | takes one observation after the other | [`RecursiveEstimator`] | `laws::check_recursive_estimator` | [tutorial](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/custom_recursive_estimator.rs) |
 //! | makes observations of a record | [`Observe`]; with [`Replay`] every recursive estimator takes records | | |
-//! | stays in a set | a [`FeasibleSet`](crate::FeasibleSet) or a [`ConstrainedLeastSquares`]; [`Constrained`] puts it around any estimator | `laws::check_feasible_set` | `tests/suite/custom_feasible_set.rs` |
+//! | stays in a set | a [`FeasibleSet`](crate::FeasibleSet) or a [`ConstrainedLeastSquares`]; [`Constrained`] puts it around any estimator | `laws::check_feasible_set` | [tutorial](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/custom_feasible_set.rs) |
 //!
 //! Works without the standard library and, but for boxed sources of errors, without an allocator.
 
@@ -60,7 +60,7 @@ use nalgebra::SVector;
 /// # Ok::<(), EstimatorError>(())
 /// ```
 ///
-/// Laws: `laws::check_estimator`. Tutorial: `tests/suite/custom_estimator.rs`.
+/// Laws: `laws::check_estimator`. Tutorial: [tutorial](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/custom_estimator.rs).
 pub trait Estimator<const P: usize = 10> {
     /// What one estimate needs.
     type Record: ?Sized;
@@ -104,7 +104,7 @@ pub trait Estimator<const P: usize = 10> {
 /// # Ok::<(), EstimatorError>(())
 /// ```
 ///
-/// Laws: `laws::check_recursive_estimator` and its neighbours. Tutorial: `tests/suite/custom_recursive_estimator.rs`.
+/// Laws: `laws::check_recursive_estimator` and its neighbours. Tutorial: [tutorial](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/custom_recursive_estimator.rs).
 pub trait RecursiveEstimator<const P: usize = 10> {
     /// What one update needs.
     type Observation: ?Sized;
@@ -153,6 +153,39 @@ impl Outcome {
 /// Makes observations of a record, in the order of time: rows of a regression, steps of a motion filter.
 ///
 /// [`Problem`](crate::Problem) makes the rows of a motion record; [`Rows`] makes those of any [`LinearModel`](crate::LinearModel).
+///
+/// # Example
+/// ```
+/// use tumble_identification::estimator::{EstimatorError, Observe};
+/// use tumble_identification::nalgebra::{SMatrix, SVector};
+/// use tumble_identification::recursive::LinearObservation;
+///
+/// /// Readings of a scale, each known to 20 g.
+/// struct Scale;
+/// impl Observe<[f64], 1> for Scale {
+///     type Observation = LinearObservation<1, 1>;
+///     fn each(
+///         &self,
+///         record: &[f64],
+///         take: &mut dyn FnMut(&LinearObservation<1, 1>) -> Result<(), EstimatorError>,
+///     ) -> Result<(), EstimatorError> {
+///         record.iter().try_for_each(|reading_kg| {
+///             take(&LinearObservation {
+///                 regressor: SMatrix::from([[1.0]]),
+///                 output: SVector::from([*reading_kg]),
+///                 standard_deviation: SVector::from([0.02]),
+///             })
+///         })
+///     }
+/// }
+/// let mut sum = 0.0;
+/// Scale.each(&[1.0, 2.0], &mut |reading| {
+///     sum += reading.output[0];
+///     Ok(())
+/// })?;
+/// assert_eq!(sum, 3.0);
+/// # Ok::<(), EstimatorError>(())
+/// ```
 pub trait Observe<Record: ?Sized, const P: usize = 10> {
     /// What a filter takes.
     type Observation: ?Sized;

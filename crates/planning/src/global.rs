@@ -195,6 +195,58 @@ pub struct GlobalAnswer {
 ///
 /// # Laws
 /// `laws::check_global_planner`.
+///
+/// # Example
+/// ```
+/// use tumble_planning::collision::CollisionWorld;
+/// use tumble_planning::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, Status};
+/// use tumble_planning::{Budget, PlanningError};
+///
+/// /// Knows no way to anywhere, and claims no more than that.
+/// struct Lost;
+/// impl<W: CollisionWorld + ?Sized> GlobalPlanner<W> for Lost {
+///     fn plan(&mut self, _request: &GlobalRequest<'_, W>, _budget: &mut dyn Budget) -> Result<GlobalAnswer, PlanningError> {
+///         Ok(GlobalAnswer {
+///             status: Status::BudgetSpent(Vec::new()),
+///             plan: None,
+///             cost: f64::INFINITY,
+///             lower_bound: 0.0,
+///             units: 0,
+///             history: Vec::new(),
+///             tree: Vec::new(),
+///         })
+///     }
+/// }
+/// use tumble_planning::collision::{BodyShape, EllipsoidWorld};
+/// use tumble_planning::dynamics::{AlignedBox, InertialParameters, World};
+/// use tumble_planning::global::{GoalRegion, MotionLimits, Objective, Until};
+/// use tumble_planning::nalgebra::{UnitQuaternion, Vector3};
+/// use tumble_planning::{ModelBelief, TranslationState, Units};
+/// let request = GlobalRequest {
+///     world: &EllipsoidWorld::new(&World::default())?,
+///     body: &BodyShape::sphere(0.2)?,
+///     start: TranslationState::at_rest(Vector3::zeros()),
+///     attitude: UnitQuaternion::identity(),
+///     start_s: 0.0,
+///     goal: GoalRegion { position: Vector3::x(), radius_m: 0.1, speed_m_s: 0.0, attitude: None },
+///     limits: MotionLimits {
+///         position: AlignedBox::between(Vector3::repeat(-2.0), Vector3::repeat(2.0)),
+///         speed_m_s: Vector3::repeat(0.2),
+///         force_n: Vector3::repeat(0.4),
+///         torque_n_m: Vector3::zeros(),
+///         rate_rad_s: 0.0,
+///     },
+///     belief: &ModelBelief::certain(1, InertialParameters::solid_box(9.5, [0.3; 3])),
+///     objective: Objective::Duration,
+///     margin_m: 0.05,
+///     until: Until::BudgetSpent,
+///     seed: 1,
+/// };
+/// let mut planner: Box<dyn GlobalPlanner<EllipsoidWorld>> = Box::new(Lost);
+/// assert!(planner.plan(&request, &mut Units::new(100))?.plan.is_none());
+/// # Ok::<(), PlanningError>(())
+/// ```
+/// Tutorial: [a planner of straight lines and one corner](https://github.com/tumble-robotics/tumble/blob/main/examples/servicer/src/dogleg.rs).
 pub trait GlobalPlanner<W: CollisionWorld + ?Sized> {
     /// Answers a request; the same request and budget give the same answer.
     ///

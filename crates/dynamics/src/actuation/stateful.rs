@@ -20,7 +20,8 @@ use tumble_lie::nalgebra::Vector3;
 /// ```
 ///
 /// Laws (feature `testing`): [`check_stateful_actuation`](crate::laws::check_stateful_actuation), and for wheels
-/// [`check_momentum_storage`](crate::laws::check_momentum_storage). Tutorial: `tests/custom_actuator.rs`.
+/// [`check_momentum_storage`](crate::laws::check_momentum_storage). Tutorial: [an actuator of your
+/// own](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_actuator.rs).
 /// # Frame
 /// Body axes, torque about the body origin.
 pub trait StatefulActuation {

@@ -24,6 +24,25 @@ impl<V> Gauss<V> {
 }
 
 /// A measurement of a kind that the library does not know: range, bearing, a star's direction, at most three numbers.
+///
+/// # Example
+/// ```
+/// use tumble_identification::dynamics::RigidBodyState;
+/// use tumble_identification::estimator::Sensor;
+/// use tumble_identification::nalgebra::Vector3;
+///
+/// /// Distance from a beacon at the origin, m; the other two numbers are none.
+/// #[derive(Debug)]
+/// struct Range;
+/// impl Sensor for Range {
+///     fn predicted(&self, state: &RigidBodyState<f64>) -> Vector3<f64> {
+///         Vector3::x() * state.world_from_body.translation.vector.norm()
+///     }
+/// }
+/// let mut state = RigidBodyState::at_rest();
+/// state.world_from_body.translation.vector = Vector3::new(3.0, 4.0, 0.0);
+/// assert_eq!(Range.residual(&(Vector3::x() * 5.5), &state).x, 0.5);
+/// ```
 pub trait Sensor: Send + Sync + std::fmt::Debug {
     /// What the sensor would show of this motion, in its own units.
     fn predicted(&self, state: &RigidBodyState<f64>) -> Vector3<f64>;
@@ -100,6 +119,37 @@ pub enum Doubt {
 }
 
 /// Motion and body in flight. `Send`, so that every loop of it is; neither `Clone` nor `Sync`.
+///
+/// # Example
+/// What flies one asks no more than this; here the joint filter sits behind the trait.
+/// ```
+/// use tumble_identification::dynamics::{InertialParameters, RigidBodyState};
+/// use tumble_identification::estimator::{Acted, Measurement, StateEstimator};
+/// use tumble_identification::lie::{Pose, Wrench};
+/// use tumble_identification::nalgebra::{SMatrix, Vector3};
+/// use tumble_identification::recursive::{FlightEstimator, FlightEstimatorSettings};
+/// use tumble_identification::{Estimate, StandardDeviations};
+///
+/// let body = InertialParameters::solid_box(10.0, [0.3, 0.3, 0.3]);
+/// let deviations = body.to_vector().map(|x: f64| 0.2 * x.abs() + 0.02);
+/// let covariance = SMatrix::from_diagonal(&deviations.map(|s| s * s));
+/// let std = StandardDeviations {
+///     mass_kg: deviations[0],
+///     center_of_mass_m: Vector3::repeat(0.01),
+///     inertia_about_com_kg_m2: SMatrix::repeat(0.02),
+/// };
+/// let prior = Estimate { parameters: body, covariance, std, lmi_active: false };
+/// let settings = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.1);
+/// let mut flying: Box<dyn StateEstimator> =
+///     Box::new(FlightEstimator::try_new(settings, RigidBodyState::at_rest(), 0, &prior)?);
+/// let push = Wrench::new(Vector3::zeros(), Vector3::x());
+/// flying.acted(&Acted { from_ns: 0, until_ns: 100_000_000, wrench_body: push, stored_body: Vector3::zeros() });
+/// flying.measured(&Measurement::of_pose(100_000_000, &Pose::translation(5e-4, 0.0, 0.0), 1e-3, 1e-3));
+/// assert!((flying.state_at(100_000_000).twist_body.linear.x - 0.01).abs() < 5e-3);
+/// assert!(flying.finding()?.point().is_some());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+/// Tutorial: [an estimator in flight of your own, without a pose](https://github.com/tumble-robotics/tumble/blob/main/examples/servicer/src/drifting_pose.rs).
 pub trait StateEstimator: Send {
     /// What to call it in messages; the name of its type unless written.
     fn name(&self) -> &'static str {

@@ -91,7 +91,7 @@ pub fn constrained_solvers() -> ConstrainedSolvers {
 /// assert!(found.unwrap_err().to_string().contains("ukf, mine"));
 /// ```
 ///
-/// Tutorial: `tests/suite/custom_estimator.rs`.
+/// Tutorial: [an estimator of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/custom_estimator.rs).
 pub struct Pipeline {
     methods: Methods,
     /// Names that are the user's.

@@ -52,7 +52,7 @@ impl BaseParameters {
     /// Judges `information` with [`RANK_TOLERANCE`], right for exact regressors.
     ///
     /// # Errors
-    /// [`IdentificationError::UnknownCount`]; [`IdentificationError::NoSingularValues`] where the decomposition does not settle.
+    /// [`IdentificationError::UnknownCount`].
     pub fn new(information: &LinkInformation, layout: &ParameterLayout) -> Result<Self, IdentificationError> {
         Self::with_tolerance(information, layout, RANK_TOLERANCE)
     }
@@ -60,7 +60,7 @@ impl BaseParameters {
     /// Counts a direction as undetermined below `tolerance` times the strongest: the relative noise of the regressor.
     ///
     /// # Errors
-    /// [`IdentificationError::UnknownCount`]; [`IdentificationError::NoSingularValues`] where the decomposition does not settle.
+    /// [`IdentificationError::UnknownCount`].
     pub fn with_tolerance(
         information: &LinkInformation,
         layout: &ParameterLayout,
@@ -73,7 +73,7 @@ impl BaseParameters {
     /// units of the body's size. At one, a direction must be known better than the body's size.
     ///
     /// # Errors
-    /// [`IdentificationError::UnknownCount`]; [`IdentificationError::NoSingularValues`] where the decomposition does not settle.
+    /// [`IdentificationError::UnknownCount`].
     pub fn with_signal_to_noise(
         information: &LinkInformation,
         layout: &ParameterLayout,
@@ -93,7 +93,7 @@ impl BaseParameters {
         for (mut column, size) in scaled.column_iter_mut().zip(magnitudes.iter()) {
             column *= *size;
         }
-        let SingularValues { values, right, images } = SingularValues::of(&scaled)?;
+        let SingularValues { values, right, images } = SingularValues::of(scaled);
         let least = if values.is_empty() { 0.0 } else { smallest(&values) };
         let rank = values.iter().filter(|&&value| value > least).count();
         let mut misfit = information.rhs().clone();

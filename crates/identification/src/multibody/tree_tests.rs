@@ -3,8 +3,7 @@
 use super::tree_part::completed;
 use super::{
     BaseParameters, Drive, GainRegression, JointNuisance, JointTrack, LinkInformation, MomentumForm, ParameterLayout,
-    TorqueForm, TreeAcceleration, TreeEstimator, TreePart, TreeRecord, TreeSample, UnknownBody, VelocityNoise,
-    with_accelerations,
+    TorqueForm, TreeEstimator, TreePart, TreeRecord, TreeSample, UnknownBody, VelocityNoise, with_accelerations,
 };
 use crate::BodyScale;
 use crate::dynamics::{BodyAcceleration, GeneralizedMotion, InertialParameters, Joint, Link, Multibody};
@@ -245,27 +244,19 @@ fn a_base_and_two_hinges_have_24_base_parameters_with_a_known_momentum_and_23_wi
     assert_eq!(at_rest, 23);
 }
 
-/// The floating robot with motors that are logged too, every 10 ms: torques of the accelerations a millisecond either way,
-/// which no smoother made, with noise and friction.
+/// The floating robot with motors that are logged too: accelerations by smoothing, torques with noise and friction.
 fn driven(seed: u64) -> Vec<TreeSample> {
-    let fine = float(&carrying(), &momentum(), 30.0, 0.001, 1);
+    let clean = float(&carrying(), &momentum(), 30.0, 0.01, 1);
+    let mut samples = with_accelerations(&clean, &Vector3::zeros()).unwrap();
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
-    let mut logged = |window: &[TreeSample]| {
-        let [before, now, after] = window else { panic!("three samples") };
-        let span_s = after.time_s - before.time_s;
-        let mut sample = now.clone();
-        let twist_rate = (after.base_twist + before.base_twist * -1.0) * span_s.recip();
-        sample.accelerations = Some(TreeAcceleration {
-            base: BodyAcceleration::from_twist_rate_body(&now.base_twist, &twist_rate),
-            joints: after.rates.iter().zip(&before.rates).map(|(after, before)| (after - before) / span_s).collect(),
-        });
+    for sample in &mut samples {
         let force = carrying().inverse_dynamics(&sample.motion().unwrap()).unwrap();
         let friction = |rate: f64| 0.02 * rate + 0.01 * rate.signum() + 0.003;
-        let motor = |(force, rate): (&f64, &f64)| force + friction(*rate) + 2e-3 * gaussian(&mut generator);
+        let motor = |(force, rate): (&f64, &f64)| force + friction(*rate);
         let motors: Vec<f64> = force.joints.iter().zip(&sample.rates).map(motor).collect();
-        TreeSample { motors: Some(motors), accelerations: None, ..sample }
-    };
-    fine.windows(3).step_by(10).map(&mut logged).collect()
+        sample.motors = Some(motors.iter().map(|motor| motor + 2e-3 * gaussian(&mut generator)).collect());
+    }
+    samples
 }
 
 #[test]
@@ -283,7 +274,6 @@ fn a_payload_from_torques_and_from_both() {
         if with_momentum {
             samples = noisy(&samples, &NOISE, seed + 100);
         }
-        let samples = with_accelerations(&samples, &Vector3::zeros()).unwrap();
         let mut estimator = estimator(vec![grasped()], Some(momentum()));
         estimator.torque = Some(torque.clone());
         estimator.momentum = estimator.momentum.filter(|_| with_momentum);

@@ -15,6 +15,63 @@ use nalgebra::{SMatrix, SVector};
 ///
 /// # Shape
 /// `N` coordinates of an increment of the state, at most `ROWS` measured numbers, `P` reported parameters.
+///
+/// # Example
+/// ```
+/// use tumble_identification::IdentificationError;
+/// use tumble_identification::nalgebra::{SMatrix, SVector, Vector2};
+/// use tumble_identification::recursive::{DifferentiableModel, ExtendedKalmanFilter, FilterModel};
+///
+/// /// A cart: its speed (m/s) and the logarithm of its mass, which stays positive whatever is learned.
+/// struct Cart;
+/// struct Look {
+///     force_n: f64,
+///     step_s: f64,
+///     speed_m_s: f64,
+/// }
+/// impl FilterModel<2, 1, 1> for Cart {
+///     type State = Vector2<f64>;
+///     type Observation = Look;
+///     fn propagate(&self, x: &Vector2<f64>, look: &Look) -> Result<Vector2<f64>, IdentificationError> {
+///         Ok(Vector2::new(x[0] + look.force_n * (-x[1]).exp() * look.step_s, x[1]))
+///     }
+///     fn process_noise(&self, _x: &Vector2<f64>, _look: &Look) -> SMatrix<f64, 2, 2> {
+///         SMatrix::identity() * 1e-12
+///     }
+///     fn residual(&self, x: &Vector2<f64>, look: &Look) -> SVector<f64, 1> {
+///         SVector::from([look.speed_m_s - x[0]])
+///     }
+///     fn standard_deviation(&self, _look: &Look) -> SVector<f64, 1> {
+///         SVector::from([1e-3])
+///     }
+///     fn parameters(&self, x: &Vector2<f64>) -> SVector<f64, 1> {
+///         SVector::from([x[1].exp()])
+///     }
+///     fn parameter_jacobian(&self, x: &Vector2<f64>) -> SMatrix<f64, 1, 2> {
+///         SMatrix::from([[0.0], [x[1].exp()]])
+///     }
+/// }
+/// impl DifferentiableModel<2, 1, 1> for Cart {
+///     fn predicted_covariance(&self, x: &Vector2<f64>, look: &Look, p: &SMatrix<f64, 2, 2>) -> SMatrix<f64, 2, 2> {
+///         let by_mass = -look.force_n * (-x[1]).exp() * look.step_s;
+///         let phi = SMatrix::<f64, 2, 2>::new(1.0, by_mass, 0.0, 1.0);
+///         phi * p * phi.transpose() + self.process_noise(x, look)
+///     }
+///     fn sensitivity(&self, _x: &Vector2<f64>, _look: &Look) -> SMatrix<f64, 1, 2> {
+///         SMatrix::from([[1.0], [0.0]])
+///     }
+/// }
+/// let start = Vector2::new(0.0, 1.8_f64.ln());
+/// let mut filter = ExtendedKalmanFilter::new(Cart, start, SMatrix::from_diagonal(&Vector2::new(1e-6, 0.04)));
+/// for step in 1..=50 {
+///     let force_n = if step <= 25 { 2.0 } else { -2.0 };
+///     let speed_m_s = 0.1 * (25.0 - (25.0 - f64::from(step)).abs()); // of a cart of two kilograms
+///     filter.update_rows(&Look { force_n, step_s: 0.1, speed_m_s })?;
+/// }
+/// assert!((filter.parameters()[0] - 2.0).abs() < 0.02);
+/// # Ok::<(), IdentificationError>(())
+/// ```
+/// A model of the library's: [the body on its principal axes](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/src/recursive/principal_body.rs).
 pub trait FilterModel<const N: usize, const ROWS: usize, const P: usize> {
     /// What the filter knows.
     type State: Manifold<Scalar = f64, Tangent = SVector<f64, N>> + Copy;
@@ -48,6 +105,50 @@ pub trait FilterModel<const N: usize, const ROWS: usize, const P: usize> {
 }
 
 /// A [`FilterModel`] that knows its derivatives.
+///
+/// # Example
+/// That of [`FilterModel`], whose derivatives by differences are those that are written:
+/// ```
+/// use tumble_identification::IdentificationError;
+/// use tumble_identification::nalgebra::{SMatrix, SVector};
+/// use tumble_identification::recursive::{DifferentiableModel, FilterModel};
+///
+/// /// A level that stays, measured as it is.
+/// struct Level;
+/// impl FilterModel<1, 1, 1> for Level {
+///     type State = SVector<f64, 1>;
+///     type Observation = f64;
+///     fn propagate(&self, x: &SVector<f64, 1>, _seen: &f64) -> Result<SVector<f64, 1>, IdentificationError> {
+///         Ok(*x)
+///     }
+///     fn process_noise(&self, _x: &SVector<f64, 1>, _seen: &f64) -> SMatrix<f64, 1, 1> {
+///         SMatrix::zeros()
+///     }
+///     fn residual(&self, x: &SVector<f64, 1>, seen: &f64) -> SVector<f64, 1> {
+///         SVector::from([seen - x[0]])
+///     }
+///     fn standard_deviation(&self, _seen: &f64) -> SVector<f64, 1> {
+///         SVector::from([1.0])
+///     }
+///     fn parameters(&self, x: &SVector<f64, 1>) -> SVector<f64, 1> {
+///         *x
+///     }
+///     fn parameter_jacobian(&self, _x: &SVector<f64, 1>) -> SMatrix<f64, 1, 1> {
+///         SMatrix::identity()
+///     }
+/// }
+/// impl DifferentiableModel<1, 1, 1> for Level {
+///     fn predicted_covariance(&self, _x: &SVector<f64, 1>, _seen: &f64, p: &SMatrix<f64, 1, 1>) -> SMatrix<f64, 1, 1> {
+///         *p
+///     }
+///     fn sensitivity(&self, _x: &SVector<f64, 1>, _seen: &f64) -> SMatrix<f64, 1, 1> {
+///         SMatrix::identity()
+///     }
+/// }
+/// let at = |x: f64| Level.residual(&SVector::from([x]), &3.0)[0];
+/// let by_differences = (at(1.0 - 1e-6) - at(1.0 + 1e-6)) / 2e-6;
+/// assert!((Level.sensitivity(&SVector::from([1.0]), &3.0)[0] - by_differences).abs() < 1e-9);
+/// ```
 pub trait DifferentiableModel<const N: usize, const ROWS: usize, const P: usize>: FilterModel<N, ROWS, P> {
     /// Φ P Φᵀ + Q of the step to the observation, about `state` before the step.
     fn predicted_covariance(

@@ -184,10 +184,16 @@ impl FlightEstimator {
         if self.rules.considers_body {
             return;
         }
-        let Some(settled) = self.moments.get_mut(self.settled) else { return };
-        let Some(mut again) = self.lessons.work(&self.rules, &self.history, settled) else { return };
-        again.advance(&self.rules, &self.history, settled.stamp_ns, None);
-        *settled = again;
+        let Some(settled) = self.moments.get(self.settled) else { return };
+        if !self.lessons.are_due(settled.stamp_ns, &self.history) {
+            return;
+        }
+        let (stamp_ns, body) = (settled.stamp_ns, settled.state.joint.body);
+        let mut again = self.lessons.again(&self.rules, &self.history, &body);
+        again.advance(&self.rules, &self.history, stamp_ns, None);
+        if let Some(settled) = self.moments.get_mut(self.settled) {
+            *settled = again;
+        }
         self.filter_from(self.settled + 1);
     }
 

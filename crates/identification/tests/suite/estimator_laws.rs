@@ -14,7 +14,7 @@ use tumble_identification::{
 type Boxed = Box<dyn Estimator<Record = [MotionSample]> + Send + Sync>;
 
 /// Body D under a held multisine; noise of the wrench and of the poses.
-fn record(seed: u64, samples: usize, wrench_noise: f64, pose_noise: f64) -> Vec<MotionSample> {
+pub fn record(seed: u64, samples: usize, wrench_noise: f64, pose_noise: f64) -> Vec<MotionSample> {
     let mut random = Random::new(seed);
     let signal = Multisine::random(&mut random, 0.5, 1.0, (0.5, 3.0), 4);
     let wrench = |t: f64| signal.at(t);
@@ -244,7 +244,7 @@ fn planted_defects_are_caught_by_name() {
     assert_eq!(runs(3.0).unwrap_err().law, "errors are as large as stated");
 }
 
-/// A body like the Astrobee's of another mass, density kept; driven as strongly for its mass; 1 mm and 1 mrad of noise in the poses.
+/// A free flyer of another mass, density kept; driven as strongly for its mass; 1 mm and 1 mrad of noise in the poses.
 fn of_mass(mass_kg: f64, seed: u64) -> (InertialParameters<f64>, Vec<MotionSample>) {
     let length = (mass_kg / 9.4).cbrt();
     let inertia = Matrix3::new(0.153, 0.004, -0.006, 0.004, 0.143, 0.003, -0.006, 0.003, 0.162);

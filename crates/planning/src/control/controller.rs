@@ -120,6 +120,33 @@ pub struct ControlCommand {
 }
 
 /// Follows plans.
+///
+/// # Example
+/// ```
+/// use tumble_planning::control::{ControlRequest, Controller, PoseTracking, ReferenceMotion};
+/// use tumble_planning::dynamics::{
+///     BodyAcceleration, FreeFlyer, InertialParameters, PoseReference, PoseTracker, RigidBodyState, WrenchBox,
+/// };
+/// use tumble_planning::lie::Pose;
+/// use tumble_planning::nalgebra::Vector3;
+/// use tumble_planning::{Plan, PlanningError};
+///
+/// let body = FreeFlyer::new(InertialParameters::solid_box(10.0, [0.3; 3]));
+/// let tracker = PoseTracker::critically_damped(body, 1.0, 0.6);
+/// let mut controller: Box<dyn Controller> = Box::new(PoseTracking::try_new(tracker, WrenchBox::in_every_axis(0.1, 0.5))?);
+/// let ahead = |_time_s: f64| PoseReference {
+///     state: RigidBodyState { world_from_body: Pose::translation(3.0, 0.0, 0.0), ..RigidBodyState::at_rest() },
+///     acceleration: BodyAcceleration {
+///         angular_acceleration_body: Vector3::zeros(),
+///         acceleration_origin_body: Vector3::zeros(),
+///     },
+/// };
+/// let plan = Plan { trajectory: &ahead as &dyn ReferenceMotion, model_revision: 0 };
+/// let command = controller.command(&ControlRequest { time_s: 0.0, state: &RigidBodyState::at_rest(), plan: &plan })?;
+/// assert_eq!(command.wrench_body.force.x, 0.5); // all that the limits let through
+/// # Ok::<(), PlanningError>(())
+/// ```
+/// Tutorial: [a controller of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_controller.rs).
 pub trait Controller {
     /// Takes over a belief, where that loses no promise made before.
     ///

@@ -46,6 +46,25 @@ pub enum Layer {
 }
 
 /// Looks on; every method does nothing unless written.
+///
+/// # Example
+/// ```
+/// use tumble_planning::ModelBelief;
+/// use tumble_planning::dynamics::InertialParameters;
+/// use tumble_planning::mission::LoopObserver;
+///
+/// /// The masses that were believed, kg.
+/// #[derive(Default)]
+/// struct Masses(Vec<f64>);
+/// impl LoopObserver for Masses {
+///     fn offered(&mut self, _time_ns: i64, belief: &ModelBelief) {
+///         self.0.push(belief.parameters().mass);
+///     }
+/// }
+/// let mut masses = Masses::default();
+/// masses.offered(0, &ModelBelief::certain(1, InertialParameters::solid_box(9.5, [0.3; 3])));
+/// assert_eq!(masses.0, [9.5]);
+/// ```
 #[allow(unused_variables)]
 pub trait LoopObserver {
     /// A layer begins to work.

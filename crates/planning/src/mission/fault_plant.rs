@@ -3,6 +3,33 @@
 use tumble_dynamics::Plant;
 
 /// What goes wrong with a plant. Both methods change nothing by default.
+///
+/// # Example
+/// ```
+/// use tumble_planning::dynamics::{DynamicsError, Plant};
+/// use tumble_planning::mission::{FaultPlant, PlantFault};
+///
+/// /// Counts what it is told.
+/// struct Counter(f64);
+/// impl Plant for Counter {
+///     type Input = f64;
+///     type Measurement = f64;
+///     type Error = DynamicsError;
+///     fn advance(&mut self, input: &f64, _duration_s: f64) -> Result<f64, DynamicsError> {
+///         self.0 += input;
+///         Ok(self.0)
+///     }
+/// }
+/// /// Half of every input is lost.
+/// struct Leak;
+/// impl PlantFault<Counter> for Leak {
+///     fn before(&mut self, _plant: &mut Counter, input: f64) -> Result<f64, DynamicsError> {
+///         Ok(0.5 * input)
+///     }
+/// }
+/// assert_eq!(FaultPlant::new(Counter(0.0), Leak).advance(&4.0, 1.0)?, 2.0);
+/// # Ok::<(), DynamicsError>(())
+/// ```
 pub trait PlantFault<P: Plant> {
     /// Before a step: the input that really reaches the plant, which may be changed itself: something breaks, something is added.
     ///

@@ -9,6 +9,26 @@ use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 /// Takes what a loop asks to be planned, and answers when it is done.
+///
+/// # Example
+/// ```
+/// use tumble_planning::collision::EllipsoidWorld;
+/// use tumble_planning::mission::{Office, PlanAnswer, PlanRequest};
+///
+/// /// Takes everything and answers nothing: the loop then rests where it is.
+/// #[derive(Default)]
+/// struct Closed(usize);
+/// impl Office<EllipsoidWorld> for Closed {
+///     fn take(&mut self, _now_ns: i64, _request: PlanRequest<EllipsoidWorld>) {
+///         self.0 += 1;
+///     }
+///     fn ready(&mut self, _now_ns: i64) -> Option<PlanAnswer> {
+///         None
+///     }
+/// }
+/// assert!(Closed::default().ready(0).is_none());
+/// ```
+/// Tutorial: [planners in a thread](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_robot/own_layers.rs).
 pub trait Office<W>
 where
     W: CollisionWorld,

@@ -101,6 +101,26 @@ impl StretchOutcome {
 
 /// A planner of stretches: a [`crate::local::LocalPlanner`] with its weighting, its sizes hidden;
 /// [`InformativeStretch`](super::InformativeStretch) makes one of any.
+///
+/// # Example
+/// ```
+/// use tumble_planning::mission::{StretchOutcome, StretchPlanner, StretchRefusal, StretchTask};
+/// use tumble_planning::{Budget, PlanningError};
+///
+/// /// Refuses everything, so that the way is flown as it is.
+/// struct Lazy;
+/// impl StretchPlanner for Lazy {
+///     fn horizon_s(&self) -> f64 {
+///         10.0
+///     }
+///     fn plan(&mut self, _task: &StretchTask<'_>, _budget: &mut dyn Budget) -> Result<StretchOutcome, PlanningError> {
+///         Ok(StretchOutcome::Refused(StretchRefusal { violation: 1.0, blocker: None }))
+///     }
+/// }
+/// let planner: Box<dyn StretchPlanner> = Box::new(Lazy);
+/// assert_eq!(planner.horizon_s(), 10.0);
+/// ```
+/// Tutorial: [layers of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_robot/own_layers.rs).
 pub trait StretchPlanner {
     /// Length of a stretch, s.
     fn horizon_s(&self) -> f64;

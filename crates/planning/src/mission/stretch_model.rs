@@ -6,6 +6,17 @@ use crate::local::{InformativeModel, Kinematics, LocalTrajectory, PlanarBodyMode
 use nalgebra::{UnitQuaternion, Vector2};
 
 /// A model whose states and plans are those of a body in space.
+///
+/// # Example
+/// ```
+/// use tumble_planning::local::{Kinematics, PlanarBodyModel};
+/// use tumble_planning::mission::StretchModel;
+/// use tumble_planning::lie::Pose;
+///
+/// let model = PlanarBodyModel::mass_and_inertia();
+/// let flat = model.state_of(&Kinematics::at_rest(Pose::translation(1.0, 2.0, 3.0)));
+/// assert_eq!((flat.position_world.x, flat.position_world.y, flat.heading_rad), (1.0, 2.0, 0.0));
+/// ```
 pub trait StretchModel<const X: usize, const U: usize, const P: usize>: InformativeModel<X, U, P> {
     /// Of each coordinate of a change of a state, what it belongs to: 0 position, 1 velocity, 2 attitude, 3 rate.
     const GROUPS: [usize; X];
