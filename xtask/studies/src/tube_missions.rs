@@ -49,6 +49,7 @@ fn series() -> Vec<Series> {
     ]
 }
 
+#[allow(clippy::needless_pass_by_value)] // given to `map_err`
 fn failed(error: PlanningError) -> Failure {
     Failure::BadInput(format!("tube-missions: {error}"))
 }

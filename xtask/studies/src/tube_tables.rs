@@ -10,6 +10,7 @@ use crate::tube_shares::{
     shares,
 };
 
+#[allow(clippy::needless_pass_by_value)] // given to `map_err`
 fn failed(error: PlanningError) -> Failure {
     Failure::BadInput(format!("tube-tables: {error}"))
 }

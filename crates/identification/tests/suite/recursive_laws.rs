@@ -382,6 +382,7 @@ struct Broken {
 }
 
 impl Broken {
+    #[allow(clippy::large_types_passed_by_value)] // it is kept
     fn new(inner: RecursiveLeastSquares<10, 6>, defect: Defect) -> Self {
         Self { inner, start: inner.finding().unwrap(), defect }
     }

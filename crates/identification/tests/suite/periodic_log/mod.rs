@@ -1,5 +1,6 @@
 //! Logs of a periodic motion tracked perfectly, with noise: loads by the thesis's distribution, motions from rest to rest within
 //! its bounds, harmonics added to them.
+#![allow(clippy::cast_possible_truncation)]
 #![allow(dead_code)] // each user takes its part
 
 use rand_chacha::ChaCha8Rng;
