@@ -2,7 +2,7 @@
 //! whether the number of harmonics is found.
 
 #[path = "../../../crates/identification/tests/suite/periodic_log/mod.rs"]
-#[allow(clippy::unwrap_used, clippy::cast_possible_truncation)]
+#[allow(clippy::unwrap_used)]
 mod periodic_log;
 
 mod feedback;
