@@ -62,7 +62,11 @@ const STEPS: &[Step] = &[
         "the studies of identification, of chapter 4, of actuation, of RATTLE, of control, of arms, reduced",
         reduced_studies,
     ),
-    always("determinism", "long tumbles, plans and a flight are the same bytes as tests and as users build them", determinism),
+    always(
+        "determinism",
+        "long tumbles, plans and a flight are the same bytes as tests and as users build them",
+        determinism,
+    ),
     always("panic-free", "the link proves that the hot paths cannot panic, and refuses a control that can", panic_free),
     full("package-verify", "every package builds from what would be published", || {
         shell(&mut [cargo("package --workspace --allow-dirty")])
