@@ -18,7 +18,7 @@ mod flown_controller;
 mod payload;
 mod surroundings;
 
-pub use actuators::{Actuators, PulseTrain};
+pub use actuators::Actuators;
 pub use body_step::BodyStep;
 pub use control_account::{ControlAccount, FallbackSpell, OfferedBelief};
 pub use drive::{AddedWrench, Controller, Drive, Multisine, Reference, Waypoint};

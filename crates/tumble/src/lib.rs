@@ -12,6 +12,7 @@ pub mod harmonic_report;
 pub mod mission;
 pub mod mission_report;
 pub mod output;
+mod program;
 pub mod report;
 pub mod robots;
 pub mod scenario;
@@ -19,6 +20,7 @@ pub mod space_cobot;
 pub mod spheres;
 
 pub use error::TumbleError;
+pub use program::run;
 
 // The code of the workspace's README, by a link that the published package holds as a file.
 #[cfg(doctest)]

@@ -3,7 +3,8 @@
 mod astrobee;
 
 use crate::{space_cobot, spheres};
-use tumble_formats::{BodyPreset, Robot, Robots};
+use tumble_dynamics::{PulseTrain, StatefulDrive};
+use tumble_formats::{ActuatorPreset, BodyPreset, Robot, Robots};
 
 /// Space CoBot; see [`space_cobot`].
 struct SpaceCobot;
@@ -19,6 +20,11 @@ impl Robot for SpaceCobot {
 
     fn bodies(&self) -> Vec<BodyPreset> {
         vec![BodyPreset { name: "space-cobot", body: space_cobot::body() }]
+    }
+
+    fn actuators(&self) -> Vec<ActuatorPreset> {
+        let (name, sentence) = ("space-cobot", "six rotors");
+        vec![ActuatorPreset { name, sentence, make: || Ok(Box::new(StatefulDrive::new(space_cobot::rotors()?, ()))) }]
     }
 }
 
@@ -36,6 +42,14 @@ impl Robot for Spheres {
 
     fn bodies(&self) -> Vec<BodyPreset> {
         vec![BodyPreset { name: "spheres", body: spheres::body() }]
+    }
+
+    fn actuators(&self) -> Vec<ActuatorPreset> {
+        vec![ActuatorPreset {
+            name: "spheres",
+            sentence: "twelve pulsed thrusters",
+            make: || Ok(Box::new(PulseTrain::new(spheres::thrusters()?, spheres::TICKS_PER_FLIGHT_STEP))),
+        }]
     }
 }
 

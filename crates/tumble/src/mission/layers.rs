@@ -1,37 +1,26 @@
 //! The layers of a mission, built from its problem.
 
-use super::options::{FlyOptions, WeightingChoice};
-use super::registries::{controllers, estimators, local_planners, planners};
-use crate::TumbleError;
+use super::weighting::WeightingChoice;
 use crate::scenario::{ComputingSettings, MissionProblem, UnknownsName};
 use tumble_astrobee::control_presets::{self, ControlLimits};
 use tumble_astrobee::planning_presets::{EXPONENTIAL_WEIGHTING, STEP_WEIGHTING};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{AlignedBox, RigidBodyState, World};
-use tumble_identification::estimator::StateEstimator;
 use tumble_identification::recursive::{FlightEstimator, FlightEstimatorSettings, LearningTargets};
 use tumble_lie::LieGroup;
 use tumble_planning::collision::{BodyShape, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::{
-    AttitudeController, AttitudeLaw, AttitudeSpan, Controller, TrackedPoint, TubeController, TubeDisturbance,
-    TubeSettings,
+    AttitudeController, AttitudeLaw, AttitudeSpan, TrackedPoint, TubeController, TubeDisturbance, TubeSettings,
 };
-use tumble_planning::global::GlobalPlanner;
 use tumble_planning::local::{
     CovarianceWeighting, ExponentialWeighting, FixedWeighting, Hull, InformationWeighting, PlanarBodyModel,
     RigidBodyModel, SpeedLimits, StepWeighting, Surroundings, WrenchSet,
 };
 use tumble_planning::mission::{
-    AtGoal, BrakeLimits, ClosedLoop, ComputingTime, ExpectedLoss, InformativeStretch, LoopSettings, Scene, Schedule,
-    Simulated, StretchModel, StretchPlanner, StretchSettings,
+    AtGoal, BrakeLimits, ComputingTime, ExpectedLoss, InformativeStretch, LoopSettings, Scene, Schedule, StretchModel,
+    StretchPlanner, StretchSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
-
-/// RATTLE around the simulated robot.
-pub type AstrobeeLoop = ClosedLoop<EllipsoidWorld, Box<dyn Controller + Send>, Box<dyn StateEstimator>>;
-
-/// Its planners, whose computing time is simulated.
-pub type MissionPlanners = Simulated<Box<dyn GlobalPlanner<EllipsoidWorld>>, Box<dyn StretchPlanner>>;
 
 /// Largest error of the estimator's position and velocity along an axis, standard deviations of what it claims.
 const ERRORS: [f64; 2] = [3e-4, 1.5e-4];
@@ -345,29 +334,4 @@ pub fn computing_time(problem: &MissionProblem) -> ComputingTime {
         stretch_unit_ns: signed(problem.computing.local_unit_ns),
         jitter: problem.computing.jitter_share,
     }
-}
-
-/// The whole loop, and its planners.
-///
-/// # Errors
-/// What one of its layers refuses.
-pub fn closed_loop(
-    problem: &MissionProblem,
-    options: &FlyOptions,
-) -> Result<(AstrobeeLoop, MissionPlanners), TumbleError> {
-    let build = || {
-        let layers = &problem.layers;
-        let ways = planners().make(layers.planner(), &problem.planning)?;
-        let stretches = local_planners().make(layers.local_planner(), &options.weighting)?(problem)?;
-        let planners = Simulated::new((ways, stretches), computing_time(problem));
-        let flying = ClosedLoop::try_new(
-            loop_settings(problem, options.feedback, options.seed),
-            scene(problem, 0.0, &[])?,
-            controllers().make(layers.controller(), problem)?,
-            estimators().make(layers.estimator(), problem)?,
-            problem.flight.simulator.time_ns(),
-        )?;
-        Ok((flying, planners))
-    };
-    build().map_err(TumbleError::Planning)
 }

@@ -1,7 +1,7 @@
 //! The layers of a mission by name: one list each for the command line, scenario files, JSON and documents.
 
 use super::layers::{estimator, estimator_settings, stretch_planner, tube_controllers};
-use super::options::WeightingChoice;
+use super::weighting::WeightingChoice;
 use crate::scenario::{MissionProblem, PlanningProblem};
 use serde::{Deserialize, Deserializer, Serialize, de};
 use tumble_astrobee::control_presets::{self, ControlLimits};

@@ -5,7 +5,7 @@ use super::{
     Steering,
 };
 use crate::TumbleError;
-use crate::{flight_log, robots, space_cobot, spheres};
+use crate::flight_log;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use tumble_astrobee::propulsion::{ImpellerMode, PropulsionSettings};
 use tumble_astrobee::sensing::{Localization, SensingPreset};
 use tumble_astrobee::simulator::{
     Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, Drive, Event,
-    Grasp, Multisine, ObstacleMotion, PayloadMotion, PulseTrain, Reference, SimulatorError, SimulatorMeasurement,
+    Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
     SimulatorSettings, Surroundings, Waypoint,
 };
 use tumble_astrobee::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
@@ -336,11 +336,10 @@ impl ScenarioSource {
     fn body(&self, written: &WrittenBody) -> Result<InertialParameters<f64>, TumbleError> {
         let inline = (written.mass_kg, written.com_m, written.inertia);
         match (written.preset, written.file, inline) {
-            (Some(name), None, (None, None, None)) => {
-                let robots = robots::shipped();
-                let names: Vec<&str> = robots.bodies().iter().map(|preset| preset.name).collect();
-                self.named(&format!("{}.preset", written.key), name, |name| robots.body(name), &names)
-            }
+            (Some(name), None, (None, None, None)) => self.robots.body(name).map_err(|unknown| {
+                let (names, near) = (unknown.known.join(", "), unknown.nearest);
+                self.bad(&format!("{}.preset", written.key), &format!("`{}` is none of {names}{near}", unknown.asked))
+            }),
             (None, Some(file), (None, None, None)) => Ok(body_file::read(&self.folder().join(file))?),
             (None, None, (Some(mass_kg), com_m, Some(inertia_about_com_kg_m2))) => {
                 let com_m = com_m.unwrap_or_default();
@@ -492,12 +491,9 @@ impl ScenarioSource {
                 Err(self.bad(&format!("propulsion.{key}"), "a limit is not negative"))
             }
         };
-        Ok(match table.kind {
+        Ok(match &table.kind {
             PropulsionName::Exact => Actuators::Exact,
-            PropulsionName::Spheres => {
-                Actuators::Pulsed(PulseTrain::new(spheres::thrusters()?, spheres::TICKS_PER_FLIGHT_STEP))
-            }
-            PropulsionName::SpaceCobot => Actuators::Rotors(space_cobot::rotors()?),
+            PropulsionName::Named(name) => Actuators::Other((self.actuators_named(name)?.make)()?),
             PropulsionName::Limited => Actuators::Limited(WrenchBox {
                 torque_limit: limit("torque_limit_n_m", table.torque_limit_n_m)?,
                 force_limit: limit("force_limit_n", table.force_limit_n)?,
