@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
+#[cfg(feature = "astrobee")]
 pub mod campaign;
 pub mod cli;
 pub mod demo;
@@ -9,12 +10,15 @@ mod error;
 pub mod figure;
 pub mod flight_log;
 pub mod harmonic_report;
+#[cfg(feature = "astrobee")]
 pub mod mission;
+#[cfg(feature = "astrobee")]
 pub mod mission_report;
 pub mod output;
 mod program;
 pub mod report;
 pub mod robots;
+#[cfg(feature = "astrobee")]
 pub mod scenario;
 pub mod space_cobot;
 pub mod spheres;

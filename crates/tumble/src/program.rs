@@ -1,10 +1,12 @@
 //! The command line as a function: a program of one's own calls it with its robots.
 
+#[cfg(feature = "astrobee")]
+mod flying;
+
 use crate::TumbleError;
-use crate::cli::{
-    Outcome, allocate, arm, calibrate_wheel, campaign, convert, excite, fly, identify, plan, print, realize, scenario,
-    simulate,
-};
+use crate::cli::{Outcome, arm, calibrate_wheel, convert, excite, identify, print};
+#[cfg(feature = "astrobee")]
+use crate::cli::{allocate, realize};
 use clap::{Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::IsTerminal as _;
@@ -29,9 +31,20 @@ Examples:
   tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler
   tumble allocate wrenches.csv                 wanted wrenches to nozzle bytes, and what these give";
 
+/// Commands of the feature `astrobee`.
+const FLYING: [&str; 5] = ["fly", "campaign", "simulate", "plan", "allocate"];
+
+/// Examples of the commands that there are.
+fn examples() -> String {
+    let is_there = |line: &&str| {
+        cfg!(feature = "astrobee") || !FLYING.iter().any(|name| line.starts_with(&format!("  tumble {name} ")))
+    };
+    EXAMPLES.lines().filter(is_there).collect::<Vec<_>>().join("\n")
+}
+
 /// Mass, centre of mass and inertia of a free-flying robot, from its logs.
 #[derive(Parser)]
-#[command(name = "tumble", version, after_help = EXAMPLES, arg_required_else_help = false)]
+#[command(name = "tumble", version, after_help = examples(), arg_required_else_help = false)]
 struct Tumble {
     #[command(subcommand)]
     command: Option<Command>,
@@ -43,24 +56,17 @@ enum Command {
     Identify(Box<identify::IdentifyArgs>),
     /// Designs a periodic motion that shows all inertial parameters, and simulates its flight.
     Excite(Box<excite::ExciteArgs>),
-    /// Flies a scenario and writes its log: measured, true and commanded.
-    Simulate(simulate::SimulateArgs),
-    /// Flies a mission by what the robot learns of itself: plans, controls, estimates, replans; with a report to open.
-    Fly(fly::FlyArgs),
-    /// Flies the mission of a report again, and compares.
-    Replay(fly::ReplayArgs),
-    /// Plans a scenario's way from start to goal around its obstacles, with a bound on what any plan costs.
-    Plan(plan::PlanArgs),
-    /// Flies missions over seeds and options on all cores, one row each; parts of it on many machines.
-    Campaign(Box<campaign::CampaignArgs>),
-    /// Lists and shows the scenarios that come with the program.
-    Scenario(scenario::ScenarioArgs),
+    #[cfg(feature = "astrobee")]
+    #[command(flatten)]
+    Flying(flying::Command),
     /// Lists and shows arms: those that come with the program, TOML and URDF files.
     Arm(arm::ArmArgs),
     /// Calibrates the wheel-driven throwing device from throws of itself and of a proof block.
     CalibrateWheel(calibrate_wheel::CalibrateWheelArgs),
+    #[cfg(feature = "astrobee")]
     /// Allocates wanted wrenches to Astrobee's twelve nozzles as its flight software does.
     Allocate(allocate::AllocateArgs),
+    #[cfg(feature = "astrobee")]
     /// Computes the thrust and wrench that a propulsion module of Astrobee gives at its flap angles.
     Realize(realize::RealizeArgs),
     /// One log format into another: CSV, TUM, MCAP, and ROS 1 bags into these.
@@ -107,20 +113,19 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, robots: &Robots) -> Ex
     };
     ended(match parsed.command {
         None => print(&format!(
-            "tumble: what is this robot carrying?\n\n{EXAMPLES}\n\n`tumble help COMMAND` lists the options of a command.\n"
+            "tumble: what is this robot carrying?\n\n{}\n\n`tumble help COMMAND` lists the options of a command.\n",
+            examples()
         ))
         .map(|()| Outcome::Achieved),
         Some(Command::Identify(args)) => identify::run(&args, robots),
         Some(Command::Excite(args)) => excite::run(&args),
-        Some(Command::Simulate(args)) => simulate::run(&args, robots),
-        Some(Command::Fly(args)) => fly::run(&args, robots),
-        Some(Command::Replay(args)) => fly::replay(&args, robots),
-        Some(Command::Plan(args)) => plan::run(&args, robots),
-        Some(Command::Campaign(args)) => campaign::run(&args, robots),
-        Some(Command::Scenario(args)) => scenario::run(&args),
+        #[cfg(feature = "astrobee")]
+        Some(Command::Flying(command)) => command.run(robots),
         Some(Command::Arm(args)) => arm::run(&args, robots),
         Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
+        #[cfg(feature = "astrobee")]
         Some(Command::Allocate(args)) => allocate::run(&args),
+        #[cfg(feature = "astrobee")]
         Some(Command::Realize(args)) => realize::run(&args),
         Some(Command::Convert(args)) => convert::run(&args, robots),
     })

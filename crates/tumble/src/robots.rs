@@ -1,5 +1,6 @@
 //! The robots that the program knows.
 
+#[cfg(feature = "astrobee")]
 mod astrobee;
 
 use crate::{space_cobot, spheres};
@@ -53,7 +54,10 @@ impl Robot for Spheres {
     }
 }
 
-/// Astrobee, Space CoBot and SPHERES.
+/// Astrobee (feature `astrobee`), Space CoBot and SPHERES.
 pub fn shipped() -> Robots {
-    Robots::none().with(astrobee::Astrobee).with(SpaceCobot).with(Spheres)
+    let robots = Robots::none();
+    #[cfg(feature = "astrobee")]
+    let robots = robots.with(astrobee::Astrobee);
+    robots.with(SpaceCobot).with(Spheres)
 }

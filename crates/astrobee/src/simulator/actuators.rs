@@ -146,7 +146,7 @@ mod tests {
 
     /// Six rotors around the body, tilted to alternate sides.
     fn rotors() -> Actuators {
-        let set = RotorSet::try_new(std::array::from_fn(|i| {
+        let set = RotorSet::<6>::try_new(std::array::from_fn(|i| {
             let (y, x) = (f64::from(u8::try_from(i).unwrap()) * std::f64::consts::FRAC_PI_3).sin_cos();
             let side = if i % 2 == 0 { 1.0 } else { -1.0 };
             Rotor {
