@@ -38,6 +38,12 @@ use tumble_formats::{ActuatorPreset, Robots, place};
 pub const FORMAT: u32 = 1;
 /// Longest flight, s.
 pub const LONGEST_S: f64 = 86_400.0;
+/// Name of computed torque with the believed body, which steers where nothing else is asked for.
+pub(crate) const TRACKER: &str = "tracker";
+/// Name of the cascade that Astrobee flies.
+pub(crate) const FLOWN: &str = "flown";
+/// Name of no controller.
+const NONE: &str = "none";
 
 /// A scenario as it is written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -215,9 +221,9 @@ pub struct StartTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DriveTable {
-    /// `tracker`, `flown`, `tube`, `lqr`, `mpc`, `original-tube` or `none`.
+    /// A name of [`controllers`](crate::mission::controllers), or `none`; `tracker` unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub controller: Option<ControllerName>,
+    pub controller: Option<String>,
     /// Natural frequency of the tracker's rotation, rad/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tracker_rotation_rad_s: Option<f64>,
@@ -247,39 +253,10 @@ pub struct DriveTable {
     pub beliefs: Vec<BeliefTable>,
 }
 
-/// See [`Controller`](tumble_astrobee::simulator::Controller).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ControllerName {
-    /// Computed torque with the believed body.
-    #[default]
-    Tracker,
-    /// The cascaded controller that NASA's robots fly.
-    Flown,
-    /// Robust tube MPC around a mass that lies in an interval.
-    Tube,
-    /// Linear-quadratic feedback.
-    Lqr,
-    /// MPC without a tube.
-    Mpc,
-    /// RATTLE's tube MPC, as its code has it.
-    OriginalTube,
-    /// No controller.
-    None,
-}
-
-impl ControllerName {
-    /// As scenarios write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Tracker => "tracker",
-            Self::Flown => "flown",
-            Self::Tube => "tube",
-            Self::Lqr => "lqr",
-            Self::Mpc => "mpc",
-            Self::OriginalTube => "original-tube",
-            Self::None => "none",
-        }
+impl DriveTable {
+    /// Name of what steers.
+    pub(crate) fn steering(&self) -> &str {
+        self.controller.as_deref().unwrap_or(TRACKER)
     }
 }
 

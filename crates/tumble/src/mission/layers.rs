@@ -37,7 +37,7 @@ const STRETCH_MARGIN_SHARE: f64 = 0.9;
 /// A stretch may be so much faster than the way, to leave it and come back.
 const FASTER: f64 = 1.15;
 /// Natural frequencies of rotation and position of what follows a way, for what deviations from it cost, rad/s.
-const TRACKER_RAD_S: [f64; 2] = [0.6, 0.5];
+pub(super) const TRACKER_RAD_S: [f64; 2] = [0.6, 0.5];
 /// Share of the rate limit that plans use.
 const RATE_SHARE: f64 = 0.6;
 /// Share of the margin that is kept by what is flown; the rest is what planners may be off by.

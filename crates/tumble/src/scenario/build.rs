@@ -1,8 +1,7 @@
 //! From a scenario to a robot that flies.
 
 use super::{
-    BodyTable, ControllerName, FORMAT, LONGEST_S, PayloadMotionName, PayloadTable, PropulsionName, ScenarioSource,
-    Steering,
+    BodyTable, FORMAT, LONGEST_S, NONE, PayloadMotionName, PayloadTable, PropulsionName, ScenarioSource, Steering,
 };
 use crate::TumbleError;
 use crate::flight_log;
@@ -29,8 +28,6 @@ use tumble_formats::log::{BoundedRows, QUATERNION_NORM_TOLERANCE, Row, read_row,
 use tumble_identification::noise::Gaussian;
 use tumble_lie::{Pose, Twist, Wrench};
 
-/// Natural frequencies of the tracker unless given, rad/s: rotation and position.
-const TRACKER_RAD_S: (f64, f64) = (1.0, 0.5);
 /// Most sines per axis.
 const MOST_TONES: usize = 50;
 /// Most obstacles besides those of the place, each looked at in every period.
@@ -578,15 +575,6 @@ impl ScenarioSource {
         Ok(changes)
     }
 
-    /// Natural frequencies of the tracker: rotation and position.
-    pub(super) fn tracker_rad_s(&self) -> Result<(f64, f64), TumbleError> {
-        let table = &self.scenario.drive;
-        Ok((
-            self.positive("drive.tracker_rotation_rad_s", table.tracker_rotation_rad_s, TRACKER_RAD_S.0)?,
-            self.positive("drive.tracker_position_rad_s", table.tracker_position_rad_s, TRACKER_RAD_S.1)?,
-        ))
-    }
-
     fn drive(
         &self,
         place: WorldPreset,
@@ -595,14 +583,14 @@ impl ScenarioSource {
         duration_ns: i64,
     ) -> Result<(Drive, Steering), TumbleError> {
         let table = &self.scenario.drive;
-        let is_driven = table.controller != Some(ControllerName::None);
+        let is_driven = table.steering() != NONE;
         if !is_driven && (table.excitation.is_some() || !table.waypoints.is_empty()) {
             return Err(self.bad("drive.controller", "waypoints and an excitation need a controller that follows them"));
         }
         let reference = self.reference(place, start)?;
-        let (controller, steering) = self.controller(place, belief, &reference)?;
+        let (follower, steering) = self.controller(place, belief, &reference)?;
         let drive = Drive {
-            tracking: controller.map(|controller| (controller, reference)),
+            tracking: follower.map(|follower| (follower, reference)),
             added: self.added(duration_ns)?,
             beliefs: self.beliefs(&steering, belief)?,
             account: match steering.decision_s {

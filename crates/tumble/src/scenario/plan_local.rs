@@ -82,7 +82,7 @@ pub struct LocalProblem {
     /// Whether obstacles are kept off all along.
     pub on_segments: bool,
     /// Natural frequencies of rotation and position of the feedback that flies what is planned, rad/s.
-    pub tracker_rad_s: (f64, f64),
+    pub tracker_rad_s: [f64; 2],
     /// Largest distance of the end from the reference, m, and speed there, m/s, if any.
     pub terminal_region: Option<(f64, f64)>,
     /// What the robot is taken for, and how well it is known.
