@@ -452,7 +452,7 @@ fn belief_weights<const P: usize>(task: &Task<'_>, places: &[usize]) -> Result<[
     for (index, place) in places.iter().enumerate() {
         by_quantity.set_column(index, &all.column(*place));
     }
-    let (rotation, position) = local.tracker_rad_s;
+    let [rotation, position] = local.tracker_rad_s;
     let tracker = PoseTracker::critically_damped(FreeFlyer::new(*body), rotation, position);
     let [p, v, a, w] = local.tracking;
     let tracking = [p, p, p, v, v, v, a, a, a, w, w, w];
