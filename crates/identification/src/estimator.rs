@@ -18,6 +18,10 @@ mod judge;
 mod state_estimator;
 
 pub use error::{EstimatorError, Source};
+#[cfg(feature = "std")]
+pub(crate) use estimate::standard_deviations;
+#[cfg(feature = "std")]
+pub use estimate::{Estimate, StandardDeviations};
 pub use finding::Finding;
 pub use judge::{Evidence, Judge, Verdict, Why};
 #[cfg(feature = "std")]

@@ -142,7 +142,7 @@ fn its_estimator_keeps_the_laws() {
     let scale = Problem::of(&whole, &settings("auto")).unwrap().scale;
     let case = Case {
         record: &whole[..],
-        halves: [first, second],
+        halves: Some([first, second]),
         exact: None,
         truth: truth().to_vector(),
         magnitudes: scale.parameter_magnitudes(),
