@@ -5,6 +5,7 @@ mod first_lessons;
 mod flight_motion;
 mod health;
 mod reception;
+mod separate_bias;
 mod settings;
 mod two_stage;
 mod wrench_history;

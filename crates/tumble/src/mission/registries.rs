@@ -46,7 +46,7 @@ pub fn estimators() -> Registry<MissionProblem, dyn StateEstimator, PlanningErro
         )
         .with(
             "two-stage-rls",
-            "the thesis's architecture: a filter of the motion feeds least squares on the body; its intervals are too narrow",
+            "the thesis's architecture: innovations of a filter of the motion feed least squares on the body",
             |problem: &MissionProblem| {
                 let (settings, start, start_ns, prior) = in_flight(problem)?;
                 Ok(Box::new(TwoStageEstimator::least_squares(settings, start, start_ns, &prior)?))
@@ -54,7 +54,7 @@ pub fn estimators() -> Registry<MissionProblem, dyn StateEstimator, PlanningErro
         )
         .with(
             "two-stage-sdp",
-            "the same with least squares among the bodies that can be; its intervals are too narrow",
+            "the same with least squares among the bodies that can be",
             |problem: &MissionProblem| {
                 let (settings, start, start_ns, prior) = in_flight(problem)?;
                 Ok(Box::new(TwoStageEstimator::sdp(settings, start, start_ns, &prior)?))
