@@ -317,7 +317,8 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
             problem.planning.body.clone(),
             problem.planning.goal,
             problem.planning.limits,
-            (problem.stop, BrakeLimits { force_n: problem.force_limit_n, torque_n_m: problem.torque_limit_n_m.min() }),
+            problem.stop,
+            BrakeLimits { force_n: problem.force_limit_n, torque_n_m: problem.torque_limit_n_m.min() },
         )
     }
 }

@@ -89,7 +89,8 @@ pub struct TwoStageEstimator<B> {
     /// The map is another one since the last lesson.
     breaks: bool,
     known: Known,
-    wrench_is_doubtful: bool,
+    /// With a wrench that is in doubt, or is not.
+    model: FlightMotion,
 }
 
 /// A body in its chart.
@@ -257,7 +258,7 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
         motion.considers_body();
         let known = Known::of(&estimate)?;
         let live = Pass::try_new(&begin, &known, &known.body, &motion.scale.parameter_magnitudes())?;
-        let seen = motion.settled_events();
+        let (seen, model) = (motion.settled_events(), motion.rules.model);
         Ok(Self {
             motion,
             begin,
@@ -274,7 +275,7 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
             relocalised: 0,
             breaks: false,
             known,
-            wrench_is_doubtful: false,
+            model,
         })
     }
 
@@ -282,7 +283,6 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
     fn learn(&mut self) {
         let mut revised = false;
         let (motion, seen) = (&self.motion, self.seen);
-        let model = if self.wrench_is_doubtful { &motion.rules.doubting } else { &motion.rules.model };
         for (event, moment) in motion.settled_since(seen) {
             self.breaks |= moment.counts.relocalised > self.relocalised;
             self.relocalised = moment.counts.relocalised;
@@ -292,7 +292,7 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
             }
             let breaks = core::mem::take(&mut self.breaks);
             let lesson = Lesson { measurement: measurement.clone(), motion: moment.state.joint.motion, breaks };
-            revised |= self.live.take(model, &motion.history, &lesson);
+            revised |= self.live.take(&self.model, &motion.history, &lesson);
             self.full |= self.next_s > LAST_S && self.again.is_none() || self.lessons.len() == KEPT;
             if !self.full {
                 self.lessons.push(lesson);
@@ -404,11 +404,11 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> StateEstimator 
         StateEstimator::doubt(&mut self.motion, doubt);
         match doubt {
             Doubt::Wrench => {
-                self.wrench_is_doubtful = true;
+                self.model = self.motion.rules.doubting;
                 // What was learned under a wrench that was not in doubt is not gone through again under one that is.
                 (self.full, self.again) = (true, None);
                 if let Some(motion) = &mut self.live.motion {
-                    motion.widen_drift(&self.motion.rules.doubting);
+                    motion.widen_drift(&self.model);
                 }
             }
             Doubt::Body(deviation) => {
