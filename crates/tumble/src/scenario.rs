@@ -222,7 +222,7 @@ pub struct StartTable {
 #[serde(deny_unknown_fields)]
 pub struct DriveTable {
     /// A name of [`controllers`](crate::mission::controllers), or `none`; `tracker` unless given.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "control::known_controller", skip_serializing_if = "Option::is_none")]
     pub controller: Option<String>,
     /// Natural frequency of the tracker's rotation, rad/s.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -4,12 +4,13 @@ use super::{FLOWN, LONGEST_S, NONE, ScenarioSource, TRACKER};
 use crate::TumbleError;
 use crate::flight_log::nanoseconds;
 use crate::mission::{ControlledBody, controllers, laws};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, de};
 use tumble_astrobee::control_presets::{self, ControlLimits, MASS_KNOWN_SHARE};
 use tumble_astrobee::simulator::{Follower, Following, Reference};
 use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{AlignedBox, InertialParameters};
+use tumble_formats::log::shortened;
 use tumble_formats::place;
 use tumble_lie::LieGroup;
 use tumble_planning::control::{
@@ -77,6 +78,20 @@ pub struct BeliefTable {
     pub sigma_kg: f64,
 }
 
+/// A name that the registry has, or that of no controller.
+pub(super) fn known_controller<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    let asked = Option::<String>::deserialize(deserializer)?;
+    if let Some(name) = asked.as_deref().filter(|name| *name != NONE) {
+        controllers().check(name).map_err(|mut unknown| {
+            unknown.known.push(NONE);
+            let near = place::suggestion(name, unknown.known.iter().copied());
+            unknown.asked = shortened(name);
+            de::Error::custom(format!("{unknown}{near}"))
+        })?;
+    }
+    Ok(asked)
+}
+
 /// Who steers, within which limits, and what becomes of it is judged by.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Steering {
@@ -107,13 +122,6 @@ impl ScenarioSource {
     ) -> Result<(Option<Box<dyn Follower>>, Steering), TumbleError> {
         let drive = &self.scenario.drive;
         let name = drive.steering();
-        if name != NONE {
-            controllers().check(name).map_err(|mut unknown| {
-                unknown.known.push(NONE);
-                let near = place::suggestion(name, unknown.known.iter().copied());
-                self.bad("drive.controller", &format!("{unknown}{near}"))
-            })?;
-        }
         if ![NONE, TRACKER, FLOWN].contains(&name) {
             let (controller, steering) = self.deciding(name, place, belief, reference)?;
             return Ok((Some(Box::new(Following { controller, carries: true })), steering));
