@@ -216,13 +216,13 @@ fn curvature_of_a_local_plan() {
     let (mut x, mut product) = (vec![1.0; steps * 6], vec![0.0; steps * 6]);
     for route in [Factorisation::Riccati, Factorisation::Dense] {
         let mut curvature = Curvature::new(route, steps, columns);
-        let before = ALLOCATIONS.get();
+        let before = counting::ALLOCATIONS.get();
         for call in 0..10 {
             assert!(curvature.factorise(&stages, 0.1 * f64::from(call)));
             curvature.times(&stages, &x, &mut product);
             curvature.solve(&stages, &mut x);
         }
-        assert_eq!(ALLOCATIONS.get(), before, "{route:?} allocates");
+        assert_eq!(counting::ALLOCATIONS.get(), before, "{route:?} allocates");
     }
 }
 
@@ -335,9 +335,9 @@ fn iterations_of_a_local_plan() {
         };
         let mut plan = || planner.plan(&request, &mut Units::new(u64::MAX)).unwrap();
         assert!(plan().plan.is_some(), "{iterations}");
-        let before = ALLOCATIONS.get();
+        let before = counting::ALLOCATIONS.get();
         let answer = plan();
-        (answer.iterations, ALLOCATIONS.get() - before)
+        (answer.iterations, counting::ALLOCATIONS.get() - before)
     };
     let ((few, of_few), (many, of_many)) = (made(8), made(60));
     assert!(few == 8 && many >= 30, "{few} {many}");
