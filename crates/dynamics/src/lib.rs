@@ -78,5 +78,6 @@ pub use tracker::{PoseReference, PoseTracker};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use world::{AlignedBox, ObstacleEllipsoid, World};
 pub use wrench_model::{
-    ConstantBodyWrench, ConstantWorldWrench, GravityGradient, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn,
+    ConstantBodyWrench, ConstantWorldWrench, Environment, GravityGradient, LinearDrag, QuadraticDrag, UniformGravity,
+    WrenchFn,
 };

@@ -97,6 +97,7 @@ impl RowLayout for MotionLayout {
             rate_body: row.vector(self.motion.rate)?,
             acceleration_origin_body: row.vector(self.motion.acceleration)?,
             wrench_body: row.wrench(self.motion.wrench)?,
+            stored_momentum_body: None,
         })
     }
 }

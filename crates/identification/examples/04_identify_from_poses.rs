@@ -56,6 +56,7 @@ fn fly(body: &InertialParameters<f64>) -> Result<Vec<MotionSample>, DynamicsErro
                     torque + Vector3::new(noise(0), noise(1), noise(2)) * 5e-4,
                     force + Vector3::new(noise(3), noise(4), noise(5)) * 5e-3,
                 )),
+                stored_momentum_body: None,
             };
             // The flight computer holds the wrench between samples.
             for i in 0..10 {

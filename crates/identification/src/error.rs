@@ -323,6 +323,19 @@ pub enum IdentificationError {
         /// Duality gap asked for.
         tolerance: f64,
     },
+    /// Wrenches that depend on the body never came to rest with it.
+    #[error(
+        "what acts beside the logged wrench depends too much on the body: still {sigmas:.2} sigmas after {passes} passes"
+    )]
+    EnvironmentUnsettled {
+        /// Passes done.
+        passes: u32,
+        /// How far the last one moved the body, sigmas.
+        sigmas: f64,
+    },
+    /// Momentum of wheels in a row of an estimator that slides.
+    #[error("stored momentum is no part of the wrench yet: hand over rows of `with_all_that_acts`")]
+    StoredMomentum,
     /// A delay or a lag was asked of an estimator that slides.
     #[error("a delay or an actuator lag needs the whole record: estimate it from a part by the batch likelihood")]
     NeedsWholeRecord,

@@ -13,12 +13,16 @@ mod error;
 #[cfg(feature = "std")]
 mod estimate;
 mod finding;
+#[cfg(feature = "std")]
+mod in_environment;
 mod judge;
 #[cfg(feature = "std")]
 mod state_estimator;
 
 pub use error::{EstimatorError, Source};
 pub use finding::Finding;
+#[cfg(feature = "std")]
+pub use in_environment::InEnvironment;
 pub use judge::{Evidence, Judge, Verdict, Why};
 #[cfg(feature = "std")]
 pub use state_estimator::{Acted, Doubt, Gauss, Measurement, Sensor, StateEstimator};

@@ -2,6 +2,7 @@
 //!
 //! All scalars are `f64`: decisions are made here.
 
+mod environment;
 mod fit;
 mod likelihood;
 mod long;
@@ -39,6 +40,8 @@ use solution::{Judgement, Solution, judge, solve};
 use timeline::Timeline;
 use verdict::{Marks, verdict};
 
+pub(crate) use environment::with_stored_momentum;
+pub use environment::{identify_in, with_all_that_acts};
 pub use long::LongRecord;
 pub use merge::merge;
 pub use parts::{Part, identify_parts};
@@ -344,6 +347,7 @@ const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
 /// [`IdentificationError::TimesNotIncreasing`], [`IdentificationError::NotFinite`] for a malformed record;
 /// [`IdentificationError::UnknownMethod`]. Data that say too little are not an error but a result with its rank.
 pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identification, IdentificationError> {
+    let record = &*with_stored_momentum(record, settings.wrench_timing);
     let plan = Plan::usual(settings)?;
     run(record, &plan, |fit, noise| recursion::run(fit, record, &plan, noise))
 }
@@ -636,6 +640,7 @@ pub fn validate(
     record: &[MotionSample],
     settings: &Settings,
 ) -> Result<Validation, IdentificationError> {
+    let record = &*with_stored_momentum(record, settings.wrench_timing);
     let estimate = found.estimate.ok_or(IdentificationError::NoEstimate { rank: found.rank })?;
     if found.method == MAXIMUM_LIKELIHOOD {
         return likelihood::validated(found, &estimate, record, settings);
@@ -753,6 +758,7 @@ mod tests {
                 rate_body: None,
                 acceleration_origin_body: None,
                 wrench_body: Some(crate::lie::Wrench::new(Vector3::zeros(), Vector3::x() * force(t))),
+                stored_momentum_body: None,
             }
         };
         (0..2000).map(sample).collect()

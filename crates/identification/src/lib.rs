@@ -69,7 +69,8 @@ pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 pub use identify::{
     ConstrainedSolvers, Estimate, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD, Methods, NodeResidual,
     Noise, Part, Pipeline, Prediction, Prior, Problem, Regressed, Regression, Settings, Silence, StandardDeviations,
-    Validation, Warning, constrained_solvers, identify, identify_parts, merge, methods, predict, validate,
+    Validation, Warning, constrained_solvers, identify, identify_in, identify_parts, merge, methods, predict, validate,
+    with_all_that_acts,
 };
 pub use information::FisherInformation;
 #[cfg(feature = "argmin")]

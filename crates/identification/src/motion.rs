@@ -22,6 +22,9 @@ pub struct MotionSample {
     pub rate_body: Option<Vector3<f64>>,
     /// Inertial acceleration of the body origin, body axes.
     pub acceleration_origin_body: Option<Vector3<f64>>,
-    /// Wrench on the body about its origin, body axes; [`WrenchTiming`](crate::WrenchTiming) says when it acts.
+    /// Wrench on the body about its origin, body axes; [`WrenchTiming`](crate::WrenchTiming) says when it acts. Of wheels it
+    /// holds the reaction to their motors, not the torque of turning what they hold.
     pub wrench_body: Option<Wrench<f64>>,
+    /// Angular momentum of wheels relative to the body at this time, body axes, N m s; `None` without wheels.
+    pub stored_momentum_body: Option<Vector3<f64>>,
 }

@@ -71,6 +71,7 @@ pub fn simulate(seed: u64) -> Result<Demo, DynamicsError> {
                 wrench.torque + noise.vector(WRENCH_NOISE.0),
                 wrench.force + noise.vector(WRENCH_NOISE.1),
             )),
+            stored_momentum_body: None,
         });
         for i in 0..SUBSTEPS {
             let substep_s = STEP_S / f64::from(SUBSTEPS);

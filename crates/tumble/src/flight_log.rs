@@ -35,6 +35,7 @@ pub fn measured(flown: &Execution, sigma: &NoiseTable, noise: &mut Gaussian) -> 
                 wrench.torque + noise.vector(sigma.torque_n_m),
                 wrench.force + noise.vector(sigma.force_n),
             )),
+            stored_momentum_body: None,
         }
     };
     flown.samples.iter().map(sample).collect()

@@ -246,6 +246,7 @@ fn logged(instant: &Instant, wrench: &Wrench<f64>, time_ns: i64, noise: &Noise, 
             wrench.torque + random.vector(noise.torque),
             wrench.force + random.vector(noise.force),
         )),
+        stored_momentum_body: None,
     }
 }
 

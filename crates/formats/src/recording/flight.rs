@@ -571,6 +571,7 @@ fn pose(time_ns: i64, position: &Vector3<f64>, q: &Quaternion<f64>) -> Option<Mo
         rate_body: None,
         acceleration_origin_body: None,
         wrench_body: None,
+        stored_momentum_body: None,
     })
 }
 

@@ -389,6 +389,7 @@ impl MeasuredColumns {
                         rate_body: beside.rate.filter(|_| same_row),
                         acceleration_origin_body: beside.acceleration.filter(|_| same_row),
                         wrench_body: None,
+                        stored_momentum_body: None,
                     }))
                 });
                 *unread += usize::from(sample.is_none());

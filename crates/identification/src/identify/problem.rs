@@ -6,7 +6,7 @@ use super::recursion::{self, Flown};
 use super::rows::{Regression, Scheme};
 use super::solution::judge;
 use super::timeline::Timeline;
-use super::{Identification, Noise, Plan, Settings, Way, identify, silence_of};
+use super::{Identification, Noise, Plan, Settings, Way, identify, silence_of, with_stored_momentum};
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::estimator::{Estimator, EstimatorError, Finding, Observe};
@@ -28,7 +28,8 @@ use nalgebra::{SMatrix, Vector3};
 pub struct Problem {
     /// When the logged wrench acts.
     pub wrench_timing: WrenchTiming,
-    /// Gravitational acceleration, inertial axes, m/s^2. Wrenches that act beside the logged one belong beside it.
+    /// Gravitational acceleration, inertial axes, m/s^2. What else acts beside the logged wrench is made part of it by
+    /// [`with_all_that_acts`](crate::with_all_that_acts).
     pub gravity_world: Vector3<f64>,
     /// What the likelihood estimates beside the ten parameters.
     pub estimate: Nuisances,
@@ -62,6 +63,7 @@ impl Problem {
     /// assert_eq!(mass_kg(&[]), None);
     /// ```
     pub fn of(record: &[MotionSample], settings: &Settings) -> Result<Self, IdentificationError> {
+        let record = &*with_stored_momentum(record, settings.wrench_timing);
         let timeline = Timeline::try_new(record)?;
         let noise = SampleNoise::estimate(record, &timeline, settings);
         let known = Settings { method: super::AUTO, ..*settings };
@@ -122,6 +124,7 @@ impl Problem {
     /// Where the record gives not one row: [`IdentificationError::TooFewSamples`], [`IdentificationError::MissingColumn`],
     /// [`IdentificationError::HalfTurns`], [`IdentificationError::TimesNotIncreasing`].
     pub fn rows(&self, record: &[MotionSample]) -> Result<Vec<WrenchRow>, IdentificationError> {
+        let record = &*with_stored_momentum(record, self.wrench_timing);
         Ok(self.scheme().rows(record, &Timeline::try_new(record)?)?.all)
     }
 
@@ -132,6 +135,7 @@ impl Problem {
     }
 
     fn fit(&self, record: &[MotionSample]) -> Result<Fit, IdentificationError> {
+        let record = &*with_stored_momentum(record, self.wrench_timing);
         Fit::with_bias_of_lag(self.scheme(), record, &Timeline::try_new(record)?, &self.sample_noise())
     }
 
@@ -219,6 +223,7 @@ impl Estimator for JointFilter {
     /// Also [`IdentificationError::FilterDiverged`].
     fn estimate(&self, record: &[MotionSample]) -> Result<Finding, EstimatorError> {
         let problem = &self.problem;
+        let record = &*with_stored_momentum(record, problem.wrench_timing);
         let mut fit = problem.fit(record)?;
         let before = Problem::finding_of(record, &fit)?;
         if before.point().is_none() {

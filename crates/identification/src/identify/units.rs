@@ -55,6 +55,7 @@ impl Units {
                 rate_body: sample.rate_body.map(|w| w / time),
                 acceleration_origin_body: sample.acceleration_origin_body.map(|a| a * (speed / time)),
                 wrench_body: sample.wrench_body.map(|w| Wrench::new(w.torque * (force * length), w.force * force)),
+                stored_momentum_body: None,
             }
         };
         (*self != Self { mass: 1.0, length: 1.0, time: 1.0 }).then(|| record.iter().map(scaled).collect())

@@ -86,6 +86,7 @@ fn log() -> Truth {
             rate_body: None,
             acceleration_origin_body: None,
             wrench_body: Some(Wrench::new(tau + n(6, 1e-4), f + n(9, 1e-3))),
+            stored_momentum_body: None,
         });
         let d = STEP_S / 16.0;
         for _ in 0..16 {

@@ -87,6 +87,9 @@ impl Stream {
 
     /// Takes the next row; gives the sample that is complete now, with the extra variance of its wrench.
     pub(super) fn push(&mut self, row: MotionSample) -> Result<Read, IdentificationError> {
+        if row.stored_momentum_body.is_some() {
+            return Err(IdentificationError::StoredMomentum);
+        }
         if !is_finite(&row) {
             return Err(IdentificationError::NotFinite { row: self.count });
         }

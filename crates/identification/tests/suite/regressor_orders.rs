@@ -103,6 +103,7 @@ fn variational_data_give_the_parameters_back() {
                 rate_body: None,
                 acceleration_origin_body: None,
                 wrench_body: Some(wrench),
+                stored_momentum_body: None,
             };
             state = variational_step(&body, &state, &wrench, step_s).unwrap();
             sample

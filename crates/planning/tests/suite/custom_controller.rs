@@ -5,9 +5,9 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::control_cases::{body, case, cases, held, limits, small};
-use tumble_planning::control::{Adoption, ControlCommand, ControlRequest, Controller};
+use tumble_planning::control::{Adoption, ControlCommand, ControlRequest, Controller, InEnvironment};
 use tumble_planning::dynamics::{
-    Actuation, ConstantWorldWrench, FreeFlyer, InertialParameters, PoseTracker, WrenchBox,
+    Actuation, ConstantWorldWrench, Environment, FreeFlyer, InertialParameters, PoseTracker, WrenchBox,
 };
 use tumble_planning::laws::{ControllerPromise, TrackingError, check_controller, other_worlds};
 use tumble_planning::lie::{Pose, Wrench};
@@ -111,4 +111,31 @@ fn it_keeps_the_laws() {
 
     // and the flights that the controllers of this crate fly
     cases(1.0, &mut |cases| check_controller(&new, cases, &promise).unwrap());
+}
+
+#[test]
+fn told_of_a_steady_push_it_needs_no_integral() {
+    let worlds = other_worlds();
+    let promise = ControllerPromise {
+        limits: limits(),
+        tube: Some(TrackingError { position_m: 0.006, ..small() }),
+        small: small(),
+        settling_s: 30.0,
+        overshoot: 1.05,
+        other_worlds: &worlds,
+        tolerance: 1e-9,
+    };
+    let hold = held(Pose::translation(0.4, 0.1, -0.3));
+    let steady =
+        ConstantWorldWrench { wrench_world: Wrench::new(Vector3::zeros(), Vector3::new(0.008, -0.006, 0.005)) };
+    // what the environment takes is left free
+    let mut room = limits();
+    room.force_limit -= Vector3::repeat(0.011);
+    let unaware = || IntegralController { integral_gain: 0.0, ..IntegralController::new(body(), room) };
+    let told = || InEnvironment::new(unaware(), Environment::default().with(steady));
+    let mut pushed = case("a steady push", &hold);
+    (pushed.disturbance, pushed.outputs, pushed.is_promised) = (&steady, 800, true);
+    pushed.followed = Some((60.0, TrackingError { position_m: 1e-4, ..small() }));
+    check_controller(&told, &[pushed.clone()], &promise).unwrap();
+    assert!(check_controller(&unaware, &[pushed], &promise).is_err());
 }

@@ -161,6 +161,7 @@ impl<'a> Run<'a> {
                     rate_body: Some(w),
                     acceleration_origin_body: Some(u.force / mass - wdot.cross(&c) - w.cross(&w.cross(&c))),
                     wrench_body: Some(u),
+                    stored_momentum_body: None,
                 };
                 for i in 0..substeps as usize {
                     let at = |fraction: f64| if self.held { u } else { (self.wrench)(t + (i as f64 + fraction) * h) };

@@ -261,6 +261,7 @@ impl Motion {
             rate_body: Some(x.rate),
             acceleration_origin_body: Some(felt),
             wrench_body: None,
+            stored_momentum_body: None,
         }
     }
 }

@@ -146,6 +146,7 @@ fn sample(time_s: f64, world_from_body: Pose<f64>, wrench: Wrench<f64>) -> Motio
         rate_body: None,
         acceleration_origin_body: None,
         wrench_body: Some(wrench),
+        stored_momentum_body: None,
     }
 }
 

@@ -1,0 +1,190 @@
+//! What acts beside the logged wrench: without it a body is biased, with it the truth lies inside its sigmas.
+
+use crate::exact_motion::{Multisine, Random};
+use tumble_identification::dynamics::{
+    ConstantWorldWrench, Environment, FreeFlyer, FreeFlyerIn, GravityGradient, InertialParameters, Integrator,
+    MuntheKaas4, Plant, ReactionWheel, ReactionWheels, RigidBodyState, SimulatedGyrostat, UniformGravity, WrenchBox,
+    WrenchModel,
+};
+use tumble_identification::estimator::{
+    Acted, Doubt, Estimator, EstimatorError, Finding, InEnvironment, Measurement, StateEstimator,
+};
+use tumble_identification::lie::{LieGroup, Twist, Wrench};
+use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use tumble_identification::recursive::{FlightHealth, Reception, ReceptionCounts};
+use tumble_identification::{
+    Identification, IdentificationError, MotionSample, Pipeline, Problem, Regressed, Settings, identify, identify_in,
+};
+
+/// A servicer of 300 kg that is longer than wide.
+fn satellite() -> InertialParameters<f64> {
+    let inertia = Matrix3::new(60.0, 3.0, -2.0, 3.0, 140.0, 4.0, -2.0, 4.0, 120.0);
+    InertialParameters::about_com(300.0, Vector3::new(0.05, -0.08, 0.03), inertia)
+}
+
+/// In a low orbit, as seen from a neighbour that falls freely.
+fn gravity(body: InertialParameters<f64>) -> GravityGradient<f64> {
+    let (mu, center) = (3.986e14, Vector3::<f64>::new(-2.0e6, 3.0e6, -5.6e6));
+    let rate: f64 = (mu / center.norm().powi(3)).sqrt();
+    let turn_rate = center.cross(&Vector3::new(0.3, 1.0, 0.4)).normalize() * rate;
+    GravityGradient::of_point_mass(body, mu, center, turn_rate)
+}
+
+const STEP_S: f64 = 2.0;
+
+fn sample(k: u32, state: &RigidBodyState<f64>, wrench: Wrench<f64>) -> MotionSample {
+    let rotation = state.world_from_body.rotation;
+    MotionSample {
+        time_ns: i64::from(k) * 2_000_000_000,
+        world_from_body: state.world_from_body,
+        velocity_origin_world: Some(rotation * state.twist_body.linear),
+        rate_body: Some(state.twist_body.angular),
+        acceleration_origin_body: None,
+        wrench_body: Some(wrench),
+        stored_momentum_body: None,
+    }
+}
+
+/// Half an hour of slow manoeuvres; the wrench is logged with some noise.
+fn in_orbit() -> Vec<MotionSample> {
+    let mut random = Random::new(3);
+    let push = Multisine::random(&mut random, 0.012, 0.4, (0.01, 0.05), 4);
+    let system = FreeFlyerIn { body: FreeFlyer::new(satellite()), environment: gravity(satellite()) };
+    let mut state = RigidBodyState::at_rest();
+    state.twist_body = Twist::new(Vector3::new(0.001, -0.002, 0.0015), Vector3::zeros());
+    (0..900)
+        .map(|k| {
+            let time_s = f64::from(k) * STEP_S;
+            let wrench = push.at(time_s + 0.5 * STEP_S);
+            let noise = Wrench::new(random.normal3(1e-5), random.normal3(1e-4));
+            let row = sample(k, &state, wrench + noise);
+            state = MuntheKaas4.step(&system, &state, &wrench, time_s, STEP_S).unwrap();
+            row
+        })
+        .collect()
+}
+
+/// Each parameter's distance from the truth in its own sigmas.
+fn sigmas(found: &Identification) -> SVector<f64, 10> {
+    let estimate = found.estimate.unwrap();
+    let error = estimate.parameters.to_vector() - satellite().to_vector();
+    error.component_div(&estimate.covariance.diagonal().map(f64::sqrt))
+}
+
+#[test]
+fn a_satellite_in_a_gravity_gradient_is_identified_with_its_model() {
+    let (record, settings) = (in_orbit(), Settings::default());
+    let without = sigmas(&identify(&record, &settings).unwrap());
+    assert!(without.amax() > 6.0, "{without}");
+    // the model begins with a body that is a quarter too heavy and half as long
+    let wrong = InertialParameters::solid_box(375.0, [1.2, 1.0, 1.0]);
+    let with = sigmas(&identify_in(&record, &settings, &gravity(wrong)).unwrap());
+    assert!(with.amax() < 3.5, "{with}");
+    let pipeline = Pipeline::new().acted_on_by(Environment::default().with(gravity(wrong)));
+    assert_eq!(sigmas(&pipeline.identify(&record, &settings).unwrap()), with);
+}
+
+#[test]
+fn what_grows_with_the_body_without_end_is_refused() {
+    let body = satellite();
+    let falls = UniformGravity { mass: body.mass, first_moment: body.first_moment, gravity_world: Vector3::x() };
+    let outcome = identify_in(&in_orbit(), &Settings::default(), &falls);
+    assert!(!matches!(&outcome, Ok(found) if sigmas(found).amax() < 10.0), "{outcome:?}");
+    let message = IdentificationError::EnvironmentUnsettled { passes: 8, sigmas: 3.0 }.to_string();
+    assert!(message.contains("8 passes"), "{message}");
+}
+
+/// The same satellite, turned by wheels that hold momentum already.
+fn with_wheels() -> Vec<MotionSample> {
+    let mut random = Random::new(4);
+    let push = Multisine::random(&mut random, 0.012, 0.4, (0.01, 0.05), 4);
+    let wheel = |axis_body| ReactionWheel { axis_body, largest_torque_n_m: 0.2, largest_momentum_n_m_s: 8.0 };
+    let wheels = ReactionWheels::try_new([Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].map(wheel)).unwrap();
+    let nozzles = WrenchBox::in_every_axis(0.0, 1.0);
+    let actuation = ((wheels, nozzles), (Vector3::new(2.0, -3.0, 1.0), ()));
+    let body = FreeFlyer::new(satellite());
+    let mut state = RigidBodyState::at_rest();
+    state.twist_body.angular = Vector3::new(0.001, -0.002, 0.0015);
+    let mut plant = SimulatedGyrostat::try_new(body, MuntheKaas4, actuation, state, 0.5).unwrap();
+    (0..900)
+        .map(|k| {
+            let (before, stored) = (*plant.state(), plant.stored_momentum_body());
+            let wanted = push.at(f64::from(k) * STEP_S);
+            let realized = plant.advance(&wanted, STEP_S).unwrap().realized_wrench_body;
+            let noise = Wrench::new(random.normal3(1e-5), random.normal3(1e-4));
+            MotionSample { stored_momentum_body: Some(stored), ..sample(k, &before, realized + noise) }
+        })
+        .collect()
+}
+
+#[test]
+fn a_satellite_with_wheels_is_identified_by_what_they_hold() {
+    let (record, settings) = (with_wheels(), Settings::default());
+    let with = sigmas(&identify(&record, &settings).unwrap());
+    assert!(with.amax() < 3.5, "{with}");
+    let forgotten: Vec<_> = record.iter().map(|row| MotionSample { stored_momentum_body: None, ..*row }).collect();
+    let without = identify(&forgotten, &settings).unwrap();
+    assert!(without.estimate.is_none() || sigmas(&without).amax() > 6.0);
+    // every estimator sees the same rows
+    let problem = Problem::of(&record, &settings).unwrap();
+    let found = Regressed::new(problem).estimate(&record).unwrap();
+    let error = (found.point().unwrap() - satellite().to_vector()).component_div(&satellite().to_vector());
+    assert!(error[0].abs() < 1e-2 && error[4].abs() < 1e-2, "{error}");
+}
+
+/// Hears what acted, and believes what it is told to.
+struct Listener {
+    heard: Vec<Wrench<f64>>,
+    body: InertialParameters<f64>,
+}
+
+impl StateEstimator for Listener {
+    fn acted(&mut self, acted: &Acted) {
+        self.heard.push(acted.wrench_body);
+    }
+    fn measured(&mut self, _: &Measurement) -> Reception {
+        Reception::Malformed { what: "deaf" }
+    }
+    fn state_at(&self, _: i64) -> RigidBodyState<f64> {
+        let mut state = RigidBodyState::at_rest();
+        state.world_from_body.rotation = LieGroup::exp(&Vector3::new(0.3, -0.4, 0.2));
+        state
+    }
+    fn finding(&self) -> Result<Finding, EstimatorError> {
+        let ten = self.body.to_vector();
+        Finding::of_covariance(ten, &SMatrix::identity(), SVector::repeat(1.0))
+    }
+    fn health(&self) -> FlightHealth {
+        FlightHealth::default()
+    }
+    fn newest_stamp_ns(&self) -> i64 {
+        0
+    }
+    fn doubt(&mut self, _: &Doubt) {}
+    fn restart(&mut self, _: &Finding) -> Result<(), EstimatorError> {
+        Ok(())
+    }
+    fn counts(&self) -> ReceptionCounts {
+        ReceptionCounts::default()
+    }
+}
+
+#[test]
+fn estimators_in_flight_hear_what_the_environment_does_to_the_body_they_believe_in() {
+    let wind = Wrench::new(Vector3::zeros(), Vector3::new(1e-3, 0.0, -2e-3));
+    let models = Environment::default()
+        .with(gravity(InertialParameters::solid_sphere(1.0, 0.1)))
+        .with(ConstantWorldWrench { wrench_world: wind });
+    let listener = Listener { heard: Vec::new(), body: satellite() };
+    let mut estimator = InEnvironment::new(listener, models);
+    let push = Wrench::new(Vector3::x() * 0.1, Vector3::y());
+    let acted = |from_ns| Acted { from_ns, until_ns: from_ns + 1, wrench_body: push, stored_body: Vector3::zeros() };
+    estimator.acted(&acted(3_000_000_000));
+    let state = estimator.state_at(0);
+    let expected = push
+        + gravity(satellite()).wrench_body(3.0, &state)
+        + ConstantWorldWrench { wrench_world: wind }.wrench_body(3.0, &state);
+    let heard = estimator.estimator().heard[0];
+    assert!((heard - expected).to_vector().amax() < 1e-15, "{heard:?} {expected:?}");
+    assert!((heard - push).torque.norm() > 1e-5);
+}
