@@ -333,9 +333,12 @@ pub enum IdentificationError {
         /// How far the last one moved the body, sigmas.
         sigmas: f64,
     },
-    /// Momentum of wheels in a row of an estimator that slides.
-    #[error("stored momentum is no part of the wrench yet: hand over rows of `with_all_that_acts`")]
-    StoredMomentum,
+    /// Momentum of wheels, or what acts beside the logged wrench, in a row of an estimator that does not take it.
+    #[error(
+        "the sliding window and periodic identification know the logged wrench only: identify a record with stored momentum \
+         or an environment by another method"
+    )]
+    WrenchBeside,
     /// A delay or a lag was asked of an estimator that slides.
     #[error("a delay or an actuator lag needs the whole record: estimate it from a part by the batch likelihood")]
     NeedsWholeRecord,
@@ -468,6 +471,10 @@ pub enum Column {
     Position,
     /// Attitude.
     Attitude,
+    /// Position and attitude.
+    Pose,
+    /// Momentum of wheels.
+    StoredMomentum,
     /// Acceleration of the origin.
     Acceleration,
 }
@@ -480,6 +487,8 @@ impl core::fmt::Display for Column {
             Self::Velocity => "velocities (v_*)",
             Self::Position => "positions (p_*)",
             Self::Attitude => "attitudes (q_*)",
+            Self::Pose => "poses (p_*, q_*)",
+            Self::StoredMomentum => "stored momenta",
             Self::Acceleration => "accelerations (a_*)",
         })
     }

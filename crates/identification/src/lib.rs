@@ -8,6 +8,8 @@ pub use tumble_dynamics as dynamics;
 pub use tumble_lie as lie;
 
 #[cfg(feature = "std")]
+mod beside;
+#[cfg(feature = "std")]
 mod body_change;
 mod body_scale;
 #[cfg(feature = "research")]

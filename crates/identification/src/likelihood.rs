@@ -254,7 +254,6 @@ impl MaximumLikelihood {
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
-        let record = &*crate::identify::with_stored_momentum(record, self.wrench_timing);
         match self.estimate_from_poses(record, Approach::Direct) {
             // A body that turns far within the window of the first guess needs a shorter one. Poor poses give poor states in
             // either, and a wrench much better than they are ties the states over longer times than tangents reach.

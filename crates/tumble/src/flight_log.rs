@@ -27,7 +27,7 @@ pub fn measured(flown: &Execution, sigma: &NoiseTable, noise: &mut Gaussian) -> 
         let wrench = &sample.realized_wrench_body;
         MotionSample {
             time_ns: nanoseconds(sample.time_s),
-            world_from_body: Isometry3::from_parts(position.into(), rotation),
+            world_from_body: Some(Isometry3::from_parts(position.into(), rotation)),
             velocity_origin_world: None,
             rate_body: None,
             acceleration_origin_body: None,
@@ -35,7 +35,7 @@ pub fn measured(flown: &Execution, sigma: &NoiseTable, noise: &mut Gaussian) -> 
                 wrench.torque + noise.vector(sigma.torque_n_m),
                 wrench.force + noise.vector(sigma.force_n),
             )),
-            stored_momentum_body: None,
+            ..MotionSample::default()
         }
     };
     flown.samples.iter().map(sample).collect()

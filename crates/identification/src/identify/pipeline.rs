@@ -1,6 +1,6 @@
 //! Identification by any estimator, constrained by any solver.
 
-use super::environment::{in_environment, with_stored_momentum};
+use super::environment::in_environment;
 use super::problem::{Chosen, JointFilter, Problem, Regressed};
 use super::recursion::{self, Replaced};
 use super::verdict::Beside;
@@ -174,14 +174,15 @@ impl Pipeline {
     pub fn identify(&self, record: &[MotionSample], settings: &Settings) -> Result<Identification, EstimatorError> {
         self.methods.check(settings.method)?;
         if !self.environment.is_empty() {
-            return in_environment(record, settings, &self.environment, |record| self.under_logged(record, settings));
+            let levels = self.levels.unwrap_or(Judge::new(BodyScale::try_new(1.0, 1.0).map_err(EstimatorError::from)?));
+            let identified = |record: &[MotionSample], settings: &Settings| self.under_logged(record, settings);
+            return in_environment(record, settings, &self.environment, levels, identified);
         }
         self.under_logged(record, settings)
     }
 
     /// Where the logged wrench is all that acts.
     fn under_logged(&self, record: &[MotionSample], settings: &Settings) -> Result<Identification, EstimatorError> {
-        let record = &*with_stored_momentum(record, settings.wrench_timing);
         let solver = |scale: BodyScale| (self.solver)(scale);
         let own = self.own.contains(&settings.method);
         let known = Settings { method: if own { super::AUTO } else { settings.method }, ..*settings };

@@ -6,7 +6,7 @@ use super::recursion::{self, Flown};
 use super::rows::{Regression, Scheme};
 use super::solution::judge;
 use super::timeline::Timeline;
-use super::{Identification, Noise, Plan, Settings, Way, identify, silence_of, with_stored_momentum};
+use super::{Identification, Noise, Plan, Settings, Way, identify, silence_of};
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::estimator::{Estimator, EstimatorError, Finding, Observe};
@@ -63,7 +63,6 @@ impl Problem {
     /// assert_eq!(mass_kg(&[]), None);
     /// ```
     pub fn of(record: &[MotionSample], settings: &Settings) -> Result<Self, IdentificationError> {
-        let record = &*with_stored_momentum(record, settings.wrench_timing);
         let timeline = Timeline::try_new(record)?;
         let noise = SampleNoise::estimate(record, &timeline, settings);
         let known = Settings { method: super::AUTO, ..*settings };
@@ -91,7 +90,7 @@ impl Problem {
                 position_m: noise.position_m,
                 rate_rad_s: noise.rate_rad_s,
                 velocity_m_s: noise.velocity_m_s,
-                acceleration_m_s2: 0.0,
+                acceleration_m_s2: noise.acceleration_m_s2,
             },
         }
     }
@@ -111,8 +110,8 @@ impl Problem {
     }
 
     fn sample_noise(&self) -> SampleNoise {
-        let Noise { attitude_rad, position_m, rate_rad_s, velocity_m_s, .. } = self.noise;
-        SampleNoise { attitude_rad, position_m, rate_rad_s, velocity_m_s }
+        let Noise { attitude_rad, position_m, rate_rad_s, velocity_m_s, acceleration_m_s2, .. } = self.noise;
+        SampleNoise { attitude_rad, position_m, rate_rad_s, velocity_m_s, acceleration_m_s2 }
     }
 
     /// The rows `regressor * parameters = wrench` of a record, in the order of time.
@@ -124,7 +123,6 @@ impl Problem {
     /// Where the record gives not one row: [`IdentificationError::TooFewSamples`], [`IdentificationError::MissingColumn`],
     /// [`IdentificationError::HalfTurns`], [`IdentificationError::TimesNotIncreasing`].
     pub fn rows(&self, record: &[MotionSample]) -> Result<Vec<WrenchRow>, IdentificationError> {
-        let record = &*with_stored_momentum(record, self.wrench_timing);
         Ok(self.scheme().rows(record, &Timeline::try_new(record)?)?.all)
     }
 
@@ -135,7 +133,6 @@ impl Problem {
     }
 
     fn fit(&self, record: &[MotionSample]) -> Result<Fit, IdentificationError> {
-        let record = &*with_stored_momentum(record, self.wrench_timing);
         Fit::with_bias_of_lag(self.scheme(), record, &Timeline::try_new(record)?, &self.sample_noise())
     }
 
@@ -223,7 +220,6 @@ impl Estimator for JointFilter {
     /// Also [`IdentificationError::FilterDiverged`].
     fn estimate(&self, record: &[MotionSample]) -> Result<Finding, EstimatorError> {
         let problem = &self.problem;
-        let record = &*with_stored_momentum(record, problem.wrench_timing);
         let mut fit = problem.fit(record)?;
         let before = Problem::finding_of(record, &fit)?;
         if before.point().is_none() {

@@ -46,17 +46,17 @@ impl Units {
         let speed = length / time;
         let first_ns = record.first()?.time_ns;
         #[allow(clippy::cast_possible_truncation)] // saturates
-        let scaled = |sample: &MotionSample| {
-            let pose = &sample.world_from_body;
-            MotionSample {
-                time_ns: ((sample.time_ns - first_ns) as f64 * time).round() as i64,
-                world_from_body: Pose::from_parts((pose.translation.vector * length).into(), pose.rotation),
-                velocity_origin_world: sample.velocity_origin_world.map(|v| v * speed),
-                rate_body: sample.rate_body.map(|w| w / time),
-                acceleration_origin_body: sample.acceleration_origin_body.map(|a| a * (speed / time)),
-                wrench_body: sample.wrench_body.map(|w| Wrench::new(w.torque * (force * length), w.force * force)),
-                stored_momentum_body: None,
-            }
+        let scaled = |sample: &MotionSample| MotionSample {
+            time_ns: ((sample.time_ns - first_ns) as f64 * time).round() as i64,
+            world_from_body: sample
+                .world_from_body
+                .map(|pose| Pose::from_parts((pose.translation.vector * length).into(), pose.rotation)),
+            velocity_origin_world: sample.velocity_origin_world.map(|v| v * speed),
+            rate_body: sample.rate_body.map(|w| w / time),
+            acceleration_origin_body: sample.acceleration_origin_body.map(|a| a * (speed / time)),
+            wrench_body: sample.wrench_body.map(|w| Wrench::new(w.torque * (force * length), w.force * force)),
+            besides_body: sample.besides_body.map(|w| Wrench::new(w.torque * (force * length), w.force * force)),
+            stored_momentum_body: sample.stored_momentum_body.map(|h| h * (force * length * time)),
         };
         (*self != Self { mass: 1.0, length: 1.0, time: 1.0 }).then(|| record.iter().map(scaled).collect())
     }
@@ -79,6 +79,7 @@ impl Units {
             position_m: noise.position_m * self.length,
             rate_rad_s: noise.rate_rad_s / self.time,
             velocity_m_s: noise.velocity_m_s * (self.length / self.time),
+            acceleration_m_s2: noise.acceleration_m_s2 * (self.length / (self.time * self.time)),
         }
     }
 

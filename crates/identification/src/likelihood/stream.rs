@@ -3,7 +3,7 @@
 use super::record::{GAP, LONGEST_BRIDGE, Record, change_variance, input, is_finite, running_median};
 use super::sample::Sample;
 use crate::WrenchTiming;
-use crate::error::IdentificationError;
+use crate::error::{Column, IdentificationError};
 use crate::motion::MotionSample;
 use nalgebra::Vector6;
 
@@ -87,8 +87,11 @@ impl Stream {
 
     /// Takes the next row; gives the sample that is complete now, with the extra variance of its wrench.
     pub(super) fn push(&mut self, row: MotionSample) -> Result<Read, IdentificationError> {
-        if row.stored_momentum_body.is_some() {
-            return Err(IdentificationError::StoredMomentum);
+        if row.stored_momentum_body.is_some() || row.besides_body.is_some() {
+            return Err(IdentificationError::WrenchBeside);
+        }
+        if row.world_from_body.is_none() {
+            return Err(IdentificationError::MissingColumn(Column::Pose));
         }
         if !is_finite(&row) {
             return Err(IdentificationError::NotFinite { row: self.count });
@@ -156,12 +159,14 @@ impl Stream {
             let lag = super::whole(step_s / self.median_step_s).clamp(1, self.history.len() / 2);
             doubt = Some(doubt.unwrap_or_else(Vector6::zeros) + change_variance(&self.history, lag));
         }
+        let pose = row.world_from_body.unwrap_or_default();
         let sample = Sample {
             time_s: (row.time_ns - self.start_ns) as f64 * 1e-9,
             step_s,
             input: input(&wrenches[..count], &steps[..count], k - first, self.timing, self.gap_s),
-            position: row.world_from_body.translation.vector,
-            world_from_body: row.world_from_body.rotation,
+            posed: true,
+            position: pose.translation.vector,
+            world_from_body: pose.rotation,
             velocity: row.velocity_origin_world,
             rate: row.rate_body,
             acceleration: row.acceleration_origin_body,

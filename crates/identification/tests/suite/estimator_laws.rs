@@ -39,8 +39,8 @@ fn spoil(record: &mut [MotionSample], random: &mut Random, wrench_noise: f64, po
             .wrench_body
             .map(|w| Wrench::new(w.torque + random.normal3(wrench_noise), w.force + random.normal3(wrench_noise)));
         let turn = UnitQuaternion::from_scaled_axis(random.normal3(pose_noise));
-        let place = sample.world_from_body.translation.vector + random.normal3(pose_noise);
-        sample.world_from_body = Pose::from_parts(place.into(), sample.world_from_body.rotation * turn);
+        let place = sample.world_from_body.unwrap().translation.vector + random.normal3(pose_noise);
+        sample.world_from_body = Some(Pose::from_parts(place.into(), sample.world_from_body.unwrap().rotation * turn));
     }
 }
 
@@ -49,10 +49,10 @@ fn in_units(record: &[MotionSample], mass: f64, length: f64, time: f64) -> Vec<M
     let force = mass * length / (time * time);
     let scaled = |sample: &MotionSample| MotionSample {
         time_ns: (sample.time_ns as f64 * time).round() as i64,
-        world_from_body: Pose::from_parts(
-            Translation3::from(sample.world_from_body.translation.vector * length),
-            sample.world_from_body.rotation,
-        ),
+        world_from_body: Some(Pose::from_parts(
+            Translation3::from(sample.world_from_body.unwrap().translation.vector * length),
+            sample.world_from_body.unwrap().rotation,
+        )),
         wrench_body: sample.wrench_body.map(|w| Wrench::new(w.torque * (force * length), w.force * force)),
         ..*sample
     };
@@ -67,7 +67,7 @@ fn units_of_parameters(mass: f64, length: f64) -> SMatrix<f64, 10, 10> {
 fn in_frame(record: &[MotionSample], world: &Pose<f64>, body_from_other: &UnitQuaternion<f64>) -> Vec<MotionSample> {
     let other = Pose::from_parts(Translation3::identity(), *body_from_other);
     let seen = |sample: &MotionSample| MotionSample {
-        world_from_body: world * sample.world_from_body * other,
+        world_from_body: sample.world_from_body.map(|pose| world * pose * other),
         wrench_body: sample
             .wrench_body
             .map(|w| Wrench::new(body_from_other.inverse() * w.torque, body_from_other.inverse() * w.force)),
@@ -203,7 +203,7 @@ impl Estimator for Broken {
                 Finding::of_information(known, magnitudes)
             }
             Defect::WrongFrame => {
-                let turn = turned_parameters(&record[0].world_from_body.rotation.inverse());
+                let turn = turned_parameters(&record[0].world_from_body.unwrap().rotation.inverse());
                 Finding::of_covariance(turn * point, &(turn * found.covariance()? * turn.transpose()), magnitudes)?
             }
             Defect::InSquareMetres => found.at(point.map(|p| if p.abs() < 0.01 { p + 0.05 } else { p })),
