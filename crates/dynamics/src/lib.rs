@@ -46,10 +46,10 @@ pub use actuation::{
     Thruster, ThrusterSet, WrenchBox,
 };
 #[cfg(feature = "dual")]
-pub use differentiate::{FreeFlyerStep, ParametricModel, StateTangent, StepLinearization, linearize};
+pub use differentiate::{FreeFlyerIntegrator, FreeFlyerStep, ParametricModel, StateTangent, StepLinearization, linearize};
 #[cfg(feature = "dual")]
 pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
-pub use error::DynamicsError;
+pub use error::{DynamicsError, ForeignError};
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use gyrostat::{Gyrostat, GyrostatInput};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};

@@ -1,11 +1,21 @@
 //! What can go wrong in identification, with the numbers needed to act on it.
 
+use crate::dynamics::ForeignError;
 use crate::excitation::{Channel, Limit};
+use core::error::Error;
 
 /// Errors of this crate.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum IdentificationError {
+    /// An error of a model, set or solver from outside. Two are equal where they are the same object.
+    #[error("{by}: {source}")]
+    Foreign {
+        /// Its name.
+        by: &'static str,
+        /// What it says.
+        source: ForeignError,
+    },
     /// The data (and the prior, if any) leave some parameter directions undetermined.
     #[error(
         "only {rank} of {expected} parameter directions are determined \
@@ -455,6 +465,20 @@ pub enum IdentificationError {
     /// A geometric error in the motion, such as half a turn between two poses of one row.
     #[error(transparent)]
     Lie(#[from] tumble_lie::LieError),
+}
+
+impl IdentificationError {
+    /// An error of somebody else's filter model, feasible set or solver; [`EstimatorError`](crate::estimator::EstimatorError) carries
+    /// those that are made at run time too.
+    ///
+    /// ```
+    /// use tumble_identification::IdentificationError;
+    /// let error = IdentificationError::foreign("my cone", &std::fmt::Error);
+    /// assert!(std::error::Error::source(&error).is_some_and(|source| source.is::<std::fmt::Error>()));
+    /// ```
+    pub fn foreign(by: &'static str, source: &'static (dyn Error + Send + Sync)) -> Self {
+        Self::Foreign { by, source: ForeignError(source) }
+    }
 }
 
 /// A column of a motion log.

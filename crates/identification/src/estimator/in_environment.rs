@@ -10,8 +10,7 @@ const ASKED_EVERY_NS: i64 = 1_000_000_000;
 
 /// Any [`StateEstimator`] that is told what the environment does besides the actuators: gravity gradient, drag.
 ///
-/// The wrench at the beginning of each span acted is added to it, on the body and at the state that the estimator
-/// believes. The time of the models is that of the stamps, s.
+/// The wrench in the middle of each span acted is added to it, on the body and at the state that the estimator believes. The time of the models is that of the stamps, s.
 ///
 /// # Example
 /// ```
@@ -60,7 +59,7 @@ impl<E: StateEstimator> StateEstimator for InEnvironment<E> {
         self.estimator.name()
     }
     fn acted(&mut self, acted: &Acted) {
-        let wrench_body = acted.wrench_body + self.wrench_at(acted.from_ns);
+        let wrench_body = acted.wrench_body + self.wrench_at(acted.from_ns.midpoint(acted.until_ns));
         self.estimator.acted(&Acted { wrench_body, ..*acted });
     }
     fn measured(&mut self, measurement: &Measurement) -> Reception {
