@@ -46,7 +46,9 @@ pub use actuation::{
     Thruster, ThrusterSet, WrenchBox,
 };
 #[cfg(feature = "dual")]
-pub use differentiate::{FreeFlyerIntegrator, FreeFlyerStep, ParametricModel, StateTangent, StepLinearization, linearize};
+pub use differentiate::{
+    FreeFlyerIntegrator, FreeFlyerStep, ParametricModel, StateTangent, StepLinearization, linearize,
+};
 #[cfg(feature = "dual")]
 pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
 pub use error::{DynamicsError, ForeignError};

@@ -8,6 +8,8 @@ use nalgebra::Vector3;
 /// Steps that differ by less than this fraction are equal.
 const EQUAL_STEPS: f64 = 0.01;
 
+/// Largest share of the logged torque that may be left out.
+const LARGEST_LEFT_OUT: f64 = 1e-3;
 /// Mean square roughness of turns over that of rates up to which turns are as good.
 const SMOOTH: f64 = 2.0;
 
@@ -63,6 +65,27 @@ pub(crate) fn beside(record: &[MotionSample]) -> Result<Option<Vec<Beside>>, Ide
         Beside { here: here(i), mean, slope: (here(i + 1) - here(i)) * (1.0 / step_s) }
     };
     Ok(Some((0..record.len()).map(over_step).collect()))
+}
+
+/// Whether an integrator that holds the wrench over a step, or lets it change evenly, is good enough for what stored momentum does.
+///
+/// # Errors
+/// [`IdentificationError::CoarseSteps`]: the torque `h x w` turns so far within a step that what is left out, its square over
+/// twelve, is visible beside the logged torque.
+pub(crate) fn refuse_coarse_steps(record: &[MotionSample]) -> Result<(), IdentificationError> {
+    if record.iter().all(|sample| sample.stored_momentum_body.is_none()) {
+        return Ok(());
+    }
+    let turning = Turning::of(record)?;
+    let torques: Vec<_> = (0..record.len()).map(|i| turning.torque(i)).collect();
+    let mean_square = |squares: &mut dyn Iterator<Item = f64>| squares.sum::<f64>() / record.len() as f64;
+    let size = mean_square(&mut torques.iter().map(Vector3::norm_squared));
+    let change = mean_square(&mut torques.windows(2).map(|pair| (pair[1] - pair[0]).norm_squared()));
+    let wrenches = record.iter().filter_map(|sample| sample.wrench_body);
+    let logged = mean_square(&mut wrenches.map(|wrench| wrench.torque.norm_squared()));
+    let left_out = change / (12.0 * size.max(logged * LARGEST_LEFT_OUT).sqrt());
+    let share = left_out / logged.max(f64::MIN_POSITIVE).sqrt();
+    if share > LARGEST_LEFT_OUT { Err(IdentificationError::CoarseSteps { share }) } else { Ok(()) }
 }
 
 /// Stored momentum and the rate that turns it, N m s and rad/s, body axes.

@@ -54,7 +54,7 @@ pub fn csv(flown: &Execution, measured: &[MotionSample]) -> String {
     for (flown, measured) in flown.samples.iter().zip(measured) {
         let (truth, twist) = (&flown.state.world_from_body, &flown.state.twist_body);
         text += &time_cell(measured.time_ns);
-        push_pose(&mut text, &measured.world_from_body);
+        push_pose(&mut text, &measured.world_from_body.unwrap_or_default());
         push_wrench(&mut text, &measured.wrench_body.unwrap_or_else(Wrench::zero));
         push_pose(&mut text, truth);
         push_numbers(&mut text, (truth.rotation * twist.linear).iter().chain(&twist.angular));

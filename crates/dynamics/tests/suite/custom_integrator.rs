@@ -6,7 +6,8 @@
 
 use proptest::prelude::*;
 use tumble_dynamics::laws::{
-    check_equivariance, check_order, check_parametric_model, check_reversible, check_symplectic, check_units, step_samples,
+    check_equivariance, check_order, check_parametric_model, check_reversible, check_symplectic, check_units,
+    step_samples,
 };
 use tumble_dynamics::lie::{Manifold, Pose, Scalar, Wrench, real};
 use tumble_dynamics::nalgebra::Vector3;

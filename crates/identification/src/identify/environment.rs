@@ -13,6 +13,8 @@ use nalgebra::{SMatrix, SVector, Vector3};
 const MOST_PASSES: u32 = 12;
 /// Sigmas by which the last pass may still move the body.
 const AT_REST: f64 = 0.05;
+/// A step larger than this share of the last one is that of a slope taken too far away.
+const SHRINKS: f64 = 0.2;
 /// Change of a parameter, in units of the body's size, from which its effect on the answer is taken: the answer is nearly linear in
 /// the wrench, and what rounds it is small beside this.
 const TRIED: f64 = 0.05;
@@ -24,7 +26,8 @@ const TRIED: f64 = 0.05;
 /// Where the data determine no body, the models' own stays. A body on whose parameters its own wrench depends is the less
 /// certain; standard deviations count that, at the cost of one more identification for each parameter that matters.
 ///
-/// Every method takes it but the sliding window ([`LongRecord`](crate::LongRecord) hands such records over) and periodic
+/// Every method takes it, and [`MotionSample::stored_momentum_body`] too (of the latter the likelihood and the joint filters only where
+/// steps are short: [`IdentificationError::CoarseSteps`]), but the sliding window ([`LongRecord`](crate::LongRecord) hands such records over) and periodic
 /// identification, which refuses it ([`IdentificationError::WrenchBeside`]).
 ///
 /// # Errors
@@ -64,7 +67,7 @@ pub(super) fn in_environment<E: From<IdentificationError>>(
     let acting = |body: Option<&InertialParameters<f64>>| with_all_that_acts(record, environment, body);
     let mut body = settings.prior.map(|prior| prior.mean);
     let mut acted = acting(body.as_ref())?;
-    let (mut moved, mut feedback) = (f64::INFINITY, None);
+    let (mut moved, mut feedback): (_, Option<Feedback>) = (f64::INFINITY, None);
     for _ in 0..MOST_PASSES {
         let found = identified(&acted, settings)?;
         let Some(estimate) = found.estimate else {
@@ -78,14 +81,16 @@ pub(super) fn in_environment<E: From<IdentificationError>>(
             if feedback.is_none() {
                 feedback = Feedback::of(&acting, &found, before, &Settings { prior: None, ..*settings }, &identified)?;
             }
-            let Some(feedback) = &feedback else { return Ok(found) };
-            let step = feedback.amplified * (next.to_vector() - before);
-            let sigma = (feedback.amplified * estimate.covariance * feedback.amplified.transpose()).diagonal();
-            moved = step.component_div(&sigma.map(f64::sqrt)).amax();
+            let Some(known) = &feedback else { return Ok(found) };
+            let step = known.amplified * (next.to_vector() - before);
+            let sigma = (known.amplified * estimate.covariance * known.amplified.transpose()).diagonal();
+            let last = core::mem::replace(&mut moved, step.component_div(&sigma.map(f64::sqrt)).amax());
             if moved < AT_REST {
-                return Ok(feedback.counted_in(found, &before, settings, levels)?);
+                return Ok(known.counted_in(found, &before, settings, levels)?);
             }
             next = InertialParameters::from_vector(&(before + step));
+            // Far from the body that agrees the weights of rows are others.
+            feedback = feedback.filter(|_| moved < SHRINKS * last);
         }
         (body, acted) = (Some(next), acting(Some(&next))?);
     }

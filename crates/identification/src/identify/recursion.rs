@@ -9,7 +9,7 @@ use super::timeline::Timeline;
 use super::units::Units;
 use super::verdict::Beside;
 use super::{Noise, Plan, Settings, Way};
-use crate::beside::beside;
+use crate::beside::{beside, refuse_coarse_steps};
 use crate::body_scale::BodyScale;
 use crate::consistency::PseudoInertiaCone;
 use crate::dynamics::{LogCholesky, RigidBodyState};
@@ -383,6 +383,7 @@ impl Joint {
         let turning = 2.0 * attitude_rad / step_s + (seen.angular - twist_body.angular).norm() + seen.angular.norm();
         let moving = 2.0 * position_m / step_s + (seen.linear - twist_body.linear).norm() + seen.linear.norm();
         let start_deviation = SVector::from_fn(|i, _| [attitude_rad, position_m, turning, moving][i / 3]);
+        refuse_coarse_steps(record)?;
         let beside = beside(record)?;
         let beside = |i: usize| beside.as_ref().map(|beside| beside[i]);
         let mut held = Wrench::zero();

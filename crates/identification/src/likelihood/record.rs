@@ -4,7 +4,7 @@ use super::drive::Passage;
 use super::flow::Input;
 use super::sample::Sample;
 use crate::WrenchTiming;
-use crate::beside::{Beside, beside};
+use crate::beside::{Beside, beside, refuse_coarse_steps};
 use crate::error::{Column, IdentificationError};
 use crate::motion::{MotionSample, filled_poses};
 use core::ops::Range;
@@ -91,6 +91,7 @@ impl Record {
             }
             same
         });
+        refuse_coarse_steps(record)?;
         let beside = beside(record)?;
         let input = |k: usize| {
             let mut input = input(&wrenches, &steps, k, timing, GAP * median_step_s);

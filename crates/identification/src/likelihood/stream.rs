@@ -3,7 +3,7 @@
 use super::record::{GAP, LONGEST_BRIDGE, Record, change_variance, input, is_finite, running_median};
 use super::sample::Sample;
 use crate::WrenchTiming;
-use crate::error::{Column, IdentificationError};
+use crate::error::IdentificationError;
 use crate::motion::MotionSample;
 use nalgebra::Vector6;
 
@@ -87,12 +87,6 @@ impl Stream {
 
     /// Takes the next row; gives the sample that is complete now, with the extra variance of its wrench.
     pub(super) fn push(&mut self, row: MotionSample) -> Result<Read, IdentificationError> {
-        if row.stored_momentum_body.is_some() || row.besides_body.is_some() {
-            return Err(IdentificationError::WrenchBeside);
-        }
-        if row.world_from_body.is_none() {
-            return Err(IdentificationError::MissingColumn(Column::Pose));
-        }
         if !is_finite(&row) {
             return Err(IdentificationError::NotFinite { row: self.count });
         }

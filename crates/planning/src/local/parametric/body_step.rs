@@ -7,8 +7,8 @@ use crate::local::knowledge::{covariance_about_com, parameters_by_about_com, siz
 use crate::local::model::{KINEMATICS, Kinematics};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 use tumble_dynamics::{
-    DynamicsError, FreeFlyerIntegrator, FreeFlyerStep, InertialParameters, MuntheKaas4, PARAMETERS, ParametricModel, RigidBodyState,
-    VariationalFreeFlyer,
+    DynamicsError, FreeFlyerIntegrator, FreeFlyerStep, InertialParameters, MuntheKaas4, PARAMETERS, ParametricModel,
+    RigidBodyState, VariationalFreeFlyer,
 };
 use tumble_lie::{Scalar, Twist, real};
 
