@@ -62,17 +62,19 @@ const STEPS: &[Step] = &[
         "the studies of identification, of chapter 4, of actuation, of RATTLE, of control, of arms, reduced",
         reduced_studies,
     ),
-    always("determinism", "long tumbles, plans and a flight are the same bytes unoptimised and optimised", || {
-        same_hashes("determinism", &HASHES, "", &[UNOPTIMISED, OPTIMISED])
-    }),
+    always(
+        "determinism",
+        "long tumbles, plans and a flight are the same bytes as tests and as users build them",
+        determinism,
+    ),
     always("panic-free", "the link proves that the hot paths cannot panic, and refuses a control that can", panic_free),
     full("package-verify", "every package builds from what would be published", || {
         shell(&mut [cargo("package --workspace --allow-dirty")])
     }),
     full("packages-tests", "the tests of the unpacked packages pass", packages::test),
     full("semver", "the public interfaces against those last published", packages::semver),
-    full("determinism-native", "the same bytes with all that this processor can do", || {
-        same_hashes("determinism", &HASHES, "", &[OPTIMISED, NATIVE])
+    full("determinism-all", "the same bytes unoptimised, optimised, and with all that this processor can do", || {
+        same_hashes("determinism", &HASHES, "", &[UNOPTIMISED, OPTIMISED, NATIVE])
     }),
     full("same-missions", "missions are the same bytes at every optimisation level", || {
         same_hashes("same-missions", &[("tumble", "same_missions")], "\"astrobee\"", &[UNOPTIMISED, OPTIMISED, NATIVE])
@@ -366,27 +368,23 @@ const UNOPTIMISED: Way = ("opt-level-0", "debug", "");
 const OPTIMISED: Way = ("opt-level-3", "release", "");
 const NATIVE: Way = ("native", "release", "-C target-cpu=native");
 
-/// Builds them in these ways in a folder of `target`, the program with these features, and compares what they print.
-fn same_hashes(folder: &str, examples: &[(&str, &str)], features: &str, ways: &[Way]) -> Outcome {
-    let place = target_dir().join(folder);
-    let package = match package_of(&place, examples, features) {
-        Ok(package) => package,
-        Err(error) => return Outcome::Failed(error.to_string()),
-    };
+/// Compares the two builds that other steps leave behind: the examples of the tests, and the optimised programs of the studies.
+fn determinism() -> Outcome {
+    let built =
+        shell(&mut [cargo("build --quiet --workspace --examples"), cargo("build --quiet --package studies --release")]);
+    if let Outcome::Failed(_) = built {
+        return built;
+    }
+    same_output(&HASHES, &[("as tests are built", "debug/examples"), ("optimised", "release")], &target_dir())
+}
+
+/// Runs the examples in each folder below `place`, named as in `ways`, and compares what they print.
+fn same_output(examples: &[(&str, &str)], ways: &[(&str, &str)], place: &Path) -> Outcome {
     let mut printed = Vec::new();
-    for &(way, folder, flags) in ways {
-        let target = place.join(way);
-        let mut build = cargo("build --quiet --manifest-path");
-        build.arg(package.join("Cargo.toml")).arg("--target-dir").arg(&target).env("RUSTFLAGS", flags);
-        if folder == "release" {
-            build.arg("--release");
-        }
-        if let Outcome::Failed(reason) = shell(&mut [build]) {
-            return Outcome::Failed(reason);
-        }
+    for &(way, folder) in ways {
         let mut hashes = Vec::new();
         for (_, example) in examples {
-            match Command::new(target.join(folder).join(example)).output() {
+            match Command::new(place.join(folder).join(example)).output() {
                 Ok(output) if output.status.success() && !output.stdout.is_empty() => hashes.extend(output.stdout),
                 Ok(output) => return Outcome::Failed(format!("{way}: {}", String::from_utf8_lossy(&output.stderr))),
                 Err(error) => return Outcome::Failed(format!("{way}: {error}")),
@@ -400,6 +398,30 @@ fn same_hashes(folder: &str, examples: &[(&str, &str)], features: &str, ways: &[
     } else {
         Outcome::Failed("the outputs differ".into())
     }
+}
+
+/// Builds them in these ways in a folder of `target`, the program with these features, and compares what they print.
+fn same_hashes(folder: &str, examples: &[(&str, &str)], features: &str, ways: &[Way]) -> Outcome {
+    let place = target_dir().join(folder);
+    let package = match package_of(&place, examples, features) {
+        Ok(package) => package,
+        Err(error) => return Outcome::Failed(error.to_string()),
+    };
+    let mut built = Vec::new();
+    for &(way, folder, flags) in ways {
+        let target = place.join(way);
+        let mut build = cargo("build --quiet --manifest-path");
+        build.arg(package.join("Cargo.toml")).arg("--target-dir").arg(&target).env("RUSTFLAGS", flags);
+        if folder == "release" {
+            build.arg("--release");
+        }
+        if let Outcome::Failed(reason) = shell(&mut [build]) {
+            return Outcome::Failed(reason);
+        }
+        built.push(format!("{way}/{folder}"));
+    }
+    let ways: Vec<(&str, &str)> = ways.iter().zip(&built).map(|(way, folder)| (way.0, folder.as_str())).collect();
+    same_output(examples, &ways, &place)
 }
 
 /// A package around such examples, because examples of the crates would be built three times over with all their test dependencies,

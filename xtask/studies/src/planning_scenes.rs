@@ -13,7 +13,7 @@ use tumble_planning::{ModelBelief, PlanningError, TranslationState};
 use crate::Failure;
 use crate::path_checker::{PathChecker, Rules};
 
-#[path = "../../../crates/planning/benches/scenes/jem.rs"]
+#[path = "../../benches/scenes/jem.rs"]
 mod frozen;
 
 /// A problem to plan.

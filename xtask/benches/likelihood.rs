@@ -2,7 +2,7 @@
 #![allow(missing_docs, clippy::unwrap_used, clippy::expect_used)]
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-#[path = "../tests/suite/exact_motion/mod.rs"]
+#[path = "../../crates/identification/tests/suite/exact_motion/mod.rs"]
 mod exact_motion;
 
 use criterion::{Criterion, criterion_group, criterion_main};

@@ -1,7 +1,7 @@
 //! Speed of inertial parameters and of one body's dynamics.
 //!
 //! Budgets: inverse dynamics at most 38 ns (Pinocchio, C++, direct); everything here is far below the 16 ms of an
-//! estimate update at 62.5 Hz. `cargo bench -p tumble-dynamics --bench bodies`.
+//! estimate update at 62.5 Hz. `cargo bench --package benches --bench bodies`.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};

@@ -9,7 +9,7 @@ use tumble_identification::estimator::{Acted, Gauss, Measurement, StateEstimator
 use tumble_identification::nalgebra::Vector3;
 use tumble_identification::recursive::{FlightEstimator, FlightMeasurement, TwoStageEstimator};
 
-#[path = "../tests/suite/flight_scenario/mod.rs"]
+#[path = "../../crates/identification/tests/suite/flight_scenario/mod.rs"]
 mod flight_scenario;
 use flight_scenario::{Conditions, Flight, STEP_NS, noise, prior, settings};
 

@@ -4,7 +4,7 @@
 //! Build with `RUSTFLAGS="-C target-cpu=native"`. Each decision is timed as the best of a few, each from the same state before it.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-#[path = "../tests/suite/fixed_planes/mod.rs"]
+#[path = "../../crates/planning/tests/suite/fixed_planes/mod.rs"]
 mod fixed_planes;
 
 use std::time::Instant;

@@ -10,7 +10,7 @@ use tumble_identification::{
     BodyScale, ConstrainedLeastSquares, InteriorPoint, PseudoInertiaCone, SquareRootInformation,
 };
 
-#[path = "../tests/suite/golden/problem4_hard.rs"]
+#[path = "../../crates/identification/tests/suite/golden/problem4_hard.rs"]
 mod problem4_hard;
 
 fn uniform(rng: &mut ChaCha8Rng) -> f64 {

@@ -4,7 +4,7 @@
 //! of some: median, 99th percentile and worst, in microseconds.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-#[path = "../tests/suite/tube_problems/mod.rs"]
+#[path = "../../crates/planning/tests/suite/tube_problems/mod.rs"]
 mod tube_problems;
 
 use criterion::{Criterion, criterion_group, criterion_main};

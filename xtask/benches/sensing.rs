@@ -1,7 +1,7 @@
 //! Speed of the sensors.
 //!
 //! Budget: one control step of 16 ms with all noise, two samples of the inertial unit and one estimate, in at most 1 us.
-//! `cargo bench -p tumble-astrobee --bench sensing`.
+//! `cargo bench --package benches --bench sensing`.
 #![allow(clippy::unwrap_used, missing_docs)]
 
 use criterion::{Criterion, criterion_group, criterion_main};

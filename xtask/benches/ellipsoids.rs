@@ -10,7 +10,7 @@ use std::hint::black_box;
 use tumble_planning::collision::{Ellipsoid, overlap, scaling_margin, separation};
 use tumble_planning::nalgebra::Vector3;
 
-#[path = "../tests/suite/known_gap/mod.rs"]
+#[path = "../../crates/planning/tests/suite/known_gap/mod.rs"]
 mod known_gap;
 
 fn ellipsoids(criterion: &mut Criterion) {
