@@ -151,9 +151,10 @@ impl Feedback {
         }
         let Some(estimate) = &mut found.estimate else { return Ok(found) };
         let (point, data_alone) = (estimate.parameters.to_vector(), settings.prior.is_none());
-        estimate.covariance = match data_alone {
-            true => self.amplified * estimate.covariance * self.amplified.transpose(),
-            false => all.covariance(&sizes)?,
+        estimate.covariance = if data_alone {
+            self.amplified * estimate.covariance * self.amplified.transpose()
+        } else {
+            all.covariance(&sizes)?
         };
         estimate.std = standard_deviations(&point, &estimate.covariance);
         let finding = Finding::of_information(all, sizes).with_prior(prior).at(point);

@@ -9,7 +9,7 @@ use tumble_planning::control::{Adoption, ControlCommand, ControlRequest, Control
 use tumble_planning::dynamics::{
     Actuation, ConstantWorldWrench, Environment, FreeFlyer, InertialParameters, PoseTracker, WrenchBox,
 };
-use tumble_planning::laws::{ControllerPromise, TrackingError, check_controller, other_worlds};
+use tumble_planning::laws::{ControllerPromise, TrackingError, check_controller, fly_controller, other_worlds};
 use tumble_planning::lie::{Pose, Wrench};
 use tumble_planning::nalgebra::Vector3;
 use tumble_planning::{ModelBelief, PlanningError};
@@ -115,27 +115,22 @@ fn it_keeps_the_laws() {
 
 #[test]
 fn told_of_a_steady_push_it_needs_no_integral() {
-    let promise = ControllerPromise {
-        limits: limits(),
-        tube: Some(TrackingError { position_m: 0.006, ..small() }),
-        small: small(),
-        settling_s: 30.0,
-        overshoot: 1.05,
-        // the push it is told of has a direction in this world
-        other_worlds: &[],
-        tolerance: 1e-9,
-    };
     let hold = held(Pose::translation(0.4, 0.1, -0.3));
-    let steady =
-        ConstantWorldWrench { wrench_world: Wrench::new(Vector3::zeros(), Vector3::new(0.008, -0.006, 0.005)) };
-    // what the environment takes is left free
-    let mut room = limits();
-    room.force_limit -= Vector3::repeat(0.011);
-    let unaware = || IntegralController { integral_gain: 0.0, ..IntegralController::new(body(), room) };
-    let told = || InEnvironment::new(unaware(), Environment::default().with(steady));
+    let wrench_world = Wrench::new(Vector3::zeros(), Vector3::new(0.008, -0.006, 0.005));
+    let steady = ConstantWorldWrench { wrench_world };
     let mut pushed = case("a steady push", &hold);
-    (pushed.disturbance, pushed.outputs, pushed.is_promised) = (&steady, 800, true);
-    pushed.followed = Some((60.0, TrackingError { position_m: 1e-4, ..small() }));
-    check_controller(&told, &[pushed.clone()], &promise).unwrap();
-    assert!(check_controller(&unaware, &[pushed], &promise).is_err());
+    (pushed.disturbance, pushed.outputs) = (&steady, 800);
+    let farthest_m = |controller: &mut dyn Controller| {
+        let mut farthest_m = 0.0_f64;
+        fly_controller(controller, &pushed, &mut |_, step| {
+            farthest_m = farthest_m.max(step.error.position_m);
+            Ok(())
+        })
+        .unwrap();
+        farthest_m
+    };
+    let unaware = || IntegralController { integral_gain: 0.0, ..IntegralController::new(body(), limits()) };
+    let mut told = InEnvironment::new(unaware(), Environment::default().with(steady));
+    assert!(farthest_m(&mut told) < 1e-9);
+    assert!(farthest_m(&mut unaware()) > 5e-4);
 }
