@@ -26,8 +26,9 @@ fn record(samples: usize) -> Vec<MotionSample> {
     (run.step_ns, run.samples, run.substep_s) = (16_000_000, samples, 8e-3);
     let mut record = run.record();
     for sample in &mut record {
-        sample.world_from_body.translation.vector += random.normal3(1e-3);
-        sample.world_from_body.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(1e-3));
+        sample.world_from_body.as_mut().unwrap().translation.vector += random.normal3(1e-3);
+        sample.world_from_body.as_mut().unwrap().rotation *=
+            <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(1e-3));
         sample.wrench_body =
             sample.wrench_body.map(|w| Wrench::new(w.torque + random.normal3(1e-4), w.force + random.normal3(1e-3)));
         (sample.rate_body, sample.velocity_origin_world, sample.acceleration_origin_body) = (None, None, None);

@@ -10,7 +10,7 @@ use crate::system::Integrator;
 use crate::variational_free_flyer::VariationalFreeFlyer;
 use num_dual::Dual64;
 use tumble_lie::nalgebra::{SVector, Vector6};
-use tumble_lie::{Coordinates, Manifold, Scalar, real};
+use tumble_lie::{Coordinates, Manifold, Scalar, Wrench, real};
 
 /// A step that depends on parameters, written once for every scalar.
 ///
@@ -127,26 +127,82 @@ fn state_dimension<M: ParametricModel>() -> usize {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FreeFlyerStep<I>(pub I);
 
-macro_rules! free_flyer_steps {
+/// An integrator of a free body for every scalar at once: what steps that are differentiated ask for, since no bound says "an
+/// [`Integrator`] of `FreeFlyer<T>` for every `T`".
+///
+/// Anything that is one by a generic implementation needs a single line. It then reaches filters
+/// (`identification::recursive::Differentiated`) and local planners (`planning::local::BodyStep`).
+///
+/// # Frame
+/// As in [`FreeFlyer`]: the wrench in body axes about the body origin, N m and N.
+///
+/// # Example
+/// ```
+/// use tumble_dynamics::lie::{Manifold, Scalar, Wrench};
+/// use tumble_dynamics::{
+///     DynamicsError, FreeFlyer, FreeFlyerIntegrator, FreeFlyerStep, InertialParameters, MechanicalSystem, RigidBodyState,
+///     linearize, nalgebra::Vector6,
+/// };
+///
+/// struct Euler;
+/// impl FreeFlyerIntegrator for Euler {
+///     fn step_free<T: Scalar>(&self, body: &FreeFlyer<T>, state: &RigidBodyState<T>, wrench: &Wrench<T>, step_s: T)
+///         -> Result<RigidBodyState<T>, DynamicsError> {
+///         Ok(state.oplus(&(body.vector_field(T::zero(), state, wrench)? * step_s)))
+///     }
+/// }
+/// let body = InertialParameters::solid_box(2.0, [0.3, 0.3, 0.3]).to_vector();
+/// let push = Vector6::new(0.0, 0.0, 0.0, 3.0, 0.0, 0.0);
+/// let step = linearize(&FreeFlyerStep(Euler), &RigidBodyState::at_rest(), &push, &body, 0.1)?;
+/// assert!((step.by_parameters[0][9] + 3.0 / 4.0 * 0.1).abs() < 1e-15); // of the speed along x by the mass: -F / m^2 dt
+/// # Ok::<(), DynamicsError>(())
+/// ```
+pub trait FreeFlyerIntegrator {
+    /// The state `step_s` later, the wrench held.
+    ///
+    /// # Errors
+    /// [`DynamicsError`] where the step does not converge or the body is none.
+    fn step_free<T: Scalar>(
+        &self,
+        body: &FreeFlyer<T>,
+        state: &RigidBodyState<T>,
+        wrench_body: &Wrench<T>,
+        step_s: T,
+    ) -> Result<RigidBodyState<T>, DynamicsError>;
+}
+
+macro_rules! free_flyer_integrators {
     ($($integrator:ty),*) => {$(
-        impl ParametricModel for FreeFlyerStep<$integrator> {
-            type State<T: Scalar> = RigidBodyState<T>;
-            type Input<T: Scalar> = Vector6<T>;
-            type Parameters<T: Scalar> = SVector<T, PARAMETERS>;
-            fn lift<T: Scalar>(state: &RigidBodyState<f64>) -> RigidBodyState<T> {
-                state.lifted()
-            }
-            fn step<T: Scalar>(
+        impl FreeFlyerIntegrator for $integrator {
+            fn step_free<T: Scalar>(
                 &self,
+                body: &FreeFlyer<T>,
                 state: &RigidBodyState<T>,
-                wrench_body: &Vector6<T>,
-                parameters: &SVector<T, PARAMETERS>,
+                wrench_body: &Wrench<T>,
                 step_s: T,
             ) -> Result<RigidBodyState<T>, DynamicsError> {
-                let body = FreeFlyer::new(InertialParameters::from_vector(parameters));
-                self.0.step(&body, state, &(*wrench_body).into(), T::zero(), step_s)
+                self.step(body, state, wrench_body, T::zero(), step_s)
             }
         }
     )*};
 }
-free_flyer_steps!(LieEuler, RungeKutta4, MuntheKaas4, GaussLegendre4, VariationalFreeFlyer);
+free_flyer_integrators!(LieEuler, RungeKutta4, MuntheKaas4, GaussLegendre4, VariationalFreeFlyer);
+
+impl<I: FreeFlyerIntegrator> ParametricModel for FreeFlyerStep<I> {
+    type State<T: Scalar> = RigidBodyState<T>;
+    type Input<T: Scalar> = Vector6<T>;
+    type Parameters<T: Scalar> = SVector<T, PARAMETERS>;
+    fn lift<T: Scalar>(state: &RigidBodyState<f64>) -> RigidBodyState<T> {
+        state.lifted()
+    }
+    fn step<T: Scalar>(
+        &self,
+        state: &RigidBodyState<T>,
+        wrench_body: &Vector6<T>,
+        parameters: &SVector<T, PARAMETERS>,
+        step_s: T,
+    ) -> Result<RigidBodyState<T>, DynamicsError> {
+        let body = FreeFlyer::new(InertialParameters::from_vector(parameters));
+        self.0.step_free(&body, state, &(*wrench_body).into(), step_s)
+    }
+}

@@ -1,6 +1,27 @@
 //! Errors of this crate.
 
+use core::error::Error;
+use core::fmt;
+
 /// What can be wrong with a body, a model or a step.
+///
+/// Actuators, systems and integrators from outside answer with [`Foreign`](Self::Foreign), which keeps their own error:
+/// ```
+/// use tumble_dynamics::DynamicsError;
+///
+/// #[derive(Debug)]
+/// struct Seized;
+/// impl core::fmt::Display for Seized {
+///     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+///         f.write_str("the rotor does not turn")
+///     }
+/// }
+/// impl core::error::Error for Seized {}
+///
+/// let error = DynamicsError::foreign("wheel", &Seized);
+/// assert_eq!(error.to_string(), "wheel: the rotor does not turn");
+/// assert!(core::error::Error::source(&error).is_some_and(|source| source.is::<Seized>()));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DynamicsError {
@@ -110,4 +131,51 @@ pub enum DynamicsError {
     /// A value that is not finite, or a step that is not positive where it must be.
     #[error("value is not finite")]
     NotFinite,
+    /// An error of an implementation from outside. Two are equal where they are the same object.
+    #[error("{by}: {source}")]
+    Foreign {
+        /// Its name.
+        by: &'static str,
+        /// What it says.
+        source: ForeignError,
+    },
+}
+
+impl DynamicsError {
+    /// An error of somebody else's actuator, system or integrator: a constant, so that errors stay `Copy` and steps
+    /// without an allocator.
+    pub fn foreign(by: &'static str, source: &'static (dyn Error + Send + Sync)) -> Self {
+        Self::Foreign { by, source: ForeignError(source) }
+    }
+}
+
+/// Another's error that lives for ever.
+#[derive(Clone, Copy)]
+pub struct ForeignError(pub &'static (dyn Error + Send + Sync));
+
+impl core::ops::Deref for ForeignError {
+    type Target = dyn Error + Send + Sync + 'static;
+
+    fn deref(&self) -> &Self::Target {
+        self.0
+    }
+}
+
+/// The same object, not one that says the same.
+impl PartialEq for ForeignError {
+    fn eq(&self, other: &Self) -> bool {
+        core::ptr::addr_eq(self.0, other.0)
+    }
+}
+
+impl fmt::Debug for ForeignError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(self.0, f)
+    }
+}
+
+impl fmt::Display for ForeignError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self.0, f)
+    }
 }

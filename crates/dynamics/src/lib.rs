@@ -46,10 +46,12 @@ pub use actuation::{
     RotorSet, StatefulActuation, StatefulDrive, Thruster, ThrusterSet, WrenchBox,
 };
 #[cfg(feature = "dual")]
-pub use differentiate::{FreeFlyerStep, ParametricModel, StateTangent, StepLinearization, linearize};
+pub use differentiate::{
+    FreeFlyerIntegrator, FreeFlyerStep, ParametricModel, StateTangent, StepLinearization, linearize,
+};
 #[cfg(feature = "dual")]
 pub use discrete_lagrangian::{DiscreteLagrangian, GroupOf, VelocityOf};
-pub use error::DynamicsError;
+pub use error::{DynamicsError, ForeignError};
 pub use free_flyer::{BodyAcceleration, FreeFlyer, FreeFlyerIn};
 pub use gyrostat::{Gyrostat, GyrostatInput};
 pub use inertia::{InertialParameters, from_pseudo_inertia, pseudo_inertia};
@@ -78,5 +80,6 @@ pub use tracker::{PoseReference, PoseTracker};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use world::{AlignedBox, ObstacleEllipsoid, World};
 pub use wrench_model::{
-    ConstantBodyWrench, ConstantWorldWrench, GravityGradient, LinearDrag, QuadraticDrag, UniformGravity, WrenchFn,
+    ConstantBodyWrench, ConstantWorldWrench, Environment, GravityGradient, LinearDrag, QuadraticDrag, UniformGravity,
+    WrenchFn,
 };

@@ -7,6 +7,7 @@ use crate::state::RigidBodyState;
 use crate::system::WrenchModel;
 use alloc::boxed::Box;
 use alloc::sync::Arc;
+use alloc::vec::Vec;
 use tumble_lie::nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tumble_lie::{LieGroup, Scalar, Wrench, real};
 
@@ -71,6 +72,51 @@ impl<T: Scalar, M: WrenchModel<T>, const N: usize> WrenchModel<T> for [M; N] {
     }
     fn wrench_on(&self, body: &InertialParameters<T>, time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
         self.as_slice().wrench_on(body, time_s, state)
+    }
+}
+
+/// All that acts on a body beside what its actuators give, to be handed around: nothing until something is added.
+///
+/// The time of its models is that of whoever asks: estimators and identification ask for the seconds of their stamps.
+///
+/// ```
+/// use tumble_dynamics::lie::Wrench;
+/// use tumble_dynamics::{ConstantBodyWrench, Environment, RigidBodyState, WrenchModel, nalgebra::Vector3};
+/// let leak = ConstantBodyWrench { wrench_body: Wrench::new(Vector3::zeros(), Vector3::x() * 1e-3) };
+/// let environment = Environment::default().with(leak);
+/// assert_eq!(environment.wrench_body(0.0, &RigidBodyState::at_rest()).force.x, 1e-3);
+/// ```
+#[derive(Clone, Default)]
+pub struct Environment {
+    models: Vec<Arc<dyn WrenchModel<f64> + Send + Sync>>,
+}
+
+impl Environment {
+    /// One more.
+    #[must_use]
+    pub fn with(mut self, model: impl WrenchModel<f64> + Send + Sync + 'static) -> Self {
+        self.models.push(Arc::new(model));
+        self
+    }
+
+    /// Whether nothing acts.
+    pub fn is_empty(&self) -> bool {
+        self.models.is_empty()
+    }
+}
+
+impl core::fmt::Debug for Environment {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "Environment({} models)", self.models.len())
+    }
+}
+
+impl WrenchModel<f64> for Environment {
+    fn wrench_body(&self, time_s: f64, state: &RigidBodyState<f64>) -> Wrench<f64> {
+        self.models.as_slice().wrench_body(time_s, state)
+    }
+    fn wrench_on(&self, body: &InertialParameters<f64>, time_s: f64, state: &RigidBodyState<f64>) -> Wrench<f64> {
+        self.models.as_slice().wrench_on(body, time_s, state)
     }
 }
 

@@ -91,11 +91,12 @@ impl RowLayout for MotionLayout {
         }
         Ok(MotionSample {
             time_ns,
-            world_from_body: row.pose(pose)?,
+            world_from_body: Some(row.pose(pose)?),
             velocity_origin_world: row.vector(self.motion.velocity)?,
             rate_body: row.vector(self.motion.rate)?,
             acceleration_origin_body: row.vector(self.motion.acceleration)?,
             wrench_body: row.wrench(self.motion.wrench)?,
+            ..MotionSample::default()
         })
     }
 }
@@ -222,7 +223,7 @@ mod tests {
         let sample = LogReader::open(&path, false).unwrap().next_sample().unwrap().unwrap();
         std::fs::remove_file(&path).unwrap();
         assert_eq!(sample.time_ns, 1_700_000_000_000_000_001);
-        let pose = sample.world_from_body;
+        let pose = sample.world_from_body.unwrap();
         assert_eq!(pose.translation.vector, Vector3::new(11.0, 12.0, 13.0));
         let (q, expected) = (pose.rotation.coords, Vector4::new(0.1, -0.7, 0.5, 0.5));
         assert!((q - expected).amax() < 1e-15, "{q:?}");

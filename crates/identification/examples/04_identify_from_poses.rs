@@ -48,7 +48,7 @@ fn fly(body: &InertialParameters<f64>) -> Result<Vec<MotionSample>, DynamicsErro
             let wrench = Wrench::new(torque, force);
             let sample = MotionSample {
                 time_ns: i64::from(k) * 50_000_000,
-                world_from_body: state.world_from_body,
+                world_from_body: Some(state.world_from_body),
                 velocity_origin_world: None,
                 rate_body: None,
                 acceleration_origin_body: None,
@@ -56,6 +56,7 @@ fn fly(body: &InertialParameters<f64>) -> Result<Vec<MotionSample>, DynamicsErro
                     torque + Vector3::new(noise(0), noise(1), noise(2)) * 5e-4,
                     force + Vector3::new(noise(3), noise(4), noise(5)) * 5e-3,
                 )),
+                ..MotionSample::default()
             };
             // The flight computer holds the wrench between samples.
             for i in 0..10 {

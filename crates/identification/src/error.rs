@@ -1,11 +1,21 @@
 //! What can go wrong in identification, with the numbers needed to act on it.
 
+use crate::dynamics::ForeignError;
 use crate::excitation::{Channel, Limit};
+use core::error::Error;
 
 /// Errors of this crate.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum IdentificationError {
+    /// An error of a model, set or solver from outside. Two are equal where they are the same object.
+    #[error("{by}: {source}")]
+    Foreign {
+        /// Its name.
+        by: &'static str,
+        /// What it says.
+        source: ForeignError,
+    },
     /// The data (and the prior, if any) leave some parameter directions undetermined.
     #[error(
         "only {rank} of {expected} parameter directions are determined \
@@ -323,6 +333,31 @@ pub enum IdentificationError {
         /// Duality gap asked for.
         tolerance: f64,
     },
+    /// Wrenches that depend on the body never came to rest with it.
+    #[error(
+        "what acts beside the logged wrench depends too much on the body: still {sigmas:.2} sigmas after {passes} passes"
+    )]
+    EnvironmentUnsettled {
+        /// Passes done.
+        passes: u32,
+        /// How far the last one moved the body, sigmas.
+        sigmas: f64,
+    },
+    /// Stored momentum that turns too far within a step for the likelihood and the joint filters.
+    #[error(
+        "what the wheels hold turns so far within a step that the likelihood, ekf and ukf would miss {share:.4} of the logged \
+         torque: sample faster, or ask for a regression, rls or recursive-sdp"
+    )]
+    CoarseSteps {
+        /// Torque that they leave out over the logged one.
+        share: f64,
+    },
+    /// Momentum of wheels, or what acts beside the logged wrench, in a row of an estimator that does not take it.
+    #[error(
+        "the sliding window and periodic identification know the logged wrench only: identify a record with stored momentum \
+         or an environment by another method"
+    )]
+    WrenchBeside,
     /// A delay or a lag was asked of an estimator that slides.
     #[error("a delay or an actuator lag needs the whole record: estimate it from a part by the batch likelihood")]
     NeedsWholeRecord,
@@ -441,6 +476,20 @@ pub enum IdentificationError {
     Lie(#[from] tumble_lie::LieError),
 }
 
+impl IdentificationError {
+    /// An error of somebody else's filter model, feasible set or solver; [`EstimatorError`](crate::estimator::EstimatorError) carries
+    /// those that are made at run time too.
+    ///
+    /// ```
+    /// use tumble_identification::IdentificationError;
+    /// let error = IdentificationError::foreign("my cone", &std::fmt::Error);
+    /// assert!(std::error::Error::source(&error).is_some_and(|source| source.is::<std::fmt::Error>()));
+    /// ```
+    pub fn foreign(by: &'static str, source: &'static (dyn Error + Send + Sync)) -> Self {
+        Self::Foreign { by, source: ForeignError(source) }
+    }
+}
+
 /// A column of a motion log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -455,6 +504,10 @@ pub enum Column {
     Position,
     /// Attitude.
     Attitude,
+    /// Position and attitude.
+    Pose,
+    /// Momentum of wheels.
+    StoredMomentum,
     /// Acceleration of the origin.
     Acceleration,
 }
@@ -467,6 +520,8 @@ impl core::fmt::Display for Column {
             Self::Velocity => "velocities (v_*)",
             Self::Position => "positions (p_*)",
             Self::Attitude => "attitudes (q_*)",
+            Self::Pose => "poses (p_*, q_*)",
+            Self::StoredMomentum => "stored momenta",
             Self::Acceleration => "accelerations (a_*)",
         })
     }

@@ -13,6 +13,8 @@ mod error;
 #[cfg(feature = "std")]
 mod estimate;
 mod finding;
+#[cfg(feature = "std")]
+mod in_environment;
 mod judge;
 #[cfg(feature = "std")]
 mod state_estimator;
@@ -23,6 +25,8 @@ pub(crate) use estimate::standard_deviations;
 #[cfg(feature = "std")]
 pub use estimate::{Estimate, StandardDeviations};
 pub use finding::Finding;
+#[cfg(feature = "std")]
+pub use in_environment::InEnvironment;
 pub use judge::{Evidence, Judge, Verdict, Why};
 #[cfg(feature = "std")]
 pub use state_estimator::{Acted, Doubt, Gauss, Measurement, Sensor, StateEstimator};

@@ -2,6 +2,7 @@
 //!
 //! All scalars are `f64`: decisions are made here.
 
+mod environment;
 mod fit;
 mod likelihood;
 mod long;
@@ -21,6 +22,7 @@ use crate::ConstrainedLeastSquares;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::estimator::{Estimate, Evidence, Judge, StandardDeviations, Verdict, standard_deviations};
+use crate::lie::Pose;
 use crate::likelihood::{Exchange, NuisanceEstimate, Nuisances};
 use crate::motion::{MotionSample, Noise};
 use crate::weighted_least_squares::{WrenchRow, whitened};
@@ -38,6 +40,7 @@ use solution::{Judgement, Solution, judge, solve};
 use timeline::Timeline;
 use verdict::{Marks, verdict};
 
+pub use environment::{identify_in, with_all_that_acts};
 pub use long::LongRecord;
 pub use merge::merge;
 pub use parts::{Part, identify_parts};
@@ -373,7 +376,8 @@ fn answer<E: From<IdentificationError>>(
 
 /// Which part of the wrench says nothing.
 fn silence_of(record: &[MotionSample], fit: &Fit) -> Silence {
-    if record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0) {
+    let acts = |s: &MotionSample| s.stored_momentum_body.is_some() || s.besides_body.is_some();
+    if !record.iter().any(acts) && record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0) {
         return Silence::Wrench;
     }
     match fit.explained() {
@@ -490,7 +494,7 @@ fn conclude(
             position_m: noise.position_m,
             rate_rad_s: noise.rate_rad_s,
             velocity_m_s: noise.velocity_m_s,
-            acceleration_m_s2: 0.0,
+            acceleration_m_s2: noise.acceleration_m_s2,
         },
         delay_s: None,
         calibration: Vec::new(),
@@ -515,19 +519,18 @@ fn is_noise(record: &[MotionSample]) -> bool {
 /// The normal of the plane to which a motion is confined within what localisation wanders; `None` for a free motion, and for one
 /// that does not turn.
 fn planar_motion(record: &[MotionSample]) -> Option<Vector3<f64>> {
-    let first = record.first()?.world_from_body;
-    let turns = |sample: &MotionSample| {
-        let turn = (sample.world_from_body.rotation * first.rotation.inverse()).into_inner();
+    let poses = || record.iter().filter_map(|sample| sample.world_from_body.as_ref());
+    let first = poses().next()?;
+    let turns = |pose: &Pose<f64>| {
+        let turn = (pose.rotation * first.rotation.inverse()).into_inner();
         turn.imag() * (2.0 * turn.w.signum())
     };
-    let count = record.len() as f64;
-    let spread = |values: &dyn Fn(&MotionSample) -> Vector3<f64>| -> Matrix3<f64> {
-        let mean = record.iter().map(values).sum::<Vector3<f64>>() / count;
-        record.iter().map(|sample| values(sample) - mean).map(|apart| apart * apart.transpose()).sum::<Matrix3<f64>>()
-            / count
+    let count = poses().count() as f64;
+    let spread = |values: &dyn Fn(&Pose<f64>) -> Vector3<f64>| -> Matrix3<f64> {
+        let mean = poses().map(values).sum::<Vector3<f64>>() / count;
+        poses().map(|pose| values(pose) - mean).map(|apart| apart * apart.transpose()).sum::<Matrix3<f64>>() / count
     };
-    let (turning, moving) =
-        (spread(&turns), spread(&|sample: &MotionSample| sample.world_from_body.translation.vector));
+    let (turning, moving) = (spread(&turns), spread(&|pose: &Pose<f64>| pose.translation.vector));
     let eigen = turning.symmetric_eigen();
     let largest = eigen.eigenvalues.imax();
     let normal: Vector3<f64> = eigen.eigenvectors.column(largest).into_owned();
@@ -694,7 +697,6 @@ fn warnings_of(timeline: &Timeline, fit: &Fit, judgement: &Judgement, noise: &Sa
 mod tests {
     use super::*;
     use crate::dice::Dice;
-    use crate::lie::Pose;
     use nalgebra::UnitQuaternion;
 
     /// Turns of half a radian about z with shares of it about x, moves in x and y with a share of it in z, pushed by `force`.
@@ -705,11 +707,12 @@ mod tests {
             let place = Vector3::new((0.3 * t).sin(), (0.5 * t).cos(), lift * (0.7 * t).sin());
             MotionSample {
                 time_ns: i64::from(i) * 16_000_000,
-                world_from_body: Pose::from_parts(place.into(), UnitQuaternion::from_scaled_axis(turn)),
+                world_from_body: Some(Pose::from_parts(place.into(), UnitQuaternion::from_scaled_axis(turn))),
                 velocity_origin_world: None,
                 rate_body: None,
                 acceleration_origin_body: None,
                 wrench_body: Some(crate::lie::Wrench::new(Vector3::zeros(), Vector3::x() * force(t))),
+                ..MotionSample::default()
             }
         };
         (0..2000).map(sample).collect()

@@ -3,6 +3,7 @@
 
 mod criterion;
 mod estimator;
+mod filter_model;
 mod linear_model;
 #[cfg(feature = "trees")]
 mod multibody;
@@ -14,6 +15,7 @@ pub use criterion::{
     check_change_of_units, check_excitation_criterion, check_more_information, check_optimality_criterion,
 };
 pub use estimator::{Case, Make, Retold, check_coverage, check_estimator};
+pub use filter_model::{check_differentiable_model, check_filter_model};
 pub use linear_model::check_linear_model;
 #[cfg(feature = "trees")]
 pub use multibody::{Determined, check_base_parameters, check_links_solver};

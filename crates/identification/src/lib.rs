@@ -8,6 +8,8 @@ pub use tumble_dynamics as dynamics;
 pub use tumble_lie as lie;
 
 #[cfg(feature = "std")]
+mod beside;
+#[cfg(feature = "std")]
 mod body_change;
 mod body_scale;
 #[cfg(feature = "research")]
@@ -75,7 +77,8 @@ pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 pub use identify::{
     ConstrainedSolvers, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD, Methods, NodeResidual, Part,
     Pipeline, Prediction, Prior, Problem, Regressed, Regression, Settings, Silence, Validation, Warning,
-    constrained_solvers, identify, identify_parts, merge, methods, predict, validate,
+    constrained_solvers, identify, identify_in, identify_parts, merge, methods, predict, validate,
+    with_all_that_acts,
 };
 pub use information::FisherInformation;
 #[cfg(feature = "argmin")]

@@ -16,6 +16,8 @@
 mod belief;
 mod change_detection;
 mod chi_square_gate;
+#[cfg(feature = "dual")]
+mod differentiated;
 mod extended_kalman;
 #[cfg(feature = "std")]
 mod flight_estimator;
@@ -33,6 +35,8 @@ mod unscented_kalman;
 
 pub use change_detection::{Change, ChangeDetector, ChangeSettings, Watch};
 pub use chi_square_gate::ChiSquareGate;
+#[cfg(feature = "dual")]
+pub use differentiated::{Differentiated, Shown, StepObservation, WithParameters};
 pub use extended_kalman::{DifferentiableModel, ExtendedKalmanFilter, FilterModel};
 #[cfg(feature = "std")]
 pub use flight_estimator::{

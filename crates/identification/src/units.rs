@@ -84,16 +84,17 @@ impl Units {
         let speed = self.length / self.time;
         let first_ns = record.first()?.time_ns;
         #[allow(clippy::cast_possible_truncation)] // saturates
-        let scaled = |sample: &MotionSample| {
-            let pose = &sample.world_from_body;
-            MotionSample {
-                time_ns: (sample.time_ns.saturating_sub(first_ns) as f64 * self.time).round() as i64,
-                world_from_body: Pose::from_parts((pose.translation.vector * self.length).into(), pose.rotation),
-                velocity_origin_world: sample.velocity_origin_world.map(|v| v * speed),
-                rate_body: sample.rate_body.map(|w| w / self.time),
-                acceleration_origin_body: sample.acceleration_origin_body.map(|a| a * self.acceleration()),
-                wrench_body: sample.wrench_body.map(|wrench| self.wrench(&wrench)),
-            }
+        let scaled = |sample: &MotionSample| MotionSample {
+            time_ns: (sample.time_ns.saturating_sub(first_ns) as f64 * self.time).round() as i64,
+            world_from_body: sample
+                .world_from_body
+                .map(|pose| Pose::from_parts((pose.translation.vector * self.length).into(), pose.rotation)),
+            velocity_origin_world: sample.velocity_origin_world.map(|v| v * speed),
+            rate_body: sample.rate_body.map(|w| w / self.time),
+            acceleration_origin_body: sample.acceleration_origin_body.map(|a| a * self.acceleration()),
+            wrench_body: sample.wrench_body.map(|wrench| self.wrench(&wrench)),
+            besides_body: sample.besides_body.map(|wrench| self.wrench(&wrench)),
+            stored_momentum_body: sample.stored_momentum_body.map(|h| h * (self.force() * self.length * self.time)),
         };
         (*self != Self { mass: 1.0, length: 1.0, time: 1.0 }).then(|| record.iter().map(scaled).collect())
     }

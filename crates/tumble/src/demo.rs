@@ -63,7 +63,7 @@ pub fn simulate(seed: u64) -> Result<Demo, DynamicsError> {
         let measured_position = state.world_from_body.translation.vector + noise.vector(POSE_NOISE.1);
         record.push(MotionSample {
             time_ns: i64::from(k) * 16_000_000,
-            world_from_body: Isometry3::from_parts(measured_position.into(), measured_rotation),
+            world_from_body: Some(Isometry3::from_parts(measured_position.into(), measured_rotation)),
             velocity_origin_world: None,
             rate_body: None,
             acceleration_origin_body: None,
@@ -71,6 +71,7 @@ pub fn simulate(seed: u64) -> Result<Demo, DynamicsError> {
                 wrench.torque + noise.vector(WRENCH_NOISE.0),
                 wrench.force + noise.vector(WRENCH_NOISE.1),
             )),
+            ..MotionSample::default()
         });
         for i in 0..SUBSTEPS {
             let substep_s = STEP_S / f64::from(SUBSTEPS);

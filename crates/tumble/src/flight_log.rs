@@ -29,7 +29,7 @@ pub fn measured(flown: &Execution, sigma: &NoiseTable, noise: &mut Gaussian) -> 
         let wrench = &sample.realized_wrench_body;
         MotionSample {
             time_ns: nanoseconds(sample.time_s),
-            world_from_body: Isometry3::from_parts(position.into(), rotation),
+            world_from_body: Some(Isometry3::from_parts(position.into(), rotation)),
             velocity_origin_world: None,
             rate_body: None,
             acceleration_origin_body: None,
@@ -37,6 +37,7 @@ pub fn measured(flown: &Execution, sigma: &NoiseTable, noise: &mut Gaussian) -> 
                 wrench.torque + noise.vector(sigma.torque_n_m),
                 wrench.force + noise.vector(sigma.force_n),
             )),
+            ..MotionSample::default()
         }
     };
     flown.samples.iter().map(sample).collect()
@@ -55,7 +56,7 @@ pub fn csv(flown: &Execution, measured: &[MotionSample]) -> String {
     for (flown, measured) in flown.samples.iter().zip(measured) {
         let (truth, twist) = (&flown.state.world_from_body, &flown.state.twist_body);
         text += &time_cell(measured.time_ns);
-        push_pose(&mut text, &measured.world_from_body);
+        push_pose(&mut text, &measured.world_from_body.unwrap_or_default());
         push_wrench(&mut text, &measured.wrench_body.unwrap_or_else(Wrench::zero));
         push_pose(&mut text, truth);
         push_numbers(&mut text, (truth.rotation * twist.linear).iter().chain(&twist.angular));

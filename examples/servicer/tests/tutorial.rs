@@ -81,11 +81,9 @@ fn record(seed: u64, spoiled: bool) -> Vec<MotionSample> {
         felt.torque += told.acted.stored_body.cross(&robot.state().twist_body.angular);
         record.push(MotionSample {
             time_ns: i64::from(k) * PERIOD_NS,
-            world_from_body: pose,
-            velocity_origin_world: None,
-            rate_body: None,
-            acceleration_origin_body: None,
+            world_from_body: Some(pose),
             wrench_body: Some(felt),
+            ..MotionSample::default()
         });
     }
     record

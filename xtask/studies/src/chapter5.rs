@@ -114,7 +114,7 @@ pub fn thesis_flight(body: &Body, seed: u64) -> Flight {
 pub fn row(flight: &Flight, method: Method, k: usize) -> Option<(Regressor<f64>, Vector6<f64>)> {
     let record = &flight.record;
     let poses = |lag: usize| -> Option<PoseTriple<f64>> {
-        let at = |k: usize| record.get(k).map(|sample| &sample.world_from_body);
+        let at = |k: usize| record.get(k).and_then(|sample| sample.world_from_body.as_ref());
         let triple: [&Pose<f64>; 3] = [at(k.checked_sub(lag)?)?, at(k)?, at(k + lag)?];
         let step_s = flight.step_s * lag as f64;
         PoseTriple::try_new(triple, step_s, step_s, &ObserverFrame::inertial()).ok()
@@ -127,7 +127,7 @@ pub fn row(flight: &Flight, method: Method, k: usize) -> Option<(Regressor<f64>,
                 .iter()
                 .map(|sample| {
                     Some(StateSample {
-                        world_from_body: sample.world_from_body,
+                        world_from_body: sample.world_from_body?,
                         velocity_origin_world: sample.velocity_origin_world?,
                         rate_body: sample.rate_body?,
                         wrench_body: sample.wrench_body?,

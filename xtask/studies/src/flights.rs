@@ -238,7 +238,7 @@ fn logged(instant: &Instant, wrench: &Wrench<f64>, time_ns: i64, noise: &Noise, 
     let mut measured = |truth: Vector3<f64>, sigma: Option<f64>| sigma.map(|sigma| truth + random.vector(sigma));
     MotionSample {
         time_ns,
-        world_from_body: Pose::from_parts(Translation3::from(position), instant.world_from_body.rotation * turn),
+        world_from_body: Some(Pose::from_parts(Translation3::from(position), instant.world_from_body.rotation * turn)),
         velocity_origin_world: measured(instant.velocity_origin_world, noise.velocity),
         rate_body: measured(instant.rate_body, noise.rate),
         acceleration_origin_body: measured(instant.acceleration_origin_body, noise.acceleration),
@@ -246,6 +246,7 @@ fn logged(instant: &Instant, wrench: &Wrench<f64>, time_ns: i64, noise: &Noise, 
             wrench.torque + random.vector(noise.torque),
             wrench.force + random.vector(noise.force),
         )),
+        ..MotionSample::default()
     }
 }
 

@@ -433,7 +433,7 @@ impl<'p> Assembler<'p> {
                 m.header.frame_id.clone_into(&mut self.motion_frame);
                 let sample = pose(time_ns, &m.pose.position, &m.pose.orientation);
                 sample.map(|sample| MotionSample {
-                    velocity_origin_world: Some(sample.world_from_body.rotation * m.twist.linear),
+                    velocity_origin_world: sample.world_from_body.map(|pose| pose.rotation * m.twist.linear),
                     rate_body: Some(m.twist.angular),
                     ..sample
                 })
@@ -583,11 +583,8 @@ fn pose(time_ns: i64, position: &Vector3<f64>, q: &Quaternion<f64>) -> Option<Mo
     let rotation = tumble_lie::from_xyzw(q.i, q.j, q.k, q.w, QUATERNION_NORM_TOLERANCE).ok()?;
     is_finite(position).then(|| MotionSample {
         time_ns,
-        world_from_body: Isometry3::from_parts((*position).into(), rotation),
-        velocity_origin_world: None,
-        rate_body: None,
-        acceleration_origin_body: None,
-        wrench_body: None,
+        world_from_body: Some(Isometry3::from_parts((*position).into(), rotation)),
+        ..MotionSample::default()
     })
 }
 

@@ -39,9 +39,12 @@ pub fn read_flight(
             sink.begin(&columns)?;
             begun = true;
         }
-        let pose = &sample.world_from_body;
+        let pose = sample.world_from_body.map_or([const { Cell::Empty }; 7], |pose| {
+            let ([x, y, z], [i, j, k, w]) = (pose.translation.vector.into(), pose.rotation.coords.into());
+            [x, y, z, i, j, k, w].map(Cell::Number)
+        });
         cells.clear();
-        cells.extend(pose.translation.vector.iter().chain(&pose.rotation.coords).map(|number| Cell::Number(*number)));
+        cells.extend(pose);
         cells.extend(vector(sample.velocity_origin_world, held.velocity));
         cells.extend(vector(sample.rate_body, held.rate));
         cells.extend(vector(sample.acceleration_origin_body, held.acceleration));

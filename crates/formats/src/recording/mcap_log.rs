@@ -384,11 +384,12 @@ impl MeasuredColumns {
                     let same_row = beside.time_ns == message.log_time_ns;
                     Some(Box::new(MotionSample {
                         time_ns: message.log_time_ns,
-                        world_from_body: Pose::from_parts(Vector3::from(position).into(), rotation),
+                        world_from_body: Some(Pose::from_parts(Vector3::from(position).into(), rotation)),
                         velocity_origin_world: beside.velocity.filter(|_| same_row),
                         rate_body: beside.rate.filter(|_| same_row),
                         acceleration_origin_body: beside.acceleration.filter(|_| same_row),
                         wrench_body: None,
+                        ..MotionSample::default()
                     }))
                 });
                 *unread += usize::from(sample.is_none());

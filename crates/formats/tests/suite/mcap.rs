@@ -603,8 +603,8 @@ fn a_log_of_ours_is_a_flight() {
     let vector = |n: u32, column: u32| Vector3::new(0.0, 1.0, 2.0).add_scalar(f64::from(100 * n + column));
     for (n, sample) in (0..).zip(&samples) {
         assert_eq!(sample.time_ns, i64::from(n) * 16_000_000);
-        assert_eq!(sample.world_from_body.translation.vector, vector(n, 0));
-        assert!((sample.world_from_body.rotation.coords.y - 0.6).abs() < 1e-15);
+        assert_eq!(sample.world_from_body.unwrap().translation.vector, vector(n, 0));
+        assert!((sample.world_from_body.unwrap().rotation.coords.y - 0.6).abs() < 1e-15);
         let beside = [sample.velocity_origin_world, sample.rate_body, sample.acceleration_origin_body];
         assert_eq!(beside, [7, 10, 13].map(|column| (n != 1).then(|| vector(n, column))), "{n}");
         let wrench = sample.wrench_body.unwrap();

@@ -206,6 +206,9 @@ impl Series {
         if rows.iter().all(|row| row.wrench_body.is_none()) {
             return Err(IdentificationError::MissingColumn(Column::Wrench));
         }
+        if rows.iter().any(|row| row.stored_momentum_body.is_some() || row.besides_body.is_some()) {
+            return Err(IdentificationError::WrenchBeside);
+        }
         let chart = settings.chart;
         let coordinates = chart.channels();
         let mut columns = vec![Vec::with_capacity(rows.len()); 3 + coordinates + 6];
@@ -215,7 +218,8 @@ impl Series {
             AttitudeChart::Quaternion => Vector4::w(),
         };
         for (index, row) in rows.iter().enumerate() {
-            let pose = start_from_world * row.world_from_body;
+            let pose =
+                start_from_world * row.world_from_body.ok_or(IdentificationError::MissingColumn(Column::Pose))?;
             attitude = chart.coordinates(&pose.rotation, &attitude);
             let wrench = row.wrench_body.ok_or(IdentificationError::WrenchMissing { index })?.to_vector();
             let position = pose.translation.vector;

@@ -6,7 +6,7 @@ use super::rows::{Regression, Rows, Scheme};
 use super::timeline::Timeline;
 use super::{Identification, Plan, Way};
 use crate::BodyScale;
-use crate::error::IdentificationError;
+use crate::error::{Column, IdentificationError};
 use crate::motion::MotionSample;
 use crate::regressors::Regressor;
 use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow, whitened};
@@ -194,8 +194,16 @@ pub(super) fn best_fit(
             with_lag(Regression::Variational, settings.lag.unwrap_or(1))
                 .or_else(|error| with_lag(Regression::NewtonEuler, settings.lag.unwrap_or(1)).map_err(|_| error))
         }
-        // Rates and velocities need no equal steps.
-        Ok(found) if automatic && 2 * found.rows.skipped_unequal > found.rows.windows => {
+        // Rates and accelerations need no poses, and know better what they miss.
+        Err(IdentificationError::MissingColumn(Column::Pose)) if automatic => {
+            with_lag(Regression::NewtonEuler, settings.lag.unwrap_or(1))
+        }
+        // Rates and velocities need no equal steps, rates and accelerations no poses.
+        Ok(found)
+            if automatic
+                && (2 * found.rows.skipped_unequal > found.rows.windows
+                    || 2 * found.rows.without_pose > found.rows.windows) =>
+        {
             with_lag(Regression::NewtonEuler, settings.lag.unwrap_or(1)).or(Ok(found))
         }
         other => other,

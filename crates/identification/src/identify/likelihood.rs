@@ -136,6 +136,7 @@ fn is_about_the_data(error: &IdentificationError) -> bool {
             | IdentificationError::Indefinite { .. }
             | IdentificationError::LikelihoodNotConverged { .. }
             | IdentificationError::TooFewSamples { .. }
+            | IdentificationError::CoarseSteps { .. }
     )
 }
 

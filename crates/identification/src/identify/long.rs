@@ -51,6 +51,11 @@ impl LongRecord {
     /// # Errors
     /// As [`identify`].
     pub fn try_new(first: &[MotionSample], settings: &Settings) -> Result<Option<Self>, IdentificationError> {
+        if first.iter().any(|row| {
+            row.stored_momentum_body.is_some() || row.besides_body.is_some() || row.world_from_body.is_none()
+        }) {
+            return Ok(None);
+        }
         if settings.estimate != Nuisances::default() || ![AUTO, MAXIMUM_LIKELIHOOD].contains(&settings.method) {
             return Ok(None);
         }

@@ -19,6 +19,8 @@ pub(super) struct SampleNoise {
     pub(super) position_m: f64,
     pub(super) rate_rad_s: f64,
     pub(super) velocity_m_s: f64,
+    /// Of a record without any pose only.
+    pub(super) acceleration_m_s2: f64,
 }
 
 impl SampleNoise {
@@ -48,14 +50,33 @@ impl SampleNoise {
                 let (a, b) = (&record[i], &record[i + 1]);
                 let rate = b.rate_body? - a.rate_body?;
                 let velocity = b.velocity_origin_world? - a.velocity_origin_world?;
-                let seen: Vector3<f64> = a.world_from_body.rotation.inverse_transform_vector(&velocity);
+                let seen: Vector3<f64> = a.world_from_body?.rotation.inverse_transform_vector(&velocity);
                 let change = Vector6::new(rate.x, rate.y, rate.z, seen.x, seen.y, seen.z);
                 Some((i, change, a.wrench_body?.to_vector()))
             })
             .collect();
         let (angular, linear) = unexplained(&series);
         (noise.rate_rad_s, noise.velocity_m_s) = (angular / 252.0_f64.sqrt(), linear / 252.0_f64.sqrt());
+        if record.iter().all(|sample| sample.world_from_body.is_none()) {
+            noise.of_accelerations(record, timeline);
+        }
         noise
+    }
+
+    /// Of rates and accelerations, where nothing else was seen.
+    fn of_accelerations(&mut self, record: &[MotionSample], timeline: &Timeline) {
+        let series: Vec<_> = (0..timeline.len() - 1)
+            .filter(|&i| timeline.equal_steps(i, i + 1))
+            .filter_map(|i| {
+                let (a, b) = (&record[i], &record[i + 1]);
+                let (rate, seen) = (b.rate_body? - a.rate_body?, a.acceleration_origin_body?);
+                let change = Vector6::new(rate.x, rate.y, rate.z, seen.x, seen.y, seen.z);
+                Some((i, change, a.wrench_body?.to_vector()))
+            })
+            .collect();
+        let (angular, linear) = unexplained(&series);
+        // The rates are differenced five times, the accelerations four: 70.
+        (self.rate_rad_s, self.acceleration_m_s2) = (angular / 252.0_f64.sqrt(), linear / 70.0_f64.sqrt());
     }
 
     /// What this noise does to the rows of a scheme.
@@ -65,10 +86,15 @@ impl SampleNoise {
             _ => (self.attitude_rad, self.position_m, step_s * step_s),
         };
         let gain = scheme.noise_gain() / (steps * steps);
+        let samples = (2 * scheme.reach()) as f64;
+        let of_mean_acceleration = match scheme.regression {
+            Regression::NewtonEuler => self.acceleration_m_s2 * self.acceleration_m_s2 / samples,
+            _ => 0.0,
+        };
         RowNoise {
             correlation_length: 2 * scheme.reach(),
             angular_acceleration_variance: angular * angular * gain,
-            acceleration_variance: linear * linear * gain,
+            acceleration_variance: linear * linear * gain + of_mean_acceleration,
         }
     }
 }

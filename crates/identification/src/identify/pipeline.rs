@@ -1,11 +1,13 @@
 //! Identification by any estimator, constrained by any solver.
 
+use super::environment::in_environment;
 use super::problem::{Chosen, JointFilter, Problem, Regressed};
 use super::recursion::{self, Replaced};
 use super::verdict::Beside;
 use super::{BUILT_IN, Identification, Plan, Settings, Way, run};
 use crate::BodyScale;
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, PseudoInertiaCone};
+use crate::dynamics::Environment;
 use crate::estimator::{Estimator, EstimatorError, Finding, Judge, Replay};
 use crate::likelihood::MaximumLikelihood;
 use crate::motion::MotionSample;
@@ -98,6 +100,7 @@ pub struct Pipeline {
     own: Vec<&'static str>,
     solver: Box<dyn Fn(BodyScale) -> Box<dyn ConstrainedLeastSquares<10>> + Send + Sync>,
     levels: Option<Judge>,
+    environment: Environment,
 }
 
 impl Default for Pipeline {
@@ -109,7 +112,13 @@ impl Default for Pipeline {
 impl Pipeline {
     /// The built-in methods, the interior point, the usual judge.
     pub fn new() -> Self {
-        Self { methods: methods(), own: Vec::new(), solver: Box::new(interior_point), levels: None }
+        Self {
+            methods: methods(),
+            own: Vec::new(),
+            solver: Box::new(interior_point),
+            levels: None,
+            environment: Environment::default(),
+        }
     }
 
     /// Adds an estimator, made anew for the problem of each record; one of the same name is replaced, a built-in one too.
@@ -145,6 +154,13 @@ impl Pipeline {
         self
     }
 
+    /// What acts on the body beside the logged wrench, as in [`identify_in`](crate::identify_in).
+    #[must_use]
+    pub fn acted_on_by(mut self, environment: Environment) -> Self {
+        self.environment = environment;
+        self
+    }
+
     /// What can be asked for by name.
     pub fn methods(&self) -> &Methods {
         &self.methods
@@ -157,6 +173,16 @@ impl Pipeline {
     /// what it hands over that cannot be, with its name.
     pub fn identify(&self, record: &[MotionSample], settings: &Settings) -> Result<Identification, EstimatorError> {
         self.methods.check(settings.method)?;
+        if !self.environment.is_empty() {
+            let levels = self.levels.unwrap_or(Judge::new(BodyScale::try_new(1.0, 1.0).map_err(EstimatorError::from)?));
+            let identified = |record: &[MotionSample], settings: &Settings| self.under_logged(record, settings);
+            return in_environment(record, settings, &self.environment, levels, identified);
+        }
+        self.under_logged(record, settings)
+    }
+
+    /// Where the logged wrench is all that acts.
+    fn under_logged(&self, record: &[MotionSample], settings: &Settings) -> Result<Identification, EstimatorError> {
         let solver = |scale: BodyScale| (self.solver)(scale);
         let own = self.own.contains(&settings.method);
         let known = Settings { method: if own { super::AUTO } else { settings.method }, ..*settings };

@@ -28,7 +28,8 @@ use nalgebra::{SMatrix, Vector3};
 pub struct Problem {
     /// When the logged wrench acts.
     pub wrench_timing: WrenchTiming,
-    /// Gravitational acceleration, inertial axes, m/s^2. Wrenches that act beside the logged one belong beside it.
+    /// Gravitational acceleration, inertial axes, m/s^2. What else acts beside the logged wrench is made part of it by
+    /// [`with_all_that_acts`](crate::with_all_that_acts).
     pub gravity_world: Vector3<f64>,
     /// What the likelihood estimates beside the ten parameters.
     pub estimate: Nuisances,
@@ -89,7 +90,7 @@ impl Problem {
                 position_m: noise.position_m,
                 rate_rad_s: noise.rate_rad_s,
                 velocity_m_s: noise.velocity_m_s,
-                acceleration_m_s2: 0.0,
+                acceleration_m_s2: noise.acceleration_m_s2,
             },
         }
     }
@@ -109,8 +110,8 @@ impl Problem {
     }
 
     fn sample_noise(&self) -> SampleNoise {
-        let Noise { attitude_rad, position_m, rate_rad_s, velocity_m_s, .. } = self.noise;
-        SampleNoise { attitude_rad, position_m, rate_rad_s, velocity_m_s }
+        let Noise { attitude_rad, position_m, rate_rad_s, velocity_m_s, acceleration_m_s2, .. } = self.noise;
+        SampleNoise { attitude_rad, position_m, rate_rad_s, velocity_m_s, acceleration_m_s2 }
     }
 
     /// The rows `regressor * parameters = wrench` of a record, in the order of time.

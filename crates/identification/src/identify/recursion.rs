@@ -8,6 +8,7 @@ use super::solution::{from_covariance, weak_prior};
 use super::timeline::Timeline;
 use super::verdict::Beside;
 use super::{Noise, Plan, Settings, Way};
+use crate::beside::{beside, refuse_coarse_steps};
 use crate::body_scale::BodyScale;
 use crate::consistency::PseudoInertiaCone;
 use crate::dynamics::{LogCholesky, RigidBodyState};
@@ -208,7 +209,7 @@ pub(super) fn filtered(
     let scaled = units.record(record);
     let rows = scaled.as_deref().unwrap_or(record);
     let settings = &Settings { gravity_world: units.gravity(&settings.gravity_world), ..*settings };
-    let SampleNoise { attitude_rad, position_m, rate_rad_s, velocity_m_s } = *noise;
+    let SampleNoise { attitude_rad, position_m, rate_rad_s, velocity_m_s, acceleration_m_s2 } = *noise;
     let about = About {
         noise: units.noise(&Noise {
             torque_n_m: found.torque_residual / gain,
@@ -217,7 +218,7 @@ pub(super) fn filtered(
             position_m,
             rate_rad_s,
             velocity_m_s,
-            acceleration_m_s2: 0.0,
+            acceleration_m_s2,
         }),
         scale: units.scale(scale)?,
     };
@@ -280,7 +281,7 @@ fn filtered_from(
     let begun_at = begun.as_ref().map_or(0, |begun| begun.rows);
     let rest = &record[begun_at..];
     let times = Timeline::try_new(rest)?;
-    let mut joint = Joint::new(rest, &times, settings, about);
+    let mut joint = Joint::new(rest, &times, settings, about)?;
     let (mut known, mut surprise) = if let Some(Begun { noise, known, .. }) = begun {
         joint.noise = MotionNoise { drift: joint.noise.drift, ..noise };
         let pass = joint.extended(&known)?;
@@ -397,7 +398,12 @@ struct Joint {
 }
 
 impl Joint {
-    fn new(record: &[MotionSample], timeline: &Timeline, settings: &Settings, about: &About) -> Self {
+    fn new(
+        record: &[MotionSample],
+        timeline: &Timeline,
+        settings: &Settings,
+        about: &About,
+    ) -> Result<Self, IdentificationError> {
         let step_s = timeline.median_step_s();
         let (noise, length_m) = (&about.noise, about.scale.length_m());
         let attitude_rad = noise.attitude_rad.max(POSE_FLOOR);
@@ -412,41 +418,57 @@ impl Joint {
             force_n: about.noise.force_n,
             drift: SVector::zeros(),
         };
-        let (first, second) = (&record[0], &record[1]);
-        let body_from_world = first.world_from_body.rotation.inverse();
-        let apart = first.world_from_body.between(&second.world_from_body);
-        let seen = Twist::from(LieGroup::log(&apart) / timeline.relative_s(1, 0));
+        // From the first pose on. Where none was seen the world is where the body is at first, moving along with it.
+        let mut seen = (0..record.len()).filter_map(|i| Some((i, record[i].world_from_body?)));
+        let (begin, world_from_body) = seen.next().unwrap_or_default();
+        let second = seen.next();
+        let poseless = record.iter().all(|sample| sample.world_from_body.is_none());
+        let velocity = |sample: &MotionSample| sample.velocity_origin_world.filter(|_| !poseless);
+        let first = &record[begin];
+        let seen = match second {
+            Some((end, pose)) => {
+                Twist::from(LieGroup::log(&world_from_body.between(&pose)) / timeline.relative_s(end, begin))
+            }
+            None => Twist::new(first.rate_body.unwrap_or_default(), Vector3::zeros()),
+        };
         let twist_body = Twist::new(
             first.rate_body.unwrap_or(seen.angular),
-            first.velocity_origin_world.map_or(seen.linear, |v| body_from_world * v),
+            velocity(first).map_or(seen.linear, |v| world_from_body.rotation.inverse() * v),
         );
         // Half the change over the first step is still to come; noise in both poses.
         let turning = 2.0 * attitude_rad / step_s + (seen.angular - twist_body.angular).norm() + seen.angular.norm();
         let moving = 2.0 * position_m / step_s + (seen.linear - twist_body.linear).norm() + seen.linear.norm();
         let start_deviation = SVector::from_fn(|i, _| [attitude_rad, position_m, turning, moving][i / 3]);
+        refuse_coarse_steps(record)?;
+        let beside = beside(record)?;
+        let beside = |i: usize| beside.as_ref().map(|beside| beside[i]);
         let mut held = Wrench::zero();
-        let observations = (1..record.len())
+        let observations = (begin + 1..record.len())
             .map(|i| {
                 let (before, now) = (&record[i - 1], &record[i]);
                 held = before.wrench_body.unwrap_or(held);
                 let next = now.wrench_body.unwrap_or(held);
-                let wrench_body = match settings.wrench_timing {
+                let mut wrench_body = match settings.wrench_timing {
                     WrenchTiming::Held => held,
                     WrenchTiming::Sampled => (held + next) * 0.5,
                 };
+                if let Some(beside) = beside(i - 1) {
+                    wrench_body += beside.mean;
+                }
+                let next = beside(i).map_or(next, |beside| next + beside.here);
                 JointObservation {
                     step_s: timeline.relative_s(i, i - 1),
                     wrench_body,
-                    world_from_body: Some(now.world_from_body),
+                    world_from_body: now.world_from_body,
                     rate_body: now.rate_body,
-                    velocity_origin_world: now.velocity_origin_world,
+                    velocity_origin_world: velocity(now),
                     acceleration_origin_body: now.acceleration_origin_body.map(|a| (a, next)),
                 }
             })
             .collect();
-        let start = RigidBodyState { world_from_body: first.world_from_body, twist_body };
-        let times_ns = record[1..].iter().map(|sample| sample.time_ns).collect();
-        Self { observations, times_ns, start, start_deviation, noise, gravity_world: settings.gravity_world }
+        let start = RigidBodyState { world_from_body, twist_body };
+        let times_ns = record[begin + 1..].iter().map(|sample| sample.time_ns).collect();
+        Ok(Self { observations, times_ns, start, start_deviation, noise, gravity_world: settings.gravity_world })
     }
 
     fn model(&self) -> JointMotion {

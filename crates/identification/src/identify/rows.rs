@@ -3,12 +3,13 @@
 use super::Settings;
 use super::timeline::Timeline;
 use crate::WrenchTiming;
+use crate::beside::{Beside, beside};
 use crate::error::{Column, IdentificationError};
 use crate::lie::{LieGroup, Wrench, rotation_jacobian, skew};
 use crate::motion::MotionSample;
 use crate::regressors::{Extrapolation, ObserverFrame, PoseTriple, Regressor, variational_extrapolated};
 use crate::weighted_least_squares::WrenchRow;
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3, Vector6};
 
 /// Which equations tie the motion to the parameters in rows that are linear in them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -42,6 +43,8 @@ pub(super) struct Rows {
     pub(super) skipped_unequal: usize,
     pub(super) skipped_missing: usize,
     pub(super) skipped_half_turn: usize,
+    /// Of those that miss something, those that miss a pose.
+    pub(super) without_pose: usize,
     /// Samples that take part in a row.
     pub(super) used: usize,
 }
@@ -49,6 +52,7 @@ pub(super) struct Rows {
 enum Skip {
     Unequal,
     Missing,
+    Pose,
     HalfTurn,
 }
 
@@ -138,9 +142,18 @@ impl Scheme {
     /// Where the whole record gives not one row.
     pub(super) fn rows(&self, record: &[MotionSample], timeline: &Timeline) -> Result<Rows, IdentificationError> {
         let reach = self.reach();
-        let mut result =
-            Rows { all: Vec::new(), windows: 0, skipped_unequal: 0, skipped_missing: 0, skipped_half_turn: 0, used: 0 };
+        let mut result = Rows {
+            all: Vec::new(),
+            windows: 0,
+            skipped_unequal: 0,
+            skipped_missing: 0,
+            skipped_half_turn: 0,
+            without_pose: 0,
+            used: 0,
+        };
         let (stride, mut used_until) = (self.stride(), 0);
+        let beside = beside(record)?;
+        let source = Source { record, timeline, beside: beside.as_deref() };
         for node in reach..timeline.len().saturating_sub(reach) {
             if (node - reach) % stride > 1 {
                 continue;
@@ -150,7 +163,7 @@ impl Scheme {
                 continue;
             }
             result.windows += 1;
-            match self.row(record, timeline, node) {
+            match self.row(&source, node) {
                 Ok(row) => {
                     result.all.push(row);
                     result.used += (last + 1).saturating_sub(used_until.max(first));
@@ -158,6 +171,10 @@ impl Scheme {
                 }
                 Err(Skip::Unequal) => result.skipped_unequal += 1,
                 Err(Skip::Missing) => result.skipped_missing += 1,
+                Err(Skip::Pose) => {
+                    result.skipped_missing += 1;
+                    result.without_pose += 1;
+                }
                 Err(Skip::HalfTurn) => result.skipped_half_turn += 1,
             }
         }
@@ -168,11 +185,18 @@ impl Scheme {
     }
 
     fn reason(&self, record: &[MotionSample], found: &Rows) -> IdentificationError {
+        let poseless = record.iter().all(|sample| sample.world_from_body.is_none());
         if !self.wrench_optional && record.iter().all(|sample| sample.wrench_body.is_none()) {
             IdentificationError::MissingColumn(Column::Wrench)
+        } else if poseless && (self.regression != Regression::NewtonEuler || self.gravity_world != Vector3::zeros()) {
+            IdentificationError::MissingColumn(Column::Pose)
         } else if self.regression == Regression::NewtonEuler && record.iter().all(|sample| sample.rate_body.is_none()) {
             IdentificationError::MissingColumn(Column::Rate)
-        } else if self.regression == Regression::NewtonEuler && record.iter().all(|s| s.velocity_origin_world.is_none())
+        } else if poseless && record.iter().all(|sample| sample.acceleration_origin_body.is_none()) {
+            IdentificationError::MissingColumn(Column::Acceleration)
+        } else if self.regression == Regression::NewtonEuler
+            && !poseless
+            && record.iter().all(|s| s.velocity_origin_world.is_none())
         {
             IdentificationError::MissingColumn(Column::Velocity)
         } else if found.skipped_half_turn > 0 {
@@ -182,11 +206,12 @@ impl Scheme {
         }
     }
 
-    fn row(&self, record: &[MotionSample], timeline: &Timeline, node: usize) -> Result<WrenchRow, Skip> {
+    fn row(&self, source: &Source<'_>, node: usize) -> Result<WrenchRow, Skip> {
+        let Source { record, timeline, beside } = *source;
         let reach = self.reach();
         let window = &record[node - reach..=node + reach];
         if self.regression == Regression::NewtonEuler {
-            return self.momentum_row(window, timeline, node);
+            return self.momentum_row(source, window, node);
         }
         if !timeline.equal_steps(node - reach, node + reach) {
             return Err(Skip::Unequal);
@@ -207,10 +232,39 @@ impl Scheme {
                 _ => sample.wrench_body.or(self.wrench_optional.then(Wrench::zero)),
             })
             .collect();
-        let wrench = wrenches
+        let mut wrench = wrenches
             .and_then(|wrenches| self.wrench_timing.node_wrench(&times_s, &wrenches, self.lag, self.extrapolation()))
             .ok_or(Skip::Missing)?;
+        if let Some(beside) = beside {
+            wrench += self.beside_node(&beside[node - reach..=node + reach], &times_s);
+        }
         Ok(WrenchRow { index: node, regressor, wrench: wrench.to_vector() })
+    }
+
+    /// What acts beside at the node, as [`WrenchTiming::node_wrench`] weighs it, but not held over the steps.
+    fn beside_node(&self, beside: &[Beside], times_s: &[f64]) -> Wrench<f64> {
+        let node = self.reach();
+        if self.wrench_timing == WrenchTiming::Sampled {
+            return beside[node].here;
+        }
+        let mut sum = Wrench::zero();
+        for (coefficient, distance) in self.extrapolation().coefficients().iter().zip((1..).map(|i| i * self.lag)) {
+            let (first, middle, last) = (times_s[node - distance], times_s[node], times_s[node + distance]);
+            let (before_s, after_s) = (middle - first, last - middle);
+            let scale = coefficient * 2.0 / (before_s + after_s);
+            for (i, Beside { mean, slope, .. }) in beside[node - distance..node + distance].iter().enumerate() {
+                let (from, to) = (times_s[node - distance + i], times_s[node - distance + i + 1]);
+                let (step_s, halfway) = (to - from, 0.5 * (from + to));
+                // The hat in the middle of the step, and its slope.
+                let (hat, rise) = if i < distance {
+                    ((halfway - first) / before_s, 1.0 / before_s)
+                } else {
+                    ((last - halfway) / after_s, -1.0 / after_s)
+                };
+                sum += *mean * (scale * step_s * hat) + *slope * (scale * step_s.powi(3) / 12.0 * rise);
+            }
+        }
+        sum
     }
 
     fn extrapolated<const LAGS: usize>(
@@ -219,10 +273,10 @@ impl Scheme {
         timeline: &Timeline,
         node: usize,
     ) -> Result<Regressor<f64>, Skip> {
-        let pose = |index: usize| &record[index].world_from_body;
+        let pose = |index: usize| record[index].world_from_body.as_ref().ok_or(Skip::Pose);
         let (before, after) = (node - self.lag, node + self.lag);
         // An observer that moves with the body keeps the increments, and with them the error, small.
-        let travelled = pose(after).translation.vector - pose(before).translation.vector;
+        let travelled = pose(after)?.translation.vector - pose(before)?.translation.vector;
         let observer = ObserverFrame {
             velocity_world: travelled / timeline.relative_s(after, before),
             acceleration_world: self.gravity_world,
@@ -230,15 +284,16 @@ impl Scheme {
         let triple = |i: usize| {
             let (before, after) = (node - i * self.lag, node + i * self.lag);
             PoseTriple::try_new(
-                [pose(before), pose(node), pose(after)],
+                [pose(before)?, pose(node)?, pose(after)?],
                 timeline.relative_s(node, before),
                 timeline.relative_s(after, node),
                 &observer,
             )
+            .map_err(|_| Skip::HalfTurn)
         };
-        let mut triples = [triple(1).map_err(|_| Skip::HalfTurn)?; LAGS];
+        let mut triples = [triple(1)?; LAGS];
         for (i, slot) in triples.iter_mut().enumerate().skip(1) {
-            *slot = triple(i + 1).map_err(|_| Skip::HalfTurn)?;
+            *slot = triple(i + 1)?;
         }
         Ok(variational_extrapolated(&triples))
     }
@@ -248,15 +303,18 @@ impl Scheme {
     ///
     /// Described by an observer that moves and falls with the body at the node, about the origin's position there, and
     /// turned into the body axes of the node.
-    fn momentum_row(&self, window: &[MotionSample], timeline: &Timeline, node: usize) -> Result<WrenchRow, Skip> {
+    fn momentum_row(&self, source: &Source<'_>, window: &[MotionSample], node: usize) -> Result<WrenchRow, Skip> {
+        let timeline = source.timeline;
+        let Some(poses) = window.iter().map(|sample| sample.world_from_body).collect::<Option<Vec<_>>>() else {
+            return self.row_of_accelerations(source, window, node);
+        };
         let first = node - self.lag;
-        let middle = &window[self.lag];
-        let (center, center_velocity) =
-            (middle.world_from_body.translation.vector, middle.velocity_origin_world.ok_or(Skip::Missing)?);
+        let center_velocity = window[self.lag].velocity_origin_world.ok_or(Skip::Missing)?;
+        let center = poses[self.lag].translation.vector;
         let seen = |i: usize| {
             let time_s = timeline.relative_s(first + i, node);
             let moved = (center_velocity + self.gravity_world * (0.5 * time_s)) * time_s;
-            (time_s, window[i].world_from_body.translation.vector - center - moved)
+            (time_s, poses[i].translation.vector - center - moved)
         };
         let momentum = |i: usize| {
             let (time_s, position) = seen(i);
@@ -264,7 +322,7 @@ impl Scheme {
             let rate = sample.rate_body.ok_or(Skip::Missing)?;
             let velocity =
                 sample.velocity_origin_world.ok_or(Skip::Missing)? - center_velocity - self.gravity_world * time_s;
-            let rotation = sample.world_from_body.rotation.to_rotation_matrix().into_inner();
+            let rotation = poses[i].rotation.to_rotation_matrix().into_inner();
             Ok(momentum_regressor(&rotation, &position, &velocity, &rate))
         };
         let (end, last) = (momentum(window.len() - 1)?, window.len() - 1);
@@ -274,21 +332,23 @@ impl Scheme {
             let (time_s, position) = seen(i);
             let (next_s, next_position) = seen(i + 1);
             let step_s = next_s - time_s;
-            let (from, to) = (&window[i].world_from_body.rotation, &window[i + 1].world_from_body.rotation);
-            let wrench =
-                |j: usize| window[j].wrench_body.or(self.wrench_optional.then(Wrench::zero)).ok_or(Skip::Missing);
+            let (from, to) = (&poses[i].rotation, &poses[i + 1].rotation);
+            let wrench = |j: usize| {
+                let logged = window[j].wrench_body.or(self.wrench_optional.then(Wrench::zero)).ok_or(Skip::Missing)?;
+                Ok(source.with_beside(logged, first + j, self.wrench_timing))
+            };
             impulse += match self.wrench_timing {
                 WrenchTiming::Held => {
                     // Mean attitude over the step at constant rate: the left Jacobian of the turn.
                     let turn = LieGroup::log(&from.between(to));
                     let mean = from.to_rotation_matrix().into_inner() * rotation_jacobian(&-turn);
-                    let wrench = wrench(i)?;
+                    let wrench = wrench(i)? + source.turned_slope(first + i, &turn, step_s);
                     let force = mean * wrench.force;
                     Wrench::new(mean * wrench.torque + ((position + next_position) * 0.5).cross(&force), force) * step_s
                 }
                 WrenchTiming::Sampled => {
                     let here = |i: usize, position: &Vector3<f64>| {
-                        let (rotation, wrench) = (&window[i].world_from_body.rotation, wrench(i)?);
+                        let (rotation, wrench) = (&poses[i].rotation, wrench(i)?);
                         let force = rotation * wrench.force;
                         Ok(Wrench::new(rotation * wrench.torque + position.cross(&force), force))
                     };
@@ -301,9 +361,100 @@ impl Scheme {
             };
         }
         let duration_s = timeline.relative_s(first + last, first);
-        let body_from_world = middle.world_from_body.rotation.inverse().to_rotation_matrix().into_inner();
+        let body_from_world = poses[self.lag].rotation.inverse().to_rotation_matrix().into_inner();
         let turn = block_diagonal(&body_from_world) / duration_s;
         Ok(WrenchRow { index: node, regressor: turn * change, wrench: turn * impulse.to_vector() })
+    }
+
+    /// The same without any pose: rates turn the axes along, accelerations say what the origin does, and nothing may fall.
+    ///
+    /// `(R (w x h))' + m R a = R f`, `(R J w)' + R (h x a) = R tau`, integrated over the window in the axes of its node.
+    fn row_of_accelerations(
+        &self,
+        source: &Source<'_>,
+        window: &[MotionSample],
+        node: usize,
+    ) -> Result<WrenchRow, Skip> {
+        let timeline = source.timeline;
+        if self.gravity_world != Vector3::zeros() {
+            return Err(Skip::Pose);
+        }
+        let (first, last) = (node - self.lag, window.len() - 1);
+        let rates: Vec<_> = window.iter().map(|s| s.rate_body.ok_or(Skip::Pose)).collect::<Result<_, _>>()?;
+        let step_s = |i: usize| timeline.relative_s(first + i + 1, first + i);
+        // Axes of each sample in those of the first.
+        let mut axes = vec![Matrix3::identity(); window.len()];
+        let turns: Vec<Vector3<f64>> = (0..last).map(|i| (rates[i] + rates[i + 1]) * (0.5 * step_s(i))).collect();
+        for i in 0..last {
+            axes[i + 1] = axes[i] * Rotation3::new(turns[i]).into_inner();
+        }
+        // Regressor and right-hand side of the integrands at sample i, turned by `axes`.
+        let acting = |i: usize, axes: &Matrix3<f64>| {
+            let acceleration = window[i].acceleration_origin_body.ok_or(Skip::Pose)?;
+            let wrench = window[i].wrench_body.or(self.wrench_optional.then(Wrench::zero)).ok_or(Skip::Missing)?;
+            let wrench = source.with_beside(wrench, first + i, self.wrench_timing);
+            let mut regressor = Regressor::zeros();
+            regressor.fixed_view_mut::<3, 1>(3, 0).copy_from(&(axes * acceleration));
+            regressor.fixed_view_mut::<3, 3>(0, 1).copy_from(&(axes * -skew(&acceleration)));
+            Ok((regressor, block_diagonal(axes) * wrench.to_vector()))
+        };
+        let turning = |i: usize| momentum_regressor(&axes[i], &Vector3::zeros(), &Vector3::zeros(), &rates[i]);
+        let (mut change, mut impulse) = (turning(last) - turning(0), Vector6::zeros());
+        for i in 0..last {
+            let step_s = step_s(i);
+            match self.wrench_timing {
+                WrenchTiming::Held => {
+                    let mean = axes[i] * rotation_jacobian(&-turns[i]);
+                    let (regressor, wrench) = acting(i, &mean)?;
+                    let turned = block_diagonal(&mean) * source.turned_slope(first + i, &turns[i], step_s).to_vector();
+                    change += regressor * step_s;
+                    impulse += (wrench + turned) * step_s;
+                    // Under a held wrench the acceleration changes by what turning adds, `w x (w x c)`.
+                    let centripetal = |i: usize| skew(&rates[i]) * skew(&rates[i]);
+                    let more = mean * (centripetal(i + 1) - centripetal(i)) * (-0.5 * step_s);
+                    let mut of_first_moment = change.fixed_view_mut::<3, 3>(3, 1);
+                    of_first_moment += more;
+                }
+                WrenchTiming::Sampled => {
+                    // Simpson's rule over pairs of steps; windows have an even number of steps.
+                    let weight = step_s / 3.0;
+                    let (a, b) = if i % 2 == 0 { (weight, 2.0 * weight) } else { (2.0 * weight, weight) };
+                    for (i, weight) in [(i, a), (i + 1, b)] {
+                        let (regressor, wrench) = acting(i, &axes[i])?;
+                        change += regressor * weight;
+                        impulse += wrench * weight;
+                    }
+                }
+            }
+        }
+        let turn = block_diagonal(&axes[self.lag].transpose()) / timeline.relative_s(first + last, first);
+        Ok(WrenchRow { index: node, regressor: turn * change, wrench: turn * impulse })
+    }
+}
+
+/// What rows are made of.
+struct Source<'a> {
+    record: &'a [MotionSample],
+    timeline: &'a Timeline,
+    beside: Option<&'a [Beside]>,
+}
+
+impl Source<'_> {
+    /// What the change of that which acts beside adds to its mean in axes that turn meanwhile.
+    fn turned_slope(&self, sample: usize, turn: &Vector3<f64>, step_s: f64) -> Wrench<f64> {
+        let Some(beside) = self.beside.and_then(|beside| beside.get(sample)) else { return Wrench::zero() };
+        let turned = turn * (step_s / 12.0);
+        Wrench::new(turned.cross(&beside.slope.torque), turned.cross(&beside.slope.force))
+    }
+
+    /// All that acts: at a sample, or in the mean over the step that begins with it.
+    fn with_beside(&self, logged: Wrench<f64>, sample: usize, timing: WrenchTiming) -> Wrench<f64> {
+        let Some(beside) = self.beside.and_then(|beside| beside.get(sample)) else { return logged };
+        logged
+            + match timing {
+                WrenchTiming::Held => beside.mean,
+                WrenchTiming::Sampled => beside.here,
+            }
     }
 }
 

@@ -30,17 +30,19 @@ impl Units {
     #[must_use]
     pub fn record(&self, record: &[MotionSample]) -> Vec<MotionSample> {
         let (force, speed) = (self.force(), self.length / self.time);
+        let wrench = |w: Wrench<f64>| Wrench::new(w.torque * (force * self.length), w.force * force);
         #[allow(clippy::cast_possible_truncation)] // saturates
         let told = |sample: &MotionSample| MotionSample {
             time_ns: (sample.time_ns as f64 * self.time).round() as i64,
-            world_from_body: Pose::from_parts(
-                (sample.world_from_body.translation.vector * self.length).into(),
-                sample.world_from_body.rotation,
-            ),
+            world_from_body: sample
+                .world_from_body
+                .map(|pose| Pose::from_parts((pose.translation.vector * self.length).into(), pose.rotation)),
             velocity_origin_world: sample.velocity_origin_world.map(|v| v * speed),
             rate_body: sample.rate_body.map(|w| w / self.time),
             acceleration_origin_body: sample.acceleration_origin_body.map(|a| a * (speed / self.time)),
-            wrench_body: sample.wrench_body.map(|w| Wrench::new(w.torque * (force * self.length), w.force * force)),
+            wrench_body: sample.wrench_body.map(wrench),
+            besides_body: sample.besides_body.map(wrench),
+            stored_momentum_body: sample.stored_momentum_body.map(|h| h * (force * self.length * self.time)),
         };
         record.iter().map(told).collect()
     }

@@ -74,9 +74,10 @@ impl Levels {
     /// From differences so high that no motion is left in them; valid while noise is white and the wrench smooth.
     pub(super) fn from_differences(record: &Record) -> (Self, WrenchPrior) {
         let samples = &record.samples;
-        let positions: Vec<Vector3<f64>> = samples.iter().map(|s| s.position).collect();
-        let turn = |pair: &[Sample]| LieGroup::log(&(pair[0].world_from_body.conjugate() * pair[1].world_from_body));
-        let turns: Vec<Vector3<f64>> = samples.windows(2).map(turn).collect();
+        let posed: Vec<&Sample> = samples.iter().filter(|sample| sample.posed).collect();
+        let positions: Vec<Vector3<f64>> = posed.iter().map(|s| s.position).collect();
+        let turn = |pair: &[&Sample]| LieGroup::log(&(pair[0].world_from_body.conjugate() * pair[1].world_from_body));
+        let turns: Vec<Vector3<f64>> = posed.windows(2).map(turn).collect();
         let column = |of: fn(&Sample) -> Option<Vector3<f64>>| samples.iter().filter_map(of).collect::<Vec<_>>();
         let mut measurements = [1.0; MEASUREMENTS];
         // Fourth differences of poses (the turns are first ones already): squares of the coefficients add up to 70.

@@ -4,8 +4,9 @@ use super::drive::Passage;
 use super::flow::Input;
 use super::sample::Sample;
 use crate::WrenchTiming;
+use crate::beside::{Beside, beside, refuse_coarse_steps};
 use crate::error::{Column, IdentificationError};
-use crate::motion::MotionSample;
+use crate::motion::{MotionSample, filled_poses};
 use core::ops::Range;
 use nalgebra::{Vector3, Vector6};
 
@@ -90,15 +91,29 @@ impl Record {
             }
             same
         });
+        refuse_coarse_steps(record)?;
+        let beside = beside(record)?;
+        let input = |k: usize| {
+            let mut input = input(&wrenches, &steps, k, timing, GAP * median_step_s);
+            if let Some(Beside { mean, slope, .. }) = beside.as_ref().map(|beside| beside[k]) {
+                input.torque += mean.torque;
+                input.force += mean.force;
+                input.torque_slope += slope.torque;
+                input.force_slope += slope.force;
+            }
+            input
+        };
+        let poses = filled_poses(record).ok_or(IdentificationError::MissingColumn(Column::Pose))?;
         let samples = record
             .iter()
             .enumerate()
             .map(|(k, sample)| Sample {
                 time_s: between(0, k),
                 step_s: steps[k],
-                input: input(&wrenches, &steps, k, timing, GAP * median_step_s),
-                position: sample.world_from_body.translation.vector,
-                world_from_body: sample.world_from_body.rotation,
+                input: input(k),
+                posed: sample.world_from_body.is_some(),
+                position: poses[k].translation.vector,
+                world_from_body: poses[k].rotation,
                 velocity: sample.velocity_origin_world,
                 rate: sample.rate_body,
                 acceleration: sample.acceleration_origin_body,
@@ -230,13 +245,12 @@ pub(super) fn change_variance(wrenches: &[Vector6<f64>], lag: usize) -> Vector6<
 }
 
 pub(super) fn is_finite(sample: &MotionSample) -> bool {
-    let pose = &sample.world_from_body;
+    let place = sample.world_from_body.map(|pose| pose.translation.vector);
     let vectors = [sample.velocity_origin_world, sample.rate_body, sample.acceleration_origin_body];
-    let wrench = sample.wrench_body.map(|w| w.torque + w.force);
+    let [wrench, besides] = [sample.wrench_body, sample.besides_body].map(|w| w.map(|w| w.torque + w.force));
     let all = |v: &Vector3<f64>| v.iter().all(|x| x.is_finite());
-    all(&pose.translation.vector)
-        && pose.rotation.coords.iter().all(|x| x.is_finite())
-        && vectors.into_iter().chain([wrench]).flatten().all(|v| all(&v))
+    sample.world_from_body.is_none_or(|pose| pose.rotation.coords.iter().all(|x| x.is_finite()))
+        && vectors.into_iter().chain([place, wrench, besides, sample.stored_momentum_body]).flatten().all(|v| all(&v))
 }
 
 /// Median of a list that is not empty; zero of an empty one.

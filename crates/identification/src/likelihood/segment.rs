@@ -308,39 +308,42 @@ impl<const W: usize> Measured<'_, W> {
         let turning = rotation * skew(rate);
         let delay_lane = calibration.lane(Nuisance::Delay);
 
-        let residual = center - rotation * c - origin_velocity * delay + origin_acceleration * (0.5 * delay * delay)
-            - sample.position;
-        self.push(POSITION, &residual, rows, |row| {
-            *row = *central;
-            add_product(row, &lever, attitude);
-            add_columns(row, CENTER, &-rotation);
-            if delay != 0.0 {
-                add_product(row, &(rotation * skew(&swept) * -delay), attitude);
-                add_product(row, &(lever * -delay), angular);
-                add_product(row, &(Matrix3::identity() * -delay), linear);
-                add_columns(row, CENTER, &(turning * delay));
-            }
-            if let Some(lane) = delay_lane {
-                add_column(row, lane, &(origin_acceleration * delay - origin_velocity));
-            }
-        });
+        if sample.posed {
+            let residual = center - rotation * c - origin_velocity * delay
+                + origin_acceleration * (0.5 * delay * delay)
+                - sample.position;
+            self.push(POSITION, &residual, rows, |row| {
+                *row = *central;
+                add_product(row, &lever, attitude);
+                add_columns(row, CENTER, &-rotation);
+                if delay != 0.0 {
+                    add_product(row, &(rotation * skew(&swept) * -delay), attitude);
+                    add_product(row, &(lever * -delay), angular);
+                    add_product(row, &(Matrix3::identity() * -delay), linear);
+                    add_columns(row, CENTER, &(turning * delay));
+                }
+                if let Some(lane) = delay_lane {
+                    add_column(row, lane, &(origin_acceleration * delay - origin_velocity));
+                }
+            });
 
-        let lag = alpha * (0.5 * delay * delay) - rate * delay;
-        let late = world_from_body * <UnitQuaternion<f64> as LieGroup>::exp(&lag);
-        let residual = LieGroup::log(&(sample.world_from_body.conjugate() * late));
-        self.push(ATTITUDE, &residual, rows, |row| {
-            let inverse = rotation_jacobian_inverse(&residual);
-            if delay == 0.0 {
-                add_product(row, &inverse, attitude);
-            } else {
-                let back = <UnitQuaternion<f64> as LieGroup>::exp(&(rate * delay)).adjoint();
-                add_product(row, &(inverse * back), attitude);
-                add_product(row, &(inverse * -delay), angular);
-            }
-            if let Some(lane) = delay_lane {
-                add_column(row, lane, &(inverse * (alpha * delay - rate)));
-            }
-        });
+            let lag = alpha * (0.5 * delay * delay) - rate * delay;
+            let late = world_from_body * <UnitQuaternion<f64> as LieGroup>::exp(&lag);
+            let residual = LieGroup::log(&(sample.world_from_body.conjugate() * late));
+            self.push(ATTITUDE, &residual, rows, |row| {
+                let inverse = rotation_jacobian_inverse(&residual);
+                if delay == 0.0 {
+                    add_product(row, &inverse, attitude);
+                } else {
+                    let back = <UnitQuaternion<f64> as LieGroup>::exp(&(rate * delay)).adjoint();
+                    add_product(row, &(inverse * back), attitude);
+                    add_product(row, &(inverse * -delay), angular);
+                }
+                if let Some(lane) = delay_lane {
+                    add_column(row, lane, &(inverse * (alpha * delay - rate)));
+                }
+            });
+        }
 
         if let Some(measured) = sample.velocity {
             let residual = origin_velocity - origin_acceleration * delay - measured;

@@ -153,12 +153,14 @@ impl Stream {
             let lag = super::whole(step_s / self.median_step_s).clamp(1, self.history.len() / 2);
             doubt = Some(doubt.unwrap_or_else(Vector6::zeros) + change_variance(&self.history, lag));
         }
+        let pose = row.world_from_body.unwrap_or_default();
         let sample = Sample {
             time_s: (row.time_ns - self.start_ns) as f64 * 1e-9,
             step_s,
             input: input(&wrenches[..count], &steps[..count], k - first, self.timing, self.gap_s),
-            position: row.world_from_body.translation.vector,
-            world_from_body: row.world_from_body.rotation,
+            posed: true,
+            position: pose.translation.vector,
+            world_from_body: pose.rotation,
             velocity: row.velocity_origin_world,
             rate: row.rate_body,
             acceleration: row.acceleration_origin_body,

@@ -8,7 +8,7 @@ use super::{
     Approach, Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, eliminated, not_excited, result,
 };
 use crate::dynamics::InertialParameters;
-use crate::error::IdentificationError;
+use crate::error::{Column, IdentificationError};
 use crate::estimator::{EstimatorError, Finding, Outcome, RecursiveEstimator};
 use crate::lie::Wrench;
 use crate::motion::MotionSample;
@@ -137,6 +137,12 @@ impl FixedLag {
     }
 
     fn take(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
+        if row.stored_momentum_body.is_some() || row.besides_body.is_some() {
+            return Err(IdentificationError::WrenchBeside);
+        }
+        if row.world_from_body.is_none() {
+            return Err(IdentificationError::MissingColumn(Column::Pose));
+        }
         if self.settings.likelihood.nuisances.iter().any(|nuisance| nuisance.is_a_time()) {
             return Err(IdentificationError::NeedsWholeRecord);
         }

@@ -1,7 +1,7 @@
 //! The delay between wrench and measured motion, below the sample time.
 
 use super::sum_over_distances;
-use crate::error::IdentificationError;
+use crate::error::{Column, IdentificationError};
 use crate::likelihood::identifiability::{Quantity, Verdict};
 use crate::motion::MotionSample;
 use crate::savitzky_golay::SavitzkyGolay;
@@ -54,7 +54,8 @@ impl Signals<6, 6, 6> {
     /// # Frame
     /// Body axes, about the body origin. `gravity_world` in inertial axes.
     /// # Errors
-    /// [`IdentificationError::TooFewSamples`] where no run is long enough.
+    /// [`IdentificationError::TooFewSamples`] where no run is long enough; [`IdentificationError::MissingColumn`] where poses must
+    /// stand in for rates, velocities or accelerations and are not all there.
     pub fn from_record(
         record: &[MotionSample],
         timing: WrenchTiming,
@@ -72,7 +73,8 @@ impl Signals<6, 6, 6> {
         let derivative = |samples: Vec<Vector3<f64>>| {
             filter.smooth_vectors(&samples, step_s).into_iter().map(|[_, first, _]| first).collect::<Vec<_>>()
         };
-        let poses: Vec<_> = run.iter().map(|sample| sample.world_from_body).collect();
+        let missing = || IdentificationError::MissingColumn(Column::Pose);
+        let pose = |sample: &MotionSample| sample.world_from_body.ok_or_else(missing);
         let (rates, velocities) = (column(|s| s.rate_body), column(|s| s.velocity_origin_world));
         let held = timing == WrenchTiming::Held;
         let measured: Option<Vec<_>> =
@@ -80,7 +82,7 @@ impl Signals<6, 6, 6> {
         let products =
             |w: &Vector3<f64>| SVector::from([w.x * w.x, w.y * w.y, w.z * w.z, w.x * w.y, w.x * w.z, w.y * w.z]);
         let smoothed = if rates.is_none() || (velocities.is_none() && measured.is_none()) {
-            filter.smooth_poses(&poses, step_s)
+            filter.smooth_poses(&run.iter().map(pose).collect::<Result<Vec<_>, _>>()?, step_s)
         } else {
             Vec::new()
         };
@@ -90,13 +92,16 @@ impl Signals<6, 6, 6> {
         );
         let angular = rates.map_or_else(|| smoothed.iter().map(|m| m.rate_derivative_body).collect(), derivative);
         let in_body = |k: usize, world: &Vector3<f64>| {
-            inner[k].world_from_body.rotation.inverse_transform_vector(&(world - gravity_world))
+            Ok(pose(&inner[k])?.rotation.inverse_transform_vector(&(world - gravity_world)))
         };
-        let linear: Vec<Vector3<f64>> = measured.unwrap_or_else(|| {
-            let world: Vec<_> =
-                velocities.map_or_else(|| smoothed.iter().map(|m| m.acceleration_origin_world).collect(), derivative);
-            world.iter().enumerate().map(|(k, a)| in_body(k, a)).collect()
-        });
+        let linear: Vec<Vector3<f64>> = match measured {
+            Some(measured) => measured,
+            None => {
+                let seen = || smoothed.iter().map(|m| m.acceleration_origin_world).collect();
+                let world: Vec<_> = velocities.map_or_else(seen, derivative);
+                world.iter().enumerate().map(|(k, a)| in_body(k, a)).collect::<Result<_, IdentificationError>>()?
+            }
+        };
         let stack = |a: &Vector3<f64>, b: &Vector3<f64>| SVector::from([a.x, a.y, a.z, b.x, b.y, b.z]);
         Ok(Self {
             step_s,

@@ -62,8 +62,8 @@ fn spoil(record: &mut [MotionSample], random: &mut Random, wrench_noise: f64, po
             .wrench_body
             .map(|w| Wrench::new(w.torque + random.normal3(wrench_noise), w.force + random.normal3(wrench_noise)));
         let turn = UnitQuaternion::from_scaled_axis(random.normal3(pose_noise));
-        let place = sample.world_from_body.translation.vector + random.normal3(pose_noise);
-        sample.world_from_body = Pose::from_parts(place.into(), sample.world_from_body.rotation * turn);
+        let place = sample.world_from_body.unwrap().translation.vector + random.normal3(pose_noise);
+        sample.world_from_body = Some(Pose::from_parts(place.into(), sample.world_from_body.unwrap().rotation * turn));
     }
 }
 
@@ -71,7 +71,7 @@ fn spoil(record: &mut [MotionSample], random: &mut Random, wrench_noise: f64, po
 fn in_frame(record: &[MotionSample], world: &Pose<f64>, body_from_other: &UnitQuaternion<f64>) -> Vec<MotionSample> {
     let other = Pose::from_parts(Translation3::identity(), *body_from_other);
     let seen = |sample: &MotionSample| MotionSample {
-        world_from_body: world * sample.world_from_body * other,
+        world_from_body: sample.world_from_body.map(|pose| world * pose * other),
         wrench_body: sample
             .wrench_body
             .map(|w| Wrench::new(body_from_other.inverse() * w.torque, body_from_other.inverse() * w.force)),
@@ -465,7 +465,7 @@ impl Estimator for Broken {
                 Finding::of_information(known, magnitudes)
             }
             Defect::WrongFrame => {
-                let turn = turned_parameters(&record[0].world_from_body.rotation.inverse());
+                let turn = turned_parameters(&record[0].world_from_body.unwrap().rotation.inverse());
                 Finding::of_covariance(turn * point, &(turn * found.covariance()? * turn.transpose()), magnitudes)?
             }
             Defect::Fickle => {

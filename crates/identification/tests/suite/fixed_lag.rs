@@ -55,8 +55,9 @@ fn log_of(body: InertialParameters<f64>, held: bool, duration_s: f64, levels: Le
     let mut record = run.record();
     for sample in &mut record {
         let Levels { pose, torque, force } = levels;
-        sample.world_from_body.translation.vector += random.normal3(pose);
-        sample.world_from_body.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(pose));
+        sample.world_from_body.as_mut().unwrap().translation.vector += random.normal3(pose);
+        sample.world_from_body.as_mut().unwrap().rotation *=
+            <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(pose));
         sample.wrench_body =
             sample.wrench_body.map(|w| Wrench::new(w.torque + random.normal3(torque), w.force + random.normal3(force)));
         (sample.rate_body, sample.velocity_origin_world, sample.acceleration_origin_body) = (None, None, None);
@@ -183,8 +184,9 @@ fn survives_spikes() {
         for row in &mut record {
             if random.uniform(0.0, 1.0) < 0.01 {
                 spikes += 1;
-                row.world_from_body.translation.vector += random.direction() * 10e-3;
-                row.world_from_body.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&(random.direction() * 10e-3));
+                row.world_from_body.as_mut().unwrap().translation.vector += random.direction() * 10e-3;
+                row.world_from_body.as_mut().unwrap().rotation *=
+                    <UnitQuaternion<f64> as LieGroup>::exp(&(random.direction() * 10e-3));
             }
         }
         let (steps, spiked) = slide(settings(), &record);
@@ -206,9 +208,10 @@ fn late_start(rest_s: f64) -> Vec<MotionSample> {
         .map(|k| {
             let mut row = moving[0];
             row.time_ns = 16_000_000 * k;
-            row.world_from_body = Pose::identity();
-            row.world_from_body.translation.vector += random.normal3(CUBESAT.pose);
-            row.world_from_body.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(CUBESAT.pose));
+            row.world_from_body = Some(Pose::identity());
+            row.world_from_body.as_mut().unwrap().translation.vector += random.normal3(CUBESAT.pose);
+            row.world_from_body.as_mut().unwrap().rotation *=
+                <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(CUBESAT.pose));
             row.wrench_body = Some(Wrench::new(random.normal3(CUBESAT.torque), random.normal3(CUBESAT.force)));
             row
         })

@@ -179,8 +179,8 @@ fn cubesat_record(seed: u64, samples: usize) -> (InertialParameters<f64>, Vec<Mo
     (run.step_ns, run.samples, run.substep_s) = (16_000_000, samples, 0.016);
     let mut record = run.record();
     for s in &mut record {
-        s.world_from_body.translation.vector += random.normal3(1e-3);
-        s.world_from_body.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(1e-3));
+        s.world_from_body.as_mut().unwrap().translation.vector += random.normal3(1e-3);
+        s.world_from_body.as_mut().unwrap().rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(1e-3));
         s.rate_body = s.rate_body.map(|w| w + random.normal3(1e-3));
         s.velocity_origin_world = s.velocity_origin_world.map(|v| v + random.normal3(1e-3));
     }
@@ -274,7 +274,7 @@ fn malformed_records_are_refused_with_numbers() {
     poisoned[9].wrench_body = Some(Wrench::new(Vector3::repeat(f64::NAN), Vector3::zeros()));
     assert!(matches!(identify(&poisoned, &settings), Err(IdentificationError::NotFinite { .. })));
     let mut poisoned = record;
-    poisoned[9].world_from_body.translation.vector.x = f64::INFINITY;
+    poisoned[9].world_from_body.as_mut().unwrap().translation.vector.x = f64::INFINITY;
     assert!(matches!(identify(&poisoned, &settings), Err(IdentificationError::NotFinite { .. })));
 }
 
@@ -290,7 +290,7 @@ fn what_the_data_do_not_say_is_not_invented() {
     // No motion and no wrench.
     let mut still = record.clone();
     for sample in &mut still {
-        sample.world_from_body = Pose::identity();
+        sample.world_from_body = Some(Pose::identity());
         sample.wrench_body = Some(Wrench::zero());
     }
     let found = identify(&still, &Settings::default()).unwrap();

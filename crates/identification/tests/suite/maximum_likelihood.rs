@@ -75,8 +75,9 @@ fn add_noise(record: &mut [MotionSample], levels: Levels, seed: u64) {
     let mut random = Random::new(1000 + seed);
     let Levels { pose, torque, force, all_columns } = levels;
     for sample in record {
-        sample.world_from_body.translation.vector += random.normal3(pose);
-        sample.world_from_body.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(pose));
+        sample.world_from_body.as_mut().unwrap().translation.vector += random.normal3(pose);
+        sample.world_from_body.as_mut().unwrap().rotation *=
+            <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(pose));
         sample.wrench_body =
             sample.wrench_body.map(|w| Wrench::new(w.torque + random.normal3(torque), w.force + random.normal3(force)));
         if all_columns {
@@ -202,11 +203,11 @@ fn spikes_do_little() {
         let mut spiked = record.clone();
         for sample in &mut spiked {
             if random.uniform(0.0, 1.0) < 0.01 {
-                sample.world_from_body.translation.vector += random.direction() * 1.7e-2;
+                sample.world_from_body.as_mut().unwrap().translation.vector += random.direction() * 1.7e-2;
             }
             if random.uniform(0.0, 1.0) < 0.01 {
                 let turn = random.direction() * 1.7e-2;
-                sample.world_from_body.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&turn);
+                sample.world_from_body.as_mut().unwrap().rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&turn);
             }
         }
         let mut pulsed = record.clone();
@@ -396,7 +397,7 @@ fn coloured_noise_is_noticed_and_white_noise_is_not() {
         let (mut random, mut error) = (Random::new(seed), Vector3::zeros());
         for sample in &mut record {
             error = error * 0.5 + random.normal3(2e-3);
-            sample.world_from_body.translation.vector += error;
+            sample.world_from_body.as_mut().unwrap().translation.vector += error;
         }
         assert!(coloured(&identify(&record, &Settings::default()).unwrap()), "{seed}");
     }

@@ -132,7 +132,7 @@ fn what_the_trajectory_likelihood_refuses_is_refused() {
 fn cycles_that_differ_go_to_the_trajectory_likelihood() {
     let (mut samples, load) = flight(33, 8.0, (4, 500), &Noise { position_m: 0.005, attitude_rad: 0.003, ..noise() });
     for sample in &mut samples {
-        sample.world_from_body.translation.vector.y += 0.05 * (sample.time_ns as f64 * 1e-9);
+        sample.world_from_body.as_mut().unwrap().translation.vector.y += 0.05 * (sample.time_ns as f64 * 1e-9);
     }
     let found = identify_periodic(&samples, &HarmonicSettings::new(10.0, 3)).unwrap();
     assert!(has(&found, |w| matches!(w, HarmonicWarning::Leakage { ratio } if *ratio > 3.0)), "{:?}", found.warnings);

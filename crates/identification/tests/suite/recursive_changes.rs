@@ -84,15 +84,15 @@ fn log(seed: u64, samples: usize, onset: usize, factor: f64, noise: f64) -> Vec<
     run.step_ns = 16_000_000;
     run.samples = samples - onset;
     run.start_ns = last.time_ns;
-    run.start = last.world_from_body;
+    run.start = last.world_from_body.unwrap();
     run.velocity_world = last.velocity_origin_world.unwrap();
     run.rate_body = last.rate_body.unwrap();
     record.extend(run.record());
     for sample in &mut record {
         let turn = UnitQuaternion::from_scaled_axis(random.normal3(noise));
-        let attitude = sample.world_from_body.rotation * turn;
-        let place = sample.world_from_body.translation.vector + random.normal3(noise);
-        sample.world_from_body = Pose::from_parts(place.into(), attitude);
+        let attitude = sample.world_from_body.unwrap().rotation * turn;
+        let place = sample.world_from_body.unwrap().translation.vector + random.normal3(noise);
+        sample.world_from_body = Some(Pose::from_parts(place.into(), attitude));
         (sample.rate_body, sample.velocity_origin_world, sample.acceleration_origin_body) = (None, None, None);
         sample.wrench_body =
             sample.wrench_body.map(|w| Wrench::new(w.torque + random.normal3(1e-4), w.force + random.normal3(1e-3)));

@@ -30,8 +30,9 @@ fn realistic(seed: u64, seconds: usize) -> Vec<MotionSample> {
     for sample in &mut record {
         let noise = |random: &mut Random, sigma: f64| random.normal3(sigma);
         let (turn, shift) = (noise(&mut random, 1e-3), noise(&mut random, 1e-3));
-        let attitude = sample.world_from_body.rotation * UnitQuaternion::from_scaled_axis(turn);
-        sample.world_from_body = Pose::from_parts((sample.world_from_body.translation.vector + shift).into(), attitude);
+        let attitude = sample.world_from_body.unwrap().rotation * UnitQuaternion::from_scaled_axis(turn);
+        sample.world_from_body =
+            Some(Pose::from_parts((sample.world_from_body.unwrap().translation.vector + shift).into(), attitude));
         sample.rate_body = sample.rate_body.map(|w| w + noise(&mut random, 1e-3));
         sample.velocity_origin_world = sample.velocity_origin_world.map(|v| v + noise(&mut random, 1e-3));
         sample.acceleration_origin_body = sample.acceleration_origin_body.map(|a| a + noise(&mut random, 1e-2));
@@ -153,7 +154,7 @@ fn tracked(
             .update_rows(&JointObservation {
                 step_s: 0.016,
                 wrench_body: pair[0].wrench_body.unwrap(),
-                world_from_body: Some(pair[1].world_from_body),
+                world_from_body: pair[1].world_from_body,
                 rate_body: None,
                 velocity_origin_world: None,
                 acceleration_origin_body: None,
@@ -179,9 +180,9 @@ fn the_gate_keeps_pose_spikes_out_of_the_joint_filter() {
             if random.uniform(0.0, 1.0) < 0.01 {
                 let mut spike = || Vector3::from_fn(|_, _| random.uniform(-1.0, 1.0).signum() * 1e-2);
                 let (turn, shift) = (spike(), spike());
-                let pose = &sample.world_from_body;
+                let pose = sample.world_from_body.unwrap();
                 let attitude = pose.rotation * UnitQuaternion::from_scaled_axis(turn);
-                sample.world_from_body = Pose::from_parts((pose.translation.vector + shift).into(), attitude);
+                sample.world_from_body = Some(Pose::from_parts((pose.translation.vector + shift).into(), attitude));
             }
         }
         let (found, covariance) = tracked(&clean, seed, None);

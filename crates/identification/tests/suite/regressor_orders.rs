@@ -13,7 +13,7 @@ use tumble_identification::{BodyScale, MotionSample, SquareRootInformation, Wren
 
 fn triple(record: &[MotionSample], node: usize, lag: usize) -> PoseTriple<f64> {
     let seconds = |a: usize, b: usize| (record[b].time_ns - record[a].time_ns) as f64 * 1e-9;
-    let pose = |i: usize| &record[i].world_from_body;
+    let pose = |i: usize| record[i].world_from_body.as_ref().unwrap();
     PoseTriple::try_new(
         [pose(node - lag), pose(node), pose(node + lag)],
         seconds(node - lag, node),
@@ -98,11 +98,12 @@ fn variational_data_give_the_parameters_back() {
             let wrench = signal.at(f64::from(k) * step_s);
             let sample = MotionSample {
                 time_ns: i64::from(k) * 50_000_000,
-                world_from_body: state.world_from_body,
+                world_from_body: Some(state.world_from_body),
                 velocity_origin_world: None,
                 rate_body: None,
                 acceleration_origin_body: None,
                 wrench_body: Some(wrench),
+                ..MotionSample::default()
             };
             state = variational_step(&body, &state, &wrench, step_s).unwrap();
             sample
@@ -199,7 +200,7 @@ fn finite_differences_converge_as_they_claim() {
         let samples: Vec<_> = record
             .iter()
             .map(|s| StateSample {
-                world_from_body: s.world_from_body,
+                world_from_body: s.world_from_body.unwrap(),
                 velocity_origin_world: s.velocity_origin_world.unwrap(),
                 rate_body: s.rate_body.unwrap(),
                 wrench_body: s.wrench_body.unwrap(),
@@ -228,7 +229,7 @@ fn steps_of_different_length_keep_their_own_lengths() {
     let record = record_d(0.025, false);
     let error = |honest: bool| {
         let rows = (4..record.len() - 5).map(|k| {
-            let pose = |i: usize| &record[i].world_from_body;
+            let pose = |i: usize| record[i].world_from_body.as_ref().unwrap();
             let (before_s, after_s) = if honest { (0.1, 0.125) } else { (0.1125, 0.1125) };
             let poses = [pose(k - 4), pose(k), pose(k + 5)];
             let triple = PoseTriple::try_new(poses, before_s, after_s, &ObserverFrame::inertial()).unwrap();

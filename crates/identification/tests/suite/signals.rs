@@ -88,7 +88,7 @@ fn instruments_remove_the_attenuation_of_noisy_poses() {
     let mut run = Run::new(body, &wrench, false);
     (run.samples, run.substep_s) = (601, 0.01);
     let record = run.record();
-    let poses: Vec<_> = record.iter().map(|sample| sample.world_from_body).collect();
+    let poses: Vec<_> = record.iter().map(|sample| sample.world_from_body.unwrap()).collect();
     let exact = rows(&record, &poses, 0.05);
     let noisy = |random: &mut Random| -> Vec<Pose<f64>> {
         let sigma = 1e-4;
@@ -107,7 +107,7 @@ fn instruments_remove_the_attenuation_of_noisy_poses() {
     let rough = InertialParameters::about_com(5.8, Vector3::zeros(), diagonal(1.2, 2.3, 2.5));
     let mut simulation = Run::new(rough, &wrench, false);
     (simulation.samples, simulation.substep_s) = (601, 0.01);
-    let simulated: Vec<_> = simulation.record().iter().map(|sample| sample.world_from_body).collect();
+    let simulated: Vec<_> = simulation.record().iter().map(|sample| sample.world_from_body.unwrap()).collect();
     let instruments: Vec<Regressor<f64>> = rows(&record, &simulated, 0.05).iter().map(|row| row.regressor).collect();
 
     // With its own regressors as instruments the method is least squares.

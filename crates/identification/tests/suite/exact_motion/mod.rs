@@ -153,14 +153,15 @@ impl<'a> Run<'a> {
                 let wdot: Vector3<f64> = field(&x, &u).fixed_rows::<3>(4).into_owned();
                 let sample = MotionSample {
                     time_ns: self.start_ns + k as i64 * self.step_ns,
-                    world_from_body: Pose::from_parts(
+                    world_from_body: Some(Pose::from_parts(
                         Translation3::from(self.start.translation.vector + (r - q * c)),
                         q,
-                    ),
+                    )),
                     velocity_origin_world: Some(v - q * w.cross(&c)),
                     rate_body: Some(w),
                     acceleration_origin_body: Some(u.force / mass - wdot.cross(&c) - w.cross(&w.cross(&c))),
                     wrench_body: Some(u),
+                    ..MotionSample::default()
                 };
                 for i in 0..substeps as usize {
                     let at = |fraction: f64| if self.held { u } else { (self.wrench)(t + (i as f64 + fraction) * h) };

@@ -129,8 +129,9 @@ impl Faulty {
         for (k, row) in rows.iter_mut().enumerate() {
             let logged = command(k + before);
             let level = 1e-3 * self.noise;
-            row.world_from_body.translation.vector += random.normal3(level);
-            row.world_from_body.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(level));
+            row.world_from_body.as_mut().unwrap().translation.vector += random.normal3(level);
+            row.world_from_body.as_mut().unwrap().rotation *=
+                <UnitQuaternion<f64> as LieGroup>::exp(&random.normal3(level));
             row.wrench_body =
                 Some(Wrench::new(logged.0 + random.normal3(0.1 * level), logged.1 + random.normal3(level)));
             if self.all_columns {
@@ -256,11 +257,12 @@ impl Motion {
         let felt = at(f.accelerometer_position).component_mul(&f.accelerometer_scale) + f.accelerometer_bias;
         MotionSample {
             time_ns: (k as f64 * STEP_S * 1e9).round() as i64,
-            world_from_body: Pose::from_parts(Translation3::from(x.center - q * self.arm), q),
+            world_from_body: Some(Pose::from_parts(Translation3::from(x.center - q * self.arm), q)),
             velocity_origin_world: Some(x.velocity - q * x.rate.cross(&self.arm)),
             rate_body: Some(x.rate),
             acceleration_origin_body: Some(felt),
             wrench_body: None,
+            ..MotionSample::default()
         }
     }
 }

@@ -141,11 +141,12 @@ impl PeriodicLog {
 fn sample(time_s: f64, world_from_body: Pose<f64>, wrench: Wrench<f64>) -> MotionSample {
     MotionSample {
         time_ns: (time_s * 1e9).round() as i64,
-        world_from_body,
+        world_from_body: Some(world_from_body),
         velocity_origin_world: None,
         rate_body: None,
         acceleration_origin_body: None,
         wrench_body: Some(wrench),
+        ..MotionSample::default()
     }
 }
 
@@ -158,12 +159,12 @@ pub fn noisy(
 ) -> Vec<MotionSample> {
     let mut random = Random::new(seed);
     for sample in &mut samples {
-        let pose = world_from_start.inverse() * sample.world_from_body;
+        let pose = world_from_start.inverse() * sample.world_from_body.unwrap();
         let angles = EulerZyx::from_rotation(&pose.rotation);
         let turn = random.normal3(noise.attitude_rad);
         let rotation = EulerZyx::new(angles.roll + turn.x, angles.pitch + turn.y, angles.yaw + turn.z).to_rotation();
         let position = pose.translation.vector + random.normal3(noise.position_m);
-        sample.world_from_body = world_from_start * Pose::from_parts(Translation3::from(position), rotation);
+        sample.world_from_body = Some(world_from_start * Pose::from_parts(Translation3::from(position), rotation));
         let error = Wrench::new(random.normal3(noise.torque_n_m), random.normal3(noise.force_n));
         sample.wrench_body = sample.wrench_body.map(|wrench| wrench + error);
     }

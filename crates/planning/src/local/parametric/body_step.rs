@@ -7,13 +7,14 @@ use crate::local::knowledge::{covariance_about_com, parameters_by_about_com, siz
 use crate::local::model::{KINEMATICS, Kinematics};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 use tumble_dynamics::{
-    DynamicsError, FreeFlyerStep, InertialParameters, MuntheKaas4, PARAMETERS, ParametricModel, RigidBodyState,
-    VariationalFreeFlyer,
+    DynamicsError, FreeFlyerIntegrator, FreeFlyerStep, InertialParameters, MuntheKaas4, PARAMETERS, ParametricModel,
+    RigidBodyState, VariationalFreeFlyer,
 };
 use tumble_lie::{Scalar, Twist, real};
 
 /// A step of a free rigid body between motions given in world axes: [`FreeFlyerStep`] with the state and the coordinates of
-/// [`crate::local::RigidBodyModel`], so that settings, references and obstacles mean the same.
+/// [`crate::local::RigidBodyModel`], so that settings, references and obstacles mean the same. Any [`FreeFlyerIntegrator`] steps it,
+/// the user's own too.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BodyStep<I>(pub I);
 
@@ -86,31 +87,28 @@ fn residual<T: Scalar>(state: &Kinematics<T>, reference: &Kinematics<T>) -> SVec
     SVector::from_fn(|i, _| parts[i / 3][i % 3])
 }
 
-macro_rules! body_steps {
-    ($($integrator:ty),*) => {$(
-        impl ParametricModel for BodyStep<$integrator> {
-            type State<T: Scalar> = Kinematics<T>;
-            type Input<T: Scalar> = Vector6<T>;
-            type Parameters<T: Scalar> = SVector<T, PARAMETERS>;
-            fn lift<T: Scalar>(state: &Kinematics<f64>) -> Kinematics<T> {
-                state.lifted()
-            }
-            fn step<T: Scalar>(
-                &self,
-                state: &Kinematics<T>,
-                wrench_body: &Vector6<T>,
-                parameters: &SVector<T, PARAMETERS>,
-                step_s: T,
-            ) -> Result<Kinematics<T>, DynamicsError> {
-                let end = FreeFlyerStep(self.0).step(&to_body_axes(state), wrench_body, parameters, step_s)?;
-                Ok(to_world_axes(&end))
-            }
-        }
-        body_steps!($integrator, 4, PRINCIPAL);
-        body_steps!($integrator, 10, ALL);
-    )*};
-    ($integrator:ty, $unknown:literal, $places:ident) => {
-        impl UncertainBody<$unknown> for BodyStep<$integrator> {
+impl<I: FreeFlyerIntegrator + Copy> ParametricModel for BodyStep<I> {
+    type State<T: Scalar> = Kinematics<T>;
+    type Input<T: Scalar> = Vector6<T>;
+    type Parameters<T: Scalar> = SVector<T, PARAMETERS>;
+    fn lift<T: Scalar>(state: &Kinematics<f64>) -> Kinematics<T> {
+        state.lifted()
+    }
+    fn step<T: Scalar>(
+        &self,
+        state: &Kinematics<T>,
+        wrench_body: &Vector6<T>,
+        parameters: &SVector<T, PARAMETERS>,
+        step_s: T,
+    ) -> Result<Kinematics<T>, DynamicsError> {
+        let end = FreeFlyerStep(self.0).step(&to_body_axes(state), wrench_body, parameters, step_s)?;
+        Ok(to_world_axes(&end))
+    }
+}
+
+macro_rules! uncertain_bodies {
+    ($($unknown:literal, $places:ident);*) => {$(
+        impl<I: FreeFlyerIntegrator + Copy> UncertainBody<$unknown> for BodyStep<I> {
             /// Where the body is does not matter; how fast it moves does, to the accuracy of the step.
             const FIRST_ACTIVE: usize = 3;
             fn believed(
@@ -139,6 +137,6 @@ macro_rules! body_steps {
                 residual(state, reference)
             }
         }
-    };
+    )*};
 }
-body_steps!(VariationalFreeFlyer, MuntheKaas4);
+uncertain_bodies!(4, PRINCIPAL; 10, ALL);
