@@ -11,8 +11,9 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Times that a body is looked for in the wrenches on the last one found.
 const MOST_PASSES: u32 = 12;
-/// Sigmas by which the last pass may still move the body.
-const AT_REST: f64 = 0.05;
+/// Sigmas by which the last pass may still move the body: less than anybody sees, more than the weights of rows, found anew in every
+/// pass, let it wander.
+const AT_REST: f64 = 0.2;
 /// A step larger than this share of the last one is that of a slope taken too far away.
 const SHRINKS: f64 = 0.2;
 /// Change of a parameter, in units of the body's size, from which its effect on the answer is taken: the answer is nearly linear in
