@@ -118,7 +118,7 @@ fn sensors_from_the_first_observation_on() {
         acceleration_origin_body: Vector3::x(),
         angular_acceleration_body: Vector3::zeros(),
     };
-    let before = ALLOCATIONS.get();
+    let before = counting::ALLOCATIONS.get();
     let mut read = 0;
     for k in 0..20_000 {
         localization.observe(&truth(k));
@@ -128,6 +128,6 @@ fn sensors_from_the_first_observation_on() {
     }
     // The second half is read by nobody.
     (20_000..40_000).for_each(|k| localization.observe(&truth(k)));
-    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert_eq!(counting::ALLOCATIONS.get() - before, 0);
     assert!(read > 20_000 && localization.unread() > 0);
 }
