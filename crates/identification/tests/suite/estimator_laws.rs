@@ -209,7 +209,7 @@ impl Observe<[MotionSample]> for Steps {
             take(&JointObservation {
                 step_s: (pair[1].time_ns - pair[0].time_ns) as f64 * 1e-9,
                 wrench_body: pair[0].wrench_body.unwrap_or(Wrench::zero()),
-                world_from_body: Some(pair[1].world_from_body),
+                world_from_body: pair[1].world_from_body,
                 rate_body: None,
                 velocity_origin_world: None,
                 acceleration_origin_body: None,
@@ -238,8 +238,8 @@ fn begun(
     };
     let (before, later) = (&record[after - REACH], &record[after + REACH]);
     let span_s = (later.time_ns - before.time_ns) as f64 * 1e-9;
-    let moved = LieGroup::log(&before.world_from_body.between(&later.world_from_body)) / span_s;
-    let motion = RigidBodyState { world_from_body: record[after].world_from_body, twist_body: Twist::from(moved) };
+    let moved = LieGroup::log(&before.world_from_body.unwrap().between(&later.world_from_body.unwrap())) / span_s;
+    let motion = RigidBodyState { world_from_body: record[after].world_from_body.unwrap(), twist_body: Twist::from(moved) };
     let body = LogCholesky::try_from_parameters(&found.parameters)
         .map_err(tumble_identification::IdentificationError::from)?;
     let (model, state) = (JointMotion { noise, gravity_world: Vector3::zeros() }, JointState { motion, body });
