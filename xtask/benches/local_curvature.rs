@@ -9,7 +9,7 @@ use tumble_planning::local::{Curvature, Factorisation, Stages};
 use tumble_planning::nalgebra::DMatrix;
 use uniform::uniform;
 
-#[path = "../tests/suite/uniform/mod.rs"]
+#[path = "../../crates/planning/tests/suite/uniform/mod.rs"]
 mod uniform;
 
 /// Positions that follow velocities; attitude and rate, the last half, turn the forces.

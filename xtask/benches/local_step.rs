@@ -12,7 +12,7 @@ use tumble_planning::local::{InformativeModel, Kinematics, RigidBodyModel, StepD
 use tumble_planning::nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use uniform::uniform;
 
-#[path = "../tests/suite/uniform/mod.rs"]
+#[path = "../../crates/planning/tests/suite/uniform/mod.rs"]
 mod uniform;
 
 const STEPS: usize = 24;

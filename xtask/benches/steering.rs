@@ -12,7 +12,7 @@ use tumble_planning::nalgebra::{UnitQuaternion, Vector3};
 use tumble_planning::steering::{TranslationLimits, least_time_s, steer, steer_in};
 use uniform::uniform;
 
-#[path = "../tests/suite/uniform/mod.rs"]
+#[path = "../../crates/planning/tests/suite/uniform/mod.rs"]
 mod uniform;
 
 const N: usize = 1024;

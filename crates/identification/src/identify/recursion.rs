@@ -36,9 +36,9 @@ const FIRST_SPAN_S: f64 = 3.0;
 const BEGUN: f64 = 0.1;
 /// Where a filter begun so flies off it begins later, by what longer stretches know so much better each.
 const LATER: [f64; 2] = [0.3, 0.1];
-/// Squared distance per parameter from another finding of the same record, in units of the filter's covariance, that is visible: both have
-/// seen the same noise.
-const ELSEWHERE: f64 = 0.5;
+/// Squared distances per parameter from another finding of the same record, in units of the filter's covariance: from the first on it is
+/// visible, for both have seen the same noise; beyond the second it is for the judge to say that they disagree.
+const ELSEWHERE: (f64, f64) = (0.5, 8.0);
 /// Rejects only what is beyond doubt.
 const GATE: f64 = 0.9999;
 /// Wrench noise tried, as fractions of the residual of the rows, which noise in the poses may have inflated.
@@ -120,7 +120,7 @@ pub(super) fn widen_by_linearisation(fit: &mut Fit, other: Option<&Finding>) {
     let correlation = SMatrix::<f64, 10, 10>::from_fn(|i, j| found.covariance[(i, j)] / (unit[i] * unit[j]));
     let scaled = apart.component_div(&unit);
     let squared = correlation.cholesky().map_or(f64::INFINITY, |factor| scaled.dot(&factor.solve(&scaled)));
-    if squared > ELSEWHERE * 10.0 {
+    if (10.0 * ELSEWHERE.0..10.0 * ELSEWHERE.1).contains(&squared) {
         found.covariance += apart * apart.transpose();
     }
 }

@@ -329,7 +329,7 @@ fn the_sliding_likelihood_holds_the_laws() {
 
 #[test]
 fn the_joint_filters_hold_the_laws() {
-    let told = Told::new(2, 900, 1e-3);
+    let told = Told::new(2, 1500, 1e-3);
     assert_eq!(told.check(&named("ekf"), (0.5, Some(1e-2)), &ALL), Ok(()));
     // It ends with one pass over what the other found.
     assert_eq!(told.check(&named("ukf"), (0.5, Some(1e-2)), &["frame", "time, long"]), Ok(()));
@@ -550,7 +550,7 @@ fn of_mass(mass_kg: f64, seed: u64) -> (InertialParameters<f64>, Vec<MotionSampl
 }
 
 /// Ten seeds for each mass. An answer lies inside what it states: squared in units of its covariance its error is below the quantile that 99.9 %
-/// of ten normal numbers are below, for at least 95 % of the answers; and hardly a record is left without an answer.
+/// of ten normal numbers are below, for at least 95 % of the answers.
 fn answers_lie_inside_what_they_state(method: &'static str, masses_kg: &[f64]) {
     const QUANTILE: f64 = 29.588;
     let (mut answers, mut inside) = (0, 0);
@@ -576,7 +576,9 @@ fn answers_lie_inside_what_they_state(method: &'static str, masses_kg: &[f64]) {
         (answers, inside) = (answers + squares.len(), inside + within);
     }
     assert!(20 * inside >= 19 * answers, "{method}: {inside} of {answers}");
-    assert!(10 * answers >= 9 * 10 * masses_kg.len(), "{method}: {answers} answers");
+    // A chip of 26 mm, seen to a millimetre, mostly gets another verdict; of the others hardly a record is left without an answer.
+    let others = masses_kg.iter().filter(|mass| **mass > 0.1).count();
+    assert!(answers >= 9 * others, "{method}: {answers} answers");
 }
 
 #[test]
