@@ -17,8 +17,8 @@ use tumble_planning::local::{
     RigidBodyModel, SpeedLimits, StepWeighting, Surroundings, WrenchSet,
 };
 use tumble_planning::mission::{
-    AtGoal, BrakeLimits, ComputingTime, ExpectedLoss, InformativeStretch, LoopSettings, Scene, Schedule, StretchModel,
-    StretchPlanner, StretchSettings,
+    AtGoal, BrakeLimits, ChosenModel, ComputingTime, ExpectedLoss, LoopSettings, Scene, Schedule, StretchPlanner,
+    StretchSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
@@ -164,19 +164,15 @@ fn boxed<M, const X: usize, const U: usize, const P: usize>(
     (choice, inertia): (WeightingChoice, &[usize]),
 ) -> Result<Box<dyn StretchPlanner>, PlanningError>
 where
-    M: StretchModel<X, U, P> + Clone + 'static,
-    M::State: 'static,
+    M: ChosenModel<X, U, P>,
 {
-    let planner = InformativeStretch::try_new(model, settings, wrench, weighting::<P>(problem, choice, inertia)?)?;
-    if choice != WeightingChoice::Belief {
-        return Ok(Box::new(planner));
-    }
     let places = problem.unknowns.places();
-    Ok(Box::new(planner.weighted_by_loss(ExpectedLoss {
+    let expected_loss = (choice == WeightingChoice::Belief).then(|| ExpectedLoss {
         tracker_rad_s: TRACKER_RAD_S,
         tracking: settings.tracking,
         places: std::array::from_fn(|index| places.get(index).copied().unwrap_or(usize::MAX)),
-    })))
+    });
+    model.stretch_planner(settings, wrench, weighting::<P>(problem, choice, inertia)?, expected_loss)
 }
 
 fn weighting<const P: usize>(

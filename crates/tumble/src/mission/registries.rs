@@ -76,7 +76,7 @@ fn in_flight(
 pub fn planners() -> Registry<PlanningProblem, dyn GlobalPlanner<EllipsoidWorld>, PlanningError> {
     Registry::<_, dyn GlobalPlanner<EllipsoidWorld>, _>::new("planner")
         .with(PLANNER, "exact edges, better plans for as long as the budget lasts, a bound", |_: &PlanningProblem| {
-            Ok(Box::new(FlightPlanner::default()))
+            Ok(FlightPlanner::default().among_ellipsoids())
         })
         .with(
             "thesis-rrt",
