@@ -68,9 +68,11 @@ pub(super) fn in_environment<E: From<IdentificationError>>(
     let acting = |body: Option<&InertialParameters<f64>>| with_all_that_acts(record, environment, body);
     let mut body = settings.prior.map(|prior| prior.mean);
     let mut acted = acting(body.as_ref())?;
+    // Wrenches on a wrong body look like noise in the poses, so that method and lag are chosen again with every slope, and kept between.
+    let mut chosen = *settings;
     let (mut moved, mut feedback): (_, Option<Feedback>) = (f64::INFINITY, None);
     for _ in 0..MOST_PASSES {
-        let found = identified(&acted, settings)?;
+        let found = identified(&acted, &chosen)?;
         let Some(estimate) = found.estimate else {
             return if moved.is_finite() { Err(unsettled(moved).into()) } else { Ok(found) };
         };
@@ -80,7 +82,8 @@ pub(super) fn in_environment<E: From<IdentificationError>>(
         }
         if let Some(before) = body.map(|body| body.to_vector()) {
             if feedback.is_none() {
-                feedback = Feedback::of(&acting, &found, before, &Settings { prior: None, ..*settings }, &identified)?;
+                chosen = Settings { method: found.method, lag: found.lag_of_rows().or(settings.lag), ..*settings };
+                feedback = Feedback::of(&acting, &found, before, &Settings { prior: None, ..chosen }, &identified)?;
             }
             let Some(known) = &feedback else { return Ok(found) };
             let step = known.amplified * (next.to_vector() - before);
@@ -92,10 +95,20 @@ pub(super) fn in_environment<E: From<IdentificationError>>(
             next = InertialParameters::from_vector(&(before + step));
             // Far from the body that agrees the weights of rows are others.
             feedback = feedback.filter(|_| moved < SHRINKS * last);
+            if feedback.is_none() {
+                chosen = *settings;
+            }
         }
         (body, acted) = (Some(next), acting(Some(&next))?);
     }
     Err(unsettled(moved).into())
+}
+
+impl Identification {
+    /// `None` where the answer is not by rows.
+    fn lag_of_rows(&self) -> Option<usize> {
+        (self.method != super::MAXIMUM_LIKELIHOOD).then_some(self.lag)
+    }
 }
 
 /// How much the body found follows the body on which the wrenches were taken.

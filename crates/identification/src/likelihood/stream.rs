@@ -86,8 +86,8 @@ impl Stream {
     }
 
     /// Takes the next row; gives the sample that is complete now, with the extra variance of its wrench.
-    pub(super) fn push(&mut self, row: MotionSample) -> Result<Read, IdentificationError> {
-        if !is_finite(&row) {
+    pub(super) fn push(&mut self, row: &MotionSample) -> Result<Read, IdentificationError> {
+        if !is_finite(row) {
             return Err(IdentificationError::NotFinite { row: self.count });
         }
         if self.rows.last().is_some_and(|last| row.time_ns <= last.time_ns) {
@@ -97,7 +97,7 @@ impl Stream {
         let wrench = row.wrench_body.map_or(held, |wrench| wrench.to_vector());
         self.count += 1;
         self.remember(wrench);
-        self.rows.push(row);
+        self.rows.push(*row);
         self.wrenches.push(wrench);
         let found = self.sample();
         if self.present > BEFORE {

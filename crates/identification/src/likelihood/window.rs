@@ -131,12 +131,12 @@ impl FixedLag {
     /// [`IdentificationError::LikelihoodNotConverged`]; [`IdentificationError::NeedsWholeRecord`] where a delay or lag is
     /// asked for.
     pub fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
-        let step = self.take(row)?;
+        let step = self.take(&row)?;
         self.last = step.or(self.last);
         Ok(step)
     }
 
-    fn take(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
+    fn take(&mut self, row: &MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
         if row.stored_momentum_body.is_some() || row.besides_body.is_some() {
             return Err(IdentificationError::WrenchBeside);
         }
@@ -151,13 +151,13 @@ impl FixedLag {
             Phase::Bootstrap { rows, next_s, forgotten } => (rows, next_s, forgotten),
         };
         let index = *forgotten + rows.len();
-        if !is_finite(&row) {
+        if !is_finite(row) {
             return Err(IdentificationError::NotFinite { row: index });
         }
         if rows.last().is_some_and(|last| row.time_ns <= last.time_ns) {
             return Err(IdentificationError::TimesNotIncreasing { index });
         }
-        rows.push(row);
+        rows.push(*row);
         let span_s = (row.time_ns - rows[0].time_ns) as f64 * 1e-9;
         let full = rows.len() >= MOST_ROWS;
         if !full && (span_s < *next_s || rows.len() < FEWEST_ROWS) {
@@ -265,7 +265,7 @@ type Start = (Box<dyn Sliding + Send>, FixedLagStep);
 
 /// A window of any width.
 trait Sliding {
-    fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError>;
+    fn push(&mut self, row: &MotionSample) -> Result<Option<FixedLagStep>, IdentificationError>;
     fn noise(&self) -> Noise;
     fn finish(self: Box<Self>) -> Result<LikelihoodEstimate, IdentificationError>;
 }
@@ -432,7 +432,7 @@ fn not_converged(decrement: f64) -> IdentificationError {
 }
 
 impl<const W: usize> Sliding for Window<W> {
-    fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
+    fn push(&mut self, row: &MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
         let read = self.stream.push(row)?;
         self.take(&read)
     }

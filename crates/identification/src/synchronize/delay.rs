@@ -94,13 +94,12 @@ impl Signals<6, 6, 6> {
         let in_body = |k: usize, world: &Vector3<f64>| {
             Ok(pose(&inner[k])?.rotation.inverse_transform_vector(&(world - gravity_world)))
         };
-        let linear: Vec<Vector3<f64>> = match measured {
-            Some(measured) => measured,
-            None => {
-                let seen = || smoothed.iter().map(|m| m.acceleration_origin_world).collect();
-                let world: Vec<_> = velocities.map_or_else(seen, derivative);
-                world.iter().enumerate().map(|(k, a)| in_body(k, a)).collect::<Result<_, IdentificationError>>()?
-            }
+        let linear: Vec<Vector3<f64>> = if let Some(measured) = measured {
+            measured
+        } else {
+            let seen = || smoothed.iter().map(|m| m.acceleration_origin_world).collect();
+            let world: Vec<_> = velocities.map_or_else(seen, derivative);
+            world.iter().enumerate().map(|(k, a)| in_body(k, a)).collect::<Result<_, IdentificationError>>()?
         };
         let stack = |a: &Vector3<f64>, b: &Vector3<f64>| SVector::from([a.x, a.y, a.z, b.x, b.y, b.z]);
         Ok(Self {
