@@ -77,8 +77,7 @@ pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 pub use identify::{
     ConstrainedSolvers, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD, Methods, NodeResidual, Part,
     Pipeline, Prediction, Prior, Problem, Regressed, Regression, Settings, Silence, Validation, Warning,
-    constrained_solvers, identify, identify_in, identify_parts, merge, methods, predict, validate,
-    with_all_that_acts,
+    constrained_solvers, identify, identify_in, identify_parts, merge, methods, predict, validate, with_all_that_acts,
 };
 pub use information::FisherInformation;
 #[cfg(feature = "argmin")]

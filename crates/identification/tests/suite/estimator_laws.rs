@@ -239,7 +239,8 @@ fn begun(
     let (before, later) = (&record[after - REACH], &record[after + REACH]);
     let span_s = (later.time_ns - before.time_ns) as f64 * 1e-9;
     let moved = LieGroup::log(&before.world_from_body.unwrap().between(&later.world_from_body.unwrap())) / span_s;
-    let motion = RigidBodyState { world_from_body: record[after].world_from_body.unwrap(), twist_body: Twist::from(moved) };
+    let motion =
+        RigidBodyState { world_from_body: record[after].world_from_body.unwrap(), twist_body: Twist::from(moved) };
     let body = LogCholesky::try_from_parameters(&found.parameters)
         .map_err(tumble_identification::IdentificationError::from)?;
     let (model, state) = (JointMotion { noise, gravity_world: Vector3::zeros() }, JointState { motion, body });
