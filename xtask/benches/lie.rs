@@ -9,13 +9,12 @@ use std::hint::black_box;
 use tumble_lie::nalgebra::{Rotation3, UnitDualQuaternion, UnitQuaternion, Vector3, Vector6};
 use tumble_lie::{GroupAction, Increment, LieGroup, Pose};
 
-const N: usize = 1024;
+#[path = "../../crates/planning/tests/suite/uniform/mod.rs"]
+mod uniform;
 
-/// Uniform in -1..1, a fixed sequence.
-fn uniform(state: &mut u64) -> f64 {
-    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
+use uniform::uniform;
+
+const N: usize = 1024;
 
 fn lie(criterion: &mut Criterion) {
     let mut state = 1;

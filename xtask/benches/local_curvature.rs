@@ -7,12 +7,10 @@ use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use tumble_planning::local::{Curvature, Factorisation, Stages};
 use tumble_planning::nalgebra::DMatrix;
+use uniform::uniform;
 
-/// Uniform in -1..1, a fixed sequence.
-fn uniform(state: &mut u64) -> f64 {
-    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
+#[path = "../../crates/planning/tests/suite/uniform/mod.rs"]
+mod uniform;
 
 /// Positions that follow velocities; attitude and rate, the last half, turn the forces.
 fn stages<const X: usize, const U: usize>(steps: usize, columns: usize) -> Stages<X, U> {

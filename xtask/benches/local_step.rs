@@ -10,15 +10,13 @@ use tumble_dynamics::InertialParameters;
 use tumble_planning::ModelBelief;
 use tumble_planning::local::{InformativeModel, Kinematics, RigidBodyModel, StepDerivatives};
 use tumble_planning::nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use uniform::uniform;
+
+#[path = "../../crates/planning/tests/suite/uniform/mod.rs"]
+mod uniform;
 
 const STEPS: usize = 24;
 const STEP_S: f64 = 0.5;
-
-/// Uniform in -1..1, a fixed sequence.
-fn uniform(state: &mut u64) -> f64 {
-    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
 
 fn sweeps<const P: usize>(group: &mut BenchmarkGroup<'_, WallTime>, mut model: RigidBodyModel<P>, offset_m: f64) {
     let mut seed = 1;

@@ -10,14 +10,12 @@ use tumble_dynamics::AlignedBox;
 use tumble_planning::TranslationState;
 use tumble_planning::nalgebra::{UnitQuaternion, Vector3};
 use tumble_planning::steering::{TranslationLimits, least_time_s, steer, steer_in};
+use uniform::uniform;
+
+#[path = "../../crates/planning/tests/suite/uniform/mod.rs"]
+mod uniform;
 
 const N: usize = 1024;
-
-/// Uniform in -1..1, a fixed sequence.
-fn uniform(state: &mut u64) -> f64 {
-    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
 
 fn steering(criterion: &mut Criterion) {
     let mut seed = 1;

@@ -8,15 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-use crate::command::{cargo, is_installed, line, root, studies, target_dir};
+use crate::command::{Outcome, cargo, is_installed, line, root, shell, studies, target_dir};
 use crate::{cluster, fuzz, mutants, packages, tidy};
-
-/// How a step ended.
-pub enum Outcome {
-    Ok,
-    Failed(String),
-    Skipped(String),
-}
 
 /// When a step runs without being named.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -159,18 +152,6 @@ fn verdict(outcome: &Outcome) -> String {
         Outcome::Failed(reason) => format!("FAILED: {reason}"),
         Outcome::Skipped(reason) => format!("skipped: {reason}"),
     }
-}
-
-/// Runs all commands, also after one failed.
-pub fn shell(commands: &mut [Command]) -> Outcome {
-    let mut failed = Vec::new();
-    for command in commands {
-        println!("$ {}", line(command));
-        if !command.status().is_ok_and(|status| status.success()) {
-            failed.push(line(command));
-        }
-    }
-    if failed.is_empty() { Outcome::Ok } else { Outcome::Failed(failed.join("; ")) }
 }
 
 fn has(path: &str) -> bool {

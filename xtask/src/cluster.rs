@@ -8,8 +8,7 @@ use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use crate::ci::Outcome;
-use crate::command::{cargo, is_installed, target_dir};
+use crate::command::{Outcome, cargo, is_installed, target_dir};
 
 const PARTS: usize = 16;
 /// The part that is killed.

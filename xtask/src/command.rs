@@ -3,6 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
+/// How a step ended.
+pub enum Outcome {
+    Ok,
+    Failed(String),
+    Skipped(String),
+}
+
 /// The root of the checkout.
 pub fn root() -> PathBuf {
     // The parent of this package's folder; the fallback is where `cargo xtask` is normally run.
@@ -70,4 +77,16 @@ pub fn line(command: &Command) -> String {
         if word.contains(' ') { format!("'{word}'") } else { word.into_owned() }
     }));
     words.join(" ")
+}
+
+/// Runs all commands, also after one failed.
+pub fn shell(commands: &mut [Command]) -> Outcome {
+    let mut failed = Vec::new();
+    for command in commands {
+        println!("$ {}", line(command));
+        if !command.status().is_ok_and(|status| status.success()) {
+            failed.push(line(command));
+        }
+    }
+    if failed.is_empty() { Outcome::Ok } else { Outcome::Failed(failed.join("; ")) }
 }

@@ -2,8 +2,7 @@
 
 use std::process::{Command, ExitCode, Stdio};
 
-use crate::ci::Outcome;
-use crate::command::{line, root, target_dir};
+use crate::command::{Outcome, line, root, target_dir};
 
 /// Seconds that each target runs, unless told otherwise.
 const SECONDS: u32 = 60;

@@ -7,8 +7,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::ci::{Outcome, shell};
-use crate::command::{cargo, root, target_dir};
+use crate::command::{Outcome, cargo, root, shell, target_dir};
 
 /// A package that would be published.
 struct Package {

@@ -10,8 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use crate::ci::Outcome;
-use crate::command::{cargo, target_dir};
+use crate::command::{Outcome, cargo, target_dir};
 use browser::{Browser, Page};
 
 /// A window, and what its user asked for.

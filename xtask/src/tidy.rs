@@ -10,8 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::{Command, ExitCode};
 
-use crate::ci::Outcome;
-use crate::command::{cargo, root};
+use crate::command::{Outcome, cargo, root};
 
 /// The files of the repository and what cargo resolves for them.
 #[derive(Default)]

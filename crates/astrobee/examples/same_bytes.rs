@@ -10,7 +10,7 @@ use tumble_astrobee::flight_modes::{ControlGains, FlightSite};
 use tumble_astrobee::propulsion::{ImpellerMode, PropulsionSettings};
 use tumble_astrobee::sensing::{Localization, SensingPreset};
 use tumble_astrobee::simulator::{
-    Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_S, Controller, Drive, FlownController, Grasp, Multisine,
+    Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_S, Drive, FlownController, Grasp, Multisine,
     PayloadMotion, Reference, SimulatorSettings,
 };
 use tumble_astrobee::worlds::WorldPreset;
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let controller = FlightController::new(body, ControlGains::of(FlightSite::Iss));
     let peak = Wrench::new(Vector3::new(0.02, 0.02, 0.02), Vector3::new(0.2, 0.1, 0.1));
     let mut drive = Drive {
-        tracking: Some((Controller::Flown(FlownController::new(controller)), Reference::Hold(start.world_from_body))),
+        tracking: Some((Box::new(FlownController::new(controller)), Reference::Hold(start.world_from_body))),
         added: AddedWrench::Multisine(Multisine::new(&peak, 3, 0.04, 0.35, 7)),
         ..Drive::default()
     };

@@ -18,10 +18,10 @@ mod flown_controller;
 mod payload;
 mod surroundings;
 
-pub use actuators::{Actuators, PulseTrain};
+pub use actuators::Actuators;
 pub use body_step::BodyStep;
 pub use control_account::{ControlAccount, FallbackSpell, OfferedBelief};
-pub use drive::{AddedWrench, Controller, Drive, Multisine, Reference, Waypoint};
+pub use drive::{AddedWrench, Drive, Follower, Following, Multisine, Reference, Waypoint};
 pub use flown_controller::FlownController;
 pub use payload::{Grasp, PayloadMotion, ReleasedPayload, planar_part};
 pub use surroundings::{Event, ObstacleMotion, Surroundings, TimedEvent};

@@ -5,10 +5,6 @@
     reason = "an allocator that counts has to implement `GlobalAlloc`; it hands everything to the system's"
 )]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-use std::hint::black_box;
-
 use nalgebra::Vector3;
 use tumble_astrobee::bodies::BodyConfiguration;
 use tumble_astrobee::flight_controller::{ControlOrder, FlightController, Setpoint};
@@ -22,36 +18,14 @@ use tumble_dynamics::strategies::{draws, poses, tree_motions, trees, wrenches};
 use tumble_dynamics::{Actuation as _, Fixed, Multibody, RigidBodyState};
 use tumble_lie::Twist;
 
+tumble_lie::counting_allocator!();
+
 const CALLS: usize = 100_000;
 const INPUTS: usize = 64;
 
-struct Counting;
-
-thread_local! {
-    // Of this thread only, so that what the test harness does beside it does not count.
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: both calls go to the system's allocator unchanged. `realloc` and `alloc_zeroed` are provided in terms of them.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
-
 /// How often the calls after the first round allocate.
-fn allocations<T>(mut call: impl FnMut(usize) -> T) -> usize {
-    (0..INPUTS).for_each(|i| drop(black_box(call(i))));
-    let before = ALLOCATIONS.with(Cell::get);
-    (0..CALLS).for_each(|i| drop(black_box(call(i % INPUTS))));
-    ALLOCATIONS.with(Cell::get) - before
+fn allocations<T>(call: impl FnMut(usize) -> T) -> usize {
+    counting::allocations(INPUTS, CALLS, call)
 }
 
 #[test]
@@ -144,7 +118,7 @@ fn sensors_from_the_first_observation_on() {
         acceleration_origin_body: Vector3::x(),
         angular_acceleration_body: Vector3::zeros(),
     };
-    let before = ALLOCATIONS.get();
+    let before = counting::ALLOCATIONS.get();
     let mut read = 0;
     for k in 0..20_000 {
         localization.observe(&truth(k));
@@ -154,6 +128,6 @@ fn sensors_from_the_first_observation_on() {
     }
     // The second half is read by nobody.
     (20_000..40_000).for_each(|k| localization.observe(&truth(k)));
-    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert_eq!(counting::ALLOCATIONS.get() - before, 0);
     assert!(read > 20_000 && localization.unread() > 0);
 }

@@ -1,11 +1,15 @@
 //! From a wanted wrench to a command, and what the command really gives (`f64`: a decision).
 
+mod drive;
 mod effectiveness;
+mod pulse_train;
 mod reaction_wheels;
 mod rotors;
 mod stateful;
 mod thrusters;
 
+pub use drive::{ActuatorDrive, Driven, StatefulDrive};
+pub use pulse_train::PulseTrain;
 pub use reaction_wheels::{ReactionWheel, ReactionWheels};
 pub use rotors::{Rotor, RotorSet};
 pub use stateful::StatefulActuation;

@@ -42,8 +42,8 @@ mod world;
 mod wrench_model;
 
 pub use actuation::{
-    Actuation, PulseTiming, PulsedThrusters, ReactionWheel, ReactionWheels, Rotor, RotorSet, StatefulActuation,
-    Thruster, ThrusterSet, WrenchBox,
+    Actuation, ActuatorDrive, Driven, PulseTiming, PulseTrain, PulsedThrusters, ReactionWheel, ReactionWheels, Rotor,
+    RotorSet, StatefulActuation, StatefulDrive, Thruster, ThrusterSet, WrenchBox,
 };
 #[cfg(feature = "dual")]
 pub use differentiate::{

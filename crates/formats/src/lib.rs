@@ -11,6 +11,7 @@ pub mod log;
 pub mod place;
 pub mod recording;
 mod robot;
+mod sample_reader;
 #[cfg(feature = "testing")]
 pub mod testing;
 pub mod text_file;
@@ -18,4 +19,5 @@ pub mod wheel_throw;
 
 pub use embedded::Embedded;
 pub use error::FormatsError;
-pub use robot::{ActuatorReplay, BodyPreset, ModuleCommand, Robot, Robots};
+pub use robot::{ActuatorBytes, ActuatorPreset, ActuatorReplay, BodyPreset, Robot, Robots, UnknownPreset};
+pub use sample_reader::SampleReader;

@@ -10,9 +10,8 @@ pub use joints::{JointLayout, JointLog, JointLogReader, JointRow, joint_template
 pub use row::{BoundedRows, ROW_LIMIT_BYTES, Row, cut_warning, line_read, read_row};
 pub use timed_rows::{RowLayout, TimedRows};
 
-use crate::recording::{self, flight::FlightReader};
+use crate::FormatsError;
 use crate::text_file::printable;
-use crate::{FormatsError, Robots};
 use row::Header;
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -138,80 +137,6 @@ pub fn shortened(text: &str) -> String {
     const KEEP: usize = 40;
     let text = printable(text);
     if text.chars().count() <= KEEP { text } else { text.chars().take(KEEP).chain("...".chars()).collect() }
-}
-
-/// Streams the samples of a log of any kind.
-pub enum SampleReader {
-    /// Rows of a CSV log.
-    Rows(Box<LogReader>),
-    /// A robot's flight in a bag or an MCAP file.
-    Flight(Box<FlightReader>),
-}
-
-impl SampleReader {
-    /// Opens a log; what kind it is, its first bytes say. `reorder` is for rows (recordings are always put in order),
-    /// `robot` for recordings.
-    ///
-    /// # Errors
-    /// As [`LogReader::open`] and [`FlightReader::open`].
-    pub fn open(path: &Path, reorder: bool, robot: Option<&str>, robots: &Robots) -> Result<Self, FormatsError> {
-        Ok(match (recording::container(path)?, robot) {
-            (Some(_), _) => Self::Flight(Box::new(FlightReader::open(path, robot, robots)?)),
-            (None, None) => Self::Rows(Box::new(LogReader::open(path, reorder)?)),
-            (None, Some(_)) => {
-                let message = "`--robot` chooses among the robots of a bag or an MCAP file".to_owned();
-                return Err(FormatsError::BadOption { message });
-            }
-        })
-    }
-
-    /// The next sample in time, `None` at the end.
-    ///
-    /// # Errors
-    /// As [`LogReader::next_sample`] and [`FlightReader::next_sample`].
-    pub fn next_sample(&mut self) -> Result<Option<MotionSample>, FormatsError> {
-        match self {
-            Self::Rows(rows) => rows.next_sample(),
-            Self::Flight(flight) => flight.next_sample(),
-        }
-    }
-
-    /// Appends up to `limit` samples to `samples`; `false` when the log has ended.
-    ///
-    /// # Errors
-    /// As [`SampleReader::next_sample`].
-    pub fn read_chunk(&mut self, samples: &mut Vec<MotionSample>, limit: usize) -> Result<bool, FormatsError> {
-        for _ in 0..limit {
-            match self.next_sample()? {
-                Some(sample) => samples.push(sample),
-                None => return Ok(false),
-            }
-        }
-        Ok(true)
-    }
-
-    /// Whether it is a recording without any wrench of its robot.
-    pub fn lacks_wrench(&self) -> bool {
-        matches!(self, Self::Flight(flight) if flight.plan.wrench.is_none())
-    }
-
-    /// What a recording holds and what of it is used, for people; empty for rows.
-    pub fn contents(&self) -> String {
-        match self {
-            Self::Rows(_) => String::new(),
-            Self::Flight(flight) => recording::flight::table(&flight.topics, &flight.plan),
-        }
-    }
-
-    /// What a user should know about what has been read, complete at the end.
-    pub fn warnings(&self) -> Vec<String> {
-        match self {
-            Self::Rows(rows) => rows.warnings(),
-            Self::Flight(flight) => {
-                flight.tally().map_or_else(Vec::new, |tally| tally.warnings(&flight.plan, &flight.topics))
-            }
-        }
-    }
 }
 
 /// A 64-bit FNV-1a hash of a file's bytes, hexadecimal: tells whether two runs read the same log.

@@ -6,6 +6,7 @@
 
 pub mod bag;
 pub mod flight;
+mod flight_rows;
 pub mod foxglove;
 pub mod mcap_log;
 pub mod mcap_reader;
@@ -14,6 +15,8 @@ pub mod messages;
 pub mod rows;
 pub mod tum;
 pub mod wire;
+
+pub use flight_rows::read_flight;
 
 use crate::FormatsError;
 use std::fmt::Write as _;

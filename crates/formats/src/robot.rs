@@ -1,8 +1,11 @@
 //! What files cannot say of a robot: each robot plugs in here.
 
 use crate::Embedded;
+use crate::place::suggestion;
+use crate::recording::RawMessage;
+use std::fmt;
 use std::sync::Arc;
-use tumble_dynamics::InertialParameters;
+use tumble_dynamics::{ActuatorDrive, DynamicsError, InertialParameters};
 use tumble_lie::Wrench;
 
 /// A body that files may name.
@@ -14,35 +17,105 @@ pub struct BodyPreset {
     pub body: InertialParameters<f64>,
 }
 
-/// The bytes that a robot with two propulsion modules of six nozzles each was told.
+/// Actuators that files may name.
+#[derive(Clone, Copy, Debug)]
+pub struct ActuatorPreset {
+    /// Their name in files.
+    pub name: &'static str,
+    /// What they are, in a few words.
+    pub sentence: &'static str,
+    /// Makes them, at rest.
+    pub make: fn() -> Result<Box<dyn ActuatorDrive>, DynamicsError>,
+}
+
+/// What a recorded command told the actuators: bytes that only their robot understands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ModuleCommand {
-    /// Speeds of the two impellers, counts.
-    pub impeller_speeds: [u8; 2],
-    /// Flap positions of the nozzles, module by module, counts.
-    pub nozzles: [u8; 12],
+pub struct ActuatorBytes {
+    bytes: [u8; Self::MOST],
+    count: u8,
+}
+
+impl ActuatorBytes {
+    /// No command is longer, bytes.
+    pub const MOST: usize = 64;
+
+    /// A command; `None` where it is longer than [`MOST`](Self::MOST).
+    pub fn new(command: &[u8]) -> Option<Self> {
+        let mut bytes = [0; Self::MOST];
+        bytes.get_mut(..command.len())?.copy_from_slice(command);
+        Some(Self { bytes, count: u8::try_from(command.len()).ok()? })
+    }
+
+    /// The command.
+    pub fn as_slice(&self) -> &[u8] {
+        self.bytes.get(..usize::from(self.count)).unwrap_or_default()
+    }
 }
 
 /// From recorded commands to the wrench that the actuators made of them, body axes, torque about the body origin.
 ///
 /// Commands come in the order of time. Between them, [`overdue_ns`](Self::overdue_ns) and [`go_on`](Self::go_on) let the actuators
-/// do what they do by themselves.
+/// do what they do by themselves; a machine that only holds its last command needs [`take`](Self::take) alone.
 pub trait ActuatorReplay: Send {
-    /// A command that came at this time, with the measured impeller speeds where there are any; the wrench that acts from then on,
+    /// Type of the messages that hold commands, `package/Name`.
+    fn command_type(&self) -> &'static str;
+
+    /// The command in a message of that type; `None` where it holds none.
+    fn decode(&self, message: &RawMessage<'_>) -> Option<ActuatorBytes>;
+
+    /// A command that came at this time, with the measured speeds (counts) where there are any; the wrench that acts from then on,
     /// or `None` where the command takes effect later.
-    fn take(&mut self, time_ns: i64, command: &ModuleCommand, speeds: Option<[u8; 2]>) -> Option<Wrench<f64>>;
+    fn take(&mut self, time_ns: i64, command: &ActuatorBytes, speeds: Option<[u8; 2]>) -> Option<Wrench<f64>>;
 
     /// When the actuators go on by themselves if nothing comes before; `None` where they never do.
-    fn overdue_ns(&self) -> Option<i64>;
+    fn overdue_ns(&self) -> Option<i64> {
+        None
+    }
 
     /// What acts from [`overdue_ns`](Self::overdue_ns) on.
-    fn go_on(&mut self, speeds: Option<[u8; 2]>) -> Option<Wrench<f64>>;
+    fn go_on(&mut self, _speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
+        None
+    }
 
     /// Nothing was heard for so long that nobody knows what the actuators did since.
-    fn silence(&mut self);
+    fn silence(&mut self) {}
 }
 
 /// A robot, as far as files speak of it.
+///
+/// ```
+/// use tumble_dynamics::nalgebra::Vector3;
+/// use tumble_dynamics::{InertialParameters, StatefulDrive, WrenchBox};
+/// use tumble_formats::{ActuatorPreset, BodyPreset, Robot, Robots};
+///
+/// struct Kite;
+///
+/// impl Robot for Kite {
+///     fn name(&self) -> &'static str {
+///         "kite"
+///     }
+///     fn sentence(&self) -> &'static str {
+///         "a satellite of 40 kg with ideal jets"
+///     }
+///     fn bodies(&self) -> Vec<BodyPreset> {
+///         vec![BodyPreset { name: "kite", body: InertialParameters::solid_box(40.0, [0.6, 0.6, 0.8]) }]
+///     }
+///     fn actuators(&self) -> Vec<ActuatorPreset> {
+///         vec![ActuatorPreset {
+///             name: "jets",
+///             sentence: "jets along and about every axis",
+///             make: || {
+///                 let limits = WrenchBox { torque_limit: Vector3::repeat(0.2), force_limit: Vector3::repeat(1.0) };
+///                 Ok(Box::new(StatefulDrive::new(limits, ())))
+///             },
+///         }]
+///     }
+/// }
+///
+/// let robots = Robots::none().with(Kite);
+/// assert_eq!(robots.body("kite").map(|body| body.mass), Ok(40.0));
+/// assert!(robots.body("kit").unwrap_err().to_string().ends_with("known: kite; did you mean `kite`?"));
+/// ```
 pub trait Robot: Send + Sync {
     /// Its name.
     fn name(&self) -> &'static str;
@@ -52,6 +125,11 @@ pub trait Robot: Send + Sync {
 
     /// The bodies that files may name.
     fn bodies(&self) -> Vec<BodyPreset> {
+        Vec::new()
+    }
+
+    /// The actuators that scenarios may name.
+    fn actuators(&self) -> Vec<ActuatorPreset> {
         Vec::new()
     }
 
@@ -66,9 +144,43 @@ pub trait Robot: Send + Sync {
     }
 }
 
+/// A name that no robot knows.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no {kind} is called `{asked}`; known: {}{nearest}", known.join(", "))]
+pub struct UnknownPreset {
+    /// What was looked for: "body", "actuator".
+    pub kind: &'static str,
+    /// The name asked for.
+    pub asked: String,
+    /// All names, in the order of the robots.
+    pub known: Vec<&'static str>,
+    /// "; did you mean ...?", or nothing.
+    pub nearest: String,
+}
+
+impl UnknownPreset {
+    fn new(kind: &'static str, asked: &str, known: Vec<&'static str>) -> Self {
+        let nearest = suggestion(asked, known.iter().copied());
+        Self { kind, asked: crate::log::shortened(asked), known, nearest }
+    }
+}
+
 /// The robots that a program knows, in the order in which they are asked.
 #[derive(Clone, Default)]
 pub struct Robots(Vec<Arc<dyn Robot>>);
+
+impl fmt::Debug for Robots {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_list().entries(self.iter().map(Robot::name)).finish()
+    }
+}
+
+impl PartialEq for Robots {
+    /// Whether the same robots are asked in the same order, by their names.
+    fn eq(&self, other: &Self) -> bool {
+        self.iter().map(Robot::name).eq(other.iter().map(Robot::name))
+    }
+}
 
 impl Robots {
     /// No robot: files that name none can be read.
@@ -88,14 +200,24 @@ impl Robots {
         self.0.iter().map(AsRef::as_ref)
     }
 
-    /// The bodies that files may name.
-    pub fn bodies(&self) -> Vec<BodyPreset> {
-        self.iter().flat_map(Robot::bodies).collect()
+    /// The body of this name.
+    ///
+    /// # Errors
+    /// [`UnknownPreset`], which lists the known.
+    pub fn body(&self, name: &str) -> Result<InertialParameters<f64>, UnknownPreset> {
+        let bodies: Vec<BodyPreset> = self.iter().flat_map(Robot::bodies).collect();
+        let found = bodies.iter().find(|preset| preset.name == name).map(|preset| preset.body);
+        found.ok_or_else(|| UnknownPreset::new("body", name, bodies.iter().map(|preset| preset.name).collect()))
     }
 
-    /// The body of this name.
-    pub fn body(&self, name: &str) -> Option<InertialParameters<f64>> {
-        self.bodies().into_iter().find(|preset| preset.name == name).map(|preset| preset.body)
+    /// The actuators of this name.
+    ///
+    /// # Errors
+    /// [`UnknownPreset`], which lists the known.
+    pub fn actuators(&self, name: &str) -> Result<ActuatorPreset, UnknownPreset> {
+        let presets: Vec<ActuatorPreset> = self.iter().flat_map(Robot::actuators).collect();
+        let found = presets.iter().find(|preset| preset.name == name).copied();
+        found.ok_or_else(|| UnknownPreset::new("actuator", name, presets.iter().map(|preset| preset.name).collect()))
     }
 
     /// The arms that need no file, those of no robot last.
@@ -103,8 +225,8 @@ impl Robots {
         self.iter().flat_map(|robot| robot.arms().to_vec()).chain(crate::arm::EMBEDDED).collect()
     }
 
-    /// What turns recorded commands into wrenches.
-    pub fn replay(&self) -> Option<Box<dyn ActuatorReplay>> {
-        self.iter().find_map(Robot::replay)
+    /// What turns recorded commands into wrenches, of every robot that recordings hold commands of.
+    pub fn replays(&self) -> impl Iterator<Item = Box<dyn ActuatorReplay>> {
+        self.iter().filter_map(Robot::replay)
     }
 }

@@ -152,14 +152,12 @@ impl Whitened {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dice::Dice;
 
     /// Rows of unit noise about zero or, from `onset` on, about another point; `noise` says how large it is.
     fn cut(onset: usize, jump: f64, noise: f64) -> Option<Cut<usize>> {
-        let (mut seed, rows) = (1_u64, 400);
-        let mut uniform = || {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-        };
+        let (mut dice, rows) = (Dice(1), 400);
+        let mut uniform = || dice.uniform();
         let zero = Quadratic { information: Matrix10::zeros(), gradient: Vector10::zeros() };
         let mut sums = vec![zero];
         for row in (0..rows).rev() {

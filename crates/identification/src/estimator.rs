@@ -20,6 +20,10 @@ mod judge;
 mod state_estimator;
 
 pub use error::{EstimatorError, Source};
+#[cfg(feature = "std")]
+pub(crate) use estimate::standard_deviations;
+#[cfg(feature = "std")]
+pub use estimate::{Estimate, StandardDeviations};
 pub use finding::Finding;
 #[cfg(feature = "std")]
 pub use in_environment::InEnvironment;

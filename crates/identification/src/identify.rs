@@ -15,17 +15,16 @@ mod recursion;
 mod rows;
 mod solution;
 mod timeline;
-mod units;
 mod verdict;
 mod warning;
 
 use crate::ConstrainedLeastSquares;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::estimator::{Evidence, Judge, Verdict};
+use crate::estimator::{Estimate, Evidence, Judge, StandardDeviations, Verdict, standard_deviations};
 use crate::lie::Pose;
 use crate::likelihood::{Exchange, NuisanceEstimate, Nuisances};
-use crate::motion::MotionSample;
+use crate::motion::{MotionSample, Noise};
 use crate::weighted_least_squares::{WrenchRow, whitened};
 use crate::{
     BodyScale, ExcitationDiagnosis, NullDirection, Observability, SquareRootInformation, WeakDirection, WrenchTiming,
@@ -48,7 +47,7 @@ pub use parts::{Part, identify_parts};
 pub use pipeline::{ConstrainedSolvers, Methods, Pipeline, constrained_solvers, methods};
 pub use problem::{JointFilter, Problem, Regressed};
 pub use rows::Regression;
-pub(crate) use solution::{constrained, from_covariance, standard_deviations};
+pub(crate) use solution::{constrained, from_covariance};
 pub use verdict::Silence;
 pub use warning::Warning;
 
@@ -176,49 +175,6 @@ impl Default for Settings {
             estimate: Nuisances::default(),
         }
     }
-}
-
-/// One standard deviation of each reported quantity.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StandardDeviations {
-    /// Of the mass, kg.
-    pub mass_kg: f64,
-    /// Of the centre of mass, body axes, m.
-    pub center_of_mass_m: Vector3<f64>,
-    /// Of the entries of the inertia about the centre of mass, kg m^2.
-    pub inertia_about_com_kg_m2: Matrix3<f64>,
-}
-
-/// A physically consistent body with its uncertainty.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
-    /// The ten parameters about the body origin; always a body that exists.
-    pub parameters: InertialParameters<f64>,
-    /// Covariance of [`InertialParameters::to_vector`], of the solution before the consistency constraint.
-    pub covariance: SMatrix<f64, 10, 10>,
-    /// Standard deviations derived from the covariance.
-    pub std: StandardDeviations,
-    /// True where the consistency constraint moved the solution.
-    pub lmi_active: bool,
-}
-
-/// Noise levels found in the data, one standard deviation per sample and axis.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct Noise {
-    /// Wrench noise that explains the torque residual, N m.
-    pub torque_n_m: f64,
-    /// Wrench noise that explains the force residual, N.
-    pub force_n: f64,
-    /// Attitude noise, rad.
-    pub attitude_rad: f64,
-    /// Position noise, m.
-    pub position_m: f64,
-    /// Noise of the angular velocity, rad/s; zero where it was not measured or not used.
-    pub rate_rad_s: f64,
-    /// Noise of the velocity, m/s; zero where it was not measured or not used.
-    pub velocity_m_s: f64,
-    /// Noise of the acceleration, m/s^2; zero where it was not measured or not used.
-    pub acceleration_m_s2: f64,
 }
 
 /// What the model leaves unexplained at one node: wrench by the estimated body minus wrench applied.
@@ -740,6 +696,7 @@ fn warnings_of(timeline: &Timeline, fit: &Fit, judgement: &Judgement, noise: &Sa
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dice::Dice;
     use nalgebra::UnitQuaternion;
 
     /// Turns of half a radian about z with shares of it about x, moves in x and y with a share of it in z, pushed by `force`.
@@ -771,13 +728,8 @@ mod tests {
 
     #[test]
     fn a_force_is_noise_where_neighbours_differ_as_much_as_any_two() {
-        let mut state = 1_u64;
-        let white: Vec<f64> = (0..2000)
-            .map(|_| {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (state >> 11) as f64 / (1_u64 << 53) as f64
-            })
-            .collect();
+        let mut dice = Dice(1);
+        let white: Vec<f64> = (0..2000).map(|_| dice.share()).collect();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let at = |t: f64| white[(t / 0.016).round() as usize];
         assert!(is_noise(&record(0.5, 0.5, at)) && is_noise(&record(0.5, 0.5, |_| 0.0)));

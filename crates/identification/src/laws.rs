@@ -9,6 +9,7 @@ mod linear_model;
 mod multibody;
 mod recursive_estimator;
 mod state_estimator;
+mod units;
 
 pub use criterion::{
     check_change_of_units, check_excitation_criterion, check_more_information, check_optimality_criterion,
@@ -17,11 +18,12 @@ pub use estimator::{Case, Make, Retold, check_coverage, check_estimator};
 pub use filter_model::{check_differentiable_model, check_filter_model};
 pub use linear_model::check_linear_model;
 #[cfg(feature = "trees")]
-pub use multibody::{check_base_parameters, check_links_solver};
+pub use multibody::{Determined, check_base_parameters, check_links_solver};
 pub use recursive_estimator::{
     Begin, EstimatorPromises, Told, check_gate, check_innovation, check_recursive_estimator, check_unit_equivariance,
 };
 pub use state_estimator::{BeginFlight, StateTrial, check_state_estimator};
+pub use units::{Units, check_identification_units};
 
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet};
 use crate::square_root_information::SquareRootInformation;

@@ -16,6 +16,8 @@ mod body_scale;
 pub mod comparison;
 pub mod consistency;
 mod criteria;
+#[cfg(test)]
+mod dice;
 mod error;
 pub mod estimator;
 pub mod excitation;
@@ -53,6 +55,8 @@ pub mod state_space;
 pub mod statistics;
 pub mod synchronize;
 #[cfg(feature = "std")]
+mod units;
+#[cfg(feature = "std")]
 mod weighted_least_squares;
 #[cfg(feature = "std")]
 pub mod wheel;
@@ -66,12 +70,14 @@ pub use consistency::{
 };
 pub use criteria::{AOptimality, ConditionNumber, DOptimality, EOptimality, InLikeUnits, OptimalityCriterion};
 pub use error::{Column, IdentificationError};
+#[cfg(feature = "std")]
+pub use estimator::{Estimate, StandardDeviations};
 pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
 pub use identify::{
-    ConstrainedSolvers, Estimate, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD, Methods, NodeResidual,
-    Noise, Part, Pipeline, Prediction, Prior, Problem, Regressed, Regression, Settings, Silence, StandardDeviations,
-    Validation, Warning, constrained_solvers, identify, identify_in, identify_parts, merge, methods, predict, validate,
+    ConstrainedSolvers, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD, Methods, NodeResidual, Part,
+    Pipeline, Prediction, Prior, Problem, Regressed, Regression, Settings, Silence, Validation, Warning,
+    constrained_solvers, identify, identify_in, identify_parts, merge, methods, predict, validate,
     with_all_that_acts,
 };
 pub use information::FisherInformation;
@@ -84,7 +90,7 @@ pub use likelihood::{
 };
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
-pub use motion::MotionSample;
+pub use motion::{MotionSample, Noise};
 pub use observability::{NullDirection, Observability};
 #[cfg(feature = "std")]
 pub use registry::{Registry, UnknownName};

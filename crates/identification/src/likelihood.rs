@@ -14,6 +14,7 @@ pub(crate) mod identifiability;
 mod lanes;
 mod nodes;
 mod noise;
+mod ordinary;
 mod record;
 mod sample;
 mod segment;
@@ -33,6 +34,7 @@ use crate::lie::Wrench;
 use crate::motion::MotionSample;
 use crate::statistics::{Whiteness, chi_square_exceedance};
 use crate::synchronize::{self, Signals};
+use crate::units::Units;
 use crate::{Noise, WrenchTiming};
 use calibration::Calibration;
 use chain::{Chain, Sweep};
@@ -99,6 +101,9 @@ const SHOWN: f64 = 1e-12;
 /// Gauss-Newton converges from a sphere of 10 kg: with the motion taken from the poses, one step of the flow is linear in
 /// 1/m and the inverse inertia.
 ///
+/// A record whose step, lever arm or wrench is far from those of a robot is taken in units in which they are not, unless nuisances are asked
+/// for: what a data sheet says of these is in seconds and metres.
+///
 /// # Source
 /// The likelihood of the model of thesis (2.4) with a held wrench; consistency as (5.35)-(5.38), about the centre of mass.
 #[derive(Clone, Debug, PartialEq)]
@@ -117,9 +122,9 @@ pub struct MaximumLikelihood {
     pub robust: bool,
     /// Samples in a segment; `None` chooses from the noise found.
     pub segment_samples: Option<usize>,
-    /// Poses within this time of a segment's start give its first guess, s.
+    /// Poses within this time of a segment's start give its first guess, s; the default is for a record of an ordinary step.
     pub node_window_s: f64,
-    /// Body to start from.
+    /// Body to start from; the default is for an ordinary wrench and lever arm.
     pub start: InertialParameters<f64>,
 }
 
@@ -254,14 +259,21 @@ impl MaximumLikelihood {
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
+        // The iterations begin from a body of some kilograms and with stretches of some tenths of a second. So is what is known beforehand
+        // of nuisances, which is not scaled.
+        let units = Units::of_record(record);
+        let scaled = if self.nuisances.is_empty() { units.record(record) } else { None };
+        match scaled.map(|scaled| self.in_units(&units).estimate_as_told(&scaled)) {
+            Some(Ok(found)) => Ok(found.in_units(&units.back())),
+            _ => self.estimate_as_told(record),
+        }
+    }
+
+    fn estimate_as_told(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {
         match self.estimate_from_poses(record, Approach::Direct) {
             // A body that turns far within the window of the first guess needs a shorter one. Poor poses give poor states in
             // either, and a wrench much better than they are ties the states over longer times than tangents reach.
-            Err(
-                IdentificationError::NotExcited { .. }
-                | IdentificationError::Indefinite { .. }
-                | IdentificationError::LikelihoodNotConverged { .. },
-            ) => {
+            Err(error) if is_about_the_start(&error) => {
                 let hasty = Self { node_window_s: self.node_window_s * SHORTER_WINDOW, ..self.clone() };
                 hasty.estimate_from_poses(record, Approach::DoubtedWrench)
             }
@@ -362,6 +374,19 @@ impl MaximumLikelihood {
     /// The optimum for a record that does not determine everything, a weak prior about the start filling in, and the
     /// information of the record alone about [`InertialParameters::to_vector`].
     pub(crate) fn partial(
+        &self,
+        record: &[MotionSample],
+    ) -> Result<(LikelihoodEstimate, SMatrix<f64, 10, 10>), IdentificationError> {
+        // The weak prior is of an ordinary body.
+        let units = Units::of_record(record);
+        let Some(scaled) = units.record(record) else { return self.partial_as_told(record) };
+        let (found, information) = self.in_units(&units).partial_as_told(&scaled)?;
+        let factors = units.parameter_factors();
+        let information = SMatrix::from_fn(|i, j| information[(i, j)] * factors[i] * factors[j]);
+        Ok((found.in_units(&units.back()), information))
+    }
+
+    fn partial_as_told(
         &self,
         record: &[MotionSample],
     ) -> Result<(LikelihoodEstimate, SMatrix<f64, 10, 10>), IdentificationError> {
@@ -525,6 +550,16 @@ impl MaximumLikelihood {
         }
         Ok(iterations)
     }
+}
+
+/// Whether other first states or a start of another size may do better.
+fn is_about_the_start(error: &IdentificationError) -> bool {
+    matches!(
+        error,
+        IdentificationError::NotExcited { .. }
+            | IdentificationError::Indefinite { .. }
+            | IdentificationError::LikelihoodNotConverged { .. }
+    )
 }
 
 /// How the iterations come near the optimum.

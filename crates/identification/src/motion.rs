@@ -80,3 +80,22 @@ pub(crate) fn filled_poses(record: &[MotionSample]) -> Option<Vec<Pose<f64>>> {
     }
     Some(poses)
 }
+
+/// Noise levels found in the data, one standard deviation per sample and axis.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Noise {
+    /// Wrench noise that explains the torque residual, N m.
+    pub torque_n_m: f64,
+    /// Wrench noise that explains the force residual, N.
+    pub force_n: f64,
+    /// Attitude noise, rad.
+    pub attitude_rad: f64,
+    /// Position noise, m.
+    pub position_m: f64,
+    /// Noise of the angular velocity, rad/s; zero where it was not measured or not used.
+    pub rate_rad_s: f64,
+    /// Noise of the velocity, m/s; zero where it was not measured or not used.
+    pub velocity_m_s: f64,
+    /// Noise of the acceleration, m/s^2; zero where it was not measured or not used.
+    pub acceleration_m_s2: f64,
+}

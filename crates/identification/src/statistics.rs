@@ -214,6 +214,7 @@ impl fmt::Display for Whiteness {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dice::Dice;
 
     fn close(found: f64, expected: f64, relative: f64) {
         assert!((found - expected).abs() <= relative * expected.abs(), "{found} {expected}");
@@ -348,16 +349,8 @@ mod tests {
 
     #[test]
     fn white_noise_rarely_alarms_and_coloured_noise_always() {
-        let mut seed = 5_u64;
-        let mut normal = || {
-            (0..12)
-                .map(|_| {
-                    seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                    (seed >> 11) as f64 / 9_007_199_254_740_992.0
-                })
-                .sum::<f64>()
-                - 6.0
-        };
+        let mut dice = Dice(5);
+        let mut normal = || dice.normal();
         let (mut alarms, mut missed, mut inflation) = (0, 0, 0.0);
         for _ in 0..1000 {
             let white: Vec<Vec<f64>> = (0..3).map(|_| (0..400).map(|_| normal()).collect()).collect();

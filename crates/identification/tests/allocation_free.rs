@@ -5,10 +5,6 @@
     reason = "an allocator that counts has to implement `GlobalAlloc`; it hands everything to the system's"
 )]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-use std::hint::black_box;
-
 use nalgebra::{
     Isometry2, Isometry3, Rotation3, SMatrix, SVector, Translation3, UnitComplex, UnitDualQuaternion, UnitQuaternion,
     Vector2, Vector3,
@@ -37,42 +33,16 @@ use tumble_identification::{
 #[path = "suite/golden/problem4_hard.rs"]
 mod problem4_hard;
 
+tumble_identification::lie::counting_allocator!();
+
 const CALLS: usize = 100_000;
 
 /// Different inputs per path; the first round through them is the warm-up.
 const INPUTS: usize = 64;
 
-struct Counting;
-
-thread_local! {
-    // Of this thread only, so that what the test harness does beside it does not count.
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: both calls go to the system's allocator unchanged. `realloc` and `alloc_zeroed` are provided in terms of them.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
 /// How often `calls` calls allocate, after one call on each input.
-fn allocations<T>(calls: usize, mut path: impl FnMut(usize) -> T) -> usize {
-    for i in 0..INPUTS {
-        black_box(path(i));
-    }
-    let before = ALLOCATIONS.get();
-    for call in 0..calls {
-        black_box(path(black_box(call % INPUTS)));
-    }
-    ALLOCATIONS.get() - before
+fn allocations<T>(calls: usize, path: impl FnMut(usize) -> T) -> usize {
+    counting::allocations(INPUTS, calls, path)
 }
 
 fn assert_none<T>(name: &str, path: impl FnMut(usize) -> T) {

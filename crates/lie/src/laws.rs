@@ -38,23 +38,28 @@ impl fmt::Display for LawViolation {
     }
 }
 
-/// Text in one line that fits on a screen.
+/// The beginning of a text, in one line that fits on a screen.
 struct Line<'a>(&'a str);
 
 impl fmt::Display for Line<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const LONGEST: usize = 140;
-        let mut length = 0;
+        const LONGEST: usize = 100;
+        let mut left = LONGEST;
         for (index, word) in self.0.split_whitespace().enumerate() {
-            length += word.len() + 1;
-            if length > LONGEST && index > 0 {
-                return f.write_str(" ..");
+            let length = word.chars().count() + usize::from(index > 0);
+            if length > left {
+                // Numbers without a space between them are one word.
+                let most = if index > 0 { 0 } else { left };
+                let end = word.char_indices().nth(most).map_or(word.len(), |(end, _)| end);
+                return write!(f, "{} ..", &word[..end]);
             }
+            left -= length;
             write!(f, "{}{word}", if index > 0 { " " } else { "" })?;
         }
         Ok(())
     }
 }
+
 impl std::error::Error for LawViolation {}
 
 /// `Ok` when `error <= tolerance` (a NaN error is a violation), else the violation.
@@ -91,7 +96,7 @@ pub fn for_all<S: Strategy>(strategy: &S, law: impl Fn(S::Value) -> Result<(), L
     let outcome = TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha))
         .run(strategy, |input| law(input).map_err(|violation| TestCaseError::fail(violation.to_string())));
     match outcome {
-        Err(TestError::Fail(reason, input)) => Err(format!("{reason}; smallest input {input:?}")),
+        Err(TestError::Fail(reason, input)) => Err(format!("{reason}; smallest input {}", Line(&format!("{input:?}")))),
         Err(TestError::Abort(reason)) => Err(reason.to_string()),
         Ok(()) => Ok(()),
     }
@@ -495,6 +500,60 @@ macro_rules! group_laws {
                     })
                 }
             )?
+        }
+    };
+}
+
+/// The allocator of a test program of its own, which counts what each thread asks for: expands to a module `counting` with the thread's
+/// `ALLOCATIONS` so far and `allocations(inputs, calls, path)`, how often so many calls of a path allocate, after one on each input.
+///
+/// Implementing an allocator is unsafe; a program that uses this one says so by `#![allow(unsafe_code)]`.
+///
+/// # Example
+/// ```
+/// tumble_lie::counting_allocator!();
+///
+/// # fn main() {
+/// assert_eq!(counting::allocations(2, 10, |_| 1.5_f64.sin()), 0);
+/// assert_eq!(counting::allocations(2, 10, Box::new), 10);
+/// # }
+/// ```
+#[macro_export]
+macro_rules! counting_allocator {
+    () => {
+        mod counting {
+            use ::std::alloc::{GlobalAlloc, Layout, System};
+            use ::std::cell::Cell;
+            use ::std::hint::black_box;
+
+            struct Counting;
+
+            ::std::thread_local! {
+                // Of this thread only, so that what the test harness does beside it does not count.
+                pub static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+            }
+
+            // SAFETY: both calls go to the system's allocator unchanged. `realloc` and `alloc_zeroed` are provided in terms of them.
+            unsafe impl GlobalAlloc for Counting {
+                unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+                    ALLOCATIONS.with(|count| count.set(count.get() + 1));
+                    unsafe { System.alloc(layout) }
+                }
+                unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+                    unsafe { System.dealloc(pointer, layout) }
+                }
+            }
+
+            #[global_allocator]
+            static ALLOCATOR: Counting = Counting;
+
+            #[allow(dead_code)] // a program may count by itself
+            pub fn allocations<T>(inputs: usize, calls: usize, mut path: impl FnMut(usize) -> T) -> usize {
+                (0..inputs).for_each(|input| drop(black_box(path(input))));
+                let before = ALLOCATIONS.get();
+                (0..calls).for_each(|call| drop(black_box(path(black_box(call % inputs)))));
+                ALLOCATIONS.get() - before
+            }
         }
     };
 }

@@ -13,6 +13,7 @@
 //! the time it takes simulated ([`Simulated`]), in a thread of the user's ([`Thread`]), or wherever [`serve`] is called.
 
 mod brake;
+mod chosen_model;
 mod closed_loop;
 mod coordinator;
 mod event;
@@ -31,6 +32,7 @@ mod watch;
 mod way_nodes;
 
 pub use brake::BrakeLimits;
+pub use chosen_model::ChosenModel;
 pub use closed_loop::{ClosedLoop, End, Layer, LoopObserver, NoObserver};
 pub use coordinator::{Coordinator, Schedule};
 pub use event::{Action, Ambition, Event, FoundStretch, Note, Standing, StartFrom, TimedEvent};

@@ -5,10 +5,6 @@
     reason = "an allocator that counts has to implement `GlobalAlloc`; it hands everything to the system's"
 )]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-use std::hint::black_box;
-
 #[path = "suite/fixed_planes/mod.rs"]
 mod fixed_planes;
 #[path = "suite/tube_problems/mod.rs"]
@@ -43,42 +39,16 @@ use tumble_planning::steering::{
 };
 use tumble_planning::{BodyArc, ModelBelief, Plan, TranslationState, Units};
 
+tumble_planning::lie::counting_allocator!();
+
 const CALLS: usize = 10_000;
 
 /// Different inputs per path; the first round through them is the warm-up.
 const INPUTS: usize = 64;
 
-struct Counting;
-
-thread_local! {
-    // Of this thread only, so that what the test harness does beside it does not count.
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: both calls go to the system's allocator unchanged. `realloc` and `alloc_zeroed` are provided in terms of them.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
 /// How often `calls` calls allocate, after one call on each input.
-fn allocations<T>(calls: usize, mut path: impl FnMut(usize) -> T) -> usize {
-    for i in 0..INPUTS {
-        black_box(path(i));
-    }
-    let before = ALLOCATIONS.get();
-    for call in 0..calls {
-        black_box(path(black_box(call % INPUTS)));
-    }
-    ALLOCATIONS.get() - before
+fn allocations<T>(calls: usize, path: impl FnMut(usize) -> T) -> usize {
+    counting::allocations(INPUTS, calls, path)
 }
 
 fn assert_none<T>(name: &str, path: impl FnMut(usize) -> T) {
@@ -246,13 +216,13 @@ fn curvature_of_a_local_plan() {
     let (mut x, mut product) = (vec![1.0; steps * 6], vec![0.0; steps * 6]);
     for route in [Factorisation::Riccati, Factorisation::Dense] {
         let mut curvature = Curvature::new(route, steps, columns);
-        let before = ALLOCATIONS.get();
+        let before = counting::ALLOCATIONS.get();
         for call in 0..10 {
             assert!(curvature.factorise(&stages, 0.1 * f64::from(call)));
             curvature.times(&stages, &x, &mut product);
             curvature.solve(&stages, &mut x);
         }
-        assert_eq!(ALLOCATIONS.get(), before, "{route:?} allocates");
+        assert_eq!(counting::ALLOCATIONS.get(), before, "{route:?} allocates");
     }
 }
 
@@ -365,9 +335,9 @@ fn iterations_of_a_local_plan() {
         };
         let mut plan = || planner.plan(&request, &mut Units::new(u64::MAX)).unwrap();
         assert!(plan().plan.is_some(), "{iterations}");
-        let before = ALLOCATIONS.get();
+        let before = counting::ALLOCATIONS.get();
         let answer = plan();
-        (answer.iterations, ALLOCATIONS.get() - before)
+        (answer.iterations, counting::ALLOCATIONS.get() - before)
     };
     let ((few, of_few), (many, of_many)) = (made(8), made(60));
     assert!(few == 8 && many >= 30, "{few} {many}");

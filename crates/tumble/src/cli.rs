@@ -3,33 +3,57 @@
 use crate::TumbleError;
 use tumble_formats::FormatsError;
 
+#[cfg(feature = "astrobee")]
 pub mod allocate;
 pub mod arm;
 mod arm_excite;
 pub mod calibrate_wheel;
+#[cfg(feature = "astrobee")]
 pub mod campaign;
+#[cfg(feature = "astrobee")]
 mod columns;
 pub mod convert;
 pub mod excite;
+#[cfg(feature = "astrobee")]
 pub mod fly;
+#[cfg(feature = "astrobee")]
 mod fly_table;
 pub mod identify;
 mod identify_arm;
+mod identify_log;
+mod identify_options;
 mod identify_periodic;
+#[cfg(feature = "astrobee")]
 pub mod plan;
+#[cfg(feature = "astrobee")]
 mod plan_blockers;
+#[cfg(feature = "astrobee")]
 mod plan_budget;
+#[cfg(feature = "astrobee")]
 mod plan_check;
+#[cfg(feature = "astrobee")]
 mod plan_csv;
+#[cfg(feature = "astrobee")]
 mod plan_figure;
+#[cfg(feature = "astrobee")]
 mod plan_local;
+#[cfg(feature = "astrobee")]
 mod plan_local_check;
+#[cfg(feature = "astrobee")]
 mod plan_local_figure;
+#[cfg(feature = "astrobee")]
 mod plan_local_report;
+#[cfg(feature = "astrobee")]
 mod plan_local_solve;
+#[cfg(feature = "astrobee")]
+mod plan_options;
+#[cfg(feature = "astrobee")]
 pub mod realize;
+#[cfg(feature = "astrobee")]
 pub mod scenario;
+#[cfg(feature = "astrobee")]
 pub mod simulate;
+#[cfg(feature = "astrobee")]
 mod simulate_control;
 
 /// How a command ended when nothing was wrong with its input.

@@ -1,6 +1,7 @@
 //! Errors of the command line: each with a code, the place and the remedy. All codes stand in `docs/errors.md`.
 
 use std::path::PathBuf;
+#[cfg(feature = "astrobee")]
 use tumble_astrobee::AstrobeeError;
 use tumble_formats::FormatsError;
 use tumble_identification::IdentificationError;
@@ -13,6 +14,7 @@ pub enum TumbleError {
     #[error(transparent)]
     File(#[from] FormatsError),
     /// The simulated robot refuses.
+    #[cfg(feature = "astrobee")]
     #[error(transparent)]
     Robot(#[from] AstrobeeError),
     /// T010: an output that exists already.
@@ -126,6 +128,7 @@ impl From<tumble_formats::wheel_throw::WheelThrowError> for TumbleError {
     }
 }
 
+#[cfg(feature = "astrobee")]
 impl From<tumble_astrobee::simulator::SimulatorError> for TumbleError {
     fn from(error: tumble_astrobee::simulator::SimulatorError) -> Self {
         Self::Robot(error.into())
@@ -137,6 +140,7 @@ impl TumbleError {
     pub fn code(&self) -> &'static str {
         match self {
             Self::File(error) => error.code(),
+            #[cfg(feature = "astrobee")]
             Self::Robot(error) => error.code(),
             Self::OutputExists { .. } => "T010",
             Self::NotAResult { .. } => "T020",
@@ -159,6 +163,7 @@ impl TumbleError {
     pub fn remedy(&self) -> &'static str {
         match self {
             Self::File(error) => error.remedy(),
+            #[cfg(feature = "astrobee")]
             Self::Robot(error) => error.remedy(),
             Self::OutputExists { .. } => "name another place, or replace it with `--force`",
             Self::NotAResult { .. } => "name a new folder, or remove this one yourself",

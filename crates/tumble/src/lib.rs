@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
+#[cfg(feature = "astrobee")]
 pub mod campaign;
 pub mod cli;
 pub mod demo;
@@ -9,16 +10,21 @@ mod error;
 pub mod figure;
 pub mod flight_log;
 pub mod harmonic_report;
+#[cfg(feature = "astrobee")]
 pub mod mission;
+#[cfg(feature = "astrobee")]
 pub mod mission_report;
 pub mod output;
+mod program;
 pub mod report;
 pub mod robots;
+#[cfg(feature = "astrobee")]
 pub mod scenario;
 pub mod space_cobot;
 pub mod spheres;
 
 pub use error::TumbleError;
+pub use program::run;
 
 // The code of the workspace's README, by a link that the published package holds as a file.
 #[cfg(doctest)]

@@ -1,5 +1,6 @@
 //! A mission: RATTLE's layers around the simulated robot, from a scenario to a record of what happened.
 
+mod assembly;
 mod faults;
 mod flight;
 mod invariants;
@@ -7,16 +8,15 @@ mod layers;
 mod options;
 mod record;
 mod registries;
+mod weighting;
 
+pub use assembly::{AstrobeeLoop, MissionPlanners, closed_loop};
 pub use faults::{
     BodyStep, Fault, FaultChoiceError, Faults, LateObstacle, PlannerFault, PlantChange, Sabotage, replay_line,
 };
 pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly, measurement};
-pub use layers::{
-    AstrobeeLoop, MissionPlanners, closed_loop, computing_time, estimator, loop_settings, scene, stretch_planner,
-    tube_controllers,
-};
-pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice, WeightingChoice};
+pub use layers::{computing_time, estimator, loop_settings, scene, stretch_planner, tube_controllers};
+pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice};
 pub use record::{
     BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
     ParameterRow, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
@@ -25,3 +25,4 @@ pub use registries::{
     ControlledBody, LayerNames, NewController, NewStretchPlanner, WrittenNames, controllers, estimators, laws,
     local_planners, planners,
 };
+pub use weighting::WeightingChoice;

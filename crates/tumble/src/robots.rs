@@ -1,9 +1,11 @@
 //! The robots that the program knows.
 
+#[cfg(feature = "astrobee")]
 mod astrobee;
 
 use crate::{space_cobot, spheres};
-use tumble_formats::{BodyPreset, Robot, Robots};
+use tumble_dynamics::{PulseTrain, StatefulDrive};
+use tumble_formats::{ActuatorPreset, BodyPreset, Robot, Robots};
 
 /// Space CoBot; see [`space_cobot`].
 struct SpaceCobot;
@@ -19,6 +21,11 @@ impl Robot for SpaceCobot {
 
     fn bodies(&self) -> Vec<BodyPreset> {
         vec![BodyPreset { name: "space-cobot", body: space_cobot::body() }]
+    }
+
+    fn actuators(&self) -> Vec<ActuatorPreset> {
+        let (name, sentence) = ("space-cobot", "six rotors");
+        vec![ActuatorPreset { name, sentence, make: || Ok(Box::new(StatefulDrive::new(space_cobot::rotors()?, ()))) }]
     }
 }
 
@@ -37,9 +44,20 @@ impl Robot for Spheres {
     fn bodies(&self) -> Vec<BodyPreset> {
         vec![BodyPreset { name: "spheres", body: spheres::body() }]
     }
+
+    fn actuators(&self) -> Vec<ActuatorPreset> {
+        vec![ActuatorPreset {
+            name: "spheres",
+            sentence: "twelve pulsed thrusters",
+            make: || Ok(Box::new(PulseTrain::new(spheres::thrusters()?, spheres::TICKS_PER_FLIGHT_STEP))),
+        }]
+    }
 }
 
-/// Astrobee, Space CoBot and SPHERES.
+/// Astrobee (feature `astrobee`), Space CoBot and SPHERES.
 pub fn shipped() -> Robots {
-    Robots::none().with(astrobee::Astrobee).with(SpaceCobot).with(Spheres)
+    let robots = Robots::none();
+    #[cfg(feature = "astrobee")]
+    let robots = robots.with(astrobee::Astrobee);
+    robots.with(SpaceCobot).with(Spheres)
 }

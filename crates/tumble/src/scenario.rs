@@ -8,6 +8,7 @@ mod embedded;
 mod fly;
 mod plan;
 mod plan_local;
+mod plan_local_table;
 
 pub use build::{Flight, PayloadChange, read_wrenches};
 pub use control::{BeliefTable, ControlTable, Steering};
@@ -17,25 +18,32 @@ pub use fly::{
     LARGEST_OUTSIDE, MissionProblem, WeightingSettings, draw_mission,
 };
 pub use plan::{PlanBodyTable, PlanTable, PlanningProblem};
-pub use plan_local::{
-    CriterionName, EffortTable, LocalProblem, LocalTable, MeasurementTable, NuisanceTable, PriorTable, TrackingTable,
-    UnknownsName, WeightingName,
+pub use plan_local::LocalProblem;
+pub use plan_local_table::{
+    CriterionName, EffortTable, LocalTable, MeasurementTable, NuisanceTable, PriorTable, TrackingTable, UnknownsName,
+    WeightingName,
 };
 
-use crate::TumbleError;
+use crate::{TumbleError, robots};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tumble_astrobee::sensing::{LocalizationSettings, SensingPreset};
 use tumble_formats::FormatsError;
 use tumble_formats::log::shortened;
-use tumble_formats::place;
 use tumble_formats::text_file::{self, printable};
+use tumble_formats::{ActuatorPreset, Robots, place};
 
 /// The only version of the format.
 pub const FORMAT: u32 = 1;
 /// Longest flight, s.
 pub const LONGEST_S: f64 = 86_400.0;
+/// Name of computed torque with the believed body, which steers where nothing else is asked for.
+pub(crate) const TRACKER: &str = "tracker";
+/// Name of the cascade that Astrobee flies.
+pub(crate) const FLOWN: &str = "flown";
+/// Name of no controller.
+const NONE: &str = "none";
 
 /// A scenario as it is written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -213,9 +221,9 @@ pub struct StartTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DriveTable {
-    /// `tracker`, `flown`, `tube`, `lqr`, `mpc`, `original-tube` or `none`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub controller: Option<ControllerName>,
+    /// A name of [`controllers`](crate::mission::controllers), or `none`; `tracker` unless given.
+    #[serde(default, deserialize_with = "control::known_controller", skip_serializing_if = "Option::is_none")]
+    pub controller: Option<String>,
     /// Natural frequency of the tracker's rotation, rad/s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tracker_rotation_rad_s: Option<f64>,
@@ -245,39 +253,10 @@ pub struct DriveTable {
     pub beliefs: Vec<BeliefTable>,
 }
 
-/// See [`Controller`](tumble_astrobee::simulator::Controller).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ControllerName {
-    /// Computed torque with the believed body.
-    #[default]
-    Tracker,
-    /// The cascaded controller that NASA's robots fly.
-    Flown,
-    /// Robust tube MPC around a mass that lies in an interval.
-    Tube,
-    /// Linear-quadratic feedback.
-    Lqr,
-    /// MPC without a tube.
-    Mpc,
-    /// RATTLE's tube MPC, as its code has it.
-    OriginalTube,
-    /// No controller.
-    None,
-}
-
-impl ControllerName {
-    /// As scenarios write it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Tracker => "tracker",
-            Self::Flown => "flown",
-            Self::Tube => "tube",
-            Self::Lqr => "lqr",
-            Self::Mpc => "mpc",
-            Self::OriginalTube => "original-tube",
-            Self::None => "none",
-        }
+impl DriveTable {
+    /// Name of what steers.
+    pub(crate) fn steering(&self) -> &str {
+        self.controller.as_deref().unwrap_or(TRACKER)
     }
 }
 
@@ -328,7 +307,7 @@ pub struct WaypointTable {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PropulsionTable {
-    /// `plant`, `spheres`, `space-cobot`, `limited` or `exact`.
+    /// `plant`, `limited`, `exact`, or the actuators of a robot: `spheres`, `space-cobot`.
     #[serde(default)]
     pub kind: PropulsionName,
     /// With `limited`: largest force along each body axis, N.
@@ -352,33 +331,19 @@ pub struct PropulsionTable {
 }
 
 /// See [`Actuators`](tumble_astrobee::simulator::Actuators).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PropulsionName {
     /// Allocation to bytes, servos, impellers, nozzles.
     #[default]
     Plant,
-    /// Twelve valves that open for pulses.
-    Spheres,
-    /// Six tilted rotors.
-    SpaceCobot,
     /// A box of limits.
     Limited,
     /// Whatever is wanted.
     Exact,
-}
-
-impl PropulsionName {
-    /// In a few words.
-    pub fn describe(self) -> &'static str {
-        match self {
-            Self::Plant => "nozzles, servos and impellers",
-            Self::Spheres => "twelve pulsed thrusters",
-            Self::SpaceCobot => "six rotors",
-            Self::Limited => "whatever is wanted within limits",
-            Self::Exact => "whatever is wanted",
-        }
-    }
+    /// The actuators of a robot, by their name.
+    #[serde(untagged)]
+    Named(String),
 }
 
 /// What measures: a preset, or all settings.
@@ -449,6 +414,8 @@ pub struct ScenarioSource {
     pub text: String,
     /// What it says.
     pub scenario: Scenario,
+    /// The robots whose bodies and actuators it may name: those that come with the program, unless told.
+    pub robots: Robots,
 }
 
 impl ScenarioSource {
@@ -483,7 +450,35 @@ impl ScenarioSource {
             let message = place::with_suggestion(&printable(error.message()));
             TumbleError::BadScenario { path: path.into(), line, column, message }
         })?;
-        Ok(Self { path: path.into(), text: text.to_owned(), scenario })
+        Ok(Self { path: path.into(), text: text.to_owned(), scenario, robots: robots::shipped() })
+    }
+
+    /// The same among these robots, whose bodies and actuators it may name.
+    #[must_use]
+    pub fn among(self, robots: &Robots) -> Self {
+        Self { robots: robots.clone(), ..self }
+    }
+
+    /// What makes wrenches, in a few words.
+    ///
+    /// # Errors
+    /// [`TumbleError::BadScenario`] for actuators that no robot has.
+    pub fn describe_propulsion(&self) -> Result<&'static str, TumbleError> {
+        Ok(match &self.scenario.propulsion.kind {
+            PropulsionName::Plant => "nozzles, servos and impellers",
+            PropulsionName::Limited => "whatever is wanted within limits",
+            PropulsionName::Exact => "whatever is wanted",
+            PropulsionName::Named(name) => self.actuators_named(name)?.sentence,
+        })
+    }
+
+    /// The actuators of a robot.
+    fn actuators_named(&self, name: &str) -> Result<ActuatorPreset, TumbleError> {
+        self.robots.actuators(name).map_err(|unknown| {
+            let names = [&["plant", "limited", "exact"], unknown.known.as_slice()].concat();
+            let near = place::suggestion(name, names.iter().copied());
+            self.bad("propulsion.kind", &format!("`{}` is none of {}{near}", unknown.asked, names.join(", ")))
+        })
     }
 
     /// The folder that files are relative to.

@@ -20,7 +20,7 @@ pub const TIMING: PulseTiming = PulseTiming { ticks_per_period: 200, shortest_ti
 /// Control period that [`TIMING`] divides, s.
 pub const CONTROL_PERIOD_S: f64 = 0.2;
 
-/// Ticks of the valves in a control period of 0.016 s of the [simulator](tumble_astrobee::simulator).
+/// Ticks of the valves in a control period of 0.016 s of the simulator.
 pub const TICKS_PER_FLIGHT_STEP: u32 = 16;
 
 /// The satellite: the same moment of inertia about all axes, thrust times lever over angular acceleration.

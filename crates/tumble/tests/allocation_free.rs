@@ -5,54 +5,31 @@
     reason = "an allocator that counts has to implement `GlobalAlloc`; it hands everything to the system's"
 )]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use tumble::flight_log::Recorder;
-use tumble::scenario::{ControllerName, ScenarioSource};
+use tumble::scenario::ScenarioSource;
 use tumble_astrobee::sensing::SensingPreset;
 
-struct Counting;
-
-thread_local! {
-    // Of this thread only, so that what the test harness does beside it does not count.
-    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: both calls go to the system's allocator unchanged. `realloc` and `alloc_zeroed` are provided in terms of them.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
+tumble_lie::counting_allocator!();
 
 /// Hardware, drag, sensors, a payload taken and let go, either controller, and the log.
 #[test]
 fn a_simulated_flight_and_its_log() {
-    for (controller, sensing) in
-        [(ControllerName::Tracker, SensingPreset::Nominal), (ControllerName::Flown, SensingPreset::ThesisFlight)]
-    {
+    for (controller, sensing) in [("tracker", SensingPreset::Nominal), ("flown", SensingPreset::ThesisFlight)] {
         let mut source = ScenarioSource::find("iss-payload").unwrap();
         let scenario = &mut source.scenario;
         scenario.duration_s = 320.0;
-        scenario.drive.controller = Some(controller);
+        scenario.drive.controller = Some(controller.to_owned());
         scenario.propulsion.drag = true;
         let payload = scenario.payload.as_mut().unwrap();
         (payload.attach_s, payload.release_s) = (40.0, Some(200.0));
         scenario.sensing.preset = Some(sensing);
         let mut flight = source.flight().unwrap();
         let mut recorder = Recorder::new(std::io::sink()).unwrap();
-        let before = ALLOCATIONS.get();
+        let before = counting::ALLOCATIONS.get();
         while let Some(measured) = flight.step().unwrap() {
             recorder.record(&measured, flight.simulator.estimates()).unwrap();
         }
-        assert_eq!(ALLOCATIONS.get() - before, 0, "{controller:?}");
+        assert_eq!(counting::ALLOCATIONS.get() - before, 0, "{controller}");
         let (rows, _) = recorder.finish().unwrap();
         assert!(rows > 10_000 && flight.simulator.events().len() > 1, "it ran: {rows} rows");
     }

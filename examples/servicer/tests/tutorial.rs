@@ -140,7 +140,7 @@ fn its_estimator_keeps_the_laws() {
     let scale = Problem::of(&whole, &settings("auto")).unwrap().scale;
     let case = Case {
         record: &whole[..],
-        halves: [first, second],
+        halves: Some([first, second]),
         exact: None,
         truth: truth().to_vector(),
         magnitudes: scale.parameter_magnitudes(),
@@ -221,7 +221,7 @@ fn fly(estimator: Box<dyn StateEstimator>) -> (f64, f64) {
     let brake = BrakeLimits { force_n: Vector3::repeat(LIMITS.0), torque_n_m: LIMITS.1 };
     let goal = GoalRegion { position: GOAL, radius_m: 0.0, speed_m_s: 0.0, attitude: None };
     let settings =
-        LoopSettings { decision_periods: 5, ..LoopSettings::new(shape.clone(), goal, limits, (stop, brake)) };
+        LoopSettings { decision_periods: 5, ..LoopSettings::new(shape.clone(), goal, limits, stop, brake) };
     let scene = Scene::of_world(&station(), &shape).unwrap();
     let controller = |belief: &ModelBelief| -> Result<TubeController, PlanningError> {
         let body = belief.parameters();

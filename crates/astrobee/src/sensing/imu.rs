@@ -1,6 +1,6 @@
 //! The inertial unit, and what the flight software makes of it.
 
-use super::streams::{Source, stream};
+use super::streams::{Source, TriadSources, stream};
 use super::{AccelerometerFilter, GyroFilter, ImuSettings, SensorErrors, TrueMotion};
 use crate::propulsion::ImpellerMode;
 use core::f64::consts::FRAC_1_SQRT_2;
@@ -107,16 +107,6 @@ struct Triad {
     fast_drive: f64,
     fast: Gaussian,
     average: Option<MovingAverage>,
-}
-
-/// The streams of a triad.
-pub(super) struct TriadSources {
-    pub scale: Source,
-    pub misalignment: Source,
-    pub noise: Source,
-    pub bias: Source,
-    pub walk: Source,
-    pub fast: Source,
 }
 
 impl Triad {

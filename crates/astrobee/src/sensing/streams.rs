@@ -1,6 +1,5 @@
 //! One stream of noise per source, so that switching one off changes no other.
 
-use super::imu::TriadSources;
 use tumble_identification::noise::{Gaussian, spread};
 
 /// What draws numbers. The numbers are part of the results: never renumber.
@@ -31,6 +30,16 @@ pub(super) enum Source {
     Bursts = 22,
     Duplicates = 23,
     Jumps = 24,
+}
+
+/// The streams of a triad.
+pub(super) struct TriadSources {
+    pub scale: Source,
+    pub misalignment: Source,
+    pub noise: Source,
+    pub bias: Source,
+    pub walk: Source,
+    pub fast: Source,
 }
 
 impl Source {

@@ -1,15 +1,12 @@
 //! How a wanted wrench becomes a real one.
 
-use super::SimulatorError;
+use super::{CONTROL_PERIOD_S, SimulatorError};
 use crate::propulsion::{
     Damage, ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings, QuantizedAllocation,
 };
-use tumble_dynamics::nalgebra::{SVector, Vector3};
-use tumble_dynamics::{Actuation, DynamicsError, PulsedThrusters, Rotor, RotorSet, WrenchBox};
+use tumble_dynamics::nalgebra::Vector3;
+use tumble_dynamics::{Actuation, ActuatorDrive, DynamicsError, WrenchBox};
 use tumble_lie::Wrench;
-
-/// A rotor is at its limit at this part of its largest speed: the last bits are rounding.
-const AT_LIMIT: f64 = 1.0 - 1e-12;
 
 /// What makes the wrench. Wrenches are in body axes with the torque about the body origin.
 #[allow(clippy::large_enum_variant)] // one per simulator, never moved
@@ -18,10 +15,8 @@ pub enum Actuators {
     Exact,
     /// What is wanted, each component cut at its limit.
     Limited(WrenchBox),
-    /// Valves that open for pulses.
-    Pulsed(PulseTrain<12>),
-    /// Rotors that are at their speeds at once.
-    Rotors(RotorSet<6>),
+    /// Those of another robot.
+    Other(Box<dyn ActuatorDrive>),
     /// Allocation to bytes as flown, then servos, impellers and nozzles.
     Hardware {
         /// From wrench to bytes.
@@ -35,46 +30,6 @@ pub enum Actuators {
 
 /// Forces that are tried to find the largest one.
 const SHARES: u32 = 64;
-
-/// Thrusters whose pulses all begin with the valves' own period, which need not be the simulator's; a pulse is drawn out
-/// over as many control periods as it lasts, and each has the mean of its part.
-#[derive(Clone, Debug)]
-pub struct PulseTrain<const N: usize> {
-    thrusters: PulsedThrusters<N>,
-    ticks_per_step: u32,
-    /// Within the valves' period.
-    tick: u32,
-    pulses: [u32; N],
-}
-
-impl<const N: usize> PulseTrain<N> {
-    /// Closed valves at the beginning of their period; their clock ticks `ticks_per_step` times in a control period.
-    pub fn new(thrusters: PulsedThrusters<N>, ticks_per_step: u32) -> Self {
-        Self { thrusters, ticks_per_step, tick: 0, pulses: [0; N] }
-    }
-
-    /// The mean wrench of the next control period, and whether a valve is open throughout its own.
-    ///
-    /// # Errors
-    /// As [`PulsedThrusters::allocate`].
-    pub fn step(&mut self, wanted: &Wrench<f64>) -> Result<(Wrench<f64>, bool), DynamicsError> {
-        let mut open = [0_u32; N];
-        for _ in 0..self.ticks_per_step {
-            if self.tick == 0 {
-                self.pulses = self.thrusters.allocate(wanted)?;
-            }
-            for (open, pulse) in open.iter_mut().zip(&self.pulses) {
-                *open += u32::from(self.tick < *pulse);
-            }
-            self.tick = (self.tick + 1) % self.thrusters.timing.ticks_per_period.max(1);
-        }
-        let set = &self.thrusters.thrusters;
-        let share = |i: usize| f64::from(open[i]) / f64::from(self.ticks_per_step.max(1));
-        let thrusts = SVector::from_fn(|i, _| set.thrusters()[i].largest_thrust_n * share(i));
-        let at_limit = self.pulses.iter().any(|pulse| *pulse >= self.thrusters.timing.ticks_per_period);
-        Ok((set.realize(&thrusts), at_limit))
-    }
-}
 
 /// What came of a wanted wrench in one control period.
 pub(super) struct Made {
@@ -109,11 +64,9 @@ impl Actuators {
                 let given = limits.realize(&limits.allocate(wanted)?);
                 (given, given != *wanted)
             }
-            Self::Pulsed(valves) => valves.step(wanted)?,
-            Self::Rotors(rotors) => {
-                let speeds = rotors.allocate(wanted)?;
-                let at_limit = |(speed, rotor): (&f64, &Rotor)| speed.abs() >= rotor.largest_speed_rad_s * AT_LIMIT;
-                (rotors.realize(&speeds), speeds.iter().zip(rotors.rotors()).any(at_limit))
+            Self::Other(actuators) => {
+                let driven = actuators.drive(wanted, rate_body, CONTROL_PERIOD_S)?;
+                (driven.wrench_body, driven.is_at_limit)
             }
             Self::Hardware { allocation, plant, known } => {
                 let steps = allocation.0.allocate_steps(wanted)?;
@@ -151,7 +104,7 @@ impl Actuators {
             let force = direction_body * (up_to_n * f64::from(share) / f64::from(SHARES));
             let asked = Wrench::new(through_body.cross(&force), force);
             let given = match self {
-                Self::Exact | Self::Pulsed(_) | Self::Rotors(_) => Ok(asked),
+                Self::Exact | Self::Other(_) => Ok(asked),
                 Self::Limited(limits) => limits.allocate(&asked).map(|given| limits.realize(&given)),
                 Self::Hardware { allocation, .. } => {
                     allocation.0.allocate(&asked).map(|flaps| allocation.0.realize(&flaps))
@@ -168,7 +121,9 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
     use tumble_dynamics::nalgebra::UnitVector3;
-    use tumble_dynamics::{PulseTiming, Thruster, ThrusterSet};
+    use tumble_dynamics::{
+        PulseTiming, PulseTrain, PulsedThrusters, Rotor, RotorSet, StatefulDrive, Thruster, ThrusterSet,
+    };
 
     const THRUST_N: f64 = 0.112;
     const TICKS_PER_STEP: u32 = 16;
@@ -186,12 +141,12 @@ mod tests {
     }
 
     fn pulsed() -> Actuators {
-        Actuators::Pulsed(PulseTrain::new(valves(), TICKS_PER_STEP))
+        Actuators::Other(Box::new(PulseTrain::new(valves(), TICKS_PER_STEP)))
     }
 
     /// Six rotors around the body, tilted to alternate sides.
     fn rotors() -> Actuators {
-        let set = RotorSet::try_new(std::array::from_fn(|i| {
+        let set = RotorSet::<6>::try_new(std::array::from_fn(|i| {
             let (y, x) = (f64::from(u8::try_from(i).unwrap()) * std::f64::consts::FRAC_PI_3).sin_cos();
             let side = if i % 2 == 0 { 1.0 } else { -1.0 };
             Rotor {
@@ -206,40 +161,7 @@ mod tests {
                 largest_speed_rad_s: 1500.0,
             }
         }));
-        Actuators::Rotors(set.unwrap())
-    }
-
-    /// Pulses of 20 of 24 ticks, in steps of 16: open for 16, then 4 and 8 of the next, then its other 12.
-    #[test]
-    fn a_pulse_is_drawn_out_over_the_steps_it_lasts() {
-        let timing = PulseTiming { ticks_per_period: 24, shortest_ticks: 2 };
-        let valves = valves();
-        let set: [Thruster; 12] = *valves.thrusters.thrusters();
-        let mut train = PulseTrain::new(PulsedThrusters { thrusters: ThrusterSet::try_new(set).unwrap(), timing }, 16);
-        let thrust = 20.0 / 24.0 * 2.0 * THRUST_N;
-        let wanted = Wrench::new(Vector3::zeros(), Vector3::new(thrust, 0.0, 0.0));
-        for open in [16.0, 12.0, 12.0, 16.0, 12.0, 12.0] {
-            let (given, at_limit) = train.step(&wanted).unwrap();
-            assert!((given.force.x - 2.0 * THRUST_N * open / 16.0).abs() < 1e-15, "{given:?}");
-            assert!(!at_limit && given.torque.amax() < 1e-15 && given.force.yz().amax() < 1e-15);
-        }
-    }
-
-    /// Two periods of the valves are 25 steps: their impulse is that of the pulses, whatever is wanted in between.
-    #[test]
-    fn no_impulse_is_lost_where_periods_do_not_divide() {
-        let valves = valves();
-        let mut train = PulseTrain::new(valves, TICKS_PER_STEP);
-        let wanted = |k: i32| {
-            let phase = f64::from(k);
-            Wrench::new(Vector3::new(0.003, -0.002, 0.001) * phase.cos(), Vector3::new(0.05, 0.03, -0.07) * phase.sin())
-        };
-        let total = (0..25).fold(Wrench::zero(), |sum, k| sum + train.step(&wanted(k)).unwrap().0);
-        // The second period begins within step 12.
-        let pulses = [0, 12].map(|k| valves.realize(&valves.allocate(&wanted(k)).unwrap()));
-        let expected = (pulses[0] + pulses[1]) * 12.5;
-        assert!((total + expected * -1.0).to_vector().amax() < 1e-12, "{total:?} {expected:?}");
-        assert!(expected.force.norm() > 0.1);
+        Actuators::Other(Box::new(StatefulDrive::new(set.unwrap(), ())))
     }
 
     #[test]
@@ -250,13 +172,13 @@ mod tests {
             let made = actuators.step(&small, &nothing, &Damage::NONE).unwrap();
             assert!(!made.saturated && made.believed_wrench_body == made.realized_wrench_body);
         }
-        for mut actuators in [pulsed(), rotors()] {
+        for (mut actuators, are_rotors) in [(pulsed(), false), (rotors(), true)] {
             let large = Wrench::new(Vector3::zeros(), Vector3::new(100.0, 0.0, 0.0));
             let made = actuators.step(&large, &nothing, &Damage::NONE).unwrap();
             assert!(made.saturated && made.realized_wrench_body.force.x < 20.0);
             let bad = Wrench::new(Vector3::zeros(), Vector3::new(f64::NAN, 0.0, 0.0));
-            let Actuators::Rotors(_) = actuators else { continue };
-            assert!(actuators.step(&bad, &nothing, &Damage::NONE).is_err());
+            // valves ask for the next wrench at the end of their own period only
+            assert_eq!(actuators.step(&bad, &nothing, &Damage::NONE).is_err(), are_rotors);
         }
     }
 

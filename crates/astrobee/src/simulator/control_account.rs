@@ -118,11 +118,6 @@ impl ControlAccount {
         self.beliefs.len()
     }
 
-    /// Revision of the belief offered last, zero before the first.
-    pub(super) fn last_offered(&self) -> u64 {
-        self.beliefs.last().map_or(0, |belief| belief.revision)
-    }
-
     /// Revision of the belief that the way was laid out with: the first.
     pub(super) fn plan_belief(&self) -> u64 {
         self.beliefs.first().map_or(0, |belief| belief.revision)
@@ -279,7 +274,7 @@ mod tests {
         account.commanded(0, &command(1, None));
         account.answered(10, 2, Adoption::Postponed { kept: 1 });
         account.commanded(10, &command(1, None));
-        assert_eq!((account.offered(), account.last_offered(), account.plan_belief()), (2, 2, 1));
+        assert_eq!((account.offered(), account.beliefs()[1].revision, account.plan_belief()), (2, 2, 1));
         assert_eq!(account.model_revision(), 1);
         account.commanded(20, &command(2, None));
         account.commanded(30, &command(2, None));

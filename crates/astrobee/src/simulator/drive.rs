@@ -1,15 +1,14 @@
 //! What asks for wrenches: a controller that follows a reference, and wrenches added to it.
 
 use super::control_account::ControlAccount;
-use super::flown_controller::FlownController;
 use crate::sensing::LocalizationEstimate;
 use std::f64::consts::TAU;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_dynamics::{BodyAcceleration, FreeFlyer, PoseReference, PoseTracker, RigidBodyState};
+use tumble_dynamics::{BodyAcceleration, PoseReference, RigidBodyState};
 use tumble_identification::fourier::FourierMotion;
 use tumble_identification::noise::Gaussian;
 use tumble_lie::{LieGroup, Pose, Twist, Wrench};
-use tumble_planning::control::{self, Adoption, ControlCommand, ControlRequest, ReferenceMotion};
+use tumble_planning::control::{Adoption, ControlCommand, ControlRequest, Controller, ReferenceMotion};
 use tumble_planning::{ModelBelief, Plan, PlanningError};
 
 /// Where the robot should be at a time.
@@ -174,31 +173,50 @@ impl ReferenceMotion for Reference {
     }
 }
 
-/// What follows a reference.
-#[allow(clippy::large_enum_variant)] // one per flight, never moved
-pub enum Controller {
-    /// Computed torque with a nominal body, from estimates as they come, however old.
-    Tracker(PoseTracker),
-    /// As flown, once for each estimate.
-    Flown(FlownController),
-    /// Any other, from estimates carried to the present.
-    Following(Box<dyn control::Controller>),
-}
-
-impl Controller {
-    /// Offers a belief; a [`Controller::Tracker`] is not asked but told.
+/// Follows a reference by estimates that come late: what a [`Drive`] asks.
+///
+/// Every [`Controller`] is one as a [`Following`]; one that must know how old and how good an estimate is implements this
+/// itself, as the flown one does.
+pub trait Follower: Send {
+    /// Offers a belief, as [`Controller::adopt`] does.
     ///
     /// # Errors
     /// A body that cannot be.
-    fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
-        match self {
-            Self::Tracker(tracker) => {
-                tracker.body = FreeFlyer::new(belief.parameters().validated()?);
-                Ok(Adoption::Adopted)
-            }
-            Self::Flown(flown) => control::Controller::adopt(flown, belief),
-            Self::Following(controller) => controller.adopt(belief),
-        }
+    fn offer(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError>;
+
+    /// The wrench to ask for now (ns since the start), body axes, torque about the body origin, from the newest estimate.
+    ///
+    /// # Errors
+    /// Numbers that are none.
+    fn steer(
+        &mut self,
+        time_ns: i64,
+        estimate: &LocalizationEstimate,
+        plan: &Plan<&dyn ReferenceMotion>,
+    ) -> Result<ControlCommand, PlanningError>;
+}
+
+/// A controller that takes the state it is told for the present one.
+pub struct Following {
+    /// The controller.
+    pub controller: Box<dyn Controller + Send>,
+    /// Whether estimates are carried to the present; else they are told as they come, however old.
+    pub carries: bool,
+}
+
+impl Follower for Following {
+    fn offer(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
+        self.controller.adopt(belief)
+    }
+
+    fn steer(
+        &mut self,
+        time_ns: i64,
+        estimate: &LocalizationEstimate,
+        plan: &Plan<&dyn ReferenceMotion>,
+    ) -> Result<ControlCommand, PlanningError> {
+        let state = if self.carries { carried_state(estimate, time_ns) } else { believed_state(estimate) };
+        self.controller.command(&ControlRequest { time_s: time_ns as f64 * 1e-9, state: &state, plan })
     }
 }
 
@@ -206,7 +224,7 @@ impl Controller {
 #[derive(Default)]
 pub struct Drive {
     /// A controller and what it follows.
-    pub tracking: Option<(Controller, Reference)>,
+    pub tracking: Option<(Box<dyn Follower>, Reference)>,
     /// Added to that.
     pub added: AddedWrench,
     /// Beliefs that the controller will be offered, each at its time, ns; times grow.
@@ -227,30 +245,18 @@ impl Drive {
     ) -> Result<Wrench<f64>, PlanningError> {
         let time_s = time_ns as f64 * 1e-9;
         let mut wanted = self.added.at(time_ns);
-        let Some((controller, motion)) = &mut self.tracking else { return Ok(wanted) };
+        let Some((follower, motion)) = &mut self.tracking else { return Ok(wanted) };
         while let Some((_, belief)) = self.beliefs.get(self.account.offered()).filter(|(due_ns, _)| *due_ns <= time_ns)
         {
-            let answer = controller.adopt(belief)?;
+            let answer = follower.offer(belief)?;
             self.account.answered(time_ns, belief.revision, answer);
         }
         if let Some(estimate) = estimate
-            && let Some(reference) = motion.at(time_s)
+            && motion.at(time_s).is_some()
         {
-            let command = match controller {
-                Controller::Tracker(tracker) => ControlCommand {
-                    wrench_body: tracker.wrench_body(&believed_state(estimate), &reference),
-                    model_revision: self.account.last_offered(),
-                    fallback: None,
-                    mass: None,
-                },
-                Controller::Flown(flown) => flown.follow(time_ns, estimate, Some(&reference)),
-                Controller::Following(controller) => {
-                    let state = carried_state(estimate, time_ns);
-                    let plan: Plan<&dyn ReferenceMotion> =
-                        Plan { trajectory: motion, model_revision: self.account.plan_belief() };
-                    controller.command(&ControlRequest { time_s, state: &state, plan: &plan })?
-                }
-            };
+            let plan: Plan<&dyn ReferenceMotion> =
+                Plan { trajectory: motion, model_revision: self.account.plan_belief() };
+            let command = follower.steer(time_ns, estimate, &plan)?;
             self.account.commanded(time_ns, &command);
             wanted += command.wrench_body;
         }
@@ -280,8 +286,9 @@ fn carried_state(estimate: &LocalizationEstimate, time_ns: i64) -> RigidBodyStat
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::cell::RefCell;
-    use std::rc::Rc;
+    use std::sync::{Arc, Mutex};
+    use tumble_dynamics::{FreeFlyer, PoseTracker};
+    use tumble_planning::control::PoseTracking;
 
     fn path() -> Reference {
         let pose = |x: f64, y: f64, turn: Vector3<f64>| {
@@ -344,12 +351,12 @@ mod tests {
     }
 
     /// Notes what it was asked and answers with its newest belief.
-    struct Recording(Rc<RefCell<Vec<Heard>>>, u64);
+    struct Recording(Arc<Mutex<Vec<Heard>>>, u64);
 
     /// Time, state and revision of the plan.
     type Heard = (f64, RigidBodyState<f64>, u64);
 
-    impl control::Controller for Recording {
+    impl Controller for Recording {
         fn adopt(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
             self.1 = belief.revision;
             Ok(Adoption::Adopted)
@@ -357,7 +364,7 @@ mod tests {
 
         fn command(&mut self, request: &ControlRequest<'_>) -> Result<ControlCommand, PlanningError> {
             let wanted = request.plan.trajectory.at(request.time_s).state.world_from_body.translation.vector;
-            self.0.borrow_mut().push((request.time_s, *request.state, request.plan.model_revision));
+            self.0.lock().unwrap().push((request.time_s, *request.state, request.plan.model_revision));
             let wrench_body = Wrench::new(Vector3::zeros(), wanted);
             Ok(ControlCommand { wrench_body, model_revision: self.1, fallback: None, mass: None })
         }
@@ -365,20 +372,20 @@ mod tests {
 
     #[test]
     fn any_controller_steers_with_the_present_state_and_beliefs_in_time() {
-        let heard = Rc::default();
-        let controller = Controller::Following(Box::new(Recording(Rc::clone(&heard), 0)));
+        let heard = Arc::default();
+        let controller = Box::new(Recording(Arc::clone(&heard), 0));
         let body = crate::worlds::WorldPreset::Iss.body();
         let belief = |revision| ModelBelief::certain(revision, body);
         let push = Wrench::new(Vector3::new(0.1, 0.0, 0.0), Vector3::zeros());
         let mut drive = Drive {
-            tracking: Some((controller, path())),
+            tracking: Some((Box::new(Following { controller, carries: true }), path())),
             added: AddedWrench::Constant(push),
             beliefs: vec![(0, belief(1)), (2_000_000_000, belief(2)), (2_000_000_001, belief(3))],
             ..Drive::default()
         };
         // nothing to go by yet
         assert_eq!(drive.wanted(0, None).unwrap(), push);
-        assert_eq!((heard.borrow().len(), drive.account.offered()), (0, 1));
+        assert_eq!((heard.lock().unwrap().len(), drive.account.offered()), (0, 1));
         let rotation = UnitQuaternion::new(Vector3::new(0.0, 0.0, 1.0));
         let estimate = LocalizationEstimate {
             stamp_ns: 1_500_000_000,
@@ -393,7 +400,7 @@ mod tests {
         let reference = path().at(2.0).unwrap().state.world_from_body.translation.vector;
         assert!((wanted.force - reference).amax() < 1e-15 && wanted.torque == push.torque);
         assert_eq!((drive.account.model_revision(), drive.account.offered()), (2, 2));
-        let (time_s, state, plan) = heard.borrow()[0];
+        let (time_s, state, plan) = heard.lock().unwrap()[0];
         assert_eq!((time_s.to_bits(), plan), (2.0_f64.to_bits(), 1));
         // half a second later: 0.2 rad further about z, and the same velocity in turned axes
         let expected = UnitQuaternion::new(Vector3::new(0.0, 0.0, 1.2));
@@ -414,8 +421,10 @@ mod tests {
             body.inertia_about_com(),
         );
         let tracker = PoseTracker::critically_damped(FreeFlyer::new(body), 1.0, 0.5);
+        let controller = Box::new(PoseTracking::unlimited(tracker).unwrap());
+        let tracking = Following { controller, carries: false };
         let mut drive = Drive {
-            tracking: Some((Controller::Tracker(tracker), Reference::Hold(Pose::translation(1.0, 0.0, 0.0)))),
+            tracking: Some((Box::new(tracking), Reference::Hold(Pose::translation(1.0, 0.0, 0.0)))),
             beliefs: vec![(10, ModelBelief::certain(4, twice))],
             ..Drive::default()
         };

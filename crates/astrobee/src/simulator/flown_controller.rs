@@ -1,12 +1,15 @@
 //! The flown controller between its messages, and behind the trait of all controllers.
 
+use super::drive::Follower;
 use crate::flight_controller::{ControlOrder, FlightController, Setpoint};
 use crate::sensing::{Confidence, LocalizationEstimate};
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_dynamics::{PoseReference, RigidBodyState};
 use tumble_lie::Wrench;
-use tumble_planning::control::{Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason};
-use tumble_planning::{ModelBelief, PlanningError};
+use tumble_planning::control::{
+    Adoption, ControlCommand, ControlRequest, Controller, Fallback, FallbackReason, ReferenceMotion,
+};
+use tumble_planning::{ModelBelief, Plan, PlanningError};
 
 /// Latest time that counts in nanoseconds, s.
 const LATEST_S: f64 = 9e9;
@@ -56,6 +59,23 @@ impl FlownController {
             fallback: wanted.is_none().then_some(Fallback::Braking(FallbackReason::NoReference)),
             mass: None,
         }
+    }
+}
+
+/// By each estimate as it comes, with its stamp and its confidence.
+impl Follower for FlownController {
+    fn offer(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
+        self.adopt(belief)
+    }
+
+    fn steer(
+        &mut self,
+        time_ns: i64,
+        estimate: &LocalizationEstimate,
+        plan: &Plan<&dyn ReferenceMotion>,
+    ) -> Result<ControlCommand, PlanningError> {
+        let wanted = plan.trajectory.at(time_ns as f64 * 1e-9);
+        Ok(self.follow(time_ns, estimate, Some(&wanted)))
     }
 }
 
@@ -138,8 +158,6 @@ mod tests {
     use tumble_dynamics::nalgebra::{Translation3, UnitQuaternion};
     use tumble_dynamics::{BodyAcceleration, FreeFlyer, InertialParameters, Integrator, MuntheKaas4};
     use tumble_lie::{LieGroup, Pose, Twist};
-    use tumble_planning::Plan;
-    use tumble_planning::control::ReferenceMotion;
 
     const PERIOD_S: f64 = 0.016;
 

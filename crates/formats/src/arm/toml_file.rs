@@ -6,7 +6,7 @@ use crate::FormatsError;
 use crate::Robots;
 use crate::body_file::BodyFile;
 use crate::log::{QUATERNION_NORM_TOLERANCE, shortened};
-use crate::place::{self, suggestion};
+use crate::place;
 use crate::text_file::printable;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -172,11 +172,9 @@ fn base(source: &Source, table: Option<Spanned<BaseTable>>, robots: &Robots) -> 
     let body = match (preset, body) {
         (None, body) => body.as_ref().map(parameters),
         (Some(_), Some(_)) => return Err(source.bad(offset, "base: `preset` and `body` both are a body: one of them")),
-        (Some(preset), None) => Some(robots.body(&preset).ok_or_else(|| {
-            let names: Vec<&str> = robots.bodies().iter().map(|preset| preset.name).collect();
-            let near = suggestion(&preset, names.iter().copied());
-            let names = names.join(", ");
-            source.bad(offset, &format!("base: `preset` `{}` is none of {names}{near}", shortened(&preset)))
+        (Some(preset), None) => Some(robots.body(&preset).map_err(|unknown| {
+            let (names, near) = (unknown.known.join(", "), unknown.nearest);
+            source.bad(offset, &format!("base: `preset` `{}` is none of {names}{near}", unknown.asked))
         })?),
     };
     Ok(Part { offset, link: name.unwrap_or_else(|| BASE.to_owned()), body })

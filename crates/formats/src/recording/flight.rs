@@ -8,7 +8,7 @@ use super::messages::{self, Message, MessageError, PmcCommand};
 use super::{RawMessage, ScanReport, scan_file};
 use crate::FormatsError;
 use crate::log::{QUATERNION_NORM_TOLERANCE, seconds, shortened};
-use crate::{ActuatorReplay, ModuleCommand, Robots};
+use crate::{ActuatorBytes, ActuatorReplay, Robots};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
@@ -80,7 +80,7 @@ impl Plan {
     ///
     /// # Errors
     /// [`FormatsError::NoFlight`] where nothing moves, or several robots do and none is named.
-    pub fn of(topics: &Topics, robot: Option<&str>, path: &Path) -> Result<Self, FormatsError> {
+    pub fn of(topics: &Topics, robot: Option<&str>, robots: &Robots, path: &Path) -> Result<Self, FormatsError> {
         // A log of ours holds one robot.
         let is = |topic: &str, type_name: &str| topics.get(topic).is_some_and(|found| found.type_name == type_name);
         if is(MEASURED_POSE, "foxglove.PoseInFrame") {
@@ -129,7 +129,15 @@ impl Plan {
         };
         let is_astrobee = topics.get(&motion).is_some_and(|topic| topic.type_name == "ff_msgs/EkfState");
         if !is_astrobee {
-            let wrench = one("geometry_msgs/WrenchStamped")?;
+            // what its actuators were told, else a wrench
+            let mut wrench = None;
+            for replay in robots.replays() {
+                wrench = wrench.or(one(replay.command_type())?);
+            }
+            let wrench = match wrench {
+                None => one("geometry_msgs/WrenchStamped")?,
+                commands => commands,
+            };
             return Ok(Self { motion, wrench, ..Self::default() });
         }
         // Astrobee's other streams are those of the same robot.
@@ -188,7 +196,7 @@ pub fn survey(path: &Path) -> Result<(Topics, ScanReport), FormatsError> {
 /// What was found and what part it plays, for people.
 pub fn table(topics: &Topics, plan: &Plan) -> String {
     let mut text = String::new();
-    let known = |topic: &Topic| messages::KNOWN.iter().any(|(name, _)| *name == topic.type_name);
+    let known = |topic: &Topic| is_listed(&topic.type_name);
     let mut order: Vec<(&String, &Topic)> = topics.iter().collect();
     order.sort_by_key(|(name, topic)| (plan.part(name).is_none(), !known(topic)));
     for (name, topic) in order.iter().take(MOST_TOPICS_SHOWN) {
@@ -291,7 +299,7 @@ enum Event {
     Motion(MotionSample),
     /// Body axes, about the origin.
     Wrench(Wrench<f64>),
-    Bytes(ModuleCommand),
+    Bytes(ActuatorBytes),
     /// Impeller speeds, counts.
     Speeds([u8; 2]),
     CenterOfMass(Vector3<f64>),
@@ -347,6 +355,15 @@ impl<'p> Assembler<'p> {
         }
         if self.plan.part(raw.topic).is_none() {
             return Ok(None);
+        }
+        if let Some(replay) =
+            self.actuators.as_ref().filter(|replay| !is_listed(raw.type_name) && replay.command_type() == raw.type_name)
+        {
+            let Some(command) = replay.decode(raw) else {
+                self.tally.undecoded += 1;
+                return Ok(None);
+            };
+            return Ok(self.push(raw.log_time_ns, Event::Bytes(command)));
         }
         let message = match messages::decode(raw) {
             Some(Ok(message)) => message,
@@ -575,13 +592,22 @@ fn wrench(message: &messages::WrenchMessage) -> Option<Wrench<f64>> {
     (is_finite(&message.force) && is_finite(&message.torque)).then(|| Wrench::new(message.torque, message.force))
 }
 
-fn command_bytes(command: &PmcCommand<'_>) -> Option<ModuleCommand> {
+/// Whether [`messages::decode`] knows the type.
+fn is_listed(type_name: &str) -> bool {
+    messages::KNOWN.iter().any(|(name, _)| *name == type_name)
+}
+
+/// What replays the commands of the robot whose flight is read.
+fn replay_of(topics: &Topics, plan: &Plan, robots: &Robots) -> Option<Box<dyn ActuatorReplay>> {
+    let commands = topics.get(plan.wrench.as_ref()?)?;
+    robots.replays().find(|replay| replay.command_type() == commands.type_name)
+}
+
+/// Impeller speeds of both modules, then the flaps of their nozzles.
+fn command_bytes(command: &PmcCommand<'_>) -> Option<ActuatorBytes> {
     let [starboard, port] = command.goals.as_slice() else { return None };
-    let ([a, b, c, d, e, f], [g, h, i, j, k, l]) = (starboard.nozzle_positions, port.nozzle_positions);
-    Some(ModuleCommand {
-        impeller_speeds: [starboard.motor_speed, port.motor_speed],
-        nozzles: [a, b, c, d, e, f, g, h, i, j, k, l],
-    })
+    let speeds = [starboard.motor_speed, port.motor_speed];
+    ActuatorBytes::new(&[&speeds[..], &starboard.nozzle_positions, &port.nozzle_positions].concat())
 }
 
 /// What the samples of a flight can hold besides the pose.
@@ -622,9 +648,9 @@ impl FlightReader {
     /// [`FormatsError`] for a file that is no recording, holds no flight, or several without a robot being named.
     pub fn open(path: &Path, robot: Option<&str>, robots: &Robots) -> Result<Self, FormatsError> {
         let (topics, report) = survey(path)?;
-        let plan = Plan::of(&topics, robot, path).map_err(|error| damaged(error, &report))?;
+        let plan = Plan::of(&topics, robot, robots, path).map_err(|error| damaged(error, &report))?;
         let (sender, receiver) = sync_channel(BATCHES);
-        let (path, used, actuators) = (PathBuf::from(path), plan.clone(), robots.replay());
+        let (path, used, actuators) = (PathBuf::from(path), plan.clone(), replay_of(&topics, &plan, robots));
         // A scan hands out and a reader asks: a thread between them, a few batches ahead.
         std::thread::spawn(move || {
             let end = stream(&path, &used, actuators, &sender);

@@ -53,19 +53,11 @@ pub fn total_least_squares<const P: usize, const COLUMNS: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dice::Dice;
 
-    /// Sum of twelve uniforms: variance one.
     fn random() -> impl FnMut() -> f64 {
-        let mut state = 9_u64;
-        move || {
-            (0..12)
-                .map(|_| {
-                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                    (state >> 11) as f64 / 9_007_199_254_740_992.0
-                })
-                .sum::<f64>()
-                - 6.0
-        }
+        let mut dice = Dice(9);
+        move || dice.normal()
     }
 
     #[test]

@@ -1,9 +1,33 @@
-//! A finding as the body that a belief, a planner or a person reads, and back.
+//! The body that a belief, a planner or a person reads, from a finding and back.
 
 use super::{EstimatorError, Finding};
+use crate::BodyScale;
 use crate::dynamics::InertialParameters;
-use crate::identify::standard_deviations;
-use crate::{BodyScale, Estimate};
+use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, Vector3};
+
+/// One standard deviation of each reported quantity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StandardDeviations {
+    /// Of the mass, kg.
+    pub mass_kg: f64,
+    /// Of the centre of mass, body axes, m.
+    pub center_of_mass_m: Vector3<f64>,
+    /// Of the entries of the inertia about the centre of mass, kg m^2.
+    pub inertia_about_com_kg_m2: Matrix3<f64>,
+}
+
+/// A physically consistent body with its uncertainty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The ten parameters about the body origin; always a body that exists.
+    pub parameters: InertialParameters<f64>,
+    /// Covariance of [`InertialParameters::to_vector`], of the solution before the consistency constraint.
+    pub covariance: SMatrix<f64, 10, 10>,
+    /// Standard deviations derived from the covariance.
+    pub std: StandardDeviations,
+    /// True where the consistency constraint moved the solution.
+    pub lmi_active: bool,
+}
 
 impl Estimate {
     /// The same with its information, directions compared in units of a body of this scale. The covariance is kept to the bit.
@@ -35,10 +59,40 @@ impl TryFrom<&Finding> for Estimate {
     }
 }
 
+/// Standard deviations of mass, centre of mass and inertia about it, to first order.
+pub(crate) fn standard_deviations(
+    parameters: &SVector<f64, 10>,
+    covariance: &SMatrix<f64, 10, 10>,
+) -> StandardDeviations {
+    let body = InertialParameters::from_vector(parameters);
+    let c = body.center_of_mass();
+    // d c = (d h - c d m) / m;  d J_C = d J - (2 c.d h I - d h c^T - c d h^T) + (|c|^2 I - c c^T) d m
+    let derived = |delta: &SVector<f64, 10>| {
+        let delta = InertialParameters::from_vector(delta);
+        let dh = delta.first_moment;
+        let center = (dh - c * delta.mass) / body.mass;
+        let about_com = delta.inertia_about_origin - Matrix3::identity() * (2.0 * c.dot(&dh))
+            + dh * c.transpose()
+            + c * dh.transpose()
+            + (Matrix3::identity() * c.norm_squared() - c * c.transpose()) * delta.mass;
+        InertialParameters { mass: delta.mass, first_moment: center, inertia_about_origin: about_com }.to_vector()
+    };
+    let mut jacobian = SMatrix::<f64, 10, 10>::zeros();
+    for i in 0..10 {
+        jacobian.set_column(i, &derived(&SVector::ith(i, 1.0)));
+    }
+    let variance = (jacobian * covariance * jacobian.transpose()).diagonal();
+    let std = InertialParameters::from_vector(&variance.map(|v| ComplexField::sqrt(v.max(0.0))));
+    StandardDeviations {
+        mass_kg: std.mass,
+        center_of_mass_m: std.first_moment,
+        inertia_about_com_kg_m2: std.inertia_about_origin,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
     fn ball() -> Estimate {
         let parameters = InertialParameters::about_com(3.0, Vector3::new(0.01, 0.0, 0.02), Matrix3::identity() * 0.1);

@@ -3,8 +3,8 @@
 use super::joint_information::{BasisTable, JointInformation, WrenchRows, coefficient_std};
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
+use crate::estimator::standard_deviations;
 use crate::fourier::{AttitudeChart, FourierMotion};
-use crate::identify::standard_deviations;
 use crate::jacobi::singular_values;
 use crate::{BodyScale, Noise, Observability, SquareRootInformation, StandardDeviations};
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};

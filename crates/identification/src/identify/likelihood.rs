@@ -5,11 +5,11 @@ use super::solution::{Solution, from_covariance, solve};
 use super::timeline::Timeline;
 use super::verdict::{Marks, Silence, verdict};
 use super::{
-    Estimate, FEW_NODES, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, Noise, Plan, Settings, VISIBLE_COLOUR,
-    Validation, Warning,
+    FEW_NODES, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, Noise, Plan, Settings, VISIBLE_COLOUR, Validation,
+    Warning,
 };
 use crate::error::{Column, IdentificationError};
-use crate::estimator::Evidence;
+use crate::estimator::{Estimate, Evidence};
 use crate::likelihood::{Exchange, LikelihoodEstimate, MaximumLikelihood, Nuisances, SegmentResidual};
 use crate::motion::MotionSample;
 use crate::statistics::Whiteness;

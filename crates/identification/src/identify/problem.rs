@@ -226,8 +226,12 @@ impl Estimator for JointFilter {
             return Ok(before);
         }
         let noise = problem.sample_noise();
+        // Noise asks for a lag.
+        fit.poses_noisy = fit.scheme.lag > 1;
+        let other = recursion::second(&fit, record, &problem.settings())?;
         match recursion::filtered(&mut fit, record, &problem.settings(), &noise, self.unscented) {
             Ok(surprise) => {
+                recursion::widen_by_linearisation(&mut fit, other.as_ref());
                 let found = Problem::finding_of(record, &fit)?;
                 Ok(surprise.map_or(found, |(nis, freedom)| found.with_surprise(nis, freedom)))
             }

@@ -6,7 +6,6 @@ use super::noise::SampleNoise;
 use super::rows::Scheme;
 use super::solution::{from_covariance, weak_prior};
 use super::timeline::Timeline;
-use super::units::Units;
 use super::verdict::Beside;
 use super::{Noise, Plan, Settings, Way};
 use crate::beside::{beside, refuse_coarse_steps};
@@ -21,6 +20,7 @@ use crate::recursive::{
     ChiSquareGate, ExtendedKalmanFilter, FilterModel, JointMotion, JointObservation, JointState, LinearObservation,
     MotionNoise, RecursiveLeastSquares, RecursiveSdp, RowsOutcome, UnscentedKalmanFilter,
 };
+use crate::units::Units;
 use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow};
 use crate::{MaximumLikelihood, WrenchTiming};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
@@ -34,6 +34,11 @@ const POSE_FLOOR: f64 = 1e-7;
 /// Length of the first rows that a filter begins with, s, and the fraction of the body's scale to which they must know it.
 const FIRST_SPAN_S: f64 = 3.0;
 const BEGUN: f64 = 0.1;
+/// Where a filter begun so flies off it begins later, by what longer stretches know so much better each.
+const LATER: [f64; 2] = [0.3, 0.1];
+/// Squared distances per parameter from another finding of the same record, in units of the filter's covariance: from the first on it is
+/// visible, for both have seen the same noise; beyond the second it is for the judge to say that they disagree.
+const ELSEWHERE: (f64, f64) = (0.5, 8.0);
 /// Rejects only what is beyond doubt.
 const GATE: f64 = 0.9999;
 /// Wrench noise tried, as fractions of the residual of the rows, which noise in the poses may have inflated.
@@ -64,7 +69,10 @@ pub(super) fn run(
         Way::Rls => rls(fit)?,
         Way::RecursiveSdp => recursive_sdp(fit)?,
         Way::Ekf | Way::Ukf => match filtered(fit, record, plan.settings, noise, plan.way == Way::Ukf) {
-            Ok(surprise) => beside.surprise = surprise,
+            Ok(surprise) => {
+                beside.surprise = surprise;
+                widen_by_linearisation(fit, beside.other.as_ref());
+            }
             Err(Flown::Off { time_ns }) => return Ok(Replaced { diverged_ns: Some(time_ns), ..Replaced::default() }),
             Err(Flown::Into(error)) => return Err(error),
         },
@@ -80,13 +88,19 @@ pub(super) fn reference(
     record: &[MotionSample],
     plan: &Plan<'_>,
 ) -> Result<Option<Finding>, IdentificationError> {
-    if !plan.way.is_recursive() {
-        return Ok(None);
-    }
+    if plan.way.is_recursive() { second(fit, record, plan.settings) } else { Ok(None) }
+}
+
+/// The likelihood where the poses are noisy and it knows all ten, else the regression.
+pub(super) fn second(
+    fit: &Fit,
+    record: &[MotionSample],
+    settings: &Settings,
+) -> Result<Option<Finding>, IdentificationError> {
     let Some(found) = &fit.least_squares else { return Ok(None) };
     let magnitudes = fit.scale().parameter_magnitudes();
     if (fit.poses_noisy || fit.rates_noisy)
-        && let Ok(likely) = MaximumLikelihood::estimate(&estimator(plan.settings), record)
+        && let Ok(likely) = MaximumLikelihood::estimate(&estimator(settings), record)
         && is_known(&likely, DETERMINED)
     {
         let covariance = likely.covariance * (likely.scatter * likely.scatter);
@@ -95,6 +109,20 @@ pub(super) fn reference(
     }
     let information = from_covariance(&found.parameters, &found.covariance, &magnitudes)?;
     Ok(Some(Finding::of_information(information, magnitudes).at(found.parameters)))
+}
+
+/// A filter is linearised where it happens to be, and its covariance does not hold what that costs: where it is visibly elsewhere than a
+/// finding that was iterated, the way between them is an error of its own.
+pub(super) fn widen_by_linearisation(fit: &mut Fit, other: Option<&Finding>) {
+    let (Some(found), Some(there)) = (&mut fit.least_squares, other.and_then(Finding::point)) else { return };
+    let apart = found.parameters - there;
+    let unit = found.covariance.diagonal().map(f64::sqrt);
+    let correlation = SMatrix::<f64, 10, 10>::from_fn(|i, j| found.covariance[(i, j)] / (unit[i] * unit[j]));
+    let scaled = apart.component_div(&unit);
+    let squared = correlation.cholesky().map_or(f64::INFINITY, |factor| scaled.dot(&factor.solve(&scaled)));
+    if (10.0 * ELSEWHERE.0..10.0 * ELSEWHERE.1).contains(&squared) {
+        found.covariance += apart * apart.transpose();
+    }
 }
 
 /// Recursive least squares over the rows of a fit.
@@ -180,17 +208,25 @@ pub(super) fn filtered(
     let units = Units::of(scale, step_s);
     let scaled = units.record(record);
     let rows = scaled.as_deref().unwrap_or(record);
-    let settings = &units.settings(settings);
+    let settings = &Settings { gravity_world: units.gravity(&settings.gravity_world), ..*settings };
+    let SampleNoise { attitude_rad, position_m, rate_rad_s, velocity_m_s, acceleration_m_s2 } = *noise;
     let about = About {
-        noise: units.noise(noise),
-        wrench_noise: units.wrench_noise((found.torque_residual / gain, found.force_residual / gain)),
+        noise: units.noise(&Noise {
+            torque_n_m: found.torque_residual / gain,
+            force_n: found.force_residual / gain,
+            attitude_rad,
+            position_m,
+            rate_rad_s,
+            velocity_m_s,
+            acceleration_m_s2,
+        }),
         scale: units.scale(scale)?,
     };
     let end = filtered_in_units(rows, settings, &about, unscented).map_err(|flown| match flown {
         Flown::Off { time_ns } if scaled.is_some() => Flown::Off { time_ns: units.time_ns(time_ns, record) },
         flown => flown,
     })?;
-    let factors = units.parameter_factors();
+    let factors = units.back().parameter_factors();
     found.parameters = end.parameters.component_mul(&factors);
     found.covariance = SMatrix::from_fn(|i, j| end.covariance[(i, j)] * factors[i] * factors[j]);
     // The filter works with true steps and with noise in the poses.
@@ -201,9 +237,8 @@ pub(super) fn filtered(
 
 /// What is known of a record before a filter goes over it.
 struct About {
-    noise: SampleNoise,
-    /// Of one sample's torque and force.
-    wrench_noise: (f64, f64),
+    /// Of one sample.
+    noise: Noise,
     scale: BodyScale,
 }
 
@@ -220,8 +255,29 @@ fn filtered_in_units(
     about: &About,
     unscented: bool,
 ) -> Result<End, Flown> {
+    let first = begin(record, settings, BEGUN);
+    let shares: &[f64] = if first.is_some() { &LATER } else { &[] };
+    let found = filtered_from(first, record, settings, about, unscented);
+    if !matches!(found, Err(Flown::Off { .. })) {
+        return found;
+    }
+    for share in shares {
+        let Some(later) = begin(record, settings, BEGUN * share) else { break };
+        if let Ok(end) = filtered_from(Some(later), record, settings, about, unscented) {
+            return Ok(end);
+        }
+    }
+    found
+}
+
+fn filtered_from(
+    begun: Option<Begun>,
+    record: &[MotionSample],
+    settings: &Settings,
+    about: &About,
+    unscented: bool,
+) -> Result<End, Flown> {
     let scale = about.scale;
-    let begun = begin(record, settings);
     let begun_at = begun.as_ref().map_or(0, |begun| begun.rows);
     let rest = &record[begun_at..];
     let times = Timeline::try_new(rest)?;
@@ -264,8 +320,8 @@ struct Begun {
     known: Knowledge,
 }
 
-/// The first seconds as a batch, longer and longer until they know the body to a tenth; `None` where half the record does not.
-fn begin(record: &[MotionSample], settings: &Settings) -> Option<Begun> {
+/// The first seconds as a batch, longer and longer until they know the body to this share; `None` where half the record does not.
+fn begin(record: &[MotionSample], settings: &Settings, share: f64) -> Option<Begun> {
     let mut span_s = FIRST_SPAN_S;
     loop {
         #[allow(clippy::cast_possible_truncation)] // saturates
@@ -275,7 +331,7 @@ fn begin(record: &[MotionSample], settings: &Settings) -> Option<Begun> {
             return None;
         }
         if let Ok((found, _)) = estimator(settings).partial(&record[..rows])
-            && is_known(&found, BEGUN)
+            && is_known(&found, share)
         {
             let Noise { torque_n_m, force_n, attitude_rad, position_m, .. } = found.noise;
             let floor = |level: f64, other: f64| if level > 0.0 { level } else { other };
@@ -358,8 +414,8 @@ impl Joint {
             rate_rad_s: noise.rate_rad_s.max(attitude_rad),
             velocity_m_s: noise.velocity_m_s.max(position_m),
             acceleration_m_s2: acceleration_noise(record).max(position_m),
-            torque_n_m: about.wrench_noise.0,
-            force_n: about.wrench_noise.1,
+            torque_n_m: about.noise.torque_n_m,
+            force_n: about.noise.force_n,
             drift: SVector::zeros(),
         };
         // From the first pose on. Where none was seen the world is where the body is at first, moving along with it.

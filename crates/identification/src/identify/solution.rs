@@ -2,10 +2,11 @@
 
 use super::fit::Fit;
 use super::verdict::Silence;
-use super::{Estimate, Plan, Prior, StandardDeviations};
+use super::{Plan, Prior};
 use crate::consistency::{ConstrainedLeastSquares, InteriorPoint, PseudoInertiaCone};
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
+use crate::estimator::{Estimate, standard_deviations};
 use crate::jacobi::singular_values;
 use crate::square_root_information::SquareRootInformation;
 use crate::weighted_least_squares::whitened;
@@ -181,36 +182,5 @@ pub(super) fn weak_prior(scale: BodyScale) -> Prior {
     Prior {
         mean: InertialParameters::about_origin(mass, Vector3::zeros(), inertia),
         standard_deviation: scale.parameter_magnitudes() * 2.0,
-    }
-}
-
-/// Standard deviations of mass, centre of mass and inertia about it, to first order.
-pub(crate) fn standard_deviations(
-    parameters: &SVector<f64, 10>,
-    covariance: &SMatrix<f64, 10, 10>,
-) -> StandardDeviations {
-    let body = InertialParameters::from_vector(parameters);
-    let c = body.center_of_mass();
-    // d c = (d h - c d m) / m;  d J_C = d J - (2 c.d h I - d h c^T - c d h^T) + (|c|^2 I - c c^T) d m
-    let derived = |delta: &SVector<f64, 10>| {
-        let delta = InertialParameters::from_vector(delta);
-        let dh = delta.first_moment;
-        let center = (dh - c * delta.mass) / body.mass;
-        let about_com = delta.inertia_about_origin - Matrix3::identity() * (2.0 * c.dot(&dh))
-            + dh * c.transpose()
-            + c * dh.transpose()
-            + (Matrix3::identity() * c.norm_squared() - c * c.transpose()) * delta.mass;
-        InertialParameters { mass: delta.mass, first_moment: center, inertia_about_origin: about_com }.to_vector()
-    };
-    let mut jacobian = SMatrix::<f64, 10, 10>::zeros();
-    for i in 0..10 {
-        jacobian.set_column(i, &derived(&SVector::ith(i, 1.0)));
-    }
-    let variance = (jacobian * covariance * jacobian.transpose()).diagonal();
-    let std = InertialParameters::from_vector(&variance.map(|v| ComplexField::sqrt(v.max(0.0))));
-    StandardDeviations {
-        mass_kg: std.mass,
-        center_of_mass_m: std.first_moment,
-        inertia_about_com_kg_m2: std.inertia_about_origin,
     }
 }

@@ -1,9 +1,9 @@
 //! What is said of an identification, from numbers alone.
 
-use super::{Estimate, Identification, Plan};
+use super::{Identification, Plan};
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::estimator::{Evidence, Finding, Judge, Verdict};
+use crate::estimator::{Estimate, Evidence, Finding, Judge, Verdict};
 use crate::likelihood::Quantity;
 use crate::{BodyScale, SquareRootInformation};
 use nalgebra::SVector;

@@ -3,8 +3,9 @@
 use super::broken_unless;
 use crate::consistency::{FeasibleSet, PseudoInertiaCone};
 use crate::error::IdentificationError;
-use crate::multibody::{BaseParameters, LinkInformation, LinkPrior, LinksEstimate};
-use nalgebra::{DVector, Matrix4, SVector};
+use crate::estimator::{Estimator, EstimatorError, Finding};
+use crate::multibody::{BaseParameters, DynEstimator, LinkInformation, LinkPrior, LinksEstimate};
+use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, SVector};
 use tumble_lie::laws::{LawViolation, require};
 
 /// Laws of [`BaseParameters`] said of `information`, with `tolerance` relative to the strongest direction.
@@ -43,6 +44,25 @@ pub fn check_base_parameters(
         }
     }
     Ok(())
+}
+
+/// A [`DynEstimator`] of a tree whose data determine all `P` unknowns, as an [`Estimator`]: what the laws of those take.
+#[derive(Clone, Copy, Debug)]
+pub struct Determined<E>(pub E);
+
+impl<E: DynEstimator, const P: usize> Estimator<P> for Determined<E> {
+    type Record = E::Record;
+
+    /// # Errors
+    /// [`IdentificationError::UnknownCount`] for other than `P` unknowns, [`IdentificationError::Indefinite`] where one of them is left free.
+    fn estimate(&self, record: &E::Record) -> Result<Finding<P>, EstimatorError> {
+        let found = self.0.estimate(record)?;
+        let covariance = found.covariance_of(&DMatrix::identity(P, P))?;
+        let covariance = covariance.ok_or(IdentificationError::Indefinite { parameters: P })?;
+        let entries = |v: &DVector<f64>| SVector::<f64, P>::from_fn(|i, _| v[i]);
+        let covariance = SMatrix::<f64, P, P>::from_fn(|i, j| covariance[(i, j)]);
+        Finding::of_covariance(entries(found.point()), &covariance, entries(found.magnitudes()))
+    }
 }
 
 /// Laws of a solver of [`ConsistentLinks`](crate::multibody::ConsistentLinks)' problem with this floor.

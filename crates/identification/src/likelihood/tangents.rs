@@ -39,6 +39,7 @@ fn samples() -> Vec<Sample> {
             Sample {
                 time_s: k as f64 * STEP_S,
                 step_s: STEP_S,
+                posed: true,
                 input,
                 position: three(12) * 0.1,
                 world_from_body: <UnitQuaternion<f64> as LieGroup>::exp(&(three(15) * 0.1)),

@@ -19,20 +19,24 @@ fn gaussian(generator: &mut ChaCha8Rng) -> f64 {
 }
 
 fn tree() -> Multibody<f64> {
+    tree_in(1.0, 1.0)
+}
+
+/// The tree in units of which so many make a kilogram and a metre.
+fn tree_in(mass: f64, length: f64) -> Multibody<f64> {
     let body = |kg: f64, com: [f64; 3], size: f64| {
-        InertialParameters::about_com(
-            kg,
-            com.into(),
-            Matrix3::from_diagonal(&Vector3::new(1.0, 1.2, 0.9)) * (kg * size * size),
-        )
+        let (kg, com, size) = (kg * mass, Vector3::from(com) * length, size * length);
+        let shape = Matrix3::from_diagonal(&Vector3::new(1.0, 1.2, 0.9));
+        InertialParameters::about_com(kg, com, shape * (kg * size * size))
     };
     let base = InertialParameters::about_com(
-        9.58,
+        9.58 * mass,
         Vector3::zeros(),
-        Matrix3::from_diagonal(&Vector3::new(0.153, 0.143, 0.162)),
+        Matrix3::from_diagonal(&Vector3::new(0.153, 0.143, 0.162)) * (mass * length * length),
     );
-    let shoulder = Joint::revolute(-Vector3::y(), Pose::translation(-0.13, 0.0, -0.13)).unwrap();
-    let wrist = Joint::revolute(Vector3::z(), Pose::translation(-0.1, 0.0, 0.0)).unwrap();
+    let shoulder = Pose::translation(-0.13 * length, 0.0, -0.13 * length);
+    let shoulder = Joint::revolute(-Vector3::y(), shoulder).unwrap();
+    let wrist = Joint::revolute(Vector3::z(), Pose::translation(-0.1 * length, 0.0, 0.0)).unwrap();
     Multibody::try_new(
         base,
         vec![
@@ -383,4 +387,111 @@ fn gains_from_a_weighed_payload() {
         let (found, std) = estimate.nuisance(&format!("drive gain of joint {joint}")).unwrap();
         assert!((found - gain).abs() < 4.0 * std && std < 0.05 * gain, "{joint}: {found} +- {std}");
     }
+}
+
+/// What an estimator is told and its records: both change with the units.
+#[cfg(feature = "testing")]
+type OfTree = (TreeEstimator, Vec<TreeRecord>);
+
+#[cfg(feature = "testing")]
+struct Told;
+
+#[cfg(feature = "testing")]
+impl super::DynEstimator for Told {
+    type Record = OfTree;
+
+    fn estimate(&self, (estimator, records): &OfTree) -> Result<super::DynFinding, crate::estimator::EstimatorError> {
+        super::DynEstimator::estimate(estimator, records)
+    }
+}
+
+/// In other units, seen from another inertial frame.
+#[cfg(feature = "testing")]
+fn told_otherwise(of: &OfTree, units: [f64; 3], world: &Pose<f64>) -> OfTree {
+    let [mass, length, time] = units;
+    let place = |pose: &Pose<f64>| Pose::from_parts((pose.translation.vector * length).into(), pose.rotation);
+    let mut estimator = of.0.clone();
+    estimator.tree = tree_in(mass, length);
+    for part in &mut estimator.parts {
+        part.body_from_part = place(&part.body_from_part);
+        let InertialParameters { mass: kg, first_moment, inertia_about_origin } = part.nominal;
+        let inertia = inertia_about_origin * (mass * length * length);
+        part.nominal = InertialParameters {
+            mass: kg * mass,
+            first_moment: first_moment * (mass * length),
+            inertia_about_origin: inertia,
+        };
+    }
+    let form = estimator.momentum.as_mut().unwrap();
+    let VelocityNoise { base_rate_rad_s, base_velocity_m_s, joint_rate } = form.noise;
+    form.noise = VelocityNoise {
+        base_rate_rad_s: base_rate_rad_s / time,
+        base_velocity_m_s: base_velocity_m_s * length / time,
+        joint_rate: joint_rate / time,
+    };
+    let linear = mass * length / time;
+    form.known = form.known.map(|p| {
+        let seen = p.transformed_by(world);
+        Wrench::new(seen.torque * (linear * length), seen.force * linear)
+    });
+    let sample = |sample: &TreeSample| TreeSample {
+        time_s: sample.time_s * time,
+        world_from_base: place(&(world * sample.world_from_base)),
+        base_twist: Twist::new(sample.base_twist.angular / time, sample.base_twist.linear * (length / time)),
+        rates: sample.rates.iter().map(|rate| rate / time).collect(),
+        ..sample.clone()
+    };
+    let record = |record: &TreeRecord| TreeRecord { samples: record.samples.iter().map(sample).collect(), ..*record };
+    (estimator, of.1.iter().map(record).collect())
+}
+
+#[cfg(feature = "testing")]
+#[test]
+fn a_payload_on_a_tree_holds_the_laws_of_estimators() {
+    use crate::estimator::{Estimator, EstimatorError};
+    use crate::laws::{Case, Determined, Retold, check_coverage, check_estimator};
+    use nalgebra::{SMatrix, SVector};
+    let clean = float(&carrying(), &momentum(), 30.0, 0.005, 4);
+    let estimator = estimator(vec![grasped()], Some(momentum()));
+    let middle = clean.len() / 2;
+    let runs = |samples: &[TreeSample]| {
+        let run = |samples: &[TreeSample]| TreeRecord { samples: samples.to_vec(), grasped: true };
+        vec![run(&samples[..middle]), run(&samples[middle..])]
+    };
+    let of = |seed: u64| (estimator.clone(), runs(&noisy(&clean, &NOISE, seed)));
+    let whole = of(3);
+    let [first, second] = [0, 1].map(|half| (estimator.clone(), vec![whole.1[half].clone()]));
+    let exact = (estimator.clone(), runs(&clean));
+    let world = Pose::new(Vector3::new(3.0, -2.0, 1.0), Vector3::new(0.4, -0.9, 1.7));
+    let units = [[1e3, 1.0, 1.0], [1.0, 1e-2, 1.0], [1.0, 1.0, 1e2]];
+    let mut told = vec![("the inertial frame", told_otherwise(&whole, [1.0; 3], &world), [1.0; 3])];
+    for (what, units) in ["the unit of mass", "the unit of length", "the unit of time"].into_iter().zip(units) {
+        told.push((what, told_otherwise(&whole, units, &Pose::identity()), units));
+    }
+    let map = |[mass, length, _]: [f64; 3]| {
+        let sizes = [mass, mass * length, mass * length * length];
+        SMatrix::<f64, 10, 10>::from_diagonal(&SVector::from_fn(|i, _| sizes[[0, 1, 1, 1, 2, 2, 2, 2, 2, 2][i]]))
+    };
+    let retold: Vec<Retold<'_, OfTree, 10>> =
+        told.iter().map(|(what, record, units)| Retold { what, record, map: map(*units), tolerance: 0.02 }).collect();
+    let truth = payload().to_vector();
+    let case = Case {
+        record: &whole,
+        halves: Some([&first, &second]),
+        exact: Some((&exact, 1e-3)),
+        truth,
+        magnitudes: BodyScale::of(&truth).unwrap().parameter_magnitudes(),
+        sigmas: 4.5,
+        retold: &retold,
+    };
+    let make = |_: &OfTree| -> Result<Box<dyn Estimator<10, Record = OfTree> + Send + Sync>, EstimatorError> {
+        Ok(Box::new(Determined(Told)))
+    };
+    check_estimator(&make, &case).unwrap();
+    check_coverage(&make, &mut (4..10).map(|seed| (Box::new(of(seed)), truth)), (0.5, 1.6)).unwrap();
+    // One of two unknowns that no momentum tells apart.
+    let mut blind = whole.clone();
+    blind.0.parts.push(TreePart { name: "again".into(), ..grasped() });
+    let broken = check_estimator(&make, &Case { record: &blind, retold: &[], ..case }).unwrap_err();
+    assert_eq!(broken.law, "a good record is answered");
 }

@@ -5,6 +5,7 @@ mod first_lessons;
 mod flight_motion;
 mod health;
 mod reception;
+mod separate_bias;
 mod settings;
 mod two_stage;
 mod wrench_history;
@@ -19,8 +20,8 @@ pub use two_stage::{BeginStage, BodyStage, TwoStageEstimator, WindowRows};
 
 use crate::dynamics::{LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
+use crate::estimator::standard_deviations;
 use crate::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
-use crate::identify::standard_deviations;
 use crate::lie::Wrench;
 use crate::recursive::belief::symmetric;
 use crate::recursive::joint_motion::{JointState, parameters_by_chart};

@@ -411,21 +411,12 @@ fn deviation<const N: usize>(fit: &Fit<N>, density: &SVector<f64, N>, reach: usi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dice::Dice;
 
-    struct Noise(u64);
+    struct Noise(Dice);
     impl Noise {
-        /// Sum of twelve uniforms: variance one.
-        fn normal(&mut self) -> f64 {
-            (0..12)
-                .map(|_| {
-                    self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                    (self.0 >> 11) as f64 / 9_007_199_254_740_992.0
-                })
-                .sum::<f64>()
-                - 6.0
-        }
         fn vector(&mut self, sigma: f64) -> SVector<f64, 2> {
-            SVector::from([self.normal(), self.normal()]) * sigma
+            SVector::from([self.0.normal(), self.0.normal()]) * sigma
         }
     }
 
@@ -440,7 +431,7 @@ mod tests {
 
     /// Two inputs, two outputs with cross-talk and constants.
     fn signals(delay_s: f64, input_sigma: f64, output_sigma: f64, seed: u64) -> Signals<2, 2, 0> {
-        let mut noise = Noise(2 * seed + 1);
+        let mut noise = Noise(Dice(2 * seed + 1));
         let gains = nalgebra::Matrix2::new(0.2, 0.03, -0.05, 0.5);
         let times = (0..1875).map(|k| f64::from(k) * STEP_S);
         Signals {
@@ -519,7 +510,7 @@ mod tests {
         let unrelated = (0..40)
             .filter(|&seed| {
                 let mut random = signals(0.0, 0.0, 0.0, 0);
-                let mut noise = Noise(2 * seed + 1);
+                let mut noise = Noise(Dice(2 * seed + 1));
                 random.output.iter_mut().for_each(|y| *y = noise.vector(1.0));
                 delay(&random, 0.3).unwrap().verdict == Verdict::Identifiable
             })

@@ -167,6 +167,7 @@ fn sink<S>(heap: &mut [Option<Held<S>>]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dice::Dice;
 
     fn ordering<const N: usize>() -> TimeOrdering<usize, [Option<Held<usize>>; N]> {
         TimeOrdering::new([const { None }; N])
@@ -200,11 +201,8 @@ mod tests {
 
     #[test]
     fn every_sample_leaves_once_and_only_the_hopeless_out_of_order() {
-        let mut seed = 7_u64;
-        let mut next = |n: i64| {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            i64::try_from(seed >> 33).unwrap() % n
-        };
+        let mut dice = Dice(7);
+        let mut next = |n: i64| i64::try_from(dice.bits() >> 33).unwrap() % n;
         for round in 0..200 {
             let spread = 1 + round % 17;
             let times: Vec<i64> = (0..300_i64).map(|k| k + next(spread)).collect();

@@ -90,19 +90,11 @@ pub fn relative_scale(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dice::Dice;
 
     fn random(seed: u64) -> impl FnMut() -> f64 {
-        let mut state = seed.wrapping_mul(2).wrapping_add(1);
-        move || {
-            // Sum of twelve uniforms: variance one.
-            (0..12)
-                .map(|_| {
-                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                    (state >> 11) as f64 / 9_007_199_254_740_992.0
-                })
-                .sum::<f64>()
-                - 6.0
-        }
+        let mut dice = Dice(seed.wrapping_mul(2).wrapping_add(1));
+        move || dice.normal()
     }
 
     #[test]

@@ -38,5 +38,6 @@ mod regressor_orders;
 mod signals;
 mod state_estimator_laws;
 mod state_space;
+mod two_stage_coverage;
 mod wheel_throws;
 mod without_poses;

@@ -235,3 +235,28 @@ fn not_a_number_breaks_laws() {
     assert!(laws::check_group_axioms(&[nan], 1.0).is_err());
     assert!(laws::check_exp_log::<Pose<f64>>(&[Vector6::repeat(f64::NAN)], 1.0).is_err());
 }
+
+/// Whatever the inputs, a message is three lines that fit on a screen: every law of every crate speaks through this type.
+#[test]
+fn messages_are_three_lines() {
+    let long = |text: &str| {
+        laws::require("a law", &text.repeat(500), &[1.0 / 3.0; 400], &text, 1.0 / 3.0, 1e-300).unwrap_err()
+    };
+    for text in ["word ", "1.234,", "line\n\n", "größe\t", "", "\u{2028}"] {
+        let mut broken = long(text);
+        for part in
+            [text.repeat(500), format!("{text} {}", "x".repeat(500)), Matrix6::<f64>::repeat(1.0 / 3.0).to_string()]
+        {
+            (broken.inputs, broken.expected, broken.found) = (part.clone(), part.clone(), part);
+            let message = broken.to_string();
+            assert!(
+                message.lines().count() == 3 && message.lines().all(|line| line.chars().count() <= 170),
+                "{message}"
+            );
+        }
+        assert!(long(text).to_string().lines().count() == 3);
+    }
+    let values = &proptest::prelude::Just([0.1_f64; 300]);
+    let broken = for_all(values, |value| laws::require("a law", &value, &0, &value, 1.0, 0.0)).unwrap_err();
+    assert!(broken.lines().count() == 3 && broken.lines().all(|line| line.chars().count() <= 300), "{broken}");
+}

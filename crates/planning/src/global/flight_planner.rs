@@ -16,7 +16,7 @@ mod search;
 use super::{GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Status, diagnose};
 use crate::belief::Plan;
 use crate::budget::Budget;
-use crate::collision::CollisionWorld;
+use crate::collision::{CollisionWorld, EllipsoidWorld};
 use crate::error::PlanningError;
 use crate::motion::{ArcPath, TranslationState};
 use connect::Connect;
@@ -70,6 +70,11 @@ impl FlightPlanner {
     /// A planner with these settings.
     pub fn new(settings: FlightPlannerSettings) -> Self {
         Self { settings, ..Self::default() }
+    }
+
+    /// The planner among ellipsoids and boxes, compiled in this crate for programs that choose their planner at run time.
+    pub fn among_ellipsoids(self) -> Box<dyn GlobalPlanner<EllipsoidWorld>> {
+        Box::new(self)
     }
 
     /// Searches until something ends it.

@@ -100,7 +100,7 @@ impl<B> LoopSettings<B> {
     ///
     /// A way takes a second to plan, a stretch about as long; 4.5 cm are planned for around everything, and what is flown keeps 2.7.
     /// Times of the decisions are those of [`Schedule::default`].
-    pub fn new(body: B, goal: GoalRegion, limits: MotionLimits, (stop, brake): (StopLimits, BrakeLimits)) -> Self {
+    pub fn new(body: B, goal: GoalRegion, limits: MotionLimits, stop: StopLimits, brake: BrakeLimits) -> Self {
         Self {
             schedule: Schedule::default(),
             decision_periods: 12,

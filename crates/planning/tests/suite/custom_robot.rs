@@ -109,8 +109,7 @@ fn tug<C: Controller, E: StateEstimator>(
     let heavy = InertialParameters::solid_box(2.0 * belief().parameters().mass, [0.4; 3]);
     let stop = StopLimits::for_body(&heavy, PLANNED_N, PLANNED_N_M);
     let brake = BrakeLimits { force_n: Vector3::repeat(FORCE_N), torque_n_m: TORQUE_N_M };
-    let settings =
-        LoopSettings { decision_periods: 5, ..LoopSettings::new(shape.clone(), goal, limits, (stop, brake)) };
+    let settings = LoopSettings { decision_periods: 5, ..LoopSettings::new(shape.clone(), goal, limits, stop, brake) };
     let scene = Scene::of_world(room, &shape).unwrap();
     ClosedLoop::try_new(settings, scene, new_controller, estimator, 0).unwrap()
 }

@@ -8,6 +8,7 @@ use crate::scenario::{ScenarioSource, draw_mission};
 use std::fs;
 use std::path::Path;
 use tumble_formats::FormatsError;
+use tumble_formats::Robots;
 
 /// What matters on a table; an error of anything else there says nothing.
 const IN_PLANE: [&str; 4] = ["mass", "com_x", "com_y", "inertia_zz"];
@@ -18,12 +19,15 @@ pub struct SimulatedFlights {
 }
 
 impl SimulatedFlights {
-    /// The scenarios of these names.
+    /// The scenarios of these names, flown among these robots.
     ///
     /// # Errors
     /// As [`ScenarioSource::find`].
-    pub fn find(names: &[String]) -> Result<Self, TumbleError> {
-        let sources = names.iter().map(|name| ScenarioSource::find(name)).collect::<Result<_, _>>()?;
+    pub fn find(names: &[String], robots: &Robots) -> Result<Self, TumbleError> {
+        let sources = names
+            .iter()
+            .map(|name| Ok(ScenarioSource::find(name)?.among(robots)))
+            .collect::<Result<_, TumbleError>>()?;
         Ok(Self { sources })
     }
 

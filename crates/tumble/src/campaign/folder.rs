@@ -2,7 +2,8 @@
 
 use super::journal::{JOURNAL, Journal};
 use super::merge::Part;
-use super::row::{Row, csv_header};
+use super::plan::differing_keys;
+use super::row::{ROWS, Row, csv_header};
 use super::{CampaignConfiguration, Shard};
 use crate::TumbleError;
 use crate::output::{self, OutputFolder, RUN_RECORD};
@@ -13,8 +14,6 @@ use std::path::{Path, PathBuf};
 use tumble_formats::FormatsError;
 use tumble_formats::log;
 
-/// The table.
-pub const ROWS: &str = "rows.csv";
 /// What an unfinished folder is of.
 const CAMPAIGN: &str = "campaign.json";
 
@@ -198,11 +197,4 @@ fn different(found: Option<&Begun>, wanted: &Begun) -> String {
         return format!("another campaign was begun here: other {names}");
     }
     format!("here was begun {} of the campaign, not {}", found.shard.name(), wanted.shard.name())
-}
-
-/// Names of what differs between two configurations.
-pub(super) fn differing_keys(a: &CampaignConfiguration, b: &CampaignConfiguration) -> String {
-    let [a, b] = [a, b].map(|configuration| serde_json::to_value(configuration).unwrap_or_default());
-    let keys = a.as_object().into_iter().flatten().filter(|(key, value)| b.get(key.as_str()) != Some(value));
-    keys.map(|(key, _)| format!("`{key}`")).collect::<Vec<_>>().join(", ")
 }

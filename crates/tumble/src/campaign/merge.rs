@@ -1,6 +1,7 @@
 //! Parts into a whole.
 
-use super::folder::{ROWS, differing_keys};
+use super::plan::differing_keys;
+use super::row::ROWS;
 use super::row::{Row, csv_header};
 use super::{CampaignConfiguration, CampaignPlan, Shard};
 use crate::TumbleError;

@@ -284,3 +284,10 @@ impl std::str::FromStr for Shard {
         }
     }
 }
+
+/// Names of what differs between two configurations.
+pub(super) fn differing_keys(a: &CampaignConfiguration, b: &CampaignConfiguration) -> String {
+    let [a, b] = [a, b].map(|configuration| serde_json::to_value(configuration).unwrap_or_default());
+    let keys = a.as_object().into_iter().flatten().filter(|(key, value)| b.get(key.as_str()) != Some(value));
+    keys.map(|(key, _)| format!("`{key}`")).collect::<Vec<_>>().join(", ")
+}

@@ -5,6 +5,9 @@ use super::factors::value_name;
 use crate::mission::MissionSummary;
 use std::sync::LazyLock;
 
+/// The table of a campaign, in its folder.
+pub const ROWS: &str = "rows.csv";
+
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {

@@ -3,10 +3,10 @@
 use super::arm_excite::{self, ExciteOptions};
 use super::{Outcome, print};
 use crate::TumbleError;
-use crate::robots;
 use clap::{Args, Subcommand, ValueEnum};
 use std::fmt::Write as _;
 use tumble_dynamics::{InertialParameters, JointAxis};
+use tumble_formats::Robots;
 use tumble_formats::arm::{ArmFrame, ArmModel};
 use tumble_formats::log::{joint_template, shortened};
 
@@ -49,20 +49,19 @@ enum Form {
 ///
 /// # Errors
 /// [`TumbleError`] for an arm that is none.
-pub fn run(args: &ArmArgs) -> Result<Outcome, TumbleError> {
+pub fn run(args: &ArmArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     match &args.command {
         ArmCommand::List => {
             let mut text = String::new();
-            let robots = robots::shipped();
             for embedded in robots.arms() {
-                let arm = ArmModel::find(embedded.name, &robots)?;
+                let arm = ArmModel::find(embedded.name, robots)?;
                 let _ = writeln!(text, "{:<20}{}", embedded.name, arm.description.unwrap_or_default());
             }
             print(&text)?;
             eprintln!("next: tumble arm show NAME, or tumble arm show NAME --as toml > my.toml");
         }
         ArmCommand::Show { name, form } => {
-            let arm = ArmModel::find(name, &robots::shipped())?;
+            let arm = ArmModel::find(name, robots)?;
             for warning in &arm.warnings {
                 eprintln!("warning: {warning}");
             }
@@ -73,7 +72,7 @@ pub fn run(args: &ArmArgs) -> Result<Outcome, TumbleError> {
                 Form::LogTemplate => joint_template(&arm),
             })?;
         }
-        ArmCommand::Excite(options) => return arm_excite::run(options),
+        ArmCommand::Excite(options) => return arm_excite::run(options, robots),
     }
     Ok(Outcome::Achieved)
 }

@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::{Matrix3, Vector3};
+use tumble_formats::Robots;
 use tumble_formats::arm::{ArmModel, BaseKind};
 use tumble_identification::multibody::{ExcitedBase, JointExcitation, JointMotion, TreePart, VelocityNoise};
 use tumble_lie::Wrench;
@@ -44,7 +45,7 @@ pub struct ExciteOptions {
 ///
 /// # Errors
 /// [`TumbleError`] for an arm that is none, or one without the limits that a motion needs.
-pub fn run(options: &ExciteOptions) -> Result<Outcome, TumbleError> {
+pub fn run(options: &ExciteOptions, robots: &Robots) -> Result<Outcome, TumbleError> {
     let refused = |message: String| TumbleError::BadOption { message };
     if !(options.duration > 0.0 && options.duration <= 3600.0) {
         return Err(refused(format!("`--duration {}`: a period lies between 0 and 3600 s", options.duration)));
@@ -52,7 +53,7 @@ pub fn run(options: &ExciteOptions) -> Result<Outcome, TumbleError> {
     if let Some(path) = options.export.as_ref().filter(|path| path.exists() && !options.force) {
         return Err(TumbleError::OutputExists { path: path.clone() });
     }
-    let arm = ArmModel::find(&options.name, &crate::robots::shipped())?;
+    let arm = ArmModel::find(&options.name, robots)?;
     let range = |joint: &tumble_formats::arm::ArmJoint| {
         joint.limits.range().ok_or_else(|| {
             refused(format!("joint `{}` of `{}` has no limit of its rate: state `limits.rate`", joint.name, arm.name))

@@ -16,6 +16,7 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tumble_formats::FormatsError;
+use tumble_formats::Robots;
 use tumble_formats::log;
 
 /// Options of `tumble campaign`.
@@ -124,10 +125,10 @@ const MOST_JOBS: usize = 1024;
 ///
 /// # Errors
 /// [`TumbleError`] for bad input.
-pub fn run(args: &CampaignArgs) -> Result<Outcome, TumbleError> {
+pub fn run(args: &CampaignArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     match &args.command {
         Some(CampaignCommand::Merge(merge)) => run_merge(merge),
-        None => run_missions(&args.fly),
+        None => run_missions(&args.fly, robots),
     }
 }
 
@@ -138,8 +139,8 @@ fn run_merge(args: &MergeArgs) -> Result<Outcome, TumbleError> {
     say(&plan, &analysis, &place, args.json)
 }
 
-fn run_missions(args: &FlyArgs) -> Result<Outcome, TumbleError> {
-    let flights = SimulatedFlights::find(&args.scenarios)?;
+fn run_missions(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
+    let flights = SimulatedFlights::find(&args.scenarios, robots)?;
     let plan = CampaignPlan::try_new(configuration(args, &flights)?)?;
     if args.dry_run {
         run_with(args, &plan, flights.name(), &DryRun)

@@ -7,9 +7,11 @@ use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use tumble_formats::FormatsError;
+use tumble_formats::Robots;
 use tumble_formats::log::{cut_warning, shortened};
 use tumble_formats::recording::mcap_log::{McapLog, McapSink};
-use tumble_formats::recording::rows::{CsvSink, RowSink, read_csv, read_flight};
+use tumble_formats::recording::read_flight;
+use tumble_formats::recording::rows::{CsvSink, RowSink, read_csv};
 use tumble_formats::recording::tum::{self, TumSink};
 use tumble_formats::recording::{self, Container};
 
@@ -90,7 +92,7 @@ fn open(path: &Path) -> Result<File, TumbleError> {
 ///
 /// # Errors
 /// [`TumbleError`] for what cannot be read, held by the format or written; then nothing is left at the output.
-pub fn run(args: &ConvertArgs) -> Result<Outcome, TumbleError> {
+pub fn run(args: &ConvertArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     let is_stdout = args.output.as_os_str() == "-";
     let Some(format) = args.to.or_else(|| Format::of(&args.output)) else {
         let known =
@@ -104,7 +106,7 @@ pub fn run(args: &ConvertArgs) -> Result<Outcome, TumbleError> {
             return Err(FormatsError::UnknownFormat { path: args.output.clone(), known }.into());
         }
         let mut out = BufWriter::new(std::io::stdout().lock());
-        match convert(&input, args, format, &mut out).and_then(|()| out.flush().map_err(refused)) {
+        match convert(&input, args, robots, format, &mut out).and_then(|()| out.flush().map_err(refused)) {
             // A closed pipe (`tumble convert ... - | head`) is not an error.
             Err(TumbleError::File(FormatsError::Unwritable { source, .. }))
                 if source.kind() == ErrorKind::BrokenPipe =>
@@ -117,7 +119,7 @@ pub fn run(args: &ConvertArgs) -> Result<Outcome, TumbleError> {
         }
     } else {
         OutputFile::create(&args.output, args.force).and_then(|mut out| {
-            convert(&input, args, format, &mut out)?;
+            convert(&input, args, robots, format, &mut out)?;
             out.finish()
         })
     };
@@ -141,17 +143,23 @@ fn placed(error: TumbleError, output: &Path) -> TumbleError {
     }
 }
 
-fn convert(input: &Input, args: &ConvertArgs, format: Format, out: &mut dyn Write) -> Result<(), TumbleError> {
+fn convert(
+    input: &Input,
+    args: &ConvertArgs,
+    robots: &Robots,
+    format: Format,
+    out: &mut dyn Write,
+) -> Result<(), TumbleError> {
     match format {
-        Format::Csv => read(input, args, &mut CsvSink::new(out)),
+        Format::Csv => read(input, args, robots, &mut CsvSink::new(out)),
         Format::Mcap => {
             let mut sink = McapSink::new(out)?;
-            read(input, args, &mut sink)?;
+            read(input, args, robots, &mut sink)?;
             Ok(sink.finish().map(|_| ())?)
         }
         Format::Tum => {
             let mut sink = TumSink::new(out);
-            read(input, args, &mut sink)?;
+            read(input, args, robots, &mut sink)?;
             say_left_out(&sink);
             Ok(())
         }
@@ -169,7 +177,7 @@ fn say_left_out<W: Write>(sink: &TumSink<W>) {
     }
 }
 
-fn read(input: &Input, args: &ConvertArgs, sink: &mut dyn RowSink) -> Result<(), TumbleError> {
+fn read(input: &Input, args: &ConvertArgs, robots: &Robots, sink: &mut dyn RowSink) -> Result<(), TumbleError> {
     let path = &args.input;
     if matches!(input, Input::Csv | Input::Tum)
         && let Some(warning) = cut_warning(path)
@@ -189,7 +197,7 @@ fn read(input: &Input, args: &ConvertArgs, sink: &mut dyn RowSink) -> Result<(),
         }
         Input::Recording(Container::Bag) => {}
     }
-    for warning in read_flight(path, args.robot.as_deref(), &crate::robots::shipped(), sink)? {
+    for warning in read_flight(path, args.robot.as_deref(), robots, sink)? {
         eprintln!("warning: {}: {warning}", path.display());
     }
     Ok(())

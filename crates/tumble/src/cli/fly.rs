@@ -19,6 +19,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tumble_formats::FormatsError;
+use tumble_formats::Robots;
 use tumble_formats::log;
 use tumble_identification::Registry;
 use tumble_planning::PlanningError;
@@ -167,8 +168,8 @@ impl MissionHooks for Watch {
 ///
 /// # Errors
 /// [`TumbleError`] for bad input.
-pub fn run(args: &FlyArgs) -> Result<Outcome, TumbleError> {
-    let source = ScenarioSource::find(&args.scenario)?;
+pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
+    let source = ScenarioSource::find(&args.scenario)?.among(robots);
     let options = FlyOptions {
         seed: args.seed.unwrap_or(source.scenario.seed),
         weighting: args.weighting,
@@ -264,11 +265,11 @@ fn run_record(options: &FlyOptions, folder: &OutputFolder) -> Result<String, Tum
 ///
 /// # Errors
 /// [`TumbleError`] for a file that is no report.
-pub fn replay(args: &ReplayArgs) -> Result<Outcome, TumbleError> {
+pub fn replay(args: &ReplayArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     let text = fs::read_to_string(&args.report)
         .map_err(|source| FormatsError::Unreadable { path: args.report.clone(), source })?;
     let before = mission_report::record_of(&text, &args.report)?;
-    let source = ScenarioSource::parse(&args.report, &before.scenario_toml)?;
+    let source = ScenarioSource::parse(&args.report, &before.scenario_toml)?.among(robots);
     let mut silent = mission::NoHooks;
     let after = mission::fly(&source, &before.summary.options, &mut silent)?;
     let is_same = after == before;

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::{Matrix3, Vector3};
 use tumble_formats::FormatsError;
+use tumble_formats::Robots;
 use tumble_formats::arm::{ArmModel, BaseKind};
 use tumble_formats::body_file::rows;
 use tumble_formats::log;
@@ -136,8 +137,8 @@ fn refused(message: impl Into<String>) -> TumbleError {
 ///
 /// # Errors
 /// [`TumbleError`] for bad input; a payload that the logs do not determine is [`Outcome::NotAchieved`].
-pub fn run(options: &ArmOptions, files: &Files<'_>) -> Result<Outcome, TumbleError> {
-    let arm = ArmModel::find(options.model.as_deref().unwrap_or_default(), &crate::robots::shipped())?;
+pub fn run(options: &ArmOptions, files: &Files<'_>, robots: &Robots) -> Result<Outcome, TumbleError> {
+    let arm = ArmModel::find(options.model.as_deref().unwrap_or_default(), robots)?;
     if let Some(out) = files.out {
         OutputFolder::check_place(out, files.force)?;
     }

@@ -1,6 +1,7 @@
 //! `tumble identify LOG --excitation FILE`: the cycles of a periodic motion, averaged.
 
-use super::identify::{IdentifyArgs, Log, Rows, run_record};
+use super::identify_log::{Log, Rows};
+use super::identify_options::{IdentifyArgs, run_record};
 use super::{Outcome, print};
 use crate::harmonic_report as report;
 use crate::output::{OutputFolder, RUN_RECORD, write_file};

@@ -1,102 +1,31 @@
 //! `tumble plan`: a way from start to goal, and how far from the best it can be.
 
 use super::excite::progress;
-use super::fly::possible;
 use super::plan_blockers::{collision_world, listed, named};
 use super::plan_budget::{WatchedBudget, budget};
 use super::plan_check::check;
 use super::plan_csv::{Rows, rows};
 use super::plan_figure::{Drawn, View, along, draw, poses};
+use super::plan_options::{ObjectiveName, triple, write_run_record, xyzw};
 use super::{Outcome, plan_local, print};
 use crate::TumbleError;
 use crate::mission::planners;
-use crate::output::{OutputFolder, RUN_RECORD, unused};
-use crate::scenario::{CriterionName, PlanningProblem, ScenarioSource, UnknownsName, WeightingName};
-use clap::{Args, ValueEnum};
+use crate::output::{OutputFolder, unused};
+use crate::scenario::{PlanningProblem, ScenarioSource};
+use clap::ValueEnum;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 use tumble_astrobee::simulator::planar_part;
 use tumble_dynamics::World;
-use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_formats::log;
+use tumble_dynamics::nalgebra::Vector3;
+use tumble_formats::Robots;
 use tumble_planning::collision::Blocker;
 use tumble_planning::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Obstruction, Status, Until};
 use tumble_planning::{ArcPath, BodyArc, PlanningError};
 
-/// Options of `tumble plan`.
-#[derive(Args)]
-#[command(after_help = "\
-Exit codes: 0 for a plan; 2 for an error; 3 where there is no plan, or none was found: what blocks is named.
-docs/planning.md describes the answer and the files, docs/scenarios.md the scenario.
-
-Examples:
-  tumble plan iss-slalom                        a plan, a bound on what any plan costs, and pictures
-  tumble plan granite-room --obstacle-set 2     other obstacles of the same place
-  tumble plan iss-gap --first --seed 7          end with the first plan that holds
-  tumble plan my.toml --objective impulse --time-limit 10
-  tumble plan infoplan --local                  the first seconds of the way, moved so that the body becomes known
-  tumble plan iss-slalom --local --weighting none --steps 30")]
-#[allow(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
-pub struct PlanArgs {
-    /// A scenario file, or the name of an embedded one (`tumble scenario list`).
-    scenario: String,
-    /// Obstacles of the place, 0 to 4; instead of the scenario's.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    obstacle_set: Option<u8>,
-    /// All chance follows from it; instead of the scenario's.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    seed: Option<u64>,
-    /// What is to be least.
-    #[arg(long, value_enum, default_value_t = ObjectiveName::Duration)]
-    objective: ObjectiveName,
-    /// How it is looked for.
-    #[arg(long, value_name = "NAME", value_parser = possible(&planners()), default_value = "flight")]
-    planner: String,
-    /// Work to be done: one unit is about one check of one edge [default: 100000, about a second].
-    #[arg(long, value_name = "UNITS", allow_negative_numbers = true, conflicts_with = "time_limit")]
-    pub(super) budget: Option<u64>,
-    /// Time to be spent instead, s, at most 86400: the answer then depends on the machine.
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
-    pub(super) time_limit: Option<f64>,
-    /// End with the first plan that holds.
-    #[arg(long)]
-    first: bool,
-    /// Plan one segment of the way, for progress and for information (`[plan.local]`).
-    #[arg(long)]
-    pub(super) local: bool,
-    /// With `--local`: how much information weighs.
-    #[arg(long, value_enum)]
-    pub(super) weighting: Option<WeightingName>,
-    /// With `--local`: what is to be small of the predicted covariance.
-    #[arg(long, value_enum)]
-    pub(super) criterion: Option<CriterionName>,
-    /// With `--local`: what is not known of the body.
-    #[arg(long, value_enum)]
-    pub(super) unknowns: Option<UnknownsName>,
-    /// With `--local`: steps of the horizon.
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) steps: Option<usize>,
-    /// Folder to write [default: tumble-out/plan-SCENARIO-SEED, with `--local` local-plan-SCENARIO-SEED, numbered where it exists].
-    #[arg(long, value_name = "DIR")]
-    pub(super) out: Option<PathBuf>,
-    /// Replace an earlier result.
-    #[arg(long)]
-    pub(super) force: bool,
-    /// Print one JSON object and nothing else on stdout.
-    #[arg(long)]
-    pub(super) json: bool,
-}
-
-/// See [`Objective`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum ObjectiveName {
-    /// The duration, s.
-    Duration,
-    /// The impulse, N s: the integral of the sum of the force's absolute components.
-    Impulse,
-}
+pub use super::plan_options::PlanArgs;
 
 /// Pieces of an arc over which its way and impulse are added up.
 const PIECES: usize = 64;
@@ -120,8 +49,8 @@ struct Measures {
 ///
 /// # Errors
 /// [`TumbleError`] for bad input.
-pub fn run(args: &PlanArgs) -> Result<Outcome, TumbleError> {
-    let mut source = ScenarioSource::find(&args.scenario)?;
+pub fn run(args: &PlanArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
+    let mut source = ScenarioSource::find(&args.scenario)?.among(robots);
     if let Some(seed) = args.seed {
         source.scenario.seed = seed;
     }
@@ -336,14 +265,6 @@ fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value + 0.0)
 }
 
-pub(super) fn triple(vector: &Vector3<f64>) -> [f64; 3] {
-    (*vector).into()
-}
-
-pub(super) fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
-    [rotation.i, rotation.j, rotation.k, rotation.w]
-}
-
 fn value_name(value: &impl ValueEnum) -> String {
     value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
 }
@@ -454,21 +375,6 @@ fn write_files(
     let timings = json!({ "format": 1, "first_plan_wall_s": times.first_s, "wall_s": times.total_s });
     folder.write("timings.json", &format!("{timings:#}\n"))?;
     write_run_record(folder, source)
-}
-
-/// What made the folder's content; its scenario is there already.
-pub(super) fn write_run_record(folder: &OutputFolder, source: &ScenarioSource) -> Result<(), TumbleError> {
-    let options: Vec<String> = std::env::args().skip(1).collect();
-    let run = json!({
-        "format": 1,
-        "version": env!("CARGO_PKG_VERSION"),
-        "commit": option_env!("TUMBLE_COMMIT"),
-        "command": "plan",
-        "configuration": options,
-        "seed": source.scenario.seed,
-        "input_hash": { "scenario": log::hash(&folder.file("scenario.toml"))? },
-    });
-    folder.write(RUN_RECORD, &run.to_string())
 }
 
 fn in_short(answer: &GlobalAnswer) -> String {

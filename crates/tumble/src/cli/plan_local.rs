@@ -1,12 +1,12 @@
 //! `tumble plan --local`: one segment of the way, planned for progress and for information.
 
-use super::plan::{PlanArgs, write_run_record};
 use super::plan_budget::budget;
 use super::plan_figure::{Drawn, View, along, draw};
 use super::plan_local_check::{Flown, check};
 use super::plan_local_figure::{inputs_over_time, motion_over_time, sigmas_over_time};
 use super::plan_local_report::{Report, on_the_way, status_name};
 use super::plan_local_solve::{Segment, Task, solve};
+use super::plan_options::{PlanArgs, write_run_record};
 use super::{Outcome, print};
 use crate::TumbleError;
 use crate::flight_log::{nanoseconds, push_numbers, push_pose, push_wrench, time_cell};

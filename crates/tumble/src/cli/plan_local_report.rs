@@ -1,9 +1,9 @@
 //! What a local plan is, for people and for programs.
 
-use super::plan::{triple, xyzw};
 use super::plan_blockers::named;
 use super::plan_local_check::{Flown, TOUCH_M};
 use super::plan_local_solve::{Quantity, Segment, Task};
+use super::plan_options::{triple, xyzw};
 use crate::scenario::{PlanningProblem, ScenarioSource};
 use serde_json::{Value, json};
 use std::fmt::Write as _;

@@ -11,11 +11,11 @@ use tumble_dynamics::{PoseReference, PoseTracker, RigidBodyState, World};
 use tumble_lie::{Twist, Wrench};
 use tumble_planning::local::{
     BodyParameters, CostParts, CovarianceWeighting, ExponentialWeighting, FixedWeighting, Guess, Hull,
-    InformationWeighting, InformativeModel, InformativePlanner, Kinematics, Knowledge, LocalAnswer, LocalPlanner,
-    LocalRequest, LocalSettings, LocalStatus, Nuisance, PlanarBodyModel, PlanarState, Reference, RigidBodyModel,
-    StepWeighting, Surroundings, TerminalRegion, TrackedMotion, WeightingContext, WrenchSet,
-    body_by_mass_center_and_inertia,
+    InformationWeighting, InformativeModel, Kinematics, Knowledge, LocalAnswer, LocalRequest, LocalSettings,
+    LocalStatus, Nuisance, PlanarBodyModel, PlanarState, Reference, RigidBodyModel, StepWeighting, Surroundings,
+    TerminalRegion, TrackedMotion, WeightingContext, WrenchSet, body_by_mass_center_and_inertia,
 };
+use tumble_planning::mission::ChosenModel;
 use tumble_planning::{ArcPath, Budget, PlanningError};
 
 /// Weight of a squared standard deviation in units of the quantity's own size.
@@ -141,7 +141,10 @@ fn in_space<const P: usize>(
     nuisances: &[(Nuisance, f64)],
     task: &Task<'_>,
     budget: &mut dyn Budget,
-) -> Result<Segment, TumbleError> {
+) -> Result<Segment, TumbleError>
+where
+    RigidBodyModel<P>: ChosenModel<12, 6, P, State = Kinematics>,
+{
     let local = task.local;
     let model = RigidBodyModel::<P>::with_nuisances(parameters, nuisances)?;
     let [torque, force] = local.effort;
@@ -156,7 +159,10 @@ fn on_table<const P: usize>(
     model: PlanarBodyModel<P>,
     task: &Task<'_>,
     budget: &mut dyn Budget,
-) -> Result<Segment, TumbleError> {
+) -> Result<Segment, TumbleError>
+where
+    PlanarBodyModel<P>: ChosenModel<6, 3, P, State = PlanarState>,
+{
     let [torque, force] = task.local.effort;
     let WrenchSet { limit: [_, _, tz, fx, fy, _], half_spaces } = &task.local.wrench;
     // What of the half-spaces is left where only the plane's part is asked for.
@@ -274,7 +280,7 @@ fn plan<M, const X: usize, const U: usize, const P: usize>(
     budget: &mut dyn Budget,
 ) -> Result<Segment, TumbleError>
 where
-    M: InformativeModel<X, U, P> + Clone,
+    M: ChosenModel<X, U, P> + Clone,
 {
     let local = task.local;
     let mut believing = model.clone();
@@ -288,7 +294,7 @@ where
         speed_m_s,
     });
     let step_s = settings.step_s;
-    let mut planner = InformativePlanner::try_new(model, settings)?;
+    let mut planner = model.local_planner(settings)?;
     let request = LocalRequest {
         start: &start,
         start_s: 0.0,
@@ -446,7 +452,7 @@ fn belief_weights<const P: usize>(task: &Task<'_>, places: &[usize]) -> Result<[
     for (index, place) in places.iter().enumerate() {
         by_quantity.set_column(index, &all.column(*place));
     }
-    let (rotation, position) = local.tracker_rad_s;
+    let [rotation, position] = local.tracker_rad_s;
     let tracker = PoseTracker::critically_damped(FreeFlyer::new(*body), rotation, position);
     let [p, v, a, w] = local.tracking;
     let tracking = [p, p, p, v, v, v, a, a, a, w, w, w];

@@ -18,6 +18,7 @@ use tumble_astrobee::simulator::{CONTROL_PERIOD_S, Event, SimulatorMeasurement, 
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_dynamics::{InertialParameters, ObstacleEllipsoid, World};
 use tumble_formats::FormatsError;
+use tumble_formats::Robots;
 use tumble_formats::body_file::{self, BodyFile};
 use tumble_formats::log;
 use tumble_formats::recording::mcap_log::McapSink;
@@ -84,8 +85,8 @@ struct Flown {
 ///
 /// # Errors
 /// [`TumbleError`] for bad input.
-pub fn run(args: &SimulateArgs) -> Result<Outcome, TumbleError> {
-    let mut source = ScenarioSource::find(&args.scenario)?;
+pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
+    let mut source = ScenarioSource::find(&args.scenario)?.among(robots);
     if let Some(seed) = args.seed {
         source.scenario.seed = seed;
     }
@@ -145,7 +146,7 @@ pub fn run(args: &SimulateArgs) -> Result<Outcome, TumbleError> {
         printed["folder"] = place.display().to_string().into();
         print(&format!("{printed}\n"))?;
     } else {
-        print(&table(&source, &flight, &flown, (rows, left_out), speed))?;
+        print(&table(&source, &flight, &flown, (rows, left_out), speed)?)?;
     }
     if rows == 0 {
         eprintln!(
@@ -304,7 +305,13 @@ fn summary(
     })
 }
 
-fn table(source: &ScenarioSource, flight: &Flight, flown: &Flown, (rows, left_out): (u64, u64), speed: f64) -> String {
+fn table(
+    source: &ScenarioSource,
+    flight: &Flight,
+    flown: &Flown,
+    (rows, left_out): (u64, u64),
+    speed: f64,
+) -> Result<String, TumbleError> {
     let truth = flight.simulator.body();
     let mut text = String::new();
     let Flown { periods, saturated, distance_m, top_speed_m_s, impulse_n_s, largest_force_error_n, .. } = flown;
@@ -332,7 +339,7 @@ fn table(source: &ScenarioSource, flight: &Flight, flown: &Flown, (rows, left_ou
         "propulsion",
         format!(
             "{} (drag: {})",
-            source.scenario.propulsion.kind.describe(),
+            source.describe_propulsion()?,
             if source.scenario.propulsion.drag { "yes" } else { "no" }
         ),
     );
@@ -358,7 +365,7 @@ fn table(source: &ScenarioSource, flight: &Flight, flown: &Flown, (rows, left_ou
     if flight.simulator.events_lost() > 0 {
         let _ = writeln!(text, "    and {} more", flight.simulator.events_lost());
     }
-    text
+    Ok(text)
 }
 
 /// What is needed to repeat the run.

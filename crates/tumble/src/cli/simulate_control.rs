@@ -234,7 +234,7 @@ pub(super) fn summary(flight: &Flight) -> Value {
         })
     };
     json!({
-        "controller": steering.controller.name(),
+        "controller": steering.controller,
         "model_revision": account.model_revision(),
         "mass_interval_kg": account.mass().map(|mass| [mass.least_kg(), mass.largest_kg()]),
         "beliefs": account.beliefs().iter().map(belief).collect::<Vec<_>>(),
@@ -266,7 +266,7 @@ pub(super) fn describe(flight: &Flight, text: &mut String) {
     let mass = account
         .mass()
         .map_or_else(String::new, |mass| format!(", mass {:.3} to {:.3} kg", mass.least_kg(), mass.largest_kg()));
-    line("controller", format!("{}, belief {}{mass}", steering.controller.name(), account.model_revision()));
+    line("controller", format!("{}, belief {}{mass}", steering.controller, account.model_revision()));
     if let Some(limits) = &steering.limits {
         let share = account.largest_force_n().component_div(&limits.force_n) * 100.0;
         line("force limits used", format!("{:.0}, {:.0}, {:.0} % at most along x, y, z", share.x, share.y, share.z));

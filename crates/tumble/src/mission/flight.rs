@@ -1,8 +1,9 @@
 //! A mission, flown.
 
+use super::assembly::{AstrobeeLoop, MissionPlanners, closed_loop};
 use super::faults::{Faults, LateObstacle, Sabotage};
 use super::invariants;
-use super::layers::{AstrobeeLoop, CHECKED_SHARE, MissionPlanners, closed_loop, scene};
+use super::layers::{CHECKED_SHARE, scene};
 use super::options::FlyOptions;
 use super::record::{
     BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,

@@ -1,6 +1,6 @@
 //! What must hold in every control period, held against what is flown.
 
-use super::layers::AstrobeeLoop;
+use super::assembly::AstrobeeLoop;
 use super::record::BROKEN_INVARIANT;
 use crate::scenario::MissionProblem;
 use tumble_identification::Estimate;

@@ -1,37 +1,26 @@
 //! The layers of a mission, built from its problem.
 
-use super::options::{FlyOptions, WeightingChoice};
-use super::registries::{controllers, estimators, local_planners, planners};
-use crate::TumbleError;
+use super::weighting::WeightingChoice;
 use crate::scenario::{ComputingSettings, MissionProblem, UnknownsName};
 use tumble_astrobee::control_presets::{self, ControlLimits};
 use tumble_astrobee::planning_presets::{EXPONENTIAL_WEIGHTING, STEP_WEIGHTING};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{AlignedBox, RigidBodyState, World};
-use tumble_identification::estimator::StateEstimator;
 use tumble_identification::recursive::{FlightEstimator, FlightEstimatorSettings, LearningTargets};
 use tumble_lie::LieGroup;
 use tumble_planning::collision::{BodyShape, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::{
-    AttitudeController, AttitudeLaw, AttitudeSpan, Controller, TrackedPoint, TubeController, TubeDisturbance,
-    TubeSettings,
+    AttitudeController, AttitudeLaw, AttitudeSpan, TrackedPoint, TubeController, TubeDisturbance, TubeSettings,
 };
-use tumble_planning::global::GlobalPlanner;
 use tumble_planning::local::{
     CovarianceWeighting, ExponentialWeighting, FixedWeighting, Hull, InformationWeighting, PlanarBodyModel,
     RigidBodyModel, SpeedLimits, StepWeighting, Surroundings, WrenchSet,
 };
 use tumble_planning::mission::{
-    AtGoal, BrakeLimits, ClosedLoop, ComputingTime, ExpectedLoss, InformativeStretch, LoopSettings, Scene, Schedule,
-    Simulated, StretchModel, StretchPlanner, StretchSettings,
+    AtGoal, BrakeLimits, ChosenModel, ComputingTime, ExpectedLoss, LoopSettings, Scene, Schedule, StretchPlanner,
+    StretchSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
-
-/// RATTLE around the simulated robot.
-pub type AstrobeeLoop = ClosedLoop<EllipsoidWorld, Box<dyn Controller + Send>, Box<dyn StateEstimator>>;
-
-/// Its planners, whose computing time is simulated.
-pub type MissionPlanners = Simulated<Box<dyn GlobalPlanner<EllipsoidWorld>>, Box<dyn StretchPlanner>>;
 
 /// Largest error of the estimator's position and velocity along an axis, standard deviations of what it claims.
 const ERRORS: [f64; 2] = [3e-4, 1.5e-4];
@@ -48,7 +37,7 @@ const STRETCH_MARGIN_SHARE: f64 = 0.9;
 /// A stretch may be so much faster than the way, to leave it and come back.
 const FASTER: f64 = 1.15;
 /// Natural frequencies of rotation and position of what follows a way, for what deviations from it cost, rad/s.
-const TRACKER_RAD_S: [f64; 2] = [0.6, 0.5];
+pub(super) const TRACKER_RAD_S: [f64; 2] = [0.6, 0.5];
 /// Share of the rate limit that plans use.
 const RATE_SHARE: f64 = 0.6;
 /// Share of the margin that is kept by what is flown; the rest is what planners may be off by.
@@ -175,19 +164,15 @@ fn boxed<M, const X: usize, const U: usize, const P: usize>(
     (choice, inertia): (WeightingChoice, &[usize]),
 ) -> Result<Box<dyn StretchPlanner>, PlanningError>
 where
-    M: StretchModel<X, U, P> + Clone + 'static,
-    M::State: 'static,
+    M: ChosenModel<X, U, P>,
 {
-    let planner = InformativeStretch::try_new(model, settings, wrench, weighting::<P>(problem, choice, inertia)?)?;
-    if choice != WeightingChoice::Belief {
-        return Ok(Box::new(planner));
-    }
     let places = problem.unknowns.places();
-    Ok(Box::new(planner.weighted_by_loss(ExpectedLoss {
+    let expected_loss = (choice == WeightingChoice::Belief).then(|| ExpectedLoss {
         tracker_rad_s: TRACKER_RAD_S,
         tracking: settings.tracking,
         places: std::array::from_fn(|index| places.get(index).copied().unwrap_or(usize::MAX)),
-    })))
+    });
+    model.stretch_planner(settings, wrench, weighting::<P>(problem, choice, inertia)?, expected_loss)
 }
 
 fn weighting<const P: usize>(
@@ -332,7 +317,8 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
             problem.planning.body.clone(),
             problem.planning.goal,
             problem.planning.limits,
-            (problem.stop, BrakeLimits { force_n: problem.force_limit_n, torque_n_m: problem.torque_limit_n_m.min() }),
+            problem.stop,
+            BrakeLimits { force_n: problem.force_limit_n, torque_n_m: problem.torque_limit_n_m.min() },
         )
     }
 }
@@ -345,29 +331,4 @@ pub fn computing_time(problem: &MissionProblem) -> ComputingTime {
         stretch_unit_ns: signed(problem.computing.local_unit_ns),
         jitter: problem.computing.jitter_share,
     }
-}
-
-/// The whole loop, and its planners.
-///
-/// # Errors
-/// What one of its layers refuses.
-pub fn closed_loop(
-    problem: &MissionProblem,
-    options: &FlyOptions,
-) -> Result<(AstrobeeLoop, MissionPlanners), TumbleError> {
-    let build = || {
-        let layers = &problem.layers;
-        let ways = planners().make(layers.planner(), &problem.planning)?;
-        let stretches = local_planners().make(layers.local_planner(), &options.weighting)?(problem)?;
-        let planners = Simulated::new((ways, stretches), computing_time(problem));
-        let flying = ClosedLoop::try_new(
-            loop_settings(problem, options.feedback, options.seed),
-            scene(problem, 0.0, &[])?,
-            controllers().make(layers.controller(), problem)?,
-            estimators().make(layers.estimator(), problem)?,
-            problem.flight.simulator.time_ns(),
-        )?;
-        Ok((flying, planners))
-    };
-    build().map_err(TumbleError::Planning)
 }

@@ -1,6 +1,7 @@
 //! What one may choose about a mission, beside its scenario.
 
 use super::registries::LayerNames;
+use super::weighting::WeightingChoice;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
@@ -21,29 +22,6 @@ pub struct FlyOptions {
     /// Layers that are not the scenario's.
     #[serde(default, skip_serializing_if = "LayerNames::are_usual")]
     pub layers: LayerNames,
-}
-
-/// How the local planner weighs information.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum WeightingChoice {
-    /// Algorithm 1 of the thesis: what is still uncertain, by its covariance.
-    #[default]
-    Covariance,
-    /// By the tracking loss that the uncertainty is expected to cost.
-    Belief,
-    /// Less at a quarter, a half and three quarters of the way.
-    Step,
-    /// Decaying over the way.
-    Exponential,
-    /// Always the same.
-    Fixed,
-    /// Only the mass.
-    Mass,
-    /// Only the inertia.
-    Inertia,
-    /// Nothing.
-    None,
 }
 
 /// What the robot is taken for before it learns.

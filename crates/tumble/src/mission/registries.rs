@@ -1,20 +1,24 @@
 //! The layers of a mission by name: one list each for the command line, scenario files, JSON and documents.
 
-use super::layers::{estimator, estimator_settings, stretch_planner, tube_controllers};
-use super::options::WeightingChoice;
-use crate::scenario::{MissionProblem, PlanningProblem};
+use super::layers::{TRACKER_RAD_S, estimator, estimator_settings, stretch_planner, tube_controllers};
+use super::weighting::WeightingChoice;
+use crate::scenario::{FLOWN, MissionProblem, PlanningProblem, TRACKER};
 use serde::{Deserialize, Deserializer, Serialize, de};
 use tumble_astrobee::control_presets::{self, ControlLimits};
+use tumble_astrobee::flight_controller::FlightController;
+use tumble_astrobee::flight_modes::ControlGains;
 use tumble_astrobee::planning_presets::{PrimitiveRules, rattle_rrt};
+use tumble_astrobee::simulator::FlownController;
 use tumble_astrobee::worlds::WorldPreset;
-use tumble_dynamics::{InertialParameters, RigidBodyState};
+use tumble_dynamics::nalgebra::Vector3;
+use tumble_dynamics::{FreeFlyer, InertialParameters, PoseTracker, RigidBodyState, WrenchBox};
 use tumble_identification::estimator::{Finding, StateEstimator};
 use tumble_identification::recursive::{FlightEstimatorSettings, TwoStageEstimator};
 use tumble_identification::{BodyScale, Registry, UnknownName};
 use tumble_planning::collision::EllipsoidWorld;
 use tumble_planning::control::{
     AttitudeController, AttitudeLaw, Controller, LqrController, OriginalTube, OriginalTubeController,
-    PlainMpcController, TranslationWeights,
+    PlainMpcController, PoseTracking, TranslationWeights,
 };
 use tumble_planning::global::{FlightPlanner, GlobalPlanner};
 use tumble_planning::mission::{AlongWay, StretchPlanner};
@@ -42,7 +46,7 @@ pub fn estimators() -> Registry<MissionProblem, dyn StateEstimator, PlanningErro
         )
         .with(
             "two-stage-rls",
-            "the thesis's architecture: a filter of the motion feeds least squares on the body; its intervals are too narrow",
+            "the thesis's architecture: innovations of a filter of the motion feed least squares on the body",
             |problem: &MissionProblem| {
                 let (settings, start, start_ns, prior) = in_flight(problem)?;
                 Ok(Box::new(TwoStageEstimator::least_squares(settings, start, start_ns, &prior)?))
@@ -50,7 +54,7 @@ pub fn estimators() -> Registry<MissionProblem, dyn StateEstimator, PlanningErro
         )
         .with(
             "two-stage-sdp",
-            "the same with least squares among the bodies that can be; its intervals are too narrow",
+            "the same with least squares among the bodies that can be",
             |problem: &MissionProblem| {
                 let (settings, start, start_ns, prior) = in_flight(problem)?;
                 Ok(Box::new(TwoStageEstimator::sdp(settings, start, start_ns, &prior)?))
@@ -72,7 +76,7 @@ fn in_flight(
 pub fn planners() -> Registry<PlanningProblem, dyn GlobalPlanner<EllipsoidWorld>, PlanningError> {
     Registry::<_, dyn GlobalPlanner<EllipsoidWorld>, _>::new("planner")
         .with(PLANNER, "exact edges, better plans for as long as the budget lasts, a bound", |_: &PlanningProblem| {
-            Ok(Box::new(FlightPlanner::default()))
+            Ok(FlightPlanner::default().among_ellipsoids())
         })
         .with(
             "thesis-rrt",
@@ -101,7 +105,7 @@ pub fn local_planners() -> Registry<WeightingChoice, NewStretchPlanner, Planning
         })
 }
 
-/// What controllers with a law of their own for the translation are told.
+/// What controllers that need to know no more than this are told.
 #[derive(Clone, Copy, Debug)]
 pub struct ControlledBody {
     /// What the body is taken for.
@@ -112,9 +116,23 @@ pub struct ControlledBody {
     pub limits: ControlLimits,
     /// Whether it is told of the body on the way.
     pub is_told: bool,
+    /// Natural frequencies of a tracker: rotation and position, rad/s.
+    pub tracker_rad_s: [f64; 2],
 }
 
 impl ControlledBody {
+    /// What Astrobee flies, which knows no limits but its own.
+    pub fn flown(&self) -> FlownController {
+        FlownController::new(FlightController::new(self.body, ControlGains::of(self.place.site())))
+    }
+
+    fn tracker(&self) -> Result<PoseTracking, PlanningError> {
+        let [rotation, position] = self.tracker_rad_s;
+        let tracker = PoseTracker::critically_damped(FreeFlyer::new(self.body), rotation, position);
+        let torque_limit = Vector3::repeat(self.limits.torque_n_m);
+        PoseTracking::try_new(tracker, WrenchBox { torque_limit, force_limit: self.limits.force_n })
+    }
+
     fn attitude(&self, law: AttitudeLaw) -> AttitudeController {
         AttitudeController {
             law,
@@ -125,7 +143,7 @@ impl ControlledBody {
     }
 }
 
-/// Controllers with a law of their own for the translation; a tube needs to know more, see [`controllers`].
+/// Controllers that missions and `simulate` make alike; a tube needs to know more, see [`controllers`].
 pub fn laws() -> Registry<ControlledBody, dyn Controller + Send, PlanningError> {
     Registry::<_, dyn Controller + Send, _>::new("controller")
         .with("lqr", "linear-quadratic feedback, which knows of no limit and no doubt", |told: &ControlledBody| {
@@ -143,6 +161,8 @@ pub fn laws() -> Registry<ControlledBody, dyn Controller + Send, PlanningError> 
             let law = OriginalTube::try_new(&settings)?;
             Ok(Box::new(OriginalTubeController::try_new(law, attitude, told.limits.force_n)?))
         })
+        .with(TRACKER, "computed torque with the believed body", |told: &ControlledBody| Ok(Box::new(told.tracker()?)))
+        .with(FLOWN, "the cascade that Astrobee flies", |told: &ControlledBody| Ok(Box::new(told.flown())))
 }
 
 /// Controllers, told of the mission.
@@ -160,7 +180,8 @@ pub fn controllers() -> Registry<MissionProblem, NewController, PlanningError> {
             let limits = ControlLimits { force_n: problem.force_limit_n, torque_n_m: problem.torque_limit_n_m.min() };
             let place = problem.place;
             Ok(Box::new(move |belief: &ModelBelief| {
-                laws().make(name, &ControlledBody { body: *belief.parameters(), place, limits, is_told: true })
+                let (body, tracker_rad_s) = (*belief.parameters(), TRACKER_RAD_S);
+                laws().make(name, &ControlledBody { body, place, limits, is_told: true, tracker_rad_s })
             }))
         })
     })

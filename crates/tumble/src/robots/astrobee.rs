@@ -2,7 +2,8 @@
 
 use tumble_astrobee::bodies::BodyConfiguration;
 use tumble_astrobee::propulsion::{PropulsionCommand, PropulsionReplay};
-use tumble_formats::{ActuatorReplay, BodyPreset, Embedded, ModuleCommand, Robot};
+use tumble_formats::recording::RawMessage;
+use tumble_formats::{ActuatorBytes, ActuatorReplay, BodyPreset, Embedded, Robot};
 use tumble_lie::Wrench;
 
 /// Its bodies, its arm and its propulsion modules.
@@ -41,8 +42,19 @@ impl Robot for Astrobee {
 struct Modules(PropulsionReplay);
 
 impl ActuatorReplay for Modules {
-    fn take(&mut self, time_ns: i64, command: &ModuleCommand, speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
-        let command = PropulsionCommand { impeller_speeds: command.impeller_speeds, nozzles: command.nozzles };
+    fn command_type(&self) -> &'static str {
+        "ff_hw_msgs/PmcCommand"
+    }
+
+    /// The type is one of those that every reader decodes.
+    fn decode(&self, _message: &RawMessage<'_>) -> Option<ActuatorBytes> {
+        None
+    }
+
+    fn take(&mut self, time_ns: i64, command: &ActuatorBytes, speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
+        let (impellers, nozzles) = command.as_slice().split_at_checked(2)?;
+        let command =
+            PropulsionCommand { impeller_speeds: impellers.try_into().ok()?, nozzles: nozzles.try_into().ok()? };
         self.0.take(time_ns, command, speeds)
     }
 

@@ -1,11 +1,10 @@
 //! From a scenario to a robot that flies.
 
 use super::{
-    BodyTable, ControllerName, FORMAT, LONGEST_S, PayloadMotionName, PayloadTable, PropulsionName, ScenarioSource,
-    Steering,
+    BodyTable, FORMAT, LONGEST_S, NONE, PayloadMotionName, PayloadTable, PropulsionName, ScenarioSource, Steering,
 };
 use crate::TumbleError;
-use crate::{flight_log, robots, space_cobot, spheres};
+use crate::flight_log;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -16,7 +15,7 @@ use tumble_astrobee::propulsion::{ImpellerMode, PropulsionSettings};
 use tumble_astrobee::sensing::{Localization, SensingPreset};
 use tumble_astrobee::simulator::{
     Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, Drive, Event,
-    Grasp, Multisine, ObstacleMotion, PayloadMotion, PulseTrain, Reference, SimulatorError, SimulatorMeasurement,
+    Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
     SimulatorSettings, Surroundings, Waypoint,
 };
 use tumble_astrobee::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
@@ -29,8 +28,6 @@ use tumble_formats::log::{BoundedRows, QUATERNION_NORM_TOLERANCE, Row, read_row,
 use tumble_identification::noise::Gaussian;
 use tumble_lie::{Pose, Twist, Wrench};
 
-/// Natural frequencies of the tracker unless given, rad/s: rotation and position.
-const TRACKER_RAD_S: (f64, f64) = (1.0, 0.5);
 /// Most sines per axis.
 const MOST_TONES: usize = 50;
 /// Most obstacles besides those of the place, each looked at in every period.
@@ -336,11 +333,10 @@ impl ScenarioSource {
     fn body(&self, written: &WrittenBody) -> Result<InertialParameters<f64>, TumbleError> {
         let inline = (written.mass_kg, written.com_m, written.inertia);
         match (written.preset, written.file, inline) {
-            (Some(name), None, (None, None, None)) => {
-                let robots = robots::shipped();
-                let names: Vec<&str> = robots.bodies().iter().map(|preset| preset.name).collect();
-                self.named(&format!("{}.preset", written.key), name, |name| robots.body(name), &names)
-            }
+            (Some(name), None, (None, None, None)) => self.robots.body(name).map_err(|unknown| {
+                let (names, near) = (unknown.known.join(", "), unknown.nearest);
+                self.bad(&format!("{}.preset", written.key), &format!("`{}` is none of {names}{near}", unknown.asked))
+            }),
             (None, Some(file), (None, None, None)) => Ok(body_file::read(&self.folder().join(file))?),
             (None, None, (Some(mass_kg), com_m, Some(inertia_about_com_kg_m2))) => {
                 let com_m = com_m.unwrap_or_default();
@@ -492,12 +488,9 @@ impl ScenarioSource {
                 Err(self.bad(&format!("propulsion.{key}"), "a limit is not negative"))
             }
         };
-        Ok(match table.kind {
+        Ok(match &table.kind {
             PropulsionName::Exact => Actuators::Exact,
-            PropulsionName::Spheres => {
-                Actuators::Pulsed(PulseTrain::new(spheres::thrusters()?, spheres::TICKS_PER_FLIGHT_STEP))
-            }
-            PropulsionName::SpaceCobot => Actuators::Rotors(space_cobot::rotors()?),
+            PropulsionName::Named(name) => Actuators::Other((self.actuators_named(name)?.make)()?),
             PropulsionName::Limited => Actuators::Limited(WrenchBox {
                 torque_limit: limit("torque_limit_n_m", table.torque_limit_n_m)?,
                 force_limit: limit("force_limit_n", table.force_limit_n)?,
@@ -582,15 +575,6 @@ impl ScenarioSource {
         Ok(changes)
     }
 
-    /// Natural frequencies of the tracker: rotation and position.
-    pub(super) fn tracker_rad_s(&self) -> Result<(f64, f64), TumbleError> {
-        let table = &self.scenario.drive;
-        Ok((
-            self.positive("drive.tracker_rotation_rad_s", table.tracker_rotation_rad_s, TRACKER_RAD_S.0)?,
-            self.positive("drive.tracker_position_rad_s", table.tracker_position_rad_s, TRACKER_RAD_S.1)?,
-        ))
-    }
-
     fn drive(
         &self,
         place: WorldPreset,
@@ -599,14 +583,14 @@ impl ScenarioSource {
         duration_ns: i64,
     ) -> Result<(Drive, Steering), TumbleError> {
         let table = &self.scenario.drive;
-        let is_driven = table.controller != Some(ControllerName::None);
+        let is_driven = table.steering() != NONE;
         if !is_driven && (table.excitation.is_some() || !table.waypoints.is_empty()) {
             return Err(self.bad("drive.controller", "waypoints and an excitation need a controller that follows them"));
         }
         let reference = self.reference(place, start)?;
-        let (controller, steering) = self.controller(place, belief, &reference)?;
+        let (follower, steering) = self.controller(place, belief, &reference)?;
         let drive = Drive {
-            tracking: controller.map(|controller| (controller, reference)),
+            tracking: follower.map(|follower| (follower, reference)),
             added: self.added(duration_ns)?,
             beliefs: self.beliefs(&steering, belief)?,
             account: match steering.decision_s {

@@ -1,23 +1,28 @@
 //! Controllers that decide every so often, and what they are told of the body on the way.
 
-use super::{ControllerName, LONGEST_S, ScenarioSource};
+use super::{FLOWN, LONGEST_S, NONE, ScenarioSource, TRACKER};
 use crate::TumbleError;
 use crate::flight_log::nanoseconds;
-use crate::mission::{ControlledBody, laws};
-use serde::{Deserialize, Serialize};
+use crate::mission::{ControlledBody, controllers, laws};
+use serde::{Deserialize, Deserializer, Serialize, de};
 use tumble_astrobee::control_presets::{self, ControlLimits, MASS_KNOWN_SHARE};
-use tumble_astrobee::flight_controller::FlightController;
-use tumble_astrobee::flight_modes::ControlGains;
-use tumble_astrobee::simulator::{Controller, FlownController, Reference};
+use tumble_astrobee::simulator::{Follower, Following, Reference};
 use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_dynamics::{AlignedBox, FreeFlyer, InertialParameters, PoseTracker};
+use tumble_dynamics::{AlignedBox, InertialParameters};
+use tumble_formats::log::shortened;
+use tumble_formats::place;
 use tumble_lie::LieGroup;
 use tumble_planning::control::{
-    self, AttitudeController, AttitudeLaw, AttitudeSpan, MassInterval, TubeController, TubeDisturbance, TubeSettings,
+    AttitudeController, AttitudeLaw, AttitudeSpan, Controller, MassInterval, TubeController, TubeDisturbance,
+    TubeSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
+/// Name of the tube.
+const TUBE: &str = "tube";
+/// Natural frequencies of the tracker unless given: rotation and position, rad/s.
+const TRACKER_RAD_S: [f64; 2] = [1.0, 0.5];
 /// Most beliefs on the way.
 const MOST_BELIEFS: usize = 1000;
 /// Masses that can be believed, kg.
@@ -73,11 +78,25 @@ pub struct BeliefTable {
     pub sigma_kg: f64,
 }
 
+/// A name that the registry has, or that of no controller.
+pub(super) fn known_controller<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<String>, D::Error> {
+    let asked = Option::<String>::deserialize(deserializer)?;
+    if let Some(name) = asked.as_deref().filter(|name| *name != NONE) {
+        controllers().check(name).map_err(|mut unknown| {
+            unknown.known.push(NONE);
+            let near = place::suggestion(name, unknown.known.iter().copied());
+            unknown.asked = shortened(name);
+            de::Error::custom(format!("{unknown}{near}"))
+        })?;
+    }
+    Ok(asked)
+}
+
 /// Who steers, within which limits, and what becomes of it is judged by.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Steering {
     /// Who.
-    pub controller: ControllerName,
+    pub controller: String,
     /// What it keeps its wrench within; `None` for those that know no limits.
     pub limits: Option<ControlLimits>,
     /// Time between its decisions, s; `None` for those that decide at every output.
@@ -100,47 +119,55 @@ impl ScenarioSource {
         place: WorldPreset,
         belief: &InertialParameters<f64>,
         reference: &Reference,
-    ) -> Result<(Option<Controller>, Steering), TumbleError> {
+    ) -> Result<(Option<Box<dyn Follower>>, Steering), TumbleError> {
         let drive = &self.scenario.drive;
-        let name = drive.controller.unwrap_or_default();
-        let plain = Steering { controller: name, limits: None, decision_s: None, planned_m_s2: None };
-        let decides = !matches!(name, ControllerName::None | ControllerName::Tracker | ControllerName::Flown);
-        if drive.control.is_some() && !decides {
+        let name = drive.steering();
+        if ![NONE, TRACKER, FLOWN].contains(&name) {
+            let (controller, steering) = self.deciding(name, place, belief, reference)?;
+            return Ok((Some(Box::new(Following { controller, carries: true })), steering));
+        }
+        if drive.control.is_some() {
             let message = format!(
-                "`{}` takes none: only with `controller = \"tube\"`, \"lqr\", \"mpc\" or \"original-tube\"",
-                name.name()
+                "`{name}` takes none: only with `controller = \"tube\"`, \"lqr\", \"mpc\" or \"original-tube\""
             );
             return Err(self.bad("drive.control", &message));
         }
-        let controller = match name {
-            ControllerName::None => None,
-            ControllerName::Tracker => {
-                let (rotation, position) = self.tracker_rad_s()?;
-                Some(Controller::Tracker(PoseTracker::critically_damped(FreeFlyer::new(*belief), rotation, position)))
-            }
-            ControllerName::Flown => {
-                let gains = ControlGains::of(place.site());
-                Some(Controller::Flown(FlownController::new(FlightController::new(*belief, gains))))
-            }
-            ControllerName::Tube | ControllerName::Lqr | ControllerName::Mpc | ControllerName::OriginalTube => {
-                let (controller, steering) = self.deciding(name, place, belief, reference)?;
-                return Ok((Some(controller), steering));
+        let limits = ControlLimits { force_n: Vector3::repeat(f64::INFINITY), torque_n_m: f64::INFINITY };
+        let mut told = ControlledBody { body: *belief, place, limits, is_told: true, tracker_rad_s: TRACKER_RAD_S };
+        let follower: Option<Box<dyn Follower>> = match name {
+            NONE => None,
+            FLOWN => Some(Box::new(told.flown())),
+            _ => {
+                told.tracker_rad_s = self.tracker_rad_s()?;
+                let controller = laws().make(name, &told).map_err(|error| self.bad("drive", &error.to_string()))?;
+                Some(Box::new(Following { controller, carries: false }))
             }
         };
-        Ok((controller, plain))
+        let steering = Steering { controller: name.to_owned(), limits: None, decision_s: None, planned_m_s2: None };
+        Ok((follower, steering))
+    }
+
+    /// Natural frequencies of the tracker: rotation and position.
+    pub(super) fn tracker_rad_s(&self) -> Result<[f64; 2], TumbleError> {
+        let table = &self.scenario.drive;
+        let [rotation, position] = TRACKER_RAD_S;
+        Ok([
+            self.positive("drive.tracker_rotation_rad_s", table.tracker_rotation_rad_s, rotation)?,
+            self.positive("drive.tracker_position_rad_s", table.tracker_position_rad_s, position)?,
+        ])
     }
 
     /// A controller that decides every so often.
     fn deciding(
         &self,
-        name: ControllerName,
+        name: &str,
         place: WorldPreset,
         belief: &InertialParameters<f64>,
         reference: &Reference,
-    ) -> Result<(Controller, Steering), TumbleError> {
+    ) -> Result<(Box<dyn Controller + Send>, Steering), TumbleError> {
         let table = self.scenario.drive.control.unwrap_or_default();
         if place.is_planar() {
-            let message = format!("`{}` flies in three dimensions: not on the table", name.name());
+            let message = format!("`{name}` flies in three dimensions: not on the table");
             return Err(self.bad("drive.controller", &message));
         }
         let tube_only = [
@@ -151,11 +178,11 @@ impl ScenarioSource {
             ("velocity_error_m_s", table.velocity_error_m_s.is_some()),
             ("force_error_n", table.force_error_n.is_some()),
         ];
-        if let Some((key, _)) = tube_only.into_iter().find(|(_, given)| *given && name != ControllerName::Tube) {
+        if let Some((key, _)) = tube_only.into_iter().find(|(_, given)| *given && name != TUBE) {
             return Err(self.bad(&format!("drive.control.{key}"), "only with `controller = \"tube\"`"));
         }
         let preset = match name {
-            ControllerName::OriginalTube => control_presets::rattle_limits(),
+            "original-tube" => control_presets::rattle_limits(),
             _ => control_presets::thesis_limits(),
         };
         let limits = ControlLimits {
@@ -168,10 +195,12 @@ impl ScenarioSource {
             body: *belief,
             torque_limit_n_m: limits.torque_n_m,
         };
-        let mut steering = Steering { controller: name, limits: Some(limits), decision_s: None, planned_m_s2: None };
-        let told = ControlledBody { body: *belief, place, limits, is_told: !self.scenario.drive.beliefs.is_empty() };
-        let controller: Result<Box<dyn control::Controller>, PlanningError> = match name {
-            ControllerName::Tube => {
+        let mut steering =
+            Steering { controller: name.to_owned(), limits: Some(limits), decision_s: None, planned_m_s2: None };
+        let is_told = !self.scenario.drive.beliefs.is_empty();
+        let told = ControlledBody { body: *belief, place, limits, is_told, tracker_rad_s: TRACKER_RAD_S };
+        let controller: Result<Box<dyn Controller + Send>, PlanningError> = match name {
+            TUBE => {
                 let settings = self.tube(place, belief, reference, &limits)?;
                 steering.decision_s = Some(settings.gain.step_s);
                 TubeController::try_new(settings, None, attitude, belief).map(|controller| {
@@ -183,17 +212,17 @@ impl ScenarioSource {
                     boxed(controller)
                 })
             }
-            _ => laws().make(name.name(), &told).map(|controller| controller as Box<dyn control::Controller>),
+            _ => laws().make(name, &told),
         };
         let hint = match name {
-            ControllerName::Tube => {
+            TUBE => {
                 "; what is not known takes more than there is: a narrower `mass_interval_share`, smaller errors, or other limits \
                  of force and speed"
             }
             _ => "",
         };
         let controller = controller.map_err(|error| self.bad("drive.control", &format!("{error}{hint}")))?;
-        Ok((Controller::Following(controller), steering))
+        Ok((controller, steering))
     }
 
     /// The tube that `[drive.control]` describes.
@@ -282,7 +311,7 @@ impl ScenarioSource {
         belief: &InertialParameters<f64>,
     ) -> Result<Vec<(i64, ModelBelief)>, TumbleError> {
         let tables = &self.scenario.drive.beliefs;
-        if steering.controller == ControllerName::None && !tables.is_empty() {
+        if steering.controller == NONE && !tables.is_empty() {
             return Err(self.bad("drive.beliefs", "beliefs need a controller that is told"));
         }
         if !steering.is_accounted() && tables.is_empty() {
@@ -340,7 +369,7 @@ impl ScenarioSource {
     }
 }
 
-fn boxed<C: control::Controller + 'static>(controller: C) -> Box<dyn control::Controller> {
+fn boxed<C: Controller + Send + 'static>(controller: C) -> Box<dyn Controller + Send> {
     Box::new(controller)
 }
 

@@ -9,7 +9,7 @@ pub use draw::{LARGEST_OUTSIDE, draw_mission};
 pub use table::{ArrivalTable, ComputingTable, EstimatorTable, FlyTable, InformationTable};
 
 use super::plan::PlanningProblem;
-use super::plan_local::UnknownsName;
+use super::plan_local_table::UnknownsName;
 use super::{Flight, ScenarioSource};
 use crate::TumbleError;
 use crate::mission::{FlyOptions, LayerNames};

@@ -1,7 +1,7 @@
 //! From a scenario to a planning problem.
 
 use super::ScenarioSource;
-use super::plan_local::LocalTable;
+use super::plan_local_table::LocalTable;
 use crate::TumbleError;
 use serde::{Deserialize, Serialize};
 use tumble_astrobee::planning_presets::{FORCE_N, SPEED_M_S, TORQUE_N_M};

@@ -19,7 +19,8 @@ fn write_log(path: &Path, rows: usize, start_s: i64, mut edit: impl FnMut(usize,
     let flight = demo::simulate(7).unwrap();
     let mut text = format!("{HEADER}\n");
     for (k, sample) in flight.record.iter().take(rows).enumerate() {
-        let (p, q) = (sample.world_from_body.translation.vector, sample.world_from_body.rotation);
+        let pose = sample.world_from_body.unwrap();
+        let (p, q) = (pose.translation.vector, pose.rotation);
         let wrench = sample.wrench_body.unwrap();
         let time_s = format!("{}.{:09}", start_s + sample.time_ns / 1_000_000_000, sample.time_ns % 1_000_000_000);
         let mut cells = vec![time_s];

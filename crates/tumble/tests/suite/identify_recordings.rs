@@ -95,11 +95,6 @@ fn fly() -> Flight {
     Flight { body, states, commands, realized, wanted: asked }
 }
 
-fn time(time_ns: i64) -> u64 {
-    let (s, ns) = (time_ns / 1_000_000_000, time_ns % 1_000_000_000);
-    u64::try_from(s).unwrap() | u64::try_from(ns).unwrap() << 32
-}
-
 /// Messages of a flight with their stamps: connection, stamp, payload.
 type Messages = Vec<(u32, i64, Vec<u8>)>;
 
@@ -118,7 +113,7 @@ fn bag(connections: &[(&str, (&str, &str))], messages: &Messages) -> Vec<u8> {
         writer.connection(u32::try_from(number).unwrap(), topic, type_name, md5);
     }
     for (number, stamp_ns, payload) in messages {
-        writer.message(*number, time(*stamp_ns), payload);
+        writer.message(*number, ros1::bag_time(*stamp_ns), payload);
     }
     writer.finish()
 }

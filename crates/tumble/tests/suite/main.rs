@@ -19,6 +19,7 @@ mod plan_command;
 mod plan_local_command;
 #[allow(dead_code, reason = "shared with the fuzz targets")]
 mod promises;
+mod second_robot;
 mod simulate_command;
 mod simulate_control;
 mod support;

@@ -61,9 +61,9 @@ pub fn csv_log(data: &[u8]) {
             };
             assert!(last.is_none_or(|last| last < sample.time_ns));
             last = Some(sample.time_ns);
-            assert!((sample.world_from_body.rotation.norm() - 1.0).abs() < 1e-12);
+            assert!(sample.world_from_body.is_none_or(|pose| (pose.rotation.norm() - 1.0).abs() < 1e-12));
             let vectors = [
-                Some(sample.world_from_body.translation.vector),
+                sample.world_from_body.map(|pose| pose.translation.vector),
                 sample.velocity_origin_world,
                 sample.rate_body,
                 sample.acceleration_origin_body,

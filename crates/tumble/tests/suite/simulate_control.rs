@@ -174,6 +174,11 @@ fn what_is_wrong_is_named() {
     flown(&folder, "good", &good.replace("duration_s = 30.0", "duration_s = 6.0"));
     for (from, to, expected) in [
         ("\"tube\"", "\"tub\"", "did you mean `tube`?"),
+        (
+            "\"tube\"",
+            "\"pid\"",
+            "no controller is called `pid`; known: tube, lqr, mpc, original-tube, tracker, flown, none",
+        ),
         ("\"tube\"", "\"original-tub\"", "did you mean `original-tube`?"),
         ("\"tube\"", "\"tracker\"", "`drive.control`: `tracker` takes none"),
         ("\"tube\"", "\"lqr\"", "`drive.control.speed_limit_m_s`: only with `controller = \"tube\"`"),

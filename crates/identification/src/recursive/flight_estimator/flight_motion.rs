@@ -117,6 +117,11 @@ impl FlightMotion {
         Self { joint, errors: settings.wrench, planar: settings.planar }
     }
 
+    /// Slow errors of the wrench.
+    pub(super) fn errors(&self) -> &WrenchErrors {
+        &self.errors
+    }
+
     /// The same with a wrench that is in doubt.
     pub(super) fn doubting(&self) -> Self {
         Self { errors: self.errors.doubted(), ..*self }
@@ -235,7 +240,7 @@ impl FlightMotion {
                 add_scaled(column, slope[j] * variance, slope);
             }
         }
-        let decay = self.remaining(step_s);
+        let (decay, drives) = self.drift_step(step_s);
         let factor = |i: usize| if (DRIFT..SCALE).contains(&i) { decay } else { 1.0 };
         for (j, moved) in moved.iter().enumerate() {
             if j < BODY {
@@ -258,15 +263,20 @@ impl FlightMotion {
             p[BODY + i][BODY + i] += drift * drift * step_s;
         }
         for i in 0..6 {
-            let drift = self.errors.drift[i];
-            p[DRIFT + i][DRIFT + i] += drift * drift * (1.0 - decay * decay);
+            p[DRIFT + i][DRIFT + i] += drives[i];
         }
         *state = next;
         Ok(())
     }
 
+    /// What is left of a drift after a step, and the variance of what has come to it.
+    pub(super) fn drift_step(&self, step_s: f64) -> (f64, Vector6<f64>) {
+        let decay = self.remaining(step_s);
+        (decay, self.errors.drift.map(|drift| drift * drift * (1.0 - decay * decay)))
+    }
+
     /// Variance of the white part of the wrench, held over a step.
-    fn wrench_noise(&self, step_s: f64) -> Vector6<f64> {
+    pub(super) fn wrench_noise(&self, step_s: f64) -> Vector6<f64> {
         let (torque, force) = (self.joint.noise.torque_n_m, self.joint.noise.force_n);
         let share = self.errors.period_s / step_s;
         let (torque, force) = (torque * torque * share, force * force * share);

@@ -3,7 +3,7 @@ use super::flight_motion::{BODY, COORDINATES, Covariance, DRIFT, FlightMotion, F
 use super::settings::FlightEstimatorSettings;
 use crate::Estimate;
 use crate::dynamics::{InertialParameters, LogCholesky, RigidBodyState};
-use crate::identify::standard_deviations;
+use crate::estimator::standard_deviations;
 use crate::lie::{LieGroup, Manifold, Pose, Twist, Wrench};
 use crate::recursive::MotionNoise;
 use crate::recursive::joint_motion::JointState;

@@ -12,13 +12,15 @@ use tumble_dynamics::{
 };
 use tumble_lie::{Pose, Scalar, Twist, Wrench, real};
 
+#[path = "../../../tests/suite/uniform/mod.rs"]
+mod uniform;
+
 /// Uniform in -1..1, a fixed sequence.
 struct Random(u64);
 
 impl Random {
     fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        uniform::uniform(&mut self.0)
     }
 
     fn vector(&mut self, size: f64) -> Vector3<f64> {

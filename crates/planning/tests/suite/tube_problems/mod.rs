@@ -7,15 +7,14 @@ pub mod random;
 use tumble_planning::control::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 use tumble_planning::nalgebra::{Matrix2, Vector2};
 
+#[path = "../uniform/mod.rs"]
+mod uniform;
+
+pub use uniform::uniform;
+
 pub const STEP_S: f64 = 0.2;
 pub const STEPS: usize = 25;
 pub const SETTINGS: GramSettings = GramSettings { tolerance: 1e-10, iterations: 1000 };
-
-/// Uniform in -1..1, a fixed sequence.
-pub fn uniform(state: &mut u64) -> f64 {
-    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-}
 
 /// `A` and `b` of an axis whose input is an acceleration.
 pub fn axis() -> (Matrix2<f64>, Vector2<f64>) {

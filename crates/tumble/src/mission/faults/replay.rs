@@ -1,7 +1,8 @@
 //! The one line that flies a mission again.
 
 use crate::mission::LayerNames;
-use crate::mission::options::{FlyOptions, ModelChoice, WeightingChoice};
+use crate::mission::options::{FlyOptions, ModelChoice};
+use crate::mission::weighting::WeightingChoice;
 use clap::ValueEnum;
 use std::fmt::Write as _;
 

@@ -4,7 +4,7 @@ use super::numbers::{FlyNumbers, PRIOR, RELATIVE};
 use crate::TumbleError;
 use crate::mission::ModelChoice;
 use crate::scenario::plan::PlanningProblem;
-use crate::scenario::{BodyTable, ControllerName, DriveTable, LimitsTable, ScenarioSource};
+use crate::scenario::{BodyTable, DriveTable, LimitsTable, NONE, ScenarioSource};
 use tumble_astrobee::simulator::planar_part;
 use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::InertialParameters;
@@ -105,7 +105,7 @@ impl ScenarioSource {
         let mut flown = self.clone();
         flown.scenario.seed = seed;
         flown.scenario.belief = Some(BodyTable::of(belief));
-        flown.scenario.drive = DriveTable { controller: Some(ControllerName::None), ..DriveTable::default() };
+        flown.scenario.drive = DriveTable { controller: Some(NONE.to_owned()), ..DriveTable::default() };
         flown.scenario.limits =
             Some(LimitsTable { speed_m_s: Some(numbers.speed_limit_m_s), rate_rad_s: Some(numbers.rate_limit_rad_s) });
         flown

@@ -71,7 +71,7 @@ pub fn draw_mission(source: &ScenarioSource, seed: u64, outside: f64) -> Result<
         }
     });
     let text = drawn.to_toml()?;
-    ScenarioSource::parse(&source.path, &text)
+    Ok(ScenarioSource::parse(&source.path, &text)?.among(&source.robots))
 }
 
 fn between(random: &mut Gaussian, (least, most): (f64, f64)) -> f64 {

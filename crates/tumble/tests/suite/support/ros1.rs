@@ -124,3 +124,9 @@ pub fn odometry(state: &State) -> Vec<u8> {
 pub fn wrench_stamped(time_ns: i64, frame_id: &str, wrench: &Wrench<f64>) -> Vec<u8> {
     Payload::header(time_ns, frame_id).wrench(wrench).0
 }
+
+/// A time as bags write it: seconds in the lower, nanoseconds in the upper half.
+pub fn bag_time(time_ns: i64) -> u64 {
+    let (s, ns) = (time_ns / 1_000_000_000, time_ns % 1_000_000_000);
+    u64::try_from(s).unwrap() | u64::try_from(ns).unwrap() << 32
+}

@@ -1,0 +1,81 @@
+//! Logs of any kind: rows or a recording.
+
+use crate::log::LogReader;
+use crate::recording::{self, flight::FlightReader};
+use crate::{FormatsError, Robots};
+use std::path::Path;
+use tumble_identification::MotionSample;
+
+/// Streams the samples of a log of any kind.
+pub enum SampleReader {
+    /// Rows of a CSV log.
+    Rows(Box<LogReader>),
+    /// A robot's flight in a bag or an MCAP file.
+    Flight(Box<FlightReader>),
+}
+
+impl SampleReader {
+    /// Opens a log; what kind it is, its first bytes say. `reorder` is for rows (recordings are always put in order),
+    /// `robot` for recordings.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`] and [`FlightReader::open`].
+    pub fn open(path: &Path, reorder: bool, robot: Option<&str>, robots: &Robots) -> Result<Self, FormatsError> {
+        Ok(match (recording::container(path)?, robot) {
+            (Some(_), _) => Self::Flight(Box::new(FlightReader::open(path, robot, robots)?)),
+            (None, None) => Self::Rows(Box::new(LogReader::open(path, reorder)?)),
+            (None, Some(_)) => {
+                let message = "`--robot` chooses among the robots of a bag or an MCAP file".to_owned();
+                return Err(FormatsError::BadOption { message });
+            }
+        })
+    }
+
+    /// The next sample in time, `None` at the end.
+    ///
+    /// # Errors
+    /// As [`LogReader::next_sample`] and [`FlightReader::next_sample`].
+    pub fn next_sample(&mut self) -> Result<Option<MotionSample>, FormatsError> {
+        match self {
+            Self::Rows(rows) => rows.next_sample(),
+            Self::Flight(flight) => flight.next_sample(),
+        }
+    }
+
+    /// Appends up to `limit` samples to `samples`; `false` when the log has ended.
+    ///
+    /// # Errors
+    /// As [`SampleReader::next_sample`].
+    pub fn read_chunk(&mut self, samples: &mut Vec<MotionSample>, limit: usize) -> Result<bool, FormatsError> {
+        for _ in 0..limit {
+            match self.next_sample()? {
+                Some(sample) => samples.push(sample),
+                None => return Ok(false),
+            }
+        }
+        Ok(true)
+    }
+
+    /// Whether it is a recording without any wrench of its robot.
+    pub fn lacks_wrench(&self) -> bool {
+        matches!(self, Self::Flight(flight) if flight.plan.wrench.is_none())
+    }
+
+    /// What a recording holds and what of it is used, for people; empty for rows.
+    pub fn contents(&self) -> String {
+        match self {
+            Self::Rows(_) => String::new(),
+            Self::Flight(flight) => recording::flight::table(&flight.topics, &flight.plan),
+        }
+    }
+
+    /// What a user should know about what has been read, complete at the end.
+    pub fn warnings(&self) -> Vec<String> {
+        match self {
+            Self::Rows(rows) => rows.warnings(),
+            Self::Flight(flight) => {
+                flight.tally().map_or_else(Vec::new, |tally| tally.warnings(&flight.plan, &flight.topics))
+            }
+        }
+    }
+}

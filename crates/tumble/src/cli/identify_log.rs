@@ -1,0 +1,233 @@
+//! The log that is identified: rows in memory, or read again part by part.
+
+use super::identify_options::{AUTO, DEMO_SEED, IdentifyArgs};
+use crate::{TumbleError, demo};
+use std::io::IsTerminal as _;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use tumble_dynamics::InertialParameters;
+use tumble_formats::log::seconds;
+use tumble_formats::{FormatsError, Robots, SampleReader, body_file, recording};
+use tumble_identification::{
+    Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Settings, identify, merge,
+};
+
+/// Rows held in memory at once; a longer log is identified part by part and the parts' information added.
+pub(super) const ROWS_IN_MEMORY: usize = 200_000;
+/// Residuals kept for the plots from each part of a long log.
+const RESIDUALS_PER_PART: usize = 1000;
+
+/// A log or the demo, with what the report says about it.
+pub(super) struct Log {
+    pub(super) source: String,
+    pub(super) rows: Rows,
+    /// Rows before the held-out part.
+    pub(super) estimation_rows: usize,
+    pub(super) reference: Option<(String, InertialParameters<f64>)>,
+    pub(super) warnings: Vec<String>,
+    pub(super) duration_s: f64,
+}
+
+/// Where the samples are.
+pub(super) enum Rows {
+    /// All of them, in memory.
+    Memory(Vec<MotionSample>),
+    /// Too many for the memory: checked once, read again when needed.
+    File { path: PathBuf, reorder: bool, robot: Option<String>, robots: Robots, count: usize },
+}
+
+impl Log {
+    pub(super) fn read(args: &IdentifyArgs, robots: &Robots) -> Result<Self, TumbleError> {
+        let mut log =
+            if args.demo { Self::from_demo(args.seed.unwrap_or(DEMO_SEED))? } else { Self::from_file(args, robots)? };
+        let count = match &log.rows {
+            Rows::Memory(record) => record.len(),
+            Rows::File { count, .. } => *count,
+        };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let estimation_rows = args.holdout.map_or(count, |share| (count as f64 * (1.0 - share)).round() as usize);
+        log.estimation_rows = estimation_rows;
+        Ok(log)
+    }
+
+    fn from_demo(seed: u64) -> Result<Self, TumbleError> {
+        let flight = demo::simulate(seed)?;
+        let source = format!(
+            "demo flight {seed}: simulated robot with cargo, {} s; noise {:.0e} rad, {:.0e} m, {:.0e} N m, {:.0e} N",
+            demo::DURATION_S,
+            demo::POSE_NOISE.0,
+            demo::POSE_NOISE.1,
+            demo::WRENCH_NOISE.0,
+            demo::WRENCH_NOISE.1
+        );
+        Ok(Self {
+            source,
+            rows: Rows::Memory(flight.record),
+            estimation_rows: 0,
+            reference: Some(("truth".to_owned(), flight.truth)),
+            warnings: Vec::new(),
+            duration_s: demo::DURATION_S,
+        })
+    }
+
+    fn from_file(args: &IdentifyArgs, robots: &Robots) -> Result<Self, TumbleError> {
+        let Some(path) = &args.log else {
+            return Err(TumbleError::BadOption { message: "no log: name a file, or use --demo".to_owned() });
+        };
+        let reference = match &args.reference {
+            Some(path) => Some(("reference".to_owned(), body_file::read(path)?)),
+            None => None,
+        };
+        let mut reader = SampleReader::open(path, args.reorder, args.robot.as_deref(), robots)?;
+        eprint!("{}", reader.contents());
+        let mut record = Vec::new();
+        let mut more = reader.read_chunk(&mut record, ROWS_IN_MEMORY)?;
+        let (Some(first_ns), Some(mut last_ns)) = (record.first().map(|s| s.time_ns), record.last().map(|s| s.time_ns))
+        else {
+            return Err(FormatsError::Empty { path: path.clone(), what: "data rows" }.into());
+        };
+        if reader.lacks_wrench() && !args.dry_run {
+            let reason = format!("no wrench is recorded for this robot: {}", recording::flight::WRENCH_TOPICS);
+            return Err(FormatsError::NoFlight { path: path.clone(), reason }.into());
+        }
+        let mut rows = Rows::Memory(record);
+        if more {
+            let mut count = ROWS_IN_MEMORY;
+            let mut chunk = Vec::new();
+            while more {
+                chunk.clear();
+                more = reader.read_chunk(&mut chunk, ROWS_IN_MEMORY)?;
+                count += chunk.len();
+                last_ns = chunk.last().map_or(last_ns, |s| s.time_ns);
+                progress(&format!("{count} rows checked"));
+            }
+            rows = Rows::File {
+                path: path.clone(),
+                reorder: args.reorder,
+                robot: args.robot.clone(),
+                robots: robots.clone(),
+                count,
+            };
+        }
+        let warnings = reader.warnings();
+        let duration_s = seconds(last_ns - first_ns);
+        Ok(Self { source: path.display().to_string(), rows, estimation_rows: 0, reference, warnings, duration_s })
+    }
+
+    /// Calls `part` for each stretch of at most so many estimation rows, until it breaks off.
+    pub(super) fn for_each_part(
+        &self,
+        rows_at_once: usize,
+        mut part: impl FnMut(&[MotionSample]) -> Result<ControlFlow<()>, TumbleError>,
+    ) -> Result<(), TumbleError> {
+        match &self.rows {
+            Rows::Memory(record) => {
+                for stretch in record.get(..self.estimation_rows).unwrap_or(record).chunks(rows_at_once) {
+                    if part(stretch)?.is_break() {
+                        break;
+                    }
+                }
+                Ok(())
+            }
+            Rows::File { path, reorder, robot, robots, .. } => {
+                let mut reader = SampleReader::open(path, *reorder, robot.as_deref(), robots)?;
+                let mut chunk = Vec::new();
+                let mut done = 0;
+                while done < self.estimation_rows {
+                    chunk.clear();
+                    let more = reader.read_chunk(&mut chunk, rows_at_once.min(self.estimation_rows - done))?;
+                    done += chunk.len();
+                    let flow = part(&chunk)?;
+                    progress(&format!("{done} of {} rows", self.estimation_rows));
+                    if !more || flow.is_break() {
+                        break;
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// The rows kept back, at most as many as fit in memory.
+    pub(super) fn held_out(&self) -> Result<Vec<MotionSample>, TumbleError> {
+        match &self.rows {
+            Rows::Memory(record) => Ok(record.get(self.estimation_rows..).unwrap_or_default().to_vec()),
+            Rows::File { path, reorder, robot, robots, .. } => {
+                let mut reader = SampleReader::open(path, *reorder, robot.as_deref(), robots)?;
+                let mut rest = Vec::new();
+                for _ in 0..self.estimation_rows {
+                    reader.next_sample()?;
+                }
+                reader.read_chunk(&mut rest, ROWS_IN_MEMORY)?;
+                Ok(rest)
+            }
+        }
+    }
+
+    pub(super) fn identify(&self, settings: &Settings) -> Result<Identification, TumbleError> {
+        if self.estimation_rows > LongRecord::LONG
+            && let Some(found) = self.identify_long(settings)?
+        {
+            return Ok(found);
+        }
+        // What a likelihood holds of a row is much larger than the row.
+        let likely = [AUTO, MAXIMUM_LIKELIHOOD].contains(&settings.method);
+        let rows_at_once = if likely { LongRecord::LONG } else { ROWS_IN_MEMORY };
+        if self.estimation_rows <= rows_at_once {
+            let mut found = None;
+            self.for_each_part(rows_at_once, |record| {
+                found = Some(identify(record, settings)?);
+                Ok(ControlFlow::Continue(()))
+            })?;
+            return found.ok_or(FormatsError::Empty { path: PathBuf::from(&self.source), what: "data rows" }.into());
+        }
+        let alone = Settings { prior: None, ..*settings };
+        let mut parts = Vec::new();
+        self.for_each_part(rows_at_once, |record| {
+            match identify(record, &alone) {
+                // The last few rows of a long log may be too few for a row of their own.
+                Err(IdentificationError::TooFewSamples { .. }) if !parts.is_empty() => {}
+                found => {
+                    let mut found = found?;
+                    let every = found.residuals.len().div_ceil(RESIDUALS_PER_PART).max(1);
+                    found.residuals = found.residuals.into_iter().step_by(every).collect();
+                    parts.push(found);
+                }
+            }
+            Ok(ControlFlow::Continue(()))
+        })?;
+        Ok(merge(&parts, settings.prior.as_ref())?)
+    }
+
+    /// By likelihood in a sliding window; `None` where that has no answer.
+    fn identify_long(&self, settings: &Settings) -> Result<Option<Identification>, TumbleError> {
+        let mut long = None;
+        let slid = self.for_each_part(ROWS_IN_MEMORY, |record| {
+            if long.is_none() {
+                long = LongRecord::try_new(record, settings)?;
+            }
+            let Some(long) = &mut long else { return Ok(ControlFlow::Break(())) };
+            for row in record {
+                long.push(*row)?;
+            }
+            Ok(ControlFlow::Continue(()))
+        });
+        let found = slid.and_then(|()| Ok(long.map(LongRecord::finish).transpose()?));
+        match found {
+            Err(TumbleError::Identification(
+                IdentificationError::LikelihoodNotConverged { .. }
+                | IdentificationError::NotExcited { .. }
+                | IdentificationError::Indefinite { .. }
+                | IdentificationError::NotKnown { .. },
+            )) => Ok(None),
+            found => found,
+        }
+    }
+}
+
+/// One line on stderr that replaces itself; silent in pipes.
+fn progress(text: &str) {
+    if std::io::stderr().is_terminal() {
+        eprint!("\r{text}   ");
+    }
+}

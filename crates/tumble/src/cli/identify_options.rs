@@ -1,0 +1,191 @@
+//! Options of `tumble identify`, and what its folders remember of them.
+
+use super::identify_arm::ArmOptions;
+use clap::builder::{PossibleValue, PossibleValuesParser};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+use tumble_dynamics::nalgebra::Vector3;
+use tumble_identification::harmonics::HarmonicEstimator;
+use tumble_identification::{MAXIMUM_LIKELIHOOD, Nuisance, Nuisances, WrenchTiming, methods};
+
+/// The flight that `--demo` shows unless told otherwise.
+pub(super) const DEMO_SEED: u64 = 1;
+
+/// Options of `tumble identify`.
+#[derive(Args)]
+#[allow(clippy::struct_excessive_bools)]
+pub struct IdentifyArgs {
+    /// The log: CSV (`--template` prints its columns), ROS 1 bag or MCAP.
+    pub(super) log: Option<PathBuf>,
+    /// Simulate a flight with unknown cargo, add noise, estimate and compare with the truth.
+    #[arg(long, conflicts_with = "log")]
+    pub(super) demo: bool,
+    /// Which simulated flight; another seed gives another cargo and other noise.
+    #[arg(long, value_name = "N")]
+    pub(super) seed: Option<u64>,
+    /// Print a valid log header with two rows, and stop.
+    #[arg(long, exclusive = true)]
+    pub(super) template: bool,
+    /// Equations that tie motion to parameters.
+    #[arg(long, default_value = AUTO, value_parser = method_names())]
+    pub(super) method: String,
+    /// When the logged wrench acts: from its row to the next (held), or as a continuous wrench sampled there.
+    #[arg(long, value_enum, default_value_t = TimingName::Held)]
+    pub(super) wrench: TimingName,
+    /// Gravitational acceleration in inertial axes, m/s^2.
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
+    pub(super) gravity: Vector3<f64>,
+    /// Prior knowledge of the body (TOML: a body and its standard deviations); enters the estimate.
+    #[arg(long, value_name = "FILE")]
+    pub(super) prior: Option<PathBuf>,
+    /// What the maximum likelihood estimates besides the body: delay, force-scale, torque-scale, accelerometer-bias,
+    /// accelerometer-scale, accelerometer-position, bias-wrench, table-slope, actuator-lag.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_nuisance)]
+    pub(super) estimate: Vec<Nuisances>,
+    /// A body to compare with (TOML or JSON).
+    #[arg(long, value_name = "FILE", conflicts_with = "demo")]
+    pub(super) reference: Option<PathBuf>,
+    /// The log holds cycles of this motion (excitation.toml of `tumble excite`): average them.
+    #[arg(long, value_name = "FILE", conflicts_with = "period")]
+    pub(super) excitation: Option<PathBuf>,
+    /// The log holds cycles of a motion of this period, s: average them.
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub(super) period: Option<f64>,
+    /// With --period: fewest harmonics to try (default 2).
+    #[arg(long, value_name = "N", requires = "period")]
+    pub(super) harmonics: Option<usize>,
+    /// Keep back the last part of the log and judge the estimate on it.
+    #[arg(long, value_name = "SHARE", num_args = 0..=1, default_missing_value = "0.25")]
+    pub(super) holdout: Option<f64>,
+    /// Where the body changed within the log, identify the parts before and after separately.
+    #[arg(long)]
+    pub(super) split: bool,
+    /// Say what this log can answer and how well, without believing its wrench.
+    #[arg(long)]
+    pub(super) dry_run: bool,
+    /// With --dry-run: noise of the wrench per sample, one sigma, N m and N (default 1e-4,1e-3).
+    #[arg(long, value_name = "TORQUE,FORCE", value_parser = parse_noise)]
+    pub(super) wrench_noise: Option<(f64, f64)>,
+    /// Put late rows in order and drop repeated times instead of refusing the log.
+    #[arg(long)]
+    pub(super) reorder: bool,
+    /// Of a bag or MCAP file with several robots: the namespace of the one to identify.
+    #[arg(long, value_name = "NAMESPACE")]
+    pub(super) robot: Option<String>,
+    /// Print one JSON object and nothing else on stdout.
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Write report.html, residual plots, result.json, body.toml and run.json into this new folder.
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: Option<PathBuf>,
+    /// Write the body to a file: .toml, .json, .urdf or .xml (MJCF).
+    #[arg(long, value_name = "FILE")]
+    pub(super) export: Option<PathBuf>,
+    /// Replace outputs that exist.
+    #[arg(long)]
+    pub(super) force: bool,
+    /// A wheel-driven throw instead of a log.
+    #[arg(long, value_name = "THROW", conflicts_with_all = ["log", "demo"])]
+    pub(super) wheel: Option<PathBuf>,
+    /// Calibration of the throwing device, from `tumble calibrate-wheel`.
+    #[arg(long, value_name = "CAL")]
+    pub(super) calibration: Option<PathBuf>,
+    /// Mass of the thrown object, kg; needed to take the device's share from the inertia.
+    #[arg(long, value_name = "KG")]
+    pub(super) mass: Option<f64>,
+    #[command(flatten)]
+    pub(super) arm: ArmOptions,
+}
+
+/// Chosen by what the log holds.
+pub(super) const AUTO: &str = "auto";
+/// What estimates from averaged cycles, by name.
+pub(super) const OF_CYCLES: [(&str, &str, HarmonicEstimator); 2] = [
+    (
+        "fourier",
+        "Averaged cycles of a periodic motion, weighted least squares with the derivatives of its Fourier series",
+        HarmonicEstimator::LeastSquares,
+    ),
+    (
+        "fourier-likelihood",
+        "The same, maximum likelihood of the series and the parameters together",
+        HarmonicEstimator::Likelihood,
+    ),
+];
+
+/// The library's methods, and those of averaged cycles.
+fn method_names() -> PossibleValuesParser {
+    let of_cycles = OF_CYCLES.iter().map(|(name, sentence, _)| (*name, *sentence));
+    let methods = methods();
+    let named = methods.entries().chain(of_cycles);
+    PossibleValuesParser::new(named.map(|(name, sentence)| PossibleValue::new(name).help(sentence)).collect::<Vec<_>>())
+}
+
+impl IdentifyArgs {
+    /// What estimates from averaged cycles.
+    pub(super) fn harmonic(&self) -> Option<HarmonicEstimator> {
+        let of_cycles = OF_CYCLES.iter().find(|(name, ..)| *name == self.method);
+        of_cycles.map(|(.., estimator)| *estimator).or((self.method == AUTO).then_some(HarmonicEstimator::Likelihood))
+    }
+
+    /// The method of a log that is not averaged.
+    pub(super) fn of_samples(&self) -> &'static str {
+        // Only the likelihood estimates anything besides the body.
+        let asked = if self.estimate.is_empty() { &self.method } else { MAXIMUM_LIKELIHOOD };
+        methods().entries().find(|(name, _)| *name == asked).map_or(AUTO, |(name, _)| name)
+    }
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum TimingName {
+    /// Constant in body axes until the next row.
+    Held,
+    /// A continuous wrench, sampled.
+    Sampled,
+}
+
+impl From<TimingName> for WrenchTiming {
+    fn from(name: TimingName) -> Self {
+        match name {
+            TimingName::Held => Self::Held,
+            TimingName::Sampled => Self::Sampled,
+        }
+    }
+}
+
+fn parse_vector(text: &str) -> Result<Vector3<f64>, String> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|part| part.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();
+    match numbers.as_deref() {
+        Some([x, y, z]) => Ok(Vector3::new(*x, *y, *z)),
+        _ => Err("three numbers are needed, such as 0,0,-9.81".to_owned()),
+    }
+}
+
+fn parse_nuisance(text: &str) -> Result<Nuisances, String> {
+    let named = Nuisance::named(text.trim()).ok_or_else(|| format!("nothing called `{text}` can be estimated"))?;
+    Ok(Nuisances::of(named))
+}
+
+fn parse_noise(text: &str) -> Result<(f64, f64), String> {
+    let positive = |part: &str| part.trim().parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite());
+    text.split_once(',')
+        .and_then(|(torque, force)| Some((positive(torque)?, positive(force)?)))
+        .ok_or_else(|| "two positive numbers are needed, such as 1e-4,1e-3".to_owned())
+}
+
+/// What is needed to repeat the run.
+pub(super) fn run_record(args: &IdentifyArgs, source: &str) -> String {
+    let options: Vec<String> = std::env::args().skip(1).collect();
+    serde_json::json!({
+        "format": 1,
+        "version": env!("CARGO_PKG_VERSION"),
+        "commit": option_env!("TUMBLE_COMMIT"),
+        "command": "identify",
+        "configuration": options,
+        "seed": args.demo.then(|| args.seed.unwrap_or(DEMO_SEED)),
+        "input": source,
+        "input_hash": args.log.as_deref().and_then(|path| tumble_formats::log::hash(path).ok()),
+    })
+    .to_string()
+}

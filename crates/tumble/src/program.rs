@@ -1,0 +1,150 @@
+//! The command line as a function: a program of one's own calls it with its robots.
+
+#[cfg(feature = "astrobee")]
+mod flying;
+
+use crate::TumbleError;
+use crate::cli::{Outcome, arm, calibrate_wheel, convert, excite, identify, print};
+#[cfg(feature = "astrobee")]
+use crate::cli::{allocate, realize};
+use clap::{Parser, Subcommand};
+use std::ffi::OsString;
+use std::io::IsTerminal as _;
+use std::process::ExitCode;
+use tumble_formats::{FormatsError, Robots};
+
+const EXAMPLES: &str = "\
+Examples:
+  tumble fly                                   a robot with cargo it does not know: learn it on the way, arrive, report
+  tumble campaign --missions 100 --draw        a hundred such robots, each another: how many arrive, how well
+  tumble identify --demo                       simulate a flight, estimate, compare with the truth
+  tumble identify flight.csv                   mass, centre of mass and inertia from a log
+  tumble identify flight.csv --dry-run         what could this log tell, and how well?
+  tumble identify --template                   the columns of a log, with two valid rows
+  tumble excite --fly                          design a motion that shows everything, and simulate its flight
+  tumble identify log.csv --excitation excitation.toml
+  tumble simulate iss-excite                   fly a scenario; `tumble scenario list` names them
+  tumble plan iss-slalom                       a way around obstacles, and how far from the best it can be
+  tumble arm show astrobee-arm                 joints and bodies of an arm; also of a TOML or URDF file
+  tumble calibrate-wheel cal_*.csv --out cal.toml
+  tumble identify --wheel throw.csv --calibration cal.toml
+  tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler
+  tumble allocate wrenches.csv                 wanted wrenches to nozzle bytes, and what these give";
+
+/// Commands of the feature `astrobee`.
+const FLYING: [&str; 5] = ["fly", "campaign", "simulate", "plan", "allocate"];
+
+/// Examples of the commands that there are.
+fn examples() -> String {
+    let is_there = |line: &&str| {
+        cfg!(feature = "astrobee") || !FLYING.iter().any(|name| line.starts_with(&format!("  tumble {name} ")))
+    };
+    EXAMPLES.lines().filter(is_there).collect::<Vec<_>>().join("\n")
+}
+
+/// Mass, centre of mass and inertia of a free-flying robot, from its logs.
+#[derive(Parser)]
+#[command(name = "tumble", version, after_help = examples(), arg_required_else_help = false)]
+struct Tumble {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Inertial parameters from a log of poses and wrenches, or from a wheel-driven throw.
+    Identify(Box<identify::IdentifyArgs>),
+    /// Designs a periodic motion that shows all inertial parameters, and simulates its flight.
+    Excite(Box<excite::ExciteArgs>),
+    #[cfg(feature = "astrobee")]
+    #[command(flatten)]
+    Flying(flying::Command),
+    /// Lists and shows arms: those that come with the program, TOML and URDF files.
+    Arm(arm::ArmArgs),
+    /// Calibrates the wheel-driven throwing device from throws of itself and of a proof block.
+    CalibrateWheel(calibrate_wheel::CalibrateWheelArgs),
+    #[cfg(feature = "astrobee")]
+    /// Allocates wanted wrenches to Astrobee's twelve nozzles as its flight software does.
+    Allocate(allocate::AllocateArgs),
+    #[cfg(feature = "astrobee")]
+    /// Computes the thrust and wrench that a propulsion module of Astrobee gives at its flap angles.
+    Realize(realize::RealizeArgs),
+    /// One log format into another: CSV, TUM, MCAP, and ROS 1 bags into these.
+    Convert(convert::ConvertArgs),
+}
+
+/// Runs the command line with these arguments, the name of the program first, among these robots; what a shell is to be told.
+///
+/// A program with a robot of its own is this, and gets log reader, reports, scenarios, missions and campaigns:
+///
+/// ```no_run
+/// use tumble::robots::shipped;
+/// use tumble_dynamics::InertialParameters;
+/// use tumble_formats::{BodyPreset, Robot};
+///
+/// struct Kite;
+///
+/// impl Robot for Kite {
+///     fn name(&self) -> &'static str {
+///         "kite"
+///     }
+///     fn sentence(&self) -> &'static str {
+///         "a satellite of 40 kg"
+///     }
+///     fn bodies(&self) -> Vec<BodyPreset> {
+///         vec![BodyPreset { name: "kite", body: InertialParameters::solid_box(40.0, [0.6, 0.6, 0.8]) }]
+///     }
+/// }
+///
+/// fn main() -> std::process::ExitCode {
+///     tumble::run(std::env::args_os(), &shipped().with(Kite))
+/// }
+/// ```
+pub fn run(arguments: impl IntoIterator<Item = OsString>, robots: &Robots) -> ExitCode {
+    let parsed = match Tumble::try_parse_from(arguments) {
+        Ok(parsed) => parsed,
+        Err(refusal) if refusal.use_stderr() => refusal.exit(),
+        // Help and version, which clap would print without a word of a full disk.
+        Err(help) => {
+            let text = help.render();
+            let text = if std::io::stdout().is_terminal() { text.ansi().to_string() } else { text.to_string() };
+            return ended(print(&text).map(|()| Outcome::Achieved));
+        }
+    };
+    ended(match parsed.command {
+        None => print(&format!(
+            "tumble: what is this robot carrying?\n\n{}\n\n`tumble help COMMAND` lists the options of a command.\n",
+            examples()
+        ))
+        .map(|()| Outcome::Achieved),
+        Some(Command::Identify(args)) => identify::run(&args, robots),
+        Some(Command::Excite(args)) => excite::run(&args),
+        #[cfg(feature = "astrobee")]
+        Some(Command::Flying(command)) => command.run(robots),
+        Some(Command::Arm(args)) => arm::run(&args, robots),
+        Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
+        #[cfg(feature = "astrobee")]
+        Some(Command::Allocate(args)) => allocate::run(&args),
+        #[cfg(feature = "astrobee")]
+        Some(Command::Realize(args)) => realize::run(&args),
+        Some(Command::Convert(args)) => convert::run(&args, robots),
+    })
+}
+
+fn ended(outcome: Result<Outcome, TumbleError>) -> ExitCode {
+    match outcome {
+        Ok(Outcome::Achieved) => ExitCode::SUCCESS,
+        Ok(Outcome::NotAchieved) => ExitCode::from(3),
+        Err(error) => {
+            report(&error);
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn report(error: &TumbleError) {
+    if let TumbleError::File(FormatsError::Damaged { path, report, .. }) = error {
+        eprint!("{}", report.table(path));
+    }
+    eprintln!("error[{}]: {error}\n  remedy: {}", error.code(), error.remedy());
+}

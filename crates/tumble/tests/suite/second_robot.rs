@@ -1,0 +1,174 @@
+//! A robot that this program never heard of: registered, it identifies from its own commands, is simulated, flies, and has its campaign
+//! and its report.
+
+#[path = "../../examples/own_robot.rs"]
+mod own_robot;
+
+use crate::support::ros1::{Payload, bag_time};
+use crate::support::scratch;
+use own_robot::Kite;
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::ExitCode;
+use tumble::robots::shipped;
+use tumble::scenario::ScenarioSource;
+use tumble_dynamics::nalgebra::Vector3;
+use tumble_dynamics::{FreeFlyer, Integrator as _, MuntheKaas4, RigidBodyState};
+use tumble_formats::Robots;
+use tumble_formats::testing::bag_writer::{BagWriter, Compression};
+use tumble_lie::Wrench;
+
+const STEP_NS: i64 = 20_000_000;
+const STEPS: i64 = 1500;
+
+/// A mission in open space with a payload that it does not know of.
+const MISSION: &str = r#"format = 1
+name = "kite-hop"
+world = "open"
+duration_s = 90.0
+robot_radius_m = 0.2
+
+[body]
+preset = "kite"
+
+[payload]
+mass_kg = 2.0
+inertia_about_com_kg_m2 = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]]
+grasp_position_m = [0.05, -0.03, 0.02]
+
+[start]
+position_m = [0.0, 0.0, 0.0]
+
+[goal]
+position_m = [0.6, 0.2, -0.1]
+
+[plan]
+position_lower_m = [-1.0, -1.0, -1.0]
+position_upper_m = [1.6, 1.2, 1.0]
+speed_limit_m_s = [0.05, 0.05, 0.05]
+margin_m = 0.03
+
+[propulsion]
+kind = "kite-jets"
+
+[fly]
+mass_interval_share = [0.5, 2.0]
+
+[sensing.settings.pose]
+position_noise_m = 0.002
+attitude_noise_rad = 0.004
+velocity_noise_m_s = 0.001
+position_drift_m = 0.0
+attitude_drift_rad = 0.0
+velocity_drift_m_s = 0.0
+
+[sensing.settings.imu]
+moving_average = false
+flight_filter = false
+bias_following_time_s = 0.0
+lever_arm_body_m = [0.0, 0.0, 0.0]
+
+[sensing.settings.imu.accelerometer]
+noise_density = 1e-3
+
+[sensing.settings.imu.gyro]
+noise_density = 1.25e-4
+"#;
+
+/// Sines on all axes and perfect sensors, to be identified.
+fn excited() -> String {
+    let drive = "[drive.multisine]\nforce_n = [0.3, 0.3, 0.3]\ntorque_n_m = [0.03, 0.03, 0.03]\ntones = 3\nlowest_hz = 0.03\n\
+                 highest_hz = 0.2\n\n[propulsion]";
+    let (before_sensing, _) = MISSION.split_once("[fly]").unwrap();
+    format!("{}[sensing]\npreset = \"perfect\"\n", before_sensing.replace("[propulsion]", drive))
+}
+
+fn kites() -> Robots {
+    shipped().with(Kite)
+}
+
+/// Runs the command line with the satellite among its robots.
+fn own(arguments: &[&str]) -> ExitCode {
+    let arguments = std::iter::once("kite").chain(arguments.iter().copied()).map(Into::into);
+    tumble::run(arguments, &kites())
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+#[test]
+fn its_recorded_commands_give_its_body() {
+    let body = kites().body("kite").unwrap();
+    let (flyer, mut state) = (FreeFlyer::new(body), RigidBodyState::at_rest());
+    let mut bag = BagWriter::new(Compression::Lz4, 20_000);
+    bag.connection(0, "/kite/pose", "geometry_msgs/PoseStamped", "d3812c3cbc69362b77dc0b19b345f8f5");
+    bag.connection(1, "/kite/jets", "kite_msgs/Jets", "00000000000000000000000000000000");
+    for k in 0..STEPS {
+        let time_ns = k * STEP_NS;
+        let phase = 0.02 * f64::from(i32::try_from(k).unwrap());
+        let share: [i8; 6] = std::array::from_fn(|axis| {
+            let rate = 0.3 + 0.17 * f64::from(u8::try_from(axis).unwrap());
+            #[allow(clippy::cast_possible_truncation)] // at most 100
+            let share = (100.0 * (rate * phase).sin()).round() as i8;
+            share
+        });
+        let commands = share.map(|share| share.to_le_bytes()[0]);
+        let (pose, time) = (state.world_from_body, bag_time(time_ns));
+        bag.message(0, time, &Payload::header(time_ns.max(1), "world").pose(&pose).0);
+        bag.message(1, time, &commands);
+        let part = |axis: usize| f64::from(share[axis]) / 127.0;
+        let force = Vector3::new(part(0), part(1), part(2)) * 0.5;
+        let wrench = Wrench::new(Vector3::new(part(3), part(4), part(5)) * 0.06, force);
+        for _ in 0..4 {
+            state = MuntheKaas4.step(&flyer, &state, &wrench, 0.0, 0.005).unwrap();
+        }
+    }
+    let folder = scratch("jets");
+    let (path, out) = (folder.join("flight.bag"), folder.join("report"));
+    fs::write(&path, bag.finish()).unwrap();
+    let arguments = ["identify", path.to_str().unwrap(), "--out", out.to_str().unwrap()];
+    assert_eq!(own(&arguments), ExitCode::SUCCESS);
+    let found = json(&out.join("result.json"));
+    let mass = found["mass_kg"].as_f64().unwrap();
+    assert!((mass / body.mass - 1.0).abs() < 0.01, "{mass}");
+    // without the robot nobody knows what its commands did
+    let stranger = tumble::run(["tumble", arguments[0], arguments[1]].map(Into::into), &shipped());
+    assert_eq!(stranger, ExitCode::from(2));
+}
+
+#[test]
+fn it_is_simulated_and_identified_from_that_log() {
+    let folder = scratch("kite");
+    let (scenario, flown, report) = (folder.join("kite.toml"), folder.join("flown"), folder.join("report"));
+    fs::write(&scenario, excited()).unwrap();
+    assert_eq!(own(&["simulate", scenario.to_str().unwrap(), "--out", flown.to_str().unwrap()]), ExitCode::SUCCESS);
+    let (log, truth) = (flown.join("log.csv"), flown.join("truth.toml"));
+    let arguments = ["identify", log.to_str().unwrap(), "--reference", truth.to_str().unwrap(), "--out"];
+    assert_eq!(own(&[&arguments[..], &[report.to_str().unwrap()]].concat()), ExitCode::SUCCESS);
+    let mass = json(&report.join("result.json"))["mass_kg"].as_f64().unwrap();
+    assert!((mass / 14.0 - 1.0).abs() < 0.01, "{mass}");
+    let stranger = ScenarioSource::parse(&scenario, &excited()).unwrap();
+    let refused = stranger.flight().map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("`kite` is none of iss, granite"), "{refused}");
+    let jets = excited().replace("preset = \"kite\"", "preset = \"spheres\"");
+    let refused = ScenarioSource::parse(&scenario, &jets).unwrap().flight().map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("`kite-jets` is none of plant, limited, exact, space-cobot, spheres"), "{refused}");
+}
+
+#[test]
+fn it_flies_missions_and_has_its_campaign_and_report() {
+    let folder = scratch("hops");
+    let (scenario, flown, campaign) = (folder.join("hop.toml"), folder.join("flown"), folder.join("campaign"));
+    fs::write(&scenario, MISSION).unwrap();
+    assert_eq!(own(&["fly", scenario.to_str().unwrap(), "--out", flown.to_str().unwrap()]), ExitCode::SUCCESS);
+    let page = fs::read_to_string(flown.join("report.html")).unwrap();
+    assert!(page.contains("kite-hop"), "the report tells of its mission");
+    let arguments = ["campaign", scenario.to_str().unwrap(), "--missions", "2", "--out", campaign.to_str().unwrap()];
+    assert_eq!(own(&arguments), ExitCode::SUCCESS);
+    assert_eq!(
+        fs::read_to_string(campaign.join("rows.csv")).unwrap().lines().filter(|row| !row.starts_with('#')).count(),
+        3
+    );
+}
