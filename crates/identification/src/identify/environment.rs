@@ -11,14 +11,13 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Times that a body is looked for in the wrenches on the last one found.
 const MOST_PASSES: u32 = 12;
-/// Sigmas by which the last pass may still move the body: less than anybody sees, more than the weights of rows, found anew in every
-/// pass, let it wander.
-const AT_REST: f64 = 0.2;
+/// Sigmas by which the last pass may still move the body.
+const AT_REST: f64 = 0.05;
 /// A step larger than this share of the last one is that of a slope taken too far away.
 const SHRINKS: f64 = 0.2;
-/// Change of a parameter, in units of the body's size, from which its effect on the answer is taken: the answer is nearly linear in
-/// the wrench, and what rounds it is small beside this.
-const TRIED: f64 = 0.05;
+/// Change of a parameter, in sigmas, from which its effect on the answer is taken: far more than rounding, and so little that weights
+/// of rows and limits of bodies stay what they are.
+const TRIED: f64 = 3.0;
 
 /// [`identify`] where more acts than the log says.
 ///
@@ -132,16 +131,17 @@ impl Feedback {
             let acted = acting(Some(&InertialParameters::from_vector(ten)))?;
             Ok(identified(&acted, settings)?.estimate.map(|estimate| estimate.parameters.to_vector()))
         };
-        let (sizes, here) = (found.scale.parameter_magnitudes(), acting(Some(&InertialParameters::from_vector(&at)))?);
-        let Some(middle) = answer(&at)? else { return Ok(None) };
+        let here = acting(Some(&InertialParameters::from_vector(&at)))?;
+        let (Some(middle), Some(estimate)) = (answer(&at)?, &found.estimate) else { return Ok(None) };
+        let changes = estimate.covariance.diagonal().map(|variance| TRIED * variance.sqrt());
         let mut followed = SMatrix::<f64, 10, 10>::zeros();
         for i in 0..10 {
-            let tried = at + SVector::<f64, 10>::ith(i, TRIED * sizes[i]);
+            let tried = at + SVector::<f64, 10>::ith(i, changes[i]);
             if acting(Some(&InertialParameters::from_vector(&tried)))? == here {
                 continue;
             }
             let Some(found) = answer(&tried)? else { return Ok(None) };
-            followed.set_column(i, &((found - middle) / (TRIED * sizes[i])));
+            followed.set_column(i, &((found - middle) / changes[i]));
         }
         let amplified = (SMatrix::<f64, 10, 10>::identity() - followed).try_inverse();
         Ok(amplified.map(|amplified| Self { followed, amplified }))
