@@ -23,7 +23,7 @@ pub use recursive_estimator::{
     Begin, EstimatorPromises, Told, check_gate, check_innovation, check_recursive_estimator, check_unit_equivariance,
 };
 pub use state_estimator::{BeginFlight, StateTrial, check_state_estimator};
-pub use units::{Units, check_identification_units};
+pub use units::{Identifies, Units, check_identification_units};
 
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet};
 use crate::square_root_information::SquareRootInformation;

@@ -294,9 +294,8 @@ impl Tally {
 }
 
 /// A decoded message in its place in time.
-#[derive(Clone, Copy)]
 enum Event {
-    Motion(MotionSample),
+    Motion(Box<MotionSample>),
     /// Body axes, about the origin.
     Wrench(Wrench<f64>),
     Bytes(ActuatorBytes),
@@ -347,7 +346,7 @@ impl<'p> Assembler<'p> {
     fn take(&mut self, raw: &RawMessage<'_>) -> Result<Option<MotionSample>, FormatsError> {
         if self.plan.motion == MEASURED_POSE {
             let event = match self.columns.take(raw, &mut self.tally.undecoded) {
-                Some(Measured::Motion(sample)) => Event::Motion(*sample),
+                Some(Measured::Motion(sample)) => Event::Motion(sample),
                 Some(Measured::Wrench(wrench)) => Event::Wrench(wrench),
                 None => return Ok(None),
             };
@@ -451,7 +450,7 @@ impl<'p> Assembler<'p> {
                 && finite(&sample.acceleration_origin_body)
         });
         self.tally.impossible += usize::from(motion.is_none());
-        Ok(motion.map(Event::Motion))
+        Ok(motion.map(|sample| Event::Motion(Box::new(sample))))
     }
 
     fn other_event(&mut self, message: &Message<'_>) -> Result<Option<Event>, FormatsError> {
@@ -495,7 +494,7 @@ impl<'p> Assembler<'p> {
                 return None;
             }
             self.add_up(time_ns);
-            let finished = self.pending.replace((sample, Wrench::zero(), 0, time_ns));
+            let finished = self.pending.replace((*sample, Wrench::zero(), 0, time_ns));
             return finished.map(|(mut sample, impulse, covered_ns, _)| {
                 let interval_ns = time_ns - sample.time_ns;
                 if covered_ns > 0 && covered_ns == interval_ns {

@@ -131,7 +131,7 @@ pub enum Doubt {
 /// use tumble_identification::{Estimate, StandardDeviations};
 ///
 /// let body = InertialParameters::solid_box(10.0, [0.3, 0.3, 0.3]);
-/// let deviations = body.to_vector().map(|x| 0.2 * x.abs() + 0.02);
+/// let deviations = body.to_vector().map(|x: f64| 0.2 * x.abs() + 0.02);
 /// let covariance = SMatrix::from_diagonal(&deviations.map(|s| s * s));
 /// let std = StandardDeviations {
 ///     mass_kg: deviations[0],

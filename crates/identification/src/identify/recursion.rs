@@ -257,13 +257,13 @@ fn filtered_in_units(
 ) -> Result<End, Flown> {
     let first = begin(record, settings, BEGUN);
     let shares: &[f64] = if first.is_some() { &LATER } else { &[] };
-    let found = filtered_from(first, record, settings, about, unscented);
+    let found = filtered_from(first.as_ref(), record, settings, about, unscented);
     if !matches!(found, Err(Flown::Off { .. })) {
         return found;
     }
     for share in shares {
         let Some(later) = begin(record, settings, BEGUN * share) else { break };
-        if let Ok(end) = filtered_from(Some(later), record, settings, about, unscented) {
+        if let Ok(end) = filtered_from(Some(&later), record, settings, about, unscented) {
             return Ok(end);
         }
     }
@@ -271,20 +271,20 @@ fn filtered_in_units(
 }
 
 fn filtered_from(
-    begun: Option<Begun>,
+    begun: Option<&Begun>,
     record: &[MotionSample],
     settings: &Settings,
     about: &About,
     unscented: bool,
 ) -> Result<End, Flown> {
     let scale = about.scale;
-    let begun_at = begun.as_ref().map_or(0, |begun| begun.rows);
+    let begun_at = begun.map_or(0, |begun| begun.rows);
     let rest = &record[begun_at..];
     let times = Timeline::try_new(rest)?;
     let mut joint = Joint::new(rest, &times, settings, about)?;
     let (mut known, mut surprise) = if let Some(Begun { noise, known, .. }) = begun {
-        joint.noise = MotionNoise { drift: joint.noise.drift, ..noise };
-        let pass = joint.extended(&known)?;
+        joint.noise = MotionNoise { drift: joint.noise.drift, ..*noise };
+        let pass = joint.extended(known)?;
         (pass.known, pass.surprise)
     } else {
         let vague = Knowledge {

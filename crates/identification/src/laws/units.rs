@@ -58,6 +58,9 @@ impl Units {
     }
 }
 
+/// What the law asks to identify a record with given settings.
+pub type Identifies<'a> = dyn Fn(&[MotionSample], &Settings) -> Result<Identification, EstimatorError> + 'a;
+
 /// The law of an identification that no unit decides: told in each of `units`, the record gives the same method, rows and rank, the same
 /// verdict, and the same body.
 ///
@@ -67,7 +70,7 @@ impl Units {
 /// # Errors
 /// The first broken law: `a good record is answered`, `units do not decide`, `units do not matter`.
 pub fn check_identification_units(
-    identify: &dyn Fn(&[MotionSample], &Settings) -> Result<Identification, EstimatorError>,
+    identify: &Identifies<'_>,
     record: &[MotionSample],
     settings: &Settings,
     units: &[Units],

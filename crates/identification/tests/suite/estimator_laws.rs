@@ -11,7 +11,9 @@ use crate::periodic_log::{self, PeriodicLog};
 use tumble_identification::dynamics::{InertialParameters, LogCholesky, RigidBodyState};
 use tumble_identification::estimator::{Constrained, Estimator, EstimatorError, Finding, Observe, Replay};
 use tumble_identification::harmonics::{HarmonicSettings, Periodic};
-use tumble_identification::laws::{Case, Retold, Units, check_coverage, check_estimator, check_identification_units};
+use tumble_identification::laws::{
+    Case, Identifies, Retold, Units, check_coverage, check_estimator, check_identification_units,
+};
 use tumble_identification::lie::{LieGroup, Pose, Twist, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 use tumble_identification::recursive::{
@@ -19,9 +21,8 @@ use tumble_identification::recursive::{
     MotionNoise, SquareRootFilter, UnscentedKalmanFilter,
 };
 use tumble_identification::{
-    BarrierNewton, BodyScale, FeasibleSet, FixedLag, FixedLagSettings, Identification, MaximumLikelihood, MotionSample,
-    Noise, Pipeline, Problem, PseudoInertiaCone, Regressed, Settings, WrenchTiming, constrained_solvers, identify,
-    methods,
+    BarrierNewton, BodyScale, FeasibleSet, FixedLag, FixedLagSettings, MaximumLikelihood, MotionSample, Noise,
+    Pipeline, Problem, PseudoInertiaCone, Regressed, Settings, WrenchTiming, constrained_solvers, identify, methods,
 };
 
 type Boxed = Box<dyn Estimator<Record = [MotionSample]> + Send + Sync>;
@@ -618,7 +619,7 @@ fn no_unit_decides_an_identification() {
     }
     assert!(broken.is_empty(), "{broken:#?}");
     // Rows of a number of seconds, a mass that is wrong by a number of kilograms, no answer in other seconds.
-    let law = |identify: &dyn Fn(&[MotionSample], &Settings) -> Result<Identification, EstimatorError>| {
+    let law = |identify: &Identifies<'_>| {
         let settings = Settings { method: "variational4", ..Settings::default() };
         check_identification_units(identify, &exact, &settings, &units, 0.1).unwrap_err().law
     };
