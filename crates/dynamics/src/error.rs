@@ -151,7 +151,13 @@ impl DynamicsError {
 
 /// Another's error that lives for ever.
 #[derive(Clone, Copy)]
-pub struct ForeignError(pub &'static (dyn Error + Send + Sync));
+pub struct ForeignError(&'static (dyn Error + Send + Sync));
+
+impl From<&'static (dyn Error + Send + Sync)> for ForeignError {
+    fn from(error: &'static (dyn Error + Send + Sync)) -> Self {
+        Self(error)
+    }
+}
 
 impl core::ops::Deref for ForeignError {
     type Target = dyn Error + Send + Sync + 'static;

@@ -60,7 +60,7 @@ pub trait ActuatorReplay: Send {
     /// Type of the messages that hold commands, `package/Name`.
     fn command_type(&self) -> &'static str;
 
-    /// The command in a message of that type; `None` where it holds none.
+    /// The command in a message of that type; `None` where it holds none. It counts from the time at which it was logged.
     fn decode(&self, message: &RawMessage<'_>) -> Option<ActuatorBytes>;
 
     /// A command that came at this time, with the measured speeds (counts) where there are any; the wrench that acts from then on,
@@ -159,6 +159,11 @@ pub struct UnknownPreset {
 }
 
 impl UnknownPreset {
+    /// The name asked for, those known and the nearest, to follow the name of a key.
+    pub fn none_of(&self) -> String {
+        format!("`{}` is none of {}{}", self.asked, self.known.join(", "), self.nearest)
+    }
+
     fn new(kind: &'static str, asked: &str, known: Vec<&'static str>) -> Self {
         let nearest = suggestion(asked, known.iter().copied());
         Self { kind, asked: crate::log::shortened(asked), known, nearest }

@@ -73,9 +73,7 @@ impl SampleReader {
     pub fn warnings(&self) -> Vec<String> {
         match self {
             Self::Rows(rows) => rows.warnings(),
-            Self::Flight(flight) => {
-                flight.tally().map_or_else(Vec::new, |tally| tally.warnings(&flight.plan, &flight.topics))
-            }
+            Self::Flight(flight) => flight.warnings(),
         }
     }
 }

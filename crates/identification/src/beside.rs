@@ -17,7 +17,7 @@ const SMOOTH: f64 = 2.0;
 ///
 /// It varies within a step also where the logged wrench is held, so that its mean alone is not enough for rows of higher order.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Beside {
+pub(crate) struct UnloggedWrench {
     /// At the sample.
     pub(crate) here: Wrench<f64>,
     /// Mean over the step.
@@ -33,23 +33,41 @@ pub(crate) struct Beside {
 /// # Source
 /// Mean of what is smooth: cubic through four samples. Of `h x w`: both change evenly over a step of held motor torques, so
 /// that the mean is `mean(h) x mean(w) + (change of h) x (change of w) / 12`.
-pub(crate) fn beside(record: &[MotionSample]) -> Result<Option<Vec<Beside>>, IdentificationError> {
-    let is_stored = record.iter().any(|sample| sample.stored_momentum_body.is_some());
-    if !is_stored && record.iter().all(|sample| sample.besides_body.is_none()) {
-        return Ok(None);
+pub(crate) fn beside(record: &[MotionSample]) -> Result<Option<Vec<UnloggedWrench>>, IdentificationError> {
+    let wheels = Turning::of_wheels(record)?;
+    Ok(beside_with(record, wheels.as_ref()))
+}
+
+/// The same for an integrator that holds the wrench over a step, or lets it change evenly.
+///
+/// # Errors
+/// As [`beside`]; [`IdentificationError::CoarseSteps`]: the torque `h x w` turns so far within a step that what is left out, its
+/// square over twelve, is visible beside the logged torque (where none is logged, beside itself).
+pub(crate) fn beside_in_short_steps(
+    record: &[MotionSample],
+) -> Result<Option<Vec<UnloggedWrench>>, IdentificationError> {
+    let wheels = Turning::of_wheels(record)?;
+    if let Some(wheels) = &wheels {
+        wheels.refuse_coarse_steps(record)?;
     }
-    let wheels = if is_stored { Some(Turning::of(record)?) } else { None };
+    Ok(beside_with(record, wheels.as_ref()))
+}
+
+fn beside_with(record: &[MotionSample], wheels: Option<&Turning>) -> Option<Vec<UnloggedWrench>> {
+    if !record.iter().any(MotionSample::has_more_than_logged) {
+        return None;
+    }
     let last = record.len() - 1;
     let seconds = |i: usize| (record[(i + 1).min(last)].time_ns - record[i.min(last)].time_ns) as f64 * 1e-9;
     let smooth = |i: usize| record[i].besides_body.unwrap_or_else(Wrench::zero);
     let here = |i: usize| {
-        let turning = wheels.as_ref().map_or_else(Vector3::zeros, |wheels| wheels.torque(i));
+        let turning = wheels.map_or_else(Vector3::zeros, |wheels| wheels.torque(i));
         let smooth = smooth(i);
         Wrench::new(smooth.torque + turning, smooth.force)
     };
     let over_step = |i: usize| {
         if i == last {
-            return Beside { here: here(i), mean: here(i), slope: Wrench::zero() };
+            return UnloggedWrench { here: here(i), mean: here(i), slope: Wrench::zero() };
         }
         let step_s = seconds(i);
         let alike = |other: usize| (seconds(other) / step_s - 1.0).abs() < EQUAL_STEPS;
@@ -59,33 +77,12 @@ pub(crate) fn beside(record: &[MotionSample]) -> Result<Option<Vec<Beside>>, Ide
         } else {
             (from + to) * 0.5
         };
-        if let Some(wheels) = &wheels {
+        if let Some(wheels) = wheels {
             mean.torque += wheels.mean_torque(i);
         }
-        Beside { here: here(i), mean, slope: (here(i + 1) - here(i)) * (1.0 / step_s) }
+        UnloggedWrench { here: here(i), mean, slope: (here(i + 1) - here(i)) * (1.0 / step_s) }
     };
-    Ok(Some((0..record.len()).map(over_step).collect()))
-}
-
-/// Whether an integrator that holds the wrench over a step, or lets it change evenly, is good enough for what stored momentum does.
-///
-/// # Errors
-/// [`IdentificationError::CoarseSteps`]: the torque `h x w` turns so far within a step that what is left out, its square over
-/// twelve, is visible beside the logged torque.
-pub(crate) fn refuse_coarse_steps(record: &[MotionSample]) -> Result<(), IdentificationError> {
-    if record.iter().all(|sample| sample.stored_momentum_body.is_none()) {
-        return Ok(());
-    }
-    let turning = Turning::of(record)?;
-    let torques: Vec<_> = (0..record.len()).map(|i| turning.torque(i)).collect();
-    let mean_square = |squares: &mut dyn Iterator<Item = f64>| squares.sum::<f64>() / record.len() as f64;
-    let size = mean_square(&mut torques.iter().map(Vector3::norm_squared));
-    let change = mean_square(&mut torques.windows(2).map(|pair| (pair[1] - pair[0]).norm_squared()));
-    let wrenches = record.iter().filter_map(|sample| sample.wrench_body);
-    let logged = mean_square(&mut wrenches.map(|wrench| wrench.torque.norm_squared()));
-    let left_out = change / (12.0 * size.max(logged * LARGEST_LEFT_OUT).sqrt());
-    let share = left_out / logged.max(f64::MIN_POSITIVE).sqrt();
-    if share > LARGEST_LEFT_OUT { Err(IdentificationError::CoarseSteps { share }) } else { Ok(()) }
+    Some((0..record.len()).map(over_step).collect())
 }
 
 /// Stored momentum and the rate that turns it, N m s and rad/s, body axes.
@@ -97,6 +94,24 @@ struct Turning {
 }
 
 impl Turning {
+    /// `None` without wheels.
+    fn of_wheels(record: &[MotionSample]) -> Result<Option<Self>, IdentificationError> {
+        let is_stored = record.iter().any(|sample| sample.stored_momentum_body.is_some());
+        is_stored.then(|| Self::of(record)).transpose()
+    }
+
+    fn refuse_coarse_steps(&self, record: &[MotionSample]) -> Result<(), IdentificationError> {
+        let torques: Vec<_> = (0..record.len()).map(|i| self.torque(i)).collect();
+        let mean = |squares: &[f64]| squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+        let size = mean(&torques.iter().map(Vector3::norm_squared).collect::<Vec<_>>());
+        let change = mean(&torques.windows(2).map(|pair| (pair[1] - pair[0]).norm_squared()).collect::<Vec<_>>());
+        let wrenches = record.iter().filter_map(|sample| sample.wrench_body);
+        let logged = mean(&wrenches.map(|wrench| wrench.torque.norm_squared()).collect::<Vec<_>>());
+        let left_out = change / (12.0 * size.max(logged * LARGEST_LEFT_OUT).sqrt());
+        let share = left_out / if logged > 0.0 { logged.sqrt() } else { size.sqrt() };
+        if share > LARGEST_LEFT_OUT { Err(IdentificationError::CoarseSteps { share }) } else { Ok(()) }
+    }
+
     fn of(record: &[MotionSample]) -> Result<Self, IdentificationError> {
         let stored = record.iter().map(|sample| sample.stored_momentum_body).collect::<Option<Vec<_>>>();
         let stored = stored.ok_or(IdentificationError::MissingColumn(Column::StoredMomentum))?;

@@ -486,7 +486,7 @@ impl IdentificationError {
     /// assert!(std::error::Error::source(&error).is_some_and(|source| source.is::<std::fmt::Error>()));
     /// ```
     pub fn foreign(by: &'static str, source: &'static (dyn Error + Send + Sync)) -> Self {
-        Self::Foreign { by, source: ForeignError(source) }
+        Self::Foreign { by, source: source.into() }
     }
 }
 

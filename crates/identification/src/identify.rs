@@ -376,8 +376,8 @@ fn answer<E: From<IdentificationError>>(
 
 /// Which part of the wrench says nothing.
 fn silence_of(record: &[MotionSample], fit: &Fit) -> Silence {
-    let acts = |s: &MotionSample| s.stored_momentum_body.is_some() || s.besides_body.is_some();
-    if !record.iter().any(acts) && record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0) {
+    let is_all_logged = !record.iter().any(MotionSample::has_more_than_logged);
+    if is_all_logged && record.iter().filter_map(|s| s.wrench_body).all(|w| w.to_vector().amax() == 0.0) {
         return Silence::Wrench;
     }
     match fit.explained() {
@@ -487,15 +487,7 @@ fn conclude(
         verdict,
         evidence,
         silence,
-        noise: Noise {
-            torque_n_m: torque_residual / wrench_gain,
-            force_n: force_residual / wrench_gain,
-            attitude_rad: noise.attitude_rad,
-            position_m: noise.position_m,
-            rate_rad_s: noise.rate_rad_s,
-            velocity_m_s: noise.velocity_m_s,
-            acceleration_m_s2: noise.acceleration_m_s2,
-        },
+        noise: noise.with_wrench(torque_residual / wrench_gain, force_residual / wrench_gain),
         delay_s: None,
         calibration: Vec::new(),
         exchanges: Vec::new(),

@@ -197,7 +197,8 @@ pub struct LikelihoodEstimate {
     /// Weighted squares of all residuals.
     pub cost: f64,
     /// Log determinant of the information of all unknowns; with [`cost`](Self::cost) and the noise levels it gives the
-    /// restricted likelihood, by which noise models compare.
+    /// restricted likelihood, by which noise models compare. In the units the record was fitted in: compare only fits of one record
+    /// with nuisances in both or in neither.
     pub log_determinant: f64,
     /// What each iteration did; the first ones of a second start are by a likelihood that doubts the wrench.
     pub iterations: Vec<Iteration>,
@@ -256,6 +257,7 @@ impl MaximumLikelihood {
     /// # Errors
     /// [`IdentificationError::TooFewSamples`], [`IdentificationError::TimesNotIncreasing`],
     /// [`IdentificationError::MissingColumn`], [`IdentificationError::NotFinite`] for a record that cannot be used;
+    /// [`IdentificationError::CoarseSteps`] for one of wheels that turn far within a step;
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {

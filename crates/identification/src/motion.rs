@@ -44,6 +44,13 @@ pub struct MotionSample {
     pub stored_momentum_body: Option<Vector3<f64>>,
 }
 
+impl MotionSample {
+    /// Whether more acts than the logged wrench.
+    pub(crate) fn has_more_than_logged(&self) -> bool {
+        self.stored_momentum_body.is_some() || self.besides_body.is_some()
+    }
+}
+
 /// The poses of a record, those that were not seen filled in between those that were: turned by the rates where there are
 /// some, else evenly; before the first and after the last they keep their place. `None` where none was seen.
 pub(crate) fn filled_poses(record: &[MotionSample]) -> Option<Vec<Pose<f64>>> {

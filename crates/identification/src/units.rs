@@ -49,7 +49,8 @@ impl Units {
         let step_ns = if steps_ns.is_empty() { 0 } else { *steps_ns.select_nth_unstable(middle).1 };
         let time = factor(STEP_S, step_ns as f64 * 1e-9, ORDINARY_STEP);
         let wrenches = || record.iter().filter_map(|sample| sample.wrench_body);
-        let rms = |squares: f64| (squares / (3 * record.len().max(1)) as f64).sqrt();
+        let count = wrenches().count().max(1);
+        let rms = |squares: f64| (squares / (3 * count) as f64).sqrt();
         let force = rms(wrenches().map(|wrench| wrench.force.norm_squared()).sum());
         let torque = rms(wrenches().map(|wrench| wrench.torque.norm_squared()).sum());
         let length = factor(ARM_M, torque / force, ORDINARY_ARM);

@@ -49,7 +49,7 @@ impl ActuatorReplay for Jets {
     }
 
     fn decode(&self, message: &RawMessage<'_>) -> Option<ActuatorBytes> {
-        (message.payload.len() == 6).then(|| ActuatorBytes::new(message.payload))?
+        ActuatorBytes::new(message.payload).filter(|command| command.as_slice().len() == 6)
     }
 
     fn take(&mut self, _time_ns: i64, command: &ActuatorBytes, _speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {

@@ -31,8 +31,8 @@ Examples:
   tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler
   tumble allocate wrenches.csv                 wanted wrenches to nozzle bytes, and what these give";
 
-/// Commands of the feature `astrobee`.
-const FLYING: [&str; 5] = ["fly", "campaign", "simulate", "plan", "allocate"];
+/// What the examples show of the feature `astrobee`.
+const FLYING: [&str; 6] = ["fly", "campaign", "simulate", "plan", "allocate", "arm show astrobee-arm"];
 
 /// Examples of the commands that there are.
 fn examples() -> String {
@@ -103,7 +103,11 @@ enum Command {
 pub fn run(arguments: impl IntoIterator<Item = OsString>, robots: &Robots) -> ExitCode {
     let parsed = match Tumble::try_parse_from(arguments) {
         Ok(parsed) => parsed,
-        Err(refusal) if refusal.use_stderr() => refusal.exit(),
+        Err(refusal) if refusal.use_stderr() => {
+            // Where nobody reads the refusal, the exit code still tells.
+            let _ = refusal.print();
+            return ExitCode::from(2);
+        }
         // Help and version, which clap would print without a word of a full disk.
         Err(help) => {
             let text = help.render();

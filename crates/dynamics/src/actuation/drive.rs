@@ -10,7 +10,7 @@ use tumble_lie::nalgebra::Vector3;
 pub struct Driven {
     /// Mean of what acted, body axes, torque about the body origin.
     pub wrench_body: Wrench<f64>,
-    /// Whether the actuators were at a limit.
+    /// Whether the actuators could not give what was wanted: a limit, and for [`StatefulDrive`] whatever else made it less or other.
     pub is_at_limit: bool,
 }
 

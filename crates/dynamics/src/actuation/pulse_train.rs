@@ -31,6 +31,9 @@ impl<const N: usize> ActuatorDrive for PulseTrain<N> {
         _rate_body: &Vector3<f64>,
         _hold_s: f64,
     ) -> Result<Driven, DynamicsError> {
+        if !wanted_body.to_vector().iter().all(|number| number.is_finite()) {
+            return Err(DynamicsError::NotFinite);
+        }
         let mut open = [0_u32; N];
         for _ in 0..self.ticks_per_step {
             if self.tick == 0 {

@@ -172,10 +172,11 @@ fn base(source: &Source, table: Option<Spanned<BaseTable>>, robots: &Robots) -> 
     let body = match (preset, body) {
         (None, body) => body.as_ref().map(parameters),
         (Some(_), Some(_)) => return Err(source.bad(offset, "base: `preset` and `body` both are a body: one of them")),
-        (Some(preset), None) => Some(robots.body(&preset).map_err(|unknown| {
-            let (names, near) = (unknown.known.join(", "), unknown.nearest);
-            source.bad(offset, &format!("base: `preset` `{}` is none of {names}{near}", unknown.asked))
-        })?),
+        (Some(preset), None) => Some(
+            robots
+                .body(&preset)
+                .map_err(|unknown| source.bad(offset, &format!("base: `preset` {}", unknown.none_of())))?,
+        ),
     };
     Ok(Part { offset, link: name.unwrap_or_else(|| BASE.to_owned()), body })
 }

@@ -129,15 +129,14 @@ impl Plan {
         };
         let is_astrobee = topics.get(&motion).is_some_and(|topic| topic.type_name == "ff_msgs/EkfState");
         if !is_astrobee {
-            // what its actuators were told, else a wrench
-            let mut wrench = None;
+            // What its own actuators were told, else a wrench, else the only commands that there are.
+            let is_own = |topic: &&String| namespace(topic) == own;
+            let told =
+                robots.replays().find_map(|replay| of_type(replay.command_type()).into_iter().find(is_own).cloned());
+            let mut wrench = told.map_or_else(|| one("geometry_msgs/WrenchStamped"), |commands| Ok(Some(commands)))?;
             for replay in robots.replays() {
-                wrench = wrench.or(one(replay.command_type())?);
+                wrench = wrench.map_or_else(|| one(replay.command_type()), |found| Ok(Some(found)))?;
             }
-            let wrench = match wrench {
-                None => one("geometry_msgs/WrenchStamped")?,
-                commands => commands,
-            };
             return Ok(Self { motion, wrench, ..Self::default() });
         }
         // Astrobee's other streams are those of the same robot.
@@ -356,7 +355,7 @@ impl<'p> Assembler<'p> {
             return Ok(None);
         }
         if let Some(replay) =
-            self.actuators.as_ref().filter(|replay| !is_listed(raw.type_name) && replay.command_type() == raw.type_name)
+            self.actuators.as_ref().filter(|replay| replay.command_type() == raw.type_name && !is_listed(raw.type_name))
         {
             let Some(command) = replay.decode(raw) else {
                 self.tally.undecoded += 1;
@@ -690,6 +689,11 @@ impl FlightReader {
                 Err(_) => return Ok(None),
             }
         }
+    }
+
+    /// What a user should know about what has been read; empty before the end.
+    pub fn warnings(&self) -> Vec<String> {
+        self.tally().map_or_else(Vec::new, |tally| tally.warnings(&self.plan, &self.topics))
     }
 
     /// What happened on the way, once the end has been reached.

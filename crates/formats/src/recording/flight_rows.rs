@@ -52,5 +52,5 @@ pub fn read_flight(
         cells.extend(vector(sample.wrench_body.map(|wrench| wrench.torque), held.wrench));
         sink.row(sample.time_ns, &cells)?;
     }
-    Ok(flight.tally().map_or_else(Vec::new, |tally| tally.warnings(&flight.plan, &flight.topics)))
+    Ok(flight.warnings())
 }

@@ -54,7 +54,8 @@ pub struct Cycles {
 ///
 /// # Errors
 /// [`IdentificationError::UnequalSteps`], [`IdentificationError::PeriodNotWhole`], [`IdentificationError::TooFewCycles`],
-/// [`IdentificationError::MissingColumn`] and [`IdentificationError::WrenchMissing`], [`IdentificationError::NotPeriodic`],
+/// [`IdentificationError::MissingColumn`], [`IdentificationError::WrenchMissing`] and [`IdentificationError::WrenchBeside`],
+/// [`IdentificationError::NotPeriodic`],
 /// [`IdentificationError::InvalidPeriod`], [`IdentificationError::InvalidStart`],
 /// [`IdentificationError::TimesNotIncreasing`], [`IdentificationError::NotFinite`]; [`IdentificationError::NotPositive`] for
 /// noise that was given.
@@ -206,7 +207,7 @@ impl Series {
         if rows.iter().all(|row| row.wrench_body.is_none()) {
             return Err(IdentificationError::MissingColumn(Column::Wrench));
         }
-        if rows.iter().any(|row| row.stored_momentum_body.is_some() || row.besides_body.is_some()) {
+        if rows.iter().any(MotionSample::has_more_than_logged) {
             return Err(IdentificationError::WrenchBeside);
         }
         let chart = settings.chart;

@@ -198,16 +198,17 @@ pub fn with_all_that_acts(
     body: Option<&InertialParameters<f64>>,
 ) -> Result<Vec<MotionSample>, IdentificationError> {
     let poses = filled_poses(record).ok_or(IdentificationError::MissingColumn(Column::Pose))?;
-    let acting = |(i, sample): (usize, &MotionSample)| {
+    let acting = |i: usize| {
+        let sample = &record[i];
         let (time_s, state) = (sample.time_ns as f64 * 1e-9, state_at(record, &poses, i));
-        let acting = match body {
+        let wrench = match body {
             Some(body) => environment.wrench_on(body, time_s, &state),
             None => environment.wrench_body(time_s, &state),
         };
-        let besides_body = Some(sample.besides_body.unwrap_or_else(Wrench::zero) + acting);
+        let besides_body = Some(sample.besides_body.unwrap_or_else(Wrench::zero) + wrench);
         MotionSample { besides_body, ..*sample }
     };
-    Ok(record.iter().enumerate().map(acting).collect())
+    Ok((0..record.len()).map(acting).collect())
 }
 
 /// Pose, and twist measured or from the poses beside.

@@ -45,15 +45,13 @@ impl LongRecord {
     pub const LONG: usize = 50_000;
 
     /// Judges the first rows (20 000 of them are enough). `None` where they are not the likelihood's to answer: another
-    /// method asked for or chosen, a direction left free, or nuisances to be estimated. Such records are identified in
+    /// method asked for or chosen, a direction left free, nuisances to be estimated, a row without a pose, or more that acts than the logged wrench. Such records are identified in
     /// stretches and [`merge`](super::merge)d.
     ///
     /// # Errors
     /// As [`identify`].
     pub fn try_new(first: &[MotionSample], settings: &Settings) -> Result<Option<Self>, IdentificationError> {
-        if first.iter().any(|row| {
-            row.stored_momentum_body.is_some() || row.besides_body.is_some() || row.world_from_body.is_none()
-        }) {
+        if first.iter().any(|row| row.has_more_than_logged() || row.world_from_body.is_none()) {
             return Ok(None);
         }
         if settings.estimate != Nuisances::default() || ![AUTO, MAXIMUM_LIKELIHOOD].contains(&settings.method) {

@@ -3,7 +3,7 @@
 use super::Settings;
 use super::rows::{Regression, Scheme};
 use super::timeline::Timeline;
-use crate::motion::MotionSample;
+use crate::motion::{MotionSample, Noise};
 use crate::weighted_least_squares::RowNoise;
 use nalgebra::{Matrix6, Vector3, Vector6};
 
@@ -24,6 +24,12 @@ pub(super) struct SampleNoise {
 }
 
 impl SampleNoise {
+    /// The same with noise of the wrench, N m and N.
+    pub(super) fn with_wrench(&self, torque_n_m: f64, force_n: f64) -> Noise {
+        let Self { attitude_rad, position_m, rate_rad_s, velocity_m_s, acceleration_m_s2 } = *self;
+        Noise { torque_n_m, force_n, attitude_rad, position_m, rate_rad_s, velocity_m_s, acceleration_m_s2 }
+    }
+
     pub(super) fn estimate(record: &[MotionSample], timeline: &Timeline, settings: &Settings) -> Self {
         let step_s = timeline.median_step_s();
         let mut noise = Self::default();

@@ -28,8 +28,8 @@ use nalgebra::{SMatrix, Vector3};
 pub struct Problem {
     /// When the logged wrench acts.
     pub wrench_timing: WrenchTiming,
-    /// Gravitational acceleration, inertial axes, m/s^2. What else acts beside the logged wrench is made part of it by
-    /// [`with_all_that_acts`](crate::with_all_that_acts).
+    /// Gravitational acceleration, inertial axes, m/s^2. What else acts stands in
+    /// [`MotionSample::besides_body`](crate::MotionSample::besides_body); [`with_all_that_acts`](crate::with_all_that_acts) fills that in.
     pub gravity_world: Vector3<f64>,
     /// What the likelihood estimates beside the ten parameters.
     pub estimate: Nuisances,
@@ -83,15 +83,7 @@ impl Problem {
             regression: fit.scheme.regression,
             lag: fit.scheme.lag,
             scale: fit.scale(),
-            noise: Noise {
-                torque_n_m: torque / gain,
-                force_n: force / gain,
-                attitude_rad: noise.attitude_rad,
-                position_m: noise.position_m,
-                rate_rad_s: noise.rate_rad_s,
-                velocity_m_s: noise.velocity_m_s,
-                acceleration_m_s2: noise.acceleration_m_s2,
-            },
+            noise: noise.with_wrench(torque / gain, force / gain),
         }
     }
 
@@ -226,7 +218,7 @@ impl Estimator for JointFilter {
             return Ok(before);
         }
         let noise = problem.sample_noise();
-        // Noise asks for a lag.
+        // A lag above one was chosen because the poses are noisy; what a problem keeps is the lag.
         fit.poses_noisy = fit.scheme.lag > 1;
         let other = recursion::second(&fit, record, &problem.settings())?;
         match recursion::filtered(&mut fit, record, &problem.settings(), &noise, self.unscented) {

@@ -8,7 +8,7 @@ use super::solution::{from_covariance, weak_prior};
 use super::timeline::Timeline;
 use super::verdict::Beside;
 use super::{Noise, Plan, Settings, Way};
-use crate::beside::{beside, refuse_coarse_steps};
+use crate::beside::beside_in_short_steps;
 use crate::body_scale::BodyScale;
 use crate::consistency::PseudoInertiaCone;
 use crate::dynamics::{LogCholesky, RigidBodyState};
@@ -38,7 +38,8 @@ const BEGUN: f64 = 0.1;
 const LATER: [f64; 2] = [0.3, 0.1];
 /// Squared distances per parameter from another finding of the same record, in units of the filter's covariance: from the first on it is
 /// visible, for both have seen the same noise; beyond the second it is for the judge to say that they disagree.
-const ELSEWHERE: (f64, f64) = (0.5, 8.0);
+const VISIBLE_PER_PARAMETER: f64 = 0.5;
+const DISAGREEING_PER_PARAMETER: f64 = 8.0;
 /// Rejects only what is beyond doubt.
 const GATE: f64 = 0.9999;
 /// Wrench noise tried, as fractions of the residual of the rows, which noise in the poses may have inflated.
@@ -120,7 +121,8 @@ pub(super) fn widen_by_linearisation(fit: &mut Fit, other: Option<&Finding>) {
     let correlation = SMatrix::<f64, 10, 10>::from_fn(|i, j| found.covariance[(i, j)] / (unit[i] * unit[j]));
     let scaled = apart.component_div(&unit);
     let squared = correlation.cholesky().map_or(f64::INFINITY, |factor| scaled.dot(&factor.solve(&scaled)));
-    if (10.0 * ELSEWHERE.0..10.0 * ELSEWHERE.1).contains(&squared) {
+    let per_parameter = squared / apart.len() as f64;
+    if (VISIBLE_PER_PARAMETER..DISAGREEING_PER_PARAMETER).contains(&per_parameter) {
         found.covariance += apart * apart.transpose();
     }
 }
@@ -209,17 +211,8 @@ pub(super) fn filtered(
     let scaled = units.record(record);
     let rows = scaled.as_deref().unwrap_or(record);
     let settings = &Settings { gravity_world: units.gravity(&settings.gravity_world), ..*settings };
-    let SampleNoise { attitude_rad, position_m, rate_rad_s, velocity_m_s, acceleration_m_s2 } = *noise;
     let about = About {
-        noise: units.noise(&Noise {
-            torque_n_m: found.torque_residual / gain,
-            force_n: found.force_residual / gain,
-            attitude_rad,
-            position_m,
-            rate_rad_s,
-            velocity_m_s,
-            acceleration_m_s2,
-        }),
+        noise: units.noise(&noise.with_wrench(found.torque_residual / gain, found.force_residual / gain)),
         scale: units.scale(scale)?,
     };
     let end = filtered_in_units(rows, settings, &about, unscented).map_err(|flown| match flown {
@@ -439,10 +432,10 @@ impl Joint {
         let turning = 2.0 * attitude_rad / step_s + (seen.angular - twist_body.angular).norm() + seen.angular.norm();
         let moving = 2.0 * position_m / step_s + (seen.linear - twist_body.linear).norm() + seen.linear.norm();
         let start_deviation = SVector::from_fn(|i, _| [attitude_rad, position_m, turning, moving][i / 3]);
-        refuse_coarse_steps(record)?;
-        let beside = beside(record)?;
-        let beside = |i: usize| beside.as_ref().map(|beside| beside[i]);
-        let mut held = Wrench::zero();
+        let unlogged = beside_in_short_steps(record)?;
+        let unlogged_at = |i: usize| unlogged.as_ref().map(|unlogged| unlogged[i]);
+        let logged = record[..=begin].iter().rev().find_map(|sample| sample.wrench_body);
+        let mut held = logged.unwrap_or_else(Wrench::zero);
         let observations = (begin + 1..record.len())
             .map(|i| {
                 let (before, now) = (&record[i - 1], &record[i]);
@@ -452,10 +445,10 @@ impl Joint {
                     WrenchTiming::Held => held,
                     WrenchTiming::Sampled => (held + next) * 0.5,
                 };
-                if let Some(beside) = beside(i - 1) {
-                    wrench_body += beside.mean;
+                if let Some(unlogged) = unlogged_at(i - 1) {
+                    wrench_body += unlogged.mean;
                 }
-                let next = beside(i).map_or(next, |beside| next + beside.here);
+                let next = unlogged_at(i).map_or(next, |unlogged| next + unlogged.here);
                 JointObservation {
                     step_s: timeline.relative_s(i, i - 1),
                     wrench_body,

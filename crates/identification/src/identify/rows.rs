@@ -3,7 +3,7 @@
 use super::Settings;
 use super::timeline::Timeline;
 use crate::WrenchTiming;
-use crate::beside::{Beside, beside};
+use crate::beside::{UnloggedWrench, beside};
 use crate::error::{Column, IdentificationError};
 use crate::lie::{LieGroup, Wrench, rotation_jacobian, skew};
 use crate::motion::MotionSample;
@@ -242,7 +242,7 @@ impl Scheme {
     }
 
     /// What acts beside at the node, as [`WrenchTiming::node_wrench`] weighs it, but not held over the steps.
-    fn beside_node(&self, beside: &[Beside], times_s: &[f64]) -> Wrench<f64> {
+    fn beside_node(&self, beside: &[UnloggedWrench], times_s: &[f64]) -> Wrench<f64> {
         let node = self.reach();
         if self.wrench_timing == WrenchTiming::Sampled {
             return beside[node].here;
@@ -252,7 +252,7 @@ impl Scheme {
             let (first, middle, last) = (times_s[node - distance], times_s[node], times_s[node + distance]);
             let (before_s, after_s) = (middle - first, last - middle);
             let scale = coefficient * 2.0 / (before_s + after_s);
-            for (i, Beside { mean, slope, .. }) in beside[node - distance..node + distance].iter().enumerate() {
+            for (i, UnloggedWrench { mean, slope, .. }) in beside[node - distance..node + distance].iter().enumerate() {
                 let (from, to) = (times_s[node - distance + i], times_s[node - distance + i + 1]);
                 let (step_s, halfway) = (to - from, 0.5 * (from + to));
                 // The hat in the middle of the step, and its slope.
@@ -436,7 +436,7 @@ impl Scheme {
 struct Source<'a> {
     record: &'a [MotionSample],
     timeline: &'a Timeline,
-    beside: Option<&'a [Beside]>,
+    beside: Option<&'a [UnloggedWrench]>,
 }
 
 impl Source<'_> {

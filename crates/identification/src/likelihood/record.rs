@@ -4,7 +4,7 @@ use super::drive::Passage;
 use super::flow::Input;
 use super::sample::Sample;
 use crate::WrenchTiming;
-use crate::beside::{Beside, beside, refuse_coarse_steps};
+use crate::beside::{UnloggedWrench, beside_in_short_steps};
 use crate::error::{Column, IdentificationError};
 use crate::motion::{MotionSample, filled_poses};
 use core::ops::Range;
@@ -91,11 +91,10 @@ impl Record {
             }
             same
         });
-        refuse_coarse_steps(record)?;
-        let beside = beside(record)?;
+        let unlogged = beside_in_short_steps(record)?;
         let input = |k: usize| {
             let mut input = input(&wrenches, &steps, k, timing, GAP * median_step_s);
-            if let Some(Beside { mean, slope, .. }) = beside.as_ref().map(|beside| beside[k]) {
+            if let Some(UnloggedWrench { mean, slope, .. }) = unlogged.as_ref().map(|unlogged| unlogged[k]) {
                 input.torque += mean.torque;
                 input.force += mean.force;
                 input.torque_slope += slope.torque;

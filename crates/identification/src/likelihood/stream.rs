@@ -158,7 +158,7 @@ impl Stream {
             time_s: (row.time_ns - self.start_ns) as f64 * 1e-9,
             step_s,
             input: input(&wrenches[..count], &steps[..count], k - first, self.timing, self.gap_s),
-            posed: true,
+            posed: row.world_from_body.is_some(),
             position: pose.translation.vector,
             world_from_body: pose.rotation,
             velocity: row.velocity_origin_world,

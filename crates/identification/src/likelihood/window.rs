@@ -127,7 +127,8 @@ impl FixedLag {
     ///
     /// # Errors
     /// [`IdentificationError::NotFinite`] and [`IdentificationError::TimesNotIncreasing`] for a row that cannot be used; it
-    /// is left out, the next may follow. [`IdentificationError::MissingColumn`] where a longest bootstrap holds no wrench;
+    /// is left out, the next may follow; so are [`IdentificationError::WrenchBeside`] for one with stored momentum or an environment,
+    /// and [`IdentificationError::MissingColumn`] for one without a pose. The latter also where a longest bootstrap holds no wrench;
     /// [`IdentificationError::LikelihoodNotConverged`]; [`IdentificationError::NeedsWholeRecord`] where a delay or lag is
     /// asked for.
     pub fn push(&mut self, row: MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
@@ -137,7 +138,7 @@ impl FixedLag {
     }
 
     fn take(&mut self, row: &MotionSample) -> Result<Option<FixedLagStep>, IdentificationError> {
-        if row.stored_momentum_body.is_some() || row.besides_body.is_some() {
+        if row.has_more_than_logged() {
             return Err(IdentificationError::WrenchBeside);
         }
         if row.world_from_body.is_none() {

@@ -80,6 +80,9 @@ pub fn identify_throw(
 
 /// Device and object of a throw by [`identify_throw`], as an estimator of nine parameters: the `[11, 12, 13, 22, 23, 33]` entries of the
 /// inertia about the common centre of mass, kg m^2, then that centre, m.
+///
+/// Standard deviations of the principal inertias and of the centre hold (`wheel_throws`); the nine numbers jointly are stated too well
+/// for the law `check_coverage`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Thrown {
     calibration: WheelCalibration,

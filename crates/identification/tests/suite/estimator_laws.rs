@@ -302,8 +302,8 @@ fn fixed_lag(record: &[MotionSample]) -> Result<Boxed, EstimatorError> {
 #[test]
 fn regressions_and_recursions_hold_the_laws() {
     let told = Told::new(1, 2400, 0.0);
-    for name in ["variational4", "variational", "rls", "recursive-sdp"] {
-        let exact = if name == "variational4" { 1e-4 } else { 1e-2 };
+    for name in ["variational4", "variational6", "variational", "rls", "recursive-sdp"] {
+        let exact = if ["variational4", "variational6"].contains(&name) { 1e-4 } else { 1e-2 };
         assert_eq!(told.check(&named(name), (1e-3, Some(exact)), &ALL), Ok(()), "{name}");
     }
     assert_eq!(told.check(&square_root, (1e-3, Some(1e-2)), &ALL), Ok(()));
@@ -333,7 +333,7 @@ fn the_sliding_likelihood_holds_the_laws() {
 fn the_joint_filters_hold_the_laws() {
     let told = Told::new(2, 1500, 1e-3);
     assert_eq!(told.check(&named("ekf"), (0.5, Some(1e-2)), &ALL), Ok(()));
-    // It ends with one pass over what the other found.
+    // It ends with one pass over what the other found. In units of mass and length it runs in `no_unit_decides_an_identification`.
     assert_eq!(told.check(&named("ukf"), (0.5, Some(1e-2)), &["frame", "time, long"]), Ok(()));
 }
 
@@ -389,7 +389,7 @@ fn the_periodic_estimator_holds_the_laws() {
     check_coverage(&make, &mut runs, (0.6, 1.5)).unwrap();
 }
 
-/// The mean of 80 squared normal numbers scatters by 0.16.
+/// The mean of 80 squared normal numbers scatters by 0.16: the band is from two and a half of that below one to three above.
 #[test]
 fn stated_covariances_hold() {
     type Named<'a> = (&'a str, &'a dyn Fn(&[MotionSample]) -> Result<Boxed, EstimatorError>);
@@ -423,7 +423,7 @@ fn stated_covariances_hold() {
             });
             let start = std::time::Instant::now();
             let found = check_coverage(*make, &mut runs, band);
-            println!("{name}: {:?} {found:?}", start.elapsed());
+            println!("{name} in {band:?}: {:?} {found:?}", start.elapsed());
             broken.extend(found.err().map(|broken| format!("{name}: {broken}")));
         }
     }
@@ -551,7 +551,7 @@ fn of_mass(mass_kg: f64, seed: u64) -> (InertialParameters<f64>, Vec<MotionSampl
     (body, record)
 }
 
-/// Ten seeds for each mass. An answer lies inside what it states: squared in units of its covariance its error is below the quantile that 99.9 %
+/// Ten seeds for each mass; a chip of 26 mm, seen to a millimetre, mostly gets the verdict that no body explains its wrench. An answer lies inside what it states: squared in units of its covariance its error is below the quantile that 99.9 %
 /// of ten normal numbers are below, for at least 95 % of the answers.
 fn answers_lie_inside_what_they_state(method: &'static str, masses_kg: &[f64]) {
     const QUANTILE: f64 = 29.588;
@@ -575,21 +575,22 @@ fn answers_lie_inside_what_they_state(method: &'static str, masses_kg: &[f64]) {
         let worst = squares.iter().copied().fold(0.0, f64::max);
         let mean = squares.iter().sum::<f64>() / (10 * squares.len()) as f64;
         println!("{mass_kg} kg {method}: {within} of {} inside, worst {worst:.1}, mean {mean:.2} each", squares.len());
+        if mass_kg > 0.1 {
+            // Hardly a record is left without an answer, and no answer is so modest that it says nothing.
+            assert!(squares.len() >= 8 && mean > 0.2, "{mass_kg} kg {method}: {} answers, {mean}", squares.len());
+        }
         (answers, inside) = (answers + squares.len(), inside + within);
     }
     assert!(20 * inside >= 19 * answers, "{method}: {inside} of {answers}");
-    // A chip of 26 mm, seen to a millimetre, mostly gets another verdict; of the others hardly a record is left without an answer.
-    let others = masses_kg.iter().filter(|mass| **mass > 0.1).count();
-    assert!(answers >= 9 * others, "{method}: {answers} answers");
 }
 
 #[test]
-fn the_extended_filter_answers_from_a_chip_to_a_satellite() {
+fn the_extended_filter_answers_or_says_why_from_a_chip_to_a_satellite() {
     answers_lie_inside_what_they_state("ekf", &[0.05, 0.5, 5.0, 50.0, 300.0, 500.0]);
 }
 
 #[test]
-fn the_unscented_filter_answers_from_a_chip_to_a_satellite() {
+fn the_unscented_filter_answers_or_says_why_from_a_chip_to_a_satellite() {
     answers_lie_inside_what_they_state("ukf", &[0.05, 0.5, 5.0, 50.0, 300.0, 500.0]);
 }
 
@@ -607,8 +608,9 @@ fn no_unit_decides_an_identification() {
             _ => &exact,
         };
         let start = std::time::Instant::now();
+        let settings = Settings { method: name, ..Settings::default() };
+        assert!(by(record, &settings).unwrap().estimate.is_some(), "{name} answers, or the law says nothing");
         for (units, (what, _)) in units.iter().zip(UNITS) {
-            let settings = Settings { method: name, ..Settings::default() };
             let found = check_identification_units(&by, record, &settings, &[*units], 0.1);
             broken.extend(found.err().map(|broken| format!("{name} {what}: {broken}")));
         }

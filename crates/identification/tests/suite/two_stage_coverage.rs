@@ -1,4 +1,5 @@
-//! What the two-stage estimator states of its errors is true, over flights that nothing was tuned on.
+//! What the two-stage estimator states of its errors is true, over flights: 7000 to 7009 showed the faults that it was mended for, nothing was
+//! tuned on 7100 to 7119.
 
 use crate::flight_scenario::{Account, Conditions, Flight, STEP_NS, noise, prior, settings};
 use tumble_identification::estimator::{Acted, Gauss, Measurement, StateEstimator};
@@ -55,6 +56,11 @@ fn check(accounts: &[Account], mass_within: f64) {
     assert!(within(2.0) >= band.low && within(4.0) >= 0.99, "{} {} {band}", within(2.0), within(4.0));
     let mean = accounts.iter().map(|account| account.nees).sum::<f64>() / flights;
     let most = accounts.iter().map(|account| account.nees).fold(0.0, f64::max);
+    let worst = scores.iter().copied().fold(0.0, f64::max);
+    println!(
+        "{flights} flights: {:.3} within two deviations, worst {worst:.1}, NEES {mean:.1} (most {most:.1}), mass {median:.4}",
+        within(2.0)
+    );
     // Neither too sure, nor by more than a factor of three too modest.
     assert!(mean <= chi_square_quantile(10.0 * flights, 0.999) / flights && mean > 10.0 / 9.0, "{mean}");
     assert!(most <= chi_square_quantile(10.0, 0.999_99), "{most}");
@@ -63,8 +69,10 @@ fn check(accounts: &[Account], mass_within: f64) {
 
 #[test]
 fn intervals_of_two_stages_hold_the_truth() {
-    let accounts: Vec<Account> = (7000..7010).chain(7100..7110).map(|seed| told(seed, 40.0, false, false)).collect();
-    check(&accounts, 0.01);
+    let flown =
+        |seeds: core::ops::Range<u64>| -> Vec<Account> { seeds.map(|seed| told(seed, 40.0, false, false)).collect() };
+    check(&flown(7100..7120), 0.01);
+    check(&flown(7000..7010), 0.01);
 }
 
 /// The cone is far from what is known by then: the same to the percent of a deviation.
@@ -78,7 +86,7 @@ fn the_cone_of_bodies_moves_nothing_that_is_known() {
     }
 }
 
-/// Less is known early, and without rates; what is stated is as true.
+/// Less is known early, and without rates, so that the mass may be three times as far off; what is stated is as true.
 #[test]
 fn so_they_do_early_and_of_poses_alone() {
     let early: Vec<Account> = (7000..7010).map(|seed| told(seed, 12.0, false, false)).collect();

@@ -1,8 +1,7 @@
 //! Parts into a whole.
 
 use super::plan::differing_keys;
-use super::row::ROWS;
-use super::row::{Row, csv_header};
+use super::row::{ROWS, Row, csv_header};
 use super::{CampaignConfiguration, CampaignPlan, Shard};
 use crate::TumbleError;
 use crate::output::RUN_RECORD;

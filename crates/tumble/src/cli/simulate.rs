@@ -130,7 +130,7 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     progress("");
 
     let truth = flight.simulator.body();
-    let summary = summary(&source, &flight, &flown, (rows, left_out), &truth);
+    let summary = summary(&source, &flight, &flown, rows, left_out, &truth);
     let speed = flight.duration_ns as f64 * 1e-9 / wall_s.max(1e-9);
     folder.write("scenario.toml", &source.to_toml()?)?;
     folder.write("truth.toml", &body_file::export(Path::new("truth.toml"), &truth)?)?;
@@ -146,7 +146,7 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         printed["folder"] = place.display().to_string().into();
         print(&format!("{printed}\n"))?;
     } else {
-        print(&table(&source, &flight, &flown, (rows, left_out), speed)?)?;
+        print(&table(&source, &flight, &flown, rows, left_out, speed)?)?;
     }
     if rows == 0 {
         eprintln!(
@@ -264,7 +264,8 @@ fn summary(
     source: &ScenarioSource,
     flight: &Flight,
     flown: &Flown,
-    (rows, left_out): (u64, u64),
+    rows: u64,
+    left_out: u64,
     truth: &InertialParameters<f64>,
 ) -> serde_json::Value {
     let events: Vec<serde_json::Value> = flight
@@ -309,7 +310,8 @@ fn table(
     source: &ScenarioSource,
     flight: &Flight,
     flown: &Flown,
-    (rows, left_out): (u64, u64),
+    rows: u64,
+    left_out: u64,
     speed: f64,
 ) -> Result<String, TumbleError> {
     let truth = flight.simulator.body();

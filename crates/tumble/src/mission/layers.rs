@@ -139,18 +139,18 @@ pub fn stretch_planner(
     let on_table = || WrenchSet { limit: [torque.z, force.x, force.y], half_spaces: Vec::new() };
     Ok(match problem.unknowns {
         UnknownsName::Principal => {
-            boxed(RigidBodyModel::principal(), &settings, in_space(), problem, (choice, &[1, 2, 3]))?
+            boxed(RigidBodyModel::principal(), &settings, in_space(), problem, choice, &[1, 2, 3])?
         }
         UnknownsName::Full => {
-            boxed(RigidBodyModel::full(), &settings, in_space(), problem, (choice, &[4, 5, 6, 7, 8, 9]))?
+            boxed(RigidBodyModel::full(), &settings, in_space(), problem, choice, &[4, 5, 6, 7, 8, 9])?
         }
         UnknownsName::Planar => {
             let model = PlanarBodyModel::mass_and_inertia().at_height(height_m);
-            boxed(model, &settings, on_table(), problem, (choice, &[1]))?
+            boxed(model, &settings, on_table(), problem, choice, &[1])?
         }
         UnknownsName::PlanarCom => {
             let model = PlanarBodyModel::full().at_height(height_m);
-            boxed(model, &settings, on_table(), problem, (choice, &[1]))?
+            boxed(model, &settings, on_table(), problem, choice, &[1])?
         }
     })
 }
@@ -161,7 +161,8 @@ fn boxed<M, const X: usize, const U: usize, const P: usize>(
     settings: &StretchSettings,
     wrench: WrenchSet<U>,
     problem: &MissionProblem,
-    (choice, inertia): (WeightingChoice, &[usize]),
+    choice: WeightingChoice,
+    inertia: &[usize],
 ) -> Result<Box<dyn StretchPlanner>, PlanningError>
 where
     M: ChosenModel<X, U, P>,

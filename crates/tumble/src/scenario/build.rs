@@ -333,10 +333,10 @@ impl ScenarioSource {
     fn body(&self, written: &WrittenBody) -> Result<InertialParameters<f64>, TumbleError> {
         let inline = (written.mass_kg, written.com_m, written.inertia);
         match (written.preset, written.file, inline) {
-            (Some(name), None, (None, None, None)) => self.robots.body(name).map_err(|unknown| {
-                let (names, near) = (unknown.known.join(", "), unknown.nearest);
-                self.bad(&format!("{}.preset", written.key), &format!("`{}` is none of {names}{near}", unknown.asked))
-            }),
+            (Some(name), None, (None, None, None)) => self
+                .robots
+                .body(name)
+                .map_err(|unknown| self.bad(&format!("{}.preset", written.key), &unknown.none_of())),
             (None, Some(file), (None, None, None)) => Ok(body_file::read(&self.folder().join(file))?),
             (None, None, (Some(mass_kg), com_m, Some(inertia_about_com_kg_m2))) => {
                 let com_m = com_m.unwrap_or_default();

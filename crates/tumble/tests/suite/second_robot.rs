@@ -163,6 +163,11 @@ fn it_flies_missions_and_has_its_campaign_and_report() {
     let (scenario, flown, campaign) = (folder.join("hop.toml"), folder.join("flown"), folder.join("campaign"));
     fs::write(&scenario, MISSION).unwrap();
     assert_eq!(own(&["fly", scenario.to_str().unwrap(), "--out", flown.to_str().unwrap()]), ExitCode::SUCCESS);
+    for estimator in ["two-stage-rls", "two-stage-sdp"] {
+        let out = folder.join(estimator);
+        let arguments = ["fly", scenario.to_str().unwrap(), "--estimator", estimator, "--out", out.to_str().unwrap()];
+        assert_eq!(own(&arguments), ExitCode::SUCCESS, "{estimator}");
+    }
     let page = fs::read_to_string(flown.join("report.html")).unwrap();
     assert!(page.contains("kite-hop"), "the report tells of its mission");
     let arguments = ["campaign", scenario.to_str().unwrap(), "--missions", "2", "--out", campaign.to_str().unwrap()];

@@ -49,7 +49,7 @@ pub type BeginStage<B> = Box<dyn Fn(&Finding) -> Result<B, EstimatorError> + Sen
 /// **First stage.** The extended Kalman filter of [`FlightEstimator`] that estimates the motion alone and *considers* body and wrench as
 /// uncertain as they are (Schmidt's filter): late, doubled and absurd measurements, gates, health and maps that move are its business.
 ///
-/// **Second stage.** Rows from momentum and impulse over filtered twists are ten percent light, since their regressors are noisy, and far
+/// **Second stage.** Rows from momentum and impulse over filtered twists gave bodies ten percent light in flights such as these, since their regressors are noisy, and far
 /// too certain, since their errors last for as long as the filter remembers. Here a Kalman filter of the motion and of the wrench's errors
 /// takes a body for known and carries the derivative of its estimate by that body (Friedland's separate-bias filter). Its innovations are
 /// linear in the body's error with noise that is white and of known covariance, which is all that least squares asks for: noise is in what
@@ -59,8 +59,10 @@ pub type BeginStage<B> = Box<dyn Fn(&Finding) -> Result<B, EstimatorError> + Sen
 ///
 /// The place of the thrust's lines, which hardly any motion tells from a centre of mass, is added to what is reported.
 ///
-/// Over thirty flights of bodies off by up to a factor of two, with late measurements, drift and thrusters that err, 97 % of the stated
-/// intervals of two deviations hold the truth; it knows the mass as well as the joint filter does. This is tested.
+/// In twenty simulated flights of 40 s (bodies off by up to a factor of two, poses with rates and velocities nine periods late, wrenches
+/// that drift, thrusters that err by a percent each) intervals of two deviations hold the truth at least as often as they say, 99 % of the
+/// numbers lie within four, and the median error of the mass is below one percent (`two_stage_coverage`). Longer flights and sparser
+/// measurements are not covered by it: there single numbers were up to 4.7 deviations off.
 ///
 /// # Source
 /// Thesis 6.2 (motion filter and recursive estimator in series), (6.26)-(6.28), (5.39). B. Friedland, Treatment of bias in recursive
@@ -293,7 +295,8 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
             let breaks = core::mem::take(&mut self.breaks);
             let lesson = Lesson { measurement: measurement.clone(), motion: moment.state.joint.motion, breaks };
             revised |= self.live.take(&self.model, &motion.history, &lesson);
-            self.full |= self.next_s > LAST_S && self.again.is_none() || self.lessons.len() == KEPT;
+            let is_settled = self.next_s > LAST_S && self.again.is_none() && !self.is_repeated();
+            self.full |= is_settled || self.lessons.len() == KEPT;
             if !self.full {
                 self.lessons.push(lesson);
             }
@@ -307,9 +310,14 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
         }
     }
 
+    /// Whether the last pass moved the body so far that it is gone through once more.
+    fn is_repeated(&self) -> bool {
+        self.far_off && self.repeated < REPEATED
+    }
+
     /// A bounded part of all lessons about a better body; whether the pass has come to its end.
     fn go_through_again(&mut self) -> bool {
-        let (rules, history) = (&self.motion.rules, &self.motion.history);
+        let history = &self.motion.history;
         if self.full || history.complete_since_ns() > self.since_ns {
             self.again = None;
             return false;
@@ -321,8 +329,8 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
                 self.next_s *= FACTOR;
                 self.repeated = 0;
             }
-            if is_due || span_s >= FIRST_S && self.repeated < REPEATED && self.far_off {
-                self.repeated += 1;
+            if is_due || span_s >= FIRST_S && self.is_repeated() {
+                self.repeated += u32::from(!is_due);
                 let magnitudes = self.motion.scale.parameter_magnitudes();
                 // Where it cannot begin, what is live goes on.
                 self.again = Pass::try_new(&self.begin, &self.prior, &self.known.body, &magnitudes).ok();
@@ -336,7 +344,7 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
             if work > WORK && again.next > first {
                 return false;
             }
-            again.take(&rules.model, history, lesson);
+            again.take(&self.model, history, lesson);
         }
         if let Some(mut again) = self.again.take() {
             again.tell();
