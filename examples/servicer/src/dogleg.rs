@@ -10,7 +10,7 @@ use tumble_planning::{ArcPath, BodyArc, Budget, Plan, PlanningError, Translation
 pub struct Dogleg;
 
 /// How far beside the way the corners lie, m, and how many there are at each distance.
-const BESIDE_M: [f64; 4] = [0.5, 1.0, 1.5, 2.0];
+const BESIDE_M: [f64; 4] = [1.0, 1.5, 2.0, 2.5];
 const AROUND: u32 = 8;
 
 fn accelerated<W: CollisionWorld + ?Sized>(

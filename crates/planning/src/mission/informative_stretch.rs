@@ -131,7 +131,8 @@ where
     /// The weights for a task.
     fn weights(&mut self, task: &StretchTask<'_>, covariance: SMatrix<f64, P, P>) -> Result<[f64; P], PlanningError> {
         let (initial, duration_s) = *self.first.get_or_insert((covariance, task.way.duration_s().max(self.step_s)));
-        if !task.is_informative {
+        // Where the way is over there is nothing left but to arrive: a quantity that nothing is learned about would hold the robot there.
+        if !task.is_informative || task.start_s - task.way_start_s >= task.way.duration_s() {
             return Ok([0.0; P]);
         }
         if let Some(expected_loss) = &self.expected_loss {

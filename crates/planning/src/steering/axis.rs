@@ -181,6 +181,7 @@ impl Axis {
     ///
     /// The coast slows down as the time grows. Either it enters the band between the two speeds, and then their difference
     /// suffices, or it has to be on the other side of rest, and then it only comes nearer to rest.
+    #[cfg(feature = "research")]
     #[inline]
     pub fn least_change(&self, durations: &Durations, latest_s: f64) -> f64 {
         let (_, high, low, surplus) = self.upwards();

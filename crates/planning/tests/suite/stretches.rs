@@ -119,6 +119,30 @@ fn planner(belief: &ModelBelief, settings: &StretchSettings) -> InformativeStret
     InformativeStretch::try_new(RigidBodyModel::principal(), settings, wrench, fixed(belief, &PRINCIPAL, 10.0)).unwrap()
 }
 
+/// A quantity that no motion teaches would keep the robot turning at its goal for ever.
+#[test]
+fn information_is_sought_only_while_there_is_a_way() {
+    let (scene, settings) = (slalom(), StretchSettings::default());
+    let believed = belief(9.58, Vector3::zeros(), UNKNOWN);
+    let way = way(&scene, &believed, &settings, 20_000, 1).expect("a way");
+    let around = surroundings(&scene, settings.margin_m);
+    for (from_end_s, is_sought) in [(-2.0, true), (0.0, false), (5.0, false)] {
+        let task = StretchTask {
+            start: at_rest(scene.goal),
+            start_s: 10.0 + way.duration_s() + from_end_s,
+            way: &way,
+            way_start_s: 10.0,
+            belief: &believed,
+            surroundings: &around,
+            is_informative: true,
+            elapsed_s: 0.0,
+        };
+        let planned = planner(&believed, &settings).plan(&task, &mut Units::new(u64::MAX)).unwrap().planned().unwrap();
+        assert_eq!(planned.weights.iter().any(|weight| *weight > 0.0), is_sought, "{from_end_s}");
+        assert!(is_sought || planned.is_last, "{from_end_s}");
+    }
+}
+
 #[test]
 fn a_plan_that_goes_on_is_begun_from_the_last_one() {
     let (scene, settings) = (slalom(), StretchSettings::default());
