@@ -18,12 +18,16 @@ use std::io::{BufReader, Read};
 use std::path::Path;
 use timed_rows::open_file;
 use tumble_identification::MotionSample;
+use tumble_lie::Pose;
+use tumble_lie::nalgebra::{UnitQuaternion, Vector3};
 
 /// Largest accepted difference of a logged quaternion's norm from one; within it the quaternion is normalised.
 pub const QUATERNION_NORM_TOLERANCE: f64 = 0.01;
 
 /// The columns that no log of poses can do without.
 pub const REQUIRED: [&str; 8] = ["t_s", "p_x", "p_y", "p_z", "q_x", "q_y", "q_z", "q_w"];
+/// The columns that take the place of `p_x` to `q_w` in a log of motion in a plane.
+pub const PLANAR: [&str; 3] = ["p_x", "p_y", "yaw_rad"];
 const VELOCITY: [&str; 3] = ["v_x", "v_y", "v_z"];
 const RATE: [&str; 3] = ["w_x", "w_y", "w_z"];
 const ACCELERATION: [&str; 3] = ["a_x", "a_y", "a_z"];
@@ -40,23 +44,39 @@ t_s,p_x,p_y,p_z,q_x,q_y,q_z,q_w,v_x,v_y,v_z,w_x,w_y,w_z,a_x,a_y,a_z,f_x,f_y,f_z,
 0.016,1.33e-6,0,0,0,0,0,1,0.000167,0,0,0,0.000208,0,0.0104,0,0,0.1,0,0,0,0.002,0
 ";
 
-/// Where the optional columns of the body's motion stand.
+/// Where the optional columns of the body's motion stand; nothing stands where a planar log has no column.
 struct MotionColumns {
-    velocity: Option<[usize; 3]>,
-    rate: Option<[usize; 3]>,
-    acceleration: Option<[usize; 3]>,
-    wrench: Option<[usize; 6]>,
+    velocity: Option<[Option<usize>; 3]>,
+    rate: Option<[Option<usize>; 3]>,
+    acceleration: Option<[Option<usize>; 3]>,
+    wrench: Option<[Option<usize>; 6]>,
 }
 
 impl MotionColumns {
     const KNOWN: [[&str; 3]; 5] = [VELOCITY, RATE, ACCELERATION, FORCE, TORQUE];
 
     fn find(header: &Header) -> Result<Self, FormatsError> {
+        let all = |columns| header.group::<3>(columns).map(|found| found.map(|found| found.map(Some)));
+        let wrench = header.group([TORQUE[0], TORQUE[1], TORQUE[2], FORCE[0], FORCE[1], FORCE[2]])?;
         Ok(Self {
-            velocity: header.group(VELOCITY)?,
-            rate: header.group(RATE)?,
-            acceleration: header.group(ACCELERATION)?,
-            wrench: header.group([TORQUE[0], TORQUE[1], TORQUE[2], FORCE[0], FORCE[1], FORCE[2]])?,
+            velocity: all(VELOCITY)?,
+            rate: all(RATE)?,
+            acceleration: all(ACCELERATION)?,
+            wrench: wrench.map(|found| found.map(Some)),
+        })
+    }
+
+    /// Two axes of what moves, one of what turns.
+    fn in_plane(header: &Header) -> Result<Self, FormatsError> {
+        let two = |[x, y, _]: [&str; 3]| {
+            header.group([x, y]).map(|found| found.map(|[x, y]| [Some(x), Some(y), None]))
+        };
+        let wrench = header.group([TORQUE[2], FORCE[0], FORCE[1]])?;
+        Ok(Self {
+            velocity: two(VELOCITY)?,
+            rate: header.position(RATE[2]).map(|about| [None, None, Some(about)]),
+            acceleration: two(ACCELERATION)?,
+            wrench: wrench.map(|[about, x, y]| [None, None, Some(about), Some(x), Some(y), None]),
         })
     }
 
@@ -66,10 +86,18 @@ impl MotionColumns {
     }
 }
 
+/// Where the columns of a pose stand.
+enum PoseColumns {
+    /// Position, quaternion.
+    Full([usize; 7]),
+    /// Two coordinates in the plane and the angle about its normal.
+    Planar([usize; 3]),
+}
+
 /// Where the columns of a log of poses stand.
 pub struct MotionLayout {
     time: usize,
-    pose: [usize; 7],
+    pose: PoseColumns,
     motion: MotionColumns,
 }
 
@@ -81,17 +109,24 @@ impl RowLayout for MotionLayout {
     }
 
     fn knows(&self, column: &str) -> bool {
-        REQUIRED.contains(&column) || MotionColumns::knows(column)
+        let is_pose = match self.pose {
+            PoseColumns::Full(_) => REQUIRED.contains(&column),
+            PoseColumns::Planar(_) => PLANAR.contains(&column) || column == REQUIRED[0],
+        };
+        is_pose || MotionColumns::knows(column)
     }
 
     fn sample(&self, row: &Row, time_ns: i64) -> Result<MotionSample, FormatsError> {
-        let mut pose = [0.0; 7];
-        for (value, column) in pose.iter_mut().zip(self.pose) {
-            *value = row.number(column)?;
-        }
+        let world_from_body = match self.pose {
+            PoseColumns::Full(columns) => row.optional(Some(columns.map(Some)))?.map(|pose| row.pose(pose)).transpose()?,
+            PoseColumns::Planar(columns) => row.optional(Some(columns.map(Some)))?.map(|[x, y, yaw_rad]| {
+                let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
+                Pose::from_parts(Vector3::new(x, y, 0.0).into(), turn)
+            }),
+        };
         Ok(MotionSample {
             time_ns,
-            world_from_body: Some(row.pose(pose)?),
+            world_from_body,
             velocity_origin_world: row.vector(self.motion.velocity)?,
             rate_body: row.vector(self.motion.rate)?,
             acceleration_origin_body: row.vector(self.motion.acceleration)?,
@@ -123,12 +158,24 @@ impl<R: Read> TimedRows<R, MotionLayout> {
         Self::start(source, path, reorder, |header| {
             let [time, pose @ ..] = REQUIRED;
             let time = header.required(time, "")?;
+            if header.position(PLANAR[2]).is_some() && pose[2..].iter().all(|name| header.position(name).is_none()) {
+                let columns = header.group(PLANAR)?.ok_or_else(|| header.lacks(PLANAR[2]))?;
+                let motion = MotionColumns::in_plane(header)?;
+                return Ok(MotionLayout { time, pose: PoseColumns::Planar(columns), motion });
+            }
             let mut columns = [0; 7];
             for (slot, column) in columns.iter_mut().zip(pose) {
                 *slot = header.required(column, "")?;
             }
-            Ok(MotionLayout { time, pose: columns, motion: MotionColumns::find(header)? })
+            Ok(MotionLayout { time, pose: PoseColumns::Full(columns), motion: MotionColumns::find(header)? })
         })
+    }
+}
+
+impl<R: Read> TimedRows<R, MotionLayout> {
+    /// Whether the log is of motion in a plane: what its columns lack was not measured, and stands at zero in its samples.
+    pub fn is_planar(&self) -> bool {
+        matches!(self.layout().pose, PoseColumns::Planar(_))
     }
 }
 

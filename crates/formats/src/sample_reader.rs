@@ -61,6 +61,11 @@ impl SampleReader {
         matches!(self, Self::Flight(flight) if flight.plan.wrench.is_none())
     }
 
+    /// Whether the columns of a log say that its motion is in a plane.
+    pub fn is_planar(&self) -> bool {
+        matches!(self, Self::Rows(rows) if rows.is_planar())
+    }
+
     /// What a recording holds and what of it is used, for people; empty for rows.
     pub fn contents(&self) -> String {
         match self {

@@ -193,7 +193,7 @@ impl RowLayout for JointLayout {
     }
 
     fn sample(&self, row: &Row, time_ns: i64) -> Result<JointRow, FormatsError> {
-        let pose = row.optional(self.pose)?;
+        let pose = row.optional(self.pose.map(|columns| columns.map(Some)))?;
         Ok(JointRow {
             time_ns,
             world_from_base: pose.map(|pose| row.pose(pose)).transpose()?,

@@ -65,11 +65,13 @@ impl Header {
     /// # Errors
     /// [`FormatsError::MissingColumn`].
     pub fn required(&self, column: &str, because: &'static str) -> Result<usize, FormatsError> {
-        self.position(column).ok_or_else(|| FormatsError::MissingColumn {
-            path: self.path.clone(),
-            column: column.to_owned(),
-            because,
-        })
+        let missing = |path| FormatsError::MissingColumn { path, column: column.to_owned(), because };
+        self.position(column).ok_or_else(|| missing(self.path.clone()))
+    }
+
+    /// That a column is missing.
+    pub fn lacks(&self, column: &str) -> FormatsError {
+        FormatsError::MissingColumn { path: self.path.clone(), column: column.to_owned(), because: "" }
     }
 
     /// An optional group of columns: all of it or none of it.
@@ -137,11 +139,11 @@ impl Row<'_> {
         std::str::from_utf8(self.text(column)).ok().and_then(parse_time_ns).ok_or_else(|| self.bad_cell(column))
     }
     /// An optional vector: `None` where any of its cells is empty.
-    pub fn vector(&self, columns: Option<[usize; 3]>) -> Result<Option<Vector3<f64>>, FormatsError> {
+    pub fn vector(&self, columns: Option<[Option<usize>; 3]>) -> Result<Option<Vector3<f64>>, FormatsError> {
         Ok(self.optional(columns)?.map(Vector3::from))
     }
     /// A wrench, torque first.
-    pub fn wrench(&self, columns: Option<[usize; 6]>) -> Result<Option<Wrench<f64>>, FormatsError> {
+    pub fn wrench(&self, columns: Option<[Option<usize>; 6]>) -> Result<Option<Wrench<f64>>, FormatsError> {
         Ok(self.optional(columns)?.map(|w| Vector6::from(w).into()))
     }
     /// A pose: position, then the quaternion, scalar last.
@@ -162,15 +164,17 @@ impl Row<'_> {
         };
         columns.iter().map(|column| self.number(*column)).collect::<Result<_, _>>().map(Some)
     }
-    /// An optional group: `None` where any of its cells is empty.
-    pub fn optional<const N: usize>(&self, columns: Option<[usize; N]>) -> Result<Option<[f64; N]>, FormatsError> {
+    /// An optional group: `None` where any of its cells is empty, zero where it has no column.
+    pub fn optional<const N: usize>(&self, columns: Option<[Option<usize>; N]>) -> Result<Option<[f64; N]>, FormatsError> {
         let Some(columns) = columns else { return Ok(None) };
-        if columns.iter().any(|column| self.text(*column).is_empty()) {
+        if columns.iter().flatten().any(|column| self.text(*column).is_empty()) {
             return Ok(None);
         }
         let mut values = [0.0; N];
         for (value, column) in values.iter_mut().zip(columns) {
-            *value = self.number(column)?;
+            if let Some(column) = column {
+                *value = self.number(column)?;
+            }
         }
         Ok(Some(values))
     }

@@ -113,6 +113,11 @@ impl<R: Read, L: RowLayout> TimedRows<R, L> {
         })
     }
 
+    /// What the columns mean.
+    pub(super) const fn layout(&self) -> &L {
+        &self.layout
+    }
+
     /// Rows that came late and were put in order, rows with a repeated time that were dropped.
     pub fn reordered(&self) -> (usize, usize) {
         self.reorder.as_ref().map_or((0, 0), |r| (r.ordering.late(), r.repeated))
