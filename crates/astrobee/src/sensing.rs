@@ -25,6 +25,7 @@
 //! # Ok::<(), tumble_astrobee::AstrobeeError>(())
 //! ```
 
+mod description;
 mod faults;
 mod flight_filter;
 mod imu;

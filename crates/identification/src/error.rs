@@ -71,6 +71,14 @@ pub enum IdentificationError {
         /// First offending row, from zero.
         row: usize,
     },
+    /// A description of sensors that no sensors have.
+    #[error("the sensors cannot be as described: {what} is {value}")]
+    ImpossibleSensing {
+        /// Which value of the description.
+        what: &'static str,
+        /// Offending value.
+        value: f64,
+    },
     /// A standard deviation that is zero, negative or NaN.
     #[error("standard deviation {value} of component {index} is not positive")]
     NotPositive {

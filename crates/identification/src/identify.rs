@@ -283,6 +283,8 @@ const SILENT: f64 = 0.1;
 const LARGEST_TILT_RAD: f64 = 0.02;
 const LARGEST_LIFT_M: f64 = 0.05;
 const SMALLEST_TURN_RAD: f64 = 0.04;
+/// Cosine of the largest tilt of a plane that counts as the xy plane.
+const UPRIGHT: f64 = 0.99;
 /// Fewer nodes than this leave the covariance uncertain.
 const FEW_NODES: usize = 20;
 /// A direction is weakly excited where one sigma is above this fraction of the body's scale.
@@ -534,6 +536,11 @@ fn planar_motion(record: &[MotionSample]) -> Option<Vector3<f64>> {
     // A turn of less is no motion.
     let moves = about > SMALLEST_TURN_RAD;
     (planar && moves).then(|| if normal.sum() < 0.0 { -normal } else { normal })
+}
+
+/// Whether a motion is confined to the xy plane within what localisation wanders.
+pub(crate) fn is_in_xy_plane(record: &[MotionSample]) -> bool {
+    planar_motion(record).is_some_and(|normal| normal.z.abs() > UPRIGHT)
 }
 
 /// What the motion of a record can answer, given the noise of its wrench (torque, force; one standard deviation of one

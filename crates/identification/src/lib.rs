@@ -48,6 +48,8 @@ mod registry;
 pub mod regressors;
 #[cfg(feature = "std")]
 mod savitzky_golay;
+#[cfg(feature = "std")]
+pub mod sensing;
 mod square_root_information;
 #[cfg(feature = "research")]
 pub mod state_space;
@@ -84,8 +86,10 @@ pub use information::FisherInformation;
 pub use likelihood::LikelihoodCost;
 #[cfg(feature = "std")]
 pub use likelihood::{
-    BodyChange, Exchange, FixedLag, FixedLagSettings, FixedLagStep, Innovation, Iteration, LikelihoodEstimate,
-    MaximumLikelihood, Nuisance, NuisanceEstimate, NuisancePrior, Nuisances, Quantity, SegmentResidual, Verdict,
+    BodyChange, Exchange, FixedLag, FixedLagSettings, FixedLagStep, FlightEstimate, FlightLikelihood, FoundDelay,
+    FoundLevels, FoundThrusters, Halves, Innovation, Iteration, LikelihoodEstimate,
+    MaximumLikelihood, Nuisance, NuisanceEstimate, NuisancePrior, Nuisances, Plane, Quantity, SegmentResidual, Thrusters,
+    Verdict,
 };
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]

@@ -9,6 +9,7 @@ mod coordinates;
 mod cost;
 mod drive;
 mod elimination;
+mod flight;
 mod flow;
 pub(crate) mod identifiability;
 mod lanes;
@@ -24,6 +25,9 @@ mod window;
 pub use calibration::{Nuisance, NuisancePrior, Nuisances};
 #[cfg(feature = "argmin")]
 pub use cost::LikelihoodCost;
+pub use flight::{
+    FlightEstimate, FlightLikelihood, FoundDelay, FoundLevels, FoundThrusters, Halves, Plane, Thrusters,
+};
 pub use identifiability::{Exchange, Quantity, Verdict};
 pub use window::{FixedLag, FixedLagSettings, FixedLagStep, Innovation};
 

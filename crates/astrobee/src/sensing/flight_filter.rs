@@ -15,6 +15,40 @@ const ACCELEROMETER_FEEDBACK: [f64; 3] = [2.698_687_669_5, -2.441_079_708_5, 0.7
 /// Pole of the gyroscope's filter.
 const GYRO_FEEDBACK: f64 = 0.859_528_560_4;
 
+fn accelerometer_numerator(mode: ImpellerMode) -> Option<Numerator> {
+    let numerator = |divisor, second, third| Some(Numerator { divisor, second, third });
+    match mode {
+        ImpellerMode::Off => None,
+        ImpellerMode::Quiet => numerator(5_957.169_629, 3.208_223_739_5, 4.624_671_218_5),
+        ImpellerMode::Nominal => numerator(8_092.181_701, 3.999_637_218_2, 6.998_911_654_6),
+        ImpellerMode::Aggressive => numerator(9_170.351_272, 4.399_296_753_0, 8.197_890_258_9),
+    }
+}
+
+fn gyro_numerator(mode: ImpellerMode) -> Option<(f64, f64)> {
+    match mode {
+        ImpellerMode::Off => None,
+        ImpellerMode::Quiet => Some((31.440_180_95, 1.208_223_739_5)),
+        ImpellerMode::Nominal => Some((42.708_143_76, 1.999_637_218_2)),
+        ImpellerMode::Aggressive => Some((48.398_404_15, 2.399_296_753_0)),
+    }
+}
+
+/// The accelerometer's filter as numerator and denominator of a discrete system, newest sample first; none where all passes.
+pub(super) fn accelerometer_coefficients(mode: ImpellerMode) -> Option<(Vec<f64>, Vec<f64>)> {
+    let Numerator { divisor, second, third } = accelerometer_numerator(mode)?;
+    let [a1, a2, a3] = ACCELEROMETER_FEEDBACK;
+    let taps = [1.0, second, third, third, second, 1.0];
+    Some((taps.iter().map(|tap| tap / divisor).collect(), vec![1.0, -a1, -a2, -a3]))
+}
+
+/// The gyroscope's filter in the same way.
+pub(super) fn gyro_coefficients(mode: ImpellerMode) -> Option<(Vec<f64>, Vec<f64>)> {
+    let (divisor, inner) = gyro_numerator(mode)?;
+    let taps = [1.0, inner, inner, 1.0];
+    Some((taps.iter().map(|tap| tap / divisor).collect(), vec![1.0, -GYRO_FEEDBACK]))
+}
+
 /// Third-order low pass at 3 Hz with a notch at the impeller's frequency, on the three axes of the accelerometer.
 ///
 /// Coefficients belong to 125 samples per second; at 62.5 every frequency halves and every delay doubles, as in NASA's
@@ -29,13 +63,7 @@ pub struct AccelerometerFilter {
 impl AccelerometerFilter {
     /// The filter of a mode; that of [`ImpellerMode::Off`] passes everything.
     pub fn new(mode: ImpellerMode) -> Self {
-        let numerator = |divisor, second, third| Some(Numerator { divisor, second, third });
-        let numerator = match mode {
-            ImpellerMode::Off => None,
-            ImpellerMode::Quiet => numerator(5_957.169_629, 3.208_223_739_5, 4.624_671_218_5),
-            ImpellerMode::Nominal => numerator(8_092.181_701, 3.999_637_218_2, 6.998_911_654_6),
-            ImpellerMode::Aggressive => numerator(9_170.351_272, 4.399_296_753_0, 8.197_890_258_9),
-        };
+        let numerator = accelerometer_numerator(mode);
         Self { numerator, inputs: [Vector3::zeros(); 5], outputs: [Vector3::zeros(); 3], started: false }
     }
 
@@ -70,12 +98,7 @@ pub struct GyroFilter {
 impl GyroFilter {
     /// The filter of a mode; that of [`ImpellerMode::Off`] passes everything.
     pub fn new(mode: ImpellerMode) -> Self {
-        let numerator = match mode {
-            ImpellerMode::Off => None,
-            ImpellerMode::Quiet => Some((31.440_180_95, 1.208_223_739_5)),
-            ImpellerMode::Nominal => Some((42.708_143_76, 1.999_637_218_2)),
-            ImpellerMode::Aggressive => Some((48.398_404_15, 2.399_296_753_0)),
-        };
+        let numerator = gyro_numerator(mode);
         Self { numerator, inputs: [Vector3::zeros(); 3], output: Vector3::zeros(), started: false }
     }
 

@@ -163,6 +163,18 @@ impl Triad {
     }
 }
 
+/// Weights of the output samples in the mean of the last 64 internal ones.
+pub(super) fn average_of_taps(step_s: f64) -> [f64; 5] {
+    let mut weights = [0.0; 5];
+    for tap in 0..TAPS {
+        let age = f64::from(tap) / (INTERNAL_RATE_HZ * step_s);
+        for (sample, weight) in weights.iter_mut().enumerate() {
+            *weight += (1.0 - (age - sample as f64).abs()).max(0.0) / f64::from(TAPS);
+        }
+    }
+    weights
+}
+
 /// Mean of the last 64 internal samples of a signal that is straight between the samples seen.
 struct MovingAverage {
     weights: [f64; 5],
@@ -171,14 +183,7 @@ struct MovingAverage {
 
 impl MovingAverage {
     fn new(step_s: f64) -> Self {
-        let mut weights = [0.0; 5];
-        for tap in 0..TAPS {
-            let age = f64::from(tap) / (INTERNAL_RATE_HZ * step_s);
-            for (sample, weight) in weights.iter_mut().enumerate() {
-                *weight += (1.0 - (age - sample as f64).abs()).max(0.0) / f64::from(TAPS);
-            }
-        }
-        Self { weights, past: None }
+        Self { weights: average_of_taps(step_s), past: None }
     }
 
     fn update(&mut self, input: Vector3<f64>) -> Vector3<f64> {

@@ -1,0 +1,223 @@
+//! Maximum likelihood with a model of the sensors in it: wander, filters, gains, biases, delays, scales of thrusters, levels.
+//!
+//! The multiple shooting of [`MaximumLikelihood`](super::MaximumLikelihood) with nine states of wander in the chain, one mean row per stream
+//! and short segment, and the inertial unit's filters applied to the wrench and not to states.
+
+mod eliminate;
+mod fit;
+mod grid;
+mod layout;
+mod levels;
+mod nodes;
+mod outcome;
+mod sweep;
+#[cfg(test)]
+mod tests;
+mod unit;
+
+pub use outcome::{FlightEstimate, FoundDelay, FoundLevels, FoundThrusters, Halves};
+
+use crate::dynamics::InertialParameters;
+use crate::error::IdentificationError;
+use crate::estimator::{Estimator, EstimatorError, Finding};
+use crate::motion::MotionSample;
+use crate::sensing::Sensing;
+use crate::{BodyScale, WrenchTiming};
+use fit::Fit;
+use grid::Grid;
+use nalgebra::{Matrix3, Vector3};
+
+/// Length of a segment where nobody says, s: shorter than what a loop of control takes to answer.
+const SEGMENT_S: f64 = 0.128;
+/// Fewest segments that anything is made of.
+const FEWEST_SEGMENTS: usize = 16;
+/// A thruster whose scale is further from one than this, in standard deviations, is a suspect.
+const SUSPECT: f64 = 4.0;
+
+/// Whether the body moves in a plane, the xy plane of both the inertial frame and the body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Plane {
+    /// Where z, roll and pitch of the record are constant or move by their noise only.
+    #[default]
+    Found,
+    /// It does.
+    Planar,
+    /// It does not.
+    Free,
+}
+
+/// Thrusts behind the logged wrench, whose scales may be off.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Thrusters {
+    /// Torque about the body origin and force per thrust, body axes, thruster by thruster.
+    columns: Vec<[Vector3<f64>; 2]>,
+    /// One standard deviation of the relative error of each.
+    scale_sigma: Vec<f64>,
+    /// Thrusts in the order of the samples, all of one sample together.
+    thrusts: Vec<f64>,
+}
+
+impl Thrusters {
+    /// Thrusters with these wrenches per thrust `[torque; force]` (m and 1, body axes, about the origin), relative errors of thrust with
+    /// standard deviations `scale_sigma`, and the thrusts that the logged wrench is made of (N, over the step that begins at each sample):
+    /// `thrusts[sample * thrusters + thruster]`.
+    ///
+    /// # Errors
+    /// [`IdentificationError::RecordShape`] where the thrusts do not fill samples or the errors are not one per thruster;
+    /// [`IdentificationError::ImpossibleSensing`] for numbers that are not finite or an error that is negative.
+    pub fn try_new(
+        wrench_per_thrust: &[[f64; 6]],
+        scale_sigma: &[f64],
+        thrusts: &[f64],
+    ) -> Result<Self, IdentificationError> {
+        let n = wrench_per_thrust.len();
+        let samples = thrusts.len().checked_div(n).unwrap_or(0);
+        if n == 0 || samples * n != thrusts.len() || scale_sigma.len() != n {
+            return Err(IdentificationError::RecordShape {
+                rows: samples,
+                columns: scale_sigma.len(),
+                expected_rows: samples,
+                expected_columns: n,
+            });
+        }
+        let bad = |what: &'static str, value: f64| Err(IdentificationError::ImpossibleSensing { what, value });
+        if let Some(value) = wrench_per_thrust.iter().flatten().chain(thrusts).find(|x| !x.is_finite()) {
+            return bad("thrust or wrench of a thruster", *value);
+        }
+        if let Some(value) = scale_sigma.iter().find(|s| !(**s >= 0.0 && s.is_finite())) {
+            return bad("standard deviation of a thruster's scale", *value);
+        }
+        let columns = wrench_per_thrust
+            .iter()
+            .map(|w| [Vector3::new(w[0], w[1], w[2]), Vector3::new(w[3], w[4], w[5])])
+            .collect();
+        Ok(Self { columns, scale_sigma: scale_sigma.to_vec(), thrusts: thrusts.to_vec() })
+    }
+
+    fn of_sample(&self, sample: usize) -> &[f64] {
+        let n = self.columns.len();
+        self.thrusts.get(sample * n..(sample + 1) * n).unwrap_or_default()
+    }
+
+    fn samples(&self) -> usize {
+        self.thrusts.len() / self.columns.len()
+    }
+}
+
+/// Maximum likelihood of the ten parameters from the log of a robot whose sensors wander, filter, lag, and are off in scale and bias.
+///
+/// Every stream may be missing: what is there is answered at its own bound. Poses may come more seldom than the rest. Where a level, a bias, a
+/// gain or a delay is not known it is found, and what is stated is the covariance with all of them unknown.
+///
+/// # Source
+/// The likelihood of thesis (2.4) under a held wrench, with the sensing model of [`Sensing`]; design of the flight sensors, sections 2 to 4.
+///
+/// # Example
+/// ```
+/// use tumble_identification::{FlightLikelihood, IdentificationError};
+/// let error = FlightLikelihood::default().estimate(&[]).unwrap_err();
+/// assert!(matches!(error, IdentificationError::TooFewSamples { samples: 0, .. }));
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlightLikelihood {
+    /// What the columns of the log are of the true motion.
+    pub sensing: Sensing,
+    /// When the logged wrench acts.
+    pub wrench_timing: WrenchTiming,
+    /// Gravitational acceleration, inertial axes, m/s^2; a table that carries the body takes it up.
+    pub gravity_world: Vector3<f64>,
+    /// Whether the body moves in a plane.
+    pub plane: Plane,
+    /// Thrusts behind the wrench; none where the wrench is what it says but for white errors.
+    pub thrusters: Option<Thrusters>,
+    /// White error of the logged wrench per sample and axis, N m and N, where it is known.
+    pub wrench_noise: Option<[f64; 2]>,
+    /// Length of a segment, s, at least a sample: longer gains little, and under feedback it must stay below the loop's own delay.
+    pub segment_s: f64,
+    /// Body to start from; it need not be near.
+    pub start: InertialParameters<f64>,
+}
+
+impl Default for FlightLikelihood {
+    fn default() -> Self {
+        Self {
+            sensing: Sensing::default(),
+            wrench_timing: WrenchTiming::default(),
+            gravity_world: Vector3::zeros(),
+            plane: Plane::default(),
+            thrusters: None,
+            wrench_noise: None,
+            segment_s: SEGMENT_S,
+            start: InertialParameters::about_com(10.0, Vector3::zeros(), Matrix3::identity() * 0.15),
+        }
+    }
+}
+
+impl FlightLikelihood {
+    fn samples(&self, step_s: f64) -> usize {
+        grid::whole(self.segment_s / step_s).max(1)
+    }
+
+    /// The most likely body.
+    ///
+    /// # Errors
+    /// [`IdentificationError::ImpossibleSensing`] for sensors or thrusters that cannot be; [`IdentificationError::TooFewSamples`],
+    /// [`IdentificationError::TimesNotIncreasing`], [`IdentificationError::NotFinite`], [`IdentificationError::MissingColumn`] (no wrench at
+    /// all, or neither attitudes nor rates), [`IdentificationError::WrenchBeside`] (wheels) for a record that cannot be used;
+    /// [`IdentificationError::LikelihoodNotConverged`], [`IdentificationError::Indefinite`].
+    pub fn estimate(&self, record: &[MotionSample]) -> Result<FlightEstimate, IdentificationError> {
+        self.sensing.check()?;
+        let refused = |what: &'static str, value: f64| Err(IdentificationError::ImpossibleSensing { what, value });
+        if !(self.segment_s > 0.0 && self.segment_s.is_finite()) {
+            return refused("length of a segment, s", self.segment_s);
+        }
+        if let Some(level) = self.wrench_noise.iter().flatten().find(|level| !(**level > 0.0 && level.is_finite())) {
+            return refused("error of the wrench", *level);
+        }
+        if let Some(thrusters) = self.thrusters.as_ref().filter(|t| t.samples() != record.len()) {
+            return Err(IdentificationError::RecordShape {
+                rows: thrusters.samples(),
+                columns: thrusters.columns.len(),
+                expected_rows: record.len(),
+                expected_columns: thrusters.columns.len(),
+            });
+        }
+        let planar = match self.plane {
+            Plane::Planar => true,
+            Plane::Free => false,
+            Plane::Found => crate::identify::is_in_xy_plane(record),
+        };
+        let added = self.sensing.gravity_added_world_m_s2.map_or(
+            if planar { Vector3::zeros() } else { self.gravity_world },
+            Vector3::from,
+        );
+        let mut of = self.clone();
+        let mut freed = Vec::new();
+        loop {
+            let grid = Grid::try_new(record, self.wrench_timing, &added, of.thrusters.as_ref())?;
+            let mut fit = Fit::new(&of, grid, planar)?;
+            fit.run()?;
+            let found = outcome::of(&mut fit, &freed)?;
+            let suspect = found.thrusters.as_ref().and_then(|found| found.worst(&freed));
+            let (Some(suspect), Some(thrusters)) = (suspect, of.thrusters.as_mut()) else { return Ok(found) };
+            if freed.len() >= thrusters.columns.len() / 2 {
+                return Ok(found);
+            }
+            thrusters.scale_sigma[suspect] = 1.0;
+            freed.push(suspect);
+            of.start = found.parameters;
+        }
+    }
+}
+
+impl Estimator for FlightLikelihood {
+    type Record = [MotionSample];
+
+    fn estimate(&self, record: &[MotionSample]) -> Result<Finding, EstimatorError> {
+        let found = FlightLikelihood::estimate(self, record)?;
+        let parameters = found.parameters.to_vector();
+        let magnitudes = BodyScale::of(&parameters)?.parameter_magnitudes();
+        let known = Finding::of_information(found.information, magnitudes);
+        Ok(if found.is_determined() { known.at(parameters) } else { known })
+    }
+}

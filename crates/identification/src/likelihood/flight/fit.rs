@@ -1,0 +1,994 @@
+//! The iterations: sweep, eliminate, step, levels.
+
+use super::super::coordinates::Coordinates;
+use super::super::flow::{Body, State};
+use super::eliminate::{Chain, Form, Shape, Wandering};
+use super::grid::{ACCELERATION, ATTITUDE, Grid, POSITION, RATE, Row, STREAMS, VELOCITY, whole};
+use super::layout::{BODY, CENTER, DELAYS, INERTIA, LOG_MASS, Layout, MOTION, NOISES, ROWS, STATES, WANDERS, WRENCH};
+use super::levels::{Series, jumps, white};
+use super::sweep::{Sweep, Swept};
+use super::unit::Unit;
+use super::{FlightLikelihood, nodes};
+use crate::error::{Column, IdentificationError};
+use crate::sensing::InertialErrors;
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+/// Sweeps after which a fit that still moves is given up.
+const SWEEPS: usize = 40;
+/// Squared length of the last step in standard deviations.
+const SMALL_DECREMENT: f64 = 1e-3;
+/// Within so many squared standard deviations levels may be judged.
+const NEAR: f64 = 1e4;
+/// Rounds of levels: at least, and at most while they still change by more than a factor.
+const ROUNDS: (usize, usize) = (3, 10);
+const SETTLED: f64 = 1.25;
+/// Bounds of the change of the wrench's level in a round.
+const WRENCH_CHANGE: (f64, f64) = (0.1, 10.0);
+/// Start and floor of the error of the wrench, by its root mean square: torque, force.
+const WRENCH_START: [f64; 2] = [5e-4, 3e-4];
+const WRENCH_FLOOR: [f64; 2] = [5e-5, 3e-5];
+/// Where nothing is said of wander the search begins here: metres, radians, metres per second; seconds.
+const WANDER_START: [f64; 3] = [0.02, 0.01, 2e-3];
+const WANDER_TIME_S: f64 = 10.0;
+/// Gates in standard deviations: of inertial rows, of drives of the wander.
+const GATE: f64 = 4.5;
+const WANDER_GATE: f64 = 5.0;
+/// Medians of chi squared of one, two, three degrees of freedom.
+const MEDIAN_CHI_SQUARE: [f64; 3] = [0.455, 1.386, 2.366];
+/// White noise is not believed below this share of what its stream spans.
+const SMALLEST_WHITE: f64 = 1e-7;
+/// Precision of a first state of which nothing is known, and of one that the plane holds.
+const UNKNOWN: f64 = 1e-10;
+const HELD: f64 = 1e18;
+/// Standard deviations of the damping: ln m, centre of mass in radii of gyration, inertia in its mean.
+const DAMPING: [f64; 3] = [3.0, 1.0, 1.0];
+/// A delay beyond so many steps moves its stream by whole rows.
+const SHIFT: f64 = 0.6;
+/// Sweeps in which streams may be moved.
+const LAST_SHIFT: usize = 25;
+/// What gravity a publisher may have added where nobody says, m/s^2.
+const GRAVITY_SIGMA: f64 = 10.0;
+/// Slope of a table: acceleration along it, m/s^2.
+const SLOPE_SIGMA: f64 = 0.02;
+
+/// Levels in use.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Levels {
+    /// White noise of one sample, stream by stream.
+    pub(super) white: [f64; STREAMS],
+    /// Wander of position, attitude, velocity: standard deviation, time in s.
+    pub(super) wander: [(f64, f64); 3],
+    /// Error of one sample of the wrench: torque, force.
+    pub(super) wrench: [f64; 2],
+}
+
+/// A record in work.
+pub(super) struct Fit<'a> {
+    pub(super) of: &'a FlightLikelihood,
+    pub(super) grid: Grid,
+    pub(super) layout: Layout,
+    pub(super) planar: bool,
+    pub(super) samples: usize,
+    pub(super) segments: usize,
+    pub(super) eta: Vec<f64>,
+    /// Columns of the free parameters, and their priors.
+    pub(super) free: Vec<usize>,
+    pub(super) prior: Vec<f64>,
+    pub(super) mean: Vec<f64>,
+    pub(super) levels: Levels,
+    raw: [Option<f64>; STREAMS],
+    /// Rows between two of a stream.
+    spacing: [f64; STREAMS],
+    floors: [f64; 2],
+    pub(super) axes: [Vec<usize>; STREAMS],
+    columns: Vec<[Vector3<f64>; 2]>,
+    shift: [isize; DELAYS],
+    rows: Vec<Row>,
+    valid: Vec<[bool; STREAMS]>,
+    jumped: Vec<bool>,
+    counts: Vec<[f64; STREAMS]>,
+    unit: Unit,
+    sweep: Sweep,
+    nodes: Vec<State>,
+    errors: Vec<[f64; WRENCH]>,
+    ratio: [f64; 2],
+    pub(super) chain: Chain,
+    /// Quadratic form of the first state, the parameters and one.
+    form: Form,
+    pub(super) information: DMatrix<f64>,
+    pub(super) gradient: DVector<f64>,
+    pub(super) sweeps: usize,
+    pub(super) decrement: f64,
+    /// Residuals after the last step, states and noises taken out, in units of one sigma where they weigh.
+    pub(super) left: Vec<[f64; ROWS]>,
+    /// Degrees of freedom that the fit took of the rows, by stream, as last counted.
+    pub(super) taken: [f64; STREAMS],
+    pub(super) gated: [usize; STREAMS],
+}
+
+/// What a matrix that should be positive definite leaves of a right-hand side.
+pub(super) fn solved(matrix: &DMatrix<f64>, right: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let scale: Vec<f64> = matrix.diagonal().iter().map(|d| 1.0 / d.abs().max(f64::MIN_POSITIVE).sqrt()).collect();
+    let mut scaled = DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
+        0.5 * (matrix[(i, j)] + matrix[(j, i)]) * scale[i] * scale[j]
+    });
+    let with = DMatrix::from_fn(right.nrows(), right.ncols(), |i, j| right[(i, j)] * scale[i]);
+    let mut lift = 0.0_f64;
+    while lift < 1e-3 {
+        if let Some(factor) = scaled.clone().cholesky() {
+            let x = factor.solve(&with);
+            if x.iter().all(|x| x.is_finite()) {
+                return Some(DMatrix::from_fn(x.nrows(), x.ncols(), |i, j| x[(i, j)] * scale[i]));
+            }
+        }
+        let more = if lift == 0.0 { 1e-14 } else { 9.0 * lift };
+        for i in 0..scaled.nrows() {
+            scaled[(i, i)] += more;
+        }
+        lift += more;
+    }
+    None
+}
+
+/// Information of the parameters and what it says of a step, the first state eliminated from a form.
+pub(super) fn without_state(form: &Form, shape: Shape) -> Option<(DMatrix<f64>, DVector<f64>, DMatrix<f64>)> {
+    let (ny, p) = (shape.eliminated(), shape.parameters);
+    let at = |i: usize, j: usize| form[i * ny + j];
+    let states = DMatrix::from_fn(STATES, STATES, at);
+    let cross = DMatrix::from_fn(STATES, p + 1, |i, j| at(i, STATES + j));
+    let gone = solved(&states, &cross)?;
+    let information =
+        DMatrix::from_fn(p, p, |i, j| at(STATES + i, STATES + j)) - cross.columns(0, p).transpose() * gone.columns(0, p);
+    let information = (&information + information.transpose()) * 0.5;
+    let gradient = DVector::from_fn(p, |i, _| at(STATES + i, STATES + p)) - cross.columns(0, p).transpose() * gone.column(p);
+    Some((information, gradient, gone))
+}
+
+fn indefinite(parameters: usize) -> IdentificationError {
+    IdentificationError::Indefinite { parameters }
+}
+
+impl<'a> Fit<'a> {
+    pub(super) fn new(of: &'a FlightLikelihood, grid: Grid, planar: bool) -> Result<Self, IdentificationError> {
+        let sensing = &of.sensing;
+        let thrusters = of.thrusters.as_ref().map_or(0, |t| t.columns.len());
+        let layout = Layout { thrusters };
+        let samples = of.samples(grid.step_s);
+        let segments = grid.len() / samples;
+        if segments < super::FEWEST_SEGMENTS {
+            return Err(IdentificationError::TooFewSamples {
+                samples: grid.len(),
+                needed: super::FEWEST_SEGMENTS * samples,
+            });
+        }
+        let axes: [Vec<usize>; STREAMS] = if planar {
+            [vec![0, 1], vec![2], vec![0, 1], vec![2], vec![0, 1]]
+        } else {
+            core::array::from_fn(|_| vec![0, 1, 2])
+        };
+        let has: [bool; STREAMS] = core::array::from_fn(|stream| grid.valid.iter().any(|valid| valid[stream]));
+        if !has[ATTITUDE] && !has[RATE] {
+            return Err(IdentificationError::MissingColumn(Column::Attitude));
+        }
+        let mut grid = grid;
+        if planar {
+            for (torque, force) in grid.torque.iter_mut().zip(&mut grid.force) {
+                (torque.x, torque.y, force.z) = (0.0, 0.0, 0.0);
+            }
+        }
+        // What a table takes up is no thrust of a thruster either.
+        let columns: Vec<[Vector3<f64>; 2]> = of.thrusters.as_ref().map_or_else(Vec::new, |t| {
+            let held = |c: &[Vector3<f64>; 2]| [Vector3::z() * c[0].z, Vector3::new(c[1].x, c[1].y, 0.0)];
+            t.columns.iter().map(|c| if planar { held(c) } else { *c }).collect()
+        });
+        let raw = white(&grid.rows, &grid.valid, &axes);
+        let spacing = core::array::from_fn(|stream| {
+            let seen = grid.valid.iter().filter(|valid| valid[stream]).count().max(1);
+            grid.len() as f64 / seen as f64
+        });
+        let rms = |series: &[Vector3<f64>]| {
+            (series.iter().map(Vector3::norm_squared).sum::<f64>() / (3 * series.len().max(1)) as f64).sqrt()
+        };
+        let (torque, force) = (rms(&grid.torque), rms(&grid.force));
+        let drive = [torque.max(1e-3 * force).max(f64::MIN_POSITIVE), force.max(1e-3 * torque).max(f64::MIN_POSITIVE)];
+        let floors = [drive[0] * WRENCH_FLOOR[0], drive[1] * WRENCH_FLOOR[1]];
+        let jumped = jumps(&grid, &grid.valid);
+        let lever = Vector3::from(sensing.lever_arm_body_m);
+        let (gyro, accelerometer) = (sensing.rate.filter.as_ref(), sensing.acceleration.filter.as_ref());
+        let unit = Unit::new(&grid, layout, &columns, lever, gyro, accelerometer);
+        let ratio_of = |errors: &InertialErrors| {
+            errors.filter.as_ref().map_or(1.0, |filter| {
+                filter.density_ratio(whole(grid.step_s / filter.step_s()).max(1), samples)
+            })
+        };
+        let ratio = [ratio_of(&sensing.rate), ratio_of(&sensing.acceleration)];
+        let count = layout.count();
+        let mut fit = Self {
+            of,
+            layout,
+            planar,
+            samples,
+            segments,
+            eta: vec![0.0; count],
+            free: Vec::new(),
+            prior: Vec::new(),
+            mean: vec![0.0; count],
+            levels: Levels { white: [0.0; STREAMS], wander: [(0.0, WANDER_TIME_S); 3], wrench: [0.0; 2] },
+            raw,
+            spacing,
+            floors,
+            axes,
+            columns,
+            shift: [0; DELAYS],
+            rows: Vec::new(),
+            valid: Vec::new(),
+            jumped,
+            counts: Vec::new(),
+            unit,
+            sweep: Sweep::new(grid.len(), segments, layout),
+            nodes: Vec::new(),
+            errors: vec![[0.0; WRENCH]; segments],
+            ratio,
+            chain: Chain::new(
+                0,
+                Shape { parameters: 0, dynamic: 0 },
+                Wandering { decay: [0.0; WANDERS], drive: [0.0; WANDERS], sigma: [1.0; WANDERS] },
+                [0.0; MOTION],
+            ),
+            form: Form::new(),
+            information: DMatrix::zeros(0, 0),
+            gradient: DVector::zeros(0),
+            sweeps: 0,
+            decrement: f64::INFINITY,
+            left: Vec::new(),
+            taken: [0.0; STREAMS],
+            gated: [0; STREAMS],
+            grid,
+        };
+        fit.start_levels(drive);
+        fit.start_parameters(has);
+        fit.nodes = nodes::start(&fit.grid, samples, segments, planar);
+        fit.sweep.rates = nodes::rates(&fit.grid, &fit.nodes, samples);
+        fit.take_shift();
+        Ok(fit)
+    }
+
+    fn start_levels(&mut self, drive: [f64; 2]) {
+        let sensing = &self.of.sensing;
+        let span = |stream: usize| -> f64 {
+            let seen = || self.grid.rows.iter().zip(&self.grid.valid).filter(|(_, valid)| valid[stream]);
+            let value = |row: &Row| match stream {
+                POSITION => row.position,
+                VELOCITY => row.velocity,
+                RATE => row.rate,
+                ACCELERATION => row.acceleration,
+                _ => Vector3::x(),
+            };
+            let Some((first, _)) = seen().next() else { return 1.0 };
+            let most = seen().map(|(row, _)| (value(row) - value(first)).amax()).fold(0.0, f64::max);
+            if stream == ATTITUDE || most == 0.0 { 1.0 } else { most }
+        };
+        let stated = [
+            sensing.position.white,
+            sensing.attitude.white,
+            sensing.velocity.white,
+            sensing.rate.white,
+            sensing.acceleration.white,
+        ];
+        for (stream, stated) in stated.into_iter().enumerate() {
+            let seen = self.raw[stream].unwrap_or(0.0).max(SMALLEST_WHITE * span(stream));
+            let filtered = stream == RATE && sensing.rate.filter.is_some()
+                || stream == ACCELERATION && sensing.acceleration.filter.is_some();
+            // What a filter lets through of noise says little of its density at low frequency.
+            let start = if filtered { 10.0 * seen } else { seen };
+            let is_of_unit = stream == RATE || stream == ACCELERATION;
+            self.levels.white[stream] = if stated.is_known() || is_of_unit { stated.or(start) } else { start };
+            self.raw[stream] = Some(seen);
+        }
+        let wander = [sensing.position.wander, sensing.attitude.wander, sensing.velocity.wander];
+        for (i, stated) in wander.into_iter().enumerate() {
+            self.levels.wander[i] = stated.or(WANDER_START[i], WANDER_TIME_S);
+        }
+        self.levels.wrench =
+            self.of.wrench_noise.unwrap_or([drive[0] * WRENCH_START[0], drive[1] * WRENCH_START[1]]);
+    }
+
+    fn start_parameters(&mut self, has: [bool; STREAMS]) {
+        let sensing = &self.of.sensing;
+        let layout = self.layout;
+        let start = Coordinates::of(&self.of.start);
+        self.eta[LOG_MASS] = start.log_mass;
+        for i in 0..3 {
+            self.eta[CENTER + i] = if self.planar && i == 2 { 0.0 } else { start.center[i] };
+        }
+        self.set_inertia(&start.inertia);
+        let mut sigma = vec![f64::INFINITY; layout.count()];
+        if self.planar {
+            for column in [3, 4, 5, 6, 7, 8] {
+                sigma[column] = 0.0;
+            }
+        }
+        if let Some(thrusters) = &self.of.thrusters {
+            for (i, column) in self.columns.iter().enumerate() {
+                let acts = column[0].norm() + column[1].norm() > 0.0
+                    && (0..self.grid.len()).any(|k| self.grid.thrusts[k * layout.thrusters + i] != 0.0);
+                sigma[BODY + i] = if acts { thrusters.scale_sigma[i] } else { 0.0 };
+            }
+        }
+        let slope = if self.planar { SLOPE_SIGMA } else { 0.0 };
+        sigma[layout.slope()] = slope;
+        sigma[layout.slope() + 1] = slope;
+        // From the unit alone a doubt of its scale is far from linear.
+        let fixed_by_poses = has[POSITION] || has[VELOCITY];
+        let doubted =
+            if fixed_by_poses { sensing.doubted_scale_sigma.max(sensing.acceleration.scale_sigma) } else { sensing.acceleration.scale_sigma };
+        let triads = [
+            (layout.rate_gain(), layout.rate_bias(), &sensing.rate, sensing.rate.scale_sigma, RATE),
+            (layout.acceleration_gain(), layout.acceleration_bias(), &sensing.acceleration, doubted, ACCELERATION),
+        ];
+        for (gain, bias, errors, scale, stream) in triads {
+            for i in 0..3 {
+                for j in 0..3 {
+                    let seen = has[stream] && self.axes[stream].contains(&i) && self.axes[stream].contains(&j);
+                    let prior = if i == j { scale } else { errors.misalignment_sigma };
+                    sigma[gain + 3 * i + j] = if seen { prior } else { 0.0 };
+                }
+                let seen = has[stream] && self.axes[stream].contains(&i);
+                sigma[bias + i] = if seen { errors.bias_sigma } else { 0.0 };
+            }
+        }
+        let delays = [
+            (&sensing.pose_delay, has[POSITION] || has[ATTITUDE]),
+            (&sensing.velocity_delay, has[VELOCITY]),
+            (&sensing.rate.delay, has[RATE]),
+            (&sensing.acceleration.delay, has[ACCELERATION]),
+        ];
+        for (i, (delay, seen)) in delays.into_iter().enumerate() {
+            let column = layout.delay() + i;
+            sigma[column] = if seen { delay.sigma_s } else { 0.0 };
+            let rows = delay.expected_s / self.grid.step_s;
+            self.shift[i] = nearest(rows);
+            self.eta[column] = (rows - self.shift[i] as f64) * self.grid.step_s;
+            self.mean[column] = self.eta[column];
+        }
+        let unsaid = self.planar && sensing.gravity_added_world_m_s2.is_none() && has[ACCELERATION] && has[ATTITUDE];
+        sigma[layout.gravity()] = if unsaid { GRAVITY_SIGMA } else { 0.0 };
+        self.free = (0..layout.count()).filter(|&column| sigma[column] > 0.0).collect();
+        self.prior =
+            self.free.iter().map(|&c| if sigma[c].is_finite() { 1.0 / (sigma[c] * sigma[c]) } else { 0.0 }).collect();
+    }
+
+    fn set_inertia(&mut self, inertia: &Matrix3<f64>) {
+        let entries = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+        for (i, entry) in entries.into_iter().enumerate() {
+            self.eta[INERTIA + i] = inertia[entry];
+        }
+    }
+
+    pub(super) fn coordinates(&self) -> Coordinates {
+        let e = &self.eta;
+        let inertia = Matrix3::new(e[4], e[5], e[6], e[5], e[7], e[8], e[6], e[8], e[9]);
+        Coordinates { log_mass: e[LOG_MASS], center: Vector3::new(e[1], e[2], e[3]), inertia }
+    }
+
+    /// The measurements as the present whole-row delays have them, and how many each segment holds.
+    fn take_shift(&mut self) {
+        let (rows, mut valid) = self.grid.shifted(&self.shift);
+        // The masks of jumps go with the poses.
+        for (k, valid) in valid.iter_mut().enumerate() {
+            let from = k.checked_add_signed(self.shift[0]).and_then(|k| self.jumped.get(k));
+            if from.copied().unwrap_or(false) {
+                *valid = [false; STREAMS];
+            }
+        }
+        self.counts = (0..self.segments)
+            .map(|j| {
+                let mut counts = [0.0; STREAMS];
+                for valid in &valid[j * self.samples..(j + 1) * self.samples] {
+                    for (count, valid) in counts.iter_mut().zip(valid) {
+                        *count += if *valid { 1.0 } else { 0.0 };
+                    }
+                }
+                counts
+            })
+            .collect();
+        (self.rows, self.valid) = (rows, valid);
+    }
+
+    pub(super) fn column_of(&self, parameter: usize) -> Option<usize> {
+        self.free.iter().position(|column| *column == parameter)
+    }
+
+    /// Delay of a stream in all, s.
+    pub(super) fn delay_s(&self, stream: usize) -> f64 {
+        self.shift[stream] as f64 * self.grid.step_s + self.eta[self.layout.delay() + stream]
+    }
+
+    pub(super) fn wrench_errors(&self) -> impl Iterator<Item = [f64; WRENCH]> + '_ {
+        let root = (self.samples as f64).sqrt();
+        self.errors.iter().map(move |error| {
+            core::array::from_fn(|i| error[i] * self.levels.wrench[i / 3] / root)
+        })
+    }
+
+    fn wandering(&self) -> Wandering {
+        let segment_s = self.samples as f64 * self.grid.step_s;
+        let mut out = Wandering { decay: [0.0; WANDERS], drive: [0.0; WANDERS], sigma: [0.0; WANDERS] };
+        for (i, (sigma, time_s)) in self.levels.wander.into_iter().enumerate() {
+            let (decay, sigma) = ((-segment_s / time_s).exp(), sigma.max(1e-12));
+            for axis in 3 * i..3 * i + 3 {
+                out.decay[axis] = decay;
+                out.drive[axis] = sigma * (1.0 - decay * decay).sqrt();
+                out.sigma[axis] = sigma;
+            }
+        }
+        out
+    }
+
+    /// All iterations.
+    pub(super) fn run(&mut self) -> Result<(), IdentificationError> {
+        let mut rounds = 0;
+        let mut settled = self.is_all_known();
+        for sweep in 0..SWEEPS {
+            self.sweeps = sweep + 1;
+            self.linearise();
+            let (states, noises) = self.step()?;
+            self.advance(&states, &noises);
+            if sweep >= 1 && sweep < LAST_SHIFT && self.move_streams() {
+                continue;
+            }
+            if !settled && rounds < ROUNDS.1 && sweep >= 2 && self.decrement < NEAR {
+                rounds += 1;
+                let change = self.take_levels(&states, &noises);
+                settled = rounds >= ROUNDS.0 && change < SETTLED;
+                continue;
+            }
+            if self.decrement < SMALL_DECREMENT && sweep >= 3 {
+                return Ok(());
+            }
+        }
+        Err(IdentificationError::LikelihoodNotConverged { iterations: self.sweeps, decrement: self.decrement })
+    }
+
+    fn is_all_known(&self) -> bool {
+        let s = &self.of.sensing;
+        let slow = [&s.position, &s.attitude, &s.velocity];
+        slow.iter().all(|errors| errors.wander.is_known() && errors.white.is_known())
+            && s.rate.white.is_known()
+            && s.acceleration.white.is_known()
+            && self.of.wrench_noise.is_some()
+    }
+
+    /// The chain about the present point.
+    fn linearise(&mut self) {
+        let shape = Shape {
+            parameters: self.free.len(),
+            dynamic: self.free.iter().filter(|&&column| column < self.layout.dynamic()).count(),
+        };
+        let mut first = [UNKNOWN; MOTION];
+        if self.planar {
+            for i in [0, 1, 3, 4, 8, 11] {
+                first[i] = HELD;
+            }
+        }
+        let wandering = self.wandering();
+        if self.chain.segments() != self.segments || self.chain.shape.parameters != shape.parameters {
+            self.chain = Chain::new(self.segments, shape, wandering, first);
+        }
+        self.chain.wandering = wandering;
+        self.chain.errors.clone_from(&self.errors);
+        let body = self.coordinates().body();
+        let rates = core::mem::take(&mut self.sweep.rates);
+        self.unit.take_rates(&rates);
+        self.sweep.rates = rates;
+        let errors: Vec<[f64; WRENCH]> = self.wrench_errors().collect();
+        let read = Swept {
+            grid: &self.grid,
+            rows: &self.rows,
+            valid: &self.valid,
+            unit: &self.unit,
+            layout: self.layout,
+            columns: &self.columns,
+            samples: self.samples,
+            gravity: if self.planar { Vector3::zeros() } else { self.of.gravity_world },
+        };
+        self.sweep.run(&read, &self.nodes, &errors, &body, &self.eta);
+        self.assemble(&body);
+    }
+
+    fn assemble(&mut self, body: &Body) {
+        let (layout, free) = (self.layout, &self.free);
+        let (p, nd) = (free.len(), self.chain.shape.dynamic);
+        let last = STATES + NOISES + p;
+        let width = self.sweep.width;
+        let root = (self.samples as f64).sqrt();
+        let unit_noise: [f64; WRENCH] = core::array::from_fn(|i| self.levels.wrench[i / 3] / root);
+        let at = |parameter: usize| free.iter().position(|c| *c == parameter).map(|i| STATES + NOISES + i);
+        let gain_places: [[Option<usize>; 9]; 2] =
+            [layout.rate_gain(), layout.acceleration_gain()].map(|from| core::array::from_fn(|i| at(from + i)));
+        let bias_places: [[Option<usize>; 3]; 2] =
+            [layout.rate_bias(), layout.acceleration_bias()].map(|from| core::array::from_fn(|i| at(from + i)));
+        let delay_places: [Option<usize>; DELAYS] = core::array::from_fn(|i| at(layout.delay() + i));
+        let gravity_place = at(layout.gravity());
+        let gains: [Matrix3<f64>; 2] = [layout.rate_gain(), layout.acceleration_gain()]
+            .map(|from| Matrix3::from_row_slice(&self.eta[from..from + 9]) + Matrix3::identity());
+        let delays: [f64; DELAYS] = core::array::from_fn(|i| self.eta[layout.delay() + i]);
+        let gravity = self.eta[layout.gravity()];
+        let wandering = self.chain.wandering;
+        // The acceleration of each row, where a delay wants its slope.
+        let n = layout.thrusters;
+        let mut by_scale = vec![Vector3::zeros(); n];
+        let accelerations: Vec<Vector3<f64>> = if delay_places[3].is_some() {
+            (0..self.grid.len())
+                .map(|k| self.unit.acceleration(body, &self.eta, k, &self.rows[k].rate_beside, &mut by_scale).value)
+                .collect()
+        } else {
+            Vec::new()
+        };
+        let slope = |series: &[Vector3<f64>], k: usize| {
+            let (a, b) = (k.saturating_sub(1), (k + 1).min(series.len() - 1));
+            (series[b] - series[a]) / (self.grid.times[b] - self.grid.times[a]).max(f64::MIN_POSITIVE)
+        };
+        for j in 0..self.segments {
+            let means = &self.sweep.means[j * width..(j + 1) * width];
+            let ends = &self.sweep.ends[j * width..(j + 1) * width];
+            let (residual, late) = (&self.sweep.residual[j], &self.sweep.late[j]);
+            let counts = &self.counts[j];
+            // Flow.
+            let nf = self.chain.shape.flow();
+            for i in 0..MOTION {
+                let out = &mut self.chain.flow[(j * MOTION + i) * nf..(j * MOTION + i + 1) * nf];
+                for c in 0..MOTION {
+                    out[c] = ends[c][i];
+                }
+                for c in 0..WRENCH {
+                    out[MOTION + c] = ends[MOTION + c][i] * unit_noise[c];
+                }
+                for (c, &column) in free.iter().take(nd).enumerate() {
+                    out[MOTION + WRENCH + c] = ends[MOTION + WRENCH + column][i];
+                }
+                out[nf - 1] = self.sweep.defects[j][i];
+            }
+            // Rows of the localisation, and the rate before its gain.
+            let mut dense = vec![[0.0; MOTION]; last + 1];
+            dense[..MOTION].copy_from_slice(&means[..MOTION]);
+            for c in 0..WRENCH {
+                dense[STATES + c] = means[MOTION + c].map(|x| x * unit_noise[c]);
+            }
+            for (c, &column) in free.iter().take(nd).enumerate() {
+                let mut value = means[MOTION + WRENCH + column];
+                let lag = match column {
+                    c if c < BODY => self.sweep.lag_by_body[j][c],
+                    c if c < BODY + n => self.sweep.lag_by_scale[j * n + c - BODY],
+                    _ => Vector3::zeros(),
+                };
+                for i in 0..3 {
+                    value[9 + i] += lag[i];
+                }
+                dense[STATES + NOISES + c] = value;
+            }
+            dense[last] = *residual;
+            for i in 0..9 {
+                dense[MOTION + i][i] = 0.5 * (1.0 + wandering.decay[i]);
+                dense[STATES + WRENCH + i][i] = 0.5 * wandering.drive[i];
+                let stream = if i < 6 { 0 } else { 1 };
+                if let Some(place) = delay_places[stream] {
+                    dense[place][i] = late[i];
+                    dense[last][i] += delays[stream] * late[i];
+                }
+            }
+            let range = j * self.samples..(j + 1) * self.samples;
+            for i in 0..9 {
+                let row = self.chain.row_mut(j, i);
+                for (out, column) in row.iter_mut().zip(&dense) {
+                    *out = column[i];
+                }
+            }
+            // The rate through its gain.
+            let mut rate: Vec<Vector3<f64>> =
+                dense.iter().map(|column| gains[0] * Vector3::new(column[9], column[10], column[11])).collect();
+            let mean_rate = self.sweep.rate_mean[j];
+            let bias = |from: usize| Vector3::new(self.eta[from], self.eta[from + 1], self.eta[from + 2]);
+            if counts[RATE] > 0.0 {
+                let plain = Vector3::new(residual[9], residual[10], residual[11]);
+                rate[last] = plain + (gains[0] - Matrix3::identity()) * mean_rate + bias(layout.rate_bias());
+                if let Some(place) = delay_places[2] {
+                    let mut sum = Vector3::zeros();
+                    for k in range.clone().filter(|&k| self.valid[k][RATE]) {
+                        sum -= slope(&self.sweep.published, k);
+                    }
+                    rate[place] = sum / self.grid_count(j, RATE);
+                    let all = rate[place] * delays[2];
+                    rate[last] += all;
+                }
+                measured_gain(&mut rate, &gain_places[0], &bias_places[0], &mean_rate);
+            }
+            for i in 0..3 {
+                let row = self.chain.row_mut(j, 9 + i);
+                for (out, column) in row.iter_mut().zip(&rate) {
+                    *out = column[i];
+                }
+            }
+            // The acceleration.
+            let mut columns = vec![Vector3::zeros(); last + 1];
+            if counts[ACCELERATION] > 0.0 {
+                let (mut mean, mut measured, mut upward) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
+                let mut by_body = nalgebra::SMatrix::<f64, 3, 10>::zeros();
+                let mut scales = vec![Vector3::zeros(); n];
+                let mut sloped = Vector3::zeros();
+                for k in range.filter(|&k| self.valid[k][ACCELERATION]) {
+                    let row = &self.rows[k];
+                    let found = self.unit.acceleration(body, &self.eta, k, &row.rate_beside, &mut by_scale);
+                    mean += found.value;
+                    by_body += found.by_body;
+                    measured += row.acceleration;
+                    upward += row.upward_beside;
+                    for (sum, x) in scales.iter_mut().zip(&by_scale) {
+                        *sum += x;
+                    }
+                    if delay_places[3].is_some() {
+                        sloped -= slope(&accelerations, k);
+                    }
+                }
+                let share = 1.0 / self.grid_count(j, ACCELERATION);
+                mean *= share;
+                for (c, &column) in free.iter().take(nd).enumerate() {
+                    let plain = match column {
+                        c if c < BODY => by_body.column(c).into_owned(),
+                        c if c < BODY + n => scales[c - BODY],
+                        _ => Vector3::zeros(),
+                    };
+                    columns[STATES + NOISES + c] = gains[1] * plain * share;
+                }
+                columns[last] = gains[1] * mean + bias(layout.acceleration_bias()) - measured * share;
+                if let Some(place) = delay_places[3] {
+                    columns[place] = sloped * share;
+                    columns[last] += sloped * (share * delays[3]);
+                }
+                if let Some(place) = gravity_place {
+                    columns[place] = -upward * share;
+                    columns[last] -= upward * (share * gravity);
+                }
+                measured_gain(&mut columns, &gain_places[1], &bias_places[1], &mean);
+            }
+            for i in 0..3 {
+                let row = self.chain.row_mut(j, 12 + i);
+                for (out, column) in row.iter_mut().zip(&columns) {
+                    *out = column[i];
+                }
+            }
+            let mut weights = [0.0; ROWS];
+            for stream in 0..STREAMS {
+                if counts[stream] == 0.0 {
+                    continue;
+                }
+                let white = self.levels.white[stream];
+                for &axis in &self.axes[stream] {
+                    let i = 3 * stream + axis;
+                    let drive = if i < WANDERS { wandering.drive[i] } else { 0.0 };
+                    weights[i] = 1.0 / (white * white / counts[stream] + drive * drive / 12.0);
+                }
+            }
+            self.chain.weights[j] = weights;
+        }
+    }
+
+    /// Rows of a stream within a segment, gated or not.
+    fn grid_count(&self, j: usize, stream: usize) -> f64 {
+        let range = j * self.samples..(j + 1) * self.samples;
+        self.valid[range].iter().filter(|valid| valid[stream]).count().max(1) as f64
+    }
+
+    /// Solves, moves the parameters; states and noises that follow.
+    #[allow(clippy::type_complexity)]
+    fn step(&mut self) -> Result<(Vec<[f64; STATES]>, Vec<[f64; NOISES]>), IdentificationError> {
+        let p = self.free.len();
+        let form = self.chain.eliminate(0, self.segments, true);
+        let (mut information, mut gradient, gone) =
+            without_state(&form, self.chain.shape).ok_or(indefinite(p))?;
+        for (i, (&column, prior)) in self.free.iter().zip(&self.prior).enumerate() {
+            information[(i, i)] += prior;
+            gradient[i] += prior * (self.eta[column] - self.mean[column]);
+        }
+        let coordinates = self.coordinates();
+        let mass = coordinates.log_mass.exp();
+        let mean_inertia = coordinates.inertia.trace() / 3.0;
+        let length = (1.5 * mean_inertia / mass).sqrt();
+        let mut damped = information.clone();
+        for (i, &column) in self.free.iter().enumerate().filter(|(_, column)| **column < BODY) {
+            let sigma = match column {
+                LOG_MASS => DAMPING[0],
+                c if c < INERTIA => DAMPING[1] * length,
+                _ => DAMPING[2] * mean_inertia,
+            };
+            damped[(i, i)] += 1.0 / (sigma * sigma);
+        }
+        let plain = || {
+            let step = solved(&damped, &DMatrix::from_column_slice(p, 1, (-&gradient).as_slice()))?;
+            Some(DVector::from_column_slice(step.as_slice()))
+        };
+        let step = if self.planar {
+            let step = plain().ok_or(indefinite(p))?;
+            self.move_planar(&step);
+            step
+        } else {
+            // Scaled, so that what is measured in other units does not decide whether the matrix can be factored.
+            let taken = coordinates.step(&damped, &-&gradient);
+            let (next, step) = match taken {
+                Some(taken) => (taken.next, taken.step),
+                None => {
+                    let step = plain().ok_or(indefinite(p))?;
+                    (coordinates.advanced(&step), step)
+                }
+            };
+            let difference = next.difference(&coordinates);
+            for i in 0..BODY {
+                self.eta[i] += difference[i];
+            }
+            step
+        };
+        for (&column, step) in self.free.iter().zip(step.iter()).filter(|(column, _)| **column >= BODY) {
+            self.eta[column] += step;
+        }
+        self.decrement = step.dot(&(&information * &step));
+        if !self.decrement.is_finite() {
+            return Err(indefinite(p));
+        }
+        let one = DVector::from_iterator(p + 1, step.iter().copied().chain([1.0]));
+        let first = -(&gone * one);
+        let first: [f64; STATES] = core::array::from_fn(|i| first[i]);
+        let (states, noises) = self.chain.forward(&first, step.as_slice());
+        (self.information, self.gradient, self.form) = (information, gradient, form);
+        self.left = self.residuals(&states, &noises, step.as_slice());
+        Ok((states, noises))
+    }
+
+    fn move_planar(&mut self, step: &DVector<f64>) {
+        let before = self.coordinates();
+        let mut ten = [0.0; BODY];
+        for (&column, step) in self.free.iter().zip(step.iter()).filter(|(column, _)| **column < BODY) {
+            ten[column] = *step;
+        }
+        // In one over mass and inertia where the step is a long one.
+        let long = |relative: f64| if relative.abs() > 0.2 { 1.0 / (1.0 - relative.min(0.9)) } else { 1.0 + relative };
+        let mass = if ten[0].abs() > 0.2 { long(ten[0]).ln() } else { ten[0] };
+        self.eta[LOG_MASS] += mass;
+        self.eta[CENTER] += ten[1];
+        self.eta[CENTER + 1] += ten[2];
+        let about = before.inertia[(2, 2)];
+        // The other moments do not act; a ball is a body whatever its size.
+        self.set_inertia(&(Matrix3::identity() * (about * long(ten[9] / about).max(1e-3))));
+    }
+
+    /// What is left of the rows after a step, the wander left in.
+    fn residuals(&self, states: &[[f64; STATES]], noises: &[[f64; NOISES]], step: &[f64]) -> Vec<[f64; ROWS]> {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        states
+            .iter()
+            .zip(noises)
+            .enumerate()
+            .map(|(j, (x, u))| {
+                core::array::from_fn(|i| {
+                    let row = self.chain.row(j, i);
+                    dot(&row[..MOTION], &x[..MOTION])
+                        + dot(&row[STATES..STATES + WRENCH], &u[..WRENCH])
+                        + dot(&row[STATES + NOISES..], step)
+                        + row[row.len() - 1]
+                })
+            })
+            .collect()
+    }
+
+    fn advance(&mut self, states: &[[f64; STATES]], noises: &[[f64; NOISES]]) {
+        for ((node, x), (error, u)) in self.nodes.iter_mut().zip(states).zip(self.errors.iter_mut().zip(noises)) {
+            let step: [f64; MOTION] = core::array::from_fn(|i| x[i]);
+            *node = node.retracted(&step);
+            for (error, u) in error.iter_mut().zip(u) {
+                *error += u;
+            }
+        }
+    }
+
+    /// Moves streams by whole rows where their delays ask for it.
+    fn move_streams(&mut self) -> bool {
+        let mut moved = false;
+        let longest = nearest(1.0 / self.grid.step_s);
+        for i in 0..DELAYS {
+            let column = self.layout.delay() + i;
+            if self.column_of(column).is_none() {
+                continue;
+            }
+            let rows = self.eta[column] / self.grid.step_s;
+            if rows.abs() > SHIFT && rows.is_finite() {
+                let by = nearest(rows).clamp(-longest, longest);
+                self.shift[i] += by;
+                self.eta[column] -= by as f64 * self.grid.step_s;
+                self.mean[column] -= by as f64 * self.grid.step_s;
+                moved |= by != 0;
+            }
+        }
+        if moved {
+            self.take_shift();
+        }
+        moved
+    }
+
+    /// Levels, then gates, from what the last step left; the largest factor by which a level changed.
+    fn take_levels(&mut self, states: &[[f64; STATES]], noises: &[[f64; NOISES]]) -> f64 {
+        let sensing = &self.of.sensing;
+        let segment_s = self.samples as f64 * self.grid.step_s;
+        let errors = [&sensing.position, &sensing.attitude, &sensing.velocity];
+        let mut change: f64 = 1.0;
+        for (stream, errors) in errors.into_iter().enumerate() {
+            if self.counts.iter().all(|counts| counts[stream] == 0.0) {
+                continue;
+            }
+            if !errors.wander.is_known() {
+                let values: Vec<Vector3<f64>> = self
+                    .left
+                    .iter()
+                    .map(|r| Vector3::new(r[3 * stream], r[3 * stream + 1], r[3 * stream + 2]))
+                    .collect();
+                let counts: Vec<f64> = self.counts.iter().map(|counts| counts[stream]).collect();
+                let series = Series {
+                    values: &values,
+                    axes: &self.axes[stream],
+                    counts: &counts,
+                    segment_s,
+                    with_slope: stream != VELOCITY,
+                };
+                self.levels.wander[stream] = series.wander(self.levels.white[stream], self.levels.wander[stream]);
+            }
+            if let (false, Some(raw)) = (errors.white.is_known(), self.raw[stream]) {
+                let (sigma, time_s) = self.levels.wander[stream];
+                let slow = 0.6 * sigma * sigma / time_s * self.grid.step_s * self.spacing[stream];
+                self.levels.white[stream] = (raw * raw - slow).max(0.01 * raw * raw).sqrt();
+            }
+        }
+        let with_wander = self.residuals_of_wander(states, noises);
+        let covariance = self.joint_covariance();
+        let (taken, variances) = match &covariance {
+            Some(covariance) => self.chain.shares(covariance),
+            None => (vec![[0.0; ROWS]; self.segments], vec![[0.0; WRENCH]; self.segments]),
+        };
+        for (i, known) in [(RATE, sensing.rate.white.is_known()), (ACCELERATION, sensing.acceleration.white.is_known())]
+        {
+            let ratio = self.ratio[i - RATE];
+            let channels: Vec<usize> = self.axes[i].iter().map(|axis| 3 * i + axis).collect();
+            let sums = |counted: &dyn Fn(usize) -> bool| {
+                let (mut squares, mut count, mut share) = (0.0, 0.0, 0.0);
+                for j in 0..self.segments {
+                    for &channel in &channels {
+                        let weight = self.chain.weights[j][channel];
+                        if weight > 0.0 {
+                            share += taken[j][channel];
+                            if counted(j) {
+                                count += 1.0;
+                                squares += with_wander[j][channel].powi(2) * weight;
+                            }
+                        }
+                    }
+                }
+                (ratio * squares, count, share)
+            };
+            let (squares, count, share) = sums(&|_| true);
+            self.taken[i] = share;
+            if count == 0.0 {
+                continue;
+            }
+            let mut factor = squares / (count - share).max(1.0);
+            // Outliers by the level that most rows show.
+            let size = |j: usize| {
+                let sum = channels.iter().map(|&c| with_wander[j][c].powi(2) * self.chain.weights[j][c]).sum::<f64>();
+                ratio * sum
+            };
+            let mut sizes: Vec<f64> = (0..self.segments).map(size).filter(|size| *size > 0.0).collect();
+            let usual = super::levels::median(&mut sizes).unwrap_or(0.0) / MEDIAN_CHI_SQUARE[channels.len() - 1];
+            let limit = usual * GATE * GATE * channels.len() as f64 / 1.5;
+            let out: Vec<usize> = (0..self.segments).filter(|&j| size(j) > limit).collect();
+            if !out.is_empty() {
+                let (squares, count, share) = sums(&|j| size(j) <= limit);
+                factor = squares / (count - share).max(1.0);
+                for j in out {
+                    self.counts[j][i] = 0.0;
+                    self.gated[i] += 1;
+                }
+            }
+            if !known && factor > 0.0 {
+                self.levels.white[i] *= factor.sqrt();
+                change = change.max(factor.sqrt()).max(1.0 / factor.sqrt());
+            }
+        }
+        if self.of.wrench_noise.is_none() {
+            for part in 0..2 {
+                let range = 3 * part..3 * part + 3;
+                let redundant =
+                    (3 * self.segments) as f64 - variances.iter().flat_map(|v| &v[range.clone()]).sum::<f64>();
+                let squares: f64 = self.errors.iter().flat_map(|e| &e[range.clone()]).map(|e| e * e).sum();
+                let factor = (squares / redundant.max(1e-9)).clamp(WRENCH_CHANGE.0, WRENCH_CHANGE.1);
+                let level = (self.levels.wrench[part] * factor.sqrt()).max(self.floors[part]);
+                let by = level / self.levels.wrench[part];
+                if factor > 1.0 {
+                    change = change.max(by);
+                }
+                self.levels.wrench[part] = level;
+                for error in &mut self.errors {
+                    for e in &mut error[range.clone()] {
+                        *e /= by;
+                    }
+                }
+            }
+        }
+        for stream in 0..3 {
+            let channels: Vec<usize> = self.axes[stream].iter().map(|axis| WRENCH + 3 * stream + axis).collect();
+            let limit = WANDER_GATE * WANDER_GATE * channels.len() as f64 / 1.5;
+            for j in 0..self.segments {
+                let sum: f64 = channels.iter().map(|&c| noises[j][c] * noises[j][c]).sum();
+                if sum > limit {
+                    for j in [j, j + 1] {
+                        if let Some(counts) = self.counts.get_mut(j).filter(|counts| counts[stream] > 0.0) {
+                            counts[stream] = 0.0;
+                            self.gated[stream] += 1;
+                        }
+                    }
+                }
+            }
+        }
+        change
+    }
+
+    /// Residuals after the last step, wander taken out too.
+    pub(super) fn residuals_of_wander(&self, states: &[[f64; STATES]], noises: &[[f64; NOISES]]) -> Vec<[f64; ROWS]> {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        self.left
+            .iter()
+            .enumerate()
+            .map(|(j, left)| {
+                core::array::from_fn(|i| {
+                    let row = self.chain.row(j, i);
+                    left[i]
+                        + dot(&row[MOTION..STATES], &states[j][MOTION..])
+                        + dot(&row[STATES + WRENCH..STATES + NOISES], &noises[j][WRENCH..])
+                })
+            })
+            .collect()
+    }
+
+    /// Covariance of the first state and the parameters, row by row.
+    fn joint_covariance(&self) -> Option<Vec<f64>> {
+        let shape = self.chain.shape;
+        let (ny, n) = (shape.eliminated(), STATES + shape.parameters);
+        let form = &self.form;
+        let joint = DMatrix::from_fn(n, n, |i, j| {
+            let prior = if i == j && i >= STATES { self.prior[i - STATES] } else { 0.0 };
+            form[i * ny + j] + prior
+        });
+        let inverse = solved(&joint, &DMatrix::identity(n, n))?;
+        Some((0..n * n).map(|at| 0.5 * (inverse[(at / n, at % n)] + inverse[(at % n, at / n)])).collect())
+    }
+}
+
+/// Columns of gain and bias of a triad, whose mean value before them is `mean`.
+fn measured_gain(
+    columns: &mut [Vector3<f64>],
+    gains: &[Option<usize>; 9],
+    biases: &[Option<usize>; 3],
+    mean: &Vector3<f64>,
+) {
+    for i in 0..3 {
+        for c in 0..3 {
+            if let Some(place) = gains[3 * i + c] {
+                columns[place][i] += mean[c];
+            }
+        }
+        if let Some(place) = biases[i] {
+            columns[place][i] += 1.0;
+        }
+    }
+}
+
+/// The nearest whole number.
+#[allow(clippy::cast_possible_truncation)] // saturates
+fn nearest(value: f64) -> isize {
+    value.round() as isize
+}

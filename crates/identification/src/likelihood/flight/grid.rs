@@ -1,0 +1,236 @@
+//! A record as the sweeps read it: rows in nearly equal steps, gaps filled with rows that measured nothing.
+
+use super::Thrusters;
+use crate::WrenchTiming;
+use crate::error::{Column, IdentificationError};
+use crate::lie::{LieGroup, Pose, Wrench};
+use crate::motion::{MotionSample, filled_poses};
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Streams of measurements, in the order of their rows.
+pub(super) const POSITION: usize = 0;
+pub(super) const ATTITUDE: usize = 1;
+pub(super) const VELOCITY: usize = 2;
+pub(super) const RATE: usize = 3;
+pub(super) const ACCELERATION: usize = 4;
+pub(super) const STREAMS: usize = 5;
+
+/// A step longer than this, by the median, is a gap.
+const GAP: f64 = 1.5;
+/// Rows that fill a gap at most.
+const LONGEST_FILL: usize = 500;
+/// Fewest rows that anything is made of.
+const FEWEST: usize = 32;
+
+/// One row: what was measured at its time, by its publisher's own account.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row {
+    pub(super) position: Vector3<f64>,
+    pub(super) attitude: UnitQuaternion<f64>,
+    pub(super) velocity: Vector3<f64>,
+    pub(super) rate: Vector3<f64>,
+    /// Acceleration as published, less the gravity that the publisher added.
+    pub(super) acceleration: Vector3<f64>,
+    /// Rate and direction of gravity in body axes, as the publisher of the acceleration had them.
+    pub(super) rate_beside: Vector3<f64>,
+    pub(super) upward_beside: Vector3<f64>,
+}
+
+/// Rows of a record, by the streams that they hold.
+pub(super) struct Grid {
+    /// Median step, s.
+    pub(super) step_s: f64,
+    /// Steps from each row to the next; that of the last is the median.
+    pub(super) steps: Vec<f64>,
+    /// Times since the first row, s.
+    pub(super) times: Vec<f64>,
+    pub(super) rows: Vec<Row>,
+    pub(super) valid: Vec<[bool; STREAMS]>,
+    /// Wrench over the step that begins at a row: torque about the origin, force, body axes.
+    pub(super) torque: Vec<Vector3<f64>>,
+    pub(super) force: Vec<Vector3<f64>>,
+    /// Thrusts over that step, row by row.
+    pub(super) thrusts: Vec<f64>,
+    /// The row of the record that each is made of.
+    pub(super) source: Vec<usize>,
+    /// Poses without gaps, for a start.
+    pub(super) guess: Vec<Pose<f64>>,
+    /// Rows filled in.
+    pub(super) filled: usize,
+}
+
+fn is_finite(sample: &MotionSample) -> bool {
+    let vectors = [sample.velocity_origin_world, sample.rate_body, sample.acceleration_origin_body];
+    let wrenches = [sample.wrench_body, sample.besides_body];
+    vectors.iter().flatten().all(|v| v.iter().all(|x| x.is_finite()))
+        && wrenches.iter().flatten().all(|w| w.to_vector().iter().all(|x| x.is_finite()))
+        && sample.world_from_body.is_none_or(|pose| {
+            pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite())
+        })
+}
+
+impl Grid {
+    pub(super) fn try_new(
+        record: &[MotionSample],
+        timing: WrenchTiming,
+        gravity_added: &Vector3<f64>,
+        thrusters: Option<&Thrusters>,
+    ) -> Result<Self, IdentificationError> {
+        let samples = record.len();
+        if samples < FEWEST {
+            return Err(IdentificationError::TooFewSamples { samples, needed: FEWEST });
+        }
+        if let Some(row) = record.iter().position(|sample| !is_finite(sample)) {
+            return Err(IdentificationError::NotFinite { row });
+        }
+        if record.iter().all(|sample| sample.wrench_body.is_none()) {
+            return Err(IdentificationError::MissingColumn(Column::Wrench));
+        }
+        if record.iter().any(|sample| sample.stored_momentum_body.is_some()) {
+            return Err(IdentificationError::WrenchBeside);
+        }
+        if let Some(index) = record.windows(2).position(|pair| pair[1].time_ns <= pair[0].time_ns) {
+            return Err(IdentificationError::TimesNotIncreasing { index: index + 1 });
+        }
+        let seconds = |i: usize| record[i].time_ns.saturating_sub(record[0].time_ns) as f64 * 1e-9;
+        let mut lengths: Vec<f64> = (1..samples).map(|i| seconds(i) - seconds(i - 1)).collect();
+        let middle = lengths.len() / 2;
+        let step_s = *lengths.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let guesses = filled_poses(record).unwrap_or_else(|| turned_by_rates(record));
+        let mut grid = Self {
+            step_s,
+            steps: Vec::with_capacity(samples),
+            times: Vec::with_capacity(samples),
+            rows: Vec::with_capacity(samples),
+            valid: Vec::with_capacity(samples),
+            torque: Vec::with_capacity(samples),
+            force: Vec::with_capacity(samples),
+            thrusts: Vec::new(),
+            source: Vec::with_capacity(samples),
+            guess: Vec::with_capacity(samples),
+            filled: 0,
+        };
+        let (mut torque, mut force) = (Vector3::zeros(), Vector3::zeros());
+        let (mut rate, mut attitude) = (Vector3::zeros(), guesses[0].rotation);
+        for (i, sample) in record.iter().enumerate() {
+            if let Some(wrench) = held(record, i, timing) {
+                (torque, force) = wrench;
+            }
+            rate = sample.rate_body.unwrap_or(rate);
+            attitude = sample.world_from_body.map_or(attitude, |pose| pose.rotation);
+            let pose = guesses[i];
+            let added = attitude.inverse_transform_vector(gravity_added);
+            let row = Row {
+                position: pose.translation.vector,
+                attitude: pose.rotation,
+                velocity: sample.velocity_origin_world.unwrap_or_default(),
+                rate: sample.rate_body.unwrap_or_default(),
+                acceleration: sample.acceleration_origin_body.unwrap_or_default() - added,
+                rate_beside: rate,
+                upward_beside: attitude.inverse_transform_vector(&Vector3::z()),
+            };
+            let posed = sample.world_from_body.is_some();
+            let valid = [
+                posed,
+                posed,
+                sample.velocity_origin_world.is_some(),
+                sample.rate_body.is_some(),
+                sample.acceleration_origin_body.is_some(),
+            ];
+            let length = if i + 1 < samples { seconds(i + 1) - seconds(i) } else { step_s };
+            let parts = if length > GAP * step_s { whole(length / step_s).clamp(2, LONGEST_FILL) } else { 1 };
+            for part in 0..parts {
+                let along = length / parts as f64;
+                grid.times.push(seconds(i) + along * part as f64);
+                grid.steps.push(along);
+                grid.rows.push(row);
+                grid.valid.push(if part == 0 { valid } else { [false; STREAMS] });
+                grid.torque.push(torque);
+                grid.force.push(force);
+                grid.source.push(i);
+                grid.guess.push(pose);
+            }
+            grid.filled += parts - 1;
+            if let Some(thrusters) = thrusters {
+                for _ in 0..parts {
+                    grid.thrusts.extend_from_slice(thrusters.of_sample(i));
+                }
+            }
+        }
+        Ok(grid)
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// The measurements with each stream moved by whole rows: what a stream says late stands then where it belongs.
+    pub(super) fn shifted(&self, shift: &[isize; 4]) -> (Vec<Row>, Vec<[bool; STREAMS]>) {
+        if *shift == [0; 4] {
+            return (self.rows.clone(), self.valid.clone());
+        }
+        let last = self.len().saturating_sub(1);
+        let from = |k: usize, by: isize| k.checked_add_signed(by).filter(|index| *index <= last);
+        (0..self.len())
+            .map(|k| {
+                let [pose, velocity, rate, acceleration] = shift.map(|by| from(k, by));
+                let at = |index: Option<usize>| (self.rows[index.unwrap_or(k)], index.map(|index| self.valid[index]));
+                let (p, v, w, a) = (at(pose), at(velocity), at(rate), at(acceleration));
+                let row = Row {
+                    position: p.0.position,
+                    attitude: p.0.attitude,
+                    velocity: v.0.velocity,
+                    rate: w.0.rate,
+                    acceleration: a.0.acceleration,
+                    rate_beside: a.0.rate_beside,
+                    upward_beside: a.0.upward_beside,
+                };
+                let seen = |found: Option<[bool; STREAMS]>, stream: usize| found.is_some_and(|valid| valid[stream]);
+                let valid = [
+                    seen(p.1, POSITION),
+                    seen(p.1, ATTITUDE),
+                    seen(v.1, VELOCITY),
+                    seen(w.1, RATE),
+                    seen(a.1, ACCELERATION),
+                ];
+                (row, valid)
+            })
+            .unzip()
+    }
+}
+
+/// Torque and force over the step that begins at sample `i`.
+fn held(record: &[MotionSample], i: usize, timing: WrenchTiming) -> Option<(Vector3<f64>, Vector3<f64>)> {
+    let all = |i: usize| {
+        let sample = record.get(i)?;
+        let (wrench, beside) = (sample.wrench_body?, sample.besides_body.unwrap_or_else(Wrench::zero));
+        Some((wrench.torque + beside.torque, wrench.force + beside.force))
+    };
+    let here = all(i)?;
+    match (timing, all(i + 1)) {
+        (WrenchTiming::Sampled, Some(next)) => Some(((here.0 + next.0) * 0.5, (here.1 + next.1) * 0.5)),
+        _ => Some(here),
+    }
+}
+
+/// Attitudes of a record without any pose, from its rates.
+fn turned_by_rates(record: &[MotionSample]) -> Vec<Pose<f64>> {
+    let mut pose = Pose::<f64>::identity();
+    let mut before = record.first().map_or(0, |sample| sample.time_ns);
+    record
+        .iter()
+        .map(|sample| {
+            let step_s = sample.time_ns.saturating_sub(before) as f64 * 1e-9;
+            before = sample.time_ns;
+            let turn = sample.rate_body.unwrap_or_default() * step_s;
+            pose.rotation *= <UnitQuaternion<f64> as LieGroup>::exp(&turn);
+            pose
+        })
+        .collect()
+}
+
+/// The nearest whole number.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+pub(super) fn whole(value: f64) -> usize {
+    value.round().max(0.0) as usize
+}

@@ -1,0 +1,66 @@
+//! Where each unknown stands.
+
+/// Attitude, rate, centre of mass, its velocity, wander of position, attitude and velocity.
+pub(super) const STATES: usize = 21;
+/// Of these the motion's.
+pub(super) const MOTION: usize = 12;
+/// Error of torque and force over a segment, drives of the nine wanders.
+pub(super) const NOISES: usize = 15;
+/// Of these the wrench's.
+pub(super) const WRENCH: usize = 6;
+/// Rows of a segment: position, attitude, velocity, rate, acceleration.
+pub(super) const ROWS: usize = 15;
+pub(super) const WANDERS: usize = 9;
+
+pub(super) const LOG_MASS: usize = 0;
+pub(super) const CENTER: usize = 1;
+pub(super) const INERTIA: usize = 4;
+pub(super) const BODY: usize = 10;
+
+/// Delays: of poses, velocities, rates, accelerations.
+pub(super) const DELAYS: usize = 4;
+
+/// Parameters in order: ten of the body, scales of thrusters, two of the table's slope; then those of the measurements only.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layout {
+    pub(super) thrusters: usize,
+}
+
+impl Layout {
+    pub(super) fn slope(self) -> usize {
+        BODY + self.thrusters
+    }
+
+    /// Parameters that act on the motion.
+    pub(super) fn dynamic(self) -> usize {
+        self.slope() + 2
+    }
+
+    pub(super) fn rate_gain(self) -> usize {
+        self.dynamic()
+    }
+
+    pub(super) fn rate_bias(self) -> usize {
+        self.rate_gain() + 9
+    }
+
+    pub(super) fn acceleration_gain(self) -> usize {
+        self.rate_bias() + 3
+    }
+
+    pub(super) fn acceleration_bias(self) -> usize {
+        self.acceleration_gain() + 9
+    }
+
+    pub(super) fn delay(self) -> usize {
+        self.acceleration_bias() + 3
+    }
+
+    pub(super) fn gravity(self) -> usize {
+        self.delay() + DELAYS
+    }
+
+    pub(super) fn count(self) -> usize {
+        self.gravity() + 1
+    }
+}
