@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
+pub mod actuator_file;
 pub mod arm;
 pub mod body_file;
 mod embedded;
@@ -12,6 +13,7 @@ pub mod place;
 pub mod recording;
 mod robot;
 mod sample_reader;
+pub mod sensing_file;
 #[cfg(feature = "testing")]
 pub mod testing;
 pub mod text_file;

@@ -68,9 +68,7 @@ impl MotionColumns {
 
     /// Two axes of what moves, one of what turns.
     fn in_plane(header: &Header) -> Result<Self, FormatsError> {
-        let two = |[x, y, _]: [&str; 3]| {
-            header.group([x, y]).map(|found| found.map(|[x, y]| [Some(x), Some(y), None]))
-        };
+        let two = |[x, y, _]: [&str; 3]| header.group([x, y]).map(|found| found.map(|[x, y]| [Some(x), Some(y), None]));
         let wrench = header.group([TORQUE[2], FORCE[0], FORCE[1]])?;
         Ok(Self {
             velocity: two(VELOCITY)?,
@@ -101,6 +99,27 @@ pub struct MotionLayout {
     motion: MotionColumns,
 }
 
+impl MotionLayout {
+    fn find(header: &Header) -> Result<Self, FormatsError> {
+        let [time, pose @ ..] = REQUIRED;
+        let time = header.required(time, "")?;
+        if header.position(PLANAR[2]).is_some() && pose[2..].iter().all(|name| header.position(name).is_none()) {
+            let columns = header.group(PLANAR)?.ok_or_else(|| header.lacks(PLANAR[2]))?;
+            let motion = MotionColumns::in_plane(header)?;
+            return Ok(MotionLayout { time, pose: PoseColumns::Planar(columns), motion });
+        }
+        let mut columns = [0; 7];
+        for (slot, column) in columns.iter_mut().zip(pose) {
+            *slot = header.required(column, "")?;
+        }
+        Ok(MotionLayout { time, pose: PoseColumns::Full(columns), motion: MotionColumns::find(header)? })
+    }
+
+    fn is_planar(&self) -> bool {
+        matches!(self.pose, PoseColumns::Planar(_))
+    }
+}
+
 impl RowLayout for MotionLayout {
     type Sample = MotionSample;
 
@@ -118,7 +137,9 @@ impl RowLayout for MotionLayout {
 
     fn sample(&self, row: &Row, time_ns: i64) -> Result<MotionSample, FormatsError> {
         let world_from_body = match self.pose {
-            PoseColumns::Full(columns) => row.optional(Some(columns.map(Some)))?.map(|pose| row.pose(pose)).transpose()?,
+            PoseColumns::Full(columns) => {
+                row.optional(Some(columns.map(Some)))?.map(|pose| row.pose(pose)).transpose()?
+            }
             PoseColumns::Planar(columns) => row.optional(Some(columns.map(Some)))?.map(|[x, y, yaw_rad]| {
                 let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
                 Pose::from_parts(Vector3::new(x, y, 0.0).into(), turn)
@@ -139,6 +160,63 @@ impl RowLayout for MotionLayout {
 /// Streams the samples of one log of poses.
 pub type LogReader<R = File> = TimedRows<R, MotionLayout>;
 
+/// Where the columns of a log of poses stand that also holds commands of actuators.
+pub struct CommandedLayout {
+    motion: MotionLayout,
+    commands: Vec<usize>,
+    names: Vec<String>,
+}
+
+impl RowLayout for CommandedLayout {
+    type Sample = (MotionSample, Vec<f64>);
+
+    fn time_column(&self) -> usize {
+        self.motion.time
+    }
+
+    fn knows(&self, column: &str) -> bool {
+        self.motion.knows(column) || self.names.iter().any(|name| name == column)
+    }
+
+    fn sample(&self, row: &Row, time_ns: i64) -> Result<Self::Sample, FormatsError> {
+        let command = |column: &usize| {
+            let share = row.number(*column)?;
+            if (0.0..=1.0).contains(&share) {
+                Ok(share)
+            } else {
+                Err(row.out_of_range(*column, "a command lies between 0 and 1"))
+            }
+        };
+        let commands = self.commands.iter().map(command).collect::<Result<_, _>>()?;
+        Ok((self.motion.sample(row, time_ns)?, commands))
+    }
+}
+
+/// Streams the samples of one log of poses together with the commands of actuators, 0 to 1, held until the next row.
+pub type CommandedLogReader<R = File> = TimedRows<R, CommandedLayout>;
+
+impl TimedRows<File, CommandedLayout> {
+    /// Opens a log whose columns of these names are commands.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`]; a column that is missing is named.
+    pub fn open(path: &Path, reorder: bool, commands: &[String]) -> Result<Self, FormatsError> {
+        Self::start(open_file(path)?, path, reorder, |header| {
+            let columns =
+                commands.iter().map(|name| header.required(name, OF_AN_ACTUATOR)).collect::<Result<_, _>>()?;
+            Ok(CommandedLayout { motion: MotionLayout::find(header)?, commands: columns, names: commands.to_vec() })
+        })
+    }
+
+    /// Whether the log is of motion in a plane.
+    pub fn is_planar(&self) -> bool {
+        self.layout().motion.is_planar()
+    }
+}
+
+/// Why a column of commands must be there.
+const OF_AN_ACTUATOR: &str = ", but the actuator file names it";
+
 impl TimedRows<File, MotionLayout> {
     /// Opens a log and reads its header.
     ///
@@ -155,27 +233,12 @@ impl<R: Read> TimedRows<R, MotionLayout> {
     /// # Errors
     /// As [`LogReader::open`].
     pub fn from_reader(source: R, path: &Path, reorder: bool) -> Result<Self, FormatsError> {
-        Self::start(source, path, reorder, |header| {
-            let [time, pose @ ..] = REQUIRED;
-            let time = header.required(time, "")?;
-            if header.position(PLANAR[2]).is_some() && pose[2..].iter().all(|name| header.position(name).is_none()) {
-                let columns = header.group(PLANAR)?.ok_or_else(|| header.lacks(PLANAR[2]))?;
-                let motion = MotionColumns::in_plane(header)?;
-                return Ok(MotionLayout { time, pose: PoseColumns::Planar(columns), motion });
-            }
-            let mut columns = [0; 7];
-            for (slot, column) in columns.iter_mut().zip(pose) {
-                *slot = header.required(column, "")?;
-            }
-            Ok(MotionLayout { time, pose: PoseColumns::Full(columns), motion: MotionColumns::find(header)? })
-        })
+        Self::start(source, path, reorder, MotionLayout::find)
     }
-}
 
-impl<R: Read> TimedRows<R, MotionLayout> {
     /// Whether the log is of motion in a plane: what its columns lack was not measured, and stands at zero in its samples.
     pub fn is_planar(&self) -> bool {
-        matches!(self.layout().pose, PoseColumns::Planar(_))
+        self.layout().is_planar()
     }
 }
 

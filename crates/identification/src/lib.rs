@@ -62,6 +62,8 @@ mod units;
 mod weighted_least_squares;
 #[cfg(feature = "std")]
 pub mod wheel;
+#[cfg(feature = "std")]
+mod wrench_effect;
 mod wrench_timing;
 
 pub use body_scale::BodyScale;
@@ -87,9 +89,8 @@ pub use likelihood::LikelihoodCost;
 #[cfg(feature = "std")]
 pub use likelihood::{
     BodyChange, Exchange, FixedLag, FixedLagSettings, FixedLagStep, FlightEstimate, FlightLikelihood, FoundDelay,
-    FoundLevels, FoundThrusters, Halves, Innovation, Iteration, LikelihoodEstimate,
-    MaximumLikelihood, Nuisance, NuisanceEstimate, NuisancePrior, Nuisances, Plane, Quantity, SegmentResidual, Thrusters,
-    Verdict,
+    FoundLevels, FoundThrusters, Halves, Innovation, Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance,
+    NuisanceEstimate, NuisancePrior, Nuisances, Plane, Quantity, SegmentResidual, Thrusters, Verdict,
 };
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]
@@ -102,4 +103,6 @@ pub use savitzky_golay::{SavitzkyGolay, SmoothedMotion};
 pub use square_root_information::{RANK_TOLERANCE, SquareRootInformation};
 #[cfg(feature = "std")]
 pub use weighted_least_squares::{RowNoise, WeightedLeastSquares, WrenchRow, whitened};
+#[cfg(feature = "std")]
+pub use wrench_effect::WrenchEffect;
 pub use wrench_timing::WrenchTiming;

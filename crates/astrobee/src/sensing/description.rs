@@ -5,9 +5,7 @@ use super::imu::average_of_taps;
 use super::{ImuSettings, LocalizationSettings, SensorErrors};
 use crate::propulsion::ImpellerMode;
 use tumble_identification::IdentificationError;
-use tumble_identification::sensing::{
-    Delay, InertialErrors, Level, LinearFilter, LocalizationErrors, Sensing, Wander,
-};
+use tumble_identification::sensing::{Delay, InertialErrors, Level, LinearFilter, LocalizationErrors, Sensing, Wander};
 
 /// Biases after the flight software has removed what it believes: rad/s and m/s^2.
 const BIAS_SIGMA: [f64; 2] = [0.02, 0.05];

@@ -119,6 +119,17 @@ impl Row<'_> {
         }
     }
 
+    /// That a cell holds a number which its column cannot hold.
+    pub fn out_of_range(&self, column: usize, allowed: &'static str) -> FormatsError {
+        FormatsError::OutOfRange {
+            path: self.path.into(),
+            line: self.line,
+            column: self.names.get(column).cloned().unwrap_or_default(),
+            text: shortened(&String::from_utf8_lossy(self.text(column))),
+            allowed,
+        }
+    }
+
     /// A finite number.
     ///
     /// # Errors
@@ -165,7 +176,10 @@ impl Row<'_> {
         columns.iter().map(|column| self.number(*column)).collect::<Result<_, _>>().map(Some)
     }
     /// An optional group: `None` where any of its cells is empty, zero where it has no column.
-    pub fn optional<const N: usize>(&self, columns: Option<[Option<usize>; N]>) -> Result<Option<[f64; N]>, FormatsError> {
+    pub fn optional<const N: usize>(
+        &self,
+        columns: Option<[Option<usize>; N]>,
+    ) -> Result<Option<[f64; N]>, FormatsError> {
         let Some(columns) = columns else { return Ok(None) };
         if columns.iter().flatten().any(|column| self.text(*column).is_empty()) {
             return Ok(None);

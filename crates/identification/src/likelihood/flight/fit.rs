@@ -137,10 +137,11 @@ pub(super) fn without_state(form: &Form, shape: Shape) -> Option<(DMatrix<f64>, 
     let states = DMatrix::from_fn(STATES, STATES, at);
     let cross = DMatrix::from_fn(STATES, p + 1, |i, j| at(i, STATES + j));
     let gone = solved(&states, &cross)?;
-    let information =
-        DMatrix::from_fn(p, p, |i, j| at(STATES + i, STATES + j)) - cross.columns(0, p).transpose() * gone.columns(0, p);
+    let information = DMatrix::from_fn(p, p, |i, j| at(STATES + i, STATES + j))
+        - cross.columns(0, p).transpose() * gone.columns(0, p);
     let information = (&information + information.transpose()) * 0.5;
-    let gradient = DVector::from_fn(p, |i, _| at(STATES + i, STATES + p)) - cross.columns(0, p).transpose() * gone.column(p);
+    let gradient =
+        DVector::from_fn(p, |i, _| at(STATES + i, STATES + p)) - cross.columns(0, p).transpose() * gone.column(p);
     Some((information, gradient, gone))
 }
 
@@ -197,9 +198,10 @@ impl<'a> Fit<'a> {
         let (gyro, accelerometer) = (sensing.rate.filter.as_ref(), sensing.acceleration.filter.as_ref());
         let unit = Unit::new(&grid, layout, &columns, lever, gyro, accelerometer);
         let ratio_of = |errors: &InertialErrors| {
-            errors.filter.as_ref().map_or(1.0, |filter| {
-                filter.density_ratio(whole(grid.step_s / filter.step_s()).max(1), samples)
-            })
+            errors
+                .filter
+                .as_ref()
+                .map_or(1.0, |filter| filter.density_ratio(whole(grid.step_s / filter.step_s()).max(1), samples))
         };
         let ratio = [ratio_of(&sensing.rate), ratio_of(&sensing.acceleration)];
         let count = layout.count();
@@ -289,8 +291,7 @@ impl<'a> Fit<'a> {
         for (i, stated) in wander.into_iter().enumerate() {
             self.levels.wander[i] = stated.or(WANDER_START[i], WANDER_TIME_S);
         }
-        self.levels.wrench =
-            self.of.wrench_noise.unwrap_or([drive[0] * WRENCH_START[0], drive[1] * WRENCH_START[1]]);
+        self.levels.wrench = self.of.wrench_noise.unwrap_or([drive[0] * WRENCH_START[0], drive[1] * WRENCH_START[1]]);
     }
 
     fn start_parameters(&mut self, has: [bool; STREAMS]) {
@@ -320,8 +321,11 @@ impl<'a> Fit<'a> {
         sigma[layout.slope() + 1] = slope;
         // From the unit alone a doubt of its scale is far from linear.
         let fixed_by_poses = has[POSITION] || has[VELOCITY];
-        let doubted =
-            if fixed_by_poses { sensing.doubted_scale_sigma.max(sensing.acceleration.scale_sigma) } else { sensing.acceleration.scale_sigma };
+        let doubted = if fixed_by_poses {
+            sensing.doubted_scale_sigma.max(sensing.acceleration.scale_sigma)
+        } else {
+            sensing.acceleration.scale_sigma
+        };
         let triads = [
             (layout.rate_gain(), layout.rate_bias(), &sensing.rate, sensing.rate.scale_sigma, RATE),
             (layout.acceleration_gain(), layout.acceleration_bias(), &sensing.acceleration, doubted, ACCELERATION),
@@ -406,9 +410,7 @@ impl<'a> Fit<'a> {
 
     pub(super) fn wrench_errors(&self) -> impl Iterator<Item = [f64; WRENCH]> + '_ {
         let root = (self.samples as f64).sqrt();
-        self.errors.iter().map(move |error| {
-            core::array::from_fn(|i| error[i] * self.levels.wrench[i / 3] / root)
-        })
+        self.errors.iter().map(move |error| core::array::from_fn(|i| error[i] * self.levels.wrench[i / 3] / root))
     }
 
     fn wandering(&self) -> Wandering {
@@ -684,8 +686,7 @@ impl<'a> Fit<'a> {
     fn step(&mut self) -> Result<(Vec<[f64; STATES]>, Vec<[f64; NOISES]>), IdentificationError> {
         let p = self.free.len();
         let form = self.chain.eliminate(0, self.segments, true);
-        let (mut information, mut gradient, gone) =
-            without_state(&form, self.chain.shape).ok_or(indefinite(p))?;
+        let (mut information, mut gradient, gone) = without_state(&form, self.chain.shape).ok_or(indefinite(p))?;
         for (i, (&column, prior)) in self.free.iter().zip(&self.prior).enumerate() {
             information[(i, i)] += prior;
             gradient[i] += prior * (self.eta[column] - self.mean[column]);

@@ -6,10 +6,10 @@
 //! # Source
 //! Design of the flight sensors, section 2.
 
+use super::super::flow::{Body, by_inertia};
 use super::grid::Grid;
 use super::layout::{BODY, CENTER, INERTIA, LOG_MASS, Layout};
 use crate::lie::skew;
-use super::super::flow::{Body, by_inertia};
 use crate::sensing::LinearFilter;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -235,8 +235,7 @@ impl Unit {
         let (torque, force) = self.with_scales(&self.owed, k, eta);
         let turning = self.owed.turning(k);
         let inverse = &body.inverse;
-        let alpha =
-            inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
+        let alpha = inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
         let mut by_body = SMatrix::<f64, 3, 10>::zeros();
         by_body.fixed_view_mut::<3, 3>(0, CENTER).copy_from(&-(inverse * skew(&force)));
         let by_j = inverse * (gyroscopic_by_inertia(&turning) + by_inertia(&alpha));
@@ -261,8 +260,7 @@ impl Unit {
         let (torque, force) = self.with_scales(&self.passed, k, eta);
         let turning = self.passed.turning(k);
         let inverse = &body.inverse;
-        let alpha =
-            inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
+        let alpha = inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
         let arm = self.lever - body.center;
         let swing = skew(&arm);
         let centripetal = turning - Matrix3::identity() * turning.trace();

@@ -1,0 +1,71 @@
+//! Sensors as a file: what the columns of a log are of the true motion.
+
+use crate::FormatsError;
+use crate::text_file::{self, printable};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use tumble_identification::sensing::Sensing;
+
+#[derive(Serialize, Deserialize)]
+struct File {
+    format: u32,
+    #[serde(flatten)]
+    sensing: toml::Table,
+}
+
+/// Reads and checks a file.
+///
+/// # Errors
+/// [`FormatsError::Unreadable`], [`FormatsError::BadToml`] naming the key.
+pub fn read(path: &Path) -> Result<Sensing, FormatsError> {
+    let text = text_file::read(path).map_err(|source| FormatsError::Unreadable { path: path.into(), source })?;
+    parse(&text, path)
+}
+
+/// From the text of the file `path`.
+///
+/// # Errors
+/// As [`read`].
+///
+/// # Example
+/// ```
+/// use tumble_formats::sensing_file;
+/// use tumble_identification::sensing::Sensing;
+/// let text = sensing_file::text(&Sensing::default());
+/// assert_eq!(sensing_file::parse(&text, "sensing.toml".as_ref())?, Sensing::default());
+/// # Ok::<(), tumble_formats::FormatsError>(())
+/// ```
+pub fn parse(text: &str, path: &Path) -> Result<Sensing, FormatsError> {
+    let bad = |message: String| FormatsError::BadToml { path: path.into(), message };
+    let file: File = toml::from_str(text).map_err(|error| bad(printable(&error.to_string())))?;
+    if file.format != 1 {
+        return Err(bad(format!("`format = {}`; this version reads 1", file.format)));
+    }
+    let sensing: Sensing =
+        file.sensing.try_into().map_err(|error: toml::de::Error| bad(printable(&error.to_string())))?;
+    sensing.check().map_err(|error| bad(error.to_string()))?;
+    Ok(sensing)
+}
+
+/// The text of a file with every key.
+pub fn text(sensing: &Sensing) -> String {
+    let keys = toml::to_string(sensing).unwrap_or_default();
+    format!("format = 1\n{keys}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(text: &str) -> String {
+        parse(text, Path::new("sensing.toml")).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn impossible_values_are_named() {
+        assert!(refused("format = 1\n[pose_delay]\nsigma_s = -1.0\n").contains("delay"));
+        assert!(refused("format = 1\nlever_arm_body = [0.0, 0.0, 0.0]\n").contains("lever_arm_body"));
+        assert!(refused("format = 3\n").contains("format"));
+        assert!(refused("[position]\nwhite = { known = 0.1 }\n").contains("format"));
+    }
+}
