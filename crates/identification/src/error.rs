@@ -58,8 +58,8 @@ pub enum IdentificationError {
     },
     /// A method that is not built in; a pipeline of the user's may know more.
     #[error(
-        "no method is called `{asked}`; known: auto, newton-euler, variational, variational4, variational6, maximum-likelihood, rls, \
-         recursive-sdp, ekf, ukf"
+        "no method is called `{asked}`; known: auto, newton-euler, variational, variational4, variational6, maximum-likelihood, \
+         flight-likelihood, rls, recursive-sdp, ekf, ukf"
     )]
     UnknownMethod {
         /// The name asked for.

@@ -4,6 +4,7 @@
 
 mod environment;
 mod fit;
+mod flight;
 mod likelihood;
 mod long;
 mod merge;
@@ -22,8 +23,8 @@ use crate::ConstrainedLeastSquares;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::estimator::{Estimate, Evidence, Judge, StandardDeviations, Verdict, standard_deviations};
-use crate::lie::Pose;
-use crate::likelihood::{Exchange, NuisanceEstimate, Nuisances};
+use crate::lie::{Pose, Wrench};
+use crate::likelihood::{Exchange, FlightLikelihood, NuisanceEstimate, Nuisances};
 use crate::motion::{MotionSample, Noise};
 use crate::weighted_least_squares::{WrenchRow, whitened};
 use crate::{
@@ -56,8 +57,11 @@ pub(crate) const AUTO: &str = "auto";
 /// Name of the maximum likelihood; where it leaves a direction free, the best regression answers instead and says which.
 pub const MAXIMUM_LIKELIHOOD: &str = "maximum-likelihood";
 
+/// Name of the likelihood with a model of the sensors in it: wander, filters, gains, biases, delays.
+pub const FLIGHT_LIKELIHOOD: &str = "flight-likelihood";
+
 /// Every built-in method: its name, what it is in a sentence, and how it comes to an answer.
-const BUILT_IN: [(&str, &str, Way); 10] = [
+const BUILT_IN: [(&str, &str, Way); 11] = [
     (AUTO, "Chosen from the columns and the noise found", Way::Auto),
     (
         "newton-euler",
@@ -68,6 +72,11 @@ const BUILT_IN: [(&str, &str, Way); 10] = [
     ("variational4", "Extrapolated variational regressor, order 4, poses only", Way::Rows(Regression::Variational4)),
     ("variational6", "Extrapolated variational regressor, order 6, poses only", Way::Rows(Regression::Variational6)),
     (MAXIMUM_LIKELIHOOD, "Maximum likelihood from noisy poses and wrenches", Way::Likelihood),
+    (
+        FLIGHT_LIKELIHOOD,
+        "Maximum likelihood with sensors that wander, filter, lag, are off in scale and bias",
+        Way::FlightLikelihood,
+    ),
     ("rls", "Recursive least squares in covariance form", Way::Rls),
     ("recursive-sdp", "Recursive least squares whose every answer is a body", Way::RecursiveSdp),
     ("ekf", "Extended Kalman filter of motion and parameters", Way::Ekf),
@@ -80,6 +89,7 @@ pub(crate) enum Way {
     Auto,
     Rows(Regression),
     Likelihood,
+    FlightLikelihood,
     Rls,
     RecursiveSdp,
     Ekf,
@@ -125,6 +135,8 @@ pub(crate) struct Plan<'a> {
     way: Way,
     solver: SolverFor<'a>,
     judge: Judge,
+    /// What the likelihood of flight is told beside the settings.
+    flown: Option<&'a FlightLikelihood>,
 }
 
 impl<'a> Plan<'a> {
@@ -133,7 +145,7 @@ impl<'a> Plan<'a> {
         // The judge of a record takes the units of its body.
         let judge = Judge::new(BodyScale::try_new(1.0, 1.0)?);
         let way = Way::named(settings.method)?;
-        Ok(Self { settings, name: settings.method, way, solver: &pipeline::interior_point, judge })
+        Ok(Self { settings, name: settings.method, way, solver: &pipeline::interior_point, judge, flown: None })
     }
 }
 
@@ -150,7 +162,7 @@ pub struct Prior {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Name of the method, as [`methods`] or a [`Pipeline`] lists it: `auto`, `newton-euler`, `variational`, `variational4`,
-    /// `variational6`, `maximum-likelihood`, `rls`, `recursive-sdp`, `ekf`, `ukf`, or one of the user's.
+    /// `variational6`, `maximum-likelihood`, `flight-likelihood`, `rls`, `recursive-sdp`, `ekf`, `ukf`, or one of the user's.
     pub method: &'static str,
     /// When the logged wrench acts.
     pub wrench_timing: WrenchTiming,
@@ -283,6 +295,10 @@ const SILENT: f64 = 0.1;
 const LARGEST_TILT_RAD: f64 = 0.02;
 const LARGEST_LIFT_M: f64 = 0.05;
 const SMALLEST_TURN_RAD: f64 = 0.04;
+/// Share of a wrench that may stand out of the plane that it lies in, and what a localisation may wander then, root mean squares.
+const CONFINED: f64 = 1e-3;
+const WIDEST_TILT_RAD: f64 = 0.1;
+const WIDEST_LIFT_M: f64 = 0.2;
 /// Cosine of the largest tilt of a plane that counts as the xy plane.
 const UPRIGHT: f64 = 0.99;
 /// Fewer nodes than this leave the covariance uncertain.
@@ -367,6 +383,11 @@ fn answer<E: From<IdentificationError>>(
     {
         return Ok(found);
     }
+    if plan.way == Way::FlightLikelihood
+        && let Some(found) = flight::most_likely(record, &timeline, plan)?
+    {
+        return Ok(found);
+    }
     let noise = SampleNoise::estimate(record, &timeline, settings);
     let mut fit = match best_fit(record, &timeline, plan, &noise)? {
         Best::Fit(fit) => *fit,
@@ -416,7 +437,7 @@ fn conclude(
         }
         Silence::Nothing => {}
     }
-    let likelihood_failed = plan.way == Way::Likelihood
+    let likelihood_failed = matches!(plan.way, Way::Likelihood | Way::FlightLikelihood)
         || plan.way == Way::Auto && settings.lag.is_none() && (fit.poses_noisy || fit.rates_noisy);
     if likelihood_failed {
         warnings.push(Warning::LikelihoodFailed);
@@ -538,9 +559,27 @@ fn planar_motion(record: &[MotionSample]) -> Option<Vector3<f64>> {
     (planar && moves).then(|| if normal.sum() < 0.0 { -normal } else { normal })
 }
 
-/// Whether a motion is confined to the xy plane within what localisation wanders.
+/// Whether a motion is confined to the xy plane within what localisation wanders, a wider wander where the logged wrench lies in the plane.
 pub(crate) fn is_in_xy_plane(record: &[MotionSample]) -> bool {
-    planar_motion(record).is_some_and(|normal| normal.z.abs() > UPRIGHT)
+    if planar_motion(record).is_some_and(|normal| normal.z.abs() > UPRIGHT) {
+        return true;
+    }
+    let (mut inside, mut across) = (0.0, 0.0);
+    for Wrench { torque, force } in record.iter().filter_map(|sample| sample.wrench_body) {
+        inside += force.x * force.x + force.y * force.y + torque.z * torque.z;
+        across += force.z * force.z + torque.x * torque.x + torque.y * torque.y;
+    }
+    let poses = || record.iter().filter_map(|sample| sample.world_from_body.as_ref());
+    let count = poses().count().max(1) as f64;
+    let height = poses().map(|pose| pose.translation.z).sum::<f64>() / count;
+    let (mut tilt, mut lift) = (0.0, 0.0);
+    for pose in poses() {
+        let up = pose.rotation.transform_vector(&Vector3::z());
+        tilt += up.x * up.x + up.y * up.y;
+        lift += (pose.translation.z - height).powi(2);
+    }
+    let is_confined = inside > 0.0 && across <= (CONFINED * CONFINED) * inside;
+    is_confined && poses().next().is_some() && (tilt / count).sqrt() < WIDEST_TILT_RAD && (lift / count).sqrt() < WIDEST_LIFT_M
 }
 
 /// What the motion of a record can answer, given the noise of its wrench (torque, force; one standard deviation of one

@@ -9,7 +9,7 @@ use crate::BodyScale;
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, PseudoInertiaCone};
 use crate::dynamics::Environment;
 use crate::estimator::{Estimator, EstimatorError, Finding, Judge, Replay};
-use crate::likelihood::MaximumLikelihood;
+use crate::likelihood::{FlightLikelihood, MaximumLikelihood};
 use crate::motion::MotionSample;
 use crate::recursive::{RecursiveLeastSquares, RecursiveSdp};
 use crate::registry::Registry;
@@ -29,7 +29,7 @@ pub(super) fn interior_point(scale: BodyScale) -> Box<dyn ConstrainedLeastSquare
 }
 
 /// The library's own methods, each an estimator: `auto`, `newton-euler`, `variational`, `variational4`, `variational6`,
-/// `maximum-likelihood`, `rls`, `recursive-sdp`, `ekf`, `ukf`.
+/// `maximum-likelihood`, `flight-likelihood`, `rls`, `recursive-sdp`, `ekf`, `ukf`.
 pub fn methods() -> Methods {
     BUILT_IN.iter().fold(Methods::new("method"), |methods, (name, sentence, way)| {
         let way = *way;
@@ -46,6 +46,11 @@ fn made(way: Way, problem: Problem) -> Box<dyn Estimator<Record = [MotionSample]
             gravity_world: problem.gravity_world,
             nuisances: problem.estimate.iter().collect(),
             ..MaximumLikelihood::default()
+        }),
+        Way::FlightLikelihood => Box::new(FlightLikelihood {
+            wrench_timing: problem.wrench_timing,
+            gravity_world: problem.gravity_world,
+            ..FlightLikelihood::default()
         }),
         Way::Rls => Box::new(Replay::new(problem, move |_: &[MotionSample]| {
             let deviation = problem.scale.parameter_magnitudes() * VAGUE;
@@ -101,6 +106,7 @@ pub struct Pipeline {
     solver: Box<dyn Fn(BodyScale) -> Box<dyn ConstrainedLeastSquares<10>> + Send + Sync>,
     levels: Option<Judge>,
     environment: Environment,
+    flown: Option<FlightLikelihood>,
 }
 
 impl Default for Pipeline {
@@ -118,6 +124,7 @@ impl Pipeline {
             solver: Box::new(interior_point),
             levels: None,
             environment: Environment::default(),
+            flown: None,
         }
     }
 
@@ -151,6 +158,14 @@ impl Pipeline {
     #[must_use]
     pub fn judged_by(mut self, levels: Judge) -> Self {
         self.levels = Some(levels);
+        self
+    }
+
+    /// What `flight-likelihood` is told beside the [`Settings`]: sensors, thrusters, whether the motion is one in the plane. Timing and gravity
+    /// are those of the settings.
+    #[must_use]
+    pub fn flown_with(mut self, told: FlightLikelihood) -> Self {
+        self.flown = Some(told);
         self
     }
 
@@ -189,7 +204,8 @@ impl Pipeline {
         let usual = Plan::usual(&known)?;
         let way = if own { Way::Other } else { usual.way };
         let judge = self.levels.unwrap_or(usual.judge);
-        let plan = Plan { name: settings.method, way, solver: &solver, judge, ..usual };
+        let plan =
+            Plan { name: settings.method, way, solver: &solver, judge, flown: self.flown.as_ref(), ..usual };
         if !own {
             return Ok(run(record, &plan, |fit, noise| recursion::run(fit, record, &plan, noise))?);
         }

@@ -30,6 +30,10 @@ const WRENCH_FLOOR: [f64; 2] = [5e-5, 3e-5];
 /// Where nothing is said of wander the search begins here: metres, radians, metres per second; seconds.
 const WANDER_START: [f64; 3] = [0.02, 0.01, 2e-3];
 const WANDER_TIME_S: f64 = 10.0;
+/// Where nothing is said of the noise of the inertial unit the search begins at this share of what it shows.
+const WIDE_START: f64 = 0.1;
+/// Largest change of a delay in one sweep, s.
+const LARGEST_DELAY_STEP_S: f64 = 0.2;
 /// Gates in standard deviations: of inertial rows, of drives of the wander.
 const GATE: f64 = 4.5;
 const WANDER_GATE: f64 = 5.0;
@@ -270,6 +274,13 @@ impl<'a> Fit<'a> {
             let most = seen().map(|(row, _)| (value(row) - value(first)).amax()).fold(0.0, f64::max);
             if stream == ATTITUDE || most == 0.0 { 1.0 } else { most }
         };
+        let size = |stream: usize| {
+            let seen = || self.grid.rows.iter().zip(&self.grid.valid).filter(|(_, valid)| valid[stream]);
+            let value = |row: &Row| if stream == RATE { row.rate } else { row.acceleration };
+            let count = seen().count().max(1) as f64;
+            let mean = seen().map(|(row, _)| value(row)).sum::<Vector3<f64>>() / count;
+            (seen().map(|(row, _)| (value(row) - mean).norm_squared()).sum::<f64>() / (3.0 * count)).sqrt()
+        };
         let stated = [
             sensing.position.white,
             sensing.attitude.white,
@@ -279,10 +290,9 @@ impl<'a> Fit<'a> {
         ];
         for (stream, stated) in stated.into_iter().enumerate() {
             let seen = self.raw[stream].unwrap_or(0.0).max(SMALLEST_WHITE * span(stream));
-            let filtered = stream == RATE && sensing.rate.filter.is_some()
-                || stream == ACCELERATION && sensing.acceleration.filter.is_some();
-            // What a filter lets through of noise says little of its density at low frequency.
-            let start = if filtered { 10.0 * seen } else { seen };
+            // Differences of a stream that somebody has filtered say little of its density at low frequency: begun too wide the level falls at
+            // once, begun too narrow it ties the motion to what the filter made of it.
+            let start = if stream < RATE { seen } else { seen.max(WIDE_START * size(stream)) };
             let is_of_unit = stream == RATE || stream == ACCELERATION;
             self.levels.white[stream] = if stated.is_known() || is_of_unit { stated.or(start) } else { start };
             self.raw[stream] = Some(seen);
@@ -728,8 +738,11 @@ impl<'a> Fit<'a> {
             }
             step
         };
+        let delays = self.layout.delay()..self.layout.delay() + DELAYS;
         for (&column, step) in self.free.iter().zip(step.iter()).filter(|(column, _)| **column >= BODY) {
-            self.eta[column] += step;
+            let is_delay = delays.contains(&column);
+            self.eta[column] +=
+                if is_delay { step.clamp(-LARGEST_DELAY_STEP_S, LARGEST_DELAY_STEP_S) } else { *step };
         }
         self.decrement = step.dot(&(&information * &step));
         if !self.decrement.is_finite() {

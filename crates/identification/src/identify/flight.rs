@@ -1,0 +1,165 @@
+//! The likelihood with a model of the sensors behind [`identify`](super::identify).
+
+use super::likelihood::MANY_OUTLIERS;
+use super::solution::{Solution, solve};
+use super::timeline::Timeline;
+use super::verdict::{Marks, Silence, verdict};
+use super::{FEW_NODES, FLIGHT_LIKELIHOOD, Identification, NodeResidual, Noise, Plan, Warning, planar_motion};
+use crate::error::{Column, IdentificationError};
+use crate::estimator::{Evidence, Verdict, Why};
+use crate::likelihood::{FlightEstimate, FlightLikelihood};
+use crate::motion::MotionSample;
+use crate::{BodyScale, Observability};
+use nalgebra::Vector3;
+
+/// Chance below which the halves of a record are not of one body, or not of these sensors.
+const CHANCE: f64 = 1e-5;
+/// Colour of what is left of the inertial rows beyond which the sensors are not as described: the filters known leave up to 1.6.
+const COLOURED: f64 = 2.0;
+/// Misfit of levels below which colour is of no consequence.
+const VISIBLE: f64 = 1e-4;
+
+/// `None` where the likelihood does not settle: a regression then answers.
+pub(super) fn most_likely(
+    record: &[MotionSample],
+    timeline: &Timeline,
+    plan: &Plan<'_>,
+) -> Result<Option<Identification>, IdentificationError> {
+    let settings = plan.settings;
+    let estimator = FlightLikelihood {
+        wrench_timing: settings.wrench_timing,
+        gravity_world: settings.gravity_world,
+        ..plan.flown.cloned().unwrap_or_default()
+    };
+    match estimator.estimate(record) {
+        Ok(found) => identification(&found, record, timeline, plan).map(Some),
+        Err(
+            IdentificationError::Indefinite { .. }
+            | IdentificationError::LikelihoodNotConverged { .. }
+            | IdentificationError::TooFewSamples { .. }
+            | IdentificationError::WrenchBeside,
+        ) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn identification(
+    found: &FlightEstimate,
+    record: &[MotionSample],
+    timeline: &Timeline,
+    plan: &Plan<'_>,
+) -> Result<Identification, IdentificationError> {
+    let settings = plan.settings;
+    let scale = BodyScale::of(&found.parameters.to_vector())?;
+    let information = found.information;
+    let observability = Observability::new(&information, scale);
+    let full_rank = found.is_determined();
+    let Solution { mut estimate, regularised } = solve(information, scale, full_rank, plan)?;
+    if let (Some(estimate), None) = (&mut estimate, settings.prior.as_ref()) {
+        // The likelihood has met the constraint where it is not linear.
+        estimate.parameters = found.parameters;
+    }
+    let mut evidence = applied(found, record, scale);
+    let colours = [(Column::Rate, &found.whiteness[0]), (Column::Acceleration, &found.whiteness[1])];
+    let coloured = colours.into_iter().filter_map(|(column, whiteness)| {
+        let whiteness = whiteness.as_ref()?;
+        let inflation = whiteness.sigma_inflation();
+        (inflation > COLOURED && !whiteness.is_white(VISIBLE)).then_some((column, inflation))
+    });
+    let mut warnings = Vec::new();
+    for (column, sigma_inflation) in coloured {
+        evidence.colour = evidence.colour.max(sigma_inflation);
+        warnings.push(Warning::ColouredNoise { column, sigma_inflation });
+    }
+    let mut verdict = verdict(plan, scale, &information, estimate.as_ref(), &evidence, None)?;
+    if let Some(halves) = found.halves.filter(|halves| halves.chance() < CHANCE) {
+        let says = matches!(verdict, Verdict::Identified) || found.planar;
+        if says {
+            let chi_square = halves.chi_square / halves.degrees_of_freedom.max(1) as f64;
+            verdict = Verdict::Doubtful(Why::Disagrees { chi_square });
+        }
+    }
+    let gated = found.gated.iter().copied().max().unwrap_or(0) * found.segment_samples;
+    let many_outliers = gated as f64 > MANY_OUTLIERS * record.len() as f64;
+    if many_outliers {
+        warnings.push(Warning::ManyOutliers { rejected: gated, rows: record.len() });
+    }
+    if timeline.gaps > 0 {
+        warnings.push(Warning::Gaps { count: timeline.gaps, longest_s: timeline.longest_step_s });
+    }
+    let missing = record.iter().filter(|sample| sample.wrench_body.is_none()).count();
+    if missing > 0 {
+        warnings.push(Warning::HeldWrenches { samples: missing });
+    }
+    if estimate.is_some_and(|found| found.lmi_active) {
+        warnings.push(Warning::ConstraintActive);
+    }
+    if found.explained < plan.judge.poor_fit {
+        warnings.push(Warning::PoorFit { explained: found.explained });
+    }
+    if found.planar {
+        let normal_world = planar_motion(record).unwrap_or_else(Vector3::z);
+        warnings.push(Warning::PlanarMotion { normal_world });
+    }
+    if record.len() < FEW_NODES {
+        warnings.push(Warning::FewRows { rows: 6 * record.len() });
+    }
+    let levels = &found.levels;
+    let [position_m, attitude_rad, velocity_m_s, rate_rad_s, acceleration_m_s2] = levels.white;
+    let [torque_n_m, force_n] = levels.wrench;
+    let noise = Noise {
+        torque_n_m,
+        force_n,
+        attitude_rad,
+        position_m,
+        rate_rad_s,
+        velocity_m_s,
+        acceleration_m_s2,
+    };
+    let residuals = found
+        .wrench_errors
+        .iter()
+        .map(|(sample, torque, force)| NodeResidual {
+            time_ns: timeline.time_ns(*sample),
+            torque: *torque,
+            force: *force,
+        })
+        .collect();
+    Ok(Identification {
+        method: FLIGHT_LIKELIHOOD,
+        wrench_timing: settings.wrench_timing,
+        lag: found.segment_samples,
+        step_s: timeline.median_step_s(),
+        samples_used: record.len().saturating_sub(gated),
+        samples_rejected: gated.min(record.len()),
+        rank: observability.rank(),
+        condition_number: observability.condition_number(),
+        null_directions: observability.null_directions().to_vec(),
+        information,
+        scale,
+        estimate,
+        regularised,
+        explained: Some(found.explained),
+        verdict,
+        evidence,
+        silence: Silence::Nothing,
+        noise,
+        delay_s: None,
+        calibration: Vec::new(),
+        exchanges: Vec::new(),
+        residuals,
+        warnings,
+        marks: Marks { leaves_noise_only: !many_outliers, is_planar: found.planar, ..Marks::default() },
+    })
+}
+
+/// What the body leaves of the wrench, torque counted at its own length.
+fn applied(found: &FlightEstimate, record: &[MotionSample], scale: BodyScale) -> Evidence {
+    let size = |torque: f64, force: f64| torque / scale.length_m().powi(2) + force;
+    let all: f64 = record
+        .iter()
+        .filter_map(|sample| sample.wrench_body)
+        .map(|wrench| size(wrench.torque.norm_squared(), wrench.force.norm_squared()))
+        .sum();
+    Evidence::of_sums(all, all * (1.0 - found.explained))
+}
