@@ -87,6 +87,9 @@ pub struct InertialErrors {
     pub white: Level,
     /// What the published series has gone through; none where it is the true one.
     pub filter: Option<LinearFilter>,
+    /// How long the answer may be of a filter that nobody describes, or of what [`filter`](Self::filter) leaves out, one standard deviation, s;
+    /// zero where there is no more. Its delay counts as [`delay`](Self::delay), its width is found.
+    pub unknown_filter_s: f64,
     /// One standard deviation of the error of scale; zero where there is none.
     pub scale_sigma: f64,
     /// One standard deviation of the answer of an axis to another one; zero where there is none.
@@ -146,6 +149,7 @@ impl Default for InertialErrors {
         Self {
             white: Level::Unknown,
             filter: None,
+            unknown_filter_s: 0.1,
             scale_sigma: 1e-3,
             misalignment_sigma: 1.75e-3,
             bias_sigma: 0.02,
@@ -241,6 +245,7 @@ impl Sensing {
         late(&self.velocity_delay)?;
         for triad in [&self.rate, &self.acceleration] {
             level("noise of the inertial unit", triad.white)?;
+            sigma("length of an unknown filter, s", triad.unknown_filter_s)?;
             sigma("error of scale of the inertial unit", triad.scale_sigma)?;
             sigma("misalignment of the inertial unit, rad", triad.misalignment_sigma)?;
             sigma("bias of the inertial unit", triad.bias_sigma)?;

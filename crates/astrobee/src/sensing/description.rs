@@ -41,6 +41,7 @@ impl LocalizationSettings {
         let triad = |errors: &SensorErrors, filter: Option<LinearFilter>, bias_sigma: f64| InertialErrors {
             white: level(errors, filter.as_ref()),
             filter,
+            unknown_filter_s: 0.0,
             scale_sigma: errors.scale_sigma,
             misalignment_sigma: errors.misalignment_sigma_rad,
             bias_sigma,

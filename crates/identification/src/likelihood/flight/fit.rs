@@ -81,6 +81,8 @@ pub(super) struct Fit<'a> {
     pub(super) mean: Vec<f64>,
     pub(super) levels: Levels,
     raw: [Option<f64>; STREAMS],
+    /// What white noise is never below.
+    smallest: [f64; STREAMS],
     /// Rows between two of a stream.
     spacing: [f64; STREAMS],
     floors: [f64; 2],
@@ -219,6 +221,7 @@ impl<'a> Fit<'a> {
             mean: vec![0.0; count],
             levels: Levels { white: [0.0; STREAMS], wander: [(0.0, WANDER_TIME_S); 3], wrench: [0.0; 2] },
             raw,
+            smallest: [0.0; STREAMS],
             spacing,
             floors,
             axes,
@@ -287,7 +290,8 @@ impl<'a> Fit<'a> {
             sensing.acceleration.white,
         ];
         for (stream, stated) in stated.into_iter().enumerate() {
-            let seen = self.raw[stream].unwrap_or(0.0).max(SMALLEST_WHITE * span(stream));
+            self.smallest[stream] = SMALLEST_WHITE * span(stream);
+            let seen = self.raw[stream].unwrap_or(0.0).max(self.smallest[stream]);
             // Differences of a stream that somebody has filtered say little of its density at low frequency: begun too wide the level falls at
             // once, begun too narrow it ties the motion to what the filter made of it.
             let start = if stream < RATE { seen } else { seen.max(WIDE_START * size(stream)) };
@@ -360,6 +364,12 @@ impl<'a> Fit<'a> {
             self.shift[i] = nearest(rows);
             self.eta[column] = (rows - self.shift[i] as f64) * self.grid.step_s;
             self.mean[column] = self.eta[column];
+        }
+        for (i, (errors, stream)) in
+            [(&sensing.rate, RATE), (&sensing.acceleration, ACCELERATION)].into_iter().enumerate()
+        {
+            let width = errors.unknown_filter_s;
+            sigma[layout.spread() + i] = if has[stream] { 0.5 * width * width } else { 0.0 };
         }
         let unsaid = self.planar && sensing.gravity_added_world_m_s2.is_none() && has[ACCELERATION] && has[ATTITUDE];
         sigma[layout.gravity()] = if unsaid { GRAVITY_SIGMA } else { 0.0 };
@@ -520,24 +530,37 @@ impl<'a> Fit<'a> {
             [layout.rate_bias(), layout.acceleration_bias()].map(|from| core::array::from_fn(|i| at(from + i)));
         let delay_places: [Option<usize>; DELAYS] = core::array::from_fn(|i| at(layout.delay() + i));
         let gravity_place = at(layout.gravity());
+        let spread_places: [Option<usize>; 2] = core::array::from_fn(|i| at(layout.spread() + i));
+        let spreads: [f64; 2] = core::array::from_fn(|i| self.eta[layout.spread() + i]);
         let gains: [Matrix3<f64>; 2] = [layout.rate_gain(), layout.acceleration_gain()]
             .map(|from| Matrix3::from_row_slice(&self.eta[from..from + 9]) + Matrix3::identity());
         let delays: [f64; DELAYS] = core::array::from_fn(|i| self.eta[layout.delay() + i]);
         let gravity = self.eta[layout.gravity()];
         let wandering = self.chain.wandering;
-        // The acceleration of each row, where a delay wants its slope.
+        // The acceleration of each row, where a delay wants its slope or an unknown filter its bend.
         let n = layout.thrusters;
         let mut by_scale = vec![Vector3::zeros(); n];
-        let accelerations: Vec<Vector3<f64>> = if delay_places[3].is_some() {
+        let sloped_too = delay_places[3].is_some() || spread_places[1].is_some();
+        let accelerations: Vec<Vector3<f64>> = if sloped_too {
             (0..self.grid.len())
                 .map(|k| self.unit.acceleration(body, &self.eta, k, &self.rows[k].rate_beside, &mut by_scale).value)
                 .collect()
         } else {
             Vec::new()
         };
+        let used = self.segments * self.samples;
         let slope = |series: &[Vector3<f64>], k: usize| {
-            let (a, b) = (k.saturating_sub(1), (k + 1).min(series.len() - 1));
+            let (a, b) = (k.saturating_sub(1), (k + 1).min(used - 1));
             (series[b] - series[a]) / (self.grid.times[b] - self.grid.times[a]).max(f64::MIN_POSITIVE)
+        };
+        // Over a segment, so that steps between segments that do not meet yet are not what bends.
+        let reach = (self.samples / 2).max(1);
+        let bend = |series: &[Vector3<f64>], k: usize| {
+            if k < reach || k + reach >= used {
+                return Vector3::zeros();
+            }
+            let half_s = 0.5 * (self.grid.times[k + reach] - self.grid.times[k - reach]);
+            (series[k + reach] - series[k] * 2.0 + series[k - reach]) / (half_s * half_s)
         };
         for j in 0..self.segments {
             let means = &self.sweep.means[j * width..(j + 1) * width];
@@ -611,6 +634,15 @@ impl<'a> Fit<'a> {
                     let all = rate[place] * delays[2];
                     rate[last] += all;
                 }
+                if let Some(place) = spread_places[0] {
+                    let mut sum = Vector3::zeros();
+                    for k in range.clone().filter(|&k| self.valid[k][RATE]) {
+                        sum += bend(&self.sweep.published, k);
+                    }
+                    rate[place] = sum / self.grid_count(j, RATE);
+                    let all = rate[place] * spreads[0];
+                    rate[last] += all;
+                }
                 measured_gain(&mut rate, &gain_places[0], &bias_places[0], &mean_rate);
             }
             for i in 0..3 {
@@ -625,7 +657,7 @@ impl<'a> Fit<'a> {
                 let (mut mean, mut measured, mut upward) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
                 let mut by_body = nalgebra::SMatrix::<f64, 3, 10>::zeros();
                 let mut scales = vec![Vector3::zeros(); n];
-                let mut sloped = Vector3::zeros();
+                let (mut sloped, mut bent) = (Vector3::zeros(), Vector3::zeros());
                 for k in range.filter(|&k| self.valid[k][ACCELERATION]) {
                     let row = &self.rows[k];
                     let found = self.unit.acceleration(body, &self.eta, k, &row.rate_beside, &mut by_scale);
@@ -638,6 +670,9 @@ impl<'a> Fit<'a> {
                     }
                     if delay_places[3].is_some() {
                         sloped -= slope(&accelerations, k);
+                    }
+                    if spread_places[1].is_some() {
+                        bent += bend(&accelerations, k);
                     }
                 }
                 let share = 1.0 / self.grid_count(j, ACCELERATION);
@@ -654,6 +689,10 @@ impl<'a> Fit<'a> {
                 if let Some(place) = delay_places[3] {
                     columns[place] = sloped * share;
                     columns[last] += sloped * (share * delays[3]);
+                }
+                if let Some(place) = spread_places[1] {
+                    columns[place] = bent * share;
+                    columns[last] += bent * (share * spreads[1]);
                 }
                 if let Some(place) = gravity_place {
                     columns[place] = -upward * share;
@@ -908,8 +947,10 @@ impl<'a> Fit<'a> {
                 }
             }
             if !known && factor > 0.0 {
-                self.levels.white[i] *= factor.sqrt();
-                change = change.max(factor.sqrt()).max(1.0 / factor.sqrt());
+                let level = (self.levels.white[i] * factor.sqrt()).max(self.smallest[i]);
+                let by = level / self.levels.white[i];
+                change = change.max(by).max(1.0 / by);
+                self.levels.white[i] = level;
             }
         }
         if self.of.wrench_noise.is_none() {

@@ -60,7 +60,12 @@ impl Layout {
         self.delay() + DELAYS
     }
 
-    pub(super) fn count(self) -> usize {
+    /// Half the variance of the answer of a filter that nobody describes: of the rate, of the acceleration.
+    pub(super) fn spread(self) -> usize {
         self.gravity() + 1
+    }
+
+    pub(super) fn count(self) -> usize {
+        self.spread() + 2
     }
 }
