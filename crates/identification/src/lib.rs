@@ -77,9 +77,10 @@ pub use estimator::{Estimate, StandardDeviations};
 pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
 pub use identify::{
-    ConstrainedSolvers, FLIGHT_LIKELIHOOD, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD, Methods, NodeResidual, Part,
-    Pipeline, Prediction, Prior, Problem, Regressed, Regression, Settings, Silence, Validation, Warning,
-    constrained_solvers, identify, identify_in, identify_parts, merge, methods, predict, validate, with_all_that_acts,
+    ConstrainedSolvers, FLIGHT_LIKELIHOOD, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD, Methods,
+    NodeResidual, Part, Pipeline, Prediction, Prior, Problem, Regressed, Regression, Settings, Silence, Validation,
+    Warning, constrained_solvers, identify, identify_in, identify_parts, merge, methods, predict, validate,
+    with_all_that_acts,
 };
 pub use information::FisherInformation;
 #[cfg(feature = "argmin")]
@@ -87,9 +88,8 @@ pub use likelihood::LikelihoodCost;
 #[cfg(feature = "std")]
 pub use likelihood::{
     BodyChange, Exchange, FixedLag, FixedLagSettings, FixedLagStep, FlightEstimate, FlightLikelihood, FoundDelay,
-    FoundLevels, FoundThrusters, Halves, Innovation, Iteration, LikelihoodEstimate,
-    MaximumLikelihood, Nuisance, NuisanceEstimate, NuisancePrior, Nuisances, Plane, Quantity, SegmentResidual, Thrusters,
-    Verdict,
+    FoundLevels, FoundThrusters, Halves, Innovation, Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance,
+    NuisanceEstimate, NuisancePrior, Nuisances, Plane, Quantity, SegmentResidual, Thrusters, Verdict,
 };
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]

@@ -128,8 +128,8 @@ pub struct Sensing {
     pub velocity: LocalizationErrors,
     /// Age of the poses.
     pub pose_delay: Delay,
-    /// Age of the velocities.
-    pub velocity_delay: Delay,
+    /// Age of the velocities; `None` where they are as old as the poses.
+    pub velocity_delay: Option<Delay>,
     /// Angular rate.
     pub rate: InertialErrors,
     /// Acceleration.
@@ -137,6 +137,8 @@ pub struct Sensing {
     /// Where the accelerometer sits, from the body origin, m. The publisher takes the centripetal acceleration by its own rate out, and
     /// leaves in what the angular acceleration makes.
     pub lever_arm_body_m: [f64; 3],
+    /// One standard deviation of that place, each axis, m; zero where it is as stated.
+    pub lever_arm_sigma_m: f64,
     /// What the publisher has added for gravity, by the attitude it measured, inertial axes, m/s^2; `None` is the gravity that acts.
     pub gravity_added_world_m_s2: Option<[f64; 3]>,
     /// One standard deviation of the scales of an accelerometer that is not sane; where the record cannot tell it from a sane one,
@@ -159,17 +161,19 @@ impl Default for InertialErrors {
 }
 
 impl Default for Sensing {
-    /// A robot of which nothing is known but that its inertial unit is a usual one without filters: levels and delays from the record.
+    /// A robot of which nothing is known but that its inertial unit is a usual one: levels, delays, the width of filters and the lever arm are
+    /// found.
     fn default() -> Self {
         Self {
             position: LocalizationErrors::default(),
             attitude: LocalizationErrors::default(),
             velocity: LocalizationErrors::default(),
             pose_delay: Delay::default(),
-            velocity_delay: Delay::default(),
+            velocity_delay: None,
             rate: InertialErrors::default(),
             acceleration: InertialErrors { misalignment_sigma: 1.75e-3, bias_sigma: 0.1, ..InertialErrors::default() },
             lever_arm_body_m: [0.0; 3],
+            lever_arm_sigma_m: 0.05,
             gravity_added_world_m_s2: None,
             doubted_scale_sigma: 1.0,
         }
@@ -242,7 +246,7 @@ impl Sensing {
         slow(&self.attitude, "white noise of the attitude, rad", "wander of the attitude, rad")?;
         slow(&self.velocity, "white noise of the velocity, m/s", "wander of the velocity, m/s")?;
         late(&self.pose_delay)?;
-        late(&self.velocity_delay)?;
+        self.velocity_delay.as_ref().map_or(Ok(()), late)?;
         for triad in [&self.rate, &self.acceleration] {
             level("noise of the inertial unit", triad.white)?;
             sigma("length of an unknown filter, s", triad.unknown_filter_s)?;
@@ -251,6 +255,7 @@ impl Sensing {
             sigma("bias of the inertial unit", triad.bias_sigma)?;
             late(&triad.delay)?;
         }
+        sigma("standard deviation of the lever arm, m", self.lever_arm_sigma_m)?;
         sigma("doubted error of scale", self.doubted_scale_sigma)?;
         let places = self.lever_arm_body_m.iter().chain(self.gravity_added_world_m_s2.iter().flatten());
         places

@@ -187,10 +187,10 @@ impl FlightLikelihood {
             Plane::Free => false,
             Plane::Found => crate::identify::is_in_xy_plane(record),
         };
-        let added = self.sensing.gravity_added_world_m_s2.map_or(
-            if planar { Vector3::zeros() } else { self.gravity_world },
-            Vector3::from,
-        );
+        let added = self
+            .sensing
+            .gravity_added_world_m_s2
+            .map_or(if planar { Vector3::zeros() } else { self.gravity_world }, Vector3::from);
         let mut of = self.clone();
         let mut freed = Vec::new();
         loop {

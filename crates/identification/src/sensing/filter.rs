@@ -9,7 +9,11 @@ const LONGEST_ANSWER: usize = 4000;
 ///
 /// Its first input is taken to have lasted for ever.
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(try_from = "Coefficients", into = "Coefficients"))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(try_from = "Coefficients", into = "Coefficients")
+)]
 pub struct LinearFilter {
     numerator: Vec<f64>,
     denominator: Vec<f64>,
@@ -78,7 +82,10 @@ impl LinearFilter {
     /// As [`try_new`](Self::try_new); steps that differ.
     pub fn then(&self, other: &Self) -> Result<Self, IdentificationError> {
         if (self.step_s - other.step_s).abs() > 1e-9 * self.step_s {
-            return Err(IdentificationError::ImpossibleSensing { what: "step of the second filter, s", value: other.step_s });
+            return Err(IdentificationError::ImpossibleSensing {
+                what: "step of the second filter, s",
+                value: other.step_s,
+            });
         }
         let product = |a: &[f64], b: &[f64]| {
             let mut out = vec![0.0; a.len() + b.len() - 1];
@@ -103,9 +110,7 @@ impl LinearFilter {
 
     /// Delay of slow signals, samples.
     pub fn delay_samples(&self) -> f64 {
-        let delay = |c: &[f64]| {
-            c.iter().enumerate().map(|(i, c)| i as f64 * c).sum::<f64>() / c.iter().sum::<f64>()
-        };
+        let delay = |c: &[f64]| c.iter().enumerate().map(|(i, c)| i as f64 * c).sum::<f64>() / c.iter().sum::<f64>();
         delay(&self.numerator) - delay(&self.denominator)
     }
 
@@ -210,7 +215,11 @@ mod tests {
         let new = LinearFilter::try_new;
         assert!(new(&[1.0], &[1.0, -1.01], 0.01).is_err() && new(&[1.0], &[1.0, -0.99], 0.01).is_ok());
         assert!(new(&[1.0, -1.0], &[1.0], 0.01).is_err() && new(&[1.0], &[1.0], 0.0).is_err());
-        assert!(new(&[], &[1.0], 0.01).is_err() && new(&[1.0], &[], 0.01).is_err() && new(&[f64::NAN], &[1.0], 0.01).is_err());
+        assert!(
+            new(&[], &[1.0], 0.01).is_err()
+                && new(&[1.0], &[], 0.01).is_err()
+                && new(&[f64::NAN], &[1.0], 0.01).is_err()
+        );
         let (slow, fast) = (new(&[1.0], &[1.0, -0.9], 0.01).unwrap(), new(&[1.0], &[1.0], 0.02).unwrap());
         assert!(slow.then(&fast).is_err());
     }

@@ -292,8 +292,7 @@ impl Chain {
                 next[i] = sum;
             }
             for i in 0..WANDERS {
-                next[MOTION + i] =
-                    self.wandering.decay[i] * x[MOTION + i] + self.wandering.drive[i] * u[WRENCH + i];
+                next[MOTION + i] = self.wandering.decay[i] * x[MOTION + i] + self.wandering.drive[i] * u[WRENCH + i];
             }
             states.push(x);
             noises.push(u);

@@ -34,6 +34,9 @@ const WANDER_TIME_S: f64 = 10.0;
 const WIDE_START: f64 = 0.1;
 /// Largest change of a delay in one sweep, s.
 const LARGEST_DELAY_STEP_S: f64 = 0.2;
+/// Distances, in segments, over which what a filter that nobody describes leaves alike is counted, and how much of it at most.
+const COLOURS: usize = 8;
+const LARGEST_COLOUR: f64 = 16.0;
 /// Gates in standard deviations: of inertial rows, of drives of the wander.
 const GATE: f64 = 4.5;
 const WANDER_GATE: f64 = 5.0;
@@ -49,7 +52,7 @@ const DAMPING: [f64; 3] = [3.0, 1.0, 1.0];
 /// A delay beyond so many steps moves its stream by whole rows.
 const SHIFT: f64 = 0.6;
 /// Sweeps in which streams may be moved.
-const LAST_SHIFT: usize = 25;
+const LAST_SHIFT: usize = 16;
 /// What gravity a publisher may have added where nobody says, m/s^2.
 const GRAVITY_SIGMA: f64 = 10.0;
 /// Slope of a table: acceleration along it, m/s^2.
@@ -143,10 +146,11 @@ pub(super) fn without_state(form: &Form, shape: Shape) -> Option<(DMatrix<f64>, 
     let states = DMatrix::from_fn(STATES, STATES, at);
     let cross = DMatrix::from_fn(STATES, p + 1, |i, j| at(i, STATES + j));
     let gone = solved(&states, &cross)?;
-    let information =
-        DMatrix::from_fn(p, p, |i, j| at(STATES + i, STATES + j)) - cross.columns(0, p).transpose() * gone.columns(0, p);
+    let information = DMatrix::from_fn(p, p, |i, j| at(STATES + i, STATES + j))
+        - cross.columns(0, p).transpose() * gone.columns(0, p);
     let information = (&information + information.transpose()) * 0.5;
-    let gradient = DVector::from_fn(p, |i, _| at(STATES + i, STATES + p)) - cross.columns(0, p).transpose() * gone.column(p);
+    let gradient =
+        DVector::from_fn(p, |i, _| at(STATES + i, STATES + p)) - cross.columns(0, p).transpose() * gone.column(p);
     Some((information, gradient, gone))
 }
 
@@ -203,9 +207,10 @@ impl<'a> Fit<'a> {
         let (gyro, accelerometer) = (sensing.rate.filter.as_ref(), sensing.acceleration.filter.as_ref());
         let unit = Unit::new(&grid, layout, &columns, lever, gyro, accelerometer);
         let ratio_of = |errors: &InertialErrors| {
-            errors.filter.as_ref().map_or(1.0, |filter| {
-                filter.density_ratio(whole(grid.step_s / filter.step_s()).max(1), samples)
-            })
+            errors
+                .filter
+                .as_ref()
+                .map_or(1.0, |filter| filter.density_ratio(whole(grid.step_s / filter.step_s()).max(1), samples))
         };
         let ratio = [ratio_of(&sensing.rate), ratio_of(&sensing.acceleration)];
         let count = layout.count();
@@ -303,8 +308,7 @@ impl<'a> Fit<'a> {
         for (i, stated) in wander.into_iter().enumerate() {
             self.levels.wander[i] = stated.or(WANDER_START[i], WANDER_TIME_S);
         }
-        self.levels.wrench =
-            self.of.wrench_noise.unwrap_or([drive[0] * WRENCH_START[0], drive[1] * WRENCH_START[1]]);
+        self.levels.wrench = self.of.wrench_noise.unwrap_or([drive[0] * WRENCH_START[0], drive[1] * WRENCH_START[1]]);
     }
 
     fn start_parameters(&mut self, has: [bool; STREAMS]) {
@@ -334,8 +338,11 @@ impl<'a> Fit<'a> {
         sigma[layout.slope() + 1] = slope;
         // From the unit alone a doubt of its scale is far from linear.
         let fixed_by_poses = has[POSITION] || has[VELOCITY];
-        let doubted =
-            if fixed_by_poses { sensing.doubted_scale_sigma.max(sensing.acceleration.scale_sigma) } else { sensing.acceleration.scale_sigma };
+        let doubted = if fixed_by_poses {
+            sensing.doubted_scale_sigma.max(sensing.acceleration.scale_sigma)
+        } else {
+            sensing.acceleration.scale_sigma
+        };
         let triads = [
             (layout.rate_gain(), layout.rate_bias(), &sensing.rate, sensing.rate.scale_sigma, RATE),
             (layout.acceleration_gain(), layout.acceleration_bias(), &sensing.acceleration, doubted, ACCELERATION),
@@ -352,8 +359,8 @@ impl<'a> Fit<'a> {
             }
         }
         let delays = [
-            (&sensing.pose_delay, has[POSITION] || has[ATTITUDE]),
-            (&sensing.velocity_delay, has[VELOCITY]),
+            (&sensing.pose_delay, has[POSITION] || has[ATTITUDE] || has[VELOCITY] && self.shares_delay()),
+            (sensing.velocity_delay.as_ref().unwrap_or(&sensing.pose_delay), has[VELOCITY] && !self.shares_delay()),
             (&sensing.rate.delay, has[RATE]),
             (&sensing.acceleration.delay, has[ACCELERATION]),
         ];
@@ -370,6 +377,10 @@ impl<'a> Fit<'a> {
         {
             let width = errors.unknown_filter_s;
             sigma[layout.spread() + i] = if has[stream] { 0.5 * width * width } else { 0.0 };
+        }
+        for axis in 0..3 {
+            let seen = has[ACCELERATION] && self.axes[ACCELERATION].contains(&axis);
+            sigma[layout.lever() + axis] = if seen { sensing.lever_arm_sigma_m } else { 0.0 };
         }
         let unsaid = self.planar && sensing.gravity_added_world_m_s2.is_none() && has[ACCELERATION] && has[ATTITUDE];
         sigma[layout.gravity()] = if unsaid { GRAVITY_SIGMA } else { 0.0 };
@@ -415,20 +426,24 @@ impl<'a> Fit<'a> {
         (self.rows, self.valid) = (rows, valid);
     }
 
+    /// Velocities are as old as the poses.
+    fn shares_delay(&self) -> bool {
+        self.of.sensing.velocity_delay.is_none()
+    }
+
     pub(super) fn column_of(&self, parameter: usize) -> Option<usize> {
         self.free.iter().position(|column| *column == parameter)
     }
 
     /// Delay of a stream in all, s.
     pub(super) fn delay_s(&self, stream: usize) -> f64 {
+        let stream = if stream == 1 && self.shares_delay() { 0 } else { stream };
         self.shift[stream] as f64 * self.grid.step_s + self.eta[self.layout.delay() + stream]
     }
 
     pub(super) fn wrench_errors(&self) -> impl Iterator<Item = [f64; WRENCH]> + '_ {
         let root = (self.samples as f64).sqrt();
-        self.errors.iter().map(move |error| {
-            core::array::from_fn(|i| error[i] * self.levels.wrench[i / 3] / root)
-        })
+        self.errors.iter().map(move |error| core::array::from_fn(|i| error[i] * self.levels.wrench[i / 3] / root))
     }
 
     fn wandering(&self) -> Wandering {
@@ -528,13 +543,15 @@ impl<'a> Fit<'a> {
             [layout.rate_gain(), layout.acceleration_gain()].map(|from| core::array::from_fn(|i| at(from + i)));
         let bias_places: [[Option<usize>; 3]; 2] =
             [layout.rate_bias(), layout.acceleration_bias()].map(|from| core::array::from_fn(|i| at(from + i)));
-        let delay_places: [Option<usize>; DELAYS] = core::array::from_fn(|i| at(layout.delay() + i));
+        let delay_of = |i: usize| if i == 1 && self.of.sensing.velocity_delay.is_none() { 0 } else { i };
+        let delay_places: [Option<usize>; DELAYS] = core::array::from_fn(|i| at(layout.delay() + delay_of(i)));
         let gravity_place = at(layout.gravity());
         let spread_places: [Option<usize>; 2] = core::array::from_fn(|i| at(layout.spread() + i));
+        let lever_places: [Option<usize>; 3] = core::array::from_fn(|i| at(layout.lever() + i));
         let spreads: [f64; 2] = core::array::from_fn(|i| self.eta[layout.spread() + i]);
         let gains: [Matrix3<f64>; 2] = [layout.rate_gain(), layout.acceleration_gain()]
             .map(|from| Matrix3::from_row_slice(&self.eta[from..from + 9]) + Matrix3::identity());
-        let delays: [f64; DELAYS] = core::array::from_fn(|i| self.eta[layout.delay() + i]);
+        let delays: [f64; DELAYS] = core::array::from_fn(|i| self.eta[layout.delay() + delay_of(i)]);
         let gravity = self.eta[layout.gravity()];
         let wandering = self.chain.wandering;
         // The acceleration of each row, where a delay wants its slope or an unknown filter its bend.
@@ -656,6 +673,7 @@ impl<'a> Fit<'a> {
             if counts[ACCELERATION] > 0.0 {
                 let (mut mean, mut measured, mut upward) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
                 let mut by_body = nalgebra::SMatrix::<f64, 3, 10>::zeros();
+                let mut by_lever = Matrix3::zeros();
                 let mut scales = vec![Vector3::zeros(); n];
                 let (mut sloped, mut bent) = (Vector3::zeros(), Vector3::zeros());
                 for k in range.filter(|&k| self.valid[k][ACCELERATION]) {
@@ -663,6 +681,7 @@ impl<'a> Fit<'a> {
                     let found = self.unit.acceleration(body, &self.eta, k, &row.rate_beside, &mut by_scale);
                     mean += found.value;
                     by_body += found.by_body;
+                    by_lever += found.by_lever;
                     measured += row.acceleration;
                     upward += row.upward_beside;
                     for (sum, x) in scales.iter_mut().zip(&by_scale) {
@@ -689,6 +708,11 @@ impl<'a> Fit<'a> {
                 if let Some(place) = delay_places[3] {
                     columns[place] = sloped * share;
                     columns[last] += sloped * (share * delays[3]);
+                }
+                for (axis, place) in lever_places.iter().enumerate() {
+                    if let Some(place) = place {
+                        columns[*place] = gains[1] * by_lever.column(axis) * share;
+                    }
                 }
                 if let Some(place) = spread_places[1] {
                     columns[place] = bent * share;
@@ -733,8 +757,7 @@ impl<'a> Fit<'a> {
     fn step(&mut self) -> Result<(Vec<[f64; STATES]>, Vec<[f64; NOISES]>), IdentificationError> {
         let p = self.free.len();
         let form = self.chain.eliminate(0, self.segments, true);
-        let (mut information, mut gradient, gone) =
-            without_state(&form, self.chain.shape).ok_or(indefinite(p))?;
+        let (mut information, mut gradient, gone) = without_state(&form, self.chain.shape).ok_or(indefinite(p))?;
         for (i, (&column, prior)) in self.free.iter().zip(&self.prior).enumerate() {
             information[(i, i)] += prior;
             gradient[i] += prior * (self.eta[column] - self.mean[column]);
@@ -779,8 +802,7 @@ impl<'a> Fit<'a> {
         let delays = self.layout.delay()..self.layout.delay() + DELAYS;
         for (&column, step) in self.free.iter().zip(step.iter()).filter(|(column, _)| **column >= BODY) {
             let is_delay = delays.contains(&column);
-            self.eta[column] +=
-                if is_delay { step.clamp(-LARGEST_DELAY_STEP_S, LARGEST_DELAY_STEP_S) } else { *step };
+            self.eta[column] += if is_delay { step.clamp(-LARGEST_DELAY_STEP_S, LARGEST_DELAY_STEP_S) } else { *step };
         }
         self.decrement = step.dot(&(&information * &step));
         if !self.decrement.is_finite() {
@@ -844,20 +866,24 @@ impl<'a> Fit<'a> {
     /// Moves streams by whole rows where their delays ask for it.
     fn move_streams(&mut self) -> bool {
         let mut moved = false;
-        let longest = nearest(1.0 / self.grid.step_s);
+        let longest = nearest(LARGEST_DELAY_STEP_S / self.grid.step_s).max(1);
+        let enough = if self.sweeps < LAST_SHIFT / 2 { SHIFT } else { 2.0 * SHIFT };
         for i in 0..DELAYS {
             let column = self.layout.delay() + i;
             if self.column_of(column).is_none() {
                 continue;
             }
             let rows = self.eta[column] / self.grid.step_s;
-            if rows.abs() > SHIFT && rows.is_finite() {
+            if rows.abs() > enough && rows.is_finite() {
                 let by = nearest(rows).clamp(-longest, longest);
                 self.shift[i] += by;
                 self.eta[column] -= by as f64 * self.grid.step_s;
                 self.mean[column] -= by as f64 * self.grid.step_s;
                 moved |= by != 0;
             }
+        }
+        if self.shares_delay() {
+            self.shift[1] = self.shift[0];
         }
         if moved {
             self.take_shift();
@@ -905,7 +931,7 @@ impl<'a> Fit<'a> {
         };
         for (i, known) in [(RATE, sensing.rate.white.is_known()), (ACCELERATION, sensing.acceleration.white.is_known())]
         {
-            let ratio = self.ratio[i - RATE];
+            let ratio = self.ratio_of(i, &with_wander);
             let channels: Vec<usize> = self.axes[i].iter().map(|axis| 3 * i + axis).collect();
             let sums = |counted: &dyn Fn(usize) -> bool| {
                 let (mut squares, mut count, mut share) = (0.0, 0.0, 0.0);
@@ -989,6 +1015,31 @@ impl<'a> Fit<'a> {
             }
         }
         change
+    }
+
+    /// Density at low frequency over that of a segment's mean: of the filter, and where that is not all told by what is left of the rows.
+    fn ratio_of(&self, stream: usize, left: &[[f64; ROWS]]) -> f64 {
+        let sensing = &self.of.sensing;
+        let errors = if stream == RATE { &sensing.rate } else { &sensing.acceleration };
+        let told = self.ratio[stream - RATE];
+        if errors.unknown_filter_s == 0.0 {
+            return told;
+        }
+        let (mut alone, mut beside) = (0.0, [0.0; COLOURS]);
+        for axis in &self.axes[stream] {
+            let channel = 3 * stream + axis;
+            let value = |j: usize| left[j][channel] * self.chain.weights[j][channel].sqrt();
+            for j in 0..self.segments {
+                alone += value(j) * value(j);
+                for (distance, sum) in beside.iter_mut().enumerate() {
+                    if j + distance + 1 < self.segments {
+                        *sum += value(j) * value(j + distance + 1);
+                    }
+                }
+            }
+        }
+        let colour = if alone > 0.0 { 1.0 + 2.0 * beside.iter().sum::<f64>() / alone } else { 1.0 };
+        colour.clamp(told, LARGEST_COLOUR)
     }
 
     /// Residuals after the last step, wander taken out too.

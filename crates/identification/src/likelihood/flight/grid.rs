@@ -64,9 +64,9 @@ fn is_finite(sample: &MotionSample) -> bool {
     let wrenches = [sample.wrench_body, sample.besides_body];
     vectors.iter().flatten().all(|v| v.iter().all(|x| x.is_finite()))
         && wrenches.iter().flatten().all(|w| w.to_vector().iter().all(|x| x.is_finite()))
-        && sample.world_from_body.is_none_or(|pose| {
-            pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite())
-        })
+        && sample
+            .world_from_body
+            .is_none_or(|pose| pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|x| x.is_finite()))
 }
 
 impl Grid {

@@ -65,7 +65,12 @@ impl Layout {
         self.gravity() + 1
     }
 
-    pub(super) fn count(self) -> usize {
+    /// Error of the accelerometer's lever arm.
+    pub(super) fn lever(self) -> usize {
         self.spread() + 2
+    }
+
+    pub(super) fn count(self) -> usize {
+        self.lever() + 3
     }
 }

@@ -36,8 +36,7 @@ fn turn(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>) -> Vector3<f64> {
 /// White noise of one sample of each stream, from third differences along these axes; none where there are too few samples.
 pub(super) fn white(rows: &[Row], valid: &[[bool; STREAMS]], axes: &[Vec<usize>; STREAMS]) -> [Option<f64>; STREAMS] {
     core::array::from_fn(|stream| {
-        let seen: Vec<&Row> =
-            rows.iter().zip(valid).filter(|(_, valid)| valid[stream]).map(|(row, _)| row).collect();
+        let seen: Vec<&Row> = rows.iter().zip(valid).filter(|(_, valid)| valid[stream]).map(|(row, _)| row).collect();
         let mut sizes = Vec::with_capacity(seen.len() * 3);
         let mut count = |d: Vector3<f64>| sizes.extend(axes[stream].iter().map(|&axis| d[axis].abs()));
         if stream == ATTITUDE {
@@ -193,8 +192,11 @@ fn lowest(cost: impl Fn([f64; 2]) -> f64, start: [f64; 2]) -> [f64; 2] {
         } else if reflected.0 < good.0 {
             simplex[2] = reflected;
         } else {
-            let contracted =
-                judged(if reflected.0 < worst.0 { along(reflected.1, middle, 0.5) } else { along(worst.1, middle, 0.5) });
+            let contracted = judged(if reflected.0 < worst.0 {
+                along(reflected.1, middle, 0.5)
+            } else {
+                along(worst.1, middle, 0.5)
+            });
             evaluations += 1;
             if contracted.0 < worst.0.min(reflected.0) {
                 simplex[2] = contracted;

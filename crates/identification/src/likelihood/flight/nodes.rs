@@ -32,9 +32,8 @@ pub(super) fn start(grid: &Grid, samples: usize, segments: usize, planar: bool) 
             let rate = if grid.valid[k][RATE] {
                 grid.rows[k].rate
             } else {
-                let turned = |i: usize| -> Vector3<f64> {
-                    LieGroup::log(&(pose.rotation.conjugate() * grid.guess[i].rotation))
-                };
+                let turned =
+                    |i: usize| -> Vector3<f64> { LieGroup::log(&(pose.rotation.conjugate() * grid.guess[i].rotation)) };
                 slope(k, &turned)
             };
             let velocity = if grid.valid[k][VELOCITY] {
@@ -42,8 +41,7 @@ pub(super) fn start(grid: &Grid, samples: usize, segments: usize, planar: bool) 
             } else {
                 slope(k, &|i: usize| grid.guess[i].translation.vector)
             };
-            let mut state =
-                State { world_from_body: pose.rotation, rate, center: pose.translation.vector, velocity };
+            let mut state = State { world_from_body: pose.rotation, rate, center: pose.translation.vector, velocity };
             if planar {
                 let turned = pose.rotation.transform_vector(&Vector3::x());
                 let yaw = turned.y.atan2(turned.x);

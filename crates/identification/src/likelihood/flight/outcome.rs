@@ -175,15 +175,12 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
     let layout = fit.layout;
     let delays = core::array::from_fn(|i| {
         let seen = [has[0] || has[1], has[2], has[RATE], has[ACCELERATION]][i];
-        seen.then(|| FoundDelay { value_s: fit.delay_s(i), std_s: variance(layout.delay() + i).sqrt() })
+        let of = if i == 1 && fit.of.sensing.velocity_delay.is_none() { 0 } else { i };
+        seen.then(|| FoundDelay { value_s: fit.delay_s(i), std_s: variance(layout.delay() + of).sqrt() })
     });
     let gain = |from: usize| Matrix3::from_row_slice(&fit.eta[from..from + 9]);
     let bias = |from: usize| Vector3::new(fit.eta[from], fit.eta[from + 1], fit.eta[from + 2]);
-    let mut levels = FoundLevels {
-        white: fit.levels.white,
-        wander: fit.levels.wander,
-        wrench: fit.levels.wrench,
-    };
+    let mut levels = FoundLevels { white: fit.levels.white, wander: fit.levels.wander, wrench: fit.levels.wrench };
     for (white, has) in levels.white.iter_mut().zip(has) {
         *white = if has { *white } else { 0.0 };
     }
@@ -245,9 +242,8 @@ fn judge_gains(fit: &Fit<'_>, covariance: &DMatrix<f64>) -> Gains {
     let sane = fit.of.sensing.acceleration.scale_sigma;
     let diagonal: Vec<usize> = (0..3).filter_map(|i| fit.column_of(fit.layout.acceleration_gain() + 4 * i)).collect();
     let n = diagonal.len();
-    let joint = DMatrix::from_fn(n, n, |i, j| {
-        covariance[(diagonal[i], diagonal[j])] + if i == j { sane * sane } else { 0.0 }
-    });
+    let joint =
+        DMatrix::from_fn(n, n, |i, j| covariance[(diagonal[i], diagonal[j])] + if i == j { sane * sane } else { 0.0 });
     let values = DMatrix::from_fn(n, 1, |i, _| fit.eta[fit.free[diagonal[i]]]);
     let chi_square = solved(&joint, &values).map_or(f64::INFINITY, |x| x.dot(&values));
     Gains { chi_square, sane: n == 0 || chi_square <= INSANE }
@@ -285,12 +281,8 @@ fn hold_gains(fit: &mut Fit<'_>, covariance: &DMatrix<f64>) {
 fn thrusters(fit: &Fit<'_>, covariance: &DMatrix<f64>, freed: &[usize]) -> Option<FoundThrusters> {
     let told = fit.of.thrusters.as_ref()?;
     let n = told.columns.len();
-    let mut found = FoundThrusters {
-        scale: vec![1.0; n],
-        std: vec![0.0; n],
-        deviations: vec![0.0; n],
-        suspects: freed.to_vec(),
-    };
+    let mut found =
+        FoundThrusters { scale: vec![1.0; n], std: vec![0.0; n], deviations: vec![0.0; n], suspects: freed.to_vec() };
     for i in 0..n {
         let Some(at) = fit.column_of(BODY + i) else { continue };
         let (value, variance, sigma) = (fit.eta[BODY + i], covariance[(at, at)], told.scale_sigma[i]);
@@ -394,7 +386,8 @@ fn halves(fit: &mut Fit<'_>) -> Option<Halves> {
         let (alone, gradient, _) = without_state(&form, shape)?;
         let with = floored(fit, &(&alone + &prior))?;
         let covariance = solved(&with, &DMatrix::identity(p, p))?;
-        let pulled = DVector::from_fn(p, |i, _| gradient[i] + fit.prior[i] * (fit.eta[fit.free[i]] - fit.mean[fit.free[i]]));
+        let pulled =
+            DVector::from_fn(p, |i, _| gradient[i] + fit.prior[i] * (fit.eta[fit.free[i]] - fit.mean[fit.free[i]]));
         let step = -(&covariance * pulled);
         let spread = &covariance * alone * &covariance;
         steps.push((step, covariance, spread));
@@ -417,23 +410,17 @@ fn halves(fit: &mut Fit<'_>) -> Option<Halves> {
     let difference = DMatrix::from_fn(n, 1, |i, _| apart[seen[i]]);
     let chi_square = solved(&joint, &difference)?.dot(&difference);
     let mass = fit.column_of(0)?;
-    Some(Halves {
-        chi_square,
-        degrees_of_freedom: n,
-        log_mass: (apart[mass], spread[(mass, mass)].max(0.0).sqrt()),
-    })
+    Some(Halves { chi_square, degrees_of_freedom: n, log_mass: (apart[mass], spread[(mass, mass)].max(0.0).sqrt()) })
 }
 
 fn explained(fit: &Fit<'_>, body: &Coordinates, errors: &[(usize, Vector3<f64>, Vector3<f64>)]) -> f64 {
     let length = (1.5 * body.inertia.trace() / 3.0 / body.log_mass.exp()).sqrt();
-    let size = |torque: &Vector3<f64>, force: &Vector3<f64>| {
-        torque.norm_squared() / (length * length) + force.norm_squared()
-    };
+    let size =
+        |torque: &Vector3<f64>, force: &Vector3<f64>| torque.norm_squared() / (length * length) + force.norm_squared();
     let used = fit.segments * fit.samples;
     let applied: f64 =
         fit.grid.torque.iter().zip(&fit.grid.force).take(used).map(|(torque, force)| size(torque, force)).sum();
-    let left: f64 =
-        errors.iter().map(|(_, torque, force)| fit.samples as f64 * size(torque, force)).sum();
+    let left: f64 = errors.iter().map(|(_, torque, force)| fit.samples as f64 * size(torque, force)).sum();
     if applied > 0.0 { 1.0 - left / applied } else { 0.0 }
 }
 

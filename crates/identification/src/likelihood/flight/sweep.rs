@@ -82,7 +82,14 @@ impl Sweep {
     }
 
     /// Rolls every segment from its node.
-    pub(super) fn run(&mut self, read: &Swept<'_>, nodes: &[State], errors: &[[f64; WRENCH]], body: &Body, eta: &[f64]) {
+    pub(super) fn run(
+        &mut self,
+        read: &Swept<'_>,
+        nodes: &[State],
+        errors: &[[f64; WRENCH]],
+        body: &Body,
+        eta: &[f64],
+    ) {
         for (j, node) in nodes.iter().enumerate() {
             let end = self.segment(read, j, node, &errors[j], body, eta);
             if let Some(next) = nodes.get(j + 1) {
@@ -179,11 +186,7 @@ impl Sweep {
                 let swing = step.acceleration.cross(&center) + w.cross(&wc);
                 add(&mut late, 6, &-(r * (input.force / mass - swing) + gravity));
             }
-            let lag = if read.unit.has_gyro_filter() {
-                Some(read.unit.lag(body, eta, k, &mut by_scale))
-            } else {
-                None
-            };
+            let lag = if read.unit.has_gyro_filter() { Some(read.unit.lag(body, eta, k, &mut by_scale)) } else { None };
             let published = lag.as_ref().map_or(w, |lag| w + lag.value);
             self.published[k] = published;
             if valid[RATE] {

@@ -6,10 +6,10 @@
 //! # Source
 //! Design of the flight sensors, section 2.
 
+use super::super::flow::{Body, by_inertia};
 use super::grid::Grid;
 use super::layout::{BODY, CENTER, INERTIA, LOG_MASS, Layout};
 use crate::lie::skew;
-use super::super::flow::{Body, by_inertia};
 use crate::sensing::LinearFilter;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -130,6 +130,8 @@ pub(super) struct Unit {
 pub(super) struct Predicted {
     pub(super) value: Vector3<f64>,
     pub(super) by_body: SMatrix<f64, 3, 10>,
+    /// By the lever arm; the rate has none.
+    pub(super) by_lever: Matrix3<f64>,
 }
 
 /// `w x J w` from products of rates.
@@ -235,8 +237,7 @@ impl Unit {
         let (torque, force) = self.with_scales(&self.owed, k, eta);
         let turning = self.owed.turning(k);
         let inverse = &body.inverse;
-        let alpha =
-            inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
+        let alpha = inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
         let mut by_body = SMatrix::<f64, 3, 10>::zeros();
         by_body.fixed_view_mut::<3, 3>(0, CENTER).copy_from(&-(inverse * skew(&force)));
         let by_j = inverse * (gyroscopic_by_inertia(&turning) + by_inertia(&alpha));
@@ -246,7 +247,7 @@ impl Unit {
             let [of_torque, of_force] = &self.columns[i];
             *out = inverse * (of_torque - body.center.cross(of_force)) * -self.owed.thrusts[k * n + i];
         }
-        Predicted { value: -alpha, by_body }
+        Predicted { value: -alpha, by_body, by_lever: Matrix3::zeros() }
     }
 
     /// Published acceleration before gain and bias.
@@ -261,13 +262,14 @@ impl Unit {
         let (torque, force) = self.with_scales(&self.passed, k, eta);
         let turning = self.passed.turning(k);
         let inverse = &body.inverse;
-        let alpha =
-            inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
-        let arm = self.lever - body.center;
+        let alpha = inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
+        let from = self.layout.lever();
+        let lever = self.lever + Vector3::new(eta[from], eta[from + 1], eta[from + 2]);
+        let arm = lever - body.center;
         let swing = skew(&arm);
         let centripetal = turning - Matrix3::identity() * turning.trace();
-        let value = force / body.mass + alpha.cross(&arm) + centripetal * arm
-            - rate_beside.cross(&rate_beside.cross(&self.lever));
+        let value =
+            force / body.mass + alpha.cross(&arm) + centripetal * arm - rate_beside.cross(&rate_beside.cross(&lever));
         let mut by_body = SMatrix::<f64, 3, 10>::zeros();
         by_body.set_column(LOG_MASS, &(-force / body.mass));
         let by_c = -(swing * inverse * skew(&force)) - skew(&alpha) - centripetal;
@@ -280,6 +282,7 @@ impl Unit {
             let turned = swing * (inverse * (of_torque - body.center.cross(of_force)));
             *out = (of_force / body.mass - turned) * self.passed.thrusts[k * n + i];
         }
-        Predicted { value, by_body }
+        let taken_out = skew(rate_beside);
+        Predicted { value, by_body, by_lever: skew(&alpha) + centripetal - taken_out * taken_out }
     }
 }
