@@ -579,7 +579,10 @@ pub(crate) fn is_in_xy_plane(record: &[MotionSample]) -> bool {
         lift += (pose.translation.z - height).powi(2);
     }
     let is_confined = inside > 0.0 && across <= (CONFINED * CONFINED) * inside;
-    is_confined && poses().next().is_some() && (tilt / count).sqrt() < WIDEST_TILT_RAD && (lift / count).sqrt() < WIDEST_LIFT_M
+    is_confined
+        && poses().next().is_some()
+        && (tilt / count).sqrt() < WIDEST_TILT_RAD
+        && (lift / count).sqrt() < WIDEST_LIFT_M
 }
 
 /// What the motion of a record can answer, given the noise of its wrench (torque, force; one standard deviation of one

@@ -87,6 +87,9 @@ pub struct InertialErrors {
     pub white: Level,
     /// What the published series has gone through; none where it is the true one.
     pub filter: Option<LinearFilter>,
+    /// How long the answer may be of a filter that nobody describes, or of what [`filter`](Self::filter) leaves out, one standard deviation, s;
+    /// zero where there is no more. Its delay counts as [`delay`](Self::delay), its width is found.
+    pub unknown_filter_s: f64,
     /// One standard deviation of the error of scale; zero where there is none.
     pub scale_sigma: f64,
     /// One standard deviation of the answer of an axis to another one; zero where there is none.
@@ -125,8 +128,8 @@ pub struct Sensing {
     pub velocity: LocalizationErrors,
     /// Age of the poses.
     pub pose_delay: Delay,
-    /// Age of the velocities.
-    pub velocity_delay: Delay,
+    /// Age of the velocities; `None` where they are as old as the poses.
+    pub velocity_delay: Option<Delay>,
     /// Angular rate.
     pub rate: InertialErrors,
     /// Acceleration.
@@ -134,6 +137,8 @@ pub struct Sensing {
     /// Where the accelerometer sits, from the body origin, m. The publisher takes the centripetal acceleration by its own rate out, and
     /// leaves in what the angular acceleration makes.
     pub lever_arm_body_m: [f64; 3],
+    /// One standard deviation of that place, each axis, m; zero where it is as stated.
+    pub lever_arm_sigma_m: f64,
     /// What the publisher has added for gravity, by the attitude it measured, inertial axes, m/s^2; `None` is the gravity that acts.
     pub gravity_added_world_m_s2: Option<[f64; 3]>,
     /// One standard deviation of the scales of an accelerometer that is not sane; where the record cannot tell it from a sane one,
@@ -146,6 +151,7 @@ impl Default for InertialErrors {
         Self {
             white: Level::Unknown,
             filter: None,
+            unknown_filter_s: 0.1,
             scale_sigma: 1e-3,
             misalignment_sigma: 1.75e-3,
             bias_sigma: 0.02,
@@ -155,17 +161,19 @@ impl Default for InertialErrors {
 }
 
 impl Default for Sensing {
-    /// A robot of which nothing is known but that its inertial unit is a usual one without filters: levels and delays from the record.
+    /// A robot of which nothing is known but that its inertial unit is a usual one: levels, delays, the width of filters and the lever arm are
+    /// found.
     fn default() -> Self {
         Self {
             position: LocalizationErrors::default(),
             attitude: LocalizationErrors::default(),
             velocity: LocalizationErrors::default(),
             pose_delay: Delay::default(),
-            velocity_delay: Delay::default(),
+            velocity_delay: None,
             rate: InertialErrors::default(),
             acceleration: InertialErrors { misalignment_sigma: 1.75e-3, bias_sigma: 0.1, ..InertialErrors::default() },
             lever_arm_body_m: [0.0; 3],
+            lever_arm_sigma_m: 0.05,
             gravity_added_world_m_s2: None,
             doubted_scale_sigma: 1.0,
         }
@@ -238,14 +246,16 @@ impl Sensing {
         slow(&self.attitude, "white noise of the attitude, rad", "wander of the attitude, rad")?;
         slow(&self.velocity, "white noise of the velocity, m/s", "wander of the velocity, m/s")?;
         late(&self.pose_delay)?;
-        late(&self.velocity_delay)?;
+        self.velocity_delay.as_ref().map_or(Ok(()), late)?;
         for triad in [&self.rate, &self.acceleration] {
             level("noise of the inertial unit", triad.white)?;
+            sigma("length of an unknown filter, s", triad.unknown_filter_s)?;
             sigma("error of scale of the inertial unit", triad.scale_sigma)?;
             sigma("misalignment of the inertial unit, rad", triad.misalignment_sigma)?;
             sigma("bias of the inertial unit", triad.bias_sigma)?;
             late(&triad.delay)?;
         }
+        sigma("standard deviation of the lever arm, m", self.lever_arm_sigma_m)?;
         sigma("doubted error of scale", self.doubted_scale_sigma)?;
         let places = self.lever_arm_body_m.iter().chain(self.gravity_added_world_m_s2.iter().flatten());
         places

@@ -18,15 +18,9 @@ impl LocalizationSettings {
     /// [`IdentificationError::ImpossibleSensing`] for settings that [`check`](Self::check) refuses too.
     pub fn description(&self, mode: ImpellerMode) -> Result<Sensing, IdentificationError> {
         let pose = &self.pose;
-        let localized = |white: f64, slow: f64| LocalizationErrors {
+        let localized = |slow: f64| LocalizationErrors {
             white: Level::Unknown,
-            wander: if slow > 0.0 {
-                Wander::About { sigma: slow, time_s: pose.drift_time_s }
-            } else if white > 0.0 {
-                Wander::Unknown
-            } else {
-                Wander::default()
-            },
+            wander: if slow > 0.0 { Wander::About { sigma: slow, time_s: pose.drift_time_s } } else { Wander::Unknown },
         };
         let gyro = published(&self.imu, gyro_coefficients(mode))?;
         let accelerometer = published(&self.imu, accelerometer_coefficients(mode))?;
@@ -39,20 +33,22 @@ impl LocalizationSettings {
         let triad = |errors: &SensorErrors, filter: Option<LinearFilter>, bias_sigma: f64| InertialErrors {
             white: level(errors, filter.as_ref()),
             filter,
+            unknown_filter_s: 0.0,
             scale_sigma: errors.scale_sigma,
             misalignment_sigma: errors.misalignment_sigma_rad,
             bias_sigma,
             delay: Delay::NONE,
         };
         let sensing = Sensing {
-            position: localized(pose.position_noise_m, pose.position_drift_m),
-            attitude: localized(pose.attitude_noise_rad, pose.attitude_drift_rad),
-            velocity: localized(pose.velocity_noise_m_s, pose.velocity_drift_m_s),
+            position: localized(pose.position_drift_m),
+            attitude: localized(pose.attitude_drift_rad),
+            velocity: localized(pose.velocity_drift_m_s),
             pose_delay: Delay::NONE,
-            velocity_delay: Delay::NONE,
+            velocity_delay: Some(Delay::NONE),
             rate: triad(&self.imu.gyro, gyro, BIAS_SIGMA[0]),
             acceleration: triad(&self.imu.accelerometer, accelerometer, BIAS_SIGMA[1]),
             lever_arm_body_m: self.imu.lever_arm_body_m,
+            lever_arm_sigma_m: 0.0,
             gravity_added_world_m_s2: Some(self.gravity_world_m_s2),
             doubted_scale_sigma: 1.0,
         };

@@ -107,15 +107,7 @@ fn identification(
     let levels = &found.levels;
     let [position_m, attitude_rad, velocity_m_s, rate_rad_s, acceleration_m_s2] = levels.white;
     let [torque_n_m, force_n] = levels.wrench;
-    let noise = Noise {
-        torque_n_m,
-        force_n,
-        attitude_rad,
-        position_m,
-        rate_rad_s,
-        velocity_m_s,
-        acceleration_m_s2,
-    };
+    let noise = Noise { torque_n_m, force_n, attitude_rad, position_m, rate_rad_s, velocity_m_s, acceleration_m_s2 };
     let residuals = found
         .wrench_errors
         .iter()

@@ -204,8 +204,7 @@ impl Pipeline {
         let usual = Plan::usual(&known)?;
         let way = if own { Way::Other } else { usual.way };
         let judge = self.levels.unwrap_or(usual.judge);
-        let plan =
-            Plan { name: settings.method, way, solver: &solver, judge, flown: self.flown.as_ref(), ..usual };
+        let plan = Plan { name: settings.method, way, solver: &solver, judge, flown: self.flown.as_ref(), ..usual };
         if !own {
             return Ok(run(record, &plan, |fit, noise| recursion::run(fit, record, &plan, noise))?);
         }

@@ -34,6 +34,9 @@ const WANDER_TIME_S: f64 = 10.0;
 const WIDE_START: f64 = 0.1;
 /// Largest change of a delay in one sweep, s.
 const LARGEST_DELAY_STEP_S: f64 = 0.2;
+/// Distances, in segments, over which what a filter that nobody describes leaves alike is counted, and how much of it at most.
+const COLOURS: usize = 8;
+const LARGEST_COLOUR: f64 = 16.0;
 /// Gates in standard deviations: of inertial rows, of drives of the wander.
 const GATE: f64 = 4.5;
 const WANDER_GATE: f64 = 5.0;
@@ -49,7 +52,7 @@ const DAMPING: [f64; 3] = [3.0, 1.0, 1.0];
 /// A delay beyond so many steps moves its stream by whole rows.
 const SHIFT: f64 = 0.6;
 /// Sweeps in which streams may be moved.
-const LAST_SHIFT: usize = 25;
+const LAST_SHIFT: usize = 16;
 /// What gravity a publisher may have added where nobody says, m/s^2.
 const GRAVITY_SIGMA: f64 = 10.0;
 /// Slope of a table: acceleration along it, m/s^2.
@@ -81,6 +84,8 @@ pub(super) struct Fit<'a> {
     pub(super) mean: Vec<f64>,
     pub(super) levels: Levels,
     raw: [Option<f64>; STREAMS],
+    /// What white noise is never below.
+    smallest: [f64; STREAMS],
     /// Rows between two of a stream.
     spacing: [f64; STREAMS],
     floors: [f64; 2],
@@ -221,6 +226,7 @@ impl<'a> Fit<'a> {
             mean: vec![0.0; count],
             levels: Levels { white: [0.0; STREAMS], wander: [(0.0, WANDER_TIME_S); 3], wrench: [0.0; 2] },
             raw,
+            smallest: [0.0; STREAMS],
             spacing,
             floors,
             axes,
@@ -289,7 +295,8 @@ impl<'a> Fit<'a> {
             sensing.acceleration.white,
         ];
         for (stream, stated) in stated.into_iter().enumerate() {
-            let seen = self.raw[stream].unwrap_or(0.0).max(SMALLEST_WHITE * span(stream));
+            self.smallest[stream] = SMALLEST_WHITE * span(stream);
+            let seen = self.raw[stream].unwrap_or(0.0).max(self.smallest[stream]);
             // Differences of a stream that somebody has filtered say little of its density at low frequency: begun too wide the level falls at
             // once, begun too narrow it ties the motion to what the filter made of it.
             let start = if stream < RATE { seen } else { seen.max(WIDE_START * size(stream)) };
@@ -352,8 +359,8 @@ impl<'a> Fit<'a> {
             }
         }
         let delays = [
-            (&sensing.pose_delay, has[POSITION] || has[ATTITUDE]),
-            (&sensing.velocity_delay, has[VELOCITY]),
+            (&sensing.pose_delay, has[POSITION] || has[ATTITUDE] || has[VELOCITY] && self.shares_delay()),
+            (sensing.velocity_delay.as_ref().unwrap_or(&sensing.pose_delay), has[VELOCITY] && !self.shares_delay()),
             (&sensing.rate.delay, has[RATE]),
             (&sensing.acceleration.delay, has[ACCELERATION]),
         ];
@@ -364,6 +371,16 @@ impl<'a> Fit<'a> {
             self.shift[i] = nearest(rows);
             self.eta[column] = (rows - self.shift[i] as f64) * self.grid.step_s;
             self.mean[column] = self.eta[column];
+        }
+        for (i, (errors, stream)) in
+            [(&sensing.rate, RATE), (&sensing.acceleration, ACCELERATION)].into_iter().enumerate()
+        {
+            let width = errors.unknown_filter_s;
+            sigma[layout.spread() + i] = if has[stream] { 0.5 * width * width } else { 0.0 };
+        }
+        for axis in 0..3 {
+            let seen = has[ACCELERATION] && self.axes[ACCELERATION].contains(&axis);
+            sigma[layout.lever() + axis] = if seen { sensing.lever_arm_sigma_m } else { 0.0 };
         }
         let unsaid = self.planar && sensing.gravity_added_world_m_s2.is_none() && has[ACCELERATION] && has[ATTITUDE];
         sigma[layout.gravity()] = if unsaid { GRAVITY_SIGMA } else { 0.0 };
@@ -409,12 +426,18 @@ impl<'a> Fit<'a> {
         (self.rows, self.valid) = (rows, valid);
     }
 
+    /// Velocities are as old as the poses.
+    fn shares_delay(&self) -> bool {
+        self.of.sensing.velocity_delay.is_none()
+    }
+
     pub(super) fn column_of(&self, parameter: usize) -> Option<usize> {
         self.free.iter().position(|column| *column == parameter)
     }
 
     /// Delay of a stream in all, s.
     pub(super) fn delay_s(&self, stream: usize) -> f64 {
+        let stream = if stream == 1 && self.shares_delay() { 0 } else { stream };
         self.shift[stream] as f64 * self.grid.step_s + self.eta[self.layout.delay() + stream]
     }
 
@@ -520,26 +543,41 @@ impl<'a> Fit<'a> {
             [layout.rate_gain(), layout.acceleration_gain()].map(|from| core::array::from_fn(|i| at(from + i)));
         let bias_places: [[Option<usize>; 3]; 2] =
             [layout.rate_bias(), layout.acceleration_bias()].map(|from| core::array::from_fn(|i| at(from + i)));
-        let delay_places: [Option<usize>; DELAYS] = core::array::from_fn(|i| at(layout.delay() + i));
+        let delay_of = |i: usize| if i == 1 && self.of.sensing.velocity_delay.is_none() { 0 } else { i };
+        let delay_places: [Option<usize>; DELAYS] = core::array::from_fn(|i| at(layout.delay() + delay_of(i)));
         let gravity_place = at(layout.gravity());
+        let spread_places: [Option<usize>; 2] = core::array::from_fn(|i| at(layout.spread() + i));
+        let lever_places: [Option<usize>; 3] = core::array::from_fn(|i| at(layout.lever() + i));
+        let spreads: [f64; 2] = core::array::from_fn(|i| self.eta[layout.spread() + i]);
         let gains: [Matrix3<f64>; 2] = [layout.rate_gain(), layout.acceleration_gain()]
             .map(|from| Matrix3::from_row_slice(&self.eta[from..from + 9]) + Matrix3::identity());
-        let delays: [f64; DELAYS] = core::array::from_fn(|i| self.eta[layout.delay() + i]);
+        let delays: [f64; DELAYS] = core::array::from_fn(|i| self.eta[layout.delay() + delay_of(i)]);
         let gravity = self.eta[layout.gravity()];
         let wandering = self.chain.wandering;
-        // The acceleration of each row, where a delay wants its slope.
+        // The acceleration of each row, where a delay wants its slope or an unknown filter its bend.
         let n = layout.thrusters;
         let mut by_scale = vec![Vector3::zeros(); n];
-        let accelerations: Vec<Vector3<f64>> = if delay_places[3].is_some() {
+        let sloped_too = delay_places[3].is_some() || spread_places[1].is_some();
+        let accelerations: Vec<Vector3<f64>> = if sloped_too {
             (0..self.grid.len())
                 .map(|k| self.unit.acceleration(body, &self.eta, k, &self.rows[k].rate_beside, &mut by_scale).value)
                 .collect()
         } else {
             Vec::new()
         };
+        let used = self.segments * self.samples;
         let slope = |series: &[Vector3<f64>], k: usize| {
-            let (a, b) = (k.saturating_sub(1), (k + 1).min(series.len() - 1));
+            let (a, b) = (k.saturating_sub(1), (k + 1).min(used - 1));
             (series[b] - series[a]) / (self.grid.times[b] - self.grid.times[a]).max(f64::MIN_POSITIVE)
+        };
+        // Over a segment, so that steps between segments that do not meet yet are not what bends.
+        let reach = (self.samples / 2).max(1);
+        let bend = |series: &[Vector3<f64>], k: usize| {
+            if k < reach || k + reach >= used {
+                return Vector3::zeros();
+            }
+            let half_s = 0.5 * (self.grid.times[k + reach] - self.grid.times[k - reach]);
+            (series[k + reach] - series[k] * 2.0 + series[k - reach]) / (half_s * half_s)
         };
         for j in 0..self.segments {
             let means = &self.sweep.means[j * width..(j + 1) * width];
@@ -613,6 +651,15 @@ impl<'a> Fit<'a> {
                     let all = rate[place] * delays[2];
                     rate[last] += all;
                 }
+                if let Some(place) = spread_places[0] {
+                    let mut sum = Vector3::zeros();
+                    for k in range.clone().filter(|&k| self.valid[k][RATE]) {
+                        sum += bend(&self.sweep.published, k);
+                    }
+                    rate[place] = sum / self.grid_count(j, RATE);
+                    let all = rate[place] * spreads[0];
+                    rate[last] += all;
+                }
                 measured_gain(&mut rate, &gain_places[0], &bias_places[0], &mean_rate);
             }
             for i in 0..3 {
@@ -626,13 +673,15 @@ impl<'a> Fit<'a> {
             if counts[ACCELERATION] > 0.0 {
                 let (mut mean, mut measured, mut upward) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
                 let mut by_body = nalgebra::SMatrix::<f64, 3, 10>::zeros();
+                let mut by_lever = Matrix3::zeros();
                 let mut scales = vec![Vector3::zeros(); n];
-                let mut sloped = Vector3::zeros();
+                let (mut sloped, mut bent) = (Vector3::zeros(), Vector3::zeros());
                 for k in range.filter(|&k| self.valid[k][ACCELERATION]) {
                     let row = &self.rows[k];
                     let found = self.unit.acceleration(body, &self.eta, k, &row.rate_beside, &mut by_scale);
                     mean += found.value;
                     by_body += found.by_body;
+                    by_lever += found.by_lever;
                     measured += row.acceleration;
                     upward += row.upward_beside;
                     for (sum, x) in scales.iter_mut().zip(&by_scale) {
@@ -640,6 +689,9 @@ impl<'a> Fit<'a> {
                     }
                     if delay_places[3].is_some() {
                         sloped -= slope(&accelerations, k);
+                    }
+                    if spread_places[1].is_some() {
+                        bent += bend(&accelerations, k);
                     }
                 }
                 let share = 1.0 / self.grid_count(j, ACCELERATION);
@@ -656,6 +708,15 @@ impl<'a> Fit<'a> {
                 if let Some(place) = delay_places[3] {
                     columns[place] = sloped * share;
                     columns[last] += sloped * (share * delays[3]);
+                }
+                for (axis, place) in lever_places.iter().enumerate() {
+                    if let Some(place) = place {
+                        columns[*place] = gains[1] * by_lever.column(axis) * share;
+                    }
+                }
+                if let Some(place) = spread_places[1] {
+                    columns[place] = bent * share;
+                    columns[last] += bent * (share * spreads[1]);
                 }
                 if let Some(place) = gravity_place {
                     columns[place] = -upward * share;
@@ -741,8 +802,7 @@ impl<'a> Fit<'a> {
         let delays = self.layout.delay()..self.layout.delay() + DELAYS;
         for (&column, step) in self.free.iter().zip(step.iter()).filter(|(column, _)| **column >= BODY) {
             let is_delay = delays.contains(&column);
-            self.eta[column] +=
-                if is_delay { step.clamp(-LARGEST_DELAY_STEP_S, LARGEST_DELAY_STEP_S) } else { *step };
+            self.eta[column] += if is_delay { step.clamp(-LARGEST_DELAY_STEP_S, LARGEST_DELAY_STEP_S) } else { *step };
         }
         self.decrement = step.dot(&(&information * &step));
         if !self.decrement.is_finite() {
@@ -806,20 +866,24 @@ impl<'a> Fit<'a> {
     /// Moves streams by whole rows where their delays ask for it.
     fn move_streams(&mut self) -> bool {
         let mut moved = false;
-        let longest = nearest(1.0 / self.grid.step_s);
+        let longest = nearest(LARGEST_DELAY_STEP_S / self.grid.step_s).max(1);
+        let enough = if self.sweeps < LAST_SHIFT / 2 { SHIFT } else { 2.0 * SHIFT };
         for i in 0..DELAYS {
             let column = self.layout.delay() + i;
             if self.column_of(column).is_none() {
                 continue;
             }
             let rows = self.eta[column] / self.grid.step_s;
-            if rows.abs() > SHIFT && rows.is_finite() {
+            if rows.abs() > enough && rows.is_finite() {
                 let by = nearest(rows).clamp(-longest, longest);
                 self.shift[i] += by;
                 self.eta[column] -= by as f64 * self.grid.step_s;
                 self.mean[column] -= by as f64 * self.grid.step_s;
                 moved |= by != 0;
             }
+        }
+        if self.shares_delay() {
+            self.shift[1] = self.shift[0];
         }
         if moved {
             self.take_shift();
@@ -867,7 +931,7 @@ impl<'a> Fit<'a> {
         };
         for (i, known) in [(RATE, sensing.rate.white.is_known()), (ACCELERATION, sensing.acceleration.white.is_known())]
         {
-            let ratio = self.ratio[i - RATE];
+            let ratio = self.ratio_of(i, &with_wander);
             let channels: Vec<usize> = self.axes[i].iter().map(|axis| 3 * i + axis).collect();
             let sums = |counted: &dyn Fn(usize) -> bool| {
                 let (mut squares, mut count, mut share) = (0.0, 0.0, 0.0);
@@ -909,8 +973,10 @@ impl<'a> Fit<'a> {
                 }
             }
             if !known && factor > 0.0 {
-                self.levels.white[i] *= factor.sqrt();
-                change = change.max(factor.sqrt()).max(1.0 / factor.sqrt());
+                let level = (self.levels.white[i] * factor.sqrt()).max(self.smallest[i]);
+                let by = level / self.levels.white[i];
+                change = change.max(by).max(1.0 / by);
+                self.levels.white[i] = level;
             }
         }
         if self.of.wrench_noise.is_none() {
@@ -949,6 +1015,31 @@ impl<'a> Fit<'a> {
             }
         }
         change
+    }
+
+    /// Density at low frequency over that of a segment's mean: of the filter, and where that is not all told by what is left of the rows.
+    fn ratio_of(&self, stream: usize, left: &[[f64; ROWS]]) -> f64 {
+        let sensing = &self.of.sensing;
+        let errors = if stream == RATE { &sensing.rate } else { &sensing.acceleration };
+        let told = self.ratio[stream - RATE];
+        if errors.unknown_filter_s == 0.0 {
+            return told;
+        }
+        let (mut alone, mut beside) = (0.0, [0.0; COLOURS]);
+        for axis in &self.axes[stream] {
+            let channel = 3 * stream + axis;
+            let value = |j: usize| left[j][channel] * self.chain.weights[j][channel].sqrt();
+            for j in 0..self.segments {
+                alone += value(j) * value(j);
+                for (distance, sum) in beside.iter_mut().enumerate() {
+                    if j + distance + 1 < self.segments {
+                        *sum += value(j) * value(j + distance + 1);
+                    }
+                }
+            }
+        }
+        let colour = if alone > 0.0 { 1.0 + 2.0 * beside.iter().sum::<f64>() / alone } else { 1.0 };
+        colour.clamp(told, LARGEST_COLOUR)
     }
 
     /// Residuals after the last step, wander taken out too.

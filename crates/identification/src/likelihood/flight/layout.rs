@@ -60,7 +60,17 @@ impl Layout {
         self.delay() + DELAYS
     }
 
-    pub(super) fn count(self) -> usize {
+    /// Half the variance of the answer of a filter that nobody describes: of the rate, of the acceleration.
+    pub(super) fn spread(self) -> usize {
         self.gravity() + 1
+    }
+
+    /// Error of the accelerometer's lever arm.
+    pub(super) fn lever(self) -> usize {
+        self.spread() + 2
+    }
+
+    pub(super) fn count(self) -> usize {
+        self.lever() + 3
     }
 }

@@ -175,7 +175,8 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
     let layout = fit.layout;
     let delays = core::array::from_fn(|i| {
         let seen = [has[0] || has[1], has[2], has[RATE], has[ACCELERATION]][i];
-        seen.then(|| FoundDelay { value_s: fit.delay_s(i), std_s: variance(layout.delay() + i).sqrt() })
+        let of = if i == 1 && fit.of.sensing.velocity_delay.is_none() { 0 } else { i };
+        seen.then(|| FoundDelay { value_s: fit.delay_s(i), std_s: variance(layout.delay() + of).sqrt() })
     });
     let gain = |from: usize| Matrix3::from_row_slice(&fit.eta[from..from + 9]);
     let bias = |from: usize| Vector3::new(fit.eta[from], fit.eta[from + 1], fit.eta[from + 2]);

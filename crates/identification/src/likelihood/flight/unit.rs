@@ -130,6 +130,8 @@ pub(super) struct Unit {
 pub(super) struct Predicted {
     pub(super) value: Vector3<f64>,
     pub(super) by_body: SMatrix<f64, 3, 10>,
+    /// By the lever arm; the rate has none.
+    pub(super) by_lever: Matrix3<f64>,
 }
 
 /// `w x J w` from products of rates.
@@ -245,7 +247,7 @@ impl Unit {
             let [of_torque, of_force] = &self.columns[i];
             *out = inverse * (of_torque - body.center.cross(of_force)) * -self.owed.thrusts[k * n + i];
         }
-        Predicted { value: -alpha, by_body }
+        Predicted { value: -alpha, by_body, by_lever: Matrix3::zeros() }
     }
 
     /// Published acceleration before gain and bias.
@@ -261,11 +263,13 @@ impl Unit {
         let turning = self.passed.turning(k);
         let inverse = &body.inverse;
         let alpha = inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
-        let arm = self.lever - body.center;
+        let from = self.layout.lever();
+        let lever = self.lever + Vector3::new(eta[from], eta[from + 1], eta[from + 2]);
+        let arm = lever - body.center;
         let swing = skew(&arm);
         let centripetal = turning - Matrix3::identity() * turning.trace();
-        let value = force / body.mass + alpha.cross(&arm) + centripetal * arm
-            - rate_beside.cross(&rate_beside.cross(&self.lever));
+        let value =
+            force / body.mass + alpha.cross(&arm) + centripetal * arm - rate_beside.cross(&rate_beside.cross(&lever));
         let mut by_body = SMatrix::<f64, 3, 10>::zeros();
         by_body.set_column(LOG_MASS, &(-force / body.mass));
         let by_c = -(swing * inverse * skew(&force)) - skew(&alpha) - centripetal;
@@ -278,6 +282,7 @@ impl Unit {
             let turned = swing * (inverse * (of_torque - body.center.cross(of_force)));
             *out = (of_force / body.mass - turned) * self.passed.thrusts[k * n + i];
         }
-        Predicted { value, by_body }
+        let taken_out = skew(rate_beside);
+        Predicted { value, by_body, by_lever: skew(&alpha) + centripetal - taken_out * taken_out }
     }
 }
