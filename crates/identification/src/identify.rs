@@ -331,7 +331,21 @@ fn run<E: From<IdentificationError>>(
     plan: &Plan<'_>,
     replace: impl FnOnce(&mut Fit, &SampleNoise) -> Result<Replaced, E>,
 ) -> Result<Identification, E> {
+    // A table holds the body: whatever takes it for a free one is wrong.
+    if plan.way == Way::Auto
+        && plan.flown.map_or_else(|| is_in_xy_plane(record), |told| told.is_planar(record))
+        && let Some(found) = flight::most_likely(record, &Timeline::try_new(record)?, plan)?
+    {
+        return Ok(found);
+    }
     let mut found = answer(record, plan, replace)?;
+    // What white errors do not explain, sensors do.
+    if plan.way == Way::Auto
+        && found.marks.errors_not_white
+        && let Some(flown) = flight::most_likely(record, &Timeline::try_new(record)?, plan)?
+    {
+        return Ok(flown);
+    }
     // A regression that does not answer has not the last word.
     let poor = |found: &Identification| found.explained.is_some_and(|share| share < plan.judge.poor_fit);
     let tried = found.marks.likelihood_failed || found.silence != Silence::Nothing;
@@ -470,7 +484,7 @@ fn conclude(
     if let Some(explained) = explained.filter(|_| poor) {
         warnings.push(Warning::PoorFit { explained });
     }
-    let mut marks = Marks { likelihood_failed, ..Marks::default() };
+    let mut marks = Marks { likelihood_failed, errors_not_white: likelihood_failed, ..Marks::default() };
     if poor || silence == Silence::Unfollowed || likelihood_failed {
         let normal = planar_motion(record);
         marks.is_planar = normal.is_some();

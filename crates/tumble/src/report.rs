@@ -223,6 +223,14 @@ fn verdict(found: &Identification, context: &Context) -> String {
         let _ = writeln!(text, "  physically consistent: smallest pseudo-inertia eigenvalue {margin:.3e}{constraint}");
     } else if let Verdict::NoBodyExplains { .. } = found.verdict {
         let _ = writeln!(text, "verdict: no body explains this log; see the warnings");
+    } else if found.is_planar() && found.verdict.is_identified() {
+        let said = "mass, centre of mass in the plane and inertia about its normal identified";
+        let _ = writeln!(text, "verdict: {said}; a table shows no more");
+        if let Some(share) = found.explained {
+            let _ = writeln!(text, "  the body explains {:.3} % of the wrench in the plane", 100.0 * share);
+        }
+    } else if let (true, Verdict::Doubtful(why)) = (found.is_planar(), found.verdict) {
+        let _ = writeln!(text, "verdict: not identified; {}", doubt(why, "a quantity"));
     } else {
         let _ =
             writeln!(text, "verdict: this log does not determine the body: {} of 10 parameter directions", found.rank);
@@ -379,6 +387,8 @@ pub struct Json {
     rank: usize,
     condition_number: Option<f64>,
     null_directions: Vec<String>,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    planar: bool,
     regularised: Option<JsonBody>,
     explained: Option<f64>,
     noise: JsonNoise,
@@ -524,6 +534,7 @@ pub fn json(found: &Identification, context: &Context) -> Json {
         rank: found.rank,
         condition_number: Some(found.condition_number).filter(|c| c.is_finite()),
         null_directions: words(&found.null_directions),
+        planar: found.is_planar(),
         regularised: found.regularised.as_ref().map(|body| json_body(body, &Shown::ALL)),
         explained: found.explained,
         noise: JsonNoise {

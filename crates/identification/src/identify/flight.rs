@@ -4,13 +4,12 @@ use super::likelihood::MANY_OUTLIERS;
 use super::solution::{Solution, solve};
 use super::timeline::Timeline;
 use super::verdict::{Marks, Silence, verdict};
-use super::{FEW_NODES, FLIGHT_LIKELIHOOD, Identification, NodeResidual, Noise, Plan, Warning, planar_motion};
+use super::{FEW_NODES, FLIGHT_LIKELIHOOD, Identification, NodeResidual, Noise, Plan, Warning};
 use crate::error::{Column, IdentificationError};
 use crate::estimator::{Evidence, Verdict, Why};
 use crate::likelihood::{FlightEstimate, FlightLikelihood};
 use crate::motion::MotionSample;
 use crate::{BodyScale, Observability};
-use nalgebra::Vector3;
 
 /// Chance below which the halves of a record are not of one body, or not of these sensors.
 const CHANCE: f64 = 1e-5;
@@ -18,6 +17,9 @@ const CHANCE: f64 = 1e-5;
 const COLOURED: f64 = 2.0;
 /// Misfit of levels below which colour is of no consequence.
 const VISIBLE: f64 = 1e-4;
+
+/// Places of ln m, c_x, c_y and J_C33.
+const IN_PLANE: [usize; 4] = [0, 1, 2, 9];
 
 /// `None` where the likelihood does not settle: a regression then answers.
 pub(super) fn most_likely(
@@ -72,9 +74,15 @@ fn identification(
         warnings.push(Warning::ColouredNoise { column, sigma_inflation });
     }
     let mut verdict = verdict(plan, scale, &information, estimate.as_ref(), &evidence, None)?;
+    // Of a body on a table four numbers are all there is to know.
+    let in_plane = IN_PLANE.iter().all(|place| found.determined.get(*place).is_some_and(|determined| *determined));
+    if found.planar && in_plane && matches!(verdict, Verdict::NotDetermined { .. }) {
+        let wandering = evidence.colour > plan.judge.wandering;
+        let why = Why::Wandering { sigma_inflation: evidence.colour };
+        verdict = if wandering { Verdict::Doubtful(why) } else { Verdict::Identified };
+    }
     if let Some(halves) = found.halves.filter(|halves| halves.chance() < CHANCE) {
-        let says = matches!(verdict, Verdict::Identified) || found.planar;
-        if says {
+        if verdict.is_identified() {
             let chi_square = halves.chi_square / halves.degrees_of_freedom.max(1) as f64;
             verdict = Verdict::Doubtful(Why::Disagrees { chi_square });
         }
@@ -98,8 +106,7 @@ fn identification(
         warnings.push(Warning::PoorFit { explained: found.explained });
     }
     if found.planar {
-        let normal_world = planar_motion(record).unwrap_or_else(Vector3::z);
-        warnings.push(Warning::PlanarMotion { normal_world });
+        warnings.push(Warning::OnTable);
     }
     if record.len() < FEW_NODES {
         warnings.push(Warning::FewRows { rows: 6 * record.len() });
@@ -141,7 +148,7 @@ fn identification(
         exchanges: Vec::new(),
         residuals,
         warnings,
-        marks: Marks { leaves_noise_only: !many_outliers, is_planar: found.planar, ..Marks::default() },
+        marks: Marks { leaves_noise_only: !many_outliers, is_planar: found.planar, on_table: found.planar, ..Marks::default() },
     })
 }
 

@@ -67,6 +67,7 @@ pub(super) fn most_likely(
     let Some((found, answer, left_out)) = whole else { return Ok(None) };
     let mut found = identification(found, &answer, record, timeline, plan)?;
     found.warnings.extend(left_out.map(|column| Warning::PosesAlone { column }));
+    found.marks.errors_not_white |= left_out.is_some();
     let trusted = found.explained >= Some(plan.judge.poor_fit) && found.marks.leaves_noise_only;
     Ok((found.rank == 10 || trusted).then_some(found))
 }
@@ -159,7 +160,8 @@ fn identification(
     evidence.colour = of_poses.fold(0.0, f64::max);
     evidence.exchangeable = exchanges_the_body(&found.exchanges);
     let many_outliers = found.outliers as f64 > MANY_OUTLIERS * record.len() as f64;
-    let mut marks = Marks { leaves_noise_only: !many_outliers && coloured().next().is_none(), ..Marks::default() };
+    let errors_not_white = coloured().next().is_some();
+    let mut marks = Marks { leaves_noise_only: !many_outliers && !errors_not_white, errors_not_white, ..Marks::default() };
     let verdict = verdict(plan, scale, &information, estimate.as_ref(), &evidence, None)?;
     let mut warnings = Vec::new();
     if timeline.gaps > 0 {

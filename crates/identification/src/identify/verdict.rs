@@ -37,6 +37,10 @@ pub(crate) struct Marks {
     pub(super) leaves_noise_only: bool,
     /// The motion is confined to a plane.
     pub(super) is_planar: bool,
+    /// Taken for one of a body that a table holds: four of the ten are all there is to know.
+    pub(super) on_table: bool,
+    /// Errors of some column are visibly not white, or the likelihood of white ones did not settle.
+    pub(super) errors_not_white: bool,
     /// Times between which the body changed, ns.
     pub(super) changed_ns: Option<(i64, i64)>,
 }
@@ -93,6 +97,12 @@ fn quantities(parameters: &SVector<f64, 10>) -> [f64; 10] {
 }
 
 impl Identification {
+    /// Whether the motion was taken for that of a body on a table: mass, centre of mass in the plane and inertia about its normal are all
+    /// that any such motion shows.
+    pub fn is_planar(&self) -> bool {
+        self.marks.on_table
+    }
+
     /// Which of mass, centre of mass (x, y, z) and inertia about it (xx, yy, zz, xy, xz, yz) the record determines: those of the estimate
     /// that nothing asked for beside the body can be exchanged with, or, below rank ten, those of the completed body that no free
     /// direction changes.

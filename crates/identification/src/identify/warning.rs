@@ -136,6 +136,8 @@ pub enum Warning {
         /// Normal of the plane, world axes, unit length.
         normal_world: Vector3<f64>,
     },
+    /// The motion is that of a body on a table.
+    OnTable,
     /// So many samples were rejected that they are not outliers.
     ManyOutliers {
         /// Samples rejected.
@@ -254,6 +256,11 @@ impl fmt::Display for Warning {
                 "the logged force is not noise, but the best body explains {:.0} % of it: gaps, jumps or a delay of the localisation \
                  hide what it does; the mass is not known from this log",
                 100.0 * explained
+            ),
+            Self::OnTable => write!(
+                f,
+                "the motion stays in the xy plane: taken for that of a body on a table, which holds it against every force and torque out \
+                 of the plane; no such motion shows the six other parameters"
             ),
             Self::PlanarMotion { normal_world: n } => write!(
                 f,

@@ -158,6 +158,15 @@ impl FlightLikelihood {
         grid::whole(self.segment_s / step_s).max(1)
     }
 
+    /// Whether a record is taken for one of a body on a table.
+    pub(crate) fn is_planar(&self, record: &[MotionSample]) -> bool {
+        match self.plane {
+            Plane::Planar => true,
+            Plane::Free => false,
+            Plane::Found => crate::identify::is_in_xy_plane(record),
+        }
+    }
+
     /// The most likely body.
     ///
     /// # Errors
@@ -182,11 +191,7 @@ impl FlightLikelihood {
                 expected_columns: thrusters.columns.len(),
             });
         }
-        let planar = match self.plane {
-            Plane::Planar => true,
-            Plane::Free => false,
-            Plane::Found => crate::identify::is_in_xy_plane(record),
-        };
+        let planar = self.is_planar(record);
         let added = self
             .sensing
             .gravity_added_world_m_s2

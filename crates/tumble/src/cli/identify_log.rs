@@ -7,9 +7,11 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use tumble_dynamics::InertialParameters;
 use tumble_formats::log::seconds;
-use tumble_formats::{FormatsError, Robots, SampleReader, body_file, recording};
+use tumble_formats::{FormatsError, Robots, SampleReader, body_file, recording, sensing_file};
+use tumble_identification::estimator::EstimatorError;
 use tumble_identification::{
-    Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Settings, identify, merge,
+    FlightLikelihood, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Pipeline, Plane,
+    Settings, merge,
 };
 
 /// Rows held in memory at once; a longer log is identified part by part and the parts' information added.
@@ -26,6 +28,8 @@ pub(super) struct Log {
     pub(super) reference: Option<(String, InertialParameters<f64>)>,
     pub(super) warnings: Vec<String>,
     pub(super) duration_s: f64,
+    /// What identifies it, told of the sensors and of the plane.
+    pipeline: Pipeline,
 }
 
 /// Where the samples are.
@@ -67,6 +71,7 @@ impl Log {
             reference: Some(("truth".to_owned(), flight.truth)),
             warnings: Vec::new(),
             duration_s: demo::DURATION_S,
+            pipeline: Pipeline::new(),
         })
     }
 
@@ -78,7 +83,17 @@ impl Log {
             Some(path) => Some(("reference".to_owned(), body_file::read(path)?)),
             None => None,
         };
+        let sensing = args.sensing.as_deref().map(sensing_file::read).transpose()?;
         let mut reader = SampleReader::open(path, args.reorder, args.robot.as_deref(), robots)?;
+        let told = FlightLikelihood {
+            sensing: sensing.unwrap_or_default(),
+            plane: match () {
+                () if args.no_planar => Plane::Free,
+                () if args.planar || reader.is_planar() => Plane::Planar,
+                () => Plane::Found,
+            },
+            ..FlightLikelihood::default()
+        };
         eprint!("{}", reader.contents());
         let mut record = Vec::new();
         let mut more = reader.read_chunk(&mut record, ROWS_IN_MEMORY)?;
@@ -111,7 +126,8 @@ impl Log {
         }
         let warnings = reader.warnings();
         let duration_s = seconds(last_ns - first_ns);
-        Ok(Self { source: path.display().to_string(), rows, estimation_rows: 0, reference, warnings, duration_s })
+        let (source, pipeline) = (path.display().to_string(), Pipeline::new().flown_with(told));
+        Ok(Self { source, rows, estimation_rows: 0, reference, warnings, duration_s, pipeline })
     }
 
     /// Calls `part` for each stretch of at most so many estimation rows, until it breaks off.
@@ -176,7 +192,7 @@ impl Log {
         if self.estimation_rows <= rows_at_once {
             let mut found = None;
             self.for_each_part(rows_at_once, |record| {
-                found = Some(identify(record, settings)?);
+                found = Some(self.pipeline.identify(record, settings).map_err(plain)?);
                 Ok(ControlFlow::Continue(()))
             })?;
             return found.ok_or(FormatsError::Empty { path: PathBuf::from(&self.source), what: "data rows" }.into());
@@ -184,9 +200,9 @@ impl Log {
         let alone = Settings { prior: None, ..*settings };
         let mut parts = Vec::new();
         self.for_each_part(rows_at_once, |record| {
-            match identify(record, &alone) {
+            match self.pipeline.identify(record, &alone).map_err(plain) {
                 // The last few rows of a long log may be too few for a row of their own.
-                Err(IdentificationError::TooFewSamples { .. }) if !parts.is_empty() => {}
+                Err(TumbleError::Identification(IdentificationError::TooFewSamples { .. })) if !parts.is_empty() => {}
                 found => {
                     let mut found = found?;
                     let every = found.residuals.len().div_ceil(RESIDUALS_PER_PART).max(1);
@@ -222,6 +238,14 @@ impl Log {
             )) => Ok(None),
             found => found,
         }
+    }
+}
+
+/// An error of the library's own estimators is one of identification.
+fn plain(error: EstimatorError) -> TumbleError {
+    match error {
+        EstimatorError::Library(error) => error.into(),
+        other => TumbleError::BadOption { message: other.to_string() },
     }
 }
 

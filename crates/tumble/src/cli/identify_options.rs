@@ -42,6 +42,18 @@ pub struct IdentifyArgs {
     /// accelerometer-scale, accelerometer-position, bias-wrench, table-slope, actuator-lag.
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = parse_nuisance)]
     pub(super) estimate: Vec<Nuisances>,
+    /// The body moves on a table: z, roll and pitch say nothing, and the table takes up its part of every wrench.
+    #[arg(long, conflicts_with = "no_planar")]
+    pub(super) planar: bool,
+    /// The body is free, however flat its motion looks.
+    #[arg(long)]
+    pub(super) no_planar: bool,
+    /// What the columns are of the true motion: noise, wander, filters, gains, biases, delays (`tumble sensing show NAME` prints one).
+    #[arg(long, value_name = "FILE")]
+    pub(super) sensing: Option<PathBuf>,
+    /// Which columns command which thrusters: the wrench comes from them, with what may be wrong with it.
+    #[arg(long, value_name = "FILE")]
+    pub(super) actuators: Option<PathBuf>,
     /// A body to compare with (TOML or JSON).
     #[arg(long, value_name = "FILE", conflicts_with = "demo")]
     pub(super) reference: Option<PathBuf>,
