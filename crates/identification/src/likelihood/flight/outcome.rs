@@ -164,6 +164,10 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
     let coordinates = fit.coordinates();
     let (of_body, ten) = body_information(fit)?;
     let (determined, information) = determined(fit, &coordinates, &of_body, &ten)?;
+    let of_plane = [0, 1, 2, 9];
+    if fit.drifts && (0..10).all(|i| determined[i] || fit.planar && !of_plane.contains(&i)) {
+        return Err(fit.not_converged());
+    }
     let mut body = SMatrix::<f64, 10, 10>::zeros();
     for (i, &a) in fit.free.iter().enumerate().filter(|(_, a)| **a < BODY) {
         for (j, &b) in fit.free.iter().enumerate().filter(|(_, b)| **b < BODY) {
