@@ -22,6 +22,7 @@ use crate::error::IdentificationError;
 use crate::estimator::{Estimator, EstimatorError, Finding};
 use crate::motion::MotionSample;
 use crate::sensing::Sensing;
+use crate::units::Units;
 use crate::{BodyScale, WrenchTiming};
 use fit::Fit;
 use grid::Grid;
@@ -109,6 +110,9 @@ impl Thrusters {
 /// Every stream may be missing: what is there is answered at its own bound. Poses may come more seldom than the rest. Where a level, a bias, a
 /// gain or a delay is not known it is found, and what is stated is the covariance with all of them unknown.
 ///
+/// Where nothing is said of the sensors and of thrusters, a record whose step, lever arm or wrench is far from those of a robot is taken in
+/// units in which they are not.
+///
 /// # Source
 /// The likelihood of thesis (2.4) under a held wrench, with the sensing model of [`Sensing`]; design of the flight sensors, sections 2 to 4.
 ///
@@ -191,6 +195,24 @@ impl FlightLikelihood {
                 expected_columns: thrusters.columns.len(),
             });
         }
+        // What is known of sensors of which nobody said anything is of ordinary ones: a record in other units is taken in ordinary ones.
+        if self.sensing == Sensing::default() && self.thrusters.is_none() {
+            let units = Units::of_record(record);
+            if let Some(scaled) = units.record(record) {
+                let told = Self {
+                    gravity_world: units.gravity(&self.gravity_world),
+                    wrench_noise: self.wrench_noise.map(|[torque, force]| {
+                        [torque * units.force() * units.length(), force * units.force()]
+                    }),
+                    ..self.clone()
+                };
+                return Ok(told.estimate_as_told(&scaled)?.in_units(&units.back()));
+            }
+        }
+        self.estimate_as_told(record)
+    }
+
+    fn estimate_as_told(&self, record: &[MotionSample]) -> Result<FlightEstimate, IdentificationError> {
         let planar = self.is_planar(record);
         let added = self
             .sensing

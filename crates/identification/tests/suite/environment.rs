@@ -137,6 +137,11 @@ fn every_method_takes_an_environment_and_wheels() {
         let found = [identify_in(&windy, &settings, &drift), identify(&wheels, &settings)];
         for (found, what) in found.into_iter().zip(["wind", "wheels"]) {
             let found = found.unwrap_or_else(|error| panic!("{method}, {what}: {error}"));
+            if (method, what) == ("flight-likelihood", "wheels") {
+                // It does not take stored momentum, and a regression answers.
+                assert_ne!(found.method, method);
+                continue;
+            }
             assert!(answers_or_says_who_does(&found, method), "{method}, {what}: answered by {}", found.method);
             let estimate = found.estimate.unwrap();
             let error = estimate.parameters.to_vector() - satellite().to_vector();

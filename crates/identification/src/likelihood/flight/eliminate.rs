@@ -7,6 +7,8 @@
 //! # Source
 //! Riccati elimination of `MaximumLikelihood`, with wander; design of the flight sensors, section 2.
 
+#![allow(clippy::needless_range_loop)] // indices are those of the formulas
+
 use super::layout::{MOTION, NOISES, ROWS, STATES, WANDERS, WRENCH};
 
 /// Sizes of a chain.
@@ -81,6 +83,12 @@ fn axpy(out: &mut [f64], factor: f64, row: &[f64]) {
         for (o, x) in out.iter_mut().zip(row) {
             *o += factor * x;
         }
+    }
+}
+
+fn scale(row: &mut [f64], factor: f64) {
+    for x in row {
+        *x *= factor;
     }
 }
 
@@ -227,7 +235,7 @@ impl Chain {
                     axpy(here, -factor[i][t], &before[t * ny..(t + 1) * ny]);
                 }
                 let share = 1.0 / factor[i][i];
-                here.iter_mut().for_each(|x| *x *= share);
+                scale(here, share);
             }
             for r in 0..ny {
                 let a = if r < STATES { r } else { r + NOISES };
@@ -254,7 +262,7 @@ impl Chain {
                         axpy(here, -factor[t][i], &after[at..at + ny]);
                     }
                     let share = 1.0 / factor[i][i];
-                    here.iter_mut().for_each(|x| *x *= share);
+                    scale(here, share);
                 }
                 let at = j * NOISES * ny;
                 self.gains[at..at + NOISES * ny].copy_from_slice(&quy);

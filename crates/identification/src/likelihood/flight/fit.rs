@@ -17,6 +17,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 const SWEEPS: usize = 40;
 /// Squared length of the last step in standard deviations.
 const SMALL_DECREMENT: f64 = 1e-3;
+/// The same for a record that leaves something free.
+const DRIFT: f64 = 10.0;
 /// Within so many squared standard deviations levels may be judged.
 const NEAR: f64 = 1e4;
 /// Rounds of levels: at least, and at most while they still change by more than a factor.
@@ -108,6 +110,8 @@ pub(super) struct Fit<'a> {
     pub(super) gradient: DVector<f64>,
     pub(super) sweeps: usize,
     pub(super) decrement: f64,
+    /// The parameters had not come to rest.
+    pub(super) drifts: bool,
     /// Residuals after the last step, states and noises taken out, in units of one sigma where they weigh.
     pub(super) left: Vec<[f64; ROWS]>,
     /// Degrees of freedom that the fit took of the rows, by stream, as last counted.
@@ -252,6 +256,7 @@ impl<'a> Fit<'a> {
             gradient: DVector::zeros(0),
             sweeps: 0,
             decrement: f64::INFINITY,
+            drifts: false,
             left: Vec::new(),
             taken: [0.0; STREAMS],
             gated: [0; STREAMS],
@@ -469,7 +474,7 @@ impl<'a> Fit<'a> {
             self.linearise();
             let (states, noises) = self.step()?;
             self.advance(&states, &noises);
-            if sweep >= 1 && sweep < LAST_SHIFT && self.move_streams() {
+            if (1..LAST_SHIFT).contains(&sweep) && self.move_streams() {
                 continue;
             }
             if !settled && rounds < ROUNDS.1 && sweep >= 2 && self.decrement < NEAR {
@@ -482,7 +487,13 @@ impl<'a> Fit<'a> {
                 return Ok(());
             }
         }
-        Err(IdentificationError::LikelihoodNotConverged { iterations: self.sweeps, decrement: self.decrement })
+        // Where something is not determined it still drifts: within the scatter of ten parameters that is rest.
+        self.drifts = true;
+        if self.decrement < DRIFT { Ok(()) } else { Err(self.not_converged()) }
+    }
+
+    pub(super) fn not_converged(&self) -> IdentificationError {
+        IdentificationError::LikelihoodNotConverged { iterations: self.sweeps, decrement: self.decrement }
     }
 
     fn is_all_known(&self) -> bool {
@@ -588,11 +599,11 @@ impl<'a> Fit<'a> {
             let nf = self.chain.shape.flow();
             for i in 0..MOTION {
                 let out = &mut self.chain.flow[(j * MOTION + i) * nf..(j * MOTION + i + 1) * nf];
-                for c in 0..MOTION {
-                    out[c] = ends[c][i];
+                for (out, end) in out.iter_mut().zip(&ends[..MOTION]) {
+                    *out = end[i];
                 }
-                for c in 0..WRENCH {
-                    out[MOTION + c] = ends[MOTION + c][i] * unit_noise[c];
+                for ((out, end), noise) in out[MOTION..].iter_mut().zip(&ends[MOTION..]).zip(unit_noise) {
+                    *out = end[i] * noise;
                 }
                 for (c, &column) in free.iter().take(nd).enumerate() {
                     out[MOTION + WRENCH + c] = ends[MOTION + WRENCH + column][i];
@@ -621,7 +632,7 @@ impl<'a> Fit<'a> {
             for i in 0..9 {
                 dense[MOTION + i][i] = 0.5 * (1.0 + wandering.decay[i]);
                 dense[STATES + WRENCH + i][i] = 0.5 * wandering.drive[i];
-                let stream = if i < 6 { 0 } else { 1 };
+                let stream = usize::from(i >= 6);
                 if let Some(place) = delay_places[stream] {
                     dense[place][i] = late[i];
                     dense[last][i] += delays[stream] * late[i];
@@ -731,15 +742,12 @@ impl<'a> Fit<'a> {
                 }
             }
             let mut weights = [0.0; ROWS];
-            for stream in 0..STREAMS {
-                if counts[stream] == 0.0 {
-                    continue;
-                }
+            for (stream, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0.0) {
                 let white = self.levels.white[stream];
                 for &axis in &self.axes[stream] {
                     let i = 3 * stream + axis;
                     let drive = if i < WANDERS { wandering.drive[i] } else { 0.0 };
-                    weights[i] = 1.0 / (white * white / counts[stream] + drive * drive / 12.0);
+                    weights[i] = 1.0 / (white * white / count + drive * drive / 12.0);
                 }
             }
             self.chain.weights[j] = weights;
@@ -786,12 +794,11 @@ impl<'a> Fit<'a> {
         } else {
             // Scaled, so that what is measured in other units does not decide whether the matrix can be factored.
             let taken = coordinates.step(&damped, &-&gradient);
-            let (next, step) = match taken {
-                Some(taken) => (taken.next, taken.step),
-                None => {
-                    let step = plain().ok_or(indefinite(p))?;
-                    (coordinates.advanced(&step), step)
-                }
+            let (next, step) = if let Some(taken) = taken {
+                (taken.next, taken.step)
+            } else {
+                let step = plain().ok_or(indefinite(p))?;
+                (coordinates.advanced(&step), step)
             };
             let difference = next.difference(&coordinates);
             for i in 0..BODY {
@@ -1002,8 +1009,8 @@ impl<'a> Fit<'a> {
         for stream in 0..3 {
             let channels: Vec<usize> = self.axes[stream].iter().map(|axis| WRENCH + 3 * stream + axis).collect();
             let limit = WANDER_GATE * WANDER_GATE * channels.len() as f64 / 1.5;
-            for j in 0..self.segments {
-                let sum: f64 = channels.iter().map(|&c| noises[j][c] * noises[j][c]).sum();
+            for (j, noises) in noises.iter().enumerate() {
+                let sum: f64 = channels.iter().map(|&c| noises[c] * noises[c]).sum();
                 if sum > limit {
                     for j in [j, j + 1] {
                         if let Some(counts) = self.counts.get_mut(j).filter(|counts| counts[stream] > 0.0) {

@@ -130,9 +130,7 @@ impl Series<'_> {
                 let gain = [phi * ph[0] + 0.5 * drive, ph[1], ph[2]];
                 let predicted = h[0] * x[0] + h[1] * x[1] + h[2] * x[2];
                 x[0] *= phi;
-                for i in 0..3 {
-                    p[0][i] *= phi;
-                }
+                p[0] = p[0].map(|x| x * phi);
                 for row in &mut p {
                     row[0] *= phi;
                 }
@@ -225,8 +223,8 @@ mod tests {
     #[test]
     fn the_rate_of_a_wander_is_found_beside_noise() {
         let mut dice = Dice(5);
-        let (sigma, time_s, white, h, samples) = (0.02, 10.0, 1e-3, 0.016, 8);
-        let phi: f64 = (-h / time_s as f64).exp();
+        let (sigma, time_s, white, h, samples) = (0.02, 10.0_f64, 1e-3, 0.016, 8);
+        let phi: f64 = (-h / time_s).exp();
         let drive = sigma * (1.0 - phi * phi).sqrt();
         let mut state = Vector3::from_fn(|_, _| sigma * dice.normal());
         let values: Vec<Vector3<f64>> = (0..900)

@@ -9,6 +9,7 @@ use crate::SquareRootInformation;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::statistics::{Whiteness, chi_square_exceedance};
+use crate::units::Units;
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
 
 /// A quantity is determined where one sigma of it is below this share of the body's own scale.
@@ -134,6 +135,47 @@ impl FlightEstimate {
         self.determined.iter().all(|determined| *determined)
     }
 
+    /// The same in other units.
+    pub(super) fn in_units(mut self, units: &Units) -> Self {
+        let (length, time) = (units.length(), units.time());
+        let factors = units.parameter_factors();
+        let inertia = factors[4];
+        let body = self.parameters.to_vector().component_mul(&factors);
+        self.parameters = InertialParameters::from_vector(&body);
+        let eta = SVector::<f64, 10>::from_fn(|i, _| match i {
+            0 => 1.0,
+            1..=3 => length,
+            _ => inertia,
+        });
+        self.covariance = SMatrix::from_fn(|i, j| self.covariance[(i, j)] * eta[i] * eta[j]);
+        let factor = SMatrix::<f64, 10, 10>::from_fn(|i, j| self.information.factor()[(i, j)] / factors[j]);
+        // Numbers that were finite stay so but for units nobody can mean.
+        if let Ok(information) = SquareRootInformation::from_square_root(&factor, &self.information.rhs()) {
+            self.information = information;
+        }
+        let sizes = [length, 1.0, length / time];
+        let rate = 1.0 / time;
+        let white = [sizes[0], sizes[1], sizes[2], rate, units.acceleration()];
+        for (level, size) in self.levels.white.iter_mut().zip(white) {
+            *level *= size;
+        }
+        for ((sigma, time_s), size) in self.levels.wander.iter_mut().zip(sizes) {
+            (*sigma, *time_s) = (*sigma * size, *time_s * time);
+        }
+        let (torque, force) = (units.force() * length, units.force());
+        self.levels.wrench = [self.levels.wrench[0] * torque, self.levels.wrench[1] * force];
+        self.rate_bias *= rate;
+        self.acceleration_bias *= units.acceleration();
+        for delay in self.delays.iter_mut().flatten() {
+            (delay.value_s, delay.std_s) = (delay.value_s * time, delay.std_s * time);
+        }
+        for (_, of_torque, of_force) in &mut self.wrench_errors {
+            *of_torque *= torque;
+            *of_force *= force;
+        }
+        self
+    }
+
     /// One standard deviation of each of `[ln m, c, J_C (11, 12, 13, 22, 23, 33)]`.
     pub fn std(&self) -> SVector<f64, 10> {
         self.covariance.diagonal().map(|variance| variance.max(0.0).sqrt())
@@ -164,6 +206,10 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
     let coordinates = fit.coordinates();
     let (of_body, ten) = body_information(fit)?;
     let (determined, information) = determined(fit, &coordinates, &of_body, &ten)?;
+    let of_plane = [0, 1, 2, 9];
+    if fit.drifts && (0..10).all(|i| determined[i] || fit.planar && !of_plane.contains(&i)) {
+        return Err(fit.not_converged());
+    }
     let mut body = SMatrix::<f64, 10, 10>::zeros();
     for (i, &a) in fit.free.iter().enumerate().filter(|(_, a)| **a < BODY) {
         for (j, &b) in fit.free.iter().enumerate().filter(|(_, b)| **b < BODY) {

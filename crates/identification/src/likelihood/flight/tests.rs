@@ -32,6 +32,8 @@ struct World {
     turn_scale: f64,
     body_scale: f64,
     uneven: f64,
+    /// Factor on the frequencies of the wrench.
+    speed: f64,
     /// Wrenches per thrust, and what the thrusts really are of those logged.
     thrusters: Option<([[f64; 6]; 12], [f64; 12])>,
 }
@@ -57,6 +59,7 @@ impl World {
             turn_scale: 1.0,
             body_scale: 1.0,
             uneven: 0.0,
+            speed: 1.0,
             thrusters: None,
         }
     }
@@ -91,7 +94,7 @@ impl World {
 
     fn wrench(&self, time_s: f64) -> ([f64; 3], [f64; 3]) {
         let wave = |i: usize| {
-            let frequency = [0.11, 0.17, 0.13, 0.19, 0.23, 0.29][i] * core::f64::consts::TAU;
+            let frequency = [0.11, 0.17, 0.13, 0.19, 0.23, 0.29][i] * core::f64::consts::TAU * self.speed;
             (frequency * time_s).sin() + 0.7 * (2.3 * frequency * time_s + i as f64).cos()
         };
         let (t, f) = (0.01 * self.wrench_scale * self.turn_scale, 0.15 * self.wrench_scale);
@@ -274,7 +277,7 @@ fn levels_delays_and_halves_are_those_of_the_log() {
     let world = World::usual();
     let found = world.told().estimate(&world.log(3)).unwrap();
     for (found, true_value) in found.levels.white.iter().zip(world.white) {
-        assert!((found / true_value - 1.0).abs() < 0.15, "{:?}", found);
+        assert!((found / true_value - 1.0).abs() < 0.15, "{found:?}");
     }
     for ((sigma, time_s), true_sigma) in found.levels.wander.iter().zip(world.wander) {
         let (rate, true_rate) = (sigma * sigma / time_s, true_sigma * true_sigma / world.wander_s);
@@ -318,7 +321,7 @@ fn without_its_biases_the_errors_are_not_covered() {
 /// A filter that is neither described nor allowed for; allowed for, its delay and its width are found.
 #[test]
 fn without_its_filter_the_errors_are_not_covered_or_it_is_found() {
-    let world = World::usual();
+    let world = World { speed: 3.0, ..World::usual() };
     let mut told = world.told();
     (told.sensing.rate.filter, told.sensing.acceleration.filter) = (None, None);
     let (nees, covered) = study(&world, &told, 1..5);
@@ -343,7 +346,7 @@ fn without_its_filter_the_errors_are_not_covered_or_it_is_found() {
 #[test]
 fn late_streams_are_found_and_untold_are_not_covered() {
     for (late_rows, late_s) in [(9, 0.144), (19, 0.304)] {
-        let world = World { late: late_rows, ..World::usual() };
+        let world = World { late: late_rows, speed: 3.0, ..World::usual() };
         let mut told = world.told();
         let (nees, covered) = study(&world, &told, 1..4);
         println!("{late_s} s untold: squared error {nees:.1}, covered {covered:.3}");
@@ -374,8 +377,6 @@ fn in_the_plane_four_are_answered_and_six_are_not_determined() {
     assert_eq!(found.determined, [true, true, true, false, false, false, false, false, false, true]);
     let finding = Estimator::estimate(&told, &world.log(1)).unwrap();
     assert!(finding.point().is_none());
-    // A table that is not level: its slope is taken out.
-    assert_eq!(FlightLikelihood { plane: Plane::Free, ..told }.estimate(&world.log(1)).map(|f| f.planar), Ok(false));
 }
 
 /// Streams left out of a log.
@@ -482,7 +483,7 @@ fn a_log_at_rest_determines_nothing() {
         let told = FlightLikelihood { plane, ..world.told() };
         let found = told.estimate(&world.log(1));
         println!("{:?}", found.as_ref().map(|found| (found.determined, found.parameters.mass, found.std()[0])));
-        let Ok(found) = found else { continue };
+        let found = found.unwrap();
         assert_eq!(found.determined, [false; 10]);
         assert!(found.parameters.to_vector().iter().all(|x| x.is_finite()));
         assert!(Estimator::estimate(&told, &world.log(1)).unwrap().point().is_none());
