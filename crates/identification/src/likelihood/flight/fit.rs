@@ -15,6 +15,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// Sweeps after which a fit that still moves is given up.
 const SWEEPS: usize = 40;
+/// Sweeps after which half a step is taken: what still swings to and fro then comes to rest.
+const FULL_STEPS: usize = 20;
 /// Squared length of the last step in standard deviations.
 const SMALL_DECREMENT: f64 = 1e-3;
 /// The same for a record that leaves something free.
@@ -764,6 +766,7 @@ impl<'a> Fit<'a> {
     #[allow(clippy::type_complexity)]
     fn step(&mut self) -> Result<(Vec<[f64; STATES]>, Vec<[f64; NOISES]>), IdentificationError> {
         let p = self.free.len();
+        let before = self.eta.clone();
         let form = self.chain.eliminate(0, self.segments, true);
         let (mut information, mut gradient, gone) = without_state(&form, self.chain.shape).ok_or(indefinite(p))?;
         for (i, (&column, prior)) in self.free.iter().zip(&self.prior).enumerate() {
@@ -818,9 +821,15 @@ impl<'a> Fit<'a> {
         let one = DVector::from_iterator(p + 1, step.iter().copied().chain([1.0]));
         let first = -(&gone * one);
         let first: [f64; STATES] = core::array::from_fn(|i| first[i]);
-        let (states, noises) = self.chain.forward(&first, step.as_slice());
+        let (mut states, mut noises) = self.chain.forward(&first, step.as_slice());
         (self.information, self.gradient, self.form) = (information, gradient, form);
         self.left = self.residuals(&states, &noises, step.as_slice());
+        if self.sweeps > FULL_STEPS {
+            for (eta, before) in self.eta.iter_mut().zip(before) {
+                *eta = before + 0.5 * (*eta - before);
+            }
+            states.iter_mut().flatten().chain(noises.iter_mut().flatten()).for_each(|step| *step *= 0.5);
+        }
         Ok((states, noises))
     }
 
