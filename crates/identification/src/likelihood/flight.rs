@@ -201,9 +201,9 @@ impl FlightLikelihood {
             if let Some(scaled) = units.record(record) {
                 let told = Self {
                     gravity_world: units.gravity(&self.gravity_world),
-                    wrench_noise: self.wrench_noise.map(|[torque, force]| {
-                        [torque * units.force() * units.length(), force * units.force()]
-                    }),
+                    wrench_noise: self
+                        .wrench_noise
+                        .map(|[torque, force]| [torque * units.force() * units.length(), force * units.force()]),
                     ..self.clone()
                 };
                 return Ok(told.estimate_as_told(&scaled)?.in_units(&units.back()));

@@ -189,5 +189,5 @@ fn what_cannot_be_is_refused_with_the_name_of_who_said_it() {
     let doubted = matches!(found.verdict, Verdict::Doubtful(tumble_identification::estimator::Why::Disagrees { .. }));
     assert!(doubted, "{:?}", found.verdict);
     let unknown = Pipeline::new().identify(&record, &settings("hubre")).unwrap_err().to_string();
-    assert!(unknown.contains("`hubre`") && unknown.contains("maximum-likelihood, rls"), "{unknown}");
+    assert!(unknown.contains("`hubre`") && unknown.contains("flight-likelihood, rls"), "{unknown}");
 }

@@ -604,7 +604,7 @@ fn no_unit_decides_an_identification() {
     for (name, _) in methods().entries().collect::<Vec<_>>() {
         let record = match name {
             "newton-euler" => &rated,
-            "auto" | "maximum-likelihood" | "ekf" | "ukf" => &noisy,
+            "auto" | "maximum-likelihood" | "flight-likelihood" | "ekf" | "ukf" => &noisy,
             _ => &exact,
         };
         let start = std::time::Instant::now();

@@ -19,13 +19,15 @@ const SWEEPS: usize = 40;
 const FULL_STEPS: usize = 20;
 /// Squared length of the last step in standard deviations.
 const SMALL_DECREMENT: f64 = 1e-3;
+/// Sweep from which levels are judged in any case: too narrow ones keep a fit from coming near.
+const FORCED: usize = 6;
 /// The same for a record that leaves something free.
 const DRIFT: f64 = 10.0;
 /// Within so many squared standard deviations levels may be judged.
 const NEAR: f64 = 1e4;
 /// Rounds of levels: at least, and at most while they still change by more than a factor.
 const ROUNDS: (usize, usize) = (3, 10);
-const SETTLED: f64 = 1.25;
+const SETTLED: f64 = 1.1;
 /// Bounds of the change of the wrench's level in a round.
 const WRENCH_CHANGE: (f64, f64) = (0.1, 10.0);
 /// Start and floor of the error of the wrench, by its root mean square: torque, force.
@@ -41,6 +43,10 @@ const LARGEST_DELAY_STEP_S: f64 = 0.2;
 /// Distances, in segments, over which what a filter that nobody describes leaves alike is counted, and how much of it at most.
 const COLOURS: usize = 8;
 const LARGEST_COLOUR: f64 = 16.0;
+/// Errors of the wrench are looked at for their colour where the record shows this share of them, over this time, s, and believed up to so much.
+const SEEN: f64 = 0.2;
+const ALIKE_S: f64 = 4.0;
+const LARGEST_WRENCH_COLOUR: f64 = 100.0;
 /// Gates in standard deviations: of inertial rows, of drives of the wander.
 const GATE: f64 = 4.5;
 const WANDER_GATE: f64 = 5.0;
@@ -479,9 +485,10 @@ impl<'a> Fit<'a> {
             if (1..LAST_SHIFT).contains(&sweep) && self.move_streams() {
                 continue;
             }
-            if !settled && rounds < ROUNDS.1 && sweep >= 2 && self.decrement < NEAR {
+            let is_near = self.decrement < NEAR || sweep >= FORCED;
+            if !settled && rounds < ROUNDS.1 && sweep >= 2 && is_near {
                 rounds += 1;
-                let change = self.take_levels(&states, &noises);
+                let change = self.take_levels(&states, &noises, self.decrement < NEAR);
                 settled = rounds >= ROUNDS.0 && change < SETTLED;
                 continue;
             }
@@ -907,8 +914,8 @@ impl<'a> Fit<'a> {
         moved
     }
 
-    /// Levels, then gates, from what the last step left; the largest factor by which a level changed.
-    fn take_levels(&mut self, states: &[[f64; STATES]], noises: &[[f64; NOISES]]) -> f64 {
+    /// Levels, then gates where asked for, from what the last step left; the largest factor by which a level changed.
+    fn take_levels(&mut self, states: &[[f64; STATES]], noises: &[[f64; NOISES]], gate: bool) -> f64 {
         let sensing = &self.of.sensing;
         let segment_s = self.samples as f64 * self.grid.step_s;
         let errors = [&sensing.position, &sensing.attitude, &sensing.velocity];
@@ -980,7 +987,7 @@ impl<'a> Fit<'a> {
             let usual = super::levels::median(&mut sizes).unwrap_or(0.0) / MEDIAN_CHI_SQUARE[channels.len() - 1];
             let limit = usual * GATE * GATE * channels.len() as f64 / 1.5;
             let out: Vec<usize> = (0..self.segments).filter(|&j| size(j) > limit).collect();
-            if !out.is_empty() {
+            if gate && !out.is_empty() {
                 let (squares, count, share) = sums(&|j| size(j) <= limit);
                 factor = squares / (count - share).max(1.0);
                 for j in out {
@@ -1001,7 +1008,10 @@ impl<'a> Fit<'a> {
                 let redundant =
                     (3 * self.segments) as f64 - variances.iter().flat_map(|v| &v[range.clone()]).sum::<f64>();
                 let squares: f64 = self.errors.iter().flat_map(|e| &e[range.clone()]).map(|e| e * e).sum();
-                let factor = (squares / redundant.max(1e-9)).clamp(WRENCH_CHANGE.0, WRENCH_CHANGE.1);
+                // Errors that follow the wrench, as those of thrusts do, are alike for longer than a segment.
+                let is_seen = redundant > SEEN * (3 * self.segments) as f64;
+                let colour = if is_seen { self.colour_of_errors(&range) } else { 1.0 };
+                let factor = (colour * squares / redundant.max(1e-9)).clamp(WRENCH_CHANGE.0, WRENCH_CHANGE.1);
                 let level = (self.levels.wrench[part] * factor.sqrt()).max(self.floors[part]);
                 let by = level / self.levels.wrench[part];
                 if factor > 1.0 {
@@ -1020,7 +1030,7 @@ impl<'a> Fit<'a> {
             let limit = WANDER_GATE * WANDER_GATE * channels.len() as f64 / 1.5;
             for (j, noises) in noises.iter().enumerate() {
                 let sum: f64 = channels.iter().map(|&c| noises[c] * noises[c]).sum();
-                if sum > limit {
+                if gate && sum > limit {
                     for j in [j, j + 1] {
                         if let Some(counts) = self.counts.get_mut(j).filter(|counts| counts[stream] > 0.0) {
                             counts[stream] = 0.0;
@@ -1031,6 +1041,20 @@ impl<'a> Fit<'a> {
             }
         }
         change
+    }
+
+    /// Density at low frequency of the errors of the wrench over that of a segment's.
+    fn colour_of_errors(&self, range: &core::ops::Range<usize>) -> f64 {
+        let segment_s = self.samples as f64 * self.grid.step_s;
+        let farthest = whole(ALIKE_S / segment_s).clamp(1, self.segments / 4);
+        let (mut alone, mut beside) = (0.0, 0.0);
+        for i in range.clone() {
+            for (j, error) in self.errors.iter().enumerate() {
+                alone += error[i] * error[i];
+                beside += self.errors[j + 1..].iter().take(farthest).map(|next| error[i] * next[i]).sum::<f64>();
+            }
+        }
+        if alone > 0.0 { (1.0 + 2.0 * beside / alone).clamp(1.0, LARGEST_WRENCH_COLOUR) } else { 1.0 }
     }
 
     /// Density at low frequency over that of a segment's mean: of the filter, and where that is not all told by what is left of the rows.
