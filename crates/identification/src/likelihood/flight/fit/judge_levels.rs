@@ -1,0 +1,197 @@
+//! Levels and gates from what a step left.
+
+use super::super::grid::{ACCELERATION, RATE, VELOCITY, whole};
+use super::super::layout::{MOTION, NOISES, ROWS, STATES, WRENCH};
+use super::super::levels::{Series, median};
+use super::{
+    ALIKE_S, COLOURS, Fit, GATE, LARGEST_COLOUR, LARGEST_WRENCH_COLOUR, MEDIAN_CHI_SQUARE, SEEN, WANDER_GATE,
+    WRENCH_CHANGE,
+};
+use nalgebra::Vector3;
+
+impl Fit<'_> {
+    /// Levels, then gates where asked for, from what the last step left; the largest factor by which a level changed.
+    pub(super) fn take_levels(&mut self, states: &[[f64; STATES]], noises: &[[f64; NOISES]], gate: bool) -> f64 {
+        let sensing = &self.of.sensing;
+        let segment_s = self.samples as f64 * self.grid.step_s;
+        let errors = [&sensing.position, &sensing.attitude, &sensing.velocity];
+        let mut change: f64 = 1.0;
+        for (stream, errors) in errors.into_iter().enumerate() {
+            if self.counts.iter().all(|counts| counts[stream] == 0.0) {
+                continue;
+            }
+            if !errors.wander.is_known() {
+                let values: Vec<Vector3<f64>> = self
+                    .left
+                    .iter()
+                    .map(|r| Vector3::new(r[3 * stream], r[3 * stream + 1], r[3 * stream + 2]))
+                    .collect();
+                let counts: Vec<f64> = self.counts.iter().map(|counts| counts[stream]).collect();
+                let series = Series {
+                    values: &values,
+                    axes: &self.axes[stream],
+                    counts: &counts,
+                    segment_s,
+                    with_slope: stream != VELOCITY,
+                };
+                self.levels.wander[stream] = series.wander(self.levels.white[stream], self.levels.wander[stream]);
+            }
+            if let (false, Some(raw)) = (errors.white.is_known(), self.raw[stream]) {
+                let (sigma, time_s) = self.levels.wander[stream];
+                let slow = 0.6 * sigma * sigma / time_s * self.grid.step_s * self.spacing[stream];
+                self.levels.white[stream] = (raw * raw - slow).max(0.01 * raw * raw).sqrt();
+            }
+        }
+        let with_wander = self.residuals_of_wander(states, noises);
+        let covariance = self.joint_covariance();
+        let (taken, variances) = match &covariance {
+            Some(covariance) => self.chain.shares(covariance),
+            None => (vec![[0.0; ROWS]; self.segments], vec![[0.0; WRENCH]; self.segments]),
+        };
+        for (i, known) in [(RATE, sensing.rate.white.is_known()), (ACCELERATION, sensing.acceleration.white.is_known())]
+        {
+            let ratio = self.ratio_of(i, &with_wander);
+            let channels: Vec<usize> = self.axes[i].iter().map(|axis| 3 * i + axis).collect();
+            let sums = |counted: &dyn Fn(usize) -> bool| {
+                let (mut squares, mut count, mut share) = (0.0, 0.0, 0.0);
+                for j in 0..self.segments {
+                    for &channel in &channels {
+                        let weight = self.chain.weights[j][channel];
+                        if weight > 0.0 {
+                            share += taken[j][channel];
+                            if counted(j) {
+                                count += 1.0;
+                                squares += with_wander[j][channel].powi(2) * weight;
+                            }
+                        }
+                    }
+                }
+                (ratio * squares, count, share)
+            };
+            let (squares, count, share) = sums(&|_| true);
+            self.taken[i] = share;
+            if count == 0.0 {
+                continue;
+            }
+            let mut factor = squares / (count - share).max(1.0);
+            // Outliers by the level that most rows show.
+            let size = |j: usize| {
+                let sum = channels.iter().map(|&c| with_wander[j][c].powi(2) * self.chain.weights[j][c]).sum::<f64>();
+                ratio * sum
+            };
+            let mut sizes: Vec<f64> = (0..self.segments).map(size).filter(|size| *size > 0.0).collect();
+            let usual = median(&mut sizes).unwrap_or(0.0) / MEDIAN_CHI_SQUARE[channels.len() - 1];
+            let limit = usual * GATE * GATE * channels.len() as f64 / 1.5;
+            let out: Vec<usize> = (0..self.segments).filter(|&j| size(j) > limit).collect();
+            if gate && !out.is_empty() {
+                let (squares, count, share) = sums(&|j| size(j) <= limit);
+                factor = squares / (count - share).max(1.0);
+                for j in out {
+                    self.counts[j][i] = 0.0;
+                    self.gated[i] += 1;
+                }
+            }
+            if !known && factor > 0.0 {
+                let level = (self.levels.white[i] * factor.sqrt()).max(self.smallest[i]);
+                let by = level / self.levels.white[i];
+                change = change.max(by).max(1.0 / by);
+                self.levels.white[i] = level;
+            }
+        }
+        if self.of.wrench_noise.is_none() {
+            for part in 0..2 {
+                let range = 3 * part..3 * part + 3;
+                let redundant =
+                    (3 * self.segments) as f64 - variances.iter().flat_map(|v| &v[range.clone()]).sum::<f64>();
+                let squares: f64 = self.errors.iter().flat_map(|e| &e[range.clone()]).map(|e| e * e).sum();
+                // Errors that follow the wrench, as those of thrusts do, are alike for longer than a segment.
+                let is_seen = redundant > SEEN * (3 * self.segments) as f64;
+                let colour = if is_seen { self.colour_of_errors(&range) } else { 1.0 };
+                let factor = (colour * squares / redundant.max(1e-9)).clamp(WRENCH_CHANGE.0, WRENCH_CHANGE.1);
+                let level = (self.levels.wrench[part] * factor.sqrt()).max(self.floors[part]);
+                let by = level / self.levels.wrench[part];
+                if factor > 1.0 {
+                    change = change.max(by);
+                }
+                self.levels.wrench[part] = level;
+                for error in &mut self.errors {
+                    for e in &mut error[range.clone()] {
+                        *e /= by;
+                    }
+                }
+            }
+        }
+        for stream in 0..3 {
+            let channels: Vec<usize> = self.axes[stream].iter().map(|axis| WRENCH + 3 * stream + axis).collect();
+            let limit = WANDER_GATE * WANDER_GATE * channels.len() as f64 / 1.5;
+            for (j, noises) in noises.iter().enumerate() {
+                let sum: f64 = channels.iter().map(|&c| noises[c] * noises[c]).sum();
+                if gate && sum > limit {
+                    for j in [j, j + 1] {
+                        if let Some(counts) = self.counts.get_mut(j).filter(|counts| counts[stream] > 0.0) {
+                            counts[stream] = 0.0;
+                            self.gated[stream] += 1;
+                        }
+                    }
+                }
+            }
+        }
+        change
+    }
+
+    /// Density at low frequency of the errors of the wrench over that of a segment's.
+    fn colour_of_errors(&self, range: &core::ops::Range<usize>) -> f64 {
+        let segment_s = self.samples as f64 * self.grid.step_s;
+        let farthest = whole(ALIKE_S / segment_s).clamp(1, self.segments / 4);
+        let (mut alone, mut beside) = (0.0, 0.0);
+        for i in range.clone() {
+            for (j, error) in self.errors.iter().enumerate() {
+                alone += error[i] * error[i];
+                beside += self.errors[j + 1..].iter().take(farthest).map(|next| error[i] * next[i]).sum::<f64>();
+            }
+        }
+        if alone > 0.0 { (1.0 + 2.0 * beside / alone).clamp(1.0, LARGEST_WRENCH_COLOUR) } else { 1.0 }
+    }
+
+    /// Density at low frequency over that of a segment's mean: of the filter, and where that is not all told by what is left of the rows.
+    fn ratio_of(&self, stream: usize, left: &[[f64; ROWS]]) -> f64 {
+        let sensing = &self.of.sensing;
+        let errors = if stream == RATE { &sensing.rate } else { &sensing.acceleration };
+        let told = self.ratio[stream - RATE];
+        if errors.unknown_filter_s == 0.0 {
+            return told;
+        }
+        let (mut alone, mut beside) = (0.0, [0.0; COLOURS]);
+        for axis in &self.axes[stream] {
+            let channel = 3 * stream + axis;
+            let value = |j: usize| left[j][channel] * self.chain.weights[j][channel].sqrt();
+            for j in 0..self.segments {
+                alone += value(j) * value(j);
+                for (distance, sum) in beside.iter_mut().enumerate() {
+                    if j + distance + 1 < self.segments {
+                        *sum += value(j) * value(j + distance + 1);
+                    }
+                }
+            }
+        }
+        let colour = if alone > 0.0 { 1.0 + 2.0 * beside.iter().sum::<f64>() / alone } else { 1.0 };
+        colour.clamp(told, LARGEST_COLOUR)
+    }
+
+    /// Residuals after the last step, wander taken out too.
+    pub(super) fn residuals_of_wander(&self, states: &[[f64; STATES]], noises: &[[f64; NOISES]]) -> Vec<[f64; ROWS]> {
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        self.left
+            .iter()
+            .enumerate()
+            .map(|(j, left)| {
+                core::array::from_fn(|i| {
+                    let row = self.chain.row(j, i);
+                    left[i]
+                        + dot(&row[MOTION..STATES], &states[j][MOTION..])
+                        + dot(&row[STATES + WRENCH..STATES + NOISES], &noises[j][WRENCH..])
+                })
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,135 @@
+//! Where levels and parameters begin, and what is known of them.
+
+use super::super::super::coordinates::Coordinates;
+use super::super::grid::{ACCELERATION, ATTITUDE, POSITION, RATE, Row, STREAMS, VELOCITY};
+use super::super::layout::{BODY, CENTER, LOG_MASS};
+use super::{
+    Fit, GRAVITY_SIGMA, SLOPE_SIGMA, SMALLEST_WHITE, WANDER_START, WANDER_TIME_S, WIDE_START, WRENCH_START, nearest,
+};
+use nalgebra::Vector3;
+
+impl Fit<'_> {
+    pub(super) fn start_levels(&mut self, drive: [f64; 2]) {
+        let sensing = &self.of.sensing;
+        let span = |stream: usize| -> f64 {
+            let seen = || self.grid.rows.iter().zip(&self.grid.valid).filter(|(_, valid)| valid[stream]);
+            let value = |row: &Row| match stream {
+                POSITION => row.position,
+                VELOCITY => row.velocity,
+                RATE => row.rate,
+                ACCELERATION => row.acceleration,
+                _ => Vector3::x(),
+            };
+            let Some((first, _)) = seen().next() else { return 1.0 };
+            let most = seen().map(|(row, _)| (value(row) - value(first)).amax()).fold(0.0, f64::max);
+            if stream == ATTITUDE || most == 0.0 { 1.0 } else { most }
+        };
+        let size = |stream: usize| {
+            let seen = || self.grid.rows.iter().zip(&self.grid.valid).filter(|(_, valid)| valid[stream]);
+            let value = |row: &Row| if stream == RATE { row.rate } else { row.acceleration };
+            let count = seen().count().max(1) as f64;
+            let mean = seen().map(|(row, _)| value(row)).sum::<Vector3<f64>>() / count;
+            (seen().map(|(row, _)| (value(row) - mean).norm_squared()).sum::<f64>() / (3.0 * count)).sqrt()
+        };
+        let stated = [
+            sensing.position.white,
+            sensing.attitude.white,
+            sensing.velocity.white,
+            sensing.rate.white,
+            sensing.acceleration.white,
+        ];
+        for (stream, stated) in stated.into_iter().enumerate() {
+            self.smallest[stream] = SMALLEST_WHITE * span(stream);
+            let seen = self.raw[stream].unwrap_or(0.0).max(self.smallest[stream]);
+            // Differences of a stream that somebody has filtered say little of its density at low frequency: begun too wide the level falls at
+            // once, begun too narrow it ties the motion to what the filter made of it.
+            let start = if stream < RATE { seen } else { seen.max(WIDE_START * size(stream)) };
+            let is_of_unit = stream == RATE || stream == ACCELERATION;
+            self.levels.white[stream] = if stated.is_known() || is_of_unit { stated.or(start) } else { start };
+            self.raw[stream] = Some(seen);
+        }
+        let wander = [sensing.position.wander, sensing.attitude.wander, sensing.velocity.wander];
+        for (i, stated) in wander.into_iter().enumerate() {
+            self.levels.wander[i] = stated.or(WANDER_START[i], WANDER_TIME_S);
+        }
+        self.levels.wrench = self.of.wrench_noise.unwrap_or([drive[0] * WRENCH_START[0], drive[1] * WRENCH_START[1]]);
+    }
+
+    pub(super) fn start_parameters(&mut self, has: [bool; STREAMS]) {
+        let sensing = &self.of.sensing;
+        let layout = self.layout;
+        let start = Coordinates::of(&self.of.start);
+        self.eta[LOG_MASS] = start.log_mass;
+        for i in 0..3 {
+            self.eta[CENTER + i] = if self.planar && i == 2 { 0.0 } else { start.center[i] };
+        }
+        self.set_inertia(&start.inertia);
+        let mut sigma = vec![f64::INFINITY; layout.count()];
+        if self.planar {
+            for column in [3, 4, 5, 6, 7, 8] {
+                sigma[column] = 0.0;
+            }
+        }
+        if let Some(thrusters) = &self.of.thrusters {
+            for (i, column) in self.columns.iter().enumerate() {
+                let acts = column[0].norm() + column[1].norm() > 0.0
+                    && (0..self.grid.len()).any(|k| self.grid.thrusts[k * layout.thrusters + i] != 0.0);
+                sigma[BODY + i] = if acts { thrusters.scale_sigma[i] } else { 0.0 };
+            }
+        }
+        let slope = if self.planar { SLOPE_SIGMA } else { 0.0 };
+        sigma[layout.slope()] = slope;
+        sigma[layout.slope() + 1] = slope;
+        // From the unit alone a doubt of its scale is far from linear.
+        let fixed_by_poses = has[POSITION] || has[VELOCITY];
+        let doubted = if fixed_by_poses {
+            sensing.doubted_scale_sigma.max(sensing.acceleration.scale_sigma)
+        } else {
+            sensing.acceleration.scale_sigma
+        };
+        let triads = [
+            (layout.rate_gain(), layout.rate_bias(), &sensing.rate, sensing.rate.scale_sigma, RATE),
+            (layout.acceleration_gain(), layout.acceleration_bias(), &sensing.acceleration, doubted, ACCELERATION),
+        ];
+        for (gain, bias, errors, scale, stream) in triads {
+            for i in 0..3 {
+                for j in 0..3 {
+                    let seen = has[stream] && self.axes[stream].contains(&i) && self.axes[stream].contains(&j);
+                    let prior = if i == j { scale } else { errors.misalignment_sigma };
+                    sigma[gain + 3 * i + j] = if seen { prior } else { 0.0 };
+                }
+                let seen = has[stream] && self.axes[stream].contains(&i);
+                sigma[bias + i] = if seen { errors.bias_sigma } else { 0.0 };
+            }
+        }
+        let delays = [
+            (&sensing.pose_delay, has[POSITION] || has[ATTITUDE] || has[VELOCITY] && self.shares_delay()),
+            (sensing.velocity_delay.as_ref().unwrap_or(&sensing.pose_delay), has[VELOCITY] && !self.shares_delay()),
+            (&sensing.rate.delay, has[RATE]),
+            (&sensing.acceleration.delay, has[ACCELERATION]),
+        ];
+        for (i, (delay, seen)) in delays.into_iter().enumerate() {
+            let column = layout.delay() + i;
+            sigma[column] = if seen { delay.sigma_s } else { 0.0 };
+            let rows = delay.expected_s / self.grid.step_s;
+            self.shift[i] = nearest(rows);
+            self.eta[column] = (rows - self.shift[i] as f64) * self.grid.step_s;
+            self.mean[column] = self.eta[column];
+        }
+        for (i, (errors, stream)) in
+            [(&sensing.rate, RATE), (&sensing.acceleration, ACCELERATION)].into_iter().enumerate()
+        {
+            let width = errors.unknown_filter_s;
+            sigma[layout.spread() + i] = if has[stream] { 0.5 * width * width } else { 0.0 };
+        }
+        for axis in 0..3 {
+            let seen = has[ACCELERATION] && self.axes[ACCELERATION].contains(&axis);
+            sigma[layout.lever() + axis] = if seen { sensing.lever_arm_sigma_m } else { 0.0 };
+        }
+        let unsaid = self.planar && sensing.gravity_added_world_m_s2.is_none() && has[ACCELERATION] && has[ATTITUDE];
+        sigma[layout.gravity()] = if unsaid { GRAVITY_SIGMA } else { 0.0 };
+        self.free = (0..layout.count()).filter(|&column| sigma[column] > 0.0).collect();
+        self.prior =
+            self.free.iter().map(|&c| if sigma[c].is_finite() { 1.0 / (sigma[c] * sigma[c]) } else { 0.0 }).collect();
+    }
+}
