@@ -2,7 +2,6 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
-pub mod actuator_file;
 pub mod arm;
 pub mod body_file;
 mod embedded;
@@ -21,5 +20,7 @@ pub mod wheel_throw;
 
 pub use embedded::Embedded;
 pub use error::FormatsError;
-pub use robot::{ActuatorBytes, ActuatorPreset, ActuatorReplay, BodyPreset, Robot, Robots, UnknownPreset};
+pub use robot::{
+    ActuatorBytes, ActuatorPreset, ActuatorReplay, BodyPreset, Robot, Robots, SensorPreset, UnknownPreset,
+};
 pub use sample_reader::SampleReader;

@@ -160,63 +160,6 @@ impl RowLayout for MotionLayout {
 /// Streams the samples of one log of poses.
 pub type LogReader<R = File> = TimedRows<R, MotionLayout>;
 
-/// Where the columns of a log of poses stand that also holds commands of actuators.
-pub struct CommandedLayout {
-    motion: MotionLayout,
-    commands: Vec<usize>,
-    names: Vec<String>,
-}
-
-impl RowLayout for CommandedLayout {
-    type Sample = (MotionSample, Vec<f64>);
-
-    fn time_column(&self) -> usize {
-        self.motion.time
-    }
-
-    fn knows(&self, column: &str) -> bool {
-        self.motion.knows(column) || self.names.iter().any(|name| name == column)
-    }
-
-    fn sample(&self, row: &Row, time_ns: i64) -> Result<Self::Sample, FormatsError> {
-        let command = |column: &usize| {
-            let share = row.number(*column)?;
-            if (0.0..=1.0).contains(&share) {
-                Ok(share)
-            } else {
-                Err(row.out_of_range(*column, "a command lies between 0 and 1"))
-            }
-        };
-        let commands = self.commands.iter().map(command).collect::<Result<_, _>>()?;
-        Ok((self.motion.sample(row, time_ns)?, commands))
-    }
-}
-
-/// Streams the samples of one log of poses together with the commands of actuators, 0 to 1, held until the next row.
-pub type CommandedLogReader<R = File> = TimedRows<R, CommandedLayout>;
-
-impl TimedRows<File, CommandedLayout> {
-    /// Opens a log whose columns of these names are commands.
-    ///
-    /// # Errors
-    /// As [`LogReader::open`]; a column that is missing is named.
-    pub fn open(path: &Path, reorder: bool, commands: &[String]) -> Result<Self, FormatsError> {
-        Self::start(open_file(path)?, path, reorder, |header| {
-            let columns =
-                commands.iter().map(|name| header.required(name, OF_AN_ACTUATOR)).collect::<Result<_, _>>()?;
-            Ok(CommandedLayout { motion: MotionLayout::find(header)?, commands: columns, names: commands.to_vec() })
-        })
-    }
-
-    /// Whether the log is of motion in a plane.
-    pub fn is_planar(&self) -> bool {
-        self.layout().motion.is_planar()
-    }
-}
-
-/// Why a column of commands must be there.
-const OF_AN_ACTUATOR: &str = ", but the actuator file names it";
-
 impl TimedRows<File, MotionLayout> {
     /// Opens a log and reads its header.
     ///

@@ -6,6 +6,7 @@ use crate::recording::RawMessage;
 use std::fmt;
 use std::sync::Arc;
 use tumble_dynamics::{ActuatorDrive, DynamicsError, InertialParameters};
+use tumble_identification::sensing::Sensing;
 use tumble_lie::Wrench;
 
 /// A body that files may name.
@@ -15,6 +16,17 @@ pub struct BodyPreset {
     pub name: &'static str,
     /// Its mass properties about the body origin, body axes.
     pub body: InertialParameters<f64>,
+}
+
+/// Sensors that files and options may name.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorPreset {
+    /// Their name.
+    pub name: &'static str,
+    /// What they are, in a few words.
+    pub sentence: &'static str,
+    /// What a log shows of the true motion.
+    pub sensing: Sensing,
 }
 
 /// Actuators that files may name.
@@ -133,6 +145,11 @@ pub trait Robot: Send + Sync {
         Vec::new()
     }
 
+    /// Its sensors, by name; none where it brings none.
+    fn sensors(&self) -> Vec<SensorPreset> {
+        Vec::new()
+    }
+
     /// Arms that come with it, as TOML or URDF.
     fn arms(&self) -> &[Embedded] {
         &[]
@@ -213,6 +230,21 @@ impl Robots {
         let bodies: Vec<BodyPreset> = self.iter().flat_map(Robot::bodies).collect();
         let found = bodies.iter().find(|preset| preset.name == name).map(|preset| preset.body);
         found.ok_or_else(|| UnknownPreset::new("body", name, bodies.iter().map(|preset| preset.name).collect()))
+    }
+
+    /// Every robot's sensors.
+    pub fn sensors(&self) -> Vec<SensorPreset> {
+        self.iter().flat_map(Robot::sensors).collect()
+    }
+
+    /// The sensors of this name.
+    ///
+    /// # Errors
+    /// [`UnknownPreset`], which lists the known.
+    pub fn sensing(&self, name: &str) -> Result<Sensing, UnknownPreset> {
+        let presets = self.sensors();
+        let found = presets.iter().find(|preset| preset.name == name).map(|preset| preset.sensing.clone());
+        found.ok_or_else(|| UnknownPreset::new("sensor", name, presets.iter().map(|preset| preset.name).collect()))
     }
 
     /// The actuators of this name.

@@ -301,6 +301,8 @@ const WIDEST_TILT_RAD: f64 = 0.1;
 const WIDEST_LIFT_M: f64 = 0.2;
 /// Cosine of the largest tilt of a plane that counts as the xy plane.
 const UPRIGHT: f64 = 0.99;
+/// Errors of poses below this share of the way that the body moves are rounding.
+const EXACT: f64 = 1e-6;
 /// Fewer nodes than this leave the covariance uncertain.
 const FEW_NODES: usize = 20;
 /// A direction is weakly excited where one sigma is above this fraction of the body's scale.
@@ -332,16 +334,19 @@ fn run<E: From<IdentificationError>>(
     replace: impl FnOnce(&mut Fit, &SampleNoise) -> Result<Replaced, E>,
 ) -> Result<Identification, E> {
     // A table holds the body: whatever takes it for a free one is wrong.
-    if plan.way == Way::Auto
-        && plan.flown.map_or_else(|| is_in_xy_plane(record), |told| told.is_planar(record))
-        && let Some(found) = flight::most_likely(record, &Timeline::try_new(record)?, plan)?
-    {
+    let on_table =
+        plan.way == Way::Auto && plan.flown.map_or_else(|| is_in_xy_plane(record), |told| told.is_planar(record));
+    if on_table && let Some(found) = flight::most_likely(record, &Timeline::try_new(record)?, plan)? {
         return Ok(found);
     }
     let mut found = answer(record, plan, replace)?;
+    if on_table {
+        return Ok(flight::unanswered(found));
+    }
     // What white errors do not explain, sensors do.
+    let asks_for_sensors = found.marks.errors_not_white && !is_noise(record) && !is_exact(&found, record);
     if plan.way == Way::Auto
-        && found.marks.errors_not_white
+        && asks_for_sensors
         && let Some(flown) = flight::most_likely(record, &Timeline::try_new(record)?, plan)?
     {
         return Ok(flown);
@@ -532,6 +537,16 @@ fn conclude(
         warnings,
         marks,
     })
+}
+
+/// Whether the errors of the poses are rounding beside the way that the body moves.
+fn is_exact(found: &Identification, record: &[MotionSample]) -> bool {
+    let places: Vec<Vector3<f64>> =
+        record.iter().filter_map(|sample| Some(sample.world_from_body?.translation.vector)).collect();
+    let count = places.len().max(1) as f64;
+    let mean = places.iter().sum::<Vector3<f64>>() / count;
+    let size = places.iter().map(|place| (place - mean).norm_squared()).sum::<f64>() / count;
+    found.noise.position_m.powi(2) <= EXACT * EXACT * size
 }
 
 /// Whether the logged force is nothing but white noise: its change from sample to sample is as large as itself.

@@ -62,8 +62,6 @@ mod units;
 mod weighted_least_squares;
 #[cfg(feature = "std")]
 pub mod wheel;
-#[cfg(feature = "std")]
-mod wrench_effect;
 mod wrench_timing;
 
 pub use body_scale::BodyScale;
@@ -104,6 +102,4 @@ pub use savitzky_golay::{SavitzkyGolay, SmoothedMotion};
 pub use square_root_information::{RANK_TOLERANCE, SquareRootInformation};
 #[cfg(feature = "std")]
 pub use weighted_least_squares::{RowNoise, WeightedLeastSquares, WrenchRow, whitened};
-#[cfg(feature = "std")]
-pub use wrench_effect::WrenchEffect;
 pub use wrench_timing::WrenchTiming;

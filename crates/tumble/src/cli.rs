@@ -51,6 +51,7 @@ mod plan_options;
 pub mod realize;
 #[cfg(feature = "astrobee")]
 pub mod scenario;
+pub mod sensing;
 #[cfg(feature = "astrobee")]
 pub mod simulate;
 #[cfg(feature = "astrobee")]

@@ -4,7 +4,7 @@
 mod flying;
 
 use crate::TumbleError;
-use crate::cli::{Outcome, arm, calibrate_wheel, convert, excite, identify, print};
+use crate::cli::{Outcome, arm, calibrate_wheel, convert, excite, identify, print, sensing};
 #[cfg(feature = "astrobee")]
 use crate::cli::{allocate, realize};
 use clap::{Parser, Subcommand};
@@ -25,6 +25,7 @@ Examples:
   tumble identify log.csv --excitation excitation.toml
   tumble simulate iss-excite                   fly a scenario; `tumble scenario list` names them
   tumble plan iss-slalom                       a way around obstacles, and how far from the best it can be
+  tumble sensing show nominal                  what a log of Astrobee is of its true motion; a file for `--sensing`
   tumble arm show astrobee-arm                 joints and bodies of an arm; also of a TOML or URDF file
   tumble calibrate-wheel cal_*.csv --out cal.toml
   tumble identify --wheel throw.csv --calibration cal.toml
@@ -32,7 +33,8 @@ Examples:
   tumble allocate wrenches.csv                 wanted wrenches to nozzle bytes, and what these give";
 
 /// What the examples show of the feature `astrobee`.
-const FLYING: [&str; 6] = ["fly", "campaign", "simulate", "plan", "allocate", "arm show astrobee-arm"];
+const FLYING: [&str; 7] =
+    ["fly", "campaign", "simulate", "plan", "allocate", "arm show astrobee-arm", "sensing show nominal"];
 
 /// Examples of the commands that there are.
 fn examples() -> String {
@@ -69,6 +71,8 @@ enum Command {
     #[cfg(feature = "astrobee")]
     /// Computes the thrust and wrench that a propulsion module of Astrobee gives at its flap angles.
     Realize(realize::RealizeArgs),
+    /// Lists and shows sensors: noise, wander, filters, gains, biases, delays.
+    Sensing(sensing::SensingArgs),
     /// One log format into another: CSV, TUM, MCAP, and ROS 1 bags into these.
     Convert(convert::ConvertArgs),
 }
@@ -131,6 +135,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, robots: &Robots) -> Ex
         Some(Command::Allocate(args)) => allocate::run(&args),
         #[cfg(feature = "astrobee")]
         Some(Command::Realize(args)) => realize::run(&args),
+        Some(Command::Sensing(args)) => sensing::run(&args, robots),
         Some(Command::Convert(args)) => convert::run(&args, robots),
     })
 }

@@ -230,7 +230,11 @@ fn verdict(found: &Identification, context: &Context) -> String {
             let _ = writeln!(text, "  the body explains {:.3} % of the wrench in the plane", 100.0 * share);
         }
     } else if let (true, Verdict::Doubtful(why)) = (found.is_planar(), found.verdict) {
-        let _ = writeln!(text, "verdict: not identified; {}", doubt(why, "a quantity"));
+        let said = match found.regularised {
+            Some(_) => doubt(why, "a quantity"),
+            None => "the likelihood of a body on a table did not settle on this log".to_owned(),
+        };
+        let _ = writeln!(text, "verdict: not identified; {said}");
     } else {
         let _ =
             writeln!(text, "verdict: this log does not determine the body: {} of 10 parameter directions", found.rank);

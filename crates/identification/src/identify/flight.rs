@@ -148,8 +148,30 @@ fn identification(
         exchanges: Vec::new(),
         residuals,
         warnings,
-        marks: Marks { leaves_noise_only: !many_outliers, is_planar: found.planar, on_table: found.planar, ..Marks::default() },
+        marks: Marks {
+            leaves_noise_only: !many_outliers,
+            is_planar: found.planar,
+            on_table: found.planar,
+            ..Marks::default()
+        },
     })
+}
+
+/// A record on a table on which the likelihood did not settle: what a free body would have to be says nothing.
+pub(super) fn unanswered(free: Identification) -> Identification {
+    let mut warnings: Vec<Warning> =
+        free.warnings.into_iter().filter(|warning| matches!(warning, Warning::Gaps { .. })).collect();
+    warnings.extend([Warning::OnTable, Warning::LikelihoodFailed]);
+    Identification {
+        estimate: None,
+        regularised: None,
+        explained: None,
+        verdict: Verdict::Doubtful(Why::StandIn),
+        residuals: Vec::new(),
+        warnings,
+        marks: Marks { likelihood_failed: true, is_planar: true, on_table: true, ..free.marks },
+        ..free
+    }
 }
 
 /// What the body leaves of the wrench, torque counted at its own length.

@@ -161,7 +161,8 @@ fn identification(
     evidence.exchangeable = exchanges_the_body(&found.exchanges);
     let many_outliers = found.outliers as f64 > MANY_OUTLIERS * record.len() as f64;
     let errors_not_white = coloured().next().is_some();
-    let mut marks = Marks { leaves_noise_only: !many_outliers && !errors_not_white, errors_not_white, ..Marks::default() };
+    let mut marks =
+        Marks { leaves_noise_only: !many_outliers && !errors_not_white, errors_not_white, ..Marks::default() };
     let verdict = verdict(plan, scale, &information, estimate.as_ref(), &evidence, None)?;
     let mut warnings = Vec::new();
     if timeline.gaps > 0 {

@@ -17,8 +17,8 @@ use tumble_formats::body_file;
 use tumble_formats::log::{TEMPLATE, seconds};
 use tumble_identification::harmonics::HarmonicEstimator;
 use tumble_identification::{
-    Identification, IdentificationError, MAXIMUM_LIKELIHOOD, Nuisances, Part, Settings, identify_parts, predict,
-    validate,
+    FLIGHT_LIKELIHOOD, Identification, IdentificationError, MAXIMUM_LIKELIHOOD, Nuisances, Part, Settings,
+    identify_parts, predict, validate,
 };
 
 pub use super::identify_options::IdentifyArgs;
@@ -109,7 +109,10 @@ fn without_cycles(estimator: HarmonicEstimator, reason: &IdentificationError) ->
 /// Refuses options that would be ignored.
 fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
     let output = args.out.is_some() || args.export.is_some();
-    let of_log = args.reference.is_some()
+    let of_log = args.sensing.is_some()
+        || args.planar
+        || args.no_planar
+        || args.reference.is_some()
         || args.prior.is_some()
         || args.holdout.is_some()
         || args.dry_run
@@ -119,7 +122,9 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
         || args.excitation.is_some()
         || args.period.is_some()
         || args.gravity != Vector3::zeros();
-    let of_one_body = args.reference.is_some()
+    let of_sensors = args.sensing.is_some() || args.planar || args.no_planar;
+    let of_one_body = of_sensors
+        || args.reference.is_some()
         || args.prior.is_some()
         || args.holdout.is_some()
         || args.dry_run
@@ -177,6 +182,14 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
         (
             !args.estimate.is_empty() && ![AUTO, MAXIMUM_LIKELIHOOD].contains(&args.method.as_str()),
             "`--estimate` belongs to `--method maximum-likelihood` (or auto)",
+        ),
+        (
+            of_sensors && ![AUTO, FLIGHT_LIKELIHOOD].contains(&args.method.as_str()),
+            "`--sensing`, `--planar` and `--no-planar` belong to `--method flight-likelihood` (or auto)",
+        ),
+        (
+            of_sensors && (args.demo || periodic || args.split || args.dry_run || !args.estimate.is_empty()),
+            "`--sensing`, `--planar` and `--no-planar` are for a log: no `--demo`, `--excitation`, `--period`, `--split`, `--dry-run`, `--estimate`",
         ),
         (!args.estimate.is_empty() && args.dry_run, "`--dry-run` estimates nothing: no `--estimate`"),
         (

@@ -7,11 +7,11 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use tumble_dynamics::InertialParameters;
 use tumble_formats::log::seconds;
-use tumble_formats::{FormatsError, Robots, SampleReader, body_file, recording, sensing_file};
+use tumble_formats::{FormatsError, Robots, SampleReader, body_file, recording};
 use tumble_identification::estimator::EstimatorError;
 use tumble_identification::{
-    FlightLikelihood, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Pipeline, Plane,
-    Settings, merge,
+    FlightLikelihood, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Pipeline,
+    Plane, Settings, merge,
 };
 
 /// Rows held in memory at once; a longer log is identified part by part and the parts' information added.
@@ -83,7 +83,7 @@ impl Log {
             Some(path) => Some(("reference".to_owned(), body_file::read(path)?)),
             None => None,
         };
-        let sensing = args.sensing.as_deref().map(sensing_file::read).transpose()?;
+        let sensing = args.sensing.as_deref().map(|name| super::sensing::find(name, robots)).transpose()?;
         let mut reader = SampleReader::open(path, args.reorder, args.robot.as_deref(), robots)?;
         let told = FlightLikelihood {
             sensing: sensing.unwrap_or_default(),

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::harmonics::HarmonicEstimator;
-use tumble_identification::{MAXIMUM_LIKELIHOOD, Nuisance, Nuisances, WrenchTiming, methods};
+use tumble_identification::{FLIGHT_LIKELIHOOD, MAXIMUM_LIKELIHOOD, Nuisance, Nuisances, WrenchTiming, methods};
 
 /// The flight that `--demo` shows unless told otherwise.
 pub(super) const DEMO_SEED: u64 = 1;
@@ -48,12 +48,10 @@ pub struct IdentifyArgs {
     /// The body is free, however flat its motion looks.
     #[arg(long)]
     pub(super) no_planar: bool,
-    /// What the columns are of the true motion: noise, wander, filters, gains, biases, delays (`tumble sensing show NAME` prints one).
-    #[arg(long, value_name = "FILE")]
-    pub(super) sensing: Option<PathBuf>,
-    /// Which columns command which thrusters: the wrench comes from them, with what may be wrong with it.
-    #[arg(long, value_name = "FILE")]
-    pub(super) actuators: Option<PathBuf>,
+    /// What the columns are of the true motion: noise, wander, filters, gains, biases, delays. A name (`tumble sensing list`) or a
+    /// TOML file (`tumble sensing show NAME` prints one); left out, the log tells.
+    #[arg(long, value_name = "NAME|FILE")]
+    pub(super) sensing: Option<String>,
     /// A body to compare with (TOML or JSON).
     #[arg(long, value_name = "FILE", conflicts_with = "demo")]
     pub(super) reference: Option<PathBuf>,
@@ -142,8 +140,12 @@ impl IdentifyArgs {
 
     /// The method of a log that is not averaged.
     pub(super) fn of_samples(&self) -> &'static str {
-        // Only the likelihood estimates anything besides the body.
-        let asked = if self.estimate.is_empty() { &self.method } else { MAXIMUM_LIKELIHOOD };
+        // Only the likelihood estimates anything besides the body, and only that of flight takes sensors.
+        let asked = match (self.estimate.is_empty(), self.sensing.is_some() && self.method == AUTO) {
+            (false, _) => MAXIMUM_LIKELIHOOD,
+            (true, true) => FLIGHT_LIKELIHOOD,
+            (true, false) => &self.method,
+        };
         methods().entries().find(|(name, _)| *name == asked).map_or(AUTO, |(name, _)| name)
     }
 }

@@ -1,9 +1,10 @@
 //! NASA's Astrobee.
 
 use tumble_astrobee::bodies::BodyConfiguration;
-use tumble_astrobee::propulsion::{PropulsionCommand, PropulsionReplay};
+use tumble_astrobee::propulsion::{ImpellerMode, PropulsionCommand, PropulsionReplay};
+use tumble_astrobee::sensing::SensingPreset;
 use tumble_formats::recording::RawMessage;
-use tumble_formats::{ActuatorBytes, ActuatorReplay, BodyPreset, Embedded, Robot};
+use tumble_formats::{ActuatorBytes, ActuatorReplay, BodyPreset, Embedded, Robot, SensorPreset};
 use tumble_lie::Wrench;
 
 /// Its bodies, its arm and its propulsion modules.
@@ -26,6 +27,22 @@ impl Robot for Astrobee {
             ("gazebo", BodyConfiguration::Gazebo),
         ];
         named.map(|(name, configuration)| BodyPreset { name, body: configuration.parameters() }).to_vec()
+    }
+
+    fn sensors(&self) -> Vec<SensorPreset> {
+        let named = [
+            ("nominal", "a healthy flight on the station, impellers at their nominal speed", SensingPreset::Nominal),
+            (
+                "thesis-flight",
+                "the flights of the thesis: an accelerometer off in scale, jumps",
+                SensingPreset::ThesisFlight,
+            ),
+        ];
+        let described = |(name, sentence, preset): (&'static str, &'static str, SensingPreset)| {
+            let sensing = preset.settings().description(ImpellerMode::Nominal).ok()?;
+            Some(SensorPreset { name, sentence, sensing })
+        };
+        named.into_iter().filter_map(described).collect()
     }
 
     fn arms(&self) -> &[Embedded] {

@@ -422,3 +422,75 @@ fn calibration_beside_the_body() {
     assert!(words.contains("the absolute wrench scale can never be known from motion alone"), "{words}");
     assert_eq!(tumble(&["identify", "--demo", "--estimate", "charm"]).status.code(), Some(2));
 }
+
+/// Columns of a log by name.
+fn columns_of(log: &Path, names: &[&str]) -> Vec<Vec<String>> {
+    let text = fs::read_to_string(log).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let places: Vec<usize> = names.iter().map(|name| header.iter().position(|other| other == name).unwrap()).collect();
+    lines
+        .map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            places.iter().map(|place| cells[*place].to_owned()).collect()
+        })
+        .collect()
+}
+
+#[test]
+fn a_log_of_the_table_answers_what_a_table_shows() {
+    let folder = scratch("granite");
+    let flown = folder.join("flight");
+    let simulated = tumble(&["simulate", "granite-excite", "--seed", "31", "--out", flown.to_str().unwrap()]);
+    assert_eq!(simulated.status.code(), Some(0), "{}", stderr(&simulated));
+    let (full, truth) = (flown.join("log.csv"), flown.join("truth.toml"));
+    let truth: toml::Table = fs::read_to_string(truth).unwrap().parse().unwrap();
+    let true_mass = truth["mass_kg"].as_float().unwrap();
+
+    // The same motion in the columns of a planar log.
+    let names = ["t_s", "p_x", "p_y", "q_z", "q_w", "f_x", "f_y", "tau_z", "v_x", "v_y", "w_z", "a_x", "a_y"];
+    let mut text = "t_s,p_x,p_y,yaw_rad,f_x,f_y,tau_z,v_x,v_y,w_z,a_x,a_y\n".to_owned();
+    for cells in columns_of(&full, &names) {
+        let number = |at: usize| cells[at].parse::<f64>().unwrap();
+        let yaw_rad = 2.0 * number(3).atan2(number(4));
+        writeln!(text, "{},{},{},{yaw_rad},{}", cells[0], cells[1], cells[2], cells[5..].join(",")).unwrap();
+    }
+    let planar = folder.join("planar.csv");
+    fs::write(&planar, text).unwrap();
+
+    for log in [&full, &planar] {
+        let output = tumble(&["identify", log.to_str().unwrap(), "--json"]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let found = json(&output);
+        assert_eq!((&found["planar"], &found["method"]), (&true.into(), &"flight-likelihood".into()));
+        let (mass, sigma) = (found["mass_kg"].as_f64().unwrap(), found["std"]["mass_kg"].as_f64().unwrap());
+        assert!((mass - true_mass).abs() < 4.0 * sigma && sigma < 0.05 * true_mass, "{mass} +- {sigma}: {true_mass}");
+        assert!(found["com_m"][0].is_f64() && found["com_m"][1].is_f64() && found["com_m"][2].is_null(), "{found}");
+        let inertia = &found["inertia_about_com_kg_m2"];
+        for (row, column) in [(0, 0), (1, 1), (0, 1), (0, 2), (1, 2)] {
+            assert!(inertia[row][column].is_null(), "{inertia}");
+        }
+        assert!(inertia[2][2].is_f64());
+        let table = stdout(&tumble(&["identify", log.to_str().unwrap()]));
+        assert!(table.contains("a table shows no more"), "{table}");
+    }
+    let free = json(&tumble(&["identify", planar.to_str().unwrap(), "--no-planar", "--json"]));
+    assert!(free["planar"].is_null(), "{free}");
+}
+
+#[test]
+fn impossible_sensors_are_refused_with_the_key() {
+    let folder = scratch("sensing");
+    let (log, file) = (folder.join("log.csv"), folder.join("sensing.toml"));
+    write_log(&log, 40, 0, |_, _| {});
+    for (text, place) in [
+        ("format = 1\n[pose_delay]\nexpected_s = 0.0\nsigma_s = -1.0\n", "delay"),
+        ("format = 1\nlever_arm = [0.0, 0.0, 0.0]\n", "lever_arm"),
+        ("format = 2\n", "format"),
+    ] {
+        fs::write(&file, text).unwrap();
+        let output = tumble(&["identify", log.to_str().unwrap(), "--sensing", file.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        assert!(stderr(&output).contains(place) && stderr(&output).contains("sensing.toml"), "{}", stderr(&output));
+    }
+}

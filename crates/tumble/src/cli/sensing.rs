@@ -1,0 +1,56 @@
+//! `tumble sensing`: what is known of the sensors of robots.
+
+use super::{Outcome, print};
+use crate::TumbleError;
+use clap::{Args, Subcommand};
+use std::fmt::Write as _;
+use std::path::Path;
+use tumble_formats::{Robots, sensing_file};
+use tumble_identification::sensing::Sensing;
+
+/// Options of `tumble sensing`.
+#[derive(Args)]
+pub struct SensingArgs {
+    #[command(subcommand)]
+    command: SensingCommand,
+}
+
+#[derive(Subcommand)]
+enum SensingCommand {
+    /// Prints the names of sensors that come with the program.
+    List,
+    /// Prints such sensors, or those of a file, with every key: a file to start from.
+    Show {
+        /// Name of sensors, or a TOML file.
+        name: String,
+    },
+}
+
+/// Sensors by name, or of a file.
+pub(super) fn find(name: &str, robots: &Robots) -> Result<Sensing, TumbleError> {
+    let path = Path::new(name);
+    if path.exists() {
+        return Ok(sensing_file::read(path)?);
+    }
+    robots
+        .sensing(name)
+        .map_err(|unknown| TumbleError::BadOption { message: format!("{unknown}; no file has that name") })
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`TumbleError`] for a name that nobody bears and for a file of impossible sensors.
+pub fn run(args: &SensingArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
+    match &args.command {
+        SensingCommand::List => {
+            let mut text = String::new();
+            for preset in robots.sensors() {
+                let _ = writeln!(text, "{:<20}{}", preset.name, preset.sentence);
+            }
+            print(&text)?;
+        }
+        SensingCommand::Show { name } => print(&sensing_file::text(&find(name, robots)?))?,
+    }
+    Ok(Outcome::Achieved)
+}
