@@ -432,7 +432,7 @@ impl<'a> Fit<'a> {
     }
 
     /// Solves, moves the parameters; states and noises that follow.
-    #[allow(clippy::type_complexity)]
+    #[allow(clippy::type_complexity)] // states and noises, segment by segment
     fn step(&mut self) -> Result<(Vec<[f64; STATES]>, Vec<[f64; NOISES]>), IdentificationError> {
         let p = self.free.len();
         let before = self.eta.clone();
