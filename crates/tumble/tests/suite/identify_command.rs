@@ -187,7 +187,7 @@ fn files_that_are_no_logs() {
 
 #[test]
 fn cells_that_are_no_numbers() {
-    for (name, text) in [("text", "fast"), ("nan", "NaN"), ("inf", "-inf"), ("blank", "")] {
+    for (name, text) in [("text", "fast"), ("nan", "NaN"), ("inf", "-inf")] {
         assert_refused(name, "T005", "line 12, column `p_y`", |k, cells| {
             if k == 10 {
                 text.clone_into(&mut cells[2]);
@@ -448,9 +448,15 @@ fn a_log_of_the_table_answers_what_a_table_shows() {
     let true_mass = truth["mass_kg"].as_float().unwrap();
 
     // The same motion in the columns of a planar log.
-    let names = ["t_s", "p_x", "p_y", "q_z", "q_w", "f_x", "f_y", "tau_z", "v_x", "v_y", "w_z", "a_x", "a_y"];
-    let mut text = "t_s,p_x,p_y,yaw_rad,f_x,f_y,tau_z,v_x,v_y,w_z,a_x,a_y\n".to_owned();
-    for cells in columns_of(&full, &names) {
+    // (Not the accelerations: they hold gravity by an attitude that such a log has not.)
+    let names = ["t_s", "p_x", "p_y", "q_z", "q_w", "f_x", "f_y", "tau_z", "v_x", "v_y", "w_z"];
+    let mut text = "t_s,p_x,p_y,yaw_rad,f_x,f_y,tau_z,v_x,v_y,w_z\n".to_owned();
+    for (row, cells) in columns_of(&full, &names).into_iter().enumerate() {
+        if row == 100 {
+            // the localisation was silent for once
+            text += &format!("{},,,,{}\n", cells[0], cells[5..].join(","));
+            continue;
+        }
         let number = |at: usize| cells[at].parse::<f64>().unwrap();
         let yaw_rad = 2.0 * number(3).atan2(number(4));
         writeln!(text, "{},{},{},{yaw_rad},{}", cells[0], cells[1], cells[2], cells[5..].join(",")).unwrap();
