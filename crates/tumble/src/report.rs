@@ -223,13 +223,13 @@ fn verdict(found: &Identification, context: &Context) -> String {
         let _ = writeln!(text, "  physically consistent: smallest pseudo-inertia eigenvalue {margin:.3e}{constraint}");
     } else if let Verdict::NoBodyExplains { .. } = found.verdict {
         let _ = writeln!(text, "verdict: no body explains this log; see the warnings");
-    } else if found.is_planar() && found.verdict.is_identified() {
+    } else if found.is_on_table() && found.verdict.is_identified() {
         let said = "mass, centre of mass in the plane and inertia about its normal identified";
         let _ = writeln!(text, "verdict: {said}; a table shows no more");
         if let Some(share) = found.explained {
             let _ = writeln!(text, "  the body explains {:.3} % of the wrench in the plane", 100.0 * share);
         }
-    } else if let (true, Verdict::Doubtful(why)) = (found.is_planar(), found.verdict) {
+    } else if let (true, Verdict::Doubtful(why)) = (found.is_on_table(), found.verdict) {
         let said = match found.regularised {
             Some(_) => doubt(why, "a quantity"),
             None => "the likelihood of a body on a table did not settle on this log".to_owned(),
@@ -538,7 +538,7 @@ pub fn json(found: &Identification, context: &Context) -> Json {
         rank: found.rank,
         condition_number: Some(found.condition_number).filter(|c| c.is_finite()),
         null_directions: words(&found.null_directions),
-        planar: found.is_planar(),
+        planar: found.is_on_table(),
         regularised: found.regularised.as_ref().map(|body| json_body(body, &Shown::ALL)),
         explained: found.explained,
         noise: JsonNoise {

@@ -81,11 +81,9 @@ fn identification(
         let why = Why::Wandering { sigma_inflation: evidence.colour };
         verdict = if wandering { Verdict::Doubtful(why) } else { Verdict::Identified };
     }
-    if let Some(halves) = found.halves.filter(|halves| halves.chance() < CHANCE) {
-        if verdict.is_identified() {
-            let chi_square = halves.chi_square / halves.degrees_of_freedom.max(1) as f64;
-            verdict = Verdict::Doubtful(Why::Disagrees { chi_square });
-        }
+    if let Some(halves) = found.halves.filter(|halves| verdict.is_identified() && halves.chance() < CHANCE) {
+        let chi_square = halves.chi_square / halves.degrees_of_freedom.max(1) as f64;
+        verdict = Verdict::Doubtful(Why::Disagrees { chi_square });
     }
     let gated = found.gated.iter().copied().max().unwrap_or(0) * found.segment_samples;
     let many_outliers = gated as f64 > MANY_OUTLIERS * record.len() as f64;

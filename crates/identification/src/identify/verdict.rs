@@ -30,6 +30,7 @@ pub enum Silence {
 
 /// What decides how a result is used further on; the warnings only tell.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
+#[allow(clippy::struct_excessive_bools)] // each says something else, all combinations occur
 pub(crate) struct Marks {
     /// The likelihood was tried and did not settle.
     pub(super) likelihood_failed: bool,
@@ -99,7 +100,7 @@ fn quantities(parameters: &SVector<f64, 10>) -> [f64; 10] {
 impl Identification {
     /// Whether the motion was taken for that of a body on a table: mass, centre of mass in the plane and inertia about its normal are all
     /// that any such motion shows.
-    pub fn is_planar(&self) -> bool {
+    pub fn is_on_table(&self) -> bool {
         self.marks.on_table
     }
 

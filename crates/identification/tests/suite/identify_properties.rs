@@ -333,7 +333,7 @@ fn what_the_data_do_not_say_is_not_invented() {
     let record = Run::new(disc, &planar, true).record();
     // On a table: four numbers are all there is to know, and they are known.
     let held = identify(&record, &Settings::default()).unwrap();
-    assert!(held.is_planar() && held.verdict.is_identified() && held.estimate.is_none());
+    assert!(held.is_on_table() && held.verdict.is_identified() && held.estimate.is_none());
     assert_eq!(held.determined(), [true, true, true, false, false, false, true, false, false, false]);
     let known = held.regularised.unwrap().parameters;
     assert!((known.mass - 5.0).abs() < 0.01, "{}", known.mass);

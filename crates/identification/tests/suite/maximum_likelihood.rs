@@ -430,7 +430,7 @@ fn a_table_shows_what_planar_motion_can_show() {
         add_noise(&mut record, REALISTIC, 50 + seed);
         let found = identify(&record, &Settings::default()).unwrap();
         assert_eq!(found.method, "flight-likelihood", "{seed}");
-        assert!(found.is_planar() && found.verdict.is_identified(), "{seed}: {:?}", found.verdict);
+        assert!(found.is_on_table() && found.verdict.is_identified(), "{seed}: {:?}", found.verdict);
         let known = found.estimate.or(found.regularised).unwrap();
         let (mass, std) = (known.parameters.mass, known.std.mass_kg);
         println!("{seed}: rank {}, mass {mass:.4} +- {std:.4}", found.rank);

@@ -454,7 +454,7 @@ fn a_log_of_the_table_answers_what_a_table_shows() {
     for (row, cells) in columns_of(&full, &names).into_iter().enumerate() {
         if row == 100 {
             // the localisation was silent for once
-            text += &format!("{},,,,{}\n", cells[0], cells[5..].join(","));
+            writeln!(text, "{},,,,{}", cells[0], cells[5..].join(",")).unwrap();
             continue;
         }
         let number = |at: usize| cells[at].parse::<f64>().unwrap();
