@@ -159,8 +159,9 @@ fn identification(
 pub(super) fn unanswered(free: Identification) -> Identification {
     let mut warnings: Vec<Warning> =
         free.warnings.into_iter().filter(|warning| matches!(warning, Warning::Gaps { .. })).collect();
-    warnings.extend([Warning::OnTable, Warning::LikelihoodFailed]);
+    warnings.extend([Warning::OnTable, Warning::NoAnswer]);
     Identification {
+        method: FLIGHT_LIKELIHOOD,
         estimate: None,
         regularised: None,
         explained: None,

@@ -166,6 +166,7 @@ impl Warning {
             (Self::FilterDiverged { .. }, Self::FilterDiverged { .. })
             | (Self::PlanarMotion { .. }, Self::PlanarMotion { .. })
             | (Self::OnTable, Self::OnTable)
+            | (Self::NoAnswer, Self::NoAnswer)
             | (Self::LikelihoodFailed, Self::LikelihoodFailed)
             | (Self::ZeroWrench, Self::ZeroWrench)
             | (Self::SilentForce, Self::SilentForce) => {}

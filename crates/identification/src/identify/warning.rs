@@ -138,6 +138,8 @@ pub enum Warning {
     },
     /// The motion is that of a body on a table.
     OnTable,
+    /// The likelihood did not settle, and nothing stands in for it.
+    NoAnswer,
     /// So many samples were rejected that they are not outliers.
     ManyOutliers {
         /// Samples rejected.
@@ -256,6 +258,11 @@ impl fmt::Display for Warning {
                 "the logged force is not noise, but the best body explains {:.0} % of it: gaps, jumps or a delay of the localisation \
                  hide what it does; the mass is not known from this log",
                 100.0 * explained
+            ),
+            Self::NoAnswer => write!(
+                f,
+                "the likelihood did not settle on this log, and no other method knows a table: check the timing of the wrench and what the \
+                 actuators really give; no numbers"
             ),
             Self::OnTable => write!(
                 f,
