@@ -79,7 +79,7 @@ pub struct LocalizationErrors {
 /// Errors of a triad of the inertial unit.
 ///
 /// # Source
-/// published = (1 + K) filter(true) + b + noise, K of scales and misalignments, axis by axis; design of the flight sensors, section 2.
+/// published = (1 + K) filter(true) + b + noise, K of scales and misalignments, axis by axis.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
 pub struct InertialErrors {

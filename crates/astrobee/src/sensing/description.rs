@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn delays_are_those_of_the_design() {
-        // Provenance: design of the flight sensors, section 10.
+        // Group delays of the flight software's own coefficients behind its average of 64 samples, computed apart from this code.
         for mode in [ImpellerMode::Nominal, ImpellerMode::Aggressive] {
             let sensing = SensingPreset::Nominal.settings().description(mode).unwrap();
             let delay = |filter: &Option<LinearFilter>| filter.as_ref().unwrap().delay_samples();

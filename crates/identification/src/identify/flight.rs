@@ -33,11 +33,15 @@ pub(super) fn most_likely(
         gravity_world: settings.gravity_world,
         ..plan.flown.cloned().unwrap_or_default()
     };
-    match estimator.estimate(record) {
-        Ok(found) => identification(&found, record, timeline, plan).map(Some),
+    let found = estimator.estimate(record).and_then(|found| identification(&found, record, timeline, plan));
+    match found {
+        Ok(found) => Ok(Some(found)),
+        // Also a body so far from all bodies that nothing consistent is near it.
         Err(
             IdentificationError::Indefinite { .. }
             | IdentificationError::LikelihoodNotConverged { .. }
+            | IdentificationError::NotConverged { .. }
+            | IdentificationError::NotExcited { .. }
             | IdentificationError::TooFewSamples { .. }
             | IdentificationError::WrenchBeside,
         ) => Ok(None),

@@ -114,7 +114,11 @@ impl Thrusters {
 /// units in which they are not.
 ///
 /// # Source
-/// The likelihood of thesis (2.4) under a held wrench, with the sensing model of [`Sensing`]; design of the flight sensors, sections 2 to 4.
+/// The likelihood of thesis (2.4) under a held wrench u with white error e, for segments of M samples. The mean over a segment of what is
+/// published, less the model, is white with variance s^2/M and the wander's own part:
+/// position, attitude, velocity: mean(h(x) - y) + (w_j + w_(j+1))/2, where w_(j+1) = phi w_j + d n, phi = exp(-T/tau), d = s_w sqrt(1 - phi^2);
+/// rate: (1 + K) [w - J^-1 (t_G - c x f_G - n_G)] + b, where G is what the filter still owes of the impulse;
+/// acceleration: (1 + K) [f_H/m + a_H x (r - c) + (W_H - tr W_H)(r - c) - w x (w x r)] + b, where H is the filtered wrench and W = w w^T.
 ///
 /// # Example
 /// ```

@@ -135,7 +135,7 @@ impl LinearFilter {
     /// noise before the filter: what the filter hides from a short block.
     ///
     /// # Source
-    /// Design of the flight sensors, section 2 (rho_M).
+    /// rho_M = S(0) / S_M: S(0) the density at zero frequency of filtered white noise, S_M that of the mean of M published samples times M.
     pub fn density_ratio(&self, every: usize, block: usize) -> f64 {
         let (every, block) = (every.max(1), block.max(1));
         let mut impulse = vec![0.0; LONGEST_ANSWER];
@@ -176,7 +176,7 @@ fn largest_reflection(denominator: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Provenance: design of the flight sensors, section 10; coefficients of a unit that averages 64 samples of 0.5 ms and two low passes.
+    /// Coefficients of a unit that averages 64 samples of 0.5 ms and two low passes.
     fn filters() -> (LinearFilter, LinearFilter) {
         let mut average = [0.0; 5];
         for tap in 0..64 {

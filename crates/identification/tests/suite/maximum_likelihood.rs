@@ -443,6 +443,67 @@ fn a_table_shows_what_planar_motion_can_show() {
     }
 }
 
+/// A disc on a table that slopes by so much acceleration along x, 40 s, pushed in the plane by a signal of this seed.
+fn on_a_table(slope_m_s2: f64, seed: u64) -> (InertialParameters<f64>, Vec<MotionSample>) {
+    let inertia = Matrix3::from_diagonal(&Vector3::new(0.28, 0.18, 0.31));
+    let disc = InertialParameters::about_com(11.7, Vector3::new(-0.02, 0.045, 0.0), inertia);
+    let signal = Multisine::random(&mut Random::new(seed), 0.03, 0.3, (0.31, 2.83), 3);
+    let planar = |t: f64| {
+        let w = signal.at(t);
+        Wrench::new(Vector3::new(0.0, 0.0, w.torque.z), Vector3::new(w.force.x, w.force.y, 0.0))
+    };
+    let mut run = Run::new(disc, &planar, true);
+    (run.step_ns, run.substep_s, run.samples) = (16_000_000, 4e-3, 2500);
+    run.gravity_world = Vector3::x() * slope_m_s2;
+    let mut record = run.record();
+    add_noise(&mut record, REALISTIC, 70 + seed);
+    (disc, record)
+}
+
+#[test]
+fn the_slope_of_a_table_that_nobody_tells_biases_nothing() {
+    for seed in 0..4 {
+        let (disc, record) = on_a_table(2e-3, 60 + seed);
+        let found = identify(&record, &Settings::default()).unwrap();
+        assert!(found.is_on_table() && found.verdict.is_identified(), "{seed}: {:?}", found.verdict);
+        let known = found.regularised.unwrap();
+        let off = (known.parameters.mass - disc.mass) / known.std.mass_kg;
+        println!("{seed}: {:.4} +- {:.4} kg, {off:.2} sigma", known.parameters.mass, known.std.mass_kg);
+        assert!(off.abs() < 4.0 && known.std.mass_kg < 0.02 * disc.mass, "{seed}: {off}");
+    }
+}
+
+#[test]
+fn a_table_whose_wrench_is_another_flights_is_not_identified() {
+    for seed in 0..4 {
+        let (_, mut record) = on_a_table(0.0, 80 + seed);
+        let (_, other) = on_a_table(0.0, 90 + seed);
+        for (sample, other) in record.iter_mut().zip(other) {
+            sample.wrench_body = other.wrench_body;
+        }
+        let found = identify(&record, &Settings::default()).unwrap();
+        assert!(found.is_on_table() && !found.verdict.is_identified(), "{seed}: {:?}", found.verdict);
+    }
+}
+
+/// What a localisation may wander must not explain away a motion that does not follow its wrench.
+#[test]
+fn a_flight_whose_wrench_is_another_flights_is_not_identified() {
+    for seed in 0..4 {
+        let mut record = log(cubesat(seed), 30.0, REALISTIC, 100 + seed);
+        let other = log(cubesat(seed), 30.0, REALISTIC, 200 + seed);
+        for (sample, other) in record.iter_mut().zip(other) {
+            sample.wrench_body = other.wrench_body;
+        }
+        for method in ["auto", "flight-likelihood"] {
+            let found = identify(&record, &Settings { method, ..Settings::default() }).unwrap();
+            let mass = found.estimate.map(|estimate| estimate.parameters.mass);
+            println!("{seed}, {method}: {}, mass {mass:?}", found.verdict.is_identified());
+            assert!(!found.verdict.is_identified(), "{seed}, {method}: {:?}, {mass:?}", found.verdict);
+        }
+    }
+}
+
 #[test]
 fn what_the_data_do_not_say_is_left_to_the_regressions() {
     let settings = Settings { method: "maximum-likelihood", ..Settings::default() };

@@ -5,7 +5,7 @@
 //! parameters of measurements have no part in the flow.
 //!
 //! # Source
-//! Riccati elimination of `MaximumLikelihood`, with wander; design of the flight sensors, section 2.
+//! Riccati elimination of `MaximumLikelihood`, with nine states of wander beside those of the motion.
 
 #![allow(clippy::needless_range_loop)] // indices are those of the formulas
 

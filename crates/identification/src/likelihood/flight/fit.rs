@@ -23,10 +23,10 @@ const SWEEPS: usize = 40;
 const FULL_STEPS: usize = 20;
 /// Squared length of the last step in standard deviations.
 const SMALL_DECREMENT: f64 = 1e-3;
-/// Sweep from which levels are judged in any case: too narrow ones keep a fit from coming near.
-const FORCED: usize = 6;
 /// The same for a record that leaves something free.
 const DRIFT: f64 = 10.0;
+/// Sweep from which levels are judged in any case: too narrow ones keep a fit from coming near.
+const FORCED: usize = 6;
 /// Within so many squared standard deviations levels may be judged.
 const NEAR: f64 = 1e4;
 /// Rounds of levels: at least, and at most while they still change by more than a factor.

@@ -1,7 +1,7 @@
 //! Levels of noise and wander from a record.
 //!
 //! # Source
-//! Design of the flight sensors, section 4: white noise from differences, wander by the likelihood of what a fit leaves.
+//! White noise from differences, wander by the likelihood of what a fit leaves.
 
 use super::grid::{ATTITUDE, Grid, POSITION, RATE, Row, STREAMS, VELOCITY};
 use crate::lie::LieGroup;

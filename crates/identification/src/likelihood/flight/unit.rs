@@ -4,7 +4,7 @@
 //! filtered wrenches.
 //!
 //! # Source
-//! Design of the flight sensors, section 2.
+//! The equations of rate and acceleration in [`FlightLikelihood`](super::FlightLikelihood).
 
 use super::super::flow::{Body, by_inertia};
 use super::grid::Grid;
