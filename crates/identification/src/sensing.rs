@@ -3,8 +3,10 @@
 //! One description serves simulation and estimation. It names no robot: filters are coefficients, everything else is a number with
 //! a standard deviation, so that another robot is another value of [`Sensing`] and not another type.
 
+mod check;
 mod filter;
 
+pub use check::{Alignment, Contradiction, Found, PoseErrors, SensingCheck, StreamCheck, StreamName, check};
 pub use filter::LinearFilter;
 
 use crate::error::IdentificationError;

@@ -52,6 +52,7 @@ pub mod realize;
 #[cfg(feature = "astrobee")]
 pub mod scenario;
 pub mod sensing;
+mod sensing_check;
 #[cfg(feature = "astrobee")]
 pub mod simulate;
 #[cfg(feature = "astrobee")]

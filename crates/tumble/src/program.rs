@@ -26,6 +26,7 @@ Examples:
   tumble simulate iss-excite                   fly a scenario; `tumble scenario list` names them
   tumble plan iss-slalom                       a way around obstacles, and how far from the best it can be
   tumble sensing show nominal                  what a log of Astrobee is of its true motion; a file for `--sensing`
+  tumble sensing check flight.csv              what a log shows of its own sensors: noise, delays, biases, gains
   tumble arm show astrobee-arm                 joints and bodies of an arm; also of a TOML or URDF file
   tumble calibrate-wheel cal_*.csv --out cal.toml
   tumble identify --wheel throw.csv --calibration cal.toml

@@ -52,6 +52,7 @@ mod real_data;
 mod recording;
 mod rrt;
 mod simulator;
+mod station_imu;
 mod sweep;
 mod targets;
 mod throws;

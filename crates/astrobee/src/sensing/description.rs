@@ -10,6 +10,9 @@ use tumble_identification::sensing::{Delay, InertialErrors, Level, LinearFilter,
 /// Biases after the flight software has removed what it believes: rad/s and m/s^2.
 const BIAS_SIGMA: [f64; 2] = [0.02, 0.05];
 
+/// How well the age of late poses is known, s.
+const POSE_DELAY_SIGMA_S: f64 = 0.003;
+
 impl LocalizationSettings {
     /// These sensors as an estimator is told of them: filters, lever arm, errors of scale as they are; levels and biases left to the record,
     /// which may not be from sensors with just these. Stamps are taken to be right: hidden latency is for an estimator to find.
@@ -39,12 +42,14 @@ impl LocalizationSettings {
             bias_sigma,
             delay: Delay::NONE,
         };
+        let late = 1e-3 * self.timing.pose_latency_ms;
+        let pose_delay = if late > 0.0 { Delay { expected_s: late, sigma_s: POSE_DELAY_SIGMA_S } } else { Delay::NONE };
         let sensing = Sensing {
             position: localized(pose.position_drift_m),
             attitude: localized(pose.attitude_drift_rad),
             velocity: localized(pose.velocity_drift_m_s),
-            pose_delay: Delay::NONE,
-            velocity_delay: Some(Delay::NONE),
+            pose_delay,
+            velocity_delay: Some(pose_delay),
             rate: triad(&self.imu.gyro, gyro, BIAS_SIGMA[0]),
             acceleration: triad(&self.imu.accelerometer, accelerometer, BIAS_SIGMA[1]),
             lever_arm_body_m: self.imu.lever_arm_body_m,

@@ -29,9 +29,13 @@ pub struct Localization {
     pose_errors: PoseErrors,
     timing: Timing,
     faults: Faults,
-    /// Every sample of the last hidden latency, newest first.
+    /// Every sample as far back as any content may be, newest first.
     history: VecDeque<Content>,
     history_length: usize,
+    /// Samples of the hidden latency.
+    hidden: usize,
+    /// Samples by which poses are older still.
+    pose_later: f64,
     previous: Option<TrueMotion>,
     next_sample_ns: i64,
     sample_interval_ns: i64,
@@ -61,7 +65,10 @@ impl Localization {
         let gravity = Vector3::from(settings.gravity_world_m_s2);
         let imu = ImuModel::new(&settings.imu, gravity, seed);
         let sample_ms = settings.imu.sample_interval_ms;
-        let history_length = (settings.timing.hidden_latency_ms / sample_ms) as usize + 1;
+        let hidden = (settings.timing.hidden_latency_ms / sample_ms) as usize;
+        let pose_later = settings.timing.pose_latency_ms / f64::from(sample_ms);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: at most 1000 / 8")]
+        let history_length = hidden + libm::ceil(pose_later) as usize + 1;
         let following = settings.imu.bias_following_time_s;
         let bias_gain = if following > 0.0 { 1.0 - libm::exp(-settings.imu.step_s() / following) } else { 1.0 };
         let capacity = settings.timing.most_on_the_way();
@@ -76,6 +83,8 @@ impl Localization {
             faults: Faults::new(&settings.faults, settings.honest_confidence, settings.timing.step_s(), seed),
             history: VecDeque::with_capacity(history_length),
             history_length,
+            hidden,
+            pose_later,
             previous: None,
             next_sample_ns: 0,
             sample_interval_ns: i64::from(sample_ms) * 1_000_000,
@@ -156,8 +165,35 @@ impl Localization {
         self.until_publication -= 1;
     }
 
+    /// What is published now: rate and acceleration of one sample, pose and velocity of a time before.
+    fn content(&self) -> Option<Content> {
+        let oldest = self.history.len().checked_sub(1)?;
+        let at = |index: usize| self.history.get(index.min(oldest)).copied();
+        let inertial = at(self.hidden)?;
+        if self.pose_later == 0.0 {
+            return Some(inertial);
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: at most 1000 / 8")]
+        let whole = libm::floor(self.pose_later) as usize;
+        let share = self.pose_later - libm::floor(self.pose_later);
+        let (newer, older) = (at(self.hidden + whole)?, at(self.hidden + whole + 1)?);
+        let turn: Vector3<f64> =
+            LieGroup::log(&newer.world_from_body.rotation.between(&older.world_from_body.rotation));
+        let turned: UnitQuaternion<f64> = LieGroup::exp(&(turn * share));
+        let (from, to) = (newer.world_from_body.translation.vector, older.world_from_body.translation.vector);
+        Some(Content {
+            world_from_body: Pose::from_parts(
+                Translation3::from(from + (to - from) * share),
+                newer.world_from_body.rotation * turned,
+            ),
+            velocity_origin_world: newer.velocity_origin_world
+                + (older.velocity_origin_world - newer.velocity_origin_world) * share,
+            ..inertial
+        })
+    }
+
     fn publish(&mut self, truth: &TrueMotion) {
-        let Some(content) = self.history.back().copied() else { return };
+        let Some(content) = self.content() else { return };
         let fault = self.faults.at(truth);
         let mut estimate = self.estimate(&content);
         (estimate.stamp_ns, estimate.arrival_ns) = self.timing.stamp_and_arrival(truth.time_ns);

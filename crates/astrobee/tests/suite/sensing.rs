@@ -642,6 +642,18 @@ mod localization {
     }
 
     #[test]
+    fn late_poses_are_older_than_the_rates_beside_them() {
+        let settings = with_timing(TimingSettings { pose_latency_ms: 62.0, ..perfect_timing() });
+        for estimate in run(&settings, 1, 4, 8, swing).into_iter().skip(20) {
+            let (then, now) = (swing(estimate.stamp_ns - 62 * MS), swing(estimate.stamp_ns));
+            let seen = then.state.world_from_body;
+            assert!((position(&estimate) - seen.translation.vector).norm() < 1e-5);
+            assert!(estimate.world_from_body.rotation.angle_to(&seen.rotation) < 1e-5);
+            assert!((estimate.rate_body - now.state.twist_body.angular).norm() < 1e-15);
+        }
+    }
+
+    #[test]
     fn jitter_of_arrival_is_exponential_and_reorders() {
         let settings = with_timing(TimingSettings { latency_ms: 20.0, arrival_jitter_ms: 40.0, ..perfect_timing() });
         let estimates = run(&settings, 2, 320, 16, at_rest);
@@ -983,7 +995,9 @@ mod settings {
 
     #[test]
     fn presets_are_valid_and_survive_a_file() {
-        for preset in [SensingPreset::Perfect, SensingPreset::Nominal, SensingPreset::ThesisFlight] {
+        for preset in
+            [SensingPreset::Perfect, SensingPreset::Nominal, SensingPreset::ThesisFlight, SensingPreset::Bumble]
+        {
             let settings = preset.settings();
             settings.check().unwrap();
             let text = toml::to_string(&settings).unwrap();

@@ -1,5 +1,6 @@
 //! `tumble sensing`: what is known of the sensors of robots.
 
+use super::sensing_check::{self, CheckArgs};
 use super::{Outcome, print};
 use crate::TumbleError;
 use clap::{Args, Subcommand};
@@ -24,6 +25,8 @@ enum SensingCommand {
         /// Name of sensors, or a TOML file.
         name: String,
     },
+    /// What a log shows of its own sensors: noise, slow errors, ages, biases, gains, each with its standard deviation.
+    Check(Box<CheckArgs>),
 }
 
 /// Sensors by name, or of a file.
@@ -50,6 +53,7 @@ pub fn run(args: &SensingArgs, robots: &Robots) -> Result<Outcome, TumbleError> 
             }
             print(&text)?;
         }
+        SensingCommand::Check(check) => return sensing_check::run(check, robots),
         SensingCommand::Show { name } => print(&sensing_file::text(&find(name, robots)?))?,
     }
     Ok(Outcome::Achieved)

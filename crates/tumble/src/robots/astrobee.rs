@@ -37,6 +37,7 @@ impl Robot for Astrobee {
                 "the flights of the thesis: an accelerometer off in scale, jumps",
                 SensingPreset::ThesisFlight,
             ),
+            ("bumble", "Bumble as it flew on the station: its unit at 16 ms, poses 62 ms late", SensingPreset::Bumble),
         ];
         let described = |(name, sentence, preset): (&'static str, &'static str, SensingPreset)| {
             let sensing = preset.settings().description(ImpellerMode::Nominal).ok()?;

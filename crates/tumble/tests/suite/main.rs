@@ -20,6 +20,7 @@ mod plan_local_command;
 #[allow(dead_code, reason = "shared with the fuzz targets")]
 mod promises;
 mod second_robot;
+mod sensing_check_command;
 mod simulate_command;
 mod simulate_control;
 mod support;
