@@ -174,12 +174,14 @@ impl Attitude {
     pub(super) fn of(poses: &Poses<'_>, turned: &Turned, candidates: &[f64]) -> Option<Self> {
         let middle = candidates.get(candidates.len() / 2)?;
         let start = poses.start(turned, &spans(poses.times, *middle))?;
-        let fits = |scale: f64| candidates.iter().filter_map(|&span| poses.fit(turned, span, &start, scale)).collect();
+        let fits = |scale: f64| -> Vec<Self> {
+            candidates.iter().filter_map(|&span| poses.fit(turned, span, &start, scale)).collect()
+        };
         // A constant rate shows bias and scale as one: a usual scale is believed in where the log does not show another one.
-        let mut best = Self::best(fits(PRIORS[4]))?;
+        let mut best = Self::best(&fits(PRIORS[4]))?;
         let scale = best.scale;
         if scale.iter().flatten().all(|k| k.value.abs() < UNUSUAL * k.sigma.hypot(USUAL_SCALE)) {
-            best = Self::best(fits(USUAL_SCALE))?;
+            best = Self::best(&fits(USUAL_SCALE))?;
         } else {
             best.state.scale = Vector3::from(scale.map(|k| k.map_or(0.0, |k| k.value)));
         }
@@ -189,10 +191,10 @@ impl Attitude {
     }
 
     /// The fit that knows the age best, biases and scales from where they are known best.
-    fn best(fits: Vec<Self>) -> Option<Self> {
+    fn best(fits: &[Self]) -> Option<Self> {
         let sigma = |found: &Option<Found>| found.map_or(f64::INFINITY, |f| f.sigma);
         let mut best = fits.iter().min_by(|a, b| sigma(&a.age).total_cmp(&sigma(&b.age)))?.clone();
-        for fit in &fits {
+        for fit in fits {
             for i in 0..3 {
                 if sigma(&fit.bias[i]) < sigma(&best.bias[i]) {
                     best.bias[i] = fit.bias[i];

@@ -85,7 +85,7 @@ fn third_differences(values: &[Vector3<f64>], axes: &[usize]) -> Option<(f64, f6
 }
 
 /// Axes along which the values change.
-fn measured(values: &[Vector3<f64>]) -> Vec<usize> {
+pub(super) fn measured(values: &[Vector3<f64>]) -> Vec<usize> {
     let first = values.first().copied().unwrap_or_default();
     (0..3).filter(|&a| values.iter().any(|v| (v[a] - first[a]).abs() > 1e-12 * first[a].abs().max(1e-3))).collect()
 }

@@ -1,4 +1,5 @@
 //! What was put into simulated streams is found again, and what they do not tell is not told.
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times of a minute")]
 
 use super::{Found, SensingCheck, StreamName, check};
 use crate::WrenchTiming;
@@ -6,6 +7,7 @@ use crate::dice::Dice;
 use crate::lie::{LieGroup, Pose};
 use crate::motion::MotionSample;
 use crate::sensing::{Delay, Level, Sensing};
+use core::f64::consts::{FRAC_PI_2, TAU};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
 const INTERVAL_S: f64 = 0.016;
@@ -46,13 +48,11 @@ impl Streams {
         });
         let size = if self.moving { 1.0 } else { 0.0 };
         let waves: Vec<[f64; 3]> = (0..12)
-            .map(|_| [size * (0.05 + 0.2 * dice.share()), 0.3 + 1.5 * dice.share(), 6.28 * dice.share()])
+            .map(|_| [size * (0.05 + 0.2 * dice.share()), 0.3 + 1.5 * dice.share(), TAU * dice.share()])
             .collect();
         let wave = |i: usize, t: f64| waves[i][0] * (waves[i][1] * t + waves[i][2]).sin();
         let slope = |i: usize, t: f64, order: i32| {
-            waves[i][0]
-                * waves[i][1].powi(order)
-                * (waves[i][1] * t + waves[i][2] + f64::from(order) * 1.570_796_326_794_896_6).sin()
+            waves[i][0] * waves[i][1].powi(order) * (waves[i][1] * t + waves[i][2] + f64::from(order) * FRAC_PI_2).sin()
         };
         let (flat, about) = if self.planar { ([1.0, 1.0, 0.0], [0.0, 0.0, 1.0]) } else { ([1.0; 3], [1.0; 3]) };
         let (flat, about) = (Vector3::from(flat), Vector3::from(about));
@@ -226,10 +226,16 @@ fn motion_in_a_plane_tells_what_it_can() {
     for rate in record.iter_mut().filter_map(|row| row.rate_body.as_mut()) {
         (rate.x, rate.y) = (1e-3 * dice.normal(), 1e-3 * dice.normal());
     }
+    for acceleration in record.iter_mut().filter_map(|row| row.acceleration_origin_body.as_mut()) {
+        acceleration.z = 5e-3 * dice.normal();
+    }
     let found = check(&record, WrenchTiming::Held).unwrap();
     let late = age(&found, StreamName::Pose);
     assert!((late.value - 0.062).abs() < 4.0 * late.sigma && late.sigma > 1e-5, "{late:?}");
     assert!(found.stream(StreamName::Rate).unwrap().gain.unwrap()[0].is_none());
+    assert!(found.stream(StreamName::Acceleration).unwrap().gain.unwrap()[2].is_none());
+    let late = age(&found, StreamName::Acceleration);
+    assert!(late.value.abs() < 4.0 * late.sigma && late.sigma > 1e-5, "{late:?}");
 }
 
 #[test]

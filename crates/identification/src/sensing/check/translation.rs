@@ -1,6 +1,7 @@
 //! Positions against accelerations, integrated twice, and against velocities, integrated once.
 
 use super::attitude::{Attitude, Poses};
+use super::levels::measured;
 use super::regression::{Rows, Solution};
 use super::turned::{Turned, place, series};
 use super::{Found, spans};
@@ -91,7 +92,7 @@ impl View<'_> {
     /// The acceleration in world axes and its changes with the parameters, at the accelerometer's samples, by the clock of the poses.
     fn functions(&self, times: &[f64], measured: &[Vector3<f64>], state: &[f64; PARAMETERS]) -> Vec<Integrated> {
         let mut at = Vec::with_capacity(times.len());
-        let mut values: Vec<Vec<Vector3<f64>>> = vec![Vec::with_capacity(times.len()); PARAMETERS + 1];
+        let mut values: Vec<Vec<Vector3<f64>>> = vec![Vec::new(); PARAMETERS + 1];
         for (k, (time, a)) in times.iter().zip(measured).enumerate() {
             let t = time - state[0];
             let Some((world, w, alpha)) = self.attitude(t) else { continue };
@@ -108,8 +109,8 @@ impl View<'_> {
                 }
             };
             let mut corrected = *a;
-            for p in 1..PARAMETERS {
-                corrected += change(p) * state[p];
+            for (p, value) in state.iter().enumerate().skip(1) {
+                corrected += change(p) * *value;
             }
             at.push(t);
             values[0].push(world * corrected);
@@ -130,6 +131,9 @@ impl View<'_> {
         }
         let mut rows = Rows::new(PARAMETERS);
         let mut power = Vector3::zeros();
+        // Axes along which positions are exact or padded measure nothing.
+        let axes = measured(self.positions);
+        let seen = Vector3::from_fn(|axis, _| if axes.contains(&axis) { 1.0 } else { 0.0 });
         // Both integrals of every function at each pose.
         let integrals: Vec<Option<Vec<Vector3<f64>>>> =
             times.iter().map(|t| functions.iter().map(|f| f.at(*t).map(|[.., twice]| twice)).collect()).collect();
@@ -138,16 +142,16 @@ impl View<'_> {
             let (Some(a), Some(b), Some(c)) = (&integrals[i], &integrals[j], &integrals[k]) else { continue };
             let (first, second) = (times[j] - times[i], times[k] - times[j]);
             let difference = |a: &Vector3<f64>, b: &Vector3<f64>, c: &Vector3<f64>| {
-                ((c - b) / second - (b - a) / first) * (2.0 / (first + second))
+                (((c - b) / second - (b - a) / first) * (2.0 / (first + second))).component_mul(&seen)
             };
-            let measured = difference(&self.positions[i], &self.positions[j], &self.positions[k]);
+            let moved = difference(&self.positions[i], &self.positions[j], &self.positions[k]);
             let all: Vec<Vector3<f64>> = (0..=PARAMETERS).map(|f| difference(&a[f], &b[f], &c[f])).collect();
             let back = self.poses.attitudes[j].conjugate();
             for p in 0..3 {
                 power[p] += all[2 + p].norm_squared();
             }
             let turned: Vec<Vector3<f64>> = all.iter().skip(1).map(|x| back * x).collect();
-            rows.push(times[j], back * (measured - all[0]), &turned);
+            rows.push(times[j], back * (moved - all[0]), &turned);
         }
         let n = rows.len() as f64;
         (rows, power / n.max(1.0))
