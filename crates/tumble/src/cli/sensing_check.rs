@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use tumble_formats::{FormatsError, Robots, SampleReader};
 use tumble_identification::MotionSample;
-use tumble_identification::sensing::{Contradiction, Found, SensingCheck, StreamCheck, check};
+use tumble_identification::sensing::{Contradiction, Found, SensingCheck, StreamCheck, StreamName, check};
 
 /// Options of `tumble sensing check`.
 #[derive(Args)]
@@ -166,7 +166,7 @@ fn object(found: &SensingCheck, contradictions: &[Contradiction]) -> Value {
         "format": 1,
         "pose": pose,
         "streams": streams,
-        "reference": found.reference.map(|name| name.name()),
+        "reference": found.reference.map(StreamName::name),
         "alignment": found.alignment.map(|a| {
             let q = a.pose_from_rate.coords;
             json!({ "pose_from_rate_quaternion_xyzw": [q.x, q.y, q.z, q.w], "sigma_rad": a.sigma_rad })
@@ -214,7 +214,7 @@ fn table(found: &SensingCheck, contradictions: &[Contradiction]) -> String {
         let age =
             if Some(check.stream) == found.reference { "ages count from it".to_owned() } else { text(check.offset_s) };
         line("  age", &age, &format!("s, by the clock of the {whose}"));
-        if check.stream == tumble_identification::sensing::StreamName::Pose {
+        if check.stream == StreamName::Pose {
             let pose = found.pose.unwrap_or_default();
             for (name, value, unit) in [
                 ("  position, white", pose.position_white_m, "m"),
