@@ -210,7 +210,7 @@ fn table(found: &SensingCheck, contradictions: &[Contradiction]) -> String {
     for check in &found.streams {
         let header = format!("{} samples, one every {:.4} s", check.samples, check.interval_s);
         line(check.stream.name(), &header, "");
-        let whose = found.reference.map_or("", |name| name.name());
+        let whose = found.reference.map_or("", StreamName::name);
         let age =
             if Some(check.stream) == found.reference { "ages count from it".to_owned() } else { text(check.offset_s) };
         line("  age", &age, &format!("s, by the clock of the {whose}"));

@@ -25,11 +25,10 @@ fn log(folder: &Path, size: f64, age_s: f64, shown: &str) -> PathBuf {
         let row = ALL.split(',').map(|column| match column {
             "p_x" => size * (0.8 * (t - age_s)).sin() + noise(1e-3),
             "p_y" => size * (0.5 * (t - age_s)).sin() + noise(1e-3),
-            "p_z" => noise(1e-3),
+            "p_z" | "w_x" | "w_y" => noise(1e-3),
             "q_z" => half.sin(),
             "q_w" => half.cos(),
             "w_z" => size * rate + 2e-3 + noise(1e-3),
-            "w_x" | "w_y" => noise(1e-3),
             _ => 0.0,
         });
         let cell = |(column, x): (&str, f64)| if shown.contains(column) { format!("{x:.9}") } else { String::new() };
