@@ -438,8 +438,11 @@ fn read_by(errors: &SensorErrors, record: &ThrowRecord) -> ThrowRecord {
     ThrowRecord::try_new(record.samples().iter().map(read).collect()).unwrap()
 }
 
-/// What is modelled of the sensors: name, and the errors without it.
-const TERMS: [(&str, fn(SensorErrors) -> SensorErrors); 4] = [
+/// A term of the sensors' errors: name, and the errors without it.
+type Term = (&'static str, fn(SensorErrors) -> SensorErrors);
+
+/// What is modelled of the sensors.
+const TERMS: [Term; 4] = [
     ("scale of the gyro's axes", |errors| SensorErrors { gyro_factor: [1.0; 3], ..errors }),
     ("angles between the gyro's axes", |errors| SensorErrors { gyro_shear: [0.0; 3], ..errors }),
     ("tilt of the wheel", |errors| SensorErrors { wheel_tilt: [0.0; 2], ..errors }),
