@@ -264,6 +264,27 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --test suite wheel_throws::",
     },
     Mutant {
+        name: "wheel: the gyro's axes bent the wrong way",
+        file: "crates/identification/src/wheel/sensor_errors.rs",
+        original: "Matrix3::new(x, xy, xz, 0.0, y, yz, 0.0, 0.0, z)",
+        replacement: "Matrix3::new(x, -xy, -xz, 0.0, y, -yz, 0.0, 0.0, z)",
+        test: "-p tumble-identification --test suite wheel_throws::",
+    },
+    Mutant {
+        name: "wheel: tilted the wrong way",
+        file: "crates/identification/src/wheel/sensor_errors.rs",
+        original: "Vector3::new(tilt_y, -tilt_x, 0.0)",
+        replacement: "Vector3::new(-tilt_y, tilt_x, 0.0)",
+        test: "-p tumble-identification --test suite wheel_throws::",
+    },
+    Mutant {
+        name: "wheel: how uncertain the sensors are forgotten",
+        file: "crates/identification/src/wheel/throw.rs",
+        original: "quantity(reading) - quantity(nominal)",
+        replacement: "quantity(reading) - quantity(reading)",
+        test: "-p tumble-identification --test suite wheel_throws::",
+    },
+    Mutant {
         name: "state space: direct path of the inputs lost",
         file: "crates/identification/src/state_space/augmented_filter.rs",
         original: "-(row * self.columns + direct)",

@@ -421,11 +421,17 @@ mod tests {
             device_com_m: [0.1, -0.2, 1e-17],
             device_inertia_ratio: [26.0, 0.5, -0.25, 44.0, 1.0 / 3.0, 54.0],
             covariance,
+            by_sensors: [[1e-9; 10]; 8],
             sensor_errors: SensorErrors {
                 gyro_factor: [1.003, 0.997, 1.0],
                 gyro_factor_sigma: [1e-3, 2e-3, 1e-3],
+                gyro_shear: [-4e-3, 0.0, -1.2e-2],
+                gyro_shear_sigma: [1e-3; 3],
+                wheel_tilt: [-4e-3, 3e-3],
+                wheel_tilt_sigma: [1e-3; 2],
                 wheel_delay_s: 2.3e-4,
                 wheel_delay_sigma_s: 1e-4,
+                shifts: [[1e-3; 9]; 8],
             },
             settings: ThrowSettings::default(),
         };

@@ -3,6 +3,7 @@
 //! All scalars are `f64`: decisions are made here.
 
 mod environment;
+mod feedback;
 mod fit;
 mod flight;
 mod likelihood;
@@ -22,7 +23,7 @@ mod warning;
 use crate::ConstrainedLeastSquares;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::estimator::{Estimate, Evidence, Judge, StandardDeviations, Verdict, standard_deviations};
+use crate::estimator::{Estimate, Evidence, Judge, StandardDeviations, Verdict, Why, standard_deviations};
 use crate::lie::{Pose, Wrench};
 use crate::likelihood::{Exchange, FlightLikelihood, NuisanceEstimate, Nuisances};
 use crate::motion::{MotionSample, Noise};
@@ -327,8 +328,25 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
     run(record, &plan, |fit, noise| recursion::run(fit, record, &plan, noise))
 }
 
-/// The answer of a plan; `replace` puts another finding in the place of that of the rows.
+/// The answer of a plan, doubted where the wrench answers to the noise; `replace` puts another finding in the place of that of the rows.
 fn run<E: From<IdentificationError>>(
+    record: &[MotionSample],
+    plan: &Plan<'_>,
+    replace: impl FnOnce(&mut Fit, &SampleNoise) -> Result<Replaced, E>,
+) -> Result<Identification, E> {
+    let mut found = found(record, plan, replace)?;
+    if found.verdict.is_identified() {
+        let share = feedback::share(record, &Timeline::try_new(record)?, found.scale);
+        found.evidence.feedback = share;
+        if share > plan.judge.feedback {
+            found.verdict = Verdict::Doubtful(Why::Feedback { share });
+            found.warnings.push(Warning::Feedback { share });
+        }
+    }
+    Ok(found)
+}
+
+fn found<E: From<IdentificationError>>(
     record: &[MotionSample],
     plan: &Plan<'_>,
     replace: impl FnOnce(&mut Fit, &SampleNoise) -> Result<Replaced, E>,

@@ -758,7 +758,7 @@ fn whole_signed(x: f64) -> isize {
 }
 
 /// The nearest whole number, none below zero.
-fn whole(x: f64) -> usize {
+pub(crate) fn whole(x: f64) -> usize {
     x.round().as_()
 }
 

@@ -31,8 +31,8 @@ mod throw_record;
 pub use calibration::{WheelCalibration, calibrate};
 pub use momentum_balance::FreeFallEstimate;
 pub use regressors::{lever_arm_regressor, momentum_regressor, torque_regressor, wheel_torque};
-pub use sensor_errors::{SensorErrors, gyro_factor, wheel_delay};
-pub use throw::{ObjectEstimate, ThrowEstimate, Thrown, identify_throw};
+pub use sensor_errors::{SensorErrors, sensor_axes, wheel_delay};
+pub use throw::{ErrorBudget, ObjectEstimate, ThrowEstimate, Thrown, identify_throw};
 pub use throw_record::{EndOfFall, ThrowRecord, ThrowSample};
 
 use crate::IdentificationError;

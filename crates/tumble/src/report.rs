@@ -191,6 +191,10 @@ fn doubt(why: Why, widest: &str) -> String {
         Why::Disagrees { chi_square } => {
             format!("another way to the same parameters comes to others, {:.1} sigma apart", chi_square.sqrt())
         }
+        Why::Feedback { share } => format!(
+            "{:.0} % of the wrench answers to the noise of the measurements, and the numbers above follow that noise",
+            100.0 * share
+        ),
         Why::NoBody { .. } => "the numbers above are no body".to_owned(),
         _ => "the judge has a doubt that this program has no words for".to_owned(),
     }

@@ -55,6 +55,7 @@ mod simulator;
 mod station_imu;
 mod sweep;
 mod targets;
+mod throw_terms;
 mod throws;
 mod thrust_imu;
 mod tube_bench;
@@ -148,6 +149,7 @@ const STUDIES: &[Program] = &[
     ("model-knowledge", &["--seeds", "--only"], model_knowledge::run),
     ("faults", &["--missions", "--seeds", "--only"], faults::run),
     ("attitude-certificate", &["--runs"], attitude_certificate::run),
+    ("throws", &["--data"], throw_terms::run),
 ];
 
 const REPRODUCTIONS: &[Program] = &[

@@ -5,7 +5,10 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 use tumble_formats::wheel_throw::{CalibrationBodies, CalibrationKind, calibrate_files, read_throw};
-use tumble_identification::wheel::{FreeFallEstimate, ObjectEstimate, ThrowRecord, ThrowSettings, identify_throw};
+use tumble_identification::wheel::{
+    FreeFallEstimate, ObjectEstimate, SensorErrors, ThrowRecord, ThrowSettings, WheelCalibration, calibrate,
+    identify_throw,
+};
 
 use crate::Failure;
 use crate::plain_throws::PlainDevice;
@@ -13,9 +16,9 @@ use crate::plain_throws::PlainDevice;
 /// Name of the set and of its folder.
 pub const SET: &str = "delft_throws";
 /// The device alone.
-const DEVICE: &str = "cal_device";
+pub const DEVICE: &str = "cal_device";
 /// Device with the proof block: a calibration throw reported like an object.
-const PROOF: &str = "cal_proof";
+pub const PROOF: &str = "cal_proof";
 /// The reference is known to one percent.
 const REFERENCE_SIGMA: f64 = 0.01;
 /// The configurations that have a target.
@@ -31,21 +34,24 @@ const PROOF_TARGET: f64 = 0.7;
 const THROW_TARGET: f64 = 4.0;
 /// Least share, percent, that two sigma must cover, of any object.
 const COVERAGE_TARGET: f64 = 90.0;
+/// Largest mean error and least coverage, percent, of a configuration whose throws had no part in the calibration.
+const LEFT_OUT_MEAN_TARGET: f64 = 1.6;
+const LEFT_OUT_COVERAGE_TARGET: f64 = 93.0;
 
 /// A configuration's reference: mass, kg, and ascending principal inertias, kg m^2.
-struct Reference {
-    configuration: String,
-    mass_kg: f64,
-    principal_inertia: Vector3<f64>,
+pub struct Reference {
+    pub configuration: String,
+    pub mass_kg: f64,
+    pub principal_inertia: Vector3<f64>,
 }
 
 /// One line of the report.
 #[allow(clippy::struct_field_names, reason = "the unit belongs in the name")]
-struct Summary {
-    mean_error_percent: f64,
-    max_error_percent: f64,
-    trace_scatter_percent: f64,
-    coverage_percent: f64,
+pub struct Summary {
+    pub mean_error_percent: f64,
+    pub max_error_percent: f64,
+    pub trace_scatter_percent: f64,
+    pub coverage_percent: f64,
 }
 
 /// Processes the throws in `folder`, prints one line per configuration; the targets missed, in words.
@@ -72,32 +78,19 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
         })
         .collect();
     let calibration = calibrate_files(&files, &bodies, &settings).map_err(|error| Failure::file(folder, error))?;
-    let of = |configuration: &str| -> Vec<ThrowRecord> {
-        records.get(configuration).into_iter().flatten().map(|(_, record)| record.clone()).collect()
-    };
-    let errors = &calibration.sensor_errors;
-    eprintln!(
-        "{SET}: wheel recorded {:.2} +- {:.2} ms late",
-        1e3 * errors.wheel_delay_s,
-        1e3 * errors.wheel_delay_sigma_s
-    );
-    for (axis, (factor, sigma)) in ["x", "y", "z"].iter().zip(errors.gyro_factor.iter().zip(errors.gyro_factor_sigma)) {
-        eprintln!("{SET}: gyro {axis} reads {:.2} +- {:.2} % low", 100.0 * (factor - 1.0), 100.0 * sigma);
-    }
+    print_sensors(&calibration.sensor_errors);
     eprintln!(
         "{SET}: wheel inertia {:.4e} kg m^2, one sigma {:.1e}",
         calibration.wheel_inertia_kg_m2,
         calibration.covariance[9][9].sqrt()
     );
 
-    let plain_device = PlainDevice::calibrated(&of(DEVICE), &of(PROOF), &bodies, &settings);
-    let mut block = bodies.proof_block().inertia_about_com().diagonal();
-    block.as_mut_slice().sort_by(f64::total_cmp);
-    let proof = Reference { configuration: PROOF.to_owned(), mass_kg: bodies.proof_mass_kg, principal_inertia: block };
+    let plain_device = PlainDevice::calibrated(&of(&records, DEVICE), &of(&records, PROOF), &bodies, &settings);
+    let proof = proof_reference(&bodies);
     for reference in references.iter().chain([&proof]) {
         let configuration = reference.configuration.as_str();
         let mut objects = Vec::new();
-        let throws = of(configuration);
+        let throws = of(&records, configuration);
         for throw in &throws {
             match identify_throw(throw, &calibration, Some(reference.mass_kg)) {
                 Ok(estimate) => objects.extend(estimate.object),
@@ -106,8 +99,12 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
         }
         let summary = summarize(&objects, reference);
         let plain = plain_device.as_ref().and_then(|device| plain_mean(device, &throws, reference));
-        print_line(configuration, objects.len(), summary.as_ref(), plain, json);
         let targeted = TARGETED.contains(&configuration);
+        let left_out = left_out(&records, reference, &bodies, &settings)?;
+        if let Some(left_out) = left_out.as_ref().filter(|_| targeted) {
+            missed.extend(left_out_missed(configuration, left_out, plain));
+        }
+        print_line(configuration, objects.len(), summary.as_ref(), left_out.as_ref(), plain, json);
         let Some(summary) = summary else {
             if targeted || configuration == PROOF {
                 missed.push(format!("{configuration}: no throw"));
@@ -149,16 +146,115 @@ pub fn run(folder: &Path, json: bool) -> Result<Vec<String>, Failure> {
     Ok(missed)
 }
 
+/// The proof block as a configuration.
+pub fn proof_reference(bodies: &CalibrationBodies) -> Reference {
+    let mut principal_inertia = bodies.proof_block().inertia_about_com().diagonal();
+    principal_inertia.as_mut_slice().sort_by(f64::total_cmp);
+    Reference { configuration: PROOF.to_owned(), mass_kg: bodies.proof_mass_kg, principal_inertia }
+}
+
+/// How the sensors err, on standard error.
+fn print_sensors(errors: &SensorErrors) {
+    let percent = |value: f64, sigma: f64| format!("{:.2} +- {:.2} %", 100.0 * value, 100.0 * sigma);
+    eprintln!(
+        "{SET}: wheel recorded {:.2} +- {:.2} ms late",
+        1e3 * errors.wheel_delay_s,
+        1e3 * errors.wheel_delay_sigma_s
+    );
+    for (axis, (factor, sigma)) in ["x", "y", "z"].iter().zip(errors.gyro_factor.iter().zip(errors.gyro_factor_sigma)) {
+        eprintln!("{SET}: gyro {axis} reads {} low", percent(factor - 1.0, sigma));
+    }
+    for (pair, (shear, sigma)) in ["xy", "xz", "yz"].iter().zip(errors.gyro_shear.iter().zip(errors.gyro_shear_sigma)) {
+        eprintln!("{SET}: gyro axes {pair} off the right angle by {} of a radian", percent(*shear, sigma));
+    }
+    for (axis, (tilt, sigma)) in ["x", "y"].iter().zip(errors.wheel_tilt.iter().zip(errors.wheel_tilt_sigma)) {
+        eprintln!("{SET}: wheel tilted towards {axis} by {} of a radian", percent(*tilt, sigma));
+    }
+}
+
+/// The throws of one configuration.
+pub fn of(records: &BTreeMap<String, Vec<Throw>>, configuration: &str) -> Vec<ThrowRecord> {
+    records.get(configuration).into_iter().flatten().map(|(_, record)| record.clone()).collect()
+}
+
+/// How the sensors err by all throws but those of `configuration`; the device and the proof block calibrate and stay.
+pub fn errors_without(
+    records: &BTreeMap<String, Vec<Throw>>,
+    configuration: &str,
+    settings: &ThrowSettings,
+) -> Result<SensorErrors, Failure> {
+    let others: Vec<Vec<ThrowRecord>> = records
+        .keys()
+        .filter(|name| ![DEVICE, PROOF, configuration].contains(&name.as_str()))
+        .map(|name| of(records, name))
+        .collect();
+    let others: Vec<&[ThrowRecord]> = others.iter().map(Vec::as_slice).collect();
+    SensorErrors::from_throws(&[&of(records, DEVICE), &of(records, PROOF)], &others, settings)
+        .map_err(|error| Failure::BadInput(format!("without {configuration}: {error}")))
+}
+
+/// The device's calibration with sensors that err so.
+pub fn calibrated(
+    records: &BTreeMap<String, Vec<Throw>>,
+    errors: &SensorErrors,
+    bodies: &CalibrationBodies,
+    settings: &ThrowSettings,
+) -> Result<WheelCalibration, Failure> {
+    let (device, proof) = (of(records, DEVICE), of(records, PROOF));
+    calibrate(&device, &proof, bodies.device_mass_kg, &bodies.proof_block(), errors, settings)
+        .map_err(|error| Failure::BadInput(error.to_string()))
+}
+
+/// A configuration read with a calibration that its throws had no part in; `None` without throws and for the proof block,
+/// without which there is no calibration.
+fn left_out(
+    records: &BTreeMap<String, Vec<Throw>>,
+    reference: &Reference,
+    bodies: &CalibrationBodies,
+    settings: &ThrowSettings,
+) -> Result<Option<Summary>, Failure> {
+    let configuration = reference.configuration.as_str();
+    if configuration == PROOF || !records.contains_key(configuration) {
+        return Ok(None);
+    }
+    let calibration = calibrated(records, &errors_without(records, configuration, settings)?, bodies, settings)?;
+    Ok(summarize(&objects(&of(records, configuration), &calibration, reference.mass_kg), reference))
+}
+
+/// The objects of the throws that can be identified.
+pub fn objects(throws: &[ThrowRecord], calibration: &WheelCalibration, mass_kg: f64) -> Vec<ObjectEstimate> {
+    let found = throws.iter().filter_map(|throw| identify_throw(throw, calibration, Some(mass_kg)).ok());
+    found.filter_map(|estimate| estimate.object).collect()
+}
+
+/// What a configuration left out of the calibration misses.
+fn left_out_missed(configuration: &str, left_out: &Summary, plain: Option<f64>) -> Vec<String> {
+    let (mean, coverage) = (left_out.mean_error_percent, left_out.coverage_percent);
+    let mut missed = Vec::new();
+    if mean > LEFT_OUT_MEAN_TARGET {
+        missed.push(format!("{configuration} left out: mean error {mean:.2} %, target {LEFT_OUT_MEAN_TARGET} %"));
+    }
+    if coverage < LEFT_OUT_COVERAGE_TARGET {
+        missed.push(format!(
+            "{configuration} left out: two sigma cover {coverage:.1} %, target {LEFT_OUT_COVERAGE_TARGET} %"
+        ));
+    }
+    if let Some(plain) = plain.filter(|plain| mean > *plain) {
+        missed.push(format!("{configuration} left out: mean error {mean:.2} %, plain least squares {plain:.2} %"));
+    }
+    missed
+}
+
 /// Error of principal inertias, percent.
 fn error_percent(principal: &Vector3<f64>, truth: &Vector3<f64>) -> f64 {
     100.0 * (principal - truth).norm() / truth.norm()
 }
 
 /// A throw and its file.
-type Throw = (PathBuf, ThrowRecord);
+pub type Throw = (PathBuf, ThrowRecord);
 
 /// The throws that can be read as one, by configuration; the others are misses.
-fn records(
+pub fn records(
     throws: &BTreeMap<String, Vec<PathBuf>>,
     settings: &ThrowSettings,
     missed: &mut Vec<String>,
@@ -180,7 +276,7 @@ fn records(
 ///
 /// The mean error is that of the throws, except for the proof block: a calibration averages its throws, so there it is
 /// the error of their average.
-fn summarize(objects: &[ObjectEstimate], reference: &Reference) -> Option<Summary> {
+pub fn summarize(objects: &[ObjectEstimate], reference: &Reference) -> Option<Summary> {
     let n = objects.len() as f64;
     let truth = &reference.principal_inertia;
     let percent = |principal: &Vector3<f64>| error_percent(principal, truth);
@@ -212,7 +308,7 @@ fn summarize(objects: &[ObjectEstimate], reference: &Reference) -> Option<Summar
 }
 
 /// Mean error, percent, of plain least squares on the throws.
-fn plain_mean(device: &PlainDevice, throws: &[ThrowRecord], reference: &Reference) -> Option<f64> {
+pub fn plain_mean(device: &PlainDevice, throws: &[ThrowRecord], reference: &Reference) -> Option<f64> {
     let errors = throws
         .iter()
         .map(|throw| {
@@ -223,7 +319,14 @@ fn plain_mean(device: &PlainDevice, throws: &[ThrowRecord], reference: &Referenc
     (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64)
 }
 
-fn print_line(configuration: &str, n: usize, summary: Option<&Summary>, plain: Option<f64>, json: bool) {
+fn print_line(
+    configuration: &str,
+    n: usize,
+    summary: Option<&Summary>,
+    left_out: Option<&Summary>,
+    plain: Option<f64>,
+    json: bool,
+) {
     let [mean, max, scatter, coverage] = summary.map_or([None; 4], |summary| {
         [
             Some(summary.mean_error_percent),
@@ -241,13 +344,19 @@ fn print_line(configuration: &str, n: usize, summary: Option<&Summary>, plain: O
             "max_error_percent": max,
             "trace_scatter_percent": scatter,
             "coverage_2sigma_percent": coverage,
+            "left_out_mean_error_percent": left_out.map(|left_out| left_out.mean_error_percent),
+            "left_out_coverage_2sigma_percent": left_out.map(|left_out| left_out.coverage_percent),
             "plain_mean_error_percent": plain,
         });
         println!("{line}");
     } else if let (Some(mean), Some(max), Some(scatter), Some(coverage)) = (mean, max, scatter, coverage) {
         println!(
             "{SET}  {configuration:<12} {n:>3} throws  error mean {mean:5.2} % max {max:5.2} %  \
-             trace scatter {scatter:5.2} %  two sigma cover {coverage:5.1} %{}",
+             trace scatter {scatter:5.2} %  two sigma cover {coverage:5.1} %{}{}",
+            left_out.map_or(String::new(), |left_out| format!(
+                "  left out of the calibration mean {:5.2} % cover {:5.1} %",
+                left_out.mean_error_percent, left_out.coverage_percent
+            )),
             plain.map_or(String::new(), |plain| format!("  plain least squares mean {plain:5.2} %"))
         );
     } else {
@@ -256,7 +365,7 @@ fn print_line(configuration: &str, n: usize, summary: Option<&Summary>, plain: O
 }
 
 /// Rows of `references.csv`.
-fn references(folder: &Path) -> Result<Vec<Reference>, Failure> {
+pub fn references(folder: &Path) -> Result<Vec<Reference>, Failure> {
     let path = folder.join("references.csv");
     let table = table(&path)?;
     let wanted = ["mass_kg", "principal_inertia_1_kg_m2", "principal_inertia_2_kg_m2", "principal_inertia_3_kg_m2"];
@@ -287,7 +396,7 @@ fn references(folder: &Path) -> Result<Vec<Reference>, Failure> {
 
 /// Files by configuration: that of the index, else the name before the last underscore; and how many files of the index
 /// are not there.
-fn throws(folder: &Path) -> Result<(BTreeMap<String, Vec<PathBuf>>, usize), Failure> {
+pub fn throws(folder: &Path) -> Result<(BTreeMap<String, Vec<PathBuf>>, usize), Failure> {
     let index = folder.join("index.csv");
     let indexed: BTreeMap<String, String> = if index.is_file() {
         let rows = table(&index)?.into_iter();

@@ -74,6 +74,11 @@ pub enum Why {
         /// Directions that the second finding sees.
         rank: usize,
     },
+    /// The wrench answers to the noise of what the motion is measured by, and the answer follows that noise.
+    Feedback {
+        /// Share of the mean square of the wrench that noise before it explains.
+        share: f64,
+    },
     /// Another way to the same parameters comes to others.
     Disagrees {
         /// Squared distance in joint standard deviations, per parameter.
@@ -102,6 +107,8 @@ pub struct Judge {
     pub chi_square: f64,
     /// Largest mean of the innovations squared.
     pub mean_nis: f64,
+    /// Largest share of the wrench that may be a controller's answer to noise.
+    pub feedback: f64,
 }
 
 /// What a record says of a point, whoever found it: counted on the library's rows, the same for every candidate.
@@ -119,6 +126,8 @@ pub struct Evidence {
     pub stand_in: bool,
     /// Something asked for beside the body can be exchanged with one of the ten.
     pub exchangeable: bool,
+    /// Share of the mean square of force or torque, the larger of both, that the noise of the measurements before it explains.
+    pub feedback: f64,
 }
 
 impl Evidence {
@@ -150,7 +159,7 @@ impl Evidence {
 impl Judge {
     /// The usual levels.
     pub const fn new(scale: BodyScale) -> Self {
-        Self { scale, poor_fit: 0.5, known: 1.0, wandering: 2.0, chi_square: 4.0, mean_nis: 1.2 }
+        Self { scale, poor_fit: 0.5, known: 1.0, wandering: 2.0, chi_square: 4.0, mean_nis: 1.2, feedback: 0.2 }
     }
 
     fn seen(&self, found: &Finding<10>) -> Result<Observability, IdentificationError> {
@@ -196,7 +205,10 @@ impl Judge {
         if evidence.stand_in {
             return Some(Why::StandIn);
         }
-        evidence.exchangeable.then_some(Why::Exchangeable)
+        if evidence.exchangeable {
+            return Some(Why::Exchangeable);
+        }
+        (evidence.feedback > self.feedback).then_some(Why::Feedback { share: evidence.feedback })
     }
 
     fn of_numbers(

@@ -174,6 +174,11 @@ pub enum Warning {
         /// A column that says so.
         column: Column,
     },
+    /// A controller's answer to the noise of the measurements is a large part of the wrench.
+    Feedback {
+        /// Share of the mean square of force or torque, the larger of both.
+        share: f64,
+    },
     /// The motion shows a direction of the parameters badly or not at all.
     WeakExcitation {
         /// What is not determined, and the simple motion that would show it.
@@ -302,6 +307,13 @@ impl fmt::Display for Warning {
                 f,
                 "the poses alone answer: measured velocities, rates and accelerations are left out, for what the {column} leave \
                  unexplained is not white noise (filters, biases and errors of scale do that)"
+            ),
+            Self::Feedback { share } => write!(
+                f,
+                "{:.0} % of the wrench is the controller's answer to the noise of poses and velocities: what moves the body follows the \
+                 errors that its motion is compared with, and that biases every estimate; fly an excitation that is large beside it, or \
+                 filter what the controller is told",
+                100.0 * share
             ),
             Self::WeakExcitation { direction, std } if std.is_finite() => write!(
                 f,

@@ -29,6 +29,10 @@ pub struct WheelCalibration {
     pub device_inertia_ratio: [f64; 6],
     /// See the type.
     pub covariance: [[f64; 10]; 10],
+    /// What each of the [shifts](SensorErrors::shifts) of the sensors' errors changes in the ten numbers of `covariance`,
+    /// which does not hold it.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub by_sensors: [[f64; 10]; 8],
     /// How the sensors err; taken out of the throws of the calibration, and of those of objects.
     #[cfg_attr(feature = "serde", serde(default))]
     pub sensor_errors: SensorErrors,
@@ -62,6 +66,35 @@ pub fn calibrate(
             return Err(IdentificationError::NotPositive { index, value });
         }
     }
+    let learn = |errors: &SensorErrors| learn(device, proof, device_mass_kg, proof_block, errors, settings);
+    let (found, covariance) = learn(sensor_errors)?;
+    let mut by_sensors = [[0.0; 10]; 8];
+    for (changes, shift) in by_sensors.iter_mut().zip(&sensor_errors.shifts) {
+        if shift.iter().any(|change| *change != 0.0) {
+            *changes = (learn(&sensor_errors.shifted(shift))?.0 - found).into();
+        }
+    }
+    Ok(WheelCalibration {
+        wheel_inertia_kg_m2: found[9],
+        device_mass_kg,
+        device_com_m: core::array::from_fn(|i| found[6 + i]),
+        device_inertia_ratio: core::array::from_fn(|i| found[i]),
+        covariance: covariance.into(),
+        by_sensors,
+        sensor_errors: *sensor_errors,
+        settings: *settings,
+    })
+}
+
+/// The ten numbers of a calibration and their covariance, the sensors' errors taken as they are said.
+fn learn(
+    device: &[ThrowRecord],
+    proof: &[ThrowRecord],
+    device_mass_kg: f64,
+    proof_block: &InertialParameters<f64>,
+    sensor_errors: &SensorErrors,
+    settings: &ThrowSettings,
+) -> Result<(SVector<f64, 10>, SMatrix<f64, 10, 10>), IdentificationError> {
     let (device, device_covariance) = average(device, sensor_errors, settings)?;
     let (proof, proof_covariance) = average(proof, sensor_errors, settings)?;
 
@@ -90,15 +123,10 @@ pub fn calibrate(
     let mut covariance = by_device * device_covariance * by_device.transpose();
     covariance[(9, 9)] += (by_proof * proof_covariance * by_proof.transpose())[0];
 
-    Ok(WheelCalibration {
-        wheel_inertia_kg_m2: wheel_inertia,
-        device_mass_kg,
-        device_com_m: core::array::from_fn(|i| device[6 + i]),
-        device_inertia_ratio: core::array::from_fn(|i| device[i]),
-        covariance: covariance.into(),
-        sensor_errors: *sensor_errors,
-        settings: *settings,
-    })
+    let mut found = SVector::<f64, 10>::zeros();
+    found.fixed_rows_mut::<9>(0).copy_from(&device);
+    found[9] = wheel_inertia;
+    Ok((found, covariance))
 }
 
 impl WheelCalibration {
@@ -109,15 +137,24 @@ impl WheelCalibration {
     /// factor), [`IdentificationError::NotFinite`] (row 0: centre of mass, 1: inertia, 2: covariance, 3: sensors' errors),
     /// those of [`ThrowSettings::validated`].
     pub fn validated(self) -> Result<Self, IdentificationError> {
-        let SensorErrors { gyro_factor, gyro_factor_sigma, wheel_delay_s, wheel_delay_sigma_s } = self.sensor_errors;
-        let [x, y, z] = gyro_factor_sigma;
-        let sensors = [wheel_delay_s, wheel_delay_sigma_s, x, y, z];
+        let errors = &self.sensor_errors;
+        let sensors = [
+            &errors.gyro_factor_sigma[..],
+            &errors.gyro_shear,
+            &errors.gyro_shear_sigma,
+            &errors.wheel_tilt,
+            &errors.wheel_tilt_sigma,
+            &[errors.wheel_delay_s, errors.wheel_delay_sigma_s],
+            errors.shifts.as_flattened(),
+            self.by_sensors.as_flattened(),
+        ]
+        .concat();
         let numbers = [&self.device_com_m[..], &self.device_inertia_ratio, self.covariance.as_flattened(), &sensors];
         if let Some(row) = numbers.iter().position(|numbers| numbers.iter().any(|number| !number.is_finite())) {
             return Err(IdentificationError::NotFinite { row });
         }
         let scales = [(0, self.wheel_inertia_kg_m2), (1, self.device_mass_kg)];
-        for (index, value) in scales.into_iter().chain((3..).zip(gyro_factor)) {
+        for (index, value) in scales.into_iter().chain((3..).zip(errors.gyro_factor)) {
             if !(value.is_finite() && value > 0.0) {
                 return Err(IdentificationError::NotPositive { index, value });
             }
@@ -144,6 +181,14 @@ fn average(
         covariance += spread * (share * share);
     }
     Ok((mean, covariance))
+}
+
+impl WheelCalibration {
+    /// The ten numbers of the covariance.
+    pub(super) fn stacked(&self) -> SVector<f64, 10> {
+        let numbers = [&self.device_inertia_ratio[..], &self.device_com_m, &[self.wheel_inertia_kg_m2]].concat();
+        SVector::from_iterator(numbers)
+    }
 }
 
 impl FreeFallEstimate {

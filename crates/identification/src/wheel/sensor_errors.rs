@@ -1,23 +1,26 @@
-//! What throws say about the sensors themselves: scale of the gyro's axes, delay of the wheel's telemetry.
+//! What throws say about the sensors themselves: scale and directions of the gyro's axes, direction of the wheel's axis,
+//! delay of the wheel's telemetry.
 
 use super::ThrowSettings;
 use super::momentum_balance::{REWEIGHTINGS, solve, whitened_momentum, windows};
 use super::throw_record::{ThrowRecord, ThrowSample};
 use crate::IdentificationError;
-use tumble_lie::nalgebra::{DMatrix, SMatrix, SVector};
+use tumble_lie::nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 
-/// Scale of a gyro's axis as its maker states it: one standard deviation.
-const GYRO_FACTOR_SIGMA: f64 = 0.01;
-const GYRO_FACTOR_STEP: f64 = 2e-3;
+/// Scale and direction of a sensor's axis as its maker states them, direction of the wheel's as it is mounted: one
+/// standard deviation, rad for directions.
+const AXIS_SIGMA: f64 = 0.01;
+/// Difference over which derivatives are taken, and the unit of the search.
+const AXIS_STEP: f64 = 2e-3;
 const WHEEL_DELAY_STEP_S: f64 = 2e-4;
-/// Newton steps before the search gives up; from a perfect sensor a few suffice.
-const NEWTON_STEPS: usize = 30;
+/// Gauss-Newton steps before the search gives up; from perfect sensors a few suffice.
+const SEARCH_STEPS: usize = 30;
 /// Longest step of the search, in steps of the differences.
-const LONGEST_STEP: f64 = 3.0;
+const LONGEST_STEP: f64 = 10.0;
 /// The search ends with a step below this, in the same unit.
 const CLOSE: f64 = 0.02;
-/// Curvature that counts as none.
-const FLAT: f64 = 1e-6;
+/// Independent numbers of [`sensor_axes`]: two factors, three shears, two tilts.
+const AXES: usize = 7;
 
 /// How a device's sensors err, with one standard deviation each.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,40 +30,77 @@ pub struct SensorErrors {
     pub gyro_factor: [f64; 3],
     /// One sigma of the factors; zero where they were not estimated.
     pub gyro_factor_sigma: [f64; 3],
+    /// How far the gyro's axes are from right angles, rad: what the rate about x gains with the readings of y and z, and
+    /// the rate about y with that of z.
+    pub gyro_shear: [f64; 3],
+    /// One sigma of the shears; zero where they were not estimated.
+    pub gyro_shear_sigma: [f64; 3],
+    /// Components of the wheel's axis along x and y of the inertial sensor, rad.
+    pub wheel_tilt: [f64; 2],
+    /// One sigma of the tilts; zero where they were not estimated.
+    pub wheel_tilt_sigma: [f64; 2],
     /// How much later than the rates the wheel's speed is recorded, s.
     pub wheel_delay_s: f64,
     /// One sigma of the delay, s; zero where it was not estimated.
     pub wheel_delay_sigma_s: f64,
+    /// Independent changes of one sigma each, in rows, that together make up how uncertain these errors are; the columns
+    /// in the order `gyro_factor`, `gyro_shear`, `wheel_tilt`, `wheel_delay_s`. The last row is the delay's.
+    pub shifts: [[f64; 9]; 8],
 }
 
 impl Default for SensorErrors {
     /// Sensors without errors.
     fn default() -> Self {
-        Self { gyro_factor: [1.0; 3], gyro_factor_sigma: [0.0; 3], wheel_delay_s: 0.0, wheel_delay_sigma_s: 0.0 }
+        Self {
+            gyro_factor: [1.0; 3],
+            gyro_factor_sigma: [0.0; 3],
+            gyro_shear: [0.0; 3],
+            gyro_shear_sigma: [0.0; 3],
+            wheel_tilt: [0.0; 2],
+            wheel_tilt_sigma: [0.0; 2],
+            wheel_delay_s: 0.0,
+            wheel_delay_sigma_s: 0.0,
+            shifts: [[0.0; 9]; 8],
+        }
     }
 }
 
 impl SensorErrors {
     /// What the throws of a device say about its sensors: the [`wheel_delay`] by the throws of the calibration, where the
-    /// wheel matters most; the [`gyro_factor`], which many motions must tell apart, by those and all `others`. The throws of
+    /// wheel matters most; the [`sensor_axes`], which many motions must tell apart, by those and all `others`. The throws of
     /// one entry are throws of one body; nothing else is known about it.
     ///
     /// # Errors
-    /// Those of [`wheel_delay`] and [`gyro_factor`].
+    /// Those of [`wheel_delay`] and [`sensor_axes`].
     pub fn from_throws(
         calibration: &[&[ThrowRecord]],
         others: &[&[ThrowRecord]],
         settings: &ThrowSettings,
     ) -> Result<Self, IdentificationError> {
         let (wheel_delay_s, wheel_delay_sigma_s) = wheel_delay(calibration, settings)?;
-        let (gyro_factor, covariance) = gyro_factor(&[calibration, others].concat(), wheel_delay_s, settings)?;
-        let gyro_factor_sigma = covariance.diagonal().map(f64::sqrt).into();
-        Ok(Self { gyro_factor, gyro_factor_sigma, wheel_delay_s, wheel_delay_sigma_s })
+        let mut errors = sensor_axes(&[calibration, others].concat(), wheel_delay_s, settings)?;
+        errors.wheel_delay_sigma_s = wheel_delay_sigma_s;
+        errors.shifts[7][8] = wheel_delay_sigma_s;
+        Ok(errors)
+    }
+
+    /// These errors changed by one of [`SensorErrors::shifts`].
+    pub(super) fn shifted(&self, shift: &[f64; 9]) -> Self {
+        let [f0, f1, f2, s0, s1, s2, t0, t1, delay_s] = *shift;
+        let plus = |of: [f64; 3], by: [f64; 3]| core::array::from_fn(|i| of[i] + by[i]);
+        Self {
+            gyro_factor: plus(self.gyro_factor, [f0, f1, f2]),
+            gyro_shear: plus(self.gyro_shear, [s0, s1, s2]),
+            wheel_tilt: [self.wheel_tilt[0] + t0, self.wheel_tilt[1] + t1],
+            wheel_delay_s: self.wheel_delay_s + delay_s,
+            ..*self
+        }
     }
 }
 
 impl ThrowRecord {
-    /// The record of a device without these errors; the wheel's speed linear between samples, held beyond the record.
+    /// The record of a device without these errors, in axes whose z is the wheel's; the wheel's speed linear between
+    /// samples, held beyond the record.
     pub fn corrected(&self, errors: &SensorErrors) -> Self {
         let samples = self.samples();
         let last = samples.len().saturating_sub(1);
@@ -71,9 +111,13 @@ impl ThrowRecord {
             let share = if span_s > 0.0 { ((time_s - from.time_s) / span_s).clamp(0.0, 1.0) } else { 0.0 };
             from.wheel_speed_rad_s * (1.0 - share) + to.wheel_speed_rad_s * share
         };
-        let factor = SVector::from(errors.gyro_factor);
+        let ([x, y, z], [xy, xz, yz]) = (errors.gyro_factor, errors.gyro_shear);
+        let [tilt_x, tilt_y] = errors.wheel_tilt;
+        let wheel_from_sensor = *Rotation3::from_scaled_axis(Vector3::new(tilt_y, -tilt_x, 0.0)).matrix();
+        let rate_from_reading = wheel_from_sensor * Matrix3::new(x, xy, xz, 0.0, y, yz, 0.0, 0.0, z);
         let correct = |sample: &ThrowSample| ThrowSample {
-            rate_body: sample.rate_body.component_mul(&factor),
+            rate_body: rate_from_reading * sample.rate_body,
+            specific_force_body: wheel_from_sensor * sample.specific_force_body,
             wheel_speed_rad_s: wheel_speed(sample.time_s + errors.wheel_delay_s),
             ..*sample
         };
@@ -82,109 +126,147 @@ impl ThrowRecord {
 }
 
 /// Delay of the wheel's telemetry (s) and its standard deviation, by maximum likelihood of the momentum balance; nothing
-/// about the inertias is known but that the throws of one entry of `bodies` are throws of one body.
+/// about the inertias is known but that the throws of one entry of `bodies` are throws of one body. How much the balance
+/// of a body is off the throws say themselves, body by body.
 ///
 /// # Errors
 /// Those of [`super::FreeFallEstimate::from_throw`], [`IdentificationError::LikelihoodNotMaximal`].
 pub fn wheel_delay(bodies: &[&[ThrowRecord]], settings: &ThrowSettings) -> Result<(f64, f64), IdentificationError> {
-    let (delay, variance) = newton(SVector::from([0.0]), |delay: &SVector<f64, 1>| {
-        let wheel_delay_s = delay[0] * WHEEL_DELAY_STEP_S;
-        misfit(bodies, &SensorErrors { wheel_delay_s, ..SensorErrors::default() }, settings)
-    })?;
+    let errors = |delay: &SVector<f64, 1>| SensorErrors {
+        wheel_delay_s: delay[0] * WHEEL_DELAY_STEP_S,
+        ..SensorErrors::default()
+    };
+    let (delay, variance) = search(bodies, errors, &SMatrix::zeros(), settings)?;
     Ok((delay[0] * WHEEL_DELAY_STEP_S, variance[0].sqrt() * WHEEL_DELAY_STEP_S))
 }
 
-/// Factors of the gyro's axes relative to each other and their covariance, as [`wheel_delay`] does it, the delay known;
-/// every axis beforehand good to one percent. The factors' mean is one: what is common to all axes a throw hardly shows.
+/// Factors of the gyro's axes relative to each other, the angles between them, and the tilt of the wheel's axis, as
+/// [`wheel_delay`] does it, the delay known; every number beforehand good to one percent. The factors' mean is one: what
+/// is common to all axes a throw hardly shows.
 ///
 /// # Errors
 /// Those of [`super::FreeFallEstimate::from_throw`], [`IdentificationError::LikelihoodNotMaximal`].
-pub fn gyro_factor(
+pub fn sensor_axes(
     bodies: &[&[ThrowRecord]],
     wheel_delay_s: f64,
     settings: &ThrowSettings,
-) -> Result<([f64; 3], SMatrix<f64, 3, 3>), IdentificationError> {
-    let relative = SMatrix::<f64, 3, 2>::new(1.0, 0.0, 0.0, 1.0, -1.0, -1.0) * GYRO_FACTOR_STEP;
-    let factor = |scaled: &SVector<f64, 2>| (relative * scaled).map(|change| 1.0 + change).into();
-    let (scaled, covariance) = newton(SVector::zeros(), |scaled: &SVector<f64, 2>| {
-        let prior = 0.5 * (relative * scaled / GYRO_FACTOR_SIGMA).norm_squared();
-        let errors = SensorErrors { gyro_factor: factor(scaled), wheel_delay_s, ..SensorErrors::default() };
-        Ok(prior + misfit(bodies, &errors, settings)?)
-    })?;
-    Ok((factor(&scaled), relative * covariance * relative.transpose()))
+) -> Result<SensorErrors, IdentificationError> {
+    let mut by_axes = SMatrix::<f64, 9, AXES>::zeros();
+    by_axes.fixed_view_mut::<3, 2>(0, 0).copy_from(&SMatrix::<f64, 3, 2>::new(1.0, 0.0, 0.0, 1.0, -1.0, -1.0));
+    by_axes.fixed_view_mut::<5, 5>(3, 2).fill_with_identity();
+    by_axes *= AXIS_STEP;
+    let known = SensorErrors { wheel_delay_s, ..SensorErrors::default() };
+    let prior = by_axes.transpose() * by_axes / AXIS_SIGMA.powi(2);
+    let errors = |scaled: &SVector<f64, AXES>| known.shifted(&(by_axes * scaled).into());
+    let (scaled, covariance) = search(bodies, errors, &prior, settings)?;
+
+    let unsettled = IdentificationError::LikelihoodNotMaximal { iterations: SEARCH_STEPS, promise: 0.0 };
+    let shifts = by_axes * covariance.cholesky().ok_or(unsettled)?.l();
+    let sigma: [f64; 9] = core::array::from_fn(|i| shifts.row(i).norm());
+    let [f0, f1, f2, s0, s1, s2, t0, t1, _] = sigma;
+    let mut found = errors(&scaled);
+    found.gyro_factor_sigma = [f0, f1, f2];
+    found.gyro_shear_sigma = [s0, s1, s2];
+    found.wheel_tilt_sigma = [t0, t1];
+    for (shift, column) in found.shifts.iter_mut().zip(shifts.column_iter()) {
+        *shift = core::array::from_fn(|i| column[i]);
+    }
+    Ok(found)
 }
 
-/// Minus the logarithm of the likelihood, the level of the noise at its best; windows that overlap count once.
-fn misfit(
-    bodies: &[&[ThrowRecord]],
-    errors: &SensorErrors,
-    settings: &ThrowSettings,
-) -> Result<f64, IdentificationError> {
-    let (mut squares, mut count) = (0.0, 0.0);
-    for body in bodies {
-        let throws = body
-            .iter()
-            .map(|throw| {
-                let corrected = throw.corrected(errors);
-                Ok(windows(&corrected.free_fall(settings)?, settings))
-            })
-            .collect::<Result<Vec<_>, IdentificationError>>()?;
-        let rows = |inertia_ratio: &SVector<f64, 6>| -> Vec<_> {
-            throws.iter().flat_map(|windows| whitened_momentum(windows, inertia_ratio, settings)).collect()
-        };
+/// The rows of the momentum balance of one body's throws, were the sensors to err so.
+struct Body<'a> {
+    throws: &'a [ThrowRecord],
+    settings: &'a ThrowSettings,
+}
+
+impl Body<'_> {
+    fn rows(
+        &self,
+        errors: &SensorErrors,
+        inertia_ratio: &SVector<f64, 6>,
+    ) -> Result<Vec<SMatrix<f64, 3, 7>>, IdentificationError> {
+        let mut rows = Vec::new();
+        for throw in self.throws {
+            let corrected = throw.corrected(errors);
+            let windows = windows(&corrected.free_fall(self.settings)?, self.settings);
+            rows.extend(whitened_momentum(&windows, inertia_ratio, self.settings));
+        }
+        Ok(rows)
+    }
+
+    /// Adds the body's information about `P` numbers and the gradient of its misfit by them, the body's inertia
+    /// eliminated and the level of its residuals at its best; windows that overlap count once.
+    fn add_to<const P: usize>(
+        &self,
+        at: &SVector<f64, P>,
+        errors: &impl Fn(&SVector<f64, P>) -> SensorErrors,
+        information: &mut SMatrix<f64, P, P>,
+        gradient: &mut SVector<f64, P>,
+    ) -> Result<(), IdentificationError> {
         let mut inertia_ratio = SVector::zeros();
         for _ in 0..REWEIGHTINGS {
-            inertia_ratio = solve(&rows(&inertia_ratio))?;
+            inertia_ratio = solve(&self.rows(&errors(at), &inertia_ratio)?)?;
         }
-        for row in rows(&inertia_ratio) {
-            squares += (row.column(6) - row.fixed_columns::<6>(0) * inertia_ratio).norm_squared();
-            count += 3.0;
-        }
-    }
-    if count == 0.0 {
-        return Ok(0.0);
-    }
-    let overlap = (settings.window_s / settings.window_step_s).max(1.0);
-    Ok(0.5 * count / overlap * (squares / count).ln())
-}
-
-/// Newton's method on differences over one; the minimum and the inverse of the curvature there.
-fn newton<const P: usize>(
-    start: SVector<f64, P>,
-    cost: impl Fn(&SVector<f64, P>) -> Result<f64, IdentificationError>,
-) -> Result<(SVector<f64, P>, SMatrix<f64, P, P>), IdentificationError> {
-    let unit = |axis: usize| SVector::<f64, P>::from_fn(|i, _| if i == axis { 1.0 } else { 0.0 });
-    let mut at = start;
-    let mut promise = 0.0;
-    for _ in 0..NEWTON_STEPS {
-        let here = cost(&at)?;
-        let mut ahead = [[0.0; 2]; P];
-        for (axis, costs) in ahead.iter_mut().enumerate() {
-            *costs = [cost(&(at + unit(axis)))?, cost(&(at - unit(axis)))?];
-        }
-        let gradient = SVector::<f64, P>::from_fn(|i, _| 0.5 * (ahead[i][0] - ahead[i][1]));
-        let mut curvature = SMatrix::<f64, P, P>::zeros();
-        for i in 0..P {
-            curvature[(i, i)] = ahead[i][0] + ahead[i][1] - 2.0 * here;
-            for j in 0..i {
-                let both = unit(i) + unit(j);
-                let corners = cost(&(at + both))? + cost(&(at - both))? + 2.0 * here;
-                let mixed = 0.5 * (corners - ahead[i][0] - ahead[i][1] - ahead[j][0] - ahead[j][1]);
-                curvature[(i, j)] = mixed;
-                curvature[(j, i)] = mixed;
+        let here = self.rows(&errors(at), &inertia_ratio)?;
+        let residual = |row: &SMatrix<f64, 3, 7>| row.fixed_columns::<6>(0) * inertia_ratio - row.column(6);
+        let residuals: Vec<Vector3<f64>> = here.iter().map(residual).collect();
+        let mut slopes = vec![SMatrix::<f64, 3, P>::zeros(); here.len()];
+        for axis in 0..P {
+            let ahead = at + SVector::<f64, P>::from_fn(|i, _| if i == axis { 1.0 } else { 0.0 });
+            for ((slope, row), residual_here) in
+                slopes.iter_mut().zip(&self.rows(&errors(&ahead), &inertia_ratio)?).zip(&residuals)
+            {
+                slope.set_column(axis, &(residual(row) - residual_here));
             }
         }
-        // Far from the minimum a logarithm curves down: uphill and downhill are then told by the size of the curvature.
-        let eigen = DMatrix::from_column_slice(P, P, curvature.as_slice()).symmetric_eigen();
-        let axes = SMatrix::<f64, P, P>::from_column_slice(eigen.eigenvectors.as_slice());
-        let sizes = SVector::<f64, P>::from_iterator(eigen.eigenvalues.iter().map(|value| value.abs().max(FLAT)));
-        let step = axes * (axes.transpose() * gradient).component_div(&sizes);
+
+        let (mut of_inertia, mut crossed) = (SMatrix::<f64, 6, 6>::zeros(), SMatrix::<f64, 6, P>::zeros());
+        let (mut own, mut by_inertia) = (SMatrix::<f64, P, P>::zeros(), SVector::<f64, 6>::zeros());
+        let (mut by_own, mut squares) = (SVector::<f64, P>::zeros(), 0.0);
+        for ((row, slope), residual) in here.iter().zip(&slopes).zip(&residuals) {
+            let regressor = row.fixed_columns::<6>(0);
+            of_inertia += regressor.transpose() * regressor;
+            crossed += regressor.transpose() * slope;
+            own += slope.transpose() * slope;
+            by_inertia += regressor.transpose() * residual;
+            by_own += slope.transpose() * residual;
+            squares += residual.norm_squared();
+        }
+        let Some(eliminated) = of_inertia.cholesky().filter(|_| squares > 0.0) else {
+            return Ok(());
+        };
+        let overlap = (self.settings.window_s / self.settings.window_step_s).max(1.0);
+        let weight = 3.0 * here.len() as f64 / (squares * overlap);
+        *information += (own - crossed.transpose() * eliminated.solve(&crossed)) * weight;
+        *gradient += (by_own - crossed.transpose() * eliminated.solve(&by_inertia)) * weight;
+        Ok(())
+    }
+}
+
+/// Gauss-Newton from zero on differences over one; the maximum and the inverse of the information there.
+fn search<const P: usize>(
+    bodies: &[&[ThrowRecord]],
+    errors: impl Fn(&SVector<f64, P>) -> SensorErrors,
+    prior: &SMatrix<f64, P, P>,
+    settings: &ThrowSettings,
+) -> Result<(SVector<f64, P>, SMatrix<f64, P, P>), IdentificationError> {
+    let mut at = SVector::<f64, P>::zeros();
+    let mut promise = 0.0;
+    for _ in 0..SEARCH_STEPS {
+        let (mut information, mut gradient) = (*prior, prior * at);
+        for &throws in bodies {
+            Body { throws, settings }.add_to(&at, &errors, &mut information, &mut gradient)?;
+        }
+        let Some(covariance) = information.cholesky().map(|factor| factor.inverse()) else {
+            break;
+        };
+        let step = covariance * gradient;
         at -= step * (LONGEST_STEP / step.amax().max(LONGEST_STEP));
-        if step.amax() < CLOSE && eigen.eigenvalues.iter().all(|value| *value > FLAT) {
-            let inverse = SMatrix::<f64, P, P>::from_diagonal(&sizes.map(|size| 1.0 / size));
-            return Ok((at, axes * inverse * axes.transpose()));
+        if step.amax() < CLOSE {
+            return Ok((at, covariance));
         }
         promise = gradient.dot(&step);
     }
-    Err(IdentificationError::LikelihoodNotMaximal { iterations: NEWTON_STEPS, promise })
+    Err(IdentificationError::LikelihoodNotMaximal { iterations: SEARCH_STEPS, promise })
 }

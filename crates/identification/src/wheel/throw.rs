@@ -48,8 +48,23 @@ pub struct ObjectEstimate {
     pub principal_inertia: Vector3<f64>,
     /// One sigma of each, kg m^2.
     pub principal_inertia_sigma: Vector3<f64>,
+    /// Where those sigmas come from.
+    pub budget: ErrorBudget,
     /// Principal axes in the columns, right-handed.
     pub body_from_principal: Matrix3<f64>,
+}
+
+/// One sigma of each principal inertia by what it comes from, kg m^2; their squares sum to the whole.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ErrorBudget {
+    /// Noise and residual torque of this throw.
+    pub throw: Vector3<f64>,
+    /// Device and wheel, by the throws of the calibration.
+    pub calibration: Vector3<f64>,
+    /// Scale and directions of the gyro's axes, direction of the wheel's; in this throw and in the calibration.
+    pub sensor_axes: Vector3<f64>,
+    /// Delay of the wheel's telemetry; in this throw and in the calibration.
+    pub wheel_delay: Vector3<f64>,
 }
 
 /// Identifies what was thrown, the record as it was measured; with its mass also the object without the device.
@@ -61,21 +76,72 @@ pub fn identify_throw(
     calibration: &WheelCalibration,
     object_mass_kg: Option<f64>,
 ) -> Result<ThrowEstimate, IdentificationError> {
-    let fall = FreeFallEstimate::from_reading(record, &calibration.sensor_errors, &calibration.settings)?;
+    let errors = &calibration.sensor_errors;
+    let fall = FreeFallEstimate::from_reading(record, errors, &calibration.settings)?;
+    let nominal = Reading { fall: fall.stacked().0, device: calibration.stacked() };
+    let mut shifted = [nominal; 8];
+    for ((reading, shift), changes) in shifted.iter_mut().zip(&errors.shifts).zip(&calibration.by_sensors) {
+        if shift.iter().any(|change| *change != 0.0) {
+            reading.fall =
+                FreeFallEstimate::from_reading(record, &errors.shifted(shift), &calibration.settings)?.stacked().0;
+            reading.device += SVector::from(*changes);
+        }
+    }
     let wheel = calibration.wheel_inertia_kg_m2;
     let wheel_variance = calibration.covariance[9][9];
-    let total = fall.inertia_ratio * wheel;
+    let total = nominal.total();
     Ok(ThrowEstimate {
         total_inertia_about_com: symmetric_matrix(&total),
         total_inertia_covariance: fall.inertia_ratio_covariance * (wheel * wheel)
-            + fall.inertia_ratio * fall.inertia_ratio.transpose() * wheel_variance,
+            + fall.inertia_ratio * fall.inertia_ratio.transpose() * wheel_variance
+            + spread(&nominal, &shifted, Reading::total),
         total_com_m: fall.lever_arm_m,
-        total_com_covariance: fall.lever_arm_covariance,
-        object: object_mass_kg.map(|mass_kg| without_device(&fall, calibration, mass_kg)).transpose()?,
+        total_com_covariance: fall.lever_arm_covariance
+            + spread(&nominal, &shifted, |reading| reading.fall.fixed_rows::<3>(6).into()),
+        object: object_mass_kg
+            .map(|mass_kg| without_device(&fall, calibration, mass_kg, &nominal, &shifted))
+            .transpose()?,
         end_s: fall.end_s,
         end: fall.end,
         windows: fall.windows,
     })
+}
+
+/// What a throw and the calibration say, were the sensors to err in some way.
+#[derive(Clone, Copy)]
+struct Reading {
+    /// `[inertia_ratio; lever_arm]`.
+    fall: SVector<f64, 9>,
+    /// `[device_inertia_ratio; device_com_m; wheel_inertia_kg_m2]`.
+    device: SVector<f64, 10>,
+}
+
+impl Reading {
+    /// Entries of the inertia of device and object, kg m^2.
+    fn total(&self) -> SVector<f64, 6> {
+        self.fall.fixed_rows::<6>(0) * self.device[9]
+    }
+
+    /// From the device's centre of mass to the object's, m.
+    fn offset(&self, offset_by_com: f64) -> Vector3<f64> {
+        (self.fall.fixed_rows::<3>(6) - self.device.fixed_rows::<3>(6)) * offset_by_com
+    }
+
+    /// Entries of the inertia of the object, kg m^2.
+    fn object(&self, reduced_mass_kg: f64, offset_by_com: f64) -> SVector<f64, 6> {
+        let ratio = self.fall.fixed_rows::<6>(0) - self.device.fixed_rows::<6>(0);
+        ratio * self.device[9] - parallel_axis(&self.offset(offset_by_com)) * reduced_mass_kg
+    }
+}
+
+/// Covariance of a quantity by independent changes of one sigma each.
+fn spread<const N: usize>(
+    nominal: &Reading,
+    shifted: &[Reading],
+    quantity: impl Fn(&Reading) -> SVector<f64, N>,
+) -> SMatrix<f64, N, N> {
+    let changes = shifted.iter().map(|reading| quantity(reading) - quantity(nominal));
+    changes.map(|change| change * change.transpose()).sum()
 }
 
 /// Device and object of a throw by [`identify_throw`], as an estimator of nine parameters: the `[11, 12, 13, 22, 23, 33]` entries of the
@@ -116,6 +182,8 @@ fn without_device(
     fall: &FreeFallEstimate,
     calibration: &WheelCalibration,
     mass_kg: f64,
+    nominal: &Reading,
+    shifted: &[Reading; 8],
 ) -> Result<ObjectEstimate, IdentificationError> {
     if !(mass_kg.is_finite() && mass_kg > 0.0) {
         return Err(IdentificationError::NotPositive { index: 0, value: mass_kg });
@@ -123,9 +191,10 @@ fn without_device(
     let device_com = Vector3::from(calibration.device_com_m);
     let wheel = calibration.wheel_inertia_kg_m2;
     let (reduced_mass_kg, offset_by_com) = two_bodies(calibration.device_mass_kg, mass_kg);
-    let offset = (fall.lever_arm_m - device_com) * offset_by_com;
+    let offset = nominal.offset(offset_by_com);
     let ratio = fall.inertia_ratio - SVector::from(calibration.device_inertia_ratio);
-    let measured = symmetric_matrix(&(ratio * wheel - parallel_axis(&offset) * reduced_mass_kg));
+    let entries = |reading: &Reading| reading.object(reduced_mass_kg, offset_by_com);
+    let measured = symmetric_matrix(&entries(nominal));
 
     // By [X; r] of the throw; by the device's with the opposite sign; by the wheel.
     let (fall_value_covariance, calibration_covariance) =
@@ -137,8 +206,14 @@ fn without_device(
     let mut by_calibration = SMatrix::<f64, 6, 10>::zeros();
     by_calibration.fixed_columns_mut::<9>(0).copy_from(&-by_fall);
     by_calibration.column_mut(9).copy_from(&ratio);
-    let inertia_covariance = by_fall * fall_value_covariance * by_fall.transpose()
-        + by_calibration * calibration_covariance * by_calibration.transpose();
+    let (axes, delay) = shifted.split_at(7);
+    let parts = [
+        by_fall * fall_value_covariance * by_fall.transpose(),
+        by_calibration * calibration_covariance * by_calibration.transpose(),
+        spread(nominal, axes, entries),
+        spread(nominal, delay, entries),
+    ];
+    let inertia_covariance = parts.iter().sum();
 
     let about_com = InertialParameters::about_com(mass_kg, Vector3::zeros(), measured);
     let consistent = about_com.nearest_consistent()?;
@@ -147,22 +222,29 @@ fn without_device(
     let device_com_covariance = calibration_covariance.fixed_view::<3, 3>(6, 6).into_owned();
     // r_object = r + (m_device / m) (r - r_device)
     let share = calibration.device_mass_kg / mass_kg;
-    let com_covariance = fall.lever_arm_covariance * (1.0 + share).powi(2) + device_com_covariance * (share * share);
+    let of_object = |reading: &Reading| reading.device.fixed_rows::<3>(6) + reading.offset(offset_by_com);
+    let com_covariance = fall.lever_arm_covariance * (1.0 + share).powi(2)
+        + device_com_covariance * (share * share)
+        + spread(nominal, shifted, of_object);
 
     let (principal_inertia, body_from_principal) = principal(&inertia);
-    let principal_inertia_sigma = Vector3::from_fn(|i, _| {
-        let axis = body_from_principal.column(i).into_owned();
-        let gradient =
-            symmetric_entries(&(axis * axis.transpose())).component_mul(&SVector::from([1.0, 2.0, 2.0, 1.0, 2.0, 1.0]));
-        (inertia_covariance * gradient).dot(&gradient).max(0.0).sqrt()
-    });
+    let sigma = |covariance: &SMatrix<f64, 6, 6>| {
+        Vector3::from_fn(|i, _| {
+            let axis = body_from_principal.column(i).into_owned();
+            let gradient = symmetric_entries(&(axis * axis.transpose()))
+                .component_mul(&SVector::from([1.0, 2.0, 2.0, 1.0, 2.0, 1.0]));
+            (covariance * gradient).dot(&gradient).max(0.0).sqrt()
+        })
+    };
+    let [throw, calibration, sensor_axes, wheel_delay] = parts.each_ref().map(sigma);
     Ok(ObjectEstimate {
         body: InertialParameters::about_com(mass_kg, com, inertia),
         projected: !about_com.is_consistent(),
         inertia_covariance,
         com_covariance,
         principal_inertia,
-        principal_inertia_sigma,
+        principal_inertia_sigma: sigma(&inertia_covariance),
+        budget: ErrorBudget { throw, calibration, sensor_axes, wheel_delay },
         body_from_principal,
     })
 }

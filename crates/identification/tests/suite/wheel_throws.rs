@@ -13,7 +13,7 @@ use tumble_identification::laws::{Case, Retold, check_estimator};
 use tumble_identification::nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
 use tumble_identification::wheel::{
     self, EndOfFall, FreeFallEstimate, SensorErrors, ThrowRecord, ThrowSample, ThrowSettings, WheelCalibration,
-    calibrate, gyro_factor, identify_throw, lever_arm_regressor, momentum_regressor, torque_regressor, wheel_delay,
+    calibrate, identify_throw, lever_arm_regressor, momentum_regressor, sensor_axes, torque_regressor, wheel_delay,
     wheel_torque,
 };
 
@@ -407,59 +407,143 @@ fn every_object_reported_exists() {
     assert!((3..=17).contains(&projected), "{projected} of 20 projected");
 }
 
-/// Sensors that err as the throws' own balance then says, no inertia known.
-#[test]
-fn throws_tell_the_scale_of_the_gyro_and_the_delay_of_the_wheel() {
-    let errors = SensorErrors { gyro_factor: [1.006, 0.995, 0.999], wheel_delay_s: 6e-4, ..SensorErrors::default() };
-    let noise = Noise { walk: 20.0, ..NOISY };
-    let spoil = |record: ThrowRecord| {
-        let late = |sample: &ThrowSample| {
-            let now_and_then = [sample.time_s, sample.time_s - errors.wheel_delay_s].map(|time_s| wheel(time_s).0);
-            ThrowSample {
-                rate_body: sample.rate_body.component_div(&Vector3::from(errors.gyro_factor)),
-                wheel_speed_rad_s: sample.wheel_speed_rad_s + now_and_then[1] - now_and_then[0],
-                ..*sample
-            }
-        };
-        ThrowRecord::try_new(record.samples().iter().map(late).collect()).unwrap()
+/// Sensors that err in every modelled way.
+const ERRING: SensorErrors = SensorErrors {
+    gyro_factor: [1.006, 0.995, 0.999],
+    gyro_factor_sigma: [0.0; 3],
+    gyro_shear: [-5e-3, 4e-3, -1.3e-2],
+    gyro_shear_sigma: [0.0; 3],
+    wheel_tilt: [-6e-3, 5e-3],
+    wheel_tilt_sigma: [0.0; 2],
+    wheel_delay_s: 6e-4,
+    wheel_delay_sigma_s: 0.0,
+    shifts: [[0.0; 9]; 8],
+};
+
+/// What such sensors read of a throw in axes whose z is the wheel's.
+fn read_by(errors: &SensorErrors, record: &ThrowRecord) -> ThrowRecord {
+    let ([x, y, z], [xy, xz, yz], [tilt_x, tilt_y]) = (errors.gyro_factor, errors.gyro_shear, errors.wheel_tilt);
+    let wheel_axis = Vector3::new(tilt_x, tilt_y, 1.0);
+    let sensor_from_wheel = Rotation3::rotation_between(&Vector3::z(), &wheel_axis).unwrap();
+    let reading_from_rate = Matrix3::new(x, xy, xz, 0.0, y, yz, 0.0, 0.0, z).try_inverse().unwrap();
+    let read = |sample: &ThrowSample| {
+        let now_and_then = [sample.time_s, sample.time_s - errors.wheel_delay_s].map(|time_s| wheel(time_s).0);
+        ThrowSample {
+            rate_body: reading_from_rate * (sensor_from_wheel * sample.rate_body),
+            specific_force_body: sensor_from_wheel * sample.specific_force_body,
+            wheel_speed_rad_s: sample.wheel_speed_rad_s + now_and_then[1] - now_and_then[0],
+            ..*sample
+        }
     };
-    let bodies: Vec<Vec<ThrowRecord>> = (0u64..)
-        .zip([device(), with_device(&proof_block()), with_device(&objects()[0])])
+    ThrowRecord::try_new(record.samples().iter().map(read).collect()).unwrap()
+}
+
+/// A term of the sensors' errors: name, and the errors without it.
+type Term = (&'static str, fn(SensorErrors) -> SensorErrors);
+
+/// What is modelled of the sensors.
+const TERMS: [Term; 4] = [
+    ("scale of the gyro's axes", |errors| SensorErrors { gyro_factor: [1.0; 3], ..errors }),
+    ("angles between the gyro's axes", |errors| SensorErrors { gyro_shear: [0.0; 3], ..errors }),
+    ("tilt of the wheel", |errors| SensorErrors { wheel_tilt: [0.0; 2], ..errors }),
+    ("delay of the wheel", |errors| SensorErrors { wheel_delay_s: 0.0, ..errors }),
+];
+
+/// Throws of four bodies as `errors` read them, the first two the device's and the proof block's.
+fn misread(errors: &SensorErrors, noise: &Noise, seed: u64) -> Vec<Vec<ThrowRecord>> {
+    let bodies = [device(), with_device(&proof_block()), with_device(&objects()[0]), with_device(&objects()[1])];
+    (0u64..)
+        .zip(bodies)
         .map(|(i, body)| {
-            (0u64..).zip(RATES).map(|(k, rate)| spoil(record(&body, rate, &noise, 50 + 10 * i + k))).collect()
+            let throws = (0u64..).zip(RATES);
+            throws.map(|(k, rate)| read_by(errors, &record(&body, rate, noise, seed + 10 * i + k))).collect()
         })
-        .collect();
-    let bodies: Vec<&[ThrowRecord]> = bodies.iter().map(Vec::as_slice).collect();
-    let settings = ThrowSettings::default();
-    let (delay_s, sigma_s) = wheel_delay(&bodies, &settings).unwrap();
-    println!("delay {:.3} +- {:.3} ms", 1e3 * delay_s, 1e3 * sigma_s);
-    assert!(sigma_s < 2e-4 && (delay_s - errors.wheel_delay_s).abs() < 4.0 * sigma_s);
-    let (factor, covariance) = gyro_factor(&bodies, delay_s, &settings).unwrap();
-    for axis in 0..3 {
-        let sigma = covariance[(axis, axis)].sqrt();
-        println!("axis {axis}: {:.4} +- {sigma:.4}", factor[axis]);
-        assert!(sigma < 5e-3 && (factor[axis] - errors.gyro_factor[axis]).abs() < 4.0 * sigma);
+        .collect()
+}
+
+/// Sensors that err as the throws' own balance then says, no inertia known: every number within its sigmas.
+#[test]
+fn throws_tell_how_their_sensors_err() {
+    let noise = Noise { walk: 20.0, ..NOISY };
+    let (settings, mut squares, mut count) = (ThrowSettings::default(), 0.0, 0.0);
+    for seed in [50, 150, 250, 350] {
+        let bodies = misread(&ERRING, &noise, seed);
+        let bodies: Vec<&[ThrowRecord]> = bodies.iter().map(Vec::as_slice).collect();
+        let (delay_s, sigma_s) = wheel_delay(&bodies, &settings).unwrap();
+        println!("delay {:.3} +- {:.3} ms", 1e3 * delay_s, 1e3 * sigma_s);
+        assert!(sigma_s < 2e-4 && (delay_s - ERRING.wheel_delay_s).abs() < 4.0 * sigma_s);
+        let found = sensor_axes(&bodies, delay_s, &settings).unwrap();
+        let numbers = |of: &SensorErrors| [&of.gyro_factor[..], &of.gyro_shear, &of.wheel_tilt].concat();
+        let sigmas = [&found.gyro_factor_sigma[..], &found.gyro_shear_sigma, &found.wheel_tilt_sigma].concat();
+        for ((value, truth), sigma) in numbers(&found).into_iter().zip(numbers(&ERRING)).zip(sigmas) {
+            println!("{value:.4} +- {sigma:.4}, is {truth:.4}");
+            assert!(sigma < 5e-3 && (value - truth).abs() < 4.0 * sigma);
+            squares += ((value - truth) / sigma).powi(2);
+            count += 1.0;
+        }
+        assert!((found.gyro_factor.iter().sum::<f64>() - 3.0).abs() < 1e-12);
+        let found = SensorErrors::from_throws(&bodies[..2], &bodies[2..], &settings).unwrap();
+        assert!((found.wheel_delay_s - ERRING.wheel_delay_s).abs() < 4.0 * found.wheel_delay_sigma_s);
+        assert_eq!(found.shifts[7][8].to_bits(), found.wheel_delay_sigma_s.to_bits());
     }
-    assert!((factor.iter().sum::<f64>() - 3.0).abs() < 1e-12);
+    println!("mean squared score {:.2}", squares / count);
+    assert!(squares / count < 2.5);
+}
 
-    let found = SensorErrors::from_throws(&bodies[..2], &bodies[2..], &settings).unwrap();
-    assert!((found.wheel_delay_s - errors.wheel_delay_s).abs() < 4.0 * found.wheel_delay_sigma_s);
-
-    // Taken out wherever a throw is read: noise-free throws of such sensors, calibrated with and without knowing it.
-    let object = &objects()[0];
-    let many = |body: &Thrown| -> Vec<ThrowRecord> {
-        RATES.iter().map(|rate| spoil(record(body, *rate, &NOISELESS, 0))).collect()
-    };
-    let [device, proof, thrown] = [device(), with_device(&proof_block()), with_device(object)].map(|body| many(&body));
+/// Taken out wherever a throw is read: noise-free throws of such sensors, calibrated knowing how they err and with one
+/// term of it left out.
+#[test]
+fn every_term_of_the_sensors_is_needed() {
+    let bodies = misread(&ERRING, &NOISELESS, 0);
+    let (object, settings) = (&objects()[0], ThrowSettings::default());
     let error_with = |errors: &SensorErrors| {
-        let calibration = calibrate(&device, &proof, DEVICE_MASS, &proof_block(), errors, &settings).unwrap();
+        let calibration = calibrate(&bodies[0], &bodies[1], DEVICE_MASS, &proof_block(), errors, &settings).unwrap();
         assert_eq!(calibration.sensor_errors, *errors);
-        let found = identify_throw(&thrown[0], &calibration, Some(object.mass)).unwrap().object.unwrap();
+        let found = identify_throw(&bodies[2][0], &calibration, Some(object.mass)).unwrap().object.unwrap();
         relative(&found.body.inertia_about_com(), &object.inertia_about_com())
     };
-    let [as_read, corrected] = [SensorErrors::default(), errors].map(|errors| error_with(&errors));
-    println!("noise-free: {as_read:.2e} as read, {corrected:.2e} corrected");
-    assert!(as_read > 3e-3 && corrected < 1e-3);
+    let corrected = error_with(&ERRING);
+    println!("noise-free: {corrected:.2e} corrected");
+    assert!(corrected < 1e-3, "corrected: {corrected:.2e}");
+    for (term, without) in TERMS {
+        let error = error_with(&without(ERRING));
+        println!("without {term}: {error:.2e}");
+        assert!(error > 3.0 * corrected && error > 2e-3, "without {term}: {error:.2e}");
+    }
+}
+
+/// Noise as in [`two_sigma_cover_what_they_say`], sensors that err, learned from throws of other bodies than the object:
+/// the budget sums to the whole, each part of it is there, and two sigma cover.
+#[test]
+fn a_body_left_out_of_the_calibration_is_covered() {
+    let settings = ThrowSettings::default();
+    let (mut covered, mut trials) = (0, 0);
+    for seed in (0..12).map(|k| 5000 + 100 * k) {
+        let bodies = misread(&ERRING, &NOISY, seed);
+        let bodies: Vec<&[ThrowRecord]> = bodies.iter().map(Vec::as_slice).collect();
+        let errors = SensorErrors::from_throws(&bodies[..2], &bodies[2..], &settings).unwrap();
+        let calibration = calibrate(bodies[0], bodies[1], DEVICE_MASS, &proof_block(), &errors, &settings).unwrap();
+        let object = &objects()[2];
+        let mut truth = object.inertia_about_com().symmetric_eigenvalues();
+        truth.as_mut_slice().sort_by(f64::total_cmp);
+        for (k, rate) in (0u64..).zip(RATES) {
+            let thrown = read_by(&ERRING, &record(&with_device(object), rate, &NOISY, seed + 60 + k));
+            let found = identify_throw(&thrown, &calibration, Some(object.mass)).unwrap().object.unwrap();
+            let budget = found.budget;
+            for i in 0..3 {
+                let parts =
+                    [budget.throw, budget.calibration, budget.sensor_axes, budget.wheel_delay].map(|part| part[i]);
+                let whole = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
+                assert!((whole / found.principal_inertia_sigma[i] - 1.0).abs() < 1e-9);
+                assert!(parts.iter().all(|part| *part > 0.0), "{parts:?}");
+                covered += usize::from((found.principal_inertia[i] - truth[i]).abs() <= 2.0 * whole);
+                trials += 1;
+            }
+        }
+    }
+    let share = 100.0 * f64::from(u32::try_from(covered).unwrap()) / f64::from(trials);
+    println!("covered {share:.1} %");
+    assert!((88.0..=100.0).contains(&share), "covered {share:.1} %");
 }
 
 /// A throw and the device that measured it: what units it is told in is said by both.

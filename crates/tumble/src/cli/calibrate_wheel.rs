@@ -13,7 +13,9 @@ use tumble_formats::wheel_throw::{
     CalibrationBodies, CalibrationKind, calibrate_files, calibration_to_toml, read_calibration, read_throw,
 };
 use tumble_identification::IdentificationError;
-use tumble_identification::wheel::{SensorErrors, ThrowEstimate, ThrowSettings, identify_throw as identify};
+use tumble_identification::wheel::{
+    ErrorBudget, ObjectEstimate, SensorErrors, ThrowEstimate, ThrowSettings, identify_throw as identify,
+};
 
 /// Options of `tumble calibrate-wheel`.
 #[derive(Args)]
@@ -103,6 +105,12 @@ fn sensors(errors: &SensorErrors) -> String {
     );
     for (axis, (factor, sigma)) in ["x", "y", "z"].iter().zip(errors.gyro_factor.iter().zip(errors.gyro_factor_sigma)) {
         let _ = writeln!(text, "  gyro {axis} times {factor:.5}, 1 sigma {sigma:.5}");
+    }
+    for (pair, (shear, sigma)) in ["xy", "xz", "yz"].iter().zip(errors.gyro_shear.iter().zip(errors.gyro_shear_sigma)) {
+        let _ = writeln!(text, "  gyro axes {pair} off the right angle by {shear:.5} rad, 1 sigma {sigma:.5}");
+    }
+    for (axis, (tilt, sigma)) in ["x", "y"].iter().zip(errors.wheel_tilt.iter().zip(errors.wheel_tilt_sigma)) {
+        let _ = writeln!(text, "  wheel tilted towards {axis} by {tilt:.5} rad, 1 sigma {sigma:.5}");
     }
     text
 }
@@ -204,6 +212,7 @@ fn table(throw: &Path, found: &ThrowEstimate) -> String {
                     object.principal_inertia_sigma[i]
                 );
             }
+            text.push_str(&budget(object));
             if object.projected {
                 let _ = writeln!(
                     text,
@@ -225,6 +234,32 @@ fn table(throw: &Path, found: &ThrowEstimate) -> String {
     text
 }
 
+/// The parts of an object's sigmas.
+fn parts(object: &ObjectEstimate) -> [(&'static str, &'static str, Vector3<f64>); 4] {
+    let ErrorBudget { throw, calibration, sensor_axes, wheel_delay } = object.budget;
+    [
+        ("throw", "this throw: noise and residual torque", throw),
+        ("calibration", "device and wheel, by the calibration", calibration),
+        ("sensor_axes", "axes of the gyro and of the wheel", sensor_axes),
+        ("wheel_delay", "delay of the wheel's telemetry", wheel_delay),
+    ]
+}
+
+/// Where the sigmas of the principal inertias come from, in shares of their variance.
+fn budget(object: &ObjectEstimate) -> String {
+    let mut text = format!("\n  {:<40}{:>8}{:>8}{:>8}\n", "share of the variance of principal", 1, 2, 3);
+    for (_, name, sigma) in parts(object) {
+        let share = shares(&sigma, &object.principal_inertia_sigma);
+        let _ = writeln!(text, "  {name:<40}{:>6.0} %{:>6.0} %{:>6.0} %", share.x, share.y, share.z);
+    }
+    text
+}
+
+/// Shares of the variance, percent.
+fn shares(part: &Vector3<f64>, whole: &Vector3<f64>) -> Vector3<f64> {
+    part.zip_map(whole, |part, whole| if whole > 0.0 { 100.0 * (part / whole).powi(2) } else { 0.0 })
+}
+
 fn json(found: &ThrowEstimate, samples: usize, mass_kg: Option<f64>) -> String {
     let (name, inertia, covariance, com, com_covariance) = subject(found);
     serde_json::json!({
@@ -242,6 +277,10 @@ fn json(found: &ThrowEstimate, samples: usize, mass_kg: Option<f64>) -> String {
             "inertia_about_com_kg_m2": rows(&entry_std(&covariance)),
             "principal_inertia_kg_m2": found.object.as_ref().map(|o| <[f64; 3]>::from(o.principal_inertia_sigma)),
         },
+        "variance_share_percent": found.object.as_ref().map(|object| {
+            let share = |sigma: &Vector3<f64>| <[f64; 3]>::from(shares(sigma, &object.principal_inertia_sigma));
+            parts(object).iter().map(|(key, _, sigma)| ((*key).to_owned(), share(sigma).into())).collect::<serde_json::Map<_, _>>()
+        }),
         "total": {
             "com_m": <[f64; 3]>::from(found.total_com_m),
             "inertia_about_com_kg_m2": rows(&found.total_inertia_about_com),

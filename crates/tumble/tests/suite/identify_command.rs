@@ -438,6 +438,17 @@ fn columns_of(log: &Path, names: &[&str]) -> Vec<Vec<String>> {
 }
 
 #[test]
+fn station_keeping_is_doubted_for_its_feedback() {
+    let flown = scratch("feedback").join("flight");
+    let simulated = tumble(&["simulate", "iss-cargo", "--seed", "31", "--out", flown.to_str().unwrap()]);
+    assert_eq!(simulated.status.code(), Some(0), "{}", stderr(&simulated));
+    let output = tumble(&["identify", flown.join("log.csv").to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(3), "{}", stdout(&output));
+    assert!(stderr(&output).contains("the controller's answer to the noise"), "{}", stderr(&output));
+    assert!(stdout(&output).contains("of the wrench answers to the noise of the measurements"), "{}", stdout(&output));
+}
+
+#[test]
 fn a_log_of_the_table_answers_what_a_table_shows() {
     let folder = scratch("granite");
     let flown = folder.join("flight");

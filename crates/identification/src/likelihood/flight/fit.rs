@@ -30,7 +30,7 @@ const FORCED: usize = 6;
 /// Within so many squared standard deviations levels may be judged.
 const NEAR: f64 = 1e4;
 /// Rounds of levels: at least, and at most while they still change by more than a factor.
-const ROUNDS: (usize, usize) = (3, 10);
+const ROUNDS: (usize, usize) = (3, 16);
 const SETTLED: f64 = 1.1;
 /// Bounds of the change of the wrench's level in a round.
 const WRENCH_CHANGE: (f64, f64) = (0.1, 10.0);
@@ -48,7 +48,7 @@ const LARGEST_DELAY_STEP_S: f64 = 0.2;
 const COLOURS: usize = 8;
 const LARGEST_COLOUR: f64 = 16.0;
 /// Errors of the wrench are looked at for their colour where the record shows this share of them, over this time, s, and believed up to so much.
-const SEEN: f64 = 0.2;
+const SEEN: f64 = 0.05;
 const ALIKE_S: f64 = 4.0;
 const LARGEST_WRENCH_COLOUR: f64 = 100.0;
 /// Gates in standard deviations: of inertial rows, of drives of the wander.

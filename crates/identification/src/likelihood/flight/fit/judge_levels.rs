@@ -104,10 +104,16 @@ impl Fit<'_> {
                 let redundant =
                     (3 * self.segments) as f64 - variances.iter().flat_map(|v| &v[range.clone()]).sum::<f64>();
                 let squares: f64 = self.errors.iter().flat_map(|e| &e[range.clone()]).map(|e| e * e).sum();
-                // Errors that follow the wrench, as those of thrusts do, are alike for longer than a segment.
+                // Errors that follow the wrench, as those of thrusts do, are alike for longer than a segment. Where the record shows little of
+                // them, what it shows of white ones is alike too, but its density at low frequency is then that of the level.
+                let colour = self.colour_of_errors(&range);
                 let is_seen = redundant > SEEN * (3 * self.segments) as f64;
-                let colour = if is_seen { self.colour_of_errors(&range) } else { 1.0 };
-                let factor = (colour * squares / redundant.max(1e-9)).clamp(WRENCH_CHANGE.0, WRENCH_CHANGE.1);
+                let factor = if is_seen {
+                    colour * squares / redundant
+                } else {
+                    (squares / redundant.max(1e-9)).max(colour * squares / (3 * self.segments) as f64)
+                };
+                let factor = factor.clamp(WRENCH_CHANGE.0, WRENCH_CHANGE.1);
                 let level = (self.levels.wrench[part] * factor.sqrt()).max(self.floors[part]);
                 let by = level / self.levels.wrench[part];
                 if factor > 1.0 {
