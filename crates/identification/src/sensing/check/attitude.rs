@@ -12,6 +12,8 @@ const STEP_S: f64 = 0.02;
 /// Parameters: age, bias, scale, alignment.
 const PARAMETERS: usize = 10;
 const PRIORS: [f64; PARAMETERS] = [1.0, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.5, 0.5, 0.5];
+/// Standard deviation of a parameter that is not free.
+const FIXED: f64 = 1e-9;
 /// Error of scale of a usual gyroscope, one standard deviation.
 const USUAL_SCALE: f64 = 1e-3;
 /// Standard deviations by which a scale must be off to be no usual one.
@@ -134,6 +136,16 @@ impl Poses<'_> {
         let mut priors = PRIORS;
         priors[4..7].fill(scale);
         let mut at = *start;
+        let seen = self.measured(&pairs);
+        let flat = seen.sum() < 2.5;
+        if flat {
+            // Turning in a plane does not tell the axes apart: they are taken to be the same, and nothing is known of those that do not turn.
+            at.alignment = UnitQuaternion::identity();
+            priors[7..].fill(FIXED);
+            for axis in (0..3).filter(|axis| seen[*axis] < 0.5) {
+                (priors[1 + axis], priors[4 + axis]) = (FIXED, FIXED);
+            }
+        }
         let mut solution = None;
         for _ in 0..ROUNDS {
             let found = self.rows(turned, &pairs, &at).solve(&priors, block_s)?;
@@ -156,14 +168,16 @@ impl Poses<'_> {
         let value = |i: usize, value: f64| {
             (stands_out && found.sigma[i] < KNOWN * PRIORS[i]).then_some(Found { value, sigma: found.sigma[i] })
         };
-        let bias =
-            |i: usize| (found.sigma[1 + i] < KNOWN).then_some(Found { value: at.bias[i], sigma: found.sigma[1 + i] });
+        let bias = |i: usize| {
+            let told = seen[i] > 0.5 && found.sigma[1 + i] < KNOWN;
+            told.then_some(Found { value: at.bias[i], sigma: found.sigma[1 + i] })
+        };
         Some(Attitude {
             age: value(0, at.age),
             bias: core::array::from_fn(bias),
-            scale: core::array::from_fn(|i| value(4 + i, at.scale[i])),
+            scale: core::array::from_fn(|i| value(4 + i, at.scale[i]).filter(|_| seen[i] > 0.5)),
             pose_from_rate: at.alignment,
-            misalignment: core::array::from_fn(|i| value(7 + i, 0.0)),
+            misalignment: core::array::from_fn(|i| value(7 + i, 0.0).filter(|_| !flat)),
             state: at,
         })
     }

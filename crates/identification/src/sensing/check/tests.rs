@@ -232,7 +232,11 @@ fn motion_in_a_plane_tells_what_it_can() {
     let found = check(&record, WrenchTiming::Held).unwrap();
     let late = age(&found, StreamName::Pose);
     assert!((late.value - 0.062).abs() < 4.0 * late.sigma && late.sigma > 1e-5, "{late:?}");
-    assert!(found.stream(StreamName::Rate).unwrap().gain.unwrap()[0].is_none());
+    let rate = found.stream(StreamName::Rate).unwrap();
+    let bias = rate.bias.unwrap();
+    assert!(rate.gain.unwrap()[0].is_none() && bias[0].is_none() && found.alignment.is_none(), "{rate:?}");
+    let bias = bias[2].unwrap();
+    assert!((bias.value - BIAS[2]).abs() < 4.0 * bias.sigma && bias.sigma < 1e-3, "{bias:?}");
     assert!(found.stream(StreamName::Acceleration).unwrap().gain.unwrap()[2].is_none());
     let late = age(&found, StreamName::Acceleration);
     assert!(late.value.abs() < 4.0 * late.sigma && late.sigma > 1e-5, "{late:?}");
