@@ -3,6 +3,10 @@
 //! A controller turns noise of what it is told into wrench. Where much of the wrench is made so, what moves the body follows what its motion is
 //! compared with, and every estimate is biased: that of the likelihood by as much as its standard deviation where noise alone excites the body,
 //! since its trajectory is fitted to the very noise that made it; that of a regression by many.
+//!
+//! Third differences of what is measured are noise where samples follow each other fast. Where they do not, motion is left in them, and a smooth
+//! wrench follows from it. But motion tells of a wrench from both sides in time and noise from one only: what the measurements *after* a wrench
+//! explain is taken off.
 
 use super::timeline::Timeline;
 use crate::BodyScale;
@@ -10,8 +14,10 @@ use crate::lie::LieGroup;
 use crate::motion::MotionSample;
 use nalgebra::{DMatrix, DVector, Vector3};
 
-/// Measurements before a wrench that may have made it.
+/// Measurements before a wrench that may have made it, and as many after it that cannot.
 const LAGS: usize = 20;
+/// Measurements in a third difference: the first one after a wrench that holds none from before it ends this much later.
+const SPAN: usize = 4;
 /// Shortest step between them, s: together they reach further back than loops of control are late.
 const STEP_S: f64 = 0.016;
 /// Wrenches looked at, at most.
@@ -48,8 +54,8 @@ fn third_difference(record: &[MotionSample], stream: Stream, end: usize, stride:
     }
 }
 
-/// The larger of two shares: of the mean square of the force that the noise of positions and velocities before it explains, and of the torque
-/// that the noise of attitudes and rates does.
+/// The larger of two shares: of the mean square of the force that the noise of positions and velocities before it explains more of than what
+/// comes after it, and of the torque that the noise of attitudes and rates does.
 pub(super) fn share(record: &[MotionSample], timeline: &Timeline, scale: BodyScale) -> f64 {
     let stride = crate::likelihood::whole(STEP_S / timeline.median_step_s()).max(1);
     let step_s = timeline.median_step_s() * stride as f64;
@@ -76,7 +82,8 @@ pub(super) fn share(record: &[MotionSample], timeline: &Timeline, scale: BodySca
             .filter(|(noise, moved)| root_mean_square(noise.iter().flatten()) > STANDS_OUT * moved)
             .map(|(noise, _)| noise)
             .collect();
-        explained(wrench, &noises)
+        let of = |reach| explained(wrench, &noises, reach);
+        (of(Reach::Before) - of(Reach::After)).max(0.0)
     };
     let of_force = of(&wrench(&force_world), [Stream::Position, Stream::Velocity], 1.0 / scale.mass_kg());
     let torque = |sample: &MotionSample| Some(sample.wrench_body?.torque);
@@ -100,8 +107,17 @@ fn differences(series: &[Option<Vector3<f64>>], order: usize) -> f64 {
     root_mean_square(all.iter())
 }
 
-/// Share of the mean square of a series that linear functions of the noises at and before it explain, axis by axis, chance taken off.
-fn explained(series: &[Option<Vector3<f64>>], noises: &[Vec<Option<Vector3<f64>>>]) -> f64 {
+/// Which noises a wrench is explained by.
+#[derive(Clone, Copy)]
+enum Reach {
+    /// Those at it and before it.
+    Before,
+    /// Those that hold nothing from before it.
+    After,
+}
+
+/// Share of the mean square of a series that linear functions of the noises before or after it explain, axis by axis, chance taken off.
+fn explained(series: &[Option<Vector3<f64>>], noises: &[Vec<Option<Vector3<f64>>>], reach: Reach) -> f64 {
     let unknowns = noises.len() * LAGS;
     let (mut all, mut due) = (0.0, 0.0);
     for axis in 0..3 {
@@ -109,10 +125,14 @@ fn explained(series: &[Option<Vector3<f64>>], noises: &[Vec<Option<Vector3<f64>>
         let mut right = DVector::<f64>::zeros(unknowns);
         let (mut square, mut count) = (0.0, 0_usize);
         let mut row = DVector::<f64>::zeros(unknowns);
-        for (k, value) in series.iter().enumerate().skip(LAGS) {
-            let past = noises.iter().flat_map(|noise| noise[k + 1 - LAGS..=k].iter());
+        for (k, value) in series.iter().enumerate() {
+            let end = match reach {
+                Reach::Before => k + 1,
+                Reach::After => k + SPAN + LAGS,
+            };
+            let beside = noises.iter().filter_map(|noise| noise.get(end.checked_sub(LAGS)?..end)).flatten();
             let mut filled = 0;
-            for (place, noise) in row.iter_mut().zip(past).filter_map(|(place, noise)| Some((place, noise.as_ref()?))) {
+            for (place, noise) in row.iter_mut().zip(beside).filter_map(|(place, noise)| Some((place, noise.as_ref()?))) {
                 *place = noise[axis];
                 filled += 1;
             }
@@ -144,16 +164,20 @@ mod tests {
     use crate::motion::MotionSample;
     use nalgebra::{UnitQuaternion, Vector3};
 
-    const STEP_S: f64 = 0.016;
     const MASS_KG: f64 = 12.0;
 
     /// A point that is pushed by a wanted force and by the answer of a controller, ten steps late, to what is measured with noise.
     fn flight(noise_m: f64, stiffness_n_m: f64, wanted_n: f64) -> f64 {
+        flight_at(0.016, noise_m, stiffness_n_m, wanted_n)
+    }
+
+    fn flight_at(step_s: f64, noise_m: f64, stiffness_n_m: f64, wanted_n: f64) -> f64 {
+        let step_ns = (step_s * 1e9).round() as i64;
         let mut dice = Dice(7);
         let (mut place, mut speed) = (0.0, 0.0);
         let mut record: Vec<MotionSample> = Vec::new();
         for k in 0..3000_i64 {
-            let time_s = k as f64 * STEP_S;
+            let time_s = k as f64 * step_s;
             let seen = place + noise_m * dice.normal();
             let speed_seen = speed + 0.5 * noise_m * dice.normal();
             let told = |back: usize| {
@@ -164,7 +188,7 @@ mod tests {
             let (old, old_speed) = if record.len() > 10 { told(10) } else { (0.0, 0.0) };
             let force = wanted_n * (0.8 * time_s).sin() - stiffness_n_m * (old + 2.0 * old_speed);
             record.push(MotionSample {
-                time_ns: k * 16_000_000,
+                time_ns: k * step_ns,
                 world_from_body: Some(Pose::from_parts(
                     Vector3::new(seen, 0.0, 0.0).into(),
                     UnitQuaternion::identity(),
@@ -173,8 +197,8 @@ mod tests {
                 wrench_body: Some(Wrench::new(Vector3::zeros(), Vector3::x() * force)),
                 ..MotionSample::default()
             });
-            place += speed * STEP_S + 0.5 * force / MASS_KG * STEP_S * STEP_S;
-            speed += force / MASS_KG * STEP_S;
+            place += speed * step_s + 0.5 * force / MASS_KG * step_s * step_s;
+            speed += force / MASS_KG * step_s;
         }
         let timeline = Timeline::try_new(&record).unwrap();
         share(&record, &timeline, BodyScale::try_new(MASS_KG, 0.1).unwrap())
@@ -194,5 +218,7 @@ mod tests {
         assert!(open < 0.02, "no controller: {open}");
         let exact = flight(0.0, 6.0, 0.4);
         assert!(exact < 0.02, "a controller, no noise: {exact}");
+        let seldom = flight_at(0.05, 1e-3, 0.0, 0.4);
+        assert!(seldom < 0.05, "no controller, twenty samples a second: {seldom}");
     }
 }
