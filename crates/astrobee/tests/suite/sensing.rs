@@ -1036,9 +1036,10 @@ mod settings {
         let table = toml::Table::try_from(&settings).unwrap();
         let mut paths = Vec::new();
         number_paths(&toml::Value::Table(table.clone()), String::new(), &mut paths);
-        assert_eq!(paths.len(), 72, "{paths:?}");
+        assert_eq!(paths.len(), 73, "{paths:?}");
         for path in &paths {
-            let is_integer = path.ends_with("_ms") && !path.contains("jitter") && !path.ends_with(".latency_ms");
+            let of_any_length = ["jitter_ms", ".latency_ms", "pose_latency_ms"];
+            let is_integer = path.ends_with("_ms") && !of_any_length.iter().any(|end| path.ends_with(end));
             // Ranges and thresholds have no upper end.
             let open_ended = path.ends_with("range") || path.contains("threshold");
             let bad: Vec<toml::Value> = if is_integer {
