@@ -1006,10 +1006,31 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-astrobee --test suite sensing::",
     },
     Mutant {
+        name: "feedback: motion taken for noise",
+        file: "crates/identification/src/identify/feedback.rs",
+        original: "(of(Reach::Before) - of(Reach::After)).max(0.0)",
+        replacement: "of(Reach::Before).max(0.0)",
+        test: "-p tumble-identification --lib identify::feedback::",
+    },
+    Mutant {
+        name: "stages: the body after a change has no say in its place",
+        file: "crates/identification/src/likelihood/flight/stages.rs",
+        original: "of_before.cost(0..j) + of_after.cost(j..segments)",
+        replacement: "of_before.cost(0..j)",
+        test: "-p tumble-identification --lib likelihood::flight::tests::cargo",
+    },
+    Mutant {
+        name: "stages: sensors of each part their own",
+        file: "crates/identification/src/likelihood/flight/stages.rs",
+        original: "at(a, a) + at(b, b) - at(a, b) - at(b, a)",
+        replacement: "at(a, a) + at(b, b)",
+        test: "-p tumble-identification --lib likelihood::flight::tests::cargo",
+    },
+    Mutant {
         name: "sensing: hidden latency dropped",
         file: "crates/astrobee/src/sensing/localization.rs",
-        original: "self.history.back().copied()",
-        replacement: "self.history.front().copied()",
+        original: "let at = |index: usize| self.history.get(index.min(oldest)).copied();",
+        replacement: "let at = |_: usize| self.history.front().copied();",
         test: "-p tumble-astrobee --test suite sensing::",
     },
     Mutant {

@@ -45,7 +45,7 @@ use verdict::{Marks, verdict};
 pub use environment::{identify_in, with_all_that_acts};
 pub use long::LongRecord;
 pub use merge::merge;
-pub use parts::{Part, identify_parts};
+pub use parts::{Difference, Part, PartChange, Parts, identify_parts};
 pub use pipeline::{ConstrainedSolvers, Methods, Pipeline, constrained_solvers, methods};
 pub use problem::{JointFilter, Problem, Regressed};
 pub use rows::Regression;

@@ -77,10 +77,10 @@ pub use estimator::{Estimate, StandardDeviations};
 pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 #[cfg(feature = "std")]
 pub use identify::{
-    ConstrainedSolvers, FLIGHT_LIKELIHOOD, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD, Methods,
-    NodeResidual, Part, Pipeline, Prediction, Prior, Problem, Regressed, Regression, Settings, Silence, Validation,
-    Warning, constrained_solvers, identify, identify_in, identify_parts, merge, methods, predict, validate,
-    with_all_that_acts,
+    ConstrainedSolvers, Difference, FLIGHT_LIKELIHOOD, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD,
+    Methods, NodeResidual, Part, PartChange, Parts, Pipeline, Prediction, Prior, Problem, Regressed, Regression,
+    Settings, Silence, Validation, Warning, constrained_solvers, identify, identify_in, identify_parts, merge, methods,
+    predict, validate, with_all_that_acts,
 };
 pub use information::FisherInformation;
 #[cfg(feature = "argmin")]

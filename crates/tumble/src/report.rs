@@ -12,8 +12,8 @@ use tumble_formats::body_file::BodyFile;
 use tumble_formats::log::seconds;
 use tumble_identification::estimator::{Verdict, Why};
 use tumble_identification::{
-    Estimate, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, NuisanceEstimate, NullDirection, Prediction,
-    StandardDeviations, Validation, WrenchTiming,
+    Difference, Estimate, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, NuisanceEstimate, NullDirection,
+    PartChange, Prediction, StandardDeviations, Validation, WrenchTiming,
 };
 
 /// The name of a wrench timing on the command line and in JSON.
@@ -65,6 +65,7 @@ fn with_digits_of(value: f64, std: f64) -> (String, String) {
 }
 
 /// What the command line adds to a library result.
+#[derive(Default)]
 pub struct Context<'a> {
     /// What was read: a file name, or the demo.
     pub source: String,
@@ -515,6 +516,45 @@ pub(crate) fn json_body(estimate: &Estimate, shown: &Shown) -> JsonBody {
         pseudo_inertia_min_eigenvalue: Some(pseudo_inertia_min_eigenvalue(body)).filter(|_| shown.all()),
         lmi_active: estimate.lmi_active,
     }
+}
+
+/// A difference of two bodies with a positive mass, and whether it was taken.
+fn cargo(difference: &Difference) -> (Estimate, bool) {
+    let taken = difference.parameters.mass > 0.0;
+    let sign = if taken { 1.0 } else { -1.0 };
+    let parameters = InertialParameters::from_vector(&(difference.parameters.to_vector() * sign));
+    let (covariance, std) = (difference.covariance, difference.std);
+    (Estimate { parameters, covariance, std, lmi_active: false }, taken)
+}
+
+/// What `--split` prints of a change of the body.
+pub fn change_table(change: &PartChange) -> String {
+    let [time_s, earliest_s, latest_s] = [change.time_ns, change.earliest_ns, change.latest_ns].map(seconds);
+    let mut text = format!("change at {time_s:.2} s, between {earliest_s:.2} and {latest_s:.2} s: ");
+    let Some(difference) = &change.difference else {
+        return text + "one of the two bodies is not known\n\n";
+    };
+    let (cargo, taken) = cargo(difference);
+    let _ = writeln!(text, "what the robot {}", if taken { "took" } else { "let go" });
+    text + &body_table(&cargo, &difference.determined, &Context::default())
+}
+
+/// The same as programs read it.
+pub fn change_json(change: &PartChange) -> serde_json::Value {
+    let [time_s, earliest_s, latest_s] = [change.time_ns, change.earliest_ns, change.latest_ns].map(seconds);
+    let payload = change.difference.as_ref().map(|difference| {
+        let (cargo, taken) = cargo(difference);
+        let shown = Shown(&difference.determined);
+        let body = &cargo.parameters;
+        serde_json::json!({
+            "taken": taken,
+            "mass_kg": shown.mass(body.mass),
+            "com_m": shown.com(&body.center_of_mass()),
+            "inertia_about_com_kg_m2": shown.inertia(&body.inertia_about_com()),
+            "std": json_std(&cargo.std, &shown),
+        })
+    });
+    serde_json::json!({ "time_s": time_s, "earliest_s": earliest_s, "latest_s": latest_s, "payload": payload })
 }
 
 /// The body compared with, and the errors in sigmas.

@@ -132,7 +132,8 @@ fn explained(series: &[Option<Vector3<f64>>], noises: &[Vec<Option<Vector3<f64>>
             };
             let beside = noises.iter().filter_map(|noise| noise.get(end.checked_sub(LAGS)?..end)).flatten();
             let mut filled = 0;
-            for (place, noise) in row.iter_mut().zip(beside).filter_map(|(place, noise)| Some((place, noise.as_ref()?))) {
+            for (place, noise) in row.iter_mut().zip(beside).filter_map(|(place, noise)| Some((place, noise.as_ref()?)))
+            {
                 *place = noise[axis];
                 filled += 1;
             }
@@ -168,11 +169,11 @@ mod tests {
 
     /// A point that is pushed by a wanted force and by the answer of a controller, ten steps late, to what is measured with noise.
     fn flight(noise_m: f64, stiffness_n_m: f64, wanted_n: f64) -> f64 {
-        flight_at(0.016, noise_m, stiffness_n_m, wanted_n)
+        flight_at(16, noise_m, stiffness_n_m, wanted_n)
     }
 
-    fn flight_at(step_s: f64, noise_m: f64, stiffness_n_m: f64, wanted_n: f64) -> f64 {
-        let step_ns = (step_s * 1e9).round() as i64;
+    fn flight_at(step_ms: u32, noise_m: f64, stiffness_n_m: f64, wanted_n: f64) -> f64 {
+        let (step_s, step_ns) = (1e-3 * f64::from(step_ms), 1_000_000 * i64::from(step_ms));
         let mut dice = Dice(7);
         let (mut place, mut speed) = (0.0, 0.0);
         let mut record: Vec<MotionSample> = Vec::new();
@@ -218,7 +219,7 @@ mod tests {
         assert!(open < 0.02, "no controller: {open}");
         let exact = flight(0.0, 6.0, 0.4);
         assert!(exact < 0.02, "a controller, no noise: {exact}");
-        let seldom = flight_at(0.05, 1e-3, 0.0, 0.4);
+        let seldom = flight_at(50, 1e-3, 0.0, 0.4);
         assert!(seldom < 0.05, "no controller, twenty samples a second: {seldom}");
     }
 }

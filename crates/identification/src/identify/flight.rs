@@ -4,7 +4,7 @@ use super::likelihood::MANY_OUTLIERS;
 use super::solution::{Solution, solve};
 use super::timeline::Timeline;
 use super::verdict::{Marks, Silence, verdict};
-use super::{FEW_NODES, FLIGHT_LIKELIHOOD, Identification, NodeResidual, Noise, Plan, Warning};
+use super::{FEW_NODES, FLIGHT_LIKELIHOOD, Identification, NodeResidual, Noise, Plan, Settings, Warning};
 use crate::error::{Column, IdentificationError};
 use crate::estimator::{Evidence, Verdict, Why};
 use crate::likelihood::{FlightEstimate, FlightLikelihood};
@@ -21,6 +21,13 @@ const VISIBLE: f64 = 1e-4;
 /// Places of ln m, c_x, c_y and J_C33.
 const IN_PLANE: [usize; 4] = [0, 1, 2, 9];
 
+impl FlightLikelihood {
+    /// The same with the timing and gravity of the settings.
+    pub(super) fn under(&self, settings: &Settings) -> Self {
+        Self { wrench_timing: settings.wrench_timing, gravity_world: settings.gravity_world, ..self.clone() }
+    }
+}
+
 /// `None` where the likelihood does not settle: a regression then answers.
 pub(super) fn most_likely(
     record: &[MotionSample],
@@ -28,11 +35,7 @@ pub(super) fn most_likely(
     plan: &Plan<'_>,
 ) -> Result<Option<Identification>, IdentificationError> {
     let settings = plan.settings;
-    let estimator = FlightLikelihood {
-        wrench_timing: settings.wrench_timing,
-        gravity_world: settings.gravity_world,
-        ..plan.flown.cloned().unwrap_or_default()
-    };
+    let estimator = plan.flown.map_or_else(|| FlightLikelihood::default().under(settings), |told| told.under(settings));
     let found = estimator.estimate(record).and_then(|found| identification(&found, record, timeline, plan));
     match found {
         Ok(found) => Ok(Some(found)),

@@ -1,6 +1,7 @@
 //! Identification by any estimator, constrained by any solver.
 
 use super::environment::in_environment;
+use super::parts::{Parts, in_parts};
 use super::problem::{Chosen, JointFilter, Problem, Regressed};
 use super::recursion::{self, Replaced};
 use super::verdict::Beside;
@@ -194,6 +195,16 @@ impl Pipeline {
             return in_environment(record, settings, &self.environment, levels, identified);
         }
         self.under_logged(record, settings)
+    }
+
+    /// The parts of a record between changes of the body, as [`identify_parts`](crate::identify_parts) takes them.
+    ///
+    /// # Errors
+    /// Those of [`Pipeline::identify`] of the whole record.
+    pub fn identify_parts(&self, record: &[MotionSample], settings: &Settings) -> Result<Parts, EstimatorError> {
+        let usual = FlightLikelihood::default();
+        let flown = self.flown.as_ref().unwrap_or(&usual);
+        in_parts(record, settings, flown, |record, settings| self.identify(record, settings))
     }
 
     /// Where the logged wrench is all that acts.

@@ -209,7 +209,7 @@ impl fmt::Display for Warning {
             Self::PoorFit { explained } => write!(
                 f,
                 "the best body explains {:.0} % of the wrench: check the sign, frame and timing of the wrench, the order and \
-                 direction of the quaternion, units, gravity, and delays",
+                 direction of the quaternion, units, gravity, delays, and whether the body stayed the same",
                 100.0 * explained
             ),
             Self::NoisyPoses { position_m, attitude_rad, noise_share, lag } => write!(

@@ -10,12 +10,14 @@ mod layout;
 mod levels;
 mod nodes;
 mod outcome;
+mod stages;
 mod sweep;
 #[cfg(test)]
 mod tests;
 mod unit;
 
 pub use outcome::{FlightEstimate, FoundDelay, FoundLevels, FoundThrusters, Halves};
+pub(crate) use stages::{Place, Stages};
 
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -27,6 +29,7 @@ use crate::{BodyScale, WrenchTiming};
 use fit::Fit;
 use grid::Grid;
 use nalgebra::{Matrix3, Vector3};
+use stages::Joint;
 
 /// Length of a segment where nobody says, s: shorter than what a loop of control takes to answer.
 const SEGMENT_S: f64 = 0.128;
@@ -216,12 +219,19 @@ impl FlightLikelihood {
         self.estimate_as_told(record)
     }
 
+    /// What a publisher of accelerations added to them.
+    fn added(&self, record: &[MotionSample]) -> Vector3<f64> {
+        let usual = if self.is_planar(record) { Vector3::zeros() } else { self.gravity_world };
+        self.sensing.gravity_added_world_m_s2.map_or(usual, Vector3::from)
+    }
+
     fn estimate_as_told(&self, record: &[MotionSample]) -> Result<FlightEstimate, IdentificationError> {
+        Ok(self.fitted(record)?.0)
+    }
+
+    fn fitted(&self, record: &[MotionSample]) -> Result<(FlightEstimate, Joint), IdentificationError> {
         let planar = self.is_planar(record);
-        let added = self
-            .sensing
-            .gravity_added_world_m_s2
-            .map_or(if planar { Vector3::zeros() } else { self.gravity_world }, Vector3::from);
+        let added = self.added(record);
         let mut of = self.clone();
         let mut freed = Vec::new();
         loop {
@@ -229,10 +239,13 @@ impl FlightLikelihood {
             let mut fit = Fit::new(&of, grid, planar)?;
             fit.run()?;
             let found = outcome::of(&mut fit, &freed)?;
+            let joint = Joint::of(&fit);
             let suspect = found.thrusters.as_ref().and_then(|found| found.worst(&freed));
-            let (Some(suspect), Some(thrusters)) = (suspect, of.thrusters.as_mut()) else { return Ok(found) };
+            let (Some(suspect), Some(thrusters)) = (suspect, of.thrusters.as_mut()) else {
+                return Ok((found, joint));
+            };
             if freed.len() >= thrusters.columns.len() / 2 {
-                return Ok(found);
+                return Ok((found, joint));
             }
             thrusters.scale_sigma[suspect] = 1.0;
             freed.push(suspect);

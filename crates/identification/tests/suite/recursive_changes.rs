@@ -128,7 +128,8 @@ fn a_change_within_a_log_is_told_and_the_parts_are_taken_apart() {
             "{earliest_ns} {latest_ns}"
         );
         assert!((mass_before_kg / 9.4 - 1.0).abs() < 0.03 && (mass_after_kg / (9.4 * factor) - 1.0).abs() < 0.03);
-        let parts = identify_parts(&record, &Settings::default()).unwrap();
+        let taken = identify_parts(&record, &Settings::default()).unwrap();
+        let parts = &taken.parts;
         assert_eq!(parts.len(), 2, "seed {seed}");
         for (part, factor) in parts.iter().zip([1.0, factor]) {
             assert_eq!(changed(&part.found.warnings), None);
@@ -136,6 +137,11 @@ fn a_change_within_a_log_is_told_and_the_parts_are_taken_apart() {
             let error = estimate.parameters.mass - 9.4 * factor;
             assert!(error.abs() < 4.5 * estimate.std.mass_kg && error.abs() < 0.01 * 9.4, "{error}");
         }
+        let [change] = taken.changes[..] else { panic!("{:?}", taken.changes) };
+        assert!(change.earliest_ns <= change.time_ns && change.time_ns <= change.latest_ns);
+        let difference = change.difference.unwrap();
+        let error = difference.parameters.mass - 9.4 * (factor - 1.0);
+        assert!(error.abs() < 4.5 * difference.std.mass_kg, "{error}");
     }
 }
 
@@ -154,7 +160,7 @@ fn no_change_is_told_where_there_is_none() {
     for seed in 0..6 {
         let noise = if seed % 3 == 0 { 0.0 } else { 1e-3 };
         let record = log(50 + seed, 1200, 700, 1.0, noise);
-        let parts = identify_parts(&record, &Settings::default()).unwrap();
+        let parts = identify_parts(&record, &Settings::default()).unwrap().parts;
         assert_eq!(parts.iter().map(|part| changed(&part.found.warnings)).collect::<Vec<_>>(), [None], "seed {seed}");
     }
 }

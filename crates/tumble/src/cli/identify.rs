@@ -17,8 +17,8 @@ use tumble_formats::body_file;
 use tumble_formats::log::{TEMPLATE, seconds};
 use tumble_identification::harmonics::HarmonicEstimator;
 use tumble_identification::{
-    FLIGHT_LIKELIHOOD, Identification, IdentificationError, MAXIMUM_LIKELIHOOD, Nuisances, Part, Settings,
-    identify_parts, predict, validate,
+    FLIGHT_LIKELIHOOD, Identification, IdentificationError, MAXIMUM_LIKELIHOOD, Nuisances, Part, Parts, Settings,
+    predict, validate,
 };
 
 pub use super::identify_options::IdentifyArgs;
@@ -188,8 +188,8 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
             "`--sensing`, `--planar` and `--no-planar` belong to `--method flight-likelihood` (or auto)",
         ),
         (
-            of_sensors && (args.demo || periodic || args.split || args.dry_run || !args.estimate.is_empty()),
-            "`--sensing`, `--planar` and `--no-planar` are for a log: no `--demo`, `--excitation`, `--period`, `--split`, `--dry-run`, `--estimate`",
+            of_sensors && (args.demo || periodic || args.dry_run || !args.estimate.is_empty()),
+            "`--sensing`, `--planar` and `--no-planar` are for a log: no `--demo`, `--excitation`, `--period`, `--dry-run`, `--estimate`",
         ),
         (!args.estimate.is_empty() && args.dry_run, "`--dry-run` estimates nothing: no `--estimate`"),
         (
@@ -269,7 +269,7 @@ fn split(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome,
             message: format!("`--split` holds the whole log in memory: at most {ROWS_IN_MEMORY} rows"),
         });
     };
-    let parts = identify_parts(record, settings)?;
+    let Parts { parts, changes } = log.in_parts(record, settings)?;
     let (mut shown, mut identified) = (Vec::new(), true);
     for (index, Part { samples, found }) in parts.iter().enumerate() {
         let time_s = |sample: usize| record.get(sample).map_or(0.0, |row| seconds(row.time_ns));
@@ -294,7 +294,12 @@ fn split(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome,
         }
     }
     if args.json {
-        print(&format!("{}\n", serde_json::json!({ "format": 1, "parts": shown })))?;
+        let changes: Vec<_> = changes.iter().map(report::change_json).collect();
+        print(&format!("{}\n", serde_json::json!({ "format": 1, "parts": shown, "changes": changes })))?;
+    } else {
+        for change in &changes {
+            print(&report::change_table(change))?;
+        }
     }
     Ok(if identified { Outcome::Achieved } else { Outcome::NotAchieved })
 }

@@ -9,9 +9,10 @@ use tumble_dynamics::InertialParameters;
 use tumble_formats::log::seconds;
 use tumble_formats::{FormatsError, Robots, SampleReader, body_file, recording};
 use tumble_identification::estimator::EstimatorError;
+use tumble_identification::sensing;
 use tumble_identification::{
-    FlightLikelihood, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Pipeline,
-    Plane, Settings, merge,
+    FlightLikelihood, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Parts,
+    Pipeline, Plane, Settings, merge,
 };
 
 /// Rows held in memory at once; a longer log is identified part by part and the parts' information added.
@@ -105,6 +106,11 @@ impl Log {
             let reason = format!("no wrench is recorded for this robot: {}", recording::flight::WRENCH_TOPICS);
             return Err(FormatsError::NoFlight { path: path.clone(), reason }.into());
         }
+        let stated = args.sensing.is_some().then_some(&told.sensing);
+        let contradicted = match stated.map(|stated| (stated, sensing::check(&record, args.wrench.into()))) {
+            Some((stated, Ok(found))) => found.contradictions(Some(stated)),
+            _ => Vec::new(),
+        };
         let mut rows = Rows::Memory(record);
         if more {
             let mut count = ROWS_IN_MEMORY;
@@ -124,7 +130,8 @@ impl Log {
                 count,
             };
         }
-        let warnings = reader.warnings();
+        let mut warnings = reader.warnings();
+        warnings.extend(contradicted.iter().map(|what| format!("the log contradicts what `--sensing` states: {what}")));
         let duration_s = seconds(last_ns - first_ns);
         let (source, pipeline) = (path.display().to_string(), Pipeline::new().flown_with(told));
         Ok(Self { source, rows, estimation_rows: 0, reference, warnings, duration_s, pipeline })
@@ -213,6 +220,11 @@ impl Log {
             Ok(ControlFlow::Continue(()))
         })?;
         Ok(merge(&parts, settings.prior.as_ref())?)
+    }
+
+    /// The parts between changes of the body.
+    pub(super) fn in_parts(&self, record: &[MotionSample], settings: &Settings) -> Result<Parts, TumbleError> {
+        self.pipeline.identify_parts(record, settings).map_err(plain)
     }
 
     /// By likelihood in a sliding window; `None` where that has no answer.

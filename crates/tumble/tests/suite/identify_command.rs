@@ -448,6 +448,42 @@ fn station_keeping_is_doubted_for_its_feedback() {
     assert!(stdout(&output).contains("of the wrench answers to the noise of the measurements"), "{}", stdout(&output));
 }
 
+/// Real sensors; two kilograms taken after twenty seconds, let go after sixty.
+#[test]
+fn cargo_that_is_taken_and_let_go_is_weighed() {
+    let flown = scratch("cargo").join("flight");
+    let simulated = tumble(&["simulate", "iss-catch", "--seed", "33", "--out", flown.to_str().unwrap()]);
+    assert_eq!(simulated.status.code(), Some(0), "{}", stderr(&simulated));
+    let log = flown.join("log.csv");
+    let output = tumble(&["identify", log.to_str().unwrap(), "--split", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let found: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(found["parts"].as_array().unwrap().len(), 3);
+    let changes = found["changes"].as_array().unwrap();
+    assert_eq!(changes.len(), 2);
+    for (change, (time_s, taken)) in changes.iter().zip([(20.0, true), (60.0, false)]) {
+        let [likeliest, earliest, latest] =
+            ["time_s", "earliest_s", "latest_s"].map(|name| change[name].as_f64().unwrap());
+        assert!((likeliest - time_s).abs() < 0.2 && earliest < time_s && time_s < latest, "{change}");
+        let payload = &change["payload"];
+        assert_eq!(payload["taken"], taken);
+        let (mass, sigma) = (payload["mass_kg"].as_f64().unwrap(), payload["std"]["mass_kg"].as_f64().unwrap());
+        assert!((mass - 2.0).abs() < 3.0 * sigma && sigma < 0.25, "{mass} +- {sigma}");
+        let (forward, of_forward) =
+            (payload["com_m"][0].as_f64().unwrap(), payload["std"]["com_m"][0].as_f64().unwrap());
+        assert!((forward - 0.3).abs() < 3.0 * of_forward && of_forward < 0.05, "{forward} +- {of_forward}");
+    }
+    let table = stdout(&tumble(&["identify", log.to_str().unwrap(), "--split"]));
+    assert!(table.contains("what the robot took") && table.contains("what the robot let go"), "{table}");
+    // What is stated of the sensors and is not so is said beside the answer.
+    let stated = flown.join("stated.toml");
+    let delays = "[pose_delay]\nexpected_s = 0.3\nsigma_s = 0.0\n[rate.delay]\nexpected_s = 0.0\nsigma_s = 0.0\n";
+    fs::write(&stated, format!("format = 1\n{delays}")).unwrap();
+    let output = tumble(&["identify", log.to_str().unwrap(), "--sensing", stated.to_str().unwrap()]);
+    let said = "the log contradicts what `--sensing` states: `pose_delay`";
+    assert!(stderr(&output).contains(said), "{}", stderr(&output));
+}
+
 #[test]
 fn a_log_of_the_table_answers_what_a_table_shows() {
     let folder = scratch("granite");

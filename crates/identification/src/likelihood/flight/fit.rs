@@ -12,7 +12,7 @@ use super::layout::{BODY, CENTER, DELAYS, INERTIA, LOG_MASS, Layout, MOTION, NOI
 use super::levels::{jumps, white};
 use super::sweep::{Sweep, Swept};
 use super::unit::Unit;
-use super::{FlightLikelihood, nodes};
+use super::{FlightLikelihood, FoundLevels, nodes};
 use crate::error::{Column, IdentificationError};
 use crate::sensing::InertialErrors;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -21,6 +21,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 const SWEEPS: usize = 40;
 /// Sweeps after which half a step is taken: what still swings to and fro then comes to rest.
 const FULL_STEPS: usize = 20;
+/// Sweeps for a motion under a body that is told.
+const HELD_SWEEPS: usize = 6;
 /// Squared length of the last step in standard deviations.
 const SMALL_DECREMENT: f64 = 1e-3;
 /// The same for a record that leaves something free.
@@ -381,6 +383,54 @@ impl<'a> Fit<'a> {
         if self.decrement < DRIFT { Ok(()) } else { Err(self.not_converged()) }
     }
 
+    /// A body and values of other parameters that stay as they are, with these levels: the motion alone is fitted.
+    pub(super) fn hold(
+        &mut self,
+        body: &Coordinates,
+        values: impl Iterator<Item = (usize, f64)>,
+        levels: &FoundLevels,
+    ) -> Result<(), IdentificationError> {
+        for (column, value) in values.filter(|(column, _)| *column >= BODY) {
+            self.eta[column] = value;
+            if let Some(stream) = column.checked_sub(self.layout.delay()).filter(|stream| *stream < DELAYS) {
+                self.shift[stream] = nearest(value / self.grid.step_s);
+                self.eta[column] -= self.shift[stream] as f64 * self.grid.step_s;
+            }
+        }
+        if self.shares_delay() {
+            self.shift[1] = self.shift[0];
+        }
+        self.eta[LOG_MASS] = body.log_mass;
+        self.eta[CENTER..INERTIA].copy_from_slice(body.center.as_slice());
+        self.set_inertia(&body.inertia);
+        self.levels = Levels { white: levels.white, wander: levels.wander, wrench: levels.wrench };
+        (self.free, self.prior) = (Vec::new(), Vec::new());
+        self.take_shift();
+        for _ in 0..HELD_SWEEPS {
+            self.linearise();
+            let (states, noises) = self.step()?;
+            self.advance(&states, &noises);
+        }
+        self.linearise();
+        Ok(())
+    }
+
+    /// What segments ask for that the motion does not give, in squared standard deviations, once the motion alone is free.
+    pub(super) fn cost(&mut self, segments: core::ops::Range<usize>) -> f64 {
+        let form = self.chain.eliminate(segments.start, segments.end, false);
+        let ny = self.chain.shape.eliminated();
+        let at = |i: usize, j: usize| form[i * ny + j];
+        let states = DMatrix::from_fn(STATES, STATES, at);
+        let cross = DMatrix::from_fn(STATES, 1, |i, _| at(i, ny - 1));
+        solved(&states, &cross).map_or(f64::INFINITY, |gone| at(ny - 1, ny - 1) - cross.dot(&gone))
+    }
+
+    /// The part of a delay that is whole rows, s; zero for what is no delay.
+    pub(super) fn whole_row_delay_s(&self, column: usize) -> f64 {
+        let stream = column.checked_sub(self.layout.delay()).filter(|stream| *stream < DELAYS);
+        stream.map_or(0.0, |stream| self.shift[stream] as f64 * self.grid.step_s)
+    }
+
     pub(super) fn not_converged(&self) -> IdentificationError {
         IdentificationError::LikelihoodNotConverged { iterations: self.sweeps, decrement: self.decrement }
     }
@@ -459,7 +509,9 @@ impl<'a> Fit<'a> {
             let step = solved(&damped, &DMatrix::from_column_slice(p, 1, (-&gradient).as_slice()))?;
             Some(DVector::from_column_slice(step.as_slice()))
         };
-        let step = if self.planar {
+        let step = if p == 0 {
+            DVector::zeros(0)
+        } else if self.planar {
             let step = plain().ok_or(indefinite(p))?;
             self.move_planar(&step);
             step

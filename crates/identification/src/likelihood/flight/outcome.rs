@@ -274,7 +274,7 @@ fn floored(fit: &Fit<'_>, information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 }
 
 /// Sizes of `[ln m, c, J_C]` by the body itself.
-fn sizes(body: &Coordinates) -> SVector<f64, 10> {
+pub(super) fn sizes(body: &Coordinates) -> SVector<f64, 10> {
     let inertia = body.inertia.trace() / 3.0;
     let length = (1.5 * inertia / body.log_mass.exp()).sqrt();
     SVector::from_fn(|i, _| match i {

@@ -34,6 +34,8 @@ struct World {
     uneven: f64,
     /// Factor on the frequencies of the wrench.
     speed: f64,
+    /// Cargo, and the second at which it is taken.
+    cargo: Option<(f64, InertialParameters<f64>)>,
     /// Wrenches per thrust, and what the thrusts really are of those logged.
     thrusters: Option<([[f64; 6]; 12], [f64; 12])>,
 }
@@ -60,6 +62,7 @@ impl World {
             body_scale: 1.0,
             uneven: 0.0,
             speed: 1.0,
+            cargo: None,
             thrusters: None,
         }
     }
@@ -129,7 +132,8 @@ impl World {
     fn log(&self, seed: u64) -> Vec<MotionSample> {
         let mut dice = Gaussian::from_seed(seed);
         let truth = self.body();
-        let body = Body::new(truth.mass, truth.center_of_mass(), truth.inertia_about_com());
+        let of = |body: &InertialParameters<f64>| Body::new(body.mass, body.center_of_mass(), body.inertia_about_com());
+        let mut body = of(&truth);
         let steps = crate::likelihood::whole(self.seconds / FINE_S);
         let mut gains = || Matrix3::identity() + Matrix3::from_fn(|_, _| dice.normal() * self.scale);
         let (rate_gain, acceleration_gain) = (gains(), gains());
@@ -146,7 +150,17 @@ impl World {
         let (mut states, mut rates, mut forces, mut wrenches) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let rows = self.rows(steps, &mut dice);
         let (mut input, mut told) = (Input::default(), Input::default());
+        let mut centers = Vec::new();
         for k in 0..steps {
+            if let Some((_, cargo)) = self.cargo.filter(|(taken_s, _)| k == crate::likelihood::whole(taken_s / FINE_S))
+            {
+                // Held at rest relative to the robot: neither place nor motion of its origin jumps.
+                let before = body.center;
+                body = of(&InertialParameters::from_vector(&(truth.to_vector() + cargo.to_vector())));
+                let moved = state.world_from_body * (body.center - before);
+                let turning = state.world_from_body * state.rate.cross(&(body.center - before));
+                (state.center, state.velocity) = (state.center + moved, state.velocity + turning);
+            }
             if rows.binary_search(&k).is_ok() {
                 let time_s = k as f64 * FINE_S;
                 let (torque, force) = self.wrench(time_s);
@@ -168,6 +182,7 @@ impl World {
             let w = state.rate;
             let at_lever = input.force / body.mass + step.acceleration.cross(&arm) + w.cross(&w.cross(&arm));
             states.push(state);
+            centers.push(body.center);
             rates.push(w);
             forces.push(at_lever);
             wrenches.push(told);
@@ -193,8 +208,8 @@ impl World {
             let (seen, input) = (&states[old], &wrenches[k]);
             let rotation =
                 seen.world_from_body * <UnitQuaternion<f64> as LieGroup>::exp(&(slow[1] + dice.vector(self.white[1])));
-            let origin = seen.center - seen.world_from_body * body.center;
-            let speed = seen.velocity - seen.world_from_body * seen.rate.cross(&body.center);
+            let origin = seen.center - seen.world_from_body * centers[old];
+            let speed = seen.velocity - seen.world_from_body * seen.rate.cross(&centers[old]);
             let position = origin + slow[0] + dice.vector(self.white[0]);
             let rate = rates[old] + biases[0];
             let removed = rate.cross(&rate.cross(&lever));
@@ -566,4 +581,49 @@ fn records_and_sensors_that_cannot_be_are_refused() {
     assert!(Thrusters::try_new(&[[1.0; 6]; 2], &[0.01; 2], &[0.0; 3]).is_err());
     assert!(Thrusters::try_new(&[[1.0; 6]], &[-0.01], &[0.0; 3]).is_err());
     assert!(Thrusters::try_new(&[], &[], &[]).is_err());
+}
+
+/// Two kilograms at arm's length, taken after forty seconds of eighty.
+fn with_cargo(factor: f64) -> World {
+    let cargo = InertialParameters::about_com(2.0, Vector3::new(0.2, 0.05, -0.02), Matrix3::identity() * 0.01);
+    let cargo = InertialParameters::from_vector(&(cargo.to_vector() * factor));
+    World { seconds: 80.0, cargo: Some((40.0, cargo)), ..World::usual() }
+}
+
+#[test]
+fn cargo_is_weighed_by_the_bodies_before_and_after() {
+    let world = with_cargo(1.0);
+    let (_, cargo) = world.cargo.unwrap();
+    let (mut square, mut seeds) = (0.0, 0);
+    for seed in 200..206 {
+        let log = world.log(seed);
+        let stages = world.told().stages(&log).unwrap();
+        let [place] = &stages.changes[..] else { panic!("{:?}", stages.changes) };
+        let time_s = |sample: usize| log[sample].time_ns as f64 * 1e-9;
+        let [before, likeliest, after] = [place.last_before, place.likeliest, place.first_after].map(time_s);
+        assert!(before < 40.0 && 40.0 < after && (likeliest - 40.0).abs() < 0.2, "{before} {likeliest} {after}");
+        let (difference, covariance) = stages.difference(0);
+        let z = (difference[0] - cargo.mass) / covariance[(0, 0)].sqrt();
+        let alone = stages.covariance[(0, 0)] + stages.covariance[(10, 10)];
+        println!("{seed}: {likeliest:.2} s, {:.3} +- {:.3} kg", difference[0], covariance[(0, 0)].sqrt());
+        // Gains of the accelerometer are those of one instrument.
+        assert!(z.abs() < 3.5 && covariance[(0, 0)] < 0.7 * alone, "{z} {} {alone}", covariance[(0, 0)]);
+        (square, seeds) = (square + z * z, seeds + 1);
+    }
+    // Chi squared of six: beyond these bounds by chance once in a thousand on either side.
+    assert!((0.3..22.5).contains(&square) && seeds == 6, "{square}");
+}
+
+#[test]
+fn cargo_that_nobody_would_notice_is_no_change() {
+    assert!(with_cargo(0.0).told().stages(&with_cargo(0.0).log(210)).is_none());
+    assert!(with_cargo(0.005).told().stages(&with_cargo(0.005).log(211)).is_none());
+}
+
+#[test]
+fn a_part_too_short_says_nothing_of_changes() {
+    let log = with_cargo(1.0).log(212);
+    let told = World::usual().told();
+    assert!(told.stages(&[]).is_none() && told.stages(&log[..40]).is_none());
+    assert!(told.stages(&log[..log.len() / 2 - 200]).is_none());
 }
