@@ -12,6 +12,7 @@ mod merge;
 mod noise;
 mod parts;
 mod pipeline;
+mod predict;
 mod problem;
 mod recursion;
 mod rows;
@@ -23,18 +24,18 @@ mod warning;
 use crate::ConstrainedLeastSquares;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::estimator::{Estimate, Evidence, Judge, StandardDeviations, Verdict, Why, standard_deviations};
+use crate::estimator::{Estimate, Evidence, Judge, Verdict, Why, standard_deviations};
 use crate::lie::{Pose, Wrench};
 use crate::likelihood::{Exchange, FlightLikelihood, NuisanceEstimate, Nuisances};
 use crate::motion::{MotionSample, Noise};
-use crate::weighted_least_squares::{WrenchRow, whitened};
+use crate::weighted_least_squares::WrenchRow;
 use crate::{
     BodyScale, ExcitationDiagnosis, NullDirection, Observability, SquareRootInformation, WeakDirection, WrenchTiming,
 };
 pub(crate) use fit::rough_scale;
 use fit::{Best, Fit, best_fit};
 use likelihood::most_likely;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
+use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 use noise::SampleNoise;
 use recursion::Replaced;
 use rows::Scheme;
@@ -47,6 +48,7 @@ pub use long::LongRecord;
 pub use merge::merge;
 pub use parts::{Difference, Part, PartChange, Parts, identify_parts};
 pub use pipeline::{ConstrainedSolvers, Methods, Pipeline, constrained_solvers, methods};
+pub use predict::{Prediction, predict};
 pub use problem::{JointFilter, Problem, Regressed};
 pub use rows::Regression;
 pub(crate) use solution::{constrained, from_covariance};
@@ -252,23 +254,6 @@ pub struct Identification {
     /// What a reader must know; nothing is decided by it.
     pub warnings: Vec<Warning>,
     pub(crate) marks: Marks,
-}
-
-/// What a record can answer, before any wrench is believed.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Prediction {
-    /// Number of parameter directions the motion determines.
-    pub rank: usize,
-    /// Condition number of the regressor, its columns in like units.
-    pub condition_number: f64,
-    /// Directions left free; displayed, they say so in words.
-    pub null_directions: Vec<NullDirection>,
-    /// Predicted covariance of the ten parameters for the given wrench noise; `None` below rank ten.
-    pub covariance: Option<SMatrix<f64, 10, 10>>,
-    /// Standard deviations derived from it; `None` too where neither wrenches nor a prior say what body it is.
-    pub std: Option<StandardDeviations>,
-    /// Rows the record gives.
-    pub rows: usize,
 }
 
 /// How well an estimate explains a record it was not made from.
@@ -630,48 +615,6 @@ pub(crate) fn is_in_xy_plane(record: &[MotionSample]) -> bool {
         && poses().next().is_some()
         && (tilt / count).sqrt() < WIDEST_TILT_RAD
         && (lift / count).sqrt() < WIDEST_LIFT_M
-}
-
-/// What the motion of a record can answer, given the noise of its wrench (torque, force; one standard deviation of one
-/// sample). The record need not hold any wrench.
-///
-/// Poses are taken as exact: noise in them can only make matters worse.
-///
-/// # Errors
-/// As [`identify`].
-pub fn predict(
-    record: &[MotionSample],
-    settings: &Settings,
-    wrench_noise: (f64, f64),
-) -> Result<Prediction, IdentificationError> {
-    let timeline = Timeline::try_new(record)?;
-    let regression = Way::named(settings.method)?.regression();
-    let mut scheme = Scheme::new(settings, regression, settings.lag.unwrap_or(1));
-    scheme.wrench_optional = true;
-    let rows = scheme.rows(record, &timeline)?;
-    // Overlapping averages of white noise keep its density at low frequency, which is what a fit sees; where only a pair
-    // of rows in every stride is formed, each stands for more.
-    let share = (2.0 / scheme.stride() as f64).min(1.0).sqrt();
-    let information = whitened(&rows.all, wrench_noise.0 * share, wrench_noise.1 * share)?;
-    let scale = match &settings.prior {
-        Some(prior) => BodyScale::of(&prior.mean.to_vector())?,
-        None => rough_scale(&rows.all)?,
-    };
-    let magnitudes = scale.parameter_magnitudes();
-    let observability = Observability::new(&information, scale);
-    let covariance = information.covariance(&magnitudes).ok();
-    let body = settings.prior.map(|prior| prior.mean.to_vector()).or_else(|| information.solve(&magnitudes).ok());
-    let std = covariance
-        .zip(body.filter(|body| body[0] > 0.0))
-        .map(|(covariance, body)| standard_deviations(&body, &covariance));
-    Ok(Prediction {
-        rank: observability.rank(),
-        condition_number: observability.condition_number(),
-        null_directions: observability.null_directions().to_vec(),
-        covariance,
-        std,
-        rows: 6 * rows.all.len(),
-    })
 }
 
 /// How well `found` explains another record of the same body.

@@ -175,7 +175,7 @@ pub fn whitened(rows: &[WrenchRow], torque: f64, force: f64) -> Result<SquareRoo
 ///
 /// A regressor depends linearly on angular and linear acceleration; that noise in the products of rates is smaller by
 /// the turn over one row is neglected.
-fn noise_information(weights: &Vector6<f64>, noise: &RowNoise) -> SMatrix<f64, 10, 10> {
+pub(crate) fn noise_information(weights: &Vector6<f64>, noise: &RowNoise) -> SMatrix<f64, 10, 10> {
     let zero = Vector3::zeros();
     let mut sum = SMatrix::zeros();
     for axis in 0..3 {

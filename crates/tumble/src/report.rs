@@ -315,14 +315,70 @@ pub fn sigma_json(std: &StandardDeviations) -> serde_json::Value {
     serde_json::to_value(json_std(std, &Shown::ALL)).unwrap_or_default()
 }
 
-/// What `--dry-run` prints.
+/// One sigma of each quantity, infinite where the log does not determine it.
+fn promised(found: &Identification) -> Option<StandardDeviations> {
+    let body = found.estimate.as_ref().or(found.regularised.as_ref())?;
+    let determined = found.determined();
+    let known = |place: usize, sigma: f64| if determined[place] { sigma } else { f64::INFINITY };
+    let std = &body.std;
+    let place = [[4, 7, 8], [7, 5, 9], [8, 9, 6]];
+    Some(StandardDeviations {
+        mass_kg: known(0, std.mass_kg),
+        center_of_mass_m: Vector3::from_fn(|i, _| known(1 + i, std.center_of_mass_m[i])),
+        inertia_about_com_kg_m2: Matrix3::from_fn(|i, j| known(place[i][j], std.inertia_about_com_kg_m2[(i, j)])),
+    })
+}
+
+/// What `--dry-run` prints of a log with wrenches.
+pub fn promise_table(found: &Identification, context: &Context) -> String {
+    let mut text = format!("{}: what this log can answer\n", context.source);
+    let _ = writeln!(
+        text,
+        "  by the model of `--method {}`, with the errors of sensors and wrench that this log shows; rank {} of 10:\n",
+        found.method, found.rank
+    );
+    match (promised(found), found.verdict) {
+        (None, _) | (_, Verdict::NoBodyExplains { .. }) => {
+            text += "verdict: nothing can be promised, no body explains this log; see the warnings\n";
+            return text;
+        }
+        (Some(std), _) => text += &sigma_table(&[("1 sigma", &std)]),
+    }
+    text.push('\n');
+    text + &verdict(found, context)
+}
+
+/// The object that `--dry-run --json` prints of a log with wrenches.
+pub fn promise_json(found: &Identification) -> serde_json::Value {
+    let promised = promised(found).filter(|_| !matches!(found.verdict, Verdict::NoBodyExplains { .. }));
+    serde_json::json!({
+        "format": 1,
+        "method": found.method,
+        "rank": found.rank,
+        "condition_number": Some(found.condition_number).filter(|c| c.is_finite()),
+        "null_directions": words(&found.null_directions),
+        "std": promised.map(|std| json_std(&std, &Shown(&found.determined()))),
+        "identified": found.verdict.is_identified(),
+    })
+}
+
+/// What `--dry-run` prints of a motion.
 pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f64, f64)) -> String {
     let mut text = String::new();
     let _ = writeln!(text, "{source}: what this log can answer");
     let _ = writeln!(
         text,
-        "  {} equations, rank {} of 10, condition number {:.1}; poses taken as exact, wrench noise {:.1e} N m, {:.1e} N per sample:\n",
-        prediction.rows, prediction.rank, prediction.condition_number, wrench_noise.0, wrench_noise.1
+        "  {} equations at lag {}, rank {} of 10, condition number {:.1}; noise of the poses {:.1e} m, {:.1e} rad, which makes up to {:.1} % of a \
+         direction; of the wrench {:.1e} N m, {:.1e} N per sample:\n",
+        prediction.rows,
+        prediction.lag,
+        prediction.rank,
+        prediction.condition_number,
+        prediction.noise.position_m,
+        prediction.noise.attitude_rad,
+        100.0 * prediction.noise_share,
+        wrench_noise.0,
+        wrench_noise.1
     );
     if let Some(std) = &prediction.std {
         text += &sigma_table(&[("1 sigma", std)]);
@@ -364,6 +420,7 @@ pub fn prediction_json(prediction: &Prediction, wrench_noise: (f64, f64)) -> Str
         "rank": prediction.rank,
         "condition_number": Some(prediction.condition_number).filter(|c| c.is_finite()),
         "null_directions": words(&prediction.null_directions),
+        "noise": { "position_m": prediction.noise.position_m, "attitude_rad": prediction.noise.attitude_rad },
         "assumed_noise": { "torque_n_m": wrench_noise.0, "force_n": wrench_noise.1 },
         "std": prediction.std.as_ref().map(|std| json_std(std, &Shown::ALL)),
     })

@@ -14,7 +14,7 @@ use nalgebra::{ComplexField, SVector, Vector3, Vector6};
 
 /// Lags tried where noise forbids the shortest.
 /// Each but the last two has its double among them, which judges its discretisation.
-const LAGS: [usize; 15] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256];
+pub(super) const LAGS: [usize; 15] = [2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256];
 /// A bias below this fraction of the body's scale is rounding.
 const NEGLIGIBLE_BIAS: f64 = 1e-6;
 /// A bias above this fraction of the body's scale is never accepted without warning.

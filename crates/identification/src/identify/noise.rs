@@ -3,6 +3,7 @@
 use super::Settings;
 use super::rows::{Regression, Scheme};
 use super::timeline::Timeline;
+use crate::lie::Wrench;
 use crate::motion::{MotionSample, Noise};
 use crate::weighted_least_squares::RowNoise;
 use nalgebra::{Matrix6, Vector3, Vector6};
@@ -34,7 +35,12 @@ impl SampleNoise {
         let step_s = timeline.median_step_s();
         let mut noise = Self::default();
         // Second differences of poses; four more differences make six, whose squared coefficients add up to 924.
-        let scheme = Scheme::new(settings, Regression::Variational, 1);
+        let mut scheme = Scheme::new(settings, Regression::Variational, 1);
+        scheme.wrench_optional = record.iter().all(|sample| sample.wrench_body.is_none());
+        let wrench = |sample: &MotionSample| {
+            let none = scheme.wrench_optional.then(Wrench::zero);
+            sample.wrench_body.or(none).map(|wrench| wrench.to_vector())
+        };
         if let Ok(rows) = scheme.rows(record, timeline) {
             let series: Vec<_> = rows
                 .all
@@ -58,7 +64,7 @@ impl SampleNoise {
                 let velocity = b.velocity_origin_world? - a.velocity_origin_world?;
                 let seen: Vector3<f64> = a.world_from_body?.rotation.inverse_transform_vector(&velocity);
                 let change = Vector6::new(rate.x, rate.y, rate.z, seen.x, seen.y, seen.z);
-                Some((i, change, a.wrench_body?.to_vector()))
+                Some((i, change, wrench(a)?))
             })
             .collect();
         let (angular, linear) = unexplained(&series);

@@ -7,7 +7,7 @@ use tumble_identification::lie::{LieGroup, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 use tumble_identification::{
     BodyScale, Column, Estimate, FlightLikelihood, Identification, IdentificationError, MotionSample, Pipeline, Plane,
-    Prior, Settings, Warning, WrenchTiming, identify, merge, predict, validate,
+    Prediction, Prior, Settings, Warning, WrenchTiming, identify, merge, predict, validate,
 };
 
 /// Mass 0.05 to 500 kg, centre of mass to 0.5 m, ratio of principal inertias to 50, any axes.
@@ -431,6 +431,53 @@ fn prediction_and_validation_agree_with_what_happens() {
     }
     let predicted = predict(&plan, &Settings::default(), (2e-3, 5e-3)).unwrap();
     assert!(predicted.rank == 10 && predicted.covariance.is_some() && predicted.std.is_none());
+}
+
+#[test]
+fn noise_is_not_taken_for_motion() {
+    let mut random = Random::new(23);
+    let seen = |record: &[MotionSample]| predict(record, &Settings::default(), (2e-3, 5e-3)).unwrap();
+    let mut shaken = |sample: &MotionSample| {
+        let mut pose = sample.world_from_body.unwrap();
+        pose.translation.vector += random.normal3(1e-3);
+        pose.rotation *= UnitQuaternion::from_scaled_axis(random.normal3(1e-3));
+        MotionSample { world_from_body: Some(pose), wrench_body: None, ..MotionSample::default() }
+    };
+    let at_rest: Vec<MotionSample> = (0..1500)
+        .map(|k| {
+            let pose = Pose::identity();
+            MotionSample {
+                time_ns: k * 20_000_000,
+                ..shaken(&MotionSample { world_from_body: Some(pose), ..MotionSample::default() })
+            }
+        })
+        .collect();
+    let found = seen(&at_rest);
+    assert_eq!((found.rank, found.covariance), (0, None), "{found:?}");
+    assert!((found.noise.position_m / 1e-3 - 1.0).abs() < 0.1 && (found.noise.attitude_rad / 1e-3 - 1.0).abs() < 0.1);
+
+    let signal = Multisine::random(&mut Random::new(8), 0.5, 1.2, (0.5, 1.2), 3);
+    let wrench = |t: f64| signal.at(t);
+    let mut run = Run::new(body_d(), &wrench, true);
+    run.samples = 3000;
+    let moved = run.record();
+    let (exact, noisy): (Vec<_>, Vec<_>) = moved
+        .iter()
+        .map(|sample| {
+            let motion = MotionSample {
+                time_ns: sample.time_ns,
+                world_from_body: sample.world_from_body,
+                ..MotionSample::default()
+            };
+            (motion, MotionSample { time_ns: sample.time_ns, ..shaken(sample) })
+        })
+        .unzip();
+    let (exact, noisy) = (seen(&exact), seen(&noisy));
+    println!("lag {}, {}; share {:.1e}, {:.1e}", exact.lag, noisy.lag, exact.noise_share, noisy.noise_share);
+    assert_eq!((exact.rank, exact.lag, noisy.rank), (10, 1, 10));
+    assert!(noisy.lag > 4 && noisy.noise_share < 0.1);
+    let mass = |found: &Prediction| found.covariance.unwrap()[(0, 0)].sqrt();
+    assert!(mass(&noisy) > 1.5 * mass(&exact), "{} {}", mass(&noisy), mass(&exact));
 }
 
 #[test]

@@ -171,6 +171,17 @@ impl Log {
         }
     }
 
+    /// Whether any row holds a wrench.
+    pub(super) fn is_driven(&self) -> Result<bool, TumbleError> {
+        let mut is_driven = false;
+        self.for_each_part(ROWS_IN_MEMORY, |record| {
+            let driven = |row: &MotionSample| row.wrench_body.is_some_and(|wrench| wrench.to_vector().amax() > 0.0);
+            is_driven |= record.iter().any(driven);
+            Ok(if is_driven { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        })?;
+        Ok(is_driven)
+    }
+
     /// The rows kept back, at most as many as fit in memory.
     pub(super) fn held_out(&self) -> Result<Vec<MotionSample>, TumbleError> {
         match &self.rows {

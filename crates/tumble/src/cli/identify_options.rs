@@ -70,10 +70,12 @@ pub struct IdentifyArgs {
     /// Where the body changed within the log, identify the parts before and after separately.
     #[arg(long)]
     pub(super) split: bool,
-    /// Say what this log can answer and how well, without believing its wrench.
+    /// Say what this log can answer and how well, and nothing of the body: by the model that would identify it, or where no wrench is logged by
+    /// the motion alone.
     #[arg(long)]
     pub(super) dry_run: bool,
-    /// With --dry-run: noise of the wrench per sample, one sigma, N m and N (default 1e-4,1e-3).
+    /// With --dry-run: judge the motion alone, under a wrench with this noise per sample, one sigma, N m and N (1e-4,1e-3 where no wrench is
+    /// logged).
     #[arg(long, value_name = "TORQUE,FORCE", value_parser = parse_noise)]
     pub(super) wrench_noise: Option<(f64, f64)>,
     /// Put late rows in order and drop repeated times instead of refusing the log.

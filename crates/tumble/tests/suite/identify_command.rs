@@ -152,6 +152,28 @@ fn holdout_dry_run_and_exports_answer() {
     assert_eq!(dry.status.code(), Some(0), "{}", stderr(&dry));
     assert_eq!(json(&dry)["rank"], 10);
     assert!(json(&dry)["std"]["mass_kg"].as_f64().unwrap() > 0.0);
+    // What is promised is what is stated, and of the body nothing is told.
+    let stated = json(&tumble(&["identify", log, "--json"]));
+    assert_eq!(json(&dry)["std"], stated["std"]);
+    assert!(json(&dry).get("mass_kg").is_none());
+    // The motion alone, under a wrench that is told; a robot at rest whose poses are noisy shows nothing.
+    let alone = tumble(&["identify", log, "--dry-run", "--wrench-noise", "1e-3,1e-3", "--json"]);
+    assert_eq!(json(&alone)["assumed_noise"]["force_n"], 1e-3, "{}", stderr(&alone));
+    let at_rest = folder.join("rest.csv");
+    let mut text = "t_s,p_x,p_y,p_z,q_x,q_y,q_z,q_w\n".to_owned();
+    let mut bits = 1_u32;
+    let mut noise = || {
+        bits = bits.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        1e-3 * (f64::from(bits >> 8) / f64::from(1 << 24) - 0.5)
+    };
+    for k in 0..1000 {
+        let [x, y, z, a, b, c] = std::array::from_fn(|_| noise());
+        writeln!(text, "{:.2},{x},{y},{z},{a},{b},{c},1", 0.02 * f64::from(k)).unwrap();
+    }
+    fs::write(&at_rest, text).unwrap();
+    let at_rest = tumble(&["identify", at_rest.to_str().unwrap(), "--dry-run"]);
+    assert_eq!(at_rest.status.code(), Some(3), "{}", stderr(&at_rest));
+    assert!(stdout(&at_rest).contains("rank 0 of 10"), "{}", stdout(&at_rest));
     for (name, word) in [("b.json", "mass_kg"), ("b.urdf", "<inertial>"), ("b.xml", "fullinertia")] {
         let path = folder.join(name);
         let output = tumble(&["identify", log, "--export", path.to_str().unwrap()]);
