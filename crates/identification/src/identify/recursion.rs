@@ -1,13 +1,13 @@
 //! The recursive estimators over a whole record.
 
 use super::fit::Fit;
-use super::likelihood::{DETERMINED, estimator, is_known};
+use super::likelihood::{estimator, is_known};
 use super::noise::SampleNoise;
 use super::rows::Scheme;
 use super::solution::{from_covariance, weak_prior};
 use super::timeline::Timeline;
 use super::verdict::Beside;
-use super::{Noise, Plan, Settings, Way};
+use super::{AUTO, Noise, Plan, Settings, Way, identify};
 use crate::beside::beside_in_short_steps;
 use crate::body_scale::BodyScale;
 use crate::consistency::PseudoInertiaCone;
@@ -22,7 +22,7 @@ use crate::recursive::{
 };
 use crate::units::Units;
 use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow};
-use crate::{MaximumLikelihood, WrenchTiming};
+use crate::{Nuisances, WrenchTiming};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 /// Standard deviations of the vague start, in units of the body's own scale.
@@ -77,22 +77,27 @@ pub(super) fn run(
             Err(Flown::Off { time_ns }) => return Ok(Replaced { diverged_ns: Some(time_ns), ..Replaced::default() }),
             Err(Flown::Into(error)) => return Err(error),
         },
-        _ => return Ok(Replaced::default()),
+        _ => {}
     }
     Ok(Replaced { diverged_ns: None, beside })
 }
 
-/// The library's own finding that a judge holds against another's: the likelihood where the poses are noisy and it knows all ten, else the
-/// regression. The first two need it; none for the library's own regression and likelihood, which pass by their own numbers.
+/// The library's own finding that a judge holds against another's. The likelihood, which is such a finding, needs none, nor does a regression of
+/// a motion without visible noise.
 pub(super) fn reference(
     fit: &Fit,
     record: &[MotionSample],
     plan: &Plan<'_>,
 ) -> Result<Option<Finding>, IdentificationError> {
-    if plan.way.is_recursive() { second(fit, record, plan.settings) } else { Ok(None) }
+    let noisy_rows = matches!(plan.way, Way::Rows(_)) && is_noisy(fit);
+    if plan.way.is_recursive() || noisy_rows { second(fit, record, plan.settings) } else { Ok(None) }
 }
 
-/// The likelihood where the poses are noisy and it knows all ten, else the regression.
+fn is_noisy(fit: &Fit) -> bool {
+    fit.poses_noisy || fit.rates_noisy
+}
+
+/// Where the motion is noisy what the library itself would answer, which knows of errors that are not white; else the regression.
 pub(super) fn second(
     fit: &Fit,
     record: &[MotionSample],
@@ -100,13 +105,14 @@ pub(super) fn second(
 ) -> Result<Option<Finding>, IdentificationError> {
     let Some(found) = &fit.least_squares else { return Ok(None) };
     let magnitudes = fit.scale().parameter_magnitudes();
-    if (fit.poses_noisy || fit.rates_noisy)
-        && let Ok(likely) = MaximumLikelihood::estimate(&estimator(settings), record)
-        && is_known(&likely, DETERMINED)
+    let own = Settings { method: AUTO, prior: None, lag: None, estimate: Nuisances::default(), ..*settings };
+    if is_noisy(fit)
+        && let Ok(likely) = identify(record, &own)
+        && let (true, Some(estimate)) = (likely.verdict.is_identified(), &likely.estimate)
     {
-        let covariance = likely.covariance * (likely.scatter * likely.scatter);
-        let information = from_covariance(&likely.unconstrained, &covariance, &magnitudes)?;
-        return Ok(Some(Finding::of_information(information, magnitudes).at(likely.parameters.to_vector())));
+        let parameters = estimate.parameters.to_vector();
+        let information = from_covariance(&parameters, &estimate.covariance, &magnitudes)?;
+        return Ok(Some(Finding::of_information(information, magnitudes).at(parameters)));
     }
     let information = from_covariance(&found.parameters, &found.covariance, &magnitudes)?;
     Ok(Some(Finding::of_information(information, magnitudes).at(found.parameters)))

@@ -470,6 +470,25 @@ fn station_keeping_is_doubted_for_its_feedback() {
     assert!(stdout(&output).contains("of the wrench answers to the noise of the measurements"), "{}", stdout(&output));
 }
 
+/// A filter takes the errors of an inertial unit for white: its standard deviations are then too small, and the answer is held against the one
+/// that `identify` gives without being told a method.
+#[test]
+fn a_filter_that_believes_too_much_is_doubted() {
+    let flown = scratch("believing").join("flight");
+    let simulated = tumble(&["simulate", "iss-excite", "--seed", "34", "--out", flown.to_str().unwrap()]);
+    assert_eq!(simulated.status.code(), Some(0), "{}", stderr(&simulated));
+    let (log, truth) = (flown.join("log.csv"), flown.join("truth.toml"));
+    let worst = |more: &[&str], code: i32| {
+        let known = ["identify", log.to_str().unwrap(), "--reference", truth.to_str().unwrap(), "--json"];
+        let output = tumble(&[&known[..], more].concat());
+        assert_eq!(output.status.code(), Some(code), "{more:?}: {}", stderr(&output));
+        let errors = &json(&output)["reference"]["error_over_sigma"];
+        errors.as_array().unwrap().iter().map(|error| error.as_f64().unwrap().abs()).fold(0.0, f64::max)
+    };
+    assert!(worst(&["--method", "ekf"], 3) > 5.0);
+    assert!(worst(&[], 0) < 4.0);
+}
+
 /// Real sensors; two kilograms taken after twenty seconds, let go after sixty.
 #[test]
 fn cargo_that_is_taken_and_let_go_is_weighed() {
