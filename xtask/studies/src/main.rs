@@ -49,6 +49,7 @@ mod predicted_sigma;
 mod propulsion_dynamics;
 mod rattle;
 mod real_data;
+mod real_sensors;
 mod recording;
 mod rrt;
 mod simulator;
@@ -150,6 +151,7 @@ const STUDIES: &[Program] = &[
     ("faults", &["--missions", "--seeds", "--only"], faults::run),
     ("attitude-certificate", &["--runs"], attitude_certificate::run),
     ("throws", &["--data"], throw_terms::run),
+    ("real-sensors", &["--seeds", "--first", "--only"], real_sensors::run),
 ];
 
 const REPRODUCTIONS: &[Program] = &[
