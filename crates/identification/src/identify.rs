@@ -363,6 +363,15 @@ fn found<E: From<IdentificationError>>(
             likely.explained > Some(plan.judge.poor_fit) && likely.rank >= found.rank && likely.marks.leaves_noise_only
         };
         found = likely.filter(better).unwrap_or(found);
+        // Noise may be so large beside the motion that no row tells of it.
+        if (found.rank < 10 || poor(&found))
+            && !is_noise(record)
+            && !is_exact(&found, record)
+            && let Some(flown) = flight::most_likely(record, &Timeline::try_new(record)?, plan)?
+            && flown.verdict.is_identified()
+        {
+            return Ok(flown);
+        }
     }
     // Without a wrench, or with one that means something else, no motion helps.
     if found.silence == Silence::Nothing && !poor(&found) && !found.marks.is_planar {

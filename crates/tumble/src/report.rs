@@ -402,7 +402,13 @@ pub fn prediction_table(prediction: &Prediction, source: &str, wrench_noise: (f6
         text.push('\n');
     }
     if prediction.rank == 10 {
-        let _ = writeln!(text, "verdict: the motion of this log can determine all ten parameters");
+        let _ = writeln!(
+            text,
+            "verdict: the motion of this log can determine all ten parameters, if it is motion: that a localisation wanders shows beside wrenches only"
+        );
+    } else if prediction.planar {
+        let can = "mass, centre of mass in the plane and inertia about its normal";
+        let _ = writeln!(text, "verdict: the motion stays in the xy plane: it can determine {can} at most");
     } else {
         let _ = writeln!(text, "verdict: this log cannot determine the body");
         for direction in &prediction.null_directions {
@@ -422,7 +428,9 @@ pub fn prediction_json(prediction: &Prediction, wrench_noise: (f64, f64)) -> Str
         "null_directions": words(&prediction.null_directions),
         "noise": { "position_m": prediction.noise.position_m, "attitude_rad": prediction.noise.attitude_rad },
         "assumed_noise": { "torque_n_m": wrench_noise.0, "force_n": wrench_noise.1 },
+        "planar": prediction.planar,
         "std": prediction.std.as_ref().map(|std| json_std(std, &Shown::ALL)),
+        "parameter_std": prediction.covariance.map(|covariance| covariance.diagonal().map(f64::sqrt).as_slice().to_vec()),
     })
     .to_string()
 }
@@ -448,6 +456,8 @@ pub struct Json {
     wrench_timing: &'static str,
     samples_used: usize,
     samples_rejected: usize,
+    identified: bool,
+    doubt: Option<String>,
     #[serde(flatten)]
     body: Option<JsonBody>,
     rank: usize,
@@ -589,7 +599,7 @@ pub fn change_table(change: &PartChange) -> String {
     let [time_s, earliest_s, latest_s] = [change.time_ns, change.earliest_ns, change.latest_ns].map(seconds);
     let mut text = format!("change at {time_s:.2} s, between {earliest_s:.2} and {latest_s:.2} s: ");
     let Some(difference) = &change.difference else {
-        return text + "one of the two bodies is not known\n\n";
+        return text + "one of the two bodies is not identified\n\n";
     };
     let (cargo, taken) = cargo(difference);
     let _ = writeln!(text, "what the robot {}", if taken { "took" } else { "let go" });
@@ -631,6 +641,12 @@ pub fn json(found: &Identification, context: &Context) -> Json {
         wrench_timing: timing_name(found.wrench_timing),
         samples_used: found.samples_used,
         samples_rejected: found.samples_rejected,
+        identified: found.verdict.is_identified(),
+        doubt: match found.verdict {
+            Verdict::Doubtful(why) => Some(doubt(why, "a quantity")),
+            Verdict::NoBodyExplains { .. } => Some("no body explains this log".to_owned()),
+            _ => None,
+        },
         body: match (&found.estimate, &found.regularised) {
             (Some(estimate), _) => Some(json_body(estimate, &Shown(&found.determined()))),
             (None, Some(completed)) => Some(json_body(completed, &Shown(&found.determined()))),

@@ -75,7 +75,7 @@ pub struct PartChange {
     pub earliest_ns: i64,
     /// It happened no later, ns.
     pub latest_ns: i64,
-    /// The body after less the body before; none where either is not determined.
+    /// The body after less the body before; none where either is not identified.
     pub difference: Option<Difference>,
 }
 
@@ -89,7 +89,7 @@ pub struct Parts {
 }
 
 impl Difference {
-    /// Of the bodies of two parts; `None` where either shows none.
+    /// Of the bodies of two parts; `None` where either is not identified.
     fn new(
         parameters: &SVector<f64, 10>,
         covariance: &SMatrix<f64, 10, 10>,
@@ -100,12 +100,8 @@ impl Difference {
         let has_mass = parameters[0].abs() > SURELY * std.mass_kg;
         let determined = core::array::from_fn(|i| of_before[i] && of_after[i] && (i == 0 || has_mass));
         let parameters = InertialParameters::from_vector(parameters);
-        (body_of(before).is_some() && body_of(after).is_some()).then_some(Self {
-            parameters,
-            covariance: *covariance,
-            std,
-            determined,
-        })
+        let identified = before.verdict.is_identified() && after.verdict.is_identified();
+        identified.then_some(Self { parameters, covariance: *covariance, std, determined })
     }
 
     /// Of two parts that have nothing in common but the robot.

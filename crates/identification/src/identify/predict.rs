@@ -4,7 +4,7 @@ use super::fit::{LAGS, rough_scale};
 use super::noise::SampleNoise;
 use super::rows::{Regression, Scheme};
 use super::timeline::Timeline;
-use super::{Settings, Way};
+use super::{Settings, Way, is_in_xy_plane};
 use crate::error::IdentificationError;
 use crate::estimator::{StandardDeviations, standard_deviations};
 use crate::jacobi::singular_values;
@@ -17,6 +17,9 @@ use nalgebra::SMatrix;
 const LARGEST_NOISE_SHARE: f64 = 0.5;
 /// Noise that makes less than this share of every direction may be left out.
 const NEGLIGIBLE_NOISE_SHARE: f64 = 0.01;
+
+/// Parameters that a motion in the plane shows.
+const IN_PLANE: usize = 4;
 
 /// What a record can answer, before any wrench is believed.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +34,8 @@ pub struct Prediction {
     pub covariance: Option<SMatrix<f64, 10, 10>>,
     /// Standard deviations derived from it; `None` too where neither wrenches nor a prior say what body it is.
     pub std: Option<StandardDeviations>,
+    /// The motion stays in the xy plane, as that of a body on a table does: of the ten parameters it shows four at most.
+    pub planar: bool,
     /// Rows the record gives.
     pub rows: usize,
     /// Samples between the poses of one row.
@@ -44,7 +49,7 @@ pub struct Prediction {
 /// What the motion of a record can answer, given the noise of its wrench (torque, force; one standard deviation of one
 /// sample). The record need not hold any wrench.
 ///
-/// Noise in the motion is no motion: it is found by high differences, where it makes much of what the rows show longer rows are
+/// White noise in the motion is no motion: it is found by high differences, where it makes much of what the rows show longer rows are
 /// taken, and a direction of which it makes more than half is not seen. Slow errors cannot be told from motion without a
 /// wrench; where there is one, the standard deviations of [`identify`](super::identify) are the better promise.
 ///
@@ -58,7 +63,8 @@ pub fn predict(
     let timeline = Timeline::try_new(record)?;
     let regression = Way::named(settings.method)?.regression();
     let noise = SampleNoise::estimate(record, &timeline, settings);
-    let of = Motion { record, timeline: &timeline, settings, wrench_noise, noise: &noise };
+    let of =
+        Motion { record, timeline: &timeline, settings, wrench_noise, noise: &noise, planar: is_in_xy_plane(record) };
     let mut best = of.seen(regression, settings.lag.unwrap_or(1))?;
     if settings.lag.is_none() && best.noise_share > NEGLIGIBLE_NOISE_SHARE {
         let regressions =
@@ -85,6 +91,7 @@ struct Motion<'a> {
     settings: &'a Settings,
     wrench_noise: (f64, f64),
     noise: &'a SampleNoise,
+    planar: bool,
 }
 
 impl Motion<'_> {
@@ -119,7 +126,7 @@ impl Motion<'_> {
         let tolerance =
             if seen < 10 && values[0] > 0.0 { (values[seen] / values[0]).max(RANK_TOLERANCE) } else { RANK_TOLERANCE };
         let observability = Observability::with_tolerance(&information, scale, tolerance);
-        let rank = observability.rank().min(seen);
+        let rank = observability.rank().min(seen).min(if self.planar { IN_PLANE } else { 10 });
         let covariance = information.covariance(&magnitudes).ok().filter(|_| rank == 10);
         let body = prior.or_else(|| information.solve(&magnitudes).ok());
         let std = covariance
@@ -131,6 +138,7 @@ impl Motion<'_> {
             null_directions: observability.null_directions().to_vec(),
             covariance,
             std,
+            planar: self.planar,
             rows: 6 * rows.all.len(),
             lag,
             noise: self.noise.with_wrench(self.wrench_noise.0, self.wrench_noise.1),

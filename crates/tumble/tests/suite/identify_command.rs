@@ -470,6 +470,32 @@ fn station_keeping_is_doubted_for_its_feedback() {
     assert!(stdout(&output).contains("of the wrench answers to the noise of the measurements"), "{}", stdout(&output));
 }
 
+/// Ten kilograms: the robot with them hardly moves, and noise hides the motion from every regression.
+#[test]
+fn heavy_cargo_is_weighed_too() {
+    let folder = scratch("heavy-cargo");
+    let scenario = folder.join("heavy.toml");
+    let embedded = tumble(&["scenario", "show", "iss-catch"]);
+    let (light, heavy) = ("mass_kg = 2.0", "mass_kg = 10.0");
+    let text = stdout(&embedded);
+    assert!(text.contains(light), "{text}");
+    let as_large = text.replace(light, heavy).replace("0.01", "0.2");
+    fs::write(&scenario, as_large).unwrap();
+    let flown = folder.join("flight");
+    let simulated = tumble(&["simulate", scenario.to_str().unwrap(), "--seed", "3", "--out", flown.to_str().unwrap()]);
+    assert_eq!(simulated.status.code(), Some(0), "{}", stderr(&simulated));
+    let output = tumble(&["identify", flown.join("log.csv").to_str().unwrap(), "--split", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let found = json(&output);
+    for (change, part) in found["changes"].as_array().unwrap().iter().zip(found["parts"].as_array().unwrap()) {
+        assert_eq!(part["result"]["identified"], true);
+        let payload = &change["payload"];
+        let (mass, sigma) = (payload["mass_kg"].as_f64().unwrap(), payload["std"]["mass_kg"].as_f64().unwrap());
+        assert!((mass - 10.0).abs() < 3.0 * sigma && sigma < 0.5, "{mass} +- {sigma}");
+    }
+    assert_eq!(found["changes"].as_array().unwrap().len(), 2);
+}
+
 /// A filter takes the errors of an inertial unit for white: its standard deviations are then too small, and the answer is held against the one
 /// that `identify` gives without being told a method.
 #[test]

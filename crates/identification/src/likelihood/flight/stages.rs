@@ -31,6 +31,10 @@ const SURELY: f64 = 3.0;
 const OTHER_BODY: f64 = 0.02;
 /// Cost above the least, in squared standard deviations, up to which a place of a change is not ruled out: half of it is left out of both parts.
 const NOT_RULED_OUT: f64 = 30.0;
+/// Segments added on either side: what a stream is late or a filter owes moves a change by as much.
+const AROUND: usize = 3;
+/// A step longer than this, by the mean, is a gap.
+const GAP: f64 = 4.0;
 /// Segments between places that are looked at first.
 const COARSE: usize = 8;
 
@@ -319,10 +323,18 @@ impl FlightLikelihood {
         while to + 1 < segments && possible(to + 1, &mut total) {
             to += 1;
         }
+        let last_before = starts[from.saturating_sub(AROUND)];
+        let first_after = starts[(to + AROUND).min(segments - 1)];
+        // Nothing tells where within a gap it was.
+        let gap_ns =
+            GAP * (record[samples.end - 1].time_ns - record[samples.start].time_ns) as f64 / samples.len() as f64;
+        let is_gap = |k: usize| (record[k + 1].time_ns - record[k].time_ns) as f64 > gap_ns;
+        let gaps: Vec<usize> =
+            (last_before.saturating_sub(1)..(first_after + 1).min(record.len() - 1)).filter(|&k| is_gap(k)).collect();
         Some(Place {
-            last_before: starts[from - 1],
+            last_before: gaps.first().map_or(last_before, |&gap| last_before.min(gap)),
             likeliest: starts[likeliest],
-            first_after: starts[(to + 1).min(segments - 1)],
+            first_after: gaps.last().map_or(first_after, |&gap| first_after.max(gap + 1)),
         })
     }
 

@@ -615,6 +615,20 @@ fn cargo_is_weighed_by_the_bodies_before_and_after() {
 }
 
 #[test]
+fn a_change_within_a_gap_is_placed_nowhere_in_it() {
+    let world = with_cargo(1.0);
+    let time_s = |sample: &MotionSample| sample.time_ns as f64 * 1e-9;
+    let log: Vec<MotionSample> =
+        world.log(213).into_iter().filter(|sample| !(38.0..42.5).contains(&time_s(sample))).collect();
+    let stages = world.told().stages(&log).unwrap();
+    let [place] = &stages.changes[..] else { panic!("{:?}", stages.changes) };
+    let (before, after) = (time_s(&log[place.last_before]), time_s(&log[place.first_after]));
+    assert!(before < 38.0 && 42.5 <= after && after - before < 6.0, "{before} {after}");
+    let (difference, covariance) = stages.difference(0);
+    assert!((difference[0] - 2.0).abs() < 3.5 * covariance[(0, 0)].sqrt(), "{} {}", difference[0], covariance[(0, 0)]);
+}
+
+#[test]
 fn cargo_that_nobody_would_notice_is_no_change() {
     assert!(with_cargo(0.0).told().stages(&with_cargo(0.0).log(210)).is_none());
     assert!(with_cargo(0.005).told().stages(&with_cargo(0.005).log(211)).is_none());
