@@ -24,6 +24,9 @@ pub fn timing_name(timing: WrenchTiming) -> &'static str {
     }
 }
 
+/// Where each entry of the inertia about the centre of mass stands among the ten numbers that people compare.
+const INERTIA_PLACES: [[usize; 3]; 3] = [[4, 7, 8], [7, 5, 9], [8, 9, 6]];
+
 /// One of the ten numbers that people compare: mass, centre of mass, inertia about it.
 struct Quantity {
     name: &'static str,
@@ -321,11 +324,12 @@ fn promised(found: &Identification) -> Option<StandardDeviations> {
     let determined = found.determined();
     let known = |place: usize, sigma: f64| if determined[place] { sigma } else { f64::INFINITY };
     let std = &body.std;
-    let place = [[4, 7, 8], [7, 5, 9], [8, 9, 6]];
     Some(StandardDeviations {
         mass_kg: known(0, std.mass_kg),
         center_of_mass_m: Vector3::from_fn(|i, _| known(1 + i, std.center_of_mass_m[i])),
-        inertia_about_com_kg_m2: Matrix3::from_fn(|i, j| known(place[i][j], std.inertia_about_com_kg_m2[(i, j)])),
+        inertia_about_com_kg_m2: Matrix3::from_fn(|i, j| {
+            known(INERTIA_PLACES[i][j], std.inertia_about_com_kg_m2[(i, j)])
+        }),
     })
 }
 
@@ -563,8 +567,7 @@ impl Shown<'_> {
         std::array::from_fn(|i| Some(value[i]).filter(|_| self.0[1 + i]))
     }
     fn inertia(&self, value: &Matrix3<f64>) -> NumberRows {
-        const PLACE: [[usize; 3]; 3] = [[4, 7, 8], [7, 5, 9], [8, 9, 6]];
-        std::array::from_fn(|i| std::array::from_fn(|j| Some(value[(i, j)]).filter(|_| self.0[PLACE[i][j]])))
+        std::array::from_fn(|i| std::array::from_fn(|j| Some(value[(i, j)]).filter(|_| self.0[INERTIA_PLACES[i][j]])))
     }
     fn all(&self) -> bool {
         self.0.iter().all(|shown| *shown)

@@ -57,7 +57,7 @@ pub struct Part {
 pub struct Difference {
     /// Difference of the ten parameters about the body origin, body axes; no body by itself where what they are known to allows for none.
     pub parameters: InertialParameters<f64>,
-    /// Covariance of [`InertialParameters::to_vector`].
+    /// Covariance of [`InertialParameters::to_vector`] of the difference (kg, kg m, kg m^2): what both bodies owe to one set of sensors cancels.
     pub covariance: SMatrix<f64, 10, 10>,
     /// Standard deviations derived from it, centre of mass and inertia about it those of the difference itself.
     pub std: StandardDeviations,
@@ -69,7 +69,7 @@ pub struct Difference {
 /// A change of the body between two parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartChange {
-    /// When it happened most likely, ns.
+    /// When it happened most likely, by the clock of the record, ns.
     pub time_ns: i64,
     /// It happened no earlier, ns.
     pub earliest_ns: i64,

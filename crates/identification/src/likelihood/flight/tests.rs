@@ -9,6 +9,7 @@ use crate::estimator::Estimator;
 use crate::lie::{LieGroup, Pose, Wrench};
 use crate::noise::Gaussian;
 use crate::sensing::{Delay, LinearFilter, Sensing, Wander};
+use crate::units::Units;
 use nalgebra::{DMatrix, DVector, Matrix3, SVector, UnitQuaternion, Vector3};
 
 /// Step of the inertial unit; a row comes every second one.
@@ -626,6 +627,23 @@ fn a_change_within_a_gap_is_placed_nowhere_in_it() {
     assert!(before < 38.0 && 42.5 <= after && after - before < 6.0, "{before} {after}");
     let (difference, covariance) = stages.difference(0);
     assert!((difference[0] - 2.0).abs() < 3.5 * covariance[(0, 0)].sqrt(), "{} {}", difference[0], covariance[(0, 0)]);
+}
+
+/// A body of ten tons that takes two, of whose sensors nobody says anything: the record is taken in other units.
+#[test]
+fn heavy_bodies_are_told_apart_in_their_own_units() {
+    let usual = with_cargo(1000.0);
+    let world = World { body_scale: 1000.0, wrench_scale: 1000.0, ..usual };
+    let log = world.log(215);
+    assert!(Units::of_record(&log).record(&log).is_some());
+    let stages = FlightLikelihood::default().stages(&log).unwrap();
+    let [place] = &stages.changes[..] else { panic!("{:?}", stages.changes) };
+    assert!((log[place.likeliest].time_ns as f64 * 1e-9 - 40.0).abs() < 0.5, "{place:?}");
+    let (difference, covariance) = stages.difference(0);
+    let sigma = covariance[(0, 0)].sqrt();
+    println!("{} +- {sigma}, {}", difference[0], stages.bodies[0].mass);
+    assert!((difference[0] - 2000.0).abs() < 3.5 * sigma && sigma < 400.0, "{} +- {sigma}", difference[0]);
+    assert!((stages.bodies[0].mass / 9600.0 - 1.0).abs() < 0.1, "{}", stages.bodies[0].mass);
 }
 
 #[test]
