@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
+pub mod actuator_file;
 pub mod arm;
 pub mod body_file;
 mod embedded;

@@ -157,6 +157,70 @@ impl RowLayout for MotionLayout {
     }
 }
 
+/// What a command of an actuator may be.
+const COMMANDS: &str = "a command lies between 0 and 1";
+
+/// Where the columns of a log of poses and commands of actuators stand.
+pub struct CommandedLayout {
+    motion: MotionLayout,
+    names: Vec<String>,
+    columns: Vec<usize>,
+}
+
+/// A sample and what each actuator was told from it on; nothing where its cell is empty.
+pub struct CommandedSample {
+    /// The motion; its wrench is that of the log, where there is one.
+    pub motion: MotionSample,
+    /// Commands between zero and one.
+    pub commands: Vec<Option<f64>>,
+}
+
+impl RowLayout for CommandedLayout {
+    type Sample = CommandedSample;
+
+    fn time_column(&self) -> usize {
+        self.motion.time
+    }
+
+    fn knows(&self, column: &str) -> bool {
+        self.motion.knows(column) || self.names.iter().any(|name| name == column)
+    }
+
+    fn sample(&self, row: &Row, time_ns: i64) -> Result<CommandedSample, FormatsError> {
+        let command = |column: &usize| {
+            let Some([command]) = row.optional(Some([Some(*column)]))? else { return Ok(None) };
+            if (0.0..=1.0).contains(&command) { Ok(Some(command)) } else { Err(row.out_of_range(*column, COMMANDS)) }
+        };
+        let commands = self.columns.iter().map(command).collect::<Result<_, _>>()?;
+        Ok(CommandedSample { motion: self.motion.sample(row, time_ns)?, commands })
+    }
+}
+
+/// Streams the samples and commands of one log.
+pub type CommandedReader<R = File> = TimedRows<R, CommandedLayout>;
+
+impl TimedRows<File, CommandedLayout> {
+    /// Opens a log whose actuators are commanded in these columns, and reads its header.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`].
+    pub fn open(path: &Path, reorder: bool, columns: &[String]) -> Result<Self, FormatsError> {
+        Self::start(open_file(path)?, path, reorder, |header| {
+            let places = columns.iter().map(|name| header.required(name, NAMED_BY_THE_ACTUATORS));
+            let places = places.collect::<Result<_, _>>()?;
+            Ok(CommandedLayout { motion: MotionLayout::find(header)?, names: columns.to_vec(), columns: places })
+        })
+    }
+
+    /// As that of [`LogReader`].
+    pub fn is_planar(&self) -> bool {
+        self.layout().motion.is_planar()
+    }
+}
+
+/// Why a column of commands must be there.
+const NAMED_BY_THE_ACTUATORS: &str = "; the actuator file names it";
+
 /// Streams the samples of one log of poses.
 pub type LogReader<R = File> = TimedRows<R, MotionLayout>;
 

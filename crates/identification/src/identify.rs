@@ -26,7 +26,7 @@ use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::estimator::{Estimate, Evidence, Judge, Verdict, Why, standard_deviations};
 use crate::lie::{Pose, Wrench};
-use crate::likelihood::{Exchange, FlightLikelihood, NuisanceEstimate, Nuisances};
+use crate::likelihood::{Exchange, FlightLikelihood, FoundDelay, FoundThrusters, NuisanceEstimate, Nuisances};
 use crate::motion::{MotionSample, Noise};
 use crate::weighted_least_squares::WrenchRow;
 use crate::{
@@ -62,6 +62,9 @@ pub const MAXIMUM_LIKELIHOOD: &str = "maximum-likelihood";
 
 /// Name of the likelihood with a model of the sensors in it: wander, filters, gains, biases, delays.
 pub const FLIGHT_LIKELIHOOD: &str = "flight-likelihood";
+
+/// Name of the answer by smooth test functions, for a body on a table that no error of its wrench explains.
+pub const WEAK_FORM: &str = "weak-form";
 
 /// Every built-in method: its name, what it is in a sentence, and how it comes to an answer.
 const BUILT_IN: [(&str, &str, Way); 11] = [
@@ -249,6 +252,10 @@ pub struct Identification {
     pub calibration: Vec<NuisanceEstimate>,
     /// What of it and of the ten parameters the data do not separate.
     pub exchanges: Vec<Exchange>,
+    /// Scales of the thrusters behind the wrench, where they were told.
+    pub thrusters: Option<FoundThrusters>,
+    /// Age of what the sensors say against the wrench, where thrusters were told: that of the rate, or without one of the poses.
+    pub age: Option<FoundDelay>,
     /// What the model leaves unexplained, node by node; empty without any estimate.
     pub residuals: Vec<NodeResidual>,
     /// What a reader must know; nothing is decided by it.
@@ -336,15 +343,18 @@ fn found<E: From<IdentificationError>>(
     plan: &Plan<'_>,
     replace: impl FnOnce(&mut Fit, &SampleNoise) -> Result<Replaced, E>,
 ) -> Result<Identification, E> {
-    // A table holds the body: whatever takes it for a free one is wrong.
+    // A table holds the body: whatever takes it for a free one is wrong. What thrusters are off by is another's to find too.
     let on_table =
         plan.way == Way::Auto && plan.flown.map_or_else(|| is_in_xy_plane(record), |told| told.is_planar(record));
-    if on_table && let Some(found) = flight::most_likely(record, &Timeline::try_new(record)?, plan)? {
+    let by_thrusters = plan.flown.is_some_and(|told| told.thrusters.is_some());
+    if (on_table || by_thrusters)
+        && let Some(found) = flight::most_likely(record, &Timeline::try_new(record)?, plan)?
+    {
         return Ok(found);
     }
     let mut found = answer(record, plan, replace)?;
-    if on_table {
-        return Ok(flight::unanswered(found));
+    if on_table || by_thrusters {
+        return Ok(flight::unanswered(found, on_table));
     }
     // What white errors do not explain, sensors do.
     let asks_for_sensors = found.marks.errors_not_white && !is_noise(record) && !is_exact(&found, record);
@@ -545,6 +555,8 @@ fn conclude(
         delay_s: None,
         calibration: Vec::new(),
         exchanges: Vec::new(),
+        thrusters: None,
+        age: None,
         residuals,
         warnings,
         marks,

@@ -8,6 +8,8 @@ pub use tumble_dynamics as dynamics;
 pub use tumble_lie as lie;
 
 #[cfg(feature = "std")]
+pub mod actuators;
+#[cfg(feature = "std")]
 mod beside;
 #[cfg(feature = "std")]
 mod body_change;
@@ -79,8 +81,8 @@ pub use excitation::{BodyAxis, ExcitationDiagnosis, Remedy, WeakDirection};
 pub use identify::{
     ConstrainedSolvers, Difference, FLIGHT_LIKELIHOOD, Identification, JointFilter, LongRecord, MAXIMUM_LIKELIHOOD,
     Methods, NodeResidual, Part, PartChange, Parts, Pipeline, Prediction, Prior, Problem, Regressed, Regression,
-    Settings, Silence, Validation, Warning, constrained_solvers, identify, identify_in, identify_parts, merge, methods,
-    predict, validate, with_all_that_acts,
+    Settings, Silence, Validation, WEAK_FORM, Warning, constrained_solvers, identify, identify_in, identify_parts,
+    merge, methods, predict, validate, with_all_that_acts,
 };
 pub use information::FisherInformation;
 #[cfg(feature = "argmin")]
@@ -88,8 +90,8 @@ pub use likelihood::LikelihoodCost;
 #[cfg(feature = "std")]
 pub use likelihood::{
     BodyChange, Exchange, FixedLag, FixedLagSettings, FixedLagStep, FlightEstimate, FlightLikelihood, FoundDelay,
-    FoundLevels, FoundThrusters, Halves, Innovation, Iteration, LikelihoodEstimate, MaximumLikelihood, Nuisance,
-    NuisanceEstimate, NuisancePrior, Nuisances, Plane, Quantity, SegmentResidual, Thrusters, Verdict,
+    FoundFactor, FoundLevels, FoundThrusters, Halves, Innovation, Iteration, LikelihoodEstimate, MaximumLikelihood,
+    Nuisance, NuisanceEstimate, NuisancePrior, Nuisances, Plane, Quantity, SegmentResidual, Thrusters, Verdict,
 };
 pub use linear_model::LinearModel;
 #[cfg(feature = "std")]

@@ -25,7 +25,9 @@ mod window;
 pub use calibration::{Nuisance, NuisancePrior, Nuisances};
 #[cfg(feature = "argmin")]
 pub use cost::LikelihoodCost;
-pub use flight::{FlightEstimate, FlightLikelihood, FoundDelay, FoundLevels, FoundThrusters, Halves, Plane, Thrusters};
+pub use flight::{
+    FlightEstimate, FlightLikelihood, FoundDelay, FoundFactor, FoundLevels, FoundThrusters, Halves, Plane, Thrusters,
+};
 pub(crate) use flight::{Place, Stages};
 pub use identifiability::{Exchange, Quantity, Verdict};
 pub use window::{FixedLag, FixedLagSettings, FixedLagStep, Innovation};

@@ -8,12 +8,13 @@ use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::{Matrix3, Vector3};
 use tumble_dynamics::{InertialParameters, PARAMETER_NAMES, PARAMETER_UNITS};
 use tumble_formats::FormatsError;
+use tumble_formats::actuator_file::ActuatorFile;
 use tumble_formats::body_file::BodyFile;
 use tumble_formats::log::seconds;
 use tumble_identification::estimator::{Verdict, Why};
 use tumble_identification::{
-    Difference, Estimate, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, NuisanceEstimate, NullDirection,
-    PartChange, Prediction, StandardDeviations, Validation, WrenchTiming,
+    Difference, Estimate, FoundFactor, FoundThrusters, Identification, MAXIMUM_LIKELIHOOD, NodeResidual,
+    NuisanceEstimate, NullDirection, PartChange, Prediction, StandardDeviations, Validation, WEAK_FORM, WrenchTiming,
 };
 
 /// The name of a wrench timing on the command line and in JSON.
@@ -80,12 +81,15 @@ pub struct Context<'a> {
     pub reader_warnings: Vec<String>,
     /// Duration of the record, s.
     pub duration_s: f64,
+    /// What its commands drive, where they make the wrench.
+    pub actuators: Option<&'a ActuatorFile>,
 }
 
 /// All warnings in one list.
 pub fn warnings(found: &Identification, context: &Context) -> Vec<String> {
     let exchanges = found.exchanges.iter().map(ToString::to_string);
-    let own = found.warnings.iter().map(ToString::to_string).chain(exchanges);
+    let suspects = Actuated::of(found, context).into_iter().flat_map(|actuated| actuated.accused());
+    let own = found.warnings.iter().map(ToString::to_string).chain(exchanges).chain(suspects);
     context.reader_warnings.iter().cloned().chain(own).collect()
 }
 
@@ -106,19 +110,138 @@ pub fn table(found: &Identification, context: &Context) -> String {
         context.duration_s,
     );
     let noise = &found.noise;
-    let _ = writeln!(
-        text,
-        "  residual like wrench noise of {:.1e} N m, {:.1e} N per sample; pose noise about {:.1e} m, {:.1e} rad\n",
-        noise.torque_n_m, noise.force_n, noise.position_m, noise.attitude_rad
-    );
+    let _ = match found.method {
+        WEAK_FORM => writeln!(
+            text,
+            "  sigmas by the scatter of windows: no level of noise describes what acts beside the wrench\n"
+        ),
+        _ => writeln!(
+            text,
+            "  residual like wrench noise of {:.1e} N m, {:.1e} N per sample; pose noise about {:.1e} m, {:.1e} rad\n",
+            noise.torque_n_m, noise.force_n, noise.position_m, noise.attitude_rad
+        ),
+    };
     match (&found.estimate, &found.regularised) {
         (Some(estimate), _) => text += &body_table(estimate, &found.determined(), context),
         (None, Some(completed)) => text += &body_table(completed, &found.determined(), context),
         (None, None) => {}
     }
+    if let Some(actuated) = Actuated::of(found, context) {
+        text += &actuated.table();
+    }
     text += &calibration_table(&found.calibration);
     let _ = write!(text, "{}", verdict(found, context));
     text
+}
+
+/// What was found of the actuators, by their columns.
+struct Actuated<'a> {
+    columns: &'a [String],
+    found: &'a FoundThrusters,
+    /// From command to what the sensors say, s, and one standard deviation.
+    delay_s: Option<[f64; 2]>,
+}
+
+impl<'a> Actuated<'a> {
+    fn of(found: &'a Identification, context: &Context<'a>) -> Option<Self> {
+        let file = context.actuators?;
+        let told_s = file.actuators.common.delay_s;
+        let delay_s = found.age.map(|age| [told_s + age.value_s, age.std_s]);
+        Some(Self { columns: &file.columns, found: found.thrusters.as_ref()?, delay_s })
+    }
+
+    /// Column, scale, one standard deviation, by how many of them it is off without its prior.
+    fn each(&self) -> impl Iterator<Item = (&'a str, f64, f64, f64)> {
+        let found = self.found;
+        let numbers = found.scale.iter().zip(&found.std).zip(&found.deviations);
+        self.columns.iter().zip(numbers).map(|(name, ((scale, std), off))| (name.as_str(), *scale, *std, *off))
+    }
+
+    fn suspects(&self) -> Vec<&'a str> {
+        let name = |index: &usize| self.columns.get(*index).map(String::as_str);
+        self.found.suspects.iter().filter_map(name).collect()
+    }
+
+    /// What a reader must know of those that are far off.
+    fn accused(&self) -> Vec<String> {
+        let suspects = self.suspects();
+        let sentence = |(name, scale, std, _): (&str, f64, f64, f64)| {
+            let (scale, std) = with_digits_of(scale, std);
+            format!(
+                "the thruster of `{name}` gives {scale} +- {std} of its thrust: it was freed, and the body is the one without its prior"
+            )
+        };
+        self.each().filter(|(name, ..)| suspects.contains(name)).map(sentence).collect()
+    }
+
+    fn table(&self) -> String {
+        let mut text = String::new();
+        let suspects = self.suspects();
+        let _ = writeln!(text, "  {:<18}{:>16}{:>14}", "actuator", "scale", "1 sigma");
+        for (name, scale, std, _) in self.each() {
+            if std > 0.0 {
+                let (scale, std) = with_digits_of(scale, std);
+                let word = if suspects.contains(&name) { "  suspect" } else { "" };
+                let _ = writeln!(text, "  {name:<18}{scale:>16}{std:>14}{word}");
+            } else {
+                let _ = writeln!(text, "  {name:<18}{scale:>16.6}{:>14}", "-");
+            }
+        }
+        let shared = [("all alike", self.found.common), ("sag per further", self.found.sag)];
+        for (name, found) in shared {
+            if let Some(found) = found {
+                let (value, std) = with_digits_of(found.value, found.std);
+                let _ = writeln!(text, "  {name:<18}{value:>16}{std:>14}");
+            }
+        }
+        if let Some([delay_s, std_s]) = self.delay_s {
+            let (delay, std) = with_digits_of(delay_s, std_s);
+            let _ = writeln!(text, "  {:<18}{delay:>16}{std:>14}  s", "delay");
+        }
+        text.push('\n');
+        text
+    }
+
+    fn json(&self) -> JsonActuators {
+        let shared = |found: Option<FoundFactor>| found.map(|found| JsonFound { value: found.value, std: found.std });
+        let one = |(column, scale, std, deviations): (&str, f64, f64, f64)| JsonActuator {
+            column: column.to_owned(),
+            scale: (std > 0.0).then_some(scale),
+            std: (std > 0.0).then_some(std),
+            deviations: (std > 0.0).then_some(deviations),
+        };
+        JsonActuators {
+            thrusters: self.each().map(one).collect(),
+            common_scale: shared(self.found.common),
+            sag: shared(self.found.sag),
+            delay_s: self.delay_s.map(|[value, std]| JsonFound { value, std }),
+            suspects: self.suspects().into_iter().map(str::to_owned).collect(),
+        }
+    }
+}
+
+/// What was found of the actuators; `null` where a thruster was never commanded.
+#[derive(Serialize)]
+struct JsonActuators {
+    thrusters: Vec<JsonActuator>,
+    common_scale: Option<JsonFound>,
+    sag: Option<JsonFound>,
+    delay_s: Option<JsonFound>,
+    suspects: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct JsonActuator {
+    column: String,
+    scale: Option<f64>,
+    std: Option<f64>,
+    deviations: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct JsonFound {
+    value: f64,
+    std: f64,
 }
 
 fn calibration_table(calibration: &[NuisanceEstimate]) -> String {
@@ -475,6 +598,8 @@ pub struct Json {
     delay_s: Option<f64>,
     calibration: Vec<JsonCalibration>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    actuators: Option<JsonActuators>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     reference: Option<JsonReference>,
     #[serde(skip_serializing_if = "Option::is_none")]
     holdout: Option<JsonHoldout>,
@@ -671,6 +796,7 @@ pub fn json(found: &Identification, context: &Context) -> Json {
             acceleration_m_s2: used(found.noise.acceleration_m_s2),
         },
         delay_s: found.delay_s,
+        actuators: Actuated::of(found, context).map(|actuated| actuated.json()),
         calibration: found.calibration.iter().map(json_calibration).collect(),
         reference: found.estimate.as_ref().and_then(|estimate| reference_json(estimate, context)),
         holdout: context.validation.map(|v| JsonHoldout {

@@ -3,6 +3,7 @@
 //! To add a benchmark problem: a module with `pub fn run(bench: &mut Bench) -> Result<(), Failure>` and a line in [`PROBLEMS`].
 
 mod actuation;
+mod air_table;
 mod allocation;
 mod arguments;
 mod arm_payload;

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use crate::arguments::Arguments;
-use crate::{Failure, allocation, arm_payload, brushless, propulsion_dynamics, station_imu, throws, thrust_imu};
+use crate::{
+    Failure, air_table, allocation, arm_payload, brushless, propulsion_dynamics, station_imu, throws, thrust_imu,
+};
 
 /// A set: its folder and what processes it, which returns the targets it missed.
 type Set = (&'static str, fn(&Path, bool) -> Result<Vec<String>, Failure>);
@@ -16,6 +18,7 @@ const SETS: &[Set] = &[
     (propulsion_dynamics::SET, propulsion_dynamics::run),
     (arm_payload::SET, arm_payload::run),
     (station_imu::SET, station_imu::run),
+    (air_table::SET, air_table::run),
 ];
 
 /// Runs every set found in the data folder: `--data`, else `TUMBLE_DATA`, else `../shared/data`.

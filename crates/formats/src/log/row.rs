@@ -119,6 +119,17 @@ impl Row<'_> {
         }
     }
 
+    /// That a cell holds a number that its column cannot hold.
+    pub fn out_of_range(&self, column: usize, allowed: &'static str) -> FormatsError {
+        FormatsError::OutOfRange {
+            path: self.path.into(),
+            line: self.line,
+            column: self.names.get(column).cloned().unwrap_or_default(),
+            text: shortened(&String::from_utf8_lossy(self.text(column))),
+            allowed,
+        }
+    }
+
     /// A finite number.
     ///
     /// # Errors

@@ -4,7 +4,7 @@ use super::likelihood::MANY_OUTLIERS;
 use super::solution::{Solution, solve};
 use super::timeline::Timeline;
 use super::verdict::{Marks, Silence, verdict};
-use super::{FEW_NODES, FLIGHT_LIKELIHOOD, Identification, NodeResidual, Noise, Plan, Settings, Warning};
+use super::{FEW_NODES, FLIGHT_LIKELIHOOD, Identification, NodeResidual, Noise, Plan, Settings, WEAK_FORM, Warning};
 use crate::error::{Column, IdentificationError};
 use crate::estimator::{Evidence, Verdict, Why};
 use crate::likelihood::{FlightEstimate, FlightLikelihood};
@@ -17,6 +17,9 @@ const CHANCE: f64 = 1e-5;
 const COLOURED: f64 = 2.0;
 /// Misfit of levels below which colour is of no consequence.
 const VISIBLE: f64 = 1e-4;
+
+/// Masses further apart than so many joint standard deviations are not of one body.
+const APART: f64 = 2.5;
 
 /// Places of ln m, c_x, c_y and J_C33.
 const IN_PLANE: [usize; 4] = [0, 1, 2, 9];
@@ -37,8 +40,8 @@ pub(super) fn most_likely(
     let settings = plan.settings;
     let estimator = plan.flown.map_or_else(|| FlightLikelihood::default().under(settings), |told| told.under(settings));
     let found = estimator.estimate(record).and_then(|found| identification(&found, record, timeline, plan));
-    match found {
-        Ok(found) => Ok(Some(found)),
+    let found = match found {
+        Ok(found) => Some(found),
         // Also a body so far from all bodies that nothing consistent is near it.
         Err(
             IdentificationError::Indefinite { .. }
@@ -47,9 +50,26 @@ pub(super) fn most_likely(
             | IdentificationError::NotExcited { .. }
             | IdentificationError::TooFewSamples { .. }
             | IdentificationError::WrenchBeside,
-        ) => Ok(None),
-        Err(error) => Err(error),
+        ) => None,
+        Err(error) => return Err(error),
+    };
+    if !estimator.is_planar(record) {
+        return Ok(found);
     }
+    // A table has what no white error of the wrench describes.
+    let Some(weak) = estimator.weak_form(record)? else { return Ok(found) };
+    let weak = Identification { method: WEAK_FORM, ..identification(&weak, record, timeline, plan)? };
+    let Some(found) = found else { return Ok(Some(weak)) };
+    let agrees = found.verdict.is_identified() && !are_apart(&found, &weak);
+    Ok(Some(if weak.verdict.is_identified() && !agrees { weak } else { found }))
+}
+
+/// Whether the masses that two ways come to are further apart than both allow.
+fn are_apart(one: &Identification, other: &Identification) -> bool {
+    let of = |found: &Identification| {
+        found.estimate.or(found.regularised).map(|found| (found.parameters.mass, found.std.mass_kg))
+    };
+    of(one).zip(of(other)).is_some_and(|(a, b)| (a.0 - b.0).abs() > APART * a.1.hypot(b.1))
 }
 
 fn identification(
@@ -151,6 +171,8 @@ fn identification(
         delay_s: None,
         calibration: Vec::new(),
         exchanges: Vec::new(),
+        thrusters: found.thrusters.clone(),
+        age: found.thrusters.as_ref().and(found.delays[2].or(found.delays[0])),
         residuals,
         warnings,
         marks: Marks {
@@ -162,11 +184,13 @@ fn identification(
     })
 }
 
-/// A record on a table on which the likelihood did not settle: what a free body would have to be says nothing.
-pub(super) fn unanswered(free: Identification) -> Identification {
+/// A record on a table, or of thrusters that may be off, on which the likelihood did not settle: what a free body under a wrench without
+/// errors would have to be says nothing.
+pub(super) fn unanswered(free: Identification, on_table: bool) -> Identification {
     let mut warnings: Vec<Warning> =
         free.warnings.into_iter().filter(|warning| matches!(warning, Warning::Gaps { .. })).collect();
-    warnings.extend([Warning::OnTable, Warning::NoAnswer]);
+    warnings.extend(on_table.then_some(Warning::OnTable));
+    warnings.push(Warning::NoAnswer);
     Identification {
         method: FLIGHT_LIKELIHOOD,
         estimate: None,
@@ -175,7 +199,7 @@ pub(super) fn unanswered(free: Identification) -> Identification {
         verdict: Verdict::Doubtful(Why::StandIn),
         residuals: Vec::new(),
         warnings,
-        marks: Marks { likelihood_failed: true, is_planar: true, on_table: true, ..free.marks },
+        marks: Marks { likelihood_failed: true, is_planar: on_table, on_table, ..free.marks },
         ..free
     }
 }

@@ -225,6 +225,8 @@ fn identification(
         delay_s: found.delay_s(),
         calibration: found.nuisances,
         exchanges: found.exchanges,
+        thrusters: None,
+        age: None,
         residuals,
         warnings,
         marks,

@@ -97,6 +97,8 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
         delay_s: calibration.iter().find(|found| found.nuisance == Nuisance::Delay).and_then(|found| found.value),
         calibration,
         exchanges: main.exchanges.clone(),
+        thrusters: main.thrusters.clone(),
+        age: main.age,
         residuals: parts.iter().flat_map(|part| part.residuals.iter().copied()).collect(),
         warnings,
         marks: Marks::default(),

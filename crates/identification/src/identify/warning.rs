@@ -266,7 +266,7 @@ impl fmt::Display for Warning {
             ),
             Self::NoAnswer => write!(
                 f,
-                "the likelihood did not settle on this log, and no other method knows a table: check the timing of the wrench and what the \
+                "the likelihood did not settle on this log, and no other method knows a table or thrusters that are off: check the timing of the wrench and what the \
                  actuators really give; no numbers"
             ),
             Self::OnTable => write!(

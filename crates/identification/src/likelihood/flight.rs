@@ -3,6 +3,7 @@
 //! The multiple shooting of [`MaximumLikelihood`](super::MaximumLikelihood) with nine states of wander in the chain, one mean row per stream
 //! and short segment, and the inertial unit's filters applied to the wrench and not to states.
 
+mod coherent;
 mod eliminate;
 mod fit;
 mod grid;
@@ -14,10 +15,13 @@ mod stages;
 mod sweep;
 #[cfg(test)]
 mod tests;
+mod thrusters;
 mod unit;
+mod weak_form;
 
-pub use outcome::{FlightEstimate, FoundDelay, FoundLevels, FoundThrusters, Halves};
+pub use outcome::{FlightEstimate, FoundDelay, FoundLevels, Halves};
 pub(crate) use stages::{Place, Stages};
+pub use thrusters::{FoundFactor, FoundThrusters, Thrusters};
 
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -48,64 +52,6 @@ pub enum Plane {
     Planar,
     /// It does not.
     Free,
-}
-
-/// Thrusts behind the logged wrench, whose scales may be off.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Thrusters {
-    /// Torque about the body origin and force per thrust, body axes, thruster by thruster.
-    columns: Vec<[Vector3<f64>; 2]>,
-    /// One standard deviation of the relative error of each.
-    scale_sigma: Vec<f64>,
-    /// Thrusts in the order of the samples, all of one sample together.
-    thrusts: Vec<f64>,
-}
-
-impl Thrusters {
-    /// Thrusters with these wrenches per thrust `[torque; force]` (m and 1, body axes, about the origin), relative errors of thrust with
-    /// standard deviations `scale_sigma`, and the thrusts that the logged wrench is made of (N, over the step that begins at each sample):
-    /// `thrusts[sample * thrusters + thruster]`.
-    ///
-    /// # Errors
-    /// [`IdentificationError::RecordShape`] where the thrusts do not fill samples or the errors are not one per thruster;
-    /// [`IdentificationError::ImpossibleSensing`] for numbers that are not finite or an error that is negative.
-    pub fn try_new(
-        wrench_per_thrust: &[[f64; 6]],
-        scale_sigma: &[f64],
-        thrusts: &[f64],
-    ) -> Result<Self, IdentificationError> {
-        let n = wrench_per_thrust.len();
-        let samples = thrusts.len().checked_div(n).unwrap_or(0);
-        if n == 0 || samples * n != thrusts.len() || scale_sigma.len() != n {
-            return Err(IdentificationError::RecordShape {
-                rows: samples,
-                columns: scale_sigma.len(),
-                expected_rows: samples,
-                expected_columns: n,
-            });
-        }
-        let bad = |what: &'static str, value: f64| Err(IdentificationError::ImpossibleSensing { what, value });
-        if let Some(value) = wrench_per_thrust.iter().flatten().chain(thrusts).find(|x| !x.is_finite()) {
-            return bad("thrust or wrench of a thruster", *value);
-        }
-        if let Some(value) = scale_sigma.iter().find(|s| !(**s >= 0.0 && s.is_finite())) {
-            return bad("standard deviation of a thruster's scale", *value);
-        }
-        let columns = wrench_per_thrust
-            .iter()
-            .map(|w| [Vector3::new(w[0], w[1], w[2]), Vector3::new(w[3], w[4], w[5])])
-            .collect();
-        Ok(Self { columns, scale_sigma: scale_sigma.to_vec(), thrusts: thrusts.to_vec() })
-    }
-
-    fn of_sample(&self, sample: usize) -> &[f64] {
-        let n = self.columns.len();
-        self.thrusts.get(sample * n..(sample + 1) * n).unwrap_or_default()
-    }
-
-    fn samples(&self) -> usize {
-        self.thrusts.len() / self.columns.len()
-    }
 }
 
 /// Maximum likelihood of the ten parameters from the log of a robot whose sensors wander, filter, lag, and are off in scale and bias.
@@ -197,9 +143,9 @@ impl FlightLikelihood {
         if let Some(thrusters) = self.thrusters.as_ref().filter(|t| t.samples() != record.len()) {
             return Err(IdentificationError::RecordShape {
                 rows: thrusters.samples(),
-                columns: thrusters.columns.len(),
+                columns: thrusters.len(),
                 expected_rows: record.len(),
-                expected_columns: thrusters.columns.len(),
+                expected_columns: thrusters.len(),
             });
         }
         // What is known of sensors of which nobody said anything is of ordinary ones: a record in other units is taken in ordinary ones.
@@ -234,20 +180,31 @@ impl FlightLikelihood {
         let added = self.added(record);
         let mut of = self.clone();
         let mut freed = Vec::new();
+        // What is spent weighs by the mass, which is then to be found first.
+        let mut mass_kg = None;
         loop {
-            let grid = Grid::try_new(record, self.wrench_timing, &added, of.thrusters.as_ref())?;
+            let mut grid = Grid::try_new(record, self.wrench_timing, &added, of.thrusters.as_ref())?;
+            if let Some((thrusters, mass_kg)) = of.thrusters.as_ref().zip(mass_kg) {
+                grid.lighten(thrusters, mass_kg);
+            }
             let mut fit = Fit::new(&of, grid, planar)?;
             fit.run()?;
             let found = outcome::of(&mut fit, &freed)?;
             let joint = Joint::of(&fit);
+            let spends = of.thrusters.as_ref().is_some_and(Thrusters::is_spent);
+            if spends && mass_kg.is_none() {
+                mass_kg = Some(found.parameters.mass);
+                of.start = found.parameters;
+                continue;
+            }
             let suspect = found.thrusters.as_ref().and_then(|found| found.worst(&freed));
             let (Some(suspect), Some(thrusters)) = (suspect, of.thrusters.as_mut()) else {
                 return Ok((found, joint));
             };
-            if freed.len() >= thrusters.columns.len() / 2 {
+            if freed.len() >= thrusters.len() / 2 {
                 return Ok((found, joint));
             }
-            thrusters.scale_sigma[suspect] = 1.0;
+            thrusters.free(suspect);
             freed.push(suspect);
             of.start = found.parameters;
         }

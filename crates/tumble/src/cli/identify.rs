@@ -77,6 +77,7 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         validation,
         reader_warnings: log.warnings.clone(),
         duration_s: log.duration_s,
+        actuators: log.actuators.as_ref(),
     };
     deliver(args, &found, &context)
 }
@@ -110,6 +111,7 @@ fn without_cycles(estimator: HarmonicEstimator, reason: &IdentificationError) ->
 fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
     let output = args.out.is_some() || args.export.is_some();
     let of_log = args.sensing.is_some()
+        || args.actuators.is_some()
         || args.planar
         || args.no_planar
         || args.reference.is_some()
@@ -122,7 +124,7 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
         || args.excitation.is_some()
         || args.period.is_some()
         || args.gravity != Vector3::zeros();
-    let of_sensors = args.sensing.is_some() || args.planar || args.no_planar;
+    let of_sensors = args.sensing.is_some() || args.actuators.is_some() || args.planar || args.no_planar;
     let of_one_body = of_sensors
         || args.reference.is_some()
         || args.prior.is_some()
@@ -185,11 +187,15 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
         ),
         (
             of_sensors && ![AUTO, FLIGHT_LIKELIHOOD].contains(&args.method.as_str()),
-            "`--sensing`, `--planar` and `--no-planar` belong to `--method flight-likelihood` (or auto)",
+            "`--sensing`, `--actuators`, `--planar` and `--no-planar` belong to `--method flight-likelihood` (or auto)",
         ),
         (
             of_sensors && (args.demo || periodic || args.dry_run || !args.estimate.is_empty()),
-            "`--sensing`, `--planar` and `--no-planar` are for a log: no `--demo`, `--excitation`, `--period`, `--dry-run`, `--estimate`",
+            "`--sensing`, `--actuators`, `--planar` and `--no-planar` are for a log: no `--demo`, `--excitation`, `--period`, `--dry-run`, `--estimate`",
+        ),
+        (
+            args.actuators.is_some() && (args.split || args.holdout.is_some() || args.robot.is_some()),
+            "`--actuators` takes the rows of one log as one: no `--split`, `--holdout`, `--robot`",
         ),
         (!args.estimate.is_empty() && args.dry_run, "`--dry-run` estimates nothing: no `--estimate`"),
         (
@@ -213,7 +219,7 @@ fn check_outputs(args: &IdentifyArgs) -> Result<(), TumbleError> {
         if path.exists() && !args.force {
             return Err(TumbleError::OutputExists { path: path.clone() });
         }
-        let inputs = [&args.log, &args.reference, &args.prior, &args.excitation];
+        let inputs = [&args.log, &args.reference, &args.prior, &args.excitation, &args.actuators];
         let same =
             |input: &PathBuf| input.canonicalize().is_ok_and(|real| path.canonicalize().is_ok_and(|p| p == real));
         if inputs.into_iter().flatten().any(same) {
@@ -280,6 +286,7 @@ fn split(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome,
             validation: None,
             reader_warnings: if index == 0 { log.warnings.clone() } else { Vec::new() },
             duration_s: end_s - start_s,
+            actuators: None,
         };
         for warning in report::warnings(found, &context) {
             eprintln!("warning: part {}: {warning}", index + 1);

@@ -4,12 +4,13 @@ use super::identify_options::{AUTO, DEMO_SEED, IdentifyArgs};
 use crate::{TumbleError, demo};
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
-use tumble_formats::log::seconds;
+use tumble_formats::actuator_file::{self, ActuatorFile};
+use tumble_formats::log::{CommandedReader, seconds};
 use tumble_formats::{FormatsError, Robots, SampleReader, body_file, recording};
 use tumble_identification::estimator::EstimatorError;
-use tumble_identification::sensing;
+use tumble_identification::sensing::{self, Sensing};
 use tumble_identification::{
     FlightLikelihood, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Parts,
     Pipeline, Plane, Settings, merge,
@@ -29,6 +30,8 @@ pub(super) struct Log {
     pub(super) reference: Option<(String, InertialParameters<f64>)>,
     pub(super) warnings: Vec<String>,
     pub(super) duration_s: f64,
+    /// What its commands drive, where they make the wrench.
+    pub(super) actuators: Option<ActuatorFile>,
     /// What identifies it, told of the sensors and of the plane.
     pipeline: Pipeline,
 }
@@ -72,6 +75,7 @@ impl Log {
             reference: Some(("truth".to_owned(), flight.truth)),
             warnings: Vec::new(),
             duration_s: demo::DURATION_S,
+            actuators: None,
             pipeline: Pipeline::new(),
         })
     }
@@ -85,14 +89,13 @@ impl Log {
             None => None,
         };
         let sensing = args.sensing.as_deref().map(|name| super::sensing::find(name, robots)).transpose()?;
+        if let Some(file) = &args.actuators {
+            return Self::from_commands(args, path, actuator_file::read(file)?, sensing.unwrap_or_default(), reference);
+        }
         let mut reader = SampleReader::open(path, args.reorder, args.robot.as_deref(), robots)?;
         let told = FlightLikelihood {
             sensing: sensing.unwrap_or_default(),
-            plane: match () {
-                () if args.no_planar => Plane::Free,
-                () if args.planar || reader.is_planar() => Plane::Planar,
-                () => Plane::Found,
-            },
+            plane: plane(args, reader.is_planar()),
             ..FlightLikelihood::default()
         };
         eprint!("{}", reader.contents());
@@ -134,7 +137,71 @@ impl Log {
         warnings.extend(contradicted.iter().map(|what| format!("the log contradicts what `--sensing` states: {what}")));
         let duration_s = seconds(last_ns - first_ns);
         let (source, pipeline) = (path.display().to_string(), Pipeline::new().flown_with(told));
-        Ok(Self { source, rows, estimation_rows: 0, reference, warnings, duration_s, pipeline })
+        Ok(Self { source, rows, estimation_rows: 0, reference, warnings, duration_s, actuators: None, pipeline })
+    }
+
+    /// A log of commands, which make its wrench.
+    fn from_commands(
+        args: &IdentifyArgs,
+        path: &Path,
+        file: ActuatorFile,
+        sensing: Sensing,
+        reference: Option<(String, InertialParameters<f64>)>,
+    ) -> Result<Self, TumbleError> {
+        if recording::container(path)?.is_some() {
+            let message =
+                "`--actuators` names columns of a CSV log; `tumble convert` makes one of a recording".to_owned();
+            return Err(TumbleError::BadOption { message });
+        }
+        let mut reader = CommandedReader::open(path, args.reorder, &file.columns)?;
+        let (mut record, mut commands) = (Vec::new(), Vec::new());
+        let mut held = vec![0.0; file.columns.len()];
+        let mut moves = vec![false; file.columns.len()];
+        let mut logged = false;
+        while let Some(sample) = reader.next_sample()? {
+            if record.len() == LongRecord::LONG {
+                let message = format!("`--actuators` takes a log as one: at most {} rows", LongRecord::LONG);
+                return Err(TumbleError::BadOption { message });
+            }
+            for ((held, moves), command) in held.iter_mut().zip(&mut moves).zip(sample.commands) {
+                let command = command.unwrap_or(*held);
+                *moves |= command > 0.0;
+                *held = command;
+            }
+            logged |= sample.motion.wrench_body.is_some();
+            record.push(sample.motion);
+            commands.extend_from_slice(&held);
+        }
+        let (Some(first), Some(last)) = (record.first(), record.last()) else {
+            return Err(FormatsError::Empty { path: path.into(), what: "data rows" }.into());
+        };
+        let duration_s = seconds(last.time_ns - first.time_ns);
+        let mut warnings = reader.warnings();
+        let still = file.columns.iter().zip(&moves).filter(|(_, moves)| !**moves).map(|(name, _)| name.as_str());
+        let still: Vec<&str> = still.collect();
+        if !still.is_empty() {
+            warnings.push(format!("never commanded, so that nothing is said of them: {}", still.join(", ")));
+        }
+        if logged {
+            warnings.push("the wrench is that of the commands; the log's own `f_*`, `tau_*` are not used".to_owned());
+        }
+        let thrusters = file.actuators.drive(&mut record, &commands)?;
+        let told = FlightLikelihood {
+            sensing: file.actuators.aged(sensing),
+            plane: plane(args, reader.is_planar()),
+            thrusters: Some(thrusters),
+            ..FlightLikelihood::default()
+        };
+        Ok(Self {
+            source: path.display().to_string(),
+            rows: Rows::Memory(record),
+            estimation_rows: 0,
+            reference,
+            warnings,
+            duration_s,
+            actuators: Some(file),
+            pipeline: Pipeline::new().flown_with(told),
+        })
     }
 
     /// Calls `part` for each stretch of at most so many estimation rows, until it breaks off.
@@ -261,6 +328,15 @@ impl Log {
             )) => Ok(None),
             found => found,
         }
+    }
+}
+
+/// Whether the body moves in a plane, by the options or else by the columns.
+const fn plane(args: &IdentifyArgs, by_columns: bool) -> Plane {
+    match () {
+        () if args.no_planar => Plane::Free,
+        () if args.planar || by_columns => Plane::Planar,
+        () => Plane::Found,
     }
 }
 

@@ -52,6 +52,10 @@ pub struct IdentifyArgs {
     /// TOML file (`tumble sensing show NAME` prints one); left out, the log tells.
     #[arg(long, value_name = "NAME|FILE")]
     pub(super) sensing: Option<String>,
+    /// The log holds commands of thrusters or rotors: what each gives and where (TOML; `docs/actuators.md`). They make the wrench, their errors
+    /// are found, and one that is far off is named.
+    #[arg(long, value_name = "FILE")]
+    pub(super) actuators: Option<PathBuf>,
     /// A body to compare with (TOML or JSON).
     #[arg(long, value_name = "FILE", conflicts_with = "demo")]
     pub(super) reference: Option<PathBuf>,

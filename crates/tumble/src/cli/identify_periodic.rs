@@ -169,6 +169,7 @@ pub(super) fn run(
         validation: None,
         reader_warnings,
         duration_s: log.duration_s,
+        actuators: None,
     };
     deliver(args, &found, &settings, &context, samples.len())
 }

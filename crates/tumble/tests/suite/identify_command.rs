@@ -1,10 +1,10 @@
 //! `tumble identify` as a user meets it: exit codes, places, remedies, files.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
-use crate::support::{json, scratch, stderr, tumble};
+use crate::support::{json, number, scratch, stderr, tumble};
 use std::fmt::Write as _;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Output;
 use tumble::demo;
 
@@ -613,4 +613,121 @@ fn impossible_sensors_are_refused_with_the_key() {
         assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
         assert!(stderr(&output).contains(place) && stderr(&output).contains("sensing.toml"), "{}", stderr(&output));
     }
+}
+
+/// A log of a body on an uneven table under eight valves that answer late, 96 s of it, and what the valves are.
+fn valves(folder: &Path) -> (PathBuf, PathBuf) {
+    const PLACE: [(f64, f64); 8] = [
+        (0.15, 0.07),
+        (0.15, -0.07),
+        (0.07, -0.15),
+        (-0.07, -0.15),
+        (-0.15, -0.07),
+        (-0.15, 0.07),
+        (-0.07, 0.15),
+        (0.07, 0.15),
+    ];
+    const ALONG: [(f64, f64); 8] =
+        [(-1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, 1.0), (1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, -1.0)];
+    let mut bits = 7_u64;
+    let mut chance = move || {
+        bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (bits >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let (mut place, mut speed, mut yaw, mut rate) = ((0.3, -0.2), (0.0, 0.0), 0.4_f64, 0.0);
+    let (mut told, mut history, mut drift) = ([0.0; 8], Vec::<[f64; 8]>::new(), (0.0, 0.0));
+    let mut log = "t_s,p_x,p_y,yaw_rad,u_1,u_2,u_3,u_4,u_5,u_6,u_7,u_8\n".to_owned();
+    for k in 0..1600 {
+        if k % 10 == 0 {
+            let (sin, cos) = yaw.sin_cos();
+            let back = (-0.01 * place.0 - 0.1 * speed.0, -0.01 * place.1 - 0.1 * speed.1);
+            let back = (cos * back.0 + sin * back.1, cos * back.1 - sin * back.0);
+            for (i, told) in told.iter_mut().enumerate() {
+                let arm = PLACE[i].0 * ALONG[i].1 - PLACE[i].1 * ALONG[i].0;
+                let wish = 20.0 * (back.0 * ALONG[i].0 + back.1 * ALONG[i].1) - 1.2 * rate * arm;
+                *told = f64::from(wish + 3.0 * (chance() - 0.5) > 0.6);
+            }
+        }
+        history.push(told);
+        let cells: Vec<String> = told.iter().map(ToString::to_string).collect();
+        let mut seen = |value: f64| value + 6e-4 * (chance() + chance() - 1.0);
+        let (x, y, angle) = (seen(place.0), seen(place.1), seen(yaw));
+        writeln!(log, "{:.3},{x:.6},{y:.6},{angle:.6},{}", 0.06 * f64::from(k), cells.join(",")).unwrap();
+        // What opens now opens two rows later.
+        let open = history[history.len().saturating_sub(3)];
+        drift = (0.95 * drift.0 + 2e-3 * (chance() - 0.5), 0.95 * drift.1 + 2e-3 * (chance() - 0.5));
+        for _ in 0..6 {
+            let (sin, cos) = yaw.sin_cos();
+            let (mut force, mut torque) = ((0.0, 0.0), 0.0);
+            for i in 0..8 {
+                let thrust = 0.45 * open[i];
+                force = (force.0 + ALONG[i].0 * thrust, force.1 + ALONG[i].1 * thrust);
+                torque += (PLACE[i].0 * ALONG[i].1 - PLACE[i].1 * ALONG[i].0) * thrust;
+            }
+            let world = (cos * force.0 - sin * force.1, sin * force.0 + cos * force.1);
+            speed.0 += 0.01 * (world.0 / 18.0 - 8e-4 * place.0 + drift.0);
+            speed.1 += 0.01 * (world.1 / 18.0 + 1e-3 + drift.1);
+            rate += 0.01 * (torque / 0.25 + drift.0);
+            place = (place.0 + 0.01 * speed.0, place.1 + 0.01 * speed.1);
+            yaw += 0.01 * rate;
+        }
+    }
+    let mut file = "format = 1\n".to_owned();
+    for i in 0..8 {
+        writeln!(
+            file,
+            "[[thruster]]\ncolumn = \"u_{}\"\nposition_m = [{}, {}, 0.0]\ndirection = [{:.1}, {:.1}, 0.0]\nthrust_n = 0.45",
+            i + 1,
+            PLACE[i].0,
+            PLACE[i].1,
+            ALONG[i].0,
+            ALONG[i].1
+        )
+        .unwrap();
+    }
+    file += "[common]\nsag_sigma = 0.1\ndelay_sigma_s = 0.2\n";
+    let paths = (folder.join("log.csv"), folder.join("actuators.toml"));
+    fs::write(&paths.0, log).unwrap();
+    fs::write(&paths.1, file).unwrap();
+    paths
+}
+
+/// Commands in the place of a wrench: mass, delay and sag of the valves, and what cannot be is refused by place.
+#[test]
+fn valves_by_their_commands() {
+    let folder = scratch("actuators");
+    let (log, file) = valves(&folder);
+    let (log, file) = (log.to_str().unwrap(), file.to_str().unwrap());
+    let output = tumble(&["identify", log, "--actuators", file, "--json"]);
+    let found = json(&output);
+    println!("{} {} +- {} {}", found["method"], found["mass_kg"], found["std"]["mass_kg"], found["actuators"]);
+    assert_eq!(output.status.code(), Some(0));
+    let near = |value: &serde_json::Value, std: &serde_json::Value, truth: f64| {
+        (number(value) - truth).abs() < 4.0 * number(std)
+    };
+    assert!(near(&found["mass_kg"], &found["std"]["mass_kg"], 18.0) && number(&found["std"]["mass_kg"]) < 1.0);
+    let actuators = &found["actuators"];
+    assert_eq!(actuators["thrusters"].as_array().unwrap().len(), 8);
+    assert!((number(&actuators["delay_s"]["value"]) - 0.12).abs() < 0.02);
+    assert!(near(&actuators["sag"]["value"], &actuators["sag"]["std"], 0.0));
+    assert!(stdout(&tumble(&["identify", log, "--actuators", file])).contains("sag per further"));
+
+    let refused = |change: &dyn Fn(String) -> String, of_log: bool, said: &str| {
+        let (bad_log, bad_file) = (folder.join("bad.csv"), folder.join("bad.toml"));
+        let text = |path: &str, changed: bool| {
+            let text = fs::read_to_string(path).unwrap();
+            if changed { change(text) } else { text }
+        };
+        fs::write(&bad_log, text(log, of_log)).unwrap();
+        fs::write(&bad_file, text(file, !of_log)).unwrap();
+        let output = tumble(&["identify", bad_log.to_str().unwrap(), "--actuators", bad_file.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        assert!(stderr(&output).contains(said), "{}", stderr(&output));
+    };
+    refused(&|text| text.replacen("u_3", "v_3", 1), true, "`u_3` is missing; the actuator file names it");
+    refused(&|text| text.replacen(",0,", ",1.5,", 1), true, "a command lies between 0 and 1");
+    refused(&|text| text.replace("thrust_n = 0.45", "thrust_n = 0.0"), false, "thrust");
+    refused(&|text| text.replace("sag_sigma", "sag"), false, "sag");
+    let output = tumble(&["identify", log, "--actuators", file, "--split"]);
+    assert!(output.status.code() == Some(2) && stderr(&output).contains("--split"));
 }

@@ -11,6 +11,7 @@ use super::grid::{ATTITUDE, Grid, RATE, Row, STREAMS, whole};
 use super::layout::{BODY, CENTER, DELAYS, INERTIA, LOG_MASS, Layout, MOTION, NOISES, ROWS, STATES, WANDERS, WRENCH};
 use super::levels::{jumps, white};
 use super::sweep::{Sweep, Swept};
+use super::thrusters::{Term, with_gains};
 use super::unit::Unit;
 use super::{FlightLikelihood, FoundLevels, nodes};
 use crate::error::{Column, IdentificationError};
@@ -106,7 +107,9 @@ pub(super) struct Fit<'a> {
     spacing: [f64; STREAMS],
     floors: [f64; 2],
     pub(super) axes: [Vec<usize>; STREAMS],
-    columns: Vec<[Vector3<f64>; 2]>,
+    terms: Vec<Term>,
+    /// Amounts of a row.
+    width: usize,
     shift: [isize; DELAYS],
     rows: Vec<Row>,
     valid: Vec<[bool; STREAMS]>,
@@ -179,8 +182,8 @@ fn indefinite(parameters: usize) -> IdentificationError {
 impl<'a> Fit<'a> {
     pub(super) fn new(of: &'a FlightLikelihood, grid: Grid, planar: bool) -> Result<Self, IdentificationError> {
         let sensing = &of.sensing;
-        let thrusters = of.thrusters.as_ref().map_or(0, |t| t.columns.len());
-        let layout = Layout { thrusters };
+        let thrusters = of.thrusters.as_ref();
+        let layout = Layout { thrusters: thrusters.map_or(0, |t| t.sigma.len()) };
         let samples = of.samples(grid.step_s);
         let segments = grid.len() / samples;
         if segments < super::FEWEST_SEGMENTS {
@@ -205,10 +208,10 @@ impl<'a> Fit<'a> {
             }
         }
         // What a table takes up is no thrust of a thruster either.
-        let columns: Vec<[Vector3<f64>; 2]> = of.thrusters.as_ref().map_or_else(Vec::new, |t| {
-            let held = |c: &[Vector3<f64>; 2]| [Vector3::z() * c[0].z, Vector3::new(c[1].x, c[1].y, 0.0)];
-            t.columns.iter().map(|c| if planar { held(c) } else { *c }).collect()
-        });
+        let (mut terms, width) = thrusters.map_or((Vec::new(), 0), |t| (t.terms.clone(), t.width));
+        if planar {
+            terms = terms.into_iter().map(Term::in_plane).filter(Term::acts).collect();
+        }
         let raw = white(&grid.rows, &grid.valid, &axes);
         let spacing = core::array::from_fn(|stream| {
             let seen = grid.valid.iter().filter(|valid| valid[stream]).count().max(1);
@@ -223,7 +226,7 @@ impl<'a> Fit<'a> {
         let jumped = jumps(&grid, &grid.valid);
         let lever = Vector3::from(sensing.lever_arm_body_m);
         let (gyro, accelerometer) = (sensing.rate.filter.as_ref(), sensing.acceleration.filter.as_ref());
-        let unit = Unit::new(&grid, layout, &columns, lever, gyro, accelerometer);
+        let unit = Unit::new(&grid, layout, (&terms, width), lever, gyro, accelerometer);
         let ratio_of = |errors: &InertialErrors| {
             errors
                 .filter
@@ -248,7 +251,8 @@ impl<'a> Fit<'a> {
             spacing,
             floors,
             axes,
-            columns,
+            terms,
+            width,
             shift: [0; DELAYS],
             rows: Vec::new(),
             valid: Vec::new(),
@@ -415,6 +419,44 @@ impl<'a> Fit<'a> {
         Ok(())
     }
 
+    /// What the record says at the point where this fit came to rest if the wrench had gains and a constant beside it: the information of all
+    /// free parameters with the priors of this fit, none for the gains, and which they are.
+    pub(super) fn with_gains(&self) -> Result<(DMatrix<f64>, Vec<usize>), IdentificationError> {
+        let told = self.of.thrusters.as_ref();
+        let of = FlightLikelihood { thrusters: Some(with_gains(told)), ..self.of.clone() };
+        let mut grid = self.grid.clone();
+        grid.amounts = (0..grid.len())
+            .flat_map(|k| {
+                let (torque, force) = (grid.torque[k], grid.force[k]);
+                let told = &self.grid.amounts[k * self.width..(k + 1) * self.width];
+                let wrench = torque.iter().chain(force.iter()).copied();
+                told.iter().copied().chain(wrench).chain([1.0]).collect::<Vec<f64>>()
+            })
+            .collect();
+        let mut wide = Fit::new(&of, grid, self.planar)?;
+        let (first, more) = (self.layout.slope(), wide.layout.thrusters - self.layout.thrusters);
+        let place = |column: usize| if column < first { column } else { column + more };
+        for (column, value) in self.eta.iter().enumerate() {
+            wide.eta[place(column)] = *value;
+        }
+        wide.levels = self.levels;
+        wide.shift = self.shift;
+        wide.take_shift();
+        wide.counts.clone_from(&self.counts);
+        wide.nodes.clone_from(&self.nodes);
+        wide.errors.clone_from(&self.errors);
+        wide.sweep.rates.clone_from(&self.sweep.rates);
+        wide.linearise();
+        let form = wide.chain.eliminate(0, wide.segments, false);
+        let (mut information, ..) = without_state(&form, wide.chain.shape).ok_or(indefinite(wide.free.len()))?;
+        for (free, prior) in self.free.iter().zip(&self.prior) {
+            if let Some(i) = wide.column_of(place(*free)) {
+                information[(i, i)] += prior;
+            }
+        }
+        Ok((information, wide.free))
+    }
+
     /// What segments ask for that the motion does not give, in squared standard deviations, once the motion alone is free.
     pub(super) fn cost(&mut self, segments: core::ops::Range<usize>) -> f64 {
         let form = self.chain.eliminate(segments.start, segments.end, false);
@@ -473,7 +515,8 @@ impl<'a> Fit<'a> {
             valid: &self.valid,
             unit: &self.unit,
             layout: self.layout,
-            columns: &self.columns,
+            terms: &self.terms,
+            width: self.width,
             samples: self.samples,
             gravity: if self.planar { Vector3::zeros() } else { self.of.gravity_world },
         };

@@ -37,6 +37,7 @@ pub(super) struct Row {
 }
 
 /// Rows of a record, by the streams that they hold.
+#[derive(Clone)]
 pub(super) struct Grid {
     /// Median step, s.
     pub(super) step_s: f64,
@@ -49,8 +50,8 @@ pub(super) struct Grid {
     /// Wrench over the step that begins at a row: torque about the origin, force, body axes.
     pub(super) torque: Vec<Vector3<f64>>,
     pub(super) force: Vec<Vector3<f64>>,
-    /// Thrusts over that step, row by row.
-    pub(super) thrusts: Vec<f64>,
+    /// Amounts of the thrusters' terms over that step, row by row.
+    pub(super) amounts: Vec<f64>,
     /// The row of the record that each is made of.
     pub(super) source: Vec<usize>,
     /// Poses without gaps, for a start.
@@ -105,7 +106,7 @@ impl Grid {
             valid: Vec::with_capacity(samples),
             torque: Vec::with_capacity(samples),
             force: Vec::with_capacity(samples),
-            thrusts: Vec::new(),
+            amounts: Vec::new(),
             source: Vec::with_capacity(samples),
             guess: Vec::with_capacity(samples),
             filled: 0,
@@ -153,11 +154,24 @@ impl Grid {
             grid.filled += parts - 1;
             if let Some(thrusters) = thrusters {
                 for _ in 0..parts {
-                    grid.thrusts.extend_from_slice(thrusters.of_sample(i));
+                    grid.amounts.extend_from_slice(thrusters.of_sample(i));
                 }
             }
         }
         Ok(grid)
+    }
+
+    /// Wrenches as they would have to be for the body that began, where it has become lighter since.
+    pub(super) fn lighten(&mut self, thrusters: &Thrusters, mass_kg: f64) {
+        for (k, source) in self.source.iter().enumerate() {
+            let Some(spent_kg) = thrusters.spent_kg(*source) else { continue };
+            let factor = mass_kg / (mass_kg - spent_kg.min(0.5 * mass_kg));
+            self.torque[k] *= factor;
+            self.force[k] *= factor;
+            for amount in self.amounts.iter_mut().skip(k * thrusters.width).take(thrusters.width) {
+                *amount *= factor;
+            }
+        }
     }
 
     pub(super) fn len(&self) -> usize {
@@ -200,7 +214,7 @@ impl Grid {
 }
 
 /// Torque and force over the step that begins at sample `i`.
-fn held(record: &[MotionSample], i: usize, timing: WrenchTiming) -> Option<(Vector3<f64>, Vector3<f64>)> {
+pub(super) fn held(record: &[MotionSample], i: usize, timing: WrenchTiming) -> Option<(Vector3<f64>, Vector3<f64>)> {
     let all = |i: usize| {
         let sample = record.get(i)?;
         let (wrench, beside) = (sample.wrench_body?, sample.besides_body.unwrap_or_else(Wrench::zero));

@@ -20,9 +20,10 @@ pub(super) const BODY: usize = 10;
 /// Delays: of poses, velocities, rates, accelerations.
 pub(super) const DELAYS: usize = 4;
 
-/// Parameters in order: ten of the body, scales of thrusters, two of the table's slope; then those of the measurements only.
+/// Parameters in order: ten of the body, those of thrusters, two of the table's slope; then those of the measurements only.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
+    /// Parameters of thrusters.
     pub(super) thrusters: usize,
 }
 

@@ -1,10 +1,11 @@
 //! What a fit says.
 
 use super::super::coordinates::Coordinates;
-use super::SUSPECT;
+use super::coherent;
 use super::fit::{Fit, solved, without_state};
 use super::grid::{ACCELERATION, RATE, STREAMS};
 use super::layout::BODY;
+use super::thrusters::FoundThrusters;
 use crate::SquareRootInformation;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -38,29 +39,6 @@ pub struct FoundDelay {
     pub value_s: f64,
     /// One standard deviation, s; zero where it was told.
     pub std_s: f64,
-}
-
-/// Scales of thrusters.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FoundThrusters {
-    /// Each scale: the thrust is this times what the log says.
-    pub scale: Vec<f64>,
-    /// One standard deviation of each.
-    pub std: Vec<f64>,
-    /// By how many standard deviations each is off, judged by the record without its own prior.
-    pub deviations: Vec<f64>,
-    /// Those that were suspects and are free since, in the order in which they were found.
-    pub suspects: Vec<usize>,
-}
-
-impl FoundThrusters {
-    /// The worst of those that are not free yet, where it is a suspect.
-    pub(super) fn worst(&self, freed: &[usize]) -> Option<usize> {
-        let worst = (0..self.deviations.len())
-            .filter(|i| !freed.contains(i))
-            .max_by(|a, b| self.deviations[*a].abs().total_cmp(&self.deviations[*b].abs()))?;
-        (self.deviations[worst].abs() > SUSPECT).then_some(worst)
-    }
 }
 
 /// The two halves of the record against each other.
@@ -201,10 +179,11 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
         hold_gains(fit, &covariance);
         covariance = floored(fit, &fit.information).and_then(|i| all(&i)).ok_or(indefinite(fit))?;
     }
-    let thrusters = thrusters(fit, &covariance, freed);
+    let thrusters = FoundThrusters::of(fit, &covariance, freed);
     let halves = halves(fit);
     let coordinates = fit.coordinates();
-    let (of_body, ten) = body_information(fit)?;
+    let (mut of_body, ten) = body_information(fit)?;
+    let widened = coherent::widen(fit, &mut of_body)?;
     let (determined, information) = determined(fit, &coordinates, &of_body, &ten)?;
     let of_plane = [0, 1, 2, 9];
     if fit.drifts && (0..10).all(|i| determined[i] || fit.planar && !of_plane.contains(&i)) {
@@ -213,7 +192,7 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
     let mut body = SMatrix::<f64, 10, 10>::zeros();
     for (i, &a) in fit.free.iter().enumerate().filter(|(_, a)| **a < BODY) {
         for (j, &b) in fit.free.iter().enumerate().filter(|(_, b)| **b < BODY) {
-            body[(a, b)] = covariance[(i, j)];
+            body[(a, b)] = covariance[(i, j)] + widened.as_ref().map_or(0.0, |more| more[(i, j)]);
         }
     }
     let has: [bool; STREAMS] = core::array::from_fn(|s| fit.grid.valid.iter().any(|valid| valid[s]));
@@ -324,24 +303,6 @@ fn hold_gains(fit: &mut Fit<'_>, covariance: &DMatrix<f64>) {
     }
 }
 
-fn thrusters(fit: &Fit<'_>, covariance: &DMatrix<f64>, freed: &[usize]) -> Option<FoundThrusters> {
-    let told = fit.of.thrusters.as_ref()?;
-    let n = told.columns.len();
-    let mut found =
-        FoundThrusters { scale: vec![1.0; n], std: vec![0.0; n], deviations: vec![0.0; n], suspects: freed.to_vec() };
-    for i in 0..n {
-        let Some(at) = fit.column_of(BODY + i) else { continue };
-        let (value, variance, sigma) = (fit.eta[BODY + i], covariance[(at, at)], told.scale_sigma[i]);
-        found.scale[i] = 1.0 + value;
-        found.std[i] = variance.max(0.0).sqrt();
-        let own = 1.0 / variance - 1.0 / (sigma * sigma);
-        if own > 0.0 {
-            found.deviations[i] = value / (variance * own) / (1.0 / own + sigma * sigma).sqrt();
-        }
-    }
-    Some(found)
-}
-
 /// Information of the free parameters of the body, everything else eliminated, and which of the ten these are.
 fn body_information(fit: &Fit<'_>) -> Result<(DMatrix<f64>, Vec<usize>), IdentificationError> {
     let ten: Vec<usize> = fit.free.iter().copied().filter(|column| *column < BODY).collect();
@@ -404,7 +365,7 @@ fn determined(
 }
 
 /// Derivative of ln m, c_x, c_y and J_C33 by mass, first moments and J_33 about the origin: all that a motion in the plane knows.
-fn planar_eta_by_parameters(at: &Coordinates) -> SMatrix<f64, 10, 10> {
+pub(super) fn planar_eta_by_parameters(at: &Coordinates) -> SMatrix<f64, 10, 10> {
     let (m, c) = (at.log_mass.exp(), at.center);
     let mut out = SMatrix::<f64, 10, 10>::zeros();
     out[(0, 0)] = 1.0 / m;

@@ -8,7 +8,7 @@ use super::super::coordinates::Coordinates;
 use super::fit::{Fit, solved};
 use super::grid::Grid;
 use super::layout::BODY;
-use super::{FlightEstimate, FlightLikelihood, Plane, Thrusters, outcome};
+use super::{FlightEstimate, FlightLikelihood, Plane, outcome};
 use crate::BodyScale;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -284,11 +284,7 @@ impl FlightLikelihood {
 
     /// The same of a part of the record.
     fn part_of(&self, samples: &Range<usize>) -> Self {
-        let thrusters = self.thrusters.as_ref().map(|all| {
-            let n = all.columns.len();
-            let thrusts = all.thrusts.get(samples.start * n..samples.end * n).unwrap_or_default().to_vec();
-            Thrusters { thrusts, ..all.clone() }
-        });
+        let thrusters = self.thrusters.as_ref().map(|all| all.of_part(samples));
         Self { thrusters, ..self.clone() }
     }
 

@@ -3,6 +3,7 @@
 use super::super::flow::{Body, Input, State};
 use super::grid::{ATTITUDE, Grid, POSITION, RATE, Row, STREAMS, VELOCITY};
 use super::layout::{BODY, CENTER, INERTIA, LOG_MASS, Layout, MOTION, WRENCH};
+use super::thrusters::Term;
 use super::unit::Unit;
 use crate::lie::{LieGroup, skew};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -17,7 +18,9 @@ pub(super) struct Swept<'a> {
     pub(super) valid: &'a [[bool; STREAMS]],
     pub(super) unit: &'a Unit,
     pub(super) layout: Layout,
-    pub(super) columns: &'a [[Vector3<f64>; 2]],
+    pub(super) terms: &'a [Term],
+    /// Amounts of a row.
+    pub(super) width: usize,
     pub(super) samples: usize,
     pub(super) gravity: Vector3<f64>,
 }
@@ -137,10 +140,11 @@ impl Sweep {
                 force: read.grid.force[k] + Vector3::new(error[3], error[4], error[5]),
                 ..Input::default()
             };
-            for i in 0..n {
-                let thrust = eta[BODY + i] * read.grid.thrusts[k * n + i];
-                input.torque += read.columns[i][0] * thrust;
-                input.force += read.columns[i][1] * thrust;
+            let amounts = &read.grid.amounts[k * read.width..(k + 1) * read.width];
+            for term in read.terms {
+                let thrust = eta[BODY + term.parameter] * amounts[term.amount];
+                input.torque += term.torque * thrust;
+                input.force += term.force * thrust;
             }
             let step = body.step(&state, &input, &gravity, h);
             let tangent = body.angular_tangent(&state.rate, &step, h);
@@ -258,16 +262,15 @@ impl Sweep {
                 add(column, 0, &turn_by_inertia.column(q).into_owned());
                 add(column, 3, &tangent.rate.inertia.column(q).into_owned());
             }
-            for i in 0..n {
-                let thrust = read.grid.thrusts[k * n + i];
+            for Term { parameter, amount, torque, force } in read.terms {
+                let thrust = amounts[*amount];
                 if thrust == 0.0 {
                     continue;
                 }
-                let [of_torque, of_force] = &read.columns[i];
-                let column = &mut ends[first_dynamic + BODY + i];
-                add(column, 0, &((turn_by_torque * of_torque + turn_by_force * of_force) * thrust));
-                add(column, 3, &((tangent.rate.torque * of_torque + rate_by_force * of_force) * thrust));
-                let along = r * of_force * thrust;
+                let column = &mut ends[first_dynamic + BODY + parameter];
+                add(column, 0, &((turn_by_torque * torque + turn_by_force * force) * thrust));
+                add(column, 3, &((tangent.rate.torque * torque + rate_by_force * force) * thrust));
+                let along = r * force * thrust;
                 add(column, 6, &(along * (0.5 * hhm)));
                 add(column, 9, &(along * hm));
             }

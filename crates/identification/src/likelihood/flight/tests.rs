@@ -260,12 +260,20 @@ fn study(world: &World, told: &FlightLikelihood, seeds: core::ops::Range<u64>) -
     (nees / free as f64, covered as f64 / free as f64)
 }
 
-/// What a model without one of its terms says of usual logs.
-fn without(change: fn(&mut Sensing)) -> (f64, f64) {
+/// A model without one of its terms has errors that it does not cover, or says by wider ones that something is amiss.
+fn is_caught_without(change: fn(&mut Sensing)) {
     let world = World::usual();
-    let mut told = world.told();
+    let complete = world.told();
+    let mut told = complete.clone();
     change(&mut told.sensing);
-    study(&world, &told, 1..5)
+    let (nees, covered) = study(&world, &told, 1..5);
+    let widths = (1..5).map(|seed| {
+        let [less, all] = [&told, &complete].map(|told| told.estimate(&world.log(seed)).unwrap().std());
+        less.component_div(&all).max()
+    });
+    let wider = widths.sum::<f64>() / 4.0;
+    println!("squared error {nees:.1}, covered {covered:.3}, widest sigma {wider:.1} times as wide");
+    assert!(nees > 3.0 || wider > 3.0, "{nees} {covered} {wider}");
 }
 
 #[test]
@@ -305,33 +313,27 @@ fn levels_delays_and_halves_are_those_of_the_log() {
 
 /// Each term of the model is needed: left out, a named check of the study fails.
 #[test]
-fn without_its_wander_the_errors_are_not_covered() {
-    let (nees, covered) = without(|sensing| {
+fn without_its_wander_the_errors_show() {
+    is_caught_without(|sensing| {
         for errors in [&mut sensing.position, &mut sensing.attitude, &mut sensing.velocity] {
             errors.wander = Wander::Known { sigma: 0.0, time_s: 10.0 };
         }
     });
-    println!("squared error {nees:.1}, covered {covered:.3}");
-    assert!(nees > 3.0 && covered < 0.8, "{nees} {covered}");
 }
 
 #[test]
-fn without_its_gains_the_errors_are_not_covered() {
-    let (nees, covered) = without(|sensing| {
+fn without_its_gains_the_errors_show() {
+    is_caught_without(|sensing| {
         for triad in [&mut sensing.rate, &mut sensing.acceleration] {
             (triad.scale_sigma, triad.misalignment_sigma) = (0.0, 0.0);
         }
         sensing.doubted_scale_sigma = 0.0;
     });
-    println!("squared error {nees:.1}, covered {covered:.3}");
-    assert!(nees > 3.0 && covered < 0.8, "{nees} {covered}");
 }
 
 #[test]
-fn without_its_biases_the_errors_are_not_covered() {
-    let (nees, covered) = without(|sensing| (sensing.rate.bias_sigma, sensing.acceleration.bias_sigma) = (0.0, 0.0));
-    println!("squared error {nees:.1}, covered {covered:.3}");
-    assert!(nees > 3.0 && covered < 0.8, "{nees} {covered}");
+fn without_its_biases_the_errors_show() {
+    is_caught_without(|sensing| (sensing.rate.bias_sigma, sensing.acceleration.bias_sigma) = (0.0, 0.0));
 }
 
 /// A filter that is neither described nor allowed for; allowed for, its delay and its width are found.
@@ -506,17 +508,22 @@ fn a_log_at_rest_determines_nothing() {
     }
 }
 
-/// Twelve thrusters, all off by a per cent, one by thirty: it is named, freed, and none else.
-#[test]
-fn a_weak_thruster_is_named_and_freed() {
-    let columns: [[f64; 6]; 12] = core::array::from_fn(|i| {
+/// Torque and force per thrust of twelve thrusters around a body.
+fn twelve() -> [[f64; 6]; 12] {
+    core::array::from_fn(|i| {
         let (axis, sign) = (i % 3, if i < 6 { 1.0 } else { -1.0 });
         let side = if (i / 3) % 2 == 0 { 1.0 } else { -1.0 };
         let direction: Vector3<f64> = Vector3::ith(axis, sign);
         let place: Vector3<f64> = Vector3::ith((axis + 1) % 3, 0.1 * side) + Vector3::ith((axis + 2) % 3, 0.03 * sign);
         let torque = place.cross(&direction);
         [torque.x, torque.y, torque.z, direction.x, direction.y, direction.z]
-    });
+    })
+}
+
+/// Twelve thrusters, all off by a per cent, one by thirty: it is named, freed, and none else.
+#[test]
+fn a_weak_thruster_is_named_and_freed() {
+    let columns = twelve();
     for (weak, factor) in [(None, 1.0), (Some(4), 0.7), (Some(9), 0.0)] {
         let mut world = World::usual();
         let mut dice = Gaussian::from_seed(11);
@@ -539,6 +546,24 @@ fn a_weak_thruster_is_named_and_freed() {
             assert!((scale - scales[i]).abs() < 4.0 * thrusters.std[i], "{i}: {scale} {}", scales[i]);
         }
     }
+}
+
+/// The same thrusters, all off by two per cent, where nobody tells of them: what is stated of the body still covers it.
+#[test]
+fn thrusters_that_nobody_tells_of_are_doubted() {
+    let (mut count, mut all, mut worst) = (0, 0.0, 0.0_f64);
+    for seed in 1..=6 {
+        let mut world = World::usual();
+        let mut dice = Gaussian::from_seed(70 + seed);
+        world.thrusters = Some((twelve(), core::array::from_fn(|_| 1.0 + 0.02 * dice.normal())));
+        let found = world.told().estimate(&world.log(seed)).unwrap();
+        let (n, squared, _) = judged(&found, &world.body());
+        let largest = error(&found, &world.body()).component_div(&found.std()).amax();
+        println!("{seed}: squared error {:.2}, largest {largest:.1} sigma", squared / n as f64);
+        (count, all, worst) = (count + n, all + squared, worst.max(largest));
+    }
+    assert!(all / (count as f64) < 1.3, "{}", all / count as f64);
+    assert!(worst < 4.0, "{worst}");
 }
 
 #[test]

@@ -9,6 +9,7 @@
 use super::super::flow::{Body, by_inertia};
 use super::grid::Grid;
 use super::layout::{BODY, CENTER, INERTIA, LOG_MASS, Layout};
+use super::thrusters::Term;
 use crate::lie::skew;
 use crate::sensing::LinearFilter;
 use nalgebra::{Matrix3, SMatrix, Vector3};
@@ -93,17 +94,17 @@ impl Clock {
 struct Filtered {
     torque: Vec<Vector3<f64>>,
     force: Vec<Vector3<f64>>,
-    thrusts: Vec<f64>,
+    amounts: Vec<f64>,
     /// Products of the components of the rate, in the order of `ENTRIES`.
     turning: Vec<[f64; 6]>,
 }
 
 impl Filtered {
-    fn zeros(rows: usize, thrusters: usize) -> Self {
+    fn zeros(rows: usize, width: usize) -> Self {
         Self {
             torque: vec![Vector3::zeros(); rows],
             force: vec![Vector3::zeros(); rows],
-            thrusts: vec![0.0; rows * thrusters],
+            amounts: vec![0.0; rows * width],
             turning: vec![[0.0; 6]; rows],
         }
     }
@@ -118,8 +119,9 @@ impl Filtered {
 pub(super) struct Unit {
     layout: Layout,
     lever: Vector3<f64>,
-    /// Columns `[torque; force]` per thrust.
-    columns: Vec<[Vector3<f64>; 2]>,
+    terms: Vec<Term>,
+    /// Amounts of a row.
+    width: usize,
     gyro: Option<Clock>,
     accelerometer: Option<Clock>,
     owed: Filtered,
@@ -156,12 +158,12 @@ impl Unit {
     pub(super) fn new(
         grid: &Grid,
         layout: Layout,
-        columns: &[[Vector3<f64>; 2]],
+        (terms, width): (&[Term], usize),
         lever: Vector3<f64>,
         gyro: Option<&LinearFilter>,
         accelerometer: Option<&LinearFilter>,
     ) -> Self {
-        let (rows, n) = (grid.len(), layout.thrusters);
+        let (rows, n) = (grid.len(), width);
         let gyro = gyro.map(|filter| Clock::new(filter, grid));
         let accelerometer = accelerometer.map(|filter| Clock::new(filter, grid));
         let mut owed = Filtered::zeros(rows, n);
@@ -172,7 +174,7 @@ impl Unit {
                 clock.owed(&clock.held(|k| grid.force[k][i]), |k, x| owed.force[k][i] = x);
             }
             for i in 0..n {
-                clock.owed(&clock.held(|k| grid.thrusts[k * n + i]), |k, x| owed.thrusts[k * n + i] = x);
+                clock.owed(&clock.held(|k| grid.amounts[k * n + i]), |k, x| owed.amounts[k * n + i] = x);
             }
         }
         if let Some(clock) = &accelerometer {
@@ -181,14 +183,14 @@ impl Unit {
                 clock.filtered(&clock.held(|k| grid.force[k][i]), |k, x| passed.force[k][i] = x);
             }
             for i in 0..n {
-                clock.filtered(&clock.held(|k| grid.thrusts[k * n + i]), |k, x| passed.thrusts[k * n + i] = x);
+                clock.filtered(&clock.held(|k| grid.amounts[k * n + i]), |k, x| passed.amounts[k * n + i] = x);
             }
         } else {
             passed.torque.clone_from(&grid.torque);
             passed.force.clone_from(&grid.force);
-            passed.thrusts.clone_from(&grid.thrusts);
+            passed.amounts.clone_from(&grid.amounts);
         }
-        Self { layout, lever, columns: columns.to_vec(), gyro, accelerometer, owed, passed }
+        Self { layout, lever, terms: terms.to_vec(), width, gyro, accelerometer, owed, passed }
     }
 
     /// Takes the turning of the present trajectory, rate by rate at the rows.
@@ -222,12 +224,11 @@ impl Unit {
     }
 
     fn with_scales(&self, of: &Filtered, k: usize, eta: &[f64]) -> (Vector3<f64>, Vector3<f64>) {
-        let n = self.layout.thrusters;
         let (mut torque, mut force) = (of.torque[k], of.force[k]);
-        for i in 0..n {
-            let thrust = of.thrusts[k * n + i] * eta[BODY + i];
-            torque += self.columns[i][0] * thrust;
-            force += self.columns[i][1] * thrust;
+        for term in &self.terms {
+            let thrust = of.amounts[k * self.width + term.amount] * eta[BODY + term.parameter];
+            torque += term.torque * thrust;
+            force += term.force * thrust;
         }
         (torque, force)
     }
@@ -242,10 +243,10 @@ impl Unit {
         by_body.fixed_view_mut::<3, 3>(0, CENTER).copy_from(&-(inverse * skew(&force)));
         let by_j = inverse * (gyroscopic_by_inertia(&turning) + by_inertia(&alpha));
         by_body.fixed_view_mut::<3, 6>(0, INERTIA).copy_from(&by_j);
-        let n = self.layout.thrusters;
-        for (i, out) in by_scale.iter_mut().enumerate().take(n) {
-            let [of_torque, of_force] = &self.columns[i];
-            *out = inverse * (of_torque - body.center.cross(of_force)) * -self.owed.thrusts[k * n + i];
+        by_scale.fill(Vector3::zeros());
+        for Term { parameter, amount, torque, force } in &self.terms {
+            let owed = self.owed.amounts[k * self.width + amount];
+            by_scale[*parameter] -= inverse * (torque - body.center.cross(force)) * owed;
         }
         Predicted { value: -alpha, by_body, by_lever: Matrix3::zeros() }
     }
@@ -276,11 +277,10 @@ impl Unit {
         by_body.fixed_view_mut::<3, 3>(0, CENTER).copy_from(&by_c);
         let by_j = swing * (inverse * (gyroscopic_by_inertia(&turning) + by_inertia(&alpha)));
         by_body.fixed_view_mut::<3, 6>(0, INERTIA).copy_from(&by_j);
-        let n = self.layout.thrusters;
-        for (i, out) in by_scale.iter_mut().enumerate().take(n) {
-            let [of_torque, of_force] = &self.columns[i];
-            let turned = swing * (inverse * (of_torque - body.center.cross(of_force)));
-            *out = (of_force / body.mass - turned) * self.passed.thrusts[k * n + i];
+        by_scale.fill(Vector3::zeros());
+        for Term { parameter, amount, torque, force } in &self.terms {
+            let turned = swing * (inverse * (torque - body.center.cross(force)));
+            by_scale[*parameter] += (force / body.mass - turned) * self.passed.amounts[k * self.width + amount];
         }
         let taken_out = skew(rate_beside);
         Predicted { value, by_body, by_lever: skew(&alpha) + centripetal - taken_out * taken_out }

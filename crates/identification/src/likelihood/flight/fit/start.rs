@@ -3,6 +3,7 @@
 use super::super::super::coordinates::Coordinates;
 use super::super::grid::{ACCELERATION, ATTITUDE, POSITION, RATE, Row, STREAMS, VELOCITY};
 use super::super::layout::{BODY, CENTER, LOG_MASS};
+use super::super::thrusters::Term;
 use super::{
     Fit, GRAVITY_SIGMA, SLOPE_SIGMA, SMALLEST_WHITE, WANDER_START, WANDER_TIME_S, WIDE_START, WRENCH_START, nearest,
 };
@@ -71,10 +72,13 @@ impl Fit<'_> {
             }
         }
         if let Some(thrusters) = &self.of.thrusters {
-            for (i, column) in self.columns.iter().enumerate() {
-                let acts = column[0].norm() + column[1].norm() > 0.0
-                    && (0..self.grid.len()).any(|k| self.grid.thrusts[k * layout.thrusters + i] != 0.0);
-                sigma[BODY + i] = if acts { thrusters.scale_sigma[i] } else { 0.0 };
+            let acts = |term: &Term| {
+                term.acts()
+                    && self.grid.amounts.iter().skip(term.amount).step_by(self.width).any(|amount| *amount != 0.0)
+            };
+            for (i, of) in thrusters.sigma.iter().enumerate() {
+                let acts = self.terms.iter().any(|term| term.parameter == i && acts(term));
+                sigma[BODY + i] = if acts { *of } else { 0.0 };
             }
         }
         let slope = if self.planar { SLOPE_SIGMA } else { 0.0 };
