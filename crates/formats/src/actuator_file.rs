@@ -2,7 +2,8 @@
 
 use crate::FormatsError;
 use crate::text_file::{self, printable};
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use std::path::Path;
 use tumble_identification::actuators::{Actuator, Actuators, CommonErrors};
 
@@ -23,10 +24,19 @@ struct File {
 #[serde(deny_unknown_fields)]
 struct Thruster {
     column: String,
+    #[serde(deserialize_with = "three")]
     position_m: [f64; 3],
+    #[serde(deserialize_with = "three")]
     direction: [f64; 3],
     thrust_n: f64,
     thrust_sigma: Option<f64>,
+}
+
+/// Three numbers; an array of a fixed length would pass over a fourth.
+fn three<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
+    let numbers = Vec::<f64>::deserialize(from)?;
+    let count = numbers.len();
+    numbers.try_into().map_err(|_| D::Error::invalid_length(count, &"three numbers"))
 }
 
 #[derive(Default, Deserialize)]
@@ -130,6 +140,6 @@ mod tests {
         assert!(
             refused(&one.replace("format = 1", "format = 2").replace("thrust_n = ", "thrust_n = 1")).contains("format")
         );
-        assert!(refused(&format!("{one}0.4\n").replace("[0, 0.1, 0]", "[0, 0.1, 0, 5]")).contains("position_m"));
+        assert!(refused(&format!("{one}0.4\n").replace("[0, 0.1, 0]", "[0, 0.1, 0, 5]")).contains("three numbers"));
     }
 }
