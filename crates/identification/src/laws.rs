@@ -8,6 +8,7 @@ mod linear_model;
 #[cfg(feature = "trees")]
 mod multibody;
 mod recursive_estimator;
+mod sensing;
 mod state_estimator;
 mod units;
 
@@ -19,6 +20,7 @@ pub use filter_model::{check_differentiable_model, check_filter_model};
 pub use linear_model::check_linear_model;
 #[cfg(feature = "trees")]
 pub use multibody::{Determined, check_base_parameters, check_links_solver};
+pub use sensing::{Publish, SensingTrial, check_sensing};
 pub use recursive_estimator::{
     Begin, EstimatorPromises, Told, check_gate, check_innovation, check_recursive_estimator, check_unit_equivariance,
 };

@@ -5,9 +5,11 @@
 
 mod check;
 mod filter;
+mod published;
 
 pub use check::{Alignment, Contradiction, Found, PoseErrors, SensingCheck, StreamCheck, StreamName, check};
 pub use filter::LinearFilter;
+pub use published::TrueMotion;
 
 use crate::error::IdentificationError;
 

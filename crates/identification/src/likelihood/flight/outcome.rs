@@ -154,6 +154,22 @@ impl FlightEstimate {
         self
     }
 
+    /// Error of `[ln m, c, J_C]` against another body.
+    pub fn error(&self, truth: &InertialParameters<f64>) -> SVector<f64, 10> {
+        Coordinates::of(&self.parameters).difference(&Coordinates::of(truth))
+    }
+
+    /// That error squared, in units of its joint covariance, and over how many parameters: those that were free. Of many records the mean is
+    /// one per parameter.
+    pub fn squared_error(&self, truth: &InertialParameters<f64>) -> (f64, usize) {
+        let (error, std) = (self.error(truth), self.std());
+        let free: Vec<usize> = (0..10).filter(|&i| std[i] > 0.0).collect();
+        let n = free.len();
+        let joint = DMatrix::from_fn(n, n, |i, j| self.covariance[(free[i], free[j])] / (std[free[i]] * std[free[j]]));
+        let z = DVector::from_fn(n, |i, _| error[free[i]] / std[free[i]]);
+        (joint.cholesky().map_or(f64::INFINITY, |factor| z.dot(&factor.solve(&z))), n)
+    }
+
     /// One standard deviation of each of `[ln m, c, J_C (11, 12, 13, 22, 23, 33)]`.
     pub fn std(&self) -> SVector<f64, 10> {
         self.covariance.diagonal().map(|variance| variance.max(0.0).sqrt())

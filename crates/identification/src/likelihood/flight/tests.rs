@@ -10,7 +10,7 @@ use crate::lie::{LieGroup, Pose, Wrench};
 use crate::noise::Gaussian;
 use crate::sensing::{Delay, LinearFilter, Sensing, Wander};
 use crate::units::Units;
-use nalgebra::{DMatrix, DVector, Matrix3, SVector, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Step of the inertial unit; a row comes every second one.
 const FINE_S: f64 = 0.008;
@@ -231,22 +231,11 @@ impl World {
     }
 }
 
-/// Error of `[ln m, c, J_C]`.
-fn error(found: &FlightEstimate, truth: &InertialParameters<f64>) -> SVector<f64, 10> {
-    use super::super::coordinates::Coordinates;
-    Coordinates::of(&found.parameters).difference(&Coordinates::of(truth))
-}
-
 /// Free parameters, squared error of all in units of what is stated, and how many lie within 1.96.
 fn judged(found: &FlightEstimate, truth: &InertialParameters<f64>) -> (usize, f64, usize) {
-    let (error, std) = (error(found, truth), found.std());
-    let free: Vec<usize> = (0..10).filter(|&i| std[i] > 0.0).collect();
-    let n = free.len();
-    let correlation =
-        DMatrix::from_fn(n, n, |i, j| found.covariance[(free[i], free[j])] / (std[free[i]] * std[free[j]]));
-    let z = DVector::from_fn(n, |i, _| error[free[i]] / std[free[i]]);
-    let nees = correlation.cholesky().map_or(f64::INFINITY, |factor| z.dot(&factor.solve(&z)));
-    (n, nees, z.iter().filter(|z| z.abs() < 1.96).count())
+    let (squared, n) = found.squared_error(truth);
+    let z = found.error(truth).zip_map(&found.std(), |error, std| if std > 0.0 { error / std } else { f64::INFINITY });
+    (n, squared, z.iter().filter(|z| z.abs() < 1.96).count())
 }
 
 /// Mean squared error per parameter and coverage over seeds.
@@ -280,7 +269,7 @@ fn is_caught_without(change: fn(&mut Sensing)) {
 fn exact_logs_give_the_exact_body() {
     let world = World::exact();
     let found = world.told().estimate(&world.log(1)).unwrap();
-    let apart = error(&found, &world.body());
+    let apart = found.error(&world.body());
     println!("ln m {:.1e}, c {:.1e} m, J {:.1e}", apart[0], apart.rows(1, 3).amax(), apart.rows(4, 6).amax());
     assert!(apart[0].abs() < 1e-6 && apart.rows(1, 3).amax() < 1e-7, "{apart}");
     assert!(apart.rows(4, 6).amax() < 1e-5 * 0.15, "{apart}");
@@ -558,7 +547,7 @@ fn thrusters_that_nobody_tells_of_are_doubted() {
         world.thrusters = Some((twelve(), core::array::from_fn(|_| 1.0 + 0.02 * dice.normal())));
         let found = world.told().estimate(&world.log(seed)).unwrap();
         let (n, squared, _) = judged(&found, &world.body());
-        let largest = error(&found, &world.body()).component_div(&found.std()).amax();
+        let largest = found.error(&world.body()).component_div(&found.std()).amax();
         println!("{seed}: squared error {:.2}, largest {largest:.1} sigma", squared / n as f64);
         (count, all, worst) = (count + n, all + squared, worst.max(largest));
     }
