@@ -366,13 +366,17 @@ fn found<E: From<IdentificationError>>(
     }
     // A regression that does not answer has not the last word.
     let poor = |found: &Identification| found.explained.is_some_and(|share| share < plan.judge.poor_fit);
-    let tried = found.marks.likelihood_failed || found.silence != Silence::Nothing;
-    if plan.way == Way::Auto && found.method != MAXIMUM_LIKELIHOOD && (found.rank < 10 || poor(&found)) && !tried {
-        let likely = most_likely(record, &Timeline::try_new(record)?, plan)?;
-        let better = |likely: &Identification| {
-            likely.explained > Some(plan.judge.poor_fit) && likely.rank >= found.rank && likely.marks.leaves_noise_only
-        };
-        found = likely.filter(better).unwrap_or(found);
+    let silent = found.silence != Silence::Nothing;
+    if plan.way == Way::Auto && found.method != MAXIMUM_LIKELIHOOD && (found.rank < 10 || poor(&found)) && !silent {
+        if !found.marks.likelihood_failed {
+            let likely = most_likely(record, &Timeline::try_new(record)?, plan)?;
+            let better = |likely: &Identification| {
+                likely.explained > Some(plan.judge.poor_fit)
+                    && likely.rank >= found.rank
+                    && likely.marks.leaves_noise_only
+            };
+            found = likely.filter(better).unwrap_or(found);
+        }
         // Noise may be so large beside the motion that no row tells of it.
         if (found.rank < 10 || poor(&found))
             && !is_noise(record)
@@ -570,7 +574,9 @@ fn is_exact(found: &Identification, record: &[MotionSample]) -> bool {
     let count = places.len().max(1) as f64;
     let mean = places.iter().sum::<Vector3<f64>>() / count;
     let size = places.iter().map(|place| (place - mean).norm_squared()).sum::<f64>() / count;
-    found.noise.position_m.powi(2) <= EXACT * EXACT * size
+    let variance = found.noise.position_m.powi(2);
+    // None at all of places that move: nobody looked.
+    variance <= EXACT * EXACT * size && (variance > 0.0 || size == 0.0)
 }
 
 /// Whether the logged force is nothing but white noise: its change from sample to sample is as large as itself.

@@ -138,11 +138,14 @@ pub struct Sensing {
     pub rate: InertialErrors,
     /// Acceleration.
     pub acceleration: InertialErrors,
-    /// Where the accelerometer sits, from the body origin, m. The publisher takes the centripetal acceleration by its own rate out, and
-    /// leaves in what the angular acceleration makes.
+    /// Where the accelerometer sits, from the body origin, m. The publisher takes the centripetal acceleration of that place by its own rate
+    /// out, and leaves in what the angular acceleration makes.
     pub lever_arm_body_m: [f64; 3],
     /// One standard deviation of that place, each axis, m; zero where it is as stated.
     pub lever_arm_sigma_m: f64,
+    /// One standard deviation, each axis, m, of the place for which the publisher takes it out, about the stated one; zero where it is that.
+    /// As large as the lever arm where nothing may be taken out at all.
+    pub lever_arm_taken_out_sigma_m: f64,
     /// What the publisher has added for gravity, by the attitude it measured, inertial axes, m/s^2; `None` is the gravity that acts.
     pub gravity_added_world_m_s2: Option<[f64; 3]>,
     /// One standard deviation of the scales of an accelerometer that is not sane; where the record cannot tell it from a sane one,
@@ -173,11 +176,12 @@ impl Default for Sensing {
             attitude: LocalizationErrors::default(),
             velocity: LocalizationErrors::default(),
             pose_delay: Delay::default(),
-            velocity_delay: None,
+            velocity_delay: Some(Delay::default()),
             rate: InertialErrors::default(),
             acceleration: InertialErrors { misalignment_sigma: 1.75e-3, bias_sigma: 0.1, ..InertialErrors::default() },
             lever_arm_body_m: [0.0; 3],
             lever_arm_sigma_m: 0.05,
+            lever_arm_taken_out_sigma_m: 0.05,
             gravity_added_world_m_s2: None,
             doubted_scale_sigma: 1.0,
         }
@@ -260,6 +264,7 @@ impl Sensing {
             late(&triad.delay)?;
         }
         sigma("standard deviation of the lever arm, m", self.lever_arm_sigma_m)?;
+        sigma("standard deviation of the lever arm that is taken out, m", self.lever_arm_taken_out_sigma_m)?;
         sigma("doubted error of scale", self.doubted_scale_sigma)?;
         let places = self.lever_arm_body_m.iter().chain(self.gravity_added_world_m_s2.iter().flatten());
         places

@@ -152,7 +152,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
                 println!(
                     "{}",
                     json!({"block": "log", "scenario": name, "seed": seed, "method": found.method,
-                        "identified": answer.identified, "mass_error": answer.mass_error, "z": answer.z, "nees": answer.nees})
+                        "identified": answer.identified, "verdict": format!("{:?}", found.verdict), "mass_error": answer.mass_error, "z": answer.z, "nees": answer.nees})
                 );
             }
             answers.extend(answer);

@@ -54,6 +54,7 @@ impl LocalizationSettings {
             acceleration: triad(&self.imu.accelerometer, accelerometer, BIAS_SIGMA[1]),
             lever_arm_body_m: self.imu.lever_arm_body_m,
             lever_arm_sigma_m: 0.0,
+            lever_arm_taken_out_sigma_m: 0.0,
             gravity_added_world_m_s2: Some(self.gravity_world_m_s2),
             doubted_scale_sigma: 1.0,
         };

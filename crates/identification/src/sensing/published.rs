@@ -239,6 +239,7 @@ impl Sensing {
         let mut places = dice(seed, Source::Place);
         let nominal = Vector3::from(self.lever_arm_body_m);
         let lever = nominal + places.vector(self.lever_arm_sigma_m);
+        let taken_out = nominal + places.vector(self.lever_arm_taken_out_sigma_m);
         let pose_delay_s = drawn(&self.pose_delay, &mut places);
         let velocity_delay_s = self.velocity_delay.as_ref().map_or(pose_delay_s, |late| drawn(late, &mut places));
         let at_lever = |at: &TrueMotion| {
@@ -283,7 +284,7 @@ impl Sensing {
             let rate_body = rate.at(at(rate.delay_s));
             let measured = acceleration.at(at(acceleration.delay_s));
             let turned = pose.map_or(motion[row].state.world_from_body.rotation, |pose| pose.rotation);
-            let removed = rate_body.map_or_else(Vector3::zeros, |w| w.cross(&w.cross(&nominal)));
+            let removed = rate_body.map_or_else(Vector3::zeros, |w| w.cross(&w.cross(&taken_out)));
             log.push(MotionSample {
                 time_ns: motion[row].time_ns,
                 world_from_body: pose,

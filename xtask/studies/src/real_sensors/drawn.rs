@@ -69,6 +69,9 @@ impl Draw {
         let late_s = self.between(0.0, 0.3);
         let velocity_late_s = self.one_of(&[late_s, late_s + 0.05]);
         let unit_late_s = self.one_of(&[0.0, 0.02, late_s]);
+        // A publisher takes the lever arm out where it is, or knows of none.
+        let takes_out = self.below(0.5);
+        let lever_arm_body = self.0.vector(if takes_out { 0.03 } else { 0.0 });
         Ok(Sensing {
             position: self.localization(1e-3, sigma, time_s),
             attitude: self.localization(1e-3, 0.5 * sigma, time_s),
@@ -77,7 +80,9 @@ impl Draw {
             velocity_delay: Some(Delay { expected_s: velocity_late_s, sigma_s: 0.0 }),
             rate: self.unit(3e-4, 5e-3, unit_late_s)?,
             acceleration: self.unit(4e-3, 0.03, unit_late_s)?,
-            lever_arm_sigma_m: 0.03,
+            lever_arm_body_m: lever_arm_body.into(),
+            lever_arm_sigma_m: if takes_out { 0.0 } else { 0.03 },
+            lever_arm_taken_out_sigma_m: 0.0,
             ..Sensing::default()
         })
     }

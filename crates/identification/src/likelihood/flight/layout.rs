@@ -71,7 +71,12 @@ impl Layout {
         self.spread() + 2
     }
 
-    pub(super) fn count(self) -> usize {
+    /// Error of the lever arm that the publisher takes the centripetal part out for.
+    pub(super) fn lever_taken_out(self) -> usize {
         self.lever() + 3
+    }
+
+    pub(super) fn count(self) -> usize {
+        self.lever_taken_out() + 3
     }
 }

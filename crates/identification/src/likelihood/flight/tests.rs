@@ -87,7 +87,7 @@ impl World {
             (triad.scale_sigma, triad.misalignment_sigma) = (0.01, 0.01);
         }
         (sensing.pose_delay, sensing.velocity_delay) = (Delay::NONE, Some(Delay::NONE));
-        sensing.lever_arm_sigma_m = 0.0;
+        (sensing.lever_arm_sigma_m, sensing.lever_arm_taken_out_sigma_m) = (0.0, 0.0);
         sensing.lever_arm_body_m = LEVER;
         sensing
     }

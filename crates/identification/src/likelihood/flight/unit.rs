@@ -132,8 +132,8 @@ pub(super) struct Unit {
 pub(super) struct Predicted {
     pub(super) value: Vector3<f64>,
     pub(super) by_body: SMatrix<f64, 3, 10>,
-    /// By the lever arm; the rate has none.
-    pub(super) by_lever: Matrix3<f64>,
+    /// By the lever arm, and by the one that is taken out; the rate has none.
+    pub(super) by_lever: [Matrix3<f64>; 2],
 }
 
 /// `w x J w` from products of rates.
@@ -248,7 +248,7 @@ impl Unit {
             let owed = self.owed.amounts[k * self.width + amount];
             by_scale[*parameter] -= inverse * (torque - body.center.cross(force)) * owed;
         }
-        Predicted { value: -alpha, by_body, by_lever: Matrix3::zeros() }
+        Predicted { value: -alpha, by_body, by_lever: [Matrix3::zeros(); 2] }
     }
 
     /// Published acceleration before gain and bias.
@@ -264,13 +264,14 @@ impl Unit {
         let turning = self.passed.turning(k);
         let inverse = &body.inverse;
         let alpha = inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
-        let from = self.layout.lever();
-        let lever = self.lever + Vector3::new(eta[from], eta[from + 1], eta[from + 2]);
+        let [lever, taken_out] = [self.layout.lever(), self.layout.lever_taken_out()]
+            .map(|from| self.lever + Vector3::new(eta[from], eta[from + 1], eta[from + 2]));
         let arm = lever - body.center;
         let swing = skew(&arm);
         let centripetal = turning - Matrix3::identity() * turning.trace();
         let value =
-            force / body.mass + alpha.cross(&arm) + centripetal * arm - rate_beside.cross(&rate_beside.cross(&lever));
+            force / body.mass + alpha.cross(&arm) + centripetal * arm
+                - rate_beside.cross(&rate_beside.cross(&taken_out));
         let mut by_body = SMatrix::<f64, 3, 10>::zeros();
         by_body.set_column(LOG_MASS, &(-force / body.mass));
         let by_c = -(swing * inverse * skew(&force)) - skew(&alpha) - centripetal;
@@ -282,7 +283,7 @@ impl Unit {
             let turned = swing * (inverse * (torque - body.center.cross(force)));
             by_scale[*parameter] += (force / body.mass - turned) * self.passed.amounts[k * self.width + amount];
         }
-        let taken_out = skew(rate_beside);
-        Predicted { value, by_body, by_lever: skew(&alpha) + centripetal - taken_out * taken_out }
+        let turned = skew(rate_beside);
+        Predicted { value, by_body, by_lever: [skew(&alpha) + centripetal, -turned * turned] }
     }
 }

@@ -23,7 +23,8 @@ impl Fit<'_> {
         let delay_places: [Option<usize>; DELAYS] = core::array::from_fn(|i| at(layout.delay() + delay_of(i)));
         let gravity_place = at(layout.gravity());
         let spread_places: [Option<usize>; 2] = core::array::from_fn(|i| at(layout.spread() + i));
-        let lever_places: [Option<usize>; 3] = core::array::from_fn(|i| at(layout.lever() + i));
+        let lever_places: [[Option<usize>; 3]; 2] =
+            [layout.lever(), layout.lever_taken_out()].map(|from| core::array::from_fn(|i| at(from + i)));
         let spreads: [f64; 2] = core::array::from_fn(|i| self.eta[layout.spread() + i]);
         let gains: [Matrix3<f64>; 2] = [layout.rate_gain(), layout.acceleration_gain()]
             .map(|from| Matrix3::from_row_slice(&self.eta[from..from + 9]) + Matrix3::identity());
@@ -149,7 +150,7 @@ impl Fit<'_> {
             if counts[ACCELERATION] > 0.0 {
                 let (mut mean, mut measured, mut upward) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
                 let mut by_body = nalgebra::SMatrix::<f64, 3, 10>::zeros();
-                let mut by_lever = Matrix3::zeros();
+                let mut by_lever = [Matrix3::zeros(); 2];
                 let mut scales = vec![Vector3::zeros(); n];
                 let (mut sloped, mut bent) = (Vector3::zeros(), Vector3::zeros());
                 for k in range.filter(|&k| self.valid[k][ACCELERATION]) {
@@ -157,7 +158,9 @@ impl Fit<'_> {
                     let found = self.unit.acceleration(body, &self.eta, k, &row.rate_beside, &mut by_scale);
                     mean += found.value;
                     by_body += found.by_body;
-                    by_lever += found.by_lever;
+                    for (sum, by) in by_lever.iter_mut().zip(&found.by_lever) {
+                        *sum += by;
+                    }
                     measured += row.acceleration;
                     upward += row.upward_beside;
                     for (sum, x) in scales.iter_mut().zip(&by_scale) {
@@ -185,9 +188,11 @@ impl Fit<'_> {
                     columns[place] = sloped * share;
                     columns[last] += sloped * (share * delays[3]);
                 }
-                for (axis, place) in lever_places.iter().enumerate() {
-                    if let Some(place) = place {
-                        columns[*place] = gains[1] * by_lever.column(axis) * share;
+                for (places, by) in lever_places.iter().zip(&by_lever) {
+                    for (axis, place) in places.iter().enumerate() {
+                        if let Some(place) = place {
+                            columns[*place] = gains[1] * by.column(axis) * share;
+                        }
                     }
                 }
                 if let Some(place) = spread_places[1] {

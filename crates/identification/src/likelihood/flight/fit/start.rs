@@ -128,7 +128,9 @@ impl Fit<'_> {
         }
         for axis in 0..3 {
             let seen = has[ACCELERATION] && self.axes[ACCELERATION].contains(&axis);
-            sigma[layout.lever() + axis] = if seen { sensing.lever_arm_sigma_m } else { 0.0 };
+            let of = |prior: f64| if seen { prior } else { 0.0 };
+            sigma[layout.lever() + axis] = of(sensing.lever_arm_sigma_m);
+            sigma[layout.lever_taken_out() + axis] = of(sensing.lever_arm_taken_out_sigma_m);
         }
         let unsaid = self.planar && sensing.gravity_added_world_m_s2.is_none() && has[ACCELERATION] && has[ATTITUDE];
         sigma[layout.gravity()] = if unsaid { GRAVITY_SIGMA } else { 0.0 };
