@@ -15,6 +15,8 @@ mod columns;
 pub mod convert;
 pub mod excite;
 #[cfg(feature = "astrobee")]
+mod flown_sensing;
+#[cfg(feature = "astrobee")]
 pub mod fly;
 #[cfg(feature = "astrobee")]
 mod fly_table;

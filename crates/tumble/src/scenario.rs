@@ -9,6 +9,7 @@ mod fly;
 mod plan;
 mod plan_local;
 mod plan_local_table;
+mod sensed;
 
 pub use build::{Flight, PayloadChange, read_wrenches};
 pub use control::{BeliefTable, ControlTable, Steering};

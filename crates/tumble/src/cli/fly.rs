@@ -1,6 +1,7 @@
 //! `tumble fly`: a mission in closed loop; `tumble replay`: the mission of a report, flown again.
 
 use super::excite::progress;
+use super::flown_sensing::FlownSensing;
 use super::fly_table::{Costs, table};
 use super::simulate::write_mcap;
 use super::{Outcome, print};
@@ -59,6 +60,8 @@ pub struct FlyArgs {
     model: ModelChoice,
     #[command(flatten)]
     layers: LayerArgs,
+    #[command(flatten)]
+    sensing: FlownSensing,
     /// What goes wrong, and how badly: NAME or NAME:SEVERITY, severity 1 to 3.
     #[arg(long, value_name = "FAULT")]
     fault: Option<FaultChoice>,
@@ -169,7 +172,7 @@ impl MissionHooks for Watch {
 /// # Errors
 /// [`TumbleError`] for bad input.
 pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
-    let source = ScenarioSource::find(&args.scenario)?.among(robots);
+    let source = args.sensing.of(ScenarioSource::find(&args.scenario)?.among(robots))?;
     let options = FlyOptions {
         seed: args.seed.unwrap_or(source.scenario.seed),
         weighting: args.weighting,

@@ -1,6 +1,7 @@
 //! `tumble simulate`: flies a scenario and writes its log.
 
 use super::excite::progress;
+use super::flown_sensing::FlownSensing;
 use super::simulate_control::{self, Tracked};
 use super::{Outcome, print};
 use crate::TumbleError;
@@ -33,6 +34,7 @@ Exit codes: 0; 2 for an error; 3 where the flight is complete but left its volum
 
 Examples:
   tumble simulate iss-excite                   then: tumble identify tumble-out/simulate-iss-excite-1/log.csv
+  tumble simulate iss-hold --sensing bumble    with the sensors that Bumble had on the station
   tumble simulate iss-slalom --seed 7 --mcap   another draw of all errors; with a log for Foxglove
   tumble scenario show iss-excite > my.toml    a scenario to change; then: tumble simulate my.toml")]
 pub struct SimulateArgs {
@@ -44,6 +46,8 @@ pub struct SimulateArgs {
     /// Length of the flight, s, at most 86400; instead of the scenario's.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     duration: Option<f64>,
+    #[command(flatten)]
+    sensing: FlownSensing,
     /// Folder to write [default: tumble-out/simulate-SCENARIO-SEED, numbered where it exists].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -86,7 +90,7 @@ struct Flown {
 /// # Errors
 /// [`TumbleError`] for bad input.
 pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
-    let mut source = ScenarioSource::find(&args.scenario)?.among(robots);
+    let mut source = args.sensing.of(ScenarioSource::find(&args.scenario)?.among(robots))?;
     if let Some(seed) = args.seed {
         source.scenario.seed = seed;
     }

@@ -10,6 +10,7 @@ mod drawn_missions;
 mod excite_command;
 mod fault_campaign;
 mod flight_log;
+mod flown_sensing;
 mod fly_command;
 mod identify_arm_command;
 mod identify_command;
