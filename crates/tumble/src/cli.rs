@@ -12,6 +12,8 @@ pub mod calibrate_wheel;
 pub mod campaign;
 #[cfg(feature = "astrobee")]
 mod columns;
+#[cfg(feature = "astrobee")]
+mod commanded_nozzles;
 pub mod convert;
 pub mod excite;
 #[cfg(feature = "astrobee")]

@@ -6,6 +6,7 @@ mod build;
 mod control;
 mod embedded;
 mod fly;
+mod nozzles;
 mod plan;
 mod plan_local;
 mod plan_local_table;

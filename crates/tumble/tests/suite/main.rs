@@ -4,6 +4,7 @@
 mod allocate_command;
 mod arms;
 mod campaign_command;
+mod commanded_nozzles;
 mod convert_command;
 mod corruption_sweep;
 mod drawn_missions;
