@@ -18,6 +18,14 @@ pub enum AstrobeeError {
         /// What else is asked of it.
         rule: &'static str,
     },
+    /// T025: sensors that the simulator does not fly.
+    #[error("sensing: the simulator does not fly `{key}` as stated; it does: {accepted}")]
+    SensingNotFlown {
+        /// The key of the file of sensors.
+        key: &'static str,
+        /// What would be flown.
+        accepted: &'static str,
+    },
     /// T027: the simulator refuses.
     #[error(transparent)]
     Simulator(#[from] crate::simulator::SimulatorError),
@@ -28,13 +36,16 @@ impl AstrobeeError {
     pub fn code(&self) -> &'static str {
         match self {
             Self::Simulator(_) => "T027",
-            Self::SensingOutOfRange { .. } => "T025",
+            Self::SensingOutOfRange { .. } | Self::SensingNotFlown { .. } => "T025",
         }
     }
 
     /// What the user can do about it.
     pub fn remedy(&self) -> &'static str {
         match self {
+            Self::SensingNotFlown { .. } => {
+                "correct the named key; `docs/sensing.md` says what of such a file is flown"
+            }
             Self::SensingOutOfRange { .. } => "`docs/sensing.md` lists every key with unit and range",
             Self::Simulator(_) => {
                 "a scenario's `body`, `payload`, `start` and `drive` must fit: a wrench far beyond what the mass and inertia bear makes it \

@@ -28,6 +28,7 @@
 mod description;
 mod faults;
 mod flight_filter;
+mod flown;
 mod imu;
 mod localization;
 mod settings;

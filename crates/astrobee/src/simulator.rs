@@ -138,6 +138,8 @@ pub struct SimulatorMeasurement {
     pub wanted_wrench_body: Wrench<f64>,
     /// What the robot believes it applied: its commands through the propulsion as it is on paper.
     pub believed_wrench_body: Wrench<f64>,
+    /// Thrust of each nozzle in it, N; zero where none are simulated.
+    pub believed_thrusts_n: [f64; 12],
     /// Mean of what really acted: propulsion and drag; on the table the part in the plane.
     pub realized_wrench_body: Wrench<f64>,
     /// What the modules were told; zero where none are simulated.
@@ -445,6 +447,7 @@ impl AstrobeeSimulator {
             estimate: self.newest,
             wanted_wrench_body: *wanted,
             believed_wrench_body: self.confined(&made.believed_wrench_body),
+            believed_thrusts_n: made.believed_thrusts_n,
             realized_wrench_body: sum * (1.0 / SUBSTEPS as f64),
             command: made.command,
             saturated: made.saturated,

@@ -3,14 +3,14 @@
 use crate::FormatsError;
 use crate::text_file::{self, printable};
 use serde::de::Error as _;
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 use tumble_identification::actuators::{Actuator, Actuators, CommonErrors};
 
 /// Standard deviation of a thrust of which nothing is said.
 const THRUST_SIGMA: f64 = 0.01;
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
     format: u32,
@@ -20,7 +20,7 @@ struct File {
     common: Common,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Thruster {
     column: String,
@@ -39,7 +39,7 @@ fn three<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
     numbers.try_into().map_err(|_| D::Error::invalid_length(count, &"three numbers"))
 }
 
-#[derive(Default, Deserialize)]
+#[derive(Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Common {
     scale_sigma: f64,
@@ -120,12 +120,57 @@ pub fn parse(text: &str, path: &Path) -> Result<ActuatorFile, FormatsError> {
     Ok(ActuatorFile { columns, actuators })
 }
 
+/// The text of a file with every key.
+///
+/// # Errors
+/// [`FormatsError::BadToml`] for numbers that TOML cannot hold.
+pub fn text(told: &ActuatorFile, path: &Path) -> Result<String, FormatsError> {
+    let of = |(column, actuator): (&String, &Actuator)| Thruster {
+        column: column.clone(),
+        position_m: actuator.position_m,
+        direction: actuator.direction,
+        thrust_n: actuator.thrust_n,
+        thrust_sigma: Some(actuator.thrust_sigma),
+    };
+    let common = &told.actuators.common;
+    let file = File {
+        format: 1,
+        thruster: told.columns.iter().zip(&told.actuators.actuators).map(of).collect(),
+        common: Common {
+            scale_sigma: common.scale_sigma,
+            sag_sigma: common.sag_sigma,
+            delay_s: common.delay_s,
+            delay_sigma_s: common.delay_sigma_s,
+            rise_s: common.rise_s,
+            mass_flow_kg_per_n_s: common.mass_flow_kg_per_n_s,
+        },
+    };
+    toml::to_string(&file).map_err(|error| FormatsError::BadToml { path: path.into(), message: error.to_string() })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn refused(text: &str) -> String {
         parse(text, Path::new("actuators.toml")).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_written_file_reads_back() {
+        let nozzle = |x: f64| Actuator {
+            position_m: [x, -0.1, 0.2],
+            direction: [0.0, -1.0, 0.0],
+            thrust_n: 0.1 + x,
+            thrust_sigma: 0.0,
+        };
+        let common = CommonErrors { scale_sigma: 0.1, delay_s: 0.3, rise_s: 0.02, ..CommonErrors::default() };
+        let told = ActuatorFile {
+            columns: vec!["u 1".to_owned(), "u\"2".to_owned()],
+            actuators: Actuators { actuators: vec![nozzle(0.1), nozzle(1.0 / 3.0)], common },
+        };
+        let path = Path::new("actuators.toml");
+        assert_eq!(parse(&text(&told, path).unwrap(), path).unwrap(), told);
     }
 
     #[test]

@@ -200,7 +200,8 @@ impl Level {
         matches!(self, Self::Known(_))
     }
 
-    pub(crate) fn or(self, sigma: f64) -> f64 {
+    /// What is stated, or else this.
+    pub fn or(self, sigma: f64) -> f64 {
         self.stated().unwrap_or(sigma)
     }
 }
@@ -217,7 +218,8 @@ impl Wander {
         matches!(self, Self::Known { .. })
     }
 
-    pub(crate) fn or(self, sigma: f64, time_s: f64) -> (f64, f64) {
+    /// Standard deviation and time, s, as stated, or else these.
+    pub fn or(self, sigma: f64, time_s: f64) -> (f64, f64) {
         self.stated().unwrap_or((sigma, time_s))
     }
 }

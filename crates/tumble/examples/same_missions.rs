@@ -6,9 +6,10 @@
 
 use std::io;
 use tumble::TumbleError;
-use tumble::flight_log::Recorder;
+use tumble::flight_log::{MoreColumns, Recorder};
 use tumble::mission::{FlownPeriod, FlyOptions, LayerNames, MissionHooks, ModelChoice, WeightingChoice, fly};
 use tumble::scenario::ScenarioSource;
+use tumble_astrobee::propulsion::{ImpellerMode, largest_thrusts_n};
 use tumble_formats::FormatsError;
 
 /// FNV-1a, 64 bits: where it starts, and how it goes on.
@@ -64,7 +65,8 @@ fn mission(name: &str, longest_s: f64) -> Result<(), TumbleError> {
         layers: LayerNames::default(),
     };
     let mut written = Hashed(START, 0);
-    let mut log = Log(Recorder::with_estimate(&mut written).map_err(unwritable)?);
+    let more = MoreColumns { nozzles: Some(largest_thrusts_n(ImpellerMode::Nominal)), estimate: true, revisions: true };
+    let mut log = Log(Recorder::with(&mut written, more).map_err(unwritable)?);
     let record = fly(&source, &options, &mut log)?;
     log.0.finish().map_err(unwritable)?;
     let Hashed(hash, bytes) = written;

@@ -12,8 +12,12 @@ pub mod calibrate_wheel;
 pub mod campaign;
 #[cfg(feature = "astrobee")]
 mod columns;
+#[cfg(feature = "astrobee")]
+mod commanded_nozzles;
 pub mod convert;
 pub mod excite;
+#[cfg(feature = "astrobee")]
+mod flown_sensing;
 #[cfg(feature = "astrobee")]
 pub mod fly;
 #[cfg(feature = "astrobee")]

@@ -17,6 +17,15 @@ pub enum TumbleError {
     #[cfg(feature = "astrobee")]
     #[error(transparent)]
     Robot(#[from] AstrobeeError),
+    /// T025: sensors of a file that the simulated robot does not fly.
+    #[cfg(feature = "astrobee")]
+    #[error("{path}: {source}")]
+    SensingNotFlown {
+        /// The file, or the name of sensors.
+        path: PathBuf,
+        /// The key, and what would be flown.
+        source: AstrobeeError,
+    },
     /// T010: an output that exists already.
     #[error("{path} exists already")]
     OutputExists {
@@ -141,7 +150,7 @@ impl TumbleError {
         match self {
             Self::File(error) => error.code(),
             #[cfg(feature = "astrobee")]
-            Self::Robot(error) => error.code(),
+            Self::Robot(error) | Self::SensingNotFlown { source: error, .. } => error.code(),
             Self::OutputExists { .. } => "T010",
             Self::NotAResult { .. } => "T020",
             Self::BadOption { .. } => "T014",
@@ -164,7 +173,7 @@ impl TumbleError {
         match self {
             Self::File(error) => error.remedy(),
             #[cfg(feature = "astrobee")]
-            Self::Robot(error) => error.remedy(),
+            Self::Robot(error) | Self::SensingNotFlown { source: error, .. } => error.remedy(),
             Self::OutputExists { .. } => "name another place, or replace it with `--force`",
             Self::NotAResult { .. } => "name a new folder, or remove this one yourself",
             Self::PlanContradiction { .. } => {

@@ -4,7 +4,7 @@
 mod recorder;
 
 #[cfg(feature = "astrobee")]
-pub use recorder::{EstimateColumns, Recorder};
+pub use recorder::{EstimateColumns, MoreColumns, NOZZLE_COLUMNS, Recorder};
 
 use tumble_dynamics::nalgebra::{Isometry3, UnitQuaternion};
 use tumble_formats::excitation_file::NoiseTable;

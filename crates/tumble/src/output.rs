@@ -128,7 +128,7 @@ fn is_result_folder(path: &Path) -> bool {
 /// The file by which a result folder is known.
 pub const RUN_RECORD: &str = "run.json";
 /// Everything that lies in a result folder.
-const RESULT_FILES: [&str; 49] = [
+const RESULT_FILES: [&str; 50] = [
     RUN_RECORD,
     "result.json",
     "body.toml",
@@ -142,6 +142,7 @@ const RESULT_FILES: [&str; 49] = [
     "log.csv",
     "log.mcap",
     "truth.toml",
+    "actuators.toml",
     "position.svg",
     "attitude.svg",
     "position_rate.svg",

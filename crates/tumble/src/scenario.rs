@@ -6,9 +6,11 @@ mod build;
 mod control;
 mod embedded;
 mod fly;
+mod nozzles;
 mod plan;
 mod plan_local;
 mod plan_local_table;
+mod sensed;
 
 pub use build::{Flight, PayloadChange, read_wrenches};
 pub use control::{BeliefTable, ControlTable, Steering};

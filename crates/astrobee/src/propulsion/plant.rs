@@ -57,6 +57,8 @@ pub struct PropulsionStep {
     pub wrench_body: Wrench<f64>,
     /// Wrench of each module, body axes, torque about the body origin.
     pub module_wrenches_body: [Wrench<f64>; 2],
+    /// Thrust of each nozzle, N.
+    pub thrusts_n: [f64; 12],
 }
 
 /// The propulsion hardware: twelve servos, two impellers, two plenums.
@@ -132,7 +134,8 @@ impl PropulsionPlant {
             impeller.step(byte, self.settings.supply_v * self.damage.supply_factor);
         }
         let speeds_rad_s = self.impellers.each_ref().map(Impeller::speed_rad_s);
-        let [s0, s1, s2, s3, s4, s5, p0, p1, p2, p3, p4, p5] = self.thrusts_n(speeds_rad_s, &flaps_rad);
+        let thrusts_n = self.thrusts_n(speeds_rad_s, &flaps_rad);
+        let [s0, s1, s2, s3, s4, s5, p0, p1, p2, p3, p4, p5] = thrusts_n;
         let mut module_wrenches_body = [
             wrench_of_thrusts(&[s0, s1, s2, s3, s4, s5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
             wrench_of_thrusts(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, p0, p1, p2, p3, p4, p5]),
@@ -141,7 +144,7 @@ impl PropulsionPlant {
             wrench.torque += self.impeller_torque_body(impeller, axis_y, rate_body);
         }
         let [starboard, port] = module_wrenches_body;
-        PropulsionStep { wrench_body: starboard + port, module_wrenches_body }
+        PropulsionStep { wrench_body: starboard + port, module_wrenches_body, thrusts_n }
     }
 
     /// Torque of one impeller on the body: the reaction to its motor, and that of its momentum on a body that turns.

@@ -64,7 +64,7 @@ impl LocalizationSettings {
 }
 
 /// Average of the unit and filter of the flight software, one after the other.
-fn published(
+pub(super) fn published(
     imu: &ImuSettings,
     coefficients: Option<(Vec<f64>, Vec<f64>)>,
 ) -> Result<Option<LinearFilter>, IdentificationError> {

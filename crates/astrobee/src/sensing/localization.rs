@@ -70,10 +70,14 @@ impl Localization {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked: at most 1000 / 8")]
         let history_length = hidden + libm::ceil(pose_later) as usize + 1;
         let following = settings.imu.bias_following_time_s;
-        let bias_gain = if following > 0.0 { 1.0 - libm::exp(-settings.imu.step_s() / following) } else { 1.0 };
+        let (believed_bias, bias_gain) = match settings.imu.bias_removed {
+            false => (ImuBias { accelerometer: Vector3::zeros(), gyro: Vector3::zeros() }, 0.0),
+            true if following > 0.0 => (imu.bias(), 1.0 - libm::exp(-settings.imu.step_s() / following)),
+            true => (imu.bias(), 1.0),
+        };
         let capacity = settings.timing.most_on_the_way();
         Ok(Self {
-            believed_bias: imu.bias(),
+            believed_bias,
             imu,
             chain: ImuChain::new(&settings.imu, gravity, mode),
             bias_gain,

@@ -36,6 +36,8 @@ pub struct ImuSettings {
     pub moving_average: bool,
     /// Whether the flight software filters by impeller mode.
     pub flight_filter: bool,
+    /// Whether the flight software estimates the bias and removes it; else all of it is published.
+    pub bias_removed: bool,
     /// Time in which the bias estimate of the flight software follows the true bias, s, 0 (bias always known) to 1000.
     pub bias_following_time_s: f64,
     /// Errors of the accelerometer; unit of signal m/s^2.
@@ -198,6 +200,19 @@ pub enum SensingPreset {
 }
 
 impl SensingPreset {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Perfect, Self::Nominal, Self::ThesisFlight, Self::Bumble];
+
+    /// Its name in scenarios and options.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Perfect => "perfect",
+            Self::Nominal => "nominal",
+            Self::ThesisFlight => "thesis-flight",
+            Self::Bumble => "bumble",
+        }
+    }
+
     /// What the name stands for.
     pub fn settings(self) -> LocalizationSettings {
         match self {
@@ -277,6 +292,7 @@ impl Default for ImuSettings {
             lever_arm_body_m: [0.0247, 0.0183, 0.0094],
             moving_average: true,
             flight_filter: true,
+            bias_removed: true,
             bias_following_time_s: 3.25,
             accelerometer: SensorErrors::epson_accelerometer(),
             gyro: SensorErrors::epson_gyro(),

@@ -34,6 +34,7 @@ const SHARES: u32 = 64;
 /// What came of a wanted wrench in one control period.
 pub(super) struct Made {
     pub believed_wrench_body: Wrench<f64>,
+    pub believed_thrusts_n: [f64; 12],
     pub realized_wrench_body: Wrench<f64>,
     pub command: PropulsionCommand,
     pub saturated: bool,
@@ -72,9 +73,11 @@ impl Actuators {
                 let steps = allocation.0.allocate_steps(wanted)?;
                 let command = steps.bytes;
                 plant.set_damage(*damage);
+                // What the robot can know: what its bytes make of servos and impellers as they are on paper.
+                let believed = known.step(&command, &Vector3::zeros());
                 return Ok(Made {
-                    // What the robot can know: what its bytes make of servos and impellers as they are on paper.
-                    believed_wrench_body: known.step(&command, &Vector3::zeros()).wrench_body,
+                    believed_wrench_body: believed.wrench_body,
+                    believed_thrusts_n: believed.thrusts_n,
                     realized_wrench_body: plant.step(&command, rate_body).wrench_body,
                     command,
                     saturated: steps.limits.is_saturated(),
@@ -83,6 +86,7 @@ impl Actuators {
         };
         Ok(Made {
             believed_wrench_body: realized,
+            believed_thrusts_n: [0.0; 12],
             realized_wrench_body: if has_nozzles {
                 damage.of_wrench(&realized)
             } else {

@@ -16,28 +16,34 @@ const IN_PLANE: [&str; 4] = ["mass", "com_x", "com_y", "inertia_zz"];
 /// Flies scenarios.
 pub struct SimulatedFlights {
     sources: Vec<ScenarioSource>,
+    /// Whether the sensors are not those of the scenarios.
+    is_sensed_by: bool,
 }
 
 impl SimulatedFlights {
-    /// The scenarios of these names, flown among these robots.
+    /// The scenarios of these names, flown among these robots, with other sensors where they are named.
     ///
     /// # Errors
-    /// As [`ScenarioSource::find`].
-    pub fn find(names: &[String], robots: &Robots) -> Result<Self, TumbleError> {
-        let sources = names
-            .iter()
-            .map(|name| Ok(ScenarioSource::find(name)?.among(robots)))
-            .collect::<Result<_, TumbleError>>()?;
-        Ok(Self { sources })
+    /// As [`ScenarioSource::find`] and [`ScenarioSource::sensed_by`].
+    pub fn find(names: &[String], sensing: Option<&str>, robots: &Robots) -> Result<Self, TumbleError> {
+        let source = |name: &String| {
+            let source = ScenarioSource::find(name)?.among(robots);
+            sensing.map_or(Ok(source.clone()), |sensing| source.sensed_by(sensing))
+        };
+        Ok(Self {
+            sources: names.iter().map(source).collect::<Result<_, TumbleError>>()?,
+            is_sensed_by: sensing.is_some(),
+        })
     }
 
-    /// What the campaign remembers of its scenarios: names and hashes of the texts and of the files that they name.
+    /// What the campaign remembers of its scenarios: names and hashes of the texts, of the files that they name and of sensors that are
+    /// not theirs.
     ///
     /// # Errors
     /// [`FormatsError::Unreadable`].
     pub fn entries(&self, names: &[String]) -> Result<Vec<ScenarioEntry>, TumbleError> {
         let entry = |(name, source): (&String, &ScenarioSource)| {
-            Ok(ScenarioEntry { name: name.clone(), hash: fingerprint(source)? })
+            Ok(ScenarioEntry { name: name.clone(), hash: fingerprint(source, self.is_sensed_by)? })
         };
         names.iter().zip(&self.sources).map(entry).collect()
     }
@@ -62,8 +68,8 @@ impl MissionRunner for SimulatedFlights {
     }
 }
 
-/// FNV-1a, 64 bits, of the scenario's text and of the files it names.
-fn fingerprint(source: &ScenarioSource) -> Result<String, TumbleError> {
+/// FNV-1a, 64 bits, of the scenario's text, of the files it names and, where they are not its own, of its sensors.
+fn fingerprint(source: &ScenarioSource, is_sensed_by: bool) -> Result<String, TumbleError> {
     let scenario = &source.scenario;
     let files = [
         scenario.body.as_ref().and_then(|body| body.file.as_ref()),
@@ -79,6 +85,10 @@ fn fingerprint(source: &ScenarioSource) -> Result<String, TumbleError> {
         // lengths keep what stands in one file from passing for what stands in the next
         bytes.extend(bytes.len().to_le_bytes());
         bytes.extend(fs::read(&path).map_err(|source| FormatsError::Unreadable { path, source })?);
+    }
+    if is_sensed_by {
+        bytes.extend(bytes.len().to_le_bytes());
+        bytes.extend(format!("{:?}", scenario.sensing).into_bytes());
     }
     let hash = bytes
         .iter()

@@ -30,6 +30,9 @@ pub struct CampaignConfiguration {
     /// Whether payload and belief are drawn by each mission's seed, and how far beyond a factor of two the belief may then be off, as
     /// a share.
     pub draw: Option<f64>,
+    /// Sensors that are flown with instead of the scenarios', as they were named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensing: Option<String>,
     /// Whether nothing is flown.
     pub dry_run: bool,
     /// Scenarios.
@@ -69,6 +72,8 @@ pub struct PlannedMission {
     pub scenario_name: String,
     /// Whether payload and belief are drawn by the seed, and how far beyond a factor of two the belief may then be off.
     pub draw: Option<f64>,
+    /// Sensors instead of the scenario's, as they were named.
+    pub sensing: Option<String>,
     /// Options, the seed among them.
     pub options: FlyOptions,
 }
@@ -81,7 +86,8 @@ impl PlannedMission {
             Some(outside) if outside > 0.0 => format!(" --draw --outside {outside}"),
             Some(_) => " --draw".to_owned(),
         };
-        format!("tumble fly {} {}{draw}", shell_word(&self.scenario_name), fly_arguments(&self.options))
+        let sensing = self.sensing.as_ref().map_or_else(String::new, |name| format!(" --sensing {}", shell_word(name)));
+        format!("tumble fly {} {}{draw}{sensing}", shell_word(&self.scenario_name), fly_arguments(&self.options))
     }
 }
 
@@ -181,7 +187,16 @@ impl CampaignPlan {
             layers: LayerNames::default(),
         };
         let scenario_name = c.scenarios.get(scenario)?.name.clone();
-        Some(PlannedMission { row, k, combination, scenario, scenario_name, draw: c.draw, options })
+        Some(PlannedMission {
+            row,
+            k,
+            combination,
+            scenario,
+            scenario_name,
+            draw: c.draw,
+            sensing: c.sensing.clone(),
+            options,
+        })
     }
 
     /// Factors over which combinations are compared, scenarios aside: name, by how much one level moves the number of the combination,

@@ -68,6 +68,7 @@ pub(super) fn configuration(missions: u64) -> CampaignConfiguration {
         master_seed: 5,
         missions,
         draw: Some(0.0),
+        sensing: None,
         dry_run: false,
         scenarios: vec![scenario("iss-slalom"), scenario("it's, \"mine\".toml")],
         faults: vec![None, Some(FaultChoice { name: FaultName::Drop, severity: 2 })],
@@ -192,13 +193,15 @@ fn options_share_their_seeds() {
 #[test]
 fn a_row_says_how_to_fly_it_again() {
     let seed = mission_seed(5, 1);
-    let mission = plan(2).mission(24 + 12 + 6 + 4).unwrap();
+    let mut mission = plan(2).mission(24 + 12 + 6 + 4).unwrap();
     assert_eq!(
         mission.replay(),
         format!(
             "tumble fly 'it'\\''s, \"mine\".toml' --seed {seed} --weighting none --feedback off --model scenario --fault drop:2 --draw"
         )
     );
+    mission.sensing = Some("of the day.toml".to_owned());
+    assert!(mission.replay().ends_with(" --draw --sensing 'of the day.toml'"));
 }
 
 #[test]

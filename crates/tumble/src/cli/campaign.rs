@@ -1,6 +1,7 @@
 //! `tumble campaign`: missions over seeds and options, and parts of a campaign into a whole.
 
 use super::excite::progress;
+use super::flown_sensing::FlownSensing;
 use super::fly::Switch;
 use super::{Outcome, print};
 use crate::TumbleError;
@@ -96,6 +97,8 @@ struct FlyArgs {
     /// With `--draw`: how far beyond the factor of two the belief may be off, as a share of it, 0 to 0.3.
     #[arg(long, value_name = "SHARE", requires = "draw", default_value_t = 0.0, allow_negative_numbers = true)]
     outside: f64,
+    #[command(flatten)]
+    sensing: FlownSensing,
     /// Missions at a time [default: one for each core].
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
@@ -140,7 +143,7 @@ fn run_merge(args: &MergeArgs) -> Result<Outcome, TumbleError> {
 }
 
 fn run_missions(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
-    let flights = SimulatedFlights::find(&args.scenarios, robots)?;
+    let flights = SimulatedFlights::find(&args.scenarios, args.sensing.sensing.as_deref(), robots)?;
     let plan = CampaignPlan::try_new(configuration(args, &flights)?)?;
     if args.dry_run {
         run_with(args, &plan, flights.name(), &DryRun)
@@ -164,6 +167,7 @@ fn configuration(args: &FlyArgs, flights: &SimulatedFlights) -> Result<CampaignC
         master_seed: args.seed,
         missions: args.missions,
         draw: args.draw.then_some(args.outside),
+        sensing: args.sensing.sensing.clone(),
         dry_run: args.dry_run,
         scenarios: flights.entries(&args.scenarios)?,
         faults: faults.concat(),

@@ -1,10 +1,12 @@
 //! `tumble fly`: a mission in closed loop; `tumble replay`: the mission of a report, flown again.
 
+use super::commanded_nozzles::CommandedNozzles;
 use super::excite::progress;
+use super::flown_sensing::FlownSensing;
 use super::fly_table::{Costs, table};
 use super::simulate::write_mcap;
 use super::{Outcome, print};
-use crate::flight_log::Recorder;
+use crate::flight_log::{MoreColumns, Recorder};
 use crate::mission::{
     self, FaultChoice, FlownPeriod, FlyOptions, LayerNames, MissionHooks, MissionRecord, ModelChoice, WeightingChoice,
     WrittenNames,
@@ -59,6 +61,8 @@ pub struct FlyArgs {
     model: ModelChoice,
     #[command(flatten)]
     layers: LayerArgs,
+    #[command(flatten)]
+    sensing: FlownSensing,
     /// What goes wrong, and how badly: NAME or NAME:SEVERITY, severity 1 to 3.
     #[arg(long, value_name = "FAULT")]
     fault: Option<FaultChoice>,
@@ -169,7 +173,7 @@ impl MissionHooks for Watch {
 /// # Errors
 /// [`TumbleError`] for bad input.
 pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
-    let source = ScenarioSource::find(&args.scenario)?.among(robots);
+    let source = args.sensing.of(ScenarioSource::find(&args.scenario)?.among(robots))?;
     let options = FlyOptions {
         seed: args.seed.unwrap_or(source.scenario.seed),
         weighting: args.weighting,
@@ -191,7 +195,9 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     let log_path = folder.file("log.csv");
     let unwritable = |source| FormatsError::Unwritable { path: log_path.clone(), source };
     let file = File::create(&log_path).map_err(unwritable)?;
-    let recorder = Recorder::with_estimate(BufWriter::with_capacity(1 << 16, file)).map_err(unwritable)?;
+    let nozzles = CommandedNozzles::of(&source)?;
+    let more = MoreColumns { nozzles: nozzles.largest_thrusts_n(), estimate: true, revisions: true };
+    let recorder = Recorder::with(BufWriter::with_capacity(1 << 16, file), more).map_err(unwritable)?;
     let mut watch = Watch { recorder, log: log_path.clone(), costs: Costs::default(), since: Instant::now() };
     let clock = Instant::now();
     let record = mission::fly(&source, &options, &mut watch)?;
@@ -202,6 +208,7 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     let world = source.mission(&options)?.planning.world;
     write_mcap(&log_path, &folder.file("log.mcap"), &world)?;
     folder.write("scenario.toml", &record.scenario_toml)?;
+    nozzles.write(&folder)?;
     folder.write("summary.json", &format!("{}\n", pretty(&record)?))?;
     folder.write("report.html", &mission_report::html(&record)?)?;
     folder.write("timings.json", &format!("{:#}\n", costs.json(wall_s)))?;

@@ -1,11 +1,13 @@
 //! `tumble simulate`: flies a scenario and writes its log.
 
+use super::commanded_nozzles::CommandedNozzles;
 use super::excite::progress;
+use super::flown_sensing::FlownSensing;
 use super::simulate_control::{self, Tracked};
 use super::{Outcome, print};
 use crate::TumbleError;
 use crate::figure::{Curve, Figure, SINCE_START};
-use crate::flight_log::Recorder;
+use crate::flight_log::{MoreColumns, Recorder};
 use crate::output::{OutputFolder, RUN_RECORD, unused};
 use crate::scenario::{Flight, LONGEST_S, ScenarioSource};
 use clap::Args;
@@ -33,6 +35,8 @@ Exit codes: 0; 2 for an error; 3 where the flight is complete but left its volum
 
 Examples:
   tumble simulate iss-excite                   then: tumble identify tumble-out/simulate-iss-excite-1/log.csv
+  tumble simulate iss-hold --sensing bumble    with the sensors that Bumble had on the station
+  tumble simulate iss-payload                  nozzles that are off: tumble identify FOLDER/log.csv --actuators FOLDER/actuators.toml
   tumble simulate iss-slalom --seed 7 --mcap   another draw of all errors; with a log for Foxglove
   tumble scenario show iss-excite > my.toml    a scenario to change; then: tumble simulate my.toml")]
 pub struct SimulateArgs {
@@ -44,6 +48,8 @@ pub struct SimulateArgs {
     /// Length of the flight, s, at most 86400; instead of the scenario's.
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     duration: Option<f64>,
+    #[command(flatten)]
+    sensing: FlownSensing,
     /// Folder to write [default: tumble-out/simulate-SCENARIO-SEED, numbered where it exists].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -86,7 +92,7 @@ struct Flown {
 /// # Errors
 /// [`TumbleError`] for bad input.
 pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
-    let mut source = ScenarioSource::find(&args.scenario)?.among(robots);
+    let mut source = args.sensing.of(ScenarioSource::find(&args.scenario)?.among(robots))?;
     if let Some(seed) = args.seed {
         source.scenario.seed = seed;
     }
@@ -112,8 +118,13 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     let unwritable = |source| FormatsError::Unwritable { path: log_path.clone(), source };
     let file = File::create(&log_path).map_err(unwritable)?;
     let out = BufWriter::with_capacity(1 << 16, file);
-    let is_told = simulate_control::is_told(&flight);
-    let mut recorder = if is_told { Recorder::with_revisions(out) } else { Recorder::new(out) }.map_err(unwritable)?;
+    let nozzles = CommandedNozzles::of(&source)?;
+    let more = MoreColumns {
+        nozzles: nozzles.largest_thrusts_n(),
+        estimate: false,
+        revisions: simulate_control::is_told(&flight),
+    };
+    let mut recorder = Recorder::with(out, more).map_err(unwritable)?;
 
     let clock = Instant::now();
     let flown = fly(&mut flight, |flight, measured| {
@@ -133,6 +144,7 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     let summary = summary(&source, &flight, &flown, rows, left_out, &truth);
     let speed = flight.duration_ns as f64 * 1e-9 / wall_s.max(1e-9);
     folder.write("scenario.toml", &source.to_toml()?)?;
+    nozzles.write(&folder)?;
     folder.write("truth.toml", &body_file::export(Path::new("truth.toml"), &truth)?)?;
     folder.write("summary.json", &format!("{summary:#}\n"))?;
     let timings = serde_json::json!({ "format": 1, "wall_s": wall_s, "speed_over_real_time": speed });

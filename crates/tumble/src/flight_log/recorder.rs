@@ -14,6 +14,21 @@ true_p_x,true_p_y,true_p_z,true_q_x,true_q_y,true_q_z,true_q_w,\
 true_v_x,true_v_y,true_v_z,true_w_x,true_w_y,true_w_z,true_a_x,true_a_y,true_a_z,\
 true_f_x,true_f_y,true_f_z,true_tau_x,true_tau_y,true_tau_z,\
 cmd_f_x,cmd_f_y,cmd_f_z,cmd_tau_x,cmd_tau_y,cmd_tau_z";
+/// What comes after them where nozzles make the wrench: the thrust of each as the robot knows it, a share of the largest.
+pub const NOZZLE_COLUMNS: [&str; 12] = [
+    "cmd_nozzle_1",
+    "cmd_nozzle_2",
+    "cmd_nozzle_3",
+    "cmd_nozzle_4",
+    "cmd_nozzle_5",
+    "cmd_nozzle_6",
+    "cmd_nozzle_7",
+    "cmd_nozzle_8",
+    "cmd_nozzle_9",
+    "cmd_nozzle_10",
+    "cmd_nozzle_11",
+    "cmd_nozzle_12",
+];
 /// What comes after them where beliefs change.
 const REVISIONS_HEADER: &str = ",plan_revision,belief_revision";
 /// What comes between where the robot estimates its body: mass, centre of mass, inertia about it.
@@ -28,6 +43,17 @@ const LATEST_ARRIVAL_NS: i64 = 3_200_000_000;
 /// Control periods that are remembered for estimates that are still on their way: more than [`LATEST_ARRIVAL_NS`].
 const REMEMBERED: usize = 256;
 
+/// Columns that not every flight has; without them, what they would hold is passed over.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MoreColumns {
+    /// [`NOZZLE_COLUMNS`]: the thrust of each nozzle at a command of one, N.
+    pub nozzles: Option<[f64; 12]>,
+    /// The estimate of the body, zero until told.
+    pub estimate: bool,
+    /// Revisions of plan and belief, zero until told.
+    pub revisions: bool,
+}
+
 /// What is remembered of a control period.
 #[derive(Clone, Copy)]
 struct Period {
@@ -37,6 +63,9 @@ struct Period {
     wanted_wrench_body: Wrench<f64>,
     /// Of what was believed and realised before, from the start of the flight.
     impulses: [Wrench<f64>; 2],
+    believed_thrusts_n: [f64; 12],
+    /// Of each nozzle before, as of the wrenches.
+    nozzle_impulses_n_s: [f64; 12],
     revisions: Option<[u64; 2]>,
     estimate: Option<EstimateColumns>,
 }
@@ -48,11 +77,21 @@ impl Period {
         let [believed, realized] = self.impulses;
         [believed + self.believed_wrench_body * since_s, realized + self.realized_wrench_body * since_s]
     }
+
+    /// Impulses of the nozzles up to a time in the period, N s.
+    fn nozzle_impulses_at(&self, time_ns: i64) -> [f64; 12] {
+        let since_s = (time_ns - self.start.time_ns) as f64 * 1e-9;
+        let mut impulses = self.nozzle_impulses_n_s;
+        for (impulse, thrust_n) in impulses.iter_mut().zip(self.believed_thrusts_n) {
+            *impulse += thrust_n * since_s;
+        }
+        impulses
+    }
 }
 
 /// Writes the log of a simulated flight: a row for each estimate, in order of their stamps.
 ///
-/// Believed and realised wrenches are means until the next row, so that a row's impulse is what acted up to it, whatever is
+/// Believed and realised wrenches and thrusts of nozzles are means until the next row, so that a row's impulse is what acted up to it, whatever is
 /// lost or stamped late; of the last row, those of its control period, as are the wanted ones. An estimate that repeats a stamp, or whose stamp lies
 /// outside the flight, is left out and counted.
 pub struct Recorder<W: std::io::Write> {
@@ -65,6 +104,8 @@ pub struct Recorder<W: std::io::Write> {
     open: Option<(LocalizationEstimate, Period)>,
     rows: u64,
     left_out: u64,
+    /// Of a nozzle at a command of one, N.
+    largest_thrusts_n: Option<[f64; 12]>,
     revisions: Option<[u64; 2]>,
     estimate: Option<EstimateColumns>,
 }
@@ -75,32 +116,25 @@ impl<W: std::io::Write> Recorder<W> {
     /// # Errors
     /// What the operating system said.
     pub fn new(out: W) -> std::io::Result<Self> {
-        Self::begin(out, None, None)
+        Self::with(out, MoreColumns::default())
     }
 
-    /// Writes the header, with a column for the revision of the plan and one for that of the belief; zero until told.
+    /// Writes the header, with more columns.
     ///
     /// # Errors
     /// What the operating system said.
-    pub fn with_revisions(out: W) -> std::io::Result<Self> {
-        Self::begin(out, None, Some([0; 2]))
-    }
-
-    /// Writes the header, with columns for the estimate of the body and for both revisions; zero until told.
-    ///
-    /// # Errors
-    /// What the operating system said.
-    pub fn with_estimate(out: W) -> std::io::Result<Self> {
-        Self::begin(out, Some([[0.0; 10]; 2]), Some([0; 2]))
-    }
-
-    fn begin(mut out: W, estimate: Option<EstimateColumns>, revisions: Option<[u64; 2]>) -> std::io::Result<Self> {
-        let estimated = if estimate.is_some() { ESTIMATE_HEADER } else { "" };
-        let more = if revisions.is_some() { REVISIONS_HEADER } else { "" };
-        writeln!(out, "{RECORDER_HEADER}{estimated}{more}")?;
+    pub fn with(mut out: W, more: MoreColumns) -> std::io::Result<Self> {
+        out.write_all(RECORDER_HEADER.as_bytes())?;
+        for column in NOZZLE_COLUMNS.iter().filter(|_| more.nozzles.is_some()) {
+            write!(out, ",{column}")?;
+        }
+        let estimated = if more.estimate { ESTIMATE_HEADER } else { "" };
+        let revised = if more.revisions { REVISIONS_HEADER } else { "" };
+        writeln!(out, "{estimated}{revised}")?;
         Ok(Self {
-            revisions,
-            estimate,
+            largest_thrusts_n: more.nozzles,
+            revisions: more.revisions.then_some([0; 2]),
+            estimate: more.estimate.then_some([[0.0; 10]; 2]),
             out,
             row: String::with_capacity(2048),
             periods: VecDeque::with_capacity(REMEMBERED),
@@ -127,6 +161,8 @@ impl<W: std::io::Write> Recorder<W> {
     /// What the operating system said.
     pub fn record(&mut self, period: &SimulatorMeasurement, arrived: &[LocalizationEstimate]) -> std::io::Result<()> {
         let impulses = self.periods.back().map_or([Wrench::zero(); 2], |last| last.impulses_at(period.start.time_ns));
+        let nozzle_impulses_n_s =
+            self.periods.back().map_or([0.0; 12], |last| last.nozzle_impulses_at(period.start.time_ns));
         if self.periods.len() == REMEMBERED {
             self.periods.pop_front();
         }
@@ -136,6 +172,8 @@ impl<W: std::io::Write> Recorder<W> {
             believed_wrench_body: period.believed_wrench_body,
             realized_wrench_body: period.realized_wrench_body,
             wanted_wrench_body: period.wanted_wrench_body,
+            believed_thrusts_n: period.believed_thrusts_n,
+            nozzle_impulses_n_s,
             revisions: self.revisions,
             estimate: self.estimate,
         });
@@ -153,7 +191,8 @@ impl<W: std::io::Write> Recorder<W> {
     pub fn finish(mut self) -> std::io::Result<(u64, u64)> {
         self.write_until(i64::MAX)?;
         if let Some((estimate, period)) = self.open.take() {
-            self.write_row(&estimate, &period, [period.believed_wrench_body, period.realized_wrench_body])?;
+            let wrenches = [period.believed_wrench_body, period.realized_wrench_body];
+            self.write_row(&estimate, &period, wrenches, period.believed_thrusts_n)?;
         }
         self.out.flush()?;
         Ok((self.rows, self.left_out))
@@ -168,7 +207,11 @@ impl<W: std::io::Write> Recorder<W> {
                         let (from, to) = (of.impulses_at(ended.stamp_ns), period.impulses_at(estimate.stamp_ns));
                         let rate_hz = 1e9 / (estimate.stamp_ns - ended.stamp_ns) as f64;
                         let [believed, realized] = [0, 1].map(|i| (to[i] - from[i]) * rate_hz);
-                        self.write_row(&ended, &of, [believed, realized])?;
+                        let mut thrusts_n = period.nozzle_impulses_at(estimate.stamp_ns);
+                        for (thrust_n, before) in thrusts_n.iter_mut().zip(of.nozzle_impulses_at(ended.stamp_ns)) {
+                            *thrust_n = (*thrust_n - before) * rate_hz;
+                        }
+                        self.write_row(&ended, &of, [believed, realized], thrusts_n)?;
                     }
                 }
                 _ => self.left_out += 1,
@@ -182,10 +225,19 @@ impl<W: std::io::Write> Recorder<W> {
         estimate: &LocalizationEstimate,
         period: &Period,
         wrenches: [Wrench<f64>; 2],
+        mut thrusts_n: [f64; 12],
     ) -> std::io::Result<()> {
         self.rows += 1;
         self.row.clear();
         push_row(&mut self.row, estimate, period, wrenches);
+        if let Some(largest_n) = self.largest_thrusts_n {
+            for (thrust_n, largest_n) in thrusts_n.iter_mut().zip(largest_n) {
+                // what is shut may come out below zero by rounding
+                *thrust_n = (*thrust_n / largest_n).clamp(0.0, 1.0);
+            }
+            push_numbers(&mut self.row, &thrusts_n);
+        }
+        push_told(&mut self.row, period);
         self.out.write_all(self.row.as_bytes())
     }
 
@@ -213,6 +265,10 @@ fn push_row(row: &mut String, estimate: &LocalizationEstimate, period: &Period, 
     push_numbers(row, &period.start.acceleration_origin_body);
     push_wrench(row, &realized);
     push_wrench(row, &period.wanted_wrench_body);
+}
+
+/// Ends a row with what the layers told.
+fn push_told(row: &mut String, period: &Period) {
     for numbers in period.estimate.iter().flatten() {
         push_numbers(row, numbers);
     }

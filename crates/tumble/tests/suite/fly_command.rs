@@ -26,7 +26,16 @@ fn the_default_mission_arrives_and_everything_it_writes_agrees() {
     let mut files: Vec<_> =
         fs::read_dir(&place).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     files.sort();
-    let written = ["log.csv", "log.mcap", "report.html", "run.json", "scenario.toml", "summary.json", "timings.json"];
+    let written = [
+        "actuators.toml",
+        "log.csv",
+        "log.mcap",
+        "report.html",
+        "run.json",
+        "scenario.toml",
+        "summary.json",
+        "timings.json",
+    ];
     assert_eq!(files, written);
 
     let summary = json(&place.join("summary.json"));

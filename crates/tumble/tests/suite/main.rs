@@ -4,12 +4,14 @@
 mod allocate_command;
 mod arms;
 mod campaign_command;
+mod commanded_nozzles;
 mod convert_command;
 mod corruption_sweep;
 mod drawn_missions;
 mod excite_command;
 mod fault_campaign;
 mod flight_log;
+mod flown_sensing;
 mod fly_command;
 mod identify_arm_command;
 mod identify_command;

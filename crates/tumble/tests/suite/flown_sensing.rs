@@ -1,0 +1,109 @@
+//! `--sensing` of the commands that fly.
+
+use crate::support::{json, number, scratch, stderr, tumble_in};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+fn succeed(folder: &Path, arguments: &[&str]) -> Value {
+    let output = tumble_in(folder, arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    json(&output)
+}
+
+fn printed(folder: &Path, arguments: &[&str]) -> String {
+    String::from_utf8(tumble_in(folder, arguments).stdout).unwrap()
+}
+
+#[test]
+fn a_named_sensing_is_that_of_the_scenario_to_the_byte() {
+    let folder = scratch("sensing-name");
+    let own = printed(&folder, &["scenario", "show", "iss-excite"]);
+    for name in ["nominal", "thesis-flight", "bumble", "perfect"] {
+        let text = format!("{}[sensing]\npreset = \"{name}\"\n", own.split("[sensing").next().unwrap());
+        fs::write(folder.join("own.toml"), text).unwrap();
+        let flown = ["--duration", "3", "--force", "--json", "--out"];
+        succeed(&folder, &[&["simulate", "own.toml"], &flown[..], &["own"]].concat());
+        succeed(&folder, &[&["simulate", "iss-excite", "--sensing", name], &flown[..], &["named"]].concat());
+        for file in ["log.csv", "scenario.toml", "summary.json", "truth.toml", "position.svg"] {
+            let [own, named] = ["own", "named"].map(|place| fs::read(folder.join(place).join(file)).unwrap());
+            assert!(own == named, "{name}: {file}");
+        }
+    }
+}
+
+#[test]
+fn a_file_is_flown_as_it_stands() {
+    let folder = scratch("sensing-file");
+    let shown = printed(&folder, &["sensing", "show", "nominal"]);
+    fs::write(folder.join("shown.toml"), &shown).unwrap();
+    let fly = |file: &str, out: &str| {
+        let words = ["simulate", "iss-excite", "--duration", "40", "--sensing", file, "--out", out, "--json"];
+        succeed(&folder, &words);
+        let log = format!("{out}/log.csv");
+        succeed(&folder, &["sensing", "check", &log, "--json"])
+    };
+    fly("shown.toml", "shown");
+    // what was flown stands in full in the copy, which flies again to the byte
+    succeed(&folder, &["simulate", "shown/scenario.toml", "--out", "again", "--json"]);
+    let [first, again] = ["shown", "again"].map(|place| fs::read(folder.join(place).join("log.csv")).unwrap());
+    assert!(first == again);
+
+    let poses = "[pose_delay]\nexpected_s = 0.08\n[position]\nwhite = { known = 0.004 }\nwander = { known = { sigma = 0.0, time_s = 1.0 } }\n\
+        [attitude]\nwhite = { known = 0.002 }\nwander = { known = { sigma = 0.0, time_s = 1.0 } }\n";
+    fs::write(folder.join("poses.toml"), format!("format = 1\n{poses}")).unwrap();
+    let found = fly("poses.toml", "poses");
+    let white = number(&found["pose"]["position_white_m"]);
+    assert!((white / 0.004 - 1.0).abs() < 0.1, "{found}");
+    assert!((number(&found["pose"]["attitude_white_rad"]) / 0.002 - 1.0).abs() < 0.1, "{found}");
+    let pose = found["streams"].as_array().unwrap().iter().find(|stream| stream["name"] == "pose").unwrap();
+    assert!((number(&pose["offset_s"]) - 0.08).abs() < 0.01, "{pose}");
+}
+
+#[test]
+fn a_sensing_that_cannot_be_flown_names_file_key_and_remedy() {
+    let folder = scratch("sensing-bad");
+    let bad = |name: &str, text: &str, expected: &[&str]| {
+        fs::write(folder.join(name), text).unwrap();
+        for command in ["simulate", "fly", "campaign"] {
+            let output = tumble_in(&folder, &[command, "iss-slalom", "--sensing", name]);
+            let said = stderr(&output);
+            assert_eq!(output.status.code(), Some(2), "{said}");
+            assert!(expected.iter().all(|word| said.contains(word)), "{command}: {said}");
+        }
+    };
+    let late = "format = 1\n[velocity_delay]\nexpected_s = 0.3\n";
+    bad(
+        "late.toml",
+        late,
+        &["T025", "late.toml", "`velocity_delay.expected_s`", "`pose_delay.expected_s`", "sensing.md"],
+    );
+    let falling = "format = 1\ngravity_added_world_m_s2 = [0.0, 0.0, -9.8]\n";
+    bad("falling.toml", falling, &["T025", "falling.toml", "gravity_added_world_m_s2", "scenario's world"]);
+    bad("unknown.toml", "format = 1\nnoise = 1\n", &["T012", "unknown.toml", "noise"]);
+    let output = tumble_in(&folder, &["simulate", "iss-slalom", "--sensing", "nominl"]);
+    let said = stderr(&output);
+    assert!(said.contains("T014") && said.contains("perfect, nominal, thesis-flight, bumble"), "{said}");
+    assert!(said.contains("did you mean `nominal`"), "{said}");
+    assert!(!folder.join("tumble-out").exists());
+}
+
+#[test]
+fn a_campaign_remembers_its_sensing_and_replays_it() {
+    let folder = scratch("sensing-campaign");
+    let planned = ["campaign", "iss-slalom", "--dry-run", "--missions", "2", "--json", "--sensing"];
+    let shown = printed(&folder, &["sensing", "show", "bumble"]);
+    fs::write(folder.join("s.toml"), &shown).unwrap();
+    let hash = |out: &str| {
+        let record = fs::read_to_string(folder.join(out).join("run.json")).unwrap();
+        let record: Value = serde_json::from_str(&record).unwrap();
+        assert_eq!(record["configuration"]["sensing"], "s.toml");
+        record["configuration"]["scenarios"][0]["hash"].as_str().unwrap().to_owned()
+    };
+    succeed(&folder, &[&planned[..], &["s.toml", "--out", "first"]].concat());
+    let rows = fs::read_to_string(folder.join("first/rows.csv")).unwrap();
+    assert!(rows.lines().nth(1).unwrap().ends_with(" --sensing s.toml"), "{rows}");
+    fs::write(folder.join("s.toml"), shown.replace("time_s = 3.0", "time_s = 4.0")).unwrap();
+    succeed(&folder, &[&planned[..], &["s.toml", "--out", "second"]].concat());
+    assert_ne!(hash("first"), hash("second"));
+}
