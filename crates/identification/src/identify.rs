@@ -356,19 +356,18 @@ fn found<E: From<IdentificationError>>(
     if on_table || by_thrusters {
         return Ok(flight::unanswered(found, on_table));
     }
-    // What white errors do not explain, sensors do.
-    let asks_for_sensors = found.marks.errors_not_white && !is_noise(record) && !is_exact(&found, record);
-    if plan.way == Way::Auto
-        && asks_for_sensors
-        && let Some(flown) = flight::most_likely(record, &Timeline::try_new(record)?, plan)?
-    {
-        return Ok(flown);
-    }
-    // A regression that does not answer has not the last word.
     let poor = |found: &Identification| found.explained.is_some_and(|share| share < plan.judge.poor_fit);
-    let silent = found.silence != Silence::Nothing;
-    if plan.way == Way::Auto && found.method != MAXIMUM_LIKELIHOOD && (found.rank < 10 || poor(&found)) && !silent {
-        if !found.marks.likelihood_failed {
+    let unanswered =
+        |found: &Identification| found.silence == Silence::Nothing && (found.rank < 10 || poor(found));
+    // What white errors do not explain, sensors do; and a regression that most of the record does not reach has not the last word.
+    let asks_for_sensors = |found: &Identification| {
+        (found.marks.errors_not_white || 2 * found.samples_used < record.len())
+            && !is_noise(record)
+            && !is_exact(found, record)
+    };
+    if plan.way == Way::Auto {
+        let tried = found.method == MAXIMUM_LIKELIHOOD || found.marks.likelihood_failed;
+        if !asks_for_sensors(&found) && unanswered(&found) && !tried {
             let likely = most_likely(record, &Timeline::try_new(record)?, plan)?;
             let better = |likely: &Identification| {
                 likely.explained > Some(plan.judge.poor_fit)
@@ -377,14 +376,16 @@ fn found<E: From<IdentificationError>>(
             };
             found = likely.filter(better).unwrap_or(found);
         }
-        // Noise may be so large beside the motion that no row tells of it.
-        if (found.rank < 10 || poor(&found))
-            && !is_noise(record)
-            && !is_exact(&found, record)
+        let asks = asks_for_sensors(&found);
+        // Noise may also be so large beside the motion that no row tells of it.
+        if (asks || unanswered(&found) && !is_noise(record) && !is_exact(&found, record))
             && let Some(flown) = flight::most_likely(record, &Timeline::try_new(record)?, plan)?
-            && flown.verdict.is_identified()
+            && (asks || flown.verdict.is_identified())
         {
             return Ok(flown);
+        }
+        if asks && found.verdict.is_identified() {
+            found.verdict = Verdict::Doubtful(Why::StandIn);
         }
     }
     // Without a wrench, or with one that means something else, no motion helps.
