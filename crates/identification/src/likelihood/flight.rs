@@ -11,6 +11,7 @@ mod layout;
 mod levels;
 mod nodes;
 mod outcome;
+mod screen;
 mod stages;
 mod sweep;
 #[cfg(test)]
@@ -172,14 +173,24 @@ impl FlightLikelihood {
     }
 
     fn estimate_as_told(&self, record: &[MotionSample]) -> Result<FlightEstimate, IdentificationError> {
-        Ok(self.fitted(record)?.0)
+        let mut of = self.clone();
+        let freed = of.screened(record, self.is_planar(record))?;
+        Ok(of.fitted_from(record, freed)?.0)
     }
 
     fn fitted(&self, record: &[MotionSample]) -> Result<(FlightEstimate, Joint), IdentificationError> {
+        self.fitted_from(record, Vec::new())
+    }
+
+    /// The same where some thrusters are free from the start.
+    fn fitted_from(
+        &self,
+        record: &[MotionSample],
+        mut freed: Vec<usize>,
+    ) -> Result<(FlightEstimate, Joint), IdentificationError> {
         let planar = self.is_planar(record);
         let added = self.added(record);
         let mut of = self.clone();
-        let mut freed = Vec::new();
         // What is spent weighs by the mass, which is then to be found first.
         let mut mass_kg = None;
         loop {
