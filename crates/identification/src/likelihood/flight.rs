@@ -198,8 +198,16 @@ impl FlightLikelihood {
             if let Some((thrusters, mass_kg)) = of.thrusters.as_ref().zip(mass_kg) {
                 grid.lighten(thrusters, mass_kg);
             }
-            let mut fit = Fit::new(&of, grid, planar)?;
-            fit.run()?;
+            let mut fit = Fit::new(&of, grid.clone(), planar)?;
+            let settled = fit.run();
+            if settled.is_err() && of.thrusters.is_some() {
+                // What is left of a wrench that is off by much is taken for noise of everything where levels begin narrow.
+                fit = Fit::new(&of, grid, planar)?;
+                fit.run_coarsely()?;
+                fit.run()?;
+            } else {
+                settled?;
+            }
             let found = outcome::of(&mut fit, &freed)?;
             let joint = Joint::of(&fit);
             let spends = of.thrusters.as_ref().is_some_and(Thrusters::is_spent);

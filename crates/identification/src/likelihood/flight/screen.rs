@@ -11,8 +11,11 @@ use super::{FlightLikelihood, SUSPECT, outcome};
 use crate::error::IdentificationError;
 use crate::motion::MotionSample;
 
+/// A suspect is freed here where that takes away this share of all that is left. Less than that a search for the levels survives, and is left to
+/// the judgement that follows it; and where something else than thrusters is wrong, no thruster takes so much of it away.
+const MOST: f64 = 0.25;
 /// By so much a suspect takes away more, in squared standard deviations, where it also gives a constant thrust, so that it is believed to.
-const CONSTANT: f64 = 2.0 * SUSPECT * SUSPECT;
+const CONSTANT_COST: f64 = 2.0 * SUSPECT * SUSPECT;
 
 impl FlightLikelihood {
     /// Frees thrusters that do not do what they are told, the worst first; which they are.
@@ -34,14 +37,14 @@ impl FlightLikelihood {
                 follows.thrusters.as_mut().into_iter().for_each(|thrusters| thrusters.free(suspect));
                 let mut stuck = follows.clone();
                 stuck.thrusters.as_mut().into_iter().for_each(|thrusters| thrusters.open(suspect));
-                for (of, least) in [(follows, 0.0), (stuck, CONSTANT)] {
+                for (of, least) in [(follows, 0.0), (stuck, CONSTANT_COST)] {
                     let Some((cost, _)) = of.coarse(record, planar, &freed)? else { continue };
                     if best.as_ref().is_none_or(|(lowest, ..)| cost + least < *lowest) {
                         best = Some((cost + least, suspect, of));
                     }
                 }
             }
-            let Some((_, suspect, of)) = best.filter(|(cost, ..)| before - cost > SUSPECT * SUSPECT) else { break };
+            let Some((_, suspect, of)) = best.filter(|(cost, ..)| before - cost > MOST * before) else { break };
             *self = of;
             freed.push(suspect);
         }
