@@ -165,13 +165,18 @@ impl<'a> Actuated<'a> {
     /// What a reader must know of those that are far off.
     fn accused(&self) -> Vec<String> {
         let suspects = self.suspects();
-        let sentence = |(name, scale, std, _): (&str, f64, f64, f64)| {
+        let sentence = |((name, scale, std, _), constant): ((&str, f64, f64, f64), &Option<FoundFactor>)| {
             let (scale, std) = with_digits_of(scale, std);
+            let open = constant.map_or_else(String::new, |constant| {
+                let (value, std) = with_digits_of(constant.value, constant.std);
+                format!("{value} +- {std} N whatever it is told, and beside that ")
+            });
             format!(
-                "the thruster of `{name}` gives {scale} +- {std} of its thrust: it was freed, and the body is the one without its prior"
+                "the thruster of `{name}` gives {open}{scale} +- {std} of its thrust: it was freed, and the body is the one without its prior"
             )
         };
-        self.each().filter(|(name, ..)| suspects.contains(name)).map(sentence).collect()
+        let all = self.each().zip(&self.found.constant_n);
+        all.filter(|((name, ..), _)| suspects.contains(name)).map(sentence).collect()
     }
 
     fn table(&self) -> String {
@@ -185,6 +190,12 @@ impl<'a> Actuated<'a> {
                 let _ = writeln!(text, "  {name:<18}{scale:>16}{std:>14}{word}");
             } else {
                 let _ = writeln!(text, "  {name:<18}{scale:>16.6}{:>14}", "-");
+            }
+        }
+        for (name, constant) in self.columns.iter().zip(&self.found.constant_n) {
+            if let Some(constant) = constant {
+                let (value, std) = with_digits_of(constant.value, constant.std);
+                let _ = writeln!(text, "  {:<18}{value:>16}{std:>14}  N", format!("{name} constant"));
             }
         }
         let shared = [("all alike", self.found.common), ("sag per further", self.found.sag)];
@@ -204,14 +215,17 @@ impl<'a> Actuated<'a> {
 
     fn json(&self) -> JsonActuators {
         let shared = |found: Option<FoundFactor>| found.map(|found| JsonFound { value: found.value, std: found.std });
-        let one = |(column, scale, std, deviations): (&str, f64, f64, f64)| JsonActuator {
-            column: column.to_owned(),
-            scale: (std > 0.0).then_some(scale),
-            std: (std > 0.0).then_some(std),
-            deviations: (std > 0.0).then_some(deviations),
+        let one = |((column, scale, std, deviations), constant): ((&str, f64, f64, f64), &Option<FoundFactor>)| {
+            JsonActuator {
+                column: column.to_owned(),
+                scale: (std > 0.0).then_some(scale),
+                std: (std > 0.0).then_some(std),
+                deviations: (std > 0.0).then_some(deviations),
+                constant_n: shared(*constant),
+            }
         };
         JsonActuators {
-            thrusters: self.each().map(one).collect(),
+            thrusters: self.each().zip(&self.found.constant_n).map(one).collect(),
             common_scale: shared(self.found.common),
             sag: shared(self.found.sag),
             delay_s: self.delay_s.map(|[value, std]| JsonFound { value, std }),
@@ -236,6 +250,8 @@ struct JsonActuator {
     scale: Option<f64>,
     std: Option<f64>,
     deviations: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    constant_n: Option<JsonFound>,
 }
 
 #[derive(Serialize)]
@@ -366,6 +382,9 @@ fn verdict(found: &Identification, context: &Context) -> String {
             None => "the likelihood of a body on a table did not settle on this log".to_owned(),
         };
         let _ = writeln!(text, "verdict: not identified; {said}");
+    } else if let (Some(_), Verdict::Doubtful(Why::StandIn)) = (context.actuators, found.verdict) {
+        let said = "these thrusters do not explain the motion, nor do they with any one of them dead or stuck";
+        let _ = writeln!(text, "verdict: not identified; {said}: the likelihood did not settle");
     } else {
         let _ =
             writeln!(text, "verdict: this log does not determine the body: {} of 10 parameter directions", found.rank);

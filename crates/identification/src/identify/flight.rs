@@ -7,7 +7,7 @@ use super::verdict::{Marks, Silence, verdict};
 use super::{FEW_NODES, FLIGHT_LIKELIHOOD, Identification, NodeResidual, Noise, Plan, Settings, WEAK_FORM, Warning};
 use crate::error::{Column, IdentificationError};
 use crate::estimator::{Evidence, Verdict, Why};
-use crate::likelihood::{FlightEstimate, FlightLikelihood};
+use crate::likelihood::{FlightEstimate, FlightLikelihood, FoundDelay};
 use crate::motion::MotionSample;
 use crate::{BodyScale, Observability};
 
@@ -172,7 +172,7 @@ fn identification(
         calibration: Vec::new(),
         exchanges: Vec::new(),
         thrusters: found.thrusters.clone(),
-        age: found.thrusters.as_ref().and(found.delays[2].or(found.delays[0])),
+        age: found.thrusters.as_ref().and(found.delays[2].or(found.delays[0])).map(|age| held(age, timeline)),
         residuals,
         warnings,
         marks: Marks {
@@ -182,6 +182,11 @@ fn identification(
             ..Marks::default()
         },
     })
+}
+
+/// The delay of commands that are held from row to row, of which no log says when within a row each was taken up.
+fn held(age: FoundDelay, timeline: &Timeline) -> FoundDelay {
+    FoundDelay { std_s: age.std_s.hypot(timeline.median_step_s() / 12.0_f64.sqrt()), ..age }
 }
 
 /// A record on a table, or of thrusters that may be off, on which the likelihood did not settle: what a free body under a wrench without

@@ -266,8 +266,8 @@ impl fmt::Display for Warning {
             ),
             Self::NoAnswer => write!(
                 f,
-                "the likelihood did not settle on this log, and no other method knows a table or thrusters that are off: check the timing of the wrench and what the \
-                 actuators really give; no numbers"
+                "the likelihood did not settle on this log, and no other method knows a table or thrusters that are off: check the timing of \
+                 the wrench and what the actuators really give; no numbers"
             ),
             Self::OnTable => write!(
                 f,

@@ -11,6 +11,7 @@ mod layout;
 mod levels;
 mod nodes;
 mod outcome;
+mod screen;
 mod stages;
 mod sweep;
 #[cfg(test)]
@@ -172,14 +173,24 @@ impl FlightLikelihood {
     }
 
     fn estimate_as_told(&self, record: &[MotionSample]) -> Result<FlightEstimate, IdentificationError> {
-        Ok(self.fitted(record)?.0)
+        let mut of = self.clone();
+        let freed = of.screened(record, self.is_planar(record))?;
+        Ok(of.fitted_from(record, freed)?.0)
     }
 
     fn fitted(&self, record: &[MotionSample]) -> Result<(FlightEstimate, Joint), IdentificationError> {
+        self.fitted_from(record, Vec::new())
+    }
+
+    /// The same where some thrusters are free from the start.
+    fn fitted_from(
+        &self,
+        record: &[MotionSample],
+        mut freed: Vec<usize>,
+    ) -> Result<(FlightEstimate, Joint), IdentificationError> {
         let planar = self.is_planar(record);
         let added = self.added(record);
         let mut of = self.clone();
-        let mut freed = Vec::new();
         // What is spent weighs by the mass, which is then to be found first.
         let mut mass_kg = None;
         loop {
@@ -187,8 +198,16 @@ impl FlightLikelihood {
             if let Some((thrusters, mass_kg)) = of.thrusters.as_ref().zip(mass_kg) {
                 grid.lighten(thrusters, mass_kg);
             }
-            let mut fit = Fit::new(&of, grid, planar)?;
-            fit.run()?;
+            let mut fit = Fit::new(&of, grid.clone(), planar)?;
+            let settled = fit.run();
+            if settled.is_err() && of.thrusters.is_some() {
+                // What is left of a wrench that is off by much is taken for noise of everything where levels begin narrow.
+                fit = Fit::new(&of, grid, planar)?;
+                fit.run_coarsely()?;
+                fit.run()?;
+            } else {
+                settled?;
+            }
             let found = outcome::of(&mut fit, &freed)?;
             let joint = Joint::of(&fit);
             let spends = of.thrusters.as_ref().is_some_and(Thrusters::is_spent);

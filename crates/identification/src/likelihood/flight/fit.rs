@@ -1,6 +1,7 @@
 //! The iterations: sweep, eliminate, step, levels.
 
 mod assemble;
+mod coarse;
 mod judge_levels;
 mod start;
 

@@ -186,14 +186,18 @@ fn indefinite(fit: &Fit<'_>) -> IdentificationError {
     IdentificationError::Indefinite { parameters: fit.free.len() }
 }
 
-pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, IdentificationError> {
+/// Covariance of all free parameters, as the last step had them.
+pub(super) fn covariance(fit: &Fit<'_>) -> Option<DMatrix<f64>> {
     let p = fit.free.len();
-    let all = |information: &DMatrix<f64>| solved(information, &DMatrix::identity(p, p));
-    let mut covariance = floored(fit, &fit.information).and_then(|i| all(&i)).ok_or(indefinite(fit))?;
+    floored(fit, &fit.information).and_then(|information| solved(&information, &DMatrix::identity(p, p)))
+}
+
+pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, IdentificationError> {
+    let mut covariance = self::covariance(fit).ok_or(indefinite(fit))?;
     let gains = judge_gains(fit, &covariance);
     if gains.sane {
         hold_gains(fit, &covariance);
-        covariance = floored(fit, &fit.information).and_then(|i| all(&i)).ok_or(indefinite(fit))?;
+        covariance = self::covariance(fit).ok_or(indefinite(fit))?;
     }
     let thrusters = FoundThrusters::of(fit, &covariance, freed);
     let halves = halves(fit);

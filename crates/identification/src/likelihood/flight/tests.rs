@@ -39,6 +39,8 @@ struct World {
     cargo: Option<(f64, InertialParameters<f64>)>,
     /// Wrenches per thrust, and what the thrusts really are of those logged.
     thrusters: Option<([[f64; 6]; 12], [f64; 12])>,
+    /// One of them that also gives this whatever it is told, N.
+    open: Option<(usize, f64)>,
 }
 
 fn low_pass() -> LinearFilter {
@@ -65,6 +67,7 @@ impl World {
             speed: 1.0,
             cargo: None,
             thrusters: None,
+            open: None,
         }
     }
 
@@ -175,7 +178,9 @@ impl World {
                         Input { torque: torque.into(), force: force.into(), ..Input::default() }
                     };
                     told = sum(&|i| thrusts[i]);
-                    input = sum(&|i| thrusts[i] * scales[i]);
+                    let constant =
+                        |i: usize| self.open.filter(|(open, _)| *open == i).map_or(0.0, |(_, thrust)| thrust);
+                    input = sum(&|i| thrusts[i] * scales[i] + constant(i));
                 }
             }
             let step = body.step(&state, &input, &Vector3::zeros(), FINE_S);
@@ -533,6 +538,44 @@ fn a_weak_thruster_is_named_and_freed() {
         assert!(squared / (n as f64) < 2.5);
         for (i, scale) in thrusters.scale.iter().enumerate() {
             assert!((scale - scales[i]).abs() < 4.0 * thrusters.std[i], "{i}: {scale} {}", scales[i]);
+        }
+    }
+}
+
+/// What a plain log has of it, poses and rates alone, the delay unknown: one is dead, one is open whatever it is told, none is anything.
+#[test]
+fn a_dead_and_a_stuck_thruster_are_named_on_a_plain_log() {
+    let columns = twelve();
+    for (bad, stuck) in [(None, false), (Some(3), false), (Some(6), true)] {
+        for seed in 1..=3 {
+            let mut world = World { white: [1e-3, 1e-3, 0.0, 2e-3, 0.0], seconds: 60.0, ..World::exact() };
+            world.filter = None;
+            let mut dice = Gaussian::from_seed(30 + seed);
+            let mut scales: [f64; 12] = core::array::from_fn(|_| 1.0 + 0.01 * dice.normal());
+            if let Some(bad) = bad {
+                scales[bad] = 0.0;
+                world.open = stuck.then_some((bad, 0.15));
+            }
+            world.thrusters = Some((columns, scales));
+            let log = keep(&world.log(seed), [true, false, true, false]);
+            let thrusts: Vec<f64> =
+                log.iter().flat_map(|sample| World::thrusts(sample.time_ns as f64 * 1e-9)).collect();
+            let told = FlightLikelihood {
+                thrusters: Some(Thrusters::try_new(&columns, &[0.01; 12], &thrusts).unwrap()),
+                ..FlightLikelihood::default()
+            };
+            let found = told.estimate(&log).unwrap();
+            let thrusters = found.thrusters.as_ref().unwrap();
+            let apart = (found.parameters.mass / world.body().mass).ln() / found.std()[0];
+            println!("{bad:?} {seed}: {:?}, mass off by {apart:.1} sigma", thrusters.suspects);
+            assert_eq!(thrusters.suspects, bad.into_iter().collect::<Vec<_>>());
+            assert!(apart.abs() < 3.0);
+            let constant = bad.and_then(|bad| thrusters.constant_n[bad]);
+            assert_eq!(constant.is_some(), stuck);
+            if let (Some(bad), Some(constant)) = (bad, constant) {
+                assert!((constant.value - 0.15).abs() < 4.0 * constant.std + 0.003, "{constant:?}");
+                assert!(thrusters.scale[bad].abs() < 4.0 * thrusters.std[bad]);
+            }
         }
     }
 }

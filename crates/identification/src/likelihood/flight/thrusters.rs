@@ -6,6 +6,9 @@ use super::layout::BODY;
 use crate::error::IdentificationError;
 use nalgebra::{DMatrix, Vector3};
 
+/// One standard deviation of the scale of a thruster of which nothing is known.
+const FREE: f64 = 1.0;
+
 /// Torque and force along each axis, an amount each.
 pub(super) const AXES: usize = 6;
 
@@ -49,6 +52,8 @@ pub struct Thrusters {
     count: usize,
     common: Option<usize>,
     sag: Option<usize>,
+    /// Parameters of thrusts that do not follow the command, and their thrusters.
+    constant: Vec<(usize, usize)>,
     /// What the body has lost by each sample, kg; empty where nothing.
     spent_kg: Vec<f64>,
 }
@@ -96,6 +101,7 @@ impl Thrusters {
             count: n,
             common: None,
             sag: None,
+            constant: Vec::new(),
             spent_kg: Vec::new(),
         })
     }
@@ -225,7 +231,20 @@ impl Thrusters {
 
     /// Takes a suspect's own scale for unknown.
     pub(super) fn free(&mut self, suspect: usize) {
-        self.sigma[suspect] = 1.0;
+        self.sigma[suspect] = FREE;
+    }
+
+    /// Takes a suspect for one that also gives a constant thrust of unknown size, as one that is stuck open does.
+    pub(super) fn open(&mut self, suspect: usize) {
+        let parameter = self.sigma.len();
+        let largest_n = (0..self.samples()).flat_map(|sample| self.of_sample(sample).iter().take(self.count));
+        let largest_n = largest_n.fold(0.0_f64, |most, thrust| most.max(thrust.abs()));
+        let amounts = (0..self.samples()).flat_map(|sample| self.of_sample(sample).iter().copied().chain([1.0]));
+        self.amounts = amounts.collect();
+        self.terms.push(Term { parameter, amount: self.width, ..self.terms[suspect] });
+        self.width += 1;
+        self.sigma.push(largest_n);
+        self.constant.push((parameter, suspect));
     }
 }
 
@@ -248,6 +267,7 @@ pub(super) fn with_gains(of: Option<&Thrusters>) -> Thrusters {
         count: 0,
         common: None,
         sag: None,
+        constant: Vec::new(),
         spent_kg: Vec::new(),
     };
     let mut all = of.map_or(none, |of| Thrusters { amounts: Vec::new(), ..of.clone() });
@@ -282,6 +302,8 @@ pub struct FoundThrusters {
     pub deviations: Vec<f64>,
     /// Those that were suspects and are free since, in the order in which they were found.
     pub suspects: Vec<usize>,
+    /// Thrust that each gives whatever it is told, N, where that was free: all of it of one that is stuck open.
+    pub constant_n: Vec<Option<FoundFactor>>,
     /// Factor common to all, where it was free.
     pub common: Option<FoundFactor>,
     /// Share of thrust lost for each further open thruster, where it was free.
@@ -302,9 +324,13 @@ impl FoundThrusters {
             std: vec![0.0; n],
             deviations: vec![0.0; n],
             suspects: freed.to_vec(),
+            constant_n: vec![None; n],
             common: shared(told.common, 1.0),
             sag: shared(told.sag, 0.0),
         };
+        for (parameter, thruster) in &told.constant {
+            found.constant_n[*thruster] = shared(Some(*parameter), 0.0);
+        }
         for i in 0..n {
             let Some((value, at)) = place(i) else { continue };
             let (variance, sigma) = (covariance[(at, at)], told.sigma[i]);
@@ -328,6 +354,7 @@ impl FoundThrusters {
             std: own.iter().map(|found| found.std).collect(),
             deviations: vec![0.0; own.len()],
             suspects: Vec::new(),
+            constant_n: vec![None; own.len()],
             common: at(told.common).map(|found| FoundFactor { value: 1.0 + found.value, ..found }),
             sag: at(told.sag),
         }

@@ -1,0 +1,69 @@
+//! Thrusters that do not do what they are told, found before anything else is searched for.
+//!
+//! A thruster that is dead leaves so much that a search for the levels takes it for noise: of the wrench, of the wander, of the gyroscope. At
+//! levels that are wide from the start and stay as they are the misfit stays a misfit, and of all thrusters the one is sought whose freedom
+//! takes most of it away.
+
+use super::fit::Fit;
+use super::grid::Grid;
+use super::thrusters::FoundThrusters;
+use super::{FlightLikelihood, SUSPECT, outcome};
+use crate::error::IdentificationError;
+use crate::motion::MotionSample;
+
+/// A suspect is freed here where that takes away this share of all that is left. Less than that a search for the levels survives, and is left to
+/// the judgement that follows it; and where something else than thrusters is wrong, no thruster takes so much of it away.
+const MOST: f64 = 0.25;
+/// By so much a suspect takes away more, in squared standard deviations, where it also gives a constant thrust, so that it is believed to.
+const CONSTANT_COST: f64 = 2.0 * SUSPECT * SUSPECT;
+
+impl FlightLikelihood {
+    /// Frees thrusters that do not do what they are told, the worst first; which they are.
+    pub(super) fn screened(
+        &mut self,
+        record: &[MotionSample],
+        planar: bool,
+    ) -> Result<Vec<usize>, IdentificationError> {
+        let mut freed = Vec::new();
+        let Some(count) = self.thrusters.as_ref().map(super::Thrusters::len) else { return Ok(freed) };
+        while freed.len() < count / 2 {
+            let Some((before, tense)) = self.coarse(record, planar, &freed)? else { break };
+            if !tense {
+                break;
+            }
+            let mut best: Option<(f64, usize, Self)> = None;
+            for suspect in (0..count).filter(|suspect| !freed.contains(suspect)) {
+                let mut follows = self.clone();
+                follows.thrusters.as_mut().into_iter().for_each(|thrusters| thrusters.free(suspect));
+                let mut stuck = follows.clone();
+                stuck.thrusters.as_mut().into_iter().for_each(|thrusters| thrusters.open(suspect));
+                for (of, least) in [(follows, 0.0), (stuck, CONSTANT_COST)] {
+                    let Some((cost, _)) = of.coarse(record, planar, &freed)? else { continue };
+                    if best.as_ref().is_none_or(|(lowest, ..)| cost + least < *lowest) {
+                        best = Some((cost + least, suspect, of));
+                    }
+                }
+            }
+            let Some((_, suspect, of)) = best.filter(|(cost, ..)| before - cost > MOST * before) else { break };
+            *self = of;
+            freed.push(suspect);
+        }
+        Ok(freed)
+    }
+
+    /// What a fit at wide levels costs, and whether thrusters are further from what they should be than chance has them; none where there is
+    /// no such fit.
+    fn coarse(
+        &self,
+        record: &[MotionSample],
+        planar: bool,
+        freed: &[usize],
+    ) -> Result<Option<(f64, bool)>, IdentificationError> {
+        let grid = Grid::try_new(record, self.wrench_timing, &self.added(record), self.thrusters.as_ref())?;
+        let mut fit = Fit::new(self, grid, planar)?;
+        let Ok(cost) = fit.run_coarsely() else { return Ok(None) };
+        let Some(covariance) = outcome::covariance(&fit) else { return Ok(None) };
+        let found = FoundThrusters::of(&fit, &covariance, freed);
+        Ok(Some((cost, found.and_then(|found| found.worst(freed)).is_some())))
+    }
+}
