@@ -315,7 +315,7 @@ fn real_data() -> Outcome {
 }
 
 /// Few runs of every cell with the bands of their own number, every mission of RATTLE and every defect with one seed, every fault in two
-/// severities on two missions. The long studies are the same without the last two words.
+/// severities on two missions, two logs of each kind of sensors, each fault of a thruster once. The long studies are the same without the last two words.
 fn reduced_studies() -> Outcome {
     let mut identification = studies("study");
     identification.args(["study", "identification", "--runs", "5"]);
@@ -323,7 +323,10 @@ fn reduced_studies() -> Outcome {
     rattle.args(["reproduce", "rattle", "--seeds", "1"]);
     let mut faults = studies("study");
     faults.args(["study", "faults", "--missions", "56"]);
-    shell(&mut [identification, rattle, faults])
+    let (mut sensors, mut thrusters) = (studies("study"), studies("study"));
+    sensors.args(["study", "real-sensors", "--seeds", "2", "--first", "951"]);
+    thrusters.args(["study", "thruster-faults", "--seeds", "1"]);
+    shell(&mut [identification, rattle, faults, sensors, thrusters])
 }
 
 /// Two loads with two motions of each criterion, two flights of each condition, forty missions of each series, twenty flights against each

@@ -37,6 +37,8 @@ cargo xtask <command>
   study information-bought [--way diagonal | side] [--runs N] [--out DIR] [--json]
                                           what information costs, by our criterion and by the thesis's planner's
   study tube-missions [--missions N] [--only SERIES]   the claims on the tube controller in closed loop
+  study real-sensors [--seeds N] [--first SEED] [--only SCENARIO]   identification from what sensors show, other robots' drawn
+  study thruster-faults [--seeds N] [--first SEED]   dead, weak and stuck thrusters, named or not
   study tube-tables [--json]              what is left of the input, by how well the mass is known
 
 Exit 0: done. 1: a check failed. 2: bad input. 3: a target was missed.

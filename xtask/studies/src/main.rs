@@ -58,6 +58,7 @@ mod station_imu;
 mod sweep;
 mod targets;
 mod throw_terms;
+mod thruster_faults;
 mod throws;
 mod thrust_imu;
 mod tube_bench;
@@ -153,6 +154,7 @@ const STUDIES: &[Program] = &[
     ("attitude-certificate", &["--runs"], attitude_certificate::run),
     ("throws", &["--data"], throw_terms::run),
     ("real-sensors", &["--seeds", "--first", "--only"], real_sensors::run),
+    ("thruster-faults", &["--seeds", "--first"], thruster_faults::run),
 ];
 
 const REPRODUCTIONS: &[Program] = &[
