@@ -508,6 +508,12 @@ impl<'a> Fit<'a> {
         let body = self.coordinates().body();
         let rates = core::mem::take(&mut self.sweep.rates);
         self.unit.take_rates(&rates);
+        if !self.grid.valid.iter().any(|valid| valid[RATE]) {
+            // The publisher had a rate that the record lacks.
+            for (row, rate) in self.rows.iter_mut().zip(&rates) {
+                row.rate_beside = *rate;
+            }
+        }
         self.sweep.rates = rates;
         let errors: Vec<[f64; WRENCH]> = self.wrench_errors().collect();
         let read = Swept {
