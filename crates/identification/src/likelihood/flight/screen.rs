@@ -14,8 +14,20 @@ use crate::motion::MotionSample;
 /// A suspect is freed here where that takes away this share of all that is left. Less than that a search for the levels survives, and is left to
 /// the judgement that follows it; and where something else than thrusters is wrong, no thruster takes so much of it away.
 const MOST: f64 = 0.25;
+/// Those that are freed have to explain the motion: at levels that are wide far less than one squared standard deviation a row is then left. More
+/// is left where something else is wrong too, as on a table that is not even, and who is to blame is then not for this to say.
+const EXPLAINED: f64 = 0.5;
 /// By so much a suspect takes away more, in squared standard deviations, where it also gives a constant thrust, so that it is believed to.
 const CONSTANT_COST: f64 = 2.0 * SUSPECT * SUSPECT;
+
+/// What a fit at wide levels says.
+struct Coarse {
+    /// What is left, in squared standard deviations, of so many rows.
+    cost: f64,
+    rows: usize,
+    /// Thrusters are further from what they should be than chance has them.
+    is_tense: bool,
+}
 
 impl FlightLikelihood {
     /// Frees thrusters that do not do what they are told, the worst first; which they are.
@@ -24,13 +36,13 @@ impl FlightLikelihood {
         record: &[MotionSample],
         planar: bool,
     ) -> Result<Vec<usize>, IdentificationError> {
-        let mut freed = Vec::new();
+        let told = self.clone();
+        let (mut freed, mut left_per_row) = (Vec::new(), 0.0);
         let Some(count) = self.thrusters.as_ref().map(super::Thrusters::len) else { return Ok(freed) };
         while freed.len() < count / 2 {
-            let Some((before, tense)) = self.coarse(record, planar, &freed)? else { break };
-            if !tense {
+            let Some(Coarse { cost: before, rows, is_tense: true }) = self.coarse(record, planar, &freed)? else {
                 break;
-            }
+            };
             let mut best: Option<(f64, usize, Self)> = None;
             for suspect in (0..count).filter(|suspect| !freed.contains(suspect)) {
                 let mut follows = self.clone();
@@ -38,32 +50,37 @@ impl FlightLikelihood {
                 let mut stuck = follows.clone();
                 stuck.thrusters.as_mut().into_iter().for_each(|thrusters| thrusters.open(suspect));
                 for (of, least) in [(follows, 0.0), (stuck, CONSTANT_COST)] {
-                    let Some((cost, _)) = of.coarse(record, planar, &freed)? else { continue };
+                    let Some(Coarse { cost, .. }) = of.coarse(record, planar, &freed)? else { continue };
                     if best.as_ref().is_none_or(|(lowest, ..)| cost + least < *lowest) {
                         best = Some((cost + least, suspect, of));
                     }
                 }
             }
-            let Some((_, suspect, of)) = best.filter(|(cost, ..)| before - cost > MOST * before) else { break };
+            let Some((left, suspect, of)) = best.filter(|(cost, ..)| before - cost > MOST * before) else { break };
             *self = of;
             freed.push(suspect);
+            left_per_row = left / rows.max(1) as f64;
+        }
+        if left_per_row > EXPLAINED {
+            *self = told;
+            freed.clear();
         }
         Ok(freed)
     }
 
-    /// What a fit at wide levels costs, and whether thrusters are further from what they should be than chance has them; none where there is
-    /// no such fit.
+    /// A fit at wide levels; none where there is no such fit.
     fn coarse(
         &self,
         record: &[MotionSample],
         planar: bool,
         freed: &[usize],
-    ) -> Result<Option<(f64, bool)>, IdentificationError> {
+    ) -> Result<Option<Coarse>, IdentificationError> {
         let grid = Grid::try_new(record, self.wrench_timing, &self.added(record), self.thrusters.as_ref())?;
         let mut fit = Fit::new(self, grid, planar)?;
         let Ok(cost) = fit.run_coarsely() else { return Ok(None) };
         let Some(covariance) = outcome::covariance(&fit) else { return Ok(None) };
         let found = FoundThrusters::of(&fit, &covariance, freed);
-        Ok(Some((cost, found.and_then(|found| found.worst(freed)).is_some())))
+        let is_tense = found.and_then(|found| found.worst(freed)).is_some();
+        Ok(Some(Coarse { cost, rows: fit.weighing_rows(), is_tense }))
     }
 }

@@ -344,17 +344,21 @@ impl FoundThrusters {
         Some(found)
     }
 
-    /// By relative errors of the parameters in their order; none is judged.
+    /// By errors of the parameters in their order, in units of their amounts; none is judged.
     pub(super) fn beside(told: &Thrusters, error: impl Fn(usize) -> FoundFactor) -> Self {
         let all: Vec<FoundFactor> = (0..told.sigma.len()).map(error).collect();
         let own = all.get(..told.len()).unwrap_or_default();
         let at = |parameter: Option<usize>| all.get(parameter?).copied();
+        let mut constant_n = vec![None; own.len()];
+        for (parameter, thruster) in &told.constant {
+            constant_n[*thruster] = at(Some(*parameter));
+        }
         Self {
             scale: own.iter().map(|found| 1.0 + found.value).collect(),
             std: own.iter().map(|found| found.std).collect(),
             deviations: vec![0.0; own.len()],
             suspects: Vec::new(),
-            constant_n: vec![None; own.len()],
+            constant_n,
             common: at(told.common).map(|found| FoundFactor { value: 1.0 + found.value, ..found }),
             sag: at(told.sag),
         }

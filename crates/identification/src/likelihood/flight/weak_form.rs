@@ -446,6 +446,17 @@ impl FlightLikelihood {
     /// The body on a table by test functions; `None` where what is left is of the poses, which other ways know better, and where no length of
     /// windows tells anything that longer ones agree with.
     pub(crate) fn weak_form(&self, record: &[MotionSample]) -> Result<Option<FlightEstimate>, IdentificationError> {
+        let mut of = self.clone();
+        // A record that is nothing for a likelihood may still be one for windows.
+        let freed = of.screened(record, true).unwrap_or_default();
+        let mut found = of.weak_form_as_told(record)?;
+        if let Some(thrusters) = found.as_mut().and_then(|found| found.thrusters.as_mut()) {
+            thrusters.suspects = freed;
+        }
+        Ok(found)
+    }
+
+    fn weak_form_as_told(&self, record: &[MotionSample]) -> Result<Option<FlightEstimate>, IdentificationError> {
         let table = Table::of(self, record)?;
         let span_s = table.times.last().copied().unwrap_or_default();
         let step_s = span_s / (table.measured.len().max(2) - 1) as f64;

@@ -44,4 +44,9 @@ impl Fit<'_> {
         let gone = solved(&joint, &cross).ok_or(indefinite(self.free.len()))?;
         Ok(cost - cross.dot(&gone))
     }
+
+    /// Rows that weigh anything.
+    pub(in super::super) fn weighing_rows(&self) -> usize {
+        self.chain.weights.iter().flatten().filter(|weight| **weight > 0.0).count()
+    }
 }
