@@ -357,8 +357,7 @@ fn found<E: From<IdentificationError>>(
         return Ok(flight::unanswered(found, on_table));
     }
     let poor = |found: &Identification| found.explained.is_some_and(|share| share < plan.judge.poor_fit);
-    let unanswered =
-        |found: &Identification| found.silence == Silence::Nothing && (found.rank < 10 || poor(found));
+    let unanswered = |found: &Identification| found.silence == Silence::Nothing && (found.rank < 10 || poor(found));
     // What white errors do not explain, sensors do; and a regression that most of the record does not reach has not the last word.
     let asks_for_sensors = |found: &Identification| {
         (found.marks.errors_not_white || 2 * found.samples_used < record.len())

@@ -20,10 +20,10 @@ pub use filter_model::{check_differentiable_model, check_filter_model};
 pub use linear_model::check_linear_model;
 #[cfg(feature = "trees")]
 pub use multibody::{Determined, check_base_parameters, check_links_solver};
-pub use sensing::{Publish, SensingTrial, check_sensing};
 pub use recursive_estimator::{
     Begin, EstimatorPromises, Told, check_gate, check_innovation, check_recursive_estimator, check_unit_equivariance,
 };
+pub use sensing::{Publish, SensingTrial, check_sensing};
 pub use state_estimator::{BeginFlight, StateTrial, check_state_estimator};
 pub use units::{Identifies, Units, check_identification_units};
 

@@ -58,9 +58,9 @@ mod station_imu;
 mod sweep;
 mod targets;
 mod throw_terms;
-mod thruster_faults;
 mod throws;
 mod thrust_imu;
+mod thruster_faults;
 mod tube_bench;
 #[path = "../../../crates/planning/tests/suite/tube_flights.rs"]
 mod tube_flights;

@@ -16,7 +16,7 @@ use crate::Failure;
 use crate::arguments::Arguments;
 use crate::targets::Report;
 
-const FIRST_SEED: u64 = 301;
+const FIRST_SEED: usize = 301;
 const SEEDS: usize = 20;
 const THRUSTERS: usize = 12;
 const THRUST_N: f64 = 0.1;
@@ -60,11 +60,10 @@ struct Flown {
 }
 
 fn sensors() -> Sensing {
-    let still = |white| LocalizationErrors {
-        white: Level::Known(white),
-        wander: Wander::Known { sigma: 0.0, time_s: 10.0 },
-    };
-    let mut sensing = Sensing { position: still(1e-3), attitude: still(1e-3), velocity: still(1.0), ..Sensing::default() };
+    let still =
+        |white| LocalizationErrors { white: Level::Known(white), wander: Wander::Known { sigma: 0.0, time_s: 10.0 } };
+    let mut sensing =
+        Sensing { position: still(1e-3), attitude: still(1e-3), velocity: still(1.0), ..Sensing::default() };
     sensing.pose_delay = Delay::NONE;
     for unit in [&mut sensing.rate, &mut sensing.acceleration] {
         (unit.delay, unit.bias_sigma, unit.white) = (Delay::NONE, 0.0, Level::Known(2e-3));
@@ -72,7 +71,12 @@ fn sensors() -> Sensing {
     sensing
 }
 
-fn flown(seed: u64, on_table: bool, (factor, constant): (f64, f64), faulty: usize) -> Result<Flown, IdentificationError> {
+fn flown(
+    seed: u64,
+    on_table: bool,
+    (factor, constant): (f64, f64),
+    faulty: usize,
+) -> Result<Flown, IdentificationError> {
     let mut dice = Gaussian::from_seed(seed);
     let wrenches = wrenches(on_table);
     let waves: [[f64; 2]; THRUSTERS] =
@@ -86,8 +90,9 @@ fn flown(seed: u64, on_table: bool, (factor, constant): (f64, f64), faulty: usiz
         let wave = |[w, phase]: [f64; 2]| THRUST_N * (0.5 + 0.5 * (w * row as f64 * row_s + phase).sin());
         waves.map(wave)
     };
-    let acts = |t: f64| {
-        let step = (t / (STEP_NS as f64 * 1e-9)).round() as usize;
+    let step = core::cell::Cell::new(0_usize);
+    let acts = |_: f64| {
+        let step = step.replace(step.get() + 1);
         let asked = asked_in(step.saturating_sub(LATE) / STEPS_PER_ROW);
         let mut thrusts: [f64; THRUSTERS] = core::array::from_fn(|i| scales[i] * asked[i]);
         thrusts[faulty] += constant * THRUST_N;
@@ -108,8 +113,8 @@ fn flown(seed: u64, on_table: bool, (factor, constant): (f64, f64), faulty: usiz
 
 /// Runs the study.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let seeds = arguments.number("--seeds")?.unwrap_or(SEEDS) as u64;
-    let first = arguments.number("--first")?.map_or(FIRST_SEED, |seed| seed as u64);
+    let seeds = arguments.number("--seeds")?.unwrap_or(SEEDS);
+    let first = arguments.number("--first")?.unwrap_or(FIRST_SEED);
     let mut report = Report::default();
     report.table.push(format!(
         "{:<10}{:<12}{:>9}{:>10}{:>8}{:>9}{:>9}",
@@ -120,8 +125,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             let (mut answered, mut named, mut accused, mut z) = (0.0, 0.0, 0.0, Vec::new());
             for seed in first..first + seeds {
                 eprintln!("{place}, {fault}, seed {seed} ...");
-                let faulty = seed as usize % THRUSTERS;
-                let flight = flown(seed, on_table, (factor, constant), faulty).map_err(bad)?;
+                let faulty = seed % THRUSTERS;
+                let flight = flown(seed as u64, on_table, (factor, constant), faulty).map_err(bad)?;
                 let thrusters =
                     Thrusters::try_new(&wrenches(on_table), &[OFF; THRUSTERS], &flight.asked).map_err(bad)?;
                 let told = FlightLikelihood { thrusters: Some(thrusters), ..FlightLikelihood::default() };

@@ -320,7 +320,10 @@ mod tests {
         };
         assert_eq!(law(&other_each_time), "same seed, same log");
         assert_eq!(law(&|motion: &[TrueMotion], _: u64| of(motion, 1)), "another seed, another log");
-        assert_eq!(law(&|_: &[TrueMotion], seed: u64| of(&trial().motion().unwrap()[..40], seed)), "a good record is answered");
+        assert_eq!(
+            law(&|_: &[TrueMotion], seed: u64| of(&trial().motion().unwrap()[..40], seed)),
+            "a good record is answered"
+        );
         let mut impossible = sensors();
         impossible.rate.bias_sigma = -1.0;
         let law = check_sensing(&impossible, &published(&sensors(), 2), &trial()).unwrap_err();

@@ -28,7 +28,7 @@ pub struct TrueMotion {
 }
 
 impl TrueMotion {
-    /// A body from rest under a wrench that is held over each step, nothing else acting.
+    /// A body from rest under a wrench that is held over each step, nothing else acting; it is asked for once for each step, in order.
     ///
     /// # Errors
     /// [`IdentificationError::Dynamics`] for a body or a wrench whose motion is not finite.
@@ -264,7 +264,8 @@ impl Sensing {
         )?;
         let rates = motion.iter().map(|at| at.state.twist_body.angular).collect();
         let forces = motion.iter().map(at_lever).collect();
-        let triad = |errors, what, source, truth| Triad::new(errors, what, dice(seed, source), truth, step_s, rows_per_step);
+        let triad =
+            |errors, what, source, truth| Triad::new(errors, what, dice(seed, source), truth, step_s, rows_per_step);
         let mut rate = triad(&self.rate, "noise of the rate, rad/s,", Source::Rate, rates)?;
         let mut acceleration =
             triad(&self.acceleration, "noise of the acceleration, m/s^2,", Source::Acceleration, forces)?;

@@ -6,12 +6,15 @@ use nalgebra::{Matrix3, Vector3};
 use tumble_dynamics::InertialParameters;
 use tumble_identification::lie::Wrench;
 use tumble_identification::noise::Gaussian;
-use tumble_identification::sensing::{Delay, InertialErrors, Level, LinearFilter, LocalizationErrors, Sensing, TrueMotion, Wander};
+use tumble_identification::sensing::{
+    Delay, InertialErrors, Level, LinearFilter, LocalizationErrors, Sensing, TrueMotion, Wander,
+};
 use tumble_identification::{IdentificationError, MotionSample};
 
 const STEP_NS: i64 = 4_000_000;
 const STEP_S: f64 = 0.004;
-const SECONDS: f64 = 120.0;
+/// Two minutes.
+const STEPS: usize = 30_000;
 
 /// Chance by its range.
 struct Draw(Gaussian);
@@ -50,7 +53,10 @@ impl Draw {
     }
 
     fn localization(&mut self, white: f64, sigma: f64, time_s: f64) -> LocalizationErrors {
-        LocalizationErrors { white: Level::Known(white * self.scale(0.4, 2.5)), wander: Wander::Known { sigma, time_s } }
+        LocalizationErrors {
+            white: Level::Known(white * self.scale(0.4, 2.5)),
+            wander: Wander::Known { sigma, time_s },
+        }
     }
 
     fn unit(&mut self, white: f64, bias_sigma: f64, late_s: f64) -> Result<InertialErrors, IdentificationError> {
@@ -126,9 +132,8 @@ impl Draw {
 pub fn flown(seed: u64) -> Result<(Vec<MotionSample>, InertialParameters<f64>), IdentificationError> {
     let mut draw = Draw(Gaussian::from_seed(seed));
     let body = draw.body();
-    let steps = (SECONDS / STEP_S).round() as usize;
-    let motion = TrueMotion::flown(&body, &draw.wrench(&body), STEP_NS, steps)?;
-    let rows = draw.rows(steps);
+    let motion = TrueMotion::flown(&body, &draw.wrench(&body), STEP_NS, STEPS)?;
+    let rows = draw.rows(STEPS);
     let mut log = draw.sensing()?.publish(&motion, &rows, &Vector3::zeros(), seed)?;
     let (velocities, accelerations, rates) = (draw.below(0.75), draw.below(0.75), draw.below(0.9));
     for sample in &mut log {

@@ -269,9 +269,8 @@ impl Unit {
         let arm = lever - body.center;
         let swing = skew(&arm);
         let centripetal = turning - Matrix3::identity() * turning.trace();
-        let value =
-            force / body.mass + alpha.cross(&arm) + centripetal * arm
-                - rate_beside.cross(&rate_beside.cross(&taken_out));
+        let value = force / body.mass + alpha.cross(&arm) + centripetal * arm
+            - rate_beside.cross(&rate_beside.cross(&taken_out));
         let mut by_body = SMatrix::<f64, 3, 10>::zeros();
         by_body.set_column(LOG_MASS, &(-force / body.mass));
         let by_c = -(swing * inverse * skew(&force)) - skew(&alpha) - centripetal;
