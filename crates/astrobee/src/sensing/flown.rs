@@ -5,7 +5,7 @@ use super::flight_filter::{accelerometer_coefficients, gyro_coefficients};
 use super::{ImuSettings, LocalizationSettings, SensorErrors};
 use crate::AstrobeeError;
 use crate::propulsion::ImpellerMode;
-use tumble_identification::sensing::{InertialErrors, LinearFilter, LocalizationErrors, Sensing};
+use tumble_identification::sensing::{Delay, InertialErrors, LinearFilter, LocalizationErrors, Sensing};
 
 /// Times, in seconds, and answers of filters that differ by less are the same.
 const SAME: f64 = 1e-9;
@@ -170,7 +170,8 @@ fn ages_ms(sensing: &Sensing, sample_interval_ms: u32) -> Result<(u32, f64), Ast
         not_flown("rate.delay.expected_s", "0 to 1 s in whole samples of the unit (8 ms, of `bumble` 16 ms)")
     })?;
     let poses_s = sensing.pose_delay.expected_s;
-    if sensing.velocity_delay.is_some_and(|delay| (delay.expected_s - poses_s).abs() > SAME) {
+    let stated = sensing.velocity_delay.filter(|delay| *delay != Delay::default());
+    if stated.is_some_and(|delay| (delay.expected_s - poses_s).abs() > SAME) {
         return Err(not_flown("velocity_delay.expected_s", "the `pose_delay.expected_s`, or no `velocity_delay`"));
     }
     if !(-SAME..=LONGEST_DELAY_S).contains(&(poses_s - inertial_s)) {
@@ -183,7 +184,7 @@ fn ages_ms(sensing: &Sensing, sample_interval_ms: u32) -> Result<(u32, f64), Ast
 mod tests {
     use super::super::SensingPreset;
     use super::*;
-    use tumble_identification::sensing::{Delay, Level, Wander};
+    use tumble_identification::sensing::{Level, Wander};
 
     fn described(preset: SensingPreset) -> Sensing {
         preset.settings().description(ImpellerMode::Nominal).unwrap()

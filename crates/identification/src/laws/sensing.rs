@@ -253,6 +253,7 @@ mod tests {
             velocity_delay: Some(Delay { expected_s: 0.02, sigma_s: 0.0 }),
             lever_arm_body_m: [0.03, -0.02, 0.01],
             lever_arm_sigma_m: 0.005,
+            lever_arm_taken_out_sigma_m: 0.01,
             ..Sensing::default()
         };
         (sensing.rate.white, sensing.acceleration.white) = (Level::Known(2e-4), Level::Known(5e-3));
@@ -302,6 +303,7 @@ mod tests {
             ("delay of the unit", |s| s.acceleration.delay.expected_s = 0.1),
             ("filter", |s| s.acceleration.filter = None),
             ("lever arm", |s| s.lever_arm_sigma_m = 0.5),
+            ("lever arm taken out", |s| s.lever_arm_taken_out_sigma_m = 1.0),
             ("gravity", |s| s.gravity_added_world_m_s2 = Some([0.0, 0.0, 1.0])),
         ] {
             broken(what, change);

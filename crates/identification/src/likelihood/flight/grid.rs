@@ -19,6 +19,8 @@ pub(super) const STREAMS: usize = 5;
 const GAP: f64 = 1.5;
 /// Rows that fill a gap at most.
 const LONGEST_FILL: usize = 500;
+/// A step that differs from the median by more than this share of it makes the rows uneven.
+const UNEVEN: f64 = 0.1;
 /// Fewest rows that anything is made of.
 const FEWEST: usize = 32;
 
@@ -178,12 +180,56 @@ impl Grid {
         self.rows.len()
     }
 
+    /// The same of rows at uneven times: so many median steps later, on the straight line between the rows there where both are seen.
+    fn moved_in_time(&self, k: usize, shift: &[isize; 4]) -> (Row, [bool; STREAMS]) {
+        let last = self.len() - 1;
+        let at = |by: isize, stream: usize| -> Option<(&Row, &Row, f64)> {
+            let time = self.times[k] + by as f64 * self.step_s;
+            let next = self.times.partition_point(|there| *there <= time);
+            let before = next.checked_sub(1).filter(|_| time <= self.times[last])?;
+            let next = next.min(last);
+            let span = self.times[next] - self.times[before];
+            if by != 0 && span > 0.0 && self.valid[before][stream] && self.valid[next][stream] {
+                return Some((&self.rows[before], &self.rows[next], (time - self.times[before]) / span));
+            }
+            let there = k.checked_add_signed(by).filter(|there| *there <= last && self.valid[*there][stream])?;
+            Some((&self.rows[there], &self.rows[there], 0.0))
+        };
+        let [pose, velocity, rate, acceleration] = *shift;
+        let found = [
+            at(pose, POSITION),
+            at(pose, ATTITUDE),
+            at(velocity, VELOCITY),
+            at(rate, RATE),
+            at(acceleration, ACCELERATION),
+        ];
+        let line = |stream: usize, of: fn(&Row) -> Vector3<f64>| {
+            found[stream].map_or_else(|| of(&self.rows[k]), |(here, next, along)| of(here).lerp(&of(next), along))
+        };
+        let row = Row {
+            position: line(POSITION, |row| row.position),
+            attitude: found[ATTITUDE].map_or(self.rows[k].attitude, |(here, next, along)| {
+                let turn: Vector3<f64> = LieGroup::log(&here.attitude.between(&next.attitude));
+                here.attitude * UnitQuaternion::from_scaled_axis(turn * along)
+            }),
+            velocity: line(VELOCITY, |row| row.velocity),
+            rate: line(RATE, |row| row.rate),
+            acceleration: line(ACCELERATION, |row| row.acceleration),
+            rate_beside: line(ACCELERATION, |row| row.rate_beside),
+            upward_beside: line(ACCELERATION, |row| row.upward_beside),
+        };
+        (row, found.map(|found| found.is_some()))
+    }
+
     /// The measurements with each stream moved by whole rows: what a stream says late stands then where it belongs.
     pub(super) fn shifted(&self, shift: &[isize; 4]) -> (Vec<Row>, Vec<[bool; STREAMS]>) {
         if *shift == [0; 4] {
             return (self.rows.clone(), self.valid.clone());
         }
         let last = self.len().saturating_sub(1);
+        if self.steps.iter().any(|step| (step - self.step_s).abs() > UNEVEN * self.step_s) {
+            return (0..self.len()).map(|k| self.moved_in_time(k, shift)).unzip();
+        }
         let from = |k: usize, by: isize| k.checked_add_signed(by).filter(|index| *index <= last);
         (0..self.len())
             .map(|k| {
