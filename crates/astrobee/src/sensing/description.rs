@@ -63,6 +63,41 @@ impl LocalizationSettings {
     }
 }
 
+impl LocalizationSettings {
+    /// These sensors as a robot in flight is told of them, which knows its own: as [`description`](Self::description), with levels, wander and
+    /// bias as they are set. Levels that are zero are left open.
+    ///
+    /// # Errors
+    /// As [`description`](Self::description).
+    pub fn as_stated(&self, mode: ImpellerMode) -> Result<Sensing, IdentificationError> {
+        let (pose, imu) = (&self.pose, &self.imu);
+        let known = |sigma: f64| if sigma > 0.0 { Level::Known(sigma) } else { Level::Unknown };
+        let localized = |white: f64, slow: f64| LocalizationErrors {
+            white: known(white),
+            wander: Wander::Known { sigma: slow, time_s: pose.drift_time_s },
+        };
+        let described = self.description(mode)?;
+        let is_removed_at_once = imu.bias_removed && imu.bias_following_time_s == 0.0;
+        let triad = |described: InertialErrors, errors: &SensorErrors| {
+            // Without a filter a published sample has all of the unit's noise.
+            let interval_s = if described.filter.is_some() { self.timing.step_s() } else { imu.step_s() };
+            InertialErrors {
+                white: known(errors.noise_density * (0.5 / interval_s).sqrt()),
+                bias_sigma: if is_removed_at_once { 0.0 } else { errors.bias_sigma },
+                ..described
+            }
+        };
+        Ok(Sensing {
+            position: localized(pose.position_noise_m, pose.position_drift_m),
+            attitude: localized(pose.attitude_noise_rad, pose.attitude_drift_rad),
+            velocity: localized(pose.velocity_noise_m_s, pose.velocity_drift_m_s),
+            rate: triad(described.rate, &imu.gyro),
+            acceleration: triad(described.acceleration, &imu.accelerometer),
+            ..described
+        })
+    }
+}
+
 /// Average of the unit and filter of the flight software, one after the other.
 pub(super) fn published(
     imu: &ImuSettings,

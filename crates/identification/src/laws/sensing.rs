@@ -47,13 +47,28 @@ const SLACK: f64 = 0.15;
 /// `errors are as large as stated`, `what is left of rate and acceleration is white`.
 ///
 /// # Example
-/// ```no_run
+/// A robot whose velocities are twice as noisy as its description says:
+/// ```
+/// use tumble_identification::dynamics::InertialParameters;
 /// use tumble_identification::laws::{SensingTrial, check_sensing};
-/// use tumble_identification::sensing::{Sensing, TrueMotion};
-/// # fn my_robot() -> Sensing { Sensing::default() }
-/// # fn my_log(_: &[TrueMotion], _: u64) -> Vec<tumble_identification::MotionSample> { Vec::new() }
-/// # fn trial() -> SensingTrial { unimplemented!() }
-/// check_sensing(&my_robot(), &my_log, &trial()).unwrap();
+/// use tumble_identification::nalgebra::{Matrix3, Vector3};
+/// use tumble_identification::sensing::{Delay, Level, LocalizationErrors, Sensing, TrueMotion, Wander};
+/// let localized = LocalizationErrors { white: Level::Known(1e-3), wander: Wander::Known { sigma: 0.01, time_s: 10.0 } };
+/// let mut described = Sensing { position: localized, attitude: localized, velocity: localized, ..Sensing::default() };
+/// (described.pose_delay, described.velocity_delay) = (Delay::NONE, Some(Delay::NONE));
+/// (described.lever_arm_sigma_m, described.lever_arm_taken_out_sigma_m) = (0.0, 0.0);
+/// for unit in [&mut described.rate, &mut described.acceleration] {
+///     (unit.white, unit.delay, unit.unknown_filter_s) = (Level::Known(1e-3), Delay::NONE, 0.0);
+/// }
+/// let mut real = described.clone();
+/// real.velocity.white = Level::Known(2e-3);
+/// let published = |motion: &[TrueMotion], seed: u64| {
+///     let rows: Vec<usize> = (0..motion.len()).collect();
+///     real.publish(motion, &rows, &Vector3::zeros(), seed).unwrap_or_default()
+/// };
+/// let body = InertialParameters::about_com(9.6, Vector3::new(0.01, 0.0, 0.0), Matrix3::identity() * 0.15);
+/// let trial = SensingTrial { body, wrench: [0.015, 0.25], step_ns: 16_000_000, steps: 2500, seeds: 1..3 };
+/// assert_eq!(check_sensing(&described, &published, &trial).unwrap_err().law, "noise is as stated");
 /// ```
 pub fn check_sensing(sensing: &Sensing, publish: Publish<'_>, trial: &SensingTrial) -> Result<(), LawViolation> {
     let law = "sensors can be as described";

@@ -198,15 +198,17 @@ impl FlightLikelihood {
             if let Some((thrusters, mass_kg)) = of.thrusters.as_ref().zip(mass_kg) {
                 grid.lighten(thrusters, mass_kg);
             }
-            let mut fit = Fit::new(&of, grid.clone(), planar)?;
-            let settled = fit.run();
-            if settled.is_err() && of.thrusters.is_some() {
-                // What is left of a wrench that is off by much is taken for noise of everything where levels begin narrow.
-                fit = Fit::new(&of, grid, planar)?;
-                fit.run_coarsely()?;
-                fit.run()?;
-            } else {
-                settled?;
+            let again = of.thrusters.as_ref().map(|_| grid.clone());
+            let mut fit = Fit::new(&of, grid, planar)?;
+            match (fit.run(), again) {
+                (Ok(()), _) => {}
+                (Err(error), None) => return Err(error),
+                (Err(_), Some(grid)) => {
+                    // What is left of a wrench that is off by much is taken for noise of everything where levels begin narrow.
+                    fit = Fit::new(&of, grid, planar)?;
+                    fit.run_coarsely()?;
+                    fit.run()?;
+                }
             }
             let found = outcome::of(&mut fit, &freed)?;
             let joint = Joint::of(&fit);

@@ -7,6 +7,7 @@ mod health;
 mod reception;
 mod separate_bias;
 mod settings;
+mod slow_errors;
 mod two_stage;
 mod wrench_history;
 
@@ -16,6 +17,7 @@ mod tests;
 pub use health::FlightHealth;
 pub use reception::{FlightMeasurement, Reception, ReceptionCounts};
 pub use settings::{FlightEstimatorSettings, LearningTargets, WrenchErrors, grasp_or_release};
+pub use slow_errors::{GaussMarkov, RateLag, SlowErrors};
 pub use two_stage::{BeginStage, BodyStage, TwoStageEstimator, WindowRows};
 
 use crate::dynamics::{LogCholesky, RigidBodyState};
@@ -30,7 +32,7 @@ use filtered::{Filtered, Rules, in_chart};
 use first_lessons::FirstLessons;
 use flight_motion::{BODY, FlightMotion, FlightState};
 use health::Thresholds;
-use nalgebra::{SMatrix, SVector, Vector3, Vector6};
+use nalgebra::{SMatrix, SVector, Vector3};
 use reception::{checked, kinds};
 use std::collections::VecDeque;
 use wrench_history::WrenchHistory;
@@ -117,8 +119,7 @@ impl FlightEstimator {
             lead_ns: ns(settings.lead_s),
             considers_body: false,
         };
-        let state =
-            FlightState { joint: JointState { motion: start, body }, drift: Vector6::zeros(), scale: Vector6::zeros() };
+        let state = FlightState::of(JointState { motion: start, body });
         let (mut events, mut moments) = (VecDeque::with_capacity(MOMENTS + 1), VecDeque::with_capacity(MOMENTS + 1));
         events.push_back(Event::Start);
         let first = Filtered::new(&rules, &state, &covariance, start_ns);
@@ -203,8 +204,35 @@ impl FlightEstimator {
         self.look_at(&measurement.with(&self.rules.settings.noise))
     }
 
+    /// Takes each quantity at the time of its content, which may be older than the stamp by more for one than for another.
     fn look_at(&mut self, measurement: &Measurement) -> Reception {
-        let reception = self.receive(measurement);
+        let [poses, velocities, rates] = self.rules.settings.slow.age_ns;
+        if (poses, poses) == (velocities, rates) {
+            return self.look_at_moment(measurement, poses);
+        }
+        let of_pose = Measurement { rate_body: None, velocity_world: None, ..measurement.clone() };
+        let alone = |rate_body, velocity_world| Measurement {
+            stamp_ns: measurement.stamp_ns,
+            rate_body,
+            velocity_world,
+            ..Measurement::default()
+        };
+        let parts = [
+            (alone(None, measurement.velocity_world), velocities),
+            (alone(measurement.rate_body, None), rates),
+            (of_pose, poses),
+        ];
+        let is_empty = |part: &Measurement| !kinds(part).contains(&true);
+        let mut reception = None;
+        for (part, age_ns) in parts.iter().filter(|(part, _)| !is_empty(part)) {
+            reception = Some(self.look_at_moment(part, *age_ns));
+        }
+        reception.unwrap_or_else(|| self.look_at_moment(measurement, 0))
+    }
+
+    fn look_at_moment(&mut self, measurement: &Measurement, age_ns: i64) -> Reception {
+        let of_content = Measurement { stamp_ns: measurement.stamp_ns.saturating_sub(age_ns), ..measurement.clone() };
+        let reception = self.receive(&of_content);
         match reception {
             Reception::TooOld => self.apart.too_old += 1,
             Reception::Duplicate => self.apart.duplicate += 1,
@@ -279,7 +307,7 @@ impl FlightEstimator {
             let stamp_ns = self.moments.get(k).map_or(filtered.stamp_ns, |moment| moment.stamp_ns);
             filtered.advance(&self.rules, &self.history, stamp_ns, None);
             let reception = match event {
-                Event::Measured(measurement) => filtered.take(&self.rules, measurement),
+                Event::Measured(measurement) => filtered.take(&self.rules, &self.history, measurement),
                 Event::Changed(deviation) => {
                     filtered.widen(&self.rules, deviation);
                     Reception::Frozen

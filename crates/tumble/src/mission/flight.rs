@@ -3,7 +3,7 @@
 use super::assembly::{AstrobeeLoop, MissionPlanners, closed_loop};
 use super::faults::{Faults, LateObstacle, Sabotage};
 use super::invariants;
-use super::layers::{CHECKED_SHARE, scene};
+use super::layers::scene;
 use super::options::FlyOptions;
 use super::record::{
     BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
@@ -652,7 +652,7 @@ fn record(
     let mut warnings = invariants::warnings(&sums.watch);
     warnings.extend(expired);
     let clearance_m = sums.min_clearance_m.unwrap_or(f64::INFINITY);
-    warnings.extend(too_late.and_then(|too_late| too_late.excuse(clearance_m, CHECKED_SHARE * problem.margin_m)));
+    warnings.extend(too_late.and_then(|too_late| too_late.excuse(clearance_m, problem.margins_m.checked)));
     if counts.gated > 0 {
         warnings.push(format!("{} measurements did not fit what was expected and were not used", counts.gated));
     }

@@ -32,16 +32,12 @@ const HELD: [f64; 4] = [1.0, 0.6, 0.3, 0.1];
 const WANDERS_RAD: f64 = 0.35;
 /// Relative change of the mass that asks for another way.
 const MATERIAL: f64 = 0.15;
-/// Share of the margin of ways that stretches keep: they need room to leave the way.
-const STRETCH_MARGIN_SHARE: f64 = 0.9;
 /// A stretch may be so much faster than the way, to leave it and come back.
 const FASTER: f64 = 1.15;
 /// Natural frequencies of rotation and position of what follows a way, for what deviations from it cost, rad/s.
 pub(super) const TRACKER_RAD_S: [f64; 2] = [0.6, 0.5];
 /// Share of the rate limit that plans use.
 const RATE_SHARE: f64 = 0.6;
-/// Share of the margin that is kept by what is flown; the rest is what planners may be off by.
-pub(super) const CHECKED_SHARE: f64 = 0.6;
 
 /// Whole nanoseconds.
 fn nanoseconds(time_s: f64) -> i64 {
@@ -84,7 +80,7 @@ fn surroundings(
     moving: Vec<MovingObstacle>,
 ) -> Result<Surroundings, PlanningError> {
     let planning = &problem.planning;
-    let reach = Vector3::repeat(planning.body.bounding_radius_m() + problem.margin_m);
+    let reach = Vector3::repeat(planning.body.bounding_radius_m() + problem.margins_m.way);
     let position = &planning.limits.position;
     let mut allowed =
         AlignedBox { lower_world: position.lower_world - reach, upper_world: position.upper_world + reach };
@@ -128,7 +124,7 @@ pub fn stretch_planner(
             problem.noise.rate_rad_s,
         ],
         samples_per_step: problem.step_s / tumble_astrobee::simulator::CONTROL_PERIOD_S,
-        margin_m: STRETCH_MARGIN_SHARE * problem.margin_m,
+        margin_m: problem.margins_m.stretch,
         ..usual
     };
     let torque = problem.torque_limit_n_m * problem.plan_torque_share;
@@ -253,7 +249,8 @@ pub fn tube_controllers(
 
 /// What estimators in flight are told of sensors and thrust.
 pub(super) fn estimator_settings(problem: &MissionProblem) -> FlightEstimatorSettings {
-    FlightEstimatorSettings { planar: problem.planar, ..FlightEstimatorSettings::new(problem.noise) }
+    let usual = FlightEstimatorSettings::new(problem.noise);
+    FlightEstimatorSettings { planar: problem.planar, slow: problem.slow, ..usual }
 }
 
 /// The estimator, at the start.
@@ -301,8 +298,8 @@ pub fn loop_settings(problem: &MissionProblem, feedback: bool, seed: u64) -> Loo
             speed_m_s: problem.arrival.speed_m_s,
             rate_rad_s: problem.arrival.rate_rad_s,
         },
-        margin_m: problem.margin_m,
-        check_margin_m: CHECKED_SHARE * problem.margin_m,
+        margin_m: problem.margins_m.way,
+        check_margin_m: problem.margins_m.checked,
         way_units: computing.global_units,
         new_way_units: computing.replan_units,
         stretch_units: computing.local_units,

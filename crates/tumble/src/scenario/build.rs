@@ -12,7 +12,7 @@ use tumble_astrobee::AstrobeeError;
 use tumble_astrobee::air_drag::air_drag;
 use tumble_astrobee::flight_modes::FlightMode;
 use tumble_astrobee::propulsion::{ImpellerMode, PropulsionSettings};
-use tumble_astrobee::sensing::{Localization, SensingPreset};
+use tumble_astrobee::sensing::{Localization, LocalizationSettings, SensingPreset};
 use tumble_astrobee::simulator::{
     Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, Drive, Event,
     Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
@@ -26,6 +26,7 @@ use tumble_formats::body_file::{self, BodyFile};
 use tumble_formats::excitation_file::ExcitationFile;
 use tumble_formats::log::{BoundedRows, QUATERNION_NORM_TOLERANCE, Row, read_row, seconds, shortened};
 use tumble_identification::noise::Gaussian;
+use tumble_identification::sensing::Sensing;
 use tumble_lie::{Pose, Twist, Wrench};
 
 /// Most sines per axis.
@@ -518,6 +519,11 @@ impl ScenarioSource {
     }
 
     fn sensors(&self, place: WorldPreset, mode: ImpellerMode) -> Result<Localization, TumbleError> {
+        let settings = self.sensing_settings(place)?;
+        Localization::new(&settings, self.scenario.seed, mode).map_err(|error| self.bad_sensing(error))
+    }
+
+    fn sensing_settings(&self, place: WorldPreset) -> Result<LocalizationSettings, TumbleError> {
         let table = &self.scenario.sensing;
         let mut settings = match (&table.preset, &table.settings) {
             (Some(_), Some(_)) => return Err(self.bad("sensing.settings", "a preset has its settings: one of both")),
@@ -525,12 +531,24 @@ impl ScenarioSource {
             (None, Some(settings)) => settings.clone(),
         };
         settings.gravity_world_m_s2 = place.gravity_m_s2();
-        Localization::new(&settings, self.scenario.seed, mode).map_err(|error| match error {
+        Ok(settings)
+    }
+
+    fn bad_sensing(&self, error: AstrobeeError) -> TumbleError {
+        match error {
             AstrobeeError::SensingOutOfRange { key, .. } => {
                 self.bad(&format!("sensing.settings.{key}"), &error.to_string())
             }
             other => other.into(),
-        })
+        }
+    }
+
+    /// The sensors as the robot itself is told of them.
+    pub(super) fn stated_sensing(&self, place: WorldPreset) -> Result<Sensing, TumbleError> {
+        let settings = self.sensing_settings(place)?;
+        settings.check().map_err(|error| self.bad_sensing(error))?;
+        let mode = self.flight_mode()?.impellers();
+        Ok(settings.as_stated(mode).map_err(tumble_planning::PlanningError::from)?)
     }
 
     /// The payload and how it is held.

@@ -17,7 +17,8 @@ use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::Estimate;
-use tumble_identification::recursive::MotionNoise;
+use tumble_identification::recursive::{MotionNoise, SlowErrors};
+use tumble_planning::PlanningError;
 use tumble_planning::mission::StopLimits;
 
 /// Everything that a mission begins with.
@@ -70,14 +71,16 @@ pub struct MissionProblem {
     pub way_lead_s: f64,
     /// How much planners may compute, and how long that takes.
     pub computing: ComputingSettings,
-    /// Distance kept from everything, m.
-    pub margin_m: f64,
+    /// Distance kept from everything, m: by ways, by stretches of them, and by what is flown.
+    pub margins_m: Margins,
     /// What counts as having arrived.
     pub arrival: ArrivalTolerance,
     /// Longest mission, s.
     pub longest_s: f64,
     /// What the estimator takes the noise for.
     pub noise: MotionNoise,
+    /// What the estimator takes for errors of the sensors that last.
+    pub slow: SlowErrors,
     /// How hard stops brake.
     pub stop: StopLimits,
     /// Stretches that excite at the start pose instead of a flight; zero for a flight.
@@ -152,7 +155,9 @@ impl ScenarioSource {
         let (flight, mut planning) = (flown.flight()?, flown.planning_problem()?);
         self.share_limits(&mut planning, &numbers);
         planning.belief.estimate = prior;
-        planning.margin_m = numbers.margin_m;
+        let slow = SlowErrors::of(&numbers.sensing).map_err(PlanningError::from)?;
+        let margins_m = Margins::of(numbers.margin_m, &slow);
+        planning.margin_m = margins_m.way;
         let mut truth = self.true_body(place, self.payload_in_the_end())?;
         if place.is_planar() {
             truth = tumble_astrobee::simulator::planar_part(&truth);
@@ -182,14 +187,47 @@ impl ScenarioSource {
             stretch_lead_s: numbers.stretch_lead_s,
             way_lead_s: numbers.way_lead_s,
             computing: numbers.computing,
-            margin_m: numbers.margin_m,
+            margins_m,
             arrival: numbers.arrival,
             longest_s: self.scenario.duration_s,
             noise: numbers.noise,
+            slow,
             station_stretches: numbers.station_stretches,
             layers: options.layers.or(self.scenario.fly.as_ref().and_then(|fly| fly.layers).unwrap_or_default()),
         })
     }
+}
+
+/// Distances kept from everything, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Margins {
+    /// By ways.
+    pub way: f64,
+    /// By stretches, which need room to leave the way.
+    pub stretch: f64,
+    /// By what is flown; the rest is what planners may be off by.
+    pub checked: f64,
+}
+
+/// Shares of a mission's margin that stretches and what is flown keep.
+const STRETCH_SHARE: f64 = 0.9;
+const CHECKED_SHARE: f64 = 0.6;
+
+impl Margins {
+    fn of(margin_m: f64, slow: &SlowErrors) -> Self {
+        let [way, stretch, checked] =
+            [1.0, STRETCH_SHARE, CHECKED_SHARE].map(|share| with_wander(share * margin_m, slow));
+        Self { way, stretch, checked }
+    }
+}
+
+/// Largest wander of a localisation while the robot passes something, standard deviations: of passes of 5 s one in four hundred sees more.
+const LARGEST_WANDER: f64 = 3.4;
+
+/// A distance together with how far the robot may be from where it believes to be: no estimator tells wander from motion, so that all of a
+/// plan is off by it. What the distance is for and the wander have nothing to do with each other.
+fn with_wander(distance_m: f64, slow: &SlowErrors) -> f64 {
+    libm::hypot(distance_m, LARGEST_WANDER * slow.position.sigma)
 }
 
 #[cfg(test)]

@@ -154,13 +154,13 @@ impl FlightEstimate {
         self
     }
 
-    /// Error of `[ln m, c, J_C]` against another body.
+    /// What was found less the truth: `[ln m, c, J_C (11, 12, 13, 22, 23, 33)]`, body axes, 1, m, kg m^2.
     pub fn error(&self, truth: &InertialParameters<f64>) -> SVector<f64, 10> {
         Coordinates::of(&self.parameters).difference(&Coordinates::of(truth))
     }
 
-    /// That error squared, in units of its joint covariance, and over how many parameters: those that were free. Of many records the mean is
-    /// one per parameter.
+    /// That error squared, in units of its joint covariance (1), and over how many parameters: those that were free. Of many records the mean
+    /// is one per parameter; infinite where the covariance is none.
     pub fn squared_error(&self, truth: &InertialParameters<f64>) -> (f64, usize) {
         let (error, std) = (self.error(truth), self.std());
         let free: Vec<usize> = (0..10).filter(|&i| std[i] > 0.0).collect();

@@ -1,7 +1,7 @@
 //! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
 
 use super::flight_motion::{
-    ALL_ROWS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, Fresh, ROWS, SCALE, back_into_plane,
+    ALL_ROWS, BIAS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, Fresh, ROWS, SCALE, WANDER, back_into_plane,
 };
 use super::health::{Monitor, Thresholds};
 use super::reception::Reception;
@@ -11,8 +11,9 @@ use crate::dynamics::LogCholesky;
 use crate::error::IdentificationError;
 use crate::estimator::{Gauss, Measurement};
 use crate::lie::{LieGroup, Pose, Wrench};
+use crate::recursive::Innovation;
 use crate::recursive::belief::Correction;
-use nalgebra::{ComplexField, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 /// Longest step of the filter: 32 ms.
 const STEP_NS: i64 = 32_000_000;
@@ -24,6 +25,10 @@ const OUT_OF_PATIENCE: f64 = 2.0;
 const SETTLING_NS: i64 = 5_000_000_000;
 /// One that keeps moving for longer than this is right, and it is the body that is not what is believed.
 const LONGEST_SETTLING_NS: i64 = 10_000_000_000;
+/// How soon the level of a wander is followed, s, by an innovation of at most so many times its variance, and between which factors.
+const HEARING_S: f64 = 5.0;
+const LOUDEST_SURPRISE: f64 = 10.0;
+const LOUDER: [f64; 2] = [0.05, 400.0];
 /// Variance of a log-extent whose square is as large as its standard deviation.
 const LARGEST_LOG_EXTENT_VARIANCE: f64 = 0.25;
 
@@ -89,6 +94,8 @@ pub(super) struct Filtered {
     pub(super) measured_ns: i64,
     pub(super) state: FlightState,
     pub(super) covariance: Covariance,
+    /// By how much the wander of attitude, position and velocity is louder than stated, as factors of its variance.
+    louder: [f64; 3],
     pub(super) counts: StreamCounts,
     pub(super) monitor: Monitor,
     /// Whether the last measurement is to be learned from.
@@ -113,10 +120,18 @@ impl Filtered {
                 covariance[(first + i, first + i)] = deviation[i] * deviation[i];
             }
         }
+        for i in 0..9 {
+            let sigma = settings.slow.wander()[i / 3].sigma;
+            covariance[(WANDER + i, WANDER + i)] = sigma * sigma;
+        }
+        for i in BIAS..COORDINATES {
+            covariance[(i, i)] = settings.slow.rate_bias_rad_s * settings.slow.rate_bias_rad_s;
+        }
         Self {
             stamp_ns: start_ns,
             measured_ns: start_ns,
             state: *state,
+            louder: [1.0; 3],
             covariance,
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
@@ -144,7 +159,8 @@ impl Filtered {
         for (from_ns, to_ns) in steps(self.stamp_ns, until_ns) {
             let (believed, step_s) = (history.mean(from_ns, to_ns), (to_ns - from_ns) as f64 * 1e-9);
             // What is not finite never gets here; where a step fails all the same, the motion stays.
-            let _ = self.model(rules).predict(&mut self.state, &mut self.covariance, &believed, step_s, anchor);
+            let (model, louder) = (self.model(rules), self.louder);
+            let _ = model.predict(&mut self.state, &mut self.covariance, &believed, step_s, anchor, &louder);
         }
         self.stamp_ns = self.stamp_ns.max(until_ns);
     }
@@ -160,16 +176,21 @@ impl Filtered {
     }
 
     /// Takes a measurement of the present moment.
-    pub(super) fn take(&mut self, rules: &Rules, measurement: &Measurement) -> Reception {
+    pub(super) fn take(&mut self, rules: &Rules, history: &WrenchHistory, measurement: &Measurement) -> Reception {
         // Rows that nobody measured cost time.
         if measurement.other.is_some() {
-            self.take_rows::<ALL_ROWS>(rules, measurement)
+            self.take_rows::<ALL_ROWS>(rules, history, measurement)
         } else {
-            self.take_rows::<ROWS>(rules, measurement)
+            self.take_rows::<ROWS>(rules, history, measurement)
         }
     }
 
-    fn take_rows<const R: usize>(&mut self, rules: &Rules, measurement: &Measurement) -> Reception {
+    fn take_rows<const R: usize>(
+        &mut self,
+        rules: &Rules,
+        history: &WrenchHistory,
+        measurement: &Measurement,
+    ) -> Reception {
         let fresh = self.news(measurement);
         let dt_s = (measurement.stamp_ns - self.measured_ns) as f64 * 1e-9;
         self.measured_ns = measurement.stamp_ns;
@@ -180,11 +201,15 @@ impl Filtered {
             self.counts.frozen += 1;
             return Reception::Frozen;
         }
-        let rows = rules.model.rows::<R>(&self.state, measurement, fresh);
+        let owed = rules.model.slow().rate_lag.filter(|_| fresh.rate);
+        let owed = owed.map(|lag| (lag.owed(history, measurement.stamp_ns), lag.delay_s()));
+        let owed = owed.as_ref().map(|(held, delay_s)| (held, *delay_s));
+        let rows = self.model(rules).rows::<R>(&self.state, measurement, fresh, owed);
         let mut learned = self.covariance;
         let Ok(Correction { step, innovation }) = rows.correct(&mut learned) else {
             return Reception::Malformed { what: "innovation is not finite" };
         };
+        self.hear_wander(rules, &innovation, dt_s);
         let (nis, freedom) = (innovation.nis, innovation.degrees_of_freedom);
         let limit = rules.thresholds.gate(freedom);
         let is_settled = self.unsettled.is_none_or(|unsettled| measurement.stamp_ns >= unsettled.until_ns);
@@ -217,6 +242,28 @@ impl Filtered {
             self.state.joint.motion = back_into_plane(&self.state.joint.motion, &before);
         }
         self.covariance = *covariance;
+    }
+
+    /// Follows the level of each stream's wander: innovations that are larger than stated make it louder, smaller ones quieter. A level that
+    /// is gated away instead leaves a body that is too certain.
+    fn hear_wander<const R: usize>(&mut self, rules: &Rules, innovation: &Innovation<R>, dt_s: f64) {
+        for (k, (louder, error)) in self.louder.iter_mut().zip(rules.settings.slow.wander()).enumerate() {
+            let first = [0, 3, 9][k];
+            let covariance = innovation.covariance.fixed_view::<3, 3>(first, first).into_owned();
+            let seen: Vector3<f64> = innovation.residual.fixed_rows::<3>(first).into_owned();
+            let (mut nis, mut freedom) = (0.0, 0.0);
+            for i in 0..3 {
+                if covariance[(i, i)].is_finite() {
+                    nis += seen[i] * seen[i] / covariance[(i, i)];
+                    freedom += 1.0;
+                }
+            }
+            if error.sigma > 0.0 && freedom > 0.0 {
+                let surprise = nis.min(LOUDEST_SURPRISE * freedom) / freedom - 1.0;
+                let factor = 1.0 + surprise * dt_s.clamp(0.0, HEARING_S) / HEARING_S;
+                *louder = (*louder * factor).clamp(LOUDER[0], LOUDER[1]);
+            }
+        }
     }
 
     /// The motion alone, by the same gain: body and wrench stay what they are, as certain as they are (Schmidt's filter).
@@ -334,6 +381,30 @@ impl Filtered {
         self.covariance.fixed_view_mut::<BODY, COORDINATES>(0, 0).fill(0.0);
         self.covariance.fixed_view_mut::<COORDINATES, BODY>(0, 0).fill(0.0);
         self.covariance.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&known);
+        self.begin_wander(rules);
+    }
+
+    /// Of a motion that was just taken from a measurement: that is off by a wander of which no more is known than how large it is.
+    fn begin_wander(&mut self, rules: &Rules) {
+        self.state.wander = [Vector3::zeros(); 3];
+        self.covariance.fixed_view_mut::<9, COORDINATES>(WANDER, 0).fill(0.0);
+        self.covariance.fixed_view_mut::<COORDINATES, 9>(0, WANDER).fill(0.0);
+        let body_from_world = self.state.joint.motion.world_from_body.rotation.inverse().to_rotation_matrix();
+        let turns = [Matrix3::identity(), body_from_world.into_inner(), body_from_world.into_inner()];
+        for (k, (error, turn)) in rules.settings.slow.wander().iter().zip(turns).enumerate() {
+            let (motion, wander, variance) = ([0, 3, 9][k], WANDER + 3 * k, error.sigma * error.sigma);
+            let shared = turn * -variance;
+            for i in 0..3 {
+                self.covariance[(wander + i, wander + i)] = variance;
+                if !(rules.settings.planar && self.covariance[(motion + i, motion + i)] == 0.0) {
+                    self.covariance[(motion + i, motion + i)] += variance;
+                    for j in 0..3 {
+                        self.covariance[(motion + i, wander + j)] = shared[(i, j)];
+                        self.covariance[(wander + j, motion + i)] = shared[(i, j)];
+                    }
+                }
+            }
+        }
     }
 
     /// The body less certain by a jump of these deviations, and the wrench as if it were in doubt: which of the two it was, the
@@ -382,7 +453,13 @@ impl Filtered {
         self.state.joint.body = *body;
         (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
         let mut fresh = Self::new(rules, &self.state, covariance, self.stamp_ns).covariance;
-        fresh.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&self.covariance.fixed_view::<BODY, BODY>(0, 0));
+        // Motion and errors of the sensors stay, and what they have in common.
+        let kept = |i: usize| i < BODY || i >= WANDER;
+        for (i, j) in (0..COORDINATES).flat_map(|i| (0..COORDINATES).map(move |j| (i, j))) {
+            if kept(i) && kept(j) {
+                fresh[(i, j)] = self.covariance[(i, j)];
+            }
+        }
         self.covariance = fresh;
         self.monitor = Monitor::default();
         self.jump = None;

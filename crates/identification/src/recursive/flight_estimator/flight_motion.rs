@@ -1,6 +1,7 @@
-//! Motion, body, and slow errors of the wrench as one state of 34 numbers.
+//! Motion, body, and slow errors of wrench and sensors as one state of 46 numbers.
 
 use super::settings::{FlightEstimatorSettings, WrenchErrors};
+use super::slow_errors::SlowErrors;
 use crate::dynamics::{FreeFlyer, LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
 use crate::estimator::{Gauss, Measurement};
@@ -9,11 +10,16 @@ use crate::recursive::belief::Rows;
 use crate::recursive::joint_motion::{JointMotion, JointObservation, JointState};
 use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
-/// Motion 12, body 10, additive error of the wrench 6, relative error of the wrench 6.
-pub(super) const COORDINATES: usize = 34;
+/// Motion 12, body 10, additive error of the wrench 6, relative error of the wrench 6; wander of attitude, position and velocity 9, bias of
+/// the rate 3.
+pub(super) const COORDINATES: usize = 46;
 pub(super) const BODY: usize = 12;
 pub(super) const DRIFT: usize = 22;
 pub(super) const SCALE: usize = 28;
+pub(super) const WANDER: usize = 34;
+pub(super) const BIAS: usize = 43;
+/// The first of the coordinates, that motion depends on.
+pub(super) const MOVING: usize = WANDER;
 /// Rows attitude, position, rate, velocity.
 pub(super) const ROWS: usize = 12;
 /// And those of a quantity of the user's own.
@@ -35,14 +41,31 @@ pub(super) struct FlightState {
     pub(super) drift: Vector6<f64>,
     /// By this part of itself each component of the believed wrench is larger.
     pub(super) scale: Vector6<f64>,
+    /// Slow errors of attitude (body axes), position and velocity (inertial axes).
+    pub(super) wander: [Vector3<f64>; 3],
+    /// What measured rates are larger by.
+    pub(super) bias: Vector3<f64>,
 }
 
 impl FlightState {
+    /// Of motion and body, without slow errors.
+    pub(super) fn of(joint: JointState) -> Self {
+        Self {
+            joint,
+            drift: Vector6::zeros(),
+            scale: Vector6::zeros(),
+            wander: [Vector3::zeros(); 3],
+            bias: Vector3::zeros(),
+        }
+    }
+
     pub(super) fn moved_by(&self, step: &Vector) -> Self {
         Self {
             joint: self.joint.oplus(&step.fixed_rows::<22>(0).into_owned()),
             drift: self.drift + step.fixed_rows::<6>(DRIFT),
             scale: self.scale + step.fixed_rows::<6>(SCALE),
+            wander: core::array::from_fn(|k| self.wander[k] + step.fixed_rows::<3>(WANDER + 3 * k)),
+            bias: self.bias + step.fixed_rows::<3>(BIAS),
         }
     }
 }
@@ -69,7 +92,7 @@ pub(super) struct Fresh {
 struct Quantity {
     first: usize,
     residual: Vector3<f64>,
-    sensitivity: SMatrix<f64, 3, BODY>,
+    sensitivity: SMatrix<f64, 3, COORDINATES>,
     covariance: Matrix3<f64>,
     /// Body axes to those of the covariance.
     turn: Matrix3<f64>,
@@ -108,18 +131,24 @@ pub(super) fn whitening(covariance: &Matrix3<f64>) -> Option<Matrix3<f64>> {
 pub(super) struct FlightMotion {
     joint: JointMotion,
     errors: WrenchErrors,
+    slow: SlowErrors,
     planar: bool,
 }
 
 impl FlightMotion {
     pub(super) fn new(settings: &FlightEstimatorSettings) -> Self {
         let joint = JointMotion { noise: settings.noise, gravity_world: Vector3::zeros() };
-        Self { joint, errors: settings.wrench, planar: settings.planar }
+        Self { joint, errors: settings.wrench, slow: settings.slow, planar: settings.planar }
     }
 
     /// Slow errors of the wrench.
     pub(super) fn errors(&self) -> &WrenchErrors {
         &self.errors
+    }
+
+    /// Slow errors of the sensors.
+    pub(super) fn slow(&self) -> &SlowErrors {
+        &self.slow
     }
 
     /// The same with a wrench that is in doubt.
@@ -187,18 +216,43 @@ impl FlightMotion {
             motion = back_into_plane(&motion, &state.joint.motion);
         }
         let joint = JointState { motion, body: state.joint.body };
-        Ok(FlightState { joint, drift: state.drift * self.remaining(step_s), scale: state.scale })
+        let (drift_left, _) = self.drift_step(step_s);
+        let wander = self.slow.wander().map(|error| error.step(step_s).0);
+        Ok(FlightState {
+            joint,
+            drift: state.drift * drift_left,
+            wander: core::array::from_fn(|k| state.wander[k] * wander[k]),
+            ..*state
+        })
     }
 
-    /// What is left of a drift after a step.
-    fn remaining(&self, step_s: f64) -> f64 {
-        ComplexField::exp(-step_s / self.errors.drift_time_s)
+    /// What is left after a step of every coordinate that motion does not carry on, and the variance of what has come to each; wander of
+    /// attitude, position and velocity that is `louder` than stated, in variance.
+    fn slow_step(&self, step_s: f64, louder: &[f64; 3]) -> ([f64; COORDINATES], [f64; COORDINATES]) {
+        let (mut left, mut variance) = ([1.0; COORDINATES], [0.0; COORDINATES]);
+        for i in 0..10 {
+            let drift = self.joint.noise.drift[i];
+            variance[BODY + i] = drift * drift * step_s;
+        }
+        let (decay, drives) = self.drift_step(step_s);
+        for i in 0..6 {
+            (left[DRIFT + i], variance[DRIFT + i]) = (decay, drives[i]);
+        }
+        for (k, error) in self.slow.wander().iter().enumerate() {
+            let (decay, drive) = error.step(step_s);
+            for i in WANDER + 3 * k..WANDER + 3 * k + 3 {
+                (left[i], variance[i]) = (decay, drive * louder[k]);
+            }
+        }
+        let walk = self.slow.rate_bias_walk;
+        variance[BIAS..].fill(walk * walk * step_s);
+        (left, variance)
     }
 
     /// Moves state and covariance on under a held wrench; nothing is changed where that fails.
     ///
     /// With an `anchor` the motion is linear in the chart of the body about that body, wherever the estimate is: what a
-    /// filter began with then does no harm to what it learns.
+    /// filter began with then does no harm to what it learns. Wander is `louder` than stated by these factors of its variance.
     pub(super) fn predict(
         &self,
         state: &mut FlightState,
@@ -206,6 +260,7 @@ impl FlightMotion {
         believed: &Held,
         step_s: f64,
         anchor: Option<&LogCholesky<f64>>,
+        louder: &[f64; 3],
     ) -> Result<(), IdentificationError> {
         let body = state.joint.body;
         let mut about = *state;
@@ -220,7 +275,7 @@ impl FlightMotion {
             next.joint.body = body;
         }
         let p = &mut covariance.data.0;
-        // Columns of Φ P: rows of motion here, the rest only decays.
+        // Columns of Φ P: rows of motion here, the rest only decays. Slow errors of sensors move nothing.
         let m = &by_state.data.0;
         let mut moved = [[0.0; BODY]; COORDINATES];
         for (column, p) in moved.iter_mut().zip(p.iter()) {
@@ -240,8 +295,7 @@ impl FlightMotion {
                 add_scaled(column, slope[j] * variance, slope);
             }
         }
-        let (decay, drives) = self.drift_step(step_s);
-        let factor = |i: usize| if (DRIFT..SCALE).contains(&i) { decay } else { 1.0 };
+        let (left, variance) = self.slow_step(step_s, louder);
         for (j, moved) in moved.iter().enumerate() {
             if j < BODY {
                 for i in 0..BODY {
@@ -249,21 +303,14 @@ impl FlightMotion {
                 }
             } else {
                 for (i, value) in moved.iter().enumerate() {
-                    p[j][i] = value * factor(j);
+                    p[j][i] = value * left[j];
                     p[i][j] = p[j][i];
                 }
-                let column = factor(j);
-                for (i, value) in p[j].iter_mut().enumerate().skip(BODY) {
-                    *value *= column * factor(i);
+                for (value, left_too) in p[j].iter_mut().zip(&left).skip(BODY) {
+                    *value *= left[j] * left_too;
                 }
+                p[j][j] += variance[j];
             }
-        }
-        for i in 0..10 {
-            let drift = self.joint.noise.drift[i];
-            p[BODY + i][BODY + i] += drift * drift * step_s;
-        }
-        for i in 0..6 {
-            p[DRIFT + i][DRIFT + i] += drives[i];
         }
         *state = next;
         Ok(())
@@ -271,7 +318,7 @@ impl FlightMotion {
 
     /// What is left of a drift after a step, and the variance of what has come to it.
     pub(super) fn drift_step(&self, step_s: f64) -> (f64, Vector6<f64>) {
-        let decay = self.remaining(step_s);
+        let decay = ComplexField::exp(-step_s / self.errors.drift_time_s);
         (decay, self.errors.drift.map(|drift| drift * drift * (1.0 - decay * decay)))
     }
 
@@ -289,7 +336,7 @@ impl FlightMotion {
         state: &FlightState,
         believed: &Held,
         step_s: f64,
-    ) -> (SMatrix<f64, BODY, COORDINATES>, SMatrix<f64, BODY, 6>) {
+    ) -> (SMatrix<f64, BODY, MOVING>, SMatrix<f64, BODY, 6>) {
         let mut joint = state.joint;
         let mut slopes = None;
         if self.planar {
@@ -313,7 +360,7 @@ impl FlightMotion {
                 by_wrench.column_mut(i).fill(0.0);
             }
         }
-        let mut by_state = SMatrix::<f64, BODY, COORDINATES>::zeros();
+        let mut by_state = SMatrix::<f64, BODY, MOVING>::zeros();
         by_state.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&by_motion);
         by_state.fixed_view_mut::<BODY, 10>(0, BODY).copy_from(&by_body);
         by_state.fixed_view_mut::<BODY, 6>(0, DRIFT).copy_from(&by_wrench);
@@ -324,12 +371,14 @@ impl FlightMotion {
         (by_state, by_wrench)
     }
 
-    /// The linearised rows of what is fresh in a measurement, each quantity whitened by its whole covariance.
+    /// The linearised rows of what is fresh in a measurement, each quantity whitened by its whole covariance; `owed` is what a filtered
+    /// rate has not shown yet, see [`RateLag::owed`](super::slow_errors::RateLag::owed).
     pub(super) fn rows<const R: usize>(
         &self,
         state: &FlightState,
         seen: &Measurement,
         fresh: Fresh,
+        owed: Option<(&Held, f64)>,
     ) -> Rows<COORDINATES, R> {
         let motion = &state.joint.motion;
         let twist = &motion.twist_body;
@@ -340,35 +389,51 @@ impl FlightMotion {
             residual: SVector::zeros(),
             standard_deviation: SVector::repeat(f64::INFINITY),
         };
-        let own = |first: usize| {
-            let mut sensitivity = SMatrix::<f64, 3, BODY>::zeros();
+        let own = |first: usize, slow: usize, by_slow: &Matrix3<f64>| {
+            let mut sensitivity = SMatrix::<f64, 3, COORDINATES>::zeros();
             sensitivity.fixed_view_mut::<3, 3>(0, first).fill_with_identity();
+            sensitivity.fixed_view_mut::<3, 3>(0, slow).copy_from(by_slow);
             sensitivity
         };
+        let [attitude_off, position_off, velocity_off] = &state.wander;
         if let Some(Gauss { value, covariance }) = seen.attitude.filter(|_| fresh.attitude) {
-            let residual = LieGroup::log(&(body_from_world * value));
+            let off: UnitQuaternion<f64> = LieGroup::exp(attitude_off);
+            let residual = LieGroup::log(&(off.inverse() * (body_from_world * value)));
             let turn = Matrix3::identity();
-            self.put(&mut rows, &Quantity { first: 0, residual, sensitivity: own(0), covariance, turn });
+            let mut sensitivity = own(0, WANDER, &turn);
+            sensitivity.fixed_view_mut::<3, 3>(0, 0).copy_from(off.inverse().to_rotation_matrix().matrix());
+            self.put(&mut rows, &Quantity { first: 0, residual, sensitivity, covariance, turn });
         }
         if let Some(Gauss { value, covariance }) = seen.position_world.filter(|_| fresh.position) {
-            let residual = body_from_world * (value - motion.world_from_body.translation.vector);
-            self.put(
-                &mut rows,
-                &Quantity { first: 3, residual, sensitivity: own(3), covariance, turn: world_from_body },
-            );
+            let residual = body_from_world * (value - position_off - motion.world_from_body.translation.vector);
+            let sensitivity = own(3, WANDER + 3, &world_from_body.transpose());
+            self.put(&mut rows, &Quantity { first: 3, residual, sensitivity, covariance, turn: world_from_body });
         }
         if let Some(Gauss { value, covariance }) = seen.rate_body.filter(|_| fresh.rate) {
-            let (residual, turn) = (value - twist.angular, Matrix3::identity());
-            self.put(&mut rows, &Quantity { first: 6, residual, sensitivity: own(6), covariance, turn });
+            let (mut residual, turn) = (value - state.bias - twist.angular, Matrix3::identity());
+            let mut sensitivity = own(6, BIAS, &turn);
+            if let Some((held, delay_s)) = owed {
+                // What a filter has not shown of the rate is what the wrench that it still owes changes it by.
+                if let Ok(shown) = self.propagate(state, held, delay_s) {
+                    residual += shown.joint.motion.twist_body.angular - twist.angular;
+                    let later = self.derivatives(state, held, delay_s).0;
+                    let mut by_motion = sensitivity.fixed_view_mut::<3, MOVING>(0, 0);
+                    by_motion *= 2.0;
+                    by_motion -= later.fixed_rows::<3>(6);
+                }
+            }
+            self.put(&mut rows, &Quantity { first: 6, residual, sensitivity, covariance, turn });
         }
         if let Some(Gauss { value, covariance }) = seen.velocity_world.filter(|_| fresh.velocity) {
-            let residual = body_from_world * value - twist.linear;
-            let mut sensitivity = own(9);
+            let residual = body_from_world * (value - velocity_off) - twist.linear;
+            let mut sensitivity = own(9, WANDER + 6, &world_from_body.transpose());
             sensitivity.fixed_view_mut::<3, 3>(0, 0).copy_from(&-crate::lie::skew(&twist.linear));
             self.put(&mut rows, &Quantity { first: 9, residual, sensitivity, covariance, turn: world_from_body });
         }
         if let Some((sensor, Gauss { value, covariance })) = seen.other.as_ref().filter(|_| R == ALL_ROWS) {
-            let (residual, sensitivity) = (sensor.residual(value, motion), sensor.sensitivity(motion));
+            let residual = sensor.residual(value, motion);
+            let mut sensitivity = SMatrix::<f64, 3, COORDINATES>::zeros();
+            sensitivity.fixed_columns_mut::<BODY>(0).copy_from(&sensor.sensitivity(motion));
             let (covariance, turn) = (*covariance, Matrix3::identity());
             self.put(&mut rows, &Quantity { first: 12, residual, sensitivity, covariance, turn });
         }
@@ -404,7 +469,7 @@ impl FlightMotion {
             rows.standard_deviation[first + i] = if out_of_plane(i) { f64::INFINITY } else { deviation[i] };
         }
         rows.residual.fixed_rows_mut::<3>(first).copy_from(&residual);
-        rows.sensitivity.fixed_view_mut::<3, BODY>(first, 0).copy_from(&sensitivity);
+        rows.sensitivity.fixed_rows_mut::<3>(first).copy_from(&sensitivity);
     }
 
     /// Variance of the motion's coordinates at the start.

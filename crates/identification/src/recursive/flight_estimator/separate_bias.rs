@@ -1,7 +1,7 @@
 //! The filter of the motion given a body, and how its innovations depend on that body.
 
 use super::filtered::steps;
-use super::flight_motion::{ALL_ROWS, BODY, COORDINATES, DRIFT, FlightMotion, FlightState, Fresh, SCALE};
+use super::flight_motion::{ALL_ROWS, BODY, DRIFT, FlightMotion, FlightState, Fresh, MOVING, SCALE};
 use super::wrench_history::WrenchHistory;
 use crate::SquareRootInformation;
 use crate::dynamics::{LogCholesky, RigidBodyState};
@@ -10,7 +10,7 @@ use crate::estimator::Measurement;
 use crate::lie::Manifold;
 use crate::recursive::belief::Rows;
 use crate::recursive::joint_motion::JointState;
-use nalgebra::{ComplexField, SMatrix, SVector, Vector6};
+use nalgebra::{ComplexField, SMatrix, SVector};
 
 /// Motion 12, drift of the wrench 6, relative error of the wrench 6.
 const STATE: usize = 24;
@@ -119,7 +119,7 @@ impl MotionGivenBody {
         lesson: &Lesson,
     ) -> Result<(), IdentificationError> {
         let joint = JointState { motion: self.reference, body: self.about };
-        let mut state = FlightState { joint, drift: Vector6::zeros(), scale: Vector6::zeros() };
+        let mut state = FlightState::of(joint);
         for (from_ns, to_ns) in steps(self.now_ns, lesson.measurement.stamp_ns) {
             let (held, step_s) = (history.mean(from_ns, to_ns), (to_ns - from_ns) as f64 * 1e-9);
             let (by_state, by_wrench) = model.derivatives(&state, &held, step_s);
@@ -137,7 +137,7 @@ impl MotionGivenBody {
     fn predict(
         &mut self,
         model: &FlightMotion,
-        by_state: &SMatrix<f64, BODY, COORDINATES>,
+        by_state: &SMatrix<f64, BODY, MOVING>,
         by_wrench: &SMatrix<f64, BODY, 6>,
         step_s: f64,
     ) {
@@ -175,10 +175,10 @@ impl MotionGivenBody {
         said: &mut SquareRootInformation<10>,
     ) -> Result<(), IdentificationError> {
         let joint = JointState { motion: lesson.motion, body: self.about };
-        let state = FlightState { joint, drift: Vector6::zeros(), scale: Vector6::zeros() };
+        let state = FlightState::of(joint);
         let fresh = Fresh { attitude: true, position: true, rate: true, velocity: true };
         let Rows { sensitivity, residual, standard_deviation } =
-            model.rows::<ALL_ROWS>(&state, &lesson.measurement, fresh);
+            model.rows::<ALL_ROWS>(&state, &lesson.measurement, fresh, None);
         let mut block = SMatrix::<f64, ALL_ROWS, 10>::zeros();
         let mut rhs = SVector::<f64, ALL_ROWS>::zeros();
         for i in (0..ALL_ROWS).filter(|i| standard_deviation[*i].is_finite()) {

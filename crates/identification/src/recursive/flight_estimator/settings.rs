@@ -1,6 +1,7 @@
 //! What a flight estimator is told about sensors, thrust and its own patience.
 
 use super::super::MotionNoise;
+use super::slow_errors::SlowErrors;
 use crate::Estimate;
 use crate::error::IdentificationError;
 use nalgebra::{ComplexField, SVector, Vector6};
@@ -53,6 +54,8 @@ pub struct FlightEstimatorSettings {
     pub noise: MotionNoise,
     /// Slow errors of the believed wrench.
     pub wrench: WrenchErrors,
+    /// Slow errors of the sensors.
+    pub slow: SlowErrors,
     /// Motion in the plane z = const only: x, y and the turn about z are filtered, the rest stays as it starts.
     pub planar: bool,
     /// Standard deviation of the start per axis: attitude rad, position m, rate rad/s, velocity m/s.
@@ -88,6 +91,7 @@ impl FlightEstimatorSettings {
                 period_s: 0.016,
             }
             .of_thrusters(0.01, 2, 0.1),
+            slow: SlowErrors::NONE,
             planar: false,
             start_deviation: [0.02, 0.01, 0.01, 0.01],
             gate_probability: 0.999_99,
@@ -148,6 +152,7 @@ impl FlightEstimatorSettings {
                 return Err(IdentificationError::NotPositive { index: positive.len() + index, value: *value });
             }
         }
+        self.slow.check()?;
         for value in [self.gate_probability, self.alarm_probability] {
             if !(value > 0.0 && value < 1.0) {
                 return Err(IdentificationError::NotAProbability { value });

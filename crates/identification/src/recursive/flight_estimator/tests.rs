@@ -1,13 +1,16 @@
 use super::filtered::in_chart;
-use super::flight_motion::{BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, Held, SCALE, Vector};
+use super::flight_motion::{
+    BIAS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, Fresh, Held, SCALE, Vector, WANDER,
+};
 use super::settings::FlightEstimatorSettings;
+use super::slow_errors::{GaussMarkov, SlowErrors};
 use crate::Estimate;
 use crate::dynamics::{InertialParameters, LogCholesky, RigidBodyState};
-use crate::estimator::standard_deviations;
+use crate::estimator::{Gauss, Measurement, standard_deviations};
 use crate::lie::{LieGroup, Manifold, Pose, Twist, Wrench};
 use crate::recursive::MotionNoise;
 use crate::recursive::joint_motion::JointState;
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3, Vector6};
+use nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 fn model(planar: bool) -> FlightMotion {
     let noise = MotionNoise {
@@ -22,6 +25,15 @@ fn model(planar: bool) -> FlightMotion {
     };
     let mut settings = FlightEstimatorSettings { planar, ..FlightEstimatorSettings::new(noise) };
     settings.wrench.drift = Vector6::zeros();
+    let wander = |sigma| GaussMarkov { sigma, time_s: 0.5 };
+    settings.slow = SlowErrors {
+        attitude: wander(0.1),
+        position: wander(0.2),
+        velocity: wander(0.3),
+        rate_bias_rad_s: 0.1,
+        rate_bias_walk: 0.5,
+        ..SlowErrors::NONE
+    };
     FlightMotion::new(&settings)
 }
 
@@ -33,7 +45,9 @@ fn state(planar: bool) -> FlightState {
         twist_body: Twist::new(Vector3::new(0.3 * flat, -0.2 * flat, 0.5), Vector3::new(0.1, -0.05, 0.2 * flat)),
     };
     let (drift, scale) = (Vector6::repeat(0.02), Vector6::new(0.1, 0.2, -0.1, 0.05, 0.15, -0.2));
-    FlightState { joint: JointState { motion, body }, drift, scale }
+    let wander = [Vector3::new(0.02, -0.03, 0.01) * flat, Vector3::new(0.05, 0.02, -0.04), Vector3::new(-0.01, 0.03, 0.02)];
+    let bias = Vector3::new(0.01, -0.02, 0.03);
+    FlightState { joint: JointState { motion, body }, drift, scale, wander, bias }
 }
 
 fn wrench() -> Held {
@@ -57,6 +71,10 @@ fn predicted_covariance_is_what_the_step_makes_of_a_spread() {
             slope.fixed_rows_mut::<22>(0).copy_from(&joint);
             slope.fixed_rows_mut::<6>(DRIFT).copy_from(&((up.drift - down.drift) / 2e-5));
             slope.fixed_rows_mut::<6>(SCALE).copy_from(&((up.scale - down.scale) / 2e-5));
+            for k in 0..3 {
+                slope.fixed_rows_mut::<3>(WANDER + 3 * k).copy_from(&((up.wander[k] - down.wander[k]) / 2e-5));
+            }
+            slope.fixed_rows_mut::<3>(BIAS).copy_from(&((up.bias - down.bias) / 2e-5));
             slopes.set_column(j, &slope);
         }
         // Full, positive, and where the plane is all there is nothing out of it.
@@ -68,13 +86,62 @@ fn predicted_covariance_is_what_the_step_makes_of_a_spread() {
                 start_covariance.column_mut(i).fill(0.0);
             }
         }
-        let expected = slopes * start_covariance * slopes.transpose();
+        let mut expected = slopes * start_covariance * slopes.transpose();
+        let louder = [2.0, 3.0, 0.5];
+        for i in 0..9 {
+            let sigma = [0.1, 0.2, 0.3][i / 3];
+            expected[(WANDER + i, WANDER + i)] += louder[i / 3] * sigma * sigma * (1.0 - (-2.0 * step_s / 0.5_f64).exp());
+        }
+        for i in 0..3 {
+            expected[(BIAS + i, BIAS + i)] += 0.25 * step_s;
+        }
         let (mut found_state, mut found) = (start, start_covariance);
-        model.predict(&mut found_state, &mut found, &wrench(), step_s, None).unwrap();
+        model.predict(&mut found_state, &mut found, &wrench(), step_s, None, &louder).unwrap();
         assert_eq!(found_state, end);
         assert!((found - expected).amax() < 1e-3, "{planar} {}", (found - expected).amax());
         assert!((found - start_covariance).amax() > 0.05);
         assert_eq!(found, found.transpose());
+    }
+}
+
+/// Every column of the rows against differences of what is left, with a rate that is shown late.
+#[test]
+fn rows_are_the_derivatives_of_what_is_left() {
+    for planar in [false, true] {
+        let (model, at) = (model(planar), state(planar));
+        let seen = |state: &FlightState| {
+            let pose = &state.joint.motion.world_from_body;
+            let off: UnitQuaternion<f64> = LieGroup::exp(&state.wander[0]);
+            Measurement {
+                attitude: Some(Gauss::isotropic(pose.rotation * off, 1.0)),
+                position_world: Some(Gauss::isotropic(pose.translation.vector + state.wander[1], 1.0)),
+                rate_body: Some(Gauss::isotropic(state.joint.motion.twist_body.angular + state.bias, 1.0)),
+                velocity_world: Some(Gauss::isotropic(
+                    pose.rotation * state.joint.motion.twist_body.linear + state.wander[2],
+                    1.0,
+                )),
+                ..Measurement::default()
+            }
+        };
+        let all = Fresh { attitude: true, position: true, rate: true, velocity: true };
+        let held = wrench();
+        let rows = |state: &FlightState| model.rows::<12>(state, &seen(&at), all, Some((&held, 0.077)));
+        let (here, mut differs) = (rows(&at), 0.0_f64);
+        for j in 0..COORDINATES {
+            if planar && (0..12).contains(&j) && [0, 1, 5, 6, 7, 11].contains(&j) {
+                continue;
+            }
+            let moved = |size: f64| rows(&at.moved_by(&Vector::ith(j, size))).residual;
+            let slope = (moved(-1e-6) - moved(1e-6)) / 2e-6;
+            for i in (0..12).filter(|i| here.standard_deviation[*i].is_finite()) {
+                differs = differs.max((slope[i] - here.sensitivity[(i, j)]).abs());
+            }
+        }
+        assert!(differs < 2e-3, "{planar} {differs}");
+        // What the filter has not shown is what the wrench changes the rate by.
+        let (later, now) = (model.propagate(&at, &held, 0.077).unwrap(), at.joint.motion.twist_body.angular);
+        let missing = later.joint.motion.twist_body.angular - now;
+        assert!((here.residual.fixed_rows::<3>(6) - missing).amax() < 1e-12 && missing.amax() > 1e-3);
     }
 }
 
@@ -89,7 +156,7 @@ fn an_anchor_makes_the_step_linear_in_the_body() {
         moved.joint.body = LogCholesky::from_vector(&(anchor.to_vector() + off));
         let body = moved.joint.body;
         let mut covariance = Covariance::identity();
-        model.predict(&mut moved, &mut covariance, &wrench(), 0.01, Some(&anchor)).unwrap();
+        model.predict(&mut moved, &mut covariance, &wrench(), 0.01, Some(&anchor), &[1.0; 3]).unwrap();
         assert_eq!(moved.joint.body, body);
         (moved.joint.motion, covariance)
     };

@@ -10,6 +10,7 @@ use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::{SVector, Vector3};
 use tumble_identification::recursive::MotionNoise;
+use tumble_identification::sensing::Sensing;
 use tumble_planning::mission::StopLimits;
 
 /// Steps of a stretch and their length, s: RATTLE's.
@@ -36,8 +37,8 @@ const MOST_STATION_STRETCHES: u32 = 100;
 /// What counts as having arrived unless it is written.
 const ARRIVAL: ArrivalTolerance =
     ArrivalTolerance { position_m: 0.02, attitude_rad: 0.05, speed_m_s: 0.005, rate_rad_s: 0.01, for_s: 2.0 };
-/// What the estimator takes for noise unless it is written: a pose, velocity and rate at 62.5 Hz that are white, and nozzles that are
-/// a hundredth off.
+/// What the estimator takes for noise where neither it is written nor the sensors state it: a pose, velocity and rate at 62.5 Hz that are
+/// white, and nozzles that are a hundredth off.
 const NOISE: [f64; 8] = [4e-3, 2e-3, 1e-3, 1e-3, 1e-2, 1e-3, 1e-2, 1e-4];
 /// Units for the first way, for a new one and for a stretch, simulated time of a unit of each, ns, and by what share it may be longer.
 const COMPUTING: ComputingSettings = ComputingSettings {
@@ -88,6 +89,8 @@ pub(in crate::scenario) struct FlyNumbers {
     pub computing: ComputingSettings,
     pub arrival: ArrivalTolerance,
     pub noise: MotionNoise,
+    /// The robot's sensors as it is told of them.
+    pub sensing: Sensing,
     /// Along the way, m/s^2, and of the turn, rad/s^2; by the body where they are not written.
     stop: (Option<f64>, Option<f64>),
     /// Weight, targets of mass, centre of mass, inertia.
@@ -107,6 +110,7 @@ impl ScenarioSource {
         let arrival = table.arrival.unwrap_or_default();
         let information = table.information.unwrap_or_default();
         let [alpha, beta] = COVARIANCE_WEIGHTING;
+        let sensing = self.stated_sensing(place)?;
         let [mass, com, inertia] = TARGETS;
         Ok(FlyNumbers {
             unknowns: self.fly_unknowns(place, table.unknowns)?,
@@ -137,7 +141,8 @@ impl ScenarioSource {
                 rate_rad_s: self.fly("arrival.rate_rad_s", arrival.rate_rad_s, ARRIVAL.rate_rad_s, &TURN)?,
                 for_s: self.fly("arrival.for_s", arrival.for_s, ARRIVAL.for_s, &SECONDS)?,
             },
-            noise: self.fly_noise(table)?,
+            noise: self.fly_noise(table, &sensing)?,
+            sensing,
             stop: (
                 self.fly_some("stop_acceleration_m_s2", table.stop_acceleration_m_s2, &ACCELERATION)?,
                 self.fly_some(
@@ -240,9 +245,14 @@ impl ScenarioSource {
         Err(self.bad("fly.mass_interval_share", &message))
     }
 
-    fn fly_noise(&self, table: &FlyTable) -> Result<MotionNoise, TumbleError> {
+    fn fly_noise(&self, table: &FlyTable, sensing: &Sensing) -> Result<MotionNoise, TumbleError> {
         let written = table.estimator.unwrap_or_default();
         let [attitude, position, rate, velocity, acceleration, torque, force, drift] = NOISE;
+        let [attitude, position, velocity] =
+            [(sensing.attitude, attitude), (sensing.position, position), (sensing.velocity, velocity)]
+                .map(|(errors, otherwise)| errors.white.or(otherwise));
+        let [rate, acceleration] = [(sensing.rate.white, rate), (sensing.acceleration.white, acceleration)]
+            .map(|(white, otherwise)| white.or(otherwise));
         let number = |key: &str, value, otherwise| self.fly(&format!("estimator.{key}"), value, otherwise, &SIGMA);
         let drift = self.fly_or_zero("estimator.drift", written.drift, drift, &SIGMA)?;
         Ok(MotionNoise {
