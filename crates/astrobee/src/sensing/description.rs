@@ -4,6 +4,7 @@ use super::flight_filter::{accelerometer_coefficients, gyro_coefficients};
 use super::imu::average_of_taps;
 use super::{ImuSettings, LocalizationSettings, SensorErrors};
 use crate::propulsion::ImpellerMode;
+use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::IdentificationError;
 use tumble_identification::sensing::{Delay, InertialErrors, Level, LinearFilter, LocalizationErrors, Sensing, Wander};
 
@@ -78,12 +79,15 @@ impl LocalizationSettings {
         };
         let described = self.description(mode)?;
         let is_removed_at_once = imu.bias_removed && imu.bias_following_time_s == 0.0;
-        let triad = |described: InertialErrors, errors: &SensorErrors| {
+        // What stands still, gravity, is seen along all axes of a unit that is out of true.
+        let gravity_m_s2 = Vector3::from(self.gravity_world_m_s2).norm();
+        let triad = |described: InertialErrors, errors: &SensorErrors, still: f64| {
             // Without a filter a published sample has all of the unit's noise.
             let interval_s = if described.filter.is_some() { self.timing.step_s() } else { imu.step_s() };
+            let switched_on = if is_removed_at_once { 0.0 } else { errors.bias_sigma };
             InertialErrors {
                 white: known(errors.noise_density * (0.5 / interval_s).sqrt()),
-                bias_sigma: if is_removed_at_once { 0.0 } else { errors.bias_sigma },
+                bias_sigma: switched_on.hypot(still * errors.misalignment_sigma_rad),
                 ..described
             }
         };
@@ -91,8 +95,8 @@ impl LocalizationSettings {
             position: localized(pose.position_noise_m, pose.position_drift_m),
             attitude: localized(pose.attitude_noise_rad, pose.attitude_drift_rad),
             velocity: localized(pose.velocity_noise_m_s, pose.velocity_drift_m_s),
-            rate: triad(described.rate, &imu.gyro),
-            acceleration: triad(described.acceleration, &imu.accelerometer),
+            rate: triad(described.rate, &imu.gyro, 0.0),
+            acceleration: triad(described.acceleration, &imu.accelerometer, gravity_m_s2),
             ..described
         })
     }
@@ -121,7 +125,6 @@ mod tests {
     use super::super::{ImuBias, ImuChain, ImuModel, SensingPreset, TrueMotion};
     use super::*;
     use tumble_dynamics::RigidBodyState;
-    use tumble_dynamics::nalgebra::Vector3;
     use tumble_lie::Twist;
 
     /// The described filters give what the simulated unit and the flight software give of the same motion.

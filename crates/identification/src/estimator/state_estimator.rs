@@ -77,6 +77,9 @@ pub struct Measurement {
     pub rate_body: Option<Gauss<Vector3<f64>>>,
     /// Velocity of the body origin, world axes, m/s.
     pub velocity_world: Option<Gauss<Vector3<f64>>>,
+    /// Acceleration of the body origin as an inertial unit at the place that the estimator is told of shows it, without gravity, body
+    /// axes, m/s^2.
+    pub acceleration_body: Option<Gauss<Vector3<f64>>>,
     /// A quantity of the user's own; components beyond those that it has carry an infinite variance.
     #[allow(clippy::type_complexity)] // a sensor with what it showed
     pub other: Option<(Arc<dyn Sensor>, Gauss<Vector3<f64>>)>,

@@ -101,7 +101,7 @@ impl StateTrial {
             position_world: Some(Gauss::isotropic(pose.translation.vector, position)),
             rate_body: Some(Gauss::isotropic(twist.angular, rate)),
             velocity_world: Some(Gauss::isotropic(pose.rotation * twist.linear, velocity)),
-            other: None,
+            ..Measurement::default()
         }
     }
 

@@ -17,7 +17,7 @@ mod tests;
 pub use health::FlightHealth;
 pub use reception::{FlightMeasurement, Reception, ReceptionCounts};
 pub use settings::{FlightEstimatorSettings, LearningTargets, WrenchErrors, grasp_or_release};
-pub use slow_errors::{GaussMarkov, RateLag, SlowErrors};
+pub use slow_errors::{FilterMemory, GaussMarkov, SlowErrors};
 pub use two_stage::{BeginStage, BodyStage, TwoStageEstimator, WindowRows};
 
 use crate::dynamics::{LogCholesky, RigidBodyState};
@@ -206,25 +206,21 @@ impl FlightEstimator {
 
     /// Takes each quantity at the time of its content, which may be older than the stamp by more for one than for another.
     fn look_at(&mut self, measurement: &Measurement) -> Reception {
-        let [poses, velocities, rates] = self.rules.settings.slow.age_ns;
-        if (poses, poses) == (velocities, rates) {
+        let [poses, velocities, rates, accelerations] = self.rules.settings.slow.age_ns;
+        if [velocities, rates, accelerations] == [poses; 3] {
             return self.look_at_moment(measurement, poses);
         }
-        let of_pose = Measurement { rate_body: None, velocity_world: None, ..measurement.clone() };
-        let alone = |rate_body, velocity_world| Measurement {
-            stamp_ns: measurement.stamp_ns,
-            rate_body,
-            velocity_world,
-            ..Measurement::default()
-        };
+        let nothing = Measurement { stamp_ns: measurement.stamp_ns, ..Measurement::default() };
+        let of_pose =
+            Measurement { rate_body: None, velocity_world: None, acceleration_body: None, ..measurement.clone() };
         let parts = [
-            (alone(None, measurement.velocity_world), velocities),
-            (alone(measurement.rate_body, None), rates),
+            (Measurement { velocity_world: measurement.velocity_world, ..nothing.clone() }, velocities),
+            (Measurement { rate_body: measurement.rate_body, ..nothing.clone() }, rates),
+            (Measurement { acceleration_body: measurement.acceleration_body, ..nothing }, accelerations),
             (of_pose, poses),
         ];
-        let is_empty = |part: &Measurement| !kinds(part).contains(&true);
         let mut reception = None;
-        for (part, age_ns) in parts.iter().filter(|(part, _)| !is_empty(part)) {
+        for (part, age_ns) in parts.iter().filter(|(part, _)| kinds(part).contains(&true)) {
             reception = Some(self.look_at_moment(part, *age_ns));
         }
         reception.unwrap_or_else(|| self.look_at_moment(measurement, 0))
@@ -275,6 +271,7 @@ impl FlightEstimator {
             known.position_world = known.position_world.or(checked.position_world);
             known.rate_body = known.rate_body.or(checked.rate_body);
             known.velocity_world = known.velocity_world.or(checked.velocity_world);
+            known.acceleration_body = known.acceleration_body.or(checked.acceleration_body);
             known.other = known.other.take().or(checked.other);
             return self.filter_from(place);
         }

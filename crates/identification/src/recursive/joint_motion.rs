@@ -109,10 +109,10 @@ pub struct JointMotion {
 }
 
 /// Derivatives of the twist rate at one instant: by attitude, twist, chart.
-struct Derivatives {
+pub(super) struct Derivatives {
     attitude: Matrix3<f64>,
-    twist: SMatrix<f64, 6, 6>,
-    body: SMatrix<f64, 6, 10>,
+    pub(super) twist: SMatrix<f64, 6, 6>,
+    pub(super) body: SMatrix<f64, 6, 10>,
 }
 
 impl JointMotion {
@@ -127,7 +127,12 @@ impl JointMotion {
 
     /// Derivatives of the twist rate under a wrench that holds the gyroscopic torque of what is `stored`. The acceleration of the origin
     /// is the lower half plus w × v.
-    fn derivatives(&self, state: &JointState, wrench: &Wrench<f64>, stored: &Vector3<f64>) -> Derivatives {
+    pub(super) fn derivatives(
+        &self,
+        state: &JointState,
+        wrench: &Wrench<f64>,
+        stored: &Vector3<f64>,
+    ) -> Derivatives {
         let parameters = state.body.to_parameters();
         let flyer = FreeFlyer::new(parameters);
         let twist = &state.motion.twist_body;
@@ -228,7 +233,7 @@ impl WrenchModel<f64> for Storing {
 }
 
 /// A wrench with the gyroscopic torque h × w of what is stored.
-fn felt(wrench: &Wrench<f64>, stored: &Vector3<f64>, rate: &Vector3<f64>) -> Wrench<f64> {
+pub(super) fn felt(wrench: &Wrench<f64>, stored: &Vector3<f64>, rate: &Vector3<f64>) -> Wrench<f64> {
     Wrench::new(wrench.torque + stored.cross(rate), wrench.force)
 }
 

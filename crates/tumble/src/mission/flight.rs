@@ -524,6 +524,7 @@ pub fn measurement(estimate: &LocalizationEstimate, noise: &MotionNoise) -> Meas
     Measurement {
         rate_body: Some(Gauss::isotropic(estimate.rate_body, noise.rate_rad_s)),
         velocity_world: Some(Gauss::isotropic(estimate.velocity_origin_world, noise.velocity_m_s)),
+        acceleration_body: Some(Gauss::isotropic(estimate.acceleration_origin_body, noise.acceleration_m_s2)),
         ..Measurement::of_pose(estimate.stamp_ns, &estimate.world_from_body, noise.attitude_rad, noise.position_m)
     }
 }

@@ -1,7 +1,7 @@
 //! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
 
 use super::flight_motion::{
-    ALL_ROWS, BIAS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, Fresh, ROWS, SCALE, WANDER, back_into_plane,
+    ACCELERATION_BIAS, ACCELERATION_SCALE, ALL_ROWS, BIAS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, Fresh, ROWS, SCALE, Shown, WANDER, back_into_plane,
 };
 use super::health::{Monitor, Thresholds};
 use super::reception::Reception;
@@ -12,7 +12,7 @@ use crate::error::IdentificationError;
 use crate::estimator::{Gauss, Measurement};
 use crate::lie::{LieGroup, Pose, Wrench};
 use crate::recursive::Innovation;
-use crate::recursive::belief::Correction;
+use crate::recursive::belief::{Correction, Rows};
 use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 /// Longest step of the filter: 32 ms.
@@ -25,6 +25,12 @@ const OUT_OF_PATIENCE: f64 = 2.0;
 const SETTLING_NS: i64 = 5_000_000_000;
 /// One that keeps moving for longer than this is right, and it is the body that is not what is believed.
 const LONGEST_SETTLING_NS: i64 = 10_000_000_000;
+/// By how much more likely, as a logarithm, an accelerometer without errors of scale has to become to be believed: a thousand times.
+const SANE_LOG_ODDS: f64 = 6.9;
+/// Least error of scale that a sane accelerometer is taken to have.
+const LEAST_SCALE: f64 = 1e-6;
+/// A sensor without a filter shows what acts about its sample, to either side, ns.
+const ABOUT_NS: i64 = 1_000_000;
 /// How soon the level of a wander is followed, s, by an innovation of at most so many times its variance, and between which factors.
 const HEARING_S: f64 = 5.0;
 const LOUDEST_SURPRISE: f64 = 10.0;
@@ -68,6 +74,7 @@ struct Seen {
     position: Option<Vector3<f64>>,
     rate: Option<Vector3<f64>>,
     velocity: Option<Vector3<f64>>,
+    acceleration: Option<Vector3<f64>>,
 }
 
 /// The localisation moved a moment ago, and may again.
@@ -96,6 +103,8 @@ pub(super) struct Filtered {
     pub(super) covariance: Covariance,
     /// By how much the wander of attitude, position and velocity is louder than stated, as factors of its variance.
     louder: [f64; 3],
+    /// Whether it was decided that the accelerometer is sane, or that it is not.
+    accelerometer_is_judged: bool,
     pub(super) counts: StreamCounts,
     pub(super) monitor: Monitor,
     /// Whether the last measurement is to be learned from.
@@ -124,14 +133,23 @@ impl Filtered {
             let sigma = settings.slow.wander()[i / 3].sigma;
             covariance[(WANDER + i, WANDER + i)] = sigma * sigma;
         }
-        for i in BIAS..COORDINATES {
-            covariance[(i, i)] = settings.slow.rate_bias_rad_s * settings.slow.rate_bias_rad_s;
+        let slow = &settings.slow;
+        let constant = [
+            (BIAS, slow.rate_bias_rad_s),
+            (ACCELERATION_BIAS, slow.acceleration_bias_m_s2),
+            (ACCELERATION_SCALE, slow.doubted_scale),
+        ];
+        for (first, sigma) in constant {
+            for i in first..first + 3 {
+                covariance[(i, i)] = sigma * sigma;
+            }
         }
         Self {
             stamp_ns: start_ns,
             measured_ns: start_ns,
             state: *state,
             louder: [1.0; 3],
+            accelerometer_is_judged: slow.doubted_scale <= slow.acceleration_scale,
             covariance,
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
@@ -197,14 +215,13 @@ impl Filtered {
         self.remember(measurement);
         self.teaches = false;
         let localised = [fresh.attitude, fresh.position];
-        if !(fresh.attitude || fresh.position || fresh.rate || fresh.velocity || measurement.other.is_some()) {
+        let of_motion = fresh.attitude || fresh.position || fresh.rate || fresh.velocity || fresh.acceleration;
+        if !(of_motion || measurement.other.is_some()) {
             self.counts.frozen += 1;
             return Reception::Frozen;
         }
-        let owed = rules.model.slow().rate_lag.filter(|_| fresh.rate);
-        let owed = owed.map(|lag| (lag.owed(history, measurement.stamp_ns), lag.delay_s()));
-        let owed = owed.as_ref().map(|(held, delay_s)| (held, *delay_s));
-        let rows = self.model(rules).rows::<R>(&self.state, measurement, fresh, owed);
+        let shown = shown(rules, history, measurement.stamp_ns, fresh);
+        let rows = self.model(rules).rows::<R>(&self.state, measurement, fresh, &shown);
         let mut learned = self.covariance;
         let Ok(Correction { step, innovation }) = rows.correct(&mut learned) else {
             return Reception::Malformed { what: "innovation is not finite" };
@@ -225,6 +242,7 @@ impl Filtered {
             }
             self.jump = None;
             self.counts.used += 1;
+            self.judge_accelerometer(rules);
             return Reception::Used { nis };
         }
         self.counts.gated += 1;
@@ -266,6 +284,35 @@ impl Filtered {
         }
     }
 
+    /// Believes an accelerometer to be as good as stated once what was seen says so: by how much more likely no error of scale has become
+    /// (Savage and Dickey's ratio). One that is not as good stays doubted.
+    fn judge_accelerometer(&mut self, rules: &Rules) {
+        if self.accelerometer_is_judged {
+            return;
+        }
+        let slow = rules.model.slow();
+        let found = self.covariance.fixed_view::<3, 3>(ACCELERATION_SCALE, ACCELERATION_SCALE).into_owned();
+        let Some(root) = (found / (slow.doubted_scale * slow.doubted_scale)).cholesky() else { return };
+        let scale = self.state.acceleration_scale / slow.doubted_scale;
+        let surprise = root.solve(&scale).dot(&scale);
+        if -ComplexField::ln(root.l_dirty().diagonal().product()) - 0.5 * surprise < SANE_LOG_ODDS {
+            return;
+        }
+        self.accelerometer_is_judged = true;
+        let mut rows = Rows::<COORDINATES, 3> {
+            sensitivity: SMatrix::zeros(),
+            residual: -self.state.acceleration_scale,
+            standard_deviation: Vector3::repeat(slow.acceleration_scale.max(LEAST_SCALE)),
+        };
+        for i in 0..3 {
+            rows.sensitivity[(i, ACCELERATION_SCALE + i)] = 1.0;
+        }
+        let mut learned = self.covariance;
+        if let Ok(Correction { step, .. }) = rows.correct(&mut learned) {
+            self.correct(rules, &step, &learned);
+        }
+    }
+
     /// The motion alone, by the same gain: body and wrench stay what they are, as certain as they are (Schmidt's filter).
     fn correct_motion(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: &Covariance) {
         const REST: usize = COORDINATES - BODY;
@@ -293,6 +340,7 @@ impl Filtered {
             position: position.is_some() && pose_moved,
             rate: is_new(measurement.rate_body, self.last.rate),
             velocity: is_new(measurement.velocity_world, self.last.velocity),
+            acceleration: is_new(measurement.acceleration_body, self.last.acceleration),
         }
     }
 
@@ -303,6 +351,7 @@ impl Filtered {
             position: measurement.position_world.map(|seen| seen.value).or(last.position),
             rate: measurement.rate_body.map(|seen| seen.value).or(last.rate),
             velocity: measurement.velocity_world.map(|seen| seen.value).or(last.velocity),
+            acceleration: measurement.acceleration_body.map(|seen| seen.value).or(last.acceleration),
         };
     }
 
@@ -454,7 +503,7 @@ impl Filtered {
         (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
         let mut fresh = Self::new(rules, &self.state, covariance, self.stamp_ns).covariance;
         // Motion and errors of the sensors stay, and what they have in common.
-        let kept = |i: usize| i < BODY || i >= WANDER;
+        let kept = |i: usize| !(BODY..WANDER).contains(&i);
         for (i, j) in (0..COORDINATES).flat_map(|i| (0..COORDINATES).map(move |j| (i, j))) {
             if kept(i) && kept(j) {
                 fresh[(i, j)] = self.covariance[(i, j)];
@@ -464,6 +513,17 @@ impl Filtered {
         self.monitor = Monitor::default();
         self.jump = None;
     }
+}
+
+/// What filtered sensors show of the wrench at a sample.
+fn shown(rules: &Rules, history: &WrenchHistory, stamp_ns: i64, fresh: Fresh) -> Shown {
+    let slow = rules.model.slow();
+    let owed = slow.rate_memory.filter(|_| fresh.rate);
+    let acceleration = fresh.acceleration.then(|| match &slow.acceleration_memory {
+        Some(memory) => memory.held(history, stamp_ns),
+        None => history.mean(stamp_ns.saturating_sub(ABOUT_NS), stamp_ns.saturating_add(ABOUT_NS)),
+    });
+    Shown { owed: owed.map(|memory| (memory.held(history, stamp_ns), memory.length_s())), acceleration }
 }
 
 /// Equal steps from one time to another, none longer than [`STEP_NS`].

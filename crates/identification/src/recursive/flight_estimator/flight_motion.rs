@@ -1,4 +1,4 @@
-//! Motion, body, and slow errors of wrench and sensors as one state of 46 numbers.
+//! Motion, body, and slow errors of wrench and sensors as one state of 52 numbers.
 
 use super::settings::{FlightEstimatorSettings, WrenchErrors};
 use super::slow_errors::SlowErrors;
@@ -7,25 +7,28 @@ use crate::error::IdentificationError;
 use crate::estimator::{Gauss, Measurement};
 use crate::lie::{LieGroup, Manifold, Twist, Wrench};
 use crate::recursive::belief::Rows;
-use crate::recursive::joint_motion::{JointMotion, JointObservation, JointState};
+use crate::recursive::joint_motion::{JointMotion, JointObservation, JointState, felt};
 use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 /// Motion 12, body 10, additive error of the wrench 6, relative error of the wrench 6; wander of attitude, position and velocity 9, bias of
-/// the rate 3.
-pub(super) const COORDINATES: usize = 46;
+/// the rate 3, bias and error of scale of the acceleration 6.
+pub(super) const COORDINATES: usize = 52;
 pub(super) const BODY: usize = 12;
 pub(super) const DRIFT: usize = 22;
 pub(super) const SCALE: usize = 28;
 pub(super) const WANDER: usize = 34;
 pub(super) const BIAS: usize = 43;
+pub(super) const ACCELERATION_BIAS: usize = 46;
+pub(super) const ACCELERATION_SCALE: usize = 49;
 /// The first of the coordinates, that motion depends on.
 pub(super) const MOVING: usize = WANDER;
-/// Rows attitude, position, rate, velocity.
-pub(super) const ROWS: usize = 12;
+/// Rows attitude, position, rate, velocity, acceleration.
+pub(super) const ROWS: usize = 15;
 /// And those of a quantity of the user's own.
-pub(super) const ALL_ROWS: usize = 15;
-/// Rows of motion that a planar flight knows nothing of: attitude x, y; position z; rate x, y; velocity z.
+pub(super) const ALL_ROWS: usize = 18;
+/// Rows of motion that a planar flight knows nothing of: attitude x, y; position z; rate x, y; velocity z; and acceleration z.
 const OUT_OF_PLANE: [usize; 6] = [0, 1, 5, 6, 7, 11];
+const ACCELERATION_OUT_OF_PLANE: usize = 14;
 
 /// Actuators that give less than this share of what they are told are told no more for it.
 const LEAST_SHARE: f64 = 0.5;
@@ -45,6 +48,9 @@ pub(super) struct FlightState {
     pub(super) wander: [Vector3<f64>; 3],
     /// What measured rates are larger by.
     pub(super) bias: Vector3<f64>,
+    /// What measured accelerations are larger by, and by what part of themselves.
+    pub(super) acceleration_bias: Vector3<f64>,
+    pub(super) acceleration_scale: Vector3<f64>,
 }
 
 impl FlightState {
@@ -56,6 +62,8 @@ impl FlightState {
             scale: Vector6::zeros(),
             wander: [Vector3::zeros(); 3],
             bias: Vector3::zeros(),
+            acceleration_bias: Vector3::zeros(),
+            acceleration_scale: Vector3::zeros(),
         }
     }
 
@@ -66,6 +74,8 @@ impl FlightState {
             scale: self.scale + step.fixed_rows::<6>(SCALE),
             wander: core::array::from_fn(|k| self.wander[k] + step.fixed_rows::<3>(WANDER + 3 * k)),
             bias: self.bias + step.fixed_rows::<3>(BIAS),
+            acceleration_bias: self.acceleration_bias + step.fixed_rows::<3>(ACCELERATION_BIAS),
+            acceleration_scale: self.acceleration_scale + step.fixed_rows::<3>(ACCELERATION_SCALE),
         }
     }
 }
@@ -86,6 +96,35 @@ pub(super) struct Fresh {
     pub(super) position: bool,
     pub(super) rate: bool,
     pub(super) velocity: bool,
+    pub(super) acceleration: bool,
+}
+
+/// What filtered sensors show of the wrench: what the rate has not shown yet, over which time, and what the acceleration shows.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Shown {
+    pub(super) owed: Option<(Held, f64)>,
+    pub(super) acceleration: Option<Held>,
+}
+
+/// Angular acceleration and acceleration of the origin under a wrench, and their derivatives by rate, body and wrench.
+struct Acceleration {
+    value: Vector6<f64>,
+    by_rate: SMatrix<f64, 6, 3>,
+    by_body: SMatrix<f64, 6, 10>,
+    by_drift: SMatrix<f64, 6, 6>,
+    by_scale: SMatrix<f64, 6, 6>,
+}
+
+impl Acceleration {
+    /// The derivative of three sums of these by the coordinates.
+    fn along(&self, sums: &SMatrix<f64, 3, 6>) -> SMatrix<f64, 3, COORDINATES> {
+        let mut sensitivity = SMatrix::<f64, 3, COORDINATES>::zeros();
+        sensitivity.fixed_view_mut::<3, 3>(0, 6).copy_from(&(sums * self.by_rate));
+        sensitivity.fixed_view_mut::<3, 10>(0, BODY).copy_from(&(sums * self.by_body));
+        sensitivity.fixed_view_mut::<3, 6>(0, DRIFT).copy_from(&(sums * self.by_drift));
+        sensitivity.fixed_view_mut::<3, 6>(0, SCALE).copy_from(&(sums * self.by_scale));
+        sensitivity
+    }
 }
 
 /// Rows of one quantity, in body axes.
@@ -244,8 +283,9 @@ impl FlightMotion {
                 (left[i], variance[i]) = (decay, drive * louder[k]);
             }
         }
-        let walk = self.slow.rate_bias_walk;
-        variance[BIAS..].fill(walk * walk * step_s);
+        for (first, walk) in [(BIAS, self.slow.rate_bias_walk), (ACCELERATION_BIAS, self.slow.acceleration_bias_walk)] {
+            variance[first..first + 3].fill(walk * walk * step_s);
+        }
         (left, variance)
     }
 
@@ -371,14 +411,13 @@ impl FlightMotion {
         (by_state, by_wrench)
     }
 
-    /// The linearised rows of what is fresh in a measurement, each quantity whitened by its whole covariance; `owed` is what a filtered
-    /// rate has not shown yet, see [`RateLag::owed`](super::slow_errors::RateLag::owed).
+    /// The linearised rows of what is fresh in a measurement, each quantity whitened by its whole covariance.
     pub(super) fn rows<const R: usize>(
         &self,
         state: &FlightState,
         seen: &Measurement,
         fresh: Fresh,
-        owed: Option<(&Held, f64)>,
+        shown: &Shown,
     ) -> Rows<COORDINATES, R> {
         let motion = &state.joint.motion;
         let twist = &motion.twist_body;
@@ -400,7 +439,8 @@ impl FlightMotion {
             let off: UnitQuaternion<f64> = LieGroup::exp(attitude_off);
             let residual = LieGroup::log(&(off.inverse() * (body_from_world * value)));
             let turn = Matrix3::identity();
-            let mut sensitivity = own(0, WANDER, &turn);
+            let by_off = <UnitQuaternion<f64> as LieGroup>::right_jacobian(attitude_off);
+            let mut sensitivity = own(0, WANDER, &by_off);
             sensitivity.fixed_view_mut::<3, 3>(0, 0).copy_from(off.inverse().to_rotation_matrix().matrix());
             self.put(&mut rows, &Quantity { first: 0, residual, sensitivity, covariance, turn });
         }
@@ -412,15 +452,12 @@ impl FlightMotion {
         if let Some(Gauss { value, covariance }) = seen.rate_body.filter(|_| fresh.rate) {
             let (mut residual, turn) = (value - state.bias - twist.angular, Matrix3::identity());
             let mut sensitivity = own(6, BIAS, &turn);
-            if let Some((held, delay_s)) = owed {
+            if let Some((held, delay_s)) = &shown.owed {
                 // What a filter has not shown of the rate is what the wrench that it still owes changes it by.
-                if let Ok(shown) = self.propagate(state, held, delay_s) {
-                    residual += shown.joint.motion.twist_body.angular - twist.angular;
-                    let later = self.derivatives(state, held, delay_s).0;
-                    let mut by_motion = sensitivity.fixed_view_mut::<3, MOVING>(0, 0);
-                    by_motion *= 2.0;
-                    by_motion -= later.fixed_rows::<3>(6);
-                }
+                let owed = self.acceleration(state, held);
+                residual += owed.value.fixed_rows::<3>(0) * *delay_s;
+                let by = owed.along(&SMatrix::<f64, 3, 6>::identity());
+                sensitivity -= by * *delay_s;
             }
             self.put(&mut rows, &Quantity { first: 6, residual, sensitivity, covariance, turn });
         }
@@ -430,19 +467,81 @@ impl FlightMotion {
             sensitivity.fixed_view_mut::<3, 3>(0, 0).copy_from(&-crate::lie::skew(&twist.linear));
             self.put(&mut rows, &Quantity { first: 9, residual, sensitivity, covariance, turn: world_from_body });
         }
+        if let (Some(Gauss { value, covariance }), Some(held)) =
+            (seen.acceleration_body.filter(|_| fresh.acceleration), &shown.acceleration)
+        {
+            // At the unit's place; what turning makes of that place its publisher has taken out.
+            let found = self.acceleration(state, held);
+            let mut at_unit = SMatrix::<f64, 3, 6>::zeros();
+            at_unit.fixed_view_mut::<3, 3>(0, 0).copy_from(&-crate::lie::skew(&self.slow.lever_arm_body_m));
+            at_unit.fixed_view_mut::<3, 3>(0, 3).fill_with_identity();
+            // Gravity was added by an attitude that was measured, off by its errors.
+            let gravity = self.slow.gravity_added_world_m_s2;
+            let added = seen.attitude.map_or_else(Vector3::zeros, |seen| seen.value.inverse() * gravity);
+            let acts = body_from_world * gravity;
+            let expected = at_unit * found.value + (added - acts);
+            let gain = Vector3::repeat(1.0) + state.acceleration_scale;
+            let mut sensitivity = found.along(&at_unit);
+            sensitivity.fixed_view_mut::<3, 3>(0, 0).copy_from(&-crate::lie::skew(&acts));
+            for (i, mut row) in sensitivity.row_iter_mut().enumerate() {
+                row *= gain[i];
+            }
+            for i in 0..3 {
+                sensitivity[(i, ACCELERATION_BIAS + i)] = 1.0;
+                sensitivity[(i, ACCELERATION_SCALE + i)] = expected[i];
+            }
+            let residual = value - state.acceleration_bias - gain.component_mul(&expected);
+            let turn = Matrix3::identity();
+            self.put(&mut rows, &Quantity { first: 12, residual, sensitivity, covariance, turn });
+        }
         if let Some((sensor, Gauss { value, covariance })) = seen.other.as_ref().filter(|_| R == ALL_ROWS) {
             let residual = sensor.residual(value, motion);
             let mut sensitivity = SMatrix::<f64, 3, COORDINATES>::zeros();
             sensitivity.fixed_columns_mut::<BODY>(0).copy_from(&sensor.sensitivity(motion));
             let (covariance, turn) = (*covariance, Matrix3::identity());
-            self.put(&mut rows, &Quantity { first: 12, residual, sensitivity, covariance, turn });
+            self.put(&mut rows, &Quantity { first: ROWS, residual, sensitivity, covariance, turn });
         }
         rows
     }
 
+    /// Accelerations under what is believed to act.
+    fn acceleration(&self, state: &FlightState, believed: &Held) -> Acceleration {
+        let mut joint = state.joint;
+        let mut slopes = None;
+        if self.planar {
+            let (flat, slope) = Self::in_plane(&joint.body);
+            joint.body = flat;
+            slopes = Some(slope);
+        }
+        // With the origin at rest the rate of its velocity is its acceleration.
+        joint.motion.twist_body.linear = Vector3::zeros();
+        let acting = self.acting(state, believed);
+        let felt = felt(&acting, &believed.stored, &joint.motion.twist_body.angular);
+        let flyer = FreeFlyer::new(joint.body.to_parameters());
+        let forward = flyer.forward(&joint.motion.twist_body, &felt);
+        let found = self.joint.derivatives(&joint, &felt, &believed.stored);
+        let mut by_wrench = by_wrench(&flyer, 1.0).fixed_rows::<6>(6).into_owned();
+        let mut by_body = found.body;
+        if let Some(slopes) = slopes {
+            by_body *= slopes;
+            for i in [0, 1, 5] {
+                by_wrench.column_mut(i).fill(0.0);
+            }
+        }
+        let believed = believed.wrench.to_vector();
+        let (angular, linear) = (forward.angular_acceleration_body, forward.acceleration_origin_body);
+        Acceleration {
+            value: Twist::new(angular, linear).to_vector(),
+            by_rate: found.twist.fixed_columns::<3>(0).into_owned(),
+            by_body,
+            by_drift: by_wrench,
+            by_scale: SMatrix::from_fn(|i, j| by_wrench[(i, j)] * believed[j]),
+        }
+    }
+
     fn put<const R: usize>(&self, rows: &mut Rows<COORDINATES, R>, quantity: &Quantity) {
         let &Quantity { first, mut residual, mut sensitivity, mut covariance, turn } = quantity;
-        let out_of_plane = |i: usize| self.planar && OUT_OF_PLANE.contains(&(first + i));
+        let out_of_plane = |i: usize| self.planar && first + i < ROWS && is_out_of_plane(first + i);
         let mut deviation = Vector3::repeat(1.0);
         if let Some(variance) = isotropic(&covariance) {
             deviation.fill(ComplexField::sqrt(variance));
@@ -538,6 +637,11 @@ impl FlightMotion {
         }
         (motion, known)
     }
+}
+
+/// Whether a row of the library's own quantities is out of the plane.
+fn is_out_of_plane(row: usize) -> bool {
+    OUT_OF_PLANE.contains(&row) || row == ACCELERATION_OUT_OF_PLANE
 }
 
 /// column += factor · slope.

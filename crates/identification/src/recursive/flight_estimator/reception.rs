@@ -26,6 +26,7 @@ const UNIT_TOLERANCE: f64 = 1e-3;
 const LARGEST_POSITION_M: f64 = 1e6;
 const LARGEST_RATE_RAD_S: f64 = 1e3;
 const LARGEST_VELOCITY_M_S: f64 = 1e4;
+const LARGEST_ACCELERATION_M_S2: f64 = 1e4;
 
 impl FlightMeasurement {
     /// A pose alone.
@@ -45,13 +46,14 @@ impl FlightMeasurement {
     }
 }
 
-/// Which quantities are there: attitude, position, rate, velocity, one of the user's own.
-pub(super) fn kinds(measurement: &Measurement) -> [bool; 5] {
+/// Which quantities are there: attitude, position, rate, velocity, acceleration, one of the user's own.
+pub(super) fn kinds(measurement: &Measurement) -> [bool; 6] {
     [
         measurement.attitude.is_some(),
         measurement.position_world.is_some(),
         measurement.rate_body.is_some(),
         measurement.velocity_world.is_some(),
+        measurement.acceleration_body.is_some(),
         measurement.other.is_some(),
     ]
 }
@@ -82,6 +84,7 @@ pub(super) fn checked(measurement: &Measurement) -> Result<Measurement, &'static
         (&measurement.position_world, LARGEST_POSITION_M, "position is not finite or absurd"),
         (&measurement.rate_body, LARGEST_RATE_RAD_S, "rate is not finite or absurd"),
         (&measurement.velocity_world, LARGEST_VELOCITY_M_S, "velocity is not finite or absurd"),
+        (&measurement.acceleration_body, LARGEST_ACCELERATION_M_S2, "acceleration is not finite or absurd"),
     ];
     for (vector, largest, what) in vectors {
         if !vector.iter().flat_map(|seen| seen.value.iter()).all(|x| usable(x, largest)) {
@@ -98,6 +101,7 @@ pub(super) fn checked(measurement: &Measurement) -> Result<Measurement, &'static
         measurement.position_world.map(|seen| seen.covariance),
         measurement.rate_body.map(|seen| seen.covariance),
         measurement.velocity_world.map(|seen| seen.covariance),
+        measurement.acceleration_body.map(|seen| seen.covariance),
         measurement.other.as_ref().map(|(_, seen)| seen.covariance),
     ];
     if !covariances.iter().flatten().all(|covariance| whitening(covariance).is_some()) {

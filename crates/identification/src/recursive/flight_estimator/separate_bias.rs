@@ -1,7 +1,7 @@
 //! The filter of the motion given a body, and how its innovations depend on that body.
 
 use super::filtered::steps;
-use super::flight_motion::{ALL_ROWS, BODY, DRIFT, FlightMotion, FlightState, Fresh, MOVING, SCALE};
+use super::flight_motion::{ALL_ROWS, BODY, DRIFT, FlightMotion, FlightState, Fresh, MOVING, SCALE, Shown};
 use super::wrench_history::WrenchHistory;
 use crate::SquareRootInformation;
 use crate::dynamics::{LogCholesky, RigidBodyState};
@@ -176,9 +176,9 @@ impl MotionGivenBody {
     ) -> Result<(), IdentificationError> {
         let joint = JointState { motion: lesson.motion, body: self.about };
         let state = FlightState::of(joint);
-        let fresh = Fresh { attitude: true, position: true, rate: true, velocity: true };
+        let fresh = Fresh { attitude: true, position: true, rate: true, velocity: true, acceleration: false };
         let Rows { sensitivity, residual, standard_deviation } =
-            model.rows::<ALL_ROWS>(&state, &lesson.measurement, fresh, None);
+            model.rows::<ALL_ROWS>(&state, &lesson.measurement, fresh, &Shown::default());
         let mut block = SMatrix::<f64, ALL_ROWS, 10>::zeros();
         let mut rhs = SVector::<f64, ALL_ROWS>::zeros();
         for i in (0..ALL_ROWS).filter(|i| standard_deviation[*i].is_finite()) {

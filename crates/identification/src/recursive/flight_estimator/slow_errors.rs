@@ -1,4 +1,5 @@
-//! Errors of sensors that last: wander of a localisation, bias of a gyroscope, filters that rates have gone through, content that is old.
+//! Errors of sensors that last: wander of a localisation, biases, filters that rates and accelerations have gone through,
+//! content that is old.
 
 use super::super::MotionNoise;
 use super::flight_motion::Held;
@@ -36,60 +37,96 @@ const ENDED: f64 = 1e-4;
 /// Steps of a filter that are looked at.
 const LONGEST_ANSWER: usize = 4096;
 
-/// What a rate that has gone through a filter is behind the true one: the change of rate in each of the last pieces of time, times the
-/// share that the filter has not shown yet.
+/// How much of the wrench of each of the last pieces of time a filtered sensor shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RateLag {
-    missing: [f64; PIECES],
+pub struct FilterMemory {
+    weights: [f64; PIECES],
     pieces: usize,
     piece_ns: i64,
+    /// How much later than the sample the first piece ends, ns.
+    ahead_ns: i64,
 }
 
-impl RateLag {
-    /// Of a filter; none where it shows every sample at once.
+impl FilterMemory {
+    /// Of an acceleration that has gone through a filter: what it has shown of each piece, in sum one.
     ///
     /// # Errors
     /// [`IdentificationError::ImpossibleSensing`] for a filter that answers for longer than 4096 of its steps.
-    pub fn try_new(filter: &LinearFilter) -> Result<Option<Self>, IdentificationError> {
-        let mut step = Vec::from([1.0; LONGEST_ANSWER]);
-        step[0] = 0.0;
-        let answer = filter.filtered(&step);
-        let missing: Vec<f64> = answer.iter().skip(1).map(|shown| 1.0 - shown).collect();
-        let Some(last) = missing.iter().rposition(|missing| missing.abs() > ENDED) else { return Ok(None) };
-        if last + 2 > missing.len() {
-            let value = filter.step_s() * LONGEST_ANSWER as f64;
-            return Err(IdentificationError::ImpossibleSensing { what: "answer of a filter of the rate, s", value });
+    pub fn of_acceleration(filter: &LinearFilter) -> Result<Self, IdentificationError> {
+        let missing = missing(filter)?;
+        let shown: Vec<f64> = core::iter::once(1.0)
+            .chain(missing.iter().copied())
+            .zip(missing.iter().copied().chain([0.0]))
+            .map(|(before, after)| before - after)
+            .collect();
+        let mut memory = Self::of(&shown, filter.step_s());
+        // A sample stands for the time about it.
+        memory.ahead_ns = memory.piece_ns / 2;
+        Ok(memory)
+    }
+
+    /// Of a rate that has gone through a filter: what it has not shown yet of the change in each piece, in sum its delay in pieces. None
+    /// where it shows every sample at once.
+    ///
+    /// # Errors
+    /// As [`of_acceleration`](Self::of_acceleration).
+    pub fn of_rate(filter: &LinearFilter) -> Result<Option<Self>, IdentificationError> {
+        let missing = missing(filter)?;
+        Ok((!missing.is_empty()).then(|| Self::of(&missing, filter.step_s())))
+    }
+
+    fn of(weights: &[f64], step_s: f64) -> Self {
+        let steps = weights.len().div_ceil(PIECES).max(1);
+        let mut memory = Self { weights: [0.0; PIECES], pieces: weights.len().div_ceil(steps), piece_ns: 0, ahead_ns: 0 };
+        for (piece, weights) in memory.weights.iter_mut().zip(weights.chunks(steps)) {
+            *piece = weights.iter().sum::<f64>();
         }
-        let steps = last / PIECES + 1;
-        let mut lag = Self { missing: [0.0; PIECES], pieces: last / steps + 1, piece_ns: 0 };
-        for (piece, missing) in lag.missing.iter_mut().zip(missing.chunks(steps)) {
-            *piece = missing.iter().sum::<f64>() / steps as f64;
-        }
-        lag.missing[lag.pieces..].fill(0.0);
         #[allow(clippy::cast_possible_truncation)] // saturates
-        let piece_ns = ComplexField::round(filter.step_s() * steps as f64 * 1e9) as i64;
-        lag.piece_ns = piece_ns.max(1);
-        Ok(Some(lag))
+        let step_ns = ComplexField::round(step_s * 1e9) as i64;
+        memory.piece_ns = step_ns.saturating_mul(i64::try_from(steps).unwrap_or(1)).max(1);
+        let in_pieces = steps as f64;
+        if steps > 1 {
+            // A weight belongs to a step; over a piece it is their sum of as many steps.
+            for piece in &mut memory.weights {
+                *piece /= in_pieces;
+            }
+        }
+        memory
     }
 
-    /// Time by which a rate that grows steadily is late, s.
-    pub fn delay_s(&self) -> f64 {
-        self.missing.iter().sum::<f64>() * self.piece_ns as f64 * 1e-9
+    /// Sum of the weights times the length of a piece, s: of a rate the time by which it is late where it grows steadily.
+    pub fn length_s(&self) -> f64 {
+        self.weights.iter().sum::<f64>() * self.piece_ns as f64 * 1e-9
     }
 
-    /// A wrench and stored momentum that, held for [`delay_s`](Self::delay_s), change the rate by what is missing at `now_ns`.
-    pub(super) fn owed(&self, history: &WrenchHistory, now_ns: i64) -> Held {
-        let (mut wrench, mut stored, mut until_ns) = (Vector6::zeros(), Vector3::zeros(), now_ns);
-        let whole: f64 = self.missing.iter().sum();
-        for missing in self.missing.iter().take(self.pieces) {
+    /// The mean of what was believed to act, by these weights, at a sample of `now_ns`.
+    pub(super) fn held(&self, history: &WrenchHistory, now_ns: i64) -> Held {
+        let (mut wrench, mut stored) = (Vector6::zeros(), Vector3::zeros());
+        let mut until_ns = now_ns.saturating_add(self.ahead_ns);
+        let whole: f64 = self.weights.iter().sum();
+        for weight in self.weights.iter().take(self.pieces) {
             let from_ns = until_ns.saturating_sub(self.piece_ns);
             let held = history.mean(from_ns, until_ns);
-            wrench += held.wrench.to_vector() * (missing / whole);
-            stored += held.stored * (missing / whole);
+            wrench += held.wrench.to_vector() * (weight / whole);
+            stored += held.stored * (weight / whole);
             until_ns = from_ns;
         }
         Held { wrench: Wrench::from(wrench), stored }
     }
+}
+
+/// What the answer to a step still misses after each sample; empty where nothing is.
+fn missing(filter: &LinearFilter) -> Result<Vec<f64>, IdentificationError> {
+    let mut step = Vec::from([1.0; LONGEST_ANSWER]);
+    step[0] = 0.0;
+    let mut missing: Vec<f64> = filter.filtered(&step).iter().skip(1).map(|shown| 1.0 - shown).collect();
+    let ended = missing.iter().rposition(|missing| missing.abs() > ENDED).map_or(0, |last| last + 1);
+    if ended == missing.len() {
+        let value = filter.step_s() * LONGEST_ANSWER as f64;
+        return Err(IdentificationError::ImpossibleSensing { what: "answer of a filter, s", value });
+    }
+    missing.truncate(ended);
+    Ok(missing)
 }
 
 /// Errors of sensors that last; white noise of each sample is told with each measurement.
@@ -109,13 +146,28 @@ pub struct SlowErrors {
     /// What the bias moves by, rad/s per root of a second.
     pub rate_bias_walk: f64,
     /// Filter that the rate has gone through.
-    pub rate_lag: Option<RateLag>,
-    /// Age of poses, of velocities and of rates at their stamps, ns.
-    pub age_ns: [i64; 3],
+    pub rate_memory: Option<FilterMemory>,
+    /// Bias of the acceleration at the start, each axis, m/s^2.
+    pub acceleration_bias_m_s2: f64,
+    /// What that bias moves by, m/s^2 per root of a second.
+    pub acceleration_bias_walk: f64,
+    /// Error of scale of each axis of a sane accelerometer.
+    pub acceleration_scale: f64,
+    /// The same of one that need not be sane, see [`Sensing::doubted_scale_sigma`].
+    pub doubted_scale: f64,
+    /// Filter that the acceleration has gone through.
+    pub acceleration_memory: Option<FilterMemory>,
+    /// Where the accelerometer sits, from the body origin, m.
+    pub lever_arm_body_m: Vector3<f64>,
+    /// What the publisher adds for gravity by the attitude that it measured, inertial axes, m/s^2, in flights that hang from nothing; on a
+    /// table what it bears.
+    pub gravity_added_world_m_s2: Vector3<f64>,
+    /// Age of poses, velocities, rates and accelerations at their stamps, ns.
+    pub age_ns: [i64; 4],
 }
 
-/// What a bias of which nothing else is known moves by, rad/s per root of a second.
-const BIAS_WALK: f64 = 1e-5;
+/// What biases of which nothing else is known move by, rad/s and m/s^2 per root of a second.
+const BIAS_WALK: [f64; 2] = [1e-5, 3e-5];
 /// Wander of a localisation whose level nobody states: attitude rad, position m, velocity m/s, and its time, s.
 const USUAL_WANDER: [f64; 3] = [0.01, 0.02, 2e-3];
 const USUAL_TIME_S: f64 = 10.0;
@@ -128,8 +180,15 @@ impl SlowErrors {
         velocity: GaussMarkov::NONE,
         rate_bias_rad_s: 0.0,
         rate_bias_walk: 0.0,
-        rate_lag: None,
-        age_ns: [0; 3],
+        rate_memory: None,
+        acceleration_bias_m_s2: 0.0,
+        acceleration_bias_walk: 0.0,
+        acceleration_scale: 0.0,
+        doubted_scale: 0.0,
+        acceleration_memory: None,
+        lever_arm_body_m: Vector3::new(0.0, 0.0, 0.0),
+        gravity_added_world_m_s2: Vector3::new(0.0, 0.0, 0.0),
+        age_ns: [0; 4],
     };
 
     /// Of described sensors; wander that is not stated is taken for a usual one.
@@ -144,15 +203,22 @@ impl SlowErrors {
         };
         let velocity_delay = sensing.velocity_delay.unwrap_or(sensing.pose_delay);
         #[allow(clippy::cast_possible_truncation)] // at most 10 s
-        let age_ns = [sensing.pose_delay, velocity_delay, sensing.rate.delay]
+        let age_ns = [sensing.pose_delay, velocity_delay, sensing.rate.delay, sensing.acceleration.delay]
             .map(|delay| ComplexField::round(delay.expected_s * 1e9) as i64);
         Ok(Self {
             attitude: wander(sensing.attitude.wander, 0),
             position: wander(sensing.position.wander, 1),
             velocity: wander(sensing.velocity.wander, 2),
             rate_bias_rad_s: sensing.rate.bias_sigma,
-            rate_bias_walk: BIAS_WALK,
-            rate_lag: sensing.rate.filter.as_ref().map(RateLag::try_new).transpose()?.flatten(),
+            rate_bias_walk: BIAS_WALK[0],
+            rate_memory: sensing.rate.filter.as_ref().map(FilterMemory::of_rate).transpose()?.flatten(),
+            acceleration_bias_m_s2: sensing.acceleration.bias_sigma,
+            acceleration_bias_walk: BIAS_WALK[1],
+            acceleration_scale: sensing.acceleration.scale_sigma,
+            doubted_scale: sensing.doubted_scale_sigma.max(sensing.acceleration.scale_sigma),
+            acceleration_memory: sensing.acceleration.filter.as_ref().map(FilterMemory::of_acceleration).transpose()?,
+            lever_arm_body_m: sensing.lever_arm_body_m.into(),
+            gravity_added_world_m_s2: sensing.gravity_added_world_m_s2.unwrap_or_default().into(),
             age_ns,
         })
     }
@@ -181,7 +247,17 @@ impl SlowErrors {
                 return Err(IdentificationError::NotPositive { index, value: time_s });
             }
         }
-        let levels = [a.sigma, p.sigma, v.sigma, self.rate_bias_rad_s, self.rate_bias_walk];
+        let levels = [
+            a.sigma,
+            p.sigma,
+            v.sigma,
+            self.rate_bias_rad_s,
+            self.rate_bias_walk,
+            self.acceleration_bias_m_s2,
+            self.acceleration_bias_walk,
+            self.acceleration_scale,
+            self.doubted_scale,
+        ];
         match levels.iter().position(|level| !(*level >= 0.0 && level.is_finite())) {
             Some(index) => Err(IdentificationError::NotPositive { index: 3 + index, value: levels[index] }),
             None => Ok(()),
@@ -195,23 +271,34 @@ mod tests {
 
     #[test]
     fn a_mean_of_four_is_one_and_a_half_steps_late() {
-        let lag = RateLag::try_new(&LinearFilter::try_new(&[0.25; 4], &[1.0], 0.004).unwrap()).unwrap().unwrap();
-        assert!((lag.delay_s() - 1.5 * 0.004).abs() < 1e-12);
-        assert_eq!((lag.pieces, lag.piece_ns, lag.missing[0]), (3, 4_000_000, 0.75));
-        assert_eq!(RateLag::try_new(&LinearFilter::try_new(&[1.0], &[1.0], 0.004).unwrap()).unwrap(), None);
+        let (mean, none) = ([0.25; 4], [1.0]);
+        let filter = |numerator: &[f64]| LinearFilter::try_new(numerator, &[1.0], 0.004).unwrap();
+        let rate = FilterMemory::of_rate(&filter(&mean)).unwrap().unwrap();
+        assert!((rate.length_s() - 1.5 * 0.004).abs() < 1e-12);
+        assert_eq!((rate.pieces, rate.piece_ns, rate.weights[0]), (3, 4_000_000, 0.75));
+        assert_eq!(FilterMemory::of_rate(&filter(&none)).unwrap(), None);
         // A torque that has been there for longer than the answer is owed for the whole delay.
         let mut history = WrenchHistory::new(0);
         let torque = Vector6::new(0.1, 0.0, 0.0, 0.0, 0.0, 0.0).into();
         history.hold(0, 100_000_000, &torque, &Vector3::zeros());
-        assert!((lag.owed(&history, 100_000_000).wrench.torque.x - 0.1).abs() < 1e-12);
+        assert!((rate.held(&history, 100_000_000).wrench.torque.x - 0.1).abs() < 1e-12);
         // One that began a step ago is owed to three quarters, over one step: as a mean over the delay of 1.5 steps, half of it.
-        assert!((lag.owed(&history, 4_000_000).wrench.torque.x - 0.05).abs() < 1e-12);
+        assert!((rate.held(&history, 4_000_000).wrench.torque.x - 0.05).abs() < 1e-12);
+        // An acceleration shows a quarter of each of the last four samples, of the newest but half of it so far.
+        let acceleration = FilterMemory::of_acceleration(&filter(&mean)).unwrap();
+        assert_eq!((acceleration.pieces, acceleration.weights[..4].to_vec()), (4, mean.to_vec()));
+        assert!((acceleration.held(&history, 4_000_000).wrench.torque.x - 0.1 * 0.375).abs() < 1e-12);
+        let at_once = FilterMemory::of_acceleration(&filter(&none)).unwrap();
+        assert!((at_once.held(&history, 50_000_000).wrench.torque.x - 0.1).abs() < 1e-12);
     }
 
     #[test]
     fn a_slow_filter_keeps_its_delay() {
         let filter = LinearFilter::try_new(&[0.01], &[1.0, -0.99], 0.01).unwrap();
-        let lag = RateLag::try_new(&filter).unwrap().unwrap();
-        assert!((lag.delay_s() - 0.99).abs() < 0.02 && lag.pieces <= PIECES, "{}", lag.delay_s());
+        let rate = FilterMemory::of_rate(&filter).unwrap().unwrap();
+        assert!((rate.length_s() - 0.99).abs() < 0.02 && rate.pieces <= PIECES, "{}", rate.length_s());
+        let acceleration = FilterMemory::of_acceleration(&filter).unwrap();
+        let sum = acceleration.weights.iter().sum::<f64>() * acceleration.piece_ns as f64 / 1e7;
+        assert!((sum - 1.0).abs() < 1e-3 && acceleration.pieces <= PIECES, "{sum}");
     }
 }
