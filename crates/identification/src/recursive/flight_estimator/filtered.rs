@@ -103,8 +103,10 @@ pub(super) struct Filtered {
     pub(super) covariance: Covariance,
     /// By how much the wander of attitude, position and velocity is louder than stated, as factors of its variance.
     louder: [f64; 3],
-    /// Whether it was decided that the accelerometer is sane, or that it is not.
-    accelerometer_is_judged: bool,
+    /// Whether the accelerometer is believed; while it is not, nothing but its own errors is learned from it.
+    accelerometer_is_sane: bool,
+    /// When rate and acceleration were last learned from, and how many samples of each came since.
+    heard: [(i64, u32); 2],
     pub(super) counts: StreamCounts,
     pub(super) monitor: Monitor,
     /// Whether the last measurement is to be learned from.
@@ -149,7 +151,8 @@ impl Filtered {
             measured_ns: start_ns,
             state: *state,
             louder: [1.0; 3],
-            accelerometer_is_judged: slow.doubted_scale <= slow.acceleration_scale,
+            accelerometer_is_sane: slow.doubted_scale <= slow.acceleration_scale,
+            heard: [(i64::MIN, 0); 2],
             covariance,
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
@@ -220,8 +223,15 @@ impl Filtered {
             self.counts.frozen += 1;
             return Reception::Frozen;
         }
-        let shown = shown(rules, history, measurement.stamp_ns, fresh);
-        let rows = self.model(rules).rows::<R>(&self.state, measurement, fresh, &shown);
+        let (fresh, shown) = self.rested(rules, history, measurement.stamp_ns, fresh);
+        let main = Fresh { acceleration: fresh.acceleration && self.accelerometer_is_sane, ..fresh };
+        if !(main.attitude || main.position || main.rate || main.velocity || main.acceleration)
+            && measurement.other.is_none()
+        {
+            self.counts.used += 1;
+            return Reception::Used { nis: 0.0 };
+        }
+        let rows = self.model(rules).rows::<R>(&self.state, measurement, main, &shown);
         let mut learned = self.covariance;
         let Ok(Correction { step, innovation }) = rows.correct(&mut learned) else {
             return Reception::Malformed { what: "innovation is not finite" };
@@ -242,7 +252,9 @@ impl Filtered {
             }
             self.jump = None;
             self.counts.used += 1;
-            self.judge_accelerometer(rules);
+            if fresh.acceleration && !self.accelerometer_is_sane {
+                self.judge_accelerometer(rules, measurement, &shown);
+            }
             return Reception::Used { nis };
         }
         self.counts.gated += 1;
@@ -260,6 +272,30 @@ impl Filtered {
             self.state.joint.motion = back_into_plane(&self.state.joint.motion, &before);
         }
         self.covariance = *covariance;
+    }
+
+    /// What of rate and acceleration is to be learned from, and what filtered sensors show of the wrench at this sample.
+    fn rested(&mut self, rules: &Rules, history: &WrenchHistory, stamp_ns: i64, fresh: Fresh) -> (Fresh, Shown) {
+        let slow = rules.model.slow();
+        let mut samples = [1.0; 2];
+        let memories = [(fresh.rate, &slow.rate_memory), (fresh.acceleration, &slow.acceleration_memory)];
+        let due: [bool; 2] = core::array::from_fn(|k| {
+            let ((is_fresh, memory), (before_ns, came)) = (memories[k], &mut self.heard[k]);
+            *came = came.saturating_add(u32::from(is_fresh));
+            let is_due = is_fresh && memory.as_ref().is_none_or(|memory| memory.is_rested(*before_ns, stamp_ns));
+            if is_due {
+                samples[k] = f64::from(*came);
+                (*before_ns, *came) = (stamp_ns, 0);
+            }
+            is_due
+        });
+        let owed = slow.rate_memory.filter(|_| due[0]);
+        let acceleration = due[1].then(|| match &slow.acceleration_memory {
+            Some(memory) => memory.held(history, stamp_ns),
+            None => history.mean(stamp_ns.saturating_sub(ABOUT_NS), stamp_ns.saturating_add(ABOUT_NS)),
+        });
+        let owed = owed.map(|memory| (memory.held(history, stamp_ns), memory.length_s()));
+        (Fresh { rate: due[0], acceleration: due[1], ..fresh }, Shown { owed, acceleration, samples })
     }
 
     /// Follows the level of each stream's wander: innovations that are larger than stated make it louder, smaller ones quieter. A level that
@@ -284,12 +320,21 @@ impl Filtered {
         }
     }
 
-    /// Believes an accelerometer to be as good as stated once what was seen says so: by how much more likely no error of scale has become
-    /// (Savage and Dickey's ratio). One that is not as good stays doubted.
-    fn judge_accelerometer(&mut self, rules: &Rules) {
-        if self.accelerometer_is_judged {
+    /// Learns the errors of a doubted accelerometer, and believes it to be as good as stated once what was seen says so: by how much more
+    /// likely no error of scale has become (Savage and Dickey's ratio). One that is not as good stays doubted.
+    fn judge_accelerometer(&mut self, rules: &Rules, measurement: &Measurement, shown: &Shown) {
+        let alone = Fresh { attitude: false, position: false, rate: false, velocity: false, acceleration: true };
+        let rows = self.model(rules).rows::<ROWS>(&self.state, measurement, alone, shown);
+        let mut learned = self.covariance;
+        let Ok(Correction { mut step, innovation }) = rows.correct(&mut learned) else { return };
+        if innovation.nis > rules.thresholds.gate(innovation.degrees_of_freedom) {
             return;
         }
+        // All but its own errors stays as certain as it is (Schmidt's filter).
+        step.fixed_rows_mut::<ACCELERATION_BIAS>(0).fill(0.0);
+        let before = self.covariance.fixed_view::<ACCELERATION_BIAS, ACCELERATION_BIAS>(0, 0);
+        learned.fixed_view_mut::<ACCELERATION_BIAS, ACCELERATION_BIAS>(0, 0).copy_from(&before);
+        self.correct(rules, &step, &learned);
         let slow = rules.model.slow();
         let found = self.covariance.fixed_view::<3, 3>(ACCELERATION_SCALE, ACCELERATION_SCALE).into_owned();
         let Some(root) = (found / (slow.doubted_scale * slow.doubted_scale)).cholesky() else { return };
@@ -298,7 +343,7 @@ impl Filtered {
         if -ComplexField::ln(root.l_dirty().diagonal().product()) - 0.5 * surprise < SANE_LOG_ODDS {
             return;
         }
-        self.accelerometer_is_judged = true;
+        self.accelerometer_is_sane = true;
         let mut rows = Rows::<COORDINATES, 3> {
             sensitivity: SMatrix::zeros(),
             residual: -self.state.acceleration_scale,
@@ -513,17 +558,6 @@ impl Filtered {
         self.monitor = Monitor::default();
         self.jump = None;
     }
-}
-
-/// What filtered sensors show of the wrench at a sample.
-fn shown(rules: &Rules, history: &WrenchHistory, stamp_ns: i64, fresh: Fresh) -> Shown {
-    let slow = rules.model.slow();
-    let owed = slow.rate_memory.filter(|_| fresh.rate);
-    let acceleration = fresh.acceleration.then(|| match &slow.acceleration_memory {
-        Some(memory) => memory.held(history, stamp_ns),
-        None => history.mean(stamp_ns.saturating_sub(ABOUT_NS), stamp_ns.saturating_add(ABOUT_NS)),
-    });
-    Shown { owed: owed.map(|memory| (memory.held(history, stamp_ns), memory.length_s())), acceleration }
 }
 
 /// Equal steps from one time to another, none longer than [`STEP_NS`].

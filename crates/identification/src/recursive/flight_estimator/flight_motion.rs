@@ -48,7 +48,7 @@ pub(super) struct FlightState {
     pub(super) wander: [Vector3<f64>; 3],
     /// What measured rates are larger by.
     pub(super) bias: Vector3<f64>,
-    /// What measured accelerations are larger by, and by what part of themselves.
+    /// What measured accelerations are larger by, and the logarithm of their scale, in which it and the mass are linear together.
     pub(super) acceleration_bias: Vector3<f64>,
     pub(super) acceleration_scale: Vector3<f64>,
 }
@@ -100,10 +100,12 @@ pub(super) struct Fresh {
 }
 
 /// What filtered sensors show of the wrench: what the rate has not shown yet, over which time, and what the acceleration shows.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Shown {
     pub(super) owed: Option<(Held, f64)>,
     pub(super) acceleration: Option<Held>,
+    /// How many samples of rate and acceleration one stands for.
+    pub(super) samples: [f64; 2],
 }
 
 /// Angular acceleration and acceleration of the origin under a wrench, and their derivatives by rate, body and wrench.
@@ -459,6 +461,7 @@ impl FlightMotion {
                 let by = owed.along(&SMatrix::<f64, 3, 6>::identity());
                 sensitivity -= by * *delay_s;
             }
+            let covariance = covariance / shown.samples[0];
             self.put(&mut rows, &Quantity { first: 6, residual, sensitivity, covariance, turn });
         }
         if let Some(Gauss { value, covariance }) = seen.velocity_world.filter(|_| fresh.velocity) {
@@ -480,7 +483,7 @@ impl FlightMotion {
             let added = seen.attitude.map_or_else(Vector3::zeros, |seen| seen.value.inverse() * gravity);
             let acts = body_from_world * gravity;
             let expected = at_unit * found.value + (added - acts);
-            let gain = Vector3::repeat(1.0) + state.acceleration_scale;
+            let gain = state.acceleration_scale.map(ComplexField::exp);
             let mut sensitivity = found.along(&at_unit);
             sensitivity.fixed_view_mut::<3, 3>(0, 0).copy_from(&-crate::lie::skew(&acts));
             for (i, mut row) in sensitivity.row_iter_mut().enumerate() {
@@ -488,10 +491,10 @@ impl FlightMotion {
             }
             for i in 0..3 {
                 sensitivity[(i, ACCELERATION_BIAS + i)] = 1.0;
-                sensitivity[(i, ACCELERATION_SCALE + i)] = expected[i];
+                sensitivity[(i, ACCELERATION_SCALE + i)] = gain[i] * expected[i];
             }
             let residual = value - state.acceleration_bias - gain.component_mul(&expected);
-            let turn = Matrix3::identity();
+            let (covariance, turn) = (covariance / shown.samples[1], Matrix3::identity());
             self.put(&mut rows, &Quantity { first: 12, residual, sensitivity, covariance, turn });
         }
         if let Some((sensor, Gauss { value, covariance })) = seen.other.as_ref().filter(|_| R == ALL_ROWS) {

@@ -45,6 +45,8 @@ pub struct FilterMemory {
     piece_ns: i64,
     /// How much later than the sample the first piece ends, ns.
     ahead_ns: i64,
+    /// Samples closer than this say the same twice, ns: of what a filter lets through nothing is lost between them.
+    rest_ns: i64,
 }
 
 impl FilterMemory {
@@ -59,7 +61,7 @@ impl FilterMemory {
             .zip(missing.iter().copied().chain([0.0]))
             .map(|(before, after)| before - after)
             .collect();
-        let mut memory = Self::of(&shown, filter.step_s());
+        let mut memory = Self::of(&shown, filter);
         // A sample stands for the time about it.
         memory.ahead_ns = memory.piece_ns / 2;
         Ok(memory)
@@ -72,17 +74,20 @@ impl FilterMemory {
     /// As [`of_acceleration`](Self::of_acceleration).
     pub fn of_rate(filter: &LinearFilter) -> Result<Option<Self>, IdentificationError> {
         let missing = missing(filter)?;
-        Ok((!missing.is_empty()).then(|| Self::of(&missing, filter.step_s())))
+        Ok((!missing.is_empty()).then(|| Self::of(&missing, filter)))
     }
 
-    fn of(weights: &[f64], step_s: f64) -> Self {
+    fn of(weights: &[f64], filter: &LinearFilter) -> Self {
         let steps = weights.len().div_ceil(PIECES).max(1);
-        let mut memory = Self { weights: [0.0; PIECES], pieces: weights.len().div_ceil(steps), piece_ns: 0, ahead_ns: 0 };
+        let pieces = weights.len().div_ceil(steps);
+        let mut memory = Self { weights: [0.0; PIECES], pieces, piece_ns: 0, ahead_ns: 0, rest_ns: 0 };
         for (piece, weights) in memory.weights.iter_mut().zip(weights.chunks(steps)) {
             *piece = weights.iter().sum::<f64>();
         }
         #[allow(clippy::cast_possible_truncation)] // saturates
-        let step_ns = ComplexField::round(step_s * 1e9) as i64;
+        let whole_ns = |time_s: f64| ComplexField::round(time_s * 1e9) as i64;
+        let step_ns = whole_ns(filter.step_s());
+        memory.rest_ns = whole_ns(0.5 * filter.delay_samples().max(0.0) * filter.step_s());
         memory.piece_ns = step_ns.saturating_mul(i64::try_from(steps).unwrap_or(1)).max(1);
         let in_pieces = steps as f64;
         if steps > 1 {
@@ -97,6 +102,11 @@ impl FilterMemory {
     /// Sum of the weights times the length of a piece, s: of a rate the time by which it is late where it grows steadily.
     pub fn length_s(&self) -> f64 {
         self.weights.iter().sum::<f64>() * self.piece_ns as f64 * 1e-9
+    }
+
+    /// Whether a sample says something that one before did not.
+    pub(super) fn is_rested(&self, before_ns: i64, now_ns: i64) -> bool {
+        now_ns.saturating_sub(before_ns) >= self.rest_ns
     }
 
     /// The mean of what was believed to act, by these weights, at a sample of `now_ns`.
