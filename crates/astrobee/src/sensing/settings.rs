@@ -190,6 +190,8 @@ pub struct JumpSettings {
 pub enum SensingPreset {
     /// The truth at 62.5 Hz, at once: no noise, no filter, no delay.
     Perfect,
+    /// White noise and nothing else, late but stamped right.
+    Ideal,
     /// A healthy flight.
     #[default]
     Nominal,
@@ -201,12 +203,13 @@ pub enum SensingPreset {
 
 impl SensingPreset {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Perfect, Self::Nominal, Self::ThesisFlight, Self::Bumble];
+    pub const ALL: [Self; 5] = [Self::Perfect, Self::Ideal, Self::Nominal, Self::ThesisFlight, Self::Bumble];
 
     /// Its name in scenarios and options.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Perfect => "perfect",
+            Self::Ideal => "ideal",
             Self::Nominal => "nominal",
             Self::ThesisFlight => "thesis-flight",
             Self::Bumble => "bumble",
@@ -217,6 +220,7 @@ impl SensingPreset {
     pub fn settings(self) -> LocalizationSettings {
         match self {
             Self::Perfect => LocalizationSettings::perfect(),
+            Self::Ideal => LocalizationSettings::ideal(),
             Self::Nominal => LocalizationSettings::nominal(),
             Self::ThesisFlight => LocalizationSettings::thesis_flight(),
             Self::Bumble => LocalizationSettings::bumble(),
@@ -357,6 +361,24 @@ impl LocalizationSettings {
             },
             timing: TimingSettings { latency_ms: 0.0, arrival_jitter_ms: 0.0, ..TimingSettings::default() },
             ..Self::nominal()
+        }
+    }
+
+    /// White noise at 62.5 Hz of poses, velocities and an inertial unit without filters, a tenth of a second late but stamped right: what
+    /// no robot has.
+    pub fn ideal() -> Self {
+        let white = |noise_density| SensorErrors { noise_density, ..SensorErrors::none() };
+        let perfect = Self::perfect();
+        Self {
+            imu: ImuSettings { accelerometer: white(1e-3), gyro: white(1.25e-4), ..perfect.imu },
+            pose: PoseErrorSettings {
+                position_noise_m: 0.002,
+                attitude_noise_rad: 0.004,
+                velocity_noise_m_s: 0.001,
+                ..perfect.pose
+            },
+            timing: TimingSettings { latency_ms: 100.0, arrival_jitter_ms: 10.0, ..perfect.timing },
+            ..perfect
         }
     }
 

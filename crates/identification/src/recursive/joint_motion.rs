@@ -127,12 +127,7 @@ impl JointMotion {
 
     /// Derivatives of the twist rate under a wrench that holds the gyroscopic torque of what is `stored`. The acceleration of the origin
     /// is the lower half plus w × v.
-    pub(super) fn derivatives(
-        &self,
-        state: &JointState,
-        wrench: &Wrench<f64>,
-        stored: &Vector3<f64>,
-    ) -> Derivatives {
+    pub(super) fn derivatives(&self, state: &JointState, wrench: &Wrench<f64>, stored: &Vector3<f64>) -> Derivatives {
         let parameters = state.body.to_parameters();
         let flyer = FreeFlyer::new(parameters);
         let twist = &state.motion.twist_body;

@@ -177,8 +177,12 @@ impl MotionGivenBody {
         let joint = JointState { motion: lesson.motion, body: self.about };
         let state = FlightState::of(joint);
         let fresh = Fresh { attitude: true, position: true, rate: true, velocity: true, acceleration: false };
-        let Rows { sensitivity, residual, standard_deviation } =
-            model.rows::<ALL_ROWS>(&state, &lesson.measurement, fresh, &Shown { owed: None, acceleration: None, samples: [1.0; 2] });
+        let Rows { sensitivity, residual, standard_deviation } = model.rows::<ALL_ROWS>(
+            &state,
+            &lesson.measurement,
+            fresh,
+            &Shown { owed: None, acceleration: None, samples: [1.0; 2] },
+        );
         let mut block = SMatrix::<f64, ALL_ROWS, 10>::zeros();
         let mut rhs = SVector::<f64, ALL_ROWS>::zeros();
         for i in (0..ALL_ROWS).filter(|i| standard_deviation[*i].is_finite()) {

@@ -24,12 +24,12 @@ pub struct WrenchErrors {
 }
 
 /// What a doubted wrench may be off by, as a multiple of the usual drift.
-const DOUBTED: f64 = 30.0;
+const DOUBTED: f64 = 100.0;
 /// And how long it stays off by the same, s: an actuator that does not obey is off by what it is told.
 const DOUBTED_S: f64 = 3.0;
 
 impl WrenchErrors {
-    /// Of actuators that do not do what they are told: thirty times the drift, which changes within seconds.
+    /// Of actuators that do not do what they are told: a hundred times the drift, which changes within seconds.
     #[must_use]
     pub fn doubted(&self) -> Self {
         Self { drift: self.drift * DOUBTED, drift_time_s: f64::min(DOUBTED_S, self.drift_time_s), ..*self }
@@ -39,11 +39,12 @@ impl WrenchErrors {
     /// along each axis in each sense, this far from the middle; what drifts, and how long a wrench is held, as it is.
     ///
     /// A force that n thrusters share errs by the mean of their n errors, of deviation `relative` / √n, and so does a torque.
-    /// Where they are `arm_m` to either side of the middle, the difference moves the force's line by `arm_m` times as much.
+    /// Where they are `arm_m` to either side of the middle, the difference moves the force's line by `arm_m` times as much: in each sense by
+    /// another difference, and each coordinate of a centre of mass is told by the lines of two axes, so that of it all half is left.
     #[must_use]
     pub fn of_thrusters(self, relative: f64, pushing: u32, arm_m: f64) -> Self {
         let shared = relative / ComplexField::sqrt(f64::from(pushing.max(1)));
-        Self { scale: Vector6::repeat(shared), line_m: arm_m * shared, ..self }
+        Self { scale: Vector6::repeat(shared), line_m: 0.5 * arm_m * shared, ..self }
     }
 }
 

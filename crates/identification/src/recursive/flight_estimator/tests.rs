@@ -1,7 +1,7 @@
 use super::filtered::in_chart;
 use super::flight_motion::{
-    ACCELERATION_BIAS, ACCELERATION_SCALE, BIAS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState, Fresh,
-    Held, SCALE, Shown, Vector, WANDER,
+    ACCELERATION_BIAS, ACCELERATION_SCALE, BIAS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState,
+    Fresh, Held, SCALE, Shown, Vector, WANDER,
 };
 use super::settings::FlightEstimatorSettings;
 use super::slow_errors::{GaussMarkov, SlowErrors};
@@ -49,10 +49,19 @@ fn state(planar: bool) -> FlightState {
         twist_body: Twist::new(Vector3::new(0.3 * flat, -0.2 * flat, 0.5), Vector3::new(0.1, -0.05, 0.2 * flat)),
     };
     let (drift, scale) = (Vector6::repeat(0.02), Vector6::new(0.1, 0.2, -0.1, 0.05, 0.15, -0.2));
-    let wander = [Vector3::new(0.02, -0.03, 0.01) * flat, Vector3::new(0.05, 0.02, -0.04), Vector3::new(-0.01, 0.03, 0.02)];
+    let wander =
+        [Vector3::new(0.02, -0.03, 0.01) * flat, Vector3::new(0.05, 0.02, -0.04), Vector3::new(-0.01, 0.03, 0.02)];
     let bias = Vector3::new(0.01, -0.02, 0.03);
     let (acceleration_bias, acceleration_scale) = (Vector3::new(0.02, 0.01, -0.03), Vector3::new(0.1, -0.2, 0.05));
-    FlightState { joint: JointState { motion, body }, drift, scale, wander, bias, acceleration_bias, acceleration_scale }
+    FlightState {
+        joint: JointState { motion, body },
+        drift,
+        scale,
+        wander,
+        bias,
+        acceleration_bias,
+        acceleration_scale,
+    }
 }
 
 fn wrench() -> Held {
@@ -99,7 +108,8 @@ fn predicted_covariance_is_what_the_step_makes_of_a_spread() {
         let louder = [2.0, 3.0, 0.5];
         for i in 0..9 {
             let sigma = [0.1, 0.2, 0.3][i / 3];
-            expected[(WANDER + i, WANDER + i)] += louder[i / 3] * sigma * sigma * (1.0 - (-2.0 * step_s / 0.5_f64).exp());
+            expected[(WANDER + i, WANDER + i)] +=
+                louder[i / 3] * sigma * sigma * (1.0 - (-2.0 * step_s / 0.5_f64).exp());
         }
         for i in 0..3 {
             expected[(BIAS + i, BIAS + i)] += 0.25 * step_s;
@@ -212,9 +222,9 @@ fn a_prior_at_the_edge_of_what_can_be_is_taken_for_an_uncertain_one() {
 fn thrusters_share_their_errors() {
     let usual = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.04).wrench;
     let one = usual.of_thrusters(0.02, 1, 0.3);
-    assert_eq!((one.scale, one.line_m, one.drift), (Vector6::repeat(0.02), 0.02 * 0.3, usual.drift));
+    assert_eq!((one.scale, one.line_m, one.drift), (Vector6::repeat(0.02), 0.5 * 0.02 * 0.3, usual.drift));
     let four = usual.of_thrusters(0.02, 4, 0.3);
-    assert_eq!((four.scale, four.line_m), (Vector6::repeat(0.01), 0.01 * 0.3));
+    assert_eq!((four.scale, four.line_m), (Vector6::repeat(0.01), 0.5 * 0.01 * 0.3));
 }
 
 /// A line that is off is a centre of mass and an inertia that are: the report knows of both, and only of them.

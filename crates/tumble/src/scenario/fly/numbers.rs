@@ -39,7 +39,7 @@ const ARRIVAL: ArrivalTolerance =
     ArrivalTolerance { position_m: 0.02, attitude_rad: 0.05, speed_m_s: 0.005, rate_rad_s: 0.01, for_s: 2.0 };
 /// What the estimator takes for noise where neither it is written nor the sensors state it: a pose, velocity and rate at 62.5 Hz that are
 /// white, and nozzles that are a hundredth off.
-const NOISE: [f64; 8] = [4e-3, 2e-3, 1e-3, 1e-3, 1e-2, 1e-3, 1e-2, 1e-4];
+const NOISE: [f64; 8] = [4e-3, 2e-3, 1e-3, 1e-3, 1e-2, 2e-4, 2e-3, 1e-4];
 /// Units for the first way, for a new one and for a stretch, simulated time of a unit of each, ns, and by what share it may be longer.
 const COMPUTING: ComputingSettings = ComputingSettings {
     global_units: 20_000,
