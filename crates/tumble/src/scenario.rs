@@ -352,7 +352,7 @@ pub enum PropulsionName {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensingTable {
-    /// `perfect`, `nominal`, `thesis-flight` or `bumble`.
+    /// `perfect`, `ideal`, `nominal`, `thesis-flight` or `bumble`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<SensingPreset>,
     /// Instead of a preset; what is left out is as in `nominal`. Gravity is the world's.

@@ -83,7 +83,7 @@ fn a_sensing_that_cannot_be_flown_names_file_key_and_remedy() {
     bad("unknown.toml", "format = 1\nnoise = 1\n", &["T012", "unknown.toml", "noise"]);
     let output = tumble_in(&folder, &["simulate", "iss-slalom", "--sensing", "nominl"]);
     let said = stderr(&output);
-    assert!(said.contains("T014") && said.contains("perfect, nominal, thesis-flight, bumble"), "{said}");
+    assert!(said.contains("T014") && said.contains("perfect, ideal, nominal, thesis-flight, bumble"), "{said}");
     assert!(said.contains("did you mean `nominal`"), "{said}");
     assert!(!folder.join("tumble-out").exists());
 }
