@@ -52,7 +52,11 @@ const STEPS: &[Step] = &[
         "those that promise it type-check without features, and nothing turns the standard library on",
         no_std,
     ),
-    always("missions", "ninety missions with drawn payloads and beliefs, with three kinds of sensors: all arrive and touch nothing", drawn_missions),
+    always(
+        "missions",
+        "ninety missions with drawn payloads and beliefs, with three kinds of sensors: all arrive and touch nothing",
+        drawn_missions,
+    ),
     always("cluster", "a campaign in sixteen parts, one killed, is the campaign flown at once", cluster::step),
     full("packages", "what would be published, unpacked: it and its tests compile", packages::check),
     always("deny", "bans, licences, sources", deny),
@@ -354,7 +358,16 @@ fn drawn_missions() -> Outcome {
         let folder = target_dir().join(format!("drawn-missions-{sensing}"));
         let _ = std::fs::remove_dir_all(&folder);
         let mut campaign = Command::new(&program);
-        campaign.args(["campaign", "iss-cargo", "granite-cargo", "--draw", "--sensing", sensing, "--missions", missions]);
+        campaign.args([
+            "campaign",
+            "iss-cargo",
+            "granite-cargo",
+            "--draw",
+            "--sensing",
+            sensing,
+            "--missions",
+            missions,
+        ]);
         campaign.arg("--out").arg(folder);
         campaign
     });

@@ -304,7 +304,7 @@ impl FlightEstimator {
             let stamp_ns = self.moments.get(k).map_or(filtered.stamp_ns, |moment| moment.stamp_ns);
             filtered.advance(&self.rules, &self.history, stamp_ns, None);
             let reception = match event {
-                Event::Measured(measurement) => filtered.take(&self.rules, &self.history, measurement),
+                Event::Measured(measurement) => filtered.take(&self.rules, &self.history, measurement, None),
                 Event::Changed(deviation) => {
                     filtered.widen(&self.rules, deviation);
                     Reception::Frozen

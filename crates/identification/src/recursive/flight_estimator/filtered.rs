@@ -1,10 +1,10 @@
 //! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
 
 use super::flight_motion::{
-    ACCELERATION_BIAS, ACCELERATION_SCALE, ALL_ROWS, BIAS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion,
-    FlightState, Fresh, ROWS, SCALE, Shown, WANDER, back_into_plane,
+    ACCELERATION_BIAS, ACCELERATION_SCALE, ALL_ROWS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState,
+    Fresh, ROWS, Shown, WANDER, back_into_plane,
 };
-use super::health::{Monitor, Thresholds};
+use super::health::{Groups, Monitor, Thresholds};
 use super::reception::Reception;
 use super::settings::{FlightEstimatorSettings, WrenchErrors};
 use super::wrench_history::WrenchHistory;
@@ -78,6 +78,24 @@ struct Seen {
     acceleration: Option<Vector3<f64>>,
 }
 
+/// As what a measurement is learned from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Heard {
+    pub(super) fresh: Fresh,
+    /// How many samples of rate and acceleration one stands for.
+    pub(super) samples: [f64; 2],
+    /// By how much the wander was louder than stated.
+    pub(super) louder: [f64; 3],
+}
+
+impl Heard {
+    const NOTHING: Self = Self {
+        fresh: Fresh { attitude: false, position: false, rate: false, velocity: false, acceleration: false },
+        samples: [1.0; 2],
+        louder: [1.0; 3],
+    };
+}
+
 /// The localisation moved a moment ago, and may again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Unsettled {
@@ -110,8 +128,9 @@ pub(super) struct Filtered {
     heard: [(i64, u32); 2],
     pub(super) counts: StreamCounts,
     pub(super) monitor: Monitor,
-    /// Whether the last measurement is to be learned from.
+    /// Whether the last measurement is to be learned from, and as what.
     pub(super) teaches: bool,
+    pub(super) lesson: Heard,
     /// Whether actuators are thought not to do what they are told.
     wrench_is_doubtful: bool,
     jump: Option<Jump>,
@@ -126,27 +145,10 @@ impl Filtered {
         let motion = rules.model.motion_variance(&settings.start_deviation);
         covariance.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&SMatrix::from_diagonal(&motion));
         covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(body);
-        let errors = [(DRIFT, settings.wrench.drift), (SCALE, settings.wrench.scale)];
-        for (first, deviation) in errors {
-            for i in 0..6 {
-                covariance[(first + i, first + i)] = deviation[i] * deviation[i];
-            }
-        }
-        for i in 0..9 {
-            let sigma = settings.slow.wander()[i / 3].sigma;
-            covariance[(WANDER + i, WANDER + i)] = sigma * sigma;
+        for (i, deviation) in rules.model.slow_deviation().iter().enumerate().skip(DRIFT) {
+            covariance[(i, i)] = deviation * deviation;
         }
         let slow = &settings.slow;
-        let constant = [
-            (BIAS, slow.rate_bias_rad_s),
-            (ACCELERATION_BIAS, slow.acceleration_bias_m_s2),
-            (ACCELERATION_SCALE, slow.doubted_scale),
-        ];
-        for (first, sigma) in constant {
-            for i in first..first + 3 {
-                covariance[(i, i)] = sigma * sigma;
-            }
-        }
         Self {
             stamp_ns: start_ns,
             measured_ns: start_ns,
@@ -158,6 +160,7 @@ impl Filtered {
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
             teaches: false,
+            lesson: Heard::NOTHING,
             wrench_is_doubtful: false,
             jump: None,
             unsettled: None,
@@ -197,13 +200,19 @@ impl Filtered {
         state
     }
 
-    /// Takes a measurement of the present moment.
-    pub(super) fn take(&mut self, rules: &Rules, history: &WrenchHistory, measurement: &Measurement) -> Reception {
+    /// Takes a measurement of the present moment, linear about `anchor` where there is one.
+    pub(super) fn take(
+        &mut self,
+        rules: &Rules,
+        history: &WrenchHistory,
+        measurement: &Measurement,
+        anchor: Option<&LogCholesky<f64>>,
+    ) -> Reception {
         // Rows that nobody measured cost time.
         if measurement.other.is_some() {
-            self.take_rows::<ALL_ROWS>(rules, history, measurement)
+            self.take_rows::<ALL_ROWS>(rules, history, measurement, anchor)
         } else {
-            self.take_rows::<ROWS>(rules, history, measurement)
+            self.take_rows::<ROWS>(rules, history, measurement, anchor)
         }
     }
 
@@ -212,6 +221,7 @@ impl Filtered {
         rules: &Rules,
         history: &WrenchHistory,
         measurement: &Measurement,
+        anchor: Option<&LogCholesky<f64>>,
     ) -> Reception {
         let fresh = self.news(measurement);
         let dt_s = (measurement.stamp_ns - self.measured_ns) as f64 * 1e-9;
@@ -225,6 +235,7 @@ impl Filtered {
             return Reception::Frozen;
         }
         let (fresh, shown) = self.rested(rules, history, measurement.stamp_ns, fresh);
+        let shown = Shown { about: anchor.copied(), ..shown };
         let main = Fresh { acceleration: fresh.acceleration && self.accelerometer_is_sane, ..fresh };
         if !(main.attitude || main.position || main.rate || main.velocity || main.acceleration)
             && measurement.other.is_none()
@@ -232,31 +243,54 @@ impl Filtered {
             self.counts.used += 1;
             return Reception::Used { nis: 0.0 };
         }
-        let rows = self.model(rules).rows::<R>(&self.state, measurement, main, &shown);
+        let mut rows = self.model(rules).rows::<R>(&self.state, measurement, main, &shown);
         let mut learned = self.covariance;
-        let Ok(Correction { step, innovation }) = rows.correct(&mut learned) else {
+        let Ok(Correction { mut step, innovation }) = rows.correct(&mut learned) else {
             return Reception::Malformed { what: "innovation is not finite" };
         };
-        self.hear_wander(rules, &innovation, dt_s);
-        let (nis, freedom) = (innovation.nis, innovation.degrees_of_freedom);
-        let limit = rules.thresholds.gate(freedom);
+        let groups = Groups::of(&innovation);
+        let [inertial_fits, map_fits] =
+            [groups.inertial, groups.localised].map(|group| rules.thresholds.lets_pass(group));
+        if inertial_fits {
+            self.hear_wander(rules, &innovation, dt_s);
+        }
+        let nis = innovation.nis;
+        let fits = rules.thresholds.lets_pass((nis, innovation.degrees_of_freedom));
         let is_settled = self.unsettled.is_none_or(|unsettled| measurement.stamp_ns >= unsettled.until_ns);
         if is_settled {
-            self.monitor.observe(&rules.thresholds, &innovation, limit, dt_s);
+            self.monitor.observe(&rules.thresholds, &innovation, &groups, dt_s);
         }
-        if nis <= limit {
-            self.teaches = is_settled;
-            if is_settled && !rules.considers_body {
-                self.correct(rules, &step, &learned);
-            } else {
-                self.correct_motion(rules, &step, &learned);
+        let is_part = inertial_fits != map_fits && groups.inertial.1 > 0 && groups.localised.1 > 0;
+        if is_part {
+            // What inertial sensors say of the body and what a localisation says of its map do not stand or fall together.
+            Groups::leave(&mut rows, inertial_fits);
+            learned = self.covariance;
+            let Ok(correction) = rows.correct(&mut learned) else { return Reception::Gated { nis } };
+            step = correction.step;
+        }
+        if fits || is_part {
+            match (is_settled, rules.considers_body) {
+                (true, false) => self.correct(rules, &step, &learned),
+                (true, true) => self.correct_all_but::<{ WANDER - BODY }>(rules, &step, &learned),
+                // Of a map that moves nothing but the motion is learned.
+                (false, _) => self.correct_all_but::<{ COORDINATES - BODY }>(rules, &step, &learned),
             }
+        }
+        if fits || is_part && map_fits {
             self.jump = None;
+        }
+        if fits {
+            self.teaches = is_settled;
+            self.lesson = Heard { fresh: main, samples: shown.samples, louder: self.louder };
             self.counts.used += 1;
             if fresh.acceleration && !self.accelerometer_is_sane {
                 self.judge_accelerometer(rules, measurement, &shown);
             }
             return Reception::Used { nis };
+        }
+        if is_part && map_fits {
+            self.counts.gated += 1;
+            return Reception::Gated { nis };
         }
         self.counts.gated += 1;
         if self.begins_anew(rules, measurement, localised) {
@@ -296,7 +330,7 @@ impl Filtered {
             None => history.mean(stamp_ns.saturating_sub(ABOUT_NS), stamp_ns.saturating_add(ABOUT_NS)),
         });
         let owed = owed.map(|memory| (memory.held(history, stamp_ns), memory.length_s()));
-        (Fresh { rate: due[0], acceleration: due[1], ..fresh }, Shown { owed, acceleration, samples })
+        (Fresh { rate: due[0], acceleration: due[1], ..fresh }, Shown { owed, acceleration, samples, about: None })
     }
 
     /// Follows the level of each stream's wander: innovations that are larger than stated make it louder, smaller ones quieter. A level that
@@ -359,13 +393,18 @@ impl Filtered {
         }
     }
 
-    /// The motion alone, by the same gain: body and wrench stay what they are, as certain as they are (Schmidt's filter).
-    fn correct_motion(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: &Covariance) {
-        const REST: usize = COORDINATES - BODY;
+    /// By the same gain, but the first `CONSIDERED` coordinates from the body on stay what they are, as certain as they are (Schmidt's
+    /// filter).
+    fn correct_all_but<const CONSIDERED: usize>(
+        &mut self,
+        rules: &Rules,
+        step: &SVector<f64, COORDINATES>,
+        covariance: &Covariance,
+    ) {
         let (mut step, mut covariance) = (*step, *covariance);
-        step.fixed_rows_mut::<REST>(BODY).fill(0.0);
-        let before = self.covariance.fixed_view::<REST, REST>(BODY, BODY);
-        covariance.fixed_view_mut::<REST, REST>(BODY, BODY).copy_from(&before);
+        step.fixed_rows_mut::<CONSIDERED>(BODY).fill(0.0);
+        let before = self.covariance.fixed_view::<CONSIDERED, CONSIDERED>(BODY, BODY);
+        covariance.fixed_view_mut::<CONSIDERED, CONSIDERED>(BODY, BODY).copy_from(&before);
         self.correct(rules, &step, &covariance);
     }
 
@@ -513,6 +552,11 @@ impl Filtered {
             self.covariance[(BODY + i, BODY + i)] += deviation[i] * deviation[i];
         }
         self.widen_drift(&rules.settings.wrench.doubted());
+        // So are the sensors' errors that took blame for the body.
+        for (i, deviation) in rules.model.slow_deviation().iter().enumerate().take(ACCELERATION_SCALE).skip(WANDER) {
+            self.covariance[(i, i)] += deviation * deviation;
+        }
+        self.louder = [1.0; 3];
         self.monitor = Monitor::of_new_body();
         self.unsettled = None;
     }

@@ -66,7 +66,7 @@ impl FirstLessons {
         let mut filtered = self.start;
         for measurement in &self.measurements {
             filtered.advance(rules, history, measurement.stamp_ns, Some(about));
-            filtered.take(rules, history, measurement);
+            filtered.take(rules, history, measurement, Some(about));
         }
         filtered
     }
