@@ -120,6 +120,8 @@ pub(super) struct Filtered {
     pub(super) measured_ns: i64,
     pub(super) state: FlightState,
     pub(super) covariance: Covariance,
+    /// The body about which all is linear, where that is not the estimated one.
+    pub(super) about: Option<LogCholesky<f64>>,
     /// By how much the wander of attitude, position and velocity is louder than stated, as factors of its variance.
     louder: [f64; 3],
     /// Whether the accelerometer is believed; while it is not, nothing but its own errors is learned from it.
@@ -153,6 +155,7 @@ impl Filtered {
             stamp_ns: start_ns,
             measured_ns: start_ns,
             state: *state,
+            about: None,
             louder: [1.0; 3],
             accelerometer_is_sane: slow.doubted_scale <= slow.acceleration_scale,
             heard: [(i64::MIN, 0); 2],
@@ -173,19 +176,13 @@ impl Filtered {
         if self.wrench_is_doubtful { &rules.doubting } else { &rules.model }
     }
 
-    /// Carries state and covariance on to a time, linear about `anchor` where there is one.
-    pub(super) fn advance(
-        &mut self,
-        rules: &Rules,
-        history: &WrenchHistory,
-        until_ns: i64,
-        anchor: Option<&LogCholesky<f64>>,
-    ) {
+    /// Carries state and covariance on to a time.
+    pub(super) fn advance(&mut self, rules: &Rules, history: &WrenchHistory, until_ns: i64) {
         for (from_ns, to_ns) in steps(self.stamp_ns, until_ns) {
             let (believed, step_s) = (history.mean(from_ns, to_ns), (to_ns - from_ns) as f64 * 1e-9);
             // What is not finite never gets here; where a step fails all the same, the motion stays.
-            let (model, louder) = (self.model(rules), self.louder);
-            let _ = model.predict(&mut self.state, &mut self.covariance, &believed, step_s, anchor, &louder);
+            let (model, louder, about) = (self.model(rules), self.louder, self.about);
+            let _ = model.predict(&mut self.state, &mut self.covariance, &believed, step_s, about.as_ref(), &louder);
         }
         self.stamp_ns = self.stamp_ns.max(until_ns);
     }
@@ -200,19 +197,13 @@ impl Filtered {
         state
     }
 
-    /// Takes a measurement of the present moment, linear about `anchor` where there is one.
-    pub(super) fn take(
-        &mut self,
-        rules: &Rules,
-        history: &WrenchHistory,
-        measurement: &Measurement,
-        anchor: Option<&LogCholesky<f64>>,
-    ) -> Reception {
+    /// Takes a measurement of the present moment.
+    pub(super) fn take(&mut self, rules: &Rules, history: &WrenchHistory, measurement: &Measurement) -> Reception {
         // Rows that nobody measured cost time.
         if measurement.other.is_some() {
-            self.take_rows::<ALL_ROWS>(rules, history, measurement, anchor)
+            self.take_rows::<ALL_ROWS>(rules, history, measurement)
         } else {
-            self.take_rows::<ROWS>(rules, history, measurement, anchor)
+            self.take_rows::<ROWS>(rules, history, measurement)
         }
     }
 
@@ -221,7 +212,6 @@ impl Filtered {
         rules: &Rules,
         history: &WrenchHistory,
         measurement: &Measurement,
-        anchor: Option<&LogCholesky<f64>>,
     ) -> Reception {
         let fresh = self.news(measurement);
         let dt_s = (measurement.stamp_ns - self.measured_ns) as f64 * 1e-9;
@@ -235,7 +225,6 @@ impl Filtered {
             return Reception::Frozen;
         }
         let (fresh, shown) = self.rested(rules, history, measurement.stamp_ns, fresh);
-        let shown = Shown { about: anchor.copied(), ..shown };
         let main = Fresh { acceleration: fresh.acceleration && self.accelerometer_is_sane, ..fresh };
         if !(main.attitude || main.position || main.rate || main.velocity || main.acceleration)
             && measurement.other.is_none()
@@ -330,7 +319,10 @@ impl Filtered {
             None => history.mean(stamp_ns.saturating_sub(ABOUT_NS), stamp_ns.saturating_add(ABOUT_NS)),
         });
         let owed = owed.map(|memory| (memory.held(history, stamp_ns), memory.length_s()));
-        (Fresh { rate: due[0], acceleration: due[1], ..fresh }, Shown { owed, acceleration, samples, about: None })
+        (
+            Fresh { rate: due[0], acceleration: due[1], ..fresh },
+            Shown { owed, acceleration, samples, about: self.about },
+        )
     }
 
     /// Follows the level of each stream's wander: innovations that are larger than stated make it louder, smaller ones quieter. A level that
@@ -556,7 +548,7 @@ impl Filtered {
         for (i, deviation) in rules.model.slow_deviation().iter().enumerate().take(ACCELERATION_SCALE).skip(WANDER) {
             self.covariance[(i, i)] += deviation * deviation;
         }
-        self.louder = [1.0; 3];
+        (self.louder, self.about) = ([1.0; 3], None);
         self.monitor = Monitor::of_new_body();
         self.unsettled = None;
     }
@@ -575,7 +567,7 @@ impl Filtered {
 
     /// The body as somebody else knows it; what the motion owes to the body before is forgotten.
     pub(super) fn revise(&mut self, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
-        self.state.joint.body = *body;
+        (self.state.joint.body, self.about) = (*body, None);
         self.covariance.fixed_view_mut::<10, COORDINATES>(BODY, 0).fill(0.0);
         self.covariance.fixed_view_mut::<COORDINATES, 10>(0, BODY).fill(0.0);
         self.covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(covariance);
@@ -589,7 +581,7 @@ impl Filtered {
 
     /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is.
     pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
-        self.state.joint.body = *body;
+        (self.state.joint.body, self.about) = (*body, None);
         (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
         let mut fresh = Self::new(rules, &self.state, covariance, self.stamp_ns).covariance;
         // Motion and errors of the sensors stay, and what they have in common.

@@ -12,6 +12,11 @@ pub(super) const FIRST_S: f64 = 2.0;
 pub(super) const FACTOR: f64 = 1.5;
 /// Every time has its end: what is known by then is linear enough. Last time, s.
 pub(super) const LAST_S: f64 = 40.0;
+/// At each of them so many passes at most, until one moves the body by no more than this, in its chart, and by how much at most the next
+/// one is about another body.
+const PASSES: usize = 4;
+const FAR_OFF: f64 = 0.02;
+const LARGEST_STEP: f64 = 0.5;
 
 /// All settled measurements since the body was last made uncertain, and when to go through them again.
 ///
@@ -60,13 +65,32 @@ impl FirstLessons {
             && !self.measurements.is_empty()
     }
 
-    /// The filter at the end of another pass about this body.
-    pub(super) fn again(&mut self, rules: &Rules, history: &WrenchHistory, about: &LogCholesky<f64>) -> Filtered {
+    /// The filter at the end of more passes, the first of them about this body.
+    pub(super) fn again(&mut self, rules: &Rules, history: &WrenchHistory, first: &LogCholesky<f64>) -> Filtered {
         self.next_s *= FACTOR;
+        let mut about = *first;
+        for pass in 1.. {
+            let filtered = self.pass(rules, history, &about);
+            let step = filtered.state.joint.body.to_vector() - about.to_vector();
+            let size = step.amax();
+            if pass == PASSES || !(size > FAR_OFF) {
+                return filtered;
+            }
+            about = LogCholesky::from_vector(&(about.to_vector() + step * f64::min(1.0, LARGEST_STEP / size)));
+        }
+        self.start
+    }
+
+    /// All measurements, linear about one body; what comes after them too, until the next pass.
+    fn pass(&self, rules: &Rules, history: &WrenchHistory, about: &LogCholesky<f64>) -> Filtered {
         let mut filtered = self.start;
+        filtered.about = Some(*about);
         for measurement in &self.measurements {
-            filtered.advance(rules, history, measurement.stamp_ns, Some(about));
-            filtered.take(rules, history, measurement, Some(about));
+            filtered.advance(rules, history, measurement.stamp_ns);
+            filtered.take(rules, history, measurement);
+        }
+        if self.next_s > LAST_S {
+            filtered.about = None;
         }
         filtered
     }
