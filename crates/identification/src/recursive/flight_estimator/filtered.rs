@@ -237,7 +237,7 @@ impl Filtered {
         let Ok(Correction { mut step, innovation }) = rows.correct(&mut learned) else {
             return Reception::Malformed { what: "innovation is not finite" };
         };
-        let groups = Groups::of(&innovation);
+        let groups = Groups::of(&innovation, rules.settings.slow.wanders());
         let [inertial_fits, map_fits] =
             [groups.inertial, groups.localised].map(|group| rules.thresholds.lets_pass(group));
         if inertial_fits {
@@ -557,7 +557,7 @@ impl Filtered {
     pub(super) fn doubt_wrench(&mut self, rules: &Rules) {
         self.widen_drift(&rules.settings.wrench.doubted());
         self.wrench_is_doubtful = true;
-        self.monitor = Monitor::default();
+        self.monitor = Monitor::of_learning();
     }
 
     /// What doubted actuators are to be asked for.
@@ -592,7 +592,7 @@ impl Filtered {
             }
         }
         self.covariance = fresh;
-        self.monitor = Monitor::default();
+        self.monitor = Monitor::of_learning();
         self.jump = None;
     }
 }

@@ -42,6 +42,8 @@ const BACK_INSIDE: f64 = 0.5;
 const DOUBT_S: f64 = 2.0;
 /// A body that was just made uncertain is not doubted for so long, s: until it is known roughly, what is linear about it errs.
 const ACQUAINTANCE_S: f64 = 8.0;
+/// So long after it was made uncertain, s, a body that does not fit was not learned, and is no other one.
+const LEARNING_S: f64 = 30.0;
 
 impl Thresholds {
     pub(super) fn try_new(settings: &FlightEstimatorSettings) -> Result<Self, IdentificationError> {
@@ -77,6 +79,8 @@ fn is_inertial(row: usize) -> bool {
 }
 
 /// Innovations of a measurement: squares and degrees of freedom of the inertial rows, and of all others.
+///
+/// Where the localisation is not known to wander its rows tell of the motion as well as those of inertial sensors: all are of the others.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Groups {
     pub(super) inertial: (f64, usize),
@@ -84,7 +88,10 @@ pub(super) struct Groups {
 }
 
 impl Groups {
-    pub(super) fn of<const R: usize>(innovation: &Innovation<R>) -> Self {
+    pub(super) fn of<const R: usize>(innovation: &Innovation<R>, wanders: bool) -> Self {
+        if !wanders {
+            return Self { inertial: (0.0, 0), localised: (innovation.nis, innovation.degrees_of_freedom) };
+        }
         Self { inertial: squares(innovation, is_inertial), localised: squares(innovation, |row| !is_inertial(row)) }
     }
 
@@ -156,7 +163,7 @@ pub(super) struct Monitor {
     diverged: bool,
     /// How long the body is still in doubt, s.
     doubt_s: f64,
-    /// How long it is above doubt, s.
+    /// For how long it is new, s.
     new_s: f64,
     alarm: f64,
 }
@@ -164,13 +171,19 @@ pub(super) struct Monitor {
 impl Monitor {
     /// Of a body that was just made uncertain.
     pub(super) fn of_new_body() -> Self {
-        Self { new_s: ACQUAINTANCE_S, ..Self::default() }
+        Self { new_s: LEARNING_S, ..Self::default() }
+    }
+
+    /// Of a body that is learned anew from what it is usually taken for.
+    pub(super) fn of_learning() -> Self {
+        Self { new_s: LEARNING_S - ACQUAINTANCE_S, ..Self::default() }
     }
 
     /// Counts an innovation; one beyond its gate counts as if it lay there and says no more of the body.
     ///
     /// Where inertial sensors are heard the body is accused by their rows alone, by a mean that is one-sided or by squares that are too
-    /// large, and a filter whose inertial rows do not fit is one of another body and not one that has lost its way.
+    /// large, and a filter whose inertial rows do not fit is one of another body and not one that has lost its way. One that was to learn
+    /// another body, has had the time to, and does not fit again has.
     pub(super) fn observe<const R: usize>(
         &mut self,
         thresholds: &Thresholds,
@@ -188,9 +201,12 @@ impl Monitor {
         if judge_inertial {
             self.inertial.observe(keep, nis.min(thresholds.gate(freedom)), freedom);
         }
+        if !judge_inertial && innovation.nis > limit {
+            return;
+        }
         let accuses = |row: usize| if judge_inertial { is_inertial(row) } else { self.inertial.weight == 0.0 };
         let (mut rows, mut lopsided) = (0, 0.0);
-        if !gated && (judge_inertial || innovation.nis <= limit) {
+        if !gated {
             for (i, mean) in self.means.iter_mut().enumerate().take(R).filter(|(i, _)| accuses(*i)) {
                 let variance = innovation.covariance[(i, i)];
                 if variance.is_finite() {
@@ -203,17 +219,19 @@ impl Monitor {
         }
         let Some((mean, alarm)) = self.all.mean_and_alarm(thresholds) else { return };
         let inertial = self.inertial.mean_and_alarm(thresholds).is_some_and(|(mean, alarm)| mean > alarm);
+        let is_another = inertial && self.new_s <= 0.0;
         self.alarm = alarm;
         let level = if self.diverged { 1.0 + BACK_INSIDE * (alarm - 1.0) } else { alarm };
-        self.diverged = mean > level && !inertial;
+        let is_unacquainted = self.new_s > LEARNING_S - ACQUAINTANCE_S;
+        self.diverged = mean > level && !is_another && !(inertial && is_unacquainted);
         self.new_s -= dt_s;
-        if self.new_s > 0.0 {
+        if is_unacquainted {
             return;
         }
         let base = if judge_inertial { self.inertial.squares } else { self.all.squares };
         let limit = TOLERANCE * thresholds.doubts.get(rows).copied().unwrap_or(f64::INFINITY);
         let limit = if self.doubt_s > 0.0 { BACK_INSIDE * limit } else { limit };
-        let is_doubted = inertial || rows > 0 && lopsided > limit * base;
+        let is_doubted = is_another || rows > 0 && lopsided > limit * base;
         self.doubt_s = if is_doubted { DOUBT_S } else { (self.doubt_s - dt_s).max(0.0) };
     }
 

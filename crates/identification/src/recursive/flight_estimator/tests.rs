@@ -146,7 +146,7 @@ fn rows_are_the_derivatives_of_what_is_left() {
         };
         let all = Fresh { attitude: true, position: true, rate: true, velocity: true, acceleration: true };
         let held = wrench();
-        let shown = Shown { owed: Some((held, 0.077)), acceleration: Some(held), samples: [1.0; 2] };
+        let shown = Shown { owed: Some((held, 0.077)), acceleration: Some(held), samples: [1.0; 2], about: None };
         let rows = |state: &FlightState| model.rows::<15>(state, &seen(&at), all, &shown);
         let (here, mut differs) = (rows(&at), 0.0_f64);
         for j in 0..COORDINATES {
