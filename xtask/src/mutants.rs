@@ -2546,10 +2546,17 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --test suite flight_estimator::a_grasp_at_arms_length",
     },
     Mutant {
+        name: "flight estimator: first lessons go on from what was learned, however far off",
+        file: "crates/identification/src/recursive/flight_estimator/first_lessons.rs",
+        original: "if is_better { from_start.filtered } else { found.filtered }",
+        replacement: "if is_better && false { from_start.filtered } else { found.filtered }",
+        test: "-p tumble-identification --test suite flight_estimator::a_grasp_at_arms_length",
+    },
+    Mutant {
         name: "flight estimator: a body just made uncertain is doubted at once",
         file: "crates/identification/src/recursive/flight_estimator/health.rs",
-        original: "Self { new_s: ACQUAINTANCE_S, ..Self::default() }",
-        replacement: "Self::default()",
+        original: "Self { new_s: LEARNING_S, ..Self::default() }",
+        replacement: "Self { new_s: LEARNING_S - ACQUAINTANCE_S, ..Self::default() }",
         test: "-p tumble-identification --test suite flight_estimator::a_grasp_at_arms_length",
     },
     Mutant {

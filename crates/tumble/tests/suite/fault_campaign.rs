@@ -8,8 +8,9 @@ use tumble::mission::{
 };
 use tumble::scenario::ScenarioSource;
 
+/// With white noise, so that what goes wrong is the only thing that does.
 fn flown(scenario: &str, fault: &str, seed: u64) -> MissionRecord {
-    let source = ScenarioSource::find(scenario).unwrap();
+    let source = ScenarioSource::find(scenario).unwrap().sensed_by("ideal").unwrap();
     let fault = Some(fault.parse().unwrap());
     let options = FlyOptions {
         seed,

@@ -26,8 +26,8 @@ const OUT_OF_PATIENCE: f64 = 2.0;
 const SETTLING_NS: i64 = 5_000_000_000;
 /// One that keeps moving for longer than this is right, and it is the body that is not what is believed.
 const LONGEST_SETTLING_NS: i64 = 10_000_000_000;
-/// By how much more likely, as a logarithm, an accelerometer without errors of scale has to become to be believed: two hundred times.
-const SANE_LOG_ODDS: f64 = 5.3;
+/// By how much more likely, as a logarithm, an accelerometer without errors of scale has to become to be believed: two thousand times.
+const SANE_LOG_ODDS: f64 = 7.6;
 /// Least error of scale that a sane accelerometer is taken to have.
 const LEAST_SCALE: f64 = 1e-6;
 /// A sensor without a filter shows what acts about its sample, to either side, ns.

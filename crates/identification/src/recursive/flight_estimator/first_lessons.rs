@@ -1,6 +1,8 @@
 //! What is learned first is learned about a wrong body: it is learned again when a better one is known.
 
 use super::filtered::{Filtered, Rules};
+use super::flight_motion::ROWS;
+use super::reception::Reception;
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
 use crate::estimator::Measurement;
@@ -8,7 +10,7 @@ use crate::estimator::Measurement;
 /// Measurements kept since the filter last began: more than half a minute at 62.5 Hz.
 pub(super) const KEPT: usize = 2560;
 /// First time after which everything is filtered again, s, and the factor to the next one.
-pub(super) const FIRST_S: f64 = 2.0;
+pub(super) const FIRST_S: f64 = 1.0;
 pub(super) const FACTOR: f64 = 1.5;
 /// Every time has its end: what is known by then is linear enough. Last time, s.
 pub(super) const LAST_S: f64 = 40.0;
@@ -66,32 +68,66 @@ impl FirstLessons {
     }
 
     /// The filter at the end of more passes, the first of them about this body.
+    ///
+    /// Where passes do not settle, or measurements are left out, that body may have been too far off to begin at: passes that begin at the
+    /// body of the start are then tried too, and those are believed that leave less unexplained.
     pub(super) fn again(&mut self, rules: &Rules, history: &WrenchHistory, first: &LogCholesky<f64>) -> Filtered {
         self.next_s *= FACTOR;
+        let found = self.passes(rules, history, first);
+        if found.is_settled && found.left_out == 0 {
+            return found.filtered;
+        }
+        let from_start = self.passes(rules, history, &self.start.state.joint.body);
+        let is_better = (from_start.is_settled, -from_start.unexplained) > (found.is_settled, -found.unexplained);
+        if is_better { from_start.filtered } else { found.filtered }
+    }
+
+    fn passes(&self, rules: &Rules, history: &WrenchHistory, first: &LogCholesky<f64>) -> Pass {
         let mut about = *first;
-        for pass in 1.. {
-            let filtered = self.pass(rules, history, &about);
-            let step = filtered.state.joint.body.to_vector() - about.to_vector();
+        let mut passes = 1;
+        loop {
+            let mut pass = self.pass(rules, history, &about);
+            let step = pass.filtered.state.joint.body.to_vector() - about.to_vector();
             let size = step.amax();
-            if pass == PASSES || !(size > FAR_OFF) {
-                return filtered;
+            pass.is_settled = size <= FAR_OFF;
+            if pass.is_settled || passes == PASSES {
+                return pass;
             }
+            passes += 1;
             about = LogCholesky::from_vector(&(about.to_vector() + step * f64::min(1.0, LARGEST_STEP / size)));
         }
-        self.start
     }
 
     /// All measurements, linear about one body; what comes after them too, until the next pass.
-    fn pass(&self, rules: &Rules, history: &WrenchHistory, about: &LogCholesky<f64>) -> Filtered {
+    fn pass(&self, rules: &Rules, history: &WrenchHistory, about: &LogCholesky<f64>) -> Pass {
         let mut filtered = self.start;
         filtered.about = Some(*about);
+        let (mut unexplained, mut left_out) = (0.0, 0);
         for measurement in &self.measurements {
             filtered.advance(rules, history, measurement.stamp_ns);
-            filtered.take(rules, history, measurement);
+            match filtered.take(rules, history, measurement) {
+                Reception::Used { nis } => unexplained += nis,
+                Reception::Gated { .. } | Reception::Relocalised => {
+                    unexplained += rules.thresholds.gate(ROWS);
+                    left_out += 1;
+                }
+                _ => {}
+            }
         }
         if self.next_s > LAST_S {
             filtered.about = None;
         }
-        filtered
+        Pass { filtered, unexplained, left_out, is_settled: false }
     }
+}
+
+/// What a pass came to.
+struct Pass {
+    filtered: Filtered,
+    /// Squares of the innovations; one beyond its gate counts as if it lay there.
+    unexplained: f64,
+    /// Measurements that were not learned from.
+    left_out: usize,
+    /// Whether it moved the body by next to nothing.
+    is_settled: bool,
 }
