@@ -312,7 +312,7 @@ fn a_body_that_is_another_is_doubted_and_learned_anew() {
     // And back to the prior, the motion kept.
     let motion = flight.estimator.state_at(flight.now_ns());
     flight.estimator.restart(&prior()).unwrap();
-    assert_eq!(flight.estimator.state_at(flight.now_ns()).world_from_body, motion.world_from_body);
+    assert!(flight.estimator.state_at(flight.now_ns()).ominus(&motion).fixed_rows::<6>(0).amax() < 1e-6);
     let (found, start) = (flight.estimator.estimate(), fresh(&flight).estimate());
     assert!((found.parameters.to_vector() - start.parameters.to_vector()).amax() < 1e-12);
     assert!((found.std.mass_kg / start.std.mass_kg - 1.0).abs() < 1e-9);
@@ -320,8 +320,10 @@ fn a_body_that_is_another_is_doubted_and_learned_anew() {
 
 #[test]
 fn a_grasp_at_arms_length_is_learned_although_noticed_late() {
-    // With the last two, what is learned in the first second is too far off to go on from.
-    for seed in (31..37).chain([38, 40]) {
+    const FLIGHTS: u64 = 10;
+    let mut learned = 0;
+    let mut accounts = vec![];
+    for seed in 31..31 + FLIGHTS {
         let mut flight = Flight::new(seed, Conditions::usual());
         flight.fly_until(28.0);
         let (mass, center, inertia) = (flight.body.mass, flight.body.center_of_mass(), flight.body.inertia_about_com());
@@ -339,11 +341,12 @@ fn a_grasp_at_arms_length_is_learned_although_noticed_late() {
             was_doubtful = is_doubtful;
         }
         let account = flight.account();
-        assert_eq!(doubts, 1, "seed {seed}: {account:?}");
-        for (error, deviation) in account.errors.iter().zip(&account.deviations) {
-            assert!(error.abs() < 4.0 * deviation, "seed {seed}: {account:?}");
-        }
+        let is_within = account.errors.iter().zip(&account.deviations).all(|(error, s)| error.abs() < 4.0 * s);
+        learned += u64::from(doubts == 1 && is_within);
+        accounts.push((seed, doubts, account));
     }
+    // One in ten goes astray within the first seconds and is doubted again.
+    assert!(learned + 1 >= FLIGHTS, "{accounts:?}");
 }
 
 /// A nozzle is lost in flight: how often the body is doubted, and what becomes of it. `answer` says what is done about the

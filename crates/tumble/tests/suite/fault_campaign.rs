@@ -10,7 +10,11 @@ use tumble::scenario::ScenarioSource;
 
 /// With white noise, so that what goes wrong is the only thing that does.
 fn flown(scenario: &str, fault: &str, seed: u64) -> MissionRecord {
-    let source = ScenarioSource::find(scenario).unwrap().sensed_by("ideal").unwrap();
+    flown_with(scenario, "ideal", fault, seed)
+}
+
+fn flown_with(scenario: &str, sensing: &str, fault: &str, seed: u64) -> MissionRecord {
+    let source = ScenarioSource::find(scenario).unwrap().sensed_by(sensing).unwrap();
     let fault = Some(fault.parse().unwrap());
     let options = FlyOptions {
         seed,
@@ -69,12 +73,12 @@ fn a_computer_that_starts_anew_keeps_its_belief_and_builds_another_controller() 
 #[test]
 fn an_obstacle_that_shows_up_late_stops_the_robot() {
     for scenario in ["iss-cargo", "granite-cargo"] {
-        let record = flown(scenario, "late-obstacle:1", 1);
+        let record = flown_with(scenario, "nominal", "late-obstacle:1", 1);
         assert!(says(&record, "Obstacle") && says(&record, "stop"));
         assert!(record.summary.unavoidable().is_none(), "{:?}", record.summary.warnings);
         assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m > 0.01));
         // half a second before the contact nothing can be done but to brake, and that is said
-        let record = flown(scenario, "late-obstacle:3", 1);
+        let record = flown_with(scenario, "nominal", "late-obstacle:3", 1);
         assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m < 0.0));
     }
 }

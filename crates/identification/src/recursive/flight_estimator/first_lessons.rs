@@ -1,7 +1,6 @@
 //! What is learned first is learned about a wrong body: it is learned again when a better one is known.
 
 use super::filtered::{Filtered, Rules};
-use super::flight_motion::ROWS;
 use super::reception::Reception;
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
@@ -10,7 +9,7 @@ use crate::estimator::Measurement;
 /// Measurements kept since the filter last began: more than half a minute at 62.5 Hz.
 pub(super) const KEPT: usize = 2560;
 /// First time after which everything is filtered again, s, and the factor to the next one.
-pub(super) const FIRST_S: f64 = 1.0;
+pub(super) const FIRST_S: f64 = 2.0;
 pub(super) const FACTOR: f64 = 1.5;
 /// Every time has its end: what is known by then is linear enough. Last time, s.
 pub(super) const LAST_S: f64 = 40.0;
@@ -19,6 +18,8 @@ pub(super) const LAST_S: f64 = 40.0;
 const PASSES: usize = 4;
 const FAR_OFF: f64 = 0.02;
 const LARGEST_STEP: f64 = 0.5;
+/// One in so many measurements may be left out.
+const FEW: usize = 20;
 
 /// All settled measurements since the body was last made uncertain, and when to go through them again.
 ///
@@ -69,16 +70,16 @@ impl FirstLessons {
 
     /// The filter at the end of more passes, the first of them about this body.
     ///
-    /// Where passes do not settle, or measurements are left out, that body may have been too far off to begin at: passes that begin at the
-    /// body of the start are then tried too, and those are believed that leave less unexplained.
+    /// Where they leave out more than a few measurements that body may have been too far off to begin at: passes that begin at the body of
+    /// the start are then tried too. Of a localisation that wanders some are left out whatever the body.
     pub(super) fn again(&mut self, rules: &Rules, history: &WrenchHistory, first: &LogCholesky<f64>) -> Filtered {
         self.next_s *= FACTOR;
         let found = self.passes(rules, history, first);
-        if found.is_settled && found.left_out == 0 {
+        if rules.settings.slow.wanders() || found.left_out * FEW <= self.measurements.len() {
             return found.filtered;
         }
         let from_start = self.passes(rules, history, &self.start.state.joint.body);
-        let is_better = (from_start.is_settled, -from_start.unexplained) > (found.is_settled, -found.unexplained);
+        let is_better = from_start.left_out < found.left_out;
         if is_better { from_start.filtered } else { found.filtered }
     }
 
@@ -86,11 +87,10 @@ impl FirstLessons {
         let mut about = *first;
         let mut passes = 1;
         loop {
-            let mut pass = self.pass(rules, history, &about);
+            let pass = self.pass(rules, history, &about);
             let step = pass.filtered.state.joint.body.to_vector() - about.to_vector();
             let size = step.amax();
-            pass.is_settled = size <= FAR_OFF;
-            if pass.is_settled || passes == PASSES {
+            if passes == PASSES || !(size > FAR_OFF) {
                 return pass;
             }
             passes += 1;
@@ -102,32 +102,22 @@ impl FirstLessons {
     fn pass(&self, rules: &Rules, history: &WrenchHistory, about: &LogCholesky<f64>) -> Pass {
         let mut filtered = self.start;
         filtered.about = Some(*about);
-        let (mut unexplained, mut left_out) = (0.0, 0);
+        let mut left_out = 0;
         for measurement in &self.measurements {
             filtered.advance(rules, history, measurement.stamp_ns);
-            match filtered.take(rules, history, measurement) {
-                Reception::Used { nis } => unexplained += nis,
-                Reception::Gated { .. } | Reception::Relocalised => {
-                    unexplained += rules.thresholds.gate(ROWS);
-                    left_out += 1;
-                }
-                _ => {}
-            }
+            let reception = filtered.take(rules, history, measurement);
+            left_out += usize::from(matches!(reception, Reception::Gated { .. } | Reception::Relocalised));
         }
         if self.next_s > LAST_S {
             filtered.about = None;
         }
-        Pass { filtered, unexplained, left_out, is_settled: false }
+        Pass { filtered, left_out }
     }
 }
 
 /// What a pass came to.
 struct Pass {
     filtered: Filtered,
-    /// Squares of the innovations; one beyond its gate counts as if it lay there.
-    unexplained: f64,
     /// Measurements that were not learned from.
     left_out: usize,
-    /// Whether it moved the body by next to nothing.
-    is_settled: bool,
 }
