@@ -1,6 +1,7 @@
 //! A mission: RATTLE's layers around the simulated robot, from a scenario to a record of what happened.
 
 mod assembly;
+mod doubts;
 mod faults;
 mod flight;
 mod invariants;
@@ -18,8 +19,8 @@ pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly, measurement};
 pub use layers::{computing_time, estimator, loop_settings, scene, stretch_planner, tube_controllers};
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice};
 pub use record::{
-    BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
-    ParameterRow, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
+    BROKEN_INVARIANT, BeliefRow, DoubtOf, DoubtRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord,
+    MissionSummary, MissionVerdict, ParameterRow, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
 };
 pub use registries::{
     ControlledBody, LayerNames, NewController, NewStretchPlanner, WrittenNames, controllers, estimators, laws,

@@ -192,7 +192,7 @@ impl FlightEstimator {
         }
         let (stamp_ns, body) = (settled.stamp_ns, settled.state.joint.body);
         let mut again = self.lessons.again(&self.rules, &self.history, &body);
-        again.advance(&self.rules, &self.history, stamp_ns, None);
+        again.advance(&self.rules, &self.history, stamp_ns);
         if let Some(settled) = self.moments.get_mut(self.settled) {
             *settled = again;
         }
@@ -302,7 +302,7 @@ impl FlightEstimator {
             let (Some(before), Some(event)) = (self.moments.get(k - 1), self.events.get(k)) else { break };
             let mut filtered = *before;
             let stamp_ns = self.moments.get(k).map_or(filtered.stamp_ns, |moment| moment.stamp_ns);
-            filtered.advance(&self.rules, &self.history, stamp_ns, None);
+            filtered.advance(&self.rules, &self.history, stamp_ns);
             let reception = match event {
                 Event::Measured(measurement) => filtered.take(&self.rules, &self.history, measurement),
                 Event::Changed(deviation) => {

@@ -1,7 +1,7 @@
 //! What the rows of a campaign say: rates, medians, and differences between options over the same seeds.
 
 use super::CampaignPlan;
-use super::row::{PARAMETERS, Row, Status, column};
+use super::row::{NO_DOUBT, PARAMETERS, Row, Status, column};
 use super::statistics::{bound_of_none_95, median, median_interval_95, quantile, wilson_95};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -42,6 +42,8 @@ pub struct GroupSummary {
     pub violations: Rate,
     /// Left the controller's main road; of those flown.
     pub fallbacks: Rate,
+    /// Ended with a doubt of body, map or actuators; of those flown.
+    pub doubted: Rate,
     /// Least distance from anything, m.
     pub min_clearance_m: Option<Spread>,
     /// Time, s.
@@ -193,6 +195,7 @@ struct Columns {
     collided: usize,
     violations: usize,
     fallbacks: usize,
+    doubts: usize,
     mission_s: usize,
     clearance: usize,
     impulse: usize,
@@ -216,6 +219,7 @@ impl Columns {
             collided: at("collided"),
             violations: at("limit_violations"),
             fallbacks: at("fallbacks"),
+            doubts: at("doubts_at_end"),
             mission_s: at("mission_s"),
             clearance: at("min_clearance_m"),
             impulse: at("impulse_n_s"),
@@ -328,6 +332,7 @@ impl GroupSummary {
             collisions: rate(&|row| row.flag(columns.collided) == Some(true)),
             violations: rate(&some(columns.violations)),
             fallbacks: rate(&some(columns.fallbacks)),
+            doubted: rate(&|row| row.text(columns.doubts) != NO_DOUBT),
             min_clearance_m: spread(&|row| row.number(columns.clearance)),
             mission_s: spread(&|row| row.number(columns.mission_s)),
             impulse_n_s: spread(&|row| row.number(columns.impulse)),

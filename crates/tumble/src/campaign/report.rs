@@ -34,14 +34,18 @@ fn rates(text: &mut String, groups: &[&GroupSummary], width: usize) {
     let _ = writeln!(text, "\nhow often, with 95 % intervals (never in n missions: below 3/n)");
     let _ = writeln!(
         text,
-        "{:<width$}  {:<30}{:<30}{:<30}{:<30}",
-        "", "arrived", "collisions", "limit violations", "with fallbacks"
+        "{:<width$}  {:<30}{:<30}{:<30}{:<30}{:<30}",
+        "", "arrived", "collisions", "limit violations", "with fallbacks", "in doubt at the end"
     );
     for group in groups {
         let _ = write!(text, "{:<width$}", group.label);
-        for (rate, gap) in
-            [(&group.arrived, "  "), (&group.collisions, ""), (&group.violations, ""), (&group.fallbacks, "")]
-        {
+        for (rate, gap) in [
+            (&group.arrived, "  "),
+            (&group.collisions, ""),
+            (&group.violations, ""),
+            (&group.fallbacks, ""),
+            (&group.doubted, ""),
+        ] {
             let _ = write!(text, "{gap}{:<30}", shown_rate(rate));
         }
         end_line(text);

@@ -2,7 +2,7 @@
 
 use super::PlannedMission;
 use super::factors::value_name;
-use crate::mission::MissionSummary;
+use crate::mission::{DoubtOf, MissionSummary};
 use std::sync::LazyLock;
 
 /// The table of a campaign, in its folder.
@@ -84,7 +84,7 @@ pub const PARAMETERS: [&str; 10] = [
 /// What is known of each.
 const OF_A_PARAMETER: [&str; 5] = ["truth", "initial", "estimate", "sigma", "shut_off_s"];
 
-const BEFORE: [(&str, Kind); 26] = [
+const BEFORE: [(&str, Kind); 27] = [
     ("row", Kind::Count),
     ("k", Kind::Count),
     ("combination", Kind::Count),
@@ -111,7 +111,10 @@ const BEFORE: [(&str, Kind); 26] = [
     ("fallbacks", Kind::Count),
     ("faults_injected", Kind::Count),
     ("warnings", Kind::Count),
+    ("doubts_at_end", Kind::Text),
 ];
+/// What the column `doubts_at_end` holds of a mission without.
+pub const NO_DOUBT: &str = "none";
 /// Columns that the plan decides; so does the last.
 const PLANNED: usize = 11;
 const AFTER: [(&str, Kind); 2] = [("message", Kind::Text), ("replay", Kind::Text)];
@@ -176,6 +179,7 @@ impl Row {
             Cell::Count(summary.map(|s| s.fallbacks.len() as u64)),
             Cell::Count(summary.map(|s| s.faults.values().sum())),
             Cell::Count(summary.map(|s| s.warnings.len() as u64)),
+            Cell::Text(summary.map_or(String::new(), doubts_at_end)),
         ];
         for name in PARAMETERS {
             let found = summary.and_then(|s| s.parameters.iter().find(|parameter| parameter.name == name));
@@ -279,6 +283,12 @@ impl Cell {
 /// A cell with its quotes where it needs them (RFC 4180).
 fn quoted(text: &str) -> String {
     if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+}
+
+/// What is doubted at the end, with spaces between; `none` where nothing is.
+fn doubts_at_end(summary: &MissionSummary) -> String {
+    let names: Vec<&str> = summary.standing_doubts().into_iter().map(DoubtOf::name).collect();
+    if names.is_empty() { NO_DOUBT.to_owned() } else { names.join(" ") }
 }
 
 /// Text without line ends and other control characters: a row is one line.

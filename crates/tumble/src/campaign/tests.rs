@@ -1,7 +1,9 @@
 //! A campaign with missions that are computed instead of flown.
 
 use super::*;
-use crate::mission::{FallbackRow, FaultChoice, FaultName, ModelChoice, ParameterRow, TrackingRms, WeightingChoice};
+use crate::mission::{
+    DoubtOf, DoubtRow, FallbackRow, FaultChoice, FaultName, ModelChoice, ParameterRow, TrackingRms, WeightingChoice,
+};
 use row::PARAMETERS;
 use std::collections::BTreeMap;
 use std::fs;
@@ -24,6 +26,11 @@ impl MissionRunner for Fake {
 
 /// Makes another campaign of one.
 type Change = fn(&mut CampaignConfiguration);
+
+fn standing(what: DoubtOf, is_standing: bool) -> Vec<DoubtRow> {
+    let text = "another body would move so".to_owned();
+    vec![DoubtRow { what, since_s: 1.0, until_s: (!is_standing).then_some(2.0), text }]
+}
 
 fn fake_summary(mission: &PlannedMission) -> MissionSummary {
     let mut random = Gaussian::from_seed(mission.options.seed);
@@ -56,6 +63,7 @@ fn fake_summary(mission: &PlannedMission) -> MissionSummary {
         faults: BTreeMap::new(),
         information_shut_off_s: BTreeMap::from([("mass".to_owned(), 12.0)]),
         warnings: Vec::new(),
+        doubts: standing(DoubtOf::Body, mission.k == 4),
     }
 }
 
@@ -389,6 +397,7 @@ fn the_summary_counts_what_happened() {
     assert_eq!((all.violations.count, all.violations.of), (0, 912));
     assert_eq!(all.violations.bound_of_none.map(f64::to_bits), Some((3.0_f64 / 912.0).to_bits()));
     assert_eq!(all.fallbacks.count, 24);
+    assert_eq!((all.doubted.count, all.doubted.of), (24, 912));
     assert!(!analysis.is_clean());
     // by hand, from the made-up missions
     let flown: Vec<MissionSummary> = (0..1056)

@@ -76,6 +76,14 @@ pub(super) fn table(record: &MissionRecord, costs: &Costs, wall_s: f64) -> Strin
     line("plans", format!("{} stretches; {} new ways", record.stretches.len(), summary.replans));
     line("beliefs", format!("{}, used up to {}", summary.belief_revisions, last_used(record)));
     line("fallbacks", format!("{}", summary.fallbacks.len()));
+    if summary.doubts.is_empty() {
+        line("doubts", "none".to_owned());
+    }
+    for doubt in &summary.doubts {
+        let until =
+            doubt.until_s.map_or_else(|| "still at the end".to_owned(), |until_s| format!("until {until_s:.1} s"));
+        line("doubts", format!("{}, from {:.1} s {until}: {}", doubt.what.name(), doubt.since_s, doubt.text));
+    }
     let _ = writeln!(text, "\n  parameter        truth      at first   estimate   sigma      error/sigma");
     for row in &summary.parameters {
         let off = (row.estimate - row.truth) / row.sigma;

@@ -1,9 +1,10 @@
 //! A mission, flown.
 
 use super::assembly::{AstrobeeLoop, MissionPlanners, closed_loop};
+use super::doubts::DoubtWatch;
 use super::faults::{Faults, LateObstacle, Sabotage};
 use super::invariants;
-use super::layers::scene;
+use super::layers::{estimator_settings, scene};
 use super::options::FlyOptions;
 use super::record::{
     BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
@@ -161,6 +162,7 @@ struct Notes<'a> {
     asked: Vec<(u64, usize)>,
     shut_off: BTreeMap<String, Option<f64>>,
     faults: Faults,
+    doubts: DoubtWatch,
     too_late: Option<TooLate>,
     /// The first stretch that was flown after its time.
     expired: Option<String>,
@@ -244,6 +246,7 @@ impl LoopObserver for Notes<'_> {
 
     fn heard(&mut self, event: &TimedEvent) {
         self.hooks.heard(event);
+        self.doubts.heard(seconds(event.time_ns), &event.event);
         let said = match event.event {
             Event::World { contact_ns, .. } => match contact_ns {
                 Some(at_ns) => format!("the world changed; contact ahead at {:.1} s", seconds(at_ns)),
@@ -262,6 +265,7 @@ impl LoopObserver for Notes<'_> {
 
     fn answered(&mut self, time_ns: i64, action: &Action) {
         self.hooks.answered(time_ns, action);
+        self.doubts.answered(seconds(time_ns), action);
         if let Action::PlanWay { request, .. } | Action::PlanStretch { request, .. } = action {
             self.asked.push((*request, self.events.len()));
         }
@@ -369,6 +373,10 @@ pub fn fly(
         asked: Vec::new(),
         shut_off: BTreeMap::new(),
         faults,
+        doubts: DoubtWatch::new(
+            seconds(problem.flight.simulator.time_ns()),
+            estimator_settings(&problem).gate_probability,
+        ),
         too_late: None,
         expired: None,
     };
@@ -411,6 +419,9 @@ pub fn fly(
         }
         notes.asked.clear();
         let estimate = believed(&flying);
+        let body = (ten(&estimate.parameters), ten_sigma(&estimate));
+        let estimator = flying.estimator();
+        notes.doubts.see(time_s, &estimator.health(), &estimator.counts(), &body);
         let clearance_m = sums.look(&problem, &flying, &judge, &estimate, periods)?;
         let is_over = invariants::look(&mut sums.watch, &problem, &flying, &command, &estimate, clearance_m);
         sums.violations += u64::from(is_over);
@@ -429,7 +440,7 @@ pub fn fly(
         notes.hooks.period(&FlownPeriod {
             measured: &measured,
             estimates: &heard,
-            estimate: (ten(&estimate.parameters), ten_sigma(&estimate)),
+            estimate: body,
             belief: &estimate,
             plan_revision: plan_at(&notes.stretches, time_s),
             belief_revision: command.model_revision,
@@ -638,7 +649,7 @@ fn record(
         estimate: columns[2][index],
         sigma: columns[3][index],
     };
-    let Notes { mut ways, stretches, beliefs, mut events, shut_off, faults, too_late, expired, .. } = notes;
+    let Notes { mut ways, stretches, beliefs, mut events, shut_off, faults, doubts, too_late, expired, .. } = notes;
     for event in problem.flight.simulator.events() {
         let kind = if event.event.is_violation() { "violation" } else { "simulator" };
         let text = event.event.to_string();
@@ -680,6 +691,7 @@ fn record(
         faults: faults.counts(),
         information_shut_off_s: shut_off.into_iter().filter_map(|(name, at)| Some((name, at?))).collect(),
         warnings,
+        doubts: doubts.finish(),
     };
     let World { keep_in, keep_out, obstacles } = &problem.planning.world;
     let drawn =

@@ -45,6 +45,56 @@ pub struct MissionSummary {
     pub information_shut_off_s: std::collections::BTreeMap<String, f64>,
     /// What a reader should know.
     pub warnings: Vec<String>,
+    /// What the robot doubted, by what it knows itself, in the order in which it began; files of before there was such a list have none.
+    #[serde(default)]
+    pub doubts: Vec<DoubtRow>,
+}
+
+/// What is doubted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DoubtOf {
+    /// Mass, centre of mass, inertia.
+    Body,
+    /// Where the localisation says the robot is.
+    Map,
+    /// Whether thrust is what is asked for.
+    Actuators,
+}
+
+impl DoubtOf {
+    /// As files write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Body => "body",
+            Self::Map => "map",
+            Self::Actuators => "actuators",
+        }
+    }
+}
+
+/// A spell of doubt.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DoubtRow {
+    /// What is doubted.
+    pub what: DoubtOf,
+    /// When there was first cause for it, s.
+    pub since_s: f64,
+    /// When it was lifted, s; `None` where it still stands at the end.
+    pub until_s: Option<f64>,
+    /// Why, in words.
+    pub text: String,
+}
+
+/// What a mission comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MissionVerdict {
+    /// It arrived as it should.
+    Accomplished,
+    /// It did, but a doubt stands.
+    Doubted,
+    /// It did not.
+    NotAccomplished,
 }
 
 /// A warning that begins so is no remark: the mission is not as it should be.
@@ -63,6 +113,26 @@ impl MissionSummary {
             return Some(format!("limits were passed in {} control periods", self.limit_violations));
         }
         self.warnings.iter().find(|warning| warning.starts_with(BROKEN_INVARIANT)).cloned()
+    }
+
+    /// What is doubted at the end, each once, in the order of [`DoubtOf`].
+    pub fn standing_doubts(&self) -> Vec<DoubtOf> {
+        let mut standing: Vec<DoubtOf> =
+            self.doubts.iter().filter(|doubt| doubt.until_s.is_none()).map(|doubt| doubt.what).collect();
+        standing.sort_unstable();
+        standing.dedup();
+        standing
+    }
+
+    /// What it comes to.
+    pub fn verdict(&self) -> MissionVerdict {
+        if !self.arrived || self.unsafe_because().is_some() {
+            MissionVerdict::NotAccomplished
+        } else if self.standing_doubts().is_empty() {
+            MissionVerdict::Accomplished
+        } else {
+            MissionVerdict::Doubted
+        }
     }
 
     /// Why it could not be prevented, where that is known.

@@ -2,7 +2,7 @@
 
 use super::plots::{title, unit};
 use super::text::{escaped, number};
-use crate::mission::{MissionRecord, MissionSummary};
+use crate::mission::{BROKEN_INVARIANT, DoubtOf, MissionRecord, MissionSummary, MissionVerdict};
 use serde::Serialize;
 use std::fmt::Write as _;
 
@@ -23,7 +23,8 @@ fn clearance(summary: &MissionSummary) -> String {
 fn verdict(summary: &MissionSummary) -> Vec<(bool, String)> {
     let has_collided = summary.min_clearance_m.is_some_and(|clear| clear < 0.0);
     let violations = summary.limit_violations;
-    vec![
+    let broken = summary.warnings.iter().filter(|warning| warning.starts_with(BROKEN_INVARIANT));
+    let mut parts = vec![
         (
             summary.arrived,
             match &summary.no_way {
@@ -36,25 +37,74 @@ fn verdict(summary: &MissionSummary) -> Vec<(bool, String)> {
             violations == 0,
             if violations == 0 { "all limits kept".into() } else { format!("limits passed in {violations} periods") },
         ),
-    ]
+    ];
+    parts.extend(broken.map(|warning| (false, warning.clone())));
+    parts
+}
+
+/// What a doubt that stands is about, in a sentence.
+fn doubted(standing: &[DoubtOf]) -> String {
+    let names: Vec<&str> = standing
+        .iter()
+        .map(|what| match what {
+            DoubtOf::Body => "its body",
+            DoubtOf::Map => "its map",
+            DoubtOf::Actuators => "its actuators",
+        })
+        .collect();
+    names.join(" and ")
+}
+
+/// Class and words of the verdict.
+fn headline(summary: &MissionSummary) -> (&'static str, String) {
+    match summary.verdict() {
+        MissionVerdict::Accomplished => ("good", "Mission accomplished".to_owned()),
+        MissionVerdict::Doubted => {
+            ("doubted", format!("? Arrived, but the robot doubts {}", doubted(&summary.standing_doubts())))
+        }
+        MissionVerdict::NotAccomplished => ("bad", "Mission not accomplished".to_owned()),
+    }
+}
+
+/// What the robot doubted, when, and why.
+fn doubts(page: &mut String, summary: &MissionSummary) {
+    if summary.doubts.is_empty() {
+        page.push_str("<p id=\"doubts\" class=\"about\">The robot doubted nothing.</p>\n");
+        return;
+    }
+    page.push_str("<ul id=\"doubts\" class=\"doubts\">");
+    for doubt in &summary.doubts {
+        let (sign, until) = match doubt.until_s {
+            None => ("?", "still at the end".to_owned()),
+            Some(until_s) => ("–", format!("until {until_s:.1} s")),
+        };
+        let _ = write!(
+            page,
+            "<li>{sign} <b>{}</b> in doubt from {:.1} s, {until}: {}</li>",
+            doubt.what.name(),
+            doubt.since_s,
+            escaped(&doubt.text)
+        );
+    }
+    page.push_str("</ul>\n");
 }
 
 /// Title, verdict and what was chosen.
 pub(super) fn header(page: &mut String, record: &MissionRecord) {
     let summary = &record.summary;
     let parts = verdict(summary);
-    let holds = parts.iter().all(|(holds, _)| *holds);
+    let (class, words) = headline(summary);
     let _ = write!(
         page,
-        "<header><p class=\"kicker\">Mission report</p><h1>{}</h1>\n<p id=\"verdict\" class=\"verdict {}\"><b>{}</b>",
+        "<header><p class=\"kicker\">Mission report</p><h1>{}</h1>\n<p id=\"verdict\" class=\"verdict {class}\"><b>{words}</b>",
         escaped(&summary.scenario),
-        if holds { "good" } else { "bad" },
-        if holds { "Mission accomplished" } else { "Mission not accomplished" },
     );
     for (holds, text) in parts {
-        let _ = write!(page, " <span>{} {text}</span>", if holds { "✓" } else { "✗" });
+        let _ = write!(page, " <span>{} {}</span>", if holds { "✓" } else { "✗" }, escaped(&text));
     }
-    page.push_str("</p>\n<dl class=\"facts\" id=\"options\">");
+    page.push_str("</p>\n");
+    doubts(page, summary);
+    page.push_str("<dl class=\"facts\" id=\"options\">");
     let options = &summary.options;
     let fault =
         options.fault.map_or_else(|| "none".into(), |fault| format!("{}:{}", name_of(&fault.name), fault.severity));

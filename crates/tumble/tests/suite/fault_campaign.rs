@@ -2,11 +2,19 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use tumble::mission::{FlyOptions, LayerNames, MissionRecord, ModelChoice, NoHooks, WeightingChoice, fly, replay_line};
+use tumble::mission::{
+    DoubtOf, FaultChoice, FlyOptions, LayerNames, MissionRecord, MissionSummary, MissionVerdict, ModelChoice, NoHooks,
+    WeightingChoice, fly, replay_line,
+};
 use tumble::scenario::ScenarioSource;
 
+/// With white noise, so that what goes wrong is the only thing that does.
 fn flown(scenario: &str, fault: &str, seed: u64) -> MissionRecord {
-    let source = ScenarioSource::find(scenario).unwrap();
+    flown_with(scenario, "ideal", fault, seed)
+}
+
+fn flown_with(scenario: &str, sensing: &str, fault: &str, seed: u64) -> MissionRecord {
+    let source = ScenarioSource::find(scenario).unwrap().sensed_by(sensing).unwrap();
     let fault = Some(fault.parse().unwrap());
     let options = FlyOptions {
         seed,
@@ -65,12 +73,12 @@ fn a_computer_that_starts_anew_keeps_its_belief_and_builds_another_controller() 
 #[test]
 fn an_obstacle_that_shows_up_late_stops_the_robot() {
     for scenario in ["iss-cargo", "granite-cargo"] {
-        let record = flown(scenario, "late-obstacle:1", 1);
+        let record = flown_with(scenario, "nominal", "late-obstacle:1", 1);
         assert!(says(&record, "Obstacle") && says(&record, "stop"));
         assert!(record.summary.unavoidable().is_none(), "{:?}", record.summary.warnings);
         assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m > 0.01));
         // half a second before the contact nothing can be done but to brake, and that is said
-        let record = flown(scenario, "late-obstacle:3", 1);
+        let record = flown_with(scenario, "nominal", "late-obstacle:3", 1);
         assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m < 0.0));
     }
 }
@@ -83,6 +91,57 @@ fn a_nozzle_that_does_not_obey_is_not_taken_for_another_body_again_and_again() {
     assert!((1..=5).contains(&stops), "{stops}");
     // a nozzle that stays open pushes for good: asked for less elsewhere, the robot does not live outside of its tube
     assert!(record.summary.fallbacks.len() < 30, "{}", record.summary.fallbacks.len());
+}
+
+fn sensed(scenario: &str, sensing: &str, fault: Option<&str>, seed: u64) -> MissionSummary {
+    let source = ScenarioSource::find(scenario).unwrap().sensed_by(sensing).unwrap();
+    let options = FlyOptions {
+        seed,
+        weighting: WeightingChoice::default(),
+        feedback: true,
+        model: ModelChoice::default(),
+        fault: fault.map(|fault| fault.parse::<FaultChoice>().unwrap()),
+        layers: LayerNames::default(),
+    };
+    fly(&source, &options, &mut NoHooks).unwrap().summary
+}
+
+/// Error of the mass in standard deviations that are stated.
+fn mass_off_by(summary: &MissionSummary) -> f64 {
+    let mass = summary.parameters.iter().find(|row| row.name == "mass").unwrap();
+    (mass.estimate - mass.truth).abs() / mass.sigma
+}
+
+#[test]
+fn a_mass_that_is_far_off_is_never_told_without_a_doubt() {
+    let cases = [("iss-cargo", "nozzle:1"), ("granite-cargo", "nozzle:1"), ("iss-cargo", "mass-step:2")];
+    for (scenario, fault) in cases {
+        for sensing in ["ideal", "nominal"] {
+            for seed in [1, 4] {
+                let summary = sensed(scenario, sensing, Some(fault), seed);
+                let at = format!("{scenario} {fault} {sensing} {seed}: {:?}", summary.doubts);
+                let of_these = |what| matches!(what, DoubtOf::Body | DoubtOf::Actuators);
+                assert!(summary.doubts.iter().any(|doubt| of_these(doubt.what)), "{at}");
+                if mass_off_by(&summary) > 4.0 {
+                    assert!(summary.standing_doubts().into_iter().any(of_these), "{at}");
+                    assert_ne!(summary.verdict(), MissionVerdict::Accomplished, "{at}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_mission_that_nothing_is_wrong_with_ends_without_a_doubt() {
+    for scenario in ["iss-cargo", "granite-cargo"] {
+        for sensing in ["ideal", "nominal"] {
+            for seed in [1, 2, 3] {
+                let summary = sensed(scenario, sensing, None, seed);
+                assert_eq!(summary.standing_doubts(), [], "{scenario} {sensing} {seed}: {:?}", summary.doubts);
+                assert!(mass_off_by(&summary) < 4.0, "{scenario} {sensing} {seed}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -462,7 +462,8 @@ fn columns_of(log: &Path, names: &[&str]) -> Vec<Vec<String>> {
 #[test]
 fn station_keeping_is_doubted_for_its_feedback() {
     let flown = scratch("feedback").join("flight");
-    let simulated = tumble(&["simulate", "iss-cargo", "--seed", "31", "--out", flown.to_str().unwrap()]);
+    let out = flown.to_str().unwrap();
+    let simulated = tumble(&["simulate", "iss-cargo", "--seed", "31", "--sensing", "ideal", "--out", out]);
     assert_eq!(simulated.status.code(), Some(0), "{}", stderr(&simulated));
     let output = tumble(&["identify", flown.join("log.csv").to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(3), "{}", stdout(&output));

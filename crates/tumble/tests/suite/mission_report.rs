@@ -6,7 +6,7 @@ use crate::support::sample_record::{planar_sample, sample};
 use std::path::Path;
 use std::sync::LazyLock;
 use tumble::TumbleError;
-use tumble::mission::{MissionEvent, MissionRecord, Series, StretchRow, WayRow};
+use tumble::mission::{DoubtOf, DoubtRow, MissionEvent, MissionRecord, MissionSummary, Series, StretchRow, WayRow};
 use tumble::mission_report::{html, record_of};
 use tumble_formats::FormatsError;
 
@@ -80,6 +80,43 @@ fn the_verdict_is_that_of_the_summary() {
     for text in ["Mission not accomplished", "✗ did not arrive", "✗ collided", "✗ limits passed in 3 periods"] {
         assert!(page.contains(text), "{text}");
     }
+}
+
+fn doubt(what: DoubtOf, until_s: Option<f64>) -> DoubtRow {
+    DoubtRow { what, since_s: 12.5, until_s, text: "a <reason>".into() }
+}
+
+#[test]
+fn a_doubt_that_stands_is_told_first_and_is_not_green() {
+    let mut record = sample();
+    record.summary.doubts = vec![doubt(DoubtOf::Map, Some(20.0))];
+    let lifted = html(&record).unwrap();
+    assert!(lifted.contains("class=\"verdict good\"><b>Mission accomplished</b>"));
+    assert!(lifted.contains("– <b>map</b> in doubt from 12.5 s, until 20.0 s: a &lt;reason&gt;"));
+    record.summary.doubts.extend([doubt(DoubtOf::Actuators, None), doubt(DoubtOf::Body, None)]);
+    let page = html(&record).unwrap();
+    assert_eq!(findings(&page), Vec::<String>::new());
+    assert!(
+        page.contains("class=\"verdict doubted\"><b>? Arrived, but the robot doubts its body and its actuators</b>")
+    );
+    assert!(page.contains("? <b>body</b> in doubt from 12.5 s, still at the end"));
+    assert!(!page.contains("Mission accomplished"));
+    record.summary.arrived = false;
+    assert!(html(&record).unwrap().contains("class=\"verdict bad\"><b>Mission not accomplished</b>"));
+}
+
+#[test]
+fn a_summary_of_before_there_were_doubts_is_read() {
+    let mut summary = sample().summary;
+    summary.doubts = vec![doubt(DoubtOf::Body, None)];
+    let mut written = serde_json::to_value(&summary).unwrap();
+    assert_eq!(
+        written["doubts"],
+        serde_json::json!([{ "what": "body", "since_s": 12.5, "until_s": null, "text": "a <reason>" }])
+    );
+    written.as_object_mut().unwrap().remove("doubts");
+    let read: MissionSummary = serde_json::from_value(written).unwrap();
+    assert_eq!(read, MissionSummary { doubts: Vec::new(), ..summary });
 }
 
 /// Without parameters there is nothing to plot of them.

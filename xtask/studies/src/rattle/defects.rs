@@ -9,7 +9,6 @@ use std::fmt::Write as _;
 
 use serde_json::json;
 use tumble::mission::tube_controllers;
-use tumble::scenario::ScenarioSource;
 use tumble_planning::ModelBelief;
 use tumble_planning::control::Controller;
 use tumble_planning::mission::{Action, Coordinator, Event, Note, Schedule, TimedEvent};
@@ -294,7 +293,7 @@ fn refused(section: &mut Section) -> Result<(), Failure> {
         "the coordinator offers revision 7, answers 7, 6 and 0 after it with a note that they are stale, and keeps 7",
     );
     let options = Condition::rattle(SCENARIOS[0]).options(1);
-    let problem = ScenarioSource::find(SCENARIOS[0]).and_then(|source| source.mission(&options)).map_err(bad)?;
+    let problem = Condition::rattle(SCENARIOS[0]).source().and_then(|source| source.mission(&options)).map_err(bad)?;
     let belief = |revision: u64| ModelBelief { revision, estimate: problem.prior };
     let mut controller = tube_controllers(&problem)(&belief(0)).map_err(bad)?;
     controller.adopt(&belief(7)).map_err(bad)?;

@@ -56,8 +56,9 @@ impl Condition {
         Self { feedback: false, ..self }
     }
 
+    /// With ideal sensors: RATTLE's claims are about planning, and it was flown with noise as white.
     pub fn source(self) -> Result<ScenarioSource, TumbleError> {
-        let source = ScenarioSource::find(self.scenario)?;
+        let source = ScenarioSource::find(self.scenario)?.sensed_by("ideal")?;
         let payload = match self.load {
             Load::AsWritten => return Ok(source),
             Load::Nothing => None,

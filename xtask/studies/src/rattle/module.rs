@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 
 use tumble::mission::{MissionRecord, WayRow};
-use tumble::scenario::ScenarioSource;
 use tumble_astrobee::worlds::WorldPreset;
 
 use super::flown::{
@@ -234,7 +233,7 @@ fn evolution(section: &mut Section, records: &[MissionRecord]) -> Result<(), Fai
 /// A weight is off at the first stretch that begins with its variance below the threshold, and not before.
 fn shut_off(section: &mut Section, records: &[MissionRecord]) -> Result<(), Failure> {
     let options = Condition::rattle("iss-cargo").options(1);
-    let problem = ScenarioSource::find("iss-cargo").and_then(|source| source.mission(&options)).map_err(bad)?;
+    let problem = Condition::rattle("iss-cargo").source().and_then(|source| source.mission(&options)).map_err(bad)?;
     let law = &problem.weighting;
     let (mut off, mut last_on, mut kept, mut all) = (Vec::new(), Vec::new(), 0, 0);
     for record in records {

@@ -1,10 +1,10 @@
 //! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
 
 use super::flight_motion::{
-    ACCELERATION_BIAS, ACCELERATION_SCALE, ALL_ROWS, BIAS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion,
-    FlightState, Fresh, ROWS, SCALE, Shown, WANDER, back_into_plane,
+    ACCELERATION_BIAS, ACCELERATION_SCALE, ALL_ROWS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState,
+    Fresh, ROWS, Shown, WANDER, back_into_plane,
 };
-use super::health::{Monitor, Thresholds};
+use super::health::{Groups, Monitor, Thresholds};
 use super::reception::Reception;
 use super::settings::{FlightEstimatorSettings, WrenchErrors};
 use super::wrench_history::WrenchHistory;
@@ -26,8 +26,8 @@ const OUT_OF_PATIENCE: f64 = 2.0;
 const SETTLING_NS: i64 = 5_000_000_000;
 /// One that keeps moving for longer than this is right, and it is the body that is not what is believed.
 const LONGEST_SETTLING_NS: i64 = 10_000_000_000;
-/// By how much more likely, as a logarithm, an accelerometer without errors of scale has to become to be believed: two hundred times.
-const SANE_LOG_ODDS: f64 = 5.3;
+/// By how much more likely, as a logarithm, an accelerometer without errors of scale has to become to be believed: two thousand times.
+const SANE_LOG_ODDS: f64 = 7.6;
 /// Least error of scale that a sane accelerometer is taken to have.
 const LEAST_SCALE: f64 = 1e-6;
 /// A sensor without a filter shows what acts about its sample, to either side, ns.
@@ -78,6 +78,24 @@ struct Seen {
     acceleration: Option<Vector3<f64>>,
 }
 
+/// As what a measurement is learned from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Heard {
+    pub(super) fresh: Fresh,
+    /// How many samples of rate and acceleration one stands for.
+    pub(super) samples: [f64; 2],
+    /// By how much the wander was louder than stated.
+    pub(super) louder: [f64; 3],
+}
+
+impl Heard {
+    const NOTHING: Self = Self {
+        fresh: Fresh { attitude: false, position: false, rate: false, velocity: false, acceleration: false },
+        samples: [1.0; 2],
+        louder: [1.0; 3],
+    };
+}
+
 /// The localisation moved a moment ago, and may again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Unsettled {
@@ -102,6 +120,8 @@ pub(super) struct Filtered {
     pub(super) measured_ns: i64,
     pub(super) state: FlightState,
     pub(super) covariance: Covariance,
+    /// The body about which all is linear, where that is not the estimated one.
+    pub(super) about: Option<LogCholesky<f64>>,
     /// By how much the wander of attitude, position and velocity is louder than stated, as factors of its variance.
     louder: [f64; 3],
     /// Whether the accelerometer is believed; while it is not, nothing but its own errors is learned from it.
@@ -110,8 +130,9 @@ pub(super) struct Filtered {
     heard: [(i64, u32); 2],
     pub(super) counts: StreamCounts,
     pub(super) monitor: Monitor,
-    /// Whether the last measurement is to be learned from.
+    /// Whether the last measurement is to be learned from, and as what.
     pub(super) teaches: bool,
+    pub(super) lesson: Heard,
     /// Whether actuators are thought not to do what they are told.
     wrench_is_doubtful: bool,
     jump: Option<Jump>,
@@ -126,31 +147,15 @@ impl Filtered {
         let motion = rules.model.motion_variance(&settings.start_deviation);
         covariance.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&SMatrix::from_diagonal(&motion));
         covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(body);
-        let errors = [(DRIFT, settings.wrench.drift), (SCALE, settings.wrench.scale)];
-        for (first, deviation) in errors {
-            for i in 0..6 {
-                covariance[(first + i, first + i)] = deviation[i] * deviation[i];
-            }
-        }
-        for i in 0..9 {
-            let sigma = settings.slow.wander()[i / 3].sigma;
-            covariance[(WANDER + i, WANDER + i)] = sigma * sigma;
+        for (i, deviation) in rules.model.slow_deviation().iter().enumerate().skip(DRIFT) {
+            covariance[(i, i)] = deviation * deviation;
         }
         let slow = &settings.slow;
-        let constant = [
-            (BIAS, slow.rate_bias_rad_s),
-            (ACCELERATION_BIAS, slow.acceleration_bias_m_s2),
-            (ACCELERATION_SCALE, slow.doubted_scale),
-        ];
-        for (first, sigma) in constant {
-            for i in first..first + 3 {
-                covariance[(i, i)] = sigma * sigma;
-            }
-        }
         Self {
             stamp_ns: start_ns,
             measured_ns: start_ns,
             state: *state,
+            about: None,
             louder: [1.0; 3],
             accelerometer_is_sane: slow.doubted_scale <= slow.acceleration_scale,
             heard: [(i64::MIN, 0); 2],
@@ -158,6 +163,7 @@ impl Filtered {
             counts: StreamCounts::default(),
             monitor: Monitor::default(),
             teaches: false,
+            lesson: Heard::NOTHING,
             wrench_is_doubtful: false,
             jump: None,
             unsettled: None,
@@ -170,19 +176,13 @@ impl Filtered {
         if self.wrench_is_doubtful { &rules.doubting } else { &rules.model }
     }
 
-    /// Carries state and covariance on to a time, linear about `anchor` where there is one.
-    pub(super) fn advance(
-        &mut self,
-        rules: &Rules,
-        history: &WrenchHistory,
-        until_ns: i64,
-        anchor: Option<&LogCholesky<f64>>,
-    ) {
+    /// Carries state and covariance on to a time.
+    pub(super) fn advance(&mut self, rules: &Rules, history: &WrenchHistory, until_ns: i64) {
         for (from_ns, to_ns) in steps(self.stamp_ns, until_ns) {
             let (believed, step_s) = (history.mean(from_ns, to_ns), (to_ns - from_ns) as f64 * 1e-9);
             // What is not finite never gets here; where a step fails all the same, the motion stays.
-            let (model, louder) = (self.model(rules), self.louder);
-            let _ = model.predict(&mut self.state, &mut self.covariance, &believed, step_s, anchor, &louder);
+            let (model, louder, about) = (self.model(rules), self.louder, self.about);
+            let _ = model.predict(&mut self.state, &mut self.covariance, &believed, step_s, about.as_ref(), &louder);
         }
         self.stamp_ns = self.stamp_ns.max(until_ns);
     }
@@ -232,31 +232,54 @@ impl Filtered {
             self.counts.used += 1;
             return Reception::Used { nis: 0.0 };
         }
-        let rows = self.model(rules).rows::<R>(&self.state, measurement, main, &shown);
+        let mut rows = self.model(rules).rows::<R>(&self.state, measurement, main, &shown);
         let mut learned = self.covariance;
-        let Ok(Correction { step, innovation }) = rows.correct(&mut learned) else {
+        let Ok(Correction { mut step, innovation }) = rows.correct(&mut learned) else {
             return Reception::Malformed { what: "innovation is not finite" };
         };
-        self.hear_wander(rules, &innovation, dt_s);
-        let (nis, freedom) = (innovation.nis, innovation.degrees_of_freedom);
-        let limit = rules.thresholds.gate(freedom);
+        let groups = Groups::of(&innovation, rules.settings.slow.wanders());
+        let [inertial_fits, map_fits] =
+            [groups.inertial, groups.localised].map(|group| rules.thresholds.lets_pass(group));
+        if inertial_fits {
+            self.hear_wander(rules, &innovation, dt_s);
+        }
+        let nis = innovation.nis;
+        let fits = rules.thresholds.lets_pass((nis, innovation.degrees_of_freedom));
         let is_settled = self.unsettled.is_none_or(|unsettled| measurement.stamp_ns >= unsettled.until_ns);
         if is_settled {
-            self.monitor.observe(&rules.thresholds, &innovation, limit, dt_s);
+            self.monitor.observe(&rules.thresholds, &innovation, &groups, dt_s);
         }
-        if nis <= limit {
-            self.teaches = is_settled;
-            if is_settled && !rules.considers_body {
-                self.correct(rules, &step, &learned);
-            } else {
-                self.correct_motion(rules, &step, &learned);
+        let is_part = inertial_fits != map_fits && groups.inertial.1 > 0 && groups.localised.1 > 0;
+        if is_part {
+            // What inertial sensors say of the body and what a localisation says of its map do not stand or fall together.
+            Groups::leave(&mut rows, inertial_fits);
+            learned = self.covariance;
+            let Ok(correction) = rows.correct(&mut learned) else { return Reception::Gated { nis } };
+            step = correction.step;
+        }
+        if fits || is_part {
+            match (is_settled, rules.considers_body) {
+                (true, false) => self.correct(rules, &step, &learned),
+                (true, true) => self.correct_all_but::<{ WANDER - BODY }>(rules, &step, &learned),
+                // Of a map that moves nothing but the motion is learned.
+                (false, _) => self.correct_all_but::<{ COORDINATES - BODY }>(rules, &step, &learned),
             }
+        }
+        if fits || is_part && map_fits {
             self.jump = None;
+        }
+        if fits {
+            self.teaches = is_settled;
+            self.lesson = Heard { fresh: main, samples: shown.samples, louder: self.louder };
             self.counts.used += 1;
             if fresh.acceleration && !self.accelerometer_is_sane {
                 self.judge_accelerometer(rules, measurement, &shown);
             }
             return Reception::Used { nis };
+        }
+        if is_part && map_fits {
+            self.counts.gated += 1;
+            return Reception::Gated { nis };
         }
         self.counts.gated += 1;
         if self.begins_anew(rules, measurement, localised) {
@@ -296,7 +319,10 @@ impl Filtered {
             None => history.mean(stamp_ns.saturating_sub(ABOUT_NS), stamp_ns.saturating_add(ABOUT_NS)),
         });
         let owed = owed.map(|memory| (memory.held(history, stamp_ns), memory.length_s()));
-        (Fresh { rate: due[0], acceleration: due[1], ..fresh }, Shown { owed, acceleration, samples })
+        (
+            Fresh { rate: due[0], acceleration: due[1], ..fresh },
+            Shown { owed, acceleration, samples, about: self.about },
+        )
     }
 
     /// Follows the level of each stream's wander: innovations that are larger than stated make it louder, smaller ones quieter. A level that
@@ -359,13 +385,18 @@ impl Filtered {
         }
     }
 
-    /// The motion alone, by the same gain: body and wrench stay what they are, as certain as they are (Schmidt's filter).
-    fn correct_motion(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: &Covariance) {
-        const REST: usize = COORDINATES - BODY;
+    /// By the same gain, but the first `CONSIDERED` coordinates from the body on stay what they are, as certain as they are (Schmidt's
+    /// filter).
+    fn correct_all_but<const CONSIDERED: usize>(
+        &mut self,
+        rules: &Rules,
+        step: &SVector<f64, COORDINATES>,
+        covariance: &Covariance,
+    ) {
         let (mut step, mut covariance) = (*step, *covariance);
-        step.fixed_rows_mut::<REST>(BODY).fill(0.0);
-        let before = self.covariance.fixed_view::<REST, REST>(BODY, BODY);
-        covariance.fixed_view_mut::<REST, REST>(BODY, BODY).copy_from(&before);
+        step.fixed_rows_mut::<CONSIDERED>(BODY).fill(0.0);
+        let before = self.covariance.fixed_view::<CONSIDERED, CONSIDERED>(BODY, BODY);
+        covariance.fixed_view_mut::<CONSIDERED, CONSIDERED>(BODY, BODY).copy_from(&before);
         self.correct(rules, &step, &covariance);
     }
 
@@ -513,6 +544,11 @@ impl Filtered {
             self.covariance[(BODY + i, BODY + i)] += deviation[i] * deviation[i];
         }
         self.widen_drift(&rules.settings.wrench.doubted());
+        // So are the sensors' errors that took blame for the body.
+        for (i, deviation) in rules.model.slow_deviation().iter().enumerate().take(ACCELERATION_SCALE).skip(WANDER) {
+            self.covariance[(i, i)] += deviation * deviation;
+        }
+        (self.louder, self.about) = ([1.0; 3], None);
         self.monitor = Monitor::of_new_body();
         self.unsettled = None;
     }
@@ -521,7 +557,7 @@ impl Filtered {
     pub(super) fn doubt_wrench(&mut self, rules: &Rules) {
         self.widen_drift(&rules.settings.wrench.doubted());
         self.wrench_is_doubtful = true;
-        self.monitor = Monitor::default();
+        self.monitor = Monitor::of_learning();
     }
 
     /// What doubted actuators are to be asked for.
@@ -531,7 +567,7 @@ impl Filtered {
 
     /// The body as somebody else knows it; what the motion owes to the body before is forgotten.
     pub(super) fn revise(&mut self, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
-        self.state.joint.body = *body;
+        (self.state.joint.body, self.about) = (*body, None);
         self.covariance.fixed_view_mut::<10, COORDINATES>(BODY, 0).fill(0.0);
         self.covariance.fixed_view_mut::<COORDINATES, 10>(0, BODY).fill(0.0);
         self.covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(covariance);
@@ -545,7 +581,7 @@ impl Filtered {
 
     /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is.
     pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
-        self.state.joint.body = *body;
+        (self.state.joint.body, self.about) = (*body, None);
         (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
         let mut fresh = Self::new(rules, &self.state, covariance, self.stamp_ns).covariance;
         // Motion and errors of the sensors stay, and what they have in common.
@@ -556,7 +592,7 @@ impl Filtered {
             }
         }
         self.covariance = fresh;
-        self.monitor = Monitor::default();
+        self.monitor = Monitor::of_learning();
         self.jump = None;
     }
 }

@@ -1,6 +1,7 @@
 //! What is learned first is learned about a wrong body: it is learned again when a better one is known.
 
 use super::filtered::{Filtered, Rules};
+use super::reception::Reception;
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
 use crate::estimator::Measurement;
@@ -12,6 +13,13 @@ pub(super) const FIRST_S: f64 = 2.0;
 pub(super) const FACTOR: f64 = 1.5;
 /// Every time has its end: what is known by then is linear enough. Last time, s.
 pub(super) const LAST_S: f64 = 40.0;
+/// At each of them so many passes at most, until one moves the body by no more than this, in its chart, and by how much at most the next
+/// one is about another body.
+const PASSES: usize = 4;
+const FAR_OFF: f64 = 0.02;
+const LARGEST_STEP: f64 = 0.5;
+/// One in so many measurements may be left out.
+const FEW: usize = 20;
 
 /// All settled measurements since the body was last made uncertain, and when to go through them again.
 ///
@@ -60,14 +68,56 @@ impl FirstLessons {
             && !self.measurements.is_empty()
     }
 
-    /// The filter at the end of another pass about this body.
-    pub(super) fn again(&mut self, rules: &Rules, history: &WrenchHistory, about: &LogCholesky<f64>) -> Filtered {
+    /// The filter at the end of more passes, the first of them about this body.
+    ///
+    /// Where they leave out more than a few measurements that body may have been too far off to begin at: passes that begin at the body of
+    /// the start are then tried too. Of a localisation that wanders some are left out whatever the body.
+    pub(super) fn again(&mut self, rules: &Rules, history: &WrenchHistory, first: &LogCholesky<f64>) -> Filtered {
         self.next_s *= FACTOR;
-        let mut filtered = self.start;
-        for measurement in &self.measurements {
-            filtered.advance(rules, history, measurement.stamp_ns, Some(about));
-            filtered.take(rules, history, measurement);
+        let found = self.passes(rules, history, first);
+        if rules.settings.slow.wanders() || found.left_out * FEW <= self.measurements.len() {
+            return found.filtered;
         }
-        filtered
+        let from_start = self.passes(rules, history, &self.start.state.joint.body);
+        let is_better = from_start.left_out < found.left_out;
+        if is_better { from_start.filtered } else { found.filtered }
     }
+
+    fn passes(&self, rules: &Rules, history: &WrenchHistory, first: &LogCholesky<f64>) -> Pass {
+        let mut about = *first;
+        let mut passes = 1;
+        loop {
+            let pass = self.pass(rules, history, &about);
+            let step = pass.filtered.state.joint.body.to_vector() - about.to_vector();
+            let size = step.amax();
+            if passes == PASSES || !(size > FAR_OFF) {
+                return pass;
+            }
+            passes += 1;
+            about = LogCholesky::from_vector(&(about.to_vector() + step * f64::min(1.0, LARGEST_STEP / size)));
+        }
+    }
+
+    /// All measurements, linear about one body; what comes after them too, until the next pass.
+    fn pass(&self, rules: &Rules, history: &WrenchHistory, about: &LogCholesky<f64>) -> Pass {
+        let mut filtered = self.start;
+        filtered.about = Some(*about);
+        let mut left_out = 0;
+        for measurement in &self.measurements {
+            filtered.advance(rules, history, measurement.stamp_ns);
+            let reception = filtered.take(rules, history, measurement);
+            left_out += usize::from(matches!(reception, Reception::Gated { .. } | Reception::Relocalised));
+        }
+        if self.next_s > LAST_S {
+            filtered.about = None;
+        }
+        Pass { filtered, left_out }
+    }
+}
+
+/// What a pass came to.
+struct Pass {
+    filtered: Filtered,
+    /// Measurements that were not learned from.
+    left_out: usize,
 }

@@ -106,6 +106,8 @@ pub(super) struct Shown {
     pub(super) acceleration: Option<Held>,
     /// How many samples of rate and acceleration one stands for.
     pub(super) samples: [f64; 2],
+    /// The body about which all is linear, where that is not the estimated one.
+    pub(super) about: Option<LogCholesky<f64>>,
 }
 
 /// Angular acceleration and acceleration of the origin under a wrench, and their derivatives by rate, body and wrench.
@@ -267,9 +269,30 @@ impl FlightMotion {
         })
     }
 
+    /// Standard deviations of slow errors of which nothing has been learned, zero elsewhere.
+    pub(super) fn slow_deviation(&self) -> [f64; COORDINATES] {
+        let (wrench, slow) = (&self.errors, &self.slow);
+        let [attitude, position, velocity] = slow.wander().map(|error| error.sigma);
+        let mut deviation = [0.0; COORDINATES];
+        deviation[DRIFT..SCALE].copy_from_slice(wrench.drift.as_slice());
+        deviation[SCALE..WANDER].copy_from_slice(wrench.scale.as_slice());
+        let of_axes = [
+            (WANDER, attitude),
+            (WANDER + 3, position),
+            (WANDER + 6, velocity),
+            (BIAS, slow.rate_bias_rad_s),
+            (ACCELERATION_BIAS, slow.acceleration_bias_m_s2),
+            (ACCELERATION_SCALE, slow.doubted_scale),
+        ];
+        for (first, sigma) in of_axes {
+            deviation[first..first + 3].fill(sigma);
+        }
+        deviation
+    }
+
     /// What is left after a step of every coordinate that motion does not carry on, and the variance of what has come to each; wander of
     /// attitude, position and velocity that is `louder` than stated, in variance.
-    fn slow_step(&self, step_s: f64, louder: &[f64; 3]) -> ([f64; COORDINATES], [f64; COORDINATES]) {
+    pub(super) fn slow_step(&self, step_s: f64, louder: &[f64; 3]) -> ([f64; COORDINATES], [f64; COORDINATES]) {
         let (mut left, mut variance) = ([1.0; COORDINATES], [0.0; COORDINATES]);
         for i in 0..10 {
             let drift = self.joint.noise.drift[i];
@@ -456,7 +479,7 @@ impl FlightMotion {
             let mut sensitivity = own(6, BIAS, &turn);
             if let Some((held, delay_s)) = &shown.owed {
                 // What a filter has not shown of the rate is what the wrench that it still owes changes it by.
-                let owed = self.acceleration(state, held);
+                let owed = self.acceleration(state, held, shown.about.as_ref());
                 residual += owed.value.fixed_rows::<3>(0) * *delay_s;
                 let by = owed.along(&SMatrix::<f64, 3, 6>::identity());
                 sensitivity -= by * *delay_s;
@@ -474,7 +497,7 @@ impl FlightMotion {
             (seen.acceleration_body.filter(|_| fresh.acceleration), &shown.acceleration)
         {
             // At the unit's place; what turning makes of that place its publisher has taken out.
-            let found = self.acceleration(state, held);
+            let found = self.acceleration(state, held, shown.about.as_ref());
             let mut at_unit = SMatrix::<f64, 3, 6>::zeros();
             at_unit.fixed_view_mut::<3, 3>(0, 0).copy_from(&-crate::lie::skew(&self.slow.lever_arm_body_m));
             at_unit.fixed_view_mut::<3, 3>(0, 3).fill_with_identity();
@@ -507,9 +530,11 @@ impl FlightMotion {
         rows
     }
 
-    /// Accelerations under what is believed to act.
-    fn acceleration(&self, state: &FlightState, believed: &Held) -> Acceleration {
+    /// Accelerations under what is believed to act, linear in the body about another one where there is one.
+    fn acceleration(&self, state: &FlightState, believed: &Held, about: Option<&LogCholesky<f64>>) -> Acceleration {
         let mut joint = state.joint;
+        joint.body = *about.unwrap_or(&state.joint.body);
+        let off = state.joint.body.to_vector() - joint.body.to_vector();
         let mut slopes = None;
         if self.planar {
             let (flat, slope) = Self::in_plane(&joint.body);
@@ -534,7 +559,7 @@ impl FlightMotion {
         let believed = believed.wrench.to_vector();
         let (angular, linear) = (forward.angular_acceleration_body, forward.acceleration_origin_body);
         Acceleration {
-            value: Twist::new(angular, linear).to_vector(),
+            value: Twist::new(angular, linear).to_vector() + by_body * off,
             by_rate: found.twist.fixed_columns::<3>(0).into_owned(),
             by_body,
             by_drift: by_wrench,

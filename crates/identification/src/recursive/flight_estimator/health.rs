@@ -3,6 +3,7 @@
 use super::flight_motion::ALL_ROWS as ROWS;
 use super::settings::FlightEstimatorSettings;
 use crate::error::IdentificationError;
+use crate::recursive::belief::Rows;
 use crate::recursive::{ChiSquareGate, Innovation};
 use crate::statistics::{chi_square_quantile, normal_quantile};
 use nalgebra::ComplexField;
@@ -41,6 +42,8 @@ const BACK_INSIDE: f64 = 0.5;
 const DOUBT_S: f64 = 2.0;
 /// A body that was just made uncertain is not doubted for so long, s: until it is known roughly, what is linear about it errs.
 const ACQUAINTANCE_S: f64 = 8.0;
+/// So long after it was made uncertain, s, a body that does not fit was not learned, and is no other one.
+const LEARNING_S: f64 = 30.0;
 
 impl Thresholds {
     pub(super) fn try_new(settings: &FlightEstimatorSettings) -> Result<Self, IdentificationError> {
@@ -57,6 +60,11 @@ impl Thresholds {
         self.gates.get(freedom).copied().unwrap_or(f64::INFINITY)
     }
 
+    /// Whether so many squares, of so many degrees of freedom, are within their gate.
+    pub(super) fn lets_pass(&self, (nis, freedom): (f64, usize)) -> bool {
+        nis <= self.gate(freedom)
+    }
+
     /// Upper end of the band of a mean of `count` squares, by Wilson and Hilferty's cube.
     fn mean_square(&self, count: f64) -> f64 {
         let part = 2.0 / (9.0 * count);
@@ -65,18 +73,97 @@ impl Thresholds {
     }
 }
 
+/// Rows of what inertial sensors measure, rate and acceleration. They tell of the body whatever a localisation does.
+fn is_inertial(row: usize) -> bool {
+    matches!(row, 6..9 | 12..15)
+}
+
+/// Innovations of a measurement: squares and degrees of freedom of the inertial rows, and of all others.
+///
+/// Where the localisation is not known to wander its rows tell of the motion as well as those of inertial sensors: all are of the others.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Groups {
+    pub(super) inertial: (f64, usize),
+    pub(super) localised: (f64, usize),
+}
+
+impl Groups {
+    pub(super) fn of<const R: usize>(innovation: &Innovation<R>, wanders: bool) -> Self {
+        if !wanders {
+            return Self { inertial: (0.0, 0), localised: (innovation.nis, innovation.degrees_of_freedom) };
+        }
+        Self { inertial: squares(innovation, is_inertial), localised: squares(innovation, |row| !is_inertial(row)) }
+    }
+
+    /// Leaves the inertial rows of these, or the others.
+    pub(super) fn leave<const N: usize, const R: usize>(rows: &mut Rows<N, R>, inertial: bool) {
+        for row in (0..R).filter(|row| is_inertial(*row) != inertial) {
+            rows.standard_deviation[row] = f64::INFINITY;
+        }
+    }
+}
+
+/// Normalised square of some rows of an innovation, and how many they are.
+fn squares<const R: usize>(innovation: &Innovation<R>, is_one: impl Fn(usize) -> bool) -> (f64, usize) {
+    let mut root = [[0.0; R]; R];
+    let (mut white, mut rows, mut count, mut square) = ([0.0; R], [0; R], 0, 0.0);
+    for row in (0..R).filter(|row| is_one(*row) && innovation.covariance[(*row, *row)].is_finite()) {
+        // One row of the Cholesky factor after the other.
+        let (mut pivot, mut value) = (innovation.covariance[(row, row)], innovation.residual[row]);
+        for k in 0..count {
+            let inner: f64 = (0..k).map(|i| root[count][i] * root[k][i]).sum();
+            root[count][k] = (innovation.covariance[(row, rows[k])] - inner) / root[k][k];
+            pivot -= root[count][k] * root[count][k];
+            value -= root[count][k] * white[k];
+        }
+        root[count][count] = ComplexField::sqrt(pivot);
+        white[count] = value / root[count][count];
+        square += white[count] * white[count];
+        rows[count] = row;
+        count += 1;
+    }
+    (square, count)
+}
+
+/// A running mean of squares.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct MeanSquare {
+    nis: f64,
+    freedom: f64,
+    /// Of the weights and of their squares: how many measurements the mean is worth.
+    weight: f64,
+    squares: f64,
+}
+
+impl MeanSquare {
+    fn observe(&mut self, keep: f64, nis: f64, freedom: usize) {
+        let share = 1.0 - keep;
+        self.nis = keep * self.nis + share * nis;
+        self.freedom = keep * self.freedom + share * freedom as f64;
+        self.weight = keep * self.weight + share;
+        self.squares = keep * keep * self.squares + share * share;
+    }
+
+    /// Per degree of freedom, and the level above which it is an alarm.
+    fn mean_and_alarm(&self, thresholds: &Thresholds) -> Option<(f64, f64)> {
+        (self.squares > 0.0 && self.freedom > 0.0).then(|| {
+            let count = self.weight * self.weight / self.squares;
+            let alarm = TOLERANCE * thresholds.mean_square(count * self.freedom / self.weight);
+            (self.nis / self.freedom, alarm)
+        })
+    }
+}
+
 /// Running means of innovations.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Monitor {
-    nis: f64,
-    freedom: f64,
-    weight: f64,
-    squares: f64,
+    all: MeanSquare,
+    inertial: MeanSquare,
     means: [f64; ROWS],
     diverged: bool,
     /// How long the body is still in doubt, s.
     doubt_s: f64,
-    /// How long it is above doubt, s.
+    /// For how long it is new, s.
     new_s: f64,
     alarm: f64,
 }
@@ -84,54 +171,68 @@ pub(super) struct Monitor {
 impl Monitor {
     /// Of a body that was just made uncertain.
     pub(super) fn of_new_body() -> Self {
-        Self { new_s: ACQUAINTANCE_S, ..Self::default() }
+        Self { new_s: LEARNING_S, ..Self::default() }
     }
 
-    /// Counts an innovation; one beyond the gate `limit` counts as if it lay there and says nothing of the body.
+    /// Of a body that is learned anew from what it is usually taken for.
+    pub(super) fn of_learning() -> Self {
+        Self { new_s: LEARNING_S - ACQUAINTANCE_S, ..Self::default() }
+    }
+
+    /// Counts an innovation; one beyond its gate counts as if it lay there and says no more of the body.
+    ///
+    /// Where inertial sensors are heard the body is accused by their rows alone, by a mean that is one-sided or by squares that are too
+    /// large, and a filter whose inertial rows do not fit is one of another body and not one that has lost its way. One that was to learn
+    /// another body, has had the time to, and does not fit again has.
     pub(super) fn observe<const R: usize>(
         &mut self,
         thresholds: &Thresholds,
         innovation: &Innovation<R>,
-        limit: f64,
+        groups: &Groups,
         dt_s: f64,
     ) {
-        let nis = innovation.nis.min(limit);
         let keep = ComplexField::exp(-dt_s.max(0.0) / thresholds.time_s);
         let share = 1.0 - keep;
-        self.nis = keep * self.nis + share * nis;
-        self.freedom = keep * self.freedom + share * innovation.degrees_of_freedom as f64;
-        // Of the weights and of their squares: how many measurements the mean is worth.
-        self.weight = keep * self.weight + share;
-        self.squares = keep * keep * self.squares + share * share;
-        if innovation.nis > limit {
+        let limit = thresholds.gate(innovation.degrees_of_freedom);
+        self.all.observe(keep, innovation.nis.min(limit), innovation.degrees_of_freedom);
+        let (nis, freedom) = groups.inertial;
+        let gated = nis > thresholds.gate(freedom);
+        let judge_inertial = freedom > 0;
+        if judge_inertial {
+            self.inertial.observe(keep, nis.min(thresholds.gate(freedom)), freedom);
+        }
+        if !judge_inertial && innovation.nis > limit {
             return;
         }
+        let accuses = |row: usize| if judge_inertial { is_inertial(row) } else { self.inertial.weight == 0.0 };
         let (mut rows, mut lopsided) = (0, 0.0);
-        for (i, mean) in self.means.iter_mut().enumerate().take(R) {
-            let variance = innovation.covariance[(i, i)];
-            if variance.is_finite() {
-                let deviation = ComplexField::sqrt(variance);
-                *mean = keep * *mean + share * innovation.residual[i] / deviation;
-                lopsided += *mean * *mean;
-                rows += 1;
+        if !gated {
+            for (i, mean) in self.means.iter_mut().enumerate().take(R).filter(|(i, _)| accuses(*i)) {
+                let variance = innovation.covariance[(i, i)];
+                if variance.is_finite() {
+                    let deviation = ComplexField::sqrt(variance);
+                    *mean = keep * *mean + share * innovation.residual[i] / deviation;
+                    lopsided += *mean * *mean;
+                    rows += 1;
+                }
             }
         }
-        if self.squares <= 0.0 || self.freedom <= 0.0 {
-            return;
-        }
-        let count = self.weight * self.weight / self.squares;
-        self.alarm = TOLERANCE * thresholds.mean_square(count * self.freedom / self.weight);
-        let mean = self.nis / self.freedom;
-        let level = if self.diverged { 1.0 + BACK_INSIDE * (self.alarm - 1.0) } else { self.alarm };
-        self.diverged = mean > level;
+        let Some((mean, alarm)) = self.all.mean_and_alarm(thresholds) else { return };
+        let inertial = self.inertial.mean_and_alarm(thresholds).is_some_and(|(mean, alarm)| mean > alarm);
+        let is_another = inertial && self.new_s <= 0.0;
+        self.alarm = alarm;
+        let level = if self.diverged { 1.0 + BACK_INSIDE * (alarm - 1.0) } else { alarm };
+        let is_unacquainted = self.new_s > LEARNING_S - ACQUAINTANCE_S;
+        self.diverged = mean > level && !is_another && !(inertial && is_unacquainted);
         self.new_s -= dt_s;
-        if self.new_s > 0.0 {
+        if is_unacquainted {
             return;
         }
-        let doubt = lopsided / self.squares;
+        let base = if judge_inertial { self.inertial.squares } else { self.all.squares };
         let limit = TOLERANCE * thresholds.doubts.get(rows).copied().unwrap_or(f64::INFINITY);
         let limit = if self.doubt_s > 0.0 { BACK_INSIDE * limit } else { limit };
-        self.doubt_s = if doubt > limit { DOUBT_S } else { (self.doubt_s - dt_s).max(0.0) };
+        let is_doubted = is_another || rows > 0 && lopsided > limit * base;
+        self.doubt_s = if is_doubted { DOUBT_S } else { (self.doubt_s - dt_s).max(0.0) };
     }
 
     /// Of a motion that begins anew.
@@ -140,7 +241,8 @@ impl Monitor {
     }
 
     pub(super) fn health(&self) -> FlightHealth {
-        let mean_nis = if self.freedom > 0.0 { self.nis / self.freedom } else { 1.0 };
+        let MeanSquare { nis, freedom, .. } = self.all;
+        let mean_nis = if freedom > 0.0 { nis / freedom } else { 1.0 };
         FlightHealth { mean_nis, alarm_above: self.alarm, diverged: self.diverged, body_doubtful: self.doubt_s > 0.0 }
     }
 }

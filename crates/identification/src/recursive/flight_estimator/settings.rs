@@ -40,11 +40,11 @@ impl WrenchErrors {
     ///
     /// A force that n thrusters share errs by the mean of their n errors, of deviation `relative` / √n, and so does a torque.
     /// Where they are `arm_m` to either side of the middle, the difference moves the force's line by `arm_m` times as much: in each sense by
-    /// another difference, and each coordinate of a centre of mass is told by the lines of two axes, so that of it all half is left.
+    /// another difference, and each coordinate of a centre of mass is told by the lines of one axis at least, in both senses.
     #[must_use]
     pub fn of_thrusters(self, relative: f64, pushing: u32, arm_m: f64) -> Self {
         let shared = relative / ComplexField::sqrt(f64::from(pushing.max(1)));
-        Self { scale: Vector6::repeat(shared), line_m: 0.5 * arm_m * shared, ..self }
+        Self { scale: Vector6::repeat(shared), line_m: core::f64::consts::FRAC_1_SQRT_2 * arm_m * shared, ..self }
     }
 }
 

@@ -238,6 +238,11 @@ impl SlowErrors {
         [self.attitude, self.position, self.velocity]
     }
 
+    /// Whether the localisation is off by anything that lasts.
+    pub(super) fn wanders(&self) -> bool {
+        self.wander().iter().any(|error| error.sigma > 0.0)
+    }
+
     /// The levels of white noise that such sensors state, and these where they state none.
     pub fn noise(sensing: &Sensing, otherwise: MotionNoise) -> MotionNoise {
         MotionNoise {

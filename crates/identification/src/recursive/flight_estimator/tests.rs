@@ -146,7 +146,7 @@ fn rows_are_the_derivatives_of_what_is_left() {
         };
         let all = Fresh { attitude: true, position: true, rate: true, velocity: true, acceleration: true };
         let held = wrench();
-        let shown = Shown { owed: Some((held, 0.077)), acceleration: Some(held), samples: [1.0; 2] };
+        let shown = Shown { owed: Some((held, 0.077)), acceleration: Some(held), samples: [1.0; 2], about: None };
         let rows = |state: &FlightState| model.rows::<15>(state, &seen(&at), all, &shown);
         let (here, mut differs) = (rows(&at), 0.0_f64);
         for j in 0..COORDINATES {
@@ -221,10 +221,11 @@ fn a_prior_at_the_edge_of_what_can_be_is_taken_for_an_uncertain_one() {
 #[test]
 fn thrusters_share_their_errors() {
     let usual = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.04).wrench;
+    let half = core::f64::consts::FRAC_1_SQRT_2;
     let one = usual.of_thrusters(0.02, 1, 0.3);
-    assert_eq!((one.scale, one.line_m, one.drift), (Vector6::repeat(0.02), 0.5 * 0.02 * 0.3, usual.drift));
+    assert_eq!((one.scale, one.line_m, one.drift), (Vector6::repeat(0.02), half * 0.02 * 0.3, usual.drift));
     let four = usual.of_thrusters(0.02, 4, 0.3);
-    assert_eq!((four.scale, four.line_m), (Vector6::repeat(0.01), 0.5 * 0.01 * 0.3));
+    assert_eq!((four.scale, four.line_m), (Vector6::repeat(0.01), half * 0.01 * 0.3));
 }
 
 /// A line that is off is a centre of mass and an inertia that are: the report knows of both, and only of them.

@@ -293,7 +293,8 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
                 continue;
             }
             let breaks = core::mem::take(&mut self.breaks);
-            let lesson = Lesson { measurement: measurement.clone(), motion: moment.state.joint.motion, breaks };
+            let (motion_then, heard) = (moment.state.joint.motion, moment.lesson);
+            let lesson = Lesson { measurement: measurement.clone(), motion: motion_then, heard, breaks };
             revised |= self.live.take(&self.model, &motion.history, &lesson);
             let is_settled = self.next_s > LAST_S && self.again.is_none() && !self.is_repeated();
             self.full |= is_settled || self.lessons.len() == KEPT;

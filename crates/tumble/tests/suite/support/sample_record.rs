@@ -304,6 +304,7 @@ pub fn sample() -> MissionRecord {
         faults: BTreeMap::from([("late-obstacle".into(), 1)]),
         information_shut_off_s: shut_off.collect(),
         warnings: vec!["beliefs 45 to 54 reached the controller late".into()],
+        doubts: Vec::new(),
     };
     let beliefs = (0..=75_u32).map(|number| {
         let t_s = 2.0 * f64::from(number);

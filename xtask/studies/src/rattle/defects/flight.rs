@@ -7,7 +7,7 @@ use tumble::TumbleError;
 use tumble::mission::{
     computing_time, estimator, loop_settings, measurement, scene, stretch_planner, tube_controllers,
 };
-use tumble::scenario::{MissionProblem, ScenarioSource};
+use tumble::scenario::MissionProblem;
 use tumble_astrobee::propulsion::inverse::wrench_of_flow;
 use tumble_astrobee::propulsion::{InverseAllocation, PropulsionCommand};
 use tumble_identification::estimator::Acted;
@@ -137,7 +137,7 @@ fn five_nozzles(command: &PropulsionCommand) -> Wrench<f64> {
 
 /// Flies it.
 pub fn fly(condition: Condition, seed: u64, defect: Defect) -> Result<Outcome, TumbleError> {
-    let mut problem = ScenarioSource::find(condition.scenario)?.mission(&condition.options(seed))?;
+    let mut problem = condition.source()?.mission(&condition.options(seed))?;
     if defect == Defect::IzzNeverWeighted
         && let Some(weight) = problem.weighting.gamma0.get_mut(1)
     {
@@ -235,7 +235,7 @@ mod tests {
     fn a_flight_without_defect_is_the_mission() {
         let condition = Condition::rattle("iss-station");
         let found = fly(condition, 3, Defect::None).unwrap();
-        let source = ScenarioSource::find("iss-station").unwrap();
+        let source = condition.source().unwrap();
         let summary = fly_mission(&source, &condition.options(3), &mut NoHooks).unwrap().summary;
         assert_eq!(found.mission_s, summary.mission_s);
         assert_eq!(Some(found.clearance_m), summary.min_clearance_m);

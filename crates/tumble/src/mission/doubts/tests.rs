@@ -1,0 +1,101 @@
+use super::*;
+
+const GATE: f64 = 0.999_99;
+const SIGMA: [f64; 10] = [0.1, 0.001, 0.001, 0.001, 0.002, 0.002, 0.002, 0.001, 0.001, 0.001];
+
+fn body(mass_kg: f64) -> [f64; 10] {
+    [mass_kg, 0.0, 0.0, 0.0, 0.15, 0.15, 0.15, 0.0, 0.0, 0.0]
+}
+
+/// Sees every tenth of a second of a span, at 62.5 measurements a second of which this share is refused.
+fn flown(watch: &mut DoubtWatch, from_s: u32, until_s: u32, mass_kg: f64, refused: f64) {
+    for tenth in 10 * from_s..10 * until_s {
+        let time_s = 0.1 * f64::from(tenth);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small and positive
+        let gated = (refused * 62.5 * (time_s - f64::from(from_s))) as u64;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // small and positive
+        let used = (62.5 * time_s) as u64 - gated;
+        let counts = ReceptionCounts { used, gated, ..ReceptionCounts::default() };
+        watch.see(time_s, &FlightHealth::default(), &counts, &(body(mass_kg), SIGMA));
+    }
+}
+
+fn spells(watch: DoubtWatch) -> Vec<(DoubtOf, i64, Option<i64>)> {
+    #[allow(clippy::cast_possible_truncation)] // seconds of a mission
+    let whole = |time_s: f64| time_s.floor() as i64;
+    watch.finish().iter().map(|row| (row.what, whole(row.since_s), row.until_s.map(whole))).collect()
+}
+
+#[test]
+fn a_body_that_stays_what_it_is_is_not_doubted() {
+    let mut watch = DoubtWatch::new(0.0, GATE);
+    flown(&mut watch, 0, 60, 12.0, 0.0);
+    flown(&mut watch, 60, 90, 12.0 + (CONTRADICTS - 1.0) * f64::hypot(0.1, 0.1), 0.0);
+    assert_eq!(spells(watch), []);
+}
+
+#[test]
+fn beliefs_that_cannot_both_be_right_are_a_doubt_until_they_agree_again() {
+    let off_kg = (CONTRADICTS + 1.0) * f64::hypot(0.1, 0.1);
+    let mut watch = DoubtWatch::new(0.0, GATE);
+    flown(&mut watch, 0, 30, 12.0, 0.0);
+    flown(&mut watch, 30, 40, 12.0 + off_kg, 0.0);
+    let rows = watch.clone().finish();
+    assert_eq!((rows.len(), rows[0].what, rows[0].until_s), (1, DoubtOf::Body, None));
+    assert!(rows[0].text.starts_with("mass was 12.0000 ± 0.1000 at 8 s"), "{}", rows[0].text);
+    // neither does the first few seconds' body count
+    let mut late = DoubtWatch::new(0.0, GATE);
+    flown(&mut late, 0, 7, 12.0 + off_kg, 0.0);
+    flown(&mut late, 7, 60, 12.0, 0.0);
+    assert_eq!(spells(late), []);
+}
+
+#[test]
+fn a_change_that_was_found_is_one_spell_and_is_lifted_when_nothing_contradicts_it() {
+    let mut watch = DoubtWatch::new(0.0, GATE);
+    flown(&mut watch, 0, 20, 12.0, 0.0);
+    for time_s in [20.0, 24.0] {
+        watch.answered(time_s, &Action::WidenBelief);
+    }
+    flown(&mut watch, 24, 60, 12.0, 0.0);
+    assert_eq!(spells(watch), [(DoubtOf::Body, 20, Some(32))]);
+}
+
+#[test]
+fn a_map_that_moves_again_and_again_is_one_spell() {
+    let mut watch = DoubtWatch::new(0.0, GATE);
+    flown(&mut watch, 0, 20, 12.0, 0.0);
+    for second in 20..30 {
+        watch.heard(f64::from(second), &Event::Relocalised);
+        flown(&mut watch, second, second + 1, 12.0, 0.0);
+    }
+    let mut rows = watch.clone().finish();
+    assert_eq!(rows.remove(0).text.matches("10 times").count(), 1);
+    assert_eq!(spells(watch.clone()), [(DoubtOf::Map, 20, None)]);
+    flown(&mut watch, 30, 50, 12.0, 0.0);
+    assert_eq!(spells(watch), [(DoubtOf::Map, 20, Some(37))]);
+}
+
+#[test]
+fn actuators_stay_in_doubt() {
+    let mut watch = DoubtWatch::new(0.0, GATE);
+    flown(&mut watch, 0, 20, 12.0, 0.0);
+    watch.answered(20.0, &Action::DoubtWrench);
+    flown(&mut watch, 20, 90, 12.0, 0.0);
+    assert_eq!(spells(watch), [(DoubtOf::Actuators, 20, None)]);
+}
+
+#[test]
+fn measurements_refused_far_more_often_than_gates_should_are_a_doubt() {
+    let refusing = |share: f64| {
+        let mut watch = DoubtWatch::new(0.0, GATE);
+        flown(&mut watch, 0, 20, 12.0, 0.0);
+        flown(&mut watch, 20, 60, 12.0, share);
+        watch.finish()
+    };
+    // four of them in half a minute
+    assert_eq!(refusing(0.002), []);
+    let rows = refusing(0.02);
+    assert_eq!((rows.len(), rows[0].what, rows[0].until_s), (1, DoubtOf::Body, None));
+    assert!(rows[0].text.contains("measurements did not fit"), "{}", rows[0].text);
+}
