@@ -223,9 +223,9 @@ fn thrusters_share_their_errors() {
     let usual = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.04).wrench;
     let half = core::f64::consts::FRAC_1_SQRT_2;
     let one = usual.of_thrusters(0.02, 1, 0.3);
-    assert_eq!((one.scale, one.line_m, one.drift), (Vector6::repeat(0.02), half * 0.02 * 0.3, usual.drift));
+    assert_eq!((one.scale, one.line_m, one.drift), (Vector6::repeat(0.02), half * 0.3 * 0.02, usual.drift));
     let four = usual.of_thrusters(0.02, 4, 0.3);
-    assert_eq!((four.scale, four.line_m), (Vector6::repeat(0.01), half * 0.01 * 0.3));
+    assert_eq!((four.scale, four.line_m), (Vector6::repeat(0.01), half * 0.3 * 0.01));
 }
 
 /// A line that is off is a centre of mass and an inertia that are: the report knows of both, and only of them.
