@@ -90,7 +90,7 @@ impl FirstLessons {
             let pass = self.pass(rules, history, &about);
             let step = pass.filtered.state.joint.body.to_vector() - about.to_vector();
             let size = step.amax();
-            if passes == PASSES || !(size > FAR_OFF) {
+            if passes == PASSES || size.is_nan() || size <= FAR_OFF {
                 return pass;
             }
             passes += 1;

@@ -127,7 +127,7 @@ impl FilterMemory {
 
 /// What the answer to a step still misses after each sample; empty where nothing is.
 fn missing(filter: &LinearFilter) -> Result<Vec<f64>, IdentificationError> {
-    let mut step = Vec::from([1.0; LONGEST_ANSWER]);
+    let mut step = vec![1.0; LONGEST_ANSWER];
     step[0] = 0.0;
     let mut missing: Vec<f64> = filter.filtered(&step).iter().skip(1).map(|shown| 1.0 - shown).collect();
     let ended = missing.iter().rposition(|missing| missing.abs() > ENDED).map_or(0, |last| last + 1);

@@ -60,7 +60,7 @@ fn every_embedded_mission_is_one_with_every_model() {
             assert_eq!(problem.weighting.target_variance.len(), problem.unknowns.count());
             assert!((problem.stretch_s - 12.0).abs() < 1e-12);
             assert_eq!(problem.planar, name.starts_with("granite"));
-            assert_eq!(problem.planning.margin_m, problem.margins_m.way);
+            assert_eq!(problem.planning.margin_m.to_bits(), problem.margins_m.way.to_bits());
             let Margins { way, stretch, checked } = problem.margins_m;
             assert!(way > stretch && stretch > checked && checked > 0.0, "{name}");
         }
