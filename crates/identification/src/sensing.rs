@@ -151,6 +151,42 @@ pub struct Sensing {
     /// One standard deviation of the scales of an accelerometer that is not sane; where the record cannot tell it from a sane one,
     /// that of [`InertialErrors::scale_sigma`] holds. Equal to it: never doubted.
     pub doubted_scale_sigma: f64,
+    /// How fast a robot may move before its localisation loses what it goes by; `None` where nothing is known of that. Estimators
+    /// do without; planners keep within.
+    pub localization_limits: Option<LocalizationLimits>,
+}
+
+/// What a localisation survives, and what becomes of its poses beyond: cameras lose features in fast turns and pushes, and what is matched
+/// then is elsewhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
+pub struct LocalizationLimits {
+    /// Largest magnitude of the angular rate, rad/s; infinite where turns do no harm.
+    pub rate_rad_s: f64,
+    /// Largest magnitude of the acceleration of the body origin, m/s^2; infinite where pushes do none.
+    pub acceleration_m_s2: f64,
+    /// Jumps per second while either is exceeded.
+    pub jumps_hz: f64,
+    /// Size of a jump in position, m.
+    pub jump_position_m: f64,
+    /// Size of a jump in attitude, rad.
+    pub jump_attitude_rad: f64,
+    /// Size of a jump in rate, rad/s.
+    pub jump_rate_rad_s: f64,
+}
+
+impl Default for LocalizationLimits {
+    /// None: whatever the motion, nothing jumps.
+    fn default() -> Self {
+        Self {
+            rate_rad_s: f64::INFINITY,
+            acceleration_m_s2: f64::INFINITY,
+            jumps_hz: 0.0,
+            jump_position_m: 0.0,
+            jump_attitude_rad: 0.0,
+            jump_rate_rad_s: 0.0,
+        }
+    }
 }
 
 impl Default for InertialErrors {
@@ -184,6 +220,7 @@ impl Default for Sensing {
             lever_arm_taken_out_sigma_m: 0.05,
             gravity_added_world_m_s2: None,
             doubted_scale_sigma: 1.0,
+            localization_limits: None,
         }
     }
 }
@@ -268,6 +305,20 @@ impl Sensing {
         sigma("standard deviation of the lever arm, m", self.lever_arm_sigma_m)?;
         sigma("standard deviation of the lever arm that is taken out, m", self.lever_arm_taken_out_sigma_m)?;
         sigma("doubted error of scale", self.doubted_scale_sigma)?;
+        if let Some(limits) = &self.localization_limits {
+            for (what, limit) in [
+                ("largest rate that the localisation survives, rad/s", limits.rate_rad_s),
+                ("largest acceleration that the localisation survives, m/s^2", limits.acceleration_m_s2),
+            ] {
+                if limit.is_nan() || limit <= 0.0 {
+                    return refused(what, limit);
+                }
+            }
+            sigma("jumps of the localisation per second", limits.jumps_hz)?;
+            sigma("jump of the position, m", limits.jump_position_m)?;
+            sigma("jump of the attitude, rad", limits.jump_attitude_rad)?;
+            sigma("jump of the rate, rad/s", limits.jump_rate_rad_s)?;
+        }
         let places = self.lever_arm_body_m.iter().chain(self.gravity_added_world_m_s2.iter().flatten());
         places
             .copied()

@@ -40,6 +40,7 @@ fn settings(steps: usize, step_s: f64) -> LocalSettings<12, 6> {
         wrench: WrenchSet { limit: [0.045, 0.022, 0.026, 0.452, 0.216, 0.257], half_spaces: Vec::new() },
         speed: SpeedLimits { speed_m_s: Vector3::repeat(0.2), rate_rad_s: Vector3::repeat(0.3) },
         measurement: SMatrix::from_diagonal(&SVector::from(measured)),
+        retained: [1.0; 12],
         criterion: Criterion::A,
         margin_m: 0.0,
         length_scale_m: 0.2,

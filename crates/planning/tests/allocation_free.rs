@@ -315,6 +315,7 @@ fn iterations_of_a_local_plan() {
             },
             speed: SpeedLimits { speed_m_s: Vector3::repeat(0.15), rate_rad_s: Vector3::repeat(0.3) },
             measurement: SMatrix::identity() * 1e4,
+            retained: [1.0; 12],
             criterion: Criterion::A,
             margin_m: 0.02,
             length_scale_m: 0.1,

@@ -20,7 +20,8 @@ pub use layers::{computing_time, estimator, loop_settings, scene, stretch_planne
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice};
 pub use record::{
     BROKEN_INVARIANT, BeliefRow, DoubtOf, DoubtRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord,
-    MissionSummary, MissionVerdict, ParameterRow, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
+    MissionSummary, MissionVerdict, PROMISED, ParameterRow, Promises, Series, StretchRow, TrackingRms, UNAVOIDABLE,
+    WayRow,
 };
 pub use registries::{
     ControlledBody, LayerNames, NewController, NewStretchPlanner, WrittenNames, controllers, estimators, laws,

@@ -17,7 +17,7 @@ pub use control::{BeliefTable, ControlTable, Steering};
 pub use embedded::EMBEDDED;
 pub use fly::{
     ArrivalTable, ArrivalTolerance, ComputingSettings, ComputingTable, EstimatorTable, FlyTable, InformationTable,
-    LARGEST_OUTSIDE, Margins, MissionProblem, WeightingSettings, draw_mission,
+    LARGEST_OUTSIDE, Margins, MissionProblem, PlannedMotion, WeightingSettings, draw_mission,
 };
 pub use plan::{PlanBodyTable, PlanTable, PlanningProblem};
 pub use plan_local::LocalProblem;

@@ -119,6 +119,7 @@ impl<const P: usize> LocalCase<P> {
                 rate_rad_s: Vector3::repeat(task.rate_rad_s),
             },
             measurement: SMatrix::from_diagonal(&measurement),
+            retained: [1.0; 12],
             criterion: Criterion::A,
             margin_m: 0.0,
             length_scale_m: 0.2,

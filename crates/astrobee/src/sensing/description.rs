@@ -6,7 +6,9 @@ use super::{ImuSettings, LocalizationSettings, SensorErrors};
 use crate::propulsion::ImpellerMode;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::IdentificationError;
-use tumble_identification::sensing::{Delay, InertialErrors, Level, LinearFilter, LocalizationErrors, Sensing, Wander};
+use tumble_identification::sensing::{
+    Delay, InertialErrors, Level, LinearFilter, LocalizationErrors, LocalizationLimits, Sensing, Wander,
+};
 
 /// Biases after the flight software has removed what it believes: rad/s and m/s^2.
 const BIAS_SIGMA: [f64; 2] = [0.02, 0.05];
@@ -58,9 +60,26 @@ impl LocalizationSettings {
             lever_arm_taken_out_sigma_m: 0.0,
             gravity_added_world_m_s2: Some(self.gravity_world_m_s2),
             doubted_scale_sigma: 1.0,
+            localization_limits: self.limits(),
         };
         sensing.check()?;
         Ok(sensing)
+    }
+}
+
+impl LocalizationSettings {
+    /// What the localisation survives; none where nothing jumps.
+    fn limits(&self) -> Option<LocalizationLimits> {
+        let jumps = &self.faults.random_jumps;
+        let has_limit = jumps.rate_threshold_rad_s.is_finite() || jumps.acceleration_threshold_m_s2.is_finite();
+        (jumps.rate_hz > 0.0 && has_limit).then_some(LocalizationLimits {
+            rate_rad_s: jumps.rate_threshold_rad_s,
+            acceleration_m_s2: jumps.acceleration_threshold_m_s2,
+            jumps_hz: jumps.rate_hz,
+            jump_position_m: jumps.position_m,
+            jump_attitude_rad: jumps.attitude_rad,
+            jump_rate_rad_s: jumps.rate_rad_s,
+        })
     }
 }
 

@@ -2,10 +2,12 @@
 
 use super::description::published;
 use super::flight_filter::{accelerometer_coefficients, gyro_coefficients};
-use super::{ImuSettings, LocalizationSettings, SensorErrors};
+use super::{ImuSettings, JumpSettings, LocalizationSettings, SensorErrors};
 use crate::AstrobeeError;
 use crate::propulsion::ImpellerMode;
-use tumble_identification::sensing::{Delay, InertialErrors, LinearFilter, LocalizationErrors, Sensing};
+use tumble_identification::sensing::{
+    Delay, InertialErrors, LinearFilter, LocalizationErrors, LocalizationLimits, Sensing,
+};
 
 /// Times, in seconds, and answers of filters that differ by less are the same.
 const SAME: f64 = 1e-9;
@@ -14,7 +16,13 @@ const ANSWER: usize = 300;
 /// How much older poses may be, s.
 const LONGEST_DELAY_S: f64 = 1.0;
 /// Keys of settings and of the file they come from.
-const KEYS: [(&str, &str); 14] = [
+const KEYS: [(&str, &str); 20] = [
+    ("faults.random_jumps.rate_hz", "localization_limits.jumps_hz"),
+    ("faults.random_jumps.rate_threshold_rad_s", "localization_limits.rate_rad_s"),
+    ("faults.random_jumps.acceleration_threshold_m_s2", "localization_limits.acceleration_m_s2"),
+    ("faults.random_jumps.position_m", "localization_limits.jump_position_m"),
+    ("faults.random_jumps.attitude_rad", "localization_limits.jump_attitude_rad"),
+    ("faults.random_jumps.rate_rad_s", "localization_limits.jump_rate_rad_s"),
     ("imu.lever_arm_body_m", "lever_arm_body_m"),
     ("imu.gyro.scale_sigma", "rate.scale_sigma"),
     ("imu.gyro.misalignment_sigma_rad", "rate.misalignment_sigma"),
@@ -72,9 +80,28 @@ impl TryFrom<&Sensing> for LocalizationSettings {
             *drift = told.wander.or(*drift, time_s).0;
         }
         (timing.hidden_latency_ms, timing.pose_latency_ms) = ages_ms(sensing, imu.sample_interval_ms)?;
+        if let Some(limits) = &sensing.localization_limits {
+            settings.faults.random_jumps = jumps(limits);
+        }
         settings.gravity_world_m_s2 = sensing.gravity_added_world_m_s2.unwrap_or_default();
         settings.check().map_err(as_in_the_file)?;
         Ok(settings)
+    }
+}
+
+/// Time that a jump shows in full and time of its return, s: of the flights that the thesis shows.
+const JUMP_S: (f64, f64) = (0.2, 0.5);
+
+fn jumps(limits: &LocalizationLimits) -> JumpSettings {
+    JumpSettings {
+        rate_hz: limits.jumps_hz,
+        rate_threshold_rad_s: limits.rate_rad_s,
+        acceleration_threshold_m_s2: limits.acceleration_m_s2,
+        position_m: limits.jump_position_m,
+        attitude_rad: limits.jump_attitude_rad,
+        rate_rad_s: limits.jump_rate_rad_s,
+        duration_s: JUMP_S.0,
+        recovery_s: JUMP_S.1,
     }
 }
 
@@ -215,6 +242,19 @@ mod tests {
                 assert!(flown.bias_sigma > 0.0 && flown.resolution == 0.0);
             }
         }
+    }
+
+    #[test]
+    fn what_the_localisation_survives_comes_back() {
+        let thesis = described(SensingPreset::ThesisFlight);
+        let limits = thesis.localization_limits.unwrap();
+        assert_eq!((limits.rate_rad_s, limits.acceleration_m_s2, limits.jumps_hz), (0.15, 0.03, 0.2));
+        let flown = LocalizationSettings::try_from(&thesis).unwrap();
+        assert_eq!(flown.faults.random_jumps, SensingPreset::ThesisFlight.settings().faults.random_jumps);
+        assert_eq!(described(SensingPreset::Nominal).localization_limits, None);
+        let impossible = LocalizationLimits { jumps_hz: 1e3, ..limits };
+        let refused = LocalizationSettings::try_from(&Sensing { localization_limits: Some(impossible), ..thesis });
+        assert!(refused.unwrap_err().to_string().contains("localization_limits.jumps_hz"));
     }
 
     #[test]

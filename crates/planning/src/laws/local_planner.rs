@@ -370,7 +370,8 @@ where
                 let acceleration: f64 = by_input.iter().zip(input).map(|(a, b)| a * b).sum();
                 counted.effort += settings.acceleration[usize::from(row >= 3)] * acceleration * acceleration;
             }
-            let next = self.model.step(&state, &sensitivity, input, settings.step_s);
+            let left: Array2<P, X> = sensitivity.map(|row| core::array::from_fn(|i| settings.retained[i] * row[i]));
+            let next = self.model.step(&state, &left, input, settings.step_s);
             self.holds(law, &"a next state", &(node, &state, input), next.is_some())?;
             let Some((next_state, next_sensitivity)) = next else { break };
             (state, sensitivity) = (next_state, next_sensitivity);

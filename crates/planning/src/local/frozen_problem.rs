@@ -56,6 +56,7 @@ fn settings() -> LocalSettings<12, 6> {
         wrench: WrenchSet { limit: LIMIT, half_spaces: Vec::new() },
         speed: SpeedLimits { speed_m_s: Vector3::repeat(0.2), rate_rad_s: Vector3::repeat(0.3) },
         measurement,
+        retained: [1.0; 12],
         criterion: Criterion::A,
         margin_m: 0.0,
         length_scale_m: 0.2,

@@ -180,15 +180,15 @@ impl<const X: usize> ColumnSweep<X> {
 /// The derivative of every entry of the information matrix by the scaled inputs: columns of `N U`, one per pair of parameters.
 ///
 /// One backward sweep with an adjoint per parameter and one per pair: an entry `phi_i' W phi_j` changes by
-/// `w_j' d phi_i + w_i' d phi_j`, and `d phi` at the end of a step is `A d phi` plus the change of `A phi + E` with state and
-/// input.
+/// `w_j' d phi_i + w_i' d phi_j`, and `d phi` at the end of a step is `A R d phi` plus the change of `A R phi + E` with state and
+/// input, `R` what measurements [retain](super::LocalSettings::retained).
 ///
 /// # Source
 /// Adjoint of thesis (6.8).
 pub(super) fn information_columns<M, const X: usize, const U: usize, const P: usize>(
     derivatives: &[StepDerivatives<X, U, P>],
     sensitivities: &[Array2<P, X>],
-    measurement: &Array2<X, X>,
+    (measurement, retained): (&Array2<X, X>, &[f64; X]),
     limit: &[f64; U],
     sweep: &mut ColumnSweep<X>,
     columns: &mut [f64],
@@ -252,6 +252,9 @@ pub(super) fn information_columns<M, const X: usize, const U: usize, const P: us
                 for (sum, entry) in pulled.iter_mut().zip(row) {
                     *sum += factor * entry;
                 }
+            }
+            for (entry, share) in pulled.iter_mut().zip(retained) {
+                *entry *= share;
             }
             *adjoint = pulled;
         }

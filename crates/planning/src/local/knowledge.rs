@@ -15,7 +15,7 @@ const LEAST_RELATIVE_SIGMA: f64 = 1e-6;
 ///
 /// # Errors
 /// A matrix that is no covariance; a parameter without size that is known exactly.
-pub(super) fn whitened<const P: usize>(
+pub(crate) fn whitened<const P: usize>(
     covariance: &SMatrix<f64, P, P>,
     sizes: &[f64; P],
     names: &[&'static str; P],
@@ -128,7 +128,7 @@ pub(super) fn parameters_by_about_com(body: &InertialParameters<f64>) -> SMatrix
 
 /// Sizes of mass, centre of mass and inertia about it: the radius of gyration for the centre of mass, the mean moment of inertia
 /// for inertias.
-pub(super) fn sizes_about_com(body: &InertialParameters<f64>) -> [f64; PARAMETERS] {
+pub(crate) fn sizes_about_com(body: &InertialParameters<f64>) -> [f64; PARAMETERS] {
     let inertia = body.inertia_about_com().trace() / 3.0;
     let radius = f64::sqrt(1.5 * inertia / body.mass);
     core::array::from_fn(|i| [body.mass, radius, inertia][usize::from(i > 0) + usize::from(i > 3)])
@@ -138,7 +138,7 @@ pub(super) fn sizes_about_com(body: &InertialParameters<f64>) -> [f64; PARAMETER
 ///
 /// # Errors
 /// A belief whose body does not exist.
-pub(super) fn covariance_about_com(
+pub(crate) fn covariance_about_com(
     belief: &ModelBelief,
 ) -> Result<SMatrix<f64, PARAMETERS, PARAMETERS>, PlanningError> {
     let body = belief.parameters().validated()?;

@@ -360,6 +360,17 @@ fn validate<const X: usize, const U: usize>(settings: &LocalSettings<X, U>) -> R
     if (settings.measurement + SMatrix::<f64, X, X>::identity() * rounding).cholesky().is_none() {
         return Err(PlanningError::NotPositive { what: "the information of a measurement", value: -rounding });
     }
+    for share in settings.retained {
+        let (lower, upper) = (0.0, 1.0);
+        if !(lower..=upper).contains(&share) {
+            return Err(PlanningError::OutOfRange {
+                what: "the share that a measurement leaves",
+                value: share,
+                lower,
+                upper,
+            });
+        }
+    }
     not_negative("the margin", settings.margin_m)?;
     length("the length over which distances are measured", settings.length_scale_m)?;
     positive("the tolerance", settings.tolerance)?;

@@ -96,6 +96,11 @@ pub struct LocalSettings<const X: usize, const U: usize> {
     /// Information that the measurements of one node give about the coordinates of its state: `H' R^-1 H` times the number of
     /// independent samples per step.
     pub measurement: SMatrix<f64, X, X>,
+    /// Of what a parameter has moved each coordinate by, the share that the measurements of one node leave to later ones: one
+    /// where the state at the start is known and errors are white, so that all of it shows again and again; less where an
+    /// estimator has to follow the state beside the parameters, because something unknown pushes the body or a localisation wanders.
+    /// With `measurement` the inverse covariance of such an estimator's innovations, their sum is its information.
+    pub retained: [f64; X],
     /// What is to be small of the covariance.
     pub criterion: super::Criterion,
     /// Distance kept from obstacles, m.

@@ -133,6 +133,11 @@ pub(super) struct Shooting<'a, M: InformativeModel<X, U, P>, const X: usize, con
     measurement: Array2<X, X>,
 }
 
+/// What measurements of a node leave of sensitivities.
+fn retained<const X: usize, const P: usize>(sensitivity: &Array2<P, X>, share: &[f64; X]) -> Array2<P, X> {
+    sensitivity.map(|row| core::array::from_fn(|i| row[i] * share[i]))
+}
+
 fn dot<const X: usize>(a: &[f64; X], b: &[f64; X]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
@@ -247,9 +252,10 @@ impl<'a, M: InformativeModel<X, U, P>, const X: usize, const U: usize, const P: 
         let mut sensitivity = [[0.0; X]; P];
         for k in 0..settings.steps {
             let input = self.input(z, k);
+            let left = retained(&sensitivity, &settings.retained);
             let next = match derivatives.as_deref_mut().and_then(|all| all.get_mut(k)) {
-                Some(place) => self.model.differentiate(&state, &sensitivity, &input, settings.step_s, place),
-                None => self.model.step(&state, &sensitivity, &input, settings.step_s),
+                Some(place) => self.model.differentiate(&state, &left, &input, settings.step_s, place),
+                None => self.model.step(&state, &left, &input, settings.step_s),
             };
             let Some((next_state, next_sensitivity)) = next else { return false };
             gather(&mut rollout.information, &self.measurement, &next_sensitivity);
@@ -318,7 +324,8 @@ impl<'a, M: InformativeModel<X, U, P>, const X: usize, const U: usize, const P: 
         stages.arrow.clear();
         if let Some(value) = value {
             let sensitivities = &current.sensitivities;
-            information_columns::<M, X, U, P>(derivatives, sensitivities, &self.measurement, limit, sweep, columns);
+            let measured = (&self.measurement, &settings.retained);
+            information_columns::<M, X, U, P>(derivatives, sensitivities, measured, limit, sweep, columns);
             add_information_gradient(value, columns, gradient);
             arrow_factor.append(value, columns, gradient.len(), &mut stages.arrow);
         }

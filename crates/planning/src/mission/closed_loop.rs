@@ -654,6 +654,7 @@ where
             asked,
             start: self.flown.at(seconds(start_ns)).state,
             start_ns,
+            asked_ns: self.time_ns,
             scene: Arc::clone(&self.scene),
             world_revision: self.world_revision,
             belief: Arc::clone(&self.belief),

@@ -1,9 +1,11 @@
 //! Stretches by the informative planner.
 
 use super::expected_loss::ExpectedLoss;
+use super::foreseen::{foreseen, information_between};
 use super::stretch::{StretchAnswer, StretchOutcome, StretchPlanner, StretchRefusal, StretchTask};
 use super::stretch_model::StretchModel;
 use super::stretch_settings::{Arrival, StretchSettings};
+use super::thrust_doubt::ThrustDoubt;
 use super::way_nodes::motion_on;
 use crate::budget::Budget;
 use crate::error::{PlanningError, indefinite, positive};
@@ -33,11 +35,12 @@ pub struct InformativeStretch<
     weighting: Box<dyn InformationWeighting<P>>,
     expected_loss: Option<ExpectedLoss<P>>,
     arrival: Arrival,
+    thrust: ThrustDoubt,
     /// Largest absolute value of each input.
     limit: [f64; U],
     step_s: f64,
     steps: usize,
-    /// Covariance of the quantities at first, and the length of the first way, s.
+    /// Covariance of the quantities that can be learned at first, and the length of the first way, s.
     first: Option<(SMatrix<f64, P, P>, f64)>,
     last: Option<LocalTrajectory<M::State, U, P>>,
     /// Of the last task, all tries together.
@@ -71,6 +74,7 @@ impl<M: StretchModel<X, U, P> + Clone, const X: usize, const U: usize, const P: 
             weighting,
             expected_loss: None,
             arrival: settings.arrival,
+            thrust: settings.thrust,
             limit,
             step_s: settings.step_s,
             steps: settings.steps,
@@ -91,13 +95,27 @@ where
     where
         N: LocalPlanner<U, P, State = M::State>,
     {
-        let Self { model, weighting, expected_loss, arrival, limit, step_s, steps, first, last, iterations, .. } = self;
+        let Self {
+            model,
+            weighting,
+            expected_loss,
+            arrival,
+            thrust,
+            limit,
+            step_s,
+            steps,
+            first,
+            last,
+            iterations,
+            ..
+        } = self;
         InformativeStretch {
             planner,
             model,
             weighting,
             expected_loss,
             arrival,
+            thrust,
             limit,
             step_s,
             steps,
@@ -182,8 +200,7 @@ where
         &mut self,
         task: &StretchTask<'_>,
         goal: &Kinematics,
-        weights: &[f64; P],
-        names: [&'static str; P],
+        (names, weights, lasting): ([&'static str; P], &[f64; P], &[f64; P]),
         answer: LocalAnswer<M::State, U, P>,
     ) -> Result<StretchOutcome, PlanningError> {
         let Some(plan) = answer.plan else {
@@ -198,7 +215,10 @@ where
         if given != expected {
             return Err(PlanningError::WrongCount { what: "states of a local plan", given, expected });
         }
-        let at = |node: usize| trajectory.sigma(node).unwrap_or([0.0; P]);
+        let at = |node: usize| {
+            let learned = trajectory.sigma(node).unwrap_or([0.0; P]);
+            core::array::from_fn::<f64, P, _>(|i| f64::sqrt(learned[i] * learned[i] + lasting[i]))
+        };
         let (before, after) = (at(0), at(self.steps));
         let arrival_s = self.arrival_s(&trajectory, goal).filter(|_| self.way_ends(task));
         let motion = self.model.motion(&trajectory, task.belief);
@@ -272,8 +292,20 @@ where
         let Some((goal, ..)) = motion_on(task.way, f64::INFINITY) else {
             return Err(PlanningError::WrongCount { what: "arcs of the way", given: 0, expected: 1 });
         };
-        let knowledge = self.model.adopt(task.belief)?;
-        let weights = self.weights(task, covariance_of(&knowledge)?)?;
+        let known = covariance_of(&self.model.adopt(task.belief)?)?;
+        let pushed_axes = M::IS_TORQUE.iter().filter(|is_torque| !**is_torque).count();
+        let learnable = self.thrust.learnable(task.belief, pushed_axes)?;
+        let knowledge = self.model.adopt(&learnable)?;
+        let left = covariance_of(&knowledge)?;
+        let lasting = core::array::from_fn::<f64, P, _>(|i| f64::max(0.0, known[(i, i)] - left[(i, i)]));
+        let on_the_way = self
+            .last
+            .as_ref()
+            .map_or_else(SMatrix::zeros, |last| information_between(last, task.asked_s, task.start_s));
+        let learnable = foreseen(&learnable, &knowledge.names, &on_the_way)?;
+        let knowledge = self.model.adopt(&learnable)?;
+        let left = covariance_of(&knowledge)?;
+        let weights = self.weights(task, left)?;
         let begin_s = task.start_s - task.way_start_s;
         let nodes: Vec<_> = (0..=self.steps)
             .filter_map(|node| motion_on(task.way, begin_s + self.step_s * node as f64))
@@ -297,14 +329,14 @@ where
                 start_s: task.start_s,
                 reference: Reference::Nodes(&nodes),
                 terminal,
-                belief: task.belief,
+                belief: &learnable,
                 information: weights,
                 surroundings: task.surroundings,
                 guess,
             };
             let found = self.planner.plan(&request, budget)?;
             self.iterations += found.iterations;
-            self.answer(task, &goal, &weights, knowledge.names, found)
+            self.answer(task, &goal, (knowledge.names, &weights, &lasting), found)
         };
         for each in [Some((begun, region)), nearer].into_iter().flatten() {
             if let planned @ StretchOutcome::Planned(_) = attempt(each)? {

@@ -27,6 +27,8 @@ where
     pub start: RigidBodyState<f64>,
     /// Mission time of the start, ns.
     pub start_ns: i64,
+    /// Mission time at which it was asked for, with the belief of then, ns.
+    pub asked_ns: i64,
     /// What is around the robot.
     pub scene: Arc<Scene<W>>,
     /// Number of that world.

@@ -141,6 +141,7 @@ where
         let task = StretchTask {
             start: *start,
             start_s,
+            asked_s: seconds(asked.asked_ns),
             way,
             way_start_s,
             belief,

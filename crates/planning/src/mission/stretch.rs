@@ -15,6 +15,8 @@ pub struct StretchTask<'a> {
     pub start: RigidBodyState<f64>,
     /// Mission time of the start, s.
     pub start_s: f64,
+    /// Mission time of the belief, s: what the last plan taught between then and the start will be known by the start.
+    pub asked_s: f64,
     /// The way to follow.
     pub way: &'a ArcPath,
     /// Mission time at which the way begins, s.

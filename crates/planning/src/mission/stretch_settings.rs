@@ -1,6 +1,7 @@
 //! How stretches are planned.
 
-use crate::error::{PlanningError, finite, positive};
+use super::thrust_doubt::ThrustDoubt;
+use crate::error::{PlanningError, finite, not_negative, positive};
 use crate::global::MotionLimits;
 use crate::local::{Criterion, LocalSettings, SpeedLimits, WrenchSet};
 use nalgebra::{SMatrix, SVector, Vector3};
@@ -63,6 +64,11 @@ pub struct StretchSettings {
     pub measurement_sigma: [f64; 4],
     /// Independent samples per step.
     pub samples_per_step: f64,
+    /// Variance that comes to each of them in a second from what neither the body nor the inputs do: forces that nobody knows of, a
+    /// localisation that wanders. Zero where errors are white and thrust is exact.
+    pub wander_per_s: [f64; 4],
+    /// How well the thrust itself is known.
+    pub thrust: ThrustDoubt,
     /// What is to be small of the covariance.
     pub criterion: Criterion,
     /// Distance kept from obstacles, m.
@@ -99,6 +105,8 @@ impl Default for StretchSettings {
             speed: SpeedLimits { speed_m_s: Vector3::repeat(0.1), rate_rad_s: Vector3::repeat(0.3) },
             measurement_sigma: [0.01, 0.005, 0.01, 0.005],
             samples_per_step: 1.0,
+            wander_per_s: [0.0; 4],
+            thrust: ThrustDoubt::NONE,
             criterion: Criterion::A,
             margin_m: 0.04,
             length_scale_m: 0.15,
@@ -157,7 +165,14 @@ impl StretchSettings {
             positive("a standard deviation of a measurement", sigma)?;
         }
         finite("the samples of a step", self.samples_per_step)?;
-        let information = self.measurement_sigma.map(|sigma| self.samples_per_step / (sigma * sigma));
+        for wander in self.wander_per_s {
+            not_negative("the wander of a measurement", wander)?;
+        }
+        self.thrust.check()?;
+        let seen: [Seen; 4] = core::array::from_fn(|group| {
+            let sigma = self.measurement_sigma[group];
+            Seen::steadily(sigma * sigma / self.samples_per_step, self.wander_per_s[group] * self.step_s)
+        });
         let [torque, force] = self.effort;
         Ok(LocalSettings {
             steps: self.steps,
@@ -168,7 +183,8 @@ impl StretchSettings {
             acceleration: [0.0; 2],
             wrench,
             speed: self.speed,
-            measurement: SMatrix::from_diagonal(&SVector::from(of(&information))),
+            measurement: SMatrix::from_diagonal(&SVector::from(of(&seen.map(|seen| seen.information)))),
+            retained: of(&seen.map(|seen| seen.retained)),
             criterion: self.criterion,
             margin_m: self.margin_m,
             length_scale_m: self.length_scale_m,
@@ -176,5 +192,65 @@ impl StretchSettings {
             tolerance: self.tolerance,
             iterations: self.iterations,
         })
+    }
+}
+
+/// What a steady Kalman filter of one coordinate makes of the measurement of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Seen {
+    /// Inverse variance of its innovations.
+    information: f64,
+    /// Share of a deviation that its update leaves.
+    retained: f64,
+}
+
+impl Seen {
+    /// Of a coordinate that is measured with this variance at each node and wanders by that one between them.
+    fn steadily(white: f64, wander: f64) -> Self {
+        if white == f64::INFINITY {
+            return Self { information: 0.0, retained: 1.0 };
+        }
+        // p before an update: p = p w / (p + w) + q
+        let before = 0.5 * (wander + f64::sqrt(wander * (wander + 4.0 * white)));
+        let innovation = before + white;
+        Self { information: 1.0 / innovation, retained: white / innovation }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn innovations_of_a_steady_filter() {
+        assert_eq!(Seen::steadily(4.0, 0.0), Seen { information: 0.25, retained: 1.0 }, "nothing wanders");
+        assert_eq!(Seen::steadily(f64::INFINITY, 1.0), Seen { information: 0.0, retained: 1.0 }, "nothing is measured");
+        // against the recursion itself
+        let (white, wander) = (0.3, 0.05);
+        let (mut variance, mut gain) = (1.0, 0.0);
+        for _ in 0..200 {
+            let before: f64 = variance + wander;
+            gain = before / (before + white);
+            variance = (1.0 - gain) * before;
+        }
+        let seen = Seen::steadily(white, wander);
+        assert!((seen.retained - (1.0 - gain)).abs() < 1e-12, "{seen:?}");
+        assert!((1.0 / seen.information - (variance + wander + white)).abs() < 1e-12, "{seen:?}");
+    }
+
+    #[test]
+    fn wander_costs_information_and_what_cannot_be_is_refused() {
+        let wrench = || WrenchSet { limit: [1.0; 2], half_spaces: Vec::new() };
+        let local = |settings: &StretchSettings| settings.local::<4, 2>(&[0, 1, 2, 3], &[false, true], wrench());
+        let white = local(&StretchSettings::default()).unwrap();
+        assert_eq!(white.retained, [1.0; 4]);
+        let wanders = StretchSettings { wander_per_s: [1e-4, 0.0, 0.0, 0.0], ..StretchSettings::default() };
+        let found = local(&wanders).unwrap();
+        assert!(found.retained[0] < 1.0 && found.measurement[(0, 0)] < white.measurement[(0, 0)], "{found:?}");
+        assert_eq!(found.retained[1..], [1.0; 3]);
+        let bad = StretchSettings { wander_per_s: [-1.0, 0.0, 0.0, 0.0], ..StretchSettings::default() };
+        assert!(local(&bad).is_err());
+        let thrust = ThrustDoubt { line_m: -1.0, ..ThrustDoubt::NONE };
+        assert!(local(&StretchSettings { thrust, ..StretchSettings::default() }).is_err());
     }
 }

@@ -29,6 +29,7 @@ fn settings() -> LocalSettings<12, 6> {
         wrench: WrenchSet { limit: [0.045, 0.045, 0.045, 0.45, 0.3, 0.3], half_spaces: Vec::new() },
         speed: SpeedLimits { speed_m_s: Vector3::repeat(0.3), rate_rad_s: Vector3::repeat(1.2) },
         measurement: SMatrix::from_diagonal_element(2e4),
+        retained: [1.0; 12],
         criterion: Criterion::A,
         margin_m: 0.0,
         length_scale_m: 0.1,

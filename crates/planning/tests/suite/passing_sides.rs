@@ -31,6 +31,7 @@ fn settings(on_segments: bool) -> LocalSettings<12, 6> {
         wrench: WrenchSet { limit: LIMIT, half_spaces: Vec::new() },
         speed: SpeedLimits { speed_m_s: Vector3::repeat(0.2), rate_rad_s: Vector3::repeat(0.3) },
         measurement: SMatrix::from_diagonal(&SVector::from(measured)),
+        retained: [1.0; 12],
         criterion: Criterion::A,
         margin_m: 0.0,
         length_scale_m: 0.2,

@@ -27,6 +27,7 @@ fn settings() -> LocalSettings<2, 1> {
         wrench: WrenchSet { limit: [0.4], half_spaces: vec![([1.0], 0.36)] },
         speed: SpeedLimits { speed_m_s: Vector3::repeat(0.14), rate_rad_s: Vector3::repeat(f64::INFINITY) },
         measurement: SMatrix::from_diagonal_element(400.0),
+        retained: [1.0; 2],
         criterion: Criterion::A,
         margin_m: 0.01,
         length_scale_m: 1.0,

@@ -130,6 +130,7 @@ fn information_is_sought_only_while_there_is_a_way() {
         let task = StretchTask {
             start: at_rest(scene.goal),
             start_s: 10.0 + way.duration_s() + from_end_s,
+            asked_s: 10.0 + way.duration_s() + from_end_s,
             way: &way,
             way_start_s: 10.0,
             belief: &believed,
@@ -152,6 +153,7 @@ fn a_plan_that_goes_on_is_begun_from_the_last_one() {
     let task = StretchTask {
         start: at_rest(scene.start),
         start_s: 0.0,
+        asked_s: 0.0,
         way: &way,
         way_start_s: 0.0,
         belief: &believed,
@@ -168,7 +170,8 @@ fn a_plan_that_goes_on_is_begun_from_the_last_one() {
     assert_eq!(answer.arrival_s, None);
 
     let start_s = 4.0 * settings.step_s;
-    let next = StretchTask { start: answer.motion.state_at(start_s), start_s, elapsed_s: start_s, ..task };
+    let next =
+        StretchTask { start: answer.motion.state_at(start_s), start_s, asked_s: start_s, elapsed_s: start_s, ..task };
     first.plan(&next, &mut budget()).unwrap().planned().unwrap();
     let warm = first.iterations();
     let mut second = planner(&believed, &settings);
@@ -201,6 +204,7 @@ fn beliefs_that_are_none_are_answers_or_errors() {
         let task = StretchTask {
             start: at_rest(scene.start),
             start_s: 0.0,
+            asked_s: 0.0,
             way: &way,
             way_start_s: 0.0,
             belief,

@@ -44,6 +44,12 @@ pub struct GroupSummary {
     pub fallbacks: Rate,
     /// Ended with a doubt of body, map or actuators; of those flown.
     pub doubted: Rate,
+    /// Hours of all flights together.
+    pub flown_h: f64,
+    /// How often a body, the map and actuators were doubted in them; of healthy robots these are false alarms.
+    pub alarms: [u64; 3],
+    /// Standard deviations that stretches promised and that were stated at their ends to within a factor of 0.7 to 1.4.
+    pub promises_kept: Rate,
     /// Least distance from anything, m.
     pub min_clearance_m: Option<Spread>,
     /// Time, s.
@@ -196,6 +202,8 @@ struct Columns {
     violations: usize,
     fallbacks: usize,
     doubts: usize,
+    alarms: [usize; 3],
+    promises: [usize; 2],
     mission_s: usize,
     clearance: usize,
     impulse: usize,
@@ -220,6 +228,8 @@ impl Columns {
             violations: at("limit_violations"),
             fallbacks: at("fallbacks"),
             doubts: at("doubts_at_end"),
+            alarms: ["doubts_of_body", "doubts_of_map", "doubts_of_actuators"].map(at),
+            promises: ["promises_kept", "promises_made"].map(at),
             mission_s: at("mission_s"),
             clearance: at("min_clearance_m"),
             impulse: at("impulse_n_s"),
@@ -311,6 +321,8 @@ impl GroupSummary {
         let times = |has: &dyn Fn(&Row) -> bool| flown().filter(|row| has(row)).count() as u64;
         let rate = |has: &dyn Fn(&Row) -> bool| Rate::new(times(has), flown_count);
         let some = |column: usize| move |row: &Row| row.number(column).is_some_and(|value| value > 0.0);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a sum of counts")]
+        let total = |column: usize| flown().filter_map(|row| row.number(column)).sum::<f64>() as u64;
         let spread = |value: &dyn Fn(&Row) -> Option<f64>| Spread::of(flown().filter_map(value));
         let parameter = |(index, name): (usize, &&'static str)| {
             let judged = || flown().filter_map(|row| columns.within_2_sigma(row, index));
@@ -333,6 +345,9 @@ impl GroupSummary {
             violations: rate(&some(columns.violations)),
             fallbacks: rate(&some(columns.fallbacks)),
             doubted: rate(&|row| row.text(columns.doubts) != NO_DOUBT),
+            flown_h: flown().filter_map(|row| row.number(columns.mission_s)).sum::<f64>() / 3600.0,
+            alarms: columns.alarms.map(total),
+            promises_kept: Rate::new(total(columns.promises[0]), total(columns.promises[1])),
             min_clearance_m: spread(&|row| row.number(columns.clearance)),
             mission_s: spread(&|row| row.number(columns.mission_s)),
             impulse_n_s: spread(&|row| row.number(columns.impulse)),

@@ -23,6 +23,7 @@ pub fn table(analysis: &Analysis) -> String {
     let width = groups.iter().map(|group| group.label.chars().count()).max().unwrap_or(0).max(12);
     rates(&mut text, &groups, width);
     if all.flown > 0 {
+        honesty(&mut text, &groups, width);
         spreads(&mut text, &groups, width);
         parameters(&mut text, &groups, width);
         comparisons(&mut text, &analysis.comparisons);
@@ -48,6 +49,26 @@ fn rates(text: &mut String, groups: &[&GroupSummary], width: usize) {
         ] {
             let _ = write!(text, "{gap}{:<30}", shown_rate(rate));
         }
+        end_line(text);
+    }
+}
+
+/// What was doubted, and what plans promised.
+fn honesty(text: &mut String, groups: &[&GroupSummary], width: usize) {
+    let _ = writeln!(
+        text,
+        "\nhow often something was doubted (false alarms where the robot is healthy), and what plans promised to teach"
+    );
+    let _ = writeln!(
+        text,
+        "{:<width$}  {:<10}{:<10}{:<10}{:<12}{:<30}",
+        "", "hours", "body", "map", "actuators", "promised sigma kept"
+    );
+    for group in groups {
+        let [body, map, actuators] = group.alarms;
+        let _ =
+            write!(text, "{:<width$}  {:<10}{body:<10}{map:<10}{actuators:<12}", group.label, digits(group.flown_h));
+        let _ = write!(text, "{:<30}", shown_rate(&group.promises_kept));
         end_line(text);
     }
 }

@@ -84,7 +84,7 @@ pub const PARAMETERS: [&str; 10] = [
 /// What is known of each.
 const OF_A_PARAMETER: [&str; 5] = ["truth", "initial", "estimate", "sigma", "shut_off_s"];
 
-const BEFORE: [(&str, Kind); 27] = [
+const BEFORE: [(&str, Kind); 32] = [
     ("row", Kind::Count),
     ("k", Kind::Count),
     ("combination", Kind::Count),
@@ -112,6 +112,11 @@ const BEFORE: [(&str, Kind); 27] = [
     ("faults_injected", Kind::Count),
     ("warnings", Kind::Count),
     ("doubts_at_end", Kind::Text),
+    ("doubts_of_body", Kind::Count),
+    ("doubts_of_map", Kind::Count),
+    ("doubts_of_actuators", Kind::Count),
+    ("promises_made", Kind::Count),
+    ("promises_kept", Kind::Count),
 ];
 /// What the column `doubts_at_end` holds of a mission without.
 pub const NO_DOUBT: &str = "none";
@@ -180,6 +185,11 @@ impl Row {
             Cell::Count(summary.map(|s| s.faults.values().sum())),
             Cell::Count(summary.map(|s| s.warnings.len() as u64)),
             Cell::Text(summary.map_or(String::new(), doubts_at_end)),
+            Cell::Count(summary.map(|s| spells(s, DoubtOf::Body))),
+            Cell::Count(summary.map(|s| spells(s, DoubtOf::Map))),
+            Cell::Count(summary.map(|s| spells(s, DoubtOf::Actuators))),
+            Cell::Count(summary.map(|s| s.promises.made)),
+            Cell::Count(summary.map(|s| s.promises.kept)),
         ];
         for name in PARAMETERS {
             let found = summary.and_then(|s| s.parameters.iter().find(|parameter| parameter.name == name));
@@ -289,6 +299,11 @@ fn quoted(text: &str) -> String {
 fn doubts_at_end(summary: &MissionSummary) -> String {
     let names: Vec<&str> = summary.standing_doubts().into_iter().map(DoubtOf::name).collect();
     if names.is_empty() { NO_DOUBT.to_owned() } else { names.join(" ") }
+}
+
+/// How often something was doubted.
+fn spells(summary: &MissionSummary, what: DoubtOf) -> u64 {
+    summary.doubts.iter().filter(|doubt| doubt.what == what).count() as u64
 }
 
 /// Text without line ends and other control characters: a row is one line.

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::mission::{
-    DoubtOf, DoubtRow, FallbackRow, FaultChoice, FaultName, ModelChoice, ParameterRow, TrackingRms, WeightingChoice,
+    DoubtOf, DoubtRow, FallbackRow, FaultChoice, FaultName, ModelChoice, ParameterRow, Promises, TrackingRms,
+    WeightingChoice,
 };
 use row::PARAMETERS;
 use std::collections::BTreeMap;
@@ -64,6 +65,8 @@ fn fake_summary(mission: &PlannedMission) -> MissionSummary {
         information_shut_off_s: BTreeMap::from([("mass".to_owned(), 12.0)]),
         warnings: Vec::new(),
         doubts: standing(DoubtOf::Body, mission.k == 4),
+        beyond_localization_s: 0.0,
+        promises: Promises { made: 10, kept: mission.k.min(10) },
     }
 }
 

@@ -206,6 +206,7 @@ fn settings<const X: usize, const U: usize>(
         wrench,
         speed: local.speed,
         measurement: SMatrix::from_diagonal(&SVector::from(of(information))),
+        retained: [1.0; X],
         criterion: local.criterion,
         margin_m: hull(task).1,
         length_scale_m: task.problem.body.bounding_radius_m().max(LENGTH_SCALE_M),

@@ -155,6 +155,9 @@ impl DoubtWatch {
 
     fn count(&mut self, time_s: f64, counts: &ReceptionCounts) {
         let seen = counts.used + counts.gated;
+        if time_s < self.acquainted_s {
+            self.counted.clear();
+        }
         self.counted.push_back((time_s, seen, counts.gated));
         while self.counted.front().is_some_and(|(t_s, ..)| time_s - t_s > REFUSED_WITHIN_S) {
             self.counted.pop_front();

@@ -8,7 +8,7 @@ use super::layers::{estimator_settings, scene};
 use super::options::FlyOptions;
 use super::record::{
     BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
-    ParameterRow, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
+    PROMISED, ParameterRow, Promises, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
 };
 use crate::TumbleError;
 use crate::scenario::{MissionProblem, ScenarioSource};
@@ -309,6 +309,7 @@ impl LoopObserver for Notes<'_> {
             quantities,
             weights: stretch.weights.clone(),
             sigma: stretch.sigma.clone(),
+            stated: Vec::new(),
             information: information.collect(),
         });
     }
@@ -335,6 +336,7 @@ struct Sums {
     watch: InvariantWatch,
     series: Series,
     violations: u64,
+    beyond_localization: u64,
     impulse_n_s: f64,
     angular_impulse_n_m_s: f64,
     /// Time and squared distance from what is flown.
@@ -436,7 +438,7 @@ pub fn fly(
         arrived.clear();
         arrived.extend(heard.iter().map(|estimate| measurement(estimate, &problem.noise)));
         from_ns = time_ns;
-        sums.acted(&measured, periods);
+        sums.acted(&problem, &measured, periods);
         notes.hooks.period(&FlownPeriod {
             measured: &measured,
             estimates: &heard,
@@ -556,6 +558,7 @@ impl Sums {
             watch,
             series: Series::default(),
             violations: 0,
+            beyond_localization: 0,
             impulse_n_s: 0.0,
             angular_impulse_n_m_s: 0.0,
             squares: Vec::new(),
@@ -608,8 +611,15 @@ impl Sums {
         Ok(clearance_m)
     }
 
-    fn acted(&mut self, measured: &SimulatorMeasurement, periods: u64) {
+    fn acted(&mut self, problem: &MissionProblem, measured: &SimulatorMeasurement, periods: u64) {
         let Wrench { torque, force } = &measured.realized_wrench_body;
+        if let Some(survived) = &problem.planned_motion.survived {
+            let simulator = &problem.flight.simulator;
+            let acceleration = force.norm() / simulator.body().mass;
+            let is_beyond = simulator.state().twist_body.angular.norm() > survived.rate_rad_s
+                || acceleration > survived.acceleration_m_s2;
+            self.beyond_localization += u64::from(is_beyond);
+        }
         self.impulse_n_s += force.norm() * CONTROL_PERIOD_S;
         self.angular_impulse_n_m_s += torque.norm() * CONTROL_PERIOD_S;
         if periods.is_multiple_of(BETWEEN_ROWS) {
@@ -623,6 +633,28 @@ impl Sums {
         let (count, sum) = since.fold((0_u32, 0.0), |(count, sum), (_, square)| (count + 1, sum + square));
         if count == 0 { 0.0 } else { libm::sqrt(sum / f64::from(count)) }
     }
+}
+
+/// Writes beside what stretches promised what the estimator stated at their ends, and counts.
+fn compare_promises(stretches: &mut [StretchRow], series: &Series) -> Promises {
+    let mut promises = Promises::default();
+    let ends: Vec<Option<f64>> = stretches.iter().skip(1).map(|next| Some(next.start_s)).chain([None]).collect();
+    for (stretch, replaced_s) in stretches.iter_mut().zip(ends) {
+        let end_s = stretch.end_s;
+        if replaced_s.is_some_and(|replaced_s| replaced_s < end_s - CONTROL_PERIOD_S) {
+            continue;
+        }
+        let row = series.t_s.partition_point(|time_s| *time_s < end_s);
+        let Some(sigma) = series.t_s.get(row).and_then(|_| series.sigma.get(row)) else { continue };
+        let place = |name: &String| PARAMETERS.iter().position(|(parameter, _)| parameter == name);
+        let Some(places) = stretch.quantities.iter().map(place).collect::<Option<Vec<usize>>>() else { continue };
+        stretch.stated = places.iter().map(|place| sigma[*place]).collect();
+        for (stated, [_, promised]) in stretch.stated.iter().zip(&stretch.sigma) {
+            promises.made += 1;
+            promises.kept += u64::from(PROMISED.contains(&(promised / stated)));
+        }
+    }
+    promises
 }
 
 fn fallback_row(spell: &FallbackSpell) -> FallbackRow {
@@ -649,7 +681,8 @@ fn record(
         estimate: columns[2][index],
         sigma: columns[3][index],
     };
-    let Notes { mut ways, stretches, beliefs, mut events, shut_off, faults, doubts, too_late, expired, .. } = notes;
+    let Notes { mut ways, mut stretches, beliefs, mut events, shut_off, faults, doubts, too_late, expired, .. } = notes;
+    let promises = compare_promises(&mut stretches, &sums.series);
     for event in problem.flight.simulator.events() {
         let kind = if event.event.is_violation() { "violation" } else { "simulator" };
         let text = event.event.to_string();
@@ -692,6 +725,8 @@ fn record(
         information_shut_off_s: shut_off.into_iter().filter_map(|(name, at)| Some((name, at?))).collect(),
         warnings,
         doubts: doubts.finish(),
+        beyond_localization_s: sums.beyond_localization as f64 * CONTROL_PERIOD_S,
+        promises,
     };
     let World { keep_in, keep_out, obstacles } = &problem.planning.world;
     let drawn =

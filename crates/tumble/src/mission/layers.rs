@@ -4,9 +4,12 @@ use super::weighting::WeightingChoice;
 use crate::scenario::{ComputingSettings, MissionProblem, UnknownsName};
 use tumble_astrobee::control_presets::{self, ControlLimits};
 use tumble_astrobee::planning_presets::{EXPONENTIAL_WEIGHTING, STEP_WEIGHTING};
+use tumble_astrobee::simulator::CONTROL_PERIOD_S;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3, Vector6};
 use tumble_dynamics::{AlignedBox, RigidBodyState, World};
-use tumble_identification::recursive::{FlightEstimator, FlightEstimatorSettings, LearningTargets, WrenchErrors};
+use tumble_identification::recursive::{
+    FilterMemory, FlightEstimator, FlightEstimatorSettings, GaussMarkov, LearningTargets, WrenchErrors,
+};
 use tumble_lie::LieGroup;
 use tumble_planning::collision::{BodyShape, EllipsoidWorld, MovingObstacle};
 use tumble_planning::control::{
@@ -18,7 +21,7 @@ use tumble_planning::local::{
 };
 use tumble_planning::mission::{
     AtGoal, BrakeLimits, ChosenModel, ComputingTime, ExpectedLoss, LoopSettings, Scene, Schedule, StretchPlanner,
-    StretchSettings,
+    StretchSettings, ThrustDoubt,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
@@ -106,6 +109,37 @@ fn steps(problem: &MissionProblem) -> usize {
     steps.max(1)
 }
 
+/// What moves the measured position, velocity, attitude and rate beside the body and its inputs: variance per second.
+///
+/// * A wander of deviation s and time T is a random walk of 2 s^2/T as long as the time looked at is short.
+/// * A velocity also changes by what nobody knows of the force, a rate by what nobody knows of the torque. What lasts of either counts as
+///   much as white noise that is as large at the frequency at which stretches excite, twice in their length.
+/// * An accelerometer sees a change of velocity whether or not the localisation does: their two answers are one of less variance, and
+///   what pushes the body is in both.
+fn wander_per_s(problem: &MissionProblem) -> [f64; 4] {
+    let FlightEstimatorSettings { noise, wrench, slow, .. } = estimator_settings(problem);
+    let body = &problem.prior.parameters;
+    let walk = |error: &GaussMarkov| 2.0 * error.sigma * error.sigma / error.time_s;
+    let excited_rad_s = 2.0 * core::f64::consts::TAU / problem.stretch_s;
+    let unknown = |white: f64, drift: f64| {
+        let lasting = 2.0 * drift * drift / wrench.drift_time_s / (excited_rad_s * excited_rad_s);
+        white * white * wrench.period_s + lasting
+    };
+    let inertia = body.inertia_about_com().diagonal().min();
+    let pushed = unknown(noise.force_n, wrench.drift[3]) / (body.mass * body.mass);
+    let turned = unknown(noise.torque_n_m, wrench.drift[0]) / (inertia * inertia);
+    let localised = walk(&slow.velocity) + pushed;
+    let rest_s = rest_s(slow.acceleration_memory.as_ref());
+    let accelerated = noise.acceleration_m_s2 * noise.acceleration_m_s2 * rest_s + pushed;
+    let velocity = if localised > 0.0 { localised * accelerated / (localised + accelerated) } else { 0.0 };
+    [walk(&slow.position), velocity, walk(&slow.attitude), turned + slow.rate_bias_walk * slow.rate_bias_walk]
+}
+
+/// How far apart samples of a filtered sensor tell something new, s.
+fn rest_s(memory: Option<&FilterMemory>) -> f64 {
+    memory.map_or(0.0, FilterMemory::rest_s).max(CONTROL_PERIOD_S)
+}
+
 /// The planner of stretches.
 ///
 /// # Errors
@@ -115,7 +149,10 @@ pub fn stretch_planner(
     choice: WeightingChoice,
 ) -> Result<Box<dyn StretchPlanner>, PlanningError> {
     let usual = StretchSettings::default();
-    let rate_rad_s = usual.speed.rate_rad_s.map(|usual| usual.min(RATE_SHARE * problem.rate_limit_rad_s));
+    let estimated = estimator_settings(problem);
+    let motion = &problem.planned_motion;
+    let most_rad_s = f64::min(RATE_SHARE * problem.rate_limit_rad_s, motion.rate_of_an_axis_rad_s(problem.planar));
+    let rate_rad_s = usual.speed.rate_rad_s.map(|usual| usual.min(most_rad_s));
     let settings = StretchSettings {
         steps: steps(problem),
         step_s: problem.step_s,
@@ -124,14 +161,21 @@ pub fn stretch_planner(
             problem.noise.position_m,
             problem.noise.velocity_m_s,
             problem.noise.attitude_rad,
-            problem.noise.rate_rad_s,
+            problem.noise.rate_rad_s * libm::sqrt(rest_s(problem.slow.rate_memory.as_ref()) / CONTROL_PERIOD_S),
         ],
-        samples_per_step: problem.step_s / tumble_astrobee::simulator::CONTROL_PERIOD_S,
+        samples_per_step: problem.step_s / CONTROL_PERIOD_S,
+        wander_per_s: wander_per_s(problem),
+        thrust: ThrustDoubt {
+            force_scale: estimated.wrench.scale[3],
+            torque_scale: estimated.wrench.scale[0],
+            line_m: estimated.wrench.line_m,
+        },
         margin_m: problem.margins_m.stretch,
         ..usual
     };
     let torque = problem.torque_limit_n_m * problem.plan_torque_share;
-    let force = problem.force_limit_n * problem.plan_force_share;
+    let most_n = motion.force_of_an_axis_n(problem.prior.parameters.mass, problem.planar);
+    let force = problem.force_limit_n.map(|limit| f64::min(limit * problem.plan_force_share, most_n));
     let in_space =
         || WrenchSet { limit: [torque.x, torque.y, torque.z, force.x, force.y, force.z], half_spaces: Vec::new() };
     let height_m = problem.planning.start.position.z;

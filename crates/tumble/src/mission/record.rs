@@ -48,7 +48,26 @@ pub struct MissionSummary {
     /// What the robot doubted, by what it knows itself, in the order in which it began; files of before there was such a list have none.
     #[serde(default)]
     pub doubts: Vec<DoubtRow>,
+    /// How long the robot moved faster than its localisation survives, s; nothing where no limit is known.
+    #[serde(default)]
+    pub beyond_localization_s: f64,
+    /// What stretches promised to teach; files of before they were counted have none.
+    #[serde(default)]
+    pub promises: Promises,
 }
+
+/// Standard deviations that stretches promised for their ends, over those stated then: one for each parameter of each stretch flown to
+/// its end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Promises {
+    /// How many there were.
+    pub made: u64,
+    /// Those within [`PROMISED`].
+    pub kept: u64,
+}
+
+/// A promise is kept where it is between so many times what is stated later.
+pub const PROMISED: std::ops::RangeInclusive<f64> = 0.7..=1.4;
 
 /// What is doubted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -282,6 +301,9 @@ pub struct StretchRow {
     pub weights: Vec<f64>,
     /// Standard deviation of each at its start and as predicted at its end.
     pub sigma: Vec<[f64; 2]>,
+    /// Standard deviation of each that the estimator stated at its end; empty where it was not flown so far.
+    #[serde(default)]
+    pub stated: Vec<f64>,
     /// Information about each that the stretch is expected to gather: the gain of `1/sigma^2`.
     pub information: Vec<f64>,
 }

@@ -18,6 +18,7 @@ use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::Estimate;
 use tumble_identification::recursive::{MotionNoise, SlowErrors};
+use tumble_identification::sensing::LocalizationLimits;
 use tumble_planning::PlanningError;
 use tumble_planning::mission::StopLimits;
 
@@ -81,6 +82,8 @@ pub struct MissionProblem {
     pub noise: MotionNoise,
     /// What the estimator takes for errors of the sensors that last.
     pub slow: SlowErrors,
+    /// Largest rate and acceleration that planners ask for, rad/s and m/s^2, where the localisation survives only so much.
+    pub planned_motion: PlannedMotion,
     /// How hard stops brake.
     pub stop: StopLimits,
     /// Stretches that excite at the start pose instead of a flight; zero for a flight.
@@ -191,6 +194,7 @@ impl ScenarioSource {
             arrival: numbers.arrival,
             longest_s: self.scenario.duration_s,
             noise: numbers.noise,
+            planned_motion: numbers.planned_motion(),
             slow,
             station_stretches: numbers.station_stretches,
             layers: options.layers.or(self.scenario.fly.as_ref().and_then(|fly| fly.layers).unwrap_or_default()),
@@ -207,6 +211,41 @@ pub struct Margins {
     pub stretch: f64,
     /// By what is flown; the rest is what planners may be off by.
     pub checked: f64,
+}
+
+/// What planners keep within so that the localisation does not lose what it goes by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlannedMotion {
+    /// What it survives; none where nothing is known of that.
+    pub survived: Option<LocalizationLimits>,
+    /// Largest magnitude of the rate in a plan, rad/s.
+    pub rate_rad_s: f64,
+    /// Largest magnitude of the acceleration in a plan, m/s^2.
+    pub acceleration_m_s2: f64,
+}
+
+/// Of what the localisation survives, plans take so much: the rest is for what follows them.
+const SURVIVED_SHARE: f64 = 0.8;
+
+impl PlannedMotion {
+    fn of(survived: Option<LocalizationLimits>) -> Self {
+        let LocalizationLimits { rate_rad_s, acceleration_m_s2, .. } = survived.unwrap_or_default();
+        Self {
+            survived,
+            rate_rad_s: SURVIVED_SHARE * rate_rad_s,
+            acceleration_m_s2: SURVIVED_SHARE * acceleration_m_s2,
+        }
+    }
+
+    /// Largest rate about one axis, so that all of them together keep the limit.
+    pub fn rate_of_an_axis_rad_s(&self, planar: bool) -> f64 {
+        if planar { self.rate_rad_s } else { self.rate_rad_s / libm::sqrt(3.0) }
+    }
+
+    /// Largest force along an axis that moves this mass, N, so that all of them together keep the limit.
+    pub fn force_of_an_axis_n(&self, mass_kg: f64, planar: bool) -> f64 {
+        self.acceleration_m_s2 * mass_kg / libm::sqrt(if planar { 2.0 } else { 3.0 })
+    }
 }
 
 /// Shares of a mission's margin that stretches and what is flown keep.

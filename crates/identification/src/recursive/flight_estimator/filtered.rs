@@ -133,12 +133,23 @@ pub(super) struct Filtered {
     /// Whether the last measurement is to be learned from, and as what.
     pub(super) teaches: bool,
     pub(super) lesson: Heard,
+    /// Running means of the squared torque and force that were believed to act.
+    exerted: [f64; 2],
+    /// Logarithm of how likely all innovations were, each as if it lay at its gate at most.
+    pub(super) log_likelihood: f64,
     /// Whether actuators are thought not to do what they are told.
     wrench_is_doubtful: bool,
     jump: Option<Jump>,
     unsettled: Option<Unsettled>,
     last: Seen,
 }
+
+/// A wrench is judged by its mean square over about so long, s.
+const EXERTED_S: f64 = 0.5;
+/// It is quiet below so many times what it errs by from step to step.
+const QUIET: f64 = 4.0;
+/// A body whose mass is known no better than to this share has yet to be learned: it is no other one than before.
+const UNKNOWN: f64 = 0.1;
 
 impl Filtered {
     pub(super) fn new(rules: &Rules, state: &FlightState, body: &SMatrix<f64, 10, 10>, start_ns: i64) -> Self {
@@ -161,9 +172,11 @@ impl Filtered {
             heard: [(i64::MIN, 0); 2],
             covariance,
             counts: StreamCounts::default(),
-            monitor: Monitor::default(),
+            monitor: if body[(0, 0)] > UNKNOWN * UNKNOWN { Monitor::of_new_body() } else { Monitor::default() },
             teaches: false,
             lesson: Heard::NOTHING,
+            exerted: [0.0; 2],
+            log_likelihood: 0.0,
             wrench_is_doubtful: false,
             jump: None,
             unsettled: None,
@@ -183,6 +196,11 @@ impl Filtered {
             // What is not finite never gets here; where a step fails all the same, the motion stays.
             let (model, louder, about) = (self.model(rules), self.louder, self.about);
             let _ = model.predict(&mut self.state, &mut self.covariance, &believed, step_s, about.as_ref(), &louder);
+            let share = (step_s / EXERTED_S).min(1.0);
+            let Wrench { torque, force } = &believed.wrench;
+            for (mean, square) in self.exerted.iter_mut().zip([torque.norm_squared(), force.norm_squared()]) {
+                *mean += share * (square - *mean);
+            }
         }
         self.stamp_ns = self.stamp_ns.max(until_ns);
     }
@@ -245,6 +263,8 @@ impl Filtered {
         }
         let nis = innovation.nis;
         let fits = rules.thresholds.lets_pass((nis, innovation.degrees_of_freedom));
+        let beyond = (nis - rules.thresholds.gate(innovation.degrees_of_freedom)).max(0.0);
+        self.log_likelihood += innovation.log_likelihood() + 0.5 * beyond;
         let is_settled = self.unsettled.is_none_or(|unsettled| measurement.stamp_ns >= unsettled.until_ns);
         if is_settled {
             self.monitor.observe(&rules.thresholds, &innovation, &groups, dt_s);
@@ -259,6 +279,7 @@ impl Filtered {
         }
         if fits || is_part {
             match (is_settled, rules.considers_body) {
+                (true, false) if self.is_quiet(rules) => self.correct_all_but::<10>(rules, &step, &learned),
                 (true, false) => self.correct(rules, &step, &learned),
                 (true, true) => self.correct_all_but::<{ WANDER - BODY }>(rules, &step, &learned),
                 // Of a map that moves nothing but the motion is learned.
@@ -287,6 +308,14 @@ impl Filtered {
             return Reception::Relocalised;
         }
         Reception::Gated { nis }
+    }
+
+    /// Whether next to nothing acts but what a robot that holds its place answers to the noise of its own sensors. Such a wrench goes with
+    /// that noise, so that a body which does not obey it seems to be a larger one: nothing is learned of it.
+    fn is_quiet(&self, rules: &Rules) -> bool {
+        let noise = &rules.settings.noise;
+        let limits = [noise.torque_n_m, noise.force_n].map(|sigma| QUIET * sigma);
+        self.exerted.iter().zip(limits).all(|(mean, limit)| *mean < limit * limit)
     }
 
     fn correct(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: &Covariance) {

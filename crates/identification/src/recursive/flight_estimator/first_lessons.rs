@@ -15,7 +15,7 @@ pub(super) const FACTOR: f64 = 1.5;
 pub(super) const LAST_S: f64 = 40.0;
 /// At each of them so many passes at most, until one moves the body by no more than this, in its chart, and by how much at most the next
 /// one is about another body.
-const PASSES: usize = 4;
+const PASSES: usize = 5;
 const FAR_OFF: f64 = 0.02;
 const LARGEST_STEP: f64 = 0.5;
 /// One in so many measurements may be left out.
@@ -70,16 +70,26 @@ impl FirstLessons {
 
     /// The filter at the end of more passes, the first of them about this body.
     ///
-    /// Where they leave out more than a few measurements that body may have been too far off to begin at: passes that begin at the body of
-    /// the start are then tried too. Of a localisation that wanders some are left out whatever the body.
+    /// That body may have gone astray where a step of its inertia shows next to nothing and the next one leads farther still: passes that
+    /// find no end, or that leave out more than a few measurements, are tried again from the body of the start. Of a localisation that
+    /// wanders some are left out whatever the body. Those that come to an end are taken, else those that leave out less, else those under
+    /// which the measurements are likelier.
     pub(super) fn again(&mut self, rules: &Rules, history: &WrenchHistory, first: &LogCholesky<f64>) -> Filtered {
         self.next_s *= FACTOR;
         let found = self.passes(rules, history, first);
-        if rules.settings.slow.wanders() || found.left_out * FEW <= self.measurements.len() {
+        let counts = !rules.settings.slow.wanders();
+        let fits = |pass: &Pass| !counts || pass.left_out * FEW <= self.measurements.len();
+        if found.is_settled && fits(&found) {
             return found.filtered;
         }
         let from_start = self.passes(rules, history, &self.start.state.joint.body);
-        let is_better = from_start.left_out < found.left_out;
+        let is_better = if !fits(&found) {
+            from_start.left_out < found.left_out
+        } else if found.is_settled == from_start.is_settled {
+            from_start.filtered.log_likelihood > found.filtered.log_likelihood
+        } else {
+            from_start.is_settled
+        };
         if is_better { from_start.filtered } else { found.filtered }
     }
 
@@ -90,8 +100,9 @@ impl FirstLessons {
             let pass = self.pass(rules, history, &about);
             let step = pass.filtered.state.joint.body.to_vector() - about.to_vector();
             let size = step.amax();
-            if passes == PASSES || size.is_nan() || size <= FAR_OFF {
-                return pass;
+            let is_settled = size <= FAR_OFF;
+            if passes == PASSES || size.is_nan() || is_settled {
+                return Pass { is_settled, ..pass };
             }
             passes += 1;
             about = LogCholesky::from_vector(&(about.to_vector() + step * f64::min(1.0, LARGEST_STEP / size)));
@@ -111,7 +122,7 @@ impl FirstLessons {
         if self.next_s > LAST_S {
             filtered.about = None;
         }
-        Pass { filtered, left_out }
+        Pass { filtered, left_out, is_settled: false }
     }
 }
 
@@ -120,4 +131,6 @@ struct Pass {
     filtered: Filtered,
     /// Measurements that were not learned from.
     left_out: usize,
+    /// Whether a further one would be about nearly the same body.
+    is_settled: bool,
 }

@@ -29,6 +29,7 @@ fn settings() -> LocalSettings<6, 3> {
             rate_rad_s: Vector3::new(f64::INFINITY, f64::INFINITY, 0.3),
         },
         measurement,
+        retained: [0.9, 1.0, 0.4, 0.0, 0.8, 0.3],
         criterion: Criterion::A,
         margin_m: 0.02,
         length_scale_m: 0.1,

@@ -190,6 +190,7 @@ where
         let task = StretchTask {
             start,
             start_s,
+            asked_s: start_s,
             way,
             way_start_s: 0.0,
             belief: &belief,

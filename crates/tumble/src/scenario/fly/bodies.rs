@@ -127,6 +127,11 @@ impl ScenarioSource {
         if written.is_none_or(|plan| plan.torque_limit_n_m.is_none()) {
             limits.torque_n_m = numbers.torque_limit_n_m * numbers.plan_torque_share;
         }
+        // A stretch has to be able to follow the way.
+        let (motion, planar) = (numbers.planned_motion(), planning.place.is_planar());
+        limits.rate_rad_s = limits.rate_rad_s.min(WAY_SHARE * motion.rate_of_an_axis_rad_s(planar));
+        let mass_kg = planning.belief.estimate.parameters.mass;
+        limits.force_n = limits.force_n.map(|force| force.min(motion.force_of_an_axis_n(mass_kg, planar)));
     }
 
     /// When the robot learns of each obstacle: of those of the set before it starts.
@@ -143,6 +148,9 @@ impl ScenarioSource {
         Ok(seen_from_s)
     }
 }
+
+/// Of the rate of stretches, so much is asked for by the way that they follow.
+const WAY_SHARE: f64 = 0.8;
 
 impl BodyTable {
     /// The numbers of a body.

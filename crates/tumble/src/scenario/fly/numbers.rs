@@ -1,6 +1,6 @@
 //! The numbers of `[fly]`, checked, with what holds where nothing is written.
 
-use super::{ArrivalTolerance, ComputingSettings, FlyTable, WeightingSettings};
+use super::{ArrivalTolerance, ComputingSettings, FlyTable, PlannedMotion, WeightingSettings};
 use crate::TumbleError;
 use crate::scenario::plan::{FORCE, Range, TORQUE};
 use crate::scenario::{ScenarioSource, UnknownsName};
@@ -314,6 +314,11 @@ fn size(body: &InertialParameters<f64>, place: usize) -> f64 {
 }
 
 impl FlyNumbers {
+    /// How fast planners may move the robot without losing its localisation.
+    pub(super) fn planned_motion(&self) -> PlannedMotion {
+        PlannedMotion::of(self.sensing.localization_limits)
+    }
+
     /// What information about a body is worth.
     pub(super) fn weighting(&self, body: &InertialParameters<f64>) -> WeightingSettings {
         let [weight, mass, com, inertia] = self.information;

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, PI, TAU};
 use tumble::mission::{
     BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, FaultChoice, FaultName, FlyOptions, LayerNames, MissionEvent,
-    MissionRecord, MissionSummary, ModelChoice, ParameterRow, Series, StretchRow, TrackingRms, WayRow, WeightingChoice,
+    MissionRecord, MissionSummary, ModelChoice, ParameterRow, Promises, Series, StretchRow, TrackingRms, WayRow,
+    WeightingChoice,
 };
 
 const DURATION_S: f64 = 150.0;
@@ -223,6 +224,7 @@ fn stretches() -> Vec<StretchRow> {
                 quantities: WEIGHTED.iter().map(|&(i, ..)| PARAMETERS[i].0.into()).collect(),
                 weights: weights.collect(),
                 information: sigma.iter().map(|[a, b]| 1.0 / (b * b) - 1.0 / (a * a)).collect(),
+                stated: sigma.iter().map(|[_, promised]| 1.1 * promised).collect(),
                 sigma,
             }
         })
@@ -305,6 +307,8 @@ pub fn sample() -> MissionRecord {
         information_shut_off_s: shut_off.collect(),
         warnings: vec!["beliefs 45 to 54 reached the controller late".into()],
         doubts: Vec::new(),
+        beyond_localization_s: 0.0,
+        promises: Promises::default(),
     };
     let beliefs = (0..=75_u32).map(|number| {
         let t_s = 2.0 * f64::from(number);

@@ -161,6 +161,7 @@ impl StretchPlanner for WrongStretches {
         let asked = StretchTask {
             start: task.start,
             start_s: task.start_s,
+            asked_s: task.asked_s,
             way: task.way,
             way_start_s: task.way_start_s,
             belief: &belief,
