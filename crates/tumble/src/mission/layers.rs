@@ -8,7 +8,7 @@ use tumble_astrobee::simulator::CONTROL_PERIOD_S;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3, Vector6};
 use tumble_dynamics::{AlignedBox, RigidBodyState, World};
 use tumble_identification::recursive::{
-    FilterMemory, FlightEstimator, FlightEstimatorSettings, GaussMarkov, LearningTargets, WrenchErrors,
+    FlightEstimator, FlightEstimatorSettings, GaussMarkov, LearningTargets, WrenchErrors,
 };
 use tumble_lie::LieGroup;
 use tumble_planning::collision::{BodyShape, EllipsoidWorld, MovingObstacle};
@@ -129,15 +129,9 @@ fn wander_per_s(problem: &MissionProblem) -> [f64; 4] {
     let pushed = unknown(noise.force_n, wrench.drift[3]) / (body.mass * body.mass);
     let turned = unknown(noise.torque_n_m, wrench.drift[0]) / (inertia * inertia);
     let localised = walk(&slow.velocity) + pushed;
-    let rest_s = rest_s(slow.acceleration_memory.as_ref());
-    let accelerated = noise.acceleration_m_s2 * noise.acceleration_m_s2 * rest_s + pushed;
+    let accelerated = noise.acceleration_m_s2 * noise.acceleration_m_s2 * CONTROL_PERIOD_S + pushed;
     let velocity = if localised > 0.0 { localised * accelerated / (localised + accelerated) } else { 0.0 };
     [walk(&slow.position), velocity, walk(&slow.attitude), turned + slow.rate_bias_walk * slow.rate_bias_walk]
-}
-
-/// How far apart samples of a filtered sensor tell something new, s.
-fn rest_s(memory: Option<&FilterMemory>) -> f64 {
-    memory.map_or(0.0, FilterMemory::rest_s).max(CONTROL_PERIOD_S)
 }
 
 /// The planner of stretches.
@@ -161,7 +155,7 @@ pub fn stretch_planner(
             problem.noise.position_m,
             problem.noise.velocity_m_s,
             problem.noise.attitude_rad,
-            problem.noise.rate_rad_s * libm::sqrt(rest_s(problem.slow.rate_memory.as_ref()) / CONTROL_PERIOD_S),
+            problem.noise.rate_rad_s,
         ],
         samples_per_step: problem.step_s / CONTROL_PERIOD_S,
         wander_per_s: wander_per_s(problem),

@@ -104,11 +104,6 @@ impl FilterMemory {
         self.weights.iter().sum::<f64>() * self.piece_ns as f64 * 1e-9
     }
 
-    /// Samples closer than this say the same twice, s.
-    pub fn rest_s(&self) -> f64 {
-        self.rest_ns as f64 * 1e-9
-    }
-
     /// Whether a sample says something that one before did not.
     pub(super) fn is_rested(&self, before_ns: i64, now_ns: i64) -> bool {
         now_ns.saturating_sub(before_ns) >= self.rest_ns

@@ -265,6 +265,26 @@ fn options_seed_the_flight_and_the_limits_are_those_of_the_robot() {
 }
 
 #[test]
+fn plans_keep_within_what_the_localisation_survives() {
+    for name in ["iss-cargo", "granite-cargo"] {
+        let free = mission(name, ModelChoice::Scenario);
+        assert_eq!(free.planned_motion.survived, None);
+        let thesis = embedded(name).sensed_by("thesis-flight").unwrap();
+        let problem = thesis.mission(&options(ModelChoice::Scenario)).unwrap();
+        let motion = problem.planned_motion;
+        assert!((motion.rate_rad_s - 0.12).abs() < 1e-12 && (motion.acceleration_m_s2 - 0.024).abs() < 1e-12);
+        let axes = if problem.planar { 1.0 } else { 3.0 };
+        let all_axes = motion.rate_of_an_axis_rad_s(problem.planar) * f64::sqrt(axes);
+        assert!((all_axes - motion.rate_rad_s).abs() < 1e-12, "{name}");
+        let limits = &problem.planning.limits;
+        assert!(limits.rate_rad_s < motion.rate_of_an_axis_rad_s(problem.planar), "{name}");
+        assert!(limits.rate_rad_s < free.planning.limits.rate_rad_s, "{name}");
+        let pushed = limits.force_n.norm() / problem.prior.parameters.mass;
+        assert!(pushed < motion.acceleration_m_s2 + 1e-12, "{name} {pushed}");
+    }
+}
+
+#[test]
 fn errors_name_the_key_and_its_place() {
     for (lines, line, said) in [
         ("[fly]\nstep_ss = 0.3\n", 10, "did you mean `step_s`?"),
