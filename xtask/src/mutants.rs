@@ -26,6 +26,41 @@ struct Mutant {
 /// The list grows with each issue.
 const MUTANTS: &[Mutant] = &[
     Mutant {
+        name: "promises: a filter that follows the state forgets nothing",
+        file: "crates/planning/src/mission/stretch_settings.rs",
+        original: "retained: white / innovation }",
+        replacement: "retained: 1.0 }",
+        test: "-p tumble-planning --lib stretch_settings",
+    },
+    Mutant {
+        name: "promises: the adjoint of what measurements leave is left out",
+        file: "crates/planning/src/local/information.rs",
+        original: "                *entry *= share;",
+        replacement: "                let _ = (entry, share);",
+        test: "-p tumble-planning --lib shooting",
+    },
+    Mutant {
+        name: "promises: the mass lasts as if one axis alone told it",
+        file: "crates/planning/src/mission/thrust_doubt.rs",
+        original: "f64::sqrt(pushed_axes.max(1) as f64)",
+        replacement: "f64::sqrt(pushed_axes.min(1) as f64)",
+        test: "-p tumble-planning --lib thrust_doubt",
+    },
+    Mutant {
+        name: "missions: plans turn as fast about each axis as the localisation survives in all",
+        file: "crates/tumble/src/scenario/fly.rs",
+        original: "if planar { self.rate_rad_s } else { self.rate_rad_s / libm::sqrt(3.0) }",
+        replacement: "if planar { self.rate_rad_s } else { self.rate_rad_s }",
+        test: "-p tumble --lib fly",
+    },
+    Mutant {
+        name: "flight estimator: a robot that answers its own noise learns a body from it",
+        file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
+        original: "(true, false) if self.is_quiet(rules) =>",
+        replacement: "(true, false) if self.is_quiet(rules) && false =>",
+        test: "-p tumble --test suite drawn_missions",
+    },
+    Mutant {
         name: "increment: operands of the cross product swapped",
         file: "crates/lie/src/increment_chart.rs",
         original: "psi: (l * f_a0 + l.cross(&phi))",
@@ -2555,8 +2590,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "flight estimator: a body just made uncertain is doubted at once",
         file: "crates/identification/src/recursive/flight_estimator/health.rs",
-        original: "Self { new_s: LEARNING_S, ..Self::default() }",
-        replacement: "Self { new_s: LEARNING_S - ACQUAINTANCE_S, ..Self::default() }",
+        original: "Self { unacquainted_s: ACQUAINTANCE_S, learning_s: LEARNING_S, ..Self::default() }",
+        replacement: "Self { learning_s: LEARNING_S - ACQUAINTANCE_S, ..Self::default() }",
         test: "-p tumble-identification --test suite flight_estimator::a_grasp_at_arms_length",
     },
     Mutant {

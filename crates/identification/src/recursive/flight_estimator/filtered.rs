@@ -172,7 +172,7 @@ impl Filtered {
             heard: [(i64::MIN, 0); 2],
             covariance,
             counts: StreamCounts::default(),
-            monitor: if body[(0, 0)] > UNKNOWN * UNKNOWN { Monitor::of_new_body() } else { Monitor::default() },
+            monitor: if body[(0, 0)] > UNKNOWN * UNKNOWN { Monitor::of_first_body() } else { Monitor::default() },
             teaches: false,
             lesson: Heard::NOTHING,
             exerted: [0.0; 2],

@@ -163,20 +163,27 @@ pub(super) struct Monitor {
     diverged: bool,
     /// How long the body is still in doubt, s.
     doubt_s: f64,
-    /// For how long it is new, s.
-    new_s: f64,
+    /// For how long it is not doubted, s.
+    unacquainted_s: f64,
+    /// For how long one that does not fit was not learned, s.
+    learning_s: f64,
     alarm: f64,
 }
 
 impl Monitor {
+    /// Of a body at the start of a flight that is known roughly at best: there is none that it could have been before.
+    pub(super) fn of_first_body() -> Self {
+        Self { unacquainted_s: ACQUAINTANCE_S, learning_s: ACQUAINTANCE_S, ..Self::default() }
+    }
+
     /// Of a body that was just made uncertain.
     pub(super) fn of_new_body() -> Self {
-        Self { new_s: LEARNING_S, ..Self::default() }
+        Self { unacquainted_s: ACQUAINTANCE_S, learning_s: LEARNING_S, ..Self::default() }
     }
 
     /// Of a body that is learned anew from what it is usually taken for.
     pub(super) fn of_learning() -> Self {
-        Self { new_s: LEARNING_S - ACQUAINTANCE_S, ..Self::default() }
+        Self { learning_s: LEARNING_S - ACQUAINTANCE_S, ..Self::default() }
     }
 
     /// Counts an innovation; one beyond its gate counts as if it lay there and says no more of the body.
@@ -219,12 +226,13 @@ impl Monitor {
         }
         let Some((mean, alarm)) = self.all.mean_and_alarm(thresholds) else { return };
         let inertial = self.inertial.mean_and_alarm(thresholds).is_some_and(|(mean, alarm)| mean > alarm);
-        let is_another = inertial && self.new_s <= 0.0;
+        let is_another = inertial && self.learning_s <= 0.0;
         self.alarm = alarm;
         let level = if self.diverged { 1.0 + BACK_INSIDE * (alarm - 1.0) } else { alarm };
-        let is_unacquainted = self.new_s > LEARNING_S - ACQUAINTANCE_S;
+        let is_unacquainted = self.unacquainted_s > 0.0;
         self.diverged = mean > level && !is_another && !(inertial && is_unacquainted);
-        self.new_s -= dt_s;
+        self.learning_s -= dt_s;
+        self.unacquainted_s -= dt_s;
         if is_unacquainted {
             return;
         }
