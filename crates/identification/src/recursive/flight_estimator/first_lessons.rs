@@ -15,7 +15,7 @@ pub(super) const FACTOR: f64 = 1.5;
 pub(super) const LAST_S: f64 = 40.0;
 /// At each of them so many passes at most, until one moves the body by no more than this, in its chart, and by how much at most the next
 /// one is about another body.
-const PASSES: usize = 5;
+const PASSES: usize = 4;
 const FAR_OFF: f64 = 0.02;
 const LARGEST_STEP: f64 = 0.5;
 /// One in so many measurements may be left out.
@@ -70,25 +70,25 @@ impl FirstLessons {
 
     /// The filter at the end of more passes, the first of them about this body.
     ///
-    /// That body may have gone astray where a step of its inertia shows next to nothing and the next one leads farther still: passes that
-    /// find no end, or that leave out more than a few measurements, are tried again from the body of the start. Of a localisation that
-    /// wanders some are left out whatever the body. Those that come to an end are taken, else those that leave out less, else those under
-    /// which the measurements are likelier.
+    /// That body may have gone astray where a step of its inertia shows next to nothing and the next one leads farther still: passes are
+    /// tried again from the body of the start. Where nothing wanders this is seen by measurements that are left out, more than a few, and
+    /// those passes are taken that leave out less. Of a localisation that wanders some are left out whatever the body: there passes that find
+    /// no end have gone astray, those are taken that come to one, else those under which the measurements are likelier.
     pub(super) fn again(&mut self, rules: &Rules, history: &WrenchHistory, first: &LogCholesky<f64>) -> Filtered {
         self.next_s *= FACTOR;
         let found = self.passes(rules, history, first);
-        let counts = !rules.settings.slow.wanders();
-        let fits = |pass: &Pass| !counts || pass.left_out * FEW <= self.measurements.len();
-        if found.is_settled && fits(&found) {
+        let wanders = rules.settings.slow.wanders();
+        let is_astray = if wanders { !found.is_settled } else { found.left_out * FEW > self.measurements.len() };
+        if !is_astray {
             return found.filtered;
         }
         let from_start = self.passes(rules, history, &self.start.state.joint.body);
-        let is_better = if !fits(&found) {
+        let is_better = if !wanders {
             from_start.left_out < found.left_out
-        } else if found.is_settled == from_start.is_settled {
-            from_start.filtered.log_likelihood > found.filtered.log_likelihood
+        } else if from_start.is_settled {
+            true
         } else {
-            from_start.is_settled
+            from_start.filtered.log_likelihood > found.filtered.log_likelihood
         };
         if is_better { from_start.filtered } else { found.filtered }
     }
