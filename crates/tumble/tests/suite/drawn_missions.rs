@@ -5,17 +5,20 @@
 use tumble::mission::{FlyOptions, LayerNames, MissionSummary, ModelChoice, NoHooks, WeightingChoice, fly};
 use tumble::scenario::{ScenarioSource, draw_mission};
 
-fn flown(scenario: &str, seed: u64) -> MissionSummary {
-    let source = draw_mission(&ScenarioSource::find(scenario).unwrap(), seed, 0.0).unwrap();
-    let options = FlyOptions {
+fn options(seed: u64) -> FlyOptions {
+    FlyOptions {
         seed,
         weighting: WeightingChoice::default(),
         feedback: true,
         model: ModelChoice::default(),
         fault: None,
         layers: LayerNames::default(),
-    };
-    let summary = fly(&source, &options, &mut NoHooks).unwrap().summary;
+    }
+}
+
+fn flown(scenario: &str, seed: u64) -> MissionSummary {
+    let source = draw_mission(&ScenarioSource::find(scenario).unwrap(), seed, 0.0).unwrap();
+    let summary = fly(&source, &options(seed), &mut NoHooks).unwrap().summary;
     assert!(summary.arrived && summary.unsafe_because().is_none(), "{:?}", summary.warnings);
     summary
 }
@@ -30,16 +33,24 @@ fn a_belief_that_can_hardly_be_is_an_uncertain_one() {
 }
 
 /// Three healthy robots that were once taken for others: while they held their place their own answer to the noise of the gyroscope looked like
-/// a body that does not obey, and passes that found no end were taken for the likeliest. And plans tell how well the body will be known.
+/// a body that does not obey, and passes that found no end were taken for the likeliest.
 #[test]
-fn who_is_healthy_is_not_doubted_and_plans_keep_what_they_promise() {
-    let (mut made, mut kept) = (0, 0);
+fn who_is_healthy_is_not_doubted() {
     for seed in [2_508_306_949_206_206, 4_336_088_950_629_009, 8_198_567_907_303_811] {
         let summary = flown("iss-cargo", seed);
         assert!(summary.doubts.is_empty(), "{:?}", summary.doubts);
+    }
+}
+
+/// Nine in ten of the standard deviations that plans promise for the ends of stretches are stated there.
+#[test]
+fn plans_keep_what_they_promise() {
+    let (mut made, mut kept) = (0, 0);
+    for scenario in ["iss-cargo", "granite-cargo"] {
+        let summary = fly(&ScenarioSource::find(scenario).unwrap(), &options(1), &mut NoHooks).unwrap().summary;
         (made, kept) = (made + summary.promises.made, kept + summary.promises.kept);
     }
-    assert!(made > 90 && kept * 10 > made * 8, "{kept} of {made}");
+    assert!(made > 50 && kept * 10 >= made * 9, "{kept} of {made}");
 }
 
 /// Taken for nearly twice as heavy as it is, the robot first plans long stops, which stretches past obstacles have no room for.

@@ -228,8 +228,8 @@ fn information_is_worth_the_same_whatever_the_unit() {
     let body = problem.prior.parameters;
     let WeightingSettings { gamma0, target_variance, alpha, beta } = &problem.weighting;
     assert_eq!((gamma0.len(), *alpha, *beta), (10, 2.2, 5.0));
-    assert!((gamma0[0] * body.mass * body.mass - 100.0).abs() < 1e-9);
-    assert!((gamma0[9] * body.inertia_about_com()[(2, 2)].powi(2) - 100.0).abs() < 1e-9);
+    assert!((gamma0[0] * body.mass * body.mass - 3.0).abs() < 1e-9);
+    assert!((gamma0[9] * body.inertia_about_com()[(2, 2)].powi(2) - 3.0).abs() < 1e-9);
     // mass, centre of mass, inertia; on the table mass, Izz, centre of mass
     assert!(
         [(0, 0.1), (1, 0.003), (3, 0.003), (4, 0.004)]
