@@ -218,6 +218,7 @@ impl Seen {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "a share of one is exact")]
 mod tests {
     use super::*;
 
