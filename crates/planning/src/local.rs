@@ -44,7 +44,7 @@ mod weighting;
 pub use answer::{CostParts, LocalAnswer, LocalStatus, LocalTrajectory};
 pub use criterion::Criterion;
 pub use curvature::{Curvature, Factorisation};
-pub(crate) use knowledge::{covariance_about_com, sizes_about_com, whitened};
+pub(crate) use knowledge::{QUANTITIES, covariance_about_com, sizes_about_com, whitened};
 pub use model::{Array2, InformativeModel, KINEMATICS, Kinematics, Knowledge, StepDerivatives};
 #[cfg(feature = "dual")]
 pub use parametric::{

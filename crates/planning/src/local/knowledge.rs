@@ -10,6 +10,20 @@ use tumble_dynamics::{InertialParameters, PARAMETERS};
 /// each combination of parameters of its prior standard deviations and sizes.
 const LEAST_RELATIVE_SIGMA: f64 = 1e-6;
 
+/// Names and units of mass, centre of mass and inertia about it, in the order in which they are unknown.
+pub(crate) const QUANTITIES: [(&str, &str); PARAMETERS] = [
+    ("mass", "kg"),
+    ("center_of_mass_x", "m"),
+    ("center_of_mass_y", "m"),
+    ("center_of_mass_z", "m"),
+    ("inertia_xx", "kg m^2"),
+    ("inertia_xy", "kg m^2"),
+    ("inertia_xz", "kg m^2"),
+    ("inertia_yy", "kg m^2"),
+    ("inertia_yz", "kg m^2"),
+    ("inertia_zz", "kg m^2"),
+];
+
 /// Standard deviations of parameters of these sizes, and the information about their errors in standard deviations: the inverse
 /// of the correlation. The one rule for what is known exactly: [`LEAST_RELATIVE_SIGMA`].
 ///

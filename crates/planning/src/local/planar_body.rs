@@ -2,7 +2,7 @@
 
 mod motion;
 
-use super::knowledge::{covariance_about_com, sizes_about_com};
+use super::knowledge::{QUANTITIES, covariance_about_com, sizes_about_com};
 use super::model::{Array2, InformativeModel, KINEMATICS, Kinematics, Knowledge, StepDerivatives};
 use crate::belief::ModelBelief;
 use crate::error::PlanningError;
@@ -13,9 +13,7 @@ use tumble_lie::{LieGroup, Pose};
 
 /// Mass, inertia and the two coordinates of the centre of mass: the most that can be unknown.
 const MOST: usize = 4;
-const NAMES: [&str; MOST] = ["mass", "inertia_zz", "center_of_mass_x", "center_of_mass_y"];
-const UNITS: [&str; MOST] = ["kg", "kg m^2", "m", "m"];
-/// Their places among mass, centre of mass and inertia about it.
+/// Their places among [`QUANTITIES`].
 const PLACES: [usize; MOST] = [0, 9, 1, 2];
 /// Lanes of derivatives: heading, rate and the three inputs.
 const LANES: usize = 5;
@@ -165,8 +163,8 @@ impl<const P: usize> InformativeModel<6, 3, P> for PlanarBodyModel<P> {
         let knowledge = Knowledge::of_covariance(
             &SMatrix::from_fn(|i, j| covariance[(place(i), place(j))]),
             &core::array::from_fn(|i| sizes[place(i)]),
-            core::array::from_fn(|i| NAMES.get(i).copied().unwrap_or_default()),
-            core::array::from_fn(|i| UNITS.get(i).copied().unwrap_or_default()),
+            core::array::from_fn(|i| QUANTITIES[place(i)].0),
+            core::array::from_fn(|i| QUANTITIES[place(i)].1),
         )?;
         let body = belief.parameters();
         let (com, inertia) = (body.center_of_mass(), body.inertia_about_com().m33);

@@ -2,23 +2,9 @@
 
 use crate::belief::ModelBelief;
 use crate::error::PlanningError;
-use crate::local::{LocalTrajectory, body_by_mass_center_and_inertia, covariance_about_com};
+use crate::local::{LocalTrajectory, QUANTITIES, body_by_mass_center_and_inertia, covariance_about_com};
 use nalgebra::SMatrix;
 use tumble_dynamics::PARAMETERS;
-
-/// Names of mass, centre of mass and inertia about it among the quantities of a model.
-const NAMES: [&str; PARAMETERS] = [
-    "mass",
-    "center_of_mass_x",
-    "center_of_mass_y",
-    "center_of_mass_z",
-    "inertia_xx",
-    "inertia_xy",
-    "inertia_xz",
-    "inertia_yy",
-    "inertia_yz",
-    "inertia_zz",
-];
 
 /// Information about its quantities that a plan expects of what is flown of it between two times; nothing where it is not what is flown then.
 pub(super) fn information_between<S, const U: usize, const P: usize>(
@@ -49,7 +35,7 @@ pub(super) fn foreseen<const P: usize>(
     let places: Vec<(usize, usize)> = names
         .iter()
         .enumerate()
-        .filter_map(|(index, name)| Some((index, NAMES.iter().position(|known| known == name)?)))
+        .filter_map(|(index, name)| Some((index, QUANTITIES.iter().position(|(known, _)| known == name)?)))
         .collect();
     let mut gained = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
     for (a, i) in &places {

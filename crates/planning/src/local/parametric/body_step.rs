@@ -3,7 +3,7 @@
 use super::{BelievedParameters, ParametricInformative, UncertainBody};
 use crate::belief::ModelBelief;
 use crate::error::PlanningError;
-use crate::local::knowledge::{covariance_about_com, parameters_by_about_com, sizes_about_com};
+use crate::local::knowledge::{QUANTITIES, covariance_about_com, parameters_by_about_com, sizes_about_com};
 use crate::local::model::{KINEMATICS, Kinematics};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 use tumble_dynamics::{
@@ -28,23 +28,7 @@ pub type VariationalBodyModel<const P: usize> = ParametricInformative<BodyStep<V
 /// The body in space stepped by the Munthe-Kaas method of fourth order.
 pub type MuntheKaasBodyModel<const P: usize> = ParametricInformative<BodyStep<MuntheKaas4>, KINEMATICS, 6, P>;
 
-/// Names of mass, centre of mass and inertia about it.
-const NAMES: [&str; PARAMETERS] = [
-    "mass",
-    "center_of_mass_x",
-    "center_of_mass_y",
-    "center_of_mass_z",
-    "inertia_xx",
-    "inertia_xy",
-    "inertia_xz",
-    "inertia_yy",
-    "inertia_yz",
-    "inertia_zz",
-];
-
-/// Their units.
-const UNITS: [&str; PARAMETERS] = ["kg", "m", "m", "m", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2", "kg m^2"];
-/// Places of mass and moments of inertia among them.
+/// Places of mass and moments of inertia among [`QUANTITIES`].
 const PRINCIPAL: [usize; 4] = [0, 4, 7, 9];
 const ALL: [usize; PARAMETERS] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9];
 
@@ -61,7 +45,7 @@ fn body_with_unknown<const P: usize>(
         places.map(|place| by_quantity.column(place).into_owned()),
         &SMatrix::from_fn(|i, j| covariance[(places[i], places[j])]),
         &places.map(|place| sizes[place]),
-        places.map(|place| (NAMES[place], UNITS[place])),
+        places.map(|place| QUANTITIES[place]),
     )
 }
 

@@ -5,7 +5,7 @@ use super::step::{Body, Direction};
 use super::turning::Rotor;
 use crate::belief::ModelBelief;
 use crate::error::{PlanningError, finite, not_negative, positive};
-use crate::local::knowledge::whitened;
+use crate::local::knowledge::{QUANTITIES, whitened};
 use crate::local::model::Knowledge;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use tumble_dynamics::{DynamicsError, InertialParameters, LogCholesky, PARAMETERS};
@@ -36,18 +36,6 @@ pub enum Nuisance {
 
 /// Rows of mass and moments of inertia among the ten quantities `[m, c, I_xx, I_xy, I_xz, I_yy, I_yz, I_zz]`.
 const PRINCIPAL: [usize; 4] = [0, 4, 7, 9];
-const QUANTITIES: [(&str, &str); PARAMETERS] = [
-    ("mass", "kg"),
-    ("center_of_mass_x", "m"),
-    ("center_of_mass_y", "m"),
-    ("center_of_mass_z", "m"),
-    ("inertia_xx", "kg m^2"),
-    ("inertia_xy", "kg m^2"),
-    ("inertia_xz", "kg m^2"),
-    ("inertia_yy", "kg m^2"),
-    ("inertia_yz", "kg m^2"),
-    ("inertia_zz", "kg m^2"),
-];
 
 impl BodyParameters {
     /// How many.
