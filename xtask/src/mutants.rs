@@ -58,7 +58,7 @@ const MUTANTS: &[Mutant] = &[
         file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
         original: "(true, false) if self.is_quiet(rules) =>",
         replacement: "(true, false) if self.is_quiet(rules) && false =>",
-        test: "-p tumble --test suite drawn_missions",
+        test: "-p tumble-identification --lib flight_estimator",
     },
     Mutant {
         name: "increment: operands of the cross product swapped",

@@ -280,7 +280,7 @@ impl Filtered {
         if fits || is_part {
             match (is_settled, rules.considers_body) {
                 (true, false) if self.is_quiet(rules) => {
-                    self.correct_all_but::<{ DRIFT - BODY }>(rules, &step, &learned)
+                    self.correct_all_but::<{ DRIFT - BODY }>(rules, &step, &learned);
                 }
                 (true, false) => self.correct(rules, &step, &learned),
                 (true, true) => self.correct_all_but::<{ WANDER - BODY }>(rules, &step, &learned),

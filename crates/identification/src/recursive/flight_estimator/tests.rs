@@ -258,3 +258,29 @@ fn lines_of_forces_are_in_the_report() {
     }
     assert!((off.mass_kg - on.mass_kg).abs() < 1e-9);
 }
+
+/// A robot that does not turn by what it answers to the noise of its own gyroscope is none that is heavy to turn; one that is pushed and does
+/// not turn is.
+#[test]
+fn a_body_at_rest_is_no_larger_for_not_obeying_noise() {
+    let believed = prior(Vector3::new(0.2, 0.18, 0.19), 0.3);
+    let after = |torque_n_m: f64| {
+        let mut settings = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.016);
+        (settings.noise.rate_rad_s, settings.noise.torque_n_m) = (1e-5, 1e-4);
+        let mut estimator = super::FlightEstimator::try_new(settings, RigidBodyState::at_rest(), 0, &believed).unwrap();
+        for k in 1..190_i64 {
+            let (from_ns, now_ns, wave) = ((k - 1) * 16_000_000, k * 16_000_000, (1.1 * k as f64).sin());
+            let torque = Vector3::new(0.0, 0.0, torque_n_m * if k % 100 < 50 { 1.0 } else { -1.0 });
+            estimator.acted(from_ns, now_ns, &Wrench::new(torque, Vector3::zeros()));
+            estimator.measured(&super::FlightMeasurement {
+                stamp_ns: now_ns,
+                world_from_body: Pose::translation(1e-4 * wave, -1e-4 * wave, 1e-4 * wave),
+                rate_body: Some(Vector3::new(1e-6 * wave, -1e-6 * wave, 1e-6 * wave)),
+                velocity_origin_world: None,
+            });
+        }
+        estimator.estimate().parameters.inertia_about_com()[(2, 2)] / 0.19
+    };
+    assert!((after(2e-4) - 1.0).abs() < 1e-3, "{}", after(2e-4));
+    assert!(after(2e-3) > 1.3, "{}", after(2e-3));
+}
