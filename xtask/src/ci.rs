@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-use crate::command::{Outcome, cargo, is_installed, line, root, shell, studies, target_dir};
+use crate::command::{Outcome, cargo, is_installed, line, root, shell, studies, studies_as_tested, target_dir};
 use crate::{cluster, fuzz, mutants, packages, tidy};
 
 /// When a step runs without being named.
@@ -54,7 +54,7 @@ const STEPS: &[Step] = &[
     ),
     always(
         "missions",
-        "ninety missions with drawn payloads and beliefs, with three kinds of sensors: all arrive and touch nothing",
+        "ninety missions with drawn payloads and beliefs, with three kinds of sensors: all arrive, touch nothing and are not doubted",
         drawn_missions,
     ),
     always("cluster", "a campaign in sixteen parts, one killed, is the campaign flown at once", cluster::step),
@@ -313,7 +313,10 @@ fn real_data() -> Outcome {
             Outcome::Skipped("no measured data: set TUMBLE_DATA".into())
         };
     };
-    let mut command = studies("real-data");
+    let mut command = match studies_as_tested() {
+        Ok(command) => command,
+        Err(reason) => return Outcome::Failed(reason),
+    };
     command.env("TUMBLE_REQUIRE_DATA", "1").args(["real-data", "--check", "--data"]).arg(folder);
     shell(&mut [command])
 }
@@ -321,16 +324,24 @@ fn real_data() -> Outcome {
 /// Few runs of every cell with the bands of their own number, every mission of RATTLE and every defect with one seed, every fault in two
 /// severities on two missions, two logs of each kind of sensors, each fault of a thruster once. The long studies are the same without the last two words.
 fn reduced_studies() -> Outcome {
-    let mut identification = studies("study");
-    identification.args(["study", "identification", "--runs", "5"]);
-    let mut rattle = studies("reproduce");
-    rattle.args(["reproduce", "rattle", "--seeds", "1"]);
-    let mut faults = studies("study");
-    faults.args(["study", "faults", "--missions", "56"]);
-    let (mut sensors, mut thrusters) = (studies("study"), studies("study"));
-    sensors.args(["study", "real-sensors", "--seeds", "2", "--first", "951"]);
-    thrusters.args(["study", "thruster-faults", "--seeds", "1"]);
-    shell(&mut [identification, rattle, faults, sensors, thrusters])
+    let commands: Result<Vec<Command>, String> = [
+        "study identification --runs 5",
+        "reproduce rattle --seeds 1",
+        "study faults --missions 56",
+        "study real-sensors --seeds 2 --first 951",
+        "study thruster-faults --seeds 1",
+    ]
+    .into_iter()
+    .map(|arguments| {
+        let mut command = studies_as_tested()?;
+        command.args(arguments.split(' '));
+        Ok(command)
+    })
+    .collect();
+    match commands {
+        Ok(mut commands) => shell(&mut commands),
+        Err(reason) => Outcome::Failed(reason),
+    }
 }
 
 /// Two loads with two motions of each criterion, two flights of each condition, forty missions of each series, twenty flights against each
@@ -348,30 +359,47 @@ fn other_studies() -> Outcome {
     shell(&mut [chapter4, actuation, missions, attitude, arms])
 }
 
-/// Exit code 0 says that all arrived, that nothing was touched and that no limit was passed.
+/// Exit code 0 says that all arrived, that nothing was touched and that no limit was passed; that no healthy robot was doubted stands in the rows.
 fn drawn_missions() -> Outcome {
     let program = match cluster::program() {
         Ok(program) => program,
         Err(reason) => return Outcome::Failed(reason),
     };
-    let mut campaigns = [("ideal", "20"), ("nominal", "20"), ("thesis-flight", "5")].map(|(sensing, missions)| {
+    let mut alarms = Vec::new();
+    for (sensing, missions) in [("ideal", "20"), ("nominal", "20"), ("thesis-flight", "5")] {
         let folder = target_dir().join(format!("drawn-missions-{sensing}"));
         let _ = std::fs::remove_dir_all(&folder);
         let mut campaign = Command::new(&program);
-        campaign.args([
-            "campaign",
-            "iss-cargo",
-            "granite-cargo",
-            "--draw",
-            "--sensing",
-            sensing,
-            "--missions",
-            missions,
-        ]);
-        campaign.arg("--out").arg(folder);
-        campaign
-    });
-    shell(&mut campaigns)
+        campaign.args(["campaign", "iss-cargo", "granite-cargo", "--draw", "--sensing", sensing]);
+        campaign.args(["--missions", missions, "--out"]).arg(&folder);
+        if let Outcome::Failed(reason) = shell(&mut [campaign]) {
+            return Outcome::Failed(reason);
+        }
+        match std::fs::read_to_string(folder.join("rows.csv")) {
+            Ok(rows) => alarms.extend(doubted(&rows).into_iter().map(|seed| format!("{sensing}, seed {seed}"))),
+            Err(error) => return Outcome::Failed(format!("rows of the campaign under {sensing}: {error}")),
+        }
+    }
+    if alarms.is_empty() {
+        Outcome::Ok
+    } else {
+        Outcome::Failed(format!("healthy robots were doubted: {}", alarms.join("; ")))
+    }
+}
+
+/// Scenario and seed of missions in which the body, the map or actuators were doubted.
+fn doubted(rows: &str) -> Vec<String> {
+    let mut lines = rows.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap_or_default();
+    let at = |name: &str| header.iter().position(|column| *column == name);
+    let doubts: Vec<usize> =
+        ["doubts_of_body", "doubts_of_map", "doubts_of_actuators"].into_iter().filter_map(at).collect();
+    let named = at("scenario").zip(at("seed")).filter(|_| doubts.len() == 3);
+    let Some((scenario, seed)) = named else { return vec!["unknown: columns are missing".into()] };
+    lines
+        .filter(|row| doubts.iter().any(|doubt| row.get(*doubt) != Some(&"0")))
+        .map(|row| format!("{} {}", row.get(seed).unwrap_or(&"?"), row.get(scenario).unwrap_or(&"?")))
+        .collect()
 }
 
 /// The examples that print hashes: crate and example.
@@ -383,23 +411,35 @@ const UNOPTIMISED: Way = ("opt-level-0", "debug", "");
 const OPTIMISED: Way = ("opt-level-3", "release", "");
 const NATIVE: Way = ("native", "release", "-C target-cpu=native");
 
-/// Compares the two builds that other steps leave behind: the examples of the tests, and the optimised programs of the studies.
+/// Compares the examples of the tests, which other steps leave behind, with the same optimised as users build them.
 fn determinism() -> Outcome {
-    let built =
-        shell(&mut [cargo("build --quiet --workspace --examples"), cargo("build --quiet --package studies --release")]);
-    if let Outcome::Failed(_) = built {
-        return built;
+    if let Outcome::Failed(reason) = shell(&mut [cargo("build --quiet --workspace --examples")]) {
+        return Outcome::Failed(reason);
     }
-    same_output(&HASHES, &[("as tests are built", "debug/examples"), ("optimised", "release")], &target_dir())
+    match built("determinism", &HASHES, "", &[OPTIMISED]) {
+        Ok(mut folders) => {
+            folders.insert(0, ("as tests are built", target_dir().join("debug/examples")));
+            same_output(&HASHES, &folders)
+        }
+        Err(reason) => Outcome::Failed(reason),
+    }
 }
 
-/// Runs the examples in each folder below `place`, named as in `ways`, and compares what they print.
-fn same_output(examples: &[(&str, &str)], ways: &[(&str, &str)], place: &Path) -> Outcome {
+/// Builds them in these ways in a folder of `target`, the program with these features, and compares what they print.
+fn same_hashes(folder: &str, examples: &[(&str, &str)], features: &str, ways: &[Way]) -> Outcome {
+    match built(folder, examples, features, ways) {
+        Ok(folders) => same_output(examples, &folders),
+        Err(reason) => Outcome::Failed(reason),
+    }
+}
+
+/// Runs the examples in each folder and compares what they print.
+fn same_output(examples: &[(&str, &str)], folders: &[(&str, PathBuf)]) -> Outcome {
     let mut printed = Vec::new();
-    for &(way, folder) in ways {
+    for (way, folder) in folders {
         let mut hashes = Vec::new();
         for (_, example) in examples {
-            match Command::new(place.join(folder).join(example)).output() {
+            match Command::new(folder.join(example)).output() {
                 Ok(output) if output.status.success() && !output.stdout.is_empty() => hashes.extend(output.stdout),
                 Ok(output) => return Outcome::Failed(format!("{way}: {}", String::from_utf8_lossy(&output.stderr))),
                 Err(error) => return Outcome::Failed(format!("{way}: {error}")),
@@ -415,14 +455,16 @@ fn same_output(examples: &[(&str, &str)], ways: &[(&str, &str)], place: &Path) -
     }
 }
 
-/// Builds them in these ways in a folder of `target`, the program with these features, and compares what they print.
-fn same_hashes(folder: &str, examples: &[(&str, &str)], features: &str, ways: &[Way]) -> Outcome {
+/// The folders of the examples, built in these ways below a folder of `target`.
+fn built(
+    folder: &str,
+    examples: &[(&str, &str)],
+    features: &str,
+    ways: &[Way],
+) -> Result<Vec<(&'static str, PathBuf)>, String> {
     let place = target_dir().join(folder);
-    let package = match package_of(&place, examples, features) {
-        Ok(package) => package,
-        Err(error) => return Outcome::Failed(error.to_string()),
-    };
-    let mut built = Vec::new();
+    let package = package_of(&place, examples, features).map_err(|error| error.to_string())?;
+    let mut folders = Vec::new();
     for &(way, folder, flags) in ways {
         let target = place.join(way);
         let mut build = cargo("build --quiet --manifest-path");
@@ -431,12 +473,11 @@ fn same_hashes(folder: &str, examples: &[(&str, &str)], features: &str, ways: &[
             build.arg("--release");
         }
         if let Outcome::Failed(reason) = shell(&mut [build]) {
-            return Outcome::Failed(reason);
+            return Err(reason);
         }
-        built.push(format!("{way}/{folder}"));
+        folders.push((way, target.join(folder)));
     }
-    let ways: Vec<(&str, &str)> = ways.iter().zip(&built).map(|(way, folder)| (way.0, folder.as_str())).collect();
-    same_output(examples, &ways, &place)
+    Ok(folders)
 }
 
 /// A package around such examples, because examples of the crates would be built three times over with all their test dependencies,
@@ -516,6 +557,14 @@ fn minimum_rust() -> Outcome {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_doubt_is_found_in_its_row_and_a_missing_column_is_one() {
+        let header = "scenario,seed,doubts_of_body,doubts_of_map,doubts_of_actuators,message\n";
+        assert!(doubted(&format!("{header}a,1,0,0,0,\n")).is_empty());
+        assert_eq!(doubted(&format!("{header}a,1,0,0,0,\nb,2,0,1,0,\n")), ["2 b"]);
+        assert_eq!(doubted("scenario,seed,doubts_of_body\na,1,0\n").len(), 1);
+    }
 
     #[test]
     fn step_names_are_unique() {

@@ -53,6 +53,15 @@ pub fn studies(name: &str) -> Command {
     command
 }
 
+/// The same program as `cargo test --workspace` builds what it calculates with: nearly as fast, and nothing is compiled again.
+pub fn studies_as_tested() -> Result<Command, String> {
+    let built = cargo("build --quiet --workspace --bin studies").status();
+    if !built.is_ok_and(|status| status.success()) {
+        return Err("the studies do not build".into());
+    }
+    Ok(Command::new(target_dir().join("debug/studies")))
+}
+
 /// Runs a command and hands its exit code on.
 pub fn forward(mut command: Command) -> ExitCode {
     match command.status() {

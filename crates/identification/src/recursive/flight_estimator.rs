@@ -39,6 +39,8 @@ use wrench_history::WrenchHistory;
 
 /// Moments kept: more than a second of measurements at 62.5 Hz.
 const MOMENTS: usize = 128;
+/// Most parts of one measurement that come from different moments.
+const PARTS: usize = 4;
 /// Without measurements the filter follows at this distance behind the oldest one that may still come.
 const COAST_NS: i64 = 64_000_000;
 
@@ -72,8 +74,10 @@ pub struct FlightEstimator {
     rules: Rules,
     history: WrenchHistory,
     events: VecDeque<Event>,
-    /// The filter after each event.
-    moments: VecDeque<Filtered>,
+    /// The filter after each event; large, so that those behind one that comes late do not move.
+    moments: VecDeque<Box<Filtered>>,
+    /// Room for those that come.
+    spare: Vec<Box<Filtered>>,
     /// Events up to this place, itself included, are in `lessons`.
     settled: usize,
     /// Events that were kept once.
@@ -120,10 +124,11 @@ impl FlightEstimator {
             considers_body: false,
         };
         let state = FlightState::of(JointState { motion: start, body });
-        let (mut events, mut moments) = (VecDeque::with_capacity(MOMENTS + 1), VecDeque::with_capacity(MOMENTS + 1));
+        let most = MOMENTS + PARTS;
+        let (mut events, mut moments) = (VecDeque::with_capacity(most), VecDeque::with_capacity(most));
         events.push_back(Event::Start);
         let first = Filtered::new(&rules, &state, &covariance, start_ns);
-        moments.push_back(first);
+        moments.push_back(Box::new(first));
         let lessons = FirstLessons::new(&first);
         let history = WrenchHistory::new(start_ns);
         Ok(Self {
@@ -131,6 +136,7 @@ impl FlightEstimator {
             history,
             events,
             moments,
+            spare: vec![Box::new(first); most - 1],
             settled: 0,
             dropped: 0,
             lessons,
@@ -158,13 +164,14 @@ impl FlightEstimator {
         self.history.hold(from_ns, until_ns, wrench_body, stored_body);
         let first = self.moments.partition_point(|moment| moment.stamp_ns <= from_ns);
         // What is settled stays.
-        self.filter_from(first.max(self.settled + 1));
+        let first = first.max(self.settled + 1);
+        self.filter_from(first, first);
         let horizon_ns = self.history.end_ns().saturating_sub(self.rules.lateness_ns);
         while self.newest().stamp_ns < horizon_ns.saturating_sub(COAST_NS) {
             // A pause of hours is one step of the ring.
             let behind_ns = horizon_ns - self.newest().stamp_ns;
             let stamp_ns = self.newest().stamp_ns.saturating_add(COAST_NS.max(behind_ns / 64));
-            self.insert(self.moments.len(), stamp_ns, Event::Coasted);
+            self.happen_at(stamp_ns, Event::Coasted);
         }
         self.settle(horizon_ns);
     }
@@ -194,9 +201,9 @@ impl FlightEstimator {
         let mut again = self.lessons.again(&self.rules, &self.history, &body);
         again.advance(&self.rules, &self.history, stamp_ns);
         if let Some(settled) = self.moments.get_mut(self.settled) {
-            *settled = again;
+            **settled = again;
         }
-        self.filter_from(self.settled + 1);
+        self.filter_from(self.settled + 1, self.settled + 1);
     }
 
     /// Takes a measurement, which may be late, out of order, doubled or absurd.
@@ -208,57 +215,66 @@ impl FlightEstimator {
     fn look_at(&mut self, measurement: &Measurement) -> Reception {
         let [poses, velocities, rates, accelerations] = self.rules.settings.slow.age_ns;
         if [velocities, rates, accelerations] == [poses; 3] {
-            return self.look_at_moment(measurement, poses);
+            return self.look_at_parts([(measurement.clone(), poses)]);
         }
         let nothing = Measurement { stamp_ns: measurement.stamp_ns, ..Measurement::default() };
         let of_pose =
             Measurement { rate_body: None, velocity_world: None, acceleration_body: None, ..measurement.clone() };
-        let parts = [
+        let parts: [(Measurement, i64); PARTS] = [
             (Measurement { velocity_world: measurement.velocity_world, ..nothing.clone() }, velocities),
             (Measurement { rate_body: measurement.rate_body, ..nothing.clone() }, rates),
             (Measurement { acceleration_body: measurement.acceleration_body, ..nothing }, accelerations),
             (of_pose, poses),
         ];
-        let mut reception = None;
-        for (part, age_ns) in parts.iter().filter(|(part, _)| kinds(part).contains(&true)) {
-            reception = Some(self.look_at_moment(part, *age_ns));
+        let says = |part: &Measurement| kinds(part).contains(&true);
+        if parts.iter().any(|(part, _)| says(part)) {
+            self.look_at_parts(parts.into_iter().filter(|(part, _)| says(part)))
+        } else {
+            self.look_at_parts([(measurement.clone(), 0)])
         }
-        reception.unwrap_or_else(|| self.look_at_moment(measurement, 0))
     }
 
-    fn look_at_moment(&mut self, measurement: &Measurement, age_ns: i64) -> Reception {
-        let of_content = Measurement { stamp_ns: measurement.stamp_ns.saturating_sub(age_ns), ..measurement.clone() };
-        let reception = self.receive(&of_content);
-        match reception {
-            Reception::TooOld => self.apart.too_old += 1,
-            Reception::Duplicate => self.apart.duplicate += 1,
-            Reception::FromTheFuture => self.apart.from_the_future += 1,
-            Reception::Malformed { .. } => self.apart.malformed += 1,
-            // Counted in the stream.
-            Reception::Used { .. } | Reception::Gated { .. } | Reception::Relocalised | Reception::Frozen => {}
+    /// Puts parts of a measurement in their places before the filter begins again at the first of them; what became of the last.
+    fn look_at_parts(&mut self, parts: impl IntoIterator<Item = (Measurement, i64)>) -> Reception {
+        let (mut first, mut last) = (None, Ok(0));
+        for (mut part, age_ns) in parts {
+            part.stamp_ns = part.stamp_ns.saturating_sub(age_ns);
+            last = self.receive(&part);
+            match last {
+                Ok(place) => first = Some(first.map_or(place, |first: usize| first.min(place))),
+                Err(Reception::TooOld) => self.apart.too_old += 1,
+                Err(Reception::Duplicate) => self.apart.duplicate += 1,
+                Err(Reception::FromTheFuture) => self.apart.from_the_future += 1,
+                Err(_) => self.apart.malformed += 1,
+            }
         }
-        reception
+        let filtered = first.map(|first| self.filter_from(first, last.unwrap_or(first)));
+        match last {
+            Ok(_) => filtered.unwrap_or(Reception::Frozen),
+            Err(refused) => refused,
+        }
     }
 
-    fn receive(&mut self, measurement: &Measurement) -> Reception {
+    /// Puts a measurement in its place, and says where that is, or why it has none.
+    fn receive(&mut self, measurement: &Measurement) -> Result<usize, Reception> {
         let checked = match checked(measurement) {
             Ok(checked) => checked,
-            Err(what) => return Reception::Malformed { what },
+            Err(what) => return Err(Reception::Malformed { what }),
         };
         let (stamp_ns, clock_ns) = (checked.stamp_ns, self.history.end_ns());
         if stamp_ns > clock_ns.saturating_add(self.rules.lead_ns) {
-            return Reception::FromTheFuture;
+            return Err(Reception::FromTheFuture);
         }
         let same = |event: &Event| matches!(event, Event::Measured(known) if known.stamp_ns == stamp_ns);
         let companion = self.events.iter().position(same);
         if let Some(Event::Measured(known)) = companion.and_then(|place| self.events.get(place))
             && kinds(known).iter().zip(kinds(&checked)).any(|(known, new)| *known && new)
         {
-            return Reception::Duplicate;
+            return Err(Reception::Duplicate);
         }
         let oldest_ns = self.moments.front().map_or(i64::MAX, |moment| moment.stamp_ns);
         if stamp_ns < clock_ns.saturating_sub(self.rules.lateness_ns) || stamp_ns < oldest_ns {
-            return Reception::TooOld;
+            return Err(Reception::TooOld);
         }
         let place =
             companion.unwrap_or_else(|| self.moments.partition_point(|moment| moment.stamp_ns <= stamp_ns).max(1));
@@ -273,35 +289,38 @@ impl FlightEstimator {
             known.velocity_world = known.velocity_world.or(checked.velocity_world);
             known.acceleration_body = known.acceleration_body.or(checked.acceleration_body);
             known.other = known.other.take().or(checked.other);
-            return self.filter_from(place);
+        } else {
+            self.insert(place, stamp_ns, Event::Measured(checked));
         }
-        self.insert(place, stamp_ns, Event::Measured(checked))
+        Ok(place)
     }
 
-    /// Puts an event in its place and filters from there on.
-    fn insert(&mut self, place: usize, stamp_ns: i64, event: Event) -> Reception {
-        let mut moment = *self.newest();
+    /// Puts an event in its place.
+    fn insert(&mut self, place: usize, stamp_ns: i64, event: Event) {
+        // All but the stamp is written by the filter.
+        let mut moment = self.spare.pop().unwrap_or_else(|| self.moments[self.moments.len() - 1].clone());
         moment.stamp_ns = stamp_ns;
         self.events.insert(place, event);
-        // Overwritten at once, from `place` on; only the stamps of those that move are needed.
         self.moments.insert(place, moment);
-        let reception = self.filter_from(place);
-        if self.moments.len() > MOMENTS {
-            self.events.pop_front();
-            self.moments.pop_front();
-            self.dropped += 1;
-            self.settled = self.settled.saturating_sub(1);
-        }
-        reception
     }
 
-    /// Filters again from an event on; what became of that one.
-    fn filter_from(&mut self, first: usize) -> Reception {
-        let mut answer = None;
+    /// Something happens after all that is known of until then.
+    fn happen_at(&mut self, stamp_ns: i64, event: Event) {
+        let place = self.moments.partition_point(|moment| moment.stamp_ns <= stamp_ns).max(1);
+        self.insert(place, stamp_ns, event);
+        self.filter_from(place, place);
+    }
+
+    /// Filters again from an event on, and forgets what is too long ago; what became of the event at `wanted`.
+    fn filter_from(&mut self, first: usize, wanted: usize) -> Reception {
+        let mut answer = Reception::Frozen;
         for k in first..self.moments.len() {
-            let (Some(before), Some(event)) = (self.moments.get(k - 1), self.events.get(k)) else { break };
-            let mut filtered = *before;
-            let stamp_ns = self.moments.get(k).map_or(filtered.stamp_ns, |moment| moment.stamp_ns);
+            let mut pair = self.moments.range_mut(k - 1..=k);
+            let (Some(before), Some(filtered), Some(event)) = (pair.next(), pair.next(), self.events.get(k)) else {
+                break;
+            };
+            let stamp_ns = filtered.stamp_ns;
+            filtered.clone_from(before);
             filtered.advance(&self.rules, &self.history, stamp_ns);
             let reception = match event {
                 Event::Measured(measurement) => filtered.take(&self.rules, &self.history, measurement),
@@ -323,12 +342,17 @@ impl FlightEstimator {
                 }
                 Event::Start | Event::Coasted => Reception::Frozen,
             };
-            answer = answer.or(Some(reception));
-            if let Some(moment) = self.moments.get_mut(k) {
-                *moment = filtered;
+            if k == wanted {
+                answer = reception;
             }
         }
-        answer.unwrap_or(Reception::Frozen)
+        while self.moments.len() > MOMENTS {
+            self.events.pop_front();
+            self.spare.extend(self.moments.pop_front());
+            self.dropped += 1;
+            self.settled = self.settled.saturating_sub(1);
+        }
+        answer
     }
 
     fn newest(&self) -> &Filtered {
@@ -422,7 +446,7 @@ impl FlightEstimator {
     fn happen_now(&mut self, event: Event) {
         self.known = false;
         let stamp_ns = self.history.end_ns().max(self.newest().stamp_ns);
-        self.insert(self.moments.len(), stamp_ns, event);
+        self.happen_at(stamp_ns, event);
     }
 
     /// Whether every reported interval is inside its target; once it was, each may be a quarter wider.

@@ -33,7 +33,7 @@ const HEAVIEST_SIGMAS: f64 = 3.0;
 /// A layer, for those who measure what it costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Layer {
-    /// The first way, and a way after a search in vain.
+    /// A way from rest, and a way after a search in vain.
     Way,
     /// A new way in flight.
     NewWay,
@@ -303,6 +303,11 @@ where
     /// How the mission ended; none before.
     pub fn end(&self) -> Option<&End> {
         self.end.as_ref()
+    }
+
+    /// Searches for a way in a row that found none, up to now.
+    pub fn ways_refused(&self) -> u32 {
+        self.ways_refused
     }
 
     /// The robot sees another world from now on.

@@ -80,7 +80,7 @@ pub struct LoopSettings<B> {
     pub stop: StopLimits,
     /// What the brake may use where such a stop would hit something.
     pub brake: BrakeLimits,
-    /// Budget of the first way, and of one after a search in vain.
+    /// Budget of a way from rest, and of one after a search in vain.
     pub way_units: u64,
     /// Budget of a new way in flight.
     pub new_way_units: u64,

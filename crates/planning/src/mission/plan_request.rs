@@ -13,6 +13,9 @@ use crate::motion::ArcPath;
 use std::sync::Arc;
 use tumble_dynamics::RigidBodyState;
 
+/// Speed below which a plan starts at rest, m/s.
+const REST_M_S: f64 = 1e-6;
+
 /// All that a plan needs, owned or shared, so that it may wait or go to another thread.
 pub struct PlanRequest<W>
 where
@@ -72,10 +75,13 @@ where
     W::Body: Sized,
 {
     /// The layer that has to search for it; none where nothing is searched for.
+    ///
+    /// Who flies has little time to look for another way. Who rests has as much as for the first one, and needs it: a way may not begin
+    /// where the known one did, or may have to be another one.
     pub fn layer(&self) -> Option<Layer> {
         match &self.asked {
-            Asked::Way { known: None, .. } => Some(Layer::Way),
-            Asked::Way { known: Some(_), .. } => Some(Layer::NewWay),
+            Asked::Way { known: Some(_), .. } if !self.starts_at_rest() => Some(Layer::NewWay),
+            Asked::Way { .. } => Some(Layer::Way),
             Asked::Stretch { ambition: Ambition::Informative | Ambition::Plain, .. } => Some(Layer::Stretch),
             Asked::Stay | Asked::Stretch { ambition: Ambition::AlongWay, .. } => None,
         }
@@ -84,6 +90,10 @@ where
     /// Whether a stretch is asked for; a way otherwise.
     pub fn is_stretch(&self) -> bool {
         matches!(self.asked, Asked::Stretch { .. })
+    }
+
+    fn starts_at_rest(&self) -> bool {
+        self.start.twist_body.linear.norm() <= REST_M_S
     }
 }
 

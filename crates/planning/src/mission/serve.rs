@@ -1,6 +1,6 @@
 //! Answers to what a loop asks to be planned, wherever this is done.
 
-use super::closed_loop::{nanoseconds, seconds};
+use super::closed_loop::{Layer, nanoseconds, seconds};
 use super::event::{Ambition, FoundStretch};
 use super::plan_request::{Asked, Found, PlanAnswer, PlanRequest};
 use super::stretch::{StretchAnswer, StretchOutcome, StretchPlanner, StretchTask};
@@ -83,8 +83,7 @@ where
     limits.position.upper_world = limits.position.upper_world.sup(&pose.translation.vector);
     let velocity = pose.rotation * start.twist_body.linear;
     limits.speed_m_s = limits.speed_m_s.sup(&velocity.abs());
-    let mut budget = Units::new(if known.is_some() { settings.new_way_units } else { settings.way_units });
-    let mut plan = |margin_m: f64| {
+    let mut plan = |margin_m: f64, known: Option<&ArcPath>, units: u64| {
         let request = GlobalRequest {
             world: &scene.world,
             body: &settings.body,
@@ -99,18 +98,31 @@ where
             until: Until::BudgetSpent,
             seed: draw(settings.seed, asked.request),
         };
+        let mut budget = Units::new(units);
         match known {
             Some(known) => planner.plan_anew(&request, known, &mut budget),
             None => planner.plan(&request, &mut budget),
         }
     };
-    let answer = plan(held_m(margin_m))?;
+    let first_units = if asked.layer() == Some(Layer::NewWay) { settings.new_way_units } else { settings.way_units };
+    let answer = plan(held_m(margin_m), known, first_units)?;
+    let takes_longer =
+        |known: &&ArcPath| answer.plan.as_ref().is_some_and(|plan| plan.trajectory.duration_s() > known.duration_s());
+    if let Some(known) = known.filter(takes_longer)
+        && first_units < settings.way_units
+    {
+        // what is left of the known way is less than all of it: so much longer is worth a search as long as the first
+        let again = plan(held_m(margin_m), Some(known), settings.way_units)?;
+        let units = answer.units + again.units;
+        let better = if again.cost < answer.cost { again } else { answer };
+        return Ok(GlobalAnswer { units, ..better });
+    }
     let least_m = held_m(settings.check_margin_m);
     if proof(&answer).is_none() || least_m >= held_m(margin_m) {
         return Ok(answer);
     }
     // a way as near as may be flown is better than none
-    let nearer = plan(least_m)?;
+    let nearer = plan(least_m, known, first_units)?;
     Ok(GlobalAnswer { units: answer.units + nearer.units, ..nearer })
 }
 

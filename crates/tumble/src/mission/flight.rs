@@ -11,7 +11,7 @@ use super::record::{
     PROMISED, ParameterRow, Promises, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
 };
 use crate::TumbleError;
-use crate::scenario::{MissionProblem, ScenarioSource};
+use crate::scenario::{Margins, MissionProblem, ScenarioSource};
 use std::collections::BTreeMap;
 use tumble_astrobee::sensing::LocalizationEstimate;
 use tumble_astrobee::simulator::{
@@ -661,6 +661,18 @@ fn fallback_row(spell: &FallbackSpell) -> FallbackRow {
     FallbackRow { t_s: seconds(spell.from_ns), reason: format!("{:?}", spell.fallback) }
 }
 
+/// Why a robot that ran out of time was waiting.
+fn in_vain(flying: &AstrobeeLoop, margins: &Margins) -> Option<String> {
+    let searches = flying.ways_refused();
+    (flying.end() == Some(&End::OutOfTime) && searches > 0).then(|| {
+        let Margins { way, checked, .. } = margins;
+        format!(
+            "in its last {searches} searches the robot found no way to the goal that keeps {way:.3} m from everything, nor one that keeps \
+             {checked:.3} m, which margin_m and the wander of its localisation ask for"
+        )
+    })
+}
+
 fn record(
     source: &ScenarioSource,
     options: &FlyOptions,
@@ -701,6 +713,7 @@ fn record(
     if counts.gated > 0 {
         warnings.push(format!("{} measurements did not fit what was expected and were not used", counts.gated));
     }
+    warnings.extend(in_vain(flying, &problem.margins_m));
     let summary = MissionSummary {
         format: 1,
         scenario: source.scenario.name.clone(),

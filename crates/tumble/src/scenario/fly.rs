@@ -108,7 +108,7 @@ pub struct WeightingSettings {
 /// How much planners may compute, and how long that takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComputingSettings {
-    /// Units for the first way.
+    /// Units for a way from rest.
     pub global_units: u64,
     /// Units for a new way in flight.
     pub replan_units: u64,

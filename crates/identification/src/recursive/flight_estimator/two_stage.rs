@@ -459,13 +459,12 @@ impl FlightEstimator {
     fn settled_since(&self, seen: u64) -> impl Iterator<Item = (&Event, &Filtered)> {
         let known = usize::try_from(seen.saturating_sub(self.dropped)).unwrap_or(usize::MAX);
         let news = self.settled.saturating_sub(known);
-        self.events.iter().zip(&self.moments).skip(known.saturating_add(1)).take(news)
+        let moments = self.moments.iter().map(|moment| &**moment);
+        self.events.iter().zip(moments).skip(known.saturating_add(1)).take(news)
     }
 
     /// The body as somebody else knows it, from now on.
     fn revise(&mut self, body: LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
-        let stamp_ns = self.history.end_ns();
-        let place = self.moments.partition_point(|moment| moment.stamp_ns <= stamp_ns).max(1);
-        self.insert(place, stamp_ns, Event::Revised(body, *covariance));
+        self.happen_at(self.history.end_ns(), Event::Revised(body, *covariance));
     }
 }

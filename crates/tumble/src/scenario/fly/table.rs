@@ -149,7 +149,7 @@ pub struct EstimatorTable {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ComputingTable {
-    /// Units for the first way.
+    /// Units for a way from rest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub global_units: Option<u64>,
     /// Units for a new way in flight.
