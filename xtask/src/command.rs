@@ -53,9 +53,10 @@ pub fn studies(name: &str) -> Command {
     command
 }
 
-/// The same program as `cargo test --workspace` builds what it calculates with: nearly as fast, and nothing is compiled again.
+/// The same program as `cargo test --workspace` builds what it calculates with: nearly as fast, and nothing is compiled again, because
+/// examples ask for the same features as tests.
 pub fn studies_as_tested() -> Result<Command, String> {
-    let built = cargo("build --quiet --workspace --bin studies").status();
+    let built = cargo("build --quiet --workspace --examples --bin studies").status();
     if !built.is_ok_and(|status| status.success()) {
         return Err("the studies do not build".into());
     }
