@@ -7,10 +7,11 @@ use crate::{
     Failure, air_table, allocation, arm_payload, brushless, propulsion_dynamics, station_imu, throws, thrust_imu,
 };
 
-/// A set: its folder and what processes it, which returns the targets it missed.
-type Set = (&'static str, fn(&Path, bool) -> Result<Vec<String>, Failure>);
+/// What processes a set, and returns the targets it missed.
+type Set = fn(&Path, bool) -> Result<Vec<String>, Failure>;
 
-const SETS: &[Set] = &[
+/// Folder and set.
+const SETS: &[(&str, Set)] = &[
     (throws::SET, throws::run),
     (brushless::SET, brushless::run),
     (thrust_imu::SET, thrust_imu::run),
@@ -34,15 +35,20 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         eprintln!("skipped: {absent}");
         return Ok(());
     };
-    let mut missed = Vec::new();
-    for (name, run) in SETS {
-        let set = folder.join(name);
-        if set.is_dir() {
-            missed.extend(run(&set, arguments.has("--json"))?);
-        } else if required {
-            return Err(Failure::file(&set, "is not there"));
-        } else {
-            eprintln!("skipped: {} is not there", set.display());
+    let (json, mut missed) = (arguments.has("--json"), Vec::new());
+    let sets: Vec<(&str, PathBuf, Set)> = SETS.iter().map(|(name, run)| (*name, folder.join(name), *run)).collect();
+    // every row names its set, so that they may answer in any order
+    let answers: Vec<Option<Result<Vec<String>, Failure>>> = std::thread::scope(|scope| {
+        let running: Vec<_> =
+            sets.iter().map(|(_, set, run)| set.is_dir().then(|| scope.spawn(move || run(set, json)))).collect();
+        let end = |answer: std::thread::Result<_>| answer.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        running.into_iter().map(|set| set.map(|set| end(set.join()))).collect()
+    });
+    for ((_, set, _), answer) in sets.iter().zip(answers) {
+        match answer {
+            Some(answer) => missed.extend(answer?),
+            None if required => return Err(Failure::file(set, "is not there")),
+            None => eprintln!("skipped: {} is not there", set.display()),
         }
     }
     for name in other_sets(&folder) {
