@@ -61,6 +61,13 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --lib flight_estimator",
     },
     Mutant {
+        name: "ways: a new one that takes longer than the whole old one is flown as it is",
+        file: "crates/planning/src/mission/serve.rs",
+        original: "&& first_units < settings.way_units",
+        replacement: "&& first_units > settings.way_units",
+        test: "-p tumble-planning --test suite new_ways",
+    },
+    Mutant {
         name: "increment: operands of the cross product swapped",
         file: "crates/lie/src/increment_chart.rs",
         original: "psi: (l * f_a0 + l.cross(&phi))",

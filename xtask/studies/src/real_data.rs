@@ -10,7 +10,7 @@ use crate::{
 /// What processes a set, and returns the targets it missed.
 type Set = fn(&Path, bool) -> Result<Vec<String>, Failure>;
 
-/// Folder and set.
+/// All sets that are read, each by the name of its folder among the data.
 const SETS: &[(&str, Set)] = &[
     (throws::SET, throws::run),
     (brushless::SET, brushless::run),

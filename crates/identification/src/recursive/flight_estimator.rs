@@ -298,7 +298,7 @@ impl FlightEstimator {
     /// Puts an event in its place.
     fn insert(&mut self, place: usize, stamp_ns: i64, event: Event) {
         // All but the stamp is written by the filter.
-        let mut moment = self.spare.pop().unwrap_or_else(|| self.moments[self.moments.len() - 1].clone());
+        let mut moment = self.spare.pop().unwrap_or_else(|| Box::new(*self.newest()));
         moment.stamp_ns = stamp_ns;
         self.events.insert(place, event);
         self.moments.insert(place, moment);

@@ -172,6 +172,8 @@ fn another_controller_flies_it_too() {
     assert!(fly(&mut tug(new, estimator(), &room()), &mut simulated(planners()), &mut NoObserver));
 }
 
+#[path = "custom_robot/new_ways.rs"]
+mod new_ways;
 #[path = "custom_robot/own_layers.rs"]
 mod own_layers;
 #[path = "custom_robot/same_again.rs"]

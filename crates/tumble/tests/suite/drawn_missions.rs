@@ -42,6 +42,14 @@ fn who_is_healthy_is_not_doubted() {
     }
 }
 
+/// The robot turns out a third heavier than it took itself for, and the old way does not do. The new one once took longer than there was time.
+#[test]
+fn a_new_way_takes_no_longer_than_there_is_time() {
+    let source = ScenarioSource::find("iss-cargo-set2").unwrap();
+    let summary = fly(&source, &options(1_556_254_343_779_117), &mut NoHooks).unwrap().summary;
+    assert!(summary.arrived && summary.mission_s < 110.0 && summary.replans > 0, "{} s", summary.mission_s);
+}
+
 /// Nine in ten of the standard deviations that plans promise for the ends of stretches are stated there.
 #[test]
 fn plans_keep_what_they_promise() {

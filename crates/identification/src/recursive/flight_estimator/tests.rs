@@ -259,8 +259,8 @@ fn lines_of_forces_are_in_the_report() {
     assert!((off.mass_kg - on.mass_kg).abs() < 1e-9);
 }
 
-/// A robot that does not turn by what it answers to the noise of its own gyroscope is none that is heavy to turn; one that is pushed and does
-/// not turn is.
+/// A robot that holds its place answers the noise of its gyroscope, and does not turn by that: this says nothing of its inertia. Where the
+/// torque is ten times the wrench's noise and it still does not turn, its inertia must be larger than believed.
 #[test]
 fn a_body_at_rest_is_no_larger_for_not_obeying_noise() {
     let believed = prior(Vector3::new(0.2, 0.18, 0.19), 0.3);
