@@ -8,7 +8,7 @@ use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use crate::command::{Outcome, cargo, is_installed, target_dir};
+use crate::command::{Outcome, is_installed, programs_as_tested};
 
 const PARTS: usize = 16;
 /// The part that is killed.
@@ -40,23 +40,10 @@ pub fn main(arguments: &[String]) -> ExitCode {
     }
 }
 
-/// `tumble`, built unless the environment names one.
-pub fn program() -> Result<PathBuf, String> {
-    if let Some(named) = std::env::var_os("TUMBLE") {
-        return Ok(PathBuf::from(named));
-    }
-    // As the test command builds it, so that nothing is compiled again.
-    let built = cargo("test --quiet --workspace --no-run --test suite").status();
-    if !built.is_ok_and(|status| status.success()) {
-        return Err("tumble does not build".into());
-    }
-    Ok(target_dir().join("debug/tumble"))
-}
-
 /// Child processes always; Slurm where it is installed.
 pub fn step() -> Outcome {
-    let program = match program() {
-        Ok(program) => program,
+    let program = match programs_as_tested() {
+        Ok(folder) => folder.join("tumble"),
         Err(reason) => return Outcome::Failed(reason),
     };
     let folder = std::env::temp_dir().join(format!("tumble-cluster-{}", std::process::id()));

@@ -53,14 +53,20 @@ pub fn studies(name: &str) -> Command {
     command
 }
 
-/// The same program as `cargo test --workspace` builds what it calculates with: nearly as fast, and nothing is compiled again, because
-/// examples ask for the same features as tests.
-pub fn studies_as_tested() -> Result<Command, String> {
-    let built = cargo("build --quiet --workspace --examples --bin studies").status();
-    if !built.is_ok_and(|status| status.success()) {
-        return Err("the studies do not build".into());
+/// Names the folder of `programs_as_tested` where they are built already: asking cargo would wait for other builds.
+pub const PROGRAMS: &str = "TUMBLE_PROGRAMS";
+
+/// The folder of `tumble`, `studies` and the examples as `cargo test --workspace` builds what they calculate with: nearly as fast, and
+/// nothing is compiled again, because examples ask for the same features as tests.
+pub fn programs_as_tested() -> Result<PathBuf, String> {
+    if let Some(folder) = std::env::var_os(PROGRAMS) {
+        return Ok(PathBuf::from(folder));
     }
-    Ok(Command::new(target_dir().join("debug/studies")))
+    let built = cargo("build --quiet --workspace --examples --bin tumble --bin studies").status();
+    if !built.is_ok_and(|status| status.success()) {
+        return Err("the examples, `tumble` and `studies` do not build".into());
+    }
+    Ok(target_dir().join("debug"))
 }
 
 /// Runs a command and hands its exit code on.

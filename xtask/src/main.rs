@@ -16,6 +16,7 @@ cargo xtask <command>
 
   ci [--full] [--only NAME]... [--list]   every check beyond `cargo test --workspace`
   tidy                                    the rules a machine can hold
+  freeze                                  the hashes that the step `determinism` wants, from an optimised build
   mutants [--only TEXT] [--list]          planted source changes; the tests must kill every one
   fuzz [--seconds N] [TARGET]...           the parsers, on bytes that a fuzzer makes up (cargo-fuzz, nightly compiler)
   report-check [FILE] [--screenshots DIR] a mission report (or two samples) in a real headless browser, cut off from every network
@@ -25,7 +26,7 @@ cargo xtask <command>
   real-data [--data DIR] [--json] [--check]
   reproduce chapter4 | chapter5 [--runs N] [--out DIR]
   reproduce actuation [--flights N] [--out DIR]
-  reproduce rattle [--seeds N] [--only module | granite | flights | defects] [--out DIR]
+  reproduce rattle [--seeds N] [--sensing NAME] [--only module | granite | flights | defects] [--out DIR]
   study identification [--cells NAME] [--runs N] [--out DIR]
   study excitation [--cases N] [--flights N]
   study ellipsoid [--runs N] [--seed N]   pairs misclassified, by decade of their true gap
@@ -53,6 +54,7 @@ fn main() -> ExitCode {
     match name.as_str() {
         "ci" => ci::main(rest),
         "tidy" => tidy::main(),
+        "freeze" => ci::freeze(),
         "mutants" => mutants::main(rest),
         "cluster-test" => cluster::main(rest),
         "fuzz" => fuzz::main(rest),

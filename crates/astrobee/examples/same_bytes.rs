@@ -2,7 +2,7 @@
 //! flights, a payload taken hold of on the way.
 //!
 //! The output must not depend on the optimisation level or the processor: `cargo xtask ci --only determinism` runs this program
-//! built in three ways and compares.
+//! as tests are built and compares with what it printed as users build it.
 
 use tumble_astrobee::air_drag::air_drag;
 use tumble_astrobee::flight_controller::FlightController;

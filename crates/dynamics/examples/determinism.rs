@@ -1,7 +1,7 @@
 //! Prints a hash of every byte of two tumbles of 200 000 steps, free and under a sinusoidal wrench.
 //!
-//! The output must not depend on the optimisation level or the processor: `cargo xtask ci --only determinism-all` runs this
-//! program built in three ways and compares.
+//! The output must not depend on the optimisation level or the processor: `cargo xtask ci --only determinism` runs this
+//! program as tests are built and compares with what it printed as users build it.
 
 use tumble_dynamics::lie::{Twist, Wrench};
 use tumble_dynamics::nalgebra::{ComplexField, Matrix3, Vector3};

@@ -2,7 +2,7 @@
 //! commands of a tube controller past the same obstacle, beliefs taken over on the way.
 //!
 //! The output must not depend on the optimisation level or the processor: `cargo xtask ci --only determinism` runs this program
-//! built in three ways and compares.
+//! as tests are built and compares with what it printed as users build it.
 
 use tumble_planning::collision::{BodyShape, MovingObstacle};
 use tumble_planning::control::{

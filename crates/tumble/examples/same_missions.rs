@@ -1,8 +1,8 @@
 //! Prints hashes of the first seconds of missions in closed loop: coordinator, estimator, planners, controller and simulator, as
 //! `tumble fly` writes them to `log.csv`, and the record that becomes the report.
 //!
-//! The output must not depend on the optimisation level or the processor: `cargo xtask ci --only same-missions` runs this program
-//! built in three ways and compares.
+//! The output must not depend on the optimisation level or the processor: `cargo xtask ci --only determinism` runs this program
+//! as tests are built and compares with what it printed as users build it.
 
 use std::io;
 use tumble::TumbleError;

@@ -24,5 +24,5 @@ fn main() -> Result<(), TumbleError> {
     let page = mission_report::html(&record(arguments.next()))?;
     let mut file = OutputFile::create(path.as_ref(), true)?;
     file.write_all(page.as_bytes()).map_err(|source| FormatsError::Unwritable { path: path.into(), source })?;
-    file.finish()
+    file.finish().map(drop)
 }

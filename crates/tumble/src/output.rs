@@ -2,7 +2,7 @@
 
 use crate::TumbleError;
 use std::fs;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tumble_formats::FormatsError;
@@ -58,12 +58,31 @@ pub fn write_file(path: &Path, contents: &[u8], force: bool) -> Result<(), Tumbl
         return Err(TumbleError::OutputExists { path: path.into() });
     }
     let partial = partial_sibling(path);
-    let written = fs::write(&partial, contents).and_then(|()| fs::rename(&partial, path));
+    let written = fs::write(&partial, contents).and_then(|()| place_file(&partial, path, force));
     if written.is_err() {
         // The partial file is worthless; that it may not exist is fine.
         let _ = fs::remove_file(&partial);
     }
-    written.map_err(unwritable(path))
+    written.map_err(|source| match source.kind() {
+        ErrorKind::AlreadyExists => TumbleError::OutputExists { path: path.into() },
+        _ => unwritable(path)(source),
+    })
+}
+
+/// Gives a finished file its name; without `force` never in the place of another, however late that appeared.
+fn place_file(partial: &Path, path: &Path, force: bool) -> std::io::Result<()> {
+    if force {
+        return fs::rename(partial, path);
+    }
+    // A second name is refused where the name is taken, which a change of the name is not.
+    match fs::hard_link(partial, path) {
+        Ok(()) => fs::remove_file(partial),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists || path.symlink_metadata().is_ok() => {
+            Err(ErrorKind::AlreadyExists.into())
+        }
+        // Not every file system knows second names.
+        Err(_) => fs::rename(partial, path),
+    }
 }
 
 /// A file that is written bit by bit and appears under its name only when [`OutputFile::finish`] is called; dropped
@@ -71,6 +90,7 @@ pub fn write_file(path: &Path, contents: &[u8], force: bool) -> Result<(), Tumbl
 pub struct OutputFile {
     path: PathBuf,
     partial: PathBuf,
+    force: bool,
     file: BufWriter<fs::File>,
 }
 
@@ -85,15 +105,34 @@ impl OutputFile {
         }
         let partial = partial_sibling(path);
         let file = fs::File::create(&partial).map_err(unwritable(path))?;
-        Ok(Self { path: path.into(), partial, file: BufWriter::new(file) })
+        Ok(Self { path: path.into(), partial, force, file: BufWriter::new(file) })
     }
 
-    /// Lets the file appear under its name.
+    /// Lets the file appear under its name, or under the next one that is free where another file has taken it meanwhile; says which.
     ///
     /// # Errors
     /// [`FormatsError::Unwritable`]; an older file is then still there.
-    pub fn finish(mut self) -> Result<(), TumbleError> {
-        self.file.flush().and_then(|()| fs::rename(&self.partial, &self.path)).map_err(unwritable(&self.path))
+    pub fn finish(mut self) -> Result<PathBuf, TumbleError> {
+        self.file.flush().map_err(unwritable(&self.path))?;
+        let stem = self.path.file_stem().unwrap_or_default();
+        let numbered = |number: u32| {
+            let mut name = stem.to_os_string();
+            name.push(format!("-{number}"));
+            let mut path = self.path.with_file_name(name);
+            if let Some(extension) = self.path.extension() {
+                path.as_mut_os_string().push(".");
+                path.as_mut_os_string().push(extension);
+            }
+            path
+        };
+        let mut taken = 1;
+        loop {
+            let path = if taken == 1 { self.path.clone() } else { numbered(taken) };
+            match place_file(&self.partial, &path, self.force) {
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => taken += 1,
+                placed => return placed.map(|()| path).map_err(unwritable(&self.path)),
+            }
+        }
     }
 }
 
@@ -196,6 +235,7 @@ pub fn unused(base: &Path) -> PathBuf {
 pub struct OutputFolder {
     path: PathBuf,
     partial: PathBuf,
+    force: bool,
     finished: bool,
 }
 
@@ -231,7 +271,7 @@ impl OutputFolder {
         }
         fs::create_dir_all(&partial).map_err(unwritable(path))?;
         // Without a slash at the end, which would be doubled in the names of the files.
-        Ok(Self { path: path.components().collect(), partial, finished: false })
+        Ok(Self { path: path.components().collect(), partial, force, finished: false })
     }
 
     /// Where a picture named `name` is drawn before the folder is finished.
@@ -248,12 +288,14 @@ impl OutputFolder {
         fs::write(&path, contents).map_err(unwritable(&self.path))
     }
 
-    /// Lets the folder appear under its name, in the place of an older one.
+    /// Lets the folder appear under its name, with `force` in the place of an older result. Where something else has taken the name
+    /// meanwhile, it appears as `-2`, `-3`, ...; says where.
     ///
     /// # Errors
     /// [`FormatsError::Unwritable`]; the older folder is then still there.
     pub fn finish(mut self) -> Result<PathBuf, TumbleError> {
-        let replaced = self.path.exists().then(|| {
+        let is_replaced = self.force && is_result_folder(&self.path);
+        let replaced = is_replaced.then(|| {
             let mut name = self.path.file_name().unwrap_or_default().to_os_string();
             name.push(format!(".replaced-{}", std::process::id()));
             self.path.with_file_name(name)
@@ -261,17 +303,25 @@ impl OutputFolder {
         if let Some(old) = &replaced {
             fs::rename(&self.path, old).map_err(unwritable(&self.path))?;
         }
-        if let Err(source) = fs::rename(&self.partial, &self.path) {
-            if let Some(old) = &replaced {
-                let _ = fs::rename(old, &self.path);
+        let place = loop {
+            let place = unused(&self.path);
+            match fs::rename(&self.partial, &place) {
+                Ok(()) => break place,
+                // Taken between the question and the answer.
+                Err(_) if place.symlink_metadata().is_ok() => {}
+                Err(source) => {
+                    if let Some(old) = &replaced {
+                        let _ = fs::rename(old, &self.path);
+                    }
+                    return Err(FormatsError::Unwritable { path: self.path.clone(), source }.into());
+                }
             }
-            return Err(FormatsError::Unwritable { path: self.path.clone(), source }.into());
-        }
+        };
         self.finished = true;
         if let Some(old) = &replaced {
-            if old.is_dir() { fs::remove_dir_all(old) } else { fs::remove_file(old) }.map_err(unwritable(old))?;
+            fs::remove_dir_all(old).map_err(unwritable(old))?;
         }
-        Ok(self.path.clone())
+        Ok(place)
     }
 }
 
@@ -342,6 +392,29 @@ mod tests {
         second.finish().unwrap();
         assert!(path.join("run.json").exists() && !path.join("body.toml").exists());
         assert_eq!(fs::read_dir(&base).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_took_the_name_meanwhile_stays_and_so_does_the_result() {
+        let base = scratch("meanwhile");
+        for force in [false, true] {
+            let path = base.join(format!("run-{force}"));
+            let folder = OutputFolder::create(&path, force).unwrap();
+            fs::create_dir(&path).unwrap();
+            fs::write(path.join("thesis.tex"), "years of work").unwrap();
+            folder.write("run.json", "{}").unwrap();
+            assert_eq!(folder.finish().unwrap(), base.join(format!("run-{force}-2")));
+            assert_eq!(fs::read_to_string(path.join("thesis.tex")).unwrap(), "years of work");
+
+            let path = base.join(format!("log-{force}.csv"));
+            let mut file = OutputFile::create(&path, force).unwrap();
+            file.write_all(b"new").unwrap();
+            fs::write(&path, "old").unwrap();
+            let place = file.finish().unwrap();
+            assert_eq!(place, if force { path.clone() } else { base.join("log-false-2.csv") });
+            assert_eq!(fs::read_to_string(&place).unwrap(), "new");
+            assert_eq!(fs::read_to_string(&path).unwrap(), if force { "new" } else { "old" });
+        }
     }
 
     #[test]

@@ -161,7 +161,7 @@ const REPRODUCTIONS: &[Program] = &[
     ("chapter4", &["--out", "--runs"], chapter4::run),
     ("chapter5", &["--out", "--runs"], chapter5::run),
     ("actuation", &["--out", "--flights"], actuation::run),
-    ("rattle", &["--out", "--seeds", "--only"], rattle::run),
+    ("rattle", &["--out", "--seeds", "--sensing", "--only"], rattle::run),
 ];
 
 /// Runs the program that `words` begin with.

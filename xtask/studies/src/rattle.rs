@@ -26,10 +26,13 @@ use crate::actuation::{Picture, Section};
 use crate::arguments::Arguments;
 use crate::plot::{self, Scale};
 
+/// Sensors that are flown with; the first where `--sensing` says nothing.
+const SENSORS: [&str; 3] = ["nominal", "thesis-flight", "ideal"];
+
 /// Seeds where `--seeds` says nothing.
 const SEEDS: usize = 4;
 
-type Part = fn(usize) -> Result<Section, Failure>;
+type Part = fn(&'static str, usize) -> Result<Section, Failure>;
 
 const PARTS: [(&str, &str, Part); 4] = [
     ("module", "In the module: figures 6.8 to 6.10 and 6.14, tables 6.1 and 6.4", module::section),
@@ -52,6 +55,12 @@ pub fn claim(section: &mut Section, place: &str, what: &str, holds: bool, found:
 /// Runs the study.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let seeds = arguments.number("--seeds")?.unwrap_or(SEEDS).max(1);
+    let sensing = match arguments.value("--sensing") {
+        None => SENSORS[0],
+        Some(named) => SENSORS.into_iter().find(|sensors| *sensors == named).ok_or_else(|| {
+            Failure::BadInput(format!("no sensors are called `{named}`: there are {}", SENSORS.join(", ")))
+        })?,
+    };
     let only = arguments.value("--only");
     if let Some(unknown) = only.filter(|only| PARTS.iter().all(|(name, ..)| name != only)) {
         return Err(Failure::BadInput(format!("no part is called `{unknown}`")));
@@ -61,13 +70,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         OutputFolder::check_place(out, false).map_err(bad)?;
     }
     let mut text = format!(
-        "# Chapter 6, RATTLE in closed loop, reproduced\n\nSeeds 1 to {seeds} of each condition, paired; numbers are medians with least and \
+        "# Chapter 6, RATTLE in closed loop, reproduced\n\nSensors `{sensing}`, seeds 1 to {seeds} of each condition, paired; numbers are medians with least and \
          largest in brackets unless something else is said.\n"
     );
     let mut sections = Vec::new();
     for (_, title, part) in PARTS.iter().filter(|(name, ..)| only.is_none_or(|only| only == *name)) {
         let began = Instant::now();
-        let section = part(seeds)?;
+        let section = part(sensing, seeds)?;
         eprintln!("rattle: {title}: {:.1} s", began.elapsed().as_secs_f64());
         write!(text, "\n## {title}\n\n{}", section.text).map_err(bad)?;
         for picture in &section.pictures {
@@ -88,7 +97,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
                 plot::draw(&folder.file(name), title, *labels, Scale::Linear, curves)?;
             }
         }
-        let configuration = json!({ "seeds": seeds, "only": only });
+        let configuration = json!({ "sensing": sensing, "seeds": seeds, "only": only });
         folder.write("run.json", &crate::run_record("reproduce rattle", &configuration)).map_err(bad)?;
         eprintln!("written: {}", folder.finish().map_err(bad)?.display());
     }

@@ -120,7 +120,11 @@ pub fn run(args: &ConvertArgs, robots: &Robots) -> Result<Outcome, TumbleError> 
     } else {
         OutputFile::create(&args.output, args.force).and_then(|mut out| {
             convert(&input, args, robots, format, &mut out)?;
-            out.finish()
+            let place = out.finish()?;
+            if place != args.output {
+                eprintln!("{} appeared meanwhile and stays: wrote {}", args.output.display(), place.display());
+            }
+            Ok(())
         })
     };
     done.map_err(|error| placed(error, &args.output)).map(|()| Outcome::Achieved)

@@ -107,3 +107,29 @@ fn a_campaign_remembers_its_sensing_and_replays_it() {
     succeed(&folder, &[&planned[..], &["s.toml", "--out", "second"]].concat());
     assert_ne!(hash("first"), hash("second"));
 }
+
+/// A robot that loses its localisation in motions as slow as those it needs to stay on course is faster all the same: not in silence.
+#[test]
+fn time_beyond_what_the_localisation_survives_is_counted() {
+    let folder = scratch("sensing-limits");
+    let nominal = printed(&folder, &["sensing", "show", "nominal"]);
+    let limits = |rate_rad_s: f64, acceleration_m_s2: f64| {
+        format!(
+            "{nominal}\n[localization_limits]\nrate_rad_s = {rate_rad_s:?}\nacceleration_m_s2 = {acceleration_m_s2:?}\njumps_hz = 1e-3\n\
+             jump_position_m = 0.05\njump_attitude_rad = 0.05\njump_rate_rad_s = 0.05\n"
+        )
+    };
+    let scenario = printed(&folder, &["scenario", "show", "iss-cargo"]);
+    let short = scenario.lines().map(|line| if line.starts_with("duration_s") { "duration_s = 15.0" } else { line });
+    fs::write(folder.join("short.toml"), short.collect::<Vec<_>>().join("\n")).unwrap();
+    let beyond_s = |name: &str, limits: String| {
+        fs::write(folder.join("limits.toml"), limits).unwrap();
+        // It is on its way when the time is over.
+        tumble_in(&folder, &["fly", "short.toml", "--seed", "3", "--sensing", "limits.toml", "--out", name, "--json"]);
+        let summary: Value =
+            serde_json::from_slice(&fs::read(folder.join(name).join("summary.json")).unwrap()).unwrap();
+        number(&summary["beyond_localization_s"])
+    };
+    assert!(beyond_s("tight", limits(0.03, 0.006)) > 0.1);
+    assert!(beyond_s("wide", limits(3.0, 3.0)) == 0.0);
+}

@@ -126,14 +126,15 @@ const IMPOSSIBLE: [(&str, &str); 8] = [
 /// A flight that ended with an error has none.
 type Flown = Option<Outcome>;
 
-pub fn section(seeds: usize) -> Result<Section, Failure> {
+pub fn section(sensing: &'static str, seeds: usize) -> Result<Section, Failure> {
     let cases: Vec<(usize, Defect)> = (0..SCENARIOS.len())
         .flat_map(|place| DEFECTS.map(|(defect, ..)| (place, defect)))
         .filter(|(place, defect)| *place == TABLE || *defect != Defect::IzzNeverWeighted)
         .collect();
     let flown = each_seed(cases.len() * seeds, |k| {
         let (place, defect) = cases[k as usize / seeds];
-        fly(Condition::rattle(SCENARIOS[place]), 1 + k % seeds as u64, defect).map_err(|error| error.to_string())
+        fly(Condition::rattle(SCENARIOS[place], sensing), 1 + k % seeds as u64, defect)
+            .map_err(|error| error.to_string())
     });
     let mut section = Section::default();
     let mut table = String::from(
@@ -292,8 +293,8 @@ fn refused(section: &mut Section) -> Result<(), Failure> {
         is_kept,
         "the coordinator offers revision 7, answers 7, 6 and 0 after it with a note that they are stale, and keeps 7",
     );
-    let options = Condition::rattle(SCENARIOS[0]).options(1);
-    let problem = Condition::rattle(SCENARIOS[0]).source().and_then(|source| source.mission(&options)).map_err(bad)?;
+    let condition = Condition::rattle(SCENARIOS[0], "nominal");
+    let problem = condition.source().and_then(|source| source.mission(&condition.options(1))).map_err(bad)?;
     let belief = |revision: u64| ModelBelief { revision, estimate: problem.prior };
     let mut controller = tube_controllers(&problem)(&belief(0)).map_err(bad)?;
     controller.adopt(&belief(7)).map_err(bad)?;

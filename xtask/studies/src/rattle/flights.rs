@@ -23,8 +23,8 @@ struct Flights {
     updated: Vec<MissionRecord>,
 }
 
-pub fn section(seeds: usize) -> Result<Section, Failure> {
-    let rattle = Condition::rattle("iss-cargo");
+pub fn section(sensing: &'static str, seeds: usize) -> Result<Section, Failure> {
+    let rattle = Condition::rattle("iss-cargo", sensing);
     let conditions = [rattle.plain().without_updates(), rattle.plain(), rattle.without_updates(), rattle];
     let [plain, plain_updated, informed, updated] = fly_all(conditions, seeds)?;
     let flights = Flights { plain, plain_updated, informed, updated };

@@ -37,13 +37,15 @@ pub struct Condition {
     pub weighting: WeightingChoice,
     pub feedback: bool,
     pub model: ModelChoice,
+    /// Name of the sensors.
+    pub sensing: &'static str,
 }
 
 impl Condition {
     /// RATTLE as it is meant: weights by covariance, updates on.
-    pub fn rattle(scenario: &'static str) -> Self {
+    pub fn rattle(scenario: &'static str, sensing: &'static str) -> Self {
         let (weighting, model) = (WeightingChoice::Covariance, ModelChoice::Scenario);
-        Self { scenario, load: Load::AsWritten, weighting, feedback: true, model }
+        Self { scenario, load: Load::AsWritten, weighting, feedback: true, model, sensing }
     }
 
     /// Without information weights.
@@ -56,9 +58,8 @@ impl Condition {
         Self { feedback: false, ..self }
     }
 
-    /// With ideal sensors: RATTLE's claims are about planning, and it was flown with noise as white.
     pub fn source(self) -> Result<ScenarioSource, TumbleError> {
-        let source = ScenarioSource::find(self.scenario)?.sensed_by("ideal")?;
+        let source = ScenarioSource::find(self.scenario)?.sensed_by(self.sensing)?;
         let payload = match self.load {
             Load::AsWritten => return Ok(source),
             Load::Nothing => None,
@@ -221,7 +222,7 @@ mod tests {
     #[test]
     fn loads_are_carried() {
         let mass = |load: Load| {
-            let condition = Condition { load, ..Condition::rattle("granite-cargo") };
+            let condition = Condition { load, ..Condition::rattle("granite-cargo", "nominal") };
             condition.source().and_then(|source| source.mission(&condition.options(1))).unwrap().truth.mass
         };
         let robot = mass(Load::Nothing);

@@ -18,16 +18,16 @@ const TABLE_6_2: ([f64; 3], [f64; 3], f64, f64) = ([19.0, 11.8, 30.8], [0.25, 0.
 /// Table 6.3: change of the variance of Izz and of the mass, %, without and with the payload.
 const TABLE_6_3: [[f64; 2]; 2] = [[-25.01, 2.47], [-38.05, -3.71]];
 
-pub fn section(seeds: usize) -> Result<Section, Failure> {
-    let rattle = Condition { model: ModelChoice::High, ..Condition::rattle("granite-cargo") };
+pub fn section(sensing: &'static str, seeds: usize) -> Result<Section, Failure> {
+    let rattle = Condition { model: ModelChoice::High, ..Condition::rattle("granite-cargo", sensing) };
     let (alone, loaded) = (Condition { load: Load::Nothing, ..rattle }, Condition { load: Load::Table62, ..rattle });
     let conditions = [
-        Condition::rattle("granite-cargo"),
+        Condition::rattle("granite-cargo", sensing),
         alone.plain(),
         alone,
         loaded.plain(),
         loaded,
-        Condition::rattle("granite-grasp"),
+        Condition::rattle("granite-grasp", sensing),
     ];
     let [cargo, alone_plain, alone, loaded_plain, loaded, grasped] = fly_all(conditions, seeds)?;
     let mut section = Section::default();
@@ -95,7 +95,7 @@ fn demonstration(section: &mut Section, records: &[MissionRecord]) {
 /// Table 6.2: that its columns belong together, and what we fly.
 fn hardware(section: &mut Section) -> Result<(), Failure> {
     let ([robot, payload, both], [robot_izz, payload_izz, both_izz], distance_m, offset_m) = TABLE_6_2;
-    let options = Condition::rattle("granite-grasp").options(1);
+    let options = Condition::rattle("granite-grasp", "nominal").options(1);
     let truth = ScenarioSource::find("granite-grasp").and_then(|source| source.mission(&options)).map_err(bad)?.truth;
     let (com, inertia) = (truth.center_of_mass(), truth.inertia_about_com()[(2, 2)]);
     let composed = robot_izz + payload_izz + robot * payload / both * distance_m * distance_m;

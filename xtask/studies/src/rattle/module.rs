@@ -20,14 +20,14 @@ const TABLE_6_4: [f64; 4] = [9.5838, 0.1534, 0.1427, 0.1623];
 /// Standard deviations within which an estimate is near its truth.
 const NEAR: f64 = 3.0;
 
-pub fn section(seeds: usize) -> Result<Section, Failure> {
-    let conditions = ["iss-cargo", "iss-astronaut", "iss-station"].map(Condition::rattle);
+pub fn section(sensing: &'static str, seeds: usize) -> Result<Section, Failure> {
+    let conditions = ["iss-cargo", "iss-astronaut", "iss-station"].map(|scenario| Condition::rattle(scenario, sensing));
     let [learning, astronaut, station] = fly_all(conditions, seeds)?;
     let mut section = Section::default();
     tables(&mut section);
     tree(&mut section, &learning);
     replanning(&mut section, &astronaut)?;
-    evolution(&mut section, &learning)?;
+    evolution(&mut section, conditions[0], &learning)?;
     standing(&mut section, &station);
     Ok(section)
 }
@@ -141,7 +141,7 @@ fn shut_off_s(record: &MissionRecord, parameter: usize) -> Option<f64> {
     record.summary.information_shut_off_s.get(name_of(record, parameter)).copied()
 }
 
-fn evolution(section: &mut Section, records: &[MissionRecord]) -> Result<(), Failure> {
+fn evolution(section: &mut Section, condition: Condition, records: &[MissionRecord]) -> Result<(), Failure> {
     let n = records.len();
     section.columns(&["parameter", "error at first, %", "at the end, %", "in sigmas", "weight off at, s"]);
     for (parameter, name) in FOUR {
@@ -166,7 +166,7 @@ fn evolution(section: &mut Section, records: &[MissionRecord]) -> Result<(), Fai
         near == all && nearer == n,
         &format!("{near} of {all} within {NEAR} sigma, all four nearer than at first with {nearer} of {n} seeds"),
     );
-    shut_off(section, records)?;
+    shut_off(section, condition, records)?;
     let ratios = |of: &dyn Fn(&MissionRecord) -> Option<f64>| records.iter().filter_map(of).collect::<Vec<_>>();
     for (parameter, name) in [(IXX, "Ixx"), (IYY, "Iyy")] {
         let shares = ratios(&|one| {
@@ -197,7 +197,11 @@ fn evolution(section: &mut Section, records: &[MissionRecord]) -> Result<(), Fai
         "Figure 6.10",
         "information about the mass keeps growing after its weight is off",
         !free.is_empty() && free.iter().all(|ratio| *ratio > 1.0),
-        &format!("at the end {} times that at the shut-off", band(free)),
+        &if free.is_empty() {
+            "no weight of the mass went off".to_owned()
+        } else {
+            format!("at the end {} times that at the shut-off", band(free))
+        },
     );
     let turned = ratios(&|one| {
         let turn = turn_begins_s(one);
@@ -231,9 +235,9 @@ fn evolution(section: &mut Section, records: &[MissionRecord]) -> Result<(), Fai
 }
 
 /// A weight is off at the first stretch that begins with its variance below the threshold, and not before.
-fn shut_off(section: &mut Section, records: &[MissionRecord]) -> Result<(), Failure> {
-    let options = Condition::rattle("iss-cargo").options(1);
-    let problem = Condition::rattle("iss-cargo").source().and_then(|source| source.mission(&options)).map_err(bad)?;
+fn shut_off(section: &mut Section, condition: Condition, records: &[MissionRecord]) -> Result<(), Failure> {
+    let options = condition.options(1);
+    let problem = condition.source().and_then(|source| source.mission(&options)).map_err(bad)?;
     let law = &problem.weighting;
     let (mut off, mut last_on, mut kept, mut all) = (Vec::new(), Vec::new(), 0, 0);
     for record in records {
