@@ -10,7 +10,7 @@ use std::process::{Child, Command, ExitCode};
 use std::time::Instant;
 
 use crate::command::{
-    Outcome, PROGRAMS, cargo, is_installed, line, programs_as_tested, root, shell, studies, target_dir,
+    Outcome, PROGRAMS, cargo, is_installed, line, programs_as_tested, root, shell, shell_together, studies, target_dir,
 };
 use crate::{cluster, fuzz, mutants, packages, tidy};
 
@@ -61,7 +61,6 @@ const STEPS: &[Step] = &[
         "those that promise it type-check without features, and nothing turns the standard library on",
         no_std,
     ),
-    // Programs of one thread first: compilers are at work as long as they are.
     beside("studies", "the studies of identification, of RATTLE, of faults, reduced", reduced_studies),
     beside(
         "missions",
@@ -400,7 +399,7 @@ fn real_data() -> Outcome {
     shell(&mut [command])
 }
 
-/// Few runs of every cell with the bands of their own number, every mission of RATTLE and every defect with one seed, every fault in two
+/// Few runs of every cell with the bands of their own number, every mission of RATTLE and every defect with one seed and white noise, every fault in two
 /// severities on two missions, two logs of each kind of sensors, each fault of a thruster once. The long studies are the same without the last two words.
 fn reduced_studies() -> Outcome {
     let folder = match programs_as_tested() {
@@ -409,7 +408,7 @@ fn reduced_studies() -> Outcome {
     };
     let commands = [
         "study identification --runs 5",
-        "reproduce rattle --seeds 1",
+        "reproduce rattle --seeds 1 --sensing ideal",
         "study faults --missions 56",
         "study real-sensors --seeds 2 --first 951",
         "study thruster-faults --seeds 1",
@@ -419,7 +418,8 @@ fn reduced_studies() -> Outcome {
         command.args(arguments.split(' '));
         command
     };
-    shell(&mut commands.map(study))
+    // Most of them use one thread.
+    shell_together(&mut commands.map(study))
 }
 
 /// Two loads with two motions of each criterion, two flights of each condition, forty missions of each series, twenty flights against each
@@ -670,6 +670,16 @@ mod tests {
     fn a_failing_command_fails_its_step_and_the_next_one_still_runs() {
         let mut commands = [cargo("no-such-subcommand"), cargo("--version")];
         let Outcome::Failed(reason) = shell(&mut commands) else { panic!("a failing command passed") };
+        assert_eq!(reason, "cargo no-such-subcommand");
+    }
+
+    #[test]
+    fn of_commands_at_once_those_that_fail_are_named() {
+        let together = |lines: &[&str]| shell_together(&mut lines.iter().map(|line| cargo(line)).collect::<Vec<_>>());
+        assert!(matches!(together(&["--version", "--version"]), Outcome::Ok));
+        let Outcome::Failed(reason) = together(&["--version", "no-such-subcommand"]) else {
+            panic!("a failing command passed")
+        };
         assert_eq!(reason, "cargo no-such-subcommand");
     }
 

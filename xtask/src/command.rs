@@ -106,3 +106,24 @@ pub fn shell(commands: &mut [Command]) -> Outcome {
     }
     if failed.is_empty() { Outcome::Ok } else { Outcome::Failed(failed.join("; ")) }
 }
+
+/// Runs all commands at once, and prints what each of them says when it has ended.
+pub fn shell_together(commands: &mut [Command]) -> Outcome {
+    let run = |command: &mut Command| (line(command), command.output());
+    let ended: Vec<_> = std::thread::scope(|scope| {
+        let running: Vec<_> = commands.iter_mut().map(|command| scope.spawn(move || run(command))).collect();
+        running.into_iter().filter_map(|one| one.join().ok()).collect()
+    });
+    let mut failed = Vec::new();
+    for (line, output) in &ended {
+        println!("$ {line}");
+        let is_done = output.as_ref().is_ok_and(|output| {
+            print!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+            output.status.success()
+        });
+        if !is_done {
+            failed.push(line.as_str());
+        }
+    }
+    if failed.is_empty() && ended.len() == commands.len() { Outcome::Ok } else { Outcome::Failed(failed.join("; ")) }
+}
