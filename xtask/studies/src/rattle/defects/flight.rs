@@ -233,7 +233,7 @@ mod tests {
     #[test]
     #[allow(clippy::float_cmp, reason = "the same operations give the same bits")]
     fn a_flight_without_defect_is_the_mission() {
-        let condition = Condition::rattle("iss-station", "nominal");
+        let condition = Condition::rattle("iss-station", "ideal");
         let found = fly(condition, 3, Defect::None).unwrap();
         let source = condition.source().unwrap();
         let summary = fly_mission(&source, &condition.options(3), &mut NoHooks).unwrap().summary;
