@@ -2,8 +2,8 @@
 
 use crate::FormatsError;
 use crate::text_file::{self, printable};
-use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize};
+use crate::toml_text;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 use tumble_identification::actuators::{Actuator, Actuators, CommonErrors};
 
@@ -24,19 +24,10 @@ struct File {
 #[serde(deny_unknown_fields)]
 struct Thruster {
     column: String,
-    #[serde(deserialize_with = "three")]
     position_m: [f64; 3],
-    #[serde(deserialize_with = "three")]
     direction: [f64; 3],
     thrust_n: f64,
     thrust_sigma: Option<f64>,
-}
-
-/// Three numbers; an array of a fixed length would pass over a fourth.
-fn three<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
-    let numbers = Vec::<f64>::deserialize(from)?;
-    let count = numbers.len();
-    numbers.try_into().map_err(|_| D::Error::invalid_length(count, &"three numbers"))
 }
 
 #[derive(Default, Serialize, Deserialize)]
@@ -91,7 +82,7 @@ pub fn read(path: &Path) -> Result<ActuatorFile, FormatsError> {
 /// ```
 pub fn parse(text: &str, path: &Path) -> Result<ActuatorFile, FormatsError> {
     let bad = |message: String| FormatsError::BadToml { path: path.into(), message };
-    let file: File = toml::from_str(text).map_err(|error| bad(printable(&error.to_string())))?;
+    let file: File = toml_text::read(text).map_err(|error| bad(error.to_string()))?;
     if file.format != 1 {
         return Err(bad(format!("`format = {}`; this version reads 1", file.format)));
     }

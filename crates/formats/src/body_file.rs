@@ -2,6 +2,7 @@
 
 use crate::FormatsError;
 use crate::text_file::{self, printable};
+use crate::toml_text;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use tumble_dynamics::InertialParameters;
@@ -70,14 +71,14 @@ pub fn parse(text: &str, path: &Path) -> Result<InertialParameters<f64>, Formats
         serde_json::from_str(text)
             .map_err(|error| FormatsError::BadToml { path: path.into(), message: printable(&error.to_string()) })?
     } else {
-        toml::from_str(text)
-            .map_err(|error| FormatsError::BadToml { path: path.into(), message: printable(&error.to_string()) })?
+        toml_text::read(text)
+            .map_err(|error| FormatsError::BadToml { path: path.into(), message: error.to_string() })?
     };
     body.to_parameters(path)
 }
 
 /// Prior knowledge as a user writes it: a body and one sigma of each group of numbers.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PriorFile {
     mass_kg: f64,
@@ -100,7 +101,7 @@ struct PriorFile {
 pub fn read_prior(path: &Path) -> Result<Prior, FormatsError> {
     let text = text_file::read(path).map_err(|source| FormatsError::Unreadable { path: path.into(), source })?;
     let bad = |message: String| FormatsError::BadToml { path: path.into(), message };
-    let file: PriorFile = toml::from_str(&text).map_err(|error| bad(printable(&error.to_string())))?;
+    let file: PriorFile = toml_text::read(&text).map_err(|error| bad(error.to_string()))?;
     for (key, std) in [
         ("mass_std_kg", file.mass_std_kg),
         ("com_std_m", file.com_std_m),

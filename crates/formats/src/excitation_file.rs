@@ -3,7 +3,8 @@
 use crate::FormatsError;
 use crate::body_file::BodyFile;
 use crate::log::QUATERNION_NORM_TOLERANCE;
-use crate::text_file::{self, printable};
+use crate::text_file;
+use crate::toml_text;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use tumble_dynamics::nalgebra::DMatrix;
@@ -211,7 +212,7 @@ impl ExcitationFile {
     /// As [`ExcitationFile::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self, FormatsError> {
         let bad = |message: String| FormatsError::BadExcitation { path: path.into(), message };
-        let file: Self = toml::from_str(text).map_err(|error| bad(printable(&error.to_string())))?;
+        let file: Self = toml_text::read(text).map_err(|error| bad(error.to_string()))?;
         if file.format != FORMAT {
             return Err(bad(format!("`format` is {}; this program reads {FORMAT}", file.format)));
         }

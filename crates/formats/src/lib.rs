@@ -17,6 +17,7 @@ pub mod sensing_file;
 #[cfg(feature = "testing")]
 pub mod testing;
 pub mod text_file;
+pub mod toml_text;
 pub mod wheel_throw;
 
 pub use embedded::Embedded;

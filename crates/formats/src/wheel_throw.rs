@@ -5,7 +5,8 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use crate::log::{BoundedRows, ROW_LIMIT_BYTES, line_read, shortened};
-use crate::text_file::{self, printable};
+use crate::text_file;
+use crate::toml_text::{self, TomlError};
 use serde::{Deserialize, Serialize};
 use tumble_dynamics::InertialParameters;
 use tumble_identification::IdentificationError;
@@ -97,12 +98,12 @@ pub enum WheelThrowError {
         limit: usize,
     },
     /// A calibration file that is none.
-    #[error("{path}: {message}", path = path.display(), message = printable(&source.to_string()))]
+    #[error("{path}: {source}", path = path.display())]
     NotACalibration {
         /// File.
         path: PathBuf,
         /// What the reader says, with line and key.
-        source: toml::de::Error,
+        source: TomlError,
     },
     /// A calibration file of another version.
     #[error("{path}, key `format`: version {found}, this program reads {FORMAT}", path = path.display())]
@@ -317,7 +318,7 @@ pub fn calibration_to_toml(calibration: &WheelCalibration) -> Result<String, tom
 pub fn read_calibration(path: &Path) -> Result<WheelCalibration, WheelThrowError> {
     let text = text_file::read(path).map_err(|source| WheelThrowError::Unreadable { path: path.to_owned(), source })?;
     let file: CalibrationFile =
-        toml::from_str(&text).map_err(|source| WheelThrowError::NotACalibration { path: path.to_owned(), source })?;
+        toml_text::read(&text).map_err(|source| WheelThrowError::NotACalibration { path: path.to_owned(), source })?;
     if file.format != FORMAT {
         return Err(WheelThrowError::UnknownFormat { path: path.to_owned(), found: file.format });
     }

@@ -3,6 +3,23 @@
 use crate::TumbleError;
 use tumble_formats::FormatsError;
 
+/// Says on stderr what `format!` would give. Where nobody listens, the pipe closed or the disk full, the work goes on: results and the exit
+/// code tell as much.
+macro_rules! tell {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = write!(std::io::stderr().lock(), $($text)*);
+    }};
+}
+
+/// The same with an end of line.
+macro_rules! tell_line {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr().lock(), $($text)*);
+    }};
+}
+
 #[cfg(feature = "astrobee")]
 pub mod allocate;
 pub mod arm;

@@ -1,9 +1,12 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
+// They panic where nobody listens.
+#![deny(clippy::print_stderr, clippy::print_stdout)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 #[cfg(feature = "astrobee")]
 pub mod campaign;
+#[macro_use]
 pub mod cli;
 pub mod demo;
 mod error;

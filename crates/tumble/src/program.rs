@@ -154,7 +154,7 @@ fn ended(outcome: Result<Outcome, TumbleError>) -> ExitCode {
 
 fn report(error: &TumbleError) {
     if let TumbleError::File(FormatsError::Damaged { path, report, .. }) = error {
-        eprint!("{}", report.table(path));
+        tell!("{}", report.table(path));
     }
-    eprintln!("error[{}]: {error}\n  remedy: {}", error.code(), error.remedy());
+    tell_line!("error[{}]: {error}\n  remedy: {}", error.code(), error.remedy());
 }

@@ -34,7 +34,7 @@ use tumble_astrobee::sensing::{LocalizationSettings, SensingPreset};
 use tumble_formats::FormatsError;
 use tumble_formats::log::shortened;
 use tumble_formats::text_file::{self, printable};
-use tumble_formats::{ActuatorPreset, Robots, place};
+use tumble_formats::{ActuatorPreset, Robots, place, toml_text};
 
 /// The only version of the format.
 pub const FORMAT: u32 = 1;
@@ -447,9 +447,9 @@ impl ScenarioSource {
     /// # Errors
     /// [`TumbleError::BadScenario`] with line and column.
     pub fn parse(path: &Path, text: &str) -> Result<Self, TumbleError> {
-        let scenario = toml::from_str(text).map_err(|error| {
-            let (line, column) = place::of_offset(text, error.span().map_or(0, |span| span.start));
-            let message = place::with_suggestion(&printable(error.message()));
+        let scenario = toml_text::read(text).map_err(|error| {
+            let (line, column) = place::of_offset(text, error.offset());
+            let message = place::with_suggestion(&error.message());
             TumbleError::BadScenario { path: path.into(), line, column, message }
         })?;
         Ok(Self { path: path.into(), text: text.to_owned(), scenario, robots: robots::shipped() })

@@ -7,7 +7,7 @@ use crate::Robots;
 use crate::body_file::BodyFile;
 use crate::log::{QUATERNION_NORM_TOLERANCE, shortened};
 use crate::place;
-use crate::text_file::printable;
+use crate::toml_text;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use toml::Spanned;
@@ -146,9 +146,8 @@ fn pose(position_m: [f64; 3], rpy_rad: Option<[f64; 3]>, quaternion: Option<[f64
 /// Those of [`ArmModel::parse`].
 pub(super) fn parse(path: &Path, text: &str, robots: &Robots) -> Result<ArmModel, FormatsError> {
     let source = Source { path, text };
-    let file: ArmFile = toml::from_str(text).map_err(|error| {
-        source.bad(error.span().map_or(0, |span| span.start), &place::with_suggestion(&printable(error.message())))
-    })?;
+    let file: ArmFile =
+        toml_text::read(text).map_err(|error| source.bad(error.offset(), &place::with_suggestion(&error.message())))?;
     if *file.format.get_ref() != FORMAT {
         let message = format!("`format` is {}, this program reads {FORMAT}", file.format.get_ref());
         return Err(source.bad(file.format.span().start, &message));

@@ -197,8 +197,8 @@ impl FlightEstimator {
         if !self.lessons.are_due(settled.stamp_ns, &self.history) {
             return;
         }
-        let (stamp_ns, body) = (settled.stamp_ns, settled.state.joint.body);
-        let mut again = self.lessons.again(&self.rules, &self.history, &body);
+        let stamp_ns = settled.stamp_ns;
+        let mut again = self.lessons.again(&self.rules, &self.history, settled);
         again.advance(&self.rules, &self.history, stamp_ns);
         if let Some(settled) = self.moments.get_mut(self.settled) {
             **settled = again;
@@ -372,7 +372,7 @@ impl FlightEstimator {
     pub fn estimate(&self) -> Estimate {
         let newest = self.newest();
         let parameters = newest.state.joint.body.to_parameters();
-        let slopes = parameters_by_chart(&newest.state.joint.body);
+        let slopes = parameters_by_chart(newest.about.as_ref().unwrap_or(&newest.state.joint.body));
         let mut body = newest.covariance.fixed_view::<10, 10>(BODY, BODY).into_owned();
         let line = self.rules.settings.wrench.line_m;
         for i in 1..4 {

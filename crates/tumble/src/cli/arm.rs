@@ -58,12 +58,12 @@ pub fn run(args: &ArmArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
                 let _ = writeln!(text, "{:<20}{}", embedded.name, arm.description.unwrap_or_default());
             }
             print(&text)?;
-            eprintln!("next: tumble arm show NAME, or tumble arm show NAME --as toml > my.toml");
+            tell_line!("next: tumble arm show NAME, or tumble arm show NAME --as toml > my.toml");
         }
         ArmCommand::Show { name, form } => {
             let arm = ArmModel::find(name, robots)?;
             for warning in &arm.warnings {
-                eprintln!("warning: {warning}");
+                tell_line!("warning: {warning}");
             }
             print(&match form {
                 Form::Table => table(&arm),

@@ -118,7 +118,7 @@ pub fn run(options: &ExciteOptions, robots: &Robots) -> Result<Outcome, TumbleEr
     print(&text)?;
     if let Some(path) = &options.export {
         write_file(path, table(&design.motion, arm.joints.len()).as_bytes(), options.force)?;
-        eprintln!("written: {}", path.display());
+        tell_line!("written: {}", path.display());
     }
     Ok(Outcome::Achieved)
 }

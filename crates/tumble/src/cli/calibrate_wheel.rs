@@ -143,7 +143,7 @@ pub fn identify_throw(
     let found = match identify(&record, &calibration, mass_kg) {
         Ok(found) => found,
         Err(error @ (IdentificationError::WheelNotSpinning { .. } | IdentificationError::NotExcited { .. })) => {
-            eprintln!("{}: {error}", throw.display());
+            tell_line!("{}: {error}", throw.display());
             return Ok(Outcome::NotAchieved);
         }
         Err(error) => return Err(error.into()),

@@ -202,7 +202,7 @@ fn run_with(
     if args.shard.is_some() && !args.force && is_complete() {
         // a task that a cluster starts again
         let rows = Part::read(&place)?.rows;
-        eprintln!("{} is complete already", place.display());
+        tell_line!("{} is complete already", place.display());
         return say_part(plan, shard, &rows, &place, args.json);
     }
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -248,15 +248,15 @@ fn say(plan: &CampaignPlan, analysis: &Analysis, place: &Path, json: bool) -> Re
     } else {
         print(&table(analysis))?;
     }
-    eprintln!("wrote {}: rows.csv, summary.json, {RUN_RECORD}", place.display());
+    tell_line!("wrote {}: rows.csv, summary.json, {RUN_RECORD}", place.display());
     if plan.configuration().dry_run {
-        eprintln!("nothing was flown; each row's `replay` is the command that would fly it");
+        tell_line!("nothing was flown; each row's `replay` is the command that would fly it");
         return Ok(Outcome::Achieved);
     }
     if analysis.is_clean() {
         return Ok(Outcome::Achieved);
     }
-    eprintln!("not as it should be: rows.csv names the missions, and in `replay` the command that flies each again");
+    tell_line!("not as it should be: rows.csv names the missions, and in `replay` the command that flies each again");
     Ok(Outcome::NotAchieved)
 }
 
@@ -284,7 +284,7 @@ fn say_part(plan: &CampaignPlan, shard: Shard, rows: &[Row], place: &Path, json:
         ))?;
     }
     let parts = place.parent().unwrap_or(Path::new("."));
-    eprintln!(
+    tell_line!(
         "wrote {}; when all parts are there: tumble campaign merge {} --out DIR",
         place.display(),
         parts.display()
@@ -315,7 +315,7 @@ impl Teller {
 
     fn tell(&mut self, progress_now: Progress) {
         if self.last.is_none() && progress_now.resumed > 0 {
-            eprintln!("going on: {} of {} missions are flown", progress_now.resumed, progress_now.all);
+            tell_line!("going on: {} of {} missions are flown", progress_now.resumed, progress_now.all);
         }
         self.last = Some(progress_now);
         let is_terminal = std::io::stderr().is_terminal();
@@ -324,7 +324,7 @@ impl Teller {
         }
         self.said = Instant::now();
         let line = progress_line(progress_now, self.begun.elapsed());
-        if is_terminal { progress(&line) } else { eprintln!("{line}") }
+        if is_terminal { progress(&line) } else { tell_line!("{line}") }
     }
 
     fn end() {

@@ -122,7 +122,7 @@ pub fn run(args: &ConvertArgs, robots: &Robots) -> Result<Outcome, TumbleError> 
             convert(&input, args, robots, format, &mut out)?;
             let place = out.finish()?;
             if place != args.output {
-                eprintln!("{} appeared meanwhile and stays: wrote {}", args.output.display(), place.display());
+                tell_line!("{} appeared meanwhile and stays: wrote {}", args.output.display(), place.display());
             }
             Ok(())
         })
@@ -174,10 +174,10 @@ fn say_left_out<W: Write>(sink: &TumSink<W>) {
     let (columns, rows) = sink.left_out();
     if let Some(first) = columns.first() {
         let count = columns.len();
-        eprintln!("warning: TUM holds poses only; {count} other columns are left out, `{}` first", shortened(first));
+        tell_line!("warning: TUM holds poses only; {count} other columns are left out, `{}` first", shortened(first));
     }
     if rows > 0 {
-        eprintln!("warning: {rows} rows without a pose are left out");
+        tell_line!("warning: {rows} rows without a pose are left out");
     }
 }
 
@@ -186,7 +186,7 @@ fn read(input: &Input, args: &ConvertArgs, robots: &Robots, sink: &mut dyn RowSi
     if matches!(input, Input::Csv | Input::Tum)
         && let Some(warning) = cut_warning(path)
     {
-        eprintln!("warning: {}: {warning}", path.display());
+        tell_line!("warning: {}: {warning}", path.display());
     }
     match input {
         Input::Csv => return Ok(read_csv(path, sink)?),
@@ -195,25 +195,25 @@ fn read(input: &Input, args: &ConvertArgs, robots: &Robots, sink: &mut dyn RowSi
             // A log of ours keeps every column; of what others record, the flight is assembled.
             let (log, report) = McapLog::survey(open(path)?)?;
             if !log.columns.is_empty() {
-                eprint!("{}", report.table(path));
+                tell!("{}", report.table(path));
                 return read_mcap(path, &log, sink);
             }
         }
         Input::Recording(Container::Bag) => {}
     }
     for warning in read_flight(path, args.robot.as_deref(), robots, sink)? {
-        eprintln!("warning: {}: {warning}", path.display());
+        tell_line!("warning: {}: {warning}", path.display());
     }
     Ok(())
 }
 
 fn read_mcap(path: &Path, log: &McapLog, sink: &mut dyn RowSink) -> Result<(), TumbleError> {
     if log.unread > 0 {
-        eprintln!("warning: {}: {} messages do not hold what their type says", path.display(), log.unread);
+        tell_line!("warning: {}: {} messages do not hold what their type says", path.display(), log.unread);
     }
     let without_pose = log.rows(open(path)?, sink)?;
     if without_pose > 0 {
-        eprintln!("warning: {}: {without_pose} rows without a pose are left out", path.display());
+        tell_line!("warning: {}: {without_pose} rows without a pose are left out", path.display());
     }
     Ok(())
 }

@@ -261,9 +261,9 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, TumbleError> {
     }
     if flight.is_some() {
         let shown = place.display();
-        eprintln!("wrote {shown}; tumble identify {shown}/log.csv --excitation {shown}/excitation.toml");
+        tell_line!("wrote {shown}; tumble identify {shown}/log.csv --excitation {shown}/excitation.toml");
     } else {
-        eprintln!("wrote {}", place.display());
+        tell_line!("wrote {}", place.display());
     }
     Ok(Outcome::Achieved)
 }
@@ -347,7 +347,7 @@ fn search<const P: usize>(
         let least = costs.iter().flatten().copied().reduce(f64::min).map_or("none".to_owned(), significant);
         let text = format!("start {} of {starts} searched, least cost {least}", costs.len());
         if !std::io::stderr().is_terminal() && started.elapsed().as_secs_f64() > SILENCE_S {
-            eprintln!("{text}");
+            tell_line!("{text}");
         }
         progress(&text);
     };
@@ -703,6 +703,6 @@ fn run_record(args: &ExciteArgs) -> String {
 /// One line on stderr that replaces itself; silent in pipes.
 pub(super) fn progress(text: &str) {
     if std::io::stderr().is_terminal() {
-        eprint!("\r{text:<60}{}", if text.is_empty() { "\r" } else { "" });
+        tell!("\r{text:<60}{}", if text.is_empty() { "\r" } else { "" });
     }
 }

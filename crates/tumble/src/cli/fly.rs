@@ -223,13 +223,13 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
         print(&table(&record, &costs, wall_s))?;
     }
     let shown = place.display();
-    eprintln!("wrote {shown}; open {shown}/report.html, or: tumble identify {shown}/log.csv");
+    tell_line!("wrote {shown}; open {shown}/report.html, or: tumble identify {shown}/log.csv");
     Ok(verdict(&record))
 }
 
 fn verdict(record: &MissionRecord) -> Outcome {
     let Some(failed) = failure(record) else { return Outcome::Achieved };
-    eprintln!("not as it should be: {failed}");
+    tell_line!("not as it should be: {failed}");
     Outcome::NotAchieved
 }
 
@@ -284,7 +284,7 @@ pub fn replay(args: &ReplayArgs, robots: &Robots) -> Result<Outcome, TumbleError
     print(&format!("{}: {word}\n", before.summary.scenario))?;
     if !is_same {
         let version = if after.version == before.version { "" } else { " (another version of the program)" };
-        eprintln!("not as it should be: the mission came out differently{version}");
+        tell_line!("not as it should be: the mission came out differently{version}");
         return Ok(Outcome::NotAchieved);
     }
     Ok(Outcome::Achieved)

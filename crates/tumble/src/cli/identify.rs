@@ -238,7 +238,7 @@ fn check_outputs(args: &IdentifyArgs) -> Result<(), TumbleError> {
 
 fn deliver(args: &IdentifyArgs, found: &Identification, context: &Context) -> Result<Outcome, TumbleError> {
     for warning in report::warnings(found, context) {
-        eprintln!("warning: {warning}");
+        tell_line!("warning: {warning}");
     }
     let json = serde_json::to_string(&report::json(found, context))
         .map_err(|error| FormatsError::BadToml { path: PathBuf::from("result.json"), message: error.to_string() })?;
@@ -250,9 +250,9 @@ fn deliver(args: &IdentifyArgs, found: &Identification, context: &Context) -> Re
     match (&args.export, &found.estimate) {
         (Some(path), Some(estimate)) => {
             write_file(path, body_file::export(path, &estimate.parameters)?.as_bytes(), args.force)?;
-            eprintln!("wrote {}", path.display());
+            tell_line!("wrote {}", path.display());
         }
-        (Some(path), None) => eprintln!("warning: no body to export; {} is not written", path.display()),
+        (Some(path), None) => tell_line!("warning: no body to export; {} is not written", path.display()),
         (None, _) => {}
     }
     if let Some(path) = &args.out {
@@ -263,7 +263,7 @@ fn deliver(args: &IdentifyArgs, found: &Identification, context: &Context) -> Re
         }
         report::write_page(&folder, found, context, &json)?;
         folder.write(RUN_RECORD, &run_record(args, &context.source))?;
-        eprintln!("wrote {}", folder.finish()?.join("report.html").display());
+        tell_line!("wrote {}", folder.finish()?.join("report.html").display());
     }
     Ok(if found.verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
 }
@@ -289,7 +289,7 @@ fn split(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome,
             actuators: None,
         };
         for warning in report::warnings(found, &context) {
-            eprintln!("warning: part {}: {warning}", index + 1);
+            tell_line!("warning: part {}: {warning}", index + 1);
         }
         identified &= found.verdict.is_identified();
         if args.json {
@@ -314,7 +314,7 @@ fn split(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome,
 /// What a log can answer: by the model that identifies it where it holds wrenches, else by its motion alone.
 fn dry_run(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcome, TumbleError> {
     for warning in &log.warnings {
-        eprintln!("warning: {warning}");
+        tell_line!("warning: {warning}");
     }
     if args.wrench_noise.is_none() && log.is_driven()? {
         return promise(args, log, settings);
@@ -346,7 +346,7 @@ fn promise(args: &IdentifyArgs, log: &Log, settings: &Settings) -> Result<Outcom
         ..Context::default()
     };
     for warning in report::warnings(&found, &context) {
-        eprintln!("warning: {warning}");
+        tell_line!("warning: {warning}");
     }
     if args.json {
         print(&format!("{}\n", report::promise_json(&found)))?;

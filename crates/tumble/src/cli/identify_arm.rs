@@ -161,7 +161,7 @@ pub fn run(options: &ArmOptions, files: &Files<'_>, robots: &Robots) -> Result<O
     let estimate = estimator.identify(&records)?;
     let report = Report { arm: &arm, estimator: &estimator, estimate: &estimate, forms, warnings };
     for warning in &report.warnings {
-        eprintln!("warning: {warning}");
+        tell_line!("warning: {warning}");
     }
     let object = report.json()?;
     if files.json {
@@ -173,7 +173,7 @@ pub fn run(options: &ArmOptions, files: &Files<'_>, robots: &Robots) -> Result<O
         let folder = OutputFolder::create(out, files.force)?;
         folder.write("result.json", &format!("{object:#}\n"))?;
         folder.write(RUN_RECORD, &run_record(files.log, options.grasped.as_deref())?)?;
-        eprintln!("written: {}", folder.finish()?.display());
+        tell_line!("written: {}", folder.finish()?.display());
     }
     let payload_found = !carries || report.is_determined(estimator.parts.len() - 1)?;
     Ok(if payload_found { Outcome::Achieved } else { Outcome::NotAchieved })

@@ -98,7 +98,7 @@ impl Log {
             plane: plane(args, reader.is_planar()),
             ..FlightLikelihood::default()
         };
-        eprint!("{}", reader.contents());
+        tell!("{}", reader.contents());
         let mut record = Vec::new();
         let mut more = reader.read_chunk(&mut record, ROWS_IN_MEMORY)?;
         let (Some(first_ns), Some(mut last_ns)) = (record.first().map(|s| s.time_ns), record.last().map(|s| s.time_ns))
@@ -351,6 +351,6 @@ fn plain(error: EstimatorError) -> TumbleError {
 /// One line on stderr that replaces itself; silent in pipes.
 fn progress(text: &str) {
     if std::io::stderr().is_terminal() {
-        eprint!("\r{text}   ");
+        tell!("\r{text}   ");
     }
 }

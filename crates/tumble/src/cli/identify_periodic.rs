@@ -194,7 +194,7 @@ fn unidentified(
         warnings.push(CONTRADICTED.to_owned());
     }
     for warning in &warnings {
-        eprintln!("warning: {warning}");
+        tell_line!("warning: {warning}");
     }
     if args.json {
         print(&format!("{}\n", report::unidentified_json(settings, samples, rank, &free, &warnings)))?;
@@ -209,7 +209,7 @@ fn unidentified(
         print(&text)?;
     }
     if args.out.is_some() || args.export.is_some() {
-        eprintln!("warning: there is no body; nothing is written");
+        tell_line!("warning: there is no body; nothing is written");
     }
     Ok(Outcome::NotAchieved)
 }
@@ -223,7 +223,7 @@ fn deliver(
 ) -> Result<Outcome, TumbleError> {
     let warnings = report::warnings(found, context);
     for warning in &warnings {
-        eprintln!("warning: {warning}");
+        tell_line!("warning: {warning}");
     }
     let json = report::json(found, settings, context, samples).to_string();
     let table = report::table(found, settings, context, samples);
@@ -231,7 +231,7 @@ fn deliver(
     let body = &found.estimate.parameters;
     if let Some(path) = &args.export {
         write_file(path, body_file::export(path, body)?.as_bytes(), args.force)?;
-        eprintln!("wrote {}", path.display());
+        tell_line!("wrote {}", path.display());
     }
     if let Some(path) = &args.out {
         let folder = OutputFolder::create(path, args.force)?;
@@ -239,7 +239,7 @@ fn deliver(
         folder.write("body.toml", &body_file::export(Path::new("body.toml"), body)?)?;
         report::write_page(&folder, found, &table, &warnings, &json)?;
         folder.write(RUN_RECORD, &run_record(args, &context.source))?;
-        eprintln!("wrote {}", folder.finish()?.join("report.html").display());
+        tell_line!("wrote {}", folder.finish()?.join("report.html").display());
     }
     Ok(if found.verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
 }

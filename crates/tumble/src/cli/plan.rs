@@ -101,13 +101,13 @@ pub fn run(args: &PlanArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
         print(&table(args, &source, &problem, &answer, rows.as_ref(), &times))?;
     }
     for warning in rows.iter().flat_map(|rows| torque_warnings(&problem, rows)) {
-        eprintln!("{warning}");
+        tell_line!("{warning}");
     }
     let refused = refusal(args, &problem, &answer);
     if let Some((reason, remedy)) = &refused {
-        eprintln!("no plan: {reason}\n  remedy: {remedy}");
+        tell_line!("no plan: {reason}\n  remedy: {remedy}");
     }
-    eprintln!("wrote {}", place.display());
+    tell_line!("wrote {}", place.display());
     Ok(if refused.is_some() { Outcome::NotAchieved } else { Outcome::Achieved })
 }
 

@@ -91,9 +91,9 @@ pub(super) fn run(
     }
     let refused = report.refusal();
     if let Some((reason, remedy)) = &refused {
-        eprintln!("no plan: {reason}\n  remedy: {remedy}");
+        tell_line!("no plan: {reason}\n  remedy: {remedy}");
     }
-    eprintln!("wrote {}", place.display());
+    tell_line!("wrote {}", place.display());
     Ok(if refused.is_some() { Outcome::NotAchieved } else { Outcome::Achieved })
 }
 

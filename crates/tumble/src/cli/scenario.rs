@@ -37,7 +37,7 @@ pub fn run(args: &ScenarioArgs) -> Result<Outcome, TumbleError> {
                 let _ = writeln!(text, "{:<20}{}", embedded.name, scenario.description.unwrap_or_default());
             }
             print(&text)?;
-            eprintln!(
+            tell_line!(
                 "next: tumble fly NAME for a mission, tumble simulate NAME for the others, or tumble scenario show NAME > my.toml"
             );
         }

@@ -71,13 +71,13 @@ fn read(args: &CheckArgs, robots: &Robots) -> Result<Vec<MotionSample>, TumbleEr
     let mut reader = SampleReader::open(&args.log, args.reorder, args.robot.as_deref(), robots)?;
     let mut record = Vec::new();
     if reader.read_chunk(&mut record, ROWS_IN_MEMORY)? {
-        eprintln!("warning: the first {ROWS_IN_MEMORY} rows are looked at, not those behind");
+        tell_line!("warning: the first {ROWS_IN_MEMORY} rows are looked at, not those behind");
     }
     if record.is_empty() {
         return Err(FormatsError::Empty { path: args.log.clone(), what: "data rows" }.into());
     }
     for warning in reader.warnings() {
-        eprintln!("warning: {warning}");
+        tell_line!("warning: {warning}");
     }
     Ok(record)
 }
@@ -113,7 +113,7 @@ fn write(args: &CheckArgs, path: &std::path::Path, found: &SensingCheck, text: &
         "input_hash": tumble_formats::log::hash(&args.log).ok(),
     });
     folder.write(RUN_RECORD, &record.to_string())?;
-    eprintln!("wrote {}", folder.finish()?.display());
+    tell_line!("wrote {}", folder.finish()?.display());
     Ok(())
 }
 

@@ -161,7 +161,7 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         print(&table(&source, &flight, &flown, rows, left_out, speed)?)?;
     }
     if rows == 0 {
-        eprintln!(
+        tell_line!(
             "wrote {}; not as it should be: the log holds no row, since no estimate of the {left_out} or none at all arrived in time; \
              fly longer, or correct `sensing`",
             place.display()
@@ -173,7 +173,7 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         flight.simulator.events().iter().filter(|event| event.event.is_violation()).collect();
     let Some(first) = violations.first() else { return Ok(Outcome::Achieved) };
     let more = if violations.len() > 1 { format!(" ({} such events)", violations.len()) } else { String::new() };
-    eprintln!("not as it should be: {} at {:.3} s{more}", first.event, seconds(first));
+    tell_line!("not as it should be: {} at {:.3} s{more}", first.event, seconds(first));
     Ok(Outcome::NotAchieved)
 }
 
@@ -199,15 +199,17 @@ fn say_next(place: &Path, flight: &Flight) {
         _ => false,
     });
     let split = if changed { " --split" } else { "" };
-    eprintln!("wrote {shown}; next: tumble identify {shown}/log.csv --reference {shown}/truth.toml{split}");
+    tell_line!("wrote {shown}; next: tumble identify {shown}/log.csv --reference {shown}/truth.toml{split}");
     if changed {
-        eprintln!("note: the body changed in flight; truth.toml is the one at the end, `--split` looks for the others");
+        tell_line!(
+            "note: the body changed in flight; truth.toml is the one at the end, `--split` looks for the others"
+        );
     }
     if let Some(advice) = simulate_control::advice(flight) {
-        eprintln!("{advice}");
+        tell_line!("{advice}");
     }
     if flight.place.is_planar() {
-        eprintln!(
+        tell_line!(
             "note: motion on a table shows the mass, x and y of its centre and the inertia about z at most; identify says \
              that the rest is not determined"
         );
@@ -238,7 +240,7 @@ fn fly(
             let text = format!("flying: {} of {} s ...", index * 2 / 125, periods * 2 / 125);
             progress(&text);
             if !std::io::stderr().is_terminal() && said.elapsed() >= BETWEEN_LINES {
-                eprintln!("{text}");
+                tell_line!("{text}");
                 said = Instant::now();
             }
         }

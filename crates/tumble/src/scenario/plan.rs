@@ -139,6 +139,8 @@ impl ScenarioSource {
     pub fn planning_problem(&self) -> Result<PlanningProblem, TumbleError> {
         let place = self.place()?;
         self.check_duration()?;
+        // No plan knows of a payload, but a file that says what cannot be is wrong for every command.
+        self.grasp()?;
         self.length("robot_radius_m", self.robot_radius_m()?)?;
         let (_, belief) = self.bodies(place)?;
         let (mass_kg, (least, most)) = (belief.mass, MASS_KG);

@@ -1,12 +1,13 @@
 //! `tumble simulate` and `tumble scenario` as a user meets them.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
-use crate::support::{json, scratch, stderr, tumble_in};
+use crate::support::{json, scratch, stderr, tumble, tumble_in};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-use tumble::scenario::ScenarioSource;
+use tumble::TumbleError;
+use tumble::scenario::{EMBEDDED, ScenarioSource};
 
 fn shown(folder: &Path, name: &str) -> String {
     let output = tumble_in(folder, &["scenario", "show", name]);
@@ -379,4 +380,101 @@ fn closed_pipe() -> std::io::PipeWriter {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
     writer
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn work_goes_on_where_nobody_hears_of_it() {
+    let folder = scratch("unheard");
+    let template = tumble(&["identify", "--template"]);
+    std::fs::write(folder.join("short.csv"), &template.stdout).unwrap();
+    std::fs::write(folder.join("wrenches.csv"), "force_x,force_y,force_z,torque_x,torque_y,torque_z\n").unwrap();
+    for (k, arguments) in [
+        &["identify", "--demo", "--json", "--out", "report"][..],
+        &["identify", "short.csv"],
+        &["identify", "missing.csv"],
+        &["convert", "short.csv", "short.tum"],
+        &["convert", "short.csv", "short.tum"],
+        &["arm", "show", "nobody"],
+        &["allocate", "wrenches.csv"],
+        &["campaign", "iss-cargo", "--missions", "0"],
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let said = |name: &str, error: std::process::Stdio| {
+            let place = folder.join(format!("{name}-{}", k.min(4)));
+            std::fs::create_dir_all(&place).unwrap();
+            for file in ["short.csv", "wrenches.csv"] {
+                std::fs::copy(folder.join(file), place.join(file)).unwrap();
+            }
+            let program = Command::new(env!("CARGO_BIN_EXE_tumble"))
+                .args(arguments)
+                .current_dir(&place)
+                .stdout(std::process::Stdio::piped())
+                .stderr(error)
+                .spawn();
+            let output = program.unwrap().wait_with_output().unwrap();
+            (output.status.code(), output.stdout)
+        };
+        let heard = said("heard", std::process::Stdio::null());
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        assert_eq!(said("full", full.into()), heard, "{arguments:?}");
+        assert_eq!(said("closed", closed_pipe().into()), heard, "{arguments:?}");
+    }
+    assert!(folder.join("closed-0").join("report").join("result.json").exists());
+}
+
+/// Every array of numbers of every scenario, one number or row longer; weights are as many as one likes.
+#[test]
+fn arrays_that_are_too_long_are_refused_where_they_stand() {
+    let mut refused = 0;
+    for scenario in EMBEDDED {
+        let lines: Vec<&str> = scenario.text.lines().collect();
+        for (number, line) in lines.iter().enumerate() {
+            let Some((key, array)) = line.split_once(" = [").filter(|(key, _)| !key.contains('#') && *key != "weights")
+            else {
+                continue;
+            };
+            let is_of_numbers =
+                array.split(['[', ']', ',']).all(|cell| cell.trim().parse::<f64>().is_ok() || cell.trim().is_empty());
+            if !is_of_numbers {
+                continue;
+            }
+            let longer = match array.strip_prefix('[') {
+                None => format!("{key} = [1.0, {array}"),
+                Some(rows) if number % 2 == 0 => format!("{key} = [[1.0, {rows}"),
+                Some(rows) => format!("{key} = [[1.0, 0.0, 0.0], [{rows}"),
+            };
+            let text = [&lines[..number], &[longer.as_str()], &lines[number + 1..]].concat().join("\n");
+            let Err(TumbleError::BadScenario { line, message, .. }) = ScenarioSource::parse(Path::new("x"), &text)
+            else {
+                panic!("{}: {longer}", scenario.name);
+            };
+            assert_eq!(line, number + 1, "{}: {message}", scenario.name);
+            assert!(message.contains(key.trim()) && message.contains("would be read"), "{message}");
+            refused += 1;
+        }
+    }
+    assert!(refused > 100, "{refused}");
+}
+
+#[test]
+fn no_command_takes_a_payload_that_cannot_be() {
+    let folder = scratch("no-payload");
+    let inertia = "[[0.015, 0.0, 0.0], [0.0, 0.012, 0.0], [0.0, 0.0, 0.018]]";
+    for (sound, impossible, named) in [
+        ("mass_kg = 3.0", "mass_kg = -3.0", "mass"),
+        ("mass_kg = 3.0", "mass_kg = nan", "mass"),
+        (inertia, "[[0.1, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]]", "inertia"),
+    ] {
+        let text = shown(&folder, "iss-cargo");
+        assert!(text.contains(sound));
+        fs::write(folder.join("a.toml"), text.replace(sound, impossible)).unwrap();
+        for command in ["plan", "simulate", "fly"] {
+            let output = tumble_in(&folder, &[command, "a.toml"]);
+            assert_eq!(output.status.code(), Some(2), "{command} {impossible}: {}", stderr(&output));
+            assert!(stderr(&output).contains(named), "{command} {impossible}: {}", stderr(&output));
+        }
+    }
 }

@@ -125,7 +125,7 @@ pub(super) struct Filtered {
     /// By how much the wander of attitude, position and velocity is louder than stated, as factors of its variance.
     louder: [f64; 3],
     /// Whether the accelerometer is believed; while it is not, nothing but its own errors is learned from it.
-    accelerometer_is_sane: bool,
+    pub(super) accelerometer_is_sane: bool,
     /// When rate and acceleration were last learned from, and how many samples of each came since.
     heard: [(i64, u32); 2],
     pub(super) counts: StreamCounts,
@@ -401,7 +401,16 @@ impl Filtered {
         if -ComplexField::ln(root.l_dirty().diagonal().product()) - 0.5 * surprise < SANE_LOG_ODDS {
             return;
         }
+        self.believe_accelerometer(rules);
+    }
+
+    /// The accelerometer is as good as stated.
+    pub(super) fn believe_accelerometer(&mut self, rules: &Rules) {
+        if self.accelerometer_is_sane {
+            return;
+        }
         self.accelerometer_is_sane = true;
+        let slow = rules.model.slow();
         let mut rows = Rows::<COORDINATES, 3> {
             sensitivity: SMatrix::zeros(),
             residual: -self.state.acceleration_scale,

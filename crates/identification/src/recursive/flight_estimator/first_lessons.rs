@@ -5,6 +5,7 @@ use super::reception::Reception;
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
 use crate::estimator::Measurement;
+use nalgebra::{Cholesky, SMatrix, SVector};
 
 /// Measurements kept since the filter last began: more than half a minute at 62.5 Hz.
 pub(super) const KEPT: usize = 2560;
@@ -15,9 +16,11 @@ pub(super) const FACTOR: f64 = 1.5;
 pub(super) const LAST_S: f64 = 40.0;
 /// At each of them so many passes at most, until one moves the body by no more than this, in its chart, and by how much at most the next
 /// one is about another body.
-const PASSES: usize = 4;
+const PASSES: usize = 5;
 const FAR_OFF: f64 = 0.02;
 const LARGEST_STEP: f64 = 0.5;
+/// So many changes from pass to pass tell where the next one is to be.
+const REMEMBERED: usize = 3;
 /// One in so many measurements may be left out.
 const FEW: usize = 20;
 
@@ -68,14 +71,20 @@ impl FirstLessons {
             && !self.measurements.is_empty()
     }
 
-    /// The filter at the end of more passes, the first of them about this body.
+    /// The filter at the end of more passes, the first of them about the body of this one.
     ///
     /// That body may have gone astray where a step of its inertia shows next to nothing and the next one leads farther still: passes are
     /// tried again from the body of the start. Where nothing wanders this is seen by measurements that are left out, more than a few, and
     /// those passes are taken that leave out less. Of a localisation that wanders some are left out whatever the body: there passes that find
     /// no end have gone astray, those are taken that come to one, else those under which the measurements are likelier.
-    pub(super) fn again(&mut self, rules: &Rules, history: &WrenchHistory, first: &LogCholesky<f64>) -> Filtered {
+    ///
+    /// An accelerometer that is believed by now is believed from the start on: what it showed while it was doubted is not lost.
+    pub(super) fn again(&mut self, rules: &Rules, history: &WrenchHistory, now: &Filtered) -> Filtered {
         self.next_s *= FACTOR;
+        if now.accelerometer_is_sane {
+            self.start.believe_accelerometer(rules);
+        }
+        let first = &now.state.joint.body;
         let found = self.passes(rules, history, first);
         let wanders = rules.settings.slow.wanders();
         let is_astray = if wanders { !found.is_settled } else { found.left_out * FEW > self.measurements.len() };
@@ -95,6 +104,7 @@ impl FirstLessons {
 
     fn passes(&self, rules: &Rules, history: &WrenchHistory, first: &LogCholesky<f64>) -> Pass {
         let mut about = *first;
+        let mut mixing = Mixing::default();
         let mut passes = 1;
         loop {
             let pass = self.pass(rules, history, &about);
@@ -105,7 +115,8 @@ impl FirstLessons {
                 return Pass { is_settled, ..pass };
             }
             passes += 1;
-            about = LogCholesky::from_vector(&(about.to_vector() + step * f64::min(1.0, LARGEST_STEP / size)));
+            let step = mixing.step(&about.to_vector(), &step);
+            about = LogCholesky::from_vector(&(about.to_vector() + step * f64::min(1.0, LARGEST_STEP / step.amax())));
         }
     }
 
@@ -119,10 +130,38 @@ impl FirstLessons {
             let reception = filtered.take(rules, history, measurement);
             left_out += usize::from(matches!(reception, Reception::Gated { .. } | Reception::Relocalised));
         }
-        if self.next_s > LAST_S {
-            filtered.about = None;
-        }
         Pass { filtered, left_out, is_settled: false }
+    }
+}
+
+/// Where the next pass is to be linear, from what became of those before: Anderson's mixing.
+///
+/// The body that a pass finds is the start of the next one, and would go to and fro for ever where a motion shows some of the body only: what
+/// the rest is to be, so that the shown is right and the prior least offended, is linear in the chart to first order only. Of what has come so
+/// far follows how the step depends on the body, and where there is none.
+#[derive(Default)]
+struct Mixing {
+    passes: usize,
+    last: Option<[SVector<f64, 10>; 2]>,
+    /// Changes of body and step from each pass to the next.
+    bodies: SMatrix<f64, 10, REMEMBERED>,
+    steps: SMatrix<f64, 10, REMEMBERED>,
+}
+
+impl Mixing {
+    /// The step to the body of the next pass, from the body of this one and the step that it found.
+    fn step(&mut self, body: &SVector<f64, 10>, step: &SVector<f64, 10>) -> SVector<f64, 10> {
+        if let Some([last_body, last_step]) = self.last.replace([*body, *step]) {
+            let column = self.passes % REMEMBERED;
+            self.bodies.set_column(column, &(body - last_body));
+            self.steps.set_column(column, &(step - last_step));
+            self.passes += 1;
+        }
+        let square = self.steps.tr_mul(&self.steps);
+        // Columns that are still empty, or nearly another one, count for nothing.
+        let square = square + SMatrix::identity() * (1e-6 * square.trace() + f64::MIN_POSITIVE);
+        let Some(root) = Cholesky::new(square) else { return *step };
+        step - (self.bodies + self.steps) * root.solve(&self.steps.tr_mul(step))
     }
 }
 
@@ -133,4 +172,37 @@ struct Pass {
     left_out: usize,
     /// Whether a further one would be about nearly the same body.
     is_settled: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Passes that go to and fro ever farther, in two directions at different rates, and one that creeps: five of them find the end.
+    #[test]
+    fn passes_that_overshoot_find_their_end() {
+        let end = SVector::<f64, 10>::from_fn(|i, _| 0.1 * i as f64);
+        let rate = SVector::<f64, 10>::from_fn(|i, _| match i {
+            0..3 => -1.5,
+            3..6 => -0.7,
+            _ => 0.2,
+        });
+        let (mut body, mut mixing, mut sizes) = (SVector::<f64, 10>::zeros(), Mixing::default(), Vec::new());
+        for _ in 0..PASSES {
+            let step = (end - body).component_mul(&(SVector::repeat(1.0) - rate));
+            sizes.push(step.amax());
+            body += mixing.step(&body, &step);
+        }
+        assert!((end - body).amax() < 1e-3 * end.amax(), "{sizes:?} {}", end - body);
+    }
+
+    #[test]
+    fn a_first_step_and_the_same_one_again_are_taken_as_they_are() {
+        let (body, step) = (SVector::<f64, 10>::zeros(), SVector::<f64, 10>::repeat(0.1));
+        let mut mixing = Mixing::default();
+        for _ in 0..PASSES {
+            assert_eq!(mixing.step(&body, &step), step);
+        }
+        assert_eq!(Mixing::default().step(&body, &body), body);
+    }
 }
