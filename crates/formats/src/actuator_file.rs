@@ -176,6 +176,8 @@ mod tests {
         assert!(
             refused(&one.replace("format = 1", "format = 2").replace("thrust_n = ", "thrust_n = 1")).contains("format")
         );
-        assert!(refused(&format!("{one}0.4\n").replace("[0, 0.1, 0]", "[0, 0.1, 0, 5]")).contains("three numbers"));
+        assert!(
+            refused(&format!("{one}0.4\n").replace("[0, 0.1, 0]", "[0, 0.1, 0, 5]")).contains("position_m` holds 4")
+        );
     }
 }

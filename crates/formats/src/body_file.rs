@@ -62,19 +62,32 @@ pub fn read(path: &Path) -> Result<InertialParameters<f64>, FormatsError> {
     parse(&text_file::read(path).map_err(|source| FormatsError::Unreadable { path: path.into(), source })?, path)
 }
 
+/// What stands in such a file, checked, as it stands there.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_written(path: &Path) -> Result<BodyFile, FormatsError> {
+    let text = text_file::read(path).map_err(|source| FormatsError::Unreadable { path: path.into(), source })?;
+    let body = written(&text, path)?;
+    body.to_parameters(path).map(|_| body)
+}
+
 /// A body from the text of the file `path`.
 ///
 /// # Errors
 /// As [`read`].
 pub fn parse(text: &str, path: &Path) -> Result<InertialParameters<f64>, FormatsError> {
-    let body: BodyFile = if extension(path) == "json" {
+    written(text, path)?.to_parameters(path)
+}
+
+fn written(text: &str, path: &Path) -> Result<BodyFile, FormatsError> {
+    Ok(if extension(path) == "json" {
         serde_json::from_str(text)
             .map_err(|error| FormatsError::BadToml { path: path.into(), message: printable(&error.to_string()) })?
     } else {
         toml_text::read(text)
             .map_err(|error| FormatsError::BadToml { path: path.into(), message: error.to_string() })?
-    };
-    body.to_parameters(path)
+    })
 }
 
 /// Prior knowledge as a user writes it: a body and one sigma of each group of numbers.

@@ -9,6 +9,7 @@ mod embedded;
 mod error;
 pub mod excitation_file;
 pub mod log;
+mod log_file;
 pub mod place;
 pub mod recording;
 mod robot;
@@ -22,6 +23,7 @@ pub mod wheel_throw;
 
 pub use embedded::Embedded;
 pub use error::FormatsError;
+pub use log_file::LogFile;
 pub use robot::{
     ActuatorBytes, ActuatorPreset, ActuatorReplay, BodyPreset, Robot, Robots, SensorPreset, UnknownPreset,
 };

@@ -1,7 +1,8 @@
 //! Sensors as a file: what the columns of a log are of the true motion.
 
 use crate::FormatsError;
-use crate::text_file::{self, printable};
+use crate::text_file;
+use crate::toml_text::{self, TomlError};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use tumble_identification::sensing::Sensing;
@@ -37,12 +38,11 @@ pub fn read(path: &Path) -> Result<Sensing, FormatsError> {
 /// ```
 pub fn parse(text: &str, path: &Path) -> Result<Sensing, FormatsError> {
     let bad = |message: String| FormatsError::BadToml { path: path.into(), message };
-    let file: File = toml::from_str(text).map_err(|error| bad(printable(&error.to_string())))?;
+    let file: File = toml_text::read(text).map_err(|error| bad(error.to_string()))?;
     if file.format != 1 {
         return Err(bad(format!("`format = {}`; this version reads 1", file.format)));
     }
-    let sensing: Sensing =
-        file.sensing.try_into().map_err(|error: toml::de::Error| bad(printable(&error.to_string())))?;
+    let sensing: Sensing = file.sensing.try_into().map_err(|error| bad(TomlError::from(error).to_string()))?;
     sensing.check().map_err(|error| bad(error.to_string()))?;
     Ok(sensing)
 }

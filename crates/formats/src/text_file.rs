@@ -25,6 +25,31 @@ pub fn read(path: &Path) -> Result<String> {
     })
 }
 
+/// Opens a file that is neither a pipe nor a device, which could be without end.
+///
+/// # Errors
+/// What the system says; [`ErrorKind::InvalidInput`].
+pub fn open_regular(path: &Path) -> Result<File> {
+    let kind = std::fs::metadata(path)?.file_type();
+    if kind.is_dir() {
+        return Err(ErrorKind::IsADirectory.into());
+    }
+    if !kind.is_file() {
+        return Err(Error::new(ErrorKind::InvalidInput, "a pipe or a device, where a file is needed"));
+    }
+    File::open(path)
+}
+
+/// The text of such a file, however long it is.
+///
+/// # Errors
+/// As [`open_regular`]; [`ErrorKind::InvalidData`] for what is not UTF-8.
+pub fn read_regular(path: &Path) -> Result<String> {
+    let mut text = String::new();
+    open_regular(path)?.read_to_string(&mut text)?;
+    Ok(text)
+}
+
 /// Text of a file as a message may quote it: control characters must not reach a terminal, line ends may.
 pub fn printable(text: &str) -> String {
     text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()

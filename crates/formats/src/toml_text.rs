@@ -13,7 +13,7 @@ use toml::{Spanned, de};
 #[derive(Debug, Error)]
 pub enum TomlError {
     /// No TOML, or not of this kind.
-    #[error("{}", printable(&.0.to_string()))]
+    #[error("{}", brief(&.0.to_string()))]
     Unlike(#[from] de::Error),
     /// An array is longer than what is read of it.
     #[error("line {line}, column {column}: {message}")]
@@ -41,10 +41,20 @@ impl TomlError {
     /// What is wrong there, without the place.
     pub fn message(&self) -> String {
         match self {
-            Self::Unlike(error) => printable(error.message()),
+            Self::Unlike(error) => brief(error.message()),
             Self::TooLong { message, .. } => message.clone(),
         }
     }
+}
+
+/// What a terminal may show of a message, which quotes the line where it went wrong, however long that is.
+fn brief(message: &str) -> String {
+    const LONGEST_LINE: usize = 200;
+    let line = |line: &str| match line.char_indices().nth(LONGEST_LINE) {
+        Some((end, _)) => format!("{} ...", line.get(..end).unwrap_or_default()),
+        None => line.to_owned(),
+    };
+    printable(&message.lines().map(line).collect::<Vec<_>>().join("\n"))
 }
 
 /// Reads a text.

@@ -1,7 +1,8 @@
 //! The commands: options in, tables, JSON and files out.
 
 use crate::TumbleError;
-use tumble_formats::FormatsError;
+use std::path::Path;
+use tumble_formats::{FormatsError, LogFile};
 
 /// Says on stderr what `format!` would give. Where nobody listens, the pipe closed or the disk full, the work goes on: results and the exit
 /// code tell as much.
@@ -86,6 +87,22 @@ pub enum Outcome {
     Achieved,
     /// The input was fine but the thing asked for was not achieved: exit code 3.
     NotAchieved,
+}
+
+/// The log that was named, as a file; a pipe is read to its end.
+pub(crate) fn log_file(named: &Path) -> Result<LogFile, TumbleError> {
+    let mut told = false;
+    let file = LogFile::of(named, &mut |bytes| match bytes {
+        0 => tell_line!("reading {} to its end ...", named.display()),
+        _ => {
+            told = true;
+            excite::progress(&format!("{} MB ...", bytes / 1_000_000));
+        }
+    });
+    if told {
+        excite::progress("");
+    }
+    Ok(file?)
 }
 
 /// Prints to stdout; a closed pipe (`tumble ... | head`) is not an error, a full disk is.

@@ -32,6 +32,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tumble_astrobee::sensing::{LocalizationSettings, SensingPreset};
 use tumble_formats::FormatsError;
+use tumble_formats::body_file::{self, BodyFile};
 use tumble_formats::log::shortened;
 use tumble_formats::text_file::{self, printable};
 use tumble_formats::{ActuatorPreset, Robots, place, toml_text};
@@ -484,7 +485,7 @@ impl ScenarioSource {
     }
 
     /// The folder that files are relative to.
-    fn folder(&self) -> &Path {
+    pub(crate) fn folder(&self) -> &Path {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
@@ -502,20 +503,46 @@ impl ScenarioSource {
         TumbleError::BadScenario { path: self.path.clone(), line, column, message }
     }
 
-    /// The scenario as TOML with the files it names made absolute: a valid scenario wherever it lies.
+    /// The files that it names.
+    pub fn files(&self) -> Vec<&Path> {
+        let Scenario { body, belief, payload, drive, .. } = &self.scenario;
+        let bodies = [body, belief].map(|body| body.as_ref().and_then(|body| body.file.as_deref()));
+        let payload = payload.as_ref().and_then(|payload| payload.file.as_deref());
+        let others = [payload, drive.excitation.as_deref(), drive.wrenches.as_deref()];
+        bodies.into_iter().chain(others).flatten().collect()
+    }
+
+    /// The same without what drives a simulation, which a mission does not ask for.
+    #[must_use]
+    pub fn without_drive(&self) -> Self {
+        let mut alone = self.clone();
+        alone.scenario.drive = DriveTable::default();
+        alone
+    }
+
+    /// The scenario as TOML that is valid wherever it lies: bodies in place of the files that hold them, the other files by their absolute paths.
     ///
     /// # Errors
-    /// [`TumbleError::BadScenario`].
+    /// [`TumbleError::BadScenario`]; the errors of files that it names.
     pub fn to_toml(&self) -> Result<String, TumbleError> {
         let mut scenario = self.scenario.clone();
-        let files = [
-            scenario.body.as_mut().and_then(|body| body.file.as_mut()),
-            scenario.belief.as_mut().and_then(|body| body.file.as_mut()),
-            scenario.payload.as_mut().and_then(|payload| payload.file.as_mut()),
-            scenario.drive.excitation.as_mut(),
-            scenario.drive.wrenches.as_mut(),
-        ];
-        for file in files.into_iter().flatten() {
+        let read = |file: &mut Option<PathBuf>| -> Result<Option<BodyFile>, TumbleError> {
+            let path = file.take().map(|file| self.folder().join(file));
+            Ok(path.as_deref().map(body_file::read_written).transpose()?)
+        };
+        for body in [&mut scenario.body, &mut scenario.belief].into_iter().flatten() {
+            if let Some(BodyFile { mass_kg, com_m, inertia_about_com_kg_m2 }) = read(&mut body.file)? {
+                (body.mass_kg, body.com_m) = (Some(mass_kg), Some(com_m));
+                body.inertia_about_com_kg_m2 = Some(inertia_about_com_kg_m2);
+            }
+        }
+        if let Some(body) = &mut scenario.payload
+            && let Some(BodyFile { mass_kg, com_m, inertia_about_com_kg_m2 }) = read(&mut body.file)?
+        {
+            (body.mass_kg, body.com_m) = (Some(mass_kg), Some(com_m));
+            body.inertia_about_com_kg_m2 = Some(inertia_about_com_kg_m2);
+        }
+        for file in [&mut scenario.drive.excitation, &mut scenario.drive.wrenches].into_iter().flatten() {
             let path = self.folder().join(&*file);
             *file = fs::canonicalize(&path).map_err(|source| FormatsError::Unreadable { path, source })?;
         }

@@ -2,8 +2,8 @@
 
 use super::{QUATERNION_NORM_TOLERANCE, parse_time_ns, shortened};
 use crate::FormatsError;
+use crate::text_file::open_regular;
 use std::collections::{HashSet, VecDeque};
-use std::fs::File;
 use std::io::{BufRead as _, BufReader, Read, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 use tumble_dynamics::nalgebra::{Vector3, Vector6};
@@ -218,9 +218,56 @@ pub fn line_read<R: Read>(records: &mut csv::Reader<BoundedRows<R>>) -> u64 {
     records.get_mut().line_before(end)
 }
 
-/// Counts lines, and ends the stream when one grows beyond [`ROW_LIMIT_BYTES`], so that no line can fill the memory.
+/// Cells as one dialect of CSV has them, whichever of its dialects they were written in. Places and lengths stay as they are.
+///
+/// What stands between the names of the header separates cells: commas, semicolons or tabs. Beside the others a comma is a decimal point, as a
+/// German spreadsheet writes it. Quotation marks become blanks, and so do separators within them, up to the end of the line at most.
+#[derive(Default)]
+struct Dialect {
+    separator: Option<u8>,
+    is_within_line: bool,
+    is_comment: bool,
+    is_quoted: bool,
+}
+
+impl Dialect {
+    fn plain(&mut self, byte: &mut u8) {
+        if !self.is_within_line {
+            (self.is_comment, self.is_quoted) = (*byte == b'#', false);
+        }
+        self.is_within_line = *byte != b'\n';
+        if self.is_comment {
+            return;
+        }
+        *byte = match (*byte, self.separator) {
+            (b'"', _) => {
+                self.is_quoted = !self.is_quoted;
+                b' '
+            }
+            (b',' | b';' | b'\t', None) if self.is_quoted => b' ',
+            (separator @ (b',' | b';' | b'\t'), None) => {
+                self.separator = Some(separator);
+                b','
+            }
+            (separator, Some(found)) if separator == found => {
+                if self.is_quoted {
+                    b' '
+                } else {
+                    b','
+                }
+            }
+            (b',', Some(_)) => b'.',
+            (other, _) => other,
+        };
+    }
+}
+
+/// Counts lines, and ends the stream when one grows beyond [`ROW_LIMIT_BYTES`], so that no line can fill the memory. Tells the dialects of CSV apart.
 pub struct BoundedRows<R> {
     inner: R,
+    dialect: Dialect,
+    /// The first two bytes.
+    head: [u8; 2],
     bytes_in_line: usize,
     bytes: u64,
     /// Where the line ends are that were handed on and not asked about yet.
@@ -233,7 +280,8 @@ pub struct BoundedRows<R> {
 impl<R> BoundedRows<R> {
     /// Nothing read yet.
     pub fn new(inner: R) -> Self {
-        Self { inner, bytes_in_line: 0, bytes: 0, line_ends: VecDeque::new(), lines: 0, too_long: None }
+        let (dialect, head) = (Dialect::default(), [0; 2]);
+        Self { inner, dialect, head, bytes_in_line: 0, bytes: 0, line_ends: VecDeque::new(), lines: 0, too_long: None }
     }
     /// Line of the row that ends, line end and all, before this byte; none before that is asked about again.
     fn line_before(&mut self, end: u64) -> u64 {
@@ -250,6 +298,16 @@ impl<R: Read> Read for BoundedRows<R> {
             return Ok(0);
         }
         let count = self.inner.read(buffer)?;
+        for (byte, place) in buffer.iter_mut().take(count).zip(self.bytes..) {
+            if let Some(head) = usize::try_from(place).ok().and_then(|place| self.head.get_mut(place)) {
+                *head = *byte;
+                if matches!(self.head, [0xff, 0xfe] | [0xfe, 0xff]) {
+                    let why = "UTF-16 text; save it as UTF-8";
+                    return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, why));
+                }
+            }
+            self.dialect.plain(byte);
+        }
         for line in buffer.get(..count).unwrap_or_default().split_inclusive(|byte| *byte == b'\n') {
             self.bytes += line.len() as u64;
             self.bytes_in_line += line.len();
@@ -279,7 +337,7 @@ pub fn cut(line: u64) -> String {
 
 /// The same of a file of lines, where it is so.
 pub fn cut_warning(path: &Path) -> Option<String> {
-    let mut file = File::open(path).ok()?;
+    let mut file = open_regular(path).ok()?;
     file.seek(SeekFrom::End(-1)).ok()?;
     let mut last = [0];
     file.read_exact(&mut last).ok()?;
@@ -303,6 +361,39 @@ pub fn cut_warning(path: &Path) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn dialects_are_told_apart() {
+        let plain = [["t_s", "p_x", "note"], ["0.016", "-1.5e-3", "a b"]];
+        for text in [
+            "# x;y\nt_s,p_x,note\n0.016,-1.5e-3,a b\n",
+            "t_s;p_x;note\r\n0,016;-1,5e-3;a b\r\n",
+            "t_s\tp_x\tnote\n0.016\t-1.5e-3\ta b\n",
+            "\u{feff}\"t_s\",\"p_x\",\"note\"\n0.016,-1.5e-3,\"a,b\"\n",
+            "\"t_s\";\"p_x\";\"note\"\n\"0,016\";-1,5e-3;\"a;b\n",
+        ] {
+            for capacity in [4, 7, 64] {
+                let mut records = csv::ReaderBuilder::new()
+                    .has_headers(false)
+                    .quoting(false)
+                    .comment(Some(b'#'))
+                    .buffer_capacity(capacity)
+                    .from_reader(BoundedRows::new(text.as_bytes()));
+                let mut record = csv::ByteRecord::new();
+                for row in plain {
+                    assert!(read_row(&mut records, &mut record, Path::new("rows.csv")).unwrap(), "{text}");
+                    let cells: Vec<String> = record
+                        .iter()
+                        .map(|cell| String::from_utf8_lossy(cell).trim_start_matches('\u{feff}').trim().to_owned())
+                        .collect();
+                    assert_eq!(cells, row, "{text}");
+                }
+            }
+        }
+        let wide: Vec<u8> = "\u{feff}t_s,p_x\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        let mut rows = BoundedRows::new(wide.as_slice());
+        assert!(rows.read_to_end(&mut Vec::new()).unwrap_err().to_string().contains("UTF-16"));
+    }
 
     #[test]
     fn rows_are_named_by_the_line_they_stand_in() {

@@ -50,7 +50,7 @@ pub fn read_csv(path: &Path, sink: &mut dyn RowSink) -> Result<(), FormatsError>
     }
     let mut names: Vec<String> = record.iter().map(|cell| String::from_utf8_lossy(cell).trim().to_owned()).collect();
     if let Some(first) = names.first_mut() {
-        *first = first.trim_start_matches('\u{feff}').to_owned();
+        *first = first.trim_start_matches('\u{feff}').trim().to_owned();
     }
     for (i, name) in names.iter().enumerate() {
         if names.iter().take(i).any(|earlier| earlier == name) {

@@ -5,10 +5,9 @@ use super::{MissionRunner, PlannedMission};
 use crate::TumbleError;
 use crate::mission::{MissionSummary, NoHooks, fly};
 use crate::scenario::{ScenarioSource, draw_mission};
-use std::fs;
-use std::path::Path;
+use std::io::Read as _;
 use tumble_formats::FormatsError;
-use tumble_formats::Robots;
+use tumble_formats::{Robots, text_file};
 
 /// What matters on a table; an error of anything else there says nothing.
 const IN_PLANE: [&str; 4] = ["mass", "com_x", "com_y", "inertia_zz"];
@@ -71,20 +70,13 @@ impl MissionRunner for SimulatedFlights {
 /// FNV-1a, 64 bits, of the scenario's text, of the files it names and, where they are not its own, of its sensors.
 fn fingerprint(source: &ScenarioSource, is_sensed_by: bool) -> Result<String, TumbleError> {
     let scenario = &source.scenario;
-    let files = [
-        scenario.body.as_ref().and_then(|body| body.file.as_ref()),
-        scenario.belief.as_ref().and_then(|body| body.file.as_ref()),
-        scenario.payload.as_ref().and_then(|payload| payload.file.as_ref()),
-        scenario.drive.excitation.as_ref(),
-        scenario.drive.wrenches.as_ref(),
-    ];
-    let folder = source.path.parent().unwrap_or(Path::new(""));
     let mut bytes = source.text.clone().into_bytes();
-    for file in files.into_iter().flatten() {
-        let path = folder.join(file);
+    for file in source.files() {
+        let path = source.folder().join(file);
         // lengths keep what stands in one file from passing for what stands in the next
         bytes.extend(bytes.len().to_le_bytes());
-        bytes.extend(fs::read(&path).map_err(|source| FormatsError::Unreadable { path, source })?);
+        let read = text_file::open_regular(&path).and_then(|mut file| file.read_to_end(&mut bytes));
+        read.map_err(|source| FormatsError::Unreadable { path, source })?;
     }
     if is_sensed_by {
         bytes.extend(bytes.len().to_le_bytes());

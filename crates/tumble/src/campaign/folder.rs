@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use tumble_formats::FormatsError;
-use tumble_formats::log;
+use tumble_formats::{log, text_file};
 
 /// What an unfinished folder is of.
 const CAMPAIGN: &str = "campaign.json";
@@ -68,7 +68,8 @@ fn read_begun(unfinished: &Path) -> Result<Option<Begun>, TumbleError> {
     if !path.exists() {
         return Ok(None);
     }
-    let text = fs::read_to_string(&path).map_err(|source| FormatsError::Unreadable { path: path.clone(), source })?;
+    let text =
+        text_file::read_regular(&path).map_err(|source| FormatsError::Unreadable { path: path.clone(), source })?;
     serde_json::from_str(&text)
         .map(Some)
         .map_err(|error| TumbleError::BadCampaign { path, message: format!("no record of a campaign: {error}") })

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
-use tumble_formats::FormatsError;
+use tumble_formats::{FormatsError, text_file};
 
 /// The file of a journal.
 pub const JOURNAL: &str = "journal.csv";
@@ -25,6 +25,9 @@ impl Journal {
     pub fn open(folder: &Path) -> Result<(Self, BTreeMap<u64, Row>), TumbleError> {
         let path = folder.join(JOURNAL);
         let unwritable = |source| FormatsError::Unwritable { path: path.clone(), source };
+        if path.exists() {
+            text_file::open_regular(&path).map_err(|source| FormatsError::Unreadable { path: path.clone(), source })?;
+        }
         let mut file = OpenOptions::new().read(true).append(true).create(true).open(&path).map_err(unwritable)?;
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => return Err(TumbleError::CampaignInUse { path: folder.into() }),

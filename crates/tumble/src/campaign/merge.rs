@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use tumble_formats::FormatsError;
-use tumble_formats::log;
+use tumble_formats::{log, text_file};
 
 /// A finished folder of a campaign, or of a part of one.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,7 +29,7 @@ fn bad(path: &Path, message: impl Into<String>) -> TumbleError {
 }
 
 fn read(path: &Path) -> Result<String, TumbleError> {
-    Ok(fs::read_to_string(path).map_err(|source| FormatsError::Unreadable { path: path.into(), source })?)
+    Ok(text_file::read_regular(path).map_err(|source| FormatsError::Unreadable { path: path.into(), source })?)
 }
 
 impl Part {

@@ -57,10 +57,10 @@ impl<R: Read, const N: usize> Columns<R, N> {
         if !read_row(&mut records, &mut record, path)? {
             return Err(FormatsError::Empty { path: path.into(), what: "header" }.into());
         }
-        let cells = record.iter().map(|cell| String::from_utf8_lossy(cell).trim().trim_matches('"').to_owned());
+        let cells = record.iter().map(|cell| String::from_utf8_lossy(cell).trim().to_owned());
         let mut names: Vec<String> = cells.collect();
         if let Some(first) = names.first_mut() {
-            *first = first.trim_start_matches('\u{feff}').trim_matches('"').to_owned();
+            *first = first.trim_start_matches('\u{feff}').trim().to_owned();
         }
         let mut places = [0; N];
         for (place, column) in places.iter_mut().zip(wanted) {

@@ -1,6 +1,6 @@
 //! `tumble convert`: one log format into another.
 
-use super::Outcome;
+use super::{Outcome, log_file};
 use crate::TumbleError;
 use crate::output::OutputFile;
 use std::fs::File;
@@ -16,9 +16,9 @@ use tumble_formats::recording::tum::{self, TumSink};
 use tumble_formats::recording::{self, Container};
 
 /// Options of `tumble convert`.
-#[derive(clap::Args, Debug)]
+#[derive(clap::Args, Clone, Debug)]
 pub struct ConvertArgs {
-    /// The log: CSV, TUM trajectory, MCAP or ROS 1 bag, known by how it begins.
+    /// The log: CSV, TUM trajectory, MCAP or ROS 1 bag, known by how it begins, also packed by gzip or from a pipe; `-` is standard input.
     pub input: PathBuf,
     /// The file to write; `-` is standard output.
     pub output: PathBuf,
@@ -99,6 +99,8 @@ pub fn run(args: &ConvertArgs, robots: &Robots) -> Result<Outcome, TumbleError> 
             if is_stdout { "say `--to csv` or `--to tum`" } else { "say `--to csv`, `--to mcap` or `--to tum`" };
         return Err(FormatsError::UnknownFormat { path: args.output.clone(), known }.into());
     };
+    let named = log_file(&args.input)?;
+    let args = &ConvertArgs { input: named.path().to_owned(), ..args.clone() };
     let input = Input::of(&args.input)?;
     let done = if is_stdout {
         if format == Format::Mcap {

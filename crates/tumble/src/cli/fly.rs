@@ -16,13 +16,13 @@ use crate::scenario::{ScenarioSource, draw_mission};
 use crate::{TumbleError, mission_report};
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tumble_formats::FormatsError;
 use tumble_formats::Robots;
-use tumble_formats::log;
+use tumble_formats::{log, text_file};
 use tumble_identification::Registry;
 use tumble_planning::PlanningError;
 use tumble_planning::mission::Layer;
@@ -273,10 +273,14 @@ fn run_record(options: &FlyOptions, folder: &OutputFolder) -> Result<String, Tum
 /// # Errors
 /// [`TumbleError`] for a file that is no report.
 pub fn replay(args: &ReplayArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
-    let text = fs::read_to_string(&args.report)
+    let text = text_file::read_regular(&args.report)
         .map_err(|source| FormatsError::Unreadable { path: args.report.clone(), source })?;
     let before = mission_report::record_of(&text, &args.report)?;
     let source = ScenarioSource::parse(&args.report, &before.scenario_toml)?.among(robots);
+    if let Some(file) = source.files().first() {
+        let message = format!("the mission record names the file {}, and no such record is written", file.display());
+        return Err(TumbleError::BadReport { path: args.report.clone(), line: 1, message });
+    }
     let mut silent = mission::NoHooks;
     let after = mission::fly(&source, &before.summary.options, &mut silent)?;
     let is_same = after == before;

@@ -4,7 +4,7 @@ use super::identify_arm::Files;
 use super::identify_log::{Log, ROWS_IN_MEMORY, Rows};
 use super::identify_options::{AUTO, OF_CYCLES, run_record};
 use super::identify_periodic::{self, Motion};
-use super::{Outcome, print};
+use super::{Outcome, log_file, print};
 use crate::output::{OutputFolder, RUN_RECORD, write_file};
 use crate::report::{self, Context};
 use crate::{TumbleError, demo};
@@ -33,6 +33,8 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         return Ok(Outcome::Achieved);
     }
     check_options(args)?;
+    let named = args.log.as_deref().map(log_file).transpose()?;
+    let args = &IdentifyArgs { log: named.as_ref().map(|log| log.path().to_owned()), ..args.clone() };
     if args.arm.is_asked() {
         return identify_arm(args, robots);
     }

@@ -26,7 +26,7 @@ use tumble_lie::{Pose, Twist, Wrench};
 const DEPENDENCE_S: f64 = 1.0;
 
 /// Options of `tumble identify` for arms.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct ArmOptions {
     /// The arm that the log is of: embedded (`tumble arm list`), TOML or URDF; asks for its bodies.
     #[arg(long, value_name = "ARM")]

@@ -12,10 +12,10 @@ use tumble_identification::{FLIGHT_LIKELIHOOD, MAXIMUM_LIKELIHOOD, Nuisance, Nui
 pub(super) const DEMO_SEED: u64 = 1;
 
 /// Options of `tumble identify`.
-#[derive(Args)]
+#[derive(Args, Clone)]
 #[allow(clippy::struct_excessive_bools)]
 pub struct IdentifyArgs {
-    /// The log: CSV (`--template` prints its columns), ROS 1 bag or MCAP.
+    /// The log: CSV (`--template` prints its columns), ROS 1 bag or MCAP, also packed by gzip or from a pipe; `-` is standard input.
     pub(super) log: Option<PathBuf>,
     /// Simulate a flight with unknown cargo, add noise, estimate and compare with the truth.
     #[arg(long, conflicts_with = "log")]

@@ -2,7 +2,7 @@
 
 use super::identify_log::ROWS_IN_MEMORY;
 use super::identify_options::TimingName;
-use super::{Outcome, print};
+use super::{Outcome, log_file, print};
 use crate::TumbleError;
 use crate::figure::{Curve, Figure, SINCE_START};
 use crate::output::{OutputFolder, RUN_RECORD};
@@ -17,7 +17,7 @@ use tumble_identification::sensing::{Contradiction, Found, SensingCheck, StreamC
 /// Options of `tumble sensing check`.
 #[derive(Args)]
 pub struct CheckArgs {
-    /// CSV log, bag or MCAP file; no wrench is needed.
+    /// CSV log, bag or MCAP file, also packed by gzip or from a pipe; `-` is standard input. No wrench is needed.
     log: PathBuf,
     /// What is stated of the sensors, a name or a TOML file: what the log contradicts is said.
     #[arg(long, value_name = "NAME|FILE")]
@@ -68,7 +68,8 @@ pub(super) fn run(args: &CheckArgs, robots: &Robots) -> Result<Outcome, TumbleEr
 }
 
 fn read(args: &CheckArgs, robots: &Robots) -> Result<Vec<MotionSample>, TumbleError> {
-    let mut reader = SampleReader::open(&args.log, args.reorder, args.robot.as_deref(), robots)?;
+    let log = log_file(&args.log)?;
+    let mut reader = SampleReader::open(log.path(), args.reorder, args.robot.as_deref(), robots)?;
     let mut record = Vec::new();
     if reader.read_chunk(&mut record, ROWS_IN_MEMORY)? {
         tell_line!("warning: the first {ROWS_IN_MEMORY} rows are looked at, not those behind");

@@ -757,7 +757,7 @@ fn record(
     };
     Ok(MissionRecord {
         summary,
-        scenario_toml: source.to_toml()?,
+        scenario_toml: source.without_drive().to_toml()?,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         robot_radius_m: problem.planning.body.bounding_radius_m(),
         planar: problem.planar,

@@ -78,6 +78,17 @@ fn the_default_mission_arrives_and_everything_it_writes_agrees() {
     let changed = changed.replacen("\"replans\":", "\"replans\":1", 1);
     fs::write(folder.join("changed.html"), changed).unwrap();
     assert_eq!(tumble_in(&folder, &["replay", "changed.html"]).status.code(), Some(3));
+    let page = fs::read_to_string(place.join("report.html")).unwrap();
+    let reaching = page.replace("[payload]\\n", "[payload]\\nfile = \\\"/etc/passwd\\\"\\n");
+    assert_ne!(reaching, page);
+    fs::write(folder.join("reaching.html"), reaching).unwrap();
+    let refused = tumble_in(&folder, &["replay", "reaching.html"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        stderr(&refused).contains("error[T036]") && stderr(&refused).contains("/etc/passwd"),
+        "{}",
+        stderr(&refused)
+    );
 }
 
 /// On the table, by JSON: one object and nothing else, the options written down.

@@ -732,3 +732,97 @@ fn valves_by_their_commands() {
     let output = tumble(&["identify", log, "--actuators", file, "--split"]);
     assert!(output.status.code() == Some(2) && stderr(&output).contains("--split"));
 }
+
+/// One flight in every way in which it may come: the answer is the same to the last digit.
+#[test]
+fn a_log_is_read_however_it_comes() {
+    let folder = scratch("as-it-comes");
+    let plain = folder.join("plain.csv");
+    write_log(&plain, 600, 0, |_, _| {});
+    let text = fs::read_to_string(&plain).unwrap();
+    let answer = |output: &Output| {
+        let mut found = json(output);
+        assert!(found["mass_kg"].is_number(), "{}", stderr(output));
+        for key in ["source", "log"] {
+            found.as_object_mut().unwrap().remove(key);
+        }
+        found
+    };
+    let wanted = answer(&tumble(&["identify", plain.to_str().unwrap(), "--json"]));
+    let quoted: String = text
+        .lines()
+        .map(|line| line.split(',').map(|cell| format!("\"{cell}\"")).collect::<Vec<_>>().join(",") + "\r\n")
+        .collect();
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut packed, text.as_bytes()).unwrap();
+    for (name, bytes) in [
+        ("quoted.csv", format!("\u{feff}{quoted}").into_bytes()),
+        ("german.csv", text.replace(',', ";").replace('.', ",").into_bytes()),
+        ("tabs.csv", text.replace(',', "\t").into_bytes()),
+        ("packed.csv.gz", packed.finish().unwrap()),
+    ] {
+        let path = folder.join(name);
+        fs::write(&path, bytes).unwrap();
+        let output = tumble(&["identify", path.to_str().unwrap(), "--json"]);
+        assert_eq!(answer(&output), wanted, "{name}");
+        let back = folder.join(format!("{name}.back.csv"));
+        let output = tumble(&["convert", path.to_str().unwrap(), back.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(0), "{name}: {}", stderr(&output));
+        assert_eq!(fs::read_to_string(&back).unwrap().lines().count(), text.lines().count(), "{name}");
+    }
+    let piped = |named: &str, bytes: &[u8]| {
+        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_tumble"))
+            .args(["identify", named, "--json"])
+            .stdin(std::process::Stdio::piped())
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        std::io::Write::write_all(&mut child.stdin.take().unwrap(), bytes).unwrap();
+        child.wait_with_output().unwrap()
+    };
+    assert_eq!(answer(&piped("-", text.as_bytes())), wanted);
+    assert_eq!(answer(&piped("-", &fs::read(folder.join("packed.csv.gz")).unwrap())), wanted);
+    #[cfg(target_os = "linux")]
+    assert_eq!(answer(&piped("/dev/stdin", text.as_bytes())), wanted);
+
+    let wide = folder.join("wide.csv");
+    fs::write(&wide, text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>()).unwrap();
+    fs::write(&wide, [&[0xff, 0xfe][..], &fs::read(&wide).unwrap()].concat()).unwrap();
+    assert_file_refused(&wide, "T001", "UTF-16");
+}
+
+/// Nothing is read without end, and a report flies again by what stands in it alone.
+#[test]
+#[cfg(target_os = "linux")]
+fn what_has_no_end_is_refused() {
+    use std::os::unix::fs::symlink;
+    let folder = scratch("endless");
+    let pipe = folder.join("pipe");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let pipe = pipe.to_str().unwrap();
+    let part = folder.join("part");
+    fs::create_dir(&part).unwrap();
+    symlink("/dev/zero", part.join("run.json")).unwrap();
+    let part = part.to_str().unwrap();
+    let out = folder.join("out.tum");
+    let out = out.to_str().unwrap();
+    for arguments in [
+        &["replay", "/dev/zero"][..],
+        &["replay", pipe],
+        &["convert", "/dev/zero", out],
+        &["identify", "/dev/zero"],
+        &["identify", "/dev/random"],
+        &["sensing", "check", "/dev/zero"],
+        &["plan", "/dev/zero"],
+        &["fly", "/dev/zero"],
+        &["arm", "show", "/dev/zero"],
+        &["allocate", "/dev/zero"],
+        &["campaign", "merge", part, "--out", out],
+    ] {
+        let output = tumble(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains("remedy:"), "{arguments:?}: {}", stderr(&output));
+    }
+    assert!(fs::read_dir(&folder).unwrap().count() == 2, "nothing was written");
+}

@@ -3,6 +3,7 @@
 
 mod allocate_command;
 mod arms;
+mod bad_inputs;
 mod campaign_command;
 mod commanded_nozzles;
 mod convert_command;
