@@ -61,6 +61,20 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --lib flight_estimator",
     },
     Mutant {
+        name: "first lessons: each pass about the body that the last one found, without a memory",
+        file: "crates/identification/src/recursive/flight_estimator/first_lessons.rs",
+        original: "step - (self.bodies + self.steps) * root.solve(&self.steps.tr_mul(step))",
+        replacement: "step - (self.bodies + self.steps) * root.solve(&self.steps.tr_mul(step)) * 0.0",
+        test: "-p tumble-identification --lib first_lessons",
+    },
+    Mutant {
+        name: "TOML: an array that is longer than what is read of it passes",
+        file: "crates/formats/src/toml_text.rs",
+        original: "if values.len() > used.len() =>",
+        replacement: "if values.len() > used.len() + 9 =>",
+        test: "-p tumble-formats --lib actuator_file",
+    },
+    Mutant {
         name: "ways: a new one that takes longer than the whole old one is flown as it is",
         file: "crates/planning/src/mission/serve.rs",
         original: "&& first_units < settings.way_units",

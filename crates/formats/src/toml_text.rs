@@ -41,18 +41,19 @@ impl TomlError {
     /// What is wrong there, without the place.
     pub fn message(&self) -> String {
         match self {
-            Self::Unlike(error) => brief(error.message()),
+            Self::Unlike(error) => printable(error.message()),
             Self::TooLong { message, .. } => message.clone(),
         }
     }
 }
 
-/// What a terminal may show of a message, which quotes the line where it went wrong, however long that is.
+/// What a terminal may show of a message, which quotes the line where it went wrong, however long that is, behind its number and a bar.
 fn brief(message: &str) -> String {
     const LONGEST_LINE: usize = 200;
+    let is_quoted = |line: &str| line.trim_start().starts_with(|c: char| c.is_ascii_digit() || c == '|');
     let line = |line: &str| match line.char_indices().nth(LONGEST_LINE) {
-        Some((end, _)) => format!("{} ...", line.get(..end).unwrap_or_default()),
-        None => line.to_owned(),
+        Some((end, _)) if is_quoted(line) => format!("{} ...", line.get(..end).unwrap_or_default()),
+        _ => line.to_owned(),
     };
     printable(&message.lines().map(line).collect::<Vec<_>>().join("\n"))
 }

@@ -71,6 +71,7 @@ mod plan_local_solve;
 mod plan_options;
 #[cfg(feature = "astrobee")]
 pub mod realize;
+pub mod sample;
 #[cfg(feature = "astrobee")]
 pub mod scenario;
 pub mod sensing;

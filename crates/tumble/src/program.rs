@@ -4,7 +4,7 @@
 mod flying;
 
 use crate::TumbleError;
-use crate::cli::{Outcome, arm, calibrate_wheel, convert, excite, identify, print, sensing};
+use crate::cli::{Outcome, arm, calibrate_wheel, convert, excite, identify, print, sample, sensing};
 #[cfg(feature = "astrobee")]
 use crate::cli::{allocate, realize};
 use clap::{Parser, Subcommand};
@@ -18,6 +18,7 @@ Examples:
   tumble fly                                   a robot with cargo it does not know: learn it on the way, arrive, report
   tumble campaign --missions 100 --draw        a hundred such robots, each another: how many arrive, how well
   tumble identify --demo                       simulate a flight, estimate, compare with the truth
+  tumble sample log                            a log to try: flight.csv, and truth.toml to compare with
   tumble identify flight.csv                   mass, centre of mass and inertia from a log
   tumble identify flight.csv --dry-run         what could this log tell, and how well?
   tumble identify --template                   the columns of a log, with two valid rows
@@ -74,6 +75,8 @@ enum Command {
     Realize(realize::RealizeArgs),
     /// Lists and shows sensors: noise, wander, filters, gains, biases, delays.
     Sensing(sensing::SensingArgs),
+    /// Writes files to try the other commands with: a log, a bag, wrenches.
+    Sample(sample::SampleArgs),
     /// One log format into another: CSV, TUM, MCAP, and ROS 1 bags into these.
     Convert(convert::ConvertArgs),
 }
@@ -137,6 +140,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, robots: &Robots) -> Ex
         #[cfg(feature = "astrobee")]
         Some(Command::Realize(args)) => realize::run(&args),
         Some(Command::Sensing(args)) => sensing::run(&args, robots),
+        Some(Command::Sample(args)) => sample::run(&args),
         Some(Command::Convert(args)) => convert::run(&args, robots),
     })
 }

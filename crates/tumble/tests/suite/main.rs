@@ -22,6 +22,7 @@ mod plan_command;
 mod plan_local_command;
 #[allow(dead_code, reason = "shared with the fuzz targets")]
 mod promises;
+mod readme;
 mod second_robot;
 mod sensing_check_command;
 mod simulate_command;
