@@ -1237,10 +1237,10 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-formats --lib log",
     },
     Mutant {
-        name: "scenario: control characters reach the terminal",
-        file: "crates/tumble/src/scenario.rs",
-        original: "place::with_suggestion(&printable(error.message()))",
-        replacement: "place::with_suggestion(error.message())",
+        name: "TOML: control characters reach the terminal",
+        file: "crates/formats/src/toml_text.rs",
+        original: "Self::Unlike(error) => printable(error.message()),",
+        replacement: "Self::Unlike(error) => error.message().to_owned(),",
         test: "-p tumble --test suite corruption_sweep::",
     },
     Mutant {
