@@ -93,9 +93,10 @@ pub enum Outcome {
 /// The log that was named, as a file; a pipe is read to its end.
 pub(crate) fn log_file(named: &Path) -> Result<LogFile, TumbleError> {
     let mut told = false;
-    let file = LogFile::of(named, &mut |bytes| match bytes {
-        0 => tell_line!("reading {} to its end ...", named.display()),
-        _ => {
+    let file = LogFile::of(named, &mut |bytes| {
+        if bytes == 0 {
+            tell_line!("reading {} to its end ...", named.display());
+        } else {
             told = true;
             excite::progress(&format!("{} MB ...", bytes / 1_000_000));
         }

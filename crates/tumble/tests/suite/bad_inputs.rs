@@ -63,7 +63,7 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
 fn bad_files() -> Vec<(&'static str, Vec<u8>)> {
     let text = |text: &str| text.as_bytes().to_vec();
     let header = "t_s,p_x,p_y,p_z,q_x,q_y,q_z,q_w,f_x,f_y,f_z,tau_x,tau_y,tau_z\n";
-    let noise: Vec<u8> = (0..4096_u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    let noise: Vec<u8> = (0..4096_u32).map(|k| k.wrapping_mul(2_654_435_761).to_le_bytes()[2]).collect();
     vec![
         ("empty", Vec::new()),
         ("empty.toml", Vec::new()),
@@ -98,7 +98,7 @@ fn bad_files() -> Vec<(&'static str, Vec<u8>)> {
             text(&format!("{header}{}{}", "1,0,0,0,0,0,0,1,0,0,0,0,0,0\n", "0,0,0,0,0,0,0,1,0,0,0,0,0,0\n")),
         ),
         ("long-line.csv", [header.as_bytes(), &vec![b'9'; 300_000]].concat()),
-        ("many-columns.csv", text(&(0..20_000).map(|k| format!("c{k},")).collect::<String>())),
+        ("many-columns.csv", text(&(0..20_000).map(|k| format!("c{k}")).collect::<Vec<_>>().join(","))),
         ("quotes.csv", text("\"t_s\",\"p_x\n0,0\n")),
         ("format-2.toml", text("format = 2\nname = \"a\"\n")),
         ("format-only.toml", text("format = 1\n")),

@@ -54,7 +54,7 @@ fn a_new_way_takes_no_longer_than_there_is_time() {
 /// passes agreed, and the moment about the vertical, known to a hundredth, was taken for unknown, or for a fifth smaller than it is.
 #[test]
 fn a_moment_that_is_known_stays_known_on_the_table() {
-    for seed in [11, 14, 7715848437442780] {
+    for seed in [11, 14, 7_715_848_437_442_780] {
         let source = draw_mission(&ScenarioSource::find("granite-cargo").unwrap(), seed, 0.0).unwrap();
         let record = fly(&source, &options(seed), &mut NoHooks).unwrap();
         let truth = record.summary.parameters.iter().find(|row| row.name == "inertia_zz").unwrap().truth;
