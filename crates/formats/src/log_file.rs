@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// No log that comes through a pipe or out of a compressed file is longer, bytes.
-pub const LIMIT_BYTES: u64 = 16 << 30;
+const LIMIT_BYTES: u64 = 16 << 30;
 
 /// How often `progress` is told, bytes.
 const STEP_BYTES: u64 = 16 << 20;
@@ -33,7 +33,7 @@ impl LogFile {
     /// of such a log there are so far; of a pipe, first of all, that there is none yet: whoever is to write may keep it waiting.
     ///
     /// # Errors
-    /// [`FormatsError::Unreadable`], also for devices, for a terminal and for what is longer than [`LIMIT_BYTES`].
+    /// [`FormatsError::Unreadable`], also for devices, for a terminal and for what is longer than 16 GiB.
     pub fn of(named: &Path, progress: &mut dyn FnMut(u64)) -> Result<Self, FormatsError> {
         Self::within(named, LIMIT_BYTES, progress)
             .map_err(|source| FormatsError::Unreadable { path: named.into(), source })

@@ -33,8 +33,9 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         return Ok(Outcome::Achieved);
     }
     check_options(args)?;
-    let named = args.log.as_deref().map(log_file).transpose()?;
-    let args = &IdentifyArgs { log: named.as_ref().map(|log| log.path().to_owned()), ..args.clone() };
+    let named = args.log.as_deref();
+    let file = named.map(log_file).transpose()?;
+    let args = &IdentifyArgs { log: file.as_ref().map(|log| log.path().to_owned()), ..args.clone() };
     if args.arm.is_asked() {
         return identify_arm(args, robots);
     }
@@ -52,6 +53,9 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     };
     let motion = Motion::of(args)?;
     let mut log = Log::read(args, robots)?;
+    if let Some(named) = named {
+        log.source = named.display().to_string();
+    }
     if let (Some(motion), Some(estimator)) = (&motion, args.harmonic()) {
         match identify_periodic::run(args, motion, estimator, &log) {
             Err(TumbleError::Identification(reason)) if without_cycles(estimator, &reason) => {
