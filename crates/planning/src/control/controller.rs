@@ -3,6 +3,7 @@
 use super::MassInterval;
 use crate::belief::{ModelBelief, Plan};
 use crate::error::PlanningError;
+use core::fmt;
 use tumble_dynamics::{PoseReference, RigidBodyState};
 use tumble_lie::Wrench;
 
@@ -85,6 +86,20 @@ pub enum FallbackReason {
     NoReference,
 }
 
+impl fmt::Display for FallbackReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::IterationCap => f.write_str("the search for the best inputs was cut off"),
+            Self::Numerical => f.write_str("rounding spoiled the search"),
+            Self::OutsideTube { excess } => {
+                write!(f, "the robot is outside of its tube, by {:.1} % of its half-width", 100.0 * excess)
+            }
+            Self::Infeasible => f.write_str("no plan keeps every limit from here"),
+            Self::NoReference => f.write_str("there is nothing to follow"),
+        }
+    }
+}
+
 /// What a controller does where it cannot do what it should, in the order in which it is tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -95,6 +110,16 @@ pub enum Fallback {
     Restarted(FallbackReason),
     /// Braking with all the force there is, then holding; a new plan is needed.
     Braking(FallbackReason),
+}
+
+impl fmt::Display for Fallback {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Shifted(reason) => write!(f, "the last plan goes on: {reason}"),
+            Self::Restarted(reason) => write!(f, "planned anew from where the robot is: {reason}"),
+            Self::Braking(reason) => write!(f, "braking: {reason}"),
+        }
+    }
 }
 
 impl Fallback {

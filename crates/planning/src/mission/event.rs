@@ -1,6 +1,7 @@
 //! What the coordinator hears and what it answers.
 
 use crate::control::Adoption;
+use core::fmt;
 
 /// What happened, at a time of the mission.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -256,4 +257,39 @@ pub enum Note {
     Restarted,
     /// The time is up.
     OutOfTime,
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Stale => "an event from the past, or what is known already",
+            Self::Unasked { request } => {
+                return write!(f, "request {request}: an answer that is not wanted, or no longer");
+            }
+            Self::TooLate { request } => {
+                return write!(f, "request {request}: the answer came when it should have been flown already");
+            }
+            Self::Unsafe { request } => {
+                return write!(
+                    f,
+                    "request {request}: the plan hits something, or was checked in a world that is no more"
+                );
+            }
+            Self::Refused { request } => return write!(f, "request {request}: the planner found nothing"),
+            Self::Unanswered { request } => return write!(f, "request {request}: the planner did not answer"),
+            Self::RanOut => "no next stretch came in time: the robot stops",
+            Self::Blind => "measurements are missing for too long: the robot stops",
+            Self::Seeing => "there are measurements again",
+            Self::Astray => "the robot is too far from what is flown",
+            Self::Obstacle => "something is in the way",
+            Self::Contradiction { revision } => {
+                return write!(f, "belief {revision} cannot be, says the controller");
+            }
+            Self::Diverged => "the estimator has lost its way",
+            Self::BodyDoubtful => "another body moves here",
+            Self::ActuatorsDisagree => "the actuators do not do what they are told",
+            Self::Restarted => "the computer was off",
+            Self::OutOfTime => "the time is up",
+        })
+    }
 }

@@ -270,7 +270,7 @@ impl LoopObserver for Notes<'_> {
             self.asked.push((*request, self.events.len()));
         }
         let (kind, said) = match action {
-            Action::Note(note) => ("coordinator", format!("{note:?}")),
+            Action::Note(note) => ("coordinator", note.to_string()),
             Action::Stop => ("coordinator", "stop".to_owned()),
             Action::HoldHere => ("coordinator", "hold where the robot is".to_owned()),
             Action::RenewController => ("coordinator", "a new controller".to_owned()),
@@ -658,7 +658,7 @@ fn compare_promises(stretches: &mut [StretchRow], series: &Series) -> Promises {
 }
 
 fn fallback_row(spell: &FallbackSpell) -> FallbackRow {
-    FallbackRow { t_s: seconds(spell.from_ns), reason: format!("{:?}", spell.fallback) }
+    FallbackRow { t_s: seconds(spell.from_ns), reason: spell.fallback.to_string() }
 }
 
 /// Why a robot that ran out of time was waiting.

@@ -57,14 +57,16 @@ fn lost_m(record: &MissionRecord) -> f64 {
 #[test]
 fn planners_that_die_or_are_late_are_asked_again_and_nothing_expired_is_flown() {
     let record = arrives("iss-cargo", "planner:2", 1);
-    assert!(says(&record, "Refused") || says(&record, "Unanswered") || says(&record, "TooLate"));
+    assert!(
+        says(&record, "found nothing") || says(&record, "did not answer") || says(&record, "should have been flown")
+    );
 }
 
 #[test]
 fn a_computer_that_starts_anew_keeps_its_belief_and_builds_another_controller() {
     let record = arrives("granite-cargo", "power:3", 1);
-    assert!(says(&record, "Restarted") && says(&record, "a new controller"));
-    let restart = record.events.iter().rfind(|event| event.text.contains("Restarted")).unwrap();
+    assert!(says(&record, "the computer was off") && says(&record, "a new controller"));
+    let restart = record.events.iter().rfind(|event| event.text.contains("the computer was off")).unwrap();
     let since = |belief: &&tumble::mission::BeliefRow| belief.t_s > restart.t_s;
     assert!(record.beliefs.iter().filter(since).count() > 3, "beliefs go on after it");
     assert!(record.beliefs.is_sorted_by(|a, b| a.revision < b.revision));
@@ -74,7 +76,7 @@ fn a_computer_that_starts_anew_keeps_its_belief_and_builds_another_controller() 
 fn an_obstacle_that_shows_up_late_stops_the_robot() {
     for scenario in ["iss-cargo", "granite-cargo"] {
         let record = flown_with(scenario, "nominal", "late-obstacle:1", 1);
-        assert!(says(&record, "Obstacle") && says(&record, "stop"));
+        assert!(says(&record, "something is in the way") && says(&record, "stop"));
         assert!(record.summary.unavoidable().is_none(), "{:?}", record.summary.warnings);
         assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m > 0.01));
         // half a second before the contact nothing can be done but to brake, and that is said
@@ -86,8 +88,8 @@ fn an_obstacle_that_shows_up_late_stops_the_robot() {
 #[test]
 fn a_nozzle_that_does_not_obey_is_not_taken_for_another_body_again_and_again() {
     let record = arrives("iss-cargo", "nozzle:2", 1);
-    assert!(says(&record, "ActuatorsDisagree") && says(&record, "less is believed of the thrust"));
-    let stops = record.events.iter().filter(|event| event.text == "BodyDoubtful").count();
+    assert!(says(&record, "the actuators do not do") && says(&record, "less is believed of the thrust"));
+    let stops = record.events.iter().filter(|event| event.text == "another body moves here").count();
     assert!((1..=5).contains(&stops), "{stops}");
     // a nozzle that stays open pushes for good: asked for less elsewhere, the robot does not live outside of its tube
     assert!(record.summary.fallbacks.len() < 30, "{}", record.summary.fallbacks.len());
@@ -147,7 +149,7 @@ fn a_mission_that_nothing_is_wrong_with_ends_without_a_doubt() {
 #[test]
 fn estimates_from_elsewhere_are_not_believed_until_the_rule_says_so() {
     let record = arrives("granite-cargo", "jump:3", 1);
-    assert!(says(&record, "the localisation moved for good") && !says(&record, "BodyDoubtful"));
+    assert!(says(&record, "the localisation moved for good") && !says(&record, "another body moves here"));
 }
 
 #[test]
