@@ -76,9 +76,15 @@ impl LogFile {
         let whole = io::Cursor::new(head).chain(source);
         let mut plain: Box<dyn Read> =
             if is_compressed { Box::new(MultiGzDecoder::new(whole)) } else { Box::new(whole) };
-        let copy = COPIES.fetch_add(1, Ordering::Relaxed);
-        let folder = std::env::temp_dir().join(format!("tumble-{}-{copy}", std::process::id()));
-        fs::create_dir(&folder)?;
+        let folder = loop {
+            let copy = COPIES.fetch_add(1, Ordering::Relaxed);
+            let folder = std::env::temp_dir().join(format!("tumble-{}-{copy}", std::process::id()));
+            match fs::create_dir(&folder) {
+                // Left by a process of this number that was killed.
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                created => break created.map(|()| folder)?,
+            }
+        };
         // From here on the folder is removed, whatever comes.
         let name = if named.extension().is_some_and(|extension| extension == "gz") {
             named.file_stem()

@@ -298,14 +298,16 @@ impl<R: Read> Read for BoundedRows<R> {
             return Ok(0);
         }
         let count = self.inner.read(buffer)?;
-        for (byte, place) in buffer.iter_mut().take(count).zip(self.bytes..) {
-            if let Some(head) = usize::try_from(place).ok().and_then(|place| self.head.get_mut(place)) {
-                *head = *byte;
-                if matches!(self.head, [0xff, 0xfe] | [0xfe, 0xff]) {
-                    let why = "UTF-16 text; save it as UTF-8";
-                    return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, why));
-                }
-            }
+        let read = buffer.get_mut(..count).unwrap_or_default();
+        let begun = usize::try_from(self.bytes).unwrap_or(usize::MAX);
+        for (head, byte) in self.head.iter_mut().skip(begun).zip(&*read) {
+            *head = *byte;
+        }
+        if matches!(self.head, [0xff, 0xfe] | [0xfe, 0xff]) {
+            let why = "UTF-16 text; save it as UTF-8";
+            return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, why));
+        }
+        for byte in read {
             self.dialect.plain(byte);
         }
         for line in buffer.get(..count).unwrap_or_default().split_inclusive(|byte| *byte == b'\n') {
@@ -362,6 +364,15 @@ pub fn cut_warning(path: &Path) -> Option<String> {
 mod tests {
     use super::*;
 
+    fn table(text: &str, capacity: usize) -> csv::Reader<BoundedRows<&[u8]>> {
+        csv::ReaderBuilder::new()
+            .has_headers(false)
+            .quoting(false)
+            .comment(Some(b'#'))
+            .buffer_capacity(capacity)
+            .from_reader(BoundedRows::new(text.as_bytes()))
+    }
+
     #[test]
     fn dialects_are_told_apart() {
         let plain = [["t_s", "p_x", "note"], ["0.016", "-1.5e-3", "a b"]];
@@ -373,13 +384,7 @@ mod tests {
             "\"t_s\";\"p_x\";\"note\"\n\"0,016\";-1,5e-3;\"a;b\n",
         ] {
             for capacity in [4, 7, 64] {
-                let mut records = csv::ReaderBuilder::new()
-                    .has_headers(false)
-                    .quoting(false)
-                    .comment(Some(b'#'))
-                    .buffer_capacity(capacity)
-                    .from_reader(BoundedRows::new(text.as_bytes()));
-                let mut record = csv::ByteRecord::new();
+                let (mut records, mut record) = (table(text, capacity), csv::ByteRecord::new());
                 for row in plain {
                     assert!(read_row(&mut records, &mut record, Path::new("rows.csv")).unwrap(), "{text}");
                     let cells: Vec<String> = record
@@ -404,12 +409,7 @@ mod tests {
             ("\r\n# what\r\n\r\na,b\r\n# why\r\n# how\r\n1,2\r\n\r\n\r\n3,4\r\n\r\n", [4, 7, 10]),
         ] {
             for capacity in [1, 2, 3, 7, 64] {
-                let mut records = csv::ReaderBuilder::new()
-                    .has_headers(false)
-                    .quoting(false)
-                    .comment(Some(b'#'))
-                    .buffer_capacity(capacity)
-                    .from_reader(BoundedRows::new(text.as_bytes()));
+                let mut records = table(text, capacity);
                 let (mut record, mut lines) = (csv::ByteRecord::new(), Vec::new());
                 while read_row(&mut records, &mut record, Path::new("rows.csv")).unwrap() {
                     lines.push(record.position().unwrap().line());

@@ -33,16 +33,19 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         return Ok(Outcome::Achieved);
     }
     check_options(args)?;
+    if !args.arm.is_asked() {
+        if let (Some(throw), Some(calibration)) = (&args.wheel, &args.calibration) {
+            return super::calibrate_wheel::identify_throw(throw, calibration, args.mass, args.json);
+        }
+        // Before a pipe is waited for, and by the names that were given: a copy of the log is not the log.
+        check_outputs(args)?;
+    }
     let named = args.log.as_deref();
     let file = named.map(log_file).transpose()?;
     let args = &IdentifyArgs { log: file.as_ref().map(|log| log.path().to_owned()), ..args.clone() };
     if args.arm.is_asked() {
         return identify_arm(args, robots);
     }
-    if let (Some(throw), Some(calibration)) = (&args.wheel, &args.calibration) {
-        return super::calibrate_wheel::identify_throw(throw, calibration, args.mass, args.json);
-    }
-    check_outputs(args)?;
     let settings = Settings {
         method: args.of_samples(),
         wrench_timing: args.wrench.into(),

@@ -770,6 +770,12 @@ fn a_log_is_read_however_it_comes() {
         assert_eq!(output.status.code(), Some(0), "{name}: {}", stderr(&output));
         assert_eq!(fs::read_to_string(&back).unwrap().lines().count(), text.lines().count(), "{name}");
     }
+    // A packed log is an input by its own name, not by that of its copy.
+    let packed = folder.join("body.toml");
+    fs::copy(folder.join("packed.csv.gz"), &packed).unwrap();
+    let packed = packed.to_str().unwrap();
+    let output = tumble(&["identify", packed, "--export", packed, "--force"]);
+    assert!(output.status.code() == Some(2) && stderr(&output).contains("an input of this run"), "{}", stderr(&output));
     let piped = |named: &str, bytes: &[u8]| {
         let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_tumble"))
             .args(["identify", named, "--json"])

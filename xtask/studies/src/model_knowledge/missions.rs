@@ -28,7 +28,7 @@ struct Place {
 }
 
 /// What information is worth: claims are made of what scenarios say, what RATTLE's own planners ask for is shown.
-const WEIGHTS: [Option<f64>; 4] = [None, Some(100.0), Some(30.0), Some(10.0)];
+const WEIGHTS: [Option<f64>; 2] = [None, Some(100.0)];
 
 const PLACES: [Place; 2] = [
     Place { scenario: "iss-cargo", seen: &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9], moments: &[4, 5], lower: 0.75 },
