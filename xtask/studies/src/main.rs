@@ -150,7 +150,7 @@ const STUDIES: &[Program] = &[
     ("information-bought", &["--json", "--runs", "--out", "--way"], information_bought::run),
     ("flight-estimator", &["--runs", "--only"], flight_estimator::run),
     ("model-knowledge", &["--seeds", "--only"], model_knowledge::run),
-    ("faults", &["--missions", "--seeds", "--only"], faults::run),
+    ("faults", &["--missions", "--seeds", "--only", "--sensing"], faults::run),
     ("attitude-certificate", &["--runs"], attitude_certificate::run),
     ("throws", &["--data"], throw_terms::run),
     ("real-sensors", &["--seeds", "--first", "--only"], real_sensors::run),
