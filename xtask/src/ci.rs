@@ -67,6 +67,7 @@ const STEPS: &[Step] = &[
         "ninety missions with drawn payloads and beliefs, with three kinds of sensors: all arrive, touch nothing and are not doubted",
         drawn_missions,
     ),
+    full("pages", "a page of every kind in a real browser, where one is at hand", crate::report_check::step),
     beside("cluster", "a campaign in sixteen parts, one killed, is the campaign flown at once", cluster::step),
     full("packages", "what would be published, unpacked: it and its tests compile", packages::check),
     always("deny", "bans, licences, sources", deny),

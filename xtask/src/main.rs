@@ -19,7 +19,7 @@ cargo xtask <command>
   freeze                                  the hashes that the step `determinism` wants, from an optimised build
   mutants [--only TEXT] [--list]          planted source changes; the tests must kill every one
   fuzz [--seconds N] [TARGET]...           the parsers, on bytes that a fuzzer makes up (cargo-fuzz, nightly compiler)
-  report-check [FILE] [--screenshots DIR] a mission report (or two samples) in a real headless browser, cut off from every network
+  report-check [FILE...] [--screenshots DIR] pages of results (of every kind where none is named) in a real headless browser, cut off from every network
   cluster-test                            a campaign in sixteen parts, one killed; in Slurm too where that is installed
   bench [--json] [--only TEXT] [--data DIR] [--sweeps N]
                                           speed on the frozen peer problems (target-cpu=native)

@@ -2449,7 +2449,7 @@ const MUTANTS: &[Mutant] = &[
     },
     Mutant {
         name: "report: text of the record taken for elements",
-        file: "crates/tumble/src/mission_report/text.rs",
+        file: "crates/tumble/src/page/text.rs",
         original: "'<' => page.push_str(\"&lt;\")",
         replacement: "'<' => page.push('<')",
         test: "-p tumble --test suite mission_report::hostile_names",
@@ -2464,16 +2464,37 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "report: error told in units instead of standard deviations",
         file: "crates/tumble/src/mission_report/tables.rs",
-        original: "number(error / row.sigma, 2)",
-        replacement: "number(error, 2)",
+        original: "number((row.estimate - row.truth) / row.sigma, 2)",
+        replacement: "number(row.estimate - row.truth, 2)",
         test: "-p tumble --test suite mission_report::errors_are_told",
     },
     Mutant {
         name: "report: logarithmic plots drawn linearly",
-        file: "crates/tumble/src/mission_report/plot.rs",
+        file: "crates/tumble/src/page/chart.rs",
         original: "libm::log10(value)",
         replacement: "value",
         test: "-p tumble --test suite mission_report::predicted_information",
+    },
+    Mutant {
+        name: "page: the wrench of a node is that of its first row",
+        file: "crates/tumble/src/report_page.rs",
+        original: "sum.force + wrench.force",
+        replacement: "wrench.force",
+        test: "-p tumble --lib report_page",
+    },
+    Mutant {
+        name: "page: what is left is correlated with itself only",
+        file: "crates/tumble/src/report_page.rs",
+        original: "values.iter().skip(lag)",
+        replacement: "values.iter()",
+        test: "-p tumble --lib report_page",
+    },
+    Mutant {
+        name: "page: a plan's page tells how long this machine took",
+        file: "crates/tumble/src/cli/plan.rs",
+        original: "let shown = table(args, source, problem, answer, rows, None);",
+        replacement: "let shown = table(args, source, problem, answer, rows, Some(times));",
+        test: "-p tumble --test suite plan_command::the_same_seed",
     },
     Mutant {
         name: "campaign: a mission's seed follows from its row, not from its number",
@@ -2723,9 +2744,16 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "mission: the body is blamed for its actuators",
         file: "crates/planning/src/mission/coordinator.rs",
-        original: "if is_again {",
-        replacement: "if is_again && self.requests == u64::MAX {",
+        original: "if self.is_doubted_again() {\n            actions",
+        replacement: "if self.is_doubted_again() && self.requests == u64::MAX {\n            actions",
         test: "-p tumble-planning --test suite coordinator::a_body_that_is_doubted_again",
+    },
+    Mutant {
+        name: "coordinator: what no other body explains is never held against the thrust",
+        file: "crates/planning/src/mission/coordinator.rs",
+        original: "if self.is_doubted_again() {\n                    self.doubt_actuators(actions);",
+        replacement: "if false {\n                    self.doubt_actuators(actions);",
+        test: "-p tumble-planning --test suite coordinator::a_body_that_was_doubted_and",
     },
     Mutant {
         name: "flight estimator: a doubted wrench is believed",

@@ -1,4 +1,4 @@
-//! `cargo xtask report-check [FILE]`: a mission report in a real browser that cannot reach anything.
+//! `cargo xtask report-check [FILE...]`: pages of results in a real browser that cannot reach anything; of every kind where none is named.
 //!
 //! The page has a mode in which it looks at itself; this program starts the browser, asks for the outcome in every window that
 //! matters, and adds what only the browser knows: errors on its console, requests, and whether the picture differs in time.
@@ -29,23 +29,40 @@ const SETTINGS: [Setting; 4] = [
     Setting { name: "desktop-dark", width: 1366, height: 900, scheme: "dark", motion: "no-preference" },
 ];
 
+/// Largest page, bytes.
+const LARGEST: u64 = 1_500_000;
+
+/// The commands that write a page of each kind, without their `--out`.
+const KINDS: [(&str, &str); 10] = [
+    ("identify", "identify --demo"),
+    ("excite", "excite --fly"),
+    ("plan", "plan iss-slalom"),
+    ("no-plan", "plan iss-slalom --budget 1"),
+    ("plan-local", "plan infoplan --local"),
+    ("simulate", "simulate tube-slalom"),
+    ("campaign", "campaign iss-cargo granite-cargo --missions 2"),
+    ("fly", "fly iss-cargo"),
+    ("fly-granite", "fly granite-cargo"),
+    ("fly-doubted", "fly iss-cargo --fault nozzle:1"),
+];
+
 /// How long a page may take to look at itself.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 pub fn main(arguments: &[String]) -> ExitCode {
-    let (mut file, mut pictures) = (None, None);
+    let (mut files, mut pictures) = (Vec::new(), None);
     let mut words = arguments.iter();
     while let Some(word) = words.next() {
         match word.as_str() {
             "--screenshots" => pictures = words.next().map(PathBuf::from),
             option if option.starts_with('-') => {
-                eprintln!("unknown option `{option}`: cargo xtask report-check [FILE] [--screenshots DIR]");
+                eprintln!("unknown option `{option}`: cargo xtask report-check [FILE...] [--screenshots DIR]");
                 return ExitCode::from(2);
             }
-            path => file = Some(PathBuf::from(path)),
+            path => files.push(PathBuf::from(path)),
         }
     }
-    match run(file.as_deref(), pictures.as_deref()) {
+    match run(&files, pictures.as_deref()) {
         Outcome::Ok => ExitCode::SUCCESS,
         Outcome::Skipped(reason) => {
             println!("skipped: {reason}");
@@ -58,23 +75,29 @@ pub fn main(arguments: &[String]) -> ExitCode {
     }
 }
 
-fn run(file: Option<&Path>, pictures: Option<&Path>) -> Outcome {
+/// As a step of continuous integration: every kind of page, where a browser is at hand.
+pub fn step() -> Outcome {
+    run(&[], None)
+}
+
+fn run(files: &[PathBuf], pictures: Option<&Path>) -> Outcome {
     let Some(program) = browser::find() else {
         let reason = "no browser (set TUMBLE_BROWSER, or install Chromium)".to_owned();
         let is_required = std::env::var_os("TUMBLE_REQUIRE_BROWSER").is_some_and(|value| value == "1");
         return if is_required { Outcome::Failed(reason) } else { Outcome::Skipped(reason) };
     };
-    match check(&program, file, pictures) {
+    match check(&program, files, pictures) {
         Ok(findings) if findings.is_empty() => Outcome::Ok,
         Ok(findings) => Outcome::Failed(findings.join("\n")),
         Err(error) => Outcome::Failed(error),
     }
 }
 
-/// The files to look at: the one named, or reports of missions that were never flown, in space and on a table.
-fn reports(file: Option<&Path>) -> Result<Vec<PathBuf>, String> {
-    if let Some(path) = file {
-        return Ok(vec![path.canonicalize().map_err(|error| format!("{}: {error}", path.display()))?]);
+/// The files to look at: those named, or one of each kind, and reports of missions that were never flown, in space and on a table.
+fn reports(files: &[PathBuf]) -> Result<Vec<PathBuf>, String> {
+    let whole = |path: &PathBuf| path.canonicalize().map_err(|error| format!("{}: {error}", path.display()));
+    if !files.is_empty() {
+        return files.iter().map(whole).collect();
     }
     let folder = target_dir().join("report-check");
     std::fs::create_dir_all(&folder).map_err(|error| error.to_string())?;
@@ -86,23 +109,47 @@ fn reports(file: Option<&Path>) -> Result<Vec<PathBuf>, String> {
         if !status.success() {
             return Err("the sample report cannot be written".into());
         }
-        written.push(path.canonicalize().map_err(|error| error.to_string())?);
+        written.push(whole(&path)?);
+    }
+    for (kind, arguments) in KINDS {
+        let out = folder.join(kind);
+        let mut command = cargo("run --quiet --package tumble --");
+        command.args(arguments.split(' ')).arg("--force").arg("--out").arg(&out);
+        // What is asked for may not be achieved; the page says so.
+        let ended = command.output().map_err(|error| error.to_string())?;
+        if !matches!(ended.status.code(), Some(0 | 3)) {
+            return Err(format!("tumble {arguments}: {}", String::from_utf8_lossy(&ended.stderr)));
+        }
+        // A name for each, by which findings and pictures are told apart.
+        let path = folder.join(format!("{kind}.html"));
+        std::fs::copy(out.join("report.html"), &path).map_err(|error| format!("tumble {arguments}: {error}"))?;
+        written.push(whole(&path)?);
     }
     Ok(written)
 }
 
-fn check(program: &Path, file: Option<&Path>, pictures: Option<&Path>) -> Result<Vec<String>, String> {
+/// What tells a page from the others: pages in folders of results have one name.
+fn name_of(report: &Path) -> String {
+    let stem = report.file_stem().unwrap_or_default();
+    let named = if stem == "report" { report.parent().and_then(Path::file_name).unwrap_or(stem) } else { stem };
+    named.to_string_lossy().into_owned()
+}
+
+fn check(program: &Path, files: &[PathBuf], pictures: Option<&Path>) -> Result<Vec<String>, String> {
     let mut findings = Vec::new();
     let browser = Browser::start(program)?;
-    for report in reports(file)? {
+    for report in reports(files)? {
+        let bytes = std::fs::metadata(&report).map_err(|error| error.to_string())?.len();
+        if bytes > LARGEST {
+            findings.push(format!("{}: {bytes} bytes", report.display()));
+        }
         for setting in &SETTINGS {
             let started = Instant::now();
             let mut page = browser.page()?;
-            let name = format!("{} ({})", report.file_name().unwrap_or_default().to_string_lossy(), setting.name);
+            let name = format!("{} ({})", name_of(&report), setting.name);
             let found = look(&mut page, &report, setting)?;
             if let Some(folder) = pictures {
-                let stem = report.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                page.screenshot(&folder.join(format!("{stem}-{}.png", setting.name)))?;
+                page.screenshot(&folder.join(format!("{}-{}.png", name_of(&report), setting.name)))?;
             }
             println!(
                 "{name}: {} in {:.1} s",
@@ -132,6 +179,9 @@ fn look(page: &mut Page, report: &Path, setting: &Setting) -> Result<Vec<String>
     let mut findings = page.troubles();
     if !outcome.starts_with(&format!("self-test at {} px: passed", setting.width)) {
         findings.extend(outcome.lines().filter(|line| *line != "end of self-test").map(str::to_owned));
+    }
+    if page.evaluate("typeof missionPage")? != "object" {
+        return Ok(findings);
     }
     // Not by the page's own word: two moments must look different from outside as well.
     page.evaluate(

@@ -11,11 +11,11 @@
 mod analysis;
 mod execute;
 mod factors;
-mod figures;
 mod flights;
 mod folder;
 mod journal;
 mod merge;
+mod page;
 #[cfg(feature = "parquet")]
 mod parquet_file;
 mod plan;

@@ -34,6 +34,7 @@ mod columns;
 mod commanded_nozzles;
 pub mod convert;
 pub mod excite;
+mod excite_page;
 #[cfg(feature = "astrobee")]
 mod flown_sensing;
 #[cfg(feature = "astrobee")]
@@ -62,13 +63,15 @@ mod plan_local;
 #[cfg(feature = "astrobee")]
 mod plan_local_check;
 #[cfg(feature = "astrobee")]
-mod plan_local_figure;
+mod plan_local_page;
 #[cfg(feature = "astrobee")]
 mod plan_local_report;
 #[cfg(feature = "astrobee")]
 mod plan_local_solve;
 #[cfg(feature = "astrobee")]
 mod plan_options;
+#[cfg(feature = "astrobee")]
+mod plan_page;
 #[cfg(feature = "astrobee")]
 pub mod realize;
 pub mod sample;
@@ -80,6 +83,8 @@ mod sensing_check;
 pub mod simulate;
 #[cfg(feature = "astrobee")]
 mod simulate_control;
+#[cfg(feature = "astrobee")]
+mod simulate_page;
 
 /// How a command ended when nothing was wrong with its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

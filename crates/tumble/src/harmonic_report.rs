@@ -1,18 +1,23 @@
 //! The result of identification from a periodic motion, as people and programs read it.
 
 use crate::TumbleError;
-use crate::figure::{Curve, Figure};
 use crate::flight_log::nanoseconds;
 use crate::output::OutputFolder;
+use crate::page::Tone;
+use crate::page::chart::{Axis, Chart};
 use crate::report::{
-    Context, JsonBody, Shown, body_table, draw_residuals, json_body, pseudo_inertia_min_eigenvalue, reference_json,
-    timing_name, words, worst_std, write_html,
+    self, Context, JsonBody, body_table, json_body, pseudo_inertia_min_eigenvalue, reference_json, timing_name, words,
+    worst_std,
 };
+use crate::report_page::{self, Shown};
 use std::fmt::Write as _;
-use tumble_dynamics::nalgebra::SMatrix;
+use tumble_dynamics::nalgebra::{SMatrix, Vector6};
 use tumble_identification::estimator::Verdict;
-use tumble_identification::harmonics::{HarmonicEstimator, HarmonicIdentification, HarmonicSettings, HarmonicWarning};
+use tumble_identification::harmonics::{
+    HarmonicCandidate, HarmonicEstimator, HarmonicIdentification, HarmonicSettings, HarmonicWarning,
+};
 use tumble_identification::{BodyScale, Estimate, NodeResidual, NullDirection};
+use tumble_lie::Wrench;
 
 /// The name of an estimator on the command line and in JSON.
 pub fn estimator_name(estimator: HarmonicEstimator) -> &'static str {
@@ -174,7 +179,7 @@ pub fn json(
         },
         "warnings": warnings(found, context),
     });
-    add(&mut all, serde_json::to_value(json_body(&found.estimate, &Shown::ALL)).unwrap_or_default());
+    add(&mut all, serde_json::to_value(json_body(&found.estimate, &report::Shown::ALL)).unwrap_or_default());
     if let Some(reference) = reference_json(&found.estimate, context) {
         all["reference"] = serde_json::to_value(reference).unwrap_or_default();
     }
@@ -216,38 +221,58 @@ pub fn unidentified_json(
     all
 }
 
-/// Draws residuals and selection, and writes the page that holds them with the table.
+/// Writes the page, and the charts that are files too.
 ///
 /// # Errors
-/// [`TumbleError`] when a picture or file cannot be written.
+/// [`TumbleError`] when a file cannot be written.
 pub fn write_page(
     folder: &OutputFolder,
     found: &HarmonicIdentification,
+    context: &Context,
+    samples: usize,
     table: &str,
-    warnings: &[String],
-    json_text: &str,
+    json: &str,
 ) -> Result<(), TumbleError> {
-    draw_residuals(folder, &residuals(found))?;
-    let curve = |name, pick: &dyn Fn(usize) -> f64| Curve {
-        name,
-        points: (0..found.selection.len()).map(|i| (found.selection[i].harmonics as f64, pick(i))).collect(),
+    let curve = |name: &'static str, pick: &dyn Fn(&HarmonicCandidate) -> f64| -> (_, Vec<[f64; 2]>) {
+        let least = found.selection.iter().map(pick).fold(f64::INFINITY, f64::min).max(f64::MIN_POSITIVE);
+        (name, found.selection.iter().map(|candidate| [candidate.harmonics as f64, pick(candidate) / least]).collect())
     };
-    let least = |pick: &dyn Fn(usize) -> f64| {
-        (0..found.selection.len()).map(pick).fold(f64::INFINITY, f64::min).max(f64::MIN_POSITIVE)
+    let curves = [curve("wrench", &|of| of.normalised_residual), curve("power", &|of| of.power_residual_w)];
+    let selection =
+        Chart::of_curves("harmonics", "Residual over its least", "", Axis::named("number of harmonics", ""), curves);
+    let residuals = residuals(found);
+    let said = verdict(found);
+    let first = said.lines().next().unwrap_or_default().trim_start_matches("verdict: ");
+    let shown = Shown {
+        tone: match found.verdict {
+            Verdict::Identified => Tone::Good,
+            Verdict::NoBodyExplains { .. } => Tone::Bad,
+            _ => Tone::Doubted,
+        },
+        verdict: first.to_owned(),
+        method: estimator_name(found.estimator),
+        samples: samples_used(found, samples),
+        body: Some((&found.estimate, vec![true; 10])),
+        explained: Some(found.explained),
+        applied: found
+            .record
+            .times_s()
+            .iter()
+            .enumerate()
+            .map(|(i, _)| Some(wrench(&found.record.wrench(i))))
+            .collect(),
+        residuals: &residuals,
+        open: Vec::new(),
+        warnings: warnings(found, context),
+        more: vec![selection],
+        trial: None,
     };
-    let wrench = |i: usize| found.selection[i].normalised_residual;
-    let power = |i: usize| found.selection[i].power_residual_w;
-    let (least_wrench, least_power) = (least(&wrench), least(&power));
-    Figure {
-        title: "Residuals against the number of harmonics, each over its least",
-        x_label: "harmonics",
-        y_label: "residual over the least",
-        curves: vec![curve("wrench", &|i| wrench(i) / least_wrench), curve("power", &|i| power(i) / least_power)],
-        band: None,
-        equal_scales: false,
-    }
-    .draw(&folder.file("harmonics.svg"))?;
-    write_html(folder, table, warnings, &["harmonics.svg", "residual_force.svg", "residual_torque.svg"], json_text)
+    report_page::write(folder, shown, context, table, json)
+}
+
+/// `[torque; force]` as a wrench.
+fn wrench(stacked: &Vector6<f64>) -> Wrench<f64> {
+    Wrench::new(stacked.fixed_rows::<3>(0).into_owned(), stacked.fixed_rows::<3>(3).into_owned())
 }
 
 /// What the body leaves unexplained of the averaged wrench, sample by sample of one period.

@@ -10,7 +10,6 @@ pub mod campaign;
 pub mod cli;
 pub mod demo;
 mod error;
-pub mod figure;
 pub mod flight_log;
 pub mod harmonic_report;
 #[cfg(feature = "astrobee")]
@@ -18,8 +17,10 @@ pub mod mission;
 #[cfg(feature = "astrobee")]
 pub mod mission_report;
 pub mod output;
+mod page;
 mod program;
 pub mod report;
+mod report_page;
 pub mod robots;
 #[cfg(feature = "astrobee")]
 pub mod scenario;

@@ -4,19 +4,18 @@
 //! record itself, from which [`record_of`] reads it back.
 
 mod data;
-mod plot;
 mod plots;
+mod story;
 mod tables;
-mod text;
 
 use crate::TumbleError;
 use crate::mission::MissionRecord;
+use crate::page;
 
 pub use data::record_of;
 
-const STYLE: &str = include_str!("mission_report/page.css");
-const SCRIPT: &str = include_str!("mission_report/page.js");
-const SELF_TEST: &str = include_str!("mission_report/self_test.js");
+const PLAYBACK: &str = include_str!("mission_report/playback.js");
+const PLAYBACK_TEST: &str = include_str!("mission_report/playback_test.js");
 const VIEWER: &str = include_str!("mission_report/viewer.html");
 
 /// The report of a mission: one self-contained page that holds the record itself.
@@ -27,32 +26,21 @@ const VIEWER: &str = include_str!("mission_report/viewer.html");
 /// [`FormatsError::NotHeld`](tumble_formats::FormatsError::NotHeld): a number that is not finite, which the embedded data cannot hold.
 pub fn html(record: &MissionRecord) -> Result<String, TumbleError> {
     let data = data::script(record)?;
-    let name = text::escaped(&record.summary.scenario);
-    let mut page = String::with_capacity(data.len() + (1 << 20));
-    page.push_str("<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/>\n<title>");
-    page.push_str(&name);
-    page.push_str(
-        " – mission report</title>\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
-         <meta name=\"color-scheme\" content=\"light dark\"/>\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'\"/>\n\
-         <style>\n",
-    );
-    page.push_str(STYLE);
-    page.push_str("</style></head>\n<body>\n<main>\n");
+    let mut page = page::opened(&format!("{} – mission report", record.summary.scenario));
     tables::header(&mut page, record);
     tables::tiles(&mut page, record);
     let (before, after) = VIEWER.split_once("<!--strip-->").unwrap_or((VIEWER, ""));
     page.push_str(before);
     plots::strip(&mut page, record);
     page.push_str(after);
-    tables::parameters(&mut page, &record.summary);
+    tables::parameters(&mut page, record);
     plots::write(&mut page, record);
     tables::happenings(&mut page, record);
-    page.push_str("</main>\n");
-    page.push_str(&data);
-    page.push_str("\n<script>\n");
-    page.push_str(SCRIPT);
-    page.push_str(SELF_TEST);
-    page.push_str("</script>\n</body></html>\n");
+    page::closed(&mut page, &data, &[PLAYBACK, PLAYBACK_TEST].concat());
     Ok(page)
+}
+
+/// Pictures of a mission as files of their own, with their names: the way from above, and what the mass was taken for.
+pub fn pictures(record: &MissionRecord) -> [(String, String); 2] {
+    plots::pictures(record).map(|chart| (format!("{}.svg", chart.id), chart.file()))
 }

@@ -167,7 +167,7 @@ fn is_result_folder(path: &Path) -> bool {
 /// The file by which a result folder is known.
 pub const RUN_RECORD: &str = "run.json";
 /// Everything that lies in a result folder.
-const RESULT_FILES: [&str; 50] = [
+const RESULT_FILES: [&str; 55] = [
     RUN_RECORD,
     "result.json",
     "body.toml",
@@ -218,6 +218,11 @@ const RESULT_FILES: [&str; 50] = [
     "clearance.svg",
     "tracking_error.svg",
     "mission_time.svg",
+    "impulse.svg",
+    "error_mass.svg",
+    "error_inertia_zz.svg",
+    "attitude_error.svg",
+    "sensing.json",
 ];
 
 /// The first of `base`, `base-2`, `base-3`, ... where nothing is yet.

@@ -1,21 +1,22 @@
 //! A result as people and programs read it: table, JSON, residual plots, one offline page.
 
 use crate::TumbleError;
-use crate::figure::{Curve, Figure, SINCE_START};
 use crate::output::OutputFolder;
+use crate::page::Tone;
+use crate::report_page::{self, Trial};
 use serde::Serialize;
 use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::{Matrix3, Vector3};
 use tumble_dynamics::{InertialParameters, PARAMETER_NAMES, PARAMETER_UNITS};
-use tumble_formats::FormatsError;
 use tumble_formats::actuator_file::ActuatorFile;
 use tumble_formats::body_file::BodyFile;
 use tumble_formats::log::seconds;
 use tumble_identification::estimator::{Verdict, Why};
 use tumble_identification::{
-    Difference, Estimate, FoundFactor, FoundThrusters, Identification, MAXIMUM_LIKELIHOOD, NodeResidual,
-    NuisanceEstimate, NullDirection, PartChange, Prediction, StandardDeviations, Validation, WEAK_FORM, WrenchTiming,
+    Difference, Estimate, FoundFactor, FoundThrusters, Identification, MAXIMUM_LIKELIHOOD, NuisanceEstimate,
+    NullDirection, PartChange, Prediction, StandardDeviations, Validation, WEAK_FORM, WrenchTiming,
 };
+use tumble_lie::Wrench;
 
 /// The name of a wrench timing on the command line and in JSON.
 pub fn timing_name(timing: WrenchTiming) -> &'static str {
@@ -29,15 +30,15 @@ pub fn timing_name(timing: WrenchTiming) -> &'static str {
 const INERTIA_PLACES: [[usize; 3]; 3] = [[4, 7, 8], [7, 5, 9], [8, 9, 6]];
 
 /// One of the ten numbers that people compare: mass, centre of mass, inertia about it.
-struct Quantity {
-    name: &'static str,
+pub(crate) struct Quantity {
+    pub name: &'static str,
     json: (&'static str, usize, usize),
-    unit: &'static str,
-    value: f64,
-    std: f64,
+    pub unit: &'static str,
+    pub value: f64,
+    pub std: f64,
 }
 
-fn quantities(body: &InertialParameters<f64>, std: &StandardDeviations) -> Vec<Quantity> {
+pub(crate) fn quantities(body: &InertialParameters<f64>, std: &StandardDeviations) -> Vec<Quantity> {
     let (com, inertia) = (body.center_of_mass(), body.inertia_about_com());
     let mut list =
         vec![Quantity { name: "mass", json: ("mass", 0, 0), unit: "kg", value: body.mass, std: std.mass_kg }];
@@ -343,7 +344,7 @@ fn doubt(why: Why, widest: &str) -> String {
     }
 }
 
-fn verdict(found: &Identification, context: &Context) -> String {
+pub(crate) fn verdict(found: &Identification, context: &Context) -> String {
     let mut text = String::new();
     if let Some(estimate) = &found.estimate {
         let margin = pseudo_inertia_min_eigenvalue(&estimate.parameters);
@@ -414,7 +415,7 @@ fn verdict(found: &Identification, context: &Context) -> String {
 }
 
 /// One sigma relative to the body's own scale: mass, radius of gyration, mean principal inertia.
-fn relative_std(body: &InertialParameters<f64>, quantity: &Quantity) -> f64 {
+pub(crate) fn relative_std(body: &InertialParameters<f64>, quantity: &Quantity) -> f64 {
     let mean_inertia = body.inertia_about_com().trace() / 3.0;
     match quantity.json.0 {
         "mass" => quantity.std / body.mass,
@@ -829,72 +830,40 @@ pub fn json(found: &Identification, context: &Context) -> Json {
     }
 }
 
-/// Draws the residual plots and writes the page that holds table and plots.
+/// Writes the page, and the charts that are files too; `applied` is the logged wrench at the residuals' nodes.
 ///
 /// # Errors
-/// [`TumbleError`] when a picture or file cannot be written.
-pub fn write_page(
+/// [`TumbleError`] when a file cannot be written.
+pub(crate) fn write_page(
     folder: &OutputFolder,
     found: &Identification,
     context: &Context,
+    applied: Vec<Option<Wrench<f64>>>,
+    trial: Option<Trial>,
     json_text: &str,
 ) -> Result<(), TumbleError> {
-    draw_residuals(folder, &found.residuals)?;
-    let pictures = ["residual_force.svg", "residual_torque.svg"];
-    write_html(folder, &table(found, context), &warnings(found, context), &pictures, json_text)
-}
-
-/// Draws `residual_force.svg` and `residual_torque.svg`.
-pub(crate) fn draw_residuals(folder: &OutputFolder, residuals: &[NodeResidual]) -> Result<(), TumbleError> {
-    let start_ns = residuals.first().map_or(0, |r| r.time_ns);
-    let every = residuals.len().div_ceil(4000).max(1);
-    for (file, title, y_label, pick) in [
-        ("residual_force.svg", "Force residual (grey: twice its rms)", "N", (|r| r.force) as fn(&NodeResidual) -> _),
-        ("residual_torque.svg", "Torque residual (grey: twice its rms)", "N m", |r| r.torque),
-    ] {
-        let sum: f64 = residuals.iter().map(|r| pick(r).norm_squared()).sum();
-        let rms = (sum / (3 * residuals.len().max(1)) as f64).sqrt();
-        let curve = |(axis, name)| Curve {
-            name,
-            points: residuals.iter().step_by(every).map(|r| (seconds(r.time_ns - start_ns), pick(r)[axis])).collect(),
-        };
-        let curves = ["x", "y", "z"].into_iter().enumerate().map(curve).collect();
-        Figure { title, x_label: SINCE_START, y_label, curves, band: Some(2.0 * rms), equal_scales: false }
-            .draw(&folder.file(file))?;
-    }
-    Ok(())
-}
-
-/// One offline page of a table, warnings, pictures that lie in the folder, and the JSON object.
-pub(crate) fn write_html(
-    folder: &OutputFolder,
-    table: &str,
-    warnings: &[String],
-    pictures: &[&str],
-    json_text: &str,
-) -> Result<(), TumbleError> {
-    let picture = |name: &&str| -> Result<String, TumbleError> {
-        let path = folder.file(name);
-        Ok(std::fs::read_to_string(&path).map_err(|source| FormatsError::Unreadable { path, source })?)
+    let said = verdict(found, context);
+    let first = said.lines().next().unwrap_or_default().trim_start_matches("verdict: ");
+    let body = found.estimate.as_ref().or(found.regularised.as_ref()).map(|body| (body, found.determined().to_vec()));
+    let shown = report_page::Shown {
+        tone: match found.verdict {
+            Verdict::Identified => Tone::Good,
+            Verdict::NoBodyExplains { .. } => Tone::Bad,
+            _ => Tone::Doubted,
+        },
+        verdict: first.to_owned(),
+        method: found.method,
+        samples: found.samples_used,
+        body,
+        explained: found.explained,
+        residuals: &found.residuals,
+        applied,
+        open: words(&found.null_directions),
+        warnings: warnings(found, context),
+        more: Vec::new(),
+        trial,
     };
-    let items: Vec<String> = warnings.iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
-    let list = items.join("\n");
-    let pictures = pictures.iter().map(picture).collect::<Result<Vec<_>, _>>()?.join("\n");
-    let page = format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>tumble identify</title>\n\
-         <style>body{{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em}}pre{{background:#f4f4f4;\
-         padding:1em;overflow:auto}}svg{{max-width:100%;height:auto}}</style></head><body>\n\
-         <h1>Inertial parameters</h1>\n<pre>{}</pre>\n<h2>Warnings</h2>\n<ul>\n{list}</ul>\n\
-         <h2>Residuals</h2>\n{pictures}\n<h2>Machine-readable</h2>\n<pre id=\"result\">{}</pre>\n</body></html>\n",
-        escaped(table),
-        escaped(json_text),
-    );
-    folder.write("report.html", &page)
-}
-
-/// Text that cannot be read as markup.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    report_page::write(folder, shown, context, &table(found, context), json_text)
 }
 
 #[cfg(test)]
@@ -906,10 +875,5 @@ mod tests {
         assert_eq!(with_digits_of(9.581_234, 0.002_34), ("9.5812".into(), "0.0023".into()));
         assert_eq!(with_digits_of(123.456, 12.0), ("123".into(), "12".into()));
         assert_eq!(with_digits_of(1.0, f64::NAN).1, "-");
-    }
-
-    #[test]
-    fn markup_is_escaped() {
-        assert_eq!(escaped("<b> & \"q\""), "&lt;b&gt; &amp; &quot;q&quot;");
     }
 }

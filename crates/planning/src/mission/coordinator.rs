@@ -183,6 +183,10 @@ impl Coordinator {
             Event::Braking => self.braking(actions),
             Event::Diverged => {
                 actions.extend([Action::Note(Note::Diverged), Action::ResetEstimator]);
+                // Another body was tried, and it explains the motion no better.
+                if self.is_doubted_again() {
+                    self.doubt_actuators(actions);
+                }
                 self.wants_new_controller = true;
                 self.stop(actions);
             }
@@ -194,15 +198,24 @@ impl Coordinator {
         }
     }
 
+    /// Whether the body was doubted a short while ago.
+    fn is_doubted_again(&self) -> bool {
+        self.now_ns < self.doubted_ns.saturating_add(self.schedule.doubt_ns)
+    }
+
+    /// Once and for good.
+    fn doubt_actuators(&mut self, actions: &mut Vec<Action>) {
+        if !self.actuators_disagree {
+            self.actuators_disagree = true;
+            actions.push(Action::DoubtWrench);
+        }
+    }
+
     /// A body does not change twice within seconds: the second time it is the actuators, and after that it is known.
     fn doubt(&mut self, actions: &mut Vec<Action>) {
-        let is_again = self.now_ns < self.doubted_ns.saturating_add(self.schedule.doubt_ns);
-        if is_again {
+        if self.is_doubted_again() {
             actions.push(Action::Note(Note::ActuatorsDisagree));
-            if !self.actuators_disagree {
-                self.actuators_disagree = true;
-                actions.push(Action::DoubtWrench);
-            }
+            self.doubt_actuators(actions);
             return;
         }
         self.doubted_ns = self.now_ns;

@@ -265,6 +265,24 @@ fn a_body_that_is_doubted_again_at_once_is_not_what_is_wrong() {
 }
 
 #[test]
+fn a_body_that_was_doubted_and_that_no_other_one_explains_is_pushed_by_another_thrust() {
+    let (mut told, _) = Told::flying();
+    told.hear(Event::BodyDoubtful);
+    told.now_ns += 8 * SECOND;
+    let said = told.hear(Event::Diverged);
+    assert!(said.contains(&Action::ResetEstimator) && said.contains(&Action::DoubtWrench), "{said:?}");
+    // once and for good
+    told.now_ns += SECOND;
+    assert!(!told.hear(Event::Diverged).contains(&Action::DoubtWrench));
+    // An estimator that loses its way over a body that was never doubted says nothing of the thrust.
+    let (mut told, _) = Told::flying();
+    for _ in 0..3 {
+        told.now_ns += SECOND;
+        assert!(!told.hear(Event::Diverged).contains(&Action::DoubtWrench));
+    }
+}
+
+#[test]
 fn an_obstacle_in_the_way_of_a_stop_is_another_stop() {
     let (mut told, stretch) = Told::flying();
     assert!(told.hear(Event::World { revision: 1, contact_ns: Some(stretch.end_ns) }).contains(&Action::Stop));

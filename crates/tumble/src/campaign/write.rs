@@ -3,7 +3,7 @@
 use super::analysis::Analysis;
 use super::folder::write_finished;
 use super::row::Row;
-use super::{CampaignPlan, Shard, figures};
+use super::{CampaignPlan, Shard, page};
 use crate::TumbleError;
 use crate::output::OutputFolder;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ pub fn write_tables(
     folder.write("summary.json", &format!("{summary}\n"))?;
     #[cfg(feature = "parquet")]
     super::parquet_file::write(&folder.file("rows.parquet"), rows)?;
-    figures::draw(folder, plan, rows)
+    page::write(folder, plan, rows, analysis)
 }
 
 /// The folder of a whole campaign from the rows of its parts.

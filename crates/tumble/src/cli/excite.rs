@@ -1,8 +1,9 @@
 //! `tumble excite`: a motion that shows all ten parameters, and its simulated flight.
 
+use super::excite_page;
 use super::{Outcome, print};
-use crate::figure::{Curve, Figure};
 use crate::output::{OutputFolder, RUN_RECORD, unused};
+use crate::page::Page;
 use crate::{TumbleError, flight_log, report, space_cobot};
 use clap::{Args, ValueEnum};
 use std::fmt::Write as _;
@@ -31,89 +32,89 @@ use tumble_lie::{LieGroup, Pose};
 pub struct ExciteArgs {
     /// Period of the motion, s.
     #[arg(long, value_name = "S", default_value_t = 10.0)]
-    period: f64,
+    pub(super) period: f64,
     /// Harmonics of each channel: 2 to 30; a start takes some seconds with 12, ten or more with 30.
     #[arg(long, value_name = "N", default_value_t = 3)]
-    harmonics: usize,
+    pub(super) harmonics: usize,
     /// What the motion is to make small.
     #[arg(long, value_enum, default_value_t = CriterionName::D)]
-    criterion: CriterionName,
+    pub(super) criterion: CriterionName,
     /// Random starts of the search: 1 to 1000.
     #[arg(long, value_name = "N", default_value_t = 3)]
-    starts: usize,
+    pub(super) starts: usize,
     /// Seed of the starts, of the random payload and of the noise.
     #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
+    pub(super) seed: u64,
     /// Samples and control steps, 1/s.
     #[arg(long, value_name = "HZ", default_value_t = 100.0)]
-    rate: f64,
+    pub(super) rate: f64,
     /// Cycles to fly; two at least, of which the first one settles.
     #[arg(long, value_name = "N", default_value_t = 10)]
-    cycles: usize,
+    pub(super) cycles: usize,
     /// Largest distance from the start along x, y and z, m (one number, or three); inf for no limit.
     #[arg(long, value_name = "M", default_value = "0.75", value_parser = parse_distances, allow_hyphen_values = true)]
-    position: Vector3<f64>,
+    pub(super) position: Vector3<f64>,
     /// Largest Euler angle (roll, pitch, yaw), rad.
     #[arg(long, value_name = "RAD", default_value_t = 0.8, allow_hyphen_values = true)]
-    angle: f64,
+    pub(super) angle: f64,
     /// Largest velocity along each axis, m/s.
     #[arg(long, value_name = "M/S", default_value_t = 0.6, allow_hyphen_values = true)]
-    speed: f64,
+    pub(super) speed: f64,
     /// Largest rate of each Euler angle, rad/s.
     #[arg(long, value_name = "RAD/S", default_value_t = 0.8, allow_hyphen_values = true)]
-    angular_rate: f64,
+    pub(super) angular_rate: f64,
     /// Largest acceleration along each axis, m/s^2.
     #[arg(long, value_name = "M/S^2", default_value_t = 0.4, allow_hyphen_values = true)]
-    acceleration: f64,
+    pub(super) acceleration: f64,
     /// Largest second derivative of each Euler angle, rad/s^2.
     #[arg(long, value_name = "RAD/S^2", default_value_t = 0.8, allow_hyphen_values = true)]
-    angular_acceleration: f64,
+    pub(super) angular_acceleration: f64,
     /// Move in the plane: x, y and yaw only.
     #[arg(long)]
-    planar: bool,
+    pub(super) planar: bool,
     /// The robot without payload (TOML or JSON); Space CoBot unless given.
     #[arg(long, value_name = "FILE")]
-    body: Option<PathBuf>,
+    pub(super) body: Option<PathBuf>,
     /// Largest force of the actuators along each body axis, N.
     #[arg(long, value_name = "N", default_value_t = space_cobot::FORCE_LIMIT_N, allow_hyphen_values = true)]
-    force_limit: f64,
+    pub(super) force_limit: f64,
     /// Largest torque of the actuators about each body axis, N m.
     #[arg(long, value_name = "N_M", default_value_t = space_cobot::TORQUE_LIMIT_N_M, allow_hyphen_values = true)]
-    torque_limit: f64,
+    pub(super) torque_limit: f64,
     /// Leave force and torque limits out of the design, so that the flight may run into them.
     #[arg(long)]
-    saturate: bool,
+    pub(super) saturate: bool,
     /// Noise of each axis of the logged position, one sigma per sample, m.
     #[arg(long, value_name = "M", default_value_t = 0.05, allow_hyphen_values = true)]
-    position_noise: f64,
+    pub(super) position_noise: f64,
     /// Noise of each axis of the logged attitude, one sigma per sample, rad.
     #[arg(long, value_name = "RAD", default_value_t = 0.03, allow_hyphen_values = true)]
-    attitude_noise: f64,
+    pub(super) attitude_noise: f64,
     /// Noise of each axis of the logged force, one sigma per sample, N.
     #[arg(long, value_name = "N", default_value_t = 0.01, allow_hyphen_values = true)]
-    force_noise: f64,
+    pub(super) force_noise: f64,
     /// Noise of each axis of the logged torque, one sigma per sample, N m.
     #[arg(long, value_name = "N_M", default_value_t = 0.001, allow_hyphen_values = true)]
-    torque_noise: f64,
+    pub(super) torque_noise: f64,
     /// Simulate the flight with an unknown payload and write its log.
     #[arg(long)]
-    fly: bool,
+    pub(super) fly: bool,
     /// With --fly: what the robot carries (TOML or JSON, about the robot's origin); random from the seed unless given.
     #[arg(long, value_name = "FILE", requires = "fly")]
-    payload: Option<PathBuf>,
+    pub(super) payload: Option<PathBuf>,
     /// Folder to write [default: tumble-out/excite-CRITERION-SEED, numbered where it exists].
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    pub(super) out: Option<PathBuf>,
     /// Replace an earlier result.
     #[arg(long)]
-    force: bool,
+    pub(super) force: bool,
     /// Print one JSON object and nothing else on stdout.
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum CriterionName {
+pub(super) enum CriterionName {
     /// Condition number of the normalised regressor, less a reward for large motions (thesis V1).
     V1,
     /// Volume of the uncertainty: determinant of the information (thesis V2).
@@ -127,7 +128,7 @@ enum CriterionName {
 }
 
 impl CriterionName {
-    fn name(self) -> &'static str {
+    pub(super) fn name(self) -> &'static str {
         match self {
             Self::V1 => "v1",
             Self::D => "d",
@@ -155,8 +156,6 @@ const SILENCE_S: f64 = 5.0;
 const FINE_STEPS: usize = 4000;
 /// Harmonics that tracking with the wrong body adds.
 const HARMONICS_ADDED: usize = 10;
-/// Of which every so many is drawn.
-const DRAWN_EVERY: usize = 10;
 
 fn parse_distances(text: &str) -> Result<Vector3<f64>, String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
@@ -168,28 +167,28 @@ fn parse_distances(text: &str) -> Result<Vector3<f64>, String> {
 }
 
 /// A design without the number of parameters in its type.
-struct Designed {
-    motion: FourierMotion,
-    cost: f64,
-    cost_per_start: Vec<Option<f64>>,
-    utilization: Vec<Utilization>,
-    duration_s: f64,
+pub(super) struct Designed {
+    pub(super) motion: FourierMotion,
+    pub(super) cost: f64,
+    pub(super) cost_per_start: Vec<Option<f64>>,
+    pub(super) utilization: Vec<Utilization>,
+    pub(super) duration_s: f64,
 }
 
 /// What the motion can tell, flown exactly and with the harmonics left free that tracking may add.
-struct Bounds {
-    exact: CramerRao,
-    free: CramerRao,
-    free_harmonics: usize,
+pub(super) struct Bounds {
+    pub(super) exact: CramerRao,
+    pub(super) free: CramerRao,
+    pub(super) free_harmonics: usize,
 }
 
 /// A simulated flight.
-struct Flight {
-    truth: InertialParameters<f64>,
-    payload_kg: f64,
-    execution: Execution,
+pub(super) struct Flight {
+    pub(super) truth: InertialParameters<f64>,
+    pub(super) payload_kg: f64,
+    pub(super) execution: Execution,
     /// Root mean square of the distance from the motion, m, and of the angle, rad.
-    tracking_rms: (f64, f64),
+    pub(super) tracking_rms: (f64, f64),
 }
 
 /// Runs the command.
@@ -245,7 +244,13 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, TumbleError> {
     folder.write("motion.csv", &motion_csv(&designed.motion, &body, samples))?;
     folder.write("summary.json", &format!("{summary:#}\n"))?;
     folder.write(RUN_RECORD, &run_record(args))?;
-    draw(&folder, &file.limits, &period)?;
+    let charts = excite_page::charts(&file.limits, &period);
+    Page::chart_files(&folder, &charts)?;
+    let shown = table(args, &designed, &bounds, &period, flight.as_ref());
+    folder.write(
+        "report.html",
+        &excite_page::page(args, &designed, &bounds, body.mass, flight.as_ref(), &charts, &shown),
+    )?;
     if let Some(flight) = &flight {
         let measured = flight_log::measured(&flight.execution, &file.noise, &mut random);
         folder.write("log.csv", &flight_log::csv(&flight.execution, &measured))?;
@@ -257,7 +262,7 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, TumbleError> {
         printed["folder"] = place.display().to_string().into();
         print(&format!("{printed}\n"))?;
     } else {
-        print(&table(args, &designed, &bounds, &period, flight.as_ref()))?;
+        print(&shown)?;
     }
     if flight.is_some() {
         let shown = place.display();
@@ -443,12 +448,12 @@ fn tracking_rms(motion: &FourierMotion, flown: &Execution) -> (f64, f64) {
 }
 
 /// One period in fine steps, its end included: what peaks are found in and pictures drawn from.
-struct FinePeriod {
-    times_s: Vec<f64>,
+pub(super) struct FinePeriod {
+    pub(super) times_s: Vec<f64>,
     /// Values, rates and accelerations of the six channels.
-    channels: [DMatrix<f64>; 3],
+    pub(super) channels: [DMatrix<f64>; 3],
     /// `[torque; force]` that the body without payload needs.
-    wrenches: DMatrix<f64>,
+    pub(super) wrenches: DMatrix<f64>,
 }
 
 impl FinePeriod {
@@ -496,53 +501,6 @@ fn motion_csv(motion: &FourierMotion, body: &InertialParameters<f64>, samples: u
         text.push('\n');
     }
     text
-}
-
-/// Pictures of one period: channels and wrench against their limits, and the path.
-fn draw(folder: &OutputFolder, limits: &LimitsTable, period: &FinePeriod) -> Result<(), TumbleError> {
-    let [value, rate, acceleration] = &period.channels;
-    let shown = |points: Vec<(f64, f64)>| points.into_iter().step_by(DRAWN_EVERY).collect();
-    let against_time = |table: &DMatrix<f64>, first: usize, names: [&'static str; 3]| -> Vec<Curve<'static>> {
-        let points = |column: usize| period.times_s.iter().copied().zip(table.column(column).iter().copied()).collect();
-        names.into_iter().enumerate().map(|(i, name)| Curve { name, points: shown(points(first + i)) }).collect()
-    };
-    let one = |[x, y, z]: [f64; 3]| Some(x).filter(|x| [y, z].iter().all(|other| other.to_bits() == x.to_bits()));
-    let (xyz, angles) = (["x", "y", "z"], ["roll", "pitch", "yaw"]);
-    for (name, title, y_label, curves, band) in [
-        ("position", "Position", "m", against_time(value, 0, xyz), one(limits.position_m)),
-        ("attitude", "Euler angles", "rad", against_time(value, 3, angles), Some(limits.angle_rad)),
-        ("position_rate", "Velocity", "m/s", against_time(rate, 0, xyz), Some(limits.speed_m_s)),
-        ("attitude_rate", "Euler rates", "rad/s", against_time(rate, 3, angles), Some(limits.angular_rate_rad_s)),
-        (
-            "position_acceleration",
-            "Acceleration",
-            "m/s^2",
-            against_time(acceleration, 0, xyz),
-            Some(limits.acceleration_m_s2),
-        ),
-        (
-            "attitude_acceleration",
-            "Euler accelerations",
-            "rad/s^2",
-            against_time(acceleration, 3, angles),
-            Some(limits.angular_acceleration_rad_s2),
-        ),
-        ("force", "Force, body axes", "N", against_time(&period.wrenches, 3, xyz), Some(limits.force_n)),
-        ("torque", "Torque, body axes", "N m", against_time(&period.wrenches, 0, xyz), Some(limits.torque_n_m)),
-    ] {
-        let title = format!("{title} over one period (grey: within the limits)");
-        Figure { title: &title, x_label: "time, s", y_label, curves, band, equal_scales: false }
-            .draw(&folder.file(&format!("{name}.svg")))?;
-    }
-    for (name, x_label, y_label, [across, up]) in
-        [("path_xy", "x, m", "y, m", [0, 1]), ("path_xz", "x, m", "z, m", [0, 2])]
-    {
-        let points = value.column(across).iter().copied().zip(value.column(up).iter().copied()).collect();
-        let curves = vec![Curve { name: "body origin", points: shown(points) }];
-        Figure { title: "Path", x_label, y_label, curves, band: None, equal_scales: true }
-            .draw(&folder.file(&format!("{name}.svg")))?;
-    }
-    Ok(())
 }
 
 fn summary(

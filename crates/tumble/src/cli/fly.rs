@@ -211,6 +211,9 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     nozzles.write(&folder)?;
     folder.write("summary.json", &format!("{}\n", pretty(&record)?))?;
     folder.write("report.html", &mission_report::html(&record)?)?;
+    for (name, picture) in mission_report::pictures(&record) {
+        folder.write(&name, &picture)?;
+    }
     folder.write("timings.json", &format!("{:#}\n", costs.json(wall_s)))?;
     folder.write(RUN_RECORD, &run_record(&options, &folder)?)?;
     let place = folder.finish()?;

@@ -7,6 +7,7 @@ use super::identify_periodic::{self, Motion};
 use super::{Outcome, log_file, print};
 use crate::output::{OutputFolder, RUN_RECORD, write_file};
 use crate::report::{self, Context};
+use crate::report_page::{self, Trial};
 use crate::{TumbleError, demo};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -17,8 +18,8 @@ use tumble_formats::body_file;
 use tumble_formats::log::{TEMPLATE, seconds};
 use tumble_identification::harmonics::HarmonicEstimator;
 use tumble_identification::{
-    FLIGHT_LIKELIHOOD, Identification, IdentificationError, MAXIMUM_LIKELIHOOD, Nuisances, Part, Parts, Settings,
-    predict, validate,
+    FLIGHT_LIKELIHOOD, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, Nuisances, Part, Parts,
+    Settings, predict, validate,
 };
 
 pub use super::identify_options::IdentifyArgs;
@@ -88,7 +89,22 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         duration_s: log.duration_s,
         actuators: log.actuators.as_ref(),
     };
-    deliver(args, &found, &context)
+    deliver(args, &found, &context, &log, &settings)
+}
+
+/// Of so many parts of a log a page trains on all but the last, where nothing else was asked for; on that the body is tried.
+const PARTS: usize = 4;
+
+/// A body from the first part of the log, tried on the rest; none where the log has too few rows, or too many for a second look.
+fn trial(args: &IdentifyArgs, found: &Identification, log: &Log, settings: &Settings) -> Option<Trial> {
+    let Rows::Memory(record) = &log.rows else { return None };
+    if args.holdout.is_some() || log.actuators.is_some() || found.estimate.is_none() || record.len() > LongRecord::LONG
+    {
+        return None;
+    }
+    let (part, rest) = record.split_at_checked(record.len() - record.len() / PARTS)?;
+    let alone = log.identify_rows(part, settings).ok()?;
+    Trial::new(part.len() as f64 / record.len() as f64, &alone, found, validate(&alone, rest, settings).ok()?)
 }
 
 /// A log of an arm's joints.
@@ -245,7 +261,13 @@ fn check_outputs(args: &IdentifyArgs) -> Result<(), TumbleError> {
     Ok(())
 }
 
-fn deliver(args: &IdentifyArgs, found: &Identification, context: &Context) -> Result<Outcome, TumbleError> {
+fn deliver(
+    args: &IdentifyArgs,
+    found: &Identification,
+    context: &Context,
+    log: &Log,
+    settings: &Settings,
+) -> Result<Outcome, TumbleError> {
     for warning in report::warnings(found, context) {
         tell_line!("warning: {warning}");
     }
@@ -270,7 +292,12 @@ fn deliver(args: &IdentifyArgs, found: &Identification, context: &Context) -> Re
         if let Some(estimate) = &found.estimate {
             folder.write("body.toml", &body_file::export(Path::new("body.toml"), &estimate.parameters)?)?;
         }
-        report::write_page(&folder, found, context, &json)?;
+        let applied = match &log.rows {
+            Rows::Memory(record) => report_page::applied(record, &found.residuals),
+            Rows::File { .. } => Vec::new(),
+        };
+        let trial = trial(args, found, log, settings);
+        report::write_page(&folder, found, context, applied, trial, &json)?;
         folder.write(RUN_RECORD, &run_record(args, &context.source))?;
         tell_line!("wrote {}", folder.finish()?.join("report.html").display());
     }

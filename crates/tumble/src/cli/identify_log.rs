@@ -265,6 +265,15 @@ impl Log {
         }
     }
 
+    /// Some of the rows by themselves.
+    pub(super) fn identify_rows(
+        &self,
+        rows: &[MotionSample],
+        settings: &Settings,
+    ) -> Result<Identification, TumbleError> {
+        self.pipeline.identify(rows, settings).map_err(plain)
+    }
+
     pub(super) fn identify(&self, settings: &Settings) -> Result<Identification, TumbleError> {
         if self.estimation_rows > LongRecord::LONG
             && let Some(found) = self.identify_long(settings)?

@@ -237,7 +237,7 @@ fn deliver(
         let folder = OutputFolder::create(path, args.force)?;
         folder.write("result.json", &json)?;
         folder.write("body.toml", &body_file::export(Path::new("body.toml"), body)?)?;
-        report::write_page(&folder, found, &table, &warnings, &json)?;
+        report::write_page(&folder, found, context, samples, &table, &json)?;
         folder.write(RUN_RECORD, &run_record(args, &context.source))?;
         tell_line!("wrote {}", folder.finish()?.join("report.html").display());
     }

@@ -7,10 +7,12 @@ use super::plan_check::check;
 use super::plan_csv::{Rows, rows};
 use super::plan_figure::{Drawn, View, along, draw, poses};
 use super::plan_options::{ObjectiveName, triple, write_run_record, xyzw};
-use super::{Outcome, plan_local, print};
+use super::{Outcome, plan_local, plan_page, print};
 use crate::TumbleError;
 use crate::mission::planners;
 use crate::output::{OutputFolder, unused};
+use crate::page::Tone;
+use crate::page::text::number;
 use crate::scenario::{PlanningProblem, ScenarioSource};
 use clap::ValueEnum;
 use serde_json::{Value, json};
@@ -89,7 +91,8 @@ pub fn run(args: &PlanArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     let rows = path_of(&answer).map(|path| plan_rows(&problem, path));
     let folder = OutputFolder::create(&place, args.force)?;
     let summary = summary(args, &source, &problem, &answer, rows.as_ref());
-    write_files(&folder, &source, &problem, &answer, &summary, rows.as_ref(), &times)?;
+    folder.write("plan.json", &format!("{summary:#}\n"))?;
+    write_files(args, &folder, &source, &problem, &answer, rows.as_ref(), &times)?;
     let place = folder.finish()?;
     if args.json {
         let mut printed = summary;
@@ -98,7 +101,7 @@ pub fn run(args: &PlanArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
         printed["folder"] = place.display().to_string().into();
         print(&format!("{printed}\n"))?;
     } else {
-        print(&table(args, &source, &problem, &answer, rows.as_ref(), &times))?;
+        print(&table(args, &source, &problem, &answer, rows.as_ref(), Some(&times)))?;
     }
     for warning in rows.iter().flat_map(|rows| torque_warnings(&problem, rows)) {
         tell_line!("{warning}");
@@ -345,16 +348,15 @@ fn summary(
 }
 
 fn write_files(
+    args: &PlanArgs,
     folder: &OutputFolder,
     source: &ScenarioSource,
     problem: &PlanningProblem,
     answer: &GlobalAnswer,
-    summary: &Value,
     rows: Option<&Rows>,
     times: &Times,
 ) -> Result<(), TumbleError> {
     folder.write("scenario.toml", &source.to_toml()?)?;
-    folder.write("plan.json", &format!("{summary:#}\n"))?;
     if let Some(rows) = rows {
         folder.write("plan.csv", &rows.text)?;
     }
@@ -370,11 +372,70 @@ fn write_files(
         end_s: path.map_or(0.0, ArcPath::duration_s),
         target: problem.goal.position,
     };
-    folder.write("plan_top.svg", &draw(&drawn, View::Top))?;
-    folder.write("plan_side.svg", &draw(&drawn, View::Side))?;
+    let views = [View::Top, View::Side].map(|view| draw(&drawn, view));
+    folder.write("plan_top.svg", &views[0])?;
+    folder.write("plan_side.svg", &views[1])?;
+    let charts = path.map_or_else(Vec::new, |path| plan_page::charts(path, problem.belief.parameters().mass));
+    let story = story(args, source, problem, answer);
+    let tone = match &answer.status {
+        Status::Optimal | Status::Feasible => Tone::Good,
+        Status::BudgetSpent(_) => Tone::Doubted,
+        _ => Tone::Bad,
+    };
+    let verdict = match (&answer.status, path) {
+        (Status::Optimal, Some(_)) => "A plan, and none is better",
+        (_, Some(_)) => "A plan, every edge checked all along",
+        (Status::Infeasible(_), None) => "There is no plan, which is proved",
+        (_, None) => "No plan was found; that there is none is not proved",
+    };
+    let shown = table(args, source, problem, answer, rows, None);
+    let page = plan_page::page(source, (tone, verdict), story.each_ref().map(String::as_str), &views, &charts, &shown);
+    folder.write("report.html", &page)?;
     let timings = json!({ "format": 1, "first_plan_wall_s": times.first_s, "wall_s": times.total_s });
     folder.write("timings.json", &format!("{timings:#}\n"))?;
     write_run_record(folder, source)
+}
+
+/// What was asked, how it ended, how sure that is.
+fn story(args: &PlanArgs, source: &ScenarioSource, problem: &PlanningProblem, answer: &GlobalAnswer) -> [String; 3] {
+    let unit = match args.objective {
+        ObjectiveName::Duration => "s",
+        ObjectiveName::Impulse => "N s",
+    };
+    let mass_kg = problem.belief.parameters().mass;
+    let asked = format!(
+        "A way of least {} was asked for, over {} m, past {} obstacles, for a robot that is believed to weigh {} kg (seed {}).",
+        value_name(&args.objective),
+        number((problem.goal.position - problem.start.position).norm(), 3),
+        problem.world.obstacles.len(),
+        number(mass_kg, 4),
+        source.scenario.seed
+    );
+    let ended = match (refusal(args, problem, answer), path_of(answer)) {
+        (Some((reason, remedy)), _) => format!("There is no plan to show: {reason}. Remedy: {remedy}."),
+        (None, Some(path)) => {
+            let found = measures(path, mass_kg);
+            format!(
+                "The plan takes {} s over {} m, up to {} m/s, in {} arcs, each checked against all obstacles all along.",
+                number(found.duration_s, 4),
+                number(found.length_m, 3),
+                number(found.top_speed_m_s, 3),
+                path.arcs().len()
+            )
+        }
+        (None, None) => String::new(),
+    };
+    let sure = match (finite(answer.lower_bound), gap(answer)) {
+        (Some(bound), Some(gap)) => format!(
+            "No plan costs less than {} {unit}: this one costs {} {unit}, at most {} % more than the best there is.",
+            number(bound, 4),
+            number(answer.cost, 4),
+            number(100.0 * gap, 2)
+        ),
+        (Some(bound), None) => format!("No plan costs less than {} {unit}.", number(bound, 4)),
+        _ => "Nothing is known of what a plan costs at least.".to_owned(),
+    };
+    [asked, ended, sure]
 }
 
 fn in_short(answer: &GlobalAnswer) -> String {
@@ -391,7 +452,7 @@ fn table(
     problem: &PlanningProblem,
     answer: &GlobalAnswer,
     rows: Option<&Rows>,
-    times: &Times,
+    times: Option<&Times>,
 ) -> String {
     let mut text = String::new();
     let _ = writeln!(text, "plan for {}, seed {}", source.scenario.name, source.scenario.seed);
@@ -428,7 +489,7 @@ fn table(
         line("cost", format!("{:.3} {unit} ({}){ended}", answer.cost + 0.0, value_name(&args.objective)));
         line("lower bound", format!("{}: no plan costs less", bound.unwrap_or_default()));
         line("gap", format!("{:.2} % of the cost at most", 100.0 * gap(answer).unwrap_or(0.0)));
-        if let (Some(first), Some(first_s)) = (answer.history.first(), times.first_s) {
+        if let (Some(first), Some(first_s)) = (answer.history.first(), times.and_then(|times| times.first_s)) {
             line(
                 "first plan",
                 format!("{:.3} {unit} after {:.2} ms, {} units", first.cost, 1e3 * first_s, first.units),
@@ -443,10 +504,9 @@ fn table(
             line("lower bound", format!("{bound}: no plan costs less"));
         }
     }
-    line(
-        "searched",
-        format!("{:.1} ms, {} units, {} edges in the tree", 1e3 * times.total_s, answer.units, answer.tree.len()),
-    );
+    // How long it took is no part of a page that the same seed makes again.
+    let took = times.map_or_else(String::new, |times| format!("{:.1} ms, ", 1e3 * times.total_s));
+    line("searched", format!("{took}{} units, {} edges in the tree", answer.units, answer.tree.len()));
     if let Some(rows) = rows {
         let [force, torque] =
             [rows.largest_force_n, rows.largest_torque_n_m].map(|v| format!("{:.4}, {:.4}, {:.4}", v.x, v.y, v.z));

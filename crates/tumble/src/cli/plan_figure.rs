@@ -54,7 +54,7 @@ const NARROWEST_PX: f64 = 960.0;
 /// Least distance of two ticks, px.
 const TICK_PX: f64 = 70.0;
 
-type Point = [f64; 2];
+pub(super) type Point = [f64; 2];
 
 impl View {
     /// Direction of the picture's right and of its up, world axes.
@@ -286,16 +286,15 @@ pub(super) fn draw(drawn: &Drawn<'_>, view: View) -> String {
 fn framed(sheet: &Sheet, title: &str, searched: &str, followed: &str) -> String {
     let (width, height) = sheet.size();
     let (left, top, right, bottom) = MARGINS;
+    let (total_px, high_px) = ((left + width + right).max(NARROWEST_PX), top + height + bottom);
     let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{:.0}\" height=\"{:.0}\" font-family=\"sans-serif\" font-size=\"12\">\n\
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{total_px:.0}\" height=\"{high_px:.0}\" viewBox=\"0 0 {total_px:.0} {high_px:.0}\" font-family=\"sans-serif\" font-size=\"12\">\n\
          <style>.in{{fill:#fff}}.obstacle{{fill:#000;fill-opacity:.25;stroke:#000;stroke-opacity:.5}}\
          .later{{fill:#000;fill-opacity:.08;stroke:#000;stroke-opacity:.5;stroke-dasharray:4}}\
          .out{{fill:#dc3220;fill-opacity:.25;stroke:#dc3220}}.limits{{fill:none;stroke:#000;stroke-opacity:.4;stroke-dasharray:2 4}}\
          .tree{{fill:none;stroke:#1a8554;stroke-opacity:.35;stroke-width:.7}}.goal{{fill:#1a8554;fill-opacity:.15;stroke:#1a8554}}\
          .body{{fill:none;stroke:#005ab5;stroke-opacity:.35}}.way{{fill:none;stroke:#005ab5;stroke-opacity:.6;stroke-dasharray:6 4}}.path{{fill:none;stroke:#005ab5;stroke-width:2}}</style>\n\
          <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n",
-        (left + width + right).max(NARROWEST_PX),
-        top + height + bottom,
     );
     let _ = writeln!(svg, "<text x=\"{left}\" y=\"22\" font-size=\"15\">{}</text>", escaped(title));
     let _ = writeln!(

@@ -3,7 +3,7 @@
 use super::plan_budget::budget;
 use super::plan_figure::{Drawn, View, along, draw};
 use super::plan_local_check::{Flown, check};
-use super::plan_local_figure::{inputs_over_time, motion_over_time, sigmas_over_time};
+use super::plan_local_page;
 use super::plan_local_report::{Report, on_the_way, status_name};
 use super::plan_local_solve::{Segment, Task, solve};
 use super::plan_options::{PlanArgs, write_run_record};
@@ -87,7 +87,7 @@ pub(super) fn run(
         printed["folder"] = place.display().to_string().into();
         print(&format!("{printed}\n"))?;
     } else {
-        print(&report.table(way_wall_s))?;
+        print(&report.table(Some(way_wall_s)))?;
     }
     let refused = report.refusal();
     if let Some((reason, remedy)) = &refused {
@@ -121,25 +121,20 @@ fn write_files(
         None => "there is no plan".to_owned(),
     };
     let title = format!("{}, {:.1} s of the way: {what}", source.scenario.name, task.local.horizon_s());
-    draw_path(folder, &title, task, segment, flown)?;
+    let views = views(&title, task, segment, flown);
+    folder.write("local_top.svg", &views[0])?;
+    folder.write("local_side.svg", &views[1])?;
+    folder.write("report.html", &plan_local_page::page(report, &views, &report.table(None)))?;
     if !segment.motion.is_empty() {
         folder.write("local_plan.csv", &rows(segment))?;
-        folder.write("local_motion.svg", &motion_over_time(&title, segment))?;
-        folder.write("local_inputs.svg", &inputs_over_time(&title, segment, &task.local.wrench.limit))?;
-        folder.write("local_sigma.svg", &sigmas_over_time(&title, segment))?;
     }
     let timings = json!({ "format": 1, "way_wall_s": way_wall_s, "wall_s": segment.wall_s });
     folder.write("timings.json", &format!("{timings:#}\n"))?;
     write_run_record(folder, source)
 }
 
-fn draw_path(
-    folder: &OutputFolder,
-    title: &str,
-    task: &Task<'_>,
-    segment: &Segment,
-    flown: &Flown,
-) -> Result<(), TumbleError> {
+/// From above and from the side.
+fn views(title: &str, task: &Task<'_>, segment: &Segment, flown: &Flown) -> [String; 2] {
     let nodes = segment.motion.len();
     let spread = (0..BODIES).filter_map(|index| segment.motion.get(index * nodes.saturating_sub(1) / (BODIES - 1)));
     let poses: Vec<Pose<f64>> = spread.map(|motion| motion.world_from_body).collect();
@@ -153,8 +148,7 @@ fn draw_path(
         end_s: segment.duration_s(),
         target: task.target.world_from_body.translation.vector,
     };
-    folder.write("local_top.svg", &draw(&drawn, View::Top))?;
-    folder.write("local_side.svg", &draw(&drawn, View::Side))
+    [View::Top, View::Side].map(|view| draw(&drawn, view))
 }
 
 /// A row for each node: motion, the wrench from then on (in the last row the one before), standard deviations.

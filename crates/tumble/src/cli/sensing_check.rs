@@ -4,8 +4,9 @@ use super::identify_log::ROWS_IN_MEMORY;
 use super::identify_options::TimingName;
 use super::{Outcome, log_file, print};
 use crate::TumbleError;
-use crate::figure::{Curve, Figure, SINCE_START};
 use crate::output::{OutputFolder, RUN_RECORD};
+use crate::page::Page;
+use crate::page::chart::{Axis, Chart};
 use clap::Args;
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
@@ -86,21 +87,13 @@ fn read(args: &CheckArgs, robots: &Robots) -> Result<Vec<MotionSample>, TumbleEr
 fn write(args: &CheckArgs, path: &std::path::Path, found: &SensingCheck, text: &str) -> Result<(), TumbleError> {
     let folder = OutputFolder::create(path, args.force)?;
     folder.write("sensing.json", text)?;
-    let every = found.attitude_errors.len().div_ceil(4000).max(1);
-    let curve = |(axis, name)| Curve {
-        name,
-        points: found.attitude_errors.iter().step_by(every).map(|(t, e)| (*t, e[axis])).collect(),
-    };
     if !found.attitude_errors.is_empty() {
-        Figure {
-            title: "Attitude against the integrated rate",
-            x_label: SINCE_START,
-            y_label: "rad",
-            curves: ["x", "y", "z"].into_iter().enumerate().map(curve).collect(),
-            band: None,
-            equal_scales: false,
-        }
-        .draw(&folder.file("attitude_error.svg"))?;
+        let curve = |(axis, name): (usize, &'static str)| -> (_, Vec<[f64; 2]>) {
+            (name, found.attitude_errors.iter().map(|(t, error)| [*t, error[axis]]).collect())
+        };
+        let curves = ["x", "y", "z"].into_iter().enumerate().map(curve);
+        let title = "Attitude against the integrated rate";
+        Page::chart_files(&folder, &[Chart::of_curves("attitude_error", title, "rad", Axis::seconds(), curves)])?;
     }
     let options: Vec<String> = std::env::args().skip(1).collect();
     let record = json!({

@@ -4,11 +4,12 @@ use super::commanded_nozzles::CommandedNozzles;
 use super::excite::progress;
 use super::flown_sensing::FlownSensing;
 use super::simulate_control::{self, Tracked};
+use super::simulate_page;
 use super::{Outcome, print};
 use crate::TumbleError;
-use crate::figure::{Curve, Figure, SINCE_START};
 use crate::flight_log::{MoreColumns, Recorder};
 use crate::output::{OutputFolder, RUN_RECORD, unused};
+use crate::page::Page;
 use crate::scenario::{Flight, LONGEST_S, ScenarioSource};
 use clap::Args;
 use std::fmt::Write as _;
@@ -18,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tumble_astrobee::simulator::{CONTROL_PERIOD_S, Event, SimulatorMeasurement, TimedEvent};
 use tumble_dynamics::nalgebra::Vector3;
-use tumble_dynamics::{InertialParameters, ObstacleEllipsoid, World};
+use tumble_dynamics::{InertialParameters, World};
 use tumble_formats::FormatsError;
 use tumble_formats::Robots;
 use tumble_formats::body_file::{self, BodyFile};
@@ -66,8 +67,6 @@ pub struct SimulateArgs {
 
 /// Points of a curve in a picture.
 const DRAWN: i64 = 2000;
-/// Points of the outline of an obstacle.
-const OUTLINE: usize = 72;
 /// Control periods between two looks at the progress.
 const BETWEEN_LOOKS: i64 = 20_000;
 
@@ -75,16 +74,16 @@ const BETWEEN_LOOKS: i64 = 20_000;
 const BETWEEN_LINES: Duration = Duration::from_secs(5);
 
 /// What is counted and drawn while the robot flies.
-struct Flown {
-    periods: i64,
-    saturated: i64,
-    distance_m: f64,
-    top_speed_m_s: f64,
-    largest_force_error_n: f64,
-    impulse_n_s: f64,
+pub(super) struct Flown {
+    pub(super) periods: i64,
+    pub(super) saturated: i64,
+    pub(super) distance_m: f64,
+    pub(super) top_speed_m_s: f64,
+    pub(super) largest_force_error_n: f64,
+    pub(super) impulse_n_s: f64,
     /// Every so many periods.
-    drawn: Vec<SimulatorMeasurement>,
-    tracked: Tracked,
+    pub(super) drawn: Vec<SimulatorMeasurement>,
+    pub(super) tracked: Tracked,
 }
 
 /// Runs the command.
@@ -150,7 +149,9 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     let timings = serde_json::json!({ "format": 1, "wall_s": wall_s, "speed_over_real_time": speed });
     folder.write("timings.json", &format!("{timings:#}\n"))?;
     folder.write(RUN_RECORD, &run_record(&source, &folder)?)?;
-    draw(&folder, &flight, &flown)?;
+    let charts = simulate_page::charts(&flight, &flown);
+    Page::chart_files(&folder, &charts)?;
+    folder.write("report.html", &simulate_page::page(&source, &flight, &flown, rows, &charts, &summary)?)?;
     let place = folder.finish()?;
     if args.json {
         let mut printed = summary;
@@ -264,13 +265,13 @@ fn fly(
 }
 
 /// Distance and angle from the goal in the end.
-fn to_goal(flight: &Flight) -> Option<(f64, f64)> {
+pub(super) fn to_goal(flight: &Flight) -> Option<(f64, f64)> {
     let error = flight.goal?.inv_mul(&flight.simulator.state().world_from_body);
     let turn: Vector3<f64> = LieGroup::log(&error.rotation);
     Some((error.translation.vector.norm(), turn.norm()))
 }
 
-fn seconds(event: &TimedEvent) -> f64 {
+pub(super) fn seconds(event: &TimedEvent) -> f64 {
     event.time_ns as f64 / 1e9
 }
 
@@ -397,83 +398,4 @@ fn run_record(source: &ScenarioSource, folder: &OutputFolder) -> Result<String, 
         "input_hash": { "scenario": log::hash(&folder.file("scenario.toml"))? },
     })
     .to_string())
-}
-
-/// Pictures: motion, wrenches, the way in the x-y plane.
-fn draw(folder: &OutputFolder, flight: &Flight, flown: &Flown) -> Result<(), TumbleError> {
-    let curve = |name: &'static str, value: &dyn Fn(&SimulatorMeasurement) -> f64| Curve {
-        name,
-        points: flown.drawn.iter().map(|m| (m.start.time_ns as f64 * 1e-9, value(m))).collect(),
-    };
-    let three = |value: &dyn Fn(&SimulatorMeasurement) -> Vector3<f64>| {
-        vec![curve("x", &|m| value(m).x), curve("y", &|m| value(m).y), curve("z", &|m| value(m).z)]
-    };
-    let first = flown.drawn.first().map(|m| m.start.state.world_from_body).unwrap_or_default();
-    let origin = first.translation.vector;
-    let travelled = |m: &SimulatorMeasurement| m.start.state.world_from_body.translation.vector - origin;
-    let turned = |m: &SimulatorMeasurement| -> Vector3<f64> {
-        LieGroup::log(&(first.rotation.inverse() * m.start.state.world_from_body.rotation))
-    };
-    let mut figures = vec![
-        ("position.svg", "Position from the start, world axes", "m", three(&travelled)),
-        ("attitude.svg", "Rotation vector from the start", "rad", three(&turned)),
-    ];
-    for (axis, force, force_title, torque, torque_title) in [
-        (0, "force_x.svg", "Force along body x", "torque_x.svg", "Torque about body x, through the origin"),
-        (1, "force_y.svg", "Force along body y", "torque_y.svg", "Torque about body y, through the origin"),
-        (2, "force_z.svg", "Force along body z", "torque_z.svg", "Torque about body z, through the origin"),
-    ] {
-        figures.push((
-            force,
-            force_title,
-            "N",
-            vec![
-                curve("wanted", &|m| m.wanted_wrench_body.force[axis]),
-                curve("believed", &|m| m.believed_wrench_body.force[axis]),
-                curve("applied", &|m| m.realized_wrench_body.force[axis]),
-            ],
-        ));
-        figures.push((
-            torque,
-            torque_title,
-            "N m",
-            vec![
-                curve("wanted", &|m| m.wanted_wrench_body.torque[axis]),
-                curve("believed", &|m| m.believed_wrench_body.torque[axis]),
-                curve("applied", &|m| m.realized_wrench_body.torque[axis]),
-            ],
-        ));
-    }
-    for (name, title, y_label, curves) in figures {
-        Figure { title, x_label: SINCE_START, y_label, curves, band: None, equal_scales: false }
-            .draw(&folder.file(name))?;
-    }
-    flown.tracked.draw(folder)?;
-    let path = flown.drawn.iter().map(|m| (travelled(m).x, travelled(m).y)).collect();
-    let outlines: Vec<Vec<(f64, f64)>> =
-        flight.world.obstacles.iter().map(|obstacle| outline(obstacle, &origin)).collect();
-    Figure {
-        title: "Way in the x-y plane of the world (grey: obstacles)",
-        x_label: "x from the start, m",
-        y_label: "y from the start, m",
-        curves: vec![Curve { name: "body origin", points: path }],
-        band: None,
-        equal_scales: true,
-    }
-    .draw_with_outlines(&folder.file("path_xy.svg"), &outlines)
-}
-
-/// The shadow of an ellipsoid on the x-y plane: where its surface normal is level.
-fn outline(obstacle: &ObstacleEllipsoid, origin: &Vector3<f64>) -> Vec<(f64, f64)> {
-    let rotation = obstacle.world_from_ellipsoid.rotation;
-    let squares = obstacle.semi_axes.component_mul(&obstacle.semi_axes);
-    let point = |i: usize| {
-        let angle = std::f64::consts::TAU * i as f64 / OUTLINE as f64;
-        let normal = rotation.inverse() * Vector3::new(angle.cos(), angle.sin(), 0.0);
-        let scaled = squares.component_mul(&normal);
-        let local = scaled / normal.dot(&scaled).sqrt();
-        let world = obstacle.world_from_ellipsoid.translation.vector + rotation * local - origin;
-        (world.x, world.y)
-    };
-    (0..=OUTLINE).map(point).collect()
 }

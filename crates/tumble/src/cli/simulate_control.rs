@@ -1,8 +1,6 @@
 //! What a flight says of its controller: how well it followed, what it was told, where it left its main road.
 
-use crate::TumbleError;
-use crate::figure::{Curve, Figure, SINCE_START};
-use crate::output::OutputFolder;
+use crate::page::chart::{Axis, Chart};
 use crate::scenario::{Flight, Steering};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -118,42 +116,33 @@ impl Tracked {
         }
     }
 
-    /// Pictures of the error, and of the interval that the mass was taken to be in.
-    pub fn draw(&self, folder: &OutputFolder) -> Result<(), TumbleError> {
+    /// The error, and the interval that the mass was taken to be in.
+    pub fn charts(&self) -> Vec<Chart> {
+        let mut charts = Vec::new();
         if self.moments.is_empty() {
-            return Ok(());
+            return charts;
         }
-        let error = |name: &'static str, axis: usize| Curve {
-            name,
-            points: self.moments.iter().map(|moment| (moment.time_s, 1e3 * moment.error_world[axis])).collect(),
+        let error = |name: &'static str, axis: usize| -> (_, Vec<[f64; 2]>) {
+            (name, self.moments.iter().map(|moment| [moment.time_s, 1e3 * moment.error_world[axis]]).collect())
         };
-        Figure {
-            title: "Position less reference, world axes",
-            x_label: SINCE_START,
-            y_label: "mm",
-            curves: vec![error("x", 0), error("y", 1), error("z", 2)],
-            band: None,
-            equal_scales: false,
-        }
-        .draw(&folder.file("tracking.svg"))?;
-        let mass = |name: &'static str, end: usize| Curve {
-            name,
-            points: self.moments.iter().filter_map(|m| Some((m.time_s, m.mass_kg?[end]))).collect(),
+        charts.push(Chart::of_curves(
+            "tracking",
+            "Position less reference, world axes",
+            "mm",
+            Axis::seconds(),
+            [error("x", 0), error("y", 1), error("z", 2)],
+        ));
+        let mass = |name: &'static str, end: usize| -> (_, Vec<[f64; 2]>) {
+            (name, self.moments.iter().filter_map(|m| Some([m.time_s, m.mass_kg?[end]])).collect())
         };
-        let curves = vec![mass("least", 0), mass("largest", 1)];
-        if curves.iter().all(|curve| curve.points.is_empty()) {
-            return Ok(());
+        let interval = [mass("least", 0), mass("largest", 1)];
+        if interval.iter().any(|(_, points)| !points.is_empty()) {
+            let truth = self.moments.iter().map(|moment| [moment.time_s, moment.true_mass_kg]).collect();
+            let curves = interval.into_iter().chain([("truth", truth)]);
+            let title = "Mass: the interval that the controller counts on";
+            charts.push(Chart::of_curves("mass", title, "kg", Axis::seconds(), curves));
         }
-        let truth = self.moments.iter().map(|moment| (moment.time_s, moment.true_mass_kg)).collect();
-        Figure {
-            title: "Mass: the interval that the controller counts on, and the truth",
-            x_label: SINCE_START,
-            y_label: "kg",
-            curves: curves.into_iter().chain([Curve { name: "truth", points: truth }]).collect(),
-            band: None,
-            equal_scales: false,
-        }
-        .draw(&folder.file("mass.svg"))
+        charts
     }
 }
 

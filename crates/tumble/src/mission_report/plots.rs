@@ -1,11 +1,12 @@
 //! The plots of a mission: what was learnt, what it was worth, how well was flown, with what.
 
-use super::plot::{Layer, Plot, legend, steps};
-use super::text::escaped;
-use crate::mission::{MissionRecord, Series};
+use crate::mission::{DrawnEllipsoid, MissionRecord, Series};
+use crate::page::chart::{Axis, COLORS, Chart, Layer, ellipsoid_from_above, legend, steps};
+use crate::page::text::{coordinate, escaped};
 use std::fmt::Write as _;
+use tumble_dynamics::nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use tumble_lie::Pose;
 
-const COLORS: [&str; 6] = ["c0", "c1", "c2", "c3", "c4", "c5"];
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// A column of the series against time.
@@ -37,15 +38,7 @@ pub(super) fn unit(name: &str) -> String {
     name.replace("^2", "²")
 }
 
-fn section(
-    page: &mut String,
-    id: &str,
-    heading: &str,
-    about: &str,
-    keys: &[(&'static str, &str)],
-    plots: &[Plot],
-    end_s: f64,
-) {
+fn section(page: &mut String, id: &str, heading: &str, about: &str, keys: &[(&'static str, &str)], plots: &[Chart]) {
     let _ = writeln!(
         page,
         "<section aria-labelledby=\"{id}\"><h2 id=\"{id}\">{heading}</h2><p class=\"about\">{about}</p>"
@@ -56,14 +49,23 @@ fn section(
     }
     page.push_str("<div class=\"plots\">\n");
     for plot in plots {
-        plot.write(page, end_s);
+        plot.write(page);
     }
     page.push_str("</div></section>\n");
 }
 
+/// How long the record goes on, s.
+fn end_s(record: &MissionRecord) -> f64 {
+    record.series.t_s.last().copied().unwrap_or(record.summary.mission_s)
+}
+
+/// The time of the whole mission.
+fn whole(record: &MissionRecord) -> Axis {
+    Axis::time(end_s(record))
+}
+
 /// All of them.
 pub(super) fn write(page: &mut String, record: &MissionRecord) {
-    let end_s = record.series.t_s.last().copied().unwrap_or(record.summary.mission_s);
     section(
         page,
         "parameters",
@@ -71,10 +73,9 @@ pub(super) fn write(page: &mut String, record: &MissionRecord) {
         "Estimates as the estimator reported them while it flew.",
         &[("c0", "estimate"), ("band b0", "± 2 σ"), ("truth", "truth"), ("shut-off", "information no longer wanted")],
         &estimates(record),
-        end_s,
     );
     let mut learning = information(record);
-    learning.push(weights(record, end_s));
+    learning.push(weights(record, end_s(record)));
     learning.push(consistency(record));
     section(
         page,
@@ -84,7 +85,6 @@ pub(super) fn write(page: &mut String, record: &MissionRecord) {
          The weight of a quantity in the plan of a stretch is a share of its largest; where it ends for good stands a dashed line.",
         &[],
         &learning,
-        end_s,
     );
     section(
         page,
@@ -93,7 +93,6 @@ pub(super) fn write(page: &mut String, record: &MissionRecord) {
         "Where the robot truly was, less where it should have been, world axes; shaded: the tube that the controller promised.",
         &[("c0", "error"), ("band tube", "tube")],
         &tracking(record),
-        end_s,
     );
     section(
         page,
@@ -102,7 +101,6 @@ pub(super) fn write(page: &mut String, record: &MissionRecord) {
         "What acted on the body, body axes, and the limits of the axis.",
         &[("c0", "acted"), ("limit", "limit")],
         &inputs(record),
-        end_s,
     );
     section(
         page,
@@ -110,19 +108,46 @@ pub(super) fn write(page: &mut String, record: &MissionRecord) {
         "Clearance, speed and beliefs",
         "Least distance between the robot's sphere and anything, how fast it flew, and which belief was in use.",
         &[],
-        &[clearance(record), speed(record), beliefs(record, end_s)],
-        end_s,
+        &[clearance(record), speed(record), beliefs(record, end_s(record))],
     );
+}
+
+/// The two that a mission is told by, as files of their own: the way from above, and what the mass was taken for.
+pub(super) fn pictures(record: &MissionRecord) -> [Chart; 2] {
+    let flown = |rows: &[[f64; 3]]| -> Vec<[f64; 2]> { rows.iter().map(|row| [row[0], row[1]]).collect() };
+    let series = &record.series;
+    let curves = [("flown", flown(&series.position_m)), ("as the robot believed", flown(&series.believed_position_m))];
+    let title = format!("{}: the way from above", record.summary.scenario);
+    let mut way = Chart::of_curves("path_xy", &title, "m", Axis::named("x, m", ""), curves).with_equal_scales();
+    let ends = [series.position_m.first(), Some(&record.goal_m)].into_iter().flatten().map(|end| [end[0], end[1]]);
+    way.layers.push(Layer::Marks("c2", ends.collect()));
+    way.legend.push(("mark c2", "start, goal".into()));
+    let seen = |obstacle: &DrawnEllipsoid| {
+        let [x, y, z, w] = obstacle.quaternion_xyzw;
+        let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+        let pose = Pose::from_parts(Vector3::from(obstacle.center_m).into(), rotation);
+        Layer::Area("area", ellipsoid_from_above(&pose, &obstacle.semi_axes_m.into()))
+    };
+    if !record.obstacles.is_empty() {
+        way.layers.splice(0..0, record.obstacles.iter().map(seen));
+        way.legend.push(("area", "obstacles".into()));
+    }
+    let mut mass = estimates(record).into_iter().next().unwrap_or_else(|| Chart::new("", "", "", whole(record)));
+    mass.id = "mass".into();
+    mass.title = format!("{}: what the mass was taken for", record.summary.scenario);
+    mass.legend = vec![("c0", "estimate".into()), ("band b0", "± 2 σ".into()), ("truth", "truth".into())];
+    [way, mass]
 }
 
 fn shut_off(record: &MissionRecord, name: &str) -> Option<f64> {
     record.summary.information_shut_off_s.get(name).copied()
 }
 
-fn estimates(record: &MissionRecord) -> Vec<Plot> {
+fn estimates(record: &MissionRecord) -> Vec<Chart> {
     let series = &record.series;
     let plots = record.summary.parameters.iter().take(10).enumerate().map(|(index, parameter)| {
-        let mut plot = Plot::new(format!("plot-estimate-{index}"), title(&parameter.name), unit(&parameter.unit));
+        let mut plot =
+            Chart::new(format!("plot-estimate-{index}"), title(&parameter.name), unit(&parameter.unit), whole(record));
         plot.cuts_bands = true;
         plot.reads = format!("estimate:{index}");
         let rows = series.t_s.iter().zip(&series.estimate).zip(&series.sigma);
@@ -141,7 +166,7 @@ fn estimates(record: &MissionRecord) -> Vec<Plot> {
     plots.collect()
 }
 
-fn information(record: &MissionRecord) -> Vec<Plot> {
+fn information(record: &MissionRecord) -> Vec<Chart> {
     let series = &record.series;
     let groups: [(&str, &str, &[usize]); 4] = [
         ("mass", "Mass", &[0]),
@@ -155,7 +180,7 @@ fn information(record: &MissionRecord) -> Vec<Plot> {
             .and_then(|&first| record.summary.parameters.get(first))
             .map_or_else(String::new, |row| unit(&row.unit));
         let unit = if unit.is_empty() { String::new() } else { format!("1/({unit})²") };
-        let mut plot = Plot::new(format!("plot-information-{id}"), heading, unit);
+        let mut plot = Chart::new(format!("plot-information-{id}"), heading, unit, whole(record));
         plot.is_logarithmic = true;
         for (&index, class) in members.iter().zip(COLORS) {
             let Some(parameter) = record.summary.parameters.get(index) else { continue };
@@ -203,8 +228,8 @@ fn dashed(class: &str) -> &'static str {
     }
 }
 
-fn weights(record: &MissionRecord, end_s: f64) -> Plot {
-    let mut plot = Plot::new("plot-weights", "Information weights", "share of the largest");
+fn weights(record: &MissionRecord, end_s: f64) -> Chart {
+    let mut plot = Chart::new("plot-weights", "Information weights", "share of the largest", whole(record));
     plot.layers.push(Layer::Level("zero", 0.0));
     let mut names: Vec<&str> = Vec::new();
     for name in record.stretches.iter().flat_map(|stretch| &stretch.quantities) {
@@ -234,9 +259,9 @@ fn weights(record: &MissionRecord, end_s: f64) -> Plot {
 }
 
 /// How far estimates are off, by their own measure.
-fn consistency(record: &MissionRecord) -> Plot {
+fn consistency(record: &MissionRecord) -> Chart {
     let series = &record.series;
-    let mut plot = Plot::new("plot-consistency", "Error of the estimates", "standard deviations");
+    let mut plot = Chart::new("plot-consistency", "Error of the estimates", "standard deviations", whole(record));
     plot.layers.push(Layer::Level("zero", 0.0));
     plot.layers.push(Layer::Level("limit", 2.0));
     plot.layers.push(Layer::Level("limit", -2.0));
@@ -258,13 +283,13 @@ fn length(of: impl Iterator<Item = f64>) -> f64 {
     of.map(|value| value * value).sum::<f64>().sqrt()
 }
 
-fn tracking(record: &MissionRecord) -> Vec<Plot> {
+fn tracking(record: &MissionRecord) -> Vec<Chart> {
     let series = &record.series;
-    let mut plots: Vec<Plot> = AXES
+    let mut plots: Vec<Chart> = AXES
         .into_iter()
         .enumerate()
         .map(|(axis, name)| {
-            let mut plot = Plot::new(format!("plot-error-{name}"), format!("Error along {name}"), "mm");
+            let mut plot = Chart::new(format!("plot-error-{name}"), format!("Error along {name}"), "mm", whole(record));
             plot.reads = format!("error:{axis}");
             let band = column(series, &series.tube_m, |row| 1e3 * at(row, axis));
             plot.layers.push(Layer::Band("band tube", band.into_iter().map(|[t, half]| [t, -half, half]).collect()));
@@ -275,17 +300,17 @@ fn tracking(record: &MissionRecord) -> Vec<Plot> {
             plot
         })
         .collect();
-    let mut distance = Plot::new("plot-distance", "Distance", "mm");
+    let mut distance = Chart::new("plot-distance", "Distance", "mm", whole(record));
     distance.reads = "distance".into();
     distance.layers.push(Layer::Level("zero", 0.0));
     distance.layers.push(Layer::Line("c0", column(series, &series.tracking_error_m, |e| 1e3 * e)));
     plots.push(distance);
-    let mut angle = Plot::new("plot-angle", "Attitude", "degrees");
+    let mut angle = Chart::new("plot-angle", "Attitude", "degrees", whole(record));
     angle.reads = "angle".into();
     angle.layers.push(Layer::Level("zero", 0.0));
     angle.layers.push(Layer::Line("c0", column(series, &series.attitude_error_rad, |e| e.to_degrees())));
     plots.push(angle);
-    let mut belief = Plot::new("plot-localization", "Localization off by", "mm");
+    let mut belief = Chart::new("plot-localization", "Localization off by", "mm", whole(record));
     belief.layers.push(Layer::Level("zero", 0.0));
     let rows = series.t_s.iter().zip(&series.position_m).zip(&series.believed_position_m);
     let off = rows.map(|((&t, is), believed)| [t, 1e3 * length(is.iter().zip(believed).map(|(a, b)| a - b))]);
@@ -294,7 +319,7 @@ fn tracking(record: &MissionRecord) -> Vec<Plot> {
     plots
 }
 
-fn inputs(record: &MissionRecord) -> Vec<Plot> {
+fn inputs(record: &MissionRecord) -> Vec<Chart> {
     let series = &record.series;
     let groups = [
         ("force", "Force", "N", &series.force_n, series.force_limit_n),
@@ -303,7 +328,7 @@ fn inputs(record: &MissionRecord) -> Vec<Plot> {
     let mut plots = Vec::new();
     for (id, heading, unit, values, limits) in groups {
         for ((axis, name), limit) in AXES.into_iter().enumerate().zip(limits) {
-            let mut plot = Plot::new(format!("plot-{id}-{name}"), format!("{heading} {name}"), unit);
+            let mut plot = Chart::new(format!("plot-{id}-{name}"), format!("{heading} {name}"), unit, whole(record));
             plot.reads = format!("{id}:{axis}");
             plot.layers.push(Layer::Level("zero", 0.0));
             if limit > 0.0 {
@@ -317,9 +342,9 @@ fn inputs(record: &MissionRecord) -> Vec<Plot> {
     plots
 }
 
-fn clearance(record: &MissionRecord) -> Plot {
+fn clearance(record: &MissionRecord) -> Chart {
     let series = &record.series;
-    let mut plot = Plot::new("plot-clearance", "Clearance", "m");
+    let mut plot = Chart::new("plot-clearance", "Clearance", "m", whole(record));
     plot.reads = "clearance".into();
     plot.layers.push(Layer::Level("limit", 0.0));
     plot.layers.push(Layer::Line("c0", column(series, &series.clearance_m, |clear| clear.unwrap_or(f64::NAN))));
@@ -327,9 +352,9 @@ fn clearance(record: &MissionRecord) -> Plot {
     plot
 }
 
-fn speed(record: &MissionRecord) -> Plot {
+fn speed(record: &MissionRecord) -> Chart {
     let series = &record.series;
-    let mut plot = Plot::new("plot-speed", "Speed", "mm/s");
+    let mut plot = Chart::new("plot-speed", "Speed", "mm/s", whole(record));
     plot.reads = "speed".into();
     plot.layers.push(Layer::Level("zero", 0.0));
     let rows: Vec<_> = series.t_s.iter().zip(&series.position_m).collect();
@@ -343,11 +368,11 @@ fn speed(record: &MissionRecord) -> Plot {
     plot
 }
 
-fn beliefs(record: &MissionRecord, end_s: f64) -> Plot {
+fn beliefs(record: &MissionRecord, end_s: f64) -> Chart {
     #[allow(clippy::cast_precision_loss)] // a number of revisions
     let float = |revision: u64| revision as f64;
     let series = &record.series;
-    let mut plot = Plot::new("plot-beliefs", "Belief in use", "revision");
+    let mut plot = Chart::new("plot-beliefs", "Belief in use", "revision", whole(record));
     plot.reads = "belief".into();
     let offered = record.beliefs.iter().map(|belief| [belief.t_s, float(belief.revision)]);
     plot.layers.push(Layer::Line("offered", steps(offered, end_s)));
@@ -365,13 +390,13 @@ pub(super) fn strip(page: &mut String, record: &MissionRecord) {
     let end_s = record.series.t_s.last().copied().unwrap_or(record.summary.mission_s).max(1e-9);
     let x = |t: f64| {
         let mut text = String::new();
-        super::text::coordinate(&mut text, (1000.0 * t / end_s).clamp(0.0, 1000.0));
+        coordinate(&mut text, (1000.0 * t / end_s).clamp(0.0, 1000.0));
         text
     };
     let _ = write!(
         page,
         "<svg xmlns=\"http://www.w3.org/2000/svg\" id=\"strip\" class=\"strip\" viewBox=\"0 0 1000 22\" preserveAspectRatio=\"none\" \
-         role=\"img\" aria-label=\"{} stretches and {} events over time\" data-left=\"0\" data-inner=\"1000\" data-end=\"{end_s}\">",
+         role=\"img\" aria-label=\"{} stretches and {} events over time\" data-inner=\"1000\" data-end=\"{end_s}\">",
         record.stretches.len(),
         record.events.len()
     );

@@ -1,8 +1,9 @@
 //! Verdict, facts and tables.
 
 use super::plots::{title, unit};
-use super::text::{escaped, number};
-use crate::mission::{BROKEN_INVARIANT, DoubtOf, MissionRecord, MissionSummary, MissionVerdict};
+use super::story::{self, doubted, is_hidden};
+use crate::mission::{BROKEN_INVARIANT, MissionRecord, MissionSummary, MissionVerdict, ParameterRow};
+use crate::page::text::{escaped, number, with_sigma};
 use serde::Serialize;
 use std::fmt::Write as _;
 
@@ -40,19 +41,6 @@ fn verdict(summary: &MissionSummary) -> Vec<(bool, String)> {
     ];
     parts.extend(broken.map(|warning| (false, warning.clone())));
     parts
-}
-
-/// What a doubt that stands is about, in a sentence.
-fn doubted(standing: &[DoubtOf]) -> String {
-    let names: Vec<&str> = standing
-        .iter()
-        .map(|what| match what {
-            DoubtOf::Body => "its body",
-            DoubtOf::Map => "its map",
-            DoubtOf::Actuators => "its actuators",
-        })
-        .collect();
-    names.join(" and ")
 }
 
 /// Class and words of the verdict.
@@ -102,7 +90,8 @@ pub(super) fn header(page: &mut String, record: &MissionRecord) {
     for (holds, text) in parts {
         let _ = write!(page, " <span>{} {}</span>", if holds { "✓" } else { "✗" }, escaped(&text));
     }
-    page.push_str("</p>\n");
+    let _ =
+        writeln!(page, "</p>\n<p id=\"story\" class=\"story\">{}</p>", escaped(&story::sentences(record).join(" ")));
     doubts(page, summary);
     page.push_str("<dl class=\"facts\" id=\"options\">");
     let options = &summary.options;
@@ -156,27 +145,52 @@ pub(super) fn tiles(page: &mut String, record: &MissionRecord) {
     page.push_str("</dl>\n");
 }
 
-/// What each parameter was, was taken for, and became.
-pub(super) fn parameters(page: &mut String, summary: &MissionSummary) {
+/// How far a value is from the truth: mass and inertia in percent of their size, lengths in millimetres.
+fn error(summary: &MissionSummary, row: &ParameterRow, value: f64) -> String {
+    let moments =
+        summary.parameters.iter().filter(|of| ["inertia_xx", "inertia_yy", "inertia_zz"].contains(&of.name.as_str()));
+    let (scale, unit) = match row.name.as_str() {
+        "mass" => (100.0 / row.truth, "%"),
+        name if name.starts_with("com_") => (1e3, "mm"),
+        _ => (300.0 / moments.map(|of| of.truth).sum::<f64>(), "%"),
+    };
+    let off = number((value - row.truth) * scale, 2);
+    if off.starts_with('\u{2212}') || off.starts_with('–') {
+        format!("{off} {unit}")
+    } else {
+        format!("+{off} {unit}")
+    }
+}
+
+/// What each parameter was believed to be, was found to be, and is.
+pub(super) fn parameters(page: &mut String, record: &MissionRecord) {
+    let summary = &record.summary;
     page.push_str(
-        "<section aria-labelledby=\"table-heading\"><h2 id=\"table-heading\">Parameters</h2>\n\
-         <table id=\"table-parameters\"><caption>About the centre of mass; error in standard deviations</caption>\
-         <thead><tr><th scope=\"col\">Parameter</th><th scope=\"col\">Truth</th><th scope=\"col\">Start</th>\
-         <th scope=\"col\">Estimate</th><th scope=\"col\">σ</th><th scope=\"col\">Error, σ</th></tr></thead><tbody>\n",
+        "<section aria-labelledby=\"table-heading\"><h2 id=\"table-heading\">Believed, learnt, true</h2>\n\
+         <table id=\"table-parameters\"><caption>About the centre of mass. Small: how far from the truth, moments and products of inertia in percent \
+         of the mean moment</caption>\
+         <thead><tr><th scope=\"col\">Parameter</th><th scope=\"col\">Believed</th><th scope=\"col\">Learnt</th>\
+         <th scope=\"col\">Truth</th><th scope=\"col\">σ</th><th scope=\"col\">Error, σ</th></tr></thead><tbody>\n",
     );
     for row in &summary.parameters {
-        let error = row.estimate - row.truth;
-        let in_sigmas = if row.sigma > 0.0 { number(error / row.sigma, 2) } else { "–".into() };
-        let class = if row.sigma > 0.0 && error.abs() > 2.0 * row.sigma { " class=\"off\"" } else { "" };
+        let in_sigmas = if row.sigma > 0.0 { number((row.estimate - row.truth) / row.sigma, 2) } else { "–".into() };
+        let is_off = row.sigma > 0.0 && (row.estimate - row.truth).abs() > 2.0 * row.sigma;
+        let class = if is_off { " class=\"off\"" } else { "" };
+        let (estimate, sigma) = with_sigma(row.estimate, row.sigma);
+        let learnt = if is_hidden(record, &row.name) {
+            format!("{estimate}<small>not shown by a table</small>")
+        } else {
+            format!("{estimate}<small>{}</small>", error(summary, row, row.estimate))
+        };
         let _ = writeln!(
             page,
-            "<tr><th scope=\"row\">{} <span class=\"unit\">{}</span></th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td{class}>{in_sigmas}</td></tr>",
+            "<tr><th scope=\"row\">{} <span class=\"unit\">{}</span></th><td>{}<small>{}</small></td><td>{learnt}</td><td>{}</td><td>{sigma}</td>\
+             <td{class}>{in_sigmas}</td></tr>",
             escaped(&title(&row.name)),
             escaped(&unit(&row.unit)),
-            number(row.truth, 3),
-            number(row.initial, 3),
-            number(row.estimate, 3),
-            number(row.sigma, 2),
+            number(row.initial, 5),
+            error(summary, row, row.initial),
+            number(row.truth, 5),
         );
     }
     page.push_str("</tbody></table></section>\n");

@@ -1,6 +1,7 @@
 //! `tumble campaign` as a user meets it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
+use crate::support::page_checks::findings_of_any;
 use crate::support::{scratch, stderr, tumble_in};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -30,7 +31,7 @@ fn a_plan_of_parts_is_the_plan_of_the_whole() {
     let again = succeed(&folder, &[&PLANNED[..], &["--out", "parts", "--shard", "1/3"]].concat());
     assert!(stderr(&again).contains("complete already"));
     succeed(&folder, &["campaign", "merge", "parts", "--out", "merged"]);
-    for name in ["rows.csv", "summary.json", "run.json"] {
+    for name in ["rows.csv", "summary.json", "run.json", "report.html"] {
         let read = |place: &str| fs::read_to_string(folder.join(place).join(name)).unwrap();
         assert_eq!(read("whole"), read("merged"), "{name}");
     }
@@ -38,6 +39,7 @@ fn a_plan_of_parts_is_the_plan_of_the_whole() {
     assert_eq!(table.lines().count(), 11);
     assert!(table.lines().nth(2).unwrap().ends_with("--weighting none --feedback on --model scenario --draw"));
     assert!(!folder.join("whole.unfinished").exists());
+    assert_eq!(findings_of_any(&fs::read_to_string(folder.join("whole/report.html")).unwrap()), [""; 0]);
 }
 
 #[test]

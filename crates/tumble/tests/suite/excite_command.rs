@@ -1,6 +1,7 @@
 //! `tumble excite`, and `tumble identify` on its flights, as a user meets them.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
+use crate::support::page_checks::findings_of_any;
 use crate::support::{json, scratch, stderr, tumble_in};
 use serde_json::Value;
 use std::fs;
@@ -63,6 +64,9 @@ fn a_flight_is_identified_from_its_averaged_cycles() {
     assert_eq!(fourier["saturation"], 0.0);
     for file in ["result.json", "body.toml", "report.html", "harmonics.svg", "residual_force.svg", "run.json"] {
         assert!(folder.join("answer").join(file).is_file(), "{file}");
+    }
+    for place in ["answer/report.html", "flight/report.html"] {
+        assert_eq!(findings_of_any(&fs::read_to_string(folder.join(place)).unwrap()), [""; 0], "{place}");
     }
     // The prediction was made without the payload.
     let predicted: Value =
@@ -235,7 +239,8 @@ fn one_seed_is_one_result() {
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     }
     let read = |place: &str| fs::read_to_string(folder.join(place)).unwrap();
-    for file in ["motion.csv", "excitation.toml", "log.csv", "summary.json", "truth.toml", "path_xy.svg"] {
+    for file in ["motion.csv", "excitation.toml", "log.csv", "summary.json", "truth.toml", "path_xy.svg", "report.html"]
+    {
         assert_eq!(read(&format!("a/{file}")), read(&format!("b/{file}")), "{file}");
     }
     for file in ["motion.csv", "log.csv", "truth.toml"] {

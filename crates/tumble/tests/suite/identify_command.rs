@@ -1,6 +1,7 @@
 //! `tumble identify` as a user meets it: exit codes, places, remedies, files.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
+use crate::support::page_checks::findings_of_any;
 use crate::support::{json, number, scratch, stderr, tumble};
 use std::fmt::Write as _;
 use std::fs;
@@ -107,7 +108,16 @@ fn outputs_are_complete_offline_and_never_overwritten_unasked() {
     let output = tumble(&arguments);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let page = fs::read_to_string(out.join("report.html")).unwrap();
-    assert!(page.contains("<svg") && !page.contains("src=") && !page.contains("href="), "the page opens offline");
+    assert_eq!(findings_of_any(&page), [""; 0]);
+    for part in [
+        "Trained on a part",
+        "id=\"fit_force_x\"",
+        "id=\"autocorrelation_torque\"",
+        "class=\"heat\"",
+        "class=\"interval\"",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
     for name in ["residual_force.svg", "residual_torque.svg", "result.json", "body.toml", "run.json"] {
         assert!(out.join(name).metadata().unwrap().len() > 0, "{name}");
     }

@@ -130,7 +130,12 @@ fn errors_are_told_in_standard_deviations() {
     let row = &mut record.summary.parameters[0];
     (row.truth, row.estimate, row.sigma) = (11.0, 11.5, 0.2);
     let page = html(&record).unwrap();
-    assert!(page.contains("<td>11.0</td><td>20.0</td><td>11.5</td><td>0.20</td><td class=\"off\">2.5</td>"));
+    let told = "<td>20.000<small>+82 %</small></td><td>11.50<small>+4.5 %</small></td><td>11.000</td><td>0.20</td>\n<td class=\"off\">2.5</td>";
+    assert!(
+        page.replace("</td>\\\n", "</td>\n").contains(told),
+        "{}",
+        page.split("table-parameters").nth(2).unwrap_or("")
+    );
 }
 
 #[test]
@@ -149,7 +154,7 @@ fn predicted_information_follows_the_stretches() {
     let page = html(&record).unwrap();
     let figure = page.split("id=\"plot-information-mass\"").nth(1).unwrap().split("</figure>").next().unwrap();
     // From 1/0.1^2 = 100 to 1/0.01^2 = 100 + 9900: two decades of 168/2.3 each, with room of 0.15 at both ends.
-    assert!(figure.contains("cx=\"152\" cy=\"11\""), "{figure}");
+    assert!(figure.contains("d=\"M152 11h0\""), "{figure}");
     assert!(figure.contains("c0 dashed\" d=\"M0 157L152 11\""), "{figure}");
 }
 

@@ -1,6 +1,7 @@
 //! `tumble plan` as a user meets it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
+use crate::support::page_checks::findings_of_any;
 use crate::support::{json, number, scratch, stderr, tumble_in};
 use serde_json::Value;
 use std::fs;
@@ -206,9 +207,10 @@ fn the_same_seed_gives_the_same_files() {
     };
     let (first, second, other) = (plan("5"), plan("5"), plan("6"));
     assert!(first.ends_with("tumble-out/plan-iss-slalom-5") && second.ends_with("plan-iss-slalom-5-2"));
-    for name in ["plan.csv", "plan.json", "plan_top.svg", "plan_side.svg", "scenario.toml", "run.json"] {
+    for name in ["plan.csv", "plan.json", "plan_top.svg", "plan_side.svg", "report.html", "scenario.toml", "run.json"] {
         assert_eq!(fs::read(first.join(name)).unwrap(), fs::read(second.join(name)).unwrap(), "{name}");
     }
+    assert_eq!(findings_of_any(&fs::read_to_string(first.join("report.html")).unwrap()), [""; 0]);
     assert_ne!(fs::read(first.join("plan.csv")).unwrap(), fs::read(other.join("plan.csv")).unwrap());
     let timings: Value = serde_json::from_str(&fs::read_to_string(first.join("timings.json")).unwrap()).unwrap();
     assert!(number(&timings["first_plan_wall_s"]) <= number(&timings["wall_s"]));

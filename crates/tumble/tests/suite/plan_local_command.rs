@@ -1,6 +1,7 @@
 //! `tumble plan --local` as a user meets it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
+use crate::support::page_checks::findings_of_any;
 use crate::support::{json, number, scratch, stderr, tumble_in};
 use std::fs;
 use std::path::Path;
@@ -128,10 +129,12 @@ fn the_frozen_problem_is_planned_as_it_should_be() {
     }
     let out = folder.join("out");
     check_motion(&out);
-    for picture in ["local_top.svg", "local_side.svg", "local_motion.svg", "local_inputs.svg", "local_sigma.svg"] {
+    for picture in ["local_top.svg", "local_side.svg"] {
         let text = fs::read_to_string(out.join(picture)).unwrap();
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>") && !text.contains("NaN"), "{picture}");
     }
+    let page = fs::read(out.join("report.html")).unwrap();
+    assert_eq!(findings_of_any(&String::from_utf8_lossy(&page)), [""; 0]);
     for file in ["run.json", "timings.json", "scenario.toml", "local_plan.json"] {
         assert!(out.join(file).is_file(), "{file}");
     }
@@ -141,6 +144,7 @@ fn the_frozen_problem_is_planned_as_it_should_be() {
     assert_eq!(plan_in(&folder, "infoplan", &["--out", "out", "--force"]).status.code(), Some(0));
     assert_eq!(fs::read(out.join("local_plan.json")).unwrap(), before);
     assert_eq!(fs::read(out.join("local_plan.csv")).unwrap(), table);
+    assert!(fs::read(out.join("report.html")).unwrap() == page, "no wall time on a page");
     let _ = fs::remove_dir_all(folder);
 }
 

@@ -1,6 +1,7 @@
 //! `tumble simulate` and `tumble scenario` as a user meets them.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, missing_docs)]
 
+use crate::support::page_checks::findings_of_any;
 use crate::support::{json, scratch, stderr, tumble, tumble_in};
 use serde_json::Value;
 use std::fs;
@@ -64,12 +65,22 @@ fn the_same_seed_gives_the_same_files_and_a_folder_is_not_replaced_unasked() {
     };
     let (first, second, other) = (fly("5"), fly("5"), fly("6"));
     assert!(first.ends_with("tumble-out/simulate-iss-slalom-5") && second.ends_with("simulate-iss-slalom-5-2"));
-    for name in ["log.csv", "scenario.toml", "truth.toml", "summary.json", "run.json", "path_xy.svg", "force_x.svg"] {
+    for name in [
+        "log.csv",
+        "scenario.toml",
+        "truth.toml",
+        "summary.json",
+        "run.json",
+        "path_xy.svg",
+        "force_x.svg",
+        "report.html",
+    ] {
         let bytes = fs::read(first.join(name)).unwrap();
         assert_eq!(bytes, fs::read(second.join(name)).unwrap(), "{name}");
     }
     assert_ne!(fs::read(first.join("log.csv")).unwrap(), fs::read(other.join("log.csv")).unwrap());
     assert!(first.join("timings.json").exists());
+    assert_eq!(findings_of_any(&fs::read_to_string(first.join("report.html")).unwrap()), [""; 0]);
     // What was written can be flown again.
     let again = ["simulate", "tumble-out/simulate-iss-slalom-5/scenario.toml", "--out", "again"];
     assert_eq!(tumble_in(&folder, &again).status.code(), Some(0));

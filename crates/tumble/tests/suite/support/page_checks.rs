@@ -18,6 +18,29 @@ pub const CHECKS: [Check; 8] = [
     ("record", records),
 ];
 
+/// All that is wrong with a page that is no mission's: what is asked of every page, its three sentences, and charts that show something.
+pub fn findings_of_any(page: &str) -> Vec<String> {
+    let of_missions = ["plot", "record"];
+    let all = CHECKS.iter().filter(|(name, _)| !of_missions.contains(name));
+    let mut found: Vec<String> =
+        all.flat_map(|(name, check)| check(page).into_iter().map(move |found| format!("{name}: {found}"))).collect();
+    let story =
+        page.split("id=\"story\" class=\"story\">").nth(1).and_then(|rest| rest.split("</p>").next()).unwrap_or("");
+    if story.matches(['.', '!']).count() < 3 || story.len() < 120 {
+        found.push(format!("story: `{story}`"));
+    }
+    for figure in page.split("<figure class=\"plot\" ").skip(1) {
+        let figure = figure.split("</figure>").next().unwrap_or("");
+        if !figure.contains("class=\"line c0\"") || figure.contains("NaN") || figure.contains("inf") {
+            found.push(format!("chart: {}", figure.chars().take(60).collect::<String>()));
+        }
+    }
+    if page.len() > 1_500_000 {
+        found.push(format!("size: {} bytes", page.len()));
+    }
+    found
+}
+
 /// All that is wrong with a page.
 pub fn findings(page: &str) -> Vec<String> {
     CHECKS

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 /// Text of the record inside an element or a quoted attribute. What neither HTML nor XML allows becomes U+FFFD.
-pub(super) fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     let mut page = String::with_capacity(text.len() + 16);
     for character in text.chars() {
         match character {
@@ -29,12 +29,12 @@ fn exponent(value: f64) -> i32 {
 }
 
 /// A power of ten, correctly rounded.
-pub(super) fn power_of_ten(exponent: i32) -> f64 {
+pub(crate) fn power_of_ten(exponent: i32) -> f64 {
     format!("1e{exponent}").parse().unwrap_or(1.0)
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is at most `value`; one where there is none.
-pub(super) fn round_down(value: f64) -> f64 {
+pub(crate) fn round_down(value: f64) -> f64 {
     if !(value.is_finite() && value > 0.0) {
         return 1.0;
     }
@@ -55,12 +55,12 @@ fn superscript(number: i32) -> String {
 }
 
 /// A power of ten in print.
-pub(super) fn decade(exponent: i32) -> String {
+pub(crate) fn decade(exponent: i32) -> String {
     format!("10{}", superscript(exponent))
 }
 
 /// A number with so many digits that count.
-pub(super) fn number(value: f64, digits: usize) -> String {
+pub(crate) fn number(value: f64, digits: usize) -> String {
     if !value.is_finite() {
         return "–".into();
     }
@@ -78,8 +78,21 @@ pub(super) fn number(value: f64, digits: usize) -> String {
     text.replace('-', "\u{2212}")
 }
 
+/// An estimate and its standard deviation, both to two digits of the latter.
+pub(crate) fn with_sigma(value: f64, sigma: f64) -> (String, String) {
+    if !(sigma.is_finite() && sigma > 0.0) {
+        return (number(value, 5), "–".into());
+    }
+    let decimals = usize::try_from(1 - exponent(sigma)).unwrap_or(0);
+    if decimals > 8 {
+        return (number(value, 5), number(sigma, 2));
+    }
+    let [value, sigma] = [value, sigma].map(|number| format!("{number:.decimals$}").replace('-', "\u{2212}"));
+    (value, sigma)
+}
+
 /// A number with so many decimals, its trailing zeros left out.
-pub(super) fn coordinate(page: &mut String, value: f64) {
+pub(crate) fn coordinate(page: &mut String, value: f64) {
     let start = page.len();
     let _ = write!(page, "{value:.1}");
     if page.ends_with(".0") {
@@ -92,7 +105,7 @@ pub(super) fn coordinate(page: &mut String, value: f64) {
 }
 
 /// A number with the decimals that ticks of this distance need.
-pub(super) fn tick(value: f64, step: f64) -> String {
+pub(crate) fn tick(value: f64, step: f64) -> String {
     let decimals = usize::try_from(-exponent(step)).unwrap_or(0);
     let text = format!("{value:.decimals$}");
     let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
@@ -112,6 +125,14 @@ mod tests {
         assert_eq!(number(f64::NAN, 3), "–");
         assert_eq!(number(9.996, 3), "10.0");
         assert_eq!((tick(-0.2, 0.1), tick(1e-17, 0.1), tick(20.0, 10.0)), ("−0.2".into(), "0".into(), "20".into()));
+    }
+
+    #[test]
+    fn an_estimate_has_the_digits_of_its_sigma() {
+        assert_eq!(with_sigma(-9.581_234, 0.002_34), ("−9.5812".into(), "0.0023".into()));
+        assert_eq!(with_sigma(123.456, 12.0), ("123".into(), "12".into()));
+        assert_eq!(with_sigma(1.5, f64::NAN), ("1.5000".into(), "–".into()));
+        assert_eq!(with_sigma(1.5e-9, 2.0e-12), ("1.5000×10⁻⁹".into(), "2.0×10⁻¹²".into()));
     }
 
     #[test]

@@ -1,4 +1,3 @@
-'use strict';
 // The playback, and the cursors of the plots. Everything drawn comes from the record that the page holds.
 const missionPage = (() => {
   const byId = (id) => document.getElementById(id);
@@ -346,14 +345,7 @@ const missionPage = (() => {
       }
     }
     if (shows('tube') && hasRows) drawTube();
-    const goal = seen(record.goal_m);
-    if (goal[2] > nearest()) {
-      const [x, y] = flat(goal);
-      context.beginPath();
-      context.moveTo(x - 7, y); context.lineTo(x + 7, y); context.moveTo(x, y - 7); context.lineTo(x, y + 7);
-      context.strokeStyle = ink.ink; context.lineWidth = 1.6; context.stroke();
-      label('goal', x + 4, y - 4, ink.ink);
-    }
+    drawEnds([['start', series.position_m[0]], ['goal', record.goal_m]]);
     if (shows('robot') && hasRows) {
       const believed = seen(between(series.believed_position_m, now, mix));
       drawRobot(robot, between(series.quaternion_xyzw, now, slerp));
@@ -366,6 +358,16 @@ const missionPage = (() => {
     byDepth.filter((o) => o.depth < robotDepth).forEach((o) => drawObstacle(o.obstacle, now));
     drawCompass();
   };
+
+  const drawEnds = (ends) => ends.forEach(([name, point]) => {
+    const place = point && seen(point);
+    if (!place || place[2] <= nearest()) return;
+    const [x, y] = flat(place);
+    context.beginPath();
+    context.moveTo(x - 7, y); context.lineTo(x + 7, y); context.moveTo(x, y - 7); context.lineTo(x, y + 7);
+    context.strokeStyle = ink.ink; context.lineWidth = 1.6; context.stroke();
+    label(name, x + 4, y - 4, ink.ink);
+  });
 
   const drawCompass = () => {
     const origin = [basis.width - 44, basis.height - 40];
@@ -383,11 +385,12 @@ const missionPage = (() => {
   };
 
   // ---- numbers at the time of the playback ----
-  const digits = (value, count) => {
-    if (value === null || value === undefined || !Number.isFinite(value)) return '–';
-    const size = Math.abs(value);
-    const text = size !== 0 && (size < 1e-4 || size >= 1e6) ? value.toExponential(count - 1) : value.toFixed(clamp(count - 1 - Math.floor(Math.log10(size || 1)), 0, 8));
-    return text.replace('-', '\u2212');
+  const digits = (value, count) => (value === null || value === undefined ? '–' : chartPage.digits(value, count));
+  /** An estimate to the digits of its standard deviation. */
+  const withSigma = (value, sigma) => {
+    if (!(sigma > 0)) return digits(value, 5);
+    const decimals = clamp(1 - Math.floor(Math.log10(sigma)), 0, 9);
+    return (value.toFixed(decimals) + ' ± ' + (2 * sigma).toFixed(decimals)).replaceAll('-', '\u2212');
   };
   const speedAt = (i) => {
     const j = Math.min(i + 1, times.length - 1);
@@ -395,7 +398,7 @@ const missionPage = (() => {
   };
   const sigmaOf = (k) => series.sigma[rowAt(now)][k];
   const readers = {
-    estimate: (k) => digits(series.estimate[rowAt(now)][k], 3) + ' ± ' + digits(2 * sigmaOf(k), 2),
+    estimate: (k) => withSigma(series.estimate[rowAt(now)][k], sigmaOf(k)),
     information: (k) => (sigmaOf(k) > 0 ? digits(sigmaOf(k) ** -2, 2) : '–'),
     error: (k) => digits(1000 * (series.position_m[rowAt(now)][k] - series.wanted_position_m[rowAt(now)][k]), 2),
     distance: () => digits(1000 * series.tracking_error_m[rowAt(now)], 2),
@@ -412,7 +415,7 @@ const missionPage = (() => {
   };
   const outputs = [...document.querySelectorAll('[data-reads]')].filter((node) => node.dataset.reads);
   const charts = [...document.querySelectorAll('svg[data-end]')].map((svg) => ({
-    svg, cursor: svg.querySelector('.cursor'), left: Number(svg.dataset.left), inner: Number(svg.dataset.inner), end: Number(svg.dataset.end),
+    svg, cursor: svg.querySelector('.cursor'), inner: Number(svg.dataset.inner), height: svg.dataset.height || 22, end: Number(svg.dataset.end),
   }));
   const readout = (name, text) => {
     const node = document.querySelector('[data-readout="' + name + '"]');
@@ -430,9 +433,9 @@ const missionPage = (() => {
     const event = latest(record.events, now);
     byId('now').textContent = event ? event.t_s.toFixed(1) + ' s: ' + event.text : '\u00a0';
     outputs.forEach((node) => { node.textContent = node.dataset.reads.split(' ').map(read).join(', '); });
-    charts.forEach(({ cursor, inner, end }) => {
+    charts.forEach(({ cursor, inner, height, end }) => {
       const x = (inner * clamp(now / end, 0, 1)).toFixed(1);
-      if (cursor.tagName === 'line') { cursor.setAttribute('x1', x); cursor.setAttribute('x2', x); } else cursor.setAttribute('d', 'M' + x + ' 0V22');
+      cursor.setAttribute('d', 'M' + x + ' 0V' + height);
     });
     slider.value = String(now);
     slider.setAttribute('aria-valuetext', now.toFixed(1) + ' seconds');
@@ -523,10 +526,13 @@ const missionPage = (() => {
   byId('layers').addEventListener('change', () => { if (!shows('follow')) camera.target = center.slice(); seek(now); });
   byId('views').addEventListener('click', (event) => { if (event.target.dataset.view) view(event.target.dataset.view); });
   document.querySelectorAll('[data-seek]').forEach((button) => button.addEventListener('click', () => { setPlaying(false); seek(Number(button.dataset.seek)); }));
-  charts.forEach(({ svg, left, inner, end }) => svg.addEventListener('click', (event) => {
-    const box = svg.getBoundingClientRect(), width = svg.viewBox.baseVal.width;
+  charts.forEach(({ svg, end }) => svg.addEventListener('click', (event) => {
+    const box = svg.getBoundingClientRect();
+    const t = svg.dataset.start === undefined ? (event.clientX - box.left) / box.width * end : chartPage.at(svg, event.clientX);
+    // Who marked a part of a chart wanted to see that, not another time.
+    if (t === null) return;
     setPlaying(false);
-    seek(((event.clientX - box.left) / box.width * width - left) / inner * end);
+    seek(t);
   }));
 
   const resize = () => {
@@ -539,6 +545,7 @@ const missionPage = (() => {
   new ResizeObserver(resize).observe(canvas);
   matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { readInk(); due(); });
   resize();
-  seek(0);
+  // How it ended is what one looks for first; playing begins at the start.
+  seek(lastTime);
   return { record, seek, draw, view, toggle, zoom, turn, time: () => now, end: lastTime, isPlaying: () => playedAt !== null };
 })();
