@@ -359,16 +359,21 @@ fn explained(near: f64, own: f64, other: &Hypothesis, width: Option<&str>, name:
     let reading = &other.reading;
     let message = match width {
         Some(width) if near <= NEAR && own >= OTHER.max(2.0 * near) => {
-            format!("{width}; {reading} it is that of the filled shapes to {} %", digits(100.0 * near))
+            format!("{width}; {reading} it is that of the filled shapes to {}", percent(near))
         }
         _ if near <= SAME && own >= OTHER => format!(
-            "{reading} it is that of its filled {name} shapes to {} %, as written it differs by {} %",
-            digits(100.0 * near),
+            "{reading} it is that of its filled {name} shapes to {}, as written it differs by {} %",
+            percent(near),
             digits(100.0 * own)
         ),
         _ => return None,
     };
     Some((near, Finding::new(Severity::Suspect, other.kind, message)))
+}
+
+/// A share for people: what is less than that is nothing.
+fn percent(share: f64) -> String {
+    if share < 1e-3 { "less than 0.1 %".to_owned() } else { format!("{} %", digits(100.0 * share)) }
 }
 
 /// Three significant digits.

@@ -14,6 +14,9 @@ type Defaults<'a> = BTreeMap<&'a str, Vec<Element<'a>>>;
 /// The class of what names none.
 const MAIN: &str = "main";
 
+/// What turns an element.
+const TURNS: [&str; 5] = ["quat", "axisangle", "euler", "xyaxes", "zaxis"];
+
 /// What the compiler is told.
 struct Compiler<'a> {
     /// Radians in the unit of angles.
@@ -198,13 +201,13 @@ impl<'a> Reader<'a> {
             return Err(geom.bad(&format!("there is no default class `{}`{near}", shortened(class))));
         };
         // the geom itself, then the nearest of its classes
-        let holder = |attribute: &str| {
-            std::iter::once(&geom).chain(defaults).find(|element| element.text(attribute).is_some()).copied()
-        };
+        let chain: Vec<Element> = std::iter::once(geom).chain(defaults.iter().copied()).collect();
+        let holder = |attribute: &str| chain.iter().find(|element| element.text(attribute).is_some()).copied();
         let is_zero = |attribute: &str| holder(attribute).and_then(|element| element.text(attribute)) == Some("0");
         let is_seen_only = is_zero("contype") && is_zero("conaffinity");
         let kind = holder("type").and_then(|element| element.text("type"));
-        let kind = kind.unwrap_or(if holder("mesh").is_some() { "mesh" } else { "sphere" });
+        // with a mesh the sizes of a solid are fitted to it
+        let kind = if holder("mesh").is_some() { "mesh" } else { kind.unwrap_or("sphere") };
         let size = match holder("size") {
             Some(element) => element.numbers::<3>("size")?,
             None => None,
@@ -213,15 +216,12 @@ impl<'a> Reader<'a> {
             Some(element) => element.vector::<6>("fromto")?,
             None => None,
         };
-        let mut pose = self.pose_of(&holder, geom)?;
+        let mut pose = self.pose_of(&chain)?;
         let mut half_length = None;
         if let Some([ax, ay, az, bx, by, bz]) = ends {
             let (a, b) = (Vector3::new(ax, ay, az), Vector3::new(bx, by, bz));
             half_length = Some(0.5 * (b - a).norm());
-            let turn = UnitQuaternion::rotation_between(&Vector3::z(), &(b - a));
-            let turn =
-                turn.unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-            pose = Pose::from_parts((0.5 * (a + b)).into(), turn);
+            pose = Pose::from_parts((0.5 * (a + b)).into(), from_z_to(&(b - a)));
         }
         let solid = solid(kind, size, half_length);
         let link_from_solid = around.parent_from_here * pose;
@@ -268,47 +268,50 @@ impl<'a> Reader<'a> {
     }
 
     fn pose(&self, element: Element<'a>) -> Result<Pose<f64>, FormatsError> {
-        self.pose_of(&|attribute: &str| element.text(attribute).map(|_| element), element)
+        self.pose_of(&[element])
     }
 
-    /// The pose that an element says, each attribute in the element that `holder` finds it in.
-    fn pose_of(
-        &self,
-        holder: &dyn Fn(&str) -> Option<Element<'a>>,
-        element: Element<'a>,
-    ) -> Result<Pose<f64>, FormatsError> {
-        let position = match holder("pos") {
-            Some(held) => held.vector::<3>("pos")?.unwrap_or_default(),
+    /// The pose that the first of these says that says one, place and turn each by itself.
+    fn pose_of(&self, chain: &[Element<'a>]) -> Result<Pose<f64>, FormatsError> {
+        let holder = |attributes: &[&str]| {
+            chain.iter().find(|element| attributes.iter().any(|attribute| element.text(attribute).is_some())).copied()
+        };
+        let position = match holder(&["pos"]) {
+            Some(element) => element.vector::<3>("pos")?.unwrap_or_default(),
             None => [0.0; 3],
         };
+        let rotation = holder(&TURNS).map_or(Ok(UnitQuaternion::identity()), |element| self.turn(element))?;
+        Ok(Pose::from_parts(Vector3::from(position).into(), rotation))
+    }
+
+    /// The turn that one element says.
+    fn turn(&self, element: Element<'a>) -> Result<UnitQuaternion<f64>, FormatsError> {
         let unit = |vector: Vector3<f64>, attribute: &str| {
             vector.try_normalize(1e-12).ok_or_else(|| element.bad(&format!("`{attribute}` has no direction")))
         };
-        let rotation = if let Some([w, x, y, z]) = vector_of::<4>(holder, "quat")? {
+        if let Some([w, x, y, z]) = element.vector::<4>("quat")? {
             let quaternion = Quaternion::new(w, x, y, z);
             if quaternion.norm() < 1e-12 {
                 return Err(element.bad("`quat` is zero"));
             }
-            UnitQuaternion::new_normalize(quaternion)
-        } else if let Some([x, y, z, angle]) = vector_of::<4>(holder, "axisangle")? {
+            return Ok(UnitQuaternion::new_normalize(quaternion));
+        }
+        if let Some([x, y, z, angle]) = element.vector::<4>("axisangle")? {
             let axis = unit(Vector3::new(x, y, z), "axisangle")?;
-            UnitQuaternion::new(axis * (angle * self.compiler.angle))
-        } else if let Some(angles) = vector_of::<3>(holder, "euler")? {
-            self.euler(angles)
-        } else if let Some([a, b, c, d, e, f]) = vector_of::<6>(holder, "xyaxes")? {
+            return Ok(UnitQuaternion::new(axis * (angle * self.compiler.angle)));
+        }
+        if let Some(angles) = element.vector::<3>("euler")? {
+            return Ok(self.euler(angles));
+        }
+        if let Some([a, b, c, d, e, f]) = element.vector::<6>("xyaxes")? {
             let x = unit(Vector3::new(a, b, c), "xyaxes")?;
             let y = Vector3::new(d, e, f);
             let y = unit(y - x * x.dot(&y), "xyaxes")?;
             let axes = Matrix3::from_columns(&[x, y, x.cross(&y)]);
-            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
-        } else if let Some(axis) = vector_of::<3>(holder, "zaxis")? {
-            let axis = unit(axis.into(), "zaxis")?;
-            UnitQuaternion::rotation_between(&Vector3::z(), &axis)
-                .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
-        } else {
-            UnitQuaternion::identity()
-        };
-        Ok(Pose::from_parts(Vector3::from(position).into(), rotation))
+            return Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes)));
+        }
+        let axis = unit(element.vector::<3>("zaxis")?.unwrap_or([0.0, 0.0, 1.0]).into(), "zaxis")?;
+        Ok(from_z_to(&axis))
     }
 
     /// Lower-case axes turn with the body, upper-case ones stay.
@@ -327,11 +330,10 @@ impl<'a> Reader<'a> {
     }
 }
 
-fn vector_of<'a, const COUNT: usize>(
-    holder: &dyn Fn(&str) -> Option<Element<'a>>,
-    attribute: &str,
-) -> Result<Option<[f64; COUNT]>, FormatsError> {
-    holder(attribute).map_or(Ok(None), |element| element.vector::<COUNT>(attribute))
+/// The shortest turn of the z axis to a direction.
+fn from_z_to(direction: &Vector3<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::rotation_between(&Vector3::z(), direction)
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
 }
 
 /// `None` for what is no such solid, or lacks a size.

@@ -261,6 +261,15 @@ fn shapes_that_leave_out_a_part_of_the_link_accuse_nobody() {
         &verdicts(&urdf(1.0, Vector3::zeros(), &head.inertia_about_com(), &[at_origin(Solid::Ellipsoid([0.09; 3]))]))
             [0];
     assert!(!found.is_wrong(), "{found:?}");
+    // a sheet drawn without thickness, its products small: of the other sign they would be nearer to the drawing
+    let sheet = Body::solid_box(3.0, [0.4, 0.3, 0.03]).inertia_about_com();
+    let tilted = sheet + Matrix3::new(0.0, 0.001, 0.0, 0.001, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let drawn = PlacedSolid {
+        solid: Solid::Box([0.2, 0.15, 1e-5]),
+        link_from_solid: Pose::new(Vector3::zeros(), Vector3::z() * 0.05),
+    };
+    let found = &verdicts(&urdf(3.0, Vector3::zeros(), &tilted, &[drawn]))[0];
+    assert!(!found.is_wrong(), "{found:?}");
     // half a rod drawn: a note, for nothing explains it
     let half = PlacedSolid { solid: Solid::Cylinder(0.02, 0.1), link_from_solid: Pose::identity() };
     let found = &verdicts(&urdf(2.0, Vector3::zeros(), &(leg.inertia_about_com() * 4.0), &[half]))[0];

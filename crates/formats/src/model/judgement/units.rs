@@ -1,7 +1,7 @@
 //! Sizes that cannot be meant: grams, millimetres, numbers to be replaced later, no mass at all.
 
 use super::SLACK;
-use super::{Evidence, Finding, FindingKind, Inertial, Model, ModelKind, Severity, digits, spread};
+use super::{Evidence, Finding, FindingKind, Inertial, Model, ModelKind, Severity, digits, excess, spread};
 use tumble_dynamics::nalgebra::Matrix3;
 
 /// Denser than osmium by far, kg/m^3: shapes leave something out, but not that much.
@@ -75,6 +75,10 @@ pub(super) fn units(inertial: &Inertial, evidence: &Evidence, scale_m: f64) -> O
     }
     let volume = evidence.sets.iter().map(|(_, filled)| filled.volume).fold(0.0, f64::max);
     let density = inertial.mass / volume;
+    let is_within = evidence
+        .sets
+        .iter()
+        .all(|(_, filled)| is_around(filled, inertial) && excess(filled, &com, &spread, SLACK).is_none());
     if gyration < 0.01 * least {
         let guess = if USUAL_SHARE.contains(&(1e3 * gyration / least)) && least > SMALL_M {
             "; in mm the shapes would fit"
@@ -89,7 +93,7 @@ pub(super) fn units(inertial: &Inertial, evidence: &Evidence, scale_m: f64) -> O
             digits(least)
         ));
     }
-    if density > TOO_DENSE && gyration <= SLACK * most && USUAL_DENSITY.contains(&(1e-3 * density)) {
+    if density > TOO_DENSE && is_within && USUAL_DENSITY.contains(&(1e-3 * density)) {
         return suspect(format!(
             "its shapes filled have {} kg/m^3, no matter is so dense; in g the mass would fit",
             digits(density)
