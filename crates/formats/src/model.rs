@@ -158,7 +158,7 @@ impl Model {
     }
 
     /// Every link after the one it is on; links in a ring are left out.
-    fn from_roots(&self) -> Vec<usize> {
+    fn roots_first(&self) -> Vec<usize> {
         let mut children = vec![Vec::new(); self.links.len()];
         for (index, link) in self.links.iter().enumerate() {
             if let Some(list) = link.parent.and_then(|parent| children.get_mut(parent)) {

@@ -159,10 +159,10 @@ impl<'a> Reader<'a> {
                 "geom" => self.read_geom(child, around)?,
                 "inertial" => {
                     let inertial = self.inertial(child)?;
-                    if let Some(link) = around.parent.and_then(|parent| self.links.get_mut(parent)) {
-                        if link.inertial.replace(inertial).is_some() {
-                            return Err(child.bad("a second `<inertial>` in `<body>`"));
-                        }
+                    if let Some(link) = around.parent.and_then(|parent| self.links.get_mut(parent))
+                        && link.inertial.replace(inertial).is_some()
+                    {
+                        return Err(child.bad("a second `<inertial>` in `<body>`"));
                     }
                 }
                 _ => {}

@@ -112,9 +112,14 @@ fn is_around(filled: &super::Filled, inertial: &Inertial) -> bool {
     })
 }
 
+/// Whether two numbers are the same as people write them.
+fn is_same(number: f64, other: f64) -> bool {
+    (number / other - 1.0).abs() < 1e-12
+}
+
 /// Whether a number is a power of ten.
 fn is_power_of_ten(number: f64) -> bool {
-    (-12..=3).any(|power| (number / 10_f64.powi(power) - 1.0).abs() < 1e-12)
+    (-12..=3).any(|power| is_same(number, 10_f64.powi(power)))
 }
 
 /// Three equal moments of a round number and no products, where the shapes or the other links say that it is not meant.
@@ -130,7 +135,7 @@ pub(super) fn placeholder(inertial: &Inertial, evidence: &Evidence, masses: &Mas
     let is_far = |ratio: f64| !(0.25..=4.0).contains(&ratio);
     let said = format!("three equal moments of {value} kg m^2 and no products");
     let (severity, reason) = if evidence.sets.is_empty() {
-        if inertial.mass == 1.0 && value == 1.0 {
+        if is_same(inertial.mass, 1.0) && is_same(value, 1.0) {
             (Severity::Suspect, "with a mass of 1 kg: what programs write that know nothing".to_owned())
         } else if masses.shared(value, inertial.mass) {
             (Severity::Suspect, "as other links of another mass have: a number to be replaced".to_owned())
@@ -168,7 +173,7 @@ impl Masses {
         };
         let mut rigid: Vec<bool> = model.links.iter().map(own).collect();
         let mut carried = rigid.clone();
-        for index in model.from_roots().into_iter().rev() {
+        for index in model.roots_first().into_iter().rev() {
             let Some(link) = model.links.get(index) else { continue };
             let Some(parent) = link.parent else { continue };
             if carried[index] {
@@ -189,7 +194,7 @@ impl Masses {
 
     /// Whether another link has the same moments with a quite different mass.
     fn shared(&self, value: f64, mass: f64) -> bool {
-        self.round.iter().any(|(other, of)| *other == value && !(0.5..=2.0).contains(&(of / mass)))
+        self.round.iter().any(|(other, of)| is_same(*other, value) && !(0.5..=2.0).contains(&(of / mass)))
     }
 
     /// What is to be said of a link without mass.
