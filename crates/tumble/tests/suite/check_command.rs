@@ -165,7 +165,7 @@ fn a_payload_is_written_as_robots_take_it() {
         line.split(": ").nth(1).unwrap().parse().unwrap()
     };
     assert!(
-        value("m") == 2.0 && (value("ixy") - 0.01).abs() < 1e-12 && (value("iyz") - 0.03).abs() < 1e-12,
+        (value("m") - 2.0).abs() < 1e-12 && (value("ixy") - 0.01).abs() < 1e-12 && (value("iyz") - 0.03).abs() < 1e-12,
         "{message}"
     );
     assert!(message.contains("com:\n  x: 0.1\n  y: -0.2\n  z: 0.3\n"), "{message}");
