@@ -161,9 +161,11 @@ pub fn export(path: &Path, body: &InertialParameters<f64>) -> Result<String, For
         "json" => serde_json::to_string_pretty(&file).map_err(|error| serialised(error.to_string())),
         "urdf" => Ok(urdf(&file)),
         "xml" | "mjcf" => Ok(mjcf(&file)),
+        "yaml" | "yml" => Ok(inertia_message(&file)),
+        "script" => Ok(payload_line(&file)),
         _ => Err(FormatsError::UnknownFormat {
             path: path.into(),
-            known: "a body is exported to .toml, .json, .urdf or .xml (MJCF)",
+            known: "a body is exported to .toml, .json, .urdf, .xml (MJCF), .yaml (geometry_msgs/Inertia) or .script (set_target_payload)",
         }),
     }
 }
@@ -179,10 +181,32 @@ pub fn urdf(body: &BodyFile) -> String {
     )
 }
 
-fn mjcf(body: &BodyFile) -> String {
+/// The `<inertial>` of an MJCF body.
+pub fn mjcf(body: &BodyFile) -> String {
     let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = body.inertia_about_com_kg_m2;
     let [x, y, z] = body.com_m;
     format!("<inertial pos=\"{x} {y} {z}\" mass=\"{}\" fullinertia=\"{xx} {yy} {zz} {xy} {xz} {yz}\"/>\n", body.mass_kg)
+}
+
+/// A `geometry_msgs/Inertia` as `ros2 topic pub` takes it: the tensor about the centre of mass, its entries as they stand in the matrix.
+fn inertia_message(body: &BodyFile) -> String {
+    let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = body.inertia_about_com_kg_m2;
+    let [x, y, z] = body.com_m;
+    format!(
+        "m: {:?}\ncom:\n  x: {x:?}\n  y: {y:?}\n  z: {z:?}\nixx: {xx:?}\nixy: {xy:?}\nixz: {xz:?}\niyy: {yy:?}\niyz: {yz:?}\nizz: {zz:?}\n",
+        body.mass_kg
+    )
+}
+
+/// The line of a program of a UR arm that says what it holds, body axes those of its flange: mass, centre of mass, and
+/// [Ixx, Iyy, Izz, Ixy, Ixz, Iyz] about the centre of mass.
+fn payload_line(body: &BodyFile) -> String {
+    let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = body.inertia_about_com_kg_m2;
+    let [x, y, z] = body.com_m;
+    format!(
+        "set_target_payload({:?}, [{x:?}, {y:?}, {z:?}], [{xx:?}, {yy:?}, {zz:?}, {xy:?}, {xz:?}, {yz:?}])\n",
+        body.mass_kg
+    )
 }
 
 #[cfg(test)]

@@ -267,6 +267,18 @@ pub enum FormatsError {
         /// Its number of joints.
         joints: usize,
     },
+    /// T055: a model of a robot that does not parse, or says something impossible.
+    #[error("{path}, line {line}, column {column}: {message}")]
+    BadModel {
+        /// The file.
+        path: PathBuf,
+        /// Line, counted from one.
+        line: usize,
+        /// Column, counted from one.
+        column: usize,
+        /// What is wrong.
+        message: String,
+    },
     /// T031: something that the format asked for cannot hold.
     #[error("{path}: {format} cannot hold {what}")]
     NotHeld {
@@ -310,6 +322,7 @@ impl FormatsError {
             Self::ArmJointKind { .. } => "T052",
             Self::ArmBody { .. } => "T053",
             Self::JointColumn { .. } => "T054",
+            Self::BadModel { .. } => "T055",
             Self::UnknownRecording { .. } => "T028",
             Self::BadMessage { .. } => "T029",
             Self::NoFlight { .. } | Self::Damaged { .. } => "T030",
@@ -380,6 +393,7 @@ impl FormatsError {
             Self::JointColumn { .. } => {
                 "name the arm that the log is of, or remove the column; `tumble arm show NAME --as log-template` prints every column"
             }
+            Self::BadModel { .. } => "correct what is named; `docs/models.md` says what is read of URDF and MJCF",
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
             Self::Database { .. } => {
                 "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \

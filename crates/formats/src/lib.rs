@@ -10,6 +10,7 @@ mod error;
 pub mod excitation_file;
 pub mod log;
 mod log_file;
+pub mod model;
 pub mod place;
 pub mod recording;
 mod robot;

@@ -28,6 +28,7 @@ mod arm_excite;
 pub mod calibrate_wheel;
 #[cfg(feature = "astrobee")]
 pub mod campaign;
+pub mod check;
 #[cfg(feature = "astrobee")]
 mod columns;
 #[cfg(feature = "astrobee")]

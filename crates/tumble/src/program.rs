@@ -4,7 +4,7 @@
 mod flying;
 
 use crate::TumbleError;
-use crate::cli::{Outcome, arm, calibrate_wheel, convert, excite, identify, print, sample, sensing};
+use crate::cli::{Outcome, arm, calibrate_wheel, check, convert, excite, identify, print, sample, sensing};
 #[cfg(feature = "astrobee")]
 use crate::cli::{allocate, realize};
 use clap::{Parser, Subcommand};
@@ -29,6 +29,7 @@ Examples:
   tumble sensing show nominal                  what a log of Astrobee is of its true motion; a file for `--sensing`
   tumble sensing check flight.csv              what a log shows of its own sensors: noise, delays, biases, gains
   tumble arm show astrobee-arm                 joints and bodies of an arm; also of a TOML or URDF file
+  tumble check robot.urdf                      can the masses of a model be? also MJCF
   tumble calibrate-wheel cal_*.csv --out cal.toml
   tumble identify --wheel throw.csv --calibration cal.toml
   tumble convert flight.csv flight.mcap        a log for Foxglove and PlotJuggler
@@ -65,6 +66,8 @@ enum Command {
     Flying(flying::Command),
     /// Lists and shows arms: those that come with the program, TOML and URDF files.
     Arm(arm::ArmArgs),
+    /// Looks whether the masses and inertias of a robot model (URDF, MJCF) can be, and repairs what cannot.
+    Check(check::CheckArgs),
     /// Calibrates the wheel-driven throwing device from throws of itself and of a proof block.
     CalibrateWheel(calibrate_wheel::CalibrateWheelArgs),
     #[cfg(feature = "astrobee")]
@@ -134,6 +137,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, robots: &Robots) -> Ex
         #[cfg(feature = "astrobee")]
         Some(Command::Flying(command)) => command.run(robots),
         Some(Command::Arm(args)) => arm::run(&args, robots),
+        Some(Command::Check(args)) => check::run(&args),
         Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
         #[cfg(feature = "astrobee")]
         Some(Command::Allocate(args)) => allocate::run(&args),

@@ -1,5 +1,6 @@
 //! `tumble identify`: from a log to mass, centre of mass and inertia.
 
+use super::check::exported;
 use super::identify_arm::Files;
 use super::identify_log::{Log, ROWS_IN_MEMORY, Rows};
 use super::identify_options::{AUTO, OF_CYCLES, run_record};
@@ -11,6 +12,7 @@ use crate::report_page::{self, Trial};
 use crate::{TumbleError, demo};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_formats::FormatsError;
 use tumble_formats::Robots;
@@ -227,6 +229,8 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
             args.split && (output || args.holdout.is_some() || args.dry_run),
             "`--split` may find several bodies: no `--out`, `--export`, `--holdout`, `--dry-run`",
         ),
+        (args.patch.is_some() && args.export.is_none(), "`--patch` needs `--export FILE`: the model with the new body"),
+        (args.link.is_some() && args.patch.is_none(), "`--link` belongs to `--patch`"),
         (args.wrench_noise.is_some() && !args.dry_run, "`--wrench-noise` belongs to `--dry-run`"),
     ];
     match clash.iter().find(|(clashes, _)| *clashes) {
@@ -252,6 +256,11 @@ fn check_outputs(args: &IdentifyArgs) -> Result<(), TumbleError> {
                 message: format!("{} is an input of this run; write the result somewhere else", path.display()),
             });
         }
+    }
+    if let Some(model) = &args.patch {
+        // the link must be there before the log is read
+        let any = InertialParameters::solid_sphere(1.0, 0.1);
+        super::check::patched(model, args.link.as_deref(), &any)?;
     }
     if let Some(share) = args.holdout.filter(|share| !(0.0 < *share && *share < 1.0)) {
         return Err(TumbleError::BadOption {
@@ -280,8 +289,7 @@ fn deliver(
     }
     match (&args.export, &found.estimate) {
         (Some(path), Some(estimate)) => {
-            write_file(path, body_file::export(path, &estimate.parameters)?.as_bytes(), args.force)?;
-            tell_line!("wrote {}", path.display());
+            write_export(path, args, &estimate.parameters)?;
         }
         (Some(path), None) => tell_line!("warning: no body to export; {} is not written", path.display()),
         (None, _) => {}
@@ -302,6 +310,18 @@ fn deliver(
         tell_line!("wrote {}", folder.finish()?.join("report.html").display());
     }
     Ok(if found.verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
+}
+
+/// Writes what `--export` asks for.
+pub(super) fn write_export(
+    path: &Path,
+    args: &IdentifyArgs,
+    body: &InertialParameters<f64>,
+) -> Result<(), TumbleError> {
+    let text = exported(path, args.patch.as_deref(), args.link.as_deref(), body)?;
+    write_file(path, text.as_bytes(), args.force)?;
+    tell_line!("wrote {}", path.display());
+    Ok(())
 }
 
 /// Each part between changes of the body by itself.

@@ -94,9 +94,15 @@ pub struct IdentifyArgs {
     /// Write report.html, residual plots, result.json, body.toml and run.json into this new folder.
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
-    /// Write the body to a file: .toml, .json, .urdf or .xml (MJCF).
+    /// Write the body to a file: .toml, .json, .urdf, .xml (MJCF), .yaml (geometry_msgs/Inertia) or .script (set_target_payload of a UR arm).
     #[arg(long, value_name = "FILE")]
     pub(super) export: Option<PathBuf>,
+    /// Of `--export`: write this URDF or MJCF with the body in one of its links, everything else as it is.
+    #[arg(long, value_name = "MODEL")]
+    pub(super) patch: Option<PathBuf>,
+    /// Of `--patch`: which link; without it the only one with a mass, or else the only one that is on no other.
+    #[arg(long, value_name = "NAME")]
+    pub(super) link: Option<String>,
     /// Replace outputs that exist.
     #[arg(long)]
     pub(super) force: bool,

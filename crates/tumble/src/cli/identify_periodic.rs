@@ -4,7 +4,7 @@ use super::identify_log::{Log, Rows};
 use super::identify_options::{IdentifyArgs, run_record};
 use super::{Outcome, print};
 use crate::harmonic_report as report;
-use crate::output::{OutputFolder, RUN_RECORD, write_file};
+use crate::output::{OutputFolder, RUN_RECORD};
 use crate::report::Context;
 use crate::{TumbleError, space_cobot};
 use std::fmt::Write as _;
@@ -230,8 +230,7 @@ fn deliver(
     print(&if args.json { format!("{json}\n") } else { table.clone() })?;
     let body = &found.estimate.parameters;
     if let Some(path) = &args.export {
-        write_file(path, body_file::export(path, body)?.as_bytes(), args.force)?;
-        tell_line!("wrote {}", path.display());
+        super::identify::write_export(path, args, body)?;
     }
     if let Some(path) = &args.out {
         let folder = OutputFolder::create(path, args.force)?;

@@ -35,6 +35,8 @@ enum Kind {
     Bag,
     /// Wanted wrenches, wrenches.csv, for `allocate`.
     Wrenches,
+    /// An arm with three slips in its inertias, model.urdf, for `check`.
+    Model,
 }
 
 /// Writes the files.
@@ -52,6 +54,7 @@ pub fn run(args: &SampleArgs) -> Result<Outcome, TumbleError> {
             vec![("flight.bag", bag(&flight.record)), ("truth.toml", truth(&flight)?)]
         }
         Kind::Wrenches => vec![("wrenches.csv", WRENCHES.as_bytes().to_vec())],
+        Kind::Model => vec![("model.urdf", MODEL.as_bytes().to_vec())],
     };
     let place = |name: &str| args.folder.join(name);
     // A log and a bag of one seed have one truth, which may lie there already.
@@ -70,6 +73,7 @@ pub fn run(args: &SampleArgs) -> Result<Outcome, TumbleError> {
     let next = match args.kind {
         Kind::Log | Kind::Bag => format!("identify {first} --reference {}", place("truth.toml").display()),
         Kind::Wrenches => format!("allocate {first}"),
+        Kind::Model => format!("check {first}"),
     };
     tell_line!("wrote {}; next: tumble {next}", written.join(" and "));
     Ok(Outcome::Achieved)
@@ -166,3 +170,6 @@ mode,fx,fy,fz,tx,ty,tz,comx,comy,comz
 2,0.2,-0.1,0.05,0.004,-0.002,0.01,0.01,0,0
 3,1.5,0,0,0,0,0,0,0,0
 ";
+
+/// Of the upper arm x and z are exchanged, the forearm cannot be, the wrist is in g mm^2.
+const MODEL: &str = include_str!("sample_model.urdf");

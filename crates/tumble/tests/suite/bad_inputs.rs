@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// `FILE` is the bad one, `LOG` a sound log, `OUT` what would be written.
-const COMMANDS: [&str; 32] = [
+const COMMANDS: [&str; 35] = [
     "identify FILE",
     "identify FILE --dry-run",
     "identify FILE --reorder --planar",
@@ -42,12 +42,16 @@ const COMMANDS: [&str; 32] = [
     "campaign FILE --missions 1 --out OUT",
     "campaign merge FILE --out OUT",
     "replay FILE",
+    "check FILE",
+    "check FILE --repair OUT",
+    "identify LOG --export OUT --patch FILE",
     "allocate FILE",
     "realize FILE",
 ];
 
 /// What of these a command may take after all: a table is a table to `convert`, and sensors of which nothing is said are the usual ones.
-const SOUND: [(&str, &[&str]); 3] = [
+const SOUND: [(&str, &[&str]); 4] = [
+    ("check", &["robot.urdf"]),
     ("convert", &["header.csv", "one-row.csv", "back-in-time.csv", "quotes.csv"]),
     ("sensing show", &["format-only.toml"]),
     ("--sensing", &["format-only.toml"]),
@@ -130,6 +134,22 @@ fn bad_files() -> Vec<(&'static str, Vec<u8>)> {
         ("robot.urdf", text("<robot name='a'><link name='b'/></robot>")),
         ("open.urdf", text("<robot name='a'><link name='b'>")),
         ("laughs.xml", text("<!DOCTYPE r [<!ENTITY a 'ha'><!ENTITY b '&a;&a;&a;&a;'>]><robot>&b;</robot>")),
+        ("deep.xml", text(&format!("<mujoco><worldbody>{}", "<body>".repeat(60_000)))),
+        (
+            "closed-deep.xml",
+            text(&format!(
+                "<mujoco><worldbody>{}{}</worldbody></mujoco>",
+                "<body>".repeat(60_000),
+                "</body>".repeat(60_000)
+            )),
+        ),
+        ("long-attribute.urdf", text(&format!("<robot name='{}'/>", "a".repeat(900_000)))),
+        (
+            "no-number.urdf",
+            text(
+                "<robot name='a'><link name='b'><inertial><mass value='nan'/><inertia ixx='1e999'/></inertial></link></robot>",
+            ),
+        ),
         ("page.html", text("<!doctype html><html><body>no record</body></html>")),
         ("record.html", text("<script type=\"application/json\" id=\"mission\">{\"summary\":null}</script>")),
         ("with \n a line end.csv", text("a,b\n1,2\n")),

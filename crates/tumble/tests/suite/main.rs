@@ -5,6 +5,7 @@ mod allocate_command;
 mod arms;
 mod bad_inputs;
 mod campaign_command;
+mod check_command;
 mod commanded_nozzles;
 mod convert_command;
 mod corruption_sweep;

@@ -7,9 +7,11 @@ use tumble::cli::{allocate, realize};
 use tumble::robots::shipped;
 use tumble::scenario::{ScenarioSource, read_wrenches};
 use tumble_astrobee::propulsion::{AreaTable, PositivityShift};
+use tumble_dynamics::InertialParameters;
 use tumble_formats::arm::ArmModel;
 use tumble_formats::excitation_file::ExcitationFile;
 use tumble_formats::log::{JointLogReader, LogReader, joint_template};
+use tumble_formats::model::{Model, judge};
 use tumble_formats::recording::{Encoding, RawMessage, ScanReport, bag, mcap_reader, messages};
 use tumble_formats::wheel_throw::parse_throw;
 use tumble_formats::{FormatsError, Robots, body_file};
@@ -18,7 +20,7 @@ use tumble_formats::{FormatsError, Robots, body_file};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 13] = [
+pub const TARGETS: [(&str, Target); 14] = [
     ("csv_log", csv_log),
     ("wheel_throw", wheel_throw),
     ("body_toml", body_toml),
@@ -32,6 +34,7 @@ pub const TARGETS: [(&str, Target); 13] = [
     ("realize", realize_table),
     ("arm", arm),
     ("joint_log", joint_log),
+    ("model", model),
 ];
 
 /// An error is a message with the name of the file and no control characters but line ends.
@@ -92,6 +95,33 @@ pub fn arm(data: &[u8]) {
             }
         }
         Err(error) => is_said(&error.to_string(), "arm.urdf"),
+    }
+}
+
+/// A model that is read is judged; repaired it can be, and a body goes into it, as far as a link of one name is meant.
+pub fn model(data: &[u8]) {
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    let path = Path::new("robot.urdf");
+    let read = match Model::parse(path, text) {
+        Ok(read) => read,
+        Err(error) => return is_said(&error.to_string(), "robot.urdf"),
+    };
+    let verdicts = judge(&read);
+    let repaired = read.repaired(&verdicts);
+    let again = Model::parse(path, &repaired.text).expect("a repaired model is read");
+    assert!(repaired.links.is_empty() == (repaired.text == text));
+    for (verdict, before) in judge(&again).iter().zip(&verdicts) {
+        assert!(verdict.physical == before.physical || verdict.physical == Some(true) || before.nearest.is_none());
+    }
+    let body = InertialParameters::solid_box(2.0, [0.1, 0.2, 0.3]);
+    match read.with_body(path, None, &body) {
+        Ok((text, name)) => {
+            let again = Model::parse(path, &text).expect("a patched model is read");
+            let link = again.links.iter().find(|link| link.name == name && link.inertial.is_some());
+            let found = link.and_then(|link| link.inertial.as_ref()).expect("the link has the body").body();
+            assert!((found.to_vector() - body.to_vector()).amax() < 1e-12);
+        }
+        Err(error) => is_said(&error.to_string(), "robot.urdf"),
     }
 }
 
