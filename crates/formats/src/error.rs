@@ -278,7 +278,9 @@ pub enum FormatsError {
         what: &'static str,
     },
     /// T032: a ROS 2 database.
-    #[error("{path}: a ROS 2 database (.db3) is not read; up to Humble it holds no message definitions, since Iron it does")]
+    #[error(
+        "{path}: a ROS 2 database (.db3) is not read; up to Humble it holds no message definitions, since Iron it does"
+    )]
     Database {
         /// The file.
         path: PathBuf,

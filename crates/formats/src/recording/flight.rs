@@ -4,8 +4,8 @@
 //! order of its stamps and hands out one [`MotionSample`] for every pose. Memory is bounded, whatever the file's size.
 
 use super::mcap_log::{MEASURED_POSE, MEASURED_WRENCH, Measured, MeasuredColumns};
-use super::messages::{self, Message, MessageError, PmcCommand};
 use super::merged::{Seen, scan_files};
+use super::messages::{self, Message, MessageError, PmcCommand};
 use super::{Container, RawMessage, ScanReport, container, scan_file, ulog_flight};
 use crate::FormatsError;
 use crate::log::{QUATERNION_NORM_TOLERANCE, seconds, shortened};

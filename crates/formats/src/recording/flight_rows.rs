@@ -37,13 +37,13 @@ fn read_ulog(path: &Path, robot: Option<&str>, sink: &mut dyn RowSink) -> Result
     let (survey, plan) = ulog_flight::open(path, robot)?;
     let mut rows = Rows::new(ulog_flight::columns(&survey.topics), &survey.commands, sink);
     let mut failure = None;
-    let tally = ulog_flight::read(path, &survey, &survey.commands, false, &mut |sample| {
-        match rows.take(&sample.motion, &sample.commands) {
-            Ok(()) => ControlFlow::Continue(()),
-            Err(error) => {
-                failure = Some(error);
-                ControlFlow::Break(())
-            }
+    let tally = ulog_flight::read(path, &survey, &survey.commands, false, &mut |sample| match rows
+        .take(&sample.motion, &sample.commands)
+    {
+        Ok(()) => ControlFlow::Continue(()),
+        Err(error) => {
+            failure = Some(error);
+            ControlFlow::Break(())
         }
     })?;
     failure.map_or_else(|| Ok(tally.warnings(&plan, &survey.topics)), Err)

@@ -39,7 +39,10 @@ pub(super) fn check(paths: &[PathBuf]) -> Result<(), FormatsError> {
         };
         // What cannot be read at all says so itself.
         std::fs::File::open(path).map_err(|source| FormatsError::Unreadable { path: path.clone(), source })?;
-        return bad(format!("several files are one recording where they are bags or MCAP files; {} {what}", path.display()));
+        return bad(format!(
+            "several files are one recording where they are bags or MCAP files; {} {what}",
+            path.display()
+        ));
     }
     Ok(())
 }

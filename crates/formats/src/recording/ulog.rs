@@ -255,7 +255,11 @@ impl Scan<'_> {
 
     fn flags(&mut self, body: &[u8]) -> Result<(), String> {
         let Some((flags, offsets)) = body.get(8..FLAG_BYTES).and_then(|known| known.split_at_checked(8)) else {
-            self.lose(FILE_HEADER_BYTES as u64, format!("flags of {} bytes; there are {FLAG_BYTES}", body.len()), false);
+            self.lose(
+                FILE_HEADER_BYTES as u64,
+                format!("flags of {} bytes; there are {FLAG_BYTES}", body.len()),
+                false,
+            );
             return Ok(());
         };
         let is_known = |(i, flags): (usize, &u8)| if i == 0 { flags & !DATA_APPENDED == 0 } else { *flags == 0 };
@@ -264,7 +268,8 @@ impl Scan<'_> {
         }
         if flags.first().is_some_and(|flags| flags & DATA_APPENDED != 0) {
             let (offsets, _) = offsets.as_chunks::<8>();
-            self.appended = offsets.iter().map(|bytes| u64::from_le_bytes(*bytes)).filter(|offset| *offset > 0).collect();
+            self.appended =
+                offsets.iter().map(|bytes| u64::from_le_bytes(*bytes)).filter(|offset| *offset > 0).collect();
             self.appended.sort_unstable_by(|a, b| b.cmp(a));
         }
         Ok(())
@@ -295,7 +300,9 @@ impl Scan<'_> {
     }
 
     fn subscribe(&mut self, body: &[u8]) -> Result<(), String> {
-        let &[instance, low, high, ref name @ ..] = body else { return Err("a subscription without a name".to_owned()) };
+        let &[instance, low, high, ref name @ ..] = body else {
+            return Err("a subscription without a name".to_owned());
+        };
         let name = layout::name(name)?;
         let layout = self.formats.layout(name)?;
         let topic = if instance == 0 { name.to_owned() } else { format!("{name}/{instance}") };

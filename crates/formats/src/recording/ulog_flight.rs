@@ -181,6 +181,10 @@ pub fn read(
                 out_of_bounds = columns.get(*place).map(|column| (column, command, message.time_ns));
                 return ControlFlow::Break(());
             }
+            if !command.is_finite() {
+                assembler.tally.undecoded += 1;
+                continue;
+            }
             if assembler.push(message.time_ns, Event::Command(*place, command), visit).is_break() {
                 return ControlFlow::Break(());
             }
@@ -191,8 +195,11 @@ pub fn read(
         }
     })?;
     if let Some((column, command, time_ns)) = out_of_bounds {
-        let reason =
-            format!("`{}` is {command} at {:.3} s; a command lies between 0 and 1", shortened(column), seconds(time_ns));
+        let reason = format!(
+            "`{}` is {command} at {:.3} s; a command lies between 0 and 1",
+            shortened(column),
+            seconds(time_ns)
+        );
         return Err(FormatsError::NoFlight { path: path.into(), reason });
     }
     if !assembler.stopped {
@@ -518,7 +525,8 @@ impl<'s> Assembler<'s> {
                 (0, invalid) => format!("{invalid} say of themselves that they are not valid"),
                 (without, _) => format!("{without} have no {ATTITUDE} beside them"),
             };
-            let error = FormatsError::NoFlight { path: path.into(), reason: format!("no {POSITION} can be used: {why}") };
+            let error =
+                FormatsError::NoFlight { path: path.into(), reason: format!("no {POSITION} can be used: {why}") };
             return Err(damaged(error, &[(path.into(), report.scan)]));
         }
         tally.notes = self.notes_of(&report);

@@ -246,10 +246,18 @@ fn flight(gravity: f64) -> UlogWriter {
         "vehicle_local_position:uint64_t timestamp;uint64_t timestamp_sample;float x;float y;float z;float vx;float vy;float vz;uint8_t xy_reset_counter;bool xy_valid;bool z_valid;bool v_xy_valid;bool v_z_valid;uint8_t[3] _padding0;",
     );
     file.format("vehicle_attitude:uint64_t timestamp;uint64_t timestamp_sample;float[4] q;uint8_t quat_reset_counter;uint8_t[7] _padding0;");
-    file.format("vehicle_angular_velocity:uint64_t timestamp;uint64_t timestamp_sample;float[3] xyz;uint8_t[4] _padding0;");
+    file.format(
+        "vehicle_angular_velocity:uint64_t timestamp;uint64_t timestamp_sample;float[3] xyz;uint8_t[4] _padding0;",
+    );
     file.format("vehicle_acceleration:uint64_t timestamp;uint64_t timestamp_sample;float[3] xyz;uint8_t[4] _padding0;");
     file.format("actuator_motors:uint64_t timestamp;uint64_t timestamp_sample;uint16_t reversible_flags;uint8_t[2] _padding0;float[4] control;uint8_t[4] _padding1;");
-    let names = ["vehicle_local_position", "vehicle_attitude", "vehicle_angular_velocity", "vehicle_acceleration", "actuator_motors"];
+    let names = [
+        "vehicle_local_position",
+        "vehicle_attitude",
+        "vehicle_angular_velocity",
+        "vehicle_acceleration",
+        "actuator_motors",
+    ];
     for (number, name) in (0..).zip(names) {
         file.subscribe(number, 0, name);
     }
@@ -267,7 +275,8 @@ fn flight(gravity: f64) -> UlogWriter {
             // Between two attitudes.
             let measured = measured - 5000;
             let x = 0.2 * (time_s - 0.005);
-            let fields = [&measured.to_le_bytes()[..], &floats(&[x, 1.0, -2.0, 0.2, 0.0, 0.0]), &[0, 1, 1, 1, 1]].concat();
+            let fields =
+                [&measured.to_le_bytes()[..], &floats(&[x, 1.0, -2.0, 0.2, 0.0, 0.0]), &[0, 1, 1, 1, 1]].concat();
             file.data(0, published, &fields);
             file.data(10, published, &fields);
         }
@@ -286,7 +295,11 @@ fn scratch(name: &str, bytes: &[u8]) -> std::path::PathBuf {
     path
 }
 
-fn samples(name: &str, bytes: &[u8], bounded: bool) -> Result<(UlogSurvey, Vec<CommandedSample>, Vec<String>), FormatsError> {
+fn samples(
+    name: &str,
+    bytes: &[u8],
+    bounded: bool,
+) -> Result<(UlogSurvey, Vec<CommandedSample>, Vec<String>), FormatsError> {
     let path = scratch(name, bytes);
     let (survey, plan) = ulog_flight::open(&path, None)?;
     let mut samples = Vec::new();
@@ -352,7 +365,12 @@ fn what_a_flight_lacks_is_said() {
     assert_eq!(found.len(), 52);
     assert!(found[50].motion.world_from_body.is_none() && found[51].motion.world_from_body.is_none());
     let all = said.join("\n");
-    for part in ["1 positions have no attitude", "1 times the estimator reset", "1 poses are marked lost", "dropped out 1 times, 0.700 s"] {
+    for part in [
+        "1 positions have no attitude",
+        "1 times the estimator reset",
+        "1 poses are marked lost",
+        "dropped out 1 times, 0.700 s",
+    ] {
         assert!(all.contains(part), "{part}: {all}");
     }
 

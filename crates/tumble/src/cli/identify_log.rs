@@ -91,7 +91,13 @@ impl Log {
         };
         let sensing = args.sensing.as_deref().map(|name| super::sensing::find(name, robots)).transpose()?;
         if let Some(file) = &args.actuators {
-            return Self::from_commands(args, &args.logs(), actuator_file::read(file)?, sensing.unwrap_or_default(), reference);
+            return Self::from_commands(
+                args,
+                &args.logs(),
+                actuator_file::read(file)?,
+                sensing.unwrap_or_default(),
+                reference,
+            );
         }
         let mut reader = SampleReader::open_all(&args.logs(), args.reorder, args.robot.as_deref(), robots)?;
         let told = FlightLikelihood {
@@ -349,13 +355,13 @@ impl CommandedLog {
                 let (survey, plan) = ulog_flight::open(path, None)?;
                 tell!("{}", recording::flight::table(&survey.topics, &plan));
                 let mut failure = None;
-                let tally = ulog_flight::read(path, &survey, columns, true, &mut |sample| {
-                    match log.take(&sample, &mut held) {
-                        Ok(()) => ControlFlow::Continue(()),
-                        Err(error) => {
-                            failure = Some(error);
-                            ControlFlow::Break(())
-                        }
+                let tally = ulog_flight::read(path, &survey, columns, true, &mut |sample| match log
+                    .take(&sample, &mut held)
+                {
+                    Ok(()) => ControlFlow::Continue(()),
+                    Err(error) => {
+                        failure = Some(error);
+                        ControlFlow::Break(())
                     }
                 })?;
                 if let Some(error) = failure {

@@ -224,7 +224,8 @@ impl Formats {
         let colon = text.iter().position(|byte| *byte == b':').ok_or("a format without a name")?;
         let (name_bytes, fields) = text.split_at(colon);
         let name = name(name_bytes)?;
-        let fields = core::str::from_utf8(fields.get(1..).unwrap_or_default()).map_err(|_| "a format that is no text")?;
+        let fields =
+            core::str::from_utf8(fields.get(1..).unwrap_or_default()).map_err(|_| "a format that is no text")?;
         match self.texts.get(name) {
             Some(same) if same == fields => return Ok(()),
             Some(_) => return Err(format!("a second format of the name {name}")),
