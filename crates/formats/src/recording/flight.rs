@@ -740,7 +740,7 @@ impl FlightReader {
         let (topics, path) = (survey.topics.clone(), PathBuf::from(path));
         Ok(Self::reading(topics, plan, move |sender| {
             let mut batches = Batches::new(sender);
-            let tally = ulog_flight::read(&path, &survey, &[], false, &mut |sample| batches.take(sample.motion))?;
+            let tally = ulog_flight::read(&path, &survey, &[], false, &mut |sample| batches.take(&sample.motion))?;
             batches.finish();
             Ok(tally)
         }))
@@ -829,8 +829,8 @@ impl<'s> Batches<'s> {
     }
 
     /// Breaks where nobody listens.
-    fn take(&mut self, sample: MotionSample) -> ControlFlow<()> {
-        self.batch.push(sample);
+    fn take(&mut self, sample: &MotionSample) -> ControlFlow<()> {
+        self.batch.push(*sample);
         if self.batch.len() < BATCH {
             return ControlFlow::Continue(());
         }
@@ -855,7 +855,7 @@ fn stream(
     let mut batches = Batches::new(sender);
     let mut failure = None;
     let reports = scan_files(paths, &|topic| plan.uses(topic), &mut |file, raw| match assembler.take(file, &raw) {
-        Ok(Some(sample)) => batches.take(sample),
+        Ok(Some(sample)) => batches.take(&sample),
         Ok(None) => ControlFlow::Continue(()),
         Err(error) => {
             failure = Some(error);
@@ -866,7 +866,7 @@ fn stream(
         return Err(error);
     }
     while let Some(sample) = assembler.finish() {
-        if batches.take(sample).is_break() {
+        if batches.take(&sample).is_break() {
             break;
         }
     }

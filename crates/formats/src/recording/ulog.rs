@@ -208,7 +208,7 @@ impl Scan<'_> {
                 continue;
             }
             if size == 0 || !kind.is_ascii_uppercase() {
-                let found = self.synchronize(cursor, edge);
+                let found = synchronize(cursor, edge);
                 self.lose(at, "no message begins here".to_owned(), !found);
                 continue;
             }
@@ -227,30 +227,6 @@ impl Scan<'_> {
             cursor.skip(length);
         }
         Ok(())
-    }
-
-    /// Goes on to the next synchronisation message or the beginning of an appended part; `false` where the file ends before.
-    fn synchronize<R: Read>(&self, cursor: &mut Cursor<R>, edge: Option<u64>) -> bool {
-        loop {
-            let ahead = edge.map_or(u64::MAX, |edge| edge.saturating_sub(cursor.at));
-            if ahead == 0 {
-                return true;
-            }
-            let window = cursor.peek(usize::try_from(ahead.min(Cursor::<R>::STEP)).unwrap_or_default());
-            if let Some(mark) = window.windows(SYNC.len()).position(|window| window == SYNC) {
-                cursor.skip(mark as u64);
-                return true;
-            }
-            let seen = window.len() as u64;
-            // The last bytes may begin a mark that goes on behind them.
-            match seen.saturating_sub(SYNC.len() as u64 - 1) {
-                0 => {
-                    cursor.skip(seen);
-                    return edge == Some(cursor.at);
-                }
-                step => cursor.skip(step),
-            }
-        }
     }
 
     fn flags(&mut self, body: &[u8]) -> Result<(), String> {
@@ -331,5 +307,29 @@ impl Scan<'_> {
         let message = UlogMessage { topic, name, instance: *instance, time_ns, layout, data };
         self.stopped = (self.visit)(&message).is_break();
         Ok(())
+    }
+}
+
+/// Goes on to the next synchronisation message or the beginning of an appended part; `false` where the file ends before.
+fn synchronize<R: Read>(cursor: &mut Cursor<R>, edge: Option<u64>) -> bool {
+    loop {
+        let ahead = edge.map_or(u64::MAX, |edge| edge.saturating_sub(cursor.at));
+        if ahead == 0 {
+            return true;
+        }
+        let window = cursor.peek(usize::try_from(ahead.min(Cursor::<R>::STEP)).unwrap_or_default());
+        if let Some(mark) = window.windows(SYNC.len()).position(|window| window == SYNC) {
+            cursor.skip(mark as u64);
+            return true;
+        }
+        let seen = window.len() as u64;
+        // The last bytes may begin a mark that goes on behind them.
+        match seen.saturating_sub(SYNC.len() as u64 - 1) {
+            0 => {
+                cursor.skip(seen);
+                return edge == Some(cursor.at);
+            }
+            step => cursor.skip(step),
+        }
     }
 }

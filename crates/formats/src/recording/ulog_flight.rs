@@ -221,6 +221,7 @@ fn is_finite(v: &Vector3<f64>) -> bool {
 }
 
 /// A message in its place in time.
+#[derive(Clone, Copy)]
 enum Event {
     /// Of the origin, and its velocity, where they are said to be valid.
     Position(Option<Vector3<f64>>, Option<Vector3<f64>>),
