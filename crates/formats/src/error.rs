@@ -290,7 +290,9 @@ pub enum FormatsError {
         what: &'static str,
     },
     /// T032: a ROS 2 database.
-    #[error("{path}: a ROS 2 database holds no message definitions and is not read")]
+    #[error(
+        "{path}: a ROS 2 database (.db3) is not read; up to Humble it holds no message definitions, since Iron it does"
+    )]
     Database {
         /// The file.
         path: PathBuf,
@@ -366,13 +368,13 @@ impl FormatsError {
             Self::BadOption { .. } => "correct or leave out the option named; `tumble help COMMAND` explains each",
             Self::UnknownFormat { .. } => "choose one of the named formats",
             Self::UnknownRecording { .. } => {
-                "ROS 1 bags of version 2.0 and MCAP files are read; `rosbag fix` and `ros2 bag convert` make them of others"
+                "ROS 1 bags of version 2.0, MCAP files and ULog up to version 1 are read; `rosbag fix` and `ros2 bag convert` make bags and MCAP of others"
             }
             Self::BadMessage { .. } => {
                 "record with message definitions that `docs/recordings.md` lists, or convert the log to CSV"
             }
             Self::Damaged { .. } => {
-                "copy the recording again from where it was made; `rosbag reindex` or `mcap recover` may save more of it"
+                "copy the recording again from where it was made; `rosbag reindex` or `mcap recover` may save more of a bag or an MCAP file"
             }
             Self::NoFlight { .. } => {
                 "`docs/recordings.md` says which topics make a flight, and how each must be encoded"
@@ -396,8 +398,8 @@ impl FormatsError {
             Self::BadModel { .. } => "correct what is named; `docs/models.md` says what is read of URDF and MJCF",
             Self::NotHeld { .. } => "choose another format with `--to`; CSV holds everything",
             Self::Database { .. } => {
-                "convert it where ROS 2 is installed: `ros2 bag convert -i log.db3 -o mcap.yaml`, with `output_bags: [{uri: log, \
-                 storage_id: mcap, all_topics: true}]` in mcap.yaml"
+                "make MCAP of it where ROS 2 is installed (up to Humble, with the packages of its messages): `ros2 bag convert -i log.db3 -o mcap.yaml`, \
+                 with `output_bags: [{uri: log, storage_id: mcap, all: true}]` in mcap.yaml"
             }
             Self::Throw(_) => "check the throw against the column description in `docs/wheel-throws.md`",
         }

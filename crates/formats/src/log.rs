@@ -168,6 +168,7 @@ pub struct CommandedLayout {
 }
 
 /// A sample and what each actuator was told from it on; nothing where its cell is empty.
+#[derive(Clone, Debug, PartialEq)]
 pub struct CommandedSample {
     /// The motion; its wrench is that of the log, where there is one.
     pub motion: MotionSample,
@@ -219,7 +220,7 @@ impl TimedRows<File, CommandedLayout> {
 }
 
 /// Why a column of commands must be there.
-const NAMED_BY_THE_ACTUATORS: &str = "; the actuator file names it";
+pub(crate) const NAMED_BY_THE_ACTUATORS: &str = "; the actuator file names it";
 
 /// Streams the samples of one log of poses.
 pub type LogReader<R = File> = TimedRows<R, MotionLayout>;

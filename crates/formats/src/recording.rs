@@ -1,4 +1,4 @@
-//! Recordings of robots: ROS 1 bags and MCAP files in, MCAP, CSV and TUM out.
+//! Recordings of robots: ROS 1 bags, MCAP files and PX4's ULog in, MCAP, CSV and TUM out.
 //!
 //! A reader scans forward, chunk by chunk, and hands every message on as a [`RawMessage`]; what it says is decoded by
 //! those who know the type. Damage ends or interrupts a scan but never loses what stands before it: the
@@ -11,9 +11,12 @@ pub mod foxglove;
 pub mod mcap_log;
 pub mod mcap_reader;
 pub mod mcap_writer;
+mod merged;
 pub mod messages;
 pub mod rows;
 pub mod tum;
+pub mod ulog;
+pub mod ulog_flight;
 pub mod wire;
 
 pub use flight_rows::read_flight;
@@ -32,6 +35,8 @@ pub enum Container {
     Bag,
     /// MCAP.
     Mcap,
+    /// PX4's ULog.
+    Ulog,
 }
 
 /// The kind of recording that begins with these bytes (sixteen are enough); `None` for everything else, such as CSV.
@@ -46,6 +51,8 @@ fn container_of(head: &[u8], path: &Path) -> Result<Option<Container>, FormatsEr
         Some(Container::Bag)
     } else if head.starts_with(&mcap_reader::MAGIC) {
         Some(Container::Mcap)
+    } else if head.starts_with(&ulog::MAGIC) {
+        Some(Container::Ulog)
     } else {
         None
     })
@@ -77,7 +84,7 @@ pub fn container(path: &Path) -> Result<Option<Container>, FormatsError> {
     }
 }
 
-/// Hands every message of a bag or an MCAP file on, in the order of the file, until `visit` breaks.
+/// Hands every message of a bag, an MCAP file or a ULog on, in the order of the file, until `visit` breaks.
 ///
 /// # Errors
 /// [`FormatsError`] for a file that cannot be opened or is no recording; damage is said in the report.
@@ -88,8 +95,21 @@ pub fn scan_file(
     match open(path)? {
         (file, Some(Container::Bag)) => bag::scan(file, visit),
         (file, Some(Container::Mcap)) => mcap_reader::scan(file, visit),
+        (file, Some(Container::Ulog)) => {
+            let scanned = ulog::scan(file, &mut |message| {
+                visit(RawMessage {
+                    topic: message.topic,
+                    type_name: message.name,
+                    md5: "",
+                    encoding: Encoding::Other,
+                    log_time_ns: message.time_ns,
+                    payload: message.data,
+                })
+            });
+            scanned.map(|report| report.scan)
+        }
         (_, None) => {
-            Err(FormatsError::UnknownRecording { reason: format!("{} is neither a bag nor MCAP", path.display()) })
+            Err(FormatsError::UnknownRecording { reason: format!("{} is no bag, MCAP or ULog", path.display()) })
         }
     }
 }

@@ -3,14 +3,14 @@
 use crate::log::LogReader;
 use crate::recording::{self, flight::FlightReader};
 use crate::{FormatsError, Robots};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tumble_identification::MotionSample;
 
 /// Streams the samples of a log of any kind.
 pub enum SampleReader {
     /// Rows of a CSV log.
     Rows(Box<LogReader>),
-    /// A robot's flight in a bag or an MCAP file.
+    /// A robot's flight in a ULog, or in bags and MCAP files.
     Flight(Box<FlightReader>),
 }
 
@@ -21,6 +21,22 @@ impl SampleReader {
     /// # Errors
     /// As [`LogReader::open`] and [`FlightReader::open`].
     pub fn open(path: &Path, reorder: bool, robot: Option<&str>, robots: &Robots) -> Result<Self, FormatsError> {
+        Self::open_all(&[path.into()], reorder, robot, robots)
+    }
+
+    /// As [`SampleReader::open`], of one recording in several files, which are bags or MCAP files.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`] and [`FlightReader::open_all`].
+    pub fn open_all(
+        paths: &[PathBuf],
+        reorder: bool,
+        robot: Option<&str>,
+        robots: &Robots,
+    ) -> Result<Self, FormatsError> {
+        let [path] = paths else {
+            return Ok(Self::Flight(Box::new(FlightReader::open_all(paths, robot, robots)?)));
+        };
         Ok(match (recording::container(path)?, robot) {
             (Some(_), _) => Self::Flight(Box::new(FlightReader::open(path, robot, robots)?)),
             (None, None) => Self::Rows(Box::new(LogReader::open(path, reorder)?)),
@@ -56,9 +72,12 @@ impl SampleReader {
         Ok(true)
     }
 
-    /// Whether it is a recording without any wrench of its robot.
-    pub fn lacks_wrench(&self) -> bool {
-        matches!(self, Self::Flight(flight) if flight.plan.wrench.is_none())
+    /// Of a recording without any wrench of its robot, what would give one.
+    pub fn lacks_wrench(&self) -> Option<String> {
+        match self {
+            Self::Rows(_) => None,
+            Self::Flight(flight) => flight.lacks_wrench(),
+        }
     }
 
     /// Whether the columns of a log say that its motion is in a plane.

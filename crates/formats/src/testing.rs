@@ -1,4 +1,4 @@
-//! For tests of readers: files damaged in every simple way, bags written by hand, recordings of another library.
+//! For tests of readers: files damaged in every simple way, bags and ULogs written by hand, recordings of another library.
 #![allow(
     clippy::unwrap_used,
     clippy::indexing_slicing,
@@ -10,6 +10,7 @@
 
 pub mod bag_writer;
 pub mod corruption;
+pub mod ulog_writer;
 
 /// A ROS 2 recording, as `rosbag2` writes it with LZ4.
 pub const ROS2_LZ4: &[u8] = include_bytes!("../tests/golden/ros2_lz4.mcap");

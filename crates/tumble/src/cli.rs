@@ -1,7 +1,7 @@
 //! The commands: options in, tables, JSON and files out.
 
 use crate::TumbleError;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tumble_formats::{FormatsError, LogFile};
 
 /// Says on stderr what `format!` would give. Where nobody listens, the pipe closed or the disk full, the work goes on: results and the exit
@@ -111,6 +111,27 @@ pub(crate) fn log_file(named: &Path) -> Result<LogFile, TumbleError> {
         excite::progress("");
     }
     Ok(file?)
+}
+
+/// The logs that were named, as files.
+pub(crate) fn log_files(named: &[PathBuf]) -> Result<Vec<LogFile>, TumbleError> {
+    named.iter().map(|named| log_file(named)).collect()
+}
+
+/// Where they lie.
+pub(crate) fn paths_of(files: &[LogFile]) -> Vec<PathBuf> {
+    files.iter().map(|file| file.path().to_owned()).collect()
+}
+
+/// Several names as one.
+pub(crate) fn named_together(named: &[PathBuf]) -> String {
+    named.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" with ")
+}
+
+/// What tells whether two runs read the same logs: the hash of each. `None` where one cannot be read again.
+pub(crate) fn hash_of(paths: &[PathBuf]) -> Option<String> {
+    let hashes: Result<Vec<_>, _> = paths.iter().map(|path| tumble_formats::log::hash(path)).collect();
+    hashes.ok().filter(|hashes| !hashes.is_empty()).map(|hashes| hashes.join(" "))
 }
 
 /// Prints to stdout; a closed pipe (`tumble ... | head`) is not an error, a full disk is.

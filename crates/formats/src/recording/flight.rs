@@ -1,11 +1,12 @@
-//! From a recording to the motion of one robot and the wrench on it.
+//! From a recording, in one file or several, to the motion of one robot and the wrench on it.
 //!
 //! Two passes over the file: the first counts what is there and decides what is used, the second decodes it, puts it in
 //! order of its stamps and hands out one [`MotionSample`] for every pose. Memory is bounded, whatever the file's size.
 
 use super::mcap_log::{MEASURED_POSE, MEASURED_WRENCH, Measured, MeasuredColumns};
+use super::merged::{Seen, scan_files};
 use super::messages::{self, Message, MessageError, PmcCommand};
-use super::{RawMessage, ScanReport, scan_file};
+use super::{Container, RawMessage, ScanReport, container, scan_file, ulog_flight};
 use crate::FormatsError;
 use crate::log::{QUATERNION_NORM_TOLERANCE, seconds, shortened};
 use crate::{ActuatorBytes, ActuatorReplay, Robots};
@@ -58,6 +59,8 @@ pub struct Plan {
     pub telemetry: Option<String>,
     /// The centre of mass about which a commanded torque is meant.
     pub inertia: Option<String>,
+    /// Further topics of a ULog, and the part that each plays.
+    pub beside: Vec<(String, &'static str)>,
 }
 
 impl Plan {
@@ -72,8 +75,13 @@ impl Plan {
         } else if is(&self.inertia) {
             Some("centre of mass")
         } else {
-            None
+            self.beside.iter().find(|(name, _)| name == topic).map(|(_, part)| *part)
         }
+    }
+
+    /// Whether a message of this topic is used.
+    fn uses(&self, topic: &str) -> bool {
+        self.motion == MEASURED_POSE || self.part(topic).is_some()
     }
 
     /// Chooses the streams of one robot.
@@ -151,7 +159,7 @@ impl Plan {
         // Bytes give the wrench about the origin; a commanded one needs the centre of mass.
         let inertia = if bytes.is_some() { None } else { beside("geometry_msgs/InertiaStamped", "mob/inertia") };
         let wrench = bytes.or_else(|| beside("ff_msgs/FamCommand", "gnc/ctl/command"));
-        Ok(Self { motion, wrench, telemetry, inertia })
+        Ok(Self { motion, wrench, telemetry, inertia, beside: Vec::new() })
     }
 }
 
@@ -190,6 +198,39 @@ pub fn survey(path: &Path) -> Result<(Topics, ScanReport), FormatsError> {
         ControlFlow::Continue(())
     })?;
     Ok((topics, report))
+}
+
+/// What several files hold together, and what each lost.
+fn survey_all(paths: &[PathBuf]) -> Result<(Topics, Vec<(PathBuf, ScanReport)>), FormatsError> {
+    super::merged::check(paths)?;
+    let mut all = Topics::new();
+    let mut reports = Vec::new();
+    for path in paths {
+        let (topics, report) = survey(path)?;
+        for (name, topic) in topics {
+            match all.get_mut(&name) {
+                Some(known) if known.type_name != topic.type_name => {
+                    let reason = format!(
+                        "{} is of type {} here and {} in a file before",
+                        shortened(&name),
+                        shortened(&topic.type_name),
+                        shortened(&known.type_name)
+                    );
+                    return Err(FormatsError::NoFlight { path: path.clone(), reason });
+                }
+                Some(known) => {
+                    known.messages += topic.messages;
+                    known.times_ns.0 = known.times_ns.0.min(topic.times_ns.0);
+                    known.times_ns.1 = known.times_ns.1.max(topic.times_ns.1);
+                }
+                None => {
+                    all.insert(name, topic);
+                }
+            }
+        }
+        reports.push((path.clone(), report));
+    }
+    Ok((all, reports))
 }
 
 /// What was found and what part it plays, for people.
@@ -234,10 +275,14 @@ pub struct Tally {
     pub other_modules: usize,
     /// Whether impeller speeds were measured, not taken from the command.
     pub measured_speed: bool,
+    /// Messages that two files hold, taken once.
+    pub doubled: usize,
     /// Samples handed out.
     pub samples: usize,
-    /// What the file itself lost.
-    pub report: ScanReport,
+    /// What only a ULog has to say.
+    pub notes: Vec<String>,
+    /// What each file itself lost.
+    pub reports: Vec<(PathBuf, ScanReport)>,
 }
 
 impl Tally {
@@ -249,12 +294,15 @@ impl Tally {
             (self.late, "poses came late and were put in order"),
             (self.unstamped, "messages have no stamp and were taken at the time of recording"),
             (self.other_modules, "commands are not for two modules and were left out"),
+            (self.doubled, "messages stand in two files and were taken once"),
         ];
         said.extend(counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")));
         let type_of = |topic: &Option<String>| {
             topic.as_ref().and_then(|topic| topics.get(topic)).map_or("", |topic| topic.type_name.as_str())
         };
-        if plan.wrench.is_none() {
+        if plan.motion == ulog_flight::POSITION {
+            said.extend(self.notes.iter().cloned());
+        } else if plan.wrench.is_none() {
             said.push(format!("no wrench is recorded for this robot: {WRENCH_TOPICS}"));
         } else if self.without_wrench > 0 {
             said.push(format!("{} samples have no command of their interval, and no wrench", self.without_wrench));
@@ -275,7 +323,11 @@ impl Tally {
             }
             _ => {}
         }
-        said.extend(self.report.summary());
+        let several = self.reports.len() > 1;
+        said.extend(self.reports.iter().filter_map(|(path, report)| {
+            let said = report.summary()?;
+            Some(if several { format!("{}: {said}", path.display()) } else { said })
+        }));
         said
     }
 
@@ -316,6 +368,8 @@ struct Assembler<'p> {
     newest_motion_ns: Option<i64>,
     center_of_mass: Vector3<f64>,
     actuators: Option<Box<dyn ActuatorReplay>>,
+    /// Of several files, which messages came lately.
+    seen: Option<Seen>,
     speeds: Option<[u8; 2]>,
     /// The wrench that acts, and until when.
     acting: Option<(Wrench<f64>, i64)>,
@@ -324,10 +378,10 @@ struct Assembler<'p> {
 }
 
 impl<'p> Assembler<'p> {
-    fn new(plan: &'p Plan, path: &'p Path, actuators: Option<Box<dyn ActuatorReplay>>) -> Self {
+    fn new(plan: &'p Plan, paths: &'p [PathBuf], actuators: Option<Box<dyn ActuatorReplay>>) -> Self {
         Self {
             plan,
-            path,
+            path: paths.first().map_or(Path::new(""), PathBuf::as_path),
             ordering: TimeOrdering::new(std::iter::repeat_with(|| None).take(REORDER_MESSAGES).collect()),
             tally: Tally::default(),
             motion_frame: String::new(),
@@ -335,15 +389,26 @@ impl<'p> Assembler<'p> {
             newest_motion_ns: None,
             center_of_mass: Vector3::zeros(),
             actuators,
+            seen: (paths.len() > 1).then(Seen::default),
             speeds: None,
             acting: None,
             pending: None,
         }
     }
 
-    /// Takes a message of the file; hands out a sample when one is complete.
-    fn take(&mut self, raw: &RawMessage<'_>) -> Result<Option<MotionSample>, FormatsError> {
+    /// Whether another file has had this message of this stamp; it is counted.
+    fn is_doubled(&mut self, file: usize, time_ns: i64, raw: &RawMessage<'_>) -> bool {
+        let is_doubled = self.seen.as_mut().is_some_and(|seen| seen.in_another(file, time_ns, raw));
+        self.tally.doubled += usize::from(is_doubled);
+        is_doubled
+    }
+
+    /// Takes a message of a file; hands out a sample when one is complete.
+    fn take(&mut self, file: usize, raw: &RawMessage<'_>) -> Result<Option<MotionSample>, FormatsError> {
         if self.plan.motion == MEASURED_POSE {
+            if self.is_doubled(file, raw.log_time_ns, raw) {
+                return Ok(None);
+            }
             let event = match self.columns.take(raw, &mut self.tally.undecoded) {
                 Some(Measured::Motion(sample)) => Event::Motion(sample),
                 Some(Measured::Wrench(wrench)) => Event::Wrench(wrench),
@@ -361,6 +426,9 @@ impl<'p> Assembler<'p> {
                 self.tally.undecoded += 1;
                 return Ok(None);
             };
+            if self.is_doubled(file, raw.log_time_ns, raw) {
+                return Ok(None);
+            }
             return Ok(self.push(raw.log_time_ns, Event::Bytes(command)));
         }
         let message = match messages::decode(raw) {
@@ -378,6 +446,9 @@ impl<'p> Assembler<'p> {
         if time_ns == 0 {
             self.tally.unstamped += 1;
             time_ns = raw.log_time_ns;
+        }
+        if self.is_doubled(file, time_ns, raw) {
+            return Ok(None);
         }
         let Some(event) = self.event(&message, time_ns)? else { return Ok(None) };
         Ok(self.push(time_ns, event))
@@ -645,28 +716,72 @@ impl FlightReader {
     /// # Errors
     /// [`FormatsError`] for a file that is no recording, holds no flight, or several without a robot being named.
     pub fn open(path: &Path, robot: Option<&str>, robots: &Robots) -> Result<Self, FormatsError> {
-        let (topics, report) = survey(path)?;
-        let plan = Plan::of(&topics, robot, robots, path).map_err(|error| damaged(error, &report))?;
+        Self::open_all(&[path.into()], robot, robots)
+    }
+
+    /// As [`FlightReader::open`], of one recording in several files: bags and MCAP files of whatever times and topics.
+    ///
+    /// # Errors
+    /// As [`FlightReader::open`]; [`FormatsError::BadOption`] for more than sixteen files and for what is no part of a recording.
+    pub fn open_all(paths: &[PathBuf], robot: Option<&str>, robots: &Robots) -> Result<Self, FormatsError> {
+        if let [path] = paths
+            && container(path)? == Some(Container::Ulog)
+        {
+            return Self::open_ulog(path, robot);
+        }
+        let (topics, reports) = survey_all(paths)?;
+        let plan = Plan::of(&topics, robot, robots, &named(paths)).map_err(|error| damaged(error, &reports))?;
+        let (used, actuators, paths) = (plan.clone(), replay_of(&topics, &plan, robots), paths.to_vec());
+        Ok(Self::reading(topics, plan, move |sender| stream(&paths, &used, actuators, sender)))
+    }
+
+    fn open_ulog(path: &Path, robot: Option<&str>) -> Result<Self, FormatsError> {
+        let (survey, plan) = ulog_flight::open(path, robot)?;
+        let (topics, path) = (survey.topics.clone(), PathBuf::from(path));
+        Ok(Self::reading(topics, plan, move |sender| {
+            let mut batches = Batches::new(sender);
+            let tally = ulog_flight::read(&path, &survey, &[], false, &mut |sample| batches.take(&sample.motion))?;
+            batches.finish();
+            Ok(tally)
+        }))
+    }
+
+    /// A scan hands out and a reader asks: a thread between them, a few batches ahead.
+    fn reading(
+        topics: Topics,
+        plan: Plan,
+        read: impl FnOnce(&SyncSender<Sent>) -> Result<Tally, FormatsError> + Send + 'static,
+    ) -> Self {
         let (sender, receiver) = sync_channel(BATCHES);
-        let (path, used, actuators) = (PathBuf::from(path), plan.clone(), replay_of(&topics, &plan, robots));
-        // A scan hands out and a reader asks: a thread between them, a few batches ahead.
         std::thread::spawn(move || {
-            let end = stream(&path, &used, actuators, &sender);
+            let end = read(&sender);
             // A reader that has gone wants no end.
             let _ = sender.send(Sent::End(Box::new(end)));
         });
-        Ok(Self { topics, plan, receiver, batch: Vec::new().into_iter(), tally: None })
+        Self { topics, plan, receiver, batch: Vec::new().into_iter(), tally: None }
     }
 
     /// What its samples can hold besides the pose, as the types of its topics say.
     pub fn columns(&self) -> HeldColumns {
         let motion = self.topics.get(&self.plan.motion).map_or("", |topic| topic.type_name.as_str());
+        if motion == ulog_flight::POSITION {
+            return ulog_flight::columns(&self.topics);
+        }
         let is_pose_only = motion == "geometry_msgs/PoseStamped";
         HeldColumns {
             velocity: !is_pose_only,
             rate: !is_pose_only,
             acceleration: !matches!(motion, "geometry_msgs/PoseStamped" | "nav_msgs/Odometry"),
             wrench: self.plan.wrench.is_some(),
+        }
+    }
+
+    /// What would give a wrench, where none is recorded.
+    pub fn lacks_wrench(&self) -> Option<String> {
+        match &self.plan {
+            plan if plan.motion == ulog_flight::POSITION => Some(ulog_flight::WRENCH_OF_COMMANDS.to_owned()),
+            Plan { wrench: None, .. } => Some(format!("no wrench is recorded for this robot: {WRENCH_TOPICS}")),
+            Plan { .. } => None,
         }
     }
 
@@ -702,26 +817,46 @@ impl FlightReader {
     }
 }
 
-/// Reads, assembles and sends until the file ends or nobody listens.
+/// Samples on their way to the reader.
+struct Batches<'s> {
+    sender: &'s SyncSender<Sent>,
+    batch: Vec<MotionSample>,
+}
+
+impl<'s> Batches<'s> {
+    fn new(sender: &'s SyncSender<Sent>) -> Self {
+        Self { sender, batch: Vec::with_capacity(BATCH) }
+    }
+
+    /// Breaks where nobody listens.
+    fn take(&mut self, sample: &MotionSample) -> ControlFlow<()> {
+        self.batch.push(*sample);
+        if self.batch.len() < BATCH {
+            return ControlFlow::Continue(());
+        }
+        let full = std::mem::replace(&mut self.batch, Vec::with_capacity(BATCH));
+        if self.sender.send(Sent::Samples(full)).is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    }
+
+    fn finish(self) {
+        // A reader that has gone wants no rest.
+        let _ = self.sender.send(Sent::Samples(self.batch));
+    }
+}
+
+/// Reads, assembles and sends until the files end or nobody listens.
 fn stream(
-    path: &Path,
+    paths: &[PathBuf],
     plan: &Plan,
     actuators: Option<Box<dyn ActuatorReplay>>,
     sender: &SyncSender<Sent>,
 ) -> Result<Tally, FormatsError> {
-    let mut assembler = Assembler::new(plan, path, actuators);
-    let mut batch = Vec::with_capacity(BATCH);
+    let mut assembler = Assembler::new(plan, paths, actuators);
+    let mut batches = Batches::new(sender);
     let mut failure = None;
-    let send = |batch: &mut Vec<MotionSample>, sample: MotionSample| {
-        batch.push(sample);
-        if batch.len() < BATCH {
-            return true;
-        }
-        sender.send(Sent::Samples(std::mem::replace(batch, Vec::with_capacity(BATCH)))).is_ok()
-    };
-    let report = scan_file(path, &mut |raw| match assembler.take(&raw) {
-        Ok(Some(sample)) if !send(&mut batch, sample) => ControlFlow::Break(()),
-        Ok(_) => ControlFlow::Continue(()),
+    let reports = scan_files(paths, &|topic| plan.uses(topic), &mut |file, raw| match assembler.take(file, &raw) {
+        Ok(Some(sample)) => batches.take(&sample),
+        Ok(None) => ControlFlow::Continue(()),
         Err(error) => {
             failure = Some(error);
             ControlFlow::Break(())
@@ -731,27 +866,37 @@ fn stream(
         return Err(error);
     }
     while let Some(sample) = assembler.finish() {
-        if !send(&mut batch, sample) {
+        if batches.take(&sample).is_break() {
             break;
         }
     }
-    let _ = sender.send(Sent::Samples(batch));
+    batches.finish();
     let tally = assembler.tally;
+    let reports: Vec<_> = paths.iter().cloned().zip(reports).collect();
     if tally.samples == 0 {
         let why: Vec<String> = tally.left_out().collect();
         let why = if why.is_empty() { "their encoding is not known".to_owned() } else { why.join("; ") };
         let reason = format!("no pose on {} that can be used: {why}", shortened(&plan.motion));
-        return Err(damaged(FormatsError::NoFlight { path: path.into(), reason }, &report));
+        return Err(damaged(FormatsError::NoFlight { path: named(paths), reason }, &reports));
     }
-    Ok(Tally { report, ..tally })
+    Ok(Tally { reports, ..tally })
 }
 
-/// That there is no flight, with what the file lost where it did.
-fn damaged(error: FormatsError, report: &ScanReport) -> FormatsError {
-    match error {
-        FormatsError::NoFlight { path, reason } if report.loss_count > 0 => {
-            FormatsError::Damaged { path, reason, report: Box::new(report.clone()) }
+/// What the files are called in an error of them all.
+fn named(paths: &[PathBuf]) -> PathBuf {
+    let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+    match paths {
+        [only] => only.clone(),
+        _ => names.join(" with ").into(),
+    }
+}
+
+/// That there is no flight, with what the first damaged file lost.
+pub(super) fn damaged(error: FormatsError, reports: &[(PathBuf, ScanReport)]) -> FormatsError {
+    match (error, reports.iter().find(|(_, report)| report.loss_count > 0)) {
+        (FormatsError::NoFlight { reason, .. }, Some((path, report))) => {
+            FormatsError::Damaged { path: path.clone(), reason, report: Box::new(report.clone()) }
         }
-        other => other,
+        (error, _) => error,
     }
 }

@@ -5,3 +5,4 @@ mod joint_log;
 mod mcap;
 mod recordings;
 mod support;
+mod ulog;

@@ -1,6 +1,6 @@
 //! `tumble convert`: one log format into another.
 
-use super::{Outcome, log_file};
+use super::{Outcome, log_files, named_together, paths_of};
 use crate::TumbleError;
 use crate::output::OutputFile;
 use std::fs::File;
@@ -18,9 +18,11 @@ use tumble_formats::recording::{self, Container};
 /// Options of `tumble convert`.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ConvertArgs {
-    /// The log: CSV, TUM trajectory, MCAP or ROS 1 bag, known by how it begins, also packed by gzip or from a pipe; `-` is standard input.
-    pub input: PathBuf,
-    /// The file to write; `-` is standard output.
+    /// The log: CSV, TUM trajectory, MCAP, ROS 1 bag or PX4's ULog, known by how it begins, also packed by gzip or from a pipe; `-` is standard
+    /// input. Several bags or MCAP files are one recording.
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// The file to write, named last; `-` is standard output.
     pub output: PathBuf,
     /// Format to write; otherwise the extension of OUTPUT says it: .csv, .mcap, .tum or .txt (TUM).
     #[arg(long, value_enum)]
@@ -60,11 +62,14 @@ enum Input {
     Csv,
     Tum,
     Recording(Container),
+    /// One recording in several files.
+    Several,
 }
 
 impl Input {
-    fn of(path: &Path) -> Result<Self, TumbleError> {
+    fn of(paths: &[PathBuf]) -> Result<Self, TumbleError> {
         const HEAD_BYTES: u64 = 4096;
+        let [path] = paths else { return Ok(Self::Several) };
         if let Some(container) = recording::container(path)? {
             return Ok(Self::Recording(container));
         }
@@ -99,9 +104,9 @@ pub fn run(args: &ConvertArgs, robots: &Robots) -> Result<Outcome, TumbleError> 
             if is_stdout { "say `--to csv` or `--to tum`" } else { "say `--to csv`, `--to mcap` or `--to tum`" };
         return Err(FormatsError::UnknownFormat { path: args.output.clone(), known }.into());
     };
-    let named = log_file(&args.input)?;
-    let args = &ConvertArgs { input: named.path().to_owned(), ..args.clone() };
-    let input = Input::of(&args.input)?;
+    let files = log_files(&args.inputs)?;
+    let args = &ConvertArgs { inputs: paths_of(&files), ..args.clone() };
+    let input = Input::of(&args.inputs)?;
     let done = if is_stdout {
         if format == Format::Mcap {
             let known = "standard output takes CSV and TUM, which are text; name a file for MCAP";
@@ -184,27 +189,29 @@ fn say_left_out<W: Write>(sink: &TumSink<W>) {
 }
 
 fn read(input: &Input, args: &ConvertArgs, robots: &Robots, sink: &mut dyn RowSink) -> Result<(), TumbleError> {
-    let path = &args.input;
-    if matches!(input, Input::Csv | Input::Tum)
-        && let Some(warning) = cut_warning(path)
-    {
-        tell_line!("warning: {}: {warning}", path.display());
-    }
-    match input {
-        Input::Csv => return Ok(read_csv(path, sink)?),
-        Input::Tum => return Ok(tum::read(path, sink)?),
-        Input::Recording(Container::Mcap) => {
-            // A log of ours keeps every column; of what others record, the flight is assembled.
-            let (log, report) = McapLog::survey(open(path)?)?;
-            if !log.columns.is_empty() {
-                tell!("{}", report.table(path));
-                return read_mcap(path, &log, sink);
-            }
+    if let [path] = args.inputs.as_slice() {
+        if matches!(input, Input::Csv | Input::Tum)
+            && let Some(warning) = cut_warning(path)
+        {
+            tell_line!("warning: {}: {warning}", path.display());
         }
-        Input::Recording(Container::Bag) => {}
+        match input {
+            Input::Csv => return Ok(read_csv(path, sink)?),
+            Input::Tum => return Ok(tum::read(path, sink)?),
+            Input::Recording(Container::Mcap) => {
+                // A log of ours keeps every column; of what others record, the flight is assembled.
+                let (log, report) = McapLog::survey(open(path)?)?;
+                if !log.columns.is_empty() {
+                    tell!("{}", report.table(path));
+                    return read_mcap(path, &log, sink);
+                }
+            }
+            Input::Recording(Container::Bag | Container::Ulog) | Input::Several => {}
+        }
     }
-    for warning in read_flight(path, args.robot.as_deref(), robots, sink)? {
-        tell_line!("warning: {}: {warning}", path.display());
+    let named = named_together(&args.inputs);
+    for warning in read_flight(&args.inputs, args.robot.as_deref(), robots, sink)? {
+        tell_line!("warning: {named}: {warning}");
     }
     Ok(())
 }

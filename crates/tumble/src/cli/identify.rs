@@ -5,7 +5,7 @@ use super::identify_arm::Files;
 use super::identify_log::{Log, ROWS_IN_MEMORY, Rows};
 use super::identify_options::{AUTO, OF_CYCLES, run_record};
 use super::identify_periodic::{self, Motion};
-use super::{Outcome, log_file, print};
+use super::{Outcome, log_files, named_together, paths_of, print};
 use crate::output::{OutputFolder, RUN_RECORD, write_file};
 use crate::report::{self, Context};
 use crate::report_page::{self, Trial};
@@ -43,9 +43,10 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
         // Before a pipe is waited for, and by the names that were given: a copy of the log is not the log.
         check_outputs(args)?;
     }
-    let named = args.log.as_deref();
-    let file = named.map(log_file).transpose()?;
-    let args = &IdentifyArgs { log: file.as_ref().map(|log| log.path().to_owned()), ..args.clone() };
+    let named = args.logs();
+    let files = log_files(&named)?;
+    let mut paths = paths_of(&files).into_iter();
+    let args = &IdentifyArgs { log: paths.next(), more: paths.collect(), ..args.clone() };
     if args.arm.is_asked() {
         return identify_arm(args, robots);
     }
@@ -59,8 +60,8 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     };
     let motion = Motion::of(args)?;
     let mut log = Log::read(args, robots)?;
-    if let Some(named) = named {
-        log.source = named.display().to_string();
+    if !named.is_empty() {
+        log.source = named_together(&named);
     }
     if let (Some(motion), Some(estimator)) = (&motion, args.harmonic()) {
         match identify_periodic::run(args, motion, estimator, &log) {
@@ -179,6 +180,10 @@ fn check_options(args: &IdentifyArgs) -> Result<(), TumbleError> {
             periodic && args.harmonic().is_none(),
             "`--excitation` and `--period` belong to `--method fourier`, `fourier-likelihood` or auto; leave them out for another method",
         ),
+        (
+            !args.more.is_empty() && args.arm.is_asked(),
+            "with `--model` the log is one CSV file; several files are one recording of bags or MCAP files",
+        ),
         (args.harmonics == Some(0), "`--harmonics 0`: a motion has one at least"),
         (periodic && args.demo, "`--demo` is no periodic motion: leave out `--excitation` or `--period`"),
         (
@@ -249,9 +254,10 @@ fn check_outputs(args: &IdentifyArgs) -> Result<(), TumbleError> {
             return Err(TumbleError::OutputExists { path: path.clone() });
         }
         let inputs = [&args.log, &args.reference, &args.prior, &args.excitation, &args.actuators];
+        let inputs = inputs.into_iter().flatten().chain(&args.more);
         let same =
             |input: &PathBuf| input.canonicalize().is_ok_and(|real| path.canonicalize().is_ok_and(|p| p == real));
-        if inputs.into_iter().flatten().any(same) {
+        if inputs.into_iter().any(same) {
             return Err(TumbleError::BadOption {
                 message: format!("{} is an input of this run; write the result somewhere else", path.display()),
             });

@@ -7,7 +7,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_formats::actuator_file::{self, ActuatorFile};
-use tumble_formats::log::{CommandedReader, seconds};
+use tumble_formats::log::{CommandedReader, CommandedSample, seconds};
+use tumble_formats::recording::{Container, ulog_flight};
 use tumble_formats::{FormatsError, Robots, SampleReader, body_file, recording};
 use tumble_identification::estimator::EstimatorError;
 use tumble_identification::sensing::{self, Sensing};
@@ -41,7 +42,7 @@ pub(super) enum Rows {
     /// All of them, in memory.
     Memory(Vec<MotionSample>),
     /// Too many for the memory: checked once, read again when needed.
-    File { path: PathBuf, reorder: bool, robot: Option<String>, robots: Robots, count: usize },
+    File { paths: Vec<PathBuf>, reorder: bool, robot: Option<String>, robots: Robots, count: usize },
 }
 
 impl Log {
@@ -90,9 +91,15 @@ impl Log {
         };
         let sensing = args.sensing.as_deref().map(|name| super::sensing::find(name, robots)).transpose()?;
         if let Some(file) = &args.actuators {
-            return Self::from_commands(args, path, actuator_file::read(file)?, sensing.unwrap_or_default(), reference);
+            return Self::from_commands(
+                args,
+                &args.logs(),
+                actuator_file::read(file)?,
+                sensing.unwrap_or_default(),
+                reference,
+            );
         }
-        let mut reader = SampleReader::open(path, args.reorder, args.robot.as_deref(), robots)?;
+        let mut reader = SampleReader::open_all(&args.logs(), args.reorder, args.robot.as_deref(), robots)?;
         let told = FlightLikelihood {
             sensing: sensing.unwrap_or_default(),
             plane: plane(args, reader.is_planar()),
@@ -105,8 +112,7 @@ impl Log {
         else {
             return Err(FormatsError::Empty { path: path.clone(), what: "data rows" }.into());
         };
-        if reader.lacks_wrench() && !args.dry_run {
-            let reason = format!("no wrench is recorded for this robot: {}", recording::flight::WRENCH_TOPICS);
+        if let Some(reason) = reader.lacks_wrench().filter(|_| !args.dry_run) {
             return Err(FormatsError::NoFlight { path: path.clone(), reason }.into());
         }
         let stated = args.sensing.is_some().then_some(&told.sensing);
@@ -126,7 +132,7 @@ impl Log {
                 progress(&format!("{count} rows checked"));
             }
             rows = Rows::File {
-                path: path.clone(),
+                paths: args.logs(),
                 reorder: args.reorder,
                 robot: args.robot.clone(),
                 robots: robots.clone(),
@@ -143,40 +149,21 @@ impl Log {
     /// A log of commands, which make its wrench.
     fn from_commands(
         args: &IdentifyArgs,
-        path: &Path,
+        paths: &[PathBuf],
         file: ActuatorFile,
         sensing: Sensing,
         reference: Option<(String, InertialParameters<f64>)>,
     ) -> Result<Self, TumbleError> {
-        if recording::container(path)?.is_some() {
-            let message =
-                "`--actuators` names columns of a CSV log; `tumble convert` makes one of a recording".to_owned();
+        let [path] = paths else {
+            let message = "`--actuators` takes one log: a CSV file or a ULog".to_owned();
             return Err(TumbleError::BadOption { message });
-        }
-        let mut reader = CommandedReader::open(path, args.reorder, &file.columns)?;
-        let (mut record, mut commands) = (Vec::new(), Vec::new());
-        let mut held = vec![0.0; file.columns.len()];
-        let mut moves = vec![false; file.columns.len()];
-        let mut logged = false;
-        while let Some(sample) = reader.next_sample()? {
-            if record.len() == LongRecord::LONG {
-                let message = format!("`--actuators` takes a log as one: at most {} rows", LongRecord::LONG);
-                return Err(TumbleError::BadOption { message });
-            }
-            for ((held, moves), command) in held.iter_mut().zip(&mut moves).zip(sample.commands) {
-                let command = command.unwrap_or(*held);
-                *moves |= command > 0.0;
-                *held = command;
-            }
-            logged |= sample.motion.wrench_body.is_some();
-            record.push(sample.motion);
-            commands.extend_from_slice(&held);
-        }
+        };
+        let CommandedLog { mut record, commands, moves, logged, is_planar, mut warnings } =
+            CommandedLog::read(path, args.reorder, &file.columns)?;
         let (Some(first), Some(last)) = (record.first(), record.last()) else {
             return Err(FormatsError::Empty { path: path.into(), what: "data rows" }.into());
         };
         let duration_s = seconds(last.time_ns - first.time_ns);
-        let mut warnings = reader.warnings();
         let still = file.columns.iter().zip(&moves).filter(|(_, moves)| !**moves).map(|(name, _)| name.as_str());
         let still: Vec<&str> = still.collect();
         if !still.is_empty() {
@@ -188,7 +175,7 @@ impl Log {
         let thrusters = file.actuators.drive(&mut record, &commands)?;
         let told = FlightLikelihood {
             sensing: file.actuators.aged(sensing),
-            plane: plane(args, reader.is_planar()),
+            plane: plane(args, is_planar),
             thrusters: Some(thrusters),
             ..FlightLikelihood::default()
         };
@@ -219,8 +206,8 @@ impl Log {
                 }
                 Ok(())
             }
-            Rows::File { path, reorder, robot, robots, .. } => {
-                let mut reader = SampleReader::open(path, *reorder, robot.as_deref(), robots)?;
+            Rows::File { paths, reorder, robot, robots, .. } => {
+                let mut reader = SampleReader::open_all(paths, *reorder, robot.as_deref(), robots)?;
                 let mut chunk = Vec::new();
                 let mut done = 0;
                 while done < self.estimation_rows {
@@ -253,8 +240,8 @@ impl Log {
     pub(super) fn held_out(&self) -> Result<Vec<MotionSample>, TumbleError> {
         match &self.rows {
             Rows::Memory(record) => Ok(record.get(self.estimation_rows..).unwrap_or_default().to_vec()),
-            Rows::File { path, reorder, robot, robots, .. } => {
-                let mut reader = SampleReader::open(path, *reorder, robot.as_deref(), robots)?;
+            Rows::File { paths, reorder, robot, robots, .. } => {
+                let mut reader = SampleReader::open_all(paths, *reorder, robot.as_deref(), robots)?;
                 let mut rest = Vec::new();
                 for _ in 0..self.estimation_rows {
                     reader.next_sample()?;
@@ -337,6 +324,81 @@ impl Log {
             )) => Ok(None),
             found => found,
         }
+    }
+}
+
+/// A log of commands, in memory: those that are empty hold what was told before.
+struct CommandedLog {
+    record: Vec<MotionSample>,
+    /// Those of each row, one row after the other.
+    commands: Vec<f64>,
+    /// Which are ever given.
+    moves: Vec<bool>,
+    /// Whether it has a wrench of its own.
+    logged: bool,
+    is_planar: bool,
+    warnings: Vec<String>,
+}
+
+impl CommandedLog {
+    fn read(path: &Path, reorder: bool, columns: &[String]) -> Result<Self, TumbleError> {
+        let mut log = Self {
+            record: Vec::new(),
+            commands: Vec::new(),
+            moves: vec![false; columns.len()],
+            logged: false,
+            is_planar: false,
+            warnings: Vec::new(),
+        };
+        let mut held = vec![0.0; columns.len()];
+        match recording::container(path)? {
+            None => {
+                let mut reader = CommandedReader::open(path, reorder, columns)?;
+                while let Some(sample) = reader.next_sample()? {
+                    log.take(&sample, &mut held)?;
+                }
+                log.is_planar = reader.is_planar();
+                log.warnings = reader.warnings();
+            }
+            Some(Container::Ulog) => {
+                let (survey, plan) = ulog_flight::open(path, None)?;
+                tell!("{}", recording::flight::table(&survey.topics, &plan));
+                let mut failure = None;
+                let tally = ulog_flight::read(path, &survey, columns, true, &mut |sample| match log
+                    .take(&sample, &mut held)
+                {
+                    Ok(()) => ControlFlow::Continue(()),
+                    Err(error) => {
+                        failure = Some(error);
+                        ControlFlow::Break(())
+                    }
+                })?;
+                if let Some(error) = failure {
+                    return Err(error);
+                }
+                log.warnings = tally.warnings(&plan, &survey.topics);
+            }
+            Some(Container::Bag | Container::Mcap) => {
+                let message = "`--actuators` names columns of a CSV log or fields of a ULog; `tumble convert` makes CSV of other recordings";
+                return Err(TumbleError::BadOption { message: message.to_owned() });
+            }
+        }
+        Ok(log)
+    }
+
+    fn take(&mut self, sample: &CommandedSample, held: &mut [f64]) -> Result<(), TumbleError> {
+        if self.record.len() == LongRecord::LONG {
+            let message = format!("`--actuators` takes a log as one: at most {} rows", LongRecord::LONG);
+            return Err(TumbleError::BadOption { message });
+        }
+        for ((held, moves), command) in held.iter_mut().zip(&mut self.moves).zip(&sample.commands) {
+            *held = command.unwrap_or(*held);
+            *moves |= *held > 0.0;
+        }
+        self.logged |= sample.motion.wrench_body.is_some();
+        self.record.push(sample.motion);
+        self.commands.extend_from_slice(held);
+        Ok(())
     }
 }
 

@@ -15,8 +15,11 @@ pub(super) const DEMO_SEED: u64 = 1;
 #[derive(Args, Clone)]
 #[allow(clippy::struct_excessive_bools)]
 pub struct IdentifyArgs {
-    /// The log: CSV (`--template` prints its columns), ROS 1 bag or MCAP, also packed by gzip or from a pipe; `-` is standard input.
+    /// The log: CSV (`--template` prints its columns), ROS 1 bag, MCAP or PX4's ULog, also packed by gzip or from a pipe; `-` is standard input.
     pub(super) log: Option<PathBuf>,
+    /// Further files of the same recording, bags or MCAP files: topics of all, messages by time.
+    #[arg(value_name = "MORE", requires = "log")]
+    pub(super) more: Vec<PathBuf>,
     /// Simulate a flight with unknown cargo, add noise, estimate and compare with the truth.
     #[arg(long, conflicts_with = "log")]
     pub(super) demo: bool,
@@ -150,6 +153,11 @@ impl IdentifyArgs {
         of_cycles.map(|(.., estimator)| *estimator).or((self.method == AUTO).then_some(HarmonicEstimator::Likelihood))
     }
 
+    /// Every file of the log.
+    pub(super) fn logs(&self) -> Vec<PathBuf> {
+        self.log.iter().chain(&self.more).cloned().collect()
+    }
+
     /// The method of a log that is not averaged.
     pub(super) fn of_samples(&self) -> &'static str {
         // Only the likelihood estimates anything besides the body, and only that of flight takes sensors.
@@ -211,7 +219,7 @@ pub(super) fn run_record(args: &IdentifyArgs, source: &str) -> String {
         "configuration": options,
         "seed": args.demo.then(|| args.seed.unwrap_or(DEMO_SEED)),
         "input": source,
-        "input_hash": args.log.as_deref().and_then(|path| tumble_formats::log::hash(path).ok()),
+        "input_hash": super::hash_of(&args.logs()),
     })
     .to_string()
 }

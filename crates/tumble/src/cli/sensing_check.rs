@@ -2,7 +2,7 @@
 
 use super::identify_log::ROWS_IN_MEMORY;
 use super::identify_options::TimingName;
-use super::{Outcome, log_file, print};
+use super::{Outcome, log_files, named_together, paths_of, print};
 use crate::TumbleError;
 use crate::output::{OutputFolder, RUN_RECORD};
 use crate::page::Page;
@@ -18,8 +18,10 @@ use tumble_identification::sensing::{Contradiction, Found, SensingCheck, StreamC
 /// Options of `tumble sensing check`.
 #[derive(Args)]
 pub struct CheckArgs {
-    /// CSV log, bag or MCAP file, also packed by gzip or from a pipe; `-` is standard input. No wrench is needed.
-    log: PathBuf,
+    /// CSV log, bag, MCAP file or ULog, also packed by gzip or from a pipe; `-` is standard input. Several bags or MCAP files are one recording.
+    /// No wrench is needed.
+    #[arg(required = true, value_name = "LOG")]
+    logs: Vec<PathBuf>,
     /// What is stated of the sensors, a name or a TOML file: what the log contradicts is said.
     #[arg(long, value_name = "NAME|FILE")]
     sensing: Option<String>,
@@ -69,14 +71,14 @@ pub(super) fn run(args: &CheckArgs, robots: &Robots) -> Result<Outcome, TumbleEr
 }
 
 fn read(args: &CheckArgs, robots: &Robots) -> Result<Vec<MotionSample>, TumbleError> {
-    let log = log_file(&args.log)?;
-    let mut reader = SampleReader::open(log.path(), args.reorder, args.robot.as_deref(), robots)?;
+    let files = log_files(&args.logs)?;
+    let mut reader = SampleReader::open_all(&paths_of(&files), args.reorder, args.robot.as_deref(), robots)?;
     let mut record = Vec::new();
     if reader.read_chunk(&mut record, ROWS_IN_MEMORY)? {
         tell_line!("warning: the first {ROWS_IN_MEMORY} rows are looked at, not those behind");
     }
     if record.is_empty() {
-        return Err(FormatsError::Empty { path: args.log.clone(), what: "data rows" }.into());
+        return Err(FormatsError::Empty { path: named_together(&args.logs).into(), what: "data rows" }.into());
     }
     for warning in reader.warnings() {
         tell_line!("warning: {warning}");
@@ -103,8 +105,8 @@ fn write(args: &CheckArgs, path: &std::path::Path, found: &SensingCheck, text: &
         "command": "sensing check",
         "configuration": options,
         "seed": null,
-        "input": args.log.display().to_string(),
-        "input_hash": tumble_formats::log::hash(&args.log).ok(),
+        "input": named_together(&args.logs),
+        "input_hash": super::hash_of(&args.logs),
     });
     folder.write(RUN_RECORD, &record.to_string())?;
     tell_line!("wrote {}", folder.finish()?.display());

@@ -11,7 +11,7 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// `FILE` is the bad one, `LOG` a sound log, `OUT` what would be written.
-const COMMANDS: [&str; 35] = [
+const COMMANDS: [&str; 39] = [
     "identify FILE",
     "identify FILE --dry-run",
     "identify FILE --reorder --planar",
@@ -21,6 +21,8 @@ const COMMANDS: [&str; 35] = [
     "identify LOG --sensing FILE",
     "identify LOG --excitation FILE",
     "identify LOG --actuators FILE",
+    "identify FILE --actuators actuators.toml",
+    "identify FILE FILE",
     "identify LOG --model FILE",
     "identify FILE --model ur10e",
     "identify --wheel FILE --calibration FILE",
@@ -28,7 +30,9 @@ const COMMANDS: [&str; 35] = [
     "convert FILE OUT.csv",
     "convert FILE OUT.mcap",
     "convert FILE - --to tum",
+    "convert FILE FILE OUT.csv",
     "sensing check FILE",
+    "sensing check FILE FILE",
     "sensing show FILE",
     "arm show FILE",
     "arm excite FILE --out OUT",
@@ -78,6 +82,10 @@ fn bad_files() -> Vec<(&'static str, Vec<u8>)> {
         ("noise.bag", [b"#ROSBAG V2.0\n".as_slice(), &noise].concat()),
         ("noise.mcap", [b"\x89MCAP0\r\n".as_slice(), &noise].concat()),
         ("only-magic.mcap", b"\x89MCAP0\r\n".to_vec()),
+        ("noise.ulg", [b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0".as_slice(), &noise].concat()),
+        ("only-header.ulg", b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0".to_vec()),
+        ("half-header.ulg", b"ULog\x01\x12\x35\x01".to_vec()),
+        ("later.ulg", b"ULog\x01\x12\x35\x02\0\0\0\0\0\0\0\0".to_vec()),
         ("old.bag", text("#ROSBAG V1.2\n")),
         ("database.db3", text("SQLite format 3\0")),
         ("picture.png", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec()),
@@ -172,6 +180,8 @@ fn no_command_takes_what_is_no_file_of_its_kind() {
     let log = folder.join("log.csv");
     let template = Command::new(env!("CARGO_BIN_EXE_tumble")).args(["identify", "--template"]).output().unwrap();
     fs::write(&log, template.stdout).unwrap();
+    let thruster = "format = 1\n[[thruster]]\ncolumn = \"actuator_motors.control[0]\"\nposition_m = [0, 0.1, 0]\ndirection = [1, 0, 0]\nthrust_n = 1.0\n";
+    fs::write(folder.join("actuators.toml"), thruster).unwrap();
     let cases: Vec<(&str, &String)> =
         COMMANDS.iter().flat_map(|command| named.iter().map(move |file| (*command, file))).collect();
     let (next, wrong) = (AtomicUsize::new(0), std::sync::Mutex::new(Vec::new()));

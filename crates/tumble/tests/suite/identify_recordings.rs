@@ -433,3 +433,176 @@ fn a_torn_recording_gives_its_beginning_and_says_so() {
     assert!(samples.len() > SAMPLES / 3 && samples.len() < 2 * SAMPLES / 3, "{}", samples.len());
     assert!(warnings.iter().any(|w| w.contains("damaged") && w.contains("everything behind is lost")), "{warnings:?}");
 }
+
+#[test]
+fn several_files_are_one_recording() {
+    let flight = fly();
+    let [a, b, c] = astrobee_topics("/bumble");
+    let connections = [(&*a, EKF), (&*b, PMC), (&*c, TELEMETRY)];
+    let folder = scratch("several");
+    let messages = astrobee(&flight);
+    let at = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    // What is sent at once, and what comes later; a hundred messages stand in both.
+    let of = |keep: &dyn Fn(usize, u32) -> bool| -> Messages {
+        let kept = messages.iter().enumerate().filter(|(k, (number, ..))| keep(*k, *number));
+        kept.map(|(_, message)| message.clone()).collect()
+    };
+    let whole = bag(&connections, &messages);
+    fs::write(at("whole.bag"), &whole).unwrap();
+    fs::write(at("flight_immediate.bag"), bag(&connections, &of(&|k, number| number == 0 || (300..400).contains(&k))))
+        .unwrap();
+    fs::write(at("flight_delayed.bag"), bag(&connections, &of(&|k, number| number != 0 || (300..400).contains(&k))))
+        .unwrap();
+    fs::write(at("other.mcap"), tumble_formats::testing::ROS2_LZ4).unwrap();
+    let alone = tumble(&["identify", &at("whole.bag"), "--json"]);
+    let both = ["flight_immediate.bag", "flight_delayed.bag", "other.mcap"].map(at);
+    for order in [[0, 1, 2], [2, 1, 0]] {
+        let [x, y, z] = order.map(|k| both[k].as_str());
+        let found = tumble(&["identify", x, y, z, "--json"]);
+        let said = text(&found.stderr);
+        assert!(said.contains("100 messages stand in two files and were taken once"), "{said}");
+        assert!(said.contains("62.5 Hz  motion") || said.contains("motion"), "{said}");
+        let body = |output: &std::process::Output| {
+            let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+            (value["mass_kg"].clone(), value["inertia_about_com_kg_m2"].clone(), value["samples_used"].clone())
+        };
+        assert_eq!(body(&found), body(&alone));
+    }
+    // As rows, the output last.
+    let rows = |inputs: &[&str]| {
+        let output = tumble(&[&["convert"], inputs, &["-", "--to", "csv"]].concat());
+        (text(&output.stdout), text(&output.stderr), output.status.code())
+    };
+    assert_eq!(rows(&[&both[0], &both[1]]).0, rows(&[&at("whole.bag")]).0);
+    // A damaged part is named and the rest read.
+    let delayed = fs::read(&both[1]).unwrap();
+    fs::write(at("cut.bag"), &delayed[..delayed.len() / 2]).unwrap();
+    let (cut, said, code) = rows(&[&both[0], &at("cut.bag")]);
+    assert!(code == Some(0) && said.contains("cut.bag: the file is damaged"), "{said}");
+    assert_eq!(cut.lines().count(), SAMPLES + 1);
+    // What is no part of a recording.
+    fs::write(at("log.csv"), "t_s\n0\n").unwrap();
+    let (_, said, code) = rows(&[&both[0], &at("log.csv")]);
+    assert!(code == Some(2) && said.contains("T014") && said.contains("log.csv is neither"), "{said}");
+    let (_, said, code) = rows(&[&both[0], &at("absent.bag")]);
+    assert!(code == Some(2) && said.contains("T001"), "{said}");
+    let many: Vec<&str> = vec![&both[0]; 17];
+    let (_, said, code) = rows(&many);
+    assert!(code == Some(2) && said.contains("at most 16"), "{said}");
+}
+
+/// Pairs of thrusters along each axis, off the axes, so that they also turn.
+fn thrusters() -> Vec<(Vector3<f64>, Vector3<f64>)> {
+    let mut all = Vec::new();
+    for axis in 0..3 {
+        for sign in [-1.0, 1.0] {
+            for arm in [-0.15, 0.15] {
+                let (mut position, mut direction) = (Vector3::zeros(), Vector3::zeros());
+                direction[axis] = sign;
+                position[(axis + 1) % 3] = arm;
+                position[axis] = -0.1 * sign;
+                all.push((position, direction));
+            }
+        }
+    }
+    all
+}
+
+/// Twelve thrusters of 0.2 N, on and off by chance, as PX4 logs them: positions at 50 Hz, attitude and rate at 100 Hz, commands at 10 Hz.
+fn px4_flight(body: &InertialParameters<f64>) -> (Vec<u8>, String) {
+    use tumble_formats::testing::ulog_writer::{UlogWriter, floats};
+    const MILLISECOND_NS: u64 = 1_000_000;
+    let mut file = UlogWriter::new();
+    file.format("vehicle_local_position:uint64_t timestamp;uint64_t timestamp_sample;float x;float y;float z;float vx;float vy;float vz;");
+    file.format("vehicle_attitude:uint64_t timestamp;uint64_t timestamp_sample;float[4] q;");
+    file.format("vehicle_angular_velocity:uint64_t timestamp;uint64_t timestamp_sample;float[3] xyz;");
+    file.format("actuator_motors:uint64_t timestamp;float[12] control;");
+    let names = ["vehicle_local_position", "vehicle_attitude", "vehicle_angular_velocity", "actuator_motors"];
+    for (number, name) in (0..).zip(names) {
+        file.subscribe(number, 0, name);
+    }
+    let thrusters = thrusters();
+    let flyer = FreeFlyer::new(*body);
+    let (mut state, mut noise) = (RigidBodyState::at_rest(), Gaussian::from_seed(5));
+    let mut acting = Wrench::zero();
+    for step in 0..4000_u64 {
+        let time_us = 1_000_000 + step * 10_000;
+        if step % 10 == 0 {
+            let on: Vec<f64> = thrusters.iter().map(|_| if noise.vector(1.0).x > 0.5 { 1.0 } else { 0.0 }).collect();
+            acting = thrusters.iter().zip(&on).fold(Wrench::zero(), |sum, ((position, direction), on)| {
+                let force = direction * (0.2 * on);
+                Wrench::new(sum.torque + position.cross(&force), sum.force + force)
+            });
+            file.data(3, time_us, &floats(&on));
+        }
+        let sampled = |numbers: &[f64]| [&time_us.to_le_bytes()[..], &floats(numbers)].concat();
+        let pose = &state.world_from_body;
+        let turn = pose.rotation * <UnitQuaternion<f64> as LieGroup>::exp(&noise.vector(5e-4));
+        let rate = state.twist_body.angular + noise.vector(1e-3);
+        file.data(1, time_us + 500, &sampled(&[turn.w, turn.i, turn.j, turn.k]));
+        file.data(2, time_us + 500, &sampled(rate.as_slice()));
+        if step % 2 == 0 {
+            let (at, moves) = (
+                pose.translation.vector + noise.vector(5e-4),
+                pose.rotation * state.twist_body.linear + noise.vector(2e-3),
+            );
+            file.data(0, time_us + 700, &sampled(&[at.as_slice(), moves.as_slice()].concat()));
+        }
+        for _ in 0..2 {
+            state = MuntheKaas4.step(&flyer, &state, &acting, 0.0, 5e-9 * MILLISECOND_NS as f64).unwrap();
+        }
+    }
+    let mut told = "format = 1\n".to_owned();
+    for (k, (position, direction)) in thrusters.iter().enumerate() {
+        told += &format!(
+            "[[thruster]]\ncolumn = \"actuator_motors.control[{k}]\"\nposition_m = {:?}\ndirection = {:?}\nthrust_n = 0.2\n",
+            position.as_slice(),
+            direction.as_slice()
+        );
+    }
+    (file.finish(), told)
+}
+
+#[test]
+fn a_ulog_and_its_actuators_give_the_body() {
+    let folder = scratch("px4");
+    let inertia = Matrix3::from_diagonal(&Vector3::new(0.05, 0.06, 0.07));
+    let body = InertialParameters::about_com(4.0, Vector3::new(0.01, -0.02, 0.005), inertia);
+    let (file, told) = px4_flight(&body);
+    let at = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    fs::write(at("flight.ulg"), file).unwrap();
+    fs::write(at("actuators.toml"), told).unwrap();
+    let (log, actuators) = (at("flight.ulg"), at("actuators.toml"));
+    let output = tumble(&["identify", &log, "--actuators", &actuators, "--json"]);
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.contains("vehicle_attitude") && said.contains("100.0 Hz  attitude"), "{said}");
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let (mass, sigma) = (number(&found["mass_kg"]), number(&found["std"]["mass_kg"]));
+    println!("mass {mass} +- {sigma}, centre of mass {}", found["com_m"]);
+    assert!((mass - body.mass).abs() < 4.0 * sigma && sigma < 0.1, "{mass} +- {sigma}");
+    for (k, truth) in [0.01, -0.02, 0.005].into_iter().enumerate() {
+        let (center, sigma) = (number(&found["com_m"][k]), number(&found["std"]["com_m"][k]));
+        assert!((center - truth).abs() < 4.0 * sigma && sigma < 0.005, "{k}: {center} +- {sigma}");
+    }
+    // The same from the table that it is converted to.
+    let converted = tumble(&["convert", &log, &at("flight.csv")]);
+    assert_eq!(converted.status.code(), Some(0), "{}", text(&converted.stderr));
+    let again = tumble(&["identify", &at("flight.csv"), "--actuators", &actuators, "--json"]);
+    let again: serde_json::Value = serde_json::from_slice(&again.stdout).unwrap();
+    // A quaternion of the table is normalised once more: the last bit may differ.
+    assert!((number(&again["mass_kg"]) - mass).abs() < 1e-3 * sigma, "{} {mass}", again["mass_kg"]);
+    assert_eq!(tumble(&["convert", &log, &at("flight.mcap")]).status.code(), Some(0));
+    assert_eq!(tumble(&["convert", &log, &at("flight.tum")]).status.code(), Some(0));
+    // Without what the commands give there is no wrench, and of the motion alone something can be said.
+    let alone = tumble(&["identify", &log]);
+    let said = text(&alone.stderr);
+    assert!(alone.status.code() == Some(2) && said.contains("T030") && said.contains("--actuators FILE"), "{said}");
+    assert_ne!(tumble(&["identify", &log, "--dry-run"]).status.code(), Some(2));
+    let twice = tumble(&["identify", &log, &log]);
+    let said = text(&twice.stderr);
+    assert!(twice.status.code() == Some(2) && said.contains("is a ULog, which is a recording of its own"), "{said}");
+    let named = tumble(&["identify", &log, "--robot", "a"]);
+    assert!(named.status.code() == Some(2) && text(&named.stderr).contains("T014"));
+}

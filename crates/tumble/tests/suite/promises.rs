@@ -12,7 +12,7 @@ use tumble_formats::arm::ArmModel;
 use tumble_formats::excitation_file::ExcitationFile;
 use tumble_formats::log::{JointLogReader, LogReader, joint_template};
 use tumble_formats::model::{Model, judge};
-use tumble_formats::recording::{Encoding, RawMessage, ScanReport, bag, mcap_reader, messages};
+use tumble_formats::recording::{Encoding, RawMessage, ScanReport, bag, mcap_reader, messages, ulog};
 use tumble_formats::wheel_throw::parse_throw;
 use tumble_formats::{FormatsError, Robots, body_file};
 
@@ -20,13 +20,14 @@ use tumble_formats::{FormatsError, Robots, body_file};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 14] = [
+pub const TARGETS: [(&str, Target); 15] = [
     ("csv_log", csv_log),
     ("wheel_throw", wheel_throw),
     ("body_toml", body_toml),
     ("excitation_toml", excitation_toml),
     ("bag", bag),
     ("mcap", mcap),
+    ("ulog", ulog_file),
     ("message", message),
     ("scenario", scenario),
     ("wrenches", wrenches),
@@ -248,6 +249,19 @@ pub fn mcap(data: &[u8]) {
         ControlFlow::Continue(())
     });
     recording(data, scanned, count);
+}
+
+/// PX4's ULog: every field of every message is a number where its path says so.
+pub fn ulog_file(data: &[u8]) {
+    let mut count = 0;
+    let scanned = ulog::scan(data, &mut |message| {
+        count += 1;
+        let paths = message.layout.paths();
+        assert!(paths.iter().take(100).all(|path| message.real(path).is_some()), "{}", message.topic);
+        assert!(message.real("q[0]").is_some() == paths.iter().any(|path| path == "q[0]"));
+        ControlFlow::Continue(())
+    });
+    recording(data, scanned.map(|report| report.scan), count);
 }
 
 /// One message: the first byte picks its type and encoding.
