@@ -80,7 +80,7 @@ enum Command {
     Sensing(sensing::SensingArgs),
     /// Writes files to try the other commands with: a log, a bag, wrenches.
     Sample(sample::SampleArgs),
-    /// One log format into another: CSV, TUM, MCAP, and ROS 1 bags into these.
+    /// One log format into another: CSV, TUM, MCAP, and ROS 1 bags and PX4's ULog into these.
     Convert(convert::ConvertArgs),
 }
 

@@ -401,3 +401,28 @@ fn what_a_flight_lacks_is_said() {
     let refused = samples("none", &everything(), false).unwrap_err();
     assert!(refused.to_string().contains("no vehicle_local_position is logged"), "{refused}");
 }
+
+#[test]
+fn a_damaged_flight_gives_its_beginning() {
+    let bytes = flight(9.806_65).finish();
+    let (_, whole, _) = samples("whole", &bytes, false).unwrap();
+    let poses = |samples: &[CommandedSample]| samples.iter().map(|s| s.motion.world_from_body).collect::<Vec<_>>();
+    let whole = poses(&whole);
+    let mut flights = 0;
+    for at in (0..bytes.len()).step_by(61) {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 0x55;
+        for file in [&bytes[..at], &damaged] {
+            let Ok((_, found, _)) = samples("damaged", file, false) else { continue };
+            flights += 1;
+            let found = poses(&found);
+            // A twentieth of a second before the end of what is there nothing can be missing.
+            let sound = (found.len().saturating_sub(3)).min(whole.len());
+            if file.len() < bytes.len() {
+                assert_eq!(found[..sound], whole[..sound], "cut at {at}");
+            }
+            assert!(found.iter().flatten().all(|pose| pose.translation.vector.iter().all(|x| x.is_finite())));
+        }
+    }
+    assert!(flights > 300, "{flights}");
+}

@@ -4,6 +4,7 @@
 
 use crate::support::{scratch, tumble};
 use std::f64::consts::TAU;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 use tumble::robots::shipped;
@@ -554,11 +555,9 @@ fn px4_flight(body: &InertialParameters<f64>) -> (Vec<u8>, String) {
     }
     let mut told = "format = 1\n".to_owned();
     for (k, (position, direction)) in thrusters.iter().enumerate() {
-        told += &format!(
-            "[[thruster]]\ncolumn = \"actuator_motors.control[{k}]\"\nposition_m = {:?}\ndirection = {:?}\nthrust_n = 0.2\n",
-            position.as_slice(),
-            direction.as_slice()
-        );
+        let (position, direction) = (position.as_slice(), direction.as_slice());
+        let _ = writeln!(told, "[[thruster]]\ncolumn = \"actuator_motors.control[{k}]\"\nthrust_n = 0.2");
+        let _ = writeln!(told, "position_m = {position:?}\ndirection = {direction:?}");
     }
     (file.finish(), told)
 }
