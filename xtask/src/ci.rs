@@ -12,7 +12,7 @@ use std::time::Instant;
 use crate::command::{
     Outcome, PROGRAMS, cargo, is_installed, line, programs_as_tested, root, shell, shell_together, studies, target_dir,
 };
-use crate::{cluster, fuzz, mutants, packages, tidy};
+use crate::{cluster, fuzz, mutants, packages, python, tidy};
 
 /// When a step runs without being named.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -56,6 +56,7 @@ const STEPS: &[Step] = &[
     always("examples", "build and run every example", examples),
     full("feature-tests", "tests behind features that are off by default", feature_tests),
     full("servicer", "the tutorial package outside of the workspace, as a user would build and test it", servicer),
+    always("python", "the Python module in a virtual environment, against the command line to the bit", python::step),
     always(
         "no-std",
         "those that promise it type-check without features, and nothing turns the standard library on",
