@@ -21,9 +21,12 @@ def shortest(work):
     return min(seconds(work) for _ in range(ROUNDS))
 
 
+def run(words):
+    subprocess.run(words, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
 def main():
     program, wheel = sys.argv[1:]
-    run = lambda words: subprocess.run(words, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     code = "import time; start = time.perf_counter(); import tumble; print(time.perf_counter() - start)"
     imported = min(
         float(subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout)

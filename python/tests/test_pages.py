@@ -1,5 +1,7 @@
 """The notebooks and the code of docs/python.md run, cell by cell in this interpreter."""
 
+import contextlib
+import io
 import json
 import os
 import re
@@ -21,7 +23,8 @@ class Pages(unittest.TestCase):
             try:
                 names = {"__name__": name}
                 for number, cell in enumerate(cells, 1):
-                    exec(compile(cell, f"{name}, cell {number}", "exec"), names)
+                    with contextlib.redirect_stdout(io.StringIO()):
+                        exec(compile(cell, f"{name}, cell {number}", "exec"), names)
             finally:
                 os.chdir(before)
 

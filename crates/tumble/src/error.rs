@@ -146,7 +146,7 @@ impl From<tumble_astrobee::simulator::SimulatorError> for TumbleError {
 
 impl TumbleError {
     /// What the command line says of options that it does not take.
-    pub(crate) fn of_options(refusal: clap::Error) -> Self {
+    pub(crate) fn of_options(refusal: &clap::Error) -> Self {
         let text = refusal.render().to_string();
         let message = text.strip_prefix("error: ").unwrap_or(&text);
         let sentence = message.split("\n\n").next().unwrap_or(message);

@@ -150,7 +150,7 @@ pub struct Answer {
 /// # Errors
 /// What the command ends with, and [`TumbleError::BadOption`] for arguments that are none.
 pub fn answer(arguments: impl IntoIterator<Item = OsString>, robots: &Robots) -> Result<Answer, TumbleError> {
-    let parsed = Tumble::try_parse_from(arguments).map_err(TumbleError::of_options)?;
+    let parsed = Tumble::try_parse_from(arguments).map_err(|refusal| TumbleError::of_options(&refusal))?;
     let (outcome, said) = captured(|| parsed.run(robots));
     Ok(Answer { outcome: outcome?, said })
 }

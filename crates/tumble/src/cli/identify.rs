@@ -156,10 +156,8 @@ impl Found {
 
     fn of(log: Log, settings: &Settings, is_held_out: bool) -> Result<Self, TumbleError> {
         let identification = log.identify(settings)?;
-        let validation = match is_held_out {
-            true if identification.estimate.is_some() => Some(validate(&identification, &log.held_out()?, settings)?),
-            _ => None,
-        };
+        let has_another = is_held_out && identification.estimate.is_some();
+        let validation = if has_another { Some(validate(&identification, &log.held_out()?, settings)?) } else { None };
         let Log { source, reference, warnings: reader_warnings, duration_s, actuators, .. } = log;
         Ok(Self { identification, source, reference, reader_warnings, duration_s, actuators, validation })
     }

@@ -147,7 +147,7 @@ impl IdentifyArgs {
     pub fn parse(options: impl IntoIterator<Item = OsString>) -> Result<Self, TumbleError> {
         let command = Self::augment_args(Command::new("identify").no_binary_name(true));
         let found = command.try_get_matches_from(options).and_then(|found| Self::from_arg_matches(&found));
-        found.map_err(TumbleError::of_options)
+        found.map_err(|refusal| TumbleError::of_options(&refusal))
     }
 
     /// What estimates from averaged cycles.
