@@ -27,12 +27,13 @@ def run(words):
 
 def main():
     program, wheel = sys.argv[1:]
-    code = "import time; start = time.perf_counter(); import tumble; print(time.perf_counter() - start)"
-    imported = min(
-        float(subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout)
-        for _ in range(ROUNDS)
-    )
-    print(f"wheel {os.path.getsize(wheel) / 1e6:.1f} MB; import tumble {imported:.3f} s")
+    def imported(modules):
+        code = f"import time; start = time.perf_counter(); import {modules}; print(time.perf_counter() - start)"
+        asked = [sys.executable, "-c", code]
+        return min(float(subprocess.run(asked, check=True, capture_output=True).stdout) for _ in range(ROUNDS))
+
+    print(f"wheel {os.path.getsize(wheel) / 1e6:.1f} MB")
+    print(f"import tumble {imported('tumble'):.3f} s, with numpy, which its first array loads, {imported('tumble, numpy'):.3f} s")
 
     import tumble
 

@@ -217,10 +217,10 @@ pub fn of_vector<'py, const N: usize>(py: Python<'py>, vector: &SVector<f64, N>)
 ///
 /// # Errors
 /// Where there is no memory for it.
-pub fn of_rows<'py, const N: usize>(
-    py: Python<'py>,
+pub fn of_rows<const N: usize>(
+    py: Python<'_>,
     rows: impl IntoIterator<Item = [f64; N]>,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
+) -> PyResult<Bound<'_, PyArray2<f64>>> {
     let flat: Vec<f64> = rows.into_iter().flatten().collect();
     let count = flat.len() / N;
     PyArray1::from_vec(py, flat).reshape([count, N])

@@ -18,7 +18,6 @@ use tumble_lie::{Pose, Twist};
 /// (m, body axes) and inertia about it (kg m^2, off the diagonal minus the products of inertia).
 #[pyfunction]
 #[pyo3(signature = (mass, center_of_mass, inertia))]
-#[allow(clippy::needless_pass_by_value, reason = "arguments of Python")]
 pub fn parameters<'py>(
     py: Python<'py>,
     mass: f64,
@@ -146,7 +145,7 @@ impl FlightEstimator {
     #[new]
     #[pyo3(signature = (parameters, covariance, *, t=0.0, position=None, quaternion=None, rate=None, velocity=None, attitude_noise=1e-3,
         position_noise=1e-3, rate_noise=1e-3, velocity_noise=1e-3, torque_noise=1e-4, force_noise=1e-3, period=0.016, planar=false))]
-    #[allow(clippy::too_many_arguments, clippy::needless_pass_by_value, reason = "keywords of Python")]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         parameters: Row<'_>,
         covariance: Rows<'_>,
@@ -194,7 +193,6 @@ impl FlightEstimator {
     /// What is believed to have acted in a span: force, then torque about the body origin, body axes, N and N m, without gravity; and the
     /// angular momentum of wheels, N m s. A later word of the same span replaces an earlier one.
     #[pyo3(signature = (since, until, wrench, *, stored_momentum=None))]
-    #[allow(clippy::needless_pass_by_value, reason = "arguments of Python")]
     fn acted(&mut self, since: f64, until: f64, wrench: Row<'_>, stored_momentum: Option<Row<'_>>) -> PyResult<()> {
         let acted = Acted {
             from_ns: time_ns(since, || "`since`".to_owned())?,
@@ -212,7 +210,6 @@ impl FlightEstimator {
     /// Takes what was measured at a time, all of which may be missing: position and velocity of the body origin in world axes, quaternion
     /// x y z w of world_from_body, rate in body axes. It may be late, out of order, doubled or absurd; the answer says what was made of it.
     #[pyo3(signature = (t, *, position=None, quaternion=None, rate=None, velocity=None))]
-    #[allow(clippy::needless_pass_by_value, reason = "arguments of Python")]
     fn measured(
         &mut self,
         t: f64,
@@ -298,7 +295,6 @@ impl FlightEstimator {
 
     /// Sets the body back to a prior, the motion kept.
     #[pyo3(signature = (parameters, covariance))]
-    #[allow(clippy::needless_pass_by_value, reason = "arguments of Python")]
     fn restart(&mut self, parameters: Row<'_>, covariance: Rows<'_>) -> PyResult<()> {
         let prior = belief(&parameters, &covariance)?;
         let scale = BodyScale::of(&prior.parameters.to_vector()).map_err(of_identification)?;

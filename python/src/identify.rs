@@ -94,7 +94,7 @@ fn identified(
 #[pyfunction]
 #[pyo3(signature = (t, position, quaternion, wrench, *, rate=None, velocity=None, acceleration=None, stored_momentum=None, method=None,
     wrench_timing=None, gravity=None, estimate=None, prior=None, planar=None, sensing=None, reference=None, holdout=None, estimator=None))]
-#[allow(clippy::too_many_arguments, clippy::needless_pass_by_value, reason = "keywords of Python")]
+#[allow(clippy::too_many_arguments, reason = "keywords of Python")]
 pub fn identify(
     py: Python<'_>,
     t: &Bound<'_, PyAny>,
@@ -136,7 +136,7 @@ pub fn identify(
 #[pyfunction]
 #[pyo3(signature = (path, *, method=None, wrench_timing=None, gravity=None, estimate=None, prior=None, planar=None, sensing=None,
     actuators=None, reference=None, holdout=None, reorder=false, robot=None, estimator=None))]
-#[allow(clippy::too_many_arguments, clippy::needless_pass_by_value, reason = "keywords of Python")]
+#[allow(clippy::too_many_arguments, reason = "keywords of Python")]
 pub fn identify_file(
     py: Python<'_>,
     path: PathBuf,

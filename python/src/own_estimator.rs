@@ -16,7 +16,7 @@ use tumble_identification::{MotionSample, WrenchRow};
 /// What an estimator is told: equations `regressor @ parameters = wrench`, and the record that they are of.
 #[pyclass(frozen, module = "tumble")]
 pub struct Problem {
-    problem: tumble_identification::Problem,
+    posed: tumble_identification::Problem,
     rows: Vec<WrenchRow>,
     record: Vec<MotionSample>,
 }
@@ -54,13 +54,13 @@ impl Problem {
     /// Of how many neighbours the samples of one equation are shared: by so much its covariance is too small.
     #[getter]
     fn rows_alike(&self) -> f64 {
-        self.problem.rows_alike()
+        self.posed.rows_alike()
     }
 
     /// Size of each parameter for a body of the size that the record shows.
     #[getter]
     fn magnitudes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        of_vector(py, &self.problem.scale.parameter_magnitudes())
+        of_vector(py, &self.posed.scale.parameter_magnitudes())
     }
 
     /// The record: `t`, `position`, `quaternion`, `rate`, `velocity`, `acceleration`, `wrench`, as `identify` takes them.
@@ -194,7 +194,7 @@ impl Estimator for InPython {
     type Record = [MotionSample];
 
     fn estimate(&self, record: &[MotionSample]) -> Result<Finding, EstimatorError> {
-        let problem = Problem { problem: self.problem, rows: self.problem.rows(record)?, record: record.to_vec() };
+        let problem = Problem { posed: self.problem, rows: self.problem.rows(record)?, record: record.to_vec() };
         let asked = Python::attach(|py| {
             self.asked(py, problem).map_err(|error| {
                 let is_ours = error.is_instance_of::<TumbleError>(py);

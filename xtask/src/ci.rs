@@ -55,8 +55,9 @@ const STEPS: &[Step] = &[
     always("docs", "rustdoc, warnings are errors", docs),
     always("examples", "build and run every example", examples),
     full("feature-tests", "tests behind features that are off by default", feature_tests),
-    full("servicer", "the tutorial package outside of the workspace, as a user would build and test it", servicer),
     always("python", "the Python module in a virtual environment, against the command line to the bit", python::step),
+    full("python-wheel", "the same as users build it, with its lints, its size and its speed", python::optimised),
+    full("servicer", "the tutorial package outside of the workspace, as a user would build and test it", servicer),
     always(
         "no-std",
         "those that promise it type-check without features, and nothing turns the standard library on",

@@ -13,12 +13,7 @@ const PACKAGES: [&str; 3] = ["maturin>=1.7,<2", "numpy", "matplotlib"];
 
 /// Optimised as users build it, with figures of time and size.
 pub fn main() -> ExitCode {
-    let built = shell(&mut [cargo("build --quiet --release --package tumble")]);
-    let outcome = match built {
-        Outcome::Ok => run(Profile::Release, &target_dir().join("release")),
-        failed => failed,
-    };
-    match outcome {
+    match optimised() {
         Outcome::Ok => ExitCode::SUCCESS,
         Outcome::Skipped(reason) => {
             println!("skipped: {reason}");
@@ -31,12 +26,14 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// A step of CI: against the program as tests are built, which calculates the same bits.
+/// The same as a step of CI.
+pub fn optimised() -> Outcome {
+    run(Profile::Release)
+}
+
+/// The shorter step of CI: against the program as tests are built, which calculates the same bits.
 pub fn step() -> Outcome {
-    match programs_as_tested() {
-        Ok(programs) => run(Profile::Test, &programs),
-        Err(reason) => Outcome::Failed(reason),
-    }
+    run(Profile::Test)
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -45,40 +42,50 @@ enum Profile {
     Test,
 }
 
-fn run(profile: Profile, programs: &Path) -> Outcome {
+fn run(profile: Profile) -> Outcome {
     let folder = target_dir().join("python");
     let python = match environment(&folder.join("venv")) {
         Ok(python) => python,
         Err(reason) if std::env::var_os(REQUIRED).is_some() => return Outcome::Failed(reason),
         Err(reason) => return Outcome::Skipped(reason),
     };
-    let tests = root().join("python").join("tests");
-    let wheel = match wheel(profile, &python, &folder) {
-        Ok(wheel) => wheel,
+    let built = program(profile).and_then(|program| Ok((program, wheel(profile, &python, &folder)?)));
+    let (program, wheel) = match built {
+        Ok(built) => built,
         Err(reason) => return Outcome::Failed(reason),
     };
+    let tests = root().join("python").join("tests");
     let mut install = Command::new(&python);
     install.args(["-m", "pip", "install", "--quiet", "--no-deps", "--force-reinstall"]).arg(&wheel);
     let mut test = Command::new(&python);
     test.args(["-m", "unittest", "discover", "--start-directory"]).arg(&tests).current_dir(&folder);
-    test.env("TUMBLE_PROGRAM", program(programs));
+    test.env("TUMBLE_PROGRAM", &program);
     let mut commands = vec![install, test];
+    commands.push(cargo("fmt --check --manifest-path python/Cargo.toml"));
     if profile == Profile::Release {
         let mut measure = Command::new(&python);
-        measure.arg(root().join("python").join("measure.py")).arg(program(programs)).arg(&wheel).current_dir(&folder);
-        commands.push(measure);
-    } else {
-        let mut format = cargo("fmt --check --manifest-path python/Cargo.toml");
-        format.current_dir(root());
+        measure.arg(root().join("python").join("measure.py")).arg(&program).arg(&wheel).current_dir(&folder);
         let mut clippy = cargo("clippy --quiet --manifest-path python/Cargo.toml --target-dir");
         clippy.arg(&folder).args(["--", "-D", "warnings"]).env("PYO3_PYTHON", &python);
-        commands.extend([format, clippy]);
+        commands.extend([measure, clippy]);
     }
     shell(&mut commands)
 }
 
-fn program(folder: &Path) -> PathBuf {
-    folder.join("tumble").with_extension(std::env::consts::EXE_EXTENSION)
+/// The command line to compare with.
+fn program(profile: Profile) -> Result<PathBuf, String> {
+    let folder = match profile {
+        Profile::Test => programs_as_tested()?,
+        Profile::Release => {
+            let mut build = cargo("build --quiet --release --package tumble");
+            println!("$ {}", line(&build));
+            if !build.status().is_ok_and(|status| status.success()) {
+                return Err("`tumble` does not build".into());
+            }
+            target_dir().join("release")
+        }
+    };
+    Ok(folder.join("tumble").with_extension(std::env::consts::EXE_EXTENSION))
 }
 
 /// The interpreter of a virtual environment that has what the build needs.
