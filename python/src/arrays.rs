@@ -57,7 +57,7 @@ pub fn time_ns(time_s: f64, place: impl FnOnce() -> String) -> PyResult<i64> {
         #[allow(clippy::cast_possible_truncation, reason = "whole and within 64 bit")]
         return Ok(time_ns as i64);
     }
-    Err(bad_argument(&format!("{}: {time_s} is no time in seconds", place())))
+    Err(bad_argument(&format!("{}: {time_s:e} is no time in seconds", place())))
 }
 
 /// An optional quantity of so many numbers, row by row.

@@ -8,6 +8,7 @@ use crate::own_estimator::Own;
 use program::cli::captured;
 use program::cli::identify::{Found, IdentifyArgs, OwnEstimator};
 use program::{TumbleError, robots};
+use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 use tumble_formats::Robots;
@@ -76,8 +77,11 @@ fn identified(
         Ok(found) => Identification::new(found),
         Err(error) => {
             let error = raised(&error);
-            if let Some(cause) = fault.and_then(|fault| fault.take()) {
-                error.set_cause(py, Some(cause));
+            match fault.and_then(|fault| fault.take()) {
+                // Ctrl-C in an estimator is no fault of its own.
+                Some(end) if !end.is_instance_of::<PyException>(py) => return Err(end),
+                Some(cause) => error.set_cause(py, Some(cause)),
+                None => {}
             }
             Err(error)
         }

@@ -90,6 +90,12 @@ class OneOfMyOwn(WithLog):
         error = self.refused("KeyError", fails)
         self.assertIsInstance(error.__cause__, KeyError)
 
+        def interrupted(problem):
+            raise KeyboardInterrupt
+
+        with self.assertRaises(KeyboardInterrupt):
+            self.identify(estimator=Answering(interrupted))
+
     def test_what_is_no_estimator_and_what_it_would_not_heed(self):
         with self.assertRaisesRegex(tumble.TumbleError, "no method"):
             self.identify(estimator=object())
