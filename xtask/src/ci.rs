@@ -12,7 +12,7 @@ use std::time::Instant;
 use crate::command::{
     Outcome, PROGRAMS, cargo, is_installed, line, programs_as_tested, root, shell, shell_together, studies, target_dir,
 };
-use crate::{cluster, fuzz, mutants, packages, tidy};
+use crate::{cluster, fuzz, mutants, packages, python, tidy};
 
 /// When a step runs without being named.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -55,6 +55,8 @@ const STEPS: &[Step] = &[
     always("docs", "rustdoc, warnings are errors", docs),
     always("examples", "build and run every example", examples),
     full("feature-tests", "tests behind features that are off by default", feature_tests),
+    always("python", "the Python module in a virtual environment, against the command line to the bit", python::step),
+    full("python-wheel", "the same as users build it, with its lints, its size and its speed", python::optimised),
     full("servicer", "the tutorial package outside of the workspace, as a user would build and test it", servicer),
     always(
         "no-std",

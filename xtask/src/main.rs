@@ -6,6 +6,7 @@ mod command;
 mod fuzz;
 mod mutants;
 mod packages;
+mod python;
 mod report_check;
 mod tidy;
 
@@ -21,6 +22,7 @@ cargo xtask <command>
   fuzz [--seconds N] [TARGET]...           the parsers, on bytes that a fuzzer makes up (cargo-fuzz, nightly compiler)
   report-check [FILE...] [--screenshots DIR] pages of results (of every kind where none is named) in a real headless browser, cut off from every network
   cluster-test                            a campaign in sixteen parts, one killed; in Slurm too where that is installed
+  python                                  the Python module: its wheel, its tests, its import and its speed beside the command line
   bench [--json] [--only TEXT] [--data DIR] [--sweeps N]
                                           speed on the frozen peer problems (target-cpu=native)
   real-data [--data DIR] [--json] [--check]
@@ -58,6 +60,7 @@ fn main() -> ExitCode {
         "mutants" => mutants::main(rest),
         "cluster-test" => cluster::main(rest),
         "fuzz" => fuzz::main(rest),
+        "python" => python::main(),
         "report-check" => report_check::main(rest),
         "bench" | "real-data" | "study" | "reproduce" => {
             let mut studies = command::studies(name);

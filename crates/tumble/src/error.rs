@@ -145,6 +145,14 @@ impl From<tumble_astrobee::simulator::SimulatorError> for TumbleError {
 }
 
 impl TumbleError {
+    /// What the command line says of options that it does not take.
+    pub(crate) fn of_options(refusal: &clap::Error) -> Self {
+        let text = refusal.render().to_string();
+        let message = text.strip_prefix("error: ").unwrap_or(&text);
+        let sentence = message.split("\n\n").next().unwrap_or(message);
+        Self::BadOption { message: sentence.split_whitespace().collect::<Vec<_>>().join(" ") }
+    }
+
     /// The code under which `docs/errors.md` explains this error.
     pub fn code(&self) -> &'static str {
         match self {

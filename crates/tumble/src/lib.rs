@@ -28,7 +28,7 @@ pub mod space_cobot;
 pub mod spheres;
 
 pub use error::TumbleError;
-pub use program::run;
+pub use program::{Answer, answer, run};
 
 // The code of the workspace's README, by a link that the published package holds as a file.
 #[cfg(doctest)]

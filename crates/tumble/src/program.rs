@@ -4,7 +4,9 @@
 mod flying;
 
 use crate::TumbleError;
-use crate::cli::{Outcome, arm, calibrate_wheel, check, convert, excite, identify, print, sample, sensing};
+use crate::cli::{
+    Outcome, Said, arm, calibrate_wheel, captured, check, convert, excite, identify, print, sample, sensing,
+};
 #[cfg(feature = "astrobee")]
 use crate::cli::{allocate, realize};
 use clap::{Parser, Subcommand};
@@ -126,27 +128,62 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, robots: &Robots) -> Ex
             return ended(print(&text).map(|()| Outcome::Achieved));
         }
     };
-    ended(match parsed.command {
-        None => print(&format!(
-            "tumble: what is this robot carrying?\n\n{}\n\n`tumble help COMMAND` lists the options of a command.\n",
-            examples()
-        ))
-        .map(|()| Outcome::Achieved),
-        Some(Command::Identify(args)) => identify::run(&args, robots),
-        Some(Command::Excite(args)) => excite::run(&args),
-        #[cfg(feature = "astrobee")]
-        Some(Command::Flying(command)) => command.run(robots),
-        Some(Command::Arm(args)) => arm::run(&args, robots),
-        Some(Command::Check(args)) => check::run(&args),
-        Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
-        #[cfg(feature = "astrobee")]
-        Some(Command::Allocate(args)) => allocate::run(&args),
-        #[cfg(feature = "astrobee")]
-        Some(Command::Realize(args)) => realize::run(&args),
-        Some(Command::Sensing(args)) => sensing::run(&args, robots),
-        Some(Command::Sample(args)) => sample::run(&args),
-        Some(Command::Convert(args)) => convert::run(&args, robots),
-    })
+    ended(parsed.run(robots))
+}
+
+/// What a command had to say, and whether what it was asked for was achieved.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Answer {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// What it printed.
+    pub said: Said,
+}
+
+/// The same for a program that reads the answer itself: nothing is printed.
+///
+/// ```
+/// use tumble::robots::shipped;
+///
+/// let listed = tumble::answer(["tumble", "arm", "list"].map(Into::into), &shipped())?;
+/// assert!(listed.said.stdout.contains("ur10e"));
+/// let refused = tumble::answer(["tumble", "fly", "--seed", "x"].map(Into::into), &shipped());
+/// assert_eq!(refused.unwrap_err().code(), "T014");
+/// # Ok::<(), tumble::TumbleError>(())
+/// ```
+///
+/// # Errors
+/// What the command ends with, and [`TumbleError::BadOption`] for arguments that are none.
+pub fn answer(arguments: impl IntoIterator<Item = OsString>, robots: &Robots) -> Result<Answer, TumbleError> {
+    let parsed = Tumble::try_parse_from(arguments).map_err(|refusal| TumbleError::of_options(&refusal))?;
+    let (outcome, said) = captured(|| parsed.run(robots));
+    Ok(Answer { outcome: outcome?, said })
+}
+
+impl Tumble {
+    fn run(self, robots: &Robots) -> Result<Outcome, TumbleError> {
+        match self.command {
+            None => print(&format!(
+                "tumble: what is this robot carrying?\n\n{}\n\n`tumble help COMMAND` lists the options of a command.\n",
+                examples()
+            ))
+            .map(|()| Outcome::Achieved),
+            Some(Command::Identify(args)) => identify::run(&args, robots),
+            Some(Command::Excite(args)) => excite::run(&args),
+            #[cfg(feature = "astrobee")]
+            Some(Command::Flying(command)) => command.run(robots),
+            Some(Command::Arm(args)) => arm::run(&args, robots),
+            Some(Command::Check(args)) => check::run(&args),
+            Some(Command::CalibrateWheel(args)) => calibrate_wheel::run(&args),
+            #[cfg(feature = "astrobee")]
+            Some(Command::Allocate(args)) => allocate::run(&args),
+            #[cfg(feature = "astrobee")]
+            Some(Command::Realize(args)) => realize::run(&args),
+            Some(Command::Sensing(args)) => sensing::run(&args, robots),
+            Some(Command::Sample(args)) => sample::run(&args),
+            Some(Command::Convert(args)) => convert::run(&args, robots),
+        }
+    }
 }
 
 fn ended(outcome: Result<Outcome, TumbleError>) -> ExitCode {

@@ -77,7 +77,7 @@ where
     let PlanRequest { settings, scene, start, .. } = asked;
     let (pose, start_s) = (start.world_from_body, seconds(asked.start_ns));
     let clearance = scene.world.clearance(&settings.body, &pose, start_s)?;
-    let held_m = |margin_m: f64| margin_m.min(START_SHARE * clearance.distance_m).max(0.0);
+    let held_m = |margin_m: f64| held_m(margin_m, clearance.distance_m);
     let mut limits = settings.limits;
     limits.position.lower_world = limits.position.lower_world.inf(&pose.translation.vector);
     limits.position.upper_world = limits.position.upper_world.sup(&pose.translation.vector);
@@ -126,6 +126,11 @@ where
     Ok(GlobalAnswer { units: answer.units + nearer.units, ..nearer })
 }
 
+/// The margin that a plan keeps which begins so far from the nearest thing, m: whoever stands nearer than the margin must be able to leave.
+fn held_m(margin_m: f64, distance_m: f64) -> f64 {
+    margin_m.min(START_SHARE * distance_m).max(0.0)
+}
+
 /// Why there is no way and never will be one in this world, whatever the start: what is said of a start or of a limit, another
 /// start may be free of.
 pub(super) fn proof(answer: &GlobalAnswer) -> Option<&Obstruction> {
@@ -167,7 +172,9 @@ where
         }
     };
     answer.motion = answer.motion.with_stop(&asked.stop);
-    let contact = answer.motion.first_contact(&scene.world, &settings.body, start_s, settings.check_margin_m)?;
+    let here = scene.world.clearance(&settings.body, &start.world_from_body, start_s)?;
+    let margin_m = held_m(settings.check_margin_m, here.distance_m);
+    let contact = answer.motion.first_contact(&scene.world, &settings.body, start_s, margin_m)?;
     let position = &settings.limits.position;
     let slack = Vector3::repeat(settings.margin_m - settings.check_margin_m);
     let (lower, upper) = (position.lower_world - slack, position.upper_world + slack);

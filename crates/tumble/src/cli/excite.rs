@@ -246,10 +246,10 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, TumbleError> {
     folder.write(RUN_RECORD, &run_record(args))?;
     let charts = excite_page::charts(&file.limits, &period);
     Page::chart_files(&folder, &charts)?;
-    let shown = table(args, &designed, &bounds, &period, flight.as_ref());
+    let timeless = table(args, &designed, &bounds, &period, flight.as_ref(), false);
     folder.write(
         "report.html",
-        &excite_page::page(args, &designed, &bounds, body.mass, flight.as_ref(), &charts, &shown),
+        &excite_page::page(args, &designed, &bounds, body.mass, flight.as_ref(), &charts, &timeless),
     )?;
     if let Some(flight) = &flight {
         let measured = flight_log::measured(&flight.execution, &file.noise, &mut random);
@@ -262,7 +262,7 @@ pub fn run(args: &ExciteArgs) -> Result<Outcome, TumbleError> {
         printed["folder"] = place.display().to_string().into();
         print(&format!("{printed}\n"))?;
     } else {
-        print(&shown)?;
+        print(&table(args, &designed, &bounds, &period, flight.as_ref(), true))?;
     }
     if flight.is_some() {
         let shown = place.display();
@@ -558,17 +558,19 @@ fn table(
     bounds: &Bounds,
     period: &FinePeriod,
     flight: Option<&Flight>,
+    is_timed: bool,
 ) -> String {
     let mut text = String::new();
+    // How long it took is no part of a page that the same seed makes again.
+    let took = if is_timed { format!(", {:.0} ms", 1e3 * designed.duration_s) } else { String::new() };
     let _ = writeln!(
         text,
-        "excitation by criterion {}: {} harmonics, {} s, {}; seed {}, {:.0} ms",
+        "excitation by criterion {}: {} harmonics, {} s, {}; seed {}{took}",
         args.criterion.name(),
         args.harmonics,
         args.period,
         if args.planar { "x, y and yaw" } else { "all six channels" },
-        args.seed,
-        1e3 * designed.duration_s
+        args.seed
     );
     let costs: Vec<String> =
         designed.cost_per_start.iter().map(|cost| cost.map_or("none".to_owned(), significant)).collect();

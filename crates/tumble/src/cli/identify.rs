@@ -16,12 +16,14 @@ use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_formats::FormatsError;
 use tumble_formats::Robots;
+use tumble_formats::actuator_file::ActuatorFile;
 use tumble_formats::body_file;
 use tumble_formats::log::{TEMPLATE, seconds};
+use tumble_identification::estimator::{Estimator, EstimatorError};
 use tumble_identification::harmonics::HarmonicEstimator;
 use tumble_identification::{
-    FLIGHT_LIKELIHOOD, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, Nuisances, Part, Parts,
-    Settings, predict, validate,
+    FLIGHT_LIKELIHOOD, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Nuisances,
+    Part, Parts, Problem, Settings, Validation, predict, validate,
 };
 
 pub use super::identify_options::IdentifyArgs;
@@ -50,14 +52,7 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     if args.arm.is_asked() {
         return identify_arm(args, robots);
     }
-    let settings = Settings {
-        method: args.of_samples(),
-        wrench_timing: args.wrench.into(),
-        gravity_world: args.gravity,
-        estimate: args.estimate.iter().fold(Nuisances::default(), |all, some| all.and(*some)),
-        prior: args.prior.as_deref().map(body_file::read_prior).transpose()?,
-        ..Settings::default()
-    };
+    let settings = settings(args)?;
     let motion = Motion::of(args)?;
     let mut log = Log::read(args, robots)?;
     if !named.is_empty() {
@@ -79,20 +74,8 @@ pub fn run(args: &IdentifyArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     if args.split {
         return split(args, &log, &settings);
     }
-    let found = log.identify(&settings)?;
-    let validation = match args.holdout {
-        Some(_) if found.estimate.is_some() => Some(validate(&found, &log.held_out()?, &settings)?),
-        _ => None,
-    };
-    let context = Context {
-        source: log.source.clone(),
-        reference: log.reference.as_ref().map(|(name, body)| (name.clone(), body)),
-        validation,
-        reader_warnings: log.warnings.clone(),
-        duration_s: log.duration_s,
-        actuators: log.actuators.as_ref(),
-    };
-    deliver(args, &found, &context, &log, &settings)
+    let found = Found::of(&log, &settings, args.holdout.is_some())?;
+    deliver(args, &found, &log, &settings)
 }
 
 /// Of so many parts of a log a page trains on all but the last, where nothing else was asked for; on that the body is tried.
@@ -108,6 +91,144 @@ fn trial(args: &IdentifyArgs, found: &Identification, log: &Log, settings: &Sett
     let (part, rest) = record.split_at_checked(record.len() - record.len() / PARTS)?;
     let alone = log.identify_rows(part, settings).ok()?;
     Trial::new(part.len() as f64 / record.len() as f64, &alone, found, validate(&alone, rest, settings).ok()?)
+}
+
+/// What the options say of the record as a whole.
+fn settings(args: &IdentifyArgs) -> Result<Settings, TumbleError> {
+    Ok(Settings {
+        method: args.of_samples(),
+        wrench_timing: args.wrench.into(),
+        gravity_world: args.gravity,
+        estimate: args.estimate.iter().fold(Nuisances::default(), |all, some| all.and(*some)),
+        prior: args.prior.as_deref().map(body_file::read_prior).transpose()?,
+        ..Settings::default()
+    })
+}
+
+/// The body of one log, before anything is printed or written.
+pub struct Found {
+    /// What was found.
+    pub identification: Identification,
+    source: String,
+    reference: Option<(String, InertialParameters<f64>)>,
+    reader_warnings: Vec<String>,
+    duration_s: f64,
+    actuators: Option<ActuatorFile>,
+    validation: Option<Validation>,
+}
+
+/// An estimator from outside, by its name.
+pub struct OwnEstimator {
+    /// What the result calls its method.
+    pub name: &'static str,
+    /// Makes it for the problem that a record poses.
+    pub make: MakeEstimator,
+}
+
+/// An estimator of records, made for the problem that one poses.
+pub type MakeEstimator = Box<
+    dyn Fn(&Problem) -> Result<Box<dyn Estimator<Record = [MotionSample]> + Send + Sync>, EstimatorError> + Send + Sync,
+>;
+
+impl Found {
+    /// Of the log that the options name, as `tumble identify` finds it.
+    ///
+    /// # Errors
+    /// [`TumbleError`] for bad input, and for options that ask for something other than the body of one log.
+    pub fn of_log(args: &IdentifyArgs, robots: &Robots, own: Option<OwnEstimator>) -> Result<Self, TumbleError> {
+        check_options(args)?;
+        one_body(args)?;
+        let named = args.logs();
+        let files = log_files(&named)?;
+        let mut paths = paths_of(&files).into_iter();
+        let at_hand = IdentifyArgs { log: paths.next(), more: paths.collect(), ..args.clone() };
+        let mut log = Log::read(&at_hand, robots)?;
+        if !named.is_empty() {
+            log.source = named_together(&named);
+        }
+        Self::by(args, log, own)
+    }
+
+    /// Of a record in memory, as `tumble identify` finds it of a log with these rows.
+    ///
+    /// # Errors
+    /// As [`Self::of_log`].
+    pub fn of_record(
+        args: &IdentifyArgs,
+        record: Vec<MotionSample>,
+        robots: &Robots,
+        own: Option<OwnEstimator>,
+    ) -> Result<Self, TumbleError> {
+        check_options(args)?;
+        one_body(args)?;
+        Self::by(args, Log::of_record(args, record, robots)?, own)
+    }
+
+    fn by(args: &IdentifyArgs, mut log: Log, own: Option<OwnEstimator>) -> Result<Self, TumbleError> {
+        let mut settings = settings(args)?;
+        if let Some(own) = own {
+            settings.method = own.name;
+            log.take(own);
+        }
+        Self::of(&log, &settings, args.holdout.is_some())
+    }
+
+    fn of(log: &Log, settings: &Settings, is_held_out: bool) -> Result<Self, TumbleError> {
+        let identification = log.identify(settings)?;
+        let has_another = is_held_out && identification.estimate.is_some();
+        let validation = if has_another { Some(validate(&identification, &log.held_out()?, settings)?) } else { None };
+        Ok(Self {
+            identification,
+            source: log.source.clone(),
+            reference: log.reference.clone(),
+            reader_warnings: log.warnings.clone(),
+            duration_s: log.duration_s,
+            actuators: log.actuators.clone(),
+            validation,
+        })
+    }
+
+    /// What the report says beside the body.
+    pub fn context(&self) -> Context<'_> {
+        Context {
+            source: self.source.clone(),
+            reference: self.reference.as_ref().map(|(name, body)| (name.clone(), body)),
+            validation: self.validation,
+            reader_warnings: self.reader_warnings.clone(),
+            duration_s: self.duration_s,
+            actuators: self.actuators.as_ref(),
+        }
+    }
+
+    /// The object that `tumble identify --json` prints, without the end of the line.
+    ///
+    /// # Errors
+    /// [`FormatsError::BadToml`] where a number has no JSON form.
+    pub fn json(&self) -> Result<String, TumbleError> {
+        let object = report::json(&self.identification, &self.context());
+        let bad =
+            |error: serde_json::Error| FormatsError::BadToml { path: "result.json".into(), message: error.to_string() };
+        Ok(serde_json::to_string(&object).map_err(bad)?)
+    }
+}
+
+/// Refuses what has another answer than one body.
+fn one_body(args: &IdentifyArgs) -> Result<(), TumbleError> {
+    let other = [
+        (args.template, "--template"),
+        (args.arm.is_asked(), "--model"),
+        (args.wheel.is_some(), "--wheel"),
+        (args.split, "--split"),
+        (args.dry_run, "--dry-run"),
+        (args.excitation.is_some(), "--excitation"),
+        (args.period.is_some(), "--period"),
+    ];
+    match other.iter().find(|(is_asked, _)| *is_asked) {
+        Some((_, option)) => {
+            Err(TumbleError::BadOption { message: format!("`{option}` has another answer than the body of one log") })
+        }
+        None => check_holdout(args),
+    }
 }
 
 /// A log of an arm's joints.
@@ -268,6 +389,11 @@ fn check_outputs(args: &IdentifyArgs) -> Result<(), TumbleError> {
         let any = InertialParameters::solid_sphere(1.0, 0.1);
         super::check::patched(model, args.link.as_deref(), &any)?;
     }
+    check_holdout(args)
+}
+
+/// Refuses a share that is none.
+fn check_holdout(args: &IdentifyArgs) -> Result<(), TumbleError> {
     if let Some(share) = args.holdout.filter(|share| !(0.0 < *share && *share < 1.0)) {
         return Err(TumbleError::BadOption {
             message: format!("`--holdout {share}`: the share kept back lies between 0 and 1, such as 0.25"),
@@ -276,18 +402,12 @@ fn check_outputs(args: &IdentifyArgs) -> Result<(), TumbleError> {
     Ok(())
 }
 
-fn deliver(
-    args: &IdentifyArgs,
-    found: &Identification,
-    context: &Context,
-    log: &Log,
-    settings: &Settings,
-) -> Result<Outcome, TumbleError> {
+fn deliver(args: &IdentifyArgs, answer: &Found, log: &Log, settings: &Settings) -> Result<Outcome, TumbleError> {
+    let (found, context) = (&answer.identification, &answer.context());
     for warning in report::warnings(found, context) {
         tell_line!("warning: {warning}");
     }
-    let json = serde_json::to_string(&report::json(found, context))
-        .map_err(|error| FormatsError::BadToml { path: PathBuf::from("result.json"), message: error.to_string() })?;
+    let json = answer.json()?;
     if args.json {
         print(&format!("{json}\n"))?;
     } else {

@@ -1,5 +1,6 @@
 //! The log that is identified: rows in memory, or read again part by part.
 
+use super::identify::OwnEstimator;
 use super::identify_options::{AUTO, DEMO_SEED, IdentifyArgs};
 use crate::{TumbleError, demo};
 use std::io::IsTerminal as _;
@@ -19,6 +20,8 @@ use tumble_identification::{
 
 /// Rows held in memory at once; a longer log is identified part by part and the parts' information added.
 pub(super) const ROWS_IN_MEMORY: usize = 200_000;
+/// Where rows come from that are in no file.
+const IN_MEMORY: &str = "rows in memory";
 /// Residuals kept for the plots from each part of a long log.
 const RESIDUALS_PER_PART: usize = 1000;
 
@@ -47,16 +50,56 @@ pub(super) enum Rows {
 
 impl Log {
     pub(super) fn read(args: &IdentifyArgs, robots: &Robots) -> Result<Self, TumbleError> {
-        let mut log =
+        let log =
             if args.demo { Self::from_demo(args.seed.unwrap_or(DEMO_SEED))? } else { Self::from_file(args, robots)? };
-        let count = match &log.rows {
+        Ok(log.without_held_out(args))
+    }
+
+    /// Of rows that are in memory already.
+    pub(super) fn of_record(
+        args: &IdentifyArgs,
+        record: Vec<MotionSample>,
+        robots: &Robots,
+    ) -> Result<Self, TumbleError> {
+        if args.actuators.is_some() {
+            let message = "`--actuators` names columns of a CSV log: rows in memory hold no commands".to_owned();
+            return Err(TumbleError::BadOption { message });
+        }
+        let (Some(first), Some(last)) = (record.first(), record.last()) else {
+            return Err(FormatsError::Empty { path: IN_MEMORY.into(), what: "data rows" }.into());
+        };
+        let duration_s = seconds(last.time_ns.saturating_sub(first.time_ns));
+        let told = told(args, robots, false)?;
+        let warnings = contradictions(args, &told, &record);
+        let log = Self {
+            source: IN_MEMORY.to_owned(),
+            rows: Rows::Memory(record),
+            estimation_rows: 0,
+            reference: reference(args)?,
+            warnings,
+            duration_s,
+            actuators: None,
+            pipeline: Pipeline::new().flown_with(told),
+        };
+        Ok(log.without_held_out(args))
+    }
+
+    /// Lets an estimator from outside answer where its name is asked for.
+    pub(super) fn take(&mut self, own: OwnEstimator) {
+        let pipeline = std::mem::take(&mut self.pipeline);
+        self.pipeline = pipeline.with(own.name, "an estimator from outside", own.make);
+    }
+
+    /// The same with the last part kept back that the options ask for.
+    fn without_held_out(mut self, args: &IdentifyArgs) -> Self {
+        let count = match &self.rows {
             Rows::Memory(record) => record.len(),
             Rows::File { count, .. } => *count,
         };
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let estimation_rows = args.holdout.map_or(count, |share| (count as f64 * (1.0 - share)).round() as usize);
-        log.estimation_rows = estimation_rows;
-        Ok(log)
+        self.estimation_rows = estimation_rows;
+        self
     }
 
     fn from_demo(seed: u64) -> Result<Self, TumbleError> {
@@ -85,26 +128,14 @@ impl Log {
         let Some(path) = &args.log else {
             return Err(TumbleError::BadOption { message: "no log: name a file, or use --demo".to_owned() });
         };
-        let reference = match &args.reference {
-            Some(path) => Some(("reference".to_owned(), body_file::read(path)?)),
-            None => None,
-        };
-        let sensing = args.sensing.as_deref().map(|name| super::sensing::find(name, robots)).transpose()?;
+        let reference = reference(args)?;
         if let Some(file) = &args.actuators {
-            return Self::from_commands(
-                args,
-                &args.logs(),
-                actuator_file::read(file)?,
-                sensing.unwrap_or_default(),
-                reference,
-            );
+            let FlightLikelihood { sensing, .. } = told(args, robots, false)?;
+            return Self::from_commands(args, &args.logs(), actuator_file::read(file)?, sensing, reference);
         }
+        let stated = told(args, robots, false)?;
         let mut reader = SampleReader::open_all(&args.logs(), args.reorder, args.robot.as_deref(), robots)?;
-        let told = FlightLikelihood {
-            sensing: sensing.unwrap_or_default(),
-            plane: plane(args, reader.is_planar()),
-            ..FlightLikelihood::default()
-        };
+        let told = FlightLikelihood { plane: plane(args, reader.is_planar()), ..stated };
         tell!("{}", reader.contents());
         let mut record = Vec::new();
         let mut more = reader.read_chunk(&mut record, ROWS_IN_MEMORY)?;
@@ -115,11 +146,7 @@ impl Log {
         if let Some(reason) = reader.lacks_wrench().filter(|_| !args.dry_run) {
             return Err(FormatsError::NoFlight { path: path.clone(), reason }.into());
         }
-        let stated = args.sensing.is_some().then_some(&told.sensing);
-        let contradicted = match stated.map(|stated| (stated, sensing::check(&record, args.wrench.into()))) {
-            Some((stated, Ok(found))) => found.contradictions(Some(stated)),
-            _ => Vec::new(),
-        };
+        let contradicted = contradictions(args, &told, &record);
         let mut rows = Rows::Memory(record);
         if more {
             let mut count = ROWS_IN_MEMORY;
@@ -140,7 +167,7 @@ impl Log {
             };
         }
         let mut warnings = reader.warnings();
-        warnings.extend(contradicted.iter().map(|what| format!("the log contradicts what `--sensing` states: {what}")));
+        warnings.extend(contradicted);
         let duration_s = seconds(last_ns - first_ns);
         let (source, pipeline) = (path.display().to_string(), Pipeline::new().flown_with(told));
         Ok(Self { source, rows, estimation_rows: 0, reference, warnings, duration_s, actuators: None, pipeline })
@@ -400,6 +427,29 @@ impl CommandedLog {
         self.commands.extend_from_slice(held);
         Ok(())
     }
+}
+
+/// The body to compare with.
+fn reference(args: &IdentifyArgs) -> Result<Option<(String, InertialParameters<f64>)>, TumbleError> {
+    let read = |path: &PathBuf| Ok(("reference".to_owned(), body_file::read(path)?));
+    args.reference.as_ref().map(read).transpose()
+}
+
+/// What the options say of sensors and plane.
+fn told(args: &IdentifyArgs, robots: &Robots, is_planar: bool) -> Result<FlightLikelihood, TumbleError> {
+    let sensing = args.sensing.as_deref().map(|name| super::sensing::find(name, robots)).transpose()?;
+    let plane = plane(args, is_planar);
+    Ok(FlightLikelihood { sensing: sensing.unwrap_or_default(), plane, ..FlightLikelihood::default() })
+}
+
+/// Where the log says otherwise of its sensors than the options, in words.
+fn contradictions(args: &IdentifyArgs, told: &FlightLikelihood, record: &[MotionSample]) -> Vec<String> {
+    let stated = args.sensing.is_some().then_some(&told.sensing);
+    let contradicted = match stated.map(|stated| (stated, sensing::check(record, args.wrench.into()))) {
+        Some((stated, Ok(found))) => found.contradictions(Some(stated)),
+        _ => Vec::new(),
+    };
+    contradicted.iter().map(|what| format!("the log contradicts what `--sensing` states: {what}")).collect()
 }
 
 /// Whether the body moves in a plane, by the options or else by the columns.

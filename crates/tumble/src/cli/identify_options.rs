@@ -1,8 +1,10 @@
 //! Options of `tumble identify`, and what its folders remember of them.
 
 use super::identify_arm::ArmOptions;
+use crate::TumbleError;
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clap::{Args, ValueEnum};
+use clap::{Args, Command, FromArgMatches as _, ValueEnum};
+use std::ffi::OsString;
 use std::path::PathBuf;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::harmonics::HarmonicEstimator;
@@ -147,6 +149,16 @@ fn method_names() -> PossibleValuesParser {
 }
 
 impl IdentifyArgs {
+    /// Of options as the command line takes them, the name of the program left out.
+    ///
+    /// # Errors
+    /// [`TumbleError::BadOption`] with what the command line would say.
+    pub fn parse(options: impl IntoIterator<Item = OsString>) -> Result<Self, TumbleError> {
+        let command = Self::augment_args(Command::new("identify").no_binary_name(true));
+        let found = command.try_get_matches_from(options).and_then(|found| Self::from_arg_matches(&found));
+        found.map_err(|refusal| TumbleError::of_options(&refusal))
+    }
+
     /// What estimates from averaged cycles.
     pub(super) fn harmonic(&self) -> Option<HarmonicEstimator> {
         let of_cycles = OF_CYCLES.iter().find(|(name, ..)| *name == self.method);

@@ -42,7 +42,7 @@ const COMMANDS: [&str; 39] = [
     "simulate FILE --out OUT",
     "simulate iss-hold --sensing FILE --out OUT",
     "fly FILE --out OUT",
-    "fly --sensing FILE --out OUT",
+    "fly iss-station --sensing FILE --out OUT",
     "campaign FILE --missions 1 --out OUT",
     "campaign merge FILE --out OUT",
     "replay FILE",

@@ -30,6 +30,8 @@ fn the_default_mission_arrives_and_everything_it_writes_agrees() {
         "actuators.toml",
         "log.csv",
         "log.mcap",
+        "mass.svg",
+        "path_xy.svg",
         "report.html",
         "run.json",
         "scenario.toml",

@@ -130,12 +130,8 @@ fn errors_are_told_in_standard_deviations() {
     let row = &mut record.summary.parameters[0];
     (row.truth, row.estimate, row.sigma) = (11.0, 11.5, 0.2);
     let page = html(&record).unwrap();
-    let told = "<td>20.000<small>+82 %</small></td><td>11.50<small>+4.5 %</small></td><td>11.000</td><td>0.20</td>\n<td class=\"off\">2.5</td>";
-    assert!(
-        page.replace("</td>\\\n", "</td>\n").contains(told),
-        "{}",
-        page.split("table-parameters").nth(2).unwrap_or("")
-    );
+    let told = "<td>20.000<small>+82 %</small></td><td>11.50<small>+4.5 %</small></td><td>11.000</td><td>0.20</td><td class=\"off\">2.5</td>";
+    assert!(page.contains(told));
 }
 
 #[test]
