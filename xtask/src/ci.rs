@@ -55,7 +55,7 @@ const STEPS: &[Step] = &[
     always("docs", "rustdoc, warnings are errors", docs),
     always("examples", "build and run every example", examples),
     full("feature-tests", "tests behind features that are off by default", feature_tests),
-    always("python", "the Python module in a virtual environment, against the command line to the bit", python::step),
+    full("python", "the Python module in a virtual environment, against the command line to the bit", python::step),
     full("python-wheel", "the same as users build it, with its lints, its size and its speed", python::optimised),
     full("servicer", "the tutorial package outside of the workspace, as a user would build and test it", servicer),
     always(
