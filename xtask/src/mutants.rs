@@ -2749,6 +2749,13 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-planning --test suite coordinator::a_body_that_is_doubted_again",
     },
     Mutant {
+        name: "mission: who stands too near must not leave",
+        file: "crates/planning/src/mission/serve.rs",
+        original: "let margin_m = held_m(settings.check_margin_m, here.distance_m);",
+        replacement: "let margin_m = settings.check_margin_m;",
+        test: "-p tumble --test suite fly_command::a_robot_that_stands_nearer",
+    },
+    Mutant {
         name: "coordinator: what no other body explains is never held against the thrust",
         file: "crates/planning/src/mission/coordinator.rs",
         original: "if self.is_doubted_again() {\n                    self.doubt_actuators(actions);",

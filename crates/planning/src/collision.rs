@@ -49,6 +49,16 @@ pub enum Blocker {
     KeepIn,
 }
 
+impl core::fmt::Display for Blocker {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Obstacle(index) => write!(f, "obstacle {index}"),
+            Self::KeepOut(index) => write!(f, "keep-out box {index}"),
+            Self::KeepIn => f.write_str("the end of where it may be"),
+        }
+    }
+}
+
 /// How far a body is from what it may hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {

@@ -148,6 +148,42 @@ pub enum Obstruction {
     },
 }
 
+impl core::fmt::Display for Obstruction {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::StartBlocked { blocker, clearance_m } => {
+                write!(f, "the start is {clearance_m:.3} m from {blocker}, nearer than the margin")
+            }
+            Self::GoalBlocked { blocker, clearance_m } => {
+                write!(f, "the goal is {clearance_m:.3} m from {blocker}, and all of it nearer than the margin")
+            }
+            Self::Enclosed { blockers } => write!(f, "the start is walled off from the goal by {}", listed(blockers)),
+            Self::OutsideLimits { what, value, limit } => write!(f, "{what}: {value}, the limit is {limit}"),
+            Self::LimitTooSmall { what, axis, value } => {
+                let axis = ["x", "y", "z"].get(*axis).copied().unwrap_or("another axis");
+                write!(f, "the limit {what} along {axis} is {value}, which allows no motion there")
+            }
+        }
+    }
+}
+
+/// Blockers in words.
+fn listed(blockers: &[Blocker]) -> String {
+    let names: Vec<String> = blockers.iter().map(Blocker::to_string).collect();
+    if names.is_empty() { "nothing in particular".to_owned() } else { names.join(", ") }
+}
+
+impl core::fmt::Display for Status {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Optimal => f.write_str("a plan, and none is better"),
+            Self::Feasible => f.write_str("a plan"),
+            Self::Infeasible(obstruction) => write!(f, "there is none: {obstruction}"),
+            Self::BudgetSpent(blockers) => write!(f, "not within the budget, most in the way: {}", listed(blockers)),
+        }
+    }
+}
+
 /// How a planner ended.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]

@@ -236,9 +236,9 @@ fn refusal(args: &PlanArgs, problem: &PlanningProblem, answer: &GlobalAnswer) ->
                 ),
                 "raise this limit in `[plan]`",
             ),
-            other => (format!("{other:?}"), "correct `[plan]`, `[start]` or `[goal]`"),
+            other => (other.to_string(), "correct `[plan]`, `[start]` or `[goal]`"),
         },
-        other => (format!("{other:?}"), "correct `[plan]`, `[start]` or `[goal]`"),
+        other => (other.to_string(), "correct `[plan]`, `[start]` or `[goal]`"),
     })
 }
 

@@ -209,7 +209,7 @@ impl Notes<'_> {
 
     fn planned_way(&mut self, time_ns: i64, request: u64, answer: &GlobalAnswer) {
         let Some(plan) = &answer.plan else {
-            self.note_answer(time_ns, request, "way", format!("no way was found: {:?}", answer.status));
+            self.note_answer(time_ns, request, "way", format!("no way was found: {}", answer.status));
             return;
         };
         let path = &plan.trajectory;
@@ -721,7 +721,7 @@ fn record(
         options: *options,
         arrived: flying.end() == Some(&End::Arrived),
         no_way: match flying.end() {
-            Some(End::NoWay(obstruction)) => Some(format!("{obstruction:?}")),
+            Some(End::NoWay(obstruction)) => Some(obstruction.to_string()),
             _ => None,
         },
         mission_s,

@@ -132,3 +132,38 @@ fn what_cannot_be_flown_is_refused() {
     assert_eq!(fs::read_to_string(folder.join("there/mine.txt")).unwrap(), "mine");
     assert!(!folder.join("tumble-out").exists());
 }
+
+/// A mission on the table without its obstacles, towards a point half a metre away, and something of a radius of 0.1 m in it.
+fn among(goal: &str, obstacle: &str) -> String {
+    format!(
+        "format = 1\nname = \"tight\"\nworld = \"granite\"\nobstacle_set = 3\nduration_s = 70.0\nflight_mode = \"difficult\"\n[payload]\n\
+         mass_kg = 6.0\ninertia_about_com_kg_m2 = [[0.03, 0.0, 0.0], [0.0, 0.03, 0.0], [0.0, 0.0, 0.02]]\n\
+         grasp_position_m = [0.1, -0.1, 0.0]\nattach_s = 0.0\n[start]\npoint = \"A\"\n[goal]\nposition_m = [{goal}, -0.76]\n\
+         quaternion_xyzw = [0.0, 0.0, 0.0, 1.0]\n[drive]\n[propulsion]\nkind = \"plant\"\nthrust_sigma = 0.01\ndrag = true\n[plan]\n\
+         speed_limit_m_s = [0.05, 0.05, 0.05]\nmargin_m = 0.03\n[fly]\nunknowns = \"planar-com\"\nmass_interval_share = [0.5, 2.0]\n\
+         [[obstacles]]\ncenter_m = [{obstacle}, -0.7]\nsemi_axes_m = [0.1, 0.1, 0.3]\n"
+    )
+}
+
+#[test]
+fn a_robot_that_stands_nearer_than_it_may_come_leaves() {
+    let folder = scratch("tight");
+    // Its sphere begins 32 mm from the obstacle, where 70 mm are kept under way.
+    fs::write(folder.join("tight.toml"), among("-0.3, 0.3", "0.0, 0.88")).unwrap();
+    let output = tumble_in(&folder, &["fly", "tight.toml", "--out", "flown", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let clearance_m = number(&json(&folder.join("flown/summary.json"))["min_clearance_m"]);
+    assert!((0.015..0.05).contains(&clearance_m), "{clearance_m}");
+}
+
+#[test]
+fn a_goal_that_is_taken_is_told_in_a_sentence() {
+    let folder = scratch("taken");
+    fs::write(folder.join("taken.toml"), among("-0.3, 0.3", "-0.3, 0.3")).unwrap();
+    let output = tumble_in(&folder, &["fly", "taken.toml", "--out", "flown"]);
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    let said = stderr(&output);
+    assert!(said.contains("no way leads to the goal: the goal is -0.") && said.contains("m from obstacle 0"), "{said}");
+    let page = fs::read_to_string(folder.join("flown/report.html")).unwrap();
+    assert!(page.contains("found after 0.0 s that no way leads to the goal") && !page.contains("GoalBlocked"));
+}
