@@ -161,7 +161,7 @@ impl core::fmt::Display for Obstruction {
             Self::OutsideLimits { what, value, limit } => write!(f, "{what}: {value}, the limit is {limit}"),
             Self::LimitTooSmall { what, axis, value } => {
                 let axis = ["x", "y", "z"].get(*axis).copied().unwrap_or("another axis");
-                write!(f, "the limit {what} along {axis} is {value}, which allows no motion there")
+                write!(f, "the limit `{what}` along {axis} is {value}, which allows no motion there")
             }
         }
     }

@@ -1,6 +1,7 @@
 //! A campaign as a page: how errors and clearances are distributed, and which missions to look at.
 
-use super::analysis::{Analysis, GroupSummary, Rate};
+use super::analysis::{Analysis, GroupSummary};
+use super::report::shown_rate;
 use super::row::{PARAMETERS, Row, Status, column};
 use super::{CampaignPlan, table};
 use crate::TumbleError;
@@ -113,9 +114,12 @@ fn to_look_at(rows: &[Row]) -> Vec<Vec<String>> {
     let mut misled: Vec<(f64, &str, &Row)> =
         rows.iter().filter_map(|row| most_misled(row).map(|(sigmas, name)| (sigmas, name, row))).collect();
     misled.sort_by(|a, b| b.0.total_cmp(&a.0));
-    list.extend(misled.iter().take(LISTED / 2).map(|(sigmas, name, row)| {
-        listed(row, &format!("{name} is {} of its σ off, the most of all", number(*sigmas, 2)))
-    }));
+    list.extend(
+        misled
+            .iter()
+            .take(LISTED / 2)
+            .map(|(sigmas, name, row)| listed(row, &format!("{name} is {} of its σ off", number(*sigmas, 2)))),
+    );
     let clearance = column("min_clearance_m");
     let mut near: Vec<(f64, &Row)> =
         rows.iter().filter_map(|row| Some((row.number(clearance?)?, row))).filter(|(clear, _)| *clear >= 0.0).collect();
@@ -128,25 +132,15 @@ fn to_look_at(rows: &[Row]) -> Vec<Vec<String>> {
     list
 }
 
-/// A rate with its interval.
-fn shown(rate: &Rate) -> String {
-    let interval = match (rate.bound_of_none, rate.low, rate.high) {
-        (Some(bound), ..) => format!(" (below {} %)", number(100.0 * bound, 2)),
-        (None, Some(low), Some(high)) => format!(" ({} to {} %)", number(100.0 * low, 3), number(100.0 * high, 3)),
-        _ => String::new(),
-    };
-    format!("{} of {}{interval}", rate.count, rate.of)
-}
-
 fn group(group: &GroupSummary) -> Vec<String> {
     let median = |value: Option<super::Spread>, factor: f64| {
         value.map_or("–".to_owned(), |spread| number(factor * spread.median, 3))
     };
     vec![
         escaped(&group.label),
-        shown(&group.arrived),
-        shown(&group.collisions),
-        shown(&group.violations),
+        shown_rate(&group.arrived),
+        shown_rate(&group.collisions),
+        shown_rate(&group.violations),
         group.min_clearance_m.map_or("–".to_owned(), |clear| number(1e3 * clear.min, 3)),
         median(group.mission_s, 1.0),
         median(group.mass_error_percent, 1.0),
@@ -167,7 +161,7 @@ fn story(analysis: &Analysis, plan: &CampaignPlan) -> [String; 3] {
     );
     let ended = format!(
         "{} arrived; {} hit something, {} were beyond their limits, {} ended with an error and {} with a panic.",
-        shown(&all.arrived),
+        shown_rate(&all.arrived),
         all.collisions.count,
         all.violations.count,
         all.errors,

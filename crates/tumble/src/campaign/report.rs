@@ -73,7 +73,8 @@ fn honesty(text: &mut String, groups: &[&GroupSummary], width: usize) {
     }
 }
 
-fn shown_rate(rate: &Rate) -> String {
+/// A count, of how many, and the 95 % interval of its share.
+pub(super) fn shown_rate(rate: &Rate) -> String {
     let of = format!("{}/{}", rate.count, rate.of);
     match (rate.bound_of_none, rate.low, rate.high) {
         (Some(bound), ..) => format!("{of} (below {:.3} %)", 100.0 * bound),

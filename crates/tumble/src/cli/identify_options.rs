@@ -96,7 +96,8 @@ pub struct IdentifyArgs {
     /// Print one JSON object and nothing else on stdout.
     #[arg(long)]
     pub(super) json: bool,
-    /// Write report.html, residual plots, result.json, body.toml and run.json into this new folder.
+    /// Write report.html, residual plots, result.json, body.toml and run.json into this new folder. The page tries a body from the first three quarters
+    /// of the log on the last, which takes most of the time again.
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
     /// Write the body to a file: .toml, .json, .urdf, .xml (MJCF), .yaml (geometry_msgs/Inertia) or .script (set_target_payload of a UR arm).

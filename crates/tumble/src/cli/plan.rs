@@ -225,17 +225,10 @@ fn refusal(args: &PlanArgs, problem: &PlanningProblem, answer: &GlobalAnswer) ->
                 "take one of these away, widen `plan.position_lower_m` and `plan.position_upper_m`, or make the body or \
                  `plan.margin_m` smaller",
             ),
-            Obstruction::OutsideLimits { what, value, limit } => (
-                format!("{what}: {value}, the limit is {limit}"),
-                "correct `[start]`, `[goal]` or the limit in `[plan]`",
-            ),
-            Obstruction::LimitTooSmall { what, axis, value } => (
-                format!(
-                    "the limit `{what}` along {} is {value}, which allows no motion there",
-                    ["x", "y", "z"].get(*axis).unwrap_or(&"?")
-                ),
-                "raise this limit in `[plan]`",
-            ),
+            Obstruction::OutsideLimits { .. } => {
+                (obstruction.to_string(), "correct `[start]`, `[goal]` or the limit in `[plan]`")
+            }
+            Obstruction::LimitTooSmall { .. } => (obstruction.to_string(), "raise this limit in `[plan]`"),
             other => (other.to_string(), "correct `[plan]`, `[start]` or `[goal]`"),
         },
         other => (other.to_string(), "correct `[plan]`, `[start]` or `[goal]`"),

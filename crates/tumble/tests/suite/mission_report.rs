@@ -1,7 +1,7 @@
 //! The mission report: one file, nothing from outside, the record inside, every plot there; and each check bites.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-use crate::support::page_checks::{CHECKS, findings};
+use crate::support::page_checks::{CHECKS, findings, findings_of_any};
 use crate::support::sample_record::{planar_sample, sample};
 use std::path::Path;
 use std::sync::LazyLock;
@@ -224,6 +224,27 @@ fn no_cut_of_a_report_is_a_panic() {
         let complete = PAGE[start..].find("</script>").unwrap() + start;
         assert_eq!(read(&PAGE[..at]).is_err(), at < complete + 9, "{at}");
     }
+}
+
+#[test]
+fn what_every_page_must_have_is_missed() {
+    let sound = "<p id=\"story\" class=\"story\">";
+    let said = "What was asked for stands here. How it ended stands here, and in some more words. How sure that is stands here, too, at last.";
+    let page = |story: &str, chart: &str| {
+        PAGE.replacen("</main>", &format!("{chart}</main>"), 1).replacen(
+            PAGE.split(sound).nth(1).unwrap().split("</p>").next().unwrap(),
+            story,
+            1,
+        )
+    };
+    let of = |page: &str, what: &str| findings_of_any(page).iter().any(|found| found.starts_with(what));
+    assert!(!of(&page(said, ""), "story"));
+    assert!(of(&page("It worked.", ""), "story"));
+    let chart = |line: &str| format!("<figure class=\"plot\" id=\"more\"><svg aria-label=\"x\">{line}</svg></figure>");
+    assert!(!of(&page(said, &chart("<path class=\"line c0\" d=\"M0 0L1 1\"/>")), "chart: id=\"more\""));
+    assert!(of(&page(said, &chart("")), "chart: id=\"more\""));
+    assert!(of(&page(said, &chart("<path class=\"line c0\" d=\"M0 NaN\"/>")), "chart: id=\"more\""));
+    assert!(of(&page(said, &" ".repeat(1_600_000)), "size"));
 }
 
 /// A defect in the page, and the check that must see it.
