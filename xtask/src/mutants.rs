@@ -68,6 +68,20 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --lib first_lessons",
     },
     Mutant {
+        name: "flight estimator: corrections of the body that pull to one side are none of its business",
+        file: "crates/identification/src/recursive/flight_estimator/body_score.rs",
+        original: "self.moved += step;",
+        replacement: "let _ = step;",
+        test: "-p tumble-identification --lib body_score",
+    },
+    Mutant {
+        name: "flight estimator: begun anew, it is sure of the motion that another body made",
+        file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
+        original: "            fresh[(i, i)] += variance;",
+        replacement: "            let _ = (i, variance);",
+        test: "-p tumble-identification --lib flight_estimator",
+    },
+    Mutant {
         name: "TOML: an array that is longer than what is read of it passes",
         file: "crates/formats/src/toml_text.rs",
         original: "if values.len() > used.len() =>",

@@ -1,5 +1,6 @@
 //! The estimator in the loop of a flight: motion now and ten parameters from late, unordered, doubtful measurements.
 
+mod body_score;
 mod filtered;
 mod first_lessons;
 mod flight_motion;
@@ -28,6 +29,7 @@ use crate::lie::Wrench;
 use crate::recursive::belief::symmetric;
 use crate::recursive::joint_motion::{JointState, parameters_by_chart};
 use crate::{BodyScale, Estimate};
+use body_score::ScoreLimits;
 use filtered::{Filtered, Rules, in_chart};
 use first_lessons::FirstLessons;
 use flight_motion::{BODY, FlightMotion, FlightState};
@@ -118,6 +120,8 @@ impl FlightEstimator {
             model: FlightMotion::new(&settings),
             doubting: FlightMotion::new(&settings).doubting(),
             thresholds: Thresholds::try_new(&settings)?,
+            score_limits: ScoreLimits::try_new()?,
+            first_body: body,
             relocalise_after_ns: ns(settings.relocalise_after_s),
             lateness_ns: ns(settings.lateness_s),
             lead_ns: ns(settings.lead_s),

@@ -133,6 +133,24 @@ fn a_mass_that_is_far_off_is_never_told_without_a_doubt() {
     }
 }
 
+/// All that is judged of the body, by how many of its sigmas the worst is off.
+fn worst_off_by(summary: &MissionSummary) -> f64 {
+    let off = summary.parameters.iter().map(|row| (row.estimate - row.truth).abs() / row.sigma);
+    off.fold(0.0, f64::max)
+}
+
+#[test]
+fn a_body_that_changes_by_a_tenth_is_learned_or_doubted() {
+    let off: Vec<_> = [("iss-cargo", 1), ("iss-cargo", 3), ("granite-cargo", 1)]
+        .map(|(scenario, seed)| (scenario, seed, sensed(scenario, "nominal", Some("mass-step:1"), seed)))
+        .iter()
+        .filter(|(_, _, summary)| summary.standing_doubts().is_empty())
+        .map(|(scenario, seed, summary)| (*scenario, *seed, worst_off_by(summary)))
+        .filter(|(_, _, off)| *off > 4.0)
+        .collect();
+    assert!(off.is_empty(), "{off:?}");
+}
+
 #[test]
 fn a_mission_that_nothing_is_wrong_with_ends_without_a_doubt() {
     for scenario in ["iss-cargo", "granite-cargo"] {

@@ -1,5 +1,6 @@
 //! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
 
+use super::body_score::{BodyScore, Elsewhere, ScoreLimits};
 use super::flight_motion::{
     ACCELERATION_BIAS, ACCELERATION_SCALE, ALL_ROWS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState,
     Fresh, ROWS, Shown, WANDER, back_into_plane,
@@ -36,6 +37,8 @@ const ABOUT_NS: i64 = 1_000_000;
 const HEARING_S: f64 = 5.0;
 const LOUDEST_SURPRISE: f64 = 10.0;
 const LOUDER: [f64; 2] = [0.05, 400.0];
+/// No body is larger or heavier than that of the start by more than this, as a logarithm, nor lighter: a hundred times.
+const LARGEST_GROWTH: f64 = 4.6;
 /// Variance of a log-extent whose square is as large as its standard deviation.
 const LARGEST_LOG_EXTENT_VARIANCE: f64 = 0.25;
 
@@ -47,6 +50,9 @@ pub(super) struct Rules {
     /// The same with a wrench that is in doubt.
     pub(super) doubting: FlightMotion,
     pub(super) thresholds: Thresholds,
+    pub(super) score_limits: ScoreLimits,
+    /// The body of the start.
+    pub(super) first_body: LogCholesky<f64>,
     pub(super) relocalise_after_ns: i64,
     pub(super) lateness_ns: i64,
     pub(super) lead_ns: i64,
@@ -130,6 +136,7 @@ pub(super) struct Filtered {
     heard: [(i64, u32); 2],
     pub(super) counts: StreamCounts,
     pub(super) monitor: Monitor,
+    score: BodyScore,
     /// Whether the last measurement is to be learned from, and as what.
     pub(super) teaches: bool,
     pub(super) lesson: Heard,
@@ -173,6 +180,7 @@ impl Filtered {
             covariance,
             counts: StreamCounts::default(),
             monitor: if body[(0, 0)] > UNKNOWN * UNKNOWN { Monitor::of_first_body() } else { Monitor::default() },
+            score: BodyScore::new(),
             teaches: false,
             lesson: Heard::NOTHING,
             exerted: [0.0; 2],
@@ -282,12 +290,13 @@ impl Filtered {
                 (true, false) if self.is_quiet(rules) => {
                     self.correct_all_but::<{ DRIFT - BODY }>(rules, &step, &learned);
                 }
-                (true, false) => self.correct(rules, &step, &learned),
+                (true, false) => self.learn(rules, &step, &learned),
                 (true, true) => self.correct_all_but::<{ WANDER - BODY }>(rules, &step, &learned),
                 // Of a map that moves nothing but the motion is learned.
                 (false, _) => self.correct_all_but::<{ COORDINATES - BODY }>(rules, &step, &learned),
             }
         }
+        self.judge_body(rules, dt_s, is_settled);
         if fits || is_part && map_fits {
             self.jump = None;
         }
@@ -318,6 +327,35 @@ impl Filtered {
         let noise = &rules.settings.noise;
         let limits = [noise.torque_n_m, noise.force_n].map(|sigma| QUIET * sigma);
         self.exerted.iter().zip(limits).all(|(mean, limit)| *mean < limit * limit)
+    }
+
+    /// Whether the body is one that can be, and whether what was learned of it still holds: where it seems to lie elsewhere it is less certain.
+    /// What was seen while there was something left to learn again, or before and while a map moved, does not count, nor what is seen from when
+    /// the wrench is in doubt.
+    fn judge_body(&mut self, rules: &Rules, dt_s: f64, is_settled: bool) {
+        let (now, first) = (&self.state.joint.body, &rules.first_body);
+        let grown = (now.log_extents - first.log_extents).max().max((now.log_mass - first.log_mass).abs());
+        if grown > LARGEST_GROWTH {
+            self.monitor.diverge();
+        }
+        if !is_settled || self.wrench_is_doubtful || !self.monitor.has_learned_the_body() {
+            self.score = BodyScore::new();
+        } else if self.score.is_due(dt_s) {
+            let mut body = self.covariance.fixed_view_mut::<10, 10>(BODY, BODY);
+            if let Some(Elsewhere { more, is_another }) = self.score.judge(&rules.score_limits, &body.clone_owned()) {
+                body += more;
+                if is_another {
+                    self.monitor.accuse_the_body();
+                }
+            }
+        }
+    }
+
+    /// Corrects everything, the body included.
+    fn learn(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: &Covariance) {
+        let body = |covariance: &Covariance| covariance.fixed_view::<10, 10>(BODY, BODY).into_owned();
+        self.score.count(&step.fixed_rows::<10>(BODY).into_owned(), &body(&self.covariance), &body(covariance));
+        self.correct(rules, step, covariance);
     }
 
     fn correct(&mut self, rules: &Rules, step: &SVector<f64, COORDINATES>, covariance: &Covariance) {
@@ -521,7 +559,7 @@ impl Filtered {
             return false;
         }
         let is_the_body = self.keeps_moving(agreed, now_ns);
-        self.monitor = Monitor::doubting(is_the_body);
+        self.monitor = self.monitor.doubting(is_the_body);
         self.jump = None;
         self.begin_at(rules, measurement);
         true
@@ -589,7 +627,7 @@ impl Filtered {
             self.covariance[(i, i)] += deviation * deviation;
         }
         (self.louder, self.about) = ([1.0; 3], None);
-        self.monitor = Monitor::of_new_body();
+        (self.monitor, self.score) = (Monitor::of_new_body(), BodyScore::new());
         self.unsettled = None;
     }
 
@@ -597,7 +635,7 @@ impl Filtered {
     pub(super) fn doubt_wrench(&mut self, rules: &Rules) {
         self.widen_drift(&rules.settings.wrench.doubted());
         self.wrench_is_doubtful = true;
-        self.monitor = Monitor::of_learning();
+        (self.monitor, self.score) = (Monitor::of_learning(), BodyScore::new());
     }
 
     /// What doubted actuators are to be asked for.
@@ -607,7 +645,7 @@ impl Filtered {
 
     /// The body as somebody else knows it; what the motion owes to the body before is forgotten.
     pub(super) fn revise(&mut self, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
-        (self.state.joint.body, self.about) = (*body, None);
+        (self.state.joint.body, self.about, self.score) = (*body, None, BodyScore::new());
         self.covariance.fixed_view_mut::<10, COORDINATES>(BODY, 0).fill(0.0);
         self.covariance.fixed_view_mut::<COORDINATES, 10>(0, BODY).fill(0.0);
         self.covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(covariance);
@@ -619,7 +657,8 @@ impl Filtered {
         }
     }
 
-    /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is.
+    /// Another body with its covariance, and the wrench's errors as at the start or, where it is in doubt, as then; the motion as it is, but
+    /// less certain: until now it was that of another body.
     pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
         (self.state.joint.body, self.about) = (*body, None);
         (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
@@ -631,9 +670,15 @@ impl Filtered {
                 fresh[(i, j)] = self.covariance[(i, j)];
             }
         }
+        let motion = rules.model.motion_variance(&rules.settings.start_deviation);
+        for (i, variance) in motion.iter().enumerate() {
+            fresh[(i, i)] += variance;
+        }
         self.covariance = fresh;
-        self.monitor = Monitor::of_learning();
-        self.jump = None;
+        if self.wrench_is_doubtful {
+            self.widen_drift(&rules.settings.wrench.doubted());
+        }
+        (self.monitor, self.score) = (Monitor::of_learning(), BodyScore::new());
     }
 }
 

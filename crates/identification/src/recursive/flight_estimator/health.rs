@@ -1,5 +1,6 @@
 //! Whether the filter's own account of its errors is still true.
 
+use super::first_lessons::LAST_S;
 use super::flight_motion::ALL_ROWS as ROWS;
 use super::settings::FlightEstimatorSettings;
 use crate::error::IdentificationError;
@@ -18,7 +19,7 @@ pub struct FlightHealth {
     /// The running mean left its chi-square band and has not come back well inside: see
     /// [`restart`](super::FlightEstimator::restart).
     pub diverged: bool,
-    /// Innovations have been one-sided for long: the body is no longer what it was, see
+    /// Innovations have been one-sided for long, or all that is learned of the body pulls it to one side: it is no longer what it was, see
     /// [`body_changed`](super::FlightEstimator::body_changed).
     pub body_doubtful: bool,
 }
@@ -167,6 +168,8 @@ pub(super) struct Monitor {
     unacquainted_s: f64,
     /// For how long one that does not fit was not learned, s.
     learning_s: f64,
+    /// For how long what was learned of another body may be learned again, s.
+    lessons_s: f64,
     alarm: f64,
 }
 
@@ -178,12 +181,12 @@ impl Monitor {
 
     /// Of a body that was just made uncertain.
     pub(super) fn of_new_body() -> Self {
-        Self { unacquainted_s: ACQUAINTANCE_S, learning_s: LEARNING_S, ..Self::default() }
+        Self { unacquainted_s: ACQUAINTANCE_S, learning_s: LEARNING_S, lessons_s: LAST_S, ..Self::default() }
     }
 
     /// Of a body that is learned anew from what it is usually taken for.
     pub(super) fn of_learning() -> Self {
-        Self { learning_s: LEARNING_S - ACQUAINTANCE_S, ..Self::default() }
+        Self { learning_s: LEARNING_S - ACQUAINTANCE_S, lessons_s: LAST_S, ..Self::default() }
     }
 
     /// Counts an innovation; one beyond its gate counts as if it lay there and says no more of the body.
@@ -232,6 +235,7 @@ impl Monitor {
         let is_unacquainted = self.unacquainted_s > 0.0;
         self.diverged = mean > level && !is_another && !(inertial && is_unacquainted);
         self.learning_s -= dt_s;
+        self.lessons_s -= dt_s;
         self.unacquainted_s -= dt_s;
         if is_unacquainted {
             return;
@@ -243,9 +247,25 @@ impl Monitor {
         self.doubt_s = if is_doubted { DOUBT_S } else { (self.doubt_s - dt_s).max(0.0) };
     }
 
+    /// Whether the body has been known for long enough to be judged by what it is corrected to: another one than that of the start once nothing of
+    /// it is left to be learned again.
+    pub(super) fn has_learned_the_body(&self) -> bool {
+        self.unacquainted_s <= 0.0 && self.lessons_s <= 0.0
+    }
+
+    /// What is believed cannot be.
+    pub(super) fn diverge(&mut self) {
+        self.diverged = true;
+    }
+
+    /// The body is another one than was learned.
+    pub(super) fn accuse_the_body(&mut self) {
+        self.doubt_s = DOUBT_S;
+    }
+
     /// Of a motion that begins anew.
-    pub(super) fn doubting(is_the_body: bool) -> Self {
-        Self { doubt_s: if is_the_body { DOUBT_S } else { 0.0 }, ..Self::default() }
+    pub(super) fn doubting(self, is_the_body: bool) -> Self {
+        Self { doubt_s: if is_the_body { DOUBT_S } else { 0.0 }, lessons_s: self.lessons_s, ..Self::default() }
     }
 
     pub(super) fn health(&self) -> FlightHealth {

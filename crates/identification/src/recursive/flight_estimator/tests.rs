@@ -284,3 +284,65 @@ fn a_body_at_rest_is_no_larger_for_not_obeying_noise() {
     assert!((after(2e-4) - 1.0).abs() < 1e-3, "{}", after(2e-4));
     assert!(after(2e-3) > 1.3, "{}", after(2e-3));
 }
+
+/// Until now the motion was that of another body, and a wrench that was in doubt still is.
+#[test]
+fn a_filter_that_begins_anew_is_as_uncertain_as_its_cause() {
+    let known = prior(Vector3::new(0.2, 0.18, 0.19), 0.05);
+    let settings = FlightEstimatorSettings::of_poses(1e-4, 1e-4, 0.016);
+    let mut estimator = super::FlightEstimator::try_new(settings, RigidBodyState::at_rest(), 0, &known).unwrap();
+    let drift = |estimator: &super::FlightEstimator| estimator.newest().covariance[(DRIFT, DRIFT)].sqrt();
+    for k in 1..400_i64 {
+        estimator.acted((k - 1) * 16_000_000, k * 16_000_000, &Wrench::zero());
+        let place = Pose::translation(1e-5 * (1.1 * k as f64).sin(), 0.0, 0.0);
+        estimator.measured(&super::FlightMeasurement {
+            stamp_ns: k * 16_000_000,
+            world_from_body: place,
+            rate_body: None,
+            velocity_origin_world: None,
+        });
+    }
+    let before = estimator.motion_covariance();
+    estimator.restart(&known).unwrap();
+    let after = estimator.motion_covariance();
+    for (i, start) in settings.start_deviation.iter().flat_map(|s| [s; 3]).enumerate() {
+        assert!(before[(i, i)] < 0.5 * start * start && after[(i, i)] >= start * start, "{i} {before} {after}");
+    }
+    assert!(drift(&estimator) <= 1.01 * settings.wrench.drift[0], "{}", drift(&estimator));
+    estimator.wrench_doubtful();
+    estimator.restart(&known).unwrap();
+    assert!(drift(&estimator) >= settings.wrench.doubted().drift[0], "{}", drift(&estimator));
+}
+
+/// Whatever the filter was led to: a closed loop has it begin anew.
+#[test]
+fn a_body_a_hundred_times_as_heavy_is_no_body() {
+    let unknown = prior(Vector3::new(0.2, 0.18, 0.19), 0.5);
+    let settings = FlightEstimatorSettings::of_poses(1e-4, 1e-4, 0.016);
+    let mut estimator = super::FlightEstimator::try_new(settings, RigidBodyState::at_rest(), 0, &unknown).unwrap();
+    let heavy = |factor: f64| {
+        let mut heavy = unknown;
+        heavy.parameters = InertialParameters::about_com(
+            10.0 * factor,
+            Vector3::zeros(),
+            Matrix3::from_diagonal(&Vector3::new(0.2, 0.18, 0.19)) * factor,
+        );
+        heavy.covariance *= factor * factor;
+        heavy
+    };
+    for (factor, is_none) in [(50.0, false), (200.0, true)] {
+        estimator.restart(&heavy(factor)).unwrap();
+        let begun_ns = estimator.newest().stamp_ns;
+        for k in 1..20_i64 {
+            let now_ns = begun_ns + k * 16_000_000;
+            estimator.acted(now_ns - 16_000_000, now_ns, &Wrench::zero());
+            estimator.measured(&super::FlightMeasurement {
+                stamp_ns: now_ns,
+                world_from_body: Pose::translation(1e-5 * (1.1 * k as f64).sin(), 0.0, 0.0),
+                rate_body: None,
+                velocity_origin_world: None,
+            });
+        }
+        assert_eq!(estimator.health().diverged, is_none, "{factor}");
+    }
+}
