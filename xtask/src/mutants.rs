@@ -75,10 +75,10 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --lib body_score",
     },
     Mutant {
-        name: "flight estimator: begun anew, it is sure of the motion that another body made",
+        name: "flight estimator: begun anew, it is sure of a wrench that was in doubt",
         file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
-        original: "            fresh[(i, i)] += variance;",
-        replacement: "            let _ = (i, variance);",
+        original: "        if self.wrench_is_doubtful {\n            self.widen_motion(rules);",
+        replacement: "        if false {\n            self.widen_motion(rules);",
         test: "-p tumble-identification --lib flight_estimator",
     },
     Mutant {

@@ -614,10 +614,7 @@ impl Filtered {
     /// The body less certain by a jump of these deviations, and the wrench as if it were in doubt: which of the two it was, the
     /// measurements tell. So is the motion: until it was noticed it was that of another body.
     pub(super) fn widen(&mut self, rules: &Rules, deviation: &SVector<f64, 10>) {
-        let motion = rules.model.motion_variance(&rules.settings.start_deviation);
-        for i in 0..BODY {
-            self.covariance[(i, i)] += motion[i];
-        }
+        self.widen_motion(rules);
         for i in 0..10 {
             self.covariance[(BODY + i, BODY + i)] += deviation[i] * deviation[i];
         }
@@ -633,6 +630,7 @@ impl Filtered {
 
     /// A wrench that is in doubt from now on.
     pub(super) fn doubt_wrench(&mut self, rules: &Rules) {
+        self.widen_motion(rules);
         self.widen_drift(&rules.settings.wrench.doubted());
         self.wrench_is_doubtful = true;
         (self.monitor, self.score) = (Monitor::of_learning(), BodyScore::new());
@@ -651,14 +649,21 @@ impl Filtered {
         self.covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(covariance);
     }
 
+    fn widen_motion(&mut self, rules: &Rules) {
+        let motion = rules.model.motion_variance(&rules.settings.start_deviation);
+        for (i, variance) in motion.iter().enumerate() {
+            self.covariance[(i, i)] += variance;
+        }
+    }
+
     fn widen_drift(&mut self, doubted: &WrenchErrors) {
         for i in 0..6 {
             self.covariance[(DRIFT + i, DRIFT + i)] += doubted.drift[i] * doubted.drift[i];
         }
     }
 
-    /// Another body with its covariance, and the wrench's errors as at the start or, where it is in doubt, as then; the motion as it is, but
-    /// less certain: until now it was that of another body.
+    /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is. Where the wrench is in doubt it stays so, and
+    /// the motion, which was that of other forces, is less certain.
     pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
         (self.state.joint.body, self.about) = (*body, None);
         (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
@@ -670,13 +675,12 @@ impl Filtered {
                 fresh[(i, j)] = self.covariance[(i, j)];
             }
         }
-        let motion = rules.model.motion_variance(&rules.settings.start_deviation);
-        for (i, variance) in motion.iter().enumerate() {
-            fresh[(i, i)] += variance;
-        }
         self.covariance = fresh;
         if self.wrench_is_doubtful {
+            self.widen_motion(rules);
             self.widen_drift(&rules.settings.wrench.doubted());
+        } else {
+            self.jump = None;
         }
         (self.monitor, self.score) = (Monitor::of_learning(), BodyScore::new());
     }
