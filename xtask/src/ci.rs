@@ -73,7 +73,12 @@ const STEPS: &[Step] = &[
     beside("cluster", "a campaign in sixteen parts, one killed, is the campaign flown at once", cluster::step),
     full("packages", "what would be published, unpacked: it and its tests compile", packages::check),
     always("deny", "bans, licences, sources", deny),
-    beside("real-data", "measured throws meet their targets", real_data),
+    beside("real-data", "measured throws, payloads and flights meet their targets", || {
+        real_data(&["--without", "crazyflie_brushless_mocap"])
+    }),
+    full("real-data-all", "the same with the flights of a quadrotor that a camera saw, three minutes more", || {
+        real_data(&[])
+    }),
     full("other-studies", "the studies of chapter 4, of actuation, of control, of arms, reduced", other_studies),
     beside(
         "determinism",
@@ -385,7 +390,7 @@ fn data_folder() -> Option<PathBuf> {
     folder.is_dir().then_some(folder)
 }
 
-fn real_data() -> Outcome {
+fn real_data(arguments: &[&str]) -> Outcome {
     let set = |name: &str, value: &str| std::env::var(name).is_ok_and(|found| found == value);
     let Some(folder) = data_folder() else {
         return if set("CI", "true") || set("TUMBLE_REQUIRE_DATA", "1") {
@@ -398,7 +403,7 @@ fn real_data() -> Outcome {
         Ok(folder) => Command::new(folder.join("studies")),
         Err(reason) => return Outcome::Failed(reason),
     };
-    command.env("TUMBLE_REQUIRE_DATA", "1").args(["real-data", "--check", "--data"]).arg(folder);
+    command.env("TUMBLE_REQUIRE_DATA", "1").args(["real-data", "--check", "--data"]).arg(folder).args(arguments);
     shell(&mut [command])
 }
 

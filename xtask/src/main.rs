@@ -25,7 +25,7 @@ cargo xtask <command>
   python                                  the Python module: its wheel, its tests, its import and its speed beside the command line
   bench [--json] [--only TEXT] [--data DIR] [--sweeps N]
                                           speed on the frozen peer problems (target-cpu=native)
-  real-data [--data DIR] [--json] [--check]
+  real-data [--data DIR] [--without SET] [--json] [--check]
   reproduce chapter4 | chapter5 [--runs N] [--out DIR]
   reproduce actuation [--flights N] [--out DIR]
   reproduce rattle [--seeds N] [--sensing NAME] [--only module | granite | flights | defects] [--out DIR]

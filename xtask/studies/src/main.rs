@@ -181,9 +181,8 @@ fn main() -> ExitCode {
     let result = match name {
         "bench" => Arguments::parse(rest, &["--json"], &["--data", "--only", "--sweeps", "--runs"])
             .and_then(|arguments| bench::run(&arguments, PROBLEMS)),
-        "real-data" => {
-            Arguments::parse(rest, &["--json", "--check"], &["--data"]).and_then(|arguments| real_data::run(&arguments))
-        }
+        "real-data" => Arguments::parse(rest, &["--json", "--check"], &["--data", "--without"])
+            .and_then(|arguments| real_data::run(&arguments)),
         "reproduce" => run_one("reproduce", REPRODUCTIONS, rest),
         "study" => run_one("study", STUDIES, rest),
         unknown => Err(Failure::BadInput(format!("no study is called `{unknown}`"))),
