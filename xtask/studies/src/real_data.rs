@@ -36,8 +36,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Ok(());
     };
     let (json, mut missed) = (arguments.has("--json"), Vec::new());
-    let without = arguments.value("--without").unwrap_or_default();
-    let sets = SETS.iter().filter(|(name, _)| *name != without);
+    let without = arguments.value("--without");
+    if let Some(unknown) = without.filter(|without| SETS.iter().all(|(name, _)| name != without)) {
+        let known: Vec<&str> = SETS.iter().map(|(name, _)| *name).collect();
+        return Err(Failure::BadInput(format!("no set `{unknown}`; there are {}", known.join(", "))));
+    }
+    let sets = SETS.iter().filter(|(name, _)| Some(*name) != without);
     let sets: Vec<(&str, PathBuf, Set)> = sets.map(|(name, run)| (*name, folder.join(name), *run)).collect();
     // every row names its set, so that they may answer in any order
     let answers: Vec<Option<Result<Vec<String>, Failure>>> = std::thread::scope(|scope| {

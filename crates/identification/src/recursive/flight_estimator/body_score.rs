@@ -134,8 +134,9 @@ mod tests {
     use crate::dice::Dice;
 
     /// Measurements that show ten numbers, each time along another direction of the first `shown`, filtered for two minutes; after one of
-    /// them the numbers are others, by so many standard deviations in some direction. When the score said so, s.
-    fn said(seed: u64, shown: usize, jump: f64) -> Vec<f64> {
+    /// them the numbers are others, by so many standard deviations in some direction. When the score said so, s, and whether they are
+    /// others altogether.
+    fn said(seed: u64, shown: usize, jump: f64) -> Vec<(f64, bool)> {
         const STEP_S: f64 = 0.032;
         let (mut dice, limits) = (Dice(seed), ScoreLimits::try_new().unwrap());
         let mut covariance = Matrix::identity();
@@ -153,10 +154,10 @@ mod tests {
             score.count(&step, &covariance, &after);
             (believed, covariance) = (believed + step, after);
             if score.is_due(STEP_S)
-                && let Some(Elsewhere { more, .. }) = score.judge(&limits, &covariance)
+                && let Some(Elsewhere { more, is_another }) = score.judge(&limits, &covariance)
             {
                 covariance += more;
-                said.push(STEP_S * f64::from(k));
+                said.push((STEP_S * f64::from(k), is_another));
             }
         }
         said
@@ -174,9 +175,15 @@ mod tests {
 
     #[test]
     fn numbers_that_jump_are_suspected_soon_although_no_measurement_is_unlikely() {
+        let after = |said: &[(f64, bool)], must_be_others: bool| {
+            said.iter().any(|(at_s, is_another)| (60.0..90.0).contains(at_s) && (*is_another || !must_be_others))
+        };
         for shown in [10, 4] {
-            let seen = (0..100).filter(|seed| said(*seed, shown, 14.0).iter().any(|at_s| (60.0..90.0).contains(at_s)));
-            assert!(seen.count() >= 95, "{shown}");
+            let flights: Vec<_> = (0..100).map(|seed| said(seed, shown, 14.0)).collect();
+            assert!(flights.iter().filter(|said| after(said, false)).count() >= 95, "{shown}");
+            // Farther off, they are not less certain but others.
+            let others = (0..100).filter(|seed| after(&said(*seed, shown, 60.0), true)).count();
+            assert!(others >= 95, "{shown}: {others}");
         }
     }
 }

@@ -624,7 +624,7 @@ impl Filtered {
             self.covariance[(i, i)] += deviation * deviation;
         }
         (self.louder, self.about) = ([1.0; 3], None);
-        (self.monitor, self.score) = (Monitor::of_new_body(), BodyScore::new());
+        self.monitor = Monitor::of_new_body();
         self.unsettled = None;
     }
 
@@ -633,7 +633,7 @@ impl Filtered {
         self.widen_motion(rules);
         self.widen_drift(&rules.settings.wrench.doubted());
         self.wrench_is_doubtful = true;
-        (self.monitor, self.score) = (Monitor::of_learning(), BodyScore::new());
+        self.monitor = Monitor::of_learning();
     }
 
     /// What doubted actuators are to be asked for.
@@ -643,7 +643,7 @@ impl Filtered {
 
     /// The body as somebody else knows it; what the motion owes to the body before is forgotten.
     pub(super) fn revise(&mut self, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
-        (self.state.joint.body, self.about, self.score) = (*body, None, BodyScore::new());
+        (self.state.joint.body, self.about) = (*body, None);
         self.covariance.fixed_view_mut::<10, COORDINATES>(BODY, 0).fill(0.0);
         self.covariance.fixed_view_mut::<COORDINATES, 10>(0, BODY).fill(0.0);
         self.covariance.fixed_view_mut::<10, 10>(BODY, BODY).copy_from(covariance);
@@ -682,7 +682,7 @@ impl Filtered {
         } else {
             self.jump = None;
         }
-        (self.monitor, self.score) = (Monitor::of_learning(), BodyScore::new());
+        self.monitor = Monitor::of_learning();
     }
 }
 

@@ -16,7 +16,8 @@ pub struct FlightHealth {
     pub mean_nis: f64,
     /// The running mean above which it is called diverged.
     pub alarm_above: f64,
-    /// The running mean left its chi-square band and has not come back well inside: see
+    /// The running mean left its chi-square band and has not come back well inside, or the body has come to more than a hundred times the mass or
+    /// an extent of the one that the filter was begun with, or less than a hundredth of its mass: see
     /// [`restart`](super::FlightEstimator::restart).
     pub diverged: bool,
     /// Innovations have been one-sided for long, or all that is learned of the body pulls it to one side: it is no longer what it was, see
