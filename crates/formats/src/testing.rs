@@ -11,6 +11,9 @@
 pub mod bag_writer;
 pub mod corruption;
 pub mod ulog_writer;
+mod unpacked_mcap;
+
+pub use unpacked_mcap::unpacked_mcap;
 
 /// A ROS 2 recording, as `rosbag2` writes it with LZ4.
 pub const ROS2_LZ4: &[u8] = include_bytes!("../tests/golden/ros2_lz4.mcap");

@@ -25,6 +25,7 @@ mod loop_settings;
 mod motion;
 mod office;
 mod plan_request;
+mod retreat;
 mod serve;
 mod stretch;
 mod stretch_model;

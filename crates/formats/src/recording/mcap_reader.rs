@@ -3,7 +3,7 @@
 //! The framing is walked here and not by the `mcap` crate, whose readers panic on a file of 29 bytes and ask for
 //! gigabytes when a length is damaged. An MCAP file is nothing but records of one byte of kind, eight bytes of length
 //! and a body, so that walking it with every length checked takes less than guarding somebody else's walk would.
-//! The crate writes ([`super::mcap_writer`]) and re-reads in the tests.
+//! The crate re-reads in the tests what [`super::mcap_writer`] writes.
 //!
 //! No allocation follows a length that the file merely states: bodies grow as bytes arrive, and no record, and nothing
 //! decompressed, grows beyond [`MOST_RECORD_BYTES`].
@@ -26,13 +26,18 @@ const MOST_NAME_BYTES: usize = 1024;
 /// The window that every zstd decoder must offer.
 const LEAST_ZSTD_WINDOW_BYTES: u64 = 8 << 20;
 
-mod kind {
+/// Kinds of records.
+pub(super) mod kind {
+    pub const HEADER: u8 = 0x01;
     pub const FOOTER: u8 = 0x02;
     pub const SCHEMA: u8 = 0x03;
     pub const CHANNEL: u8 = 0x04;
     pub const MESSAGE: u8 = 0x05;
     pub const CHUNK: u8 = 0x06;
+    pub const MESSAGE_INDEX: u8 = 0x07;
+    pub const CHUNK_INDEX: u8 = 0x08;
     pub const STATISTICS: u8 = 0x0b;
+    pub const SUMMARY_OFFSET: u8 = 0x0e;
     pub const DATA_END: u8 = 0x0f;
 }
 

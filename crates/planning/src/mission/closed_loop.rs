@@ -432,9 +432,17 @@ where
     fn receive(&mut self) {
         while let Some(PlanAnswer { request, world_revision, found, .. }) = self.answers.pop_front() {
             let event = match found {
-                Found::Stay(way, model_revision) => self.way_found(request, way, model_revision, world_revision),
+                Found::Stay(way, model_revision) => {
+                    self.ways_refused = 0;
+                    self.way_found(request, way, model_revision, world_revision)
+                }
+                Found::Retreat(_, way) => {
+                    self.ways_refused += 1;
+                    self.way_found(request, way, self.belief.revision, world_revision)
+                }
                 Found::Way(answer) => match answer.plan {
                     Some(Plan { trajectory, model_revision }) if !trajectory.arcs().is_empty() => {
+                        self.ways_refused = 0;
                         self.way_found(request, trajectory, model_revision, world_revision)
                     }
                     _ => {
@@ -465,7 +473,6 @@ where
             self.ways.pop_front();
         }
         self.ways.push_back((request, Arc::new(way)));
-        self.ways_refused = 0;
         Event::WayFound { request, model_revision, world_revision }
     }
 

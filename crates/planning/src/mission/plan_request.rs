@@ -92,7 +92,7 @@ where
         matches!(self.asked, Asked::Stretch { .. })
     }
 
-    fn starts_at_rest(&self) -> bool {
+    pub(super) fn starts_at_rest(&self) -> bool {
         self.start.twist_body.linear.norm() <= REST_M_S
     }
 }
@@ -117,6 +117,8 @@ pub enum Found {
     Stay(ArcPath, u64),
     /// What the planner of ways says: a way, or why there is none.
     Way(Box<GlobalAnswer>),
+    /// Why there is no way, and one from a start that is nearer to something than one may stay to where more is left.
+    Retreat(Box<GlobalAnswer>, ArcPath),
     /// A stretch with the stop after it, and whether both keep clear.
     Stretch(FoundStretch, Box<StretchAnswer>),
     /// No stretch, and why, where the planner said so.

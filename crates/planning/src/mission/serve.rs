@@ -1,18 +1,25 @@
 //! Answers to what a loop asks to be planned, wherever this is done.
 
 use super::closed_loop::{Layer, nanoseconds, seconds};
+use super::motion::MissionMotion;
 use super::event::{Ambition, FoundStretch};
 use super::plan_request::{Asked, Found, PlanAnswer, PlanRequest};
+use super::retreat::retreat;
 use super::stretch::{StretchAnswer, StretchOutcome, StretchPlanner, StretchTask};
 use crate::budget::{Budget, Units};
 use crate::collision::CollisionWorld;
 use crate::error::PlanningError;
-use crate::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, Obstruction, Status, Until};
+use crate::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, MotionLimits, Obstruction, Status, Until};
 use crate::motion::{ArcPath, BodyArc, TranslationState};
 use nalgebra::Vector3;
+use tumble_dynamics::AlignedBox;
+use tumble_lie::Pose;
 
 /// Share of the clearance at its start that a way may keep.
 const START_SHARE: f64 = 0.95;
+
+/// How often it is looked whether a motion has left what it began in contact with, s.
+const CONTACT_STEP_S: f64 = 0.1;
 
 /// Answers a request with a planner of ways and one of stretches: nothing else than they and the request decides what comes out.
 ///
@@ -32,7 +39,7 @@ where
         Asked::Way { known, margin_m } => match way(ways, request, known.as_deref(), *margin_m) {
             Ok(answer) => {
                 let units = answer.units;
-                (Ok(Found::Way(Box::new(answer))), units)
+                (way_or_retreat(request, answer), units)
             }
             Err(error) => (Err(error), 0),
         },
@@ -63,6 +70,20 @@ where
     Found::Stay(ArcPath::new([resting]), request.belief.revision)
 }
 
+/// Whoever finds no way stands where its last stop ended, which may be nearer to something than one may stay.
+fn way_or_retreat<W>(request: &PlanRequest<W>, answer: GlobalAnswer) -> Result<Found, PlanningError>
+where
+    W: CollisionWorld,
+    W::Body: Sized,
+{
+    if answer.plan.is_none()
+        && let Some(path) = retreat(request)?
+    {
+        return Ok(Found::Retreat(Box::new(answer), path));
+    }
+    Ok(Found::Way(Box::new(answer)))
+}
+
 fn way<W, G>(
     planner: &mut G,
     asked: &PlanRequest<W>,
@@ -78,9 +99,7 @@ where
     let (pose, start_s) = (start.world_from_body, seconds(asked.start_ns));
     let clearance = scene.world.clearance(&settings.body, &pose, start_s)?;
     let held_m = |margin_m: f64| held_m(margin_m, clearance.distance_m);
-    let mut limits = settings.limits;
-    limits.position.lower_world = limits.position.lower_world.inf(&pose.translation.vector);
-    limits.position.upper_world = limits.position.upper_world.sup(&pose.translation.vector);
+    let mut limits = MotionLimits { position: position_limits(asked), ..settings.limits };
     let velocity = pose.rotation * start.twist_body.linear;
     limits.speed_m_s = limits.speed_m_s.sup(&velocity.abs());
     let mut plan = |margin_m: f64, known: Option<&ArcPath>, units: u64| {
@@ -126,8 +145,18 @@ where
     Ok(GlobalAnswer { units: answer.units + nearer.units, ..nearer })
 }
 
+/// Where the body may be, the start included.
+pub(super) fn position_limits<W>(asked: &PlanRequest<W>) -> AlignedBox
+where
+    W: CollisionWorld,
+    W::Body: Sized,
+{
+    let (limits, start) = (&asked.settings.limits.position, &asked.start.world_from_body.translation.vector);
+    AlignedBox { lower_world: limits.lower_world.inf(start), upper_world: limits.upper_world.sup(start) }
+}
+
 /// The margin that a plan keeps which begins so far from the nearest thing, m: whoever stands nearer than the margin must be able to leave.
-fn held_m(margin_m: f64, distance_m: f64) -> f64 {
+pub(super) fn held_m(margin_m: f64, distance_m: f64) -> f64 {
     margin_m.min(START_SHARE * distance_m).max(0.0)
 }
 
@@ -172,9 +201,13 @@ where
         }
     };
     answer.motion = answer.motion.with_stop(&asked.stop);
-    let here = scene.world.clearance(&settings.body, &start.world_from_body, start_s)?;
-    let margin_m = held_m(settings.check_margin_m, here.distance_m);
-    let contact = answer.motion.first_contact(&scene.world, &settings.body, start_s, margin_m)?;
+    let is_apart = match leaves_contact(asked, &answer.motion)? {
+        Some((from_s, distance_m)) => {
+            let margin_m = held_m(settings.check_margin_m, distance_m);
+            answer.motion.first_contact(&scene.world, &settings.body, from_s, margin_m)?.is_none()
+        }
+        None => false,
+    };
     let position = &settings.limits.position;
     let slack = Vector3::repeat(settings.margin_m - settings.check_margin_m);
     let (lower, upper) = (position.lower_world - slack, position.upper_world + slack);
@@ -186,9 +219,30 @@ where
         model_revision: belief.revision,
         world_revision: asked.world_revision,
         is_last: answer.is_last,
-        is_clear: contact.is_none() && answer.motion.points(1.0).iter().all(is_inside),
+        is_clear: is_apart && answer.motion.points(1.0).iter().all(is_inside),
     };
     Ok(Found::Stretch(found, Box::new(answer)))
+}
+
+/// From when on a motion touches nothing, s, and how far it is from everything then, m: from its start, where that is not in contact. None where
+/// it never is apart, or first goes deeper.
+fn leaves_contact<W>(asked: &PlanRequest<W>, motion: &MissionMotion) -> Result<Option<(f64, f64)>, PlanningError>
+where
+    W: CollisionWorld,
+    W::Body: Sized,
+{
+    let mut at_s = seconds(asked.start_ns);
+    let clearance = |pose: &Pose<f64>, at_s| asked.scene.world.clearance(&asked.settings.body, pose, at_s);
+    let mut distance_m = clearance(&asked.start.world_from_body, at_s)?.distance_m;
+    while distance_m <= 0.0 {
+        at_s += CONTACT_STEP_S;
+        let next_m = clearance(&motion.state_at(at_s).world_from_body, at_s)?.distance_m;
+        if next_m < distance_m || at_s > motion.rest_s() + CONTACT_STEP_S {
+            return Ok(None);
+        }
+        distance_m = next_m;
+    }
+    Ok(Some((at_s, distance_m)))
 }
 
 /// A number that follows from two, and looks like chance.

@@ -176,5 +176,7 @@ fn another_controller_flies_it_too() {
 mod new_ways;
 #[path = "custom_robot/own_layers.rs"]
 mod own_layers;
+#[path = "custom_robot/retreats.rs"]
+mod retreats;
 #[path = "custom_robot/same_again.rs"]
 mod same_again;

@@ -194,6 +194,14 @@ impl Notes<'_> {
         }
         match &answer.found {
             Found::Way(answer) => self.planned_way(time_ns, request.request, answer),
+            Found::Retreat(answer, path) => {
+                let text = format!(
+                    "no way was found: {}; {:.1} s to where more room is left",
+                    answer.status,
+                    path.duration_s()
+                );
+                self.note_answer(time_ns, request.request, "way", text);
+            }
             Found::Failed { error, .. } => {
                 let text = format!("request {} cannot be planned: {error}", request.request);
                 self.note_answer(time_ns, request.request, "planner", text);
@@ -483,7 +491,10 @@ struct TooLate {
     reason: String,
 }
 
-/// That the robot, pushed from now on as hard as nozzles and limits allow, comes to rest on its line only beyond an obstacle's
+/// What passes from seeing something to full thrust, s: a period of control, and flaps that turn.
+const REACTION_S: f64 = 0.1;
+
+/// That the robot, pushed as hard as nozzles and limits allow as soon as it can react, comes to rest on its line only beyond an obstacle's
 /// surface; none where it does before.
 fn too_late(problem: &MissionProblem, obstacle: &MovingObstacle, time_s: f64) -> Option<TooLate> {
     let simulator = &problem.flight.simulator;
@@ -497,7 +508,7 @@ fn too_late(problem: &MissionProblem, obstacle: &MovingObstacle, time_s: f64) ->
     let shares = ahead_body.iter().zip(&problem.force_limit_n).filter(|(share, _)| share.abs() > 1e-6);
     let limit_n = shares.map(|(share, limit)| limit / share.abs()).fold(f64::INFINITY, f64::min);
     let force_n = simulator.largest_force_n(&-ahead_body, &center, limit_n);
-    let braking_m = closing_m_s * closing_m_s * body.mass / (2.0 * force_n);
+    let braking_m = closing_m_s * (REACTION_S + closing_m_s * body.mass / (2.0 * force_n));
     (braking_m > gap_m).then(|| TooLate {
         depth_m: braking_m - gap_m,
         reason: format!(

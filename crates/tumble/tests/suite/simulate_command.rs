@@ -210,7 +210,7 @@ fn endless_scenarios_and_crowds_are_refused() {
 
 /// A row of an MCAP file: topic, time, content.
 fn messages(path: &Path) -> Vec<(String, u64, Vec<u8>)> {
-    let bytes = fs::read(path).unwrap();
+    let bytes = tumble_formats::testing::unpacked_mcap(&fs::read(path).unwrap());
     let message = |message: Result<mcap::Message<'_>, mcap::McapError>| {
         let message = message.unwrap();
         (message.channel.topic.clone(), message.log_time, message.data.into_owned())
