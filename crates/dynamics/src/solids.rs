@@ -3,8 +3,8 @@
 //! Place them with [`InertialParameters::transformed_by`]; build others by adding and subtracting these.
 
 use crate::inertia::{InertialParameters, inertia_of_second_moment, point_inertia};
-use tumble_lie::nalgebra::{Matrix3, Vector3};
-use tumble_lie::{Scalar, real};
+use tumble_lie::nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use tumble_lie::{Pose, Scalar, real};
 
 impl<T: Scalar> InertialParameters<T> {
     /// Centred, with the given mean squares of the coordinates.
@@ -34,6 +34,34 @@ impl<T: Scalar> InertialParameters<T> {
     /// Solid box with the given edge lengths, m.
     pub fn solid_box(mass: T, edges: [T; 3]) -> Self {
         Self::centred(mass, Vector3::from(edges).map(|a| a * a / real(12.0)))
+    }
+
+    /// The solid box of the same mass, centre of mass and inertia: where its centre and axes are, and the lengths of its edges, m. An edge is zero
+    /// where the body is flatter than any box.
+    ///
+    /// # Frame
+    /// The pose takes coordinates of the box to those of the body.
+    ///
+    /// # Example
+    /// ```
+    /// use tumble_dynamics::InertialParameters;
+    /// use tumble_lie::Pose;
+    ///
+    /// let cargo = InertialParameters::solid_box(3.0, [0.1, 0.2, 0.3]).transformed_by(&Pose::translation(1.0, 0.0, 0.0));
+    /// let (body_from_box, mut edges_m) = cargo.as_box();
+    /// edges_m.sort_by(f64::total_cmp);
+    /// assert!((body_from_box.translation.x - 1.0).abs() < 1e-12 && (edges_m[2] - 0.3).abs() < 1e-12);
+    /// ```
+    pub fn as_box(&self) -> (Pose<T>, [T; 3]) {
+        let eigen = self.inertia_about_com().symmetric_eigen();
+        let mut axes = eigen.eigenvectors;
+        if axes.determinant() < T::zero() {
+            axes.neg_mut();
+        }
+        let (half, rotation) = (eigen.eigenvalues.sum() * real(0.5), Rotation3::from_matrix_unchecked(axes));
+        let edges =
+            eigen.eigenvalues.map(|moment| (real::<T>(12.0) * (half - moment) / self.mass).max(T::zero()).sqrt());
+        (Pose::from_parts(self.center_of_mass().into(), UnitQuaternion::from_rotation_matrix(&rotation)), edges.into())
     }
 
     /// Box with a concentric box-shaped cavity of smaller volume.
@@ -110,6 +138,26 @@ mod tests {
         assert_close(moments(&Body::thin_plate(12.0, [1.0, 2.0])), [4.0, 1.0, 5.0]);
         assert_close(moments(&Body::thin_rod(12.0, 2.0)), [4.0, 4.0, 0.0]);
         assert_close(moments(&Body::solid_ellipsoid(5.0, [1.0, 2.0, 3.0])), [13.0, 10.0, 5.0]);
+    }
+
+    #[test]
+    fn a_body_is_the_box_that_it_is_drawn_as() {
+        let turn = UnitQuaternion::from_euler_angles(0.3, -0.8, 1.1);
+        let pose = Pose::from_parts(Vector3::new(0.2, -0.1, 0.4).into(), turn);
+        let body = InertialParameters::solid_box(3.0, [0.1, 0.25, 0.3]).transformed_by(&pose);
+        let (body_from_box, edges): (Pose<f64>, _) = body.as_box();
+        let again = InertialParameters::solid_box(3.0, edges).transformed_by(&body_from_box);
+        assert!((again.to_vector() - body.to_vector()).amax() < 1e-14);
+        let determinant: f64 = body_from_box.rotation.to_rotation_matrix().matrix().determinant();
+        assert!((determinant - 1.0).abs() < 1e-12);
+        // A rod is a box without width, a point one without edges; flatter than a disc is none.
+        let mut rod = InertialParameters::thin_rod(2.0, 0.5).as_box().1;
+        rod.sort_by(f64::total_cmp);
+        assert!(rod[1].abs() < 1e-7 && (rod[2] - 0.5).abs() < 1e-12, "{rod:?}");
+        assert_close(InertialParameters::point(2.0, Vector3::x()).as_box().1, [0.0; 3]);
+        let flat =
+            InertialParameters::about_com(1.0, Vector3::zeros(), Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 2.5)));
+        assert!(flat.as_box().1.iter().all(|edge| *edge >= 0.0));
     }
 
     #[test]

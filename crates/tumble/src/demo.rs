@@ -1,5 +1,8 @@
 //! A simulated flight with unknown cargo: what `tumble identify --demo` identifies.
 
+pub mod arm;
+pub mod throw;
+
 use std::f64::consts::TAU;
 use tumble_dynamics::nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 use tumble_dynamics::{DynamicsError, FreeFlyer, InertialParameters, Integrator, MuntheKaas4, RigidBodyState};

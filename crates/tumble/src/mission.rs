@@ -19,9 +19,9 @@ pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly, measurement};
 pub use layers::{computing_time, estimator, loop_settings, scene, stretch_planner, tube_controllers};
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice};
 pub use record::{
-    BROKEN_INVARIANT, BeliefRow, DoubtOf, DoubtRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord,
-    MissionSummary, MissionVerdict, PROMISED, ParameterRow, Promises, Series, StretchRow, TrackingRms, UNAVOIDABLE,
-    WayRow,
+    BROKEN_INVARIANT, BeliefRow, DoubtOf, DoubtRow, DrawnBox, DrawnEllipsoid, DrawnPayload, FallbackRow, MissionEvent,
+    MissionRecord, MissionSummary, MissionVerdict, PROMISED, ParameterRow, Promises, Series, StretchRow, TrackingRms,
+    UNAVOIDABLE, WayRow,
 };
 pub use registries::{
     ControlledBody, LayerNames, NewController, NewStretchPlanner, WrittenNames, controllers, estimators, laws,

@@ -4,6 +4,7 @@
 
 mod build;
 mod control;
+mod description;
 mod embedded;
 mod fly;
 mod nozzles;

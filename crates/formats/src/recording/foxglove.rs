@@ -85,6 +85,11 @@ impl Schema {
         Self::new("tumble.Wrench", object(fields))
     }
 
+    /// `std_msgs/String`: a text.
+    pub fn string() -> Self {
+        Self::new("std_msgs/String", object(json!({"data": text()})))
+    }
+
     /// `tumble.Columns`: numbers (or texts) under the names they have as columns of a log.
     pub fn columns() -> Self {
         Self::new("tumble.Columns", json!({"type": "object", "additionalProperties": {"type": ["number", "string"]}}))

@@ -36,6 +36,8 @@ pub const MEASURED_WRENCH: &str = "/measured/wrench";
 pub const MEASURED_COLUMNS: &str = "/measured/columns";
 /// Topic of the body's frame.
 pub const TRANSFORMS: &str = "/tf";
+/// Topic of the robot's URDF.
+pub const DESCRIPTION: &str = "/robot_description";
 /// Topic of the volumes and obstacles.
 pub const WORLD: &str = "/world";
 
@@ -82,6 +84,15 @@ impl<W: Write> McapSink<W> {
     pub fn world(&mut self, world: &World) -> Result<(), FormatsError> {
         let channel = self.writer.channel(WORLD, &Schema::scene_update()).map_err(unwritable)?;
         self.writer.write(channel, 0, &foxglove::world_scene(0, world)).map_err(unwritable)
+    }
+
+    /// Describes the robot by a URDF, once, before the first row; its root is the link [`foxglove::BODY_FRAME`].
+    ///
+    /// # Errors
+    /// [`FormatsError::Unwritable`].
+    pub fn description(&mut self, urdf: &str) -> Result<(), FormatsError> {
+        let channel = self.writer.channel(DESCRIPTION, &Schema::string()).map_err(unwritable)?;
+        self.writer.write(channel, 0, &serde_json::json!({ "data": urdf }).to_string()).map_err(unwritable)
     }
 
     /// Ends the file and gives back what was written to.

@@ -95,7 +95,8 @@ impl<W: Write> McapWriter<W> {
     /// # Errors
     /// What `out` refuses; more than 65 535 topics.
     pub fn channel(&mut self, topic: &str, schema: &Schema) -> io::Result<Channel> {
-        let numbered = |known: &[Vec<u8>]| u16::try_from(known.len() + 1).map_err(|_| refused("more than 65 535 topics"));
+        let numbered =
+            |known: &[Vec<u8>]| u16::try_from(known.len() + 1).map_err(|_| refused("more than 65 535 topics"));
         let content = [text(schema.name)?, text("jsonschema")?, text(&schema.text)?].concat();
         let known = self.schemas.iter().position(|known| known.ends_with(&content));
         let schema = if let Some(known) = known { numbered(&self.schemas[..known])? } else { numbered(&self.schemas)? };
@@ -212,22 +213,26 @@ impl<W: Write> McapWriter<W> {
     fn statistics(&self) -> io::Result<Vec<u8>> {
         let count = |records: &[Vec<u8>]| u32::try_from(records.len()).map_err(|_| refused("too many records"));
         let schemas = u16::try_from(self.schemas.len()).map_err(|_| refused("more than 65 535 types"))?;
-        let per_channel = self.messages.iter().flat_map(|(channel, messages)| {
-            [&channel.to_le_bytes()[..], &messages.to_le_bytes()].concat()
-        });
+        let per_channel = self
+            .messages
+            .iter()
+            .flat_map(|(channel, messages)| [&channel.to_le_bytes()[..], &messages.to_le_bytes()].concat());
         let per_channel: Vec<u8> = per_channel.collect();
         let (attachments, metadata) = (0_u32, 0_u32);
-        Ok(record(kind::STATISTICS, &[
-            &self.messages.values().sum::<u64>().to_le_bytes(),
-            &schemas.to_le_bytes(),
-            &count(&self.channels)?.to_le_bytes(),
-            &attachments.to_le_bytes(),
-            &metadata.to_le_bytes(),
-            &count(&self.chunks)?.to_le_bytes(),
-            &self.times.bytes(),
-            &length(&per_channel)?,
-            &per_channel,
-        ]))
+        Ok(record(
+            kind::STATISTICS,
+            &[
+                &self.messages.values().sum::<u64>().to_le_bytes(),
+                &schemas.to_le_bytes(),
+                &count(&self.channels)?.to_le_bytes(),
+                &attachments.to_le_bytes(),
+                &metadata.to_le_bytes(),
+                &count(&self.chunks)?.to_le_bytes(),
+                &self.times.bytes(),
+                &length(&per_channel)?,
+                &per_channel,
+            ],
+        ))
     }
 }
 

@@ -23,7 +23,9 @@ pub fn unpacked_mcap(bytes: &[u8]) -> Vec<u8> {
             0x07 => {}
             // The end of the data, and a footer that names no summary.
             0x0f => {
-                plain.extend([&[0x0f, 4, 0, 0, 0, 0, 0, 0, 0][..], &[0; 4], &[0x02, 20, 0, 0, 0, 0, 0, 0, 0], &[0; 20]].concat());
+                plain.extend(
+                    [&[0x0f, 4, 0, 0, 0, 0, 0, 0, 0][..], &[0; 4], &[0x02, 20, 0, 0, 0, 0, 0, 0, 0], &[0; 20]].concat(),
+                );
                 plain.extend(&bytes[..MAGIC]);
                 return plain;
             }

@@ -9,10 +9,10 @@ use tumble_formats::recording::flight::FlightReader;
 use tumble_formats::recording::mcap_log::{McapLog, McapSink};
 use tumble_formats::recording::mcap_reader::{self, MAGIC};
 use tumble_formats::recording::mcap_writer::McapWriter;
-use tumble_formats::testing::unpacked_mcap;
 use tumble_formats::recording::messages::{Message, Pose, decode};
 use tumble_formats::recording::rows::{Cell, RowSink};
 use tumble_formats::recording::{Encoding, RawMessage, ScanReport, foxglove};
+use tumble_formats::testing::unpacked_mcap;
 use tumble_formats::{FormatsError, Robots};
 use tumble_lie::Pose as RigidPose;
 
@@ -628,9 +628,12 @@ fn another_reader_reads_what_we_write() {
     assert!(mcap::read::LinearReader::new(&bytes).unwrap().all(|record| record.is_ok()));
     let indexed = summary.chunk_indexes.iter().map(|chunk| {
         let indexes = summary.read_message_indexes(&bytes, chunk).unwrap();
-        assert!(indexes.values().flatten().all(|entry| {
-            (chunk.message_start_time..=chunk.message_end_time).contains(&entry.log_time)
-        }));
+        assert!(
+            indexes
+                .values()
+                .flatten()
+                .all(|entry| { (chunk.message_start_time..=chunk.message_end_time).contains(&entry.log_time) })
+        );
         indexes.values().map(Vec::len).sum::<usize>()
     });
     assert_eq!(indexed.sum::<usize>(), messages.len());

@@ -21,6 +21,8 @@ use num_traits::AsPrimitive;
 const MAX_PASSES: usize = 100;
 /// A pass that changes the fit by less than this share of a standard deviation is the last.
 const SETTLED: f64 = 1e-2;
+/// Where motion is hardly more than noise, the fit creeps: after all passes this share will do.
+const CREEPING: f64 = 0.1;
 
 /// Proven distance from the best consistent bodies, in units of half a chi-square: far below what noise does.
 const NEGLIGIBLE_GAP: f64 = 1e-3;
@@ -250,8 +252,11 @@ impl TreeEstimator {
             }
             let settled = change < SETTLED && noise_change < 1e-4 && passes > 2;
             let one_pass = self.momentum.is_none() && self.is_plain();
-            if settled || one_pass || passes == MAX_PASSES {
-                break (base, settled || one_pass);
+            if settled || one_pass {
+                break (base, true);
+            }
+            if passes == MAX_PASSES {
+                break (base, change < CREEPING && noise_change < CREEPING);
             }
         };
         if !settled {

@@ -56,7 +56,8 @@ where
             }
             before_m = there_m;
             let kept_m = there_m.min(settings.margin_m);
-            let is_better = best.as_ref().is_none_or(|(most_m, steps, _)| kept_m > *most_m || kept_m == *most_m && k < *steps);
+            let is_better =
+                best.as_ref().is_none_or(|(most_m, steps, _)| kept_m > *most_m || kept_m == *most_m && k < *steps);
             let gains = kept_m >= here_m + GAIN_M && kept_m > 0.0;
             if gains && is_better && (here_m <= 0.0 || is_clear(asked, &path, margin_m)?) {
                 best = Some((kept_m, k, path));
@@ -72,7 +73,8 @@ where
 /// Along the axes of the world and between them.
 fn directions() -> impl Iterator<Item = Vector3<f64>> {
     let sides = [0.0, 1.0, -1.0];
-    let all = sides.into_iter().flat_map(move |x| sides.into_iter().flat_map(move |y| sides.map(|z| Vector3::new(x, y, z))));
+    let all =
+        sides.into_iter().flat_map(move |x| sides.into_iter().flat_map(move |y| sides.map(|z| Vector3::new(x, y, z))));
     all.filter_map(|direction| direction.try_normalize(0.5))
 }
 
@@ -96,7 +98,8 @@ where
     let half_s = f64::sqrt(distance_m / acceleration_m_s2);
     let acceleration = apart * (acceleration_m_s2 / distance_m);
     let pose = start.world_from_body;
-    let faster = BodyArc::accelerated(half_s, &TranslationState::at_rest(pose.translation.vector), acceleration, pose.rotation);
+    let faster =
+        BodyArc::accelerated(half_s, &TranslationState::at_rest(pose.translation.vector), acceleration, pose.rotation);
     let slower = BodyArc::accelerated(half_s, &faster.translation(half_s).0, -acceleration, pose.rotation);
     ArcPath::new([faster, slower])
 }

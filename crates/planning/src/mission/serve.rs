@@ -1,8 +1,8 @@
 //! Answers to what a loop asks to be planned, wherever this is done.
 
 use super::closed_loop::{Layer, nanoseconds, seconds};
-use super::motion::MissionMotion;
 use super::event::{Ambition, FoundStretch};
+use super::motion::MissionMotion;
 use super::plan_request::{Asked, Found, PlanAnswer, PlanRequest};
 use super::retreat::retreat;
 use super::stretch::{StretchAnswer, StretchOutcome, StretchPlanner, StretchTask};

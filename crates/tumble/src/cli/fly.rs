@@ -206,7 +206,7 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     recorder.finish().map_err(unwritable)?;
     progress("writing the report ...");
     let world = source.mission(&options)?.planning.world;
-    write_mcap(&log_path, &folder.file("log.mcap"), &world)?;
+    write_mcap(&log_path, &folder.file("log.mcap"), &world, &source.description()?)?;
     folder.write("scenario.toml", &record.scenario_toml)?;
     nozzles.write(&folder)?;
     folder.write("summary.json", &format!("{}\n", pretty(&record)?))?;

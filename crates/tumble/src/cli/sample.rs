@@ -6,6 +6,7 @@ use crate::{TumbleError, demo};
 use clap::{Args, ValueEnum};
 use std::fs;
 use std::path::{Path, PathBuf};
+use tumble_dynamics::InertialParameters;
 use tumble_formats::recording::rows::{Cell, CsvSink, RowSink as _};
 use tumble_formats::{FormatsError, body_file};
 use tumble_identification::MotionSample;
@@ -33,6 +34,11 @@ enum Kind {
     Log,
     /// The same as a ROS 1 bag, flight.bag, with truth.toml.
     Bag,
+    /// Two minutes of an arm on a free base that holds something, floating.csv, and what it holds, payload.toml: for `identify --model`.
+    Arm,
+    /// Throws of a device with a wheel, of a proof block and of an object, nine files, and the object, truth.toml: for `calibrate-wheel` and
+    /// `identify --wheel`.
+    Throw,
     /// Wanted wrenches, wrenches.csv, for `allocate`.
     Wrenches,
     /// An arm with three slips in its inertias, model.urdf, for `check`.
@@ -44,22 +50,11 @@ enum Kind {
 /// # Errors
 /// [`TumbleError::OutputExists`] without `--force`; what cannot be written.
 pub fn run(args: &SampleArgs) -> Result<Outcome, TumbleError> {
-    let files = match args.kind {
-        Kind::Log => {
-            let flight = demo::simulate(args.seed)?;
-            vec![("flight.csv", log(&flight.record)?), ("truth.toml", truth(&flight)?)]
-        }
-        Kind::Bag => {
-            let flight = demo::simulate(args.seed)?;
-            vec![("flight.bag", bag(&flight.record)), ("truth.toml", truth(&flight)?)]
-        }
-        Kind::Wrenches => vec![("wrenches.csv", WRENCHES.as_bytes().to_vec())],
-        Kind::Model => vec![("model.urdf", MODEL.as_bytes().to_vec())],
-    };
+    let (files, next) = files(args)?;
     let place = |name: &str| args.folder.join(name);
     // A log and a bag of one seed have one truth, which may lie there already.
-    let is_there = |(name, contents): &(&str, Vec<u8>)| fs::read(place(name)).is_ok_and(|found| found == *contents);
-    let missing: Vec<&(&str, Vec<u8>)> = files.iter().filter(|file| !is_there(file)).collect();
+    let is_there = |(name, contents): &(String, Vec<u8>)| fs::read(place(name)).is_ok_and(|found| found == *contents);
+    let missing: Vec<&(String, Vec<u8>)> = files.iter().filter(|file| !is_there(file)).collect();
     if let Some(taken) = missing.iter().map(|(name, _)| place(name)).find(|path| path.exists() && !args.force) {
         return Err(TumbleError::OutputExists { path: taken });
     }
@@ -69,18 +64,59 @@ pub fn run(args: &SampleArgs) -> Result<Outcome, TumbleError> {
         write_file(&place(name), contents, args.force)?;
     }
     let written: Vec<String> = files.iter().map(|(name, _)| place(name).display().to_string()).collect();
-    let first = written.first().cloned().unwrap_or_default();
-    let next = match args.kind {
-        Kind::Log | Kind::Bag => format!("identify {first} --reference {}", place("truth.toml").display()),
-        Kind::Wrenches => format!("allocate {first}"),
-        Kind::Model => format!("check {first}"),
-    };
     tell_line!("wrote {}; next: tumble {next}", written.join(" and "));
     Ok(Outcome::Achieved)
 }
 
-fn truth(flight: &demo::Demo) -> Result<Vec<u8>, TumbleError> {
-    Ok(body_file::export(Path::new("truth.toml"), &flight.truth)?.into_bytes())
+/// Names and contents of the files, and the command to go on with.
+fn files(args: &SampleArgs) -> Result<(Vec<(String, Vec<u8>)>, String), TumbleError> {
+    let place = |name: &str| args.folder.join(name).display().to_string();
+    let one = |name: &str, contents: Vec<u8>| vec![(name.to_owned(), contents)];
+    let beside = |name: &str, contents: Vec<u8>, (truth, body): (&str, &InertialParameters<f64>)| {
+        let truth = (truth.to_owned(), body_file::export(Path::new(truth), body)?.into_bytes());
+        Ok::<_, TumbleError>(vec![(name.to_owned(), contents), truth])
+    };
+    let referred = |name: &str| format!("identify {} --reference {}", place(name), place("truth.toml"));
+    Ok(match args.kind {
+        Kind::Log => {
+            let flight = demo::simulate(args.seed)?;
+            (beside("flight.csv", log(&flight.record)?, ("truth.toml", &flight.truth))?, referred("flight.csv"))
+        }
+        Kind::Bag => {
+            let flight = demo::simulate(args.seed)?;
+            (beside("flight.bag", bag(&flight.record), ("truth.toml", &flight.truth))?, referred("flight.bag"))
+        }
+        Kind::Arm => {
+            let flown = demo::arm::simulate(args.seed)?;
+            let momentum = demo::arm::MOMENTUM.map(|number| number.to_string()).join(",");
+            let next = format!(
+                "identify {} --model {} --payload --momentum {momentum}",
+                place("floating.csv"),
+                demo::arm::ARM
+            );
+            (beside("floating.csv", flown.log.into_bytes(), ("payload.toml", &flown.payload))?, next)
+        }
+        Kind::Throw => {
+            let thrown = demo::throw::simulate(args.seed)?;
+            let mut files: Vec<_> = thrown.files.into_iter().map(|(name, text)| (name, text.into_bytes())).collect();
+            files.push((
+                "truth.toml".to_owned(),
+                body_file::export(Path::new("truth.toml"), &thrown.object)?.into_bytes(),
+            ));
+            let calibration = place("cal.toml");
+            let next = format!(
+                "calibrate-wheel {} --out {calibration}, then tumble identify --wheel {} --calibration {calibration} --mass {}",
+                place("cal_*.csv"),
+                place("throw.csv"),
+                demo::throw::OBJECT_MASS_KG
+            );
+            (files, next)
+        }
+        Kind::Wrenches => {
+            (one("wrenches.csv", WRENCHES.as_bytes().to_vec()), format!("allocate {}", place("wrenches.csv")))
+        }
+        Kind::Model => (one("model.urdf", MODEL.as_bytes().to_vec()), format!("check {}", place("model.urdf"))),
+    })
 }
 
 /// The columns of [`log`] behind the time.

@@ -135,7 +135,7 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     let wall_s = clock.elapsed().as_secs_f64();
     if args.mcap {
         progress("writing log.mcap ...");
-        write_mcap(&log_path, &folder.file("log.mcap"), &flight.world)?;
+        write_mcap(&log_path, &folder.file("log.mcap"), &flight.world, &source.description()?)?;
     }
     progress("");
 
@@ -178,12 +178,13 @@ pub fn run(args: &SimulateArgs, robots: &Robots) -> Result<Outcome, TumbleError>
     Ok(Outcome::NotAchieved)
 }
 
-/// The log as `tumble convert` writes it, and the world.
-pub(super) fn write_mcap(log: &Path, path: &Path, world: &World) -> Result<(), TumbleError> {
+/// The log as `tumble convert` writes it, the world and the robot.
+pub(super) fn write_mcap(log: &Path, path: &Path, world: &World, description: &str) -> Result<(), TumbleError> {
     let unwritable = |source| FormatsError::Unwritable { path: path.into(), source };
     let file = File::create(path).map_err(unwritable)?;
     let mut sink = McapSink::new(BufWriter::with_capacity(1 << 16, file))?;
     sink.world(world)?;
+    sink.description(description)?;
     read_csv(log, &mut sink)?;
     Ok(sink.finish().map(drop).map_err(|error| match error {
         FormatsError::Unwritable { source, .. } => unwritable(source),

@@ -7,8 +7,8 @@ use super::invariants;
 use super::layers::{estimator_settings, scene};
 use super::options::FlyOptions;
 use super::record::{
-    BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, MissionEvent, MissionRecord, MissionSummary,
-    PROMISED, ParameterRow, Promises, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
+    BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, DrawnPayload, FallbackRow, MissionEvent, MissionRecord,
+    MissionSummary, PROMISED, ParameterRow, Promises, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
 };
 use crate::TumbleError;
 use crate::scenario::{Margins, MissionProblem, ScenarioSource};
@@ -164,6 +164,8 @@ struct Notes<'a> {
     faults: Faults,
     doubts: DoubtWatch,
     too_late: Option<TooLate>,
+    /// The obstacle of a fault, as it is drawn.
+    showed_up: Option<DrawnEllipsoid>,
     /// The first stretch that was flown after its time.
     expired: Option<String>,
 }
@@ -388,6 +390,7 @@ pub fn fly(
             estimator_settings(&problem).gate_probability,
         ),
         too_late: None,
+        showed_up: None,
         expired: None,
     };
     let mut sums = Sums::watched_by(invariants::watch(&problem));
@@ -408,6 +411,8 @@ pub fn fly(
             && let Some(obstacle) = in_the_way(&flying, &problem, &obstacle, time_s)
         {
             notes.too_late = too_late(&problem, &obstacle, time_s);
+            notes.showed_up =
+                Some(DrawnEllipsoid { seen_s: [time_s, f64::INFINITY], ..drawn_ellipsoid(&obstacle.ellipsoid) });
             extra.push(obstacle);
             judge = scene(&problem, f64::INFINITY, &extra).map_err(TumbleError::Planning)?.world;
             let seen = scene(&problem, time_s, &extra).map_err(TumbleError::Planning)?;
@@ -482,6 +487,30 @@ fn in_the_way(
         semi_axes: Vector3::repeat(LATE_RADIUS_M),
     };
     Some(MovingObstacle::at_rest(ellipsoid).present(time_s, f64::INFINITY))
+}
+
+/// At rest, seen from the start on.
+fn drawn_ellipsoid(solid: &ObstacleEllipsoid) -> DrawnEllipsoid {
+    DrawnEllipsoid {
+        center_m: array(&solid.world_from_ellipsoid.translation.vector),
+        velocity_m_s: [0.0; 3],
+        quaternion_xyzw: xyzw(&solid.world_from_ellipsoid.rotation),
+        semi_axes_m: array(&solid.semi_axes),
+        seen_s: [0.0, f64::INFINITY],
+    }
+}
+
+/// What the robot holds some time of the mission.
+fn drawn_payload(source: &ScenarioSource) -> Result<Option<DrawnPayload>, TumbleError> {
+    let (Some(grasp), Some(table)) = (source.grasp()?, &source.scenario.payload) else { return Ok(None) };
+    let (payload_from_box, edges_m) = grasp.payload.as_box();
+    let robot_from_box = grasp.robot_from_payload * payload_from_box;
+    Ok(Some(DrawnPayload {
+        center_m: array(&robot_from_box.translation.vector),
+        quaternion_xyzw: xyzw(&robot_from_box.rotation),
+        edges_m,
+        held_s: [table.attach_s, table.release_s.unwrap_or(f64::INFINITY)],
+    }))
 }
 
 /// A contact that nothing prevents.
@@ -704,7 +733,19 @@ fn record(
         estimate: columns[2][index],
         sigma: columns[3][index],
     };
-    let Notes { mut ways, mut stretches, beliefs, mut events, shut_off, faults, doubts, too_late, expired, .. } = notes;
+    let Notes {
+        mut ways,
+        mut stretches,
+        beliefs,
+        mut events,
+        shut_off,
+        faults,
+        doubts,
+        too_late,
+        showed_up,
+        expired,
+        ..
+    } = notes;
     let promises = compare_promises(&mut stretches, &sums.series);
     for event in problem.flight.simulator.events() {
         let kind = if event.event.is_violation() { "violation" } else { "simulator" };
@@ -759,11 +800,9 @@ fn record(
         let motion = problem.planning.obstacle_motions.iter().find(|motion| motion.obstacle == index);
         let seen_s = problem.seen_from_s.get(index).copied().unwrap_or(0.0);
         DrawnEllipsoid {
-            center_m: array(&solid.world_from_ellipsoid.translation.vector),
             velocity_m_s: motion.map_or([0.0; 3], |motion| array(&motion.velocity_world)),
-            quaternion_xyzw: xyzw(&solid.world_from_ellipsoid.rotation),
-            semi_axes_m: array(&solid.semi_axes),
             seen_s: [seen_s, motion.map_or(1e9, |motion| motion.vanish_s.min(1e9))],
+            ..drawn_ellipsoid(solid)
         }
     };
     Ok(MissionRecord {
@@ -775,7 +814,8 @@ fn record(
         goal_m: array(&problem.planning.goal.position),
         keep_in: keep_in.iter().map(drawn).collect(),
         keep_out: keep_out.iter().map(drawn).collect(),
-        obstacles: obstacles.iter().enumerate().map(ellipsoid).collect(),
+        obstacles: obstacles.iter().enumerate().map(ellipsoid).chain(showed_up).collect(),
+        payload: drawn_payload(source)?,
         series: sums.series,
         ways,
         stretches,

@@ -216,6 +216,9 @@ pub struct MissionRecord {
     pub keep_out: Vec<DrawnBox>,
     /// What it may hit.
     pub obstacles: Vec<DrawnEllipsoid>,
+    /// What the robot holds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub payload: Option<DrawnPayload>,
     /// Over time, about five rows a second.
     pub series: Series,
     /// Plans of the whole way.
@@ -357,6 +360,20 @@ pub struct DrawnEllipsoid {
     /// When the robot can see it, s: `[from, until]`; an infinite `until` is written as `null`.
     #[serde(with = "for_ever")]
     pub seen_s: [f64; 2],
+}
+
+/// What the robot holds: nothing is known of its shape, so that it is the solid box of its mass and inertia.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DrawnPayload {
+    /// Centre of the box, axes of the robot, m.
+    pub center_m: [f64; 3],
+    /// Axes of the box to those of the robot, x y z w.
+    pub quaternion_xyzw: [f64; 4],
+    /// Its edges, m.
+    pub edges_m: [f64; 3],
+    /// When it is held, s: `[from, until]`; an infinite `until` is written as `null`.
+    #[serde(with = "for_ever")]
+    pub held_s: [f64; 2],
 }
 
 /// A span of time whose end may be infinite, which JSON has no number for.

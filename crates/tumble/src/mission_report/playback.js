@@ -238,30 +238,41 @@ const missionPage = (() => {
     fill(hull(outline), ink.obstacle, 0.13);
   };
 
+  document.getElementById('payload-key').hidden = !record.payload;
+  const drawSolidBox = ({ center, points, color }) => {
+    if (seen(center)[2] <= nearest()) return;
+    faces
+      .map((face, k) => {
+        const corner = face.map((c) => points[c]);
+        const middle = mix(corner[0], corner[2], 0.5);
+        return { corner, k, depth: seen(middle)[2], facing: dot(add(middle, center, -1), add(basis.eye, middle, -1)) };
+      })
+      .filter((face) => face.facing > 0)
+      .sort((a, b) => b.depth - a.depth)
+      .forEach((face) => {
+        fill(face.corner.map((p) => flat(seen(p))), ink.card, 0.92);
+        fill(face.corner.map((p) => flat(seen(p))), color, 0.18 + 0.1 * (face.k >> 1));
+        stroke(face.corner.concat([face.corner[0]]), color, 1.1, 0.9);
+      });
+  };
   const drawRobot = (position, attitude) => {
     const radius = record.robot_radius_m, v = seen(position);
     if (v[2] <= nearest()) return;
     const [x, y] = flat(v), r = radius * basis.focal / v[2];
     const half = radius / Math.sqrt(3);
-    const cube = corners([-half, -half, -half], [half, half, half]).map((p) => add(position, rotate(attitude, p)));
     context.beginPath();
     context.arc(x, y, r, 0, 2 * Math.PI);
     context.globalAlpha = 0.14; context.fillStyle = ink.c0; context.fill();
     context.globalAlpha = 0.7; context.strokeStyle = ink.c0; context.lineWidth = 1.2; context.stroke();
     context.globalAlpha = 1;
-    faces
-      .map((face, k) => {
-        const points = face.map((c) => cube[c]);
-        const middle = mix(points[0], points[2], 0.5);
-        return { points, k, depth: seen(middle)[2], facing: dot(add(middle, position, -1), add(basis.eye, middle, -1)) };
-      })
-      .filter((face) => face.facing > 0)
-      .sort((a, b) => b.depth - a.depth)
-      .forEach((face) => {
-        fill(face.points.map((p) => flat(seen(p))), ink.card, 0.92);
-        fill(face.points.map((p) => flat(seen(p))), ink.c0, 0.18 + 0.1 * (face.k >> 1));
-        stroke(face.points.concat([face.points[0]]), ink.c0, 1.1, 0.9);
-      });
+    const boxes = [{ center: position, points: corners([-half, -half, -half], [half, half, half]).map((p) => add(position, rotate(attitude, p))), color: ink.c0 }];
+    const load = record.payload;
+    if (load && now >= load.held_s[0] && !(load.held_s[1] !== null && now >= load.held_s[1])) {
+      const halves = load.edges_m.map((edge) => Math.max(edge / 2, 0.01));
+      const placed = (p) => add(position, rotate(attitude, add(load.center_m, rotate(load.quaternion_xyzw, p))));
+      boxes.push({ center: placed([0, 0, 0]), points: corners(halves.map((edge) => -edge), halves).map(placed), color: ink.c2 });
+    }
+    boxes.sort((a, b) => seen(b.center)[2] - seen(a.center)[2]).forEach(drawSolidBox);
     ['c1', 'c2', 'c3'].forEach((color, k) => {
       const tip = add(position, rotate(attitude, [0, 1, 2].map((i) => (i === k ? 1.75 * radius : 0))));
       stroke([position, tip], ink[color], 2.2);

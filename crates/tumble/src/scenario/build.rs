@@ -552,7 +552,7 @@ impl ScenarioSource {
     }
 
     /// The payload and how it is held.
-    pub(super) fn grasp(&self) -> Result<Option<Grasp>, TumbleError> {
+    pub(crate) fn grasp(&self) -> Result<Option<Grasp>, TumbleError> {
         let Some(table) = &self.scenario.payload else { return Ok(None) };
         let written = WrittenBody {
             key: "payload",

@@ -5,82 +5,24 @@ use crate::support::{scratch, tumble};
 use std::fmt::Write as _;
 
 use nalgebra::{Matrix3, Vector3};
+use tumble::demo;
 use tumble::robots::shipped;
 use tumble_dynamics::{InertialParameters, Multibody};
 use tumble_formats::arm::ArmModel;
-use tumble_lie::{LieGroup, Manifold, Pose, Twist, Wrench};
+use tumble_identification::noise::Gaussian;
+use tumble_lie::Wrench;
 
 fn payload() -> InertialParameters<f64> {
     let inertia = Matrix3::new(0.020, 0.002, -0.001, 0.002, 0.030, 0.0015, -0.001, 0.0015, 0.025);
     InertialParameters::about_com(2.0, Vector3::new(-0.12, 0.03, 0.05), inertia)
 }
 
-/// Noise of one sigma 1, the same for every run.
-fn noise(k: usize) -> f64 {
-    let uniform = |salt: f64| ((k as f64 * 12.9898 + salt) * 0.618_033_988_75).fract().abs();
-    (0..12).map(|i| uniform(7.13 * f64::from(i) + 0.37 * (k as f64).sqrt())).sum::<f64>() - 6.0
-}
-
-/// A log of the embedded arm that floats with this momentum; `amplitude` zero keeps the joints still.
 fn log(tree: &Multibody<f64>, momentum: &Wrench<f64>, amplitude: f64) -> String {
-    let joints = |t: f64| {
-        let angles = [0.11 * t, 0.13 * t + 1.1, 0.37 * t, 0.41 * t + 0.2].map(|x: f64| x * amplitude.signum());
-        let q = [0.7 * angles[0].sin() + 0.1 * angles[2].sin(), 0.6 * angles[1].sin() + 0.1 * angles[3].sin()];
-        let w = [0.077 * angles[0].cos() + 0.037 * angles[2].cos(), 0.078 * angles[1].cos() + 0.041 * angles[3].cos()];
-        (q.map(|x| x * amplitude), w.map(|x| x * amplitude))
-    };
-    let twist = |pose: &Pose<f64>, t: f64| {
-        let (q, w) = joints(t);
-        tree.floating_base_twist(&q, &w, &momentum.transformed_by(&LieGroup::inverse(pose))).unwrap()
-    };
-    let mut text =
-        "t_s,p_x,p_y,p_z,q_x,q_y,q_z,q_w,v_x,v_y,v_z,w_x,w_y,w_z,q1_rad,q2_rad,qd1_rad_s,qd2_rad_s\n".to_owned();
-    let (mut pose, step_s, mut k) = (Pose::identity(), 0.02, 0);
-    for step in 0..6000 {
-        let t = f64::from(step) * step_s;
-        let now = twist(&pose, t);
-        if step % 2 == 0 {
-            let (q, w) = joints(t);
-            let mut draw = |sigma: f64| {
-                k += 1;
-                sigma * noise(k)
-            };
-            let velocity = pose.rotation * (now.linear + Vector3::from_fn(|_, _| draw(1e-4)));
-            let rate = now.angular + Vector3::from_fn(|_, _| draw(1e-4));
-            let (p, r) = (pose.translation.vector, pose.rotation.coords);
-            let _ = writeln!(
-                text,
-                "{t:.3},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
-                p.x,
-                p.y,
-                p.z,
-                r.x,
-                r.y,
-                r.z,
-                r.w,
-                velocity.x,
-                velocity.y,
-                velocity.z,
-                rate.x,
-                rate.y,
-                rate.z,
-                q[0],
-                q[1],
-                w[0] + draw(1e-5),
-                w[1] + draw(1e-5),
-            );
-        }
-        let half: Twist<f64> = twist(&pose.oplus(&(now.to_vector() * (0.5 * step_s))), t + 0.5 * step_s);
-        pose = pose.oplus(&(half.to_vector() * step_s));
-    }
-    text
+    demo::arm::log(tree, momentum, amplitude, &mut Gaussian::from_seed(11)).unwrap()
 }
 
 fn carrying() -> Multibody<f64> {
-    let arm = ArmModel::find("astrobee-arm", &shipped()).unwrap();
-    let tool = arm.tool.unwrap();
-    let body = *arm.tree.body(tool.body).unwrap() + payload().transformed_by(&tool.body_from_frame);
-    arm.tree.with_body(tool.body, body)
+    demo::arm::holding(&ArmModel::find("astrobee-arm", &shipped()).unwrap(), &payload())
 }
 
 fn tumbling() -> Wrench<f64> {

@@ -226,6 +226,8 @@ fn the_mcap_log_is_the_converted_csv_and_the_world() {
     assert!(tumble_in(&folder, &["convert", "flight/log.csv", "again.mcap"]).status.success());
     let mut written = messages(&folder.join("flight/log.mcap"));
     let (topic, time, scene) = written.remove(0);
+    let (described, ..) = written.remove(0);
+    assert_eq!(described, "/robot_description");
     assert_eq!(written, messages(&folder.join("again.mcap")));
     assert!(written.len() > 1000 && written.iter().all(|(topic, ..)| topic != "/world"));
 
@@ -252,6 +254,27 @@ fn the_mcap_log_is_the_converted_csv_and_the_world() {
         assert!((0..3).all(|axis| center[axis].to_bits() == expected[axis].to_bits()));
         assert!((0..3).all(|axis| size[axis].to_bits() == (2.0 * obstacle.semi_axes[axis]).to_bits()));
     }
+}
+
+/// The URDF in the log is of a robot that can be, and weighs what the simulated one and its payload do.
+#[test]
+fn the_mcap_log_describes_the_robot_and_what_it_holds() {
+    let folder = scratch("described");
+    let output = tumble_in(&folder, &["simulate", "iss-cargo", "--duration", "1", "--mcap", "--out", "flight"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let messages = messages(&folder.join("flight/log.mcap"));
+    let described: Vec<_> = messages.iter().filter(|(topic, ..)| topic == "/robot_description").collect();
+    let [(_, 0, message)] = described[..] else { panic!("{} descriptions", described.len()) };
+    let message: Value = serde_json::from_slice(message).unwrap();
+    let urdf = message["data"].as_str().unwrap();
+    fs::write(folder.join("robot.urdf"), urdf).unwrap();
+    assert_eq!(tumble_in(&folder, &["check", "robot.urdf"]).status.code(), Some(0), "{urdf}");
+    let mut flight = ScenarioSource::find("iss-cargo").unwrap().flight().unwrap();
+    flight.step().unwrap();
+    let masses =
+        urdf.split("<mass value=\"").skip(1).map(|rest| rest.split('"').next().unwrap().parse::<f64>().unwrap());
+    assert!((masses.sum::<f64>() - flight.simulator.body().mass).abs() < 1e-12, "{urdf}");
+    assert!(urdf.contains("<joint name=\"grasp\" type=\"fixed\">") && urdf.matches("<box size=").count() == 2);
 }
 
 #[test]

@@ -70,7 +70,8 @@ fn who_stands_too_near_and_finds_no_way_goes_where_room_is_left() {
         assert!(end >= margin_m && end < margin_m + 0.011, "{end} beside {margin_m}");
 
         // Flown as it is, it is found to be clear.
-        let stretch = Asked::Stretch { way: path.into(), way_start_ns: 0, ambition: Ambition::AlongWay, elapsed_s: 0.0 };
+        let stretch =
+            Asked::Stretch { way: path.into(), way_start_ns: 0, ambition: Ambition::AlongWay, elapsed_s: 0.0 };
         let request = PlanRequest { asked: stretch, ..request };
         let Found::Stretch(stretch, flown) = serve(&mut (Lost, planners().1), &request).found else { panic!() };
         assert!(stretch.is_clear && stretch.is_last, "{apart_m}: {stretch:?}");
@@ -84,7 +85,8 @@ fn who_goes_deeper_first_is_not_clear() {
     let request = asked(-0.03);
     let Found::Retreat(_, out) = serve(&mut (Lost, planners().1), &request).found else { panic!() };
     let (last, _) = out.at(out.duration_s()).unwrap();
-    let through = request.start.world_from_body.translation.vector * 2.0 - last.pose(last.duration_s).translation.vector;
+    let through =
+        request.start.world_from_body.translation.vector * 2.0 - last.pose(last.duration_s).translation.vector;
     let line = tumble_planning::BodyArc::accelerated(
         9.0,
         &tumble_planning::TranslationState {

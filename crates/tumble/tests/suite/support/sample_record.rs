@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_4, PI, TAU};
 use tumble::mission::{
-    BeliefRow, DrawnBox, DrawnEllipsoid, FallbackRow, FaultChoice, FaultName, FlyOptions, LayerNames, MissionEvent,
-    MissionRecord, MissionSummary, ModelChoice, ParameterRow, Promises, Series, StretchRow, TrackingRms, WayRow,
-    WeightingChoice,
+    BeliefRow, DrawnBox, DrawnEllipsoid, DrawnPayload, FallbackRow, FaultChoice, FaultName, FlyOptions, LayerNames,
+    MissionEvent, MissionRecord, MissionSummary, ModelChoice, ParameterRow, Promises, Series, StretchRow, TrackingRms,
+    WayRow, WeightingChoice,
 };
 
 const DURATION_S: f64 = 150.0;
@@ -325,6 +325,12 @@ pub fn sample() -> MissionRecord {
         keep_in: vec![DrawnBox { lower_m: [10.0, -9.95, 4.05], upper_m: [11.75, -7.4, 5.55] }],
         keep_out: vec![DrawnBox { lower_m: [10.0, -7.75, 4.05], upper_m: [10.35, -7.4, 4.55] }],
         obstacles,
+        payload: Some(DrawnPayload {
+            center_m: [0.25, 0.0, 0.02],
+            quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
+            edges_m: [0.2, 0.3, 0.12],
+            held_s: [0.0, f64::INFINITY],
+        }),
         series,
         ways: vec![way(0.0, 0, 0.0, 0.3), way(73.0, 36, progress(73.0), 1.9)],
         stretches,
