@@ -19,6 +19,7 @@ mod rows;
 mod solution;
 mod timeline;
 mod verdict;
+mod wander;
 mod warning;
 
 use crate::ConstrainedLeastSquares;
@@ -352,6 +353,16 @@ fn found<E: From<IdentificationError>>(
     {
         return Ok(found);
     }
+    let timeline = Timeline::try_new(record)?;
+    // Where errors plainly are not white, an answer that takes them for white comes too late.
+    let wanders = plan.way == Way::Auto
+        && plan.settings.lag.is_none()
+        && !(on_table || by_thrusters || is_noise(record))
+        && wander::is_plain(record, &timeline);
+    let early = if wanders { flight::most_likely(record, &timeline, plan)? } else { None };
+    if let Some(found) = early.as_ref().filter(|found| found.verdict.is_identified()) {
+        return Ok(found.clone());
+    }
     let mut found = answer(record, plan, replace)?;
     if on_table || by_thrusters {
         return Ok(flight::unanswered(found, on_table));
@@ -367,7 +378,7 @@ fn found<E: From<IdentificationError>>(
     if plan.way == Way::Auto {
         let tried = found.method == MAXIMUM_LIKELIHOOD || found.marks.likelihood_failed;
         if !asks_for_sensors(&found) && unanswered(&found) && !tried {
-            let likely = most_likely(record, &Timeline::try_new(record)?, plan)?;
+            let likely = most_likely(record, &timeline, plan)?;
             let better = |likely: &Identification| {
                 likely.explained > Some(plan.judge.poor_fit)
                     && likely.rank >= found.rank
@@ -378,7 +389,7 @@ fn found<E: From<IdentificationError>>(
         let asks = asks_for_sensors(&found);
         // Noise may also be so large beside the motion that no row tells of it.
         if (asks || unanswered(&found) && !is_noise(record) && !is_exact(&found, record))
-            && let Some(flown) = flight::most_likely(record, &Timeline::try_new(record)?, plan)?
+            && let Some(flown) = if wanders { early } else { flight::most_likely(record, &timeline, plan)? }
             && (asks || flown.verdict.is_identified())
         {
             return Ok(flown);

@@ -1,0 +1,155 @@
+//! Whether positions plainly wander, told without a body: they leave the integral of the velocities by more than white errors do.
+//!
+//! An answer that takes errors for white is then not worth the time that it takes.
+
+use super::timeline::Timeline;
+use crate::motion::MotionSample;
+use nalgebra::Vector3;
+
+/// Length of a block of samples, s.
+const BLOCK_S: f64 = 1.0;
+/// Samples that a block needs.
+const FEWEST: usize = 8;
+/// Blocks that are needed.
+const BLOCKS: usize = 20;
+/// Steps longer than this leave too much of the motion between two velocities, s.
+const LONGEST_STEP_S: f64 = 0.1;
+/// Mean square of what two blocks beside each other are apart, in units of what white errors make of it.
+const PLAINLY: f64 = 10.0;
+
+/// What is left of the position in one run of samples: per block its sum, and how many there are.
+#[derive(Default)]
+struct Blocks {
+    /// Squared differences from sample to sample of what is left, and how many.
+    steps: (f64, usize),
+    /// Squared third differences of the velocity, and how many.
+    velocities: (f64, usize),
+    /// Squared differences of the means of blocks, and how many.
+    apart: (f64, usize),
+    /// Samples of all blocks, and how many blocks.
+    samples: (usize, usize),
+}
+
+impl Blocks {
+    /// Counts one run: time, s, position and velocity of each sample.
+    fn count(&mut self, run: &[(f64, Vector3<f64>, Vector3<f64>)]) {
+        let mut left = Vector3::zeros();
+        let mut integral = Vector3::zeros();
+        let (mut block, mut before): ((f64, Vector3<f64>, usize), Option<Vector3<f64>>) =
+            ((f64::NEG_INFINITY, Vector3::zeros(), 0), None);
+        for (k, (time_s, position, velocity)) in run.iter().enumerate() {
+            if let Some((last_s, _, last)) = k.checked_sub(1).and_then(|last| run.get(last)) {
+                integral += (last + velocity) * (0.5 * (time_s - last_s));
+                let now = position - integral;
+                self.steps.0 += (now - left).norm_squared();
+                self.steps.1 += 1;
+            }
+            left = position - integral;
+            if let [(_, _, a), (_, _, b), (_, _, c), (_, _, d)] = run.get(k.wrapping_sub(3)..=k).unwrap_or_default() {
+                self.velocities.0 += (d - c * 3.0 + b * 3.0 - a).norm_squared();
+                self.velocities.1 += 1;
+            }
+            if time_s - block.0 >= BLOCK_S {
+                if block.2 >= FEWEST {
+                    let mean = block.1 / block.2 as f64;
+                    if let Some(before) = before {
+                        self.apart.0 += (mean - before).norm_squared();
+                        self.apart.1 += 1;
+                    }
+                    self.samples = (self.samples.0 + block.2, self.samples.1 + 1);
+                    before = Some(mean);
+                }
+                block = (*time_s, Vector3::zeros(), 0);
+            }
+            block.1 += left;
+            block.2 += 1;
+        }
+    }
+}
+
+/// Whether the positions wander beyond doubt.
+pub(super) fn is_plain(record: &[MotionSample], timeline: &Timeline) -> bool {
+    let step_s = timeline.median_step_s();
+    if !(step_s > 0.0 && step_s <= LONGEST_STEP_S) {
+        return false;
+    }
+    let (mut blocks, mut run) = (Blocks::default(), Vec::new());
+    for (k, sample) in record.iter().enumerate() {
+        let seen = sample.world_from_body.zip(sample.velocity_origin_world);
+        let goes_on = seen.is_some() && (k == 0 || timeline.without_gap(k - 1, k));
+        if !goes_on {
+            blocks.count(&run);
+            run.clear();
+        }
+        if let Some((pose, velocity)) = seen {
+            run.push((timeline.time_ns(k) as f64 * 1e-9, pose.translation.vector, velocity));
+        }
+    }
+    blocks.count(&run);
+    let Blocks { steps, velocities, apart, samples } = blocks;
+    if apart.1 < BLOCKS {
+        return false;
+    }
+    let mean = |(sum, count): (f64, usize)| sum / count.max(1) as f64;
+    let per_block = samples.0 as f64 / samples.1 as f64;
+    // Means of white errors, and a walk of the integral of white errors of the velocity.
+    let white = mean(steps) / per_block + 2.0 / 3.0 * per_block * mean(velocities) / 20.0 * step_s * step_s;
+    mean(apart) > PLAINLY * white
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::noise::Gaussian;
+    use nalgebra::{Isometry3, UnitQuaternion};
+
+    /// Two minutes of a motion whose positions and velocities are off by white errors, and the positions by a slow one with this standard deviation,
+    /// m, and correlation time, s.
+    fn record(seed: u64, step_ns: i64, (slow_m, time_s): (f64, f64)) -> Vec<MotionSample> {
+        let (mut noise, mut wander) = (Gaussian::from_seed(seed), Vector3::zeros());
+        let kept = (-1e-9 * step_ns as f64 / time_s).exp();
+        wander += noise.vector(slow_m);
+        (0..120_000_000_000 / step_ns)
+            .map(|k| {
+                let (time_ns, at_s) = (k * step_ns, 1e-9 * (k * step_ns) as f64);
+                wander = wander * kept + noise.vector(slow_m * (1.0 - kept * kept).sqrt());
+                let of = |i: f64| 0.2 + 0.1 * i;
+                let position = Vector3::new(0.0, 1.0, 2.0).map(|i| 0.3 * (of(i) * at_s).sin());
+                let velocity = Vector3::new(0.0, 1.0, 2.0).map(|i| 0.3 * of(i) * (of(i) * at_s).cos());
+                let measured = position + wander + noise.vector(2e-3);
+                MotionSample {
+                    time_ns,
+                    world_from_body: Some(Isometry3::from_parts(measured.into(), UnitQuaternion::identity())),
+                    velocity_origin_world: Some(velocity + noise.vector(1e-3)),
+                    ..MotionSample::default()
+                }
+            })
+            .collect()
+    }
+
+    fn is_plain(record: &[MotionSample]) -> bool {
+        super::is_plain(record, &Timeline::try_new(record).unwrap())
+    }
+
+    #[test]
+    fn wander_is_told_and_white_errors_are_not() {
+        for seed in 0..20 {
+            for step_ns in [4_000_000, 16_000_000, 50_000_000] {
+                assert!(!is_plain(&record(seed, step_ns, (0.0, 1.0))), "{seed}, {step_ns}");
+                assert!(is_plain(&record(seed, step_ns, (0.02, 15.0))), "{seed}, {step_ns}");
+            }
+            // Below what is plain the likelihoods decide.
+            assert!(!is_plain(&record(seed, 16_000_000, (1e-4, 15.0))));
+        }
+    }
+
+    #[test]
+    fn what_does_not_suffice_is_not_plain() {
+        let whole = record(3, 16_000_000, (0.02, 15.0));
+        assert!(!is_plain(&whole[..1000]));
+        let mut poses = whole.clone();
+        poses.iter_mut().for_each(|sample| sample.velocity_origin_world = None);
+        assert!(!is_plain(&poses));
+        assert!(!is_plain(&record(3, 200_000_000, (0.02, 15.0))));
+    }
+}
