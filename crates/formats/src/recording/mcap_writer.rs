@@ -242,7 +242,9 @@ fn record(kind: u8, content: &[&[u8]]) -> Vec<u8> {
     let mut record = Vec::with_capacity(9 + length);
     record.push(kind);
     record.extend((length as u64).to_le_bytes());
-    content.iter().for_each(|part| record.extend(*part));
+    for part in content {
+        record.extend(*part);
+    }
     record
 }
 

@@ -148,7 +148,9 @@ mod tests {
         let whole = record(3, 16_000_000, (0.02, 15.0));
         assert!(!is_plain(&whole[..1000]));
         let mut poses = whole.clone();
-        poses.iter_mut().for_each(|sample| sample.velocity_origin_world = None);
+        for sample in &mut poses {
+            sample.velocity_origin_world = None;
+        }
         assert!(!is_plain(&poses));
         assert!(!is_plain(&record(3, 200_000_000, (0.02, 15.0))));
     }

@@ -57,7 +57,7 @@ where
             before_m = there_m;
             let kept_m = there_m.min(settings.margin_m);
             let is_better =
-                best.as_ref().is_none_or(|(most_m, steps, _)| kept_m > *most_m || kept_m == *most_m && k < *steps);
+                best.as_ref().is_none_or(|(most_m, steps, _)| kept_m.total_cmp(most_m).then(steps.cmp(&k)).is_gt());
             let gains = kept_m >= here_m + GAIN_M && kept_m > 0.0;
             if gains && is_better && (here_m <= 0.0 || is_clear(asked, &path, margin_m)?) {
                 best = Some((kept_m, k, path));
@@ -92,7 +92,7 @@ where
     };
     let pushed_m_s2 = FORCE_SHARE * along(&limits.force_n) / belief.parameters().mass;
     let acceleration_m_s2 = pushed_m_s2.min(along(&limits.speed_m_s).powi(2) / distance_m);
-    if !(acceleration_m_s2 > 0.0) {
+    if acceleration_m_s2.is_nan() || acceleration_m_s2 <= 0.0 {
         return ArcPath::default();
     }
     let half_s = f64::sqrt(distance_m / acceleration_m_s2);

@@ -53,8 +53,8 @@ pub fn run(args: &SampleArgs) -> Result<Outcome, TumbleError> {
     let (files, next) = files(args)?;
     let place = |name: &str| args.folder.join(name);
     // A log and a bag of one seed have one truth, which may lie there already.
-    let is_there = |(name, contents): &(String, Vec<u8>)| fs::read(place(name)).is_ok_and(|found| found == *contents);
-    let missing: Vec<&(String, Vec<u8>)> = files.iter().filter(|file| !is_there(file)).collect();
+    let is_there = |(name, contents): &Named| fs::read(place(name)).is_ok_and(|found| found == *contents);
+    let missing: Vec<&Named> = files.iter().filter(|file| !is_there(file)).collect();
     if let Some(taken) = missing.iter().map(|(name, _)| place(name)).find(|path| path.exists() && !args.force) {
         return Err(TumbleError::OutputExists { path: taken });
     }
@@ -68,8 +68,11 @@ pub fn run(args: &SampleArgs) -> Result<Outcome, TumbleError> {
     Ok(Outcome::Achieved)
 }
 
-/// Names and contents of the files, and the command to go on with.
-fn files(args: &SampleArgs) -> Result<(Vec<(String, Vec<u8>)>, String), TumbleError> {
+/// A file's name and what it holds.
+type Named = (String, Vec<u8>);
+
+/// The files, and the command to go on with.
+fn files(args: &SampleArgs) -> Result<(Vec<Named>, String), TumbleError> {
     let place = |name: &str| args.folder.join(name).display().to_string();
     let one = |name: &str, contents: Vec<u8>| vec![(name.to_owned(), contents)];
     let beside = |name: &str, contents: Vec<u8>, (truth, body): (&str, &InertialParameters<f64>)| {
