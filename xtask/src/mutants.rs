@@ -75,6 +75,34 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-identification --lib body_score",
     },
     Mutant {
+        name: "stretches: what begins in contact may go deeper",
+        file: "crates/planning/src/mission/serve.rs",
+        original: "if next_m < distance_m || at_s",
+        replacement: "if at_s",
+        test: "-p tumble-planning --test suite retreats",
+    },
+    Mutant {
+        name: "retreats: any place farther away will do",
+        file: "crates/planning/src/mission/retreat.rs",
+        original: "            if kept_m >= settings.margin_m {",
+        replacement: "            if kept_m >= here_m + GAIN_M {",
+        test: "-p tumble-planning --test suite retreats",
+    },
+    Mutant {
+        name: "identify: white errors of the velocity are no part of what positions leave",
+        file: "crates/identification/src/identify/wander.rs",
+        original: "mean(apart) > PLAINLY * white",
+        replacement: "mean(apart) > 0.1 * white",
+        test: "-p tumble-identification --lib identify::wander",
+    },
+    Mutant {
+        name: "MCAP: a chunk says where its messages were before they were compressed, one off",
+        file: "crates/formats/src/recording/mcap_writer.rs",
+        original: "let chunk_at = self.out.bytes;",
+        replacement: "let chunk_at = self.out.bytes + 1;",
+        test: "-p tumble-formats --test suite mcap",
+    },
+    Mutant {
         name: "flight estimator: begun anew, it is sure of a wrench that was in doubt",
         file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
         original: "        if self.wrench_is_doubtful {\n            self.widen_motion(rules);",
@@ -679,7 +707,7 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "MCAP: chunks without end",
         file: "crates/formats/src/recording/mcap_writer.rs",
-        original: "time_ns.abs_diff(began_ns) >= LONGEST_CHUNK_NS.unsigned_abs()",
+        original: "time.abs_diff(first) >= LONGEST_CHUNK_NS.unsigned_abs()",
         replacement: "false",
         test: "-p tumble-formats --test suite mcap::",
     },
@@ -2765,7 +2793,7 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "mission: who stands too near must not leave",
         file: "crates/planning/src/mission/serve.rs",
-        original: "let margin_m = held_m(settings.check_margin_m, here.distance_m);",
+        original: "let margin_m = held_m(settings.check_margin_m, distance_m);",
         replacement: "let margin_m = settings.check_margin_m;",
         test: "-p tumble --test suite fly_command::a_robot_that_stands_nearer",
     },
