@@ -77,8 +77,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "stretches: what begins in contact may go deeper",
         file: "crates/planning/src/mission/serve.rs",
-        original: "if next_m < distance_m || at_s",
-        replacement: "if at_s",
+        original: "if next.distance_m < here.distance_m || ",
+        replacement: "if ",
         test: "-p tumble-planning --test suite retreats",
     },
     Mutant {
@@ -91,8 +91,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "identify: white errors of the velocity are no part of what positions leave",
         file: "crates/identification/src/identify/wander.rs",
-        original: "mean(apart) > PLAINLY * white",
-        replacement: "mean(apart) > 0.1 * white",
+        original: "2.0 / 3.0 * per_block",
+        replacement: "0.0 * per_block",
         test: "-p tumble-identification --lib identify::wander",
     },
     Mutant {

@@ -37,7 +37,7 @@ impl<T: Scalar> InertialParameters<T> {
     }
 
     /// The solid box of the same mass, centre of mass and inertia: where its centre and axes are, and the lengths of its edges, m. An edge is zero
-    /// where the body is flatter than any box.
+    /// where the body is flatter than any box. A body without mass is none: its numbers are not finite.
     ///
     /// # Frame
     /// The pose takes coordinates of the box to those of the body.

@@ -348,19 +348,20 @@ fn found<E: From<IdentificationError>>(
     let on_table =
         plan.way == Way::Auto && plan.flown.map_or_else(|| is_in_xy_plane(record), |told| told.is_planar(record));
     let by_thrusters = plan.flown.is_some_and(|told| told.thrusters.is_some());
+    let timeline = Timeline::try_new(record)?;
     if (on_table || by_thrusters)
-        && let Some(found) = flight::most_likely(record, &Timeline::try_new(record)?, plan)?
+        && let Some(found) = flight::most_likely(record, &timeline, plan)?
     {
         return Ok(found);
     }
-    let timeline = Timeline::try_new(record)?;
     // Where errors plainly are not white, an answer that takes them for white comes too late.
     let wanders = plan.way == Way::Auto
         && plan.settings.lag.is_none()
         && !(on_table || by_thrusters || is_noise(record))
         && wander::is_plain(record, &timeline);
     let early = if wanders { flight::most_likely(record, &timeline, plan)? } else { None };
-    if let Some(found) = early.as_ref().filter(|found| found.verdict.is_identified()) {
+    let is_answer = |found: &&Identification| found.verdict.is_identified() && found.marks.leaves_noise_only;
+    if let Some(found) = early.as_ref().filter(is_answer) {
         return Ok(found.clone());
     }
     let mut found = answer(record, plan, replace)?;

@@ -80,7 +80,7 @@ enum Command {
     Realize(realize::RealizeArgs),
     /// Lists and shows sensors: noise, wander, filters, gains, biases, delays.
     Sensing(sensing::SensingArgs),
-    /// Writes files to try the other commands with: a log, a bag, wrenches.
+    /// Writes files to try the other commands with: a log, a bag, an arm, throws, wrenches, a model.
     Sample(sample::SampleArgs),
     /// One log format into another: CSV, TUM, MCAP, and ROS 1 bags and PX4's ULog into these.
     Convert(convert::ConvertArgs),

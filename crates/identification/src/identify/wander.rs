@@ -17,7 +17,7 @@ const LONGEST_STEP_S: f64 = 0.1;
 /// Mean square of what two blocks beside each other are apart, in units of what white errors make of it.
 const PLAINLY: f64 = 10.0;
 
-/// What is left of the position in one run of samples: per block its sum, and how many there are.
+/// Tallies over all runs of samples.
 #[derive(Default)]
 struct Blocks {
     /// Squared differences from sample to sample of what is left, and how many.
@@ -26,6 +26,8 @@ struct Blocks {
     velocities: (f64, usize),
     /// Squared differences of the means of blocks, and how many.
     apart: (f64, usize),
+    /// Their sum: an offset of the velocities moves all means alike.
+    drifted: Vector3<f64>,
     /// Samples of all blocks, and how many blocks.
     samples: (usize, usize),
 }
@@ -55,6 +57,7 @@ impl Blocks {
                     if let Some(before) = before {
                         self.apart.0 += (mean - before).norm_squared();
                         self.apart.1 += 1;
+                        self.drifted += mean - before;
                     }
                     self.samples = (self.samples.0 + block.2, self.samples.1 + 1);
                     before = Some(mean);
@@ -86,7 +89,7 @@ pub(super) fn is_plain(record: &[MotionSample], timeline: &Timeline) -> bool {
         }
     }
     blocks.count(&run);
-    let Blocks { steps, velocities, apart, samples } = blocks;
+    let Blocks { steps, velocities, apart, drifted, samples } = blocks;
     if apart.1 < BLOCKS {
         return false;
     }
@@ -94,7 +97,8 @@ pub(super) fn is_plain(record: &[MotionSample], timeline: &Timeline) -> bool {
     let per_block = samples.0 as f64 / samples.1 as f64;
     // Means of white errors, and a walk of the integral of white errors of the velocity.
     let white = mean(steps) / per_block + 2.0 / 3.0 * per_block * mean(velocities) / 20.0 * step_s * step_s;
-    mean(apart) > PLAINLY * white
+    let drift = drifted / apart.1 as f64;
+    mean(apart) - drift.norm_squared() > PLAINLY * white
 }
 
 #[cfg(test)]
@@ -103,24 +107,39 @@ mod tests {
     use crate::noise::Gaussian;
     use nalgebra::{Isometry3, UnitQuaternion};
 
-    /// Two minutes of a motion whose positions and velocities are off by white errors, and the positions by a slow one with this standard deviation,
-    /// m, and correlation time, s.
-    fn record(seed: u64, step_ns: i64, (slow_m, time_s): (f64, f64)) -> Vec<MotionSample> {
+    /// Standard deviations of what a record is off by, and the offset of its velocities.
+    #[derive(Clone, Copy)]
+    struct Errors {
+        position_m: f64,
+        velocity_m_s: f64,
+        wander_m: f64,
+        wander_s: f64,
+        offset_m_s: f64,
+    }
+
+    const WHITE: Errors =
+        Errors { position_m: 2e-3, velocity_m_s: 1e-3, wander_m: 0.0, wander_s: 15.0, offset_m_s: 0.0 };
+    const WANDERING: Errors = Errors { wander_m: 0.02, ..WHITE };
+
+    /// Two minutes of a motion.
+    fn record(seed: u64, step_ns: i64, errors: Errors) -> Vec<MotionSample> {
         let (mut noise, mut wander) = (Gaussian::from_seed(seed), Vector3::zeros());
-        let kept = (-1e-9 * step_ns as f64 / time_s).exp();
-        wander += noise.vector(slow_m);
+        let kept = (-1e-9 * step_ns as f64 / errors.wander_s).exp();
+        wander += noise.vector(errors.wander_m);
         (0..120_000_000_000 / step_ns)
             .map(|k| {
                 let (time_ns, at_s) = (k * step_ns, 1e-9 * (k * step_ns) as f64);
-                wander = wander * kept + noise.vector(slow_m * (1.0 - kept * kept).sqrt());
+                wander = wander * kept + noise.vector(errors.wander_m * (1.0 - kept * kept).sqrt());
                 let of = |i: f64| 0.2 + 0.1 * i;
                 let position = Vector3::new(0.0, 1.0, 2.0).map(|i| 0.3 * (of(i) * at_s).sin());
                 let velocity = Vector3::new(0.0, 1.0, 2.0).map(|i| 0.3 * of(i) * (of(i) * at_s).cos());
-                let measured = position + wander + noise.vector(2e-3);
+                let measured = position + wander + noise.vector(errors.position_m);
                 MotionSample {
                     time_ns,
                     world_from_body: Some(Isometry3::from_parts(measured.into(), UnitQuaternion::identity())),
-                    velocity_origin_world: Some(velocity + noise.vector(1e-3)),
+                    velocity_origin_world: Some(
+                        velocity + noise.vector(errors.velocity_m_s) + Vector3::x() * errors.offset_m_s,
+                    ),
                     ..MotionSample::default()
                 }
             })
@@ -135,23 +154,27 @@ mod tests {
     fn wander_is_told_and_white_errors_are_not() {
         for seed in 0..20 {
             for step_ns in [4_000_000, 16_000_000, 50_000_000] {
-                assert!(!is_plain(&record(seed, step_ns, (0.0, 1.0))), "{seed}, {step_ns}");
-                assert!(is_plain(&record(seed, step_ns, (0.02, 15.0))), "{seed}, {step_ns}");
+                assert!(!is_plain(&record(seed, step_ns, WHITE)), "{seed}, {step_ns}");
+                assert!(is_plain(&record(seed, step_ns, WANDERING)), "{seed}, {step_ns}");
             }
             // Below what is plain the likelihoods decide.
-            assert!(!is_plain(&record(seed, 16_000_000, (1e-4, 15.0))));
+            assert!(!is_plain(&record(seed, 16_000_000, Errors { wander_m: 1e-4, ..WHITE })));
+            // Nor are velocities so noisy that their integral walks, or off by an offset, wander of the position.
+            let loud = Errors { position_m: 1e-4, velocity_m_s: 0.05, ..WHITE };
+            assert!(!is_plain(&record(seed, 16_000_000, loud)), "{seed}");
+            assert!(!is_plain(&record(seed, 16_000_000, Errors { offset_m_s: 0.02, ..WHITE })), "{seed}");
         }
     }
 
     #[test]
     fn what_does_not_suffice_is_not_plain() {
-        let whole = record(3, 16_000_000, (0.02, 15.0));
+        let whole = record(3, 16_000_000, WANDERING);
         assert!(!is_plain(&whole[..1000]));
         let mut poses = whole.clone();
         for sample in &mut poses {
             sample.velocity_origin_world = None;
         }
         assert!(!is_plain(&poses));
-        assert!(!is_plain(&record(3, 200_000_000, (0.02, 15.0))));
+        assert!(!is_plain(&record(3, 200_000_000, WANDERING)));
     }
 }

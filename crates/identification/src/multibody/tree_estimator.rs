@@ -256,7 +256,7 @@ impl TreeEstimator {
                 break (base, true);
             }
             if passes == MAX_PASSES {
-                break (base, change < CREEPING && noise_change < CREEPING);
+                break (base, change < CREEPING && noise_change < 1e-4);
             }
         };
         if !settled {

@@ -436,9 +436,9 @@ where
                     self.ways_refused = 0;
                     self.way_found(request, way, model_revision, world_revision)
                 }
-                Found::Retreat(_, way) => {
+                Found::Retreat(_, way, model_revision) => {
                     self.ways_refused += 1;
-                    self.way_found(request, way, self.belief.revision, world_revision)
+                    self.way_found(request, way, model_revision, world_revision)
                 }
                 Found::Way(answer) => match answer.plan {
                     Some(Plan { trajectory, model_revision }) if !trajectory.arcs().is_empty() => {

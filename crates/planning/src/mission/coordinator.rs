@@ -430,7 +430,8 @@ impl Coordinator {
         }
         if !standing.is_at_goal {
             self.arrived_since_ns = None;
-            if self.now_ns >= stretch.end_ns + self.schedule.settle_ns {
+            let settle_ns = if stretch.is_to_goal { self.schedule.settle_ns } else { 0 };
+            if self.now_ns >= stretch.end_ns + settle_ns {
                 self.rest(StartFrom::Reference, 0);
             }
             return;

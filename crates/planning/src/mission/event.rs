@@ -115,9 +115,11 @@ pub struct FoundStretch {
     pub model_revision: u64,
     /// The world it was checked in.
     pub world_revision: u64,
-    /// Whether it ends at the goal.
+    /// Whether its way ends with it.
     pub is_last: bool,
-    /// Whether it and the stop after it keep clear of everything.
+    /// Whether its way leads to the goal, and not only to where more room is left.
+    pub is_to_goal: bool,
+    /// Whether it and the stop after it keep clear of everything, from where it has left what it begins in contact with.
     pub is_clear: bool,
 }
 

@@ -134,7 +134,7 @@ fn refuse(found: &mut Found) {
             answer.plan = None;
             answer.status = Status::BudgetSpent(Vec::new());
         }
-        Found::Retreat(answer, _) => *found = Found::Way(answer.clone()),
+        Found::Retreat(answer, ..) => *found = Found::Way(answer.clone()),
         Found::Stretch(..) => *found = Found::NoStretch(None),
         Found::Stay(..) | Found::NoStretch(_) | Found::Failed { .. } => {}
     }

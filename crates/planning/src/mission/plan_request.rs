@@ -117,8 +117,9 @@ pub enum Found {
     Stay(ArcPath, u64),
     /// What the planner of ways says: a way, or why there is none.
     Way(Box<GlobalAnswer>),
-    /// Why there is no way, and one from a start that is nearer to something than one may stay to where more is left.
-    Retreat(Box<GlobalAnswer>, ArcPath),
+    /// Why there is no way, one from a start that is nearer to something than one may stay to where more room is left, and the revision of the
+    /// belief at that time.
+    Retreat(Box<GlobalAnswer>, ArcPath, u64),
     /// A stretch with the stop after it, and whether both keep clear.
     Stretch(FoundStretch, Box<StretchAnswer>),
     /// No stretch, and why, where the planner said so.

@@ -2,6 +2,7 @@
 
 use super::closed_loop::{Layer, nanoseconds, seconds};
 use super::event::{Ambition, FoundStretch};
+use super::loop_settings::LoopSettings;
 use super::motion::MissionMotion;
 use super::plan_request::{Asked, Found, PlanAnswer, PlanRequest};
 use super::retreat::retreat;
@@ -17,6 +18,9 @@ use tumble_lie::Pose;
 
 /// Share of the clearance at its start that a way may keep.
 const START_SHARE: f64 = 0.95;
+
+/// A way to the goal ends no farther from its region than this, m.
+const AT_GOAL_M: f64 = 0.01;
 
 /// How often it is looked whether a motion has left what it began in contact with, s.
 const CONTACT_STEP_S: f64 = 0.1;
@@ -79,7 +83,7 @@ where
     if answer.plan.is_none()
         && let Some(path) = retreat(request)?
     {
-        return Ok(Found::Retreat(Box::new(answer), path));
+        return Ok(Found::Retreat(Box::new(answer), path, request.belief.revision));
     }
     Ok(Found::Way(Box::new(answer)))
 }
@@ -219,13 +223,21 @@ where
         model_revision: belief.revision,
         world_revision: asked.world_revision,
         is_last: answer.is_last,
+        is_to_goal: leads_to_goal(way, settings),
         is_clear: is_apart && answer.motion.points(1.0).iter().all(is_inside),
     };
     Ok(Found::Stretch(found, Box::new(answer)))
 }
 
+/// Whether a way ends at the goal; one that only stays has none to lead to.
+fn leads_to_goal<B>(way: &ArcPath, settings: &LoopSettings<B>) -> bool {
+    let Some((arc, within_s)) = way.at(way.duration_s()) else { return true };
+    let apart = arc.pose(within_s).translation.vector - settings.goal.position;
+    settings.schedule.stretches.is_some() || apart.norm_squared() <= (settings.goal.radius_m + AT_GOAL_M).powi(2)
+}
+
 /// From when on a motion touches nothing, s, and how far it is from everything then, m: from its start, where that is not in contact. None where
-/// it never is apart, or first goes deeper.
+/// it never is apart, or first goes deeper or into something else.
 fn leaves_contact<W>(asked: &PlanRequest<W>, motion: &MissionMotion) -> Result<Option<(f64, f64)>, PlanningError>
 where
     W: CollisionWorld,
@@ -233,16 +245,17 @@ where
 {
     let mut at_s = seconds(asked.start_ns);
     let clearance = |pose: &Pose<f64>, at_s| asked.scene.world.clearance(&asked.settings.body, pose, at_s);
-    let mut distance_m = clearance(&asked.start.world_from_body, at_s)?.distance_m;
-    while distance_m <= 0.0 {
+    let mut here = clearance(&asked.start.world_from_body, at_s)?;
+    while here.distance_m <= 0.0 {
         at_s += CONTACT_STEP_S;
-        let next_m = clearance(&motion.state_at(at_s).world_from_body, at_s)?.distance_m;
-        if next_m < distance_m || at_s > motion.rest_s() + CONTACT_STEP_S {
+        let next = clearance(&motion.state_at(at_s).world_from_body, at_s)?;
+        let is_into_another = next.distance_m <= 0.0 && next.nearest != here.nearest;
+        if next.distance_m < here.distance_m || is_into_another || at_s > motion.rest_s() + CONTACT_STEP_S {
             return Ok(None);
         }
-        distance_m = next_m;
+        here = next;
     }
-    Ok(Some((at_s, distance_m)))
+    Ok(Some((at_s, here.distance_m)))
 }
 
 /// A number that follows from two, and looks like chance.

@@ -36,6 +36,10 @@ impl Told {
 
     /// From the beginning to the first stretch, which begins 3 s after the first tick.
     fn flying() -> (Self, FoundStretch) {
+        Self::following(|start_ns| found(start_ns, false))
+    }
+
+    fn following(stretch: impl Fn(i64) -> FoundStretch) -> (Self, FoundStretch) {
         let mut told = Self::new(Schedule::default());
         let asked = told.hear(Event::Begun);
         let Some(Action::PlanWay { request, from: StartFrom::Reference, .. }) = asked.first() else {
@@ -44,7 +48,7 @@ impl Told {
         told.now_ns += SECOND;
         let asked = told.hear(Event::WayFound { request: *request, model_revision: 0, world_revision: 0 });
         let (request, start_ns) = stretch_asked(&asked).unwrap();
-        let stretch = found(start_ns, false);
+        let stretch = stretch(start_ns);
         assert_eq!(told.hear(Event::StretchFound { request, stretch }), [Action::Follow { request }]);
         (told, stretch)
     }
@@ -57,8 +61,25 @@ fn found(start_ns: i64, is_last: bool) -> FoundStretch {
         model_revision: 0,
         world_revision: 0,
         is_last,
+        is_to_goal: true,
         is_clear: true,
     }
+}
+
+/// Where a way to the goal ended the robot may still come to it; where a retreat ended it never does.
+#[test]
+fn after_a_retreat_a_way_is_asked_for_without_waiting() {
+    let waits_s = |is_to_goal: bool| {
+        let (mut told, stretch) = Told::following(|start_ns| FoundStretch { is_to_goal, ..found(start_ns, true) });
+        for seconds in 1..60 {
+            let actions = told.tick(1.0, well());
+            if actions.iter().any(|action| matches!(action, Action::PlanWay { .. })) {
+                return seconds - (stretch.end_ns - SECOND) / SECOND;
+            }
+        }
+        panic!("no way is asked for")
+    };
+    assert!(waits_s(true) > 10 && waits_s(false) <= 2, "{} {}", waits_s(true), waits_s(false));
 }
 
 fn well() -> Standing {
@@ -377,6 +398,7 @@ fn events() -> impl Strategy<Value = Vec<(i64, Event)>> {
                 model_revision: 0,
                 world_revision,
                 is_last,
+                is_to_goal: is_clear || is_last,
                 is_clear,
             },
         },

@@ -57,7 +57,7 @@ pub struct SimulateArgs {
     /// Replace an earlier result.
     #[arg(long)]
     force: bool,
-    /// Also write log.mcap, for Foxglove and the like: the log twice as large again, and the world.
+    /// Also write log.mcap, for Foxglove and the like: the log about as large again, with the world and the robot.
     #[arg(long)]
     mcap: bool,
     /// Print one JSON object and nothing else on stdout.

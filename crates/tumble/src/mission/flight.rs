@@ -196,7 +196,7 @@ impl Notes<'_> {
         }
         match &answer.found {
             Found::Way(answer) => self.planned_way(time_ns, request.request, answer),
-            Found::Retreat(answer, path) => {
+            Found::Retreat(answer, path, _) => {
                 let text = format!(
                     "no way was found: {}; {:.1} s to where more room is left",
                     answer.status,
@@ -502,7 +502,7 @@ fn drawn_ellipsoid(solid: &ObstacleEllipsoid) -> DrawnEllipsoid {
 
 /// What the robot holds some time of the mission.
 fn drawn_payload(source: &ScenarioSource) -> Result<Option<DrawnPayload>, TumbleError> {
-    let (Some(grasp), Some(table)) = (source.grasp()?, &source.scenario.payload) else { return Ok(None) };
+    let (Some(grasp), Some(table)) = (source.drawn_grasp()?, &source.scenario.payload) else { return Ok(None) };
     let (payload_from_box, edges_m) = grasp.payload.as_box();
     let robot_from_box = grasp.robot_from_payload * payload_from_box;
     Ok(Some(DrawnPayload {
@@ -542,7 +542,7 @@ fn too_late(problem: &MissionProblem, obstacle: &MovingObstacle, time_s: f64) ->
         depth_m: braking_m - gap_m,
         reason: format!(
             "{UNAVOIDABLE}at {time_s:.1} s something showed up {gap_m:.3} m ahead, and to stop from {closing_m_s:.3} m/s with \
-             {force_n:.2} N takes {braking_m:.3} m"
+             {force_n:.2} N after {REACTION_S} s takes {braking_m:.3} m"
         ),
     })
 }

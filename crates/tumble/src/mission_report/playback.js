@@ -238,7 +238,7 @@ const missionPage = (() => {
     fill(hull(outline), ink.obstacle, 0.13);
   };
 
-  document.getElementById('payload-key').hidden = !record.payload;
+  byId('payload-key').hidden = !record.payload;
   const drawSolidBox = ({ center, points, color }) => {
     if (seen(center)[2] <= nearest()) return;
     faces

@@ -552,7 +552,7 @@ impl ScenarioSource {
     }
 
     /// The payload and how it is held.
-    pub(crate) fn grasp(&self) -> Result<Option<Grasp>, TumbleError> {
+    pub(super) fn grasp(&self) -> Result<Option<Grasp>, TumbleError> {
         let Some(table) = &self.scenario.payload else { return Ok(None) };
         let written = WrittenBody {
             key: "payload",
@@ -569,6 +569,11 @@ impl ScenarioSource {
         let position = self.finite("payload.grasp_position_m", table.grasp_position_m)?;
         let robot_from_payload = Pose::from_parts(position.into(), rotation);
         Ok(Some(Grasp { payload: self.body(&written)?, robot_from_payload }))
+    }
+
+    /// The payload, where it has a mass and so can be drawn.
+    pub(crate) fn drawn_grasp(&self) -> Result<Option<Grasp>, TumbleError> {
+        Ok(self.grasp()?.filter(|grasp| grasp.payload.mass > 0.0))
     }
 
     fn payload_changes(&self, duration_ns: i64) -> Result<Vec<(i64, PayloadChange)>, TumbleError> {

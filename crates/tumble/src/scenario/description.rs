@@ -18,7 +18,7 @@ impl ScenarioSource {
         let edge_m = 2.0 * self.robot_radius_m()? / 3_f64.sqrt();
         let mut text = "<?xml version=\"1.0\"?>\n<robot name=\"robot\">\n".to_owned();
         link(&mut text, BODY_FRAME, &robot, &Pose::identity(), [edge_m; 3]);
-        if let Some(grasp) = self.grasp()? {
+        if let Some(grasp) = self.drawn_grasp()? {
             let (payload_from_box, edges_m) = grasp.payload.as_box();
             link(&mut text, "payload", &grasp.payload, &payload_from_box, edges_m);
             let _ = writeln!(
@@ -42,6 +42,7 @@ fn link(text: &mut String, name: &str, body: &InertialParameters<f64>, link_from
     );
 }
 
+/// Without the sign of a zero pitch.
 fn origin(pose: &Pose<f64>) -> String {
     let (roll, pitch, yaw) = pose.rotation.euler_angles();
     let place = pose.translation.vector;

@@ -85,6 +85,20 @@ fn an_obstacle_that_shows_up_late_stops_the_robot() {
     }
 }
 
+/// It stops nearer than it may stay, or in contact as it believes, and once waited there for a way until its localisation had wandered into the
+/// obstacle.
+#[test]
+fn a_robot_that_stopped_too_near_goes_where_room_is_left_and_arrives() {
+    for seed in [5, 6] {
+        let record = flown_with("iss-cargo", "nominal", "late-obstacle:2", seed);
+        assert!(record.summary.arrived && says(&record, "to where more room is left"), "{seed}");
+        assert!(record.summary.min_clearance_m.is_some_and(|clearance_m| clearance_m > 0.0), "{seed}");
+        // What showed up is drawn where it was, from then on.
+        let drawn = record.obstacles.last().unwrap();
+        assert!(drawn.seen_s[0] > 1.0 && record.payload.is_some(), "{drawn:?}");
+    }
+}
+
 #[test]
 fn a_nozzle_that_does_not_obey_is_not_taken_for_another_body_again_and_again() {
     let record = arrives("iss-cargo", "nozzle:2", 1);

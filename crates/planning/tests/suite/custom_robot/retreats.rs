@@ -61,7 +61,7 @@ fn who_stands_too_near_and_finds_no_way_goes_where_room_is_left() {
         assert!((clearance_m(&request, &request.start.world_from_body, 0.0) - apart_m).abs() < 1e-6);
         let answer = serve(&mut (Lost, planners().1), &request);
         assert_eq!(answer.units, 7);
-        let Found::Retreat(why, path) = answer.found else { panic!("{apart_m}: {:?}", answer.found) };
+        let Found::Retreat(why, path, _) = answer.found else { panic!("{apart_m}: {:?}", answer.found) };
         assert_eq!(why.status, Status::BudgetSpent(Vec::new()));
         let apart = on_the_way_out(&request, &path);
         assert!(apart.windows(2).all(|two| two[1] >= two[0] - 1e-9), "{apart:?}");
@@ -74,7 +74,7 @@ fn who_stands_too_near_and_finds_no_way_goes_where_room_is_left() {
             Asked::Stretch { way: path.into(), way_start_ns: 0, ambition: Ambition::AlongWay, elapsed_s: 0.0 };
         let request = PlanRequest { asked: stretch, ..request };
         let Found::Stretch(stretch, flown) = serve(&mut (Lost, planners().1), &request).found else { panic!() };
-        assert!(stretch.is_clear && stretch.is_last, "{apart_m}: {stretch:?}");
+        assert!(stretch.is_clear && stretch.is_last && !stretch.is_to_goal, "{apart_m}: {stretch:?}");
         let rest = clearance_m(&request, flown.motion.resting_pose(), flown.motion.rest_s());
         assert!((rest - end).abs() < 1e-6);
     }
@@ -83,7 +83,7 @@ fn who_stands_too_near_and_finds_no_way_goes_where_room_is_left() {
 #[test]
 fn who_goes_deeper_first_is_not_clear() {
     let request = asked(-0.03);
-    let Found::Retreat(_, out) = serve(&mut (Lost, planners().1), &request).found else { panic!() };
+    let Found::Retreat(_, out, _) = serve(&mut (Lost, planners().1), &request).found else { panic!() };
     let (last, _) = out.at(out.duration_s()).unwrap();
     let through =
         request.start.world_from_body.translation.vector * 2.0 - last.pose(last.duration_s).translation.vector;
