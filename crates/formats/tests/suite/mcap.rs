@@ -616,7 +616,7 @@ fn a_log_of_ours_is_a_flight() {
     }
 }
 
-/// The reader of the `mcap` crate, which shares nothing with ours, on what it wrote for us.
+/// The reader of the `mcap` crate, which shares nothing with ours, on what we wrote.
 #[test]
 fn another_reader_reads_what_we_write() {
     let log = log();
@@ -624,7 +624,7 @@ fn another_reader_reads_what_we_write() {
     let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
     let plain = unpacked_mcap(&bytes);
     let messages: Vec<_> = mcap::MessageStream::new(&plain).unwrap().map(Result::unwrap).collect();
-    // Records and their check sums as they lie in the file, and where the summary says that each message is.
+    // Each record as it lies in the file, and the indexes of messages, found by the summary.
     assert!(mcap::read::LinearReader::new(&bytes).unwrap().all(|record| record.is_ok()));
     let indexed = summary.chunk_indexes.iter().map(|chunk| {
         let indexes = summary.read_message_indexes(&bytes, chunk).unwrap();
