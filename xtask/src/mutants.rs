@@ -89,6 +89,13 @@ const MUTANTS: &[Mutant] = &[
         test: "-p tumble-planning --test suite retreats",
     },
     Mutant {
+        name: "flight estimator: what wandered loudly goes on doing so for a filter that begins anew",
+        file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
+        original: "        self.covariance = fresh;\n        self.louder = [1.0; 3];",
+        replacement: "        self.covariance = fresh;",
+        test: "-p tumble --test suite a_localisation_that_comes_back_is_followed_again",
+    },
+    Mutant {
         name: "identify: white errors of the velocity are no part of what positions leave",
         file: "crates/identification/src/identify/wander.rs",
         original: "2.0 / 3.0 * per_block",
@@ -105,8 +112,8 @@ const MUTANTS: &[Mutant] = &[
     Mutant {
         name: "flight estimator: begun anew, it is sure of a wrench that was in doubt",
         file: "crates/identification/src/recursive/flight_estimator/filtered.rs",
-        original: "        if self.wrench_is_doubtful {\n            self.widen_motion(rules);",
-        replacement: "        if false {\n            self.widen_motion(rules);",
+        original: "if self.wrench_is_doubtful || is_lost {\n            self.widen_motion(rules);\n        }\n        if self.wrench_is_doubtful {",
+        replacement: "if is_lost {\n            self.widen_motion(rules);\n        }\n        if false {",
         test: "-p tumble-identification --lib flight_estimator",
     },
     Mutant {

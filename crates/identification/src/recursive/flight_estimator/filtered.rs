@@ -27,6 +27,8 @@ const OUT_OF_PATIENCE: f64 = 2.0;
 const SETTLING_NS: i64 = 5_000_000_000;
 /// One that keeps moving for longer than this is right, and it is the body that is not what is believed.
 const LONGEST_SETTLING_NS: i64 = 10_000_000_000;
+/// A localisation that contradicts the motion for longer than this is no jump that comes back: it is the motion that is off.
+const LONGEST_JUMP_NS: i64 = 6_000_000_000;
 /// By how much more likely, as a logarithm, an accelerometer without errors of scale has to become to be believed: two thousand times.
 const SANE_LOG_ODDS: f64 = 7.6;
 /// Least error of scale that a sane accelerometer is taken to have.
@@ -147,6 +149,8 @@ pub(super) struct Filtered {
     /// Whether actuators are thought not to do what they are told.
     wrench_is_doubtful: bool,
     jump: Option<Jump>,
+    /// Since when, and when last, it began anew because it contradicted what was measured, less than a settling apart.
+    contradicted: Option<(i64, i64)>,
     unsettled: Option<Unsettled>,
     last: Seen,
 }
@@ -187,6 +191,7 @@ impl Filtered {
             log_likelihood: 0.0,
             wrench_is_doubtful: false,
             jump: None,
+            contradicted: None,
             unsettled: None,
             last: Seen::default(),
         }
@@ -619,11 +624,8 @@ impl Filtered {
             self.covariance[(BODY + i, BODY + i)] += deviation[i] * deviation[i];
         }
         self.widen_drift(&rules.settings.wrench.doubted());
-        // So are the sensors' errors that took blame for the body.
-        for (i, deviation) in rules.model.slow_deviation().iter().enumerate().take(ACCELERATION_SCALE).skip(WANDER) {
-            self.covariance[(i, i)] += deviation * deviation;
-        }
-        (self.louder, self.about) = ([1.0; 3], None);
+        self.widen_errors_of_sensors(rules);
+        self.about = None;
         self.monitor = Monitor::of_new_body();
         self.unsettled = None;
     }
@@ -632,6 +634,7 @@ impl Filtered {
     pub(super) fn doubt_wrench(&mut self, rules: &Rules) {
         self.widen_motion(rules);
         self.widen_drift(&rules.settings.wrench.doubted());
+        self.widen_errors_of_sensors(rules);
         self.wrench_is_doubtful = true;
         self.monitor = Monitor::of_learning();
     }
@@ -656,14 +659,23 @@ impl Filtered {
         }
     }
 
+    /// The sensors' errors took blame for what was wrong.
+    fn widen_errors_of_sensors(&mut self, rules: &Rules) {
+        for (i, deviation) in rules.model.slow_deviation().iter().enumerate().take(ACCELERATION_SCALE).skip(WANDER) {
+            self.covariance[(i, i)] += deviation * deviation;
+        }
+        self.louder = [1.0; 3];
+    }
+
     fn widen_drift(&mut self, doubted: &WrenchErrors) {
         for i in 0..6 {
             self.covariance[(DRIFT + i, DRIFT + i)] += doubted.drift[i] * doubted.drift[i];
         }
     }
 
-    /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is. Where the wrench is in doubt it stays so, and
-    /// the motion, which was that of other forces, is less certain.
+    /// Another body with its covariance, and the wrench's errors as at the start; the motion as it is, against a localisation that jumped and may come
+    /// back, and the wander as loud as stated, so that it explains no jump. A motion that has been contradicted for longer than that is less certain,
+    /// and so is one where the wrench is in doubt, which it stays: it was that of other forces.
     pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
         (self.state.joint.body, self.about) = (*body, None);
         (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
@@ -676,8 +688,15 @@ impl Filtered {
             }
         }
         self.covariance = fresh;
-        if self.wrench_is_doubtful {
+        self.louder = [1.0; 3];
+        let again = self.contradicted.filter(|(_, last_ns)| self.stamp_ns - last_ns < SETTLING_NS);
+        let since_ns = again.map_or(self.stamp_ns, |(since_ns, _)| since_ns);
+        self.contradicted = Some((since_ns, self.stamp_ns));
+        let is_lost = self.stamp_ns - since_ns > LONGEST_JUMP_NS;
+        if self.wrench_is_doubtful || is_lost {
             self.widen_motion(rules);
+        }
+        if self.wrench_is_doubtful {
             self.widen_drift(&rules.settings.wrench.doubted());
         } else {
             self.jump = None;
