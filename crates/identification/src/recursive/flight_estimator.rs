@@ -418,7 +418,8 @@ impl FlightEstimator {
         self.newest().monitor.health()
     }
 
-    /// The body back to a prior from now on, the motion kept.
+    /// The body back to a prior from now on, the motion kept, the wander of the localisation as loud as the settings state. Called again and again for
+    /// longer than six seconds, less than five apart, it also makes the motion less certain: no jump that comes back lasts so long.
     ///
     /// # Errors
     /// As [`try_new`](Self::try_new) for the prior; nothing is changed then.
@@ -436,7 +437,7 @@ impl FlightEstimator {
     }
 
     /// Actuators do not do what they are told: from now on, for good, the wrench may be off by what is
-    /// [`WrenchErrors::doubted`], whatever it was before.
+    /// [`WrenchErrors::doubted`], whatever it was before. Motion and slow errors of the sensors are less certain, too, once.
     pub fn wrench_doubtful(&mut self) {
         self.happen_now(Event::WrenchDoubted);
     }
