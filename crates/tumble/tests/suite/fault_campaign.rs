@@ -143,16 +143,14 @@ fn mass_off_by(summary: &MissionSummary) -> f64 {
 fn a_mass_that_is_far_off_is_never_told_without_a_doubt() {
     let cases = [("iss-cargo", "nozzle:1"), ("granite-cargo", "nozzle:1"), ("iss-cargo", "mass-step:2")];
     for (scenario, fault) in cases {
-        for sensing in ["ideal", "nominal"] {
-            for seed in [1, 4] {
-                let summary = sensed(scenario, sensing, Some(fault), seed);
-                let at = format!("{scenario} {fault} {sensing} {seed}: {:?}", summary.doubts);
-                let of_these = |what| matches!(what, DoubtOf::Body | DoubtOf::Actuators);
-                assert!(summary.doubts.iter().any(|doubt| of_these(doubt.what)), "{at}");
-                if mass_off_by(&summary) > 4.0 {
-                    assert!(summary.standing_doubts().into_iter().any(of_these), "{at}");
-                    assert_ne!(summary.verdict(), MissionVerdict::Accomplished, "{at}");
-                }
+        for (sensing, seed) in [("ideal", 1), ("nominal", 4)] {
+            let summary = sensed(scenario, sensing, Some(fault), seed);
+            let at = format!("{scenario} {fault} {sensing} {seed}: {:?}", summary.doubts);
+            let of_these = |what| matches!(what, DoubtOf::Body | DoubtOf::Actuators);
+            assert!(summary.doubts.iter().any(|doubt| of_these(doubt.what)), "{at}");
+            if mass_off_by(&summary) > 4.0 {
+                assert!(summary.standing_doubts().into_iter().any(of_these), "{at}");
+                assert_ne!(summary.verdict(), MissionVerdict::Accomplished, "{at}");
             }
         }
     }
@@ -176,15 +174,14 @@ fn a_body_that_changes_by_a_tenth_is_learned_or_doubted() {
     assert!(off.is_empty(), "{off:?}");
 }
 
+/// `cargo xtask ci --only missions` flies ninety more.
 #[test]
 fn a_mission_that_nothing_is_wrong_with_ends_without_a_doubt() {
     for scenario in ["iss-cargo", "granite-cargo"] {
         for sensing in ["ideal", "nominal"] {
-            for seed in [1, 2, 3] {
-                let summary = sensed(scenario, sensing, None, seed);
-                assert_eq!(summary.standing_doubts(), [], "{scenario} {sensing} {seed}: {:?}", summary.doubts);
-                assert!(mass_off_by(&summary) < 4.0, "{scenario} {sensing} {seed}");
-            }
+            let summary = sensed(scenario, sensing, None, 1);
+            assert_eq!(summary.standing_doubts(), [], "{scenario} {sensing}: {:?}", summary.doubts);
+            assert!(mass_off_by(&summary) < 4.0, "{scenario} {sensing}");
         }
     }
 }

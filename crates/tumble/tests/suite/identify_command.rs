@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
+use std::sync::LazyLock;
 use tumble::demo;
 
 fn stdout(output: &Output) -> String {
@@ -17,7 +18,8 @@ const HEADER: &str = "t_s,p_x,p_y,p_z,q_x,q_y,q_z,q_w,f_x,f_y,f_z,tau_x,tau_y,ta
 
 /// The demo flight as a log file, with a hook for each row's cells.
 fn write_log(path: &Path, rows: usize, start_s: i64, mut edit: impl FnMut(usize, &mut Vec<String>)) {
-    let flight = demo::simulate(7).unwrap();
+    static FLIGHT: LazyLock<demo::Demo> = LazyLock::new(|| demo::simulate(7).unwrap());
+    let flight = &*FLIGHT;
     let mut text = format!("{HEADER}\n");
     for (k, sample) in flight.record.iter().take(rows).enumerate() {
         let pose = sample.world_from_body.unwrap();

@@ -324,6 +324,8 @@ impl<'a> Fit<'a> {
             })
             .collect();
         (self.rows, self.valid) = (rows, valid);
+        // What was rejected as older or younger measurements counts again.
+        self.gated = [0; STREAMS];
     }
 
     /// Velocities are as old as the poses.
