@@ -691,6 +691,23 @@ fn the_bytes_of_a_log_follow_from_its_rows() {
     assert_eq!(crc32fast::hash(&write(&log())), 4_288_394_940);
 }
 
+/// Players seek by the index: every offset in it is of the record that it says.
+#[test]
+fn the_index_points_at_chunks_and_at_their_messages() {
+    const CHUNK: u8 = 0x06;
+    const MESSAGE_INDEX: u8 = 0x07;
+    let bytes = write(&log());
+    let at = |offset: u64| bytes[usize::try_from(offset).unwrap()];
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    assert!(summary.chunk_indexes.len() > 3);
+    for chunk in &summary.chunk_indexes {
+        let offsets: Vec<u64> = chunk.message_index_offsets.values().copied().collect();
+        assert_eq!(at(chunk.chunk_start_offset), CHUNK);
+        assert!(offsets.iter().all(|offset| at(*offset) == MESSAGE_INDEX), "{offsets:?}");
+        assert_eq!(offsets.iter().min(), Some(&(chunk.chunk_start_offset + chunk.chunk_length)));
+    }
+}
+
 #[test]
 fn power_cuts_cost_at_most_the_last_second() {
     let log = log();

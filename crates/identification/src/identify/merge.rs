@@ -2,7 +2,7 @@
 
 use super::solution::{Solution, solve};
 use super::verdict::{Marks, Silence, verdict};
-use super::{Identification, Noise, Plan, Prior, Settings, Warning};
+use super::{Identification, Noise, Plan, Prior, Settings, Warning, weak_excitation};
 use crate::error::IdentificationError;
 use crate::likelihood::{Nuisance, NuisanceEstimate, Verdict};
 use crate::{Observability, SquareRootInformation};
@@ -35,8 +35,13 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
     let Solution { estimate, regularised } = solve(information, scale, rank == 10, &plan)?;
     let samples = |count: fn(&Identification) -> usize| parts.iter().map(count).sum::<usize>();
     let mut warnings: Vec<Warning> = Vec::new();
+    let of_motion = |warning: &Warning| matches!(warning, Warning::WeakExcitation { .. });
     for warning in parts.iter().flat_map(|part| &part.warnings) {
-        if *warning == Warning::ConstraintActive || (*warning == Warning::ZeroWrench && !all_silent) {
+        // What one stretch does not show another may.
+        if *warning == Warning::ConstraintActive
+            || (*warning == Warning::ZeroWrench && !all_silent)
+            || of_motion(warning)
+        {
             continue;
         }
         if !warnings.iter_mut().any(|known| known.absorb(warning)) {
@@ -67,7 +72,7 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
         let weighted: f64 = parts.iter().map(|part| part.samples_used as f64 * level(&part.noise).powi(2)).sum();
         (weighted / (samples(|part| part.samples_used) as f64).max(1.0)).sqrt()
     };
-    Ok(Identification {
+    let mut found = Identification {
         method: main.method,
         wrench_timing: main.wrench_timing,
         lag: main.lag,
@@ -102,7 +107,12 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
         residuals: parts.iter().flat_map(|part| part.residuals.iter().copied()).collect(),
         warnings,
         marks: Marks::default(),
-    })
+    };
+    if parts.iter().all(|part| part.warnings.iter().any(of_motion)) {
+        let weak = weak_excitation(&found);
+        found.warnings.extend(weak);
+    }
+    Ok(found)
 }
 
 /// The calibration of all stretches, and how many of them have one.
@@ -165,6 +175,25 @@ impl Warning {
             (Self::BiasedByNoise { deviations }, Self::BiasedByNoise { deviations: worse }) => {
                 *deviations = deviations.max(*worse);
             }
+            (Self::ManyOutliers { rejected, rows }, Self::ManyOutliers { rejected: more, rows: more_rows }) => {
+                *rejected += more;
+                *rows += more_rows;
+            }
+            (
+                Self::UnmodelledWrench { torque_n_m, force_n, times },
+                Self::UnmodelledWrench { torque_n_m: more_torque, force_n: more_force, times: worse },
+            ) => {
+                *torque_n_m = torque_n_m.max(*more_torque);
+                *force_n = force_n.max(*more_force);
+                *times = times.max(*worse);
+            }
+            (
+                Self::ColouredNoise { column, sigma_inflation },
+                Self::ColouredNoise { column: same, sigma_inflation: worse },
+            ) if column == same => *sigma_inflation = sigma_inflation.max(*worse),
+            (Self::WidenedSigma { factor }, Self::WidenedSigma { factor: worse }) => *factor = factor.max(*worse),
+            (Self::PosesAlone { column }, Self::PosesAlone { column: same }) if column == same => {}
+            (Self::Feedback { share }, Self::Feedback { share: worse }) => *share = share.max(*worse),
             (Self::FilterDiverged { .. }, Self::FilterDiverged { .. })
             | (Self::PlanarMotion { .. }, Self::PlanarMotion { .. })
             | (Self::OnTable, Self::OnTable)

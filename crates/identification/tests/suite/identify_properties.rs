@@ -358,6 +358,14 @@ fn what_the_data_do_not_say_is_not_invented() {
     let regularised = found.regularised.unwrap();
     assert!((regularised.parameters.mass - 5.0).abs() < 0.05, "{}", regularised.parameters.mass);
     check_consistent(&found);
+    // What no half of the record shows is said once of the whole.
+    let halves = record.chunks(record.len().div_ceil(2));
+    let halves: Vec<_> = halves.map(|half| free.identify(half, &Settings::default()).unwrap()).collect();
+    let whole = merge(&halves, None).unwrap();
+    let unseen =
+        |found: &Identification| found.warnings.iter().filter(|w| matches!(w, Warning::WeakExcitation { .. })).count();
+    assert!(halves.iter().all(|half| unseen(half) > 0) && whole.rank < 10);
+    assert_eq!(unseen(&whole), 10 - whole.rank);
 
     // The same with a prior asked for.
     let prior = Prior { mean: disc, standard_deviation: disc.to_vector().map(|x| 0.1 * x.abs() + 0.01) };

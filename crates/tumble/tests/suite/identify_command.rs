@@ -411,6 +411,8 @@ fn a_log_longer_than_the_memory_share_is_taken_part_by_part() {
     let object = json(&output);
     assert_eq!(object["samples_used"], rows);
     assert_eq!(object["rank"], 4);
+    // What no part shows is said once.
+    assert_eq!(object["warnings"].as_array().unwrap().len(), 6, "{}", object["warnings"]);
     assert!((object["mass_kg"].as_f64().unwrap() / 5.0 - 1.0).abs() < 1e-3, "{}", object["mass_kg"]);
     assert!(object["com_m"][0].as_f64().unwrap().abs() < 1e-3);
     assert!(object["inertia_about_com_kg_m2"][0][0].is_null());
