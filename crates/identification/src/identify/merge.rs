@@ -164,7 +164,8 @@ impl Warning {
             | (Self::NoisyRates { noise_share, .. }, Self::NoisyRates { noise_share: worse, .. }) => {
                 *noise_share = noise_share.max(*worse);
             }
-            (Self::Discretisation { share }, Self::Discretisation { share: worse }) => *share = share.max(*worse),
+            (Self::Discretisation { share }, Self::Discretisation { share: worse })
+            | (Self::Feedback { share }, Self::Feedback { share: worse }) => *share = share.max(*worse),
             (Self::HeldWrenches { samples }, Self::HeldWrenches { samples: more }) => *samples += more,
             (Self::FewRows { rows }, Self::FewRows { rows: more })
             | (Self::NotCalibrated { rows }, Self::NotCalibrated { rows: more }) => *rows += more,
@@ -193,7 +194,6 @@ impl Warning {
             ) if column == same => *sigma_inflation = sigma_inflation.max(*worse),
             (Self::WidenedSigma { factor }, Self::WidenedSigma { factor: worse }) => *factor = factor.max(*worse),
             (Self::PosesAlone { column }, Self::PosesAlone { column: same }) if column == same => {}
-            (Self::Feedback { share }, Self::Feedback { share: worse }) => *share = share.max(*worse),
             (Self::FilterDiverged { .. }, Self::FilterDiverged { .. })
             | (Self::PlanarMotion { .. }, Self::PlanarMotion { .. })
             | (Self::OnTable, Self::OnTable)
