@@ -11,7 +11,8 @@ use crate::{Observability, SquareRootInformation};
 ///
 /// What was estimated beside the body is averaged, each stretch weighted by its own variance. Each stretch is identified without
 /// a prior; the prior enters here, once. Method, lag and step are those of the stretch
-/// with the most samples; rows that would reach across a cut are lost, as across a gap.
+/// with the most samples; rows that would reach across a cut are lost, as across a gap. Warnings of a kind become one, with the worse number;
+/// what the motion does not show is judged of the whole.
 ///
 /// # Errors
 /// [`IdentificationError::TooFewSamples`] without any stretch; [`IdentificationError::NotConverged`] of the constrained
@@ -37,7 +38,7 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
     let mut warnings: Vec<Warning> = Vec::new();
     let of_motion = |warning: &Warning| matches!(warning, Warning::WeakExcitation { .. });
     for warning in parts.iter().flat_map(|part| &part.warnings) {
-        // What one stretch does not show another may.
+        // What one stretch does not show another may: that is judged of the whole, below.
         if *warning == Warning::ConstraintActive
             || (*warning == Warning::ZeroWrench && !all_silent)
             || of_motion(warning)
@@ -108,7 +109,7 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
         warnings,
         marks: Marks::default(),
     };
-    if parts.iter().all(|part| part.warnings.iter().any(of_motion)) {
+    if parts.iter().any(|part| part.warnings.iter().any(of_motion)) {
         let weak = weak_excitation(&found);
         found.warnings.extend(weak);
     }

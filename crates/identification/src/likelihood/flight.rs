@@ -17,6 +17,7 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 mod thrusters;
+mod tiles;
 mod unit;
 mod weak_form;
 

@@ -551,8 +551,9 @@ fn of_mass(mass_kg: f64, seed: u64) -> (InertialParameters<f64>, Vec<MotionSampl
     (body, record)
 }
 
-/// Ten seeds for each mass; a chip of 26 mm, seen to a millimetre, mostly gets the verdict that no body explains its wrench. An answer lies inside what it states: squared in units of its covariance its error is below the quantile that 99.9 %
-/// of ten normal numbers are below, for at least 95 % of the answers.
+/// Ten seeds for each mass, of which each filter takes half. A chip of 26 mm, seen to a millimetre, mostly gets the verdict that no body explains
+/// its wrench. An answer lies inside what it states: squared in units of its covariance its error is below the quantile that 99.9 % of ten
+/// normal numbers are below, for at least 95 % of the answers.
 fn answers_lie_inside_what_they_state(method: &'static str, masses_kg: &[f64]) {
     const QUANTILE: f64 = 29.588;
     let (mut answers, mut inside) = (0, 0);
@@ -586,12 +587,12 @@ fn answers_lie_inside_what_they_state(method: &'static str, masses_kg: &[f64]) {
 
 #[test]
 fn the_extended_filter_answers_or_says_why_from_a_chip_to_a_satellite() {
-    answers_lie_inside_what_they_state("ekf", &[0.05, 0.5, 5.0, 50.0, 300.0, 500.0]);
+    answers_lie_inside_what_they_state("ekf", &[0.05, 5.0, 300.0]);
 }
 
 #[test]
 fn the_unscented_filter_answers_or_says_why_from_a_chip_to_a_satellite() {
-    answers_lie_inside_what_they_state("ukf", &[0.05, 0.5, 5.0, 50.0, 300.0, 500.0]);
+    answers_lie_inside_what_they_state("ukf", &[0.5, 50.0, 500.0]);
 }
 
 /// Levels that are written in kilograms, metres or seconds.

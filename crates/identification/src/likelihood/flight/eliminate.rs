@@ -10,6 +10,7 @@
 #![allow(clippy::needless_range_loop)] // indices are those of the formulas
 
 use super::layout::{MOTION, NOISES, ROWS, STATES, WANDERS, WRENCH};
+use super::tiles::{DEPTH, Rows, TILE, add_product, padded};
 
 /// Sizes of a chain.
 #[derive(Clone, Copy, Debug)]
@@ -34,16 +35,6 @@ impl Shape {
     /// Columns of the flow: motion, errors of the wrench, dynamic parameters, one.
     pub(super) fn flow(self) -> usize {
         MOTION + WRENCH + self.dynamic + 1
-    }
-
-    /// Where each column of the flow stands among state, noises, parameters, one.
-    fn place(self, column: usize) -> usize {
-        match column {
-            c if c < MOTION => c,
-            c if c < MOTION + WRENCH => STATES + c - MOTION,
-            c if c + 1 < self.flow() => STATES + NOISES + c - MOTION - WRENCH,
-            _ => self.width() - 1,
-        }
     }
 }
 
@@ -150,90 +141,139 @@ impl Chain {
     }
 
     /// The form at the start of segment `from`, of the segments up to `to`; with `keep` the gains stay for the way forward.
+    ///
+    /// Within, the noises come after state, parameters and one, so that what is left of the form begins at its start.
     pub(super) fn eliminate(&mut self, from: usize, to: usize, keep: bool) -> Form {
         let shape = self.shape;
-        let (ny, nz, nf, p) = (shape.eliminated(), shape.width(), shape.flow(), shape.parameters);
-        let mut v = vec![0.0; ny * ny];
-        let mut q = vec![0.0; nz * nz];
-        let mut b = vec![0.0; ny * nz];
-        let mut dense = vec![0.0; nf];
-        let mut quy = vec![0.0; NOISES * ny];
-        let places: Vec<usize> = (0..nf).map(|c| shape.place(c)).collect();
+        let (ny, nf, p) = (shape.eliminated(), shape.flow(), shape.parameters);
+        let (one, first_noise, wide) = (ny - 1, padded(ny), padded(nf));
+        let width = first_noise + padded(NOISES);
+        let mut v = vec![0.0; width * width];
+        let mut q = vec![0.0; width * width];
+        let mut rows = vec![0.0; ROWS * width];
+        let mut weighted = vec![0.0; ROWS * width];
+        let mut flow = vec![0.0; MOTION * wide];
+        let mut moved = vec![0.0; wide * first_noise];
+        let mut turned = vec![0.0; MOTION * wide];
+        let mut twice = vec![0.0; wide * wide];
+        let mut noises = vec![0.0; NOISES * first_noise];
+        let mut less = vec![0.0; NOISES * first_noise];
+        let places: Vec<usize> = (0..nf)
+            .map(|column| match column {
+                c if c < MOTION => c,
+                c if c < MOTION + WRENCH => first_noise + c - MOTION,
+                c if c + 1 < nf => STATES + c - MOTION - WRENCH,
+                _ => one,
+            })
+            .collect();
         for j in (from..to).rev() {
             q.fill(0.0);
-            let weights = &self.weights[j];
-            for a in 0..nz {
-                let measured = (0..ROWS).filter(|i| weights[*i] != 0.0).map(|i| {
-                    let row = &self.row(j, i)[a..];
-                    (weights[i] * row[0], row)
-                });
-                accumulate(&mut q[a * nz + a..(a + 1) * nz], measured);
+            let mut count = 0;
+            for (i, &weight) in self.weights[j].iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
+                let (row, at) = (self.row(j, i), count * width);
+                let out = &mut rows[at..at + width];
+                out[..STATES].copy_from_slice(&row[..STATES]);
+                out[STATES..ny].copy_from_slice(&row[STATES + NOISES..]);
+                out[first_noise..first_noise + NOISES].copy_from_slice(&row[STATES..STATES + NOISES]);
+                for (weighted, x) in weighted[at..at + width].iter_mut().zip(out) {
+                    *weighted = weight * *x;
+                }
+                count += 1;
             }
+            let of = |values| Rows { width, values };
+            add_product(&mut q, width, of(&weighted[..count * width]), of(&rows[..count * width]), true);
             if j + 1 < to {
-                let flow = &self.flow[j * MOTION * nf..(j + 1) * MOTION * nf];
-                for r in 0..ny {
-                    let vr = &v[r * ny..(r + 1) * ny];
-                    let br = &mut b[r * nz..(r + 1) * nz];
-                    dense.fill(0.0);
-                    accumulate(&mut dense, (0..MOTION).map(|i| (vr[i], &flow[i * nf..(i + 1) * nf])));
-                    br.fill(0.0);
-                    for (column, &place) in places.iter().enumerate() {
-                        br[place] = dense[column];
-                    }
-                    for i in 0..WANDERS {
-                        br[MOTION + i] = vr[MOTION + i] * self.wandering.decay[i];
-                        br[STATES + WRENCH + i] = vr[MOTION + i] * self.wandering.drive[i];
-                    }
-                    for (out, x) in br[STATES + NOISES..].iter_mut().zip(&vr[STATES..]) {
-                        *out += x;
+                for (out, row) in
+                    flow.chunks_exact_mut(wide).zip(self.flow[j * MOTION * nf..(j + 1) * MOTION * nf].chunks_exact(nf))
+                {
+                    out[..nf].copy_from_slice(row);
+                }
+                let flow = Rows { width: wide, values: &flow };
+                // Of the form after the segment, what the flow makes of the motion's part: once, and on both sides.
+                moved.fill(0.0);
+                let motion: Vec<f64> =
+                    v.chunks_exact(width).take(MOTION).flat_map(|row| &row[..first_noise]).copied().collect();
+                add_product(&mut moved, first_noise, flow, Rows { width: first_noise, values: &motion }, false);
+                for (i, turned) in turned.chunks_exact_mut(wide).enumerate() {
+                    for (out, row) in turned.iter_mut().zip(moved.chunks_exact(first_noise)) {
+                        *out = row[i];
                     }
                 }
-                for (column, &a) in places.iter().enumerate() {
-                    let moved = (0..MOTION).map(|i| (flow[i * nf + column], &b[i * nz + a..(i + 1) * nz]));
-                    accumulate(&mut q[a * nz + a..(a + 1) * nz], moved);
+                twice.fill(0.0);
+                add_product(&mut twice, wide, Rows { width: wide, values: &turned }, flow, true);
+                for (c, &a) in places.iter().enumerate() {
+                    for (more, &b) in twice[c * wide + c..c * wide + nf].iter().zip(&places[c..]) {
+                        q[a.min(b) * width + a.max(b)] += more;
+                    }
+                    let row = &moved[c * first_noise..c * first_noise + ny];
+                    for i in 0..WANDERS {
+                        let (state, noise) = (MOTION + i, first_noise + WRENCH + i);
+                        q[a.min(state) * width + a.max(state)] += row[state] * self.wandering.decay[i];
+                        q[a.min(noise) * width + a.max(noise)] += row[state] * self.wandering.drive[i];
+                    }
+                    if a < MOTION {
+                        for (out, more) in q[a * width + STATES..a * width + ny].iter_mut().zip(&row[STATES..]) {
+                            *out += more;
+                        }
+                    } else {
+                        for (b, more) in row.iter().enumerate().skip(STATES) {
+                            let twice = if a == b { 2.0 } else { 1.0 };
+                            q[a.min(b) * width + a.max(b)] += twice * more;
+                        }
+                    }
                 }
                 for i in 0..WANDERS {
-                    let of = (MOTION + i) * nz;
-                    for (a, factor) in
-                        [(MOTION + i, self.wandering.decay[i]), (STATES + WRENCH + i, self.wandering.drive[i])]
-                    {
-                        axpy(&mut q[a * nz + a..(a + 1) * nz], factor, &b[of + a..of + nz]);
+                    let (state, noise) = (MOTION + i, first_noise + WRENCH + i);
+                    let (decay, drive) = (self.wandering.decay[i], self.wandering.drive[i]);
+                    let row = &v[state * width..state * width + ny];
+                    for k in 0..WANDERS {
+                        let (other, beside) = (MOTION + k, first_noise + WRENCH + k);
+                        let value = v[state.min(other) * width + state.max(other)];
+                        q[state * width + beside] += value * decay * self.wandering.drive[k];
+                        if k >= i {
+                            q[state * width + other] += value * decay * self.wandering.decay[k];
+                            q[noise * width + beside] += value * drive * self.wandering.drive[k];
+                        }
+                    }
+                    for (b, value) in row.iter().enumerate().skip(STATES) {
+                        q[state * width + b] += value * decay;
+                        q[b * width + noise] += value * drive;
                     }
                 }
-                for i in 0..=p {
-                    let (a, of) = (STATES + NOISES + i, (STATES + i) * nz);
-                    axpy(&mut q[a * nz + a..(a + 1) * nz], 1.0, &b[of + a..of + nz]);
+                for a in STATES..STATES + p + 1 {
+                    for (out, value) in
+                        q[a * width + a..a * width + ny].iter_mut().zip(&v[a * width + a..a * width + ny])
+                    {
+                        *out += value;
+                    }
                 }
             }
             for i in 0..NOISES {
-                let a = STATES + i;
-                q[a * nz + a] += 1.0;
+                let a = first_noise + i;
+                q[a * width + a] += 1.0;
             }
             for (i, error) in self.errors[j].iter().enumerate() {
-                q[(STATES + i) * nz + nz - 1] += error;
-                q[nz * nz - 1] += error * error;
+                q[one * width + first_noise + i] += error;
+                q[one * width + one] += error * error;
             }
             if j == from {
                 for (i, precision) in self.first.iter().enumerate() {
-                    q[i * nz + i] += precision;
+                    q[i * width + i] += precision;
                 }
                 for (i, sigma) in self.wandering.sigma.iter().enumerate() {
-                    q[(MOTION + i) * nz + MOTION + i] += 1.0 / (sigma * sigma);
+                    q[(MOTION + i) * width + MOTION + i] += 1.0 / (sigma * sigma);
                 }
             }
             // Noises out.
-            for i in 0..NOISES {
-                let a = STATES + i;
-                let out = &mut quy[i * ny..(i + 1) * ny];
-                for (x, out) in out[..STATES].iter_mut().enumerate() {
-                    *out = q[x * nz + a];
+            for (i, out) in noises.chunks_exact_mut(first_noise).enumerate() {
+                for (out, row) in out.iter_mut().zip(q.chunks_exact(width)) {
+                    *out = row[first_noise + i];
                 }
-                out[STATES..].copy_from_slice(&q[a * nz + STATES + NOISES..(a + 1) * nz]);
             }
             let factor = &mut self.factors[j];
             for i in 0..NOISES {
                 for c in 0..=i {
-                    let mut sum = q[(STATES + c) * nz + STATES + i];
+                    let mut sum = q[(first_noise + c) * width + first_noise + i];
                     for t in 0..c {
                         sum -= factor[i][t] * factor[c][t];
                     }
@@ -242,45 +282,38 @@ impl Chain {
                 }
             }
             for i in 0..NOISES {
-                let (before, here) = quy.split_at_mut(i * ny);
-                let here = &mut here[..ny];
-                accumulate(here, (0..i).map(|t| (-factor[i][t], &before[t * ny..(t + 1) * ny])));
-                let share = 1.0 / factor[i][i];
-                scale(here, share);
+                let (before, here) = noises.split_at_mut(i * first_noise);
+                let here = &mut here[..first_noise];
+                accumulate(here, (0..i).map(|t| (-factor[i][t], &before[t * first_noise..(t + 1) * first_noise])));
+                scale(here, 1.0 / factor[i][i]);
             }
-            for r in 0..ny {
-                let a = if r < STATES { r } else { r + NOISES };
-                let out = &mut v[r * ny..(r + 1) * ny];
-                for (c, out) in out.iter_mut().enumerate().skip(r) {
-                    let at = if c < STATES { c } else { c + NOISES };
-                    *out = q[a * nz + at];
-                }
-                let noises = (0..NOISES).map(|i| {
-                    let row = &quy[i * ny + r..(i + 1) * ny];
-                    (-row[0], row)
-                });
-                accumulate(&mut out[r..], noises);
+            for (less, more) in less.iter_mut().zip(&noises) {
+                *less = -more;
             }
-            for r in 0..ny {
+            let of = |values| Rows { width: first_noise, values };
+            add_product(&mut q, width, of(&less), of(&noises), true);
+            for r in 1..MOTION {
                 for c in 0..r {
-                    v[r * ny + c] = v[c * ny + r];
+                    q[r * width + c] = q[c * width + r];
                 }
             }
+            core::mem::swap(&mut v, &mut q);
             if keep {
                 for i in (0..NOISES).rev() {
-                    let (here, after) = quy[i * ny..].split_at_mut(ny);
+                    let (here, after) = noises[i * first_noise..].split_at_mut(first_noise);
                     for t in i + 1..NOISES {
-                        let at = (t - i - 1) * ny;
-                        axpy(here, -factor[t][i], &after[at..at + ny]);
+                        let at = (t - i - 1) * first_noise;
+                        axpy(here, -factor[t][i], &after[at..at + first_noise]);
                     }
-                    let share = 1.0 / factor[i][i];
-                    scale(here, share);
+                    scale(here, 1.0 / factor[i][i]);
                 }
-                let at = j * NOISES * ny;
-                self.gains[at..at + NOISES * ny].copy_from_slice(&quy);
+                let gains = self.gains[j * NOISES * ny..(j + 1) * NOISES * ny].chunks_exact_mut(ny);
+                for (gain, noise) in gains.zip(noises.chunks_exact(first_noise)) {
+                    gain.copy_from_slice(&noise[..ny]);
+                }
             }
         }
-        v
+        (0..ny * ny).map(|at| (at / ny, at % ny)).map(|(a, b)| v[a.min(b) * width + a.max(b)]).collect()
     }
 
     /// States and noises of every segment for a first state and a step of the parameters.
@@ -323,46 +356,50 @@ impl Chain {
 
     /// Shares of freedom that states, noises and parameters take of each row, and the posterior variances of the errors of the wrench,
     /// from the covariance of first state and parameters (symmetric, `STATES + parameters` wide).
+    ///
+    /// The noises are `u = -K y + e`, where e is of its own covariance S, beside y of state and parameters with covariance C.
     pub(super) fn shares(&self, covariance: &[f64]) -> (Vec<[f64; ROWS]>, Vec<[f64; WRENCH]>) {
         let shape = self.shape;
         let (n, p, nf) = (STATES + shape.parameters, shape.parameters, shape.flow());
-        let nz = n + NOISES;
-        let mut c = covariance.to_vec();
-        let mut kc = vec![0.0; NOISES * n];
-        let mut z = vec![0.0; nz * nz];
-        let mut product = vec![0.0; nz];
-        let mut fz = vec![0.0; n * nz];
+        let (wide, asked, tall) = (padded(n), padded(NOISES + ROWS), padded(MOTION));
+        let width = wide + padded(NOISES);
+        let mut c = vec![0.0; n * wide];
+        for (out, row) in c.chunks_exact_mut(wide).zip(covariance.chunks_exact(n)) {
+            out[..n].copy_from_slice(row);
+        }
+        // Columns: gains, then rows without their part of the noises.
+        let mut columns = vec![0.0; n * asked];
+        let mut products = vec![0.0; asked * wide];
+        // Of what flows, the covariance with y and with the noises, and where each flows to.
+        let mut flowing = vec![0.0; (nf - 1) * width];
+        let mut flow = vec![0.0; (nf - 1) * tall];
+        let mut next = vec![0.0; tall * width];
         let (mut taken, mut variances) = (Vec::new(), Vec::new());
+        let chunked = |sums: &mut [f64], of: usize, left: Rows<'_>, right: Rows<'_>| {
+            let both = left.values.chunks(DEPTH * left.width).zip(right.values.chunks(DEPTH * right.width));
+            for (a, b) in both {
+                add_product(sums, of, Rows { values: a, ..left }, Rows { values: b, ..right }, false);
+            }
+        };
         for j in 0..self.segments() {
-            for i in 0..NOISES {
-                let (gain, out) = (self.gain(j, i), &mut kc[i * n..(i + 1) * n]);
-                out.fill(0.0);
-                accumulate(out, (0..n).map(|a| (gain[a], &c[a * n..(a + 1) * n])));
+            for (a, out) in columns.chunks_exact_mut(asked).enumerate() {
+                for (i, out) in out.iter_mut().enumerate().take(NOISES) {
+                    *out = self.gain(j, i)[a];
+                }
+                let place = if a < STATES { a } else { a + NOISES };
+                for (i, out) in out[NOISES..NOISES + ROWS].iter_mut().enumerate() {
+                    *out = if self.weights[j][i] == 0.0 { 0.0 } else { self.row(j, i)[place] };
+                }
             }
+            products.fill(0.0);
+            chunked(&mut products, wide, Rows { width: asked, values: &columns }, Rows { width: wide, values: &c });
+            let product = |i: usize| &products[i * wide..i * wide + n];
             let inverse = inverse_of(&self.factors[j]);
-            let place = |a: usize| if a < STATES { a } else { a + NOISES };
-            for a in 0..n {
-                let row = &mut z[place(a) * nz..(place(a) + 1) * nz];
-                let from = &c[a * n..(a + 1) * n];
-                row[..STATES].copy_from_slice(&from[..STATES]);
-                row[STATES + NOISES..].copy_from_slice(&from[STATES..]);
-                for i in 0..NOISES {
-                    row[STATES + i] = -kc[i * n + a];
-                }
-            }
-            let mut variance = [0.0; WRENCH];
+            let mut noises = inverse;
             for i in 0..NOISES {
-                let kci = &kc[i * n..(i + 1) * n];
-                let row = &mut z[(STATES + i) * nz..(STATES + i + 1) * nz];
-                for a in 0..n {
-                    row[place(a)] = -kci[a];
-                }
-                for t in 0..NOISES {
-                    let gain = self.gain(j, t);
-                    row[STATES + t] = inverse[i][t] + kci.iter().zip(gain).map(|(a, b)| a * b).sum::<f64>();
-                }
-                if i < WRENCH {
-                    variance[i] = row[STATES + i];
+                for t in 0..=i {
+                    noises[i][t] += dot(product(i), &self.gain(j, t)[..n]);
+                    noises[t][i] = noises[i][t];
                 }
             }
             let mut share = [0.0; ROWS];
@@ -371,56 +408,98 @@ impl Chain {
                 if weight == 0.0 {
                     continue;
                 }
-                let row = &self.row(j, i)[..nz];
-                product.fill(0.0);
-                accumulate(&mut product, row.iter().enumerate().map(|(a, factor)| (*factor, &z[a * nz..(a + 1) * nz])));
-                *share = weight * product.iter().zip(row).map(|(a, b)| a * b).sum::<f64>();
+                let row = self.row(j, i);
+                let by_noise = &row[STATES..STATES + NOISES];
+                let beside = |of: &[f64]| {
+                    dot(&of[..STATES], &row[..STATES]) + dot(&of[STATES..], &row[STATES + NOISES..row.len() - 1])
+                };
+                let mut variance = beside(product(NOISES + i));
+                for (t, by) in by_noise.iter().enumerate().filter(|(_, by)| **by != 0.0) {
+                    let both: f64 = noises[t].iter().zip(by_noise).map(|(a, b)| a * b).sum();
+                    variance += by * (both - 2.0 * beside(product(t)));
+                }
+                *share = weight * variance;
             }
             taken.push(share);
-            variances.push(variance);
+            variances.push(core::array::from_fn(|i| noises[i][i]));
             if j + 1 == self.segments() {
                 break;
             }
-            let flow = &self.flow[j * MOTION * nf..(j + 1) * MOTION * nf];
-            let places: Vec<usize> = (0..nf - 1).map(|column| shape.place(column)).collect();
-            for i in 0..MOTION {
-                let out = &mut fz[i * nz..(i + 1) * nz];
-                out.fill(0.0);
-                let moved = places.iter().enumerate();
-                accumulate(out, moved.map(|(column, &a)| (flow[i * nf + column], &z[a * nz..(a + 1) * nz])));
+            let flows = &self.flow[j * MOTION * nf..(j + 1) * MOTION * nf];
+            for (column, (out, to)) in flowing.chunks_exact_mut(width).zip(flow.chunks_exact_mut(tall)).enumerate() {
+                for (i, to) in to.iter_mut().enumerate().take(MOTION) {
+                    *to = flows[i * nf + column];
+                }
+                if let Some(noise) = column.checked_sub(MOTION).filter(|noise| *noise < WRENCH) {
+                    for (out, x) in out.iter_mut().zip(product(noise)) {
+                        *out = -x;
+                    }
+                    out[wide..wide + NOISES].copy_from_slice(&noises[noise]);
+                } else {
+                    let a = if column < MOTION { column } else { STATES + column - MOTION - WRENCH };
+                    out[..n].copy_from_slice(&c[a * wide..a * wide + n]);
+                    for (i, out) in out[wide..wide + NOISES].iter_mut().enumerate() {
+                        *out = -products[i * wide + a];
+                    }
+                }
             }
-            for i in 0..WANDERS {
-                let out = &mut fz[(MOTION + i) * nz..(MOTION + i + 1) * nz];
-                out.fill(0.0);
-                axpy(out, self.wandering.decay[i], &z[(MOTION + i) * nz..(MOTION + i + 1) * nz]);
-                let a = STATES + WRENCH + i;
-                axpy(out, self.wandering.drive[i], &z[a * nz..(a + 1) * nz]);
-            }
-            for r in 0..MOTION + WANDERS {
-                let from = &fz[r * nz..(r + 1) * nz];
-                let out = &mut c[r * n..(r + 1) * n];
+            next.fill(0.0);
+            chunked(&mut next, width, Rows { width: tall, values: &flow }, Rows { width, values: &flowing });
+            let wandered = |i: usize, at: usize| {
+                let (decay, drive) = (self.wandering.decay[i], self.wandering.drive[i]);
+                let noise = if at < wide { -products[(WRENCH + i) * wide + at] } else { noises[WRENCH + i][at - wide] };
+                let state =
+                    if at < wide { c[(MOTION + i) * wide + at] } else { -products[(at - wide) * wide + MOTION + i] };
+                decay * state + drive * noise
+            };
+            let all: Vec<f64> =
+                next[..MOTION * width]
+                    .iter()
+                    .copied()
+                    .chain((0..WANDERS).flat_map(|i| (0..width).map(move |at| (i, at))).map(|(i, at)| {
+                        if at < n || (wide..wide + NOISES).contains(&at) { wandered(i, at) } else { 0.0 }
+                    }))
+                    .collect();
+            for (r, from) in all.chunks_exact(width).enumerate() {
+                let out = &mut c[r * wide..r * wide + n];
                 for (i, out) in out.iter_mut().enumerate().take(MOTION) {
-                    *out = places.iter().enumerate().map(|(column, &a)| flow[i * nf + column] * from[a]).sum();
+                    let flow = &flows[i * nf..(i + 1) * nf];
+                    let (noises, parameters) = (MOTION + WRENCH, &flow[MOTION + WRENCH..nf - 1]);
+                    *out = dot(&flow[..MOTION], &from[..MOTION])
+                        + dot(&flow[MOTION..noises], &from[wide..wide + WRENCH])
+                        + dot(parameters, &from[STATES..STATES + parameters.len()]);
                 }
                 for i in 0..WANDERS {
-                    out[MOTION + i] = self.wandering.decay[i] * from[MOTION + i]
-                        + self.wandering.drive[i] * from[STATES + WRENCH + i];
+                    out[MOTION + i] =
+                        self.wandering.decay[i] * from[MOTION + i] + self.wandering.drive[i] * from[wide + WRENCH + i];
                 }
-                out[STATES..].copy_from_slice(&from[STATES + NOISES..]);
+                out[STATES..].copy_from_slice(&from[STATES..n]);
             }
             for r in 0..STATES {
                 for a in STATES..STATES + p {
-                    c[a * n + r] = c[r * n + a];
+                    c[a * wide + r] = c[r * wide + a];
                 }
                 for a in 0..r {
-                    let mean = 0.5 * (c[r * n + a] + c[a * n + r]);
-                    c[r * n + a] = mean;
-                    c[a * n + r] = mean;
+                    let mean = 0.5 * (c[r * wide + a] + c[a * wide + r]);
+                    c[r * wide + a] = mean;
+                    c[a * wide + r] = mean;
                 }
             }
         }
         (taken, variances)
     }
+}
+
+/// Inner product, in as many sums as a tile is wide.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let ((whole, rest), (with, beside)) = (a.as_chunks::<TILE>(), b.as_chunks::<TILE>());
+    let mut sums = [0.0; TILE];
+    for (a, b) in whole.iter().zip(with) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    sums.iter().sum::<f64>() + rest.iter().zip(beside).map(|(a, b)| a * b).sum::<f64>()
 }
 
 /// Inverse of `L L^T`.

@@ -134,7 +134,6 @@ pub(super) struct Fit<'a> {
     pub(super) left: Vec<[f64; ROWS]>,
     /// Degrees of freedom that the fit took of the rows, by stream, as last counted.
     pub(super) taken: [f64; STREAMS],
-    pub(super) gated: [usize; STREAMS],
 }
 
 /// What a matrix that should be positive definite leaves of a right-hand side.
@@ -278,7 +277,6 @@ impl<'a> Fit<'a> {
             drifts: false,
             left: Vec::new(),
             taken: [0.0; STREAMS],
-            gated: [0; STREAMS],
             grid,
         };
         fit.start_levels(drive);
@@ -324,8 +322,16 @@ impl<'a> Fit<'a> {
             })
             .collect();
         (self.rows, self.valid) = (rows, valid);
-        // What was rejected as older or younger measurements counts again.
-        self.gated = [0; STREAMS];
+    }
+
+    /// Segments left out as outliers, stream by stream: they hold measurements, none of which counts.
+    pub(super) fn gated(&self) -> [usize; STREAMS] {
+        let holds = |j: usize, stream: usize| {
+            self.valid[j * self.samples..(j + 1) * self.samples].iter().any(|valid| valid[stream])
+        };
+        core::array::from_fn(|stream| {
+            (0..self.segments).filter(|&j| self.counts[j][stream] == 0.0 && holds(j, stream)).count()
+        })
     }
 
     /// Velocities are as old as the poses.
@@ -427,20 +433,34 @@ impl<'a> Fit<'a> {
     pub(super) fn with_gains(&self) -> Result<(DMatrix<f64>, Vec<usize>), IdentificationError> {
         let told = self.of.thrusters.as_ref();
         let of = FlightLikelihood { thrusters: Some(with_gains(told)), ..self.of.clone() };
+        let more = |k: usize| self.grid.torque[k].iter().chain(&self.grid.force[k]).copied().chain([1.0]).collect();
+        let mut wide = self.beside(&of, more)?;
+        let (mut information, _) = wide.says()?;
+        for (free, prior) in self.free.iter().zip(&self.prior) {
+            if let Some(i) = wide.column_of(self.place_in(&wide, *free)) {
+                information[(i, i)] += prior;
+            }
+        }
+        Ok((information, wide.free))
+    }
+
+    /// The same point with more parameters of the wrench, which take these amounts of each row after those told; linearised.
+    fn beside<'b>(
+        &self,
+        of: &'b FlightLikelihood,
+        more: impl Fn(usize) -> Vec<f64>,
+    ) -> Result<Fit<'b>, IdentificationError> {
         let mut grid = self.grid.clone();
         grid.amounts = (0..grid.len())
             .flat_map(|k| {
-                let (torque, force) = (grid.torque[k], grid.force[k]);
                 let told = &self.grid.amounts[k * self.width..(k + 1) * self.width];
-                let wrench = torque.iter().chain(force.iter()).copied();
-                told.iter().copied().chain(wrench).chain([1.0]).collect::<Vec<f64>>()
+                told.iter().copied().chain(more(k)).collect::<Vec<f64>>()
             })
             .collect();
-        let mut wide = Fit::new(&of, grid, self.planar)?;
-        let (first, more) = (self.layout.slope(), wide.layout.thrusters - self.layout.thrusters);
-        let place = |column: usize| if column < first { column } else { column + more };
-        for (column, value) in self.eta.iter().enumerate() {
-            wide.eta[place(column)] = *value;
+        let mut wide = Fit::new(of, grid, self.planar)?;
+        for (column, (value, mean)) in self.eta.iter().zip(&self.mean).enumerate() {
+            let place = self.place_in(&wide, column);
+            (wide.eta[place], wide.mean[place]) = (*value, *mean);
         }
         wide.levels = self.levels;
         wide.shift = self.shift;
@@ -450,14 +470,20 @@ impl<'a> Fit<'a> {
         wide.errors.clone_from(&self.errors);
         wide.sweep.rates.clone_from(&self.sweep.rates);
         wide.linearise();
-        let form = wide.chain.eliminate(0, wide.segments, false);
-        let (mut information, ..) = without_state(&form, wide.chain.shape).ok_or(indefinite(wide.free.len()))?;
-        for (free, prior) in self.free.iter().zip(&self.prior) {
-            if let Some(i) = wide.column_of(place(*free)) {
-                information[(i, i)] += prior;
-            }
-        }
-        Ok((information, wide.free))
+        Ok(wide)
+    }
+
+    /// Where a parameter stands in a fit with more of the wrench.
+    pub(super) fn place_in(&self, wide: &Fit<'_>, column: usize) -> usize {
+        let more = wide.layout.thrusters - self.layout.thrusters;
+        if column < self.layout.slope() { column } else { column + more }
+    }
+
+    /// Information of the free parameters where the chain was linearised, without priors, and its gradient.
+    fn says(&mut self) -> Result<(DMatrix<f64>, DVector<f64>), IdentificationError> {
+        let form = self.chain.eliminate(0, self.segments, false);
+        let (information, gradient, _) = without_state(&form, self.chain.shape).ok_or(indefinite(self.free.len()))?;
+        Ok((information, gradient))
     }
 
     /// What segments ask for that the motion does not give, in squared standard deviations, once the motion alone is free.

@@ -256,7 +256,7 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
         explained: explained(fit, &coordinates, &wrench_errors),
         whiteness: [RATE, ACCELERATION].map(|stream| whiteness(fit, stream)),
         wrench_errors,
-        gated: fit.gated,
+        gated: fit.gated(),
         segment_samples: fit.samples,
         sweeps: fit.sweeps,
     })

@@ -20,13 +20,17 @@ const EXPLAINED: f64 = 0.5;
 /// By so much a suspect takes away more, in squared standard deviations, where it also gives a constant thrust, so that it is believed to.
 const CONSTANT_COST: f64 = 2.0 * SUSPECT * SUSPECT;
 
+/// So many of the hypotheses that a linear step ranks first are fitted.
+const FITTED: usize = 3;
+
 /// What a fit at wide levels says.
 struct Coarse {
     /// What is left, in squared standard deviations, of so many rows.
     cost: f64,
     rows: usize,
-    /// Thrusters are further from what they should be than chance has them.
-    is_tense: bool,
+    /// Where thrusters are further from what they should be than chance has them: which of them a linear step would take for free, or for stuck, the
+    /// best first.
+    suspects: Vec<(usize, bool)>,
 }
 
 impl FlightLikelihood {
@@ -39,27 +43,30 @@ impl FlightLikelihood {
         let told = self.clone();
         let (mut freed, mut left_per_row) = (Vec::new(), 0.0);
         let Some(count) = self.thrusters.as_ref().map(super::Thrusters::len) else { return Ok(freed) };
+        let Some(mut here) = self.coarse(record, planar, &freed)? else { return Ok(freed) };
         while freed.len() < count / 2 {
-            let Some(Coarse { cost: before, rows, is_tense: true }) = self.coarse(record, planar, &freed)? else {
-                break;
-            };
-            let mut best: Option<(f64, usize, Self)> = None;
-            for suspect in (0..count).filter(|suspect| !freed.contains(suspect)) {
-                let mut follows = self.clone();
-                follows.thrusters.as_mut().into_iter().for_each(|thrusters| thrusters.free(suspect));
-                let mut stuck = follows.clone();
-                stuck.thrusters.as_mut().into_iter().for_each(|thrusters| thrusters.open(suspect));
-                for (of, least) in [(follows, 0.0), (stuck, CONSTANT_COST)] {
-                    let Some(Coarse { cost, .. }) = of.coarse(record, planar, &freed)? else { continue };
-                    if best.as_ref().is_none_or(|(lowest, ..)| cost + least < *lowest) {
-                        best = Some((cost + least, suspect, of));
+            let mut best: Option<(f64, usize, Self, Coarse)> = None;
+            for &(suspect, stuck) in here.suspects.iter().take(FITTED) {
+                let (mut of, mut with) = (self.clone(), freed.clone());
+                with.push(suspect);
+                if let Some(thrusters) = of.thrusters.as_mut() {
+                    thrusters.free(suspect);
+                    if stuck {
+                        thrusters.open(suspect);
                     }
                 }
+                let Some(found) = of.coarse(record, planar, &with)? else { continue };
+                let cost = found.cost + if stuck { CONSTANT_COST } else { 0.0 };
+                if best.as_ref().is_none_or(|(lowest, ..)| cost < *lowest) {
+                    best = Some((cost, suspect, of, found));
+                }
             }
-            let Some((left, suspect, of)) = best.filter(|(cost, ..)| before - cost > MOST * before) else { break };
+            let best = best.filter(|(cost, ..)| here.cost - cost > MOST * here.cost);
+            let Some((left, suspect, of, found)) = best else { break };
             *self = of;
             freed.push(suspect);
-            left_per_row = left / rows.max(1) as f64;
+            left_per_row = left / found.rows.max(1) as f64;
+            here = found;
         }
         if left_per_row > EXPLAINED {
             *self = told;
@@ -81,6 +88,7 @@ impl FlightLikelihood {
         let Some(covariance) = outcome::covariance(&fit) else { return Ok(None) };
         let found = FoundThrusters::of(&fit, &covariance, freed);
         let is_tense = found.and_then(|found| found.worst(freed)).is_some();
-        Ok(Some(Coarse { cost, rows: fit.weighing_rows(), is_tense }))
+        let suspects = if is_tense { fit.suspects(freed, CONSTANT_COST)? } else { Vec::new() };
+        Ok(Some(Coarse { cost, rows: fit.weighing_rows(), suspects }))
     }
 }

@@ -236,15 +236,43 @@ impl Thrusters {
 
     /// Takes a suspect for one that also gives a constant thrust of unknown size, as one that is stuck open does.
     pub(super) fn open(&mut self, suspect: usize) {
-        let parameter = self.sigma.len();
-        let largest_n = (0..self.samples()).flat_map(|sample| self.of_sample(sample).iter().take(self.count));
-        let largest_n = largest_n.fold(0.0_f64, |most, thrust| most.max(thrust.abs()));
         let amounts = (0..self.samples()).flat_map(|sample| self.of_sample(sample).iter().copied().chain([1.0]));
-        self.amounts = amounts.collect();
-        self.terms.push(Term { parameter, amount: self.width, ..self.terms[suspect] });
+        let amounts = amounts.collect();
+        self.with_constant(suspect, self.largest_n());
+        self.amounts = amounts;
         self.width += 1;
-        self.sigma.push(largest_n);
-        self.constant.push((parameter, suspect));
+    }
+
+    fn largest_n(&self) -> f64 {
+        let all = (0..self.samples()).flat_map(|sample| self.of_sample(sample).iter().take(self.count));
+        all.fold(0.0, |most, thrust| most.max(thrust.abs()))
+    }
+
+    /// A constant thrust of a thruster, which takes the amount that follows those of a sample.
+    fn with_constant(&mut self, thruster: usize, sigma: f64) {
+        let parameter = self.sigma.len();
+        self.terms.push(Term { parameter, amount: self.width, ..self.terms[thruster] });
+        self.sigma.push(sigma);
+        self.constant.push((parameter, thruster));
+    }
+
+    /// The parameter of a thruster's constant thrust.
+    pub(super) fn constant_of(&self, thruster: usize) -> Option<usize> {
+        self.constant.iter().find(|(_, of)| *of == thruster).map(|(parameter, _)| *parameter)
+    }
+
+    /// These with every thruster free that is not yet, and open: without amounts, each constant takes the one that follows those of a sample, which is one.
+    pub(super) fn all_suspect(&self) -> Self {
+        let mut all = Self { amounts: Vec::new(), ..self.clone() };
+        let largest_n = self.largest_n();
+        for thruster in 0..self.count {
+            all.free(thruster);
+            if self.constant_of(thruster).is_none() {
+                all.with_constant(thruster, largest_n);
+            }
+        }
+        all.width += 1;
+        all
     }
 }
 

@@ -98,7 +98,9 @@ impl Rows {
         block_s: f64,
     ) -> Sums {
         let p = self.parameters;
-        let mut normal = DMatrix::zeros(p, p);
+        // Its lower triangle, row by row.
+        let mut normal = vec![0.0; p * p];
+        let mut row = vec![0.0; p];
         let mut scatter = DMatrix::zeros(p, p);
         let mut gradient = DVector::zeros(p);
         let mut block = DVector::<f64>::zeros(p);
@@ -122,18 +124,22 @@ impl Rows {
                 weights += weight;
                 slopes += (1.0 - unit) * weight * weight;
                 let weight = weight / scale[axis].powi(2);
-                for i in 0..p {
-                    block[i] += weight * x[i][axis] * e[axis];
-                    gradient[i] += weight * x[i][axis] * e[axis];
-                    for k in 0..=i {
-                        normal[(i, k)] += weight * x[i][axis] * x[k][axis];
+                for (entry, x) in row.iter_mut().zip(x) {
+                    *entry = x[axis];
+                }
+                for (i, entry) in row.iter().enumerate() {
+                    let weighted = weight * entry;
+                    block[i] += weighted * e[axis];
+                    gradient[i] += weighted * e[axis];
+                    for (sum, other) in normal[i * p..=i * p + i].iter_mut().zip(&row) {
+                        *sum += weighted * other;
                     }
                 }
             }
         }
         scatter.ger(1.0, &block, &block, 1.0);
         blocks += 1.0;
-        normal.fill_upper_triangle_with_lower_triangle();
+        let mut normal = DMatrix::from_fn(p, p, |i, k| normal[i.max(k) * p + i.min(k)]);
         let curvature = if weights > 0.0 { (slopes / weights).clamp(0.2, 1.0) } else { 1.0 };
         normal *= curvature;
         // Few blocks see too little of their own scatter.

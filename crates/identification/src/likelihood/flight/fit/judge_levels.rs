@@ -88,7 +88,6 @@ impl Fit<'_> {
                 factor = squares / (count - share).max(1.0);
                 for j in out {
                     self.counts[j][i] = 0.0;
-                    self.gated[i] += 1;
                 }
             }
             if !known && factor > 0.0 {
@@ -134,9 +133,8 @@ impl Fit<'_> {
                 let sum: f64 = channels.iter().map(|&c| noises[c] * noises[c]).sum();
                 if gate && sum > limit {
                     for j in [j, j + 1] {
-                        if let Some(counts) = self.counts.get_mut(j).filter(|counts| counts[stream] > 0.0) {
+                        if let Some(counts) = self.counts.get_mut(j) {
                             counts[stream] = 0.0;
-                            self.gated[stream] += 1;
                         }
                     }
                 }
