@@ -590,8 +590,8 @@ fn a_ulog_and_its_actuators_give_the_body() {
     assert_eq!(converted.status.code(), Some(0), "{}", text(&converted.stderr));
     let again = tumble(&["identify", &at("flight.csv"), "--actuators", &actuators, "--json"]);
     let again: serde_json::Value = serde_json::from_slice(&again.stdout).unwrap();
-    // A quaternion of the table is normalised once more: the last bit may differ.
-    assert!((number(&again["mass_kg"]) - mass).abs() < 1e-3 * sigma, "{} {mass}", again["mass_kg"]);
+    // A quaternion of the table is normalised once more: the last bit may differ, and with it whether a step of less than 0.03 sigma is the last.
+    assert!((number(&again["mass_kg"]) - mass).abs() < 1e-2 * sigma, "{} {mass}", again["mass_kg"]);
     assert_eq!(tumble(&["convert", &log, &at("flight.mcap")]).status.code(), Some(0));
     assert_eq!(tumble(&["convert", &log, &at("flight.tum")]).status.code(), Some(0));
     // Without what the commands give there is no wrench, and of the motion alone something can be said.

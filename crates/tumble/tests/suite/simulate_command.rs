@@ -38,6 +38,31 @@ fn a_flight_is_identified_by_the_step_that_is_named_next() {
     assert!((0.1..3.2).contains(&mean_square), "{mean_square}");
 }
 
+/// Thrusts that are off by a percent look like another centre of mass where a mission pushes one way only: what is stated allows for it.
+#[test]
+fn a_mission_on_a_table_states_what_its_thrusts_may_hide() {
+    let folder = scratch("hidden-thrusts");
+    for seed in ["1", "6"] {
+        let output = tumble_in(&folder, &["simulate", "granite-cargo", "--seed", seed, "--out", seed]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let found = json(&tumble_in(&folder, &["identify", &format!("{seed}/log.csv"), "--json"]));
+        assert_eq!(found["planar"], true);
+        let number = |value: &serde_json::Value| value.as_f64().unwrap();
+        let of =
+            |value: &serde_json::Value, sigma: &serde_json::Value, truth: f64| (number(value) - truth) / number(sigma);
+        let (center, std) = (&found["com_m"], &found["std"]);
+        for (what, errors) in [
+            ("mass", of(&found["mass_kg"], &std["mass_kg"], 24.97)),
+            ("x", of(&center[0], &std["com_m"][0], 0.024_027)),
+            ("y", of(&center[1], &std["com_m"][1], -0.024_027)),
+        ] {
+            println!("seed {seed}, {what}: {errors:.2} sigma");
+            assert!(errors.abs() < 3.0, "seed {seed}, {what}: {errors}");
+        }
+        assert!(number(&std["com_m"][1]) < 2e-3, "{found}");
+    }
+}
+
 #[test]
 fn an_ideal_flight_is_identified_exactly() {
     let folder = scratch("ideal");

@@ -429,19 +429,20 @@ impl<'a> Fit<'a> {
     }
 
     /// What the record says at the point where this fit came to rest if the wrench had gains and a constant beside it: the information of all
-    /// free parameters with the priors of this fit, none for the gains, and which they are.
-    pub(super) fn with_gains(&self) -> Result<(DMatrix<f64>, Vec<usize>), IdentificationError> {
+    /// free parameters with the priors of this fit, none for the gains, its gradient, and which they are.
+    pub(super) fn with_gains(&self) -> Result<(DMatrix<f64>, DVector<f64>, Vec<usize>), IdentificationError> {
         let told = self.of.thrusters.as_ref();
         let of = FlightLikelihood { thrusters: Some(with_gains(told)), ..self.of.clone() };
         let more = |k: usize| self.grid.torque[k].iter().chain(&self.grid.force[k]).copied().chain([1.0]).collect();
         let mut wide = self.beside(&of, more)?;
-        let (mut information, _) = wide.says()?;
+        let (mut information, mut gradient) = wide.says()?;
         for (free, prior) in self.free.iter().zip(&self.prior) {
             if let Some(i) = wide.column_of(self.place_in(&wide, *free)) {
                 information[(i, i)] += prior;
+                gradient[i] += prior * (self.eta[*free] - self.mean[*free]);
             }
         }
-        Ok((information, wide.free))
+        Ok((information, gradient, wide.free))
     }
 
     /// The same point with more parameters of the wrench, which take these amounts of each row after those told; linearised.
