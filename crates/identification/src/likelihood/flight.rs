@@ -89,7 +89,8 @@ pub struct FlightLikelihood {
     pub plane: Plane,
     /// Thrusts behind the wrench; none where the wrench is what it says but for white errors.
     pub thrusters: Option<Thrusters>,
-    /// White error of the logged wrench per sample and axis, N m and N, where it is known.
+    /// White error of the logged wrench per sample and axis, N m and N, where it is known; where not, the wrench may also be off by what moves
+    /// with it and leaves no trace, up to 1 % of it.
     pub wrench_noise: Option<[f64; 2]>,
     /// Length of a segment, s, at least a sample: longer gains little, and under feedback it must stay below the loop's own delay.
     pub segment_s: f64,

@@ -100,7 +100,7 @@ pub(super) fn widen(fit: &Fit<'_>, of_body: &mut DMatrix<f64>) -> Result<Option<
     // A thruster makes force as well as torque, also where only the torque is seen well enough.
     errors[1] = errors[1].max(errors[0] / length).min(wrench[1]);
     let share = |part: usize| if wrench[part] > 0.0 { errors[part] / wrench[part] } else { 0.0 };
-    let is_told = fit.of.thrusters.is_some();
+    let is_told = fit.of.thrusters.is_some() || fit.of.wrench_noise.is_some();
     if is_told && share(0).max(share(1)) < NEGLIGIBLE {
         return Ok(None);
     }

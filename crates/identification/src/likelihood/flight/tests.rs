@@ -380,10 +380,15 @@ fn late_streams_are_found_and_untold_are_not_covered() {
 #[test]
 fn in_the_plane_four_are_answered_and_six_are_not_determined() {
     let world = World { planar: true, ..World::usual() };
-    let (nees, covered) = study(&world, &world.told(), 1..9);
+    let told = world.told();
+    let white = FlightLikelihood { wrench_noise: Some([1e-6, 1e-5]), ..told.clone() };
+    let (nees, covered) = study(&world, &white, 1..9);
     println!("squared error {nees:.2}, covered {covered:.3}");
     assert!((0.4..1.8).contains(&nees) && covered > 0.84, "{nees} {covered}");
-    let told = world.told();
+    // Untold of its wrench it allows for thrusts that look like another body, which this motion hardly tells apart.
+    let (open, covered) = study(&world, &told, 1..9);
+    println!("untold of the wrench: squared error {open:.2}, covered {covered:.3}");
+    assert!((0.2..nees).contains(&open) && covered > 0.84, "{open} {covered}");
     let found = told.estimate(&world.log(1)).unwrap();
     assert!(found.planar);
     assert_eq!(found.determined, [true, true, true, false, false, false, false, false, false, true]);
