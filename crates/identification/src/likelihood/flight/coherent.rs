@@ -16,9 +16,9 @@ const NEGLIGIBLE: f64 = 1e-4;
 
 /// Largest share of the wrench that its errors are where nobody says what it is made of: thrusts are hardly known better.
 const USUAL: f64 = 0.01;
-/// Shares are looked at from this part of the largest on, so many to a decade.
-const SMALLEST: f64 = 1e-4;
+/// Shares are looked at over four decades, so many to a decade.
 const PER_DECADE: i32 = 8;
+const SHARES: i32 = 4 * PER_DECADE + 1;
 /// A share counts as possible up to so much of minus twice the logarithm of the likelihood above the least.
 const POSSIBLE: f64 = 4.0;
 
@@ -83,10 +83,8 @@ fn possible_share(information: &DMatrix<f64>, gradient: &DVector<f64>) -> f64 {
         });
         terms.sum::<f64>()
     };
-    let shares: Vec<f64> = (0..)
-        .map(|step| USUAL * 10.0_f64.powf(-f64::from(step) / f64::from(PER_DECADE)))
-        .take_while(|share| *share >= USUAL * SMALLEST)
-        .collect();
+    let shares: Vec<f64> =
+        (0..SHARES).map(|step| USUAL * 10.0_f64.powf(-f64::from(step) / f64::from(PER_DECADE))).collect();
     let least = shares.iter().map(|share| cost(*share)).fold(0.0, f64::min);
     shares.into_iter().find(|share| cost(*share) < least + POSSIBLE).unwrap_or(0.0)
 }
@@ -193,7 +191,7 @@ mod tests {
             possible_share(&information, &DVector::from_vec(vec![along; 6]))
         };
         // Nothing leaves a trace: as large as is usual.
-        assert_eq!(share(0.0, 0.0), USUAL);
+        assert!((share(0.0, 0.0) / USUAL - 1.0).abs() < 1e-12);
         // Traces of a hundred thousandth would show, and none does.
         assert!(share(1e10, 0.0) < 1.5e-5);
         // Traces of two parts in a thousand do show.

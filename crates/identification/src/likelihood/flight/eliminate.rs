@@ -240,7 +240,7 @@ impl Chain {
                         q[b * width + noise] += value * drive;
                     }
                 }
-                for a in STATES..STATES + p + 1 {
+                for a in STATES..=STATES + p {
                     for (out, value) in
                         q[a * width + a..a * width + ny].iter_mut().zip(&v[a * width + a..a * width + ny])
                     {

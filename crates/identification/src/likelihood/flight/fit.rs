@@ -430,6 +430,7 @@ impl<'a> Fit<'a> {
 
     /// What the record says at the point where this fit came to rest if the wrench had gains and a constant beside it: the information of all
     /// free parameters with the priors of this fit, none for the gains, its gradient, and which they are.
+    #[allow(clippy::type_complexity)] // information, gradient, columns
     pub(super) fn with_gains(&self) -> Result<(DMatrix<f64>, DVector<f64>, Vec<usize>), IdentificationError> {
         let told = self.of.thrusters.as_ref();
         let of = FlightLikelihood { thrusters: Some(with_gains(told)), ..self.of.clone() };

@@ -26,7 +26,7 @@ impl<'a> Rows<'a> {
     fn acting(self, tile: usize) -> ([usize; DEPTH], usize) {
         let (mut acting, mut count) = ([0; DEPTH], 0);
         for row in 0..(self.values.len() / self.width).min(DEPTH) {
-            if self.tiles(row)[tile] != [0.0; TILE] {
+            if self.tiles(row)[tile].iter().any(|entry| *entry != 0.0) {
                 acting[count] = row;
                 count += 1;
             }
