@@ -89,91 +89,78 @@ fn possible_share(information: &DMatrix<f64>, gradient: &DVector<f64>) -> f64 {
     shares.into_iter().find(|share| cost(*share) < least + POSSIBLE).unwrap_or(0.0)
 }
 
-/// Takes from the information of the body what gains of the wrench leave of it, where they may be as large as the errors that show; what that
-/// adds to the covariance.
+/// Information and, in one more column, its gradient, without so many parameters in front, of which nothing is known beside.
+fn without_first(said: &DMatrix<f64>, gone: usize) -> Option<DMatrix<f64>> {
+    let left = said.nrows() - gone;
+    if gone == 0 {
+        return Some(said.clone());
+    }
+    let across = said.view((0, gone), (gone, left + 1));
+    let taken = solved(&said.view((0, 0), (gone, gone)).into_owned(), &across.into_owned())?;
+    Some(said.view((gone, gone), (left, left + 1)) - across.columns(0, left).transpose() * taken)
+}
+
+/// Takes from the information of the body what gains of the wrench leave of it, where they may be as large as the errors that show, or as those
+/// that would not; what that adds to the covariance.
 pub(super) fn widen(fit: &Fit<'_>, of_body: &mut DMatrix<f64>) -> Result<Option<DMatrix<f64>>, IdentificationError> {
     let Some(Sizes { wrench, mut errors, constant }) = Sizes::of(fit) else { return Ok(None) };
     let body = fit.coordinates();
-    let length = sizes(&body)[LOG_MASS + 1];
+    let sizes = sizes(&body);
     // A thruster makes force as well as torque, also where only the torque is seen well enough.
-    errors[1] = errors[1].max(errors[0] / length).min(wrench[1]);
+    errors[1] = errors[1].max(errors[0] / sizes[LOG_MASS + 1]).min(wrench[1]);
     let share = |part: usize| if wrench[part] > 0.0 { errors[part] / wrench[part] } else { 0.0 };
+    let shown = share(0).max(share(1));
     let is_told = fit.of.thrusters.is_some() || fit.of.wrench_noise.is_some();
-    if is_told && share(0).max(share(1)) < NEGLIGIBLE {
+    if is_told && shown < NEGLIGIBLE {
         return Ok(None);
     }
-    let (information, gradient, free) = fit.with_gains()?;
-    let gains = fit.layout.slope();
-    let last = gains + AXES * (AXES + 1);
+    let (said, free) = fit.with_gains()?;
+    let first = fit.layout.slope();
+    let gains = first..first + AXES * (AXES + 1);
     let place = |keep: &dyn Fn(usize) -> bool| -> Vec<usize> { (0..free.len()).filter(|i| keep(free[*i])).collect() };
     let of_body_at = place(&|column| column < BODY);
-    let gain_at = place(&|column| (gains..last).contains(&column));
-    let rest_at = place(&|column| column >= BODY && !(gains..last).contains(&column));
-    let block = |rows: &[usize], columns: &[usize]| {
-        DMatrix::from_fn(rows.len(), columns.len(), |i, j| information[(rows[i], columns[j])])
-    };
-    let (rest, across) = (block(&rest_at, &rest_at), block(&rest_at, &gain_at));
+    let gain_at = place(&|column| gains.contains(&column));
+    let rest_at = place(&|column| column >= BODY && !gains.contains(&column));
+    let order: Vec<usize> = rest_at.iter().chain(&of_body_at).chain(&gain_at).copied().collect();
+    let ordered = DMatrix::from_fn(order.len(), order.len() + 1, |i, j| {
+        said[(order[i], order.get(j).map_or(free.len(), |j| *j))]
+    });
     let refused = || IdentificationError::Indefinite { parameters: free.len() };
-    let sizes = sizes(&body);
-    // By a share of one.
-    let usual = |column: usize| {
-        let (from, to) = ((column - gains) / AXES, (column - gains) % AXES);
+    let (n, k) = (of_body_at.len(), gain_at.len());
+    let body_and_gains = without_first(&ordered, rest_at.len()).ok_or_else(refused)?;
+    // Of the body only what the record says anything of is known: as much is added as bodies differ by at most.
+    let floor = |i: usize| 1e-6 / sizes[free[of_body_at[i]]].powi(2);
+    // Of a gain, or the constant: standard deviation by the errors that show, and by a share of one.
+    let deviations = |gain: usize| {
+        let (from, to) = ((free[gain_at[gain]] - first) / AXES, (free[gain_at[gain]] - first) % AXES / 3);
         match from {
-            AXES => wrench[to / 3],
-            from if wrench[from / 3] > 0.0 => wrench[to / 3] / wrench[from / 3],
-            _ => 0.0,
+            AXES => (constant[(free[gain_at[gain]] - first) % AXES].abs(), wrench[to]),
+            from if wrench[from / 3] > 0.0 => (errors[to] / wrench[from / 3], wrench[to] / wrench[from / 3]),
+            _ => (0.0, 0.0),
         }
     };
     let possible = if is_told {
         0.0
     } else {
-        let others: Vec<usize> = of_body_at.iter().chain(&rest_at).copied().collect();
-        let n = others.len();
-        let joint = DMatrix::from_fn(n, n, |i, j| {
-            let (a, b) = (others[i], others[j]);
-            let floor = if i == j && free[a] < BODY { 1e-6 / sizes[free[a]].powi(2) } else { 0.0 };
-            information[(a, b)] + floor
-        });
-        let across = DMatrix::from_fn(n, gain_at.len() + 1, |i, j| match gain_at.get(j) {
-            Some(gain) => information[(others[i], *gain)] * usual(free[*gain]),
-            None => gradient[others[i]],
-        });
-        let gone = solved(&joint, &across).ok_or_else(refused)?;
-        let scaled = DMatrix::from_fn(gain_at.len(), gain_at.len() + 1, |i, j| {
-            let by = usual(free[gain_at[i]]);
-            match gain_at.get(j) {
-                Some(gain) => information[(gain_at[i], *gain)] * by * usual(free[*gain]),
-                None => gradient[gain_at[i]] * by,
-            }
-        }) - across.columns(0, gain_at.len()).transpose() * gone;
-        let k = gain_at.len();
-        possible_share(&scaled.columns(0, k).into_owned(), &scaled.column(k).into_owned())
+        let mut floored = body_and_gains.clone();
+        (0..n).for_each(|i| floored[(i, i)] += floor(i));
+        let of_gains = without_first(&floored, n).ok_or_else(refused)?;
+        let by = |gain: usize| deviations(gain).1;
+        possible_share(
+            &DMatrix::from_fn(k, k, |i, j| of_gains[(i, j)] * by(i) * by(j)),
+            &DVector::from_fn(k, |i, _| of_gains[(i, k)] * by(i)),
+        )
     };
-    if possible.max(share(0)).max(share(1)) < NEGLIGIBLE {
+    if possible.max(shown) < NEGLIGIBLE {
         return Ok(None);
     }
-    let cross = if rest_at.is_empty() {
-        block(&of_body_at, &gain_at)
-    } else {
-        block(&of_body_at, &gain_at) - block(&of_body_at, &rest_at) * solved(&rest, &across).ok_or_else(refused)?
-    };
-    let seen = |column: usize| {
-        let (from, to) = ((column - gains) / AXES, (column - gains) % AXES);
-        match from {
-            AXES => constant[to].abs(),
-            from if wrench[from / 3] > 0.0 => errors[to / 3] / wrench[from / 3],
-            _ => 0.0,
-        }
-    };
-    let deviation = |column: usize| seen(column).max(possible * usual(column));
-    let scaled = DMatrix::from_fn(cross.nrows(), cross.ncols(), |i, j| cross[(i, j)] * deviation(free[gain_at[j]]));
-    // Of the body only what the record says anything of is known: as much is added as bodies differ by at most.
-    let n = of_body_at.len();
-    let floored = DMatrix::from_fn(n, n, |i, j| {
-        of_body[(i, j)] + if i == j { 1e-6 / sizes[free[of_body_at[i]]].powi(2) } else { 0.0 }
+    let scaled = DMatrix::from_fn(n, k, |i, j| {
+        let (shown, usual) = deviations(j);
+        body_and_gains[(i, n + j)] * shown.max(possible * usual)
     });
+    let floored = DMatrix::from_fn(n, n, |i, j| of_body[(i, j)] + if i == j { floor(i) } else { 0.0 });
     let known = solved(&floored, &scaled).ok_or_else(refused)?;
-    let inner = DMatrix::identity(gain_at.len(), gain_at.len()) + scaled.transpose() * &known;
+    let inner = DMatrix::identity(k, k) + scaled.transpose() * &known;
     let taken = solved(&inner, &scaled.transpose()).ok_or_else(refused)?;
     let left = &*of_body - &scaled * taken;
     *of_body = (&left + left.transpose()) * 0.5;

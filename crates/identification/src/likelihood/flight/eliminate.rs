@@ -153,6 +153,7 @@ impl Chain {
         let mut rows = vec![0.0; ROWS * width];
         let mut weighted = vec![0.0; ROWS * width];
         let mut flow = vec![0.0; MOTION * wide];
+        let mut motion = vec![0.0; MOTION * first_noise];
         let mut moved = vec![0.0; wide * first_noise];
         let mut turned = vec![0.0; MOTION * wide];
         let mut twice = vec![0.0; wide * wide];
@@ -191,8 +192,9 @@ impl Chain {
                 let flow = Rows { width: wide, values: &flow };
                 // Of the form after the segment, what the flow makes of the motion's part: once, and on both sides.
                 moved.fill(0.0);
-                let motion: Vec<f64> =
-                    v.chunks_exact(width).take(MOTION).flat_map(|row| &row[..first_noise]).copied().collect();
+                for (out, row) in motion.chunks_exact_mut(first_noise).zip(v.chunks_exact(width)) {
+                    out.copy_from_slice(&row[..first_noise]);
+                }
                 add_product(&mut moved, first_noise, flow, Rows { width: first_noise, values: &motion }, false);
                 for (i, turned) in turned.chunks_exact_mut(wide).enumerate() {
                     for (out, row) in turned.iter_mut().zip(moved.chunks_exact(first_noise)) {
@@ -373,7 +375,7 @@ impl Chain {
         // Of what flows, the covariance with y and with the noises, and where each flows to.
         let mut flowing = vec![0.0; (nf - 1) * width];
         let mut flow = vec![0.0; (nf - 1) * tall];
-        let mut next = vec![0.0; tall * width];
+        let mut next = vec![0.0; STATES * width];
         let (mut taken, mut variances) = (Vec::new(), Vec::new());
         let chunked = |sums: &mut [f64], of: usize, left: Rows<'_>, right: Rows<'_>| {
             let both = left.values.chunks(DEPTH * left.width).zip(right.values.chunks(DEPTH * right.width));
@@ -452,15 +454,13 @@ impl Chain {
                     if at < wide { c[(MOTION + i) * wide + at] } else { -products[(at - wide) * wide + MOTION + i] };
                 decay * state + drive * noise
             };
-            let all: Vec<f64> =
-                next[..MOTION * width]
-                    .iter()
-                    .copied()
-                    .chain((0..WANDERS).flat_map(|i| (0..width).map(move |at| (i, at))).map(|(i, at)| {
-                        if at < n || (wide..wide + NOISES).contains(&at) { wandered(i, at) } else { 0.0 }
-                    }))
-                    .collect();
-            for (r, from) in all.chunks_exact(width).enumerate() {
+            for i in 0..WANDERS {
+                let out = &mut next[(MOTION + i) * width..(MOTION + i + 1) * width];
+                for at in (0..n).chain(wide..wide + NOISES) {
+                    out[at] = wandered(i, at);
+                }
+            }
+            for (r, from) in next.chunks_exact(width).enumerate() {
                 let out = &mut c[r * wide..r * wide + n];
                 for (i, out) in out.iter_mut().enumerate().take(MOTION) {
                     let flow = &flows[i * nf..(i + 1) * nf];

@@ -429,9 +429,8 @@ impl<'a> Fit<'a> {
     }
 
     /// What the record says at the point where this fit came to rest if the wrench had gains and a constant beside it: the information of all
-    /// free parameters with the priors of this fit, none for the gains, its gradient, and which they are.
-    #[allow(clippy::type_complexity)] // information, gradient, columns
-    pub(super) fn with_gains(&self) -> Result<(DMatrix<f64>, DVector<f64>, Vec<usize>), IdentificationError> {
+    /// free parameters with the priors of this fit, none for the gains, its gradient as one more column, and which parameters these are.
+    pub(super) fn with_gains(&self) -> Result<(DMatrix<f64>, Vec<usize>), IdentificationError> {
         let told = self.of.thrusters.as_ref();
         let of = FlightLikelihood { thrusters: Some(with_gains(told)), ..self.of.clone() };
         let more = |k: usize| self.grid.torque[k].iter().chain(&self.grid.force[k]).copied().chain([1.0]).collect();
@@ -443,7 +442,9 @@ impl<'a> Fit<'a> {
                 gradient[i] += prior * (self.eta[*free] - self.mean[*free]);
             }
         }
-        Ok((information, gradient, wide.free))
+        let n = wide.free.len();
+        let said = DMatrix::from_fn(n, n + 1, |i, j| if j < n { information[(i, j)] } else { gradient[i] });
+        Ok((said, wide.free))
     }
 
     /// The same point with more parameters of the wrench, which take these amounts of each row after those told; linearised.

@@ -261,7 +261,7 @@ impl Thrusters {
         self.constant.iter().find(|(_, of)| *of == thruster).map(|(parameter, _)| *parameter)
     }
 
-    /// These with every thruster free that is not yet, and open: without amounts, each constant takes the one that follows those of a sample, which is one.
+    /// These, without amounts, with every thruster free and open; each constant takes the amount that follows those of a sample, which is one.
     pub(super) fn all_suspect(&self) -> Self {
         let mut all = Self { amounts: Vec::new(), ..self.clone() };
         let largest_n = self.largest_n();
