@@ -14,6 +14,7 @@ pub mod mcap_writer;
 mod merged;
 pub mod messages;
 pub mod rows;
+pub mod topics;
 pub mod tum;
 pub mod ulog;
 pub mod ulog_flight;

@@ -89,7 +89,7 @@ impl SampleReader {
     pub fn contents(&self) -> String {
         match self {
             Self::Rows(_) => String::new(),
-            Self::Flight(flight) => recording::flight::table(&flight.topics, &flight.plan),
+            Self::Flight(flight) => recording::topics::table(&flight.topics, &flight.plan),
         }
     }
 

@@ -6,6 +6,7 @@ mod environment;
 mod feedback;
 mod fit;
 mod flight;
+mod judgement;
 mod likelihood;
 mod long;
 mod merge;
@@ -35,12 +36,13 @@ use crate::{
 };
 pub(crate) use fit::rough_scale;
 use fit::{Best, Fit, best_fit};
+use judgement::{Judgement, judge};
 use likelihood::most_likely;
 use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 use noise::SampleNoise;
 use recursion::Replaced;
 use rows::Scheme;
-use solution::{Judgement, Solution, judge, solve};
+use solution::{Solution, solve};
 use timeline::Timeline;
 use verdict::{Marks, verdict};
 
@@ -395,6 +397,7 @@ fn found<E: From<IdentificationError>>(
         {
             return Ok(flown);
         }
+        found = likelihood::by_poses(found, record, &timeline, plan)?;
         if asks && found.verdict.is_identified() {
             found.verdict = Verdict::Doubtful(Why::StandIn);
         }

@@ -36,7 +36,7 @@ mod way_nodes;
 
 pub use brake::BrakeLimits;
 pub use chosen_model::ChosenModel;
-pub use closed_loop::{ClosedLoop, End, Layer, LoopObserver, NoObserver};
+pub use closed_loop::{ClosedLoop, End, LoopObserver, NoObserver};
 pub use coordinator::{Coordinator, Schedule};
 pub use event::{Action, Ambition, Event, FoundStretch, Note, Standing, StartFrom, TimedEvent};
 pub use expected_loss::ExpectedLoss;
@@ -45,7 +45,7 @@ pub use informative_stretch::InformativeStretch;
 pub use loop_settings::{AtGoal, LoopSettings, Scene};
 pub use motion::{MissionMotion, StopLimits};
 pub use office::{ComputingTime, Office, PlannerFault, PlannerThread, Simulated, Thread};
-pub use plan_request::{Asked, Found, PlanAnswer, PlanRequest};
+pub use plan_request::{Asked, Found, Layer, PlanAnswer, PlanRequest};
 pub use serve::serve;
 pub use stretch::{AlongWay, StretchAnswer, StretchOutcome, StretchPlanner, StretchRefusal, StretchTask};
 pub use stretch_model::StretchModel;

@@ -33,6 +33,8 @@ mod columns;
 mod commanded_nozzles;
 pub mod convert;
 pub mod excite;
+mod excite_motion;
+mod excite_options;
 mod excite_page;
 #[cfg(feature = "astrobee")]
 mod flown_sensing;
@@ -45,6 +47,8 @@ mod identify_arm;
 mod identify_log;
 mod identify_options;
 mod identify_periodic;
+mod named_sensing;
+mod own_estimator;
 #[cfg(feature = "astrobee")]
 pub mod plan;
 #[cfg(feature = "astrobee")]
@@ -83,6 +87,8 @@ mod sensing_check;
 pub mod simulate;
 #[cfg(feature = "astrobee")]
 mod simulate_control;
+#[cfg(feature = "astrobee")]
+mod simulate_flight;
 #[cfg(feature = "astrobee")]
 mod simulate_page;
 

@@ -19,6 +19,7 @@ pub mod mission_report;
 pub mod output;
 mod page;
 mod program;
+mod quantities;
 pub mod report;
 mod report_page;
 pub mod robots;

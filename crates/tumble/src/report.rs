@@ -3,18 +3,19 @@
 use crate::TumbleError;
 use crate::output::OutputFolder;
 use crate::page::Tone;
+pub use crate::quantities::Context;
+use crate::quantities::{quantities, relative_std};
 use crate::report_page::{self, Trial};
 use serde::Serialize;
 use std::fmt::Write as _;
 use tumble_dynamics::nalgebra::{Matrix3, Vector3};
 use tumble_dynamics::{InertialParameters, PARAMETER_NAMES, PARAMETER_UNITS};
-use tumble_formats::actuator_file::ActuatorFile;
 use tumble_formats::body_file::BodyFile;
 use tumble_formats::log::seconds;
 use tumble_identification::estimator::{Verdict, Why};
 use tumble_identification::{
     Difference, Estimate, FoundFactor, FoundThrusters, Identification, MAXIMUM_LIKELIHOOD, NuisanceEstimate,
-    NullDirection, PartChange, Prediction, StandardDeviations, Validation, WEAK_FORM, WrenchTiming,
+    NullDirection, PartChange, Prediction, StandardDeviations, WEAK_FORM, WrenchTiming,
 };
 use tumble_lie::Wrench;
 
@@ -29,36 +30,6 @@ pub fn timing_name(timing: WrenchTiming) -> &'static str {
 /// Where each entry of the inertia about the centre of mass stands among the ten numbers that people compare.
 const INERTIA_PLACES: [[usize; 3]; 3] = [[4, 7, 8], [7, 5, 9], [8, 9, 6]];
 
-/// One of the ten numbers that people compare: mass, centre of mass, inertia about it.
-pub(crate) struct Quantity {
-    pub name: &'static str,
-    json: (&'static str, usize, usize),
-    pub unit: &'static str,
-    pub value: f64,
-    pub std: f64,
-}
-
-pub(crate) fn quantities(body: &InertialParameters<f64>, std: &StandardDeviations) -> Vec<Quantity> {
-    let (com, inertia) = (body.center_of_mass(), body.inertia_about_com());
-    let mut list =
-        vec![Quantity { name: "mass", json: ("mass", 0, 0), unit: "kg", value: body.mass, std: std.mass_kg }];
-    for (i, name) in ["centre of mass x", "centre of mass y", "centre of mass z"].into_iter().enumerate() {
-        list.push(Quantity { name, json: ("com", i, 0), unit: "m", value: com[i], std: std.center_of_mass_m[i] });
-    }
-    let entries = [("xx", 0, 0), ("yy", 1, 1), ("zz", 2, 2), ("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2)];
-    let names = ["inertia xx", "inertia yy", "inertia zz", "inertia xy", "inertia xz", "inertia yz"];
-    for (name, (_, i, j)) in names.into_iter().zip(entries) {
-        list.push(Quantity {
-            name,
-            json: ("inertia", i, j),
-            unit: "kg m^2",
-            value: inertia[(i, j)],
-            std: std.inertia_about_com_kg_m2[(i, j)],
-        });
-    }
-    list
-}
-
 /// `value` and `std` with two significant digits of the standard deviation.
 fn with_digits_of(value: f64, std: f64) -> (String, String) {
     if !(std.is_finite() && std > 0.0) {
@@ -67,23 +38,6 @@ fn with_digits_of(value: f64, std: f64) -> (String, String) {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let decimals = (1.0 - std.log10().floor()).clamp(0.0, 12.0) as usize;
     (format!("{value:.decimals$}"), format!("{std:.decimals$}"))
-}
-
-/// What the command line adds to a library result.
-#[derive(Default)]
-pub struct Context<'a> {
-    /// What was read: a file name, or the demo.
-    pub source: String,
-    /// A body to compare with: its name and parameters.
-    pub reference: Option<(String, &'a InertialParameters<f64>)>,
-    /// Judgement on the last part of the log.
-    pub validation: Option<Validation>,
-    /// Warnings of the reader, before those of the estimator.
-    pub reader_warnings: Vec<String>,
-    /// Duration of the record, s.
-    pub duration_s: f64,
-    /// What its commands drive, where they make the wrench.
-    pub actuators: Option<&'a ActuatorFile>,
 }
 
 /// All warnings in one list.
@@ -412,16 +366,6 @@ pub(crate) fn verdict(found: &Identification, context: &Context) -> String {
         );
     }
     text
-}
-
-/// One sigma relative to the body's own scale: mass, radius of gyration, mean principal inertia.
-pub(crate) fn relative_std(body: &InertialParameters<f64>, quantity: &Quantity) -> f64 {
-    let mean_inertia = body.inertia_about_com().trace() / 3.0;
-    match quantity.json.0 {
-        "mass" => quantity.std / body.mass,
-        "com" => quantity.std / (mean_inertia / body.mass).sqrt(),
-        _ => quantity.std / mean_inertia,
-    }
 }
 
 pub(crate) fn words(directions: &[NullDirection]) -> Vec<String> {

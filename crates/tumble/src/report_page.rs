@@ -5,7 +5,7 @@ use crate::output::OutputFolder;
 use crate::page::chart::{Axis, Chart};
 use crate::page::text::{coordinate, escaped, number, with_sigma};
 use crate::page::{Page, Tone};
-use crate::report::{Context, Quantity, quantities, relative_std};
+use crate::quantities::{Context, Quantity, quantities, relative_std};
 use std::fmt::Write as _;
 use tumble_dynamics::PARAMETER_NAMES;
 use tumble_formats::log::seconds;

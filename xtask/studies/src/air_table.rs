@@ -9,7 +9,7 @@ use tumble_identification::{FlightLikelihood, MotionSample, Pipeline, Plane, Set
 use tumble_lie::Pose;
 
 use crate::Failure;
-use crate::real_data::{Measured, columns};
+use crate::measured::{Measured, columns};
 
 /// Name of the set and of its folder.
 pub const SET: &str = "airbearing_satellite";

@@ -15,7 +15,7 @@ use tumble_lie::Wrench;
 
 use crate::Failure;
 use crate::bench::{Bench, Goal, uniform};
-use crate::real_data::{Measured, columns};
+use crate::measured::{Measured, columns};
 
 /// Name of the set and of its folder.
 pub const SET: &str = "astrobee";

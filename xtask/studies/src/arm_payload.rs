@@ -17,7 +17,7 @@ use tumble_identification::multibody::{
 };
 
 use crate::Failure;
-use crate::real_data::{Measured, columns};
+use crate::measured::{Measured, columns};
 
 pub const SET: &str = "ur10e_payload";
 const JOINTS: usize = 6;

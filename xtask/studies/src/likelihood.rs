@@ -15,7 +15,7 @@ use tumble_identification::{
 use crate::Failure;
 use crate::bench::{Bench, Goal};
 use crate::flights::{Body, Draws, Errors, Flight, GroupCovariances, Multisine, Noise, fly, free_flyers};
-use crate::identification::{CELL_CHANCE, Progress, Run, Test, honesty_tests, nees_test, pooled_test, rms_test};
+use crate::statistical_tests::{CELL_CHANCE, Progress, Run, Test, honesty_tests, nees_test, pooled_test, rms_test};
 
 /// Wrench noise of each of the free flyers, N m and N.
 const WRENCH_NOISE: [(f64, f64); 4] = [(1e-4, 1e-3), (1e-3, 1e-2), (5e-4, 5e-3), (1e-2, 2e-2)];

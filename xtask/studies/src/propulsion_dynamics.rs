@@ -8,7 +8,7 @@ use tumble_astrobee::propulsion::{Impeller, ImpellerMode, PropulsionCommand, Pro
 
 use crate::Failure;
 use crate::bench::{Bench, Goal};
-use crate::real_data::{Measured, columns};
+use crate::measured::{Measured, columns};
 
 /// Name of the set and of its folder.
 pub const SET: &str = "astrobee";

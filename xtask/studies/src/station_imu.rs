@@ -12,7 +12,7 @@ use tumble_identification::{MotionSample, WrenchTiming};
 use tumble_lie::Pose;
 
 use crate::Failure;
-use crate::real_data::{Measured, columns};
+use crate::measured::{Measured, columns};
 
 /// Name of the set and of its folder.
 pub const SET: &str = "astrobee_iss_imu_poses";

@@ -16,7 +16,7 @@ use tumble_identification::state_space::{
 };
 
 use crate::Failure;
-use crate::real_data::{Measured, columns, tables};
+use crate::measured::{Measured, columns, tables};
 
 /// Name of the set and of its folder.
 pub const SET: &str = "crazyflie_thrust_imu";

@@ -1,7 +1,8 @@
 //! The flight of a recording as rows of named columns.
 
-use super::flight::{FlightReader, HeldColumns};
+use super::flight::FlightReader;
 use super::rows::{Cell, RowSink};
+use super::topics::HeldColumns;
 use super::{Container, container, ulog_flight};
 use crate::{FormatsError, Robots};
 use std::ops::ControlFlow;

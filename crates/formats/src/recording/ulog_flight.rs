@@ -3,7 +3,7 @@
 //! Every `vehicle_local_position` gives a sample. Attitude, rate and acceleration come at other times: they are taken between the
 //! messages before and behind it. A command holds until the next; a sample's is the mean of what was told from it to the next one.
 
-use super::flight::{HeldColumns, Plan, Tally, Topic, Topics, damaged};
+use super::topics::{HeldColumns, Plan, Tally, Topic, Topics, ULOG_POSITION, damaged};
 use super::ulog::{self, UlogMessage, UlogReport};
 use crate::FormatsError;
 use crate::log::{CommandedSample, NAMED_BY_THE_ACTUATORS, QUATERNION_NORM_TOLERANCE, seconds, shortened};
@@ -15,8 +15,6 @@ use tumble_dynamics::nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use tumble_identification::MotionSample;
 use tumble_identification::synchronize::{Held, TimeOrdering};
 
-/// The time base.
-pub const POSITION: &str = "vehicle_local_position";
 /// Body to world, scalar first.
 const ATTITUDE: &str = "vehicle_attitude";
 const RATE: &str = "vehicle_angular_velocity";
@@ -58,14 +56,14 @@ impl UlogSurvey {
     /// # Errors
     /// [`FormatsError::NoFlight`] without positions or without attitudes.
     pub fn plan(&self, path: &Path) -> Result<Plan, FormatsError> {
-        if let Some(missing) = [POSITION, ATTITUDE].into_iter().find(|topic| !self.topics.contains_key(*topic)) {
+        if let Some(missing) = [ULOG_POSITION, ATTITUDE].into_iter().find(|topic| !self.topics.contains_key(*topic)) {
             let reason = format!("no {missing} is logged");
             return Err(FormatsError::NoFlight { path: path.into(), reason });
         }
         let parts = [(ATTITUDE, "attitude"), (RATE, "rate"), (ACCELERATION, "acceleration")];
         let commands = COMMANDS.map(|(topic, _)| (topic, "commands"));
         let beside = parts.into_iter().chain(commands).map(|(topic, part)| (topic.to_owned(), part));
-        Ok(Plan { motion: POSITION.to_owned(), beside: beside.collect(), ..Plan::default() })
+        Ok(Plan { motion: ULOG_POSITION.to_owned(), beside: beside.collect(), ..Plan::default() })
     }
 }
 
@@ -343,7 +341,7 @@ impl<'s> Assembler<'s> {
     /// What a message says of the motion, and when.
     fn event(&mut self, message: &UlogMessage<'_>) -> Option<(i64, Event)> {
         let event = match message.topic {
-            POSITION => {
+            ULOG_POSITION => {
                 let says = |field: &str| message.real(field).is_none_or(|flag| flag != 0.0);
                 let (is_valid, moves_valid) =
                     (says("xy_valid") && says("z_valid"), says("v_xy_valid") && says("v_z_valid"));
@@ -527,7 +525,7 @@ impl<'s> Assembler<'s> {
                 (without, _) => format!("{without} have no {ATTITUDE} beside them"),
             };
             let error =
-                FormatsError::NoFlight { path: path.into(), reason: format!("no {POSITION} can be used: {why}") };
+                FormatsError::NoFlight { path: path.into(), reason: format!("no {ULOG_POSITION} can be used: {why}") };
             return Err(damaged(error, &[(path.into(), report.scan)]));
         }
         tally.notes = self.notes_of(&report);

@@ -6,7 +6,7 @@ use super::timeline::Timeline;
 use super::verdict::{Marks, Silence, verdict};
 use super::{
     FEW_NODES, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, Noise, Plan, Settings, VISIBLE_COLOUR, Validation,
-    Warning,
+    Warning, Way,
 };
 use crate::error::{Column, IdentificationError};
 use crate::estimator::{Estimate, Evidence};
@@ -44,9 +44,11 @@ pub(super) fn most_likely(
     let settings = plan.settings;
     let whole = match estimator(settings).estimate(record) {
         Ok(found) => {
-            let (mut found, left_out) = believable(found, record, settings);
-            widen(&mut found);
-            Answer::of(&found, plan)?.map(|answer| (found, answer, left_out))
+            let left_out = left_out(&found, settings);
+            // Poses alone stand in where no model of the sensors does, which is asked after this.
+            let alone = if plan.way == Way::Auto { None } else { left_out.and_then(|_| of_poses(record, settings)) };
+            let left_out = left_out.filter(|_| alone.is_some());
+            answered(alone.unwrap_or(found), plan)?.map(|(found, answer)| (found, answer, left_out))
         }
         Err(error) if is_about_the_data(&error) => None,
         Err(error) => return Err(error),
@@ -65,9 +67,8 @@ pub(super) fn most_likely(
         },
     };
     let Some((found, answer, left_out)) = whole else { return Ok(None) };
-    let mut found = identification(found, &answer, record, timeline, plan)?;
-    found.warnings.extend(left_out.map(|column| Warning::PosesAlone { column }));
-    found.marks.errors_not_white |= left_out.is_some();
+    let found = identification(found, &answer, record, timeline, plan)?;
+    let found = left_out.into_iter().fold(found, without);
     let trusted = found.explained >= Some(plan.judge.poor_fit) && found.marks.leaves_noise_only;
     Ok((found.rank == 10 || trusted).then_some(found))
 }
@@ -78,20 +79,29 @@ fn is_coloured(whiteness: &Whiteness) -> bool {
     whiteness.sigma_inflation() > inflation && !whiteness.is_white(chance)
 }
 
-/// The answer of the poses alone where their noise is white and that of a column beside them is not, with that column.
+/// The same, which is of the poses alone, because this column beside them is off by more than white noise.
+fn without(mut found: Identification, column: Column) -> Identification {
+    found.warnings.push(Warning::PosesAlone { column });
+    found.marks.errors_not_white = true;
+    found
+}
+
+const fn is_of_poses(column: Column) -> bool {
+    matches!(column, Column::Position | Column::Attitude)
+}
+
+/// A column beside the poses whose noise is visibly not white, without which the poses may tell more.
 ///
 /// Filters, biases and errors of scale make measured rates and accelerations wrong in ways that no noise level describes.
 /// What was asked for beside the body may be about just these, and keeps them.
-fn believable(
-    found: LikelihoodEstimate,
-    record: &[MotionSample],
-    settings: &Settings,
-) -> (LikelihoodEstimate, Option<Column>) {
-    let is_of_poses = |column: Column| matches!(column, Column::Position | Column::Attitude);
-    let coloured = found.whiteness.iter().find(|(column, whiteness)| !is_of_poses(*column) && is_coloured(whiteness));
-    let Some(&(column, _)) = coloured.filter(|_| settings.estimate == Nuisances::default()) else {
-        return (found, None);
-    };
+fn left_out(found: &LikelihoodEstimate, settings: &Settings) -> Option<Column> {
+    let beside = |whiteness: &&(Column, Whiteness)| !is_of_poses(whiteness.0) && is_coloured(&whiteness.1);
+    let coloured = found.whiteness.iter().find(beside).map(|(column, _)| *column);
+    coloured.filter(|_| settings.estimate == Nuisances::default())
+}
+
+/// What the poses alone say, where their noise is white.
+fn of_poses(record: &[MotionSample], settings: &Settings) -> Option<LikelihoodEstimate> {
     let poses = |sample: &MotionSample| MotionSample {
         velocity_origin_world: None,
         rate_body: None,
@@ -99,12 +109,35 @@ fn believable(
         ..*sample
     };
     let poses: Vec<MotionSample> = record.iter().map(poses).collect();
-    match estimator(settings).estimate(&poses) {
-        Ok(alone) if is_known(&alone, DETERMINED) && !alone.whiteness.iter().any(|(_, w)| is_coloured(w)) => {
-            (alone, Some(column))
-        }
-        _ => (found, None),
-    }
+    let alone = estimator(settings).estimate(&poses).ok()?;
+    (is_known(&alone, DETERMINED) && !alone.whiteness.iter().any(|(_, w)| is_coloured(w))).then_some(alone)
+}
+
+/// An answer of the likelihood, or of the poses alone in its place where that answer leaves out columns that are not white.
+pub(super) fn by_poses(
+    found: Identification,
+    record: &[MotionSample],
+    timeline: &Timeline,
+    plan: &Plan<'_>,
+) -> Result<Identification, IdentificationError> {
+    let coloured = found.warnings.iter().find_map(|warning| match warning {
+        Warning::ColouredNoise { column, .. } if !is_of_poses(*column) => Some(*column),
+        _ => None,
+    });
+    let asked = found.method == MAXIMUM_LIKELIHOOD && plan.settings.estimate == Nuisances::default();
+    let Some(column) = coloured.filter(|_| asked) else { return Ok(found) };
+    let alone = of_poses(record, plan.settings).map(|alone| answered(alone, plan)).transpose()?.flatten();
+    let Some((alone, answer)) = alone else { return Ok(found) };
+    Ok(without(identification(alone, &answer, record, timeline, plan)?, column))
+}
+
+/// With sigmas as wide as the parts of the record contradict each other; `None` where a direction is left free.
+fn answered(
+    mut found: LikelihoodEstimate,
+    plan: &Plan<'_>,
+) -> Result<Option<(LikelihoodEstimate, Answer)>, IdentificationError> {
+    widen(&mut found);
+    Ok(Answer::of(&found, plan)?.map(|answer| (found, answer)))
 }
 
 /// Widens what is stated where the parts of the record contradict each other beyond it.
@@ -154,9 +187,9 @@ fn identification(
     let residuals = residuals(&found, timeline);
     let mut evidence = evidence(&found.residuals, record, scale);
     let explained = evidence.explained().unwrap_or_default();
-    let poses = |column: Column| matches!(column, Column::Position | Column::Attitude);
     let coloured = || found.whiteness.iter().filter(|(_, whiteness)| is_coloured(whiteness));
-    let of_poses = coloured().filter(|(column, _)| poses(*column)).map(|(_, whiteness)| whiteness.sigma_inflation());
+    let of_poses =
+        coloured().filter(|(column, _)| is_of_poses(*column)).map(|(_, whiteness)| whiteness.sigma_inflation());
     evidence.colour = of_poses.fold(0.0, f64::max);
     evidence.exchangeable = exchanges_the_body(&found.exchanges);
     let many_outliers = found.outliers as f64 > MANY_OUTLIERS * record.len() as f64;

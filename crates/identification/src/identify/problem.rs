@@ -1,10 +1,10 @@
 //! What an identification is about beside its record, its rows, and the library's own estimators of such a record.
 
 use super::fit::{Best, Fit, best_fit};
+use super::judgement::judge;
 use super::noise::SampleNoise;
 use super::recursion::{self, Flown};
 use super::rows::{Regression, Scheme};
-use super::solution::judge;
 use super::timeline::Timeline;
 use super::{Identification, Noise, Plan, Settings, Way, identify, silence_of};
 use crate::dynamics::InertialParameters;

@@ -53,6 +53,17 @@ impl Coordinates {
         InertialParameters::about_com(self.log_mass.exp(), self.center, self.inertia)
     }
 
+    /// Sizes of `[ln m, c, J_C]` by the body itself.
+    pub(crate) fn sizes(&self) -> SVector<f64, 10> {
+        let inertia = self.inertia.trace() / 3.0;
+        let length = (1.5 * inertia / self.log_mass.exp()).sqrt();
+        SVector::from_fn(|i, _| match i {
+            0 => 1.0,
+            1..=3 => length,
+            _ => 1.5 * inertia,
+        })
+    }
+
     /// Derivative of [`InertialParameters::to_vector`] by eta.
     pub(crate) fn parameters_by_eta(&self) -> SMatrix<f64, 10, 10> {
         let (m, c) = (self.log_mass.exp(), self.center);

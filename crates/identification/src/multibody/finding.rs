@@ -1,7 +1,6 @@
 //! What is known of as many unknowns as a tree has.
 
 use super::layout::require_unknowns;
-use super::tree_estimator::{TreeEstimator, TreeRecord};
 use crate::error::IdentificationError;
 use crate::estimator::EstimatorError;
 use nalgebra::{DMatrix, DVector};
@@ -84,12 +83,4 @@ pub trait DynEstimator {
     /// # Errors
     /// A malformed record; those of the implementation.
     fn estimate(&self, record: &Self::Record) -> Result<DynFinding, EstimatorError>;
-}
-
-impl DynEstimator for TreeEstimator {
-    type Record = [TreeRecord];
-
-    fn estimate(&self, records: &[TreeRecord]) -> Result<DynFinding, EstimatorError> {
-        self.identify(records)?.finding()
-    }
 }

@@ -2,7 +2,7 @@
 
 use super::base_parameters::BaseParameters;
 use super::consistent_links::{ConsistentLinks, LinkPrior, LinksEstimate};
-use super::finding::DynFinding;
+use super::finding::{DynEstimator, DynFinding};
 use super::layout::{BODY, LinkNuisance, ParameterLayout, UnknownBody};
 use super::link_information::LinkInformation;
 use super::momentum_rows::{VelocityNoise, momentum_rows};
@@ -614,4 +614,12 @@ fn impulse_between(before: &TreeSample, sample: &TreeSample, near: &Pose<f64>) -
     let step_s = sample.time_s - before.time_s;
     let middle = before.world_from_base.interpolate(&sample.world_from_base, 0.5);
     before.base_wrench.map_or(Wrench::zero(), |wrench| wrench.transformed_by(&(near * middle)) * step_s)
+}
+
+impl DynEstimator for TreeEstimator {
+    type Record = [TreeRecord];
+
+    fn estimate(&self, records: &[TreeRecord]) -> Result<DynFinding, EstimatorError> {
+        self.identify(records)?.finding()
+    }
 }

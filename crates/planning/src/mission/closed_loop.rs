@@ -6,7 +6,7 @@ use super::event::{Action, Event, FoundStretch, Standing, StartFrom, TimedEvent}
 use super::loop_settings::{LoopSettings, Scene};
 use super::motion::{MissionMotion, StopLimits};
 use super::office::Office;
-use super::plan_request::{Asked, Found, PlanAnswer, PlanRequest};
+use super::plan_request::{Asked, Found, Layer, PlanAnswer, PlanRequest, nanoseconds, seconds};
 use super::serve::proof;
 use super::stretch::StretchAnswer;
 use crate::belief::{ModelBelief, Plan};
@@ -29,21 +29,6 @@ const WAYS: usize = 4;
 
 /// A body so many standard deviations heavier than believed still stops where a stop ends.
 const HEAVIEST_SIGMAS: f64 = 3.0;
-
-/// A layer, for those who measure what it costs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Layer {
-    /// A way from rest, and a way after a search in vain.
-    Way,
-    /// A new way in flight.
-    NewWay,
-    /// Stretches.
-    Stretch,
-    /// Control: once a control period.
-    Control,
-    /// Estimation: once a measurement.
-    Estimator,
-}
 
 /// Looks on; every method does nothing unless written.
 ///
@@ -713,18 +698,6 @@ fn body_of<E: StateEstimator>(estimator: &E) -> Result<(Finding, Estimate), Plan
 /// The error with the name of whose it is.
 fn named<E: StateEstimator>(estimator: &E, error: EstimatorError) -> PlanningError {
     PlanningError::foreign(estimator.name(), error)
-}
-
-/// Seconds of a mission time.
-pub(super) fn seconds(time_ns: i64) -> f64 {
-    time_ns as f64 * 1e-9
-}
-
-/// The nearest nanosecond.
-pub(super) fn nanoseconds(time_s: f64) -> i64 {
-    #[allow(clippy::cast_possible_truncation)] // saturates, far beyond any mission
-    let time_ns = nalgebra::ComplexField::round(time_s * 1e9) as i64;
-    time_ns
 }
 
 fn length(vector: &Vector3<f64>) -> f64 {

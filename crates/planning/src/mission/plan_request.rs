@@ -1,6 +1,5 @@
 //! What a loop asks to be planned, and what it is answered.
 
-use super::closed_loop::Layer;
 use super::event::{Ambition, FoundStretch};
 use super::loop_settings::{LoopSettings, Scene};
 use super::motion::StopLimits;
@@ -11,10 +10,25 @@ use crate::error::PlanningError;
 use crate::global::GlobalAnswer;
 use crate::motion::ArcPath;
 use std::sync::Arc;
-use tumble_dynamics::RigidBodyState;
+use tumble_dynamics::{AlignedBox, RigidBodyState};
 
 /// Speed below which a plan starts at rest, m/s.
 const REST_M_S: f64 = 1e-6;
+
+/// A layer, for those who measure what it costs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Layer {
+    /// A way from rest, and a way after a search in vain.
+    Way,
+    /// A new way in flight.
+    NewWay,
+    /// Stretches.
+    Stretch,
+    /// Control: once a control period.
+    Control,
+    /// Estimation: once a measurement.
+    Estimator,
+}
 
 /// All that a plan needs, owned or shared, so that it may wait or go to another thread.
 pub struct PlanRequest<W>
@@ -92,6 +106,12 @@ where
         matches!(self.asked, Asked::Stretch { .. })
     }
 
+    /// Where the body may be, the start included.
+    pub(super) fn position_limits(&self) -> AlignedBox {
+        let (limits, start) = (&self.settings.limits.position, &self.start.world_from_body.translation.vector);
+        AlignedBox { lower_world: limits.lower_world.inf(start), upper_world: limits.upper_world.sup(start) }
+    }
+
     pub(super) fn starts_at_rest(&self) -> bool {
         self.start.twist_body.linear.norm() <= REST_M_S
     }
@@ -131,4 +151,16 @@ pub enum Found {
         /// What they say.
         error: PlanningError,
     },
+}
+
+/// Seconds of a mission time.
+pub(super) fn seconds(time_ns: i64) -> f64 {
+    time_ns as f64 * 1e-9
+}
+
+/// The nearest nanosecond.
+pub(super) fn nanoseconds(time_s: f64) -> i64 {
+    #[allow(clippy::cast_possible_truncation)] // saturates, far beyond any mission
+    let time_ns = nalgebra::ComplexField::round(time_s * 1e9) as i64;
+    time_ns
 }

@@ -1,14 +1,14 @@
 //! A way out for whoever stands nearer to something than it may stay.
 
-use super::closed_loop::seconds;
-use super::plan_request::PlanRequest;
-use super::serve::{held_m, position_limits};
+use super::plan_request::{PlanRequest, seconds};
 use crate::collision::CollisionWorld;
 use crate::error::PlanningError;
 use crate::motion::{ArcPath, BodyArc, TranslationState};
 use nalgebra::Vector3;
 use tumble_lie::Pose;
 
+/// Share of the clearance at its start that a way may keep.
+const START_SHARE: f64 = 0.95;
 /// Length of a step along a line, m.
 const STEP_M: f64 = 0.01;
 
@@ -40,7 +40,7 @@ where
     if here_m >= settings.check_margin_m || !asked.starts_at_rest() {
         return Ok(None);
     }
-    let (margin_m, box_world) = (held_m(settings.margin_m, here_m), position_limits(asked));
+    let (margin_m, box_world) = (held_m(settings.margin_m, here_m), asked.position_limits());
     let mut best: Option<(f64, u32, ArcPath)> = None;
     for direction in directions() {
         let mut before_m = here_m;
@@ -117,4 +117,9 @@ where
         begin_s += arc.duration_s;
     }
     Ok(true)
+}
+
+/// The margin that a plan keeps which begins so far from the nearest thing, m: whoever stands nearer than the margin must be able to leave.
+pub(super) fn held_m(margin_m: f64, distance_m: f64) -> f64 {
+    margin_m.min(START_SHARE * distance_m).max(0.0)
 }

@@ -1,11 +1,10 @@
 //! Answers to what a loop asks to be planned, wherever this is done.
 
-use super::closed_loop::{Layer, nanoseconds, seconds};
 use super::event::{Ambition, FoundStretch};
 use super::loop_settings::LoopSettings;
 use super::motion::MissionMotion;
-use super::plan_request::{Asked, Found, PlanAnswer, PlanRequest};
-use super::retreat::retreat;
+use super::plan_request::{Asked, Found, Layer, PlanAnswer, PlanRequest, nanoseconds, seconds};
+use super::retreat::{held_m, retreat};
 use super::stretch::{StretchAnswer, StretchOutcome, StretchPlanner, StretchTask};
 use crate::budget::{Budget, Units};
 use crate::collision::CollisionWorld;
@@ -13,11 +12,7 @@ use crate::error::PlanningError;
 use crate::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, MotionLimits, Obstruction, Status, Until};
 use crate::motion::{ArcPath, BodyArc, TranslationState};
 use nalgebra::Vector3;
-use tumble_dynamics::AlignedBox;
 use tumble_lie::Pose;
-
-/// Share of the clearance at its start that a way may keep.
-const START_SHARE: f64 = 0.95;
 
 /// A way to the goal ends no farther from its region than this, m.
 const AT_GOAL_M: f64 = 0.01;
@@ -103,7 +98,7 @@ where
     let (pose, start_s) = (start.world_from_body, seconds(asked.start_ns));
     let clearance = scene.world.clearance(&settings.body, &pose, start_s)?;
     let held_m = |margin_m: f64| held_m(margin_m, clearance.distance_m);
-    let mut limits = MotionLimits { position: position_limits(asked), ..settings.limits };
+    let mut limits = MotionLimits { position: asked.position_limits(), ..settings.limits };
     let velocity = pose.rotation * start.twist_body.linear;
     limits.speed_m_s = limits.speed_m_s.sup(&velocity.abs());
     let mut plan = |margin_m: f64, known: Option<&ArcPath>, units: u64| {
@@ -147,21 +142,6 @@ where
     // a way as near as may be flown is better than none
     let nearer = plan(least_m, known, first_units)?;
     Ok(GlobalAnswer { units: answer.units + nearer.units, ..nearer })
-}
-
-/// Where the body may be, the start included.
-pub(super) fn position_limits<W>(asked: &PlanRequest<W>) -> AlignedBox
-where
-    W: CollisionWorld,
-    W::Body: Sized,
-{
-    let (limits, start) = (&asked.settings.limits.position, &asked.start.world_from_body.translation.vector);
-    AlignedBox { lower_world: limits.lower_world.inf(start), upper_world: limits.upper_world.sup(start) }
-}
-
-/// The margin that a plan keeps which begins so far from the nearest thing, m: whoever stands nearer than the margin must be able to leave.
-pub(super) fn held_m(margin_m: f64, distance_m: f64) -> f64 {
-    margin_m.min(START_SHARE * distance_m).max(0.0)
 }
 
 /// Why there is no way and never will be one in this world, whatever the start: what is said of a start or of a limit, another

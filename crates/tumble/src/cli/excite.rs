@@ -1,143 +1,32 @@
 //! `tumble excite`: a motion that shows all ten parameters, and its simulated flight.
 
+use super::excite_motion::{Bounds, Designed, FinePeriod, Flight};
+use super::excite_options::CriterionName;
+pub use super::excite_options::ExciteArgs;
 use super::excite_page;
 use super::{Outcome, print};
 use crate::output::{OutputFolder, RUN_RECORD, unused};
 use crate::page::Page;
 use crate::{TumbleError, flight_log, report, space_cobot};
-use clap::{Args, ValueEnum};
 use std::fmt::Write as _;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use tumble_dynamics::nalgebra::{DMatrix, SVector, Vector3, Vector6};
+use tumble_dynamics::nalgebra::{SVector, Vector6};
 use tumble_dynamics::{FreeFlyer, InertialParameters, MuntheKaas4, PoseTracker, RigidBodyState, SimulatedBody};
 use tumble_formats::body_file::{self, BodyFile};
 use tumble_formats::excitation_file::{DesignTable, ExcitationFile, LimitsTable, NoiseTable};
 use tumble_identification::excitation::{
     Channel, ChannelLimits, ExcitationDesign, ExcitationProblem, Execution, NormalizedCondition, PlanarExcitation,
-    Saturation, SpaceExcitation, Utilization, WrenchLimits, execute, samples_per_period,
+    Saturation, SpaceExcitation, WrenchLimits, execute, samples_per_period,
 };
 use tumble_identification::fourier::{FourierBasis, FourierMotion};
-use tumble_identification::harmonics::{CramerRao, cramer_rao};
+use tumble_identification::harmonics::cramer_rao;
 use tumble_identification::noise::Gaussian;
 use tumble_identification::{
     AOptimality, BodyScale, ConditionNumber, DOptimality, EOptimality, IdentificationError, InLikeUnits, Noise,
 };
 use tumble_lie::{LieGroup, Pose};
-
-/// Options of `tumble excite`.
-#[derive(Args)]
-#[allow(clippy::struct_excessive_bools)]
-pub struct ExciteArgs {
-    /// Period of the motion, s.
-    #[arg(long, value_name = "S", default_value_t = 10.0)]
-    pub(super) period: f64,
-    /// Harmonics of each channel: 2 to 30; a start takes some seconds with 12, ten or more with 30.
-    #[arg(long, value_name = "N", default_value_t = 3)]
-    pub(super) harmonics: usize,
-    /// What the motion is to make small.
-    #[arg(long, value_enum, default_value_t = CriterionName::D)]
-    pub(super) criterion: CriterionName,
-    /// Random starts of the search: 1 to 1000.
-    #[arg(long, value_name = "N", default_value_t = 3)]
-    pub(super) starts: usize,
-    /// Seed of the starts, of the random payload and of the noise.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub(super) seed: u64,
-    /// Samples and control steps, 1/s.
-    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
-    pub(super) rate: f64,
-    /// Cycles to fly; two at least, of which the first one settles.
-    #[arg(long, value_name = "N", default_value_t = 10)]
-    pub(super) cycles: usize,
-    /// Largest distance from the start along x, y and z, m (one number, or three); inf for no limit.
-    #[arg(long, value_name = "M", default_value = "0.75", value_parser = parse_distances, allow_hyphen_values = true)]
-    pub(super) position: Vector3<f64>,
-    /// Largest Euler angle (roll, pitch, yaw), rad.
-    #[arg(long, value_name = "RAD", default_value_t = 0.8, allow_hyphen_values = true)]
-    pub(super) angle: f64,
-    /// Largest velocity along each axis, m/s.
-    #[arg(long, value_name = "M/S", default_value_t = 0.6, allow_hyphen_values = true)]
-    pub(super) speed: f64,
-    /// Largest rate of each Euler angle, rad/s.
-    #[arg(long, value_name = "RAD/S", default_value_t = 0.8, allow_hyphen_values = true)]
-    pub(super) angular_rate: f64,
-    /// Largest acceleration along each axis, m/s^2.
-    #[arg(long, value_name = "M/S^2", default_value_t = 0.4, allow_hyphen_values = true)]
-    pub(super) acceleration: f64,
-    /// Largest second derivative of each Euler angle, rad/s^2.
-    #[arg(long, value_name = "RAD/S^2", default_value_t = 0.8, allow_hyphen_values = true)]
-    pub(super) angular_acceleration: f64,
-    /// Move in the plane: x, y and yaw only.
-    #[arg(long)]
-    pub(super) planar: bool,
-    /// The robot without payload (TOML or JSON); Space CoBot unless given.
-    #[arg(long, value_name = "FILE")]
-    pub(super) body: Option<PathBuf>,
-    /// Largest force of the actuators along each body axis, N.
-    #[arg(long, value_name = "N", default_value_t = space_cobot::FORCE_LIMIT_N, allow_hyphen_values = true)]
-    pub(super) force_limit: f64,
-    /// Largest torque of the actuators about each body axis, N m.
-    #[arg(long, value_name = "N_M", default_value_t = space_cobot::TORQUE_LIMIT_N_M, allow_hyphen_values = true)]
-    pub(super) torque_limit: f64,
-    /// Leave force and torque limits out of the design, so that the flight may run into them.
-    #[arg(long)]
-    pub(super) saturate: bool,
-    /// Noise of each axis of the logged position, one sigma per sample, m.
-    #[arg(long, value_name = "M", default_value_t = 0.05, allow_hyphen_values = true)]
-    pub(super) position_noise: f64,
-    /// Noise of each axis of the logged attitude, one sigma per sample, rad.
-    #[arg(long, value_name = "RAD", default_value_t = 0.03, allow_hyphen_values = true)]
-    pub(super) attitude_noise: f64,
-    /// Noise of each axis of the logged force, one sigma per sample, N.
-    #[arg(long, value_name = "N", default_value_t = 0.01, allow_hyphen_values = true)]
-    pub(super) force_noise: f64,
-    /// Noise of each axis of the logged torque, one sigma per sample, N m.
-    #[arg(long, value_name = "N_M", default_value_t = 0.001, allow_hyphen_values = true)]
-    pub(super) torque_noise: f64,
-    /// Simulate the flight with an unknown payload and write its log.
-    #[arg(long)]
-    pub(super) fly: bool,
-    /// With --fly: what the robot carries (TOML or JSON, about the robot's origin); random from the seed unless given.
-    #[arg(long, value_name = "FILE", requires = "fly")]
-    pub(super) payload: Option<PathBuf>,
-    /// Folder to write [default: tumble-out/excite-CRITERION-SEED, numbered where it exists].
-    #[arg(long, value_name = "DIR")]
-    pub(super) out: Option<PathBuf>,
-    /// Replace an earlier result.
-    #[arg(long)]
-    pub(super) force: bool,
-    /// Print one JSON object and nothing else on stdout.
-    #[arg(long)]
-    pub(super) json: bool,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(super) enum CriterionName {
-    /// Condition number of the normalised regressor, less a reward for large motions (thesis V1).
-    V1,
-    /// Volume of the uncertainty: determinant of the information (thesis V2).
-    D,
-    /// Mean squared error.
-    A,
-    /// Largest error.
-    E,
-    /// Condition number of the information; ignores size (a motion of centimetres may win): prefer v1 or d.
-    Condition,
-}
-
-impl CriterionName {
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::V1 => "v1",
-            Self::D => "d",
-            Self::A => "a",
-            Self::E => "e",
-            Self::Condition => "condition",
-        }
-    }
-}
 
 /// V1's reward of a large motion, per root mean square of each channel, 1/m and 1/rad.
 const V1_REWARD: f64 = 20.0;
@@ -152,44 +41,8 @@ const MOST_HARMONICS: usize = 30;
 const MOST_STARTS: usize = 1000;
 /// A search is heard of where nothing replaces lines, too, when it has taken this long, s.
 const SILENCE_S: f64 = 5.0;
-/// Steps of one period in which peaks are found.
-const FINE_STEPS: usize = 4000;
 /// Harmonics that tracking with the wrong body adds.
 const HARMONICS_ADDED: usize = 10;
-
-fn parse_distances(text: &str) -> Result<Vector3<f64>, String> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
-    match numbers.as_deref() {
-        Some([all]) => Ok(Vector3::repeat(*all)),
-        Some([x, y, z]) => Ok(Vector3::new(*x, *y, *z)),
-        _ => Err("one number is needed, or three such as 0.5,0.5,0.2".to_owned()),
-    }
-}
-
-/// A design without the number of parameters in its type.
-pub(super) struct Designed {
-    pub(super) motion: FourierMotion,
-    pub(super) cost: f64,
-    pub(super) cost_per_start: Vec<Option<f64>>,
-    pub(super) utilization: Vec<Utilization>,
-    pub(super) duration_s: f64,
-}
-
-/// What the motion can tell, flown exactly and with the harmonics left free that tracking may add.
-pub(super) struct Bounds {
-    pub(super) exact: CramerRao,
-    pub(super) free: CramerRao,
-    pub(super) free_harmonics: usize,
-}
-
-/// A simulated flight.
-pub(super) struct Flight {
-    pub(super) truth: InertialParameters<f64>,
-    pub(super) payload_kg: f64,
-    pub(super) execution: Execution,
-    /// Root mean square of the distance from the motion, m, and of the angle, rad.
-    pub(super) tracking_rms: (f64, f64),
-}
 
 /// Runs the command.
 ///
@@ -445,37 +298,6 @@ fn tracking_rms(motion: &FourierMotion, flown: &Execution) -> (f64, f64) {
     }
     let mean = |sum: f64| (sum / flown.samples.len().max(1) as f64).sqrt();
     (mean(distance), mean(angle))
-}
-
-/// One period in fine steps, its end included: what peaks are found in and pictures drawn from.
-pub(super) struct FinePeriod {
-    pub(super) times_s: Vec<f64>,
-    /// Values, rates and accelerations of the six channels.
-    pub(super) channels: [DMatrix<f64>; 3],
-    /// `[torque; force]` that the body without payload needs.
-    pub(super) wrenches: DMatrix<f64>,
-}
-
-impl FinePeriod {
-    fn of(motion: &FourierMotion, body: &InertialParameters<f64>) -> Self {
-        let times_s: Vec<f64> =
-            (0..=FINE_STEPS).map(|i| motion.basis().period_s() * i as f64 / FINE_STEPS as f64).collect();
-        let channels = motion.basis().table(&times_s).map(|functions| functions * motion.coefficients());
-        let parameters = body.to_vector();
-        let mut wrenches = DMatrix::zeros(times_s.len(), 6);
-        for (row, instant) in times_s.iter().map(|&time_s| motion.at(time_s)).enumerate() {
-            if let Some(instant) = instant {
-                wrenches.row_mut(row).copy_from(&(instant.regressor() * parameters).transpose());
-            }
-        }
-        Self { times_s, channels, wrenches }
-    }
-    fn largest_torque(&self) -> f64 {
-        self.wrenches.columns(0, 3).amax()
-    }
-    fn largest_force(&self) -> f64 {
-        self.wrenches.columns(3, 3).amax()
-    }
 }
 
 /// One period, wrench of the body without payload; the end is the start of the next and absent.

@@ -1,6 +1,7 @@
 //! A designed motion as a page.
 
-use super::excite::{Bounds, Designed, ExciteArgs, FinePeriod, Flight};
+use super::excite_motion::{Bounds, Designed, FinePeriod, Flight};
+use super::excite_options::ExciteArgs;
 use crate::page::chart::{Axis, Chart};
 use crate::page::text::number;
 use crate::page::{Page, Tone};

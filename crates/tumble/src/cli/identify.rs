@@ -1,12 +1,12 @@
 //! `tumble identify`: from a log to mass, centre of mass and inertia.
 
-use super::check::exported;
 use super::identify_arm::Files;
 use super::identify_log::{Log, ROWS_IN_MEMORY, Rows};
-use super::identify_options::{AUTO, OF_CYCLES, run_record};
+use super::identify_options::{AUTO, OF_CYCLES, run_record, write_export};
 use super::identify_periodic::{self, Motion};
+pub use super::own_estimator::{MakeEstimator, OwnEstimator};
 use super::{Outcome, log_files, named_together, paths_of, print};
-use crate::output::{OutputFolder, RUN_RECORD, write_file};
+use crate::output::{OutputFolder, RUN_RECORD};
 use crate::report::{self, Context};
 use crate::report_page::{self, Trial};
 use crate::{TumbleError, demo};
@@ -19,11 +19,10 @@ use tumble_formats::Robots;
 use tumble_formats::actuator_file::ActuatorFile;
 use tumble_formats::body_file;
 use tumble_formats::log::{TEMPLATE, seconds};
-use tumble_identification::estimator::{Estimator, EstimatorError};
 use tumble_identification::harmonics::HarmonicEstimator;
 use tumble_identification::{
     FLIGHT_LIKELIHOOD, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Nuisances,
-    Part, Parts, Problem, Settings, Validation, predict, validate,
+    Part, Parts, Settings, Validation, predict, validate,
 };
 
 pub use super::identify_options::IdentifyArgs;
@@ -116,19 +115,6 @@ pub struct Found {
     actuators: Option<ActuatorFile>,
     validation: Option<Validation>,
 }
-
-/// An estimator from outside, by its name.
-pub struct OwnEstimator {
-    /// What the result calls its method.
-    pub name: &'static str,
-    /// Makes it for the problem that a record poses.
-    pub make: MakeEstimator,
-}
-
-/// An estimator of records, made for the problem that one poses.
-pub type MakeEstimator = Box<
-    dyn Fn(&Problem) -> Result<Box<dyn Estimator<Record = [MotionSample]> + Send + Sync>, EstimatorError> + Send + Sync,
->;
 
 impl Found {
     /// Of the log that the options name, as `tumble identify` finds it.
@@ -436,18 +422,6 @@ fn deliver(args: &IdentifyArgs, answer: &Found, log: &Log, settings: &Settings) 
         tell_line!("wrote {}", folder.finish()?.join("report.html").display());
     }
     Ok(if found.verdict.is_identified() { Outcome::Achieved } else { Outcome::NotAchieved })
-}
-
-/// Writes what `--export` asks for.
-pub(super) fn write_export(
-    path: &Path,
-    args: &IdentifyArgs,
-    body: &InertialParameters<f64>,
-) -> Result<(), TumbleError> {
-    let text = exported(path, args.patch.as_deref(), args.link.as_deref(), body)?;
-    write_file(path, text.as_bytes(), args.force)?;
-    tell_line!("wrote {}", path.display());
-    Ok(())
 }
 
 /// Each part between changes of the body by itself.

@@ -1,7 +1,7 @@
 //! The log that is identified: rows in memory, or read again part by part.
 
-use super::identify::OwnEstimator;
 use super::identify_options::{AUTO, DEMO_SEED, IdentifyArgs};
+use super::own_estimator::OwnEstimator;
 use crate::{TumbleError, demo};
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
@@ -389,7 +389,7 @@ impl CommandedLog {
             }
             Some(Container::Ulog) => {
                 let (survey, plan) = ulog_flight::open(path, None)?;
-                tell!("{}", recording::flight::table(&survey.topics, &plan));
+                tell!("{}", recording::topics::table(&survey.topics, &plan));
                 let mut failure = None;
                 let tally = ulog_flight::read(path, &survey, columns, true, &mut |sample| match log
                     .take(&sample, &mut held)
@@ -437,7 +437,7 @@ fn reference(args: &IdentifyArgs) -> Result<Option<(String, InertialParameters<f
 
 /// What the options say of sensors and plane.
 fn told(args: &IdentifyArgs, robots: &Robots, is_planar: bool) -> Result<FlightLikelihood, TumbleError> {
-    let sensing = args.sensing.as_deref().map(|name| super::sensing::find(name, robots)).transpose()?;
+    let sensing = args.sensing.as_deref().map(|name| super::named_sensing::find(name, robots)).transpose()?;
     let plane = plane(args, is_planar);
     Ok(FlightLikelihood { sensing: sensing.unwrap_or_default(), plane, ..FlightLikelihood::default() })
 }

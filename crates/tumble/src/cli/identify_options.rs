@@ -1,11 +1,14 @@
 //! Options of `tumble identify`, and what its folders remember of them.
 
+use super::check::exported;
 use super::identify_arm::ArmOptions;
 use crate::TumbleError;
+use crate::output::write_file;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Command, FromArgMatches as _, ValueEnum};
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::harmonics::HarmonicEstimator;
 use tumble_identification::{FLIGHT_LIKELIHOOD, MAXIMUM_LIKELIHOOD, Nuisance, Nuisances, WrenchTiming, methods};
@@ -235,4 +238,16 @@ pub(super) fn run_record(args: &IdentifyArgs, source: &str) -> String {
         "input_hash": super::hash_of(&args.logs()),
     })
     .to_string()
+}
+
+/// Writes what `--export` asks for.
+pub(super) fn write_export(
+    path: &Path,
+    args: &IdentifyArgs,
+    body: &InertialParameters<f64>,
+) -> Result<(), TumbleError> {
+    let text = exported(path, args.patch.as_deref(), args.link.as_deref(), body)?;
+    write_file(path, text.as_bytes(), args.force)?;
+    tell_line!("wrote {}", path.display());
+    Ok(())
 }

@@ -1,7 +1,7 @@
 //! `tumble identify LOG --excitation FILE`: the cycles of a periodic motion, averaged.
 
 use super::identify_log::{Log, Rows};
-use super::identify_options::{IdentifyArgs, run_record};
+use super::identify_options::{IdentifyArgs, run_record, write_export};
 use super::{Outcome, print};
 use crate::harmonic_report as report;
 use crate::output::{OutputFolder, RUN_RECORD};
@@ -230,7 +230,7 @@ fn deliver(
     print(&if args.json { format!("{json}\n") } else { table.clone() })?;
     let body = &found.estimate.parameters;
     if let Some(path) = &args.export {
-        super::identify::write_export(path, args, body)?;
+        write_export(path, args, body)?;
     }
     if let Some(path) = &args.out {
         let folder = OutputFolder::create(path, args.force)?;

@@ -1,13 +1,12 @@
 //! `tumble sensing`: what is known of the sensors of robots.
 
+use super::named_sensing::find;
 use super::sensing_check::{self, CheckArgs};
 use super::{Outcome, print};
 use crate::TumbleError;
 use clap::{Args, Subcommand};
 use std::fmt::Write as _;
-use std::path::Path;
 use tumble_formats::{Robots, sensing_file};
-use tumble_identification::sensing::Sensing;
 
 /// Options of `tumble sensing`.
 #[derive(Args)]
@@ -27,17 +26,6 @@ enum SensingCommand {
     },
     /// What a log shows of its own sensors: noise, slow errors, ages, biases, gains, each with its standard deviation.
     Check(Box<CheckArgs>),
-}
-
-/// Sensors by name, or of a file.
-pub(super) fn find(name: &str, robots: &Robots) -> Result<Sensing, TumbleError> {
-    let path = Path::new(name);
-    if path.exists() {
-        return Ok(sensing_file::read(path)?);
-    }
-    robots
-        .sensing(name)
-        .map_err(|unknown| TumbleError::BadOption { message: format!("{unknown}; no file has that name") })
 }
 
 /// Runs the command.

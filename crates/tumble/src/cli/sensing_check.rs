@@ -53,7 +53,7 @@ pub(super) fn run(args: &CheckArgs, robots: &Robots) -> Result<Outcome, TumbleEr
     if let Some(path) = &args.out {
         OutputFolder::check_place(path, args.force)?;
     }
-    let stated = args.sensing.as_deref().map(|name| super::sensing::find(name, robots)).transpose()?;
+    let stated = args.sensing.as_deref().map(|name| super::named_sensing::find(name, robots)).transpose()?;
     let record = read(args, robots)?;
     let found = check(&record, args.wrench.into())?;
     let contradictions = found.contradictions(stated.as_ref());

@@ -3,7 +3,8 @@
 use super::commanded_nozzles::CommandedNozzles;
 use super::excite::progress;
 use super::flown_sensing::FlownSensing;
-use super::simulate_control::{self, Tracked};
+use super::simulate_control;
+use super::simulate_flight::{Flown, fly, seconds, to_goal};
 use super::simulate_page;
 use super::{Outcome, print};
 use crate::TumbleError;
@@ -14,11 +15,10 @@ use crate::scenario::{Flight, LONGEST_S, ScenarioSource};
 use clap::Args;
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{BufWriter, IsTerminal as _};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
-use tumble_astrobee::simulator::{CONTROL_PERIOD_S, Event, SimulatorMeasurement, TimedEvent};
-use tumble_dynamics::nalgebra::Vector3;
+use std::time::Instant;
+use tumble_astrobee::simulator::{CONTROL_PERIOD_S, Event, TimedEvent};
 use tumble_dynamics::{InertialParameters, World};
 use tumble_formats::FormatsError;
 use tumble_formats::Robots;
@@ -26,7 +26,6 @@ use tumble_formats::body_file::{self, BodyFile};
 use tumble_formats::log;
 use tumble_formats::recording::mcap_log::McapSink;
 use tumble_formats::recording::rows::read_csv;
-use tumble_lie::LieGroup;
 
 /// Options of `tumble simulate`.
 #[derive(Args)]
@@ -63,27 +62,6 @@ pub struct SimulateArgs {
     /// Print one JSON object and nothing else on stdout.
     #[arg(long)]
     json: bool,
-}
-
-/// Points of a curve in a picture.
-const DRAWN: i64 = 2000;
-/// Control periods between two looks at the progress.
-const BETWEEN_LOOKS: i64 = 20_000;
-
-/// Time between two lines of progress where there is no terminal whose line could change.
-const BETWEEN_LINES: Duration = Duration::from_secs(5);
-
-/// What is counted and drawn while the robot flies.
-pub(super) struct Flown {
-    pub(super) periods: i64,
-    pub(super) saturated: i64,
-    pub(super) distance_m: f64,
-    pub(super) top_speed_m_s: f64,
-    pub(super) largest_force_error_n: f64,
-    pub(super) impulse_n_s: f64,
-    /// Every so many periods.
-    pub(super) drawn: Vec<SimulatorMeasurement>,
-    pub(super) tracked: Tracked,
 }
 
 /// Runs the command.
@@ -216,64 +194,6 @@ fn say_next(place: &Path, flight: &Flight) {
              that the rest is not determined"
         );
     }
-}
-
-/// Flies to the end; `each` sees every control period.
-fn fly(
-    flight: &mut Flight,
-    mut each: impl FnMut(&Flight, &SimulatorMeasurement) -> Result<(), TumbleError>,
-) -> Result<Flown, TumbleError> {
-    let periods = flight.duration_ns / tumble_astrobee::simulator::CONTROL_PERIOD_NS;
-    let drawn_every = periods / DRAWN + 1;
-    let mut flown = Flown {
-        periods,
-        saturated: 0,
-        distance_m: 0.0,
-        top_speed_m_s: 0.0,
-        largest_force_error_n: 0.0,
-        impulse_n_s: 0.0,
-        drawn: Vec::new(),
-        tracked: Tracked::new(flight),
-    };
-    let mut index = 0;
-    let mut said = Instant::now();
-    while let Some(measured) = flight.step()? {
-        if index % BETWEEN_LOOKS == 0 {
-            let text = format!("flying: {} of {} s ...", index * 2 / 125, periods * 2 / 125);
-            progress(&text);
-            if !std::io::stderr().is_terminal() && said.elapsed() >= BETWEEN_LINES {
-                tell_line!("{text}");
-                said = Instant::now();
-            }
-        }
-        let [from, to] = [&measured.start, &measured.end].map(|motion| motion.state.world_from_body.translation.vector);
-        flown.distance_m += (to - from).norm();
-        flown.top_speed_m_s = flown.top_speed_m_s.max(measured.end.state.twist_body.linear.norm());
-        flown.saturated += i64::from(measured.saturated);
-        let force_error = (measured.realized_wrench_body.force - measured.believed_wrench_body.force).norm();
-        flown.largest_force_error_n = flown.largest_force_error_n.max(force_error);
-        flown.impulse_n_s += measured.realized_wrench_body.force.norm() * CONTROL_PERIOD_S;
-        let is_drawn = index % drawn_every == 0;
-        flown.tracked.see(flight, &measured.start, is_drawn);
-        if is_drawn {
-            flown.drawn.push(measured);
-        }
-        each(flight, &measured)?;
-        index += 1;
-    }
-    flight.drive.account.end(flight.duration_ns);
-    Ok(flown)
-}
-
-/// Distance and angle from the goal in the end.
-pub(super) fn to_goal(flight: &Flight) -> Option<(f64, f64)> {
-    let error = flight.goal?.inv_mul(&flight.simulator.state().world_from_body);
-    let turn: Vector3<f64> = LieGroup::log(&error.rotation);
-    Some((error.translation.vector.norm(), turn.norm()))
-}
-
-pub(super) fn seconds(event: &TimedEvent) -> f64 {
-    event.time_ns as f64 / 1e9
 }
 
 fn summary(

@@ -1,7 +1,7 @@
 //! A simulated flight as a page.
 
-use super::simulate::{Flown, seconds, to_goal};
 use super::simulate_control;
+use super::simulate_flight::{Flown, seconds, to_goal};
 use crate::TumbleError;
 use crate::page::chart::{Axis, Chart, Layer, ellipsoid_from_above};
 use crate::page::text::number;

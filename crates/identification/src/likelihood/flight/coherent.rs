@@ -6,7 +6,6 @@
 
 use super::fit::{Fit, solved};
 use super::layout::{BODY, LOG_MASS};
-use super::outcome::sizes;
 use super::thrusters::AXES;
 use crate::error::IdentificationError;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
@@ -105,7 +104,7 @@ fn without_first(said: &DMatrix<f64>, gone: usize) -> Option<DMatrix<f64>> {
 pub(super) fn widen(fit: &Fit<'_>, of_body: &mut DMatrix<f64>) -> Result<Option<DMatrix<f64>>, IdentificationError> {
     let Some(Sizes { wrench, mut errors, constant }) = Sizes::of(fit) else { return Ok(None) };
     let body = fit.coordinates();
-    let sizes = sizes(&body);
+    let sizes = body.sizes();
     // A thruster makes force as well as torque, also where only the torque is seen well enough.
     errors[1] = errors[1].max(errors[0] / sizes[LOG_MASS + 1]).min(wrench[1]);
     let share = |part: usize| if wrench[part] > 0.0 { errors[part] / wrench[part] } else { 0.0 };

@@ -5,7 +5,7 @@ use super::coherent;
 use super::fit::{Fit, solved, without_state};
 use super::grid::{ACCELERATION, RATE, STREAMS};
 use super::layout::BODY;
-use super::thrusters::FoundThrusters;
+use super::thrusters::{FoundFactor, FoundThrusters};
 use crate::SquareRootInformation;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -176,6 +176,41 @@ impl FlightEstimate {
     }
 }
 
+impl FoundThrusters {
+    pub(super) fn of(fit: &Fit<'_>, covariance: &DMatrix<f64>, freed: &[usize]) -> Option<Self> {
+        let told = fit.of.thrusters.as_ref()?;
+        let n = told.len();
+        let place = |parameter: usize| Some((fit.eta[BODY + parameter], fit.column_of(BODY + parameter)?));
+        let shared = |parameter: Option<usize>, about: f64| {
+            let (value, at) = place(parameter?)?;
+            Some(FoundFactor { value: about + value, std: covariance[(at, at)].max(0.0).sqrt() })
+        };
+        let mut found = Self {
+            scale: vec![1.0; n],
+            std: vec![0.0; n],
+            deviations: vec![0.0; n],
+            suspects: freed.to_vec(),
+            constant_n: vec![None; n],
+            common: shared(told.common, 1.0),
+            sag: shared(told.sag, 0.0),
+        };
+        for (parameter, thruster) in &told.constant {
+            found.constant_n[*thruster] = shared(Some(*parameter), 0.0);
+        }
+        for i in 0..n {
+            let Some((value, at)) = place(i) else { continue };
+            let (variance, sigma) = (covariance[(at, at)], told.sigma[i]);
+            found.scale[i] = 1.0 + value;
+            found.std[i] = variance.max(0.0).sqrt();
+            let own = 1.0 / variance - 1.0 / (sigma * sigma);
+            if own > 0.0 {
+                found.deviations[i] = value / (variance * own) / (1.0 / own + sigma * sigma).sqrt();
+            }
+        }
+        Some(found)
+    }
+}
+
 /// The gains of an accelerometer against a sane one: chi squared, and the precision that being sane adds.
 struct Gains {
     chi_square: f64,
@@ -264,23 +299,12 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
 
 /// The information with so much added about the body that what it leaves free can be inverted: a sigma of a thousand bodies.
 fn floored(fit: &Fit<'_>, information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let sizes = sizes(&fit.coordinates());
+    let sizes = fit.coordinates().sizes();
     let mut out = information.clone();
     for (i, &column) in fit.free.iter().enumerate().filter(|(_, column)| **column < BODY) {
         out[(i, i)] += 1e-6 / (sizes[column] * sizes[column]);
     }
     out.iter().all(|x| x.is_finite()).then_some(out)
-}
-
-/// Sizes of `[ln m, c, J_C]` by the body itself.
-pub(super) fn sizes(body: &Coordinates) -> SVector<f64, 10> {
-    let inertia = body.inertia.trace() / 3.0;
-    let length = (1.5 * inertia / body.log_mass.exp()).sqrt();
-    SVector::from_fn(|i, _| match i {
-        0 => 1.0,
-        1..=3 => length,
-        _ => 1.5 * inertia,
-    })
 }
 
 fn judge_gains(fit: &Fit<'_>, covariance: &DMatrix<f64>) -> Gains {
@@ -346,7 +370,7 @@ fn determined(
     information: &DMatrix<f64>,
     ten: &[usize],
 ) -> Result<([bool; 10], SquareRootInformation<10>), IdentificationError> {
-    let sizes = sizes(coordinates);
+    let sizes = coordinates.sizes();
     let n = ten.len();
     let scaled = DMatrix::from_fn(n, n, |i, j| information[(i, j)] * sizes[ten[i]] * sizes[ten[j]]);
     if scaled.iter().any(|x| !x.is_finite()) {
@@ -424,7 +448,7 @@ fn halves(fit: &mut Fit<'_>) -> Option<Halves> {
     // What both halves take from one prior is common to them.
     let common = &b.1 - &a.1;
     let spread = &a.2 + &b.2 + &common * prior * &common;
-    let sizes = sizes(&fit.coordinates());
+    let sizes = fit.coordinates().sizes();
     // Where either half leaves a parameter free it says nothing against the other.
     let seen: Vec<usize> = (0..p)
         .filter(|&i| fit.free[i] < BODY && [a, b].iter().all(|h| h.1[(i, i)].sqrt() < DETERMINED * sizes[fit.free[i]]))

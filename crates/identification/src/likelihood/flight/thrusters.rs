@@ -1,10 +1,8 @@
 //! What the logged wrench is made of, and how each part of it may be off.
 
 use super::SUSPECT;
-use super::fit::Fit;
-use super::layout::BODY;
 use crate::error::IdentificationError;
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::Vector3;
 
 /// One standard deviation of the scale of a thruster of which nothing is known.
 const FREE: f64 = 1.0;
@@ -50,10 +48,10 @@ pub struct Thrusters {
     /// Amounts of a sample.
     pub(super) width: usize,
     count: usize,
-    common: Option<usize>,
-    sag: Option<usize>,
+    pub(super) common: Option<usize>,
+    pub(super) sag: Option<usize>,
     /// Parameters of thrusts that do not follow the command, and their thrusters.
-    constant: Vec<(usize, usize)>,
+    pub(super) constant: Vec<(usize, usize)>,
     /// What the body has lost by each sample, kg; empty where nothing.
     spent_kg: Vec<f64>,
 }
@@ -339,39 +337,6 @@ pub struct FoundThrusters {
 }
 
 impl FoundThrusters {
-    pub(super) fn of(fit: &Fit<'_>, covariance: &DMatrix<f64>, freed: &[usize]) -> Option<Self> {
-        let told = fit.of.thrusters.as_ref()?;
-        let n = told.len();
-        let place = |parameter: usize| Some((fit.eta[BODY + parameter], fit.column_of(BODY + parameter)?));
-        let shared = |parameter: Option<usize>, about: f64| {
-            let (value, at) = place(parameter?)?;
-            Some(FoundFactor { value: about + value, std: covariance[(at, at)].max(0.0).sqrt() })
-        };
-        let mut found = Self {
-            scale: vec![1.0; n],
-            std: vec![0.0; n],
-            deviations: vec![0.0; n],
-            suspects: freed.to_vec(),
-            constant_n: vec![None; n],
-            common: shared(told.common, 1.0),
-            sag: shared(told.sag, 0.0),
-        };
-        for (parameter, thruster) in &told.constant {
-            found.constant_n[*thruster] = shared(Some(*parameter), 0.0);
-        }
-        for i in 0..n {
-            let Some((value, at)) = place(i) else { continue };
-            let (variance, sigma) = (covariance[(at, at)], told.sigma[i]);
-            found.scale[i] = 1.0 + value;
-            found.std[i] = variance.max(0.0).sqrt();
-            let own = 1.0 / variance - 1.0 / (sigma * sigma);
-            if own > 0.0 {
-                found.deviations[i] = value / (variance * own) / (1.0 / own + sigma * sigma).sqrt();
-            }
-        }
-        Some(found)
-    }
-
     /// By errors of the parameters in their order, in units of their amounts; none is judged.
     pub(super) fn beside(told: &Thrusters, error: impl Fn(usize) -> FoundFactor) -> Self {
         let all: Vec<FoundFactor> = (0..told.sigma.len()).map(error).collect();

@@ -54,6 +54,8 @@ struct Table<'a> {
     measured: Vec<usize>,
     place: Vec<Vector2<f64>>,
     yaw: Vec<f64>,
+    /// Sine and cosine of it.
+    heading: Vec<(f64, f64)>,
     /// Torque about the normal and force in the plane over the step that begins at each sample.
     wrench: Vec<Vector3<f64>>,
     /// The same of each parameter of the thrusters.
@@ -279,6 +281,7 @@ impl Table<'_> {
             times: record.iter().map(|sample| sample.time_ns.saturating_sub(first_ns) as f64 * 1e-9).collect(),
             measured: (0..record.len()).filter(|&i| record[i].world_from_body.is_some()).collect(),
             place: poses.iter().map(|pose| pose.translation.vector.xy()).collect(),
+            heading: yaw.iter().map(|yaw| yaw.sin_cos()).collect(),
             yaw,
             wrench,
             effects,
@@ -302,6 +305,10 @@ impl Table<'_> {
         let seen: Vec<f64> = self.measured.iter().map(|&i| self.times[i]).collect();
         let hop = window_s / OVERLAP as f64;
         let middle = self.measured.iter().map(|&i| self.place[i]).sum::<Vector2<f64>>() / seen.len().max(1) as f64;
+        // Windows overlap: what is the same in all of them is asked once.
+        let length_s = |i: usize| self.times.get(i + 1).map_or(0.0, |next| next - self.times[i]);
+        let turned_by: Vec<(f64, f64)> =
+            (0..self.times.len()).map(|i| self.yaw_at(self.times[i] + delay_s + 0.5 * length_s(i)).sin_cos()).collect();
         let mut window = 0;
         loop {
             let start = window as f64 * hop;
@@ -354,8 +361,9 @@ impl Table<'_> {
             for x in &samples {
                 let (weight, place) = (second(x), self.place[x.sample] - middle);
                 acceleration += Vector3::new(self.yaw[x.sample], place.x, place.y) * weight;
-                cosine += weight * self.yaw[x.sample].cos();
-                sine += weight * self.yaw[x.sample].sin();
+                let (sin, cos) = self.heading[x.sample];
+                cosine += weight * cos;
+                sine += weight * sin;
                 about += place * (x.bump[0] * x.length_s);
             }
             let n = sigma.len();
@@ -368,14 +376,12 @@ impl Table<'_> {
                 if begin > start + window_s {
                     break;
                 }
-                let length = self.times.get(i + 1).map_or(0.0, |next| next - self.times[i]);
-                let at = begin + 0.5 * length;
-                let [weight, slope, _] = bump((at - start) / window_s);
+                let length = length_s(i);
+                let [weight, slope, _] = bump((begin + 0.5 * length - start) / window_s);
                 if weight == 0.0 {
                     continue;
                 }
-                let yaw = self.yaw_at(at);
-                let (sin, cos) = yaw.sin_cos();
+                let (sin, cos) = turned_by[i];
                 let turned = |w: &Vector3<f64>| Vector3::new(w.x, cos * w.y - sin * w.z, sin * w.y + cos * w.z);
                 let here = turned(&self.wrench[i]) * length;
                 wrench[0] += here * weight;

@@ -1,6 +1,7 @@
 //! What is learned first is learned about a wrong body: it is learned again when a better one is known.
 
 use super::filtered::{Filtered, Rules};
+use super::health::LAST_S;
 use super::reception::Reception;
 use super::wrench_history::WrenchHistory;
 use crate::dynamics::LogCholesky;
@@ -12,8 +13,6 @@ pub(super) const KEPT: usize = 2560;
 /// First time after which everything is filtered again, s, and the factor to the next one.
 pub(super) const FIRST_S: f64 = 2.0;
 pub(super) const FACTOR: f64 = 1.5;
-/// Every time has its end: what is known by then is linear enough. Last time, s.
-pub(super) const LAST_S: f64 = 40.0;
 /// At each of them so many passes at most, until one moves the body by no more than this, in its chart, and by how much at most the next
 /// one is about another body.
 const PASSES: usize = 5;

@@ -2,6 +2,7 @@
 
 use super::settings::{FlightEstimatorSettings, WrenchErrors};
 use super::slow_errors::SlowErrors;
+use super::wrench_history::Held;
 use crate::dynamics::{FreeFlyer, LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
 use crate::estimator::{Gauss, Measurement};
@@ -78,14 +79,6 @@ impl FlightState {
             acceleration_scale: self.acceleration_scale + step.fixed_rows::<3>(ACCELERATION_SCALE),
         }
     }
-}
-
-/// What is believed to act over a step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Held {
-    pub(super) wrench: Wrench<f64>,
-    /// Angular momentum of wheels.
-    pub(super) stored: Vector3<f64>,
 }
 
 /// Which quantities of a measurement are looked at.

@@ -1,6 +1,5 @@
 //! Whether the filter's own account of its errors is still true.
 
-use super::first_lessons::LAST_S;
 use super::flight_motion::ALL_ROWS as ROWS;
 use super::settings::FlightEstimatorSettings;
 use crate::error::IdentificationError;
@@ -8,6 +7,9 @@ use crate::recursive::belief::Rows;
 use crate::recursive::{ChiSquareGate, Innovation};
 use crate::statistics::{chi_square_quantile, normal_quantile};
 use nalgebra::ComplexField;
+
+/// Last time at which all is filtered again, s: what is known by then is linear enough.
+pub(super) const LAST_S: f64 = 40.0;
 
 /// The filter's health.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

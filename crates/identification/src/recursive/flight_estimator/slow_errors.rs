@@ -2,8 +2,7 @@
 //! content that is old.
 
 use super::super::MotionNoise;
-use super::flight_motion::Held;
-use super::wrench_history::WrenchHistory;
+use super::wrench_history::{Held, WrenchHistory};
 use crate::error::IdentificationError;
 use crate::lie::Wrench;
 use crate::sensing::{LinearFilter, Sensing};

@@ -1,10 +1,11 @@
 use super::filtered::in_chart;
 use super::flight_motion::{
     ACCELERATION_BIAS, ACCELERATION_SCALE, BIAS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState,
-    Fresh, Held, SCALE, Shown, Vector, WANDER,
+    Fresh, SCALE, Shown, Vector, WANDER,
 };
 use super::settings::FlightEstimatorSettings;
 use super::slow_errors::{GaussMarkov, SlowErrors};
+use super::wrench_history::Held;
 use crate::Estimate;
 use crate::dynamics::{InertialParameters, LogCholesky, RigidBodyState};
 use crate::estimator::{Gauss, Measurement, standard_deviations};

@@ -1,8 +1,9 @@
 //! Two stages: a filter of the motion, and any recursive estimator of the ten parameters that is fed with its innovations.
 
 use super::filtered::{Filtered, in_chart, steps};
-use super::first_lessons::{FACTOR, FIRST_S, KEPT, LAST_S};
+use super::first_lessons::{FACTOR, FIRST_S, KEPT};
 use super::flight_motion::FlightMotion;
+use super::health::LAST_S;
 use super::reception::{Reception, ReceptionCounts};
 use super::separate_bias::{Lesson, MotionGivenBody};
 use super::wrench_history::WrenchHistory;

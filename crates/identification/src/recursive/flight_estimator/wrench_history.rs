@@ -1,9 +1,16 @@
 //! The believed wrenches and what was stored in the last seconds.
 
-use super::flight_motion::Held;
 use crate::lie::Wrench;
 use nalgebra::{Vector3, Vector6};
 use std::collections::VecDeque;
+
+/// What is believed to act over a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Held {
+    pub(super) wrench: Wrench<f64>,
+    /// Angular momentum of wheels.
+    pub(super) stored: Vector3<f64>,
+}
 
 /// Pieces kept: a minute of control periods of 16 ms.
 const PIECES: usize = 4096;
