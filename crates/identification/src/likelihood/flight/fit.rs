@@ -377,7 +377,9 @@ impl<'a> Fit<'a> {
             self.linearise();
             let (states, noises) = self.step()?;
             self.advance(&states, &noises);
-            if (1..LAST_SHIFT).contains(&sweep) && self.move_streams() {
+            let moved = (1..LAST_SHIFT).contains(&sweep) && self.move_streams();
+            // A delay of which the record tells little swings to and fro for as long as levels are wide.
+            if moved && sweep < FORCED {
                 continue;
             }
             let is_near = self.decrement < NEAR || sweep >= FORCED;
@@ -387,7 +389,7 @@ impl<'a> Fit<'a> {
                 settled = rounds >= ROUNDS.0 && change < SETTLED;
                 continue;
             }
-            if self.decrement < SMALL_DECREMENT && sweep >= 3 {
+            if self.decrement < SMALL_DECREMENT && sweep >= 3 && !moved {
                 return Ok(());
             }
         }
