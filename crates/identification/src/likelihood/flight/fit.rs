@@ -29,9 +29,9 @@ const HELD_SWEEPS: usize = 6;
 const SMALL_DECREMENT: f64 = 1e-3;
 /// The same for a record that leaves something free.
 const DRIFT: f64 = 10.0;
-/// Sweep from which levels are judged in any case: too narrow ones keep a fit from coming near.
-const FORCED: usize = 6;
-/// Within so many squared standard deviations levels may be judged.
+/// Sweep from which levels are judged: too narrow ones keep a fit from coming near.
+const FIRST_ROUND: usize = 2;
+/// Within so many squared standard deviations of rest outliers are told from misfit.
 const NEAR: f64 = 1e4;
 /// Rounds of levels: at least, and at most while they still change by more than a factor.
 const ROUNDS: (usize, usize) = (3, 16);
@@ -46,8 +46,8 @@ const WANDER_START: [f64; 3] = [0.02, 0.01, 2e-3];
 const WANDER_TIME_S: f64 = 10.0;
 /// Where nothing is said of the noise of the inertial unit the search begins at this share of what it shows.
 const WIDE_START: f64 = 0.1;
-/// Largest change of a delay in one sweep, s.
-const LARGEST_DELAY_STEP_S: f64 = 0.2;
+/// Largest change of a delay in one sweep, s: one of which the record tells little swings farther than what is linear reaches.
+const LARGEST_DELAY_STEP_S: f64 = 0.03;
 /// Distances, in segments, over which what a filter that nobody describes leaves alike is counted, and how much of it at most.
 const COLOURS: usize = 8;
 const LARGEST_COLOUR: f64 = 16.0;
@@ -104,6 +104,8 @@ pub(super) struct Fit<'a> {
     raw: [Option<f64>; STREAMS],
     /// What white noise is never below.
     smallest: [f64; STREAMS],
+    /// What white noise of the inertial unit is never above: all that it shows, however it is coloured.
+    largest: [f64; STREAMS],
     /// Rows between two of a stream.
     spacing: [f64; STREAMS],
     floors: [f64; 2],
@@ -248,6 +250,7 @@ impl<'a> Fit<'a> {
             levels: Levels { white: [0.0; STREAMS], wander: [(0.0, WANDER_TIME_S); 3], wrench: [0.0; 2] },
             raw,
             smallest: [0.0; STREAMS],
+            largest: [f64::INFINITY; STREAMS],
             spacing,
             floors,
             axes,
@@ -378,12 +381,7 @@ impl<'a> Fit<'a> {
             let (states, noises) = self.step()?;
             self.advance(&states, &noises);
             let moved = (1..LAST_SHIFT).contains(&sweep) && self.move_streams();
-            // A delay of which the record tells little swings to and fro for as long as levels are wide.
-            if moved && sweep < FORCED {
-                continue;
-            }
-            let is_near = self.decrement < NEAR || sweep >= FORCED;
-            if !settled && rounds < ROUNDS.1 && sweep >= 2 && is_near {
+            if !settled && rounds < ROUNDS.1 && sweep >= FIRST_ROUND {
                 rounds += 1;
                 let change = self.take_levels(&states, &noises, self.decrement < NEAR);
                 settled = rounds >= ROUNDS.0 && change < SETTLED;

@@ -91,7 +91,7 @@ impl Fit<'_> {
                 }
             }
             if !known && factor > 0.0 {
-                let level = (self.levels.white[i] * factor.sqrt()).max(self.smallest[i]);
+                let level = (self.levels.white[i] * factor.sqrt()).min(self.largest[i]).max(self.smallest[i]);
                 let by = level / self.levels.white[i];
                 change = change.max(by).max(1.0 / by);
                 self.levels.white[i] = level;

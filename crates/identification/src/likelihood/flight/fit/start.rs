@@ -1,13 +1,21 @@
 //! Where levels and parameters begin, and what is known of them.
 
 use super::super::super::coordinates::Coordinates;
-use super::super::grid::{ACCELERATION, ATTITUDE, POSITION, RATE, Row, STREAMS, VELOCITY};
+use super::super::grid::{ACCELERATION, ATTITUDE, POSITION, RATE, Row, STREAMS, VELOCITY, whole};
 use super::super::layout::{BODY, CENTER, LOG_MASS};
 use super::super::thrusters::Term;
 use super::{
-    Fit, GRAVITY_SIGMA, SLOPE_SIGMA, SMALLEST_WHITE, WANDER_START, WANDER_TIME_S, WIDE_START, WRENCH_START, nearest,
+    Fit, GRAVITY_SIGMA, LARGEST_COLOUR, SLOPE_SIGMA, SMALLEST_WHITE, WANDER_START, WANDER_TIME_S, WIDE_START,
+    WRENCH_START, nearest,
 };
-use nalgebra::Vector3;
+use nalgebra::{SMatrix, SVector, Vector3};
+
+/// Delays are first looked for up to this, s, over blocks of this length, of which so many are needed.
+const ALIGNED_S: f64 = 0.35;
+const BLOCK_S: f64 = 0.25;
+const FEWEST_BLOCKS: usize = 32;
+/// Torque, force and a constant.
+const INPUTS: usize = 7;
 
 impl Fit<'_> {
     pub(super) fn start_levels(&mut self, drive: [f64; 2]) {
@@ -48,6 +56,9 @@ impl Fit<'_> {
             let is_of_unit = stream == RATE || stream == ACCELERATION;
             self.levels.white[stream] = if stated.is_known() || is_of_unit { stated.or(start) } else { start };
             self.raw[stream] = Some(seen);
+            if is_of_unit {
+                self.largest[stream] = LARGEST_COLOUR.sqrt() * size(stream);
+            }
         }
         let wander = [sensing.position.wander, sensing.attitude.wander, sensing.velocity.wander];
         for (i, stated) in wander.into_iter().enumerate() {
@@ -120,6 +131,7 @@ impl Fit<'_> {
             self.eta[column] = (rows - self.shift[i] as f64) * self.grid.step_s;
             self.mean[column] = self.eta[column];
         }
+        self.align();
         for (i, (errors, stream)) in
             [(&sensing.rate, RATE), (&sensing.acceleration, ACCELERATION)].into_iter().enumerate()
         {
@@ -137,5 +149,72 @@ impl Fit<'_> {
         self.free = (0..layout.count()).filter(|&column| sigma[column] > 0.0).collect();
         self.prior =
             self.free.iter().map(|&c| if sigma[c].is_finite() { 1.0 / (sigma[c] * sigma[c]) } else { 0.0 }).collect();
+    }
+    /// Moves velocities, rates and accelerations to where they answer the wrench best, whatever the body.
+    fn align(&mut self) {
+        let sensing = &self.of.sensing;
+        let velocity = sensing.velocity_delay.as_ref().map(|delay| (1, VELOCITY, delay.sigma_s));
+        let others = [(2, RATE, sensing.rate.delay.sigma_s), (3, ACCELERATION, sensing.acceleration.delay.sigma_s)];
+        for (i, stream, sigma_s) in velocity.into_iter().chain(others) {
+            if sigma_s > self.grid.step_s {
+                let by = self.behind(stream, sigma_s, self.shift[i]);
+                let column = self.layout.delay() + i;
+                self.shift[i] += by;
+                self.mean[column] -= by as f64 * self.grid.step_s;
+            }
+        }
+    }
+
+    /// Rows by which a stream most likely is further behind the wrench than by so many: over short blocks it changes as the impulse does, by gains of
+    /// which nothing is known.
+    fn behind(&self, stream: usize, sigma_s: f64, shift: isize) -> isize {
+        let grid = &self.grid;
+        let block = whole(BLOCK_S / grid.step_s).max(1);
+        let most = nearest(ALIGNED_S / grid.step_s);
+        // Sums up to each row: impulse and time, what is measured, how much of it is missing.
+        let mut impulse = vec![SVector::<f64, INPUTS>::zeros()];
+        let mut sums = vec![(Vector3::zeros(), 0_usize)];
+        for k in 0..grid.len() {
+            let (torque, force, step_s) = (grid.torque[k], grid.force[k], grid.steps[k]);
+            let acting = torque.iter().chain(&force).chain([&1.0]).copied();
+            impulse.push(impulse[k] + SVector::<f64, INPUTS>::from_iterator(acting) * step_s);
+            let (sum, missing) = sums[k];
+            sums.push((sum + grid.rows[k].acceleration * step_s, missing + usize::from(!grid.valid[k][stream])));
+        }
+        let change = |k: usize, by: isize| -> Option<Vector3<f64>> {
+            let from = k.checked_add_signed(by)?;
+            let to = from + block;
+            if to >= grid.len() || sums[to + 1].1 > sums[from].1 {
+                return None;
+            }
+            Some(match stream {
+                RATE => grid.rows[to].rate - grid.rows[from].rate,
+                VELOCITY => grid.guess[k]
+                    .rotation
+                    .inverse_transform_vector(&(grid.rows[to].velocity - grid.rows[from].velocity)),
+                _ => sums[to].0 - sums[from].0,
+            })
+        };
+        let cost = |by: isize| -> Option<f64> {
+            let (mut normal, mut right) = (SMatrix::<f64, INPUTS, INPUTS>::zeros(), SMatrix::<f64, INPUTS, 3>::zeros());
+            let (mut squares, mut count) = (Vector3::<f64>::zeros(), 0_usize);
+            for k in (0..grid.len().saturating_sub(block)).step_by(block) {
+                let Some(change) = change(k, shift + by) else { continue };
+                let input = impulse[k + block] - impulse[k];
+                normal += input * input.transpose();
+                right += input * change.transpose();
+                squares += change.component_mul(&change);
+                count += 1;
+            }
+            let floor =
+                SMatrix::<f64, INPUTS, INPUTS>::from_diagonal(&normal.diagonal().map(|d| 1e-9 * d + f64::MIN_POSITIVE));
+            let gains = (normal + floor).cholesky()?.solve(&right);
+            let left = |axis: &usize| (squares[*axis] - right.column(*axis).dot(&gains.column(*axis))) / count as f64;
+            let prior = by as f64 * grid.step_s / sigma_s;
+            let axes = self.axes[stream].iter().map(|axis| left(axis).max(1e-9 * squares[*axis] / count as f64));
+            (count > FEWEST_BLOCKS).then(|| count as f64 * axes.map(f64::ln).sum::<f64>() + prior * prior)
+        };
+        let found = (-most..=most).filter_map(|by| Some((by, cost(by)?)));
+        found.filter(|(_, cost)| cost.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(by, _)| by)
     }
 }
