@@ -22,6 +22,8 @@ const PLAINLY: f64 = 10.0;
 struct Blocks {
     /// Squared differences from sample to sample of what is left, and how many.
     steps: (f64, usize),
+    /// Squared changes of the velocity from sample to sample, and how many.
+    changes: (f64, usize),
     /// Squared third differences of the velocity, and how many.
     velocities: (f64, usize),
     /// Squared differences of the means of blocks, and how many.
@@ -33,8 +35,8 @@ struct Blocks {
 }
 
 impl Blocks {
-    /// Counts one run: time, s, position and velocity of each sample.
-    fn count(&mut self, run: &[(f64, Vector3<f64>, Vector3<f64>)]) {
+    /// Counts one run, mostly in steps of this length, s: time, s, position and velocity of each sample.
+    fn count(&mut self, run: &[(f64, Vector3<f64>, Vector3<f64>)], step_s: f64) {
         let mut left = Vector3::zeros();
         let mut integral = Vector3::zeros();
         let (mut block, mut before): ((f64, Vector3<f64>, usize), Option<Vector3<f64>>) =
@@ -45,9 +47,14 @@ impl Blocks {
                 let now = position - integral;
                 self.steps.0 += (now - left).norm_squared();
                 self.steps.1 += 1;
+                self.changes.0 += (velocity - last).norm_squared();
+                self.changes.1 += 1;
             }
             left = position - integral;
-            if let [(_, _, a), (_, _, b), (_, _, c), (_, _, d)] = run.get(k.wrapping_sub(3)..=k).unwrap_or_default() {
+            if let [(from_s, _, a), (_, _, b), (_, _, c), (to_s, _, d)] =
+                run.get(k.wrapping_sub(3)..=k).unwrap_or_default()
+                && to_s - from_s < 3.5 * step_s
+            {
                 self.velocities.0 += (d - c * 3.0 + b * 3.0 - a).norm_squared();
                 self.velocities.1 += 1;
             }
@@ -76,27 +83,30 @@ pub(super) fn is_plain(record: &[MotionSample], timeline: &Timeline) -> bool {
     if !(step_s > 0.0 && step_s <= LONGEST_STEP_S) {
         return false;
     }
-    let (mut blocks, mut run) = (Blocks::default(), Vec::new());
+    let (mut blocks, mut run) = (Blocks::default(), Vec::<(f64, Vector3<f64>, Vector3<f64>)>::new());
     for (k, sample) in record.iter().enumerate() {
         let seen = sample.world_from_body.zip(sample.velocity_origin_world);
-        let goes_on = seen.is_some() && (k == 0 || timeline.without_gap(k - 1, k));
+        let time_s = timeline.time_ns(k) as f64 * 1e-9;
+        // Rows that are lost here and there leave little of the motion between two velocities.
+        let goes_on = seen.is_some() && run.last().is_none_or(|(last_s, ..)| time_s - last_s <= LONGEST_STEP_S);
         if !goes_on {
-            blocks.count(&run);
+            blocks.count(&run, step_s);
             run.clear();
         }
         if let Some((pose, velocity)) = seen {
-            run.push((timeline.time_ns(k) as f64 * 1e-9, pose.translation.vector, velocity));
+            run.push((time_s, pose.translation.vector, velocity));
         }
     }
-    blocks.count(&run);
-    let Blocks { steps, velocities, apart, drifted, samples } = blocks;
+    blocks.count(&run, step_s);
+    let Blocks { steps, changes, velocities, apart, drifted, samples } = blocks;
     if apart.1 < BLOCKS {
         return false;
     }
     let mean = |(sum, count): (f64, usize)| sum / count.max(1) as f64;
     let per_block = samples.0 as f64 / samples.1 as f64;
-    // Means of white errors, and a walk of the integral of white errors of the velocity.
-    let white = mean(steps) / per_block + 2.0 / 3.0 * per_block * mean(velocities) / 20.0 * step_s * step_s;
+    // Means of white errors, a walk of the integral of white errors of the velocity, and what the straight lines of that integral leave out.
+    let walk = 2.0 / 3.0 * per_block * mean(velocities) / 20.0 * step_s * step_s;
+    let white = mean(steps) / per_block + walk + mean(changes) * step_s * step_s / 36.0;
     let drift = drifted / apart.1 as f64;
     mean(apart) - drift.norm_squared() > PLAINLY * white
 }
@@ -162,7 +172,29 @@ mod tests {
             // Nor are velocities so noisy that their integral walks, or off by an offset, wander of the position.
             let loud = Errors { position_m: 1e-4, velocity_m_s: 0.05, ..WHITE };
             assert!(!is_plain(&record(seed, 16_000_000, loud)), "{seed}");
+            // What no error is in does not wander.
+            let exact = Errors { position_m: 0.0, velocity_m_s: 0.0, ..WHITE };
+            assert!(!is_plain(&record(seed, 16_000_000, exact)), "{seed}");
             assert!(!is_plain(&record(seed, 16_000_000, Errors { offset_m_s: 0.02, ..WHITE })), "{seed}");
+        }
+    }
+
+    #[test]
+    fn rows_that_are_lost_change_nothing() {
+        for seed in 0..20 {
+            let thinned = |errors: Errors| -> Vec<MotionSample> {
+                let kept = |k: &usize| k % 7 != 0 && k % 11 > 1;
+                record(seed, 16_000_000, errors)
+                    .into_iter()
+                    .enumerate()
+                    .filter(|(k, _)| kept(k))
+                    .map(|(_, s)| s)
+                    .collect()
+            };
+            assert!(!is_plain(&thinned(WHITE)), "{seed}");
+            assert!(is_plain(&thinned(WANDERING)), "{seed}");
+            let loud = Errors { position_m: 1e-4, velocity_m_s: 0.05, ..WHITE };
+            assert!(!is_plain(&thinned(loud)), "{seed}");
         }
     }
 
