@@ -177,15 +177,14 @@ impl FlightLikelihood {
     fn estimate_as_told(&self, record: &[MotionSample]) -> Result<FlightEstimate, IdentificationError> {
         let mut of = self.clone();
         let freed = of.screened(record, self.is_planar(record))?;
-        Ok(of.fitted_from(record, freed, None)?.0)
+        Ok(of.fitted_from(record, freed)?.0)
     }
 
-    /// The same where some thrusters are free from the start, beginning where another fit came to rest.
+    /// The same where some thrusters are free from the start.
     fn fitted_from(
         &self,
         record: &[MotionSample],
         mut freed: Vec<usize>,
-        near: Option<&(FlightEstimate, Joint)>,
     ) -> Result<(FlightEstimate, Joint), IdentificationError> {
         let planar = self.is_planar(record);
         let added = self.added(record);
@@ -199,9 +198,6 @@ impl FlightLikelihood {
             }
             let again = of.thrusters.as_ref().map(|_| grid.clone());
             let mut fit = Fit::new(&of, grid, planar)?;
-            if let Some((found, joint)) = near {
-                joint.begin(&mut fit, &found.levels);
-            }
             match (fit.run(), again) {
                 (Ok(()), _) => {}
                 (Err(error), None) => return Err(error),

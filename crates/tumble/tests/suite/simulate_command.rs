@@ -63,6 +63,22 @@ fn a_mission_on_a_table_states_what_its_thrusts_may_hide() {
     }
 }
 
+/// A robot that hardly moves tells little of how late its poses are: the search must neither swing nor take its rates for noise (seeds that did).
+#[test]
+fn a_mission_on_the_station_is_identified_from_its_slow_motion() {
+    let folder = scratch("slow-motion");
+    for seed in ["4", "13"] {
+        let output = tumble_in(&folder, &["simulate", "iss-cargo", "--seed", seed, "--out", seed]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let output = tumble_in(&folder, &["identify", &format!("{seed}/log.csv"), "--json"]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let found = json(&output);
+        let (mass, sigma) = (found["mass_kg"].as_f64().unwrap(), found["std"]["mass_kg"].as_f64().unwrap());
+        println!("seed {seed}: {mass} +- {sigma} kg");
+        assert!((mass - 12.584).abs() < 3.0 * sigma && sigma < 0.05 * mass, "seed {seed}: {mass} +- {sigma}");
+    }
+}
+
 #[test]
 fn an_ideal_flight_is_identified_exactly() {
     let folder = scratch("ideal");

@@ -396,19 +396,17 @@ impl<'a> Fit<'a> {
         if self.decrement < DRIFT { Ok(()) } else { Err(self.not_converged()) }
     }
 
-    /// Moves to a body, values of other parameters and levels, where another fit came to rest.
-    pub(super) fn begin_at(
+    /// A body and values of other parameters that stay as they are, with these levels: the motion alone is fitted.
+    pub(super) fn hold(
         &mut self,
         body: &Coordinates,
         values: impl Iterator<Item = (usize, f64)>,
         levels: &FoundLevels,
-    ) {
+    ) -> Result<(), IdentificationError> {
         for (column, value) in values.filter(|(column, _)| *column >= BODY) {
             self.eta[column] = value;
             if let Some(stream) = column.checked_sub(self.layout.delay()).filter(|stream| *stream < DELAYS) {
-                let by = nearest(value / self.grid.step_s) - self.shift[stream];
-                self.shift[stream] += by;
-                self.mean[column] -= by as f64 * self.grid.step_s;
+                self.shift[stream] = nearest(value / self.grid.step_s);
                 self.eta[column] -= self.shift[stream] as f64 * self.grid.step_s;
             }
         }
@@ -418,16 +416,9 @@ impl<'a> Fit<'a> {
         self.eta[LOG_MASS] = body.log_mass;
         self.eta[CENTER..INERTIA].copy_from_slice(body.center.as_slice());
         self.set_inertia(&body.inertia);
-        // A stream that the other record lacks has no level there.
-        let white =
-            core::array::from_fn(|i| if levels.white[i] > 0.0 { levels.white[i] } else { self.levels.white[i] });
-        self.levels = Levels { white, wander: levels.wander, wrench: levels.wrench };
-        self.take_shift();
-    }
-
-    /// Body, other parameters and levels stay as they are: the motion alone is fitted.
-    pub(super) fn hold(&mut self) -> Result<(), IdentificationError> {
+        self.levels = Levels { white: levels.white, wander: levels.wander, wrench: levels.wrench };
         (self.free, self.prior) = (Vec::new(), Vec::new());
+        self.take_shift();
         for _ in 0..HELD_SWEEPS {
             self.linearise();
             let (states, noises) = self.step()?;

@@ -8,7 +8,7 @@ use super::super::coordinates::Coordinates;
 use super::fit::{Fit, solved};
 use super::grid::Grid;
 use super::layout::BODY;
-use super::{FlightEstimate, FlightLikelihood, FoundLevels, Plane};
+use super::{FlightEstimate, FlightLikelihood, Plane};
 use crate::BodyScale;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
@@ -77,11 +77,6 @@ impl Joint {
             prior: fit.prior.clone(),
             mean: fit.free.iter().map(|&column| fit.mean[column] + shifted(column)).collect(),
         }
-    }
-
-    /// Moves another fit to where this one came to rest, with these levels.
-    pub(super) fn begin(&self, fit: &mut Fit<'_>, levels: &FoundLevels) {
-        fit.begin_at(&self.body, self.columns.iter().copied().zip(self.values.iter().copied()), levels);
     }
 
     fn of_body(&self) -> usize {
@@ -238,13 +233,13 @@ impl FlightLikelihood {
         let samples =
             super::grid::whole(WINDOW_S / step_s).max(FEWEST_SAMPLES).max(record.len().div_ceil(MOST_WINDOWS));
         let windows = record.len() / samples;
-        let mut stays: Vec<Stay> = Vec::new();
-        for w in 0..windows {
-            let of = w * samples..if w + 1 == windows { record.len() } else { (w + 1) * samples };
-            // Most windows are of the body of the one before, and all of its sensors.
-            let near = stays.last().map(|stay| &stay.best).filter(|(found, _)| found.is_determined() || found.planar);
-            stays.extend(self.of_part(record, of.clone(), near).map(|found| Stay::of(of, found)));
-        }
+        let stays: Vec<Stay> = (0..windows)
+            .filter_map(|w| {
+                let end = if w + 1 == windows { record.len() } else { (w + 1) * samples };
+                let of = w * samples..end;
+                Some(Stay::of(of.clone(), self.of_part(record, of)?))
+            })
+            .collect();
         // A window within which the body changes is of neither.
         let mut stays = joined(stays);
         let last = stays.len().saturating_sub(1);
@@ -268,7 +263,7 @@ impl FlightLikelihood {
                 return None;
             }
             let fits: Option<Vec<(FlightEstimate, Joint)>> =
-                parts.iter().map(|part| self.of_part(record, part.clone(), None)).collect();
+                parts.iter().map(|part| self.of_part(record, part.clone())).collect();
             let (_, joints): (Vec<_>, Vec<_>) = fits?.into_iter().unzip();
             let (bodies, covariance) = Stages::of(&joints)?;
             let stages = Stages { changes: changes.clone(), bodies, covariance };
@@ -293,16 +288,9 @@ impl FlightLikelihood {
         Self { thrusters, ..self.clone() }
     }
 
-    fn of_part(
-        &self,
-        record: &[MotionSample],
-        samples: Range<usize>,
-        near: Option<&(FlightEstimate, Joint)>,
-    ) -> Option<(FlightEstimate, Joint)> {
+    fn of_part(&self, record: &[MotionSample], samples: Range<usize>) -> Option<(FlightEstimate, Joint)> {
         let part = record.get(samples.clone())?;
-        let of = self.part_of(&samples);
-        let warm = near.and_then(|near| of.fitted_from(part, Vec::new(), Some(near)).ok());
-        warm.or_else(|| of.fitted_from(part, Vec::new(), None).ok())
+        self.part_of(&samples).fitted_from(part, Vec::new()).ok()
     }
 
     /// Where the one body gives way to the other.
@@ -354,8 +342,7 @@ impl FlightLikelihood {
     ) -> Result<Fit<'_>, IdentificationError> {
         let grid = Grid::try_new(record, self.wrench_timing, &self.added(record), self.thrusters.as_ref())?;
         let mut fit = Fit::new(self, grid, found.planar)?;
-        joint.begin(&mut fit, &found.levels);
-        fit.hold()?;
+        fit.hold(&joint.body, joint.columns.iter().copied().zip(joint.values.iter().copied()), &found.levels)?;
         Ok(fit)
     }
 }

@@ -1,6 +1,8 @@
 //! The likelihood on logs of a small simulator: a rigid body under a held wrench, seen by sensors of which each error can be left out.
 
 use super::super::flow::{Body, Input, State};
+use super::fit::Fit;
+use super::grid::Grid;
 use super::{FlightEstimate, FlightLikelihood, Plane, Thrusters};
 use crate::MotionSample;
 use crate::dynamics::InertialParameters;
@@ -373,6 +375,22 @@ fn late_streams_are_found_and_untold_are_not_covered() {
         let found = told.estimate(&world.log(1)).unwrap();
         for delay in found.delays.into_iter().flatten() {
             assert!((delay.value_s - late_s).abs() < 4.0 * delay.std_s + 1e-4, "{delay:?}");
+        }
+    }
+}
+
+/// Before anything is known of the body, and of sensors of which nothing is said.
+#[test]
+fn late_streams_begin_where_they_answer_the_wrench() {
+    for (late, seed) in [(0, 41), (6, 42), (15, 43)] {
+        let world = World { late, filter: None, speed: 3.0, ..World::usual() };
+        let told = FlightLikelihood::default();
+        let grid = Grid::try_new(&world.log(seed), told.wrench_timing, &Vector3::zeros(), None).unwrap();
+        let fit = Fit::new(&told, grid, false).unwrap();
+        for stream in 1..4 {
+            let (found, truth) = (fit.delay_s(stream), late as f64 * 2.0 * FINE_S);
+            println!("{late} late, stream {stream}: {found} for {truth}");
+            assert!((found - truth).abs() < 3.0 * FINE_S, "{late}, {stream}: {found}");
         }
     }
 }

@@ -150,6 +150,7 @@ impl Fit<'_> {
         self.prior =
             self.free.iter().map(|&c| if sigma[c].is_finite() { 1.0 / (sigma[c] * sigma[c]) } else { 0.0 }).collect();
     }
+
     /// Moves velocities, rates and accelerations to where they answer the wrench best, whatever the body.
     fn align(&mut self) {
         let sensing = &self.of.sensing;
