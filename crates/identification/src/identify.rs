@@ -323,6 +323,9 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
     run(record, &plan, |fit, noise| recursion::run(fit, record, &plan, noise))
 }
 
+/// Share of feedback that segments shorter than what a loop takes to answer bear, in units of what others do: up to there masses show no bias.
+const SHORT_SEGMENTS: f64 = 1.25;
+
 /// The answer of a plan, doubted where the wrench answers to the noise; `replace` puts another finding in the place of that of the rows.
 fn run<E: From<IdentificationError>>(
     record: &[MotionSample],
@@ -333,7 +336,8 @@ fn run<E: From<IdentificationError>>(
     if found.verdict.is_identified() {
         let share = feedback::share(record, &Timeline::try_new(record)?, found.scale);
         found.evidence.feedback = share;
-        if share > plan.judge.feedback {
+        let segments = if found.method == FLIGHT_LIKELIHOOD { SHORT_SEGMENTS } else { 1.0 };
+        if share > segments * plan.judge.feedback {
             found.verdict = Verdict::Doubtful(Why::Feedback { share });
             found.warnings.push(Warning::Feedback { share });
         }
