@@ -371,7 +371,7 @@ impl Table<'_> {
             let mut wrench = vec![Vector3::zeros(); n + 2];
             let mut body = Vector2::zeros();
             let from = self.times.partition_point(|t| *t + delay_s < start).saturating_sub(1);
-            for i in from..self.times.len() {
+            for (i, &(sin, cos)) in turned_by.iter().enumerate().skip(from) {
                 let begin = self.times[i] + delay_s;
                 if begin > start + window_s {
                     break;
@@ -381,7 +381,6 @@ impl Table<'_> {
                 if weight == 0.0 {
                     continue;
                 }
-                let (sin, cos) = turned_by[i];
                 let turned = |w: &Vector3<f64>| Vector3::new(w.x, cos * w.y - sin * w.z, sin * w.y + cos * w.z);
                 let here = turned(&self.wrench[i]) * length;
                 wrench[0] += here * weight;
