@@ -14,6 +14,8 @@ use nalgebra::{SMatrix, SVector, Vector3};
 const ALIGNED_S: f64 = 0.35;
 const BLOCK_S: f64 = 0.25;
 const FEWEST_BLOCKS: usize = 32;
+/// By so much less than twice minus the logarithm of its likelihood another place has to have: five standard deviations.
+const PLAINLY: f64 = 25.0;
 /// Torque, force and a constant.
 const INPUTS: usize = 7;
 
@@ -185,10 +187,12 @@ impl Fit<'_> {
         let change = |k: usize, by: isize| -> Option<Vector3<f64>> {
             let from = k.checked_add_signed(by)?;
             let to = from + block;
-            if to >= grid.len() || sums[to + 1].1 > sums[from].1 {
+            if to >= grid.len() || !grid.valid[from][stream] || !grid.valid[to][stream] {
                 return None;
             }
+            let is_whole = sums[to].1 == sums[from].1;
             Some(match stream {
+                ACCELERATION if !is_whole => return None,
                 RATE => grid.rows[to].rate - grid.rows[from].rate,
                 VELOCITY => grid.guess[k]
                     .rotation
@@ -196,7 +200,8 @@ impl Fit<'_> {
                 _ => sums[to].0 - sums[from].0,
             })
         };
-        let cost = |by: isize| -> Option<f64> {
+        // How many blocks a shift leaves, and the logarithms of what they leave of each axis.
+        let left_at = |by: isize| -> Option<(usize, f64)> {
             let (mut normal, mut right) = (SMatrix::<f64, INPUTS, INPUTS>::zeros(), SMatrix::<f64, INPUTS, 3>::zeros());
             let (mut squares, mut count) = (Vector3::<f64>::zeros(), 0_usize);
             for k in (0..grid.len().saturating_sub(block)).step_by(block) {
@@ -211,11 +216,19 @@ impl Fit<'_> {
                 SMatrix::<f64, INPUTS, INPUTS>::from_diagonal(&normal.diagonal().map(|d| 1e-9 * d + f64::MIN_POSITIVE));
             let gains = (normal + floor).cholesky()?.solve(&right);
             let left = |axis: &usize| (squares[*axis] - right.column(*axis).dot(&gains.column(*axis))) / count as f64;
-            let prior = by as f64 * grid.step_s / sigma_s;
             let axes = self.axes[stream].iter().map(|axis| left(axis).max(1e-9 * squares[*axis] / count as f64));
-            (count > FEWEST_BLOCKS).then(|| count as f64 * axes.map(f64::ln).sum::<f64>() + prior * prior)
+            let logarithms: f64 = axes.map(f64::ln).sum();
+            (count >= FEWEST_BLOCKS && logarithms.is_finite()).then_some((count, logarithms))
         };
-        let found = (-most..=most).filter_map(|by| Some((by, cost(by)?)));
-        found.filter(|(_, cost)| cost.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(by, _)| by)
+        let left: Vec<(isize, usize, f64)> =
+            (-most..=most).filter_map(|by| left_at(by).map(|(count, left)| (by, count, left))).collect();
+        // Where rows are lost here and there, one shift has more of them than another.
+        let count = left.iter().map(|(_, count, _)| *count).min().unwrap_or(0);
+        let cost = |by: isize, left: f64| count as f64 * left + (by as f64 * grid.step_s / sigma_s).powi(2);
+        let costs = || left.iter().map(|(by, _, left)| (*by, cost(*by, *left)));
+        let unmoved = costs().find(|(by, _)| *by == 0).map_or(f64::INFINITY, |(_, cost)| cost);
+        // The best of many is better than none of them by chance.
+        let best = costs().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, cost)| cost + PLAINLY < unmoved);
+        best.map_or(0, |(by, _)| by)
     }
 }
