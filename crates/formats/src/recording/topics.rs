@@ -172,17 +172,21 @@ fn namespace(topic: &str) -> &str {
 pub fn survey(path: &Path) -> Result<(Topics, ScanReport), FormatsError> {
     let mut topics = Topics::new();
     let report = scan_file(path, &mut |raw| {
-        let time_ns = raw.log_time_ns;
-        if let Some(topic) = topics.get_mut(raw.topic) {
-            topic.messages += 1;
-            topic.times_ns = (topic.times_ns.0.min(time_ns), topic.times_ns.1.max(time_ns));
-        } else {
-            let topic = Topic { type_name: raw.type_name.to_owned(), messages: 1, times_ns: (time_ns, time_ns) };
-            topics.insert(raw.topic.to_owned(), topic);
-        }
+        count(&mut topics, raw.topic, raw.type_name, raw.log_time_ns);
         ControlFlow::Continue(())
     })?;
     Ok((topics, report))
+}
+
+/// Counts one message of a topic.
+pub(super) fn count(topics: &mut Topics, name: &str, type_name: &str, time_ns: i64) {
+    if let Some(topic) = topics.get_mut(name) {
+        topic.messages += 1;
+        topic.times_ns = (topic.times_ns.0.min(time_ns), topic.times_ns.1.max(time_ns));
+    } else {
+        let topic = Topic { type_name: type_name.to_owned(), messages: 1, times_ns: (time_ns, time_ns) };
+        topics.insert(name.to_owned(), topic);
+    }
 }
 
 /// What several files hold together, and what each lost.

@@ -3,7 +3,7 @@
 //! Every `vehicle_local_position` gives a sample. Attitude, rate and acceleration come at other times: they are taken between the
 //! messages before and behind it. A command holds until the next; a sample's is the mean of what was told from it to the next one.
 
-use super::topics::{HeldColumns, Plan, Tally, Topic, Topics, ULOG_POSITION, damaged};
+use super::topics::{HeldColumns, Plan, Tally, Topics, ULOG_POSITION, count, damaged};
 use super::ulog::{self, UlogMessage, UlogReport};
 use crate::FormatsError;
 use crate::log::{CommandedSample, NAMED_BY_THE_ACTUATORS, QUATERNION_NORM_TOLERANCE, seconds, shortened};
@@ -104,14 +104,7 @@ pub fn survey(path: &Path) -> Result<UlogSurvey, FormatsError> {
     let mut given: [Vec<bool>; COMMANDS.len()] = Default::default();
     let (mut felt, mut accelerations) = (0.0, 0.0_f64);
     let report = ulog::scan(file(path)?, &mut |message| {
-        let time_ns = message.time_ns;
-        if let Some(topic) = topics.get_mut(message.topic) {
-            topic.messages += 1;
-            topic.times_ns = (topic.times_ns.0.min(time_ns), topic.times_ns.1.max(time_ns));
-        } else {
-            let topic = Topic { type_name: message.name.to_owned(), messages: 1, times_ns: (time_ns, time_ns) };
-            topics.insert(message.topic.to_owned(), topic);
-        }
+        count(&mut topics, message.topic, message.name, message.time_ns);
         if message.topic == ACCELERATION
             && let Some(read) = vector(message, ["xyz[0]", "xyz[1]", "xyz[2]"]).filter(is_finite)
         {

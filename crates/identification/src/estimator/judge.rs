@@ -107,7 +107,8 @@ pub struct Judge {
     pub chi_square: f64,
     /// Largest mean of the innovations squared.
     pub mean_nis: f64,
-    /// Largest share of the wrench that may be a controller's answer to noise.
+    /// Largest share of the wrench that may be a controller's answer to noise; of `flight-likelihood`, whose segments are short beside what a loop
+    /// takes to answer, a quarter of it more.
     pub feedback: f64,
 }
 

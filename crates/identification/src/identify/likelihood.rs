@@ -47,8 +47,8 @@ pub(super) fn most_likely(
             let left_out = left_out(&found, settings);
             // Poses alone stand in where no model of the sensors does, which is asked after this.
             let alone = if plan.way == Way::Auto { None } else { left_out.and_then(|_| of_poses(record, settings)) };
-            let left_out = left_out.filter(|_| alone.is_some());
-            answered(alone.unwrap_or(found), plan)?.map(|(found, answer)| (found, answer, left_out))
+            let is_alone = alone.is_some();
+            answered(alone.unwrap_or(found), plan)?.map(|(found, answer)| (found, answer, left_out, is_alone))
         }
         Err(error) if is_about_the_data(&error) => None,
         Err(error) => return Err(error),
@@ -60,15 +60,18 @@ pub(super) fn most_likely(
         None => match estimator(settings).partial(record) {
             Ok((found, _)) if is_noise(record, &found) || !has_settled(&found) => None,
             Ok((found, information)) => {
-                Answer::of_part(&found, &information, plan)?.map(|answer| (found, answer, None))
+                Answer::of_part(&found, &information, plan)?.map(|answer| (found, answer, None, false))
             }
             Err(error) if is_about_the_data(&error) => None,
             Err(error) => return Err(error),
         },
     };
-    let Some((found, answer, left_out)) = whole else { return Ok(None) };
-    let found = identification(found, &answer, record, timeline, plan)?;
-    let found = left_out.into_iter().fold(found, without);
+    let Some((found, answer, left_out, is_alone)) = whole else { return Ok(None) };
+    let mut found = identification(found, &answer, record, timeline, plan)?;
+    found.marks.poses_without = left_out;
+    if is_alone {
+        found = alone(found);
+    }
     let trusted = found.explained >= Some(plan.judge.poor_fit) && found.marks.leaves_noise_only;
     Ok((found.rank == 10 || trusted).then_some(found))
 }
@@ -79,9 +82,9 @@ fn is_coloured(whiteness: &Whiteness) -> bool {
     whiteness.sigma_inflation() > inflation && !whiteness.is_white(chance)
 }
 
-/// The same, which is of the poses alone, because this column beside them is off by more than white noise.
-fn without(mut found: Identification, column: Column) -> Identification {
-    found.warnings.push(Warning::PosesAlone { column });
+/// The same, found from the poses alone, with the column on whose account.
+fn alone(mut found: Identification) -> Identification {
+    found.warnings.extend(found.marks.poses_without.take().map(|column| Warning::PosesAlone { column }));
     found.marks.errors_not_white = true;
     found
 }
@@ -113,22 +116,22 @@ fn of_poses(record: &[MotionSample], settings: &Settings) -> Option<LikelihoodEs
     (is_known(&alone, DETERMINED) && !alone.whiteness.iter().any(|(_, w)| is_coloured(w))).then_some(alone)
 }
 
-/// An answer of the likelihood, or of the poses alone in its place where that answer leaves out columns that are not white.
+/// An answer of the likelihood, or of the poses alone in its place where a column beside them is not white.
 pub(super) fn by_poses(
     found: Identification,
     record: &[MotionSample],
     timeline: &Timeline,
     plan: &Plan<'_>,
 ) -> Result<Identification, IdentificationError> {
-    let coloured = found.warnings.iter().find_map(|warning| match warning {
-        Warning::ColouredNoise { column, .. } if !is_of_poses(*column) => Some(*column),
-        _ => None,
-    });
-    let asked = found.method == MAXIMUM_LIKELIHOOD && plan.settings.estimate == Nuisances::default();
-    let Some(column) = coloured.filter(|_| asked) else { return Ok(found) };
-    let alone = of_poses(record, plan.settings).map(|alone| answered(alone, plan)).transpose()?.flatten();
-    let Some((alone, answer)) = alone else { return Ok(found) };
-    Ok(without(identification(alone, &answer, record, timeline, plan)?, column))
+    if found.marks.poses_without.is_none() {
+        return Ok(found);
+    }
+    let by_poses = of_poses(record, plan.settings).map(|by_poses| answered(by_poses, plan)).transpose()?.flatten();
+    let Some((by_poses, answer)) = by_poses else { return Ok(found) };
+    let poses_without = found.marks.poses_without;
+    let mut found = identification(by_poses, &answer, record, timeline, plan)?;
+    found.marks.poses_without = poses_without;
+    Ok(alone(found))
 }
 
 /// With sigmas as wide as the parts of the record contradict each other; `None` where a direction is left free.

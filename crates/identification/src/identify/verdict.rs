@@ -2,7 +2,7 @@
 
 use super::{Identification, Plan};
 use crate::dynamics::InertialParameters;
-use crate::error::IdentificationError;
+use crate::error::{Column, IdentificationError};
 use crate::estimator::{Estimate, Evidence, Finding, Judge, Verdict};
 use crate::likelihood::Quantity;
 use crate::{BodyScale, SquareRootInformation};
@@ -42,6 +42,8 @@ pub(crate) struct Marks {
     pub(super) on_table: bool,
     /// Errors of some column are visibly not white, or the likelihood of white ones did not settle.
     pub(super) errors_not_white: bool,
+    /// This column beside the poses is one of them; the poses without it have not been asked.
+    pub(super) poses_without: Option<Column>,
     /// Times between which the body changed, ns.
     pub(super) changed_ns: Option<(i64, i64)>,
 }

@@ -22,7 +22,7 @@ const PLAINLY: f64 = 10.0;
 struct Blocks {
     /// Squared differences from sample to sample of what is left, and how many.
     steps: (f64, usize),
-    /// Squared changes of the velocity from sample to sample, and how many.
+    /// Squared changes of the velocity from sample to sample times the step, and how many.
     changes: (f64, usize),
     /// Squared third differences of the velocity, and how many.
     velocities: (f64, usize),
@@ -47,7 +47,7 @@ impl Blocks {
                 let now = position - integral;
                 self.steps.0 += (now - left).norm_squared();
                 self.steps.1 += 1;
-                self.changes.0 += (velocity - last).norm_squared();
+                self.changes.0 += ((velocity - last) * (time_s - last_s)).norm_squared();
                 self.changes.1 += 1;
             }
             left = position - integral;
@@ -106,7 +106,7 @@ pub(super) fn is_plain(record: &[MotionSample], timeline: &Timeline) -> bool {
     let per_block = samples.0 as f64 / samples.1 as f64;
     // Means of white errors, a walk of the integral of white errors of the velocity, and what the straight lines of that integral leave out.
     let walk = 2.0 / 3.0 * per_block * mean(velocities) / 20.0 * step_s * step_s;
-    let white = mean(steps) / per_block + walk + mean(changes) * step_s * step_s / 36.0;
+    let white = mean(steps) / per_block + walk + mean(changes) / 36.0;
     let drift = drifted / apart.1 as f64;
     mean(apart) - drift.norm_squared() > PLAINLY * white
 }
@@ -195,6 +195,7 @@ mod tests {
             assert!(is_plain(&thinned(WANDERING)), "{seed}");
             let loud = Errors { position_m: 1e-4, velocity_m_s: 0.05, ..WHITE };
             assert!(!is_plain(&thinned(loud)), "{seed}");
+            assert!(!is_plain(&thinned(Errors { position_m: 0.0, velocity_m_s: 0.0, ..WHITE })), "{seed}");
         }
     }
 

@@ -197,13 +197,13 @@ impl FlightLikelihood {
                 grid.lighten(thrusters, mass_kg);
             }
             let again = of.thrusters.as_ref().map(|_| grid.clone());
-            let mut fit = Fit::new(&of, grid, planar)?;
+            let mut fit = Fit::aligned(&of, grid, planar)?;
             match (fit.run(), again) {
                 (Ok(()), _) => {}
                 (Err(error), None) => return Err(error),
                 (Err(_), Some(grid)) => {
                     // What is left of a wrench that is off by much is taken for noise of everything where levels begin narrow.
-                    fit = Fit::new(&of, grid, planar)?;
+                    fit = Fit::aligned(&of, grid, planar)?;
                     fit.run_coarsely()?;
                     fit.run()?;
                 }

@@ -290,6 +290,13 @@ impl<'a> Fit<'a> {
         Ok(fit)
     }
 
+    /// A record whose streams begin where they answer the wrench best: what a search begins with.
+    pub(super) fn aligned(of: &'a FlightLikelihood, grid: Grid, planar: bool) -> Result<Self, IdentificationError> {
+        let mut fit = Self::new(of, grid, planar)?;
+        fit.align();
+        Ok(fit)
+    }
+
     fn set_inertia(&mut self, inertia: &Matrix3<f64>) {
         let entries = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
         for (i, entry) in entries.into_iter().enumerate() {

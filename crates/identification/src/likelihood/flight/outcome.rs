@@ -177,6 +177,7 @@ impl FlightEstimate {
 }
 
 impl FoundThrusters {
+    /// Of a fit at rest; `None` where no thrusters were told.
     pub(super) fn of(fit: &Fit<'_>, covariance: &DMatrix<f64>, freed: &[usize]) -> Option<Self> {
         let told = fit.of.thrusters.as_ref()?;
         let n = told.len();

@@ -83,7 +83,7 @@ impl FlightLikelihood {
         freed: &[usize],
     ) -> Result<Option<Coarse>, IdentificationError> {
         let grid = Grid::try_new(record, self.wrench_timing, &self.added(record), self.thrusters.as_ref())?;
-        let mut fit = Fit::new(self, grid, planar)?;
+        let mut fit = Fit::aligned(self, grid, planar)?;
         let Ok(cost) = fit.run_coarsely() else { return Ok(None) };
         let Some(covariance) = outcome::covariance(&fit) else { return Ok(None) };
         let found = FoundThrusters::of(&fit, &covariance, freed);

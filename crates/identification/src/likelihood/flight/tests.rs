@@ -386,7 +386,7 @@ fn late_streams_begin_where_they_answer_the_wrench() {
         let world = World { late, filter: None, speed: 3.0, ..World::usual() };
         let told = FlightLikelihood::default();
         let grid = Grid::try_new(&world.log(seed), told.wrench_timing, &Vector3::zeros(), None).unwrap();
-        let fit = Fit::new(&told, grid, false).unwrap();
+        let fit = Fit::aligned(&told, grid, false).unwrap();
         for stream in 1..4 {
             let (found, truth) = (fit.delay_s(stream), late as f64 * 2.0 * FINE_S);
             println!("{late} late, stream {stream}: {found} for {truth}");

@@ -133,7 +133,6 @@ impl Fit<'_> {
             self.eta[column] = (rows - self.shift[i] as f64) * self.grid.step_s;
             self.mean[column] = self.eta[column];
         }
-        self.align();
         for (i, (errors, stream)) in
             [(&sensing.rate, RATE), (&sensing.acceleration, ACCELERATION)].into_iter().enumerate()
         {
@@ -154,7 +153,7 @@ impl Fit<'_> {
     }
 
     /// Moves velocities, rates and accelerations to where they answer the wrench best, whatever the body.
-    fn align(&mut self) {
+    pub(super) fn align(&mut self) {
         let sensing = &self.of.sensing;
         let velocity = sensing.velocity_delay.as_ref().map(|delay| (1, VELOCITY, delay.sigma_s));
         let others = [(2, RATE, sensing.rate.delay.sigma_s), (3, ACCELERATION, sensing.acceleration.delay.sigma_s)];
@@ -166,6 +165,7 @@ impl Fit<'_> {
                 self.mean[column] -= by as f64 * self.grid.step_s;
             }
         }
+        self.take_shift();
     }
 
     /// Rows by which a stream most likely is further behind the wrench than by so many: over short blocks it changes as the impulse does, by gains of
