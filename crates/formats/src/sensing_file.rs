@@ -42,9 +42,28 @@ pub fn parse(text: &str, path: &Path) -> Result<Sensing, FormatsError> {
     if file.format != 1 {
         return Err(bad(format!("`format = {}`; this version reads 1", file.format)));
     }
+    for stream in ["position", "attitude", "velocity", "rate", "acceleration"] {
+        for (key, size) in [("white", "0.001"), ("wander", "{ sigma = 0.01, time_s = 10.0 }")] {
+            let stated = file.sensing.get(stream).and_then(|stream| stream.get(key));
+            if stated.is_some_and(|stated| !says_how_known(stated)) {
+                return Err(bad(format!(
+                    "`{stream}.{key}`: write `\"unknown\"`, `{{ about = {size} }}` (the search begins there) or `{{ known = {size} }}`"
+                )));
+            }
+        }
+    }
     let sensing: Sensing = file.sensing.try_into().map_err(|error| bad(TomlError::from(error).to_string()))?;
     sensing.check().map_err(|error| bad(error.to_string()))?;
     Ok(sensing)
+}
+
+/// Whether a size of errors comes with how well it is known.
+fn says_how_known(stated: &toml::Value) -> bool {
+    match stated {
+        toml::Value::String(word) => word == "unknown",
+        toml::Value::Table(table) => table.len() == 1 && ["about", "known"].iter().any(|key| table.contains_key(*key)),
+        _ => false,
+    }
 }
 
 /// The text of a file with every key.
@@ -67,5 +86,10 @@ mod tests {
         assert!(refused("format = 1\nlever_arm_body = [0.0, 0.0, 0.0]\n").contains("lever_arm_body"));
         assert!(refused("format = 3\n").contains("format"));
         assert!(refused("[position]\nwhite = { known = 0.1 }\n").contains("format"));
+        // how well a size is known has to be said, and the refusal says how
+        for (key, value) in [("white", "0.001"), ("white", "\"known\""), ("wander", "{ sigma = 0.01, time_s = 9.0 }")] {
+            let said = refused(&format!("format = 1\n[position]\n{key} = {value}\n"));
+            assert!(said.contains(&format!("`position.{key}`")) && said.contains("known = "), "{said}");
+        }
     }
 }

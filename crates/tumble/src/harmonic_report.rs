@@ -180,7 +180,7 @@ pub fn json(
         "warnings": warnings(found, context),
     });
     add(&mut all, serde_json::to_value(json_body(&found.estimate, &report::Shown::ALL)).unwrap_or_default());
-    if let Some(reference) = reference_json(&found.estimate, context) {
+    if let Some(reference) = reference_json(&found.estimate, &[true; 10], context) {
         all["reference"] = serde_json::to_value(reference).unwrap_or_default();
     }
     all

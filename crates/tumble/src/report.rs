@@ -606,7 +606,7 @@ struct JsonNoise {
 pub(crate) struct JsonReference {
     name: String,
     body: BodyFile,
-    error_over_sigma: Vec<f64>,
+    error_over_sigma: Vec<Option<f64>>,
 }
 
 #[derive(Serialize)]
@@ -716,12 +716,13 @@ pub fn change_json(change: &PartChange) -> serde_json::Value {
     serde_json::json!({ "time_s": time_s, "earliest_s": earliest_s, "latest_s": latest_s, "payload": payload })
 }
 
-/// The body compared with, and the errors in sigmas.
-pub(crate) fn reference_json(estimate: &Estimate, context: &Context) -> Option<JsonReference> {
+/// The body compared with, and the errors in sigmas of what the data determine.
+pub(crate) fn reference_json(estimate: &Estimate, determined: &[bool], context: &Context) -> Option<JsonReference> {
     let (name, body) = context.reference.as_ref()?;
     let truth = quantities(body, &estimate.std);
     let found = quantities(&estimate.parameters, &estimate.std);
-    let error_over_sigma = found.iter().zip(&truth).map(|(q, t)| (q.value - t.value) / q.std).collect();
+    let errors = found.iter().zip(&truth).map(|(q, t)| (q.value - t.value) / q.std);
+    let error_over_sigma = errors.zip(determined).map(|(error, determined)| determined.then_some(error)).collect();
     Some(JsonReference { name: name.clone(), body: BodyFile::from(*body), error_over_sigma })
 }
 
@@ -762,7 +763,11 @@ pub fn json(found: &Identification, context: &Context) -> Json {
         delay_s: found.delay_s,
         actuators: Actuated::of(found, context).map(|actuated| actuated.json()),
         calibration: found.calibration.iter().map(json_calibration).collect(),
-        reference: found.estimate.as_ref().and_then(|estimate| reference_json(estimate, context)),
+        reference: found
+            .estimate
+            .as_ref()
+            .or(found.regularised.as_ref())
+            .and_then(|body| reference_json(body, &found.determined(), context)),
         holdout: context.validation.map(|v| JsonHoldout {
             nodes: v.nodes,
             torque_rms_n_m: v.torque_rms_n_m,

@@ -572,8 +572,8 @@ fn a_log_of_the_table_answers_what_a_table_shows() {
     let flown = folder.join("flight");
     let simulated = tumble(&["simulate", "granite-excite", "--seed", "31", "--out", flown.to_str().unwrap()]);
     assert_eq!(simulated.status.code(), Some(0), "{}", stderr(&simulated));
-    let (full, truth) = (flown.join("log.csv"), flown.join("truth.toml"));
-    let truth: toml::Table = fs::read_to_string(truth).unwrap().parse().unwrap();
+    let (full, body) = (flown.join("log.csv"), flown.join("truth.toml"));
+    let truth: toml::Table = fs::read_to_string(&body).unwrap().parse().unwrap();
     let true_mass = truth["mass_kg"].as_float().unwrap();
 
     // The same motion in the columns of a planar log.
@@ -594,9 +594,13 @@ fn a_log_of_the_table_answers_what_a_table_shows() {
     fs::write(&planar, text).unwrap();
 
     for log in [&full, &planar] {
-        let output = tumble(&["identify", log.to_str().unwrap(), "--json"]);
+        let (log_name, body) = (log.to_str().unwrap(), body.to_str().unwrap());
+        let output = tumble(&["identify", log_name, "--reference", body, "--json"]);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
         let found = json(&output);
+        let errors = found["reference"]["error_over_sigma"].as_array().unwrap();
+        let compared: Vec<usize> = (0..errors.len()).filter(|&i| errors[i].is_f64()).collect();
+        assert_eq!(compared, [0, 1, 2, 6], "{errors:?}");
         assert_eq!((&found["planar"], &found["method"]), (&true.into(), &"flight-likelihood".into()));
         let (mass, sigma) = (found["mass_kg"].as_f64().unwrap(), found["std"]["mass_kg"].as_f64().unwrap());
         assert!((mass - true_mass).abs() < 4.0 * sigma && sigma < 0.05 * true_mass, "{mass} +- {sigma}: {true_mass}");
