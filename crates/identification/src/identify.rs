@@ -326,6 +326,10 @@ pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identifi
 /// Share of feedback that segments shorter than what a loop takes to answer bear, in units of what others do: up to there masses show no bias.
 const SHORT_SEGMENTS: f64 = 1.25;
 
+/// From this share of feedback on a controller holds the body: it knows the body's velocity when a log begins, which the log may not tell. Where
+/// the motion shows little (a standard deviation above [`WEAK_STD`]) what it knows more biases the answer by that standard deviation.
+const HELD: f64 = 0.01;
+
 /// The answer of a plan, doubted where the wrench answers to the noise; `replace` puts another finding in the place of that of the rows.
 fn run<E: From<IdentificationError>>(
     record: &[MotionSample],
@@ -340,6 +344,8 @@ fn run<E: From<IdentificationError>>(
         if share > segments * plan.judge.feedback {
             found.verdict = Verdict::Doubtful(Why::Feedback { share });
             found.warnings.push(Warning::Feedback { share });
+        } else if share > HELD && found.widest() > WEAK_STD {
+            found.verdict = Verdict::Doubtful(Why::Held { relative: found.widest() });
         }
     }
     Ok(found)

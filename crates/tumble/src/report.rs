@@ -293,6 +293,11 @@ fn doubt(why: Why, widest: &str) -> String {
             "{:.0} % of the wrench answers to the noise of the measurements, and the numbers above follow that noise",
             100.0 * share
         ),
+        Why::Held { relative } => format!(
+            "a controller holds the body so still that little shows ({:.0} % of the body's scale), and what the controller knows beside the log \
+             biases that: log velocities or accelerations too, or fly an excitation",
+            100.0 * relative
+        ),
         Why::NoBody { .. } => "the numbers above are no body".to_owned(),
         _ => "the judge has a doubt that this program has no words for".to_owned(),
     }

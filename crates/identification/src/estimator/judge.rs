@@ -79,6 +79,11 @@ pub enum Why {
         /// Share of the mean square of the wrench that noise before it explains.
         share: f64,
     },
+    /// A controller that knows more of the motion than the record holds the body, and the record shows the body so little that this decides.
+    Held {
+        /// The widest standard deviation, in units of the body's size.
+        relative: f64,
+    },
     /// Another way to the same parameters comes to others.
     Disagrees {
         /// Squared distance in joint standard deviations, per parameter.

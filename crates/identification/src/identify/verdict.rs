@@ -116,6 +116,18 @@ impl Identification {
         }
     }
 
+    /// The widest standard deviation of what is determined, in units of the body's size.
+    pub(super) fn widest(&self) -> f64 {
+        let Some(body) = self.estimate.as_ref().or(self.regularised.as_ref()) else { return 0.0 };
+        let (mass, length) = (self.scale.mass_kg(), self.scale.length_m());
+        let inertia = &body.std.inertia_about_com_kg_m2;
+        let of_inertia =
+            [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(|entry| inertia[entry] / (mass * length * length));
+        let of_center = body.std.center_of_mass_m.iter().map(|sigma| sigma / length);
+        let all = core::iter::once(body.std.mass_kg / mass).chain(of_center).chain(of_inertia);
+        all.zip(self.determined()).filter(|(_, determined)| *determined).map(|(sigma, _)| sigma).fold(0.0, f64::max)
+    }
+
     fn not_exchangeable(&self) -> [bool; 10] {
         let mut separable = [true; 10];
         for (quantity, _) in self.exchanges.iter().flat_map(|exchange| &exchange.parts) {

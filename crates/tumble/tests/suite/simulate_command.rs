@@ -85,6 +85,35 @@ fn a_mission_on_the_station_is_identified_from_its_slow_motion() {
     assert!(stderr(&output).contains("the controller's answer to the noise"), "{}", stderr(&output));
 }
 
+/// A controller is told velocities that a log of poses and rates leaves out. What is left moves as little as the poses wander: masses are up to half too
+/// small beside a sigma of a seventh.
+#[test]
+fn a_body_that_is_held_still_is_not_weighed_by_its_poses() {
+    let folder = scratch("held-still");
+    let flight = ["simulate", "tube-hold", "--sensing", "nominal", "--seed", "7201", "--out", "flight"];
+    let output = tumble_in(&folder, &flight);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text = fs::read_to_string(folder.join("flight/log.csv")).unwrap();
+    let names: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let left_out = |names_from: &[&str]| {
+        let kept: Vec<usize> =
+            (0..names.len()).filter(|&at| !names_from.iter().any(|from| names[at].starts_with(from))).collect();
+        let rows = text.lines().map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            kept.iter().map(|&at| cells[at]).collect::<Vec<_>>().join(",")
+        });
+        fs::write(folder.join("less.csv"), rows.collect::<Vec<_>>().join("\n")).unwrap();
+        tumble_in(&folder, &["identify", "less.csv"])
+    };
+    let poses = left_out(&["v_", "a_"]);
+    assert_eq!(poses.status.code(), Some(3), "{}", stderr(&poses));
+    let said = String::from_utf8(poses.stdout).unwrap();
+    assert!(said.contains("a controller holds the body so still"), "{said}");
+    // What the controller is told makes up for it.
+    let velocities = left_out(&["a_"]);
+    assert_eq!(velocities.status.code(), Some(0), "{}", stderr(&velocities));
+}
+
 #[test]
 fn an_ideal_flight_is_identified_exactly() {
     let folder = scratch("ideal");
