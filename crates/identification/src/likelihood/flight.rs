@@ -192,21 +192,19 @@ impl FlightLikelihood {
         // What is spent weighs by the mass, which is then to be found first.
         let mut mass_kg = None;
         loop {
-            let mut grid = Grid::try_new(record, self.wrench_timing, &added, of.thrusters.as_ref())?;
-            if let Some((thrusters, mass_kg)) = of.thrusters.as_ref().zip(mass_kg) {
-                grid.lighten(thrusters, mass_kg);
-            }
-            let again = of.thrusters.as_ref().map(|_| grid.clone());
-            let mut fit = Fit::aligned(&of, grid, planar)?;
-            match (fit.run(), again) {
-                (Ok(()), _) => {}
-                (Err(error), None) => return Err(error),
-                (Err(_), Some(grid)) => {
-                    // What is left of a wrench that is off by much is taken for noise of everything where levels begin narrow.
-                    fit = Fit::aligned(&of, grid, planar)?;
-                    fit.run_coarsely()?;
-                    fit.run()?;
+            let begun = || {
+                let mut grid = Grid::try_new(record, self.wrench_timing, &added, of.thrusters.as_ref())?;
+                if let Some((thrusters, mass_kg)) = of.thrusters.as_ref().zip(mass_kg) {
+                    grid.lighten(thrusters, mass_kg);
                 }
+                Fit::aligned(&of, grid, planar)
+            };
+            let mut fit = begun()?;
+            if fit.run().is_err() {
+                // What is left of a wrench that is off by much is taken for noise of everything where levels begin narrow.
+                fit = begun()?;
+                fit.run_coarsely()?;
+                fit.run()?;
             }
             let found = outcome::of(&mut fit, &freed)?;
             let joint = Joint::of(&fit);

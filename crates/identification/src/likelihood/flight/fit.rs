@@ -25,8 +25,8 @@ const SWEEPS: usize = 40;
 const FULL_STEPS: usize = 20;
 /// Sweeps for a motion under a body that is told.
 const HELD_SWEEPS: usize = 6;
-/// Squared length of the last step in standard deviations.
-const SMALL_DECREMENT: f64 = 1e-3;
+/// Squared length of the last step in standard deviations: at first, and after [`FULL_STEPS`].
+const SMALL_DECREMENT: [f64; 2] = [1e-3, 3e-2];
 /// The same for a record that leaves something free.
 const DRIFT: f64 = 10.0;
 /// Sweep from which levels are judged: too narrow ones keep a fit from coming near.
@@ -394,7 +394,7 @@ impl<'a> Fit<'a> {
                 settled = rounds >= ROUNDS.0 && change < SETTLED;
                 continue;
             }
-            if self.decrement < SMALL_DECREMENT && sweep >= 3 && !moved {
+            if self.decrement < SMALL_DECREMENT[usize::from(sweep >= FULL_STEPS)] && sweep >= 3 && !moved {
                 return Ok(());
             }
         }

@@ -236,10 +236,10 @@ pub(super) fn of(fit: &mut Fit<'_>, freed: &[usize]) -> Result<FlightEstimate, I
         covariance = self::covariance(fit).ok_or(indefinite(fit))?;
     }
     let thrusters = FoundThrusters::of(fit, &covariance, freed);
-    let halves = halves(fit);
     let coordinates = fit.coordinates();
     let (mut of_body, ten) = body_information(fit)?;
     let widened = coherent::widen(fit, &mut of_body)?;
+    let halves = halves(fit, widened.as_ref());
     let (determined, information) = determined(fit, &coordinates, &of_body, &ten)?;
     let of_plane = [0, 1, 2, 9];
     if fit.drifts && (0..10).all(|i| determined[i] || fit.planar && !of_plane.contains(&i)) {
@@ -425,7 +425,9 @@ pub(super) fn planar_eta_by_parameters(at: &Coordinates) -> SMatrix<f64, 10, 10>
     out
 }
 
-fn halves(fit: &mut Fit<'_>) -> Option<Halves> {
+/// The two halves of a record against each other; `hidden` is what errors of the wrench that move with it add to the covariance of the body, in each
+/// half by other motion.
+fn halves(fit: &mut Fit<'_>, hidden: Option<&DMatrix<f64>>) -> Option<Halves> {
     let middle = fit.segments / 2;
     if middle < super::FEWEST_SEGMENTS {
         return None;
@@ -448,7 +450,13 @@ fn halves(fit: &mut Fit<'_>) -> Option<Halves> {
     let apart = &b.0 - &a.0;
     // What both halves take from one prior is common to them.
     let common = &b.1 - &a.1;
-    let spread = &a.2 + &b.2 + &common * prior * &common;
+    let mut spread = &a.2 + &b.2 + &common * prior * &common;
+    let of_body: Vec<usize> = (0..p).filter(|&i| fit.free[i] < BODY).collect();
+    for (i, &row) in of_body.iter().enumerate() {
+        for (j, &column) in of_body.iter().enumerate() {
+            spread[(row, column)] += hidden.map_or(0.0, |hidden| 2.0 * hidden[(i, j)]);
+        }
+    }
     let sizes = fit.coordinates().sizes();
     // Where either half leaves a parameter free it says nothing against the other.
     let seen: Vec<usize> = (0..p)
