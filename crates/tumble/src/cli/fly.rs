@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use tumble_formats::FormatsError;
 use tumble_formats::Robots;
-use tumble_formats::{log, text_file};
+use tumble_formats::{body_file, log, text_file};
 use tumble_identification::Registry;
 use tumble_planning::PlanningError;
 use tumble_planning::mission::Layer;
@@ -209,6 +209,7 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
     write_mcap(&log_path, &folder.file("log.mcap"), &world, &source.description()?)?;
     folder.write("scenario.toml", &record.scenario_toml)?;
     nozzles.write(&folder)?;
+    folder.write("truth.toml", &body_file::export(Path::new("truth.toml"), &record.summary.body_at_end())?)?;
     folder.write("summary.json", &format!("{}\n", pretty(&record)?))?;
     folder.write("report.html", &mission_report::html(&record)?)?;
     for (name, picture) in mission_report::pictures(&record) {
@@ -226,7 +227,9 @@ pub fn run(args: &FlyArgs, robots: &Robots) -> Result<Outcome, TumbleError> {
         print(&table(&record, &costs, wall_s))?;
     }
     let shown = place.display();
-    tell_line!("wrote {shown}; open {shown}/report.html, or: tumble identify {shown}/log.csv");
+    tell_line!(
+        "wrote {shown}; open {shown}/report.html, or: tumble identify {shown}/log.csv --reference {shown}/truth.toml"
+    );
     Ok(verdict(&record))
 }
 

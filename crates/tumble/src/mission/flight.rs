@@ -17,7 +17,7 @@ use tumble_astrobee::sensing::LocalizationEstimate;
 use tumble_astrobee::simulator::{
     CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, FallbackSpell, SimulatorMeasurement,
 };
-use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
+use tumble_dynamics::nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World, WrenchBox};
 use tumble_identification::estimator::{Acted, Gauss, Measurement, StateEstimator};
 use tumble_identification::recursive::MotionNoise;
@@ -113,6 +113,15 @@ fn ten(body: &InertialParameters<f64>) -> [f64; 10] {
         inertia[(0, 2)],
         inertia[(1, 2)],
     ]
+}
+
+impl MissionSummary {
+    /// The body that flew, as it was in the end; on a table the part of it that moves in the plane.
+    pub fn body_at_end(&self) -> InertialParameters<f64> {
+        let truth = |name: &str| self.parameters.iter().find(|row| row.name == name).map_or(0.0, |row| row.truth);
+        let [mass, x, y, z, xx, yy, zz, xy, xz, yz] = PARAMETERS.map(|(name, _)| truth(name));
+        InertialParameters::about_com(mass, Vector3::new(x, y, z), Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz))
+    }
 }
 
 fn ten_sigma(estimate: &Estimate) -> [f64; 10] {

@@ -37,6 +37,7 @@ fn the_default_mission_arrives_and_everything_it_writes_agrees() {
         "scenario.toml",
         "summary.json",
         "timings.json",
+        "truth.toml",
     ];
     assert_eq!(files, written);
 
@@ -54,9 +55,13 @@ fn the_default_mission_arrives_and_everything_it_writes_agrees() {
     assert!((last - truth).abs() < 0.02 * truth && (first - truth).abs() > 0.2 * truth);
 
     // what the log tells afterwards is what the robot said on the way, within two standard deviations of both
-    let report = tumble_in(&place, &["identify", "log.csv", "--json"]);
+    let report = tumble_in(&place, &["identify", "log.csv", "--reference", "truth.toml", "--json"]);
     assert_eq!(report.status.code(), Some(0), "{}", stderr(&report));
     let found: Value = serde_json::from_slice(&report.stdout).unwrap();
+    let flown = &found["reference"]["body"];
+    assert!((number(&flown["mass_kg"]) - truth).abs() < 1e-12 * truth, "{flown}");
+    let errors = found["reference"]["error_over_sigma"].as_array().unwrap();
+    assert!(errors.len() == 10 && errors.iter().all(|error| number(error).abs() < 4.0), "{errors:?}");
     let mass_sigma = number(&found["std"]["mass_kg"]).hypot(number(&parameters[0]["sigma"]));
     assert!((number(&found["mass_kg"]) - last).abs() < 2.0 * mass_sigma);
     for axis in 0..3 {
