@@ -295,7 +295,7 @@ fn doubt(why: Why, widest: &str) -> String {
         ),
         Why::Held { relative } => format!(
             "a controller holds the body so still that little shows ({:.0} % of the body's scale), and what the controller knows beside the log \
-             biases that: log velocities or accelerations too, or fly an excitation",
+             biases that: log the velocities that it is told, or fly an excitation",
             100.0 * relative
         ),
         Why::NoBody { .. } => "the numbers above are no body".to_owned(),

@@ -114,7 +114,6 @@ fn a_mission_on_the_table_answers_in_one_object() {
     assert_eq!((&run["command"], &run["seed"]), (&Value::from("fly"), &Value::from(5)));
 }
 
-/// Every refusal names the place and the remedy, and leaves nothing behind.
 /// Thrusts that are off by a per cent make torques nearly as large as those of a mission in a straight line: a search that begins with narrow
 /// levels takes what they do for noise of the gyroscope, and never comes to rest (a seed of which it did).
 #[test]
@@ -130,6 +129,7 @@ fn a_mission_whose_thrusts_are_off_is_identified() {
     assert!(number(&found["std"]["mass_kg"]) < 0.04 * number(&found["mass_kg"]), "{found}");
 }
 
+/// Every refusal names the place and the remedy, and leaves nothing behind.
 #[test]
 fn what_cannot_be_flown_is_refused() {
     let folder = scratch("refused");
