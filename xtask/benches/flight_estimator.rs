@@ -11,6 +11,8 @@ use tumble_identification::recursive::{FlightEstimator, FlightMeasurement, TwoSt
 
 #[path = "../../crates/identification/tests/suite/flight_scenario/mod.rs"]
 mod flight_scenario;
+#[path = "../../crates/identification/tests/suite/random.rs"]
+mod random;
 use flight_scenario::{Conditions, Flight, STEP_NS, noise, prior, settings};
 
 /// Into the flight, s: long after what was learned first was last learned again.

@@ -4,9 +4,12 @@
 
 #[path = "../../crates/identification/tests/suite/exact_motion/mod.rs"]
 mod exact_motion;
+#[path = "../../crates/identification/tests/suite/random.rs"]
+mod random;
 
+use crate::random::Random;
 use criterion::{Criterion, criterion_group, criterion_main};
-use exact_motion::{Multisine, Random, Run};
+use exact_motion::{Multisine, Run};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 use tumble_identification::dynamics::InertialParameters;

@@ -152,12 +152,12 @@ impl Whitened {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::Dice;
+    use crate::noise::Gaussian;
 
     /// Rows of unit noise about zero or, from `onset` on, about another point; `noise` says how large it is.
     fn cut(onset: usize, jump: f64, noise: f64) -> Option<Cut<usize>> {
-        let (mut dice, rows) = (Dice(1), 400);
-        let mut uniform = || dice.uniform();
+        let (mut dice, rows) = (Gaussian::from_seed(1), 400);
+        let mut uniform = || 2.0 * dice.uniform() - 1.0;
         let zero = Quadratic { information: Matrix10::zeros(), gradient: Vector10::zeros() };
         let mut sums = vec![zero];
         for row in (0..rows).rev() {

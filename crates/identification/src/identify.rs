@@ -359,7 +359,7 @@ fn found<E: From<IdentificationError>>(
     // A table holds the body: whatever takes it for a free one is wrong. What thrusters are off by is another's to find too.
     let on_table =
         plan.way == Way::Auto && plan.flown.map_or_else(|| is_in_xy_plane(record), |told| told.is_planar(record));
-    let by_thrusters = plan.flown.is_some_and(|told| told.thrusters.is_some());
+    let by_thrusters = plan.way != Way::Other && plan.flown.is_some_and(|told| told.thrusters.is_some());
     let timeline = Timeline::try_new(record)?;
     if (on_table || by_thrusters)
         && let Some(found) = flight::most_likely(record, &timeline, plan)?
@@ -779,7 +779,7 @@ fn warnings_of(timeline: &Timeline, fit: &Fit, judgement: &Judgement, noise: &Sa
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::Dice;
+    use crate::noise::Gaussian;
     use nalgebra::UnitQuaternion;
 
     /// Turns of half a radian about z with shares of it about x, moves in x and y with a share of it in z, pushed by `force`.
@@ -811,8 +811,8 @@ mod tests {
 
     #[test]
     fn a_force_is_noise_where_neighbours_differ_as_much_as_any_two() {
-        let mut dice = Dice(1);
-        let white: Vec<f64> = (0..2000).map(|_| dice.share()).collect();
+        let mut dice = Gaussian::from_seed(1);
+        let white: Vec<f64> = (0..2000).map(|_| dice.uniform()).collect();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let at = |t: f64| white[(t / 0.016).round() as usize];
         assert!(is_noise(&record(0.5, 0.5, at)) && is_noise(&record(0.5, 0.5, |_| 0.0)));

@@ -18,8 +18,6 @@ mod body_scale;
 pub mod comparison;
 pub mod consistency;
 mod criteria;
-#[cfg(test)]
-mod dice;
 mod error;
 pub mod estimator;
 pub mod excitation;

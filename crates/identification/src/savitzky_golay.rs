@@ -146,7 +146,7 @@ fn weighted(weights: &[Vec<f64>; 3], window: &[Vector3<f64>]) -> [Vector3<f64>; 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::Dice;
+    use crate::noise::Gaussian;
 
     fn close(found: &[f64], numerators: &[i32], denominator: f64) {
         assert_eq!(found.len(), numerators.len());
@@ -225,8 +225,8 @@ mod tests {
     #[test]
     fn noise_is_averaged_about_the_smoothed_rotation() {
         // A steady spin seen through noise: with re-centring the rate has no bias of the chart.
-        let mut dice = Dice(1);
-        let mut noise = || (dice.share() - 0.5) * 0.02 * 12.0_f64.sqrt();
+        let mut dice = Gaussian::from_seed(1);
+        let mut noise = || (dice.uniform() - 0.5) * 0.02 * 12.0_f64.sqrt();
         let rate = Vector3::new(0.4, -1.2, 0.7);
         let (step_s, filter) = (0.016, SavitzkyGolay::try_new(10, 3).unwrap());
         let mut sum = Vector3::zeros();

@@ -214,7 +214,7 @@ impl fmt::Display for Whiteness {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::Dice;
+    use crate::noise::Gaussian;
 
     fn close(found: f64, expected: f64, relative: f64) {
         assert!((found - expected).abs() <= relative * expected.abs(), "{found} {expected}");
@@ -349,7 +349,7 @@ mod tests {
 
     #[test]
     fn white_noise_rarely_alarms_and_coloured_noise_always() {
-        let mut dice = Dice(5);
+        let mut dice = Gaussian::from_seed(5);
         let mut normal = || dice.normal();
         let (mut alarms, mut missed, mut inflation) = (0, 0, 0.0);
         for _ in 0..1000 {

@@ -271,12 +271,12 @@ fn rms(rows: &[WrenchRow], wrench: impl Fn(&WrenchRow) -> Vector6<f64>, length_m
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::Dice;
+    use crate::noise::Gaussian;
 
     /// Largest shift of the instruments in standard deviations; the noise of one acceleration is `memory` times the last.
     fn shift(seed: u64, memory: f64) -> f64 {
-        let mut dice = Dice(seed);
-        let mut uniform = || dice.uniform();
+        let mut dice = Gaussian::from_seed(seed);
+        let mut uniform = || 2.0 * dice.uniform() - 1.0;
         let body = SVector::<f64, 10>::from_column_slice(&[9.4, 0.3, -0.2, 0.5, 0.2, 0.0, 0.0, 0.18, 0.0, 0.19]);
         let mut noise = Vector6::<f64>::zeros();
         let rows: Vec<WrenchRow> = (0..4000_usize)

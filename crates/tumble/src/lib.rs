@@ -4,6 +4,7 @@
 #![deny(clippy::print_stderr, clippy::print_stdout)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
+mod added;
 #[cfg(feature = "astrobee")]
 pub mod campaign;
 #[macro_use]
@@ -28,6 +29,7 @@ pub mod scenario;
 pub mod space_cobot;
 pub mod spheres;
 
+pub use added::Added;
 pub use error::TumbleError;
 pub use program::{Answer, answer, run};
 

@@ -24,7 +24,7 @@ pub use record::{
     UNAVOIDABLE, WayRow,
 };
 pub use registries::{
-    ControlledBody, LayerNames, NewController, NewStretchPlanner, WrittenNames, controllers, estimators, laws,
-    local_planners, planners,
+    ADDED_CONTROLLERS, ADDED_ESTIMATORS, ADDED_LOCAL_PLANNERS, ADDED_PLANNERS, ControlledBody, LayerNames,
+    NewController, NewStretchPlanner, WrittenNames, controllers, estimators, laws, local_planners, planners,
 };
 pub use weighting::WeightingChoice;

@@ -6,8 +6,8 @@
 
 use tumble_planning::ModelBelief;
 use tumble_planning::dynamics::{InertialParameters, RigidBodyState};
-use tumble_planning::identification::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
-use tumble_planning::identification::recursive::{FlightHealth, Reception, ReceptionCounts};
+use tumble_planning::identification::estimator::{Acted, EstimatorError, Finding, Measurement, StateEstimator};
+use tumble_planning::identification::recursive::Reception;
 use tumble_planning::identification::{BodyScale, Estimate, SquareRootInformation, StandardDeviations};
 use tumble_planning::lie::{LieGroup, Pose, Twist};
 use tumble_planning::nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
@@ -25,7 +25,6 @@ pub struct DriftingPose {
     rate: Vector3<f64>,
     now_ns: i64,
     looked_ns: i64,
-    counts: ReceptionCounts,
 }
 
 const SIZES: [f64; 10] = [1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.003, 0.1, 0.1, 0.1];
@@ -45,8 +44,8 @@ impl DriftingPose {
         let mut seen = SquareRootInformation::new();
         seen.add_prior(&mean, &SVector::from(sigma))?;
         let (scale, rate) = (BodyScale::of(&body.parameters.to_vector())?, Vector3::zeros());
-        let (pushed, counts) = ([Vector3::zeros(); 2], ReceptionCounts::default());
-        Ok(Self { body, scale, seen, found: mean, pushed, attitude, rate, now_ns: 0, looked_ns: 0, counts })
+        let pushed = [Vector3::zeros(); 2];
+        Ok(Self { body, scale, seen, found: mean, pushed, attitude, rate, now_ns: 0, looked_ns: 0 })
     }
 
     /// Rows of the position: what multiplies the unknowns.
@@ -89,7 +88,6 @@ impl StateEstimator for DriftingPose {
             Ok(found) => self.found = found,
             Err(_) => return Reception::Malformed { what: "no position" },
         }
-        self.counts.used += 1;
         Reception::Used { nis }
     }
     fn state_at(&self, time_ns: i64) -> RigidBodyState<f64> {
@@ -113,18 +111,11 @@ impl StateEstimator for DriftingPose {
         };
         ModelBelief::independent(0, body, std).estimate.to_finding(self.scale)
     }
-    fn health(&self) -> FlightHealth {
-        FlightHealth::default()
-    }
     fn newest_stamp_ns(&self) -> i64 {
         self.looked_ns
     }
-    fn doubt(&mut self, _doubt: &Doubt) {} // nothing is grasped on this mission
     fn restart(&mut self, body: &Finding) -> Result<(), EstimatorError> {
         self.body = Estimate::try_from(body)?;
         Ok(())
-    }
-    fn counts(&self) -> ReceptionCounts {
-        self.counts
     }
 }

@@ -9,8 +9,9 @@ mod feedback;
 
 use std::io::Write as _;
 
+use crate::random::Random;
 use nalgebra::{SVector, Vector3, Vector6};
-use periodic_log::{BOUNDS, PeriodicLog, Random, flown, noise, noisy};
+use periodic_log::{BOUNDS, PeriodicLog, flown, noise, noisy};
 use tumble_dynamics::{InertialParameters, WrenchBox};
 use tumble_identification::excitation::{ChannelLimits, NormalizedCondition, SpaceExcitation};
 use tumble_identification::fourier::{FourierBasis, FourierMotion};

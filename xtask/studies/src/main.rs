@@ -49,6 +49,8 @@ mod planning_scenes;
 mod plot;
 mod predicted_sigma;
 mod propulsion_dynamics;
+#[path = "../../../crates/identification/tests/suite/random.rs"]
+mod random;
 mod rattle;
 mod real_data;
 mod real_sensors;

@@ -18,8 +18,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::Failure;
 use crate::arguments::Arguments;
-use crate::flight_estimator::flight_scenario::Random;
 use crate::planning_runs::cores;
+use crate::random::Random;
 use crate::targets::Report;
 
 /// Samples of a bootstrap.

@@ -53,10 +53,10 @@ pub fn total_least_squares<const P: usize, const COLUMNS: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::Dice;
+    use crate::noise::Gaussian;
 
     fn random() -> impl FnMut() -> f64 {
-        let mut dice = Dice(9);
+        let mut dice = Gaussian::from_seed(9);
         move || dice.normal()
     }
 

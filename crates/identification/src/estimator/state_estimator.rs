@@ -169,19 +169,23 @@ pub trait StateEstimator: Send {
     /// # Errors
     /// Of the implementation; the flight then goes on with the last belief.
     fn finding(&self) -> Result<Finding, EstimatorError>;
-    /// Whether the filter's own account of its errors still holds.
-    fn health(&self) -> FlightHealth;
+    /// Whether the filter's own account of its errors still holds; always, unless written.
+    fn health(&self) -> FlightHealth {
+        FlightHealth::default()
+    }
     /// Stamp of the newest measurement that was looked at, ns.
     fn newest_stamp_ns(&self) -> i64;
-    /// Widens what is known of the body or of the actuators.
-    fn doubt(&mut self, doubt: &Doubt);
+    /// Widens what is known of the body or of the actuators; nothing, unless written.
+    fn doubt(&mut self, _doubt: &Doubt) {}
     /// Sets the body back to a prior, the motion kept.
     ///
     /// # Errors
     /// A prior that is none; nothing is changed then.
     fn restart(&mut self, body: &Finding) -> Result<(), EstimatorError>;
-    /// What became of the measurements.
-    fn counts(&self) -> ReceptionCounts;
+    /// What became of the measurements; not counted, unless written.
+    fn counts(&self) -> ReceptionCounts {
+        ReceptionCounts::default()
+    }
     /// What to ask of doubted actuators for a wrench.
     fn compensated(&self, _wrench: &Wrench<f64>) -> Option<Wrench<f64>> {
         None

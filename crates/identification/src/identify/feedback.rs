@@ -159,10 +159,10 @@ fn explained(series: &[Option<Vector3<f64>>], noises: &[Vec<Option<Vector3<f64>>
 mod tests {
     use super::share;
     use crate::BodyScale;
-    use crate::dice::Dice;
     use crate::identify::timeline::Timeline;
     use crate::lie::{Pose, Wrench};
     use crate::motion::MotionSample;
+    use crate::noise::Gaussian;
     use nalgebra::{UnitQuaternion, Vector3};
 
     const MASS_KG: f64 = 12.0;
@@ -174,7 +174,7 @@ mod tests {
 
     fn flight_at(step_ms: u32, noise_m: f64, stiffness_n_m: f64, wanted_n: f64) -> f64 {
         let (step_s, step_ns) = (1e-3 * f64::from(step_ms), 1_000_000 * i64::from(step_ms));
-        let mut dice = Dice(7);
+        let mut dice = Gaussian::from_seed(7);
         let (mut place, mut speed) = (0.0, 0.0);
         let mut record: Vec<MotionSample> = Vec::new();
         for k in 0..3000_i64 {

@@ -18,8 +18,11 @@ const MAX_ITERATIONS: usize = 100;
 /// Largest fraction of the way to the boundary that one step goes.
 const STEP_FRACTION: f64 = 0.99;
 
-/// Duality gap relative to the objective that is good enough where consistency is dear: what rounding leaves.
+/// Duality gap relative to the objective that is good enough where consistency is dear.
 const RELATIVE_GAP: f64 = 1e-10;
+
+/// The same where rounding ends the search before: errors of the dual grow while the complementarity still falls.
+const ROUNDED_GAP: f64 = 1e-8;
 
 /// A step below this fraction is stopped by rounding.
 const SHORTEST_STEP: f64 = 1e-8;
@@ -46,22 +49,33 @@ pub(super) struct ConeSolution {
 }
 
 impl ConeProgram {
-    /// A point with the duality gap asked for, or one of 1e-10 of the objective.
+    /// A point with the duality gap asked for, or one of 1e-10 of the objective; where rounding stops all progress before, the best
+    /// point on the way if its gap is 1e-8 of the objective.
     pub(super) fn solve(&self, gap_tolerance: f64) -> Result<ConeSolution, IdentificationError> {
         let mut state = self.start();
-        let (mut duality_gap, mut reached) = (f64::INFINITY, 0);
+        let (mut best, mut least_gap, mut reached) = (None, f64::INFINITY, 0);
         for iterations in 1..=MAX_ITERATIONS {
             reached = iterations;
-            duality_gap = self.duality_gap(&state);
+            let duality_gap = self.duality_gap(&state);
             let objective = 0.5 * self.information.residual(&state.primal).norm_squared();
+            let State { primal, dual } = &state;
+            let solution = || ConeSolution { primal: primal.clone(), dual: dual.clone(), duality_gap, iterations };
             if duality_gap <= gap_tolerance.max(RELATIVE_GAP * objective) {
-                return Ok(ConeSolution { primal: state.primal, dual: state.dual, duality_gap, iterations });
+                return Ok(solution());
+            }
+            if duality_gap < least_gap {
+                least_gap = duality_gap;
+                best = (duality_gap <= ROUNDED_GAP * objective).then(solution);
             }
             if self.step(&mut state).is_none() {
                 break;
             }
         }
-        Err(IdentificationError::NotConverged { iterations: reached, duality_gap, tolerance: gap_tolerance })
+        best.ok_or(IdentificationError::NotConverged {
+            iterations: reached,
+            duality_gap: least_gap,
+            tolerance: gap_tolerance,
+        })
     }
 
     /// Balls of each body's size, and the point on their central path that fits the gradient best.

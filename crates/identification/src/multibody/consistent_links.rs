@@ -187,8 +187,8 @@ impl<'a> ConsistentLinks<'a> {
         Self { prior_weight, ..self }
     }
 
-    /// Another duality gap, in units of half a chi-square; one of 1e-10 of the objective is accepted too, and
-    /// [`LinksEstimate::duality_gap`] tells what was reached.
+    /// Another duality gap, in units of half a chi-square; one of 1e-10 of the objective is accepted too, or of 1e-8 where rounding
+    /// allows for no less, and [`LinksEstimate::duality_gap`] tells what was reached.
     pub fn with_gap_tolerance(self, gap_tolerance: f64) -> Self {
         Self { gap_tolerance, ..self }
     }

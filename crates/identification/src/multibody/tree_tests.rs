@@ -8,15 +8,8 @@ use super::{
 use crate::BodyScale;
 use crate::dynamics::{BodyAcceleration, GeneralizedMotion, InertialParameters, Joint, Link, Multibody};
 use crate::lie::{LieGroup, Pose, Twist, Wrench};
+use crate::noise::Gaussian;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
-
-fn gaussian(generator: &mut ChaCha8Rng) -> f64 {
-    let mut uniform = || (generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
-    let (u, v) = (1.0 - uniform(), uniform());
-    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-}
 
 fn tree() -> Multibody<f64> {
     tree_in(1.0, 1.0)
@@ -95,9 +88,9 @@ fn momentum() -> Wrench<f64> {
 }
 
 fn noisy(clean: &[TreeSample], noise: &VelocityNoise, seed: u64) -> Vec<TreeSample> {
-    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    let mut dice = Gaussian::from_seed(seed);
     let disturbed = |sample: &TreeSample| {
-        let mut draw = |sigma: f64| sigma * gaussian(&mut generator);
+        let mut draw = |sigma: f64| sigma * dice.normal();
         let mut sample = sample.clone();
         let angular = Vector3::from_fn(|_, _| draw(noise.base_rate_rad_s));
         sample.base_twist += Twist::new(angular, Vector3::from_fn(|_, _| draw(noise.base_velocity_m_s)));
@@ -174,9 +167,9 @@ fn base_parameters_of_fixed(tree: &Multibody<f64>, gravity: &Vector3<f64>) -> us
         |link: usize| UnknownBody { name: format!("link{}", link + 1), scale: BodyScale::try_new(1.0, 0.3).unwrap() };
     let layout = ParameterLayout::try_new((0..joints).map(body).collect(), vec![]).unwrap();
     let mut information = LinkInformation::new(layout.unknowns());
-    let mut generator = ChaCha8Rng::seed_from_u64(7);
+    let mut noise = Gaussian::from_seed(7);
     for _ in 0..200 {
-        let mut list = || (0..joints).map(|_| gaussian(&mut generator)).collect::<Vec<f64>>();
+        let mut list = || (0..joints).map(|_| noise.normal()).collect::<Vec<f64>>();
         let (positions, rates, accelerations) = (list(), list(), list());
         let motion = GeneralizedMotion {
             base_twist: Twist::zero(),
@@ -252,13 +245,13 @@ fn a_base_and_two_hinges_have_24_base_parameters_with_a_known_momentum_and_23_wi
 fn driven(seed: u64) -> Vec<TreeSample> {
     let clean = float(&carrying(), &momentum(), 30.0, 0.01, 1);
     let mut samples = with_accelerations(&clean, &Vector3::zeros()).unwrap();
-    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise = Gaussian::from_seed(seed);
     for sample in &mut samples {
         let force = carrying().inverse_dynamics(&sample.motion().unwrap()).unwrap();
         let friction = |rate: f64| 0.02 * rate + 0.01 * rate.signum() + 0.003;
         let motor = |(force, rate): (&f64, &f64)| force + friction(*rate);
         let motors: Vec<f64> = force.joints.iter().zip(&sample.rates).map(motor).collect();
-        sample.motors = Some(motors.iter().map(|motor| motor + 2e-3 * gaussian(&mut generator)).collect());
+        sample.motors = Some(motors.iter().map(|motor| motor + 2e-3 * noise.normal()).collect());
     }
     samples
 }
@@ -299,12 +292,12 @@ fn a_payload_from_torques_and_from_both() {
 
 /// A held arm that swings a payload: exact torques with noise, positions alone, rows late and missing.
 fn swung(seed: u64) -> Vec<TreeSample> {
-    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    let mut noise = Gaussian::from_seed(seed);
     let tree = carrying();
     let mut track = JointTrack { positions: vec![vec![]; 2], motors: vec![vec![]; 2], ..JointTrack::default() };
     for row in 0..3000 {
         let late = if row > 1200 { 1.7 } else { 0.0 };
-        let t = 0.01 * (f64::from(row) + 0.2 * gaussian(&mut generator).clamp(-2.0, 2.0)) + late;
+        let t = 0.01 * (f64::from(row) + 0.2 * noise.normal().clamp(-2.0, 2.0)) + late;
         let tones = [[(0.8, 0.9, 0.0), (0.3, 2.9, 0.4)], [(0.9, 1.3, 1.0), (0.2, 4.1, 0.0)]];
         let of = |f: &dyn Fn(f64, f64) -> f64| -> Vec<f64> {
             tones.iter().map(|tones| tones.iter().map(|(a, w, p)| a * f(*w, w * t + p)).sum()).collect()
@@ -324,10 +317,10 @@ fn swung(seed: u64) -> Vec<TreeSample> {
         let force = tree.inverse_dynamics(&motion).unwrap();
         track.times_s.push(t);
         for (list, exact) in track.positions.iter_mut().zip(&positions) {
-            list.push(exact + 1e-5 * gaussian(&mut generator));
+            list.push(exact + 1e-5 * noise.normal());
         }
         for (list, exact) in track.motors.iter_mut().zip(&force.joints) {
-            list.push(exact + 0.01 * gaussian(&mut generator));
+            list.push(exact + 0.01 * noise.normal());
         }
     }
     track.on_fixed_base(&(Vector3::z() * -9.81)).unwrap()

@@ -411,9 +411,9 @@ fn deviation<const N: usize>(fit: &Fit<N>, density: &SVector<f64, N>, reach: usi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::Dice;
+    use crate::noise::Gaussian;
 
-    struct Noise(Dice);
+    struct Noise(Gaussian);
     impl Noise {
         fn vector(&mut self, sigma: f64) -> SVector<f64, 2> {
             SVector::from([self.0.normal(), self.0.normal()]) * sigma
@@ -431,7 +431,7 @@ mod tests {
 
     /// Two inputs, two outputs with cross-talk and constants.
     fn signals(delay_s: f64, input_sigma: f64, output_sigma: f64, seed: u64) -> Signals<2, 2, 0> {
-        let mut noise = Noise(Dice(2 * seed + 1));
+        let mut noise = Noise(Gaussian::from_seed(2 * seed + 1));
         let gains = nalgebra::Matrix2::new(0.2, 0.03, -0.05, 0.5);
         let times = (0..1875).map(|k| f64::from(k) * STEP_S);
         Signals {
@@ -510,7 +510,7 @@ mod tests {
         let unrelated = (0..40)
             .filter(|&seed| {
                 let mut random = signals(0.0, 0.0, 0.0, 0);
-                let mut noise = Noise(Dice(2 * seed + 1));
+                let mut noise = Noise(Gaussian::from_seed(2 * seed + 1));
                 random.output.iter_mut().for_each(|y| *y = noise.vector(1.0));
                 delay(&random, 0.3).unwrap().verdict == Verdict::Identifiable
             })

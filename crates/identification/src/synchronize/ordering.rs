@@ -167,7 +167,7 @@ fn sink<S>(heap: &mut [Option<Held<S>>]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::Dice;
+    use crate::noise::spread;
 
     fn ordering<const N: usize>() -> TimeOrdering<usize, [Option<Held<usize>>; N]> {
         TimeOrdering::new([const { None }; N])
@@ -201,8 +201,11 @@ mod tests {
 
     #[test]
     fn every_sample_leaves_once_and_only_the_hopeless_out_of_order() {
-        let mut dice = Dice(7);
-        let mut next = |n: i64| i64::try_from(dice.bits() >> 33).unwrap() % n;
+        let mut drawn = 0;
+        let mut next = |n: i64| {
+            drawn += 1;
+            i64::try_from(spread(drawn) >> 33).unwrap() % n
+        };
         for round in 0..200 {
             let spread = 1 + round % 17;
             let times: Vec<i64> = (0..300_i64).map(|k| k + next(spread)).collect();

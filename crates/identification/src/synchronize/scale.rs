@@ -90,10 +90,10 @@ pub fn relative_scale(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::Dice;
+    use crate::noise::Gaussian;
 
     fn random(seed: u64) -> impl FnMut() -> f64 {
-        let mut dice = Dice(seed.wrapping_mul(2).wrapping_add(1));
+        let mut dice = Gaussian::from_seed(seed);
         move || dice.normal()
     }
 

@@ -4,7 +4,7 @@
 //! and one mistake for each law fails it by name.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::exact_motion::Random;
+use crate::random::Random;
 use tumble_identification::excitation::{
     ChannelLimits, CriterionGradient, ExcitationCriterion, NormalizedCondition, PlanarExcitation,
 };

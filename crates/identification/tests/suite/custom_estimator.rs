@@ -2,12 +2,13 @@
 //!
 //! The estimator here is least squares that outliers cannot bend: rows beyond so many standard deviations pull with a constant force (Huber).
 
-use crate::exact_motion::{Multisine, Random, Run, body_d};
+use crate::exact_motion::{Multisine, Run, body_d};
+use crate::random::Random;
 use tumble_identification::estimator::{Estimator, EstimatorError, Finding, Verdict};
 use tumble_identification::laws::{Case, check_estimator};
 use tumble_identification::lie::Wrench;
 use tumble_identification::nalgebra::{SMatrix, SVector};
-use tumble_identification::{MotionSample, Pipeline, Problem, Settings, methods};
+use tumble_identification::{FlightLikelihood, MotionSample, Pipeline, Problem, Settings, Thrusters, methods};
 
 // Step 1: from the rows of the problem to a point with its covariance; errors of your own keep their numbers.
 struct Huber {
@@ -121,6 +122,12 @@ fn an_estimator_of_ones_own() {
     assert!(error(&found) < 0.5 * error(&plain), "{} {}", error(&found), error(&plain));
     let clean = pipeline.identify(&whole, &settings("huber")).unwrap();
     assert_eq!(clean.verdict, Verdict::Identified);
+    // It answers too where thrusters are told of, whose scales the library's own methods would leave to their likelihood.
+    let along = [[0.0, 0.0, 0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 1.0, 0.0]];
+    let thrusters = Thrusters::try_new(&along, &[0.01; 2], &vec![0.0; 2 * whole.len()]).unwrap();
+    let told = pipeline.flown_with(FlightLikelihood { thrusters: Some(thrusters), ..FlightLikelihood::default() });
+    let found = told.identify(&whole, &settings("huber")).unwrap();
+    assert_eq!((found.method, found.estimate), ("huber", clean.estimate));
 
     // A record that every one of them can answer: exact poses, a noisy wrench. Noise in poses asks for instruments or for a state, which
     // rows have not.

@@ -4,7 +4,7 @@
 //! crate's own regressors pass the same laws, and four known mistakes fail them by name.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::exact_motion::Random;
+use crate::random::Random;
 use tumble_identification::dynamics::{
     BodyAcceleration, FreeFlyer, InertialParameters, momentum_at_end, momentum_at_start,
 };

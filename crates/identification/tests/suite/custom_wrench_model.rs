@@ -1,7 +1,8 @@
 //! Tutorial: tell `identify` what acts on your satellite beside its thrusters. Three steps: say what acts, check its laws, identify
 //! with it.
 
-use crate::exact_motion::{Multisine, Random};
+use crate::exact_motion::Multisine;
+use crate::random::Random;
 use tumble_identification::dynamics::laws::{WrenchNature, check_wrench_model};
 use tumble_identification::dynamics::{
     FreeFlyer, FreeFlyerIn, InertialParameters, Integrator, MuntheKaas4, RigidBodyState, WrenchModel,

@@ -1,7 +1,8 @@
 //! What acts beside the logged wrench: without it a body is biased, with it the truth lies inside its sigmas.
 #![allow(clippy::cast_possible_truncation)]
 
-use crate::exact_motion::{Multisine, Random};
+use crate::exact_motion::Multisine;
+use crate::random::Random;
 use tumble_identification::dynamics::{
     ConstantWorldWrench, Environment, FreeFlyer, FreeFlyerIn, GravityGradient, InertialParameters, Integrator,
     MuntheKaas4, Plant, ReactionWheel, ReactionWheels, RigidBodyState, SimulatedGyrostat, UniformGravity, WrenchBox,

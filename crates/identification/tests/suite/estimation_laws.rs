@@ -1,9 +1,8 @@
 //! The laws of the estimation kernel hold for ours and catch planted defects by name.
 
 use crate::problem4_hard;
+use crate::random::Random;
 use nalgebra::{SMatrix, SVector};
-use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
 use tumble_identification::laws::{
     SquareRootOf, check_constrained_solver, check_feasible_set, check_square_root_information,
 };
@@ -15,14 +14,6 @@ use tumble_identification::{
 type Parameters = SVector<f64, 10>;
 type Blocks = Vec<(SMatrix<f64, 6, 10>, SVector<f64, 6>)>;
 
-fn uniform(rng: &mut ChaCha8Rng) -> f64 {
-    (rng.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-}
-
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    (0..12).map(|_| uniform(rng)).sum::<f64>() / 2.0
-}
-
 fn body_d() -> Parameters {
     SVector::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0])
 }
@@ -31,23 +22,23 @@ fn cone() -> PseudoInertiaCone {
     PseudoInertiaCone::new(BodyScale::of(&body_d()).unwrap())
 }
 
-fn random_parameters(rng: &mut ChaCha8Rng) -> Parameters {
+fn random_parameters(random: &mut Random) -> Parameters {
     let magnitudes = cone().magnitudes();
-    SVector::from_fn(|i, _| body_d()[i] + magnitudes[i] * normal(rng))
+    SVector::from_fn(|i, _| body_d()[i] + magnitudes[i] * random.normal())
 }
 
-fn random_blocks(rng: &mut ChaCha8Rng, count: usize) -> Blocks {
-    (0..count).map(|_| (SMatrix::from_fn(|_, _| normal(rng)), SVector::from_fn(|_, _| normal(rng)))).collect()
+fn random_blocks(random: &mut Random, count: usize) -> Blocks {
+    (0..count).map(|_| (SMatrix::from_fn(|_, _| random.normal()), SVector::from_fn(|_, _| random.normal()))).collect()
 }
 
 /// Noisy and clean measurements of body D: the constraint binds in some and not in others.
 fn problems() -> Vec<SquareRootInformation<10>> {
-    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mut random = Random::new(5);
     (0..20)
         .map(|k| {
             let mut information = SquareRootInformation::new();
             let noise = if k % 2 == 0 { 0.01 } else { 2.0 };
-            for (block, error) in random_blocks(&mut rng, 4) {
+            for (block, error) in random_blocks(&mut random, 4) {
                 information.update(&(block / noise), &(block * body_d() / noise + error)).unwrap();
             }
             information
@@ -69,9 +60,9 @@ fn broken_law<T>(outcome: Result<T, tumble_lie::laws::LawViolation>) -> &'static
 
 #[test]
 fn square_root_recursion_holds_its_laws() {
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut random = Random::new(1);
     for count in [1, 2, 5, 100] {
-        let blocks = random_blocks(&mut rng, count);
+        let blocks = random_blocks(&mut random, count);
         check_square_root_information(
             &|blocks| {
                 let information = recursion(blocks);
@@ -86,7 +77,7 @@ fn square_root_recursion_holds_its_laws() {
 
 #[test]
 fn square_root_laws_catch_planted_defects() {
-    let blocks = random_blocks(&mut ChaCha8Rng::seed_from_u64(2), 20);
+    let blocks = random_blocks(&mut Random::new(2), 20);
     let run = |spoil: &dyn Fn(SquareRootInformation<10>, &Blocks) -> SquareRootOf<10>| {
         check_square_root_information(&|blocks| spoil(recursion(blocks), &blocks.to_vec()), &blocks, 1e-13)
     };
@@ -114,8 +105,8 @@ fn square_root_laws_catch_planted_defects() {
 
 #[test]
 fn pseudo_inertia_cone_holds_its_laws() {
-    let mut rng = ChaCha8Rng::seed_from_u64(3);
-    let points: Vec<_> = (0..200).map(|_| random_parameters(&mut rng)).collect();
+    let mut random = Random::new(3);
+    let points: Vec<_> = (0..200).map(|_| random_parameters(&mut random)).collect();
     check_feasible_set(&cone(), &points, 1e-5).unwrap();
     check_feasible_set(&problem4_hard::cone(), &points, 1e-5).unwrap();
 }
@@ -158,8 +149,8 @@ impl FeasibleSet<10> for Spoiled {
 
 #[test]
 fn feasible_set_laws_catch_planted_defects() {
-    let mut rng = ChaCha8Rng::seed_from_u64(4);
-    let points: Vec<_> = (0..50).map(|_| random_parameters(&mut rng)).collect();
+    let mut random = Random::new(4);
+    let points: Vec<_> = (0..50).map(|_| random_parameters(&mut random)).collect();
     let law = |defect| broken_law(check_feasible_set(&Spoiled(defect), &points, 1e-5));
     check_feasible_set(&Spoiled("none"), &points, 1e-5).unwrap();
     assert_eq!(law("outside"), "interior point is inside");

@@ -6,8 +6,9 @@
     clippy::neg_cmp_op_on_partial_ord
 )]
 
-use crate::exact_motion::{Multisine, Random, Run, body_d};
-use crate::periodic_log::{self, PeriodicLog};
+use crate::exact_motion::{Multisine, Run, body_d};
+use crate::periodic_log::PeriodicLog;
+use crate::random::Random;
 use tumble_identification::dynamics::{InertialParameters, LogCholesky, RigidBodyState};
 use tumble_identification::estimator::{Constrained, Estimator, EstimatorError, Finding, Observe, Replay};
 use tumble_identification::harmonics::{HarmonicSettings, Periodic};
@@ -348,7 +349,7 @@ fn replayed_joint_filters_hold_the_laws() {
 #[test]
 fn the_periodic_estimator_holds_the_laws() {
     const SAMPLES: usize = 250;
-    let mut random = periodic_log::Random::new(5);
+    let mut random = Random::new(5);
     let motion = random.motion(20.0, 4);
     let log = PeriodicLog {
         cycles: 8,

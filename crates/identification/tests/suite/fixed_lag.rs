@@ -1,7 +1,8 @@
 //! The sliding window against the batch, against the truth, and on logs with dropouts and spikes.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::exact_motion::{Multisine, Random, Run, is_consistent};
+use crate::exact_motion::{Multisine, Run, is_consistent};
+use crate::random::Random;
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{LieGroup, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};

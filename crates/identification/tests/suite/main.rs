@@ -31,6 +31,7 @@ mod periodic_motion;
 mod periodic_tracking;
 #[path = "golden/problem4_hard.rs"]
 mod problem4_hard;
+mod random;
 mod recursive_changes;
 mod recursive_identify;
 mod recursive_laws;

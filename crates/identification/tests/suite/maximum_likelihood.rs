@@ -1,7 +1,8 @@
 //! Maximum likelihood on simulated logs: accuracy, honesty, robustness, from any start. Noise levels are never given.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::exact_motion::{Multisine, Random, Run, errors, is_consistent};
+use crate::exact_motion::{Multisine, Run, errors, is_consistent};
+use crate::random::Random;
 use argmin::core::{CostFunction, Executor, Gradient, State};
 use argmin::solver::conjugategradient::NonlinearConjugateGradient;
 use argmin::solver::conjugategradient::beta::PolakRibiere;

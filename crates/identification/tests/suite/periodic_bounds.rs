@@ -1,7 +1,8 @@
 //! Records that the likelihood of the series cannot answer: handed over after a bounded work, refused, or said.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::periodic_log::{PeriodicLog, Random, flown, noise, noisy};
+use crate::periodic_log::{PeriodicLog, flown, noise, noisy};
+use crate::random::Random;
 use tumble_identification::dynamics::{InertialParameters, WrenchBox};
 use tumble_identification::estimator::Verdict;
 use tumble_identification::fourier::FourierMotion;

@@ -1,7 +1,8 @@
 //! Maximum likelihood in coefficient space and the bound it attains.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::exact_motion::{Random, body_d};
+use crate::exact_motion::body_d;
+use crate::random::Random;
 use std::f64::consts::FRAC_1_SQRT_2;
 use tumble_identification::dynamics::{FreeFlyer, InertialParameters};
 use tumble_identification::fourier::{AttitudeChart, FourierBasis, FourierMotion};

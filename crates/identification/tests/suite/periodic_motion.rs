@@ -1,7 +1,8 @@
 //! From cycles of a periodic motion to the body: averaging, fit, selection, estimation, and what is said about bad records.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::periodic_log::{PeriodicLog, Random, flown, noise, noisy};
+use crate::periodic_log::{PeriodicLog, flown, noise, noisy};
+use crate::random::Random;
 use tumble_identification::dynamics::WrenchBox;
 use tumble_identification::fourier::{AttitudeChart, FourierBasis, FourierMotion};
 use tumble_identification::harmonics::{
@@ -71,7 +72,7 @@ fn band_limited_data_return_their_coefficients() {
         for samples in [37, 1000, 1024] {
             let basis = FourierBasis::try_new(10.0, harmonics).unwrap();
             let coefficients =
-                DMatrix::from_fn(basis.coefficients(), 3 + chart.channels(), |_, _| 2.0 * random.uniform() - 1.0);
+                DMatrix::from_fn(basis.coefficients(), 3 + chart.channels(), |_, _| random.uniform(-1.0, 1.0));
             let motion = FourierMotion::try_new(basis, chart, coefficients.clone()).unwrap();
             let record = exact(&motion, samples);
             for more in [0, 2] {

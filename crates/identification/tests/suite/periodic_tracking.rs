@@ -1,7 +1,8 @@
 //! Periodic motions flown with feedback by a robot that does not know its load: more harmonics than the reference has.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::periodic_log::{Random, flown, noise, noisy};
+use crate::periodic_log::{flown, noise, noisy};
+use crate::random::Random;
 use tumble_identification::dynamics::{InertialParameters, WrenchBox};
 use tumble_identification::fourier::{AttitudeChart, FourierMotion};
 use tumble_identification::harmonics::{

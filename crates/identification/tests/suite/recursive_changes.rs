@@ -3,7 +3,8 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
 use crate::change_scenario::{Flight, STEP_S};
-use crate::exact_motion::{Multisine, Random, Run};
+use crate::exact_motion::{Multisine, Run};
+use crate::random::Random;
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::estimator::{Finding, RecursiveEstimator};
 use tumble_identification::lie::{Pose, Wrench};

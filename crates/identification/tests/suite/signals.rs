@@ -1,7 +1,8 @@
 //! Time, scale and comparison methods on exact motion of whole bodies.
 #![allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 
-use crate::exact_motion::{Multisine, Random, Run, body_d};
+use crate::exact_motion::{Multisine, Run, body_d};
+use crate::random::Random;
 use tumble_identification::Verdict;
 use tumble_identification::comparison::instrumental_variables;
 use tumble_identification::dynamics::InertialParameters;

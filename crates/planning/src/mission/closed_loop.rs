@@ -149,6 +149,8 @@ where
     belief: Arc<ModelBelief>,
     next_belief_ns: i64,
     disbelieved: u64,
+    /// The last motion that is one, and when it was, ns.
+    moved: (RigidBodyState<f64>, i64),
     flown: Flown,
     /// Until when the brake is on, s.
     braking_until_s: Option<f64>,
@@ -197,7 +199,8 @@ where
     ) -> Result<Self, PlanningError> {
         let (finding, estimate) = body_of(&estimator)?;
         let prior = ModelBelief { revision: 0, estimate };
-        let pose = estimator.state_at(start_ns).world_from_body;
+        let start = motion_of(&estimator, start_ns)?;
+        let pose = start.world_from_body;
         Ok(Self {
             coordinator: Coordinator::new(settings.schedule),
             scene: Arc::new(scene),
@@ -209,6 +212,7 @@ where
             prior: (finding, prior),
             next_belief_ns: start_ns + settings.belief_period_ns,
             disbelieved: 0,
+            moved: (start, start_ns),
             flown: Flown::only(MissionMotion::resting(pose, seconds(start_ns)), 0),
             braking_until_s: None,
             requests: VecDeque::new(),
@@ -488,9 +492,18 @@ where
         self.events.push_back(Event::Belief { revision, is_material });
     }
 
+    /// How the robot moves by what the estimator says; where that is no motion, as it did, on as fast.
+    fn state(&self) -> RigidBodyState<f64> {
+        motion_of(&self.estimator, self.time_ns).unwrap_or_else(|_| {
+            let (last, last_ns) = &self.moved;
+            let on = last.twist_body * seconds(self.time_ns - last_ns);
+            RigidBodyState { world_from_body: last.world_from_body.compose(&LieGroup::exp(&on.to_vector())), ..*last }
+        })
+    }
+
     fn standing(&self) -> Standing {
         let time_s = seconds(self.time_ns);
-        let state = self.estimator.state_at(self.time_ns);
+        let state = self.state();
         let wanted = self.flown.at(time_s).state;
         let (pose, goal) = (state.world_from_body, &self.settings.goal);
         let turned = |to: &UnitQuaternion<f64>| angle(&pose.rotation, to);
@@ -583,7 +596,7 @@ where
 
     /// Where it comes to rest, not where it was.
     fn hold_here(&mut self) -> Result<(), PlanningError> {
-        self.stop_from(&self.estimator.state_at(self.time_ns))
+        self.stop_from(&self.state())
     }
 
     /// The gentle stop from a state; where it does not keep clear, the brake from where the robot is.
@@ -593,7 +606,7 @@ where
         let gentle = MissionMotion::stopping_from(state, time_s, &self.stop_limits());
         let is_clear = gentle.first_contact(&self.scene.world, body, time_s, *check_margin_m)?.is_none();
         self.flown = Flown::only(gentle, self.belief.revision);
-        let braking = self.braking(&self.estimator.state_at(self.time_ns));
+        let braking = self.braking(&self.state());
         self.braking_until_s = (!is_clear && !braking.is_soft).then(|| braking.until_s(time_s));
         Ok(())
     }
@@ -662,7 +675,17 @@ where
 
     fn control(&mut self, observer: &mut dyn LoopObserver) -> Result<ControlCommand, PlanningError> {
         observer.begins(Layer::Control);
-        let state = self.estimator.state_at(self.time_ns);
+        let state = match motion_of(&self.estimator, self.time_ns) {
+            Ok(state) => {
+                self.moved = (state, self.time_ns);
+                state
+            }
+            Err(error) => {
+                self.disbelieved += 1;
+                observer.disbelieved(self.time_ns, &error);
+                self.state()
+            }
+        };
         if let Some(wrench_body) = self.brake(&state)? {
             // the belief it names is that of the controller, which takes over again
             let unnamed = ControlCommand { wrench_body, model_revision: 0, fallback: None, mass: None };
@@ -693,6 +716,18 @@ where
 fn body_of<E: StateEstimator>(estimator: &E) -> Result<(Finding, Estimate), PlanningError> {
     let body = estimator.finding().and_then(|finding| Ok((finding, Estimate::try_from(&finding)?)));
     body.map_err(|error| named(estimator, error))
+}
+
+/// Motion at a time as an estimator says it, if it is one.
+fn motion_of<E: StateEstimator>(estimator: &E, time_ns: i64) -> Result<RigidBodyState<f64>, PlanningError> {
+    let state = estimator.state_at(time_ns);
+    let RigidBodyState { world_from_body: pose, twist_body: twist } = &state;
+    let numbers = pose.translation.vector.iter().chain(pose.rotation.coords.iter());
+    let twist = twist.to_vector();
+    match numbers.chain(twist.iter()).enumerate().find(|(_, number)| !number.is_finite()) {
+        None => Ok(state),
+        Some((index, &value)) => Err(named(estimator, EstimatorError::Refused { what: "a motion", index, value })),
+    }
 }
 
 /// The error with the name of whose it is.

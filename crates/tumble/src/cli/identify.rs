@@ -25,7 +25,7 @@ use tumble_identification::{
     Part, Parts, Settings, Validation, predict, validate,
 };
 
-pub use super::identify_options::IdentifyArgs;
+pub use super::identify_options::{ADDED_METHODS, IdentifyArgs};
 
 /// Runs the command.
 ///

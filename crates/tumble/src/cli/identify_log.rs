@@ -1,5 +1,6 @@
 //! The log that is identified: rows in memory, or read again part by part.
 
+use super::identify_options::ADDED_METHODS;
 use super::identify_options::{AUTO, DEMO_SEED, IdentifyArgs};
 use super::own_estimator::OwnEstimator;
 use crate::{TumbleError, demo};
@@ -79,7 +80,7 @@ impl Log {
             warnings,
             duration_s,
             actuators: None,
-            pipeline: Pipeline::new().flown_with(told),
+            pipeline: pipeline().flown_with(told),
         };
         Ok(log.without_held_out(args))
     }
@@ -120,7 +121,7 @@ impl Log {
             warnings: Vec::new(),
             duration_s: demo::DURATION_S,
             actuators: None,
-            pipeline: Pipeline::new(),
+            pipeline: pipeline(),
         })
     }
 
@@ -169,7 +170,7 @@ impl Log {
         let mut warnings = reader.warnings();
         warnings.extend(contradicted);
         let duration_s = seconds(last_ns - first_ns);
-        let (source, pipeline) = (path.display().to_string(), Pipeline::new().flown_with(told));
+        let (source, pipeline) = (path.display().to_string(), pipeline().flown_with(told));
         Ok(Self { source, rows, estimation_rows: 0, reference, warnings, duration_s, actuators: None, pipeline })
     }
 
@@ -214,7 +215,7 @@ impl Log {
             warnings,
             duration_s,
             actuators: Some(file),
-            pipeline: Pipeline::new().flown_with(told),
+            pipeline: pipeline().flown_with(told),
         })
     }
 
@@ -459,6 +460,13 @@ const fn plane(args: &IdentifyArgs, by_columns: bool) -> Plane {
         () if args.planar || by_columns => Plane::Planar,
         () => Plane::Found,
     }
+}
+
+/// The library's methods, and those that the program added.
+fn pipeline() -> Pipeline {
+    ADDED_METHODS.entries().into_iter().fold(Pipeline::new(), |pipeline, (name, sentence, make)| {
+        pipeline.with(name, sentence, move |problem| make(problem))
+    })
 }
 
 /// An error of the library's own estimators is one of identification.

@@ -3,6 +3,7 @@
 use super::check::exported;
 use super::identify_arm::ArmOptions;
 use crate::TumbleError;
+use crate::added::Added;
 use crate::output::write_file;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, Command, FromArgMatches as _, ValueEnum};
@@ -10,8 +11,11 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
+use tumble_identification::estimator::{Estimator, EstimatorError};
 use tumble_identification::harmonics::HarmonicEstimator;
-use tumble_identification::{FLIGHT_LIKELIHOOD, MAXIMUM_LIKELIHOOD, Nuisance, Nuisances, WrenchTiming, methods};
+use tumble_identification::{
+    FLIGHT_LIKELIHOOD, MAXIMUM_LIKELIHOOD, MotionSample, Nuisance, Nuisances, Problem, WrenchTiming, methods,
+};
 
 /// The flight that `--demo` shows unless told otherwise.
 pub(super) const DEMO_SEED: u64 = 1;
@@ -144,10 +148,14 @@ pub(super) const OF_CYCLES: [(&str, &str, HarmonicEstimator); 2] = [
     ),
 ];
 
-/// The library's methods, and those of averaged cycles.
+/// Methods of a program's own.
+pub static ADDED_METHODS: Added<Problem, dyn Estimator<Record = [MotionSample]> + Send + Sync, EstimatorError> =
+    Added::none();
+
+/// The library's methods, those of the program's own, and those of averaged cycles.
 fn method_names() -> PossibleValuesParser {
     let of_cycles = OF_CYCLES.iter().map(|(name, sentence, _)| (*name, *sentence));
-    let methods = methods();
+    let methods = ADDED_METHODS.to(methods());
     let named = methods.entries().chain(of_cycles);
     PossibleValuesParser::new(named.map(|(name, sentence)| PossibleValue::new(name).help(sentence)).collect::<Vec<_>>())
 }
@@ -182,7 +190,7 @@ impl IdentifyArgs {
             (true, true) => FLIGHT_LIKELIHOOD,
             (true, false) => &self.method,
         };
-        methods().entries().find(|(name, _)| *name == asked).map_or(AUTO, |(name, _)| name)
+        ADDED_METHODS.to(methods()).entries().find(|(name, _)| *name == asked).map_or(AUTO, |(name, _)| name)
     }
 }
 

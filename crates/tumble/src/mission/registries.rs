@@ -2,6 +2,7 @@
 
 use super::layers::{TRACKER_RAD_S, estimator, estimator_settings, stretch_planner, tube_controllers};
 use super::weighting::WeightingChoice;
+use crate::added::Added;
 use crate::scenario::{FLOWN, MissionProblem, PlanningProblem, TRACKER};
 use serde::{Deserialize, Deserializer, Serialize, de};
 use tumble_astrobee::control_presets::{self, ControlLimits};
@@ -36,9 +37,18 @@ pub type NewController = dyn FnMut(&ModelBelief) -> Result<Box<dyn Controller + 
 /// Makes a planner of stretches for a mission.
 pub type NewStretchPlanner = dyn Fn(&MissionProblem) -> Result<Box<dyn StretchPlanner>, PlanningError>;
 
+/// Estimators in flight of a program's own.
+pub static ADDED_ESTIMATORS: Added<MissionProblem, dyn StateEstimator, PlanningError> = Added::none();
+/// Global planners of a program's own.
+pub static ADDED_PLANNERS: Added<PlanningProblem, dyn GlobalPlanner<EllipsoidWorld>, PlanningError> = Added::none();
+/// Local planners of a program's own.
+pub static ADDED_LOCAL_PLANNERS: Added<WeightingChoice, NewStretchPlanner, PlanningError> = Added::none();
+/// Controllers of a program's own, for missions and for `simulate`.
+pub static ADDED_CONTROLLERS: Added<ControlledBody, dyn Controller + Send, PlanningError> = Added::none();
+
 /// Estimators in flight, told of the mission.
 pub fn estimators() -> Registry<MissionProblem, dyn StateEstimator, PlanningError> {
-    Registry::<_, dyn StateEstimator, _>::new("estimator")
+    let shipped = Registry::<_, dyn StateEstimator, _>::new("estimator")
         .with(
             ESTIMATOR,
             "motion and body in one filter, from measurements late and out of order",
@@ -59,7 +69,8 @@ pub fn estimators() -> Registry<MissionProblem, dyn StateEstimator, PlanningErro
                 let (settings, start, start_ns, prior) = in_flight(problem)?;
                 Ok(Box::new(TwoStageEstimator::sdp(settings, start, start_ns, &prior)?))
             },
-        )
+        );
+    ADDED_ESTIMATORS.to(shipped)
 }
 
 /// What an estimator begins with.
@@ -74,7 +85,7 @@ fn in_flight(
 
 /// Planners of ways, told of what is to be planned.
 pub fn planners() -> Registry<PlanningProblem, dyn GlobalPlanner<EllipsoidWorld>, PlanningError> {
-    Registry::<_, dyn GlobalPlanner<EllipsoidWorld>, _>::new("planner")
+    let shipped = Registry::<_, dyn GlobalPlanner<EllipsoidWorld>, _>::new("planner")
         .with(PLANNER, "exact edges, better plans for as long as the budget lasts, a bound", |_: &PlanningProblem| {
             Ok(FlightPlanner::default().among_ellipsoids())
         })
@@ -88,12 +99,13 @@ pub fn planners() -> Registry<PlanningProblem, dyn GlobalPlanner<EllipsoidWorld>
                     .unwrap_or(Err(PlanningError::Unsupported { query: "be planned in by the thesis's planner" }))?;
                 Ok(Box::new(planner))
             },
-        )
+        );
+    ADDED_PLANNERS.to(shipped)
 }
 
 /// Planners of stretches, told what information is worth.
 pub fn local_planners() -> Registry<WeightingChoice, NewStretchPlanner, PlanningError> {
-    Registry::<_, NewStretchPlanner, _>::new("local planner")
+    let shipped = Registry::<_, NewStretchPlanner, _>::new("local planner")
         .with(LOCAL_PLANNER, "progress and information at once", |weighting: &WeightingChoice| {
             let weighting = *weighting;
             Ok(Box::new(move |problem: &MissionProblem| stretch_planner(problem, weighting)))
@@ -102,7 +114,8 @@ pub fn local_planners() -> Registry<WeightingChoice, NewStretchPlanner, Planning
             Ok(Box::new(|problem: &MissionProblem| {
                 Ok(Box::new(AlongWay { horizon_s: problem.stretch_s }) as Box<dyn StretchPlanner>)
             }))
-        })
+        });
+    ADDED_LOCAL_PLANNERS.to(shipped)
 }
 
 /// What controllers that need to know no more than this are told.
@@ -145,7 +158,7 @@ impl ControlledBody {
 
 /// Controllers that missions and `simulate` make alike; a tube needs to know more, see [`controllers`].
 pub fn laws() -> Registry<ControlledBody, dyn Controller + Send, PlanningError> {
-    Registry::<_, dyn Controller + Send, _>::new("controller")
+    let shipped = Registry::<_, dyn Controller + Send, _>::new("controller")
         .with("lqr", "linear-quadratic feedback, which knows of no limit and no doubt", |told: &ControlledBody| {
             let (step_s, weights) = (control_presets::decision_on_grid_s(), TranslationWeights::default());
             let attitude = told.attitude(AttitudeLaw::Geometric);
@@ -162,7 +175,8 @@ pub fn laws() -> Registry<ControlledBody, dyn Controller + Send, PlanningError> 
             Ok(Box::new(OriginalTubeController::try_new(law, attitude, told.limits.force_n)?))
         })
         .with(TRACKER, "computed torque with the believed body", |told: &ControlledBody| Ok(Box::new(told.tracker()?)))
-        .with(FLOWN, "the cascade that Astrobee flies", |told: &ControlledBody| Ok(Box::new(told.flown())))
+        .with(FLOWN, "the cascade that Astrobee flies", |told: &ControlledBody| Ok(Box::new(told.flown())));
+    ADDED_CONTROLLERS.to(shipped)
 }
 
 /// Controllers, told of the mission.

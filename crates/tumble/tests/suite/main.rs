@@ -1,6 +1,7 @@
 //! One program for all tests of this crate that need no process of their own.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod added_layers;
 mod allocate_command;
 mod arms;
 mod bad_inputs;

@@ -9,8 +9,9 @@ use tumble_identification::harmonics::{HarmonicEstimator, HarmonicSettings, iden
 use tumble_identification::lie::Pose;
 use tumble_identification::statistics::{clopper_pearson, mean_square_band, normal_quantile, normalized_squared_error};
 
-use super::periodic_log::{Random, flown, noise, noisy};
+use super::periodic_log::{flown, noise, noisy};
 use super::{BANDWIDTH_RAD_S, CYCLES, HARMONICS, SEED, median};
+use crate::random::Random;
 
 const CELLS: [(f64, AttitudeChart); 4] = [
     (10.0, AttitudeChart::EulerZyx),

@@ -14,7 +14,8 @@ use tumble_lie::{Pose, Twist, Wrench};
 use tumble_planning::control::{AttitudeController, AttitudeGains, AttitudeLaw};
 
 use crate::Failure;
-use crate::flight_estimator::flight_scenario::{self, Random};
+use crate::flight_estimator::flight_scenario;
+use crate::random::Random;
 use nalgebra::{Matrix3, Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::FRAC_PI_2;
 
@@ -84,16 +85,15 @@ pub struct Flown {
 /// The true body of a seed, and the random numbers that follow.
 pub fn drawn(seed: u64) -> (InertialParameters<f64>, Random) {
     let mut random = Random::new(1000 + seed);
-    let logarithmic = |random: &mut Random, high: f64| random.uniform(0.5_f64.ln(), high.ln()).exp();
-    let mass = MASS_KG * logarithmic(&mut random, 2.0);
-    let center = random.vector(1.0).normalize() * random.uniform(0.0, 0.15);
+    let mass = MASS_KG * random.magnitude(0.5, 2.0);
+    let center = random.direction() * random.uniform(0.0, 0.15);
     let moments = loop {
-        let moments = INERTIA.map(|moment| moment * logarithmic(&mut random, 3.0));
+        let moments = INERTIA.map(|moment| moment * random.magnitude(0.5, 3.0));
         if 2.0 * moments.iter().copied().fold(0.0, f64::max) <= moments.iter().sum::<f64>() {
             break Vector3::from(moments);
         }
     };
-    let tilt = random.vector(1.0).normalize() * random.uniform(0.0, 0.3);
+    let tilt = random.direction() * random.uniform(0.0, 0.3);
     let turn = UnitQuaternion::from_scaled_axis(tilt).to_rotation_matrix().into_inner();
     let inertia = turn * Matrix3::from_diagonal(&moments) * turn.transpose();
     (InertialParameters::about_com(mass, center, inertia), random)
@@ -220,9 +220,9 @@ impl Flight {
 
     /// A new measurement reaches the estimator, and what disturbs drifts on.
     pub fn look(&mut self, now_ns: i64) {
-        self.errors = Errors(self.sensing.map(|deviation| self.random.vector(deviation)));
+        self.errors = Errors(self.sensing.map(|deviation| self.random.normal3(deviation)));
         for (part, deviation) in self.disturbance.iter_mut().zip(DRIFT) {
-            *part = *part * KEPT + self.random.vector(deviation * (1.0 - KEPT * KEPT).sqrt());
+            *part = *part * KEPT + self.random.normal3(deviation * (1.0 - KEPT * KEPT).sqrt());
         }
         let measured = self.measured();
         self.estimator.measured(&FlightMeasurement {

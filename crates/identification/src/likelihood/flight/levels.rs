@@ -212,7 +212,7 @@ fn lowest(cost: impl Fn([f64; 2]) -> f64, start: [f64; 2]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::Dice;
+    use crate::noise::Gaussian;
 
     #[test]
     fn the_simplex_finds_the_bottom_of_a_valley() {
@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn the_rate_of_a_wander_is_found_beside_noise() {
-        let mut dice = Dice(5);
+        let mut dice = Gaussian::from_seed(5);
         let (sigma, time_s, white, h, samples) = (0.02, 10.0_f64, 1e-3, 0.016, 8);
         let phi: f64 = (-h / time_s).exp();
         let drive = sigma * (1.0 - phi * phi).sqrt();

@@ -20,10 +20,10 @@ fn momentum_rows(r: &Matrix3<f64>, p: Vector3<f64>, w: Vector3<f64>, v: Vector3<
 }
 
 /// A base, a link turning about its z and one turning about that one's y; 30 columns. `turning` false: welded together.
-fn arm_rows(dice: &mut Dice, turning: bool) -> SMatrix<f64, 6, 30> {
-    let rate = |dice: &mut Dice| if turning { 2.0 * dice.roll() } else { 0.0 };
-    let r0 = Rotation3::new(dice.vector()).into_inner();
-    let (p0, w0, v0) = (dice.vector(), dice.vector(), dice.vector());
+fn arm_rows(dice: &mut Gaussian, turning: bool) -> SMatrix<f64, 6, 30> {
+    let rate = |dice: &mut Gaussian| if turning { 2.0 * (2.0 * dice.uniform() - 1.0) } else { 0.0 };
+    let r0 = Rotation3::new(dice.vector(1.0)).into_inner();
+    let (p0, w0, v0) = (dice.vector(1.0), dice.vector(1.0), dice.vector(1.0));
     let mut rows = SMatrix::<f64, 6, 30>::zeros();
     rows.fixed_columns_mut::<10>(0).copy_from(&momentum_rows(&r0, p0, w0, v0));
     let (mut r, mut p, mut w, mut v) = (r0, p0, w0, v0);
@@ -62,7 +62,7 @@ fn arm_layout() -> ParameterLayout {
 
 /// Momentum of the arm in `samples` states, with noise of this standard deviation in all six.
 fn arm_information(samples: usize, turning: bool, noise: f64, seed: u64) -> LinkInformation {
-    let (mut dice, truth) = (Dice(seed), arm_truth());
+    let (mut dice, truth) = (Gaussian::from_seed(seed), arm_truth());
     let mut information = LinkInformation::new(30);
     for _ in 0..samples {
         let rows = arm_rows(&mut dice, turning);
@@ -97,10 +97,10 @@ fn a_free_arm_with_two_hinges_has_24_base_parameters() {
 fn a_welded_arm_says_so_in_words() {
     // Two bodies, the second 0.3 m along x, in one piece: their sum about the first origin is all there is.
     let mut information = LinkInformation::new(21);
-    let mut dice = Dice(3);
+    let mut dice = Gaussian::from_seed(3);
     for _ in 0..40 {
-        let r = Rotation3::new(dice.vector()).into_inner();
-        let (p, w, v) = (dice.vector(), dice.vector(), dice.vector());
+        let r = Rotation3::new(dice.vector(1.0)).into_inner();
+        let (p, w, v) = (dice.vector(1.0), dice.vector(1.0), dice.vector(1.0));
         let offset = r * Vector3::new(0.3, 0.0, 0.0);
         let (first, second) = (momentum_rows(&r, p, w, v), momentum_rows(&r, p + offset, w, v + w.cross(&offset)));
         for i in 0..6 {
@@ -170,11 +170,11 @@ fn where_nothing_binds_the_data_and_the_prior_each_decide_their_own() {
     let information = arm_information(200, true, 1e-4, 5);
     let base = BaseParameters::new(&information, &layout).unwrap();
     // A nominal arm that is off by a few percent.
-    let mut dice = Dice(6);
+    let mut dice = Gaussian::from_seed(6);
     let magnitudes = layout.magnitudes();
     let nominal: Vec<f64> =
-        arm_truth().iter().zip(&magnitudes).map(|(x, size)| x + 0.01 * size * dice.roll()).collect();
-    let deviations: Vec<f64> = (0..30).map(|_| 0.05 * (1.5 + dice.roll())).collect();
+        arm_truth().iter().zip(&magnitudes).map(|(x, size)| x + 0.01 * size * (2.0 * dice.uniform() - 1.0)).collect();
+    let deviations: Vec<f64> = (0..30).map(|_| 0.05 * (1.5 + (2.0 * dice.uniform() - 1.0))).collect();
     let prior = LinkPrior::try_new(&layout, &nominal, &deviations).unwrap();
     let estimate = ConsistentLinks::new(&base, &prior).unwrap().solve().unwrap();
     assert!(!estimate.is_active());

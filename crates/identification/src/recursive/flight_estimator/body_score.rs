@@ -131,14 +131,14 @@ impl BodyScore {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dice::Dice;
+    use crate::noise::Gaussian;
 
     /// Measurements that show ten numbers, each time along another direction of the first `shown`, filtered for two minutes; after one of
     /// them the numbers are others, by so many standard deviations in some direction. When the score said so, s, and whether they are
     /// others altogether.
     fn said(seed: u64, shown: usize, jump: f64) -> Vec<(f64, bool)> {
         const STEP_S: f64 = 0.032;
-        let (mut dice, limits) = (Dice(seed), ScoreLimits::try_new().unwrap());
+        let (mut dice, limits) = (Gaussian::from_seed(seed), ScoreLimits::try_new().unwrap());
         let mut covariance = Matrix::identity();
         let mut truth = Vector::from_fn(|_, _| dice.normal());
         let (mut believed, mut score, mut said) = (Vector::zeros(), BodyScore::new(), vec![]);

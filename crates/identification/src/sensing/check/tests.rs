@@ -3,9 +3,9 @@
 
 use super::{Found, SensingCheck, StreamName, check};
 use crate::WrenchTiming;
-use crate::dice::Dice;
 use crate::lie::{LieGroup, Pose};
 use crate::motion::MotionSample;
+use crate::noise::Gaussian;
 use crate::sensing::{Delay, Level, Sensing};
 use core::f64::consts::{FRAC_PI_2, TAU};
 use nalgebra::{Translation3, UnitQuaternion, Vector3};
@@ -42,13 +42,10 @@ const STREAMS: Streams = Streams {
 
 impl Streams {
     fn record(&self, seed: u64) -> Vec<MotionSample> {
-        let mut dice = Dice(seed.wrapping_mul(7919) + 1);
-        (0..50).for_each(|_| {
-            dice.bits();
-        });
+        let mut dice = Gaussian::from_seed(seed);
         let size = if self.moving { 1.0 } else { 0.0 };
         let waves: Vec<[f64; 3]> = (0..12)
-            .map(|_| [size * (0.05 + 0.2 * dice.share()), 0.3 + 1.5 * dice.share(), TAU * dice.share()])
+            .map(|_| [size * (0.05 + 0.2 * dice.uniform()), 0.3 + 1.5 * dice.uniform(), TAU * dice.uniform()])
             .collect();
         let wave = |i: usize, t: f64| waves[i][0] * (waves[i][1] * t + waves[i][2]).sin();
         let slope = |i: usize, t: f64, order: i32| {
@@ -74,7 +71,7 @@ impl Streams {
         let mut slow = self.wander.map(&mut noise);
         let (mut t, mut last, mut next_pose) = (0.5, 0.5, 0.5);
         let mut record = Vec::new();
-        let mut places = Dice(seed);
+        let mut places = Gaussian::from_seed(seed);
         while t < self.duration_s {
             let mut row = MotionSample { time_ns: (t * 1e9) as i64, ..MotionSample::default() };
             if t >= next_pose {
@@ -96,7 +93,7 @@ impl Streams {
             row.acceleration_origin_body =
                 Some((felt + Vector3::from(BIAS) * 5.0 + noise(WHITE[3])).component_mul(&flat));
             record.push(row);
-            t += INTERVAL_S * if self.uneven { 0.75 + 0.5 * places.share() } else { 1.0 };
+            t += INTERVAL_S * if self.uneven { 0.75 + 0.5 * places.uniform() } else { 1.0 };
         }
         record
     }
@@ -222,7 +219,7 @@ fn motion_in_a_plane_tells_what_it_can() {
     assert!((bias.value - BIAS[2]).abs() < 4.0 * bias.sigma, "{bias:?}");
     // Axes that are exact in the poses and noisy in the rates measure nothing.
     let mut record = Streams { planar: true, ..STREAMS }.record(8301);
-    let mut dice = Dice(5);
+    let mut dice = Gaussian::from_seed(5);
     for rate in record.iter_mut().filter_map(|row| row.rate_body.as_mut()) {
         (rate.x, rate.y) = (1e-3 * dice.normal(), 1e-3 * dice.normal());
     }

@@ -1,8 +1,7 @@
 //! A free flyer that picks up mass in flight, as a filter sees it. Shared by the test and by the long study.
 #![allow(dead_code)] // each user takes its part
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use crate::random::Random;
 use tumble_identification::dynamics::{
     FreeFlyer, InertialParameters, Integrator, LogCholesky, MuntheKaas4, RigidBodyState,
 };
@@ -45,7 +44,7 @@ fn widened(filter: &Filter, candidate: u32) -> Result<Filter, EstimatorError> {
 }
 
 pub struct Flight {
-    rng: ChaCha8Rng,
+    random: Random,
     body: InertialParameters<f64>,
     state: RigidBodyState<f64>,
     updates: u32,
@@ -57,7 +56,7 @@ pub struct Flight {
 impl Flight {
     /// A body of 9.4 kg, known to some parts in a thousand.
     pub fn new(seed: u64, force_n: f64) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut random = Random::new(seed);
         let inertia = Matrix3::new(0.153, 0.004, -0.006, 0.004, 0.143, 0.003, -0.006, 0.003, 0.162);
         let body = InertialParameters::about_com(9.4, Vector3::new(0.031, -0.017, 0.052), inertia);
         let motion = RigidBodyState::at_rest();
@@ -67,14 +66,14 @@ impl Flight {
             12 | 16..=18 => 3e-3,
             _ => 3e-4,
         });
-        let off = SVector::from_fn(|i, _| deviation[i] * normal(&mut rng));
+        let off = SVector::from_fn(|i, _| deviation[i] * random.normal());
         let covariance = SMatrix::from_diagonal(&deviation.map(|s| s * s));
         let model = JointMotion { noise: noise(), gravity_world: Vector3::zeros() };
         let filter = ExtendedKalmanFilter::new(model, truth.oplus(&off), covariance);
         // Four hours.
         let settings = ChangeSettings { spacing: 5, updates_between_false_alarms: 900_000.0 };
         let detector = ChangeDetector::try_new(filter, widened as Widen, settings).unwrap();
-        Self { rng, body, state: motion, updates: 0, force_n, detector }
+        Self { random, body, state: motion, updates: 0, force_n, detector }
     }
 
     /// The mass is multiplied; centre of mass and inertia about it stay.
@@ -86,10 +85,6 @@ impl Flight {
     /// Mass of the body as it is.
     pub fn mass_kg(&self) -> f64 {
         self.body.mass
-    }
-
-    fn normal3(&mut self, deviation: f64) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| deviation * normal(&mut self.rng))
     }
 
     /// One sample later.
@@ -107,31 +102,24 @@ impl Flight {
         let turning = Vector3::new((0.7 * t).sin(), (1.1 * t).cos(), (0.8 * t).sin());
         let direction = self.state.world_from_body.rotation.inverse() * direction;
         let commanded = Wrench::new(turning * (0.1 * self.force_n), direction * self.force_n);
-        let (torque, force) = (self.normal3(1e-4), self.normal3(1e-3));
+        let (torque, force) = (self.random.normal3(1e-4), self.random.normal3(1e-3));
         let applied = commanded + Wrench::new(torque, force);
         let flyer = FreeFlyer::new(self.body);
         self.state = MuntheKaas4.step(&flyer, &self.state, &applied, 0.0, STEP_S).unwrap();
         self.updates += 1;
         let acceleration = flyer.forward(&self.state.twist_body, &applied).acceleration_origin_body;
-        let turn = UnitQuaternion::from_scaled_axis(self.normal3(1e-3));
+        let turn = UnitQuaternion::from_scaled_axis(self.random.normal3(1e-3));
         let pose = &self.state.world_from_body;
         let place = pose.translation.vector;
         let attitude = pose.rotation * turn;
-        let position = place + self.normal3(1e-3);
+        let position = place + self.random.normal3(1e-3);
         JointObservation {
             step_s: STEP_S,
             wrench_body: commanded,
             world_from_body: Some(Pose::from_parts(position.into(), attitude)),
-            rate_body: Some(self.state.twist_body.angular + self.normal3(1e-3)),
+            rate_body: Some(self.state.twist_body.angular + self.random.normal3(1e-3)),
             velocity_origin_world: None,
-            acceleration_origin_body: Some((acceleration + self.normal3(1e-2), commanded)),
+            acceleration_origin_body: Some((acceleration + self.random.normal3(1e-2), commanded)),
         }
     }
-}
-
-/// A standard normal number.
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let mut uniform = || (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
-    let (radius, angle) = (1.0 - uniform(), std::f64::consts::TAU * uniform());
-    (-2.0 * radius.ln()).sqrt() * angle.cos()
 }

@@ -8,8 +8,7 @@
 )]
 #![allow(dead_code)] // each test binary uses its part
 
-use rand_chacha::ChaCha8Rng;
-use rand_core::{Rng, SeedableRng};
+use crate::random::Random;
 use tumble_identification::MotionSample;
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{Pose, Wrench};
@@ -24,34 +23,6 @@ pub fn body_d() -> InertialParameters<f64> {
         Vector3::new(0.05, 0.1, 0.05),
         Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
     )
-}
-
-pub struct Random(ChaCha8Rng);
-
-impl Random {
-    pub fn new(seed: u64) -> Self {
-        Self(ChaCha8Rng::seed_from_u64(seed))
-    }
-    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-    /// Log-uniform.
-    pub fn magnitude(&mut self, low: f64, high: f64) -> f64 {
-        self.uniform(low.ln(), high.ln()).exp()
-    }
-    pub fn normal(&mut self) -> f64 {
-        let (u, v) = (self.uniform(1e-300, 1.0), self.uniform(0.0, std::f64::consts::TAU));
-        (-2.0 * u.ln()).sqrt() * v.cos()
-    }
-    pub fn normal3(&mut self, sigma: f64) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| sigma * self.normal())
-    }
-    pub fn direction(&mut self) -> Vector3<f64> {
-        self.normal3(1.0).normalize()
-    }
-    pub fn attitude(&mut self) -> UnitQuaternion<f64> {
-        UnitQuaternion::new_normalize(Quaternion::new(self.normal(), self.normal(), self.normal(), self.normal()))
-    }
 }
 
 /// Sum of sines on each of the six channels.

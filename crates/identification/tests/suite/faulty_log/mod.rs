@@ -8,6 +8,7 @@
 )]
 #![allow(dead_code)] // each user takes its part
 
+use crate::random::Random;
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{LieGroup, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -278,9 +279,9 @@ impl Multisine {
         for channel in 0..6 {
             let amplitude = if channel < 3 { 0.04 } else { 0.4 } / 3.0;
             for tone in 0..3 {
-                let share = (f64::from(tone) + random.uniform()) / 3.0;
+                let share = (f64::from(tone) + random.share()) / 3.0;
                 let rate = std::f64::consts::TAU * (0.05 + (band_hz - 0.05) * share);
-                tones.push((channel, amplitude, rate, std::f64::consts::TAU * random.uniform()));
+                tones.push((channel, amplitude, rate, std::f64::consts::TAU * random.share()));
             }
         }
         Self { tones }
@@ -293,30 +294,5 @@ impl Multisine {
             part[channel % 3] += amplitude * (rate * t + phase).sin();
         }
         wrench
-    }
-}
-
-/// Weyl sequence through a mixer (SplitMix64).
-struct Random(u64);
-
-impl Random {
-    fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x2545_F491_4F6C_DD1D) ^ 0x9E37_79B9_7F4A_7C15)
-    }
-
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^= z >> 31;
-        ((z >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
-    }
-
-    fn normal3(&mut self, sigma: f64) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| {
-            let (u, v) = (self.uniform(), self.uniform());
-            sigma * (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-        })
     }
 }

@@ -5,8 +5,7 @@
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use crate::random::Random;
 use tumble_identification::dynamics::{
     FreeFlyer, InertialParameters, Integrator, MuntheKaas4, PoseReference, PoseTracker, RigidBodyState,
 };
@@ -25,31 +24,6 @@ const INERTIA: [f64; 3] = [0.1534, 0.1427, 0.1623];
 /// The believed body is taken over this often.
 const REVISION_TICKS: u32 = 125;
 const LIMITS: [f64; 2] = [0.05, 0.5];
-
-pub struct Random(ChaCha8Rng);
-
-impl Random {
-    pub fn new(seed: u64) -> Self {
-        Self(ChaCha8Rng::seed_from_u64(seed))
-    }
-
-    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * ((self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64)
-    }
-
-    pub fn normal(&mut self) -> f64 {
-        let (radius, angle) = (1.0 - self.uniform(0.0, 1.0), TAU * self.uniform(0.0, 1.0));
-        (-2.0 * radius.ln()).sqrt() * angle.cos()
-    }
-
-    pub fn vector(&mut self, deviation: f64) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| deviation * self.normal())
-    }
-
-    fn direction(&mut self) -> Vector3<f64> {
-        self.vector(1.0).normalize()
-    }
-}
 
 /// What is varied between series of flights.
 #[derive(Clone, Copy, Debug)]
@@ -127,11 +101,10 @@ pub fn prior() -> Estimate {
 }
 
 fn body(random: &mut Random, planar: bool) -> InertialParameters<f64> {
-    let log = |random: &mut Random, low: f64, high: f64| random.uniform(low.ln(), high.ln()).exp();
-    let mass = MASS_KG * log(random, 0.5, 2.0);
+    let mass = MASS_KG * random.magnitude(0.5, 2.0);
     let mut center = random.direction() * random.uniform(0.0, 0.15);
     let moments = loop {
-        let [x, y, z] = INERTIA.map(|moment| moment * log(random, 0.5, 3.0));
+        let [x, y, z] = INERTIA.map(|moment| moment * random.magnitude(0.5, 3.0));
         if x + y > z && y + z > x && z + x > y {
             break Vector3::new(x, y, z);
         }
@@ -274,7 +247,7 @@ impl Flight {
         }
         let reference = Reference { places, yaw, wiggle: conditions.wiggle_rad, planar: conditions.planar };
         let [torque, force] = conditions.drift;
-        let drift = stacked(random.vector(torque), random.vector(force));
+        let drift = stacked(random.normal3(torque), random.normal3(force));
         let start = RigidBodyState { world_from_body: reference.pose(0.0), twist_body: Twist::zero() };
         settings.planar = conditions.planar;
         let estimator = FlightEstimator::try_new(settings, start, 0, &prior()).unwrap();
@@ -350,7 +323,7 @@ impl Flight {
         self.state = MuntheKaas4.step(&FreeFlyer::new(body), &self.state, &applied.into(), 0.0, STEP_S).unwrap();
         let keep = (-STEP_S / self.conditions.drift_time_s).exp();
         let [torque, force] = self.conditions.drift.map(|deviation| deviation * (1.0 - keep * keep).sqrt());
-        self.drift = self.drift * keep + stacked(self.random.vector(torque), self.random.vector(force));
+        self.drift = self.drift * keep + stacked(self.random.normal3(torque), self.random.normal3(force));
         self.estimator.acted(now_ns, now_ns + STEP_NS, commanded);
         self.acted.push(*commanded);
         self.tick += 1;
@@ -360,14 +333,14 @@ impl Flight {
     fn measure(&mut self) -> FlightMeasurement {
         let noise = noise();
         let pose = &self.state.world_from_body;
-        let turn = UnitQuaternion::from_scaled_axis(self.random.vector(noise.attitude_rad));
-        let place = pose.translation.vector + self.random.vector(noise.position_m);
+        let turn = UnitQuaternion::from_scaled_axis(self.random.normal3(noise.attitude_rad));
+        let place = pose.translation.vector + self.random.normal3(noise.position_m);
         FlightMeasurement {
             stamp_ns: self.now_ns(),
             world_from_body: Pose::from_parts(place.into(), pose.rotation * turn),
-            rate_body: Some(self.state.twist_body.angular + self.random.vector(noise.rate_rad_s)),
+            rate_body: Some(self.state.twist_body.angular + self.random.normal3(noise.rate_rad_s)),
             velocity_origin_world: Some(
-                pose.rotation * self.state.twist_body.linear + self.random.vector(noise.velocity_m_s),
+                pose.rotation * self.state.twist_body.linear + self.random.normal3(noise.velocity_m_s),
             ),
         }
     }

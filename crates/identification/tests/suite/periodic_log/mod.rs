@@ -3,8 +3,7 @@
 #![allow(clippy::cast_possible_truncation)]
 #![allow(dead_code)] // each user takes its part
 
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use crate::random::Random;
 use tumble_identification::dynamics::{
     FreeFlyer, InertialParameters, MuntheKaas4, PoseTracker, RigidBodyState, SimulatedBody, WrenchBox,
 };
@@ -22,26 +21,7 @@ pub fn noise() -> Noise {
     Noise { position_m: 0.05, attitude_rad: 0.03, torque_n_m: 0.001, force_n: 0.01, ..Noise::default() }
 }
 
-pub struct Random(ChaCha8Rng);
-
 impl Random {
-    pub fn new(seed: u64) -> Self {
-        Self(ChaCha8Rng::seed_from_u64(seed))
-    }
-
-    pub fn uniform(&mut self) -> f64 {
-        ((self.0.next_u64() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
-    }
-
-    pub fn normal(&mut self) -> f64 {
-        let (u, v) = (self.uniform(), self.uniform());
-        (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-    }
-
-    pub fn normal3(&mut self, sigma: f64) -> Vector3<f64> {
-        Vector3::from_fn(|_, _| sigma * self.normal())
-    }
-
     /// A load of thesis 4.5, drawn until it is a body: the print's distribution is one in sixteen times.
     pub fn load(&mut self) -> InertialParameters<f64> {
         loop {
@@ -83,7 +63,7 @@ impl Random {
                 coefficients[(last + k, channel)] = motion.coefficients()[(first - 1 + k, channel)];
             }
             for k in first..=last {
-                let (sine, cosine) = (std::f64::consts::TAU * self.uniform()).sin_cos();
+                let (sine, cosine) = (std::f64::consts::TAU * self.share()).sin_cos();
                 let rate = amplitude * basis.frequency_rad_s(k);
                 (coefficients[(k, channel)], coefficients[(last + k, channel)]) = (rate * cosine, rate * sine);
             }

@@ -1,0 +1,43 @@
+//! A program that adds an estimator in flight and a method of its own: both are asked for by name, and listed where a name is unknown.
+
+#[path = "../../examples/own_layers.rs"]
+mod own_layers;
+
+use crate::support::scratch;
+use serde_json::Value;
+use tumble::cli::Outcome;
+use tumble::robots::shipped;
+
+fn said(words: &[&str]) -> (Result<bool, String>, String) {
+    let words = ["tumble"].iter().chain(words).map(|word| (*word).into());
+    match tumble::answer(words, &shipped()) {
+        Ok(answer) => (Ok(answer.outcome == Outcome::Achieved), answer.said.stdout),
+        Err(error) => (Err(error.to_string()), String::new()),
+    }
+}
+
+#[test]
+fn what_a_program_adds_flies_and_identifies_by_name() {
+    own_layers::add();
+    let folder = scratch("own-layers").join("flight");
+    let out = folder.to_str().unwrap();
+    let (flown, text) = said(&["fly", "iss-cargo", "--estimator", "as-measured", "--out", out, "--json"]);
+    assert!(flown.is_ok(), "{flown:?}");
+    let summary: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(summary["options"]["layers"]["estimator"], "as-measured", "{text}");
+    // It learns nothing, and says so: the payload is what nobody told it of.
+    let mass = &summary["parameters"][0];
+    assert_eq!(mass["estimate"], mass["initial"], "{mass}");
+    let (found, text) = said(&["identify", "--demo", "--method", "recent", "--json"]);
+    assert_eq!(found, Ok(true), "{text}");
+    let found: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(found["method"], "recent");
+    // What only the library's own likelihood takes is not passed over in silence.
+    let told = ["identify", "--demo", "--method", "recent", "--sensing", "nominal"];
+    assert!(said(&told).0.unwrap_err().contains("belong to `--method flight-likelihood`"));
+    for (unknown, known) in [("fly", "--estimator"), ("identify", "--method")] {
+        let (refused, _) = said(&[unknown, known, "mien"]);
+        let text = refused.unwrap_err();
+        assert!(text.contains("as-measured") || text.contains("recent"), "{text}");
+    }
+}
