@@ -28,6 +28,8 @@ fn what_a_program_adds_flies_and_identifies_by_name() {
     // It learns nothing, and says so: the payload is what nobody told it of.
     let mass = &summary["parameters"][0];
     assert_eq!(mass["estimate"], mass["initial"], "{mass}");
+    // The record of the flight names the layer, and is flown again with it.
+    assert_eq!(said(&["replay", &format!("{out}/report.html")]).0, Ok(true));
     let (found, text) = said(&["identify", "--demo", "--method", "recent", "--json"]);
     assert_eq!(found, Ok(true), "{text}");
     let found: Value = serde_json::from_str(&text).unwrap();
