@@ -80,6 +80,6 @@ pub use tracker::{PoseReference, PoseTracker};
 pub use variational_free_flyer::{VariationalFreeFlyer, variational_step};
 pub use world::{AlignedBox, ObstacleEllipsoid, World};
 pub use wrench_model::{
-    ConstantBodyWrench, ConstantWorldWrench, Environment, GravityGradient, LinearDrag, QuadraticDrag, UniformGravity,
-    WrenchFn,
+    ConstantBodyWrench, ConstantWorldWrench, Environment, GravityGradient, LinearDrag, QuadraticDrag, StoredMomentum,
+    UniformGravity, WrenchFn,
 };

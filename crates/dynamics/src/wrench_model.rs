@@ -151,6 +151,28 @@ impl<T: Scalar> WrenchModel<T> for ConstantBodyWrench<T> {
     }
 }
 
+/// The torque `h x w` on a body that turns along the momentum stored in its wheels.
+///
+/// ```
+/// use tumble_dynamics::nalgebra::Vector3;
+/// use tumble_dynamics::{RigidBodyState, StoredMomentum, WrenchModel};
+/// let wheel = StoredMomentum { momentum_body: Vector3::z() * 2.0 };
+/// let mut state = RigidBodyState::at_rest();
+/// state.twist_body.angular.x = 0.1;
+/// assert_eq!(wheel.wrench_body(0.0, &state).torque, Vector3::y() * 0.2);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StoredMomentum<T: Scalar> {
+    /// Body axes, N m s, relative to the body.
+    pub momentum_body: Vector3<T>,
+}
+
+impl<T: Scalar> WrenchModel<T> for StoredMomentum<T> {
+    fn wrench_body(&self, _time_s: T, state: &RigidBodyState<T>) -> Wrench<T> {
+        Wrench::new(self.momentum_body.cross(&state.twist_body.angular), Vector3::zeros())
+    }
+}
+
 /// A force and torque of constant direction in the inertial frame, acting at the body origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConstantWorldWrench<T: Scalar> {

@@ -33,6 +33,10 @@ const RATE: [&str; 3] = ["w_x", "w_y", "w_z"];
 const ACCELERATION: [&str; 3] = ["a_x", "a_y", "a_z"];
 const FORCE: [&str; 3] = ["f_x", "f_y", "f_z"];
 const TORQUE: [&str; 3] = ["tau_x", "tau_y", "tau_z"];
+/// Momentum of wheels relative to the body.
+pub(crate) const STORED: [&str; 3] = ["stored_x", "stored_y", "stored_z"];
+/// What acts beside the wrench, force first as in a log.
+pub(crate) const ENVIRONMENT: [&str; 6] = ["env_f_x", "env_f_y", "env_f_z", "env_tau_x", "env_tau_y", "env_tau_z"];
 
 /// Columns that a simulated flight adds for comparison; no estimate reads them.
 const SIMULATED: [&str; 6] = ["true_", "cmd_", "est_", "sigma_", "plan_revision", "belief_revision"];
@@ -50,37 +54,49 @@ struct MotionColumns {
     rate: Option<[Option<usize>; 3]>,
     acceleration: Option<[Option<usize>; 3]>,
     wrench: Option<[Option<usize>; 6]>,
+    stored: Option<[Option<usize>; 3]>,
+    environment: Option<[Option<usize>; 6]>,
 }
 
 impl MotionColumns {
-    const KNOWN: [[&str; 3]; 5] = [VELOCITY, RATE, ACCELERATION, FORCE, TORQUE];
+    const KNOWN: [[&str; 3]; 6] = [VELOCITY, RATE, ACCELERATION, FORCE, TORQUE, STORED];
 
     fn find(header: &Header) -> Result<Self, FormatsError> {
         let all = |columns| header.group::<3>(columns).map(|found| found.map(|found| found.map(Some)));
         let wrench = header.group([TORQUE[0], TORQUE[1], TORQUE[2], FORCE[0], FORCE[1], FORCE[2]])?;
+        let [fx, fy, fz, tx, ty, tz] = ENVIRONMENT;
         Ok(Self {
             velocity: all(VELOCITY)?,
             rate: all(RATE)?,
             acceleration: all(ACCELERATION)?,
             wrench: wrench.map(|found| found.map(Some)),
+            stored: all(STORED)?,
+            environment: header.group([tx, ty, tz, fx, fy, fz])?.map(|found| found.map(Some)),
         })
     }
 
     /// Two axes of what moves, one of what turns.
     fn in_plane(header: &Header) -> Result<Self, FormatsError> {
         let two = |[x, y, _]: [&str; 3]| header.group([x, y]).map(|found| found.map(|[x, y]| [Some(x), Some(y), None]));
-        let wrench = header.group([TORQUE[2], FORCE[0], FORCE[1]])?;
+        let wrench = |names: [&str; 3]| {
+            let found = header.group(names)?;
+            Ok::<_, FormatsError>(found.map(|[about, x, y]| [None, None, Some(about), Some(x), Some(y), None]))
+        };
+        let about = |[.., z]: [&str; 3]| header.position(z).map(|about| [None, None, Some(about)]);
         Ok(Self {
             velocity: two(VELOCITY)?,
-            rate: header.position(RATE[2]).map(|about| [None, None, Some(about)]),
+            rate: about(RATE),
             acceleration: two(ACCELERATION)?,
-            wrench: wrench.map(|[about, x, y]| [None, None, Some(about), Some(x), Some(y), None]),
+            wrench: wrench([TORQUE[2], FORCE[0], FORCE[1]])?,
+            stored: about(STORED),
+            environment: wrench([ENVIRONMENT[5], ENVIRONMENT[0], ENVIRONMENT[1]])?,
         })
     }
 
     /// Whether it is one of them, or one that only simulated flights have.
     fn knows(column: &str) -> bool {
-        Self::KNOWN.as_flattened().contains(&column) || SIMULATED.iter().any(|prefix| column.starts_with(prefix))
+        let is_read = Self::KNOWN.as_flattened().contains(&column) || ENVIRONMENT.contains(&column);
+        is_read || SIMULATED.iter().any(|prefix| column.starts_with(prefix))
     }
 }
 
@@ -152,7 +168,8 @@ impl RowLayout for MotionLayout {
             rate_body: row.vector(self.motion.rate)?,
             acceleration_origin_body: row.vector(self.motion.acceleration)?,
             wrench_body: row.wrench(self.motion.wrench)?,
-            ..MotionSample::default()
+            besides_body: row.wrench(self.motion.environment)?,
+            stored_momentum_body: row.vector(self.motion.stored)?,
         })
     }
 }

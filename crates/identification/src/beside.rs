@@ -8,8 +8,6 @@ use nalgebra::Vector3;
 /// Steps that differ by less than this fraction are equal.
 const EQUAL_STEPS: f64 = 0.01;
 
-/// Largest share of the logged torque that may be left out.
-const LARGEST_LEFT_OUT: f64 = 1e-3;
 /// Mean square roughness of turns over that of rates up to which turns are as good.
 const SMOOTH: f64 = 2.0;
 
@@ -38,19 +36,21 @@ pub(crate) fn beside(record: &[MotionSample]) -> Result<Option<Vec<UnloggedWrenc
     Ok(beside_with(record, wheels.as_ref()))
 }
 
-/// The same for an integrator that holds the wrench over a step, or lets it change evenly.
+/// The same of the environment alone, for estimators that know what stored momentum does to a body that turns.
+pub(crate) fn environment(record: &[MotionSample]) -> Option<Vec<UnloggedWrench>> {
+    record.iter().any(|sample| sample.besides_body.is_some()).then(|| beside_with(record, None)).flatten()
+}
+
+/// Momentum stored at each sample, body axes, N m s; `None` without wheels.
 ///
 /// # Errors
-/// As [`beside`]; [`IdentificationError::CoarseSteps`]: the torque `h x w` turns so far within a step that what is left out, its
-/// square over twelve, is visible beside the logged torque (where none is logged, beside itself).
-pub(crate) fn beside_in_short_steps(
-    record: &[MotionSample],
-) -> Result<Option<Vec<UnloggedWrench>>, IdentificationError> {
-    let wheels = Turning::of_wheels(record)?;
-    if let Some(wheels) = &wheels {
-        wheels.refuse_coarse_steps(record)?;
+/// [`IdentificationError::MissingColumn`] where only some samples list it.
+pub(crate) fn stored_momenta(record: &[MotionSample]) -> Result<Option<Vec<Vector3<f64>>>, IdentificationError> {
+    if record.iter().all(|sample| sample.stored_momentum_body.is_none()) {
+        return Ok(None);
     }
-    Ok(beside_with(record, wheels.as_ref()))
+    let stored = record.iter().map(|sample| sample.stored_momentum_body).collect::<Option<Vec<_>>>();
+    stored.map(Some).ok_or(IdentificationError::MissingColumn(Column::StoredMomentum))
 }
 
 fn beside_with(record: &[MotionSample], wheels: Option<&Turning>) -> Option<Vec<UnloggedWrench>> {
@@ -96,25 +96,10 @@ struct Turning {
 impl Turning {
     /// `None` without wheels.
     fn of_wheels(record: &[MotionSample]) -> Result<Option<Self>, IdentificationError> {
-        let is_stored = record.iter().any(|sample| sample.stored_momentum_body.is_some());
-        is_stored.then(|| Self::of(record)).transpose()
+        stored_momenta(record)?.map(|stored| Self::of(record, stored)).transpose()
     }
 
-    fn refuse_coarse_steps(&self, record: &[MotionSample]) -> Result<(), IdentificationError> {
-        let torques: Vec<_> = (0..record.len()).map(|i| self.torque(i)).collect();
-        let mean = |squares: &[f64]| squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-        let size = mean(&torques.iter().map(Vector3::norm_squared).collect::<Vec<_>>());
-        let change = mean(&torques.windows(2).map(|pair| (pair[1] - pair[0]).norm_squared()).collect::<Vec<_>>());
-        let wrenches = record.iter().filter_map(|sample| sample.wrench_body);
-        let logged = mean(&wrenches.map(|wrench| wrench.torque.norm_squared()).collect::<Vec<_>>());
-        let left_out = change / (12.0 * size.max(logged * LARGEST_LEFT_OUT).sqrt());
-        let share = left_out / if logged > 0.0 { logged.sqrt() } else { size.sqrt() };
-        if share > LARGEST_LEFT_OUT { Err(IdentificationError::CoarseSteps { share }) } else { Ok(()) }
-    }
-
-    fn of(record: &[MotionSample]) -> Result<Self, IdentificationError> {
-        let stored = record.iter().map(|sample| sample.stored_momentum_body).collect::<Option<Vec<_>>>();
-        let stored = stored.ok_or(IdentificationError::MissingColumn(Column::StoredMomentum))?;
+    fn of(record: &[MotionSample], stored: Vec<Vector3<f64>>) -> Result<Self, IdentificationError> {
         let measured = |i: usize| record.get(i)?.rate_body;
         let (poses, last) = (filled_poses(record), record.len() - 1);
         let turned = |from: usize, to: usize| -> Option<Vector3<f64>> {

@@ -351,15 +351,6 @@ pub enum IdentificationError {
         /// How far the last one moved the body, sigmas.
         sigmas: f64,
     },
-    /// Stored momentum that turns too far within a step for the likelihood and the joint filters.
-    #[error(
-        "what the wheels hold turns so far within a step that the likelihood, ekf and ukf would miss {share:.4} of the logged \
-         torque: sample faster, or ask for a regression, rls or recursive-sdp"
-    )]
-    CoarseSteps {
-        /// Torque that they leave out over the logged one.
-        share: f64,
-    },
     /// Momentum of wheels, or what acts beside the logged wrench, in a row of an estimator that does not take it.
     #[error(
         "the sliding window and periodic identification know the logged wrench only: identify a record with stored momentum \

@@ -262,7 +262,6 @@ impl MaximumLikelihood {
     /// # Errors
     /// [`IdentificationError::TooFewSamples`], [`IdentificationError::TimesNotIncreasing`],
     /// [`IdentificationError::MissingColumn`], [`IdentificationError::NotFinite`] for a record that cannot be used;
-    /// [`IdentificationError::CoarseSteps`] for one of wheels that turn far within a step;
     /// [`IdentificationError::NotExcited`] where it does not determine the parameters asked for;
     /// [`IdentificationError::LikelihoodNotConverged`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<LikelihoodEstimate, IdentificationError> {

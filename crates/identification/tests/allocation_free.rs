@@ -255,6 +255,7 @@ fn joint_filters_and_the_detector_of_changes() {
         .map(|i| JointObservation {
             step_s: 0.016,
             wrench_body: wrenches[i],
+            stored_body: Vector3::zeros(),
             world_from_body: Some(Isometry3::identity()),
             rate_body: Some(Vector3::zeros()),
             velocity_origin_world: None,

@@ -80,6 +80,7 @@ fn plan<M: InformativeModel<12, 6, P, State = Kinematics>, const P: usize>(
         terminal: None,
         belief: &belief(),
         information: [1.0; P],
+        reserved: [0.0; 6],
         surroundings: &surroundings,
         guess: Guess::Excited,
     };

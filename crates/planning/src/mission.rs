@@ -12,6 +12,7 @@
 //! [`ClosedLoop`] senses, decides and controls; what is to be planned it asks for, and an [`Office`] answers: beside the loop with
 //! the time it takes simulated ([`Simulated`]), in a thread of the user's ([`Thread`]), or wherever [`serve`] is called.
 
+mod beside;
 mod brake;
 mod chosen_model;
 mod closed_loop;

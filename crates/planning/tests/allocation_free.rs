@@ -331,6 +331,7 @@ fn iterations_of_a_local_plan() {
             terminal: None,
             belief: &belief,
             information: [10.0, 1e4, 1e4, 1e4],
+            reserved: [0.0; 6],
             surroundings: &surroundings,
             guess: Guess::Inputs(&guess),
         };

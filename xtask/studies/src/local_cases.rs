@@ -179,6 +179,7 @@ impl<const P: usize> LocalCase<P> {
             terminal: None,
             belief: &self.belief,
             information: self.task.information_weights,
+            reserved: [0.0; 6],
             surroundings: &self.surroundings,
             guess,
         };

@@ -9,7 +9,7 @@ use super::mcap_writer::{Channel, McapWriter};
 use super::rows::{Cell, RowSink, unwritable};
 use super::{Encoding, RawMessage, ScanReport};
 use crate::FormatsError;
-use crate::log::QUATERNION_NORM_TOLERANCE;
+use crate::log::{ENVIRONMENT, QUATERNION_NORM_TOLERANCE, STORED};
 use std::collections::HashMap;
 use std::io::{Read, Write};
 use std::ops::ControlFlow;
@@ -373,13 +373,20 @@ pub(crate) enum Measured {
     Wrench(Wrench<f64>),
 }
 
-/// Rates and accelerations of a row, which come before its pose.
+/// Force before torque, as rows have them.
+fn wrench([force @ .., x, y, z]: [f64; 6]) -> Wrench<f64> {
+    Wrench::new(Vector3::new(x, y, z), force.into())
+}
+
+/// Rates, accelerations and what acts besides of a row, which come before its pose.
 #[derive(Default)]
 pub(crate) struct MeasuredColumns {
     time_ns: i64,
     velocity: Option<Vector3<f64>>,
     rate: Option<Vector3<f64>>,
     acceleration: Option<Vector3<f64>>,
+    stored: Option<Vector3<f64>>,
+    environment: Option<Wrench<f64>>,
 }
 
 impl MeasuredColumns {
@@ -400,17 +407,17 @@ impl MeasuredColumns {
                         rate_body: beside.rate.filter(|_| same_row),
                         acceleration_origin_body: beside.acceleration.filter(|_| same_row),
                         wrench_body: None,
-                        ..MotionSample::default()
+                        besides_body: beside.environment.filter(|_| same_row),
+                        stored_momentum_body: beside.stored.filter(|_| same_row),
                     }))
                 });
                 *unread += usize::from(sample.is_none());
                 sample.map(Measured::Motion)
             }
             Carries::Wrench("") => {
-                let wrench = foxglove::read_flat(payload, &WRENCH);
-                *unread += usize::from(wrench.is_none());
-                let [force @ .., x, y, z] = wrench?;
-                Some(Measured::Wrench(Wrench::new(Vector3::new(x, y, z), force.into())))
+                let found = foxglove::read_flat(payload, &WRENCH);
+                *unread += usize::from(found.is_none());
+                found.map(|numbers| Measured::Wrench(wrench(numbers)))
             }
             Carries::Columns if message.topic == MEASURED_COLUMNS => {
                 let vector = |names: [&str; 3]| foxglove::read_flat(payload, &names).map(Vector3::from);
@@ -419,6 +426,8 @@ impl MeasuredColumns {
                     velocity: vector(["v_x", "v_y", "v_z"]),
                     rate: vector(["w_x", "w_y", "w_z"]),
                     acceleration: vector(["a_x", "a_y", "a_z"]),
+                    stored: vector(STORED),
+                    environment: foxglove::read_flat(payload, &ENVIRONMENT).map(wrench),
                 };
                 None
             }

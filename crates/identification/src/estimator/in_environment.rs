@@ -40,6 +40,11 @@ impl<E: StateEstimator> InEnvironment<E> {
         &self.estimator
     }
 
+    /// The same, to be changed.
+    pub fn estimator_mut(&mut self) -> &mut E {
+        &mut self.estimator
+    }
+
     fn wrench_at(&mut self, time_ns: i64) -> Wrench<f64> {
         if self.asked_ns.is_none_or(|asked_ns| time_ns.saturating_sub(asked_ns) >= ASKED_EVERY_NS) {
             let point = self.estimator.finding().ok().and_then(|found| found.point().copied());
@@ -59,6 +64,9 @@ impl<E: StateEstimator> StateEstimator for InEnvironment<E> {
         self.estimator.name()
     }
     fn acted(&mut self, acted: &Acted) {
+        if self.environment.is_empty() {
+            return self.estimator.acted(acted);
+        }
         let wrench_body = acted.wrench_body + self.wrench_at(acted.from_ns.midpoint(acted.until_ns));
         self.estimator.acted(&Acted { wrench_body, ..*acted });
     }

@@ -26,9 +26,8 @@ const TRIED: f64 = 3.0;
 /// Where the data determine no body, the models' own stays. A body on whose parameters its own wrench depends is the less
 /// certain; standard deviations count that, at the cost of one more identification for each parameter that matters.
 ///
-/// Every method takes it, and [`MotionSample::stored_momentum_body`] too (of the latter the likelihood and the joint filters only where
-/// steps are short: [`IdentificationError::CoarseSteps`]), but the sliding window ([`LongRecord`](crate::LongRecord) hands such records over) and periodic
-/// identification, which refuses it ([`IdentificationError::WrenchBeside`]).
+/// Every method takes it, and [`MotionSample::stored_momentum_body`] too, but the sliding window ([`LongRecord`](crate::LongRecord) hands
+/// such records over) and periodic identification, which refuses it ([`IdentificationError::WrenchBeside`]).
 ///
 /// # Errors
 /// Those of [`identify`]; [`IdentificationError::EnvironmentUnsettled`] where no body agrees with the wrenches on it, as under

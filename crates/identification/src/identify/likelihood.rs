@@ -173,7 +173,6 @@ fn is_about_the_data(error: &IdentificationError) -> bool {
             | IdentificationError::Indefinite { .. }
             | IdentificationError::LikelihoodNotConverged { .. }
             | IdentificationError::TooFewSamples { .. }
-            | IdentificationError::CoarseSteps { .. }
     )
 }
 

@@ -8,7 +8,7 @@ use super::solution::{from_covariance, weak_prior};
 use super::timeline::Timeline;
 use super::verdict::Beside;
 use super::{AUTO, Noise, Plan, Settings, Way, identify};
-use crate::beside::beside_in_short_steps;
+use crate::beside::{environment, stored_momenta};
 use crate::body_scale::BodyScale;
 use crate::consistency::PseudoInertiaCone;
 use crate::dynamics::{LogCholesky, RigidBodyState};
@@ -438,7 +438,7 @@ impl Joint {
         let turning = 2.0 * attitude_rad / step_s + (seen.angular - twist_body.angular).norm() + seen.angular.norm();
         let moving = 2.0 * position_m / step_s + (seen.linear - twist_body.linear).norm() + seen.linear.norm();
         let start_deviation = SVector::from_fn(|i, _| [attitude_rad, position_m, turning, moving][i / 3]);
-        let unlogged = beside_in_short_steps(record)?;
+        let (unlogged, stored) = (environment(record), stored_momenta(record)?);
         let unlogged_at = |i: usize| unlogged.as_ref().map(|unlogged| unlogged[i]);
         let logged = record[..=begin].iter().rev().find_map(|sample| sample.wrench_body);
         let mut held = logged.unwrap_or_else(Wrench::zero);
@@ -458,6 +458,9 @@ impl Joint {
                 JointObservation {
                     step_s: timeline.relative_s(i, i - 1),
                     wrench_body,
+                    stored_body: stored
+                        .as_ref()
+                        .map_or_else(Vector3::zeros, |stored| (stored[i - 1] + stored[i]) * 0.5),
                     world_from_body: now.world_from_body,
                     rate_body: now.rate_body,
                     velocity_origin_world: velocity(now),

@@ -2,7 +2,7 @@
 
 use super::broken_unless;
 use crate::dynamics::{
-    FreeFlyer, FreeFlyerIn, InertialParameters, Integrator, MuntheKaas4, RigidBodyState, WrenchModel,
+    FreeFlyer, FreeFlyerIn, InertialParameters, Integrator, MuntheKaas4, RigidBodyState, StoredMomentum,
 };
 use crate::estimator::{Acted, Doubt, EstimatorError, Finding, Gauss, Measurement, StateEstimator};
 use crate::lie::{LieGroup, Pose, Twist, Wrench};
@@ -39,15 +39,6 @@ pub struct StateTrial {
 pub type BeginFlight<'a> =
     &'a dyn Fn(&RigidBodyState<f64>, &Finding) -> Result<Box<dyn StateEstimator>, EstimatorError>;
 
-/// The torque on a body that turns stored momentum along.
-struct Gyroscopic(Vector3<f64>);
-
-impl WrenchModel<f64> for Gyroscopic {
-    fn wrench_body(&self, _: f64, state: &RigidBodyState<f64>) -> Wrench<f64> {
-        Wrench::new(self.0.cross(&state.twist_body.angular), Vector3::zeros())
-    }
-}
-
 /// What happened: the motion at the end of every period, and what acted in it.
 struct Flown {
     states: Vec<RigidBodyState<f64>>,
@@ -59,7 +50,7 @@ const SUBSTEPS: usize = 4;
 
 impl Flown {
     fn new(trial: &StateTrial, stored_body: Vector3<f64>) -> Result<Self, LawViolation> {
-        let environment = Gyroscopic(stored_body);
+        let environment = StoredMomentum { momentum_body: stored_body };
         let system = FreeFlyerIn { body: FreeFlyer::new(trial.body), environment };
         let pose = Pose::exp(&nalgebra::Vector6::new(0.2, -0.3, 0.5, 1.0, -2.0, 0.5));
         let twist = Twist::new(Vector3::new(0.03, -0.02, 0.04), Vector3::new(0.02, 0.01, -0.03));

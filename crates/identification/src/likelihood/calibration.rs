@@ -414,6 +414,7 @@ impl Calibration {
             force: input.force.component_mul(&force) + self.vector(BIAS_FORCE),
             torque_slope: input.torque_slope.component_mul(&torque),
             force_slope: input.force_slope.component_mul(&force),
+            ..input
         }
     }
 
@@ -452,6 +453,7 @@ impl Calibration {
                     force: by_lag.force.component_mul(&force),
                     torque_slope: by_lag.torque_slope.component_mul(&torque),
                     force_slope: by_lag.force_slope.component_mul(&force),
+                    ..Input::default()
                 },
             );
         }
@@ -464,6 +466,7 @@ impl Calibration {
         Input {
             torque: start.torque - start.torque_slope * delay,
             force: start.force - start.force_slope * delay,
+            stored: start.stored,
             ..Input::default()
         }
     }

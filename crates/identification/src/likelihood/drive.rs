@@ -58,10 +58,12 @@ pub(crate) fn drives(samples: &[Sample], median_step_s: f64, passage: &Passage) 
             let now = felt(row)[part].start;
             input(&now, &((now - felt(before)[part].start) / passed_s))
         };
+        // What wheels hold changes little within a shift; no lag is between it and the body.
+        let holding = if shift_s == 0.0 { row } else { from };
         Drive {
-            input: input(&value.mean, &value.slope),
+            input: Input { stored: samples[holding].input.stored, ..input(&value.mean, &value.slope) },
             by_lag: input(&by_lag.mean, &by_lag.slope),
-            start: start(0),
+            start: Input { stored: samples[row].stored, ..start(0) },
             start_by_lag: start(1),
         }
     };
@@ -70,7 +72,13 @@ pub(crate) fn drives(samples: &[Sample], median_step_s: f64, passage: &Passage) 
 
 fn input(value: &Vector6<f64>, slope: &Vector6<f64>) -> Input {
     let half = |v: &Vector6<f64>, first: usize| v.fixed_rows::<3>(first).into_owned();
-    Input { torque: half(value, 0), force: half(value, 3), torque_slope: half(slope, 0), force_slope: half(slope, 3) }
+    Input {
+        torque: half(value, 0),
+        force: half(value, 3),
+        torque_slope: half(slope, 0),
+        force_slope: half(slope, 3),
+        ..Input::default()
+    }
 }
 
 /// A wrench over one step as far as the motion notices: mean, first moment as a slope, value at the start.

@@ -69,7 +69,8 @@ pub enum Plane {
 /// published, less the model, is white with variance s^2/M and the wander's own part:
 /// position, attitude, velocity: mean(h(x) - y) + (w_j + w_(j+1))/2, where w_(j+1) = phi w_j + d n, phi = exp(-T/tau), d = s_w sqrt(1 - phi^2);
 /// rate: (1 + K) [w - J^-1 (t_G - c x f_G - n_G)] + b, where G is what the filter still owes of the impulse;
-/// acceleration: (1 + K) [f_H/m + a_H x (r - c) + (W_H - tr W_H)(r - c) - w x (w x r)] + b, where H is the filtered wrench and W = w w^T.
+/// acceleration: (1 + K) [f_H/m + a_H x (r - c) + (W_H - tr W_H)(r - c) - w x (w x r)] + b, where H is the filtered wrench and W = w w^T;
+/// n is w x J w, and with momentum s in wheels w x (J w + s).
 ///
 /// # Example
 /// ```
@@ -132,7 +133,7 @@ impl FlightLikelihood {
     /// # Errors
     /// [`IdentificationError::ImpossibleSensing`] for sensors or thrusters that cannot be; [`IdentificationError::TooFewSamples`],
     /// [`IdentificationError::TimesNotIncreasing`], [`IdentificationError::NotFinite`], [`IdentificationError::MissingColumn`] (no wrench at
-    /// all, or neither attitudes nor rates), [`IdentificationError::WrenchBeside`] (wheels) for a record that cannot be used;
+    /// all, neither attitudes nor rates, or stored momenta of some rows only) for a record that cannot be used;
     /// [`IdentificationError::LikelihoodNotConverged`], [`IdentificationError::Indefinite`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<FlightEstimate, IdentificationError> {
         self.sensing.check()?;

@@ -50,6 +50,8 @@ pub(crate) struct Body {
 /// Wrench over one step: value at the middle and slope, body axes, about the body origin.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Input {
+    /// Momentum in wheels, as in the middle of the step, which the body turns along.
+    pub(crate) stored: Vector3<f64>,
     pub(crate) torque: Vector3<f64>,
     pub(crate) force: Vector3<f64>,
     pub(crate) torque_slope: Vector3<f64>,
@@ -69,6 +71,8 @@ pub(crate) struct Step {
     pub(crate) next: State,
     pub(crate) turn: Vector3<f64>,
     pub(crate) turned: UnitQuaternion<f64>,
+    /// Of body and wheels at the start, body axes.
+    pub(crate) momentum: Vector3<f64>,
     /// Angular acceleration at the start and its first derivative.
     pub(crate) acceleration: Vector3<f64>,
     pub(crate) jerk: Vector3<f64>,
@@ -102,7 +106,7 @@ impl Body {
 
     /// Parts a step must be split into.
     pub(crate) fn parts(&self, state: &State, input: &Input, step_s: f64) -> usize {
-        let momentum = self.inertia * state.rate;
+        let momentum = self.inertia * state.rate + input.stored;
         let torque = input.torque - self.center.cross(&input.force) - state.rate.cross(&momentum);
         let acceleration = self.inverse * torque;
         let size = |v: &Vector3<f64>| (v.x * v.x + v.y * v.y + v.z * v.z).sqrt();
@@ -118,7 +122,7 @@ impl Body {
         let force = input.force - input.force_slope * (0.5 * h);
         let torque = input.torque - input.torque_slope * (0.5 * h) - c.cross(&force);
         let torque_slope = input.torque_slope - c.cross(&input.force_slope);
-        let momentum = self.inertia * w;
+        let momentum = self.inertia * w + input.stored;
         let a0 = k * (torque - w.cross(&momentum));
         let momentum_rate = self.inertia * a0;
         let a1 = k * (torque_slope - a0.cross(&momentum) - w.cross(&momentum_rate));
@@ -142,7 +146,7 @@ impl Body {
                 + gravity * (h * h / 2.0),
             velocity: state.velocity + (rotation * velocity_force) * (h / self.mass) + gravity * h,
         };
-        Step { next, turn, turned, acceleration: a0, jerk: a1, velocity_force, center_force }
+        Step { next, turn, turned, momentum, acceleration: a0, jerk: a1, velocity_force, center_force }
     }
 
     /// The state after a whole step, split where it must be.
@@ -160,7 +164,7 @@ impl Body {
         let (a0, a1) = (&step.acceleration, &step.jerk);
         let (sw, sa) = (skew(rate), skew(a0));
         let (of_rate, of_acceleration) = (by_inertia(rate), by_inertia(a0));
-        let rate0 = k * (skew(&(j * rate)) - sw * j);
+        let rate0 = k * (skew(&step.momentum) - sw * j);
         let inertia0 = -(k * (sw * of_rate + of_acceleration));
         let rate1 = rate0 * rate0 + k * (skew(&(j * a0)) - sa * j);
         let torque1 = rate0 * k;

@@ -4,7 +4,7 @@ use super::drive::Passage;
 use super::flow::Input;
 use super::sample::Sample;
 use crate::WrenchTiming;
-use crate::beside::{UnloggedWrench, beside_in_short_steps};
+use crate::beside::{UnloggedWrench, environment, stored_momenta};
 use crate::error::{Column, IdentificationError};
 use crate::motion::{MotionSample, filled_poses};
 use core::ops::Range;
@@ -91,9 +91,11 @@ impl Record {
             }
             same
         });
-        let unlogged = beside_in_short_steps(record)?;
+        let unlogged = environment(record);
+        let momenta = stored_momenta(record)?.unwrap_or_else(|| vec![Vector3::zeros(); record.len()]);
         let input = |k: usize| {
             let mut input = input(&wrenches, &steps, k, timing, GAP * median_step_s);
+            input.stored = (momenta[k] + momenta[(k + 1).min(last)]) * 0.5;
             if let Some(UnloggedWrench { mean, slope, .. }) = unlogged.as_ref().map(|unlogged| unlogged[k]) {
                 input.torque += mean.torque;
                 input.force += mean.force;
@@ -110,6 +112,7 @@ impl Record {
                 time_s: between(0, k),
                 step_s: steps[k],
                 input: input(k),
+                stored: momenta[k],
                 posed: sample.world_from_body.is_some(),
                 position: poses[k].translation.vector,
                 world_from_body: poses[k].rotation,
@@ -193,7 +196,13 @@ pub(super) fn input(wrenches: &[Vector6<f64>], steps: &[f64], k: usize, timing: 
         _ => (here, Vector6::zeros()),
     };
     let half = |v: &Vector6<f64>, first: usize| Vector3::new(v[first], v[first + 1], v[first + 2]);
-    Input { torque: half(&mean, 0), force: half(&mean, 3), torque_slope: half(&slope, 0), force_slope: half(&slope, 3) }
+    Input {
+        torque: half(&mean, 0),
+        force: half(&mean, 3),
+        torque_slope: half(&slope, 0),
+        force_slope: half(&slope, 3),
+        ..Input::default()
+    }
 }
 
 /// Replaces rare spikes by the running median of five; what they were is the doubt that remains.

@@ -370,7 +370,7 @@ impl<const W: usize> Measured<'_, W> {
             let (scale, bias, position) = calibration.accelerometer();
             let start = calibration.input(&calibration.felt(&drive.start), self.noise);
             let torque = start.torque - c.cross(&start.force);
-            let start_alpha = body.inverse * (torque - rate.cross(&(body.inertia * rate)));
+            let start_alpha = body.inverse * (torque - rate.cross(&(body.inertia * rate + start.stored)));
             let arm = c - position;
             let felt = start.force / body.mass - start_alpha.cross(&arm) - rate.cross(&rate.cross(&arm)) + fall;
             let residual = felt.component_mul(&scale) + bias - measured;

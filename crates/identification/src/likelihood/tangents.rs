@@ -35,12 +35,14 @@ fn samples() -> Vec<Sample> {
                 force: three(3) * 0.5,
                 torque_slope: three(6) * 0.02,
                 force_slope: three(9) * 0.2,
+                stored: three(18) * 0.05,
             };
             Sample {
                 time_s: k as f64 * STEP_S,
                 step_s: STEP_S,
                 posed: true,
                 input,
+                stored: three(18) * 0.05,
                 position: three(12) * 0.1,
                 world_from_body: <UnitQuaternion<f64> as LieGroup>::exp(&(three(15) * 0.1)),
                 velocity: Some(three(18)),

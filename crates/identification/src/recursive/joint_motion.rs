@@ -2,8 +2,8 @@
 
 use super::extended_kalman::{DifferentiableModel, FilterModel};
 use crate::dynamics::{
-    FreeFlyer, FreeFlyerIn, InertialParameters, Integrator, LogCholesky, MuntheKaas4, RigidBodyState, UniformGravity,
-    WrenchModel,
+    FreeFlyer, FreeFlyerIn, InertialParameters, Integrator, LogCholesky, MuntheKaas4, RigidBodyState, StoredMomentum,
+    UniformGravity,
 };
 use crate::error::IdentificationError;
 use crate::lie::{LieGroup, Manifold, Pose, Twist, Wrench, skew};
@@ -60,6 +60,8 @@ pub struct JointObservation {
     pub step_s: f64,
     /// Wrench held over that time, body axes about the origin, without gravity.
     pub wrench_body: Wrench<f64>,
+    /// Momentum in wheels meanwhile, body axes, N m s: the body turns it along.
+    pub stored_body: Vector3<f64>,
     /// Measured pose; `None` where there was none.
     pub world_from_body: Option<Pose<f64>>,
     /// Measured angular velocity, body axes.
@@ -170,11 +172,10 @@ impl JointMotion {
         &self,
         state: &JointState,
         observation: &JointObservation,
-        stored: &Vector3<f64>,
     ) -> (SMatrix<f64, 12, 12>, SMatrix<f64, 12, 10>) {
         let step_s = observation.step_s;
         let flyer = FreeFlyer::new(state.body.to_parameters());
-        let given = &observation.wrench_body;
+        let (given, stored) = (&observation.wrench_body, &observation.stored_body);
         let start = self.twist_rate(&flyer, &state.motion, &felt(given, stored, &state.motion.twist_body.angular));
         let twist_body = state.motion.twist_body + start * (0.5 * step_s);
         let turn = Pose::exp(&(state.motion.twist_body.to_vector() * (0.5 * step_s)));
@@ -194,37 +195,6 @@ impl JointMotion {
         let half = by_motion * (0.5 * step_s * step_s);
         (SMatrix::identity() + by_motion * step_s + half * by_motion, by_body * step_s + half * by_body)
     }
-
-    /// The end of a step on which momentum is stored.
-    pub(super) fn propagate_storing(
-        &self,
-        state: &JointState,
-        observation: &JointObservation,
-        stored_body: &Vector3<f64>,
-    ) -> Result<JointState, IdentificationError> {
-        let parameters = state.body.to_parameters();
-        let gravity = UniformGravity {
-            mass: parameters.mass,
-            first_moment: parameters.first_moment,
-            gravity_world: self.gravity_world,
-        };
-        let environment = Storing { gravity, stored_body: *stored_body };
-        let system = FreeFlyerIn { body: FreeFlyer::new(parameters), environment };
-        let motion = MuntheKaas4.step(&system, &state.motion, &observation.wrench_body, 0.0, observation.step_s)?;
-        Ok(JointState { motion, body: state.body })
-    }
-}
-
-/// Weight, and the torque of what is stored as the body turns it along.
-struct Storing {
-    gravity: UniformGravity<f64>,
-    stored_body: Vector3<f64>,
-}
-
-impl WrenchModel<f64> for Storing {
-    fn wrench_body(&self, time_s: f64, state: &RigidBodyState<f64>) -> Wrench<f64> {
-        felt(&self.gravity.wrench_body(time_s, state), &self.stored_body, &state.twist_body.angular)
-    }
 }
 
 /// A wrench with the gyroscopic torque h × w of what is stored.
@@ -237,7 +207,16 @@ impl FilterModel<22, 15, 10> for JointMotion {
     type Observation = JointObservation;
 
     fn propagate(&self, state: &JointState, observation: &JointObservation) -> Result<JointState, IdentificationError> {
-        self.propagate_storing(state, observation, &Vector3::zeros())
+        let parameters = state.body.to_parameters();
+        let gravity = UniformGravity {
+            mass: parameters.mass,
+            first_moment: parameters.first_moment,
+            gravity_world: self.gravity_world,
+        };
+        let environment = (gravity, StoredMomentum { momentum_body: observation.stored_body });
+        let system = FreeFlyerIn { body: FreeFlyer::new(parameters), environment };
+        let motion = MuntheKaas4.step(&system, &state.motion, &observation.wrench_body, 0.0, observation.step_s)?;
+        Ok(JointState { motion, body: state.body })
     }
 
     fn process_noise(&self, state: &JointState, observation: &JointObservation) -> Matrix22 {
@@ -275,7 +254,8 @@ impl FilterModel<22, 15, 10> for JointMotion {
         }
         if let Some((measured, wrench)) = &observation.acceleration_origin_body {
             let flyer = FreeFlyer::new(state.body.to_parameters());
-            let expected = flyer.forward(&motion.twist_body, wrench).acceleration_origin_body;
+            let felt = felt(wrench, &observation.stored_body, &motion.twist_body.angular);
+            let expected = flyer.forward(&motion.twist_body, &felt).acceleration_origin_body;
             residual.fixed_rows_mut::<3>(12).copy_from(&(measured - expected - body_from_world * self.gravity_world));
         }
         residual
@@ -317,7 +297,7 @@ impl DifferentiableModel<22, 15, 10> for JointMotion {
         observation: &JointObservation,
         covariance: &Matrix22,
     ) -> Matrix22 {
-        let (by_motion, by_body) = self.transition(state, observation, &Vector3::zeros());
+        let (by_motion, by_body) = self.transition(state, observation);
         // Φ = [by_motion by_body; 0 I].
         let moved =
             by_motion * covariance.fixed_view::<12, 22>(0, 0) + by_body * covariance.fixed_view::<10, 22>(12, 0);
@@ -337,7 +317,8 @@ impl DifferentiableModel<22, 15, 10> for JointMotion {
         let twist = &state.motion.twist_body;
         sensitivity.fixed_view_mut::<3, 3>(9, 0).copy_from(&-skew(&twist.linear));
         if let Some((_, wrench)) = &observation.acceleration_origin_body {
-            let found = self.derivatives(state, wrench, &Vector3::zeros());
+            let stored = &observation.stored_body;
+            let found = self.derivatives(state, &felt(wrench, stored, &twist.angular), stored);
             // Acceleration of the origin = component rate of the velocity + w × v.
             let by_rate = found.twist.fixed_view::<3, 3>(3, 0) - skew(&twist.linear);
             sensitivity.fixed_view_mut::<3, 3>(12, 0).copy_from(&found.attitude);
@@ -412,6 +393,7 @@ mod tests {
         JointObservation {
             step_s,
             wrench_body,
+            stored_body: Vector3::new(0.4, -0.3, 0.6),
             world_from_body: Some(Pose::exp(&Vector6::new(0.31, -0.39, 0.7, 0.1, 0.21, -0.3))),
             rate_body: Some(Vector3::new(0.31, -0.2, 0.5)),
             velocity_origin_world: Some(Vector3::new(0.1, -0.05, 0.21)),
@@ -451,7 +433,7 @@ mod tests {
     #[test]
     fn transition_is_the_derivative_of_the_step_to_second_order() {
         let error = |step_s: f64| {
-            let (by_motion, by_body) = model().transition(&state(), &observation(step_s), &Vector3::zeros());
+            let (by_motion, by_body) = model().transition(&state(), &observation(step_s));
             let end = model().propagate(&state(), &observation(step_s)).unwrap();
             (0..22)
                 .map(|j| {

@@ -138,11 +138,6 @@ fn every_method_takes_an_environment_and_wheels() {
         let found = [identify_in(&windy, &settings, &drift), identify(&wheels, &settings)];
         for (found, what) in found.into_iter().zip(["wind", "wheels"]) {
             let found = found.unwrap_or_else(|error| panic!("{method}, {what}: {error}"));
-            if (method, what) == ("flight-likelihood", "wheels") {
-                // It does not take stored momentum, and a regression answers.
-                assert_ne!(found.method, method);
-                continue;
-            }
             assert!(answers_or_says_who_does(&found, method), "{method}, {what}: answered by {}", found.method);
             let estimate = found.estimate.unwrap();
             let error = estimate.parameters.to_vector() - satellite().to_vector();
@@ -155,15 +150,18 @@ fn every_method_takes_an_environment_and_wheels() {
     assert!(unaware.estimate.is_none() || chi_square(&unaware) > 20.0 * BAND.1, "{:?}", unaware.verdict);
 }
 
+/// The torque of the wheels turns by a tenth within a step, and is that of the motion that is estimated, not of a measured rate.
 #[test]
-fn steps_too_coarse_for_a_filter_and_wheels_are_refused_or_answered_by_a_regression() {
-    let coarse = with_wheels(0, 600, STEP_S);
-    for method in ["ekf", "ukf"] {
-        let refused = identify(&coarse, &Settings { method, ..Settings::default() });
-        assert!(matches!(refused, Err(IdentificationError::CoarseSteps { .. })), "{method}: {refused:?}");
+fn wheels_need_no_short_steps() {
+    let coarse = seen_with_noise(with_wheels(0, 600, STEP_S));
+    for method in ["ekf", "ukf", "maximum-likelihood", "flight-likelihood"] {
+        let found = identify(&coarse, &Settings { method, ..Settings::default() }).unwrap();
+        let estimate = found.estimate.unwrap();
+        let error = estimate.parameters.to_vector() - satellite().to_vector();
+        let sigmas = error.component_div(&estimate.covariance.diagonal().map(f64::sqrt)).amax();
+        println!("{method}: {sigmas:.1} sigmas, {:.2} kg", estimate.std.mass_kg);
+        assert!(found.method == method && sigmas < 5.0, "{method} by {}: {sigmas} sigmas", found.method);
     }
-    let settings = Settings { method: "maximum-likelihood", ..Settings::default() };
-    assert_eq!(identify(&coarse, &settings).unwrap().method, "variational4");
 }
 
 #[test]

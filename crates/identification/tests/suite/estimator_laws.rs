@@ -211,6 +211,7 @@ impl Observe<[MotionSample]> for Steps {
             take(&JointObservation {
                 step_s: (pair[1].time_ns - pair[0].time_ns) as f64 * 1e-9,
                 wrench_body: pair[0].wrench_body.unwrap_or(Wrench::zero()),
+                stored_body: Vector3::zeros(),
                 world_from_body: pair[1].world_from_body,
                 rate_body: None,
                 velocity_origin_world: None,

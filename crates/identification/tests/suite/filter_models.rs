@@ -102,6 +102,7 @@ fn joint_samples() -> Vec<(JointState, JointObservation)> {
         let observation = JointObservation {
             step_s: 0.01,
             wrench_body,
+            stored_body: Vector3::zeros(),
             world_from_body: Some(motion.world_from_body),
             rate_body: Some(motion.twist_body.angular),
             velocity_origin_world: Some(motion.world_from_body.rotation * motion.twist_body.linear),

@@ -155,6 +155,7 @@ fn tracked(
             .update_rows(&JointObservation {
                 step_s: 0.016,
                 wrench_body: pair[0].wrench_body.unwrap(),
+                stored_body: Vector3::zeros(),
                 world_from_body: pair[1].world_from_body,
                 rate_body: None,
                 velocity_origin_world: None,

@@ -284,6 +284,8 @@ where
         request: &LocalRequest<'_, M::State, U, P>,
     ) -> Result<(), LawViolation> {
         let LocalSettings { wrench, speed, .. } = &self.case.settings;
+        let left = wrench.without(&request.reserved);
+        let wrench = left.map_err(|error| refusal("what is reserved leaves something", &self.name, &error))?;
         let relative = self.checks.relative_tolerance;
         let law = "inputs are inside the limits";
         for (step, input) in trajectory.inputs.iter().enumerate() {
@@ -500,6 +502,10 @@ where
                 *last = weight;
             }
             refused(&("information", information), &LocalRequest { information, ..request.clone() })?;
+        }
+        for reserved in [f64::NAN, f64::INFINITY, -1.0] {
+            let reserved = [reserved; U];
+            refused(&("reserved", reserved), &LocalRequest { reserved, ..request.clone() })?;
         }
         for (position, radius_m, speed_m_s) in
             [(f64::NAN, 1.0, 1.0), (0.0, f64::NAN, 1.0), (0.0, 1.0, f64::NAN), (0.0, -1.0, 1.0), (0.0, 1.0, -1.0)]

@@ -444,6 +444,21 @@ where
         request: &LocalRequest<'_, M::State, U, P>,
         budget: &mut dyn Budget,
     ) -> Result<LocalAnswer<M::State, U, P>, PlanningError> {
+        let left = self.settings.wrench.without(&request.reserved)?;
+        let all = core::mem::replace(&mut self.settings.wrench, left);
+        let answer = self.plan_within(request, budget);
+        self.settings.wrench = all;
+        answer
+    }
+}
+
+impl<M: InformativeModel<X, U, P>, const X: usize, const U: usize, const P: usize> InformativePlanner<M, X, U, P> {
+    /// The plan within the limits as they are.
+    fn plan_within(
+        &mut self,
+        request: &LocalRequest<'_, M::State, U, P>,
+        budget: &mut dyn Budget,
+    ) -> Result<LocalAnswer<M::State, U, P>, PlanningError> {
         let knowledge = self.model.adopt(request.belief)?;
         self.check(request)?;
         let settings = self.settings.clone();

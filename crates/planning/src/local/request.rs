@@ -3,7 +3,7 @@
 use super::answer::LocalAnswer;
 use crate::belief::ModelBelief;
 use crate::budget::Budget;
-use crate::error::PlanningError;
+use crate::error::{PlanningError, not_negative, positive};
 use nalgebra::{SMatrix, Vector3};
 use tumble_dynamics::WrenchBox;
 
@@ -44,6 +44,25 @@ pub struct WrenchSet<const U: usize> {
     pub limit: [f64; U],
     /// `normal . u <= offset`, in SI units; offsets are positive, so that rest is inside.
     pub half_spaces: Vec<([f64; U], f64)>,
+}
+
+impl<const U: usize> WrenchSet<U> {
+    /// What is left of it on every side where so much of each input is needed besides.
+    ///
+    /// # Errors
+    /// Nothing is left of an input or of a half-space.
+    pub fn without(&self, reserved: &[f64; U]) -> Result<Self, PlanningError> {
+        let what = "what is left of an input limit beside what else acts";
+        let mut left = self.clone();
+        for (limit, reserved) in left.limit.iter_mut().zip(reserved) {
+            *limit = positive(what, *limit - not_negative("what is reserved of an input", *reserved)?)?;
+        }
+        for (normal, offset) in &mut left.half_spaces {
+            let reserved: f64 = normal.iter().zip(reserved).map(|(entry, reserved)| entry.abs() * reserved).sum();
+            *offset = positive(what, *offset - reserved)?;
+        }
+        Ok(left)
+    }
 }
 
 impl From<WrenchBox> for WrenchSet<6> {
@@ -131,6 +150,9 @@ pub struct LocalRequest<'a, S, const U: usize, const P: usize> {
     /// Weight of the predicted variance of each quantity of the model, per its SI unit squared; all zero for a plan that does
     /// not care.
     pub information: [f64; P],
+    /// How much of each input is needed to hold against what else acts, so that inputs keep so far within their limits on both sides;
+    /// SI units, zero where nothing else acts. Inputs of a plan are what moves the body, without that.
+    pub reserved: [f64; U],
     /// What may be hit, and the shape that may hit it.
     pub surroundings: &'a super::Surroundings,
     /// Where to begin.
@@ -173,6 +195,7 @@ pub struct LocalRequest<'a, S, const U: usize, const P: usize> {
 ///     terminal: None,
 ///     belief: &ModelBelief::certain(1, InertialParameters::solid_box(9.5, [0.3; 3])),
 ///     information: [0.0],
+///     reserved: [0.0],
 ///     surroundings: &Surroundings::none(),
 ///     guess: Guess::Excited,
 /// };

@@ -39,6 +39,13 @@ impl BrakeLimits {
         Wrench::new(shortened(wrench_body.torque, self.torque_n_m).0, force)
     }
 
+    /// Shares of force and torque that are left where so much is needed to hold against what else acts: zero to one.
+    pub(super) fn shares_left(&self, held: &Wrench<f64>) -> [f64; 2] {
+        let force = held.force.abs().component_div(&self.force_n).max();
+        let torque = length(&held.torque) / self.torque_n_m;
+        [force, torque].map(|share| f64::max(0.0, 1.0 - share))
+    }
+
     /// A force against the velocity of the centre of mass, so that it stays on its line, with the torque that lets this force turn
     /// nothing; what is left of the torque is against the rate.
     pub(super) fn braking(&self, body: &InertialParameters<f64>, twist_body: &Twist<f64>) -> Braking {

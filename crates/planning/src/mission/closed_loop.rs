@@ -18,9 +18,11 @@ use crate::motion::ArcPath;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::VecDeque;
 use std::sync::Arc;
-use tumble_dynamics::{PoseReference, RigidBodyState};
+use tumble_dynamics::{Environment, PoseReference, RigidBodyState, StoredMomentum, WrenchModel};
 use tumble_identification::Estimate;
-use tumble_identification::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
+use tumble_identification::estimator::{
+    Acted, Doubt, EstimatorError, Finding, InEnvironment, Measurement, StateEstimator,
+};
 use tumble_identification::recursive::{FlightHealth, Reception, grasp_or_release};
 use tumble_lie::{LieGroup, Wrench};
 
@@ -29,6 +31,9 @@ const WAYS: usize = 4;
 
 /// A body so many standard deviations heavier than believed still stops where a stop ends.
 const HEAVIEST_SIGMAS: f64 = 3.0;
+
+/// Share of its deceleration that a stop is planned with at least, however much else acts.
+const LEAST_LEFT: f64 = 0.1;
 
 /// Looks on; every method does nothing unless written.
 ///
@@ -143,12 +148,14 @@ where
     world_revision: u64,
     new_controller: NewController<C>,
     controller: C,
-    estimator: E,
+    estimator: InEnvironment<E>,
     /// What was known of the body at first, as the estimator said it, and as planners are told.
     prior: (Finding, ModelBelief),
     belief: Arc<ModelBelief>,
     next_belief_ns: i64,
     disbelieved: u64,
+    /// Momentum in the wheels as they were in the last period, body axes, N m s.
+    stored_body: Vector3<f64>,
     /// The last motion that is one, and when it was, ns.
     moved: (RigidBodyState<f64>, i64),
     flown: Flown,
@@ -212,6 +219,7 @@ where
             prior: (finding, prior),
             next_belief_ns: start_ns + settings.belief_period_ns,
             disbelieved: 0,
+            stored_body: Vector3::zeros(),
             moved: (start, start_ns),
             flown: Flown::only(MissionMotion::resting(pose, seconds(start_ns)), 0),
             braking_until_s: None,
@@ -229,7 +237,7 @@ where
             last: None,
             was_braking: false,
             health: estimator.health(),
-            estimator,
+            estimator: InEnvironment::new(estimator, settings.environment.clone()),
             is_known: false,
             were_met: false,
             first_way_s: None,
@@ -251,12 +259,12 @@ where
 
     /// The estimator.
     pub fn estimator(&self) -> &E {
-        &self.estimator
+        self.estimator.estimator()
     }
 
     /// The estimator, for those who know better, or make it worse on purpose.
     pub fn estimator_mut(&mut self) -> &mut E {
-        &mut self.estimator
+        self.estimator.estimator_mut()
     }
 
     /// The controller.
@@ -398,6 +406,7 @@ where
 
     fn sense(&mut self, acted: &Acted, measurements: &[Measurement], observer: &mut dyn LoopObserver) {
         self.estimator.acted(acted);
+        self.stored_body = acted.stored_body;
         self.time_ns = acted.until_ns;
         for measurement in measurements {
             observer.begins(Layer::Estimator);
@@ -611,14 +620,32 @@ where
         Ok(())
     }
 
-    /// As hard as the heaviest body that may be can stop, by what is believed now.
+    /// What acts besides the actuators; that of the wheels as if their momentum stayed.
+    fn environment(&self) -> Environment {
+        let environment = self.settings.environment.clone();
+        let momentum_body = self.stored_body;
+        let is_stored = momentum_body != Vector3::zeros();
+        if is_stored { environment.with(StoredMomentum { momentum_body }) } else { environment }
+    }
+
+    /// What acts besides the actuators on the body that is believed; none where nothing does.
+    fn beside(&self, state: &RigidBodyState<f64>) -> Option<Wrench<f64>> {
+        let environment = self.environment();
+        let acting = || environment.wrench_on(self.belief.parameters(), seconds(self.time_ns), state);
+        (!environment.is_empty()).then(acting)
+    }
+
+    /// As hard as the heaviest body that may be can stop, by what is believed now, with what is left of force and torque beside what
+    /// else acts.
     fn stop_limits(&self) -> StopLimits {
         let ([mass_kg, moment], [first_mass_kg, first_moment]) =
             (self.belief.heaviest(HEAVIEST_SIGMAS), self.prior.1.heaviest(HEAVIEST_SIGMAS));
         let StopLimits { acceleration_m_s2, angular_acceleration_rad_s2 } = self.settings.stop;
+        let [force, torque] =
+            self.beside(&self.state()).map_or([1.0; 2], |acting| self.settings.brake.shares_left(&acting));
         StopLimits {
-            acceleration_m_s2: acceleration_m_s2 * first_mass_kg / mass_kg,
-            angular_acceleration_rad_s2: angular_acceleration_rad_s2 * first_moment / moment,
+            acceleration_m_s2: acceleration_m_s2 * first_mass_kg / mass_kg * force.max(LEAST_LEFT),
+            angular_acceleration_rad_s2: angular_acceleration_rad_s2 * first_moment / moment * torque.max(LEAST_LEFT),
         }
     }
 
@@ -668,6 +695,7 @@ where
             scene: Arc::clone(&self.scene),
             world_revision: self.world_revision,
             belief: Arc::clone(&self.belief),
+            environment: self.environment(),
             stop: self.stop_limits(),
             settings: Arc::clone(&self.settings),
         });
@@ -686,7 +714,11 @@ where
                 self.state()
             }
         };
+        let beside = self.beside(&state);
+        let beside = beside.as_ref();
         if let Some(wrench_body) = self.brake(&state)? {
+            let held = |acting: &Wrench<f64>| self.settings.brake.within(&(wrench_body - *acting));
+            let wrench_body = beside.map_or(wrench_body, held);
             // the belief it names is that of the controller, which takes over again
             let unnamed = ControlCommand { wrench_body, model_revision: 0, fallback: None, mass: None };
             let command = ControlCommand { wrench_body, fallback: None, ..self.last.unwrap_or(unnamed) };
@@ -698,6 +730,9 @@ where
         let plan = Plan { trajectory, model_revision: self.flown.model_revision };
         let request = ControlRequest { time_s: seconds(self.time_ns), state: &state, plan: &plan };
         let mut command = self.controller.command(&request)?;
+        if let Some(acting) = beside {
+            command.wrench_body = self.settings.brake.within(&(command.wrench_body - *acting));
+        }
         if let Some(asked) = self.estimator.compensated(&command.wrench_body) {
             command.wrench_body = self.settings.brake.within(&asked);
         }

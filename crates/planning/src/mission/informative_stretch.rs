@@ -1,5 +1,6 @@
 //! Stretches by the informative planner.
 
+use super::beside::most_beside;
 use super::expected_loss::ExpectedLoss;
 use super::foreseen::{foreseen, information_between};
 use super::stretch::{StretchAnswer, StretchOutcome, StretchPlanner, StretchRefusal, StretchTask};
@@ -14,8 +15,9 @@ use crate::local::{
     LocalRequest, LocalStatus, LocalTrajectory, Reference, TerminalRegion, WeightingContext, WrenchSet,
 };
 use core::f64::consts::TAU;
-use nalgebra::{SMatrix, Vector3};
-use tumble_lie::LieGroup;
+use nalgebra::{SMatrix, Vector3, Vector6};
+use tumble_dynamics::{FreeFlyer, RigidBodyState};
+use tumble_lie::{LieGroup, Twist, Wrench};
 
 /// Plans stretches along a way, for any model, weighting and local planner `L`; the informative one unless
 /// [another](Self::planned_by) is given.
@@ -158,6 +160,30 @@ where
         }
         let context = WeightingContext::try_new(covariance, initial, task.elapsed_s.max(0.0), duration_s)?;
         self.weighting.weights(&context)
+    }
+
+    /// How much of each input it takes at most to hold against what else acts along the stretch of the way.
+    fn reserved(&self, task: &StretchTask<'_>) -> [f64; U] {
+        if task.environment.is_empty() {
+            return [0.0; U];
+        }
+        let flyer = FreeFlyer::new(*task.belief.parameters());
+        let by_acceleration = input_by_acceleration(&self.model.acceleration_by_input());
+        let on_way = (0..=self.steps).filter_map(|node| {
+            let time_s = task.start_s + self.step_s * node as f64;
+            motion_on(task.way, time_s - task.way_start_s).map(|(motion, ..)| (time_s, RigidBodyState::from(&motion)))
+        });
+        let most = most_beside(task.environment, flyer.parameters(), on_way.chain([(task.start_s, task.start)]));
+        by_acceleration.map(|row| {
+            let pushed = |axis| Wrench::from(Vector6::ith(axis, most.to_vector()[axis]));
+            let needed = (0..6).map(|axis| {
+                let change = flyer.forward(&Twist::zero(), &pushed(axis));
+                let (linear, angular) = (change.acceleration_origin_body, change.angular_acceleration_body);
+                let wanted = linear.iter().chain(angular.iter());
+                row.iter().zip(wanted).map(|(entry, wanted)| entry * wanted).sum::<f64>().abs()
+            });
+            needed.sum()
+        })
     }
 
     /// Inputs to begin with, and whether most are of the last plan: its own as far as it goes, then those that follow the way,
@@ -317,6 +343,7 @@ where
             radius_m: self.arrival.radius_m,
             speed_m_s: self.arrival.speed_m_s,
         };
+        let reserved = self.reserved(task);
         let (inputs, is_near) = self.inputs(task, weights.iter().any(|weight| *weight > 0.0));
         let begun = if is_near { Guess::Near(&inputs) } else { Guess::Inputs(&inputs) };
         self.iterations = 0;
@@ -331,6 +358,7 @@ where
                 terminal,
                 belief: &learnable,
                 information: weights,
+                reserved,
                 surroundings: task.surroundings,
                 guess,
             };

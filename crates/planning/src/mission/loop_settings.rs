@@ -7,7 +7,7 @@ use crate::collision::{BodyShape, EllipsoidWorld};
 use crate::error::PlanningError;
 use crate::global::{GoalRegion, MotionLimits, Objective};
 use crate::local::{Hull, Surroundings};
-use tumble_dynamics::World;
+use tumble_dynamics::{Environment, World};
 use tumble_identification::recursive::LearningTargets;
 
 /// What is around the robot, as far as it knows.
@@ -80,6 +80,9 @@ pub struct LoopSettings<B> {
     pub stop: StopLimits,
     /// What the brake may use where such a stop would hit something.
     pub brake: BrakeLimits,
+    /// What acts on the body besides its actuators: told here once, estimator, planners, controller and stops reckon with it. The
+    /// time of the models is the mission's.
+    pub environment: Environment,
     /// Budget of a way from rest, and of one after a search in vain.
     pub way_units: u64,
     /// Budget of a new way in flight.
@@ -115,6 +118,7 @@ impl<B> LoopSettings<B> {
             check_margin_m: 0.027,
             stop,
             brake,
+            environment: Environment::default(),
             way_units: 20_000,
             new_way_units: 1_200,
             stretch_units: 25_600,

@@ -10,7 +10,7 @@ use crate::error::PlanningError;
 use crate::global::GlobalAnswer;
 use crate::motion::ArcPath;
 use std::sync::Arc;
-use tumble_dynamics::{AlignedBox, RigidBodyState};
+use tumble_dynamics::{AlignedBox, Environment, RigidBodyState};
 
 /// Speed below which a plan starts at rest, m/s.
 const REST_M_S: f64 = 1e-6;
@@ -52,6 +52,8 @@ where
     pub world_revision: u64,
     /// What the body is taken for.
     pub belief: Arc<ModelBelief>,
+    /// What acts besides the actuators: that of the settings, and the torque of the momentum that was stored when it was asked.
+    pub environment: Environment,
     /// How the stop after a stretch brakes.
     pub stop: StopLimits,
     /// Goal, limits, margins, budgets.

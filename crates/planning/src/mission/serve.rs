@@ -1,5 +1,6 @@
 //! Answers to what a loop asks to be planned, wherever this is done.
 
+use super::beside::{as_fast_as_may_be, most_beside};
 use super::event::{Ambition, FoundStretch};
 use super::loop_settings::LoopSettings;
 use super::motion::MissionMotion;
@@ -12,6 +13,7 @@ use crate::error::PlanningError;
 use crate::global::{GlobalAnswer, GlobalPlanner, GlobalRequest, MotionLimits, Obstruction, Status, Until};
 use crate::motion::{ArcPath, BodyArc, TranslationState};
 use nalgebra::Vector3;
+use tumble_dynamics::RigidBodyState;
 use tumble_lie::Pose;
 
 /// A way to the goal ends no farther from its region than this, m.
@@ -101,6 +103,11 @@ where
     let mut limits = MotionLimits { position: asked.position_limits(), ..settings.limits };
     let velocity = pose.rotation * start.twist_body.linear;
     limits.speed_m_s = limits.speed_m_s.sup(&velocity.abs());
+    if !asked.environment.is_empty() {
+        let [force, torque] = shares_left(asked);
+        limits.force_n *= force;
+        limits.torque_n_m *= torque;
+    }
     let mut plan = |margin_m: f64, known: Option<&ArcPath>, units: u64| {
         let request = GlobalRequest {
             world: &scene.world,
@@ -144,6 +151,25 @@ where
     Ok(GlobalAnswer { units: answer.units + nearer.units, ..nearer })
 }
 
+/// Shares of force and torque that what else acts leaves to a way: at its start and at its goal, as it moves there, at rest, and as
+/// fast as may be.
+fn shares_left<W>(asked: &PlanRequest<W>) -> [f64; 2]
+where
+    W: CollisionWorld,
+    W::Body: Sized,
+{
+    let PlanRequest { settings, start, belief, .. } = asked;
+    let rotation = settings.goal.attitude.unwrap_or(start.world_from_body.rotation);
+    let goal = Pose::from_parts(settings.goal.position.into(), rotation);
+    let start_s = seconds(asked.start_ns);
+    let MotionLimits { speed_m_s, rate_rad_s, .. } = &settings.limits;
+    let at_rest = [start.world_from_body, goal]
+        .map(|world_from_body| RigidBodyState { world_from_body, ..RigidBodyState::at_rest() });
+    let fast = at_rest.into_iter().flat_map(|state| as_fast_as_may_be(state, speed_m_s, *rate_rad_s));
+    let states = std::iter::once(*start).chain(fast).map(|state| (start_s, state));
+    settings.brake.shares_left(&most_beside(&asked.environment, belief.parameters(), states))
+}
+
 /// Why there is no way and never will be one in this world, whatever the start: what is said of a start or of a limit, another
 /// start may be free of.
 pub(super) fn proof(answer: &GlobalAnswer) -> Option<&Obstruction> {
@@ -176,6 +202,7 @@ where
             way_start_s,
             belief,
             surroundings: &scene.surroundings,
+            environment: &asked.environment,
             is_informative: *ambition == Ambition::Informative,
             elapsed_s: *elapsed_s,
         };

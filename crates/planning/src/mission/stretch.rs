@@ -7,7 +7,7 @@ use crate::collision::Blocker;
 use crate::error::PlanningError;
 use crate::local::{LocalStatus, Surroundings};
 use crate::motion::ArcPath;
-use tumble_dynamics::RigidBodyState;
+use tumble_dynamics::{Environment, RigidBodyState};
 
 /// A stretch to plan.
 pub struct StretchTask<'a> {
@@ -25,6 +25,8 @@ pub struct StretchTask<'a> {
     pub belief: &'a ModelBelief,
     /// What may be hit.
     pub surroundings: &'a Surroundings,
+    /// What acts besides the actuators.
+    pub environment: &'a Environment,
     /// Whether information has any weight: not where only arriving counts.
     pub is_informative: bool,
     /// Mission time since the first way, s, for weights that follow a schedule.

@@ -5,11 +5,11 @@
 #![allow(clippy::unwrap_used)]
 
 use crate::control_cases::{body, case, cases, held, limits, small};
-use tumble_planning::control::{Adoption, ControlCommand, ControlRequest, Controller, InEnvironment};
+use tumble_planning::control::{Adoption, ControlCommand, ControlRequest, Controller};
 use tumble_planning::dynamics::{
-    Actuation, ConstantWorldWrench, Environment, FreeFlyer, InertialParameters, PoseTracker, WrenchBox,
+    Actuation, ConstantWorldWrench, FreeFlyer, InertialParameters, PoseTracker, WrenchBox,
 };
-use tumble_planning::laws::{ControllerPromise, TrackingError, check_controller, fly_controller, other_worlds};
+use tumble_planning::laws::{ControllerPromise, TrackingError, check_controller, other_worlds};
 use tumble_planning::lie::{Pose, Wrench};
 use tumble_planning::nalgebra::Vector3;
 use tumble_planning::{ModelBelief, PlanningError};
@@ -111,26 +111,4 @@ fn it_keeps_the_laws() {
 
     // and the flights that the controllers of this crate fly
     cases(1.0, &mut |cases| check_controller(&new, cases, &promise).unwrap());
-}
-
-#[test]
-fn told_of_a_steady_push_it_needs_no_integral() {
-    let hold = held(Pose::translation(0.4, 0.1, -0.3));
-    let wrench_world = Wrench::new(Vector3::zeros(), Vector3::new(0.008, -0.006, 0.005));
-    let steady = ConstantWorldWrench { wrench_world };
-    let mut pushed = case("a steady push", &hold);
-    (pushed.disturbance, pushed.outputs) = (&steady, 800);
-    let farthest_m = |controller: &mut dyn Controller| {
-        let mut farthest_m = 0.0_f64;
-        fly_controller(controller, &pushed, &mut |_, step| {
-            farthest_m = farthest_m.max(step.error.position_m);
-            Ok(())
-        })
-        .unwrap();
-        farthest_m
-    };
-    let unaware = || IntegralController { integral_gain: 0.0, ..IntegralController::new(body(), limits()) };
-    let mut told = InEnvironment::new(unaware(), Environment::default().with(steady));
-    assert!(farthest_m(&mut told) < 1e-9);
-    assert!(farthest_m(&mut unaware()) > 5e-4);
 }

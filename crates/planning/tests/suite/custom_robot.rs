@@ -11,8 +11,8 @@ use tumble_planning::control::{
     TubeController, TubeSettings,
 };
 use tumble_planning::dynamics::{
-    AlignedBox, FreeFlyer, InertialParameters, MuntheKaas4, ObstacleEllipsoid, Plant, RigidBodyState, SimulatedBody,
-    World, WrenchBox,
+    AlignedBox, Environment, FreeFlyer, FreeFlyerIn, InertialParameters, MuntheKaas4, ObstacleEllipsoid, Plant,
+    RigidBodyState, SimulatedBody, StoredMomentum, World, WrenchBox,
 };
 use tumble_planning::global::{FlightPlanner, GoalRegion};
 use tumble_planning::identification::estimator::{Acted, Measurement, StateEstimator};
@@ -101,6 +101,16 @@ fn tug<C: Controller, E: StateEstimator>(
     estimator: E,
     room: &World,
 ) -> Tug<C, E> {
+    tug_told(Environment::default(), new_controller, estimator, room)
+}
+
+/// The same, told what acts on it besides its jets.
+fn tug_told<C: Controller, E: StateEstimator>(
+    environment: Environment,
+    new_controller: impl FnMut(&ModelBelief) -> Result<C, PlanningError> + Send + 'static,
+    estimator: E,
+    room: &World,
+) -> Tug<C, E> {
     let shape = BodyShape::sphere(RADIUS_M).unwrap();
     let origin = AlignedBox::between(Vector3::new(-1.15, -0.65, -0.25), Vector3::new(1.15, 0.65, 0.25));
     let stretches = StretchSettings::of_poses(NOISE_RAD, NOISE_M, PERIOD_S);
@@ -109,7 +119,8 @@ fn tug<C: Controller, E: StateEstimator>(
     let heavy = InertialParameters::solid_box(2.0 * belief().parameters().mass, [0.4; 3]);
     let stop = StopLimits::for_body(&heavy, PLANNED_N, PLANNED_N_M);
     let brake = BrakeLimits { force_n: Vector3::repeat(FORCE_N), torque_n_m: TORQUE_N_M };
-    let settings = LoopSettings { decision_periods: 5, ..LoopSettings::new(shape.clone(), goal, limits, stop, brake) };
+    let usual = LoopSettings::new(shape.clone(), goal, limits, stop, brake);
+    let settings = LoopSettings { decision_periods: 5, environment, ..usual };
     let scene = Scene::of_world(room, &shape).unwrap();
     ClosedLoop::try_new(settings, scene, new_controller, estimator, 0).unwrap()
 }
@@ -125,8 +136,21 @@ fn fly<C: Controller, E: StateEstimator>(
     office: &mut impl Office<EllipsoidWorld>,
     observer: &mut impl LoopObserver,
 ) -> bool {
+    fly_among(&Environment::default(), Vector3::zeros(), flying, office, observer)
+}
+
+/// The same where more acts, and where a wheel that is never driven stores so much momentum, N m s.
+fn fly_among<C: Controller, E: StateEstimator>(
+    environment: &Environment,
+    stored_body: Vector3<f64>,
+    flying: &mut Tug<C, E>,
+    office: &mut impl Office<EllipsoidWorld>,
+    observer: &mut impl LoopObserver,
+) -> bool {
+    let environment = environment.clone().with(StoredMomentum { momentum_body: stored_body });
+    let body = FreeFlyerIn { body: FreeFlyer::new(truth()), environment };
     let limits = WrenchBox::in_every_axis(TORQUE_N_M, FORCE_N);
-    let mut plant = SimulatedBody::try_new(FreeFlyer::new(truth()), MuntheKaas4, limits, start(), PERIOD_S).unwrap();
+    let mut plant = SimulatedBody::try_new(body, MuntheKaas4, limits, start(), PERIOD_S).unwrap();
     let (world, shape) = (EllipsoidWorld::new(&room()).unwrap(), BodyShape::sphere(RADIUS_M).unwrap());
     let mut random = ChaCha8Rng::seed_from_u64(1);
     // the sum of twelve evenly distributed numbers is nearly normal
@@ -141,7 +165,7 @@ fn fly<C: Controller, E: StateEstimator>(
         );
         let measured = Measurement::of_pose(until_ns, &world_from_body, NOISE_RAD, NOISE_M);
         let arrived = std::mem::replace(&mut on_its_way, vec![measured]);
-        let acted = Acted { from_ns, until_ns, wrench_body, stored_body: Vector3::zeros() };
+        let acted = Acted { from_ns, until_ns, wrench_body, stored_body };
         let wrench = flying.step_with(office, &acted, &arrived, observer).unwrap().wrench_body;
         assert!(wrench.force.amax() <= FORCE_N + 1e-9 && wrench.torque.amax() <= TORQUE_N_M + 1e-9, "{wrench:?}");
         wrench_body = plant.advance(&wrench, PERIOD_S).unwrap().realized_wrench_body;
@@ -172,6 +196,8 @@ fn another_controller_flies_it_too() {
     assert!(fly(&mut tug(new, estimator(), &room()), &mut simulated(planners()), &mut NoObserver));
 }
 
+#[path = "custom_robot/among.rs"]
+mod among;
 #[path = "custom_robot/new_ways.rs"]
 mod new_ways;
 #[path = "custom_robot/own_layers.rs"]

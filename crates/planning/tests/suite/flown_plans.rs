@@ -70,6 +70,7 @@ fn what_is_flown_keeps_off_too() {
             terminal: None,
             belief: &belief,
             information: [1.0, 3000.0, 3000.0, 3000.0],
+            reserved: [0.0; 6],
             surroundings: &surroundings,
             guess: Guess::Excited,
         };

@@ -108,6 +108,7 @@ fn both_classes_of_the_frozen_problem_are_found() {
                     terminal: None,
                     belief: &belief,
                     information: [1.0, 1000.0, 1000.0, 1000.0],
+                    reserved: [0.0; 6],
                     surroundings: &surroundings,
                     guess: Guess::Inputs(&inputs),
                 };

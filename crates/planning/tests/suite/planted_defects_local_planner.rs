@@ -68,6 +68,7 @@ fn case<'a>(start: &'a Slide, goal: &'a Slide, belief: &'a ModelBelief, surround
             terminal: None,
             belief,
             information: [10.0],
+            reserved: [0.0],
             surroundings,
             guess: Guess::Excited,
         },
@@ -86,6 +87,7 @@ fn judged<L: LocalPlanner<1, 1, State = Slide>>(
     let plain = case(&start, &goal, &belief, &surroundings);
     let mut ending = plain.clone();
     ending.request.terminal = Some(region(0.2));
+    ending.request.reserved = [0.05];
     let mut lost = plain.clone();
     lost.request.terminal = Some(region(1.3));
     lost.expectation = LocalExpectation::Unsolvable;
@@ -119,6 +121,7 @@ enum Fault {
     StartsElsewhere,
     HeavierBody,
     TooStrong,
+    TakesAll,
     NoHalfSpaces,
     TooFast,
     EndsElsewhere,
@@ -204,6 +207,7 @@ impl LocalPlanner<1, 1> for Faulty {
             Fault::EndsElsewhere if request.terminal == Some(region(0.2)) => {
                 changed.terminal = Some(TerminalRegion { radius_m: 0.35, ..region(0.2) });
             }
+            Fault::TakesAll if request.reserved[0].is_normal() => changed.reserved = [0.0],
             Fault::Blind => changed.surroundings = &nothing,
             Fault::HeavierBody => {
                 other.estimate.parameters.mass *= 1.01;
@@ -276,6 +280,7 @@ fn every_fault_is_caught_by_its_law() {
         (Fault::StartsElsewhere, "the plan starts at the start"),
         (Fault::HeavierBody, "states follow from the inputs"),
         (Fault::TooStrong, "inputs are inside the limits"),
+        (Fault::TakesAll, "inputs are inside the limits"),
         (Fault::NoHalfSpaces, "inputs are inside the limits"),
         (Fault::TooFast, "speeds are inside the limits"),
         (Fault::EndsElsewhere, "the plan ends in its region"),

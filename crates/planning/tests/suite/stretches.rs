@@ -4,6 +4,7 @@ mod flight;
 
 use flight::{FORCE_N, Flown, Scene, TORQUE_N_M, at_rest, belief, fly, learned, room, slalom, surroundings, way};
 use nalgebra::{SMatrix, Vector3};
+use tumble_planning::dynamics::Environment;
 use tumble_planning::local::{
     CovarianceWeighting, FixedWeighting, InformationWeighting, PlanarBodyModel, RigidBodyModel, WrenchSet,
 };
@@ -134,6 +135,7 @@ fn information_is_sought_only_while_there_is_a_way() {
             way: &way,
             way_start_s: 10.0,
             belief: &believed,
+            environment: &Environment::default(),
             surroundings: &around,
             is_informative: true,
             elapsed_s: 0.0,
@@ -157,6 +159,7 @@ fn a_plan_that_goes_on_is_begun_from_the_last_one() {
         way: &way,
         way_start_s: 0.0,
         belief: &believed,
+        environment: &Environment::default(),
         surroundings: &around,
         is_informative: true,
         elapsed_s: 0.0,
@@ -208,6 +211,7 @@ fn beliefs_that_are_none_are_answers_or_errors() {
             way: &way,
             way_start_s: 0.0,
             belief,
+            environment: &Environment::default(),
             surroundings: &around,
             is_informative: true,
             elapsed_s: 0.0,

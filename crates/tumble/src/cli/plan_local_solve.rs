@@ -303,6 +303,7 @@ where
         terminal,
         belief: &local.belief,
         information: weights,
+        reserved: [0.0; U],
         surroundings: &surroundings,
         guess: Guess::Excited,
     };

@@ -5,6 +5,7 @@ mod added_layers;
 mod allocate_command;
 mod arms;
 mod bad_inputs;
+mod beside_the_wrench;
 mod campaign_command;
 mod check_command;
 mod commanded_nozzles;

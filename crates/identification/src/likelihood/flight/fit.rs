@@ -208,6 +208,8 @@ impl<'a> Fit<'a> {
             for (torque, force) in grid.torque.iter_mut().zip(&mut grid.force) {
                 (torque.x, torque.y, force.z) = (0.0, 0.0, 0.0);
             }
+            // Who turns about one axis turns nothing along it that the table does not hold.
+            grid.stored.fill(Vector3::zeros());
         }
         // What a table takes up is no thrust of a thruster either.
         let (mut terms, width) = thrusters.map_or((Vec::new(), 0), |t| (t.terms.clone(), t.width));

@@ -2,6 +2,7 @@
 
 use super::Thrusters;
 use crate::WrenchTiming;
+use crate::beside::stored_momenta;
 use crate::error::{Column, IdentificationError};
 use crate::lie::{LieGroup, Pose, Wrench};
 use crate::motion::{MotionSample, filled_poses};
@@ -52,6 +53,8 @@ pub(super) struct Grid {
     /// Wrench over the step that begins at a row: torque about the origin, force, body axes.
     pub(super) torque: Vec<Vector3<f64>>,
     pub(super) force: Vec<Vector3<f64>>,
+    /// Momentum of wheels in the middle of that step, body axes.
+    pub(super) stored: Vec<Vector3<f64>>,
     /// Amounts of the thrusters' terms over that step, row by row.
     pub(super) amounts: Vec<f64>,
     /// The row of the record that each is made of.
@@ -63,7 +66,8 @@ pub(super) struct Grid {
 }
 
 fn is_finite(sample: &MotionSample) -> bool {
-    let vectors = [sample.velocity_origin_world, sample.rate_body, sample.acceleration_origin_body];
+    let vectors =
+        [sample.velocity_origin_world, sample.rate_body, sample.acceleration_origin_body, sample.stored_momentum_body];
     let wrenches = [sample.wrench_body, sample.besides_body];
     vectors.iter().flatten().all(|v| v.iter().all(|x| x.is_finite()))
         && wrenches.iter().flatten().all(|w| w.to_vector().iter().all(|x| x.is_finite()))
@@ -89,9 +93,7 @@ impl Grid {
         if record.iter().all(|sample| sample.wrench_body.is_none()) {
             return Err(IdentificationError::MissingColumn(Column::Wrench));
         }
-        if record.iter().any(|sample| sample.stored_momentum_body.is_some()) {
-            return Err(IdentificationError::WrenchBeside);
-        }
+        let momenta = stored_momenta(record)?.unwrap_or_else(|| vec![Vector3::zeros(); samples]);
         if let Some(index) = record.windows(2).position(|pair| pair[1].time_ns <= pair[0].time_ns) {
             return Err(IdentificationError::TimesNotIncreasing { index: index + 1 });
         }
@@ -108,6 +110,7 @@ impl Grid {
             valid: Vec::with_capacity(samples),
             torque: Vec::with_capacity(samples),
             force: Vec::with_capacity(samples),
+            stored: Vec::with_capacity(samples),
             amounts: Vec::new(),
             source: Vec::with_capacity(samples),
             guess: Vec::with_capacity(samples),
@@ -132,6 +135,7 @@ impl Grid {
                 rate_beside: rate,
                 upward_beside: attitude.inverse_transform_vector(&Vector3::z()),
             };
+            let [stored, stored_then] = [i, (i + 1).min(samples - 1)].map(|at| momenta[at]);
             let posed = sample.world_from_body.is_some();
             let valid = [
                 posed,
@@ -150,6 +154,7 @@ impl Grid {
                 grid.valid.push(if part == 0 { valid } else { [false; STREAMS] });
                 grid.torque.push(torque);
                 grid.force.push(force);
+                grid.stored.push(stored.lerp(&stored_then, (part as f64 + 0.5) / parts as f64));
                 grid.source.push(i);
                 grid.guess.push(pose);
             }
@@ -170,6 +175,7 @@ impl Grid {
             let factor = mass_kg / (mass_kg - spent_kg.min(0.5 * mass_kg));
             self.torque[k] *= factor;
             self.force[k] *= factor;
+            self.stored[k] *= factor;
             for amount in self.amounts.iter_mut().skip(k * thrusters.width).take(thrusters.width) {
                 *amount *= factor;
             }

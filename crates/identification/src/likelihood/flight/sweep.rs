@@ -136,6 +136,7 @@ impl Sweep {
         for k in first..(first + read.samples).min(read.grid.len()) {
             let h = read.grid.steps[k];
             let mut input = Input {
+                stored: read.grid.stored[k],
                 torque: read.grid.torque[k] + Vector3::new(error[0], error[1], error[2]),
                 force: read.grid.force[k] + Vector3::new(error[3], error[4], error[5]),
                 ..Input::default()

@@ -43,6 +43,8 @@ struct World {
     thrusters: Option<([[f64; 6]; 12], [f64; 12])>,
     /// One of them that also gives this whatever it is told, N.
     open: Option<(usize, f64)>,
+    /// Momentum of wheels at the start, N m s; half of the torque is theirs.
+    wheels: Option<Vector3<f64>>,
 }
 
 fn low_pass() -> LinearFilter {
@@ -70,6 +72,7 @@ impl World {
             cargo: None,
             thrusters: None,
             open: None,
+            wheels: None,
         }
     }
 
@@ -156,6 +159,8 @@ impl World {
         let (mut states, mut rates, mut forces, mut wrenches) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let rows = self.rows(steps, &mut dice);
         let (mut input, mut told) = (Input::default(), Input::default());
+        let mut stored = self.wheels;
+        let mut wheels = Vec::new();
         let mut centers = Vec::new();
         for k in 0..steps {
             if let Some((_, cargo)) = self.cargo.filter(|(taken_s, _)| k == crate::likelihood::whole(taken_s / FINE_S))
@@ -184,6 +189,12 @@ impl World {
                         |i: usize| self.open.filter(|(open, _)| *open == i).map_or(0.0, |(_, thrust)| thrust);
                     input = sum(&|i| thrusts[i] * scales[i] + constant(i));
                 }
+            }
+            wheels.push(stored);
+            if let Some(stored) = &mut stored {
+                let taken = input.torque * (-0.5 * FINE_S);
+                input.stored = *stored + taken * 0.5;
+                *stored += taken;
             }
             let step = body.step(&state, &input, &Vector3::zeros(), FINE_S);
             let arm = lever - body.center;
@@ -228,6 +239,7 @@ impl World {
                 rate_body: Some(rate),
                 acceleration_origin_body: Some(forces[old] - removed + biases[1]),
                 wrench_body: Some(Wrench::new(input.torque, input.force)),
+                stored_momentum_body: wheels[k],
                 ..MotionSample::default()
             });
             for (slow, sigma) in slow.iter_mut().zip(self.wander) {
@@ -281,6 +293,26 @@ fn exact_logs_give_the_exact_body() {
     assert!(apart[0].abs() < 1e-6 && apart.rows(1, 3).amax() < 1e-7, "{apart}");
     assert!(apart.rows(4, 6).amax() < 1e-5 * 0.15, "{apart}");
     assert!(found.is_determined() && !found.planar && found.explained > 0.999_999);
+}
+
+/// So much that its torque is twice that of the wrench, where the body turns.
+#[test]
+fn what_wheels_hold_turns_the_body_along() {
+    let wheels = Some(Vector3::new(0.04, -0.03, 0.05));
+    let world = World { wheels, ..World::exact() };
+    let apart = world.told().estimate(&world.log(1)).unwrap().error(&world.body());
+    println!("ln m {:.1e}, c {:.1e} m, J {:.1e}", apart[0], apart.rows(1, 3).amax(), apart.rows(4, 6).amax());
+    assert!(apart[0].abs() < 1e-6 && apart.rows(1, 3).amax() < 1e-6, "{apart}");
+    assert!(apart.rows(4, 6).amax() < 1e-5 * 0.15, "{apart}");
+    let world = World { wheels, ..World::usual() };
+    let (nees, covered) = study(&world, &world.told(), 1..13);
+    println!("squared error {nees:.2}, covered {covered:.3}");
+    assert!((0.6..1.4).contains(&nees) && covered > 0.88, "{nees} {covered}");
+    // untold it says so by errors of the wrench that are as large as the torque of the wheels
+    let untold: Vec<_> = world.log(1).iter().map(|row| MotionSample { stored_momentum_body: None, ..*row }).collect();
+    let [told, untold] = [&world.log(1), &untold].map(|log| world.told().estimate(log).unwrap().levels.wrench[0]);
+    println!("errors of the torque {told:.1e}, untold {untold:.1e} N m");
+    assert!(untold > 30.0 * told, "{told} {untold}");
 }
 
 #[test]
@@ -650,7 +682,8 @@ fn records_and_sensors_that_cannot_be_are_refused() {
         changed(|log| log.iter_mut().for_each(|s| (s.world_from_body, s.rate_body) = (None, None))),
         Err(IdentificationError::MissingColumn(Column::Attitude))
     );
-    assert_eq!(changed(|log| log[3].stored_momentum_body = Some(Vector3::x())), Err(IdentificationError::WrenchBeside));
+    let missing = Err(IdentificationError::MissingColumn(Column::StoredMomentum));
+    assert_eq!(changed(|log| log[3].stored_momentum_body = Some(Vector3::x())), missing);
     let impossible =
         |told: FlightLikelihood| matches!(told.estimate(&log), Err(IdentificationError::ImpossibleSensing { .. }));
     assert!(impossible(FlightLikelihood { segment_s: 0.0, ..told.clone() }));

@@ -97,6 +97,8 @@ struct Filtered {
     amounts: Vec<f64>,
     /// Products of the components of the rate, in the order of `ENTRIES`.
     turning: Vec<[f64; 6]>,
+    /// Torque that it takes to turn the wheels' momentum along, `w x s`; nothing without wheels.
+    along: Vec<Vector3<f64>>,
 }
 
 impl Filtered {
@@ -106,7 +108,14 @@ impl Filtered {
             force: vec![Vector3::zeros(); rows],
             amounts: vec![0.0; rows * width],
             turning: vec![[0.0; 6]; rows],
+            along: Vec::new(),
         }
+    }
+
+    /// What turning costs of the torque.
+    fn gyroscopic(&self, k: usize, inertia: &Matrix3<f64>) -> Vector3<f64> {
+        let of_body = gyroscopic(&self.turning(k), inertia);
+        self.along.get(k).map_or(of_body, |along| of_body + along)
     }
 
     fn turning(&self, k: usize) -> Matrix3<f64> {
@@ -124,6 +133,8 @@ pub(super) struct Unit {
     width: usize,
     gyro: Option<Clock>,
     accelerometer: Option<Clock>,
+    /// Momentum of wheels over the steps of the rows; nothing without wheels.
+    stored: Vec<Vector3<f64>>,
     owed: Filtered,
     passed: Filtered,
 }
@@ -190,11 +201,19 @@ impl Unit {
             passed.force.clone_from(&grid.force);
             passed.amounts.clone_from(&grid.amounts);
         }
-        Self { layout, lever, terms: terms.to_vec(), width, gyro, accelerometer, owed, passed }
+        let has_wheels = grid.stored.iter().any(|stored| *stored != Vector3::zeros());
+        let stored = if has_wheels { grid.stored.clone() } else { Vec::new() };
+        if has_wheels {
+            (owed.along, passed.along) = (vec![Vector3::zeros(); rows], vec![Vector3::zeros(); rows]);
+        }
+        Self { layout, lever, terms: terms.to_vec(), width, gyro, accelerometer, stored, owed, passed }
     }
 
     /// Takes the turning of the present trajectory, rate by rate at the rows.
     pub(super) fn take_rates(&mut self, rates: &[Vector3<f64>]) {
+        if !self.stored.is_empty() {
+            self.take_wheels(rates);
+        }
         let last = rates.len().saturating_sub(1);
         let products = |clock: &Clock, a: usize, b: usize| -> Vec<f64> {
             let product = |&(k, along): &(usize, f64)| {
@@ -219,6 +238,30 @@ impl Unit {
         }
     }
 
+    /// The same of `w x s`.
+    fn take_wheels(&mut self, rates: &[Vector3<f64>]) {
+        let last = rates.len().saturating_sub(1);
+        let stored = &self.stored;
+        let series = |clock: &Clock, axis: usize| -> Vec<f64> {
+            let torque = |&(k, along): &(usize, f64)| rates[k].lerp(&rates[(k + 1).min(last)], along).cross(&stored[k]);
+            clock.row.iter().map(|place| torque(place)[axis]).collect()
+        };
+        for axis in 0..3 {
+            if let Some(clock) = &self.gyro {
+                let along = &mut self.owed.along;
+                clock.owed(&series(clock, axis), |k, x| along[k][axis] = x);
+            }
+            let along = &mut self.passed.along;
+            if let Some(clock) = &self.accelerometer {
+                clock.filtered(&series(clock, axis), |k, x| along[k][axis] = x);
+            } else {
+                for (k, out) in along.iter_mut().enumerate() {
+                    out[axis] = rates[k].cross(&stored[k])[axis];
+                }
+            }
+        }
+    }
+
     pub(super) fn has_gyro_filter(&self) -> bool {
         self.gyro.is_some()
     }
@@ -238,7 +281,7 @@ impl Unit {
         let (torque, force) = self.with_scales(&self.owed, k, eta);
         let turning = self.owed.turning(k);
         let inverse = &body.inverse;
-        let alpha = inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
+        let alpha = inverse * (torque - body.center.cross(&force) - self.owed.gyroscopic(k, &body.inertia));
         let mut by_body = SMatrix::<f64, 3, 10>::zeros();
         by_body.fixed_view_mut::<3, 3>(0, CENTER).copy_from(&-(inverse * skew(&force)));
         let by_j = inverse * (gyroscopic_by_inertia(&turning) + by_inertia(&alpha));
@@ -263,7 +306,7 @@ impl Unit {
         let (torque, force) = self.with_scales(&self.passed, k, eta);
         let turning = self.passed.turning(k);
         let inverse = &body.inverse;
-        let alpha = inverse * (torque - body.center.cross(&force) - gyroscopic(&turning, &body.inertia));
+        let alpha = inverse * (torque - body.center.cross(&force) - self.passed.gyroscopic(k, &body.inertia));
         let [lever, taken_out] = [self.layout.lever(), self.layout.lever_taken_out()]
             .map(|from| self.lever + Vector3::new(eta[from], eta[from + 1], eta[from + 2]));
         let arm = lever - body.center;

@@ -8,6 +8,7 @@ use crate::error::IdentificationError;
 use crate::estimator::{Gauss, Measurement};
 use crate::lie::{LieGroup, Manifold, Twist, Wrench};
 use crate::recursive::belief::Rows;
+use crate::recursive::extended_kalman::FilterModel;
 use crate::recursive::joint_motion::{JointMotion, JointObservation, JointState, felt};
 use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
@@ -246,8 +247,8 @@ impl FlightMotion {
         if self.planar {
             joint.body = Self::in_plane(&joint.body).0;
         }
-        let observation = step_of(&self.acting(state, believed), step_s);
-        let mut motion = self.joint.propagate_storing(&joint, &observation, &believed.stored)?.motion;
+        let observation = step_of(&self.acting(state, believed), &believed.stored, step_s);
+        let mut motion = self.joint.propagate(&joint, &observation)?.motion;
         if self.planar {
             motion = back_into_plane(&motion, &state.joint.motion);
         }
@@ -402,8 +403,8 @@ impl FlightMotion {
             joint.body = flat;
             slopes = Some(slope);
         }
-        let observation = step_of(&self.acting(state, believed), step_s);
-        let (mut by_motion, mut by_body) = self.joint.transition(&joint, &observation, &believed.stored);
+        let observation = step_of(&self.acting(state, believed), &believed.stored, step_s);
+        let (mut by_motion, mut by_body) = self.joint.transition(&joint, &observation);
         let mut by_wrench = by_wrench(&FreeFlyer::new(joint.body.to_parameters()), step_s);
         if let Some(slopes) = slopes {
             by_body *= slopes;
@@ -673,10 +674,11 @@ fn add_scaled<const N: usize>(column: &mut [f64; N], factor: f64, slope: &[f64; 
     }
 }
 
-fn step_of(wrench: &Wrench<f64>, step_s: f64) -> JointObservation {
+fn step_of(wrench: &Wrench<f64>, stored: &Vector3<f64>, step_s: f64) -> JointObservation {
     JointObservation {
         step_s,
         wrench_body: *wrench,
+        stored_body: *stored,
         world_from_body: None,
         rate_body: None,
         velocity_origin_world: None,

@@ -116,6 +116,7 @@ impl Flight {
         JointObservation {
             step_s: STEP_S,
             wrench_body: commanded,
+            stored_body: Vector3::zeros(),
             world_from_body: Some(Pose::from_parts(position.into(), attitude)),
             rate_body: Some(self.state.twist_body.angular + self.random.normal3(1e-3)),
             velocity_origin_world: None,

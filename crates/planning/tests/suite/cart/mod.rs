@@ -301,6 +301,19 @@ impl LocalPlanner<1, 1> for Patient {
         if !self.careless {
             self.check(request)?;
         }
+        let wrench = self.settings.wrench.without(&request.reserved)?;
+        let within = Self { settings: LocalSettings { wrench, ..self.settings.clone() }, ..self.clone() };
+        within.plan_within(request, &knowledge, budget)
+    }
+}
+
+impl Patient {
+    fn plan_within(
+        &self,
+        request: &LocalRequest<'_, Slide, 1, 1>,
+        knowledge: &Knowledge<1>,
+        budget: &mut dyn Budget,
+    ) -> Result<LocalAnswer<Slide, 1, 1>, PlanningError> {
         let (steps, limit) = (self.settings.steps, self.settings.wrench.limit[0]);
         let mut inputs: Vec<[f64; 1]> = match request.guess {
             Guess::Excited => (0..steps).map(|k| [0.3 * limit * libm::sin(1.0 + 1.7 * k as f64)]).collect(),
@@ -310,7 +323,7 @@ impl LocalPlanner<1, 1> for Patient {
             input[0] = input[0].clamp(-limit, limit);
         }
         let nothing = || PlanningError::NotFinite { what: "the cost", value: f64::NAN };
-        let mut best = self.tried(request, &knowledge, &inputs).ok_or_else(nothing)?;
+        let mut best = self.tried(request, knowledge, &inputs).ok_or_else(nothing)?;
         let (mut step, mut units) = (0.5, 0);
         let mut chance = ChaCha8Rng::seed_from_u64(0);
         let mut is_over = false;
@@ -329,7 +342,7 @@ impl LocalPlanner<1, 1> for Patient {
                         [(input[0] + share * step * limit).clamp(-limit, limit)]
                     })
                     .collect();
-                let Some(tried) = self.tried(request, &knowledge, &moved) else { continue };
+                let Some(tried) = self.tried(request, knowledge, &moved) else { continue };
                 if tried.rank() < best.rank() {
                     (best, inputs, is_better) = (tried, moved, true);
                 }

@@ -2,7 +2,9 @@
 
 use nalgebra::{Matrix3, SMatrix, UnitQuaternion, Vector3};
 use tumble_planning::collision::{BodyShape, CollisionWorld, EllipsoidWorld};
-use tumble_planning::dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, RigidBodyState, World};
+use tumble_planning::dynamics::{
+    AlignedBox, Environment, InertialParameters, ObstacleEllipsoid, RigidBodyState, World,
+};
 use tumble_planning::global::{
     FlightPlanner, FlightPlannerSettings, GlobalPlanner, GlobalRequest, GoalRegion, Objective, Until,
 };
@@ -194,6 +196,7 @@ where
             way,
             way_start_s: 0.0,
             belief: &belief,
+            environment: &Environment::default(),
             surroundings: &around,
             is_informative: true,
             elapsed_s: start_s,

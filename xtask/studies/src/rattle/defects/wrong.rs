@@ -165,6 +165,7 @@ impl StretchPlanner for WrongStretches {
             way: task.way,
             way_start_s: task.way_start_s,
             belief: &belief,
+            environment: task.environment,
             surroundings: if is_blind { &self.nothing } else { task.surroundings },
             is_informative: task.is_informative,
             elapsed_s: task.elapsed_s,
