@@ -19,7 +19,7 @@ mod judge;
 #[cfg(feature = "std")]
 mod state_estimator;
 
-pub use error::{EstimatorError, Source};
+pub use error::EstimatorError;
 #[cfg(feature = "std")]
 pub(crate) use estimate::standard_deviations;
 #[cfg(feature = "std")]
