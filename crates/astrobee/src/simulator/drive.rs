@@ -137,6 +137,7 @@ impl Multisine {
 
 /// A wrench that no controller asks for, body axes, torque about the body origin.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub enum AddedWrench {
     /// None.
     #[default]

@@ -8,6 +8,7 @@ use std::path::Path;
 
 /// One cell of a row.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum Cell {
     /// No sample then.
     #[default]

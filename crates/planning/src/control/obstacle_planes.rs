@@ -47,6 +47,7 @@ pub struct ObstaclePlane {
 
 /// What a reference does beyond the last node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum EndAttitude {
     /// It keeps the attitude of that node.
     Held,

@@ -48,6 +48,7 @@ pub struct TubeSettings {
 
 /// Which point of the body is kept on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum TrackedPoint {
     /// The body origin: right as long as nothing is known of the centre of mass.
     Origin,

@@ -78,6 +78,7 @@ impl LoopObserver for NoObserver {}
 
 /// How a mission ended.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum End {
     /// The robot is where it was to be.
     Arrived,

@@ -405,7 +405,7 @@ impl CommandedLog {
                 }
                 log.warnings = tally.warnings(&plan, &survey.topics);
             }
-            Some(Container::Bag | Container::Mcap) => {
+            Some(_) => {
                 let message = "`--actuators` names columns of a CSV log or fields of a ULog; `tumble convert` makes CSV of other recordings";
                 return Err(TumbleError::BadOption { message: message.to_owned() });
             }

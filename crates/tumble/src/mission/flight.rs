@@ -217,11 +217,11 @@ impl Notes<'_> {
                 let text = format!("request {} cannot be planned: {error}", request.request);
                 self.note_answer(time_ns, request.request, "planner", text);
             }
-            Found::Stay(..) | Found::Stretch(..) | Found::NoStretch(_) => {}
+            _ => {}
         }
         let fault = match request.asked {
             Asked::Stay => PlannerFault::None,
-            Asked::Way { .. } | Asked::Stretch { .. } => self.faults.planner(request.request).into(),
+            _ => self.faults.planner(request.request).into(),
         };
         planners.post(time_ns, request, answer, fault);
     }
