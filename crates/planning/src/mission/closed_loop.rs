@@ -50,6 +50,7 @@ const HEAVIEST_SIGMAS: f64 = 3.0;
 /// masses.offered(0, &ModelBelief::certain(1, InertialParameters::solid_box(9.5, [0.3; 3])));
 /// assert_eq!(masses.0, [9.5]);
 /// ```
+/// Tutorial: [layers of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_robot/own_layers.rs).
 #[allow(unused_variables)]
 pub trait LoopObserver {
     /// A layer begins to work.
