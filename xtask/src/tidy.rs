@@ -36,6 +36,7 @@ const RULES: &[Rule] = &[
     ("library attributes", source::attributes),
     ("unfinished code", source::unfinished),
     ("lint exceptions carry a reason", source::reasons),
+    ("public traits have an example", source::trait_examples),
     ("singular values", source::singular_values),
     ("robot's name", source::robot_name),
     ("README code is tested", prose::readme_doctests),

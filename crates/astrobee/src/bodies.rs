@@ -8,6 +8,7 @@ use tumble_dynamics::nalgebra::{Matrix3, Vector3};
 
 /// A named configuration of robot and carriage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum BodyConfiguration {
     /// In the station with four batteries and without payload; weighed on 2019-02-26. The thesis's table 6.4.
     Iss,

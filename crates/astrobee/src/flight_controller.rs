@@ -26,6 +26,7 @@ const STOPS_BEFORE_STOPPED: u8 = 4;
 /// What the robot is to do, as sent to the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant)] // copied, never stored in numbers
+#[non_exhaustive]
 pub enum ControlOrder {
     /// No wrench.
     Idle,
@@ -42,6 +43,7 @@ pub enum ControlOrder {
 
 /// What the controller is doing; numbers as in its messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ControlStatus {
     /// 0: no wrench.
     #[default]

@@ -7,6 +7,7 @@ use tumble_dynamics::nalgebra::Vector3;
 
 /// Where the robot flies; each has its own gains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum FlightSite {
     /// The station.
     Iss,
@@ -68,6 +69,7 @@ impl ControlGains {
 
 /// A named way to fly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum FlightMode {
     /// No control; what the robot starts in.
     Off,

@@ -56,6 +56,7 @@ pub const ONLY_MASS_INFORMATION: f64 = 75.0;
 
 /// The rules of the original, or those with exact propagation and whole edges checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PrimitiveRules {
     /// As the code has them: Euler steps, end states checked. **Unsafe**, for comparison.
     Original,
@@ -131,6 +132,7 @@ pub fn rattle_rrt(
 
 /// How RATTLE's local planner weighs information.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum RattleWeighting {
     /// By the variances: Algorithm 1.
     Covariance,

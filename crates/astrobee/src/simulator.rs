@@ -49,7 +49,7 @@ const SUBSTEPS: i64 = 2;
 const TILT_TOLERANCE: f64 = 1e-9;
 
 /// What a simulator can refuse.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimulatorError {
     /// A duration that is no whole number of control periods.

@@ -13,6 +13,7 @@ use tumble_lie::Pose;
 
 /// A place with its volumes and its body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum WorldPreset {
     /// The International Space Station.
     #[default]

@@ -157,6 +157,7 @@ pub struct FreeFlyerStep<I>(pub I);
 /// assert!((step.by_parameters[0][9] + 3.0 / 4.0 * 0.1).abs() < 1e-15); // of the speed along x by the mass: -F / m^2 dt
 /// # Ok::<(), DynamicsError>(())
 /// ```
+/// Tutorial: [an integrator of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_integrator.rs).
 pub trait FreeFlyerIntegrator {
     /// The state `step_s` later, the wrench held.
     ///

@@ -10,19 +10,25 @@ use core::fmt;
 /// use tumble_dynamics::DynamicsError;
 ///
 /// #[derive(Debug)]
-/// struct Seized;
+/// struct Seized {
+///     rotor: u8,
+/// }
 /// impl core::fmt::Display for Seized {
 ///     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-///         f.write_str("the rotor does not turn")
+///         write!(f, "rotor {} does not turn", self.rotor)
 ///     }
 /// }
 /// impl core::error::Error for Seized {}
 ///
-/// let error = DynamicsError::foreign("wheel", &Seized);
-/// assert_eq!(error.to_string(), "wheel: the rotor does not turn");
-/// assert!(core::error::Error::source(&error).is_some_and(|source| source.is::<Seized>()));
+/// # #[cfg(feature = "std")]
+/// let made = DynamicsError::foreign("wheel", Seized { rotor: 2 });
+/// # #[cfg(feature = "std")]
+/// assert_eq!(made.to_string(), "wheel: rotor 2 does not turn");
+/// // Without an allocator it is a constant.
+/// let fixed = DynamicsError::fixed("wheel", &Seized { rotor: 0 });
+/// assert!(core::error::Error::source(&fixed).is_some_and(|source| source.is::<Seized>()));
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum DynamicsError {
     /// A geometric error.
@@ -142,20 +148,39 @@ pub enum DynamicsError {
 }
 
 impl DynamicsError {
-    /// An error of somebody else's actuator, system or integrator: a constant, so that errors stay `Copy` and steps
-    /// without an allocator.
-    pub fn foreign(by: &'static str, source: &'static (dyn Error + Send + Sync)) -> Self {
-        Self::Foreign { by, source: ForeignError(source) }
+    /// An error of somebody else's actuator, system or integrator, with numbers of its own.
+    #[cfg(feature = "std")]
+    pub fn foreign(by: &'static str, source: impl Error + Send + Sync + 'static) -> Self {
+        Self::Foreign { by, source: ForeignError::made(source) }
+    }
+
+    /// One that lives for ever (`&MY_ERROR`), which needs no allocator.
+    pub const fn fixed(by: &'static str, source: &'static (dyn Error + Send + Sync)) -> Self {
+        Self::Foreign { by, source: ForeignError::fixed(source) }
     }
 }
 
-/// Another's error that lives for ever.
-#[derive(Clone, Copy)]
-pub struct ForeignError(&'static (dyn Error + Send + Sync));
+/// An error from outside, as its author made it: without an allocator one that lives for ever, with one any.
+#[derive(Clone)]
+pub struct ForeignError(Held);
 
-impl From<&'static (dyn Error + Send + Sync)> for ForeignError {
-    fn from(error: &'static (dyn Error + Send + Sync)) -> Self {
-        Self(error)
+#[derive(Clone)]
+enum Held {
+    Fixed(&'static (dyn Error + Send + Sync)),
+    #[cfg(feature = "std")]
+    Made(std::sync::Arc<dyn Error + Send + Sync>),
+}
+
+impl ForeignError {
+    /// One that lives for ever.
+    pub const fn fixed(error: &'static (dyn Error + Send + Sync)) -> Self {
+        Self(Held::Fixed(error))
+    }
+
+    /// One that was made at run time.
+    #[cfg(feature = "std")]
+    pub fn made(error: impl Error + Send + Sync + 'static) -> Self {
+        Self(Held::Made(std::sync::Arc::new(error)))
     }
 }
 
@@ -163,25 +188,29 @@ impl core::ops::Deref for ForeignError {
     type Target = dyn Error + Send + Sync + 'static;
 
     fn deref(&self) -> &Self::Target {
-        self.0
+        match &self.0 {
+            Held::Fixed(error) => *error,
+            #[cfg(feature = "std")]
+            Held::Made(error) => &**error,
+        }
     }
 }
 
 /// The same object, not one that says the same.
 impl PartialEq for ForeignError {
     fn eq(&self, other: &Self) -> bool {
-        core::ptr::addr_eq(self.0, other.0)
+        core::ptr::addr_eq(&raw const **self, &raw const **other)
     }
 }
 
 impl fmt::Debug for ForeignError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Debug::fmt(self.0, f)
+        fmt::Debug::fmt(&**self, f)
     }
 }
 
 impl fmt::Display for ForeignError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Display::fmt(self.0, f)
+        fmt::Display::fmt(&**self, f)
     }
 }

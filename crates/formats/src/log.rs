@@ -7,12 +7,11 @@ mod row;
 mod timed_rows;
 
 pub use joints::{JointLayout, JointLog, JointLogReader, JointRow, joint_template};
-pub use row::{BoundedRows, ROW_LIMIT_BYTES, Row, cut_warning, line_read, read_row};
+pub use row::{BoundedRows, Header, ROW_LIMIT_BYTES, Row, cut_warning, line_read, read_row};
 pub use timed_rows::{RowLayout, TimedRows};
 
 use crate::FormatsError;
 use crate::text_file::printable;
-use row::Header;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;

@@ -24,11 +24,22 @@ use tumble_lie::Pose;
 
 /// The language of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ModelKind {
     /// `<robot>`: ROS, Gazebo, most arms.
     Urdf,
     /// `<mujoco>`.
     Mjcf,
+}
+
+impl ModelKind {
+    /// Its name, in small letters.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Urdf => "urdf",
+            Self::Mjcf => "mjcf",
+        }
+    }
 }
 
 /// How a file writes an inertia tensor.

@@ -31,6 +31,7 @@ use std::path::Path;
 
 /// A kind of recording, told by the first bytes of the file and not by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Container {
     /// ROS 1 bag, of any version.
     Bag,
@@ -117,6 +118,7 @@ pub fn scan_file(
 
 /// How the payload of a message is encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Encoding {
     /// ROS 1: little-endian, packed.
     Ros1,

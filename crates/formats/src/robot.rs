@@ -68,6 +68,46 @@ impl ActuatorBytes {
 ///
 /// Commands come in the order of time. Between them, [`overdue_ns`](Self::overdue_ns) and [`go_on`](Self::go_on) let the actuators
 /// do what they do by themselves; a machine that only holds its last command needs [`take`](Self::take) alone.
+///
+/// # Example
+/// ```
+/// use tumble_dynamics::lie::Wrench;
+/// use tumble_dynamics::nalgebra::Vector3;
+/// use tumble_formats::recording::RawMessage;
+/// use tumble_formats::{ActuatorBytes, ActuatorReplay};
+///
+/// /// A jet along x: one byte opens it, 255 is 2 N. Unless it is told again within a second, it shuts by itself.
+/// #[derive(Default)]
+/// struct Jet {
+///     shuts_ns: Option<i64>,
+/// }
+/// impl ActuatorReplay for Jet {
+///     fn command_type(&self) -> &'static str {
+///         "kite_msgs/Jet"
+///     }
+///     fn decode(&self, message: &RawMessage<'_>) -> Option<ActuatorBytes> {
+///         ActuatorBytes::new(message.payload).filter(|command| command.as_slice().len() == 1)
+///     }
+///     fn take(&mut self, time_ns: i64, command: &ActuatorBytes, _speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
+///         let opening = f64::from(*command.as_slice().first()?) / 255.0;
+///         self.shuts_ns = Some(time_ns + 1_000_000_000);
+///         Some(Wrench::new(Vector3::zeros(), Vector3::x() * (2.0 * opening)))
+///     }
+///     fn overdue_ns(&self) -> Option<i64> {
+///         self.shuts_ns
+///     }
+///     fn go_on(&mut self, _speeds: Option<[u8; 2]>) -> Option<Wrench<f64>> {
+///         self.shuts_ns.take().map(|_| Wrench::zero())
+///     }
+/// }
+/// let mut jet: Box<dyn ActuatorReplay> = Box::new(Jet::default());
+/// let command = ActuatorBytes::new(&[255]).ok_or("too long")?;
+/// assert_eq!(jet.take(0, &command, None).map(|wrench| wrench.force.x), Some(2.0));
+/// assert_eq!(jet.overdue_ns(), Some(1_000_000_000));
+/// assert_eq!((jet.go_on(None), jet.overdue_ns()), (Some(Wrench::zero()), None));
+/// # Ok::<(), &str>(())
+/// ```
+/// Tutorial: [a robot of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/tumble/examples/own_robot.rs).
 pub trait ActuatorReplay: Send {
     /// Type of the messages that hold commands, `package/Name`.
     fn command_type(&self) -> &'static str;
@@ -95,6 +135,7 @@ pub trait ActuatorReplay: Send {
 
 /// A robot, as far as files speak of it.
 ///
+/// # Example
 /// ```
 /// use tumble_dynamics::nalgebra::Vector3;
 /// use tumble_dynamics::{InertialParameters, StatefulDrive, WrenchBox};
@@ -128,6 +169,7 @@ pub trait ActuatorReplay: Send {
 /// assert_eq!(robots.body("kite").map(|body| body.mass), Ok(40.0));
 /// assert!(robots.body("kit").unwrap_err().to_string().ends_with("known: kite; did you mean `kite`?"));
 /// ```
+/// Tutorial: [a robot of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/tumble/examples/own_robot.rs).
 pub trait Robot: Send + Sync {
     /// Its name.
     fn name(&self) -> &'static str;

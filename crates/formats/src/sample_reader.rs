@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use tumble_identification::MotionSample;
 
 /// Streams the samples of a log of any kind.
+#[non_exhaustive]
 pub enum SampleReader {
     /// Rows of a CSV log.
     Rows(Box<LogReader>),

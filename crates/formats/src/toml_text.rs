@@ -11,6 +11,7 @@ use toml::{Spanned, de};
 
 /// Why a text is not what was to be read.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum TomlError {
     /// No TOML, or not of this kind.
     #[error("{}", brief(&.0.to_string()))]

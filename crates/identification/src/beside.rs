@@ -109,9 +109,9 @@ impl Turning {
         };
         let seen = |i: usize| measured(i).or_else(|| turned(i.saturating_sub(1), (i + 1).min(last)));
         let between = |i: usize| Some((seen(i)? + seen((i + 1).min(last))?) * 0.5);
-        let missing = IdentificationError::MissingColumn(Column::Rate);
-        let rates = (0..=last).map(seen).collect::<Option<_>>().ok_or(missing)?;
-        let mean_of_rates: Vec<_> = (0..=last).map(between).collect::<Option<_>>().ok_or(missing)?;
+        let missing = || IdentificationError::MissingColumn(Column::Rate);
+        let rates = (0..=last).map(seen).collect::<Option<_>>().ok_or_else(missing)?;
+        let mean_of_rates: Vec<_> = (0..=last).map(between).collect::<Option<_>>().ok_or_else(missing)?;
         // The turn from pose to pose is the mean rate, less what turning about changing axes adds; the mean of two rates is that
         // to second order only. But poses may be much the noisier.
         let turn = |i: usize| {

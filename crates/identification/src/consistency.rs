@@ -150,6 +150,7 @@ impl<const P: usize> ConstrainedEstimate<P> {
 /// assert!(found.is_active() && (found.parameters[0] - 1.0).abs() < 1e-9);
 /// # Ok::<(), IdentificationError>(())
 /// ```
+/// Tutorial: [another solver behind the trait](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/src/consistency/clarabel.rs).
 pub trait ConstrainedLeastSquares<const P: usize> {
     /// The constrained minimiser.
     ///

@@ -5,7 +5,7 @@ use crate::excitation::{Channel, Limit};
 use core::error::Error;
 
 /// Errors of this crate.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum IdentificationError {
     /// An error of a model, set or solver from outside. Two are equal where they are the same object.
@@ -476,16 +476,22 @@ pub enum IdentificationError {
 }
 
 impl IdentificationError {
-    /// An error of somebody else's filter model, feasible set or solver; [`EstimatorError`](crate::estimator::EstimatorError) carries
-    /// those that are made at run time too.
+    /// An error of somebody else's filter model, feasible set or solver, with numbers of its own.
     ///
     /// ```
     /// use tumble_identification::IdentificationError;
-    /// let error = IdentificationError::foreign("my cone", &std::fmt::Error);
-    /// assert!(std::error::Error::source(&error).is_some_and(|source| source.is::<std::fmt::Error>()));
+    /// let error = IdentificationError::foreign("my cone", std::io::Error::other("facet 7 is missing"));
+    /// assert_eq!(error.to_string(), "my cone: facet 7 is missing");
+    /// assert!(std::error::Error::source(&error).is_some_and(|source| source.is::<std::io::Error>()));
     /// ```
-    pub fn foreign(by: &'static str, source: &'static (dyn Error + Send + Sync)) -> Self {
-        Self::Foreign { by, source: source.into() }
+    #[cfg(feature = "std")]
+    pub fn foreign(by: &'static str, source: impl Error + Send + Sync + 'static) -> Self {
+        Self::Foreign { by, source: ForeignError::made(source) }
+    }
+
+    /// One that lives for ever (`&MY_ERROR`), which needs no allocator.
+    pub const fn fixed(by: &'static str, source: &'static (dyn Error + Send + Sync)) -> Self {
+        Self::Foreign { by, source: ForeignError::fixed(source) }
     }
 }
 

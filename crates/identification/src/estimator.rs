@@ -19,7 +19,7 @@ mod judge;
 #[cfg(feature = "std")]
 mod state_estimator;
 
-pub use error::{EstimatorError, Source};
+pub use error::EstimatorError;
 #[cfg(feature = "std")]
 pub(crate) use estimate::standard_deviations;
 #[cfg(feature = "std")]
@@ -194,6 +194,7 @@ impl Outcome {
 /// assert_eq!(sum, 3.0);
 /// # Ok::<(), EstimatorError>(())
 /// ```
+/// Tutorial: [steps of a record, one by one](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/estimator_laws.rs).
 pub trait Observe<Record: ?Sized, const P: usize = 10> {
     /// What a filter takes.
     type Observation: ?Sized;

@@ -105,6 +105,7 @@ impl<const ROWS: usize> RowsOutcome<ROWS> {
 
 /// What a [`ChiSquareGate`] decides. Expected outcomes, not errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Verdict {
     /// The observation entered the estimate.
     Accepted,

@@ -16,6 +16,7 @@ use crate::error::IdentificationError;
 /// A standard deviation per sample and axis, and how well it is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[non_exhaustive]
 pub enum Level {
     /// The record tells.
     #[default]
@@ -29,6 +30,7 @@ pub enum Level {
 /// A slow error of first order (Gauss-Markov): its stationary standard deviation and its correlation time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+#[non_exhaustive]
 pub enum Wander {
     /// The record tells.
     #[default]

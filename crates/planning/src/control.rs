@@ -33,10 +33,12 @@ mod polygon;
 mod pose_tracking;
 #[cfg(feature = "research")]
 mod rakovic;
+mod reach;
 mod riccati;
 #[cfg(feature = "research")]
 mod rotated_box;
 mod small_matrix;
+mod tracked_motion;
 mod translation_tube;
 mod tube_axes;
 mod tube_controller;
@@ -62,7 +64,7 @@ pub use gram_program::{GramProgram, GramSettings, GramStatus, GramWorkspace};
 pub use inertia_interval::{InertiaInterval, center_of_mass_uncertainty_m};
 pub use invariant_set::{MinimalInvariantSet, Support};
 pub use mass_interval::MassInterval;
-pub use obstacle_planes::{EndAttitude, NominalPath, ObstaclePlane, ObstaclePlanes, PlaneUpdate, Reach, barriers_of};
+pub use obstacle_planes::{EndAttitude, NominalPath, ObstaclePlane, ObstaclePlanes, PlaneUpdate, barriers_of};
 #[cfg(feature = "research")]
 pub use original_tube::{
     OriginalDisturbance, OriginalErrors, OriginalSettings, OriginalTube, OriginalTubeController, OriginalWeights,
@@ -74,9 +76,11 @@ pub use polygon::{Polygon, Strips};
 pub use pose_tracking::PoseTracking;
 #[cfg(feature = "research")]
 pub use rakovic::RakovicSet;
+pub use reach::Reach;
 pub use riccati::discrete_lqr;
 #[cfg(feature = "research")]
 pub use rotated_box::{available_share, rotation_share};
-pub use translation_tube::{TrackedMotion, TrackedPoint, TranslationTube, TubeCounts, TubeSettings};
+pub use tracked_motion::TrackedMotion;
+pub use translation_tube::{TrackedPoint, TranslationTube, TubeCounts, TubeSettings};
 pub use tube_axes::TubeObstacles;
 pub use tube_controller::TubeController;

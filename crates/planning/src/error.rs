@@ -1,8 +1,8 @@
 //! Errors of this crate.
 
 use nalgebra::{DMatrix, SMatrix, UnitQuaternion, Vector3};
-use std::sync::Arc;
-use tumble_identification::estimator::{EstimatorError, Source};
+use tumble_dynamics::ForeignError;
+use tumble_identification::estimator::EstimatorError;
 use tumble_lie::Pose;
 
 /// What can be wrong with a planning problem. That a well-posed problem has no solution is an answer, not an error.
@@ -145,14 +145,14 @@ pub enum PlanningError {
         /// Its name.
         by: &'static str,
         /// What it says.
-        source: Source,
+        source: ForeignError,
     },
 }
 
 impl PlanningError {
     /// An error of somebody else's world, model, planner or controller.
     pub fn foreign(by: &'static str, source: impl std::error::Error + Send + Sync + 'static) -> Self {
-        Self::Foreign { by, source: Source::Shared(Arc::new(source)) }
+        Self::Foreign { by, source: ForeignError::made(source) }
     }
 }
 

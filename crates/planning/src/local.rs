@@ -8,6 +8,7 @@
 //! # Source
 //! Thesis 2.4, 6.2.2, (6.4)-(6.9).
 
+mod about_com;
 mod answer;
 mod bends;
 #[cfg(test)]
@@ -41,10 +42,12 @@ mod toy_problem;
 mod tracking_loss;
 mod weighting;
 
+pub(crate) use about_com::sizes_about_com;
+pub use about_com::{body_by_mass_center_and_inertia, body_by_principal};
 pub use answer::{CostParts, LocalAnswer, LocalStatus, LocalTrajectory};
 pub use criterion::Criterion;
 pub use curvature::{Curvature, Factorisation};
-pub(crate) use knowledge::{QUANTITIES, covariance_about_com, sizes_about_com, whitened};
+pub(crate) use knowledge::{QUANTITIES, covariance_about_com, whitened};
 pub use model::{Array2, InformativeModel, KINEMATICS, Kinematics, Knowledge, StepDerivatives};
 #[cfg(feature = "dual")]
 pub use parametric::{
@@ -64,7 +67,7 @@ pub use sqp::{SqpWorkspace, minimise};
 pub use sqp_settings::{MOST_PAIRS, SqpOutcome, SqpSettings, SqpStatus};
 pub use stages::Stages;
 pub use surroundings::{Barrier, Hull, MotionBounds, RowSettings, Surroundings};
-pub use tracking_loss::{ClosedLoop, TrackedMotion, TrackingLoss, body_by_mass_center_and_inertia, body_by_principal};
+pub use tracking_loss::{ClosedLoop, TrackedMotion, TrackingLoss};
 pub use weighting::{
     BeliefWeighting, CovarianceWeighting, ExponentialWeighting, FixedWeighting, Hysteresis, InformationWeighting,
     ShutOff, StepWeighting, WeightingContext,

@@ -44,6 +44,38 @@ use crate::mission::{FlyOptions, MissionSummary};
 /// What flies missions; one of them may be asked by many threads at once.
 ///
 /// The answer must follow from the mission alone, or merged campaigns would depend on who flew what.
+///
+/// # Example
+/// ```
+/// use std::sync::atomic::{AtomicU64, Ordering};
+/// use tumble::TumbleError;
+/// use tumble::campaign::{DryRun, MissionRunner, PlannedMission};
+/// use tumble::mission::{FlyOptions, LayerNames, MissionSummary, ModelChoice, WeightingChoice};
+///
+/// /// Any runner, and how many missions it was asked for by all threads together.
+/// struct Counted<R>(R, AtomicU64);
+/// impl<R: MissionRunner> MissionRunner for Counted<R> {
+///     fn run(&self, mission: &PlannedMission) -> Result<Option<MissionSummary>, TumbleError> {
+///         self.1.fetch_add(1, Ordering::Relaxed);
+///         self.0.run(mission)
+///     }
+/// }
+/// let options = FlyOptions {
+///     seed: 1,
+///     weighting: WeightingChoice::Covariance,
+///     feedback: true,
+///     model: ModelChoice::Scenario,
+///     fault: None,
+///     layers: LayerNames::default(),
+/// };
+/// let scenario_name = "iss-cargo".to_owned();
+/// let mission = PlannedMission { row: 0, k: 0, combination: 0, scenario: 0, scenario_name, draw: None, sensing: None, options };
+/// let runner = Counted(DryRun, AtomicU64::new(0));
+/// assert!(runner.run(&mission)?.is_none());
+/// assert_eq!(runner.1.load(Ordering::Relaxed), 1);
+/// # Ok::<(), TumbleError>(())
+/// ```
+/// Tutorial: [missions that are simulated](https://github.com/tumble-robotics/tumble/blob/main/crates/tumble/src/campaign/flights.rs).
 pub trait MissionRunner: Sync {
     /// Flies one mission to its end; `None` where only the plan of the campaign is wanted.
     ///

@@ -1,10 +1,13 @@
 //! Errors of the command line: each with a code, the place and the remedy. All codes stand in `docs/errors.md`.
 
+use std::error::Error as _;
 use std::path::PathBuf;
 #[cfg(feature = "astrobee")]
 use tumble_astrobee::AstrobeeError;
 use tumble_formats::FormatsError;
 use tumble_identification::IdentificationError;
+use tumble_identification::estimator::EstimatorError;
+use tumble_planning::PlanningError;
 
 /// What can go wrong between a user's files and a result.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +50,9 @@ pub enum TumbleError {
     /// T015: the estimator refuses the data.
     #[error(transparent)]
     Identification(#[from] IdentificationError),
+    /// T015, or T014 for a name that no method bears: an estimator of a program's own refuses, or gives what cannot be.
+    #[error(transparent)]
+    Estimator(EstimatorError),
     /// T016: the simulation behind the demo failed.
     #[error(transparent)]
     Dynamics(#[from] tumble_dynamics::DynamicsError),
@@ -72,7 +78,7 @@ pub enum TumbleError {
     },
     /// T021: an excitation that cannot be designed or flown.
     #[error("no such excitation: {0}")]
-    Excitation(IdentificationError),
+    Excitation(#[source] IdentificationError),
     /// T026: a scenario that does not parse, or asks for something impossible.
     #[error("{path}, line {line}, column {column}: {message}")]
     BadScenario {
@@ -95,7 +101,7 @@ pub enum TumbleError {
     },
     /// T033: a planning problem that cannot be posed.
     #[error("no plan can be asked for: {0}")]
-    Planning(#[from] tumble_planning::PlanningError),
+    Planning(#[from] PlanningError),
     /// T034: a plan that does not hold what it promises.
     #[error("the planner contradicts itself: {reason}")]
     PlanContradiction {
@@ -104,7 +110,7 @@ pub enum TumbleError {
     },
     /// T035: a controller that refuses what it is given.
     #[error("the controller refuses: {0}")]
-    Control(tumble_planning::PlanningError),
+    Control(#[source] PlanningError),
     /// T040: parts or a folder of a campaign that do not belong together.
     #[error("{path}: {message}")]
     BadCampaign {
@@ -129,6 +135,16 @@ pub enum TumbleError {
         /// What is wrong.
         message: String,
     },
+}
+
+/// An error of the library's own estimators is one of identification.
+impl From<EstimatorError> for TumbleError {
+    fn from(error: EstimatorError) -> Self {
+        match error {
+            EstimatorError::Library(error) => Self::Identification(error),
+            other => Self::Estimator(other),
+        }
+    }
 }
 
 impl From<tumble_formats::wheel_throw::WheelThrowError> for TumbleError {
@@ -161,8 +177,8 @@ impl TumbleError {
             Self::Robot(error) | Self::SensingNotFlown { source: error, .. } => error.code(),
             Self::OutputExists { .. } => "T010",
             Self::NotAResult { .. } => "T020",
-            Self::BadOption { .. } => "T014",
-            Self::Identification(_) => "T015",
+            Self::BadOption { .. } | Self::Estimator(EstimatorError::Unknown(_)) => "T014",
+            Self::Identification(_) | Self::Estimator(_) => "T015",
             Self::Dynamics(_) => "T016",
             Self::Plot { .. } => "T017",
             Self::Excitation(_) | Self::SearchTooLong { .. } => "T021",
@@ -187,7 +203,14 @@ impl TumbleError {
             Self::PlanContradiction { .. } => {
                 "nothing was written: report it with the scenario and the seed; numbers nearer to one another may do"
             }
-            Self::BadOption { .. } => "correct or leave out the option named; `tumble help COMMAND` explains each",
+            Self::BadOption { .. } | Self::Estimator(EstimatorError::Unknown(_)) => {
+                "correct or leave out the option named; `tumble help COMMAND` explains each"
+            }
+            Self::Estimator(_) => "the estimator named says what it lacks: correct that, or ask for another `--method`",
+            // Errors of the library have no source: this one is somebody else's.
+            Self::Identification(error) if error.source().is_some() => {
+                "the part named says what it lacks: correct that, or do without it"
+            }
             Self::Identification(error) => match error {
                 IdentificationError::MissingColumn(_) => {
                     "`tumble identify --template` prints every column of a CSV log; `docs/recordings.md` says which topics of a recording \
@@ -242,6 +265,9 @@ impl TumbleError {
             Self::BadScenario { .. } => "correct the named key; `docs/scenarios.md` describes every one",
             Self::NoSuchScenario { .. } => {
                 "`tumble scenario list` prints the embedded ones; `tumble scenario show NAME` prints one to start from"
+            }
+            Self::Planning(error) | Self::Control(error) if error.source().is_some() => {
+                "the layer named says what it lacks: correct that, or ask for another of its kind"
             }
             Self::Planning(_) => {
                 "correct `[plan]`, `[plan.local]`, `[start]` or `[goal]`; where a step is too long, make `plan.local.step_s` shorter or the limits of \

@@ -4,6 +4,7 @@ mod assembly;
 mod doubts;
 mod faults;
 mod flight;
+mod hooks;
 mod invariants;
 mod layers;
 mod options;
@@ -15,7 +16,8 @@ pub use assembly::{AstrobeeLoop, MissionPlanners, closed_loop};
 pub use faults::{
     BodyStep, Fault, FaultChoiceError, Faults, LateObstacle, PlannerFault, PlantChange, Sabotage, replay_line,
 };
-pub use flight::{FlownPeriod, MissionHooks, NoHooks, fly, measurement};
+pub use flight::{fly, measurement};
+pub use hooks::{FlownPeriod, MissionHooks, NoHooks};
 pub use layers::{computing_time, estimator, loop_settings, scene, stretch_planner, tube_controllers};
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice};
 pub use record::{

@@ -201,5 +201,13 @@ fn report(error: &TumbleError) {
     if let TumbleError::File(FormatsError::Damaged { path, report, .. }) = error {
         tell!("{}", report.table(path));
     }
-    tell_line!("error[{}]: {error}\n  remedy: {}", error.code(), error.remedy());
+    tell_line!("error[{}]: {}\n  remedy: {}", error.code(), in_full(error), error.remedy());
+}
+
+/// An error with what lies beneath it, where its own text does not say so.
+fn in_full(error: &TumbleError) -> String {
+    let sources = std::iter::successors(std::error::Error::source(error), |error| error.source());
+    sources
+        .map(ToString::to_string)
+        .fold(error.to_string(), |text, source| if text.contains(&source) { text } else { format!("{text}: {source}") })
 }

@@ -129,6 +129,26 @@ pub fn reasons(tree: &Tree) -> Vec<String> {
     found
 }
 
+/// Every public trait shows in an example how it is implemented or used.
+pub fn trait_examples(tree: &Tree) -> Vec<String> {
+    let mut found = Vec::new();
+    for (path, text) in tree.under("crates/", ".rs").filter(|(path, _)| path.contains("/src/")) {
+        let lines: Vec<&str> = text.lines().map(str::trim_start).collect();
+        for (at, line) in lines.iter().enumerate() {
+            let Some(name) = line.strip_prefix("pub trait ") else { continue };
+            let above = lines[..at].iter().rev().take_while(|line| line.starts_with("///") || line.starts_with("#["));
+            let docs: Vec<&str> = above.copied().collect();
+            // From below: the code of the example comes before its heading.
+            let heading = docs.iter().position(|line| *line == "/// # Example");
+            if !heading.is_some_and(|at| docs[..at].contains(&"/// ```")) {
+                let name = name.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default();
+                found.push(format!("{path}:{}: the trait {name} has no `# Example` with code", at + 1));
+            }
+        }
+    }
+    found
+}
+
 /// nalgebra's singular value decomposition with vectors is wrong on ordinary inputs; its methods take arguments, faer's take none.
 pub fn singular_values(tree: &Tree) -> Vec<String> {
     const BANNED: &[&str] = &[".svd(", ".svd_unordered(", ".try_svd(", ".try_svd_unordered(", ".pseudo_inverse("];
@@ -215,6 +235,20 @@ mod tests {
         assert_eq!(check("#[allow(clippy::unwrap_used, reason = \"the index is below N\")]\nfn f() {}"), 0);
         assert_eq!(check("#[cfg(test)]\nmod tests {\n#![allow(clippy::unwrap_used)]\n}"), 0);
         assert_eq!(check("#[allow(clippy::needless_pass_by_value)]\nfn f() {}"), 0);
+    }
+
+    #[test]
+    fn a_trait_without_an_example_is_seen() {
+        let check = |text: &str| trait_examples(&Tree::planted(&[("crates/lie/src/group.rs", text)]));
+        let shown = "/// A group.\n///\n/// # Example\n/// ```\n/// f();\n/// ```\n#[cfg(feature = \"std\")]\npub trait Group<T>: Sized {}\n";
+        assert!(check(shown).is_empty());
+        let complaint = ["crates/lie/src/group.rs:8: the trait Group has no `# Example` with code"];
+        assert_eq!(check(&shown.replace("# Example", "# Frame")), complaint);
+        assert_eq!(check(&shown.replace("/// ```", "/// ")), complaint, "a heading without code");
+        assert_eq!(check("/// A group.\npub trait Group {}\n").len(), 1);
+        // The example of what stands before it is not its own.
+        assert_eq!(check(&shown.replace("#[cfg", "pub struct S;\n#[cfg")).len(), 1);
+        assert!(check(&shown.replace("pub trait", "pub(crate) trait").replace("# Example", "")).is_empty());
     }
 
     #[test]

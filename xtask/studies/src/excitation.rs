@@ -20,7 +20,7 @@ use tumble_identification::harmonics::{
 };
 use tumble_identification::lie::Pose;
 use tumble_identification::statistics::clopper_pearson;
-use tumble_identification::{IdentificationError, MotionSample, WrenchTiming};
+use tumble_identification::{MotionSample, WrenchTiming};
 
 use crate::Failure;
 use crate::arguments::Arguments;
@@ -61,7 +61,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if missed.is_empty() { Ok(()) } else { Err(Failure::TargetMissed(missed.join(", "))) }
 }
 
-fn failed(error: IdentificationError) -> Failure {
+fn failed(error: impl std::fmt::Display) -> Failure {
     Failure::TargetMissed(error.to_string())
 }
 

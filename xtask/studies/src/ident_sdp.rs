@@ -9,8 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use tumble_identification::regressors::{ObserverFrame, PoseTriple, Regressor, variational};
 use tumble_identification::{
-    BodyScale, ConstrainedLeastSquares as _, IdentificationError, InteriorPoint, PseudoInertiaCone,
-    SquareRootInformation,
+    BodyScale, ConstrainedLeastSquares as _, InteriorPoint, PseudoInertiaCone, SquareRootInformation,
 };
 
 use crate::Failure;
@@ -45,7 +44,7 @@ pub fn run(bench: &mut Bench) -> Result<(), Failure> {
     binding(bench, &solver)
 }
 
-fn failed(error: IdentificationError) -> Failure {
+fn failed(error: impl std::fmt::Display) -> Failure {
     Failure::TargetMissed(format!("{PROBLEM}: {error}"))
 }
 

@@ -196,7 +196,7 @@ mod tests {
                     let findings = checker.check(&plan.trajectory);
                     match rules {
                         PrimitiveRules::Original => unsafe_plans += usize::from(findings.in_obstacle > 0),
-                        PrimitiveRules::Continuous => {
+                        _ => {
                             assert!(findings.is_clean(), "{} {seed}: {findings:?}", scene.name);
                         }
                     }

@@ -30,7 +30,7 @@ const OFF: f64 = 0.01;
 const FAULTS: [(&str, f64, f64); 5] =
     [("healthy", 1.0, 0.0), ("dead", 0.0, 0.0), ("x 0.7", 0.7, 0.0), ("x 0.9", 0.9, 0.0), ("stuck open", 0.0, 1.0)];
 
-fn bad(error: IdentificationError) -> Failure {
+fn bad(error: impl std::fmt::Display) -> Failure {
     Failure::BadInput(format!("thruster-faults: {error}"))
 }
 

@@ -4,6 +4,7 @@ use super::PropulsionCommand;
 
 /// The robots whose nozzles are trimmed one by one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Robot {
     /// Flown.
     Bumble,

@@ -20,6 +20,7 @@ pub struct FlapCommand {
 
 /// Whose word is taken for what openings give.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Belief {
     /// The hardware: each module leaks by its own area, turns at the speed of its byte, and closed flaps pass a little air.
     #[default]
@@ -32,6 +33,7 @@ pub enum Belief {
 
 /// Where the table of pressure over area ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum AreaTable {
     /// Beyond six fully open nozzles.
     #[default]

@@ -179,6 +179,7 @@ pub fn thrusts_to_wrench(center_of_mass_body: &Vector3<f64>) -> SMatrix<f64, 6, 
 
 /// What is added to signed thrusts so that none is negative.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PositivityShift {
     /// As flown: each axis group of four by its own most negative thrust.
     #[default]

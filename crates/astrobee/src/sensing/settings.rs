@@ -187,6 +187,7 @@ pub struct JumpSettings {
 /// Settings with a name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum SensingPreset {
     /// The truth at 62.5 Hz, at once: no noise, no filter, no delay.
     Perfect,

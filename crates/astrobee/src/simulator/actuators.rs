@@ -10,6 +10,7 @@ use tumble_lie::Wrench;
 
 /// What makes the wrench. Wrenches are in body axes with the torque about the body origin.
 #[allow(clippy::large_enum_variant)] // one per simulator, never moved
+#[non_exhaustive]
 pub enum Actuators {
     /// Whatever is wanted.
     Exact,

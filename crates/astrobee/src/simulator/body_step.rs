@@ -6,6 +6,7 @@ use tumble_lie::Pose;
 
 /// A body that changes at once, with what comes or goes moving as the robot does: the twist stays.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum BodyStep {
     /// All ten parameters times a factor: more or less of the same.
     Scaled(f64),

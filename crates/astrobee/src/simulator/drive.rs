@@ -137,6 +137,7 @@ impl Multisine {
 
 /// A wrench that no controller asks for, body axes, torque about the body origin.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub enum AddedWrench {
     /// None.
     #[default]
@@ -177,6 +178,55 @@ impl ReferenceMotion for Reference {
 ///
 /// Every [`Controller`] is one as a [`Following`]; one that must know how old and how good an estimate is implements this
 /// itself, as the flown one does.
+///
+/// # Example
+/// ```
+/// use tumble_astrobee::sensing::{Confidence, LocalizationEstimate};
+/// use tumble_astrobee::simulator::{Follower, Reference};
+/// use tumble_dynamics::nalgebra::Vector3;
+/// use tumble_dynamics::lie::{Pose, Wrench};
+/// use tumble_planning::control::{Adoption, ControlCommand, ReferenceMotion};
+/// use tumble_planning::{ModelBelief, Plan, PlanningError};
+///
+/// /// Damps the motion, and asks for nothing where it does not know it: the estimate is old, or not trusted.
+/// struct Careful {
+///     revision: u64,
+/// }
+/// impl Follower for Careful {
+///     fn offer(&mut self, belief: &ModelBelief) -> Result<Adoption, PlanningError> {
+///         self.revision = belief.revision;
+///         Ok(Adoption::Adopted)
+///     }
+///     fn steer(
+///         &mut self,
+///         time_ns: i64,
+///         estimate: &LocalizationEstimate,
+///         _plan: &Plan<&dyn ReferenceMotion>,
+///     ) -> Result<ControlCommand, PlanningError> {
+///         let is_known = estimate.confidence == Confidence::Good && time_ns - estimate.stamp_ns < 500_000_000;
+///         let velocity_body = estimate.world_from_body.rotation.inverse() * estimate.velocity_origin_world;
+///         let damping = Wrench::new(estimate.rate_body * -0.1, velocity_body * -2.0);
+///         let wrench_body = if is_known { damping } else { Wrench::zero() };
+///         Ok(ControlCommand { wrench_body, model_revision: self.revision, fallback: None, mass: None })
+///     }
+/// }
+/// let estimate = LocalizationEstimate {
+///     stamp_ns: 0,
+///     arrival_ns: 100_000_000,
+///     world_from_body: Pose::identity(),
+///     velocity_origin_world: Vector3::x() * 0.1,
+///     rate_body: Vector3::zeros(),
+///     acceleration_origin_body: Vector3::zeros(),
+///     confidence: Confidence::Good,
+/// };
+/// let motion = Reference::Hold(Pose::identity());
+/// let plan: Plan<&dyn ReferenceMotion> = Plan { trajectory: &motion, model_revision: 1 };
+/// let mut follower: Box<dyn Follower> = Box::new(Careful { revision: 1 });
+/// assert!(follower.steer(200_000_000, &estimate, &plan)?.wrench_body.force.x < 0.0);
+/// assert_eq!(follower.steer(900_000_000, &estimate, &plan)?.wrench_body, Wrench::zero());
+/// # Ok::<(), PlanningError>(())
+/// ```
+/// Tutorial: [a controller of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_controller.rs).
 pub trait Follower: Send {
     /// Offers a belief, as [`Controller::adopt`] does.
     ///

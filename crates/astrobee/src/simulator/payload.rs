@@ -15,6 +15,7 @@ pub struct Grasp {
 
 /// How a payload moves before it is taken hold of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PayloadMotion {
     /// As if it were part of the robot already: the twist does not change.
     #[default]

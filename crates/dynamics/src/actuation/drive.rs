@@ -17,8 +17,9 @@ pub struct Driven {
 /// Actuators that are told a wanted wrench in every control period and carry their own state on: what a simulator holds
 /// without knowing the robot.
 ///
-/// [`StatefulDrive`] makes one of every [`StatefulActuation`], and thus of every [`Actuation`](crate::Actuation):
+/// [`StatefulDrive`] makes one of every [`StatefulActuation`], and thus of every [`Actuation`](crate::Actuation).
 ///
+/// # Example
 /// ```
 /// use tumble_dynamics::lie::Wrench;
 /// use tumble_dynamics::nalgebra::Vector3;
@@ -29,6 +30,7 @@ pub struct Driven {
 /// assert!(driven.is_at_limit && driven.wrench_body.force == Vector3::x());
 /// # Ok::<(), tumble_dynamics::DynamicsError>(())
 /// ```
+/// Tutorial: [an actuator of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/dynamics/tests/suite/custom_actuator.rs).
 /// # Frame
 /// Body axes, torque about the body origin.
 pub trait ActuatorDrive: Send {

@@ -10,8 +10,42 @@ use tumble_lie::nalgebra::Vector3;
 ///
 /// Every [`Actuation`] is one whose state is `()`. A pair is one, too: the second actuator is asked for what the first
 /// leaves, as nozzles are beside wheels. [`SimulatedGyrostat`](crate::SimulatedGyrostat) advances the state;
-/// [`SimulatedBody`](crate::SimulatedBody) takes only what has none:
+/// [`SimulatedBody`](crate::SimulatedBody) takes only what has none, as the second of these examples shows, which does not compile.
 ///
+/// # Example
+/// ```
+/// use tumble_dynamics::lie::Wrench;
+/// use tumble_dynamics::nalgebra::Vector3;
+/// use tumble_dynamics::{DynamicsError, StatefulActuation};
+///
+/// /// A spring that was wound up once: it turns the body about x until its momentum is spent.
+/// struct Spring {
+///     torque_n_m: f64,
+///     momentum_n_m_s: f64,
+/// }
+/// impl StatefulActuation for Spring {
+///     /// Momentum given so far, N m s.
+///     type Inner = f64;
+///     /// Share of the torque.
+///     type Command = f64;
+///     fn allocate_over(&self, _inner: &f64, wrench_body: &Wrench<f64>, _hold_s: f64) -> Result<f64, DynamicsError> {
+///         let share = wrench_body.torque.x / self.torque_n_m;
+///         if share.is_finite() { Ok(share.clamp(0.0, 1.0)) } else { Err(DynamicsError::NotFinite) }
+///     }
+///     fn realize_over(&self, inner: &f64, command: &f64, hold_s: f64) -> Wrench<f64> {
+///         let left = (self.momentum_n_m_s - inner) / hold_s;
+///         Wrench::new(Vector3::x() * (command * self.torque_n_m).min(left), Vector3::zeros())
+///     }
+///     fn advanced(&self, inner: &f64, command: &f64, hold_s: f64) -> f64 {
+///         inner + self.realize_over(inner, command, hold_s).torque.x * hold_s
+///     }
+/// }
+/// let (spring, wanted) = (Spring { torque_n_m: 0.1, momentum_n_m_s: 0.15 }, Wrench::new(Vector3::x(), Vector3::zeros()));
+/// let command = spring.allocate_over(&0.0, &wanted, 1.0)?;
+/// let after_one = spring.advanced(&0.0, &command, 1.0);
+/// assert!((spring.realize_over(&after_one, &command, 1.0).torque.x - 0.05).abs() < 1e-12);
+/// # Ok::<(), DynamicsError>(())
+/// ```
 /// ```compile_fail
 /// use tumble_dynamics::{FreeFlyer, MuntheKaas4, ReactionWheels, RigidBodyState, SimulatedBody};
 /// fn wheels_that_never_saturate(body: FreeFlyer<f64>, wheels: ReactionWheels<3>) {

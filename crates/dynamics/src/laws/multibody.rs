@@ -123,7 +123,7 @@ fn slopes(v: &Vector6<Dual64>) -> Vector6<f64> {
     v.map(|x| x.eps)
 }
 
-fn broken(law: &'static str, inputs: &dyn core::fmt::Debug, error: DynamicsError) -> LawViolation {
+fn broken(law: &'static str, inputs: &dyn core::fmt::Debug, error: &DynamicsError) -> LawViolation {
     let (inputs, found) = (format!("{inputs:?}"), error.to_string());
     LawViolation { law, inputs, expected: "a value".into(), found, error: f64::INFINITY, tolerance: 0.0 }
 }
@@ -152,7 +152,7 @@ fn check_motion<const J: usize>(
     tolerance: f64,
 ) -> Result<(), LawViolation> {
     let inputs = (tree, motion);
-    let of = |law: &'static str| move |error| broken(law, &inputs, error);
+    let of = |law: &'static str| move |error| broken(law, &inputs, &error);
     let zeta: Vec<f64> = motion.base_twist.to_vector().iter().chain(&motion.rates).copied().collect();
     let moving = Moving::of(tree, motion);
     let listed = |force: &GeneralizedForce<f64, Fixed<J>>| -> Vec<f64> {

@@ -13,6 +13,7 @@ type State = RigidBodyState<f64>;
 
 /// What kind of wrench a model claims to give: what tells its sign.
 #[derive(Clone, Copy)]
+#[non_exhaustive]
 pub enum WrenchNature<'a> {
     /// Takes energy from the body, whatever it does: drag in a medium at rest.
     Dissipates,

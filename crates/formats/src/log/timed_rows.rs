@@ -12,6 +12,40 @@ use tumble_identification::synchronize::{Held, TimeOrdering};
 const REORDER_ROWS: usize = 4096;
 
 /// What the columns of a log mean.
+///
+/// # Example
+/// ```
+/// use std::path::Path;
+/// use tumble_formats::FormatsError;
+/// use tumble_formats::log::{Row, RowLayout, TimedRows};
+///
+/// /// Voltage of a battery against time.
+/// struct Battery {
+///     time: usize,
+///     voltage: usize,
+/// }
+/// impl RowLayout for Battery {
+///     type Sample = (i64, f64);
+///     fn time_column(&self) -> usize {
+///         self.time
+///     }
+///     fn knows(&self, column: &str) -> bool {
+///         ["t_s", "voltage_v"].contains(&column)
+///     }
+///     fn sample(&self, row: &Row, time_ns: i64) -> Result<(i64, f64), FormatsError> {
+///         Ok((time_ns, row.number(self.voltage)?))
+///     }
+/// }
+/// let log = "t_s,voltage_v,note\n0.0,14.1,full\n0.5,low,\n";
+/// let mut rows = TimedRows::start(log.as_bytes(), Path::new("battery.csv"), false, |header| {
+///     Ok(Battery { time: header.required("t_s", "")?, voltage: header.required("voltage_v", "")? })
+/// })?;
+/// assert_eq!(rows.next_sample()?, Some((0, 14.1)));
+/// assert!(rows.next_sample().unwrap_err().to_string().contains("line 3"));
+/// assert_eq!(rows.ignored_columns, ["note"]);
+/// # Ok::<(), FormatsError>(())
+/// ```
+/// Tutorial: [the columns of an arm's joints](https://github.com/tumble-robotics/tumble/blob/main/crates/formats/src/log/joints.rs).
 pub trait RowLayout {
     /// What a row is.
     type Sample;
@@ -83,7 +117,7 @@ impl<R: Read, L: RowLayout> TimedRows<R, L> {
     ///
     /// # Errors
     /// [`FormatsError`] for an empty file, and what the layout says of the header.
-    pub(super) fn start(
+    pub fn start(
         source: R,
         path: &Path,
         reorder: bool,

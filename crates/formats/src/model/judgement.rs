@@ -33,6 +33,7 @@ const LARGEST_M2: f64 = 1e60;
 
 /// How sure it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Severity {
     /// Nothing is wrong: what one should know.
     Note,
@@ -55,6 +56,7 @@ impl Severity {
 
 /// What a finding is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum FindingKind {
     /// No body has these numbers.
     Impossible,

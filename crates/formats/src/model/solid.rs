@@ -5,6 +5,7 @@ use tumble_lie::Pose;
 
 /// A solid about its own centre, its length along z. Lengths in m.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Solid {
     /// Half its edges.
     Box([f64; 3]),

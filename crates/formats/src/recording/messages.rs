@@ -368,6 +368,7 @@ pub const KNOWN: [(&str, &[&str]); 11] = [
 /// A decoded message.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub enum Message<'a> {
     EkfState(Box<EkfState<'a>>),
     FamCommand(FamCommand<'a>),

@@ -8,6 +8,7 @@ use std::path::Path;
 
 /// One cell of a row.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum Cell {
     /// No sample then.
     #[default]
@@ -19,6 +20,38 @@ pub enum Cell {
 }
 
 /// What takes the rows of a log.
+///
+/// # Example
+/// ```
+/// use tumble_formats::FormatsError;
+/// use tumble_formats::recording::rows::{Cell, RowSink, read_csv};
+///
+/// /// The largest number of each column.
+/// #[derive(Default)]
+/// struct Largest(Vec<(String, f64)>);
+/// impl RowSink for Largest {
+///     fn begin(&mut self, columns: &[String]) -> Result<(), FormatsError> {
+///         self.0 = columns.iter().map(|name| (name.clone(), f64::NEG_INFINITY)).collect();
+///         Ok(())
+///     }
+///     fn row(&mut self, _time_ns: i64, cells: &[Cell]) -> Result<(), FormatsError> {
+///         for ((_, largest), cell) in self.0.iter_mut().zip(cells) {
+///             if let Cell::Number(number) = cell {
+///                 *largest = largest.max(*number);
+///             }
+///         }
+///         Ok(())
+///     }
+/// }
+/// let path = std::env::temp_dir().join(format!("tumble-rows-{}.csv", std::process::id()));
+/// std::fs::write(&path, "t_s,w_x,note\n0.0,0.1,begun\n0.1,0.3,\n")?;
+/// let mut largest = Largest::default();
+/// read_csv(&path, &mut largest)?;
+/// std::fs::remove_file(&path)?;
+/// assert_eq!(largest.0[0], ("w_x".to_owned(), 0.3));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+/// Tutorial: [rows in memory](https://github.com/tumble-robotics/tumble/blob/main/crates/formats/tests/suite/mcap.rs).
 pub trait RowSink {
     /// Takes the names of all columns but the time, once, before the first row.
     ///

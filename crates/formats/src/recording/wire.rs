@@ -123,7 +123,35 @@ impl<'a> Wire<'a> {
     }
 }
 
-/// Something that stands in a payload.
+/// Something that stands in a payload: numbers, text, sequences, and what is made of these.
+///
+/// # Example
+/// ```
+/// use tumble_formats::recording::Encoding;
+/// use tumble_formats::recording::wire::{Field, Wire, WireError};
+///
+/// /// `string name`, `float32[] readings`.
+/// #[derive(Debug, PartialEq)]
+/// struct Readings<'a> {
+///     name: &'a str,
+///     readings: Vec<f32>,
+/// }
+/// impl<'a> Field<'a> for Readings<'a> {
+///     const LEAST_BYTES: usize = <&str>::LEAST_BYTES + Vec::<f32>::LEAST_BYTES;
+///     fn read(wire: &mut Wire<'a>) -> Result<Self, WireError> {
+///         Ok(Self { name: Field::read(wire)?, readings: Field::read(wire)? })
+///     }
+/// }
+/// let payload = [&2_u32.to_le_bytes()[..], b"w1", &1_u32.to_le_bytes(), &0.5_f32.to_le_bytes()].concat();
+/// let mut wire = Wire::new(Encoding::Ros1, &payload)?;
+/// assert_eq!(Readings::read(&mut wire)?, Readings { name: "w1", readings: vec![0.5] });
+/// wire.finish()?;
+/// // A message that ends too early is refused, never read beyond its end.
+/// let mut torn = Wire::new(Encoding::Ros1, &payload[..11])?;
+/// assert!(matches!(Readings::read(&mut torn), Err(WireError::Torn { at: 10, needed: 4, length: 11 })));
+/// # Ok::<(), WireError>(())
+/// ```
+/// Tutorial: [the messages of a flight](https://github.com/tumble-robotics/tumble/blob/main/crates/formats/src/recording/messages.rs).
 pub trait Field<'a>: Sized {
     /// Fewest bytes it takes in either encoding.
     const LEAST_BYTES: usize;

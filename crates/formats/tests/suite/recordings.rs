@@ -163,6 +163,7 @@ impl Values {
                 v.number(m.child_frame_id).pose(&m.pose).numbers(m.pose_covariance);
                 v.twist(&m.twist).numbers(m.twist_covariance);
             }
+            other => panic!("a message of this kind is not compared: {other:?}"),
         }
         values.0
     }

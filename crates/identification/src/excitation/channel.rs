@@ -41,6 +41,7 @@ impl fmt::Display for Channel {
 
 /// A limit of a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Limit {
     /// Lower end of the workspace.
     Lower,

@@ -13,6 +13,7 @@ use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3, Vector6};
 
 /// Which equations tie the motion to the parameters in rows that are linear in them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Regression {
     /// Newton-Euler with measured velocities and rates, in integral (momentum) form.
     NewtonEuler,

@@ -74,6 +74,38 @@ impl DynFinding {
 const ROUNDING: f64 = 1e-8;
 
 /// The dynamic counterpart of [`Estimator`](crate::estimator::Estimator). Object safe.
+///
+/// # Example
+/// ```
+/// use tumble_identification::IdentificationError;
+/// use tumble_identification::estimator::EstimatorError;
+/// use tumble_identification::multibody::{DynEstimator, DynFinding};
+/// use tumble_identification::nalgebra::{DMatrix, DVector};
+///
+/// /// Stiffness of each spring, N m/rad, from pairs of angle (rad) and torque (N m), both listed by spring; 0.01 N m of noise.
+/// struct Springs;
+/// impl DynEstimator for Springs {
+///     type Record = [(DVector<f64>, DVector<f64>)];
+///     fn estimate(&self, record: &Self::Record) -> Result<DynFinding, EstimatorError> {
+///         let springs = record.first().ok_or(IdentificationError::TooFewSamples { samples: 0, needed: 1 })?.0.len();
+///         let squares = DVector::from_fn(springs, |i, _| record.iter().map(|(angle, _)| angle[i] * angle[i]).sum::<f64>());
+///         let products = DVector::from_fn(springs, |i, _| record.iter().map(|(angle, torque)| angle[i] * torque[i]).sum::<f64>());
+///         // What never moved stays unknown: its direction is left out.
+///         let moved: Vec<usize> = (0..springs).filter(|i| squares[*i] > 0.0).collect();
+///         let point = DVector::from_fn(springs, |i, _| if squares[i] > 0.0 { products[i] / squares[i] } else { 0.0 });
+///         let determined = DMatrix::from_fn(springs, moved.len(), |i, j| f64::from(u8::from(i == moved[j])));
+///         let variances = DVector::from_fn(moved.len(), |j, _| 1e-4 / squares[moved[j]]);
+///         DynFinding::try_new(point, determined, DMatrix::from_diagonal(&variances), DVector::repeat(springs, 1.0))
+///     }
+/// }
+/// let row = |angle: [f64; 2], torque: [f64; 2]| (DVector::from_row_slice(&angle), DVector::from_row_slice(&torque));
+/// let found = Springs.estimate(&[row([0.1, 0.0], [0.5, 0.0]), row([0.2, 0.0], [1.0, 0.0])])?;
+/// assert!(found.rank() == 1 && (found.point()[0] - 5.0).abs() < 1e-12);
+/// // Nothing is said of the second spring, nor of the sum of both.
+/// assert_eq!(found.covariance_of(&DMatrix::from_row_slice(1, 2, &[1.0, 1.0]))?, None);
+/// # Ok::<(), EstimatorError>(())
+/// ```
+/// Tutorial: [the estimator of trees](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/src/multibody/tree_estimator.rs).
 pub trait DynEstimator {
     /// What one estimate needs.
     type Record: ?Sized;

@@ -100,12 +100,12 @@ pub(super) fn momentum_rows(
     let right = &coefficients * DVector::from_column_slice(numbers) - DVector::from_column_slice(residual.as_slice());
     let lower = factor.l();
     let whiten = |m: &DMatrix<f64>| lower.solve_lower_triangular(m);
-    let singular = IdentificationError::Indefinite { parameters: 6 };
-    let right_white = whiten(&DMatrix::from_column_slice(6, 1, right.as_slice())).ok_or(singular)?;
-    let residual_white = lower.solve_lower_triangular(&residual).ok_or(singular)?;
+    let singular = || IdentificationError::Indefinite { parameters: 6 };
+    let right_white = whiten(&DMatrix::from_column_slice(6, 1, right.as_slice())).ok_or_else(singular)?;
+    let residual_white = lower.solve_lower_triangular(&residual).ok_or_else(singular)?;
     Ok(MomentumRows {
-        regressor: whiten(&coefficients).ok_or(singular)?,
-        constant: lower.solve_lower_triangular(&-Matrix6::identity()).ok_or(singular)?,
+        regressor: whiten(&coefficients).ok_or_else(singular)?,
+        constant: lower.solve_lower_triangular(&-Matrix6::identity()).ok_or_else(singular)?,
         right: Vector6::from_column_slice(right_white.as_slice()),
         residual: residual_white,
     })

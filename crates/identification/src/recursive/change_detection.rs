@@ -30,6 +30,7 @@ pub struct Change<const P: usize> {
 
 /// What a [`ChangeDetector`] says after an update.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Watch<const P: usize> {
     /// No change, and one would have been seen.
     Quiet,

@@ -7,7 +7,34 @@ use crate::lie::num_dual::Dual64;
 use crate::lie::{Coordinates, Manifold, Scalar, real};
 use nalgebra::{SMatrix, SVector};
 
-/// What `ROWS` sensors show of a state, written once for every scalar.
+/// What `ROWS` sensors show of a state, written once for every scalar; [`Differentiated`] makes a filter's model of it.
+///
+/// # Example
+/// ```
+/// use tumble_identification::dynamics::{FreeFlyerStep, MuntheKaas4, RigidBodyState};
+/// use tumble_identification::lie::{Scalar, Twist, real};
+/// use tumble_identification::nalgebra::{SVector, Vector1, Vector3};
+/// use tumble_identification::recursive::{Differentiated, FilterModel, Shown, StepObservation, WithParameters};
+///
+/// /// A gyroscope of one axis.
+/// struct Gyroscope {
+///     axis: Vector3<f64>,
+/// }
+/// impl Shown<FreeFlyerStep<MuntheKaas4>, 1> for Gyroscope {
+///     fn shown<T: Scalar>(&self, state: &RigidBodyState<T>) -> Vector1<T> {
+///         Vector1::new(state.twist_body.angular.dot(&self.axis.map(real::<T>)))
+///     }
+/// }
+/// let sensors = Gyroscope { axis: Vector3::z() };
+/// let model = Differentiated { model: FreeFlyerStep(MuntheKaas4), sensors, noise_rate: SVector::<f64, 22>::repeat(1e-8) };
+/// let mut state = RigidBodyState::at_rest();
+/// state.twist_body = Twist::new(Vector3::new(0.1, 0.2, 0.3), Vector3::zeros());
+/// let at = WithParameters { state, parameters: SVector::repeat(1.0) };
+/// let measured = Vector1::new(0.35);
+/// let observation = StepObservation { step_s: 0.1, input: SVector::zeros(), measured, standard_deviation: Vector1::new(1e-3) };
+/// assert!((model.residual(&at, &observation).x - 0.05).abs() < 1e-12);
+/// ```
+/// Tutorial: [models of filters and their laws](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/filter_models.rs).
 pub trait Shown<M: ParametricModel, const ROWS: usize> {
     /// The numbers they show.
     fn shown<T: Scalar>(&self, state: &M::State<T>) -> SVector<T, ROWS>;

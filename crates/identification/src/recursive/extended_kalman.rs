@@ -149,6 +149,7 @@ pub trait FilterModel<const N: usize, const ROWS: usize, const P: usize> {
 /// let by_differences = (at(1.0 - 1e-6) - at(1.0 + 1e-6)) / 2e-6;
 /// assert!((Level.sensitivity(&SVector::from([1.0]), &3.0)[0] - by_differences).abs() < 1e-9);
 /// ```
+/// Tutorial: [the principal body](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/src/recursive/principal_body.rs).
 pub trait DifferentiableModel<const N: usize, const ROWS: usize, const P: usize>: FilterModel<N, ROWS, P> {
     /// Φ P Φᵀ + Q of the step to the observation, about `state` before the step.
     fn predicted_covariance(

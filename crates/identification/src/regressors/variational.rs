@@ -137,6 +137,7 @@ pub fn variational<T: Scalar>(triple: &PoseTriple<T>) -> Regressor<T> {
 
 /// How far the error of the variational regressor is pushed down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Extrapolation {
     /// `H_1`: three poses.
     Order2,

@@ -54,6 +54,7 @@ pub struct Found {
 
 /// A stream of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum StreamName {
     /// Position and attitude.
     Pose,

@@ -1,8 +1,8 @@
 //! Inertia in units of the wheel's and centre of mass from one free fall, with covariance.
 
+use super::ThrowSettings;
 use super::regressors::{lever_arm_regressor, momentum_regressor, symmetric_matrix};
 use super::throw_record::{EndOfFall, FreeFall, ThrowRecord, ThrowSample};
-use super::{SensorErrors, ThrowSettings};
 use crate::IdentificationError;
 use tumble_lie::LieGroup;
 use tumble_lie::nalgebra::{DMatrix, Matrix3, Rotation3, SMatrix, SVector, Vector3};
@@ -74,17 +74,6 @@ impl FreeFallEstimate {
             end: fall.end,
             windows: windows.len(),
         })
-    }
-
-    /// Reads one throw as it was measured by sensors that err so.
-    pub(super) fn from_reading(
-        record: &ThrowRecord,
-        errors: &SensorErrors,
-        settings: &ThrowSettings,
-    ) -> Result<Self, IdentificationError> {
-        // A gyro saturates by its reading, not by the rate.
-        record.free_fall(&settings.validated()?)?;
-        Self::from_throw(&record.corrected(errors), settings)
     }
 }
 

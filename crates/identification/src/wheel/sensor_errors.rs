@@ -2,7 +2,7 @@
 //! delay of the wheel's telemetry.
 
 use super::ThrowSettings;
-use super::momentum_balance::{REWEIGHTINGS, solve, whitened_momentum, windows};
+use super::momentum_balance::{FreeFallEstimate, REWEIGHTINGS, solve, whitened_momentum, windows};
 use super::throw_record::{ThrowRecord, ThrowSample};
 use crate::IdentificationError;
 use tumble_lie::nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3};
@@ -46,6 +46,19 @@ pub struct SensorErrors {
     /// Independent changes of one sigma each, in rows, that together make up how uncertain these errors are; the columns
     /// in the order `gyro_factor`, `gyro_shear`, `wheel_tilt`, `wheel_delay_s`. The last row is the delay's.
     pub shifts: [[f64; 9]; 8],
+}
+
+impl FreeFallEstimate {
+    /// Reads one throw as it was measured by sensors that err so.
+    pub(super) fn from_reading(
+        record: &ThrowRecord,
+        errors: &SensorErrors,
+        settings: &ThrowSettings,
+    ) -> Result<Self, IdentificationError> {
+        // A gyro saturates by its reading, not by the rate.
+        record.free_fall(&settings.validated()?)?;
+        Self::from_throw(&record.corrected(errors), settings)
+    }
 }
 
 impl Default for SensorErrors {

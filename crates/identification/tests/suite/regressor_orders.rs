@@ -30,6 +30,7 @@ fn regressor(record: &[MotionSample], node: usize, extrapolation: Extrapolation)
         Extrapolation::Order2 => variational_extrapolated(&[t(1)]),
         Extrapolation::Order4 => variational_extrapolated(&[t(1), t(2)]),
         Extrapolation::Order6 => variational_extrapolated(&[t(1), t(2), t(3)]),
+        other => panic!("{other:?} is not tested"),
     }
 }
 

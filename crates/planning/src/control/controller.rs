@@ -50,6 +50,7 @@ pub struct ControlRequest<'a> {
 
 /// What became of a belief offered to a controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Adoption {
     /// It is used from now on.
     Adopted,

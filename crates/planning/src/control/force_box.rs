@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// The attitudes at which forces may be asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum AttitudeSpan {
     /// Any.
     Any,

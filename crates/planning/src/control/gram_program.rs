@@ -70,6 +70,7 @@ impl Default for GramSettings {
 
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum GramStatus {
     /// With the solution.
     Solved,

@@ -21,11 +21,12 @@ mod hull;
 mod separation;
 
 use super::coupled_axes::AxisPlane;
+use super::reach::Reach;
 use crate::collision::{BodyShape, MovingObstacle, keep_in_complement};
 use crate::error::{PlanningError, finite, not_negative};
 use crate::local::Barrier;
 use hull::{Cover, Obstacle, Swept, TrackedBody};
-use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use separation::separating_normal;
 use tumble_dynamics::World;
 
@@ -47,6 +48,7 @@ pub struct ObstaclePlane {
 
 /// What a reference does beyond the last node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum EndAttitude {
     /// It keeps the attitude of that node.
     Held,
@@ -75,33 +77,6 @@ pub struct NominalPath<'a> {
     pub end: EndAttitude,
     /// Largest angle between the body and the reference, rad.
     pub attitude_error_rad: f64,
-}
-
-/// Where a plan's nodes can be at all, whatever its accelerations.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reach {
-    /// Measured position and velocity of each axis.
-    pub states: [Vector2<f64>; 3],
-    /// Largest tube of each axis, of position and of velocity, slack included.
-    pub tubes: [Vector2<f64>; 3],
-    /// Largest nominal acceleration of each axis, m/s^2.
-    pub accelerations_m_s2: Vector3<f64>,
-}
-
-impl Reach {
-    /// Middle and half-widths of the box of the nominal positions after a time.
-    pub fn at(&self, time_s: f64) -> (Vector3<f64>, Vector3<f64>) {
-        let middle = Vector3::from_fn(|i, _| self.states[i].x + time_s * self.states[i].y);
-        let half = Vector3::from_fn(|i, _| {
-            self.tubes[i].x + time_s * (self.tubes[i].y + 0.5 * time_s * self.accelerations_m_s2[i])
-        });
-        (middle, half)
-    }
-
-    /// Half-widths of the largest tube, m.
-    fn tube_m(&self) -> Vector3<f64> {
-        Vector3::from_fn(|i, _| self.tubes[i].x)
-    }
 }
 
 /// What became of the planes in an update.

@@ -1,6 +1,7 @@
 //! Three axes, one belief: which plan is flown, which revision it stands on, and what happens where there is none.
 
 use super::force_box::across;
+use super::tracked_motion::TrackedMotion;
 use super::tube_axes::{TubeAxes, TubeObstacles};
 use super::{
     Adoption, AttitudeCertificate, AttitudeSpan, AxisGain, AxisLimits, AxisPlan, AxisProblem, AxisRequest,
@@ -48,6 +49,7 @@ pub struct TubeSettings {
 
 /// Which point of the body is kept on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum TrackedPoint {
     /// The body origin: right as long as nothing is known of the centre of mass.
     Origin,
@@ -159,26 +161,6 @@ struct Revision {
     mass: MassInterval,
     tracked_body: Vector3<f64>,
     axes: TubeAxes,
-}
-
-/// The tracked point on each axis of the tube: where it is, and where it should be at each node of the plan.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct TrackedMotion {
-    /// Mission time of the first node, s.
-    pub start_s: f64,
-    /// Measured position and velocity, m, m/s.
-    pub states: [Vector2<f64>; 3],
-    /// Wanted position and velocity at each node, the first one now; the last stands for those missing.
-    pub references: [Vec<Vector2<f64>>; 3],
-    /// Wanted attitude at each node, world from body; only obstacles ask for it.
-    pub attitudes: Vec<UnitQuaternion<f64>>,
-}
-
-impl TrackedMotion {
-    fn is_finite(&self) -> bool {
-        let nodes = self.references.iter().flatten().chain(&self.states);
-        nodes.into_iter().all(|node| node.x.is_finite() && node.y.is_finite())
-    }
 }
 
 /// Where the motion stands.

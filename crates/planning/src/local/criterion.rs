@@ -5,6 +5,7 @@
 /// # Source
 /// Thesis 2.3.1, (6.9).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
 pub enum Criterion {
     /// Weighted sum of the variances: `Gamma' diag(M^-1)`.
     #[default]

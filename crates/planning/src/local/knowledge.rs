@@ -1,10 +1,11 @@
 //! What a belief says about chosen quantities.
 
+use super::about_com::about_com_by_parameters;
 use super::model::Knowledge;
 use crate::belief::ModelBelief;
 use crate::error::{PlanningError, finite, indefinite, not_negative, positive};
-use nalgebra::{Cholesky, Const, Matrix3, SMatrix, SVector};
-use tumble_dynamics::{InertialParameters, PARAMETERS};
+use nalgebra::{Cholesky, Const, SMatrix};
+use tumble_dynamics::PARAMETERS;
 
 /// What is known exactly is taken to be known to a millionth, so that it still has an information: each parameter of its size,
 /// each combination of parameters of its prior standard deviations and sizes.
@@ -102,52 +103,6 @@ impl<const P: usize> Knowledge<P> {
     }
 }
 
-/// Change of mass, centre of mass and inertia about it by the parameters of [`InertialParameters::to_vector`].
-pub(super) fn about_com_by_parameters(body: &InertialParameters<f64>) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
-    let c = body.center_of_mass();
-    let mut by_parameters = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
-    for j in 0..PARAMETERS {
-        let change = InertialParameters::from_vector(&SVector::<f64, PARAMETERS>::ith(j, 1.0));
-        let moved = (change.first_moment - c * change.mass) / body.mass;
-        // J_C = J - (h.h I - h h^T) / m with h = m c
-        let h = change.first_moment;
-        let inertia = change.inertia_about_origin - Matrix3::identity() * (2.0 * c.dot(&h))
-            + h * c.transpose()
-            + c * h.transpose()
-            + (Matrix3::identity() * c.norm_squared() - c * c.transpose()) * change.mass;
-        let column = InertialParameters { mass: change.mass, first_moment: moved, inertia_about_origin: inertia };
-        by_parameters.set_column(j, &column.to_vector());
-    }
-    by_parameters
-}
-
-/// Change of the parameters of [`InertialParameters::to_vector`] by mass, centre of mass and inertia about it: the inverse of
-/// [`about_com_by_parameters`].
-pub(super) fn parameters_by_about_com(body: &InertialParameters<f64>) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
-    let c = body.center_of_mass();
-    let mut by_about_com = SMatrix::<f64, PARAMETERS, PARAMETERS>::zeros();
-    for j in 0..PARAMETERS {
-        let change = InertialParameters::from_vector(&SVector::<f64, PARAMETERS>::ith(j, 1.0));
-        let moved = change.first_moment;
-        let h = moved * body.mass + c * change.mass;
-        // J = J_C + m (c.c I - c c^T)
-        let inertia = change.inertia_about_origin
-            + (Matrix3::identity() * (2.0 * c.dot(&moved)) - moved * c.transpose() - c * moved.transpose()) * body.mass
-            + (Matrix3::identity() * c.norm_squared() - c * c.transpose()) * change.mass;
-        let column = InertialParameters { mass: change.mass, first_moment: h, inertia_about_origin: inertia };
-        by_about_com.set_column(j, &column.to_vector());
-    }
-    by_about_com
-}
-
-/// Sizes of mass, centre of mass and inertia about it: the radius of gyration for the centre of mass, the mean moment of inertia
-/// for inertias.
-pub(crate) fn sizes_about_com(body: &InertialParameters<f64>) -> [f64; PARAMETERS] {
-    let inertia = body.inertia_about_com().trace() / 3.0;
-    let radius = f64::sqrt(1.5 * inertia / body.mass);
-    core::array::from_fn(|i| [body.mass, radius, inertia][usize::from(i > 0) + usize::from(i > 3)])
-}
-
 /// Covariance of mass, centre of mass and inertia about it.
 ///
 /// # Errors
@@ -164,30 +119,6 @@ pub(crate) fn covariance_about_com(
 #[allow(clippy::float_cmp, reason = "the same operations give the same bits")]
 mod tests {
     use super::*;
-    use nalgebra::Vector3;
-
-    fn body() -> InertialParameters<f64> {
-        let inertia = Matrix3::new(0.15, 0.01, -0.02, 0.01, 0.14, 0.005, -0.02, 0.005, 0.16);
-        InertialParameters::about_com(9.5, Vector3::new(0.05, -0.1, 0.07), inertia)
-    }
-
-    fn about_com(parameters: &SVector<f64, 10>) -> SVector<f64, 10> {
-        let body = InertialParameters::from_vector(parameters);
-        let (first_moment, inertia_about_origin) = (body.center_of_mass(), body.inertia_about_com());
-        InertialParameters { mass: body.mass, first_moment, inertia_about_origin }.to_vector()
-    }
-
-    #[test]
-    fn the_change_of_the_body_about_its_centre_of_mass() {
-        let (p, by_parameters) = (body().to_vector(), about_com_by_parameters(&body()));
-        for j in 0..10 {
-            let step = SVector::<f64, 10>::ith(j, 1e-4);
-            let quotient = (about_com(&(p + step)) - about_com(&(p - step))) / 2e-4;
-            assert!((quotient - by_parameters.column(j)).amax() < 1e-8, "{j} {quotient}");
-        }
-        let both = parameters_by_about_com(&body()) * by_parameters;
-        assert!((both - SMatrix::identity()).amax() < 1e-13, "{both}");
-    }
 
     #[test]
     fn knowledge_is_the_covariance_in_other_units() {

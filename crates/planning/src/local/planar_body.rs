@@ -2,7 +2,8 @@
 
 mod motion;
 
-use super::knowledge::{QUANTITIES, covariance_about_com, sizes_about_com};
+use super::about_com::sizes_about_com;
+use super::knowledge::{QUANTITIES, covariance_about_com};
 use super::model::{Array2, InformativeModel, KINEMATICS, Kinematics, Knowledge, StepDerivatives};
 use crate::belief::ModelBelief;
 use crate::error::PlanningError;
@@ -289,7 +290,7 @@ mod tests {
         for (place, sigma) in PLACES.into_iter().zip(SIGMA) {
             covariance[(place, place)] = sigma * sigma;
         }
-        let by_about_com = super::super::knowledge::parameters_by_about_com(&body);
+        let by_about_com = crate::local::body_by_mass_center_and_inertia(&body);
         let mut belief = ModelBelief::certain(1, body);
         belief.estimate.covariance = by_about_com * covariance * by_about_com.transpose() * (scale * scale);
         belief

@@ -28,6 +28,7 @@ impl<S> Copy for Reference<'_, S> {}
 /// Where a search begins. An input that is zero all along is a stationary point of what it could tell: where information has a
 /// weight, such inputs are stirred before the search begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Guess<'a, const U: usize> {
     /// Small, deterministic, without structure, and one search for each side on which obstacles can be passed.
     Excited,

@@ -41,6 +41,7 @@ impl SqpSettings {
 
 /// How a search ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum SqpStatus {
     /// The optimality conditions hold to the tolerance.
     Converged,

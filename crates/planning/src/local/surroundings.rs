@@ -23,6 +23,7 @@ use turn::Turn;
 
 /// What a body is for its surroundings.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Hull {
     /// Its origin: obstacles are inflated already.
     Point,
@@ -32,6 +33,7 @@ pub enum Hull {
 
 /// A convex solid to keep off.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Barrier {
     /// An ellipsoid, at rest or moving, for all times or some.
     Ellipsoid(MovingObstacle),

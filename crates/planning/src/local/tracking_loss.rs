@@ -1,6 +1,5 @@
 //! What errors of the model cost in tracking.
 
-use super::knowledge::parameters_by_about_com;
 use crate::error::{PlanningError, finite, length, not_negative, pose, zero_or_moderate};
 use nalgebra::{Matrix3, SMatrix};
 use tumble_dynamics::{FreeFlyer, InertialParameters, PARAMETERS, PoseReference, PoseTracker};
@@ -255,23 +254,11 @@ impl<const P: usize> TrackingLoss<P> {
     }
 }
 
-/// Change of [`InertialParameters::to_vector`] by the mass and the moments of inertia about the centre of mass `Ixx, Iyy, Izz`,
-/// the centre of mass held.
-pub fn body_by_principal(body: &InertialParameters<f64>) -> SMatrix<f64, PARAMETERS, 4> {
-    let all = parameters_by_about_com(body);
-    SMatrix::from_columns(&[all.column(0), all.column(4), all.column(7), all.column(9)])
-}
-
-/// Change of [`InertialParameters::to_vector`] by the mass, the centre of mass and the inertia about it
-/// `Ixx, Ixy, Ixz, Iyy, Iyz, Izz`.
-pub fn body_by_mass_center_and_inertia(body: &InertialParameters<f64>) -> SMatrix<f64, PARAMETERS, PARAMETERS> {
-    parameters_by_about_com(body)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{SVector, Vector3, Vector4};
+    use crate::local::body_by_principal;
+    use nalgebra::{Vector3, Vector4};
 
     /// Double integrator, undamped and critically damped axes in closed form.
     #[test]
@@ -291,26 +278,6 @@ mod tests {
         let (e, settles) = ((-w * h).exp(), AxisStep::new(w * w, 2.0 * w, h));
         near(settles.advance([1.0, 0.0], 0.0), [e * (1.0 + w * h), -e * w * w * h]);
         near(settles.advance([0.0, 0.0], w * w), [1.0 - e * (1.0 + w * h), e * w * w * h]);
-    }
-
-    #[test]
-    fn the_body_changes_with_its_quantities_as_said() {
-        let inertia = Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0);
-        let body = |q: &SVector<f64, 10>| {
-            let inertia = Matrix3::new(q[4], q[5], q[6], q[5], q[7], q[8], q[6], q[8], q[9]);
-            InertialParameters::about_com(q[0], Vector3::new(q[1], q[2], q[3]), inertia).to_vector()
-        };
-        let at = SVector::from([5.0, 0.05, 0.1, -0.07, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0]);
-        let believed = InertialParameters::about_com(5.0, Vector3::new(0.05, 0.1, -0.07), inertia);
-        let by_quantity = body_by_mass_center_and_inertia(&believed);
-        for quantity in 0..10 {
-            let change = SVector::from_fn(|i, _| if i == quantity { 1e-4 } else { 0.0 });
-            // quadratic in the centre of mass: central differences are exact but for rounding
-            let difference = (body(&(at + change)) - body(&(at - change))) / 2e-4;
-            assert!((difference - by_quantity.column(quantity)).amax() < 1e-11, "{quantity}");
-        }
-        let principal = body_by_principal(&believed);
-        assert_eq!(principal, by_quantity.select_columns(&[0, 4, 7, 9]).fixed_columns::<4>(0).into_owned());
     }
 
     #[test]

@@ -129,6 +129,7 @@ impl<const P: usize> WeightingContext<P> {
 /// assert_eq!(UntilTenth.weights(&context)?, [1.0, 0.0]);
 /// # Ok::<(), PlanningError>(())
 /// ```
+/// Tutorial: [fixed weights](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/src/local/weighting/fixed.rs).
 pub trait InformationWeighting<const P: usize> {
     /// The weights for the next plan, finite and not negative; a weighting may remember what it answered before.
     ///

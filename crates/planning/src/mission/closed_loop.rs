@@ -55,6 +55,7 @@ const LEAST_LEFT: f64 = 0.1;
 /// masses.offered(0, &ModelBelief::certain(1, InertialParameters::solid_box(9.5, [0.3; 3])));
 /// assert_eq!(masses.0, [9.5]);
 /// ```
+/// Tutorial: [layers of your own](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_robot/own_layers.rs).
 #[allow(unused_variables)]
 pub trait LoopObserver {
     /// A layer begins to work.
@@ -83,6 +84,7 @@ impl LoopObserver for NoObserver {}
 
 /// How a mission ended.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum End {
     /// The robot is where it was to be.
     Arrived,

@@ -14,6 +14,7 @@ pub struct TimedEvent {
 
 /// What can happen.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Event {
     /// The mission begins; the robot is at rest where it is.
     Begun,
@@ -125,6 +126,7 @@ pub struct FoundStretch {
 
 /// Where a plan is to begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum StartFrom {
     /// Where what is being flown will be then: the robot follows it.
     Reference,
@@ -134,6 +136,7 @@ pub enum StartFrom {
 
 /// How a stretch is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Ambition {
     /// Progress and information.
     Informative,
@@ -145,6 +148,7 @@ pub enum Ambition {
 
 /// What is to be done.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Action {
     /// Plan a way from where the robot will be at a time.
     PlanWay {
@@ -206,6 +210,7 @@ pub enum Action {
 
 /// What the coordinator noticed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Note {
     /// An event from the past, or one that says what is known already.
     Stale,

@@ -30,6 +30,7 @@ use tumble_dynamics::Plant;
 /// assert_eq!(FaultPlant::new(Counter(0.0), Leak).advance(&4.0, 1.0)?, 2.0);
 /// # Ok::<(), DynamicsError>(())
 /// ```
+/// Tutorial: [faults of a mission, for any plant](https://github.com/tumble-robotics/tumble/blob/main/crates/tumble/src/mission/faults/plant.rs).
 pub trait PlantFault<P: Plant> {
     /// Before a step: the input that really reaches the plant, which may be changed itself: something breaks, something is added.
     ///

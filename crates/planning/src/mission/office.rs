@@ -61,6 +61,7 @@ impl Default for ComputingTime {
 
 /// What happens to a plan between asking and answering.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum PlannerFault {
     /// Nothing.
     #[default]

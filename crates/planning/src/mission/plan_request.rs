@@ -17,6 +17,7 @@ const REST_M_S: f64 = 1e-6;
 
 /// A layer, for those who measure what it costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
 pub enum Layer {
     /// A way from rest, and a way after a search in vain.
     Way,
@@ -62,6 +63,7 @@ where
 
 /// What is asked for.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Asked {
     /// A way that stays where it begins, for missions that only learn.
     Stay,
@@ -134,6 +136,7 @@ pub struct PlanAnswer {
 
 /// What was found.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub enum Found {
     /// A way that stays where it begins, and the revision of the belief at that time.
     Stay(ArcPath, u64),

@@ -17,6 +17,7 @@ use nalgebra::{UnitQuaternion, Vector2};
 /// let flat = model.state_of(&Kinematics::at_rest(Pose::translation(1.0, 2.0, 3.0)));
 /// assert_eq!((flat.position_world.x, flat.position_world.y, flat.heading_rad), (1.0, 2.0, 0.0));
 /// ```
+/// Tutorial: [stretches of any model](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/src/mission/informative_stretch.rs).
 pub trait StretchModel<const X: usize, const U: usize, const P: usize>: InformativeModel<X, U, P> {
     /// Of each coordinate of a change of a state, what it belongs to: 0 position, 1 velocity, 2 attitude, 3 rate.
     const GROUPS: [usize; X];

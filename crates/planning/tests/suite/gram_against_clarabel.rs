@@ -51,7 +51,7 @@ impl Comparison {
                 assert!(!matches!(other, Ok(Some(_))), "{name} is infeasible, but not for the other");
                 self.infeasible += 1;
             }
-            GramStatus::Capped | GramStatus::Numerical => panic!("{name}: {status:?}"),
+            _ => panic!("{name}: {status:?}"),
         }
         self.open += usize::from(other.is_err());
     }

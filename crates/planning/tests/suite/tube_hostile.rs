@@ -173,7 +173,7 @@ fn fly(seed: u64) -> Option<Seen> {
     let axes = settings.world_from_axes;
     let still = match settings.attitudes {
         AttitudeSpan::Near { axes_from_body, .. } => axes * draw.turn(draw_angle(seed) * within_span) * axes_from_body,
-        AttitudeSpan::Any => draw.turn(3.0),
+        _ => draw.turn(3.0),
     };
     let spin = |t: f64| UnitQuaternion::new(rate * t) * still;
     // the centre of mass, world axes

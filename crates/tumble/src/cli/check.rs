@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use tumble_dynamics::InertialParameters;
 use tumble_formats::log::shortened;
-use tumble_formats::model::{Model, ModelKind, ModelLink, Verdict, judge};
+use tumble_formats::model::{Model, ModelLink, Verdict, judge};
 use tumble_formats::text_file::printable;
 use tumble_formats::{FormatsError, body_file, text_file};
 
@@ -66,10 +66,7 @@ pub(super) fn read(path: &Path) -> Result<Model, TumbleError> {
 }
 
 fn table(path: &Path, model: &Model, verdicts: &[Verdict], wrong: usize) -> String {
-    let kind = match model.kind {
-        ModelKind::Urdf => "URDF",
-        ModelKind::Mjcf => "MJCF",
-    };
+    let kind = model.kind.name().to_uppercase();
     let mut text = format!("{}: `{}`, {kind}, {} links\n", path.display(), shortened(&model.name), model.links.len());
     for note in &model.notes {
         let _ = writeln!(text, "note: {note}");
@@ -170,7 +167,7 @@ fn as_json(path: &Path, model: &Model, verdicts: &[Verdict]) -> Value {
         "format": 1,
         "model": model.name,
         "file": path.display().to_string(),
-        "kind": match model.kind { ModelKind::Urdf => "urdf", ModelKind::Mjcf => "mjcf" },
+        "kind": model.kind.name(),
         "wrong": verdicts.iter().filter(|verdict| verdict.is_wrong()).count(),
         "notes": model.notes,
         "links": model.links.iter().zip(verdicts).map(link).collect::<Vec<_>>(),

@@ -206,7 +206,7 @@ fn read(input: &Input, args: &ConvertArgs, robots: &Robots, sink: &mut dyn RowSi
                     return read_mcap(path, &log, sink);
                 }
             }
-            Input::Recording(Container::Bag | Container::Ulog) | Input::Several => {}
+            Input::Recording(_) | Input::Several => {}
         }
     }
     let named = named_together(&args.inputs);

@@ -49,6 +49,7 @@ fn name(layer: Layer) -> &'static str {
         Layer::Stretch => "local plan",
         Layer::Control => "control step",
         Layer::Estimator => "estimator update",
+        _ => "other",
     }
 }
 

@@ -12,7 +12,6 @@ use tumble_formats::actuator_file::{self, ActuatorFile};
 use tumble_formats::log::{CommandedReader, CommandedSample, seconds};
 use tumble_formats::recording::{Container, ulog_flight};
 use tumble_formats::{FormatsError, Robots, SampleReader, body_file, recording};
-use tumble_identification::estimator::EstimatorError;
 use tumble_identification::sensing::{self, Sensing};
 use tumble_identification::{
     FlightLikelihood, Identification, IdentificationError, LongRecord, MAXIMUM_LIKELIHOOD, MotionSample, Parts,
@@ -286,7 +285,7 @@ impl Log {
         rows: &[MotionSample],
         settings: &Settings,
     ) -> Result<Identification, TumbleError> {
-        self.pipeline.identify(rows, settings).map_err(plain)
+        Ok(self.pipeline.identify(rows, settings)?)
     }
 
     pub(super) fn identify(&self, settings: &Settings) -> Result<Identification, TumbleError> {
@@ -301,7 +300,7 @@ impl Log {
         if self.estimation_rows <= rows_at_once {
             let mut found = None;
             self.for_each_part(rows_at_once, |record| {
-                found = Some(self.pipeline.identify(record, settings).map_err(plain)?);
+                found = Some(self.pipeline.identify(record, settings)?);
                 Ok(ControlFlow::Continue(()))
             })?;
             return found.ok_or(FormatsError::Empty { path: PathBuf::from(&self.source), what: "data rows" }.into());
@@ -309,7 +308,7 @@ impl Log {
         let alone = Settings { prior: None, ..*settings };
         let mut parts = Vec::new();
         self.for_each_part(rows_at_once, |record| {
-            match self.pipeline.identify(record, &alone).map_err(plain) {
+            match self.pipeline.identify(record, &alone).map_err(TumbleError::from) {
                 // The last few rows of a long log may be too few for a row of their own.
                 Err(TumbleError::Identification(IdentificationError::TooFewSamples { .. })) if !parts.is_empty() => {}
                 found => {
@@ -326,7 +325,7 @@ impl Log {
 
     /// The parts between changes of the body.
     pub(super) fn in_parts(&self, record: &[MotionSample], settings: &Settings) -> Result<Parts, TumbleError> {
-        self.pipeline.identify_parts(record, settings).map_err(plain)
+        Ok(self.pipeline.identify_parts(record, settings)?)
     }
 
     /// By likelihood in a sliding window; `None` where that has no answer.
@@ -406,7 +405,7 @@ impl CommandedLog {
                 }
                 log.warnings = tally.warnings(&plan, &survey.topics);
             }
-            Some(Container::Bag | Container::Mcap) => {
+            Some(_) => {
                 let message = "`--actuators` names columns of a CSV log or fields of a ULog; `tumble convert` makes CSV of other recordings";
                 return Err(TumbleError::BadOption { message: message.to_owned() });
             }
@@ -467,14 +466,6 @@ fn pipeline() -> Pipeline {
     ADDED_METHODS.entries().into_iter().fold(Pipeline::new(), |pipeline, (name, sentence, make)| {
         pipeline.with(name, sentence, move |problem| make(problem))
     })
-}
-
-/// An error of the library's own estimators is one of identification.
-fn plain(error: EstimatorError) -> TumbleError {
-    match error {
-        EstimatorError::Library(error) => error.into(),
-        other => TumbleError::BadOption { message: other.to_string() },
-    }
 }
 
 /// One line on stderr that replaces itself; silent in pipes.

@@ -258,6 +258,7 @@ fn criterion_name(criterion: Criterion) -> &'static str {
         Criterion::A => "a",
         Criterion::D => "d",
         Criterion::E => "e",
+        _ => "other",
     }
 }
 

@@ -171,6 +171,7 @@ fn outcome(steering: &Steering, account: &ControlAccount, belief: &OfferedBelief
         (Adoption::Postponed { .. }, Some(used_ns)) => {
             if (used_ns - belief.time_ns) as f64 > decision_ns * (1.0 + 1e-6) { "postponed" } else { "adopted" }
         }
+        _ => "other",
     }
 }
 

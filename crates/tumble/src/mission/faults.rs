@@ -120,6 +120,29 @@ fn add(counts: &mut Counts, name: &str, count: u64) {
 }
 
 /// Something that goes wrong. By default nothing does.
+///
+/// # Example
+/// ```
+/// use tumble::mission::{Fault, Faults, PlantChange};
+/// use tumble_dynamics::lie::Wrench;
+///
+/// /// Half of the force is lost from a time on.
+/// struct Weak {
+///     from_ns: i64,
+/// }
+/// impl Fault for Weak {
+///     fn act(&mut self, time_ns: i64, change: &mut PlantChange) {
+///         if time_ns >= self.from_ns {
+///             change.wanted.force *= 0.5;
+///         }
+///     }
+/// }
+/// let mut faults = Faults::of(vec![Box::new(Weak { from_ns: 1_000_000_000 })]);
+/// let wanted = Wrench::new([0.0, 0.0, 0.0].into(), [0.4, 0.0, 0.0].into());
+/// assert_eq!(faults.before_step(0, &wanted).wanted, wanted);
+/// assert_eq!(faults.before_step(2_000_000_000, &wanted).wanted.force.x, 0.2);
+/// ```
+/// Tutorial: [measurements that are lost](https://github.com/tumble-robotics/tumble/blob/main/crates/tumble/src/mission/faults/losses.rs).
 pub trait Fault {
     /// Told before the flight that the robot is on a table.
     fn in_plane(&mut self) {}

@@ -3,6 +3,7 @@
 use super::assembly::{AstrobeeLoop, MissionPlanners, closed_loop};
 use super::doubts::DoubtWatch;
 use super::faults::{Faults, LateObstacle, Sabotage};
+use super::hooks::{FlownPeriod, MissionHooks};
 use super::invariants;
 use super::layers::{estimator_settings, scene};
 use super::options::FlyOptions;
@@ -54,49 +55,6 @@ pub(super) const PARAMETERS: [(&str, &str); 10] = [
     ("inertia_xz", "kg m^2"),
     ("inertia_yz", "kg m^2"),
 ];
-
-/// What looks on while a mission is flown, and may measure what it costs; nothing that happens depends on it.
-pub trait MissionHooks {
-    /// So far, of so long at most, s.
-    fn progress(&mut self, _time_s: f64, _longest_s: f64) {}
-    /// A layer begins to work.
-    fn begins(&mut self, _layer: Layer) {}
-    /// It is done.
-    fn ends(&mut self, _layer: Layer) {}
-    /// A control period: what was measured and published, and who believes what.
-    ///
-    /// # Errors
-    /// What stops the mission.
-    fn period(&mut self, _period: &FlownPeriod<'_>) -> Result<(), TumbleError> {
-        Ok(())
-    }
-    /// The coordinator heard of something.
-    fn heard(&mut self, _event: &TimedEvent) {}
-    /// It answered.
-    fn answered(&mut self, _time_ns: i64, _action: &Action) {}
-}
-
-/// Looks at nothing.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct NoHooks;
-
-impl MissionHooks for NoHooks {}
-
-/// A control period of a mission.
-pub struct FlownPeriod<'a> {
-    /// What the simulator says of it.
-    pub measured: &'a SimulatorMeasurement,
-    /// What arrived in it.
-    pub estimates: &'a [LocalizationEstimate],
-    /// What the estimator takes the body for, in the order of the summary, with standard deviations.
-    pub estimate: ([f64; 10], [f64; 10]),
-    /// The same with its whole covariance.
-    pub belief: &'a Estimate,
-    /// Number of the stretch that is flown.
-    pub plan_revision: u64,
-    /// Revision of the belief that the controller uses.
-    pub belief_revision: u64,
-}
 
 /// Mass, centre of mass, inertia about it: xx, yy, zz, xy, xz, yz.
 fn ten(body: &InertialParameters<f64>) -> [f64; 10] {
@@ -217,11 +175,11 @@ impl Notes<'_> {
                 let text = format!("request {} cannot be planned: {error}", request.request);
                 self.note_answer(time_ns, request.request, "planner", text);
             }
-            Found::Stay(..) | Found::Stretch(..) | Found::NoStretch(_) => {}
+            _ => {}
         }
         let fault = match request.asked {
             Asked::Stay => PlannerFault::None,
-            Asked::Way { .. } | Asked::Stretch { .. } => self.faults.planner(request.request).into(),
+            _ => self.faults.planner(request.request).into(),
         };
         planners.post(time_ns, request, answer, fault);
     }

@@ -5,6 +5,7 @@ use crate::TumbleError;
 use crate::flight_log::nanoseconds;
 use crate::mission::{ControlledBody, controllers, laws};
 use serde::{Deserialize, Deserializer, Serialize, de};
+use std::error::Error as _;
 use tumble_astrobee::control_presets::{self, ControlLimits, MASS_KNOWN_SHARE};
 use tumble_astrobee::simulator::{Follower, Following, Reference};
 use tumble_astrobee::worlds::WorldPreset;
@@ -139,7 +140,7 @@ impl ScenarioSource {
             FLOWN => Some(Box::new(told.flown())),
             _ => {
                 told.tracker_rad_s = self.tracker_rad_s()?;
-                let controller = laws().make(name, &told).map_err(|error| self.bad("drive", &error.to_string()))?;
+                let controller = laws().make(name, &told).map_err(|error| self.refused("drive", error, ""))?;
                 Some(Box::new(Following { controller, carries: false }))
             }
         };
@@ -221,8 +222,13 @@ impl ScenarioSource {
             }
             _ => "",
         };
-        let controller = controller.map_err(|error| self.bad("drive.control", &format!("{error}{hint}")))?;
+        let controller = controller.map_err(|error| self.refused("drive.control", error, hint))?;
         Ok((controller, steering))
+    }
+
+    /// What our controllers refuse is a number of the scenario; an error with a source is somebody else's, and keeps it.
+    fn refused(&self, key: &str, error: PlanningError, hint: &str) -> TumbleError {
+        if error.source().is_some() { TumbleError::Control(error) } else { self.bad(key, &format!("{error}{hint}")) }
     }
 
     /// The tube that `[drive.control]` describes.

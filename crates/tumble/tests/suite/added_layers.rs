@@ -5,8 +5,17 @@ mod own_layers;
 
 use crate::support::scratch;
 use serde_json::Value;
-use tumble::cli::Outcome;
+use std::error::Error;
+use std::process::ExitCode;
+use tumble::TumbleError;
+use tumble::cli::identify::ADDED_METHODS;
+use tumble::cli::{Outcome, captured};
+use tumble::mission::{ADDED_CONTROLLERS, ADDED_ESTIMATORS, ADDED_PLANNERS};
 use tumble::robots::shipped;
+use tumble_dynamics::DynamicsError;
+use tumble_identification::MotionSample;
+use tumble_identification::estimator::{Estimator, EstimatorError, Finding};
+use tumble_planning::PlanningError;
 
 fn said(words: &[&str]) -> (Result<bool, String>, String) {
     let words = ["tumble"].iter().chain(words).map(|word| (*word).into());
@@ -41,5 +50,67 @@ fn what_a_program_adds_flies_and_identifies_by_name() {
         let (refused, _) = said(&[unknown, known, "mien"]);
         let text = refused.unwrap_err();
         assert!(text.contains("as-measured") || text.contains("recent"), "{text}");
+    }
+}
+
+/// An error of a program's own, with text of run time and a reason that it does not repeat.
+#[derive(Debug, thiserror::Error)]
+#[error("table {table} is not loaded")]
+struct NotLoaded {
+    table: String,
+    source: std::io::Error,
+}
+
+fn not_loaded(table: usize) -> NotLoaded {
+    NotLoaded { table: format!("no. {table}"), source: std::io::Error::other(format!("disk {table} is full")) }
+}
+
+/// Says so of every record, at once or through an actuator of its own.
+struct Unloaded {
+    by_actuator: bool,
+}
+
+impl Estimator for Unloaded {
+    type Record = [MotionSample];
+    fn estimate(&self, record: &[MotionSample]) -> Result<Finding, EstimatorError> {
+        let error = not_loaded(record.len());
+        let actuator = |error| tumble_identification::IdentificationError::from(DynamicsError::foreign("wheel", error));
+        Err(if self.by_actuator { actuator(error).into() } else { EstimatorError::foreign("table", error) })
+    }
+}
+
+#[test]
+fn an_error_of_the_programs_own_keeps_its_text_and_its_sources() {
+    let unloaded = |by_actuator| move |_: &_| Ok(Box::new(Unloaded { by_actuator }) as Box<_>);
+    ADDED_METHODS.add("unloaded", "reads tables that are not there", unloaded(false));
+    ADDED_METHODS.add("unloaded-wheel", "the same of a wheel", unloaded(true));
+    ADDED_ESTIMATORS.add("unloaded", "", |_| Err(PlanningError::foreign("table", not_loaded(1))));
+    ADDED_PLANNERS.add("unloaded", "", |_| Err(EstimatorError::foreign("table", not_loaded(2)).into()));
+    ADDED_CONTROLLERS.add("unloaded", "", |_| Err(DynamicsError::foreign("table", not_loaded(3)).into()));
+    let hold = tumble::answer(["tumble", "scenario", "show", "iss-hold"].map(Into::into), &shipped());
+    let scenario = scratch("unloaded").join("hold.toml");
+    let flown = hold.unwrap().said.stdout.replace("controller = \"flown\"", "controller = \"unloaded\"");
+    std::fs::write(&scenario, flown).unwrap();
+    let commands: [(&[&str], &str); 6] = [
+        (&["identify", "--demo", "--method", "unloaded"], "T015"),
+        (&["identify", "--demo", "--method", "unloaded-wheel"], "T015"),
+        (&["fly", "iss-cargo", "--estimator", "unloaded"], "T033"),
+        (&["fly", "iss-cargo", "--planner", "unloaded"], "T033"),
+        (&["fly", "iss-cargo", "--controller", "unloaded"], "T033"),
+        (&["simulate", scenario.to_str().unwrap()], "T035"),
+    ];
+    for (words, code) in commands {
+        let words = || ["tumble"].iter().chain(words).map(|word| (*word).into());
+        let error: TumbleError = tumble::answer(words(), &shipped()).unwrap_err();
+        assert_eq!(error.code(), code, "{error}");
+        let mut sources = std::iter::successors(error.source(), |error| (*error).source());
+        let own = sources.find_map(|source| source.downcast_ref::<NotLoaded>());
+        let own = own.unwrap_or_else(|| panic!("{error} has lost its source"));
+        assert!(error.to_string().ends_with(&format!("{own}")), "{error}");
+        // The program says what the error itself leaves to its source.
+        let (ended, said) = captured(|| tumble::run(words(), &shipped()));
+        assert_eq!(ended, ExitCode::from(2));
+        let expected = format!("error[{code}]: {error}: {}\n  remedy: ", own.source);
+        assert!(said.stderr.contains(&expected), "{expected}{}", said.stderr);
     }
 }

@@ -15,6 +15,7 @@ const MOST_BYTES: usize = 0xffff;
 /// A plain type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
+#[non_exhaustive]
 pub enum Kind {
     Int8,
     UInt8,
@@ -80,6 +81,7 @@ impl Kind {
 
 /// The content of a field.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Number {
     /// Of `uint*_t`, `bool` and `char`.
     Unsigned(u64),

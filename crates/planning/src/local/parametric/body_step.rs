@@ -3,7 +3,8 @@
 use super::{BelievedParameters, ParametricInformative, UncertainBody};
 use crate::belief::ModelBelief;
 use crate::error::PlanningError;
-use crate::local::knowledge::{QUANTITIES, covariance_about_com, parameters_by_about_com, sizes_about_com};
+use crate::local::about_com::{body_by_mass_center_and_inertia, sizes_about_com};
+use crate::local::knowledge::{QUANTITIES, covariance_about_com};
 use crate::local::model::{KINEMATICS, Kinematics};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 use tumble_dynamics::{
@@ -38,7 +39,7 @@ fn body_with_unknown<const P: usize>(
     places: [usize; P],
 ) -> Result<BelievedParameters<SVector<f64, PARAMETERS>, P>, PlanningError> {
     let covariance = covariance_about_com(belief)?;
-    let by_quantity = parameters_by_about_com(belief.parameters());
+    let by_quantity = body_by_mass_center_and_inertia(belief.parameters());
     let sizes = sizes_about_com(belief.parameters());
     BelievedParameters::correlated(
         belief.parameters().to_vector(),

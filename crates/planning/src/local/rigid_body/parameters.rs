@@ -12,6 +12,7 @@ use tumble_dynamics::{DynamicsError, InertialParameters, LogCholesky, PARAMETERS
 
 /// Which inertial parameters are unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum BodyParameters {
     /// Mass and the three moments of inertia about the centre of mass, body axes: four, each over its prior standard deviation.
     /// The others are taken for what is believed of them.
@@ -23,6 +24,7 @@ pub enum BodyParameters {
 
 /// What is unknown about the actuators. Axes are 0 to 2, body axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Nuisance {
     /// The force on this axis is `1 + s` times the one commanded.
     ForceScale(usize),

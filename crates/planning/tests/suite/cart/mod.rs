@@ -316,8 +316,9 @@ impl Patient {
     ) -> Result<LocalAnswer<Slide, 1, 1>, PlanningError> {
         let (steps, limit) = (self.settings.steps, self.settings.wrench.limit[0]);
         let mut inputs: Vec<[f64; 1]> = match request.guess {
-            Guess::Excited => (0..steps).map(|k| [0.3 * limit * libm::sin(1.0 + 1.7 * k as f64)]).collect(),
             Guess::Inputs(inputs) | Guess::Near(inputs) => inputs.to_vec(),
+            // a guess is a hint: one that is not known is none
+            _ => (0..steps).map(|k| [0.3 * limit * libm::sin(1.0 + 1.7 * k as f64)]).collect(),
         };
         for input in &mut inputs {
             input[0] = input[0].clamp(-limit, limit);

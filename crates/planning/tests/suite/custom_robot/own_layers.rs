@@ -119,8 +119,14 @@ enum Lie {
 struct Liar(FlightEstimator, Lie, Arc<AtomicUsize>);
 
 #[derive(Debug, thiserror::Error)]
-#[error("the pool of particles is empty")]
-struct Exhausted;
+#[error("the pool `{pool}` is empty")]
+struct Exhausted {
+    pool: String,
+}
+
+fn exhausted(pool: usize) -> Exhausted {
+    Exhausted { pool: format!("particles {pool}") }
+}
 
 impl StateEstimator for Liar {
     fn name(&self) -> &'static str {
@@ -150,7 +156,7 @@ impl StateEstimator for Liar {
             Lie::NotANumber => Ok(found.at(SVector::repeat(f64::NAN))),
             Lie::NoCovariance => Finding::of_covariance(point, &-SMatrix::identity(), *found.magnitudes()),
             Lie::NoBody => Ok(found.at(-point)),
-            Lie::OwnError => Err(EstimatorError::foreign("particles", Exhausted)),
+            Lie::OwnError => Err(EstimatorError::foreign("particles", exhausted(3))),
             Lie::NoMotion => Ok(found),
         }
     }
@@ -194,6 +200,7 @@ fn what_a_liar_says_is_refused_and_the_flight_goes_on() {
         assert!(text.starts_with("liar: "), "{text}");
         let mut sources = std::iter::successors(std::error::Error::source(&heard.0[0]), |error| error.source());
         assert_eq!(sources.any(<dyn std::error::Error>::is::<Exhausted>), lie == Lie::OwnError, "{text}");
+        assert_eq!(text.ends_with("the pool `particles 3` is empty"), lie == Lie::OwnError, "{text}");
     }
 }
 
@@ -311,7 +318,7 @@ impl GlobalPlanner<EllipsoidWorld> for GivesUp {
     ) -> Result<GlobalAnswer, PlanningError> {
         self.1 += 1;
         match self.1 {
-            1 => Err(PlanningError::foreign("gives up", Exhausted)),
+            1 => Err(PlanningError::foreign("gives up", exhausted(self.1))),
             2 => self.0.plan(request, &mut tumble_planning::Units::new(0)),
             _ => self.0.plan(request, budget),
         }
