@@ -37,7 +37,14 @@ fn what_a_program_adds_flies_and_identifies_by_name() {
     // What only the library's own likelihood takes is not passed over in silence.
     let told = ["identify", "--demo", "--method", "recent", "--sensing", "nominal"];
     assert!(said(&told).0.unwrap_err().contains("belong to `--method flight-likelihood`"));
-    for (unknown, known) in [("fly", "--estimator"), ("identify", "--method")] {
+    // A campaign takes it as well, and its rows name it.
+    let rows = scratch("own-layers-campaign").join("campaign");
+    let place = rows.to_str().unwrap();
+    let named = ["--missions", "1", "--dry-run", "--estimator", "as-measured", "--out", place];
+    assert_eq!(said(&[&["campaign"], &named[..]].concat()).0, Ok(true));
+    let table = std::fs::read_to_string(rows.join("rows.csv")).unwrap();
+    assert!(table.trim_end().ends_with("--estimator as-measured"), "{table}");
+    for (unknown, known) in [("fly", "--estimator"), ("campaign", "--estimator"), ("identify", "--method")] {
         let (refused, _) = said(&[unknown, known, "mien"]);
         let text = refused.unwrap_err();
         assert!(text.contains("as-measured") || text.contains("recent"), "{text}");
