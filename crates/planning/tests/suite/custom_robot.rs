@@ -119,12 +119,12 @@ fn simulated<G, L: StretchPlanner>(planners: (G, L)) -> Simulated<G, L> {
     Simulated::new(planners, ComputingTime::default())
 }
 
-// Step 4: close the loop. What is sensed goes in, a wrench comes out, the plant moves, and what matters is checked. True on arrival.
-fn fly<C: Controller, E: StateEstimator>(
+// Step 4: close the loop. What is sensed goes in, a wrench comes out, the plant moves, and what matters is checked, until the mission ends.
+fn flown<C: Controller, E: StateEstimator>(
     flying: &mut Tug<C, E>,
     office: &mut impl Office<EllipsoidWorld>,
     observer: &mut impl LoopObserver,
-) -> bool {
+) -> RigidBodyState<f64> {
     let limits = WrenchBox::in_every_axis(TORQUE_N_M, FORCE_N);
     let mut plant = SimulatedBody::try_new(FreeFlyer::new(truth()), MuntheKaas4, limits, start(), PERIOD_S).unwrap();
     let (world, shape) = (EllipsoidWorld::new(&room()).unwrap(), BodyShape::sphere(RADIUS_M).unwrap());
@@ -149,7 +149,16 @@ fn fly<C: Controller, E: StateEstimator>(
         let clearance = world.clearance(&shape, &plant.state().world_from_body, 0.0).unwrap();
         assert!(clearance.distance_m > 0.0, "contact at {} s", plant.time_s());
     }
-    let distance_m = (plant.state().world_from_body.translation.vector - GOAL).norm();
+    *plant.state()
+}
+
+/// Whether it arrives.
+fn fly<C: Controller, E: StateEstimator>(
+    flying: &mut Tug<C, E>,
+    office: &mut impl Office<EllipsoidWorld>,
+    observer: &mut impl LoopObserver,
+) -> bool {
+    let distance_m = (flown(flying, office, observer).world_from_body.translation.vector - GOAL).norm();
     flying.end() == Some(&End::Arrived) && distance_m < 0.03
 }
 

@@ -6,7 +6,11 @@ mod own_layers;
 use crate::support::scratch;
 use serde_json::Value;
 use tumble::cli::Outcome;
+use tumble::mission::{ADDED_ESTIMATORS, estimator};
 use tumble::robots::shipped;
+use tumble_dynamics::RigidBodyState;
+use tumble_identification::estimator::{Acted, EstimatorError, Finding, Measurement, StateEstimator};
+use tumble_identification::recursive::{FlightEstimator, Reception};
 
 fn said(words: &[&str]) -> (Result<bool, String>, String) {
     let words = ["tumble"].iter().chain(words).map(|word| (*word).into());
@@ -49,4 +53,50 @@ fn what_a_program_adds_flies_and_identifies_by_name() {
         let text = refused.unwrap_err();
         assert!(text.contains("as-measured") || text.contains("recent"), "{text}");
     }
+}
+
+/// The joint filter until its motion is no number.
+struct FallsSilent(FlightEstimator);
+
+/// When that is, ns.
+const SILENT_NS: i64 = 14_000_000_000;
+
+impl StateEstimator for FallsSilent {
+    fn acted(&mut self, acted: &Acted) {
+        StateEstimator::acted(&mut self.0, acted);
+    }
+    fn measured(&mut self, measurement: &Measurement) -> Reception {
+        StateEstimator::measured(&mut self.0, measurement)
+    }
+    fn state_at(&self, time_ns: i64) -> RigidBodyState<f64> {
+        let mut state = StateEstimator::state_at(&self.0, time_ns);
+        if time_ns >= SILENT_NS {
+            state.world_from_body.translation.vector.z = f64::NAN;
+        }
+        state
+    }
+    fn finding(&self) -> Result<Finding, EstimatorError> {
+        StateEstimator::finding(&self.0)
+    }
+    fn newest_stamp_ns(&self) -> i64 {
+        StateEstimator::newest_stamp_ns(&self.0)
+    }
+    fn restart(&mut self, body: &Finding) -> Result<(), EstimatorError> {
+        StateEstimator::restart(&mut self.0, body)
+    }
+}
+
+#[test]
+fn a_mission_whose_estimator_falls_silent_ends_at_rest_and_says_why() {
+    ADDED_ESTIMATORS
+        .add("falls-silent", "the joint filter for a while", |problem| Ok(Box::new(FallsSilent(estimator(problem)?))));
+    let folder = scratch("falls-silent").join("flight");
+    let out = folder.to_str().unwrap();
+    let (flown, text) = said(&["fly", "iss-cargo", "--estimator", "falls-silent", "--out", out, "--json"]);
+    assert_eq!(flown, Ok(false));
+    let summary: Value = serde_json::from_str(&text).unwrap();
+    let warnings = summary["warnings"].to_string();
+    assert!(warnings.contains("told no motion any more") && !warnings.contains("safe-state"), "{warnings}");
+    assert!(summary["mission_s"].as_f64().unwrap() < 30.0, "{text}");
+    assert_eq!(said(&["replay", &format!("{out}/report.html")]).0, Ok(true));
 }
