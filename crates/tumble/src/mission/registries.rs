@@ -282,7 +282,7 @@ impl LayerNames {
             ("controller", controller),
         ];
         let named = options.into_iter().filter_map(|(option, name)| Some((option, (*name)?)));
-        named.map(|(option, name)| format!(" --{option} {name}")).collect()
+        named.flat_map(|(option, name)| [" --", option, " ", name]).collect()
     }
 
     pub(super) fn estimator(&self) -> &'static str {
