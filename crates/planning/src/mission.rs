@@ -22,6 +22,7 @@ mod expected_loss;
 mod fault_plant;
 mod foreseen;
 mod informative_stretch;
+mod last_motion;
 mod loop_settings;
 mod motion;
 mod office;

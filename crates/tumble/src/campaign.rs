@@ -99,11 +99,12 @@ pub fn fly_arguments(options: &FlyOptions) -> String {
     let fault =
         options.fault.map_or(String::new(), |fault| format!(" --fault {}:{}", value_name(&fault.name), fault.severity));
     format!(
-        "--seed {} --weighting {} --feedback {} --model {}{fault}",
+        "--seed {} --weighting {} --feedback {} --model {}{fault}{}",
         options.seed,
         value_name(&options.weighting),
         if options.feedback { "on" } else { "off" },
         value_name(&options.model),
+        options.layers.arguments(),
     )
 }
 

@@ -37,6 +37,8 @@ mod excite_motion;
 mod excite_options;
 mod excite_page;
 #[cfg(feature = "astrobee")]
+mod flown_layers;
+#[cfg(feature = "astrobee")]
 mod flown_sensing;
 #[cfg(feature = "astrobee")]
 pub mod fly;

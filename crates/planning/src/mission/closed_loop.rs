@@ -3,6 +3,7 @@
 use super::brake::Braking;
 use super::coordinator::Coordinator;
 use super::event::{Action, Event, FoundStretch, Standing, StartFrom, TimedEvent};
+use super::last_motion::LastMotion;
 use super::loop_settings::{LoopSettings, Scene};
 use super::motion::{MissionMotion, StopLimits};
 use super::office::Office;
@@ -92,6 +93,8 @@ pub enum End {
     OutOfTime,
     /// It never will be: no way leads there.
     NoWay(Obstruction),
+    /// Nobody knows any more how it moves: its estimator told no motion for too long.
+    NoMotion,
 }
 
 /// What is flown: a motion, and from their starts on those that follow.
@@ -156,10 +159,9 @@ where
     belief: Arc<ModelBelief>,
     next_belief_ns: i64,
     disbelieved: u64,
-    /// Momentum in the wheels as they were in the last period, body axes, N m s.
-    stored_body: Vector3<f64>,
-    /// The last motion that is one, and when it was, ns.
-    moved: (RigidBodyState<f64>, i64),
+    /// What acted in the last period.
+    acted: Acted,
+    moved: LastMotion,
     flown: Flown,
     /// Until when the brake is on, s.
     braking_until_s: Option<f64>,
@@ -221,8 +223,13 @@ where
             prior: (finding, prior),
             next_belief_ns: start_ns + settings.belief_period_ns,
             disbelieved: 0,
-            stored_body: Vector3::zeros(),
-            moved: (start, start_ns),
+            acted: Acted {
+                from_ns: start_ns,
+                until_ns: start_ns,
+                wrench_body: Wrench::zero(),
+                stored_body: Vector3::zeros(),
+            },
+            moved: LastMotion::told(start, start_ns),
             flown: Flown::only(MissionMotion::resting(pose, seconds(start_ns)), 0),
             braking_until_s: None,
             requests: VecDeque::new(),
@@ -282,6 +289,11 @@ where
     /// The newest belief that was heard of, and used or not.
     pub fn newest_revision(&self) -> u64 {
         self.coordinator.newest_revision()
+    }
+
+    /// How the robot moves now, as the loop takes it: as the estimator says, or where that is no motion as the last one goes on.
+    pub fn state(&self) -> RigidBodyState<f64> {
+        self.motion().0.state()
     }
 
     /// What is being flown, at a time.
@@ -408,8 +420,7 @@ where
 
     fn sense(&mut self, acted: &Acted, measurements: &[Measurement], observer: &mut dyn LoopObserver) {
         self.estimator.acted(acted);
-        self.stored_body = acted.stored_body;
-        self.time_ns = acted.until_ns;
+        (self.acted, self.time_ns) = (*acted, acted.until_ns);
         for measurement in measurements {
             observer.begins(Layer::Estimator);
             let reception = self.estimator.measured(measurement);
@@ -503,18 +514,21 @@ where
         self.events.push_back(Event::Belief { revision, is_material });
     }
 
-    /// How the robot moves by what the estimator says; where that is no motion, as it did, on as fast.
-    fn state(&self) -> RigidBodyState<f64> {
-        motion_of(&self.estimator, self.time_ns).unwrap_or_else(|_| {
-            let (last, last_ns) = &self.moved;
-            let on = last.twist_body * seconds(self.time_ns - last_ns);
-            RigidBodyState { world_from_body: last.world_from_body.compose(&LieGroup::exp(&on.to_vector())), ..*last }
-        })
+    /// How the robot moves by what the estimator says; where that is no motion, as the last one goes on under what acted.
+    fn motion(&self) -> (LastMotion, Option<PlanningError>) {
+        match motion_of(&self.estimator, self.time_ns) {
+            Ok(state) => (LastMotion::told(state, self.time_ns), None),
+            Err(error) => {
+                let moved = self.moved.carried_on(&self.acted, self.belief.parameters(), &self.environment());
+                (moved, Some(error))
+            }
+        }
     }
 
     fn standing(&self) -> Standing {
         let time_s = seconds(self.time_ns);
-        let state = self.state();
+        let (motion, _) = self.motion();
+        let state = motion.state();
         let wanted = self.flown.at(time_s).state;
         let (pose, goal) = (state.world_from_body, &self.settings.goal);
         let turned = |to: &UnitQuaternion<f64>| angle(&pose.rotation, to);
@@ -525,6 +539,7 @@ where
             && length(&state.twist_body.angular) <= near.rate_rad_s;
         Standing {
             state_age_ns: self.time_ns - self.estimator.newest_stamp_ns(),
+            motion_age_ns: motion.age_ns(self.time_ns),
             deviation_m: distance(&pose.translation.vector, &wanted.world_from_body.translation.vector),
             deviation_rad: turned(&wanted.world_from_body.rotation),
             rest_ns: nanoseconds(self.flown.rest_s()),
@@ -595,6 +610,7 @@ where
                 let proof = self.no_way.take_if(|(of, _)| *of == request);
                 self.end = Some(proof.map_or(End::OutOfTime, |(_, obstruction)| End::NoWay(obstruction)));
             }
+            Action::Abandon => self.end = Some(End::NoMotion),
             Action::Note(_) => {}
         }
         Ok(())
@@ -625,7 +641,7 @@ where
     /// What acts besides the actuators; that of the wheels as if their momentum stayed.
     fn environment(&self) -> Environment {
         let environment = self.settings.environment.clone();
-        let momentum_body = self.stored_body;
+        let momentum_body = self.acted.stored_body;
         let is_stored = momentum_body != Vector3::zeros();
         if is_stored { environment.with(StoredMomentum { momentum_body }) } else { environment }
     }
@@ -705,17 +721,13 @@ where
 
     fn control(&mut self, observer: &mut dyn LoopObserver) -> Result<ControlCommand, PlanningError> {
         observer.begins(Layer::Control);
-        let state = match motion_of(&self.estimator, self.time_ns) {
-            Ok(state) => {
-                self.moved = (state, self.time_ns);
-                state
-            }
-            Err(error) => {
-                self.disbelieved += 1;
-                observer.disbelieved(self.time_ns, &error);
-                self.state()
-            }
-        };
+        let (motion, untold) = self.motion();
+        if let Some(error) = untold {
+            self.disbelieved += 1;
+            observer.disbelieved(self.time_ns, &error);
+        }
+        self.moved = motion;
+        let state = motion.state();
         let beside = self.beside(&state);
         let beside = beside.as_ref();
         if let Some(wrench_body) = self.brake(&state)? {

@@ -14,9 +14,10 @@ pub struct Schedule {
     pub retry_lead_ns: i64,
     /// From a failure to the next attempt.
     pub pause_ns: i64,
-    /// How long after the time that it was asked for an answer is still waited for at rest.
+    /// How long after the time that it was asked for an answer is still waited for at rest; and there, after the age below, for an estimator
+    /// that tells no motion.
     pub patience_ns: i64,
-    /// Age of the state beyond which the robot stops.
+    /// Age of the newest measurement, or of the last motion that the estimator told, beyond which the robot stops.
     pub blind_after_ns: i64,
     /// Distance and angle from what is flown beyond which a plan has lost its meaning.
     pub astray: (f64, f64),
@@ -358,13 +359,25 @@ impl Coordinator {
 
     /// Whether the robot cannot go on because it does not see, or is not where it should be.
     fn look(&mut self, standing: &Standing, actions: &mut Vec<Action>) -> bool {
-        let is_blind = standing.state_age_ns > self.schedule.blind_after_ns;
+        let Schedule { blind_after_ns, patience_ns, .. } = self.schedule;
+        let is_untold = standing.motion_age_ns > blind_after_ns;
+        let is_blind = is_untold || standing.state_age_ns > blind_after_ns;
         if is_blind != self.is_blind {
             self.is_blind = is_blind;
-            actions.push(Action::Note(if is_blind { Note::Blind } else { Note::Seeing }));
+            actions.push(Action::Note(match (is_untold, is_blind) {
+                (true, _) => Note::NoMotion,
+                (false, true) => Note::Blind,
+                (false, false) => Note::Seeing,
+            }));
             self.stop(actions);
         }
         if is_blind {
+            // measurements may come back; what is no number stays none
+            let is_lost = standing.motion_age_ns > blind_after_ns.saturating_add(patience_ns);
+            if is_lost && self.now_ns >= standing.rest_ns {
+                self.end(true, actions);
+                actions.push(Action::Abandon);
+            }
             return true;
         }
         let (distance_m, angle_rad) = self.schedule.astray;

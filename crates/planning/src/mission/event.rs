@@ -93,6 +93,8 @@ pub enum Event {
 pub struct Standing {
     /// Age of the newest measurement used, ns.
     pub state_age_ns: i64,
+    /// Time since the estimator told a motion that is one, ns; 0 where it does.
+    pub motion_age_ns: i64,
     /// Distance of the robot from what is being flown, m.
     pub deviation_m: f64,
     /// Angle from it, rad.
@@ -204,6 +206,8 @@ pub enum Action {
         /// The request whose answer proves it.
         request: u64,
     },
+    /// The mission is over: the estimator tells no motion any more, and the robot rests by what it was told to do since.
+    Abandon,
     /// For the log.
     Note(Note),
 }
@@ -243,7 +247,9 @@ pub enum Note {
     RanOut,
     /// Measurements are missing for too long: the robot stops.
     Blind,
-    /// There are measurements again.
+    /// The estimator tells no motion for too long: the robot stops.
+    NoMotion,
+    /// There are measurements again, and a motion.
     Seeing,
     /// The robot is too far from what is being flown.
     Astray,
@@ -286,6 +292,7 @@ impl fmt::Display for Note {
             Self::Unanswered { request } => return write!(f, "request {request}: the planner did not answer"),
             Self::RanOut => "no next stretch came in time: the robot stops",
             Self::Blind => "measurements are missing for too long: the robot stops",
+            Self::NoMotion => "the estimator tells no motion for too long: the robot stops",
             Self::Seeing => "there are measurements again",
             Self::Astray => "the robot is too far from what is flown",
             Self::Obstacle => "something is in the way",

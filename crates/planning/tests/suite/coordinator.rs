@@ -85,6 +85,7 @@ fn after_a_retreat_a_way_is_asked_for_without_waiting() {
 fn well() -> Standing {
     Standing {
         state_age_ns: 0,
+        motion_age_ns: 0,
         deviation_m: 0.001,
         deviation_rad: 0.001,
         rest_ns: 0,
@@ -269,6 +270,26 @@ fn blind_astray_and_contradicted_robots_stop() {
     assert!(told.tick(0.2, well()).contains(&Action::RenewController));
 }
 
+/// A robot stops where its estimator tells no motion, as where it sees nothing; it goes on where there is one again in time, and else is given up
+/// once it rests.
+#[test]
+fn a_robot_whose_motion_nobody_tells_is_stopped_and_given_up_at_rest() {
+    let untold = |age_s: i64| Standing { motion_age_ns: age_s * SECOND, ..well() };
+    let (mut told, _) = Told::flying();
+    assert_eq!(told.tick(0.2, untold(1)), []);
+    assert_eq!(told.tick(1.0, untold(2)), [Action::Note(Note::NoMotion), Action::Stop]);
+    assert_eq!(told.tick(4.0, untold(6)), []);
+    let said = told.tick(0.2, well());
+    assert!(said.contains(&Action::Note(Note::Seeing)) && asks_for_way(&said), "{said:?}");
+
+    let (mut told, _) = Told::flying();
+    let rest_ns = told.now_ns + 8 * SECOND;
+    assert!(told.tick(2.0, Standing { rest_ns, ..untold(2) }).contains(&Action::Stop));
+    assert_eq!(told.tick(5.0, Standing { rest_ns, ..untold(7) }), [], "not before it rests");
+    assert_eq!(told.tick(1.0, Standing { rest_ns, ..untold(8) }), [Action::Abandon]);
+    assert!(told.coordinator.is_done());
+}
+
 #[test]
 fn a_body_that_is_doubted_again_at_once_is_not_what_is_wrong() {
     let (mut told, _) = Told::flying();
@@ -384,9 +405,18 @@ fn events() -> impl Strategy<Value = Vec<(i64, Event)>> {
         Just(Adoption::Postponed { kept: 0 }),
         Just(Adoption::Contradicts { kept: 0 })
     ];
-    let standing = (0..3 * SECOND, 0.0..0.2, 0.0..0.4, 0..100 * SECOND, any::<bool>(), 0_u64..20).prop_map(
-        |(state_age_ns, deviation_m, deviation_rad, rest_ns, is_at_goal, used_revision)| {
-            Event::Tick(Standing { state_age_ns, deviation_m, deviation_rad, rest_ns, is_at_goal, used_revision })
+    let ages = (0..3 * SECOND, prop_oneof![4 => Just(0), 1 => 0..8 * SECOND]);
+    let standing = (ages, 0.0..0.2, 0.0..0.4, 0..100 * SECOND, any::<bool>(), 0_u64..20).prop_map(
+        |((state_age_ns, motion_age_ns), deviation_m, deviation_rad, rest_ns, is_at_goal, used_revision)| {
+            Event::Tick(Standing {
+                state_age_ns,
+                motion_age_ns,
+                deviation_m,
+                deviation_rad,
+                rest_ns,
+                is_at_goal,
+                used_revision,
+            })
         },
     );
     let stretch = (number.clone(), 0..120_i64, 1..20_i64, 0_u64..4, any::<bool>(), any::<bool>()).prop_map(
@@ -469,7 +499,7 @@ fn weather(storm: &[(i64, Event)], honest: &[bool]) -> Vec<(i64, Action)> {
                         assert!(told.said.iter().any(asked));
                     }
                     Action::Offer { revision } => assert_eq!(revision, newest),
-                    Action::Finish { .. } => is_done = true,
+                    Action::Finish { .. } | Action::Abandon => is_done = true,
                     Action::GiveUp { request } => {
                         assert_eq!(event, Event::WayImpossible { request, world_revision: world });
                         is_done = true;

@@ -130,23 +130,23 @@ fn simulated<G, L: StretchPlanner>(planners: (G, L)) -> Simulated<G, L> {
     Simulated::new(planners, ComputingTime::default())
 }
 
-// Step 4: close the loop. What is sensed goes in, a wrench comes out, the plant moves, and what matters is checked. True on arrival.
-fn fly<C: Controller, E: StateEstimator>(
+// Step 4: close the loop. What is sensed goes in, a wrench comes out, the plant moves, and what matters is checked, until the mission ends.
+fn flown<C: Controller, E: StateEstimator>(
     flying: &mut Tug<C, E>,
     office: &mut impl Office<EllipsoidWorld>,
     observer: &mut impl LoopObserver,
-) -> bool {
-    fly_among(&Environment::default(), Vector3::zeros(), flying, office, observer)
+) -> RigidBodyState<f64> {
+    flown_among(&Environment::default(), Vector3::zeros(), flying, office, observer)
 }
 
 /// The same where more acts, and where a wheel that is never driven stores so much momentum, N m s.
-fn fly_among<C: Controller, E: StateEstimator>(
+fn flown_among<C: Controller, E: StateEstimator>(
     environment: &Environment,
     stored_body: Vector3<f64>,
     flying: &mut Tug<C, E>,
     office: &mut impl Office<EllipsoidWorld>,
     observer: &mut impl LoopObserver,
-) -> bool {
+) -> RigidBodyState<f64> {
     let environment = environment.clone().with(StoredMomentum { momentum_body: stored_body });
     let body = FreeFlyerIn { body: FreeFlyer::new(truth()), environment };
     let limits = WrenchBox::in_every_axis(TORQUE_N_M, FORCE_N);
@@ -173,8 +173,22 @@ fn fly_among<C: Controller, E: StateEstimator>(
         let clearance = world.clearance(&shape, &plant.state().world_from_body, 0.0).unwrap();
         assert!(clearance.distance_m > 0.0, "contact at {} s", plant.time_s());
     }
-    let distance_m = (plant.state().world_from_body.translation.vector - GOAL).norm();
-    flying.end() == Some(&End::Arrived) && distance_m < 0.03
+    *plant.state()
+}
+
+/// Whether it arrives.
+fn fly<C: Controller, E: StateEstimator>(
+    flying: &mut Tug<C, E>,
+    office: &mut impl Office<EllipsoidWorld>,
+    observer: &mut impl LoopObserver,
+) -> bool {
+    let last = flown(flying, office, observer);
+    has_arrived(flying, &last)
+}
+
+/// Whether it has, where it moves so in the end.
+fn has_arrived<C: Controller, E: StateEstimator>(flying: &Tug<C, E>, last: &RigidBodyState<f64>) -> bool {
+    flying.end() == Some(&End::Arrived) && (last.world_from_body.translation.vector - GOAL).norm() < 0.03
 }
 
 #[test]

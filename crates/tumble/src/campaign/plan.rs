@@ -30,6 +30,9 @@ pub struct CampaignConfiguration {
     /// Whether payload and belief are drawn by each mission's seed, and how far beyond a factor of two the belief may then be off, as
     /// a share.
     pub draw: Option<f64>,
+    /// Layers of all missions that are not the scenarios'.
+    #[serde(default, skip_serializing_if = "LayerNames::are_usual")]
+    pub layers: LayerNames,
     /// Sensors that are flown with instead of the scenarios', as they were named.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensing: Option<String>,
@@ -178,14 +181,8 @@ impl CampaignPlan {
         let model = *c.models.get(level(c.models.len()))?;
         let fault = *c.faults.get(level(c.faults.len()))?;
         let scenario = level(c.scenarios.len());
-        let options = FlyOptions {
-            seed: mission_seed(c.master_seed, k),
-            weighting,
-            feedback,
-            model,
-            fault,
-            layers: LayerNames::default(),
-        };
+        let options =
+            FlyOptions { seed: mission_seed(c.master_seed, k), weighting, feedback, model, fault, layers: c.layers };
         let scenario_name = c.scenarios.get(scenario)?.name.clone();
         Some(PlannedMission {
             row,

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::mission::{
-    DoubtOf, DoubtRow, FallbackRow, FaultChoice, FaultName, ModelChoice, ParameterRow, Promises, TrackingRms,
-    WeightingChoice,
+    DoubtOf, DoubtRow, FallbackRow, FaultChoice, FaultName, LayerNames, ModelChoice, ParameterRow, Promises,
+    TrackingRms, WeightingChoice,
 };
 use row::PARAMETERS;
 use std::collections::BTreeMap;
@@ -79,6 +79,7 @@ pub(super) fn configuration(missions: u64) -> CampaignConfiguration {
         master_seed: 5,
         missions,
         draw: Some(0.0),
+        layers: LayerNames::default(),
         sensing: None,
         dry_run: false,
         scenarios: vec![scenario("iss-slalom"), scenario("it's, \"mine\".toml")],
@@ -213,6 +214,8 @@ fn a_row_says_how_to_fly_it_again() {
     );
     mission.sensing = Some("of the day.toml".to_owned());
     assert!(mission.replay().ends_with(" --draw --sensing 'of the day.toml'"));
+    mission.options.layers = LayerNames { local_planner: Some("along-way"), ..LayerNames::default() };
+    assert!(mission.replay().contains(" --fault drop:2 --local-planner along-way --draw"), "{}", mission.replay());
 }
 
 #[test]

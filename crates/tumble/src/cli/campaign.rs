@@ -1,6 +1,7 @@
 //! `tumble campaign`: missions over seeds and options, and parts of a campaign into a whole.
 
 use super::excite::progress;
+use super::flown_layers::FlownLayers;
 use super::flown_sensing::FlownSensing;
 use super::fly::Switch;
 use super::{Outcome, print};
@@ -35,6 +36,7 @@ Examples:
   tumble campaign --missions 100                          a hundred seeds of the default scenario, on all cores
   tumble campaign iss-cargo granite-cargo --missions 200 --draw --weighting covariance,none
   tumble campaign --missions 2 --fault all:1,all:2        56 missions in which something fails
+  tumble campaign --missions 20 --controller lqr          another layer by name, in every mission
   tumble campaign --missions 1000 --shard 3/16 --out parts   one part of sixteen, on any machine; then:
   tumble campaign merge parts --out campaign"
 )]
@@ -97,6 +99,8 @@ struct FlyArgs {
     /// With `--draw`: how far beyond the factor of two the belief may be off, as a share of it, 0 to 0.3.
     #[arg(long, value_name = "SHARE", requires = "draw", default_value_t = 0.0, allow_negative_numbers = true)]
     outside: f64,
+    #[command(flatten)]
+    layers: FlownLayers,
     #[command(flatten)]
     sensing: FlownSensing,
     /// Missions at a time [default: one for each core].
@@ -167,6 +171,7 @@ fn configuration(args: &FlyArgs, flights: &SimulatedFlights) -> Result<CampaignC
         master_seed: args.seed,
         missions: args.missions,
         draw: args.draw.then_some(args.outside),
+        layers: args.layers.names()?,
         sensing: args.sensing.sensing.clone(),
         dry_run: args.dry_run,
         scenarios: flights.entries(&args.scenarios)?,

@@ -2,19 +2,18 @@
 
 use super::commanded_nozzles::CommandedNozzles;
 use super::excite::progress;
+use super::flown_layers::FlownLayers;
 use super::flown_sensing::FlownSensing;
 use super::fly_table::{Costs, table};
 use super::simulate::write_mcap;
 use super::{Outcome, print};
 use crate::flight_log::{MoreColumns, Recorder};
 use crate::mission::{
-    self, FaultChoice, FlownPeriod, FlyOptions, LayerNames, MissionHooks, MissionRecord, ModelChoice, WeightingChoice,
-    WrittenNames,
+    self, FaultChoice, FlownPeriod, FlyOptions, MissionHooks, MissionRecord, ModelChoice, WeightingChoice,
 };
 use crate::output::{OutputFolder, RUN_RECORD, unused};
 use crate::scenario::{ScenarioSource, draw_mission};
 use crate::{TumbleError, mission_report};
-use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
 use std::fs::File;
 use std::io::BufWriter;
@@ -23,8 +22,6 @@ use std::time::Instant;
 use tumble_formats::FormatsError;
 use tumble_formats::Robots;
 use tumble_formats::{body_file, log, text_file};
-use tumble_identification::Registry;
-use tumble_planning::PlanningError;
 use tumble_planning::mission::Layer;
 
 /// The scenario that is flown unless one is named.
@@ -60,7 +57,7 @@ pub struct FlyArgs {
     #[arg(long, value_enum, default_value_t)]
     model: ModelChoice,
     #[command(flatten)]
-    layers: LayerArgs,
+    layers: FlownLayers,
     #[command(flatten)]
     sensing: FlownSensing,
     /// What goes wrong, and how badly: NAME or NAME:SEVERITY, severity 1 to 3.
@@ -81,40 +78,6 @@ pub struct FlyArgs {
     /// Print one JSON object and nothing else on stdout.
     #[arg(long)]
     json: bool,
-}
-
-/// Layers by name.
-#[derive(Args)]
-struct LayerArgs {
-    /// What knows motion and body in flight, instead of the scenario's [usual: joint].
-    #[arg(long, value_name = "NAME", value_parser = possible(&mission::estimators()))]
-    estimator: Option<String>,
-    /// What plans ways [usual: flight].
-    #[arg(long, value_name = "NAME", value_parser = possible(&mission::planners()))]
-    planner: Option<String>,
-    /// What plans stretches of them [usual: informative].
-    #[arg(long, value_name = "NAME", value_parser = possible(&mission::local_planners()))]
-    local_planner: Option<String>,
-    /// What follows them [usual: tube].
-    #[arg(long, value_name = "NAME", value_parser = possible(&mission::controllers()))]
-    controller: Option<String>,
-}
-
-impl LayerArgs {
-    fn names(&self) -> Result<LayerNames, TumbleError> {
-        let names = WrittenNames {
-            estimator: self.estimator.as_deref(),
-            planner: self.planner.as_deref(),
-            local_planner: self.local_planner.as_deref(),
-            controller: self.controller.as_deref(),
-        };
-        LayerNames::of(&names).map_err(|unknown| TumbleError::Planning(unknown.into()))
-    }
-}
-
-/// The names of a registry, with a sentence on each for the help.
-pub(super) fn possible<C, T: ?Sized>(registry: &Registry<C, T, PlanningError>) -> PossibleValuesParser {
-    registry.entries().map(|(name, sentence)| PossibleValue::new(name).help(sentence)).collect::<Vec<_>>().into()
 }
 
 /// On or off.

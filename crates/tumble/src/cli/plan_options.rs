@@ -1,6 +1,6 @@
 //! Options of `tumble plan`, and what its commands write alike.
 
-use super::fly::possible;
+use super::flown_layers::possible;
 use crate::TumbleError;
 use crate::mission::planners;
 use crate::output::{OutputFolder, RUN_RECORD};

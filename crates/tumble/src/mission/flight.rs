@@ -9,7 +9,7 @@ use super::layers::{estimator_settings, scene};
 use super::options::FlyOptions;
 use super::record::{
     BROKEN_INVARIANT, BeliefRow, DrawnBox, DrawnEllipsoid, DrawnPayload, FallbackRow, MissionEvent, MissionRecord,
-    MissionSummary, PROMISED, ParameterRow, Promises, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
+    MissionSummary, NO_MOTION, PROMISED, ParameterRow, Promises, Series, StretchRow, TrackingRms, UNAVOIDABLE, WayRow,
 };
 use crate::TumbleError;
 use crate::scenario::{Margins, MissionProblem, ScenarioSource};
@@ -257,6 +257,7 @@ impl LoopObserver for Notes<'_> {
             Action::Finish { has_arrived: true } => ("coordinator", "arrived".to_owned()),
             Action::Finish { has_arrived: false } => ("coordinator", "given up".to_owned()),
             Action::GiveUp { .. } => ("coordinator", "given up: there is no way".to_owned()),
+            Action::Abandon => ("coordinator", "given up: nobody knows how the robot moves".to_owned()),
             _ => return,
         };
         self.note(time_ns, kind, said);
@@ -600,7 +601,7 @@ impl Sums {
             return Ok(clearance_m);
         }
         let turn: Vector3<f64> = LieGroup::log(&(wanted.rotation.inverse() * pose.rotation));
-        let believed = flying.estimator().state_at(simulator.time_ns()).world_from_body;
+        let believed = flying.state().world_from_body;
         let series = &mut self.series;
         series.t_s.push(time_s);
         series.position_m.push(array(&pose.translation.vector));
@@ -733,6 +734,7 @@ fn record(
         warnings.push(format!("{} measurements did not fit what was expected and were not used", counts.gated));
     }
     warnings.extend(in_vain(flying, &problem.margins_m));
+    warnings.extend((flying.end() == Some(&End::NoMotion)).then(|| NO_MOTION.to_owned()));
     let summary = MissionSummary {
         format: 1,
         scenario: source.scenario.name.clone(),

@@ -29,7 +29,7 @@ pub(super) fn look(
     let state = problem.flight.simulator.state();
     let estimator = flying.estimator();
     let time_ns = problem.flight.simulator.time_ns();
-    let believed = estimator.state_at(time_ns).world_from_body.rotation;
+    let believed = flying.state().world_from_body.rotation;
     let wanted = flying.reference(time_ns as f64 * 1e-9).state.world_from_body.rotation;
     let quaternions_xyzw = [believed, wanted].map(|rotation| [rotation.i, rotation.j, rotation.k, rotation.w]);
     let since = |since_ns: i64, patience_ns: i64| (time_ns - since_ns > patience_ns).then_some(since_ns);

@@ -118,6 +118,9 @@ pub enum MissionVerdict {
 
 /// A warning that begins so is no remark: the mission is not as it should be.
 pub const BROKEN_INVARIANT: &str = "did not hold: ";
+/// The warning of a mission that ended because its estimator told no motion any more.
+pub(super) const NO_MOTION: &str =
+    "the estimator told no motion any more: the robot was stopped, and the mission given up";
 /// A warning that begins so says why what happened could not be prevented by whoever flies.
 pub const UNAVOIDABLE: &str = "unavoidable: ";
 

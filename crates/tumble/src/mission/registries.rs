@@ -272,6 +272,19 @@ impl LayerNames {
         }
     }
 
+    /// As a command takes them, each with a space before it; what is not named is left out.
+    pub(crate) fn arguments(&self) -> String {
+        let Self { estimator, planner, local_planner, controller } = self;
+        let options = [
+            ("estimator", estimator),
+            ("planner", planner),
+            ("local-planner", local_planner),
+            ("controller", controller),
+        ];
+        let named = options.into_iter().filter_map(|(option, name)| Some((option, (*name)?)));
+        named.flat_map(|(option, name)| [" --", option, " ", name]).collect()
+    }
+
     pub(super) fn estimator(&self) -> &'static str {
         self.estimator.unwrap_or(ESTIMATOR)
     }

@@ -10,11 +10,12 @@ use std::process::ExitCode;
 use tumble::TumbleError;
 use tumble::cli::identify::ADDED_METHODS;
 use tumble::cli::{Outcome, captured};
-use tumble::mission::{ADDED_CONTROLLERS, ADDED_ESTIMATORS, ADDED_PLANNERS};
+use tumble::mission::{ADDED_CONTROLLERS, ADDED_ESTIMATORS, ADDED_PLANNERS, estimator};
 use tumble::robots::shipped;
-use tumble_dynamics::DynamicsError;
+use tumble_dynamics::{DynamicsError, RigidBodyState};
 use tumble_identification::MotionSample;
-use tumble_identification::estimator::{Estimator, EstimatorError, Finding};
+use tumble_identification::estimator::{Acted, Estimator, EstimatorError, Finding, Measurement, StateEstimator};
+use tumble_identification::recursive::{FlightEstimator, Reception};
 use tumble_planning::PlanningError;
 
 fn said(words: &[&str]) -> (Result<bool, String>, String) {
@@ -46,7 +47,14 @@ fn what_a_program_adds_flies_and_identifies_by_name() {
     // What only the library's own likelihood takes is not passed over in silence.
     let told = ["identify", "--demo", "--method", "recent", "--sensing", "nominal"];
     assert!(said(&told).0.unwrap_err().contains("belong to `--method flight-likelihood`"));
-    for (unknown, known) in [("fly", "--estimator"), ("identify", "--method")] {
+    // A campaign takes it as well, and its rows name it.
+    let rows = scratch("own-layers-campaign").join("campaign");
+    let place = rows.to_str().unwrap();
+    let named = ["--missions", "1", "--dry-run", "--estimator", "as-measured", "--out", place];
+    assert_eq!(said(&[&["campaign"], &named[..]].concat()).0, Ok(true));
+    let table = std::fs::read_to_string(rows.join("rows.csv")).unwrap();
+    assert!(table.trim_end().ends_with("--estimator as-measured"), "{table}");
+    for (unknown, known) in [("fly", "--estimator"), ("campaign", "--estimator"), ("identify", "--method")] {
         let (refused, _) = said(&[unknown, known, "mien"]);
         let text = refused.unwrap_err();
         assert!(text.contains("as-measured") || text.contains("recent"), "{text}");
@@ -113,4 +121,50 @@ fn an_error_of_the_programs_own_keeps_its_text_and_its_sources() {
         let expected = format!("error[{code}]: {error}: {}\n  remedy: ", own.source);
         assert!(said.stderr.contains(&expected), "{expected}{}", said.stderr);
     }
+}
+
+/// The joint filter until its motion is no number.
+struct FallsSilent(FlightEstimator);
+
+/// When that is, ns.
+const SILENT_NS: i64 = 14_000_000_000;
+
+impl StateEstimator for FallsSilent {
+    fn acted(&mut self, acted: &Acted) {
+        StateEstimator::acted(&mut self.0, acted);
+    }
+    fn measured(&mut self, measurement: &Measurement) -> Reception {
+        StateEstimator::measured(&mut self.0, measurement)
+    }
+    fn state_at(&self, time_ns: i64) -> RigidBodyState<f64> {
+        let mut state = StateEstimator::state_at(&self.0, time_ns);
+        if time_ns >= SILENT_NS {
+            state.world_from_body.translation.vector.z = f64::NAN;
+        }
+        state
+    }
+    fn finding(&self) -> Result<Finding, EstimatorError> {
+        StateEstimator::finding(&self.0)
+    }
+    fn newest_stamp_ns(&self) -> i64 {
+        StateEstimator::newest_stamp_ns(&self.0)
+    }
+    fn restart(&mut self, body: &Finding) -> Result<(), EstimatorError> {
+        StateEstimator::restart(&mut self.0, body)
+    }
+}
+
+#[test]
+fn a_mission_whose_estimator_falls_silent_ends_at_rest_and_says_why() {
+    ADDED_ESTIMATORS
+        .add("falls-silent", "the joint filter for a while", |problem| Ok(Box::new(FallsSilent(estimator(problem)?))));
+    let folder = scratch("falls-silent").join("flight");
+    let out = folder.to_str().unwrap();
+    let (flown, text) = said(&["fly", "iss-cargo", "--estimator", "falls-silent", "--out", out, "--json"]);
+    assert_eq!(flown, Ok(false));
+    let summary: Value = serde_json::from_str(&text).unwrap();
+    let warnings = summary["warnings"].to_string();
+    assert!(warnings.contains("told no motion any more") && !warnings.contains("safe-state"), "{warnings}");
+    assert!(summary["mission_s"].as_f64().unwrap() < 30.0, "{text}");
+    assert_eq!(said(&["replay", &format!("{out}/report.html")]).0, Ok(true));
 }

@@ -106,6 +106,60 @@ fn a_mission_that_cannot_be_flown_is_a_row_with_its_error() {
     assert_eq!((&summary["all"]["errors"], &summary["all"]["arrived"]["count"]), (&2.into(), &0.into()));
 }
 
+/// The rows of a finished campaign, by column.
+fn rows_of(place: &Path) -> Vec<BTreeMap<String, String>> {
+    let mut table = csv::Reader::from_path(place.join("rows.csv")).unwrap();
+    table.deserialize().map(Result::unwrap).collect()
+}
+
+#[test]
+fn layers_are_those_of_the_options_or_else_of_the_scenario() {
+    let folder = scratch("layers");
+    let whole = String::from_utf8(succeed(&folder, &["scenario", "show", "granite-cargo"]).stdout).unwrap();
+    let short = whole.replacen("duration_s = 150.0", "duration_s = 8.0", 1);
+    assert!(short.contains("duration_s = 8.0"));
+    fs::write(folder.join("usual.toml"), &short).unwrap();
+    fs::write(folder.join("named.toml"), format!("{short}\n[fly.layers]\ncontroller = \"lqr\"\n")).unwrap();
+    let fly = |scenarios: &[&str], options: &[&str], place: &str| {
+        let words = [&["campaign"], scenarios, &["--missions", "1", "--out", place], options].concat();
+        let flown = tumble_in(&folder, &words);
+        assert_eq!(flown.status.code(), Some(3), "nothing arrives in 8 s: {}", stderr(&flown));
+        let record: Value = serde_json::from_slice(&fs::read(folder.join(place).join("run.json")).unwrap()).unwrap();
+        (rows_of(&folder.join(place)), record["configuration"]["layers"].clone())
+    };
+    let (by_scenario, none) = fly(&["usual.toml", "named.toml"], &[], "by-scenario");
+    assert_eq!(none, Value::Null);
+    let (by_option, named) = fly(&["usual.toml"], &["--controller", "lqr"], "by-option");
+    assert_eq!(named, serde_json::json!({ "controller": "lqr" }));
+    let (instead, _) = fly(&["named.toml"], &["--controller", "tube"], "instead");
+    let of = |row: &BTreeMap<String, String>| {
+        assert_eq!(row["status"], "flown", "{}", row["message"]);
+        ["impulse_n_s", "rms_tracking_all_m", "min_clearance_m", "mass_estimate"].map(|column| row[column].clone())
+    };
+    let [usual, lqr] = &by_scenario[..] else { panic!("{} rows", by_scenario.len()) };
+    assert_ne!(of(usual), of(lqr), "the scenario's controller is flown");
+    assert_eq!(of(&by_option[0]), of(lqr));
+    assert_eq!(of(&instead[0]), of(usual), "an option comes before the scenario");
+    assert!(by_option[0]["replay"].ends_with(" --controller lqr"), "{}", by_option[0]["replay"]);
+    assert!(!lqr["replay"].contains("--controller"), "{}", lqr["replay"]);
+
+    let all = ["--estimator", "two-stage-rls", "--planner", "thesis-rrt", "--local-planner", "along-way"];
+    succeed(
+        &folder,
+        &[&["campaign", "usual.toml", "--dry-run", "--missions", "1", "--out", "plan"], &all[..]].concat(),
+    );
+    let row = &rows_of(&folder.join("plan"))[0];
+    assert!(row["replay"].ends_with(&all.join(" ")), "{}", row["replay"]);
+    for option in ["--estimator", "--planner", "--local-planner", "--controller"] {
+        let [fly, campaign] = ["fly", "campaign"].map(|command| {
+            let output = tumble_in(&folder, &[command, "usual.toml", option, "mien"]);
+            assert_eq!(output.status.code(), Some(2));
+            stderr(&output).split("\n\n").next().unwrap().to_owned()
+        });
+        assert!(fly.contains("possible values") && fly == campaign, "{fly}\n{campaign}");
+    }
+}
+
 #[test]
 fn the_command_of_a_row_flies_the_same_mission() {
     let folder = scratch("replay");
@@ -118,8 +172,7 @@ fn the_command_of_a_row_flies_the_same_mission() {
         ["--missions", "2", "--shard", "1/2", "--draw", "--outside", "0.2", "--weighting", "fixed", "--out", "run"];
     let flown = tumble_in(&folder, &[&["campaign", "short.toml"], &options[..]].concat());
     assert_eq!(flown.status.code(), Some(3), "nothing arrives in 20 s: {}", stderr(&flown));
-    let mut table = csv::Reader::from_path(folder.join("run/part-1-of-2/rows.csv")).unwrap();
-    let rows: Vec<BTreeMap<String, String>> = table.deserialize().map(Result::unwrap).collect();
+    let rows = rows_of(&folder.join("run/part-1-of-2"));
     let [row] = &rows[..] else { panic!("{} rows", rows.len()) };
     assert_eq!((row["row"].as_str(), row["status"].as_str()), ("1", "flown"), "{}", row["message"]);
 

@@ -11,6 +11,7 @@ mod check_command;
 mod commanded_nozzles;
 mod convert_command;
 mod corruption_sweep;
+mod documented_names;
 mod drawn_missions;
 mod excite_command;
 mod fault_campaign;

@@ -1,7 +1,9 @@
 //! More acts on the tug than its jets: a wind, and a wheel that spins. Told to the loop once, estimator, planners, controller and stops
 //! reckon with it.
 
-use super::{FORCE_N, PLANNED_N, estimator, fly_among, planners, room, simulated, truth, tube, tug_told};
+use super::{
+    FORCE_N, PLANNED_N, estimator, flown_among, has_arrived, planners, room, simulated, truth, tube, tug_told,
+};
 use tumble_planning::dynamics::{ConstantWorldWrench, Environment};
 use tumble_planning::global::{Obstruction, Status};
 use tumble_planning::identification::estimator::Acted;
@@ -22,7 +24,8 @@ const STORED: Vector3<f64> = Vector3::new(0.12, -0.08, 0.14);
 /// Whether it arrives, and by how many sigmas and kilograms the mass is off in the end.
 fn flown(told: Environment) -> (bool, f64, f64) {
     let mut flying = tug_told(told, tube, estimator(), &room());
-    let arrived = fly_among(&wind(0.25), STORED, &mut flying, &mut simulated(planners()), &mut NoObserver);
+    let last = flown_among(&wind(0.25), STORED, &mut flying, &mut simulated(planners()), &mut NoObserver);
+    let arrived = has_arrived(&flying, &last);
     let estimate = flying.estimator().estimate();
     let off_kg = (estimate.parameters.mass - truth().mass).abs();
     (arrived, off_kg / estimate.std.mass_kg, off_kg)

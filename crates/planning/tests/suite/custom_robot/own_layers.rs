@@ -1,14 +1,14 @@
 //! Layers of somebody else's: an estimator, a planner of ways, a planner of stretches, planners in a thread; and what cannot be flown.
 
 use super::{
-    GOAL, NOISE_M, PERIOD_S, PLANNED_N, PLANNED_N_M, RADIUS_M, Tug, belief, estimator, fly, planners, room, simulated,
-    start, tube, tug,
+    GOAL, NOISE_M, PERIOD_S, PLANNED_N, PLANNED_N_M, RADIUS_M, Tug, belief, estimator, flown, fly, planners, room,
+    simulated, start, tube, tug,
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use tumble_planning::collision::EllipsoidWorld;
-use tumble_planning::control::TubeController;
-use tumble_planning::dynamics::{RigidBodyState, World};
+use tumble_planning::control::{ReferenceMotion, TubeController};
+use tumble_planning::dynamics::{PoseReference, RigidBodyState, World};
 use tumble_planning::global::{FlightPlanner, GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Obstruction};
 use tumble_planning::identification::BodyScale;
 use tumble_planning::identification::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, StateEstimator};
@@ -16,7 +16,8 @@ use tumble_planning::identification::recursive::{FlightEstimator, FlightHealth, 
 use tumble_planning::lie::{LieGroup, Pose, Twist};
 use tumble_planning::local::{InformativePlanner, LocalAnswer, LocalPlanner, LocalRequest, RigidBodyModel};
 use tumble_planning::mission::{
-    End, LoopObserver, NoObserver, Office, PlanAnswer, PlanRequest, StretchModel, StretchSettings, Thread,
+    Action, End, LoopObserver, NoObserver, Note, Office, PlanAnswer, PlanRequest, StretchAnswer, StretchModel,
+    StretchSettings, Thread,
 };
 use tumble_planning::nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
 use tumble_planning::{ArcPath, Budget, PlanningError};
@@ -113,7 +114,11 @@ enum Lie {
     NoBody,
     OwnError,
     NoMotion,
+    NoMotionAnyMore,
 }
+
+/// When the last of these begins, ns: the tug is on its way.
+const SILENT_NS: i64 = 16_000_000_000;
 
 /// The joint filter, with a tongue of its own.
 struct Liar(FlightEstimator, Lie, Arc<AtomicUsize>);
@@ -144,6 +149,9 @@ impl StateEstimator for Liar {
         if self.1 == Lie::NoMotion && self.2.load(Ordering::Relaxed) >= 3 && time_ns % 2_000_000_000 < 100_000_000 {
             state.twist_body.angular.y = f64::NAN;
         }
+        if self.1 == Lie::NoMotionAnyMore && time_ns >= SILENT_NS {
+            state.twist_body.linear.x = f64::NAN;
+        }
         state
     }
     fn finding(&self) -> Result<Finding, EstimatorError> {
@@ -157,7 +165,7 @@ impl StateEstimator for Liar {
             Lie::NoCovariance => Finding::of_covariance(point, &-SMatrix::identity(), *found.magnitudes()),
             Lie::NoBody => Ok(found.at(-point)),
             Lie::OwnError => Err(EstimatorError::foreign("particles", exhausted(3))),
-            Lie::NoMotion => Ok(found),
+            Lie::NoMotion | Lie::NoMotionAnyMore => Ok(found),
         }
     }
     fn health(&self) -> FlightHealth {
@@ -202,6 +210,37 @@ fn what_a_liar_says_is_refused_and_the_flight_goes_on() {
         assert_eq!(sources.any(<dyn std::error::Error>::is::<Exhausted>), lie == Lie::OwnError, "{text}");
         assert_eq!(text.ends_with("the pool `particles 3` is empty"), lie == Lie::OwnError, "{text}");
     }
+}
+
+/// What was answered, and what was to be flown when the estimator fell silent.
+#[derive(Default)]
+struct Silence(Vec<Action>, Option<PoseReference>);
+
+impl LoopObserver for Silence {
+    fn answered(&mut self, _time_ns: i64, action: &Action) {
+        self.0.push(*action);
+    }
+    fn follows(&mut self, _time_ns: i64, start_ns: i64, stretch: &StretchAnswer, _model_revision: u64) {
+        if start_ns <= SILENT_NS {
+            self.1 = Some(stretch.motion.at(SILENT_NS as f64 * 1e-9));
+        }
+    }
+}
+
+/// A stop needs a motion to follow it by: where none is told it is carried on by what acted, and the mission ends when that rests.
+#[test]
+fn a_robot_whose_estimator_falls_silent_comes_to_rest_and_says_so() {
+    let mut flying = tug(tube, Liar(estimator(), Lie::NoMotionAnyMore, Arc::default()), &room());
+    let mut heard = Silence::default();
+    let last = flown(&mut flying, &mut simulated(planners()), &mut heard);
+    assert_eq!(flying.end(), Some(&End::NoMotion));
+    assert!(heard.0.contains(&Action::Note(Note::NoMotion)) && heard.0.contains(&Action::Stop));
+    let speeds = |motion: &RigidBodyState<f64>| (motion.twist_body.linear.norm(), motion.twist_body.angular.norm());
+    let ((speed, rate), (left, left_rate)) = (speeds(&heard.1.unwrap().state), speeds(&last));
+    assert!(speed > 0.05 && left < 0.003, "{speed} and {left} m/s");
+    assert!(left_rate < rate.max(0.003), "{rate} and {left_rate} rad/s");
+    // A second until it stops, and five of patience.
+    assert!(flying.time_ns() - SILENT_NS < 7_000_000_000, "{} ns", flying.time_ns());
 }
 
 /// Ways that cost the least impulse, whatever is asked for.

@@ -1,6 +1,5 @@
 //! The one line that flies a mission again.
 
-use crate::mission::LayerNames;
 use crate::mission::options::{FlyOptions, ModelChoice};
 use crate::mission::weighting::WeightingChoice;
 use clap::ValueEnum;
@@ -23,13 +22,7 @@ pub fn replay_line(scenario: &str, options: &FlyOptions) -> String {
     if let Some(fault) = fault {
         let _ = write!(line, " --fault {fault}");
     }
-    let LayerNames { estimator, planner, local_planner, controller } = layers;
-    let names =
-        [("estimator", estimator), ("planner", planner), ("local-planner", local_planner), ("controller", controller)];
-    for (option, name) in names.into_iter().filter_map(|(option, name)| Some((option, name.as_ref()?))) {
-        let _ = write!(line, " --{option} {name}");
-    }
-    line
+    line + &layers.arguments()
 }
 
 /// As it is typed.
@@ -50,6 +43,7 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mission::LayerNames;
 
     fn options() -> FlyOptions {
         FlyOptions {
