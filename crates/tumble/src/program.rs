@@ -204,8 +204,12 @@ fn report(error: &TumbleError) {
     tell_line!("error[{}]: {}\n  remedy: {}", error.code(), in_full(error), error.remedy());
 }
 
-/// An error with what lies beneath it, where its own text does not say so.
+/// An error with what lies beneath it, where its own text does not say so. Those of files say what they should of what lies beneath, which may
+/// be all of the file.
 fn in_full(error: &TumbleError) -> String {
+    if matches!(error, TumbleError::File(_)) {
+        return error.to_string();
+    }
     let sources = std::iter::successors(std::error::Error::source(error), |error| error.source());
     sources
         .map(ToString::to_string)

@@ -59,11 +59,11 @@ pub(crate) fn drives(samples: &[Sample], median_step_s: f64, passage: &Passage) 
             input(&now, &((now - felt(before)[part].start) / passed_s))
         };
         // What wheels hold changes little within a shift; no lag is between it and the body.
-        let holding = if shift_s == 0.0 { row } else { from };
+        let stored = samples[if shift_s == 0.0 { row } else { from }].input.stored;
         Drive {
-            input: Input { stored: samples[holding].input.stored, ..input(&value.mean, &value.slope) },
+            input: Input { stored, ..input(&value.mean, &value.slope) },
             by_lag: input(&by_lag.mean, &by_lag.slope),
-            start: Input { stored: samples[row].stored, ..start(0) },
+            start: Input { stored, ..start(0) },
             start_by_lag: start(1),
         }
     };

@@ -112,7 +112,6 @@ impl Record {
                 time_s: between(0, k),
                 step_s: steps[k],
                 input: input(k),
-                stored: momenta[k],
                 posed: sample.world_from_body.is_some(),
                 position: poses[k].translation.vector,
                 world_from_body: poses[k].rotation,

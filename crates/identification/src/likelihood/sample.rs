@@ -11,8 +11,6 @@ pub(crate) struct Sample {
     /// To the next sample.
     pub(crate) step_s: f64,
     pub(crate) input: Input,
-    /// Momentum in wheels at its time, body axes.
-    pub(crate) stored: Vector3<f64>,
     /// Whether the pose was seen; where it was not it is a guess that only begins the search.
     pub(crate) posed: bool,
     pub(crate) position: Vector3<f64>,

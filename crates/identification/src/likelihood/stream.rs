@@ -5,7 +5,7 @@ use super::sample::Sample;
 use crate::WrenchTiming;
 use crate::error::IdentificationError;
 use crate::motion::MotionSample;
-use nalgebra::{Vector3, Vector6};
+use nalgebra::Vector6;
 
 /// Rows kept before the one that is turned into a sample.
 const BEFORE: usize = 3;
@@ -158,8 +158,6 @@ impl Stream {
             time_s: (row.time_ns - self.start_ns) as f64 * 1e-9,
             step_s,
             input: input(&wrenches[..count], &steps[..count], k - first, self.timing, self.gap_s),
-            // rows with wheels are refused
-            stored: Vector3::zeros(),
             posed: row.world_from_body.is_some(),
             position: pose.translation.vector,
             world_from_body: pose.rotation,

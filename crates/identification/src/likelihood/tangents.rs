@@ -42,7 +42,6 @@ fn samples() -> Vec<Sample> {
                 step_s: STEP_S,
                 posed: true,
                 input,
-                stored: three(18) * 0.05,
                 position: three(12) * 0.1,
                 world_from_body: <UnitQuaternion<f64> as LieGroup>::exp(&(three(15) * 0.1)),
                 velocity: Some(three(18)),

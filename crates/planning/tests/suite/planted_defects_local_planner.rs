@@ -207,7 +207,7 @@ impl LocalPlanner<1, 1> for Faulty {
             Fault::EndsElsewhere if request.terminal == Some(region(0.2)) => {
                 changed.terminal = Some(TerminalRegion { radius_m: 0.35, ..region(0.2) });
             }
-            Fault::TakesAll if request.reserved[0].is_normal() => changed.reserved = [0.0],
+            Fault::TakesAll if (0.0..1.0).contains(&request.reserved[0]) => changed.reserved = [0.0],
             Fault::Blind => changed.surroundings = &nothing,
             Fault::HeavierBody => {
                 other.estimate.parameters.mass *= 1.01;
