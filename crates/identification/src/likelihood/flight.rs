@@ -37,6 +37,8 @@ use grid::Grid;
 use nalgebra::{Matrix3, Vector3};
 use stages::Joint;
 
+/// Share of the wrench that a search in which all went well explains at least.
+const ASTRAY: f64 = 0.5;
 /// Length of a segment where nobody says, s: shorter than what a loop of control takes to answer.
 const SEGMENT_S: f64 = 0.128;
 /// Fewest segments that anything is made of.
@@ -193,22 +195,24 @@ impl FlightLikelihood {
         // What is spent weighs by the mass, which is then to be found first.
         let mut mass_kg = None;
         loop {
-            let begun = || {
+            let fitted = |coarsely: bool| {
                 let mut grid = Grid::try_new(record, self.wrench_timing, &added, of.thrusters.as_ref())?;
                 if let Some((thrusters, mass_kg)) = of.thrusters.as_ref().zip(mass_kg) {
                     grid.lighten(thrusters, mass_kg);
                 }
-                Fit::aligned(&of, grid, planar)
-            };
-            let mut fit = begun()?;
-            if fit.run().is_err() {
-                // What is left of a wrench that is off by much is taken for noise of everything where levels begin narrow.
-                fit = begun()?;
-                fit.run_coarsely()?;
+                let mut fit = Fit::aligned(&of, grid, planar)?;
+                if coarsely {
+                    fit.run_coarsely()?;
+                }
                 fit.run()?;
-            }
-            let found = outcome::of(&mut fit, &freed)?;
-            let joint = Joint::of(&fit);
+                Ok::<_, IdentificationError>((outcome::of(&mut fit, &freed)?, Joint::of(&fit)))
+            };
+            // What is left of a wrench that is off by much is taken for noise of everything where levels begin narrow.
+            let (found, joint) = match fitted(false) {
+                Ok(near) if near.0.explained >= ASTRAY => near,
+                Ok(near) => fitted(true).ok().filter(|far| far.0.explained > near.0.explained).unwrap_or(near),
+                Err(_) => fitted(true)?,
+            };
             let spends = of.thrusters.as_ref().is_some_and(Thrusters::is_spent);
             if spends && mass_kg.is_none() {
                 mass_kg = Some(found.parameters.mass);
