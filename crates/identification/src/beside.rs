@@ -27,7 +27,7 @@ pub(crate) struct UnloggedWrench {
 /// Step by step; the last sample begins no step and keeps what it has. `None` where nothing acts.
 ///
 /// # Errors
-/// [`IdentificationError::MissingColumn`] where only some samples list stored momentum, or nothing says how the body turns.
+/// [`IdentificationError::MissingColumn`] where momentum is stored and nothing says how the body turns.
 /// # Source
 /// Mean of what is smooth: cubic through four samples. Of `h x w`: both change evenly over a step of held motor torques, so
 /// that the mean is `mean(h) x mean(w) + (change of h) x (change of w) / 12`.
@@ -43,14 +43,20 @@ pub(crate) fn environment(record: &[MotionSample]) -> Option<Vec<UnloggedWrench>
 
 /// Momentum stored at each sample, body axes, N m s; `None` without wheels.
 ///
-/// # Errors
-/// [`IdentificationError::MissingColumn`] where only some samples list it.
-pub(crate) fn stored_momenta(record: &[MotionSample]) -> Result<Option<Vec<Vector3<f64>>>, IdentificationError> {
-    if record.iter().all(|sample| sample.stored_momentum_body.is_none()) {
-        return Ok(None);
+/// Telemetry of wheels may come more seldom than poses: between two samples that list it, it changes evenly, before the first and after the last
+/// it stays.
+pub(crate) fn stored_momenta(record: &[MotionSample]) -> Option<Vec<Vector3<f64>>> {
+    let mut listed = (0..record.len()).filter_map(|i| Some((i, record[i].stored_momentum_body?)));
+    let mut before = listed.next()?;
+    let mut stored = vec![before.1; before.0 + 1];
+    for next in listed {
+        let seconds = |to: usize| (record[to].time_ns - record[before.0].time_ns) as f64;
+        let share = |i: usize| if seconds(next.0) > 0.0 { seconds(i) / seconds(next.0) } else { 1.0 };
+        stored.extend((before.0 + 1..=next.0).map(|i| before.1.lerp(&next.1, share(i))));
+        before = next;
     }
-    let stored = record.iter().map(|sample| sample.stored_momentum_body).collect::<Option<Vec<_>>>();
-    stored.map(Some).ok_or(IdentificationError::MissingColumn(Column::StoredMomentum))
+    stored.resize(record.len(), before.1);
+    Some(stored)
 }
 
 fn beside_with(record: &[MotionSample], wheels: Option<&Turning>) -> Option<Vec<UnloggedWrench>> {
@@ -96,7 +102,7 @@ struct Turning {
 impl Turning {
     /// `None` without wheels.
     fn of_wheels(record: &[MotionSample]) -> Result<Option<Self>, IdentificationError> {
-        stored_momenta(record)?.map(|stored| Self::of(record, stored)).transpose()
+        stored_momenta(record).map(|stored| Self::of(record, stored)).transpose()
     }
 
     fn of(record: &[MotionSample], stored: Vec<Vector3<f64>>) -> Result<Self, IdentificationError> {

@@ -511,8 +511,6 @@ pub enum Column {
     Attitude,
     /// Position and attitude.
     Pose,
-    /// Momentum of wheels.
-    StoredMomentum,
     /// Acceleration of the origin.
     Acceleration,
 }
@@ -526,7 +524,6 @@ impl core::fmt::Display for Column {
             Self::Position => "positions (p_*)",
             Self::Attitude => "attitudes (q_*)",
             Self::Pose => "poses (p_*, q_*)",
-            Self::StoredMomentum => "stored momenta",
             Self::Acceleration => "accelerations (a_*)",
         })
     }

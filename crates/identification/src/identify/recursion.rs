@@ -438,7 +438,7 @@ impl Joint {
         let turning = 2.0 * attitude_rad / step_s + (seen.angular - twist_body.angular).norm() + seen.angular.norm();
         let moving = 2.0 * position_m / step_s + (seen.linear - twist_body.linear).norm() + seen.linear.norm();
         let start_deviation = SVector::from_fn(|i, _| [attitude_rad, position_m, turning, moving][i / 3]);
-        let (unlogged, stored) = (environment(record), stored_momenta(record)?);
+        let (unlogged, stored) = (environment(record), stored_momenta(record));
         let unlogged_at = |i: usize| unlogged.as_ref().map(|unlogged| unlogged[i]);
         let logged = record[..=begin].iter().rev().find_map(|sample| sample.wrench_body);
         let mut held = logged.unwrap_or_else(Wrench::zero);

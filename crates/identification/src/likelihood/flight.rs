@@ -135,7 +135,7 @@ impl FlightLikelihood {
     /// # Errors
     /// [`IdentificationError::ImpossibleSensing`] for sensors or thrusters that cannot be; [`IdentificationError::TooFewSamples`],
     /// [`IdentificationError::TimesNotIncreasing`], [`IdentificationError::NotFinite`], [`IdentificationError::MissingColumn`] (no wrench at
-    /// all, neither attitudes nor rates, or stored momenta of some rows only) for a record that cannot be used;
+    /// all, or neither attitudes nor rates) for a record that cannot be used;
     /// [`IdentificationError::LikelihoodNotConverged`], [`IdentificationError::Indefinite`].
     pub fn estimate(&self, record: &[MotionSample]) -> Result<FlightEstimate, IdentificationError> {
         self.sensing.check()?;

@@ -92,7 +92,7 @@ impl Record {
             same
         });
         let unlogged = environment(record);
-        let momenta = stored_momenta(record)?.unwrap_or_else(|| vec![Vector3::zeros(); record.len()]);
+        let momenta = stored_momenta(record).unwrap_or_else(|| vec![Vector3::zeros(); record.len()]);
         let input = |k: usize| {
             let mut input = input(&wrenches, &steps, k, timing, GAP * median_step_s);
             input.stored = (momenta[k] + momenta[(k + 1).min(last)]) * 0.5;

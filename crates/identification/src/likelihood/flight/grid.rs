@@ -93,7 +93,7 @@ impl Grid {
         if record.iter().all(|sample| sample.wrench_body.is_none()) {
             return Err(IdentificationError::MissingColumn(Column::Wrench));
         }
-        let momenta = stored_momenta(record)?.unwrap_or_else(|| vec![Vector3::zeros(); samples]);
+        let momenta = stored_momenta(record).unwrap_or_else(|| vec![Vector3::zeros(); samples]);
         if let Some(index) = record.windows(2).position(|pair| pair[1].time_ns <= pair[0].time_ns) {
             return Err(IdentificationError::TimesNotIncreasing { index: index + 1 });
         }

@@ -682,8 +682,6 @@ fn records_and_sensors_that_cannot_be_are_refused() {
         changed(|log| log.iter_mut().for_each(|s| (s.world_from_body, s.rate_body) = (None, None))),
         Err(IdentificationError::MissingColumn(Column::Attitude))
     );
-    let missing = Err(IdentificationError::MissingColumn(Column::StoredMomentum));
-    assert_eq!(changed(|log| log[3].stored_momentum_body = Some(Vector3::x())), missing);
     let impossible =
         |told: FlightLikelihood| matches!(told.estimate(&log), Err(IdentificationError::ImpossibleSensing { .. }));
     assert!(impossible(FlightLikelihood { segment_s: 0.0, ..told.clone() }));
