@@ -25,7 +25,7 @@ const REMEMBERED: usize = 3;
 /// One in so many measurements may be left out.
 const FEW: usize = 20;
 /// Steps of the filter, and those that the rows of a measurement are worth, in one control period.
-const WORK: usize = 96;
+const WORK: usize = 160;
 const WORK_OF_ROWS: usize = 2;
 
 /// All settled measurements since the body was last made uncertain, and when to go through them again.
