@@ -280,7 +280,7 @@ fn filtered_from(
     let begun_at = begun.map_or(0, |begun| begun.rows);
     let rest = &record[begun_at..];
     let times = Timeline::try_new(rest)?;
-    let mut joint = Joint::new(rest, &times, settings, about)?;
+    let mut joint = Joint::new(rest, &times, settings, about);
     let (mut known, mut surprise) = if let Some(Begun { noise, known, .. }) = begun {
         joint.noise = MotionNoise { drift: joint.noise.drift, ..*noise };
         let pass = joint.extended(known)?;
@@ -397,12 +397,7 @@ struct Joint {
 }
 
 impl Joint {
-    fn new(
-        record: &[MotionSample],
-        timeline: &Timeline,
-        settings: &Settings,
-        about: &About,
-    ) -> Result<Self, IdentificationError> {
+    fn new(record: &[MotionSample], timeline: &Timeline, settings: &Settings, about: &About) -> Self {
         let step_s = timeline.median_step_s();
         let (noise, length_m) = (&about.noise, about.scale.length_m());
         let attitude_rad = noise.attitude_rad.max(POSE_FLOOR);
@@ -470,7 +465,7 @@ impl Joint {
             .collect();
         let start = RigidBodyState { world_from_body, twist_body };
         let times_ns = record[begin + 1..].iter().map(|sample| sample.time_ns).collect();
-        Ok(Self { observations, times_ns, start, start_deviation, noise, gravity_world: settings.gravity_world })
+        Self { observations, times_ns, start, start_deviation, noise, gravity_world: settings.gravity_world }
     }
 
     fn model(&self) -> JointMotion {
