@@ -3,7 +3,7 @@
 use crate::error::{Column, IdentificationError};
 use crate::lie::{LieGroup, Wrench};
 use crate::motion::{MotionSample, filled_poses};
-use nalgebra::Vector3;
+use nalgebra::{SVector, Vector3};
 
 /// Steps that differ by less than this fraction are equal.
 const EQUAL_STEPS: f64 = 0.01;
@@ -42,21 +42,32 @@ pub(crate) fn environment(record: &[MotionSample]) -> Option<Vec<UnloggedWrench>
 }
 
 /// Momentum stored at each sample, body axes, N m s; `None` without wheels.
-///
-/// Telemetry of wheels may come more seldom than poses: between two samples that list it, it changes evenly, before the first and after the last
-/// it stays.
 pub(crate) fn stored_momenta(record: &[MotionSample]) -> Option<Vec<Vector3<f64>>> {
-    let mut listed = (0..record.len()).filter_map(|i| Some((i, record[i].stored_momentum_body?)));
+    filled(record, |sample| sample.stored_momentum_body)
+}
+
+/// What acts beside the logged wrench at each sample, the turning of wheels apart, body axes, about the origin; `None` where nothing is listed.
+pub(crate) fn listed_beside(record: &[MotionSample]) -> Option<Vec<Wrench<f64>>> {
+    let filled = filled(record, |sample| sample.besides_body.map(|wrench| wrench.to_vector()))?;
+    Some(filled.into_iter().map(Wrench::from).collect())
+}
+
+/// Telemetry may come more seldom than poses: between two samples that list it, it changes evenly, before the first and after the last it stays.
+fn filled<const N: usize>(
+    record: &[MotionSample],
+    listed: impl Fn(&MotionSample) -> Option<SVector<f64, N>>,
+) -> Option<Vec<SVector<f64, N>>> {
+    let mut listed = (0..record.len()).filter_map(|i| Some((i, listed(&record[i])?)));
     let mut before = listed.next()?;
-    let mut stored = vec![before.1; before.0 + 1];
+    let mut filled = vec![before.1; before.0 + 1];
     for next in listed {
         let seconds = |to: usize| (record[to].time_ns - record[before.0].time_ns) as f64;
         let share = |i: usize| if seconds(next.0) > 0.0 { seconds(i) / seconds(next.0) } else { 1.0 };
-        stored.extend((before.0 + 1..=next.0).map(|i| before.1.lerp(&next.1, share(i))));
+        filled.extend((before.0 + 1..=next.0).map(|i| before.1.lerp(&next.1, share(i))));
         before = next;
     }
-    stored.resize(record.len(), before.1);
-    Some(stored)
+    filled.resize(record.len(), before.1);
+    Some(filled)
 }
 
 fn beside_with(record: &[MotionSample], wheels: Option<&Turning>) -> Option<Vec<UnloggedWrench>> {
@@ -65,7 +76,8 @@ fn beside_with(record: &[MotionSample], wheels: Option<&Turning>) -> Option<Vec<
     }
     let last = record.len() - 1;
     let seconds = |i: usize| (record[(i + 1).min(last)].time_ns - record[i.min(last)].time_ns) as f64 * 1e-9;
-    let smooth = |i: usize| record[i].besides_body.unwrap_or_else(Wrench::zero);
+    let listed = listed_beside(record);
+    let smooth = |i: usize| listed.as_ref().map_or_else(Wrench::zero, |listed| listed[i]);
     let here = |i: usize| {
         let turning = wheels.map_or_else(Vector3::zeros, |wheels| wheels.torque(i));
         let smooth = smooth(i);
@@ -144,4 +156,30 @@ impl Turning {
 fn roughness(values: &[Vector3<f64>]) -> f64 {
     let fourth = |w: &[Vector3<f64>]| (w[0] + w[4] - (w[1] + w[3]) * 4.0 + w[2] * 6.0).norm_squared();
     values.windows(5).map(fourth).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_listed_more_seldom_changes_evenly_in_between() {
+        let row = |time_ns, listed: Option<f64>| MotionSample {
+            time_ns,
+            stored_momentum_body: listed.map(|x| Vector3::x() * x),
+            besides_body: listed.map(|x| Wrench::new(Vector3::y() * x, Vector3::z() * x)),
+            ..MotionSample::default()
+        };
+        let record = [row(0, None), row(10, Some(1.0)), row(20, None), row(50, Some(5.0)), row(60, None)];
+        let expected = [1.0, 1.0, 2.0, 5.0, 5.0];
+        for (found, x) in stored_momenta(&record).into_iter().flatten().zip(expected) {
+            assert!((found - Vector3::x() * x).norm() < 1e-15, "{found} {x}");
+        }
+        let beside = listed_beside(&record).unwrap_or_default();
+        assert_eq!(beside.len(), expected.len());
+        for (found, x) in beside.into_iter().zip(expected) {
+            assert!((found.torque.y - x).abs() < 1e-15 && (found.force.z - x).abs() < 1e-15, "{found:?} {x}");
+        }
+        assert!(stored_momenta(&[row(0, None)]).is_none() && listed_beside(&[]).is_none());
+    }
 }

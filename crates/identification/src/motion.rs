@@ -41,7 +41,7 @@ pub struct MotionSample {
     /// varies smoothly, whatever the timing of the wrench; [`with_all_that_acts`](crate::with_all_that_acts) fills it in.
     pub besides_body: Option<Wrench<f64>>,
     /// Angular momentum of wheels relative to the body at this time, body axes, N m s; `None` without wheels, and where it was not
-    /// sampled: it changes evenly between two samples of it.
+    /// sampled: it changes evenly between two samples of it, as what acts beside does.
     pub stored_momentum_body: Option<Vector3<f64>>,
 }
 

@@ -1,6 +1,7 @@
 //! What acts on a body beside the logged wrench: gravity gradient, drag.
 
 use super::{Identification, Settings, identify, standard_deviations};
+use crate::beside::listed_beside;
 use crate::dynamics::{InertialParameters, RigidBodyState, WrenchModel};
 use crate::error::{Column, IdentificationError};
 use crate::estimator::{Finding, Judge, Verdict};
@@ -197,6 +198,7 @@ pub fn with_all_that_acts(
     body: Option<&InertialParameters<f64>>,
 ) -> Result<Vec<MotionSample>, IdentificationError> {
     let poses = filled_poses(record).ok_or(IdentificationError::MissingColumn(Column::Pose))?;
+    let listed = listed_beside(record);
     let acting = |i: usize| {
         let sample = &record[i];
         let (time_s, state) = (sample.time_ns as f64 * 1e-9, state_at(record, &poses, i));
@@ -204,7 +206,7 @@ pub fn with_all_that_acts(
             Some(body) => environment.wrench_on(body, time_s, &state),
             None => environment.wrench_body(time_s, &state),
         };
-        let besides_body = Some(sample.besides_body.unwrap_or_else(Wrench::zero) + wrench);
+        let besides_body = Some(listed.as_ref().map_or_else(Wrench::zero, |listed| listed[i]) + wrench);
         MotionSample { besides_body, ..*sample }
     };
     Ok((0..record.len()).map(acting).collect())

@@ -648,9 +648,10 @@ where
 
     /// What acts besides the actuators on the body that is believed; none where nothing does.
     fn beside(&self, state: &RigidBodyState<f64>) -> Option<Wrench<f64>> {
-        let environment = self.environment();
-        let acting = || environment.wrench_on(self.belief.parameters(), seconds(self.time_ns), state);
-        (!environment.is_empty()).then(acting)
+        let wheels = StoredMomentum { momentum_body: self.acted.stored_body };
+        let acting = (&self.settings.environment, wheels);
+        let is_none = self.settings.environment.is_empty() && wheels.momentum_body == Vector3::zeros();
+        (!is_none).then(|| acting.wrench_on(self.belief.parameters(), seconds(self.time_ns), state))
     }
 
     /// As hard as the heaviest body that may be can stop, by what is believed now, with what is left of force and torque beside what

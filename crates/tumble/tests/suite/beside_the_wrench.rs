@@ -90,6 +90,19 @@ fn written(folder: &Path, columns: usize) -> PathBuf {
     path
 }
 
+/// The same log, in which wheels and environment are sampled more seldom than the pose.
+fn listed_in_every_fourth_row(csv: &Path) -> PathBuf {
+    let text = std::fs::read_to_string(csv).unwrap();
+    let line = |(k, line): (usize, &str)| match k % 4 {
+        // the header, and every fourth row after it
+        0 => line.to_owned(),
+        _ => line.split(',').take(14).chain([""; 9]).collect::<Vec<_>>().join(","),
+    };
+    let path = csv.with_file_name("seldom.csv");
+    std::fs::write(&path, text.lines().enumerate().map(|row| line(row) + "\n").collect::<String>()).unwrap();
+    path
+}
+
 fn identified(path: &Path) -> (Option<i32>, Value) {
     let output = tumble(&["identify", path.to_str().unwrap(), "--json"]);
     assert!(!stderr(&output).contains("ignored"), "{}", stderr(&output));
@@ -118,6 +131,8 @@ fn columns_of_wheels_and_environment_are_reckoned_with() {
         sigma
     };
     let [from_csv, from_mcap] = [&csv, &mcap].map(|path| sigmas(path));
+    let seldom = sigmas(&listed_in_every_fourth_row(&csv));
+    assert!(seldom < 2.0 * from_csv, "{seldom} {from_csv}");
     assert!((from_csv / from_mcap - 1.0).abs() < 1e-9, "{from_csv} {from_mcap}");
     // without its columns it is what errs of the wrench, or no body explains it
     let (code, untold) = identified(&written(&folder, 14));

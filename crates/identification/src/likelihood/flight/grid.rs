@@ -2,7 +2,7 @@
 
 use super::Thrusters;
 use crate::WrenchTiming;
-use crate::beside::stored_momenta;
+use crate::beside::{listed_beside, stored_momenta};
 use crate::error::{Column, IdentificationError};
 use crate::lie::{LieGroup, Pose, Wrench};
 use crate::motion::{MotionSample, filled_poses};
@@ -93,6 +93,7 @@ impl Grid {
         if record.iter().all(|sample| sample.wrench_body.is_none()) {
             return Err(IdentificationError::MissingColumn(Column::Wrench));
         }
+        let beside = listed_beside(record);
         let momenta = stored_momenta(record).unwrap_or_else(|| vec![Vector3::zeros(); samples]);
         if let Some(index) = record.windows(2).position(|pair| pair[1].time_ns <= pair[0].time_ns) {
             return Err(IdentificationError::TimesNotIncreasing { index: index + 1 });
@@ -119,7 +120,7 @@ impl Grid {
         let (mut torque, mut force) = (Vector3::zeros(), Vector3::zeros());
         let (mut rate, mut attitude) = (Vector3::zeros(), guesses[0].rotation);
         for (i, sample) in record.iter().enumerate() {
-            if let Some(wrench) = held(record, i, timing) {
+            if let Some(wrench) = held(record, beside.as_deref(), i, timing) {
                 (torque, force) = wrench;
             }
             rate = sample.rate_body.unwrap_or(rate);
@@ -266,10 +267,15 @@ impl Grid {
 }
 
 /// Torque and force over the step that begins at sample `i`.
-pub(super) fn held(record: &[MotionSample], i: usize, timing: WrenchTiming) -> Option<(Vector3<f64>, Vector3<f64>)> {
+pub(super) fn held(
+    record: &[MotionSample],
+    beside: Option<&[Wrench<f64>]>,
+    i: usize,
+    timing: WrenchTiming,
+) -> Option<(Vector3<f64>, Vector3<f64>)> {
     let all = |i: usize| {
-        let sample = record.get(i)?;
-        let (wrench, beside) = (sample.wrench_body?, sample.besides_body.unwrap_or_else(Wrench::zero));
+        let wrench = record.get(i)?.wrench_body?;
+        let beside = beside.map_or_else(Wrench::zero, |beside| beside[i]);
         Some((wrench.torque + beside.torque, wrench.force + beside.force))
     };
     let here = all(i)?;

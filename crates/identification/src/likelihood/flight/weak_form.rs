@@ -11,6 +11,7 @@ use super::outcome::planar_eta_by_parameters;
 use super::thrusters::{FoundFactor, Term};
 use super::{FlightEstimate, FlightLikelihood, FoundDelay, FoundLevels, FoundThrusters, Halves};
 use crate::SquareRootInformation;
+use crate::beside::listed_beside;
 use crate::error::{Column, IdentificationError};
 use crate::motion::{MotionSample, filled_poses};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, SMatrix, Vector2, Vector3};
@@ -248,8 +249,9 @@ impl Table<'_> {
         let first_ns = record.first().map_or(0, |sample| sample.time_ns);
         let mut last = Vector3::zeros();
         let mut wrench = Vec::with_capacity(record.len());
+        let beside = listed_beside(record);
         for i in 0..record.len() {
-            if let Some((torque, force)) = held(record, i, of.wrench_timing) {
+            if let Some((torque, force)) = held(record, beside.as_deref(), i, of.wrench_timing) {
                 last = Vector3::new(torque.z, force.x, force.y);
             }
             wrench.push(last);
