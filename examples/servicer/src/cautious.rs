@@ -19,7 +19,7 @@ impl Cautious {
     /// With what is known before.
     #[must_use]
     pub fn new(start: &Finding) -> Self {
-        Self { said: *start.information(), start: start.clone() }
+        Self { said: *start.information(), start: *start }
     }
 }
 

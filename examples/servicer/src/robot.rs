@@ -57,7 +57,7 @@ pub fn actuators() -> Result<Actuators, DynamicsError> {
     let wheels = ReactionWheels::try_new([wheel(1.0, 0.0), wheel(0.0, 1.0), wheel(-1.0, 0.0), wheel(0.0, -1.0)])?;
     let nozzle = |i: usize| {
         let (axis, end, sense) =
-            (i / 4, if i % 2 == 0 { LEVER_M } else { -LEVER_M }, if i % 4 < 2 { 1.0 } else { -1.0 });
+            (i / 4, if i.is_multiple_of(2) { LEVER_M } else { -LEVER_M }, if i % 4 < 2 { 1.0 } else { -1.0 });
         let mut position_body = Vector3::zeros();
         position_body[(axis + 2) % 3] = end;
         let mut direction = Vector3::zeros();
