@@ -38,6 +38,7 @@ const RULES: &[Rule] = &[
     ("unfinished code", source::unfinished),
     ("lint exceptions carry a reason", source::reasons),
     ("public traits have an example", source::trait_examples),
+    ("public traits have a tutorial", source::trait_tutorials),
     ("files do not use each other", circles::circles),
     ("singular values", source::singular_values),
     ("robot's name", source::robot_name),

@@ -41,6 +41,7 @@ impl<V> Gauss<V> {
 /// state.world_from_body.translation.vector = Vector3::new(3.0, 4.0, 0.0);
 /// assert_eq!(Range.residual(&(Vector3::x() * 5.5), &state).x, 0.5);
 /// ```
+/// Tutorial: [a sensor of your own, and a flight by it](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/tests/suite/custom_sensor.rs).
 pub trait Sensor: Send + Sync + std::fmt::Debug {
     /// What the sensor would show of this motion, in its own units.
     fn predicted(&self, state: &RigidBodyState<f64>) -> Vector3<f64>;
