@@ -156,6 +156,12 @@ impl<'a> Plan<'a> {
         let way = Way::named(settings.method)?;
         Ok(Self { settings, name: settings.method, way, solver: &pipeline::interior_point, judge, flown: None })
     }
+
+    /// The judge of what a method found.
+    fn judge_of(&self, method: &str) -> Judge {
+        let segments = if method == FLIGHT_LIKELIHOOD { SHORT_SEGMENTS } else { 1.0 };
+        Judge { feedback: segments * self.judge.feedback, ..self.judge }
+    }
 }
 
 /// What is known of the body beforehand: independent Gaussian knowledge of each of the ten parameters.
@@ -340,12 +346,13 @@ fn run<E: From<IdentificationError>>(
     if found.verdict.is_identified() {
         let share = feedback::share(record, &Timeline::try_new(record)?, found.scale);
         found.evidence.feedback = share;
-        let segments = if found.method == FLIGHT_LIKELIHOOD { SHORT_SEGMENTS } else { 1.0 };
-        if share > segments * plan.judge.feedback {
-            found.verdict = Verdict::Doubtful(Why::Feedback { share });
+        let widest = found.widest();
+        if share > HELD && widest > WEAK_STD {
+            found.evidence.held = widest;
+        }
+        found.verdict = plan.judge_of(found.method).again(found.verdict, &found.evidence);
+        if matches!(found.verdict, Verdict::Doubtful(Why::Feedback { .. })) {
             found.warnings.push(Warning::Feedback { share });
-        } else if share > HELD && found.widest() > WEAK_STD {
-            found.verdict = Verdict::Doubtful(Why::Held { relative: found.widest() });
         }
     }
     Ok(found)
@@ -408,8 +415,9 @@ fn found<E: From<IdentificationError>>(
             return Ok(flown);
         }
         found = likelihood::by_poses(found, record, &timeline, plan)?;
-        if asks && found.verdict.is_identified() {
-            found.verdict = Verdict::Doubtful(Why::StandIn);
+        if asks {
+            found.evidence.stand_in = true;
+            found.verdict = plan.judge.again(found.verdict, &found.evidence);
         }
     }
     // Without a wrench, or with one that means something else, no motion helps.

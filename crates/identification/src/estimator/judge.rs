@@ -112,8 +112,7 @@ pub struct Judge {
     pub chi_square: f64,
     /// Largest mean of the innovations squared.
     pub mean_nis: f64,
-    /// Largest share of the wrench that may be a controller's answer to noise; of `flight-likelihood`, whose segments are short beside what a loop
-    /// takes to answer, a quarter of it more.
+    /// Largest share of the wrench that may be a controller's answer to noise.
     pub feedback: f64,
 }
 
@@ -134,6 +133,12 @@ pub struct Evidence {
     pub exchangeable: bool,
     /// Share of the mean square of force or torque, the larger of both, that the noise of the measurements before it explains.
     pub feedback: f64,
+    /// The widest standard deviation where a controller holds the body and the motion shows little, in units of the body's size; zero elsewhere.
+    pub held: f64,
+    /// Squared distance of the bodies of both halves of the record, per parameter; zero where that is chance.
+    pub halves: f64,
+    /// A table holds the body, and what motion there shows is seen: four numbers are all there is to know.
+    pub on_table: bool,
 }
 
 impl Evidence {
@@ -190,12 +195,27 @@ impl Judge {
         }
         // In units of one sigma and of the body a direction is seen where its singular value exceeds one; a prior sees nothing.
         let seen = self.seen(found)?;
-        let (Some(point), 10) = (found.point(), seen.rank()) else { return Ok(Verdict::NotDetermined { seen }) };
-        let why = match self.of_record(evidence) {
-            None => self.of_numbers(found, point, other)?,
-            why => why,
+        let verdict = match (found.point(), seen.rank()) {
+            (Some(point), 10) if self.of_record(evidence).is_none() => {
+                self.of_numbers(found, point, other)?.map_or(Verdict::Identified, Verdict::Doubtful)
+            }
+            (Some(_), 10) => Verdict::Identified,
+            _ if evidence.on_table => Verdict::Identified,
+            _ => Verdict::NotDetermined { seen },
         };
-        Ok(why.map_or(Verdict::Identified, Verdict::Doubtful))
+        Ok(self.again(verdict, evidence))
+    }
+
+    /// A verdict beside evidence that came to light after it: what is identified is doubted where that speaks against it.
+    pub fn again(&self, verdict: Verdict, evidence: &Evidence) -> Verdict {
+        if !verdict.is_identified() {
+            return verdict;
+        }
+        self.of_record(evidence).or(Self::of_halves(evidence)).map_or(Verdict::Identified, Verdict::Doubtful)
+    }
+
+    fn of_halves(evidence: &Evidence) -> Option<Why> {
+        (evidence.halves > 0.0).then_some(Why::Disagrees { chi_square: evidence.halves })
     }
 
     fn of_record(&self, evidence: &Evidence) -> Option<Why> {
@@ -214,7 +234,10 @@ impl Judge {
         if evidence.exchangeable {
             return Some(Why::Exchangeable);
         }
-        (evidence.feedback > self.feedback).then_some(Why::Feedback { share: evidence.feedback })
+        if evidence.feedback > self.feedback {
+            return Some(Why::Feedback { share: evidence.feedback });
+        }
+        (evidence.held > 0.0).then_some(Why::Held { relative: evidence.held })
     }
 
     fn of_numbers(

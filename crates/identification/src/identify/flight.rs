@@ -100,18 +100,12 @@ fn identification(
         evidence.colour = evidence.colour.max(sigma_inflation);
         warnings.push(Warning::ColouredNoise { column, sigma_inflation });
     }
-    let mut verdict = verdict(plan, scale, &information, estimate.as_ref(), &evidence, None)?;
-    // Of a body on a table four numbers are all there is to know.
     let in_plane = IN_PLANE.iter().all(|place| found.determined.get(*place).is_some_and(|determined| *determined));
-    if found.planar && in_plane && matches!(verdict, Verdict::NotDetermined { .. }) {
-        let wandering = evidence.colour > plan.judge.wandering;
-        let why = Why::Wandering { sigma_inflation: evidence.colour };
-        verdict = if wandering { Verdict::Doubtful(why) } else { Verdict::Identified };
+    evidence.on_table = found.planar && in_plane;
+    if let Some(halves) = found.halves.filter(|halves| halves.chance() < CHANCE) {
+        evidence.halves = halves.chi_square / halves.degrees_of_freedom.max(1) as f64;
     }
-    if let Some(halves) = found.halves.filter(|halves| verdict.is_identified() && halves.chance() < CHANCE) {
-        let chi_square = halves.chi_square / halves.degrees_of_freedom.max(1) as f64;
-        verdict = Verdict::Doubtful(Why::Disagrees { chi_square });
-    }
+    let verdict = verdict(plan, scale, &information, estimate.as_ref(), &evidence, None)?;
     let gated = found.gated.iter().copied().max().unwrap_or(0) * found.segment_samples;
     let many_outliers = gated as f64 > MANY_OUTLIERS * record.len() as f64;
     if many_outliers {

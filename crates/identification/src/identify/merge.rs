@@ -2,7 +2,7 @@
 
 use super::solution::{Solution, solve};
 use super::verdict::{Marks, Silence, verdict};
-use super::{Identification, Noise, Plan, Prior, Settings, Warning, weak_excitation};
+use super::{Identification, Noise, Plan, Prior, Settings, WEAK_STD, Warning, weak_excitation};
 use crate::error::IdentificationError;
 use crate::likelihood::{Nuisance, NuisanceEstimate, Verdict};
 use crate::{Observability, SquareRootInformation};
@@ -33,6 +33,7 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
     let rank = observability.rank();
     let settings = Settings { prior: prior.copied(), ..Settings::default() };
     let plan = Plan::usual(&settings)?;
+    let plan = Plan { judge: plan.judge_of(main.method), ..plan };
     let Solution { estimate, regularised } = solve(information, scale, rank == 10, &plan)?;
     let samples = |count: fn(&Identification) -> usize| parts.iter().map(count).sum::<usize>();
     let mut warnings: Vec<Warning> = Vec::new();
@@ -65,8 +66,13 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
         evidence.colour = evidence.colour.max(part.evidence.colour);
         evidence.diverged_ns = evidence.diverged_ns.or(part.evidence.diverged_ns);
         evidence.stand_in |= part.evidence.stand_in;
+        evidence.feedback = evidence.feedback.max(part.evidence.feedback);
+        evidence.halves = evidence.halves.max(part.evidence.halves);
     }
     evidence.exchangeable = main.evidence.exchangeable;
+    evidence.on_table = parts.iter().any(|part| part.evidence.on_table) && parts.iter().all(|part| part.marks.on_table);
+    // How well the whole is known follows below.
+    evidence.held = 0.0;
     let verdict = verdict(&plan, scale, &information, estimate.as_ref(), &evidence, None)?;
     let silence = if all_silent { Silence::Wrench } else { main.silence };
     let mean_square = |level: fn(&Noise) -> f64| {
@@ -107,8 +113,13 @@ pub fn merge(parts: &[Identification], prior: Option<&Prior>) -> Result<Identifi
         age: main.age,
         residuals: parts.iter().flat_map(|part| part.residuals.iter().copied()).collect(),
         warnings,
-        marks: Marks::default(),
+        marks: Marks { is_planar: main.marks.is_planar, on_table: main.marks.on_table, ..Marks::default() },
     };
+    let widest = found.widest();
+    if parts.iter().any(|part| part.evidence.held > 0.0) && widest > WEAK_STD {
+        found.evidence.held = widest;
+        found.verdict = plan.judge.again(found.verdict, &found.evidence);
+    }
     if parts.iter().any(|part| part.warnings.iter().any(of_motion)) {
         let weak = weak_excitation(&found);
         found.warnings.extend(weak);

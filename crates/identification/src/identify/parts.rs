@@ -21,25 +21,26 @@ const SURELY: f64 = 3.0;
 const MOST_PARTS: usize = 16;
 
 impl Warning {
-    /// The change in words with the times between which it lies, ns; `None` where it is small, or no body explains the record anyway.
+    /// The change in words, with when it was no earlier, most likely and no later, ns; `None` where it is small, or no body explains the record anyway.
     pub(super) fn of_change(
         record: &[MotionSample],
         change: &BodyChange,
         scale: BodyScale,
         explained: bool,
-    ) -> Option<((i64, i64), Self)> {
+    ) -> Option<([i64; 3], Self)> {
         let surely = (change.after - change.before).abs() - change.deviation * SURELY;
         let size = surely.component_div(&scale.parameter_magnitudes()).max();
         let time_ns = |sample: usize| record.get(sample).or(record.last()).map_or(0, |sample| sample.time_ns);
-        let (earliest_ns, latest_ns) = (time_ns(change.last_before), time_ns(change.first_sure));
+        let places = [change.last_before, change.first_after, change.first_sure];
+        let [earliest_ns, time_ns, latest_ns] = places.map(time_ns);
         let told = Self::BodyChanged {
-            time_ns: time_ns(change.first_after),
+            time_ns,
             earliest_ns,
             latest_ns,
             mass_before_kg: change.before[0],
             mass_after_kg: change.after[0],
         };
-        (size > OTHER_BODY && explained).then_some(((earliest_ns, latest_ns), told))
+        (size > OTHER_BODY && explained).then_some(([earliest_ns, time_ns, latest_ns], told))
     }
 }
 
@@ -152,14 +153,10 @@ pub(super) fn in_parts<E: From<IdentificationError>>(
             return staged(record, &settings, &stages, identify);
         }
         match found.marks.changed_ns {
-            Some((earliest_ns, latest_ns)) if parts.len() + open.len() + 1 < MOST_PARTS => {
+            Some([earliest_ns, time_ns, latest_ns]) if parts.len() + open.len() + 1 < MOST_PARTS => {
                 let end = record.partition_point(|sample| sample.time_ns <= earliest_ns);
                 let start = record.partition_point(|sample| sample.time_ns < latest_ns);
-                let told = found.warnings.iter().find_map(|warning| match warning {
-                    Warning::BodyChanged { time_ns, .. } => Some(*time_ns),
-                    _ => None,
-                });
-                times.extend(told);
+                times.push(time_ns);
                 open.push(start..samples.end);
                 open.push(samples.start..end);
             }

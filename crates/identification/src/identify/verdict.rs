@@ -44,8 +44,8 @@ pub(crate) struct Marks {
     pub(super) errors_not_white: bool,
     /// This column beside the poses is one of them; the poses without it have not been asked.
     pub(super) poses_without: Option<Column>,
-    /// Times between which the body changed, ns.
-    pub(super) changed_ns: Option<(i64, i64)>,
+    /// The body changed no earlier, most likely and no later, ns.
+    pub(super) changed_ns: Option<[i64; 3]>,
 }
 
 /// The verdict on what a record says, `information` being that of the data alone.

@@ -4,6 +4,7 @@
 use crate::exact_motion::{Multisine, Run, body_d, errors, is_consistent};
 use crate::random::Random;
 use tumble_identification::dynamics::InertialParameters;
+use tumble_identification::estimator::{Evidence, Verdict, Why};
 use tumble_identification::lie::{LieGroup, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
 use tumble_identification::{
@@ -367,6 +368,13 @@ fn what_the_data_do_not_say_is_not_invented() {
         |found: &Identification| found.warnings.iter().filter(|w| matches!(w, Warning::WeakExcitation { .. })).count();
     assert!(halves.iter().all(|half| unseen(half) > 0) && whole.rank < 10);
     assert_eq!(unseen(&whole), 10 - whole.rank);
+    // Halves of a body on a table are one of a body on a table.
+    let halves = record.chunks(record.len().div_ceil(2));
+    let halves: Vec<_> = halves.map(|half| identify(half, &Settings::default()).unwrap()).collect();
+    let whole = merge(&halves, None).unwrap();
+    assert!(halves.iter().chain([&whole]).all(Identification::is_on_table));
+    assert_eq!(halves.iter().map(|half| half.verdict.is_identified()).collect::<Vec<_>>(), [true; 2]);
+    assert_eq!(whole.verdict, Verdict::Identified);
 
     // The same with a prior asked for.
     let prior = Prior { mean: disc, standard_deviation: disc.to_vector().map(|x| 0.1 * x.abs() + 0.01) };
@@ -511,6 +519,15 @@ fn the_parts_of_a_long_record_add_up_to_the_whole() {
     assert_eq!(merged.rank, 10);
     assert_eq!(merged.samples_used, parts.iter().map(|p| p.samples_used).sum::<usize>());
     assert!(!merged.warnings.contains(&Warning::ZeroWrench));
+    // What speaks against one part speaks against the whole.
+    let doubted = |doubt: fn(&mut Evidence)| {
+        let mut parts = parts.clone();
+        doubt(&mut parts[1].evidence);
+        merge(&parts, None).unwrap().verdict
+    };
+    assert_eq!(merged.verdict, Verdict::Identified);
+    assert_eq!(doubted(|evidence| evidence.feedback = 0.4), Verdict::Doubtful(Why::Feedback { share: 0.4 }));
+    assert_eq!(doubted(|evidence| evidence.halves = 9.0), Verdict::Doubtful(Why::Disagrees { chi_square: 9.0 }));
     let (whole, merged) = (whole.estimate.unwrap(), merged.estimate.unwrap());
     let (a, b) = (whole.parameters.to_vector(), merged.parameters.to_vector());
     for i in 0..10 {
