@@ -180,7 +180,7 @@ impl FlightEstimator {
         self.settle(horizon_ns);
     }
 
-    /// Hands on what nothing can come before any more, and learns it again when it is time.
+    /// Hands on what nothing can come before any more, and goes on with what is to be learned again.
     fn settle(&mut self, horizon_ns: i64) {
         while let (Some(event), Some(moment)) = (self.events.get(self.settled + 1), self.moments.get(self.settled + 1))
         {
@@ -197,16 +197,9 @@ impl FlightEstimator {
         if self.rules.considers_body {
             return;
         }
-        let Some(settled) = self.moments.get(self.settled) else { return };
-        if !self.lessons.are_due(settled.stamp_ns, &self.history) {
-            return;
-        }
-        let stamp_ns = settled.stamp_ns;
-        let mut again = self.lessons.again(&self.rules, &self.history, settled);
-        again.advance(&self.rules, &self.history, stamp_ns);
-        if let Some(settled) = self.moments.get_mut(self.settled) {
-            **settled = again;
-        }
+        let Some(settled) = self.moments.get_mut(self.settled) else { return };
+        let Some(learned) = self.lessons.learned(&self.rules, &self.history, settled) else { return };
+        **settled = learned;
         self.filter_from(self.settled + 1, self.settled + 1);
     }
 

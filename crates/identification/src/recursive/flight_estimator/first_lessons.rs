@@ -1,6 +1,6 @@
 //! What is learned first is learned about a wrong body: it is learned again when a better one is known.
 
-use super::filtered::{Filtered, Rules};
+use super::filtered::{Filtered, Rules, steps};
 use super::health::LAST_S;
 use super::reception::Reception;
 use super::wrench_history::WrenchHistory;
@@ -10,6 +10,8 @@ use nalgebra::{Cholesky, SMatrix, SVector};
 
 /// Measurements kept since the filter last began: more than half a minute at 62.5 Hz.
 pub(super) const KEPT: usize = 2560;
+/// So many more while those are gone through.
+const MEANWHILE: usize = 1280;
 /// First time after which everything is filtered again, s, and the factor to the next one.
 pub(super) const FIRST_S: f64 = 2.0;
 pub(super) const FACTOR: f64 = 1.5;
@@ -22,75 +24,146 @@ const LARGEST_STEP: f64 = 0.5;
 const REMEMBERED: usize = 3;
 /// One in so many measurements may be left out.
 const FEW: usize = 20;
+/// Steps of the filter, and those that the rows of a measurement are worth, in one control period.
+const WORK: usize = 128;
+const WORK_OF_ROWS: usize = 2;
 
 /// All settled measurements since the body was last made uncertain, and when to go through them again.
 ///
 /// A Kalman filter that begins far off takes its first derivatives at the wrong body and is then surer than it should be, for
 /// good. So at times that grow geometrically all measurements are filtered again from the start on, with all derivatives at
 /// the body known by then: each pass is one Gauss-Newton step of the most likely body, and its covariance is the one that
-/// belongs there.
+/// belongs there. A part of it is done in each control period, so that none takes long; meanwhile what was known before is what is known.
 #[derive(Clone, Debug)]
 pub(super) struct FirstLessons {
     start: Filtered,
     measurements: Vec<Measurement>,
     next_s: f64,
     full: bool,
+    again: Option<Again>,
 }
 
 impl FirstLessons {
     pub(super) fn new(start: &Filtered) -> Self {
-        Self { start: *start, measurements: Vec::with_capacity(KEPT), next_s: FIRST_S, full: false }
+        let measurements = Vec::with_capacity(KEPT + MEANWHILE);
+        Self { start: *start, measurements, next_s: FIRST_S, full: false, again: None }
     }
 
     /// Begins anew at this filter, whose body has just become uncertain.
     pub(super) fn begin_at(&mut self, start: &Filtered) {
         self.start = *start;
         self.measurements.clear();
-        (self.next_s, self.full) = (FIRST_S, false);
+        (self.next_s, self.full, self.again) = (FIRST_S, false, None);
     }
 
     /// Keeps a measurement that nothing will come before any more.
     pub(super) fn keep(&mut self, measurement: &Measurement) {
-        if self.next_s > LAST_S || self.full {
+        if self.full || self.next_s > LAST_S && self.again.is_none() {
             return;
         }
-        if self.measurements.len() == KEPT {
-            self.full = true;
+        let most = if self.again.is_some() { KEPT + MEANWHILE } else { KEPT };
+        if self.measurements.len() >= most {
+            (self.full, self.again) = (true, None);
             return;
         }
         self.measurements.push(measurement.clone());
     }
 
     /// Whether it is time to go through everything again.
-    pub(super) fn are_due(&self, settled_ns: i64, history: &WrenchHistory) -> bool {
-        !self.full
-            && self.next_s <= LAST_S
+    fn are_due(&self, settled_ns: i64) -> bool {
+        self.next_s <= LAST_S
             && (settled_ns.saturating_sub(self.start.stamp_ns)) as f64 * 1e-9 >= self.next_s
-            && history.complete_since_ns() <= self.start.stamp_ns
             && !self.measurements.is_empty()
     }
 
-    /// The filter at the end of more passes, the first of them about the body of this one.
+    /// Goes on with what is to be learned again, up to the filter of now: the filter of now by all that was learned again, once that has
+    /// come to its end.
     ///
-    /// That body may have gone astray where a step of its inertia shows next to nothing and the next one leads farther still: passes are
-    /// tried again from the body of the start. Where nothing wanders this is seen by measurements that are left out, more than a few, and
-    /// those passes are taken that leave out less. Of a localisation that wanders some are left out whatever the body: there passes that find
-    /// no end have gone astray, those are taken that come to one, else those under which the measurements are likelier.
+    /// The first pass is about the body of now, and that may have gone astray where a step of its inertia shows next to nothing and the next
+    /// one leads farther still: passes are tried again from the body of the start. Where nothing wanders this is seen by measurements that are
+    /// left out, more than a few, and those passes are taken that leave out less. Of a localisation that wanders some are left out whatever the
+    /// body: there passes that find no end have gone astray, those are taken that come to one, else those under which the measurements are
+    /// likelier.
     ///
     /// An accelerometer that is believed by now is believed from the start on: what it showed while it was doubted is not lost.
-    pub(super) fn again(&mut self, rules: &Rules, history: &WrenchHistory, now: &Filtered) -> Filtered {
-        self.next_s *= FACTOR;
-        if now.accelerometer_is_sane {
-            self.start.believe_accelerometer(rules);
+    pub(super) fn learned(&mut self, rules: &Rules, history: &WrenchHistory, now: &Filtered) -> Option<Filtered> {
+        if self.full || history.complete_since_ns() > self.start.stamp_ns {
+            self.again = None;
+            return None;
         }
-        let first = &now.state.joint.body;
-        let found = self.passes(rules, history, first);
-        let wanders = rules.settings.slow.wanders();
-        let is_astray = if wanders { !found.is_settled } else { found.left_out * FEW > self.measurements.len() };
-        if !is_astray {
-            return found.filtered;
+        if self.again.is_none() {
+            if !self.are_due(now.stamp_ns) {
+                return None;
+            }
+            self.next_s *= FACTOR;
+            if now.accelerometer_is_sane {
+                self.start.believe_accelerometer(rules);
+            }
+            self.again = Some(Again::from(&self.start, &now.state.joint.body, self.measurements.len()));
         }
-        let from_start = self.passes(rules, history, &self.start.state.joint.body);
+        let again = self.again.as_mut()?;
+        let mut work = WORK;
+        while again.is_searching() {
+            if !again.pass.go_on(rules, history, &self.measurements[..again.of], &mut work) {
+                return None;
+            }
+            again.next_pass(rules.settings.slow.wanders(), &self.start);
+        }
+        // What came while it was gone through.
+        if !again.pass.go_on(rules, history, &self.measurements, &mut work) {
+            return None;
+        }
+        let mut learned = self.again.take()?.pass.filtered;
+        learned.advance(rules, history, now.stamp_ns);
+        Some(learned)
+    }
+}
+
+/// Passes on their way through the first so many measurements.
+#[derive(Clone, Copy, Debug)]
+struct Again {
+    of: usize,
+    pass: Pass,
+    mixing: Mixing,
+    passes: usize,
+    /// What the passes from the body of now came to, where those from the body of the start are on their way.
+    found: Option<Pass>,
+    ended: bool,
+}
+
+impl Again {
+    fn from(start: &Filtered, about: &LogCholesky<f64>, of: usize) -> Self {
+        Self { of, pass: Pass::about(start, about), mixing: Mixing::default(), passes: 1, found: None, ended: false }
+    }
+
+    fn is_searching(&self) -> bool {
+        !self.ended
+    }
+
+    /// From a pass that has come to its end to the next one, or to the best.
+    fn next_pass(&mut self, wanders: bool, start: &Filtered) {
+        let about = self.pass.linear_about();
+        let step = self.pass.filtered.state.joint.body.to_vector() - about.to_vector();
+        let size = step.amax();
+        self.pass.is_settled = size <= FAR_OFF;
+        if self.passes < PASSES && !size.is_nan() && !self.pass.is_settled {
+            self.passes += 1;
+            let step = self.mixing.step(&about.to_vector(), &step);
+            let next = about.to_vector() + step * f64::min(1.0, LARGEST_STEP / step.amax());
+            self.pass = Pass::about(start, &LogCholesky::from_vector(&next));
+            return;
+        }
+        let Some(found) = self.found else {
+            let is_astray = if wanders { !self.pass.is_settled } else { self.pass.left_out * FEW > self.of };
+            if is_astray {
+                let from_start = Self::from(start, &start.state.joint.body, self.of);
+                *self = Self { found: Some(self.pass), ..from_start };
+            } else {
+                self.ended = true;
+            }
+            return;
+        };
+        let from_start = &self.pass;
         let is_better = if !wanders {
             from_start.left_out < found.left_out
         } else if from_start.is_settled {
@@ -98,38 +171,10 @@ impl FirstLessons {
         } else {
             from_start.filtered.log_likelihood > found.filtered.log_likelihood
         };
-        if is_better { from_start.filtered } else { found.filtered }
-    }
-
-    fn passes(&self, rules: &Rules, history: &WrenchHistory, first: &LogCholesky<f64>) -> Pass {
-        let mut about = *first;
-        let mut mixing = Mixing::default();
-        let mut passes = 1;
-        loop {
-            let pass = self.pass(rules, history, &about);
-            let step = pass.filtered.state.joint.body.to_vector() - about.to_vector();
-            let size = step.amax();
-            let is_settled = size <= FAR_OFF;
-            if passes == PASSES || size.is_nan() || is_settled {
-                return Pass { is_settled, ..pass };
-            }
-            passes += 1;
-            let step = mixing.step(&about.to_vector(), &step);
-            about = LogCholesky::from_vector(&(about.to_vector() + step * f64::min(1.0, LARGEST_STEP / step.amax())));
+        if !is_better {
+            self.pass = found;
         }
-    }
-
-    /// All measurements, linear about one body; what comes after them too, until the next pass.
-    fn pass(&self, rules: &Rules, history: &WrenchHistory, about: &LogCholesky<f64>) -> Pass {
-        let mut filtered = self.start;
-        filtered.about = Some(*about);
-        let mut left_out = 0;
-        for measurement in &self.measurements {
-            filtered.advance(rules, history, measurement.stamp_ns);
-            let reception = filtered.take(rules, history, measurement);
-            left_out += usize::from(matches!(reception, Reception::Gated { .. } | Reception::Relocalised));
-        }
-        Pass { filtered, left_out, is_settled: false }
+        self.ended = true;
     }
 }
 
@@ -139,7 +184,7 @@ impl FirstLessons {
 /// the rest is to be, so that the shown is right and the prior least offended, is linear in the chart to first order only. Of what has come so
 /// far follows how the step depends on the body, and where there is none. Passes that leave out other measurements do not compare, and what
 /// seems to follow from them may lie anywhere: no step is longer than the one that its pass found.
-#[derive(Default)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Mixing {
     changes: usize,
     last: Option<[SVector<f64, 10>; 2]>,
@@ -166,13 +211,51 @@ impl Mixing {
     }
 }
 
-/// What a pass came to.
+/// A pass through the measurements, linear about one body.
+#[derive(Clone, Copy, Debug)]
 struct Pass {
     filtered: Filtered,
+    /// The first measurement that it has not taken.
+    next: usize,
     /// Measurements that were not learned from.
     left_out: usize,
     /// Whether a further one would be about nearly the same body.
     is_settled: bool,
+}
+
+impl Pass {
+    fn about(start: &Filtered, about: &LogCholesky<f64>) -> Self {
+        let mut filtered = *start;
+        filtered.about = Some(*about);
+        Self { filtered, next: 0, left_out: 0, is_settled: false }
+    }
+
+    /// The body that all is linear about.
+    fn linear_about(&self) -> LogCholesky<f64> {
+        self.filtered.about.unwrap_or(self.filtered.state.joint.body)
+    }
+
+    /// Takes measurements as long as there is work left; whether it has taken all.
+    fn go_on(
+        &mut self,
+        rules: &Rules,
+        history: &WrenchHistory,
+        measurements: &[Measurement],
+        work: &mut usize,
+    ) -> bool {
+        while let Some(measurement) = measurements.get(self.next) {
+            let steps = steps(self.filtered.stamp_ns, measurement.stamp_ns).count();
+            if *work < WORK && WORK_OF_ROWS + steps > *work {
+                return false;
+            }
+            *work = work.saturating_sub(WORK_OF_ROWS + steps);
+            self.filtered.advance(rules, history, measurement.stamp_ns);
+            let reception = self.filtered.take(rules, history, measurement);
+            self.left_out += usize::from(matches!(reception, Reception::Gated { .. } | Reception::Relocalised));
+            self.next += 1;
+        }
+        true
+    }
 }
 
 #[cfg(test)]
