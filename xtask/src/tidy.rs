@@ -2,6 +2,7 @@
 //!
 //! A rule is a function from the tree of files to complaints. Each has a unit test that plants a violation.
 
+mod circles;
 mod manifests;
 mod prose;
 mod source;
@@ -37,6 +38,8 @@ const RULES: &[Rule] = &[
     ("unfinished code", source::unfinished),
     ("lint exceptions carry a reason", source::reasons),
     ("public traits have an example", source::trait_examples),
+    ("public traits have a tutorial", source::trait_tutorials),
+    ("files do not use each other", circles::circles),
     ("singular values", source::singular_values),
     ("robot's name", source::robot_name),
     ("README code is tested", prose::readme_doctests),

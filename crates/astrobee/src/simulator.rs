@@ -14,6 +14,7 @@ mod actuators;
 mod body_step;
 mod control_account;
 mod drive;
+mod error;
 mod flown_controller;
 mod payload;
 mod surroundings;
@@ -22,6 +23,7 @@ pub use actuators::Actuators;
 pub use body_step::BodyStep;
 pub use control_account::{ControlAccount, FallbackSpell, OfferedBelief};
 pub use drive::{AddedWrench, Drive, Follower, Following, Multisine, Reference, Waypoint};
+pub use error::SimulatorError;
 pub use flown_controller::FlownController;
 pub use payload::{Grasp, PayloadMotion, ReleasedPayload, planar_part};
 pub use surroundings::{Event, ObstacleMotion, Surroundings, TimedEvent};
@@ -47,35 +49,6 @@ const SUBSTEP_S: f64 = 0.008;
 const SUBSTEPS: i64 = 2;
 /// Largest quaternion components about x and y of a body that stands upright on the table.
 const TILT_TOLERANCE: f64 = 1e-9;
-
-/// What a simulator can refuse.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SimulatorError {
-    /// A duration that is no whole number of control periods.
-    #[error("{duration_s} s is no whole, positive number of control periods of {CONTROL_PERIOD_S} s")]
-    NotControlPeriods {
-        /// The duration, s.
-        duration_s: f64,
-    },
-    /// A body that leans, or moves out of the plane, where there are three degrees of freedom.
-    #[error("on the table the body stands upright and moves in x, y and yaw: out of the plane by {excess}")]
-    OutOfPlane {
-        /// Largest offending component: of the quaternion, of the rate in rad/s or of the velocity in m/s.
-        excess: f64,
-    },
-    /// A payload is to be attached while another one is held.
-    #[error("a payload is held already")]
-    PayloadHeld,
-    /// A payload is to be released where none is held.
-    #[error("no payload is held")]
-    NoPayload,
-    /// The integrator refused a step: the body is much too fast, or has an absurd mass.
-    #[error(
-        "the motion cannot be computed ({0}): too large a wrench (`drive`), or too fast a start, for the mass and inertia of `body`"
-    )]
-    Dynamics(#[from] DynamicsError),
-}
 
 /// What a simulator is made of.
 pub struct SimulatorSettings {

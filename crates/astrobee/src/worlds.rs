@@ -4,10 +4,14 @@
 
 mod granite;
 mod iss;
+mod listed;
+
+pub use listed::NamedPose;
 
 use crate::bodies::BodyConfiguration;
 use crate::flight_modes::FlightSite;
-use tumble_dynamics::nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
+use listed::Listed;
+use tumble_dynamics::nalgebra::{Translation3, Vector3};
 use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, World};
 use tumble_lie::Pose;
 
@@ -25,29 +29,6 @@ pub enum WorldPreset {
     /// Nothing around.
     Open,
 }
-
-/// A named pose.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NamedPose {
-    /// Name in scenarios.
-    pub name: &'static str,
-    /// Body origin, world axes, m.
-    pub position_m: [f64; 3],
-    /// Body to world, scalar last.
-    pub quaternion_xyzw: [f64; 4],
-}
-
-impl NamedPose {
-    /// The pose, its quaternion normalised.
-    pub fn world_from_body(&self) -> Pose<f64> {
-        let [x, y, z, w] = self.quaternion_xyzw;
-        let rotation = Quaternion::new(w, x, y, z);
-        Pose::from_parts(Translation3::from(Vector3::from(self.position_m)), UnitQuaternion::new_normalize(rotation))
-    }
-}
-
-/// An axis-aligned ellipsoid as its source lists it: semi-axes, then centre, m.
-type Listed = ([f64; 3], [f64; 3]);
 
 /// How many obstacle sets each place has.
 ///

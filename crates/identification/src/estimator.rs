@@ -17,6 +17,8 @@ mod finding;
 mod in_environment;
 mod judge;
 #[cfg(feature = "std")]
+mod measurement;
+#[cfg(feature = "std")]
 mod state_estimator;
 
 pub use error::EstimatorError;
@@ -29,7 +31,9 @@ pub use finding::Finding;
 pub use in_environment::InEnvironment;
 pub use judge::{Evidence, Judge, Verdict, Why};
 #[cfg(feature = "std")]
-pub use state_estimator::{Acted, Doubt, Gauss, Measurement, Sensor, StateEstimator};
+pub use measurement::{Gauss, Measurement, Sensor};
+#[cfg(feature = "std")]
+pub use state_estimator::{Acted, Doubt, StateEstimator};
 
 use crate::consistency::ConstrainedLeastSquares;
 use crate::linear_model::LinearModel;

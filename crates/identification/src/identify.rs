@@ -2,10 +2,12 @@
 //!
 //! All scalars are `f64`: decisions are made here.
 
+mod body_change;
 mod environment;
 mod feedback;
 mod fit;
 mod flight;
+mod identification;
 mod judgement;
 mod likelihood;
 mod long;
@@ -13,40 +15,46 @@ mod merge;
 mod noise;
 mod parts;
 mod pipeline;
+mod plan;
+mod plane;
 mod predict;
 mod problem;
 mod recursion;
 mod rows;
+mod settings;
 mod solution;
 mod timeline;
 mod verdict;
 mod wander;
 mod warning;
 
-use crate::ConstrainedLeastSquares;
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
-use crate::estimator::{Estimate, Evidence, Judge, Verdict, Why, standard_deviations};
-use crate::lie::{Pose, Wrench};
-use crate::likelihood::{Exchange, FlightLikelihood, FoundDelay, FoundThrusters, NuisanceEstimate, Nuisances};
-use crate::motion::{MotionSample, Noise};
+use crate::estimator::{Evidence, Finding, Verdict, Why};
+use crate::likelihood::Nuisances;
+use crate::motion::MotionSample;
 use crate::weighted_least_squares::WrenchRow;
-use crate::{
-    BodyScale, ExcitationDiagnosis, NullDirection, Observability, SquareRootInformation, WeakDirection, WrenchTiming,
-};
+use crate::{BodyScale, ExcitationDiagnosis, NullDirection, Observability, WeakDirection};
 pub(crate) use fit::rough_scale;
 use fit::{Best, Fit, best_fit};
+use identification::Marks;
 use judgement::{Judgement, judge};
 use likelihood::most_likely;
-use nalgebra::{Matrix3, SVector, Vector3, Vector6};
+use nalgebra::{Vector3, Vector6};
 use noise::SampleNoise;
+use plan::{Plan, Way};
+pub(crate) use plane::is_in_xy_plane;
+use plane::planar_motion;
 use recursion::Replaced;
 use rows::Scheme;
+use settings::AUTO;
 use solution::{Solution, solve};
 use timeline::Timeline;
-use verdict::{Marks, verdict};
+use verdict::verdict;
+use warning::FEW_NODES;
 
 pub use environment::{identify_in, with_all_that_acts};
+pub use identification::{Identification, NodeResidual, Silence, Validation};
 pub use long::LongRecord;
 pub use merge::merge;
 pub use parts::{Difference, Part, PartChange, Parts, identify_parts};
@@ -54,263 +62,18 @@ pub use pipeline::{ConstrainedSolvers, Methods, Pipeline, constrained_solvers, m
 pub use predict::{Prediction, predict};
 pub use problem::{JointFilter, Problem, Regressed};
 pub use rows::Regression;
+pub use settings::{FLIGHT_LIKELIHOOD, MAXIMUM_LIKELIHOOD, Prior, Settings, WEAK_FORM};
 pub(crate) use solution::{constrained, from_covariance};
-pub use verdict::Silence;
 pub use warning::Warning;
-
-/// Chosen from the columns present, the wrench timing and the noise found; [`Identification::method`] says what was chosen.
-pub(crate) const AUTO: &str = "auto";
-/// Name of the maximum likelihood; where it leaves a direction free, the best regression answers instead and says which.
-pub const MAXIMUM_LIKELIHOOD: &str = "maximum-likelihood";
-
-/// Name of the likelihood with a model of the sensors in it: wander, filters, gains, biases, delays.
-pub const FLIGHT_LIKELIHOOD: &str = "flight-likelihood";
-
-/// Name of the answer by smooth test functions, for a body on a table that no error of its wrench explains.
-pub const WEAK_FORM: &str = "weak-form";
-
-/// Every built-in method: its name, what it is in a sentence, and how it comes to an answer.
-const BUILT_IN: [(&str, &str, Way); 11] = [
-    (AUTO, "Chosen from the columns and the noise found", Way::Auto),
-    (
-        "newton-euler",
-        "Newton-Euler with measured rates, velocities or accelerations",
-        Way::Rows(Regression::NewtonEuler),
-    ),
-    ("variational", "Variational regressor, order 2, poses only", Way::Rows(Regression::Variational)),
-    ("variational4", "Extrapolated variational regressor, order 4, poses only", Way::Rows(Regression::Variational4)),
-    ("variational6", "Extrapolated variational regressor, order 6, poses only", Way::Rows(Regression::Variational6)),
-    (MAXIMUM_LIKELIHOOD, "Maximum likelihood from noisy poses and wrenches", Way::Likelihood),
-    (
-        FLIGHT_LIKELIHOOD,
-        "Maximum likelihood with sensors that wander, filter, lag, are off in scale and bias",
-        Way::FlightLikelihood,
-    ),
-    ("rls", "Recursive least squares in covariance form", Way::Rls),
-    ("recursive-sdp", "Recursive least squares whose every answer is a body", Way::RecursiveSdp),
-    ("ekf", "Extended Kalman filter of motion and parameters", Way::Ekf),
-    ("ukf", "Unscented Kalman filter of motion and parameters", Way::Ukf),
-];
-
-/// How an answer comes about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Way {
-    Auto,
-    Rows(Regression),
-    Likelihood,
-    FlightLikelihood,
-    Rls,
-    RecursiveSdp,
-    Ekf,
-    Ukf,
-    /// An estimator from outside; its finding takes the place of that of the rows.
-    Other,
-}
-
-impl Way {
-    fn named(name: &'static str) -> Result<Self, IdentificationError> {
-        let known = BUILT_IN.iter().find(|(known, ..)| *known == name);
-        known.map(|(_, _, way)| *way).ok_or(IdentificationError::UnknownMethod { asked: name })
-    }
-
-    /// Has no rows of its own, and is judged by those of order 4.
-    fn is_recursive(self) -> bool {
-        matches!(self, Self::Rls | Self::RecursiveSdp | Self::Ekf | Self::Ukf | Self::Other)
-    }
-
-    /// Rows of a way that has or needs some.
-    fn regression(self) -> Regression {
-        match self {
-            Self::Rows(regression) => regression,
-            _ => Regression::Variational4,
-        }
-    }
-
-    fn of_regression(regression: Regression) -> &'static str {
-        let found = BUILT_IN.iter().find(|(_, _, way)| *way == Self::Rows(regression));
-        found.map_or(AUTO, |(name, ..)| *name)
-    }
-}
-
-/// A solver for a body of this size.
-pub(crate) type SolverFor<'a> = &'a dyn Fn(BodyScale) -> Box<dyn ConstrainedLeastSquares<10>>;
-
-/// What to do, and by what: settings, constrained solver and judge are one.
-#[derive(Clone, Copy)]
-pub(crate) struct Plan<'a> {
-    pub(crate) settings: &'a Settings,
-    /// What [`Identification::method`] says.
-    name: &'static str,
-    way: Way,
-    solver: SolverFor<'a>,
-    judge: Judge,
-    /// What the likelihood of flight is told beside the settings.
-    flown: Option<&'a FlightLikelihood>,
-}
-
-impl<'a> Plan<'a> {
-    /// A built-in method with the usual solver and the usual judge.
-    fn usual(settings: &'a Settings) -> Result<Self, IdentificationError> {
-        // The judge of a record takes the units of its body.
-        let judge = Judge::new(BodyScale::try_new(1.0, 1.0)?);
-        let way = Way::named(settings.method)?;
-        Ok(Self { settings, name: settings.method, way, solver: &pipeline::interior_point, judge, flown: None })
-    }
-
-    /// The judge of what a method found.
-    fn judge_of(&self, method: &str) -> Judge {
-        let segments = if method == FLIGHT_LIKELIHOOD { SHORT_SEGMENTS } else { 1.0 };
-        Judge { feedback: segments * self.judge.feedback, ..self.judge }
-    }
-}
-
-/// What is known of the body beforehand: independent Gaussian knowledge of each of the ten parameters.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prior {
-    /// Expected parameters.
-    pub mean: InertialParameters<f64>,
-    /// Standard deviations in the order of [`InertialParameters::to_vector`]; infinite where nothing is known.
-    pub standard_deviation: SVector<f64, 10>,
-}
-
-/// How [`identify`] works.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// Name of the method, as [`methods`] or a [`Pipeline`] lists it: `auto`, `newton-euler`, `variational`, `variational4`,
-    /// `variational6`, `maximum-likelihood`, `flight-likelihood`, `rls`, `recursive-sdp`, `ekf`, `ukf`, or one of the user's.
-    pub method: &'static str,
-    /// When the logged wrench acts.
-    pub wrench_timing: WrenchTiming,
-    /// Gravitational acceleration, inertial axes, m/s^2.
-    pub gravity_world: Vector3<f64>,
-    /// Prior knowledge that enters the estimate; none unless given.
-    pub prior: Option<Prior>,
-    /// Samples between the poses of one regression row; `None` chooses it from the noise found.
-    pub lag: Option<usize>,
-    /// What the likelihood estimates beside the ten parameters.
-    pub estimate: Nuisances,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            method: AUTO,
-            wrench_timing: WrenchTiming::default(),
-            gravity_world: Vector3::zeros(),
-            prior: None,
-            lag: None,
-            estimate: Nuisances::default(),
-        }
-    }
-}
-
-/// What the model leaves unexplained at one node: wrench by the estimated body minus wrench applied.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NodeResidual {
-    /// Time of the node, ns.
-    pub time_ns: i64,
-    /// Torque, body axes about the body origin, N m.
-    pub torque: Vector3<f64>,
-    /// Force, body axes, N.
-    pub force: Vector3<f64>,
-}
-
-/// What [`identify`] found.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Identification {
-    /// Name of the method that answered; never `auto`.
-    pub method: &'static str,
-    /// When the wrench was taken to act.
-    pub wrench_timing: WrenchTiming,
-    /// Samples between the poses of one row; for the likelihood, samples that share one error of the wrench.
-    pub lag: usize,
-    /// Median step of the record, s.
-    pub step_s: f64,
-    /// Samples that take part in at least one row.
-    pub samples_used: usize,
-    /// Samples that take part in none.
-    pub samples_rejected: usize,
-    /// Number of parameter directions the data determine; a prior does not count.
-    pub rank: usize,
-    /// Condition number of the whitened regressor, its columns in like units; infinite where the rank is below ten.
-    pub condition_number: f64,
-    /// Directions the data leave free; displayed, they say so in words.
-    pub null_directions: Vec<NullDirection>,
-    /// What the data alone say, whitened, before prior and constraint; what [`merge`] adds up.
-    pub information: SquareRootInformation<10>,
-    /// Mass and length in whose units the ten parameters are compared.
-    pub scale: BodyScale,
-    /// The body, where the data (and the prior asked for) determine it.
-    pub estimate: Option<Estimate>,
-    /// Below rank ten: the body completed by a weak physical prior, not knowledge from the data.
-    pub regularised: Option<Estimate>,
-    /// Share of the wrench's mean square (torque counted at the body's own length) that the estimate explains
-    /// (below rank ten: the fit without prior and constraint); at most one.
-    pub explained: Option<f64>,
-    /// Whether the numbers may be used: by these numbers and those of [`evidence`](Self::evidence), never by the list of warnings.
-    pub verdict: Verdict,
-    /// What the record says of the answer, counted by the library.
-    pub evidence: Evidence,
-    /// Which part of the wrench says nothing.
-    pub silence: Silence,
-    /// Noise found.
-    pub noise: Noise,
-    /// Delay of everything measured against the wrench, where it was estimated, s.
-    pub delay_s: Option<f64>,
-    /// What was asked for beside the ten parameters; empty unless by maximum likelihood.
-    pub calibration: Vec<NuisanceEstimate>,
-    /// What of it and of the ten parameters the data do not separate.
-    pub exchanges: Vec<Exchange>,
-    /// Scales of the thrusters behind the wrench, where they were told.
-    pub thrusters: Option<FoundThrusters>,
-    /// Age of what the sensors say against the wrench, where thrusters were told: that of the rate, or without one of the poses.
-    pub age: Option<FoundDelay>,
-    /// What the model leaves unexplained, node by node; empty without any estimate.
-    pub residuals: Vec<NodeResidual>,
-    /// What a reader must know; nothing is decided by it.
-    pub warnings: Vec<Warning>,
-    pub(crate) marks: Marks,
-}
-
-/// How well an estimate explains a record it was not made from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Validation {
-    /// Nodes judged.
-    pub nodes: usize,
-    /// Root mean square of the torque residual, N m.
-    pub torque_rms_n_m: f64,
-    /// Root mean square of the force residual, N.
-    pub force_rms_n: f64,
-    /// Root mean square of the residual in units of what noise and covariance predict: near one when all is well. For the
-    /// likelihood the residual is the step from the estimate to the one the record itself would give.
-    pub normalised_rms: f64,
-    /// Share of the wrench's mean square that the body explains, from minus infinity to one.
-    pub explained: f64,
-}
 
 /// Of the torque more than this share must be explained before a force is called silent.
 const FOLLOWED: f64 = 0.5;
 /// A force of which the best body explains less than this share is noise.
 const SILENT: f64 = 0.1;
-/// Root mean squares of a motion in a plane: tilt and lift of a robot on a table are no larger than what its localisation
-/// wanders, and its turn is larger than that.
-const LARGEST_TILT_RAD: f64 = 0.02;
-const LARGEST_LIFT_M: f64 = 0.05;
-const SMALLEST_TURN_RAD: f64 = 0.04;
-/// Share of a wrench that may stand out of the plane that it lies in, and what a localisation may wander then, root mean squares.
-const CONFINED: f64 = 1e-3;
-const WIDEST_TILT_RAD: f64 = 0.1;
-const WIDEST_LIFT_M: f64 = 0.2;
-/// Cosine of the largest tilt of a plane that counts as the xy plane.
-const UPRIGHT: f64 = 0.99;
 /// Errors of poses below this share of the way that the body moves are rounding.
 const EXACT: f64 = 1e-6;
-/// Fewer nodes than this leave the covariance uncertain.
-const FEW_NODES: usize = 20;
 /// A direction is weakly excited where one sigma is above this fraction of the body's scale.
 const WEAK_STD: f64 = 0.05;
-/// Colour of the noise is worth a warning above this inflation of sigma, and where chance does so less often than this.
-const VISIBLE_COLOUR: (f64, f64) = (1.2, 1e-4);
 /// Discretisation is worth a warning above this share of the standard deviation and this fraction of the body's scale.
 const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
 
@@ -326,15 +89,51 @@ const VISIBLE_DISCRETISATION: (f64, f64) = (0.5, 1e-3);
 /// [`IdentificationError::UnknownMethod`]. Data that say too little are not an error but a result with its rank.
 pub fn identify(record: &[MotionSample], settings: &Settings) -> Result<Identification, IdentificationError> {
     let plan = Plan::usual(settings)?;
-    run(record, &plan, |fit, noise| recursion::run(fit, record, &plan, noise))
+    run(record, &plan, |fit, noise| recursed(fit, record, &plan, noise))
 }
 
-/// Share of feedback that segments shorter than what a loop takes to answer bear, in units of what others do: up to there masses show no bias.
-const SHORT_SEGMENTS: f64 = 1.25;
+/// What a recursion, where a plan asks for one, puts in the place of the rows, beside the library's own finding.
+fn recursed(
+    fit: &mut Fit,
+    record: &[MotionSample],
+    plan: &Plan<'_>,
+    noise: &SampleNoise,
+) -> Result<Replaced, IdentificationError> {
+    let other = reference(fit, record, plan)?;
+    recursion::run(fit, record, plan, noise, other.as_ref())
+}
 
 /// From this share of feedback on a controller holds the body: it knows the body's velocity when a log begins, which the log may not tell. Where
 /// the motion shows little (a standard deviation above [`WEAK_STD`]) what it knows more biases the answer by that standard deviation.
 const HELD: f64 = 0.01;
+
+/// The library's own finding that a judge holds against another's. The likelihood, which is such a finding, needs none, nor does a regression of
+/// a motion without visible noise.
+fn reference(fit: &Fit, record: &[MotionSample], plan: &Plan<'_>) -> Result<Option<Finding>, IdentificationError> {
+    let noisy_rows = matches!(plan.way, Way::Rows(_)) && is_noisy(fit);
+    if plan.way.is_recursive() || noisy_rows { second(fit, record, plan.settings) } else { Ok(None) }
+}
+
+fn is_noisy(fit: &Fit) -> bool {
+    fit.poses_noisy || fit.rates_noisy
+}
+
+/// Where the motion is noisy what the library itself would answer, which knows of errors that are not white; else the regression.
+fn second(fit: &Fit, record: &[MotionSample], settings: &Settings) -> Result<Option<Finding>, IdentificationError> {
+    let Some(found) = &fit.least_squares else { return Ok(None) };
+    let magnitudes = fit.scale().parameter_magnitudes();
+    let own = Settings { method: AUTO, prior: None, lag: None, estimate: Nuisances::default(), ..*settings };
+    if is_noisy(fit)
+        && let Ok(likely) = identify(record, &own)
+        && let (true, Some(estimate)) = (likely.verdict.is_identified(), &likely.estimate)
+    {
+        let parameters = estimate.parameters.to_vector();
+        let information = from_covariance(&parameters, &estimate.covariance, &magnitudes)?;
+        return Ok(Some(Finding::of_information(information, magnitudes).at(parameters)));
+    }
+    let information = from_covariance(&found.parameters, &found.covariance, &magnitudes)?;
+    Ok(Some(Finding::of_information(information, magnitudes).at(found.parameters)))
+}
 
 /// The answer of a plan, doubted where the wrench answers to the noise; `replace` puts another finding in the place of that of the rows.
 fn run<E: From<IdentificationError>>(
@@ -555,7 +354,7 @@ fn conclude(
         warnings.extend(normal.map(|normal_world| Warning::PlanarMotion { normal_world }));
     }
     if let Some(body) = estimate
-        && let Some(change) = parts::body_change(fit, &body.parameters.to_vector())
+        && let Some(change) = body_change::body_change(fit, &body.parameters.to_vector())
     {
         let told = Warning::of_change(record, &change, judgement.scale, explained > Some(plan.judge.poor_fit));
         marks.changed_ns = told.map(|(between, _)| between);
@@ -621,60 +420,6 @@ fn is_noise(record: &[MotionSample]) -> bool {
     let change = mean_square(forces.windows(2).map(|pair| (pair[1] - pair[0]).norm_squared()).sum(), forces.len());
     // White noise: twice.
     change >= size
-}
-
-/// The normal of the plane to which a motion is confined within what localisation wanders; `None` for a free motion, and for one
-/// that does not turn.
-fn planar_motion(record: &[MotionSample]) -> Option<Vector3<f64>> {
-    let poses = || record.iter().filter_map(|sample| sample.world_from_body.as_ref());
-    let first = poses().next()?;
-    let turns = |pose: &Pose<f64>| {
-        let turn = (pose.rotation * first.rotation.inverse()).into_inner();
-        turn.imag() * (2.0 * turn.w.signum())
-    };
-    let count = poses().count() as f64;
-    let spread = |values: &dyn Fn(&Pose<f64>) -> Vector3<f64>| -> Matrix3<f64> {
-        let mean = poses().map(values).sum::<Vector3<f64>>() / count;
-        poses().map(|pose| values(pose) - mean).map(|apart| apart * apart.transpose()).sum::<Matrix3<f64>>() / count
-    };
-    let (turning, moving) = (spread(&turns), spread(&|pose: &Pose<f64>| pose.translation.vector));
-    let eigen = turning.symmetric_eigen();
-    let largest = eigen.eigenvalues.imax();
-    let normal: Vector3<f64> = eigen.eigenvectors.column(largest).into_owned();
-    let about = eigen.eigenvalues[largest].sqrt();
-    let tilt = (turning.trace() - eigen.eigenvalues[largest]).max(0.0).sqrt();
-    let along = normal.dot(&(moving * normal)).max(0.0).sqrt();
-    let across = (moving.trace() - along * along).max(0.0).sqrt();
-    let planar = tilt < LARGEST_TILT_RAD.min(about / 4.0) && along < LARGEST_LIFT_M.min(across);
-    // A turn of less is no motion.
-    let moves = about > SMALLEST_TURN_RAD;
-    (planar && moves).then(|| if normal.sum() < 0.0 { -normal } else { normal })
-}
-
-/// Whether a motion is confined to the xy plane within what localisation wanders, a wider wander where the logged wrench lies in the plane.
-pub(crate) fn is_in_xy_plane(record: &[MotionSample]) -> bool {
-    if planar_motion(record).is_some_and(|normal| normal.z.abs() > UPRIGHT) {
-        return true;
-    }
-    let (mut inside, mut across) = (0.0, 0.0);
-    for Wrench { torque, force } in record.iter().filter_map(|sample| sample.wrench_body) {
-        inside += force.x * force.x + force.y * force.y + torque.z * torque.z;
-        across += force.z * force.z + torque.x * torque.x + torque.y * torque.y;
-    }
-    let poses = || record.iter().filter_map(|sample| sample.world_from_body.as_ref());
-    let count = poses().count().max(1) as f64;
-    let height = poses().map(|pose| pose.translation.z).sum::<f64>() / count;
-    let (mut tilt, mut lift) = (0.0, 0.0);
-    for pose in poses() {
-        let up = pose.rotation.transform_vector(&Vector3::z());
-        tilt += up.x * up.x + up.y * up.y;
-        lift += (pose.translation.z - height).powi(2);
-    }
-    let is_confined = inside > 0.0 && across <= (CONFINED * CONFINED) * inside;
-    is_confined
-        && poses().next().is_some()
-        && (tilt / count).sqrt() < WIDEST_TILT_RAD
-        && (lift / count).sqrt() < WIDEST_LIFT_M
 }
 
 /// How well `found` explains another record of the same body.
@@ -787,6 +532,7 @@ fn warnings_of(timeline: &Timeline, fit: &Fit, judgement: &Judgement, noise: &Sa
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lie::Pose;
     use crate::noise::Gaussian;
     use nalgebra::UnitQuaternion;
 

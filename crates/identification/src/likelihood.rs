@@ -17,6 +17,7 @@ mod nodes;
 mod noise;
 mod ordinary;
 mod record;
+mod rounding;
 mod sample;
 mod segment;
 mod stream;
@@ -30,6 +31,7 @@ pub use flight::{
 };
 pub(crate) use flight::{Place, Stages};
 pub use identifiability::{Exchange, Quantity, Verdict};
+pub(crate) use rounding::whole;
 pub use window::{FixedLag, FixedLagSettings, FixedLagStep, Innovation};
 
 use crate::body_change::{CUTS, Quadratic, likeliest_cut};
@@ -48,9 +50,8 @@ use elimination::{Indefinite, Schur};
 use identifiability::{Identifiability, inflation};
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector, Vector3};
 use noise::{Levels, WrenchPrior};
-use num_traits::AsPrimitive;
 use record::Record;
-use segment::{ATTITUDE, MEASUREMENTS, POSITION, Robust};
+use segment::{ATTITUDE, GATE, HUBER, MEASUREMENTS, POSITION, Robust};
 
 /// Iterations after which an estimate that still moves is given up.
 const MAX_ITERATIONS: usize = 30;
@@ -82,9 +83,6 @@ const FIRST_SEGMENT_S: f64 = 0.3;
 /// Largest turn by the logged torque over the first segments, rad: a start too light for it flies off beyond all tangents,
 /// one too heavy never does.
 const FIRST_TURN: f64 = 0.3;
-/// Bounds on residual 3-vectors, in standard deviations.
-const HUBER: f64 = 2.5;
-const GATE: f64 = 4.5;
 /// Iteration from which the gate works in any case.
 const GATED: usize = 4;
 /// Mean square of a normal residual 3-vector under these bounds, over three.
@@ -752,16 +750,6 @@ fn segment_length(levels: &Levels, eta: &Coordinates, step_s: f64) -> usize {
     let linear = (position * body.mass / force).sqrt();
     let angular = (attitude * body.inertia.trace() / 3.0 / torque).sqrt();
     whole(0.25 * linear.min(angular) / step_s).clamp(1, LONGEST_SEGMENT)
-}
-
-/// A whole number as an index.
-fn whole_signed(x: f64) -> isize {
-    x.as_()
-}
-
-/// The nearest whole number, none below zero.
-pub(crate) fn whole(x: f64) -> usize {
-    x.round().as_()
 }
 
 /// How a body fits a record.

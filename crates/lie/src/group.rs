@@ -22,6 +22,7 @@ use nalgebra::SVector;
 /// let turn = |angle_rad| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle_rad);
 /// assert!(halfway(&turn(0.2), &turn(1.0)).angle_to(&turn(0.6)) < 1e-12);
 /// ```
+/// Tutorial: [a body as a state of which every point can be](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/src/recursive/principal_body.rs).
 pub trait Manifold: Clone + Debug {
     /// Scalar type of the coordinates.
     type Scalar: Scalar;

@@ -17,6 +17,7 @@ use nalgebra::{RealField, SVector};
 /// assert_eq!(hypotenuse(3.0_f32, 4.0), 5.0);
 /// assert_eq!(hypotenuse(3.0_f64, 4.0), 5.0);
 /// ```
+/// Tutorial: [a group of your own, over any of them](https://github.com/tumble-robotics/tumble/blob/main/crates/lie/tests/suite/custom_group.rs).
 pub trait Scalar: RealField + Copy {}
 impl<T: RealField + Copy> Scalar for T {}
 
@@ -42,6 +43,7 @@ pub fn value<T: Scalar>(scalar: T) -> f64 {
 /// let velocity = <Vector3<f64> as Coordinates<f64>>::from_fn(|i| [3.0, 4.0, 0.0][i]);
 /// assert_eq!(velocity.euclidean_norm(), 5.0);
 /// ```
+/// Tutorial: [the coordinates of two things as one](https://github.com/tumble-robotics/tumble/blob/main/crates/lie/src/product.rs).
 pub trait Coordinates<T: Scalar>:
     Copy
     + Debug

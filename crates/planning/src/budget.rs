@@ -20,6 +20,7 @@
 /// is_over.store(true, std::sync::atomic::Ordering::Relaxed);
 /// assert!(!budget.spend(1));
 /// ```
+/// Tutorial: [a budget that looks at the clock](https://github.com/tumble-robotics/tumble/blob/main/crates/tumble/src/cli/plan_budget.rs).
 pub trait Budget {
     /// Asks for `units` of work; one unit is about one continuous collision check of one edge. False: end now; whoever asks on
     /// after that must be refused again.

@@ -32,14 +32,14 @@ pub use flights::SimulatedFlights;
 pub use folder::{CampaignFolder, Place, unfinished_place};
 pub use journal::Journal;
 pub use merge::{Part, merge};
-pub use plan::{CampaignConfiguration, CampaignPlan, PlannedMission, ScenarioEntry, Shard};
+pub use plan::{CampaignConfiguration, CampaignPlan, PlannedMission, ScenarioEntry, Shard, fly_arguments};
 pub use report::table;
 pub use row::{COLUMNS, Cell, Column, Kind, Row, Status, csv_header};
 pub use seeds::mission_seed;
 pub use write::{write_merged, write_tables};
 
 use crate::TumbleError;
-use crate::mission::{FlyOptions, MissionSummary};
+use crate::mission::MissionSummary;
 
 /// What flies missions; one of them may be asked by many threads at once.
 ///
@@ -92,20 +92,6 @@ impl MissionRunner for DryRun {
     fn run(&self, _mission: &PlannedMission) -> Result<Option<MissionSummary>, TumbleError> {
         Ok(None)
     }
-}
-
-/// The options of a mission as `tumble fly` takes them, `--seed` first.
-pub fn fly_arguments(options: &FlyOptions) -> String {
-    let fault =
-        options.fault.map_or(String::new(), |fault| format!(" --fault {}:{}", value_name(&fault.name), fault.severity));
-    format!(
-        "--seed {} --weighting {} --feedback {} --model {}{fault}{}",
-        options.seed,
-        value_name(&options.weighting),
-        if options.feedback { "on" } else { "off" },
-        value_name(&options.model),
-        options.layers.arguments(),
-    )
 }
 
 #[cfg(test)]

@@ -113,11 +113,11 @@ pub(crate) fn log_file(named: &Path) -> Result<LogFile, TumbleError> {
             tell_line!("reading {} to its end ...", named.display());
         } else {
             told = true;
-            excite::progress(&format!("{} MB ...", bytes / 1_000_000));
+            said::progress(&format!("{} MB ...", bytes / 1_000_000));
         }
     });
     if told {
-        excite::progress("");
+        said::progress("");
     }
     Ok(file?)
 }

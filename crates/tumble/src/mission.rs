@@ -6,6 +6,7 @@ mod faults;
 mod flight;
 mod hooks;
 mod invariants;
+mod layer_names;
 mod layers;
 mod options;
 mod record;
@@ -18,6 +19,7 @@ pub use faults::{
 };
 pub use flight::{fly, measurement};
 pub use hooks::{FlownPeriod, MissionHooks, NoHooks};
+pub use layer_names::{LayerNames, WrittenNames};
 pub use layers::{computing_time, estimator, loop_settings, scene, stretch_planner, tube_controllers};
 pub use options::{FaultChoice, FaultName, FlyOptions, ModelChoice};
 pub use record::{
@@ -26,7 +28,7 @@ pub use record::{
     UNAVOIDABLE, WayRow,
 };
 pub use registries::{
-    ADDED_CONTROLLERS, ADDED_ESTIMATORS, ADDED_LOCAL_PLANNERS, ADDED_PLANNERS, ControlledBody, LayerNames,
-    NewController, NewStretchPlanner, WrittenNames, controllers, estimators, laws, local_planners, planners,
+    ADDED_CONTROLLERS, ADDED_ESTIMATORS, ADDED_LOCAL_PLANNERS, ADDED_PLANNERS, ControlledBody, NewController,
+    NewStretchPlanner, controllers, estimators, laws, local_planners, planners,
 };
 pub use weighting::WeightingChoice;

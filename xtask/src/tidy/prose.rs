@@ -35,9 +35,11 @@ fn is_prose(path: &str) -> bool {
     Path::new(path).extension().is_some_and(|kind| kind == "rs" || kind == "md")
 }
 
+/// Where the files of the repository are to be read.
+pub const FILES: &str = "https://github.com/tumble-robotics/tumble/blob/main/";
+
 /// Links from the documentation to files of the repository, which rustdoc cannot check.
 pub fn repository_links(tree: &Tree) -> Vec<String> {
-    const FILES: &str = "https://github.com/tumble-robotics/tumble/blob/main/";
     let mut found = Vec::new();
     for (path, text) in tree.under("", "").filter(|(path, _)| is_prose(path)) {
         for (at, _) in text.match_indices(FILES) {

@@ -2,6 +2,7 @@
 
 use super::Tree;
 use super::manifests::manifests;
+use super::prose::FILES;
 
 /// The code of a source file: comments, strings and characters are blanked, lines keep their numbers.
 pub fn code(source: &str) -> String {
@@ -129,21 +130,57 @@ pub fn reasons(tree: &Tree) -> Vec<String> {
     found
 }
 
-/// Every public trait shows in an example how it is implemented or used.
-pub fn trait_examples(tree: &Tree) -> Vec<String> {
-    let mut found = Vec::new();
+/// A public trait: where it is, its name, and its documentation from the last line up.
+struct PublicTrait<'a> {
+    place: String,
+    name: &'a str,
+    docs: Vec<&'a str>,
+}
+
+fn public_traits(tree: &Tree) -> Vec<PublicTrait<'_>> {
+    let mut all = Vec::new();
     for (path, text) in tree.under("crates/", ".rs").filter(|(path, _)| path.contains("/src/")) {
         let lines: Vec<&str> = text.lines().map(str::trim_start).collect();
         for (at, line) in lines.iter().enumerate() {
             let Some(name) = line.strip_prefix("pub trait ") else { continue };
             let above = lines[..at].iter().rev().take_while(|line| line.starts_with("///") || line.starts_with("#["));
-            let docs: Vec<&str> = above.copied().collect();
-            // From below: the code of the example comes before its heading.
-            let heading = docs.iter().position(|line| *line == "/// # Example");
-            if !heading.is_some_and(|at| docs[..at].contains(&"/// ```")) {
-                let name = name.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default();
-                found.push(format!("{path}:{}: the trait {name} has no `# Example` with code", at + 1));
+            let name = name.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default();
+            all.push(PublicTrait { place: format!("{path}:{}", at + 1), name, docs: above.copied().collect() });
+        }
+    }
+    all
+}
+
+/// Every public trait shows in an example how it is implemented or used.
+pub fn trait_examples(tree: &Tree) -> Vec<String> {
+    let mut found = Vec::new();
+    for PublicTrait { place, name, docs } in public_traits(tree) {
+        // From below: the code of the example comes before its heading.
+        let heading = docs.iter().position(|line| *line == "/// # Example");
+        if !heading.is_some_and(|at| docs[..at].contains(&"/// ```")) {
+            found.push(format!("{place}: the trait {name} has no `# Example` with code"));
+        }
+    }
+    found
+}
+
+/// Every public trait links a file of the repository that implements it as a user would.
+pub fn trait_tutorials(tree: &Tree) -> Vec<String> {
+    let mut found = Vec::new();
+    for PublicTrait { place, name, docs } in public_traits(tree) {
+        // A link may stand on two lines.
+        let words = docs.iter().rev().flat_map(|line| line.trim_start_matches("///").split_whitespace());
+        let text = words.collect::<Vec<_>>().join(" ");
+        let target = text.split_once("Tutorial: [").and_then(|(_, link)| {
+            let (_, target) = link.split_once(&format!("]({FILES}"))?;
+            target.split_once(')').map(|(path, _)| path)
+        });
+        match target {
+            None => found.push(format!("{place}: the trait {name} has no `Tutorial: [..]({FILES}..)`")),
+            Some(path) if !tree.files.contains_key(path) => {
+                found.push(format!("{place}: the tutorial of {name}, {path}, is not there"));
             }
+            Some(_) => (),
         }
     }
     found
@@ -249,6 +286,24 @@ mod tests {
         // The example of what stands before it is not its own.
         assert_eq!(check(&shown.replace("#[cfg", "pub struct S;\n#[cfg")).len(), 1);
         assert!(check(&shown.replace("pub trait", "pub(crate) trait").replace("# Example", "")).is_empty());
+    }
+
+    #[test]
+    fn a_trait_without_a_tutorial_is_seen() {
+        let tutorial = ("crates/lie/tests/suite/custom_group.rs", "");
+        let check = |text: &str| trait_tutorials(&Tree::planted(&[tutorial, ("crates/lie/src/group.rs", text)]));
+        let link = format!("/// Laws: none. Tutorial: [a group of your\n/// own]({FILES}{}).\n", tutorial.0);
+        let shown = format!("/// A group.\n{link}#[cfg(feature = \"std\")]\npub trait Group<T>: Sized {{}}\n");
+        assert_eq!(check(&shown), [""; 0]);
+        let missing = format!("crates/lie/src/group.rs:5: the trait Group has no `Tutorial: [..]({FILES}..)`");
+        assert_eq!(check(&shown.replace("Tutorial: ", "See ")), [missing.as_str()]);
+        assert_eq!(check(&shown.replace(FILES, "https://example.org/")), [missing]);
+        let elsewhere =
+            "crates/lie/src/group.rs:5: the tutorial of Group, crates/lie/tests/custom_group.rs, is not there";
+        assert_eq!(check(&shown.replace("tests/suite", "tests")), [elsewhere]);
+        // That of what stands before it is not its own.
+        assert_eq!(check(&shown.replace("#[cfg", "pub struct S;\n#[cfg")).len(), 1);
+        assert!(check(&shown.replace("pub trait", "pub(crate) trait").replace("Tutorial: ", "")).is_empty());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! How a wanted wrench becomes a real one.
 
-use super::{CONTROL_PERIOD_S, SimulatorError};
+use super::CONTROL_PERIOD_S;
+use super::error::SimulatorError;
 use crate::propulsion::{
     Damage, ForceAllocation, ImpellerMode, PropulsionCommand, PropulsionPlant, PropulsionSettings, QuantizedAllocation,
 };

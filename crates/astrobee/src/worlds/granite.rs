@@ -1,6 +1,6 @@
 //! The granite table of the laboratory, and RATTLE's obstacle sets on it.
 
-use super::{Listed, NamedPose};
+use super::listed::{Listed, NamedPose};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Provenance: thesis 6.4, "1.5 x 1.5 m".

@@ -2,7 +2,7 @@
 // Numbers as the files write them.
 #![allow(clippy::unreadable_literal)]
 
-use super::{Listed, NamedPose};
+use super::listed::{Listed, NamedPose};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Keep-out boxes, `x1 y1 z1 x2 y2 z2`, m; corners in the file's order.

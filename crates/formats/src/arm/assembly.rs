@@ -1,6 +1,6 @@
 //! From named parts in any order to a tree, whatever file they stood in.
 
-use super::{ArmFrame, ArmJoint, ArmModel, BASE, BaseKind, DriveGain, JointLimits};
+use super::model::{ArmFrame, ArmJoint, ArmModel, BASE, BaseKind, DriveGain, JointLimits};
 use crate::FormatsError;
 use crate::log::shortened;
 use crate::place::{self, suggestion};

@@ -1,7 +1,7 @@
 //! The TOML format of arms.
 
 use super::assembly::{Assembly, JointPart, Part, Source};
-use super::{ArmFrame, ArmModel, BASE, BaseKind, DriveGain, JointLimits, written};
+use super::model::{ArmFrame, ArmModel, BASE, BaseKind, DriveGain, JointLimits, written};
 use crate::FormatsError;
 use crate::Robots;
 use crate::body_file::BodyFile;

@@ -4,7 +4,7 @@
 //! without `<inertial>` differs from one of no mass.
 
 use super::assembly::{Assembly, JointPart, Part, Source};
-use super::{ArmModel, BaseKind, JointLimits, written};
+use super::model::{ArmModel, BaseKind, JointLimits, written};
 use crate::FormatsError;
 use crate::body_file;
 use crate::log::shortened;

@@ -1,6 +1,6 @@
 //! Rows of a CSV file of any size, one at a time, each with the line it stands in.
 
-use super::{QUATERNION_NORM_TOLERANCE, parse_time_ns, shortened};
+use super::cell::{QUATERNION_NORM_TOLERANCE, parse_time_ns, shortened};
 use crate::FormatsError;
 use crate::text_file::open_regular;
 use std::collections::{HashSet, VecDeque};

@@ -1,7 +1,7 @@
 //! Rows against time: a header, then samples that a layout makes of the rows, late ones put in order where that is asked for.
 
+use super::cell::{seconds, shortened};
 use super::row::{BoundedRows, Header, Row, cut, read_row};
-use super::{seconds, shortened};
 use crate::FormatsError;
 use std::fs::File;
 use std::io::{BufReader, Read};

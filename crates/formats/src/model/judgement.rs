@@ -4,17 +4,21 @@
 //! where the inertia is to half a percent that of the shapes under another reading and not under the one written. A body whose mass lies
 //! inside its shapes is never accused by the first; the second is a coincidence of several numbers.
 
+mod evidence;
+mod finding;
 mod hypotheses;
 mod units;
 
+pub use finding::{Finding, FindingKind, Severity};
+
+use super::links::{Inertial, Model, ModelLink};
 use super::solid::Filled;
-use super::{Inertial, Model, ModelKind, ModelLink, Written};
+use evidence::{Evidence, SLACK, excess, spread};
+use finding::{digits, digits_of, percent};
 use hypotheses::{Hypothesis, hypotheses};
 use tumble_dynamics::nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use tumble_dynamics::{DynamicsError, InertialParameters};
 
-/// How much larger than drawn the shapes of a link are taken.
-const SLACK: f64 = 1.25;
 /// As near as that to filled shapes, relative, a reading must be to explain what cannot be as written.
 const NEAR: f64 = 0.3;
 /// As near as that it is theirs.
@@ -30,93 +34,6 @@ const CORE: f64 = 1e-6;
 
 /// Inertia by mass beyond which nothing is compared, m^2: a mass that is as good as none.
 const LARGEST_M2: f64 = 1e60;
-
-/// How sure it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[non_exhaustive]
-pub enum Severity {
-    /// Nothing is wrong: what one should know.
-    Note,
-    /// The evidence is clear, but it may be meant so.
-    Suspect,
-    /// It cannot be.
-    Wrong,
-}
-
-impl Severity {
-    /// As it is printed.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Note => "note",
-            Self::Suspect => "suspect",
-            Self::Wrong => "wrong",
-        }
-    }
-}
-
-/// What a finding is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum FindingKind {
-    /// No body has these numbers.
-    Impossible,
-    /// Products of inertia of the other sign fit the shapes.
-    Mirrored,
-    /// Other axes fit the shapes.
-    Swapped,
-    /// Another order of the six numbers.
-    Order,
-    /// Another turn of the frame of the tensor.
-    Axes,
-    /// The tensor is about the origin of the link.
-    AboutOrigin,
-    /// Grams or millimetres.
-    Units,
-    /// A number to be replaced later.
-    Placeholder,
-    /// It moves, and there is no mass.
-    Massless,
-    /// The file says nothing of its mass.
-    NotStated,
-    /// More spread than its shapes allow, and no reading explains it.
-    OutsideShapes,
-}
-
-impl FindingKind {
-    /// As it is printed.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Impossible => "impossible",
-            Self::Mirrored => "mirrored",
-            Self::Swapped => "swapped",
-            Self::Order => "order",
-            Self::Axes => "axes",
-            Self::AboutOrigin => "about-origin",
-            Self::Units => "units",
-            Self::Placeholder => "placeholder",
-            Self::Massless => "massless",
-            Self::NotStated => "not-stated",
-            Self::OutsideShapes => "outside-shapes",
-        }
-    }
-}
-
-/// One thing about a link.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Finding {
-    /// How sure it is.
-    pub severity: Severity,
-    /// What it is about.
-    pub kind: FindingKind,
-    /// In words.
-    pub message: String,
-}
-
-impl Finding {
-    fn new(severity: Severity, kind: FindingKind, message: impl Into<String>) -> Self {
-        Self { severity, kind, message: message.into() }
-    }
-}
 
 /// The nearest inertia that a body can have: least sum of the squares of the changes of all nine entries, mass and centre of mass kept.
 #[derive(Clone, Debug, PartialEq)]
@@ -254,57 +171,6 @@ fn nearest(inertia: &Matrix3<f64>) -> Result<NearestBody, DynamicsError> {
     Ok(NearestBody { inertia: nearest * size, change })
 }
 
-/// Mean of x x^T of the mass about its centre, m^2.
-fn spread(inertia: &Matrix3<f64>, mass: f64) -> Matrix3<f64> {
-    (Matrix3::identity() * (0.5 * inertia.trace()) - inertia) / mass
-}
-
-/// The shapes of a link that are known in full.
-struct Evidence {
-    sets: Vec<(&'static str, Filled)>,
-}
-
-impl Evidence {
-    fn of(link: &ModelLink) -> Self {
-        let sets = [("collision", &link.collision), ("visual", &link.visual)];
-        let known = |(name, solids): (&'static str, &Option<Vec<_>>)| {
-            solids.as_ref().and_then(|solids| Filled::of(solids)).map(|filled| (name, filled))
-        };
-        Self { sets: sets.into_iter().filter_map(known).collect() }
-    }
-}
-
-/// Whether mass with its centre there can spread so inside the shapes, taken larger by a factor: along no direction more than
-/// (farthest - mean) (mean - nearest). The first direction along which it cannot otherwise, and the two spreads, m^2.
-///
-/// `None` too where the centre itself is outside: such shapes are not all of the link, and say nothing.
-fn excess(
-    filled: &Filled,
-    center_of_mass: &Vector3<f64>,
-    spread: &Matrix3<f64>,
-    slack: f64,
-) -> Option<(Vector3<f64>, f64, f64)> {
-    let own = SymmetricEigen::new(*spread).eigenvectors;
-    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
-    let directions = axes.into_iter().chain((0..3).map(|k| own.column(k).into_owned()));
-    let mut worst: Option<(Vector3<f64>, f64, f64)> = None;
-    for direction in directions {
-        let (low, high) = filled.interval(&direction);
-        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low) * slack);
-        let from_middle = center_of_mass.dot(&direction) - middle;
-        let allowed = half * half - from_middle * from_middle;
-        if allowed <= 0.0 {
-            return None;
-        }
-        let written = (direction.transpose() * spread * direction).x;
-        let is_worse = worst.is_none_or(|(_, before, limit)| written / allowed > before / limit);
-        if written > allowed && is_worse {
-            worst = Some((direction, written, allowed));
-        }
-    }
-    worst
-}
-
 /// Relative difference from filled shapes.
 fn difference(filled: &Filled, spread: &Matrix3<f64>) -> f64 {
     (spread - filled.spread).norm() / filled.spread.norm()
@@ -371,27 +237,6 @@ fn explained(near: f64, own: f64, other: &Hypothesis, width: Option<&str>, name:
         _ => return None,
     };
     Some((near, Finding::new(Severity::Suspect, other.kind, message)))
-}
-
-/// A share for people: what is less than that is nothing.
-fn percent(share: f64) -> String {
-    if share < 1e-3 { "less than 0.1 %".to_owned() } else { format!("{} %", digits(100.0 * share)) }
-}
-
-/// Three significant digits.
-fn digits(number: f64) -> String {
-    if number != 0.0 && !(1e-3..1e5).contains(&number.abs()) {
-        return format!("{number:.2e}");
-    }
-    format!("{}", digits_of(number))
-}
-
-/// A number rounded to three significant digits.
-fn digits_of(number: f64) -> f64 {
-    if number.abs() < 1e-12 || !number.is_finite() {
-        return 0.0;
-    }
-    format!("{number:.2e}").parse().unwrap_or(number)
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! An MJCF as a model: bodies, the defaults of their geoms, the settings of the compiler that decide what is meant.
 
+use super::links::{Inertial, Model, ModelKind, ModelLink, Written};
+use super::solid::{PlacedSolid, Solid};
 use super::xml::{DEEPEST, Element, half_digit};
-use super::{Inertial, Model, ModelKind, ModelLink, PlacedSolid, Solid, Written};
 use crate::FormatsError;
 use crate::log::shortened;
 use std::collections::BTreeMap;

@@ -1,7 +1,7 @@
 //! The same file with another inertia in it, everything else byte for byte.
 
 use super::judgement::Verdict;
-use super::{Inertial, Model, ModelKind, Written};
+use super::links::{Inertial, Model, ModelKind, Written};
 use crate::FormatsError;
 use crate::body_file::{self, BodyFile};
 use crate::log::shortened;

@@ -1,7 +1,8 @@
 //! A URDF as a model.
 
+use super::links::{Inertial, Model, ModelKind, ModelLink, Written};
+use super::solid::{PlacedSolid, Solid};
 use super::xml::{Element, half_digit};
-use super::{Inertial, Model, ModelKind, ModelLink, PlacedSolid, Solid, Written};
 use crate::FormatsError;
 use crate::log::shortened;
 use std::collections::BTreeMap;

@@ -4,7 +4,8 @@
 //! Chunks hold records of their own, compressed as a whole. Every length is held against a limit and against what is
 //! there before memory is taken for it, so a bag takes no more than two chunks of memory whatever it says.
 
-use super::{Encoding, Loss, RawMessage, ScanReport};
+use super::raw_message::{Encoding, RawMessage};
+use super::scan_report::{Loss, ScanReport};
 use crate::FormatsError;
 use std::collections::HashMap;
 use std::io::{BufReader, Read};

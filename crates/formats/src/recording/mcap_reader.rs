@@ -9,7 +9,8 @@
 //! decompressed, grows beyond [`MOST_RECORD_BYTES`].
 //! A chunk whose check sum fails is left out whole; one that the end of the file cuts short is read as far as it goes.
 
-use super::{Encoding, Loss, RawMessage, ScanReport};
+use super::raw_message::{Encoding, RawMessage};
+use super::scan_report::{Loss, ScanReport};
 use crate::FormatsError;
 use crc32fast::Hasher;
 use std::collections::HashMap;

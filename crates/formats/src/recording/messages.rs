@@ -1,7 +1,7 @@
 //! What the messages say: NASA's Astrobee messages and the common ones of ROS, from ROS 1 and from CDR.
 
+use super::raw_message::{Encoding, RawMessage};
 use super::wire::{Field, Wire, WireError};
-use super::{Encoding, RawMessage};
 use tumble_dynamics::nalgebra::{Quaternion, Vector3};
 
 /// Why a message of a known type is not decoded.

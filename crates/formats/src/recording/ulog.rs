@@ -8,7 +8,7 @@ mod layout;
 
 pub use layout::{Kind, Layout, Number};
 
-use super::{Loss, ScanReport};
+use super::scan_report::{Loss, ScanReport};
 use crate::FormatsError;
 use layout::Formats;
 use std::collections::HashMap;

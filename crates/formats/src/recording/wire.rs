@@ -1,6 +1,6 @@
 //! One cursor for the two encodings of ROS messages, so that a field list is written once.
 
-use super::Encoding;
+use super::raw_message::Encoding;
 use tumble_dynamics::nalgebra::{Quaternion, Vector3};
 
 /// Why a payload cannot be read as what it is said to be.

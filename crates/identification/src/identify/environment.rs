@@ -1,10 +1,12 @@
 //! What acts on a body beside the logged wrench: gravity gradient, drag.
 
-use super::{Identification, Settings, identify, standard_deviations};
+use super::identification::Identification;
+use super::identify;
+use super::settings::Settings;
 use crate::beside::listed_beside;
 use crate::dynamics::{InertialParameters, RigidBodyState, WrenchModel};
 use crate::error::{Column, IdentificationError};
-use crate::estimator::{Finding, Judge, Verdict};
+use crate::estimator::{Finding, Judge, Verdict, standard_deviations};
 use crate::lie::{LieGroup, Pose, Twist, Wrench};
 use crate::motion::{MotionSample, filled_poses};
 use crate::{BodyScale, SquareRootInformation};

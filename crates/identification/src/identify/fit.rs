@@ -1,10 +1,11 @@
 //! Which rows to fit: method and lag, chosen by predicted error.
 
+use super::identification::Identification;
 use super::likelihood::most_likely;
 use super::noise::SampleNoise;
+use super::plan::{Plan, Way};
 use super::rows::{Regression, Rows, Scheme};
 use super::timeline::Timeline;
-use super::{Identification, Plan, Way};
 use crate::BodyScale;
 use crate::error::{Column, IdentificationError};
 use crate::motion::MotionSample;

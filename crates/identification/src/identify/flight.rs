@@ -1,14 +1,18 @@
 //! The likelihood with a model of the sensors behind [`identify`](super::identify).
 
+use super::identification::{Identification, Marks, NodeResidual, Silence};
 use super::likelihood::MANY_OUTLIERS;
+use super::plan::Plan;
+use super::settings::{FLIGHT_LIKELIHOOD, Settings, WEAK_FORM};
 use super::solution::{Solution, solve};
 use super::timeline::Timeline;
-use super::verdict::{Marks, Silence, verdict};
-use super::{FEW_NODES, FLIGHT_LIKELIHOOD, Identification, NodeResidual, Noise, Plan, Settings, WEAK_FORM, Warning};
+use super::verdict::verdict;
+use super::warning::{FEW_NODES, Warning};
 use crate::error::{Column, IdentificationError};
 use crate::estimator::{Evidence, Verdict, Why};
 use crate::likelihood::{FlightEstimate, FlightLikelihood, FoundDelay};
 use crate::motion::MotionSample;
+use crate::motion::Noise;
 use crate::{BodyScale, Observability};
 
 /// Chance below which the halves of a record are not of one body, or not of these sensors.

@@ -1,9 +1,9 @@
 //! How many directions of the ten the rows of a fit determine.
 
-use super::Prior;
 use super::fit::Fit;
+use super::identification::Silence;
+use super::settings::Prior;
 use super::solution::from_covariance;
-use super::verdict::Silence;
 use crate::error::IdentificationError;
 use crate::jacobi::singular_values;
 use crate::square_root_information::SquareRootInformation;

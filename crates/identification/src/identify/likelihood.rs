@@ -1,17 +1,18 @@
 //! The likelihood behind [`identify`](super::identify): used where poses are noisy, believed where all ten directions are
 //! determined.
 
+use super::identification::{Identification, Marks, NodeResidual, Silence, Validation};
+use super::plan::{Plan, Way};
+use super::settings::{MAXIMUM_LIKELIHOOD, Settings};
 use super::solution::{Solution, from_covariance, solve};
 use super::timeline::Timeline;
-use super::verdict::{Marks, Silence, verdict};
-use super::{
-    FEW_NODES, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, Noise, Plan, Settings, VISIBLE_COLOUR, Validation,
-    Warning, Way,
-};
+use super::verdict::verdict;
+use super::warning::{FEW_NODES, Warning};
 use crate::error::{Column, IdentificationError};
 use crate::estimator::{Estimate, Evidence};
 use crate::likelihood::{Exchange, LikelihoodEstimate, MaximumLikelihood, Nuisances, SegmentResidual};
 use crate::motion::MotionSample;
+use crate::motion::Noise;
 use crate::statistics::Whiteness;
 use crate::{BodyScale, Observability, SquareRootInformation};
 use nalgebra::SMatrix;
@@ -23,6 +24,8 @@ pub(super) const DETERMINED: f64 = 0.2;
 const NOISE_ALONE: f64 = 0.5;
 /// More outliers than this share are not outliers.
 pub(super) const MANY_OUTLIERS: f64 = 0.05;
+/// Colour of the noise is worth a warning above this inflation of sigma, and where chance does so less often than this.
+const VISIBLE_COLOUR: (f64, f64) = (1.2, 1e-4);
 /// Wrench that the motion asks for, in units of the noise that the logged wrench shows, beyond which something is unmodelled.
 const UNMODELLED: f64 = 4.0;
 

@@ -1,8 +1,12 @@
 //! A record too long to be taken at once, by likelihood: a batch on its first rows, a sliding window over all of them.
 
+use super::identification::{Identification, NodeResidual};
+use super::identify;
 use super::likelihood::{Answer, DETERMINED, MANY_OUTLIERS, estimator};
+use super::plan::Plan;
+use super::settings::{AUTO, MAXIMUM_LIKELIHOOD, Settings};
 use super::verdict::verdict;
-use super::{AUTO, Identification, MAXIMUM_LIKELIHOOD, NodeResidual, Plan, Settings, Warning, identify};
+use super::warning::Warning;
 use crate::Observability;
 use crate::error::IdentificationError;
 use crate::estimator::Evidence;

@@ -1,10 +1,15 @@
 //! One result from the stretches of a record that is too long to be taken at once.
 
+use super::identification::{Identification, Marks, Silence};
+use super::plan::Plan;
+use super::settings::{Prior, Settings};
 use super::solution::{Solution, solve};
-use super::verdict::{Marks, Silence, verdict};
-use super::{Identification, Noise, Plan, Prior, Settings, WEAK_STD, Warning, weak_excitation};
+use super::verdict::verdict;
+use super::warning::Warning;
+use super::{WEAK_STD, weak_excitation};
 use crate::error::IdentificationError;
 use crate::likelihood::{Nuisance, NuisanceEstimate, Verdict};
+use crate::motion::Noise;
 use crate::{Observability, SquareRootInformation};
 
 /// The result of a whole record from the results of its stretches: their information adds up.

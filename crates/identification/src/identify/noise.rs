@@ -1,7 +1,7 @@
 //! Noise of measured poses, rates and velocities, from differences so high that no motion is left in them.
 
-use super::Settings;
 use super::rows::{Regression, Scheme};
+use super::settings::Settings;
 use super::timeline::Timeline;
 use crate::lie::Wrench;
 use crate::motion::{MotionSample, Noise};

@@ -1,11 +1,14 @@
 //! Identification by any estimator, constrained by any solver.
 
 use super::environment::in_environment;
+use super::identification::Identification;
 use super::parts::{Parts, in_parts};
+use super::plan::{BUILT_IN, Plan, Way, interior_point};
 use super::problem::{Chosen, JointFilter, Problem, Regressed};
 use super::recursion::{self, Replaced};
+use super::settings::Settings;
 use super::verdict::Beside;
-use super::{BUILT_IN, Identification, Plan, Settings, Way, run};
+use super::{recursed, reference, run};
 use crate::BodyScale;
 use crate::consistency::{BarrierNewton, ConstrainedLeastSquares, FeasibleSet, InteriorPoint, PseudoInertiaCone};
 use crate::dynamics::Environment;
@@ -24,10 +27,6 @@ pub type Methods = Registry<Problem, dyn Estimator<Record = [MotionSample]> + Se
 
 /// Constrained solvers by name, each made for a body of some size.
 pub type ConstrainedSolvers = Registry<BodyScale, dyn ConstrainedLeastSquares<10> + Send + Sync, EstimatorError>;
-
-pub(super) fn interior_point(scale: BodyScale) -> Box<dyn ConstrainedLeastSquares<10>> {
-    Box::new(InteriorPoint::new(PseudoInertiaCone::new(scale)))
-}
 
 /// The library's own methods, each an estimator: `auto`, `newton-euler`, `variational`, `variational4`, `variational6`,
 /// `maximum-likelihood`, `flight-likelihood`, `rls`, `recursive-sdp`, `ekf`, `ukf`.
@@ -217,10 +216,10 @@ impl Pipeline {
         let judge = self.levels.unwrap_or(usual.judge);
         let plan = Plan { name: settings.method, way, solver: &solver, judge, flown: self.flown.as_ref(), ..usual };
         if !own {
-            return Ok(run(record, &plan, |fit, noise| recursion::run(fit, record, &plan, noise))?);
+            return Ok(run(record, &plan, |fit, noise| recursed(fit, record, &plan, noise))?);
         }
         run(record, &plan, |fit, noise| {
-            let other = recursion::reference(fit, record, &plan)?;
+            let other = reference(fit, record, &plan)?;
             let problem = Problem::of_fit(fit, &known, noise);
             let found = self
                 .methods

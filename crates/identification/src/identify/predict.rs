@@ -2,9 +2,11 @@
 
 use super::fit::{LAGS, rough_scale};
 use super::noise::SampleNoise;
+use super::plan::Way;
+use super::plane::is_in_xy_plane;
 use super::rows::{Regression, Scheme};
+use super::settings::Settings;
 use super::timeline::Timeline;
-use super::{Settings, Way, is_in_xy_plane};
 use crate::error::IdentificationError;
 use crate::estimator::{StandardDeviations, standard_deviations};
 use crate::jacobi::singular_values;

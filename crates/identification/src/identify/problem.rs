@@ -1,17 +1,21 @@
 //! What an identification is about beside its record, its rows, and the library's own estimators of such a record.
 
 use super::fit::{Best, Fit, best_fit};
+use super::identification::Identification;
 use super::judgement::judge;
 use super::noise::SampleNoise;
+use super::plan::{Plan, Way};
 use super::recursion::{self, Flown};
 use super::rows::{Regression, Scheme};
+use super::settings::Settings;
 use super::timeline::Timeline;
-use super::{Identification, Noise, Plan, Settings, Way, identify, silence_of};
+use super::{identify, second, silence_of};
 use crate::dynamics::InertialParameters;
 use crate::error::IdentificationError;
 use crate::estimator::{Estimator, EstimatorError, Finding, Observe};
 use crate::likelihood::{MaximumLikelihood, Nuisances};
 use crate::motion::MotionSample;
+use crate::motion::Noise;
 use crate::recursive::LinearObservation;
 use crate::weighted_least_squares::WrenchRow;
 use crate::{BodyScale, WrenchTiming};
@@ -220,7 +224,7 @@ impl Estimator for JointFilter {
         let noise = problem.sample_noise();
         // A lag above one was chosen because the poses are noisy; what a problem keeps is the lag.
         fit.poses_noisy = fit.scheme.lag > 1;
-        let other = recursion::second(&fit, record, &problem.settings())?;
+        let other = second(&fit, record, &problem.settings())?;
         match recursion::filtered(&mut fit, record, &problem.settings(), &noise, self.unscented) {
             Ok(surprise) => {
                 recursion::widen_by_linearisation(&mut fit, other.as_ref());

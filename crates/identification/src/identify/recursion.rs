@@ -3,11 +3,13 @@
 use super::fit::Fit;
 use super::likelihood::{estimator, is_known};
 use super::noise::SampleNoise;
+use super::plan::{Plan, Way};
 use super::rows::Scheme;
-use super::solution::{from_covariance, weak_prior};
+use super::settings::Settings;
+use super::solution::weak_prior;
 use super::timeline::Timeline;
 use super::verdict::Beside;
-use super::{AUTO, Noise, Plan, Settings, Way, identify};
+use crate::WrenchTiming;
 use crate::beside::{environment, stored_momenta};
 use crate::body_scale::BodyScale;
 use crate::consistency::PseudoInertiaCone;
@@ -16,13 +18,13 @@ use crate::error::IdentificationError;
 use crate::estimator::Finding;
 use crate::lie::{LieGroup, Twist, Wrench};
 use crate::motion::MotionSample;
+use crate::motion::Noise;
 use crate::recursive::{
     ChiSquareGate, ExtendedKalmanFilter, FilterModel, JointMotion, JointObservation, JointState, LinearObservation,
     MotionNoise, RecursiveLeastSquares, RecursiveSdp, RowsOutcome, UnscentedKalmanFilter,
 };
 use crate::units::Units;
 use crate::weighted_least_squares::{WeightedLeastSquares, WrenchRow};
-use crate::{Nuisances, WrenchTiming};
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
 /// Standard deviations of the vague start, in units of the body's own scale.
@@ -57,22 +59,22 @@ pub(super) struct Replaced {
 }
 
 /// Puts the end of a recursion over the record in the place of the batch solution; where that does not exist, the rows do
-/// not determine ten parameters and a recursion would only repeat its prior.
+/// not determine ten parameters and a recursion would only repeat its prior. `other` is what a judge holds it against.
 pub(super) fn run(
     fit: &mut Fit,
     record: &[MotionSample],
     plan: &Plan<'_>,
     noise: &SampleNoise,
+    other: Option<&Finding>,
 ) -> Result<Replaced, IdentificationError> {
-    let other = reference(fit, record, plan)?;
-    let mut beside = Beside { surprise: None, other };
+    let mut beside = Beside { surprise: None, other: other.copied() };
     match plan.way {
         Way::Rls => rls(fit)?,
         Way::RecursiveSdp => recursive_sdp(fit)?,
         Way::Ekf | Way::Ukf => match filtered(fit, record, plan.settings, noise, plan.way == Way::Ukf) {
             Ok(surprise) => {
                 beside.surprise = surprise;
-                widen_by_linearisation(fit, beside.other.as_ref());
+                widen_by_linearisation(fit, other);
             }
             Err(Flown::Off { time_ns }) => return Ok(Replaced { diverged_ns: Some(time_ns), ..Replaced::default() }),
             Err(Flown::Into(error)) => return Err(error),
@@ -80,42 +82,6 @@ pub(super) fn run(
         _ => {}
     }
     Ok(Replaced { diverged_ns: None, beside })
-}
-
-/// The library's own finding that a judge holds against another's. The likelihood, which is such a finding, needs none, nor does a regression of
-/// a motion without visible noise.
-pub(super) fn reference(
-    fit: &Fit,
-    record: &[MotionSample],
-    plan: &Plan<'_>,
-) -> Result<Option<Finding>, IdentificationError> {
-    let noisy_rows = matches!(plan.way, Way::Rows(_)) && is_noisy(fit);
-    if plan.way.is_recursive() || noisy_rows { second(fit, record, plan.settings) } else { Ok(None) }
-}
-
-fn is_noisy(fit: &Fit) -> bool {
-    fit.poses_noisy || fit.rates_noisy
-}
-
-/// Where the motion is noisy what the library itself would answer, which knows of errors that are not white; else the regression.
-pub(super) fn second(
-    fit: &Fit,
-    record: &[MotionSample],
-    settings: &Settings,
-) -> Result<Option<Finding>, IdentificationError> {
-    let Some(found) = &fit.least_squares else { return Ok(None) };
-    let magnitudes = fit.scale().parameter_magnitudes();
-    let own = Settings { method: AUTO, prior: None, lag: None, estimate: Nuisances::default(), ..*settings };
-    if is_noisy(fit)
-        && let Ok(likely) = identify(record, &own)
-        && let (true, Some(estimate)) = (likely.verdict.is_identified(), &likely.estimate)
-    {
-        let parameters = estimate.parameters.to_vector();
-        let information = from_covariance(&parameters, &estimate.covariance, &magnitudes)?;
-        return Ok(Some(Finding::of_information(information, magnitudes).at(parameters)));
-    }
-    let information = from_covariance(&found.parameters, &found.covariance, &magnitudes)?;
-    Ok(Some(Finding::of_information(information, magnitudes).at(found.parameters)))
 }
 
 /// A filter is linearised where it happens to be, and its covariance does not hold what that costs: where it is visibly elsewhere than a

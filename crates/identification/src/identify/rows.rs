@@ -1,6 +1,6 @@
 //! From samples to rows `regressor * parameters = wrench`.
 
-use super::Settings;
+use super::settings::Settings;
 use super::timeline::Timeline;
 use crate::WrenchTiming;
 use crate::beside::{UnloggedWrench, beside};

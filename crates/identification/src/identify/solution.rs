@@ -1,6 +1,7 @@
 //! From an information to what may be said: consistent body, derived standard deviations.
 
-use super::{Plan, Prior};
+use super::plan::Plan;
+use super::settings::Prior;
 use crate::BodyScale;
 use crate::consistency::{ConstrainedLeastSquares, InteriorPoint, PseudoInertiaCone};
 use crate::dynamics::InertialParameters;

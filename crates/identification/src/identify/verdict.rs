@@ -1,8 +1,9 @@
 //! What is said of an identification, from numbers alone.
 
-use super::{Identification, Plan};
+use super::identification::{Identification, Silence};
+use super::plan::Plan;
 use crate::dynamics::InertialParameters;
-use crate::error::{Column, IdentificationError};
+use crate::error::IdentificationError;
 use crate::estimator::{Estimate, Evidence, Finding, Judge, Verdict};
 use crate::likelihood::Quantity;
 use crate::{BodyScale, SquareRootInformation};
@@ -12,41 +13,6 @@ use nalgebra::SVector;
 const NUDGE: f64 = 1e-4;
 /// A quantity that changes by less than this share of its scale along a null direction is determined.
 const LARGEST_SLOPE: f64 = 1e-3;
-
-/// Which part of the wrench says nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-#[non_exhaustive]
-pub enum Silence {
-    /// None.
-    #[default]
-    Nothing,
-    /// The force is zero or noise: the mass cannot be known.
-    Force,
-    /// The force is no noise, and the motion does not follow it: the mass cannot be known.
-    Unfollowed,
-    /// Every wrench is zero: mass and inertia have no scale.
-    Wrench,
-}
-
-/// What decides how a result is used further on; the warnings only tell.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-#[allow(clippy::struct_excessive_bools)] // each says something else, all combinations occur
-pub(crate) struct Marks {
-    /// The likelihood was tried and did not settle.
-    pub(super) likelihood_failed: bool,
-    /// A likelihood has explained the motion, and not called it noise.
-    pub(super) leaves_noise_only: bool,
-    /// The motion is confined to a plane.
-    pub(super) is_planar: bool,
-    /// Taken for one of a body that a table holds: four of the ten are all there is to know.
-    pub(super) on_table: bool,
-    /// Errors of some column are visibly not white, or the likelihood of white ones did not settle.
-    pub(super) errors_not_white: bool,
-    /// This column beside the poses is one of them; the poses without it have not been asked.
-    pub(super) poses_without: Option<Column>,
-    /// The body changed no earlier, most likely and no later, ns.
-    pub(super) changed_ns: Option<[i64; 3]>,
-}
 
 /// The verdict on what a record says, `information` being that of the data alone.
 pub(super) fn verdict(

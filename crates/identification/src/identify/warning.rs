@@ -5,6 +5,9 @@ use crate::error::Column;
 use core::fmt;
 use nalgebra::Vector3;
 
+/// Fewer nodes than this leave the covariance uncertain.
+pub(super) const FEW_NODES: usize = 20;
+
 /// Things a reader of the result must know.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]

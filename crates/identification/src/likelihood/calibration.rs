@@ -360,7 +360,7 @@ impl Calibration {
         self.step_s = step_s;
         let late = self.values[1].clamp(-longest_s, longest_s) / step_s;
         if (late - self.acceleration_rows as f64).abs() > FAR_FROM_ROW {
-            self.acceleration_rows = super::whole_signed(late.round());
+            self.acceleration_rows = super::rounding::whole_signed(late.round());
         }
         let settling_s = SETTLING * self.values[ACTUATOR_LAG].clamp(0.0, longest_s / SETTLING);
         let unsettled = settling_s > self.settling_s + step_s || settling_s < 0.5 * self.settling_s - step_s;

@@ -1,6 +1,5 @@
 //! The segments of one record: nodes, wrench noise, normal matrices, and one Gauss-Newton step of all of them.
 
-use super::GATE;
 use super::calibration::Calibration;
 use super::coordinates::{Coordinates, ParameterStep};
 use super::drive::{Drive, Passage, drives};
@@ -13,7 +12,7 @@ use super::nodes;
 use super::noise::Levels;
 use super::record::{Doubt, Record, median};
 use super::sample::Sample;
-use super::segment::{MEASUREMENTS, Model, Robust, Rows, Tally, Tangent, normal_matrix, packed_len};
+use super::segment::{GATE, MEASUREMENTS, Model, Robust, Rows, Tally, Tangent, normal_matrix, packed_len};
 use crate::error::Column;
 use crate::statistics::Whiteness;
 use nalgebra::{SVector, Vector3, Vector6};

@@ -112,7 +112,7 @@ impl Body {
         let size = |v: &Vector3<f64>| (v.x * v.x + v.y * v.y + v.z * v.z).sqrt();
         let turn = size(&state.rate) * step_s + 0.5 * size(&acceleration) * step_s * step_s;
         // A diverging trial must not take forever.
-        if turn <= LARGEST_TURN { 1 } else { super::whole((turn / LARGEST_TURN).ceil().min(64.0)) }
+        if turn <= LARGEST_TURN { 1 } else { super::rounding::whole((turn / LARGEST_TURN).ceil().min(64.0)) }
     }
 
     /// # Source

@@ -7,7 +7,7 @@ use nalgebra::{Matrix4, SMatrix, UnitQuaternion, Vector3};
 
 /// Cubic least squares of position and rotation vector over `window_s` on each side of each node.
 pub(super) fn from_poses(record: &Record, starts: &[usize], window_s: f64, center: &Vector3<f64>) -> Vec<State> {
-    let reach = super::whole(window_s / record.median_step_s).max(4);
+    let reach = super::rounding::whole(window_s / record.median_step_s).max(4);
     starts.iter().map(|&node| from_window(record, node, reach, center)).collect()
 }
 

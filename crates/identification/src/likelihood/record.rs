@@ -80,7 +80,7 @@ impl Record {
                 breaks.push(sample + 1);
                 continue;
             }
-            let lag = super::whole(step / median_step_s).clamp(1, last);
+            let lag = super::rounding::whole(step / median_step_s).clamp(1, last);
             doubts.push(Doubt { sample, variance: change_variance(&wrenches, lag) });
         }
         doubts.sort_by_key(|doubt| doubt.sample);
@@ -139,7 +139,7 @@ impl Record {
     /// Rows that a logged wrench acts on.
     pub(super) fn rows(&self, passage: &Passage) -> Range<usize> {
         let Passage { shift_s, settling_s, .. } = *passage;
-        let steps = |time_s: f64| super::whole((time_s / self.median_step_s).ceil());
+        let steps = |time_s: f64| super::rounding::whole((time_s / self.median_step_s).ceil());
         let first = steps(shift_s.max(0.0) + settling_s);
         let end = self.samples.len().saturating_sub(steps(-shift_s.min(0.0)));
         first.min(end)..end
@@ -165,7 +165,7 @@ impl Record {
         let late = shift_s / self.median_step_s;
         // A step between two logged ones is under both.
         [late.ceil(), late.floor()].into_iter().find_map(|late| {
-            let sample = sample.checked_add_signed(-super::whole_signed(late))?;
+            let sample = sample.checked_add_signed(-super::rounding::whole_signed(late))?;
             let found = self.doubts.binary_search_by_key(&sample, |doubt| doubt.sample).ok()?;
             self.doubts.get(found).map(|doubt| &doubt.variance)
         })

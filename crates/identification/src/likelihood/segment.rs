@@ -28,6 +28,10 @@ pub(crate) const MEASUREMENTS: usize = 5;
 /// Derivatives of attitude, rate, centre and velocity, three rows each.
 pub(crate) type Tangent<const W: usize> = [[[f64; W]; 3]; 4];
 
+/// Bounds on residual 3-vectors, in standard deviations.
+pub(super) const HUBER: f64 = 2.5;
+pub(super) const GATE: f64 = 4.5;
+
 /// Bounds on the norm of one residual 3-vector, in standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Robust {

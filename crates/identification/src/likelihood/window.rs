@@ -2,11 +2,9 @@
 
 use super::record::{Record, is_finite};
 use super::sample::Sample;
-use super::segment::Robust;
+use super::segment::{GATE, HUBER, Robust};
 use super::stream::{Read, Stream};
-use super::{
-    Approach, Fit, GATE, HUBER, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, eliminated, not_excited, result,
-};
+use super::{Approach, Fit, LikelihoodEstimate, MaximumLikelihood, SMALL_DECREMENT, eliminated, not_excited, result};
 use crate::dynamics::InertialParameters;
 use crate::error::{Column, IdentificationError};
 use crate::estimator::{EstimatorError, Finding, Outcome, RecursiveEstimator};

@@ -71,7 +71,7 @@ use nalgebra::{SMatrix, SVector};
 /// assert!((filter.parameters()[0] - 2.0).abs() < 0.02);
 /// # Ok::<(), IdentificationError>(())
 /// ```
-/// A model of the library's: [the body on its principal axes](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/src/recursive/principal_body.rs).
+/// Tutorial: [the body on its principal axes](https://github.com/tumble-robotics/tumble/blob/main/crates/identification/src/recursive/principal_body.rs).
 pub trait FilterModel<const N: usize, const ROWS: usize, const P: usize> {
     /// What the filter knows.
     type State: Manifold<Scalar = f64, Tangent = SVector<f64, N>> + Copy;

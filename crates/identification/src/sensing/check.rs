@@ -10,6 +10,7 @@
 
 mod against;
 mod attitude;
+mod found;
 mod levels;
 mod regression;
 #[cfg(test)]
@@ -18,6 +19,7 @@ mod translation;
 mod turned;
 
 pub use against::Contradiction;
+pub use found::Found;
 
 use crate::error::IdentificationError;
 use crate::lie::LieGroup;
@@ -42,15 +44,6 @@ const MOST_ROWS: usize = 20_000;
 const LARGEST_AGE_S: f64 = 0.5;
 /// Fewest poses that say something.
 const FEWEST_POSES: usize = 40;
-
-/// A number and its standard deviation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
-    /// The number.
-    pub value: f64,
-    /// One standard deviation.
-    pub sigma: f64,
-}
 
 /// A stream of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -287,21 +280,6 @@ fn blank(record: &[MotionSample], stream: StreamName, samples: usize) -> StreamC
         bias: None,
         gain: None,
     }
-}
-
-/// Pairs of times about `span_s` apart, by their places; each time begins one pair at most.
-fn spans(times: &[f64], span_s: f64) -> Vec<(usize, usize)> {
-    let mut pairs = Vec::with_capacity(times.len());
-    let mut j = 0;
-    for (i, from) in times.iter().enumerate() {
-        while j < times.len() && times[j] - from < 0.9 * span_s {
-            j += 1;
-        }
-        if j < times.len() && j > i && times[j] - from < 1.6 * span_s {
-            pairs.push((i, j));
-        }
-    }
-    pairs
 }
 
 /// Age of what the rate shows, or without a rate of what the poses show, behind the wrench.

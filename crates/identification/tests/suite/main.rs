@@ -8,6 +8,7 @@ mod custom_estimator;
 mod custom_feasible_set;
 mod custom_recursive_estimator;
 mod custom_regressor;
+mod custom_sensor;
 mod custom_state_estimator;
 mod custom_wrench_model;
 mod environment;

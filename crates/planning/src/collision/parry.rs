@@ -2,6 +2,8 @@
 
 mod piece;
 
+pub use piece::PARRY_TOLERANCE;
+
 use self::piece::{FARTHEST_M, Part, Piece, decompose, distance_to_half_space, signed_distance};
 use super::broad_phase::{BoxTree, box_gap};
 use super::conservative::conservative_first_contact;
@@ -12,10 +14,6 @@ use parry3d_f64::math::{Pose as ParryPose, Rotation, Vector};
 use parry3d_f64::shape::SharedShape;
 use tumble_dynamics::AlignedBox;
 use tumble_lie::Pose;
-
-/// What a clearance of a [`ParryWorld`] may fall short of the distance: this many m, or this share of the distance
-/// where that is more. It never exceeds the distance but by rounding.
-pub const PARRY_TOLERANCE: f64 = 1e-6;
 
 fn parry_pose(pose: &Pose<f64>) -> ParryPose {
     let (translation, rotation) = (pose.translation.vector, pose.rotation.coords);

@@ -26,6 +26,7 @@ use tumble_lie::Wrench;
 /// };
 /// assert_eq!(drift.at(3.0).state.world_from_body.translation.x, 0.1 * 3.0);
 /// ```
+/// Tutorial: [legs from rest to rest](https://github.com/tumble-robotics/tumble/blob/main/xtask/studies/src/model_knowledge/impulse.rs).
 pub trait ReferenceMotion {
     /// Wanted state and acceleration at a mission time, s.
     fn at(&self, time_s: f64) -> PoseReference;

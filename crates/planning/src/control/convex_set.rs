@@ -23,6 +23,7 @@ use nalgebra::{SMatrix, SVector};
 /// assert!(reached.lower <= 0.2 && 0.2 <= reached.upper && reached.upper < 0.2001); // 0.1 + 0.05 + 0.025 + ...
 /// # Ok::<(), tumble_planning::PlanningError>(())
 /// ```
+/// Tutorial: [the sets that come with it](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/src/control/convex_set.rs).
 pub trait ConvexSet<const N: usize> {
     /// Largest product of a direction, of any length, with a point of the set; never negative.
     fn support(&self, direction: &SVector<f64, N>) -> f64;

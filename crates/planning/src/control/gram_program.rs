@@ -4,6 +4,7 @@
 //! solve works in and what it leaves behind, among it the rows that were active, where the next one begins.
 
 mod blocks;
+mod ending;
 mod exchange;
 mod factor;
 mod panels;
@@ -14,6 +15,7 @@ use crate::error::{PlanningError, finite};
 use crate::vectors::{add_scaled, dot};
 pub(super) use blocks::{BlockProgram, JointPart};
 use core::ops::Range;
+pub use ending::{GramSettings, GramStatus};
 use panels::RowPanels;
 use search::Programmed;
 pub use workspace::GramWorkspace;
@@ -51,35 +53,6 @@ pub struct GramProgram {
     gram: Vec<f64>,
     /// Of the Gram matrix: two programs that differ in it cannot share a factor.
     fingerprint: u64,
-}
-
-/// When a solve ends.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GramSettings {
-    /// Largest violation of a row, in units of the row's length in `H^-1`.
-    pub tolerance: f64,
-    /// Largest number of changes of the set of active rows.
-    pub iterations: usize,
-}
-
-impl Default for GramSettings {
-    fn default() -> Self {
-        Self { tolerance: 1e-10, iterations: 1000 }
-    }
-}
-
-/// How a solve ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum GramStatus {
-    /// With the solution.
-    Solved,
-    /// With a proof that no `x` fulfils all rows: [`GramWorkspace::certificate`].
-    Infeasible,
-    /// At the largest number of iterations.
-    Capped,
-    /// Where rounding does not allow an answer, or with an input that is no number or of another length.
-    Numerical,
 }
 
 impl GramProgram {
@@ -191,6 +164,15 @@ impl GramProgram {
         workspace: &mut GramWorkspace,
     ) -> GramStatus {
         search::solve(self, linear, [lower, upper], settings, workspace)
+    }
+}
+
+impl GramWorkspace {
+    /// For a program, or any other of as many unknowns and rows.
+    pub fn new(program: &GramProgram) -> Self {
+        let (unknowns, rows) = (program.unknowns(), program.rows());
+        let padded_rows = program.by_panels.padded_rows();
+        Self::with_room([unknowns, program.inverse.padded_rows()], [rows, padded_rows], padded_rows)
     }
 }
 

@@ -12,6 +12,7 @@ mod flight;
 mod improve;
 mod replan;
 mod search;
+mod settings;
 
 use super::{GlobalAnswer, GlobalPlanner, GlobalRequest, Objective, Status, diagnose};
 use crate::belief::Plan;
@@ -25,6 +26,7 @@ use flight::{Flight, Node};
 use improve::Improve;
 pub use replan::{Replanning, UnderWay};
 use search::{End, Search};
+pub use settings::FlightPlannerSettings;
 use tumble_lie::Pose;
 
 /// Units for one pair of trees before it starts anew.
@@ -36,23 +38,6 @@ const BEST_UNITS: u64 = 400;
 const EXPLORE_UNITS: u64 = 50;
 /// Points of the goal region looked at for a free one.
 const GOAL_TRIALS: u64 = 64;
-
-/// How the planner searches.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FlightPlannerSettings {
-    /// A plan whose cost exceeds the lower bound by no more than this share of it counts as optimal. Range: 0 to 1,
-    /// default 1e-6.
-    pub tolerance: f64,
-    /// Longest duration of a plan of least impulse, s: the slower a motion, the less impulse it takes, without end. A plan
-    /// that cannot be as fast is not refused. Range: positive, default 600.
-    pub longest_s: f64,
-}
-
-impl Default for FlightPlannerSettings {
-    fn default() -> Self {
-        Self { tolerance: 1e-6, longest_s: 600.0 }
-    }
-}
 
 /// A kinodynamic planner: anytime, seeded, for least duration asymptotically optimal. The body turns where that may help and
 /// the limits allow it, about one axis at a time and from rest to rest. The planner keeps its allocations from one request to
@@ -203,7 +188,7 @@ impl<W: CollisionWorld + ?Sized> GlobalPlanner<W> for FlightPlanner {
         budget: &mut dyn Budget,
     ) -> Result<GlobalAnswer, PlanningError> {
         let flight = Flight { arcs: known.arcs().to_vec(), duration_s: known.duration_s(), cost: 0.0 };
-        let seeds = replan::states_ahead(&flight, &request.start.position);
+        let seeds = flight::states_ahead(&flight, &request.start.position);
         self.plan_from_seeds(request, &seeds, budget)
     }
 }

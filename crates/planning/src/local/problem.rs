@@ -67,6 +67,7 @@
 /// assert_eq!(outcome.status, SqpStatus::Converged);
 /// assert!((z[0] - 0.5).abs() < 1e-6);
 /// ```
+/// Tutorial: [a plan whose curvature is one dense matrix](https://github.com/tumble-robotics/tumble/blob/main/xtask/studies/src/original_criterion.rs).
 pub trait CondensedProblem {
     /// Number of unknowns `n`.
     fn unknowns(&self) -> usize;

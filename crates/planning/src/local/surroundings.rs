@@ -17,6 +17,7 @@ use gap::{Approach, Part, Solid};
 use gauge::Gauge;
 use hermite::Segment;
 use nalgebra::Vector3;
+pub use pair_rows::RowSettings;
 use pair_rows::node_row;
 use tumble_dynamics::{AlignedBox, World};
 use turn::Turn;
@@ -50,24 +51,6 @@ pub struct Surroundings {
     barriers: Vec<(Blocker, Barrier)>,
     /// The ellipsoids of the barriers as they are when their motion begins, none for boxes.
     solids: Vec<Option<Ellipsoid>>,
-}
-
-/// How the rows of a motion are made.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RowSettings {
-    /// Mission time of the first node, s.
-    pub start_s: f64,
-    /// Length of a segment, s.
-    pub step_s: f64,
-    /// Distance kept, m.
-    pub margin_m: f64,
-    /// Farthest that the body may be, between nodes, from where the interpolation of rows on segments takes it to be, m:
-    /// see [`Surroundings::interpolation_error_m`].
-    pub interpolation_error_m: f64,
-    /// Length over which rows measure distances, m: a row of a distance changes by one over it.
-    pub length_scale_m: f64,
-    /// On whole segments; otherwise at nodes only.
-    pub on_segments: bool,
 }
 
 /// How fast the motion of a rigid body under a wrench held in body axes can change.

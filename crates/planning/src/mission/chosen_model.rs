@@ -26,6 +26,7 @@ use crate::local::{
 /// assert_eq!(planner.horizon_s(), settings.steps as f64 * settings.step_s);
 /// # Ok::<(), tumble_planning::PlanningError>(())
 /// ```
+/// Tutorial: [a model of your own, which needs none of this](https://github.com/tumble-robotics/tumble/blob/main/crates/planning/tests/suite/custom_informative_model.rs).
 pub trait ChosenModel<const X: usize, const U: usize, const P: usize>: StretchModel<X, U, P> {
     /// The informative planner.
     ///

@@ -6,6 +6,8 @@ mod held;
 #[cfg(test)]
 mod tests;
 
+pub use arcs::StopLimits;
+
 use crate::control::ReferenceMotion;
 use crate::local::{Kinematics, LocalTrajectory, PlanarState};
 use crate::motion::ArcPath;
@@ -16,23 +18,6 @@ use tumble_lie::{LieGroup, Pose, Wrench};
 
 /// Most points for drawing.
 const MOST_POINTS: f64 = 100_000.0;
-
-/// How hard a stop after a plan brakes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StopLimits {
-    /// Along the velocity of the body origin, m/s^2; positive.
-    pub acceleration_m_s2: f64,
-    /// About the axis of the rate, rad/s^2; positive.
-    pub angular_acceleration_rad_s2: f64,
-}
-
-impl StopLimits {
-    /// As hard as a force (N) and a torque (N m), in any direction, can brake a body: let it be the heaviest that there may be.
-    pub fn for_body(heaviest: &InertialParameters<f64>, force_n: f64, torque_n_m: f64) -> Self {
-        let moment = heaviest.inertia_about_com().diagonal().max();
-        Self { acceleration_m_s2: force_n / heaviest.mass, angular_acceleration_rad_s2: torque_n_m / moment }
-    }
-}
 
 /// What was planned.
 #[derive(Clone, Debug)]

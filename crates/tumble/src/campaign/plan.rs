@@ -1,7 +1,6 @@
 //! Which mission a row is: scenarios, options and seeds as a full factorial in one stated order.
 
 use super::factors::value_name;
-use super::fly_arguments;
 use super::seeds::mission_seed;
 use crate::TumbleError;
 use crate::mission::{FaultChoice, FlyOptions, LayerNames, ModelChoice, WeightingChoice};
@@ -302,4 +301,18 @@ pub(super) fn differing_keys(a: &CampaignConfiguration, b: &CampaignConfiguratio
     let [a, b] = [a, b].map(|configuration| serde_json::to_value(configuration).unwrap_or_default());
     let keys = a.as_object().into_iter().flatten().filter(|(key, value)| b.get(key.as_str()) != Some(value));
     keys.map(|(key, _)| format!("`{key}`")).collect::<Vec<_>>().join(", ")
+}
+
+/// The options of a mission as `tumble fly` takes them, `--seed` first.
+pub fn fly_arguments(options: &FlyOptions) -> String {
+    let fault =
+        options.fault.map_or(String::new(), |fault| format!(" --fault {}:{}", value_name(&fault.name), fault.severity));
+    format!(
+        "--seed {} --weighting {} --feedback {} --model {}{fault}{}",
+        options.seed,
+        value_name(&options.weighting),
+        if options.feedback { "on" } else { "off" },
+        value_name(&options.model),
+        options.layers.arguments(),
+    )
 }

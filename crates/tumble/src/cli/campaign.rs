@@ -1,9 +1,9 @@
 //! `tumble campaign`: missions over seeds and options, and parts of a campaign into a whole.
 
-use super::excite::progress;
 use super::flown_layers::FlownLayers;
 use super::flown_sensing::FlownSensing;
 use super::fly::Switch;
+use super::said::progress;
 use super::{Outcome, print};
 use crate::TumbleError;
 use crate::campaign::{

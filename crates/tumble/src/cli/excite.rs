@@ -4,6 +4,7 @@ use super::excite_motion::{Bounds, Designed, FinePeriod, Flight};
 use super::excite_options::CriterionName;
 pub use super::excite_options::ExciteArgs;
 use super::excite_page;
+use super::said::progress;
 use super::{Outcome, print};
 use crate::output::{OutputFolder, RUN_RECORD, unused};
 use crate::page::Page;
@@ -480,11 +481,4 @@ fn run_record(args: &ExciteArgs) -> String {
         "input_hash": { "body": hash(&args.body), "payload": hash(&args.payload) },
     })
     .to_string()
-}
-
-/// One line on stderr that replaces itself; silent in pipes.
-pub(super) fn progress(text: &str) {
-    if std::io::stderr().is_terminal() {
-        tell!("\r{text:<60}{}", if text.is_empty() { "\r" } else { "" });
-    }
 }

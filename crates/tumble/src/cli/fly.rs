@@ -1,10 +1,10 @@
 //! `tumble fly`: a mission in closed loop; `tumble replay`: the mission of a report, flown again.
 
 use super::commanded_nozzles::CommandedNozzles;
-use super::excite::progress;
 use super::flown_layers::FlownLayers;
 use super::flown_sensing::FlownSensing;
 use super::fly_table::{Costs, table};
+use super::said::progress;
 use super::simulate::write_mcap;
 use super::{Outcome, print};
 use crate::flight_log::{MoreColumns, Recorder};

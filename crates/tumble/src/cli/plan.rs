@@ -1,12 +1,12 @@
 //! `tumble plan`: a way from start to goal, and how far from the best it can be.
 
-use super::excite::progress;
 use super::plan_blockers::{collision_world, listed, named};
 use super::plan_budget::{WatchedBudget, budget};
 use super::plan_check::check;
 use super::plan_csv::{Rows, rows};
 use super::plan_figure::{Drawn, View, along, draw, poses};
 use super::plan_options::{ObjectiveName, triple, write_run_record, xyzw};
+use super::said::progress;
 use super::{Outcome, plan_local, plan_page, print};
 use crate::TumbleError;
 use crate::mission::planners;

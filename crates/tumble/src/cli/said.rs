@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::fmt;
-use std::io::Write as _;
+use std::io::{IsTerminal as _, Write as _};
 
 /// What a command printed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -55,5 +55,12 @@ pub(crate) fn told(text: fmt::Arguments<'_>) {
     });
     if !is_kept {
         let _ = std::io::stderr().lock().write_fmt(text);
+    }
+}
+
+/// One line on stderr that replaces itself; silent in pipes.
+pub(super) fn progress(text: &str) {
+    if std::io::stderr().is_terminal() {
+        tell!("\r{text:<60}{}", if text.is_empty() { "\r" } else { "" });
     }
 }

@@ -1,8 +1,8 @@
 //! `tumble simulate`: flies a scenario and writes its log.
 
 use super::commanded_nozzles::CommandedNozzles;
-use super::excite::progress;
 use super::flown_sensing::FlownSensing;
+use super::said::progress;
 use super::simulate_control;
 use super::simulate_flight::{Flown, fly, seconds, to_goal};
 use super::simulate_page;

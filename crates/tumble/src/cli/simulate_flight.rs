@@ -1,6 +1,6 @@
 //! The flight of `tumble simulate`, and what is counted on the way.
 
-use super::excite::progress;
+use super::said::progress;
 use super::simulate_control::Tracked;
 use crate::TumbleError;
 use crate::scenario::Flight;

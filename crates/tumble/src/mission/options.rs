@@ -1,6 +1,6 @@
 //! What one may choose about a mission, beside its scenario.
 
-use super::registries::LayerNames;
+use super::layer_names::LayerNames;
 use super::weighting::WeightingChoice;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};

@@ -1,10 +1,11 @@
 //! The layers of a mission by name: one list each for the command line, scenario files, JSON and documents.
 
+use super::layer_names::{CONTROLLER, ESTIMATOR, LOCAL_PLANNER, LayerNames, PLANNER, WrittenNames};
 use super::layers::{TRACKER_RAD_S, estimator, estimator_settings, stretch_planner, tube_controllers};
 use super::weighting::WeightingChoice;
 use crate::added::Added;
 use crate::scenario::{FLOWN, MissionProblem, PlanningProblem, TRACKER};
-use serde::{Deserialize, Deserializer, Serialize, de};
+use serde::{Deserialize, Deserializer, de};
 use tumble_astrobee::control_presets::{self, ControlLimits};
 use tumble_astrobee::flight_controller::FlightController;
 use tumble_astrobee::flight_modes::ControlGains;
@@ -24,12 +25,6 @@ use tumble_planning::control::{
 use tumble_planning::global::{FlightPlanner, GlobalPlanner};
 use tumble_planning::mission::{AlongWay, StretchPlanner};
 use tumble_planning::{ModelBelief, PlanningError};
-
-/// Flown unless another is asked for.
-const ESTIMATOR: &str = "joint";
-const PLANNER: &str = "flight";
-const LOCAL_PLANNER: &str = "informative";
-const CONTROLLER: &str = "tube";
 
 /// Makes controllers: at first, and anew when the body may be anything.
 pub type NewController = dyn FnMut(&ModelBelief) -> Result<Box<dyn Controller + Send>, PlanningError> + Send;
@@ -201,37 +196,6 @@ pub fn controllers() -> Registry<MissionProblem, NewController, PlanningError> {
     })
 }
 
-/// Layers asked for by name; those that are not named are the usual ones.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct LayerNames {
-    /// Of [`estimators`].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub estimator: Option<&'static str>,
-    /// Of [`planners`].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub planner: Option<&'static str>,
-    /// Of [`local_planners`].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub local_planner: Option<&'static str>,
-    /// Of [`controllers`].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub controller: Option<&'static str>,
-}
-
-/// Names as they are written.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct WrittenNames<S> {
-    /// Of [`estimators`].
-    pub estimator: Option<S>,
-    /// Of [`planners`].
-    pub planner: Option<S>,
-    /// Of [`local_planners`].
-    pub local_planner: Option<S>,
-    /// Of [`controllers`].
-    pub controller: Option<S>,
-}
-
 /// The name as its registry has it.
 fn known<C, T: ?Sized, S: AsRef<str>>(
     registry: &Registry<C, T, PlanningError>,
@@ -254,51 +218,6 @@ impl LayerNames {
             local_planner: known(&local_planners(), written.local_planner.as_ref())?,
             controller: known(&controllers(), written.controller.as_ref())?,
         })
-    }
-
-    /// Whether nothing is named.
-    pub fn are_usual(&self) -> bool {
-        *self == Self::default()
-    }
-
-    /// These, and of `others` those that are not named here.
-    #[must_use]
-    pub fn or(self, others: Self) -> Self {
-        Self {
-            estimator: self.estimator.or(others.estimator),
-            planner: self.planner.or(others.planner),
-            local_planner: self.local_planner.or(others.local_planner),
-            controller: self.controller.or(others.controller),
-        }
-    }
-
-    /// As a command takes them, each with a space before it; what is not named is left out.
-    pub(crate) fn arguments(&self) -> String {
-        let Self { estimator, planner, local_planner, controller } = self;
-        let options = [
-            ("estimator", estimator),
-            ("planner", planner),
-            ("local-planner", local_planner),
-            ("controller", controller),
-        ];
-        let named = options.into_iter().filter_map(|(option, name)| Some((option, (*name)?)));
-        named.flat_map(|(option, name)| [" --", option, " ", name]).collect()
-    }
-
-    pub(super) fn estimator(&self) -> &'static str {
-        self.estimator.unwrap_or(ESTIMATOR)
-    }
-
-    pub(super) fn planner(&self) -> &'static str {
-        self.planner.unwrap_or(PLANNER)
-    }
-
-    pub(super) fn local_planner(&self) -> &'static str {
-        self.local_planner.unwrap_or(LOCAL_PLANNER)
-    }
-
-    pub(super) fn controller(&self) -> &'static str {
-        self.controller.unwrap_or(CONTROLLER)
     }
 }
 

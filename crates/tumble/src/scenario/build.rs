@@ -1,7 +1,8 @@
 //! From a scenario to a robot that flies.
 
 use super::{
-    BodyTable, FORMAT, LONGEST_S, NONE, PayloadMotionName, PayloadTable, PropulsionName, ScenarioSource, Steering,
+    BodyTable, FORMAT, Flight, LONGEST_S, NONE, PayloadChange, PayloadMotionName, PayloadTable, PropulsionName,
+    ScenarioSource, Steering,
 };
 use crate::TumbleError;
 use crate::flight_log;
@@ -15,12 +16,12 @@ use tumble_astrobee::propulsion::{ImpellerMode, PropulsionSettings};
 use tumble_astrobee::sensing::{Localization, LocalizationSettings, SensingPreset};
 use tumble_astrobee::simulator::{
     Actuators, AddedWrench, AstrobeeSimulator, CONTROL_PERIOD_NS, CONTROL_PERIOD_S, ControlAccount, Drive, Event,
-    Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorMeasurement,
-    SimulatorSettings, Surroundings, Waypoint,
+    Grasp, Multisine, ObstacleMotion, PayloadMotion, Reference, SimulatorError, SimulatorSettings, Surroundings,
+    Waypoint,
 };
 use tumble_astrobee::worlds::{OBSTACLE_SETS, ROBOT_RADIUS_M, WorldPreset};
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, Plant, RigidBodyState, World, WrenchBox};
+use tumble_dynamics::{AlignedBox, InertialParameters, ObstacleEllipsoid, RigidBodyState, World, WrenchBox};
 use tumble_formats::FormatsError;
 use tumble_formats::body_file::{self, BodyFile};
 use tumble_formats::excitation_file::ExcitationFile;
@@ -40,68 +41,6 @@ const PHASES: u64 = 0x5068_6173_6573;
 const NOZZLES: u64 = 0x4e6f_7a7a_6c65;
 /// Beyond this a nozzle could pull.
 const LARGEST_THRUST_SIGMA: f64 = 0.1;
-
-/// A payload is taken hold of or let go.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum PayloadChange {
-    /// Taken hold of.
-    Attach(Grasp, PayloadMotion),
-    /// Let go.
-    Release,
-}
-
-/// A robot that flies a scenario.
-pub struct Flight {
-    /// The robot and its world.
-    pub simulator: AstrobeeSimulator,
-    /// What asks for wrenches.
-    pub drive: Drive,
-    /// Who steers, and within which limits.
-    pub steering: Steering,
-    /// Where the robot is to be in the end.
-    pub goal: Option<Pose<f64>>,
-    /// Where it flies.
-    pub place: WorldPreset,
-    /// Volumes and obstacles, for pictures.
-    pub world: World,
-    /// Its length in whole control periods, ns.
-    pub duration_ns: i64,
-    payload_changes: Vec<(i64, PayloadChange)>,
-    estimate: Option<tumble_astrobee::sensing::LocalizationEstimate>,
-}
-
-impl Flight {
-    /// One control period; `None` at the end.
-    ///
-    /// # Errors
-    /// [`AstrobeeError::Simulator`].
-    pub fn step(&mut self) -> Result<Option<SimulatorMeasurement>, TumbleError> {
-        let time_ns = self.simulator.time_ns();
-        if time_ns >= self.duration_ns {
-            return Ok(None);
-        }
-        let wanted = self.drive.wanted(time_ns, self.estimate.as_ref()).map_err(TumbleError::Control)?;
-        self.push(&wanted).map(Some)
-    }
-
-    /// One control period with a wrench from elsewhere, however late it is; payloads come and go at their times.
-    ///
-    /// # Errors
-    /// [`AstrobeeError::Simulator`].
-    pub fn push(&mut self, wanted: &Wrench<f64>) -> Result<SimulatorMeasurement, TumbleError> {
-        let time_ns = self.simulator.time_ns();
-        while let Some((_, change)) = self.payload_changes.first().filter(|(due_ns, _)| *due_ns <= time_ns) {
-            match change {
-                PayloadChange::Attach(grasp, motion) => self.simulator.attach(*grasp, *motion)?,
-                PayloadChange::Release => drop(self.simulator.release()?),
-            }
-            self.payload_changes.remove(0);
-        }
-        let measured = self.simulator.advance(wanted, CONTROL_PERIOD_S)?;
-        self.estimate = measured.estimate;
-        Ok(measured)
-    }
-}
 
 /// A pose in any of the tables that hold one.
 struct WrittenPose<'a> {

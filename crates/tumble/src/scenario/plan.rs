@@ -1,14 +1,11 @@
 //! From a scenario to a planning problem.
 
-use super::ScenarioSource;
-use super::plan_local_table::LocalTable;
+use super::{PlanBodyTable, PlanTable, PlanningProblem, ScenarioSource};
 use crate::TumbleError;
-use serde::{Deserialize, Serialize};
 use tumble_astrobee::planning_presets::{FORCE_N, SPEED_M_S, TORQUE_N_M};
-use tumble_astrobee::simulator::ObstacleMotion;
 use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
-use tumble_dynamics::{AlignedBox, RigidBodyState, World};
+use tumble_dynamics::{AlignedBox, RigidBodyState};
 use tumble_lie::Pose;
 use tumble_planning::collision::{BodyEllipsoid, BodyShape};
 use tumble_planning::global::{GoalRegion, MotionLimits};
@@ -35,87 +32,6 @@ pub(super) const TORQUE: Range = Range { least: 1e-9, most: 1e6, unit: "N m" };
 pub(super) const RATE: Range = Range { least: 1e-6, most: 1e3, unit: "rad/s" };
 pub(super) const LENGTH: Range = Range { least: 0.0, most: FARTHEST_M, unit: "m" };
 const GOAL_SPEED: Range = Range { least: 0.0, most: 1e3, unit: "m/s" };
-
-/// What a planner keeps within, as it is written.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PlanTable {
-    /// Largest force along each world axis, N.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub force_limit_n: Option<[f64; 3]>,
-    /// Largest speed along each world axis, m/s.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub speed_limit_m_s: Option<[f64; 3]>,
-    /// Least coordinates of the body origin, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub position_lower_m: Option<[f64; 3]>,
-    /// Its largest coordinates, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub position_upper_m: Option<[f64; 3]>,
-    /// How far from the goal is near enough, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub goal_radius_m: Option<f64>,
-    /// How fast one may be there, m/s.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub goal_speed_m_s: Option<f64>,
-    /// Whether to arrive with the attitude of the goal; yes unless given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub goal_attitude: Option<bool>,
-    /// Distance kept from everything, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub margin_m: Option<f64>,
-    /// Largest torque about each body axis, N m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub torque_limit_n_m: Option<[f64; 3]>,
-    /// Largest turning rate, rad/s.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rate_limit_rad_s: Option<f64>,
-    /// Ellipsoids that stand for the robot.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub body: Vec<PlanBodyTable>,
-    /// One segment, planned for progress and information.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub local: Option<LocalTable>,
-}
-
-/// An ellipsoid of the body.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PlanBodyTable {
-    /// Semi-axes, m.
-    pub semi_axes_m: [f64; 3],
-    /// Centre, body axes, m; the body origin unless given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub center_m: Option<[f64; 3]>,
-    /// Axes to body, scalar last; along the body's axes unless given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub quaternion_xyzw: Option<[f64; 4]>,
-}
-
-/// Everything a planner is asked.
-#[derive(Clone, Debug)]
-pub struct PlanningProblem {
-    /// Where.
-    pub place: WorldPreset,
-    /// Volumes and obstacles, as they are at time zero.
-    pub world: World,
-    /// Those of the obstacles that move, appear or vanish.
-    pub obstacle_motions: Vec<ObstacleMotion>,
-    /// What moves.
-    pub body: BodyShape,
-    /// Where it starts.
-    pub start: TranslationState,
-    /// Its attitude there.
-    pub attitude: UnitQuaternion<f64>,
-    /// Where to.
-    pub goal: GoalRegion,
-    /// What the motion keeps within.
-    pub limits: MotionLimits,
-    /// What the robot is taken for.
-    pub belief: ModelBelief,
-    /// Distance kept from everything, m.
-    pub margin_m: f64,
-}
 
 /// What `[plan]` says, with what holds where it says nothing.
 pub(super) struct PlanLimits {

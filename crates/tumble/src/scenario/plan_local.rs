@@ -1,10 +1,10 @@
 //! From a scenario to the settings of a local plan.
 
-use super::ScenarioSource;
-use super::plan::{FORCE, LENGTH, PlanningProblem, RATE, Range, SPEED, TORQUE};
+use super::plan::{FORCE, LENGTH, RATE, Range, SPEED, TORQUE};
 use super::plan_local_table::{
     CriterionName, EffortTable, LocalTable, MeasurementTable, PriorTable, TrackingTable, UnknownsName, WeightingName,
 };
+use super::{PlanningProblem, ScenarioSource};
 use crate::TumbleError;
 use crate::scenario::PropulsionName;
 use tumble_astrobee::propulsion::nozzle_wrench_set;

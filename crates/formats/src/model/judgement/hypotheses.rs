@@ -1,6 +1,7 @@
 //! Other readings of the six numbers of a tensor: the slips that people and exporters make.
 
-use super::{FindingKind, Inertial, Written};
+use super::finding::FindingKind;
+use crate::model::links::{Inertial, Written};
 use tumble_dynamics::nalgebra::{Matrix3, Vector3};
 
 /// One reading.

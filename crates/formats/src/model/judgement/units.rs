@@ -1,7 +1,8 @@
 //! Sizes that cannot be meant: grams, millimetres, numbers to be replaced later, no mass at all.
 
-use super::SLACK;
-use super::{Evidence, Finding, FindingKind, Inertial, Model, ModelKind, Severity, digits, excess, spread};
+use super::evidence::{Evidence, SLACK, excess, spread};
+use super::finding::{Finding, FindingKind, Severity, digits};
+use crate::model::links::{Inertial, Model, ModelKind, ModelLink};
 use tumble_dynamics::nalgebra::Matrix3;
 
 /// Denser than osmium by far, kg/m^3: shapes leave something out, but not that much.
@@ -19,7 +20,7 @@ const UNITS: [(f64, &str); 4] =
 
 /// An upper bound on the size of everything, m.
 pub(super) fn scale_m(model: &Model) -> f64 {
-    let reach = |link: &super::ModelLink| {
+    let reach = |link: &ModelLink| {
         let com = link.inertial.as_ref().map_or(0.0, |inertial| inertial.center_of_mass().norm());
         let shapes = Evidence::of(link).sets.iter().map(|(_, filled)| filled.radius()).fold(0.0, f64::max);
         com.max(shapes)

@@ -10,15 +10,17 @@ use super::super::flow::State;
 use super::eliminate::{Chain, Form, Shape, Wandering};
 use super::grid::{ATTITUDE, Grid, RATE, Row, STREAMS, whole};
 use super::layout::{BODY, CENTER, DELAYS, INERTIA, LOG_MASS, Layout, MOTION, NOISES, ROWS, STATES, WANDERS, WRENCH};
-use super::levels::{jumps, white};
+use super::levels::{FoundLevels, jumps, white};
 use super::sweep::{Sweep, Swept};
 use super::thrusters::{Term, with_gains};
 use super::unit::Unit;
-use super::{FlightLikelihood, FoundLevels, nodes};
+use super::{FlightLikelihood, nodes};
 use crate::error::{Column, IdentificationError};
 use crate::sensing::InertialErrors;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
+/// Fewest segments that anything is made of.
+pub(super) const FEWEST_SEGMENTS: usize = 16;
 /// Sweeps after which a fit that still moves is given up.
 const SWEEPS: usize = 40;
 /// Sweeps after which half a step is taken: what still swings to and fro then comes to rest.
@@ -188,11 +190,8 @@ impl<'a> Fit<'a> {
         let layout = Layout { thrusters: thrusters.map_or(0, |t| t.sigma.len()) };
         let samples = of.samples(grid.step_s);
         let segments = grid.len() / samples;
-        if segments < super::FEWEST_SEGMENTS {
-            return Err(IdentificationError::TooFewSamples {
-                samples: grid.len(),
-                needed: super::FEWEST_SEGMENTS * samples,
-            });
+        if segments < FEWEST_SEGMENTS {
+            return Err(IdentificationError::TooFewSamples { samples: grid.len(), needed: FEWEST_SEGMENTS * samples });
         }
         let axes: [Vec<usize>; STREAMS] = if planar {
             [vec![0, 1], vec![2], vec![0, 1], vec![2], vec![0, 1]]

@@ -17,6 +17,18 @@ const FEWEST: usize = 8;
 const JUMP: f64 = 8.0;
 const AFTER_JUMP_S: f64 = 0.85;
 
+/// Noise and wander found or stated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FoundLevels {
+    /// White noise per sample of position (m), attitude (rad), velocity (m/s), rate (rad/s), acceleration (m/s^2); the last two as the white
+    /// noise of the same density at low frequency. Zero where a stream is missing.
+    pub white: [f64; 5],
+    /// Wander of position, attitude, velocity: standard deviation and time in s. The record tells `2 sigma^2 / time` well, each alone badly.
+    pub wander: [(f64, f64); 3],
+    /// White error of the logged wrench per sample, N m and N.
+    pub wrench: [f64; 2],
+}
+
 pub(super) fn median(values: &mut [f64]) -> Option<f64> {
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)

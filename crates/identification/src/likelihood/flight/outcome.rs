@@ -2,9 +2,10 @@
 
 use super::super::coordinates::Coordinates;
 use super::coherent;
-use super::fit::{Fit, solved, without_state};
+use super::fit::{FEWEST_SEGMENTS, Fit, solved, without_state};
 use super::grid::{ACCELERATION, RATE, STREAMS};
 use super::layout::BODY;
+use super::levels::FoundLevels;
 use super::thrusters::{FoundFactor, FoundThrusters};
 use crate::SquareRootInformation;
 use crate::dynamics::InertialParameters;
@@ -19,18 +20,6 @@ const DETERMINED: f64 = 0.2;
 const INSANE: f64 = 16.27;
 /// Distances over which correlation of what is left of the inertial rows is looked at, in segments.
 const DISTANCES: usize = 8;
-
-/// Noise and wander found or stated.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FoundLevels {
-    /// White noise per sample of position (m), attitude (rad), velocity (m/s), rate (rad/s), acceleration (m/s^2); the last two as the white
-    /// noise of the same density at low frequency. Zero where a stream is missing.
-    pub white: [f64; 5],
-    /// Wander of position, attitude, velocity: standard deviation and time in s. The record tells `2 sigma^2 / time` well, each alone badly.
-    pub wander: [(f64, f64); 3],
-    /// White error of the logged wrench per sample, N m and N.
-    pub wrench: [f64; 2],
-}
 
 /// Age of a stream at its stamp.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -429,7 +418,7 @@ pub(super) fn planar_eta_by_parameters(at: &Coordinates) -> SMatrix<f64, 10, 10>
 /// half by other motion.
 fn halves(fit: &mut Fit<'_>, hidden: Option<&DMatrix<f64>>) -> Option<Halves> {
     let middle = fit.segments / 2;
-    if middle < super::FEWEST_SEGMENTS {
+    if middle < FEWEST_SEGMENTS {
         return None;
     }
     let (shape, p) = (fit.chain.shape, fit.free.len());

@@ -6,8 +6,8 @@
 
 use super::fit::Fit;
 use super::grid::Grid;
-use super::thrusters::FoundThrusters;
-use super::{FlightLikelihood, SUSPECT, outcome};
+use super::thrusters::{FoundThrusters, SUSPECT};
+use super::{FlightLikelihood, outcome};
 use crate::error::IdentificationError;
 use crate::motion::MotionSample;
 

@@ -1,11 +1,13 @@
 //! What the logged wrench is made of, and how each part of it may be off.
 
-use super::SUSPECT;
 use crate::error::IdentificationError;
 use nalgebra::Vector3;
 
 /// One standard deviation of the scale of a thruster of which nothing is known.
 const FREE: f64 = 1.0;
+
+/// A thruster whose scale is further from one than this, in standard deviations, is a suspect.
+pub(super) const SUSPECT: f64 = 4.0;
 
 /// Torque and force along each axis, an amount each.
 pub(super) const AXES: usize = 6;

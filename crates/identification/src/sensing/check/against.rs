@@ -1,6 +1,7 @@
 //! What a log shows, against what was stated of its sensors.
 
-use super::{Found, SensingCheck, StreamName};
+use super::found::Found;
+use super::{SensingCheck, StreamName};
 use crate::sensing::{Delay, InertialErrors, Level, Sensing, Wander};
 use core::fmt;
 

@@ -1,8 +1,8 @@
 //! Poses against the integrated rate: age, bias, scale, alignment.
 
-use super::regression::Rows;
+use super::found::Found;
+use super::regression::{Rows, spans};
 use super::turned::Turned;
-use super::{Found, spans};
 use crate::lie::LieGroup;
 use nalgebra::{Matrix4, Quaternion, UnitQuaternion, Vector3};
 

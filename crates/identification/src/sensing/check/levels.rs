@@ -4,7 +4,7 @@
 //! White noise from third differences over one and two steps, which tells it from a random walk; slow errors by the likelihood of a
 //! Gauss-Markov process in a small Kalman filter, whose offset and drift are unknown.
 
-use super::Found;
+use super::found::Found;
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Standard deviation of a normal variable over the median of its size.

@@ -13,6 +13,21 @@ const DEVIATION_OF_MEDIAN: f64 = 1.4826;
 /// Residuals of an axis below this share of the largest axis are no measurement.
 const EXACT: f64 = 1e-9;
 
+/// Pairs of times about `span_s` apart, by their places; each time begins one pair at most.
+pub(super) fn spans(times: &[f64], span_s: f64) -> Vec<(usize, usize)> {
+    let mut pairs = Vec::with_capacity(times.len());
+    let mut j = 0;
+    for (i, from) in times.iter().enumerate() {
+        while j < times.len() && times[j] - from < 0.9 * span_s {
+            j += 1;
+        }
+        if j < times.len() && j > i && times[j] - from < 1.6 * span_s {
+            pairs.push((i, j));
+        }
+    }
+    pairs
+}
+
 /// Rows of three axes: what is left, and how it changes with each parameter.
 pub(super) struct Rows {
     parameters: usize,

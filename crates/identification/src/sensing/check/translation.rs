@@ -1,10 +1,10 @@
 //! Positions against accelerations, integrated twice, and against velocities, integrated once.
 
 use super::attitude::{Attitude, Poses};
+use super::found::Found;
 use super::levels::measured;
-use super::regression::{Rows, Solution};
+use super::regression::{Rows, Solution, spans};
 use super::turned::{Turned, place, series};
-use super::{Found, spans};
 use crate::motion::MotionSample;
 use nalgebra::{UnitQuaternion, Vector3};
 

@@ -1,6 +1,5 @@
 //! Convex pieces of parry's shapes, and how far two of them are apart.
 
-use super::PARRY_TOLERANCE;
 use crate::error::PlanningError;
 use nalgebra::Vector3;
 use parry3d_f64::math::{Pose, Vector};
@@ -8,6 +7,10 @@ use parry3d_f64::query::epa::EPA;
 use parry3d_f64::query::gjk::{CsoPoint, VoronoiSimplex};
 use parry3d_f64::shape::{Cuboid, HalfSpace, Segment, SharedShape, SupportMap, Triangle, TypedShape};
 use tumble_dynamics::AlignedBox;
+
+/// What a clearance of a [`ParryWorld`](super::ParryWorld) may fall short of the distance: this many m, or this share of the distance
+/// where that is more. It never exceeds the distance but by rounding.
+pub const PARRY_TOLERANCE: f64 = 1e-6;
 
 /// Farthest that anything may be, m: squares of lengths stay finite.
 pub(super) const FARTHEST_M: f64 = 1e100;

@@ -1,7 +1,7 @@
 //! The search for the active rows.
 
+use super::ending::{GramSettings, GramStatus};
 use super::workspace::{GramWorkspace, Side};
-use super::{GramSettings, GramStatus};
 use crate::vectors::{dot, largest};
 
 /// Square of the share of a row that is new to the active ones, below which it counts as one of their combinations.

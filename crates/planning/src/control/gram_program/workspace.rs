@@ -1,6 +1,5 @@
 //! What a solve works in and leaves behind.
 
-use super::GramProgram;
 use super::factor::ActiveFactor;
 
 /// Which bound an active row is at.
@@ -23,7 +22,7 @@ impl Side {
     }
 }
 
-/// Memory of the solves of one [`GramProgram`]: the last solution and the rows that were active in it.
+/// Memory of the solves of one [`GramProgram`](super::GramProgram): the last solution and the rows that were active in it.
 #[derive(Clone, Debug)]
 pub struct GramWorkspace {
     pub(super) unknowns: usize,
@@ -65,13 +64,6 @@ pub struct GramWorkspace {
 }
 
 impl GramWorkspace {
-    /// For a program, or any other of as many unknowns and rows.
-    pub fn new(program: &GramProgram) -> Self {
-        let (unknowns, rows) = (program.unknowns(), program.rows());
-        let padded_rows = program.by_panels.padded_rows();
-        Self::with_room([unknowns, program.inverse.padded_rows()], [rows, padded_rows], padded_rows)
-    }
-
     /// For so many unknowns and rows, each also filled up with zeros, and with memory for more rows.
     pub(super) fn with_room([unknowns, padded]: [usize; 2], [rows, padded_rows]: [usize; 2], room: usize) -> Self {
         let most = unknowns.min(room);

@@ -6,8 +6,8 @@
 
 use super::grid::Grid;
 use super::least_time::{least_time, least_time_from};
+use super::metric::{Metric, length_s};
 use super::survey::{Cell, NEVER, Stop, Survey, layer_of};
-use super::{Metric, length_s};
 use crate::collision::CollisionWorld;
 
 /// One axis in one direction.

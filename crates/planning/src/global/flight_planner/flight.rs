@@ -1,7 +1,12 @@
 //! A flight: a chain of arcs that can be cut and mended.
 
 use crate::motion::{BodyArc, COEFFICIENTS, TranslationState};
-use nalgebra::UnitQuaternion;
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// States of the old plan that a new one may lead through.
+const SEEDS: usize = 24;
+/// Points of a plan among which the one nearest to a position is looked for.
+const NEAREST: usize = 96;
 
 /// Where a flight may be cut and joined: a translation in full, an attitude at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,4 +108,24 @@ pub(super) fn part(arc: &BodyArc, begin_s: f64, end_s: f64) -> BodyArc {
     let (state, acceleration) = arc.translation(begin_s);
     debug_assert!(arc.position[3..COEFFICIENTS].iter().all(|jerk| jerk.norm_squared() == 0.0));
     BodyArc::accelerated(end_s - begin_s, &state, acceleration, arc.attitude)
+}
+
+/// States of a flight behind the one that is nearest to a position, its end included.
+pub(super) fn states_ahead(flight: &Flight, position: &Vector3<f64>) -> Vec<Node> {
+    let distance = |node: &Node| (node.translation.position - position).norm_squared();
+    let at = |share: f64| flight.cut(flight.duration_s * share);
+    let nearest = (0..NEAREST)
+        .filter_map(|step| at(step as f64 / NEAREST as f64))
+        .min_by(|a, b| distance(&a.node).total_cmp(&distance(&b.node)));
+    let from_s = nearest.map_or(0.0, |nearest| nearest.time_s);
+    states_from(flight, from_s)
+}
+
+/// States of a flight from a time on, its end included.
+pub(super) fn states_from(flight: &Flight, from_s: f64) -> Vec<Node> {
+    let left_s = flight.duration_s - from_s;
+    let later = (1..SEEDS).filter_map(|step| flight.cut(from_s + left_s * step as f64 / SEEDS as f64));
+    let mut states: Vec<Node> = later.map(|cut| cut.node).chain(flight.end()).collect();
+    states.dedup();
+    states
 }

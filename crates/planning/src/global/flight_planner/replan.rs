@@ -1,18 +1,12 @@
 //! When the world changes under way: what is left of the plan is checked again, and mended from a state ahead.
 
 use super::FlightPlanner;
-use super::flight::{Flight, Node, part};
+use super::flight::{Flight, part, states_from};
 use crate::budget::Budget;
 use crate::collision::{CollisionWorld, Contact};
 use crate::error::{PlanningError, finite};
 use crate::global::{GlobalAnswer, GlobalRequest};
 use crate::motion::ArcPath;
-use nalgebra::Vector3;
-
-/// States of the old plan that a new one may lead through.
-const SEEDS: usize = 24;
-/// Points of a plan among which the one nearest to a position is looked for.
-const NEAREST: usize = 96;
 
 /// A plan that is being flown.
 #[derive(Clone, Copy, Debug)]
@@ -92,26 +86,6 @@ impl FlightPlanner {
         let kept = flight.cut(0.0).map(|from| ArcPath::new(flight.between(&from, Some(&cut)))).unwrap_or_default();
         Ok(Replanning::Replace { contact, kept, splice_s, answer })
     }
-}
-
-/// States of a flight behind the one that is nearest to a position, its end included.
-pub(super) fn states_ahead(flight: &Flight, position: &Vector3<f64>) -> Vec<Node> {
-    let distance = |node: &Node| (node.translation.position - position).norm_squared();
-    let at = |share: f64| flight.cut(flight.duration_s * share);
-    let nearest = (0..NEAREST)
-        .filter_map(|step| at(step as f64 / NEAREST as f64))
-        .min_by(|a, b| distance(&a.node).total_cmp(&distance(&b.node)));
-    let from_s = nearest.map_or(0.0, |nearest| nearest.time_s);
-    states_from(flight, from_s)
-}
-
-/// States of a flight from a time on, its end included.
-fn states_from(flight: &Flight, from_s: f64) -> Vec<Node> {
-    let left_s = flight.duration_s - from_s;
-    let later = (1..SEEDS).filter_map(|step| flight.cut(from_s + left_s * step as f64 / SEEDS as f64));
-    let mut states: Vec<Node> = later.map(|cut| cut.node).chain(flight.end()).collect();
-    states.dedup();
-    states
 }
 
 /// First contact of what is left of a flight, its time since `now_s`.

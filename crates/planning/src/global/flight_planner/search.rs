@@ -1,8 +1,8 @@
 //! One search: the request, what it has spent, what stood in its way, and the best plan so far.
 
-use super::FlightPlannerSettings;
 use super::chance::Chance;
 use super::flight::{Flight, Node};
+use super::settings::FlightPlannerSettings;
 use crate::budget::Budget;
 use crate::collision::{Blocker, CollisionWorld};
 use crate::error::PlanningError;

@@ -1,6 +1,5 @@
 //! The rows of a part and a solid: the least gap on a segment, the gap at its end.
 
-use super::RowSettings;
 use super::closest::{Closest, closest};
 use super::gap::{Approach, Part, Place, Solid};
 use super::gauge::LEAST_CURVATURE;
@@ -15,6 +14,24 @@ const FAR: f64 = 5.0;
 const TOLERANCE: f64 = 1e-3;
 /// Step of differences along a segment.
 const STEP: f64 = 1e-3;
+
+/// How the rows of a motion are made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RowSettings {
+    /// Mission time of the first node, s.
+    pub start_s: f64,
+    /// Length of a segment, s.
+    pub step_s: f64,
+    /// Distance kept, m.
+    pub margin_m: f64,
+    /// Farthest that the body may be, between nodes, from where the interpolation of rows on segments takes it to be, m:
+    /// see [`Surroundings::interpolation_error_m`](super::Surroundings::interpolation_error_m).
+    pub interpolation_error_m: f64,
+    /// Length over which rows measure distances, m: a row of a distance changes by one over it.
+    pub length_scale_m: f64,
+    /// On whole segments; otherwise at nodes only.
+    pub on_segments: bool,
+}
 
 /// At the end of a segment.
 pub(super) fn node_row(

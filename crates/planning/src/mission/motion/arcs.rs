@@ -1,11 +1,27 @@
 //! Arcs as something to follow: what they are at a time, what is left of them, and how a motion comes to rest.
 
-use super::StopLimits;
 use crate::collision::polynomial::about;
 use crate::motion::{ArcPath, BodyArc, COEFFICIENTS, TranslationState};
 use nalgebra::{Unit, Vector3};
-use tumble_dynamics::{BodyAcceleration, PoseReference, RigidBodyState};
+use tumble_dynamics::{BodyAcceleration, InertialParameters, PoseReference, RigidBodyState};
 use tumble_lie::{Pose, Twist};
+
+/// How hard a stop after a plan brakes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StopLimits {
+    /// Along the velocity of the body origin, m/s^2; positive.
+    pub acceleration_m_s2: f64,
+    /// About the axis of the rate, rad/s^2; positive.
+    pub angular_acceleration_rad_s2: f64,
+}
+
+impl StopLimits {
+    /// As hard as a force (N) and a torque (N m), in any direction, can brake a body: let it be the heaviest that there may be.
+    pub fn for_body(heaviest: &InertialParameters<f64>, force_n: f64, torque_n_m: f64) -> Self {
+        let moment = heaviest.inertia_about_com().diagonal().max();
+        Self { acceleration_m_s2: force_n / heaviest.mass, angular_acceleration_rad_s2: torque_n_m / moment }
+    }
+}
 
 /// State and acceleration at a time within an arc, exactly consistent.
 pub(super) fn reference(arc: &BodyArc, within_s: f64) -> PoseReference {

@@ -1,7 +1,7 @@
 //! Messages that come as they should and say what is not so.
 
+use super::fault::{Counts, Fault, add};
 use super::window::{Window, nanoseconds};
-use super::{Counts, Fault, add};
 use tumble_astrobee::sensing::{Confidence, LocalizationEstimate};
 use tumble_dynamics::nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use tumble_identification::noise::Gaussian;

@@ -1,7 +1,7 @@
 //! Estimators that are sure of what is wrong, planners that do not answer, obstacles that nobody announced.
 
+use super::fault::{Counts, Fault, LateObstacle, PlannerFault, PlantChange, Sabotage, add};
 use super::window::Window;
-use super::{Counts, Fault, LateObstacle, PlannerFault, PlantChange, Sabotage, add};
 use tumble_identification::noise::Gaussian;
 
 /// The estimator is made sure of what is wrong.

@@ -1,7 +1,7 @@
 //! Messages that do not come, come late, twice or out of order: their contents are left alone.
 
+use super::fault::{Counts, Fault, add};
 use super::window::{Window, nanoseconds};
-use super::{Counts, Fault, add};
 use tumble_astrobee::sensing::LocalizationEstimate;
 use tumble_identification::noise::Gaussian;
 

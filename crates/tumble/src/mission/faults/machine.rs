@@ -1,7 +1,7 @@
 //! A robot that does not do what it is told, or is not what it was.
 
+use super::fault::{Counts, Fault, PlantChange, add};
 use super::window::Window;
-use super::{Counts, Fault, PlantChange, add};
 use tumble_astrobee::control_presets::rattle_limits;
 use tumble_astrobee::propulsion::Damage;
 use tumble_astrobee::simulator::BodyStep;

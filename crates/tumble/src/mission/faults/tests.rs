@@ -7,8 +7,9 @@
     reason = "a test: small counts, and numbers that are set, not computed"
 )]
 use super::*;
+use tumble_astrobee::propulsion::Damage;
 use tumble_astrobee::sensing::Confidence;
-use tumble_astrobee::simulator::{CONTROL_PERIOD_NS, SimulatorSettings};
+use tumble_astrobee::simulator::{AstrobeeSimulator, CONTROL_PERIOD_NS, SimulatorSettings};
 use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3};
 use tumble_dynamics::{Plant, RigidBodyState};

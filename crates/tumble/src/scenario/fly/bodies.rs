@@ -3,8 +3,7 @@
 use super::numbers::{FlyNumbers, PRIOR, RELATIVE};
 use crate::TumbleError;
 use crate::mission::ModelChoice;
-use crate::scenario::plan::PlanningProblem;
-use crate::scenario::{BodyTable, DriveTable, LimitsTable, NONE, ScenarioSource};
+use crate::scenario::{BodyTable, DriveTable, LimitsTable, NONE, PlanningProblem, ScenarioSource};
 use tumble_astrobee::simulator::planar_part;
 use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::InertialParameters;

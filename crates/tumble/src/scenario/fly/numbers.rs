@@ -1,7 +1,8 @@
 //! The numbers of `[fly]`, checked, with what holds where nothing is written.
 
-use super::{ArrivalTolerance, ComputingSettings, FlyTable, PlannedMotion, WeightingSettings};
+use super::FlyTable;
 use crate::TumbleError;
+use crate::scenario::mission_problem::{ArrivalTolerance, ComputingSettings, PlannedMotion, WeightingSettings};
 use crate::scenario::plan::{FORCE, Range, TORQUE};
 use crate::scenario::{ScenarioSource, UnknownsName};
 use tumble_astrobee::control_presets::{MASS_UNKNOWN_SHARE, THESIS_FORCE_N, THESIS_TORQUE_N_M};

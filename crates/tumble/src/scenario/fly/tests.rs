@@ -1,8 +1,9 @@
 use super::*;
 use crate::mission::{ModelChoice, WeightingChoice};
-use crate::scenario::EMBEDDED;
+use crate::scenario::{EMBEDDED, WeightingSettings};
 use std::path::Path;
-use tumble_dynamics::nalgebra::{Matrix3, UnitQuaternion};
+use tumble_dynamics::InertialParameters;
+use tumble_dynamics::nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use tumble_lie::Wrench;
 use tumble_planning::Units;
 use tumble_planning::collision::EllipsoidWorld;
