@@ -43,7 +43,7 @@ type Any = Box<dyn Estimator<Record = [MotionSample]> + Send + Sync>;
 #[test]
 fn its_wheels_keep_the_laws() {
     let (wheels, _) = actuators().unwrap();
-    let (empty, drawn) = (Default::default(), draws(&wrenches(0.05, 0.0), 3, 40));
+    let (empty, drawn) = (SVector::default(), draws(&wrenches(0.05, 0.0), 3, 40));
     let commands: Vec<_> =
         drawn.iter().map(|turn| wheels.allocate_over(&empty, turn, PERIOD_S).unwrap() * 10.0).collect();
     let excess = |torques: &SVector<f64, 4>, _: &Wrench<f64>| torques.amax() - 0.2;

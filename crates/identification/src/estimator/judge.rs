@@ -143,6 +143,7 @@ pub struct Evidence {
 
 impl Evidence {
     /// Of sums of squares of the wrench applied and of what is left of it, torque counted at the body's length.
+    #[cfg(feature = "std")]
     pub(crate) fn of_sums(applied: f64, left: f64) -> Self {
         Self { applied, left, ..Self::default() }
     }
