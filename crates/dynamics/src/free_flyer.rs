@@ -197,15 +197,7 @@ impl<T: Scalar, E: WrenchModel<T>> MechanicalSystem for FreeFlyerIn<T, E> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Default body of section 5.4.
-    fn body_d() -> InertialParameters<f64> {
-        InertialParameters::about_origin(
-            5.0,
-            Vector3::new(0.05, 0.1, 0.05),
-            Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
-        )
-    }
+    use crate::strategies::body_d;
 
     #[test]
     fn golden_wrench_of_body_d() {

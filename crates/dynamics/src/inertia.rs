@@ -256,14 +256,7 @@ impl<'de> serde::Deserialize<'de> for InertialParameters<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn body_d() -> InertialParameters<f64> {
-        InertialParameters::about_origin(
-            5.0,
-            Vector3::new(0.05, 0.1, 0.05),
-            Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
-        )
-    }
+    use crate::strategies::body_d;
 
     #[test]
     fn golden_inertia_about_com_of_body_d() {

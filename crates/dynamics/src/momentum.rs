@@ -102,15 +102,8 @@ pub fn discrete_spatial_momentum<T: Scalar>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tumble_lie::nalgebra::{Matrix3, SVector, Translation3, UnitQuaternion};
-
-    fn body_d() -> InertialParameters<f64> {
-        InertialParameters::about_origin(
-            5.0,
-            Vector3::new(0.05, 0.1, 0.05),
-            Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
-        )
-    }
+    use crate::strategies::body_d;
+    use tumble_lie::nalgebra::{SVector, Translation3, UnitQuaternion};
 
     #[test]
     fn golden_discrete_impulse_of_body_d() {

@@ -11,6 +11,15 @@ use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use tumble_lie::nalgebra::{Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use tumble_lie::{Pose, Twist, Wrench};
 
+/// The body of thesis 5.4, to which golden values belong; its centre of mass lies beside its origin, and every product of inertia is there.
+pub fn body_d() -> InertialParameters<f64> {
+    InertialParameters::about_origin(
+        5.0,
+        Vector3::new(0.05, 0.1, 0.05),
+        Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
+    )
+}
+
 /// `count` draws from a strategy, always the same for the same seed; for loops too long for a proptest run.
 pub fn draws<S: Strategy>(strategy: &S, seed: u64, count: usize) -> Vec<S::Value> {
     let mut bytes = [0; 32];

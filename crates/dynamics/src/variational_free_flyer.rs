@@ -262,15 +262,8 @@ impl<T: Scalar, E: WrenchModel<T>> Integrator<FreeFlyerIn<T, E>> for Variational
 mod tests {
     use super::*;
     use crate::momentum::{body_momentum, momentum_at_end, momentum_at_start};
+    use crate::strategies::body_d;
     use tumble_lie::nalgebra::SVector;
-
-    fn body_d() -> InertialParameters<f64> {
-        InertialParameters::about_origin(
-            5.0,
-            Vector3::new(0.05, 0.1, 0.05),
-            Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
-        )
-    }
 
     #[test]
     fn golden_step_of_body_d() {

@@ -163,6 +163,7 @@ impl fmt::Display for NullDirection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dynamics::strategies::body_d;
     use nalgebra::{SMatrix, Vector3};
 
     /// Newton-Euler regressor, rows [torque; force], written out here from equation (4.8).
@@ -288,7 +289,7 @@ mod tests {
     #[test]
     fn free_motion_leaves_two_scales() {
         // Accelerations of a free body satisfy γ p = 0 for the truth: free tumbling about the centre of mass.
-        let body = SVector::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0]);
+        let body = body_d().to_vector();
         let at_origin = |w: Vector3<f64>| {
             // Solve the Newton-Euler equations for (ω̇, a) at zero wrench: linear in both.
             let offset = regressor(w, Vector3::zeros(), Vector3::zeros()) * body;

@@ -9,6 +9,7 @@ use nalgebra::{
     Isometry2, Isometry3, Rotation3, SMatrix, SVector, Translation3, UnitComplex, UnitDualQuaternion, UnitQuaternion,
     Vector2, Vector3,
 };
+use tumble_identification::dynamics::strategies::body_d;
 use tumble_identification::dynamics::strategies::{bodies, draws, poses, twists, wrenches};
 use tumble_identification::dynamics::{
     FreeFlyer, GaussLegendre4, InertialParameters, Integrator, LieEuler, LogCholesky, MuntheKaas4, RigidBodyState,
@@ -104,23 +105,19 @@ fn increment_chart() {
     assert_none("Increment::reversed", |i| increments[i].reversed());
 }
 
-fn ch5_body() -> InertialParameters<f64> {
-    InertialParameters::from_vector(&SVector::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0]))
-}
-
 fn step(
     name: &str,
     integrator: &impl Integrator<FreeFlyer<f64>>,
     states: &[RigidBodyState<f64>],
     wrenches: &[Wrench<f64>],
 ) {
-    let flyer = FreeFlyer::new(ch5_body());
+    let flyer = FreeFlyer::new(body_d());
     assert_none(name, |i| integrator.step(&flyer, &states[i], &wrenches[i], 0.0, 0.01).unwrap());
 }
 
 #[test]
 fn dynamics_and_integrator_steps() {
-    let flyer = FreeFlyer::new(ch5_body());
+    let flyer = FreeFlyer::new(body_d());
     let (twists, wrenches) = (draws(&twists(1.0, 1.0), 1, INPUTS), draws(&wrenches(1.0, 1.0), 2, INPUTS));
     let accelerations: Vec<_> = (0..INPUTS).map(|i| flyer.forward(&twists[i], &wrenches[i])).collect();
     assert_none("FreeFlyer::forward", |i| flyer.forward(&twists[i], &wrenches[i]));
@@ -139,7 +136,7 @@ fn dynamics_and_integrator_steps() {
 fn regressors() {
     const STEP_S: f64 = 0.05;
     let (twists, wrenches) = (draws(&twists(1.0, 1.0), 3, INPUTS), draws(&wrenches(1.0, 1.0), 4, INPUTS));
-    let flyer = FreeFlyer::new(ch5_body());
+    let flyer = FreeFlyer::new(body_d());
     assert_none("newton_euler", |i| {
         let linear = &twists[(i + 1) % INPUTS].linear;
         newton_euler(&twists[i].angular, &wrenches[i].torque, linear)
@@ -170,11 +167,11 @@ fn square_root_information() {
     let (twists, wrenches) = (draws(&twists(1.0, 1.0), 5, INPUTS), draws(&wrenches(1.0, 1.0), 6, INPUTS));
     let blocks: Vec<SMatrix<f64, 6, 10>> =
         (0..INPUTS).map(|i| newton_euler(&twists[i].angular, &wrenches[i].torque, &wrenches[i].force)).collect();
-    let right: Vec<SVector<f64, 6>> = blocks.iter().map(|block| block * ch5_body().to_vector()).collect();
+    let right: Vec<SVector<f64, 6>> = blocks.iter().map(|block| block * body_d().to_vector()).collect();
     let mut information = SquareRootInformation::<10>::new();
     assert_none("SquareRootInformation::update", |i| information.update(&blocks[i], &right[i]).unwrap());
 
-    let scale = BodyScale::of(&ch5_body().to_vector()).unwrap();
+    let scale = BodyScale::of(&body_d().to_vector()).unwrap();
     let other = information;
     let mut sum = SquareRootInformation::<10>::new();
     assert_none("SquareRootInformation::merge", |_| sum.merge(&other));
@@ -200,7 +197,7 @@ fn constrained_solution_where_it_binds() {
 fn physical_consistency() {
     let bodies = draws(&bodies(), 7, INPUTS);
     let vectors: Vec<_> = bodies.iter().map(InertialParameters::to_vector).collect();
-    let cone = PseudoInertiaCone::new(BodyScale::of(&ch5_body().to_vector()).unwrap());
+    let cone = PseudoInertiaCone::new(BodyScale::of(&body_d().to_vector()).unwrap());
     assert_none("InertialParameters::consistency_margin", |i| bodies[i].consistency_margin());
     assert_none("PseudoInertiaCone::margin", |i| cone.margin(&vectors[i]));
 }
@@ -211,12 +208,12 @@ fn recursive_estimators() {
     let observations: Vec<LinearObservation<6, 10>> = (0..INPUTS)
         .map(|i| {
             let regressor = newton_euler(&twists[i].angular, &wrenches[i].torque, &wrenches[i].force);
-            let output = regressor * ch5_body().to_vector();
+            let output = regressor * body_d().to_vector();
             LinearObservation { regressor, output, standard_deviation: SVector::repeat(0.1) }
         })
         .collect();
     let gate = ChiSquareGate::try_new(0.99).unwrap();
-    let cone = PseudoInertiaCone::new(BodyScale::of(&ch5_body().to_vector()).unwrap());
+    let cone = PseudoInertiaCone::new(BodyScale::of(&body_d().to_vector()).unwrap());
     let (mean, deviation) = (cone.interior_point(), cone.magnitudes() * 3.0);
     let covariance = SMatrix::from_diagonal(&deviation.map(|s| s * s));
     let mut filter = RecursiveLeastSquares::<10, 6>::new(mean, covariance).with_gate(gate);
@@ -273,7 +270,7 @@ fn joint_filters_and_the_detector_of_changes() {
         drift: SVector::zeros(),
     };
     let model = JointMotion { noise, gravity_world: Vector3::new(0.0, 0.0, -0.1) };
-    let body = LogCholesky::try_from_parameters(&ch5_body()).unwrap();
+    let body = LogCholesky::try_from_parameters(&body_d()).unwrap();
     let state = JointState { motion: RigidBodyState::at_rest(), body };
     let covariance = SMatrix::identity() * 1e-4;
     let gate = ChiSquareGate::try_new(0.99).unwrap();
@@ -288,7 +285,7 @@ fn joint_filters_and_the_detector_of_changes() {
         center_of_mass_m: Vector3::zeros(),
         inertia_about_com_kg_m2: nalgebra::Matrix3::zeros(),
     };
-    let prior = Estimate { parameters: ch5_body(), covariance: SMatrix::identity() * 1e-4, std, lmi_active: false };
+    let prior = Estimate { parameters: body_d(), covariance: SMatrix::identity() * 1e-4, std, lmi_active: false };
     let mut flight = FlightEstimator::try_new(settings, RigidBodyState::at_rest(), 0, &prior).unwrap();
     let mut now_ns = 0;
     let measured = allocations(CALLS, |i| {

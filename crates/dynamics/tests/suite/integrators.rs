@@ -3,17 +3,9 @@
 use proptest::prelude::*;
 use tumble_dynamics::laws::*;
 use tumble_dynamics::lie::{LieGroup, Manifold, Pose, Twist, Wrench};
-use tumble_dynamics::nalgebra::{Matrix3, Translation3, UnitQuaternion, Vector3, Vector6};
+use tumble_dynamics::nalgebra::{Translation3, UnitQuaternion, Vector3, Vector6};
+use tumble_dynamics::strategies::body_d;
 use tumble_dynamics::*;
-
-/// Default body of section 5.4.
-fn body_d() -> InertialParameters<f64> {
-    InertialParameters::about_origin(
-        5.0,
-        Vector3::new(0.05, 0.1, 0.05),
-        Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
-    )
-}
 
 /// Smooth wrench of the golden run.
 struct Smooth;

@@ -7,6 +7,7 @@ use tumble_dynamics::laws::{
 };
 use tumble_dynamics::lie::{Pose, Twist, Wrench};
 use tumble_dynamics::nalgebra::{Matrix3, Matrix4, SVector, UnitQuaternion, Vector3};
+use tumble_dynamics::strategies::body_d;
 use tumble_dynamics::strategies::{bodies, clouds, draws, judged_bodies, poses, states, twists, vectors, wrenches};
 use tumble_dynamics::{
     Actuation, BodyAcceleration, ConstantBodyWrench, ConstantWorldWrench, DynamicsError, FreeFlyer, FreeFlyerIn,
@@ -43,7 +44,7 @@ fn triangles_of(inertia: &Matrix3<f64>) -> bool {
 #[test]
 fn the_unbroken_implementations_pass() {
     check_inertia(&InertiaOperations::default(), &samples(), 1e-10).unwrap();
-    let (body, cases) = (body(), free_body_samples());
+    let (body, cases) = (body_d(), free_body_samples());
     check_system(&FreeFlyer::new(body), &cases, 1e-13).unwrap();
     check_system(&FreeFlyerIn { body: FreeFlyer::new(body), environment: () }, &cases, 1e-13).unwrap();
 }
@@ -163,10 +164,6 @@ fn defects_of_inertia_are_caught_by_name() {
     assert_eq!(law_of(check_inertia(&shrinking, &samples(), 1e-9)), "projection keeps bodies");
 }
 
-fn body() -> Body {
-    Body::about_origin(5.0, Vector3::new(0.05, 0.1, 0.05), Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0))
-}
-
 fn free_body_samples() -> Vec<(State, Wrench<f64>)> {
     draws(&states(), 4, 100).into_iter().zip(draws(&wrenches(3.0, 5.0), 5, 100)).collect()
 }
@@ -179,7 +176,7 @@ type Field = fn(&FreeFlyer<f64>, &State, &Wrench<f64>) -> Result<SVector<f64, 12
 impl RigidBody for BrokenBody {
     type Scalar = f64;
     fn inertial_parameters(&self) -> Body {
-        body()
+        body_d()
     }
 }
 
@@ -192,7 +189,7 @@ impl MechanicalSystem for BrokenBody {
         state: &State,
         wrench_body: &Wrench<f64>,
     ) -> Result<SVector<f64, 12>, DynamicsError> {
-        (self.0)(&FreeFlyer::new(body()), state, wrench_body)
+        (self.0)(&FreeFlyer::new(body_d()), state, wrench_body)
     }
 }
 
@@ -237,7 +234,7 @@ struct BrokenGyrostat(fn(&State, &GyrostatInput<f64>, Vector3<f64>) -> Wrench<f6
 impl RigidBody for BrokenGyrostat {
     type Scalar = f64;
     fn inertial_parameters(&self) -> Body {
-        body()
+        body_d()
     }
 }
 
@@ -250,7 +247,7 @@ impl MechanicalSystem for BrokenGyrostat {
         state: &State,
         input: &GyrostatInput<f64>,
     ) -> Result<SVector<f64, 12>, DynamicsError> {
-        FreeFlyer::new(body()).vector_field(time_s, state, &(self.0)(state, input, input.stored_at(time_s)))
+        FreeFlyer::new(body_d()).vector_field(time_s, state, &(self.0)(state, input, input.stored_at(time_s)))
     }
 }
 
@@ -265,7 +262,7 @@ fn gyrostat_samples() -> Vec<(State, GyrostatInput<f64>)> {
 
 #[test]
 fn defects_of_momentum_within_are_caught_by_name() {
-    check_gyrostat(&Gyrostat(FreeFlyer::new(body())), &gyrostat_samples(), 1e-13).unwrap();
+    check_gyrostat(&Gyrostat(FreeFlyer::new(body_d())), &gyrostat_samples(), 1e-13).unwrap();
     let cases: [(&str, BrokenGyrostat); 5] = [
         // wheels without gyroscopic torque
         ("momentum balance", BrokenGyrostat(|_, input, _| input.wrench_body)),
@@ -302,7 +299,7 @@ fn defects_of_momentum_within_are_caught_by_name() {
 
 #[test]
 fn defects_of_inverse_dynamics_are_caught_by_name() {
-    let body = FreeFlyer::new(body());
+    let body = FreeFlyer::new(body_d());
     let samples: Vec<_> = draws(&twists(2.0, 2.0), 6, 50).into_iter().zip(draws(&wrenches(3.0, 5.0), 7, 50)).collect();
     let forward = |twist: &Twist<f64>, wrench: &Wrench<f64>| body.forward(twist, wrench);
     let inverse = |twist: &Twist<f64>, acceleration: &BodyAcceleration<f64>| body.inverse(twist, acceleration);
@@ -339,7 +336,7 @@ fn quadratic_drag() -> QuadraticDrag<f64> {
 }
 
 fn gravity() -> UniformGravity<f64> {
-    let body = body();
+    let body = body_d();
     UniformGravity { mass: body.mass, first_moment: body.first_moment, gravity_world: Vector3::new(0.3, -0.2, -9.81) }
 }
 
@@ -349,8 +346,8 @@ fn gravity_in(world: &Pose<f64>) -> UniformGravity<f64> {
 
 /// Potential of uniform gravity.
 fn height(_: f64, state: &State) -> f64 {
-    let com = state.world_from_body.transform_point(&body().center_of_mass().into()).coords;
-    -body().mass * gravity().gravity_world.dot(&com)
+    let com = state.world_from_body.transform_point(&body_d().center_of_mass().into()).coords;
+    -body_d().mass * gravity().gravity_world.dot(&com)
 }
 
 /// The earth from a low orbit: gravitational parameter, its centre, the angular velocity of the orbit.
@@ -363,7 +360,7 @@ fn orbit() -> (f64, Vector3<f64>, Vector3<f64>) {
 
 fn tide_in(world: &Pose<f64>) -> GravityGradient<f64> {
     let (mu, center, rate) = orbit();
-    let field = GravityGradient::of_point_mass(body(), mu, world.rotation * center, world.rotation * rate);
+    let field = GravityGradient::of_point_mass(body_d(), mu, world.rotation * center, world.rotation * rate);
     GravityGradient { reference_world: world.translation.vector, ..field }
 }
 
@@ -379,7 +376,7 @@ fn fall(time_s: f64, place: &Vector3<f64>) -> Vector3<f64> {
 fn tide_energy(time_s: f64, state: &State) -> f64 {
     let turned = UnitQuaternion::from_scaled_axis(orbit().2 * time_s).to_rotation_matrix().into_inner();
     let gradient = turned * tide_in(&Pose::identity()).gradient_world * turned.transpose();
-    let in_world = body().transformed_by(&state.world_from_body);
+    let in_world = body_d().transformed_by(&state.world_from_body);
     let pseudo = pseudo_inertia(&in_world);
     -0.5 * (gradient * pseudo.fixed_view::<3, 3>(0, 0)).trace()
 }
@@ -398,8 +395,8 @@ fn the_gravity_gradient_is_that_of_a_point_mass() {
     for state in states.iter().take(20) {
         let wrench = gravity.wrench_body(0.0, state);
         let up = state.world_from_body.rotation.inverse() * center.normalize();
-        let expected = up.cross(&(body().inertia_about_com() * up)) * (3.0 * mu / center.norm().powi(3));
-        let found = wrench.torque - body().center_of_mass().cross(&wrench.force);
+        let expected = up.cross(&(body_d().inertia_about_com() * up)) * (3.0 * mu / center.norm().powi(3));
+        let found = wrench.torque - body_d().center_of_mass().cross(&wrench.force);
         assert!((found - expected).amax() < 1e-12 * expected.amax().max(1e-6), "{found} {expected}");
     }
 }
@@ -461,7 +458,7 @@ fn the_wrench_models_obey_their_laws() {
     check_wrench_model(&|world| Box::new(gravity_in(world)), any, &states, 1e-13).unwrap();
     check_drag(&linear, &states, 1e-12).unwrap();
     check_drag(&quadratic, &states, 1e-12).unwrap();
-    check_gravity(&gravity, &body(), &gravity.gravity_world, &states, 1e-14).unwrap();
+    check_gravity(&gravity, &body_d(), &gravity.gravity_world, &states, 1e-14).unwrap();
     check_wrench_sum(&models, &models, &states, 1e-14).unwrap();
     check_wrench_sum(&(body_push, (linear, gravity)), &[&gravity, &body_push, &linear], &states, 1e-14).unwrap();
     // carried along by the medium, nothing drags
@@ -564,10 +561,10 @@ fn defects_of_wrench_models_are_caught_by_name() {
         Wrench::new(first_moment.cross(&gravity_world), gravity_world * mass)
     });
     let g = gravity().gravity_world;
-    let outcome = check_gravity(&pulls_down_in_body_axes, &body(), &g, &states, 1e-12);
+    let outcome = check_gravity(&pulls_down_in_body_axes, &body_d(), &g, &states, 1e-12);
     assert_eq!(model(outcome), "gravity gives every body its acceleration");
     let at_the_origin = UniformGravity { first_moment: Vector3::zeros(), ..gravity() };
-    let outcome = check_gravity(&at_the_origin, &body(), &g, &states, 1e-12);
+    let outcome = check_gravity(&at_the_origin, &body_d(), &g, &states, 1e-12);
     assert_eq!(model(outcome), "gravity acts at the centre of mass");
 }
 

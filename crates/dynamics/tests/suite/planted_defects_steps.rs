@@ -2,18 +2,13 @@
 
 use tumble_dynamics::laws::*;
 use tumble_dynamics::lie::{Increment, LieGroup, Manifold, Pose, Scalar, Twist, Wrench, from_xyzw, real, value};
-use tumble_dynamics::nalgebra::{
-    Isometry3, Matrix3, Quaternion, SVector, Translation3, UnitQuaternion, Vector3, Vector6,
-};
+use tumble_dynamics::nalgebra::{Isometry3, Quaternion, SVector, Translation3, UnitQuaternion, Vector3, Vector6};
+use tumble_dynamics::strategies::body_d;
 use tumble_dynamics::*;
 
 fn sample() -> StepSample {
     StepSample {
-        body: InertialParameters::about_origin(
-            5.0,
-            Vector3::new(0.05, 0.1, 0.05),
-            Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
-        ),
+        body: body_d(),
         state: RigidBodyState {
             world_from_body: Pose::from_parts(
                 Translation3::new(0.3, -1.0, 2.0),

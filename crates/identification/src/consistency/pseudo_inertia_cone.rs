@@ -155,18 +155,15 @@ impl FeasibleSet<10> for PseudoInertiaCone {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn body_d() -> SVector<f64, 10> {
-        SVector::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0])
-    }
+    use crate::dynamics::strategies::body_d;
 
     #[test]
     fn golden_pseudo_inertia_of_body_d() {
         let expected =
             Matrix4::new(1.75, -0.1, -0.2, 0.25, -0.1, 1.25, -0.3, 0.5, -0.2, -0.3, 0.25, 0.25, 0.25, 0.5, 0.25, 5.0);
-        let p = PseudoInertiaCone::pseudo_inertia(&body_d());
+        let p = PseudoInertiaCone::pseudo_inertia(&body_d().to_vector());
         assert!((p - expected).amax() < 1e-15);
-        assert!((PseudoInertiaCone::parameters(&p) - body_d()).amax() < 1e-15);
+        assert!((PseudoInertiaCone::parameters(&p) - body_d().to_vector()).amax() < 1e-15);
         assert!((p.determinant() - 1.1825).abs() < 1e-11);
         let mut eigenvalues = p.symmetric_eigenvalues();
         eigenvalues.as_mut_slice().sort_by(f64::total_cmp);

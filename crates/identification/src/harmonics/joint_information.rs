@@ -247,11 +247,12 @@ fn squared_norm(basis: &FourierBasis, samples: usize, j: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dynamics::strategies::body_d;
 
     /// Against central differences of the regressor times the parameters.
     #[test]
     fn wrench_derivatives_are_central_differences() {
-        let parameters = SVector::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0]);
+        let parameters = body_d().to_vector();
         let std = SVector::from([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]);
         for chart in [AttitudeChart::EulerZyx, AttitudeChart::Quaternion] {
             let basis = FourierBasis::try_new(4.0, 3).unwrap();

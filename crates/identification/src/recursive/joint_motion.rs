@@ -361,6 +361,7 @@ pub(super) fn parameters_by_chart(body: &LogCholesky<f64>) -> SMatrix<f64, 10, 1
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dynamics::strategies::body_d;
 
     fn model() -> JointMotion {
         let noise = MotionNoise {
@@ -377,7 +378,7 @@ mod tests {
     }
 
     fn state() -> JointState {
-        let body_d = Vector10::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0]);
+        let body_d = body_d().to_vector();
         let motion = RigidBodyState {
             world_from_body: Pose::exp(&Vector6::new(0.3, -0.4, 0.7, 0.1, 0.2, -0.3)),
             twist_body: Twist::new(Vector3::new(0.3, -0.2, 0.5), Vector3::new(0.1, -0.05, 0.2)),

@@ -65,17 +65,9 @@ impl<T: Scalar> LinearModel<T, 6, PARAMETERS> for NewtonEuler {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dynamics::{BodyAcceleration, FreeFlyer, InertialParameters};
+    use crate::dynamics::strategies::body_d;
+    use crate::dynamics::{BodyAcceleration, FreeFlyer};
     use crate::lie::Twist;
-    use nalgebra::Matrix3;
-
-    fn body_d() -> InertialParameters<f64> {
-        InertialParameters::about_origin(
-            5.0,
-            Vector3::new(0.05, 0.1, 0.05),
-            Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
-        )
-    }
 
     #[test]
     fn golden_values_of_section_a() {

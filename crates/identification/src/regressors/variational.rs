@@ -227,6 +227,7 @@ impl<T: Scalar, const LAGS: usize> LinearModel<T, 6, PARAMETERS> for Variational
 mod tests {
     use super::*;
     use crate::dynamics::ParameterOrder;
+    use crate::dynamics::strategies::body_d;
     use crate::lie::LieGroup;
     use nalgebra::UnitQuaternion;
 
@@ -246,7 +247,7 @@ mod tests {
     #[test]
     fn golden_values_of_section_c() {
         let regressor = variational(&golden_triple(Vector3::zeros()));
-        let body_d = SVector::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0]);
+        let body_d = body_d().to_vector();
         let golden = [
             4.040_765_412_799_70,
             6.597_377_976_030_21,

@@ -2,8 +2,9 @@
 //!
 //! The estimator here is least squares that outliers cannot bend: rows beyond so many standard deviations pull with a constant force (Huber).
 
-use crate::exact_motion::{Multisine, Run, body_d};
+use crate::exact_motion::{Multisine, Run};
 use crate::random::Random;
+use tumble_identification::dynamics::strategies::body_d;
 use tumble_identification::estimator::{Estimator, EstimatorError, Finding, Verdict};
 use tumble_identification::laws::{Case, check_estimator};
 use tumble_identification::lie::Wrench;

@@ -3,6 +3,7 @@
 use crate::problem4_hard;
 use crate::random::Random;
 use nalgebra::{SMatrix, SVector};
+use tumble_identification::dynamics::strategies::body_d;
 use tumble_identification::laws::{
     SquareRootOf, check_constrained_solver, check_feasible_set, check_square_root_information,
 };
@@ -14,17 +15,13 @@ use tumble_identification::{
 type Parameters = SVector<f64, 10>;
 type Blocks = Vec<(SMatrix<f64, 6, 10>, SVector<f64, 6>)>;
 
-fn body_d() -> Parameters {
-    SVector::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0])
-}
-
 fn cone() -> PseudoInertiaCone {
-    PseudoInertiaCone::new(BodyScale::of(&body_d()).unwrap())
+    PseudoInertiaCone::new(BodyScale::of(&body_d().to_vector()).unwrap())
 }
 
 fn random_parameters(random: &mut Random) -> Parameters {
     let magnitudes = cone().magnitudes();
-    SVector::from_fn(|i, _| body_d()[i] + magnitudes[i] * random.normal())
+    SVector::from_fn(|i, _| body_d().to_vector()[i] + magnitudes[i] * random.normal())
 }
 
 fn random_blocks(random: &mut Random, count: usize) -> Blocks {
@@ -39,7 +36,7 @@ fn problems() -> Vec<SquareRootInformation<10>> {
             let mut information = SquareRootInformation::new();
             let noise = if k % 2 == 0 { 0.01 } else { 2.0 };
             for (block, error) in random_blocks(&mut random, 4) {
-                information.update(&(block / noise), &(block * body_d() / noise + error)).unwrap();
+                information.update(&(block / noise), &(block * body_d().to_vector() / noise + error)).unwrap();
             }
             information
         })

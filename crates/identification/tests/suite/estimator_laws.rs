@@ -6,9 +6,10 @@
     clippy::neg_cmp_op_on_partial_ord
 )]
 
-use crate::exact_motion::{Multisine, Run, body_d};
+use crate::exact_motion::{Multisine, Run};
 use crate::periodic_log::PeriodicLog;
 use crate::random::Random;
+use tumble_identification::dynamics::strategies::body_d;
 use tumble_identification::dynamics::{InertialParameters, LogCholesky, RigidBodyState};
 use tumble_identification::estimator::{Constrained, Estimator, EstimatorError, Finding, Observe, Replay};
 use tumble_identification::harmonics::{HarmonicSettings, Periodic};

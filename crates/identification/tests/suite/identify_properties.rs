@@ -1,9 +1,10 @@
 //! `identify` as a user meets it: fresh bodies, clocks, frames and noise; what it says when it cannot know.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::exact_motion::{Multisine, Run, body_d, errors, is_consistent};
+use crate::exact_motion::{Multisine, Run, errors, is_consistent};
 use crate::random::Random;
 use tumble_identification::dynamics::InertialParameters;
+use tumble_identification::dynamics::strategies::body_d;
 use tumble_identification::estimator::{Evidence, Verdict, Why};
 use tumble_identification::lie::{LieGroup, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};

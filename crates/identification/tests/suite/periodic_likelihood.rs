@@ -1,9 +1,9 @@
 //! Maximum likelihood in coefficient space and the bound it attains.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::exact_motion::body_d;
 use crate::random::Random;
 use std::f64::consts::FRAC_1_SQRT_2;
+use tumble_identification::dynamics::strategies::body_d;
 use tumble_identification::dynamics::{FreeFlyer, InertialParameters};
 use tumble_identification::fourier::{AttitudeChart, FourierBasis, FourierMotion};
 use tumble_identification::harmonics::{PeriodicLikelihood, PeriodicRecord, cramer_rao, maximum_likelihood};

@@ -1,8 +1,9 @@
 //! The recursive methods of `identify` on whole records.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::exact_motion::{Multisine, Run, body_d, errors, is_consistent};
+use crate::exact_motion::{Multisine, Run, errors, is_consistent};
 use crate::random::Random;
+use tumble_identification::dynamics::strategies::body_d;
 use tumble_identification::dynamics::{InertialParameters, LogCholesky, RigidBodyState};
 use tumble_identification::lie::{Manifold, Pose, Wrench};
 use tumble_identification::nalgebra::{Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};

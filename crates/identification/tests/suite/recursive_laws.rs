@@ -2,6 +2,7 @@
 
 use crate::random::Random;
 use nalgebra::{Matrix4, SMatrix, SVector, Vector3, Vector4, Vector6};
+use tumble_identification::dynamics::strategies::body_d;
 use tumble_identification::estimator::{Constrained, EstimatorError, Finding, Outcome, RecursiveEstimator};
 use tumble_identification::laws::{
     EstimatorPromises, Told, check_gate, check_innovation, check_recursive_estimator, check_unit_equivariance,
@@ -22,12 +23,8 @@ use tumble_identification::{
 type Parameters = SVector<f64, 10>;
 type Row = LinearObservation<6, 10>;
 
-fn body_d() -> Parameters {
-    SVector::from([5.0, 0.25, 0.5, 0.25, 1.5, 0.1, 0.2, 2.0, 0.3, 3.0])
-}
-
 fn cone() -> PseudoInertiaCone {
-    PseudoInertiaCone::new(BodyScale::of(&body_d()).unwrap())
+    PseudoInertiaCone::new(BodyScale::of(&body_d().to_vector()).unwrap())
 }
 
 const PRIOR: f64 = 3.0;
@@ -42,7 +39,7 @@ fn rows(seed: u64, count: usize, noise: f64) -> Vec<Row> {
     (0..count)
         .map(|_| {
             let regressor = newton_euler(&random.normals::<3>(), &random.normals::<3>(), &random.normals::<3>());
-            let output = regressor * body_d() + random.normals::<6>() * noise;
+            let output = regressor * body_d().to_vector() + random.normals::<6>() * noise;
             LinearObservation { regressor, output, standard_deviation: Vector6::repeat(noise) }
         })
         .collect()
@@ -308,7 +305,7 @@ fn units_do_not_matter() {
     let other = SquareRootFilter::try_new(mean, deviation).unwrap();
     let told = Told { begin: &|| Ok(square_root()), observations: &rows };
     check_unit_equivariance(&told, &Told { begin: &|| Ok(other), observations: &scaled }, &factors, 1e-8).unwrap();
-    let scale = BodyScale::of(&body_d().component_mul(&factors)).unwrap();
+    let scale = BodyScale::of(&body_d().to_vector().component_mul(&factors)).unwrap();
     let other = RecursiveSdp::try_with_prior(PseudoInertiaCone::new(scale), mean, deviation).unwrap();
     let told = Told { begin: &|| Ok(sdp()), observations: &rows };
     check_unit_equivariance(&told, &Told { begin: &|| Ok(other), observations: &scaled }, &factors, 1e-5).unwrap();
@@ -511,7 +508,7 @@ fn honest_runs<E>(count: u64, make: impl Fn(Parameters, SVector<f64, 10>) -> E) 
     (0..count).map(move |seed| {
         let deviation = cone().magnitudes() * 0.05;
         let off = Random::new(1000 + seed).normals::<10>().component_mul(&deviation);
-        (make(body_d() + off, deviation), rows(seed, 100, 0.1))
+        (make(body_d().to_vector() + off, deviation), rows(seed, 100, 0.1))
     })
 }
 
@@ -527,7 +524,7 @@ fn gated(mean: Parameters, deviation: SVector<f64, 10>) -> RecursiveLeastSquares
 fn changed_rows() -> Vec<Row> {
     let mut rows = rows(77, 60, 0.1);
     for row in &mut rows {
-        row.output += row.regressor * body_d();
+        row.output += row.regressor * body_d().to_vector();
     }
     rows
 }
@@ -616,11 +613,11 @@ fn planted_defects_of_gates_are_caught_by_name() {
 #[test]
 fn the_gate_lets_go_of_a_wrong_belief() {
     // Sure of body D, told of a body twice as heavy.
-    let mut estimator = gated(body_d(), cone().magnitudes() * 1e-3);
+    let mut estimator = gated(body_d().to_vector(), cone().magnitudes() * 1e-3);
     let mut outcomes = changed_rows().into_iter().map(|row| estimator.update(&row).unwrap().is_accepted());
     assert!((0..5).all(|_| !outcomes.next().unwrap()) && outcomes.next().unwrap());
     assert!(outcomes.last().unwrap());
-    let error = (estimator.parameters() - body_d() * 2.0).component_div(&cone().magnitudes());
+    let error = (estimator.parameters() - body_d().to_vector() * 2.0).component_div(&cone().magnitudes());
     assert!(error.amax() < 0.1, "{error}");
 }
 
@@ -630,7 +627,7 @@ fn spikes_cost_little_behind_a_gate() {
     let runs = 200;
     let (mut clean, mut behind_gate, mut unprotected) = (0.0, 0.0, 0.0);
     for seed in 0..runs {
-        let truth = body_d();
+        let truth = body_d().to_vector();
         let rows = rows(seed, 400, 0.1);
         let mut random = Random::new(seed + 5000);
         let mut spiked = rows.clone();
@@ -668,7 +665,7 @@ fn malformed_observations_change_nothing() {
         assert!(a.update(&bad).is_err() && b.update(&bad).is_err() && c.update(&bad).is_err());
     }
     assert_eq!((a, b, c), (least_squares(), square_root(), sdp()));
-    assert!(SquareRootFilter::<10, 6>::try_new(body_d(), SVector::repeat(f64::INFINITY)).is_err());
+    assert!(SquareRootFilter::<10, 6>::try_new(body_d().to_vector(), SVector::repeat(f64::INFINITY)).is_err());
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! How fast each regressor converges on the exact motion of a body, and what breaks that.
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_possible_wrap)]
 
-use crate::exact_motion::{Multisine, Run, body_d, errors, order};
+use crate::exact_motion::{Multisine, Run, errors, order};
 use crate::random::Random;
+use tumble_identification::dynamics::strategies::body_d;
 use tumble_identification::dynamics::{InertialParameters, RigidBodyState, variational_step};
 use tumble_identification::lie::{Increment, Wrench, skew};
 use tumble_identification::nalgebra::{Matrix3, SVector, Vector3};

@@ -1,11 +1,12 @@
 //! Time, scale and comparison methods on exact motion of whole bodies.
 #![allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss)]
 
-use crate::exact_motion::{Multisine, Run, body_d};
+use crate::exact_motion::{Multisine, Run};
 use crate::random::Random;
 use tumble_identification::Verdict;
 use tumble_identification::comparison::instrumental_variables;
 use tumble_identification::dynamics::InertialParameters;
+use tumble_identification::dynamics::strategies::body_d;
 use tumble_identification::lie::{LieGroup, Pose};
 use tumble_identification::nalgebra::{Matrix3, SVector, Translation3, UnitQuaternion, Vector3};
 use tumble_identification::regressors::{ObserverFrame, PoseTriple, Regressor, variational};

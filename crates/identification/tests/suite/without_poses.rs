@@ -1,7 +1,8 @@
 //! Records whose poses are missing: here and there, and throughout.
 
-use crate::exact_motion::{Multisine, Run, body_d, errors};
+use crate::exact_motion::{Multisine, Run, errors};
 use crate::random::Random;
+use tumble_identification::dynamics::strategies::body_d;
 use tumble_identification::estimator::Verdict;
 use tumble_identification::nalgebra::Vector3;
 use tumble_identification::{Column, IdentificationError, MotionSample, Settings, Warning, WrenchTiming, identify};

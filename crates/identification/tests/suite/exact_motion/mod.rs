@@ -12,18 +12,7 @@ use crate::random::Random;
 use tumble_identification::MotionSample;
 use tumble_identification::dynamics::InertialParameters;
 use tumble_identification::lie::{Pose, Wrench};
-use tumble_identification::nalgebra::{
-    Matrix3, Quaternion, SVector, SymmetricEigen, Translation3, UnitQuaternion, Vector3,
-};
-
-/// Default body of the thesis (section 5.4).
-pub fn body_d() -> InertialParameters<f64> {
-    InertialParameters::about_origin(
-        5.0,
-        Vector3::new(0.05, 0.1, 0.05),
-        Matrix3::new(1.5, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0),
-    )
-}
+use tumble_identification::nalgebra::{Quaternion, SVector, SymmetricEigen, Translation3, UnitQuaternion, Vector3};
 
 /// Sum of sines on each of the six channels.
 pub struct Multisine {
