@@ -408,7 +408,7 @@ impl FlightEstimator {
 
     /// Whether the filter's own account of its errors is still true.
     pub fn health(&self) -> FlightHealth {
-        self.newest().monitor.health()
+        FlightHealth { relearning: self.lessons.are_underway(), ..self.newest().monitor.health() }
     }
 
     /// The body back to a prior from now on, the motion kept, the wander of the localisation as loud as the settings state. Called again and again for

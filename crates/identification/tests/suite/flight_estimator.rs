@@ -283,6 +283,22 @@ fn in_the_plane_the_rest_stays_at_its_prior() {
     assert!(account.deviations[3] > 0.02);
 }
 
+/// In a flight of half a minute lessons begin eight times, and each comes to its end long before the next one.
+#[test]
+fn what_is_being_learned_again_is_said() {
+    let mut flight = Flight::new(8, Conditions::usual());
+    let (mut begun, mut underway, mut was) = (0, 0, false);
+    while flight.now_ns() < 38_000_000_000 {
+        flight.step();
+        let health = flight.estimator.health();
+        begun += u32::from(health.relearning && !was);
+        underway += u32::from(health.relearning);
+        was = health.relearning;
+    }
+    let share = f64::from(underway) / f64::from(flight.tick);
+    assert!((6..=8).contains(&begun) && share > 0.02 && share < 0.3, "{begun} {share}");
+}
+
 #[test]
 fn a_body_that_is_another_is_doubted_and_learned_anew() {
     let mut flight = Flight::new(8, Conditions::usual());

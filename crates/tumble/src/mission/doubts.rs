@@ -142,7 +142,8 @@ impl DoubtWatch {
         if time_s - self.compared_s >= COMPARED_EVERY_S {
             self.compared_s = time_s;
             self.count(time_s, counts);
-            if time_s >= self.acquainted_s {
+            // What is just being learned again is no belief to be held to.
+            if time_s >= self.acquainted_s && !health.relearning {
                 self.compare(&Believed {
                     t_s: time_s,
                     value: COMPARED.map(|index| value.get(index).copied().unwrap_or(0.0)),

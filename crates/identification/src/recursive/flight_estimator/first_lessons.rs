@@ -69,6 +69,11 @@ impl FirstLessons {
         self.measurements.push(measurement.clone());
     }
 
+    /// Whether everything is being gone through again.
+    pub(super) fn are_underway(&self) -> bool {
+        self.again.is_some()
+    }
+
     /// Whether it is time to go through everything again.
     fn are_due(&self, settled_ns: i64) -> bool {
         self.next_s <= LAST_S

@@ -25,6 +25,9 @@ pub struct FlightHealth {
     /// Innovations have been one-sided for long, or all that is learned of the body pulls it to one side: it is no longer what it was, see
     /// [`body_changed`](super::FlightEstimator::body_changed).
     pub body_doubtful: bool,
+    /// The body is just being learned again: until that has come to its end, what is known of it may be linear about another one, and surer than it
+    /// should be.
+    pub relearning: bool,
 }
 
 /// Levels that innovations are compared with.
@@ -274,6 +277,12 @@ impl Monitor {
     pub(super) fn health(&self) -> FlightHealth {
         let MeanSquare { nis, freedom, .. } = self.all;
         let mean_nis = if freedom > 0.0 { nis / freedom } else { 1.0 };
-        FlightHealth { mean_nis, alarm_above: self.alarm, diverged: self.diverged, body_doubtful: self.doubt_s > 0.0 }
+        FlightHealth {
+            mean_nis,
+            alarm_above: self.alarm,
+            diverged: self.diverged,
+            body_doubtful: self.doubt_s > 0.0,
+            relearning: false,
+        }
     }
 }

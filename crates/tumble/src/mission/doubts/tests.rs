@@ -20,6 +20,23 @@ fn flown(watch: &mut DoubtWatch, from_s: u32, until_s: u32, mass_kg: f64, refuse
     }
 }
 
+/// What is believed while the estimator learns again is not held against what it comes to.
+#[test]
+fn a_body_that_is_being_learned_again_contradicts_nothing() {
+    let off_kg = (CONTRADICTS + 1.0) * f64::hypot(0.1, 0.1);
+    let flown_at_first = |relearning: bool| {
+        let mut watch = DoubtWatch::new(0.0, GATE);
+        let health = FlightHealth { relearning, ..FlightHealth::default() };
+        for second in 0..12 {
+            watch.see(f64::from(second), &health, &ReceptionCounts::default(), &(body(12.0 + off_kg), SIGMA));
+        }
+        flown(&mut watch, 12, 60, 12.0, 0.0);
+        spells(watch)
+    };
+    assert_eq!(flown_at_first(true), []);
+    assert_eq!(flown_at_first(false).len(), 1);
+}
+
 fn spells(watch: DoubtWatch) -> Vec<(DoubtOf, i64, Option<i64>)> {
     #[allow(clippy::cast_possible_truncation)] // seconds of a mission
     let whole = |time_s: f64| time_s.floor() as i64;
