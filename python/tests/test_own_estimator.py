@@ -65,7 +65,7 @@ class OneOfMyOwn(WithLog):
     def refused(self, words, answer):
         with self.assertRaises(tumble.TumbleError) as refused:
             self.identify(estimator=Answering(answer))
-        self.assertEqual(refused.exception.code, "T014")
+        self.assertEqual(refused.exception.code, "T015")
         self.assertIn("Answering", refused.exception.message)
         self.assertIn(words, refused.exception.message)
         return refused.exception
