@@ -85,6 +85,8 @@ fn ranges_alone_tell_where_the_body_is_and_what_it_weighs() {
     };
     assert!(error_m(&told) < 2.0 * RANGE_M, "{} m", error_m(&told));
     assert!(error_m(&blind) > 0.2, "{} m", error_m(&blind));
-    let mass_kg = told.estimate().parameters.mass;
-    assert!((mass_kg - MASS_KG).abs() < 0.2, "{mass_kg} kg");
+    let (found, unseen) = (told.estimate(), blind.estimate());
+    let (mass_kg, sigma_kg) = (found.parameters.mass, found.std.mass_kg);
+    assert!((mass_kg - MASS_KG).abs() < f64::min(0.2, 3.0 * sigma_kg), "{mass_kg} +- {sigma_kg} kg");
+    assert!(sigma_kg < 0.1 * unseen.std.mass_kg, "{sigma_kg} kg, {} without ranges", unseen.std.mass_kg);
 }
