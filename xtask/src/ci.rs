@@ -97,7 +97,11 @@ const STEPS: &[Step] = &[
     full("study-tests", "the tests of the studies themselves", || {
         shell(&mut [cargo("test --package studies --bin studies --release")])
     }),
-    full("powerset", "type-check without features, with each alone and beside the default, and with all together", powerset),
+    full(
+        "powerset",
+        "type-check without features, with each alone and beside the default, and with all together",
+        powerset,
+    ),
     full("tests-alone", "the tests of each crate, built without the others' features", tests_alone),
     full("tests-release", "all tests, optimised", || shell(&mut [cargo("test --workspace --release")])),
     full("benches", "every benchmark compiles", || shell(&mut [cargo("bench --workspace --no-run")])),

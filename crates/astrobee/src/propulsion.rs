@@ -22,7 +22,7 @@ mod servo;
 mod wrench_set;
 
 pub use allocation::{Allocation, ForceAllocation, QuantizedAllocation};
-pub use commanded::{commanded_nozzles, largest_thrusts_n};
+pub use commanded::{commanded_nozzles, erring_nozzles, largest_thrusts_n};
 pub use damage::Damage;
 pub use driver::{ByteTrims, CommandWatchdog, Robot};
 pub use impeller::{IMPELLER_INERTIA_KG_M2, Impeller, SPEED_COMMAND_RATE_RAD_S2};

@@ -40,9 +40,9 @@ pub use differentiated::{Differentiated, Shown, StepObservation, WithParameters}
 pub use extended_kalman::{DifferentiableModel, ExtendedKalmanFilter, FilterModel};
 #[cfg(feature = "std")]
 pub use flight_estimator::{
-    BeginStage, BodyStage, FilterMemory, FlightEstimator, FlightEstimatorSettings, FlightHealth, FlightMeasurement,
-    GaussMarkov, LearningTargets, Reception, ReceptionCounts, SlowErrors, TwoStageEstimator, WindowRows, WrenchErrors,
-    grasp_or_release,
+    BeginStage, BodyStage, ErringThruster, FilterMemory, FlightEstimator, FlightEstimatorSettings, FlightHealth,
+    FlightMeasurement, GaussMarkov, LearningTargets, Reception, ReceptionCounts, SlowErrors, THRUSTERS,
+    TwoStageEstimator, WindowRows, WrenchErrors, grasp_or_release,
 };
 #[cfg(feature = "research")]
 pub use inverse_inertia::{InverseInertia, InverseInertiaSample};

@@ -88,7 +88,7 @@ impl Nozzle {
     }
 
     /// Torque about the body origin, N m, and force, N, of one newton of thrust, which points against the outflow.
-    const fn wrench_per_thrust(&self) -> [f64; 6] {
+    pub(super) const fn wrench_per_thrust(&self) -> [f64; 6] {
         let ([px, py, pz], [ox, oy, oz]) = (self.position_body_m, self.outflow_body);
         [pz * oy - py * oz, px * oz - pz * ox, py * ox - px * oy, -ox, -oy, -oz]
     }

@@ -1,6 +1,7 @@
 //! The estimator in the loop of a flight: motion now and ten parameters from late, unordered, doubtful measurements.
 
 mod body_score;
+mod erring_thrusters;
 mod filtered;
 mod first_lessons;
 mod flight_motion;
@@ -15,6 +16,7 @@ mod wrench_history;
 #[cfg(test)]
 mod tests;
 
+pub use erring_thrusters::{ErringThruster, THRUSTERS};
 pub use health::FlightHealth;
 pub use reception::{FlightMeasurement, Reception, ReceptionCounts};
 pub use settings::{FlightEstimatorSettings, LearningTargets, WrenchErrors, grasp_or_release};
@@ -370,15 +372,8 @@ impl FlightEstimator {
         let newest = self.newest();
         let parameters = newest.state.joint.body.to_parameters();
         let slopes = parameters_by_chart(newest.about.as_ref().unwrap_or(&newest.state.joint.body));
-        let mut body = newest.covariance.fixed_view::<10, 10>(BODY, BODY).into_owned();
-        let line = self.rules.settings.wrench.line_m;
-        for i in 1..4 {
-            body[(i, i)] += line * line;
-        }
-        let mut covariance = symmetric(&(slopes * body * slopes.transpose()));
-        for (i, variance) in inertia_off_the_line(&parameters.first_moment, line).iter().enumerate() {
-            covariance[(4 + i, 4 + i)] += variance;
-        }
+        let body = newest.covariance.fixed_view::<10, 10>(BODY, BODY);
+        let covariance = symmetric(&(slopes * body * slopes.transpose()));
         let std = standard_deviations(&parameters.to_vector(), &covariance);
         Estimate { parameters, covariance, std, lmi_active: false }
     }
@@ -493,13 +488,4 @@ impl StateEstimator for FlightEstimator {
     fn compensated(&self, wrench_body: &Wrench<f64>) -> Option<Wrench<f64>> {
         self.compensated(wrench_body)
     }
-}
-
-/// Variance of the inertia, in the order of the ten parameters, where forces act on lines that lie elsewhere by `line_m`.
-///
-/// Motion sees a centre of mass that is off by as much, s say, and where the body turns an inertia that is off by what that
-/// does to the first moment h: m |c|² has changed by 2 s·h, m c cᵀ by s hᵀ + h sᵀ. Half of the former is in a moment of inertia.
-fn inertia_off_the_line(first_moment: &Vector3<f64>, line_m: f64) -> [f64; 6] {
-    let [x, y, z]: [f64; 3] = first_moment.component_mul(first_moment).into();
-    [y + z, x + y, x + z, x + z, y + z, x + y].map(|square| line_m * line_m * square)
 }

@@ -678,7 +678,7 @@ impl Filtered {
     /// and so is one where the wrench is in doubt, which it stays: it was that of other forces.
     pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
         (self.state.joint.body, self.about) = (*body, None);
-        (self.state.drift, self.state.scale) = (Vector6::zeros(), Vector6::zeros());
+        (self.state.drift, self.state.thrust) = (Vector6::zeros(), SVector::zeros());
         let mut fresh = Self::new(rules, &self.state, covariance, self.stamp_ns).covariance;
         // Motion and errors of the sensors stay, and what they have in common.
         let kept = |i: usize| !(BODY..WANDER).contains(&i);

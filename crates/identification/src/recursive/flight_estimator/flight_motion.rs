@@ -1,5 +1,6 @@
-//! Motion, body, and slow errors of wrench and sensors as one state of 52 numbers.
+//! Motion, body, and slow errors of wrench and sensors as one state of 58 numbers.
 
+use super::erring_thrusters::{THRUSTERS, ThrustShares};
 use super::settings::{FlightEstimatorSettings, WrenchErrors};
 use super::slow_errors::SlowErrors;
 use super::wrench_history::Held;
@@ -12,16 +13,16 @@ use crate::recursive::extended_kalman::FilterModel;
 use crate::recursive::joint_motion::{JointMotion, JointObservation, JointState, felt};
 use nalgebra::{ComplexField, Matrix3, SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
-/// Motion 12, body 10, additive error of the wrench 6, relative error of the wrench 6; wander of attitude, position and velocity 9, bias of
+/// Motion 12, body 10, additive error of the wrench 6, relative error of each thruster 12; wander of attitude, position and velocity 9, bias of
 /// the rate 3, bias and error of scale of the acceleration 6.
-pub(super) const COORDINATES: usize = 52;
+pub(super) const COORDINATES: usize = 58;
 pub(super) const BODY: usize = 12;
 pub(super) const DRIFT: usize = 22;
-pub(super) const SCALE: usize = 28;
-pub(super) const WANDER: usize = 34;
-pub(super) const BIAS: usize = 43;
-pub(super) const ACCELERATION_BIAS: usize = 46;
-pub(super) const ACCELERATION_SCALE: usize = 49;
+pub(super) const THRUST: usize = 28;
+pub(super) const WANDER: usize = 40;
+pub(super) const BIAS: usize = 49;
+pub(super) const ACCELERATION_BIAS: usize = 52;
+pub(super) const ACCELERATION_SCALE: usize = 55;
 /// The first of the coordinates, that motion depends on.
 pub(super) const MOVING: usize = WANDER;
 /// Rows attitude, position, rate, velocity, acceleration.
@@ -34,6 +35,8 @@ const ACCELERATION_OUT_OF_PLANE: usize = 14;
 
 /// Actuators that give less than this share of what they are told are told no more for it.
 const LEAST_SHARE: f64 = 0.5;
+/// What is asked of erring actuators is found to this power of their error: to two thousandths where it is a half.
+const ASKED_ANEW: usize = 9;
 
 pub(super) type Vector = SVector<f64, COORDINATES>;
 pub(super) type Covariance = SMatrix<f64, COORDINATES, COORDINATES>;
@@ -44,8 +47,8 @@ pub(super) struct FlightState {
     pub(super) joint: JointState,
     /// Added to the believed wrench.
     pub(super) drift: Vector6<f64>,
-    /// By this part of itself each component of the believed wrench is larger.
-    pub(super) scale: Vector6<f64>,
+    /// By this part of itself the thrust of each thruster is larger.
+    pub(super) thrust: SVector<f64, THRUSTERS>,
     /// Slow errors of attitude (body axes), position and velocity (inertial axes).
     pub(super) wander: [Vector3<f64>; 3],
     /// What measured rates are larger by.
@@ -61,7 +64,7 @@ impl FlightState {
         Self {
             joint,
             drift: Vector6::zeros(),
-            scale: Vector6::zeros(),
+            thrust: SVector::zeros(),
             wander: [Vector3::zeros(); 3],
             bias: Vector3::zeros(),
             acceleration_bias: Vector3::zeros(),
@@ -73,7 +76,7 @@ impl FlightState {
         Self {
             joint: self.joint.oplus(&step.fixed_rows::<22>(0).into_owned()),
             drift: self.drift + step.fixed_rows::<6>(DRIFT),
-            scale: self.scale + step.fixed_rows::<6>(SCALE),
+            thrust: self.thrust + step.fixed_rows::<THRUSTERS>(THRUST),
             wander: core::array::from_fn(|k| self.wander[k] + step.fixed_rows::<3>(WANDER + 3 * k)),
             bias: self.bias + step.fixed_rows::<3>(BIAS),
             acceleration_bias: self.acceleration_bias + step.fixed_rows::<3>(ACCELERATION_BIAS),
@@ -110,7 +113,7 @@ struct Acceleration {
     by_rate: SMatrix<f64, 6, 3>,
     by_body: SMatrix<f64, 6, 10>,
     by_drift: SMatrix<f64, 6, 6>,
-    by_scale: SMatrix<f64, 6, 6>,
+    by_thrust: SMatrix<f64, 6, THRUSTERS>,
 }
 
 impl Acceleration {
@@ -120,7 +123,7 @@ impl Acceleration {
         sensitivity.fixed_view_mut::<3, 3>(0, 6).copy_from(&(sums * self.by_rate));
         sensitivity.fixed_view_mut::<3, 10>(0, BODY).copy_from(&(sums * self.by_body));
         sensitivity.fixed_view_mut::<3, 6>(0, DRIFT).copy_from(&(sums * self.by_drift));
-        sensitivity.fixed_view_mut::<3, 6>(0, SCALE).copy_from(&(sums * self.by_scale));
+        sensitivity.fixed_view_mut::<3, THRUSTERS>(0, THRUST).copy_from(&(sums * self.by_thrust));
         sensitivity
     }
 }
@@ -168,6 +171,7 @@ pub(super) fn whitening(covariance: &Matrix3<f64>) -> Option<Matrix3<f64>> {
 pub(super) struct FlightMotion {
     joint: JointMotion,
     errors: WrenchErrors,
+    shares: ThrustShares,
     slow: SlowErrors,
     planar: bool,
 }
@@ -175,7 +179,8 @@ pub(super) struct FlightMotion {
 impl FlightMotion {
     pub(super) fn new(settings: &FlightEstimatorSettings) -> Self {
         let joint = JointMotion { noise: settings.noise, gravity_world: Vector3::zeros() };
-        Self { joint, errors: settings.wrench, slow: settings.slow, planar: settings.planar }
+        let shares = ThrustShares::new(&settings.wrench.thrusters);
+        Self { joint, errors: settings.wrench, shares, slow: settings.slow, planar: settings.planar }
     }
 
     /// Slow errors of the wrench.
@@ -194,9 +199,9 @@ impl FlightMotion {
     }
 
     /// The wrench that is thought to act.
-    fn acting(&self, state: &FlightState, believed: &Held) -> Wrench<f64> {
+    pub(super) fn acting(&self, state: &FlightState, believed: &Held) -> Wrench<f64> {
         let believed = believed.wrench.to_vector();
-        let mut acting = believed + believed.component_mul(&state.scale) + state.drift;
+        let mut acting = believed + self.shares.contributions(&believed) * state.thrust + state.drift;
         if self.planar {
             for i in [0, 1, 5] {
                 acting[i] = 0.0;
@@ -207,12 +212,16 @@ impl FlightMotion {
 
     /// What has to be believed so that a wrench acts.
     pub(super) fn asked(&self, state: &FlightState, wanted: &Wrench<f64>) -> Wrench<f64> {
-        let mut asked = wanted.to_vector() - state.drift;
-        for i in 0..6 {
-            asked[i] /= f64::max(1.0 + state.scale[i], LEAST_SHARE);
-            if self.planar && [0, 1, 5].contains(&i) {
-                asked[i] = 0.0;
+        let mut left = wanted.to_vector() - state.drift;
+        if self.planar {
+            for i in [0, 1, 5] {
+                left[i] = 0.0;
             }
+        }
+        let off = state.thrust.map(|off| off.clamp(LEAST_SHARE - 1.0, 1.0 - LEAST_SHARE));
+        let mut asked = left;
+        for _ in 0..ASKED_ANEW {
+            asked = left - self.shares.contributions(&asked) * off;
         }
         asked.into()
     }
@@ -268,8 +277,10 @@ impl FlightMotion {
         let (wrench, slow) = (&self.errors, &self.slow);
         let [attitude, position, velocity] = slow.wander().map(|error| error.sigma);
         let mut deviation = [0.0; COORDINATES];
-        deviation[DRIFT..SCALE].copy_from_slice(wrench.drift.as_slice());
-        deviation[SCALE..WANDER].copy_from_slice(wrench.scale.as_slice());
+        deviation[DRIFT..THRUST].copy_from_slice(wrench.drift.as_slice());
+        for (deviation, thruster) in deviation[THRUST..WANDER].iter_mut().zip(&wrench.thrusters) {
+            *deviation = thruster.relative;
+        }
         let of_axes = [
             (WANDER, attitude),
             (WANDER + 3, position),
@@ -423,10 +434,8 @@ impl FlightMotion {
         by_state.fixed_view_mut::<BODY, BODY>(0, 0).copy_from(&by_motion);
         by_state.fixed_view_mut::<BODY, 10>(0, BODY).copy_from(&by_body);
         by_state.fixed_view_mut::<BODY, 6>(0, DRIFT).copy_from(&by_wrench);
-        let believed = believed.wrench.to_vector();
-        for j in 0..6 {
-            by_state.fixed_view_mut::<BODY, 1>(0, SCALE + j).copy_from(&(by_wrench.column(j) * believed[j]));
-        }
+        let contributions = self.shares.contributions(&believed.wrench.to_vector());
+        by_state.fixed_view_mut::<BODY, THRUSTERS>(0, THRUST).copy_from(&(by_wrench * contributions));
         (by_state, by_wrench)
     }
 
@@ -550,14 +559,14 @@ impl FlightMotion {
                 by_wrench.column_mut(i).fill(0.0);
             }
         }
-        let believed = believed.wrench.to_vector();
+        let contributions = self.shares.contributions(&believed.wrench.to_vector());
         let (angular, linear) = (forward.angular_acceleration_body, forward.acceleration_origin_body);
         Acceleration {
             value: Twist::new(angular, linear).to_vector() + by_body * off,
             by_rate: found.twist.fixed_columns::<3>(0).into_owned(),
             by_body,
             by_drift: by_wrench,
-            by_scale: SMatrix::from_fn(|i, j| by_wrench[(i, j)] * believed[j]),
+            by_thrust: by_wrench * contributions,
         }
     }
 

@@ -14,8 +14,8 @@ use crate::recursive::belief::Rows;
 use crate::recursive::joint_motion::JointState;
 use nalgebra::{ComplexField, SMatrix, SVector};
 
-/// All coordinates but those of the body, which is known, and of the acceleration, which is not looked at: motion 12, drift and relative
-/// error of the wrench 12, wander 9, bias of the rate 3.
+/// All coordinates but those of the body, which is known, and of the acceleration, which is not looked at: motion 12, drift of the
+/// wrench 6, thrusters 12, wander 9, bias of the rate 3.
 const STATE: usize = BODY + SLOW;
 /// Those from the drift on.
 const SLOW: usize = ACCELERATION_BIAS - DRIFT;

@@ -1,6 +1,7 @@
 //! What a flight estimator is told about sensors, thrust and its own patience.
 
 use super::super::MotionNoise;
+use super::erring_thrusters::{ErringThruster, THRUSTERS, ThrustShares};
 use super::slow_errors::SlowErrors;
 use crate::Estimate;
 use crate::error::IdentificationError;
@@ -13,38 +14,49 @@ pub struct WrenchErrors {
     pub drift: Vector6<f64>,
     /// Its correlation time, s.
     pub drift_time_s: f64,
-    /// Standard deviation of the constant relative part: thrust that is everywhere larger than on paper, say.
-    pub scale: Vector6<f64>,
-    /// Standard deviation of the place of a force's line beside where it is believed, m: thrusters of one pair that differ.
-    /// It may be another one for each sense of the force. Hardly any motion tells it from a centre of mass elsewhere and, where
-    /// the body turns, from another inertia, so it is added to what is reported.
-    pub line_m: f64,
+    /// The thrusters, each of which errs by a constant share: thrust that is everywhere larger than on paper, forces that act beside the line where they
+    /// are believed since those of a pair differ, and that act where a body should only turn.
+    pub thrusters: [ErringThruster; THRUSTERS],
+    /// What a wrench in doubt may be off by, as a multiple of the drift.
+    pub doubted: f64,
     /// How long a wrench is held to which the white noise of [`MotionNoise`] belongs, s; over other times it averages.
     pub period_s: f64,
 }
 
-/// What a doubted wrench may be off by, as a multiple of the usual drift.
-const DOUBTED: f64 = 100.0;
-/// And how long it stays off by the same, s: an actuator that does not obey is off by what it is told.
+/// How long a wrench in doubt stays off by the same, s: an actuator that does not obey is off by what it is told.
 const DOUBTED_S: f64 = 3.0;
 
 impl WrenchErrors {
-    /// Of actuators that do not do what they are told: a hundred times the drift, which changes within seconds.
+    /// Of actuators that do not do what they are told: the drift is `doubted` times as large, and changes within seconds.
     #[must_use]
     pub fn doubted(&self) -> Self {
-        Self { drift: self.drift * DOUBTED, drift_time_s: f64::min(DOUBTED_S, self.drift_time_s), ..*self }
+        Self { drift: self.drift * self.doubted, drift_time_s: f64::min(DOUBTED_S, self.drift_time_s), ..*self }
     }
 
-    /// Relative part and lines of thrusters that err independently of one another, each by `relative`; `pushing` of them act
-    /// along each axis in each sense, this far from the middle; what drifts, and how long a wrench is held, as it is.
-    ///
-    /// A force that n thrusters share errs by the mean of their n errors, of deviation `relative` / √n, and so does a torque.
-    /// Where they are `arm_m` to either side of the middle, the difference moves the force's line by `arm_m` times as much: in each sense by
-    /// another difference, and each coordinate of a centre of mass is told by the lines of one axis at least, in both senses.
+    /// Thrusters in opposite pairs, `arm_m` to either side of the middle, that err independently, each axis in each sense by
+    /// `relative` of one / √`pushing`: as if so many shared its force. What drifts, and how long a wrench is held, as it is.
     #[must_use]
     pub fn of_thrusters(self, relative: f64, pushing: u32, arm_m: f64) -> Self {
-        let shared = relative / ComplexField::sqrt(f64::from(pushing.max(1)));
-        Self { scale: Vector6::repeat(shared), line_m: core::f64::consts::FRAC_1_SQRT_2 * arm_m * shared, ..self }
+        let each = relative * ComplexField::sqrt(2.0 / f64::from(pushing.max(1)));
+        Self { thrusters: ErringThruster::in_pairs(each, arm_m), ..self }
+    }
+
+    /// Standard deviations of what a force is larger by, relative, of what a torque is larger by, relative, of the place of a force's line, m, and of the
+    /// force that comes with a torque, 1/m: over all axes and both senses.
+    pub fn of_wrenches(&self) -> [f64; 4] {
+        let shares = ThrustShares::new(&self.thrusters);
+        let mut variances = [0.0; 4];
+        for (i, sense) in (0..6).flat_map(|i| [(i, 1.0), (i, -1.0)]) {
+            let contributions = shares.contributions(&Vector6::ith(i, sense));
+            for (contribution, thruster) in contributions.column_iter().zip(&self.thrusters) {
+                let error = contribution * thruster.relative;
+                variances[usize::from(i < 3)] += error[i] * error[i] / 6.0;
+                // the mean of both senses: each has another error
+                let (kind, beside) = if i < 3 { (3, error.fixed_rows::<3>(3)) } else { (2, error.fixed_rows::<3>(0)) };
+                variances[kind] += beside.norm_squared() / 12.0;
+            }
+        }
+        variances.map(ComplexField::sqrt)
     }
 }
 
@@ -87,8 +99,8 @@ impl FlightEstimatorSettings {
             wrench: WrenchErrors {
                 drift: Vector6::new(torque, torque, torque, force, force, force),
                 drift_time_s: 30.0,
-                scale: Vector6::zeros(),
-                line_m: 0.0,
+                thrusters: [ErringThruster::NONE; THRUSTERS],
+                doubted: 100.0,
                 period_s: 0.016,
             }
             .of_thrusters(0.01, 2, 0.1),
@@ -145,13 +157,15 @@ impl FlightEstimatorSettings {
         if let Some(index) = positive.iter().position(|value| !(*value > 0.0 && value.is_finite())) {
             return Err(IdentificationError::NotPositive { index, value: positive[index] });
         }
-        let rest = [noise.torque_n_m, noise.force_n, self.lead_s, self.wrench.line_m];
-        let rest =
-            rest.iter().chain(noise.drift.iter()).chain(self.wrench.drift.iter()).chain(self.wrench.scale.iter());
+        let rest = [noise.torque_n_m, noise.force_n, self.lead_s, self.wrench.doubted];
+        let rest = rest.iter().chain(noise.drift.iter()).chain(self.wrench.drift.iter());
         for (index, value) in rest.enumerate() {
             if !(*value >= 0.0 && value.is_finite()) {
                 return Err(IdentificationError::NotPositive { index: positive.len() + index, value: *value });
             }
+        }
+        for thruster in &self.wrench.thrusters {
+            thruster.check()?;
         }
         self.slow.check()?;
         for value in [self.gate_probability, self.alarm_probability] {

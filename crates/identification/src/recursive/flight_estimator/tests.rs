@@ -1,7 +1,8 @@
+use super::erring_thrusters::THRUSTERS;
 use super::filtered::in_chart;
 use super::flight_motion::{
     ACCELERATION_BIAS, ACCELERATION_SCALE, BIAS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState,
-    Fresh, SCALE, Shown, Vector, WANDER,
+    Fresh, Shown, THRUST, Vector, WANDER,
 };
 use super::settings::FlightEstimatorSettings;
 use super::slow_errors::{GaussMarkov, SlowErrors};
@@ -49,7 +50,8 @@ fn state(planar: bool) -> FlightState {
         world_from_body: Pose::exp(&Vector6::new(0.3 * flat, -0.4 * flat, 0.7, 0.1, 0.2, -0.3 * flat)),
         twist_body: Twist::new(Vector3::new(0.3 * flat, -0.2 * flat, 0.5), Vector3::new(0.1, -0.05, 0.2 * flat)),
     };
-    let (drift, scale) = (Vector6::repeat(0.02), Vector6::new(0.1, 0.2, -0.1, 0.05, 0.15, -0.2));
+    let thrust = SVector::from([0.1, 0.2, -0.1, 0.05, 0.15, -0.2, 0.07, -0.12, 0.03, -0.08, 0.11, 0.09]);
+    let drift = Vector6::repeat(0.02);
     let wander =
         [Vector3::new(0.02, -0.03, 0.01) * flat, Vector3::new(0.05, 0.02, -0.04), Vector3::new(-0.01, 0.03, 0.02)];
     let bias = Vector3::new(0.01, -0.02, 0.03);
@@ -57,7 +59,7 @@ fn state(planar: bool) -> FlightState {
     FlightState {
         joint: JointState { motion, body },
         drift,
-        scale,
+        thrust,
         wander,
         bias,
         acceleration_bias,
@@ -85,7 +87,7 @@ fn predicted_covariance_is_what_the_step_makes_of_a_spread() {
             let joint = (up.joint.ominus(&end.joint) - down.joint.ominus(&end.joint)) / 2e-5;
             slope.fixed_rows_mut::<22>(0).copy_from(&joint);
             slope.fixed_rows_mut::<6>(DRIFT).copy_from(&((up.drift - down.drift) / 2e-5));
-            slope.fixed_rows_mut::<6>(SCALE).copy_from(&((up.scale - down.scale) / 2e-5));
+            slope.fixed_rows_mut::<THRUSTERS>(THRUST).copy_from(&((up.thrust - down.thrust) / 2e-5));
             for k in 0..3 {
                 slope.fixed_rows_mut::<3>(WANDER + 3 * k).copy_from(&((up.wander[k] - down.wander[k]) / 2e-5));
             }
@@ -219,45 +221,38 @@ fn a_prior_at_the_edge_of_what_can_be_is_taken_for_an_uncertain_one() {
     assert!(within && moved.amax() > 0.01, "{moved}");
 }
 
+/// By hand: two thrusters of an axis and a sense mean half of each error, their difference moves the line by as much of their arm.
 #[test]
 fn thrusters_share_their_errors() {
     let usual = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.04).wrench;
     let half = core::f64::consts::FRAC_1_SQRT_2;
-    let one = usual.of_thrusters(0.02, 1, 0.3);
-    assert_eq!((one.scale, one.line_m, one.drift), (Vector6::repeat(0.02), half * 0.3 * 0.02, usual.drift));
-    let four = usual.of_thrusters(0.02, 4, 0.3);
-    assert_eq!((four.scale, four.line_m), (Vector6::repeat(0.01), half * 0.3 * 0.01));
+    for (pushing, shared) in [(1, 0.02), (4, 0.01)] {
+        let errors = usual.of_thrusters(0.02, pushing, 0.3);
+        assert_eq!(errors.drift, usual.drift);
+        for (found, expected) in
+            errors.of_wrenches().into_iter().zip([shared, shared, half * 0.3 * shared, half * shared / 0.3])
+        {
+            assert!((found / expected - 1.0).abs() < 1e-12, "{pushing} {found} {expected}");
+        }
+    }
 }
 
-/// A line that is off is a centre of mass and an inertia that are: the report knows of both, and only of them.
+/// What has to be asked of thrusters that err so that a wrench comes.
 #[test]
-fn lines_of_forces_are_in_the_report() {
-    let parameters = state(false).joint.body.to_parameters();
-    let prior = crate::Estimate {
-        parameters,
-        covariance: SMatrix::identity() * 1e-12,
-        std: crate::StandardDeviations {
-            mass_kg: 0.0,
-            center_of_mass_m: Vector3::zeros(),
-            inertia_about_com_kg_m2: nalgebra::Matrix3::zeros(),
-        },
-        lmi_active: false,
-    };
-    let reported = |line_m: f64| {
-        let mut settings = FlightEstimatorSettings::of_poses(1e-3, 1e-3, 0.04);
-        settings.wrench.line_m = line_m;
-        super::FlightEstimator::try_new(settings, state(false).joint.motion, 0, &prior).unwrap().estimate().std
-    };
-    let (on, off) = (reported(0.0), reported(0.01));
-    let (h, added) = (parameters.first_moment, |i, j| {
-        let [with, without] = [off, on].map(|std: crate::StandardDeviations| std.inertia_about_com_kg_m2[(i, j)]);
-        (with * with - without * without).sqrt()
-    });
-    assert!((off.center_of_mass_m - Vector3::repeat(0.01)).amax() < 1e-5, "{}", off.center_of_mass_m);
-    for (i, j, x, y) in [(0, 0, h.y, h.z), (1, 1, h.x, h.z), (2, 2, h.x, h.y), (0, 1, h.x, h.y), (0, 2, h.x, h.z)] {
-        assert!((added(i, j) / (0.01 * x.hypot(y)) - 1.0).abs() < 1e-3, "{i} {j} {}", added(i, j));
+fn erring_thrusters_are_asked_for_what_makes_the_wrench() {
+    for planar in [false, true] {
+        let (model, state) = (model(planar), state(planar));
+        let wanted = wrench().wrench;
+        let held = Held { wrench: model.asked(&state, &wanted), stored: Vector3::zeros() };
+        let mut off = (model.acting(&state, &held).to_vector() - wanted.to_vector()).abs();
+        if planar {
+            for i in [0, 1, 5] {
+                off[i] = 0.0;
+            }
+        }
+        assert!(off.amax() < 1e-6, "{off}");
+        assert!((held.wrench.to_vector() - wanted.to_vector()).amax() > 0.02);
     }
-    assert!((off.mass_kg - on.mass_kg).abs() < 1e-9);
 }
 
 /// A robot that holds its place answers the noise of its gyroscope, and does not turn by that: this says nothing of its inertia. Where the

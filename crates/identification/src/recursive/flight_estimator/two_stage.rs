@@ -7,7 +7,7 @@ use super::health::LAST_S;
 use super::reception::{Reception, ReceptionCounts};
 use super::separate_bias::{Lesson, MotionGivenBody};
 use super::wrench_history::WrenchHistory;
-use super::{Event, FlightEstimator, FlightEstimatorSettings, FlightHealth, inertia_off_the_line};
+use super::{Event, FlightEstimator, FlightEstimatorSettings, FlightHealth};
 use crate::dynamics::{LogCholesky, RigidBodyState};
 use crate::error::IdentificationError;
 use crate::estimator::{Acted, Doubt, EstimatorError, Finding, Measurement, RecursiveEstimator, StateEstimator};
@@ -54,11 +54,9 @@ pub type BeginStage<B> = Box<dyn Fn(&Finding) -> Result<B, EstimatorError> + Sen
 /// too certain, since their errors last for as long as the filter remembers. Here a Kalman filter of the motion and of the wrench's errors
 /// takes a body for known and carries the derivative of its estimate by that body (Friedland's separate-bias filter). Its innovations are
 /// linear in the body's error with noise that is white and of known covariance, which is all that least squares asks for: noise is in what
-/// is measured and not in the regressor, and drift of the wrench, scale of its axes and noise of the motion are accounted for once.
+/// is measured and not in the regressor, and drift of the wrench, errors of the thrusters and noise of the motion are accounted for once.
 /// Rows are linear about a body; all are gone through again about a better one at times that grow geometrically, and at once where the
 /// body moved far, a bounded part of them in every call. What a linear answer may err by is added to what is known.
-///
-/// The place of the thrust's lines, which hardly any motion tells from a centre of mass, is added to what is reported.
 ///
 /// In twenty simulated flights of 40 s (bodies off by up to a factor of two, poses with rates and velocities nine periods late, wrenches
 /// that drift, thrusters that err by a percent each) intervals of two deviations hold the truth at least as often as they say, 99 % of the
@@ -366,20 +364,11 @@ impl<B: RecursiveEstimator<10, Observation = WindowRows> + Send> TwoStageEstimat
         Ok(())
     }
 
-    /// What is known of the body, and what no motion tells of the lines of forces.
+    /// What is known of the body.
     fn estimate(&self) -> (SVector<f64, 10>, SMatrix<f64, 10, 10>) {
-        let parameters = self.known.body.to_parameters();
-        let mut chart = self.known.covariance;
-        let line_m = self.motion.settings().wrench.line_m;
-        for i in 1..4 {
-            chart[(i, i)] += line_m * line_m;
-        }
         let slopes = parameters_by_chart(&self.known.body);
-        let mut covariance = symmetric(&(slopes * chart * slopes.transpose()));
-        for (i, variance) in inertia_off_the_line(&parameters.first_moment, line_m).iter().enumerate() {
-            covariance[(4 + i, 4 + i)] += variance;
-        }
-        (parameters.to_vector(), covariance)
+        let covariance = symmetric(&(slopes * self.known.covariance * slopes.transpose()));
+        (self.known.body.to_parameters().to_vector(), covariance)
     }
 }
 
