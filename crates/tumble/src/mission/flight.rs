@@ -657,9 +657,7 @@ fn compare_promises(stretches: &mut [StretchRow], series: &Series) -> Promises {
         let place = |name: &String| PARAMETERS.iter().position(|(parameter, _)| parameter == name);
         let Some(places) = stretch.quantities.iter().map(place).collect::<Option<Vec<usize>>>() else { continue };
         stretch.stated = places.iter().map(|place| sigma[*place]).collect();
-        for (name, (stated, [_, promised])) in stretch.quantities.iter().zip(stretch.stated.iter().zip(&stretch.sigma))
-        {
-            eprintln!("PROM {name} {:.2}", promised / stated);
+        for (stated, [_, promised]) in stretch.stated.iter().zip(&stretch.sigma) {
             promises.made += 1;
             promises.kept += u64::from(PROMISED.contains(&(promised / stated)));
         }
