@@ -36,7 +36,8 @@ pub fn commanded_nozzles(mode: ImpellerMode, thrust_sigma: f64, scale_sigma: f64
     Some(Actuators { actuators, common: CommonErrors { scale_sigma, ..CommonErrors::default() } })
 }
 
-/// The nozzles as an estimator in flight is told of them, each off by a share of `thrust_sigma`.
+/// The nozzles as an estimator in flight is told of them, in the order of [`NOZZLES`], each off by a share of `thrust_sigma`; body axes, torque about
+/// the origin. Those of an axis cancel.
 pub fn erring_nozzles(thrust_sigma: f64) -> [ErringThruster; 12] {
     let group = |nozzle: usize| AXIS_GROUPS.iter().position(|group| group.contains(&nozzle)).unwrap_or_default();
     core::array::from_fn(|nozzle| ErringThruster {

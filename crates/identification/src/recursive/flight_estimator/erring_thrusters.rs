@@ -7,7 +7,7 @@ use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 /// Thrusters of a robot at most.
 pub const THRUSTERS: usize = 12;
 
-/// Singular values below this share of the largest are none.
+/// Squared singular values below this share of the largest are none.
 const NO_PUSH: f64 = 1e-9;
 
 /// One thruster that errs by a constant share of its thrust.
@@ -23,7 +23,7 @@ pub struct ErringThruster {
 }
 
 impl ErringThruster {
-    /// None.
+    /// A thruster that does not exist, of which a robot with fewer has the rest.
     pub const NONE: Self = Self {
         push_body: Wrench { torque: Vector3::new(0.0, 0.0, 0.0), force: Vector3::new(0.0, 0.0, 0.0) },
         relative: 0.0,

@@ -33,7 +33,7 @@ pub(super) const ALL_ROWS: usize = 18;
 const OUT_OF_PLANE: [usize; 6] = [0, 1, 5, 6, 7, 11];
 const ACCELERATION_OUT_OF_PLANE: usize = 14;
 
-/// Actuators that give less than this share of what they are told are told no more for it.
+/// Thrusters that give less than this share of what they are told are told no more for it, and those that give as much too much no less.
 const LEAST_SHARE: f64 = 0.5;
 /// What is asked of erring actuators is found to this power of their error: to two thousandths where it is a half.
 const ASKED_ANEW: usize = 9;
@@ -212,16 +212,16 @@ impl FlightMotion {
 
     /// What has to be believed so that a wrench acts.
     pub(super) fn asked(&self, state: &FlightState, wanted: &Wrench<f64>) -> Wrench<f64> {
-        let mut left = wanted.to_vector() - state.drift;
-        if self.planar {
-            for i in [0, 1, 5] {
-                left[i] = 0.0;
-            }
-        }
+        let left = wanted.to_vector() - state.drift;
         let off = state.thrust.map(|off| off.clamp(LEAST_SHARE - 1.0, 1.0 - LEAST_SHARE));
-        let mut asked = left;
-        for _ in 0..ASKED_ANEW {
+        let mut asked = Vector6::zeros();
+        for _ in 0..=ASKED_ANEW {
             asked = left - self.shares.contributions(&asked) * off;
+            if self.planar {
+                for i in [0, 1, 5] {
+                    asked[i] = 0.0;
+                }
+            }
         }
         asked.into()
     }
