@@ -6,6 +6,7 @@ use crate::recording::RawMessage;
 use std::fmt;
 use std::sync::Arc;
 use tumble_dynamics::{ActuatorDrive, DynamicsError, InertialParameters};
+use tumble_identification::recursive::{ErringThruster, THRUSTERS};
 use tumble_identification::sensing::Sensing;
 use tumble_lie::Wrench;
 
@@ -38,6 +39,12 @@ pub struct ActuatorPreset {
     pub sentence: &'static str,
     /// Makes them, at rest.
     pub make: fn() -> Result<Box<dyn ActuatorDrive>, DynamicsError>,
+    /// What each makes per newton of thrust, body axes, torque about the body origin, and the share that it may err by: an estimator in flight learns
+    /// these errors beside the body. [`ErringThruster::NONE`] where there is none.
+    ///
+    /// # Errors
+    /// Actuators that cannot be.
+    pub thrusters: fn() -> Result<[ErringThruster; THRUSTERS], DynamicsError>,
 }
 
 /// What a recorded command told the actuators: bytes that only their robot understands.
@@ -140,6 +147,7 @@ pub trait ActuatorReplay: Send {
 /// use tumble_dynamics::nalgebra::Vector3;
 /// use tumble_dynamics::{InertialParameters, StatefulDrive, WrenchBox};
 /// use tumble_formats::{ActuatorPreset, BodyPreset, Robot, Robots};
+/// use tumble_identification::recursive::ErringThruster;
 ///
 /// struct Kite;
 ///
@@ -161,6 +169,7 @@ pub trait ActuatorReplay: Send {
 ///                 let limits = WrenchBox { torque_limit: Vector3::repeat(0.2), force_limit: Vector3::repeat(1.0) };
 ///                 Ok(Box::new(StatefulDrive::new(limits, ())))
 ///             },
+///             thrusters: || Ok(ErringThruster::along_axes(0.01)),
 ///         }]
 ///     }
 /// }

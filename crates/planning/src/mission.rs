@@ -52,5 +52,4 @@ pub use serve::serve;
 pub use stretch::{AlongWay, StretchAnswer, StretchOutcome, StretchPlanner, StretchRefusal, StretchTask};
 pub use stretch_model::StretchModel;
 pub use stretch_settings::{Arrival, StretchSettings, WayShares};
-pub use thrust_doubt::ThrustDoubt;
 pub use watch::{Invariant, InvariantWatch, Violation, WatchLimits, WatchedStep};

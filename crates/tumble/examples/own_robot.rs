@@ -6,6 +6,7 @@ use tumble_dynamics::nalgebra::Vector3;
 use tumble_dynamics::{InertialParameters, StatefulDrive, WrenchBox};
 use tumble_formats::recording::RawMessage;
 use tumble_formats::{ActuatorBytes, ActuatorPreset, ActuatorReplay, BodyPreset, Robot};
+use tumble_identification::recursive::ErringThruster;
 use tumble_lie::Wrench;
 
 /// A cube of 12 kg with jets along and about every axis.
@@ -32,6 +33,7 @@ impl Robot for Kite {
                 let limits = WrenchBox { torque_limit: Vector3::repeat(0.06), force_limit: Vector3::repeat(0.5) };
                 Ok(Box::new(StatefulDrive::new(limits, ())))
             },
+            thrusters: || Ok(ErringThruster::along_axes(0.01)),
         }]
     }
 

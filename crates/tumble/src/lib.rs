@@ -18,6 +18,7 @@ pub mod mission;
 #[cfg(feature = "astrobee")]
 pub mod mission_report;
 pub mod output;
+#[cfg_attr(not(feature = "astrobee"), allow(dead_code, reason = "some of it is drawn for flights only"))]
 mod page;
 mod program;
 mod quantities;

@@ -24,8 +24,12 @@ impl Robot for SpaceCobot {
     }
 
     fn actuators(&self) -> Vec<ActuatorPreset> {
-        let (name, sentence) = ("space-cobot", "six rotors");
-        vec![ActuatorPreset { name, sentence, make: || Ok(Box::new(StatefulDrive::new(space_cobot::rotors()?, ()))) }]
+        vec![ActuatorPreset {
+            name: "space-cobot",
+            sentence: "six rotors",
+            make: || Ok(Box::new(StatefulDrive::new(space_cobot::rotors()?, ()))),
+            thrusters: space_cobot::erring_rotors,
+        }]
     }
 }
 
@@ -50,6 +54,7 @@ impl Robot for Spheres {
             name: "spheres",
             sentence: "twelve pulsed thrusters",
             make: || Ok(Box::new(PulseTrain::new(spheres::thrusters()?, spheres::TICKS_PER_FLIGHT_STEP))),
+            thrusters: spheres::erring_thrusters,
         }]
     }
 }

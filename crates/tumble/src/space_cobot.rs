@@ -2,6 +2,7 @@
 
 use tumble_dynamics::nalgebra::{Matrix3, UnitVector3, Vector3};
 use tumble_dynamics::{DynamicsError, InertialParameters, Rotor, RotorSet, WrenchBox};
+use tumble_identification::recursive::{ErringThruster, THRUSTERS};
 
 /// Its body without payload.
 ///
@@ -38,6 +39,9 @@ pub const ROTOR_SPEED_RAD_S: f64 = 1500.0;
 /// Drag torque of a rotor over its thrust, m; ours.
 pub const ROTOR_DRAG_M: f64 = 0.01;
 
+/// What the thrust of a rotor is off by, one standard deviation, as a share; assumed.
+pub const THRUST_SIGMA: f64 = 0.01;
+
 /// Six rotors, 60 degrees apart, tilted about their arms to alternate sides and turning alternate ways.
 ///
 /// The tilt of `atan(sqrt 2)`, 54.7 degrees, makes the sum of squared efforts for a force the same in all directions.
@@ -64,6 +68,19 @@ pub fn rotors() -> Result<RotorSet<6>, DynamicsError> {
     }))
 }
 
+/// What an estimator in flight is told of the rotors: each turns either way, and its thrust is a hundredth off.
+///
+/// # Errors
+/// None with these numbers.
+pub fn erring_rotors() -> Result<[ErringThruster; THRUSTERS], DynamicsError> {
+    let mut erring = [ErringThruster::NONE; THRUSTERS];
+    for (group, (erring, rotor)) in erring.iter_mut().zip(rotors()?.rotors()).enumerate() {
+        let push = rotor.wrench_body().to_vector() / ROTOR_THRUST_N;
+        *erring = ErringThruster { push_body: push.into(), relative: THRUST_SIGMA, group };
+    }
+    Ok(erring)
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -88,6 +105,17 @@ mod tests {
             let cost = efforts(wrench.to_vector()).norm_squared();
             assert!((cost - expected).abs() < 1e-12, "{force}: {cost}");
         }
+    }
+
+    #[test]
+    fn rotors_that_err_make_what_the_rotors_make() {
+        let (set, erring) = (rotors().unwrap(), erring_rotors().unwrap());
+        let speeds = Vector6::from_fn(|i, _| ROTOR_SPEED_RAD_S * [1.0, -0.5, 0.2, -0.9, 0.4, 0.7][i]);
+        let of_each = erring.iter().zip(speeds.iter()).map(|(rotor, speed)| {
+            let part = speed / ROTOR_SPEED_RAD_S;
+            rotor.push_body.to_vector() * (ROTOR_THRUST_N * part * part.abs())
+        });
+        assert!((of_each.sum::<Vector6<f64>>() - set.realize(&speeds).to_vector()).amax() < 1e-12);
     }
 
     #[test]

@@ -6,6 +6,7 @@
 
 use tumble_dynamics::nalgebra::{Matrix3, UnitVector3, Vector3};
 use tumble_dynamics::{DynamicsError, InertialParameters, PulseTiming, PulsedThrusters, Thruster, ThrusterSet};
+use tumble_identification::recursive::{ErringThruster, THRUSTERS};
 
 /// Mass of the satellite with half its propellant, without smartphone and its batteries, kg.
 pub const MASS_KG: f64 = 4.3;
@@ -48,6 +49,22 @@ pub fn thrusters() -> Result<PulsedThrusters<12>, DynamicsError> {
     Ok(PulsedThrusters { thrusters: ThrusterSet::try_new(thrusters)?, timing: TIMING })
 }
 
+/// What the thrust of an open thruster is off by, one standard deviation, as a share; assumed.
+pub const THRUST_SIGMA: f64 = 0.01;
+
+/// What an estimator in flight is told of the thrusters, in their order: those of one end of a lever cancel.
+///
+/// # Errors
+/// None with these numbers.
+pub fn erring_thrusters() -> Result<[ErringThruster; THRUSTERS], DynamicsError> {
+    let set = thrusters()?.thrusters;
+    Ok(core::array::from_fn(|i| {
+        let thruster = &set.thrusters()[i];
+        let push = thruster.wrench_body().to_vector() / thruster.largest_thrust_n;
+        ErringThruster { push_body: push.into(), relative: THRUST_SIGMA, group: 2 * (i / 4) + i % 2 }
+    }))
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -55,6 +72,7 @@ mod tests {
     use tumble_dynamics::Actuation;
     use tumble_dynamics::laws::check_actuation;
     use tumble_dynamics::lie::Wrench;
+    use tumble_dynamics::nalgebra::Vector6;
     use tumble_dynamics::strategies::{draws, wrenches};
 
     #[test]
@@ -81,6 +99,19 @@ mod tests {
                     assert!((thrusts[4 * axis + 2 + end] - (-share).max(0.0)).abs() < 1e-14, "{wrench:?}: {thrusts}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn those_that_err_push_as_the_thrusters_do_and_cancel_within_a_group() {
+        let erring = erring_thrusters().unwrap();
+        let one = thrusters().unwrap().thrusters.thrusters()[6].wrench_body();
+        assert!((erring[6].push_body.force * THRUST_N - one.force).amax() < 1e-15);
+        assert!((erring[6].push_body.torque * THRUST_N - one.torque).amax() < 1e-15);
+        for group in 0..6 {
+            let pushes = erring.iter().filter(|thruster| thruster.group == group);
+            assert_eq!(pushes.clone().count(), 2);
+            assert!(pushes.map(|thruster| thruster.push_body.to_vector()).sum::<Vector6<f64>>().amax() < 1e-15);
         }
     }
 

@@ -26,7 +26,7 @@ pub struct Acted {
 pub enum Doubt {
     /// Something was grasped or released: jumps of the ten `LogCholesky` coordinates.
     Body(SVector<f64, 10>),
-    /// Actuators do not do what they are told.
+    /// Actuators do not do what they are told, which may take back a doubt of the body that came shortly before.
     Wrench,
 }
 

@@ -403,7 +403,8 @@ impl FlightEstimator {
 
     /// Whether the filter's own account of its errors is still true.
     pub fn health(&self) -> FlightHealth {
-        FlightHealth { relearning: self.lessons.are_underway(), ..self.newest().monitor.health() }
+        let newest = self.newest();
+        FlightHealth { relearning: self.lessons.are_underway(newest), ..newest.monitor.health() }
     }
 
     /// The body back to a prior from now on, the motion kept, the wander of the localisation as loud as the settings state. Called again and again for
@@ -425,7 +426,10 @@ impl FlightEstimator {
     }
 
     /// Actuators do not do what they are told: from now on, for good, the wrench may be off by what is
-    /// [`WrenchErrors::doubted`], whatever it was before. Motion and slow errors of the sensors are less certain, too, once.
+    /// [`WrenchErrors::doubted`], and each thruster by half of what it gives, whatever was known before. The body is again what it was known to be three
+    /// to six seconds before it was first doubted, less certain by a third of the way to what it has been taken for since, and learned on only where its
+    /// mass was not known to a tenth: no motion tells it from such thrust.
+    /// Motion and slow errors of the sensors are less certain, too, once.
     pub fn wrench_doubtful(&mut self) {
         self.happen_now(Event::WrenchDoubted);
     }

@@ -93,6 +93,21 @@ pub struct MotionNoise {
     pub drift: Vector10,
 }
 
+impl MotionNoise {
+    /// The same for a body like this that drifts. Over one second the deviations are `share` for the logarithms of mass and extents, and `share` times
+    /// the mean extent (geometric, m) for the centre of mass and the shears of [`LogCholesky`].
+    ///
+    /// # Errors
+    /// [`IdentificationError::Dynamics`] for a body that is not strictly consistent.
+    #[must_use = "the noise is not changed in place"]
+    pub fn drifting(self, share: f64, body: &InertialParameters<f64>) -> Result<Self, IdentificationError> {
+        let chart = LogCholesky::try_from_parameters(body)?;
+        let length_m = share * chart.log_extents.mean().exp();
+        let drift = Vector10::from_fn(|i, _| if matches!(i, 0 | 4..=6) { share } else { length_m });
+        Ok(Self { drift, ..self })
+    }
+}
+
 /// A free body under a held wrench: poses, rates, velocities and accelerations in, motion and ten parameters out.
 ///
 /// Reported parameters are those of [`InertialParameters::to_vector`], strictly consistent because the state knows no other
@@ -375,6 +390,24 @@ mod tests {
             drift: Vector10::zeros(),
         };
         JointMotion { noise, gravity_world: Vector3::new(0.3, -0.2, -0.5) }
+    }
+
+    /// A body ten times as long drifts by ten times as many metres, one a thousand times as heavy by as many of its logarithms.
+    #[test]
+    fn a_body_drifts_by_a_share_of_itself() {
+        let drift = |mass, side: f64| {
+            let body = InertialParameters::solid_box(mass, [side, 2.0 * side, 1.5 * side]);
+            model().noise.drifting(1e-4, &body).unwrap().drift
+        };
+        let (small, large) = (drift(10.0, 0.1), drift(1e4, 1.0));
+        for i in 0..10 {
+            let expected = if matches!(i, 0 | 4..=6) { 1.0 } else { 10.0 };
+            assert!((large[i] / small[i] - expected).abs() < 1e-9, "{i}: {small} {large}");
+        }
+        // by hand: a box as long as a has a squared extent of a^2 / 12
+        let extent_m = 0.1 * f64::powf(3.0, 1.0 / 3.0) / f64::sqrt(12.0);
+        assert!((small[0] - 1e-4).abs() < 1e-18 && (small[1] / (1e-4 * extent_m) - 1.0).abs() < 1e-12, "{small}");
+        assert!(model().noise.drifting(1e-4, &InertialParameters::solid_box(1.0, [0.1, 0.1, 0.0])).is_err());
     }
 
     fn state() -> JointState {

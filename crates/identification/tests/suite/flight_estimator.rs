@@ -283,7 +283,8 @@ fn in_the_plane_the_rest_stays_at_its_prior() {
     assert!(account.deviations[3] > 0.02);
 }
 
-/// In a flight of half a minute lessons begin eight times, and each comes to its end long before the next one.
+/// In a flight of half a minute lessons begin eight times, and again where the body has moved far from what they were about; each comes to its end long
+/// before the next one.
 #[test]
 fn what_is_being_learned_again_is_said() {
     let mut flight = Flight::new(8, Conditions::usual());
@@ -296,7 +297,7 @@ fn what_is_being_learned_again_is_said() {
         was = health.relearning;
     }
     let share = f64::from(underway) / f64::from(flight.tick);
-    assert!((6..=8).contains(&begun) && share > 0.02 && share < 0.3, "{begun} {share}");
+    assert!((6..=24).contains(&begun) && share > 0.02 && share < 0.5, "{begun} {share}");
 }
 
 #[test]
@@ -403,7 +404,6 @@ fn doubts_of_a_lost_nozzle(seed: u64, answer: impl Fn(usize, &mut FlightEstimato
 #[test]
 fn a_lost_nozzle_is_the_wrenchs_fault_and_not_the_bodys() {
     let wanted = Wrench::new(Vector3::zeros(), Vector3::new(0.0, 0.1, 0.0));
-    let mut masses = vec![];
     for seed in 8..16 {
         let (doubts, flight) = doubts_of_a_lost_nozzle(seed, |doubt, estimator| match doubt {
             1 => estimator.body_changed(&grasp_or_release()),
@@ -414,10 +414,11 @@ fn a_lost_nozzle_is_the_wrenchs_fault_and_not_the_bodys() {
         // what to ask for instead of a wrench: more of what is lost
         let asked = flight.estimator.compensated(&wanted);
         assert!(asked.is_some_and(|asked| (asked.force - wanted.force).norm() > 1e-3), "{seed}");
-        masses.push(flight.estimator.estimate().parameters.mass / flight.body.mass);
+        // what was known before the loss is what is known of the body, which is as wrong as it was said to be then
+        let account = flight.account();
+        let is_within = account.errors.iter().zip(&account.deviations).all(|(error, s)| error.abs() < 4.0 * s);
+        assert!(is_within && account.errors[0].abs() < 0.05, "{seed} {account:?}");
     }
-    // The body may be wrong all the same: half of a thrust is as good as twice a mass. Of thirty flights 24 stay within a factor of two.
-    assert!(masses.iter().filter(|mass| (0.5..2.0).contains(*mass)).count() >= 4, "{masses:?}");
     assert!(Flight::new(8, Conditions::usual()).estimator.compensated(&wanted).is_none());
 }
 
@@ -456,10 +457,10 @@ fn a_map_that_moves_and_glides_back_says_nothing_of_the_body() {
         let beyond = account.errors.iter().zip(&account.deviations).map(|(error, deviation)| error.abs() / deviation);
         worst.push((beyond.fold(0.0, f64::max), doubts));
     }
-    // Of 72 such flights (seeds 21 to 32, 100 to 159) three took some of the gliding for motion and are off by 4 to 11 sigma, two are doubted.
+    // Of 72 such flights (seeds 21 to 32, 100 to 159) two took some of the gliding for motion: one is off by 6 sigma, the other by 13 and doubted.
     let silent = worst.iter().filter(|(beyond, doubts)| *beyond > 4.0 && *doubts == 0).count();
     let doubted = worst.iter().filter(|(_, doubts)| *doubts > 0).count();
-    assert!(silent <= 1 && doubted <= 2, "{worst:?}");
+    assert!(silent <= 1 && doubted <= 1, "{worst:?}");
 }
 
 #[test]

@@ -604,7 +604,11 @@ where
                 self.next_belief_ns = self.time_ns;
             }
             Action::WidenBelief => self.doubt(&Doubt::Body(grasp_or_release())),
-            Action::DoubtWrench => self.doubt(&Doubt::Wrench),
+            Action::DoubtWrench => {
+                self.doubt(&Doubt::Wrench);
+                // nothing may be planned with what was taken for another body
+                self.next_belief_ns = self.time_ns;
+            }
             Action::Finish { has_arrived } => self.end = Some(if has_arrived { End::Arrived } else { End::OutOfTime }),
             Action::GiveUp { request } => {
                 let proof = self.no_way.take_if(|(of, _)| *of == request);

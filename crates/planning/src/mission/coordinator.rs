@@ -110,6 +110,8 @@ pub struct Coordinator {
     offered_ns: i64,
     contradictions: u32,
     wants_new_controller: bool,
+    /// A stop that was planned for another body is to be planned anew with the next belief.
+    stops_anew: bool,
     is_known: bool,
     is_blind: bool,
     doubted_ns: i64,
@@ -136,6 +138,7 @@ impl Coordinator {
             offered_ns: i64::MIN,
             contradictions: 0,
             wants_new_controller: false,
+            stops_anew: false,
             is_known: false,
             is_blind: false,
             doubted_ns: i64::MIN,
@@ -207,7 +210,7 @@ impl Coordinator {
     /// Once and for good.
     fn doubt_actuators(&mut self, actions: &mut Vec<Action>) {
         if !self.actuators_disagree {
-            self.actuators_disagree = true;
+            (self.actuators_disagree, self.stops_anew) = (true, true);
             actions.push(Action::DoubtWrench);
         }
     }
@@ -298,6 +301,9 @@ impl Coordinator {
         }
         self.newest = revision;
         self.way_is_stale |= is_material;
+        if std::mem::take(&mut self.stops_anew) && matches!(self.phase, Phase::Resting { .. }) {
+            self.stop(actions);
+        }
         self.offer(actions);
     }
 

@@ -6,7 +6,7 @@ use super::foreseen::{foreseen, information_between};
 use super::stretch::{StretchAnswer, StretchOutcome, StretchPlanner, StretchRefusal, StretchTask};
 use super::stretch_model::StretchModel;
 use super::stretch_settings::{Arrival, StretchSettings};
-use super::thrust_doubt::ThrustDoubt;
+use super::thrust_doubt::learnable;
 use super::way_nodes::motion_on;
 use crate::budget::Budget;
 use crate::error::{PlanningError, indefinite, positive};
@@ -17,6 +17,7 @@ use crate::local::{
 use core::f64::consts::TAU;
 use nalgebra::{SMatrix, Vector3, Vector6};
 use tumble_dynamics::{FreeFlyer, RigidBodyState};
+use tumble_identification::recursive::{ErringThruster, THRUSTERS};
 use tumble_lie::{LieGroup, Twist, Wrench};
 
 /// Plans stretches along a way, for any model, weighting and local planner `L`; the informative one unless
@@ -37,7 +38,7 @@ pub struct InformativeStretch<
     weighting: Box<dyn InformationWeighting<P>>,
     expected_loss: Option<ExpectedLoss<P>>,
     arrival: Arrival,
-    thrust: ThrustDoubt,
+    thrusters: [ErringThruster; THRUSTERS],
     /// Largest absolute value of each input.
     limit: [f64; U],
     step_s: f64,
@@ -76,7 +77,7 @@ impl<M: StretchModel<X, U, P> + Clone, const X: usize, const U: usize, const P: 
             weighting,
             expected_loss: None,
             arrival: settings.arrival,
-            thrust: settings.thrust,
+            thrusters: settings.thrusters,
             limit,
             step_s: settings.step_s,
             steps: settings.steps,
@@ -102,7 +103,7 @@ where
             weighting,
             expected_loss,
             arrival,
-            thrust,
+            thrusters,
             limit,
             step_s,
             steps,
@@ -117,7 +118,7 @@ where
             weighting,
             expected_loss,
             arrival,
-            thrust,
+            thrusters,
             limit,
             step_s,
             steps,
@@ -320,7 +321,7 @@ where
         };
         let known = covariance_of(&self.model.adopt(task.belief)?)?;
         let pushed_axes = M::IS_TORQUE.iter().filter(|is_torque| !**is_torque).count();
-        let learnable = self.thrust.learnable(task.belief, pushed_axes)?;
+        let learnable = learnable(&self.thrusters, task.belief, pushed_axes)?;
         let knowledge = self.model.adopt(&learnable)?;
         let left = covariance_of(&knowledge)?;
         let lasting = core::array::from_fn::<f64, P, _>(|i| f64::max(0.0, known[(i, i)] - left[(i, i)]));

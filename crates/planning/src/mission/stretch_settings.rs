@@ -1,11 +1,11 @@
 //! How stretches are planned.
 
-use super::thrust_doubt::ThrustDoubt;
 use crate::error::{PlanningError, finite, not_negative, positive};
 use crate::global::MotionLimits;
 use crate::local::{Criterion, LocalSettings, SpeedLimits, WrenchSet};
 use nalgebra::{SMatrix, SVector, Vector3};
 use tumble_dynamics::AlignedBox;
+use tumble_identification::recursive::{ErringThruster, THRUSTERS};
 
 /// What arriving means: the state at the end of a stretch, against the end of the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,8 +67,8 @@ pub struct StretchSettings {
     /// Variance that comes to each of them in a second from what neither the body nor the inputs do: forces that nobody knows of, a
     /// localisation that wanders. Zero where errors are white and thrust is exact.
     pub wander_per_s: [f64; 4],
-    /// How well the thrust itself is known.
-    pub thrust: ThrustDoubt,
+    /// What makes the wrench, and how well it is known: what errs with it no motion teaches.
+    pub thrusters: [ErringThruster; THRUSTERS],
     /// What is to be small of the covariance.
     pub criterion: Criterion,
     /// Distance kept from obstacles, m.
@@ -106,7 +106,7 @@ impl Default for StretchSettings {
             measurement_sigma: [0.01, 0.005, 0.01, 0.005],
             samples_per_step: 1.0,
             wander_per_s: [0.0; 4],
-            thrust: ThrustDoubt::NONE,
+            thrusters: [ErringThruster::NONE; THRUSTERS],
             criterion: Criterion::A,
             margin_m: 0.04,
             length_scale_m: 0.15,
@@ -168,7 +168,9 @@ impl StretchSettings {
         for wander in self.wander_per_s {
             not_negative("the wander of a measurement", wander)?;
         }
-        self.thrust.check()?;
+        for thruster in &self.thrusters {
+            thruster.check()?;
+        }
         let seen: [Seen; 4] = core::array::from_fn(|group| {
             let sigma = self.measurement_sigma[group];
             Seen::steadily(sigma * sigma / self.samples_per_step, self.wander_per_s[group] * self.step_s)
@@ -251,7 +253,7 @@ mod tests {
         assert_eq!(found.retained[1..], [1.0; 3]);
         let bad = StretchSettings { wander_per_s: [-1.0, 0.0, 0.0, 0.0], ..StretchSettings::default() };
         assert!(local(&bad).is_err());
-        let thrust = ThrustDoubt { line_m: -1.0, ..ThrustDoubt::NONE };
-        assert!(local(&StretchSettings { thrust, ..StretchSettings::default() }).is_err());
+        let thrusters = ErringThruster::along_axes(-0.01);
+        assert!(local(&StretchSettings { thrusters, ..StretchSettings::default() }).is_err());
     }
 }

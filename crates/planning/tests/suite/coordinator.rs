@@ -298,6 +298,10 @@ fn a_body_that_is_doubted_again_at_once_is_not_what_is_wrong() {
     told.now_ns += 2 * SECOND;
     let again = Action::Note(Note::ActuatorsDisagree);
     assert_eq!(told.hear(Event::BodyDoubtful), [again, Action::DoubtWrench]);
+    // The stop was that of a body which is none: with the next belief there is another one, once.
+    let believed = |revision| Event::Belief { revision, is_material: false };
+    assert_eq!(told.hear(believed(7)), [Action::Stop, Action::Offer { revision: 7 }]);
+    assert_eq!(told.hear(believed(8)), [Action::Offer { revision: 8 }]);
     // and that is known from then on
     told.now_ns += 2 * SECOND;
     assert_eq!(told.hear(Event::BodyDoubtful), [again]);

@@ -4,7 +4,6 @@ use super::weighting::WeightingChoice;
 use crate::scenario::{ComputingSettings, MissionProblem, UnknownsName};
 use tumble_astrobee::control_presets::{self, ControlLimits};
 use tumble_astrobee::planning_presets::{EXPONENTIAL_WEIGHTING, STEP_WEIGHTING};
-use tumble_astrobee::propulsion::erring_nozzles;
 use tumble_astrobee::simulator::CONTROL_PERIOD_S;
 use tumble_dynamics::nalgebra::{UnitQuaternion, Vector3, Vector6};
 use tumble_dynamics::{AlignedBox, RigidBodyState, World};
@@ -22,14 +21,12 @@ use tumble_planning::local::{
 };
 use tumble_planning::mission::{
     AtGoal, BrakeLimits, ChosenModel, ComputingTime, ExpectedLoss, LoopSettings, Scene, Schedule, StretchPlanner,
-    StretchSettings, ThrustDoubt,
+    StretchSettings,
 };
 use tumble_planning::{ModelBelief, PlanningError};
 
 /// Largest error of the estimator's position and velocity along an axis, standard deviations of what it claims.
 const ERRORS: [f64; 2] = [3e-4, 1.5e-4];
-/// What the thrust of a nozzle is off by, one standard deviation, as a share.
-const NOZZLE_SIGMA: f64 = 0.01;
 /// Slow errors of the believed wrench beside those of its nozzles, N m and N: drag, and what of servos and impellers is not in the thrust that is
 /// believed.
 const DRIFT: [f64; 2] = [1.5e-5, 2e-4];
@@ -148,7 +145,6 @@ pub fn stretch_planner(
     choice: WeightingChoice,
 ) -> Result<Box<dyn StretchPlanner>, PlanningError> {
     let usual = StretchSettings::default();
-    let thrust = thrust_doubt(problem);
     let motion = &problem.planned_motion;
     let most_rad_s = f64::min(RATE_SHARE * problem.rate_limit_rad_s, motion.rate_of_an_axis_rad_s(problem.planar));
     let rate_rad_s = usual.speed.rate_rad_s.map(|usual| usual.min(most_rad_s));
@@ -164,7 +160,7 @@ pub fn stretch_planner(
         ],
         samples_per_step: problem.step_s / CONTROL_PERIOD_S,
         wander_per_s: wander_per_s(problem),
-        thrust,
+        thrusters: problem.thrusters,
         margin_m: problem.margins_m.stretch,
         ..usual
     };
@@ -294,17 +290,8 @@ pub(super) fn estimator_settings(problem: &MissionProblem) -> FlightEstimatorSet
     let usual = FlightEstimatorSettings::new(problem.noise);
     let [torque, force] = DRIFT;
     let drift = Vector6::new(torque, torque, torque, force, force, force);
-    let wrench = WrenchErrors { drift, thrusters: erring_nozzles(NOZZLE_SIGMA), doubted: DOUBTED, ..usual.wrench };
+    let wrench = WrenchErrors { drift, thrusters: problem.thrusters, doubted: DOUBTED, ..usual.wrench };
     FlightEstimatorSettings { planar: problem.planar, slow: problem.slow, wrench, ..usual }
-}
-
-/// What of the body the nozzles' errors hide. A centre of mass is told by the line of a force and by where a turn pushes it: an error of
-/// that force is one of inertia / mass times as much.
-fn thrust_doubt(problem: &MissionProblem) -> ThrustDoubt {
-    let [force_scale, torque_scale, line_m, force_per_torque] = estimator_settings(problem).wrench.of_wrenches();
-    let body = &problem.prior.parameters;
-    let turn_m = force_per_torque * body.inertia_about_com().trace() / (3.0 * body.mass);
-    ThrustDoubt { force_scale, torque_scale, line_m: line_m * turn_m / line_m.hypot(turn_m) }
 }
 
 /// The estimator, at the start.

@@ -63,9 +63,10 @@ impl ScenarioSource {
             margins_m,
             arrival: numbers.arrival,
             longest_s: self.scenario.duration_s,
-            noise: numbers.noise,
+            noise: numbers.noise.drifting(numbers.drift_share, &belief).map_err(PlanningError::from)?,
             planned_motion: numbers.planned_motion(),
             slow,
+            thrusters: self.erring_thrusters()?,
             station_stretches: numbers.station_stretches,
             layers: options.layers.or(self.scenario.fly.as_ref().and_then(|fly| fly.layers).unwrap_or_default()),
         })

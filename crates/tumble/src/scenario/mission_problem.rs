@@ -8,7 +8,7 @@ use tumble_astrobee::worlds::WorldPreset;
 use tumble_dynamics::InertialParameters;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_identification::Estimate;
-use tumble_identification::recursive::{MotionNoise, SlowErrors};
+use tumble_identification::recursive::{ErringThruster, MotionNoise, SlowErrors, THRUSTERS};
 use tumble_identification::sensing::LocalizationLimits;
 use tumble_planning::mission::StopLimits;
 
@@ -72,6 +72,8 @@ pub struct MissionProblem {
     pub noise: MotionNoise,
     /// What the estimator takes for errors of the sensors that last.
     pub slow: SlowErrors,
+    /// What makes wrenches, and how well it is known.
+    pub thrusters: [ErringThruster; THRUSTERS],
     /// Largest rate and acceleration that planners ask for, rad/s and m/s^2, where the localisation survives only so much.
     pub planned_motion: PlannedMotion,
     /// How hard stops brake.

@@ -11,12 +11,14 @@ use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
+use tumble::mission::{FlyOptions, LayerNames, ModelChoice, WeightingChoice};
 use tumble::robots::shipped;
 use tumble::scenario::ScenarioSource;
 use tumble_dynamics::nalgebra::Vector3;
 use tumble_dynamics::{FreeFlyer, Integrator as _, MuntheKaas4, RigidBodyState};
 use tumble_formats::Robots;
 use tumble_formats::testing::bag_writer::{BagWriter, Compression};
+use tumble_identification::recursive::ErringThruster;
 use tumble_lie::Wrench;
 
 const STEP_NS: i64 = 20_000_000;
@@ -155,6 +157,27 @@ fn it_is_simulated_and_identified_from_that_log() {
     let jets = excited().replace("preset = \"kite\"", "preset = \"spheres\"");
     let refused = ScenarioSource::parse(&scenario, &jets).unwrap().flight().map(|_| ()).unwrap_err().to_string();
     assert!(refused.contains("`kite-jets` is none of plant, limited, exact, space-cobot, spheres"), "{refused}");
+}
+
+/// An estimator in flight is told of the jets of this robot, and of nozzles only where there are some.
+#[test]
+fn its_estimator_learns_its_own_thrusters() {
+    let thrusters = |mission: &str| {
+        let source = ScenarioSource::parse(Path::new("kite.toml"), mission).unwrap().among(&kites());
+        let options = FlyOptions {
+            seed: 1,
+            weighting: WeightingChoice::Covariance,
+            feedback: true,
+            model: ModelChoice::Scenario,
+            fault: None,
+            layers: LayerNames::default(),
+        };
+        source.mission(&options).unwrap().thrusters
+    };
+    assert_eq!(thrusters(MISSION), ErringThruster::along_axes(0.01));
+    let rotors = thrusters(&MISSION.replace("kite-jets", "space-cobot"));
+    assert_eq!(rotors.iter().filter(|rotor| rotor.relative > 0.0).count(), 6);
+    assert_eq!(thrusters(&MISSION.replace("kite-jets", "exact")), [ErringThruster::NONE; 12]);
 }
 
 #[test]

@@ -30,6 +30,12 @@ impl ErringThruster {
         group: 0,
     };
 
+    /// Six thrusters of a robot that pushes along and turns about each body axis by a maker of its own, either way, each off by `relative`.
+    pub fn along_axes(relative: f64) -> [Self; THRUSTERS] {
+        let push = |axis: usize| if axis < 6 { Vector6::ith(axis, 1.0) } else { Vector6::zeros() };
+        core::array::from_fn(|axis| Self { push_body: push(axis).into(), relative, group: axis })
+    }
+
     /// Twelve thrusters in six opposite pairs: four push along each axis, to either side of the middle by `arm_m`, so that the difference of
     /// two of them turns. Each errs by `relative`, independently.
     pub fn in_pairs(relative: f64, arm_m: f64) -> [Self; THRUSTERS] {
@@ -43,9 +49,16 @@ impl ErringThruster {
         })
     }
 
+    /// What an error of one standard deviation of each thruster adds to a wrench (N m, N; torque before force, body axes, about the origin): one column
+    /// per thruster.
+    pub fn errors_of(thrusters: &[Self; THRUSTERS], wrench_body: &Vector6<f64>) -> SMatrix<f64, 6, THRUSTERS> {
+        let contributions = ThrustShares::new(thrusters).contributions(wrench_body);
+        SMatrix::from_fn(|i, k| contributions[(i, k)] * thrusters[k].relative)
+    }
+
     /// # Errors
     /// What is not finite, a negative deviation.
-    pub(super) fn check(&self) -> Result<(), IdentificationError> {
+    pub fn check(&self) -> Result<(), IdentificationError> {
         let push = self.push_body.to_vector();
         if let Some(value) = push.iter().copied().find(|value| !value.is_finite()) {
             return Err(IdentificationError::ImpossibleSensing { what: "wrench of a thruster", value });
@@ -125,6 +138,17 @@ mod tests {
         assert!((shares.contributions(&wrench).column_sum() - wrench).amax() < 1e-14);
         // by hand: 0.3 N ahead and 0.015 N m about z from two lines that are 0.1 m to either side
         assert!((thrusts[0] - (0.15 - 0.075)).abs() < 1e-14 && (thrusts[2] - (0.15 + 0.075)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn along_axes_each_axis_errs_by_itself() {
+        let shares = ThrustShares::new(&ErringThruster::along_axes(0.01));
+        let wrench = Vector6::new(0.01, -0.02, 0.015, 0.3, -0.2, 0.1);
+        let contributions = shares.contributions(&wrench);
+        for (axis, contribution) in contributions.column_iter().enumerate() {
+            let expected = if axis < 6 { Vector6::ith(axis, wrench[axis]) } else { Vector6::zeros() };
+            assert!((contribution - expected).amax() < 1e-15, "{axis}: {contribution}");
+        }
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! The filter at one moment: everything that the stream of measurements, taken in order, has made of it.
 
 use super::body_score::{BodyScore, Elsewhere, ScoreLimits};
+use super::erring_thrusters::THRUSTERS;
 use super::flight_motion::{
     ACCELERATION_BIAS, ACCELERATION_SCALE, ALL_ROWS, BODY, COORDINATES, Covariance, DRIFT, FlightMotion, FlightState,
-    Fresh, ROWS, Shown, WANDER, back_into_plane,
+    Fresh, ROWS, Shown, THRUST, WANDER, back_into_plane,
 };
 use super::health::{Groups, Monitor, Thresholds};
 use super::reception::Reception;
@@ -39,8 +40,15 @@ const ABOUT_NS: i64 = 1_000_000;
 const HEARING_S: f64 = 5.0;
 const LOUDEST_SURPRISE: f64 = 10.0;
 const LOUDER: [f64; 2] = [0.05, 400.0];
-/// No body is larger or heavier than that of the start by more than this, as a logarithm, nor lighter: a hundred times.
-const LARGEST_GROWTH: f64 = 4.6;
+/// No body is heavier than that of the start by more than this, as a logarithm, nor lighter: a hundred times; none is longer by more than ten times.
+const MOST_MASS: f64 = 4.6;
+const MOST_EXTENT: f64 = 2.3;
+/// What is known of the body is remembered every so often, s: longer than it takes to doubt it.
+const REMEMBERED_S: f64 = 3.0;
+/// Probability that what is blamed on actuators was a grasp or a release after all, and the body what was learned since.
+const GRASPED: f64 = 0.1;
+/// Standard deviation of the relative error of a thruster that may be dead, or give half as much again.
+const FREED: f64 = 0.5;
 /// Variance of a log-extent whose square is as large as its standard deviation.
 const LARGEST_LOG_EXTENT_VARIANCE: f64 = 0.25;
 
@@ -112,6 +120,16 @@ struct Unsettled {
     until_ns: i64,
 }
 
+/// It began anew because it contradicted what was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Contradicted {
+    /// Since when, and when last, less than a settling apart.
+    since_ns: i64,
+    last_ns: i64,
+    /// What was believed of the body by then.
+    body: LogCholesky<f64>,
+}
+
 /// How often measurements of the ordered stream came to which end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct StreamCounts {
@@ -119,6 +137,20 @@ pub(super) struct StreamCounts {
     pub(super) gated: u64,
     pub(super) relocalised: u64,
     pub(super) frozen: u64,
+}
+
+/// A doubt of the wrench.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct WrenchDoubt {
+    /// Whether the body was known by then, to which it is held.
+    body_was_known: bool,
+}
+
+/// What was known of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Known {
+    body: LogCholesky<f64>,
+    covariance: SMatrix<f64, 10, 10>,
 }
 
 /// The filter at `stamp_ns`.
@@ -146,11 +178,13 @@ pub(super) struct Filtered {
     exerted: [f64; 2],
     /// Logarithm of how likely all innovations were, each as if it lay at its gate at most.
     pub(super) log_likelihood: f64,
-    /// Whether actuators are thought not to do what they are told.
-    wrench_is_doubtful: bool,
+    /// Where actuators are thought not to do what they are told.
+    wrench_doubt: Option<WrenchDoubt>,
+    /// The body as it was known last while nothing gave cause for doubt, and before that; and in how long it is kept again, s.
+    remembered: [Known; 2],
+    remembered_s: f64,
     jump: Option<Jump>,
-    /// Since when, and when last, it began anew because it contradicted what was measured, less than a settling apart.
-    contradicted: Option<(i64, i64)>,
+    contradicted: Option<Contradicted>,
     unsettled: Option<Unsettled>,
     last: Seen,
 }
@@ -189,7 +223,9 @@ impl Filtered {
             lesson: Heard::NOTHING,
             exerted: [0.0; 2],
             log_likelihood: 0.0,
-            wrench_is_doubtful: false,
+            wrench_doubt: None,
+            remembered: [Known { body: state.joint.body, covariance: *body }; 2],
+            remembered_s: f64::NEG_INFINITY,
             jump: None,
             contradicted: None,
             unsettled: None,
@@ -199,7 +235,7 @@ impl Filtered {
 
     /// The model that is filtered with.
     fn model<'a>(&self, rules: &'a Rules) -> &'a FlightMotion {
-        if self.wrench_is_doubtful { &rules.doubting } else { &rules.model }
+        if self.wrench_doubt.is_some() { &rules.doubting } else { &rules.model }
     }
 
     /// Carries state and covariance on to a time.
@@ -292,7 +328,7 @@ impl Filtered {
         }
         if fits || is_part {
             match (is_settled, rules.considers_body) {
-                (true, false) if self.is_quiet(rules) => {
+                (true, false) if self.is_quiet(rules) || self.is_held() => {
                     self.correct_all_but::<{ DRIFT - BODY }>(rules, &step, &learned);
                 }
                 (true, false) => self.learn(rules, &step, &learned),
@@ -334,18 +370,28 @@ impl Filtered {
         self.exerted.iter().zip(limits).all(|(mean, limit)| *mean < limit * limit)
     }
 
+    /// Whether the body is held to what was known of it before the wrench was in doubt: a motion does not tell a body from thrusters of which nothing is
+    /// known. One of which next to nothing is known, either, is learned all the same, to be flown with.
+    fn is_held(&self) -> bool {
+        let is_known = self.covariance[(BODY, BODY)] <= UNKNOWN * UNKNOWN;
+        self.wrench_doubt.is_some_and(|doubt| doubt.body_was_known || is_known)
+    }
+
     /// Whether the body is one that can be, and whether what was learned of it still holds: where it seems to lie elsewhere it is less certain.
     /// What was seen while there was something left to learn again, or before and while a map moved, does not count, nor what is seen from when
     /// the wrench is in doubt.
     fn judge_body(&mut self, rules: &Rules, dt_s: f64, is_settled: bool) {
         let (now, first) = (&self.state.joint.body, &rules.first_body);
-        let grown = (now.log_extents - first.log_extents).max().max((now.log_mass - first.log_mass).abs());
-        if grown > LARGEST_GROWTH {
+        let (longer, heavier) = ((now.log_extents - first.log_extents).max(), (now.log_mass - first.log_mass).abs());
+        if longer > MOST_EXTENT || heavier > MOST_MASS {
             self.monitor.diverge();
         }
-        if !is_settled || self.wrench_is_doubtful || !self.monitor.has_learned_the_body() {
+        if !is_settled || self.wrench_doubt.is_some() || !self.monitor.has_learned_the_body() {
             self.score = BodyScore::new();
-        } else if self.score.is_due(dt_s) {
+            return;
+        }
+        self.remember_body(dt_s);
+        if self.score.is_due(dt_s) {
             let mut body = self.covariance.fixed_view_mut::<10, 10>(BODY, BODY);
             if let Some(Elsewhere { more, is_another }) = self.score.judge(&rules.score_limits, &body.clone_owned()) {
                 body += more;
@@ -354,6 +400,20 @@ impl Filtered {
                 }
             }
         }
+    }
+
+    /// Keeps what is known of the body, for when it turns out that the wrench is not what it was: of the last two times the earlier one is older than
+    /// the cause of that.
+    fn remember_body(&mut self, dt_s: f64) {
+        self.remembered_s -= dt_s;
+        if self.remembered_s > 0.0 {
+            return;
+        }
+        let covariance = self.covariance.fixed_view::<10, 10>(BODY, BODY).into_owned();
+        let known = Known { body: self.state.joint.body, covariance };
+        let is_first = self.remembered_s == f64::NEG_INFINITY;
+        self.remembered = [known, if is_first { known } else { self.remembered[0] }];
+        self.remembered_s = REMEMBERED_S;
     }
 
     /// Corrects everything, the body included.
@@ -630,18 +690,25 @@ impl Filtered {
         self.unsettled = None;
     }
 
-    /// A wrench that is in doubt from now on.
+    /// A wrench that is in doubt from now on, and the body as it was known before anything was: what was learned since was learned from other forces,
+    /// but for the chance that it is another body after all.
     pub(super) fn doubt_wrench(&mut self, rules: &Rules) {
         self.widen_motion(rules);
+        let [_, Known { body, covariance }] = self.remembered;
+        let just_left = self.contradicted.filter(|contradicted| contradicted.last_ns == self.stamp_ns);
+        let other = just_left.map_or(self.state.joint.body, |left| left.body);
+        let elsewhere = other.to_vector() - body.to_vector();
+        self.wrench_doubt = Some(WrenchDoubt { body_was_known: covariance[(0, 0)] <= UNKNOWN * UNKNOWN });
+        self.revise(&body, &(covariance + elsewhere * elsewhere.transpose() * GRASPED));
+        self.free_thrusters(rules);
         self.widen_drift(&rules.settings.wrench.doubted());
         self.widen_errors_of_sensors(rules);
-        self.wrench_is_doubtful = true;
         self.monitor = Monitor::of_learning();
     }
 
     /// What doubted actuators are to be asked for.
     pub(super) fn compensated(&self, rules: &Rules, wanted: &Wrench<f64>) -> Option<Wrench<f64>> {
-        self.wrench_is_doubtful.then(|| self.model(rules).asked(&self.state, wanted))
+        self.wrench_doubt.map(|_| self.model(rules).asked(&self.state, wanted))
     }
 
     /// The body as somebody else knows it; what the motion owes to the body before is forgotten.
@@ -667,6 +734,17 @@ impl Filtered {
         self.louder = [1.0; 3];
     }
 
+    /// Nothing more is known of thrusters than that each is there.
+    fn free_thrusters(&mut self, rules: &Rules) {
+        self.state.thrust = SVector::zeros();
+        self.covariance.fixed_view_mut::<THRUSTERS, COORDINATES>(THRUST, 0).fill(0.0);
+        self.covariance.fixed_view_mut::<COORDINATES, THRUSTERS>(0, THRUST).fill(0.0);
+        for (k, thruster) in rules.settings.wrench.thrusters.iter().enumerate() {
+            let deviation = if thruster.relative > 0.0 { FREED } else { 0.0 };
+            self.covariance[(THRUST + k, THRUST + k)] = deviation * deviation;
+        }
+    }
+
     fn widen_drift(&mut self, doubted: &WrenchErrors) {
         for i in 0..6 {
             self.covariance[(DRIFT + i, DRIFT + i)] += doubted.drift[i] * doubted.drift[i];
@@ -677,7 +755,9 @@ impl Filtered {
     /// back, and the wander as loud as stated, so that it explains no jump. A motion that has been contradicted for longer than that is less certain,
     /// and so is one where the wrench is in doubt, which it stays: it was that of other forces.
     pub(super) fn restart(&mut self, rules: &Rules, body: &LogCholesky<f64>, covariance: &SMatrix<f64, 10, 10>) {
+        let left = self.state.joint.body;
         (self.state.joint.body, self.about) = (*body, None);
+        self.wrench_doubt = self.wrench_doubt.map(|_| WrenchDoubt { body_was_known: false });
         (self.state.drift, self.state.thrust) = (Vector6::zeros(), SVector::zeros());
         let mut fresh = Self::new(rules, &self.state, covariance, self.stamp_ns).covariance;
         // Motion and errors of the sensors stay, and what they have in common.
@@ -689,14 +769,15 @@ impl Filtered {
         }
         self.covariance = fresh;
         self.louder = [1.0; 3];
-        let again = self.contradicted.filter(|(_, last_ns)| self.stamp_ns - last_ns < SETTLING_NS);
-        let since_ns = again.map_or(self.stamp_ns, |(since_ns, _)| since_ns);
-        self.contradicted = Some((since_ns, self.stamp_ns));
+        let again = self.contradicted.filter(|before| self.stamp_ns - before.last_ns < SETTLING_NS);
+        let since_ns = again.map_or(self.stamp_ns, |before| before.since_ns);
+        self.contradicted = Some(Contradicted { since_ns, last_ns: self.stamp_ns, body: left });
         let is_lost = self.stamp_ns - since_ns > LONGEST_JUMP_NS;
-        if self.wrench_is_doubtful || is_lost {
+        if self.wrench_doubt.is_some() || is_lost {
             self.widen_motion(rules);
         }
-        if self.wrench_is_doubtful {
+        if self.wrench_doubt.is_some() {
+            self.free_thrusters(rules);
             self.widen_drift(&rules.settings.wrench.doubted());
         } else {
             self.jump = None;

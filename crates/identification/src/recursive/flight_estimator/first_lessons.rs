@@ -15,10 +15,16 @@ const MEANWHILE: usize = 1280;
 /// First time after which everything is filtered again, s, and the factor to the next one.
 pub(super) const FIRST_S: f64 = 2.0;
 pub(super) const FACTOR: f64 = 1.5;
+/// The body of the start is learned again sooner where it is far off the one that all is linear about, by this factor from one time to the next.
+const SOONEST_FACTOR: f64 = 1.2;
+/// A linear answer errs by a part of what is known where the body has moved by more than this, in logarithms.
+const FAR_OFF: f64 = 0.05;
+/// Mass and extents in the chart.
+pub(super) const LOGARITHMS: [usize; 4] = [0, 4, 5, 6];
 /// At each of them so many passes at most, until one moves the body by no more than this, in its chart, and by how much at most the next
 /// one is about another body.
 const PASSES: usize = 5;
-const FAR_OFF: f64 = 0.02;
+const NEAR: f64 = 0.02;
 const LARGEST_STEP: f64 = 0.5;
 /// So many changes from pass to pass tell where the next one is to be.
 const REMEMBERED: usize = 3;
@@ -33,12 +39,16 @@ const WORK_OF_ROWS: usize = 2;
 /// A Kalman filter that begins far off takes its first derivatives at the wrong body and is then surer than it should be, for
 /// good. So at times that grow geometrically all measurements are filtered again from the start on, with all derivatives at
 /// the body known by then: each pass is one Gauss-Newton step of the most likely body, and its covariance is the one that
-/// belongs there. A part of it is done in each control period, so that none takes long; meanwhile what was known before is what is known.
+/// belongs there. Where the body has moved far from the one that the last pass was linear about, it is not waited for the next of those times. A part of
+/// it is done in each control period, so that none takes long; meanwhile what was known before is what is known.
 #[derive(Clone, Debug)]
 pub(super) struct FirstLessons {
     start: Filtered,
     measurements: Vec<Measurement>,
     next_s: f64,
+    soonest_s: f64,
+    /// Whether the body was near the one that all is linear about when it was to be learned again: what leads it away later is no first lesson.
+    is_found: bool,
     full: bool,
     again: Option<Again>,
 }
@@ -46,14 +56,24 @@ pub(super) struct FirstLessons {
 impl FirstLessons {
     pub(super) fn new(start: &Filtered) -> Self {
         let measurements = Vec::with_capacity(KEPT + MEANWHILE);
-        Self { start: *start, measurements, next_s: FIRST_S, full: false, again: None }
+        Self {
+            start: *start,
+            measurements,
+            next_s: FIRST_S,
+            soonest_s: FIRST_S,
+            is_found: false,
+            full: false,
+            again: None,
+        }
     }
 
-    /// Begins anew at this filter, whose body has just become uncertain.
+    /// Begins anew at this filter, whose body has just become uncertain. What is believed of another body in its first seconds leads passes astray that
+    /// are about it: these keep to their times.
     pub(super) fn begin_at(&mut self, start: &Filtered) {
         self.start = *start;
         self.measurements.clear();
-        (self.next_s, self.full, self.again) = (FIRST_S, false, None);
+        (self.next_s, self.soonest_s, self.again) = (FIRST_S, f64::INFINITY, None);
+        (self.is_found, self.full) = (false, false);
     }
 
     /// Keeps a measurement that nothing will come before any more.
@@ -69,16 +89,33 @@ impl FirstLessons {
         self.measurements.push(measurement.clone());
     }
 
-    /// Whether everything is being gone through again.
-    pub(super) fn are_underway(&self) -> bool {
-        self.again.is_some()
+    /// Whether everything is being gone through again, or is to be because the body of now is far off the one that it is linear about.
+    pub(super) fn are_underway(&self, now: &Filtered) -> bool {
+        self.again.is_some() || !self.full && self.next_s <= LAST_S && self.is_far_off(now)
     }
 
     /// Whether it is time to go through everything again.
-    fn are_due(&self, settled_ns: i64) -> bool {
-        self.next_s <= LAST_S
-            && (settled_ns.saturating_sub(self.start.stamp_ns)) as f64 * 1e-9 >= self.next_s
-            && !self.measurements.is_empty()
+    fn are_due(&self, now: &Filtered) -> bool {
+        if self.next_s > LAST_S || self.measurements.is_empty() {
+            return false;
+        }
+        let since_s = self.since_s(now);
+        since_s >= self.next_s || since_s >= self.soonest_s && self.is_far_off(now)
+    }
+
+    /// Whether the body of now is still to be found, and so far from the one that it is linear about that a linear answer errs.
+    fn is_far_off(&self, now: &Filtered) -> bool {
+        if self.is_found {
+            return false;
+        }
+        let about = now.about.as_ref().unwrap_or(&self.start.state.joint.body).to_vector();
+        let step = now.state.joint.body.to_vector() - about;
+        LOGARITHMS.into_iter().any(|i| step[i].abs() > FAR_OFF)
+    }
+
+    /// How long ago it began, s.
+    fn since_s(&self, now: &Filtered) -> f64 {
+        now.stamp_ns.saturating_sub(self.start.stamp_ns) as f64 * 1e-9
     }
 
     /// Goes on with what is to be learned again, up to the filter of now: the filter of now by all that was learned again, once that has
@@ -97,10 +134,15 @@ impl FirstLessons {
             return None;
         }
         if self.again.is_none() {
-            if !self.are_due(now.stamp_ns) {
+            if !self.are_due(now) {
                 return None;
             }
-            self.next_s *= FACTOR;
+            let since_s = self.since_s(now);
+            if since_s >= self.next_s {
+                self.next_s *= FACTOR;
+                self.is_found |= !self.is_far_off(now);
+            }
+            self.soonest_s = self.soonest_s.max(since_s * SOONEST_FACTOR);
             if now.accelerometer_is_sane {
                 self.start.believe_accelerometer(rules);
             }
@@ -150,7 +192,7 @@ impl Again {
         let about = self.pass.linear_about();
         let step = self.pass.filtered.state.joint.body.to_vector() - about.to_vector();
         let size = step.amax();
-        self.pass.is_settled = size <= FAR_OFF;
+        self.pass.is_settled = size <= NEAR;
         if self.passes < PASSES && !size.is_nan() && !self.pass.is_settled {
             self.passes += 1;
             let step = self.mixing.step(&about.to_vector(), &step);
@@ -266,6 +308,59 @@ impl Pass {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn estimator() -> super::super::FlightEstimator {
+        use crate::dynamics::{InertialParameters, RigidBodyState};
+        use crate::estimator::standard_deviations;
+        use nalgebra::{Matrix3, Vector3};
+
+        let parameters = InertialParameters::about_com(10.0, Vector3::zeros(), Matrix3::from_diagonal_element(0.2));
+        let covariance = SMatrix::from_diagonal(&SVector::from_fn(|i, _| [1.0, 1e-3][usize::from(i > 0)]));
+        let std = standard_deviations(&parameters.to_vector(), &covariance);
+        let prior = crate::Estimate { parameters, covariance, std, lmi_active: false };
+        let settings = super::super::FlightEstimatorSettings::of_poses(1e-4, 1e-4, 0.016);
+        super::super::FlightEstimator::try_new(settings, RigidBodyState::at_rest(), 0, &prior).unwrap()
+    }
+
+    /// The body of the start waits for the next time where it is near the one that all is linear about; another one waits in any case.
+    #[test]
+    fn a_body_far_from_what_all_is_linear_about_is_learned_again_before_its_time() {
+        let start = *estimator().newest();
+        let due = |of_start: bool, at_ms: i64, more_mass: f64| {
+            let mut lessons = FirstLessons::new(&start);
+            if !of_start {
+                lessons.begin_at(&start);
+            }
+            lessons.keep(&Measurement::default());
+            lessons.next_s = FACTOR * FIRST_S;
+            let mut now = start;
+            now.stamp_ns = at_ms * 1_000_000;
+            now.state.joint.body.log_mass += more_mass;
+            (lessons.are_due(&now), lessons.are_underway(&now))
+        };
+        assert_eq!(due(true, 2500, 1.2 * FAR_OFF), (true, true));
+        assert_eq!(due(true, 2500, 0.8 * FAR_OFF), (false, false));
+        assert_eq!(due(true, 1500, 1.2 * FAR_OFF), (false, true));
+        assert_eq!(due(false, 2500, 1.2 * FAR_OFF), (false, true));
+        assert_eq!(due(false, 3500, 0.0), (true, false));
+    }
+
+    /// A body that was near what all is linear about when its time came is found: what leads it away is nothing to be learned from the beginning.
+    #[test]
+    fn a_body_that_was_found_is_not_still_to_be_found() {
+        let estimator = estimator();
+        let start = *estimator.newest();
+        for (more_mass, is_found) in [(0.8 * FAR_OFF, true), (1.2 * FAR_OFF, false)] {
+            let mut lessons = FirstLessons::new(&start);
+            lessons.keep(&Measurement::default());
+            let mut now = start;
+            now.stamp_ns = 2_500_000_000;
+            now.state.joint.body.log_mass += more_mass;
+            assert!(lessons.learned(&estimator.rules, &estimator.history, &now).is_some());
+            now.state.joint.body.log_mass = start.state.joint.body.log_mass + 1.2 * FAR_OFF;
+            assert_eq!(lessons.are_underway(&now), !is_found);
+        }
+    }
 
     /// Passes that go to and fro ever farther, in two directions at different rates, and one that creeps: five of them find the end.
     #[test]

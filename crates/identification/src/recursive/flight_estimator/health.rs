@@ -19,14 +19,14 @@ pub struct FlightHealth {
     /// The running mean above which it is called diverged.
     pub alarm_above: f64,
     /// The running mean left its chi-square band and has not come back well inside, or the body has come to more than a hundred times the mass or
-    /// an extent of the one that the filter was begun with, or less than a hundredth of its mass: see
+    /// ten times an extent of the one that the filter was begun with, or less than a hundredth of its mass: see
     /// [`restart`](super::FlightEstimator::restart).
     pub diverged: bool,
     /// Innovations have been one-sided for long, or all that is learned of the body pulls it to one side: it is no longer what it was, see
     /// [`body_changed`](super::FlightEstimator::body_changed).
     pub body_doubtful: bool,
-    /// The body is just being learned again: until that has come to its end, what is known of it may be linear about another one, and surer than it
-    /// should be.
+    /// The body is just being learned again, or is far from the one that all is linear about and waits for that: until that has come to its end, what is
+    /// known of it may be surer than it should be.
     pub relearning: bool,
 }
 

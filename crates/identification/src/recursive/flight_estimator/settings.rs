@@ -1,7 +1,7 @@
 //! What a flight estimator is told about sensors, thrust and its own patience.
 
 use super::super::MotionNoise;
-use super::erring_thrusters::{ErringThruster, THRUSTERS, ThrustShares};
+use super::erring_thrusters::{ErringThruster, THRUSTERS};
 use super::slow_errors::SlowErrors;
 use crate::Estimate;
 use crate::error::IdentificationError;
@@ -39,24 +39,6 @@ impl WrenchErrors {
     pub fn of_thrusters(self, relative: f64, pushing: u32, arm_m: f64) -> Self {
         let each = relative * ComplexField::sqrt(2.0 / f64::from(pushing.max(1)));
         Self { thrusters: ErringThruster::in_pairs(each, arm_m), ..self }
-    }
-
-    /// Standard deviations of what a force is larger by, relative, of what a torque is larger by, relative, of the place of a force's line, m, and of the
-    /// force that comes with a torque, 1/m: over all axes and both senses.
-    pub fn of_wrenches(&self) -> [f64; 4] {
-        let shares = ThrustShares::new(&self.thrusters);
-        let mut variances = [0.0; 4];
-        for (i, sense) in (0..6).flat_map(|i| [(i, 1.0), (i, -1.0)]) {
-            let contributions = shares.contributions(&Vector6::ith(i, sense));
-            for (contribution, thruster) in contributions.column_iter().zip(&self.thrusters) {
-                let error = contribution * thruster.relative;
-                variances[usize::from(i < 3)] += error[i] * error[i] / 6.0;
-                // the mean of both senses: each has another error
-                let (kind, beside) = if i < 3 { (3, error.fixed_rows::<3>(3)) } else { (2, error.fixed_rows::<3>(0)) };
-                variances[kind] += beside.norm_squared() / 12.0;
-            }
-        }
-        variances.map(ComplexField::sqrt)
     }
 }
 

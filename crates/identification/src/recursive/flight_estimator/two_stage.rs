@@ -1,7 +1,7 @@
 //! Two stages: a filter of the motion, and any recursive estimator of the ten parameters that is fed with its innovations.
 
 use super::filtered::{Filtered, in_chart, steps};
-use super::first_lessons::{FACTOR, FIRST_S, KEPT};
+use super::first_lessons::{FACTOR, FIRST_S, KEPT, LOGARITHMS};
 use super::flight_motion::FlightMotion;
 use super::health::LAST_S;
 use super::reception::{Reception, ReceptionCounts};
@@ -24,8 +24,6 @@ const TOLD_EVERY_S: f64 = 1.0;
 /// Steps of the motion that one call may go through again, and how many of them a measurement is worth.
 const WORK: usize = 32;
 const WORK_OF_ROWS: usize = 1;
-/// Mass and extents in the chart.
-const LOGARITHMS: [usize; 4] = [0, 4, 5, 6];
 /// Largest step of mass and extents by a linear answer, in logarithms.
 const LARGEST_STEP: f64 = 0.7;
 

@@ -140,7 +140,7 @@ pub struct EstimatorTable {
     /// Of the force held over a period, N.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_n: Option<f64>,
-    /// Of what the logarithms of the body's size change by in a second.
+    /// Of what the body's mass and lengths change by in a second, as a share.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub drift: Option<f64>,
 }
